@@ -1,0 +1,26 @@
+"""Process-wide JAX settings of the compute layer: float64 and the persistent compilation cache."""
+
+import os
+from pathlib import Path
+
+import jax
+
+
+def cache_folder() -> Path:
+    """Folder of the compiled programs: `$OMNIJAX_CACHE_DIR`, else the user's cache folder."""
+    chosen = os.environ.get("OMNIJAX_CACHE_DIR")
+    if chosen:
+        return Path(chosen)
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "omnijax" / "jax"
+
+
+def configure() -> None:
+    """Switch on float64 and, unless the user set one, the compilation cache."""
+    jax.config.update("jax_enable_x64", True)
+    if jax.config.jax_compilation_cache_dir is None:
+        jax.config.update("jax_compilation_cache_dir", str(cache_folder()))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+
+
+configure()

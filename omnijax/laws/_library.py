@@ -1,0 +1,87 @@
+"""The table of effects: id -> law, in the order of the file format; users' laws join it."""
+
+import importlib.util
+from pathlib import Path
+
+from . import _measurement, _ports, _shape_effects, _springs, _torques
+from ._base import AbstractLaw
+
+EFFECTS: dict[str, type[AbstractLaw]] = {
+    law.id: law
+    for law in (
+        _shape_effects.WheelRunout,
+        _shape_effects.DamagedRoller,
+        _shape_effects.SphereOutOfRound,
+        _springs.ContactCubic,
+        _springs.ContactHertz,
+        _springs.ContactRelaxation,
+        _springs.LiftOff,
+        _springs.MountCubic,
+        _springs.MountBacklash,
+        _springs.MountFriction,
+        _torques.BearingCoulomb,
+        _torques.BearingViscous,
+        _torques.MotorRipple,
+        _torques.MotorGain,
+        _torques.RollingResistance,
+        _torques.SpinResistance,
+        _torques.AirDrag,
+        _torques.Unbalance,
+        _measurement.FloorVibration,
+        _torques.Creep,
+        _measurement.SensorGain,
+        _measurement.SensorDelay,
+        _measurement.SensorDrift,
+        _measurement.SensorCrosstalk,
+    )
+}
+
+PORTS = tuple(
+    port.port
+    for port in (
+        _ports.AbstractShape,
+        _ports.AbstractSurface,
+        _ports.AbstractContact,
+        _ports.AbstractSeparation,
+        _ports.AbstractMount,
+        _ports.AbstractShaft,
+        _ports.AbstractRolling,
+        _ports.AbstractBody,
+        _ports.AbstractPlatform,
+        _ports.AbstractKinematics,
+        _ports.AbstractSensor,
+    )
+)
+
+
+def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
+    """The user's own laws of a Python file: every final law class defined in it that has an `id`.
+
+    Raises `ValueError` where the file cannot be read or run, or defines no law.
+    """
+    path = Path(path)
+    spec = importlib.util.spec_from_file_location(f"omnijax_user_{path.stem}", path)
+    if spec is None or spec.loader is None or not path.is_file():
+        raise ValueError(f"{path}: no such Python file of laws.")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:  # whatever the user's file does wrong is the user's to know
+        raise ValueError(f"{path}: cannot be run: {type(error).__name__}: {error}") from error
+    laws = {
+        value.id: value
+        for value in vars(module).values()
+        if isinstance(value, type)
+        and issubclass(value, AbstractLaw)
+        and value.__module__ == module.__name__
+        and value.id
+    }
+    if not laws:
+        raise ValueError(
+            f"{path}: defines no law. A law is a class that derives from one of omnijax.laws' "
+            "Abstract… ports and has an `id`."
+        )
+    for name, law in laws.items():
+        if law.port not in PORTS:
+            raise ValueError(f"{path}: law `{name}` has port {law.port!r}; ports are {PORTS}.")
+    return laws

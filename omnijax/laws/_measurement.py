@@ -1,0 +1,124 @@
+"""The platform's floor and the sensors: floor vibration, gain, delay, drift, crosstalk."""
+
+import math
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._base import Parameter
+from ._ports import AbstractPlatform, AbstractSensor
+
+
+class FloorVibration(AbstractPlatform):
+    """Platform acceleration += A sin(2 pi f t + phi) d, t from the run's first sample."""
+
+    amplitude: Float[Array, ""]
+    frequency: Float[Array, ""]
+    phase: Float[Array, ""]
+    direction: Float[Array, "3"]
+
+    id: ClassVar[str] = "floor-vibration"
+    places: ClassVar[tuple[str, ...]] = ("platform",)
+    formula: ClassVar[str] = "platform acceleration += A sin(2πft + φ) d"
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "amplitude": Parameter("m/s^2", linear=True),
+        "frequency": Parameter("Hz", low=0),
+        "phase": Parameter("rad"),
+        "direction": Parameter("1", shape=3),
+    }
+
+    def __call__(self, signal, state=None):
+        unit = self.direction / jnp.sqrt(self.direction @ self.direction)
+        return self.amplitude * jnp.sin(2 * math.pi * self.frequency * signal + self.phase) * unit
+
+
+class SensorGain(AbstractSensor):
+    """y = (1 + g) y."""
+
+    g: Float[Array, ""]
+
+    id: ClassVar[str] = "sensor-gain"
+    places: ClassVar[tuple[str, ...]] = ("group",)
+    formula: ClassVar[str] = "y = (1 + g) y"
+    parameters: ClassVar[dict[str, Parameter]] = {"g": Parameter("1", linear=True)}
+
+    def __call__(self, signal, state=None):
+        return self.g * signal.values
+
+
+class SensorDelay(AbstractSensor):
+    """y(t) = y(t - d), the first sample before the start; cubic between samples."""
+
+    delay: Float[Array, ""]
+
+    id: ClassVar[str] = "sensor-delay"
+    places: ClassVar[tuple[str, ...]] = ("group",)
+    formula: ClassVar[str] = "y(t) = y(t − d), rest before the start"
+    parameters: ClassVar[dict[str, Parameter]] = {"delay": Parameter("s", low=0)}
+
+    def __call__(self, signal, state=None):
+        return delayed(signal.time, signal.values, self.delay) - signal.values
+
+
+class SensorDrift(AbstractSensor):
+    """y += a + b t."""
+
+    a: Float[Array, ""]
+    b: Float[Array, ""]
+
+    id: ClassVar[str] = "sensor-drift"
+    places: ClassVar[tuple[str, ...]] = ("channel",)
+    formula: ClassVar[str] = "y += a + b t"
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "a": Parameter("unit of the channel", linear=True),
+        "b": Parameter("unit of the channel/s", linear=True),
+    }
+
+    def __call__(self, signal, state=None):
+        line = self.a + self.b * signal.time
+        return jnp.broadcast_to(line[:, None], signal.values.shape)
+
+
+class SensorCrosstalk(AbstractSensor):
+    """Measured dR_a += X_ab dR_b."""
+
+    X_xy: Float[Array, ""] = 0.0  # pyright: ignore[reportAssignmentType]
+    X_xz: Float[Array, ""] = 0.0  # pyright: ignore[reportAssignmentType]
+    X_yx: Float[Array, ""] = 0.0  # pyright: ignore[reportAssignmentType]
+    X_yz: Float[Array, ""] = 0.0  # pyright: ignore[reportAssignmentType]
+    X_zx: Float[Array, ""] = 0.0  # pyright: ignore[reportAssignmentType]
+    X_zy: Float[Array, ""] = 0.0  # pyright: ignore[reportAssignmentType]
+
+    id: ClassVar[str] = "sensor-crosstalk"
+    places: ClassVar[tuple[str, ...]] = ("dR",)
+    formula: ClassVar[str] = "measured dR_a += X_ab dR_b"
+    parameters: ClassVar[dict[str, Parameter]] = {
+        name: Parameter("1", linear=True, optional=True)
+        for name in ("X_xy", "X_xz", "X_yx", "X_yz", "X_zx", "X_zy")
+    }
+
+    def __call__(self, signal, state=None):
+        zero = jnp.zeros(())
+        matrix = jnp.stack(
+            [
+                jnp.stack([zero, jnp.asarray(self.X_xy), jnp.asarray(self.X_xz)]),
+                jnp.stack([jnp.asarray(self.X_yx), zero, jnp.asarray(self.X_yz)]),
+                jnp.stack([jnp.asarray(self.X_zx), jnp.asarray(self.X_zy), zero]),
+            ]
+        )
+        return signal.values @ matrix.T
+
+
+def delayed(time: Float[Array, " t"], values: Float[Array, "t c"], delay) -> Float[Array, "t c"]:
+    """`values` at `time - delay`: Catmull-Rom between samples, the first sample before the start."""
+    at = time - delay
+    i = jnp.clip(jnp.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+    step = time[i + 1] - time[i]
+    u = jnp.clip((at - time[i]) / step, 0.0, 1.0)[:, None]
+    last = len(time) - 1
+    p0, p1 = values[jnp.clip(i - 1, 0, last)], values[i]
+    p2, p3 = values[i + 1], values[jnp.clip(i + 2, 0, last)]
+    tangent, next_tangent = (p2 - p0) / 2, (p3 - p1) / 2
+    cubic = u * u * (3 - 2 * u) * (p2 - p1) + u * (1 - u) ** 2 * tangent
+    return p1 + cubic - u * u * (1 - u) * next_tangent

@@ -1,0 +1,74 @@
+"""Effects on shapes: runout, a damaged roller, a sphere out of round."""
+
+import math
+from typing import ClassVar
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._base import Parameter
+from ._ports import AbstractShape, AbstractSurface
+from ._shapes import Gap
+
+
+class WheelRunout(AbstractShape):
+    """rho += A cos(theta - phi), in the rolling radius too."""
+
+    amplitude: Float[Array, ""]
+    phase: Float[Array, ""]
+
+    id: ClassVar[str] = "wheel-runout"
+    places: ClassVar[tuple[str, ...]] = ("wheel",)
+    formula: ClassVar[str] = "ρ += A cos(θ − φ), in r_w too"
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "amplitude": Parameter("m", linear=True),
+        "phase": Parameter("rad"),
+    }
+
+    def __call__(self, angle, gap):
+        return self.amplitude * jnp.cos(angle - self.phase)
+
+
+class DamagedRoller(AbstractShape):
+    """rho times (1 + s) in gap j, theta in [2 pi j/n, 2 pi j/n + width) modulo a turn.
+
+    `profile` is the wheel's own profile; the rig fills it in when it places the law.
+    """
+
+    roller: Float[Array, ""]
+    severity: Float[Array, ""]
+    profile: AbstractShape | None = None
+
+    id: ClassVar[str] = "damaged-roller"
+    places: ClassVar[tuple[str, ...]] = ("wheel",)
+    formula: ClassVar[str] = "in gap j ρ times (1 + s)"
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "roller": Parameter("1", low=0),
+        "severity": Parameter("1", linear=True),
+    }
+
+    def __call__(self, angle, gap: Gap):
+        if self.profile is None:
+            raise ValueError("`damaged-roller` needs the profile of the wheel it is placed at.")
+        turn = jnp.mod(angle, 2 * math.pi)
+        here = jnp.floor(turn / gap.pitch) == jnp.round(self.roller)
+        return jnp.where(here, self.severity * self.profile(angle, gap), 0.0)
+
+
+class SphereOutOfRound(AbstractSurface):
+    """rho_i += A P2(e . R_i), e turning with the sphere, R_i the direction to contact i."""
+
+    amplitude: Float[Array, ""]
+    axis: Float[Array, "3"]
+
+    id: ClassVar[str] = "sphere-out-of-round"
+    places: ClassVar[tuple[str, ...]] = ("sphere",)
+    formula: ClassVar[str] = "ρ_i += A P₂(e·R̂_i), position input only"
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "amplitude": Parameter("m", linear=True),
+        "axis": Parameter("1", shape=3),
+    }
+
+    def __call__(self, direction, state=None):
+        along = self.axis @ direction / jnp.sqrt(self.axis @ self.axis)
+        return self.amplitude * (1.5 * along**2 - 0.5)

@@ -1,0 +1,175 @@
+"""What the machine is: sphere, platform, wheels, and the laws placed on them."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..laws import AbstractLaw, AbstractShape, DamagedRoller, Gap
+
+
+class Sphere(eqx.Module):
+    """The driven sphere."""
+
+    radius: Float[Array, ""]  # m, R
+    mass: Float[Array, ""]  # kg, M_s
+    inertia: Float[Array, ""] | Float[Array, "3 3"]  # kg m^2, about the centre, body frame
+    centre_of_mass: Float[Array, "3"]  # m, from the geometric centre, body frame
+
+    @property
+    def inertia_matrix(self) -> Float[Array, "3 3"]:
+        """Inertia as a matrix, kg m^2, body frame."""
+        inertia = jnp.asarray(self.inertia)
+        return inertia if inertia.ndim == 2 else inertia * jnp.eye(3)
+
+
+class Platform(eqx.Module):
+    """The translating platform without its wheels."""
+
+    mass: Float[Array, ""]  # kg, M_l
+    gravity: Float[Array, "3"]  # m/s^2
+
+
+class Contact(eqx.Module):
+    """Sphere-wheel contacts, one entry a wheel."""
+
+    stiffness: Float[Array, " n"]  # N/m, K
+    damping: Float[Array, " n"]  # N s/m, C
+    friction: Float[Array, " n"]  # mu
+
+
+class Mount(eqx.Module):
+    """Wheel-platform mounts, one entry a wheel."""
+
+    stiffness: Float[Array, " n"]  # N/m, k
+    damping: Float[Array, " n"]  # N s/m, c
+
+
+class Closure(eqx.Module):
+    """Springs that hold the sphere on the wheels, one entry a wheel."""
+
+    stiffness: Float[Array, " n"]  # N/m, K'
+    preload: Float[Array, " n"]  # N, N0
+
+
+class Wheels(eqx.Module):
+    """All wheels, one entry a wheel on the leading axis."""
+
+    normal: Float[Array, "n 3"]  # unit vectors wheel centre -> sphere centre
+    drive: Float[Array, "n 3"]  # unit vectors of rim velocity at the contact, speed > 0
+    radius: Float[Array, " n"]  # m, r_b
+    mass: Float[Array, " n"]  # kg
+    inertia: Float[Array, " n"]  # kg m^2
+    rollers: Float[Array, " n"]  # rollers per row, a whole number
+    roundness: Float[Array, " n"]  # eta
+    contact: Contact
+    mount: Mount
+    closure: Closure
+
+    @property
+    def spin_axis(self) -> Float[Array, "n 3"]:
+        """Sphere axes that the wheels drive, drive x normal = -normal x drive."""
+        return jnp.cross(self.drive, self.normal)
+
+
+class Placed(eqx.Module):
+    """A law and where it acts: the wheels' indices (none for sphere, platform and sensors)."""
+
+    law: AbstractLaw
+    place: str = eqx.field(static=True)
+    wheels: tuple[int, ...] = eqx.field(static=True, default=())
+
+
+class Rig(eqx.Module):
+    """A whole machine: a sum of laws at ports.
+
+    `profiles` holds one wheel shape a wheel, `effects` the laws added to the paper's model,
+    `names` the wheels' names and `uncertainty` pairs of (parameter path, relative 1-sigma).
+    """
+
+    sphere: Sphere
+    platform: Platform
+    wheels: Wheels
+    profiles: tuple[AbstractShape, ...]
+    effects: tuple[Placed, ...] = ()
+    names: tuple[str, ...] = eqx.field(static=True, default=())
+    uncertainty: tuple[tuple[str, float], ...] = eqx.field(static=True, default=())
+
+    @property
+    def size(self) -> int:
+        """Number of wheels."""
+        return len(self.names)
+
+    @property
+    def gaps(self) -> Gap:
+        """Gap geometry with one entry a wheel."""
+        n = self.size
+        return Gap(
+            jnp.broadcast_to(self.sphere.radius, (n,)),
+            jnp.asarray(self.wheels.radius),
+            jnp.asarray(self.wheels.rollers),
+            jnp.asarray(self.wheels.roundness),
+        )
+
+    @property
+    def total_mass(self) -> Float[Array, ""]:
+        """M_T = M_s + M_l + sum of m_i, kg."""
+        return self.sphere.mass + self.platform.mass + jnp.sum(self.wheels.mass)
+
+    def at(self, port: str) -> tuple[Placed, ...]:
+        """The laws placed at `port`."""
+        return tuple(placed for placed in self.effects if placed.law.port == port)
+
+    def add(self, law: AbstractLaw, place: str) -> "Rig":
+        """This rig with one more law: a wheel's name, `all`, `sphere`, `platform`, or a channel."""
+        return eqx.tree_at(
+            lambda rig: rig.effects,
+            self,
+            (*self.effects, place_law(law, place, self.names, self.profiles)),
+            is_leaf=lambda x: x is self.effects,
+        )
+
+
+def place_law(
+    law: AbstractLaw, place: str, names: tuple[str, ...], profiles: tuple[AbstractShape, ...]
+) -> Placed:
+    """`law` at `place` of a rig with wheels `names`; a damaged roller takes over its wheel's profile."""
+    if place in names:
+        wheels: tuple[int, ...] = (names.index(place),)
+    elif place == "all" or (place == "sphere" and law.port == "rolling"):
+        wheels = tuple(range(len(names)))
+    else:
+        wheels = ()
+    if isinstance(law, DamagedRoller) and law.profile is None:
+        law = DamagedRoller(law.roller, law.severity, profiles[wheels[0]])
+    return Placed(law, place, wheels)
+
+
+def over_wheels(placed: tuple[Placed, ...], signals: Any, size: int, zero: Any = 0.0) -> Any:
+    """Sum of per-wheel laws on per-wheel `signals` (leading axis the wheel), one entry a wheel."""
+    total = jax.tree.map(lambda z: jnp.zeros(size) + z, zero)
+    for term in placed:
+        index = jnp.asarray(term.wheels)
+        here = jax.tree.map(lambda x, i=index: x[i], signals)
+        value = jax.vmap(lambda s, law=term.law: law(s))(here)
+        total = jax.tree.map(lambda a, v, i=index: a.at[i].add(v), total, value)
+    return total
+
+
+def grouped_profiles(rig: Rig) -> list[tuple[Callable, jax.Array]]:
+    """Profiles of equal structure, stacked: (vmapped shape of (angles, gaps), wheel indices)."""
+    groups: dict[Any, list[int]] = {}
+    for i, profile in enumerate(rig.profiles):
+        shapes = tuple(jnp.shape(x) for x in jax.tree.leaves(profile))
+        groups.setdefault((jax.tree.structure(profile), shapes), []).append(i)
+    result = []
+    for index in groups.values():
+        stacked = jax.tree.map(lambda *xs: jnp.stack(xs), *(rig.profiles[i] for i in index))
+        shape = jax.vmap(lambda law, angle, gap: law(angle, gap))
+        result.append((lambda a, g, s=stacked, f=shape: f(s, a, g), jnp.asarray(index)))
+    return result
+
+
