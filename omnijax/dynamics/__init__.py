@@ -1,0 +1,37 @@
+"""The equations of motion: kinematics, rotation, translation, and the whole vector field."""
+
+from ._field import Inputs as Inputs
+from ._field import Instant as Instant
+from ._field import Model as Model
+from ._field import State as State
+from ._field import initial_memory as initial_memory
+from ._field import instant as instant
+from ._field import port_forces as port_forces
+from ._field import prescribed_instant as prescribed_instant
+from ._field import speed_driven as speed_driven
+from ._field import torque_driven as torque_driven
+from ._kinematics import Rolling as Rolling
+from ._kinematics import incompatibility as incompatibility
+from ._kinematics import position_input as position_input
+from ._kinematics import rolling as rolling
+from ._kinematics import sphere_velocity as sphere_velocity
+from ._kinematics import spin_axes as spin_axes
+from ._kinematics import surface_shape as surface_shape
+from ._kinematics import wheel_shape as wheel_shape
+from ._kinematics import wheel_speeds as wheel_speeds
+from ._rotation import attitude_rate as attitude_rate
+from ._rotation import drive_forces as drive_forces
+from ._rotation import external_force as external_force
+from ._rotation import minimum_normal_force as minimum_normal_force
+from ._rotation import rotation_matrix as rotation_matrix
+from ._translation import TRANSLATIONS as TRANSLATIONS
+from ._translation import AbstractTranslation as AbstractTranslation
+from ._translation import Coupled as Coupled
+from ._translation import ElasticState as ElasticState
+from ._translation import LinearSystem as LinearSystem
+from ._translation import Motion as Motion
+from ._translation import Paper as Paper
+from ._translation import PortInputs as PortInputs
+from ._translation import flatten as flatten
+from ._translation import linear_system as linear_system
+from ._translation import unflatten as unflatten

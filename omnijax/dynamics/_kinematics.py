@@ -1,0 +1,92 @@
+"""Rolling kinematics: wheel shapes, rolling radii, driven axes (eqs. 1-11, 39, 43)."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..laws import DualRow
+from ..rig import Rig, grouped_profiles, over_wheels
+from ._rotation import rotation_matrix
+
+
+def wheel_shape(rig: Rig, angle: Float[Array, " n"]) -> Float[Array, " n"]:
+    """rho_i(theta_i) in m: profiles and every law at the port `shape` (eq. 2)."""
+    gaps = rig.gaps
+    rho = jnp.zeros(rig.size)
+    for shape, index in grouped_profiles(rig):
+        here = jax.tree.map(lambda x, i=index: x[i], gaps)
+        rho = rho.at[index].set(shape(angle[index], here))
+    for placed in rig.at("shape"):
+        for i in placed.wheels:
+            gap = jax.tree.map(lambda x, i=i: x[i], gaps)
+            rho = rho.at[i].add(placed.law(angle[i], gap))
+    return rho
+
+
+def surface_shape(rig: Rig, attitude: Float[Array, "4"]) -> Float[Array, " n"]:
+    """Change of the position input by a sphere that is out of round, m."""
+    placed = rig.at("surface")
+    if not placed:
+        return jnp.zeros(rig.size)
+    directions = -rig.wheels.normal @ rotation_matrix(attitude)  # rows: Q^T R_i, body frame
+    return sum((jax.vmap(p.law)(directions) for p in placed), jnp.zeros(rig.size))
+
+
+def position_input(rig, angle, attitude) -> Float[Array, " n"]:
+    """The elastic model's input rho_i in m: wheel shape and sphere surface."""
+    return wheel_shape(rig, angle) + surface_shape(rig, attitude)
+
+
+def spin_axes(rig: Rig, angle: Float[Array, " n"]) -> Float[Array, "n 3"]:
+    """Sphere axes that the wheels drive; a dual-row wheel's axis tilts to the row in contact.
+
+    A contact at the offset s along the axle turns the arm by asin(s/R) about `drive`.
+    """
+    axes = rig.wheels.spin_axis
+    gaps = rig.gaps
+    for i, profile in enumerate(rig.profiles):
+        if isinstance(profile, DualRow):
+            gap = jax.tree.map(lambda x, i=i: x[i], gaps)
+            sine = profile.lateral(angle[i], gap) / rig.sphere.radius
+            tilted = jnp.sqrt(1 - sine**2) * axes[i] + sine * rig.wheels.normal[i]
+            axes = axes.at[i].set(tilted)
+    return axes
+
+
+class Rolling(NamedTuple):
+    """Rolling geometry at one instant, one entry a wheel."""
+
+    radius: Float[Array, " n"]  # m, (1 - creepage) r_w: what the velocity constraint sees
+    axes: Float[Array, "n 3"]  # driven sphere axes
+
+
+def rolling(rig: Rig, angle: Float[Array, " n"], speed: Float[Array, " n"] | None = None) -> Rolling:
+    """Rolling radii (eq. 2, with creep) and driven axes at wheel angles `angle` (rad)."""
+    speed = jnp.zeros(rig.size) if speed is None else speed
+    factor = 1 + over_wheels(rig.at("kinematics"), speed, rig.size)
+    return Rolling(factor * (rig.wheels.radius + wheel_shape(rig, angle)), spin_axes(rig, angle))
+
+
+def wheel_speeds(rig: Rig, geometry: Rolling, omega: Float[Array, "3"]) -> Float[Array, " n"]:
+    """omega_i = R axis_i . Omega / r_w,i in rad/s: no slip along `drive` (eq. 43)."""
+    return rig.sphere.radius * (geometry.axes @ omega) / geometry.radius
+
+
+def sphere_velocity(rig: Rig, geometry: Rolling, speed: Float[Array, " n"]) -> Float[Array, "3"]:
+    """Omega in rad/s from wheel speeds: J omega, J = [axes]^-T diag(r_w)/R (eq. 44).
+
+    With more than three wheels the least-squares velocity, with fewer the one of least size (the
+    axes that no wheel drives stand still).
+    """
+    rim = geometry.radius * speed / rig.sphere.radius
+    if rig.size == 3:
+        return jnp.linalg.solve(geometry.axes, rim)
+    return jnp.linalg.pinv(geometry.axes) @ rim
+
+
+def incompatibility(rig: Rig, geometry: Rolling, speed: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Sliding speed R axis_i . Omega - r_w,i omega_i in m/s that prescribed speeds force."""
+    omega = sphere_velocity(rig, geometry, speed)
+    return rig.sphere.radius * (geometry.axes @ omega) - geometry.radius * speed
