@@ -1,0 +1,14 @@
+"""A rig and a drive in, a trajectory out."""
+
+from ._drives import AbstractDrive as AbstractDrive
+from ._drives import SpeedDrive as SpeedDrive
+from ._drives import TorqueDrive as TorqueDrive
+from ._drives import speeds as speeds
+from ._drives import torques as torques
+from ._signals import Signal as Signal
+from ._signals import constant as constant
+from ._signals import ramp as ramp
+from ._signals import step as step
+from ._signals import table as table
+from ._solve import simulate as simulate
+from ._trajectory import Trajectory as Trajectory

@@ -1,0 +1,103 @@
+"""Signals in time: piecewise linear with jumps, with their integral in closed form."""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .. import _config as _config
+
+
+class Signal(eqx.Module):
+    """A vector in time: on [knot, next knot) value + slope (t - knot); constant before and after.
+
+    Constants, steps, ramps and tables are all of this form; `a + b` adds two signals.
+    """
+
+    knots: Float[Array, " k"]  # s, increasing
+    values: Float[Array, "k d"]  # at each knot, from the right
+    slopes: Float[Array, "k d"]  # per s; the last is 0
+
+    def _piece(self, time):
+        return jnp.clip(
+            jnp.searchsorted(self.knots, time, side="right") - 1, 0, len(self.knots) - 1
+        )
+
+    def __call__(self, time: Float[Array, ""]) -> Float[Array, " d"]:
+        """Value at `time` (s)."""
+        i = self._piece(time)
+        return self.values[i] + self.slopes[i] * jnp.maximum(time - self.knots[i], 0.0)
+
+    def rate(self, time: Float[Array, ""]) -> Float[Array, " d"]:
+        """Slope at `time`, per s; jumps are left out."""
+        return jnp.where(time < self.knots[0], 0.0, self.slopes[self._piece(time)])
+
+    def integral(self, time: Float[Array, ""]) -> Float[Array, " d"]:
+        """Integral from the first knot to `time` (negative before it)."""
+        i = self._piece(time)
+        since = time - self.knots[i]
+        whole = self._integrals()[i]
+        quadratic = jnp.where(since > 0, 0.5 * self.slopes[i] * since**2, 0.0)
+        return whole + self.values[i] * since + quadratic
+
+    def _integrals(self) -> Float[Array, "k d"]:
+        width = jnp.diff(self.knots)[:, None]
+        pieces = self.values[:-1] * width + 0.5 * self.slopes[:-1] * width**2
+        zero = jnp.zeros((1, self.values.shape[1]))
+        return jnp.concatenate([zero, jnp.cumsum(pieces, axis=0)])
+
+    @property
+    def size(self) -> int:
+        """Length of the vector."""
+        return self.values.shape[1]
+
+    def __add__(self, other: "Signal") -> "Signal":
+        knots = jnp.unique(jnp.concatenate([self.knots, other.knots]))
+        import jax
+
+        values = jax.vmap(lambda t: self(t) + other(t))(knots)
+        slopes = jax.vmap(lambda t: self.rate(t) + other.rate(t))(knots)
+        return Signal(knots, values, slopes)
+
+
+def constant(value: Sequence[float]) -> Signal:
+    """The same `value` at all times."""
+    values = jnp.atleast_1d(jnp.asarray(value, float))[None, :]
+    return Signal(jnp.zeros(1), values, jnp.zeros_like(values))
+
+
+def table(time: Sequence[float], values) -> Signal:
+    """Linear between samples `values` (k, d) at `time` (k,), s; held before and after.
+
+    A time given twice is a jump.  Raises `ValueError` where time decreases or shapes differ.
+    """
+    time, values = np.asarray(time, float), np.asarray(values, float)
+    if values.ndim == 1:
+        values = values[:, None]
+    if time.ndim != 1 or len(time) != len(values) or len(time) == 0:
+        raise ValueError(f"a table needs one row a time, but has {len(time)} times, {len(values)} rows.")
+    if np.any(np.diff(time) < 0):
+        row = int(np.argmax(np.diff(time) < 0)) + 1
+        raise ValueError(f"`time` must not decrease, but does at row {row} ({time[row]:g} s).")
+    width = np.diff(time)[:, None]
+    slopes = np.where(width > 0, np.diff(values, axis=0) / np.where(width > 0, width, 1.0), 0.0)
+    slopes = np.concatenate([slopes, np.zeros((1, values.shape[1]))])
+    keep = np.append(np.diff(time) > 0, True)  # of a doubled time the later row counts
+    return Signal(*(jnp.asarray(x[keep]) for x in (time, values, slopes)))
+
+
+def step(time: float, before: Sequence[float], after: Sequence[float]) -> Signal:
+    """`before` until `time` (s), `after` from then on."""
+    before, after = np.atleast_1d(np.asarray(before, float)), np.atleast_1d(np.asarray(after, float))
+    start = min(time, 0.0) - 1.0
+    return table([start, time, time], np.stack([before, before, after]))
+
+
+def ramp(start: float, end: float, before: Sequence[float], after: Sequence[float]) -> Signal:
+    """`before` until `start` (s), linear to `after` at `end`, held then."""
+    if not end > start:
+        raise ValueError(f"a ramp must end after it starts, but runs from {start:g} s to {end:g} s.")
+    before, after = np.atleast_1d(np.asarray(before, float)), np.atleast_1d(np.asarray(after, float))
+    return table([start, end], np.stack([before, after]))

@@ -1,0 +1,122 @@
+"""What a simulation returns: channels with names and units, and how the run ended."""
+
+from typing import ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+STATUS = {
+    0: "ok",
+    1: "non-finite",
+    2: "step limit",
+    3: "failed",
+}
+REMEDY = {
+    1: "the state became infinite: lower `rtol`, or look for a law without bound.",
+    2: "the step limit was reached: raise `max_steps`, or loosen `rtol`.",
+    3: "the solver gave up: try `solver='kvaerno5'`, or lower `rtol`.",
+}
+
+
+class Trajectory(eqx.Module):
+    """A run: one row a sample; `units()` names every channel's unit.
+
+    `status` is a key of `STATUS`; samples after the failure of a run are not finite, and
+    `time_reached` is the last good one.  `lift_off` and `slip` say whether a contact's normal
+    force went below 0 or |f| above mu N at a sample.
+    """
+
+    t: Float[Array, " t"]
+    theta: Float[Array, "t n"]
+    omega: Float[Array, "t n"]
+    Omega: Float[Array, "t 3"]
+    attitude: Float[Array, "t 4"]
+    dR: Float[Array, "t 3"]
+    dR_rate: Float[Array, "t 3"]
+    dR_elastic: Float[Array, "t 3"]
+    R_l: Float[Array, "t 3"]
+    V_l: Float[Array, "t 3"]
+    a: Float[Array, "t 3"]
+    a_sphere: Float[Array, "t 3"]
+    shape: Float[Array, "t n"]
+    deflection: Float[Array, "t n"]
+    deflection_rate: Float[Array, "t n"]
+    mount_deflection: Float[Array, "t n"]
+    mount_rate: Float[Array, "t n"]
+    normal_force: Float[Array, "t n"]
+    drive_force: Float[Array, "t n"]
+    slip_margin: Float[Array, "t n"]
+    shaft_torque: Float[Array, "t n"]
+    torque: Float[Array, "t n"]
+    force: Float[Array, "t 3"]
+    status: Int[Array, ""]
+    steps: Int[Array, ""]
+    method: str = eqx.field(static=True, default="")
+    names: tuple[str, ...] = eqx.field(static=True, default=())
+
+    UNITS: ClassVar[dict[str, str]] = {
+        "t": "s",
+        "theta": "rad",
+        "omega": "rad/s",
+        "Omega": "rad/s",
+        "attitude": "1",
+        "dR": "m",
+        "dR_rate": "m/s",
+        "dR_elastic": "m",
+        "R_l": "m",
+        "V_l": "m/s",
+        "a": "m/s^2",
+        "a_sphere": "m/s^2",
+        "shape": "m",
+        "deflection": "m",
+        "deflection_rate": "m/s",
+        "mount_deflection": "m",
+        "mount_rate": "m/s",
+        "normal_force": "N",
+        "drive_force": "N",
+        "slip_margin": "N",
+        "shaft_torque": "N m",
+        "torque": "N m",
+        "force": "N",
+    }
+
+    @property
+    def distance(self) -> Float[Array, " t"]:
+        """|dR| in m."""
+        square = jnp.sum(self.dR**2, axis=-1)
+        return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+
+    @property
+    def ok(self) -> bool:
+        """Whether the run reached its end."""
+        return int(self.status) == 0
+
+    @property
+    def time_reached(self) -> float:
+        """Last time with finite channels, s."""
+        good = np.isfinite(np.asarray(self.dR)).all(axis=-1)
+        t = np.asarray(self.t)
+        return float(t[good][-1]) if good.any() else float("nan")
+
+    @property
+    def lift_off(self) -> bool:
+        """Whether a normal force went below zero at a sample."""
+        return bool(jnp.any(self.normal_force < 0))
+
+    @property
+    def slip(self) -> bool:
+        """Whether a drive force went above friction times normal force at a sample."""
+        return bool(jnp.any(self.slip_margin < 0))
+
+    def message(self) -> str:
+        """One sentence on how the run ended, with what to change if it failed."""
+        if self.ok:
+            return f"ok: {len(self.t)} samples to {float(self.t[-1]):g} s ({self.method})."
+        code = int(self.status)
+        return f"{STATUS[code]} after {self.time_reached:g} s: {REMEDY[code]}"
+
+    def __repr__(self) -> str:
+        n = self.theta.shape[-1]
+        return f"Trajectory({len(self.t)} samples, {n} wheels; {self.message()})"
