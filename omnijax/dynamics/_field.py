@@ -9,7 +9,14 @@ from jaxtyping import Array, Float
 
 from ..laws import BodySignal, ContactSignal, MountSignal, RollingSignal, RollingTorque, ShaftSignal
 from ..rig import Rig, over_wheels
-from ._kinematics import Rolling, position_input, rolling, sphere_velocity, wheel_shape, wheel_speeds
+from ._kinematics import (
+    Rolling,
+    position_input,
+    rolling,
+    sphere_velocity,
+    wheel_shape,
+    wheel_speeds,
+)
 from ._rotation import (
     angular_acceleration,
     attitude_rate,
@@ -73,7 +80,12 @@ def _contact_signals(rig: Rig, motion: Motion, rate) -> ContactSignal:
     curvature = rig.sphere.radius * wheels.radius / (rig.sphere.radius + wheels.radius)
     contact = wheels.contact
     return ContactSignal(
-        motion.deflection, rate, contact.stiffness, contact.damping, wheels.closure.preload, curvature
+        motion.deflection,
+        rate,
+        contact.stiffness,
+        contact.damping,
+        wheels.closure.preload,
+        curvature,
     )
 
 
@@ -149,7 +161,9 @@ def _floor(rig: Rig, time) -> Float[Array, "3"]:
 def _shape_and_rate(rig: Rig, angle, speed, attitude, omega):
     """rho and its rate along the motion, m and m/s."""
     return jax.jvp(
-        lambda a, q: position_input(rig, a, q), (angle, attitude), (speed, attitude_rate(attitude, omega))
+        lambda a, q: position_input(rig, a, q),
+        (angle, attitude),
+        (speed, attitude_rate(attitude, omega)),
     )
 
 
@@ -176,7 +190,14 @@ def _instant(
         if model.keep_radius_rate:
             term = jax.jvp(lambda a: wheel_shape(rig, a), (state.angle,), (speed,))[1] * speed
         drive = drive_forces(
-            geometry.axes, geometry.radius, radius, wheels.inertia, inertia.inverse, torque, opposing, term
+            geometry.axes,
+            geometry.radius,
+            radius,
+            wheels.inertia,
+            inertia.inverse,
+            torque,
+            opposing,
+            term,
         )
         turning = angular_acceleration(geometry.axes, radius, inertia.inverse, drive, opposing)
     else:
@@ -258,7 +279,5 @@ def speed_driven(model: Model, state: State, inputs: Inputs, speed, acceleration
     form) and Omega follows from the speeds, so neither is integrated.
     """
     now, memory_rates, omega = prescribed_instant(model, state, inputs, speed, acceleration)
-    rate = _assemble(
-        model, state._replace(angular_velocity=omega), now, memory_rates, jnp.zeros(3)
-    )
+    rate = _assemble(model, state._replace(angular_velocity=omega), now, memory_rates, jnp.zeros(3))
     return rate._replace(angle=jnp.zeros_like(speed))

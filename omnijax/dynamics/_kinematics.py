@@ -62,7 +62,9 @@ class Rolling(NamedTuple):
     axes: Float[Array, "n 3"]  # driven sphere axes
 
 
-def rolling(rig: Rig, angle: Float[Array, " n"], speed: Float[Array, " n"] | None = None) -> Rolling:
+def rolling(
+    rig: Rig, angle: Float[Array, " n"], speed: Float[Array, " n"] | None = None
+) -> Rolling:
     """Rolling radii (eq. 2, with creep) and driven axes at wheel angles `angle` (rad)."""
     speed = jnp.zeros(rig.size) if speed is None else speed
     factor = 1 + over_wheels(rig.at("kinematics"), speed, rig.size)

@@ -279,4 +279,6 @@ def linear_system(translation: AbstractTranslation) -> LinearSystem:
     motion = translation.motion(state, inputs.shape)
     outputs = _slices(motion)
     end = outputs["platform"].stop
-    return LinearSystem(A, B, C, D, _slices(inputs), outputs | {"acceleration": slice(end, end + 3)})
+    return LinearSystem(
+        A, B, C, D, _slices(inputs), outputs | {"acceleration": slice(end, end + 3)}
+    )

@@ -132,7 +132,9 @@ class TableShape(AbstractShape):
 
     def __call__(self, angle, gap):
         into = jnp.mod(angle, self.knots[-1])
-        piece = jnp.clip(jnp.searchsorted(self.knots, into, side="right") - 1, 0, len(self.knots) - 2)
+        piece = jnp.clip(
+            jnp.searchsorted(self.knots, into, side="right") - 1, 0, len(self.knots) - 2
+        )
         c, u = self.coefficients[piece], into - self.knots[piece]
         return c[0] + u * (c[1] + u * (c[2] + u * c[3]))
 

@@ -37,9 +37,7 @@ class BearingViscous(AbstractShaft):
     id: ClassVar[str] = "bearing-viscous"
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "shaft torque −b ω"
-    parameters: ClassVar[dict[str, Parameter]] = {
-        "b": Parameter("N m s/rad", low=0, linear=True)
-    }
+    parameters: ClassVar[dict[str, Parameter]] = {"b": Parameter("N m s/rad", low=0, linear=True)}
 
     def __call__(self, signal, state=None):
         return -self.b * signal.speed
@@ -117,9 +115,7 @@ class SpinResistance(AbstractRolling):
     def __call__(self, signal, state=None):
         torque = self.lever * signal.friction * signal.normal_force
         torque = torque * jnp.tanh(signal.spin / self.width)
-        return RollingTorque(
-            roll=jnp.zeros_like(torque), spin=torque, shaft=jnp.zeros_like(torque)
-        )
+        return RollingTorque(roll=jnp.zeros_like(torque), spin=torque, shaft=jnp.zeros_like(torque))
 
 
 class AirDrag(AbstractBody):

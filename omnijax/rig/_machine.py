@@ -171,5 +171,3 @@ def grouped_profiles(rig: Rig) -> list[tuple[Callable, jax.Array]]:
         shape = jax.vmap(lambda law, angle, gap: law(angle, gap))
         result.append((lambda a, g, s=stacked, f=shape: f(s, a, g), jnp.asarray(index)))
     return result
-
-

@@ -77,7 +77,9 @@ def table(time: Sequence[float], values) -> Signal:
     if values.ndim == 1:
         values = values[:, None]
     if time.ndim != 1 or len(time) != len(values) or len(time) == 0:
-        raise ValueError(f"a table needs one row a time, but has {len(time)} times, {len(values)} rows.")
+        raise ValueError(
+            f"a table needs one row a time, but has {len(time)} times, {len(values)} rows."
+        )
     if np.any(np.diff(time) < 0):
         row = int(np.argmax(np.diff(time) < 0)) + 1
         raise ValueError(f"`time` must not decrease, but does at row {row} ({time[row]:g} s).")
@@ -90,7 +92,10 @@ def table(time: Sequence[float], values) -> Signal:
 
 def step(time: float, before: Sequence[float], after: Sequence[float]) -> Signal:
     """`before` until `time` (s), `after` from then on."""
-    before, after = np.atleast_1d(np.asarray(before, float)), np.atleast_1d(np.asarray(after, float))
+    before, after = (
+        np.atleast_1d(np.asarray(before, float)),
+        np.atleast_1d(np.asarray(after, float)),
+    )
     start = min(time, 0.0) - 1.0
     return table([start, time, time], np.stack([before, before, after]))
 
@@ -98,6 +103,11 @@ def step(time: float, before: Sequence[float], after: Sequence[float]) -> Signal
 def ramp(start: float, end: float, before: Sequence[float], after: Sequence[float]) -> Signal:
     """`before` until `start` (s), linear to `after` at `end`, held then."""
     if not end > start:
-        raise ValueError(f"a ramp must end after it starts, but runs from {start:g} s to {end:g} s.")
-    before, after = np.atleast_1d(np.asarray(before, float)), np.atleast_1d(np.asarray(after, float))
+        raise ValueError(
+            f"a ramp must end after it starts, but runs from {start:g} s to {end:g} s."
+        )
+    before, after = (
+        np.atleast_1d(np.asarray(before, float)),
+        np.atleast_1d(np.asarray(after, float)),
+    )
     return table([start, end], np.stack([before, after]))

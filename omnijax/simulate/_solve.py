@@ -44,12 +44,16 @@ def choose_solver(model: Model, solver: str) -> str:
     """Name of the solver: `auto` takes an explicit one unless the linear part is stiff."""
     if solver != "auto":
         if solver not in SOLVERS:
-            raise ValueError(f"`solver` must be one of {sorted(SOLVERS)} or auto, but is {solver!r}.")
+            raise ValueError(
+                f"`solver` must be one of {sorted(SOLVERS)} or auto, but is {solver!r}."
+            )
         return solver
     A = linear_system(model.translation).A
     if isinstance(A, jax.core.Tracer):  # under a transformation the numbers are not known
         return "kvaerno5"
-    return "kvaerno5" if np.abs(np.linalg.eigvals(np.asarray(A))).max() > EXPLICIT_RATE else "dopri8"
+    return (
+        "kvaerno5" if np.abs(np.linalg.eigvals(np.asarray(A))).max() > EXPLICIT_RATE else "dopri8"
+    )
 
 
 def simulate(
@@ -186,7 +190,9 @@ def _solve(model: Model, drive, ts, name, rtol, max_steps, adjoint) -> Trajector
         throw=False,
     )
     states = jax.vmap(lambda y: unpack(model, y, scale))(solution.ys)
-    return trajectory(model, drive, ts, states, _status(solution), solution.stats["num_steps"], name)
+    return trajectory(
+        model, drive, ts, states, _status(solution), solution.stats["num_steps"], name
+    )
 
 
 def _status(solution) -> jax.Array:

@@ -51,7 +51,10 @@ def static_start(model: Model, angle, attitude):
         solution = start - jnp.linalg.solve(jacobian, imbalance(start))
     else:
         solution = optx.root_find(
-            lambda y, _: imbalance(y), optx.Newton(rtol=1e-10, atol=1e-13), start, throw=False,
+            lambda y, _: imbalance(y),
+            optx.Newton(rtol=1e-10, atol=1e-13),
+            start,
+            throw=False,
             max_steps=50,
         ).value
     approach, mount, memory = unravel(solution)

@@ -1,0 +1,16 @@
+"""What a run's vibration amounts to: metrics with units and exact gradients."""
+
+from ._amplitude import norm as norm
+from ._amplitude import peak as peak
+from ._amplitude import peak_to_peak as peak_to_peak
+from ._amplitude import rms as rms
+from ._amplitude import smooth_peak as smooth_peak
+from ._comfort import weighted_acceleration as weighted_acceleration
+from ._comfort import weighting as weighting
+from ._metrics import METRICS as METRICS
+from ._metrics import Metric as Metric
+from ._metrics import evaluate as evaluate
+from ._metrics import known as known
+from ._modes import Modes as Modes
+from ._modes import modes as modes
+from ._modes import natural_frequencies as natural_frequencies

@@ -1,0 +1,73 @@
+"""Sizes of a vibration: RMS, peak, peak-to-peak, each with an exact gradient."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+def norm(vectors: Float[Array, "t 3"]) -> Float[Array, " t"]:
+    """Lengths; the gradient at zero length is zero, not NaN."""
+    square = jnp.sum(vectors**2, axis=-1)
+    moving = square > 0
+    return jnp.where(moving, jnp.sqrt(jnp.where(moving, square, 1.0)), 0.0)
+
+
+def root(square: Float[Array, ""]) -> Float[Array, ""]:
+    """Square root whose gradient at zero is zero."""
+    positive = square > 0
+    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
+
+
+def rms(values: Float[Array, "t c"]) -> Float[Array, ""]:
+    """Root of the mean square length of the rows."""
+    return root(jnp.mean(jnp.sum(values**2, axis=-1)))
+
+
+def peak(
+    t: Float[Array, " t"], values: Float[Array, "t c"], rates: Float[Array, "t c"] | None = None
+) -> Float[Array, ""]:
+    """Largest length of the rows, refined between samples where rates are given.
+
+    |v|^2 is interpolated by the cubic that matches values and rates at both ends of the two
+    intervals beside the largest sample.  The gradient is that at the peak's own time (envelope
+    theorem), so one sample's derivative is all it needs.
+    """
+    square = jnp.sum(values**2, axis=-1)
+    at = jnp.argmax(square)
+    if rates is None:
+        return root(square[at])
+    slope = 2 * jnp.sum(values * rates, axis=-1)
+    last = len(t) - 1
+    sides = [_cubic_peak(t, square, slope, jnp.clip(at + k, 0, last - 1)) for k in (-1, 0)]
+    return root(jnp.maximum(square[at], jnp.maximum(*sides)))
+
+
+def _cubic_peak(t, square, slope, i):
+    """Largest value of the Hermite cubic on [t_i, t_i+1] at its inner maximum."""
+    h = t[i + 1] - t[i]
+    y0, y1, d0, d1 = square[i], square[i + 1], h * slope[i], h * slope[i + 1]
+    c2, c3 = 3 * (y1 - y0) - 2 * d0 - d1, 2 * (y0 - y1) + d0 + d1
+    u = jax.lax.stop_gradient(_maximum(d0, c2, c3))
+    return y0 + u * (d0 + u * (c2 + u * c3))
+
+
+def _maximum(c1, c2, c3):
+    """Where c1 + 2 c2 u + 3 c3 u^2 crosses zero downwards in [0, 1] (0 where it does not)."""
+    discriminant = jnp.maximum(c2**2 - 3 * c1 * c3, 0.0)
+    denominator = -c2 + jnp.sqrt(discriminant)  # the root of a maximum, without cancellation
+    u = c1 / jnp.where(jnp.abs(denominator) > 0, denominator, 1.0)
+    return jnp.where((jnp.abs(denominator) > 0) & (u > 0) & (u < 1), u, 0.0)
+
+
+def smooth_peak(values: Float[Array, "t c"], sharpness: float = 64.0) -> Float[Array, ""]:
+    """p-norm of the lengths with p = `sharpness`: above the mean, below or at the peak, smooth."""
+    square = jnp.sum(values**2, axis=-1)
+    top = jax.lax.stop_gradient(jnp.max(square))
+    scale = jnp.where(top > 0, top, 1.0)
+    mean = jnp.mean((square / scale) ** (sharpness / 2))
+    return jnp.where(top > 0, jnp.sqrt(scale) * mean ** (1 / sharpness), 0.0)
+
+
+def peak_to_peak(values: Float[Array, " t"]) -> Float[Array, ""]:
+    """Largest less smallest value."""
+    return jnp.max(values) - jnp.min(values)

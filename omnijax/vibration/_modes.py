@@ -1,0 +1,68 @@
+"""Natural frequencies and damping of the elastic model."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..dynamics import TRANSLATIONS, linear_system
+from ..rig import Rig
+
+
+class Modes(NamedTuple):
+    """Modes of the elastic model in order of frequency; an overdamped pole is a mode of its own."""
+
+    frequency: Float[Array, " m"]  # Hz, undamped natural frequency |lambda| / 2 pi
+    damping_ratio: Float[Array, " m"]  # -Re(lambda) / |lambda|; 1 for a real pole
+    shape: Float[Array, "m d"]  # dR part (coupled) of each mode, unit length, real part
+
+
+def modes(rig: Rig, model: str = "coupled") -> Modes:
+    """Natural frequencies (Hz), damping ratios and shapes of the linear elastic model.
+
+    Outside of transformations (numpy); for a differentiable figure use `natural_frequencies`.
+    """
+    translation = TRANSLATIONS[model](rig)
+    system = linear_system(translation)
+    values, vectors = np.linalg.eig(np.asarray(system.A))
+    keep = values.imag >= -1e-9 * np.abs(values)
+    values, vectors = values[keep], vectors[:, keep]
+    order = np.argsort(np.abs(values))
+    values, vectors = values[order], vectors[:, order]
+    rows = np.asarray(system.row("displacement")[0])
+    shape = rows @ vectors
+    shape = shape * np.exp(-1j * np.angle(shape[np.abs(shape).argmax(0), np.arange(len(values))]))
+    length = np.linalg.norm(shape.real, axis=0)
+    shape = np.where(length > 0, shape.real / np.where(length > 0, length, 1.0), 0.0)
+    size = np.abs(values)
+    ratio = -values.real / np.where(size > 0, size, 1.0)
+    return Modes(jnp.asarray(size / (2 * np.pi)), jnp.asarray(ratio), jnp.asarray(shape.T))
+
+
+def natural_frequencies(rig: Rig, model: str = "coupled") -> Float[Array, " m"]:
+    """Undamped natural frequencies in Hz, ascending, differentiable.
+
+    Those of the conservative part: the symmetric problem stiffness v = (2 pi f)^2 mass v, whose
+    eigenvalues differentiate cleanly (repeated ones: the average over the repeated group's
+    directions is what is defined).
+    """
+    system = linear_system(TRANSLATIONS[model](_undamped(rig)))
+    state = TRANSLATIONS[model](rig).rest()
+    half = state.approach.size + state.mount.size
+    to_velocity, to_force = system.A[:half, half:], system.A[half:, :half]
+    # velocity = M^-1 p and p' = -S x, both symmetric: eigenvalues of M^-1/2 S M^-1/2
+    flexibility = (to_velocity + to_velocity.T) / 2
+    lower = jnp.linalg.cholesky(flexibility)
+    values = jnp.linalg.eigvalsh(-lower.T @ to_force @ lower)
+    return jnp.sqrt(jnp.maximum(values, 0.0)) / (2 * jnp.pi)
+
+
+def _undamped(rig: Rig) -> Rig:
+    import equinox as eqx
+
+    return eqx.tree_at(
+        lambda r: (r.wheels.contact.damping, r.wheels.mount.damping),
+        rig,
+        replace_fn=jnp.zeros_like,
+    )
