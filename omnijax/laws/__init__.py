@@ -4,6 +4,7 @@ from ._base import AbstractLaw as AbstractLaw
 from ._base import Parameter as Parameter
 from ._base import Sum as Sum
 from ._base import field_names as field_names
+from ._hertz import HertzResistance as HertzResistance
 from ._library import EFFECTS as EFFECTS
 from ._library import PORTS as PORTS
 from ._library import load_laws as load_laws

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -48,6 +49,23 @@ class Signal(eqx.Module):
         zero = jnp.zeros((1, self.values.shape[1]))
         return jnp.concatenate([zero, jnp.cumsum(pieces, axis=0)])
 
+    def jumps(self) -> Float[Array, " k"]:
+        """Last times before the value jumps, s, one a knot; inf at the others.
+
+        One floating-point number early, because a solver's last stage may round up to the time
+        it was told to stop before.
+        """
+        width = jnp.diff(self.knots)[:, None]
+        before = self.values[:-1] + self.slopes[:-1] * width
+        tolerance = 1e-9 * jnp.max(jnp.abs(self.values))
+        jump = jnp.any(jnp.abs(self.values[1:] - before) > tolerance, axis=1)
+        before_knot = jnp.nextafter(self.knots, -jnp.inf)
+        return jnp.where(jnp.concatenate([jnp.zeros(1, bool), jump]), before_knot, jnp.inf)
+
+    def kinks(self) -> Float[Array, " k"]:
+        """Times of the knots without a jump, s; inf at the others."""
+        return jnp.where(jnp.isfinite(self.jumps()), jnp.inf, self.knots)
+
     @property
     def size(self) -> int:
         """Length of the vector."""
@@ -55,8 +73,6 @@ class Signal(eqx.Module):
 
     def __add__(self, other: "Signal") -> "Signal":
         knots = jnp.unique(jnp.concatenate([self.knots, other.knots]))
-        import jax
-
         values = jax.vmap(lambda t: self(t) + other(t))(knots)
         slopes = jax.vmap(lambda t: self.rate(t) + other.rate(t))(knots)
         return Signal(knots, values, slopes)

@@ -171,9 +171,12 @@ def _solve(model: Model, drive, ts, name, rtol, max_steps, adjoint) -> Trajector
     start = ravel_pytree(initial_state(model, drive))[0] / scale
     args = (model, drive, ts[0], scale)
     signal = drive.torque if isinstance(drive, TorqueDrive) else drive.speed
-    knots = jnp.sort(jnp.concatenate([signal.knots, drive.force.knots]))
+    kinks = jnp.sort(jnp.concatenate([signal.kinks(), drive.force.kinks()]))
+    jumps = jnp.sort(jnp.concatenate([signal.jumps(), drive.force.jumps()]))
     controller = dfx.ClipStepSizeController(
-        dfx.PIDController(rtol=rtol, atol=rtol, pcoeff=0.2, icoeff=0.5), step_ts=knots
+        dfx.PIDController(rtol=rtol, atol=rtol, pcoeff=0.2, icoeff=0.5),
+        step_ts=kinks,
+        jump_ts=jumps,
     )
     solution = dfx.diffeqsolve(
         dfx.ODETerm(_scaled_field),
