@@ -5,6 +5,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 import pytest
+
 from omnijax import laws
 from omnijax.rig import Closure, Contact, Mount, Platform, Rig, Sphere, Wheels
 
@@ -28,7 +29,7 @@ def shared(*parts: str) -> Path:
 
 
 def machine(layout=SKEW, *, profile=None, scale=1.0, **changes) -> Rig:
-    """A rig with unequal wheels on `layout`; `changes` are keyed `contact_damping`, `roundness`, …"""
+    """A rig with unequal wheels on `layout`; `changes`: `contact_damping`, `roundness`, …"""
     normal, drive = (jnp.asarray(x, float) for x in layout)
     n = len(normal)
     spread = 1 + 0.1 * scale * jnp.arange(n)

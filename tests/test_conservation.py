@@ -4,6 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from machines import ORTHOGONAL, machine
+
 from omnijax import laws
 from omnijax.simulate import simulate, speeds, table, torques
 

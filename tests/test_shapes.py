@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+
 from omnijax import laws
 from omnijax.laws import Gap
 
@@ -35,9 +36,8 @@ def test_rollers_profile_is_the_distance_of_the_centres():
             middle = (low + high) / 2
             free = np.all(np.linalg.norm(middle * direction - corners, axis=1) >= R)
             low, high = (low, middle) if free else (middle, high)
-        assert float(laws.Rollers()(jnp.asarray(at), gap)) == pytest.approx(
-            high - R - R_B, abs=1e-13
-        )
+        rho = float(laws.Rollers()(jnp.asarray(at), gap))
+        assert rho == pytest.approx(high - R - R_B, abs=1e-13)
 
 
 @pytest.mark.parametrize("profile", [*PERIODIC, laws.ContinuousSine()], ids=lambda p: p.id)

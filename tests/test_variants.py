@@ -1,0 +1,84 @@
+"""`paper` against `coupled` where they must agree, and where they must not; gap-edge impulses."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from machines import ORTHOGONAL, SKEW, machine
+
+from omnijax.dynamics import Coupled, Paper, PortInputs, flatten, linear_system, unflatten
+from omnijax.simulate import simulate, speeds
+
+TS = jnp.linspace(0.0, 0.5, 126)
+SPEEDS = [2.1, -1.2, 0.7]
+
+
+def _dR(rig, model):
+    return eqx.filter_jit(simulate)(rig, speeds(SPEEDS), TS, model=model).dR
+
+
+def test_paper_equals_coupled_for_orthonormal_wheels_on_a_heavy_platform():
+    """No platform reaction, no wheel inertia in its frame, no drive force: one model."""
+    rig = machine(ORTHOGONAL, platform_mass=1e9, sphere_inertia=1e-9)
+    coupled, paper = _dR(rig, "coupled"), _dR(rig, "paper")
+    np.testing.assert_allclose(paper, coupled, rtol=0, atol=1e-6 * float(jnp.max(jnp.abs(coupled))))
+
+
+def test_paper_differs_from_coupled_elsewhere():
+    for rig in (machine(SKEW, platform_mass=1e9, sphere_inertia=1e-9), machine(ORTHOGONAL)):
+        coupled, paper = _dR(rig, "coupled"), _dR(rig, "paper")
+        assert float(jnp.max(jnp.abs(paper - coupled)) / jnp.max(jnp.abs(coupled))) > 1e-3
+
+
+def test_linear_system_is_the_translation():
+    """Matrices against the formulas at a random state; orthonormal wheels decouple in `paper`."""
+    key = np.random.default_rng(7)
+    for translation in (Coupled(machine()), Paper(machine())):
+        system = linear_system(translation)
+        y, u = key.normal(size=system.A.shape[0]), key.normal(size=system.B.shape[1])
+        state = unflatten(translation.rest(), jnp.asarray(y))
+        inputs = unflatten(PortInputs.zeros(3), jnp.asarray(u))
+        rate = flatten(translation.rate(state, inputs))
+        np.testing.assert_allclose(system.A @ y + system.B @ u, rate, rtol=1e-10)
+        motion = translation.motion(state, inputs.shape)
+        rows, through = system.row("deflection")
+        np.testing.assert_allclose(rows @ y + through @ u, motion.deflection, rtol=1e-10)
+    stiff = np.asarray(linear_system(Paper(machine())).A).reshape(4, 3, 4, 3)
+    off = stiff.transpose(1, 3, 0, 2)[~np.eye(3, dtype=bool)]
+    assert np.all(off == 0)
+
+
+def test_deflection_rate_jumps_at_a_gap_edge():
+    """r_w'' holds an impulse there; it is carried without evaluating r_w''.
+
+    The contact's damper then pulls both bodies with C times that jump.
+    """
+    damping, speed, h = 8500.0, 1.3, 2e-6
+    rig = machine(ORTHOGONAL, contact_damping=damping, scale=0.0)
+    gap = jax.tree.map(lambda x: x[0], rig.gaps)
+    jump = -2 * np.pi / float(gap.width) * float(gap.depth) * speed  # of the shape's rate, m/s
+    drive = speeds([speed, 0.0, 0.0], initial_angle=[-0.02 * speed, 0.0, 0.0])
+    ts = jnp.array([0.0, 0.02 - h, 0.02 - 1e-9, 0.02 + 1e-9, 0.02 + h])
+    run = eqx.filter_jit(simulate)(rig, drive, ts, model="paper", rtol=1e-10)
+    rate = run.deflection_rate[:, 0]
+    assert float(rate[3] - rate[2]) == pytest.approx(-jump, rel=1e-3)
+    assert abs(float(rate[2] - rate[1])) < 1e-6 * abs(jump)
+    sphere = float(run.dR_rate[4, 0] - run.dR_rate[3, 0]) / h
+    assert sphere == pytest.approx(damping * jump / float(rig.sphere.mass), rel=0.05)
+    wheel = float(run.mount_rate[4, 0] - run.mount_rate[3, 0]) / h
+    assert wheel == pytest.approx(-damping * jump / float(rig.wheels.mass[0]), rel=0.1)
+
+
+def test_gradient_with_respect_to_roundness_at_round_wheels():
+    """eta -> 0: the depth is quadratic in eta, so value and gradient vanish without a 0/0."""
+
+    def energy(eta):
+        rig = eqx.tree_at(lambda r: r.wheels.roundness, machine(), eta * jnp.ones(3))
+        run = simulate(rig, speeds(SPEEDS), TS[:30], solver="dopri8")
+        return jnp.sum(run.dR**2)
+
+    for eta in (0.0, 1e-3):
+        value, slope = jax.jit(jax.value_and_grad(energy))(jnp.asarray(eta))
+        assert np.isfinite(value) and np.isfinite(slope)
+        assert (slope == 0) == (eta == 0.0)
