@@ -1,0 +1,37 @@
+"""Sphinx configuration: `sphinx-build -W docs docs/_build` builds the documentation."""
+
+from importlib.metadata import version as installed_version
+
+project = "omnijax"
+author = "the omnijax authors"
+copyright = "2026, the omnijax authors"
+version = release = installed_version("omnijax")
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.mathjax",
+    "sphinx.ext.napoleon",
+    "sphinx.ext.viewcode",
+]
+myst_enable_extensions = ["dollarmath", "deflist", "colon_fence"]
+myst_heading_anchors = 3
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+autodoc_default_options = {"members": True, "show-inheritance": False, "imported-members": True}
+exclude_patterns = ["_build"]
+html_theme = "furo"
+html_title = "omnijax"
+html_static_path = ["_static"]
+nitpicky = False
+
+
+def _without_signature(app, what, name, obj, options, signature, return_annotation):
+    """Module classes print their array annotations over several lines: leave those out."""
+    if what == "class":
+        return "", None
+    return None
+
+
+def setup(app):
+    app.connect("autodoc-process-signature", _without_signature)
