@@ -170,7 +170,7 @@ def _shape_and_rate(rig: Rig, angle, speed, attitude, omega):
 def _instant(
     model: Model, state: State, inputs: Inputs, geometry: Rolling, speed, prescribed=None
 ) -> tuple[Instant, tuple[Any, ...]]:
-    """Forces and accelerations; `prescribed` = (dOmega/dt, domega/dt) where the speeds are given."""
+    """Forces and accelerations; `prescribed` = (dOmega/dt, domega/dt) where speeds are given."""
     rig, translation, omega = model.rig, model.translation, state.angular_velocity
     shape, shape_rate = _shape_and_rate(rig, state.angle, speed, state.attitude, omega)
     motion = translation.motion(state.elastic, shape)

@@ -111,7 +111,7 @@ class SensorCrosstalk(AbstractSensor):
 
 
 def delayed(time: Float[Array, " t"], values: Float[Array, "t c"], delay) -> Float[Array, "t c"]:
-    """`values` at `time - delay`: Catmull-Rom between samples, the first sample before the start."""
+    """`values` at `time - delay`: Catmull-Rom between samples, the first sample before them."""
     at = time - delay
     i = jnp.clip(jnp.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
     step = time[i + 1] - time[i]

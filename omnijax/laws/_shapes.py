@@ -100,7 +100,7 @@ class Rollers(AbstractShape):
 
 
 class DualRow(AbstractShape):
-    """Two rows, half a pitch apart (section 2.1, alternative 2): rho = 0, the contact jumps sideways.
+    """Two rows, half a pitch apart (section 2.1): rho = 0, the contact jumps sideways.
 
     `lateral` is the contact's offset along the wheel's axle: it is on the second row while the
     first row's gap passes, so it switches where the two rollers overlap.

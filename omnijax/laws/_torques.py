@@ -78,7 +78,7 @@ class MotorGain(AbstractShaft):
 
 
 class RollingResistance(AbstractRolling):
-    """arm N tanh(spin_axis . Omega / epsilon) against the sphere and against the shaft (eqs. 18-20)."""
+    """arm N tanh(spin_axis . Omega / epsilon) against sphere and shaft (eqs. 18-20)."""
 
     arm: Float[Array, ""]
     width: Float[Array, ""] = 3e-3  # pyright: ignore[reportAssignmentType]

@@ -36,7 +36,7 @@ def weighting(frequency: Float[Array, " f"], direction: str) -> Float[Array, " f
 def weighted_acceleration(
     t: Float[Array, " t"], acceleration: Float[Array, "t 3"], up: Float[Array, "3"]
 ) -> Float[Array, ""]:
-    """Frequency-weighted RMS acceleration in m/s^2, all three directions added (eq. ISO 2631-1 6.5).
+    """Frequency-weighted RMS acceleration in m/s^2, all directions added (ISO 2631-1, 6.5).
 
     W_k along `up`, W_d across it; the samples must be uniform in time.  Factors k_x = k_y = k_z = 1
     (health and comfort of a seated person differ: multiply afterwards where needed).
