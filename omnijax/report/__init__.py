@@ -1,0 +1,18 @@
+"""Figures, tables and one offline HTML page from them; no physics of its own."""
+
+from ._axis import SpeedAxis as SpeedAxis
+from ._content import Badge as Badge
+from ._content import Column as Column
+from ._content import Fact as Fact
+from ._content import Figure as Figure
+from ._content import Provenance as Provenance
+from ._content import Section as Section
+from ._content import Table as Table
+from ._content import provenance as provenance
+from ._content import shown as shown
+from ._page import Page as Page
+from ._page import file_name as file_name
+from ._style import COLOURS as COLOURS
+from ._style import PALETTE as PALETTE
+from ._style import figure as figure
+from ._style import style as style

@@ -1,0 +1,123 @@
+"""What a page holds: sections of text, figures and tables, and how it came to be."""
+
+import platform
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import metadata
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure as Drawn
+
+from ._axis import SpeedAxis
+
+VERSIONS_OF = ("omnijax", "jax", "diffrax", "equinox", "numpy", "matplotlib")
+
+
+@dataclass(frozen=True)
+class Column:
+    """A table's column: its name and unit; `text` columns are set as prose, left-aligned."""
+
+    name: str
+    unit: str = ""
+    text: bool = False
+
+
+@dataclass(frozen=True)
+class Badge:
+    """A cell that judges: `tone` is good, mixed or bad; shown by colour, sign and word."""
+
+    text: str
+    tone: str
+
+    def __str__(self) -> str:
+        return self.text
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows under columns with units.  `name` names its CSV; `caption` says what it shows.
+
+    `stacked` turns every row into a card on narrow screens: for tables of sentences.
+    """
+
+    columns: Sequence[Column]
+    rows: Sequence[Sequence[Any]]
+    name: str = ""
+    caption: str = ""
+    stacked: bool = False
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawn figure, the numbers in it, and one sentence on what it shows.
+
+    `name` names its files; `data` maps "name / unit" to a column of the CSV; `axis` makes the x
+    axis selectable in rpm, rad/s, Hz and orders (the figure is then drawn over rad/s).
+    """
+
+    fig: Drawn
+    name: str
+    caption: str
+    data: Mapping[str, Any] = field(default_factory=dict)
+    axis: SpeedAxis | None = None
+
+
+@dataclass(frozen=True)
+class Section:
+    """A headed part of a page; `text` is prose: empty lines part paragraphs, backticks mark code."""
+
+    title: str
+    text: str = ""
+    figures: Sequence[Figure] = ()
+    tables: Sequence[Table] = ()
+
+
+@dataclass(frozen=True)
+class Fact:
+    """A number of the answer: what it is, its value and unit."""
+
+    label: str
+    value: Any
+    unit: str = ""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """What makes the page again: the command, the rig's text, the seed, the versions."""
+
+    command: str
+    rig: str = ""
+    seed: int | None = None
+    versions: Mapping[str, str] = field(default_factory=dict)
+
+
+def provenance(command: str, rig: str = "", seed: int | None = None) -> Provenance:
+    """Provenance of a page made now, with this machine's versions."""
+    found = {"python": platform.python_version()}
+    for name in VERSIONS_OF:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = "not installed"
+    return Provenance(command, rig, seed, found)
+
+
+def shown(value: Any) -> str:
+    """A cell's text: numbers in four figures with a true minus sign, everything else as it is."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool | np.bool_):
+        return "yes" if value else "no"
+    if isinstance(value, str | Badge) or np.asarray(value).dtype.kind not in "iuf":
+        return str(value)
+    if np.ndim(value):
+        return ", ".join(shown(x) for x in np.ravel(value))
+    return _number(np.asarray(value))
+
+
+def _number(value: np.ndarray) -> str:
+    if value.dtype.kind in "iu" or not np.isfinite(value):
+        return str(value).replace("-", "−")
+    mantissa, _, exponent = f"{float(value):.4g}".replace("-", "−").partition("e")
+    return f"{mantissa} × 10^{exponent.lstrip('+0').replace('−0', '−')}" if exponent else mantissa

@@ -1,0 +1,127 @@
+"""One offline HTML page from structured content."""
+
+import base64
+import hashlib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from urllib.parse import quote
+
+import jinja2
+from markupsafe import Markup, escape
+
+from ._content import Badge, Fact, Figure, Provenance, Section, Table, shown
+from ._csv import figure_csv, table_csv
+from ._svg import drawings, png
+
+TEMPLATES = Path(__file__).parent / "templates"
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page: a question, its answer first, then sections; `write` makes the files."""
+
+    title: str
+    question: str
+    answer: str
+    sections: Sequence[Section]
+    provenance: Provenance
+    facts: Sequence[Fact] = ()
+
+    def write(self, folder: str | Path, name: str = "index.html") -> Path:
+        """Page, PNGs and CSVs in `folder`; the page also holds the others, so it travels alone."""
+        folder = Path(folder)
+        folder.mkdir(parents=True, exist_ok=True)
+        pictures = {}
+        for part in self.sections:
+            for figure in part.figures:
+                pictures[figure.name] = png(figure.fig)
+                (folder / f"{file_name(figure.name)}.png").write_bytes(pictures[figure.name])
+                if figure.data:
+                    csv = figure_csv(figure.data)
+                    (folder / f"{file_name(figure.name)}.csv").write_text(csv, encoding="utf-8")
+            for table in part.tables:
+                if table.name:
+                    csv = table_csv(table)
+                    (folder / f"{file_name(table.name)}.csv").write_text(csv, encoding="utf-8")
+        path = folder / name
+        path.write_text(self.html(pictures), encoding="utf-8")
+        return path
+
+    def html(self, pictures: Mapping[str, bytes] | None = None) -> str:
+        """The whole page as text; `pictures` holds PNGs that are already drawn, by figure name."""
+        script = (TEMPLATES / "page.js").read_text(encoding="utf-8")
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+        return (
+            _environment()
+            .get_template("page.html.j2")
+            .render(
+                page=self,
+                pictures=pictures or {},
+                css=Markup((TEMPLATES / "page.css").read_text(encoding="utf-8")),
+                script=Markup(script),
+                digest=digest,
+            )
+        )
+
+
+def file_name(name: str) -> str:
+    """`name` without anything that a file system or a link could take for more than a name."""
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", name).strip("-.") or "unnamed"
+
+
+def prose(text: str) -> list[Markup]:
+    """Paragraphs, escaped; `code` in backticks."""
+    paragraphs = [p.strip() for p in re.split(r"\n\s*\n", text) if p.strip()]
+    return [_inline(p) for p in paragraphs]
+
+
+def _inline(text: str) -> Markup:
+    safe = str(escape(text))
+    safe = re.sub(r"`([^`]+)`", r"<code>\1</code>", safe)
+    return Markup(re.sub(r"10\^(−?\d+)", r"10<sup>\1</sup>", safe))
+
+
+def _data_link(text: str | bytes, kind: str) -> str:
+    if isinstance(text, bytes):
+        return f"data:{kind};base64,{base64.b64encode(text).decode()}"
+    return f"data:{kind};charset=utf-8,{quote(text)}"
+
+
+def _svgs(figure: Figure):
+    return [
+        (d.unit, Markup(d.wide), Markup(d.narrow))
+        for d in drawings(figure.fig, file_name(figure.name), figure.axis)
+    ]
+
+
+def _environment() -> jinja2.Environment:
+    env = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(TEMPLATES),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    env.filters |= {
+        "prose": prose,
+        "inline": _inline,
+        "shown": lambda value: _inline(shown(value)),
+        "file": file_name,
+        "svgs": _svgs,
+        "png_link": _png_link,
+        "csv_link": _csv_link,
+    }
+    env.tests["badge"] = lambda value: isinstance(value, Badge)
+    return env
+
+
+def _png_link(figure: Figure, pictures: Mapping[str, bytes]) -> str:
+    picture = pictures.get(figure.name)
+    return _data_link(png(figure.fig) if picture is None else picture, "image/png")
+
+
+def _csv_link(part: Figure | Table) -> str:
+    text = table_csv(part) if isinstance(part, Table) else figure_csv(part.data)
+    return _data_link(text, "text/csv")

@@ -1,0 +1,91 @@
+"""How the product's figures look: a colour-blind-safe palette and readable labels, in a context.
+
+Nothing here changes a setting of the process: `style()` is a context, `figure()` makes a figure
+that no window system knows of.
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import matplotlib as mpl
+from cycler import cycler
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, told apart with every common colour vision
+PALETTE = {
+    "blue": "#0072B2",
+    "vermillion": "#D55E00",
+    "green": "#009E73",
+    "purple": "#CC79A7",
+    "orange": "#E69F00",
+    "sky": "#56B4E9",
+    "black": "#222222",
+}
+COLOURS = tuple(PALETTE.values())
+INK, MUTED, RULE = "#1b1f24", "#57606a", "#d8dde3"
+WIDTH, NARROW = 7.2, 4.3  # inches: on a page, and on a telephone
+
+RC: dict[Any, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 11.0,
+    "axes.titlesize": 11.5,
+    "axes.titleweight": "bold",
+    "axes.titlelocation": "left",
+    "axes.titlecolor": INK,
+    "axes.labelsize": 11.0,
+    "axes.labelcolor": INK,
+    "axes.edgecolor": MUTED,
+    "axes.linewidth": 0.8,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "axes.prop_cycle": cycler(color=COLOURS),
+    "axes.formatter.use_mathtext": False,
+    "axes.formatter.useoffset": False,
+    "axes.unicode_minus": True,
+    "grid.color": RULE,
+    "grid.linewidth": 0.7,
+    "text.color": INK,
+    "text.parse_math": False,  # a name with dollars stays that name
+    "xtick.color": MUTED,
+    "ytick.color": MUTED,
+    "xtick.labelcolor": INK,
+    "ytick.labelcolor": INK,
+    "xtick.labelsize": 10.0,
+    "ytick.labelsize": 10.0,
+    "lines.linewidth": 1.6,
+    "legend.frameon": False,
+    "legend.fontsize": 10.0,
+    "figure.facecolor": "white",
+    "savefig.facecolor": "white",
+    "path.simplify": True,
+    "path.simplify_threshold": 0.3,
+    "svg.fonttype": "none",
+    "svg.hashsalt": "omnijax",
+}
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Matplotlib's settings of the product, for the block only."""
+    with mpl.rc_context(RC):
+        yield
+
+
+def figure(
+    rows: int = 1, columns: int = 1, *, height: float | None = None, sharex: bool = True
+) -> tuple[Figure, list[Axes]]:
+    """A figure of page width (in) and its axes, in reading order; use inside `style()`."""
+    tall = height if height is not None else 1.6 + 1.75 * rows
+    fig = Figure(figsize=(WIDTH, tall), layout="constrained")
+    axes = fig.subplots(rows, columns, sharex=sharex, squeeze=False)
+    return fig, list(axes.ravel())
+
+
+def superscript(number: int) -> str:
+    """`number` in raised digits."""
+    return str(number).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))
