@@ -1,5 +1,12 @@
 """What the machine is, and the files that say so."""
 
+from .._errors import InputError as InputError
+from .._errors import did_you_mean as did_you_mean
+from ._json_schema import json_schema as json_schema
+from ._load import bundled_rigs as bundled_rigs
+from ._load import load_rig as load_rig
+from ._load import parse_rig as parse_rig
+from ._load import rig_path as rig_path
 from ._machine import Closure as Closure
 from ._machine import Contact as Contact
 from ._machine import Mount as Mount
@@ -11,3 +18,15 @@ from ._machine import Wheels as Wheels
 from ._machine import grouped_profiles as grouped_profiles
 from ._machine import over_wheels as over_wheels
 from ._machine import place_law as place_law
+from ._parameters import ParameterInfo as ParameterInfo
+from ._parameters import get_parameter as get_parameter
+from ._parameters import parameter_info as parameter_info
+from ._parameters import parameter_paths as parameter_paths
+from ._parameters import read_parameter as read_parameter
+from ._parameters import set_parameter as set_parameter
+from ._quantities import as_number as as_number
+from ._save import rig_text as rig_text
+from ._save import save_rig as save_rig
+from ._schema import GROUPS as GROUPS
+from ._schema import channels as channels
+from ._user_laws import user_laws as user_laws

@@ -1,0 +1,172 @@
+"""Every problem of a rig's tables at once, one sentence each."""
+
+import math
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from .._errors import did_you_mean
+from ._check_effects import effect_problems
+from ._parameters import scalar_paths
+from ._quantities import UNIT_TOLERANCE
+from ._schema import GROUPS, TABLES, RigTable, SphereTable, WheelTable, channels, quantities
+from ._table_profile import read_profile
+
+_RESERVED = {"all", "sphere", "platform", *WheelTable.model_fields, *GROUPS}
+
+
+def problems(data: Mapping[str, Any], folder: Path) -> list[str]:
+    """What is wrong with the tables of a rig file; relative files are looked for in `folder`."""
+    try:
+        RigTable.model_validate(data)
+        found = []
+    except ValidationError as error:
+        found = [_sentence(entry, data) for entry in error.errors() if not _nested(entry)]
+    wheels = [wheel for wheel in _blocks(data, "wheel") if isinstance(wheel, Mapping)]
+    names = [wheel["name"] for wheel in wheels if isinstance(wheel.get("name"), str)]
+    found += _name_problems(names)
+    for i, wheel in enumerate(wheels):
+        key = f"wheel.{_label(wheels, i)}"
+        found += [f"`{key}.{text}" for text in _wheel_problems(wheel, data, folder)]
+    found += effect_problems(_blocks(data, "effect"), wheels, folder)
+    found += _uncertainty_problems(data, names)
+    return list(dict.fromkeys(found))
+
+
+def _blocks(data: Mapping, key: str) -> list:
+    blocks = data.get(key, [])
+    return blocks if isinstance(blocks, list) else []
+
+
+def _label(blocks: Any, index: int, key: str = "name") -> str:
+    """A block's name where that tells it from the others, else its number in the file, from 1."""
+    names = [block.get(key) if isinstance(block, Mapping) else None for block in blocks]
+    name = names[index]
+    return name if isinstance(name, str) and names.count(name) == 1 else str(index + 1)
+
+
+def _nested(entry: Any) -> bool:
+    """An uncertainty whose key is not in quotes; `_uncertainty_problems` says so."""
+    return entry["loc"][0] == "uncertainty" and isinstance(entry["input"], Mapping)
+
+
+def _sentence(entry: Any, data: Mapping) -> str:
+    """One pydantic error as a sentence that begins with the key's path."""
+    loc, kind = entry["loc"], entry["type"]
+    path = _path(loc, data)
+    if kind == "missing":
+        return f"`{path}` is missing.{_purpose(loc)}"
+    if kind == "extra_forbidden":
+        table = tuple(part for part in loc[:-1] if isinstance(part, str))
+        keys = TABLES.get(table, RigTable).model_fields
+        hint = did_you_mean(str(loc[-1]), keys) or f" Known keys: {', '.join(keys)}."
+        return f"`{path}` is not a key of a rig file.{hint}"
+    found = entry["input"]
+    if kind == "value_error":
+        return f"`{path}` {entry['ctx']['error']}"
+    if kind == "literal_error":
+        expected = entry["ctx"]["expected"].replace("'", "").replace(" or ", ", ")
+        hint = did_you_mean(str(found), expected.split(", "))
+        return f"`{path}` must be one of {expected}, but is {found!r}.{hint}"
+    if kind == "too_short" and loc == ("wheel",):
+        return "`wheel`: a rig needs at least one [[wheel]] block, but has none."
+    kinds = {"model_type": "a table", "list_type": "a list of tables ([[...]])"}
+    kinds |= {"dict_type": "a table", "string_type": "text", "model_attributes_type": "a table"}
+    kinds |= {"string_too_short": "text of at least one character"}
+    kinds |= {"string_too_long": "text of at most 64 characters"}
+    return f"`{path}` must be {kinds.get(kind, entry['msg'])}, but is {found!r}."
+
+
+def _path(loc: tuple, data: Any) -> str:
+    """Key path with a wheel's name (an effect's id) in the place of its number."""
+    parts, here = [], data
+    for step in loc:
+        if isinstance(step, int):
+            parts.append(_label(here, step, "id" if parts == ["effect"] else "name"))
+        else:
+            parts.append(step)
+        try:
+            here = here[step]
+        except (KeyError, IndexError, TypeError):
+            here = []
+    return ".".join(parts)
+
+
+def _purpose(loc: tuple) -> str:
+    """Unit and range of a missing number."""
+    table = TABLES.get(tuple(part for part in loc[:-1] if isinstance(part, str)))
+    quantity = quantities(table).get(str(loc[-1])) if table else None
+    return f" Give a value in {quantity.unit}." if quantity and quantity.unit != "1" else ""
+
+
+def _name_problems(names: list[str]) -> Iterator[str]:
+    """Names that are not unique, mean something else, or would break a parameter's path."""
+    reserved = _RESERVED | set(channels(len(names)))
+    for name in dict.fromkeys(names):
+        if names.count(name) > 1:
+            yield f"`wheel.{name}.name` must be unique, but {names.count(name)} wheels have it."
+        if name in reserved:
+            yield f"`wheel.{name}.name` must not be {name!r}: the word has a meaning of its own."
+        if "." in name or not name.isprintable() or name != name.strip():
+            yield f"`wheel.{name}.name` must be printable text without dots, but is {name!r}."
+
+
+def _read(table: Any, key: str, mapping: Any) -> Any:
+    """A number of a table where it is well-formed, else None (the schema has told of it)."""
+    try:
+        return quantities(table)[key].read(mapping[key])
+    except (KeyError, TypeError, ValueError):
+        return None
+
+
+def _wheel_problems(wheel: Mapping, data: Mapping, folder: Path) -> Iterator[str]:
+    """What the keys of one wheel together get wrong; begins inside the backticks."""
+    normal, drive = (_read(WheelTable, key, wheel) for key in ("normal", "drive"))
+    if normal is not None and drive is not None:
+        dot = sum(a * b for a, b in zip(normal, drive, strict=True))
+        if abs(dot) > UNIT_TOLERANCE:
+            yield (
+                f"drive` must be perpendicular to `normal` (dot product 0 within "
+                f"{UNIT_TOLERANCE:g}), but their dot product is {dot:.7g}."
+            )
+    profile = wheel.get("profile")
+    for key, owner in (("row_spacing", "dual-row"), ("table", "table")):
+        if profile == owner and key not in wheel:
+            yield f"{key}` is missing: profile {owner!r} needs it."
+        if profile != owner and key in wheel:
+            yield f"{key}` belongs to profile {owner!r} only, but the profile is {profile!r}."
+    roundness = _read(WheelTable, "roundness", wheel)
+    if profile == "dual-row" and roundness is not None and roundness > 0.5:
+        yield (
+            f"roundness` must lie in [0, 0.5] for profile 'dual-row', but is {roundness!r}: "
+            "above it both rows show a gap at once."
+        )
+    rollers, radius = _read(WheelTable, "rollers", wheel), _read(WheelTable, "radius", wheel)
+    sphere = _read(SphereTable, "radius", data.get("sphere"))
+    if roundness is not None and rollers and radius and sphere:
+        reach = radius * math.sin(min(roundness * math.pi / rollers, math.pi / 2))
+        if reach >= sphere:
+            yield f"radius` leaves gaps that the sphere falls through ({sphere:g} m in radius)."
+    if profile == "table" and "table" in wheel and rollers is not None:
+        try:
+            read_profile(wheel["table"], rollers, folder)
+        except ValueError as error:
+            yield f"table` {error}"
+
+
+def _uncertainty_problems(data: Mapping, names: list[str]) -> Iterator[str]:
+    """Keys that are no parameter of the rig, or not in quotes."""
+    table = data.get("uncertainty", {})
+    if not isinstance(table, Mapping):
+        return
+    effects = [block for block in _blocks(data, "effect") if isinstance(block, Mapping)]
+    known = scalar_paths(names, effects)
+    for path, value in table.items():
+        if isinstance(value, Mapping):
+            inner = next(iter(value), "...")
+            yield f'`uncertainty.{path}` needs its key in quotes: "{path}.{inner}" = 0.1.'
+        elif path not in known:
+            hint = did_you_mean(path, known)
+            yield f"`uncertainty.{path}` must be a parameter of the rig, but is none.{hint}"

@@ -1,0 +1,91 @@
+"""What is wrong with the `[[effect]]` blocks of a rig file."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from .._errors import did_you_mean
+from ..laws import EFFECTS, AbstractLaw
+from ._parameters import law_quantity
+from ._schema import GROUPS, channels
+from ._user_laws import user_laws
+
+
+def law_class(block: Mapping, folder: Path) -> type[AbstractLaw] | None:
+    """The law of a block: one of omnijax's own, or of the Python file named by `law`."""
+    laws = EFFECTS if "law" not in block else user_laws(folder / str(block["law"]))
+    return laws.get(block.get("id", ""))
+
+
+def effect_problems(
+    blocks: Sequence[Any], wheels: Sequence[Mapping], folder: Path
+) -> Iterator[str]:
+    """One sentence a problem; what the schema tells of already is left to it."""
+    seen: set[tuple[str, str]] = set()
+    for block in blocks:
+        if not isinstance(block, Mapping) or not isinstance(block.get("id"), str):
+            continue
+        key, place = f"effect.{block['id']}", block.get("place")
+        try:
+            law = law_class(block, folder)
+        except ValueError as error:
+            yield f"`{key}.law`: {error}"
+            continue
+        if law is None:
+            known = EFFECTS if "law" not in block else user_laws(folder / str(block["law"]))
+            hint = did_you_mean(block["id"], known) or " `omnijax effects` lists them."
+            yield f"`effect.id` must be the id of a known effect, but is {block['id']!r}.{hint}"
+            continue
+        if isinstance(place, str):
+            if (block["id"], place) in seen:
+                yield f"`{key}.{place}` stands twice in the file: one block an effect and place."
+            seen.add((block["id"], place))
+            allowed = places(law, [str(wheel.get("name")) for wheel in wheels])
+            if place not in allowed:
+                hint = did_you_mean(place, allowed)
+                yield f"`{key}.place` must be one of {', '.join(allowed)}, but is {place!r}.{hint}"
+        yield from _parameter_problems(law, block, wheels)
+
+
+def places(law: type[AbstractLaw], names: Sequence[str]) -> list[str]:
+    """The places that a rig with wheels `names` offers a law."""
+    kinds = {
+        "wheel": list(dict.fromkeys(names)),
+        "group": list(GROUPS),
+        "channel": list(channels(len(names))),
+    }
+    return [place for kind in law.places for place in kinds.get(kind, [kind])]
+
+
+def _parameter_problems(law: type[AbstractLaw], block: Mapping, wheels) -> Iterator[str]:
+    given, place = block.get("parameters", {}), str(block.get("place"))
+    if not isinstance(given, Mapping):
+        return
+    key = f"effect.{law.id}.{place}"
+    for name in given:
+        if name not in law.parameters:
+            known = ", ".join(law.parameters) or "none"
+            hint = did_you_mean(name, law.parameters) or f" Known parameters: {known}."
+            yield f"`{key}.{name}` is not a parameter of `{law.id}`.{hint}"
+    for name, parameter in law.parameters.items():
+        quantity = law_quantity(parameter, place, len(wheels))
+        if name not in given:
+            if not parameter.optional:
+                yield f"`{key}.{name}` is missing. Give a value in {quantity.unit}."
+            continue
+        try:
+            value = quantity.read(given[name])
+        except ValueError as error:
+            yield f"`{key}.{name}` {error}"
+            continue
+        if law.id == "damaged-roller" and name == "roller":
+            yield from _roller_problems(f"{key}.{name}", value, place, wheels)
+
+
+def _roller_problems(key: str, value: Any, place: str, wheels) -> Iterator[str]:
+    """A roller's number is whole and below the wheel's number of rollers."""
+    rollers = [wheel.get("rollers") for wheel in wheels if wheel.get("name") == place]
+    count = rollers[0] if rollers and isinstance(rollers[0], int | float) else None
+    if value != int(value) or (count is not None and value >= count):
+        top = "" if count is None else f" in [0, {count - 1:g}]"
+        yield f"`{key}` must be a whole number{top}, but is {value!r}."

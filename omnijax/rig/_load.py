@@ -1,0 +1,121 @@
+"""Rig files in: TOML -> `Rig`."""
+
+import tomllib
+from collections.abc import Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+
+from .._errors import InputError, did_you_mean
+from ..laws import PROFILES, AbstractLaw, AbstractShape, DualRow
+from ._check import problems
+from ._check_effects import law_class
+from ._machine import Closure, Contact, Mount, Placed, Platform, Rig, Sphere, Wheels, place_law
+from ._parameters import law_quantity
+from ._schema import EffectTable, RigTable, WheelTable, quantities
+from ._table_profile import shape_of
+
+
+def bundled_rigs() -> dict[str, Path]:
+    """Rig files that come with omnijax, by name."""
+    folder = Path(str(resources.files("omnijax.rig") / "data"))
+    return {path.stem: path for path in sorted(folder.glob("*.toml"), key=lambda path: path.stem)}
+
+
+def rig_path(path: str | Path) -> Path:
+    """The rig file that a user means: a file, or the name of a bundled rig."""
+    bundled = bundled_rigs()
+    file = Path(path)
+    if file.exists() or str(path) not in bundled:
+        return file
+    return bundled[str(path)]
+
+
+def load_rig(path: str | Path) -> Rig:
+    """The rig of a TOML file, or a bundled one by its name (`"atlas"`).
+
+    Raises `InputError` with every problem of the file at once.
+    """
+    file = rig_path(path)
+    try:
+        text = file.read_bytes().decode("utf-8-sig")
+    except OSError as error:
+        names = bundled_rigs()
+        hint = did_you_mean(str(path), names) or f" Bundled rigs: {', '.join(names)}."
+        raise InputError(f"the rig file cannot be read: {error.strerror}.{hint}", path) from None
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"is not UTF-8 text: {error.reason} at byte {error.start}.", path
+        ) from None
+    try:
+        data = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(f"is not valid TOML: {error}.", path) from None
+    return parse_rig(data, file)
+
+
+def parse_rig(data: Mapping[str, Any], path: str | Path | None = None) -> Rig:
+    """The rig of tables as `tomllib` gives them; files are relative to the folder of `path`."""
+    folder = Path(".") if path is None else Path(path).parent
+    found = problems(data, folder)
+    if found:
+        raise InputError(found, path)
+    return _build(RigTable.model_validate(data), folder)
+
+
+def _build(table: RigTable, folder: Path) -> Rig:
+    names = tuple(wheel.name for wheel in table.wheel)
+    profiles = tuple(_profile(wheel, folder) for wheel in table.wheel)
+    return Rig(
+        sphere=Sphere(**_arrays(table.sphere)),
+        platform=Platform(**_arrays(table.platform)),
+        wheels=_wheels(table.wheel),
+        profiles=profiles,
+        effects=tuple(_placed(block, names, profiles, folder) for block in table.effect),
+        names=names,
+        uncertainty=tuple(table.uncertainty.items()),
+    )
+
+
+def _arrays(table: Any) -> dict[str, Any]:
+    return {key: jnp.asarray(getattr(table, key), float) for key in quantities(type(table))}
+
+
+def _wheels(wheels: list[WheelTable]) -> Wheels:
+    def stacked(tables: list[Any]) -> dict[str, Any]:
+        keys = [key for key in quantities(type(tables[0])) if key != "row_spacing"]
+        return {key: jnp.asarray([getattr(t, key) for t in tables], float) for key in keys}
+
+    return Wheels(
+        **stacked(wheels),
+        contact=Contact(**stacked([wheel.contact for wheel in wheels])),
+        mount=Mount(**stacked([wheel.mount for wheel in wheels])),
+        closure=Closure(**stacked([wheel.closure for wheel in wheels])),
+    )
+
+
+def _profile(wheel: WheelTable, folder: Path) -> AbstractShape:
+    if wheel.profile == "dual-row":
+        return DualRow(jnp.asarray(wheel.row_spacing, float))
+    if wheel.table is not None:
+        return shape_of(wheel.table, wheel.rollers, folder)
+    return PROFILES[wheel.profile]()
+
+
+def _placed(block: EffectTable, names, profiles, folder: Path) -> Placed:
+    tables = block.model_dump(exclude_none=True)
+    law = law_class(tables, folder)
+    assert law is not None  # `problems` has refused unknown ids
+    values = {
+        key: law_quantity(law.parameters[key], block.place, len(names)).read(value)
+        for key, value in block.parameters.items()
+    }
+    return place_law(with_arrays(law, values), block.place, names, profiles)
+
+
+def with_arrays(law: type[AbstractLaw], values: Mapping[str, Any]) -> AbstractLaw:
+    """A law with its parameters as arrays, its defaults too where none is given."""
+    filled = {**{k: getattr(law, k, None) for k in law.parameters}, **values}
+    return law(**{k: jnp.asarray(v, float) for k, v in filled.items() if v is not None})

@@ -1,0 +1,201 @@
+"""Parameter paths: `sphere.mass`, `wheel.w1.radius`, `effect.wheel-runout.w2.amplitude`."""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .._errors import InputError, did_you_mean
+from ..laws import Parameter
+from ._machine import Rig
+from ._quantities import InertiaTensor, Quantity, Vector
+from ._schema import (
+    ClosureTable,
+    ContactTable,
+    MountTable,
+    PlatformTable,
+    SphereTable,
+    WheelTable,
+    channels,
+    quantities,
+)
+
+_BODIES = {
+    f"{body}.{key}": quantity
+    for body, table in (("sphere", SphereTable), ("platform", PlatformTable))
+    for key, quantity in quantities(table).items()
+}
+_PARTS = {
+    f"{part}.{key}": quantity
+    for part, table in (("contact", ContactTable), ("mount", MountTable), ("closure", ClosureTable))
+    for key, quantity in quantities(table).items()
+}
+_WHEEL = {**quantities(WheelTable), **_PARTS}
+_SPACING = "row_spacing"  # a field of the wheel's profile, not of the wheel
+
+
+class ParameterInfo(NamedTuple):
+    """What is known of one parameter besides its value; `shape` is () for one number."""
+
+    path: str
+    unit: str
+    low: float
+    high: float
+    shape: tuple[int, ...]
+    whole: bool = False
+
+    @property
+    def range(self) -> str:
+        """The allowed range as text."""
+        return f"[{self.low:g}, {self.high:g}]"
+
+
+class _Place(NamedTuple):
+    """Where a parameter stands in the rig: a leaf, or an entry of it."""
+
+    leaf: Callable[[Rig], Any]
+    index: int | None
+    quantity: Quantity | Vector | InertiaTensor
+
+
+def get_parameter(rig: Rig, path: str) -> Float[Array, "..."]:
+    """Value at `path`; a path that speaks of all wheels gives one entry a wheel."""
+    place = _locate(rig, path)
+    leaf = jnp.asarray(place.leaf(rig))
+    return leaf if place.index is None else leaf[place.index]
+
+
+def set_parameter(rig: Rig, path: str, value: Any) -> Rig:
+    """A rig with `value` at `path` (SI, traced or not); one number is given to every wheel.
+
+    Ranges are not looked at here, since values may be traced: `read_parameter` does that.
+    """
+    place = _locate(rig, path)
+    old, new = jnp.asarray(place.leaf(rig)), jnp.asarray(value, float)
+    shape = old.shape if place.index is None else old.shape[1:]
+    if isinstance(place.quantity, InertiaTensor) and new.shape == (3, 3):
+        shape = (3, 3)
+    try:
+        new = jnp.broadcast_to(new, shape)
+    except ValueError:
+        raise InputError(f"`{path}` has shape {shape}, but the value has {new.shape}.") from None
+    new = new if place.index is None else old.at[place.index].set(new)
+    return eqx.tree_at(place.leaf, rig, new, is_leaf=lambda x: x is None)
+
+
+def read_parameter(rig: Rig, path: str, value: Any) -> Any:
+    """A user's `value` for `path` in SI, from a number or text with a unit; checks its range."""
+    quantity = _locate(rig, path).quantity
+    try:
+        return quantity.read(value)
+    except ValueError as error:
+        raise InputError(f"`{path}` {error}") from None
+
+
+def parameter_info(rig: Rig, path: str) -> ParameterInfo:
+    """Unit, range and shape of the parameter at `path`."""
+    quantity = _locate(rig, path).quantity
+    low, whole = quantity.low, isinstance(quantity, Quantity) and quantity.whole
+    if isinstance(quantity, Quantity) and quantity.above is not None:
+        low = quantity.above
+    shape = tuple(get_parameter(rig, path).shape)
+    return ParameterInfo(path, quantity.unit, low, quantity.high, shape, whole)
+
+
+def parameter_paths(rig: Rig) -> list[ParameterInfo]:
+    """Every numeric parameter: bodies, all wheels at once, each wheel, effects."""
+    paths = [*_BODIES, *_all_wheels(), *_each_wheel(rig.names)]
+    paths += [
+        f"wheel.{name}.{_SPACING}"
+        for name, profile in zip(rig.names, rig.profiles, strict=True)
+        if hasattr(profile, _SPACING)
+    ]
+    paths += [
+        f"effect.{placed.law.id}.{placed.place}.{key}"
+        for placed in rig.effects
+        for key in placed.law.parameters
+        if getattr(placed.law, key) is not None
+    ]
+    return [parameter_info(rig, path) for path in paths]
+
+
+def scalar_paths(names: Iterable[str], effects: Iterable[Mapping]) -> set[str]:
+    """Paths of one number (or one a wheel), every spelling; for the checks before a rig exists."""
+    found = {path for path, q in _BODIES.items() if not isinstance(q, Vector)}
+    numbers = {key for key, q in _WHEEL.items() if isinstance(q, Quantity) and not q.whole}
+    found |= {f"wheel.{key}" for key in numbers if key != _SPACING}
+    found |= {key for key in _PARTS if key in numbers}
+    found |= {f"wheel.{name}.{key}" for name in names for key in numbers}
+    for block in effects:
+        parameters = block.get("parameters", {})
+        keys = parameters if isinstance(parameters, Mapping) else ()
+        found |= {f"effect.{block.get('id')}.{block.get('place')}.{key}" for key in keys}
+    return found
+
+
+def law_quantity(parameter: Parameter, place: str = "", wheels: int = 0) -> Quantity | Vector:
+    """Unit and range of a law's parameter; a sensor's takes the unit of its channel."""
+    unit = parameter.unit
+    if unit.startswith("unit of the channel"):
+        unit = channels(wheels).get(place, "1") + unit.removeprefix("unit of the channel")
+        unit = unit.removeprefix("1/") if unit == "1/" else unit
+    if parameter.shape:
+        return Vector(unit, nonzero=unit == "1", size=parameter.shape)
+    if getattr(parameter, "above", False):
+        return Quantity(unit, high=parameter.high, above=parameter.low)
+    return Quantity(unit, parameter.low, parameter.high)
+
+
+def _all_wheels() -> list[str]:
+    return [key if key in _PARTS else f"wheel.{key}" for key in _WHEEL if key != _SPACING]
+
+
+def _each_wheel(names: Iterable[str]) -> list[str]:
+    return [f"wheel.{name}.{key}" for name in names for key in _WHEEL if key != _SPACING]
+
+
+def _locate(rig: Rig, path: str) -> _Place:
+    """The leaf that `path` names; `InputError` with the nearest known path where there is none."""
+    head, _, key = path.partition(".")
+    if path in _BODIES:
+        return _Place(lambda r: getattr(getattr(r, head), key), None, _BODIES[path])
+    if path in _PARTS:
+        return _wheel_place(path, None)
+    if head == "wheel" and key in _WHEEL and key != _SPACING:
+        return _wheel_place(key, None)
+    name, _, key = key.partition(".")
+    if head == "wheel" and name in rig.names and key in _WHEEL:
+        i = rig.names.index(name)
+        if key != _SPACING:
+            return _wheel_place(key, i)
+        if hasattr(rig.profiles[i], _SPACING):
+            return _Place(lambda r: r.profiles[i].row_spacing, None, _WHEEL[key])
+    if head == "effect":
+        found = _effect_place(rig, path)
+        if found:
+            return found
+    known = [info.path for info in parameter_paths(rig)]
+    raise InputError(f"the rig has no parameter `{path}`.{did_you_mean(path, known)}")
+
+
+def _wheel_place(key: str, index: int | None) -> _Place:
+    def leaf(rig: Rig) -> Any:
+        here: Any = rig.wheels
+        for part in key.split("."):
+            here = getattr(here, part)
+        return here
+
+    return _Place(leaf, index, _WHEEL[key])
+
+
+def _effect_place(rig: Rig, path: str) -> _Place | None:
+    for k, placed in enumerate(rig.effects):
+        for key, parameter in placed.law.parameters.items():
+            if path == f"effect.{placed.law.id}.{placed.place}.{key}":
+                quantity = law_quantity(parameter, placed.place, rig.size)
+                if getattr(placed.law, key) is None:
+                    return None
+                return _Place(lambda r, k=k, a=key: getattr(r.effects[k].law, a), None, quantity)
+    return None

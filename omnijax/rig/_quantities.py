@@ -1,0 +1,196 @@
+"""Numbers with a unit and a range, as they stand in a rig file: `0.0758` or `"75.8 mm"`."""
+
+import dataclasses
+import functools
+import math
+import re
+from typing import Any
+
+from pydantic_core import core_schema
+
+_NUMBER = re.compile(r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z")
+
+
+@dataclasses.dataclass(frozen=True)
+class Quantity:
+    """One number: its SI unit and the range it must lie in.
+
+    A pydantic annotation (`Annotated[float, Quantity("kg", above=0)]`) and, by `read`, a check of
+    its own.  The errors are the second half of the sentence "`path` must lie in ...".
+    """
+
+    unit: str
+    low: float = -math.inf
+    high: float = math.inf
+    above: float | None = None  # an excluded lower end
+    whole: bool = False
+
+    @property
+    def range(self) -> str:
+        """The allowed range as text: `[0, 1]`, `(0, inf)`."""
+        left = f"[{self.low:g}" if self.above is None else f"({self.above:g}"
+        left = "(-inf" if left == "[-inf" else left
+        return f"{left}, {self.high:g}" + (")" if math.isinf(self.high) else "]")
+
+    def read(self, found: Any) -> float:
+        """`found` in SI units; raises `ValueError` where it is no number in the range."""
+        value = as_number(found, self.unit)
+        text = f"{found!r} ({value:g} {self.unit})" if isinstance(found, str) else f"{found!r}"
+        if self.whole and value != math.floor(value):
+            raise ValueError(f"must be a whole number in {self.range}, but is {text}.")
+        too_low = value < self.low if self.above is None else value <= self.above
+        if too_low or value > self.high:
+            raise ValueError(f"must lie in {self.range}, but is {text}.")
+        return value
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        return {**self.json_schema(), "description": f"unit {self.unit}, range {self.range}"}
+
+    def json_schema(self) -> dict:
+        """A number in the range, or text with a unit."""
+        number: dict[str, Any] = {"type": "integer" if self.whole else "number"}
+        if self.above is not None:
+            number["exclusiveMinimum"] = self.above
+        elif math.isfinite(self.low):
+            number["minimum"] = self.low
+        if math.isfinite(self.high):
+            number["maximum"] = self.high
+        return {"anyOf": [number, {"type": "string", "pattern": r"^\s*[+-]?[\d.]"}]}
+
+
+@dataclasses.dataclass(frozen=True)
+class Vector:
+    """Three numbers of one unit; `unit_length`: of length 1 within 1e-6; `nonzero`: not all 0."""
+
+    unit: str
+    unit_length: bool = False
+    nonzero: bool = False
+    size: int = 3
+
+    low = -math.inf
+    high = math.inf
+    range = "(-inf, inf)"
+
+    def read(self, found: Any) -> tuple[float, ...]:
+        """`found` in SI units; raises `ValueError` where it is no such vector."""
+        if not isinstance(found, list | tuple) or len(found) != self.size:
+            raise ValueError(f"must be a list of {self.size} numbers, but is {found!r}.")
+        value = tuple(as_number(x, self.unit) for x in found)
+        length = math.hypot(*value)
+        if self.unit_length and abs(length - 1) > UNIT_TOLERANCE:
+            raise ValueError(
+                f"must be a unit vector (length 1 within {UNIT_TOLERANCE:g}), but {found!r} has "
+                f"length {length:.7g}."
+            )
+        if self.nonzero and length == 0:
+            raise ValueError("must not be the zero vector: it is a direction.")
+        return value
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        return self.json_schema()
+
+    def json_schema(self) -> dict:
+        """A list of numbers."""
+        item = Quantity(self.unit).json_schema()
+        text = f"unit vector, length 1 within {UNIT_TOLERANCE:g}" if self.unit_length else ""
+        text = text or f"unit {self.unit}"
+        size = {"minItems": self.size, "maxItems": self.size}
+        return {"type": "array", "items": item, **size, "description": text}
+
+
+UNIT_TOLERANCE = 1e-6  # of the length of `normal` and `drive`, and of their right angle
+
+
+@dataclasses.dataclass(frozen=True)
+class InertiaTensor:
+    """A number (isotropic) or a symmetric, positive definite 3x3 list, kg m^2."""
+
+    unit: str = "kg m^2"
+
+    low = 0.0
+    high = math.inf
+    range = "(0, inf)"
+
+    def read(self, found: Any) -> float | tuple[tuple[float, ...], ...]:
+        """`found` in SI units; raises `ValueError` where it is no inertia."""
+        if not isinstance(found, list | tuple):
+            return Quantity(self.unit, above=0).read(found)
+        rows = [row for row in found if isinstance(row, list | tuple) and len(row) == 3]
+        if len(found) != 3 or len(rows) != 3:
+            raise ValueError(f"must be a number or 3 rows of 3 numbers, but is {found!r}.")
+        a = tuple(tuple(as_number(x, self.unit) for x in row) for row in rows)
+        size = max(abs(x) for row in a for x in row)
+        if any(abs(a[i][j] - a[j][i]) > 1e-9 * size for i in range(3) for j in range(i)):
+            raise ValueError(f"must be symmetric, but is {found!r}.")
+        minors = (a[0][0], a[0][0] * a[1][1] - a[0][1] * a[1][0], _determinant(a))
+        if min(minors) <= 0:
+            raise ValueError(f"must be positive definite, but is {found!r}.")
+        return a
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        number = Quantity(self.unit, above=0).json_schema()["anyOf"]
+        size = {"minItems": 3, "maxItems": 3}
+        row = {"type": "array", "items": Quantity(self.unit).json_schema(), **size}
+        matrix = {"type": "array", "items": row, **size}
+        return {"anyOf": [*number, matrix], "description": "kg m^2, a number or 3x3, body frame"}
+
+
+def _determinant(a) -> float:
+    return sum(a[0][i] * (a[1][i - 2] * a[2][i - 1] - a[1][i - 1] * a[2][i - 2]) for i in range(3))
+
+
+def as_number(found: Any, unit: str) -> float:
+    """A finite number in the SI `unit`, from a number or from text with a unit."""
+    if isinstance(found, str):
+        return _from_text(found, unit)
+    if isinstance(found, bool) or not isinstance(found, int | float):
+        kind = "a number" if unit == "1" else f"a number ({unit})"
+        raise ValueError(f"must be {kind}, but is {found!r}.")
+    if not math.isfinite(found):
+        raise ValueError(f"must be finite, but is {found!r}.")
+    return float(found)
+
+
+@functools.cache
+def _units():
+    import pint  # half a second, so only once a text with a unit is met
+
+    return pint.UnitRegistry()
+
+
+def _from_text(text: str, unit: str) -> float:
+    """`"188.2 kN/m"` in N/m; turns become radians (or hertz) as the target asks."""
+    import pint
+
+    wanted = "a plain number" if unit == "1" else f"a number in {unit} or text with such a unit"
+    refusal = f"must be {wanted}, but is {text!r}."
+    match = _NUMBER.match(text)
+    if not match or not (match[2] or unit in {"1", "rad"}):
+        raise ValueError(refusal)
+    registry = _units()
+    try:
+        given, target = registry.parse_units(match[2]), registry.parse_units(unit)
+        number = float(match[1].replace("_", ""))
+        value = registry.Quantity(number, given).to(target).magnitude
+    except (pint.DimensionalityError, pint.OffsetUnitCalculusError):
+        raise ValueError(refusal) from None
+    except Exception:  # pint's parser raises many kinds for what is not a unit
+        raise ValueError(f"{refusal} Its unit is not known.") from None
+    # pint counts radians as 1, so that 1 Hz would be 1 rad/s: a turn is 2 pi rad
+    turns = "radian" in str(registry.Quantity(1, given).to_root_units().units)
+    if unit == "rad/s" and not turns:
+        value *= 2 * math.pi
+    if unit == "Hz" and turns:
+        value /= 2 * math.pi
+    if not math.isfinite(value):
+        raise ValueError(f"must be finite, but is {text!r}.")
+    return float(value)

@@ -1,0 +1,142 @@
+"""Rig files out: `Rig` -> TOML, so that reading it back gives the same rig to the last bit."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._errors import InputError
+from ..laws import EFFECTS, AbstractLaw, DualRow, TableShape
+from ._machine import Rig
+from ._parameters import law_quantity
+from ._schema import (
+    ClosureTable,
+    ContactTable,
+    MountTable,
+    PlatformTable,
+    SphereTable,
+    WheelTable,
+    quantities,
+)
+from ._user_laws import file_of
+
+
+def save_rig(rig: Rig, path: str | Path) -> Path:
+    """Write `rig` to the TOML file `path`; measured profiles and users' laws go beside it."""
+    path = Path(path)
+    files: dict[str, bytes] = {}
+    text = _text(rig, files, path.stem)
+    for name, content in files.items():
+        beside = path.parent / name
+        if beside.suffix == ".py" and beside.exists() and beside.read_bytes() != content:
+            raise InputError(f"{beside} exists with another text: save the rig to another folder.")
+        beside.write_bytes(content)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def rig_text(rig: Rig) -> str:
+    """The rig as TOML text that needs no file beside it, measured profiles included."""
+    return _text(rig, None, "")
+
+
+def _text(rig: Rig, files: dict[str, bytes] | None, stem: str) -> str:
+    """TOML of the rig; `files` collects what goes beside it, or everything stays in the text."""
+    lines = ["[sphere]", *_keys(rig.sphere, SphereTable), ""]
+    lines += ["[platform]", *_keys(rig.platform, PlatformTable)]
+    for i, name in enumerate(rig.names):
+        lines += ["", "[[wheel]]", f"name = {_toml(name)}", *_keys(rig.wheels, WheelTable, i)]
+        lines += _profile(rig, i, files, stem)
+        for part, table in (("contact", ContactTable), ("mount", MountTable)):
+            lines.append(_inline(part, getattr(rig.wheels, part), table, i))
+        lines.append(_inline("closure", rig.wheels.closure, ClosureTable, i))
+    for placed in rig.effects:
+        lines += [
+            "",
+            "[[effect]]",
+            f"id = {_toml(placed.law.id)}",
+            f"place = {_toml(placed.place)}",
+        ]
+        lines += _effect(placed.law, placed.place, rig.size, files)
+    if rig.uncertainty:
+        lines += ["", "[uncertainty]  # relative 1-sigma"]
+        lines += [f"{_toml(key)} = {_toml(value)}" for key, value in rig.uncertainty]
+    return "\n".join(lines) + "\n"
+
+
+def _keys(part: Any, table: type, index: int | None = None) -> list[str]:
+    """`key = value  # unit` of the numbers of a table; the zero vectors are the defaults."""
+    lines = []
+    for key, quantity in quantities(table).items():
+        if key == "row_spacing":  # stands with the profile
+            continue
+        value = np.asarray(getattr(part, key))
+        value = value if index is None else value[index]
+        if key in {"gravity", "centre_of_mass"} and not value.any():
+            continue
+        unit = "" if quantity.unit == "1" else f"  # {quantity.unit}"
+        lines.append(f"{key} = {_toml(value, whole=key == 'rollers')}{unit}")
+    return lines
+
+
+def _inline(name: str, part: Any, table: type, index: int) -> str:
+    units = [q.unit.replace("1", "-") for q in quantities(table).values()]
+    pairs = (f"{key} = {_toml(np.asarray(getattr(part, key))[index])}" for key in quantities(table))
+    return f"{name} = {{ {', '.join(pairs)} }}  # {', '.join(units)}"
+
+
+def _profile(rig: Rig, i: int, files: dict[str, bytes] | None, stem: str) -> list[str]:
+    profile = rig.profiles[i]
+    lines = [f"profile = {_toml(profile.id)}"]
+    if isinstance(profile, DualRow):
+        lines.append(f"row_spacing = {_toml(profile.row_spacing)}  # m")
+    if isinstance(profile, TableShape):
+        theta, rho = np.asarray(profile.knots)[:-1], np.asarray(profile.coefficients)[:, 0]
+        _check_period(float(profile.knots[-1]), float(rig.wheels.rollers[i]), rig.names[i])
+        if files is None:
+            columns = f"theta = {_toml(theta)}, rho = {_toml(rho)}"
+            return [*lines, f"table = {{ {columns} }}  # rad, m"]
+        name = f"{stem}-wheel-{i + 1}.csv"
+        rows = [f"{float(x)!r},{float(y)!r}" for x, y in zip(theta, rho, strict=True)]
+        files[name] = ("\n".join(["theta,rho", *rows]) + "\n").encode()
+        lines.append(f"table = {_toml(name)}")
+    return lines
+
+
+def _check_period(period: float, rollers: float, name: str) -> None:
+    if not any(math.isclose(period, x) for x in (2 * math.pi / rollers, 2 * math.pi)):
+        raise InputError(
+            f"`wheel.{name}.rollers` is {rollers:g}, but the wheel's table repeats after "
+            f"{period:.6g} rad, which is neither its pitch nor a turn."
+        )
+
+
+def _effect(law: AbstractLaw, place: str, wheels: int, files) -> list[str]:
+    lines, pairs, units = [], [], []
+    if EFFECTS.get(law.id) is not type(law):
+        name, text = file_of(type(law))
+        lines.append(f"law = {_toml(name)}")
+        if files is not None:
+            files[name] = text
+    for key, parameter in law.parameters.items():
+        value, default = getattr(law, key), getattr(type(law), key, None)
+        if value is None or (default is not None and np.array_equal(value, default)):
+            continue
+        pairs.append(f"{key} = {_toml(value)}")
+        units.append(law_quantity(parameter, place, wheels).unit)
+    if pairs:
+        lines.append(f"parameters = {{ {', '.join(pairs)} }}  # {', '.join(units)}")
+    return lines
+
+
+def _toml(value: Any, whole: bool = False) -> str:
+    """A TOML value: text, a number that reads back to the last bit, or a list of them."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False)
+    value = np.asarray(value, float)
+    if value.ndim:
+        return f"[{', '.join(_toml(x) for x in value)}]"
+    number = float(value)
+    return str(int(number)) if whole and number.is_integer() else repr(number)

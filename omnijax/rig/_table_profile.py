@@ -1,0 +1,94 @@
+"""A measured wheel profile: a CSV file with columns theta (rad) and rho (m)."""
+
+import csv
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from .._errors import did_you_mean
+from ..laws import TableShape
+
+COLUMNS = ("theta", "rho")
+
+
+def read_profile(
+    table: str | Mapping, rollers: float, folder: Path
+) -> tuple[list[float], list[float], float]:
+    """theta in rad, rho in m and the period: one turn or one pitch, whichever theta spans.
+
+    `table` is a CSV file relative to `folder`, or the two columns themselves.
+    """
+    theta, rho = _columns(table) if isinstance(table, Mapping) else _csv(folder / str(table))
+    if len(theta) < 4 or len(theta) != len(rho):
+        raise ValueError(f"needs four rows of theta and rho at least, but has {len(theta)}.")
+    steps = [b - a for a, b in itertools.pairwise(theta)]
+    for row, step in enumerate(steps, start=3):  # row 1 is the header
+        if step <= 0:
+            raise ValueError(f"must have increasing theta, but row {row} has {theta[row - 2]!r}.")
+    period = _period(theta[-1] - theta[0], max(steps), rollers)
+    if theta[-1] - theta[0] > period * (1 - 1e-9):  # the last row closes the loop
+        if abs(rho[-1] - rho[0]) > 1e-9 + 1e-3 * (max(rho) - min(rho)):
+            raise ValueError(
+                f"does not close: rho is {rho[0]!r} at the beginning and {rho[-1]!r} one period on."
+            )
+        theta, rho = theta[:-1], rho[:-1]
+    return theta, rho, period
+
+
+def shape_of(table: str | Mapping, rollers: float, folder: Path) -> TableShape:
+    """The spline through a table.
+
+    Fitted twice: the first fit puts a knot at 0, the second goes through these knots, and so gives
+    the same numbers again when it is written out and read back.
+    """
+    theta, rho, period = read_profile(table, rollers, folder)
+    first = TableShape.fit(theta, rho, period)
+    return TableShape.fit(first.knots[:-1], first.coefficients[:, 0], period)
+
+
+def _period(span: float, step: float, rollers: float) -> float:
+    """One pitch or one turn: the one that the table covers up to two of its widest steps."""
+    for period in (2 * math.pi / rollers, 2 * math.pi):
+        if period * (1 + 1e-9) >= span >= period * (1 - 1e-9) - 2 * step:
+            return period
+    raise ValueError(
+        f"must cover one pitch ({2 * math.pi / rollers:.6g} rad) or one turn ({2 * math.pi:.6g} "
+        f"rad), but theta spans {span:.6g} rad."
+    )
+
+
+def _columns(table: Mapping) -> tuple[list[float], list[float]]:
+    if set(table) != set(COLUMNS):
+        raise ValueError("must have the columns theta and rho.")
+    theta, rho = ([float(x) for x in table[name]] for name in COLUMNS)
+    if not all(math.isfinite(x) for x in (*theta, *rho)):
+        raise ValueError("must hold finite numbers only.")
+    return theta, rho
+
+
+def _csv(path: Path) -> tuple[list[float], list[float]]:
+    try:
+        with open(path, newline="", encoding="utf-8-sig") as file:
+            rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
+    except OSError as error:
+        raise ValueError(f"names {path}, which cannot be read: {error.strerror}.") from None
+    except (UnicodeDecodeError, csv.Error):
+        raise ValueError(f"names {path}, which is not a text table.") from None
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    for name in COLUMNS:
+        if name not in header:
+            hint = did_you_mean(name, header)
+            raise ValueError(f"names {path}, which has no column `{name}` in its first row.{hint}")
+    where = [header.index(name) for name in COLUMNS]
+    return tuple([_cell(path, k, row, i) for k, row in enumerate(rows[1:], 2)] for i in where)  # pyright: ignore[reportReturnType]
+
+
+def _cell(path: Path, number: int, row: Sequence[str], column: int) -> float:
+    try:
+        value = float(row[column])
+    except (ValueError, IndexError):
+        raise ValueError(f"names {path}, whose row {number} is no pair: {row!r}.") from None
+    if not math.isfinite(value):
+        raise ValueError(f"names {path}, whose row {number} is not finite: {row!r}.")
+    return value

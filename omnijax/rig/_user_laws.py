@@ -1,0 +1,46 @@
+"""Users' own laws: loaded once a text, and kept so that a saved rig carries its file."""
+
+import hashlib
+from pathlib import Path
+
+from .._errors import InputError
+from ..laws import EFFECTS, AbstractLaw, load_laws
+
+_LOADED: dict[str, dict[str, type[AbstractLaw]]] = {}  # digest of the file -> its laws
+_FILES: dict[type[AbstractLaw], tuple[str, bytes]] = {}  # law -> name and text of its file
+
+
+def user_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
+    """The laws of a Python file; the same text gives the same classes wherever it lies.
+
+    Two rigs are equal only if their laws are of one class, so a second load must not make new ones.
+    """
+    path = Path(path)
+    try:
+        text = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: no such Python file of laws ({error.strerror}).") from None
+    digest = hashlib.sha256(text).hexdigest()
+    if digest not in _LOADED:
+        try:
+            laws = load_laws(path)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        taken = sorted(set(laws) & set(EFFECTS))
+        if taken:
+            raise InputError(
+                f"{path}: the id `{taken[0]}` is one of omnijax's own; choose another."
+            )
+        _LOADED[digest] = laws
+        _FILES.update({law: (path.name, text) for law in laws.values()})
+    return _LOADED[digest]
+
+
+def file_of(law: type[AbstractLaw]) -> tuple[str, bytes]:
+    """Name and text of the file that a user's law came from."""
+    if law not in _FILES:
+        raise InputError(
+            f"the law `{law.id or law.__name__}` cannot be saved: put its class into a Python file "
+            "and take it from `omnijax.load_laws(file)`."
+        )
+    return _FILES[law]
