@@ -1,4 +1,4 @@
-"""omnijax: differentiable simulation, design and diagnosis of a sphere on omnidirectional wheels."""
+"""Differentiable simulation, design and diagnosis of a sphere on omnidirectional wheels."""
 
 import importlib
 from typing import Any
@@ -7,15 +7,15 @@ __version__ = "0.1.0"
 
 _MODULES = {  # where a public name lives; nothing is imported before it is asked for (no jax)
     "rig": (
-        "InputError bundled_rigs get_parameter load_rig parameter_info parameter_paths parse_rig "
-        "rig_text save_rig set_parameter Rig"
+        "InputError bundled_rigs get_parameter load_rig load_laws parameter_info parameter_paths "
+        "parse_rig rig_text save_rig set_parameter Rig"
     ),
-    "laws": "AbstractLaw EFFECTS PROFILES Parameter load_laws",
-    "simulate": "Signal SpeedDrive TorqueDrive Trajectory",
+    "laws": "AbstractLaw EFFECTS PROFILES Parameter",
+    "simulate": (
+        "Signal SpeedDrive SteadyState TorqueDrive Trajectory exact_obstacle propagate steady_state"
+    ),
 }
 _WHERE = {name: module for module, names in _MODULES.items() for name in names.split()}
-
-__all__ = ["__version__", *_WHERE]  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str) -> Any:

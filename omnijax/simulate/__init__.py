@@ -12,3 +12,7 @@ from ._signals import step as step
 from ._signals import table as table
 from ._solve import simulate as simulate
 from ._trajectory import Trajectory as Trajectory
+from .exact import SteadyState as SteadyState
+from .exact import exact_obstacle as exact_obstacle
+from .exact import propagate as propagate
+from .exact import steady_state as steady_state
