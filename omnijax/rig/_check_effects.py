@@ -8,12 +8,12 @@ from .._errors import did_you_mean
 from ..laws import EFFECTS, AbstractLaw
 from ._parameters import law_quantity
 from ._schema import GROUPS, channels
-from ._user_laws import user_laws
+from ._user_laws import load_laws
 
 
 def law_class(block: Mapping, folder: Path) -> type[AbstractLaw] | None:
     """The law of a block: one of omnijax's own, or of the Python file named by `law`."""
-    laws = EFFECTS if "law" not in block else user_laws(folder / str(block["law"]))
+    laws = EFFECTS if "law" not in block else load_laws(folder / str(block["law"]))
     return laws.get(block.get("id", ""))
 
 
@@ -32,7 +32,7 @@ def effect_problems(
             yield f"`{key}.law`: {error}"
             continue
         if law is None:
-            known = EFFECTS if "law" not in block else user_laws(folder / str(block["law"]))
+            known = EFFECTS if "law" not in block else load_laws(folder / str(block["law"]))
             hint = did_you_mean(block["id"], known) or " `omnijax effects` lists them."
             yield f"`effect.id` must be the id of a known effect, but is {block['id']!r}.{hint}"
             continue

@@ -3,14 +3,15 @@
 import hashlib
 from pathlib import Path
 
+from .. import laws
 from .._errors import InputError
-from ..laws import EFFECTS, AbstractLaw, load_laws
+from ..laws import EFFECTS, AbstractLaw
 
 _LOADED: dict[str, dict[str, type[AbstractLaw]]] = {}  # digest of the file -> its laws
 _FILES: dict[type[AbstractLaw], tuple[str, bytes]] = {}  # law -> name and text of its file
 
 
-def user_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
+def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
     """The laws of a Python file; the same text gives the same classes wherever it lies.
 
     Two rigs are equal only if their laws are of one class, so a second load must not make new ones.
@@ -23,16 +24,16 @@ def user_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
     digest = hashlib.sha256(text).hexdigest()
     if digest not in _LOADED:
         try:
-            laws = load_laws(path)
+            found = laws.load_laws(path)
         except ValueError as error:
             raise InputError(str(error)) from None
-        taken = sorted(set(laws) & set(EFFECTS))
+        taken = sorted(set(found) & set(EFFECTS))
         if taken:
             raise InputError(
                 f"{path}: the id `{taken[0]}` is one of omnijax's own; choose another."
             )
-        _LOADED[digest] = laws
-        _FILES.update({law: (path.name, text) for law in laws.values()})
+        _LOADED[digest] = found
+        _FILES.update({law: (path.name, text) for law in found.values()})
     return _LOADED[digest]
 
 

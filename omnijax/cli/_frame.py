@@ -1,0 +1,82 @@
+"""The frame of the command line: commands, exit codes, and what an error looks like.
+
+A command is a file of this folder with one function of the same name, registered in `COMMANDS`.
+Its module imports nothing heavy: the work is imported inside the function, so that `--help` answers
+at once.  Its docstring holds an example.  It returns an exit code or nothing.
+"""
+
+import importlib
+import os
+import sys
+
+from cyclopts import App, CycloptsError, Group
+
+from .. import __version__
+from .._errors import InputError, RunError
+
+OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+COMMANDS: dict[str, tuple[str, ...]] = {  # section of the help -> its commands, in order
+    "Rig files": ("init", "check", "effects", "schema"),
+}
+
+_EPILOGUE = (
+    "Exit codes: 0 done, 1 a run failed, 2 wrong input, 130 interrupted. "
+    "Every command explains itself: omnijax COMMAND --help. "
+    "Completion of commands and options in your shell: omnijax --install-completion"
+)
+
+
+def build_app() -> App:
+    """The application with every command of `COMMANDS`."""
+    app = App(
+        name="omnijax",
+        help="Simulate, design and diagnose a sphere on omnidirectional wheels.\n\n"
+        "Example: omnijax check atlas",
+        version=f"omnijax {__version__}",
+        help_epilogue=_EPILOGUE,
+        help_format="plaintext",
+        result_action="return_value",
+        exit_on_error=False,
+        print_error=False,
+        suppress_keyboard_interrupt=False,
+    )
+    app.register_install_completion_command(help="Install completion for bash, zsh or fish.")
+    for order, (section, names) in enumerate(COMMANDS.items()):
+        group = Group(section, sort_key=order)
+        for name in names:
+            module = importlib.import_module(f".{name.replace('-', '_')}", __package__)
+            function = getattr(module, name.replace("-", "_"))
+            app.command(function, name=name, group=group, help_epilogue="")
+    app["--help"].group = app["--version"].group = Group("Options", sort_key=9)
+    app["--install-completion"].group = app["--help"].group
+    return app
+
+
+def main(tokens: list[str] | None = None) -> None:
+    """Run the command line and exit with its code."""
+    sys.exit(run(tokens))
+
+
+def run(tokens: list[str] | None = None) -> int:
+    """Run the command line; the exit code."""
+    try:
+        code = build_app()(tokens)
+        sys.stdout.flush()
+        return code if isinstance(code, int) else OK
+    except CycloptsError as error:
+        return _say(f"{str(error).strip()}\nSee: omnijax --help", BAD_INPUT)
+    except InputError as error:
+        return _say(str(error), BAD_INPUT)
+    except RunError as error:
+        return _say(str(error), FAILED)
+    except KeyboardInterrupt as interrupt:
+        return _say(str(interrupt) or "Interrupted. Nothing more was written.", INTERRUPTED)
+    except BrokenPipeError:  # the reader, `head` say, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OK
+
+
+def _say(text: str, code: int) -> int:
+    print(text, file=sys.stderr)
+    return code

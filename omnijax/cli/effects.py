@@ -1,0 +1,75 @@
+"""`omnijax effects`: every law that can be added to a rig."""
+
+import math
+from typing import Any
+
+from ._options import Json, emit
+
+
+def effects(name: str | None = None, /, *, json: Json = False) -> None:
+    """List the effects: id, formula, port, places, parameters with units.
+
+    Example: omnijax effects contact
+
+    Parameters
+    ----------
+    name
+        Show only effects whose id contains this text.
+    """
+    from .._errors import InputError, did_you_mean
+    from ..laws import EFFECTS
+
+    chosen = [law for key, law in EFFECTS.items() if name is None or name in key]
+    if not chosen:
+        hint = did_you_mean(str(name), EFFECTS) or " `omnijax effects` lists all."
+        raise InputError(f"no effect's id contains {name!r}.{hint}")
+    rows = [_describe(law) for law in chosen]
+    emit(json, rows, lambda: _print(rows))
+
+
+def _describe(law: Any) -> dict[str, Any]:
+    parameters = {
+        key: {
+            "unit": parameter.unit,
+            "low": parameter.low if math.isfinite(parameter.low) else None,
+            "high": parameter.high if math.isfinite(parameter.high) else None,
+            "size": parameter.shape or 1,
+            "optional": parameter.optional,
+        }
+        for key, parameter in law.parameters.items()
+    }
+    return {
+        "id": law.id,
+        "formula": law.formula,
+        "port": law.port,
+        "places": list(law.places),
+        "parameters": parameters,
+        "source": law.source,
+    }
+
+
+def _print(rows: list[dict[str, Any]]) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(
+        "effect", "what it adds", "port", "places", "parameters", box=None, padding=(0, 1)
+    )
+    for row in rows:
+        parameters = ", ".join(
+            f"{key} {'' if known['unit'] == '1' else known['unit']}".strip()
+            + (" (optional)" if known["optional"] else "")
+            for key, known in row["parameters"].items()
+        )
+        cells = (
+            row["id"],
+            row["formula"],
+            row["port"],
+            ", ".join(row["places"]),
+            parameters or "–",
+        )
+        table.add_row(*cells)
+    console = Console(markup=False, highlight=False)
+    if not console.is_terminal:  # a file or a pipe has no edge to wrap at
+        console = Console(markup=False, highlight=False, width=220)
+    console.print(table)

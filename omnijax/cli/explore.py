@@ -1,0 +1,40 @@
+"""`omnijax explore`: a local page with sliders."""
+
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def explore(
+    *rigs: Annotated[str, Parameter(help="Rig files or names of bundled rigs, side by side.")],
+    speed: str = "0.6,1.2,0.9",
+    port: int = 8765,
+    host: str = "127.0.0.1",
+    browser: bool = True,
+) -> None:
+    """Open a local page: the machine in motion, sliders, live vibration, orders and resonances.
+
+    Example: omnijax explore atlas atlas-tripod --speed 0.6,1.2,0.9
+
+    Parameters
+    ----------
+    speed
+        Wheel speeds to start from, rad/s, one a wheel (or one for all).
+    port
+        Port of the page; 0 takes a free one.
+    host
+        Address to listen on. Anyone who reaches another address than the loopback can use the page.
+    browser
+        Open the page in the browser.
+    """
+    from .._errors import InputError, require
+
+    require("starlette", "view3d")
+    require("uvicorn", "view3d")
+    from ..rig import load_rig
+    from ..view import serve
+
+    if not rigs:
+        raise InputError("name at least one rig: omnijax explore atlas")
+    machines = {name: load_rig(name) for name in rigs}
+    serve(machines, speed, host=host, port=port, browser=browser)

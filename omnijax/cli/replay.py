@@ -1,0 +1,38 @@
+"""`omnijax replay`: one offline file that shows a run."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from ._options import Json, emit
+
+
+def replay(
+    run: Path,
+    /,
+    *,
+    out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+    title: str | None = None,
+    json: Json = False,
+) -> None:
+    """Write an offline page that replays a run: scene, scrubber, speed, exaggeration.
+
+    Example: omnijax replay run.nc --out replay.html
+
+    Parameters
+    ----------
+    run
+        A run saved by `omnijax simulate --out RUN.nc`.
+    out
+        The page; the run's name with .html where it is not given.
+    title
+        Heading of the page; the run's name where it is not given.
+    """
+    from ..simulate import load_run
+    from ..view import write_replay
+
+    trajectory, rig = load_run(run)
+    path = write_replay(trajectory, rig, out or run.with_suffix(".html"), title or run.stem)
+    size = path.stat().st_size
+    emit(json, {"page": str(path), "bytes": size}, lambda: print(f"{path} ({size / 1e6:.2f} MB)"))
