@@ -5,26 +5,30 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-_MODULES = {  # where a public name lives; nothing is imported before it is asked for (no jax)
-    "rig": (
-        "InputError bundled_rigs get_parameter load_rig load_laws parameter_info parameter_paths "
-        "parse_rig rig_text save_rig set_parameter Rig"
-    ),
+_PACKAGES = "laws rig dynamics simulate recording vibration study diagnosis report view cli".split()
+
+_EXPORTS = {  # package -> its names here; nothing is imported before it is asked for (no jax)
     "laws": "AbstractLaw EFFECTS PROFILES Parameter",
-    "simulate": (
-        "Signal SpeedDrive SteadyState TorqueDrive Trajectory exact_obstacle propagate steady_state"
+    "rig": (
+        "InputError Rig bundled_rigs get_parameter load_laws load_rig parameter_info "
+        "parameter_paths parse_rig rig_text save_rig set_parameter"
     ),
+    "simulate": (
+        "Signal SpeedDrive SteadyState TorqueDrive Trajectory propagate speeds steady_state torques"
+    ),
+    "recording": "Case Recording read_case read_recording write_recording",
+    "vibration": "METRICS Modes evaluate modes natural_frequencies",
 }
-_WHERE = {name: module for module, names in _MODULES.items() for name in names.split()}
+_WHERE = {name: package for package, names in _EXPORTS.items() for name in names.split()}
 
 
 def __getattr__(name: str) -> Any:
     if name in _WHERE:
         return getattr(importlib.import_module(f".{_WHERE[name]}", __name__), name)
-    if name in _MODULES or name in {"dynamics", "vibration", "study", "diagnosis", "report", "cli"}:
+    if name in _PACKAGES:
         return importlib.import_module(f".{name}", __name__)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_WHERE})
+    return sorted({*globals(), *_WHERE, *_PACKAGES})

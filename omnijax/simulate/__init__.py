@@ -1,5 +1,8 @@
 """A rig and a drive in, a trajectory out."""
 
+import sys as _sys
+import types as _types
+
 from ._drives import AbstractDrive as AbstractDrive
 from ._drives import SpeedDrive as SpeedDrive
 from ._drives import TorqueDrive as TorqueDrive
@@ -16,3 +19,13 @@ from .exact import SteadyState as SteadyState
 from .exact import exact_obstacle as exact_obstacle
 from .exact import propagate as propagate
 from .exact import steady_state as steady_state
+
+
+class _CallablePackage(_types.ModuleType):
+    """The package is its own main function: `omnijax.simulate(rig, drive, ts)`."""
+
+    def __call__(self, *args, **kwargs) -> Trajectory:
+        return simulate(*args, **kwargs)
+
+
+_sys.modules[__name__].__class__ = _CallablePackage
