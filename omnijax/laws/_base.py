@@ -14,7 +14,8 @@ class Parameter(NamedTuple):
 
     `unit` is an SI unit, `low` and `high` the physically allowed range, `linear` says that the
     law's output is proportional to it (so that its value at zero is no effect), `shape` is the
-    length of a vector parameter (0: a scalar), `optional` that a rig file may leave it out.
+    length of a vector parameter (0: a scalar), `optional` that a rig file may leave it out, `above`
+    that `low` itself is excluded (the law divides by the parameter).
     """
 
     unit: str
@@ -23,6 +24,7 @@ class Parameter(NamedTuple):
     linear: bool = False
     shape: int = 0
     optional: bool = False
+    above: bool = False
 
 
 class AbstractLaw(eqx.Module):

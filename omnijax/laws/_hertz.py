@@ -81,7 +81,7 @@ class HertzResistance(AbstractRolling):
         "radius": Parameter("m", low=0),
         "modulus": Parameter("Pa", low=0),
         "arm_ratio": Parameter("1", low=0, linear=True),
-        "width": Parameter("rad/s", low=0),
+        "width": Parameter("rad/s", low=0, above=True),
     }
 
     def __call__(self, signal, state=None):

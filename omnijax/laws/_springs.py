@@ -69,7 +69,7 @@ class ContactRelaxation(AbstractContact):
     formula: ClassVar[str] = "contact tension += K₁(δ − z), ż = (δ − z)/τ"
     parameters: ClassVar[dict[str, Parameter]] = {
         "K1": Parameter("N/m", low=0, linear=True),
-        "tau": Parameter("s", low=0),
+        "tau": Parameter("s", low=0, above=True),
     }
 
     def __call__(self, signal, state=None):
@@ -132,7 +132,7 @@ class MountFriction(AbstractMount):
     formula: ClassVar[str] = "mount tension += F tanh(Δ̇/v₀)"
     parameters: ClassVar[dict[str, Parameter]] = {
         "force": Parameter("N", low=0, linear=True),
-        "width": Parameter("m/s", low=0, optional=True),
+        "width": Parameter("m/s", low=0, above=True, optional=True),
     }
 
     def __call__(self, signal, state=None):

@@ -22,7 +22,7 @@ class BearingCoulomb(AbstractShaft):
     formula: ClassVar[str] = "shaft torque −τ tanh(ω/ω₀)"
     parameters: ClassVar[dict[str, Parameter]] = {
         "torque": Parameter("N m", low=0, linear=True),
-        "width": Parameter("rad/s", low=0, optional=True),
+        "width": Parameter("rad/s", low=0, above=True, optional=True),
     }
 
     def __call__(self, signal, state=None):
@@ -89,7 +89,7 @@ class RollingResistance(AbstractRolling):
     source: ClassVar[str] = "eqs. 18-20"
     parameters: ClassVar[dict[str, Parameter]] = {
         "arm": Parameter("m", low=0, linear=True),
-        "width": Parameter("rad/s", low=0, optional=True),
+        "width": Parameter("rad/s", low=0, above=True, optional=True),
     }
 
     def __call__(self, signal, state=None):
@@ -109,7 +109,7 @@ class SpinResistance(AbstractRolling):
     source: ClassVar[str] = "eqs. 24-25"
     parameters: ClassVar[dict[str, Parameter]] = {
         "lever": Parameter("m", low=0, linear=True),
-        "width": Parameter("rad/s", low=0, optional=True),
+        "width": Parameter("rad/s", low=0, above=True, optional=True),
     }
 
     def __call__(self, signal, state=None):

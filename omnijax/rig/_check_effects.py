@@ -80,6 +80,8 @@ def _parameter_problems(law: type[AbstractLaw], block: Mapping, wheels) -> Itera
             continue
         if law.id == "damaged-roller" and name == "roller":
             yield from _roller_problems(f"{key}.{name}", value, place, wheels)
+    if law.id == "contact-hertz":
+        yield from _preload_problems(key, place, wheels)
 
 
 def _roller_problems(key: str, value: Any, place: str, wheels) -> Iterator[str]:
@@ -89,3 +91,13 @@ def _roller_problems(key: str, value: Any, place: str, wheels) -> Iterator[str]:
     if value != int(value) or (count is not None and value >= count):
         top = "" if count is None else f" in [0, {count - 1:g}]"
         yield f"`{key}` must be a whole number{top}, but is {value!r}."
+
+
+def _preload_problems(key: str, place: str, wheels) -> Iterator[str]:
+    """Hertz contact has its tangent at the preload, so it needs one."""
+    for wheel in wheels:
+        closure = wheel.get("closure")
+        preload = closure.get("preload") if isinstance(closure, Mapping) else None
+        if place in {"all", wheel.get("name")} and preload == 0:
+            name = f"wheel.{wheel.get('name')}.closure.preload"
+            yield f"`{key}` needs a preload, but `{name}` is {preload!r}."

@@ -143,7 +143,7 @@ def law_quantity(parameter: Parameter, place: str = "", wheels: int = 0) -> Quan
         unit = unit.removeprefix("1/") if unit == "1/" else unit
     if parameter.shape:
         return Vector(unit, nonzero=unit == "1", size=parameter.shape)
-    if getattr(parameter, "above", False):
+    if parameter.above:
         return Quantity(unit, high=parameter.high, above=parameter.low)
     return Quantity(unit, parameter.low, parameter.high)
 
