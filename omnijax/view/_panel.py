@@ -1,0 +1,162 @@
+"""What one panel of the explore page shows, all of it computed by the library."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..dynamics import rolling, sphere_velocity
+from ..rig import InputError, Rig, parameter_info, set_parameter
+from ..simulate import steady_state
+from ..vibration import natural_frequencies
+from ._scene import machine_scene
+from ._sliders import Slider, sliders
+
+HARMONICS = 96
+WINDOW, SAMPLES = 2.0, 401  # s of vibration shown, and samples of it
+PASSING = 3  # multiples of the roller-passing frequency in the resonance diagram
+SHOWN_PASSINGS = 24  # the order spectrum is drawn up to this multiple of roller passing
+
+
+class Panel:
+    """One rig of the page: its sliders, and the answer to their positions."""
+
+    def __init__(self, name: str, rig: Rig, speeds: list[float], index: int):
+        self.name, self.rig, self.speeds, self.index = name, rig, speeds, index
+        self.sliders: list[Slider] = sliders(rig, speeds)
+
+    def spec(self) -> dict[str, Any]:
+        """What the page needs to draw the panel."""
+        return {
+            "index": self.index,
+            "name": self.name,
+            "machine": machine_scene(self.rig),
+            "sliders": [slider._asdict() for slider in self.sliders],
+        }
+
+    def changed(self, values: Mapping[str, Any]) -> tuple[Rig, list[float]]:
+        """The rig and the speeds at slider positions; only sliders that were moved change it."""
+        rig, speeds = self.rig, list(self.speeds)
+        known = {slider.path: slider for slider in self.sliders}
+        for path, value in values.items():
+            if path not in known:
+                raise InputError(f"`{path}` is no slider of this page.")
+            number = _number(path, value)
+            if path.startswith("speed."):
+                speeds[rig.names.index(path.removeprefix("speed."))] = number
+            elif number != known[path].value:
+                info = parameter_info(rig, path)
+                if not info.low <= number <= info.high:
+                    raise InputError(f"`{path}` must lie in {info.range}, but is {number:g}.")
+                rig = set_parameter(rig, path, number)
+        return rig, speeds
+
+    def evaluate(self, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Long-run vibration, order spectrum and resonances at slider positions.
+
+        Raises `InputError` for a rig with laws that have no closed-form steady state.
+        """
+        rig, speeds = self.changed(values)
+        try:
+            state = steady_state(rig, jnp.asarray(speeds), harmonics=HARMONICS)
+        except ValueError as error:
+            raise InputError(str(error)) from error
+        t = jnp.linspace(0.0, WINDOW, SAMPLES)
+        frames = jax.tree.map(np.asarray, _motion(rig, jnp.asarray(speeds), state, t))
+        order, spectrum = _lines(rig, state, SHOWN_PASSINGS * float(np.max(rig.wheels.rollers)))
+        return {
+            "machine": machine_scene(rig),
+            "figures": f"peak {_micro(state.peak)}, RMS {_micro(state.rms)}, "
+            f"elastic part {_micro(state.rms_elastic)} RMS, "
+            f"acceleration {float(state.rms_acceleration):.3g} m/s² RMS",
+            "t": np.asarray(t).tolist(),
+            "distance": (1e6 * np.linalg.norm(frames["dR"], axis=1)).round(4).tolist(),
+            "order": order,
+            "spectrum": spectrum,
+            "passing": _passing_orders(rig, max(order)),
+            "campbell": _campbell(rig, speeds),
+            "frames": {"t": np.asarray(t).tolist()}
+            | {name: values.astype(np.float32).tolist() for name, values in frames.items()},
+        }
+
+
+def _number(path: str, value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
+        raise InputError(f"`{path}` must be a number, but is {value!r}.")
+    return float(value)
+
+
+def _micro(value: Any) -> str:
+    return f"{1e6 * float(value):.4g} µm"
+
+
+@eqx.filter_jit
+def _motion(rig: Rig, speeds, state, t) -> dict[str, jax.Array]:
+    """dR from the closed-form spectrum; angles and orientation at the mean rolling radius."""
+    rate = jnp.abs(speeds)[jnp.asarray(state.wheel)] if state.wheel else jnp.zeros(0)
+    phase = state.order[..., None] * rate[:, None, None] * t
+    varying = state.order[..., None] > 0
+    waves = jnp.where(varying, jnp.exp(1j * phase), 0.0)
+    dR = state.mean + jnp.einsum("ghc,ght->tc", state.spectrum, waves).real
+    round_rig = eqx.tree_at(lambda r: r.wheels.roundness, rig, jnp.zeros(rig.size))
+    omega = sphere_velocity(rig, rolling(round_rig, jnp.zeros(rig.size)), speeds)
+    size = jnp.linalg.norm(omega)
+    axis = omega / jnp.where(size > 0, size, 1.0)
+    half = 0.5 * size * t[:, None]
+    attitude = jnp.concatenate([jnp.cos(half), jnp.sin(half) * axis], axis=1)
+    theta = t[:, None] * speeds
+    return {"dR": dR, "attitude": attitude, "theta": theta, "mount": jnp.zeros_like(theta)}
+
+
+def _lines(rig: Rig, state, highest: float) -> tuple[list[float], list[list[float | None]]]:
+    """Orders up to `highest`, and each wheel's amplitudes of |dR| in micrometres at them."""
+    order = np.asarray(state.order)
+    amplitude = 1e6 * np.linalg.norm(np.abs(np.asarray(state.spectrum)), axis=-1)
+    shown = (order > 0) & (order <= highest)
+    every = np.unique(order[shown]) if shown.any() else np.array([1.0])
+    rows: list[list[float | None]] = []
+    for i in range(rig.size):
+        total = np.full(len(every), np.nan)
+        for signal, wheel in enumerate(state.wheel):
+            if wheel == i:
+                at = np.searchsorted(every, order[signal][shown[signal]])
+                total[at] = np.nan_to_num(total[at]) + amplitude[signal][shown[signal]]
+        rows.append([None if np.isnan(x) else float(x) for x in total])
+    return every.tolist(), rows
+
+
+def _passing_orders(rig: Rig, highest: float) -> list[float]:
+    counts = {round(float(n)) for n in rig.wheels.rollers}
+    return sorted({n * k for n in counts for k in range(1, int(highest // n) + 1)})
+
+
+_frequencies = eqx.filter_jit(natural_frequencies)
+
+
+def _campbell(rig: Rig, speeds: list[float]) -> dict[str, Any]:
+    """Natural frequencies and roller-passing lines (Hz) over the drive's speed in per cent.
+
+    The speed runs far enough for the fastest wheel's passing to meet the lowest mode; modes far
+    above it are left out.
+    """
+    found = np.unique(np.round(np.asarray(_frequencies(rig)), 2))
+    lowest = found[found > 0].min() if np.any(found > 0) else 1.0
+    once = np.abs(speeds) * np.asarray(rig.wheels.rollers) / (2 * np.pi)
+    fastest = once.max(initial=0.0)
+    top = max(200.0, 130.0 * lowest / fastest) if fastest > 0 else 200.0
+    scale, ceiling = np.linspace(0.0, top, 81), 1.6 * lowest
+    series = [
+        {"label": f"mode {f:g} Hz", "kind": "mode", "wheel": 0, "values": [float(f)] * len(scale)}
+        for f in found[found <= ceiling]
+    ]
+    for i, name in enumerate(rig.names):
+        for k in range(1, PASSING + 1):
+            line = k * once[i] * scale / 100
+            values = [float(x) if x <= ceiling else None for x in line]
+            series.append(
+                {"label": f"{name} {k}×", "kind": "passing", "wheel": i, "values": values}
+            )
+    return {"scale": scale.tolist(), "series": series}

@@ -1,0 +1,72 @@
+"""Serve the explore page on this machine."""
+
+import contextlib
+import socket
+import webbrowser
+from collections.abc import Mapping
+
+from ..rig import InputError, Rig
+from ._panel import Panel
+
+LOOPBACK = ("127.0.0.1", "localhost", "[::1]", "::1")
+
+
+def start_speeds(text: str, rig: Rig) -> list[float]:
+    """Wheel speeds (rad/s) of `--speed`: one a wheel, or one for all."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise InputError(
+            f"`--speed` must be numbers in rad/s with commas between, but is {text!r}."
+        ) from None
+    if len(values) == 1:
+        values = values * rig.size
+    if len(values) != rig.size:
+        raise InputError(f"`--speed` has {len(values)} speeds, but the rig has {rig.size} wheels.")
+    return values
+
+
+def serve(
+    rigs: Mapping[str, Rig],
+    speed: str,
+    *,
+    host: str = "127.0.0.1",
+    port: int = 8765,
+    browser: bool = True,
+) -> None:
+    """Serve the explore page of `rigs` until interrupted; prints its address.
+
+    Raises `InputError` where the address cannot be listened on.
+    """
+    import uvicorn
+
+    from ._explore import explore_app
+
+    panels = [
+        Panel(name, rig, start_speeds(speed, rig), index)
+        for index, (name, rig) in enumerate(rigs.items())
+    ]
+    listener = _listen(host, port)
+    print("Preparing …", flush=True)
+    for panel in panels:  # compiles, so that the first slider answers at once
+        with contextlib.suppress(InputError):  # the page shows it
+            panel.evaluate({})
+    address = f"http://{host}:{listener.getsockname()[1]}/"
+    print(f"{address}  (Ctrl-C ends it)", flush=True)
+    if host not in LOOPBACK:
+        print("Listening beyond this machine: anyone who reaches it can use the page.", flush=True)
+    if browser:
+        webbrowser.open(address)
+    hosts = LOOPBACK if host in LOOPBACK else ("*",)
+    config = uvicorn.Config(explore_app(panels, hosts), log_level="warning", lifespan="off")
+    uvicorn.Server(config).run(sockets=[listener])
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+    except (OSError, OverflowError) as error:
+        raise InputError(f"cannot listen on {host}, port {port}: {error}.") from error
+    return listener

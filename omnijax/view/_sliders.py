@@ -1,0 +1,59 @@
+"""The sliders of the explore page: which parameters, over which range, in which unit."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from ..rig import Rig, get_parameter, parameter_info
+
+
+class Slider(NamedTuple):
+    """One slider; `path` is a parameter path of the rig, or `speed.NAME`."""
+
+    path: str
+    label: str
+    unit: str
+    value: float
+    low: float
+    high: float
+    log: bool = False
+    whole: bool = False
+
+
+_LOG = (
+    ("contact.stiffness", "contact stiffness K", "N/m"),
+    ("contact.damping", "contact damping C", "N s/m"),
+    ("mount.stiffness", "mount stiffness k", "N/m"),
+    ("mount.damping", "mount damping c", "N s/m"),
+    ("closure.preload", "preload N₀", "N"),
+)
+
+
+def sliders(rig: Rig, speeds: list[float]) -> list[Slider]:
+    """Sliders for all wheels together, at the mean of unequal wheels, and one a wheel's speed."""
+    out = [
+        Slider("wheel.roundness", "roundness η", "", _mean(rig, "wheel.roundness"), 0.0, 1.0),
+        _rollers(rig),
+    ]
+    for path, label, unit in _LOG:
+        value = _mean(rig, path)
+        middle = value if value > 0 else 1.0
+        low, high = max(middle / 100, parameter_info(rig, path).low), middle * 100
+        out.append(Slider(path, label, unit, max(value, low), low, high, log=True))
+    top = max(3.0, 3 * max(map(abs, speeds)))
+    for name, speed in zip(rig.names, speeds, strict=True):
+        out.append(Slider(f"speed.{name}", f"speed of {name}", "rad/s", speed, -top, top))
+    return out
+
+
+def _rollers(rig: Rig) -> Slider:
+    value = float(round(_mean(rig, "wheel.rollers")))
+    return Slider("wheel.rollers", "rollers", "", value, 4.0, max(40.0, value), whole=True)
+
+
+def _mean(rig: Rig, path: str) -> float:
+    values = np.asarray(get_parameter(rig, path))
+    if np.all(values > 0):
+        return float(math.exp(np.log(values).mean()))
+    return float(values.mean())

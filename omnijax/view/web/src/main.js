@@ -1,0 +1,2 @@
+export { replay } from "./replay.js";
+export { explore } from "./explore.js";

@@ -1,0 +1,211 @@
+"""Replay and explore pages: what they hold, and in a real browser what they do."""
+
+import functools
+import json
+import re
+import shutil
+import threading
+import time
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from machines import machine
+
+from omnijax.laws import ContactCubic
+from omnijax.rig import InputError, load_rig
+from omnijax.simulate import simulate, speeds
+from omnijax.view import write_replay
+from omnijax.view._panel import Panel
+from omnijax.view._scene import embedded_json
+from omnijax.view._serve import start_speeds
+
+HOSTILE = "<script>window.hacked=1</script>"
+
+
+@functools.cache
+def _run():
+    rig = machine()
+    ts = jnp.linspace(0.0, 0.4, 101)
+    return rig, eqx.filter_jit(simulate)(rig, speeds([0.6, 1.2, 0.9]), ts)
+
+
+@pytest.fixture
+def replay_page(tmp_path):
+    rig, run = _run()
+    return write_replay(run, rig, tmp_path / "replay.html", f"Atlas {HOSTILE}")
+
+
+def test_replay_is_one_offline_file(replay_page):
+    text = replay_page.read_text()
+    assert len(text) < 2e6
+    assert HOSTILE not in text
+    assert not re.search(r"""(src|href)\s*=\s*["']?(?!data:)\s*\w*:?//""", text)
+    data = json.loads(re.search(r'type="application/json">(.*?)</script>', text, re.S).group(1))
+    assert len(data["machine"]["wheels"]) == 3
+
+
+def test_ten_seconds_stay_below_two_megabytes(tmp_path):
+    rig, run = _run()
+    repeated = {
+        f: np.resize(getattr(run, f), (5001, *getattr(run, f).shape[1:])) for f in run.UNITS
+    }
+    long = eqx.tree_at(lambda r: [getattr(r, f) for f in repeated], run, list(repeated.values()))
+    assert write_replay(long, rig, tmp_path / "long.html").stat().st_size < 2e6
+
+
+def test_replay_needs_finite_samples(tmp_path):
+    rig, run = _run()
+    broken = eqx.tree_at(lambda r: r.dR, run, jnp.full_like(run.dR, jnp.inf))
+    with pytest.raises(ValueError, match="0 finite samples"):
+        write_replay(broken, rig, tmp_path / "x.html")
+
+
+def test_json_cannot_leave_its_script_element():
+    text = embedded_json({"name": "</script><script>x"})
+    assert "<" not in text and json.loads(text)["name"].startswith("</script>")
+
+
+def test_panel_answers_sliders():
+    panel = Panel("a", load_rig("atlas"), [0.6, 1.2, 0.9], 0)
+    before = panel.evaluate({})
+    after = panel.evaluate({"wheel.roundness": 0.2})
+    assert max(after["distance"]) < 0.5 * max(before["distance"])
+    assert 14 in before["passing"]
+    modes = [s for s in before["campbell"]["series"] if s["kind"] == "mode"]
+    assert modes and modes[0]["values"][0] > 5
+    peak = max(before["distance"]) / float(re.search(r"peak ([\d.]+)", before["figures"]).group(1))
+    assert 0.8 < peak < 1.05  # two seconds of the long run come near its supremum
+    rig, _ = panel.changed({"wheel.roundness": 0.2})
+    assert np.all(np.asarray(rig.wheels.roundness) == 0.2)
+    with pytest.raises(InputError, match="no slider"):
+        panel.evaluate({"wheel.rondness": 0.2})
+    with pytest.raises(InputError, match="must be a number"):
+        panel.evaluate({"wheel.roundness": "x"})
+
+
+def test_panel_says_which_law_it_cannot_show():
+    rig = machine().add(ContactCubic(jnp.asarray(1e12)), "all")
+    with pytest.raises(InputError, match="contact-cubic"):
+        Panel("a", rig, [1.0, 1.0, 1.0], 0).evaluate({})
+
+
+def test_start_speeds():
+    rig = machine()
+    assert start_speeds("1.5", rig) == [1.5] * 3
+    with pytest.raises(InputError, match="2 speeds, but the rig has 3 wheels"):
+        start_speeds("1,2", rig)
+    with pytest.raises(InputError, match="numbers in rad/s"):
+        start_speeds("fast", rig)
+
+
+FLAGS = [
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
+
+
+@pytest.fixture
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        pytest.skip("no chromium on this machine")
+    with playwright.sync_playwright() as p:
+        found = p.chromium.launch(executable_path=chromium, args=FLAGS)
+        yield found
+        found.close()
+
+
+def _open(browser, url, width):
+    """A page that collects its errors and its requests."""
+    page = browser.new_page(viewport={"width": width, "height": 800})
+    seen = {"errors": [], "requests": []}
+    page.on("pageerror", lambda error: seen["errors"].append(str(error)))
+    page.on("console", lambda m: seen["errors"].append(m.text) if m.type == "error" else None)
+    page.on("request", lambda request: seen["requests"].append(request.url))
+    page.goto(url)
+    return page, seen
+
+
+@pytest.mark.parametrize("width", [1280, 400])
+def test_replay_scrubs_in_a_browser(browser, replay_page, width):
+    page, seen = _open(browser, replay_page.as_uri(), width)
+    page.locator("#scrub").fill("50")
+    assert page.locator("#time").inner_text() == "0.200 s"
+    first = page.locator("#value").inner_text()
+    page.locator("#scrub").fill("70")
+    assert page.locator("#value").inner_text() != first
+    page.locator("#play").click()
+    page.wait_for_function("document.getElementById('time').textContent !== '0.280 s'")
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.evaluate("window.hacked") is None
+    assert seen["errors"] == []
+    assert all(url.startswith(("file:", "data:", "blob:")) for url in seen["requests"])
+
+
+def test_explore_slider_moves_the_plot(browser):
+    pytest.importorskip("starlette", reason="the view3d extra is not installed")
+    uvicorn = pytest.importorskip("uvicorn", reason="the view3d extra is not installed")
+    from omnijax.view._explore import explore_app
+    from omnijax.view._serve import LOOPBACK, _listen
+
+    panel = Panel(HOSTILE, load_rig("atlas"), [0.6, 1.2, 0.9], 0)
+    panel.evaluate({})
+    listener = _listen("127.0.0.1", 0)
+    port = listener.getsockname()[1]
+    config = uvicorn.Config(explore_app([panel], LOOPBACK), log_level="error", lifespan="off")
+    server = uvicorn.Server(config)
+    thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
+    thread.start()
+    try:
+        page, seen = _open(browser, f"http://127.0.0.1:{port}/", 400)
+        figures = page.locator(".figures")
+        _until(lambda: "peak" in figures.inner_text())
+        before = figures.inner_text()
+        plot = "document.querySelectorAll('.plot canvas')[0].toDataURL()"
+        picture = page.evaluate(plot)
+        page.locator('input[data-path="wheel.roundness"]').fill("0.2")
+        _until(lambda: figures.inner_text() != before)
+        assert page.evaluate(plot) != picture
+        with page.expect_download() as download:
+            page.locator("button.save").click()
+        saved = download.value.path().read_text()
+        assert "roundness = 0.2" in saved
+        assert page.evaluate("document.documentElement.scrollWidth") <= 400
+        assert page.evaluate("window.hacked") is None
+        assert seen["errors"] == []
+        here = f"http://127.0.0.1:{port}/"
+        assert all(url.startswith((here, "blob:", "data:")) for url in seen["requests"])
+    finally:
+        server.should_exit = True
+        thread.join(10)
+
+
+def _until(condition, seconds=60.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "the page did not come to it"
+        time.sleep(0.1)
+
+
+def test_explore_answers_only_hosts_of_this_machine():
+    pytest.importorskip("httpx", reason="httpx is not installed")
+    testclient = pytest.importorskip("starlette.testclient", reason="no view3d extra")
+    from omnijax.view._explore import explore_app
+    from omnijax.view._serve import LOOPBACK
+
+    app = explore_app([Panel("a", load_rig("atlas"), [1.0, 1.0, 1.0], 0)], LOOPBACK)
+    local = testclient.TestClient(app, base_url="http://127.0.0.1")
+    assert local.get("/api/rigs").json()[0]["name"] == "a"
+    assert testclient.TestClient(app, base_url="http://elsewhere.test").get("/").status_code == 400
+    wrong = local.post("/api/evaluate", json={"rig": 3, "values": {}})
+    assert wrong.status_code == 400 and "panel's number" in wrong.json()["error"]
+    assert local.post("/api/evaluate", content=b"{").status_code == 400
