@@ -1,0 +1,31 @@
+# Two commands on a fresh machine with Python >= 3.11 and make:
+#   make demo    environment, installation, the paper's results remade on the bundled Atlas rig
+#   make test    the same environment with the test extras, then the test-suite
+# PYTHON=python3.12 chooses the interpreter, VENV=folder the environment, WORKERS=4 the test processes.
+
+PYTHON ?= python3
+VENV ?= .venv
+WORKERS ?= 2
+BIN := $(VENV)/bin
+
+.PHONY: demo test clean
+
+demo: $(VENV)/.installed
+	$(BIN)/omnijax reproduce --out demo
+	@echo "The page: $(CURDIR)/demo/index.html"
+
+test: $(VENV)/.test-installed
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile
+
+$(VENV)/.installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install -q -e .
+	@touch $@
+
+$(VENV)/.test-installed: pyproject.toml
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install -q -e ".[test]"
+	@touch $@ $(VENV)/.installed
+
+clean:
+	rm -rf $(VENV) demo build dist docs/_build

@@ -1,0 +1,17 @@
+"""Settings that must stand before jax is imported: one thread a worker, a cache beside the tests."""
+
+import os
+from pathlib import Path
+
+from hypothesis import settings
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
+os.environ.setdefault("MPLBACKEND", "Agg")
+os.environ.setdefault("JAX_PLATFORMS", "cpu")  # the tolerances are those of one kind of machine
+os.environ.setdefault(
+    "OMNIJAX_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
+)
+
+settings.register_profile("omnijax", derandomize=True, deadline=None, database=None)
+settings.load_profile("omnijax")

@@ -1,0 +1,59 @@
+"""One-way imports, and a package and a help text that do not wait for jax."""
+
+import ast
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import omnijax
+
+ROOT = Path(omnijax.__file__).parent
+ORDER = omnijax._PACKAGES  # from left to right: a package imports from itself and to its left
+
+
+@pytest.mark.parametrize("package", ORDER)
+def test_imports_go_one_way(package):
+    allowed = {*ORDER[: ORDER.index(package) + 1], "_config", "_errors", "__version__"}
+    for file in (ROOT / package).rglob("*.py"):
+        depth = len(file.relative_to(ROOT).parts)  # of dots that reach the root
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            names = []
+            if isinstance(node, ast.ImportFrom) and node.level == depth:
+                names = [node.module.split(".")[0]] if node.module else [a.name for a in node.names]
+            elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("omnijax."):
+                names = [node.module.split(".")[1]] if node.level == 0 and node.module else []
+            assert set(names) <= allowed, f"{file}:{node.lineno} imports {names}"
+
+
+def test_the_order_names_every_package():
+    assert {path.parent.name for path in ROOT.glob("*/__init__.py")} == set(ORDER)
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import omnijax; dir(omnijax)",
+        "import omnijax.cli; omnijax.cli.run(['--help'])",
+        "import omnijax.cli; omnijax.cli.run(['sweep', '--help'])",
+        "import omnijax.cli; omnijax.cli.run(['--version'])",
+    ],
+)
+def test_no_jax_before_it_is_needed(code):
+    slow = "{'jax', 'numpy', 'pint', 'matplotlib'} & set(sys.modules)"
+    result = subprocess.run(
+        [sys.executable, "-c", f"import sys; {code}; sys.exit(str({slow}) if {slow} else 0)"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+
+
+def test_public_names_are_there():
+    for name in omnijax._WHERE:
+        assert getattr(omnijax, name) is not None
+    assert {"load_rig", "simulate", "rig"} <= set(dir(omnijax))
+    with pytest.raises(AttributeError, match="no attribute 'simulat'"):
+        omnijax.simulat
