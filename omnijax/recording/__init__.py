@@ -1,0 +1,12 @@
+"""Measured runs: reading them, saying what is wrong with them, writing them."""
+
+from ._case import Case as Case
+from ._case import read_case as read_case
+from ._columns import channels as channels
+from ._columns import columns as columns
+from ._columns import group_of as group_of
+from ._columns import unit_of as unit_of
+from ._read import read_recording as read_recording
+from ._recording import Fault as Fault
+from ._recording import Recording as Recording
+from ._write import write_recording as write_recording

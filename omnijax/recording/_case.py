@@ -1,0 +1,161 @@
+"""A case: one rig and its runs, in one folder."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._errors import InputError
+from ._read import read_recording
+from ._recording import Fault, Recording
+from ._sidecar import read_sidecar
+from ._tables import READERS, read_table, stem_of, suffix_of
+
+
+@dataclasses.dataclass
+class Case:
+    """One rig and its runs; `faults` are the folder's, `all_faults` those of the runs too."""
+
+    path: Path
+    rig: Any
+    runs: list[Recording]
+    rig_path: Path
+    faults: list[Fault] = dataclasses.field(default_factory=list)
+
+    @property
+    def train(self) -> list[Recording]:
+        """Runs to learn from."""
+        return [run for run in self.runs if not run.held_out]
+
+    @property
+    def held_out(self) -> list[Recording]:
+        """Runs that are never fitted."""
+        return [run for run in self.runs if run.held_out]
+
+    @property
+    def all_faults(self) -> list[Fault]:
+        """Everything wrong with the folder and its runs."""
+        return [*self.faults, *(fault for run in self.runs for fault in run.faults)]
+
+    def __repr__(self) -> str:
+        runs = "\n  ".join(map(repr, self.runs))
+        return (
+            f"Case({self.path.name}: {self.rig_path.name}, {len(self.all_faults)} faults\n  {runs})"
+        )
+
+
+def read_case(folder: str | Path, rig: Any = None) -> Case:
+    """Read a folder with one rig file and its runs.  `rig` (a `Rig` or a path) overrides the file.
+
+    A run that cannot be used at all is a fault of the case; `InputError` where none is left.
+    """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(
+            f"{folder} is not a folder; a case is a folder with a rig file and its runs."
+        )
+    faults: list[Fault] = []
+    paths = _tables(folder, faults)
+    rig_path = _rig_path(folder, paths, rig)
+    if rig is None or isinstance(rig, (str, Path)):
+        from ..rig import load_rig
+
+        rig = load_rig(rig_path)
+    runs = []
+    for path in paths:
+        try:
+            runs.append(read_recording(path, rig))
+        except InputError as error:
+            faults.append(Fault(path.name, "", (), "unusable", str(error), "the run is not used"))
+    if not runs:
+        said = "\n".join(f"- {fault.what}" for fault in faults)
+        raise InputError(f"{folder}: no run can be used.{chr(10) + said if said else ''}")
+    faults += _between(runs)
+    return Case(folder, rig, runs, rig_path, faults)
+
+
+def _tables(folder: Path, faults: list[Fault]) -> list[Path]:
+    """The runs' files: those with a NAME.toml, and other tables that have a column `t`."""
+    found: dict[str, Path] = {}
+    for path in sorted(folder.iterdir()):
+        if not path.is_file() or suffix_of(path) not in READERS:
+            continue
+        stem = stem_of(path)
+        if stem in found:
+            what = f"{found[stem].name} has the same name"
+            faults.append(Fault(path.name, "", (), "double file", what, "only that one is used"))
+        elif (folder / f"{stem}.toml").exists() or _has_time(path):
+            found[stem] = path
+        else:
+            what = "the file has neither a NAME.toml nor a column `t`"
+            faults.append(Fault(path.name, "", (), "not a run", what, "it is not used"))
+    for path in sorted(folder.glob("*.toml")):
+        if path.stem not in found and _is_sidecar(path):
+            what = "the run that belongs to it is not there"
+            faults.append(Fault(path.name, "", (), "no run", what, "it is not used"))
+    return list(found.values())
+
+
+def _has_time(path: Path) -> bool:
+    try:
+        return "t" in read_table(path).columns
+    except InputError:
+        return True  # reading it as a run says why it cannot be read
+
+
+def _is_sidecar(path: Path) -> bool:
+    try:
+        sidecar = read_sidecar(path)
+    except InputError:
+        return False
+    return sidecar.rig is not None or bool(sidecar.noise or sidecar.channels)
+
+
+def _rig_path(folder: Path, paths: list[Path], rig: Any) -> Path:
+    """The rig file that the runs name; else `rig.toml`."""
+    if isinstance(rig, (str, Path)):
+        return Path(rig)
+    named: dict[Path, str] = {}
+    for path in paths:
+        sidecar = folder / f"{stem_of(path)}.toml"
+        try:
+            given = read_sidecar(sidecar).rig
+        except InputError:
+            continue  # said when the run itself is read
+        if given is not None:
+            named.setdefault(given.resolve(), f"{sidecar.name} names {given.name}")
+    if len(named) > 1 and rig is None:
+        raise InputError(
+            f"{folder}: the runs belong to different rigs: {'; '.join(named.values())}."
+        )
+    chosen = next(iter(named), folder / "rig.toml")
+    if rig is None and not chosen.is_file():
+        said = next(iter(named.values()), "no run names one and there is no rig.toml")
+        raise InputError(f"{folder}: no rig file: {said}.")
+    return chosen
+
+
+def _between(runs: list[Recording]) -> list[Fault]:
+    """Faults that only show when runs are put side by side."""
+    faults = []
+    common = float(np.median([run.step for run in runs]))
+    for run in runs:
+        if abs(run.step - common) > 0.01 * common:
+            what = f"sampled at {1 / run.step:g} Hz, other runs at {1 / common:g} Hz"
+            use = "each run is analysed at its own rate"
+            faults.append(Fault(run.path.name, "t", (), "different sampling", what, use))
+    groups = set().union(*(run.groups for run in runs))
+    for run in runs:
+        for group in sorted(groups - set(run.groups)):
+            what = "other runs have this output"
+            use = "this run says nothing about it"
+            faults.append(Fault(run.path.name, group, (), "missing output", what, use))
+    roles = {run.role for run in runs}
+    if len(roles) == 1:
+        lacking = "held-out" if roles == {"train"} else "train"
+        what = f"no run has the role {lacking}"
+        faults.append(
+            Fault(runs[0].path.parent.name, "", (), "roles", what, "nothing is split off here")
+        )
+    return faults

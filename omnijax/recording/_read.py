@@ -1,0 +1,152 @@
+"""A file and its NAME.toml into a `Recording`, with everything that is wrong said."""
+
+import difflib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._errors import InputError
+from ._columns import INPUTS, channels, columns, count_wheels, group_of, unit_of
+from ._csv import Table
+from ._recording import Fault, Recording, spans
+from ._sidecar import Sidecar, hint, read_sidecar, to_si
+from ._tables import read_table, stem_of
+from ._time import usable_rows
+from ._values import clean, mend_inputs
+
+SLOW = 0.2  # s; a longer sampling step is one in milliseconds
+
+
+def read_recording(path: str | Path, rig: Any = None) -> Recording:
+    """Read one run: CSV, CSV.gz, Parquet, MAT, NetCDF, TDMS, UFF or MDF4, and NAME.toml beside it.
+
+    With `rig` the number of wheels and the plausible size of every channel are checked too.  What
+    is wrong but usable stands in `Recording.faults`; `InputError` where nothing can be used.
+    """
+    path = Path(path)
+    if not path.is_file():
+        near = difflib.get_close_matches(path.name, _siblings(path), n=1)
+        raise InputError(f"{path} is not a file{f' (did you mean `{near[0]}`?)' if near else ''}.")
+    sidecar = read_sidecar(path.with_name(stem_of(path) + ".toml"))
+    return build_recording(path, read_table(path), sidecar, rig)
+
+
+def build_recording(path: Path, table: Table, sidecar: Sidecar, rig: Any = None) -> Recording:
+    """A recording from a table as it stands in the file."""
+    faults = list(table.faults)
+    named = _renamed(path.name, table.columns, sidecar)
+    wheels = _wheels(path.name, named, rig)
+    named = _known(path.name, named, wheels, faults)
+    _scale_units(path.name, named, table, sidecar, faults)
+    _same_length(path.name, named, faults)
+    rows, found = usable_rows(path.name, named["t"])
+    faults += found
+    values = {c: named[c][rows] for c in columns(wheels)[1:] if c in named}
+    time = named["t"][rows]
+    run = Recording(
+        stem_of(path), path, time, values, wheels, sidecar.role, sidecar.noise, sidecar.rig,
+        faults, rows + 1,
+    )  # fmt: skip
+    faults += clean(path.name, values, run.rows, lambda c: run.declared_noise(c) == 0)
+    _check_inputs(path.name, run)
+    faults += mend_inputs(path.name, values, time, run.rows)
+    if not run.groups:
+        what = "no output was measured"
+        faults.append(
+            Fault(path.name, "", (), "no outputs", what, "the run serves as a drive only")
+        )
+    return run
+
+
+def _siblings(path: Path) -> list[str]:
+    return [x.name for x in path.parent.iterdir()] if path.parent.is_dir() else []
+
+
+def _renamed(file: str, found: dict[str, np.ndarray], sidecar: Sidecar) -> dict[str, np.ndarray]:
+    """Columns by our names; `InputError` for a mapping to a column that is not there."""
+    named = dict(found)
+    for ours, theirs in sidecar.channels.items():
+        if theirs not in found:
+            raise InputError(
+                f"{sidecar.path.name}: `channels.{ours}` names the column {theirs!r}, which "
+                f"{file} does not have{hint(theirs, found)}."
+            )
+        named.pop(theirs, None)
+    return named | {ours: found[theirs] for ours, theirs in sidecar.channels.items()}
+
+
+def _wheels(file: str, named: dict[str, np.ndarray], rig: Any) -> int:
+    """Number of wheels of the file; `InputError` where the rig has another."""
+    if "t" not in named:
+        raise InputError(f"{file} has no column `t` (time in s){hint('t', ['T', 'time', *named])}.")
+    wheels = count_wheels(named)
+    if rig is not None and wheels != rig.size:
+        names = ", ".join(f"`{c}`" for c in channels("torque", rig.size) if c not in named)
+        lacks = f"; missing: {names}" if names else ""
+        raise InputError(
+            f"{file} has torques for {wheels} wheels, but the rig has {rig.size} "
+            f"({', '.join(rig.names)}){lacks}."
+        )
+    missing = [c for c in channels("torque", max(wheels, 1)) if c not in named]
+    if missing:
+        near = hint(missing[0], named)
+        names = ", ".join(f"`{c}`" for c in missing)
+        raise InputError(f"{file} lacks the input{'s' * (len(missing) > 1)} {names}{near}.")
+    return wheels
+
+
+def _known(file: str, named: dict[str, np.ndarray], wheels: int, faults: list[Fault]) -> dict:
+    known = columns(wheels)
+    for name in named:
+        if name not in known:
+            absent = [c for c in known if c not in named]
+            what = f"the column is not known{hint(name, absent or known)}"
+            faults.append(Fault(file, name, (), "unknown column", what, "it is not used"))
+    forces = [c for c in channels("force", wheels) if c not in named]
+    if len(forces) in (1, 2):
+        what = "the other components of the force are there"
+        for column in forces:
+            faults.append(Fault(file, column, (), "missing column", what, "taken as zero"))
+    zero = {column: np.zeros(len(named["t"])) for column in forces}
+    return {name: x.copy() for name, x in named.items() if name in known} | zero
+
+
+def _scale_units(file: str, named, table: Table, sidecar: Sidecar, faults: list[Fault]) -> None:
+    """Bring every column to SI; units of NAME.toml count before those that the file states."""
+    for column in named:
+        theirs = sidecar.channels.get(column, column)
+        unit = table.units.get(theirs)
+        for key in (group_of(column), column):
+            unit = sidecar.units.get(key, unit)
+        if unit is None or unit == unit_of(column):
+            continue
+        try:
+            named[column] = named[column] * to_si(column, unit)
+        except ValueError as error:
+            use = f"it is read as {unit_of(column)}"
+            faults.append(Fault(file, column, (), "unit", f"the file says {error}", use))
+    step = np.median(np.abs(np.diff(named["t"]))) if len(named["t"]) > 2 else 0.0
+    if step > SLOW and not ({"t"} & set(sidecar.units)):
+        what = f"the step is {step:g} s, which looks like milliseconds"
+        use = 'it is read as ms; `units.t = "s"` in NAME.toml keeps it'
+        named["t"] = named["t"] / 1000
+        faults.append(Fault(file, "t", (), "unit", what, use))
+
+
+def _same_length(file: str, named: dict[str, np.ndarray], faults: list[Fault]) -> None:
+    for column in [c for c in named if len(named[c]) != len(named["t"])]:
+        what = f"the column has {len(named.pop(column))} values, but `t` {len(named['t'])}"
+        if group_of(column) in INPUTS:
+            raise InputError(f"{file}, column `{column}`: {what}.")
+        faults.append(Fault(file, column, (), "length", what, "the channel is not used"))
+
+
+def _check_inputs(file: str, run: Recording) -> None:
+    for group in INPUTS:
+        for column in channels(group, run.wheels):
+            values = run.channels[column]
+            if np.isfinite(values).sum() < max(2, len(values) // 2):
+                rows = spans(~np.isfinite(values), run.rows)
+                gone = f"{sum(b - a + 1 for a, b in rows)} of {len(values)} values are missing"
+                raise InputError(f"{file}, column `{column}`: {gone}, and inputs must be known.")

@@ -1,0 +1,150 @@
+"""A measured run in memory, and what was found wrong with it."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from ._columns import INPUTS, OUTPUTS, channels, group_of
+
+SHOWN = 3  # stretches of rows that a message lists before it says how many more there are
+
+
+@dataclasses.dataclass(frozen=True)
+class Fault:
+    """Something wrong with the data: where, what, and what was done about it.
+
+    `rows` holds pairs (first, last), both included, counted from 1 below the header, as in the
+    file; empty where the fault is not about rows.  `column` is empty where it is about the file.
+    """
+
+    file: str
+    column: str
+    rows: tuple[tuple[int, int], ...]
+    kind: str
+    what: str
+    consequence: str
+
+    def __str__(self) -> str:
+        column = f", column `{self.column}`" if self.column else ""
+        rows = f", {say_rows(self.rows)}" if self.rows else ""
+        return f"{self.file}{column}{rows}: {self.what}; {self.consequence}."
+
+
+@dataclasses.dataclass
+class Recording:
+    """One run: time in s, channels in SI units by column name; NaN where a value cannot be used.
+
+    `noise` is the declared 1-sigma by column or group, `rows` the row of the file (from 1 below
+    the header) of each sample (0 where `filled` made it), `faults` everything found wrong.
+    """
+
+    name: str
+    path: Path
+    time: np.ndarray
+    channels: dict[str, np.ndarray]
+    wheels: int
+    role: str = "train"
+    noise: dict[str, float] = dataclasses.field(default_factory=dict)
+    rig_path: Path | None = None
+    faults: list[Fault] = dataclasses.field(default_factory=list)
+    rows: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros(0, int))
+
+    def __post_init__(self):
+        if len(self.rows) != len(self.time):
+            self.rows = np.arange(1, len(self.time) + 1)
+
+    def __len__(self) -> int:
+        return len(self.time)
+
+    def group(self, name: str) -> np.ndarray:
+        """Channels of one group as (samples, channels); NaN where nothing usable was measured."""
+        missing = np.full(len(self.time), np.nan)
+        return np.stack(
+            [self.channels.get(c, missing) for c in channels(name, self.wheels)], axis=1
+        )
+
+    def mask(self, name: str) -> np.ndarray:
+        """Where a group's values can be used, (samples, channels)."""
+        return np.isfinite(self.group(name))
+
+    @property
+    def groups(self) -> tuple[str, ...]:
+        """Output groups with at least one usable value."""
+        return tuple(g for g in OUTPUTS if self.mask(g).any())
+
+    @property
+    def torque(self) -> np.ndarray:
+        """Commanded motor torques, N m, (samples, wheels)."""
+        return self.group("torque")
+
+    @property
+    def force(self) -> np.ndarray:
+        """Force on the platform, N, (samples, 3)."""
+        return self.group("force")
+
+    @property
+    def inputs(self) -> np.ndarray:
+        """Torques and force side by side, (samples, wheels + 3)."""
+        return np.concatenate([self.group(g) for g in INPUTS], axis=1)
+
+    @property
+    def step(self) -> float:
+        """Sampling step in s (the median, so that gaps do not count)."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample, s."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def held_out(self) -> bool:
+        """Whether this run must never be fitted."""
+        return self.role == "held-out"
+
+    def declared_noise(self, column: str) -> float | None:
+        """Declared 1-sigma of a column or group; a column's own entry counts before its group's."""
+        return self.noise.get(column, self.noise.get(group_of(column)))
+
+    def filled(self) -> "Recording":
+        """This run on a uniform grid: rows of NaN in missing stretches, inputs linear across them.
+
+        Raises `ValueError` where the samples do not lie on one grid.
+        """
+        place = (self.time - self.time[0]) / self.step
+        index = np.rint(place).astype(int)
+        if np.abs(place - index).max() > 0.05 or np.any(np.diff(index) < 1):
+            raise ValueError(f"{self.name}: the samples do not lie on one grid of {self.step:g} s.")
+        time = self.time[0] + self.step * np.arange(index[-1] + 1)
+        values = {}
+        for column, old in self.channels.items():
+            values[column] = np.full(len(time), np.nan)
+            values[column][index] = old
+            if group_of(column) in INPUTS:
+                values[column] = np.interp(time, self.time, old)
+        rows = np.zeros(len(time), int)
+        rows[index] = self.rows
+        return dataclasses.replace(self, time=time, channels=values, rows=rows)
+
+    def __repr__(self) -> str:
+        faults = f", {len(self.faults)} faults" if self.faults else ""
+        return (
+            f"Recording({self.name}: {len(self)} samples at {1 / self.step:g} Hz, {self.wheels} "
+            f"wheels, {', '.join(self.groups) or 'no outputs'}, {self.role}{faults})"
+        )
+
+
+def spans(bad: np.ndarray, rows: np.ndarray | None = None) -> tuple[tuple[int, int], ...]:
+    """Stretches of true values as (first, last) row, counted from 1, or numbered by `rows`."""
+    edge = np.flatnonzero(np.diff(np.concatenate([[False], bad, [False]]).astype(int)))
+    number = np.arange(1, len(bad) + 1) if rows is None else rows
+    return tuple((int(number[a]), int(number[b - 1])) for a, b in edge.reshape(-1, 2))
+
+
+def say_rows(rows: tuple[tuple[int, int], ...]) -> str:
+    """`rows 5-9, 20 and 12 more places`."""
+    shown = [str(a) if a == b else f"{a}-{b}" for a, b in rows[:SHOWN]]
+    more = f" and {len(rows) - SHOWN} more places" if len(rows) > SHOWN else ""
+    plural = "s" if len(rows) > 1 or any(a != b for a, b in rows) else ""
+    return f"row{plural} {', '.join(shown)}{more}"

@@ -1,0 +1,116 @@
+"""NAME.toml beside a run: rig, role, declared noise, channel names and units."""
+
+import dataclasses
+import difflib
+import functools
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from .._errors import InputError
+from ._columns import UNITS, group_of, unit_of
+
+ROLES = ("train", "held-out")
+KEYS = ("rig", "role", "noise", "channels", "units")
+
+
+@dataclasses.dataclass
+class Sidecar:
+    """What NAME.toml says; `channels` maps our column names to the file's."""
+
+    path: Path
+    rig: Path | None = None
+    role: str = "train"
+    noise: dict[str, float] = dataclasses.field(default_factory=dict)
+    channels: dict[str, str] = dataclasses.field(default_factory=dict)
+    units: dict[str, str] = dataclasses.field(default_factory=dict)
+
+
+def read_sidecar(path: Path) -> Sidecar:
+    """Read NAME.toml; without the file, its defaults.  `InputError` lists everything wrong."""
+    sidecar = Sidecar(path)
+    if not path.exists():
+        return sidecar
+    try:
+        document = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path.name} is not a TOML file: {error}.") from error
+    problems = [
+        f"`{key}` is not a key of a run{hint(key, KEYS)}." for key in document if key not in KEYS
+    ]
+    sidecar.rig = _rig(path, document, problems)
+    sidecar.role = document.get("role", "train")
+    if sidecar.role not in ROLES:
+        problems.append(f"`role` must be train or held-out, but is {sidecar.role!r}.")
+    sidecar.noise = _table(document, "noise", problems, _noise)
+    sidecar.channels = _table(document, "channels", problems, _text)
+    sidecar.units = _table(document, "units", problems, _unit)
+    if problems:
+        raise InputError("\n".join(f"{path.name}: {problem}" for problem in problems))
+    return sidecar
+
+
+def hint(name: str, known: Iterable[str]) -> str:
+    """` (did you mean `roundness`?)`, or nothing where no known name is near."""
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    low = {k.lower(): k for k in known}
+    near = [low[name.lower()]] if name.lower() in low else near
+    return f" (did you mean `{near[0]}`?)" if near else ""
+
+
+def to_si(column: str, unit: str) -> float:
+    """Factor from `unit` to the SI unit of a column; `ValueError` where it is another quantity."""
+    registry = _registry()
+    try:
+        return float(registry.Quantity(1.0, unit).to(unit_of(column)).magnitude)
+    except Exception as error:  # pint raises a dozen kinds
+        raise ValueError(f"{unit!r} is not a unit of {unit_of(column)}") from error
+
+
+@functools.cache
+def _registry() -> Any:
+    import pint
+
+    return pint.UnitRegistry()
+
+
+def _rig(path: Path, document: dict, problems: list[str]) -> Path | None:
+    rig = document.get("rig")
+    if rig is not None and not isinstance(rig, str):
+        problems.append(f"`rig` must be the path of a rig file, but is {rig!r}.")
+        return None
+    return None if rig is None else path.parent / rig
+
+
+def _table(document: dict, key: str, problems: list[str], check) -> dict:
+    entries = document.get(key, {})
+    if not isinstance(entries, dict):
+        problems.append(f"`{key}` must be a table, but is {entries!r}.")
+        return {}
+    result = {}
+    for name, value in entries.items():
+        if group_of(name) not in UNITS:
+            problems.append(f"`{key}.{name}` is not a column or group{hint(name, UNITS)}.")
+        elif (wrong := check(name, value)) is not None:
+            problems.append(f"`{key}.{name}` {wrong}, but is {value!r}.")
+        else:
+            result[name] = float(value) if key == "noise" else value
+    return result
+
+
+def _noise(name: str, value: Any) -> str | None:
+    good = isinstance(value, (int, float)) and not isinstance(value, bool) and 0 <= value < 1e300
+    return None if good else f"must be a 1-sigma in {unit_of(name)}, 0 or more"
+
+
+def _text(name: str, value: Any) -> str | None:
+    return None if isinstance(value, str) else "must be the name of a column in the file"
+
+
+def _unit(name: str, value: Any) -> str | None:
+    try:
+        to_si(name, value)
+    except ValueError:
+        return f"must be a unit of {unit_of(name)}"
+    return None

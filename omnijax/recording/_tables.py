@@ -1,0 +1,183 @@
+"""Files of every kind into columns of numbers: CSV, Parquet, MAT, NetCDF, TDMS, UFF, MDF4."""
+
+import importlib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._errors import InputError
+from ._columns import AXES, PER_WHEEL, UNITS
+from ._csv import Table, read_csv
+
+
+def suffix_of(path: Path) -> str:
+    """`.csv.gz` for a packed table, else the last suffix, in small letters."""
+    name = path.name.lower()
+    return ".csv.gz" if name.endswith(".csv.gz") else path.suffix.lower()
+
+
+def stem_of(path: Path) -> str:
+    """The file's name without its suffix: `run-1` for `run-1.csv.gz`."""
+    return path.name[: len(path.name) - len(suffix_of(path))]
+
+
+def read_table(path: Path) -> Table:
+    """Columns of the file; `InputError` for a kind of file that is not known."""
+    suffix = suffix_of(path)
+    if suffix not in READERS:
+        known = ", ".join(sorted(READERS))
+        raise InputError(
+            f"{path.name}: the file's kind must be one of {known}, but is {suffix or '-'}."
+        )
+    try:
+        return READERS[suffix](path)
+    except (InputError, OSError):
+        raise
+    except Exception as error:  # third-party readers raise whatever they like on a broken file
+        raise InputError(f"{path.name} cannot be read as {suffix}: {error}") from error
+
+
+def need(module: str, package: str, suffix: str) -> Any:
+    """Import a reader's package, or say which command installs it."""
+    try:
+        return importlib.import_module(module)
+    except ImportError as error:
+        raise InputError(
+            f'reading `{suffix}` files needs {package}: pip install "omnijax[measured]"'
+        ) from error
+
+
+def spread(columns: Mapping[str, Any], units: Mapping[str, str] | None = None) -> Table:
+    """Columns from named arrays; a matrix `dR` (samples, 3) becomes dR_x, dR_y, dR_z."""
+    flat: dict[str, np.ndarray] = {}
+    said: dict[str, str] = {}
+    length = max((np.shape(v)[0] for v in columns.values() if np.ndim(v) > 0), default=0)
+    for name, raw in columns.items():
+        value = np.asarray(raw)
+        if value.dtype.kind not in "fiub" or value.size < 1 or value.size == 1 < length:
+            continue
+        value = np.asarray(value.squeeze() if value.size == max(value.shape) else value, float)
+        parts = {name: value} if value.ndim == 1 else _parts(name, value, length)
+        flat |= parts
+        if units and name in units:
+            said |= dict.fromkeys(parts, units[name])
+    return Table(flat, said, [])
+
+
+def _parts(name: str, value: np.ndarray, length: int) -> dict[str, np.ndarray]:
+    if value.ndim != 2 or name not in UNITS:
+        return {}
+    value = value if value.shape[0] == length else value.T
+    numbers = [str(i + 1) for i in range(value.shape[1])]
+    ends = numbers if name in PER_WHEEL else AXES
+    return {f"{name}_{end}": column for end, column in zip(ends, value.T, strict=False)}
+
+
+def _parquet(path: Path) -> Table:
+    parquet = need("pyarrow.parquet", "pyarrow", ".parquet")
+    table = parquet.read_table(path)
+    return spread({name: table[name].to_numpy() for name in table.column_names})
+
+
+def _mat(path: Path) -> Table:
+    import scipy.io
+
+    try:
+        found = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=True)
+    except NotImplementedError:  # version 7.3 is HDF5
+        return _hdf5(path)
+    columns: dict[str, Any] = {}
+    for name, value in found.items():
+        if name.startswith("__"):
+            continue
+        if isinstance(value, np.ndarray) and value.dtype.names:  # a struct: its fields are columns
+            columns |= {field: value[field].item() for field in value.dtype.names}
+        else:
+            columns[name] = value
+    return spread(columns)
+
+
+def _hdf5(path: Path) -> Table:
+    import h5py
+
+    columns: dict[str, np.ndarray] = {}
+
+    def keep(name, item):
+        if isinstance(item, h5py.Dataset) and not name.startswith("#"):
+            columns[name.rsplit("/", 1)[-1]] = np.asarray(item[()]).T  # MATLAB counts columns first
+
+    with h5py.File(path, "r") as file:
+        file.visititems(keep)
+    return spread(columns)
+
+
+def _netcdf(path: Path) -> Table:
+    import xarray
+
+    with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as data:
+        units = {
+            str(k): str(v.attrs["units"]) for k, v in data.variables.items() if "units" in v.attrs
+        }
+        columns = {str(k): v.values for k, v in data.variables.items()}
+    for group in UNITS:  # what the sensors made of it stands beside the true value
+        if f"measured_{group}" in columns:
+            columns[group] = columns.pop(f"measured_{group}")
+    own = {k: v for k, v in columns.items() if k in UNITS or k.rsplit("_", 1)[0] in UNITS}
+    return spread(own if "t" in own else columns, units)
+
+
+def _tdms(path: Path) -> Table:
+    tdms = need("nptdms", "npTDMS", ".tdms")
+    columns, units = {}, {}
+    with tdms.TdmsFile.read(path) as file:
+        for group in file.groups():
+            for channel in group.channels():
+                columns[channel.name] = channel[:]
+                unit = channel.properties.get("unit_string")
+                units |= {channel.name: unit} if unit else {}
+                if "t" not in columns and "wf_increment" in channel.properties:
+                    columns["t"] = channel.time_track()
+    return spread(columns, units)
+
+
+def _uff(path: Path) -> Table:
+    pyuff = need("pyuff", "pyuff", ".uff")
+    columns: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    sets = pyuff.UFF(str(path)).read_sets()
+    for one in sets if isinstance(sets, list) else [sets]:
+        if one.get("type") != 58:
+            continue
+        name = (one.get("id1") or one.get("id2") or "").strip()
+        columns[name] = np.real(np.asarray(one["data"]))
+        columns.setdefault("t", np.asarray(one["x"]))
+        unit = str(one.get("ordinate_axis_units_lab", "")).strip()
+        units |= {name: unit} if unit and unit.upper() != "NONE" else {}
+    return spread(columns, units)
+
+
+def _mdf(path: Path) -> Table:
+    asammdf = need("asammdf", "asammdf", ".mf4")
+    columns: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    with asammdf.MDF(path) as file:
+        for signal in file.iter_channels():
+            columns.setdefault("t", np.asarray(signal.timestamps))
+            columns[signal.name] = np.asarray(signal.samples)
+            units |= {signal.name: signal.unit} if signal.unit else {}
+    return spread(columns, units)
+
+
+READERS = {
+    ".csv": read_csv,
+    ".csv.gz": read_csv,
+    ".parquet": _parquet,
+    ".mat": _mat,
+    ".nc": _netcdf,
+    ".tdms": _tdms,
+    ".uff": _uff,
+    ".unv": _uff,
+    ".mf4": _mdf,
+}
