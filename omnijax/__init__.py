@@ -17,6 +17,7 @@ _EXPORTS = {  # package -> its names here; nothing is imported before it is aske
         "Signal SpeedDrive SteadyState TorqueDrive Trajectory propagate speeds steady_state torques"
     ),
     "recording": "Case Recording read_case read_recording write_recording",
+    "study": "SweepResult load_sweep sweep",
     "vibration": "METRICS Modes evaluate modes natural_frequencies",
 }
 _WHERE = {name: package for package, names in _EXPORTS.items() for name in names.split()}

@@ -1,0 +1,29 @@
+"""`omnijax export`: a stored sweep as NetCDF, CSV or Parquet."""
+
+from pathlib import Path
+
+from ._options import Json, emit
+
+
+def export(store: Path, file: Path, /, *, json: Json = False) -> int:
+    """Write a stored sweep to a file; its ending chooses NetCDF (.nc), CSV or Parquet.
+
+    Example: omnijax export sweep.zarr sweep.csv
+
+    Parameters
+    ----------
+    store
+        The folder that `omnijax sweep --out` writes.
+    file
+        The file to write: .nc, .csv or .parquet.
+    """
+    from ..study import load_sweep
+
+    result = load_sweep(store)
+    written = result.export(file)
+    emit(
+        json,
+        {"file": str(written), "designs": result.size},
+        lambda: print(f"{written}: {result.size} designs"),
+    )
+    return 0

@@ -1,0 +1,79 @@
+"""`omnijax sweep-status`: how far a sweep is, from another terminal; one design again."""
+
+from pathlib import Path
+from typing import Any
+
+from ._options import Json, emit
+
+
+def sweep_status(store: Path, /, *, rerun: int | None = None, json: Json = False) -> int:
+    """Show how far a stored sweep is, what failed, and the time left.
+
+    Example: omnijax sweep-status sweep.zarr
+
+    Parameters
+    ----------
+    store
+        The folder that `omnijax sweep --out` writes.
+    rerun
+        Evaluate this design of the store again and print its figures.
+    """
+    from ..study import load_sweep
+
+    result = load_sweep(store)
+    if rerun is not None:
+        found = _again(result, rerun)
+        emit(json, found, lambda: _print_design(result, found))
+        return 0 if found["status"] not in {"non-finite", "step limit", "failed"} else 1
+    from ..study._sweep_progress import progress
+    from .sweep import summarise
+
+    state = progress(result.store)
+    summary = {**state._asdict(), **summarise(result)}
+    emit(json, summary, lambda: _print(result, summary))
+    return 0
+
+
+def _again(result: Any, index: int) -> dict[str, Any]:
+    import numpy as np
+
+    from ..study._chunks import Evaluator
+    from ..study._store import STATUS
+
+    result.design(index)  # refuses an index outside
+    columns = Evaluator(result.spec).designs(np.array([index]))
+    found = {name: values[0].item() for name, values in columns.items()}
+    return {"design": index} | found | {"status": STATUS[int(found["status"])]}
+
+
+def _print_design(result: Any, found: dict[str, Any]) -> None:
+    from ..simulate._trajectory import REMEDY
+    from ..study._store import STATUS
+
+    print(f"design {found['design']}: {found['status']}")
+    for name in result.store.names[:-1]:
+        print(f"  {name} = {found[name]:.9g} {result.unit(name)}")
+    for code, remedy in REMEDY.items():
+        if STATUS[code] == found["status"]:
+            print(remedy)
+
+
+def _print(result: Any, summary: dict[str, Any]) -> None:
+    from ..study._sweep_progress import clock
+    from .sweep import show
+
+    done, size = summary["done"], summary["designs"]
+    doing = "running" if summary["running"] else "finished" if done == size else "stopped"
+    rate = f", {summary['rate']:.4g} designs/s" if summary["rate"] else ""
+    left = f", {clock(summary['time_left'])} left" if summary["time_left"] else ""
+    print(f"{doing}: {done} of {size} designs ({100 * done / size:.1f} %){rate}{left}")
+    if summary["last_chunk"] is not None:
+        print(f"latest chunk finished {clock(summary['last_chunk'])} ago")
+    if doing == "stopped":
+        print(f"continue with: {_resume(result)}")
+    show(result, summary)
+
+
+def _resume(result: Any) -> str:
+    command = result.store.group.attrs.get("command") or "the same call and resume=True"
+    return command if "--resume" in command or "resume=" in command else f"{command} --resume"

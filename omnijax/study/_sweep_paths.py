@@ -1,0 +1,129 @@
+"""How one design of a sweep is evaluated: steady state, exact propagation or full simulation."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax as dfx
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from .._errors import InputError, did_you_mean
+from ..rig import Rig
+from ..simulate import AbstractDrive, SpeedDrive, Trajectory, simulate
+from ..simulate.exact import exact_obstacle, propagate, steady_state
+from ..vibration import METRICS, evaluate
+from ._store import FAILED
+
+LIFT_OFF, SLIP = 4, 5
+RTOL, MAX_STEPS = 1e-8, 200_000  # of full simulations
+STEADY: dict[str, Callable[[Any], Array]] = {
+    "peak": lambda s: s.peak,
+    "rms": lambda s: s.rms,
+    "elastic_peak": lambda s: s.peak_elastic,
+    "elastic_rms": lambda s: s.rms_elastic,
+    "acceleration_rms": lambda s: s.rms_acceleration,
+    **{f"peak_{a}": lambda s, i=i: s.peak_component[i] for i, a in enumerate("xyz")},
+    **{f"rms_{a}": lambda s, i=i: s.rms_component[i] for i, a in enumerate("xyz")},
+    **{f"peak_to_peak_{a}": lambda s, i=i: s.peak_to_peak[i] for i, a in enumerate("xyz")},
+}
+
+
+class Settings(NamedTuple):
+    """What is fixed at compile time: path of evaluation, metrics and numerics."""
+
+    path: str
+    metrics: tuple[str, ...]
+    model: str
+    solver: str
+    rtol: float | None
+    max_steps: int | None
+    gradient: bool
+
+
+def check_metrics(names: tuple[str, ...]) -> None:
+    """`InputError` for a name that is no metric."""
+    unknown = [name for name in names if name not in METRICS]
+    if unknown:
+        listed = f" Metrics: {', '.join(METRICS)}."
+        raise InputError(
+            [f"`{name}` is no metric.{did_you_mean(name, METRICS)}{listed}" for name in unknown]
+        )
+    if not names:
+        raise InputError("a sweep needs at least one metric, as in peak,rms.")
+    if len(set(names)) < len(names):
+        raise InputError("`metric` names a metric twice.")
+
+
+def choose_path(
+    rig: Rig,
+    drive: AbstractDrive,
+    constant: bool,
+    duration: float | None,
+    model: str,
+    metrics: tuple[str, ...],
+) -> tuple[str, str]:
+    """(path, why): the cheapest exact way that this rig, drive and these metrics allow."""
+    prescribed = isinstance(drive, SpeedDrive)
+    reason = exact_obstacle(rig, model) if prescribed else "motor torques drive the wheels"
+    if reason is None and not constant:
+        reason = "the drive changes in time"
+    if duration is not None:
+        if reason is None:
+            return "propagation", "the model is linear and the speeds are given"
+        return "full", reason
+    missing = [name for name in metrics if name not in STEADY]
+    if reason is None and missing:
+        reason = f"the steady state does not give {', '.join(missing)}"
+    if reason is not None:
+        raise InputError(f"this sweep needs a `duration`: {reason}, so there is no steady state.")
+    return "steady", "the speeds are constant and no duration is asked for"
+
+
+def figures_of(
+    settings: Settings, rig: Rig, drive: Any, ts: Float[Array, " t"] | None
+) -> tuple[Float[Array, " m"], Int[Array, ""]]:
+    """Metrics and status of one design."""
+    if settings.path == "steady":
+        return _steady(settings, rig, drive)
+    assert ts is not None  # every other path has a duration
+    if settings.path == "propagation":
+        run = propagate(rig, drive, ts, model=settings.model)
+    else:
+        adjoint = dfx.ForwardMode() if settings.gradient else None
+        run = simulate(
+            rig,
+            drive,
+            ts,
+            model=settings.model,
+            solver=settings.solver,
+            rtol=settings.rtol or RTOL,
+            max_steps=settings.max_steps or MAX_STEPS,
+            adjoint=adjoint,
+        )
+    found = evaluate(run, rig, settings.metrics)
+    values = jnp.stack([found[name] for name in settings.metrics])
+    return _with_status(values, _margins(run, rig))
+
+
+def _steady(settings: Settings, rig: Rig, drive: SpeedDrive):
+    state = steady_state(
+        rig, drive.speed.values[0], model=settings.model, angles=drive.initial_angle
+    )
+    values = jnp.stack([STEADY[name](state) for name in settings.metrics])
+    return _with_status(values, jnp.zeros((), int))
+
+
+def _margins(run: Trajectory, rig: Rig) -> Int[Array, ""]:
+    """The run's own status, else lift-off or slip where a margin went below zero at a sample."""
+    lifted = jnp.any(run.normal_force < 0)
+    slipped = jnp.any(run.slip_margin < 0)
+    margin = jnp.where(lifted, LIFT_OFF, jnp.where(slipped, SLIP, 0))
+    return jnp.where(run.status == 0, margin, run.status)
+
+
+def _with_status(values: Float[Array, " m"], status):
+    """Figures of a failed design are NaN; figures that are not finite make a design failed."""
+    bad = jnp.any(~jnp.isfinite(values))
+    failed = jnp.any(status == jnp.asarray(FAILED))
+    status = jnp.where(bad & ~failed, 1, status)
+    return jnp.where(failed | bad, jnp.nan, values), status

@@ -1,0 +1,100 @@
+"""What a sweep is: everything that decides its numbers, as one JSON text."""
+
+import dataclasses
+import json
+import tomllib
+from typing import Any
+
+from .._errors import InputError
+from ._axes import read_axis
+from ._points import PointSet, build_points
+
+PATHS = {
+    "steady": "steady state (closed form, no time stepping)",
+    "propagation": "exact propagation (linear model, prescribed speeds)",
+    "full": "full simulation (adaptive time stepping)",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class SweepSpec:
+    """Rig, drive, points, metrics and numerics of one sweep; equal specs give equal numbers.
+
+    `rig` is the text of the rig file, `vary` pairs of (path, unit, range in SI units), `drive` the
+    drive as plain numbers, `duration` in s (none: steady state), `rate` samples per s.
+    """
+
+    rig: str
+    vary: tuple[tuple[str, str, str], ...]
+    metrics: tuple[str, ...]
+    drive: dict[str, Any]
+    path: str
+    model: str = "coupled"
+    solver: str = ""
+    duration: float | None = None
+    rate: float | None = None
+    rtol: float | None = None
+    max_steps: int | None = None
+    gradient: bool = False
+    sampler: str = "grid"
+    samples: int | None = None
+    seed: int = 0
+    batch: int = 1024
+    chunk: int = 8192
+
+    @property
+    def points(self) -> PointSet:
+        """The design points."""
+        axes = [read_axis(path, text, unit) for path, unit, text in self.vary]
+        return build_points(axes, self.sampler, self.samples, self.seed)
+
+    def to_json(self) -> str:
+        """The spec as JSON; `from_json` reads it back equal."""
+        return json.dumps(dataclasses.asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> "SweepSpec":
+        """The spec that `to_json` wrote; `InputError` where `text` is no spec of this version."""
+        try:
+            found = json.loads(text)
+            found["vary"] = tuple(tuple(axis) for axis in found["vary"])
+            found["metrics"] = tuple(found["metrics"])
+            return cls(**found)
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f"the store's sweep specification cannot be read: {error}") from None
+
+
+def differences(stored: SweepSpec, asked: SweepSpec) -> list[str]:
+    """Keys in which two specs differ, each as `key: stored -> asked`."""
+    before, after = _flat(stored), _flat(asked)
+    keys = dict.fromkeys([*before, *after])
+    return [
+        f"{key}: {before.get(key, 'absent')} -> {after.get(key, 'absent')}"
+        for key in keys
+        if before.get(key) != after.get(key)
+    ]
+
+
+def _flat(spec: SweepSpec) -> dict[str, str]:
+    found = dataclasses.asdict(spec)
+    found["vary"] = {path: text for path, _, text in spec.vary}
+    found["order of vary"] = ", ".join(path for path, _, _ in spec.vary)
+    found["metrics"] = ", ".join(spec.metrics)
+    found["rig"] = tomllib.loads(spec.rig)
+    return dict(_leaves(found, ""))
+
+
+def _leaves(value: Any, path: str):
+    """(path, text) of every leaf; list entries that have a name are known by it."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _leaves(inner, f"{path}.{key}" if path else str(key))
+    elif isinstance(value, list) and any(isinstance(x, dict) for x in value):
+        for i, inner in enumerate(value):
+            yield from _leaves(inner, f"{path}.{inner.get('name', i)}")
+    else:
+        yield path, _short(repr(value))
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 60 else text[:57] + "..."
