@@ -14,3 +14,7 @@ from ._metrics import known as known
 from ._modes import Modes as Modes
 from ._modes import modes as modes
 from ._modes import natural_frequencies as natural_frequencies
+from ._steady import STEADY_METRICS as STEADY_METRICS
+from ._steady import ContactLoad as ContactLoad
+from ._steady import contact_load as contact_load
+from ._steady import steady_metrics as steady_metrics

@@ -115,6 +115,8 @@ def _responses(translation: AbstractTranslation, gain):
             "dR_elastic": normal.T @ (motion.deflection + motion.mount),
             "approach": motion.approach,
             "a_sphere": sphere / rig.sphere.mass,
+            "normal_force": tension,
+            "drive_force": drive,
             "platform": motion.platform,
             "drift": translation.drift_acceleration(ports),
         }
