@@ -1,5 +1,7 @@
 """Round wheels: closed forms of the ideal case, eq. 46, and a free gyroscopic body."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,6 +16,7 @@ TS = jnp.linspace(0.0, 2.0, 101)
 TORQUE = jnp.array([0.1, 0.2, 0.3])
 
 
+@functools.cache
 def _ideal():
     rig = machine(ORTHOGONAL, roundness=0.0, scale=0.0)
     run = eqx.filter_jit(simulate)(rig, torques(TORQUE, (0.1, 0.2, 0.3)), TS)
