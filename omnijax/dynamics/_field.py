@@ -24,6 +24,7 @@ from ._rotation import (
     inertia_at,
     rotation_matrix,
 )
+from ._small import least_squares
 from ._translation import AbstractTranslation, ElasticState, Motion, PortInputs
 
 
@@ -203,7 +204,7 @@ def _instant(
     else:
         turning, spin_up = prescribed
         needed = (inertia.matrix @ turning + opposing) / radius
-        drive = jnp.linalg.pinv(geometry.axes.T) @ needed
+        drive = least_squares(geometry.axes.T, needed)
         torque = wheels.inertia * spin_up + geometry.radius * drive
     ports = PortInputs(shape, contact, mount, drive, inputs.force, _floor(rig, inputs.time))
     acceleration = translation.platform_acceleration(state.elastic, ports)

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 from ..laws import DualRow
 from ..rig import Rig, grouped_profiles, over_wheels
 from ._rotation import rotation_matrix
+from ._small import least_squares
 
 
 def wheel_shape(rig: Rig, angle: Float[Array, " n"]) -> Float[Array, " n"]:
@@ -83,9 +84,7 @@ def sphere_velocity(rig: Rig, geometry: Rolling, speed: Float[Array, " n"]) -> F
     axes that no wheel drives stand still).
     """
     rim = geometry.radius * speed / rig.sphere.radius
-    if rig.size == 3:
-        return jnp.linalg.solve(geometry.axes, rim)
-    return jnp.linalg.pinv(geometry.axes) @ rim
+    return least_squares(geometry.axes, rim)
 
 
 def incompatibility(rig: Rig, geometry: Rolling, speed: Float[Array, " n"]) -> Float[Array, " n"]:

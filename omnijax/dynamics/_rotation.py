@@ -5,6 +5,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ._small import inverse, solve
+
 
 def rotation_matrix(attitude: Float[Array, "4"]) -> Float[Array, "3 3"]:
     """Matrix body frame -> inertial frame of the quaternion (w, x, y, z), normalised here."""
@@ -34,8 +36,8 @@ class Inertia(NamedTuple):
 
 def inertia_at(body_inertia: Float[Array, "3 3"], rotation: Float[Array, "3 3"]) -> Inertia:
     """Q I Q^T and its inverse."""
-    inverse = jnp.linalg.inv(body_inertia)
-    return Inertia(rotation @ body_inertia @ rotation.T, rotation @ inverse @ rotation.T)
+    body_inverse = inverse(body_inertia)
+    return Inertia(rotation @ body_inertia @ rotation.T, rotation @ body_inverse @ rotation.T)
 
 
 def drive_forces(
@@ -58,7 +60,7 @@ def drive_forces(
     gain = sphere_radius * axes @ inverse_inertia
     matrix = sphere_radius * gain @ axes.T + jnp.diag(radius**2 / wheel_inertia)
     right = radius / wheel_inertia * shaft_torque + gain @ opposing + radius_term
-    return jnp.linalg.solve(matrix, right)
+    return solve(matrix, right)
 
 
 def angular_acceleration(axes, sphere_radius, inverse_inertia, forces, opposing):

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..rig import Rig
+from ._small import solve
 
 
 class PortInputs(NamedTuple):
@@ -118,7 +119,7 @@ class Coupled(AbstractTranslation):
         sphere = (state.momentum + normal.T @ shift) / self.rig.sphere.mass
         wheel = (state.wheel_momentum - shift) / wheels.mass
         momentum = -state.momentum - normal.T @ state.wheel_momentum
-        platform = jnp.linalg.solve(self._platform_mass(), momentum)
+        platform = solve(self._platform_mass(), momentum)
         velocity = sphere - platform
         approach = normal @ state.approach
         return Motion(
@@ -157,7 +158,7 @@ class Coupled(AbstractTranslation):
         mount = self.mount_tension(motion) + inputs.mount
         closure = wheels.closure.stiffness * motion.approach
         force = inputs.force + normal.T @ (mount + closure) - wheels.drive.T @ inputs.drive
-        return jnp.linalg.solve(self._platform_mass(), force) + inputs.floor
+        return solve(self._platform_mass(), force) + inputs.floor
 
 
 class Paper(AbstractTranslation):

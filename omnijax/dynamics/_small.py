@@ -1,0 +1,33 @@
+"""Linear systems of three unknowns in closed form: a library call costs more than the work."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+def _adjugate(matrix: Float[Array, "3 3"]) -> tuple[jax.Array, jax.Array]:
+    """Adjugate, whose columns are cross products of rows, and determinant."""
+    a, b, c = matrix
+    columns = jnp.stack([jnp.cross(b, c), jnp.cross(c, a), jnp.cross(a, b)], axis=-1)
+    return columns, a @ columns[:, 0]
+
+
+def inverse(matrix: Float[Array, "3 3"]) -> Float[Array, "3 3"]:
+    """Inverse of a 3x3 matrix."""
+    columns, determinant = _adjugate(matrix)
+    return columns / determinant
+
+
+def solve(matrix: Float[Array, "n n"], right: Float[Array, " n"]) -> Float[Array, " n"]:
+    """Solution x of matrix x = right; closed form for n = 3."""
+    if matrix.shape != (3, 3):
+        return jnp.linalg.solve(matrix, right)
+    columns, determinant = _adjugate(matrix)
+    return columns @ right / determinant
+
+
+def least_squares(matrix: Float[Array, "n m"], right: Float[Array, " n"]) -> Float[Array, " m"]:
+    """Least x of all those with least |matrix x - right|."""
+    if matrix.shape == (3, 3):
+        return solve(matrix, right)
+    return jnp.linalg.pinv(matrix) @ right
