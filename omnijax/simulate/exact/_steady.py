@@ -13,6 +13,7 @@ from ._cycles import Forcing, forcing, is_traced
 from ._ladder import basis_generator, basis_row, levels_needed, second_moments
 from ._passage import Passages, passages, periodic_starts, time_constants
 from ._peaks import Curves, component_places, grid, present, supremum_places, values_at
+from ._show import html, plot_orders, to_xarray
 from ._spectrum import harmonics as dr_harmonics
 from ._spectrum import transfer
 from ._system import Forced, balanced, exact_obstacle, forced_system
@@ -62,6 +63,17 @@ class SteadyState(eqx.Module):
             f"SteadyState(rms={_text(self.rms)} m, peak={_text(self.peak)} m, "
             f"{len(self.wheel)} signals, {self.order.shape[1] - 1} harmonics)"
         )
+
+    def _repr_html_(self) -> str:
+        return html(self)
+
+    def plot_orders(self, *, ax=None):
+        """Order spectrum of |dR| in micrometres; draws on `ax` or on a figure of its own."""
+        return plot_orders(self, ax=ax)
+
+    def to_xarray(self):
+        """Every figure with its unit as an `xarray.Dataset`."""
+        return to_xarray(self)
 
 
 def _text(x) -> str:

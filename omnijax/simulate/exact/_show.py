@@ -1,0 +1,68 @@
+"""How a steady state shows itself: a table, a figure, labelled arrays."""
+
+from typing import Any
+
+import numpy as np
+
+from ..._html import html_table
+
+
+def summary_rows(state: Any) -> list[tuple[str, float, str]]:
+    """(name, value, unit) of the scalar figures and of each component."""
+    rows = [
+        (name, float(getattr(state, name)), state.UNITS[name])
+        for name in ("rms", "peak", "rms_elastic", "peak_elastic", "rms_acceleration")
+    ]
+    for name in ("rms_component", "peak_component", "peak_to_peak", "mean"):
+        values = np.asarray(getattr(state, name))
+        rows += [(f"{name} {axis}", float(v), state.UNITS[name]) for axis, v in zip("xyz", values)]
+    return rows
+
+
+def html(state: Any) -> str:
+    """Table of the scalar figures."""
+    return html_table("Steady state", summary_rows(state), ("figure", "value", "unit"))
+
+
+def plot_orders(state: Any, *, ax: Any = None) -> Any:
+    """Amplitudes of |dR| in micrometres over the order of each wheel's rotation."""
+    if ax is None:
+        from matplotlib.figure import Figure
+
+        ax = Figure(figsize=(7, 3.5), layout="constrained").subplots()
+    amplitude = 1e6 * np.linalg.norm(np.abs(np.asarray(state.spectrum)), axis=-1)
+    order, shift = np.asarray(state.order), np.linspace(-2.0, 2.0, max(len(state.wheel), 2))
+    for signal, wheel in enumerate(state.wheel):
+        shown = order[signal] > 0
+        x = order[signal][shown] + (shift[signal] if len(state.wheel) > 1 else 0.0)
+        ax.vlines(x, 0, amplitude[signal][shown], color=f"C{wheel}", label=state.names[wheel])
+    ax.set_xlabel("order (multiple of the wheel's rotation)")
+    ax.set_ylabel("|ΔR| / µm")
+    ax.set_ylim(bottom=0)
+    if state.wheel:
+        ax.legend()
+    return ax
+
+
+def to_xarray(state: Any) -> Any:
+    """An `xarray.Dataset` of every figure with its unit; signals are named by their wheel.
+
+    Complex amplitudes are split into `spectrum_real` and `spectrum_imag`, which every store takes.
+    """
+    import xarray as xr
+
+    component = ("component",)
+    lines = ("signal", "harmonic")
+    dims = {"order": lines, "transmissibility": lines}
+    for name in ("rms_component", "peak_component", "peak_to_peak", "mean"):
+        dims[name] = component
+    data = {}
+    for name, unit in state.UNITS.items():
+        value, attributes = np.asarray(getattr(state, name)), {"units": unit}
+        if name == "spectrum":
+            data["spectrum_real"] = ((*lines, "component"), value.real, attributes)
+            data["spectrum_imag"] = ((*lines, "component"), value.imag, attributes)
+        else:
+            data[name] = (dims.get(name, ()), value, attributes)
+    names = [state.names[wheel] for wheel in state.wheel]
+    return xr.Dataset(data, {"component": list("xyz"), "signal": names})

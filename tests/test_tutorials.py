@@ -1,0 +1,24 @@
+"""The tutorials of experiments/ run as they stand and assert their own answers."""
+
+import runpy
+from pathlib import Path
+
+import matplotlib as mpl
+import pytest
+
+TUTORIALS = sorted((Path(__file__).parents[1] / "experiments").glob("tutorial_*.py"))
+
+
+@pytest.mark.parametrize("path", TUTORIALS, ids=lambda path: path.stem)
+def test_tutorial(path, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with mpl.rc_context():
+        runpy.run_path(str(path), run_name="__main__")
+
+
+def test_tutorials_read_as_notebooks():
+    assert len(TUTORIALS) >= 1
+    for path in TUTORIALS:
+        text = path.read_text()
+        assert text.startswith("# %% [markdown]\n# # "), path
+        assert "**Question.**" in text and "**Answer.**" in text and "assert" in text, path
