@@ -1,0 +1,40 @@
+"""Every command that the documentation shows is one that the command line understands."""
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+
+from omnijax.cli import build_app
+
+ROOT = Path(__file__).parents[1]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+
+
+def _commands():
+    for page in PAGES:
+        if "_build" in page.parts:
+            continue
+        for match in re.finditer(r"^\$ omnijax (.+)$", page.read_text(), re.M):
+            yield pytest.param(match.group(1).split("  #")[0], id=f"{page.stem}: {match.group(1)}")
+
+
+@pytest.mark.parametrize("command", list(_commands()))
+def test_documented_command_parses(command):
+    tokens = shlex.split(command)
+    _, _, unused, *_ = build_app().parse_known_args(tokens)
+    assert not unused, f"unknown: {unused}"
+
+
+def test_the_documentation_shows_commands():
+    assert len(list(_commands())) >= 10
+
+
+def test_help_of_every_command_has_an_example():
+    from omnijax.cli import COMMANDS
+
+    app = build_app()
+    for names in COMMANDS.values():
+        for name in names:
+            assert f"Example: omnijax {name}" in (app[name].help or ""), name
