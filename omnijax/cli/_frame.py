@@ -19,6 +19,7 @@ OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 COMMANDS: dict[str, tuple[str, ...]] = {  # section of the help -> its commands, in order
     "Rig files": ("init", "check", "effects", "schema"),
     "Studies": ("sweep", "sweep-status", "export"),
+    "Look": ("replay", "explore"),
 }
 
 _EPILOGUE = (

@@ -29,10 +29,16 @@ def replay(
     title
         Heading of the page; the run's name where it is not given.
     """
-    from ..simulate import load_run
-    from ..view import write_replay
+    from ..rig import InputError
+    from ..simulate import load_trajectory
+    from ..view import rig_of_run, write_replay
 
-    trajectory, rig = load_run(run)
-    path = write_replay(trajectory, rig, out or run.with_suffix(".html"), title or run.stem)
+    trajectory = load_trajectory(run)
+    try:
+        path = write_replay(
+            trajectory, rig_of_run(run), out or run.with_suffix(".html"), title or run.stem
+        )
+    except ValueError as error:
+        raise InputError(f"{run.name}: {error}") from error
     size = path.stat().st_size
     emit(json, {"page": str(path), "bytes": size}, lambda: print(f"{path} ({size / 1e6:.2f} MB)"))

@@ -26,7 +26,9 @@ def write_replay(run: Trajectory, rig: Rig, path: str | Path, title: str = "Repl
         "theta": run.theta,
         "mount": run.mount_deflection,
     }
-    data: dict[str, object] = {name: _packed(np.asarray(values)[kept]) for name, values in channels.items()}
+    data: dict[str, object] = {
+        name: _packed(np.asarray(values)[kept]) for name, values in channels.items()
+    }
     data["machine"] = machine_scene(rig)
     thinned = "" if len(kept) == len(run.t) else f" {len(kept)} of {len(run.t)} samples."
     text = page(

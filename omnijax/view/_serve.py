@@ -68,5 +68,5 @@ def _listen(host: str, port: int) -> socket.socket:
     try:
         listener.bind((host, port))
     except (OSError, OverflowError) as error:
-        raise InputError(f"cannot listen on {host}, port {port}: {error}.") from error
+        raise InputError(f"cannot listen on {host}, port {port}: {error}") from error
     return listener
