@@ -1,4 +1,4 @@
-"""Settings that must stand before jax is imported: one thread a worker, a cache beside the tests."""
+"""Settings that must stand before jax is imported: CPU, one thread a worker, a cache here."""
 
 import os
 from pathlib import Path
@@ -8,7 +8,7 @@ from hypothesis import settings
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
 os.environ.setdefault("MPLBACKEND", "Agg")
-os.environ.setdefault("JAX_PLATFORMS", "cpu")  # the tolerances are those of one kind of machine
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ.setdefault(
     "OMNIJAX_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
 )

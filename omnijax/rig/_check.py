@@ -44,7 +44,7 @@ def _label(blocks: Any, index: int, key: str = "name") -> str:
     """A block's name where that tells it from the others, else its number in the file, from 1."""
     names = [block.get(key) if isinstance(block, Mapping) else None for block in blocks]
     name = names[index]
-    return name if isinstance(name, str) and names.count(name) == 1 else str(index + 1)
+    return name if name and isinstance(name, str) and names.count(name) == 1 else str(index + 1)
 
 
 def _nested(entry: Any) -> bool:
@@ -148,7 +148,10 @@ def _wheel_problems(wheel: Mapping, data: Mapping, folder: Path) -> Iterator[str
     if roundness is not None and rollers and radius and sphere:
         reach = radius * math.sin(min(roundness * math.pi / rollers, math.pi / 2))
         if reach >= sphere:
-            yield f"radius` leaves gaps that the sphere falls through ({sphere:g} m in radius)."
+            yield (
+                f"radius` must lie below {radius * sphere / reach:.4g} m for these gaps, but is "
+                f"{radius!r}: the sphere would fall through."
+            )
     if profile == "table" and "table" in wheel and rollers is not None:
         try:
             read_profile(wheel["table"], rollers, folder)

@@ -1,0 +1,183 @@
+"""The command line as a user runs it: help, exit codes, messages, output for machines."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from omnijax import __version__
+from omnijax._errors import InputError, RunError, require
+from omnijax.cli import COMMANDS, _frame, build_app, run
+
+NAMES = [name for names in COMMANDS.values() for name in names]
+
+
+def call(capsys, *tokens):
+    """Exit code, standard output and standard error of one call."""
+    code = run(list(tokens))
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_help_names_every_command_and_the_exit_codes(capsys):
+    code, out, _ = call(capsys, "--help")
+    assert code == 0
+    assert all(f" {name} " in out for name in NAMES)
+    assert "0 done, 1 a run failed, 2 wrong input, 130 interrupted" in " ".join(out.split())
+    assert call(capsys)[1] == out
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_command_has_an_example_in_its_help(capsys, name):
+    code, out, _ = call(capsys, name, "--help")
+    assert code == 0
+    assert f"Example: omnijax {name}" in out or f"Example: omnijax {name}" in out.replace("\n", " ")
+
+
+def test_version(capsys):
+    assert call(capsys, "--version") == (0, f"omnijax {__version__}\n", "")
+
+
+def test_the_first_help_is_fast():
+    """CPU time of a process that answers `--help`, against one that imports jax."""
+
+    def seconds(code):
+        start = os.times()
+        subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
+        end = os.times()
+        return end.children_user + end.children_system - start.children_user - start.children_system
+
+    ours = min(seconds("from omnijax.cli import run; run(['--help'])") for _ in range(3))
+    assert ours < 0.5 * min(seconds("import jax") for _ in range(2))
+
+
+@pytest.mark.parametrize(
+    ("tokens", "sentence"),
+    [
+        (["chek", "atlas"], 'Unknown command "chek". Did you mean "check"?'),
+        (["check", "atlas", "--jsn"], "Unknown option: --jsn. Did you mean --json?"),
+        (["check"], "requires an argument"),
+        (["check", "atlsa"], "Did you mean `atlas`?"),
+        (["effects", "contact-cubik"], "no effect's id contains 'contact-cubik'. Did you mean"),
+    ],
+)
+def test_wrong_input_is_exit_2_with_one_message(capsys, tokens, sentence):
+    code, out, err = call(capsys, *tokens)
+    assert (code, out) == (2, "")
+    assert sentence in err and "Traceback" not in err
+
+
+def test_exit_codes(monkeypatch, capsys):
+    def code_of(error):
+        def app():
+            def raising(tokens):
+                raise error
+
+            return raising
+
+        monkeypatch.setattr(_frame, "build_app", app)
+        return call(capsys)[::2]
+
+    assert code_of(InputError(["`a` is wrong.", "`b` too."], "f")) == (
+        2,
+        "f: `a` is wrong.\nf: `b` too.\n",
+    )
+    assert code_of(RunError("stopped at 3 s")) == (1, "stopped at 3 s\n")
+    assert code_of(KeyboardInterrupt()) == (130, "Interrupted. Nothing more was written.\n")
+    assert code_of(KeyboardInterrupt("Resume with --resume.")) == (130, "Resume with --resume.\n")
+    with pytest.raises(ZeroDivisionError):  # a fault of ours is not hidden
+        code_of(ZeroDivisionError())
+
+
+def test_ctrl_c_in_a_real_process():
+    code = "import time; from omnijax.cli import _frame; _frame.build_app = lambda: "
+    code += "lambda tokens: (print('up', flush=True), time.sleep(60)); _frame.main()"
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None and process.stdout.readline() == "up\n"
+        time.sleep(0.1)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=20)
+    assert (process.returncode, err) == (130, "Interrupted. Nothing more was written.\n")
+
+
+def test_init_then_check(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert call(capsys, "init")[0] == 0
+    text = (tmp_path / "rig.toml").read_text(encoding="utf-8")
+    code, _, err = call(capsys, "init")
+    assert code == 2 and "rig.toml exists already" in err
+    (tmp_path / "rig.toml").write_text("mine")
+    assert call(capsys, "init", "rig.toml", "--force")[0] == 0
+    assert (tmp_path / "rig.toml").read_text(encoding="utf-8") == text
+    code, out, _ = call(capsys, "check", "rig.toml")
+    assert code == 0 and "rig.toml: right. 3 wheels." in out
+    code, _, err = call(capsys, "init", "no/where.toml")
+    assert code == 2 and "no/where.toml cannot be written: No such file" in err
+
+
+def test_check_says_what_the_machine_is(capsys):
+    code, out, _ = call(capsys, "check", "atlas")
+    assert code == 0
+    assert "0.407338" in out  # mm, the paper's gap depth
+    assert "10.75 kg" in out and "188.208" in out and "natural frequencies" in out
+
+
+def test_check_for_machines(capsys, tmp_path):
+    code, out, _ = call(capsys, "check", "atlas", "--json")
+    summary = json.loads(out)
+    assert code == 0 and summary["ok"] and summary["driven_axes"] == 3
+    assert summary["wheels"][0]["gap_depth"] == pytest.approx(4.0734e-4, rel=1e-4)
+    bad = tmp_path / "bad.toml"
+    bad.write_text("[sphere]\nradius = -1\n")
+    code, out, _ = call(capsys, "check", str(bad), "--json")
+    answer = json.loads(out)
+    assert code == 2 and not answer["ok"] and len(answer["problems"]) == 5
+    code, out, err = call(capsys, "check", str(bad))
+    assert (code, out) == (2, "") and err.splitlines() == answer["problems"]
+
+
+def test_two_wheels_leave_an_axis_free(tmp_path, capsys):
+    call(capsys, "init", str(tmp_path / "rig.toml"))
+    text = (tmp_path / "rig.toml").read_text(encoding="utf-8")
+    head, w1, w2, rest = text.split("[[wheel]]")
+    tail = rest[rest.index("# [[effect]]") :]
+    (tmp_path / "two.toml").write_text("[[wheel]]".join([head, w1, w2]) + tail, encoding="utf-8")
+    code, out, _ = call(capsys, "check", str(tmp_path / "two.toml"))
+    assert code == 0
+    assert "The wheels drive 2 of 3 rotation axes; the sphere turns freely about the other." in out
+    assert "The contacts hold the sphere in 2 of 3 directions" in out
+
+
+def test_effects_lists_every_law(capsys):
+    from omnijax.laws import EFFECTS
+
+    code, out, _ = call(capsys, "effects", "--json")
+    rows = {row["id"]: row for row in json.loads(out)}
+    assert code == 0 and list(rows) == list(EFFECTS)
+    assert rows["wheel-runout"]["parameters"]["amplitude"]["unit"] == "m"
+    assert all(row["formula"] and row["port"] and row["places"] for row in rows.values())
+    code, out, _ = call(capsys, "effects")
+    assert code == 0 and all(name in out for name in EFFECTS)
+    assert all(law.formula in out for law in EFFECTS.values())
+
+
+def test_schema_is_json(capsys):
+    code, out, _ = call(capsys, "schema")
+    assert code == 0 and json.loads(out)["title"] == "omnijax rig file"
+
+
+def test_completion_scripts_know_the_commands():
+    script = build_app().generate_completion(shell="bash")
+    assert all(name in script for name in NAMES)
+
+
+def test_a_missing_extra_is_named_with_its_command():
+    with pytest.raises(InputError, match=r"`no_such_reader`.*pip install 'omnijax\[measured\]'"):
+        require("no_such_reader", "measured")
+    assert require("json", "measured") is json

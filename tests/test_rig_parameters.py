@@ -1,0 +1,117 @@
+"""Parameter paths: every one reads, sets, differentiates and batches."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from rigs import effect, tables, with_effects
+
+from omnijax.rig import (
+    InputError,
+    get_parameter,
+    load_rig,
+    parameter_info,
+    parameter_paths,
+    parse_rig,
+    read_parameter,
+    set_parameter,
+)
+
+
+def full_rig():
+    data = with_effects(
+        effect("wheel-runout", "w2", amplitude=8.1e-5, phase=0.4),
+        effect("unbalance", "sphere", offset=[1e-3, 0, 2e-3]),
+        effect("contact-hertz", "all"),
+        effect("sensor-drift", "dR_z", a=1e-6, b=1e-7),
+    )
+    data["wheel"][2] |= {"profile": "dual-row", "row_spacing": 0.03, "roundness": 0.4}
+    return parse_rig(data)
+
+
+RIG = full_rig()
+PATHS = [info.path for info in parameter_paths(RIG)]
+
+
+def test_the_list_is_complete_and_each_path_stands_once():
+    assert len(set(PATHS)) == len(PATHS)
+    wheel = {path.removeprefix("wheel.w1.") for path in PATHS if path.startswith("wheel.w1.")}
+    assert len(wheel) == 14
+    expected = {"sphere.mass", "platform.gravity", "wheel.radius", "contact.stiffness"}
+    expected |= {"effect.wheel-runout.w2.phase", "wheel.w3.row_spacing", "effect.unbalance.sphere"}
+    assert expected - {"effect.unbalance.sphere"} <= set(PATHS)
+    assert "effect.contact-hertz.all.modulus" not in PATHS  # not given, so not a number
+
+
+@pytest.mark.parametrize("path", PATHS)
+def test_every_path_sets_what_it_reads_and_nothing_else(path):
+    old = get_parameter(RIG, path)
+    new = 0.5 * old + 0.25
+    changed = jax.jit(lambda v: set_parameter(RIG, path, v))(new)
+    assert np.array_equal(get_parameter(changed, path), new)
+    assert eqx.tree_equal(set_parameter(changed, path, old), RIG)
+    kept = sum(
+        np.array_equal(a, b)
+        for a, b in zip(jax.tree.leaves(changed), jax.tree.leaves(RIG), strict=True)
+    )
+    assert kept == len(jax.tree.leaves(RIG)) - 1
+    assert parameter_info(RIG, path).shape == old.shape
+
+
+def test_spellings_of_one_parameter():
+    rig = set_parameter(RIG, "contact.stiffness", 2e5)
+    assert get_parameter(rig, "wheel.contact.stiffness").tolist() == [2e5] * 3
+    rig = set_parameter(rig, "wheel.w2.contact.stiffness", 3e5)
+    assert get_parameter(rig, "contact.stiffness").tolist() == [2e5, 3e5, 2e5]
+    rig = set_parameter(rig, "wheel.contact.stiffness", [1e5, 2e5, 3e5])
+    assert float(get_parameter(rig, "wheel.w3.contact.stiffness")) == 3e5
+
+
+def test_derivatives_go_to_the_named_wheel_only():
+    gradient = jax.grad(lambda v: jnp.sum(set_parameter(RIG, "wheel.w2.mass", v).wheels.mass ** 2))(
+        3.0
+    )
+    assert gradient == pytest.approx(6.0)
+    batch = jax.vmap(lambda v: set_parameter(RIG, "wheel.mass", v).total_mass)(jnp.arange(3.0))
+    assert np.diff(batch) == pytest.approx([3.0, 3.0])
+
+
+def test_isotropic_inertia_may_become_a_tensor():
+    rig = set_parameter(RIG, "sphere.inertia", 2.0 * jnp.eye(3))
+    assert rig.sphere.inertia_matrix.tolist() == (2.0 * np.eye(3)).tolist()
+
+
+def test_unknown_paths_and_wrong_shapes():
+    for wrong, near in [
+        ("contact.stifness", "contact.stiffness"),
+        ("wheel.w2.radus", "wheel.w2.radius"),
+        ("effect.wheel-runout.w2.amplitud", "effect.wheel-runout.w2.amplitude"),
+        ("wheel.w1.row_spacing", "wheel.w3.row_spacing"),
+    ]:
+        with pytest.raises(InputError, match=f"no parameter `{wrong}`. Did you mean `{near}`"):
+            get_parameter(RIG, wrong)
+    with pytest.raises(InputError, match=r"`wheel.mass` has shape \(3,\), but the value has \(2,"):
+        set_parameter(RIG, "wheel.mass", [1.0, 2.0])
+    with pytest.raises(InputError, match=r"no parameter `effect\.contact-hertz\.all\.modulus`"):
+        get_parameter(RIG, "effect.contact-hertz.all.modulus")
+
+
+def test_units_and_ranges():
+    info = parameter_info(RIG, "wheel.roundness")
+    assert (info.unit, info.low, info.high, info.shape) == ("1", 0, 1, (3,))
+    assert parameter_info(RIG, "effect.sensor-drift.dR_z.b").unit == "m/s"
+    assert parameter_info(RIG, "wheel.rollers").whole
+    assert read_parameter(RIG, "contact.stiffness", "188.2 kN/m") == pytest.approx(188200.0)
+    with pytest.raises(InputError, match=r"`wheel.roundness` must lie in \[0, 1\], but is 1\.3\."):
+        read_parameter(RIG, "wheel.roundness", 1.3)
+
+
+def test_uncertainty_speaks_of_paths_that_exist():
+    """Every spelling that the file may use is one that `get_parameter` knows."""
+    for path in ("contact.damping", "wheel.contact.damping", "wheel.w1.mount.stiffness"):
+        rig = parse_rig(tables((("uncertainty", path), 0.2)))
+        assert (path, 0.2) in rig.uncertainty
+        assert get_parameter(rig, path).size in {1, 3}
+    for path, _ in load_rig("atlas").uncertainty:
+        assert get_parameter(RIG, path).shape == (3,)
