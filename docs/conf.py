@@ -1,5 +1,6 @@
 """Sphinx configuration: `sphinx-build -W docs docs/_build` builds the documentation."""
 
+import re
 from importlib.metadata import version as installed_version
 
 project = "omnijax"
@@ -33,5 +34,21 @@ def _without_signature(app, what, name, obj, options, signature, return_annotati
     return None
 
 
+def _plain_text(app, what, name, obj, options, lines):
+    """Docstrings are plain text with `code`: no substitutions, no emphasis, no links."""
+    for i, line in enumerate(lines):
+        line = re.sub(r"(?<!`)`([^`]+)`(?!`)", r"``\1``", line)
+        parts = re.split(r"(``[^`]*``)", line)
+        plain = [re.sub(r"([|*_])", r"\\\1", p) if k % 2 == 0 else p for k, p in enumerate(parts)]
+        lines[i] = "".join(plain)
+
+
+def _without_field_numbers(app, what, name, obj, skip, options):
+    """Fields of a named tuple have no text of their own; its docstring says what they are."""
+    return True if str(getattr(obj, "__doc__", "")).startswith("Alias for field number") else skip
+
+
 def setup(app):
+    app.connect("autodoc-skip-member", _without_field_numbers)
+    app.connect("autodoc-process-docstring", _plain_text)
     app.connect("autodoc-process-signature", _without_signature)
