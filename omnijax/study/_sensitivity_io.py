@@ -1,0 +1,66 @@
+"""Sensitivities as labelled arrays with units, to a file and back."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._errors import InputError
+from ._sensitivity import Sensitivity
+from ._sensitivity_check import Check
+
+
+def dataset(result: Sensitivity) -> Any:
+    """`figure`, `raw`, `relative` (and `difference`) over metric and parameter."""
+    import xarray as xr
+
+    both = ("metric", "parameter")
+    data = {
+        "value": ("parameter", result.values),
+        "figure": ("metric", result.figures),
+        "raw": (both, result.raw, {"units": "unit of the metric / unit of the parameter"}),
+        "relative": (both, result.relative, {"units": "% per %"}),
+    }
+    if result.check is not None:
+        data["difference"] = (both, result.check.differences, dict(data["raw"][2]))
+        data["difference_error"] = (both, result.check.error, {"units": "1"})
+    coords = {
+        "metric": list(result.metrics),
+        "parameter": list(result.parameters),
+        "metric_unit": ("metric", list(result.metric_units)),
+        "parameter_unit": ("parameter", list(result.units)),
+    }
+    return xr.Dataset(data, coords, {"way": result.way, "kind": "omnijax sensitivity"})
+
+
+def save(result: Sensitivity, path: str | Path) -> None:
+    """Write netCDF."""
+    try:
+        dataset(result).to_netcdf(path, engine="h5netcdf")
+    except OSError as error:
+        raise InputError(f"cannot be written: {error.strerror or error}.", path) from None
+
+
+def load(path: str | Path) -> Sensitivity:
+    """Read what `save` wrote."""
+    import xarray as xr
+
+    try:
+        with xr.open_dataset(path, engine="h5netcdf") as opened:
+            data = opened.load()
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read as netCDF: {error}.", path) from None
+    if data.attrs.get("kind") != "omnijax sensitivity":
+        raise InputError("holds no sensitivities.", path)
+
+    def texts(name):
+        return tuple(str(x) for x in data[name].values)
+
+    check = None
+    if "difference" in data:
+        check = Check(data["difference"].values, data["difference_error"].values)
+    return Sensitivity(
+        texts("parameter"), texts("parameter_unit"), data["value"].values, texts("metric"),
+        texts("metric_unit"), np.atleast_1d(data["figure"].values), data["raw"].values,
+        str(data.attrs["way"]), check,
+    )  # fmt: skip
