@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from omnijax import InputError
 from omnijax.study._axes import Axis, read_axis, split_vary
 from omnijax.study._points import Grid, build_points

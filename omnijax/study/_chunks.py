@@ -17,7 +17,7 @@ from ._sweep_paths import METRICS, Settings, figures_of
 from ._sweep_spec import SweepSpec
 from ._sweep_target import apply
 
-BATCH = {"steady": 128, "propagation": 128, "full": 32}  # designs at a time where memory allows
+BATCH = {"steady": 64, "propagation": 32, "full": 32}  # designs at a time where memory allows
 BATCHES_A_CHUNK = 8
 CHANNELS = 75  # numbers kept a sample of a run
 SHARE_OF_MEMORY = 0.25

@@ -90,7 +90,8 @@ class Sobol:
         engine = self._engine[0]
         with warnings.catch_warnings():  # any size is allowed; balance needs a power of 2
             warnings.simplefilter("ignore", UserWarning)
-            engine.fast_forward(first - engine.num_generated)
+            if first > engine.num_generated:  # scipy takes 0 steps from the start for -1
+                engine.fast_forward(first - engine.num_generated)
             return engine.random(stop - first)
 
 

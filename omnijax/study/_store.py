@@ -110,39 +110,45 @@ def create_store(
     folder: Path | None, spec: SweepSpec, quantities: list[Quantity], about: Mapping[str, Any]
 ) -> Store:
     """An empty store; the folder appears complete, by renaming."""
-    import zarr
     from zarr.storage import MemoryStore
 
-    size = spec.points.size
-    draft = None if folder is None else folder.with_name(f".{folder.name}.{os.getpid()}.partial")
-    if draft is not None:
-        draft.parent.mkdir(parents=True, exist_ok=True)
-    group = zarr.open_group(MemoryStore() if draft is None else str(draft), mode="w", zarr_format=3)
-    order = [q.name for q in quantities]
-    group.attrs.update({"schema": SCHEMA, "spec": spec.to_json(), "order": order, **about})
-    for q in quantities:
-        whole = q.name == "status"
-        array = group.create_array(
-            q.name,
-            shape=(size,),
-            chunks=(spec.chunk,),
-            dtype="i1" if whole else "f8",
-            fill_value=-1 if whole else np.nan,
-            dimension_names=["design"],
-        )
-        array.attrs.update({"units": q.unit, "long_name": q.meaning})
-        if whole:
-            array.attrs.update(
-                {"flag_values": list(STATUS), "flag_meanings": " ".join(_flags(STATUS.values()))}
-            )
-    if folder is None or draft is None:
-        return Store(group, None)
+    if folder is None:
+        return Store(_empty_group(MemoryStore(), spec, quantities, about), None)
+    draft = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
     try:
+        draft.parent.mkdir(parents=True, exist_ok=True)
+        _empty_group(str(draft), spec, quantities, about)
         draft.rename(folder)
     except OSError:
         shutil.rmtree(draft, ignore_errors=True)
         raise
     return open_store(folder)
+
+
+def _empty_group(
+    where: Any, spec: SweepSpec, quantities: list[Quantity], about: Mapping[str, Any]
+) -> Any:
+    import zarr
+
+    size, order = spec.points.size, [q.name for q in quantities]
+    group = zarr.open_group(where, mode="w", zarr_format=3)
+    group.attrs.update({"schema": SCHEMA, "spec": spec.to_json(), "order": order, **about})
+    for q in quantities:
+        status = q.name == "status"
+        array = group.create_array(
+            q.name,
+            shape=(size,),
+            chunks=(spec.chunk,),
+            dtype="i1" if status else "f8",
+            fill_value=-1 if status else np.nan,
+            dimension_names=["design"],
+        )
+        array.attrs.update({"units": q.unit, "long_name": q.meaning})
+        if status:
+            array.attrs.update(
+                {"flag_values": list(STATUS), "flag_meanings": " ".join(_flags(STATUS.values()))}
+            )
+    return group
 
 
 def _flags(names) -> list[str]:

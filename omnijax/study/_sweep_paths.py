@@ -1,6 +1,5 @@
 """How one design of a sweep is evaluated: steady state, exact propagation or full simulation."""
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import diffrax as dfx
@@ -10,22 +9,12 @@ from jaxtyping import Array, Float, Int
 from .._errors import InputError, did_you_mean
 from ..rig import Rig
 from ..simulate import AbstractDrive, SpeedDrive, Trajectory, simulate
-from ..simulate.exact import exact_obstacle, propagate, steady_state
-from ..vibration import METRICS, evaluate
+from ..simulate.exact import exact_obstacle, propagate
+from ..vibration import METRICS, STEADY_METRICS, contact_load, evaluate, steady_metrics
 from ._store import FAILED
 
 LIFT_OFF, SLIP = 4, 5
 RTOL, MAX_STEPS = 1e-8, 200_000  # of full simulations
-STEADY: dict[str, Callable[[Any], Array]] = {
-    "peak": lambda s: s.peak,
-    "rms": lambda s: s.rms,
-    "elastic_peak": lambda s: s.peak_elastic,
-    "elastic_rms": lambda s: s.rms_elastic,
-    "acceleration_rms": lambda s: s.rms_acceleration,
-    **{f"peak_{a}": lambda s, i=i: s.peak_component[i] for i, a in enumerate("xyz")},
-    **{f"rms_{a}": lambda s, i=i: s.rms_component[i] for i, a in enumerate("xyz")},
-    **{f"peak_to_peak_{a}": lambda s, i=i: s.peak_to_peak[i] for i, a in enumerate("xyz")},
-}
 
 
 class Settings(NamedTuple):
@@ -71,7 +60,7 @@ def choose_path(
         if reason is None:
             return "propagation", "the model is linear and the speeds are given"
         return "full", reason
-    missing = [name for name in metrics if name not in STEADY]
+    missing = [name for name in metrics if name not in STEADY_METRICS]
     if reason is None and missing:
         reason = f"the steady state does not give {', '.join(missing)}"
     if reason is not None:
@@ -102,22 +91,24 @@ def figures_of(
         )
     found = evaluate(run, rig, settings.metrics)
     values = jnp.stack([found[name] for name in settings.metrics])
-    return _with_status(values, _margins(run, rig))
+    return _with_status(values, _margins(run))
 
 
 def _steady(settings: Settings, rig: Rig, drive: SpeedDrive):
-    state = steady_state(
-        rig, drive.speed.values[0], model=settings.model, angles=drive.initial_angle
-    )
-    values = jnp.stack([STEADY[name](state) for name in settings.metrics])
-    return _with_status(values, jnp.zeros((), int))
+    speeds, angles = drive.speed.values[0], drive.initial_angle
+    found = steady_metrics(rig, speeds, settings.metrics, model=settings.model, angles=angles)
+    load = contact_load(rig, speeds, settings.model, angles, refined=False)
+    status = _margin_status(jnp.any(load.least < 0), jnp.any(load.slip_margin < 0))
+    return _with_status(jnp.stack([found[name] for name in settings.metrics]), status)
 
 
-def _margins(run: Trajectory, rig: Rig) -> Int[Array, ""]:
+def _margin_status(lifted, slipped):
+    return jnp.where(lifted, LIFT_OFF, jnp.where(slipped, SLIP, 0))
+
+
+def _margins(run: Trajectory) -> Int[Array, ""]:
     """The run's own status, else lift-off or slip where a margin went below zero at a sample."""
-    lifted = jnp.any(run.normal_force < 0)
-    slipped = jnp.any(run.slip_margin < 0)
-    margin = jnp.where(lifted, LIFT_OFF, jnp.where(slipped, SLIP, 0))
+    margin = _margin_status(jnp.any(run.normal_force < 0), jnp.any(run.slip_margin < 0))
     return jnp.where(run.status == 0, margin, run.status)
 
 

@@ -1,0 +1,200 @@
+"""Sweeps on disk: kill and resume, refusals that leave the store readable, exports, pictures."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+import omnijax
+from omnijax import InputError, load_rig, load_sweep, sweep
+from omnijax.cli._frame import run
+from omnijax.study._chunks import quantities
+from omnijax.study._store import Store, chunk_files, create_store
+
+VARY = {"wheel.roundness": "0.2:0.6:4", "contact.stiffness": "log:5e4:1e6:5"}
+SPEEDS = (0.1, 1.2, 0.3)
+TEXTS = [f"--vary={path}={text}" for path, text in VARY.items()]
+COMMAND = ["sweep", "atlas", *TEXTS, "--speed", "0.1,1.2,0.3", "--chunk", "2"]
+
+
+def steady(out=None, **options):
+    return sweep("atlas", VARY, speeds=SPEEDS, chunk=2, out=out, **options)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    """A sweep that ran through."""
+    return steady(tmp_path_factory.mktemp("sweep") / "whole.zarr")
+
+
+def same(a, b) -> bool:
+    return all(np.array_equal(a.store.read(n), b.store.read(n)) for n in b.store.names)
+
+
+def test_killed_sweep_loses_at_most_a_chunk_and_resumes_bit_identically(whole, tmp_path, capsys):
+    out = tmp_path / "killed.zarr"
+    code = "import sys; from omnijax.cli import main; main()"
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *COMMAND, "--out", str(out)], stderr=subprocess.DEVNULL
+    )
+    while len(chunk_files(out)) < 2:
+        assert process.poll() is None, "the sweep ended before it could be killed"
+        time.sleep(0.002)
+    assert run(["sweep-status", str(out)]) == 0
+    assert "running" in capsys.readouterr().out
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    partial = load_sweep(out)
+    done = partial.store.done()
+    assert 2 <= done.sum() < len(done)
+    finished = np.flatnonzero(done)[-1] * 2 + 2
+    assert np.array_equal(partial.store.read("peak")[:finished], whole["peak"].ravel()[:finished])
+    assert (partial.store.read("status")[finished:] == -1).all()
+    before = chunk_files(out)
+    assert run(["sweep-status", str(out)]) == 0
+    text = capsys.readouterr().out
+    assert "stopped" in text and "--resume" in text
+    assert run([*COMMAND, "--out", str(out), "--resume"]) == 0
+    assert same(load_sweep(out), whole)
+    assert {k: chunk_files(out)[k] for k in before} == before  # finished chunks stay untouched
+
+
+def test_interruption_keeps_what_is_done_and_says_how_to_go_on(
+    whole, tmp_path, monkeypatch, capsys
+):
+    out = tmp_path / "stopped.zarr"
+
+    def stop(store, chunk, columns, write=Store.write):
+        if chunk == 3:
+            raise KeyboardInterrupt
+        write(store, chunk, columns)
+
+    monkeypatch.setattr(Store, "write", stop)
+    assert run([*COMMAND, "--out", str(out)]) == 130
+    assert "6 of 20 designs are done and kept" in capsys.readouterr().err
+    monkeypatch.undo()
+    assert run([*COMMAND, "--out", str(out), "--resume"]) == 0
+    assert same(load_sweep(out), whole)
+
+
+def test_changed_rig_or_question_is_refused_with_the_keys(whole, capsys):
+    out = whole.store.folder
+    other = omnijax.set_parameter(load_rig("atlas"), "wheel.w2.radius", 0.08)
+    with pytest.raises(InputError, match=r"rig\.wheel\.w2\.radius: 0\.0758 -> 0\.08") as error:
+        sweep(other, VARY, speeds=SPEEDS, out=out, resume=True)
+    assert "w1" not in str(error.value)
+    with pytest.raises(InputError, match=r"vary\.wheel\.roundness: '0\.2:0\.6:4' -> '0\.2:0\.6:8'"):
+        sweep("atlas", VARY | {"wheel.roundness": "0.2:0.6:8"}, speeds=SPEEDS, out=out, resume=True)
+    with pytest.raises(InputError, match=r"drive\.speed\.values"):
+        sweep("atlas", VARY, speeds=(0.1, 1.2, 0.4), out=out, resume=True)
+    with pytest.raises(InputError, match="exists already"):
+        steady(out)
+    assert run([*COMMAND, "--metric", "rms", "--out", str(out), "--resume"]) == 2
+    assert "metrics: 'peak, rms' -> 'rms'" in capsys.readouterr().err
+    assert load_sweep(out).counts() == {"ok": 20}
+
+
+def test_folder_that_is_no_store_and_store_in_use_are_refused(whole, tmp_path):
+    with pytest.raises(InputError, match="not the store of a sweep"):
+        load_sweep(tmp_path)
+    with pytest.raises(InputError, match="no such folder"):
+        load_sweep(tmp_path / "absent")
+    from omnijax.study._store import Lock
+
+    lock = Lock(whole.store.folder)
+    with pytest.raises(InputError, match="another process is writing"):
+        steady(whole.store.folder, resume=True)
+    lock.release()
+
+
+def test_full_disk_is_one_sentence_and_the_store_stays_readable(tmp_path, monkeypatch, capsys):
+    out = tmp_path / "full.zarr"
+
+    def full(store, chunk, columns, write=Store.write):
+        if chunk == 2:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        write(store, chunk, columns)
+
+    monkeypatch.setattr(Store, "write", full)
+    assert run([*COMMAND, "--out", str(out)]) == 2
+    text = capsys.readouterr().err
+    assert "No space left on device" in text and "--resume" in text and "Traceback" not in text
+    assert load_sweep(out).counts() == {"not done": 16, "ok": 4}
+
+
+def test_store_appears_whole_or_not_at_all(whole, tmp_path, monkeypatch):
+    import zarr
+
+    def broken(*_, **__):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(zarr.Group, "create_array", broken)
+    with pytest.raises(OSError, match="No space"):
+        create_store(tmp_path / "x.zarr", whole.spec, quantities(whole.spec), {})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_rerun_and_status_as_json(whole, capsys):
+    folder = str(whole.store.folder)
+    assert run(["sweep-status", folder, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["done"] == found["designs"] == 20 and found["running"] is False
+    assert found["status"] == {"ok": 20} and found["path"] == "steady"
+    assert run(["sweep-status", folder, "--rerun", "13", "--json"]) == 0
+    again = json.loads(capsys.readouterr().out)
+    assert again["peak"] == whole.store.read("peak")[13]
+    assert again["status"] == "ok"
+    assert run(["sweep-status", folder, "--rerun", "20"]) == 2
+    assert "`design` must lie in [0, 19], but is 20." in capsys.readouterr().err
+
+
+def test_exports_hold_the_same_numbers_with_units(whole, tmp_path, capsys):
+    xr, pd = pytest.importorskip("xarray"), pytest.importorskip("pandas")
+    pq = pytest.importorskip("pyarrow.parquet")
+    for end in ("nc", "csv", "parquet"):
+        assert run(["export", str(whole.store.folder), str(tmp_path / f"s.{end}")]) == 0
+    with xr.open_dataset(tmp_path / "s.nc") as data:
+        assert data["peak"].dims == ("wheel.roundness", "contact.stiffness")
+        np.testing.assert_array_equal(data["peak"], whole["peak"])
+        assert data["peak"].attrs["units"] == "m"
+        assert data["contact.stiffness"].attrs["units"] == "N/m"
+        assert "[sphere]" in data.attrs["rig"] and "jax" in data.attrs["versions"]
+    table = pd.read_csv(tmp_path / "s.csv")
+    np.testing.assert_array_equal(table["peak [m]"], whole["peak"].ravel())
+    assert (table["status"] == "ok").all()
+    parquet = pq.read_table(tmp_path / "s.parquet")
+    np.testing.assert_array_equal(parquet["rms"], whole["rms"].ravel())
+    assert parquet.schema.field("rms").metadata[b"units"] == b"m"
+    assert run(["export", str(whole.store.folder), str(tmp_path / "s.xls")]) == 2
+    assert "must end in .nc, .csv, .parquet" in capsys.readouterr().err
+
+
+def test_store_opens_in_xarray_alone(whole):
+    xr = pytest.importorskip("xarray")
+    with xr.open_zarr(whole.store.folder, consolidated=False, chunks=None) as data:
+        np.testing.assert_array_equal(data["peak"], whole["peak"].ravel())
+        assert data["contact.stiffness"].attrs["units"] == "N/m"
+        assert json.loads(data.attrs["spec"])["seed"] == 0
+
+
+def test_save_and_load_are_equal(whole, tmp_path):
+    copy = whole.save(tmp_path / "copy.zarr")
+    assert same(copy, whole) and load_sweep(tmp_path / "copy.zarr").spec == whole.spec
+
+
+def test_pictures_show_the_numbers(whole, tmp_path):
+    ax = whole.plot_heatmap("peak")
+    np.testing.assert_array_equal(ax.collections[0].get_array(), whole["peak"].T)
+    assert ax.get_ylabel() == "contact.stiffness (N/m)" and ax.get_yscale() == "log"
+    assert ax.get_xlabel() == "wheel.roundness"
+    ax = whole.plot_lines("rms", x="contact.stiffness")
+    np.testing.assert_array_equal(ax.lines[0].get_ydata(), whole["rms"][0])
+    assert len(ax.lines) == 4 and ax.get_ylabel() == "rms (m)"
+    with pytest.raises(InputError, match="not varied"):
+        whole.plot_heatmap("peak", x="sphere.mass")
