@@ -37,8 +37,8 @@ def _without_signature(app, what, name, obj, options, signature, return_annotati
 def _plain_text(app, what, name, obj, options, lines):
     """Docstrings are plain text with `code`: no substitutions, no emphasis, no links."""
     for i, line in enumerate(lines):
-        line = re.sub(r"(?<!`)`([^`]+)`(?!`)", r"``\1``", line)
-        parts = re.split(r"(``[^`]*``)", line)
+        code = re.sub(r"(?<!`)`([^`]+)`(?!`)", r"``\1``", line)
+        parts = re.split(r"(``[^`]*``)", code)
         plain = [re.sub(r"([|*_])", r"\\\1", p) if k % 2 == 0 else p for k, p in enumerate(parts)]
         lines[i] = "".join(plain)
 
