@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from rigs import effect, tables, with_effects
 
+from omnijax.laws import BearingViscous
 from omnijax.rig import (
     InputError,
     get_parameter,
@@ -115,3 +116,11 @@ def test_uncertainty_speaks_of_paths_that_exist():
         assert get_parameter(rig, path).size in {1, 3}
     for path, _ in load_rig("atlas").uncertainty:
         assert get_parameter(RIG, path).shape == (3,)
+
+
+def test_a_law_is_added_at_a_place_that_exists():
+    rig = RIG.add(BearingViscous(jnp.asarray(0.1)), "all")
+    assert rig.effects[-1].wheels == (0, 1, 2)
+    assert RIG.add(BearingViscous(jnp.asarray(0.1)), "w2").effects[-1].wheels == (1,)
+    with pytest.raises(InputError, match=r"cannot be placed at 'shere': .* Did you mean `sphere`"):
+        RIG.add(BearingViscous(jnp.asarray(0.1)), "shere")

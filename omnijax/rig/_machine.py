@@ -8,7 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._errors import InputError, did_you_mean
 from ..laws import AbstractLaw, AbstractShape, DamagedRoller, Gap
+from ._schema import GROUPS, channels
 
 
 class Sphere(eqx.Module):
@@ -136,13 +138,15 @@ class Rig(eqx.Module):
 def place_law(
     law: AbstractLaw, place: str, names: tuple[str, ...], profiles: tuple[AbstractShape, ...]
 ) -> Placed:
-    """`law` at `place` of a rig with wheels `names`; a damaged roller takes over its wheel's profile."""
-    if place in names:
-        wheels: tuple[int, ...] = (names.index(place),)
-    elif place == "all" or (place == "sphere" and law.port == "rolling"):
-        wheels = tuple(range(len(names)))
-    else:
-        wheels = ()
+    """`law` at `place` of a rig with wheels `names`; a damaged roller takes its wheel's profile."""
+    places = [*names, "all", "sphere", "platform", *GROUPS, *channels(len(names))]
+    if place not in places:
+        hint = did_you_mean(place, places)
+        raise InputError(
+            f"`{law.id}` cannot be placed at {place!r}: the rig has no such place.{hint}"
+        )
+    everywhere = place == "all" or (place == "sphere" and law.port == "rolling")
+    wheels = tuple(i for i, name in enumerate(names) if everywhere or name == place)
     if isinstance(law, DamagedRoller) and law.profile is None:
         law = DamagedRoller(law.roller, law.severity, profiles[wheels[0]])
     return Placed(law, place, wheels)
