@@ -5,7 +5,7 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-_PACKAGES = "laws rig dynamics simulate recording vibration study diagnosis report view cli".split()
+_PACKAGES = "laws rig recording dynamics simulate vibration study diagnosis report view cli".split()
 
 _EXPORTS = {  # package -> its names here; nothing is imported before it is asked for (no jax)
     "laws": "AbstractLaw EFFECTS PROFILES Parameter",
@@ -14,7 +14,8 @@ _EXPORTS = {  # package -> its names here; nothing is imported before it is aske
         "parameter_paths parse_rig rig_text save_rig set_parameter"
     ),
     "simulate": (
-        "Signal SpeedDrive SteadyState TorqueDrive Trajectory propagate speeds steady_state torques"
+        "Signal SpeedDrive SteadyState TorqueDrive Trajectory drive_from_recording "
+        "load_trajectory measured propagate simulate_many speeds steady_state torques"
     ),
     "recording": "Case Recording read_case read_recording write_recording",
     "study": "SweepResult load_sweep sweep",

@@ -18,6 +18,7 @@ OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 COMMANDS: dict[str, tuple[str, ...]] = {  # section of the help -> its commands, in order
     "Rig files": ("init", "check", "effects", "schema"),
+    "Runs": ("simulate",),
     "Studies": ("sweep", "sweep-status", "export"),
     "Look": ("replay", "explore"),
 }

@@ -112,17 +112,19 @@ def _known(file: str, named: dict[str, np.ndarray], wheels: int, faults: list[Fa
     return {name: x.copy() for name, x in named.items() if name in known} | zero
 
 
-def _scale_units(file: str, named, table: Table, sidecar: Sidecar, faults: list[Fault]) -> None:
+def _scale_units(
+    file: str, named: dict[str, np.ndarray], table: Table, sidecar: Sidecar, faults: list[Fault]
+) -> None:
     """Bring every column to SI; units of NAME.toml count before those that the file states."""
-    for column in named:
+    for column, values in list(named.items()):
         theirs = sidecar.channels.get(column, column)
-        unit = table.units.get(theirs)
+        unit: str | None = table.units.get(theirs)
         for key in (group_of(column), column):
             unit = sidecar.units.get(key, unit)
         if unit is None or unit == unit_of(column):
             continue
         try:
-            named[column] = named[column] * to_si(column, unit)
+            named[column] = values * to_si(column, unit)
         except ValueError as error:
             use = f"it is read as {unit_of(column)}"
             faults.append(Fault(file, column, (), "unit", f"the file says {error}", use))

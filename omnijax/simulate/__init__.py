@@ -8,6 +8,11 @@ from ._drives import SpeedDrive as SpeedDrive
 from ._drives import TorqueDrive as TorqueDrive
 from ._drives import speeds as speeds
 from ._drives import torques as torques
+from ._files import load_trajectory as load_trajectory
+from ._files import save_trajectory as save_trajectory
+from ._files import to_recording as to_recording
+from ._recorded import drive_from_recording as drive_from_recording
+from ._recorded import measured as measured
 from ._signals import Signal as Signal
 from ._signals import constant as constant
 from ._signals import ramp as ramp

@@ -1,6 +1,7 @@
 """What a simulation returns: channels with names and units, and how the run ended."""
 
-from typing import ClassVar
+from pathlib import Path
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -116,6 +117,37 @@ class Trajectory(eqx.Module):
             return f"ok: {len(self.t)} samples to {float(self.t[-1]):g} s ({self.method})."
         code = int(self.status)
         return f"{STATUS[code]} after {self.time_reached:g} s: {REMEDY[code]}"
+
+    def save(self, path, rig=None, rig_path=None, command: str = "") -> Path:
+        """Write the run: `.nc` with everything, `.csv`, `.csv.gz` or `.parquet` as a recording."""
+        from ._files import save_trajectory
+
+        return save_trajectory(self, path, rig, rig_path, command)
+
+    @staticmethod
+    def load(path) -> "Trajectory":
+        """The run that was saved as `.nc`, to the last bit."""
+        from ._files import load_trajectory
+
+        return load_trajectory(path)
+
+    def to_xarray(self, rig=None) -> Any:
+        """The run as an `xarray.Dataset` with units."""
+        from ._files import to_xarray
+
+        return to_xarray(self, rig)
+
+    def plot_displacement(self, *, ax=None) -> Any:
+        """ΔR in µm over time; returns the axes."""
+        from ._plots import plot_displacement
+
+        return plot_displacement(self, ax=ax)
+
+    def plot_channel(self, name: str, *, ax=None) -> Any:
+        """One channel over time; returns the axes."""
+        from ._plots import plot_channel
+
+        return plot_channel(self, name, ax=ax)
 
     def __repr__(self) -> str:
         n = self.theta.shape[-1]

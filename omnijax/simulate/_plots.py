@@ -1,0 +1,65 @@
+"""Pictures of a run: `trajectory.plot_displacement()` and `.plot_channels()`."""
+
+from typing import Any
+
+import numpy as np
+
+from ._trajectory import Trajectory
+
+# Okabe and Ito's colours, told apart with every common colour vision
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+SCALES = {"m": (1e6, "µm"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s²")}  # as people read them
+LABELS = {"dR": "ΔR", "dR_elastic": "elastic ΔR", "theta": "θ", "Omega": "Ω", "omega": "ω"}
+LARGE = ("R_l", "V_l")  # the platform's way is metres, not micrometres
+
+
+def plot_displacement(trajectory: Trajectory, *, ax: Any = None) -> Any:
+    """Components and length of ΔR in µm over time; returns the axes."""
+    ax = plot_channel(trajectory, "dR", ax=ax)
+    size = 1e6 * np.asarray(trajectory.distance)
+    ax.plot(trajectory.t, size, color="#222222", lw=1.0, ls="--", label="|ΔR|")
+    _legend(ax)
+    return ax
+
+
+def plot_channel(trajectory: Trajectory, name: str, *, ax: Any = None) -> Any:
+    """One channel over time, one line a component or wheel; returns the axes.
+
+    Raises `ValueError` where the run has no such channel.
+    """
+    if name not in trajectory.UNITS or name == "t":
+        raise ValueError(f"`name` must be one of {sorted(trajectory.UNITS)}, but is {name!r}.")
+    if ax is None:
+        from matplotlib.figure import Figure
+
+        ax = Figure(figsize=(7.2, 3.2), layout="constrained").subplots()
+    unit = trajectory.UNITS[name]
+    factor, shown = (1.0, unit) if name in LARGE else SCALES.get(unit, (1.0, unit))
+    values = factor * np.asarray(getattr(trajectory, name))
+    ends = "xyz" if values.shape[1] == 3 and name not in PER_WHEEL else trajectory.names
+    ends = "wxyz" if name == "attitude" else ends
+    for i, end in enumerate(ends):
+        ax.plot(trajectory.t, values[:, i], lw=1.2, color=COLOURS[i % len(COLOURS)], label=end)
+    ax.set_xlabel("time (s)")
+    ax.set_ylabel(f"{LABELS.get(name, name.replace('_', ' '))} ({shown})")
+    _legend(ax)
+    return ax
+
+
+PER_WHEEL = {
+    "theta", "omega", "shape", "deflection", "deflection_rate", "mount_deflection", "mount_rate",
+    "normal_force", "drive_force", "slip_margin", "shaft_torque", "torque",
+}  # fmt: skip
+
+
+def _legend(ax: Any) -> None:
+    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+
+
+def plot_run(trajectory: Trajectory, axes: Any) -> None:
+    """ΔR, its elastic part, Ω and the platform's acceleration, one below the other."""
+    plot_displacement(trajectory, ax=axes[0])
+    for name, ax in zip(("dR_elastic", "Omega", "a"), axes[1:], strict=True):
+        plot_channel(trajectory, name, ax=ax)
+    for ax in axes[:-1]:
+        ax.set_xlabel("")

@@ -1,0 +1,74 @@
+"""Between a run and what is measured of it: recorded inputs in, the sensors' readings out."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..laws import SensorSignal
+from ..recording import Recording
+from ..recording import channels as channel_names
+from ..rig import Rig
+from ._drives import TorqueDrive
+from ._signals import table
+from ._trajectory import Trajectory
+
+GROUPS = ("dR", "theta", "Omega", "a")  # what a recording holds of a run
+FIRST = 25  # samples that say whether a run begins already rolling
+ROLLING = 1e-3  # rad/s
+
+
+def drive_from_recording(recording: Recording) -> TorqueDrive:
+    """The recording's torques and force, linear between samples, and where its run starts.
+
+    The wheels start at the angles of the first row (zero where theta was not measured).  If the
+    first samples say that the sphere turns already, their smooth course gives its velocity.
+    """
+    time = recording.time.tolist()
+    return TorqueDrive(
+        torque=table(time, recording.torque),
+        force=table(time, recording.force),
+        initial_angle=jnp.asarray(_first(recording.group("theta"))),
+        initial_velocity=_initial_velocity(recording),
+    )
+
+
+def _first(values: np.ndarray) -> np.ndarray:
+    """The first usable value of each column; zero where there is none."""
+    good = np.isfinite(values)
+    first = values[np.argmax(good, axis=0), np.arange(values.shape[1])]
+    return np.where(good.any(axis=0), first, 0.0)
+
+
+def _initial_velocity(recording: Recording):
+    """Omega at the start from a parabola through the first samples; `None` for a start at rest."""
+    omega, time = recording.group("Omega")[:FIRST], recording.time[:FIRST]
+    good = np.isfinite(omega).all(axis=1)
+    if good.sum() < 8:
+        return None
+    powers = np.vander(time[good] - time[0], 3, increasing=True)
+    fit, *_ = np.linalg.lstsq(powers, omega[good], rcond=None)
+    scatter = np.std(omega[good] - powers @ fit, axis=0)
+    sigma = scatter * np.sqrt(np.linalg.pinv(powers.T @ powers)[0, 0])
+    rolls = np.abs(fit[0]) > np.maximum(6 * sigma, ROLLING)
+    return jnp.asarray(fit[0]) if rolls.any() else None
+
+
+def measured(trajectory: Trajectory, rig: Rig) -> dict[str, Any]:
+    """What the rig's sensors make of a run: dR, theta, Omega and a, (samples, channels).
+
+    The laws at the sensors act one after the other, in the order of the rig, on their group or
+    channel; without any the run's own values come back.  Differentiable.
+    """
+    values = {group: getattr(trajectory, group) for group in GROUPS}
+    time = trajectory.t - trajectory.t[0]
+    for placed in rig.at("sensor"):
+        group = placed.place if placed.place in GROUPS else placed.place.rsplit("_", 1)[0]
+        here = slice(None)
+        if placed.place != group:
+            column = channel_names(group, rig.size).index(placed.place)
+            here = slice(column, column + 1)
+        true = values[group][:, here]
+        change = placed.law(SensorSignal(time, true))
+        values[group] = values[group].at[:, here].set(true + change)
+    return values

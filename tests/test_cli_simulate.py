@@ -1,0 +1,81 @@
+"""`omnijax simulate` as a user runs it: files, exit codes and messages."""
+
+import json
+
+import numpy as np
+import pytest
+
+from omnijax import cli, load_trajectory, read_recording
+
+SHORT = ["--duration", "100ms", "--rate", "1kHz"]
+
+
+def run(capsys, *arguments):
+    code = cli.run(["simulate", *map(str, arguments)])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_a_run_is_summarised_saved_and_drawn(capsys, tmp_path):
+    out, plot = tmp_path / "new" / "run.nc", tmp_path / "run.svg"
+    speed = ["--speed", "0.1,30 rpm,0.3"]
+    code, said, _ = run(capsys, "atlas", *speed, *SHORT, "--out", out, "--plot", plot, "--json")
+    summary = json.loads(said)
+    trajectory = load_trajectory(out)
+    assert code == 0
+    assert summary["status"] == "ok"
+    assert summary["samples"] == len(trajectory.t) == 101
+    np.testing.assert_allclose(trajectory.omega[5], [0.1, np.pi, 0.3], rtol=1e-12)
+    assert summary["peak"] == pytest.approx(float(np.max(trajectory.distance)))
+    assert "ΔR (µm)" in plot.read_text(encoding="utf-8")
+
+
+def test_a_recording_drives_and_the_run_is_a_recording_again(capsys, tmp_path):
+    given = tmp_path / "given.csv"
+    t = np.arange(21) * 2e-3
+    rows = [f"{x},{0.2 * x},0.1,-0.1,1.0,2.0,3.0" for x in t]
+    header = "t,torque_1,torque_2,torque_3,theta_1,theta_2,theta_3"
+    given.write_text("\n".join([header, *rows]))
+    out = tmp_path / "out.csv.gz"
+    code, _, _ = run(capsys, "atlas", "--drive", given, "--out", out)
+    again = read_recording(out)
+    assert code == 0
+    assert again.faults == []
+    np.testing.assert_allclose(again.time, t)
+    np.testing.assert_allclose(again.group("theta")[0], [1.0, 2.0, 3.0])
+    np.testing.assert_allclose(again.torque[:, 0], 0.2 * t)
+    assert again.declared_noise("dR_x") == 0
+    assert again.rig_path.is_file()  # of a bundled rig, a copy beside the run
+
+
+def test_a_failed_run_keeps_what_was_computed(capsys, tmp_path):
+    out = tmp_path / "run.nc"
+    arguments = ["--torque", "0.1,0.2,0.3", "--duration", "0.5", "--max-steps", "40"]
+    code, said, error = run(capsys, "atlas", *arguments, "--out", out)
+    kept = load_trajectory(out)
+    assert code == 1
+    assert "step limit after" in said
+    assert "raise `max_steps`" in error
+    assert 0 < kept.time_reached < 0.5
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--speed", "0.1,1.2"], "`speed` has 2 values, but the rig has 3 wheels."),
+        (["--speed", "0.1,1.2,x"], "`speed` must be a number in rad/s"),
+        (["--speed", "1 m,1,1"], "`speed` must be a number in rad/s"),
+        (["--torque", "1,1,1", "--force", "1,2"], "`force` has 2 values, but it needs 3"),
+        (["--speed", "1,1,1", "--duration", "-1"], "`duration` must lie in (0, inf) s, but is -1."),
+        (["--speed", "1,1,1", "--out", "run.txt"], "`run.txt` must end in one of .nc, .csv"),
+        (["--speed", "1,1,1", "--plot", "run.bmp"], "`run.bmp` must end in one of .png"),
+        (["--speed", "1,1,1", "--torque", "1,1,1"], "give one of --speed, --torque and --drive."),
+        (["--torque", "1,1,1", "--solver", "exact"], "`solver` cannot be exact"),
+        (["--drive", "nowhere.csv"], "nowhere.csv is not a file"),
+    ],
+)
+def test_wrong_input_is_one_message_and_code_2(capsys, arguments, message):
+    code, _, error = run(capsys, "atlas", *arguments)
+    assert code == 2
+    assert message in error
+    assert "Traceback" not in error
