@@ -28,8 +28,8 @@ axes = result.plot_lines("elastic_rms")
 
 # %% [markdown]
 # **Answer.** The peak grows with the roundness ratio at every stiffness, as the depth of the
-# gap does. A factor of twenty in stiffness changes the peak by less than half, but the elastic part of
-# the motion, which is the small remainder, changes up to sixfold. Both sentences of the paper are
+# gap does. A factor of twenty in stiffness changes the peak by less than half, but the elastic part
+# of the motion, the small remainder, changes up to sixfold. Both sentences of the paper are
 # true, of different figures.
 
 # %%
