@@ -1,4 +1,4 @@
-"""`sensitivity`: exact derivatives of the vibration metrics with respect to the rig's parameters."""
+"""`sensitivity`: exact derivatives of the vibration metrics over the parameters of a rig."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,0 +1,24 @@
+"""`optimise`: the design engine on any pure function."""
+
+from ._design_engine import Engine, Folder, Report
+from ._design_problem import Problem
+from ._design_result import Design, make_design
+
+
+def optimise(
+    problem: Problem,
+    *,
+    starts: int = 8,
+    seed: int = 0,
+    batch: int = 8,
+    store: Folder | None = None,
+    report: Report | None = None,
+    stochastic: dict | None = None,
+) -> Design:
+    """The best design of `problem` from `starts` searches, `batch` of them side by side.
+
+    `report(done, total)` is called after each batch; `store` keeps finished ones.  `stochastic`
+    ({"steps", "rate", "seed"}) lets optax's Adam move the starts on fresh draws first.
+    """
+    engine = Engine(problem, starts, seed)
+    return make_design(problem, engine.all_ends(batch, store, report, stochastic))

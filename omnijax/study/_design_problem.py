@@ -1,0 +1,122 @@
+"""A design problem: variables with bounds, an objective and limits, as one pure function.
+
+    minimise  max_k f_k(x)  or  mean_k f_k(x)     subject to  g_j(x) <= limit_j,  low <= x <= high
+
+The search runs over z with x = low + (high - low) s, s = (1 - cos z)/2, or the same on log scale.
+Unlike a sigmoid this reaches the bounds at finite z, so that an optimum on a bound is found as fast
+as one inside.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._errors import InputError
+
+
+class Variable(NamedTuple):
+    """A quantity that the search may choose; `whole` ones take whole numbers."""
+
+    name: str
+    low: float
+    high: float
+    log: bool = False
+    whole: bool = False
+    unit: str = "1"
+    start: float | None = None
+
+
+class Limit(NamedTuple):
+    """g <= bound, `scale` the size of g that matters; `sense` -1 where the user's form is >=."""
+
+    name: str
+    bound: float
+    scale: float
+    unit: str = "1"
+    sense: int = 1
+
+    @property
+    def text(self) -> str:
+        """The constraint as the user wrote it."""
+        sign = "<=" if self.sense > 0 else ">="
+        return f"{self.name} {sign} {self.sense * self.bound:.6g} {self.unit}".removesuffix(" 1")
+
+
+class Problem(NamedTuple):
+    """`figures(x, extra)` gives f (k,) and g (c,); `worst` says how the f_k combine.
+
+    `extra` is data that `draw(key)` may replace (tolerances drawn anew), for stochastic searches.
+    """
+
+    variables: tuple[Variable, ...]
+    figures: Callable[[Float[Array, " d"], Any], tuple[Array, Array]]
+    limits: tuple[Limit, ...] = ()
+    worst: bool = False
+    cases: tuple[str, ...] = ("",)
+    name: str = "objective"
+    unit: str = "1"
+    extra: Any = None
+    draw: Callable[[Array], Any] | None = None
+
+
+def check_variables(variables: tuple[Variable, ...]) -> None:
+    """`InputError` with every problem of the bounds and starts."""
+    problems = []
+    for v in variables:
+        if not v.low < v.high:
+            problems.append(
+                f"`{v.name}` has crossed bounds: low {v.low:g} is not below high {v.high:g}."
+            )
+        elif v.log and v.low <= 0:
+            problems.append(f"`{v.name}` on log scale needs low above 0, but it is {v.low:g}.")
+        elif v.start is not None and not v.low <= v.start <= v.high:
+            problems.append(
+                f"`{v.name}` starts outside its bounds: {v.start:g} is not in "
+                f"[{v.low:g}, {v.high:g}]."
+            )
+        elif v.whole and np.floor(v.high) < np.ceil(v.low):
+            problems.append(f"`{v.name}` has no whole number in [{v.low:g}, {v.high:g}].")
+    names = [v.name for v in variables]
+    problems += [f"`{n}` is a variable twice." for n in dict.fromkeys(names) if names.count(n) > 1]
+    problems += [] if variables else ["a design needs at least one variable."]
+    if problems:
+        raise InputError(problems)
+
+
+class Scale(NamedTuple):
+    """Bounds as arrays, on the scale of the search."""
+
+    low: Float[Array, " d"]
+    span: Float[Array, " d"]
+    log: Array
+
+    @classmethod
+    def of(cls, variables: tuple[Variable, ...]) -> "Scale":
+        """The scale of `variables`."""
+        log = np.array([v.log for v in variables])
+        bounds = np.array([[v.low, v.high] for v in variables], float)
+        bounds = np.where(log[:, None], np.log(np.where(log[:, None], bounds, 1.0)), bounds)
+        return cls(jnp.asarray(bounds[:, 0]), jnp.asarray(bounds[:, 1] - bounds[:, 0]), log)
+
+    def value(self, share):
+        """x at the share s of the range."""
+        y = self.low + self.span * share
+        return jnp.where(self.log, jnp.exp(jnp.where(self.log, y, 0.0)), y)
+
+    def share(self, x):
+        """The share of the range at x."""
+        y = jnp.where(self.log, jnp.log(jnp.where(self.log, x, 1.0)), x)
+        return (y - self.low) / self.span
+
+
+def from_angle(z):
+    """s = (1 - cos z)/2."""
+    return 0.5 * (1 - jnp.cos(z))
+
+
+def to_angle(share):
+    """z in [0, pi] of s."""
+    return jnp.arccos(1 - 2 * jnp.clip(share, 0.0, 1.0))

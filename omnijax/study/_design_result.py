@@ -1,0 +1,219 @@
+"""The answer of a design search, in numbers and in sentences."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._errors import InputError
+from ._design_engine import End, best_of
+from ._design_kkt import ACTIVE, FEASIBLE, ON_BOUND
+from ._design_problem import Problem
+
+_PREFIX = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+_PREFIXED = {"m", "N", "m/s^2", "N/m", "Pa", "Hz", "N s/m"}
+
+
+def amount(value: float, unit: str) -> str:
+    """A value with its unit, prefixed where that reads better: 4e-7 m is `0.4 µm`."""
+    unit = "" if unit == "1" else unit
+    if value == 0 or not math.isfinite(value) or unit not in _PREFIXED:
+        return f"{value:.4g} {unit}".strip()
+    power = int(np.clip(3 * math.floor((math.log10(abs(value)) + 1) / 3), -9, 9))
+    return f"{value / 10.0**power:.4g} {_PREFIX[power]}{unit}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Design:
+    """The best design, whether it is optimal, what holds it there, and all the searches.
+
+    `status` is `optimal` (locally, and the best of all starts), `not optimal` or `infeasible`;
+    `ends` is one row a search.  `notes` holds figures of the study that asked (the exact worst case).
+    """
+
+    status: str
+    reason: str
+    variables: dict[str, float]
+    objective: float
+    objective_name: str
+    unit: str
+    cases: dict[str, float]
+    active: tuple[str, ...]
+    multipliers: tuple[str, ...]
+    kkt_residual: float
+    violation: float
+    evaluations: int
+    ends: dict[str, list]
+    units: dict[str, str]
+    notes: tuple[str, ...] = ()
+
+    @property
+    def optimal(self) -> bool:
+        """Whether the design meets the conditions of an optimum."""
+        return self.status == "optimal"
+
+    @property
+    def agreement(self) -> tuple[int, int]:
+        """How many searches ended at this objective (within 0.1 %), of how many."""
+        values = np.array(self.ends["objective"], float)
+        good = np.array([s in {"optimal", "not optimal"} for s in self.ends["status"]])
+        near = np.abs(values - self.objective) <= 1e-3 * max(abs(self.objective), 1e-300)
+        return int(np.sum(near & good)), len(values)
+
+    def sentences(self) -> list[str]:
+        """The answer in words."""
+        same, total = self.agreement
+        head = f"{self.objective_name} = {amount(self.objective, self.unit)}: {self.status}"
+        lines = [f"{head} ({self.reason}); {same} of {total} searches end there."]
+        lines += [
+            f"{path} = {amount(value, self.units[path])}" for path, value in self.variables.items()
+        ]
+        return [*lines, *self.active, *self.multipliers, *self.notes]
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` of all searches, with the best design as attributes."""
+        import xarray as xr
+
+        names = list(self.variables)
+        rows = ("search", "variable")
+        data = {
+            "start": (rows, np.array(self.ends["start"])),
+            "x": (rows, np.array(self.ends["x"])),
+            "objective": ("search", np.array(self.ends["objective"]), {"units": self.unit}),
+            "violation": ("search", np.array(self.ends["violation"]), {"units": "1"}),
+            "kkt_residual": ("search", np.array(self.ends["kkt_residual"]), {"units": "1"}),
+            "evaluations": ("search", np.array(self.ends["evaluations"])),
+            "status": ("search", np.array(self.ends["status"])),
+            "best": ("variable", np.array(list(self.variables.values()))),
+        }
+        units = ("variable", [self.units[n] for n in names])
+        coords = {"variable": names, "variable_unit": units}
+        return xr.Dataset(data, coords, {"kind": "omnijax design", "design": self._json()})
+
+    def _json(self) -> str:
+        return json.dumps(dataclasses.asdict(self))
+
+    def save(self, path: str | Path) -> None:
+        """Write netCDF that `Design.load` reads back equal."""
+        try:
+            self.to_xarray().to_netcdf(path, engine="h5netcdf")
+        except OSError as error:
+            raise InputError(f"cannot be written: {error.strerror or error}.", path) from None
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Design":
+        """The design that `save` wrote."""
+        import xarray as xr
+
+        try:
+            with xr.open_dataset(path, engine="h5netcdf") as opened:
+                text = opened.attrs.get("design")
+        except (OSError, ValueError) as error:
+            raise InputError(f"cannot be read as netCDF: {error}.", path) from None
+        if text is None:
+            raise InputError("holds no design.", path)
+        found = json.loads(text)
+        for key in ("active", "multipliers", "notes"):
+            found[key] = tuple(found[key])
+        return cls(**found)
+
+    def plot_searches(self, ax: Any = None) -> Any:
+        """Objective of every search against the first variable's end value."""
+        from ._design_plot import searches
+
+        return searches(self, ax)
+
+
+def make_design(problem: Problem, ends: list[End], notes: tuple[str, ...] = ()) -> Design:
+    """The result from the ends of all searches."""
+    best = best_of(ends)
+    kkt, names = best.kkt, [v.name for v in problem.variables]
+    columns = {
+        "start": [e.start.tolist() for e in ends],
+        "x": [e.x.tolist() for e in ends],
+        "objective": [e.value for e in ends],
+        "violation": [float(e.kkt.violation) for e in ends],
+        "kkt_residual": [float(e.kkt.residual) for e in ends],
+        "evaluations": [e.evaluations for e in ends],
+        "status": [e.status for e in ends],
+        "reason": [e.reason for e in ends],
+    }
+    reason = conflict(problem, best) if best.status == "infeasible" else best.reason
+    return Design(
+        status=best.status,
+        reason=reason,
+        variables=dict(zip(names, best.x.tolist(), strict=True)),
+        objective=best.value,
+        objective_name=problem.name,
+        unit=problem.unit,
+        cases=dict(zip(problem.cases, best.f.tolist(), strict=True)),
+        active=tuple(_active(problem, best)),
+        multipliers=tuple(_prices(problem, best)) if best.status != "infeasible" else (),
+        kkt_residual=float(kkt.residual),
+        violation=float(kkt.violation),
+        evaluations=sum(e.evaluations for e in ends),
+        ends=columns,
+        units={v.name: v.unit for v in problem.variables},
+        notes=notes,
+    )
+
+
+def conflict(problem: Problem, end: End) -> str:
+    """Which constraints cannot be met together, by how much each is missed."""
+    missed = [
+        f"`{limit.text}` is missed by {amount(float(over), limit.unit)}"
+        for limit, over in zip(problem.limits, end.g, strict=True)
+        if over / limit.scale > FEASIBLE
+    ]
+    held = [
+        f"`{v.name}` at its {'lower' if s <= 0.5 else 'upper'} bound"
+        for v, s in zip(problem.variables, end.share, strict=True)
+        if min(s, 1 - s) <= 10 * ON_BOUND
+    ]
+    beside = f", with {' and '.join(held)}" if held else ""
+    return f"no design within the bounds was found that meets all constraints: {' and '.join(missed)}{beside}"
+
+
+def _active(problem: Problem, end: End) -> list[str]:
+    lines = []
+    for v, share, free in zip(problem.variables, end.share, end.free, strict=True):
+        if free and min(share, 1 - share) <= ON_BOUND:
+            side, bound = ("lower", v.low) if share < 0.5 else ("upper", v.high)
+            lines.append(f"`{v.name}` is at its {side} bound {amount(bound, v.unit)}.")
+    for limit, g in zip(problem.limits, end.g, strict=True):
+        if abs(g) / limit.scale <= ACTIVE:
+            lines.append(f"`{limit.text}` is active.")
+    return lines
+
+
+def _prices(problem: Problem, end: End) -> list[str]:
+    """What relaxing each active limit or bound buys, from its multiplier."""
+    lines, name = [], problem.name
+    for limit, price in zip(problem.limits, end.kkt.limits, strict=True):
+        if price > 0:
+            gain = amount(price / limit.scale * _unit_step(limit), problem.unit)
+            step = amount(_unit_step(limit), limit.unit)
+            lines.append(f"relaxing `{limit.text}` by {step} buys {gain} of {name}.")
+    for v, price in zip(problem.variables, end.kkt.bounds, strict=True):
+        if price != 0:
+            bound = v.low if price < 0 else v.high
+            span = math.log(v.high / v.low) if v.log else (v.high - v.low) / (abs(bound) or 1.0)
+            gain = amount(abs(price) * 0.01 / span, problem.unit)
+            verb = "lowering" if price < 0 else "raising"
+            what = "1 %" if bound else f"0.01 {v.unit}"
+            side = "lower" if price < 0 else "upper"
+            lines.append(f"{verb} the {side} bound of `{v.name}` by {what} buys {gain} of {name}.")
+    heavy = [
+        f"{case} ({100 * w:.0f} %)"
+        for case, w in zip(problem.cases, end.kkt.cases, strict=True)
+        if w > 1e-3 and len(problem.cases) > 1 and problem.worst
+    ]
+    return lines + ([f"worst cases that hold the optimum: {', '.join(heavy)}."] if heavy else [])
+
+
+def _unit_step(limit) -> float:
+    """One unit of the limit, or a hundredth of its scale where one unit is out of proportion."""
+    return 1.0 if 0.5 <= limit.scale <= 1e4 else 0.01 * limit.scale
