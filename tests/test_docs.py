@@ -16,8 +16,10 @@ def _commands():
     for page in PAGES:
         if "_build" in page.parts:
             continue
-        for match in re.finditer(r"^\$ omnijax (.+)$", page.read_text(), re.M):
-            yield pytest.param(match.group(1).split("  #")[0], id=f"{page.stem}: {match.group(1)}")
+        text = page.read_text().replace("\\\n", " ")
+        for shown in re.findall(r"^\$ omnijax (.+)$", text, re.M):
+            command = re.split(r"\s#\s|\s>\s", shown)[0]
+            yield pytest.param(command, id=f"{page.stem}: {command}")
 
 
 @pytest.mark.parametrize("command", list(_commands()))
