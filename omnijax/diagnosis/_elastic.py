@@ -1,0 +1,158 @@
+"""The elastic run under known wheel angles: exact where linear, stepped where laws are not."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..dynamics import Coupled, linear_system
+from ..rig import Rig
+from ._modes import Modes, hold_weights, modes, moments, observe, propagate, static_state
+from ._runs import FINE, SHAPE, Run
+
+SIGNALS = ("deflection", "mount", "mount_rate", "approach_rate")
+
+
+@eqx.filter_jit
+def _system(rig: Rig):
+    system = linear_system(Coupled(rig))
+    return system.A, system.B, system.C, system.D
+
+
+def rig_modes(rig: Rig) -> Modes:
+    """Modes of a rig's linear part; its laws do not enter."""
+    bare = eqx.tree_at(lambda r: r.effects, rig, (), is_leaf=lambda x: x is rig.effects)
+    bare = eqx.tree_at(lambda r: r.profiles, bare, (), is_leaf=lambda x: x is bare.profiles)
+    return modes(*_system(bare), size=rig.size)
+
+
+@dataclasses.dataclass(frozen=True)
+class Ports:
+    """What goes into the elastic model of one run, besides what contacts and mounts add."""
+
+    shape: np.ndarray  # (SHAPE points, n) m, rho and the sphere's surface
+    drive: np.ndarray  # (FINE points, n) N
+    force: np.ndarray  # (samples, 3) N
+    floor: np.ndarray  # (FINE points, 3) m/s^2
+
+    def at(self, part: str, parts: int) -> np.ndarray:
+        """One input at `parts` points a sample; taking every k-th point or linear between."""
+        values = getattr(self, part)
+        own = {"shape": SHAPE, "drive": FINE, "force": 1, "floor": FINE}[part]
+        if own >= parts:
+            return values[:: own // parts]
+        return refine(values, parts // own)
+
+
+def refine(values: np.ndarray, parts: int) -> np.ndarray:
+    """`values` (t, c) with linear points in between."""
+    at = np.arange((len(values) - 1) * parts + 1) / parts
+    known = np.arange(len(values))
+    return np.stack([np.interp(at, known, values[:, c]) for c in range(values.shape[1])], axis=1)
+
+
+def forcing(m: Modes, step: float, ports: Ports, per_sample: int) -> np.ndarray:
+    """Per-interval modal forcing with `per_sample` intervals a sample."""
+    total = 0.0
+    h = step / per_sample
+    for part in ("shape", "drive", "force", "floor"):
+        finest = SHAPE if part == "shape" else FINE if part != "force" else per_sample
+        values = ports.at(part, finest)
+        weights = hold_weights(m.rates, h, finest // per_sample)
+        columns = m.gains[:, m.inputs[part]]
+        for c in range(values.shape[1]):
+            if values[:, c].any():
+                total = total + moments(values[:, c], weights) * columns[:, c]
+    if isinstance(total, float):
+        return np.zeros((len(ports.force) * per_sample - per_sample, len(m.rates)), complex)
+    return total
+
+
+def start_inputs(m: Modes, ports: Ports) -> np.ndarray:
+    """Inputs (u,) of the static start: the shapes under the sphere, nothing else."""
+    u = np.zeros(m.B.shape[1])
+    u[m.inputs["shape"]] = ports.shape[0]
+    return u
+
+
+def direct(m: Modes, ports: Ports, parts: int) -> np.ndarray:
+    """All inputs (t, u) at `parts` points a sample, for the outputs' direct part."""
+    n = ports.shape.shape[1]
+    zero = np.zeros(((len(ports.force) - 1) * parts + 1, n))
+    known = [ports.at(p, parts) for p in ("shape", "drive", "force", "floor")]
+    return np.concatenate([known[0], zero, zero, *known[1:]], axis=1)
+
+
+def linear_outputs(m: Modes, run: Run, ports: Ports, names, parts: int = 1) -> np.ndarray:
+    """Outputs (t, o) of the linear elastic model at `parts` points a sample."""
+    z = propagate(
+        m, run.step / parts, forcing(m, run.step, ports, parts),
+        static_state(m, start_inputs(m, ports)),
+    )
+    return observe(m, z, names, direct(m, ports, parts))
+
+
+def law_outputs(m: Modes, run: Run, contact, mount, start, parts: int = 1) -> np.ndarray:
+    """dR and a (samples, 6) caused by contact and mount tensions (FINE points, n) and `start` (m,)."""
+    weights = hold_weights(m.rates, run.step / parts, FINE // parts)
+    total = 0.0
+    for part, values in (("contact", contact), ("mount", mount)):
+        columns = m.gains[:, m.inputs[part]]
+        for c in range(values.shape[1]):
+            total = total + moments(values[:, c], weights) * columns[:, c]
+    z = propagate(m, run.step / parts, total, m.inverse @ start)
+    u = np.zeros((len(z), m.B.shape[1]))
+    u[:, m.inputs["contact"]], u[:, m.inputs["mount"]] = contact[:: FINE // parts], mount[:: FINE // parts]
+    return observe(m, z, ("displacement", "acceleration"), u)
+
+
+def step_matrices(m: Modes, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(E, P, Q): d_next = E d + P F + Q F_next for tensions F linear over a step `h`."""
+    from scipy.linalg import expm
+
+    columns = np.r_[
+        np.arange(m.B.shape[1])[m.inputs["contact"]], np.arange(m.B.shape[1])[m.inputs["mount"]]
+    ]
+    k, f = len(m.A), len(columns)
+    big = np.zeros((k + 2 * f, k + 2 * f))
+    big[:k, :k], big[:k, k : k + f] = m.A * h, m.B[:, columns] * h
+    big[k : k + f, k + f :] = np.eye(f)
+    e = expm(big)
+    first, second = e[:k, k : k + f], e[:k, k + f :]
+    return e[:k, :k], first - second, second
+
+
+@jax.jit
+def step_laws(rigs: Rig, matrices, rows, start, signals, rates):
+    """Tensions (t, lanes, 2 n) of contact and mount laws, stepped with the deviation they cause.
+
+    d = state less the linear run's; the laws feel the linear `signals` (t, lanes, 4 n) plus
+    `rows` d.  Heun's predictor and corrector around the exact linear step.
+    """
+    from ._ports import law_tensions
+
+    E, P, Q = matrices
+
+    def force(rig, rows, d, memory, signal, rate):
+        return law_tensions(rig, signal + rows @ d, rate, memory)
+
+    def one(rig, E, P, Q, rows, carry, here):
+        d, memory, F, change, h = carry
+        signal, rate = here
+        ahead = E @ d + (P + Q) @ F
+        guess = jax.tree.map(lambda z, c: z + h * c, memory, change)
+        F1, change1 = force(rig, rows, ahead, guess, signal, rate)
+        d = E @ d + P @ F + Q @ F1
+        memory = jax.tree.map(lambda z, c, c1: z + h / 2 * (c + c1), memory, change, change1)
+        F1, change1 = force(rig, rows, d, memory, signal, rate)
+        return (d, memory, F1, change1, h), F1
+
+    def body(carry, here):
+        return jax.vmap(one)(rigs, E, P, Q, rows, carry, here)
+
+    d, memory, h = start
+    F, change = jax.vmap(force)(rigs, rows, d, memory, signals[0], rates[0])
+    _, out = jax.lax.scan(body, (d, memory, F, change, h), (signals[1:], rates[1:]))
+    return jnp.concatenate([F[None], out])

@@ -1,0 +1,380 @@
+"""A rig and its runs as a model: residuals of every channel for any rig with any laws."""
+
+import dataclasses
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+
+from ..dynamics import initial_memory
+from ..rig import Rig
+from ._elastic import (
+    SIGNALS,
+    Ports,
+    direct,
+    forcing,
+    law_outputs,
+    linear_outputs,
+    refine,
+    rig_modes,
+    start_inputs,
+    step_laws,
+    step_matrices,
+)
+from ._laws import along
+from ._modes import Modes, observe, propagate, static_state
+from ._motion import (
+    Motion,
+    measured_lengths,
+    motion,
+    sensor_change,
+    smooth_about,
+    tables_for,
+)
+from ._observer import needs_observer, observed_turning
+from ._ports import law_tensions
+from ._rotation import Turning, base_torques, turning
+from ._rows import Rows, make_rows
+from ._runs import FINE, SHAPE, Run
+
+
+@dataclasses.dataclass(frozen=True)
+class Rotated:
+    """Rotation of one run: drive forces, Omega and rolled lengths from the torques alone."""
+
+    motion: Motion
+    turning: Turning
+    drive: np.ndarray  # (FINE points, n) N
+    acceleration: np.ndarray  # (FINE points, 3) rad/s^2
+    Omega: np.ndarray  # (samples, 3) rad/s, from Omega = 0 at the start
+    length: np.ndarray  # (samples, n) rad, what S(theta) should be
+
+
+def integrate(rate: np.ndarray, step: float) -> np.ndarray:
+    """Integral from 0 at the same points (trapezoids)."""
+    mean = (rate[1:] + rate[:-1]) * (step / 2)
+    return np.concatenate([np.zeros((1, rate.shape[1])), np.cumsum(mean, axis=0)])
+
+
+class Machine:
+    """Residuals of a rig against its runs; every stage is kept for the last few rigs asked for."""
+
+    def __init__(self, rig: Rig, runs: list[Run], noise: dict[str, float], window: float = 1.0):
+        self.rig, self.runs, self.noise = rig, runs, noise
+        radius = np.asarray(rig.wheels.radius) / float(rig.sphere.radius)
+        self.length_noise = noise.get("theta", 1e-4) * radius
+        self.references: list[np.ndarray] | None = None
+        self.ratios: list[float | None] = [None] * len(runs)
+        self._kept: dict[str, dict] = {"motion": {}, "rotated": {}, "modes": {}}
+        self.rows: list[Rows] = []
+        self.rebase(rig)
+        self.set_window(window)
+
+    def set_window(self, window: float) -> None:
+        """Length of the windows at whose start Omega and s are free, s (0: the whole run)."""
+        self.window = window
+        rotated = self.rotated(self.rig)
+        self.rows = [
+            make_rows(run, self.noise, self.length_noise, r.motion.axes, window, self.rig.size)
+            for run, r in zip(self.runs, rotated, strict=True)
+        ]
+        for i, run in enumerate(self.runs):
+            if run.rolling_start(self.noise):
+                self._free_elastic_start(i, run)
+
+    def _free_elastic_start(self, i: int, run: Run) -> None:
+        """A run that begins rolling: its elastic state at the first sample is free."""
+        from ._rows import _orthonormal
+
+        m, rows = self.modes(self.rig), self.rows[i]
+        zero = np.zeros((run.samples - 1, len(m.rates)), complex)
+        columns = []
+        for k in range(len(m.A)):
+            z = propagate(m, run.step, zero, m.inverse @ np.eye(len(m.A))[k])
+            out = observe(m, z, ("displacement", "acceleration"))
+            columns.append((out * rows.elastic).ravel())
+        rows.nuisance.append((slice(0, rows.elastic.size), _orthonormal(np.stack(columns, 1))))
+
+    def rebase(self, rig: Rig) -> None:
+        """Smooth the angles anew, about what `rig` predicts from the torques."""
+        self._kept = {name: {} for name in self._kept}
+        self.references = None
+        for _ in range(3 if rig.at("rolling") or rig.at("shaft") else 1):
+            found = [r.length for r in self.rotated(rig)]
+            self._kept = {name: {} for name in self._kept}
+            self.references = found
+
+    def _keep(self, stage: str, key: bytes, make):
+        kept = self._kept[stage]
+        if key not in kept:
+            if len(kept) > 3:
+                kept.pop(next(iter(kept)))
+            kept[key] = make()
+        return kept[key]
+
+    # --- stages -------------------------------------------------------------------------------
+    def motions(self, rig: Rig) -> list[Motion]:
+        """Motion of every run behind the measured angles."""
+        w = rig.wheels
+        key = _key(
+            rig.sphere, w.normal, w.drive, w.radius, w.rollers, w.roundness, rig.profiles,
+            rig.at("shape"), rig.at("kinematics"),
+            tuple(p for p in rig.at("sensor") if p.place.startswith("theta")),
+        )
+        return self._keep("motion", key, lambda: self._motions(rig))
+
+    def _motions(self, rig: Rig) -> list[Motion]:
+        tables = tables_for(rig, self.runs)
+        self.tables = tables
+        out = []
+        for i, run in enumerate(self.runs):
+            length = measured_lengths(rig, tables, run)
+            about = np.zeros_like(length) if self.references is None else self.references[i]
+            smoothed = smooth_about(length, about, float(np.mean(self.length_noise)), self.ratios[i])
+            out.append(motion(rig, tables, run, length, smoothed))
+        return out
+
+    def modes(self, rig: Rig) -> Modes:
+        """The elastic model's modes."""
+        key = _key(rig.sphere, rig.platform, rig.wheels)
+        return self._keep("modes", key, lambda: rig_modes(rig))
+
+    def rotated(self, rig: Rig) -> list[Rotated]:
+        """Rotation of every run under the torques."""
+        w = rig.wheels
+        rolling = rig.at("rolling")
+        parts = [rig.sphere, rig.platform, w.normal, w.drive, w.radius, w.inertia, rig.profiles,
+                 w.rollers, w.roundness, rig.at("shape"), rig.at("kinematics"), rig.at("shaft"),
+                 rolling, rig.at("sphere"),
+                 tuple(p for p in rig.at("sensor") if p.place.startswith("theta"))]  # fmt: skip
+        if rolling:  # N enters: to about 2 % of stiffness and damping
+            parts.append(_rounded((w.contact, w.mount, w.closure)))
+        return self._keep("rotated", _key(*parts), lambda: self._rotated(rig))
+
+    def _rotated(self, rig: Rig) -> list[Rotated]:
+        out = []
+        for run, m in zip(self.runs, self.motions(rig), strict=True):
+            response = turning(rig, m)
+            torque = refine(run.torque, FINE)
+            normal = np.broadcast_to(np.asarray(rig.wheels.closure.preload), m.theta.shape)
+            for turn in range(4 if rig.at("rolling") else 1):
+                if needs_observer(rig):
+                    Omega, speed = observed_turning(bare_rotation(rig), m, response, torque, normal, run.step)
+                    felt = dataclasses.replace(m, turning=Omega, speed=speed)
+                else:
+                    felt = m
+                shaft, opposing = base_torques(rig, felt, torque, normal)
+                drive, rate = response.respond(shaft, opposing)
+                if rig.at("rolling") and turn < 3:
+                    normal = self.normal_force(rig, run, m, drive)
+            out.append(self._integrated(run, m, response, drive, rate))
+        return out
+
+    def _integrated(self, run, m: Motion, response: Turning, drive, rate) -> Rotated:
+        h = run.step / FINE
+        Omega = integrate(rate, h)
+        rolled = np.einsum("tij,tj->ti", m.axes, Omega)
+        creep = (m.factor - 1) * m.speed * (m.shape + np.asarray(self.rig.wheels.radius))
+        creep = creep / float(self.rig.sphere.radius)
+        length = integrate(rolled - creep, h)[::FINE]
+        return Rotated(m, response, drive, rate, Omega[::FINE], length)
+
+    def ports(self, rig: Rig, run: Run, m: Motion, drive) -> Ports:
+        """Inputs of the elastic model."""
+        shape = self.tables_shape(rig, m)
+        return Ports(shape, drive, run.force, self._floor(rig, run))
+
+    def tables_shape(self, rig: Rig, m: Motion) -> np.ndarray:
+        """rho and the sphere's surface at SHAPE points."""
+        shape = self.tables_of(rig).rho(m.theta_shape)
+        placed = rig.at("surface")
+        if placed:
+            shape = shape + refine(self.surface(rig, m), SHAPE // FINE)
+        return shape
+
+    def tables_of(self, rig: Rig):
+        """Wheel tables of a rig (kept with its motions)."""
+        w = rig.wheels
+        key = b"t" + _key(rig.sphere.radius, w.radius, w.rollers, w.roundness, rig.profiles, rig.at("shape"))
+        return self._keep("motion", key, lambda: tables_for(rig, self.runs))
+
+    def surface(self, rig: Rig, m: Motion) -> np.ndarray:
+        """What the laws at the sphere's surface add to rho, (FINE points, n) m."""
+        directions = contact_directions(rig, m)
+        total = np.zeros(m.theta.shape)
+        for placed in rig.at("surface"):
+            for i in range(rig.size):
+                total[:, i] += along(placed.law, np.ascontiguousarray(directions[:, i]))
+        return total
+
+    def _floor(self, rig: Rig, run: Run) -> np.ndarray:
+        time = run.fine(FINE)
+        floor = np.zeros((len(time), 3))
+        for placed in rig.at("platform"):
+            floor += along(placed.law, time)
+        return floor
+
+    def signals(self, rig: Rig, run: Run, m: Motion, ports: Ports) -> np.ndarray:
+        """Linear port signals (FINE points, 4 n): deflection, mount, mount rate, approach rate."""
+        return linear_outputs(self.modes(rig), run, ports, SIGNALS, FINE)
+
+    def normal_force(self, rig: Rig, run: Run, m: Motion, drive) -> np.ndarray:
+        """N (FINE points, n) of the linear elastic model."""
+        s = self.signals(rig, run, m, self.ports(rig, run, m, drive))
+        deflection, _, mount_rate, approach_rate = np.split(s, 4, axis=1)
+        w = rig.wheels
+        rate = approach_rate - mount_rate - m.shape_rate
+        pull = np.asarray(w.contact.stiffness) * deflection + np.asarray(w.contact.damping) * rate
+        return np.asarray(w.closure.preload) - pull
+
+    # --- predictions --------------------------------------------------------------------------
+    def elastic(self, rigs: list[Rig], which: list[int]) -> list[list[np.ndarray]]:
+        """dR and a (samples, 6) before the sensors: per rig, per run of `which`."""
+        out, tasks = [], []
+        for rig in rigs:
+            m, row = self.modes(rig), []
+            rotated = self.rotated(rig)
+            for i in which:
+                ports = self.ports(rig, self.runs[i], rotated[i].motion, rotated[i].drive)
+                row.append(
+                    linear_outputs(m, self.runs[i], ports, ("displacement", "acceleration"))
+                )
+                if nonlinear(rig):
+                    tasks.append((rig, i, rotated[i].motion, ports, row, len(row) - 1))
+            out.append(row)
+        if tasks:
+            self._add_laws(tasks)
+        return out
+
+    def _add_laws(self, tasks) -> None:
+        """Add what contact and mount laws change, all rigs and runs stepped side by side."""
+        longest = max(self.runs[i].samples for _, i, *_ in tasks) * FINE
+        rigs, starts, signals, rates, matrices, rows = [], [], [], [], [], []
+        for rig, i, m, ports, *_ in tasks:
+            run, modes = self.runs[i], self.modes(rig)
+            s = self.signals(rig, run, m, ports)
+            starts.append(static_deviation(rig, modes, s[0], m.shape_rate[0] * 0))
+            signals.append(_padded(s, longest))
+            rates.append(_padded(m.shape_rate, longest))
+            matrices.append(step_matrices(modes, run.step / FINE))
+            rows.append(modes.out(SIGNALS)[0])
+            rigs.append(bare(rig))
+        stack = lambda items: jax.tree.map(lambda *x: jnp.stack([jnp.asarray(v) for v in x]), *items)
+        d, memory = stack([s[0] for s in starts]), stack([s[1] for s in starts])
+        h = jnp.asarray([self.runs[i].step / FINE for _, i, *_ in tasks])
+        tensions = np.asarray(
+            step_laws(
+                stack(rigs), stack(matrices), stack(rows), (d, memory, h),
+                jnp.stack([jnp.asarray(s) for s in signals], 1),
+                jnp.stack([jnp.asarray(r) for r in rates], 1),
+            )
+        )  # fmt: skip
+        n = self.rig.size
+        for lane, (rig, i, _m, _ports, row, at) in enumerate(tasks):
+            points = (self.runs[i].samples - 1) * FINE + 1
+            F = tensions[:points, lane]
+            row[at] = row[at] + law_outputs(
+                self.modes(rig), self.runs[i], F[:, :n], F[:, n:], np.asarray(starts[lane][0])
+            )
+
+    def residuals(self, rigs: list[Rig], which: list[int], project: bool = True) -> list[np.ndarray]:
+        """Whitened rows of measured less predicted, per rig, over the runs of `which`."""
+        elastic = self.elastic(rigs, which)
+        out = []
+        for rig, predicted in zip(rigs, elastic, strict=True):
+            rotated, parts = self.rotated(rig), []
+            for i, pred in zip(which, predicted, strict=True):
+                tables = self.residual_tables(rig, i, pred, rotated[i])
+                vector = self.rows[i].vector(*tables)
+                parts.append(self.rows[i].project(vector) if project else vector)
+            out.append(np.concatenate(parts))
+        return out
+
+    def residual_tables(self, rig: Rig, i: int, pred, rotated: Rotated):
+        """(elastic (t, 6), rotation (t, 3 + n)): measured less predicted, not whitened."""
+        run = self.runs[i]
+        missing = np.full((run.samples, 3), np.nan)
+        elastic = []
+        for group, part in (("dR", pred[:, :3]), ("a", pred[:, 3:])):
+            predicted = part + sensor_change(rig, group, run.time, part)
+            elastic.append(run.outputs.get(group, missing) - predicted)
+        turning_rate = rotated.motion.turning[::FINE]
+        Omega = rotated.Omega + sensor_change(rig, "Omega", run.time, turning_rate)
+        rotation = [run.outputs.get("Omega", missing) - Omega, rotated.motion.length - rotated.length]
+        return np.concatenate(elastic, axis=1), np.concatenate(rotation, axis=1)
+
+
+def contact_directions(rig: Rig, m: Motion) -> np.ndarray:
+    """Unit vectors to the contacts in the body frame, (t, n, 3)."""
+    return np.einsum("tji,nj->tni", m.attitude, -np.asarray(rig.wheels.normal))
+
+
+def nonlinear(rig: Rig) -> bool:
+    """Whether laws at contacts or mounts need stepping in time."""
+    return bool(rig.at("contact") or rig.at("mount") or rig.at("separation"))
+
+
+def bare_rotation(rig: Rig) -> Rig:
+    """The rig with the laws of its rotation only."""
+    keep = (*rig.at("shaft"), *rig.at("rolling"), *rig.at("sphere"))
+    return eqx.tree_at(
+        lambda r: (r.effects, r.profiles), rig, (keep, ()),
+        is_leaf=lambda x: x is rig.effects or x is rig.profiles,
+    )  # fmt: skip
+
+
+def bare(rig: Rig) -> Rig:
+    """The rig with its contact and mount laws only (equal structure for all lanes)."""
+    keep = (*rig.at("contact"), *rig.at("mount"), *rig.at("separation"))
+    return eqx.tree_at(
+        lambda r: (r.effects, r.profiles), rig, (keep, ()),
+        is_leaf=lambda x: x is rig.effects or x is rig.profiles,
+    )  # fmt: skip
+
+
+@jax.jit
+def _static(rig: Rig, compliance, rows, signal):
+    """Deviation d = compliance F(signal + rows d) at rest, with the laws' memories at rest."""
+    memory = initial_memory(rig)
+    flat, unravel = ravel_pytree((jnp.zeros(compliance.shape[0]), memory))
+
+    def gap(x):
+        d, z = unravel(x)
+        force, change = law_tensions(rig, signal + rows @ d, jnp.zeros(rig.size), z)
+        return ravel_pytree((d - compliance @ force, change))[0]
+
+    def newton(x, _):
+        step = jnp.linalg.solve(jax.jacfwd(gap)(x), gap(x))
+        return x - step, None
+
+    x, _ = jax.lax.scan(newton, flat, None, length=12)
+    return unravel(x)
+
+
+def static_deviation(rig: Rig, m: Modes, signal, _rate):
+    """(d, memory) of the static start with the rig's contact and mount laws."""
+    columns = np.concatenate([m.B[:, m.inputs["contact"]], m.B[:, m.inputs["mount"]]], axis=1)
+    compliance = -np.linalg.solve(m.A, columns)
+    return _static(bare(rig), jnp.asarray(compliance), jnp.asarray(m.out(SIGNALS)[0]), jnp.asarray(signal))
+
+
+def _padded(values, length):
+    return np.concatenate([values, np.repeat(values[-1:], length - len(values), axis=0)])
+
+
+def _key(*parts) -> bytes:
+    import hashlib
+
+    digest = hashlib.blake2b(digest_size=16)
+    for part in parts:
+        leaves, structure = jax.tree.flatten(part)
+        digest.update(repr(structure).encode())
+        for leaf in leaves:
+            digest.update(np.asarray(leaf).tobytes())
+    return digest.digest()
+
+
+def _rounded(tree):
+    return jax.tree.map(lambda x: np.round(np.log(np.maximum(np.asarray(x), 1e-30)) * 50), tree)

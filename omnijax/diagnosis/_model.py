@@ -1,0 +1,128 @@
+"""What the diagnosis needs of a model: parameters with priors, residuals, tangents, candidates."""
+
+import abc
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..laws import AbstractLaw
+
+HARD = 3.5  # prior sigmas: Gaussian priors have no force against 1e5 samples, bounds have
+
+
+@dataclasses.dataclass(frozen=True)
+class Prior:
+    """One uncertain parameter: value exp(sigma u) where `sigma` is relative, else value + sigma u."""
+
+    name: str
+    value: float
+    sigma: float
+    relative: bool = True
+    hard: float = HARD
+    unit: str = ""
+
+    def at(self, u: float) -> float:
+        """The parameter's value at the unit coordinate `u`."""
+        return self.value * math.exp(self.sigma * u) if self.relative else self.value + self.sigma * u
+
+
+@dataclasses.dataclass(frozen=True)
+class Effect:
+    """A named law with numbers: what may be added to the model."""
+
+    id: str
+    place: str
+    values: dict[str, Any]
+
+    @property
+    def name(self) -> str:
+        """id at place."""
+        return f"{self.id}@{self.place}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """Where a model is evaluated: unit coordinates of the uncertain parameters, and effects."""
+
+    u: np.ndarray
+    effects: tuple[Effect, ...] = ()
+
+    def with_effects(self, *effects: Effect) -> "Point":
+        """This point with other effects."""
+        return Point(self.u, tuple(effects))
+
+
+@dataclasses.dataclass(frozen=True)
+class Free:
+    """One free number of an effect: its key, the index in a vector, bounds and a natural step."""
+
+    effect: int
+    key: str
+    index: int | None
+    low: float
+    high: float
+
+
+class AbstractModel(abc.ABC):
+    """A model with data: everything the diagnosis asks for.  Rows are whitened."""
+
+    priors: Sequence[Prior]
+    laws: dict[str, type[AbstractLaw]]
+    frozen_keys: frozenset[str] = frozenset({"roller", "order", "exponent", "modulus", "width"})
+
+    @abc.abstractmethod
+    def residuals(self, points: Sequence[Point], split: str) -> list[np.ndarray]:
+        """Measured less predicted on the runs of `split` (train or held-out), one vector a point."""
+
+    @abc.abstractmethod
+    def dof(self, split: str) -> int:
+        """Rows that carry information."""
+
+    @abc.abstractmethod
+    def candidates(self, point: Point) -> list:
+        """Candidates that may be added at `point`."""
+
+    @abc.abstractmethod
+    def columns(self, point: Point, candidates: Sequence, tell: Callable) -> list[np.ndarray]:
+        """Signatures (rows, k) of the candidates on the train runs."""
+
+    def rebase(self, point: Point) -> None:
+        """Prepare for work around `point` (smoothing, linearisation)."""
+
+    def free(self, point: Point, widths: bool = False) -> list[Free]:
+        """The numbers of the point's effects that a refit may change."""
+        out = []
+        for i, effect in enumerate(point.effects):
+            known = self.laws[effect.id].parameters
+            for key, value in effect.values.items():
+                if key in self.frozen_keys and not (widths and key == "width"):
+                    continue
+                p = known[key]
+                if np.ndim(value):
+                    out += [Free(i, key, k, p.low, p.high) for k in range(len(value))]
+                else:
+                    out.append(Free(i, key, None, p.low, p.high))
+        return out
+
+
+def value_of(point: Point, free: Free) -> float:
+    """The free number's value."""
+    value = point.effects[free.effect].values[free.key]
+    return float(value if free.index is None else value[free.index])
+
+
+def moved(point: Point, u: np.ndarray, free: Sequence[Free], values: Sequence[float]) -> Point:
+    """The point at other coordinates and free numbers."""
+    effects = [dataclasses.replace(e, values=dict(e.values)) for e in point.effects]
+    for f, v in zip(free, values, strict=True):
+        target = effects[f.effect].values
+        if f.index is None:
+            target[f.key] = float(v)
+        else:
+            vector = np.array(target[f.key], float)
+            vector[f.index] = v
+            target[f.key] = vector
+    return Point(np.asarray(u, float), tuple(effects))

@@ -1,0 +1,104 @@
+"""The elastic model as modes: exact propagation of port inputs that are linear between fine samples."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import lfilter
+
+
+
+class Modes(NamedTuple):
+    """dz/dt = rates z + gains u, y = Re(shapes z): one of each complex pair is kept."""
+
+    rates: np.ndarray  # (k,) 1/s
+    gains: np.ndarray  # (k, u)
+    shapes: np.ndarray  # (m, k)
+    inverse: np.ndarray  # (k, m), z of a state y
+    C: np.ndarray  # (o, m)
+    D: np.ndarray  # (o, u)
+    A: np.ndarray
+    B: np.ndarray
+    inputs: dict[str, slice]
+    outputs: dict[str, slice]
+
+    def out(self, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+        """Rows of (C, D) of several outputs, one below the other."""
+        rows = np.concatenate([np.arange(self.C.shape[0])[self.outputs[n]] for n in names])
+        return self.C[rows], self.D[rows]
+
+
+def modes(A, B, C, D, size: int) -> Modes:
+    """Eigenvalues and -vectors of the elastic model; a free direction gets a damping of 1e-9."""
+    A, B, C, D = (np.asarray(x) for x in (A, B, C, D))
+    if np.linalg.cond(A) > 1e14:  # a direction that no wheel holds has a defective zero
+        A = A - 1e-9 * np.abs(A).max() * np.eye(len(A))
+    rates, shapes = np.linalg.eig(A)
+    inverse = np.linalg.inv(shapes)
+    keep = rates.imag >= 0
+    twice = np.where(rates.imag[keep] > 0, 2.0, 1.0)
+    inputs = _slices(shape=size, contact=size, mount=size, drive=size, force=3, floor=3)
+    outputs = _slices(
+        displacement=3, velocity=3, approach=size, approach_rate=size, mount=size, mount_rate=size,
+        deflection=size, platform=3, acceleration=3,
+    )
+    return Modes(
+        rates[keep], inverse[keep] @ B, shapes[:, keep] * twice, inverse[keep],
+        C, D, A, B, inputs, outputs,
+    )
+
+
+def _slices(**sizes: int) -> dict[str, slice]:
+    out, start = {}, 0
+    for name, size in sizes.items():
+        out[name] = slice(start, start + size)
+        start += size
+    return out
+
+
+def hold_weights(rates: np.ndarray, step: float, parts: int) -> np.ndarray:
+    """Weights w (parts + 1, k) with integral_0^step e^(rate (step - s)) u(s) ds = sum_j w_j u_j.
+
+    u is linear between the `parts` + 1 equidistant points: phi functions of the sub-step.
+    """
+    h = step / parts
+    z = rates * h
+    small = np.abs(z) < 1e-3
+    safe = np.where(small, 1.0, z)
+    phi1 = np.where(small, 1 + z / 2 + z**2 / 6 + z**3 / 24, np.expm1(safe) / safe)
+    series = 0.5 + z / 6 + z**2 / 24 + z**3 / 120
+    phi2 = np.where(small, series, (np.expm1(safe) - safe) / safe**2)
+    weights = np.zeros((parts + 1, len(rates)), complex)
+    for j in range(parts):
+        decay = np.exp(rates * (step - (j + 1) * h))
+        weights[j] += decay * h * (phi1 - phi2)
+        weights[j + 1] += decay * h * phi2
+    return weights
+
+
+def moments(signal: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Per-interval integrals (n - 1, k) of a fine signal ((n - 1) parts + 1,)."""
+    parts = len(weights) - 1
+    left = signal[:-1].reshape(-1, parts) @ weights[:parts]
+    return left + signal[parts::parts, None] * weights[parts]
+
+
+def propagate(modes: Modes, step: float, forcing: np.ndarray, start: np.ndarray) -> np.ndarray:
+    """Modal states (n, k) after per-interval forcing (n - 1, k), from `start` (k,)."""
+    z = np.empty((len(forcing) + 1, len(modes.rates)), complex)
+    z[0] = start
+    for i, rate in enumerate(modes.rates):
+        e = np.exp(rate * step)
+        z[1:, i] = lfilter([1.0], [1.0, -e], forcing[:, i], zi=np.array([e * start[i]]))[0]
+    return z
+
+
+def static_state(modes: Modes, inputs: np.ndarray) -> np.ndarray:
+    """Modal state in which nothing moves under constant `inputs` (u,)."""
+    return -(modes.gains @ inputs) / modes.rates
+
+
+def observe(modes: Modes, z: np.ndarray, names: tuple[str, ...], direct=None) -> np.ndarray:
+    """Outputs (n, o) of modal states; `direct` are the inputs (n, u) where D matters."""
+    C, D = modes.out(names)
+    out = (z @ (C @ modes.shapes).T).real
+    return out if direct is None else out + direct @ D.T

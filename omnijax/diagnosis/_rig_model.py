@@ -1,0 +1,132 @@
+"""The sphere on wheels as a model of the diagnosis."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..laws import AbstractLaw
+from ..rig import Rig, get_parameter, set_parameter
+from ._candidates import Candidate, Context, candidates, number
+from ._machine import Machine
+from ._model import AbstractModel, Point, Prior
+from ._rotation import turning as _turning  # noqa: F401
+from ._runs import Run
+from ._signatures import base_of, signature
+
+LINES = 12  # spectral lines of `a` that are tried as floor vibrations
+
+
+class RigModel(AbstractModel):
+    """A rig, its runs and their noise; `splits` gives the runs' indices by role."""
+
+    def __init__(self, rig: Rig, runs: list[Run], noise: dict[str, float],
+                 laws: dict[str, type[AbstractLaw]], window: float = 1.0):  # fmt: skip
+        self.rig, self.laws, self.noise = rig, laws, noise
+        self.priors = rig_priors(rig)
+        self.splits = split_runs(runs)
+        self.machine = Machine(rig, runs, noise, window)
+        self.groups = tuple(g for g in ("dR", "theta", "Omega", "a") if any(g in r.outputs for r in runs))
+
+    def rig_at(self, point: Point) -> Rig:
+        """The rig with calibrated parameters and the point's effects."""
+        rig = self.rig
+        for prior, u in zip(self.priors, point.u, strict=True):
+            rig = set_parameter(rig, prior.name, prior.at(float(u)))
+        for effect in point.effects:
+            law = self.laws[effect.id](**{k: number(v) for k, v in effect.values.items()})
+            rig = rig.add(law, effect.place)
+        return rig
+
+    def residuals(self, points, split):
+        return self.machine.residuals([self.rig_at(p) for p in points], self.splits[split])
+
+    def dof(self, split):
+        return sum(self.machine.rows[i].used for i in self.splits[split])
+
+    def rebase(self, point):
+        self.machine.rebase(self.rig_at(point))
+
+    def bases(self, point: Point, split: str = "train"):
+        """Base runs at a point, with what each port feels."""
+        rig, which = self.rig_at(point), self.splits[split]
+        predicted = self.machine.elastic([rig], which)[0]
+        return [base_of(self.machine, rig, i, p) for i, p in zip(which, predicted, strict=True)]
+
+    def candidates(self, point):
+        self._bases = self.bases(point)
+        rms = np.sqrt(np.mean([np.mean(b.mount.deflection**2, axis=0) for b in self._bases], axis=0))
+        context = Context(self.rig, self.groups, rms, self._lines(point))
+        return candidates(context, self.laws)
+
+    def _lines(self, point: Point) -> tuple[float, ...]:
+        """Frequencies (Hz) of the strongest lines left in `a` (else dR), common to the train runs."""
+        (rest,) = self.residuals([point], "train")
+        offset, spectra, grid = 0, 0.0, None
+        longest = max(self.machine.runs[i].samples for i in self.splits["train"])
+        for i in self.splits["train"]:
+            rows = self.machine.rows[i]
+            elastic, _ = rows.split(rest[offset : offset + rows.size])
+            offset += rows.size
+            use = elastic[:, 3:] if np.any(elastic[:, 3:]) else elastic[:, :3]
+            size = 1 << int(np.ceil(np.log2(longest)) + 2)
+            grid = np.fft.rfftfreq(size, self.machine.runs[i].step)
+            spectra = spectra + np.sum(np.abs(np.fft.rfft(use, size, axis=0)) ** 2, axis=1)
+        inner = (spectra[1:-1] > spectra[:-2]) & (spectra[1:-1] >= spectra[2:])
+        peaks = np.flatnonzero(inner) + 1
+        peaks = peaks[grid[peaks] > 0.5]
+        best = peaks[np.argsort(spectra[peaks])[::-1]]
+        kept: list[float] = []
+        for k in best:  # side lobes of a line are not lines
+            if all(abs(grid[k] - f) > 0.5 for f in kept):
+                kept.append(float(grid[k]))
+            if len(kept) == LINES:
+                break
+        return tuple(kept)
+
+    def columns(self, point, candidates: Sequence[Candidate], tell: Callable = lambda *a: None):
+        rows = [self.machine.rows[b.index] for b in self._bases]
+        out = []
+        for k, candidate in enumerate(candidates):
+            parts = []
+            for base, row in zip(self._bases, rows, strict=True):
+                tables = [signature(base, placed) for placed in candidate.columns]
+                stacked = np.stack([row.vector(*t) for t in tables], axis=1)
+                parts.append(row.project(stacked))
+            out.append(np.concatenate(parts))
+            if k % 20 == 0:
+                tell(k / len(candidates))
+        return out
+
+
+def rig_priors(rig: Rig) -> list[Prior]:
+    """The rig's uncertain parameters, one a wheel; relative 1-sigma."""
+    found: dict[str, float] = {}
+    for path, sigma in rig.uncertainty:
+        parts = path.split(".")
+        if parts[0] in ("contact", "mount", "closure"):
+            keys = [f"wheel.{n}.{path}" for n in rig.names]
+        elif parts[0] == "wheel" and parts[1] not in rig.names:
+            keys = [f"wheel.{n}.{'.'.join(parts[1:])}" for n in rig.names]
+        else:
+            keys = [path]
+        explicit = len(keys) == 1
+        for key in keys:
+            if explicit or key not in found:
+                found[key] = sigma
+    return [
+        Prior(key, float(get_parameter(rig, key)), sigma)
+        for key, sigma in found.items()
+        if np.ndim(get_parameter(rig, key)) == 0 and float(get_parameter(rig, key)) > 0
+    ]
+
+
+def split_runs(runs: list[Run]) -> dict[str, list[int]]:
+    """Indices of train and held-out runs; without a held-out one, the last run of several is it."""
+    held = [i for i, r in enumerate(runs) if r.role == "held-out"]
+    train = [i for i, r in enumerate(runs) if r.role != "held-out"]
+    if not train:
+        train, held = held[:-1] or held, held[-1:]
+    if not held:
+        held = train[-1:]
+        train = train[:-1] or train
+    return {"train": train, "held-out": held}

@@ -1,0 +1,115 @@
+"""Rotation along the measured motion: drive forces, dOmega/dt, and their response to torques."""
+
+import dataclasses
+
+import numpy as np
+
+from ..laws import BodySignal, RollingSignal, ShaftSignal
+from ..rig import Rig
+from ._laws import along
+from ._motion import Motion
+
+
+@dataclasses.dataclass(frozen=True)
+class Turning:
+    """Linear response of one run's rotation to shaft torques and opposing torques (spec section 4)."""
+
+    torque_gain: np.ndarray  # (t, n) r_w / I_w
+    force: np.ndarray  # (t, n, n) inverse of the drive forces' matrix
+    body: np.ndarray  # (t or 1, n, 3) R A I^-1
+    inverse_inertia: np.ndarray  # (t or 1, 3, 3)
+    axes: np.ndarray  # (t or 1, n, 3)
+    radius: float
+
+    def respond(self, shaft: np.ndarray | None, opposing: np.ndarray | None):
+        """(drive forces (t, n), dOmega/dt (t, 3)) caused by torques (t, n) and (t, 3)."""
+        right = 0.0 if shaft is None else self.torque_gain * shaft
+        if opposing is not None:
+            right = right + np.einsum("tij,tj->ti", self.body, opposing)
+        drive = np.einsum("tij,tj->ti", self.force, right)
+        torque = self.radius * np.einsum("tij,ti->tj", self.axes, drive)
+        if opposing is not None:
+            torque = torque - opposing
+        return drive, np.einsum("tij,tj->ti", self.inverse_inertia, torque)
+
+
+def turning(rig: Rig, motion: Motion) -> Turning:
+    """The response matrices along one run's motion."""
+    R, wheels = float(rig.sphere.radius), rig.wheels
+    inertia = np.asarray(rig.sphere.inertia_matrix)
+    inverse = np.linalg.inv(inertia)[None]
+    if np.ptp(np.diag(inertia)) > 0 or np.abs(inertia - np.diag(np.diag(inertia))).max() > 0:
+        Q = motion.attitude
+        inverse = Q @ inverse @ np.swapaxes(Q, 1, 2)
+    radius = motion.factor * (np.asarray(wheels.radius) + motion.shape)
+    body = R * motion.axes @ inverse
+    wheel_inertia = np.asarray(wheels.inertia)
+    matrix = R * body @ np.swapaxes(motion.axes, 1, 2)
+    matrix = matrix + (radius**2 / wheel_inertia)[:, :, None] * np.eye(rig.size)
+    return Turning(radius / wheel_inertia, np.linalg.inv(matrix), body, inverse, motion.axes, R)
+
+
+def shaft_signals(motion: Motion, torque: np.ndarray) -> ShaftSignal:
+    """Signals of the shafts, (t, n) each."""
+    return ShaftSignal(motion.theta, motion.speed, torque)
+
+
+def rolling_signals(rig: Rig, motion: Motion, normal_force: np.ndarray) -> RollingSignal:
+    """Signals of the contact patches, (t, n) each."""
+    roll = np.einsum("tij,tj->ti", motion.axes, motion.turning)
+    spin = -motion.turning @ np.asarray(rig.wheels.normal).T
+    friction = np.broadcast_to(np.asarray(rig.wheels.contact.friction), roll.shape)
+    return RollingSignal(roll, spin, np.maximum(normal_force, 0.0), friction)
+
+
+def body_signals(rig: Rig, motion: Motion) -> BodySignal:
+    """Signals of the sphere, one entry a time."""
+    t = len(motion.turning)
+    mass = np.broadcast_to(np.asarray(rig.sphere.mass), (t,))
+    gravity = np.broadcast_to(np.asarray(rig.platform.gravity), (t, 3))
+    return BodySignal(motion.turning, motion.attitude, mass, gravity)
+
+
+def wheel_law(law, wheels: tuple[int, ...], signals, shape) -> list[np.ndarray]:
+    """A per-wheel law on the wheels it is placed at: one array (t, n) an output of the law."""
+    import jax
+
+    outputs = None
+    for i in wheels:
+        value = along(law, jax.tree.map(lambda x, i=i: np.ascontiguousarray(x[:, i]), signals))
+        leaves = jax.tree.leaves(value)
+        if outputs is None:
+            outputs = [np.zeros(shape) for _ in leaves]
+        for out, leaf in zip(outputs, leaves, strict=True):
+            out[:, i] += leaf
+    return outputs or []
+
+
+def resistance(rig: Rig, motion: Motion, roll, spin) -> np.ndarray:
+    """Torque (t, 3) that opposes the sphere, from rolling and spin torques (t, n)."""
+    return np.einsum("tij,ti->tj", motion.axes, roll) - spin @ np.asarray(rig.wheels.normal)
+
+
+def base_torques(rig: Rig, motion: Motion, torque, normal_force):
+    """Shaft torques (t, n) and opposing torque (t, 3) of the rig with all its laws."""
+    shaft = torque.copy()
+    for placed in rig.at("shaft"):
+        signals = shaft_signals(motion, torque)
+        shaft += wheel_law(placed.law, placed.wheels, signals, shaft.shape)[0]
+    opposing = np.zeros((len(torque), 3))
+    inertia = np.asarray(rig.sphere.inertia_matrix)
+    Q, turning = motion.attitude, motion.turning
+    spin = np.einsum("tji,tj->ti", Q, turning)
+    opposing += np.cross(turning, np.einsum("tij,tj->ti", Q, spin @ inertia.T))
+    for placed in rig.at("rolling"):
+        signals = rolling_signals(rig, motion, normal_force)
+        roll, spin_torque, on_shaft = wheel_law(placed.law, placed.wheels, signals, shaft.shape)
+        opposing += resistance(rig, motion, roll, spin_torque)
+        shaft -= on_shaft
+    weight = np.asarray(rig.sphere.mass * rig.platform.gravity)
+    offset = np.asarray(rig.sphere.centre_of_mass)
+    if offset.any():
+        opposing -= np.cross(Q @ offset, weight)
+    for placed in rig.at("sphere"):
+        opposing -= along(placed.law, body_signals(rig, motion))
+    return shaft, opposing

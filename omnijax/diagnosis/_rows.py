@@ -1,0 +1,112 @@
+"""The data vector: whitened residual rows of all runs, and the directions that are left out of it."""
+
+import dataclasses
+
+import numpy as np
+
+from ._runs import Run
+
+SETTLE = 0.3  # s after an unknown input in which the elastic channels are not used
+
+
+@dataclasses.dataclass
+class Rows:
+    """Rows of one run: elastic (samples, 6: dR, a), then rotation (samples, 3 + n: Omega, s).
+
+    `weight` is 1/sigma, 0 where nothing usable was measured.  `nuisance` holds (slice, orthonormal
+    columns): Omega and s at the start of every window, and the elastic state of a rolling start.
+    """
+
+    samples: int
+    elastic: np.ndarray
+    rotation: np.ndarray
+    nuisance: list[tuple[slice, np.ndarray]]
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return self.elastic.size + self.rotation.size
+
+    def vector(self, elastic, rotation) -> np.ndarray:
+        """Whitened rows of residuals or signatures; None is zero."""
+        out = np.zeros(self.size)
+        if elastic is not None:
+            out[: self.elastic.size] = (np.nan_to_num(elastic) * self.elastic).ravel()
+        if rotation is not None:
+            out[self.elastic.size :] = (np.nan_to_num(rotation) * self.rotation).ravel()
+        return out
+
+    def project(self, x: np.ndarray) -> np.ndarray:
+        """`x` (rows,) or (rows, k) less its part along the nuisance directions."""
+        x = x.copy()
+        for part, q in self.nuisance:
+            x[part] -= q @ (q.T @ x[part])
+        return x
+
+    def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A row vector as its (elastic, rotation) tables, whitened."""
+        cut = self.elastic.size
+        return x[:cut].reshape(self.elastic.shape), x[cut:].reshape(self.rotation.shape)
+
+    @property
+    def used(self) -> int:
+        """Rows with weight, less the nuisance directions."""
+        count = int(np.sum(self.elastic > 0) + np.sum(self.rotation > 0))
+        return count - sum(q.shape[1] for _, q in self.nuisance)
+
+
+def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -> Rows:
+    """Weights and nuisance directions of one run; `length_noise` (n,) is sigma of s."""
+    n = run.samples
+    elastic = np.concatenate([_weights(run, g, noise, 3) for g in ("dR", "a")], axis=1)
+    theta = _weights(run, "theta", {"theta": 1.0}, wheels)
+    rotation = np.concatenate([_weights(run, "Omega", noise, 3), theta / length_noise], axis=1)
+    if not run.known.all():
+        bad = np.flatnonzero(~run.known)
+        for i in bad:
+            elastic[max(0, i - 1) : i + int(SETTLE / run.step)] = 0.0
+    rows = Rows(n, elastic, rotation, [])
+    length = n if window <= 0 else max(20, round(window / run.step))
+    starts = list(range(0, n, length))
+    if len(starts) > 1 and n - starts[-1] < length // 2:
+        starts.pop()
+    for first, last in zip(starts, [*starts[1:], n], strict=True):
+        if not run.known[first:last].all():
+            rotation[first:last] = 0.0
+        columns = _start_columns(first, last, run, axes, rotation[first:last])
+        width = rotation.shape[1]
+        offset = elastic.size
+        part = slice(offset + first * width, offset + last * width)
+        rows.nuisance.append((part, _orthonormal(columns)))
+    return rows
+
+
+def _weights(run: Run, group: str, noise, channels: int) -> np.ndarray:
+    values = run.outputs.get(group)
+    if values is None or not noise.get(group):
+        return np.zeros((run.samples, channels))
+    return np.isfinite(values) / noise[group]
+
+
+def _start_columns(first, last, run: Run, axes, weight) -> np.ndarray:
+    """Changes of the window's rows with Omega (3) and s (n) at its start, whitened."""
+    count, wheels = last - first, weight.shape[1] - 3
+    columns = np.zeros((count, 3 + wheels, 3 + wheels))
+    columns[:, :3, :3] = np.eye(3)
+    time = run.time[first:last] - run.time[first]
+    if len(axes) == 1:
+        columns[:, 3:, :3] = time[:, None, None] * axes[0]
+    else:
+        here = axes[:: max(1, (len(axes) - 1) // (run.samples - 1))][first:last]
+        columns[:, 3:, :3] = np.cumsum(here, axis=0) * run.step - here[:1] * run.step
+    columns[:, 3:, 3:] = np.eye(wheels)
+    return (columns * weight[:, :, None]).reshape(-1, 3 + wheels)
+
+
+def _orthonormal(columns: np.ndarray) -> np.ndarray:
+    scale = np.linalg.norm(columns, axis=0)
+    columns = columns[:, scale > 0] / scale[scale > 0]
+    if columns.shape[1] == 0:
+        return columns
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return u[:, s > 1e-9 * s[0]]

@@ -1,0 +1,279 @@
+"""Signatures: what a law of small strength changes in every channel, first order in the law.
+
+The law is evaluated at its port along the base motion and its output is pushed through the linear
+transfer: rho and tensions through the elastic model, torques through the rotation.
+"""
+
+import dataclasses
+
+import jax
+import numpy as np
+
+from ..laws import ContactSignal, MountSignal, SensorSignal
+from ..rig import Placed, Rig
+from ._elastic import Ports, direct, forcing
+from ._laws import along
+from ._machine import Machine, contact_directions, integrate
+from ._modes import Modes, observe, propagate
+from ._motion import Motion
+from ._rotation import body_signals, resistance, rolling_signals, shaft_signals, wheel_law
+from ._runs import FINE, SHAPE, Run
+
+
+@dataclasses.dataclass(frozen=True)
+class Base:
+    """One run of the base rig with the signals that its ports hand out."""
+
+    rig: Rig
+    run: Run
+    index: int
+    modes: Modes
+    motion: Motion
+    rotated: object
+    torque: np.ndarray
+    contact: ContactSignal  # (FINE points, n) each
+    mount: MountSignal
+    normal: np.ndarray  # (FINE points, n) N
+    predicted: np.ndarray  # (samples, 6) dR, a before the sensors
+    tables: object
+
+
+def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
+    """Base run `i` of `rig`; its own contact and mount laws enter the signals only linearly."""
+    run, rotated = machine.runs[i], machine.rotated(rig)[i]
+    m = rotated.motion
+    ports = machine.ports(rig, run, m, rotated.drive)
+    signals = machine.signals(rig, run, m, ports)
+    deflection, mount, mount_rate, approach_rate = np.split(signals, 4, axis=1)
+    w, shape = rig.wheels, m.theta.shape
+    rate = approach_rate - mount_rate - m.shape_rate
+    wide = lambda x: np.broadcast_to(np.asarray(x), shape)
+    reduced = rig.sphere.radius * w.radius / (rig.sphere.radius + w.radius)
+    contact = ContactSignal(
+        deflection, rate, wide(w.contact.stiffness), wide(w.contact.damping),
+        wide(w.closure.preload), wide(reduced),
+    )  # fmt: skip
+    mounts = MountSignal(mount, mount_rate, wide(w.mount.stiffness), wide(w.mount.damping))
+    pull = contact.stiffness * deflection + contact.damping * rate
+    from ._elastic import refine
+
+    return Base(
+        rig, run, i, machine.modes(rig), m, rotated, refine(run.torque, FINE), contact, mounts,
+        contact.preload - pull, predicted, machine.tables_of(rig),
+    )
+
+
+def signature(base: Base, placed: Placed):
+    """(elastic (samples, 6) or None, rotation (samples, 3 + n) or None) of one placed law."""
+    return _PORTS[placed.law.port](base, placed)
+
+
+def _transfer(base: Base, floor=None, **inputs) -> np.ndarray:
+    """dR and a from port inputs at FINE points (`shape` at SHAPE points), from static rest."""
+    n, m, run = base.rig.size, base.modes, base.run
+    points = base.motion.theta.shape
+    fine = np.zeros(points)
+    if "contact" in inputs or "mount" in inputs:
+        return _tension(base, inputs.get("contact", fine), inputs.get("mount", fine))
+    shape = inputs.get("shape", np.zeros(((run.samples - 1) * SHAPE + 1, n)))
+    floor = np.zeros((points[0], 3)) if floor is None else floor
+    ports = Ports(shape, inputs.get("drive", fine), np.zeros((run.samples, 3)), floor)
+    start = np.zeros(m.B.shape[1])
+    start[m.inputs["shape"]] = shape[0]
+    z = propagate(m, run.step, forcing(m, run.step, ports, 1), -(m.gains @ start) / m.rates)
+    return observe(m, z, ("displacement", "acceleration"), direct(m, ports, 1))
+
+
+def _tension(base: Base, contact, mount) -> np.ndarray:
+    from ._elastic import law_outputs
+
+    m = base.modes
+    u = np.zeros(m.B.shape[1])
+    u[m.inputs["contact"]], u[m.inputs["mount"]] = contact[0], mount[0]
+    start = -np.linalg.solve(m.A, m.B @ u)
+    return law_outputs(m, base.run, contact, mount, start)
+
+
+def _torque(base: Base, shaft=None, opposing=None):
+    """Both tables of a torque on the shafts and one that opposes the sphere."""
+    drive, rate = base.rotated.turning.respond(shaft, opposing)
+    h = base.run.step / FINE
+    turned = integrate(rate, h)
+    length = integrate(np.einsum("tij,tj->ti", base.motion.axes, turned), h)
+    rotation = np.concatenate([turned[::FINE], length[::FINE]], axis=1)
+    return _transfer(base, drive=drive), rotation
+
+
+def _shape(base: Base, placed: Placed):
+    tables, m = base.tables, base.motion
+    gaps = base.rig.gaps
+    shape = np.zeros_like(m.theta_shape)
+    length = np.zeros((base.run.samples, base.rig.size))
+    radius = float(base.rig.sphere.radius)
+    for i in placed.wheels:
+        gap = jax.tree.map(lambda x, i=i: x[i], gaps)
+        rho = _over_angles(placed.law, tables.angle, gap)
+        shape[:, i] = tables.look_up(rho, m.theta_shape[:, i], i)
+        step = tables.angle[1] - tables.angle[0]
+        rolled = np.concatenate([[0.0], np.cumsum((rho[1:] + rho[:-1]) / 2) * step]) / radius
+        theta = m.theta[::FINE, i]
+        turns = np.floor((theta - tables.first) / tables.span)
+        length[:, i] = -(turns * rolled[-1] + tables.look_up(rolled, theta, i))
+    rotation = np.concatenate([np.zeros((base.run.samples, 3)), length], axis=1)
+    return _transfer(base, shape=shape), rotation
+
+
+def _over_angles(law, angle, gap):
+    import equinox as eqx
+
+    return np.asarray(_shape_law(law, angle, gap))
+
+
+@jax.jit
+def _shape_law(law, angle, gap):
+    return jax.vmap(lambda a: law(a, gap))(angle)
+
+
+def _surface(base: Base, placed: Placed):
+    from ._elastic import refine
+
+    directions = contact_directions(base.rig, base.motion)
+    value = np.stack(
+        [along(placed.law, np.ascontiguousarray(directions[:, i])) for i in range(base.rig.size)], 1
+    )
+    return _transfer(base, shape=refine(value, SHAPE // FINE)), None
+
+
+def _contact(base: Base, placed: Placed):
+    return _transfer(base, contact=_per_wheel(base, placed, base.contact)), None
+
+
+def _mount(base: Base, placed: Placed):
+    return _transfer(base, mount=_per_wheel(base, placed, base.mount)), None
+
+
+def _per_wheel(base: Base, placed: Placed, signals) -> np.ndarray:
+    """Tensions (FINE points, n) of a law, with its memory followed by exact relaxation steps."""
+    out = np.zeros(base.motion.theta.shape)
+    for i in placed.wheels:
+        here = jax.tree.map(lambda x, i=i: np.ascontiguousarray(x[:, i]), signals)
+        if placed.law.initial() is None:
+            out[:, i] = along(placed.law, here)
+        else:
+            out[:, i] = np.asarray(_remember(placed.law, here, base.run.step / FINE))
+    return out
+
+
+@jax.jit
+def _remember(law, signals, step):
+    """A law with memory along its signals: Heun's steps from the memory at rest."""
+    first = jax.tree.map(lambda x: x[0], signals)
+    state = _rest_memory(law, first)
+
+    def body(state, pair):
+        now, then = pair
+        rate = law.rate(now, state)
+        guess = jax.tree.map(lambda z, r: z + step * r, state, rate)
+        after = law.rate(then, guess)
+        state = jax.tree.map(lambda z, r, q: z + step / 2 * (r + q), state, rate, after)
+        return state, law(then, state)
+
+    pairs = (jax.tree.map(lambda x: x[:-1], signals), jax.tree.map(lambda x: x[1:], signals))
+    _, out = jax.lax.scan(body, state, pairs)
+    return jax.numpy.concatenate([law(first, state)[None], out])
+
+
+def _rest_memory(law, signal):
+    """Memory at which a law's rate is zero: one Newton step, exact for linear memories."""
+    from jax.flatten_util import ravel_pytree
+
+    flat, unravel = ravel_pytree(law.initial())
+    rate = lambda z: ravel_pytree(law.rate(signal, unravel(z)))[0]
+    return unravel(flat - jax.numpy.linalg.solve(jax.jacfwd(rate)(flat), rate(flat)))
+
+
+def _separation(base: Base, placed: Placed):
+    out = np.zeros(base.motion.theta.shape)
+    for i in placed.wheels:
+        out[:, i] = -along(placed.law, np.ascontiguousarray(base.normal[:, i]))
+    if not out.any():
+        return None, None
+    return _transfer(base, contact=out), None
+
+
+def _shaft(base: Base, placed: Placed):
+    signals = shaft_signals(base.motion, base.torque)
+    return _torque(base, shaft=wheel_law(placed.law, placed.wheels, signals, base.torque.shape)[0])
+
+
+def _rolling(base: Base, placed: Placed):
+    signals = rolling_signals(base.rig, base.motion, base.normal)
+    roll, spin, shaft = wheel_law(placed.law, placed.wheels, signals, base.torque.shape)
+    return _torque(base, -shaft, resistance(base.rig, base.motion, roll, spin))
+
+
+def _body(base: Base, placed: Placed):
+    return _torque(base, opposing=-along(placed.law, body_signals(base.rig, base.motion)))
+
+
+def _platform(base: Base, placed: Placed):
+    return _transfer(base, floor=along(placed.law, base.run.fine(FINE))), None
+
+
+def _kinematics(base: Base, placed: Placed):
+    """The measured rolled length changes by the factor; drive forces only at second order."""
+    m = base.motion
+    rate = np.zeros(m.theta.shape)
+    radius = (np.asarray(base.rig.wheels.radius) + m.shape) / float(base.rig.sphere.radius)
+    for i in placed.wheels:
+        change = along(placed.law, np.ascontiguousarray(m.speed[:, i]))
+        rate[:, i] = -change * m.speed[:, i] * radius[:, i]
+    length = integrate(rate, base.run.step / FINE)[::FINE]
+    rotation = np.concatenate([np.zeros((base.run.samples, 3)), length], axis=1)
+    return None, rotation
+
+
+def _sensor(base: Base, placed: Placed):
+    group, _, channel = placed.place.partition("_")
+    time, run = base.run.time, base.run
+    if group == "theta":
+        return _encoder(base, placed, channel)
+    values = {
+        "dR": base.predicted[:, :3],
+        "a": base.predicted[:, 3:],
+        "Omega": base.motion.turning[::FINE],
+    }[group]
+    change = np.asarray(placed.law(SensorSignal(time, values)))
+    if channel:
+        only = np.zeros_like(values)
+        only[:, "xyz".index(channel)] = change[:, "xyz".index(channel)]
+        change = only
+    zero = np.zeros((run.samples, 3))
+    if group == "Omega":
+        return None, np.concatenate([change, np.zeros((run.samples, base.rig.size))], axis=1)
+    return np.concatenate([change, zero] if group == "dR" else [zero, change], axis=1), None
+
+
+def _encoder(base: Base, placed: Placed, channel: str):
+    """An encoder's error shifts the angle at which the shape is looked up, and the rolled length."""
+    from ._elastic import refine
+
+    m, run = base.motion, base.run
+    theta = m.theta[::FINE]
+    change = np.asarray(placed.law(SensorSignal(run.time, theta)))
+    if channel:
+        only = np.zeros_like(theta)
+        only[:, int(channel) - 1] = change[:, int(channel) - 1]
+        change = only
+    radius = (np.asarray(base.rig.wheels.radius) + m.shape[::FINE]) / float(base.rig.sphere.radius)
+    slope = base.tables.rho_slope(m.theta_shape)
+    shape = -slope * refine(change, SHAPE)
+    rotation = np.concatenate([np.zeros((run.samples, 3)), change * radius], axis=1)
+    return _transfer(base, shape=shape), rotation
+
+
+_PORTS = {
+    "shape": _shape, "surface": _surface, "contact": _contact, "mount": _mount,
+    "separation": _separation, "shaft": _shaft, "rolling": _rolling, "sphere": _body,
+    "platform": _platform, "kinematics": _kinematics, "sensor": _sensor,
+}  # fmt: skip
