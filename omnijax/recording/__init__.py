@@ -6,6 +6,8 @@ from ._columns import channels as channels
 from ._columns import columns as columns
 from ._columns import group_of as group_of
 from ._columns import unit_of as unit_of
+from ._noise import NoiseFloor as NoiseFloor
+from ._noise import noise_floor as noise_floor
 from ._read import read_recording as read_recording
 from ._recording import Fault as Fault
 from ._recording import Recording as Recording

@@ -1,0 +1,183 @@
+"""The noise floor of every output: declared, from repeats, from the data itself, or not known.
+
+From the data: of white noise of 1-sigma s the k-th difference has the mean square C(2k, k) s^2,
+while whatever moves slowly against the sampling drops out.  `sqrt(mean(third difference^2)/20)` is
+this for k = 3.
+"""
+
+import dataclasses
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ._columns import OUTPUTS, channels
+from ._recording import Recording
+
+ORDERS = (3, 5, 7)  # differences; the higher ones forget a floor's or a mount's vibration too
+WINDOW = 64  # samples of one stretch
+ENOUGH, SHORTEST = 300, 32  # samples of rest: for some 4 %, and for 12 %
+ROLLING = 1e-3  # rad/s
+TURNED = 0.02  # rad
+
+
+@dataclasses.dataclass(frozen=True)
+class NoiseFloor:
+    """1-sigma of white measurement noise by column, in SI units; NaN where it cannot be known.
+
+    `source` says by group where it is from: declared, repeats, rest, quiet stretches, short rest
+    or unknown.
+    """
+
+    sigma: dict[str, float]
+    source: dict[str, str]
+
+    def group(self, name: str) -> float:
+        """Root mean square over a group's columns; NaN where it is not known."""
+        own = [s for column, s in self.sigma.items() if column.rsplit("_", 1)[0] == name]
+        return float(np.sqrt(np.mean(np.square(own)))) if own else math.nan
+
+    @property
+    def known(self) -> bool:
+        """Whether every measured group's noise is known."""
+        return "unknown" not in self.source.values()
+
+    def __str__(self) -> str:
+        lines = [f"{g}: {self.group(g):.3g} ({source})" for g, source in self.source.items()]
+        return "noise, 1-sigma: " + ", ".join(lines)
+
+
+def noise_floor(runs: Sequence[Recording]) -> NoiseFloor:
+    """Noise of every output group of some runs of one machine, pooled over them."""
+    sigma: dict[str, float] = {}
+    source: dict[str, str] = {}
+    wheels = runs[0].wheels
+    for group in OUTPUTS:
+        measured = [run for run in runs if group in run.groups]
+        if not measured:
+            continue
+        names = channels(group, wheels)
+        for how, estimate in _WAYS.items():
+            found = estimate(measured, group)
+            if found is not None:
+                sigma |= dict(zip(names, map(float, found), strict=True))
+                source[group] = how
+                break
+        else:
+            sigma |= dict.fromkeys(names, math.nan)
+            source[group] = "unknown"
+    return NoiseFloor(sigma, source)
+
+
+def _declared(runs: Sequence[Recording], group: str) -> np.ndarray | None:
+    """Root mean square of what the runs declare; `None` where one of them declares nothing."""
+    names = channels(group, runs[0].wheels)
+    said = [[run.declared_noise(column) for column in names] for run in runs]
+    if any(value is None for row in said for value in row):
+        return None
+    return np.sqrt(np.mean(np.square(np.array(said, float)), axis=0))
+
+
+def _from_repeats(runs: Sequence[Recording], group: str) -> np.ndarray | None:
+    """From the difference of runs with equal inputs and starts, unless they do not truly repeat."""
+    pairs = [(a, b) for i, a in enumerate(runs) for b in runs[i + 1 :] if _repeat(a, b)]
+    if not pairs:
+        return None
+    square = np.mean([_nanmean((a.group(group) - b.group(group)) ** 2) for a, b in pairs], axis=0)
+    found = np.sqrt(square / 2)
+    rest = _from_rest(runs, group)
+    true = rest is None or np.all(found[np.isfinite(found)] < 1.5 * np.nanmax(rest))
+    return found if true and np.isfinite(found).all() else None
+
+
+def _repeat(a: Recording, b: Recording) -> bool:
+    if len(a) != len(b) or not np.allclose(a.time - a.time[0], b.time - b.time[0]):
+        return False
+    size = np.abs(a.inputs).max(axis=0) + 1e-300
+    same = np.all(np.abs(a.inputs - b.inputs).max(axis=0) <= 1e-3 * size)
+    start = np.nan_to_num(a.group("theta")[0] - b.group("theta")[0])
+    return bool(same and np.abs(start).max() < 5e-3)
+
+
+def _from_rest(runs: Sequence[Recording], group: str, enough: int = ENOUGH) -> np.ndarray | None:
+    """Differences over the rest at the start of the runs, `enough` samples or more together."""
+    pieces = [run.group(group)[: rest_length(run)] for run in runs]
+    pieces = [piece for piece in pieces if len(piece) > 2 * ORDERS[-1]]
+    return _level(pieces) if sum(map(len, pieces)) >= enough else None
+
+
+def _from_short_rest(runs: Sequence[Recording], group: str) -> np.ndarray | None:
+    return _from_rest(runs, group, SHORTEST)
+
+
+def rest_length(run: Recording) -> int:
+    """Number of samples at the start before a motor acts; 0 for a run that begins rolling.
+
+    What moves slowly meanwhile (a force on the platform, a creeping motor) drops out of the
+    differences.
+    """
+    torque = np.abs(run.torque - run.torque[0]).max(axis=1)
+    acts = torque > 1e-3 * np.abs(run.torque).max()
+    end = int(np.argmax(acts)) if acts.any() else len(run)
+    speed = np.abs(_nanmean(run.group("Omega")[:end]))
+    turned = np.abs(run.group("theta")[:end] - run.group("theta")[:1])
+    rolls = np.any(speed > ROLLING) or np.any(turned[np.isfinite(turned)] > TURNED)
+    return 0 if rolls else end
+
+
+def _from_quiet(runs: Sequence[Recording], group: str) -> np.ndarray | None:
+    """From the quietest stretches, if they are alike as stretches of pure noise would be.
+
+    Under white noise the 10th and the 30th percentile of the stretches' levels have a known ratio;
+    where the data's differs, the quietest stretches still move and say nothing about the noise.
+    """
+    order = ORDERS[-1]
+    levels = [_windows(run.group(group), order) for run in runs]
+    levels = np.concatenate([x for x in levels if len(x)] or [np.zeros((0, 1))])
+    if len(levels) < 20:
+        return None
+    pure = _windows(np.random.default_rng(0).standard_normal((WINDOW * 2000, 1)), order)
+    low, high = (
+        np.nanpercentile(levels, p, axis=0) / np.percentile(pure, p, axis=0) for p in (10, 30)
+    )
+    alike = np.all((high < 1.4 * low) & np.isfinite(low))
+    return np.sqrt(low) if alike else None
+
+
+def _windows(values: np.ndarray, order: int) -> np.ndarray:
+    """Mean squares of the differences in stretches of `WINDOW` samples, as variances of noise."""
+    count = len(values) // WINDOW
+    square = np.diff(values[: count * WINDOW].reshape(count, WINDOW, -1), order, axis=1) ** 2
+    with np.errstate(invalid="ignore"):
+        return square.mean(axis=1) / math.comb(2 * order, order)
+
+
+def _level(pieces: Sequence[np.ndarray]) -> np.ndarray | None:
+    """1-sigma of white noise from third differences, or higher ones where they are clearly less."""
+    estimates = []
+    for order in ORDERS:
+        squares = [np.diff(piece, order, axis=0) ** 2 for piece in pieces if len(piece) > 2 * order]
+        if not squares:
+            return None
+        square = _nanmean(np.concatenate(squares)) / math.comb(2 * order, order)
+        estimates.append(np.sqrt(square))
+    best = estimates[0]
+    for other in estimates[1:]:  # below the scatter of the estimates themselves nothing is gained
+        best = np.where(other < 0.9 * best, other, best)
+    return best if np.isfinite(best).all() else None
+
+
+def _nanmean(values: np.ndarray) -> np.ndarray:
+    good = np.isfinite(values)
+    count = good.sum(axis=0)
+    total = np.where(good, values, 0.0).sum(axis=0)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
+
+
+_WAYS = {
+    "declared": _declared,
+    "repeats": _from_repeats,
+    "rest": _from_rest,
+    "quiet stretches": _from_quiet,
+    "short rest": _from_short_rest,
+}
