@@ -17,7 +17,8 @@ from ._chunks import Evaluator
 from ._store import Store, open_store
 
 WINDOW = 4  # chunks handed out ahead, a thread of the cluster
-PATIENCE = 30.0  # s to wait for a scheduler's first worker
+REACH = 10  # s to wait for a scheduler
+PATIENCE = 30.0  # s to wait for its first worker
 
 
 def run_chunk(folder: str, chunk: int) -> np.ndarray:
@@ -60,7 +61,7 @@ def _cluster(workers: int | None, scheduler: str | None) -> Any:
 
     if scheduler is not None:
         try:
-            client = Client(scheduler, timeout=10, set_as_default=False)
+            client = Client(scheduler, timeout=REACH, set_as_default=False)
         except (OSError, ValueError, TypeError, ImportError) as error:
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise InputError(f"the scheduler {scheduler} cannot be reached: {reason}") from None
@@ -71,7 +72,7 @@ def _cluster(workers: int | None, scheduler: str | None) -> Any:
         n_workers=workers,
         threads_per_worker=1,
         processes=True,
-        dashboard_address=None,  # pyright: ignore[reportArgumentType]  (none at all)
+        dashboard_address=":0",
         silence_logs=logging.CRITICAL,
     )
     return _Owned(cluster, Client(cluster, set_as_default=False))
@@ -106,12 +107,10 @@ def _hand_out(client: Any, store: Store) -> Iterator[tuple[int, np.ndarray]]:
 
     folder = str(Path(store.folder or ".").resolve())
     waiting = iter(np.flatnonzero(~store.done()).tolist())
-    threads = sum(
-        info["nthreads"] for info in client.scheduler_info(n_workers=-1)["workers"].values()
-    )
+    threads = sum(client.nthreads().values())
     running: dict[Any, int] = {}
     lost: list[int] = []
-    queue = as_completed()
+    queue = as_completed(loop=client.loop)
 
     def submit() -> None:
         chunk = next(waiting, None)

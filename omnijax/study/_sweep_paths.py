@@ -98,7 +98,7 @@ def _steady(settings: Settings, rig: Rig, drive: SpeedDrive):
     speeds, angles = drive.speed.values[0], drive.initial_angle
     found = steady_metrics(rig, speeds, settings.metrics, model=settings.model, angles=angles)
     load = contact_load(rig, speeds, settings.model, angles, refined=False)
-    status = _margin_status(jnp.any(load.least < 0), jnp.any(load.slip_margin < 0))
+    status = _margin_status(jnp.any(load.least <= 0), jnp.any(load.slip_margin < 0))
     return _with_status(jnp.stack([found[name] for name in settings.metrics]), status)
 
 
@@ -107,8 +107,8 @@ def _margin_status(lifted, slipped):
 
 
 def _margins(run: Trajectory) -> Int[Array, ""]:
-    """The run's own status, else lift-off or slip where a margin went below zero at a sample."""
-    margin = _margin_status(jnp.any(run.normal_force < 0), jnp.any(run.slip_margin < 0))
+    """The run's own status, else lift-off (a contact without load) or slip at a sample."""
+    margin = _margin_status(jnp.any(run.normal_force <= 0), jnp.any(run.slip_margin < 0))
     return jnp.where(run.status == 0, margin, run.status)
 
 

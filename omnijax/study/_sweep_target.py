@@ -8,6 +8,8 @@ from ..rig import Rig, parameter_info, parameter_paths, read_parameter, set_para
 from ._axes import Axis, read_axis
 from ._sweep_drive import Drive, drive_quantities
 
+_WHOLE = ("sphere.", "platform.", "effect.")  # their vectors are no lists of wheels
+
 
 def read_axes(rig: Rig, drive: Drive, vary: Mapping[str, Any]) -> list[Axis]:
     """The axes that `vary` asks for, in SI units and checked against what `rig` allows."""
@@ -32,7 +34,8 @@ def _read(rig: Rig, drive: Drive, path: str, given: Any) -> Axis:
     except InputError:
         hint = did_you_mean(path, [*known, *quantities])
         raise InputError(f"neither the rig nor its drive has a parameter `{path}`.{hint}") from None
-    if info.shape not in {(), (rig.size,)}:
+    of_wheels = not path.startswith(_WHOLE)
+    if info.shape != () and not (of_wheels and info.shape == (rig.size,)):
         raise InputError(f"`{path}` is no single number (shape {info.shape}): it cannot be varied.")
     axis = read_axis(path, given, info.unit)
     if info.whole and axis.count is None:

@@ -1,0 +1,188 @@
+"""Sweeps as numbers: against single runs, paths of evaluation, statuses, gradients, devices."""
+
+import json
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pytest
+
+import omnijax
+from omnijax import InputError, load_rig, load_sweep, set_parameter, sweep
+from omnijax.cli._frame import run
+from omnijax.laws import LiftOff
+from omnijax.simulate import ramp, speeds, torques
+from omnijax.study import _sweep_paths
+from omnijax.study._axes import read_axis
+from omnijax.study._store import STATUS
+from omnijax.vibration import evaluate, steady_metrics
+
+VARY = {"wheel.roundness": "0.2:0.6:4", "contact.stiffness": "log:5e4:1e6:5"}
+SPEEDS = (0.1, 1.2, 0.3)
+AXIS = read_axis("sphere.mass", "5,6", "kg")
+
+
+def test_steady_sweep_is_the_steady_state_of_each_design():
+    result = sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
+    assert result.spec.path == "steady" and result["peak"].shape == (4, 5)
+    rig = set_parameter(load_rig("atlas"), "wheel.roundness", 0.6)
+    rig = set_parameter(rig, "contact.stiffness", 1e6)
+    alone = steady_metrics(rig, SPEEDS, ("peak", "rms"))
+    for name, value in alone.items():
+        assert result[name][-1, -1] == pytest.approx(float(value), rel=1e-12)
+    data = result.to_xarray()
+    assert data["rms"].sel({"wheel.roundness": 0.6}).shape == (5,)
+    assert data["rms"].attrs["units"] == "m" and "20 ok" in repr(result)
+    assert result.best("peak") == int(np.argmin(result["peak"]))
+
+
+def test_gradient_is_the_slope_between_designs():
+    """Central differences over 1e-4 of the parameter: error (1e-4)^2 times the curvature."""
+    h = 1e-4
+    vary = {"contact.stiffness": [1e5 * (1 - h), 1e5, 1e5 * (1 + h)], "speed.w2": [1.2, 1.3]}
+    result = sweep("atlas", vary, "rms", speeds=SPEEDS, chunk=2, gradient=True)
+    slope = (result["rms"][2] - result["rms"][0]) / (2e5 * h)
+    np.testing.assert_allclose(result["d_rms.contact.stiffness"][1], slope, rtol=1e-5)
+    assert result.unit("d_rms.contact.stiffness") == "m/(N/m)"
+    assert result.unit("d_rms.speed.w2") == "m/(rad/s)"
+    assert (result["d_rms.speed.w2"] != 0).all()
+
+
+def test_runs_with_a_duration_are_propagated_and_agree_with_one_run():
+    vary = {"speed.scale": [0.5, 2.0]}
+    result = sweep("atlas", vary, "rms", speeds=SPEEDS, duration=0.2, rate=100, chunk=2)
+    assert result.spec.path == "propagation" and "linear" in result.path
+    ts = np.linspace(0, 0.2, 21)
+    alone = omnijax.propagate(load_rig("atlas"), speeds(np.multiply(2, SPEEDS).tolist()), ts)
+    expected = evaluate(alone, load_rig("atlas"), ("rms",))["rms"]
+    assert result["rms"][1] == pytest.approx(float(expected), rel=1e-10)
+
+
+def test_statuses_of_full_runs_and_the_command_that_reruns_one(tmp_path, capsys):
+    """Tsit5 at K = 1e11 N/m needs far more than 60 steps, the other designs under 40."""
+    rig = load_rig("atlas").add(LiftOff(), "all")
+    vary = {
+        "contact.stiffness": [1.9e5, 1e11],
+        "closure.preload": [0.0, 150.0],
+        "contact.friction": [1e-6, 0.9],
+    }
+    numerics = {"solver": "tsit5", "rtol": 1e-5, "max_steps": 60, "duration": 0.02, "rate": 200}
+    out, drive = tmp_path / "full.zarr", torques((0.1, 0.2, 0.3))
+    result = sweep(rig, vary, "rms", drive=drive, chunk=3, out=out, **numerics)
+    assert result.spec.path == "full" and "torques" in result.path
+    status = [STATUS[k] for k in result.store.read("status")]
+    assert status == ["lift-off", "lift-off", "slip", "ok", *["step limit"] * 4]
+    assert np.isfinite(result["rms"][0]).all()  # lift-off and slip keep their figures
+    assert np.isnan(result["rms"][1]).all() and result.failed() == [4, 5, 6, 7]
+    assert result.best("rms") in range(4)
+    command = result.command(6).split()
+    assert command[0] == "omnijax" and run(command[1:]) == 1
+    text = capsys.readouterr().out
+    assert "design 6: step limit" in text and "raise `max_steps`" in text
+
+
+def test_figures_that_are_not_finite_make_a_design_failed():
+    values, status = _sweep_paths._with_status(jax.numpy.array([1.0, jax.numpy.inf]), 4)
+    assert int(status) == 1 and np.isnan(values).all()
+    values, status = _sweep_paths._with_status(jax.numpy.array([1.0, 2.0]), 2)
+    assert int(status) == 2 and np.isnan(values).all()
+
+
+def test_path_follows_from_rig_and_drive():
+    rig = load_rig("atlas")
+
+    def path(rig, drive, duration, metrics=("rms",)):
+        return omnijax.study._sweep_plan._how(
+            rig,
+            drive,
+            [AXIS],
+            omnijax.study._points.Grid((AXIS,)),
+            metrics,
+            omnijax.study._sweep_plan.Numerics("coupled", "auto", duration, None, None, None),
+        )[0]["path"]
+
+    constant, moving = speeds(SPEEDS), speeds(ramp(0, 1, (0, 0, 0), SPEEDS))
+    assert path(rig, constant, None) == "steady"
+    assert path(rig, constant, 2.0) == "propagation"
+    assert path(rig, moving, 2.0) == "full"
+    assert path(rig.add(LiftOff(), "all"), constant, 2.0) == "full"
+    for case in ((rig, moving), (rig.add(LiftOff(), "all"), constant), (rig, torques((1, 1, 1)))):
+        with pytest.raises(InputError, match="needs a `duration`"):
+            path(*case, None)
+    with pytest.raises(InputError, match="does not give peak_to_peak"):
+        path(rig, constant, None, ("peak_to_peak",))
+
+
+def test_another_size_of_sweep_does_not_compile_again():
+    sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
+    compiled = []
+    jax.monitoring.register_event_duration_secs_listener(
+        lambda event, *_, **__: compiled.append(event) if "backend_compile" in event else None
+    )
+    larger = {"wheel.roundness": "0.2:0.6:3", "contact.stiffness": "log:5e4:1e6:3"}
+    assert sweep("atlas", larger, speeds=SPEEDS, chunk=2).counts() == {"ok": 9}
+    assert [event for event in compiled if event] == []
+
+
+def test_two_devices_give_the_numbers_of_one(tmp_path):
+    code = """
+import os, sys
+os.environ["XLA_FLAGS"] = "--xla_force_host_platform_device_count=2"
+from omnijax import sweep
+vary = {"wheel.roundness": "0.2:0.6:4", "contact.stiffness": "log:5e4:1e6:5"}
+sweep("atlas", vary, speeds=(0.1, 1.2, 0.3), metrics="rms", chunk=4, devices=2, out=sys.argv[1])
+"""
+    out = tmp_path / "two.zarr"
+    subprocess.run([sys.executable, "-c", code, str(out)], check=True)
+    one = sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
+    np.testing.assert_allclose(load_sweep(out)["rms"], one["rms"], rtol=1e-12)
+    with pytest.raises(InputError, match=r"`devices` must lie in \[1, 1\]"):
+        sweep("atlas", VARY, speeds=SPEEDS, devices=2)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--vary", "wheel.roundnes=0.1:0.6:4"], "Did you mean `wheel.roundness`?"),
+        (["--vary", "sped.scale=1:2:4"], "Did you mean `speed.scale`?"),
+        (["--vary", "wheel.roundness=0.6:0.1:4"], "reversed range"),
+        (["--vary", "wheel.roundness=0.1:1.3:4"], "must lie in [0, 1], but is 1.3"),
+        (["--vary", "wheel.rollers=10:12:5"], "must be a whole number"),
+        (["--vary", "platform.gravity=1:2:3"], "is no single number"),
+        (["--vary", "wheel.roundness=0.1,0.2", "--metric", "peek"], "Did you mean `peak`?"),
+        (["--vary", "wheel.roundness=0.1,0.2", "--duration", "-1"], "must be above 0"),
+        (["--vary", "wheel.roundness=0.1,0.2", "--model", "paper", "--resume"], "give `out`"),
+        (["--vary", "wheel.roundness=0.1:0.2", "--sampler", "lhs"], "needs `samples`"),
+    ],
+)
+def test_wrong_input_is_one_message_and_exit_code_2(words, message, capsys):
+    assert run(["sweep", "atlas", "--speed", "0.1,1.2,0.3", *words]) == 2
+    error = capsys.readouterr().err
+    assert message in error and "Traceback" not in error
+
+
+def test_every_wrong_axis_is_said_at_once():
+    with pytest.raises(InputError) as error:
+        sweep("atlas", {"a": "1:2:3", "wheel.radius": "2:1:3"}, speeds=SPEEDS)
+    assert len(error.value.problems) == 2
+
+
+def test_number_of_wheels_is_checked():
+    with pytest.raises(InputError, match=r"one value a wheel \(3\), but has 2"):
+        sweep("atlas", VARY, speeds=(1, 2))
+    with pytest.raises(InputError, match="2 wheels, but the rig has 3"):
+        sweep("atlas", VARY, drive=torques((1, 2)), duration=1)
+
+
+def test_command_prints_what_a_machine_reads(capsys, tmp_path):
+    picture = tmp_path / "map.svg"
+    words = ["sweep", "atlas", "--speed", "0.1,1.2,0.3", "--chunk", "2", "--plot", str(picture)]
+    for path, text in VARY.items():
+        words += ["--vary", f"{path}={text}"]
+    assert run([*words, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["designs"] == 20 and found["path"] == "steady" and found["status"] == {"ok": 20}
+    assert found["best"]["peak"]["unit"] == "m" and picture.stat().st_size > 1000
+    assert run([*words]) == 0
+    assert "20 designs by steady state" in capsys.readouterr().out

@@ -1,0 +1,66 @@
+"""Sweeps over Dask: a killed worker costs its chunk only; what is missing or absent is said."""
+
+import os
+import signal
+import sys
+
+import numpy as np
+import pytest
+
+from omnijax import InputError, load_sweep, sweep
+from omnijax.cli._frame import run
+
+VARY = {"wheel.roundness": "0.2:0.6:4", "contact.stiffness": "log:5e4:1e6:5"}
+SPEEDS = (0.1, 1.2, 0.3)
+COMMAND = ["sweep", "atlas", "--speed", "0.1,1.2,0.3", "--vary", "wheel.roundness=0.2,0.3"]
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+def test_killed_worker_costs_only_its_chunk(tmp_path):
+    distributed = pytest.importorskip("distributed")
+    out, killed = tmp_path / "dask.zarr", []
+    cluster = distributed.LocalCluster(
+        n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
+    )
+    with cluster:
+
+        def kill(store, chunk, status):
+            if not killed:
+                killed.append(cluster.workers[0].pid)
+                os.kill(killed[0], signal.SIGKILL)
+
+        address = cluster.scheduler_address
+        result = sweep(
+            "atlas", VARY, speeds=SPEEDS, chunk=2, out=out, scheduler=address, report=kill
+        )
+    assert len(killed) == 1 and result.counts() == {"ok": 20}
+    alone = sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
+    for name in ("peak", "rms", "wheel.roundness", "contact.stiffness"):
+        assert np.array_equal(load_sweep(out)[name], alone[name])
+
+
+def test_scheduler_that_is_not_there_is_one_sentence(tmp_path, capsys, monkeypatch):
+    pytest.importorskip("distributed")
+    monkeypatch.setattr("omnijax.study._dask.REACH", 1)
+    out = tmp_path / "x.zarr"
+    words = [*COMMAND, "--out", str(out), "--scheduler", "tcp://127.0.0.1:9"]
+    assert run(words) == 2
+    error = capsys.readouterr().err
+    assert "scheduler tcp://127.0.0.1:9 cannot be reached" in error and "Traceback" not in error
+    assert load_sweep(out).counts() == {"not done": 2}
+    assert run([*COMMAND, "--out", str(out), "--resume", "--scheduler", "nonsense:"]) == 2
+    assert "scheduler nonsense: cannot be reached" in capsys.readouterr().err
+
+
+def test_missing_package_is_named_with_its_command(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"pip install 'omnijax\[distributed\]'"):
+        sweep("atlas", VARY, speeds=SPEEDS, out=tmp_path / "x.zarr", workers=2)
+
+
+def test_contradictions_are_refused(tmp_path):
+    with pytest.raises(InputError, match="not both"):
+        sweep("atlas", VARY, speeds=SPEEDS, out=tmp_path / "x.zarr", workers=1, scheduler="a")
+    with pytest.raises(InputError, match="need a store"):
+        sweep("atlas", VARY, speeds=SPEEDS, workers=2)
