@@ -46,9 +46,7 @@ class Candidate:
             key = next(k for k, p in known.items() if p.linear)
             sign = float(coefficients[0])
             return known[key].low <= sign <= known[key].high
-        return all(
-            known[k].low <= v <= known[k].high for k, v in values.items() if np.ndim(v) == 0
-        )
+        return all(known[k].low <= v <= known[k].high for k, v in values.items() if np.ndim(v) == 0)
 
 
 class Context:
@@ -156,7 +154,9 @@ def _product(ladders):
 
 def _waves(law, place, context, key="phase", **fixed) -> Candidate:
     """A law of amplitude and phase as its cosine and sine parts."""
-    columns = tuple(build(law, place, context, amplitude=1.0, phase=p, **fixed) for p in (0.0, math.pi / 2))
+    columns = tuple(
+        build(law, place, context, amplitude=1.0, phase=p, **fixed) for p in (0.0, math.pi / 2)
+    )
     return Candidate(law.id, place, columns, lambda c: fixed | {
         "amplitude": math.hypot(*c), "phase": math.atan2(c[1], c[0])})  # fmt: skip
 

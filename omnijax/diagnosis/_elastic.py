@@ -88,7 +88,9 @@ def direct(m: Modes, ports: Ports, parts: int) -> np.ndarray:
 def linear_outputs(m: Modes, run: Run, ports: Ports, names, parts: int = 1) -> np.ndarray:
     """Outputs (t, o) of the linear elastic model at `parts` points a sample."""
     z = propagate(
-        m, run.step / parts, forcing(m, run.step, ports, parts),
+        m,
+        run.step / parts,
+        forcing(m, run.step, ports, parts),
         static_state(m, start_inputs(m, ports)),
     )
     return observe(m, z, names, direct(m, ports, parts))
@@ -104,7 +106,10 @@ def law_outputs(m: Modes, run: Run, contact, mount, start, parts: int = 1) -> np
             total = total + moments(values[:, c], weights) * columns[:, c]
     z = propagate(m, run.step / parts, total, m.inverse @ start)
     u = np.zeros((len(z), m.B.shape[1]))
-    u[:, m.inputs["contact"]], u[:, m.inputs["mount"]] = contact[:: FINE // parts], mount[:: FINE // parts]
+    u[:, m.inputs["contact"]], u[:, m.inputs["mount"]] = (
+        contact[:: FINE // parts],
+        mount[:: FINE // parts],
+    )
     return observe(m, z, ("displacement", "acceleration"), u)
 
 

@@ -63,17 +63,23 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 6,
           widths: bool = False, tolerance: float = 0.02) -> Fit:  # fmt: skip
     """Refit `point` on the train runs.
 
-    `baseline` is a Jacobian of the uncertain parameters to reuse (they move by a few per cent);
-    without one it is taken anew each round.  Steps are damped until the cost falls.
+    The tangents of the uncertain parameters, which move by a few per cent only, are those of
+    `baseline`, else of the first round.  Steps are damped until the cost falls.
     """
     free = model.free(point, widths)
     P = len(point.u)
     hard = np.array([prior.hard for prior in model.priors])
     soft = np.ones(P)
     (residual,) = model.residuals([point], "train")
-    damping, J = 1e-6, None
+    damping, J, tangents = 1e-6, None, baseline
     for _ in range(rounds):
-        J = _jacobian(model, point, free, residual, baseline)
+        if not np.all(np.isfinite(residual)):
+            break
+        J = _jacobian(model, point, free, residual, tangents)
+        if not np.all(np.isfinite(J)):
+            J = None
+            break
+        tangents = J[:, :P]
         cost = residual @ residual + point.u @ (soft * point.u)
         gram, gradient = J.T @ J, J.T @ residual
         gram[:P, :P] += np.diag(soft)
@@ -95,7 +101,9 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 6,
         point, residual, damping = candidate, r, damping / 30
         if cost - new < tolerance:
             break
-    assert J is not None
+    if J is None:  # a start at which the model cannot be evaluated is no candidate
+        return Fit(point, np.inf, 0.0, tuple(free), np.zeros((P + len(free),) * 2),
+                   np.zeros((len(residual), P + len(free))), residual)  # fmt: skip
     gram = J.T @ J
     gram[:P, :P] += np.diag(soft)
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))

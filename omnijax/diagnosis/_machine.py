@@ -13,18 +13,15 @@ from ..rig import Rig
 from ._elastic import (
     SIGNALS,
     Ports,
-    direct,
-    forcing,
     law_outputs,
     linear_outputs,
     refine,
     rig_modes,
-    start_inputs,
     step_laws,
     step_matrices,
 )
 from ._laws import along
-from ._modes import Modes, observe, propagate, static_state
+from ._modes import Modes, observe, propagate
 from ._motion import (
     Motion,
     measured_lengths,
@@ -67,6 +64,7 @@ class Machine:
         self.length_noise = noise.get("theta", 1e-4) * radius
         self.references: list[np.ndarray] | None = None
         self.ratios: list[float | None] = [None] * len(runs)
+        self._normal: dict[int, np.ndarray] = {}  # N of the last rig: where the next one starts
         self._kept: dict[str, dict] = {"motion": {}, "rotated": {}, "modes": {}}
         self.rows: list[Rows] = []
         self.rebase(rig)
@@ -75,10 +73,10 @@ class Machine:
     def set_window(self, window: float) -> None:
         """Length of the windows at whose start Omega and s are free, s (0: the whole run)."""
         self.window = window
-        rotated = self.rotated(self.rig)
+        motions = self.motions(self.rig)
         self.rows = [
-            make_rows(run, self.noise, self.length_noise, r.motion.axes, window, self.rig.size)
-            for run, r in zip(self.runs, rotated, strict=True)
+            make_rows(run, self.noise, self.length_noise, motions[i].axes, window, self.rig.size)
+            for i, run in enumerate(self.runs)
         ]
         for i, run in enumerate(self.runs):
             if run.rolling_start(self.noise):
@@ -101,47 +99,57 @@ class Machine:
         """Smooth the angles anew, about what `rig` predicts from the torques."""
         self._kept = {name: {} for name in self._kept}
         self.references = None
-        for _ in range(3 if rig.at("rolling") or rig.at("shaft") else 1):
-            found = [r.length for r in self.rotated(rig)]
+        self.ratios = [None] * len(self.runs)
+        for _ in range(2 if needs_observer(rig) else 1):
+            found = [r.length for r in self.rotated(rig).values()]
             self._kept = {name: {} for name in self._kept}
             self.references = found
+            self.ratios = [None] * len(self.runs)
 
     def _keep(self, stage: str, key: bytes, make):
         kept = self._kept[stage]
         if key not in kept:
-            if len(kept) > 3:
+            if len(kept) > 12:
                 kept.pop(next(iter(kept)))
             kept[key] = make()
         return kept[key]
 
     # --- stages -------------------------------------------------------------------------------
-    def motions(self, rig: Rig) -> list[Motion]:
+    def motions(self, rig: Rig, which=None) -> dict[int, Motion]:
         """Motion of every run behind the measured angles."""
         w = rig.wheels
         key = _key(
-            rig.sphere, w.normal, w.drive, w.radius, w.rollers, w.roundness, rig.profiles,
-            rig.at("shape"), rig.at("kinematics"),
+            rig.sphere,
+            w.normal,
+            w.drive,
+            w.radius,
+            w.rollers,
+            w.roundness,
+            rig.profiles,
+            rig.at("shape"),
+            rig.at("kinematics"),
             tuple(p for p in rig.at("sensor") if p.place.startswith("theta")),
         )
-        return self._keep("motion", key, lambda: self._motions(rig))
+        wanted = range(len(self.runs)) if which is None else which
+        return {
+            i: self._keep("motion", key + bytes([i]), lambda i=i: self._motion(rig, i))
+            for i in wanted
+        }
 
-    def _motions(self, rig: Rig) -> list[Motion]:
-        tables = tables_for(rig, self.runs)
-        self.tables = tables
-        out = []
-        for i, run in enumerate(self.runs):
-            length = measured_lengths(rig, tables, run)
-            about = np.zeros_like(length) if self.references is None else self.references[i]
-            smoothed = smooth_about(length, about, float(np.mean(self.length_noise)), self.ratios[i])
-            out.append(motion(rig, tables, run, length, smoothed))
-        return out
+    def _motion(self, rig: Rig, i: int) -> Motion:
+        tables, run = self.tables_of(rig), self.runs[i]
+        length = measured_lengths(rig, tables, run)
+        about = np.zeros_like(length) if self.references is None else self.references[i]
+        sigma = float(np.mean(self.length_noise))
+        smoothed, self.ratios[i] = smooth_about(length, about, sigma, self.ratios[i])
+        return motion(rig, tables, run, length, smoothed)
 
     def modes(self, rig: Rig) -> Modes:
         """The elastic model's modes."""
         key = _key(rig.sphere, rig.platform, rig.wheels)
         return self._keep("modes", key, lambda: rig_modes(rig))
 
-    def rotated(self, rig: Rig) -> list[Rotated]:
+    def rotated(self, rig: Rig, which=None) -> dict[int, Rotated]:
         """Rotation of every run under the torques."""
         w = rig.wheels
         rolling = rig.at("rolling")
@@ -151,26 +159,33 @@ class Machine:
                  tuple(p for p in rig.at("sensor") if p.place.startswith("theta"))]  # fmt: skip
         if rolling:  # N enters: to about 2 % of stiffness and damping
             parts.append(_rounded((w.contact, w.mount, w.closure)))
-        return self._keep("rotated", _key(*parts), lambda: self._rotated(rig))
+        key = _key(*parts)
+        wanted = range(len(self.runs)) if which is None else which
+        return {
+            i: self._keep("rotated", key + bytes([i]), lambda i=i: self._rotated(rig, i))
+            for i in wanted
+        }
 
-    def _rotated(self, rig: Rig) -> list[Rotated]:
-        out = []
-        for run, m in zip(self.runs, self.motions(rig), strict=True):
-            response = turning(rig, m)
-            torque = refine(run.torque, FINE)
-            normal = np.broadcast_to(np.asarray(rig.wheels.closure.preload), m.theta.shape)
-            for turn in range(4 if rig.at("rolling") else 1):
-                if needs_observer(rig):
-                    Omega, speed = observed_turning(bare_rotation(rig), m, response, torque, normal, run.step)
-                    felt = dataclasses.replace(m, turning=Omega, speed=speed)
-                else:
-                    felt = m
-                shaft, opposing = base_torques(rig, felt, torque, normal)
-                drive, rate = response.respond(shaft, opposing)
-                if rig.at("rolling") and turn < 3:
-                    normal = self.normal_force(rig, run, m, drive)
-            out.append(self._integrated(run, m, response, drive, rate))
-        return out
+    def _rotated(self, rig: Rig, i: int) -> Rotated:
+        run, m = self.runs[i], self.motions(rig, [i])[i]
+        response = turning(rig, m)
+        torque = refine(run.torque, FINE)
+        turns = 1 if not rig.at("rolling") else 4 if i not in self._normal else 2
+        preload = np.broadcast_to(np.asarray(rig.wheels.closure.preload), m.theta.shape)
+        normal = self._normal.get(i, preload)
+        for turn in range(turns):
+            if needs_observer(rig):
+                Omega, speed = observed_turning(
+                    bare_rotation(rig), m, response, torque, normal, run.step
+                )
+                felt = dataclasses.replace(m, turning=Omega, speed=speed)
+            else:
+                felt = m
+            shaft, opposing = base_torques(rig, felt, torque, normal)
+            drive, rate = response.respond(shaft, opposing)
+            if turn < turns - 1:
+                self._normal[i] = normal = self.normal_force(rig, run, m, drive)
+        return self._integrated(run, m, response, drive, rate)
 
     def _integrated(self, run, m: Motion, response: Turning, drive, rate) -> Rotated:
         h = run.step / FINE
@@ -197,7 +212,9 @@ class Machine:
     def tables_of(self, rig: Rig):
         """Wheel tables of a rig (kept with its motions)."""
         w = rig.wheels
-        key = b"t" + _key(rig.sphere.radius, w.radius, w.rollers, w.roundness, rig.profiles, rig.at("shape"))
+        key = b"t" + _key(
+            rig.sphere.radius, w.radius, w.rollers, w.roundness, rig.profiles, rig.at("shape")
+        )
         return self._keep("motion", key, lambda: tables_for(rig, self.runs))
 
     def surface(self, rig: Rig, m: Motion) -> np.ndarray:
@@ -235,12 +252,10 @@ class Machine:
         out, tasks = [], []
         for rig in rigs:
             m, row = self.modes(rig), []
-            rotated = self.rotated(rig)
+            rotated = self.rotated(rig, which)
             for i in which:
                 ports = self.ports(rig, self.runs[i], rotated[i].motion, rotated[i].drive)
-                row.append(
-                    linear_outputs(m, self.runs[i], ports, ("displacement", "acceleration"))
-                )
+                row.append(linear_outputs(m, self.runs[i], ports, ("displacement", "acceleration")))
                 if nonlinear(rig):
                     tasks.append((rig, i, rotated[i].motion, ports, row, len(row) - 1))
             out.append(row)
@@ -261,7 +276,9 @@ class Machine:
             matrices.append(step_matrices(modes, run.step / FINE))
             rows.append(modes.out(SIGNALS)[0])
             rigs.append(bare(rig))
-        stack = lambda items: jax.tree.map(lambda *x: jnp.stack([jnp.asarray(v) for v in x]), *items)
+        stack = lambda items: jax.tree.map(
+            lambda *x: jnp.stack([jnp.asarray(v) for v in x]), *items
+        )
         d, memory = stack([s[0] for s in starts]), stack([s[1] for s in starts])
         h = jnp.asarray([self.runs[i].step / FINE for _, i, *_ in tasks])
         tensions = np.asarray(
@@ -279,12 +296,14 @@ class Machine:
                 self.modes(rig), self.runs[i], F[:, :n], F[:, n:], np.asarray(starts[lane][0])
             )
 
-    def residuals(self, rigs: list[Rig], which: list[int], project: bool = True) -> list[np.ndarray]:
+    def residuals(
+        self, rigs: list[Rig], which: list[int], project: bool = True
+    ) -> list[np.ndarray]:
         """Whitened rows of measured less predicted, per rig, over the runs of `which`."""
         elastic = self.elastic(rigs, which)
         out = []
         for rig, predicted in zip(rigs, elastic, strict=True):
-            rotated, parts = self.rotated(rig), []
+            rotated, parts = self.rotated(rig, which), []
             for i, pred in zip(which, predicted, strict=True):
                 tables = self.residual_tables(rig, i, pred, rotated[i])
                 vector = self.rows[i].vector(*tables)
@@ -302,7 +321,10 @@ class Machine:
             elastic.append(run.outputs.get(group, missing) - predicted)
         turning_rate = rotated.motion.turning[::FINE]
         Omega = rotated.Omega + sensor_change(rig, "Omega", run.time, turning_rate)
-        rotation = [run.outputs.get("Omega", missing) - Omega, rotated.motion.length - rotated.length]
+        rotation = [
+            run.outputs.get("Omega", missing) - Omega,
+            rotated.motion.length - rotated.length,
+        ]
         return np.concatenate(elastic, axis=1), np.concatenate(rotation, axis=1)
 
 
@@ -357,7 +379,9 @@ def static_deviation(rig: Rig, m: Modes, signal, _rate):
     """(d, memory) of the static start with the rig's contact and mount laws."""
     columns = np.concatenate([m.B[:, m.inputs["contact"]], m.B[:, m.inputs["mount"]]], axis=1)
     compliance = -np.linalg.solve(m.A, columns)
-    return _static(bare(rig), jnp.asarray(compliance), jnp.asarray(m.out(SIGNALS)[0]), jnp.asarray(signal))
+    return _static(
+        bare(rig), jnp.asarray(compliance), jnp.asarray(m.out(SIGNALS)[0]), jnp.asarray(signal)
+    )
 
 
 def _padded(values, length):

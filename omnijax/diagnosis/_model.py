@@ -26,7 +26,9 @@ class Prior:
 
     def at(self, u: float) -> float:
         """The parameter's value at the unit coordinate `u`."""
-        return self.value * math.exp(self.sigma * u) if self.relative else self.value + self.sigma * u
+        return (
+            self.value * math.exp(self.sigma * u) if self.relative else self.value + self.sigma * u
+        )
 
 
 @dataclasses.dataclass(frozen=True)

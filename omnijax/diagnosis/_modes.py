@@ -6,7 +6,6 @@ import numpy as np
 from scipy.signal import lfilter
 
 
-
 class Modes(NamedTuple):
     """dz/dt = rates z + gains u, y = Re(shapes z): one of each complex pair is kept."""
 
@@ -38,12 +37,27 @@ def modes(A, B, C, D, size: int) -> Modes:
     twice = np.where(rates.imag[keep] > 0, 2.0, 1.0)
     inputs = _slices(shape=size, contact=size, mount=size, drive=size, force=3, floor=3)
     outputs = _slices(
-        displacement=3, velocity=3, approach=size, approach_rate=size, mount=size, mount_rate=size,
-        deflection=size, platform=3, acceleration=3,
+        displacement=3,
+        velocity=3,
+        approach=size,
+        approach_rate=size,
+        mount=size,
+        mount_rate=size,
+        deflection=size,
+        platform=3,
+        acceleration=3,
     )
     return Modes(
-        rates[keep], inverse[keep] @ B, shapes[:, keep] * twice, inverse[keep],
-        C, D, A, B, inputs, outputs,
+        rates[keep],
+        inverse[keep] @ B,
+        shapes[:, keep] * twice,
+        inverse[keep],
+        C,
+        D,
+        A,
+        B,
+        inputs,
+        outputs,
     )
 
 

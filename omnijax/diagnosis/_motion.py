@@ -1,6 +1,7 @@
 """What the measured wheel angles say of the motion: rolled lengths, speeds, attitude, on fine grids."""
 
 import dataclasses
+import functools
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -10,7 +11,7 @@ from ..laws import DualRow, SensorSignal
 from ..rig import InputError, Rig
 from ._laws import along
 from ._runs import FINE, SHAPE, Run
-from ._smooth import smooth, smooth_by_likelihood
+from ._smooth import likeliest, smooth, smooth_by_likelihood
 from ._wheels import WheelTables, wheel_tables
 
 
@@ -32,7 +33,12 @@ class Motion:
     factor: np.ndarray  # (.., n) creep factor of the rolling radius
     axes: np.ndarray  # (.. or 1, n, 3)
     turning: np.ndarray  # (.., 3) rad/s, Omega from the wheels
-    attitude: np.ndarray  # (.., 3, 3) body -> inertial
+    step: float  # s, of the FINE points
+
+    @functools.cached_property
+    def attitude(self) -> np.ndarray:
+        """Rotation matrices body -> inertial, (.., 3, 3)."""
+        return attitude(self.turning, self.step)
 
 
 def true_angles(rig: Rig, run: Run, wheels: int) -> np.ndarray:
@@ -116,7 +122,7 @@ def motion(rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray) -> 
         factor=factor,
         axes=axes,
         turning=turning,
-        attitude=attitude(turning, run.step / FINE),
+        step=run.step / FINE,
     )
 
 
@@ -161,8 +167,12 @@ def tables_for(rig: Rig, runs: list[Run]) -> WheelTables:
     return wheel_tables(rig, float(low), float(high))
 
 
-def smooth_about(length, reference, sigma: float, ratio: float | None) -> np.ndarray:
-    """Smoothed lengths: what is left beside a `reference` is smoothed, by likelihood or `ratio`."""
+def smooth_about(length, reference, sigma: float, ratio: float | None) -> tuple[np.ndarray, float]:
+    """Smoothed lengths: what is left beside a `reference` is smoothed, at `ratio` or the likeliest.
+
+    Also the ratio.
+    """
     rest = length - reference
-    left = smooth_by_likelihood(rest, sigma) if ratio is None else smooth(rest, sigma, ratio)[0]
-    return reference + left
+    ratio = likeliest(rest, sigma) if ratio is None else ratio
+    mean = np.nanmean(rest, axis=0)
+    return reference + mean + smooth(rest - mean, sigma, ratio)[0], ratio

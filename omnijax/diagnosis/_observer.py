@@ -91,7 +91,9 @@ def _rate(rig: Rig, omega, here):
     weight = rig.sphere.mass * rig.platform.gravity
     opposing = opposing - jnp.cross(Q @ rig.sphere.centre_of_mass, weight)
     for placed in rig.at("sphere"):
-        opposing = opposing - placed.law(BodySignal(omega, Q, rig.sphere.mass, rig.platform.gravity))
+        opposing = opposing - placed.law(
+            BodySignal(omega, Q, rig.sphere.mass, rig.platform.gravity)
+        )
     drive = force @ (gain * shaft + body @ opposing)
     rate = inverse @ (rig.sphere.radius * axes.T @ drive - opposing)
     return rate + PULL * (measured - omega)

@@ -17,7 +17,11 @@ def wheel_signals(rig: Rig, signals, shape_rate) -> tuple[ContactSignal, MountSi
     rate = approach_rate - mount_rate - shape_rate
     return (
         ContactSignal(
-            deflection, rate, contact.stiffness, contact.damping, wheels.closure.preload,
+            deflection,
+            rate,
+            contact.stiffness,
+            contact.damping,
+            wheels.closure.preload,
             jnp.broadcast_to(reduced, (n,)),
         ),
         MountSignal(mount, mount_rate, wheels.mount.stiffness, wheels.mount.damping),

@@ -9,7 +9,6 @@ from ..rig import Rig, get_parameter, set_parameter
 from ._candidates import Candidate, Context, candidates, number
 from ._machine import Machine
 from ._model import AbstractModel, Point, Prior
-from ._rotation import turning as _turning  # noqa: F401
 from ._runs import Run
 from ._signatures import base_of, signature
 
@@ -25,7 +24,9 @@ class RigModel(AbstractModel):
         self.priors = rig_priors(rig)
         self.splits = split_runs(runs)
         self.machine = Machine(rig, runs, noise, window)
-        self.groups = tuple(g for g in ("dR", "theta", "Omega", "a") if any(g in r.outputs for r in runs))
+        self.groups = tuple(
+            g for g in ("dR", "theta", "Omega", "a") if any(g in r.outputs for r in runs)
+        )
 
     def rig_at(self, point: Point) -> Rig:
         """The rig with calibrated parameters and the point's effects."""
@@ -54,7 +55,9 @@ class RigModel(AbstractModel):
 
     def candidates(self, point):
         self._bases = self.bases(point)
-        rms = np.sqrt(np.mean([np.mean(b.mount.deflection**2, axis=0) for b in self._bases], axis=0))
+        rms = np.sqrt(
+            np.mean([np.mean(b.mount.deflection**2, axis=0) for b in self._bases], axis=0)
+        )
         context = Context(self.rig, self.groups, rms, self._lines(point))
         return candidates(context, self.laws)
 

@@ -21,6 +21,12 @@ class Turning:
     axes: np.ndarray  # (t or 1, n, 3)
     radius: float
 
+    def thin(self, step: int) -> "Turning":
+        """The same at every `step`-th time."""
+        less = lambda x: x if len(x) == 1 else x[::step]
+        parts = (self.torque_gain, self.force, self.body, self.inverse_inertia, self.axes)
+        return Turning(*(less(x) for x in parts), self.radius)
+
     def respond(self, shaft: np.ndarray | None, opposing: np.ndarray | None):
         """(drive forces (t, n), dOmega/dt (t, 3)) caused by torques (t, n) and (t, 3)."""
         right = 0.0 if shaft is None else self.torque_gain * shaft
@@ -33,12 +39,17 @@ class Turning:
         return drive, np.einsum("tij,tj->ti", self.inverse_inertia, torque)
 
 
+def isotropic(inertia: np.ndarray) -> bool:
+    """Whether an inertia is a multiple of the unit matrix, so that attitude does not matter."""
+    return bool(np.all(inertia == inertia[0, 0] * np.eye(3)))
+
+
 def turning(rig: Rig, motion: Motion) -> Turning:
     """The response matrices along one run's motion."""
     R, wheels = float(rig.sphere.radius), rig.wheels
     inertia = np.asarray(rig.sphere.inertia_matrix)
     inverse = np.linalg.inv(inertia)[None]
-    if np.ptp(np.diag(inertia)) > 0 or np.abs(inertia - np.diag(np.diag(inertia))).max() > 0:
+    if not isotropic(inertia):
         Q = motion.attitude
         inverse = Q @ inverse @ np.swapaxes(Q, 1, 2)
     radius = motion.factor * (np.asarray(wheels.radius) + motion.shape)
@@ -98,9 +109,10 @@ def base_torques(rig: Rig, motion: Motion, torque, normal_force):
         shaft += wheel_law(placed.law, placed.wheels, signals, shaft.shape)[0]
     opposing = np.zeros((len(torque), 3))
     inertia = np.asarray(rig.sphere.inertia_matrix)
-    Q, turning = motion.attitude, motion.turning
-    spin = np.einsum("tji,tj->ti", Q, turning)
-    opposing += np.cross(turning, np.einsum("tij,tj->ti", Q, spin @ inertia.T))
+    if not isotropic(inertia):
+        Q, turning = motion.attitude, motion.turning
+        spin = np.einsum("tji,tj->ti", Q, turning)
+        opposing += np.cross(turning, np.einsum("tij,tj->ti", Q, spin @ inertia.T))
     for placed in rig.at("rolling"):
         signals = rolling_signals(rig, motion, normal_force)
         roll, spin_torque, on_shaft = wheel_law(placed.law, placed.wheels, signals, shaft.shape)
@@ -109,7 +121,7 @@ def base_torques(rig: Rig, motion: Motion, torque, normal_force):
     weight = np.asarray(rig.sphere.mass * rig.platform.gravity)
     offset = np.asarray(rig.sphere.centre_of_mass)
     if offset.any():
-        opposing -= np.cross(Q @ offset, weight)
+        opposing -= np.cross(motion.attitude @ offset, weight)
     for placed in rig.at("sphere"):
         opposing -= along(placed.law, body_signals(rig, motion))
     return shaft, opposing

@@ -41,6 +41,7 @@ class Found:
     rivals: dict[int, list[tuple[Effect, float, float]]]
     refused: list[str]
     significant: bool
+    priors: tuple = ()
 
 
 def chi2_of(model: AbstractModel, point: Point, split: str) -> float:
@@ -72,7 +73,7 @@ class Search:
         start = Point(np.zeros(len(model.priors)))
         fit = refit(model, start, rounds=3)
         model.rebase(fit.point)
-        baseline = fit = refit(model, fit.point, rounds=3)
+        baseline = fit = refit(model, fit.point, baseline=fit.jacobian, rounds=3)
         held_before = held = chi2_of(model, fit.point, "held-out")
         scans, all_trials, refused, significant = [], [], [], False
         self.held_ratio = model.dof("train") / max(1, model.dof("held-out"))
@@ -95,7 +96,18 @@ class Search:
                 break
         fit, rivals = self.review(fit, scans)
         held = chi2_of(model, fit.point, "held-out")
-        return Found(baseline, fit, held_before, held, scans, all_trials, rivals, refused, significant)
+        return Found(
+            baseline,
+            fit,
+            held_before,
+            held,
+            scans,
+            all_trials,
+            rivals,
+            refused,
+            significant,
+            tuple(model.priors),
+        )
 
     def scan(self, fit: Fit) -> Scan:
         """Signatures and scores of all candidates at a fit."""
@@ -120,6 +132,8 @@ class Search:
             trial = self.try_out(fit, score, held)
             self.tell(f"{trial.effect.name}: gain {trial.gain:.0f}, held-out {trial.held_gain:.0f}")
             trials.append(trial)
+            if self.floor_reached(trial.fit, held - trial.held_gain):
+                break  # nothing left to explain; near rivals are tried in `challenge`
         # a free number costs half of log N, as in the Bayesian information criterion
         cost = lambda t: t.fit.cost + np.log(len(t.fit.residual)) * len(t.fit.free)
         return sorted(trials, key=cost)
@@ -144,7 +158,7 @@ class Search:
     def settle(self, fit: Fit) -> Fit:
         """Smooth about the new point and polish there, with tangents of its own."""
         self.model.rebase(fit.point)
-        return refit(self.model, fit.point, rounds=3)
+        return refit(self.model, fit.point, rounds=2)
 
     def floor_reached(self, fit: Fit, held: float) -> bool:
         """Whether what is left is noise: chi2 within four standard deviations of its mean."""
@@ -179,7 +193,9 @@ class Search:
         without = fit.point.with_effects(*others)
         (residual,) = model.residuals([without], "train")
         keep = [k for k in range(fit.jacobian.shape[1]) if not self._belongs(fit, k, i)]
-        scan = scans[0].signatures.scan(residual, fit.jacobian[:, keep], len(model.priors), without.u)
+        scan = scans[0].signatures.scan(
+            residual, fit.jacobian[:, keep], len(model.priors), without.u
+        )
         names = {e.name for e in effects}
         own = max((s.gain for s in scan.scores if s.candidate.name == effects[i].name), default=0.0)
         near = [s for s in scan.best_per_name() if s.candidate.name not in names]
@@ -189,7 +205,9 @@ class Search:
             c = score.candidate
             rival = Effect(c.id, c.place, c.decode(score.coefficients))
             point = without.with_effects(*effects[:i], rival, *effects[i + 1 :])
-            tangents = None if is_stepped(model, point.effects) else fit.jacobian[:, : len(model.priors)]
+            tangents = (
+                None if is_stepped(model, point.effects) else fit.jacobian[:, : len(model.priors)]
+            )
             new = refit(model, point, baseline=tangents, rounds=4)
             self.tell(f"rival {c.name} of {effects[i].name}: margin {new.cost - fit.cost:.1f}")
             if new.cost < fit.cost - MARGIN:

@@ -14,7 +14,7 @@ from ..rig import Placed, Rig
 from ._elastic import Ports, direct, forcing
 from ._laws import along
 from ._machine import Machine, contact_directions, integrate
-from ._modes import Modes, observe, propagate
+from ._modes import Modes, hold_weights, moments, observe, propagate
 from ._motion import Motion
 from ._rotation import body_signals, resistance, rolling_signals, shaft_signals, wheel_law
 from ._runs import FINE, SHAPE, Run
@@ -36,11 +36,13 @@ class Base:
     normal: np.ndarray  # (FINE points, n) N
     predicted: np.ndarray  # (samples, 6) dR, a before the sensors
     tables: object
+    slow: Motion | None = None
+    response: object = None
 
 
 def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
     """Base run `i` of `rig`; its own contact and mount laws enter the signals only linearly."""
-    run, rotated = machine.runs[i], machine.rotated(rig)[i]
+    run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
     m = rotated.motion
     ports = machine.ports(rig, run, m, rotated.drive)
     signals = machine.signals(rig, run, m, ports)
@@ -57,10 +59,21 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
     pull = contact.stiffness * deflection + contact.damping * rate
     from ._elastic import refine
 
-    return Base(
-        rig, run, i, machine.modes(rig), m, rotated, refine(run.torque, FINE), contact, mounts,
-        contact.preload - pull, predicted, machine.tables_of(rig),
+    base = Base(
+        rig,
+        run,
+        i,
+        machine.modes(rig),
+        m,
+        rotated,
+        refine(run.torque, FINE),
+        contact,
+        mounts,
+        contact.preload - pull,
+        predicted,
+        machine.tables_of(rig),
     )
+    return dataclasses.replace(base, slow=_thin(base), response=rotated.turning.thin(THIN))
 
 
 def signature(base: Base, placed: Placed):
@@ -94,14 +107,32 @@ def _tension(base: Base, contact, mount) -> np.ndarray:
     return law_outputs(m, base.run, contact, mount, start)
 
 
+THIN = 4  # torques are smooth: signatures need two points a sample
+
+
+def _thin(base: Base) -> Motion:
+    """The motion at every `THIN`-th fine point."""
+    m = base.motion
+    short = {k: getattr(m, k)[::THIN] for k in ("theta", "speed", "turning")}
+    axes = m.axes if len(m.axes) == 1 else m.axes[::THIN]
+    return dataclasses.replace(m, axes=axes, step=m.step * THIN, **short)
+
+
 def _torque(base: Base, shaft=None, opposing=None):
-    """Both tables of a torque on the shafts and one that opposes the sphere."""
-    drive, rate = base.rotated.turning.respond(shaft, opposing)
-    h = base.run.step / FINE
+    """Both tables of a torque on the shafts and one that opposes the sphere, at thinned points."""
+    response, m, run = base.response, base.modes, base.run
+    drive, rate = response.respond(shaft, opposing)
+    parts = FINE // THIN
+    h = run.step / parts
     turned = integrate(rate, h)
-    length = integrate(np.einsum("tij,tj->ti", base.motion.axes, turned), h)
-    rotation = np.concatenate([turned[::FINE], length[::FINE]], axis=1)
-    return _transfer(base, drive=drive), rotation
+    length = integrate(np.einsum("tij,tj->ti", response.axes, turned), h)
+    weights = hold_weights(m.rates, run.step, parts)
+    columns = m.gains[:, m.inputs["drive"]]
+    total = sum(moments(drive[:, c], weights) * columns[:, c] for c in range(drive.shape[1]))
+    z = propagate(m, run.step, total, np.zeros(len(m.rates)))
+    C, D = m.out(("displacement", "acceleration"))
+    elastic = (z @ (C @ m.shapes).T).real + drive[::parts] @ D[:, m.inputs["drive"]].T
+    return elastic, np.concatenate([turned[::parts], length[::parts]], axis=1)
 
 
 def _shape(base: Base, placed: Placed):
@@ -124,7 +155,6 @@ def _shape(base: Base, placed: Placed):
 
 
 def _over_angles(law, angle, gap):
-    import equinox as eqx
 
     return np.asarray(_shape_law(law, angle, gap))
 
@@ -202,18 +232,20 @@ def _separation(base: Base, placed: Placed):
 
 
 def _shaft(base: Base, placed: Placed):
-    signals = shaft_signals(base.motion, base.torque)
-    return _torque(base, shaft=wheel_law(placed.law, placed.wheels, signals, base.torque.shape)[0])
+    torque = base.torque[::THIN]
+    signals = shaft_signals(base.slow, torque)
+    return _torque(base, shaft=wheel_law(placed.law, placed.wheels, signals, torque.shape)[0])
 
 
 def _rolling(base: Base, placed: Placed):
-    signals = rolling_signals(base.rig, base.motion, base.normal)
-    roll, spin, shaft = wheel_law(placed.law, placed.wheels, signals, base.torque.shape)
-    return _torque(base, -shaft, resistance(base.rig, base.motion, roll, spin))
+    signals = rolling_signals(base.rig, base.slow, base.normal[::THIN])
+    shape = base.slow.theta.shape
+    roll, spin, shaft = wheel_law(placed.law, placed.wheels, signals, shape)
+    return _torque(base, -shaft, resistance(base.rig, base.slow, roll, spin))
 
 
 def _body(base: Base, placed: Placed):
-    return _torque(base, opposing=-along(placed.law, body_signals(base.rig, base.motion)))
+    return _torque(base, opposing=-along(placed.law, body_signals(base.rig, base.slow)))
 
 
 def _platform(base: Base, placed: Placed):

@@ -1,7 +1,7 @@
 """Smoothing of measured rolled lengths: white jerk, its intensity by likelihood."""
 
 import numpy as np
-from scipy.linalg import cholesky_banded, cho_solve_banded
+from scipy.linalg import cho_solve_banded, cholesky_banded
 
 THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
 
@@ -36,10 +36,15 @@ def smooth(values: np.ndarray, sigma: float, ratio: float) -> tuple[np.ndarray, 
     return result, score
 
 
-def smooth_by_likelihood(values: np.ndarray, sigma: float) -> np.ndarray:
-    """`smooth` at the most likely jerk intensity (a ladder of ratios, two a decade)."""
+def likeliest(values: np.ndarray, sigma: float) -> float:
+    """The most likely ratio of noise to jerk (a ladder, two a decade)."""
     centred = values - np.nanmean(values, axis=0)
     ladder = 10.0 ** np.arange(0.0, 9.1, 0.5)
     scores = [smooth(centred, sigma, ratio)[1] for ratio in ladder]
-    best = ladder[int(np.argmin(scores))]
-    return smooth(centred, sigma, best)[0] + np.nanmean(values, axis=0)
+    return float(ladder[int(np.argmin(scores))])
+
+
+def smooth_by_likelihood(values: np.ndarray, sigma: float) -> np.ndarray:
+    """`smooth` at the most likely ratio."""
+    mean = np.nanmean(values, axis=0)
+    return smooth(values - mean, sigma, likeliest(values, sigma))[0] + mean

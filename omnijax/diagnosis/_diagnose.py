@@ -1,0 +1,230 @@
+"""`diagnose`: a case in, a verdict with its evidence out."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..laws import EFFECTS
+from ..recording import Case, noise_floor, read_case
+from ..rig import InputError
+from ._gap import UNITS, gaps, group_squares
+from ._model import Effect, Point
+from ._result import Diagnosis, Named
+from ._rig_model import RigModel
+from ._runs import to_run
+from ._search import Found, Search
+from ._verdict import Judged, judge
+from ._where import locate
+
+
+def diagnose(
+    case: str | Path | Case,
+    *,
+    laws: dict[str, Any] | None = None,
+    window: float = 1.0,
+    tell: Callable[[str], None] = lambda text: None,
+) -> Diagnosis:
+    """Diagnose a case: where do simulation and data disagree, and which missing effect is it?
+
+    `case` is a folder (one rig file and its runs) or a `Case`, `laws` are users' own laws by id
+    (`load_laws(file)`), `window` the length in s after which Omega and the rolled lengths start
+    anew, so that small torque errors cannot add up.  Seeds are fixed: equal input, equal answer.
+    """
+    case = case if isinstance(case, Case) else read_case(case)
+    runs = [to_run(r) for r in case.runs]
+    noise, table = _noise(case)
+    library = {**EFFECTS, **(laws or {})}
+    model = RigModel(case.rig, runs, noise, library, window)
+    found = Search(model, tell).run()
+    (before,) = model.residuals([found.baseline.point], "held-out")
+    (after,) = model.residuals([found.fit.point], "held-out")
+    rows = [model.machine.rows[i] for i in model.splits["held-out"]]
+    declared = all(t["source"] == "declared" for t in table.values())
+    judged = judge(model, found, group_squares(rows, before), group_squares(rows, after), declared)
+    tell(f"verdict: {judged.verdict} ({judged.reason})")
+    learned = None
+    if judged.verdict == "unknown":
+        from ._learned import learn
+
+        learned = learn(model, found.baseline, tell)
+        model.rebase(found.baseline.point)
+        after = learned.residual
+    tell("looking where the gap is")
+    where, everything = (
+        locate(model, found.baseline.point) if judged.verdict != "none" else ([], [])
+    )
+    result = Diagnosis(
+        verdict=judged.verdict,
+        effects=_named(model, found, judged),
+        where=_plain_where(where),
+        gap=gaps(rows, noise, before, after),
+        next_experiment=_next(model, found, judged, runs, noise, tell),
+        baseline=_baseline(found),
+        noise=table,
+        scores=_scores(found),
+        learned=_learned(learned),
+        notes=_notes(judged, found, model),
+        faults=[str(f) for f in case.all_faults],
+        rig=model.rig_at(
+            found.fit.point if judged.verdict in ("named", "ambiguous") else found.baseline.point
+        ),
+    )
+    result.details = {"model": model, "found": found, "judged": judged, "before": before,
+                      "after": after, "where": everything, "learned": learned}  # fmt: skip
+    return result
+
+
+def _noise(case: Case) -> tuple[dict[str, float], dict[str, dict[str, Any]]]:
+    """1-sigma by group, and where it is from; a group whose noise is unknown cannot be weighed."""
+    floor = noise_floor(case.runs)
+    table = {g: {"sigma": floor.group(g), "source": s} for g, s in floor.source.items()}
+    unknown = [g for g, t in table.items() if not np.isfinite(t["sigma"]) or t["sigma"] <= 0]
+    if unknown:
+        raise InputError(
+            f"the measurement noise of {', '.join(unknown)} is not known: the runs have no rest, no "
+            "repeats and no quiet stretch. Declare it: [noise] in the run's TOML, 1-sigma by group."
+        )
+    return {g: t["sigma"] for g, t in table.items()}, table
+
+
+def _named(model: RigModel, found: Found, judged: Judged) -> list[Named]:
+    """The named effects with sigma from the joint refit; equals as entries of their own."""
+    if judged.verdict not in ("named", "ambiguous"):
+        return []
+    P, out = len(model.priors), []
+    sigma = np.sqrt(np.maximum(np.diag(found.fit.covariance), 0.0))
+    total = max(found.held_before - found.held_after, 1e-300)
+    for i, effect in enumerate(found.fit.point.effects):
+        spread: dict[str, Any] = {}
+        for k, free in enumerate(found.fit.free):
+            if free.effect == i:
+                spread.setdefault(free.key, []).append(float(sigma[P + k]))
+        near = judged.equals.get(i, [])
+        evidence = {
+            "delta_bic": found.fit.chi2 - found.baseline.chi2
+            + len(found.fit.free) * float(np.log(model.dof("train"))),
+            "held_out_gain": judged.closed, "held_out_chi2": total,
+            "margin_to_next": min((m for _, m, _ in found.rivals.get(i, [])), default=None),
+        }  # fmt: skip
+        alike = [{"id": e.id, "place": e.place} for e, _, _ in near]
+        out.append(
+            Named(effect.id, effect.place, _parameters(model, effect, spread), evidence, alike)
+        )
+        for rival, margin, cosine in near:
+            back = [{"id": effect.id, "place": effect.place}]
+            out.append(
+                Named(rival.id, rival.place, _parameters(model, rival, {}),
+                      {**evidence, "margin": margin, "cosine": cosine}, back)
+            )  # fmt: skip
+    return out
+
+
+def _parameters(model: RigModel, effect: Effect, spread: dict[str, list[float]]) -> dict:
+    law, out = model.laws[effect.id], {}
+    for key, value in effect.values.items():
+        own = spread.get(key)
+        vector = np.ndim(value) > 0
+        out[key] = {
+            "value": np.asarray(value).tolist() if vector else float(value),
+            "sigma": None if own is None else own if vector else own[0],
+            "unit": _unit(law.parameters[key].unit, effect.place),
+        }
+    if effect.id == "contact-hertz":
+        out |= _hertz(model, effect)
+    return out
+
+
+def _unit(unit: str, place: str) -> str:
+    """A parameter's unit; a sensor's is that of its channel."""
+    return unit.replace("unit of the channel", UNITS.get(place.split("_", maxsplit=1)[0], "1"))
+
+
+def _hertz(model: RigModel, effect: Effect) -> dict:
+    """The modulus E' = 0.75 c / sqrt(R') that the tangent stiffness stands for, and the exponent."""
+    w, sphere = model.rig.wheels, model.rig.sphere
+    K, N0 = np.asarray(w.contact.stiffness), np.asarray(w.closure.preload)
+    reach = 1.5 * N0 / K
+    curvature = np.asarray(sphere.radius * w.radius / (sphere.radius + w.radius))
+    modulus = 0.75 * N0 / reach**1.5 / np.sqrt(curvature)
+    names = model.rig.names
+    chosen = modulus[names.index(effect.place)] if effect.place in names else modulus.mean()
+    return {
+        "exponent": {"value": 1.5, "sigma": None, "unit": "1"},
+        "modulus": {"value": float(chosen), "sigma": None, "unit": "Pa"},
+    }
+
+
+def _baseline(found: Found) -> list[dict[str, Any]]:
+    """Uncertain parameters before, calibrated without and with the effects, and what is known."""
+    out = []
+    priors = found.priors
+    sigma = np.sqrt(np.maximum(np.diag(found.fit.covariance), 0.0))
+    for k, prior in enumerate(priors):
+        first, last = prior.at(found.baseline.point.u[k]), prior.at(found.fit.point.u[k])
+        out.append({
+            "parameter": prior.name, "stated": prior.value, "without_effects": first,
+            "with_effects": last, "relative_sigma": float(sigma[k] * prior.sigma),
+            "absorbed": float(np.log(first / last)) if first * last > 0 else 0.0,
+            "determined": bool(sigma[k] < 0.7), "at_bound": bool(abs(found.fit.point.u[k]) > prior.hard - 1e-6),
+        })  # fmt: skip
+    return out
+
+
+def _scores(found: Found, most: int = 12) -> list[dict[str, Any]]:
+    """The score plot's numbers: the best candidates of every step."""
+    out = []
+    for step, scan in enumerate(found.scans):
+        best = scan.best_per_name()[:most]
+        for s in best:
+            out.append({
+                "step": step + 1, "id": s.candidate.id, "place": s.candidate.place,
+                "note": s.candidate.note, "gain": s.gain, "columns": s.columns, "p": s.p,
+                "cosine_to_best": scan.cosine(best[0].index, s.index),
+            })  # fmt: skip
+    return out
+
+
+def _plain_where(where: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    keys = ("channel", "domain", "value", "reference", "share", "p", "rms_over_noise")
+    return [{k: w[k] for k in keys} for w in where]
+
+
+def _learned(learned) -> dict[str, Any] | None:
+    if learned is None:
+        return None
+    terms = [
+        {"wheel": wheel, "input": name, "coefficient": float(c)}
+        for (wheel, name), c in zip(learned.names, learned.coefficients, strict=True)
+    ]
+    return {"port": learned.port, "closed": learned.closed, "uninterpreted": True, "terms": terms}
+
+
+def _notes(judged: Judged, found: Found, model: RigModel) -> list[str]:
+    notes = [judged.reason + "."]
+    notes.append(
+        "Wheel angles are the smoothed measured ones; Omega and the rolled lengths are predicted from "
+        f"the torques in windows of {model.machine.window:g} s, each with a free start."
+    )
+    if found.refused:
+        notes.append(f"Held-out runs refused: {', '.join(found.refused)}.")
+    dead = sorted({s.candidate.name for scan in found.scans[:1] for s in scan.scores if s.dead})
+    if dead:
+        notes.append(
+            f"These candidates change no measured channel in these runs: {', '.join(dead)}."
+        )
+    return notes
+
+
+def _next(model, found: Found, judged: Judged, runs, noise, tell) -> dict | None:
+    if judged.verdict != "ambiguous":
+        return None
+    from ._experiment import next_experiment
+
+    tell("simulating what would tell the rivals apart")
+    i, near = next((i, near) for i, near in judged.equals.items() if near)
+    effects = list(found.fit.point.effects)
+    other = [*effects[:i], near[0][0], *effects[i + 1 :]]
+    rigs = [model.rig_at(found.fit.point), model.rig_at(Point(found.fit.point.u, tuple(other)))]
+    return next_experiment(rigs, runs, noise)

@@ -1,0 +1,59 @@
+"""The four answers: none, named, ambiguous, unknown."""
+
+import dataclasses
+
+import numpy as np
+
+from ._model import AbstractModel
+from ._search import CLOSED, MARGIN, Found
+
+EXCESS = 0.3  # sigma: below this in every group, simulation and data agree
+SLACK = 0.04  # how far off an estimated noise may be
+
+
+@dataclasses.dataclass(frozen=True)
+class Judged:
+    """The verdict, how much of the held-out gap is closed, and each effect's equals."""
+
+    verdict: str
+    closed: float
+    equals: dict[int, list]
+    reason: str
+
+
+def judge(model: AbstractModel, found: Found, before: dict, after: dict, declared: bool) -> Judged:
+    """The verdict from the search and the held-out (squares, dof) by group before and after."""
+    slack = 1.0 if declared else (1 + SLACK) ** 2
+    count = sum(dof for _, dof in after.values())
+    floor = sum(min(after[g][0], slack * after[g][1]) for g in after)
+    total_before = sum(s for s, _ in before.values())
+    total_after = sum(s for s, _ in after.values())
+    above = total_before - floor
+    closed = (total_before - total_after) / above if above > 0 else 1.0
+    excess = {g: np.sqrt(max(0.0, s / dof - slack)) for g, (s, dof) in before.items()}
+    left = {g: np.sqrt(max(0.0, s / dof - slack)) for g, (s, dof) in after.items()}
+    effects = found.fit.point.effects
+    if not effects:
+        return _without_effects(found, before, excess, count, slack)
+    equals = {
+        i: [(e, margin, cosine) for e, margin, cosine in near if margin < MARGIN]
+        for i, near in found.rivals.items()
+    }
+    noise_only = max(left.values()) < EXCESS
+    if closed < CLOSED and not noise_only:
+        text = f"the best known effects close {100 * closed:.0f} % of the held-out gap"
+        return Judged("unknown", closed, equals, text)
+    if any(equals.values()):
+        return Judged("ambiguous", closed, equals, "joint refits of rivals are equally good")
+    return Judged("named", closed, equals, "held-out runs confirm the joint refit")
+
+
+def _without_effects(found: Found, before, excess, count, slack) -> Judged:
+    total = sum(s for s, _ in before.values())
+    surprise = (total - slack * count) / np.sqrt(2 * count)
+    if max(excess.values()) < EXCESS and (surprise < 6 or not found.significant):
+        return Judged("none", 1.0, {}, "what is left is within the noise")
+    if max(excess.values()) < EXCESS:
+        return Judged("none", 1.0, {}, "what is left is below 0.3 sigma in every group")
+    text = "a significant gap that no known effect closes on held-out runs"
+    return Judged("unknown", 0.0, {}, text)
