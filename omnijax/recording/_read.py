@@ -10,6 +10,7 @@ from .._errors import InputError
 from ._columns import INPUTS, channels, columns, count_wheels, group_of, unit_of
 from ._csv import Table
 from ._recording import Fault, Recording, spans
+from ._scales import mend_units
 from ._sidecar import Sidecar, hint, read_sidecar, to_si
 from ._tables import read_table, stem_of
 from ._time import usable_rows
@@ -51,6 +52,8 @@ def build_recording(path: Path, table: Table, sidecar: Sidecar, rig: Any = None)
     faults += clean(path.name, values, run.rows, lambda c: run.declared_noise(c) == 0)
     _check_inputs(path.name, run)
     faults += mend_inputs(path.name, values, time, run.rows)
+    if rig is not None:
+        mend_units(run, rig, set(sidecar.units))
     if not run.groups:
         what = "no output was measured"
         faults.append(

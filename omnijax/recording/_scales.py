@@ -1,0 +1,234 @@
+"""Wrong units: channels that are a thousand times, or degrees and rpm, off what the rig allows.
+
+Four relations hold in every run, whatever effect hides in it: the wheels' angles and the sphere's
+angle roll on each other (R s.Omega = r omega), torques turn the sphere, dR has the size of a gap,
+and the platform's mean acceleration is that of the force on the whole machine.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from ._columns import channels, group_of, unit_of
+from ._recording import Fault, Recording
+
+FACTORS = {  # what a column may be in -> values in that unit over values in SI
+    "theta": {"mrad": 1e3, "deg": 180 / np.pi, "turn": 1 / (2 * np.pi)},
+    "Omega": {"mrad/s": 1e3, "deg/s": 180 / np.pi, "rpm": 30 / np.pi},
+    "dR": {"mm": 1e3, "um": 1e6, "km": 1e-3},
+    "a": {"mm/s^2": 1e3, "km/s^2": 1e-3},
+    "torque": {"N mm": 1e3, "kN m": 1e-3},
+    "force": {"mN": 1e3, "kN": 1e-3},
+}
+WRONG = 50.0  # times too large or too small: beyond every effect of a real machine
+CLOSE = 0.1  # relative misfit of the rolling relation that a real machine stays below
+
+
+def mend_units(run: Recording, rig: Any, declared: set[str]) -> None:
+    """Find columns in a wrong unit, bring them to SI and say so in `run.faults`.
+
+    Columns or groups in `declared` have their unit from the user: they are named but left alone.
+    """
+    for check in (_rolling, _siblings, _gap_size, _accelerations, _torques):
+        for columns, factor in check(run, rig):
+            _mend(run, columns, factor, declared)
+
+
+def _mend(run: Recording, columns: tuple[str, ...], factor: float, declared: set[str]) -> None:
+    first = next(iter(columns))
+    group = group_of(first)
+    whole = len(columns) > 1
+    units = {name: f for name, f in FACTORS[group].items() if 0.4 < factor / f < 2.5}
+    size = f"{factor:.3g} times too large" if factor > 1 else f"{1 / factor:.3g} times too small"
+    name = group if whole else first
+    if {*columns, group} & declared or not units:
+        use = (
+            "it is used as it stands" if not units else "it is used in the unit that NAME.toml says"
+        )
+    else:
+        unit, exact = min(units.items(), key=lambda item: abs(np.log(factor / item[1])))
+        for column in columns:
+            run.channels[column] = run.channels[column] / exact
+        use = f'it is read as {unit}; `units.{name} = "{unit_of(group)}"` in NAME.toml keeps it'
+    what = f"the {'group' if whole else 'channel'} looks {size} for {unit_of(group)} (wrong unit?)"
+    run.faults.append(Fault(run.path.name, name, (), "unit", what, use))
+
+
+def _rolled(run: Recording) -> np.ndarray:
+    """Angle that the sphere turned about each axis, rad, (samples, 3); NaN samples add nothing."""
+    omega = np.nan_to_num(run.group("Omega"))
+    steps = 0.5 * (omega[1:] + omega[:-1]) * np.diff(run.time)[:, None]
+    return np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+
+
+def _rolling(run: Recording, rig: Any):
+    """theta and Omega that do not roll on each other, and the factor that makes them.
+
+    Both sides are compared over half-second pieces; the single column or group is taken whose
+    change of unit removes the misfit.
+    """
+    if not {"theta", "Omega"} <= set(run.groups):
+        return
+    axes, ratio = (
+        np.asarray(rig.wheels.spin_axis),
+        np.asarray(rig.wheels.radius / rig.sphere.radius),
+    )
+    stride = max(int(0.5 / run.step), 2)
+    theta, rolled = run.group("theta")[::stride], _rolled(run)[::stride]
+    turned = np.diff(np.where(np.isfinite(theta), theta, np.nan), axis=0)
+    rolled = np.diff(rolled, axis=0)
+    good = np.isfinite(turned).all(axis=1)
+    if good.sum() < 4 or not np.isfinite(run.group("Omega")).mean() > 0.9:
+        return
+    turned, rolled = turned[good] * ratio, rolled[good]
+    sphere = np.sqrt(np.mean(turned**2))
+    if max(sphere, np.sqrt(np.mean(rolled**2))) < 1e-3:
+        return  # nothing rolls, so nothing can be said
+
+    def misfit(theta_scale, omega_scale):
+        left, right = (rolled * omega_scale) @ axes.T, turned * theta_scale
+        size = np.sqrt(np.mean(left**2, axis=0)) + np.sqrt(np.mean(right**2, axis=0)) + 1e-4
+        return np.max(np.sqrt(np.mean((left - right) ** 2, axis=0)) / size)
+
+    if misfit(1.0, 1.0) < 2 * CLOSE:
+        return
+    best = min(_hypotheses(run.wheels), key=lambda h: misfit(h[2], h[3]))
+    if misfit(best[2], best[3]) < CLOSE:
+        yield best[0], best[1]
+
+
+def _hypotheses(wheels: int):
+    """(columns, factor, scale of theta, scale of Omega) of every change of one column or group."""
+    for group, size in (("theta", wheels), ("Omega", 3)):
+        names = channels(group, wheels)
+        groups = [
+            (names, np.ones(size, bool)),
+            *_one_by_one(names),
+        ]
+        for factor in FACTORS[group].values():
+            for columns, mask in groups:
+                scale, one = (
+                    np.where(mask, 1 / factor, 1.0),
+                    np.ones(3 if group == "theta" else wheels),
+                )
+                yield (columns, factor, *((scale, one) if group == "theta" else (one, scale)))
+
+
+def _one_by_one(names: tuple[str, ...]):
+    return (((name,), np.array([name == n for n in names])) for name in names)
+
+
+def _siblings(run: Recording, rig: Any):
+    """One channel of a group whose noise and size are both a thousand times its siblings'."""
+    for group in ("dR", "a"):
+        names = [
+            c for c in channels(group, run.wheels) if np.isfinite(run.channels.get(c, np.nan)).any()
+        ]
+        if len(names) < 3:
+            continue
+        values = [run.channels[c] for c in names]
+        noise = np.array([np.nanmedian(np.abs(np.diff(x, 7))) for x in values])
+        size = np.array([np.nanstd(x) for x in values])
+        for i, column in enumerate(names):
+            others = np.arange(len(names)) != i
+            if not (np.all(noise > 0) and np.all(size > 0)):
+                continue
+            ratios = np.concatenate([x[i] / x[others] for x in (noise, size)])
+            if np.all(ratios > WRONG) or np.all(ratios < 1 / WRONG):
+                yield (column,), 10.0 ** (3 * np.sign(np.log(ratios[0])))
+
+
+def _gap_size(run: Recording, rig: Any):
+    """dR against the depth of the gaps that the wheels rolled over."""
+    depth = float(np.max(np.asarray(rig.gaps.depth)))
+    turned = np.nanmax(np.abs(run.group("theta") - run.group("theta")[0]), initial=0.0)
+    if "dR" not in run.groups or depth == 0 or turned < float(np.max(np.asarray(rig.gaps.pitch))):
+        return
+    size = float(np.sqrt(np.nanmean(run.group("dR") ** 2)))
+    for factor in FACTORS["dR"].values():
+        if 0.02 < size / depth / factor < 20 and not 1 / WRONG < size / depth < WRONG:
+            yield channels("dR", run.wheels), factor
+            return
+
+
+def _accelerations(run: Recording, rig: Any):
+    """a and the force against each other, and a against what contacts can do to the platform."""
+    if "a" not in run.groups:
+        return
+    mass = float(rig.total_mass)
+    stiff = float(np.sum(np.asarray(rig.wheels.contact.stiffness)))
+    push = np.sqrt(np.mean(run.force**2)) + stiff * float(np.max(np.asarray(rig.gaps.depth)))
+    size = float(np.sqrt(np.nanmean(run.group("a") ** 2)))
+    if size > 20 * push / mass and size > 100:
+        yield channels("a", run.wheels), 1e3
+        return
+    coefficient, sigma = _slope(run, mass)
+    if abs(coefficient) > 6 * sigma and not 1 / WRONG < coefficient < WRONG and coefficient > 0:
+        group = "force" if coefficient < 1 else "a"
+        if size < 20 * push / mass and group == "a":
+            yield channels("force", run.wheels), 1e-3
+        else:
+            yield channels(group, run.wheels), 1e3
+
+
+def _slope(run: Recording, mass: float) -> tuple[float, float]:
+    """M_T times the mean acceleration over the force, and its 1-sigma, in half-second means."""
+    stride = max(int(0.5 / run.step), 2)
+    count = len(run) // stride
+    if count < 4:
+        return 1.0, np.inf
+    pushed, moved = (
+        x[: count * stride].reshape(count, stride, 3).mean(axis=1).ravel()
+        for x in (run.force, mass * run.group("a"))
+    )
+    good = np.isfinite(moved) & (np.abs(pushed) > 0)
+    if good.sum() < 6:
+        return 1.0, np.inf
+    pushed, moved = pushed[good], moved[good]
+    slope = float(pushed @ moved / (pushed @ pushed))
+    scatter = np.std(moved - slope * pushed)
+    return slope, float(scatter / np.sqrt(pushed @ pushed))
+
+
+def _torques(run: Recording, rig: Any):
+    """Torques against the turning of the sphere that they cause, friction and drag left free."""
+    if "Omega" not in run.groups:
+        return
+    stride = max(int(0.5 / run.step), 2)
+    gained = np.diff(run.group("Omega")[::stride], axis=0)
+    columns = np.concatenate([_given(run, rig, stride), _resisted(run, stride)], axis=2)
+    good = np.isfinite(gained).all(axis=1)
+    columns, target = columns[good].reshape(-1, run.wheels + 6), gained[good].ravel()
+    size = np.sqrt(np.sum(columns**2, axis=0)) + 1e-300
+    found, _, rank, _ = np.linalg.lstsq(columns / size, target, rcond=1e-9)
+    if rank < run.wheels or len(target) < 2 * len(found):
+        return
+    scatter = np.std(target - columns / size @ found)
+    sigma = scatter * np.sqrt(np.diag(np.linalg.pinv((columns / size).T @ (columns / size))))
+    found, sigma = ((x / size)[: run.wheels] for x in (found, sigma))
+    off = (found > 5 * sigma) & ((found < 1 / WRONG) | (found > WRONG))
+    names = channels("torque", run.wheels)
+    if off.all():
+        yield names, 1e3 if found[0] < 1 else 1e-3
+        return
+    for i in np.flatnonzero(off):
+        yield (names[i],), 1e3 if found[i] < 1 else 1e-3
+
+
+def _given(run: Recording, rig: Any, stride: int) -> np.ndarray:
+    """Change of Omega in each piece by each wheel's torque alone, (pieces, 3, wheels)."""
+    axes = np.asarray(rig.wheels.spin_axis)
+    lever = np.asarray(rig.sphere.radius / rig.wheels.radius)
+    inertia = np.asarray(rig.sphere.inertia_matrix)
+    inertia = inertia + axes.T @ np.diag(np.asarray(rig.wheels.inertia) * lever**2) @ axes
+    per_wheel = np.linalg.solve(inertia, axes.T * lever)  # rad/s^2 per N m
+    impulse = np.cumsum(run.torque * np.gradient(run.time)[:, None], axis=0)[::stride]
+    return np.einsum("ti,ai->tai", np.diff(impulse, axis=0), per_wheel)
+
+
+def _resisted(run: Recording, stride: int) -> np.ndarray:
+    """What dry friction and drag about each axis take in each piece, (pieces, 3, 6)."""
+    omega = np.nan_to_num(run.group("Omega"))
+    terms = np.stack([np.tanh(omega / 0.01), omega], axis=2) * np.gradient(run.time)[:, None, None]
+    pieces = np.diff(np.cumsum(terms, axis=0)[::stride], axis=0)
+    return np.concatenate([pieces[:, :, :1] * np.eye(3), pieces[:, :, 1:] * np.eye(3)], axis=2)

@@ -1,0 +1,342 @@
+"""Recordings: every format read, every fault of the data found, said and survived."""
+
+import gzip
+import time
+
+import numpy as np
+import pytest
+import scipy.io
+from machines import machine, shared
+from recordings import STEP, columns, write
+
+from omnijax import InputError, Recording, read_case, read_recording, write_recording
+
+
+def only(recording, kind):
+    """The fault of this kind, which must be the only fault."""
+    assert [fault.kind for fault in recording.faults] == [kind], list(map(str, recording.faults))
+    return recording.faults[0]
+
+
+def test_a_clean_file_has_no_fault_and_keeps_every_number(tmp_path):
+    table = columns()
+    note = 'rig = "rig.toml"\nrole = "held-out"\n[noise]\ndR = 2e-6\ndR_z = 3e-6\n'
+    run = read_recording(write(tmp_path / "run-1.csv.gz", table, note))
+    assert run.faults == []
+    assert (run.name, run.wheels, run.held_out) == ("run-1", 3, True)
+    assert run.groups == ("dR", "theta")
+    assert run.rig_path == tmp_path / "rig.toml"
+    assert run.step == pytest.approx(STEP)
+    np.testing.assert_allclose(run.group("theta")[:, 2], table["theta_3"], rtol=1e-8)
+    assert not run.force.any()  # absent: zero
+    assert np.isnan(run.group("a")).all()
+    assert [run.declared_noise(c) for c in ("dR_x", "dR_z", "a_x")] == [2e-6, 3e-6, None]
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".parquet"])
+def test_what_is_written_is_read_back(tmp_path, suffix):
+    if suffix == ".parquet":
+        pytest.importorskip("pyarrow")
+    run = read_recording(write(tmp_path / "run.csv", columns(80), "[noise]\ndR = 1e-6\n"))
+    run.channels["dR_y"][5:8] = np.nan
+    again = read_recording(write_recording(tmp_path / f"copy{suffix}", run))
+    assert only(again, "missing").rows == ((6, 8),)
+    assert again.noise == run.noise
+    for column, values in run.channels.items():
+        np.testing.assert_array_equal(again.channels[column], values)
+
+
+def test_matrices_of_a_mat_file_and_units_of_a_netcdf_file(tmp_path):
+    import xarray
+
+    table = columns(80)
+    whole = {g: np.stack([table[f"{g}_{e}"] for e in ends], 1)
+             for g, ends in (("torque", "123"), ("theta", "123"), ("dR", "xyz"))}  # fmt: skip
+    scipy.io.savemat(tmp_path / "a.mat", {"t": table["t"], **whole})
+    scipy.io.savemat(tmp_path / "b.mat", {"run": {"t": table["t"], **whole}})
+    shown = whole | {"dR": 1e3 * whole["dR"]}
+    data = xarray.Dataset({group: (("t", group), values) for group, values in shown.items()})
+    data["t"] = ("t", table["t"])
+    data["dR"].attrs["units"] = "mm"
+    data.to_netcdf(tmp_path / "c.nc", engine="h5netcdf")
+    for name in ("a.mat", "b.mat", "c.nc"):
+        run = read_recording(tmp_path / name)
+        assert run.faults == []
+        np.testing.assert_allclose(run.group("dR"), whole["dR"], rtol=1e-12)
+        np.testing.assert_allclose(run.torque, whole["torque"])
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of the readers' own making
+def test_tdms_uff_and_mdf_files(tmp_path):
+    nptdms, pyuff = pytest.importorskip("nptdms"), pytest.importorskip("pyuff")
+    asammdf = pytest.importorskip("asammdf")
+    table = columns(80)
+    with nptdms.TdmsWriter(tmp_path / "a.tdms") as writer:
+        writer.write_segment([nptdms.ChannelObject("run", k, v) for k, v in table.items()])
+    uff, mdf = pyuff.UFF(str(tmp_path / "b.uff")), asammdf.MDF()
+    common = {
+        "func_type": 1,
+        "rsp_node": 1,
+        "rsp_dir": 1,
+        "ref_dir": 1,
+        "ref_node": 1,
+        "ord_data_type": 4,
+    }
+    for name in list(table)[1:]:
+        axis = {"x": table["t"], "data": table[name], "binary": 0, "abscissa_spacing": 0}
+        full = pyuff.prepare_58(id1=name, **axis, **common, return_full_dict=True)
+        uff.write_sets({k: 0 if v is None else v for k, v in full.items()}, "add")
+        mdf.append([asammdf.Signal(table[name], timestamps=table["t"], name=name)])
+    mdf.save(tmp_path / "c.mf4")
+    for name in ("a.tdms", "b.uff", "c.mf4"):
+        run = read_recording(tmp_path / name)
+        assert run.faults == [], name
+        np.testing.assert_allclose(run.group("theta")[:, 1], table["theta_2"], rtol=1e-4)
+
+
+def test_a_missing_reader_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "nptdms", None)
+    (tmp_path / "a.tdms").write_bytes(b"TDSm")
+    with pytest.raises(InputError, match=r'needs npTDMS: pip install "omnijax\[measured\]"'):
+        read_recording(tmp_path / "a.tdms")
+
+
+def test_names_and_units_of_the_sidecar(tmp_path):
+    table = columns(80)
+    table["Probe 1"] = 1e3 * table.pop("dR_x")
+    note = '[channels]\ndR_x = "Probe 1"\n[units]\ndR_x = "mm"\ntheta = "deg"\n'
+    run = read_recording(write(tmp_path / "run.csv", table, note))
+    assert run.faults == []
+    np.testing.assert_allclose(run.group("dR")[:, 0], columns(80)["dR_x"], rtol=1e-7, atol=1e-15)
+    np.testing.assert_allclose(run.group("theta")[:, 0], np.deg2rad(table["theta_1"]), rtol=1e-7)
+
+
+def test_semicolons_decimal_commas_text_and_ragged_rows(tmp_path):
+    lines = ["# logger 7", "t;torque_1;dR_x"] + [f"0,{i:02d};0,5;{i},25" for i in range(1, 9)]
+    lines[4] = "0,03;0,5;oops"
+    lines[6] = "0,05;0,5"
+    (tmp_path / "run.csv").write_text("\n".join(lines))
+    run = read_recording(tmp_path / "run.csv")
+    said = "\n".join(map(str, run.faults))
+    assert "column `dR_x`, row 3: 'oops' is not a number" in said
+    assert "row 5: the row has 2 cells, but the header 3" in said
+    np.testing.assert_allclose(run.group("dR")[[0, 7], 0], [1.25, 8.25])
+    assert np.isnan(run.group("dR")[[2, 4], 0]).all()
+
+
+def test_missing_values_and_infinite_ones(tmp_path):
+    table = columns()
+    table["dR_y"] = [f"{x:.9g}" for x in table["dR_y"]]
+    table["dR_y"][99:130] = [""] * 31
+    table["dR_y"][200] = "inf"
+    fault = only(read_recording(write(tmp_path / "run.csv", table)), "missing")
+    assert (fault.file, fault.column, fault.rows) == ("run.csv", "dR_y", ((100, 130), (201, 201)))
+    assert "column `dR_y`, rows 100-130, 201: 32 of 600 values are missing (1 of them" in str(fault)
+
+
+def test_a_missing_stretch_is_a_gap_in_time(tmp_path):
+    table = {name: np.delete(x, slice(300, 350)) for name, x in columns().items()}
+    run = read_recording(write(tmp_path / "run.csv", table))
+    assert only(run, "gap").rows == ((300, 301),)
+    assert "nothing was recorded from 0.598 s to 0.7 s" in str(run.faults[0])
+    filled = run.filled()
+    assert len(filled) == 600
+    assert np.isnan(filled.group("dR")[300:350]).all()
+    assert np.isfinite(filled.inputs).all()
+    np.testing.assert_allclose(filled.time, columns()["t"], atol=1e-12)
+
+
+def test_time_that_does_not_increase(tmp_path):
+    table = columns()
+    table["t"][[50, 51]] = table["t"][49]  # a repeated sample, twice
+    table["t"][400] += 7.0  # one time ran ahead
+    run = read_recording(write(tmp_path / "run.csv", table))
+    fault = only(run, "non-increasing time")
+    assert fault.rows == ((51, 52), (401, 401))
+    assert len(run) == 597
+    assert 400 not in run.rows - 1
+
+    table = columns()
+    table["t"][450:] -= table["t"][450]  # the logger started again
+    run = read_recording(write(tmp_path / "run.csv", table))
+    fault = only(run, "non-increasing time")
+    assert fault.rows == ((451, 600),)
+    assert "only the 450 rows before are used" in fault.consequence
+    assert len(run) == 450
+
+
+def test_constant_clipped_and_stuck_channels(tmp_path):
+    table = columns()
+    table["dR_x"][:] = 1.5e-5
+    run = read_recording(write(tmp_path / "a.csv", table))
+    assert "constant at 1.5e-05" in only(run, "constant").what
+    assert not run.mask("dR")[:, 0].any()
+
+    table = columns()
+    table["dR_z"] = np.clip(table["dR_z"], -1, 5e-5)
+    run = read_recording(write(tmp_path / "b.csv", table))
+    assert "clipped at 5e-05" in only(run, "clipped").what
+    clipped = np.isclose(table["dR_z"], 5e-5, rtol=1e-9)
+    np.testing.assert_array_equal(run.mask("dR")[:, 2], ~clipped)
+
+    table = columns()
+    table["theta_2"][300:380] = table["theta_2"][300]
+    run = read_recording(write(tmp_path / "c.csv", table))
+    assert only(run, "stuck").rows == ((301, 380),)
+    assert np.isnan(run.group("theta")[300:380, 1]).all()
+
+
+def test_a_simulated_run_may_rest_exactly(tmp_path):
+    table = columns()
+    for name in ("dR_x", "dR_y", "dR_z"):
+        table[name] = np.zeros(600)
+    note = "[noise]\ndR = 0.0\ntheta = 0.0\n"
+    assert read_recording(write(tmp_path / "run.csv", table, note)).faults == []
+
+
+def test_an_input_with_holes_is_bridged_and_said(tmp_path):
+    table = columns()
+    table["torque_1"] = np.linspace(0, 1, 600)
+    table["torque_1"][10:13] = np.nan
+    table["torque_1"][300:340] = np.nan
+    run = read_recording(write(tmp_path / "run.csv", table))
+    assert only(run, "missing").rows == ((11, 13), (301, 340))
+    np.testing.assert_allclose(run.torque[:, 0], np.linspace(0, 1, 600), atol=1e-8)
+    assert not run.mask("dR")[300:340].any()  # the answer to an unknown input says nothing
+    assert run.mask("dR")[10:13].all()
+
+
+def test_unknown_columns_and_a_step_in_milliseconds(tmp_path):
+    table = columns()
+    table["omega_x"] = table["dR_x"]
+    table["t"] = 1e3 * table["t"]
+    run = read_recording(write(tmp_path / "run.csv", table))
+    assert "did you mean `Omega_x`?" in str(run.faults[0])
+    assert "looks like milliseconds" in str(run.faults[1])
+    assert run.step == pytest.approx(STEP)
+
+
+@pytest.mark.parametrize(
+    ("spoil", "message"),
+    [
+        (lambda t: t.pop("t"), "run.csv has no column `t`"),
+        (lambda t: t.pop("torque_2"), "run.csv lacks the input `torque_2`"),
+        (lambda t: t.update(torque_4=t["torque_1"]), "torques for 4 wheels, but the rig has 3"),
+        (lambda t: t.update(torque_1=np.full(600, np.nan)), "`torque_1`: 600 of 600 values are"),
+        (lambda t: t.update(t=np.zeros(600)), "column `t`: three samples at increasing times"),
+    ],
+)
+def test_what_cannot_be_used_is_refused(tmp_path, spoil, message):
+    table = columns()
+    spoil(table)
+    with pytest.raises(InputError, match=message):
+        read_recording(write(tmp_path / "run.csv", table), machine())
+
+
+@pytest.mark.parametrize(
+    ("note", "message"),
+    [
+        ("rol = 1\n", r"`rol` is not a key of a run \(did you mean `role`\?\)"),
+        ('role = "test"\n', "`role` must be train or held-out, but is 'test'"),
+        ("[noise]\ndr = 1\n", r"`noise.dr` is not a column or group \(did you mean `dR`\?\)"),
+        ("[noise]\ndR = -1\n", "`noise.dR` must be a 1-sigma in m, 0 or more, but is -1"),
+        ('[units]\ndR = "kg"\n', "`units.dR` must be a unit of m, but is 'kg'"),
+        ('[channels]\ndR_x = "Prob"\n', "names the column 'Prob', which run.csv does not have"),
+        ("role = \n", "is not a TOML file"),
+    ],
+)
+def test_a_wrong_sidecar_is_refused(tmp_path, note, message):
+    with pytest.raises(InputError, match=message):
+        read_recording(write(tmp_path / "run.csv", columns(40), note))
+
+
+@pytest.mark.parametrize("content", ["", "t,torque_1\n", "1,2\n3,4\n"])
+def test_a_file_without_data_is_refused(tmp_path, content):
+    (tmp_path / "run.csv").write_text(content)
+    with pytest.raises(InputError, match=r"run\.csv (holds no data|has no header row)"):
+        read_recording(tmp_path / "run.csv")
+
+
+def test_a_packed_file_that_was_cut_off_gives_what_it_holds(tmp_path):
+    path = write(tmp_path / "run.csv.gz", columns())
+    path.write_bytes(path.read_bytes()[:20000])
+    run = read_recording(path)
+    assert "truncated" in [fault.kind for fault in run.faults]
+    assert 100 < len(run) < 600
+    path.write_bytes(gzip.compress(b"x")[3:])
+    with pytest.raises(InputError, match="is not a gzip file"):
+        read_recording(path)
+
+
+def test_faults_between_runs_and_of_the_folder(tmp_path):
+    note = 'rig = "rig.toml"\n'
+    write(tmp_path / "run-1.csv", columns(), note)
+    slow = {name: x[::2] for name, x in columns().items() if not name.startswith("dR")}
+    write(tmp_path / "run-2.csv", slow, note + 'role = "held-out"\n')
+    write(tmp_path / "run-3.csv", columns(), note)
+    write(tmp_path / "run-4.csv", {"t": np.arange(9.0), "dR_x": np.arange(9.0)}, note)
+    write(tmp_path / "wheel.csv", {"theta": np.arange(9.0), "rho": np.zeros(9)})
+    (tmp_path / "run-9.toml").write_text(note)
+    case = read_case(tmp_path, rig=machine())
+    said = {(fault.file, fault.kind) for fault in case.faults}
+    assert [run.name for run in case.train] == ["run-1", "run-3"]
+    assert [run.name for run in case.held_out] == ["run-2"]
+    assert said == {
+        ("run-2.csv", "different sampling"), ("run-2.csv", "missing output"),
+        ("run-4.csv", "unusable"), ("wheel.csv", "not a run"), ("run-9.toml", "no run"),
+    }  # fmt: skip
+
+
+def test_a_folder_without_runs_or_rig_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no rig file: no run names one"):
+        read_case(tmp_path)
+    with pytest.raises(InputError, match="no run can be used"):
+        read_case(tmp_path, rig=machine())
+    with pytest.raises(InputError, match="is not a folder"):
+        read_case(tmp_path / "nowhere")
+
+
+WRONG_UNITS = [
+    (("dR_x",), 1e3), (("dR_x", "dR_y", "dR_z"), 1e3), (("dR_z",), 1e-3),
+    (("theta_2",), 180 / np.pi), (("theta_1", "theta_2", "theta_3"), 180 / np.pi),
+    (("Omega_y",), 1e3), (("Omega_x", "Omega_y", "Omega_z"), 30 / np.pi), (("a_x",), 1e3),
+    (("a_x", "a_y", "a_z"), 1e3), (("torque_1",), 1e3), (("torque_1", "torque_2", "torque_3"), 1e3),
+    (("force_x", "force_y", "force_z"), 1e3),
+]  # fmt: skip
+
+
+def test_wrong_units_are_found_and_mended(tmp_path):
+    from omnijax.recording._scales import mend_units
+
+    case = read_case(shared("recordings", "case-03"))
+    assert case.all_faults == []  # heavy rolling resistance is no wrong unit
+    good = case.runs[0]
+    for names, factor in WRONG_UNITS:
+        spoilt = {c: x * (factor if c in names else 1) for c, x in good.channels.items()}
+        run = Recording("run", good.path, good.time, spoilt, 3)
+        mend_units(run, case.rig, set())
+        assert [fault.kind for fault in run.faults] == ["unit"], (names, factor)
+        assert f"{factor:.3g} times too large" in run.faults[0].what or factor < 1
+        for column in names:
+            np.testing.assert_allclose(run.channels[column], good.channels[column], rtol=1e-9)
+
+
+def test_a_unit_that_the_user_states_is_kept(tmp_path):
+    from omnijax.recording._scales import mend_units
+
+    case = read_case(shared("recordings", "case-03"))
+    run = case.runs[0]
+    run.channels["dR_x"] *= 1e3
+    mend_units(run, case.rig, {"dR"})
+    assert "it is used in the unit that NAME.toml says" in run.faults[0].consequence
+    assert np.nanstd(run.channels["dR_x"]) > 1e-3
+
+
+def test_a_real_recording_is_read_fast_and_without_fault():
+    path = shared("recordings", "case-02", "run-2.csv.gz")
+    read_recording(path)
+    start = time.process_time()
+    run = read_recording(path)
+    assert time.process_time() - start < 0.1
+    assert len(run) == 6001
+    assert run.faults == []

@@ -1,0 +1,83 @@
+"""The noise floor: what is declared, what repeats or rest show, and when it cannot be known."""
+
+import json
+
+import numpy as np
+import pytest
+from machines import shared
+from recordings import columns, write
+
+from omnijax import Recording, read_case, read_recording
+from omnijax.recording import noise_floor
+
+rng = np.random.default_rng(3)
+
+
+def run_of(values, torque=None, noise=None):
+    """A recording of one channel group dR, (samples, 3)."""
+    torque = np.zeros(len(values)) if torque is None else torque
+    time = 2e-3 * np.arange(len(values))
+    channels = {f"torque_{i}": torque for i in (1, 2, 3)}
+    channels |= {f"force_{axis}": np.zeros(len(values)) for axis in "xyz"}
+    channels |= {f"dR_{axis}": values[:, i] for i, axis in enumerate("xyz")}
+    return Recording("run", None, time, channels, 3, noise=noise or {})  # pyright: ignore
+
+
+def busy(samples):
+    """Movement of every frequency up to 40 % of the sampling's half, as strong as the noise."""
+    spectrum = np.zeros((samples // 2 + 1, 3), complex)
+    top = int(0.2 * samples)
+    spectrum[:top] = rng.standard_normal((top, 3)) + 1j * rng.standard_normal((top, 3))
+    return 3e-4 * np.fft.irfft(spectrum, samples, axis=0)
+
+
+def test_declared_noise_counts_first(tmp_path):
+    table = columns(900, rolling_from=400)
+    run = read_recording(write(tmp_path / "run.csv", table, "[noise]\ndR = 5e-6\n"))
+    floor = noise_floor([run])
+    assert floor.source == {"dR": "declared", "theta": "rest"}
+    assert floor.group("dR") == 5e-6
+    assert floor.group("theta") == pytest.approx(1e-4, rel=0.15)
+    assert "dR: 5e-06 (declared)" in str(floor)
+
+
+def test_rest_is_measured_even_while_the_floor_shakes():
+    n, late = 900, np.where(np.arange(900) > 500, 1.0, 0.0)
+    shaking = 3e-5 * np.sin(2 * np.pi * 17 * 2e-3 * np.arange(n))[:, None]
+    values = shaking + late[:, None] * busy(n) + 2e-6 * rng.standard_normal((n, 3))
+    floor = noise_floor([run_of(values, late)])
+    assert floor.source == {"dR": "rest"}
+    assert floor.group("dR") == pytest.approx(2e-6, rel=0.15)
+
+
+def test_repeats_show_the_noise_of_runs_without_rest():
+    n = 700
+    torque, course = 1 + 0.1 * np.sin(np.arange(n)), busy(n)
+    noisy = [run_of(course + 2e-6 * rng.standard_normal((n, 3)), torque) for _ in range(2)]
+    floor = noise_floor(noisy)
+    assert floor.source == {"dR": "repeats"}
+    assert floor.group("dR") == pytest.approx(2e-6, rel=0.05)
+
+
+def test_quiet_stretches_serve_a_run_without_rest_and_busy_ones_do_not():
+    n = 4096
+    torque = 1 + 0.1 * np.sin(np.arange(n))
+    noise = 2e-6 * rng.standard_normal((n, 3))
+    bursts = np.where(np.sin(2e-3 * np.arange(n)) > 0.3, 1.0, 0.0)[:, None]
+    floor = noise_floor([run_of(bursts * busy(n) + noise, torque)])
+    assert floor.source == {"dR": "quiet stretches"}
+    assert floor.group("dR") == pytest.approx(2e-6, rel=0.1)
+
+    swelling = np.linspace(1, 12, n)[:, None] * 20
+    floor = noise_floor([run_of(swelling * busy(n) + noise, torque)])
+    assert floor.source == {"dR": "unknown"}
+    assert not floor.known
+    assert np.isnan(floor.group("dR"))
+
+
+@pytest.mark.parametrize("case", ["case-04", "case-09", "case-11"])
+def test_undeclared_noise_of_the_shared_recordings(case):
+    truth = json.loads(shared("recordings", case, "truth.json").read_text())["noise"]
+    floor = noise_floor(read_case(shared("recordings", case)).runs)
+    for group, sigma in truth.items():
+        assert floor.group(group) == pytest.approx(sigma, rel=0.08), (case, group, floor.source)
