@@ -19,6 +19,7 @@ _EXPORTS = {  # package -> its names here; nothing is imported before it is aske
     ),
     "recording": "Case Recording read_case read_recording write_recording",
     "study": "SweepResult load_sweep sweep",
+    "diagnosis": "Diagnosis diagnose",
     "vibration": "METRICS Modes evaluate modes natural_frequencies",
 }
 _WHERE = {name: package for package, names in _EXPORTS.items() for name in names.split()}

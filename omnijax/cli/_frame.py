@@ -20,6 +20,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {  # section of the help -> its commands,
     "Rig files": ("init", "check", "effects", "schema"),
     "Runs": ("simulate",),
     "Studies": ("sweep", "sweep-status", "export"),
+    "Diagnosis": ("diagnose",),
     "Look": ("replay", "explore"),
 }
 

@@ -76,7 +76,7 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 6,
         if not np.all(np.isfinite(residual)):
             break
         J = _jacobian(model, point, free, residual, tangents)
-        if not np.all(np.isfinite(J)):
+        if not np.all(np.isfinite(J)) or np.max(np.abs(J)) > 1e100:
             J = None
             break
         tangents = J[:, :P]

@@ -1,0 +1,96 @@
+"""`omnijax diagnose`: find and name the effect that a simulation lacks."""
+
+from pathlib import Path
+from typing import Any
+
+from ._options import Json, emit
+
+
+def diagnose(
+    case: Path,
+    /,
+    *,
+    out: Path | None = None,
+    rig: Path | None = None,
+    law: list[Path] | None = None,
+    window: float = 1.0,
+    json: Json = False,
+) -> int:
+    """Find where simulation and data disagree, name the missing effect, and add it.
+
+    Example: omnijax diagnose recordings/case-01 --out diagnosis/case-01
+
+    Writes diagnosis.json, rig-diagnosed.toml, index.html and its figures into --out.
+
+    Parameters
+    ----------
+    case
+        A folder with one rig file and its runs (CSV, Parquet, MAT, NetCDF with a TOML beside).
+    out
+        Folder of the results; default: diagnosis-CASE in the current folder.
+    rig
+        Another rig file than the folder's.
+    law
+        A Python file with laws of your own that join the candidates; may be given several times.
+    window
+        Seconds after which Omega and the rolled lengths start anew.
+    """
+    import sys
+    import time
+
+    from .._errors import InputError
+    from ..diagnosis import diagnose as run
+    from ..recording import read_case
+    from ..report import diagnosis_page
+    from ..rig import load_laws, save_rig
+
+    if not window > 0:
+        raise InputError(f"--window must be above 0 s, but is {window:g}.")
+    started = time.monotonic()
+
+    def tell(text: str) -> None:
+        print(f"{time.monotonic() - started:6.1f} s  {text}", file=sys.stderr, flush=True)
+
+    laws: dict[str, Any] = {}
+    for file in law or []:
+        laws |= load_laws(file)
+    found = run(read_case(case, rig), laws=laws, window=window, tell=tell)
+    folder = out or Path(f"diagnosis-{case.resolve().name}")
+    folder.mkdir(parents=True, exist_ok=True)
+    found.save(folder / "diagnosis.json")
+    save_rig(found.rig, folder / "rig-diagnosed.toml")
+    command = f"omnijax diagnose {case}"
+    diagnosis_page(found, command).write(folder)
+    tell(f"wrote {folder}/index.html, diagnosis.json, rig-diagnosed.toml")
+    emit(json, found.to_dict(), lambda: _print(found))
+    return 0
+
+
+def _print(found: Any) -> None:
+    """The answer in a few lines."""
+    print(f"verdict: {found.verdict}")
+    for fault in found.faults:
+        print(f"  data: {fault}")
+    for effect in found.effects:
+        print(f"  {effect.id} at {effect.place}")
+        for key, p in effect.parameters.items():
+            sigma = "" if p["sigma"] is None else f" ± {_number(p['sigma'])}"
+            print(f"    {key} = {_number(p['value'])}{sigma} {p['unit']}")
+    for group, gap in found.gap.items():
+        print(
+            f"  {group}: RMS {gap.before:.3g} -> {gap.after:.3g} {gap.unit}, "
+            f"noise {gap.noise_floor:.3g}"
+        )
+    if found.learned:
+        print(
+            f"  learned, uninterpreted term at {found.learned['port']}: closes "
+            f"{100 * found.learned['closed']:.0f} % of the held-out gap"
+        )
+    if found.next_experiment:
+        print(f"  next experiment: {found.next_experiment['drive']}")
+
+
+def _number(value: Any) -> str:
+    if isinstance(value, list):
+        return "[" + ", ".join(_number(v) for v in value) + "]"
+    return f"{value:.6g}"

@@ -1,0 +1,198 @@
+"""The page of a diagnosis: the answer first, then where, which, the gap, and the parameters."""
+
+from typing import Any
+
+import numpy as np
+
+from ._content import Column, Fact, Figure, Provenance, Section, Table, provenance
+from ._page import Page
+from ._style import PALETTE, figure, style
+
+ANSWERS = {
+    "none": "Simulation and data agree within the noise once the uncertain parameters are calibrated.",
+    "named": "A missing effect was found, named, and confirmed on held-out runs.",
+    "ambiguous": "Several effects explain these runs equally well; the next experiment tells which.",
+    "unknown": "There is a significant gap that no known effect closes.",
+}
+
+
+def diagnosis_page(found: Any, command: str = "omnijax diagnose") -> Page:
+    """A `Page` of a `Diagnosis`."""
+    from ..rig import rig_text
+
+    made: Provenance = provenance(command, rig_text(found.rig), 0)
+    sections = [_where(found), _which(found), _gap(found), _parameters(found), _notes(found)]
+    facts = [Fact("verdict", found.verdict)]
+    facts += [Fact(f"{e.id} at {e.place}", _main(e)) for e in found.effects]
+    answer = ANSWERS[found.verdict]
+    if found.effects:
+        joined = " and " if found.verdict == "named" else " or "
+        answer += " It is " + joined.join(f"`{e.id}` at {e.place}" for e in found.effects) + "."
+    if found.learned:
+        answer += (
+            f" A learned, uninterpreted term at the {found.learned['port']} closes "
+            f"{100 * found.learned['closed']:.0f} % of it."
+        )
+    return Page(
+        "Diagnosis", "Where do simulation and data disagree, and why?", answer, sections, made, facts
+    )
+
+
+def _main(effect) -> str:
+    parts = []
+    for key, p in effect.parameters.items():
+        value = np.round(p["value"], 4) if isinstance(p["value"], list) else f"{p['value']:.5g}"
+        parts.append(f"{key} {value} {p['unit']}")
+    return ", ".join(parts) or "no free size"
+
+
+def _where(found) -> Section:
+    rows = [
+        [w["channel"], w["domain"], w["value"], w["reference"], 100 * w["share"], w["rms_over_noise"]]
+        for w in found.where
+    ]
+    table = Table(
+        [Column("channel", text=True), Column("domain", text=True), Column("value"),
+         Column("of", text=True), Column("share", "%"), Column("RMS over noise")],
+        rows, "where", "What stands after a block-shuffled null with false-discovery control.",
+    )  # fmt: skip
+    text = (
+        "The share of a channel's residual power that lies in a line (Hz or order), or between the "
+        "bins of a state. Before any effect is added; on a held-out run."
+        if rows
+        else "Nothing stands out against a block-shuffled null."
+    )
+    figures = [_order_figure(found)] if found.details and found.details["where"] else []
+    return Section("Where", text, figures, [table] if rows else [])
+
+
+def _order_figure(found) -> Figure:
+    answers = found.details["where"]
+    channel = found.where[0]["channel"] if found.where else answers[0]["channel"]
+    with style():
+        fig, axes = figure(2, 1, sharex=False)
+        data: dict[str, Any] = {}
+        for name in dict.fromkeys(a["reference"] for a in answers if a["domain"] == "order"):
+            own = [
+                a for a in answers
+                if a["channel"] == channel and a["domain"] == "order" and a["reference"] == name
+            ]  # fmt: skip
+            x, y = [a["value"] for a in own], [100 * a["share"] for a in own]
+            axes[0].plot(x, y, marker=".", label=name)
+            data["order / 1"], data[f"share {name} / %"] = x, y
+        axes[0].set(xlabel="order (events a turn)", ylabel="share, %")
+        axes[0].set_title(f"Residual of {channel} by order of each wheel and of the sphere")
+        axes[0].legend()
+        lines = [a for a in answers if a["channel"] == channel and a["domain"] == "frequency"]
+        axes[1].plot([a["value"] for a in lines], [100 * a["share"] for a in lines],
+                     color=PALETTE["black"])  # fmt: skip
+        axes[1].set(xlabel="frequency, Hz", ylabel="share, %")
+        axes[1].set_title("The same by frequency: a line that is sharper here stays put in Hz")
+    return Figure(fig, "where-orders", f"Where the residual of {channel} lies.", data)
+
+
+def _which(found) -> Section:
+    first = [s for s in found.scores if s["step"] == 1][:10]
+    figures = []
+    if first:
+        with style():
+            fig, axes = figure(1, 1, height=3.6)
+            names = [f"{s['id']} at {s['place']}" for s in first][::-1]
+            gain = np.array([max(s["gain"], 1e-2) for s in first])[::-1]
+            axes[0].barh(range(len(names)), gain, color=PALETTE["blue"])
+            axes[0].set_yticks(range(len(names)), names)
+            axes[0].set(xlabel="gain in chi-square, tangent score", xscale="log")
+            axes[0].set_title("What each candidate would explain")
+        figures.append(
+            Figure(fig, "scores", "Score of the best candidates, baseline parameters projected out.",
+                   {"candidate": names, "gain / 1": gain.tolist()})  # fmt: skip
+        )
+    rows = [
+        [f"{e.id} at {e.place}", _main(e), e.evidence.get("delta_bic"), e.evidence.get("margin_to_next"),
+         ", ".join(f"{a['id']} at {a['place']}" for a in e.indistinguishable_from) or "–"]
+        for e in found.effects
+    ]  # fmt: skip
+    columns = [Column("effect", text=True), Column("parameters", text=True), Column("ΔBIC"),
+               Column("margin to the next rival"), Column("not to be told from", text=True)]  # fmt: skip
+    tables = [Table(columns, rows, "effects", "The named effects.", stacked=True)] if rows else []
+    text = "Every law of the library at every place it may have, refitted together with the baseline."
+    if found.next_experiment:
+        text += f"\n\nNext experiment: {found.next_experiment['drive']}."
+    return Section("Which", text, figures, tables)
+
+
+def _gap(found) -> Section:
+    rows = [[g, x.unit, x.noise_floor, x.before, x.after] for g, x in found.gap.items()]
+    table = Table(
+        [Column("group", text=True), Column("unit", text=True), Column("noise"), Column("before"),
+         Column("after")],
+        rows, "gap", "RMS of measured less predicted on held-out runs (theta and Omega by windows).",
+    )  # fmt: skip
+    figures = [_time_figure(found)] if found.details else []
+    return Section("The gap", "Held-out runs are never fitted.", figures, [table])
+
+
+def _time_figure(found) -> Figure:
+    d = found.details
+    machine = d["model"].machine
+    i = d["model"].splits["held-out"][0]
+    rows = machine.rows[i]
+    groups = list(found.gap)
+    worst = max(groups, key=lambda g: found.gap[g].before / found.gap[g].noise_floor)
+    tables = [np.concatenate(rows.split(d[k][: rows.size]), axis=1) for k in ("before", "after")]
+    column = {"dR": 0, "a": 3, "Omega": 6, "theta": 9}[worst]
+    width = 3 if worst != "theta" else tables[0].shape[1] - 9
+    pick = column + int(np.argmax(np.sum(tables[0][:, column : column + width] ** 2, axis=0)))
+    time = machine.runs[i].time
+    before, after = tables[0][:, pick], tables[1][:, pick]
+    with style():
+        fig, axes = figure(2, 1, sharex=False)
+        axes[0].plot(time, before, color=PALETTE["vermillion"], label="before", linewidth=0.8)
+        axes[0].plot(time, after, color=PALETTE["blue"], label="after", linewidth=0.8)
+        axes[0].set(xlabel="time, s", ylabel="residual, sigma")
+        axes[0].set_title(f"Residual of {worst} on {machine.runs[i].name}")
+        axes[0].legend(ncols=2)
+        f = np.fft.rfftfreq(len(time), machine.runs[i].step)
+        for values, colour in ((before, "vermillion"), (after, "blue")):
+            axes[1].loglog(f[1:], np.abs(np.fft.rfft(values))[1:] / np.sqrt(len(time)),
+                           color=PALETTE[colour], linewidth=0.8)  # fmt: skip
+        axes[1].set(xlabel="frequency, Hz", ylabel="amplitude, sigma")
+        axes[1].set_title("Its spectrum; white noise is flat at 1")
+    data = {"time / s": time, "before / sigma": before, "after / sigma": after}
+    return Figure(fig, "gap", "The residual before and after, in units of the noise.", data)
+
+
+def _parameters(found) -> Section:
+    rows = [
+        [b["parameter"], b["stated"], b["without_effects"], b["with_effects"], 100 * b["relative_sigma"],
+         100 * b["absorbed"], "yes" if b["determined"] else "no, the prior holds it"]
+        for b in found.baseline
+    ]  # fmt: skip
+    columns = [Column("parameter", text=True), Column("stated"), Column("calibrated, no effect"),
+               Column("calibrated, with effect"), Column("sigma", "%"), Column("had absorbed", "%"),
+               Column("determined by the data", text=True)]  # fmt: skip
+    tables = [Table(columns, rows, "baseline", "Uncertain parameters, SI units.")] if rows else []
+    figures = []
+    if found.details and found.details["learned"] is not None:
+        figures.append(_learned_figure(found.details["learned"]))
+    return Section("Parameters", "What the baseline had absorbed before the effect was in.", figures, tables)
+
+
+def _learned_figure(learned) -> Figure:
+    with style():
+        fig, axes = figure(1, 1, height=3.2)
+        data = {}
+        for name, (x, y) in learned.curves.items():
+            axes[0].plot(x, y, label=name)
+            data[f"input / {learned.units[0]}"], data[f"{name} / {learned.units[1]}"] = x, y
+        axes[0].set(xlabel=learned.units[0], ylabel=learned.units[1])
+        axes[0].set_title("Learned term: uninterpreted")
+        axes[0].legend()
+    return Figure(fig, "learned", f"What was learned at the {learned.port}: a drawing, not a law.", data)
+
+
+def _notes(found) -> Section:
+    lines = [*found.notes, *(f"Data: {f}" for f in found.faults)]
+    lines.append("Noise, 1-sigma: " + ", ".join(
+        f"{g} {t['sigma']:.3g} ({t['source']})" for g, t in found.noise.items()))  # fmt: skip
+    return Section("Notes", "\n\n".join(lines))
