@@ -23,7 +23,7 @@ def configure() -> None:
     """
     os.environ.setdefault("PJRT_NPROC", str(max(16, os.cpu_count() or 1)))
     jax.config.update("jax_enable_x64", True)
-    if jax.config.jax_compilation_cache_dir is None:
+    if getattr(jax.config, "jax_compilation_cache_dir", None) is None:
         jax.config.update("jax_compilation_cache_dir", str(cache_folder()))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
 

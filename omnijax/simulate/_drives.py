@@ -57,7 +57,10 @@ def torques(
 ) -> TorqueDrive:
     """Drive by motor torques (N m): numbers hold for the whole run, a `Signal` varies in time."""
     return TorqueDrive(
-        _signal(torque), _signal(force), _array(initial_angle), _array(initial_velocity)
+        torque=_signal(torque),
+        force=_signal(force),
+        initial_angle=_array(initial_angle),
+        initial_velocity=_array(initial_velocity),
     )
 
 
@@ -67,7 +70,9 @@ def speeds(
     initial_angle: Sequence[float] | None = None,
 ) -> SpeedDrive:
     """Drive by prescribed wheel speeds (rad/s)."""
-    return SpeedDrive(_signal(speed), _signal(force), _array(initial_angle))
+    return SpeedDrive(
+        speed=_signal(speed), force=_signal(force), initial_angle=_array(initial_angle)
+    )
 
 
 def _array(value):

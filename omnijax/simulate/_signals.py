@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
 from .. import _config as _config
 
@@ -84,46 +85,39 @@ def constant(value: Sequence[float]) -> Signal:
     return Signal(jnp.zeros(1), values, jnp.zeros_like(values))
 
 
-def table(time: Sequence[float], values) -> Signal:
+def table(time: ArrayLike, values: ArrayLike) -> Signal:
     """Linear between samples `values` (k, d) at `time` (k,), s; held before and after.
 
     A time given twice is a jump.  Raises `ValueError` where time decreases or shapes differ.
     """
-    time, values = np.asarray(time, float), np.asarray(values, float)
-    if values.ndim == 1:
-        values = values[:, None]
-    if time.ndim != 1 or len(time) != len(values) or len(time) == 0:
-        raise ValueError(
-            f"a table needs one row a time, but has {len(time)} times, {len(values)} rows."
-        )
-    if np.any(np.diff(time) < 0):
-        row = int(np.argmax(np.diff(time) < 0)) + 1
-        raise ValueError(f"`time` must not decrease, but does at row {row} ({time[row]:g} s).")
-    width = np.diff(time)[:, None]
-    slopes = np.where(width > 0, np.diff(values, axis=0) / np.where(width > 0, width, 1.0), 0.0)
-    slopes = np.concatenate([slopes, np.zeros((1, values.shape[1]))])
-    keep = np.append(np.diff(time) > 0, True)  # of a doubled time the later row counts
-    return Signal(*(jnp.asarray(x[keep]) for x in (time, values, slopes)))
+    t, v = np.asarray(time, float), np.asarray(values, float)
+    if v.ndim == 1:
+        v = v[:, None]
+    if t.ndim != 1 or len(t) != len(v) or len(t) == 0:
+        raise ValueError(f"a table needs one row a time, but has {len(t)} times, {len(v)} rows.")
+    if np.any(np.diff(t) < 0):
+        row = int(np.argmax(np.diff(t) < 0)) + 1
+        raise ValueError(f"`time` must not decrease, but does at row {row} ({t[row]:g} s).")
+    width = np.diff(t)[:, None]
+    slopes = np.where(width > 0, np.diff(v, axis=0) / np.where(width > 0, width, 1.0), 0.0)
+    slopes = np.concatenate([slopes, np.zeros((1, v.shape[1]))])
+    keep = np.flatnonzero(np.append(np.diff(t) > 0, True))  # of a doubled time the later row counts
+    return Signal(*(jnp.asarray(x[keep]) for x in (t, v, slopes)))
 
 
-def step(time: float, before: Sequence[float], after: Sequence[float]) -> Signal:
+def step(time: float, before: ArrayLike, after: ArrayLike) -> Signal:
     """`before` until `time` (s), `after` from then on."""
-    before, after = (
-        np.atleast_1d(np.asarray(before, float)),
-        np.atleast_1d(np.asarray(after, float)),
-    )
+    first, last = _vectors(before, after)
     start = min(time, 0.0) - 1.0
-    return table([start, time, time], np.stack([before, before, after]))
+    return table([start, time, time], np.stack([first, first, last]))
 
 
-def ramp(start: float, end: float, before: Sequence[float], after: Sequence[float]) -> Signal:
+def ramp(start: float, end: float, before: ArrayLike, after: ArrayLike) -> Signal:
     """`before` until `start` (s), linear to `after` at `end`, held then."""
     if not end > start:
-        raise ValueError(
-            f"a ramp must end after it starts, but runs from {start:g} s to {end:g} s."
-        )
-    before, after = (
-        np.atleast_1d(np.asarray(before, float)),
-        np.atleast_1d(np.asarray(after, float)),
-    )
-    return table([start, end], np.stack([before, after]))
+        raise ValueError(f"a ramp must end after it starts, but runs {start:g} s to {end:g} s.")
+    return table([start, end], np.stack(_vectors(before, after)))
+
+
+def _vectors(*values: ArrayLike) -> list[np.ndarray]:
+    return [np.atleast_1d(np.asarray(value, float)) for value in values]

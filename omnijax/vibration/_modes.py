@@ -26,17 +26,17 @@ def modes(rig: Rig, model: str = "coupled") -> Modes:
     translation = TRANSLATIONS[model](rig)
     system = linear_system(translation)
     values, vectors = np.linalg.eig(np.asarray(system.A))
-    keep = values.imag >= -1e-9 * np.abs(values)
+    keep = np.imag(values) >= -1e-9 * np.abs(values)
     values, vectors = values[keep], vectors[:, keep]
     order = np.argsort(np.abs(values))
     values, vectors = values[order], vectors[:, order]
     rows = np.asarray(system.row("displacement")[0])
     shape = rows @ vectors
     shape = shape * np.exp(-1j * np.angle(shape[np.abs(shape).argmax(0), np.arange(len(values))]))
-    length = np.linalg.norm(shape.real, axis=0)
-    shape = np.where(length > 0, shape.real / np.where(length > 0, length, 1.0), 0.0)
+    length = np.linalg.norm(np.real(shape), axis=0)
+    shape = np.where(length > 0, np.real(shape) / np.where(length > 0, length, 1.0), 0.0)
     size = np.abs(values)
-    ratio = -values.real / np.where(size > 0, size, 1.0)
+    ratio = -np.real(values) / np.where(size > 0, size, 1.0)
     return Modes(jnp.asarray(size / (2 * np.pi)), jnp.asarray(ratio), jnp.asarray(shape.T))
 
 

@@ -15,7 +15,10 @@ def summary_rows(state: Any) -> list[tuple[str, float, str]]:
     ]
     for name in ("rms_component", "peak_component", "peak_to_peak", "mean"):
         values = np.asarray(getattr(state, name))
-        rows += [(f"{name} {axis}", float(v), state.UNITS[name]) for axis, v in zip("xyz", values)]
+        rows += [
+            (f"{name} {axis}", float(v), state.UNITS[name])
+            for axis, v in zip("xyz", values, strict=True)
+        ]
     return rows
 
 
@@ -53,15 +56,15 @@ def to_xarray(state: Any) -> Any:
 
     component = ("component",)
     lines = ("signal", "harmonic")
-    dims = {"order": lines, "transmissibility": lines}
+    dims: dict[str, tuple[str, ...]] = {"order": lines, "transmissibility": lines}
     for name in ("rms_component", "peak_component", "peak_to_peak", "mean"):
         dims[name] = component
     data = {}
     for name, unit in state.UNITS.items():
         value, attributes = np.asarray(getattr(state, name)), {"units": unit}
         if name == "spectrum":
-            data["spectrum_real"] = ((*lines, "component"), value.real, attributes)
-            data["spectrum_imag"] = ((*lines, "component"), value.imag, attributes)
+            data["spectrum_real"] = ((*lines, "component"), np.real(value), attributes)
+            data["spectrum_imag"] = ((*lines, "component"), np.imag(value), attributes)
         else:
             data[name] = (dims.get(name, ()), value, attributes)
     names = [state.names[wheel] for wheel in state.wheel]
