@@ -15,7 +15,8 @@ ORDER = omnijax._PACKAGES  # from left to right: a package imports from itself a
 
 @pytest.mark.parametrize("package", ORDER)
 def test_imports_go_one_way(package):
-    allowed = {*ORDER[: ORDER.index(package) + 1], "_config", "_errors", "__version__"}
+    helpers = {path.stem for path in ROOT.glob("_*.py")}  # of the root: they import no package
+    allowed = {*ORDER[: ORDER.index(package) + 1], *helpers, "__version__"}
     for file in (ROOT / package).rglob("*.py"):
         depth = len(file.relative_to(ROOT).parts)  # of dots that reach the root
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
@@ -25,6 +26,13 @@ def test_imports_go_one_way(package):
             elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("omnijax."):
                 names = [node.module.split(".")[1]] if node.level == 0 and node.module else []
             assert set(names) <= allowed, f"{file}:{node.lineno} imports {names}"
+
+
+def test_helpers_of_the_root_import_no_package():
+    for file in ROOT.glob("_*.py"):
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom):
+                assert (node.module or "").split(".")[0] not in ORDER, f"{file}:{node.lineno}"
 
 
 def test_the_order_names_every_package():
