@@ -8,6 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._html import html_table
+
 STATUS = {
     0: "ok",
     1: "non-finite",
@@ -148,6 +150,14 @@ class Trajectory(eqx.Module):
         from ._plots import plot_channel
 
         return plot_channel(self, name, ax=ax)
+
+    def _repr_html_(self) -> str:
+        rows = [("status", self.message()), ("steps", str(int(self.steps)))]
+        rows.append(("wheels", ", ".join(self.names)))
+        largest = 1e6 * float(jnp.max(self.distance))
+        rows.append(("largest |ΔR| of the samples", f"{largest:.4g} µm"))
+        rows += [(key, f"{unit}, {getattr(self, key).shape}") for key, unit in self.UNITS.items()]
+        return html_table("Trajectory", rows, ("channel", "unit and shape"))
 
     def __repr__(self) -> str:
         n = self.theta.shape[-1]

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError, did_you_mean
+from .._html import html_table
 from ._points import Grid
 from ._store import FAILED, STATUS, Store, create_store, open_store
 from ._sweep_spec import PATHS, SweepSpec
@@ -138,6 +139,15 @@ class SweepResult:
             start, stop = self.store.bounds(chunk)
             store.write(chunk, {n: self.store.read(n, start, stop) for n in self.store.names})
         return SweepResult(store)
+
+    def _repr_html_(self) -> str:
+        rows = [("path", self.path), ("designs", self.size)]
+        rows += [(f"status {name}", count) for name, count in self.counts().items()]
+        for metric in self.spec.metrics:
+            best = self.best(metric)
+            found = "none" if best is None else f"{self[metric].ravel()[best]:.4g} (design {best})"
+            rows.append((f"least {metric}, {self.unit(metric)}", found))
+        return html_table("Sweep", rows)
 
     def __repr__(self) -> str:
         counts = ", ".join(f"{n} {name}" for name, n in self.counts().items())
