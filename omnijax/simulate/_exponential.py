@@ -23,7 +23,7 @@ from jaxtyping import Array, Float
 _RADAU = (0.13975986434378035, 0.41640956763108316, 0.7231569863618762, 0.9428958038854822)
 FRACTIONS = (*_RADAU, 1.0)  # of a step, where the phi functions are kept
 LEVELS = 24  # step sizes coarsest, coarsest/2, ... coarsest/2^23
-TAYLOR = 10  # degree of the series for short steps, |h A| <= 1/2
+TAYLOR = 18  # degree of the series for short steps, |h A| <= 2
 PHIS = 5
 # (point, stages whose N its polynomial goes through): each round of stages is good to one more
 # power of h than the round before, uniformly in A
@@ -65,10 +65,22 @@ def _powers(z: Float[Array, "m m"]) -> Float[Array, "p m m"]:
 def _doubled(carry: tuple[jax.Array, jax.Array], _):
     """exp(2z) - 1 and phi_j(2z) = 2^-j [exp(z) phi_j(z) + sum_i phi_i(z)/(j - i)!]."""
     less, phi = carry
-    j = np.arange(1, PHIS + 1)
+    j = np.arange(1, len(phi) + 1)
     below = np.array([[1 / math.factorial(a - b) if a >= b else 0.0 for b in j] for a in j])
     total = less @ phi + phi + jnp.tensordot(below, phi, 1)
     return (2 * less + less @ less, total * (0.5**j)[:, None, None]), phi
+
+
+def phi_functions(A: Float[Array, "m m"], step, halvings: int) -> list[Float[Array, "j m m"]]:
+    """phi_1 ... phi_3 of step A and of the step halved up to `halvings` times, |step A| < 8000."""
+    z = step * 2.0**-14 * A
+    phi = jnp.tensordot(_series_weights()[:3], _powers(z), 1)
+    pair = jax.lax.fori_loop(0, 14 - halvings, lambda _, x: _doubled(x, None)[0], (z @ phi[0], phi))
+    found = [pair[1]]
+    for _ in range(halvings):
+        pair = _doubled(pair, None)[0]
+        found.append(pair[1])
+    return found[::-1]
 
 
 class LinearPart(dfx.AbstractTerm):
@@ -89,7 +101,7 @@ class LinearPart(dfx.AbstractTerm):
     def of(cls, A: Float[Array, "m m"], coarsest: Float[Array, ""]) -> "LinearPart":
         """Tables for steps of at most `coarsest` s."""
         size = jax.lax.stop_gradient(jnp.max(jnp.sum(jnp.abs(A), axis=0)))
-        finest = jnp.minimum(0.5 / jnp.maximum(size, 1e-6), coarsest)
+        finest = jnp.minimum(2 / jnp.maximum(size, 1e-6), coarsest)
         shortest = coarsest * 2.0 ** (1 - LEVELS)
 
         def levels(fraction):

@@ -11,9 +11,9 @@ from jaxtyping import Array, Float
 
 from ...dynamics import TRANSLATIONS, Model, State, initial_memory
 from ...rig import Rig, over_wheels
+from .._channels import trajectory
 from .._drives import SpeedDrive
 from .._signals import Signal
-from .._solve import trajectory
 from .._trajectory import Trajectory
 from ._constant import GRID_BITS, Response, constant_response
 from ._cycles import is_traced

@@ -1,0 +1,62 @@
+"""Every channel of a run from its states."""
+
+import jax
+import jax.numpy as jnp
+
+from ..dynamics import Inputs, Model, State, instant, prescribed_instant
+from ._drives import SpeedDrive
+from ._trajectory import Trajectory
+
+
+def trajectory(model: Model, drive, ts, states: State, status, steps, method) -> Trajectory:
+    """Every channel of a run from its states."""
+
+    def channels(t, state):
+        return sample(model, drive, ts[0], t, state)
+
+    values = jax.vmap(channels)(ts, states)
+    return Trajectory(
+        t=ts, **values, status=status, steps=steps, method=method, names=model.rig.names
+    )
+
+
+def sample(model: Model, drive, start, t, state: State) -> dict[str, jax.Array]:
+    """Every channel at one instant."""
+    rig, force, since = model.rig, drive.force(t), t - start
+    n = rig.size
+    if isinstance(drive, SpeedDrive):
+        state = state._replace(angle=drive.angle(t, start))
+        inputs = Inputs(jnp.zeros(n), force, since)
+        now, _, omega = prescribed_instant(
+            model, state, inputs, drive.speed(t), drive.speed.rate(t)
+        )
+        command = now.shaft_torque
+    else:
+        command, omega = drive.torque(t), state.angular_velocity
+        now = instant(model, state, Inputs(command, force, since))
+    elastic = rig.wheels.normal.T @ (now.motion.deflection + now.motion.mount)
+    friction = rig.wheels.contact.friction
+    return {
+        "theta": state.angle,
+        "omega": now.speed,
+        "Omega": omega,
+        "attitude": state.attitude / jnp.sqrt(state.attitude @ state.attitude),
+        "dR": now.motion.displacement,
+        "dR_rate": now.motion.velocity,
+        "dR_elastic": elastic,
+        "R_l": state.position,
+        "V_l": state.drift + now.motion.platform,
+        "a": now.acceleration,
+        "a_sphere": now.sphere_acceleration,
+        "shape": now.shape,
+        "deflection": now.motion.deflection,
+        "deflection_rate": now.deflection_rate,
+        "mount_deflection": now.motion.mount,
+        "mount_rate": now.motion.mount_rate,
+        "normal_force": now.normal_force,
+        "drive_force": now.drive_force,
+        "slip_margin": friction * now.normal_force - jnp.abs(now.drive_force),
+        "shaft_torque": now.shaft_torque,
+        "torque": command,
+        "force": force,
+    }
