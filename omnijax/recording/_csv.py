@@ -16,11 +16,12 @@ EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "#n/a", "nat"}
 
 
 class Table(NamedTuple):
-    """Columns of a file as they stand there, with units where the file states them."""
+    """Columns of a file as they stand there, with units and noise where the file states them."""
 
     columns: dict[str, np.ndarray]
     units: dict[str, str]
     faults: list[Fault]
+    noise: dict[str, float]
 
 
 def read_csv(path: Path) -> Table:
@@ -37,7 +38,7 @@ def read_csv(path: Path) -> Table:
     if values is None:
         values, found = _careful(path.name, lines[1:], mark, names)
         faults += found
-    return Table(_by_name(path.name, names, values, faults), {}, faults)
+    return Table(_by_name(path.name, names, values, faults), {}, faults, {})
 
 
 def write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:

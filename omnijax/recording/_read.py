@@ -45,10 +45,9 @@ def build_recording(path: Path, table: Table, sidecar: Sidecar, rig: Any = None)
     faults += found
     values = {c: named[c][rows] for c in columns(wheels)[1:] if c in named}
     time = named["t"][rows]
-    run = Recording(
-        stem_of(path), path, time, values, wheels, sidecar.role, sidecar.noise, sidecar.rig,
-        faults, rows + 1,
-    )  # fmt: skip
+    noise = {**table.noise, **sidecar.noise}
+    about = (wheels, sidecar.role, noise, sidecar.rig, faults, rows + 1)
+    run = Recording(stem_of(path), path, time, values, *about)
     faults += clean(path.name, values, run.rows, lambda c: run.declared_noise(c) == 0)
     _check_inputs(path.name, run)
     faults += mend_inputs(path.name, values, time, run.rows)

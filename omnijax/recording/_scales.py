@@ -127,15 +127,23 @@ def _siblings(run: Recording, rig: Any):
         if len(names) < 3:
             continue
         values = [run.channels[c] for c in names]
+        if not all(map(_noisy, values)):
+            continue
         noise = np.array([np.nanmedian(np.abs(np.diff(x, 7))) for x in values])
         size = np.array([np.nanstd(x) for x in values])
         for i, column in enumerate(names):
             others = np.arange(len(names)) != i
-            if not (np.all(noise > 0) and np.all(size > 0)):
-                continue
             ratios = np.concatenate([x[i] / x[others] for x in (noise, size)])
             if np.all(ratios > WRONG) or np.all(ratios < 1 / WRONG):
                 yield (column,), 10.0 ** (3 * np.sign(np.log(ratios[0])))
+
+
+def _noisy(values: np.ndarray) -> bool:
+    """Whether the seventh differences are those of white noise: neighbours correlate by -7/8."""
+    rough = np.diff(values, 7)
+    rough = rough[np.isfinite(rough)]
+    power = np.sum(rough**2)
+    return bool(power > 0 and np.sum(rough[1:] * rough[:-1]) < -0.6 * power)
 
 
 def _gap_size(run: Recording, rig: Any):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
-from ._columns import AXES, PER_WHEEL, UNITS
+from ._columns import AXES, OUTPUTS, PER_WHEEL, UNITS
 from ._csv import Table, read_csv
 
 
@@ -63,7 +63,7 @@ def spread(columns: Mapping[str, Any], units: Mapping[str, str] | None = None) -
         flat |= parts
         if units and name in units:
             said |= dict.fromkeys(parts, units[name])
-    return Table(flat, said, [])
+    return Table(flat, said, [], {})
 
 
 def _parts(name: str, value: np.ndarray, length: int) -> dict[str, np.ndarray]:
@@ -121,11 +121,13 @@ def _netcdf(path: Path) -> Table:
             str(k): str(v.attrs["units"]) for k, v in data.variables.items() if "units" in v.attrs
         }
         columns = {str(k): v.values for k, v in data.variables.items()}
+        simulated = "status_code" in data.attrs
     for group in UNITS:  # what the sensors made of it stands beside the true value
         if f"measured_{group}" in columns:
             columns[group] = columns.pop(f"measured_{group}")
+    exact = dict.fromkeys(OUTPUTS, 0.0) if simulated else {}
     own = {k: v for k, v in columns.items() if k in UNITS or k.rsplit("_", 1)[0] in UNITS}
-    return spread(own if "t" in own else columns, units)
+    return spread(own if "t" in own else columns, units)._replace(noise=exact)
 
 
 def _tdms(path: Path) -> Table:
@@ -154,7 +156,7 @@ def _uff(path: Path) -> Table:
         columns[name] = np.real(np.asarray(one["data"]))
         columns.setdefault("t", np.asarray(one["x"]))
         unit = str(one.get("ordinate_axis_units_lab", "")).strip()
-        units |= {name: unit} if unit and unit.upper() != "NONE" else {}
+        units |= {name: unit} if unit and unit.upper() not in ("NONE", "0") else {}
     return spread(columns, units)
 
 

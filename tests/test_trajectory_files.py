@@ -1,0 +1,163 @@
+"""Runs in files: everything back from NetCDF, recordings from CSV, sensors, recorded drives."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from machines import machine, shared
+
+from omnijax import (
+    InputError,
+    Trajectory,
+    drive_from_recording,
+    laws,
+    load_rig,
+    measured,
+    propagate,
+    read_recording,
+    simulate,
+    speeds,
+)
+from omnijax.simulate import to_recording
+
+
+@pytest.fixture(scope="module")
+def rig():
+    return load_rig("atlas")
+
+
+@pytest.fixture(scope="module")
+def run(rig):
+    return propagate(rig, speeds([0.7, 2.1, -0.4]), np.arange(60) * 2e-3)
+
+
+def test_netcdf_gives_everything_back_to_the_last_bit(run, rig, tmp_path):
+    path = run.save(tmp_path / "run.nc", rig, command="omnijax simulate atlas")
+    again = Trajectory.load(path)
+    assert eqx.tree_equal(again, run)
+    cut = eqx.tree_at(
+        lambda r: (r.dR, r.status), run, (run.dR.at[40:].set(jnp.nan), jnp.asarray(2))
+    )
+    again = Trajectory.load(cut.save(tmp_path / "cut.nc"))
+    assert again.message() == cut.message()
+    np.testing.assert_array_equal(again.dR, cut.dR)
+
+
+def test_a_netcdf_file_says_what_it_is(run, rig, tmp_path):
+    import xarray
+
+    path = run.save(tmp_path / "run.nc", rig, command="omnijax simulate atlas")
+    with xarray.open_dataset(path, engine="h5netcdf") as data:
+        assert {name: data[name].attrs["units"] for name in run.UNITS} == run.UNITS
+        assert data["theta"].dims == ("t", "wheel")
+        assert data["dR"].dims == ("t", "axis")
+        assert data.attrs["status"] == "ok"
+        assert data.attrs["command"] == "omnijax simulate atlas"
+        assert "[sphere]" in data.attrs["rig"]
+        assert "omnijax 0" in data.attrs["versions"]
+        np.testing.assert_array_equal(data["dR"].sel(axis="y"), run.dR[:, 1])
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run.csv.gz", "run.parquet", "run.nc"])
+def test_every_kind_of_file_is_a_noise_free_recording(run, rig, tmp_path, name):
+    if name.endswith("parquet"):
+        pytest.importorskip("pyarrow")
+    recording = read_recording(run.save(tmp_path / name, rig, tmp_path / "rig.toml"), rig)
+    assert recording.faults == []
+    for group in ("dR", "theta", "Omega", "a", "torque", "force"):
+        np.testing.assert_array_equal(recording.group(group), getattr(run, group))
+    if not name.endswith("nc"):
+        assert recording.rig_path == tmp_path / "rig.toml"
+        assert recording.declared_noise("theta_2") == 0
+
+
+def test_rows_after_a_failure_are_left_out_of_a_recording(run):
+    cut = eqx.tree_at(lambda r: r.dR, run, run.dR.at[40:].set(jnp.nan))
+    assert len(to_recording(cut)) == 40
+
+
+def test_sensors_act_on_their_group_or_channel_one_after_the_other(run, rig):
+    sensed = (
+        rig.add(laws.SensorGain(jnp.array(0.05)), "dR")
+        .add(laws.SensorDrift(jnp.array(1e-5), jnp.array(1e-4)), "dR_z")
+        .add(laws.SensorDelay(jnp.array(3 * 2e-3)), "theta")
+        .add(laws.SensorCrosstalk(X_xy=jnp.array(0.1)), "dR")
+    )
+    seen = measured(run, sensed)
+    gained = 1.05 * run.dR
+    drifted = gained[:, 2] + 1e-5 + 1e-4 * run.t
+    np.testing.assert_allclose(seen["dR"][:, 0], gained[:, 0] + 0.1 * gained[:, 1], rtol=1e-12)
+    np.testing.assert_allclose(seen["dR"][:, 2], drifted, rtol=1e-12)
+    np.testing.assert_allclose(seen["theta"][3:], run.theta[:-3], atol=1e-12)
+    np.testing.assert_array_equal(seen["Omega"], run.Omega)
+    np.testing.assert_array_equal(measured(run, rig)["dR"], run.dR)
+
+
+def test_readings_of_sensors_are_differentiable(run, rig):
+    def first(g):
+        return measured(run, rig.add(laws.SensorGain(g), "a"))["a"][7, 1]
+
+    assert jax.grad(first)(jnp.array(0.0)) == pytest.approx(float(run.a[7, 1]))
+
+
+def test_files_hold_what_the_sensors_read_and_netcdf_the_truth_too(run, rig, tmp_path):
+    sensed = rig.add(laws.SensorGain(jnp.array(0.05)), "dR")
+    for name in ("run.csv", "run.nc"):
+        recording = read_recording(run.save(tmp_path / name, sensed))
+        np.testing.assert_allclose(recording.group("dR"), 1.05 * run.dR, rtol=1e-12)
+    assert eqx.tree_equal(Trajectory.load(tmp_path / "run.nc"), run)
+
+
+def test_a_recording_drives_the_machine_through_the_same_run():
+    folder = shared("reference", "ref-1")
+    recording = read_recording(folder / "run-1.csv.gz")
+    few = 60
+    drive = drive_from_recording(recording)
+    again = simulate(load_rig(folder / "rig.toml"), drive, recording.time[:few], solver="dopri8")
+    assert drive.initial_velocity is None
+    for group in ("dR", "theta", "Omega", "a"):
+        size = np.ptp(recording.group(group), axis=0).max()
+        error = np.abs(getattr(again, group) - recording.group(group)[:few]).max()
+        assert error < 1e-6 * size
+
+
+def test_a_run_that_begins_rolling_says_so(run):
+    recording = to_recording(run)
+    rng = np.random.default_rng(5)
+    for axis in "xyz":
+        recording.channels[f"Omega_{axis}"] += 1e-4 * rng.standard_normal(60)
+    drive = drive_from_recording(recording)
+    np.testing.assert_allclose(drive.initial_velocity, run.Omega[0], atol=4e-4)
+    for axis in "xyz":
+        recording.channels[f"Omega_{axis}"] = 1e-4 * rng.standard_normal(60)
+    assert drive_from_recording(recording).initial_velocity is None
+
+
+def test_pictures_name_their_units(run):
+    axes = run.plot_displacement()
+    assert axes.get_ylabel() == "ΔR (µm)"
+    np.testing.assert_allclose(axes.lines[0].get_ydata(), 1e6 * run.dR[:, 0])
+    assert [line.get_label() for line in run.plot_channel("normal_force").lines] == list(run.names)
+    with pytest.raises(ValueError, match="`name` must be one of"):
+        run.plot_channel("torsion")
+
+
+def test_wrong_files_are_refused(run, tmp_path):
+    with pytest.raises(InputError, match=r"must end in one of \.nc, \.csv"):
+        run.save(tmp_path / "run.txt")
+    with pytest.raises(InputError, match=r"is not a file"):
+        Trajectory.load(tmp_path / "run.nc")
+    with pytest.raises(InputError, match=r"is a recording: read it with"):
+        Trajectory.load(run.save(tmp_path / "run.csv"))
+    (tmp_path / "bad.nc").write_bytes(b"no")
+    with pytest.raises(InputError, match=r"bad\.nc is not a run of omnijax"):
+        Trajectory.load(tmp_path / "bad.nc")
+
+
+def test_machines_of_other_sizes_keep_their_wheels(tmp_path):
+    two = machine(([[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [1, 0, 0]]))
+    run = propagate(two, speeds([1.0, 2.0]), np.arange(5) * 1e-2)
+    recording = read_recording(run.save(tmp_path / "run.csv"))
+    assert recording.wheels == 2
+    np.testing.assert_array_equal(recording.torque, run.torque)
