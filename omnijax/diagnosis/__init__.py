@@ -10,3 +10,5 @@ from ._result import Gap as Gap
 from ._result import Named as Named
 from ._rig_model import RigModel as RigModel
 from ._search import Search as Search
+from ._laws import along as along
+from ._small import SmallModel as SmallModel

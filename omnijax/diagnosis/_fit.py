@@ -76,7 +76,7 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 6,
         if not np.all(np.isfinite(residual)):
             break
         J = _jacobian(model, point, free, residual, tangents)
-        if not np.all(np.isfinite(J)) or np.max(np.abs(J)) > 1e100:
+        if not np.all(np.isfinite(J)) or np.max(np.abs(J), initial=0.0) > 1e100:
             J = None
             break
         tangents = J[:, :P]
@@ -101,7 +101,7 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 6,
         point, residual, damping = candidate, r, damping / 30
         if cost - new < tolerance:
             break
-    if J is None:  # a start at which the model cannot be evaluated is no candidate
+    if J is None or not np.isfinite(residual @ residual):  # a start at which the model cannot be evaluated is no candidate
         return Fit(point, np.inf, 0.0, tuple(free), np.zeros((P + len(free),) * 2),
                    np.zeros((len(residual), P + len(free))), residual)  # fmt: skip
     gram = J.T @ J

@@ -96,18 +96,23 @@ class AbstractModel(abc.ABC):
 
     def free(self, point: Point, widths: bool = False) -> list[Free]:
         """The numbers of the point's effects that a refit may change."""
-        out = []
-        for i, effect in enumerate(point.effects):
-            known = self.laws[effect.id].parameters
-            for key, value in effect.values.items():
-                if key in self.frozen_keys and not (widths and key == "width"):
-                    continue
-                p = known[key]
-                if np.ndim(value):
-                    out += [Free(i, key, k, p.low, p.high) for k in range(len(value))]
-                else:
-                    out.append(Free(i, key, None, p.low, p.high))
-        return out
+        return free_numbers(self, point, widths)
+
+
+def free_numbers(model: AbstractModel, point: Point, widths: bool = False) -> list[Free]:
+    """Every parameter of the point's effects but counts, exponents and (unless asked) widths."""
+    out = []
+    for i, effect in enumerate(point.effects):
+        known = model.laws[effect.id].parameters
+        for key, value in effect.values.items():
+            if key in model.frozen_keys and not (widths and key == "width"):
+                continue
+            p = known[key]
+            if np.ndim(value):
+                out += [Free(i, key, k, p.low, p.high) for k in range(len(value))]
+            else:
+                out.append(Free(i, key, None, p.low, p.high))
+    return out
 
 
 def value_of(point: Point, free: Free) -> float:

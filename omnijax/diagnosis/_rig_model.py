@@ -1,5 +1,6 @@
 """The sphere on wheels as a model of the diagnosis."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -8,7 +9,7 @@ from ..laws import AbstractLaw
 from ..rig import Rig, get_parameter, set_parameter
 from ._candidates import Candidate, Context, candidates, number
 from ._machine import Machine
-from ._model import AbstractModel, Point, Prior
+from ._model import AbstractModel, Point, Prior, free_numbers
 from ._runs import Run
 from ._signatures import base_of, signature
 
@@ -37,6 +38,12 @@ class RigModel(AbstractModel):
             law = self.laws[effect.id](**{k: number(v) for k, v in effect.values.items()})
             rig = rig.add(law, effect.place)
         return rig
+
+    def free(self, point, widths=False):
+        """A relaxation faster than the steps in time cannot be told from a damper."""
+        shortest = self.machine.runs[0].step / 4
+        found = free_numbers(self, point, widths)
+        return [dataclasses.replace(f, low=shortest) if f.key == "tau" else f for f in found]
 
     def residuals(self, points, split):
         return self.machine.residuals([self.rig_at(p) for p in points], self.splits[split])

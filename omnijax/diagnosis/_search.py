@@ -126,7 +126,7 @@ class Search:
         best = [s for s in best if threshold(s, count)]
         if not best:
             return []
-        short = [s for s in best[:6] if s.gain > 0.15 * best[0].gain]
+        short = [s for s in best[:4] if s.gain > 0.2 * best[0].gain]
         trials = []
         for score in short:
             trial = self.try_out(fit, score, held)
@@ -146,9 +146,25 @@ class Search:
         point = fit.point.with_effects(*effects)
         P = len(self.model.priors)
         tangents = None if is_stepped(self.model, effects) else fit.jacobian[:, :P]
+        point = self.tamed(point, fit.cost)
         new = refit(self.model, point, baseline=tangents, rounds=4)
         after = chi2_of(self.model, new.point, "held-out")
         return Trial(new.point.effects[-1], new, fit.cost - new.cost, held - after)
+
+    def tamed(self, point: Point, cost: float) -> Point:
+        """The point with its newest effect weakened until it is no worse than without it."""
+        *others, last = point.effects
+        law = self.model.laws[last.id]
+        strong = [k for k in last.values if law.parameters[k].linear or k == "gap"]
+        if not strong or not is_stepped(self.model, [last]):
+            return point
+        for factor in (1.0, 0.5, 0.2, 0.05):
+            values = last.values | {k: factor * last.values[k] for k in strong}
+            weaker = point.with_effects(*others, Effect(last.id, last.place, values))
+            chi2 = chi2_of(self.model, weaker, "train")
+            if np.isfinite(chi2) and chi2 < cost:
+                return weaker
+        return weaker
 
     def accepted(self, trial: Trial) -> bool:
         """Whether held-out runs confirm what the train runs gained."""

@@ -1,7 +1,7 @@
 """What a law is: one formula at one port, its parameters as leaves, and `+`."""
 
 import dataclasses
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -62,7 +62,7 @@ class AbstractLaw(eqx.Module):
             return NotImplemented
         return Sum((*_terms(self), *_terms(other)))
 
-    def __radd__(self, other: Any) -> Self:
+    def __radd__(self, other: Any) -> "AbstractLaw":
         if other == 0:  # sum(laws) starts from 0
             return self
         return NotImplemented

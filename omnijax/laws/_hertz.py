@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 from ._base import Parameter
 from ._ports import AbstractRolling, RollingTorque
 
-Scalar = Float[Array, ""] | float
+Scalar = Float[Array, "..."] | float
 
 
 def effective_radius(sphere_radius: Scalar, wheel_radius: Scalar) -> Scalar:
@@ -25,38 +25,38 @@ def effective_modulus(
     return 1 / flexibility
 
 
-def patch_radius(force: Scalar, radius: Scalar, modulus: Scalar) -> Float[Array, ""]:
+def patch_radius(force: Scalar, radius: Scalar, modulus: Scalar) -> Float[Array, "..."]:
     """a = (3 N R' / 4 E')^(1/3) in m (eq. 13); 0 without contact, with a finite gradient."""
     pressed = jnp.asarray(force) > 0
     cube = 0.75 * jnp.where(pressed, force, 1.0) * radius / modulus
     return jnp.where(pressed, jnp.cbrt(cube), 0.0)
 
 
-def peak_pressure(force: Scalar, radius: Scalar, modulus: Scalar) -> Float[Array, ""]:
+def peak_pressure(force: Scalar, radius: Scalar, modulus: Scalar) -> Float[Array, "..."]:
     """p0 = 3 N / (2 pi a^2) in Pa (eq. 14)."""
     a = patch_radius(force, radius, modulus)
     pressed = a > 0
     return jnp.where(pressed, 1.5 * force / (math.pi * jnp.where(pressed, a, 1.0) ** 2), 0.0)
 
 
-def approach(force: Scalar, radius: Scalar, modulus: Scalar) -> Float[Array, ""]:
+def approach(force: Scalar, radius: Scalar, modulus: Scalar) -> Float[Array, "..."]:
     """delta = (9 N^2 / (16 R' E'^2))^(1/3) = a^2 / R' in m (eq. 15)."""
     return patch_radius(force, radius, modulus) ** 2 / radius
 
 
-def normal_force(depth: Scalar, radius: Scalar, modulus: Scalar) -> Float[Array, ""]:
+def normal_force(depth: Scalar, radius: Scalar, modulus: Scalar) -> Float[Array, "..."]:
     """N = (4/3) E' sqrt(R') delta^(3/2) in N, 0 without contact (eq. 15 solved for N)."""
     pressed = jnp.asarray(depth) > 0
     power = jnp.where(pressed, depth, 1.0) ** 1.5
     return jnp.where(pressed, 4 / 3 * modulus * jnp.sqrt(radius) * power, 0.0)
 
 
-def tangent_stiffness(force: Scalar, radius: Scalar, modulus: Scalar) -> Float[Array, ""]:
+def tangent_stiffness(force: Scalar, radius: Scalar, modulus: Scalar) -> Float[Array, "..."]:
     """dN/d(delta) = 2 E' a at a normal force, in N/m."""
     return 2 * modulus * patch_radius(force, radius, modulus)
 
 
-def spin_lever(force: Scalar, radius: Scalar, modulus: Scalar) -> Float[Array, ""]:
+def spin_lever(force: Scalar, radius: Scalar, modulus: Scalar) -> Float[Array, "..."]:
     """l_s = 3 pi a / 16 in m (eq. 30): T_s = mu N l_s."""
     return 3 * math.pi / 16 * patch_radius(force, radius, modulus)
 

@@ -17,27 +17,27 @@ class Gap(eqx.Module):
     R (1 - cos theta_R/2) + r_b (1 - cos theta_s/2) with sin(theta_R/2) = (r_b/R) sin(theta_s/2).
     """
 
-    sphere_radius: Float[Array, ""]  # m, R
-    wheel_radius: Float[Array, ""]  # m, r_b
-    rollers: Float[Array, ""]  # n, rollers per row
-    roundness: Float[Array, ""]  # eta, gap angle over pitch angle
+    sphere_radius: Float[Array, "..."]  # m, R
+    wheel_radius: Float[Array, "..."]  # m, r_b
+    rollers: Float[Array, "..."]  # n, rollers per row
+    roundness: Float[Array, "..."]  # eta, gap angle over pitch angle
 
     @property
-    def pitch(self) -> Float[Array, ""]:
+    def pitch(self) -> Float[Array, "..."]:
         """Angle from one gap to the next, rad."""
         return 2 * math.pi / self.rollers
 
     @property
-    def width(self) -> Float[Array, ""]:
+    def width(self) -> Float[Array, "..."]:
         """Gap angle theta_s, rad."""
         return self.roundness * self.pitch
 
     @property
-    def depth(self) -> Float[Array, ""]:
+    def depth(self) -> Float[Array, "..."]:
         """Depth at mid-gap, m (eq. 7)."""
         return self.sagitta(self.width / 2)
 
-    def sagitta(self, angle: Float[Array, ""]) -> Float[Array, ""]:
+    def sagitta(self, angle: Float[Array, "..."]) -> Float[Array, "..."]:
         """How far the sphere sinks below the roller circle over an edge `angle` rad away, m."""
         q = self.wheel_radius / self.sphere_radius * jnp.sin(angle)
         sphere = self.sphere_radius * q * q / (1 + jnp.sqrt(1 - q * q))

@@ -1,0 +1,93 @@
+"""Small models from the same laws: give the residual of a point, the diagnosis does the rest."""
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ..laws import AbstractLaw
+from ..rig import Placed
+from ._candidates import Candidate, number
+from ._model import AbstractModel, Point, Prior
+
+Residual = Callable[[dict[str, float], list[AbstractLaw], str], np.ndarray]
+TINY = 1e-6  # strength of a tangent, relative to what changes the residual by its own size
+
+
+class SmallModel(AbstractModel):
+    """A model given by one function: residual(parameters, laws, split) -> whitened rows.
+
+    `laws` are the candidates by id; `constants` gives values to try for shape constants, by
+    (id, parameter).  Signatures are tangents of the same function.
+    """
+
+    def __init__(
+        self,
+        residual: Residual,
+        priors: Sequence[Prior],
+        laws: dict[str, type[AbstractLaw]],
+        place: str,
+        constants: dict[tuple[str, str], Sequence[float]] | None = None,
+    ):
+        self.residual, self.priors, self.laws, self.place = residual, priors, laws, place
+        self.constants = constants or {}
+
+    def _values(self, point: Point) -> dict[str, float]:
+        return {p.name: p.at(float(u)) for p, u in zip(self.priors, point.u, strict=True)}
+
+    def _laws(self, point: Point) -> list[AbstractLaw]:
+        return [
+            self.laws[e.id](**{k: number(v) for k, v in e.values.items()}) for e in point.effects
+        ]
+
+    def residuals(self, points, split):
+        return [self.residual(self._values(p), self._laws(p), split) for p in points]
+
+    def dof(self, split):
+        return len(self.residual(self._values(Point(np.zeros(len(self.priors)))), [], split))
+
+    def candidates(self, point):
+        out = []
+        for id, law in self.laws.items():
+            fixed: list[dict[str, Any]] = [{}]
+            for (name, key), values in self.constants.items():
+                if name == id:
+                    fixed = [f | {key: v} for f in fixed for v in values]
+            out += [self._candidate(law, f) for f in fixed]
+        return out
+
+    def _candidate(self, law, fixed) -> Candidate:
+        linear = [k for k, p in law.parameters.items() if p.linear]
+        columns = []
+        for key in linear:
+            values = dict.fromkeys(linear, 0.0) | {key: 1.0} | fixed
+            columns.append(Placed(law(**{k: number(v) for k, v in values.items()}), self.place))
+        if not linear:  # a threshold: it has no tangent at zero, so its strength is finite
+            columns.append(Placed(law(**{k: number(v) for k, v in fixed.items()}), self.place))
+        decode = lambda c: fixed | dict(zip(linear, map(float, c), strict=False))
+        return Candidate(law.id, self.place, tuple(columns), decode, str(fixed or ""))
+
+    def columns(self, point, candidates, tell):
+        values, laws = self._values(point), self._laws(point)
+        base = self.residual(values, laws, "train")
+        return [
+            np.stack([self._column(values, laws, base, p.law) for p in c.columns], axis=1)
+            for c in candidates
+        ]
+
+    def _column(self, values, laws, base, law) -> np.ndarray:
+        """Predicted change per unit of strength."""
+        import dataclasses
+
+        linear = [k for k, p in law.parameters.items() if p.linear and float(getattr(law, k)) != 0]
+        if not linear:
+            return base - self.residual(values, [*laws, law], "train")
+        strength = 1.0
+        for _ in range(60):  # a strength that stays in the linear range
+            weak = dataclasses.replace(law, **{k: number(strength) for k in linear})
+            change = base - self.residual(values, [*laws, weak], "train")
+            size = np.linalg.norm(change) / (np.linalg.norm(base) or 1.0)
+            if np.isfinite(size) and 1e-7 < size < 1e-3:
+                break
+            strength *= 0.1 if not np.isfinite(size) or size >= 1e-3 else 30.0
+        return change / strength
