@@ -77,7 +77,8 @@ class Search:
         solver = optx.BFGS(rtol=1e-9, atol=1e-9)
         args = (share, free, limit, multiplier, penalty, extra)
         solution = optx.minimise(
-            self._lagrangian, solver, y, args, max_steps=INNER, throw=False
+            self._lagrangian, solver, y, args, options={"autodiff_mode": "fwd"}, max_steps=INNER,
+            throw=False,
         )
         return solution.value, solution.stats["num_steps"]
 

@@ -1,7 +1,9 @@
 """Vibration metrics of the steady state, under the names that runs have, and the load of contacts.
 
-Normal and drive forces are linear in the elastic state, so their extremes over all phases of the
-wheels are sums of the extremes of each signal's own part: N_i = N0_i + sum_g N_ig(phi_g).
+Leaner than `steady_state`: only what is asked for is computed, which counts where thousands of
+designs are compiled into one search.  Every output is linear in z, the elastic state beside the
+forcing's terms, so its extremes over all phases are sums of extremes of each signal's own part,
+N_i = N0_i + sum_g N_ig(phi_g).
 """
 
 import math
@@ -14,39 +16,23 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..rig import Rig
-from ..simulate.exact import SteadyState, steady_state
+from ..simulate.exact import steady_state
 from ..simulate.exact._cycles import forcing
-from ..simulate.exact._ladder import LEVELS
+from ..simulate.exact._ladder import points, second_moments, series
 from ..simulate.exact._passage import passages, periodic_starts
-from ..simulate.exact._peaks import (
-    Curves,
-    component_places,
-    grid,
-    present,
-    supremum_places,
-    values_at,
-)
+from ..simulate.exact._peaks import DIRECTIONS, Curves, _sphere, present
 from ..simulate.exact._spectrum import _rates, _response, fourier
-from ..simulate.exact._steady import output_rows
+from ..simulate.exact._steady import _statistics, output_rows
 from ..simulate.exact._system import balanced, forced_system
 from ._amplitude import root
 from ._comfort import weighting
 from ._metrics import known, up
 
-BITS = 6  # 2^BITS search points a piece before Newton's method
+BITS = 6  # 2^BITS search points a piece, each then refined by its Taylor series
+LEVELS = 24  # of the ladder: up to 2^22 time constants a piece
 LINES = 64  # harmonics of the weighted acceleration
 SHARPNESS = 64.0
-
-_FROM_STATE: dict[str, Callable[[SteadyState], Array]] = {
-    "peak": lambda s: s.peak,
-    "rms": lambda s: s.rms,
-    "elastic_peak": lambda s: s.peak_elastic,
-    "elastic_rms": lambda s: s.rms_elastic,
-    "acceleration_rms": lambda s: s.rms_acceleration,
-    **{f"peak_{a}": lambda s, i=i: s.peak_component[i] for i, a in enumerate("xyz")},
-    **{f"rms_{a}": lambda s, i=i: s.rms_component[i] for i, a in enumerate("xyz")},
-    **{f"peak_to_peak_{a}": lambda s, i=i: s.peak_to_peak[i] for i, a in enumerate("xyz")},
-}
+NEWTON = 3
 
 
 class ContactLoad(NamedTuple):
@@ -57,97 +43,194 @@ class ContactLoad(NamedTuple):
     slip_margin: Float[Array, " n"]  # least mu N - |f|
 
 
-class _Long(NamedTuple):
-    """The periodic solution of every signal, and what reads outputs off it."""
+class LongRun:
+    """The periodic solution of every signal of a rig at constant speeds, read off by its outputs."""
 
-    system: object
-    signals: object
-    cycles: object
-    starts: Array
+    def __init__(self, rig: Rig, speeds, angles, model: str):
+        self.rig, self.speeds, self.angles, self.model = rig, speeds, angles, model
+        self.signals = forcing(rig, speeds, angles)
+        raw = forced_system(rig, model, speeds, self.signals.wheel)
+        self.system, _ = balanced(raw)
+        self.cycles = passages(self.system, self.signals, BITS, LEVELS)
+        self.states = self.system.A.shape[0]
+        self.starts = periodic_starts(self.cycles, self.states)
+        self._moments = self._points = None
 
     def curves(self, *names: str) -> Curves:
-        rows = [output_rows(self.system, self.signals, self.cycles, n) for n in names]  # pyright: ignore
-        return Curves(self.cycles, self.starts, jnp.concatenate(rows, axis=-2))  # pyright: ignore
+        """Outputs beside each other."""
+        rows = [output_rows(self.system, self.signals, self.cycles, n) for n in names]
+        return Curves(self.cycles, self.starts, jnp.concatenate(rows, axis=-2))
 
+    def mean_square(self, name: str) -> Float[Array, " o"]:
+        """Mean square of each component, over all phases."""
+        if self._moments is None:
+            self._moments = jax.vmap(jax.vmap(second_moments))(self.cycles.pieces, self.starts)
+        width = self.cycles.width
+        weight = width / jnp.sum(width, axis=1, keepdims=True)
+        return _statistics(self.curves(name), self._moments, weight, self.states)[1]
 
-def _long_run(rig: Rig, speeds, angles, model: str) -> _Long:
-    signals = forcing(rig, speeds, angles)
-    system, _ = balanced(forced_system(rig, model, speeds, signals.wheel))
-    cycles = passages(system, signals, BITS, LEVELS)
-    return _Long(system, signals, cycles, periodic_starts(cycles, system.A.shape[0]))
+    def grid(self) -> Float[Array, "g p N"]:
+        """z on 2^BITS points of every piece."""
+        if self._points is None:
+            Z = jax.vmap(jax.vmap(lambda piece, z: points(piece, z, BITS)))(
+                self.cycles.pieces, self.starts
+            )
+            Z = jnp.swapaxes(Z, -1, -2)
+            self._points = Z.reshape(Z.shape[0], -1, Z.shape[-1])
+        return self._points
 
+    def values(self, curves: Curves) -> Float[Array, "g p o"]:
+        """Outputs on the grid; absent pieces repeat nothing that is larger."""
+        count, pieces = 2**BITS, curves.rows.shape[1]
+        Z = self.grid().reshape(curves.rows.shape[0], pieces, count, -1)
+        return jnp.einsum("gkoN,gkpN->gkpo", curves.rows, Z).reshape(len(Z), pieces * count, -1)
 
-@eqx.filter_jit
-def contact_load(
-    rig: Rig,
-    speeds: Float[Array, " n"],
-    model: str = "coupled",
-    angles=None,
-    refined: bool = True,
-) -> ContactLoad:
-    """Extremes of the contacts' normal forces and slip margins at constant `speeds` (rad/s).
+    def refined(self, curves: Curves, index, row) -> Float[Array, "g o"]:
+        """Outputs of each signal near grid points `index` (g,), where row . output is largest.
 
-    Without `refined` those on the 2^BITS search points of each piece, at a tenth of the cost.
-    """
-    n = rig.size
-    angles = jnp.zeros(n) if angles is None else angles
-    curves = _long_run(rig, speeds, angles, model).curves("normal_force", "drive_force")
-    eye, zero = jnp.eye(n), jnp.zeros((n, n))
-    mu = jnp.diag(rig.wheels.contact.friction)
-    rows = [[eye, zero], [-eye, zero], [-mu, eye], [-mu, -eye]]
+        z(v + d) = exp(F d) z(v), so the place's Newton steps and the value are those of a series;
+        by the envelope theorem the place itself is not differentiated.
+        """
+        step = 2.0**-BITS
 
-    def largest(row):
-        if not refined:
-            along = jnp.where(present(curves, BITS), grid(curves, BITS) @ row, -jnp.inf)
-            return jnp.sum(jnp.max(along, axis=1))
-        return jnp.sum(values_at(curves, component_places(curves, row, BITS)) @ row)
+        def one(pieces, rows, Z, i):
+            k = i >> BITS
+            F, z, C = pieces.generator[k], Z[i], rows[k]
+            along, inside = row @ C, (i % 2**BITS) * step
 
-    high, low, forth, back = jax.vmap(largest)(jnp.block(rows)).reshape(4, n)
-    preload = rig.wheels.closure.preload
-    slip = rig.wheels.contact.friction * preload - jnp.maximum(forth, back)
-    return ContactLoad(preload - low, preload + high, slip)
+            def newton(d, _):
+                here = series(F * d, z)
+                slope, bend = along @ (F @ here), along @ (F @ (F @ here))
+                move = jnp.where(bend < 0, -slope / jnp.where(bend < 0, bend, -1.0), 0.0)
+                d = jnp.clip(d + jnp.where(jnp.isfinite(move), move, 0.0), -step, step)
+                return jnp.clip(d, -inside, 1 - inside), None
 
+            d = jax.lax.stop_gradient(jax.lax.scan(newton, 0.0, None, length=NEWTON)[0])
+            best = jnp.where(along @ series(F * d, z) >= along @ z, d, 0.0)
+            return C @ series(F * jax.lax.stop_gradient(best), z)
 
-def _acceleration_peak(rig: Rig, speeds, angles, model: str):
-    curves = _long_run(rig, speeds, angles, model).curves("a_sphere")
-    total = jnp.sum(values_at(curves, supremum_places(curves, BITS)), axis=0)
-    return root(jnp.sum(total**2))
+        return jax.vmap(one)(curves.cycles.pieces, curves.rows, self.grid(), index)
 
+    def largest(self, curves: Curves, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
+        """The largest value of each combination `rows` of the outputs."""
+        seen = present(curves, BITS)[..., None]
+        along = jnp.where(seen, self.values(curves) @ rows.T, -jnp.inf)
+        index = jnp.argmax(jax.lax.stop_gradient(along), axis=1).T
 
-def _weighted(rig: Rig, speeds, angles, model: str):
-    """sqrt(sum over signals, harmonics, directions of |a|^2 W^2 / 2), W as in ISO 2631-1."""
-    signals = forcing(rig, speeds, angles)
-    system, _ = balanced(forced_system(rig, model, speeds, signals.wheel))
-    rates, vertical, total = _rates(signals, LINES), up(rig), 0.0
-    for g in range(len(signals.wheel)):
-        shape = fourier(jax.tree.map(lambda x, g=g: x[g], signals.cycle.pieces), LINES)[1:]
-        rate = rates[g, 1:]
-        lines = jax.vmap(lambda w, g=g: _response(system, g, w, "a_sphere"))(rate)
-        lines = 2 * shape[:, None] * lines
-        along = lines @ vertical
-        across = lines - along[:, None] * vertical
-        hertz = rate / (2 * math.pi)
-        total += jnp.sum(_square(along) * weighting(hertz, "vertical") ** 2) / 2
-        level = weighting(hertz, "horizontal")[:, None]
-        total += jnp.sum(_square(across) * level**2) / 2
-    return root(total)
+        def one(row, i):
+            return jnp.sum(self.refined(curves, i, row) @ row)
+
+        return jax.vmap(one)(rows, index)
+
+    def supremum(self, name: str) -> Float[Array, ""]:
+        """Largest length of an output that is a vector: over directions, then places."""
+        curves = self.curves(name)
+        seen = present(curves, BITS)[..., None]
+        values = jax.lax.stop_gradient(self.values(curves))
+
+        def support(d):
+            along = jnp.where(seen, values @ d.T, -jnp.inf)
+            return jnp.argmax(along, axis=1), jnp.sum(jnp.max(along, axis=1), axis=0)
+
+        directions = jnp.asarray(_sphere(DIRECTIONS, values.shape[-1]))
+        direction = directions[jnp.argmax(support(directions)[1])][None]
+
+        def ascend(direction, _):
+            index = support(direction)[0][:, 0]
+            total = jnp.sum(jax.vmap(lambda v, i: v[i])(values, index), axis=0)
+            size = root(total @ total)
+            return jnp.where(size > 0, total / jnp.where(size > 0, size, 1.0), direction[0])[None], 0
+
+        direction = jax.lax.scan(ascend, direction, None, length=6)[0]
+        index, row = support(direction)[0][:, 0], direction[0]
+        for _ in range(2):  # the sum at the refined places is the next direction
+            total = jnp.sum(self.refined(curves, index, row), axis=0)
+            size = jax.lax.stop_gradient(root(total @ total))
+            row = jax.lax.stop_gradient(total) / jnp.where(size > 0, size, 1.0)
+        total = jnp.sum(self.refined(curves, index, row), axis=0)
+        return root(total @ total)
+
+    def extremes(self, name: str) -> Float[Array, "2 o"]:
+        """Largest value of each component, and of its negative."""
+        curves = self.curves(name)
+        eye = jnp.eye(curves.rows.shape[-2])
+        return self.largest(curves, jnp.concatenate([eye, -eye])).reshape(2, -1)
+
+    def load(self) -> ContactLoad:
+        """Extremes of the contacts' forces."""
+        n = self.rig.size
+        eye, zero = jnp.eye(n), jnp.zeros((n, n))
+        friction, preload = self.rig.wheels.contact.friction, self.rig.wheels.closure.preload
+        mu = jnp.diag(friction)
+        rows = jnp.block([[eye, zero], [-eye, zero], [-mu, eye], [-mu, -eye]])
+        curves = self.curves("normal_force", "drive_force")
+        high, low, forth, back = self.largest(curves, rows).reshape(4, n)
+        slip = friction * preload - jnp.maximum(forth, back)
+        return ContactLoad(preload - low, preload + high, slip)
+
+    def weighted(self) -> Float[Array, ""]:
+        """sqrt(sum over signals, harmonics, directions of |a|^2 W^2 / 2), W as in ISO 2631-1."""
+        rates, vertical, total = _rates(self.signals, LINES), up(self.rig), 0.0
+        for g in range(len(self.signals.wheel)):
+            pieces = jax.tree.map(lambda x, g=g: x[g], self.signals.cycle.pieces)
+            rate = rates[g, 1:]
+            lines = jax.vmap(lambda w, g=g: _response(self.system, g, w, "a_sphere"))(rate)
+            lines = 2 * fourier(pieces, LINES)[1:, None] * lines
+            along = lines @ vertical
+            across = lines - along[:, None] * vertical
+            hertz = rate / (2 * math.pi)
+            total += jnp.sum(_square(along) * weighting(hertz, "vertical") ** 2) / 2
+            level = weighting(hertz, "horizontal")[:, None]
+            total += jnp.sum(_square(across) * level**2) / 2
+        return root(total)
+
+    def smooth_peak(self) -> Float[Array, ""]:
+        """The p-norm over the phases, p = 64."""
+        state = steady_state(
+            self.rig, self.speeds, model=self.model, angles=self.angles, grid_bits=BITS,
+            sharpness=SHARPNESS,
+        )  # fmt: skip
+        return state.peak
 
 
 def _square(x):
     return jnp.real(x) ** 2 + jnp.imag(x) ** 2
 
 
-_OTHERS = {
-    "acceleration_peak": _acceleration_peak,
-    "weighted_acceleration": _weighted,
-    "slip_margin": lambda r, w, a, m: jnp.min(contact_load(r, w, m, a).slip_margin),
-    "lift_off_margin": lambda r, w, a, m: jnp.min(contact_load(r, w, m, a).least),
-    "smooth_peak": lambda r, w, a, m: (
-        steady_state(r, w, model=m, angles=a, grid_bits=BITS, sharpness=SHARPNESS).peak
-    ),
+def _component(i: int, axis: str) -> dict[str, Callable[[LongRun], Array]]:
+    return {
+        f"peak_{axis}": lambda run: jnp.max(run.extremes("dR"), axis=0)[i],
+        f"rms_{axis}": lambda run: root(run.mean_square("dR")[i]),
+        f"peak_to_peak_{axis}": lambda run: jnp.sum(run.extremes("dR"), axis=0)[i],
+        f"elastic_rms_{axis}": lambda run: root(run.mean_square("dR_elastic")[i]),
+    }
+
+
+_OF: dict[str, Callable[[LongRun], Array]] = {
+    "peak": lambda run: run.supremum("dR"),
+    "rms": lambda run: root(jnp.sum(run.mean_square("dR"))),
+    "smooth_peak": lambda run: run.smooth_peak(),
+    "elastic_peak": lambda run: run.supremum("dR_elastic"),
+    "elastic_rms": lambda run: root(jnp.sum(run.mean_square("dR_elastic"))),
+    **_component(0, "x"),
+    **_component(1, "y"),
+    **_component(2, "z"),
+    "acceleration_rms": lambda run: root(jnp.sum(run.mean_square("a_sphere"))),
+    "acceleration_peak": lambda run: run.supremum("a_sphere"),
+    "weighted_acceleration": lambda run: run.weighted(),
+    "slip_margin": lambda run: jnp.min(run.load().slip_margin),
+    "lift_off_margin": lambda run: jnp.min(run.load().least),
 }
 
-STEADY_METRICS = (*_FROM_STATE, *_OTHERS)
+STEADY_METRICS = tuple(_OF)
+
+
+@eqx.filter_jit
+def contact_load(
+    rig: Rig, speeds: Float[Array, " n"], model: str = "coupled", angles=None
+) -> ContactLoad:
+    """Extremes of the contacts' normal forces and slip margins at constant `speeds` (rad/s)."""
+    return LongRun(rig, speeds, jnp.zeros(rig.size) if angles is None else angles, model).load()
 
 
 def steady_metrics(
@@ -164,13 +247,8 @@ def steady_metrics(
     closed form).  `smooth_peak` is a p-norm over the phases with p = 64.
     """
     for name in names:
-        if known(name) not in STEADY_METRICS:
+        if known(name) not in _OF:
             raise ValueError(f"`{name}` has no steady-state form; give a `duration`.")
     angles = jnp.zeros(rig.size) if angles is None else angles
-    speeds = jnp.asarray(speeds, float)
-    found = {}
-    if any(name in _FROM_STATE for name in names):
-        state = steady_state(rig, speeds, model=model, angles=angles, grid_bits=BITS)
-        found = {name: of(state) for name, of in _FROM_STATE.items() if name in names}
-    found |= {n: _OTHERS[n](rig, speeds, angles, model) for n in names if n in _OTHERS}
-    return {name: found[name] for name in names}
+    run = LongRun(rig, jnp.asarray(speeds, float), angles, model)
+    return {name: _OF[name](run) for name in names}

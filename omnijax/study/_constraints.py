@@ -1,0 +1,126 @@
+"""What a design may be held to: margins, frequencies, preload, pressure, and any metric."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..laws._hertz import effective_modulus, effective_radius, peak_pressure
+from ..rig import Rig
+from ..vibration import METRICS, contact_load, natural_frequencies
+from ._design_problem import Limit
+
+
+@dataclasses.dataclass(frozen=True)
+class Wanted:
+    """One constraint of a study: a quantity of `QUANTITIES` or a metric, and its bounds (SI)."""
+
+    quantity: str
+    low: float | None = None
+    high: float | None = None
+    orders: tuple[int, ...] = (1,)
+    materials: tuple[float, ...] = ()  # E of sphere and wheel, Poisson's ratio of both
+
+    def limits(self, names: tuple[str, ...], unit: str, case: str) -> list[Limit]:
+        """The limits on the entries `names`, as g <= bound."""
+        suffix = f" ({case})" if case else ""
+        found = []
+        for sense, bound in ((-1, self.low), (1, self.high)):
+            if bound is not None:
+                scale = abs(bound) if bound else 1.0
+                found += [Limit(n + suffix, sense * bound, scale, unit, sense) for n in names]
+        return found
+
+    def signed(self, values: Float[Array, " e"]) -> Array:
+        """The entries as `limits` has them: negated for a lower bound."""
+        parts = [-values] if self.low is not None else []
+        return jnp.concatenate([*parts, *([values] if self.high is not None else [])])
+
+
+class ConstraintKind(NamedTuple):
+    """Unit, names of the entries, and the entries of a rig at wheel speeds (rad/s)."""
+
+    unit: str
+    names: Callable[[Wanted, Rig], tuple[str, ...]]
+    of: Callable[[Wanted, Rig, Any, str], Array]
+    meaning: str
+
+
+def _per_wheel(label: str):
+    return lambda wanted, rig: tuple(f"{label} of {name}" for name in rig.names)
+
+
+def _separation_names(wanted: Wanted, rig: Rig) -> tuple[str, ...]:
+    return tuple(
+        f"separation of mode {mode + 1} from order {order}n of {name}"
+        for mode in range(3 + rig.size)
+        for name in rig.names
+        for order in wanted.orders
+    )
+
+
+def _separation(wanted: Wanted, rig: Rig, speeds, model: str) -> Array:
+    """|f_mode / (h n |omega| / 2 pi) - 1| of every mode, wheel and order; a wheel at rest: none."""
+    passing = rig.wheels.rollers * jnp.abs(speeds) / (2 * math.pi)
+    lines = passing[:, None] * jnp.asarray(wanted.orders, float)
+    moving = lines > 0
+    ratio = natural_frequencies(rig, model)[:, None, None] / jnp.where(moving, lines, 1.0)
+    return jnp.where(moving, jnp.abs(ratio - 1), 1e3).reshape(-1)
+
+
+def _pressure(wanted: Wanted, rig: Rig, speeds, model: str) -> Array:
+    """Hertz' greatest pressure at the greatest normal force of each contact, Pa."""
+    sphere, wheel, sphere_ratio, wheel_ratio = wanted.materials
+    radius = effective_radius(rig.sphere.radius, rig.wheels.radius)
+    modulus = effective_modulus(sphere, sphere_ratio, wheel, wheel_ratio)
+    return peak_pressure(contact_load(rig, speeds, model).greatest, radius, modulus)
+
+
+QUANTITIES: dict[str, ConstraintKind] = {
+    "preload": ConstraintKind(
+        "N",
+        _per_wheel("preload"),
+        lambda wanted, rig, speeds, model: rig.wheels.closure.preload,
+        "static normal force of each contact",
+    ),
+    "patch_pressure": ConstraintKind(
+        "Pa", _per_wheel("patch pressure"), _pressure, "greatest Hertz pressure of each contact"
+    ),
+    "frequency_separation": ConstraintKind(
+        "1",
+        _separation_names,
+        _separation,
+        "relative distance of each natural frequency from the roller-passing frequencies",
+    ),
+}
+
+
+def metrics_of(constraints: tuple[Wanted, ...]) -> tuple[str, ...]:
+    """Metrics among the constraints."""
+    return tuple(dict.fromkeys(c.quantity for c in constraints if c.quantity not in QUANTITIES))
+
+
+def all_limits(constraints: tuple[Wanted, ...], rig: Rig, case: str) -> list[Limit]:
+    """The limits of one case, in the order of `all_values`."""
+    found = []
+    for wanted in constraints:
+        kind = QUANTITIES.get(wanted.quantity)
+        names = kind.names(wanted, rig) if kind else (wanted.quantity,)
+        unit = kind.unit if kind else METRICS[wanted.quantity].unit
+        found += wanted.limits(names, unit, case)
+    return found
+
+
+def all_values(
+    constraints: tuple[Wanted, ...], rig: Rig, speeds, model: str, metrics: dict[str, Array]
+) -> Float[Array, " c"]:
+    """g of one case; `metrics` holds those that are metrics."""
+    parts = []
+    for wanted in constraints:
+        kind = QUANTITIES.get(wanted.quantity)
+        values = kind.of(wanted, rig, speeds, model) if kind else metrics[wanted.quantity][None]
+        parts.append(wanted.signed(values))
+    return jnp.concatenate(parts) if parts else jnp.zeros(0)

@@ -1,0 +1,192 @@
+"""The problem that a study of a rig poses: objective and constraints over drives, loads, parts."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.stats import qmc
+
+from .._errors import InputError
+from ..rig import Rig, get_parameter, set_parameter
+from ..simulate import Signal, SpeedDrive
+from ..vibration import METRICS
+from ._constraints import all_limits, all_values, metrics_of
+from ._design_problem import Problem
+from ._sensitivity_target import Evaluation, checked_parameters, evaluation, values_of
+from ._study_file import Study, corner_speeds
+from ._sweep_drive import read_speeds
+from ._sweep_target import apply
+
+SWITCHES = 2.0  # draws above this are corners: +-1
+
+
+class RigCases:
+    """Figures of a study's rig in every case, for any values of the variables."""
+
+    def __init__(self, study: Study, metrics: tuple[str, ...] | None = None):
+        self.study = study
+        wanted = tuple(name for name, _ in study.weights) if metrics is None else metrics
+        self.objective = wanted
+        self.metrics = tuple(dict.fromkeys((*wanted, *metrics_of(study.constraints))))
+        first = read_speeds(study.drives[0][1], study.rig.names)
+        how = evaluation(study.rig, first, self.metrics, study.duration, study.model, study.rate)
+        if how.way == "full":
+            raise InputError(
+                "a design needs a rig with a closed form (constant speeds, linear contacts); "
+                "this one has none."
+            )
+        self.how = how
+        self.speeds = jnp.asarray(corner_speeds(study))
+        self.paths = tuple(v.name for v in study.variables)
+        self.parts, self.width = self._tolerances()
+        self.cases = self._names()
+        self.load_paths = tuple(dict.fromkeys(p for x in study.loads for p, _ in x.values))
+        self.loads = jnp.asarray(self._load_table())
+
+    def _tolerances(self) -> tuple[tuple[str, ...], Array]:
+        paths, width = [], []
+        for path, half in self.study.tolerances:
+            found = checked_parameters(self.study.rig, [path])
+            paths += found
+            width += [half] * len(found)
+        return tuple(paths), jnp.asarray(np.array(width))
+
+    def _load_table(self) -> np.ndarray:
+        """Values at `load_paths` (one row a load); a load keeps the rig's own where it says none."""
+        paths = checked_parameters(self.study.rig, self.load_paths)
+        self.load_paths = paths
+        own = values_of(self.study.rig, paths)
+        rows = []
+        for load in self.study.loads:
+            given = {p: v for k, v in load.values for p in checked_parameters(self.study.rig, [k])}
+            rows.append([given.get(p, o) for p, o in zip(paths, own, strict=True)])
+        return np.array(rows).reshape(len(self.study.loads), len(paths))
+
+    def _names(self) -> tuple[str, ...]:
+        many = len(self.study.drives) > 1, len(self.study.loads) > 1
+        return tuple(
+            ", ".join(n for n, m in ((drive, many[0]), (load.name, many[1])) if m)
+            for drive, _ in self.study.drives
+            for load in self.study.loads
+        )
+
+    def rig(self, x, load=None, draw=None) -> Rig:
+        """The rig of variables `x` with a load's values, its parts off by the relative `draw`."""
+        drive = read_speeds(self.study.drives[0][1], self.study.rig.names)
+        rig = apply(self.study.rig, drive, self.paths, x)[0]
+        for i, path in enumerate(self.load_paths):
+            rig = set_parameter(rig, path, self.loads[0, i] if load is None else load[i])
+        if draw is not None:
+            for i, path in enumerate(self.parts):
+                rig = set_parameter(rig, path, get_parameter(rig, path) * (1 + draw[i]))
+        return rig
+
+    def drive(self, x, speeds) -> SpeedDrive:
+        """The drive at `speeds`, with the variables that belong to it."""
+        zero = jnp.zeros(1)
+        flat = jnp.zeros((1, len(speeds)))
+        force = Signal(zero, jnp.zeros((1, 3)), jnp.zeros((1, 3)))
+        start = SpeedDrive(Signal(zero, speeds[None], flat), force)
+        return apply(self.study.rig, start, self.paths, x)[1]  # pyright: ignore
+
+    def one(self, x, speeds, load, draw) -> tuple[Array, Array]:
+        """(metrics, constraints) of one case."""
+        rig, drive = self.rig(x, load, draw), self.drive(x, speeds)
+        how: Evaluation = self.how._replace(drive=drive)
+        values = how(rig)
+        named = dict(zip(self.metrics, values, strict=True))
+        now = drive.speed.values[0]
+        g = all_values(self.study.constraints, rig, now, self.study.model, named)
+        return values, g
+
+    def every(self, x, draws: Float[Array, "t p"]) -> tuple[Array, Array]:
+        """Metrics (k, t, m) and constraints (k, t, c) of every case and every draw."""
+        def case(speeds, load):
+            return jax.vmap(lambda draw: self.one(x, speeds, load, draw))(draws)
+
+        # drives first, loads second, as in `cases`
+        speeds = jnp.repeat(self.speeds, len(self.loads), axis=0)
+        loads = jnp.tile(self.loads, (len(self.speeds), 1))
+        return jax.vmap(case)(speeds, loads)
+
+    def draws(self) -> Float[Array, "t p"]:
+        """The parts' relative deviations: corners for the worst case, uniform for the spread."""
+        size, study = len(self.parts), self.study
+        if not size:
+            return jnp.zeros((1, 0))
+        unit = qmc.Sobol(size, scramble=True, rng=study.seed).random_base2(
+            int(np.ceil(np.log2(study.draws)))
+        )[: study.draws]
+        if study.spread == "worst":
+            corners = np.where(unit < 0.5, -1.0, 1.0)
+            return jnp.asarray(np.concatenate([np.zeros((1, size)), corners]) * np.array(self.width))
+        return jnp.asarray((2 * unit - 1) * np.array(self.width))
+
+    def draw(self, key) -> Float[Array, "t p"]:
+        """New deviations of the same kind."""
+        shape = (self.study.draws, len(self.parts))
+        unit = jax.random.uniform(key, shape, minval=-1.0, maxval=1.0)
+        return (jnp.sign(unit) if self.study.spread == "worst" else unit) * self.width
+
+    def weighted(self, metrics: Float[Array, "k t m"]) -> Float[Array, "k t"]:
+        """The objective of every case and draw."""
+        place = [self.metrics.index(name) for name, _ in self.study.weights]
+        weight = jnp.array([w for _, w in self.study.weights])
+        return metrics[..., jnp.array(place)] @ weight
+
+    def spread(self, values: Float[Array, "k t"]) -> Array:
+        """Over the draws: all of them for the worst case, else mean + sigmas x deviation."""
+        if not self.parts or self.study.spread == "worst":
+            return values.reshape(-1)
+        centre = jnp.mean(values, axis=1)
+        variance = jnp.mean((values - centre[:, None]) ** 2, axis=1)
+        positive = variance > 0
+        deviation = jnp.where(positive, jnp.sqrt(jnp.where(positive, variance, 1.0)), 0.0)
+        return centre + self.study.sigmas * deviation
+
+
+def objective_text(study: Study) -> tuple[str, str]:
+    """Name and unit of the objective."""
+    units = {METRICS[name].unit for name, _ in study.weights}
+    unit = units.pop() if len(units) == 1 else "1"
+    if len(study.weights) == 1 and study.weights[0][1] == 1.0:
+        name = study.weights[0][0]
+    else:
+        name = " + ".join(f"{w:g} {n}" for n, w in study.weights)
+    if study.tolerances and study.spread == "mean+sigma":
+        name = f"mean + {study.sigmas:g} sigma of {name}"
+    if len(study.drives) * len(study.loads) > 1 or (study.tolerances and study.spread == "worst"):
+        name = f"{'worst' if study.over == 'worst' else 'mean'} {name}"
+    return name, unit
+
+
+def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
+    """The problem of a study."""
+    cases = RigCases(study) if cases is None else cases
+    limits = [x for name in cases.cases for x in all_limits(study.constraints, study.rig, name)]
+    many = bool(cases.parts) and study.spread == "worst"
+    draws = cases.draws()
+    names = cases.cases
+    if many:
+        names = tuple(
+            f"{name} parts {t}".strip() if t else f"{name} nominal".strip()
+            for name in names
+            for t in range(len(draws))
+        )
+
+    def figures(x, draws):
+        metrics, g = cases.every(x, draws)
+        return cases.spread(cases.weighted(metrics)), jnp.max(g, axis=1).reshape(-1)
+
+    name, unit = objective_text(study)
+    return Problem(
+        variables=study.variables,
+        figures=figures,
+        limits=tuple(limits),
+        worst=study.over == "worst",
+        cases=names,
+        name=name,
+        unit=unit,
+        extra=draws,
+        draw=cases.draw if cases.parts else None,
+    )
