@@ -1,0 +1,234 @@
+"""`global_sensitivity`: what matters over whole ranges, not only at one design."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+from scipy.stats import qmc
+
+from .._errors import InputError, RunError
+from ..vibration import METRICS
+from ._design_engine import Folder
+from ._design_rig import RigCases
+from ._global_inputs import Input, Inputs, run_all
+from ._global_morris import MorrisEffects, morris_design, morris_effects
+from ._global_sobol import SobolIndices, sobol_design, sobol_indices
+from ._study_file import Study, study_of
+
+Report = Callable[[int, int], None]
+NAMED = 5  # failed runs listed by name
+
+
+@dataclasses.dataclass(frozen=True)
+class GlobalSensitivity:
+    """Sobol indices, Morris effects and derivative-based bounds of metrics over inputs.
+
+    `bound[m, d]` is an upper bound on the total index from the gradients, C E[(df/dt)^2]/V (Sobol
+    and Kucherenko 2009).  `failed` names the runs that failed; none of them entered a figure.
+    """
+
+    inputs: tuple[str, ...]
+    metrics: tuple[str, ...]
+    units: tuple[str, ...]
+    sobol: SobolIndices
+    morris: MorrisEffects
+    bound: np.ndarray
+    bound_half: np.ndarray
+    runs: int
+    failed: tuple[str, ...]
+
+    def sentences(self) -> list[str]:
+        """The ranking in words, and what failed."""
+        lines = []
+        for m, metric in enumerate(self.metrics):
+            order = np.argsort(-self.sobol.total[m])
+            parts = (
+                f"`{self.inputs[i]}` {self.sobol.total[m, i]:.3f} ± {self.sobol.total_half[m, i]:.3f}"
+                for i in order
+            )
+            lines.append(f"{metric}: share of the variance, in all: {', '.join(parts)}.")
+        if self.failed:
+            listed = "; ".join(self.failed[:NAMED])
+            more = f" and {len(self.failed) - NAMED} more" if len(self.failed) > NAMED else ""
+            lines.append(
+                f"{len(self.failed)} of {self.runs} runs failed ({listed}{more}); left out with "
+                f"{self.sobol.dropped} blocks and {self.morris.dropped} steps."
+            )
+        return lines
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` over metric and input."""
+        import xarray as xr
+
+        both = ("metric", "input")
+        one = {"units": "1"}
+        data: dict[str, Any] = {
+            name: (both, getattr(self.sobol, name), one)
+            for name in ("first", "first_half", "total", "total_half")
+        }
+        data |= {
+            name: (both, getattr(self.morris, name), {"units": "unit of the metric"})
+            for name in ("mu", "mu_star", "sigma")
+        }
+        data |= {"bound": (both, self.bound, one), "bound_half": (both, self.bound_half, one)}
+        data |= {
+            "first_stages": (("stage", *both), self.sobol.first_stages, one),
+            "total_stages": (("stage", *both), self.sobol.total_stages, one),
+            "effects_used": ("input", self.morris.used, one),
+        }
+        coords = {
+            "metric": list(self.metrics),
+            "input": list(self.inputs),
+            "metric_unit": ("metric", list(self.units)),
+            "stage": self.sobol.stages,
+        }
+        attrs = {
+            "kind": "omnijax global sensitivity", "runs": self.runs, "failed": "\n".join(self.failed),
+            "blocks": self.sobol.blocks, "dropped_blocks": self.sobol.dropped,
+            "dropped_steps": self.morris.dropped,
+        }  # fmt: skip
+        return xr.Dataset(data, coords, attrs)
+
+    def save(self, path: str | Path) -> None:
+        """Write netCDF that `GlobalSensitivity.load` reads back equal."""
+        self.to_xarray().to_netcdf(path, engine="h5netcdf")
+
+    @classmethod
+    def load(cls, path: str | Path) -> "GlobalSensitivity":
+        """What `save` wrote."""
+        import xarray as xr
+
+        with xr.open_dataset(path, engine="h5netcdf") as opened:
+            d = opened.load()
+        if d.attrs.get("kind") != "omnijax global sensitivity":
+            raise InputError("holds no global sensitivities.", path)
+        a, v = d.attrs, {name: d[name].values for name in d.variables}
+        sobol = SobolIndices(
+            v["first"], v["first_half"], v["total"], v["total_half"], v["stage"], v["first_stages"],
+            v["total_stages"], int(a["blocks"]), int(a["dropped_blocks"]),
+        )  # fmt: skip
+        morris = MorrisEffects(
+            v["mu"], v["mu_star"], v["sigma"], v["effects_used"], int(a["dropped_steps"])
+        )
+        texts = (tuple(str(x) for x in d[k].values) for k in ("input", "metric", "metric_unit"))
+        failed = tuple(x for x in str(a["failed"]).split("\n") if x)
+        return cls(*texts, sobol, morris, v["bound"], v["bound_half"], int(a["runs"]), failed)
+
+    def plot_convergence(self, metric: str | None = None, ax: Any = None) -> Any:
+        """Total indices against the number of blocks."""
+        from ._global_plot import convergence
+
+        return convergence(self, metric or self.metrics[0], ax)
+
+    def plot_indices(self, metric: str | None = None, ax: Any = None) -> Any:
+        """First and total indices with their confidence intervals, and the gradients' bound."""
+        from ._global_plot import indices
+
+        return indices(self, metric or self.metrics[0], ax)
+
+
+def analyse(
+    function: Callable[[Array], Array],
+    inputs: Sequence[Input],
+    metrics: Sequence[str],
+    units: Sequence[str],
+    *,
+    samples: int = 256,
+    seed: int = 0,
+    report: Report | None = None,
+    store: Folder | None = None,
+) -> GlobalSensitivity:
+    """Global sensitivities of any pure function of `inputs` (d,) to metrics (m,).
+
+    `samples` blocks for Sobol (d + 2 runs each), a sixteenth as many trajectories for Morris and as
+    many points with gradients as blocks, up to 256.  A run that is not finite has failed.
+    """
+    if samples < 16:
+        raise InputError(f"`samples` must be at least 16, but is {samples}.")
+    box = Inputs(inputs)
+    unit = sobol_design(box.size, samples, seed)
+    paths = morris_design(box.size, max(8, samples // 16), seed + 1)
+    drawn = qmc.Sobol(box.size, scramble=True, rng=seed + 2).random_base2(
+        int(np.log2(min(samples, 256)))
+    )
+    tasks = (("sobol", unit, False), ("morris", paths, False), ("slopes", drawn, True))
+    total, before, found = sum(len(x) for _, x, _ in tasks), 0, {}
+    for key, points, slopes in tasks:
+        def tell(done, _, before=before):
+            if report is not None:
+                report(before + done, total)
+
+        clipped = np.clip(points, 1e-3, 1 - 1e-3) if key == "morris" else points
+        found[key] = run_all(
+            function, box, box.standard(clipped), slopes=slopes, report=tell, store=store, key=key
+        )
+        before += len(points)
+    try:
+        sobol = sobol_indices(found["sobol"].values, found["sobol"].failed, box.size, seed)
+        morris = morris_effects(paths, found["morris"].values, found["morris"].failed)
+    except ValueError as error:
+        raise RunError(f"too many runs failed: {error}") from None
+    bound, half = _bounds(box, found["slopes"])
+    failed = [
+        _named(box, points[i]) for key, points, _ in tasks for i in np.flatnonzero(found[key].failed)
+    ]
+    return GlobalSensitivity(
+        box.names, tuple(metrics), tuple(units), sobol, morris, bound, half, total, tuple(failed)
+    )
+
+
+def _bounds(box: Inputs, runs) -> tuple[np.ndarray, np.ndarray]:
+    """C E[(df/ds)^2]/V of the runs without failure, and 95 % half widths."""
+    good = ~runs.failed
+    square, values = runs.slopes[good] ** 2, runs.values[good]
+    variance = values.var(axis=0)[:, None]
+    factor = box.poincare / np.where(variance > 0, variance, np.inf)
+    half = 1.96 * square.std(axis=0) / np.sqrt(max(good.sum(), 1))
+    return factor * square.mean(axis=0), factor * half
+
+
+def _named(box: Inputs, unit: np.ndarray) -> str:
+    values = np.asarray(box.values(jnp.asarray(box.standard(unit))))
+    return ", ".join(f"{n} = {v:.6g}" for n, v in zip(box.names, values, strict=True))
+
+
+def global_sensitivity(
+    study: str | Path | Mapping | Study,
+    metrics: Sequence[str] | None = None,
+    *,
+    out: str | Path | None = None,
+    resume: bool = False,
+    report: Report | None = None,
+) -> GlobalSensitivity:
+    """Global sensitivities of a study's metrics over the ranges of its variables.
+
+    Over several drives or loads each metric is its worst (greatest) over the cases.
+    """
+    asked = study_of(study)
+    if not asked.variables:
+        raise InputError("a global study needs at least one [[variable]] with path, low and high.")
+    whole = [v.name for v in asked.variables if v.whole]
+    if whole:
+        raise InputError([f"`{n}` takes whole numbers: give ranges of real ones only." for n in whole])
+    names = tuple(metrics or (name for name, _ in asked.weights))
+    plain = dataclasses.replace(asked, constraints=(), tolerances=())
+    cases = RigCases(plain, names)
+    kinds = asked.distributions or ("uniform",) * len(asked.variables)
+    inputs = [
+        Input(v.name, v.low, v.high, v.log, kind == "normal")
+        for v, kind in zip(asked.variables, kinds, strict=True)
+    ]
+
+    def function(x):
+        return jnp.max(cases.every(x, jnp.zeros((1, 0)))[0][:, 0], axis=0)
+
+    store = None if out is None else Folder(out, asked.identity() + repr(names), resume)
+    units = [METRICS[name].unit for name in names]
+    return analyse(
+        function, inputs, names, units, samples=asked.samples, seed=asked.seed, report=report,
+        store=store,
+    )  # fmt: skip
