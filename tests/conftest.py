@@ -4,6 +4,7 @@ import os
 from pathlib import Path
 
 from hypothesis import settings
+from jaxtyping import install_import_hook
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("XLA_FLAGS", "--xla_cpu_multi_thread_eigen=false")
@@ -15,3 +16,6 @@ os.environ.setdefault(
 
 settings.register_profile("omnijax", derandomize=True, deadline=None, database=None)
 settings.load_profile("omnijax")
+
+# annotated shapes are checked at every call of what holds the machine; it costs tracing time only
+install_import_hook(["omnijax.laws", "omnijax.rig"], "shapes.checked")
