@@ -14,12 +14,21 @@ import pytest
 import omnijax
 from omnijax import InputError, load_rig, load_sweep, sweep
 from omnijax.cli._frame import run
+from omnijax.report import sweep_page
 from omnijax.study._chunks import quantities
 from omnijax.study._store import Store, chunk_files, create_store
 
 VARY = {"wheel.roundness": "0.2:0.6:4", "contact.stiffness": "log:5e4:1e6:5"}
 SPEEDS = (0.1, 1.2, 0.3)
 TEXTS = [f"--vary={path}={text}" for path, text in VARY.items()]
+SLOW = """
+import time
+from omnijax.cli import main
+from omnijax.study._store import Store
+write = Store.write
+Store.write = lambda *args: (time.sleep(0.2), write(*args))  # time for the test to kill it
+main()
+"""
 COMMAND = ["sweep", "atlas", *TEXTS, "--speed", "0.1,1.2,0.3", "--chunk", "2"]
 
 
@@ -39,13 +48,13 @@ def same(a, b) -> bool:
 
 def test_killed_sweep_loses_at_most_a_chunk_and_resumes_bit_identically(whole, tmp_path, capsys):
     out = tmp_path / "killed.zarr"
-    code = "import sys; from omnijax.cli import main; main()"
     process = subprocess.Popen(
-        [sys.executable, "-c", code, *COMMAND, "--out", str(out)], stderr=subprocess.DEVNULL
+        [sys.executable, "-c", SLOW, *COMMAND, "--out", str(out)], stderr=subprocess.DEVNULL
     )
     while len(chunk_files(out)) < 2:
         assert process.poll() is None, "the sweep ended before it could be killed"
         time.sleep(0.002)
+    os.kill(process.pid, signal.SIGSTOP)  # however busy the machine is, the rest stays undone
     assert run(["sweep-status", str(out)]) == 0
     assert "running" in capsys.readouterr().out
     os.kill(process.pid, signal.SIGKILL)
@@ -186,6 +195,15 @@ def test_store_opens_in_xarray_alone(whole):
 def test_save_and_load_are_equal(whole, tmp_path):
     copy = whole.save(tmp_path / "copy.zarr")
     assert same(copy, whole) and load_sweep(tmp_path / "copy.zarr").spec == whole.spec
+
+
+def test_page_answers_first_and_holds_what_makes_it_again(whole, tmp_path):
+    page = sweep_page(whole).write(tmp_path)
+    text = page.read_text(encoding="utf-8")
+    best = whole.design(whole.best("peak"))
+    assert f"The best peak is {best['peak']:.4g}" in text
+    assert "[sphere]" in text and 'src="http' not in text and 'href="http' not in text
+    assert {f.name for f in tmp_path.iterdir()} >= {"sweep-peak.png", "best-rms.csv", "index.html"}
 
 
 def test_pictures_show_the_numbers(whole, tmp_path):

@@ -38,6 +38,7 @@ def sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     plot: Path | None = None,
+    report: Path | None = None,
     json: Json = False,
 ) -> int:
     """Compute metrics of many designs: a grid, a list, or samples of ranges.
@@ -97,6 +98,8 @@ def sweep(
         Address of a running Dask scheduler (tcp://host:8786).
     plot
         Picture of the first metric: a heat map, or lines (.svg, .png, .pdf).
+    report
+        Folder for a page of the sweep (index.html) with its figures and numbers.
     """
     import shlex
     import sys
@@ -106,18 +109,22 @@ def sweep(
     from ..study._sweep_progress import Bar
 
     began = time.monotonic()
-    with Bar() as report:
+    with Bar() as advance:
         result = evaluate(
             rig, vary, metric, drive=_drive(speed, torque, force), duration=_duration(duration),
             rate=rate, model=model, solver=solver, rtol=rtol, max_steps=max_steps,
             sampler=sampler, samples=samples, seed=seed, gradient=gradient, out=out,
             resume=resume, chunk=chunk, devices=devices, workers=workers, scheduler=scheduler,
-            report=report,
+            report=advance,
             command=shlex.join(["omnijax", *sys.argv[1:]]),
         )  # fmt: skip
     summary = summarise(result) | {"seconds": time.monotonic() - began}
     if plot is not None:
         summary["plot"] = str(_plot(result, plot))
+    if report is not None:
+        from ..report import sweep_page
+
+        summary["report"] = str(sweep_page(result).write(report))
     emit(json, summary, lambda: show(result, summary))
     return 0
 
@@ -187,6 +194,8 @@ def show(result: Any, summary: dict[str, Any]) -> None:
         print(f"... and {more - SHOWN} more failed designs.")
     if summary.get("plot"):
         print(f"plot: {summary['plot']}")
+    if summary.get("report"):
+        print(f"report: {summary['report']}")
     if summary["out"]:
         print(f"store: {summary['out']}")
 

@@ -16,4 +16,6 @@ from ._page import file_name as file_name
 from ._style import COLOURS as COLOURS
 from ._style import PALETTE as PALETTE
 from ._style import figure as figure
+from ._style import legend_above as legend_above
 from ._style import style as style
+from ._sweep import sweep_page as sweep_page

@@ -10,10 +10,11 @@ from .._errors import InputError, did_you_mean
 from ..rig import Rig
 from ..simulate import AbstractDrive, SpeedDrive, Trajectory, simulate
 from ..simulate.exact import exact_obstacle, propagate
-from ..vibration import METRICS, STEADY_METRICS, contact_load, evaluate, steady_metrics
+from ..vibration import METRICS, STEADY_METRICS, evaluate, steady_metrics
 from ._store import FAILED
 
 LIFT_OFF, SLIP = 4, 5
+MARGINS = ("lift_off_margin", "slip_margin")
 RTOL, MAX_STEPS = 1e-8, 200_000  # of full simulations
 
 
@@ -96,19 +97,20 @@ def figures_of(
 
 def _steady(settings: Settings, rig: Rig, drive: SpeedDrive):
     speeds, angles = drive.speed.values[0], drive.initial_angle
-    found = steady_metrics(rig, speeds, settings.metrics, model=settings.model, angles=angles)
-    load = contact_load(rig, speeds, settings.model, angles, refined=False)
-    status = _margin_status(jnp.any(load.least <= 0), jnp.any(load.slip_margin < 0))
+    names = tuple(dict.fromkeys((*settings.metrics, *MARGINS)))
+    found = steady_metrics(rig, speeds, names, model=settings.model, angles=angles)
+    status = _margin_status(*(found[name] for name in MARGINS))
     return _with_status(jnp.stack([found[name] for name in settings.metrics]), status)
 
 
-def _margin_status(lifted, slipped):
-    return jnp.where(lifted, LIFT_OFF, jnp.where(slipped, SLIP, 0))
+def _margin_status(normal_force, slip_margin):
+    """Lift-off where a contact is without load, else slip, from the least of both."""
+    return jnp.where(normal_force <= 0, LIFT_OFF, jnp.where(slip_margin < 0, SLIP, 0))
 
 
 def _margins(run: Trajectory) -> Int[Array, ""]:
     """The run's own status, else lift-off (a contact without load) or slip at a sample."""
-    margin = _margin_status(jnp.any(run.normal_force <= 0), jnp.any(run.slip_margin < 0))
+    margin = _margin_status(jnp.min(run.normal_force), jnp.min(run.slip_margin))
     return jnp.where(run.status == 0, margin, run.status)
 
 

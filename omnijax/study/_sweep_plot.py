@@ -9,6 +9,7 @@ from ._points import Grid
 
 MARKS = ("-", "--", "-.", ":")
 LINES = 8  # of one family
+CELLS = 5000  # of a heat map, from which a vector file holds it as a picture
 
 
 def _axes(ax: Any):
@@ -55,7 +56,8 @@ def heatmap(result: Any, metric: str, x: str | None = None, y: str | None = None
     order = np.argsort(across), np.argsort(up)
     shown = np.ma.masked_invalid(values[np.ix_(*order)].T)
     edges = _edges(across[order[0]], axes[i].log), _edges(up[order[1]], axes[j].log)
-    image = ax.pcolormesh(*edges, shown, cmap="cividis")
+    image = ax.pcolormesh(*edges, shown, cmap="cividis", rasterized=shown.size > CELLS)
+    ax.grid(False)
     ax.figure.colorbar(image, ax=ax, label=_label(result, metric))
     for axis, k in ((ax.set_xscale, i), (ax.set_yscale, j)):
         if axes[k].log:

@@ -1,0 +1,132 @@
+"""The page of a sweep: the best designs first, then pictures, failures and how it was made."""
+
+from typing import Any
+
+import numpy as np
+
+from ..study import Grid, SweepResult
+from ._content import Column, Fact, Figure, Provenance, Section, Table, shown
+from ._page import Page
+from ._style import figure, style
+
+ROWS = 10  # designs of a table
+POINTS = 4000  # of a picture of samples, and rows of its CSV
+
+
+def sweep_page(result: SweepResult) -> Page:
+    """One offline page of a sweep."""
+    varied = [path for path, _, _ in result.spec.vary]
+    return Page(
+        title="Sweep",
+        question=f"How do {', '.join(result.spec.metrics)} depend on {', '.join(varied)}?",
+        answer=_answer(result),
+        facts=[
+            Fact("designs", result.size),
+            *(Fact(f"status: {name}", count) for name, count in result.counts().items()),
+        ],
+        sections=[*_pictures(result), _best(result), *_failures(result), _how(result)],
+        provenance=_provenance(result),
+    )
+
+
+def _place(result: SweepResult, found: dict[str, float]) -> str:
+    return ", ".join(
+        f"`{path}` = {shown(found[path])}{'' if unit == '1' else f' {unit}'}"
+        for path, unit, _ in result.spec.vary
+    )
+
+
+def _answer(result: SweepResult) -> str:
+    sentences = []
+    for name in result.spec.metrics:
+        index = result.best(name)
+        if index is None:
+            sentences.append(f"No design has a figure for {name}.")
+            continue
+        found = result.design(index)
+        value = f"{shown(found[name])} {result.unit(name)}"
+        sentences.append(f"The best {name} is {value} at {_place(result, found)}.")
+    return " ".join(sentences)
+
+
+def _pictures(result: SweepResult) -> list[Section]:
+    figures = []
+    for name in result.spec.metrics:
+        with style():
+            fig, (ax,) = figure(height=4.2)
+            if isinstance(result.points, Grid) and len(result.shape) > 1:
+                result.plot_heatmap(name, ax=ax)
+                words = "white cells have no figure"
+            else:
+                result.plot_lines(name, ax=ax)
+                words = "one point a design"
+        figures.append(
+            Figure(fig, f"sweep-{name}", f"{name} of the designs; {words}.", _data(result, name))
+        )
+    return [Section("Over the parameters", "", figures)]
+
+
+def _data(result: SweepResult, name: str) -> dict[str, Any]:
+    """Columns of the picture's CSV: evenly picked designs where there are very many."""
+    index = np.unique(np.linspace(0, result.size - 1, min(result.size, POINTS)).round().astype(int))
+    columns = [*(path for path, _, _ in result.spec.vary), name]
+    return {f"{c} / {result.unit(c)}": result.store.read(c)[index] for c in columns}
+
+
+def _best(result: SweepResult) -> Section:
+    columns = [Column("design"), *(_column(result, n) for n in result.store.names[:-1])]
+    tables = []
+    for name in result.spec.metrics:
+        values = _goodness(result, name)
+        order = [i for i in np.argsort(values)[:ROWS].tolist() if np.isfinite(values[i])]
+        rows = [[i, *list(result.design(i).values())[:-1]] for i in order]
+        tables.append(
+            Table(columns, rows, f"best-{name}", f"The {len(rows)} designs best in {name}.")
+        )
+    return Section("Best designs", "", tables=tables)
+
+
+def _column(result: SweepResult, name: str) -> Column:
+    unit = result.unit(name)
+    return Column(name, "" if unit == "1" else unit)
+
+
+def _goodness(result: SweepResult, name: str) -> np.ndarray:
+    """Figures of one metric so that smaller is better, infinite where there is none."""
+    from ..vibration import METRICS
+
+    values = result.store.read(name)
+    values = values if METRICS[name].smaller_is_better else -values
+    return np.where(np.isfinite(values), values, np.inf)
+
+
+def _failures(result: SweepResult) -> list[Section]:
+    failed = result.failed(ROWS)
+    if not failed:
+        return []
+    names = result.store.names[: len(result.spec.vary)]
+    columns = [Column("design"), *(_column(result, n) for n in names)]
+    columns.append(Column("run it again", text=True))
+    rows = [[i, *(result.design(i)[n] for n in names), result.command(i)] for i in failed]
+    table = Table(columns, rows, "failed", f"The first {len(rows)} designs without figures.")
+    return [Section("Designs that failed", "", tables=[table])]
+
+
+def _how(result: SweepResult) -> Section:
+    spec = result.spec
+    rows = [["path of evaluation", result.path], ["translation model", spec.model]]
+    rows += [[f"`{path}`", f"{text} ({unit})"] for path, unit, text in spec.vary]
+    rows.append(
+        ["points", spec.sampler if spec.samples is None else f"{spec.samples} {spec.sampler}"]
+    )
+    if spec.duration is not None:
+        rows.append(["runs", f"{spec.duration:g} s at {spec.rate:g} samples/s"])
+    rows.append(["device", str(result.store.group.attrs.get("device", ""))])
+    table = Table([Column("what", text=True), Column("value", text=True)], rows, "question")
+    return Section("How it was computed", "", tables=[table])
+
+
+def _provenance(result: SweepResult) -> Provenance:
+    attrs = result.store.group.attrs
+    command = str(attrs.get("command") or "omnijax.sweep(...)")
+    return Provenance(command, result.spec.rig, result.spec.seed, dict(attrs.get("versions", {})))  # pyright: ignore
