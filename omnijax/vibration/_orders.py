@@ -1,0 +1,254 @@
+"""Order analysis of simulated and measured runs: a map over a wheel's orders, and order tracks.
+
+Order o of a wheel is what repeats o times a turn.  With the wheel's angle theta at every sample
+
+    X(o) = 2 sum w x exp(-i o theta) dtheta / sum w dtheta,   w a Hann window over some turns,
+
+is the transform in the angle domain, taken at the samples themselves, so nothing is interpolated.
+Where o times the speed passes half the sampling rate a line folds back; such cells are marked.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..recording import Recording, unit_of
+from ..simulate import Trajectory
+
+OVERLAP = 4  # windows begin a quarter of their length apart
+USABLE = 0.9  # share of a window's samples that must be there
+TURN = 2 * np.pi
+
+
+@dataclasses.dataclass(frozen=True)
+class OrderMap:
+    """Amplitude of every order in every window; `aliased` marks what the sampling cannot tell.
+
+    Aliased cells are NaN: there the line of another order would show, folded back.
+    """
+
+    channel: str
+    unit: str
+    reference: str
+    orders: np.ndarray  # (k,)
+    time: np.ndarray  # s, middle of the windows, (m,)
+    speed: np.ndarray  # rpm of the reference, (m,)
+    amplitude: np.ndarray  # of the sine, in `unit`, (m, k)
+    aliased: np.ndarray  # (m, k)
+
+    def strongest(self, count: int = 5) -> list[tuple[float, float]]:
+        """The highest (order, RMS amplitude over the windows) peaks, largest first."""
+        square = np.where(np.isfinite(self.amplitude), self.amplitude, 0.0) ** 2
+        seen = np.maximum((~self.aliased).sum(axis=0), 1)
+        level = np.sqrt(square.sum(axis=0) / seen)
+        inner = level[1:-1]
+        peaks = 1 + np.flatnonzero((inner >= level[:-2]) & (inner > level[2:]))
+        best = peaks[np.argsort(-level[peaks])][:count]
+        return [(float(self.orders[i]), float(level[i])) for i in best]
+
+    def plot(self, *, ax: Any = None, over: str = "time") -> Any:
+        """The map as a picture, orders to the right; returns the axes."""
+        from ._waterfall import plot_map
+
+        return plot_map(self, ax=ax, over=over)
+
+    def plot_waterfall(self, *, ax: Any = None) -> Any:
+        """One spectrum above the other, as time goes on; returns the axes."""
+        from ._waterfall import plot_waterfall
+
+        return plot_waterfall(self, ax=ax)
+
+    def __repr__(self) -> str:
+        top = ", ".join(f"{order:.3g}" for order, _ in self.strongest(3))
+        shape = f"{len(self.time)} windows, {len(self.orders)} orders of {self.reference}"
+        return f"OrderMap({self.channel}: {shape}; strongest {top})"
+
+
+@dataclasses.dataclass(frozen=True)
+class OrderTrack:
+    """Amplitude and phase of chosen orders in every window, fitted together."""
+
+    channel: str
+    unit: str
+    reference: str
+    orders: np.ndarray  # (k,)
+    time: np.ndarray  # s, (m,)
+    speed: np.ndarray  # rpm, (m,)
+    amplitude: np.ndarray  # in `unit`, (m, k)
+    phase: np.ndarray  # rad, of amplitude cos(o theta + phase), (m, k)
+    aliased: np.ndarray  # (m, k): a lower order would fit as well if the speed stayed the same
+
+    def plot(self, *, ax: Any = None, over: str = "time") -> Any:
+        """One curve an order, over `time` or `speed`; returns the axes."""
+        from ._waterfall import plot_track
+
+        return plot_track(self, ax=ax, over=over)
+
+    def __repr__(self) -> str:
+        names = ", ".join(f"{order:g}" for order in self.orders)
+        about = f"orders {names} of {self.reference}, {len(self.time)} windows"
+        return f"OrderTrack({self.channel}: {about})"
+
+
+def rpm_order_map(
+    run: Trajectory | Recording,
+    channel: str = "dR_x",
+    reference: str = "1",
+    *,
+    turns: float = 4.0,
+    max_order: float | None = None,
+) -> OrderMap:
+    """Map of a channel over orders and time, as MATLAB's `rpmordermap` draws it.
+
+    `channel` is a column such as `dR_y`, or `distance` for |dR|; `reference` a wheel's name or
+    number (from 1), or `sphere`.  Windows are `turns` long (resolution about
+    2/turns orders), or half the way that the reference turns if that is less.  Without `max_order`: 64, or what the sampling can tell.
+    """
+    time, values, unit = _channel(run, channel)
+    angle, name = _reference(run, reference)
+    windows, turns = _windows(time, angle, turns, name)
+    step = float(np.median(np.diff(time)))
+    speeds = np.array([_speed(time[w], angle[w]) for w in windows])
+    top = np.pi / step / np.maximum(speeds, 1e-12)  # order at half the sampling rate
+    highest = min(64.0, float(top.max())) if max_order is None else max_order
+    orders = np.arange(0.0, highest + 1e-9, 0.25 / turns)
+    amplitude = np.stack([_spectrum(values[w], angle[w], orders) for w in windows])
+    aliased = orders > top[:, None]
+    middle = np.array([time[w].mean() for w in windows])
+    shown = np.where(aliased, np.nan, amplitude)
+    return OrderMap(channel, unit, name, orders, middle, speeds * 60 / TURN, shown, aliased)
+
+
+def order_track(
+    run: Trajectory | Recording,
+    orders: Sequence[float],
+    channel: str = "dR_x",
+    reference: str = "1",
+    *,
+    turns: float = 4.0,
+) -> OrderTrack:
+    """Amplitude and phase of `orders` over time, as MATLAB's `ordertrack` gives them.
+
+    All orders, the mean and a drift are fitted together in each window, so neighbours do not leak
+    into each other.  The fit uses the wheel's angle at the samples: while the speed changes it
+    finds an order beyond half the sampling rate too.
+    """
+    chosen = np.asarray(orders, float)
+    if chosen.ndim != 1 or not len(chosen) or np.any(chosen <= 0):
+        raise ValueError(f"`orders` must be positive numbers, but is {orders!r}.")
+    time, values, unit = _channel(run, channel)
+    angle, name = _reference(run, reference)
+    windows, _ = _windows(time, angle, turns, name)
+    step = float(np.median(np.diff(time)))
+    speeds = np.array([_speed(time[w], angle[w]) for w in windows])
+    fitted = np.stack([_fit(time[w], values[w], angle[w], chosen) for w in windows])
+    aliased = chosen > np.pi / step / np.maximum(speeds, 1e-12)[:, None]
+    middle = np.array([time[w].mean() for w in windows])
+    rpm = speeds * 60 / TURN
+    phase = np.angle(fitted)
+    return OrderTrack(channel, unit, name, chosen, middle, rpm, np.abs(fitted), phase, aliased)
+
+
+def _channel(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, np.ndarray, str]:
+    """Time, values and unit of one channel; `ValueError` names what there is."""
+    if isinstance(run, Recording):
+        if name == "distance":
+            return run.time, np.linalg.norm(run.group("dR"), axis=1), "m"
+        if name not in run.channels:
+            known = ", ".join(run.channels)
+            raise ValueError(f"`channel` must be distance or one of {known}, but is {name!r}.")
+        return run.time, run.channels[name], unit_of(name)
+    if name == "distance":
+        return np.asarray(run.t), np.asarray(run.distance), "m"
+    group, _, end = name.rpartition("_")
+    ends = {axis: i for i, axis in enumerate("xyz")} | {n: i for i, n in enumerate(run.names)}
+    ends |= {str(i + 1): i for i in range(len(run.names))}
+    if group not in run.UNITS or end not in ends:
+        raise ValueError(f"`channel` must be such as dR_x or normal_force_1, but is {name!r}.")
+    return np.asarray(run.t), np.asarray(getattr(run, group))[:, ends[end]], run.UNITS[group]
+
+
+def _reference(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, str]:
+    """Angle of the reference at every sample, rad, and its name; gaps are bridged."""
+    measured = isinstance(run, Recording)
+    time = run.time if measured else np.asarray(run.t)
+    if name == "sphere":
+        omega = run.group("Omega") if measured else np.asarray(run.Omega)
+        speed = np.linalg.norm(omega, axis=1)
+        good = np.isfinite(speed)
+        if not good.any():
+            raise ValueError("`reference` cannot be the sphere: Omega was not measured.")
+        speed = np.interp(time, time[good], speed[good])
+        return np.concatenate(
+            [[0.0], np.cumsum(0.5 * np.diff(time) * (speed[1:] + speed[:-1]))]
+        ), name
+    names = () if measured else run.names
+    theta = run.group("theta") if measured else np.asarray(run.theta)
+    index = names.index(name) if name in names else int(name) - 1 if name.isdigit() else -1
+    if not 0 <= index < theta.shape[1]:
+        known = ", ".join([*names, *(str(i + 1) for i in range(theta.shape[1])), "sphere"])
+        raise ValueError(f"`reference` must be one of {known}, but is {name!r}.")
+    good = np.isfinite(theta[:, index])
+    if not good.any():
+        raise ValueError(f"`reference` cannot be wheel {name}: its angle was not measured.")
+    return np.interp(time, time[good], theta[good, index]), f"wheel {name}"
+
+
+def _windows(time, angle, turns: float, name: str) -> tuple[list[slice], float]:
+    """Stretches of `turns` turns in one direction, and their length in turns."""
+    smooth = max(int(0.02 * len(time)), 5)
+    speed = np.convolve(np.gradient(angle, time), np.ones(smooth) / smooth, mode="same")
+    way = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(angle)))]) / TURN
+    if way[-1] < 1:
+        raise ValueError(f"{name} turns {way[-1]:.2g} times in this run; orders need a whole turn.")
+    length = min(turns, max(way[-1] / 2, 1.0))
+    found = []
+    for start in np.arange(0.0, way[-1] - length + 1e-9, length / OVERLAP):
+        first, last = np.searchsorted(way, [start, start + length])
+        here = slice(int(first), int(min(last + 1, len(way))))
+        one_way = np.all(speed[here] > 0) or np.all(speed[here] < 0)
+        if one_way and here.stop - here.start >= 16:
+            found.append(here)
+    if not found:
+        raise ValueError(f"{name} never turns {length:.2g} times in one direction.")
+    return found, length
+
+
+def _speed(time: np.ndarray, angle: np.ndarray) -> float:
+    """Mean speed in rad/s, without sign."""
+    return float(abs(angle[-1] - angle[0]) / (time[-1] - time[0]))
+
+
+def _hann(angle: np.ndarray) -> np.ndarray:
+    """Hann window over the angle."""
+    return np.sin(np.pi * (angle - angle[0]) / (angle[-1] - angle[0])) ** 2
+
+
+def _spectrum(values, angle, orders) -> np.ndarray:
+    """Amplitude at each order; NaN where too much of the window is missing."""
+    good = np.isfinite(values)
+    if good.mean() < USABLE:
+        return np.full(len(orders), np.nan)
+    weight = _hann(angle) * np.abs(np.gradient(angle)) * good
+    values = np.where(good, values, 0.0)
+    trend = np.stack([np.ones(len(angle)), angle - angle.mean()], axis=1)
+    root = np.sqrt(weight)[:, None]
+    line, *_ = np.linalg.lstsq(root * trend, root[:, 0] * values, rcond=None)
+    values = np.where(good, values - trend @ line, 0.0)
+    return 2 * np.abs(np.exp(-1j * np.outer(orders, angle)) @ (weight * values)) / weight.sum()
+
+
+def _fit(time, values, angle, orders) -> np.ndarray:
+    """Complex amplitudes of the orders, fitted together with a mean and a drift."""
+    good = np.isfinite(values)
+    unknowns = 2 * len(orders) + 2
+    if good.mean() < USABLE or good.sum() < 2 * unknowns:
+        return np.full(len(orders), np.nan + 0j)
+    phase = np.outer(angle[good], orders)
+    drift = np.stack([np.ones(good.sum()), time[good] - time.mean()], axis=1)
+    columns = np.concatenate([np.cos(phase), -np.sin(phase), drift], axis=1)
+    root = np.sqrt(_hann(angle)[good])
+    found, *_ = np.linalg.lstsq(root[:, None] * columns, root * values[good], rcond=None)
+    return found[: len(orders)] + 1j * found[len(orders) : 2 * len(orders)]

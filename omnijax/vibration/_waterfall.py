@@ -1,0 +1,87 @@
+"""Pictures of orders: the map, the waterfall and the tracks."""
+
+from typing import Any
+
+import numpy as np
+
+COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+SCALES = {"m": (1e6, "µm"), "m/s^2": (1.0, "m/s²")}
+OVER = {"time": "time (s)", "speed": "speed (rpm)"}
+
+
+def _axes(ax: Any) -> Any:
+    if ax is not None:
+        return ax
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(7.2, 4.2), layout="constrained").subplots()
+
+
+def _rows(result: Any, over: str) -> tuple[np.ndarray, np.ndarray]:
+    """What stands on the axis of the windows, and their order along it."""
+    if over not in OVER:
+        raise ValueError(f"`over` must be time or speed, but is {over!r}.")
+    values = getattr(result, over)
+    return values, np.argsort(values, kind="stable")
+
+
+def _label(result: Any) -> tuple[float, str]:
+    factor, unit = SCALES.get(result.unit, (1.0, result.unit))
+    return factor, f"{result.channel.replace('dR', 'ΔR')} ({unit})"
+
+
+def plot_map(result: Any, *, ax: Any = None, over: str = "time") -> Any:
+    """Orders to the right, time or speed upwards, amplitude as colour; grey cannot be told."""
+    ax = _axes(ax)
+    values, order = _rows(result, over)
+    factor, label = _label(result)
+    ax.set_facecolor("#d8dde3")
+    where = np.maximum.accumulate(values[order] + 1e-12 * np.arange(len(values)))
+    if len(where) == 1:  # a picture needs two rows
+        where, order = np.array([where[0] - 0.5, where[0] + 0.5]), np.repeat(order, 2)
+    shown = np.ma.masked_invalid(factor * result.amplitude[order])
+    mesh = ax.pcolormesh(result.orders, where, shown, cmap="cividis", shading="nearest", vmin=0)
+    mesh.set_rasterized(True)
+    ax.figure.colorbar(mesh, ax=ax, label=label)
+    ax.set_xlabel(f"order of {result.reference}")
+    ax.set_ylabel(OVER[over])
+    ax.grid(False)
+    return ax
+
+
+def plot_waterfall(result: Any, *, ax: Any = None, count: int = 24) -> Any:
+    """Up to `count` spectra, each above the one before it; the scale stands beside the first."""
+    ax = _axes(ax)
+    factor, label = _label(result)
+    pick = np.unique(np.linspace(0, len(result.time) - 1, count).astype(int))
+    shown = factor * result.amplitude[pick]
+    top = np.nanmax(shown, initial=0.0) or 1.0
+    span = max(float(result.time[pick[-1]] - result.time[pick[0]]), 1e-9)
+    height = 3 * span / len(pick) / top  # seconds on the axis for one unit of amplitude
+    for i in range(len(pick))[::-1]:
+        base = result.time[pick[i]]
+        line = base + height * shown[i]
+        ax.fill_between(result.orders, base, line, color="white", zorder=-i, lw=0)
+        ax.plot(result.orders, line, color=COLOURS[0], lw=0.9, zorder=-i)
+    ax.set_xlabel(f"order of {result.reference}")
+    ax.set_ylabel("time (s)")
+    ax.set_title(f"{label}: {top / 2:.3g} is {height * top / 2:.2g} s high")
+    return ax
+
+
+def plot_track(result: Any, *, ax: Any = None, over: str = "time") -> Any:
+    """Amplitude of each order; dashed where the sampling alone cannot tell it from another."""
+    ax = _axes(ax)
+    values, order = _rows(result, over)
+    factor, label = _label(result)
+    for i, number in enumerate(result.orders):
+        colour, amplitude = COLOURS[i % len(COLOURS)], factor * result.amplitude[order, i]
+        for hidden, style in ((False, "-"), (True, "--")):
+            part = np.where(result.aliased[order, i] == hidden, amplitude, np.nan)
+            name = f"order {number:g}" if hidden == bool(result.aliased[:, i].all()) else None
+            ax.plot(values[order], part, style, color=colour, label=name, marker=".", ms=3)
+    ax.set_xlabel(OVER[over])
+    ax.set_ylabel(label)
+    ax.set_ylim(bottom=0)
+    ax.legend(title=f"of {result.reference}", frameon=False)
+    return ax

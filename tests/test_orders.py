@@ -1,0 +1,119 @@
+"""Orders: planted lines are found where they are, stay where they must, and fold as they should."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from machines import machine, shared
+
+from omnijax import Recording, propagate, read_recording, speeds
+from omnijax.vibration import order_track, rpm_order_map
+
+RATE = 500.0
+TIME = np.arange(3000) / RATE
+# a run-up from 6 to 30 rad/s: order 14 rises from 13 to 67 Hz
+ANGLE = 0.3 + 6 * TIME + 2 * TIME**2
+NOISE = 1e-7 * np.random.default_rng(2).standard_normal(len(TIME))
+
+
+def recording(values, angle=ANGLE):
+    """A recording in which only wheel 2 turns and dR_y is `values`."""
+    channels = {f"torque_{i}": np.zeros(len(TIME)) for i in (1, 2, 3)}
+    channels |= {"theta_1": 0 * angle, "theta_2": angle, "dR_y": values}
+    return Recording("run", None, TIME, channels, 3)  # pyright: ignore
+
+
+def test_an_order_line_stays_put_and_a_line_in_hz_does_not():
+    values = 3e-6 * np.cos(14 * ANGLE + 0.5) + 2e-6 * np.sin(2 * np.pi * 31 * TIME) + NOISE
+    found = rpm_order_map(recording(values), "dR_y", "2", turns=2, max_order=40)
+    order, level = found.strongest(1)[0]
+    assert order == pytest.approx(14, abs=0.13)
+    assert level == pytest.approx(3e-6, rel=0.05)
+    off = np.where(np.abs(found.orders - 14) > 3, found.amplitude, 0)
+    hz = found.orders[np.argmax(off, axis=1)] * found.speed / 60
+    apart = np.abs(31 * 60 / found.speed - 14) > 4
+    np.testing.assert_allclose(hz[apart], 31, rtol=0.08)
+    assert found.speed[0] < 100
+    assert found.speed[-1] > 250
+
+
+def test_tracks_give_amplitude_and_phase_of_close_orders():
+    growing = 1e-6 * (1 + TIME)
+    values = growing * np.cos(14 * ANGLE + 0.5) + 4e-6 * np.cos(14.6 * ANGLE - 1) + NOISE
+    track = order_track(recording(values), [14, 14.6], "dR_y", "2", turns=3)
+    np.testing.assert_allclose(track.amplitude[:, 0], 1e-6 * (1 + track.time), rtol=0.06)
+    np.testing.assert_allclose(track.amplitude[:, 1], 4e-6, rtol=0.03)
+    np.testing.assert_allclose(track.phase[:, 0], 0.5, atol=0.05)
+    assert not track.aliased.any()
+
+
+def test_a_folded_line_is_marked_and_its_track_is_still_right():
+    values = 3e-6 * np.cos(100 * ANGLE) + NOISE  # 95 to 477 Hz: beyond 250 Hz it folds
+    found = rpm_order_map(recording(values), "dR_y", "2", turns=2, max_order=120)
+    slow, fast = found.speed < 130, found.speed > 170
+    at = np.argmin(np.abs(found.orders - 100))
+    assert not found.aliased[slow, at].any()
+    assert found.aliased[fast, at].all()
+    assert np.isnan(found.amplitude[fast, at]).all()
+    np.testing.assert_allclose(found.amplitude[slow, at], 3e-6, rtol=0.05)
+    track = order_track(recording(values), [100], "dR_y", "2", turns=2)
+    assert track.aliased[-1, 0]
+    np.testing.assert_allclose(track.amplitude[track.aliased], 3e-6, rtol=0.05)
+
+
+def test_missing_samples_and_reversals_do_no_harm():
+    angle = 10 * np.sin(TIME) + 12 * TIME
+    values = 3e-6 * np.cos(5 * angle)
+    values[700:710] = np.nan
+    there_and_back = np.where(TIME < 3, angle, 2 * angle[1500] - angle)
+    folded = 3e-6 * np.cos(5 * there_and_back)
+    for x, a in ((values, angle), (folded, there_and_back)):
+        track = order_track(recording(x, a), [5], "dR_y", "2", turns=1.5)
+        assert len(track.time) > 4
+        np.testing.assert_allclose(track.amplitude[np.isfinite(track.amplitude)], 3e-6, rtol=0.02)
+
+
+def test_rollers_of_a_simulated_wheel_are_its_orders():
+    run = propagate(machine(rollers=10.0), speeds([0.0, 9.0, 0.0]), np.arange(1500) / RATE)
+    name = run.names[1]
+    found = rpm_order_map(run, f"shape_{name}", name, max_order=35)
+    tops = sorted(round(order) for order, _ in found.strongest(3))
+    assert tops == [10, 20, 30]
+    whole = rpm_order_map(run, "distance", name, max_order=35)
+    assert round(whole.strongest(1)[0][0]) % 10 == 0  # which one: a matter of resonance
+    assert "orders of wheel" in repr(whole)
+
+
+def test_a_measured_run_shows_its_roller_orders():
+    run = read_recording(shared("recordings", "case-07", "run-1.csv.gz"))
+    found = rpm_order_map(run, "dR_x", "1", turns=3, max_order=30)
+    assert found.strongest(1)[0][1] > 1e-5
+    sphere = rpm_order_map(run, "a_x", "sphere", turns=1, max_order=20)
+    assert sphere.reference == "sphere"
+
+
+def test_pictures_show_orders_and_units():
+    values = 3e-6 * np.cos(14 * ANGLE + 0.5)
+    found = rpm_order_map(recording(values), "dR_y", "2", turns=2, max_order=30)
+    for axes in (found.plot(), found.plot(over="speed"), found.plot_waterfall()):
+        assert axes.get_xlabel() == "order of wheel 2"
+    axes = order_track(recording(values), [14], "dR_y", "2").plot(over="speed")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("speed (rpm)", "ΔR_y (µm)")
+    drawn = np.concatenate([line.get_ydata() for line in axes.lines])
+    assert np.nanmax(drawn) == pytest.approx(3, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda r: rpm_order_map(r, "dR_q", "2"), "`channel` must be distance or one of"),
+        (lambda r: rpm_order_map(r, "dR_y", "w9"), "`reference` must be one of 1, 2, 3, sphere"),
+        (lambda r: rpm_order_map(r, "dR_y", "1"), "wheel 1 turns 0 times in this run"),
+        (lambda r: rpm_order_map(r, "dR_y", "3"), "its angle was not measured"),
+        (lambda r: rpm_order_map(r, "dR_y", "sphere"), "Omega was not measured"),
+        (lambda r: order_track(r, [-1], "dR_y", "2"), "`orders` must be positive numbers"),
+        (lambda r: order_track(r, [1], "dR_y", "2").plot(over="x"), "`over` must be time or speed"),
+    ],
+)
+def test_what_cannot_be_analysed_is_said(call, message):
+    with pytest.raises(ValueError, match=message):
+        call(recording(jnp.asarray(NOISE)))
