@@ -5,7 +5,19 @@ from typing import Any
 
 __version__ = "0.1.0"
 
-_PACKAGES = "laws rig recording dynamics simulate vibration study diagnosis report view cli".split()
+_PACKAGES = (  # from left to right: a package imports only from itself and to its left
+    "laws",
+    "rig",
+    "recording",
+    "dynamics",
+    "simulate",
+    "vibration",
+    "study",
+    "diagnosis",
+    "report",
+    "view",
+    "cli",
+)
 
 _EXPORTS = {  # package -> its names here; nothing is imported before it is asked for (no jax)
     "laws": "AbstractLaw EFFECTS PROFILES Parameter",
@@ -18,7 +30,10 @@ _EXPORTS = {  # package -> its names here; nothing is imported before it is aske
         "load_trajectory measured propagate simulate_many speeds steady_state torques"
     ),
     "recording": "Case Recording read_case read_recording write_recording",
-    "study": "SweepResult load_sweep sweep",
+    "study": (
+        "Design Front GlobalSensitivity Sensitivity Study SweepResult Tolerances design "
+        "global_sensitivity load_study load_sweep pareto sensitivity sweep tolerances"
+    ),
     "diagnosis": "Diagnosis diagnose",
     "vibration": "METRICS Modes evaluate modes natural_frequencies",
 }
