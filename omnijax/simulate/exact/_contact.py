@@ -1,0 +1,102 @@
+"""One contact as two pole pairs: closed forms of the four-state system, for many designs at once.
+
+In the direction of one normal, with a = 1/M_s, b = 1/m, g = 1/M_p (M_p the platform's mass there;
+g = 0 in the `paper` variant), kappa = K + C s, sigma = k + c s and h = ab + ag + bg,
+
+    x/rho   = kappa (a s^2 + h sigma)/q          x/force = ((a + g) s^2 + h (kappa + sigma))/q
+    q(s)    = s^4 + a3 s^3 + a2 s^2 + a1 s + a0 = (s^2 + b1 s + c1)(s^2 + b2 s + c2)
+
+Batch last everywhere.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ._ring import Pair, inverse, polynomial, times
+
+
+class Contact(NamedTuple):
+    """Parameters of the contacts (leading axis: the direction), SI units."""
+
+    sphere: Float[Array, "a c"]  # 1/kg, a
+    wheel: Float[Array, "a c"]  # 1/kg, b
+    platform: Float[Array, "a c"]  # 1/kg, g
+    stiffness: Float[Array, "a c"]  # K
+    damping: Float[Array, "a c"]  # C
+    mount: Float[Array, "a c"]  # k
+    mount_damping: Float[Array, "a c"]  # c
+    closure: Float[Array, "a c"]  # K'
+
+
+class Poles(NamedTuple):
+    """The two pole pairs (leading axis 2): poles are u +- sqrt(D)."""
+
+    u: Float[Array, "2 a c"]
+    D: Float[Array, "2 a c"]
+
+
+def _quartic(p: Contact):
+    """Coefficients a0 .. a3 and h."""
+    a, b, g = p.sphere, p.wheel, p.platform
+    h = a * b + a * g + b * g
+    K, C, k, c, Kc = p.stiffness, p.damping, p.mount, p.mount_damping, p.closure
+    a3 = a * C + b * C + (b + g) * c
+    a2 = a * K + (a + g) * Kc + b * K + (b + g) * k + h * c * C
+    a1 = h * (k * C + c * K + Kc * (C + c))
+    return h * (K * k + Kc * (K + k)), a1, a2, a3, h
+
+
+def _resolvent(a0, a1, a2, a3):
+    """Largest root y = c1 + c2 of the resolvent cubic, by Newton's method from above.
+
+    The last step alone is differentiated: at the root it has the root's derivative.
+    """
+    B1, B2, B3 = -a2, a1 * a3 - 4 * a0, -(a1 * a1 + a0 * a3 * a3 - 4 * a0 * a2)
+
+    def newton(y, B1, B2, B3):
+        return y - (((y + B1) * y + B2) * y + B3) / ((3 * y + 2 * B1) * y + B2)
+
+    fixed = jax.lax.stop_gradient((B1, B2, B3))
+    bound = jnp.maximum(jnp.sqrt(jnp.abs(fixed[1])), jnp.cbrt(jnp.abs(fixed[2])))
+    y = 2 * jnp.maximum(jnp.abs(fixed[0]), bound)
+    y = jax.lax.fori_loop(0, 40, lambda _, y: newton(y, *fixed), y)
+    return newton(jax.lax.stop_gradient(y), B1, B2, B3)
+
+
+def _root(x):
+    return jnp.sqrt(jnp.maximum(x, 1e-300))
+
+
+def poles(p: Contact) -> Poles:
+    """The two real quadratic factors of the quartic, as pole pairs."""
+    a0, a1, a2, a3, _ = _quartic(p)
+    y = _resolvent(a0, a1, a2, a3)
+    c1 = y / 2 + _root(y * y / 4 - a0)
+    c2 = a0 / c1
+    b1 = a3 / 2 + _root(a3 * a3 / 4 - a2 + y)
+    b2 = (a2 - y) / b1
+    swap = jnp.abs(b1 * c2 + b2 * c1 - a1) > jnp.abs(b1 * c1 + b2 * c2 - a1)
+    b = jnp.stack([jnp.where(swap, b2, b1), jnp.where(swap, b1, b2)])
+    c = jnp.stack([c1, c2])
+    return Poles(-b / 2, b * b / 4 - c)
+
+
+def residues(p: Contact, roots: Poles, own, coupling) -> Pair:
+    """N(lambda)/q_other(lambda): weights of the shape in each pair, (2, pairs, c).
+
+    `own` is 1 where the shape is the contact's own; `coupling` the drive force per drho/dt.
+    """
+    _, _, _, _, h = _quartic(p)
+    a, g = p.sphere, p.platform
+    K, C, k, c = p.stiffness, p.damping, p.mount, p.mount_damping
+    n0 = own * h * K * k
+    n1 = own * h * (K * c + C * k) + coupling * h * (K + k)
+    n2 = own * (a * K + h * C * c) + coupling * h * (C + c)
+    n3 = own * a * C + coupling * (a + g)
+    lam = Pair(roots.u, jnp.ones_like(roots.u))
+    other = Poles(roots.u[::-1], roots.D[::-1])
+    below = polynomial([other.u**2 - other.D, -2 * other.u, 1.0], lam, roots.D)
+    return times(polynomial([n0, n1, n2, n3], lam, roots.D), inverse(below, roots.D), roots.D)
