@@ -29,13 +29,18 @@ _EXPORTS = {  # package -> its names here; nothing is imported before it is aske
         "Signal SpeedDrive SteadyState TorqueDrive Trajectory drive_from_recording "
         "load_trajectory measured propagate simulate_many speeds steady_state torques"
     ),
-    "recording": "Case Recording read_case read_recording write_recording",
+    "recording": (
+        "Case Fault NoiseFloor Recording noise_floor read_case read_recording write_recording"
+    ),
     "study": (
         "Design Front GlobalSensitivity Sensitivity Study SweepResult Tolerances design "
         "global_sensitivity load_study load_sweep pareto sensitivity sweep tolerances"
     ),
     "diagnosis": "Diagnosis diagnose",
-    "vibration": "METRICS Modes evaluate modes natural_frequencies",
+    "vibration": (
+        "METRICS Modes OrderMap OrderTrack evaluate modes natural_frequencies order_track "
+        "rpm_order_map"
+    ),
 }
 _WHERE = {name: package for package, names in _EXPORTS.items() for name in names.split()}
 

@@ -103,8 +103,9 @@ def rpm_order_map(
     """Map of a channel over orders and time, as MATLAB's `rpmordermap` draws it.
 
     `channel` is a column such as `dR_y`, or `distance` for |dR|; `reference` a wheel's name or
-    number (from 1), or `sphere`.  Windows are `turns` long (resolution about
-    2/turns orders), or half the way that the reference turns if that is less.  Without `max_order`: 64, or what the sampling can tell.
+    number (from 1), or `sphere`.  Windows are `turns` long (resolution about 2/turns orders), or
+    half the way that the reference turns if that is less.  Without `max_order`: 64, or what the
+    sampling can tell.
     """
     time, values, unit = _channel(run, channel)
     angle, name = _reference(run, reference)
