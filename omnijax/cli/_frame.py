@@ -17,9 +17,19 @@ from .._errors import InputError, RunError
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 COMMANDS: dict[str, tuple[str, ...]] = {  # section of the help -> its commands, in order
+    "The paper": ("reproduce",),
     "Rig files": ("init", "check", "effects", "schema"),
     "Runs": ("simulate",),
-    "Studies": ("sweep", "sweep-status", "export"),
+    "Studies": (
+        "sweep",
+        "sweep-status",
+        "export",
+        "sensitivity",
+        "global-sensitivity",
+        "design",
+        "pareto",
+        "tolerances",
+    ),
     "Diagnosis": ("diagnose",),
     "Look": ("replay", "explore"),
 }

@@ -1,8 +1,29 @@
 """Studies of many designs: sweeps over parameters and drives."""
 
+from ._design import design as design
+from ._design import designed_rig as designed_rig
+from ._design_generic import optimise as optimise
+from ._design_problem import Limit as Limit
+from ._design_problem import Problem as Problem
+from ._design_problem import Variable as Variable
+from ._design_result import Design as Design
+from ._global import GlobalSensitivity as GlobalSensitivity
+from ._global import analyse as analyse
+from ._global import global_sensitivity as global_sensitivity
+from ._global_inputs import Input as Input
+from ._pareto import Front as Front
+from ._pareto import pareto as pareto
+from ._pareto import trade_off as trade_off
 from ._points import Grid as Grid
 from ._points import LatinHypercube as LatinHypercube
 from ._points import Sobol as Sobol
+from ._sensitivity import Sensitivity as Sensitivity
+from ._sensitivity import sensitivity as sensitivity
+from ._study_file import Study as Study
+from ._study_file import load_study as load_study
+from ._study_file import parse_study as parse_study
 from ._sweep import sweep as sweep
 from ._sweep_result import SweepResult as SweepResult
 from ._sweep_result import load_sweep as load_sweep
+from ._tolerance import Tolerances as Tolerances
+from ._tolerance import tolerances as tolerances

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..laws._hertz import effective_modulus, effective_radius, peak_pressure
@@ -47,6 +48,7 @@ class ConstraintKind(NamedTuple):
     names: Callable[[Wanted, Rig], tuple[str, ...]]
     of: Callable[[Wanted, Rig, Any, str], Array]
     meaning: str
+    per_case: bool = True  # whether it depends on drive and load
 
 
 def _per_wheel(label: str):
@@ -79,12 +81,19 @@ def _pressure(wanted: Wanted, rig: Rig, speeds, model: str) -> Array:
     return peak_pressure(contact_load(rig, speeds, model).greatest, radius, modulus)
 
 
+def _preload(wanted: Wanted, rig: Rig, speeds, model: str) -> Array:
+    """The greatest preload where it is limited from above, else the least, N."""
+    preload = rig.wheels.closure.preload
+    return (jnp.min(preload) if wanted.high is None else jnp.max(preload))[None]
+
+
 QUANTITIES: dict[str, ConstraintKind] = {
     "preload": ConstraintKind(
         "N",
-        _per_wheel("preload"),
-        lambda wanted, rig, speeds, model: rig.wheels.closure.preload,
-        "static normal force of each contact",
+        lambda wanted, rig: ("preload",),
+        _preload,
+        "static normal force of the contacts",
+        per_case=False,
     ),
     "patch_pressure": ConstraintKind(
         "Pa", _per_wheel("patch pressure"), _pressure, "greatest Hertz pressure of each contact"
@@ -103,15 +112,26 @@ def metrics_of(constraints: tuple[Wanted, ...]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(c.quantity for c in constraints if c.quantity not in QUANTITIES))
 
 
-def all_limits(constraints: tuple[Wanted, ...], rig: Rig, case: str) -> list[Limit]:
-    """The limits of one case, in the order of `all_values`."""
-    found = []
-    for wanted in constraints:
-        kind = QUANTITIES.get(wanted.quantity)
-        names = kind.names(wanted, rig) if kind else (wanted.quantity,)
-        unit = kind.unit if kind else METRICS[wanted.quantity].unit
-        found += wanted.limits(names, unit, case)
-    return found
+def all_limits(
+    constraints: tuple[Wanted, ...], rig: Rig, cases: tuple[str, ...]
+) -> tuple[list[Limit], np.ndarray]:
+    """The limits of all cases, and where they stand in the stacked `all_values` (k c,).
+
+    What does not depend on the case is held once.
+    """
+    found, place, index = [], 0, []
+    for k, case in enumerate(cases):
+        for wanted in constraints:
+            kind = QUANTITIES.get(wanted.quantity)
+            common = kind is not None and not kind.per_case
+            names = kind.names(wanted, rig) if kind else (wanted.quantity,)
+            unit = kind.unit if kind else METRICS[wanted.quantity].unit
+            limits = wanted.limits(names, unit, "" if common else case)
+            if not (common and k):
+                found += limits
+                index += range(place, place + len(limits))
+            place += len(limits)
+    return found, np.array(index, int)
 
 
 def all_values(

@@ -73,7 +73,7 @@ def _notes(study: Study, cases: RigCases, found: Design) -> list[str]:
     nominal = jnp.zeros((1, len(cases.parts)))
     exact = jax.jit(lambda x, draws: cases.weighted(cases.every(x, draws)[0]))
     lines, values = [], np.asarray(exact(x, nominal))[:, 0]
-    unit, text = found.unit, found.objective_name
+    unit = found.unit
     if len(values) > 1:
         worst = int(np.argmax(values))
         lines.append(
@@ -88,8 +88,9 @@ def _notes(study: Study, cases: RigCases, found: Design) -> list[str]:
         part = fresh.max(axis=0) if study.over == "worst" else fresh.mean(axis=0)
         error = part.std() / np.sqrt(FRESH)
         lines.append(
-            f"{FRESH} draws of the parts that the search did not see: mean {amount(part.mean(), unit)} "
-            f"± {amount(error, unit)}, greatest {amount(part.max(), unit)}."
+            f"{FRESH} draws of the parts that the search did not see: mean "
+            f"{amount(part.mean(), unit)} ± {amount(error, unit)}, greatest "
+            f"{amount(part.max(), unit)}, deviation {amount(part.std(), unit)}."
         )
     start = before(study)
     if start is not None:
@@ -100,5 +101,4 @@ def _notes(study: Study, cases: RigCases, found: Design) -> list[str]:
             f"the rig as it was: {amount(old, unit)}; the design, parts at their nominal values: "
             f"{amount(new, unit)} ({100 * (new / old - 1):+.1f} %)."
         )
-    del text
     return lines

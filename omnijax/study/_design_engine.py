@@ -44,7 +44,7 @@ class Engine:
         search = Search(problem, 1.0)
         self._slopes = jax.jit(lambda s: jax.lax.map(lambda x: self._with_slopes(search, x), s))
         shares = self.lanes.share[: min(len(self.lanes.share), 8)]
-        f, g, df, dg = (np.asarray(x) for x in self._slopes(shares))
+        f, _, df, dg = (np.asarray(x) for x in self._slopes(shares))
         finite = np.isfinite(f).all(axis=1)
         if not finite.any():
             raise InputError("the objective is not finite at any start: widen or move the bounds.")
@@ -66,12 +66,10 @@ class Engine:
         scale = np.array([x.scale for x in self.problem.limits])[:, None]
         moved = np.abs(df).max(axis=(0, 1)) / self.size
         moved = np.maximum(moved, np.abs(dg / scale).max(axis=(0, 1), initial=0.0))
-        silent = [
-            v.name for v, m in zip(self.problem.variables, moved, strict=True) if m <= SILENT
-        ]
+        silent = [v.name for v, m in zip(self.problem.variables, moved, strict=True) if m <= SILENT]
         if silent:
             raise InputError(
-                [f"`{n}` influences neither the objective nor a constraint: leave it out, or fix it."
+                [f"`{n}` influences neither the objective nor a constraint: leave it out."
                  for n in silent]
             )  # fmt: skip
 

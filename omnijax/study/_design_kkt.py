@@ -1,4 +1,4 @@
-"""Is a design optimal?  The conditions of Karush, Kuhn and Tucker, with multipliers by least squares.
+"""Is a design optimal?  Karush, Kuhn and Tucker's conditions, multipliers by least squares.
 
     sum_k w_k df_k/ds + sum_j lambda_j dg_j/ds + bounds = 0,    w, lambda >= 0,   sum w = 1
 
@@ -39,10 +39,7 @@ def conditions(point: Point, free: np.ndarray, worst: bool, size: float) -> Kkt:
     """The best multipliers for a design, and what they leave over."""
     k, c, d = len(point.f), len(point.g), len(point.share)
     violation = float(np.max(point.g, initial=0.0))
-    if worst:
-        leading = point.f >= point.f.max() - ACTIVE * size
-    else:
-        leading = np.ones(k, bool)
+    leading = point.f >= point.f.max() - ACTIVE * size if worst else np.ones(k, bool)
     slopes = point.df[leading] if worst else point.df.mean(axis=0)[None]
     tight = point.g >= -ACTIVE
     low = (point.share <= ON_BOUND) & free
@@ -75,8 +72,8 @@ def verdict(kkt: Kkt, better: float) -> tuple[str, str]:
         return "infeasible", "a constraint is violated"
     if kkt.residual > STATIONARY:
         return "not optimal", (
-            f"the KKT residual {kkt.residual:.2g} is above {STATIONARY:g}: the search stopped early, "
-            "or the objective has a kink here"
+            f"the KKT residual {kkt.residual:.2g} is above {STATIONARY:g}: the search stopped "
+            "early, or the objective has a kink here"
         )
     if better > STATIONARY:
         return "not optimal", f"a neighbouring design is better by {100 * better:.2g} %"

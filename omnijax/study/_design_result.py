@@ -31,7 +31,7 @@ class Design:
     """The best design, whether it is optimal, what holds it there, and all the searches.
 
     `status` is `optimal` (locally, and the best of all starts), `not optimal` or `infeasible`;
-    `ends` is one row a search.  `notes` holds figures of the study that asked (the exact worst case).
+    `ends` is one row a search.  `notes` holds figures of the study that asked.
     """
 
     status: str
@@ -174,7 +174,8 @@ def conflict(problem: Problem, end: End) -> str:
         if min(s, 1 - s) <= 10 * ON_BOUND
     ]
     beside = f", with {' and '.join(held)}" if held else ""
-    return f"no design within the bounds was found that meets all constraints: {' and '.join(missed)}{beside}"
+    head = "no design within the bounds was found that meets all constraints"
+    return f"{head}: {' and '.join(missed)}{beside}"
 
 
 def _active(problem: Problem, end: End) -> list[str]:

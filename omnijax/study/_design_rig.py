@@ -52,7 +52,7 @@ class RigCases:
         return tuple(paths), jnp.asarray(np.array(width))
 
     def _load_table(self) -> np.ndarray:
-        """Values at `load_paths` (one row a load); a load keeps the rig's own where it says none."""
+        """Values at `load_paths`, one row a load; the rig's own where a load says none."""
         paths = checked_parameters(self.study.rig, self.load_paths)
         self.load_paths = paths
         own = values_of(self.study.rig, paths)
@@ -101,6 +101,7 @@ class RigCases:
 
     def every(self, x, draws: Float[Array, "t p"]) -> tuple[Array, Array]:
         """Metrics (k, t, m) and constraints (k, t, c) of every case and every draw."""
+
         def case(speeds, load):
             return jax.vmap(lambda draw: self.one(x, speeds, load, draw))(draws)
 
@@ -119,7 +120,8 @@ class RigCases:
         )[: study.draws]
         if study.spread == "worst":
             corners = np.where(unit < 0.5, -1.0, 1.0)
-            return jnp.asarray(np.concatenate([np.zeros((1, size)), corners]) * np.array(self.width))
+            corners = np.concatenate([np.zeros((1, size)), corners])
+            return jnp.asarray(corners * np.array(self.width))
         return jnp.asarray((2 * unit - 1) * np.array(self.width))
 
     def draw(self, key) -> Float[Array, "t p"]:
@@ -163,7 +165,7 @@ def objective_text(study: Study) -> tuple[str, str]:
 def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
     """The problem of a study."""
     cases = RigCases(study) if cases is None else cases
-    limits = [x for name in cases.cases for x in all_limits(study.constraints, study.rig, name)]
+    limits, held = all_limits(study.constraints, study.rig, cases.cases)
     many = bool(cases.parts) and study.spread == "worst"
     draws = cases.draws()
     names = cases.cases
@@ -176,7 +178,7 @@ def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
 
     def figures(x, draws):
         metrics, g = cases.every(x, draws)
-        return cases.spread(cases.weighted(metrics)), jnp.max(g, axis=1).reshape(-1)
+        return cases.spread(cases.weighted(metrics)), jnp.max(g, axis=1).reshape(-1)[held]
 
     name, unit = objective_text(study)
     return Problem(

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from ._design_problem import Problem, Scale, from_angle, to_angle
 
-OUTER, INNER = 14, 60
+OUTER, INNER = 14, 40
 PENALTY, GROWTH = 10.0, 5.0
 FEASIBLE = 1e-6  # of a limit's scale
 
@@ -74,10 +74,15 @@ class Search:
         return F + jnp.sum(pushed**2 - multiplier**2) / (2 * penalty)
 
     def _minimise(self, y, share, free, limit, multiplier, penalty, extra):
-        solver = optx.BFGS(rtol=1e-9, atol=1e-9)
+        solver = optx.BFGS(rtol=1e-8, atol=1e-8)
         args = (share, free, limit, multiplier, penalty, extra)
         solution = optx.minimise(
-            self._lagrangian, solver, y, args, options={"autodiff_mode": "fwd"}, max_steps=INNER,
+            self._lagrangian,
+            solver,
+            y,
+            args,
+            options={"autodiff_mode": "fwd"},
+            max_steps=INNER,
             throw=False,
         )
         return solution.value, solution.stats["num_steps"]
@@ -106,9 +111,10 @@ class Search:
                 done = rounds > 1 and int(np.max(steps)) <= 2
             else:
                 c = self._residuals(y, *lanes, self.problem.extra)
-                gap = np.asarray(jnp.max(jnp.abs(jnp.maximum(c, -multiplier / penalty[:, None])), 1))
+                slack = jnp.maximum(c, -multiplier / penalty[:, None])
+                gap = np.asarray(jnp.max(jnp.abs(slack), axis=1))
                 multiplier = jnp.maximum(0.0, multiplier + penalty[:, None] * c)
-                done = bool(np.all(np.nan_to_num(gap, nan=0.0) <= FEASIBLE / 3))
+                done = bool(np.all(np.nan_to_num(gap, nan=0.0) <= FEASIBLE))
                 slow = gap > 0.25 * previous
                 penalty = jnp.where(slow, jnp.minimum(penalty * GROWTH, 1e6), penalty)
                 previous = gap

@@ -47,7 +47,8 @@ class GlobalSensitivity:
         for m, metric in enumerate(self.metrics):
             order = np.argsort(-self.sobol.total[m])
             parts = (
-                f"`{self.inputs[i]}` {self.sobol.total[m, i]:.3f} ± {self.sobol.total_half[m, i]:.3f}"
+                f"`{self.inputs[i]}` {self.sobol.total[m, i]:.3f} "
+                f"± {self.sobol.total_half[m, i]:.3f}"
                 for i in order
             )
             lines.append(f"{metric}: share of the variance, in all: {', '.join(parts)}.")
@@ -87,9 +88,9 @@ class GlobalSensitivity:
             "stage": self.sobol.stages,
         }
         attrs = {
-            "kind": "omnijax global sensitivity", "runs": self.runs, "failed": "\n".join(self.failed),
-            "blocks": self.sobol.blocks, "dropped_blocks": self.sobol.dropped,
-            "dropped_steps": self.morris.dropped,
+            "kind": "omnijax global sensitivity", "runs": self.runs,
+            "failed": "\n".join(self.failed), "blocks": self.sobol.blocks,
+            "dropped_blocks": self.sobol.dropped, "dropped_steps": self.morris.dropped,
         }  # fmt: skip
         return xr.Dataset(data, coords, attrs)
 
@@ -158,6 +159,7 @@ def analyse(
     tasks = (("sobol", unit, False), ("morris", paths, False), ("slopes", drawn, True))
     total, before, found = sum(len(x) for _, x, _ in tasks), 0, {}
     for key, points, slopes in tasks:
+
         def tell(done, _, before=before):
             if report is not None:
                 report(before + done, total)
@@ -174,7 +176,9 @@ def analyse(
         raise RunError(f"too many runs failed: {error}") from None
     bound, half = _bounds(box, found["slopes"])
     failed = [
-        _named(box, points[i]) for key, points, _ in tasks for i in np.flatnonzero(found[key].failed)
+        _named(box, points[i])
+        for key, points, _ in tasks
+        for i in np.flatnonzero(found[key].failed)
     ]
     return GlobalSensitivity(
         box.names, tuple(metrics), tuple(units), sobol, morris, bound, half, total, tuple(failed)
@@ -213,7 +217,7 @@ def global_sensitivity(
         raise InputError("a global study needs at least one [[variable]] with path, low and high.")
     whole = [v.name for v in asked.variables if v.whole]
     if whole:
-        raise InputError([f"`{n}` takes whole numbers: give ranges of real ones only." for n in whole])
+        raise InputError([f"`{n}` takes whole numbers: leave it out." for n in whole])
     names = tuple(metrics or (name for name, _ in asked.weights))
     plain = dataclasses.replace(asked, constraints=(), tolerances=())
     cases = RigCases(plain, names)

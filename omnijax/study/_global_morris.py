@@ -56,4 +56,5 @@ def morris_effects(unit: np.ndarray, values: np.ndarray, failed: np.ndarray) -> 
         sigma.append(own.std(axis=0, ddof=1))
         used.append(len(own))
     dropped = which.size - sum(used)
-    return MorrisEffects(np.array(mu).T, np.array(star).T, np.array(sigma).T, np.array(used), dropped)
+    columns = (np.array(x).T for x in (mu, star, sigma))
+    return MorrisEffects(*columns, np.array(used), dropped)

@@ -89,7 +89,8 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
     read = Reader()
     top = read.table(data, "", KEYS)
     rig = _rig(top.get("rig", "atlas"), path)
-    fields: dict[str, Any] = {"rig": rig, "model": read.choice(top, "model", "", ("coupled", "paper"))}
+    model = read.choice(top, "model", "", ("coupled", "paper"))
+    fields: dict[str, Any] = {"rig": rig, "model": model}
     fields |= _cases(read, rig, top)
     fields |= _variables(read, rig, fields["drives"], top)
     fields |= _objective(read, top.get("objective", {}))
@@ -267,10 +268,11 @@ _OPTIONS = ("orders", "youngs_modulus", "poisson_ratio")
 def _constraint(read: Reader, block: Mapping) -> Wanted | None:
     name = block.get("quantity")
     where = f"constraint.{name}"
-    known = {**{k: q.unit for k, q in QUANTITIES.items()}, **{k: m.unit for k, m in METRICS.items()}}
+    known = {k: q.unit for k, q in {**QUANTITIES, **METRICS}.items()}
     if name not in known:
         options = ", ".join(known)
-        read.say(f"`{where}` is no quantity.{did_you_mean(str(name), known)} Quantities: {options}.")
+        hint = did_you_mean(str(name), known)
+        read.say(f"`{where}` is no quantity.{hint} Quantities: {options}.")
         return None
     bounds = {
         key: read.value(block[key], f"{where}.{key}", Quantity(known[name]))
@@ -293,7 +295,8 @@ def _constraint(read: Reader, block: Mapping) -> Wanted | None:
             if not isinstance(pair, list) or len(pair) != 2:
                 read.say(f"`{where}.{key}` must be two numbers: of the sphere and of the wheel.")
                 pair = [1.0, 1.0]
-            materials += [read.value(x, f"{where}.{key}", Quantity(unit, above=0), 1.0) for x in pair]
+            above = Quantity(unit, above=0)
+            materials += [read.value(x, f"{where}.{key}", above, 1.0) for x in pair]
     return Wanted(name, bounds.get("min"), bounds.get("max"), tuple(orders), tuple(materials))
 
 

@@ -44,7 +44,7 @@ class ContactLoad(NamedTuple):
 
 
 class LongRun:
-    """The periodic solution of every signal of a rig at constant speeds, read off by its outputs."""
+    """The periodic solution of every signal of a rig at constant speeds."""
 
     def __init__(self, rig: Rig, speeds, angles, model: str):
         self.rig, self.speeds, self.angles, self.model = rig, speeds, angles, model
@@ -139,7 +139,8 @@ class LongRun:
             index = support(direction)[0][:, 0]
             total = jnp.sum(jax.vmap(lambda v, i: v[i])(values, index), axis=0)
             size = root(total @ total)
-            return jnp.where(size > 0, total / jnp.where(size > 0, size, 1.0), direction[0])[None], 0
+            unit = total / jnp.where(size > 0, size, 1.0)
+            return jnp.where(size > 0, unit, direction[0])[None], 0
 
         direction = jax.lax.scan(ascend, direction, None, length=6)[0]
         index, row = support(direction)[0][:, 0], direction[0]

@@ -1,0 +1,94 @@
+"""`omnijax global-sensitivity`: what matters over whole ranges."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+from ._options import Json, emit
+
+Switch = Annotated[bool, Parameter(negative="")]
+
+
+def global_sensitivity(
+    study: Path,
+    /,
+    *,
+    metric: str | None = None,
+    store: Path | None = None,
+    resume: Switch = False,
+    out: Path | None = None,
+    report: Path | None = None,
+    json: Json = False,
+) -> int:
+    """Sobol indices, Morris effects and gradient-based bounds over the ranges of a study.
+
+    Example: omnijax global-sensitivity study.toml --metric rms,peak --report page
+
+    Parameters
+    ----------
+    study
+        A study file with [[variable]] ranges and a [[drive]].
+    metric
+        Metrics, with commas between; without it those of the objective.
+    store
+        A folder for finished chunks of runs.
+    resume
+        Take up the runs of that folder.
+    out
+        A netCDF file for the result.
+    report
+        A folder for a page with the figures.
+    """
+    from ..study import global_sensitivity as run
+    from ._study_page import deliver, progress
+
+    metrics = None if metric is None else [m.strip() for m in metric.split(",")]
+    found = run(study, metrics, out=store, resume=resume, report=progress("runs"))
+    deliver(found, out)
+    if report is not None:
+        _page(report, found, study)
+    emit(json, _plain(found), lambda: print("\n".join(found.sentences())))
+    return 0
+
+
+def _plain(found: Any) -> dict[str, Any]:
+    return {
+        "runs": found.runs,
+        "failed": list(found.failed),
+        "metrics": {
+            name: {
+                key: dict(zip(found.inputs, getattr(where, key)[m].tolist(), strict=True))
+                for where, keys in (
+                    (found.sobol, ("first", "first_half", "total", "total_half")),
+                    (found.morris, ("mu", "mu_star", "sigma")),
+                    (found, ("bound",)),
+                )
+                for key in keys
+            }
+            for m, name in enumerate(found.metrics)
+        },
+    }
+
+
+def _page(folder: Path, found: Any, study: Path) -> None:
+    from ..rig import rig_text
+    from ..study import load_study
+    from ._study_page import write_page
+
+    asked, figures = load_study(study), []
+    for m, name in enumerate(found.metrics):
+        data = {"input": list(found.inputs), "first / 1": found.sobol.first[m]}
+        data |= {"total / 1": found.sobol.total[m], "bound / 1": found.bound[m]}
+        figures.append(
+            (f"indices-{name}", f"Shares of the variance of {name}.",
+             lambda name=name: found.plot_indices(name), data)
+        )  # fmt: skip
+        figures.append(
+            (f"convergence-{name}", f"Total indices of {name} as runs are added.",
+             lambda name=name: found.plot_convergence(name), {})
+        )  # fmt: skip
+    write_page(
+        folder, "Global sensitivity", "What matters over the whole ranges?", found.sentences(),
+        figures, [], rig_text(asked.rig), asked.seed,
+    )  # fmt: skip

@@ -1,0 +1,86 @@
+"""`omnijax pareto`: the trade-off between metrics."""
+
+from pathlib import Path
+from typing import Any
+
+from ._options import Json, emit
+
+
+def pareto(
+    study: Path,
+    /,
+    *,
+    metric: str | None = None,
+    out: Path | None = None,
+    report: Path | None = None,
+    json: Json = False,
+) -> int:
+    """Trace the front of two or three metrics: nothing better in one without loss in another.
+
+    Example: omnijax pareto study.toml --metric rms,acceleration_rms --report page
+
+    Parameters
+    ----------
+    study
+        A study file; its [pareto] table names the metrics and the number of points.
+    metric
+        Two or three metrics with commas between, in place of the file's.
+    out
+        A netCDF file for the result.
+    report
+        A folder for a page with the figure.
+    """
+    from ..study import load_study
+    from ..study import pareto as run
+    from ..study._sensitivity_target import checked_metrics
+    from ._study_page import deliver, progress
+
+    asked = load_study(study)
+    names = () if metric is None else checked_metrics(metric)
+    found = run(asked, names, report=progress("stages"))
+    deliver(found, out)
+    if report is not None:
+        _page(report, found, asked)
+    emit(json, _plain(found), lambda: _print(found))
+    return 0
+
+
+def _plain(found: Any) -> dict[str, Any]:
+    return {
+        "metrics": dict(zip(found.metrics, found.units, strict=True)),
+        "variables": list(found.variables),
+        "values": found.values.tolist(),
+        "x": found.x.tolist(),
+        "status": list(found.status),
+        "evaluations": found.evaluations,
+    }
+
+
+def _print(found: Any) -> None:
+    print("\n".join(found.sentences()))
+    names = [f"{n} ({u})" for n, u in zip(found.metrics, found.units, strict=True)]
+    print("  ".join([*names, *found.variables]))
+    for values, x in zip(found.values, found.x, strict=True):
+        print("  ".join(f"{v:.5g}" for v in (*values, *x)))
+
+
+def _page(folder: Path, found: Any, asked: Any) -> None:
+    from ..report import Column, Table
+    from ..rig import rig_text
+    from ._study_page import write_page
+
+    columns = [Column(n, u) for n, u in zip(found.metrics, found.units, strict=True)]
+    columns += [Column(n) for n in found.variables] + [Column("status", text=True)]
+    rows = [
+        [*v, *x, s] for v, x, s in zip(found.values, found.x, found.status, strict=True)
+    ]  # fmt: skip
+    data = {
+        f"{n} / {u}": found.values[:, m]
+        for m, (n, u) in enumerate(zip(found.metrics, found.units, strict=True))
+    }
+    figures = [("front", "The front.", found.plot, data)]
+    table = Table(columns, rows, "front-designs", "Designs on the front.")
+    write_page(
+        folder, "Trade-off", f"What does {found.metrics[0]} cost in {found.metrics[1]}?",
+        found.sentences(), figures, [table], rig_text(asked.rig), asked.seed,
+    )  # fmt: skip

@@ -1,0 +1,164 @@
+"""`omnijax sensitivity`: what each parameter does to the vibration."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from ._options import Json, emit
+
+Switch = Annotated[bool, Parameter(negative="")]
+
+
+def sensitivity(
+    rig: str,
+    /,
+    *,
+    speed: str,
+    metric: str = "rms,peak",
+    parameter: Annotated[list[str], Parameter(negative="")] = [],  # noqa: B006
+    duration: float | None = None,
+    rate: float | None = None,
+    model: Literal["coupled", "paper"] = "coupled",
+    check: Switch = False,
+    per_wheel: Switch = False,
+    top: int = 12,
+    out: Path | None = None,
+    report: Path | None = None,
+    json: Json = False,
+) -> int:
+    """Rank the parameters by what they do to vibration: exact derivatives, % per %.
+
+    Example: omnijax sensitivity atlas --speed 3,5,7 --metric rms,peak --check
+
+    Parameters
+    ----------
+    rig
+        A rig file, or the name of a bundled rig.
+    speed
+        Wheel speeds, rad/s or with a unit, with commas between.
+    metric
+        Metrics, with commas between.
+    parameter
+        Only this parameter (may be given again); contact.stiffness means that of every wheel.
+    duration
+        Differentiate a run of this length in s; without it, the steady state.
+    rate
+        Samples per s of the run.
+    model
+        The coupled model, or the paper's.
+    check
+        Compare with finite differences and print the worst relative error.
+    per_wheel
+        Rank each wheel's parameters by themselves instead of all wheels together.
+    top
+        How many parameters are listed.
+    out
+        A netCDF file for the result.
+    report
+        A folder for a page with the tornado figures.
+    """
+    from ..rig import load_rig
+    from ..study import sensitivity as run
+
+    machine = load_rig(rig)
+    found = run(
+        machine, read_speed(speed), metric, parameters=parameter or None, duration=duration,
+        rate=rate, model=model, check=check,
+    )  # fmt: skip
+    if out is not None:
+        found.save(out)
+    if report is not None:
+        _page(report, found, machine)
+    emit(json, _plain(found), lambda: _print(found, per_wheel, top))
+    return 0
+
+
+def read_speed(text: str) -> list[float]:
+    """Wheel speeds from `3,5,7` or `30 rpm,5,7`, rad/s."""
+    from .._errors import InputError
+    from ..rig._quantities import as_number
+
+    values, problems = [], []
+    for part in text.split(","):
+        try:
+            values.append(float(part))
+        except ValueError:
+            try:
+                values.append(as_number(part.strip(), "rad/s"))
+            except ValueError as error:
+                problems.append(f"`speed` {error}")
+    if problems:
+        raise InputError(problems)
+    return values
+
+
+def _plain(found: Any) -> dict[str, Any]:
+    return {
+        "way": found.way,
+        "metrics": {
+            name: {
+                "value": float(found.figures[m]),
+                "unit": found.metric_units[m],
+                "relative": found.column(name),
+                "together": found.together(name),
+                "raw": dict(zip(found.parameters, found.raw[m].tolist(), strict=True)),
+            }
+            for m, name in enumerate(found.metrics)
+        },
+        "without_influence": list(found.without_influence()),
+        "check": None if found.check is None else found.check.worst,
+    }
+
+
+def _print(found: Any, per_wheel: bool, top: int) -> None:
+    from rich.console import Console
+    from rich.table import Table
+
+    console = Console(markup=False, highlight=False)
+    console.print(f"{found.way}; change of the metric in % per % of the parameter")
+    for m, name in enumerate(found.metrics):
+        console.print(f"\n{name} = {found.figures[m]:.6g} {found.metric_units[m]}")
+        table = Table("parameter", "% per %", box=None, padding=(0, 2))
+        pairs = found.column(name) if per_wheel else found.together(name)
+        for path, value in list(pairs.items())[:top]:
+            if value != 0:
+                table.add_row(path, f"{value:+.4g}")
+        console.print(table)
+    for line in found.sentences():
+        console.print(line, soft_wrap=True)
+    if found.check is not None:
+        console.print(f"worst relative error against finite differences: {found.check.worst:.2g}")
+
+
+def _page(folder: Path, found: Any, machine: Any) -> None:
+    from ..report import Column, Table
+    from ..rig import rig_text
+    from ._study_page import write_page
+
+    first = found.metrics[0]
+    lead, value = next(iter(found.together(first).items()))
+    lines = [
+        f"`{lead}` matters most for {first}: {value:+.3g} % per %.",
+        f"Exact derivatives along the {found.way}. Parameters of the same kind are changed on all "
+        "wheels at once in the figures; the table has every wheel by itself.",
+        *found.sentences(),
+    ]
+    figures = []
+    for name in found.metrics:
+        bars = found.together(name)
+        data = {"parameter": list(bars), f"{name} / % per %": list(bars.values())}
+        figures.append(
+            (f"tornado-{name}", f"What each parameter does to {name}.",
+             lambda name=name: found.plot_tornado(name, together=True), data)
+        )  # fmt: skip
+    columns = [Column("parameter", text=True), Column("value", "SI")]
+    columns += [Column(f"{name}", "% per %") for name in found.metrics]
+    rows = [
+        [path, found.values[i], *found.relative[:, i]] for i, path in enumerate(found.parameters)
+    ]
+    table = Table(columns, rows, "sensitivities", "Change of each metric in % per %.")
+    write_page(
+        folder, "Sensitivities", "Which parameters does the vibration depend on?", lines, figures,
+        [table], rig_text(machine),
+    )  # fmt: skip
