@@ -16,10 +16,11 @@ from .._drives import SpeedDrive
 from .._signals import Signal
 from .._trajectory import Trajectory
 from ._constant import GRID_BITS, Response, constant_response
-from ._cycles import is_traced
+from ._cycles import is_traced, wheel_pieces
 from ._ladder import levels_needed
 from ._passage import time_constants
 from ._system import exact_obstacle
+from ._varying import Varying, varying_response
 
 
 def is_constant(signal: Signal) -> bool:
@@ -45,8 +46,36 @@ def propagate(
     if reason is not None:
         raise ValueError(f"no exact propagation: {reason}; use `simulate`.")
     ts = jnp.asarray(ts, float)
+    if not (is_constant(drive.speed) and is_constant(drive.force)):
+        response = _varying(rig, drive, ts, model, *_room(rig, drive, ts, model))
+        return _finish(rig, drive, ts, model, response, response.attitude)
     response = drive_response(rig, drive, ts, model)
-    return _finish(rig, drive, ts, model, response)
+    return _finish(rig, drive, ts, model, response, attitudes(rig, drive, ts, response))
+
+
+def _room(rig: Rig, drive: SpeedDrive, ts, model: str) -> tuple[tuple[int, ...], int]:
+    """Periods that each wheel may pass between two knots, and the ladder's levels."""
+    if any(is_traced(x) for x in (*jax.tree.leaves((drive.speed, rig.wheels.rollers)), ts)):
+        raise ValueError(
+            "exact propagation at changing speeds needs the drive's and the samples' numbers "
+            "while tracing; use `simulate`."
+        )
+    inside = np.clip(np.asarray(drive.speed.knots), float(ts[0]), float(ts[-1]))
+    knots = np.unique(np.concatenate([np.asarray(ts[:1]), inside, np.asarray(ts[-1:])]))
+    early, late = jax.vmap(drive.speed)(knots[:-1]), jax.vmap(drive.speed)(knots[1:] - 1e-12)
+    fastest = np.maximum(np.abs(np.asarray(early)), np.abs(np.asarray(late)))
+    turned = (fastest * np.diff(knots)[:, None]).max(axis=0)
+    shapes = [[pieces for pieces, _ in wheel_pieces(rig, i)] for i in range(rig.size)]
+    periods = [min(float(jnp.sum(p.width)) for p in some) for some in shapes]
+    counts = tuple(int(np.ceil(a / p)) + 3 for a, p in zip(turned, periods, strict=True))
+    step = float(np.diff(np.asarray(ts)).max(initial=1e-6))
+    passed = time_constants(rig, jnp.zeros(rig.size), jnp.zeros(rig.size), model, step)
+    return counts, levels_needed(passed)
+
+
+@eqx.filter_jit
+def _varying(rig, drive, ts, model, counts, levels) -> Varying:
+    return varying_response(rig, drive, ts, model, counts, levels, compose)
 
 
 def drive_response(rig: Rig, drive: SpeedDrive, ts, model: str) -> Response:
@@ -65,7 +94,7 @@ def _constant(rig, speeds, angles, force, ts, model, levels) -> Response:
 
 
 @eqx.filter_jit
-def _finish(rig: Rig, drive: SpeedDrive, ts, model: str, response: Response) -> Trajectory:
+def _finish(rig: Rig, drive: SpeedDrive, ts, model: str, response, attitude) -> Trajectory:
     translation = TRANSLATIONS[model](rig)
     rest = (translation.rest(), initial_memory(rig))
     unravel = ravel_pytree(rest)[1]
@@ -75,7 +104,7 @@ def _finish(rig: Rig, drive: SpeedDrive, ts, model: str, response: Response) -> 
         elastic=elastic,
         angle=jnp.zeros((count, rig.size)),  # the drive's own, filled in with the channels
         angular_velocity=jnp.zeros((count, 3)),
-        attitude=attitudes(rig, drive, ts, response),
+        attitude=attitude,
         position=response.position,
         drift=response.drift,
         memory=memory,

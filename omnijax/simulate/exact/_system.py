@@ -84,9 +84,9 @@ def _turning_obstacle(rig: Rig) -> str | None:
     return None
 
 
-def drive_gain(rig: Rig, speeds: Float[Array, " n"]) -> Float[Array, "n n"]:
+def drive_gain(rig: Rig, speeds: Float[Array, " n"], creep: bool = True):
     """f = gain drho/dt: (I_s/R^2) [axes^T]^+ [axes]^+ diag(omega (1 + creep)), equal inertias."""
-    factor = 1 + over_wheels(rig.at("kinematics"), speeds, rig.size)
+    factor = 1 + over_wheels(rig.at("kinematics") if creep else (), speeds, rig.size)
     inverse = jnp.linalg.inv if rig.size == 3 else jnp.linalg.pinv
     axes = rig.wheels.spin_axis
     inertia = rig.sphere.inertia_matrix[0, 0] / rig.sphere.radius**2
@@ -169,7 +169,20 @@ def _floor_directions(rig: Rig) -> list[Array]:
 
 def balanced(system: Forced) -> tuple[Forced, Float[Array, " m"]]:
     """The same system in state units that make A's rows and columns of equal size; the units."""
-    size = jax.lax.stop_gradient(jnp.abs(system.A))
+    unit = state_units(system.A)
+    scaled = system._replace(
+        A=system.A * unit[None, :] / unit[:, None],
+        column=system.column / unit,
+        shift=system.shift / unit,
+        state={k: v * unit for k, v in system.state.items()},
+        force=system.force / unit[:, None],
+    )
+    return scaled, unit
+
+
+def state_units(A: Float[Array, "m m"]) -> Float[Array, " m"]:
+    """Units in which the rows and columns of A are of equal size (not differentiated)."""
+    size = jax.lax.stop_gradient(jnp.abs(A))
     size = size - jnp.diag(jnp.diag(size))
 
     def even(unit, _):
@@ -180,15 +193,7 @@ def balanced(system: Forced) -> tuple[Forced, Float[Array, " m"]]:
         return unit * ratio**0.25, None
 
     unit = jax.lax.scan(even, jnp.ones(len(size)), None, length=30)[0]
-    unit = jax.lax.stop_gradient(unit)
-    scaled = system._replace(
-        A=system.A * unit[None, :] / unit[:, None],
-        column=system.column / unit,
-        shift=system.shift / unit,
-        state={k: v * unit for k, v in system.state.items()},
-        force=system.force / unit[:, None],
-    )
-    return scaled, unit
+    return jax.lax.stop_gradient(unit)
 
 
 def with_integrals(system: Forced) -> Forced:
