@@ -51,6 +51,7 @@ BAD = [
     tables((("wheel", 0, "normal"), [1, 0])),
     with_effects(effect("wheel-runot", "w1")),
     with_effects(effect("wheel-runout", "w1", amplitud=1, phase=0)),
+    with_effects(effect("wheel-runout", "w1", amplitude=1, phase=0, amplitud=1)),
     with_effects({"id": "wheel-runout", "place": "w1"}),
 ]
 
