@@ -19,6 +19,8 @@ from ._points import LatinHypercube as LatinHypercube
 from ._points import Sobol as Sobol
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import sensitivity as sensitivity
+from ._sensitivity_speeds import SpeedSensitivity as SpeedSensitivity
+from ._sensitivity_speeds import sensitivity_over_speeds as sensitivity_over_speeds
 from ._study_file import Study as Study
 from ._study_file import load_study as load_study
 from ._study_file import parse_study as parse_study

@@ -12,7 +12,7 @@ from .._errors import InputError
 from ._design_kkt import Kkt, Point, conditions, verdict
 from ._design_problem import Problem, check_variables
 from ._design_search import Lanes, Search
-from ._design_starts import first_lanes, rounded_lanes
+from ._design_starts import first_lanes, rounded_lanes, start_shares
 
 PROBES = (1e-3, 2e-2)  # of the range: steps to neighbours that must not be better
 SILENT = 1e-12
@@ -43,7 +43,7 @@ class Engine:
         self.lanes, self.relaxed = first_lanes(problem, starts, seed)
         search = Search(problem, 1.0)
         self._slopes = jax.jit(lambda s: jax.lax.map(lambda x: self._with_slopes(search, x), s))
-        shares = self.lanes.share[: min(len(self.lanes.share), 8)]
+        shares = jnp.asarray(start_shares(problem, 8, seed))
         f, _, df, dg = (np.asarray(x) for x in self._slopes(shares))
         finite = np.isfinite(f).all(axis=1)
         if not finite.any():
