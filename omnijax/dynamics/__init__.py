@@ -19,6 +19,8 @@ from ._kinematics import spin_axes as spin_axes
 from ._kinematics import surface_shape as surface_shape
 from ._kinematics import wheel_shape as wheel_shape
 from ._kinematics import wheel_speeds as wheel_speeds
+from ._pointwise import Pointwise as Pointwise
+from ._pointwise import pointwise_shape_acceleration as pointwise_shape_acceleration
 from ._rotation import attitude_rate as attitude_rate
 from ._rotation import drive_forces as drive_forces
 from ._rotation import external_force as external_force

@@ -38,6 +38,7 @@ class Badge:
 class Table:
     """Rows under columns with units.  `name` names its CSV; `caption` says what it shows.
 
+    A cell is a number, a text, a `Badge`, or a tuple of texts (a list in the page).
     `stacked` turns every row into a card on narrow screens: for tables of sentences.
     """
 
@@ -65,7 +66,7 @@ class Figure:
 
 @dataclass(frozen=True)
 class Section:
-    """A headed part of a page; `text` is prose: empty lines part paragraphs, backticks mark code."""
+    """A headed part of a page; `text` is prose: empty lines part it, backticks mark code."""
 
     title: str
     text: str = ""

@@ -29,7 +29,7 @@ def table_csv(table: Table) -> str:
 def _cell(value: Any) -> str:
     if isinstance(value, float | np.floating):
         return f"{float(value):.9g}"
-    text = str(value)
+    text = "; ".join(value) if isinstance(value, tuple) else str(value)
     # a spreadsheet would run such a cell as a formula
     risky = text[:1] in ("=", "@", "\t") or (text[:1] in ("+", "-") and not _number(text))
     return f"'{text}" if risky else text

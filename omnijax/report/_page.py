@@ -113,8 +113,13 @@ def _environment() -> jinja2.Environment:
         "png_link": _png_link,
         "csv_link": _csv_link,
     }
+    env.tests["lines"] = lambda value: isinstance(value, tuple) and _texts(value)
     env.tests["badge"] = lambda value: isinstance(value, Badge)
     return env
+
+
+def _texts(values: tuple) -> bool:
+    return all(isinstance(value, str) for value in values)
 
 
 def _png_link(figure: Figure, pictures: Mapping[str, bytes]) -> str:

@@ -86,6 +86,27 @@ def figure(
     return fig, list(axes.ravel())
 
 
+def legend_above(ax: Axes, columns: int = 4) -> None:
+    """The legend of `ax` in a line above it; a narrow page folds it into two columns."""
+    legend = ax.legend(
+        loc="lower left", bbox_to_anchor=(0, 1), ncols=columns, borderaxespad=0.1, handlelength=1.4,
+        columnspacing=1.2,
+    )  # fmt: skip
+    legend.set_gid("above")
+
+
+def fold_legends(fig: Figure, columns: int) -> None:
+    """Legends above their axes in at most `columns` columns; any other leaves the layout alone."""
+    for ax in fig.axes:
+        legend = ax.get_legend()
+        if legend is None:
+            continue
+        if legend.get_gid() == "above":
+            legend_above(ax, columns)
+        else:
+            legend.set_in_layout(False)
+
+
 def superscript(number: int) -> str:
     """`number` in raised digits."""
     return str(number).translate(str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"))

@@ -8,7 +8,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from ._axis import SpeedAxis, plain_labels, shown_in
-from ._style import NARROW, style
+from ._style import NARROW, fold_legends, style
 
 PNG_DPI = 150
 
@@ -48,10 +48,12 @@ def _both(fig: Figure, name: str, unit: str) -> Drawing:
     wide = _svg(fig, f"{name}-w")
     width, height = fig.get_size_inches()
     fig.set_size_inches(NARROW * width / max(width, NARROW), height)
+    fold_legends(fig, 2)
     try:
         narrow = _svg(fig, f"{name}-n")
     finally:
         fig.set_size_inches(width, height)
+        fold_legends(fig, 4)
     return Drawing(unit, wide, narrow)
 
 
