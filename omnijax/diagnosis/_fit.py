@@ -8,6 +8,9 @@ import numpy as np
 from ._model import AbstractModel, Free, Point, moved, value_of
 
 
+RENEW = 200.0  # a fall of chi2 after which the baseline's tangents are taken anew
+
+
 @dataclasses.dataclass(frozen=True)
 class Fit:
     """A refitted point: chi2 on the train rows, its prior's part, and the parameters' covariance."""
@@ -64,7 +67,7 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 6,
     """Refit `point` on the train runs.
 
     The tangents of the uncertain parameters, which move by a few per cent only, are those of
-    `baseline`, else of the first round.  Steps are damped until the cost falls.
+    `baseline`; without them they are taken here, and anew while chi2 still falls by much.  Steps are damped until the cost falls.
     """
     free = model.free(point, widths)
     P = len(point.u)
@@ -101,6 +104,8 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 6,
         point, residual, damping = candidate, r, damping / 30
         if cost - new < tolerance:
             break
+        if baseline is None and cost - new > RENEW:
+            tangents = None
     if J is None or not np.isfinite(residual @ residual):  # a start at which the model cannot be evaluated is no candidate
         return Fit(point, np.inf, 0.0, tuple(free), np.zeros((P + len(free),) * 2),
                    np.zeros((len(residual), P + len(free))), residual)  # fmt: skip

@@ -12,6 +12,7 @@ from ._machine import Machine
 from ._model import AbstractModel, Point, Prior, free_numbers
 from ._runs import Run
 from ._signatures import base_of, signature
+from ._smooth import smooth
 
 LINES = 12  # spectral lines of `a` that are tried as floor vibrations
 
@@ -59,6 +60,26 @@ class RigModel(AbstractModel):
         rig, which = self.rig_at(point), self.splits[split]
         predicted = self.machine.elastic([rig], which)[0]
         return [base_of(self.machine, rig, i, p) for i, p in zip(which, predicted, strict=True)]
+
+    def angle_noise(self, point: Point, split: str) -> dict[str, float]:
+        """Mean square, in sigma^2, that what is left of the encoders' noise causes in dR and a.
+
+        One draw of that noise, smoothed as the angles are, looked up in the wheels' slopes.
+        """
+        from ._signatures import angle_error
+
+        rng, squares = np.random.default_rng(0), np.zeros(6)
+        weights = np.zeros(6)
+        for base in self.bases(point, split):
+            rows = self.machine.rows[base.index]
+            noise = self.machine.length_noise * rng.normal(size=(base.run.samples, self.rig.size))
+            ratio = self.machine.ratios[base.index]
+            left = smooth(noise, float(np.mean(self.machine.length_noise)), ratio)[0]
+            table = angle_error(base, left) * rows.elastic
+            squares += np.sum(table**2, axis=0)
+            weights += np.sum(rows.elastic > 0, axis=0)
+        mean = squares / np.maximum(weights, 1)
+        return {"dR": float(mean[:3].mean()), "a": float(mean[3:].mean())}
 
     def candidates(self, point):
         self._bases = self.bases(point)

@@ -174,7 +174,7 @@ class Search:
     def settle(self, fit: Fit) -> Fit:
         """Smooth about the new point and polish there, with tangents of its own."""
         self.model.rebase(fit.point)
-        return refit(self.model, fit.point, rounds=2)
+        return refit(self.model, fit.point, rounds=5)
 
     def floor_reached(self, fit: Fit, held: float) -> bool:
         """Whether what is left is noise: chi2 within four standard deviations of its mean."""
