@@ -1,0 +1,45 @@
+"""The machine of `_problem` as a rig."""
+
+import jax
+import jax.numpy as jnp
+
+from omnijax import laws
+from omnijax.rig import Closure, Contact, Mount, Platform, Rig, Sphere, Wheels
+
+from . import _problem as problem
+
+
+def rig(row, torque_driven: bool = False) -> Rig:
+    """Orthogonal rig with (eta, K, k, C) the same at all wheels."""
+    eta, K, k, C = (x * jnp.ones(3) for x in row)
+    one = jnp.ones(3)
+    wheels = Wheels(
+        normal=jnp.eye(3),
+        drive=jnp.roll(jnp.eye(3), 1, axis=1),
+        radius=problem.RB * one,
+        mass=problem.MW * one,
+        inertia=7.2e-4 * one,
+        rollers=float(problem.N) * one,
+        roundness=eta,
+        contact=Contact(K, C, 0.9 * one),
+        mount=Mount(k, problem.CM * one),
+        closure=Closure(problem.KP * one, 20.0 * one),
+    )
+    inertia = jnp.diag(jnp.array([4.96, 4.5, 5.4]))
+    sphere = Sphere(jnp.asarray(problem.R), jnp.asarray(problem.M), inertia, jnp.zeros(3))
+    platform = Platform(jnp.asarray(5.0), jnp.zeros(3))
+    made = Rig(sphere, platform, wheels, (laws.GatedSine(),) * 3, (), ("w1", "w2", "w3"))
+    if torque_driven:
+        made = made.add(laws.SpinResistance(jnp.asarray(4e-5), jnp.asarray(0.01)), "all")
+    return made
+
+
+def rigs(rows, torque_driven: bool = False) -> Rig:
+    """All designs stacked."""
+    return jax.vmap(lambda row: rig(row, torque_driven))(jnp.asarray(rows))
+
+
+def figures(dR):
+    """RMS and peak of |dR|; dR (..., t, 3) without the start."""
+    square = jnp.sum(dR**2, axis=-1)
+    return jnp.stack([jnp.sqrt(square.mean(-1)), jnp.sqrt(square.max(-1))], axis=-1)
