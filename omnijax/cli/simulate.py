@@ -166,12 +166,9 @@ def _times(duration: str | None, rate: str | None) -> Any:
 
 
 def _run(rig: Any, drive: Any, times: Any, model: str, solver: str, rtol: float, max_steps: int):
-    """The run, compiled as one program so that the next process finds it in the cache."""
-    import equinox as eqx
-
+    """The run: in closed form where the rig and the drive allow it, else integrated."""
     from .._errors import InputError
     from ..simulate import SpeedDrive, exact_obstacle, propagate
-    from ..simulate._solve import build_model, choose_solver
     from ..simulate._solve import simulate as integrate
 
     obstacle = exact_obstacle(rig, model) if isinstance(drive, SpeedDrive) else "torques drive"
@@ -181,10 +178,8 @@ def _run(rig: Any, drive: Any, times: Any, model: str, solver: str, rtol: float,
         if solver in ("auto", "exact") and obstacle is None:
             run = propagate(rig, drive, times, model=model)
         else:
-            name = choose_solver(build_model(rig, model), solver)
-            options = {"model": model, "solver": name, "rtol": rtol, "max_steps": max_steps}
-            compiled = eqx.filter_jit(lambda rig, drive, ts: integrate(rig, drive, ts, **options))
-            run = compiled(rig, drive, times)
+            options: dict[str, Any] = {"rtol": rtol, "max_steps": max_steps}
+            run = integrate(rig, drive, times, model=model, solver=solver, **options)
         return _ready(run)
 
 
