@@ -49,14 +49,16 @@ def test_gradient_is_the_slope_between_designs():
     assert (result["d_rms.speed.w2"] != 0).all()
 
 
-def test_runs_with_a_duration_are_propagated_and_agree_with_one_run():
-    vary = {"speed.scale": [0.5, 2.0]}
-    result = sweep("atlas", vary, "rms", speeds=SPEEDS, duration=0.2, rate=100, chunk=2)
-    assert result.spec.path == "propagation" and "linear" in result.path
-    ts = np.linspace(0, 0.2, 21)
-    alone = omnijax.propagate(load_rig("atlas"), speeds(np.multiply(2, SPEEDS).tolist()), ts)
-    expected = evaluate(alone, load_rig("atlas"), ("rms",))["rms"]
-    assert result["rms"][1] == pytest.approx(float(expected), rel=1e-10)
+def test_runs_with_a_duration_agree_with_one_run():
+    """In bulk the 20 samples after the start count, for a single run the start (0 m) as well."""
+    vary = {"speed.scale": [0.5, 2.0], "wheel.w2.contact.stiffness": [1e5, 2e5]}
+    numerics = {"speeds": SPEEDS, "duration": 0.2, "rate": 100, "chunk": 2}
+    result = sweep("atlas", vary, "rms", **numerics)
+    assert result.spec.path == "bulk" and "decoupled" in result.path
+    rig = set_parameter(load_rig("atlas"), "wheel.w2.contact.stiffness", 2e5)
+    alone = omnijax.propagate(rig, speeds([0.2, 2.4, 0.6]), np.linspace(0, 0.2, 21))
+    expected = float(evaluate(alone, rig, ("rms",))["rms"]) * np.sqrt(21 / 20)
+    assert result["rms"][1, 1] == pytest.approx(expected, rel=1e-9)
 
 
 def test_statuses_of_full_runs_and_the_command_that_reruns_one(tmp_path, capsys):
@@ -104,7 +106,9 @@ def test_path_follows_from_rig_and_drive():
 
     constant, moving = speeds(SPEEDS), speeds(ramp(0, 1, (0, 0, 0), SPEEDS))
     assert path(rig, constant, None) == "steady"
-    assert path(rig, constant, 2.0) == "propagation"
+    assert path(rig, constant, 2.0) == "bulk"
+    assert path(rig, constant, 2.0, ("slip_margin",)) == "propagation"
+    assert path(load_rig("atlas-tripod"), constant, 2.0) == "propagation"
     assert path(rig, moving, 2.0) == "full"
     assert path(rig.add(LiftOff(), "all"), constant, 2.0) == "full"
     for case in ((rig, moving), (rig.add(LiftOff(), "all"), constant), (rig, torques((1, 1, 1)))):

@@ -1,6 +1,5 @@
 """Evaluation of designs in batches of one fixed shape, over the local devices."""
 
-import functools
 import os
 
 import equinox as eqx
@@ -12,12 +11,14 @@ from jax.sharding import AxisType, PartitionSpec
 from .._errors import InputError
 from ..rig import Rig, parse_rig
 from ._store import Quantity
+from ._sweep_bulk import bulk_batch, plan_of
 from ._sweep_drive import Drive, drive_from_plain
 from ._sweep_paths import METRICS, Settings, figures_of
 from ._sweep_spec import SweepSpec
 from ._sweep_target import apply
 
-BATCH = {"steady": 64, "propagation": 32, "full": 32}  # designs at a time where memory allows
+# designs at a time where memory allows
+BATCH = {"steady": 64, "bulk": 2048, "propagation": 32, "full": 32}
 BATCHES_A_CHUNK = 8
 CHANNELS = 75  # numbers kept a sample of a run
 SHARE_OF_MEMORY = 0.25
@@ -29,6 +30,7 @@ def batch_size(path: str, samples: int, columns: int, devices: int = 1) -> int:
     A design needs about 8 bytes x samples x channels, once more for each gradient's direction.
     """
     need = 8.0 * max(samples, 1000) * CHANNELS * 2 * (1 + columns)
+    need = 1e5 * (1 + columns) if path == "bulk" else need  # keeps no samples
     fit = int(SHARE_OF_MEMORY * _free_memory() / need)
     size = 1 << max(min(fit, BATCH[path]), 1).bit_length() - 1
     return max(size, devices)
@@ -66,12 +68,14 @@ def _per(unit: str, other: str) -> str:
     return f"{unit}/({other})" if " " in other or "/" in other else f"{unit}/{other}"
 
 
-@functools.partial(jax.jit, static_argnames=("static", "settings", "paths", "devices"))
-def _evaluate(arrays, ts, values, *, static, settings: Settings, paths, devices: int):
+@eqx.filter_jit
+def _evaluate(arrays, ts, values, static, settings: Settings, paths, devices: int, plan):
     """Figures (B, m), gradients (B, m, d) and status (B,) of a batch, spread over the devices."""
 
     def batch(arrays, ts, values):
         rig, drive = eqx.combine(arrays, static)
+        if settings.path == "bulk":
+            return bulk_batch(rig, drive, paths, settings.metrics, values, plan, settings.gradient)
 
         def one(x):
             figures, status = figures_of(settings, *apply(rig, drive, paths, x), ts)
@@ -119,6 +123,12 @@ class Evaluator:
             spec.max_steps,
             spec.gradient,
         )
+        self._plan = None
+        if spec.path == "bulk":
+            assert spec.duration is not None and spec.rate is not None
+            self._plan = plan_of(
+                self.points, rig, drive, self._paths, spec.duration, spec.rate, spec.model
+            )
         self._batch = -(-spec.batch // devices) * devices
 
     def designs(self, index: np.ndarray) -> dict[str, np.ndarray]:
@@ -145,10 +155,11 @@ class Evaluator:
             self._arrays,
             self._ts,
             jnp.asarray(padded),
-            static=self._static,
-            settings=self._settings,
-            paths=self._paths,
-            devices=self.devices,
+            self._static,
+            self._settings,
+            self._paths,
+            self.devices,
+            self._plan,
         )
         return [np.asarray(part)[:count] for part in out]
 

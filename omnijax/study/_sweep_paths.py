@@ -8,10 +8,12 @@ from jaxtyping import Array, Float, Int
 
 from .._errors import InputError, did_you_mean
 from ..rig import Rig
-from ..simulate import AbstractDrive, SpeedDrive, Trajectory, simulate
+from ..simulate import SpeedDrive, Trajectory, simulate
 from ..simulate.exact import exact_obstacle, propagate
 from ..vibration import METRICS, STEADY_METRICS, evaluate, steady_metrics
 from ._store import FAILED
+from ._sweep_bulk import no_bulk
+from ._sweep_drive import Drive
 
 LIFT_OFF, SLIP = 4, 5
 MARGINS = ("lift_off_margin", "slip_margin")
@@ -46,7 +48,7 @@ def check_metrics(names: tuple[str, ...]) -> None:
 
 def choose_path(
     rig: Rig,
-    drive: AbstractDrive,
+    drive: Drive,
     constant: bool,
     duration: float | None,
     model: str,
@@ -59,7 +61,10 @@ def choose_path(
         reason = "the drive changes in time"
     if duration is not None:
         if reason is None:
-            return "propagation", "the model is linear and the speeds are given"
+            against = no_bulk(rig, drive, model, metrics)
+            if against is None:
+                return "bulk", "the contacts are linear and decoupled, the speeds are constant"
+            return "propagation", f"the model is linear and the speeds are given; {against}"
         return "full", reason
     missing = [name for name in metrics if name not in STEADY_METRICS]
     if reason is None and missing:

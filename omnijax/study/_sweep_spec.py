@@ -12,6 +12,7 @@ from ._points import PointSet, build_points
 PATHS = {
     "steady": "steady state (closed form, no time stepping)",
     "propagation": "exact propagation (linear model, prescribed speeds)",
+    "bulk": "exact propagation in bulk (linear model, constant speeds, figures at the samples)",
     "full": "full simulation (adaptive time stepping)",
 }
 

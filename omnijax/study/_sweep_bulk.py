@@ -1,0 +1,72 @@
+"""Sweeps by the bulk kernel: RMS and peak of many runs at constant speeds, in blocks."""
+
+import itertools
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..rig import Rig
+from ..simulate import SpeedDrive
+from ..simulate.exact import bulk_figures, bulk_gradients, bulk_obstacle, plan_bulk
+from ._points import LatinHypercube, PointSet
+from ._sweep_drive import Drive
+from ._sweep_target import apply
+
+METRICS = ("peak", "rms")  # what the kernel gives
+CORNERS, INSIDE = 256, 64  # designs that the kernel's plan is made from
+
+
+def no_bulk(rig: Rig, drive: Drive, model: str, metrics: tuple[str, ...]) -> str | None:
+    """Why the bulk kernel does not serve these designs, in words; None where it does."""
+    if not isinstance(drive, SpeedDrive) or np.any(np.asarray(drive.force.values)):
+        return "the bulk kernel takes given speeds and no force"
+    others = [name for name in metrics if name not in METRICS]
+    if others:
+        return f"the bulk kernel does not give {', '.join(others)}"
+    return bulk_obstacle(rig, model)
+
+
+def _row(rig: Rig, drive: SpeedDrive, paths: tuple[str, ...], values):
+    """Rig, speeds and start angles of the design with `values` at `paths`."""
+    rig, moved = apply(rig, drive, paths, values)
+    assert isinstance(moved, SpeedDrive)
+    angles = jnp.zeros(rig.size) if moved.initial_angle is None else moved.initial_angle
+    return rig, moved.speed.values[0], angles
+
+
+def plan_of(points: PointSet, rig: Rig, drive: Drive, paths, duration: float, rate: float, model):
+    """How the kernel cuts time so that every design of `points` fits.
+
+    What the cut depends on is monotone in each parameter, so the ranges' corners bound it; designs
+    inside say what couples.
+    """
+    ends = [sorted({axis.low, axis.high}) for axis in points.axes]
+    corners = list(itertools.islice(itertools.product(*ends), CORNERS))
+    inside = LatinHypercube(tuple(points.axes), INSIDE, 0).at(np.arange(INSIDE))
+    rows = np.concatenate([np.array(corners), inside])
+    return plan_bulk(eqx.Partial(_row, rig, drive, paths), rows, duration, 1 / rate, model)
+
+
+def bulk_batch(
+    rig: Rig,
+    drive: Drive,
+    paths,
+    metrics: tuple[str, ...],
+    values: Float[Array, "b d"],
+    plan,
+    slope,
+):
+    """Figures (b, m), gradients (b, m, d) or (b, m, 0) and status (b,) of a batch."""
+    make = eqx.Partial(_row, rig, drive, paths)
+    if slope:
+        found, slopes = bulk_gradients(make, values, plan, metrics)
+        gradients = jnp.stack([slopes[name] for name in metrics], axis=1)
+    else:
+        rms, peak = bulk_figures(make, values, plan)
+        found = {"rms": rms, "peak": peak}
+        gradients = jnp.zeros((len(values), len(metrics), 0))
+    figures = jnp.stack([found[name] for name in metrics], axis=1)
+    bad = ~jnp.all(jnp.isfinite(figures), axis=1)
+    return jnp.where(bad[:, None], jnp.nan, figures), gradients, jnp.where(bad, 1, 0)
