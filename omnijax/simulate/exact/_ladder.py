@@ -83,11 +83,11 @@ def series(X, z=None):
 
 
 def levels_needed(passed, least: int = 0) -> int:
-    """Levels for pieces `passed` time constants long, a multiple of 4; `LEVELS` while tracing."""
+    """Levels for pieces `passed` time constants long, a multiple of 8; `LEVELS` while tracing."""
     if is_traced(passed):
         return LEVELS
     need = max(np.ceil(np.log2(max(float(np.max(passed)), 128.0))), least) + 4
-    return int(min(-(-need // 4) * 4, LEVELS))
+    return int(min(-(-need // 8) * 8, LEVELS))  # few lengths: few programs to compile
 
 
 def ladder(F, m: int, least: int, levels: int = LEVELS) -> tuple[Array, Array]:

@@ -1,0 +1,110 @@
+"""Steady states against long exact runs, harmonic sums and known single-contact results."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from machines import ORTHOGONAL, SKEW, machine
+
+from omnijax import laws
+from omnijax.simulate import propagate, speeds, steady_state
+
+
+def _harmonic(rig, w, count=6000):
+    """RMS of |dR| of the `paper` model by Parseval: 2x2 transfer functions, sampled shape."""
+    total, n = 0.0, rig.size
+    for i in range(n):
+        wheels = jax.tree.map(lambda x, i=i: np.asarray(x)[i], rig.wheels)
+        gap = jax.tree.map(lambda x, i=i: x[i], rig.gaps)
+        size = 1 << 18
+        angle = jnp.arange(size) / size * gap.pitch
+        rho = np.fft.rfft(np.asarray(jax.vmap(lambda a, i=i, g=gap: rig.profiles[i](a, g))(angle)))
+        s = 1j * abs(w[i]) * 2 * np.pi / float(gap.pitch) * np.arange(count)
+        kappa = wheels.contact.stiffness + wheels.contact.damping * s
+        sigma = wheels.mount.stiffness + wheels.mount.damping * s
+        a, b = 1 / float(rig.sphere.mass), 1 / wheels.mass
+        one = s**2 + a * (kappa + wheels.closure.stiffness)
+        two = s**2 + b * (kappa + sigma)
+        line = kappa * (a * s**2 + a * b * sigma) / (one * two - a * b * kappa**2)
+        line = line * rho[:count] / size
+        total += np.abs(line[0]) ** 2 + 2 * np.sum(np.abs(line[1:]) ** 2)
+    return np.sqrt(total)
+
+
+@pytest.mark.parametrize("damping", [0.0, 120.0, 20000.0])
+def test_rms_agrees_with_thousands_of_harmonics(damping):
+    rig = machine(ORTHOGONAL, contact_damping=damping)
+    w = (0.4, 1.2, -0.7)
+    state = steady_state(rig, w, model="paper")
+    assert abs(float(state.rms) / _harmonic(rig, w) - 1) < 1e-6
+
+
+def test_agrees_with_a_long_run():
+    rig, w = machine(SKEW), np.array([0.9, 2.1, -1.4])
+    state = steady_state(rig, w)
+    ts = jnp.linspace(0.0, 300.0, 150_001)[100_000:]
+    tail = propagate(rig, speeds(w, initial_angle=jnp.asarray(w * ts[0])), ts[:20_001])
+    settled = np.asarray(tail.dR)[4000:]
+    size = np.linalg.norm(settled, axis=1)
+    assert size.max() < float(state.peak) * (1 + 1e-9)  # a supremum: reached only in the long run
+    assert size.max() > 0.9 * float(state.peak)
+    assert abs(np.sqrt(np.mean(size**2)) / float(state.rms) - 1) < 0.03
+
+
+def test_one_turning_wheel_reaches_its_supremum():
+    """With one wheel in motion the motion is periodic: every figure is reached exactly."""
+    rig, w = machine(SKEW), (0.0, 2.0, 0.0)
+    state = steady_state(rig, w)
+    period = float(rig.gaps.pitch[1]) / 2.0
+    start = round(12 / period) * period  # transients have died away
+    ts = jnp.concatenate([jnp.zeros(1), start + period * jnp.arange(4096) / 4096])
+    dR = np.asarray(propagate(rig, speeds(w), ts).dR)[1:]
+    size = np.linalg.norm(dR, axis=1)
+    assert abs(np.sqrt(np.mean(size**2)) / float(state.rms) - 1) < 1e-6
+    assert abs(size.max() / float(state.peak) - 1) < 1e-6
+    assert np.allclose(np.ptp(dR, axis=0), state.peak_to_peak, rtol=2e-6)
+    assert np.allclose(dR.mean(axis=0), state.mean, atol=1e-6 * size.max())
+    lines = np.fft.fft(dR, axis=0)[:8] * 2 / len(dR)
+    assert np.allclose(lines[1:], state.spectrum[1, 1:8], atol=1e-7 * size.max())
+    assert np.allclose(state.order[1, :3], [0, 14, 28])
+
+
+def test_orthogonal_supremum_is_the_root_of_the_squares():
+    rig = machine(ORTHOGONAL)
+    state = steady_state(rig, (0.4, 1.2, -0.7), model="paper")
+    assert abs(float(state.peak) / np.linalg.norm(state.peak_component) - 1) < 1e-9
+
+
+@settings(max_examples=4)
+@given(
+    eta=st.floats(0.0, 1.0),
+    damping=st.one_of(st.just(0.0), st.floats(1.0, 20000.0)),
+    w=st.tuples(*(st.sampled_from([0.0, 0.3, 0.6, -1.2, 7.3]) for _ in range(3))),
+)
+def test_random_rigs_have_finite_and_ordered_figures(eta, damping, w):
+    state = steady_state(machine(SKEW, roundness=eta, contact_damping=damping), w)
+    assert np.all(np.isfinite(jax.tree.leaves(state)[0]))
+    assert float(state.rms) <= float(state.peak) * (1 + 1e-12)
+    assert np.all(np.asarray(state.peak_component) <= float(state.peak) * (1 + 1e-9))
+    if eta == 0 or not any(w):
+        assert float(state.peak) < 1e-15
+
+
+def test_runout_and_damage_count_over_the_whole_turn():
+    rig = machine(SKEW)
+    number = jnp.asarray
+    bad = rig.add(laws.DamagedRoller(number(3.0), number(0.8)), "w1")
+    plain, damaged = steady_state(rig, (0.5, 0.0, 0.0)), steady_state(bad, (0.5, 0.0, 0.0))
+    assert float(damaged.order[0, 1]) == 1 and float(plain.order[0, 1]) == 14
+    grown = float(damaged.rms) ** 2 / float(plain.rms) ** 2
+    assert 1 + 1.5 / 14 < grown < 1 + 3.0 / 14  # one gap in 14 has (1.8)^2 = 3.24 times the power
+
+
+def test_refusal_says_why():
+    rig = machine(SKEW).add(laws.LiftOff(), "all")
+    with pytest.raises(ValueError, match=r"lift-off.*not linear"):
+        steady_state(rig, (0.1, 0.2, 0.3))
+    with pytest.raises(ValueError, match="`speeds` must have 3 entries"):
+        steady_state(machine(SKEW), (0.1, 0.2))
