@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import equinox as eqx
 import numpy as np
 
 from ..laws import AbstractLaw
@@ -77,14 +78,14 @@ class SmallModel(AbstractModel):
 
     def _column(self, values, laws, base, law) -> np.ndarray:
         """Predicted change per unit of strength."""
-        import dataclasses
-
         linear = [k for k, p in law.parameters.items() if p.linear and float(getattr(law, k)) != 0]
         if not linear:
             return base - self.residual(values, [*laws, law], "train")
         strength = 1.0
         for _ in range(60):  # a strength that stays in the linear range
-            weak = dataclasses.replace(law, **{k: number(strength) for k in linear})
+            weak = eqx.tree_at(
+                lambda x: [getattr(x, k) for k in linear], law, [number(strength)] * len(linear)
+            )
             change = base - self.residual(values, [*laws, weak], "train")
             size = np.linalg.norm(change) / (np.linalg.norm(base) or 1.0)
             if np.isfinite(size) and 1e-7 < size < 1e-3:

@@ -1,0 +1,121 @@
+"""The search on a small model: names, rivals, decoys, pruning, bounds."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from jaxtyping import Array, Float
+
+from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, along
+from omnijax.diagnosis._fit import refit
+from omnijax.diagnosis._scan import Signatures
+from omnijax.laws import EFFECTS, GENERIC, AbstractShaft, Parameter, ShaftSignal
+
+LAWS = {k: {**EFFECTS, **GENERIC}[k] for k in ("bearing-coulomb", "shaft-drag", "friction-asymmetry")}
+
+
+def law(id, value):
+    """One of `LAWS` with its strength."""
+    return LAWS[id](jnp.asarray(value))
+
+
+class Twin(AbstractShaft):
+    """The same torque as Coulomb friction under another name."""
+
+    strength: Float[Array, ""]
+
+    id: ClassVar[str] = "twin"
+    places: ClassVar[tuple[str, ...]] = ("wheel",)
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "strength": Parameter("N m", low=0, linear=True)
+    }
+
+    def __call__(self, signal, state=None):
+        return LAWS["bearing-coulomb"](self.strength)(signal)
+
+
+def balance(truth, laws=LAWS, seed=0, scramble=False):
+    """J w' + b w = T + laws, with `truth` in the data."""
+    rng, sets = np.random.default_rng(seed), {}
+    for split, n in (("train", 1500), ("held-out", 800)):
+        t = 0.01 * np.arange(n)
+        w = 3 * np.sin(0.9 * t + rng.uniform()) + 2 * np.sin(2.3 * t + rng.uniform())
+        signal = ShaftSignal(0 * t, w, 0 * t)
+        torque = 0.5 * np.gradient(w, 0.01) + 0.1 * w - sum(along(x, signal) for x in truth)
+        torque = torque + 0.01 * rng.normal(size=n)
+        if scramble:
+            torque = rng.permutation(torque - torque.mean()) * 0.01 + 0.5 * np.gradient(w, 0.01) + 0.1 * w
+        sets[split] = (signal, np.gradient(w, 0.01), torque)
+
+    def residual(p, laws, split):
+        signal, rate, torque = sets[split]
+        force = torque + sum(along(x, signal) for x in laws)
+        return (force - p["J"] * rate - p["b"] * signal.speed) / 0.01
+
+    priors = [Prior("J", 0.45, 0.5), Prior("b", 0.15, 0.8)]
+    return SmallModel(residual, priors, laws, "shaft")
+
+
+def test_the_planted_law_is_named_with_its_size():
+    found = Search(balance([law("bearing-coulomb", 0.2)])).run()
+    (effect,) = found.fit.point.effects
+    assert effect.id == "bearing-coulomb"
+    sigma = np.sqrt(found.fit.covariance[2, 2])
+    assert abs(effect.values["torque"] - 0.2) < 4 * sigma
+    assert sigma < 0.01
+
+
+def test_two_planted_laws_are_both_named():
+    truth = [law("bearing-coulomb", 0.2), law("friction-asymmetry", 0.05)]
+    found = Search(balance(truth)).run()
+    assert {e.id for e in found.fit.point.effects} == {"bearing-coulomb", "friction-asymmetry"}
+
+
+def test_nothing_is_named_where_nothing_is_missing():
+    found = Search(balance([])).run()
+    assert found.fit.point.effects == ()
+    assert not found.significant
+
+
+def test_scrambled_data_name_no_decoy():
+    for seed in range(5):
+        found = Search(balance([law("bearing-coulomb", 0.2)], seed=seed, scramble=True)).run()
+        assert found.fit.point.effects == ()
+
+
+def test_a_twin_is_reported_as_a_rival_without_margin():
+    found = Search(balance([law("bearing-coulomb", 0.2)], {**LAWS, "twin": Twin})).run()
+    (rivals,) = found.rivals.values()
+    names = {found.fit.point.effects[0].id, rivals[0][0].id}
+    assert names == {"bearing-coulomb", "twin"}
+    assert abs(rivals[0][1]) < 1.0
+    assert rivals[0][2] == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_superfluous_effect_is_pruned():
+    model = balance([law("bearing-coulomb", 0.2)])
+    effects = (Effect("bearing-coulomb", "shaft", {"torque": 0.2}),
+               Effect("shaft-drag", "shaft", {"D": 1e-4}))  # fmt: skip
+    fit = refit(model, Point(np.zeros(2), effects))
+    kept = Search(model).prune(fit).point.effects
+    assert [e.id for e in kept] == ["bearing-coulomb"]
+
+
+def test_a_refit_keeps_bounds():
+    model = balance([law("bearing-coulomb", -0.2)])  # friction that drives is not physical
+    fit = refit(model, Point(np.zeros(2), (Effect("bearing-coulomb", "shaft", {"torque": 0.1}),)))
+    assert fit.point.effects[0].values["torque"] == 0.0
+
+
+def test_scores_do_not_hang_on_the_size_of_a_column():
+    model = balance([law("bearing-coulomb", 0.2)])
+    fit = refit(model, Point(np.zeros(2)))
+    candidates = model.candidates(fit.point)
+    columns = model.columns(fit.point, candidates, lambda share: None)
+    gains = [
+        [s.gain for s in Signatures(candidates, [k * c for c in columns])
+         .scan(fit.residual, fit.jacobian, 2, fit.point.u).scores]
+        for k in (1.0, 1e-9)
+    ]  # fmt: skip
+    np.testing.assert_allclose(gains[0], gains[1], rtol=1e-6)

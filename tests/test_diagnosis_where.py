@@ -1,0 +1,69 @@
+"""Localisation: planted lines are found where they are, and the null gives uniform p-values."""
+
+import numpy as np
+import pytest
+from scipy.stats import kstest
+
+from omnijax.diagnosis._where import discoveries, p_value, questions, shares, shuffle
+
+N, STEP = 3000, 2e-3
+TIME = STEP * np.arange(N)
+
+
+def sweep(rate=1.2):
+    """A wheel that speeds up steadily: rad."""
+    return 2.0 * TIME + rate * TIME**2
+
+
+def strongest(residual, angles, domains=("order", "frequency")):
+    answers = shares(residual, questions(TIME, angles, {}))
+    kept = [a for a in answers if a["domain"] in domains]
+    return max(kept, key=lambda a: a["share"])
+
+
+def test_a_line_in_orders_is_found_at_its_wheel():
+    rng = np.random.default_rng(1)
+    angles = {"w1": sweep(), "w2": 0.7 * sweep(2.0)}
+    residual = 1.5 * np.cos(7 * angles["w2"] + 0.3) + rng.normal(size=N)
+    found = strongest(residual, angles)
+    assert (found["domain"], found["value"], found["reference"]) == ("order", 7.0, "w2")
+
+
+def test_a_line_that_stays_put_in_hertz_is_found_in_hertz():
+    rng = np.random.default_rng(2)
+    residual = 1.5 * np.cos(2 * np.pi * 13.7 * TIME) + rng.normal(size=N)
+    found = strongest(residual, {"w1": sweep()})
+    assert found["domain"] == "frequency"
+    assert found["value"] == pytest.approx(13.7, abs=0.5)
+
+
+def test_an_order_beyond_half_the_sampling_rate_is_not_folded():
+    rng = np.random.default_rng(3)
+    angle = 40.0 * TIME + 12.0 * TIME**2  # order 39 passes 250 Hz at the start and 1100 Hz at the end
+    assert 39 * (40 + 24 * TIME[-1]) / (2 * np.pi) > 1 / STEP
+    residual = np.cos(39 * angle) + rng.normal(size=N)
+    found = strongest(residual, {"w1": angle})
+    assert (found["domain"], found["value"]) == ("order", 39.0)
+
+
+def test_p_values_of_white_noise_are_uniform():
+    rng = np.random.default_rng(4)
+    angle = sweep()
+    basis = np.linalg.qr(np.c_[np.cos(5 * angle), np.sin(5 * angle)])[0]
+    found = []
+    for k in range(120):
+        residual = rng.normal(size=N)
+        power = residual @ residual
+        null = np.sum((basis.T @ shuffle(residual, k)) ** 2, axis=0) / power
+        found.append(p_value(np.sum((basis.T @ residual) ** 2) / power, null))
+    assert kstest(found, "uniform").pvalue > 0.01
+    assert np.mean(np.array(found) < 0.05) < 0.15
+
+
+def test_noise_alone_gives_no_discoveries_and_a_line_does():
+    rng = np.random.default_rng(5)
+    angles = {"w1": sweep()}
+    asked = questions(TIME, angles, {"speed w1": np.gradient(angles["w1"], STEP)})
+    noise = rng.normal(size=N)
+    assert discoveries(shares(noise, asked)) == []
+    assert discoveries(shares(noise + np.cos(3 * angles["w1"]), asked))[0]["value"] == 3.0
