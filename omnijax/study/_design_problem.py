@@ -99,7 +99,9 @@ class Scale(NamedTuple):
         log = np.array([v.log for v in variables])
         bounds = np.array([[v.low, v.high] for v in variables], float)
         bounds = np.where(log[:, None], np.log(np.where(log[:, None], bounds, 1.0)), bounds)
-        return cls(jnp.asarray(bounds[:, 0]), jnp.asarray(bounds[:, 1] - bounds[:, 0]), log)
+        return cls(
+            jnp.asarray(bounds[:, 0]), jnp.asarray(bounds[:, 1] - bounds[:, 0]), jnp.asarray(log)
+        )
 
     def value(self, share):
         """x at the share s of the range."""

@@ -22,7 +22,8 @@ def amount(value: float, unit: str) -> str:
     unit = "" if unit == "1" else unit
     if value == 0 or not math.isfinite(value) or unit not in _PREFIXED:
         return f"{value:.4g} {unit}".strip()
-    power = int(np.clip(3 * math.floor((math.log10(abs(value)) + 1) / 3), -9, 9))
+    digits = math.log10(abs(value)) + (1 if abs(value) < 1 else 0)  # 0.4 µm, but 188 kN/m
+    power = int(np.clip(3 * math.floor(digits / 3), -9, 9))
     return f"{value / 10.0**power:.4g} {_PREFIX[power]}{unit}"
 
 

@@ -86,7 +86,7 @@ class RigCases:
         zero = jnp.zeros(1)
         flat = jnp.zeros((1, len(speeds)))
         force = Signal(zero, jnp.zeros((1, 3)), jnp.zeros((1, 3)))
-        start = SpeedDrive(Signal(zero, speeds[None], flat), force)
+        start = SpeedDrive(speed=Signal(zero, speeds[None], flat), force=force)
         return apply(self.study.rig, start, self.paths, x)[1]  # pyright: ignore
 
     def one(self, x, speeds, load, draw) -> tuple[Array, Array]:

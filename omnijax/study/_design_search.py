@@ -18,8 +18,8 @@ from jaxtyping import Array, Float
 from ._design_problem import Problem, Scale, from_angle, to_angle
 
 OUTER, INNER = 14, 40
-PENALTY, GROWTH = 10.0, 5.0
-FEASIBLE = 1e-6  # of a limit's scale
+PENALTY, GROWTH = 30.0, 5.0
+FEASIBLE = 3e-6  # of a limit's scale
 
 
 class Lanes(NamedTuple):
@@ -74,7 +74,7 @@ class Search:
         return F + jnp.sum(pushed**2 - multiplier**2) / (2 * penalty)
 
     def _minimise(self, y, share, free, limit, multiplier, penalty, extra):
-        solver = optx.BFGS(rtol=1e-8, atol=1e-8)
+        solver = optx.BFGS(rtol=1e-7, atol=1e-7)
         args = (share, free, limit, multiplier, penalty, extra)
         solution = optx.minimise(
             self._lagrangian,
@@ -142,7 +142,8 @@ class Search:
                 return (optax.apply_updates(y, change), state), None
 
             keys = jax.random.split(jax.random.key(seed), steps)
-            return jax.lax.scan(step, (y, method.init(y)), keys)[0][0][0]
+            (z, _), _ = jax.lax.scan(step, (y, method.init(y)), keys)[0]
+            return z
 
         y, _ = self.begin(lanes)
         z = jax.jit(jax.vmap(one))(y, *lanes)

@@ -115,9 +115,12 @@ class GlobalSensitivity:
         morris = MorrisEffects(
             v["mu"], v["mu_star"], v["sigma"], v["effects_used"], int(a["dropped_steps"])
         )
-        texts = (tuple(str(x) for x in d[k].values) for k in ("input", "metric", "metric_unit"))
+        names, metrics, units = (
+            tuple(str(x) for x in d[k].values) for k in ("input", "metric", "metric_unit")
+        )
         failed = tuple(x for x in str(a["failed"]).split("\n") if x)
-        return cls(*texts, sobol, morris, v["bound"], v["bound_half"], int(a["runs"]), failed)
+        widths = v["bound"], v["bound_half"]
+        return cls(names, metrics, units, sobol, morris, *widths, int(a["runs"]), failed)
 
     def plot_convergence(self, metric: str | None = None, ax: Any = None) -> Any:
         """Total indices against the number of blocks."""

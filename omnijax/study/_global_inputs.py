@@ -69,8 +69,10 @@ class Runs(NamedTuple):
     @property
     def failed(self) -> np.ndarray:
         """Which points have no figures."""
-        bad = ~np.isfinite(self.values).all(axis=1)
-        return bad if self.slopes is None else bad | ~np.isfinite(self.slopes).all(axis=(1, 2))
+        good = np.isfinite(self.values).all(axis=1)
+        if self.slopes is not None:
+            good = good & np.isfinite(self.slopes).all(axis=(1, 2))
+        return np.logical_not(good)
 
 
 CHUNK = 256

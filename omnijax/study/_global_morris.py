@@ -56,5 +56,5 @@ def morris_effects(unit: np.ndarray, values: np.ndarray, failed: np.ndarray) -> 
         sigma.append(own.std(axis=0, ddof=1))
         used.append(len(own))
     dropped = which.size - sum(used)
-    columns = (np.array(x).T for x in (mu, star, sigma))
-    return MorrisEffects(*columns, np.array(used), dropped)
+    mu, star, sigma = (np.array(x).T for x in (mu, star, sigma))
+    return MorrisEffects(mu, star, sigma, np.array(used), dropped)

@@ -171,7 +171,7 @@ class LongRun:
 
     def weighted(self) -> Float[Array, ""]:
         """sqrt(sum over signals, harmonics, directions of |a|^2 W^2 / 2), W as in ISO 2631-1."""
-        rates, vertical, total = _rates(self.signals, LINES), up(self.rig), 0.0
+        rates, vertical, total = _rates(self.signals, LINES), up(self.rig), jnp.zeros(())
         for g in range(len(self.signals.wheel)):
             pieces = jax.tree.map(lambda x, g=g: x[g], self.signals.cycle.pieces)
             rate = rates[g, 1:]

@@ -1,0 +1,300 @@
+"""The design engine on problems whose optimum is known in closed form."""
+
+import math
+import re
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from omnijax.rig import InputError
+from omnijax.study import Design, Limit, Problem, Variable, optimise, parse_study, trade_off
+from omnijax.study._design_engine import Engine, Folder
+from omnijax.study._design_result import amount
+from omnijax.vibration import peak, smooth_peak
+
+NO_LIMITS = jnp.zeros(0)
+
+
+def quadratic(x, _):
+    f = (x[0] - 2) ** 2 + 2 * (x[1] + 1) ** 2 + 1
+    return f[None], jnp.array([1.5 - x[0] - x[1]])
+
+
+BOUNDED = Problem(
+    (Variable("x", 0.0, 1.0), Variable("y", 0.0, 3.0, unit="N")),
+    quadratic,
+    (Limit("sum", 0.0, 1.0),),
+)
+
+
+@pytest.fixture(scope="module")
+def bounded():
+    return optimise(BOUNDED, starts=3, batch=3)
+
+
+def test_convex_with_active_bound_and_limit(bounded):
+    """x = 1 (its bound), y = 1/2 (the limit): f = 6.5, df/dy = 6 is the limit's price."""
+    assert bounded.optimal
+    assert bounded.agreement == (3, 3)
+    assert np.allclose(list(bounded.variables.values()), [1.0, 0.5], atol=1e-5)
+    assert math.isclose(bounded.objective, 6.5, rel_tol=1e-5)
+    assert bounded.active == ("`x` is at its upper bound 1.", "`sum <= 0` is active.")
+    price = re.search(r"relaxing `sum <= 0` by 1 buys ([\d.]+)", "\n".join(bounded.multipliers))
+    assert price and math.isclose(float(price[1]), 6.0, rel_tol=1e-3)
+    # dL/dx = -2 - 6: raising the bound by 1 % buys 0.08
+    assert "raising the upper bound of `x` by 1 % buys 0.08 of objective." in bounded.multipliers
+
+
+def test_design_survives_saving(bounded, tmp_path):
+    bounded.save(tmp_path / "design.nc")
+    assert Design.load(tmp_path / "design.nc") == bounded
+
+
+def absorber(mass_ratio: float) -> Problem:
+    """Two masses (Den Hartog): worst amplitude of the main mass over the driving frequency."""
+    g = jnp.linspace(0.6, 1.4, 161)
+
+    def figures(x, _):
+        f, damping = x
+        a = f**2 - g**2
+        b = 2 * damping * f * g
+        down = 1 - g**2 * (1 + mass_ratio)
+        over = mass_ratio * f**2 * g**2 - (g**2 - 1) * (g**2 - f**2)
+        return jnp.sqrt((a**2 + b**2) / (over**2 + (b * down) ** 2)), NO_LIMITS
+
+    names = tuple(f"g = {x:.3f}" for x in np.asarray(g))
+    variables = (Variable("tuning", 0.6, 1.2), Variable("damping", 0.02, 0.6, log=True))
+    return Problem(variables, figures, worst=True, cases=names, name="amplitude")
+
+
+def test_two_mass_absorber_against_the_closed_form():
+    """Den Hartog: tuning 1/(1 + mu), fixed points at sqrt(1 + 2/mu), damping sqrt(3 mu/8/(1 + mu)).
+
+    His damping averages two that are each exact for one of the peaks, so that the true optimum's
+    amplitude is within 1 % of sqrt(1 + 2/mu), never below it, and its damping within 5 %.
+    """
+    mu = 0.2
+    found = optimise(absorber(mu), starts=3, batch=3)
+    fixed = math.sqrt(1 + 2 / mu)
+    assert found.optimal, found.reason
+    assert fixed * (1 - 1e-3) < found.objective < 1.01 * fixed
+    assert math.isclose(found.variables["tuning"], 1 / (1 + mu), rel_tol=0.01)
+    assert math.isclose(
+        found.variables["damping"], math.sqrt(3 * mu / (8 * (1 + mu))), rel_tol=0.05
+    )
+    assert "worst cases that hold the optimum" in found.multipliers[-1]
+
+
+def stepped(x, _):
+    f = (x[0] - 2.3) ** 2 + (x[1] - 3.6 - 0.3 * x[0]) ** 2 + 1
+    return f[None], NO_LIMITS
+
+
+@pytest.mark.parametrize("high", [8, 40])
+def test_whole_numbers(high):
+    """Enumerated (8 of them) or relaxed and rounded (40): the same optimum, by hand n = 4."""
+    variables = (Variable("x", 0.0, 4.0), Variable("n", 1, high, whole=True))
+    found = optimise(Problem(variables, stepped), starts=2, batch=16 if high == 8 else 4)
+    best = min(
+        ((x - 2.3) ** 2 + (n - 3.6 - 0.3 * x) ** 2 + 1, x, n)
+        for n in range(1, 9)
+        for x in np.linspace(0, 4, 4001)
+    )
+    assert found.optimal
+    assert found.variables["n"] == best[2] == 4
+    assert math.isclose(found.objective, best[0], rel_tol=1e-6)
+
+
+def test_conflicting_constraints_are_named():
+    def figures(x, _):
+        return (x[0] ** 2)[None], jnp.array([x[0] - 1, 2 - x[0], x[0] - 9])
+
+    limits = tuple(Limit(name, 0.0, 1.0, "N") for name in ("below 1", "above 2", "below 9"))
+    found = optimise(Problem((Variable("x", 0.0, 4.0),), figures, limits), starts=2, batch=2)
+    assert found.status == "infeasible" and not found.optimal
+    assert "`below 1 <= 0 N` is missed by 0.5 N and `above 2 <= 0 N` is missed by" in found.reason
+    assert "below 9" not in found.reason
+
+
+def test_a_maximum_is_not_called_optimal():
+    """A start exactly on a hill's top is stationary, but a neighbour is better."""
+    problem = Problem((Variable("x", -1.0, 1.0),), lambda x, _: ((2 - x[0] ** 2)[None], NO_LIMITS))
+    engine = Engine(problem, 1, 0)
+    end = engine.judge(engine.lanes, np.array([[0.5]]), [0])[0]
+    assert end.status == "not optimal" and "a neighbouring design is better" in end.reason
+
+
+def test_a_kink_is_not_called_optimal_without_its_cases():
+    """|x - 0.3| has no gradient of 0 at its least value; as a worst case of two lines it does."""
+    kink = Problem((Variable("x", -1.0, 1.5),), lambda x, _: (jnp.abs(x - 0.3) + 1, NO_LIMITS))
+    found = optimise(kink, starts=1, batch=1)
+    assert found.status == "not optimal" and "kink" in found.reason
+
+    def sides(x, _):
+        return jnp.concatenate([x - 0.3, 0.3 - x]) + 1, NO_LIMITS
+
+    both = kink._replace(figures=sides, worst=True, cases=("right", "left"))
+    found = optimise(both, starts=1, batch=1)
+    assert found.optimal and math.isclose(found.variables["x"], 0.3, abs_tol=1e-5)
+
+
+def test_gradient_of_the_peak_at_a_kink_is_that_of_one_side():
+    """Two samples of equal length, one growing and one falling with p: the peak's gradient is +1
+    or -1, the derivative to one side; the smooth peak has the mean of both, 0."""
+    t = jnp.array([0.0, 1.0])
+
+    def rows(p):
+        return jnp.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]) * jnp.stack([p, 2 - p])[:, None]
+
+    slope = float(jax.grad(lambda p: peak(t, rows(p)))(1.0))
+    right = (float(peak(t, rows(1 + 1e-6))) - 1) / 1e-6
+    left = (1 - float(peak(t, rows(1 - 1e-6)))) / 1e-6
+    assert math.isclose(right, 1, rel_tol=1e-6) and math.isclose(left, -1, rel_tol=1e-6)
+    assert slope in {1.0, -1.0}
+    assert abs(float(jax.grad(lambda p: smooth_peak(rows(p)))(1.0))) < 1e-12
+
+
+def test_stored_searches_are_taken_up(tmp_path):
+    first = optimise(BOUNDED, starts=2, batch=1, store=Folder(tmp_path, "a", False))
+    (tmp_path / "first-1.npz").unlink()
+    again = optimise(BOUNDED, starts=2, batch=1, store=Folder(tmp_path, "a", True))
+    assert again == first
+    with pytest.raises(InputError, match="holds a study already: continue with --resume"):
+        Folder(tmp_path, "a", False)
+    with pytest.raises(InputError, match="holds another study"):
+        Folder(tmp_path, "b", True)
+
+
+def test_adam_on_fresh_draws_moves_the_starts():
+    """mean over draws of (x - 1 - e)^2: the expectation's optimum is x = 1."""
+
+    def draw(key):
+        return jax.random.normal(key, (8,))
+
+    def figures(x, e):
+        return jnp.mean((x[0] - 1 - e) ** 2)[None], NO_LIMITS
+
+    extra = draw(jax.random.key(3))
+    problem = Problem((Variable("x", -3.0, 4.0),), figures, extra=extra, draw=draw)
+    engine = Engine(problem, 2, 0)
+    moved = engine.search.stochastic(engine.lanes, 300, 0.05, 1)
+    ends = np.asarray(engine.search.scale.value(moved.share))[:, 0]
+    assert np.allclose(ends, 1.0, atol=0.15)
+    found = optimise(problem, starts=2, batch=2, stochastic={"steps": 20, "rate": 0.05, "seed": 1})
+    assert math.isclose(found.variables["x"], 1 + float(jnp.mean(extra)), abs_tol=1e-5)
+
+
+def convex_pair(x, _):
+    return jnp.stack([jnp.sum((x - 1) ** 2), jnp.sum((x + 1) ** 2)]) + 1, NO_LIMITS
+
+
+def test_front_against_the_closed_form():
+    """|x - 1|^2 and |x + 1|^2 in the plane: sqrt(f1 - 1) + sqrt(f2 - 1) = 2 sqrt(2)."""
+    variables = (Variable("a", -2.0, 2.5), Variable("b", -2.0, 2.5))
+    front = trade_off(Problem(variables, convex_pair), ("f1", "f2"), ("1", "1"), points=6, starts=2)
+    f = np.maximum(front.values - 1, 0.0)
+    assert len(f) == 8 and set(front.status) == {"optimal"}
+    assert np.allclose(np.sqrt(f).sum(axis=1), 2 * math.sqrt(2), rtol=2e-3)
+
+
+def test_front_agrees_with_a_population_method():
+    """NSGA-II with 40 designs over 60 generations comes no nearer, with more evaluations."""
+    pytest.importorskip("pymoo")
+    from pymoo.algorithms.moo.nsga2 import NSGA2
+    from pymoo.core.problem import Problem as Population
+    from pymoo.optimize import minimize
+
+    class Pair(Population):
+        def __init__(self):
+            super().__init__(n_var=2, n_obj=2, xl=-2.0, xu=2.5)
+
+        def _evaluate(self, x, out, *args, **kwargs):
+            out["F"] = np.stack([((x - 1) ** 2).sum(1), ((x + 1) ** 2).sum(1)], axis=1) + 1
+
+    theirs = minimize(Pair(), NSGA2(pop_size=40), ("n_gen", 60), seed=1, verbose=False)
+    variables = (Variable("a", -2.0, 2.5), Variable("b", -2.0, 2.5))
+    ours = trade_off(Problem(variables, convex_pair), ("f1", "f2"), ("1", "1"), points=6, starts=2)
+    order = np.argsort(ours.values[:, 0])
+    level = np.interp(theirs.F[:, 0], ours.values[order, 0], ours.values[order, 1])
+    assert np.all(theirs.F[:, 1] > level - 0.6)  # chords lie above the front by at most that
+    gap = np.sqrt(np.maximum(theirs.F - 1, 0)).sum(axis=1) - 2 * math.sqrt(2)
+    assert np.all(gap > -1e-9) and gap.max() > 1e-4  # theirs are never better
+    assert 3 * ours.evaluations < 40 * 60
+
+
+@pytest.mark.parametrize(
+    ("variables", "message"),
+    [
+        ((Variable("k", 2.0, 1.0),), "`k` has crossed bounds: low 2 is not below high 1."),
+        ((Variable("k", -1.0, 1.0, log=True),), "`k` on log scale needs low above 0, but it is"),
+        ((Variable("k", 0.0, 1.0, start=3.0),), "`k` starts outside its bounds: 3 is not in"),
+        ((Variable("k", 0.2, 0.7, whole=True),), "`k` has no whole number in [0.2, 0.7]."),
+        ((), "a design needs at least one variable."),
+    ],
+)  # fmt: skip
+def test_wrong_variables(variables, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        optimise(Problem(variables, quadratic))
+
+
+def test_a_variable_without_influence_is_refused():
+    variables = (*BOUNDED.variables, Variable("colour", 0.0, 1.0))
+    message = "`colour` influences neither the objective nor a constraint"
+    with pytest.raises(InputError, match=message):
+        optimise(BOUNDED._replace(variables=variables))
+
+
+STUDY = {
+    "rig": "atlas",
+    "drive": [{"speed": [3.0, 5.1, 7.3]}],
+    "variable": [{"path": "contact.stiffness", "low": 5e4, "high": "1 MN/m"}],
+}
+
+
+def test_study_file_reads_units_and_defaults():
+    study = parse_study(STUDY)
+    assert study.variables[0] == Variable("contact.stiffness", 5e4, 1e6, True, False, "N/m")
+    assert study.weights == (("rms", 1.0),) and study.loads[0].name == "as built"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"drivee": []}, "`drivee` is not a key of a study file. Did you mean `drive`?"),
+        ({"objective": {"metric": "rmss"}}, "`rmss` is no metric. Did you mean `rms`?"),
+        ({"drive": [{"speed": [1.0]}]}, "must have one value a wheel (3), but has 1."),
+        ({"drive": []}, "a study needs at least one [[drive]]"),
+        ({"variable": [{"path": "contact.stiffnes", "low": 1, "high": 2}]},
+         "the rig has no parameter `contact.stiffnes`. Did you mean `contact.stiffness`?"),
+        ({"variable": [{"path": "contact.stiffness", "low": 2e5, "high": 1e5}]},
+         "`contact.stiffness` has crossed bounds"),
+        ({"constraint": [{"quantity": "slip_margin"}]},
+         "`constraint.slip_margin` needs `min` or `max`."),
+        ({"constraint": [{"quantity": "slip"}]}, "`constraint.slip` is no quantity."),
+        ({"constraint": [{"quantity": "preload", "min": 9.0, "max": 1.0}]},
+         "conflicts with itself"),
+        ({"tolerance": {"wheel.roundness": 2.0}},
+         "`tolerance.wheel.roundness` must lie in (0, 0.9]"),
+        ({"load": [{"name": "x", "set": {"sphere.mass": -1}}]},
+         "`load.x.set.sphere.mass` must lie"),
+    ],
+)  # fmt: skip
+def test_wrong_study_files(change, message):
+    with pytest.raises(InputError, match=re.escape(message)):
+        parse_study({**STUDY, **change})
+
+
+def test_all_problems_of_a_study_at_once():
+    with pytest.raises(InputError) as caught:
+        parse_study({"model": "x", "objective": {"metric": "rmss"}, "search": {"starts": 0}})
+    assert len(caught.value.problems) == 4
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "text"),
+    [(4e-7, "m", "0.4 µm"), (188208.0, "N/m", "188.2 kN/m"), (0.05, "1", "0.05"), (0, "m", "0 m")],
+)
+def test_amounts_read_well(value, unit, text):
+    assert amount(value, unit) == text
