@@ -65,9 +65,13 @@ def simulate(
     max_steps
         Most steps before the run stops with the status `step limit`.
     """
+    import os
     import shlex
     import sys
 
+    # a failed check inside the compiled solve then gives NaN, hence a status, and needs no call
+    # back to Python: without one, JAX keeps the program for the next process
+    os.environ.setdefault("EQX_ON_ERROR", "nan")
     from ..rig import load_rig
     from ..simulate import save_trajectory
 
