@@ -62,7 +62,7 @@ def test_runs_with_a_duration_agree_with_one_run():
 
 
 def test_statuses_of_full_runs_and_the_command_that_reruns_one(tmp_path, capsys):
-    """Tsit5 at K = 1e11 N/m needs far more than 60 steps, the other designs under 40."""
+    """Tsit5 at K = 1e11 N/m needs far more than 60 steps, unless no load closes the contact."""
     rig = load_rig("atlas").add(LiftOff(), "all")
     vary = {
         "contact.stiffness": [1.9e5, 1e11],
@@ -74,10 +74,11 @@ def test_statuses_of_full_runs_and_the_command_that_reruns_one(tmp_path, capsys)
     result = sweep(rig, vary, "rms", drive=drive, chunk=3, out=out, **numerics)
     assert result.spec.path == "full" and "torques" in result.path
     status = [STATUS[k] for k in result.store.read("status")]
-    assert status == ["lift-off", "lift-off", "slip", "ok", *["step limit"] * 4]
+    lifted = ["lift-off", "lift-off"]
+    assert status == [*lifted, "slip", "ok", *lifted, "step limit", "step limit"]
     assert np.isfinite(result["rms"][0]).all()  # lift-off and slip keep their figures
-    assert np.isnan(result["rms"][1]).all() and result.failed() == [4, 5, 6, 7]
-    assert result.best("rms") in range(4)
+    assert np.isnan(result["rms"][1, 1]).all() and result.failed() == [6, 7]
+    assert result.best("rms") in range(6)
     command = result.command(6).split()
     assert command[0] == "omnijax" and run(command[1:]) == 1
     text = capsys.readouterr().out
