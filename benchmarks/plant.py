@@ -23,7 +23,10 @@ NOISE = {"dR": 2e-6, "theta": 1e-4, "Omega": 1e-4, "a": 5e-3}
 
 def nothing(n: int = 3) -> dict[str, Any]:
     """Every effect at zero."""
-    z = lambda: np.zeros(n)
+
+    def z():
+        return np.zeros(n)
+
     return {
         "runout": z(), "runout_phase": z(), "roller": np.full(n, -1.0), "severity": z(),
         "round": 0.0, "round_axis": np.array([0.0, 0.0, 1.0]), "K3": z(), "hertz": z(), "K1": z(),
@@ -186,14 +189,19 @@ def at_rest(theta, rig, e):
 def simulate(theta, torque, rig, e):
     """Noise-free outputs (samples, 12): dR, theta, Omega, a; torque (samples, 3) linear between."""
     h = 1 / RATE / SUB
-    add = lambda y, k, s: jax.tree.map(lambda a, b: a + s * b, y, k)
+
+    def add(y, k, s):
+        return jax.tree.map(lambda a, b: a + s * b, y, k)
 
     def sample(y, pair):
         k, t0, t1 = pair
 
         def sub(y, j):
             time = (k * SUB + j) * h
-            at = lambda s: t0 + (t1 - t0) * (j + s) / SUB
+
+            def at(s):
+                return t0 + (t1 - t0) * (j + s) / SUB
+
             k1 = field(y, time, at(0.0), rig, e)[0]
             k2 = field(add(y, k1, h / 2), time + h / 2, at(0.5), rig, e)[0]
             k3 = field(add(y, k2, h / 2), time + h / 2, at(0.5), rig, e)[0]
@@ -247,7 +255,10 @@ class Truth:
 
 def perturbed(rng, rig, spread=0.08) -> dict:
     """The true machine: stiffness and damping of every wheel off by the stated uncertainty."""
-    pick = lambda s: np.exp(np.clip(rng.normal(size=3), -1.5, 1.5) * s)
+
+    def pick(s):
+        return np.exp(np.clip(rng.normal(size=3), -1.5, 1.5) * s)
+
     out = dict(rig)
     for key, s in (("K", spread), ("k", spread), ("C", 2 * spread), ("c", 2 * spread)):
         out[key] = rig[key] * pick(s)
@@ -257,7 +268,8 @@ def perturbed(rng, rig, spread=0.08) -> dict:
 def rig_text(rig) -> str:
     """The stated machine as a rig file."""
     lines = [f"[sphere]\nradius = {rig['R']}\nmass = {rig['M']!r}\ninertia = {rig['I']!r}\n",
-             f"[platform]\nmass = {rig['Ml']!r}\ngravity = {[float(v) for v in rig['g']]}\n"]  # fmt: skip
+             f"[platform]\nmass = {rig['Ml']!r}\n"
+             f"gravity = {np.ravel(rig['g']).tolist()}\n"]  # fmt: skip
     for i in range(3):
         K, C, k, c = (float(rig[key][i]) for key in ("K", "C", "k", "c"))
         lines.append(

@@ -58,7 +58,9 @@ def model(folder: Path) -> tuple[SmallModel, dict]:
     priors = [Prior("M", 100.0, 1.0, unit="kg"), Prior("Fv", 300.0, 1.0, unit="N s/m"),
               Prior("offset", 0.0, 20.0, relative=False, unit="N")]  # fmt: skip
     laws = {k: v for k, v in {**EFFECTS, **GENERIC}.items() if k in LAWS}
-    return SmallModel(residual, priors, laws, "axis", {("bearing-coulomb", "width"): [1e-4, 3e-4, 1e-3, 3e-3]}), sets
+    return SmallModel(
+        residual, priors, laws, "axis", {("bearing-coulomb", "width"): [1e-4, 3e-4, 1e-3, 3e-3]}
+    ), sets
 
 
 def main(folder: Path = DATA, tell=print) -> dict[str, float]:

@@ -1,7 +1,8 @@
 """What does the linear baseline of a measured electronic oscillator lack?
 
 Silverbox: T. Wigren, J. Schoukens, "Three free data sets for development and benchmarking in
-nonlinear system identification", ECC 2013.  Baseline: m y'' + c y' + k y = u, the zero of u's converter uncertain by 10 mV.
+nonlinear system identification", ECC 2013.  Baseline: m y'' + c y' + k y = u,
+the zero of u's converter uncertain by 10 mV.
 Answer, unaided: a cubic spring; then a small quadratic one.
 """
 

@@ -12,7 +12,9 @@ from omnijax.diagnosis._fit import refit
 from omnijax.diagnosis._scan import Signatures
 from omnijax.laws import EFFECTS, GENERIC, AbstractShaft, Parameter, ShaftSignal
 
-LAWS = {k: {**EFFECTS, **GENERIC}[k] for k in ("bearing-coulomb", "shaft-drag", "friction-asymmetry")}
+LAWS = {
+    k: {**EFFECTS, **GENERIC}[k] for k in ("bearing-coulomb", "shaft-drag", "friction-asymmetry")
+}
 
 
 def law(id, value):
@@ -27,9 +29,7 @@ class Twin(AbstractShaft):
 
     id: ClassVar[str] = "twin"
     places: ClassVar[tuple[str, ...]] = ("wheel",)
-    parameters: ClassVar[dict[str, Parameter]] = {
-        "strength": Parameter("N m", low=0, linear=True)
-    }
+    parameters: ClassVar[dict[str, Parameter]] = {"strength": Parameter("N m", low=0, linear=True)}
 
     def __call__(self, signal, state=None):
         return LAWS["bearing-coulomb"](self.strength)(signal)
@@ -45,7 +45,11 @@ def balance(truth, laws=LAWS, seed=0, scramble=False):
         torque = 0.5 * np.gradient(w, 0.01) + 0.1 * w - sum(along(x, signal) for x in truth)
         torque = torque + 0.01 * rng.normal(size=n)
         if scramble:
-            torque = rng.permutation(torque - torque.mean()) * 0.01 + 0.5 * np.gradient(w, 0.01) + 0.1 * w
+            torque = (
+                rng.permutation(torque - torque.mean()) * 0.01
+                + 0.5 * np.gradient(w, 0.01)
+                + 0.1 * w
+            )
         sets[split] = (signal, np.gradient(w, 0.01), torque)
 
     def residual(p, laws, split):

@@ -39,7 +39,9 @@ def test_a_line_that_stays_put_in_hertz_is_found_in_hertz():
 
 def test_an_order_beyond_half_the_sampling_rate_is_not_folded():
     rng = np.random.default_rng(3)
-    angle = 40.0 * TIME + 12.0 * TIME**2  # order 39 passes 250 Hz at the start and 1100 Hz at the end
+    angle = (
+        40.0 * TIME + 12.0 * TIME**2
+    )  # order 39 passes 250 Hz at the start and 1100 Hz at the end
     assert 39 * (40 + 24 * TIME[-1]) / (2 * np.pi) > 1 / STEP
     residual = np.cos(39 * angle) + rng.normal(size=N)
     found = strongest(residual, {"w1": angle})

@@ -79,15 +79,23 @@ def diagnose(
     return result
 
 
+# relative to a group's RMS; the fit's own numerics stay a tenth below it
+NOISE_FREE = {"dR": 0.02, "a": 0.02, "Omega": 2e-4, "theta": 3e-6}
+
+
 def _noise(case: Case) -> tuple[dict[str, float], dict[str, dict[str, Any]]]:
     """1-sigma by group, and where it is from; a group whose noise is unknown cannot be weighed."""
     floor = noise_floor(case.runs)
     table = {g: {"sigma": floor.group(g), "source": s} for g, s in floor.source.items()}
+    for group, entry in table.items():
+        if entry["sigma"] == 0:  # a simulated run: weighed as good sensors would see it
+            size = np.sqrt(np.nanmean([np.nanmean(r.group(group) ** 2) for r in case.runs]))
+            entry |= {"sigma": float(NOISE_FREE[group] * size), "source": "noise-free"}
     unknown = [g for g, t in table.items() if not np.isfinite(t["sigma"]) or t["sigma"] <= 0]
     if unknown:
         raise InputError(
-            f"the measurement noise of {', '.join(unknown)} is not known: the runs have no rest, no "
-            "repeats and no quiet stretch. Declare it: [noise] in the run's TOML, 1-sigma by group."
+            f"the measurement noise of {', '.join(unknown)} is not known: the runs have no rest, "
+            "no repeats and no quiet stretch. Declare it: [noise] in the run's TOML, 1-sigma by group."
         )
     return {g: t["sigma"] for g, t in table.items()}, table
 
@@ -145,7 +153,7 @@ def _unit(unit: str, place: str) -> str:
 
 
 def _hertz(model: RigModel, effect: Effect) -> dict:
-    """The modulus E' = 0.75 c / sqrt(R') that the tangent stiffness stands for, and the exponent."""
+    """The modulus E' = 0.75 c / sqrt(R') that the tangent stiffness stands for."""
     w, sphere = model.rig.wheels, model.rig.sphere
     K, N0 = np.asarray(w.contact.stiffness), np.asarray(w.closure.preload)
     reach = 1.5 * N0 / K
@@ -170,7 +178,8 @@ def _baseline(found: Found) -> list[dict[str, Any]]:
             "parameter": prior.name, "stated": prior.value, "without_effects": first,
             "with_effects": last, "relative_sigma": float(sigma[k] * prior.sigma),
             "absorbed": float(np.log(first / last)) if first * last > 0 else 0.0,
-            "determined": bool(sigma[k] < 0.7), "at_bound": bool(abs(found.fit.point.u[k]) > prior.hard - 1e-6),
+            "determined": bool(sigma[k] < 0.7),
+            "at_bound": bool(abs(found.fit.point.u[k]) > prior.hard - 1e-6),
         })  # fmt: skip
     return out
 
@@ -207,8 +216,8 @@ def _learned(learned) -> dict[str, Any] | None:
 def _notes(judged: Judged, found: Found, model: RigModel) -> list[str]:
     notes = [judged.reason + "."]
     notes.append(
-        "Wheel angles are the smoothed measured ones; Omega and the rolled lengths are predicted from "
-        f"the torques in windows of {model.machine.window:g} s, each with a free start."
+        "Wheel angles are the smoothed measured ones; Omega and the rolled lengths are predicted "
+        f"from the torques in windows of {model.machine.window:g} s, each with a free start."
     )
     if found.refused:
         notes.append(f"Held-out runs refused: {', '.join(found.refused)}.")

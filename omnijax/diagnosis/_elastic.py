@@ -97,7 +97,7 @@ def linear_outputs(m: Modes, run: Run, ports: Ports, names, parts: int = 1) -> n
 
 
 def law_outputs(m: Modes, run: Run, contact, mount, start, parts: int = 1) -> np.ndarray:
-    """dR and a (samples, 6) caused by contact and mount tensions (FINE points, n) and `start` (m,)."""
+    """dR and a (samples, 6) caused by tensions (FINE points, n) and the state `start` (m,)."""
     weights = hold_weights(m.rates, run.step / parts, FINE // parts)
     total = 0.0
     for part, values in (("contact", contact), ("mount", mount)):

@@ -39,12 +39,13 @@ def next_experiment(rigs, runs, noise) -> dict:
         drive = torques(table(t, torque))
         a, b = (simulate(rig, drive, ts, rtol=1e-7) for rig in rigs)
         parts = {
-            g: float(np.sqrt(np.mean((np.asarray(getattr(a, g)) - np.asarray(getattr(b, g))) ** 2)) / noise[g])
+            g: float(np.sqrt(np.mean(np.square(getattr(a, g) - getattr(b, g)))) / noise[g])
             for g in ("dR", "Omega", "a") if g in noise
         }  # fmt: skip
         separation = float(np.sqrt(sum(v**2 for v in parts.values())))
         rows.append({"drive": name, "separation": separation, "by_group": parts})
         if np.isfinite(separation) and separation > best["separation"]:
             best = {"drive": name, "separation": separation, "by_group": parts,
-                    "torque": {"time": t[::5].tolist(), "values": torque[::5].tolist()}}  # fmt: skip
+                    "torque": {"time": t[::5].tolist(), "values": torque[::5].tolist()},
+                    }  # fmt: skip
     return {**best, "unit": "sigma, rms difference of the rivals", "compared": rows}

@@ -7,13 +7,12 @@ import numpy as np
 
 from ._model import AbstractModel, Free, Point, moved, value_of
 
-
 RENEW = 200.0  # a fall of chi2 after which the baseline's tangents are taken anew
 
 
 @dataclasses.dataclass(frozen=True)
 class Fit:
-    """A refitted point: chi2 on the train rows, its prior's part, and the parameters' covariance."""
+    """A refitted point: chi2 on the train rows, its prior's part, and the covariance."""
 
     point: Point
     chi2: float
@@ -52,8 +51,8 @@ def _jacobian(model: AbstractModel, point, free, residual, baseline=None):
             h = 1e-3 if point.u[k] < 0 else -1e-3
             points.append(moved(point, point.u + h * np.eye(P)[k], free, values))
             steps.append(h)
-    for k, h in enumerate(steps_of(point, free)):
-        h = -h if values[k] + h > free[k].high else h
+    for k, step in enumerate(steps_of(point, free)):
+        h = -step if values[k] + step > free[k].high else step
         points.append(moved(point, point.u, free, values + h * np.eye(len(free))[k]))
         steps.append(h)
     found = model.residuals(points, "train") if points else []
@@ -67,7 +66,8 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 6,
     """Refit `point` on the train runs.
 
     The tangents of the uncertain parameters, which move by a few per cent only, are those of
-    `baseline`; without them they are taken here, and anew while chi2 still falls by much.  Steps are damped until the cost falls.
+    `baseline`; without them they are taken here, and anew while chi2 still falls by much.
+    Steps are damped until the cost falls.
     """
     free = model.free(point, widths)
     P = len(point.u)
@@ -106,7 +106,9 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 6,
             break
         if baseline is None and cost - new > RENEW:
             tangents = None
-    if J is None or not np.isfinite(residual @ residual):  # a start at which the model cannot be evaluated is no candidate
+    if J is None or not np.isfinite(
+        residual @ residual
+    ):  # a start at which the model cannot be evaluated is no candidate
         return Fit(point, np.inf, 0.0, tuple(free), np.zeros((P + len(free),) * 2),
                    np.zeros((len(residual), P + len(free))), residual)  # fmt: skip
     gram = J.T @ J

@@ -48,7 +48,7 @@ def _spring_inputs(deflection, rate, names, letter):
 
 
 def _spring_columns(base, port, extra):
-    """Columns of a contact or mount term: (names, elastic tables) with signals `extra` corrected."""
+    """Inputs of a contact or mount term: names, and (wheel, signal) corrected by `extra`."""
     n, names = base.rig.size, base.rig.names
     signals = base.contact if port == "contact" else base.mount
     deflection, rate = signals.deflection, signals.rate
@@ -139,8 +139,8 @@ def _learn_at(model: RigModel, fit, port: str) -> Learned:
         weights, shift = _ridge(columns["train"], tangents["train"], rest["train"], fit.point.u)
         if port == "shaft":
             break
-        for s in bases:
-            for k, base in enumerate(bases[s]):
+        for s, group in bases.items():
+            for k, base in enumerate(group):
                 total = np.zeros_like(base.motion.theta)
                 for (i, x), w in zip(forces[s][k], weights, strict=True):
                     total[:, i] += w * x

@@ -276,9 +276,10 @@ class Machine:
             matrices.append(step_matrices(modes, run.step / FINE))
             rows.append(modes.out(SIGNALS)[0])
             rigs.append(bare(rig))
-        stack = lambda items: jax.tree.map(
-            lambda *x: jnp.stack([jnp.asarray(v) for v in x]), *items
-        )
+
+        def stack(items):
+            return jax.tree.map(lambda *x: jnp.stack([jnp.asarray(v) for v in x]), *items)
+
         d, memory = stack([s[0] for s in starts]), stack([s[1] for s in starts])
         h = jnp.asarray([self.runs[i].step / FINE for _, i, *_ in tasks])
         tensions = np.asarray(

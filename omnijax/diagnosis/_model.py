@@ -15,7 +15,7 @@ HARD = 3.5  # prior sigmas: Gaussian priors have no force against 1e5 samples, b
 
 @dataclasses.dataclass(frozen=True)
 class Prior:
-    """One uncertain parameter: value exp(sigma u) where `sigma` is relative, else value + sigma u."""
+    """One uncertain parameter: value exp(sigma u) where `relative`, else value + sigma u."""
 
     name: str
     value: float
@@ -77,7 +77,7 @@ class AbstractModel(abc.ABC):
 
     @abc.abstractmethod
     def residuals(self, points: Sequence[Point], split: str) -> list[np.ndarray]:
-        """Measured less predicted on the runs of `split` (train or held-out), one vector a point."""
+        """Measured less predicted on the runs of `split` (train, held-out), a vector a point."""
 
     @abc.abstractmethod
     def dof(self, split: str) -> int:
@@ -91,7 +91,7 @@ class AbstractModel(abc.ABC):
     def columns(self, point: Point, candidates: Sequence, tell: Callable) -> list[np.ndarray]:
         """Signatures (rows, k) of the candidates on the train runs."""
 
-    def rebase(self, point: Point) -> None:
+    def rebase(self, point: Point) -> None:  # noqa: B027, nothing to prepare by default
         """Prepare for work around `point` (smoothing, linearisation)."""
 
     def free(self, point: Point, widths: bool = False) -> list[Free]:

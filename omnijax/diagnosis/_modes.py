@@ -1,4 +1,4 @@
-"""The elastic model as modes: exact propagation of port inputs that are linear between fine samples."""
+"""The elastic model as modes: exact propagation of inputs linear between fine samples."""
 
 from typing import NamedTuple
 

@@ -1,8 +1,9 @@
-"""What the measured wheel angles say of the motion: rolled lengths, speeds, attitude, on fine grids."""
+"""What the wheel angles say of the motion: rolled lengths, speeds, attitude, on fine grids."""
 
 import dataclasses
 import functools
 
+import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import CubicSpline
 
@@ -63,7 +64,7 @@ def sensor_change(rig: Rig, group: str, time, values) -> np.ndarray:
         head, _, channel = placed.place.partition("_")
         if head != group:
             continue
-        value = np.asarray(placed.law(SensorSignal(time, values)))
+        value = np.asarray(placed.law(SensorSignal(jnp.asarray(time), jnp.asarray(values))))
         if channel:
             column = "xyz".index(channel) if channel in "xyz" else int(channel) - 1
             change[:, column] += value[:, column]
@@ -81,7 +82,7 @@ def measured_lengths(rig: Rig, tables: WheelTables, run: Run) -> np.ndarray:
         if turning is None:
             raise InputError(
                 f"{run.name}: neither theta nor Omega of wheel "
-                f"{', '.join(n for n, m in zip(rig.names, missing, strict=True) if m)} was measured;"
+                f"{', '.join(np.array(rig.names)[missing])} was measured;"
                 " one of them is needed."
             )
         rate = smooth_by_likelihood(turning, _scatter(turning)) @ np.asarray(rig.wheels.spin_axis).T
@@ -135,7 +136,7 @@ def _axes(rig: Rig, theta) -> np.ndarray:
 
 
 def attitude(turning: np.ndarray, step: float) -> np.ndarray:
-    """Rotation matrices from Omega (t, 3): products of small turns about the mean Omega of a step."""
+    """Rotation matrices from Omega (t, 3): products of small turns about a step's mean Omega."""
     half = (turning[1:] + turning[:-1]) / 2 * step / 2
     size = np.linalg.norm(half, axis=1)
     sinc = np.sinc(size / np.pi)

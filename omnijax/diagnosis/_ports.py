@@ -29,7 +29,7 @@ def wheel_signals(rig: Rig, signals, shape_rate) -> tuple[ContactSignal, MountSi
 
 
 def law_tensions(rig: Rig, signals, shape_rate, memory):
-    """Tensions (2 n) that contact, separation and mount laws add, and the rates of their memories."""
+    """Tensions (2 n) that contact, separation and mount laws add, and their memories' rates."""
     contact, mount = wheel_signals(rig, signals, shape_rate)
     n, k = rig.size, len(rig.at("contact"))
     extra, rates = _total(rig.at("contact"), contact, memory[:k], n)

@@ -90,7 +90,7 @@ class RigModel(AbstractModel):
         return candidates(context, self.laws)
 
     def _lines(self, point: Point) -> tuple[float, ...]:
-        """Frequencies (Hz) of the strongest lines left in `a` (else dR), common to the train runs."""
+        """Frequencies (Hz) of the strongest lines left in `a` (else dR) of the train runs."""
         (rest,) = self.residuals([point], "train")
         offset, spectra, grid = 0, 0.0, None
         longest = max(self.machine.runs[i].samples for i in self.splits["train"])

@@ -12,7 +12,7 @@ from ._motion import Motion
 
 @dataclasses.dataclass(frozen=True)
 class Turning:
-    """Linear response of one run's rotation to shaft torques and opposing torques (spec section 4)."""
+    """Linear response of one run's rotation to shaft and opposing torques (spec section 4)."""
 
     torque_gain: np.ndarray  # (t, n) r_w / I_w
     force: np.ndarray  # (t, n, n) inverse of the drive forces' matrix
@@ -23,7 +23,10 @@ class Turning:
 
     def thin(self, step: int) -> "Turning":
         """The same at every `step`-th time."""
-        less = lambda x: x if len(x) == 1 else x[::step]
+
+        def less(x):
+            return x if len(x) == 1 else x[::step]
+
         parts = (self.torque_gain, self.force, self.body, self.inverse_inertia, self.axes)
         return Turning(*(less(x) for x in parts), self.radius)
 

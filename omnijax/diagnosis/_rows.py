@@ -1,4 +1,4 @@
-"""The data vector: whitened residual rows of all runs, and the directions that are left out of it."""
+"""The data vector: whitened residual rows, and the directions that are left out of it."""
 
 import dataclasses
 

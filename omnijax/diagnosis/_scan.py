@@ -1,4 +1,4 @@
-"""Tangent scores: what each candidate would explain once the baseline parameters have their share."""
+"""Tangent scores: what each candidate would explain once the baseline has its share."""
 
 import dataclasses
 from collections.abc import Sequence

@@ -134,8 +134,11 @@ class Search:
             trials.append(trial)
             if self.floor_reached(trial.fit, held - trial.held_gain):
                 break  # nothing left to explain; near rivals are tried in `challenge`
+
         # a free number costs half of log N, as in the Bayesian information criterion
-        cost = lambda t: t.fit.cost + np.log(len(t.fit.residual)) * len(t.fit.free)
+        def cost(t):
+            return t.fit.cost + np.log(len(t.fit.residual)) * len(t.fit.free)
+
         return sorted(trials, key=cost)
 
     def try_out(self, fit: Fit, score: Score, held: float) -> Trial:

@@ -7,6 +7,7 @@ transfer: rho and tensions through the elastic model, torques through the rotati
 import dataclasses
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 from ..laws import ContactSignal, MountSignal, SensorSignal
@@ -49,7 +50,10 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
     deflection, mount, mount_rate, approach_rate = np.split(signals, 4, axis=1)
     w, shape = rig.wheels, m.theta.shape
     rate = approach_rate - mount_rate - m.shape_rate
-    wide = lambda x: np.broadcast_to(np.asarray(x), shape)
+
+    def wide(x):
+        return np.broadcast_to(np.asarray(x), shape)
+
     reduced = rig.sphere.radius * w.radius / (rig.sphere.radius + w.radius)
     contact = ContactSignal(
         deflection, rate, wide(w.contact.stiffness), wide(w.contact.damping),
@@ -218,7 +222,10 @@ def _rest_memory(law, signal):
     from jax.flatten_util import ravel_pytree
 
     flat, unravel = ravel_pytree(law.initial())
-    rate = lambda z: ravel_pytree(law.rate(signal, unravel(z)))[0]
+
+    def rate(z):
+        return ravel_pytree(law.rate(signal, unravel(z)))[0]
+
     return unravel(flat - jax.numpy.linalg.solve(jax.jacfwd(rate)(flat), rate(flat)))
 
 
@@ -275,7 +282,7 @@ def _sensor(base: Base, placed: Placed):
         "a": base.predicted[:, 3:],
         "Omega": base.motion.turning[::FINE],
     }[group]
-    change = np.asarray(placed.law(SensorSignal(time, values)))
+    change = np.asarray(placed.law(SensorSignal(jnp.asarray(time), jnp.asarray(values))))
     if channel:
         only = np.zeros_like(values)
         only[:, "xyz".index(channel)] = change[:, "xyz".index(channel)]
@@ -287,12 +294,12 @@ def _sensor(base: Base, placed: Placed):
 
 
 def _encoder(base: Base, placed: Placed, channel: str):
-    """An encoder's error shifts the angle at which the shape is looked up, and the rolled length."""
+    """An encoder's error shifts the angle of the shape's look-up, and the rolled length."""
     from ._elastic import refine
 
     m, run = base.motion, base.run
     theta = m.theta[::FINE]
-    change = np.asarray(placed.law(SensorSignal(run.time, theta)))
+    change = np.asarray(placed.law(SensorSignal(jnp.asarray(run.time), jnp.asarray(theta))))
     if channel:
         only = np.zeros_like(theta)
         only[:, int(channel) - 1] = change[:, int(channel) - 1]

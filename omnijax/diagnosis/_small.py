@@ -65,7 +65,10 @@ class SmallModel(AbstractModel):
             columns.append(Placed(law(**{k: number(v) for k, v in values.items()}), self.place))
         if not linear:  # a threshold: it has no tangent at zero, so its strength is finite
             columns.append(Placed(law(**{k: number(v) for k, v in fixed.items()}), self.place))
-        decode = lambda c: fixed | dict(zip(linear, map(float, c), strict=False))
+
+        def decode(c):
+            return fixed | dict(zip(linear, map(float, c), strict=False))
+
         return Candidate(law.id, self.place, tuple(columns), decode, str(fixed or ""))
 
     def columns(self, point, candidates, tell):

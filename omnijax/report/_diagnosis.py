@@ -9,9 +9,9 @@ from ._page import Page
 from ._style import PALETTE, figure, style
 
 ANSWERS = {
-    "none": "Simulation and data agree within the noise once the uncertain parameters are calibrated.",
+    "none": "Simulation and data agree within the noise once uncertain parameters are calibrated.",
     "named": "A missing effect was found, named, and confirmed on held-out runs.",
-    "ambiguous": "Several effects explain these runs equally well; the next experiment tells which.",
+    "ambiguous": "Several effects explain these runs equally well: the next experiment tells.",
     "unknown": "There is a significant gap that no known effect closes.",
 }
 
@@ -34,7 +34,12 @@ def diagnosis_page(found: Any, command: str = "omnijax diagnose") -> Page:
             f"{100 * found.learned['closed']:.0f} % of it."
         )
     return Page(
-        "Diagnosis", "Where do simulation and data disagree, and why?", answer, sections, made, facts
+        "Diagnosis",
+        "Where do simulation and data disagree, and why?",
+        answer,
+        sections,
+        made,
+        facts,
     )
 
 
@@ -48,7 +53,14 @@ def _main(effect) -> str:
 
 def _where(found) -> Section:
     rows = [
-        [w["channel"], w["domain"], w["value"], w["reference"], 100 * w["share"], w["rms_over_noise"]]
+        [
+            w["channel"],
+            w["domain"],
+            w["value"],
+            w["reference"],
+            100 * w["share"],
+            w["rms_over_noise"],
+        ]
         for w in found.where
     ]
     table = Table(
@@ -104,18 +116,26 @@ def _which(found) -> Section:
             axes[0].set(xlabel="gain in chi-square, tangent score", xscale="log")
             axes[0].set_title("What each candidate would explain")
         figures.append(
-            Figure(fig, "scores", "Score of the best candidates, baseline parameters projected out.",
-                   {"candidate": names, "gain / 1": gain.tolist()})  # fmt: skip
+            Figure(
+                fig,
+                "scores",
+                "Score of the best candidates, baseline parameters projected out.",
+                {"candidate": names, "gain / 1": gain.tolist()},
+            )
         )
     rows = [
-        [f"{e.id} at {e.place}", _main(e), e.evidence.get("delta_bic"), e.evidence.get("margin_to_next"),
+        [f"{e.id} at {e.place}", _main(e), e.evidence.get("delta_bic"),
+         e.evidence.get("margin_to_next"),
          ", ".join(f"{a['id']} at {a['place']}" for a in e.indistinguishable_from) or "–"]
         for e in found.effects
     ]  # fmt: skip
     columns = [Column("effect", text=True), Column("parameters", text=True), Column("ΔBIC"),
-               Column("margin to the next rival"), Column("not to be told from", text=True)]  # fmt: skip
+               Column("margin to the next rival"),
+               Column("not to be told from", text=True)]  # fmt: skip
     tables = [Table(columns, rows, "effects", "The named effects.", stacked=True)] if rows else []
-    text = "Every law of the library at every place it may have, refitted together with the baseline."
+    text = (
+        "Every law of the library at every place it may have, refitted together with the baseline."
+    )
     if found.next_experiment:
         text += f"\n\nNext experiment: {found.next_experiment['drive']}."
     return Section("Which", text, figures, tables)
@@ -126,7 +146,7 @@ def _gap(found) -> Section:
     table = Table(
         [Column("group", text=True), Column("unit", text=True), Column("noise"), Column("before"),
          Column("after")],
-        rows, "gap", "RMS of measured less predicted on held-out runs (theta and Omega by windows).",
+        rows, "gap", "RMS of measured less predicted, held-out runs (theta and Omega by windows).",
     )  # fmt: skip
     figures = [_time_figure(found)] if found.details else []
     return Section("The gap", "Held-out runs are never fitted.", figures, [table])
@@ -164,7 +184,8 @@ def _time_figure(found) -> Figure:
 
 def _parameters(found) -> Section:
     rows = [
-        [b["parameter"], b["stated"], b["without_effects"], b["with_effects"], 100 * b["relative_sigma"],
+        [b["parameter"], b["stated"], b["without_effects"], b["with_effects"],
+         100 * b["relative_sigma"],
          100 * b["absorbed"], "yes" if b["determined"] else "no, the prior holds it"]
         for b in found.baseline
     ]  # fmt: skip
@@ -175,7 +196,9 @@ def _parameters(found) -> Section:
     figures = []
     if found.details and found.details["learned"] is not None:
         figures.append(_learned_figure(found.details["learned"]))
-    return Section("Parameters", "What the baseline had absorbed before the effect was in.", figures, tables)
+    return Section(
+        "Parameters", "What the baseline had absorbed before the effect was in.", figures, tables
+    )
 
 
 def _learned_figure(learned) -> Figure:
@@ -188,7 +211,9 @@ def _learned_figure(learned) -> Figure:
         axes[0].set(xlabel=learned.units[0], ylabel=learned.units[1])
         axes[0].set_title("Learned term: uninterpreted")
         axes[0].legend()
-    return Figure(fig, "learned", f"What was learned at the {learned.port}: a drawing, not a law.", data)
+    return Figure(
+        fig, "learned", f"What was learned at the {learned.port}: a drawing, not a law.", data
+    )
 
 
 def _notes(found) -> Section:
