@@ -142,7 +142,8 @@ class Search:
                 return (optax.apply_updates(y, change), state), None
 
             keys = jax.random.split(jax.random.key(seed), steps)
-            (z, _), _ = jax.lax.scan(step, (y, method.init(y)), keys)[0]
+            (end, _), _ = jax.lax.scan(step, (y, method.init(y)), keys)
+            z: Any = end[0]  # pyright: ignore[reportIndexIssue]
             return z
 
         y, _ = self.begin(lanes)
