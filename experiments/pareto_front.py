@@ -21,7 +21,8 @@ front = pareto(study)
 print("\n".join(front.sentences()))
 for values, x in zip(front.values, front.x, strict=True):
     print(
-        f"rms {1e3 * values[0]:.4f} mm, acceleration {values[1]:.3f} m/s^2, K {x[0]:.3g}, C {x[1]:.4g}"
+        f"rms {1e3 * values[0]:.4f} mm, acceleration {values[1]:.3f} m/s^2, "
+        f"K {x[0]:.3g}, C {x[1]:.4g}"
     )
 
 assert set(front.status) == {"optimal"}

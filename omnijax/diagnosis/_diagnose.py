@@ -95,7 +95,8 @@ def _noise(case: Case) -> tuple[dict[str, float], dict[str, dict[str, Any]]]:
     if unknown:
         raise InputError(
             f"the measurement noise of {', '.join(unknown)} is not known: the runs have no rest, "
-            "no repeats and no quiet stretch. Declare it: [noise] in the run's TOML, 1-sigma by group."
+            "no repeats and no quiet stretch. Declare it: [noise] in the run's TOML, 1-sigma by "
+            "group."
         )
     return {g: t["sigma"] for g, t in table.items()}, table
 

@@ -108,7 +108,9 @@ def free_numbers(model: AbstractModel, point: Point, widths: bool = False) -> li
             if key in model.frozen_keys and not (widths and key == "width"):
                 continue
             p = known[key]
-            if np.ndim(value):
+            if key == "width":  # a decade and a half around where it starts
+                out.append(Free(i, key, None, float(value) / 30, float(value) * 30))
+            elif np.ndim(value):
                 out += [Free(i, key, k, p.low, p.high) for k in range(len(value))]
             else:
                 out.append(Free(i, key, None, p.low, p.high))

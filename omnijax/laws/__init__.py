@@ -4,12 +4,12 @@ from ._base import AbstractLaw as AbstractLaw
 from ._base import Parameter as Parameter
 from ._base import Sum as Sum
 from ._base import field_names as field_names
-from ._hertz import HertzResistance as HertzResistance
 from ._generic import GENERIC as GENERIC
 from ._generic import DragTorque as DragTorque
 from ._generic import FrictionAsymmetry as FrictionAsymmetry
 from ._generic import MountQuadratic as MountQuadratic
 from ._generic import StiffShaft as StiffShaft
+from ._hertz import HertzResistance as HertzResistance
 from ._library import EFFECTS as EFFECTS
 from ._library import PORTS as PORTS
 from ._library import load_laws as load_laws

@@ -62,7 +62,8 @@ def _room(rig: Rig, drive: SpeedDrive, ts, model: str) -> tuple[tuple[int, ...],
         )
     inside = np.clip(np.asarray(drive.speed.knots), float(ts[0]), float(ts[-1]))
     knots = np.unique(np.concatenate([np.asarray(ts[:1]), inside, np.asarray(ts[-1:])]))
-    early, late = jax.vmap(drive.speed)(knots[:-1]), jax.vmap(drive.speed)(knots[1:] - 1e-12)
+    read = jax.vmap(drive.speed)
+    early, late = read(jnp.asarray(knots[:-1])), read(jnp.asarray(knots[1:] - 1e-12))
     fastest = np.maximum(np.abs(np.asarray(early)), np.abs(np.asarray(late)))
     turned = (fastest * np.diff(knots)[:, None]).max(axis=0)
     shapes = [[pieces for pieces, _ in wheel_pieces(rig, i)] for i in range(rig.size)]
