@@ -177,7 +177,26 @@ class Search:
     def settle(self, fit: Fit) -> Fit:
         """Smooth about the new point and polish there, with tangents of its own."""
         self.model.rebase(fit.point)
-        return refit(self.model, fit.point, rounds=5)
+        return self.widened(refit(self.model, fit.point, rounds=5))
+
+    def widened(self, fit: Fit) -> Fit:
+        """The fit with the friction laws' widths free, where the data ask for other widths.
+
+        The widths of a real machine are unknown, so no answer may hang on them.
+        """
+        wide = []
+        for effect in fit.point.effects:
+            fields = self.model.laws[effect.id].__dataclass_fields__
+            default = {"width": float(fields["width"].default)} if "width" in fields else {}
+            wide.append(Effect(effect.id, effect.place, default | effect.values))
+        if not any("width" in e.values for e in wide):
+            return fit
+        P = len(self.model.priors)
+        tangents = None if is_stepped(self.model, wide) else fit.jacobian[:, :P]
+        freed = refit(
+            self.model, fit.point.with_effects(*wide), baseline=tangents, rounds=4, widths=True
+        )
+        return freed if freed.cost < fit.cost - MARGIN else fit
 
     def floor_reached(self, fit: Fit, held: float) -> bool:
         """Whether what is left is noise: chi2 within four standard deviations of its mean."""
@@ -228,6 +247,8 @@ class Search:
                 None if is_stepped(model, point.effects) else fit.jacobian[:, : len(model.priors)]
             )
             new = refit(model, point, baseline=tangents, rounds=4)
+            if new.cost - fit.cost < 40 * MARGIN:  # twins: both with their widths free
+                new = self.widened(new)
             self.tell(f"rival {c.name} of {effects[i].name}: margin {new.cost - fit.cost:.1f}")
             if new.cost < fit.cost - MARGIN:
                 return self.challenge(self.settle(new), i, scans) if len(found) < 2 else (new, [])
