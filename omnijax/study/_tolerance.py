@@ -2,7 +2,7 @@
 
 To first order f = f0 + sum g_p d_p with d_p the relative deviation of a part.  Uniform deviations
 within +-t_p add a variance of sum (g_p t_p)^2/3; the parts get equal shares of what the limit
-leaves, g_p t_p equal, capped at the widest tolerance.  Drawn machines then confirm the share of them
+leaves, g_p t_p equal, capped at the widest tolerance.  Drawn machines then confirm the share
 below the limit, and where curvature spoils it all tolerances shrink until they do.
 """
 
@@ -55,9 +55,9 @@ class Tolerances:
         """The tolerances in words."""
         lines = [
             f"{self.metric} is {amount(self.nominal, self.unit)} with nominal parts and stays "
-            f"below {amount(self.limit, self.unit)} for {100 * self.share:.2f} % of {self.draws} drawn "
-            f"machines (95 %: {100 * self.share_low:.2f} to {100 * self.share_high:.2f} %); asked "
-            f"for: {100 * self.confidence:g} %."
+            f"below {amount(self.limit, self.unit)} for {100 * self.share:.2f} % of {self.draws} "
+            f"drawn machines (95 %: {100 * self.share_low:.2f} to {100 * self.share_high:.2f} %); "
+            f"asked for: {100 * self.confidence:g} %."
         ]
         for part, width in zip(self.parts, self.confirmed, strict=True):
             more = ", as wide as was looked" if width >= WIDEST * (1 - 1e-9) else ""
