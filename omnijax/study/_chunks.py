@@ -1,6 +1,10 @@
 """Evaluation of designs in batches of one fixed shape, over the local devices."""
 
+import dataclasses
+import functools
 import os
+import tomllib
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -97,20 +101,31 @@ def _evaluate(arrays, ts, values, static, settings: Settings, paths, devices: in
     return spread(arrays, ts, values)
 
 
+def _machine(spec: SweepSpec) -> tuple[Rig, Drive]:
+    return parse_rig(tomllib.loads(spec.rig)), drive_from_plain(spec.drive)
+
+
+@functools.lru_cache(maxsize=16)
+def _bulk_plan(text: str) -> Any:
+    """The bulk kernel's plan of a spec (as JSON), the same for every number of designs."""
+    spec = SweepSpec.from_json(text)
+    assert spec.duration is not None and spec.rate is not None
+    paths = tuple(path for path, _, _ in spec.vary)
+    machine = _machine(spec)
+    return plan_of(spec.points, *machine, paths, spec.duration, spec.rate, spec.model)
+
+
 class Evaluator:
     """Evaluates designs of one sweep by index; the compiled program depends on the shapes only."""
 
     def __init__(self, spec: SweepSpec, devices: int = 1):
-        import tomllib
-
         if devices > jax.local_device_count():
             raise InputError(
                 f"`devices` must lie in [1, {jax.local_device_count()}], but is {devices}."
             )
         self.spec, self.devices = spec, devices
         self.points = spec.points
-        rig: Rig = parse_rig(tomllib.loads(spec.rig))
-        drive: Drive = drive_from_plain(spec.drive)
+        rig, drive = _machine(spec)
         self._arrays, self._static = eqx.partition((rig, drive), eqx.is_array)
         self._ts = None if spec.duration is None else _samples(spec)
         self._paths = tuple(path for path, _, _ in spec.vary)
@@ -123,12 +138,9 @@ class Evaluator:
             spec.max_steps,
             spec.gradient,
         )
-        self._plan = None
-        if spec.path == "bulk":
-            assert spec.duration is not None and spec.rate is not None
-            self._plan = plan_of(
-                self.points, rig, drive, self._paths, spec.duration, spec.rate, spec.model
-            )
+        size = None if spec.samples is None else 1
+        shape = dataclasses.replace(spec, samples=size, seed=0, batch=1, chunk=1)
+        self._plan = _bulk_plan(shape.to_json()) if spec.path == "bulk" else None
         self._batch = -(-spec.batch // devices) * devices
 
     def designs(self, index: np.ndarray) -> dict[str, np.ndarray]:

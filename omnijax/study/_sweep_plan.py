@@ -113,11 +113,12 @@ def _how(
     signal = drive.speed if isinstance(drive, SpeedDrive) else drive.torque
     constant = is_constant(signal) and is_constant(drive.force)
     paths = tuple(axis.path for axis in axes)
-    corner, _ = apply(rig, drive, paths, points.at(np.array([0]))[0])
     try:
-        built = build_model(corner, model)
+        built = build_model(rig, model)
         path, why = choose_path(rig, drive, constant, duration, model, metrics)
         full = path == "full"
+        if full:
+            built = build_model(apply(rig, drive, paths, points.at(np.array([0]))[0])[0], model)
         solver = choose_solver(built, numerics.solver) if full else ""
     except InputError:
         raise
