@@ -65,9 +65,13 @@ def orbit(design: Design, layout: Layout) -> Orbit:
     since = jnp.where(inside, wheel.since, wheel.since - wheel.passage)
     when = jnp.stack([wheel.period, wheel.period - wheel.passage, wheel.passage, since])
     E = _exponential(lam, when[:, None])
-    states = stage(lambda *args: _orbit_of(*args, layout))(m.J, m.initial, lam, E, wheel)
+
+    def states(J: Pair, initial: Pair, lam: Poles, E: Pair, wheel: Wheel):
+        return _orbit_of(J, initial, lam, E, wheel, layout)
+
+    gap, roller, rest = stage(states)(m.J, m.initial, lam, E, wheel)
     roots = Poles(m.roots.u[:, sets], m.roots.D[:, sets])
-    return Orbit(*states, lam, roots, m.forced, m.rate[pair], wheel)
+    return Orbit(gap, roller, rest, lam, roots, m.forced, m.rate[pair], wheel)
 
 
 def square_at(o: Orbit, layout: Layout, time, gram=None):

@@ -1,0 +1,158 @@
+"""Exact propagation against the integrated equations, high-accuracy solutions and itself."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from machines import ORTHOGONAL, SKEW, machine
+from scipy.linalg import expm
+
+from omnijax import laws
+from omnijax.dynamics import TRANSLATIONS, linear_system, wheel_shape
+from omnijax.simulate import constant, propagate, ramp, simulate, speeds
+from omnijax.simulate.exact import bulk_figures, bulk_gradients, exact_obstacle, plan_bulk
+
+TS = jnp.linspace(0.2, 0.7, 11)
+W = (0.4, 5.2, -1.3)
+
+
+def _distance(a, b) -> float:
+    """Largest difference of dR, relative to its size."""
+    a, b = np.asarray(a.dR), np.asarray(b.dR)
+    return float(np.abs(a - b).max() / np.abs(b).max())
+
+
+def _effects(rig):
+    number = jnp.asarray
+    return (
+        rig.add(laws.WheelRunout(number(1e-4), number(0.3)), "w2")
+        .add(laws.DamagedRoller(number(1.0), number(0.5)), "w2")
+        .add(laws.ContactRelaxation(number(5e4), number(0.02)), "w1")
+        .add(
+            laws.FloorVibration(number(0.1), number(3.0), number(0.4), number([1.0, 2.0, 0.0])),
+            "platform",
+        )
+    )
+
+
+DRIVES = {
+    "constant": speeds(W, force=(0.1, 0.2, 0.3), initial_angle=(0.1, 0.2, 0.3)),
+    "ramp through zero": speeds(ramp(0.35, 0.6, W, (-3.0, 2.0, 6.0))),
+}
+
+
+@pytest.mark.parametrize("drive", DRIVES.values(), ids=DRIVES)
+def test_agrees_with_integration(drive):
+    rig = machine(SKEW)
+    exact = propagate(rig, drive, TS)
+    stepped = simulate(rig, drive, TS, solver="dopri8", rtol=1e-11)
+    assert _distance(exact, stepped) < 1e-9
+    for name in ("R_l", "attitude", "normal_force", "deflection"):
+        a, b = np.asarray(getattr(exact, name)), np.asarray(getattr(stepped, name))
+        assert np.abs(a - b).max() < 2e-9 * np.abs(b).max(), name
+
+
+def test_effects_and_profiles_agree_with_integration():
+    profiles = (laws.Rollers(), laws.HalfSine(), laws.ContinuousSine())
+    rig = eqx.tree_at(lambda r: r.profiles, machine(SKEW), profiles)
+    drive = speeds((0.4, 5.2, 0.0), initial_angle=(0.1, 0.2, 0.03))
+    rig = _effects(rig)
+    stepped = simulate(rig, drive, TS, solver="dopri8", rtol=1e-11)
+    assert _distance(propagate(rig, drive, TS), stepped) < 1e-9
+
+
+def _stepped(rig, w, model, ts, count=16000):
+    """dR by exponentials of the matrix with the shape's interpolant on a fine grid."""
+    system = linear_system(TRANSLATIONS[model](rig))
+    A, B = np.asarray(system.A), np.asarray(system.into("shape"))
+    C = np.asarray(system.row("displacement")[0])
+    t = np.linspace(0.0, float(ts[-1]), count + 1)
+    h, m, n = t[1], len(A), rig.size
+    rho = np.asarray(jax.vmap(lambda s: wheel_shape(rig, jnp.asarray(w) * s))(jnp.asarray(t)))
+    F = np.zeros((m + 2 * n, m + 2 * n))
+    F[:m, :m], F[:m, m : m + n], F[m : m + n, m + n :] = A * h, B * h, np.eye(n)
+    E = expm(F)
+    y, rows = -np.linalg.solve(A, B @ rho[0]), [np.zeros(m)]
+    rows[0] = y
+    for k in range(count):
+        y = (E @ np.concatenate([y, rho[k], rho[k + 1] - rho[k]]))[:m]
+        rows.append(y)
+    every = count // (len(ts) - 1)
+    return np.asarray(rows)[::every] @ C.T
+
+
+@settings(max_examples=4)
+@given(
+    eta=st.floats(0.0, 1.0),
+    damping=st.one_of(st.just(0.0), st.floats(1.0, 20000.0)),
+    w=st.tuples(*(st.sampled_from([0.0, 0.3, -1.2, 2.4, 5.2]) for _ in range(3))),
+    model=st.sampled_from(["coupled", "paper"]),
+)
+def test_random_rigs_follow_the_linear_system(eta, damping, w, model):
+    rig = machine(SKEW, roundness=eta, contact_damping=damping, sphere_inertia=1e-12)
+    ts = jnp.linspace(0.0, 0.5, 11)
+    run = propagate(rig, speeds(w), ts, model=model)
+    want = _stepped(rig, w, model, ts)
+    size = 1e-9 + np.abs(want).max()
+    assert np.abs(np.asarray(run.dR) - want).max() < 3e-6 * size  # interpolation at kinks: h^2
+    if eta == 0 or not any(w):
+        assert np.abs(np.asarray(run.dR)).max() < 1e-15
+
+
+def test_obstacles_are_said():
+    rig = machine(SKEW)
+    cubic = rig.add(laws.ContactCubic(jnp.asarray(1e9)), "all")
+    assert exact_obstacle(rig) is None
+    assert "contact-cubic" in str(exact_obstacle(cubic))
+    with pytest.raises(ValueError, match=r"contact-cubic.*not linear"):
+        propagate(cubic, speeds(W), TS)
+    drag = rig.add(laws.AirDrag(jnp.asarray(1e-3)), "sphere")
+    assert "air-drag" in str(exact_obstacle(drag)) and exact_obstacle(drag, "paper") is None
+
+
+def _varied(r):
+    return (r.wheels.roundness, r.wheels.contact.stiffness, r.wheels.contact.damping)
+
+
+def _make(rig, w):
+    def make(x):
+        full = jnp.full(rig.size, 1.0)
+        changed = eqx.tree_at(_varied, rig, tuple(full * v for v in x))
+        return changed, jnp.asarray(w), jnp.zeros(rig.size)
+
+    return make
+
+
+@pytest.mark.parametrize(
+    ("model", "damping", "w"),
+    [("paper", 120.0, W), ("paper", 20000.0, (9.0, 5.2, 1.3)), ("coupled", 300.0, W)],
+)
+def test_bulk_agrees_with_propagation(model, damping, w):
+    rig, step, count = machine(ORTHOGONAL), 0.002, 120
+    make = _make(rig, w)
+    rows = jnp.asarray([[0.2, 2e5, damping], [0.55, 3e5, 1.1 * damping], [0.9, 1e5, damping]])
+    plan = plan_bulk(make, rows, step * count, step, model)
+    rms, peak = bulk_figures(make, rows, plan)
+    ts = step * jnp.arange(count + 1)
+    for i in (0, 2):
+        run = propagate(make(rows[i])[0], speeds(constant(w)), ts, model=model)
+        size = np.asarray(run.distance)[1:]
+        assert abs(float(rms[i]) / np.sqrt(np.mean(size**2)) - 1) < 2e-9
+        assert abs(float(peak[i]) / size.max() - 1) < 2e-9
+
+
+def test_bulk_gradients_agree_with_differences():
+    make = _make(machine(ORTHOGONAL), W)
+    rows = jnp.asarray([[0.25, 2e5, 120.0], [0.55, 3e5, 900.0]])
+    plan = plan_bulk(make, rows, 0.3, 0.002, "paper")
+    values, slopes = bulk_gradients(make, rows, plan)
+    for column in range(3):
+        move = jnp.zeros_like(rows).at[:, column].set(1e-5 * rows[:, column])
+        up, down = bulk_figures(make, rows + move, plan), bulk_figures(make, rows - move, plan)
+        for name, high, low in zip(("rms", "peak"), up, down, strict=True):
+            want = (high - low) / (2 * move[:, column])
+            scale = np.abs(np.asarray(values[name] / rows[:, column]))
+            assert np.all(np.abs(np.asarray(slopes[name][:, column] - want)) < 1e-7 * scale), name
