@@ -28,8 +28,13 @@ def reproduce(
     seed
         Of the points.
     """
+    import os
+
     from .._errors import InputError
 
+    # a failed check inside a compiled solve then gives NaN, which no reading accepts, and needs no
+    # call back to Python: without one, JAX keeps the program for the next process
+    os.environ.setdefault("EQX_ON_ERROR", "nan")
     if samples < 1:
         raise InputError([f"`--samples` must be at least 1, but is {samples}."])
     if out.exists() and not out.is_dir():
