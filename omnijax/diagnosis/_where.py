@@ -10,7 +10,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from scipy.stats import gamma
+from scipy.stats import beta
 
 BLOCK = 0.25  # s
 SHUFFLES = 60
@@ -95,11 +95,12 @@ def shuffle(residual: np.ndarray, seed: int, block: int = 125, count: int = SHUF
 
 
 def p_value(share: float, null: np.ndarray) -> float:
-    """Probability of such a share under the null: a gamma law of the null's mean and variance."""
+    """Probability of such a share under the null: a beta law of the null's mean and variance."""
     mean, variance = float(np.mean(null)), float(np.var(null, ddof=1))
-    if variance <= 0 or mean <= 0:
+    if not 0 < mean < 1 or variance <= 0:
         return 1.0
-    return float(gamma.sf(share, mean**2 / variance, scale=variance / mean))
+    size = max(mean * (1 - mean) / variance - 1, 1e-3)
+    return float(beta.sf(min(share, 1.0), mean * size, (1 - mean) * size))
 
 
 def discoveries(found: list[dict[str, Any]], rate: float = RATE) -> list[dict[str, Any]]:
