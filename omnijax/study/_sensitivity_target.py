@@ -103,6 +103,12 @@ def _of_all(path: str) -> bool:
     return path.split(".", maxsplit=1)[0] in {"contact", "mount", "closure"}
 
 
+def speaks_of_all(rig: Rig, path: str) -> bool:
+    """Whether `path` names a parameter of all wheels at once."""
+    head, second, *_ = path.split(".")
+    return _of_all(path) or (head == "wheel" and second not in rig.names)
+
+
 def checked_parameters(rig: Rig, paths: Sequence[str]) -> tuple[str, ...]:
     """Paths of single numbers; a path that speaks of all wheels becomes one path a wheel."""
     found: list[str] = []
@@ -110,7 +116,7 @@ def checked_parameters(rig: Rig, paths: Sequence[str]) -> tuple[str, ...]:
         info = parameter_info(rig, path)
         if info.shape == ():
             found.append(path)
-        elif info.shape == (rig.size,) and not path.startswith("effect."):
+        elif speaks_of_all(rig, path) and info.shape == (rig.size,):
             key = path.removeprefix("wheel.")
             found += [f"wheel.{name}.{key}" for name in rig.names]
         else:

@@ -15,6 +15,7 @@ from ..rig._quantities import Quantity
 from ..vibration import METRICS
 from ._constraints import QUANTITIES, Wanted
 from ._design_problem import Variable, check_variables
+from ._sensitivity_target import speaks_of_all
 from ._study_read import Reader
 from ._sweep_drive import drive_quantities, read_speeds
 
@@ -158,7 +159,8 @@ def _quantity(read: Reader, rig: Rig, path: str, where: str, more=()) -> Quantit
         hint = did_you_mean(path, [*known, *more])
         read.say(f"`{where}`: the rig has no parameter `{path}`.{hint}")
         return None
-    if info.shape not in {(), (rig.size,)} or (info.shape == (3,) and "gravity" in path):
+    whole = speaks_of_all(rig, path) and info.shape == (rig.size,)
+    if info.shape != () and not whole:
         read.say(f"`{where}`: `{path}` is no single number.")
         return None
     return Quantity(info.unit, info.low, info.high, whole=info.whole)
