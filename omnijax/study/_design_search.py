@@ -74,7 +74,7 @@ class Search:
         return F + jnp.sum(pushed**2 - multiplier**2) / (2 * penalty)
 
     def _minimise(self, y, share, free, limit, multiplier, penalty, extra):
-        solver = optx.BFGS(rtol=1e-7, atol=1e-7)
+        solver = optx.BFGS(rtol=1e-8, atol=1e-8)
         args = (share, free, limit, multiplier, penalty, extra)
         solution = optx.minimise(
             self._lagrangian,
