@@ -149,4 +149,6 @@ def locate(model, point, top: int = 12) -> tuple[list[dict[str, Any]], list[dict
             everything.append({"channel": label, "rms_over_noise": rms, **answer})
     stand = discoveries(everything)
     stand.sort(key=lambda f: -f["share"] * max(0.0, f["rms_over_noise"] ** 2 - 1))
+    if not stand:  # a gap without a clear line: the likeliest places, their p-values say so
+        stand = sorted(everything, key=lambda f: f["p"])[:3]
     return stand[:top], everything
