@@ -68,6 +68,10 @@ class AbstractTranslation(eqx.Module):
         """The state of a machine at its preloaded rest, on a roller."""
         raise NotImplementedError
 
+    def still(self, approach, mount, shape: Float[Array, " n"]) -> ElasticState:
+        """The state with these deflections in which nothing moves."""
+        raise NotImplementedError
+
     def motion(self, state: ElasticState, shape: Float[Array, " n"]) -> Motion:
         """Deflections and rates."""
         raise NotImplementedError
@@ -104,6 +108,10 @@ class Coupled(AbstractTranslation):
     def rest(self):
         n = self.rig.size
         return ElasticState(jnp.zeros(3), jnp.zeros(n), jnp.zeros(3), jnp.zeros(n))
+
+    def still(self, approach, mount, shape):
+        shift = self.rig.wheels.contact.damping * shape
+        return ElasticState(approach, mount, -self.rig.wheels.normal.T @ shift, shift)
 
     def _platform_mass(self) -> Float[Array, "3 3"]:
         """M_l 1 + sum m_i (1 - r_i r_i^T): what moves with the platform, kg."""
@@ -173,6 +181,10 @@ class Paper(AbstractTranslation):
     def rest(self):
         zero = jnp.zeros(self.rig.size)
         return ElasticState(zero, zero, zero, zero)
+
+    def still(self, approach, mount, shape):
+        shift = self.rig.wheels.contact.damping * shape
+        return ElasticState(approach, mount, -shift, shift)
 
     def motion(self, state, shape):
         wheels, normal = self.rig.wheels, self.rig.wheels.normal

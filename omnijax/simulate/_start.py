@@ -5,20 +5,7 @@ import jax.numpy as jnp
 import optimistix as optx
 from jax.flatten_util import ravel_pytree
 
-from ..dynamics import ElasticState, Model, PortInputs, initial_memory, port_forces, position_input
-
-
-def _at_rest(model: Model, approach, mount, shape) -> ElasticState:
-    """The state with these deflections in which nothing moves."""
-    shift = model.rig.wheels.contact.damping * shape
-    rest = model.translation.rest()
-    coupled = rest.momentum.shape != rest.mount.shape or not _contactwise(model)
-    momentum = -model.rig.wheels.normal.T @ shift if coupled else -shift
-    return ElasticState(approach, mount, momentum, shift)
-
-
-def _contactwise(model: Model) -> bool:
-    return type(model.translation).__name__ == "Paper"
+from ..dynamics import Model, PortInputs, initial_memory, port_forces, position_input
 
 
 def static_start(model: Model, angle, attitude):
@@ -34,7 +21,7 @@ def static_start(model: Model, angle, attitude):
 
     def imbalance(unknown, laws=True):
         approach, mount, memory = unravel(unknown)
-        state = _at_rest(model, approach, mount, shape)
+        state = model.translation.still(approach, mount, shape)
         motion = model.translation.motion(state, shape)
         zero = PortInputs.zeros(rig.size)
         contact, tension, _, rates = port_forces(
@@ -58,4 +45,4 @@ def static_start(model: Model, angle, attitude):
             max_steps=50,
         ).value
     approach, mount, memory = unravel(solution)
-    return _at_rest(model, approach, mount, shape), memory
+    return model.translation.still(approach, mount, shape), memory
