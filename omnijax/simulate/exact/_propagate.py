@@ -15,12 +15,12 @@ from .._channels import trajectory
 from .._drives import SpeedDrive
 from .._signals import Signal
 from .._trajectory import Trajectory
-from ._constant import GRID_BITS, Response, constant_response
+from ._constant import Response, constant_response
 from ._cycles import is_traced, wheel_pieces
-from ._ladder import levels_needed
+from ._ladder import LEVELS, levels_needed
 from ._passage import time_constants
 from ._system import exact_obstacle
-from ._varying import Varying, varying_response
+from ._varying import varying_response
 
 
 def is_constant(signal: Signal) -> bool:
@@ -46,11 +46,9 @@ def propagate(
     if reason is not None:
         raise ValueError(f"no exact propagation: {reason}; use `simulate`.")
     ts = jnp.asarray(ts, float)
-    if not (is_constant(drive.speed) and is_constant(drive.force)):
-        response = _varying(rig, drive, ts, model, *_room(rig, drive, ts, model))
-        return _finish(rig, drive, ts, model, response, response.attitude)
-    response = drive_response(rig, drive, ts, model)
-    return _finish(rig, drive, ts, model, response, attitudes(rig, drive, ts, response))
+    if is_constant(drive.speed) and is_constant(drive.force):
+        return _constant(rig, drive, ts, model)
+    return _varying(rig, drive, ts, model, *_room(rig, drive, ts, model))
 
 
 def _room(rig: Rig, drive: SpeedDrive, ts, model: str) -> tuple[tuple[int, ...], int]:
@@ -75,26 +73,20 @@ def _room(rig: Rig, drive: SpeedDrive, ts, model: str) -> tuple[tuple[int, ...],
 
 
 @eqx.filter_jit
-def _varying(rig, drive, ts, model, counts, levels) -> Varying:
-    return varying_response(rig, drive, ts, model, counts, levels, compose)
+def _varying(rig, drive, ts, model, counts, levels) -> Trajectory:
+    response = varying_response(rig, drive, ts, model, counts, levels, compose)
+    return _finish(rig, drive, ts, model, response, response.attitude)
 
 
-def drive_response(rig: Rig, drive: SpeedDrive, ts, model: str) -> Response:
-    """The elastic response, by the cheapest exact way for this drive."""
+@eqx.filter_jit
+def _constant(rig: Rig, drive: SpeedDrive, ts, model: str) -> Trajectory:
+    """One program for every rig and speed: the ladder is as long as any rig's rates ask."""
     angles = jnp.zeros(rig.size) if drive.initial_angle is None else drive.initial_angle
     speeds, force = drive.speed.values[0], drive.force.values[0]
-    until = ts[-1] - ts[0]
-    passed = time_constants(rig, speeds, angles, model, until)
-    levels = levels_needed(passed, GRID_BITS)
-    return _constant(rig, speeds, angles, force, ts, model, levels)
+    response = constant_response(rig, speeds, angles, force, ts, model, None, LEVELS)
+    return _finish(rig, drive, ts, model, response, attitudes(rig, drive, ts, response))
 
 
-@eqx.filter_jit
-def _constant(rig, speeds, angles, force, ts, model, levels) -> Response:
-    return constant_response(rig, speeds, angles, force, ts, model, None, levels)
-
-
-@eqx.filter_jit
 def _finish(rig: Rig, drive: SpeedDrive, ts, model: str, response, attitude) -> Trajectory:
     translation = TRANSLATIONS[model](rig)
     rest = (translation.rest(), initial_memory(rig))

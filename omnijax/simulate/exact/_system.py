@@ -50,11 +50,11 @@ def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     """Why the exact path does not take this rig, in words; None where it does."""
     for i, profile in enumerate(rig.profiles):
         gap = jax.tree.map(lambda x, i=i: x[i], rig.gaps)
-        if shape_pieces(profile, gap) is None:
+        if jax.eval_shape(shape_pieces, profile, gap) is None:
             return f"wheel {rig.names[i]}'s profile `{profile.id}` has no closed form"
-        kind = _period_kind(profile, gap)
         laws = [p.law for p in rig.at("shape") if i in p.wheels]
-        if kind != "pitch" and any(isinstance(law, DamagedRoller) for law in laws):
+        damaged = any(isinstance(law, DamagedRoller) for law in laws)
+        if damaged and _period_kind(profile, gap) != "pitch":
             return f"a damaged roller on wheel {rig.names[i]}, whose profile is not one pitch long"
     known = {
         "shape": (DamagedRoller, WheelRunout),
