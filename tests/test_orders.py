@@ -1,11 +1,13 @@
 """Orders: planted lines are found where they are, stay where they must, and fold as they should."""
 
+import json
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from machines import machine, shared
 
-from omnijax import Recording, propagate, read_recording, speeds
+from omnijax import Recording, cli, propagate, read_recording, speeds, write_recording
 from omnijax.vibration import order_track, rpm_order_map
 
 RATE = 500.0
@@ -117,3 +119,40 @@ def test_pictures_show_orders_and_units():
 def test_what_cannot_be_analysed_is_said(call, message):
     with pytest.raises(ValueError, match=message):
         call(recording(jnp.asarray(NOISE)))
+
+
+def _orders(capsys, *arguments):
+    code = cli.run(["orders", *map(str, arguments)])
+    captured = capsys.readouterr()
+    return code, captured.out, captured.err
+
+
+def test_the_command_names_the_passing_of_rollers_and_writes_a_page(capsys, tmp_path):
+    values = 3e-4 * np.cos(28 * ANGLE) + 1e-4 * np.cos(9.5 * ANGLE)
+    path = write_recording(tmp_path / "run.csv", recording(values))
+    options = ["--channel", "dR_y", "--reference", "2", "--rig", "atlas", "--track", "28,9.5"]
+    code, said, _ = _orders(capsys, path, *options, "--out", tmp_path / "page", "--json")
+    found = json.loads(said)
+    assert code == 0
+    assert [round(row["order"], 1) for row in found["orders"][:2]] == [28.0, 9.5]
+    assert found["orders"][0]["meaning"] == "2 × the passing of wheel w2's rollers"
+    assert found["orders"][1]["meaning"] == ""
+    page = (tmp_path / "page" / "index.html").read_text(encoding="utf-8")
+    assert "Order 28 of wheel 2 is the strongest" in page
+    tracks = np.genfromtxt(tmp_path / "page" / "order-tracks.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(tracks["order_28__µm"], 300, rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--channel", "dR_q"], "`channel` must be distance or one of"),
+        (["--channel", "dR_y"], "`reference` cannot be wheel 1: its angle was not"),
+        (["--channel", "dR_y", "--reference", "2", "--track", "9;8"], "`track` must be orders"),
+    ],
+)
+def test_the_command_says_what_cannot_be_analysed(capsys, tmp_path, options, message):
+    path = write_recording(tmp_path / "run.csv", recording(NOISE))
+    code, _, said = _orders(capsys, path, *options)
+    assert code == 2
+    assert f"run.csv: {message}" in said

@@ -321,6 +321,19 @@ def test_wrong_units_are_found_and_mended(tmp_path):
             np.testing.assert_allclose(run.channels[column], good.channels[column], rtol=1e-9)
 
 
+def test_a_group_in_a_wrong_unit_is_mended_where_a_column_is_missing():
+    from omnijax.recording._scales import mend_units
+
+    case = read_case(shared("recordings", "case-03"))
+    good = case.runs[0]
+    kept = {c: x * (1e3 if c.startswith("dR") else 1) for c, x in good.channels.items()}
+    del kept["dR_x"]
+    run = Recording("run", good.path, good.time, kept, 3)
+    mend_units(run, case.rig, set())
+    assert [fault.kind for fault in run.faults] == ["unit"]
+    np.testing.assert_allclose(run.channels["dR_y"], good.channels["dR_y"], rtol=1e-9)
+
+
 def test_a_unit_that_the_user_states_is_kept(tmp_path):
     from omnijax.recording._scales import mend_units
 

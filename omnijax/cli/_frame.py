@@ -31,7 +31,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {  # section of the help -> its commands,
         "tolerances",
     ),
     "Diagnosis": ("diagnose",),
-    "Look": ("replay", "explore"),
+    "Look": ("replay", "explore", "orders"),
 }
 
 _EPILOGUE = (

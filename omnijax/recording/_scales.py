@@ -47,7 +47,7 @@ def _mend(run: Recording, columns: tuple[str, ...], factor: float, declared: set
         )
     else:
         unit, exact = min(units.items(), key=lambda item: abs(np.log(factor / item[1])))
-        for column in columns:
+        for column in set(columns) & set(run.channels):
             run.channels[column] = run.channels[column] / exact
         use = f'it is read as {unit}; `units.{name} = "{unit_of(group)}"` in NAME.toml keeps it'
     what = f"the {'group' if whole else 'channel'} looks {size} for {unit_of(group)} (wrong unit?)"

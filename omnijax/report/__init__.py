@@ -11,6 +11,8 @@ from ._content import Table as Table
 from ._content import provenance as provenance
 from ._content import shown as shown
 from ._diagnosis import diagnosis_page as diagnosis_page
+from ._orders import orders_page as orders_page
+from ._orders import strongest_orders as strongest_orders
 from ._page import Page as Page
 from ._page import file_name as file_name
 from ._style import COLOURS as COLOURS

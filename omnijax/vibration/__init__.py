@@ -17,6 +17,7 @@ from ._modes import natural_frequencies as natural_frequencies
 from ._orders import OrderMap as OrderMap
 from ._orders import OrderTrack as OrderTrack
 from ._orders import order_track as order_track
+from ._orders import roller_orders as roller_orders
 from ._orders import rpm_order_map as rpm_order_map
 from ._steady import STEADY_METRICS as STEADY_METRICS
 from ._steady import ContactLoad as ContactLoad

@@ -152,6 +152,29 @@ def order_track(
     return OrderTrack(channel, unit, name, chosen, middle, rpm, np.abs(fitted), phase, aliased)
 
 
+def roller_orders(
+    run: Trajectory | Recording, rollers: Sequence[float], reference: str = "1"
+) -> dict[str, float]:
+    """Order of the reference at which each wheel's rollers pass, by the wheel's number from 1.
+
+    `rollers` counts each wheel's.  A wheel is left out whose angle was not measured, that does not
+    turn, or not in a constant ratio to the reference: its rollers then pass at no order.
+    """
+    angle, _ = _reference(run, reference)
+    way = angle - angle[0]
+    found = {}
+    for i, count in enumerate(rollers):
+        try:
+            turned = _reference(run, str(i + 1))[0]
+        except ValueError:  # this wheel's angle was not measured
+            continue
+        turned = turned - turned[0]
+        ratio = float(way @ turned / (way @ way))
+        if abs(ratio) > 1e-6 and np.ptp(turned - ratio * way) < 0.05 * np.ptp(turned):
+            found[str(i + 1)] = abs(ratio) * float(count)
+    return found
+
+
 def _channel(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, np.ndarray, str]:
     """Time, values and unit of one channel; `ValueError` names what there is."""
     if isinstance(run, Recording):

@@ -1,0 +1,121 @@
+"""`omnijax orders`: which orders of a wheel or of the sphere a run holds."""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+from ._options import Json, emit
+
+TRACKED = 4  # orders followed where none are asked for
+
+
+def orders(
+    run: Path,
+    /,
+    *,
+    channel: str = "dR_x",
+    reference: str = "1",
+    turns: float = 4.0,
+    max_order: float | None = None,
+    track: str | None = None,
+    rig: str | None = None,
+    out: Path | None = None,
+    json: Json = False,
+) -> None:
+    """Order analysis of a run: the map, the waterfall and single orders over time.
+
+    Example: omnijax orders run.nc --channel distance --reference w2 --out orders
+
+    Example: omnijax orders run-1.csv.gz --channel a_z --reference sphere --track 9,18
+
+    Parameters
+    ----------
+    run
+        A run saved by `omnijax simulate`, or a recording.
+    channel
+        A channel such as dR_x or a_z, or `distance` for |ΔR|.
+    reference
+        What turns once an order: a wheel's name or number, or `sphere`.
+    turns
+        Length of a window in turns; longer windows tell closer orders apart.
+    max_order
+        Highest order of the map.
+    track
+        Orders to follow over time (9,18); the strongest where none are given.
+    rig
+        The rig of a recording, which names the passing of rollers; a saved run knows its own.
+    out
+        Folder of the page, its pictures and CSVs.
+    """
+    from .._errors import InputError
+    from ..report import orders_page, provenance, strongest_orders
+    from ..vibration import order_track, rpm_order_map
+
+    measured, machine = _run(run, rig)
+    try:
+        found = rpm_order_map(measured, channel, reference, turns=turns, max_order=max_order)
+        chosen = _orders(track) or [order for order, _ in found.strongest(TRACKED)]
+        if not chosen:
+            raise ValueError(f"`{channel}` has no orders: it does not move.")
+        followed = order_track(measured, chosen, channel, reference, turns=turns)
+    except ValueError as error:
+        raise InputError(f"{run.name}: {error}") from error
+    passing = _passing(measured, machine, reference)
+    table = strongest_orders(found, passing)
+    page = None
+    if out is not None:
+        from ..rig import rig_text
+
+        text = "" if machine is None else rig_text(machine)
+        made = provenance(f"omnijax {' '.join(sys.argv[1:])}", text)
+        page = str(orders_page(found, followed, made, passing).write(out))
+    names = ("order", "rms", "hz", "meaning")
+    data = {"reference": found.reference, "channel": channel, "page": page}
+    rows = [dict(zip(names, row, strict=True)) for row in table.rows]
+    emit(json, data | {"orders": rows}, lambda: _print(found, table, page))
+
+
+def _run(path: Path, rig: str | None) -> tuple[Any, Any]:
+    """The run and its rig, None where a recording names none."""
+    from ..rig import load_rig
+
+    if path.name.endswith(".nc"):
+        from ..simulate import load_trajectory
+        from ..view import rig_of_run
+
+        return load_trajectory(path), rig_of_run(path)
+    from ..recording import read_recording
+
+    machine = None if rig is None else load_rig(rig)
+    recording = read_recording(path, machine)
+    if machine is None and recording.rig_path is not None:
+        machine = load_rig(recording.rig_path)
+    for fault in recording.faults:
+        print(f"warning: {fault}", file=sys.stderr)
+    return recording, machine
+
+
+def _orders(text: str | None) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")] if text else []
+    except ValueError:
+        raise ValueError(f"`track` must be orders such as 9,18, but is {text!r}.") from None
+
+
+def _passing(run: Any, rig: Any, reference: str) -> dict[str, float]:
+    """Order at which each wheel's rollers pass, by its name; none where the rig is not known."""
+    from ..vibration import roller_orders
+
+    if rig is None:
+        return {}
+    found = roller_orders(run, [float(x) for x in rig.wheels.rollers], reference)
+    return {rig.names[int(number) - 1]: order for number, order in found.items()}
+
+
+def _print(found: Any, table: Any, page: str | None) -> None:
+    unit = table.columns[1].unit
+    print(f"{found.channel} over the orders of {found.reference}, {len(found.time)} windows")
+    for order, level, hz, meaning in table.rows:
+        print(f"order {order:7.2f}   {level:9.4g} {unit}   {hz:>16} Hz   {meaning}".rstrip())
+    if page:
+        print(f"page            {page}")
