@@ -5,8 +5,6 @@ formulas, other friction widths, other profiles' code.  Every effect is a number
 is no effect.  One compiled function simulates every case.
 """
 
-import dataclasses
-import functools
 from typing import Any
 
 import jax
@@ -38,35 +36,34 @@ def nothing(n: int = 3) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def tripod(rng, gravity: bool = True) -> dict[str, Any]:
-    """Stated parameters of a random three-wheel machine."""
+def machine(rng, wheels: int = 3, **changes) -> dict[str, Any]:
+    """Stated parameters of a random machine; `changes` replace some of them."""
     tilt = np.arcsin(rng.uniform(0.45, 0.65))
-    turn = 2 * np.pi * np.arange(3) / 3 + rng.uniform(0, 1)
-    up = np.sin(tilt)
-    normal = np.stack(
-        [-np.cos(turn) * np.cos(tilt), -np.sin(turn) * np.cos(tilt), np.full(3, up)], 1
-    )
-    drive = np.stack([-np.sin(turn), np.cos(turn), np.zeros(3)], 1)
-    mass = rng.uniform(8, 35)
-    return {
-        "R": 1.22, "M": mass, "I": mass * 0.992, "Ml": mass * rng.uniform(0.8, 1.7),
-        "g": np.array([0, 0, -9.81]) if gravity else np.zeros(3), "normal": normal, "drive": drive,
+    turn = 2 * np.pi * np.arange(wheels) / wheels + rng.uniform(0, 1)
+    up = np.full(wheels, np.sin(tilt))
+    normal = np.stack([-np.cos(turn) * np.cos(tilt), -np.sin(turn) * np.cos(tilt), up], 1)
+    drive = np.stack([-np.sin(turn), np.cos(turn), np.zeros(wheels)], 1)
+    mass, each = rng.uniform(8, 35), np.ones(wheels)
+    rig = {
+        "R": 1.22, "M": mass, "Ml": mass * rng.uniform(0.8, 1.7),
+        "g": np.array([0, 0, -9.81]), "normal": normal, "drive": drive,
         "r": 0.09, "m": rng.uniform(0.3, 0.6), "Iw": rng.uniform(1e-3, 2e-3),
-        "n": float(rng.integers(10, 17)), "eta": rng.uniform(0.14, 0.2),
-        "K": np.full(3, rng.uniform(1e5, 3.3e5)), "C": np.full(3, rng.uniform(200, 450)),
-        "k": np.full(3, rng.uniform(4.5e5, 1.5e6)), "c": np.full(3, rng.uniform(50, 180)),
+        "n": float(rng.integers(10, 17)), "eta": rng.uniform(0.14, 0.2), "half": 0.0,
+        "K": rng.uniform(1e5, 3.3e5) * each, "C": rng.uniform(200, 450) * each,
+        "k": rng.uniform(4.5e5, 1.5e6) * each, "c": rng.uniform(50, 180) * each,
         "Kc": rng.uniform(1.5e4, 4e4), "N0": rng.uniform(220, 380), "mu": 0.9,
-    }  # fmt: skip
+    } | changes  # fmt: skip
+    return {"I": rig["M"] * rig["R"] ** 2 * 2 / 3, **rig}  # a thin shell
 
 
 def profile(angle, rig):
-    """Gated sine."""
+    """Gated sine; half a wave instead of a whole one where `half` is 1."""
     pitch = 2 * jnp.pi / rig["n"]
     width = rig["eta"] * pitch
     half = jnp.arcsin(rig["r"] / rig["R"] * jnp.sin(width / 2))
     depth = rig["R"] * (1 - jnp.cos(half)) + rig["r"] * (1 - jnp.cos(width / 2))
     into = jnp.mod(angle, pitch)
-    return jnp.where(into < width, -depth * jnp.sin(2 * jnp.pi * into / width), 0.0)
+    return jnp.where(into < width, -depth * jnp.sin((2 - rig["half"]) * jnp.pi * into / width), 0.0)
 
 
 def shape(angle, rig, e):
@@ -98,7 +95,7 @@ def contact_extra(d, z, rig, e, time):
     left = jnp.maximum(1 - d / reach, 0.0)
     hertz = rig["N0"] * (1 - left**1.5) - rig["K"] * d
     extra = e["K3"] * d**3 + e["K1"] * (d - z) + e["hertz"] * hertz + e["K2"] * d**2
-    cross = jnp.array([e["cross"] * d[1], e["cross"] * d[0], 0.0])
+    cross = jnp.zeros_like(d).at[:2].set(e["cross"] * d[1::-1])
     return extra + cross + e["fade"] * rig["K"] * d * time
 
 
@@ -110,7 +107,7 @@ def mount_extra(D, rate, rig, e):
     )  # fmt: skip
 
 
-def field(y, time, torque, rig, e):
+def field(y, time, torque, force, rig, e):
     """Rates of the state, and the platform's acceleration."""
     x, D, p, pi, V, theta, omega, q, z = y
     normal, drive = rig["normal"], rig["drive"]
@@ -147,7 +144,8 @@ def field(y, time, torque, rig, e):
     across = jnp.eye(3) - normal[:, :, None] * normal[:, None, :]
     Mp = rig["Ml"] * jnp.eye(3) + rig["m"] * jnp.sum(across, axis=0)
     floor = e["floor"] * jnp.sin(2 * jnp.pi * e["floor_f"] * time + e["floor_phase"])
-    a = jnp.linalg.solve(Mp, normal.T @ (mount + closing) - drive.T @ f) + floor * e["floor_d"]
+    push = normal.T @ (mount + closing) - drive.T @ f + force
+    a = jnp.linalg.solve(Mp, push) + floor * e["floor_d"]
     quat = jnp.concatenate([-(omega @ q[1:])[None], q[0] * omega + jnp.cross(omega, q[1:])]) / 2
     rates = (Vs - V, rate, drive.T @ f - normal.T @ (tension + closing), tension - mount, a,
              w, turn, quat, (d - z) / e["tau"])  # fmt: skip
@@ -167,63 +165,68 @@ def at_rest(theta, rig, e):
         m = rig["k"] * D + mount_extra(D, 0 * D, rig, e)
         return jnp.concatenate([normal.T @ (t + rig["Kc"] * normal @ x), t - m])
 
-    v = jnp.zeros(6)
+    v = jnp.zeros(3 + len(normal))
     for _ in range(12):
         v = v - jnp.linalg.solve(jax.jacfwd(balance)(v), balance(v))
     x, D = v[:3], v[3:]
-    d = normal @ x - D - rho
-    return (
-        x,
-        D,
-        -normal.T @ (rig["C"] * rho),
-        rig["C"] * rho,
-        jnp.zeros(3),
-        theta,
-        jnp.zeros(3),
-        q,
-        d,
-    )
+    pulled = rig["C"] * rho
+    zero, d = jnp.zeros(3), normal @ x - D - rho
+    return (x, D, -normal.T @ pulled, pulled, zero, theta, zero, q, d)
 
 
 @jax.jit
-def simulate(theta, torque, rig, e):
-    """Noise-free outputs (samples, 12): dR, theta, Omega, a; torque (samples, 3) linear between."""
+def simulate(theta, torque, force, rig, e):
+    """Noise-free outputs (runs, samples, ..): dR, theta, Omega, a of runs side by side.
+
+    `theta` (runs, n) at the start; `torque` (runs, samples, n) and `force` (runs, samples, 3) on
+    the platform are linear between samples.
+    """
+    return jax.vmap(lambda *run: _simulate(*run, rig, e))(theta, torque, force)
+
+
+def _simulate(theta, torque, force, rig, e):
     h = 1 / RATE / SUB
 
     def add(y, k, s):
         return jax.tree.map(lambda a, b: a + s * b, y, k)
 
-    def sample(y, pair):
-        k, t0, t1 = pair
+    def sample(y, given):
+        k, start, end = given
 
         def sub(y, j):
             time = (k * SUB + j) * h
 
-            def at(s):
-                return t0 + (t1 - t0) * (j + s) / SUB
+            def rates(y, s):
+                inputs = jax.tree.map(lambda a, b: a + (b - a) * (j + s) / SUB, start, end)
+                return field(y, time + s * h, *inputs, rig, e)[0]
 
-            k1 = field(y, time, at(0.0), rig, e)[0]
-            k2 = field(add(y, k1, h / 2), time + h / 2, at(0.5), rig, e)[0]
-            k3 = field(add(y, k2, h / 2), time + h / 2, at(0.5), rig, e)[0]
-            k4 = field(add(y, k3, h), time + h, at(1.0), rig, e)[0]
+            k1 = rates(y, 0.0)
+            k2 = rates(add(y, k1, h / 2), 0.5)
+            k3 = rates(add(y, k2, h / 2), 0.5)
+            k4 = rates(add(y, k3, h), 1.0)
             mean = jax.tree.map(lambda a, b, c, d: (a + 2 * b + 2 * c + d) / 6, k1, k2, k3, k4)
             return add(y, mean, h), None
 
-        out = measure(y, k * SUB * h, t0)
+        out = measure(y, k * SUB * h, start)
         return jax.lax.scan(sub, y, jnp.arange(SUB))[0], out
 
-    def measure(y, time, t):
-        return jnp.concatenate([y[0], y[5], y[6], field(y, time, t, rig, e)[1]])
+    def measure(y, time, inputs):
+        return jnp.concatenate([y[0], y[5], y[6], field(y, time, *inputs, rig, e)[1]])
 
-    count = len(torque)
-    pairs = (jnp.arange(count - 1), torque[:-1], torque[1:])
+    inputs, count = (torque, force), len(torque)
+    pairs = (
+        jnp.arange(count - 1),
+        jax.tree.map(lambda x: x[:-1], inputs),
+        jax.tree.map(lambda x: x[1:], inputs),
+    )
     last, out = jax.lax.scan(sample, at_rest(theta, rig, e), pairs)
-    return jnp.concatenate([out, measure(last, (count - 1) / RATE, torque[-1])[None]])
+    end = measure(last, (count - 1) / RATE, jax.tree.map(lambda x: x[-1], inputs))
+    return jnp.concatenate([out, end[None]])
 
 
-def torques(rng, rig, seconds: float, peak: float = 0.55) -> np.ndarray:
-    """Torques (samples, 3) of a smooth random turning of the sphere, after 0.3 s of rest."""
-    t = np.arange(int(seconds * RATE) + 1) / RATE
+def wander(rng, seconds: float, peak: float = 0.55) -> np.ndarray:
+    """Omega (samples, 3) of a smooth random turning of the sphere, after 0.3 s of rest."""
+    t = np.arange(round(seconds * RATE) + 1) / RATE
     since = np.maximum(t - 0.3, 0.0)
     turning = np.zeros((len(t), 3))
     for axis in range(3):
@@ -233,31 +236,30 @@ def torques(rng, rig, seconds: float, peak: float = 0.55) -> np.ndarray:
                 rng.uniform(0.3, 1.0) / f**0.5 * np.sin(2 * np.pi * f * since + rng.uniform(0, 6.3))
             )
     turning *= (1 - np.exp(-((since / 0.5) ** 3)))[:, None]
-    turning *= peak / np.abs(turning).max()
+    return turning * peak / np.abs(turning).max()
+
+
+def spin_up(seconds: float, speed: float) -> np.ndarray:
+    """Omega (samples, 3) of a turn about the vertical axis: up within 1 s, then constant."""
+    t = np.arange(round(seconds * RATE) + 1) / RATE
+    rise = np.clip(t - 0.2, 0.0, 1.0)
+    return np.outer(speed * rise**2 * (3 - 2 * rise), [0.0, 0.0, 1.0])
+
+
+def torques(rig, turning: np.ndarray, friction: float = 0.0) -> np.ndarray:
+    """Motor torques (samples, n) for Omega (samples, 3); `friction` in N m s/rad on the shafts."""
     change = np.gradient(turning, 1 / RATE, axis=0)
     axes = np.cross(rig["drive"], rig["normal"])
-    force = np.linalg.solve(rig["R"] * axes.T, (rig["I"] * change).T).T
-    spin = rig["R"] * change @ axes.T / rig["r"]
-    return rig["r"] * force + rig["Iw"] * spin
-
-
-@dataclasses.dataclass(frozen=True)
-class Truth:
-    """A case before it is written: stated machine, true machine, effects, and what to find."""
-
-    stated: dict
-    true: dict
-    effects: dict
-    expected: tuple[tuple[str, str], ...]
-    verdict: str
-    sensor: tuple | None = None
+    force = (rig["I"] * change) @ np.linalg.pinv(rig["R"] * axes.T).T
+    spin = rig["R"] / rig["r"] * axes.T
+    return rig["r"] * force + (rig["Iw"] * change + friction * turning) @ spin
 
 
 def perturbed(rng, rig, spread=0.08) -> dict:
     """The true machine: stiffness and damping of every wheel off by the stated uncertainty."""
 
     def pick(s):
-        return np.exp(np.clip(rng.normal(size=3), -1.5, 1.5) * s)
+        return np.exp(np.clip(rng.normal(size=len(rig["K"])), -1.5, 1.5) * s)
 
     out = dict(rig)
     for key, s in (("K", spread), ("k", spread), ("C", 2 * spread), ("c", 2 * spread)):
@@ -270,13 +272,13 @@ def rig_text(rig) -> str:
     lines = [f"[sphere]\nradius = {rig['R']}\nmass = {rig['M']!r}\ninertia = {rig['I']!r}\n",
              f"[platform]\nmass = {rig['Ml']!r}\n"
              f"gravity = {np.ravel(rig['g']).tolist()}\n"]  # fmt: skip
-    for i in range(3):
+    for i in range(len(rig["K"])):
         K, C, k, c = (float(rig[key][i]) for key in ("K", "C", "k", "c"))
         lines.append(
             f'[[wheel]]\nname = "w{i + 1}"\nnormal = {rig["normal"][i].tolist()}\n'
             f"drive = {rig['drive'][i].tolist()}\nradius = {rig['r']}\nmass = {rig['m']!r}\n"
             f"inertia = {rig['Iw']!r}\nrollers = {int(rig['n'])}\nroundness = {rig['eta']!r}\n"
-            f'profile = "gated-sine"\n'
+            f'profile = "{"half" if rig["half"] else "gated"}-sine"\n'
             f"contact = {{ stiffness = {K!r}, damping = {C!r}, friction = {rig['mu']} }}\n"
             f"mount = {{ stiffness = {k!r}, damping = {c!r} }}\n"
             f"closure = {{ stiffness = {rig['Kc']!r}, preload = {rig['N0']!r} }}\n"
@@ -286,38 +288,48 @@ def rig_text(rig) -> str:
     return "\n".join(lines)
 
 
-NAMES = [f"dR_{a}" for a in "xyz"] + [f"theta_{i}" for i in (1, 2, 3)]
-NAMES += [f"Omega_{a}" for a in "xyz"] + [f"a_{a}" for a in "xyz"]
+def columns(wheels: int) -> list[str]:
+    """Names of the plant's outputs."""
+    vectors = {g: [f"{g}_{a}" for a in "xyz"] for g in ("dR", "Omega", "a")}
+    encoders = [f"theta_{i + 1}" for i in range(wheels)]
+    return [*vectors["dR"], *encoders, *vectors["Omega"], *vectors["a"]]
 
 
-def write_case(folder, truth: Truth, rng, seconds=(8.0, 8.0, 8.0), noise: float = 1.0) -> None:
-    """Simulate the runs of a case and write rig, runs and sidecars into `folder`."""
+def record(stated, true, effects, torque, rng, *, noise=1.0, sensor=None, cut=0.0, drop=()):
+    """Tables {column: values} of the runs under `torque` (runs, samples, n), with noise.
+
+    The first `cut` seconds are not recorded: the recording begins while the sphere turns.
+    Channels whose names begin with one of `drop` were not measured.
+    """
+    n, size = len(stated["K"]), torque.shape
+    planted = jax.tree.map(jnp.asarray, {**nothing(n), **effects})
+    start = rng.uniform(0, 2 * np.pi, (size[0], n))
+    made = simulate(
+        start, torque, np.zeros((*size[:2], 3)), jax.tree.map(jnp.asarray, true), planted
+    )
+    tables, first = [], round(cut * RATE)
+    for true_out, given in zip(np.array(made)[:, first:], torque[:, first:], strict=True):
+        t = np.arange(len(true_out)) / RATE
+        out = true_out if sensor is None else sensor(t, true_out)
+        table = {"t": t} | {f"torque_{i + 1}": given[:, i] for i in range(n)}
+        for j, name in enumerate(columns(n)):
+            if not name.startswith(tuple(drop)):
+                sigma = noise * NOISE[name.split("_")[0]]
+                table[name] = out[:, j] + sigma * rng.normal(size=len(out))
+        tables.append(table)
+    return tables
+
+
+def write_case(folder, stated, tables, noise: float = 1.0) -> None:
+    """Rig file, runs and sidecars into `folder`; the last run is held out, if there are several."""
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "rig.toml").write_text(rig_text(truth.stated))
-    effects = jax.tree.map(jnp.asarray, {**nothing(), **truth.effects})
-    true = jax.tree.map(jnp.asarray, truth.true)
-    for k, length in enumerate(seconds):
-        torque = torques(rng, truth.true, length)
-        start = rng.uniform(0, 2 * np.pi, 3)
-        out = np.array(simulate(jnp.asarray(start), jnp.asarray(torque), true, effects))
-        t = np.arange(len(out)) / RATE
-        if truth.sensor is not None:
-            out = truth.sensor[0](t, out)
-        for j, name in enumerate(NAMES):
-            out[:, j] += noise * NOISE[name.split("_")[0]] * rng.normal(size=len(out))
-        head = ["t", *(f"torque_{i}" for i in (1, 2, 3)), *NAMES]
-        rows = np.column_stack([t, torque, out])
-        np.savetxt(
-            folder / f"run-{k + 1}.csv", rows, "%.10g", ",", header=",".join(head), comments=""
+    (folder / "rig.toml").write_text(rig_text(stated))
+    sigmas = "\n".join(f"{g} = {noise * s!r}" for g, s in NOISE.items())
+    for k, table in enumerate(tables):
+        rows = np.column_stack(list(table.values()))
+        path = folder / f"run-{k + 1}.csv"
+        np.savetxt(path, rows, "%.10g", ",", header=",".join(table), comments="")
+        role = "held-out" if 0 < k == len(tables) - 1 else "train"
+        path.with_suffix(".toml").write_text(
+            f'rig = "rig.toml"\nrole = "{role}"\n[noise]\n{sigmas}\n'
         )
-        role = "held-out" if k == len(seconds) - 1 else "train"
-        table = "\n".join(f"{g} = {noise * s!r}" for g, s in NOISE.items())
-        (folder / f"run-{k + 1}.toml").write_text(
-            f'rig = "rig.toml"\nrole = "{role}"\n[noise]\n{table}\n'
-        )
-
-
-@functools.cache
-def wheel(i: int) -> np.ndarray:
-    """Unit vector of one wheel."""
-    return np.eye(3)[i]

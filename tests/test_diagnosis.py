@@ -1,30 +1,25 @@
 """The diagnosis end to end on short runs of an independent plant: one of each answer."""
 
-import importlib.util
 import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from test_plant import load_plant
 
 import omnijax
-from omnijax.diagnosis import Diagnosis, Named, diagnose
+from omnijax.diagnosis import diagnose
 from omnijax.laws import EFFECTS
 from omnijax.recording import read_case
 from omnijax.rig import load_rig, save_rig
 
-BENCHMARKS = Path(__file__).parents[1] / "benchmarks"
 RECORDINGS = Path(__file__).parents[1] / ".." / "shared" / "recordings"
-SECONDS = (4.0, 3.5, 3.5)
+SECONDS = 3.5
 
 
 @pytest.fixture(scope="module")
 def plant():
-    spec = importlib.util.spec_from_file_location("plant", BENCHMARKS / "plant.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_plant()
 
 
 @pytest.fixture(scope="module")
@@ -38,9 +33,12 @@ def cases(plant, tmp_path_factory):
     folder, found = tmp_path_factory.mktemp("cases"), {}
     for k, (name, planted) in enumerate(effects.items()):
         rng = np.random.default_rng(20 + k)
-        stated = plant.tripod(rng)
-        truth = plant.Truth(stated, plant.perturbed(rng, stated), planted, (), name)
-        plant.write_case(folder / name, truth, rng, SECONDS)
+        stated = plant.machine(rng)
+        true = plant.perturbed(rng, stated)
+        drives = [plant.torques(true, plant.wander(rng, SECONDS)) for _ in range(3)]
+        plant.write_case(
+            folder / name, stated, plant.record(stated, true, planted, np.stack(drives), rng)
+        )
         found[name] = folder / name
     return found
 
@@ -110,11 +108,51 @@ def test_a_coupling_of_two_contacts_is_unknown_and_learned_at_the_contacts(cases
     assert found.where
 
 
-def test_ambiguous_answers_hold_every_rival_and_the_next_experiment():
-    names = [Named("a", "w1", {}, {}, [{"id": "b", "place": "w1"}]), Named("b", "w1", {}, {}, [])]
-    found = Diagnosis("ambiguous", names, [], {}, {"drive": "x"}, [], {}, [])
-    assert found.to_dict()["effects"][0]["indistinguishable_from"] == [{"id": "b", "place": "w1"}]
-    assert found.to_dict()["next_experiment"] == {"drive": "x"}
+@pytest.fixture(scope="module")
+def turning(plant, tmp_path_factory):
+    """Bearing friction hidden in runs that only turn about the vertical at one speed."""
+    rng, friction = np.random.default_rng(3), 3e-4
+    stated = plant.machine(rng)
+    true, effects = plant.perturbed(rng, stated), {"viscous": friction * np.ones(3)}
+    torque = plant.torques(true, plant.spin_up(4.0, 0.5), friction)
+    tables = plant.record(stated, true, effects, np.stack([torque] * 2), rng, cut=1.5)
+    folder = tmp_path_factory.mktemp("turning")
+    plant.write_case(folder, stated, tables)
+    return folder, stated, true, effects, tables[:1]
+
+
+@pytest.fixture(scope="module")
+def ambiguous(turning):
+    return diagnose(turning[0])
+
+
+def test_what_the_runs_cannot_tell_apart_is_ambiguous_with_every_rival(ambiguous):
+    assert ambiguous.verdict == "ambiguous"
+    names = {(e.id, e.place) for e in ambiguous.effects}
+    assert {("bearing-viscous", "all"), ("bearing-coulomb", "all"), ("air-drag", "sphere")} <= names
+    for effect in ambiguous.effects:
+        others = {(o["id"], o["place"]) for o in effect.indistinguishable_from}
+        assert others == names - {(effect.id, effect.place)}
+        assert effect.evidence.get("margin", 0.0) < 25
+
+
+def test_the_next_experiment_tells_them_apart(ambiguous, turning, plant, tmp_path):
+    proposed = ambiguous.next_experiment
+    separations = [x["separation"] for x in proposed["compared"]]
+    assert proposed["separation"] == max(separations) > 25
+    assert min(separations) < 1  # turning about the vertical again would not help
+    _, stated, true, effects, old = turning
+    torque = np.array(proposed["torque"]["values"])
+    given = np.arange(len(torque)) * proposed["torque"]["step"]
+    time = np.arange(round(given[-1] * plant.RATE) + 1) / plant.RATE
+    drive = np.stack([np.interp(time, given, x) for x in torque.T], 1)
+    new = plant.record(stated, true, effects, np.stack([drive] * 2), np.random.default_rng(4))
+    plant.write_case(tmp_path, stated, [*old, *new])
+    found = diagnose(tmp_path)
+    assert found.verdict == "named"
+    (effect,) = found.effects
+    assert (effect.id, effect.place) == ("bearing-viscous", "all")
+    assert effect.parameters["b"]["value"] == pytest.approx(3e-4, rel=0.02)
 
 
 @pytest.mark.xfail(strict=False, reason="a wandering channel is given a noise floor of its own")

@@ -1,6 +1,7 @@
 """Recording -> where -> which -> refit -> report: the missing effect, named or honestly not."""
 
 from ._diagnose import diagnose as diagnose
+from ._fit import refit as refit
 from ._laws import along as along
 from ._model import AbstractModel as AbstractModel
 from ._model import Effect as Effect

@@ -103,13 +103,8 @@ def _strengths(law) -> list[str]:
 
 def _generic(law, place, context) -> list[Candidate]:
     """A law by its table of parameters: a column a strength, shape constants from a ladder."""
-    linear = _strengths(law)
-    shapes = [
-        k for k, p in law.parameters.items() if not p.linear and not p.optional and not p.shape
-    ]
-    defaults = law.__dataclass_fields__
-    shapes = [k for k in shapes if defaults[k].default is dataclasses.MISSING]
-    ladders = [_ladder(law.parameters[k]) for k in shapes]
+    linear, shapes = _strengths(law), unknown_shapes(law)
+    ladders = [ladder(law.parameters[k]) for k in shapes]
     out = []
     for values in _product(ladders):
         fixed = dict(zip(shapes, values, strict=True))
@@ -137,7 +132,17 @@ def _decoder(linear, law, fixed):
     return decode
 
 
-def _ladder(parameter) -> list[float]:
+def unknown_shapes(law) -> list[str]:
+    """Shape constants of a law that have no default; a wave's phase is no such constant."""
+    fields = law.__dataclass_fields__
+    return [
+        k for k, p in law.parameters.items()
+        if not (p.linear or p.optional or p.shape or k == "phase")
+        and fields[k].default is dataclasses.MISSING
+    ]  # fmt: skip
+
+
+def ladder(parameter) -> list[float]:
     """Values to try of an unknown shape constant: from its bounds, else a decade around 1."""
     low, high = parameter.low, parameter.high
     if math.isfinite(low) and math.isfinite(high):

@@ -63,7 +63,7 @@ def diagnose(
         effects=_named(model, found, judged),
         where=_plain_where(where),
         gap=gaps(rows, noise, before, after),
-        next_experiment=_next(model, found, judged, runs, noise, tell),
+        next_experiment=_next(model, found, judged, tell),
         baseline=_baseline(found),
         noise=table,
         scores=_scores(found),
@@ -120,17 +120,26 @@ def _named(model: RigModel, found: Found, judged: Judged) -> list[Named]:
             "held_out_gain": judged.closed, "held_out_chi2": total,
             "margin_to_next": min((m for _, m, _ in found.rivals.get(i, [])), default=None),
         }  # fmt: skip
-        alike = [{"id": e.id, "place": e.place} for e, _, _ in near]
+        everyone = [effect, *(e for e, _, _ in near)]
         out.append(
-            Named(effect.id, effect.place, _parameters(model, effect, spread), evidence, alike)
+            Named(
+                effect.id,
+                effect.place,
+                _parameters(model, effect, spread),
+                evidence,
+                _others(everyone, effect),
+            )
         )
         for rival, margin, cosine in near:
-            back = [{"id": effect.id, "place": effect.place}]
             out.append(
                 Named(rival.id, rival.place, _parameters(model, rival, {}),
-                      {**evidence, "margin": margin, "cosine": cosine}, back)
+                      {**evidence, "margin": margin, "cosine": cosine}, _others(everyone, rival))
             )  # fmt: skip
     return out
+
+
+def _others(everyone: list[Effect], effect: Effect) -> list[dict[str, str]]:
+    return [{"id": e.id, "place": e.place} for e in everyone if e.name != effect.name]
 
 
 def _parameters(model: RigModel, effect: Effect, spread: dict[str, list[float]]) -> dict:
@@ -207,11 +216,16 @@ def _plain_where(where: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def _learned(learned) -> dict[str, Any] | None:
     if learned is None:
         return None
+    term = learned.term
+    labels = [(i, label) for i, label, _ in term.port.columns(np.zeros((1, len(term.scales))))]
     terms = [
-        {"wheel": wheel, "input": name, "coefficient": float(c)}
-        for (wheel, name), c in zip(learned.names, learned.coefficients, strict=True)
+        {"wheel": term.port.wheels[i], "input": label, "coefficient": float(c)}
+        for (i, label), c in zip(labels, term.weights, strict=True)
     ]
-    return {"port": learned.port, "closed": learned.closed, "uninterpreted": True, "terms": terms}
+    return {"port": learned.port, "closed": learned.closed, "uninterpreted": True,
+            "closed_by_smooth_basis": learned.smooth, "closed_with_network": learned.network,
+            "kind": "smooth basis" if term.network is None else "smooth basis and network",
+            "terms": terms, "map": learned.map}  # fmt: skip
 
 
 def _notes(judged: Judged, found: Found, model: RigModel) -> list[str]:
@@ -230,14 +244,15 @@ def _notes(judged: Judged, found: Found, model: RigModel) -> list[str]:
     return notes
 
 
-def _next(model, found: Found, judged: Judged, runs, noise, tell) -> dict | None:
+def _next(model, found: Found, judged: Judged, tell) -> dict | None:
+    """The experiment that tells the rivals of the first ambiguous effect apart."""
     if judged.verdict != "ambiguous":
         return None
     from ._experiment import next_experiment
 
     tell("simulating what would tell the rivals apart")
+    point = found.fit.point
     i, near = next((i, near) for i, near in judged.equals.items() if near)
-    effects = list(found.fit.point.effects)
-    other = [*effects[:i], near[0][0], *effects[i + 1 :]]
-    rigs = [model.rig_at(found.fit.point), model.rig_at(Point(found.fit.point.u, tuple(other)))]
-    return next_experiment(rigs, runs, noise)
+    effects = list(point.effects)
+    others = [Point(point.u, (*effects[:i], e, *effects[i + 1 :])) for e, _, _ in near]
+    return next_experiment(model, [point, *others])

@@ -1,51 +1,146 @@
-"""The next experiment: the feasible drive under which two rivals differ most."""
+"""The next experiment: the feasible motion of the sphere under which rivals differ most.
+
+Every motion stays below the speed that the runs have shown, and below their torque or that which
+reaches this speed in half a second.  All rivals are simulated along it as a diagnosis of that run
+would; what counts is the worst pair, after each rival's own sizes were fitted to the other's run.
+"""
+
+import dataclasses
+import itertools
 
 import numpy as np
 
-from ..dynamics import rolling, wheel_speeds  # noqa: F401
-from ..simulate import simulate, table, torques
+from ._fit import _jacobian
+from ._machine import Machine
+from ._model import Effect, Point
+from ._rig_model import RigModel
+from ._runs import FINE, Run
+from ._wheels import wheel_tables
 
-SECONDS, RATE = 5.0, 250.0
-
-
-def feasible_drives(wheels: int, peak: np.ndarray, seconds: float = SECONDS):
-    """Named torque histories (t, n) within the torques that the runs have shown."""
-    t = np.linspace(0.0, seconds, int(seconds * 50) + 1)
-    rise = np.clip(t / 0.5, 0, 1) * np.clip((seconds - t) / 0.5, 0, 1)
-    drives = {}
-    for k in range(wheels):
-        one = np.zeros((len(t), wheels))
-        one[:, k] = 0.5 * peak[k] * rise * np.sin(2 * np.pi * 0.4 * t)
-        drives[f"wheel {k + 1} alone, slow reversals at half torque"] = one
-    phase = 2 * np.pi * np.arange(wheels) / wheels
-    slow = np.sin(2 * np.pi * 0.3 * t[:, None] + phase)
-    fast = np.sin(2 * np.pi * (0.2 + 0.2 * t[:, None]) * t[:, None] + phase)
-    drives["all wheels, slow reversals at 0.3 Hz"] = 0.5 * peak * rise[:, None] * slow
-    drives["all wheels, sweep from 0.2 to 2 Hz at full torque"] = peak * rise[:, None] * fast
-    drives["all wheels, gentle start and coasting"] = (
-        np.where(t[:, None] < 1.5, 0.3, 0.0) * peak * rise[:, None]
-    )
-    return t, drives
+SECONDS, SPIN_UP = 6.0, 0.5  # s
 
 
-def next_experiment(rigs, runs, noise) -> dict:
-    """Simulates every feasible drive with both rivals; the drive with the largest difference."""
-    peak = np.max([np.abs(r.torque).max(axis=0) for r in runs], axis=0)
-    t, drives = feasible_drives(peak.size, peak)
-    ts = np.linspace(0.0, SECONDS, int(SECONDS * RATE) + 1)
-    best = {"drive": "", "separation": -1.0}
+def feasible_motions(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
+    """Histories of Omega (t, 3) in rad/s, from rest to rest, up to the speed `top`."""
+    inside = np.clip(np.minimum(time, SECONDS - time) / SPIN_UP, 0, 1)
+    inside = inside**2 * (3 - 2 * inside)
+    level = np.interp(time, [0, 1.4, 1.6, 3.4, 3.6, 6], [0.25, 0.25, 0.5, 0.5, 1.0, 1.0])
+    found = {}
+    for k, axis in enumerate("xyz"):
+        unit = np.eye(3)[k]
+        back = np.sin(2 * np.pi * 0.4 * time)
+        found[f"turn about {axis}, reversed every 1.25 s"] = top * np.outer(inside * back, unit)
+        found[f"turn about {axis} at a quarter, half and full speed"] = top * np.outer(
+            inside * level, unit
+        )
+    for words, rates in (("slowly", (0.2, 0.3, 0.4)), ("fast", (0.7, 0.9, 1.2))):
+        waves = np.sin(2 * np.pi * np.outer(time, rates) + [0.0, 1.0, 2.0])
+        found[f"turn about all axes at once, {words} reversed"] = (
+            top / np.sqrt(2) * inside[:, None] * waves
+        )
+    return found
+
+
+def next_experiment(model: RigModel, rivals: list[Point]) -> dict:
+    """The motion whose worst pair of `rivals` lies farthest apart, with its torques."""
+    rig, step = model.rig_at(rivals[0]), model.machine.runs[0].step
+    runs = _planned_runs(model, rig, np.arange(round(SECONDS / step) + 1) * step)
+    machine = Machine(rig, runs, model.noise, model.machine.window)
     rows = []
-    for name, torque in drives.items():
-        drive = torques(table(t, torque))
-        a, b = (simulate(rig, drive, ts, rtol=1e-7) for rig in rigs)
-        parts = {
-            g: float(np.sqrt(np.mean(np.square(getattr(a, g) - getattr(b, g)))) / noise[g])
-            for g in ("dR", "Omega", "a") if g in noise
-        }  # fmt: skip
-        separation = float(np.sqrt(sum(v**2 for v in parts.values())))
-        rows.append({"drive": name, "separation": separation, "by_group": parts})
-        if np.isfinite(separation) and separation > best["separation"]:
-            best = {"drive": name, "separation": separation, "by_group": parts,
-                    "torque": {"time": t[::5].tolist(), "values": torque[::5].tolist()},
-                    }  # fmt: skip
-    return {**best, "unit": "sigma, rms difference of the rivals", "compared": rows}
+    for i, run in enumerate(runs):
+        planned = _Planned(model, machine, i)
+        pairs = [planned.margin(a, b) for a, b in itertools.permutations(rivals, 2)]
+        rows.append({"drive": run.name, "separation": float(min(pairs))})
+    best = int(np.argmax([r["separation"] for r in rows]))
+    thin = max(1, round(0.02 / step))
+    torque = {"unit": "N m", "step": thin * step, "values": runs[best].torque[::thin].tolist()}
+    unit = "chi-square between the closest two rivals, each refitted to the other's run"
+    return {**rows[best], "unit": unit, "torque": torque, "compared": rows}
+
+
+@dataclasses.dataclass(frozen=True)
+class _Planned:
+    """One planned run as the diagnosis will see it."""
+
+    model: RigModel
+    machine: Machine
+    index: int
+
+    def residuals(self, points, split) -> list[np.ndarray]:
+        """Rows at `points`, whatever the split."""
+        return self.machine.residuals([self.model.rig_at(p) for p in points], [self.index])
+
+    def margin(self, true: Point, rival: Point) -> float:
+        """chi2 by which `rival` misses the run of `true` after its own sizes are refitted."""
+        rival = Point(rival.u, tuple(_with_width(self.model, e) for e in rival.effects))
+        here, other = self.residuals([true, rival], "")
+        free = self.model.free(rival, widths=True)
+        J = _jacobian(self, rival, free, other, np.zeros((len(other), 0)))  # pyright: ignore
+        scale = np.linalg.norm(J, axis=0)
+        left = other - here
+        J = J[:, scale > 0] / scale[scale > 0]
+        if J.shape[1]:
+            left = left - J @ np.linalg.lstsq(J, left, rcond=1e-10)[0]
+        return float(left @ left)
+
+
+def _with_width(model: RigModel, effect: Effect) -> Effect:
+    """The effect with its friction width written out, so that a refit can free it."""
+    fields = model.laws[effect.id].__dataclass_fields__
+    if "width" not in fields or "width" in effect.values:
+        return effect
+    return dataclasses.replace(effect, values=effect.values | {"width": fields["width"].default})
+
+
+def _shown(model: RigModel, rig) -> tuple[float, np.ndarray]:
+    """Greatest |Omega| of the runs, and torques (n,) that are allowed."""
+    motions = model.machine.motions(rig)
+    top = max(float(np.linalg.norm(m.turning, axis=1).max()) for m in motions.values())
+    shown = np.max([np.abs(r.torque).max(axis=0) for r in model.machine.runs], axis=0)
+    w, R = rig.wheels, float(rig.sphere.radius)
+    inertia = np.linalg.eigvalsh(np.asarray(rig.sphere.inertia_matrix)).max()
+    radius = np.asarray(w.radius)
+    reach = radius * inertia / R + np.asarray(w.inertia) * R / radius
+    return top, np.maximum(shown, reach * top / SPIN_UP)
+
+
+def _run(model: RigModel, rig, words: str, time, Omega) -> Run:
+    """The motion as a measured run without torque: angles and Omega with noise, the rest zero."""
+    rng, step = np.random.default_rng(0), time[1] - time[0]
+    rate = Omega @ np.asarray(rig.wheels.spin_axis).T
+    length = np.cumsum(np.concatenate([rate[:1], (rate[1:] + rate[:-1]) / 2]), axis=0) * step
+    least = np.min(np.asarray(rig.wheels.radius)) / float(rig.sphere.radius)
+    reach = float(np.abs(length).max()) / least + 1.0
+    theta = wheel_tables(rig, -reach, reach).unrolled(length)
+    clean = {"theta": theta, "Omega": Omega, "dR": np.zeros_like(Omega), "a": np.zeros_like(Omega)}
+    outputs = {g: clean[g] + model.noise[g] * rng.normal(size=clean[g].shape) for g in model.groups}
+    zero, n = np.zeros((len(time), 3)), len(time)
+    return Run(words, "held-out", time, np.zeros((n, rig.size)), zero, outputs, np.ones(n, bool))
+
+
+def _torques(model: RigModel, rig, runs: list[Run]) -> list[np.ndarray]:
+    """Torques (t, n) under which `rig` makes the motions of `runs`."""
+    machine = Machine(rig, runs, model.noise, model.machine.window)
+    out = []
+    for i, run in enumerate(runs):
+        rotated = machine.rotated(rig, [i])[i]
+        r = rotated.turning.thin(FINE)
+        change = np.gradient(rotated.motion.turning[::FINE], run.step, axis=0)
+        axes = np.broadcast_to(r.axes, (run.samples, *r.axes.shape[1:]))
+        force = r.force * r.torque_gain[:, None, :]  # drive forces of unit torques
+        turned = r.radius * r.inverse_inertia @ np.swapaxes(axes, 1, 2) @ force
+        missing = change - rotated.acceleration[::FINE]
+        out.append(np.einsum("tij,tj->ti", np.linalg.pinv(turned), missing))
+    return out
+
+
+def _planned_runs(model: RigModel, rig, time) -> list[Run]:
+    """The feasible motions with their torques; what needs too much torque is slowed down."""
+    top, most = _shown(model, rig)
+    motions = feasible_motions(top, time)
+    for _ in range(2):
+        runs = [_run(model, rig, words, time, Omega) for words, Omega in motions.items()]
+        torques = _torques(model, rig, runs)
+        shares = [float(np.min(most / np.abs(t).max(axis=0))) for t in torques]
+        motions = {w: min(1.0, s) * x for (w, x), s in zip(motions.items(), shares, strict=True)}
+    return [dataclasses.replace(r, torque=t) for r, t in zip(runs, torques, strict=True)]

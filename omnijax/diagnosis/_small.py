@@ -1,14 +1,15 @@
 """Small models from the same laws: give the residual of a point, the diagnosis does the rest."""
 
+import itertools
+import math
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import equinox as eqx
 import numpy as np
 
 from ..laws import AbstractLaw
 from ..rig import Placed
-from ._candidates import Candidate, number
+from ._candidates import Candidate, ladder, number, unknown_shapes
 from ._model import AbstractModel, Point, Prior
 
 Residual = Callable[[dict[str, float], list[AbstractLaw], str], np.ndarray]
@@ -50,23 +51,26 @@ class SmallModel(AbstractModel):
     def candidates(self, point):
         out = []
         for id, law in self.laws.items():
-            fixed: list[dict[str, Any]] = [{}]
-            for (name, key), values in self.constants.items():
-                if name == id:
-                    fixed = [f | {key: v} for f in fixed for v in values]
-            out += [self._candidate(law, f) for f in fixed]
+            keys = dict.fromkeys([*unknown_shapes(law), *(k for i, k in self.constants if i == id)])
+            ladders = [self.constants.get((id, k), ladder(law.parameters[k])) for k in keys]
+            for values in itertools.product(*ladders):
+                out.append(self._candidate(law, dict(zip(keys, map(float, values), strict=True))))
         return out
 
     def _candidate(self, law, fixed) -> Candidate:
         linear = [k for k, p in law.parameters.items() if p.linear]
-        columns = []
-        for key in linear:
-            values = dict.fromkeys(linear, 0.0) | {key: 1.0} | fixed
-            columns.append(Placed(law(**{k: number(v) for k, v in values.items()}), self.place))
-        if not linear:  # a threshold: it has no tangent at zero, so its strength is finite
-            columns.append(Placed(law(**{k: number(v) for k, v in fixed.items()}), self.place))
+        wave = "phase" in law.parameters
+        units = [{"amplitude": 1.0, "phase": p} for p in (0.0, math.pi / 2)] if wave else [
+            dict.fromkeys(linear, 0.0) | {key: 1.0} for key in linear
+        ]  # fmt: skip
+        columns = [  # a threshold has no tangent at zero: its strength is finite
+            Placed(law(**{k: number(v) for k, v in (unit | fixed).items()}), self.place)
+            for unit in units or [{}]
+        ]
 
         def decode(c):
+            if wave:
+                return fixed | {"amplitude": math.hypot(*c), "phase": math.atan2(c[1], c[0])}
             return fixed | dict(zip(linear, map(float, c), strict=False))
 
         return Candidate(law.id, self.place, tuple(columns), decode, str(fixed or ""))

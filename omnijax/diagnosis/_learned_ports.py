@@ -1,0 +1,138 @@
+"""Where a learned term may act: what it feels there, and what its output changes.
+
+A term's output is one force (or torque) a wheel.  Its inputs are scaled to RMS 1 over the train
+runs; `own(i)` is the input that is wheel i's own.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from ._modes import hold_weights, moments, observe, propagate
+from ._runs import FINE
+from ._signatures import THIN, Base, _torque
+
+Columns = list[tuple[int, str, np.ndarray]]  # (wheel, label, values)
+
+
+def powers(x: np.ndarray, time: np.ndarray) -> dict[str, np.ndarray]:
+    """Smooth functions of one wheel's own input, and its product with time."""
+    return {
+        "square": x**2,
+        "cube": x**3,
+        "|x| x": np.abs(x) * x,
+        "fifth": x**5,
+        "times t": x * time,
+    }
+
+
+@dataclasses.dataclass(frozen=True)
+class SpringPort:
+    """Contact or mount: every wheel's deflection and rate, and time in; tensions out."""
+
+    port: str
+    wheels: tuple[str, ...]
+    unit: str = "N"
+    own_unit: str = "m"
+
+    def own(self, i: int) -> int:
+        """Index of wheel i's deflection."""
+        return i
+
+    def labels(self) -> list[str]:
+        """Names of the inputs."""
+        letter = "δ" if self.port == "contact" else "Δ"
+        deflections = [f"{letter} of {w}" for w in self.wheels]
+        return [*deflections, *(f"rate of {x}" for x in deflections), "time"]
+
+    def inputs(self, base: Base, felt=None) -> np.ndarray:
+        """Inputs (FINE points, 2 n + 1), not scaled; `felt` is what the term itself adds."""
+        signals = base.contact if self.port == "contact" else base.mount
+        pair = (signals.deflection, signals.rate)
+        if felt is not None:
+            pair = (pair[0] + felt[0], pair[1] + felt[1])
+        return np.column_stack([*pair, base.run.fine(FINE)])
+
+    def columns(self, u: np.ndarray) -> Columns:
+        """The smooth basis: every input, and powers of a wheel's own."""
+        out: Columns = []
+        for i in range(len(self.wheels)):
+            out += [(i, label, u[:, k]) for k, label in enumerate(self.labels()[:-1])]
+            out += [(i, label, x) for label, x in powers(u[:, i], u[:, -1]).items()]
+        return out
+
+    def push(self, base: Base, force: np.ndarray):
+        """dR and a (samples, 6) of tensions (FINE points, n), from their static rest."""
+        z = self._state(base, force, 1)
+        u = np.zeros((len(z), base.modes.B.shape[1]))
+        u[:, base.modes.inputs[self.port]] = force[::FINE]
+        return observe(base.modes, z, ("displacement", "acceleration"), u), None
+
+    def felt(self, base: Base, force: np.ndarray):
+        """What tensions change in the deflections and rates here, (FINE points, n) each."""
+        z = self._state(base, force, FINE)
+        names = ("deflection", "mount", "mount_rate", "approach_rate")
+        d, mount, mount_rate, approach = np.split(observe(base.modes, z, names), 4, axis=1)
+        return (d, approach - mount_rate) if self.port == "contact" else (mount, mount_rate)
+
+    def _state(self, base: Base, force, parts: int):
+        m, step = base.modes, base.run.step / parts
+        weights = hold_weights(m.rates, step, FINE // parts)
+        gains = m.gains[:, m.inputs[self.port]]
+        total = sum(
+            moments(force[:, c], weights) * gains[:, c]
+            for c in range(force.shape[1])
+            if force[:, c].any()
+        )
+        if isinstance(total, int):
+            total = np.zeros(((len(force) - 1) * parts // FINE, len(m.rates)), complex)
+        u = np.zeros(m.B.shape[1])
+        u[m.inputs[self.port]] = force[0]
+        return propagate(m, step, total, -m.inverse @ np.linalg.solve(m.A, m.B @ u))
+
+
+@dataclasses.dataclass(frozen=True)
+class ShaftPort:
+    """Shafts: every wheel's speed, command, sine and cosine of its angle, and time in; torques."""
+
+    wheels: tuple[str, ...]
+    port: str = "shaft"
+    unit: str = "N m"
+    own_unit: str = "rad/s"
+
+    def own(self, i: int) -> int:
+        """Index of wheel i's speed."""
+        return i
+
+    def labels(self) -> list[str]:
+        """Names of the inputs."""
+        kinds = ("ω", "command", "sin θ", "cos θ")
+        return [*(f"{k} of {w}" for k in kinds for w in self.wheels), "time"]
+
+    def inputs(self, base: Base, felt=None) -> np.ndarray:
+        """Inputs (thinned points, 4 n + 1), not scaled; the motion is the measured one."""
+        s = base.slow
+        assert s is not None
+        time = base.run.fine(FINE)[::THIN]
+        return np.column_stack(
+            [s.speed, base.torque[::THIN], np.sin(s.theta), np.cos(s.theta), time]
+        )
+
+    def columns(self, u: np.ndarray) -> Columns:
+        """The smooth basis: speed with powers and sign, command, harmonics of the angle."""
+        n, one, out = len(self.wheels), np.ones(len(u)), []
+        for i, name in enumerate(self.wheels):
+            w, wave = u[:, i], u[:, 3 * n + i] + 1j * u[:, 2 * n + i]
+            own = {f"ω of {name}": w, f"command of {name}": u[:, n + i], "constant": one}
+            own |= powers(w, u[:, -1]) | {"sign": np.tanh(20 * w)}
+            for k in range(1, 5):
+                own |= {f"sin {k}θ": (wave**k).imag, f"cos {k}θ": (wave**k).real}
+            out += [(i, label, x) for label, x in own.items()]
+        return out
+
+    def push(self, base: Base, force: np.ndarray):
+        """Both tables of shaft torques at thinned points."""
+        return _torque(base, shaft=force)
+
+    def felt(self, base: Base, force: np.ndarray) -> None:
+        """Nothing: shafts feel the measured motion."""
