@@ -30,7 +30,7 @@ def changed(factors):
 
 def deflection(factors, drive, adjoint=None, rtol=1e-9):
     """RMS of |dR| in units of 0.1 mm."""
-    run = simulate(changed(factors), drive, TS, adjoint=adjoint, rtol=rtol)
+    run = simulate(changed(factors), drive, TS, adjoint=adjoint, rtol=rtol, solver="exponential")
     return 1e4 * jnp.sqrt(jnp.mean(run.distance**2))
 
 

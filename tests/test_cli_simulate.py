@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from omnijax import cli, load_trajectory, read_recording
+from omnijax.simulate import _solve
 
 SHORT = ["--duration", "100ms", "--rate", "1kHz"]
 
@@ -59,6 +60,52 @@ def test_a_failed_run_keeps_what_was_computed(capsys, tmp_path):
     assert 0 < kept.time_reached < 0.5
 
 
+def test_an_interrupted_run_is_kept_and_goes_on(capsys, tmp_path, monkeypatch):
+    whole, parts = tmp_path / "whole.nc", tmp_path / "parts.nc"
+    arguments = ["atlas", "--torque", "0.1,0.2,0.3", "--duration", "60ms", "--rate", "20kHz"]
+    one = ["simulate", *arguments, "--out", str(whole)]
+    two = ["simulate", *arguments, "--out", str(parts)]
+    monkeypatch.setattr("sys.argv", ["omnijax", *two])
+    assert cli.run(one) == 0
+    with monkeypatch.context() as patch:
+        patch.setattr(_solve, "solve_in_pieces", interrupted_after(2, _solve.solve_in_pieces))
+        code = cli.run(two)
+    kept = load_trajectory(parts)
+    assert code == 130
+    assert (len(kept.t), kept.message()[:22]) == (1000, "interrupted after 0.04")
+    assert f"{parts} --resume" in capsys.readouterr().err
+    assert cli.run([*two, "--resume"]) == 0
+    left, right = load_trajectory(whole), load_trajectory(parts)
+    for name in left.UNITS:
+        np.testing.assert_array_equal(getattr(left, name), getattr(right, name))
+    assert cli.run([*two, "--resume"]) == 2  # it is whole now
+    assert "parts.nc holds no interrupted run" in capsys.readouterr().err
+
+
+def interrupted_after(count, pieces):
+    def interrupted(*arguments, **options):
+        for i, piece in enumerate(pieces(*arguments, **options)):
+            if i == count:
+                raise KeyboardInterrupt
+            yield piece
+
+    return interrupted
+
+
+def test_only_the_same_command_goes_on(capsys, tmp_path, monkeypatch):
+    out = tmp_path / "run.nc"
+    arguments = ["atlas", "--torque", "0.1,0.2,0.3", "--duration", "60ms", "--rate", "20kHz"]
+    monkeypatch.setattr("sys.argv", ["omnijax", "simulate", "atlas", "and", "more"])
+    with monkeypatch.context() as patch:
+        patch.setattr(_solve, "solve_in_pieces", interrupted_after(1, _solve.solve_in_pieces))
+        assert run(capsys, *arguments, "--out", out)[0] == 130
+    monkeypatch.setattr("sys.argv", ["omnijax", "simulate", "atlas", "and", "less"])
+    code, _, error = run(capsys, *arguments, "--out", out, "--resume")
+    assert (code, error.strip()) == (
+        2, "run.nc was made by another command: omnijax simulate atlas and more"
+    )  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -71,6 +118,7 @@ def test_a_failed_run_keeps_what_was_computed(capsys, tmp_path):
         (["--speed", "1,1,1", "--plot", "run.bmp"], "`run.bmp` must end in one of .png"),
         (["--speed", "1,1,1", "--torque", "1,1,1"], "give one of --speed, --torque and --drive."),
         (["--torque", "1,1,1", "--solver", "exact"], "`solver` cannot be exact"),
+        (["--torque", "1,1,1", "--resume"], "`resume` needs the interrupted run"),
         (["--drive", "nowhere.csv"], "nowhere.csv is not a file"),
     ],
 )

@@ -9,7 +9,8 @@ from scipy.linalg import expm
 
 from omnijax.laws import Gap
 from omnijax.simulate import simulate, simulate_many, speeds, torques
-from omnijax.simulate._exponential import FRACTIONS, Exponential, LinearPart, phi_functions
+from omnijax.simulate._exponential import FRACTIONS, Exponential, LinearPart
+from omnijax.simulate._phi import phi_functions
 from omnijax.simulate._steps import angle_to_edge, time_to_edge
 
 

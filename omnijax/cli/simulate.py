@@ -1,7 +1,5 @@
 """`omnijax simulate`: one run of a rig."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
@@ -27,6 +25,7 @@ def simulate(
     solver: Literal["auto", "exact", "exponential", "dopri8", "tsit5", "kvaerno5"] = "auto",
     rtol: float = 1e-8,
     max_steps: int = 200_000,
+    resume: bool = False,
     json: Json = False,
 ) -> int:
     """Simulate one run: prescribed wheel speeds, motor torques, or the inputs of a recording.
@@ -64,9 +63,10 @@ def simulate(
         Relative tolerance of the solvers.
     max_steps
         Most steps before the run stops with the status `step limit`.
+    resume
+        Go on with the interrupted run in --out (.nc); the other options must be the same.
     """
     import os
-    import shlex
     import sys
 
     # a failed check inside the compiled solve then gives NaN, hence a status, and needs no call
@@ -74,25 +74,49 @@ def simulate(
     os.environ.setdefault("EQX_ON_ERROR", "nan")
     from ..rig import load_rig
     from ..simulate import save_trajectory
+    from ._simulate_run import interrupted_run, perform
 
     _check_files(out, plot)
     machine = load_rig(rig)
     imposed, times, faults = _drive(machine, speed, torque, drive, force, duration, rate)
     for fault in faults:
         print(f"warning: {fault}", file=sys.stderr)
-    run = _run(machine, imposed, times, model, solver, rtol, max_steps)
+    before = interrupted_run(out, machine, model, _command()) if resume else None
+    numerics = {"model": model, "solver": solver, "rtol": rtol, "max_steps": max_steps}
+    run, end = perform(machine, imposed, times, before, **numerics)
     summary = _summary(run, machine) | {"rig": rig, "faults": [str(fault) for fault in faults]}
     if out is not None:
-        command = shlex.join(["omnijax", *sys.argv[1:]])
-        summary["out"] = str(
-            save_trajectory(run, out, machine, _rig_file(rig, machine, out), command)
-        )
+        beside = _rig_file(rig, machine, out)
+        summary["out"] = str(save_trajectory(run, out, machine, beside, _command(), end))
     if plot is not None:
         summary["plot"] = str(_plot(run, rig, plot))
     emit(json, summary, lambda: _print(summary))
-    if not run.ok:
-        print(run.message(), file=sys.stderr)
-    return 0 if run.ok else 1
+    return _code(run, out)
+
+
+def _command() -> str:
+    """This command; resumed, it is still the same."""
+    import shlex
+    import sys
+
+    return shlex.join(["omnijax", *(a for a in sys.argv[1:] if a != "--resume")])
+
+
+def _code(run: Any, out: Path | None) -> int:
+    """The exit code, and on stderr what to do about a run that did not reach its end."""
+    import sys
+
+    from ..simulate._trajectory import STATUS
+    from ._frame import FAILED, INTERRUPTED, OK
+
+    if run.ok:
+        return OK
+    print(run.message(), file=sys.stderr)
+    if STATUS[int(run.status)] != "interrupted":
+        return FAILED
+    if out is not None and out.name.endswith(".nc"):
+        print(f"Go on with: {_command()} --resume", file=sys.stderr)
+    return INTERRUPTED
 
 
 def _check_files(out: Path | None, plot: Path | None) -> None:
@@ -167,50 +191,6 @@ def _times(duration: str | None, rate: str | None) -> Any:
             f"`duration` times `rate` must give 1 to {LONGEST} samples, but gives {count}."
         )
     return np.arange(count + 1) / frequency
-
-
-def _run(rig: Any, drive: Any, times: Any, model: str, solver: str, rtol: float, max_steps: int):
-    """The run: in closed form where the rig and the drive allow it, else integrated."""
-    from .._errors import InputError
-    from ..simulate import SpeedDrive, exact_obstacle, propagate
-    from ..simulate._solve import simulate as integrate
-
-    obstacle = exact_obstacle(rig, model) if isinstance(drive, SpeedDrive) else "torques drive"
-    if solver == "exact" and obstacle is not None:
-        raise InputError(f"`solver` cannot be exact: {obstacle}; take auto.")
-    with _working(f"simulating {times[-1] - times[0]:g} s"):
-        if solver in ("auto", "exact") and obstacle is None:
-            run = propagate(rig, drive, times, model=model)
-        else:
-            options: dict[str, Any] = {"rtol": rtol, "max_steps": max_steps}
-            run = integrate(rig, drive, times, model=model, solver=solver, **options)
-        return _ready(run)
-
-
-def _ready(run: Any) -> Any:
-    """The run once its numbers are there, so that the progress line tells the truth."""
-    import jax
-
-    return jax.block_until_ready(run)
-
-
-@contextmanager
-def _working(what: str) -> Iterator[None]:
-    """A line with the time that has passed, where a person is watching."""
-    import sys
-
-    from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
-
-    console = Console(file=sys.stderr)
-    columns = (SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn())
-    shown = console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=not shown) as progress:
-        progress.add_task(what, total=None)
-        try:
-            yield
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt("Interrupted while simulating. Nothing was written.") from None
 
 
 def _rig_file(name: str, rig: Any, out: Path) -> Path | None:

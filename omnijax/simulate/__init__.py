@@ -19,7 +19,8 @@ from ._signals import constant as constant
 from ._signals import ramp as ramp
 from ._signals import step as step
 from ._signals import table as table
-from ._solve import simulate as simulate
+from ._simulate import exact_run_obstacle as exact_run_obstacle
+from ._simulate import simulate as simulate
 from ._trajectory import Trajectory as Trajectory
 from .exact import SteadyState as SteadyState
 from .exact import exact_obstacle as exact_obstacle

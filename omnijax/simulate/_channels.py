@@ -8,11 +8,14 @@ from ._drives import SpeedDrive
 from ._trajectory import Trajectory
 
 
-def trajectory(model: Model, drive, ts, states: State, status, steps, method) -> Trajectory:
-    """Every channel of a run from its states."""
+def trajectory(
+    model: Model, drive, ts, states: State, status, steps, method, origin=None
+) -> Trajectory:
+    """Every channel of a run from its states; `origin` is the run's start where not ts[0], s."""
+    start = ts[0] if origin is None else origin
 
     def channels(t, state):
-        return sample(model, drive, ts[0], t, state)
+        return sample(model, drive, start, t, state)
 
     values = jax.vmap(channels)(ts, states)
     return Trajectory(

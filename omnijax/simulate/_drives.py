@@ -6,6 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..rig import Rig
 from ._signals import Signal, constant
 
 
@@ -77,3 +78,12 @@ def speeds(
 
 def _array(value):
     return None if value is None else jnp.asarray(value, float)
+
+
+def check_drive(rig: Rig, drive: AbstractDrive) -> None:
+    """`ValueError` where the drive does not fit the rig."""
+    signal = drive.torque if isinstance(drive, TorqueDrive) else drive.speed  # pyright: ignore
+    if signal.size != rig.size:
+        raise ValueError(f"the drive has {signal.size} wheels, but the rig has {rig.size}.")
+    if drive.force.size != 3:
+        raise ValueError(f"`force` must have 3 components, but has {drive.force.size}.")

@@ -18,13 +18,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ._phi import PHIS, TAYLOR, doubled, powers, series_weights
+
 # Radau's points beside 0, the roots of (P4 + P5)/(1 + x): none at the end of a step, where the
 # vector field may jump (a gap edge reached, a drive switched)
 _RADAU = (0.13975986434378035, 0.41640956763108316, 0.7231569863618762, 0.9428958038854822)
 FRACTIONS = (*_RADAU, 1.0)  # of a step, where the phi functions are kept
 LEVELS = 24  # step sizes coarsest, coarsest/2, ... coarsest/2^23
-TAYLOR = 18  # degree of the series for short steps, |h A| <= 2
-PHIS = 5
 # (point, stages whose N its polynomial goes through): each round of stages is good to one more
 # power of h than the round before, uniformly in A
 STAGES: tuple[tuple[int | None, tuple[int, ...]], ...] = (
@@ -47,40 +47,6 @@ def _polynomial(through: tuple[int, ...]) -> np.ndarray:
     weights[:degree, list(through)] = inverse
     weights[:degree, 0] = -inverse.sum(axis=1)
     return weights
-
-
-def _series_weights() -> np.ndarray:
-    """1/(i + j)!: the power i of phi_j, j from 1."""
-    rows = range(1, PHIS + 1)
-    return np.array([[1 / math.factorial(i + j) for i in range(TAYLOR + 1)] for j in rows])
-
-
-def _powers(z: Float[Array, "m m"]) -> Float[Array, "p m m"]:
-    powers = [jnp.eye(z.shape[0]), z]
-    for _ in range(TAYLOR - 1):
-        powers.append(powers[-1] @ z)
-    return jnp.stack(powers)
-
-
-def _doubled(carry: tuple[jax.Array, jax.Array], _):
-    """exp(2z) - 1 and phi_j(2z) = 2^-j [exp(z) phi_j(z) + sum_i phi_i(z)/(j - i)!]."""
-    less, phi = carry
-    j = np.arange(1, len(phi) + 1)
-    below = np.array([[1 / math.factorial(a - b) if a >= b else 0.0 for b in j] for a in j])
-    total = less @ phi + phi + jnp.tensordot(below, phi, 1)
-    return (2 * less + less @ less, total * (0.5**j)[:, None, None]), phi
-
-
-def phi_functions(A: Float[Array, "m m"], step, halvings: int) -> list[Float[Array, "j m m"]]:
-    """phi_1 ... phi_3 of step A and of the step halved up to `halvings` times, |step A| < 8000."""
-    z = step * 2.0**-14 * A
-    phi = jnp.tensordot(_series_weights()[:3], _powers(z), 1)
-    pair = jax.lax.fori_loop(0, 14 - halvings, lambda _, x: _doubled(x, None)[0], (z @ phi[0], phi))
-    found = [pair[1]]
-    for _ in range(halvings):
-        pair = _doubled(pair, None)[0]
-        found.append(pair[1])
-    return found[::-1]
 
 
 class LinearPart(dfx.AbstractTerm):
@@ -106,18 +72,18 @@ class LinearPart(dfx.AbstractTerm):
 
         def levels(fraction):
             z = fraction * shortest * A
-            phi = jnp.tensordot(_series_weights(), _powers(z), 1)
-            return jax.lax.scan(_doubled, (z @ phi[0], phi), None, length=LEVELS)[1]
+            phi = jnp.tensordot(series_weights(), powers(z), 1)
+            return jax.lax.scan(doubled, (z @ phi[0], phi), None, length=LEVELS)[1]
 
         phi = jax.vmap(levels, out_axes=1)(jnp.asarray(FRACTIONS))
-        return cls(A, phi, _powers(finest * A), coarsest, finest)
+        return cls(A, phi, powers(finest * A), coarsest, finest)
 
     def at(self, step: Float[Array, ""]) -> Float[Array, "c j m m"]:
         """phi_1, phi_2, ... at `FRACTIONS` of a step: one of the table's or a short one."""
         level = jnp.round(jnp.log2(step / self.coarsest)).astype(int) + LEVELS - 1
         level = jnp.clip(level, 0, LEVELS - 1)
         order = np.arange(TAYLOR + 1)
-        weights = np.asarray(FRACTIONS)[:, None, None] ** order * _series_weights()
+        weights = np.asarray(FRACTIONS)[:, None, None] ** order * series_weights()
 
         def series(_):
             return jnp.tensordot(weights * (step / self.finest) ** order, self.powers, 1)

@@ -7,9 +7,11 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 
 from .. import __version__
 from .._errors import InputError
+from ..dynamics import State
 from ..recording import Recording, write_recording
 from ..recording import channels as channel_names
 from ..rig import Rig, rig_text
@@ -26,11 +28,13 @@ def save_trajectory(
     rig: Rig | None = None,
     rig_path: str | Path | None = None,
     command: str = "",
+    end: State | None = None,
 ) -> Path:
     """Write a run.  `.nc` keeps every channel, unit and the rig; the others are recordings.
 
     `.csv`, `.csv.gz` and `.parquet` hold the inputs and what the sensors of `rig` read, with
-    NAME.toml beside them; rows after a failure are left out.
+    NAME.toml beside them; rows after a failure are left out.  `end` is the machine's state at
+    the last sample of a run that shall go on (`load_end`; `.nc` only).
     """
     path = Path(path)
     kind = check_suffix(path)
@@ -38,6 +42,8 @@ def save_trajectory(
     if kind != ".nc":
         return write_recording(path, to_recording(trajectory, path, rig, rig_path))
     data = to_xarray(trajectory, rig, command)
+    if end is not None:
+        data["end_state"] = ("state", np.asarray(ravel_pytree(end)[0]))
     data.to_netcdf(path, engine="h5netcdf")  # zlib saves a fifth and costs three times the time
     return path
 
@@ -64,6 +70,18 @@ def load_trajectory(path: str | Path) -> Trajectory:
             return _from_dataset(data.load())
     except (OSError, KeyError, ValueError) as error:
         raise InputError(f"{path.name} is not a run of omnijax: {error}") from error
+
+
+def load_end(path: str | Path, like: State) -> tuple[State, str]:
+    """The state at the end of an interrupted run, shaped as `like`, and the run's command."""
+    import xarray
+
+    path = Path(path)
+    with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as data:
+        flat, unravel = ravel_pytree(like)
+        if "end_state" not in data.variables or data["end_state"].shape != flat.shape:
+            raise InputError(f"{path.name} holds no interrupted run of this rig.")
+        return unravel(jnp.asarray(data["end_state"].values)), str(data.attrs["command"])
 
 
 def to_xarray(trajectory: Trajectory, rig: Rig | None = None, command: str = "") -> Any:

@@ -19,8 +19,10 @@ from ..dynamics import Model, linear_system, position_input
 from ..rig import Rig
 from ._channels import trajectory
 from ._drives import TorqueDrive
-from ._exponential import phi_functions
-from ._integrate import (
+from ._phi import phi_functions
+from ._trajectory import Trajectory
+from ._vector import (
+    build_model,
     initial_state,
     initial_state_like,
     pack,
@@ -28,8 +30,6 @@ from ._integrate import (
     state_scale,
     unpack,
 )
-from ._solve import build_model
-from ._trajectory import Trajectory
 
 HALVINGS = 4
 PANELS = 2**HALVINGS  # parabolas of the shape in one step

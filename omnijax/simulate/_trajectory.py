@@ -15,11 +15,13 @@ STATUS = {
     1: "non-finite",
     2: "step limit",
     3: "failed",
+    4: "interrupted",
 }
 REMEDY = {
     1: "the state became infinite: lower `rtol`, or look for a law without bound.",
     2: "the step limit was reached: raise `max_steps`, or loosen `rtol`.",
     3: "the solver gave up: try `solver='kvaerno5'`, or lower `rtol`.",
+    4: "what was computed is kept.",
 }
 
 

@@ -8,7 +8,8 @@ import numpy as np
 from .._errors import InputError
 from ..rig import Rig, rig_text
 from ..simulate import AbstractDrive, SpeedDrive, TorqueDrive
-from ..simulate._solve import build_model, choose_solver
+from ..simulate._solve import choose_solver
+from ..simulate._vector import build_model
 from ._axes import Axis, split_vary
 from ._chunks import BATCHES_A_CHUNK, batch_size
 from ._points import PointSet, build_points

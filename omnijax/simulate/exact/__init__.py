@@ -6,6 +6,7 @@ from ._bulk_rig import bulk_gradients as bulk_gradients
 from ._bulk_rig import bulk_obstacle as bulk_obstacle
 from ._bulk_rig import plan_bulk as plan_bulk
 from ._propagate import propagate as propagate
+from ._propagate import propagation_obstacle as propagation_obstacle
 from ._steady import SteadyState as SteadyState
 from ._steady import steady_state as steady_state
 from ._system import exact_obstacle as exact_obstacle

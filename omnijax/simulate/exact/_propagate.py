@@ -13,6 +13,7 @@ from ...dynamics import TRANSLATIONS, Model, State, initial_memory
 from ...rig import Rig, over_wheels
 from .._channels import trajectory
 from .._drives import SpeedDrive
+from .._lengths import padded, room, samples_of
 from .._signals import Signal
 from .._trajectory import Trajectory
 from ._constant import Response, constant_response
@@ -33,6 +34,15 @@ def is_constant(signal: Signal) -> bool:
     return bool(np.all(values == values[0]) and np.all(slopes == 0))
 
 
+def propagation_obstacle(rig: Rig, drive: SpeedDrive, ts, model: str = "coupled") -> str | None:
+    """Why `propagate` does not take this run, in words; None where it does."""
+    if not (is_constant(drive.speed) and is_constant(drive.force)) and any(
+        is_traced(x) for x in (*jax.tree.leaves((drive.speed, rig.wheels.rollers)), ts)
+    ):
+        return "changing speeds are not known while tracing"
+    return exact_obstacle(rig, model)
+
+
 def propagate(
     rig: Rig, drive: SpeedDrive, ts: Float[Array, " t"], *, model: str = "coupled"
 ) -> Trajectory:
@@ -42,22 +52,20 @@ def propagate(
     does not depend on the contact's damping or stiffness.  Raises `ValueError` for a rig that the
     closed form does not cover (`exact_obstacle` says why).
     """
-    reason = exact_obstacle(rig, model)
+    reason = propagation_obstacle(rig, drive, ts, model)
     if reason is not None:
         raise ValueError(f"no exact propagation: {reason}; use `simulate`.")
     ts = jnp.asarray(ts, float)
     if is_constant(drive.speed) and is_constant(drive.force):
-        return _constant(rig, drive, ts, model)
+        if any(is_traced(x) for x in jax.tree.leaves((rig, drive, ts))):
+            return _constant(rig, drive, ts, model)
+        whole = _constant(rig, drive, padded(ts, room(len(ts))), model)
+        return whole if len(whole.t) == len(ts) else samples_of(whole, 0, len(ts))
     return _varying(rig, drive, ts, model, *_room(rig, drive, ts, model))
 
 
 def _room(rig: Rig, drive: SpeedDrive, ts, model: str) -> tuple[tuple[int, ...], int]:
     """Periods that each wheel may pass between two knots, and the ladder's levels."""
-    if any(is_traced(x) for x in (*jax.tree.leaves((drive.speed, rig.wheels.rollers)), ts)):
-        raise ValueError(
-            "exact propagation at changing speeds needs the drive's and the samples' numbers "
-            "while tracing; use `simulate`."
-        )
     inside = np.clip(np.asarray(drive.speed.knots), float(ts[0]), float(ts[-1]))
     knots = np.unique(np.concatenate([np.asarray(ts[:1]), inside, np.asarray(ts[-1:])]))
     read = jax.vmap(drive.speed)
