@@ -16,7 +16,8 @@ from ..rig import Placed, Rig, place_law
 class Candidate:
     """One law at one place with fixed shape constants: `columns` are its laws of unit strength.
 
-    `decode(coefficients)` gives the law's parameters from the columns' coefficients.
+    `decode(coefficients)` gives the law's parameters from the columns' coefficients, `trials` is
+    how many independent trials the candidate stands for: a line picked for its size, all lines.
     """
 
     id: str
@@ -24,16 +25,12 @@ class Candidate:
     columns: tuple[Placed, ...]
     decode: Callable[[np.ndarray], dict[str, Any]]
     note: str = ""
+    trials: int = 1
 
     @property
     def name(self) -> str:
         """id at place."""
         return f"{self.id}@{self.place}"
-
-    @property
-    def trials(self) -> int:
-        """How many independent trials the candidate stands for: a line, all its frequencies."""
-        return 250 if self.id == "floor-vibration" else 1
 
     def allowed(self, coefficients: np.ndarray) -> bool:
         """Whether the signs are physical: bounds kept, a law without strength not turned round."""
@@ -50,10 +47,14 @@ class Candidate:
 
 
 class Context:
-    """What enumerates candidates: the rig, the channels at hand, typical deflections, and lines."""
+    """What enumerates candidates: the rig, the channels at hand, typical deflections, and lines.
 
-    def __init__(self, rig: Rig, groups, mount_rms: np.ndarray, lines: tuple[float, ...]):
+    `samples` of the longest run is about how many lines (half a resolution apart) could be picked.
+    """
+
+    def __init__(self, rig: Rig, groups, mount_rms, lines: tuple[float, ...], samples: int):
         self.rig, self.groups, self.mount_rms, self.lines = rig, groups, mount_rms, lines
+        self.samples = samples
 
 
 def number(x) -> Any:
@@ -242,7 +243,8 @@ def _floor(law, place, context):
             for e in np.eye(3)
             for p in (0.0, math.pi / 2)
         )
-        out.append(Candidate(law.id, place, columns, lambda c, f=f: _line(c, f), f"{f:.3f} Hz"))
+        out.append(Candidate(law.id, place, columns, lambda c, f=f: _line(c, f), f"{f:.3f} Hz",
+                             context.samples))  # fmt: skip
     return out
 
 

@@ -43,9 +43,8 @@ def diagnose(
     rows = [model.machine.rows[i] for i in model.splits["held-out"]]
     declared = all(t["source"] == "declared" for t in table.values())
     judged = judge(
-        model, found, group_squares(rows, before), group_squares(rows, after), declared,
-        model.angle_noise(found.baseline.point, "held-out"),
-    )  # fmt: skip
+        model, found, group_squares(rows, before), group_squares(rows, after), declared
+    )
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     learned = None
     if judged.verdict == "unknown":

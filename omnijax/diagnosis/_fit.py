@@ -61,7 +61,7 @@ def _jacobian(model: AbstractModel, point, free, residual, baseline=None):
     return changed if baseline is None else np.concatenate([baseline, changed], axis=1)
 
 
-def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 6,
+def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 20,
           widths: bool = False, tolerance: float = 0.02) -> Fit:  # fmt: skip
     """Refit `point` on the train runs.
 

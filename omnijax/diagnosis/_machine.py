@@ -20,6 +20,7 @@ from ._elastic import (
     step_laws,
     step_matrices,
 )
+from ._encoders import response_columns, smoother_modes, walk_modes, whitener
 from ._laws import along
 from ._modes import Modes, observe, propagate
 from ._motion import (
@@ -33,7 +34,7 @@ from ._motion import (
 from ._observer import needs_observer, observed_turning
 from ._ports import law_tensions
 from ._rotation import Turning, base_torques, turning
-from ._rows import Rows, make_rows
+from ._rows import Rows, make_rows, orthonormal
 from ._runs import FINE, SHAPE, Run
 
 
@@ -66,34 +67,54 @@ class Machine:
         self.ratios: list[float | None] = [None] * len(runs)
         self._normal: dict[int, np.ndarray] = {}  # N of the last rig: where the next one starts
         self._kept: dict[str, dict] = {"motion": {}, "rotated": {}, "modes": {}}
+        self.window = window
         self.rows: list[Rows] = []
         self.rebase(rig)
-        self.set_window(window)
 
-    def set_window(self, window: float) -> None:
-        """Length of the windows at whose start Omega and s are free, s (0: the whole run)."""
-        self.window = window
-        motions = self.motions(self.rig)
-        self.rows = [
-            make_rows(run, self.noise, self.length_noise, motions[i].axes, window, self.rig.size)
-            for i, run in enumerate(self.runs)
-        ]
-        for i, run in enumerate(self.runs):
-            if run.rolling_start(self.noise):
-                self._free_elastic_start(i, run)
+    def _make_rows(self, rig: Rig, i: int) -> Rows:
+        """Weights, nuisance directions and the encoders' part of the covariance of one run.
 
-    def _free_elastic_start(self, i: int, run: Run) -> None:
+        Omega and s are free at the start of every window (0 s: once).
+        """
+        run, m = self.runs[i], self.motions(rig, [i])[i]
+        rows = make_rows(run, self.noise, self.length_noise, m.axes, self.window, rig.size)
+        columns = response_columns(
+            self.modes(rig), run, m, self.tables_of(rig).rho_slope(m.theta),
+            self._angle_errors(rig, i), rows.elastic,
+        )  # fmt: skip
+        if columns.any():
+            rows.coloured = whitener(columns)
+        if run.rolling_start(self.noise):
+            self._free_elastic_start(rig, run, rows)
+        return rows
+
+    def _angle_errors(self, rig: Rig, i: int) -> list[np.ndarray]:
+        """By wheel: modes (samples, k) of the error of the angle behind the prediction, rad."""
+        run, ratio = self.runs[i], self.ratios[i]
+        radius = float(rig.sphere.radius) / np.asarray(rig.wheels.radius)
+        measured = run.outputs.get("theta", np.full((run.samples, rig.size), np.nan))
+        out = []
+        for k in range(rig.size):
+            if np.isfinite(measured[:, k]).any():
+                modes, gains = smoother_modes(run.samples, ratio or 1.0)
+                out.append(modes * np.sqrt(gains) * self.length_noise[k] * radius[k])
+            else:  # the angle is the integral of Omega
+                modes, power = walk_modes(run.samples, run.step, self.noise.get("Omega", 0.0))
+                out.append(modes * np.sqrt(power) * radius[k])
+        return out
+
+    def _free_elastic_start(self, rig: Rig, run: Run, rows: Rows) -> None:
         """A run that begins rolling: its elastic state at the first sample is free."""
-        from ._rows import _orthonormal
-
-        m, rows = self.modes(self.rig), self.rows[i]
+        m = self.modes(rig)
         zero = np.zeros((run.samples - 1, len(m.rates)), complex)
         columns = []
         for k in range(len(m.A)):
             z = propagate(m, run.step, zero, m.inverse @ np.eye(len(m.A))[k])
             out = observe(m, z, ("displacement", "acceleration"))
             columns.append((out * rows.elastic).ravel())
-        rows.nuisance.append((slice(0, rows.elastic.size), _orthonormal(np.stack(columns, 1))))
+        free = np.stack(columns)
+        rows.whiten(free)
+        rows.nuisance.append((slice(0, rows.elastic.size), orthonormal(free.T)))
 
     def rebase(self, rig: Rig) -> None:
         """Smooth the angles anew, about what `rig` predicts from the torques."""
@@ -105,6 +126,8 @@ class Machine:
             self._kept = {name: {} for name in self._kept}
             self.references = found
             self.ratios = [None] * len(self.runs)
+        self.motions(rig)
+        self.rows = [self._make_rows(rig, i) for i in range(len(self.runs))]
 
     def _keep(self, stage: str, key: bytes, make):
         kept = self._kept[stage]

@@ -94,6 +94,12 @@ class AbstractModel(abc.ABC):
     def rebase(self, point: Point) -> None:  # noqa: B027, nothing to prepare by default
         """Prepare for work around `point` (smoothing, linearisation)."""
 
+    def shuffled(self, residual: np.ndarray, seed: int, blocks: int = 40) -> np.ndarray:
+        """A residual in blocks of changed order and sign: its colour, but tied to no signature."""
+        rng = np.random.default_rng(seed)
+        parts = np.array_split(np.roll(residual, rng.integers(len(residual))), blocks)
+        return np.concatenate([rng.choice([-1.0, 1.0]) * parts[k] for k in rng.permutation(blocks)])
+
     def free(self, point: Point, widths: bool = False) -> list[Free]:
         """The numbers of the point's effects that a refit may change."""
         return free_numbers(self, point, widths)

@@ -12,7 +12,6 @@ from ._machine import Machine
 from ._model import AbstractModel, Point, Prior, free_numbers
 from ._runs import Run
 from ._signatures import base_of, signature
-from ._smooth import smooth
 
 LINES = 12  # spectral lines of `a` that are tried as floor vibrations
 
@@ -52,6 +51,21 @@ class RigModel(AbstractModel):
     def dof(self, split):
         return sum(self.machine.rows[i].used for i in self.splits[split])
 
+    def shuffled(self, residual, seed, blocks=40):
+        """Shuffled in time, run by run, with all channels of a moment kept together."""
+        rng, out, offset = np.random.default_rng(seed), [], 0
+        for i in self.splits["train"]:
+            rows = self.machine.rows[i]
+            elastic, rotation = rows.split(residual[offset : offset + rows.size])
+            offset += rows.size
+            pieces = np.array_split(np.roll(np.arange(rows.samples), rng.integers(rows.samples)),
+                                    blocks)  # fmt: skip
+            pieces = [pieces[k] for k in rng.permutation(blocks)]
+            order = np.concatenate(pieces)
+            signs = np.repeat(rng.choice([-1.0, 1.0], blocks), [len(p) for p in pieces])[:, None]
+            out += [(signs * elastic[order]).ravel(), (signs * rotation[order]).ravel()]
+        return np.concatenate(out)
+
     def rebase(self, point):
         self.machine.rebase(self.rig_at(point))
 
@@ -61,32 +75,13 @@ class RigModel(AbstractModel):
         predicted = self.machine.elastic([rig], which)[0]
         return [base_of(self.machine, rig, i, p) for i, p in zip(which, predicted, strict=True)]
 
-    def angle_noise(self, point: Point, split: str) -> dict[str, float]:
-        """Mean square, in sigma^2, that what is left of the encoders' noise causes in dR and a.
-
-        One draw of that noise, smoothed as the angles are, looked up in the wheels' slopes.
-        """
-        from ._signatures import angle_error
-
-        rng, squares = np.random.default_rng(0), np.zeros(6)
-        weights = np.zeros(6)
-        for base in self.bases(point, split):
-            rows = self.machine.rows[base.index]
-            noise = self.machine.length_noise * rng.normal(size=(base.run.samples, self.rig.size))
-            ratio = self.machine.ratios[base.index]
-            left = smooth(noise, float(np.mean(self.machine.length_noise)), ratio)[0]
-            table = angle_error(base, left) * rows.elastic
-            squares += np.sum(table**2, axis=0)
-            weights += np.sum(rows.elastic > 0, axis=0)
-        mean = squares / np.maximum(weights, 1)
-        return {"dR": float(mean[:3].mean()), "a": float(mean[3:].mean())}
-
     def candidates(self, point):
         self._bases = self.bases(point)
         rms = np.sqrt(
             np.mean([np.mean(b.mount.deflection**2, axis=0) for b in self._bases], axis=0)
         )
-        context = Context(self.rig, self.groups, rms, self._lines(point))
+        longest = max(self.machine.runs[i].samples for i in self.splits["train"])
+        context = Context(self.rig, self.groups, rms, self._lines(point), longest)
         return candidates(context, self.laws)
 
     def _lines(self, point: Point) -> tuple[float, ...]:
@@ -115,18 +110,19 @@ class RigModel(AbstractModel):
         return tuple(kept)
 
     def columns(self, point, candidates: Sequence[Candidate], tell: Callable = lambda *a: None):
+        placed = [p for c in candidates for p in c.columns]
         rows = [self.machine.rows[b.index] for b in self._bases]
-        out = []
-        for k, candidate in enumerate(candidates):
-            parts = []
-            for base, row in zip(self._bases, rows, strict=True):
-                tables = [signature(base, placed) for placed in candidate.columns]
-                stacked = np.stack([row.vector(*t) for t in tables], axis=1)
-                parts.append(row.project(stacked))
-            out.append(np.concatenate(parts))
+        table = np.empty((len(placed), sum(r.size for r in rows)))
+        for k, law in enumerate(placed):
+            parts = [r.vector(*signature(b, law)) for b, r in zip(self._bases, rows, strict=True)]
+            table[k] = np.concatenate(parts)
             if k % 20 == 0:
-                tell(k / len(candidates))
-        return out
+                tell(k / len(placed))
+        cut = np.cumsum([0] + [r.size for r in rows])
+        for row, first, last in zip(rows, cut[:-1], cut[1:], strict=True):
+            row.take_off(table[:, first:last])
+        ends = np.cumsum([0] + [len(c.columns) for c in candidates])
+        return [table[a:b].T for a, b in zip(ends[:-1], ends[1:], strict=True)]
 
 
 def rig_priors(rig: Rig) -> list[Prior]:

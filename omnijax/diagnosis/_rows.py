@@ -15,12 +15,14 @@ class Rows:
 
     `weight` is 1/sigma, 0 where nothing usable was measured.  `nuisance` holds (slice, orthonormal
     columns): Omega and s at the start of every window, and the elastic state of a rolling start.
+    `coloured` whitens the elastic rows further, where the encoders' noise enters them: (U, shrink).
     """
 
     samples: int
     elastic: np.ndarray
     rotation: np.ndarray
     nuisance: list[tuple[slice, np.ndarray]]
+    coloured: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def size(self) -> int:
@@ -37,11 +39,23 @@ class Rows:
         return out
 
     def project(self, x: np.ndarray) -> np.ndarray:
-        """`x` (rows,) or (rows, k) less its part along the nuisance directions."""
-        x = x.copy()
+        """`x` (rows,) or (rows, k), whitened, less its part along the nuisance directions."""
+        many = np.array(x.T, order="C", ndmin=2)
+        self.take_off(many)
+        return many[0] if x.ndim == 1 else many.T
+
+    def take_off(self, x: np.ndarray) -> None:
+        """`project` of row vectors (k, rows), in place."""
+        self.whiten(x)
         for part, q in self.nuisance:
-            x[part] -= q @ (q.T @ x[part])
-        return x
+            x[:, part] -= (x[:, part] @ q) @ q.T
+
+    def whiten(self, x: np.ndarray) -> None:
+        """Take the encoders' part of the elastic covariance off row vectors (k, rows), in place."""
+        if self.coloured is not None:
+            U, shrink = self.coloured
+            elastic = x[:, : self.elastic.size]
+            elastic -= (elastic @ U * shrink) @ U.T
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A row vector as its (elastic, rotation) tables, whitened."""
@@ -77,7 +91,7 @@ def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -
         width = rotation.shape[1]
         offset = elastic.size
         part = slice(offset + first * width, offset + last * width)
-        rows.nuisance.append((part, _orthonormal(columns)))
+        rows.nuisance.append((part, orthonormal(columns)))
     return rows
 
 
@@ -103,7 +117,7 @@ def _start_columns(first, last, run: Run, axes, weight) -> np.ndarray:
     return (columns * weight[:, :, None]).reshape(-1, 3 + wheels)
 
 
-def _orthonormal(columns: np.ndarray) -> np.ndarray:
+def orthonormal(columns: np.ndarray) -> np.ndarray:
     scale = np.linalg.norm(columns, axis=0)
     columns = columns[:, scale > 0] / scale[scale > 0]
     if columns.shape[1] == 0:

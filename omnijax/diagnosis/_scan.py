@@ -8,6 +8,11 @@ import numpy as np
 from scipy.stats import chi2 as chi2_law
 
 
+def chance(gain: float, columns: int) -> float:
+    """Probability of such a gain in `columns` directions of white noise."""
+    return float(chi2_law.sf(gain, max(1, columns)))
+
+
 @dataclasses.dataclass(frozen=True)
 class Score:
     """One candidate's score test: gain in chi2, its degrees of freedom, coefficients.
@@ -25,8 +30,14 @@ class Score:
 
     @property
     def p(self) -> float:
-        """Probability of such a gain without the effect (chi-square, one trial)."""
-        return float(chi2_law.sf(self.gain, max(1, self.columns)))
+        """Probability of such a gain without the effect, its trials counted (Sidak)."""
+        one = chance(self.gain, self.columns)
+        return float(-np.expm1(self.candidate.trials * np.log1p(-min(one, 1 - 1e-16))))
+
+    @property
+    def merit(self) -> float:
+        """Gain less half of log N a column: what a free number is worth among 1e5 samples."""
+        return self.gain - 12.0 * self.columns
 
 
 class Signatures:
@@ -36,16 +47,17 @@ class Signatures:
         self.candidates = list(candidates)
         widths = [x.shape[1] for x in columns]
         self.ends = np.cumsum([0, *widths])
-        self.matrix = np.concatenate(columns, axis=1)
-        size = np.linalg.norm(self.matrix, axis=0)
+        self.table = np.concatenate([np.ascontiguousarray(x.T) for x in columns])  # (k, rows)
+        size = np.sqrt(np.einsum("kr,kr->k", self.table, self.table))
         self.scale = np.where(size > 0, size, 1.0)
-        self.matrix /= self.scale
-        self.gram = self.matrix.T @ self.matrix
+        self.table /= self.scale[:, None]
+        self.gram = self.table @ self.table.T
 
-    def scan(self, residual, J, priors: int, u) -> "Scan":
+    def scan(self, residual, J, priors: int, u, scrambled=()) -> "Scan":
         """Score every candidate against `residual` with the tangents `J` projected out.
 
-        The first `priors` tangents have a unit prior about 0 and stand at `u`.
+        The first `priors` tangents have a unit prior about 0 and stand at `u`.  `scrambled`
+        residuals score the decoys.
         """
         k = J.shape[1]
         prior = np.zeros((priors, k))
@@ -55,10 +67,12 @@ class Signatures:
         q = _basis(tall / np.where(scale > 0, scale, 1.0)) if k else tall
         top = q[: len(residual)]
         rest = np.concatenate([residual, u])
-        inside = top.T @ self.matrix
-        gram = self.gram - inside.T @ inside
-        right = self.matrix.T @ residual - inside.T @ (q.T @ rest)
-        return Scan(self, gram, right)
+        inside = self.table @ top
+        gram = self.gram - inside @ inside.T
+        right = self.table @ residual - inside @ (q.T @ rest)
+        decoys = [Scan(self, gram, self.table @ x - inside @ (top.T @ x)) for x in scrambled]
+        best = max((s.merit for d in decoys for s in d.scores if s.allowed), default=0.0)
+        return Scan(self, gram, right, best)
 
 
 def _basis(tall):
@@ -69,11 +83,10 @@ def _basis(tall):
 class Scan:
     """Scores of all candidates, best first, and the angles between their projected signatures."""
 
-    def __init__(self, signatures: Signatures, gram, right):
-        self.signatures, self.gram, self.right = signatures, gram, right
+    def __init__(self, signatures: Signatures, gram, right, decoy: float = 0.0):
+        self.signatures, self.gram, self.right, self.decoy = signatures, gram, right, decoy
         self.scores = [self._score(i) for i in range(len(signatures.candidates))]
-        # half of N log N a column: what a free number is worth in a set of 1e5 samples
-        self.order = sorted(self.scores, key=lambda s: -(s.gain - 12.0 * s.columns))
+        self.order = sorted(self.scores, key=lambda s: -s.merit)
 
     def _part(self, i: int) -> slice:
         return slice(self.signatures.ends[i], self.signatures.ends[i + 1])

@@ -7,11 +7,12 @@ import numpy as np
 
 from ._fit import Fit, refit
 from ._model import AbstractModel, Effect, Point
-from ._scan import Scan, Score, Signatures
+from ._scan import Scan, Score, Signatures, chance
 
 ALPHA = 1e-3  # chance of a false candidate in a whole scan
-HELD_GAIN = 10.0  # least gain of chi2 on held-out runs
-HELD_SHARE = 0.15  # least gain per held-out sample, relative to the train runs
+HELD_SURE = 4.0  # standard deviations by which held-out runs must confirm a predicted change
+HELD_SHARE = 0.65  # least share of the predicted change that held-out runs show
+SHUFFLES = 4  # shuffled residuals whose best candidate is the decoy to beat
 CLOSED = 0.95  # share of the held-out gap that a named set has to close
 MARGIN = 25.0  # least difference of chi2 between the joint refits of rivals
 MOST = 4  # effects
@@ -19,13 +20,54 @@ STEPPED = ("contact", "mount", "separation")
 
 
 @dataclasses.dataclass(frozen=True)
+class HeldOut:
+    """What the held-out runs say of a change d of the prediction, r the residual before it.
+
+    d was fitted elsewhere, so without an effect d.r/|d| is standard normal: one test, no multiple.
+    With the effect r = d + noise, so the multiplier d.r/d.d is 1; a change that explains something
+    else, or noise, has another one, below 1/2 where it makes the residual larger.
+    """
+
+    gain: float  # fall of chi2, |r|^2 - |r - d|^2
+    size: float  # d.d
+
+    @staticmethod
+    def of(before: np.ndarray, after: np.ndarray) -> "HeldOut":
+        """From the residuals before and after."""
+        d = before - after
+        return HeldOut(float(d @ (before + after)), float(d @ d))
+
+    @property
+    def multiplier(self) -> float:
+        """Share of the predicted change that is there."""
+        return 0.5 * (self.gain / self.size + 1) if self.size > 0 else 0.0
+
+    @property
+    def sure(self) -> float:
+        """Standard deviations of the multiplier from zero."""
+        return self.multiplier * float(np.sqrt(self.size))
+
+    def confirms(self, gain: float) -> bool:
+        """Whether it is the effect that gained `gain` on the train runs."""
+        if not np.isfinite(self.gain):
+            return False
+        spread = np.sqrt(1 / max(self.size, 1e-300) + 1 / max(gain, 1e-300))
+        return self.sure > HELD_SURE and self.multiplier > HELD_SHARE - min(3 * spread, 0.15)
+
+
+@dataclasses.dataclass(frozen=True)
 class Trial:
-    """A refitted rival: the effect, its fit, and what it gains beside the point it was added to."""
+    """A refitted rival: the effect, its fit, its gain on the train runs, and the held-out runs."""
 
     effect: Effect
     fit: Fit
     gain: float
-    held_gain: float
+    held: HeldOut
+
+    @property
+    def accepted(self) -> bool:
+        """Whether held-out runs confirm what the train runs gained."""
+        return self.held.confirms(self.gain)
 
 
 @dataclasses.dataclass
@@ -44,15 +86,29 @@ class Found:
     priors: tuple = ()
 
 
+def residual_of(model: AbstractModel, point: Point, split: str) -> np.ndarray:
+    """Residual of a point on the runs of `split`."""
+    return model.residuals([point], split)[0]
+
+
 def chi2_of(model: AbstractModel, point: Point, split: str) -> float:
     """chi2 of a point on the runs of `split`."""
     (r,) = model.residuals([point], split)
     return float(r @ r)
 
 
-def threshold(score: Score, count: int) -> bool:
-    """Whether a score is significant among `count` candidates."""
-    return score.p * score.candidate.trials * count < ALPHA
+def significant(scan: Scan, spread: float) -> list[Score]:
+    """The best variant of every (id, place) that stands out, best first.
+
+    A gain is compared with the residual's own `spread` (chi2 a degree of freedom, at least 1), with
+    its chance among all candidates, and with what the best decoy gained.
+    """
+    count, decoy = len(scan.scores), scan.decoy
+    return [
+        s for s in scan.best_per_name()
+        if chance(s.gain / spread, s.columns) * s.candidate.trials * count < ALPHA
+        and s.merit > decoy
+    ]  # fmt: skip
 
 
 def is_stepped(model: AbstractModel, effects) -> bool:
@@ -71,28 +127,26 @@ class Search:
         model = self.model
         self.tell("calibrating the uncertain parameters")
         start = Point(np.zeros(len(model.priors)))
-        fit = refit(model, start, rounds=3)
+        fit = refit(model, start)
         model.rebase(fit.point)
-        baseline = fit = refit(model, fit.point, baseline=fit.jacobian, rounds=3)
-        held_before = held = chi2_of(model, fit.point, "held-out")
-        scans, all_trials, refused, significant = [], [], [], False
-        self.held_ratio = model.dof("train") / max(1, model.dof("held-out"))
+        baseline = fit = refit(model, fit.point, baseline=fit.jacobian)
+        held_before = chi2_of(model, fit.point, "held-out")
+        scans, all_trials, refused, found_any = [], [], [], False
         while len(fit.point.effects) < MOST:
-            scan = self.scan(fit)
-            scans.append(scan)
-            trials = self.trials(fit, scan, held)
+            scans.append(self.scan(fit))
+            trials = self.trials(fit, scans[-1])
             all_trials.append(trials)
-            if not trials:
+            found_any |= bool(trials)
+            refused += [t.effect.name for t in trials if not t.accepted]
+            best = next((t for t in trials if t.accepted), None)
+            if best is None:
                 break
-            significant = True
-            best = trials[0]
-            if not self.accepted(best):
-                refused.append(best.effect.name)
-                break
-            self.tell(f"accepted {best.effect.name}: held-out gain {best.held_gain:.0f}")
+            self.tell(
+                f"accepted {best.effect.name}: held-out runs show "
+                f"{best.held.multiplier:.2f} ± {1 / np.sqrt(best.held.size):.2g} of the change"
+            )
             fit = self.settle(best.fit)
-            held = chi2_of(model, fit.point, "held-out")
-            if self.floor_reached(fit, held):
+            if self.floor_reached(fit, chi2_of(model, fit.point, "held-out")):
                 break
         fit, rivals = self.review(fit, scans)
         held = chi2_of(model, fit.point, "held-out")
@@ -105,7 +159,7 @@ class Search:
             all_trials,
             rivals,
             refused,
-            significant,
+            found_any,
             tuple(model.priors),
         )
 
@@ -116,33 +170,36 @@ class Search:
         self.tell(f"{len(candidates)} candidates")
         columns = model.columns(fit.point, candidates, lambda share: None)
         signatures = Signatures(candidates, columns)
-        return signatures.scan(fit.residual, fit.jacobian, len(model.priors), fit.point.u)
+        scrambled = [model.shuffled(fit.residual, seed) for seed in range(SHUFFLES)]
+        return signatures.scan(
+            fit.residual, fit.jacobian, len(model.priors), fit.point.u, scrambled
+        )
 
-    def trials(self, fit: Fit, scan: Scan, held: float) -> list[Trial]:
+    def trials(self, fit: Fit, scan: Scan) -> list[Trial]:
         """Joint refits of the best significant candidates, best first."""
         have = {e.name for e in fit.point.effects}
-        count = len(scan.scores)
-        best = [s for s in scan.best_per_name() if s.candidate.name not in have]
-        best = [s for s in best if threshold(s, count)]
-        if not best:
-            return []
-        short = [s for s in best[:4] if s.gain > 0.2 * best[0].gain]
+        spread = max(1.0, fit.chi2 / self.model.dof("train"))
+        best = [s for s in significant(scan, spread) if s.candidate.name not in have]
+        before = residual_of(self.model, fit.point, "held-out")
         trials = []
-        for score in short:
-            trial = self.try_out(fit, score, held)
-            self.tell(f"{trial.effect.name}: gain {trial.gain:.0f}, held-out {trial.held_gain:.0f}")
+        for score in [s for s in best[:4] if s.gain > 0.2 * best[0].gain]:
+            trial = self.try_out(fit, score, before)
+            self.tell(
+                f"{trial.effect.name}: gain {trial.gain:.0f}, held-out {trial.held.gain:.0f}, "
+                f"share {trial.held.multiplier:.2f}"
+            )
             trials.append(trial)
-            if self.floor_reached(trial.fit, held - trial.held_gain):
+            if self.floor_reached(trial.fit, float(before @ before) - trial.held.gain):
                 break  # nothing left to explain; near rivals are tried in `challenge`
 
-        # a free number costs half of log N, as in the Bayesian information criterion
+        # a free number costs log N, as in the Bayesian information criterion
         def cost(t):
             return t.fit.cost + np.log(len(t.fit.residual)) * len(t.fit.free)
 
         return sorted(trials, key=cost)
 
-    def try_out(self, fit: Fit, score: Score, held: float) -> Trial:
-        """Add one candidate and refit everything together."""
+    def try_out(self, fit: Fit, score: Score, before: np.ndarray) -> Trial:
+        """Add one candidate and refit everything together; `before` is the held-out residual."""
         c = score.candidate
         effect = Effect(c.id, c.place, c.decode(score.coefficients))
         effects = (*fit.point.effects, effect)
@@ -150,9 +207,10 @@ class Search:
         P = len(self.model.priors)
         tangents = None if is_stepped(self.model, effects) else fit.jacobian[:, :P]
         point = self.tamed(point, fit.cost)
-        new = refit(self.model, point, baseline=tangents, rounds=4)
-        after = chi2_of(self.model, new.point, "held-out")
-        return Trial(new.point.effects[-1], new, fit.cost - new.cost, held - after)
+        enough = max(0.02, 1e-3 * score.gain)
+        new = refit(self.model, point, baseline=tangents, rounds=8, tolerance=enough)
+        after = residual_of(self.model, new.point, "held-out")
+        return Trial(new.point.effects[-1], new, fit.cost - new.cost, HeldOut.of(before, after))
 
     def tamed(self, point: Point, cost: float) -> Point:
         """The point with its newest effect weakened until it is no worse than without it."""
@@ -169,15 +227,10 @@ class Search:
                 return weaker
         return weaker
 
-    def accepted(self, trial: Trial) -> bool:
-        """Whether held-out runs confirm what the train runs gained."""
-        enough = trial.held_gain * self.held_ratio > HELD_SHARE * trial.gain
-        return trial.held_gain > HELD_GAIN and enough
-
     def settle(self, fit: Fit) -> Fit:
         """Smooth about the new point and polish there, with tangents of its own."""
         self.model.rebase(fit.point)
-        return self.widened(refit(self.model, fit.point, rounds=5))
+        return self.widened(refit(self.model, fit.point, rounds=10))
 
     def widened(self, fit: Fit) -> Fit:
         """The fit with the friction laws' widths free, where the data ask for other widths.

@@ -311,17 +311,6 @@ def _encoder(base: Base, placed: Placed, channel: str):
     return _transfer(base, shape=shape), rotation
 
 
-def angle_error(base: Base, length: np.ndarray) -> np.ndarray:
-    """dR and a (samples, 6) caused by an error of the rolled lengths (samples, n)."""
-    from ._elastic import refine
-
-    radius = (np.asarray(base.rig.wheels.radius) + base.motion.shape[::FINE]) / float(
-        base.rig.sphere.radius
-    )
-    slope = base.tables.rho_slope(base.motion.theta_shape)
-    return _transfer(base, shape=slope * refine(length / radius, SHAPE))
-
-
 _PORTS = {
     "shape": _shape, "surface": _surface, "contact": _contact, "mount": _mount,
     "separation": _separation, "shaft": _shaft, "rolling": _rolling, "sphere": _body,

@@ -6,7 +6,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
-def _penalty(n: int) -> np.ndarray:
+def penalty(n: int) -> np.ndarray:
     """Upper banded form (4, n) of the third differences' D^T D."""
     band = np.zeros((4, n))
     for i, a in enumerate(THIRD):
@@ -22,11 +22,11 @@ def smooth(values: np.ndarray, sigma: float, ratio: float) -> tuple[np.ndarray, 
     state; missing (NaN) samples carry no weight.
     """
     n, result, score = len(values), np.empty_like(values), 0.0
-    penalty = ratio * _penalty(n)
+    stiff = ratio * penalty(n)
     for c in range(values.shape[1]):
         weight = np.isfinite(values[:, c]).astype(float)
         y = np.where(weight > 0, values[:, c], 0.0)
-        matrix = penalty.copy()
+        matrix = stiff.copy()
         matrix[3] += weight
         factor = cholesky_banded(matrix)
         x = cho_solve_banded((factor, False), weight * y)
@@ -39,7 +39,7 @@ def smooth(values: np.ndarray, sigma: float, ratio: float) -> tuple[np.ndarray, 
 def likeliest(values: np.ndarray, sigma: float) -> float:
     """The most likely ratio of noise to jerk (a ladder, two a decade)."""
     centred = values - np.nanmean(values, axis=0)
-    ladder = 10.0 ** np.arange(0.0, 9.1, 0.5)
+    ladder = 10.0 ** np.arange(0.0, 11.1, 0.5)
     scores = [smooth(centred, sigma, ratio)[1] for ratio in ladder]
     return float(ladder[int(np.argmin(scores))])
 

@@ -22,15 +22,10 @@ class Judged:
 
 
 def judge(
-    model: AbstractModel, found: Found, before: dict, after: dict, declared: bool, extra: dict
+    model: AbstractModel, found: Found, before: dict, after: dict, declared: bool
 ) -> Judged:
-    """The verdict from the search and the held-out (squares, dof) by group before and after.
-
-    `extra` is the mean square in sigma^2 that the inputs' own noise adds to a group.
-    """
+    """The verdict from the search and the held-out (squares, dof) by group before and after."""
     slack = 1.0 if declared else (1 + SLACK) ** 2
-    before = {g: (s, dof * (1 + extra.get(g, 0.0))) for g, (s, dof) in before.items()}
-    after = {g: (s, dof * (1 + extra.get(g, 0.0))) for g, (s, dof) in after.items()}
     count = sum(dof for _, dof in after.values())
     floor = sum(min(after[g][0], slack * after[g][1]) for g in after)
     total_before = sum(s for s, _ in before.values())

@@ -1,0 +1,95 @@
+"""What the encoders' noise leaves in dR and a: a covariance of low rank.
+
+The elastic model is driven by smoothed angles.  Their error is smooth too: with S the smoother of
+`_smooth`, its covariance is sigma^2 S (the posterior of a white-jerk angle).  Where a wheel's shape
+has a slope the error moves the sphere, as an input rho'(theta) e that the elastic model answers
+with G.  So whitened dR and a have the covariance I + B B^T, B = sigma G rho' S^(1/2), of a rank far
+below their number.  Scores that took them for white called encoder noise an effect.
+"""
+
+import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.signal import lfilter
+
+from ._modes import Modes, hold_weights
+from ._motion import Motion
+from ._runs import FINE, Run
+from ._smooth import penalty
+
+MOST = 100  # modes a wheel; a rougher smoother's are cut off
+LEAST = 0.05  # gain of the smoother below which a mode does not count
+CHUNK = 32  # columns pushed through the elastic model at once
+
+
+def smoother_modes(samples: int, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormal modes (samples, k) of the smoother (I + ratio D^T D)^-1, and its gains (k,)."""
+    edge = (1 / LEAST - 1) / ratio  # (2 sin(w/2))^6 of the last mode that counts
+    ratio = max(ratio, (1 / LEAST - 1) * (samples / (np.pi * MOST)) ** 6)
+    edge = (1 / LEAST - 1) / ratio
+    count = min(samples, int(samples / np.pi * edge ** (1 / 6)) + 16)
+    matrix = ratio * penalty(samples)
+    matrix[3] += 1.0
+    factor = (cholesky_banded(matrix), False)
+    basis = np.random.default_rng(0).normal(size=(samples, count))
+    for _ in range(2):
+        basis = np.linalg.qr(cho_solve_banded(factor, basis))[0]
+    small = basis.T @ cho_solve_banded(factor, basis)
+    gains, vectors = np.linalg.eigh((small + small.T) / 2)
+    kept = gains > LEAST
+    return basis @ vectors[:, kept], np.minimum(gains[kept], 1.0)
+
+
+def walk_modes(samples: int, step: float, scatter: float) -> tuple[np.ndarray, np.ndarray]:
+    """Modes and variances of the integral of white noise of 1-sigma `scatter` at the samples."""
+    count = min(samples, MOST // 2)
+    k = np.arange(count) + 0.5
+    time = (np.arange(samples) + 0.5) / samples
+    modes = np.sqrt(2 / samples) * np.sin(np.pi * np.outer(time, k))
+    return modes, (scatter * step * samples / (np.pi * k)) ** 2
+
+
+def shape_response(modes: Modes, step: float, wheel: int, signals: np.ndarray) -> np.ndarray:
+    """dR and a (samples, 6, c) of shape inputs (FINE points, c) under one wheel, from rest."""
+    points, columns = signals.shape
+    samples = (points - 1) // FINE + 1
+    column = modes.inputs["shape"].start + wheel
+    weights = hold_weights(modes.rates, step, FINE) * modes.gains[:, column]
+    parts = signals[:-1].reshape(samples - 1, FINE, columns)
+    last = signals[FINE::FINE]
+    C, D = modes.out(("displacement", "acceleration"))
+    out = D[:, column][None, :, None] * signals[::FINE, None, :]
+    start = -modes.gains[:, column] / modes.rates
+    for k, shape in enumerate((C @ modes.shapes).T):
+        push = np.tensordot(weights[:FINE, k], parts, (0, 1)) + weights[FINE, k] * last
+        decay = np.exp(modes.rates[k] * step)
+        first = start[k] * signals[:1]
+        z = lfilter([1.0], [1.0, -decay], push, axis=0, zi=decay * first)[0]
+        z = np.concatenate([first, z])
+        out += shape.real[:, None] * z.real[:, None, :] - shape.imag[:, None] * z.imag[:, None, :]
+    return out
+
+
+def response_columns(modes: Modes, run: Run, motion: Motion, slopes, errors, weights) -> np.ndarray:
+    """B: whitened dR and a (rows, k) of every wheel's error modes.
+
+    `slopes` are rho'(theta) at the FINE points, `errors` by wheel the modes (samples, k) of the
+    angle's error in rad with their size, `weights` (samples, 6) 1/sigma.
+    """
+    out = []
+    share = np.arange(FINE)[:, None] / FINE
+    for i, error in enumerate(errors):
+        for at in range(0, error.shape[1], CHUNK):
+            e = error[:, at : at + CHUNK]
+            fine = e[:-1, None] * (1 - share) + e[1:, None] * share
+            fine = np.concatenate([fine.reshape(-1, e.shape[1]), e[-1:]])
+            change = shape_response(modes, run.step, i, slopes[:, i : i + 1] * fine)
+            out.append((change * weights[:, :, None]).reshape(-1, e.shape[1]))
+    return np.concatenate(out, axis=1) if out else np.zeros((weights.size, 0))
+
+
+def whitener(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(U, shrink) with (I + B B^T)^(-1/2) = I - U diag(shrink) U^T for `columns` B."""
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    kept = values > 0.01  # a change of the variance below 1 % is left alone
+    U = columns @ (vectors[:, kept] / np.sqrt(values[kept]))
+    return U, 1 - 1 / np.sqrt(1 + values[kept])
