@@ -11,6 +11,7 @@ from ..recording import Case, noise_floor, read_case
 from ..rig import InputError
 from ._gap import UNITS, gaps, group_squares
 from ._model import Effect, Point
+from ._outliers import without_outliers
 from ._result import Diagnosis, Named
 from ._rig_model import RigModel
 from ._runs import to_run
@@ -36,15 +37,13 @@ def diagnose(
     runs = [to_run(r) for r in case.runs]
     noise, table = _noise(case)
     library = {**EFFECTS, **(laws or {})}
-    model = RigModel(case.rig, runs, noise, library, window)
+    model, wild = _model(case.rig, runs, noise, library, window)
     found = Search(model, tell).run()
     (before,) = model.residuals([found.baseline.point], "held-out")
     (after,) = model.residuals([found.fit.point], "held-out")
     rows = [model.machine.rows[i] for i in model.splits["held-out"]]
     declared = all(t["source"] == "declared" for t in table.values())
-    judged = judge(
-        model, found, group_squares(rows, before), group_squares(rows, after), declared
-    )
+    judged = judge(model, found, group_squares(rows, before), group_squares(rows, after), declared)
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     learned = None
     if judged.verdict == "unknown":
@@ -68,7 +67,7 @@ def diagnose(
         scores=_scores(found),
         learned=_learned(learned),
         notes=_notes(judged, found, model),
-        faults=[str(f) for f in case.all_faults],
+        faults=[*(str(f) for f in case.all_faults), *wild],
         rig=model.rig_at(
             found.fit.point if judged.verdict in ("named", "ambiguous") else found.baseline.point
         ),
@@ -76,6 +75,13 @@ def diagnose(
     result.details = {"model": model, "found": found, "judged": judged, "before": before,
                       "after": after, "where": everything, "learned": learned}  # fmt: skip
     return result
+
+
+def _model(rig, runs, noise, library, window) -> tuple[RigModel, list[str]]:
+    """The model of the runs without their outliers, and what is to be said of these."""
+    model = RigModel(rig, runs, noise, library, window)
+    kept, wild = without_outliers(model.machine, rig)
+    return (RigModel(rig, kept, noise, library, window) if wild else model), wild
 
 
 # relative to a group's RMS; the fit's own numerics stay a tenth below it
@@ -208,7 +214,7 @@ def _scores(found: Found, most: int = 12) -> list[dict[str, Any]]:
 
 
 def _plain_where(where: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    keys = ("channel", "domain", "value", "reference", "share", "p", "rms_over_noise")
+    keys = ("channel", "domain", "value", "reference", "share", "p", "rms_over_noise", "stands")
     return [{k: w[k] for k in keys} for w in where]
 
 

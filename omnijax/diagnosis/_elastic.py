@@ -58,7 +58,7 @@ def forcing(m: Modes, step: float, ports: Ports, per_sample: int) -> np.ndarray:
     total = 0.0
     h = step / per_sample
     for part in ("shape", "drive", "force", "floor"):
-        finest = SHAPE if part == "shape" else FINE if part != "force" else per_sample
+        finest = {"shape": SHAPE, "force": per_sample}.get(part, max(FINE, per_sample))
         values = ports.at(part, finest)
         weights = hold_weights(m.rates, h, finest // per_sample)
         columns = m.gains[:, m.inputs[part]]
@@ -96,20 +96,18 @@ def linear_outputs(m: Modes, run: Run, ports: Ports, names, parts: int = 1) -> n
     return observe(m, z, names, direct(m, ports, parts))
 
 
-def law_outputs(m: Modes, run: Run, contact, mount, start, parts: int = 1) -> np.ndarray:
-    """dR and a (samples, 6) caused by tensions (FINE points, n) and the state `start` (m,)."""
-    weights = hold_weights(m.rates, run.step / parts, FINE // parts)
+def law_outputs(m: Modes, run: Run, contact, mount, start) -> np.ndarray:
+    """dR and a (samples, 6) caused by tensions (points, n) and the state `start` (m,)."""
+    fine = (len(contact) - 1) // (run.samples - 1)
+    weights = hold_weights(m.rates, run.step, fine)
     total = 0.0
     for part, values in (("contact", contact), ("mount", mount)):
         columns = m.gains[:, m.inputs[part]]
         for c in range(values.shape[1]):
             total = total + moments(values[:, c], weights) * columns[:, c]
-    z = propagate(m, run.step / parts, total, m.inverse @ start)
+    z = propagate(m, run.step, total, m.inverse @ start)
     u = np.zeros((len(z), m.B.shape[1]))
-    u[:, m.inputs["contact"]], u[:, m.inputs["mount"]] = (
-        contact[:: FINE // parts],
-        mount[:: FINE // parts],
-    )
+    u[:, m.inputs["contact"]], u[:, m.inputs["mount"]] = contact[::fine], mount[::fine]
     return observe(m, z, ("displacement", "acceleration"), u)
 
 

@@ -35,7 +35,7 @@ from ._observer import needs_observer, observed_turning
 from ._ports import law_tensions
 from ._rotation import Turning, base_torques, turning
 from ._rows import Rows, make_rows, orthonormal
-from ._runs import FINE, SHAPE, Run
+from ._runs import FINE, SHAPE, STEPS, Run
 
 
 @dataclasses.dataclass(frozen=True)
@@ -256,13 +256,18 @@ class Machine:
             floor += along(placed.law, time)
         return floor
 
-    def signals(self, rig: Rig, run: Run, m: Motion, ports: Ports) -> np.ndarray:
-        """Linear port signals (FINE points, 4 n): deflection, mount, mount rate, approach rate."""
-        return linear_outputs(self.modes(rig), run, ports, SIGNALS, FINE)
+    def signals(self, rig: Rig, run: Run, ports: Ports, parts: int = FINE) -> np.ndarray:
+        """Linear port signals (t, 4 n): deflection, mount, mount rate, approach rate."""
+        return linear_outputs(self.modes(rig), run, ports, SIGNALS, parts)
+
+    def shape_rate(self, rig: Rig, m: Motion, parts: int) -> np.ndarray:
+        """d rho/dt (t, n) of the wheels' shapes at `parts` points a sample."""
+        slope = self.tables_of(rig).rho_slope(m.theta_shape[:: SHAPE // parts])
+        return slope * refine(m.speed, parts // FINE)
 
     def normal_force(self, rig: Rig, run: Run, m: Motion, drive) -> np.ndarray:
         """N (FINE points, n) of the linear elastic model."""
-        s = self.signals(rig, run, m, self.ports(rig, run, m, drive))
+        s = self.signals(rig, run, self.ports(rig, run, m, drive))
         deflection, _, mount_rate, approach_rate = np.split(s, 4, axis=1)
         w = rig.wheels
         rate = approach_rate - mount_rate - m.shape_rate
@@ -288,15 +293,15 @@ class Machine:
 
     def _add_laws(self, tasks) -> None:
         """Add what contact and mount laws change, all rigs and runs stepped side by side."""
-        longest = max(self.runs[i].samples for _, i, *_ in tasks) * FINE
+        longest = max(self.runs[i].samples for _, i, *_ in tasks) * STEPS
         rigs, starts, signals, rates, matrices, rows = [], [], [], [], [], []
         for rig, i, m, ports, *_ in tasks:
             run, modes = self.runs[i], self.modes(rig)
-            s = self.signals(rig, run, m, ports)
-            starts.append(static_deviation(rig, modes, s[0], m.shape_rate[0] * 0))
+            s = self.signals(rig, run, ports, STEPS)
+            starts.append(static_deviation(rig, modes, s[0]))
             signals.append(_padded(s, longest))
-            rates.append(_padded(m.shape_rate, longest))
-            matrices.append(step_matrices(modes, run.step / FINE))
+            rates.append(_padded(self.shape_rate(rig, m, STEPS), longest))
+            matrices.append(step_matrices(modes, run.step / STEPS))
             rows.append(modes.out(SIGNALS)[0])
             rigs.append(bare(rig))
 
@@ -304,7 +309,7 @@ class Machine:
             return jax.tree.map(lambda *x: jnp.stack([jnp.asarray(v) for v in x]), *items)
 
         d, memory = stack([s[0] for s in starts]), stack([s[1] for s in starts])
-        h = jnp.asarray([self.runs[i].step / FINE for _, i, *_ in tasks])
+        h = jnp.asarray([self.runs[i].step / STEPS for _, i, *_ in tasks])
         tensions = np.asarray(
             step_laws(
                 stack(rigs), stack(matrices), stack(rows), (d, memory, h),
@@ -314,7 +319,7 @@ class Machine:
         )  # fmt: skip
         n = self.rig.size
         for lane, (rig, i, _m, _ports, row, at) in enumerate(tasks):
-            points = (self.runs[i].samples - 1) * FINE + 1
+            points = (self.runs[i].samples - 1) * STEPS + 1
             F = tensions[:points, lane]
             row[at] = row[at] + law_outputs(
                 self.modes(rig), self.runs[i], F[:, :n], F[:, n:], np.asarray(starts[lane][0])
@@ -399,7 +404,7 @@ def _static(rig: Rig, compliance, rows, signal):
     return unravel(x)
 
 
-def static_deviation(rig: Rig, m: Modes, signal, _rate):
+def static_deviation(rig: Rig, m: Modes, signal):
     """(d, memory) of the static start with the rig's contact and mount laws."""
     columns = np.concatenate([m.B[:, m.inputs["contact"]], m.B[:, m.inputs["mount"]]], axis=1)
     compliance = -np.linalg.solve(m.A, columns)

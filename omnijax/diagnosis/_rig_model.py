@@ -1,6 +1,7 @@
 """The sphere on wheels as a model of the diagnosis."""
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -119,10 +120,10 @@ class RigModel(AbstractModel):
             if k % 20 == 0:
                 tell(k / len(placed))
         cut = np.cumsum([0] + [r.size for r in rows])
-        for row, first, last in zip(rows, cut[:-1], cut[1:], strict=True):
+        for row, (first, last) in zip(rows, itertools.pairwise(cut), strict=True):
             row.take_off(table[:, first:last])
         ends = np.cumsum([0] + [len(c.columns) for c in candidates])
-        return [table[a:b].T for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        return [table[a:b].T for a, b in itertools.pairwise(ends)]
 
 
 def rig_priors(rig: Rig) -> list[Prior]:

@@ -11,7 +11,7 @@ from ._scan import Scan, Score, Signatures, chance
 
 ALPHA = 1e-3  # chance of a false candidate in a whole scan
 HELD_SURE = 4.0  # standard deviations by which held-out runs must confirm a predicted change
-HELD_SHARE = 0.65  # least share of the predicted change that held-out runs show
+HELD_SHARE = 1.5  # factor by which a change on held-out runs may be off the predicted one
 SHUFFLES = 4  # shuffled residuals whose best candidate is the decoy to beat
 CLOSED = 0.95  # share of the held-out gap that a named set has to close
 MARGIN = 25.0  # least difference of chi2 between the joint refits of rivals
@@ -24,8 +24,8 @@ class HeldOut:
     """What the held-out runs say of a change d of the prediction, r the residual before it.
 
     d was fitted elsewhere, so without an effect d.r/|d| is standard normal: one test, no multiple.
-    With the effect r = d + noise, so the multiplier d.r/d.d is 1; a change that explains something
-    else, or noise, has another one, below 1/2 where it makes the residual larger.
+    With the effect r = d + noise, so the multiplier d.r/d.d is 1; a change that stands for
+    something else, or for noise, has another one, below 1/2 where it makes the residual larger.
     """
 
     gain: float  # fall of chi2, |r|^2 - |r - d|^2
@@ -52,7 +52,9 @@ class HeldOut:
         if not np.isfinite(self.gain):
             return False
         spread = np.sqrt(1 / max(self.size, 1e-300) + 1 / max(gain, 1e-300))
-        return self.sure > HELD_SURE and self.multiplier > HELD_SHARE - min(3 * spread, 0.15)
+        slack = min(3 * spread, 0.15)
+        same = 1 / HELD_SHARE - slack < self.multiplier < HELD_SHARE + slack
+        return same and self.sure > HELD_SURE
 
 
 @dataclasses.dataclass(frozen=True)

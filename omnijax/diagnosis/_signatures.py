@@ -46,7 +46,7 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
     run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
     m = rotated.motion
     ports = machine.ports(rig, run, m, rotated.drive)
-    signals = machine.signals(rig, run, m, ports)
+    signals = machine.signals(rig, run, ports)
     deflection, mount, mount_rate, approach_rate = np.split(signals, 4, axis=1)
     w, shape = rig.wheels, m.theta.shape
     rate = approach_rate - mount_rate - m.shape_rate

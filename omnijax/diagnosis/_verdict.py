@@ -21,9 +21,7 @@ class Judged:
     reason: str
 
 
-def judge(
-    model: AbstractModel, found: Found, before: dict, after: dict, declared: bool
-) -> Judged:
+def judge(model: AbstractModel, found: Found, before: dict, after: dict, declared: bool) -> Judged:
     """The verdict from the search and the held-out (squares, dof) by group before and after."""
     slack = 1.0 if declared else (1 + SLACK) ** 2
     count = sum(dof for _, dof in after.values())

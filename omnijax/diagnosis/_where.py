@@ -1,54 +1,59 @@
 """Where simulation and data disagree: lines in Hz and in orders, states, against a shuffled null.
 
-Every question is a small set of orthonormal columns over the samples of one channel: the share is
-how much of the residual's power lies in them.  Orders are looked up at the measured angle of every
-sample, so they need no resampling and are not folded by the sampling rate.  The null shuffles and
+Every question is a small orthonormal set of columns over the samples of one channel: the share is
+how much of the residual's power lies in them.  Lines in Hz are looked for up to half the sampling
+rate; one beyond it shows at its mirror frequency, which the answer says.  Orders are looked up at
+the measured angle of every sample, so the sampling rate does not fold them.  The null shuffles and
 signs blocks of the residual, which keeps its colour and breaks its tie to angle, speed or load.
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from scipy.stats import beta
 
-BLOCK = 0.25  # s
 SHUFFLES = 60
 RATE = 0.01  # false discoveries that are accepted
 ORDERS = 40
+WIDTH = 0.5  # Hz, of a band: a line that stays put stays in it
 
 
 @dataclasses.dataclass(frozen=True)
 class Question:
-    """One place to look: domain, value, what it refers to, and columns (samples, k)."""
+    """One place to look: domain, value, what it refers to.
+
+    `columns` (samples, k) are orthonormal; a band of lines in Hz has none, but `band`, its indices
+    among the Fourier frequencies.
+    """
 
     domain: str
     value: float
     reference: str
-    columns: np.ndarray
+    columns: np.ndarray | None = None
+    band: tuple[int, int] = (0, 0)
+
+    @property
+    def size(self) -> int:
+        """Number of columns."""
+        return 2 * (self.band[1] - self.band[0]) if self.columns is None else self.columns.shape[1]
 
 
 def questions(time, angles: dict[str, np.ndarray], states: dict[str, np.ndarray]) -> list[Question]:
-    """Lines in Hz up to half the sampling rate, orders of every angle, and bins of every state."""
+    """Bands up to half the sampling rate, orders of every angle, and bins of every state."""
+    count, step = len(time), time[1] - time[0]
+    width = max(1, round(WIDTH * count * step))
     out = []
-    length, step = time[-1] - time[0], time[1] - time[0]
-    count = len(time)
-    width = max(1, int(0.5 * length))  # bins of about half a hertz: a line in Hz stays in its bin
-    for k in range(1, count // 2 - width, width):
-        f = np.arange(k, k + width) / (count * step)
-        phase = 2 * np.pi * np.outer(time, f)
-        out.append(
-            Question("frequency", float(f.mean()), "Hz", np.c_[np.cos(phase), np.sin(phase)])
-        )
-        if f.mean() > 60:
-            break
+    for k in range(1, (count - 1) // 2, width):
+        end = min(k + width, (count - 1) // 2 + 1)
+        middle = (k + end - 1) / 2 / (count * step)
+        out.append(Question("frequency", middle, "Hz", band=(k, end)))
+    orders = np.arange(1, ORDERS + 1)
     for name, angle in angles.items():
-        for order in range(1, ORDERS + 1):
-            out.append(
-                Question(
-                    "order", float(order), name, np.c_[np.cos(order * angle), np.sin(order * angle)]
-                )
-            )
+        phase = np.outer(orders, angle)
+        pairs = np.linalg.qr(np.stack([np.cos(phase), np.sin(phase)], axis=2))[0]
+        out += [Question("order", float(k), name, q) for k, q in zip(orders, pairs, strict=True)]
     for name, values in states.items():
         domain, _, reference = name.partition(" ")
         out.append(Question(domain, float("nan"), reference, _bins(values)))
@@ -56,27 +61,50 @@ def questions(time, angles: dict[str, np.ndarray], states: dict[str, np.ndarray]
 
 
 def _bins(values: np.ndarray, count: int = 12) -> np.ndarray:
-    """Membership of `count` equally filled bins."""
+    """Membership of `count` equally filled bins, orthonormal."""
     edges = np.unique(np.quantile(values, np.linspace(0, 1, count + 1)[1:-1]))
-    index = np.searchsorted(edges, values)
-    return np.eye(len(edges) + 1)[index]
+    member = np.eye(len(edges) + 1)[np.searchsorted(edges, values)]
+    member = member[:, member.any(axis=0)]
+    return member / np.sqrt(member.sum(axis=0))
 
 
-def shares(residual: np.ndarray, asked: list[Question], seed: int = 0) -> list[dict[str, Any]]:
+class Asked:
+    """Questions gathered for many residuals: one product and one Fourier transform answer all."""
+
+    def __init__(self, asked: Sequence[Question]):
+        self.questions = list(asked)
+        self.plain = [q for q in asked if q.columns is not None]
+        self.bands = [q for q in asked if q.columns is None]
+        self.columns = np.concatenate([q.columns for q in self.plain], 1) if self.plain else None
+        self.starts = np.cumsum([0, *(q.size for q in self.plain)])[:-1]
+
+    def powers(self, residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Power of the plain questions and of the bands, of residuals (samples, m)."""
+        plain = np.zeros((0, residuals.shape[1]))
+        if self.columns is not None:
+            plain = np.add.reduceat((self.columns.T @ residuals) ** 2, self.starts, axis=0)
+        if not self.bands:
+            return plain, np.zeros((0, residuals.shape[1]))
+        spectrum = np.abs(np.fft.rfft(residuals, axis=0)) ** 2 * (2 / len(residuals))
+        total = np.concatenate([np.zeros((1, residuals.shape[1])), np.cumsum(spectrum, axis=0)])
+        ends = np.array([q.band for q in self.bands])
+        return plain, total[ends[:, 1]] - total[ends[:, 0]]
+
+
+def shares(
+    residual: np.ndarray, asked: Sequence[Question] | Asked, seed: int = 0
+) -> list[dict[str, Any]]:
     """Share of the residual's power and its p-value for every question (1-D residual)."""
     power = float(residual @ residual)
     if power == 0:
         return []
-    shuffled = shuffle(residual, seed)
+    asked = asked if isinstance(asked, Asked) else Asked(asked)
+    found = asked.powers(np.concatenate([residual[:, None], shuffle(residual, seed)], axis=1))
     out = []
-    for q in asked:
-        basis, _ = np.linalg.qr(q.columns)
-        share = float(np.sum((basis.T @ residual) ** 2)) / power
-        null = np.sum((basis.T @ shuffled) ** 2, axis=0) / power
-        out.append(
-            {"domain": q.domain, "value": q.value, "reference": q.reference, "share": share,
-             "p": p_value(share, null)}
-        )  # fmt: skip
+    for group, rows in zip((asked.plain, asked.bands), found, strict=True):
+        for q, row in zip(group, rows / power, strict=True):
+            out.append({"domain": q.domain, "value": q.value, "reference": q.reference,
+                        "share": float(row[0]), "p": p_value(float(row[0]), row[1:])})  # fmt: skip
     return out
 
 
@@ -104,51 +132,65 @@ def p_value(share: float, null: np.ndarray) -> float:
 
 
 def discoveries(found: list[dict[str, Any]], rate: float = RATE) -> list[dict[str, Any]]:
-    """Those that stand after Benjamini and Hochberg's control of the false-discovery rate."""
+    """Those that stand after Benjamini and Yekutieli's control of the false-discovery rate.
+
+    The questions overlap (an order is a line where the speed is steady), so they depend on each
+    other in any way: the rate is divided by 1 + 1/2 + ... + 1/m.
+    """
     ordered = sorted(found, key=lambda f: f["p"])
     m = len(ordered)
+    rate = rate / float(np.sum(1 / np.arange(1, m + 1))) if m else rate
     keep = [k for k, f in enumerate(ordered) if f["p"] <= rate * (k + 1) / m]
     return ordered[: keep[-1] + 1] if keep else []
 
 
 def locate(model, point, top: int = 12) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """(the strongest discoveries, all answers) of the residual at `point` on a held-out run."""
+    """(the strongest discoveries, all answers) of the residual at `point` on a held-out run.
+
+    Every answer says whether it `stands`; where none does, the likeliest three are returned so
+    marked.
+    """
     i = model.splits["held-out"][0]
-    (vector,) = model.machine.residuals([model.rig_at(point)], [i])
-    machine, rows = model.machine, model.machine.rows[i]
-    elastic, rotation = rows.split(vector)
-    rig = model.rig_at(point)
-    run, m = machine.runs[i], machine.rotated(rig, [i])[i].motion
-    fine = (len(m.theta) - 1) // (run.samples - 1)
-    theta, speed, turning = m.theta[::fine], m.speed[::fine], m.turning[::fine]
-    drive = machine.rotated(rig, [i])[i].drive[::fine]
-    names = rig.names
-    angles = {n: theta[:, k] for k, n in enumerate(names)}
-    size = np.linalg.norm(turning, axis=1)
-    angles["sphere"] = np.concatenate([[0.0], np.cumsum((size[1:] + size[:-1]) / 2) * run.step])
-    base_signals = machine.signals(
-        rig, run, m, machine.ports(rig, run, m, machine.rotated(rig, [i])[i].drive)
-    )
-    deflection = base_signals[::fine, : rig.size]
-    states: dict[str, np.ndarray] = {"time s": run.time}
-    for k, n in enumerate(names):
-        states[f"phase {n}"] = np.mod(theta[:, k], 2 * np.pi)
-        states[f"speed {n}"] = np.abs(speed[:, k])
-        states[f"direction {n}"] = np.sign(np.round(speed[:, k], 3))
-        states[f"load {n}"] = drive[:, k]
-        states[f"deflection {n}"] = deflection[:, k]
-    asked = questions(run.time, angles, states)
+    machine, rig = model.machine, model.rig_at(point)
+    (vector,) = machine.residuals([rig], [i])
+    tables = np.concatenate(machine.rows[i].split(vector), axis=1)
+    run = machine.runs[i]
+    asked = Asked(questions(run.time, *_signals(machine, rig, i)))
     labels = [f"dR_{c}" for c in "xyz"] + [f"a_{c}" for c in "xyz"]
     labels += [f"Omega_{c}" for c in "xyz"] + [f"theta_{k + 1}" for k in range(rig.size)]
     everything = []
-    for label, column in zip(labels, np.concatenate([elastic, rotation], axis=1).T, strict=True):
+    for label, column in zip(labels, tables.T, strict=True):
         if not column.any():
             continue
         rms = float(np.sqrt(np.mean(column**2)))
         for answer in shares(column, asked, seed=len(everything)):
-            everything.append({"channel": label, "rms_over_noise": rms, **answer})
+            mirror = 1 / run.step - answer["value"] if answer["domain"] == "frequency" else None
+            everything.append(
+                {"channel": label, "rms_over_noise": rms, **answer, "mirror": mirror,
+                 "stands": False}
+            )  # fmt: skip
     stand = discoveries(everything)
+    for answer in stand:
+        answer["stands"] = True
     stand.sort(key=lambda f: -f["share"] * max(0.0, f["rms_over_noise"] ** 2 - 1))
-    if not stand:  # a gap without a clear line: the likeliest places, their p-values say so
-        stand = sorted(everything, key=lambda f: f["p"])[:3]
-    return stand[:top], everything
+    return (stand or sorted(everything, key=lambda f: f["p"])[:3])[:top], everything
+
+
+def _signals(machine, rig, i: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Angles of the wheels and of the sphere, and the states, at the samples of run `i`."""
+    run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
+    m = rotated.motion
+    fine = (len(m.theta) - 1) // (run.samples - 1)
+    theta, speed, turning = m.theta[::fine], m.speed[::fine], m.turning[::fine]
+    angles = {n: theta[:, k] for k, n in enumerate(rig.names)}
+    size = np.linalg.norm(turning, axis=1)
+    angles["sphere"] = np.concatenate([[0.0], np.cumsum((size[1:] + size[:-1]) / 2) * run.step])
+    felt = machine.signals(rig, run, machine.ports(rig, run, m, rotated.drive))
+    states: dict[str, np.ndarray] = {"time s": run.time}
+    for k, n in enumerate(rig.names):
+        states[f"phase {n}"] = np.mod(theta[:, k], 2 * np.pi)
+        states[f"speed {n}"] = np.abs(speed[:, k])
+        states[f"direction {n}"] = np.sign(np.round(speed[:, k], 3))
+        states[f"load {n}"] = rotated.drive[::fine, k]
+        states[f"deflection {n}"] = felt[::fine, k]
+    return angles, states
