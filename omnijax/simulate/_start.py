@@ -2,7 +2,6 @@
 
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jax.flatten_util import ravel_pytree
 
 from ..dynamics import Model, PortInputs, initial_memory, port_forces, position_input
@@ -37,6 +36,8 @@ def static_start(model: Model, angle, attitude):
         jacobian = jax.jacfwd(imbalance)(start)
         solution = start - jnp.linalg.solve(jacobian, imbalance(start))
     else:
+        import optimistix as optx  # a fifth of a second that a linear rig need not spend
+
         solution = optx.root_find(
             lambda y, _: imbalance(y),
             optx.Newton(rtol=1e-10, atol=1e-13),
