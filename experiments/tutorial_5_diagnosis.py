@@ -61,5 +61,5 @@ amplitude = effect.parameters["amplitude"]
 print(f"{effect.id} at {effect.place}: {1e6 * amplitude['value']:.1f} µm")
 assert (found.verdict, effect.id, effect.place) == ("named", "wheel-runout", "w2")
 assert abs(amplitude["value"] - 6e-5) < 4 * amplitude["sigma"]
-assert found.gap["dR"]["after"] < 1.2 * found.gap["dR"]["noise_floor"]
+assert found.gap["dR"].after < 1.2 * found.gap["dR"].noise_floor
 print(omnijax.evaluate(omnijax.simulate(found.rig, drive, time[:500]), found.rig, ("peak", "rms")))
