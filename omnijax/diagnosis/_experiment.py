@@ -14,25 +14,23 @@ from ._fit import _jacobian
 from ._machine import Machine
 from ._model import Effect, Point
 from ._rig_model import RigModel
+from ._rows import _orthonormal
 from ._runs import FINE, Run
 from ._wheels import wheel_tables
 
-SECONDS, SPIN_UP = 6.0, 0.5  # s
+SECONDS, SPIN_UP = 5.0, 0.5  # s
 
 
 def feasible_motions(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
     """Histories of Omega (t, 3) in rad/s, from rest to rest, up to the speed `top`."""
     inside = np.clip(np.minimum(time, SECONDS - time) / SPIN_UP, 0, 1)
     inside = inside**2 * (3 - 2 * inside)
-    level = np.interp(time, [0, 1.4, 1.6, 3.4, 3.6, 6], [0.25, 0.25, 0.5, 0.5, 1.0, 1.0])
-    found = {}
-    for k, axis in enumerate("xyz"):
-        unit = np.eye(3)[k]
-        back = np.sin(2 * np.pi * 0.4 * time)
-        found[f"turn about {axis}, reversed every 1.25 s"] = top * np.outer(inside * back, unit)
-        found[f"turn about {axis} at a quarter, half and full speed"] = top * np.outer(
-            inside * level, unit
-        )
+    level = np.interp(time, [0, 1.2, 1.5, 2.7, 3.2, 5], [0.25, 0.25, 0.5, 0.5, -1.0, -1.0])
+    found = {
+        f"turn about {axis} at a quarter, half and, backwards, full speed": top
+        * np.outer(inside * level, unit)
+        for axis, unit in zip("xyz", np.eye(3), strict=True)
+    }
     for words, rates in (("slowly", (0.2, 0.3, 0.4)), ("fast", (0.7, 0.9, 1.2))):
         waves = np.sin(2 * np.pi * np.outer(time, rates) + [0.0, 1.0, 2.0])
         found[f"turn about all axes at once, {words} reversed"] = (
@@ -44,22 +42,22 @@ def feasible_motions(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
 def next_experiment(model: RigModel, rivals: list[Point]) -> dict:
     """The motion whose worst pair of `rivals` lies farthest apart, with its torques."""
     rig, step = model.rig_at(rivals[0]), model.machine.runs[0].step
-    runs = _planned_runs(model, rig, np.arange(round(SECONDS / step) + 1) * step)
-    machine = Machine(rig, runs, model.noise, model.machine.window)
+    machine = _planned(model, rig, np.arange(round(SECONDS / step) + 1) * step)
     rows = []
-    for i, run in enumerate(runs):
-        planned = _Planned(model, machine, i)
-        pairs = [planned.margin(a, b) for a, b in itertools.permutations(rivals, 2)]
+    for i, run in enumerate(machine.runs):
+        seen = [_Seen(model, machine, i).predict(p) for p in rivals]
+        pairs = [_margin(a, b) for a, b in itertools.permutations(seen, 2)]
         rows.append({"drive": run.name, "separation": float(min(pairs))})
     best = int(np.argmax([r["separation"] for r in rows]))
     thin = max(1, round(0.02 / step))
-    torque = {"unit": "N m", "step": thin * step, "values": runs[best].torque[::thin].tolist()}
+    values = machine.runs[best].torque[::thin].tolist()
     unit = "chi-square between the closest two rivals, each refitted to the other's run"
+    torque = {"unit": "N m", "step": thin * step, "values": values}
     return {**rows[best], "unit": unit, "torque": torque, "compared": rows}
 
 
 @dataclasses.dataclass(frozen=True)
-class _Planned:
+class _Seen:
     """One planned run as the diagnosis will see it."""
 
     model: RigModel
@@ -70,18 +68,20 @@ class _Planned:
         """Rows at `points`, whatever the split."""
         return self.machine.residuals([self.model.rig_at(p) for p in points], [self.index])
 
-    def margin(self, true: Point, rival: Point) -> float:
-        """chi2 by which `rival` misses the run of `true` after its own sizes are refitted."""
-        rival = Point(rival.u, tuple(_with_width(self.model, e) for e in rival.effects))
-        here, other = self.residuals([true, rival], "")
-        free = self.model.free(rival, widths=True)
-        J = _jacobian(self, rival, free, other, np.zeros((len(other), 0)))  # pyright: ignore
-        scale = np.linalg.norm(J, axis=0)
-        left = other - here
-        J = J[:, scale > 0] / scale[scale > 0]
-        if J.shape[1]:
-            left = left - J @ np.linalg.lstsq(J, left, rcond=1e-10)[0]
-        return float(left @ left)
+    def predict(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
+        """Rows at a rival, and an orthonormal basis of what its own sizes change in them."""
+        point = Point(point.u, tuple(_with_width(self.model, e) for e in point.effects))
+        (here,) = self.residuals([point], "")
+        free = self.model.free(point, widths=True)
+        J = _jacobian(self, point, free, here, np.zeros((len(here), 0)))  # pyright: ignore
+        return here, _orthonormal(J)
+
+
+def _margin(true, rival) -> float:
+    """chi2 by which `rival` misses the run of `true` after its own sizes are refitted."""
+    left, basis = rival[0] - true[0], rival[1]
+    left = left - basis @ (basis.T @ left)
+    return float(left @ left)
 
 
 def _with_width(model: RigModel, effect: Effect) -> Effect:
@@ -118,29 +118,30 @@ def _run(model: RigModel, rig, words: str, time, Omega) -> Run:
     return Run(words, "held-out", time, np.zeros((n, rig.size)), zero, outputs, np.ones(n, bool))
 
 
-def _torques(model: RigModel, rig, runs: list[Run]) -> list[np.ndarray]:
-    """Torques (t, n) under which `rig` makes the motions of `runs`."""
-    machine = Machine(rig, runs, model.noise, model.machine.window)
-    out = []
-    for i, run in enumerate(runs):
-        rotated = machine.rotated(rig, [i])[i]
-        r = rotated.turning.thin(FINE)
-        change = np.gradient(rotated.motion.turning[::FINE], run.step, axis=0)
-        axes = np.broadcast_to(r.axes, (run.samples, *r.axes.shape[1:]))
-        force = r.force * r.torque_gain[:, None, :]  # drive forces of unit torques
-        turned = r.radius * r.inverse_inertia @ np.swapaxes(axes, 1, 2) @ force
-        missing = change - rotated.acceleration[::FINE]
-        out.append(np.einsum("tij,tj->ti", np.linalg.pinv(turned), missing))
-    return out
+def _torques(machine: Machine, rig, i: int) -> np.ndarray:
+    """Torques (t, n) under which `rig` makes the motion of a run that has none yet."""
+    run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
+    r = rotated.turning.thin(FINE)
+    change = np.gradient(rotated.motion.turning[::FINE], run.step, axis=0)
+    axes = np.broadcast_to(r.axes, (run.samples, *r.axes.shape[1:]))
+    force = r.force * r.torque_gain[:, None, :]  # drive forces of unit torques
+    turned = r.radius * r.inverse_inertia @ np.swapaxes(axes, 1, 2) @ force
+    missing = change - rotated.acceleration[::FINE]
+    return np.einsum("tij,tj->ti", np.linalg.pinv(turned), missing)
 
 
-def _planned_runs(model: RigModel, rig, time) -> list[Run]:
-    """The feasible motions with their torques; what needs too much torque is slowed down."""
+def _planned(model: RigModel, rig, time) -> Machine:
+    """The feasible motions with their torques; what needs too much torque is made slower."""
     top, most = _shown(model, rig)
-    motions = feasible_motions(top, time)
-    for _ in range(2):
-        runs = [_run(model, rig, words, time, Omega) for words, Omega in motions.items()]
-        torques = _torques(model, rig, runs)
-        shares = [float(np.min(most / np.abs(t).max(axis=0))) for t in torques]
-        motions = {w: min(1.0, s) * x for (w, x), s in zip(motions.items(), shares, strict=True)}
-    return [dataclasses.replace(r, torque=t) for r, t in zip(runs, torques, strict=True)]
+    runs = []
+    for words, Omega in feasible_motions(top, time).items():
+        force = np.gradient(Omega, time, axis=0) @ np.asarray(rig.sphere.inertia_matrix)
+        axes = float(rig.sphere.radius) * np.asarray(rig.wheels.spin_axis).T
+        needed = np.abs(force @ np.linalg.pinv(axes).T * np.asarray(rig.wheels.radius))
+        share = np.min(most / np.maximum(needed.max(axis=0), 1e-300))
+        runs.append(_run(model, rig, words, time, min(1.0, float(share)) * Omega))
+    machine = Machine(rig, runs, model.noise, model.machine.window)
+    torques = [_torques(machine, rig, i) for i in range(len(runs))]
+    machine.runs = [dataclasses.replace(r, torque=t) for r, t in zip(runs, torques, strict=True)]
+    machine.rebase(rig)
+    return machine
