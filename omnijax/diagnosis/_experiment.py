@@ -14,7 +14,7 @@ from ._fit import _jacobian
 from ._machine import Machine
 from ._model import Effect, Point
 from ._rig_model import RigModel
-from ._rows import _orthonormal
+from ._rows import orthonormal
 from ._runs import FINE, Run
 from ._wheels import wheel_tables
 
@@ -74,7 +74,7 @@ class _Seen:
         (here,) = self.residuals([point], "")
         free = self.model.free(point, widths=True)
         J = _jacobian(self, point, free, here, np.zeros((len(here), 0)))  # pyright: ignore
-        return here, _orthonormal(J)
+        return here, orthonormal(J)
 
 
 def _margin(true, rival) -> float:
