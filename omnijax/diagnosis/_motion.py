@@ -175,5 +175,4 @@ def smooth_about(length, reference, sigma: float, ratio: float | None) -> tuple[
     """
     rest = length - reference
     ratio = likeliest(rest, sigma) if ratio is None else ratio
-    mean = np.nanmean(rest, axis=0)
-    return reference + mean + smooth(rest - mean, sigma, ratio)[0], ratio
+    return reference + smooth(rest, sigma, ratio)[0], ratio
