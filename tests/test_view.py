@@ -13,13 +13,13 @@ import numpy as np
 import pytest
 from machines import machine
 
+from omnijax.cli.explore import start_speeds
 from omnijax.laws import ContactCubic
 from omnijax.rig import InputError, load_rig
 from omnijax.simulate import simulate, speeds
 from omnijax.view import write_replay
 from omnijax.view._panel import Panel
 from omnijax.view._scene import embedded_json
-from omnijax.view._serve import start_speeds
 
 HOSTILE = "<script>window.hacked=1</script>"
 
@@ -94,9 +94,10 @@ def test_panel_says_which_law_it_cannot_show():
 def test_start_speeds():
     rig = machine()
     assert start_speeds("1.5", rig) == [1.5] * 3
-    with pytest.raises(InputError, match="2 speeds, but the rig has 3 wheels"):
+    assert start_speeds("60 rpm,1,0", rig) == pytest.approx([2 * np.pi, 1, 0])
+    with pytest.raises(InputError, match="`speed` has 2 values, but the rig has 3 wheels"):
         start_speeds("1,2", rig)
-    with pytest.raises(InputError, match="numbers in rad/s"):
+    with pytest.raises(InputError, match="`speed` must be a number in rad/s"):
         start_speeds("fast", rig)
 
 

@@ -15,3 +15,29 @@ def emit(as_json: bool, data: Any, text: Callable[[], None]) -> None:
         print(json.dumps(data, indent=1, ensure_ascii=False))
     else:
         text()
+
+
+def numbers(name: str, text: str, unit: str, count: int, what: str = "wheels") -> list[float]:
+    """`count` numbers with commas between, in SI; each may have its unit."""
+    from .._errors import InputError
+
+    parts = [number(name, part.strip(), unit) for part in text.split(",")]
+    if len(parts) != count:
+        kind = "the rig has" if what == "wheels" else "it needs"
+        raise InputError(f"`{name}` has {len(parts)} values, but {kind} {count} {what}.")
+    return parts
+
+
+def number(name: str, text: str, unit: str) -> float:
+    """A number in SI from text with or without a unit; `InputError` names the option."""
+    from .._errors import InputError
+    from ..rig import as_number
+
+    try:
+        return as_number(float(text), unit)
+    except ValueError:
+        pass  # text with a unit, or nothing that makes sense
+    try:
+        return as_number(text, unit)
+    except ValueError as error:
+        raise InputError(f"`{name}` {error}") from None

@@ -1,8 +1,10 @@
 """`omnijax explore`: a local page with sliders."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
+
+from ._options import number, numbers
 
 
 def explore(
@@ -19,7 +21,7 @@ def explore(
     Parameters
     ----------
     speed
-        Wheel speeds to start from, rad/s, one a wheel (or one for all).
+        Wheel speeds to start from in rad/s, one a wheel or one for all; or with units (30 rpm).
     port
         Port of the page; 0 takes a free one.
     host
@@ -37,4 +39,12 @@ def explore(
     if not rigs:
         raise InputError("name at least one rig: omnijax explore atlas")
     machines = {name: load_rig(name) for name in rigs}
-    serve(machines, speed, host=host, port=port, browser=browser)
+    speeds = {name: start_speeds(speed, machine) for name, machine in machines.items()}
+    serve(machines, speeds, host=host, port=port, browser=browser)
+
+
+def start_speeds(text: str, rig: Any) -> list[float]:
+    """Wheel speeds of `--speed` in rad/s: one a wheel, or one for all."""
+    if "," not in text:
+        return [number("speed", text, "rad/s")] * rig.size
+    return numbers("speed", text, "rad/s", rig.size)

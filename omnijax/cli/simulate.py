@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any, Literal
 
-from ._options import Json, emit
+from ._options import Json, emit, number, numbers
 
 PICTURES = (".png", ".svg", ".pdf")
 LONGEST = 5_000_000  # samples; more is a misread unit
@@ -144,35 +144,11 @@ def _drive(rig: Any, speed, torque, recording, force, duration, rate) -> tuple[A
             raise InputError("--drive brings its own force and times: leave out the other options.")
         run = read_recording(recording, rig)
         return drive_from_recording(run), run.time, run.faults
-    push = _numbers("force", force or "0,0,0", "N", 3, "components")
+    push = numbers("force", force or "0,0,0", "N", 3, "components")
     times = _times(duration, rate)
     if speed is not None:
-        return speeds(_numbers("speed", speed, "rad/s", rig.size), push), times, []
-    return torques(_numbers("torque", torque, "N m", rig.size), push), times, []
-
-
-def _numbers(name: str, text: str, unit: str, count: int, what: str = "wheels") -> list[float]:
-    from .._errors import InputError
-
-    parts = [_number(name, part.strip(), unit) for part in text.split(",")]
-    if len(parts) != count:
-        kind = "the rig has" if what == "wheels" else "it needs"
-        raise InputError(f"`{name}` has {len(parts)} values, but {kind} {count} {what}.")
-    return parts
-
-
-def _number(name: str, text: str, unit: str) -> float:
-    from .._errors import InputError
-    from ..rig import as_number
-
-    try:
-        return as_number(float(text), unit)
-    except ValueError:
-        pass  # text with a unit, or nothing that makes sense
-    try:
-        return as_number(text, unit)
-    except ValueError as error:
-        raise InputError(f"`{name}` {error}") from None
+        return speeds(numbers("speed", speed, "rad/s", rig.size), push), times, []
+    return torques(numbers("torque", torque, "N m", rig.size), push), times, []
 
 
 def _times(duration: str | None, rate: str | None) -> Any:
@@ -180,8 +156,8 @@ def _times(duration: str | None, rate: str | None) -> Any:
 
     from .._errors import InputError
 
-    length = _number("duration", duration or "8", "s")
-    frequency = _number("rate", rate or "500", "Hz")
+    length = number("duration", duration or "8", "s")
+    frequency = number("rate", rate or "500", "Hz")
     for name, value, unit in (("duration", length, "s"), ("rate", frequency, "Hz")):
         if value <= 0:
             raise InputError(f"`{name}` must lie in (0, inf) {unit}, but is {value:g}.")

@@ -11,30 +11,17 @@ from ._panel import Panel
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]", "::1")
 
 
-def start_speeds(text: str, rig: Rig) -> list[float]:
-    """Wheel speeds (rad/s) of `--speed`: one a wheel, or one for all."""
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        raise InputError(
-            f"`--speed` must be numbers in rad/s with commas between, but is {text!r}."
-        ) from None
-    if len(values) == 1:
-        values = values * rig.size
-    if len(values) != rig.size:
-        raise InputError(f"`--speed` has {len(values)} speeds, but the rig has {rig.size} wheels.")
-    return values
-
-
 def serve(
     rigs: Mapping[str, Rig],
-    speed: str,
+    speeds: Mapping[str, list[float]],
     *,
     host: str = "127.0.0.1",
     port: int = 8765,
     browser: bool = True,
 ) -> None:
     """Serve the explore page of `rigs` until interrupted; prints its address.
+
+    `speeds` are the wheel speeds that each rig starts from, rad/s.
 
     Raises `InputError` where the address cannot be listened on.
     """
@@ -43,8 +30,7 @@ def serve(
     from ._explore import explore_app
 
     panels = [
-        Panel(name, rig, start_speeds(speed, rig), index)
-        for index, (name, rig) in enumerate(rigs.items())
+        Panel(name, rig, speeds[name], index) for index, (name, rig) in enumerate(rigs.items())
     ]
     listener = _listen(host, port)
     print("Preparing …", flush=True)
