@@ -9,6 +9,7 @@ import numpy as np
 from ..laws import EFFECTS
 from ..recording import Case, noise_floor, read_case
 from ..rig import InputError
+from ._fit import refit
 from ._gap import UNITS, gaps, group_squares
 from ._model import Effect, Point
 from ._outliers import without_outliers
@@ -37,8 +38,9 @@ def diagnose(
     runs = [to_run(r) for r in case.runs]
     noise, table = _noise(case)
     library = {**EFFECTS, **(laws or {})}
-    model, wild = _model(case.rig, runs, noise, library, window)
-    found = Search(model, tell).run()
+    tell("calibrating the uncertain parameters")
+    model, start, wild = _model(case.rig, runs, noise, library, window)
+    found = Search(model, tell).run(start)
     (before,) = model.residuals([found.baseline.point], "held-out")
     (after,) = model.residuals([found.fit.point], "held-out")
     rows = [model.machine.rows[i] for i in model.splits["held-out"]]
@@ -77,11 +79,22 @@ def diagnose(
     return result
 
 
-def _model(rig, runs, noise, library, window) -> tuple[RigModel, list[str]]:
-    """The model of the runs without their outliers, and what is to be said of these."""
-    model = RigModel(rig, runs, noise, library, window)
-    kept, wild = without_outliers(model.machine, rig)
-    return (RigModel(rig, kept, noise, library, window) if wild else model), wild
+def _model(rig, runs, noise, library, window) -> tuple[RigModel, Point, list[str]]:
+    """The model of the runs without their outliers, calibrated, and what is to be said of these.
+
+    First the encoders' outliers, then those that show already before the calibration, then those
+    that its misfit had hidden.
+    """
+    model, wild = RigModel(rig, runs, noise, library, window), []
+    start = Point(np.zeros(len(model.priors)))
+    for groups, calibrated in ((("theta", "Omega"), False), (("dR", "a"), False),
+                               (("dR", "a"), True)):  # fmt: skip
+        if calibrated:
+            start = refit(model, start, relative=0.01).point
+        kept, said = without_outliers(model.machine, model.rig_at(start), groups)
+        if said:
+            model, wild = RigModel(rig, kept, noise, library, window), wild + said
+    return model, start, wild
 
 
 # relative to a group's RMS; the fit's own numerics stay a tenth below it

@@ -7,6 +7,7 @@ import numpy as np
 
 from ._model import AbstractModel, Free, Point, moved, value_of
 
+ENOUGH = 0.02  # fall of chi2 that is not worth another round
 RENEW = 200.0  # a fall of chi2 after which the baseline's tangents are taken anew
 
 
@@ -62,66 +63,95 @@ def _jacobian(model: AbstractModel, point, free, residual, baseline=None):
 
 
 def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 20,
-          widths: bool = False, tolerance: float = 0.02) -> Fit:  # fmt: skip
-    """Refit `point` on the train runs.
+          widths: bool = False, relative: float = 0.0) -> Fit:  # fmt: skip
+    """Refit `point` on the train runs, with bounds: damped Gauss-Newton steps.
 
-    The tangents of the uncertain parameters, which move by a few per cent only, are those of
-    `baseline`; without them they are taken here, and anew while chi2 still falls by much.
-    Steps are damped until the cost falls.
+    The tangents of the uncertain parameters are those of `baseline` while they tell the fall of the
+    cost well; they are taken anew where they do not, and where the steps end with a misfit.  The
+    steps end where the cost falls by less than 0.02, or, where it is far from the noise, by less
+    than the `relative` part of itself.
     """
-    free = model.free(point, widths)
-    P = len(point.u)
-    hard = np.array([prior.hard for prior in model.priors])
-    soft = np.ones(P)
-    (residual,) = model.residuals([point], "train")
-    damping, J, tangents = 1e-6, None, baseline
+    state = _State.at(model, point, model.free(point, widths))
+    tangents, fresh, damping = baseline, baseline is None, 1e-6
+    J, floor = None, 1.2 * model.dof("train")
     for _ in range(rounds):
-        if not np.all(np.isfinite(residual)):
+        if not np.isfinite(state.cost):
             break
-        J = _jacobian(model, point, free, residual, tangents)
+        J = _jacobian(model, state.point, state.free, state.residual, tangents)
         if not np.all(np.isfinite(J)) or np.max(np.abs(J), initial=0.0) > 1e100:
             J = None
             break
-        tangents = J[:, :P]
-        cost = residual @ residual + point.u @ (soft * point.u)
-        gram, gradient = J.T @ J, J.T @ residual
-        gram[:P, :P] += np.diag(soft)
-        gradient[:P] += soft * point.u
-        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
-        better = False
-        for _ in range(6):
-            x = np.concatenate([point.u, [value_of(point, f) for f in free]])
-            trial = _bounded_step(gram, gradient, scale, damping, x, hard, free)
-            candidate = moved(point, trial[:P], free, trial[P:])
-            (r,) = model.residuals([candidate], "train")
-            new = r @ r + candidate.u @ (soft * candidate.u)
-            if np.isfinite(new) and new <= cost + 1e-9:
-                better = True
-                break
-            damping = max(damping * 30, 1e-3)
-        if not better:
+        tangents = J[:, : len(point.u)]
+        new, damping, foretold = _step(model, state, J, damping)
+        fall = 0.0 if new is None else state.cost - new.cost
+        state = new or state
+        far = state.cost > 10 * floor
+        ended = fall < max(ENOUGH, relative * state.cost * far)
+        if fresh and ended:
             break
-        point, residual, damping = candidate, r, damping / 30
-        if cost - new < tolerance:
+        if ended and state.cost < floor:  # nothing but noise is left
             break
-        if baseline is None and cost - new > RENEW:
-            tangents = None
-    if J is None or not np.isfinite(
-        residual @ residual
-    ):  # a start at which the model cannot be evaluated is no candidate
-        return Fit(point, np.inf, 0.0, tuple(free), np.zeros((P + len(free),) * 2),
-                   np.zeros((len(residual), P + len(free))), residual)  # fmt: skip
-    gram = J.T @ J
-    gram[:P, :P] += np.diag(soft)
-    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        fresh = ended or fall < 0.8 * foretold or fall > RENEW
+        tangents = None if fresh else tangents
+    return _finished(model, state, J)
+
+
+@dataclasses.dataclass(frozen=True)
+class _State:
+    """A point with its residual and cost (chi2 and the priors' part)."""
+
+    point: Point
+    free: tuple[Free, ...]
+    residual: np.ndarray
+    cost: float
+
+    @staticmethod
+    def at(model: AbstractModel, point: Point, free: Sequence[Free]) -> "_State":
+        (r,) = model.residuals([point], "train")
+        return _State(point, tuple(free), r, float(r @ r + point.u @ point.u))
+
+
+def _normal(state: _State, J: np.ndarray):
+    """Gram matrix and gradient with the priors, and the columns' sizes."""
+    P = len(state.point.u)
+    gram, gradient = J.T @ J, J.T @ state.residual
+    gram[:P, :P] += np.eye(P)
+    gradient[:P] += state.point.u
+    return gram, gradient, np.sqrt(np.maximum(np.diag(gram), 1e-300))
+
+
+def _step(model: AbstractModel, state: _State, J: np.ndarray, damping: float):
+    """(the state after one damped step or None, the next damping, the fall foretold)."""
+    P, point = len(state.point.u), state.point
+    hard = np.array([prior.hard for prior in model.priors])
+    gram, gradient, scale = _normal(state, J)
+    x = np.concatenate([point.u, [value_of(point, f) for f in state.free]])
+    for _ in range(6):
+        trial = _bounded_step(gram, gradient, scale, damping, x, hard, state.free)
+        d = trial - x
+        foretold = float(-2 * gradient @ d - d @ gram @ d)
+        new = _State.at(model, moved(point, trial[:P], state.free, trial[P:]), state.free)
+        if np.isfinite(new.cost) and new.cost <= state.cost + 1e-9:
+            return new, damping / 30, foretold
+        damping = max(damping * 30, 1e-3)
+    return None, damping, 0.0
+
+
+def _finished(model: AbstractModel, state: _State, J: np.ndarray | None) -> Fit:
+    """The fit of a state with its covariance; one that cannot be evaluated costs infinity."""
+    P, free = len(state.point.u), state.free
+    if J is None or not np.isfinite(state.cost):
+        empty = np.zeros((len(state.residual), P + len(free)))
+        return Fit(state.point, np.inf, 0.0, free, np.zeros((P + len(free),) * 2), empty,
+                   state.residual)  # fmt: skip
+    gram, _, scale = _normal(state, J)
     covariance = np.linalg.pinv(gram / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
-    return Fit(point, float(residual @ residual), float(point.u @ (soft * point.u)), tuple(free),
-               covariance, J, residual)  # fmt: skip
+    prior = float(state.point.u @ state.point.u)
+    return Fit(state.point, state.cost - prior, prior, free, covariance, J, state.residual)
 
 
 def _bounded_step(gram, gradient, scale, damping, x, hard, free):
     """x plus the damped step; what hits a bound stays there and the others are solved again."""
-    P = len(hard)
     low = np.concatenate([-hard, [f.low for f in free]])
     high = np.concatenate([hard, [f.high for f in free]])
     active = np.ones(len(x), bool)
@@ -140,10 +170,4 @@ def _bounded_step(gram, gradient, scale, damping, x, hard, free):
         active &= ~out
         if not active.any():
             break
-    _ = P
     return trial
-
-
-def renew(fit: Fit, **changes) -> Fit:
-    """The fit with other fields."""
-    return dataclasses.replace(fit, **changes)

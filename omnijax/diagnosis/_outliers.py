@@ -5,6 +5,7 @@ scores are quadratic: one wild sample of 100 sigma weighs as much as 1e4 good on
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -12,10 +13,9 @@ from ..rig import Rig
 from ._machine import Machine
 from ._runs import Run
 
-WILD = 8.0  # sigma above both neighbours
+WILD = 8.0  # sigma above the samples on both sides
 MOST = 0.01  # share of a channel's samples above which they are no outliers but a misfit
 EDGE = 3  # samples beside a gap's edge, where a mistimed prediction makes spikes too
-GROUPS = ("dR", "a", "Omega", "theta")
 
 
 def spikes(values: np.ndarray, sigma: float) -> np.ndarray:
@@ -29,6 +29,8 @@ def spikes(values: np.ndarray, sigma: float) -> np.ndarray:
 
     height = np.maximum(away(1, 1), np.maximum(away(1, 2), away(2, 1)))
     height[[0, -1]] = 0.0
+    around = np.stack([padded[k:][:n] for k in (0, 1, 3, 4)])
+    height = np.minimum(height, np.abs(values - np.nanmedian(around, axis=0)))
     usual = np.nan_to_num(np.nanmedian(np.abs(np.diff(values, axis=0)), axis=0)) / 0.954
     return np.nan_to_num(height) > WILD * np.maximum(usual, sigma)
 
@@ -42,20 +44,20 @@ def near_edges(machine: Machine, rig: Rig, i: int) -> np.ndarray:
     return np.convolve(changed, np.ones(2 * EDGE + 1), "same") > 0
 
 
-def outliers(machine: Machine, rig: Rig, i: int) -> dict[str, np.ndarray]:
+def outliers(machine: Machine, rig: Rig, i: int, groups: Sequence[str]) -> dict[str, np.ndarray]:
     """Masks (n, c) of the outliers of run `i` by output group, at a rig not yet calibrated."""
     predicted = machine.elastic([rig], [i])[0][0]
     elastic, rotation = machine.residual_tables(rig, i, predicted, machine.rotated(rig, [i])[i])
-    tables = dict(zip(GROUPS, (elastic[:, :3], elastic[:, 3:], rotation[:, :3], rotation[:, 3:]),
-                      strict=True))  # fmt: skip
+    tables = {"dR": elastic[:, :3], "a": elastic[:, 3:]}
+    tables |= {"Omega": rotation[:, :3], "theta": rotation[:, 3:]}
     noise = machine.noise | {"theta": float(np.mean(machine.length_noise))}
     edges, found = near_edges(machine, rig, i), {}
-    for group, table in tables.items():
+    for group in groups:
         if group not in machine.runs[i].outputs:
             continue
-        mask = spikes(table, noise[group])
+        mask = spikes(tables[group], noise[group])
         beside, apart = mask[edges].mean() if edges.any() else 0.0, mask[~edges].mean()
-        if beside > 3 * apart:
+        if group in ("dR", "a") and beside > 3 * apart:
             mask[edges] = False
         mask[:, mask.mean(axis=0) > MOST] = False
         if mask.any():
@@ -63,20 +65,25 @@ def outliers(machine: Machine, rig: Rig, i: int) -> dict[str, np.ndarray]:
     return found
 
 
-def without_outliers(machine: Machine, rig: Rig) -> tuple[list[Run], list[str]]:
-    """The runs with their outliers marked as missing, and a sentence for every such channel."""
+def without_outliers(
+    machine: Machine, rig: Rig, groups: Sequence[str]
+) -> tuple[list[Run], list[str]]:
+    """The runs with the groups' outliers marked as missing, and a sentence for each channel."""
     runs, said = [], []
     for i, run in enumerate(machine.runs):
         outputs = dict(run.outputs)
-        for group, mask in outliers(machine, rig, i).items():
+        for group, mask in outliers(machine, rig, i, groups).items():
             outputs[group] = np.where(mask, np.nan, outputs[group])
             for c in np.flatnonzero(mask.any(axis=0)):
                 name = f"{group}_{c + 1}" if group == "theta" else f"{group}_{'xyz'[c]}"
-                times = ", ".join(f"{t:.3f} s" for t in run.time[mask[:, c]][:5])
-                said.append(
-                    f"{run.name}: {mask[:, c].sum()} samples of {name} stand out from their "
-                    f"neighbours by more than {WILD:g} sigma (at {times}"
-                    f"{', ...' if mask[:, c].sum() > 5 else ''}); they are not used."
-                )
+                said.append(_sentence(run, name, run.time[mask[:, c]]))
         runs.append(dataclasses.replace(run, outputs=outputs))
     return runs, said
+
+
+def _sentence(run: Run, channel: str, times: np.ndarray) -> str:
+    at = ", ".join(f"{t:.3f} s" for t in times[:5]) + (", ..." if len(times) > 5 else "")
+    return (
+        f"{run.name}: {len(times)} samples of {channel} stand out from their neighbours by more "
+        f"than {WILD:g} sigma (at {at}); they are not used."
+    )

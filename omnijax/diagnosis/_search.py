@@ -124,14 +124,13 @@ class Search:
     def __init__(self, model: AbstractModel, tell: Callable[[str], None] = lambda text: None):
         self.model, self.tell = model, tell
 
-    def run(self) -> Found:
-        """Search until nothing significant is left that held-out runs accept."""
+    def run(self, start: Point | None = None) -> Found:
+        """Search from a calibrated `start` until nothing is left that held-out runs accept."""
         model = self.model
-        self.tell("calibrating the uncertain parameters")
-        start = Point(np.zeros(len(model.priors)))
-        fit = refit(model, start)
+        start = start or Point(np.zeros(len(model.priors)))
+        fit = refit(model, start, relative=0.01)
         model.rebase(fit.point)
-        baseline = fit = refit(model, fit.point, baseline=fit.jacobian)
+        baseline = fit = refit(model, fit.point, baseline=fit.jacobian, relative=0.01)
         held_before = chi2_of(model, fit.point, "held-out")
         scans, all_trials, refused, found_any = [], [], [], False
         while len(fit.point.effects) < MOST:
@@ -209,25 +208,32 @@ class Search:
         P = len(self.model.priors)
         tangents = None if is_stepped(self.model, effects) else fit.jacobian[:, :P]
         point = self.tamed(point, fit.cost)
-        enough = max(0.02, 1e-3 * score.gain)
-        new = refit(self.model, point, baseline=tangents, rounds=8, tolerance=enough)
+        new = refit(self.model, point, baseline=tangents, rounds=8, relative=1e-3)
         after = residual_of(self.model, new.point, "held-out")
         return Trial(new.point.effects[-1], new, fit.cost - new.cost, HeldOut.of(before, after))
 
     def tamed(self, point: Point, cost: float) -> Point:
-        """The point with its newest effect weakened until it is no worse than without it."""
+        """Where to begin a refit: calibrated as before, or as stated where that is better.
+
+        A wrong model drives the calibration to its bounds.  A law that is stepped in time is
+        weakened until the point is no worse than without it.
+        """
         *others, last = point.effects
         law = self.model.laws[last.id]
         strong = [k for k in last.values if law.parameters[k].linear or k == "gap"]
-        if not strong or not is_stepped(self.model, [last]):
-            return point
-        for factor in (1.0, 0.5, 0.2, 0.05):
+        stepped = strong and is_stepped(self.model, [last])
+        best, least = point, np.inf
+        for factor in (1.0, 0.5, 0.2, 0.05) if stepped else (1.0,):
             values = last.values | {k: factor * last.values[k] for k in strong}
-            weaker = point.with_effects(*others, Effect(last.id, last.place, values))
-            chi2 = chi2_of(self.model, weaker, "train")
-            if np.isfinite(chi2) and chi2 < cost:
-                return weaker
-        return weaker
+            effects = (*others, Effect(last.id, last.place, values))
+            for u in (point.u, 0 * point.u):
+                there = Point(u, effects)
+                found = chi2_of(self.model, there, "train") + float(u @ u)
+                if np.isfinite(found) and found < least:
+                    best, least = there, found
+            if least < cost:
+                break
+        return best
 
     def settle(self, fit: Fit) -> Fit:
         """Smooth about the new point and polish there, with tangents of its own."""
