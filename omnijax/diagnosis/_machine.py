@@ -117,15 +117,24 @@ class Machine:
         rows.nuisance.append((slice(0, rows.elastic.size), orthonormal(free.T)))
 
     def rebase(self, rig: Rig) -> None:
-        """Smooth the angles anew, about what `rig` predicts from the torques."""
+        """Smooth the angles anew, about what `rig` predicts from the torques.
+
+        Friction hangs on the motion itself: then again until the prediction stays.
+        """
         self._kept = {name: {} for name in self._kept}
         self.references = None
         self.ratios = [None] * len(self.runs)
-        for _ in range(2 if needs_observer(rig) else 1):
+        for _ in range(4 if needs_observer(rig) else 1):
             found = [r.length for r in self.rotated(rig).values()]
+            change = [] if self.references is None else [
+                np.std(new - old, axis=0).max()
+                for new, old in zip(found, self.references, strict=True)
+            ]  # fmt: skip
             self._kept = {name: {} for name in self._kept}
             self.references = found
             self.ratios = [None] * len(self.runs)
+            if change and max(change) < 0.3 * self.length_noise.min():
+                break
         self.motions(rig)
         self.rows = [self._make_rows(rig, i) for i in range(len(self.runs))]
 
@@ -198,8 +207,9 @@ class Machine:
         normal = self._normal.get(i, preload)
         for turn in range(turns):
             if needs_observer(rig):
+                rest = not run.rolling_start(self.noise)
                 Omega, speed = observed_turning(
-                    bare_rotation(rig), m, response, torque, normal, run.step
+                    bare_rotation(rig), m, response, torque, normal, run.step, rest
                 )
                 felt = dataclasses.replace(m, turning=Omega, speed=speed)
             else:

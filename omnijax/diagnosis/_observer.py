@@ -24,8 +24,14 @@ def needs_observer(rig: Rig) -> bool:
     return any("width" in p.law.parameters for p in placed)
 
 
-def observed_turning(rigs: Rig, motion: Motion, response: Turning, torque, normal, step: float):
-    """(Omega (t, 3), wheel speeds (t, n)) at the FINE points, from Omega at the samples."""
+def observed_turning(
+    rigs: Rig, motion: Motion, response: Turning, torque, normal, step: float, at_rest: bool
+):
+    """(Omega (t, 3), wheel speeds (t, n)) at the FINE points, from Omega at the samples.
+
+    A run that begins at rest begins at zero: smoothed angles say so only to 1e-2 rad/s, which
+    already is sliding.
+    """
     radius = motion.factor * (np.asarray(rigs.wheels.radius) + motion.shape)
     half = FINE // 2
     points = len(torque)
@@ -41,7 +47,8 @@ def observed_turning(rigs: Rig, motion: Motion, response: Turning, torque, norma
             motion.turning,
         )
     )  # fmt: skip
-    omega = np.asarray(_integrate(rigs, here, step))
+    first = np.zeros(3) if at_rest else motion.turning[0]
+    omega = np.asarray(_integrate(rigs, here, step, first))
     fine = _hermite(omega, motion.turning, FINE)
     speed = float(rigs.sphere.radius) * np.einsum("tij,tj->ti", motion.axes, fine) / radius
     return fine, speed
@@ -56,7 +63,7 @@ def _hermite(samples: np.ndarray, measured: np.ndarray, parts: int) -> np.ndarra
 
 
 @jax.jit
-def _integrate(rig: Rig, here, step):
+def _integrate(rig: Rig, here, step, first):
     pairs = jax.tree.map(lambda x: (x[:-1:2], x[1::2], x[2::2]), here)
     start, middle, end = (tuple(p[k] for p in pairs) for k in range(3))
 
@@ -69,7 +76,6 @@ def _integrate(rig: Rig, here, step):
         omega = omega + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         return omega, omega
 
-    first = here[-1][0]
     _, out = jax.lax.scan(body, first, (start, middle, end))
     return jnp.concatenate([first[None], out])
 
