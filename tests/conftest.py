@@ -1,8 +1,10 @@
 """Settings that must stand before jax is imported: CPU, one thread a worker, a cache here."""
 
 import os
+import shutil
 from pathlib import Path
 
+import pytest
 from hypothesis import settings
 from jaxtyping import install_import_hook
 
@@ -19,3 +21,47 @@ settings.load_profile("omnijax")
 
 # annotated shapes are checked at every call of what holds the machine; it costs tracing time only
 install_import_hook(["omnijax.laws", "omnijax.rig"], "shapes.checked")
+
+CHROMIUM = [  # no sandbox in a container, no calls of its own, WebGL without a graphics card
+    "--no-sandbox",
+    "--disable-quic",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+]
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """A headless chromium; the test skips where there is none."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        pytest.skip("no chromium on this machine")
+    with playwright.sync_playwright() as p:
+        found = p.chromium.launch(executable_path=chromium, args=CHROMIUM)
+        yield found
+        found.close()
+
+
+@pytest.fixture
+def open_page(browser):
+    """`open_page(url, width)`: a tab, the errors it shows and the requests it makes."""
+    tabs = []
+
+    def opened(url, width):
+        tab = browser.new_page(viewport={"width": width, "height": 800})
+        tabs.append(tab)
+        seen = {"errors": [], "requests": []}
+        tab.on("pageerror", lambda error: seen["errors"].append(str(error)))
+        tab.on("console", lambda m: seen["errors"].append(m.text) if m.type == "error" else None)
+        tab.on("request", lambda request: seen["requests"].append(request.url))
+        tab.goto(url)
+        return tab, seen
+
+    yield opened
+    for tab in tabs:
+        tab.close()

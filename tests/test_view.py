@@ -3,7 +3,6 @@
 import functools
 import json
 import re
-import shutil
 import threading
 import time
 
@@ -101,44 +100,9 @@ def test_start_speeds():
         start_speeds("fast", rig)
 
 
-FLAGS = [
-    "--no-sandbox",
-    "--disable-quic",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-]
-
-
-@pytest.fixture
-def browser():
-    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
-    if chromium is None:
-        pytest.skip("no chromium on this machine")
-    with playwright.sync_playwright() as p:
-        found = p.chromium.launch(executable_path=chromium, args=FLAGS)
-        yield found
-        found.close()
-
-
-def _open(browser, url, width):
-    """A page that collects its errors and its requests."""
-    page = browser.new_page(viewport={"width": width, "height": 800})
-    seen = {"errors": [], "requests": []}
-    page.on("pageerror", lambda error: seen["errors"].append(str(error)))
-    page.on("console", lambda m: seen["errors"].append(m.text) if m.type == "error" else None)
-    page.on("request", lambda request: seen["requests"].append(request.url))
-    page.goto(url)
-    return page, seen
-
-
 @pytest.mark.parametrize("width", [1280, 400])
-def test_replay_scrubs_in_a_browser(browser, replay_page, width):
-    page, seen = _open(browser, replay_page.as_uri(), width)
+def test_replay_scrubs_in_a_browser(open_page, replay_page, width):
+    page, seen = open_page(replay_page.as_uri(), width)
     page.locator("#scrub").fill("50")
     assert page.locator("#time").inner_text() == "0.200 s"
     first = page.locator("#value").inner_text()
@@ -152,7 +116,7 @@ def test_replay_scrubs_in_a_browser(browser, replay_page, width):
     assert all(url.startswith(("file:", "data:", "blob:")) for url in seen["requests"])
 
 
-def test_explore_slider_moves_the_plot(browser):
+def test_explore_slider_moves_the_plot(open_page):
     pytest.importorskip("starlette", reason="the view3d extra is not installed")
     uvicorn = pytest.importorskip("uvicorn", reason="the view3d extra is not installed")
     from omnijax.view._explore import explore_app
@@ -167,7 +131,7 @@ def test_explore_slider_moves_the_plot(browser):
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]}, daemon=True)
     thread.start()
     try:
-        page, seen = _open(browser, f"http://127.0.0.1:{port}/", 400)
+        page, seen = open_page(f"http://127.0.0.1:{port}/", 400)
         figures = page.locator(".figures")
         _until(lambda: "peak" in figures.inner_text())
         before = figures.inner_text()

@@ -62,17 +62,26 @@ def _continuous(gap: Gap) -> Pieces:
     return _pieces([width], [[zero]], [zero], [-gap.depth], [2 * math.pi])
 
 
+def chebyshev_nodes(degree: int) -> np.ndarray:
+    """The degree + 1 Chebyshev nodes of [-1, 1]."""
+    return np.cos(math.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
+
+
+def to_powers(degree: int) -> np.ndarray:
+    """Values at the Chebyshev nodes -> coefficients of their interpolant in powers of x."""
+    rows = np.polynomial.chebyshev.chebvander(chebyshev_nodes(degree), degree).T * 2 / (degree + 1)
+    rows[0] /= 2
+    powers = np.zeros((degree + 1, degree + 1))
+    for k in range(degree + 1):
+        line = np.polynomial.chebyshev.cheb2poly(np.eye(degree + 1)[k])
+        powers[: len(line), k] = line
+    return powers @ rows
+
+
 def _chebyshev_fit(function, degree: int) -> Float[Array, " d"]:
     """Coefficients in powers of x of the interpolant of `function` on [-1, 1]."""
-    nodes = np.cos(math.pi * (np.arange(degree + 1) + 0.5) / (degree + 1))
-    values = jax.vmap(function)(jnp.asarray(nodes))
-    to_chebyshev = np.polynomial.chebyshev.chebvander(nodes, degree).T * 2 / (degree + 1)
-    to_chebyshev[0] /= 2
-    to_powers = np.zeros((degree + 1, degree + 1))
-    for k in range(degree + 1):
-        powers = np.polynomial.chebyshev.cheb2poly(np.eye(degree + 1)[k])
-        to_powers[: len(powers), k] = powers
-    return jnp.asarray(to_powers) @ (jnp.asarray(to_chebyshev) @ values)
+    values = jax.vmap(function)(jnp.asarray(chebyshev_nodes(degree)))
+    return jnp.asarray(to_powers(degree)) @ values
 
 
 def _rollers(gap: Gap) -> Pieces:

@@ -8,7 +8,6 @@ Drive forces need d(r_w omega)/dt; as at constant speed only r_w omega itself en
 y = s + B1 (r_w omega), s kept apart on each interval so that jumps of the speed move nothing.
 """
 
-import math
 from typing import NamedTuple
 
 import jax
@@ -18,7 +17,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ...dynamics import TRANSLATIONS, initial_memory
-from ...laws._pieces import Pieces, piece_at, value
+from ...laws._pieces import Pieces, chebyshev_nodes, piece_at, to_powers, value
 from ...rig import Rig, over_wheels
 from .._drives import SpeedDrive
 from ._cycles import wheel_pieces
@@ -116,20 +115,6 @@ def _edge_times(legs: Legs, pieces: Pieces, count: int) -> Float[Array, " e"]:
     return jax.vmap(leg)(*legs).reshape(-1)
 
 
-_NODES = np.cos(math.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
-
-
-def _to_powers() -> np.ndarray:
-    """Values at the Chebyshev nodes -> coefficients in powers of x."""
-    rows = np.polynomial.chebyshev.chebvander(_NODES, DEGREE).T * 2 / (DEGREE + 1)
-    rows[0] /= 2
-    powers = np.zeros((DEGREE + 1, DEGREE + 1))
-    for k in range(DEGREE + 1):
-        line = np.polynomial.chebyshev.cheb2poly(np.eye(DEGREE + 1)[k])
-        powers[: len(line), k] = line
-    return powers @ rows
-
-
 class Setting(NamedTuple):
     """What the inputs are read from."""
 
@@ -194,7 +179,7 @@ def varying_response(rig: Rig, drive: SpeedDrive, ts, model: str, counts, levels
     setting, start = Setting(rig, drive, shapes, angles), ts[0]
     times = _times(setting, ts, counts)
     system = _inputs(rig, model)
-    to_powers, ends = jnp.asarray(_to_powers()), jnp.array([-1.0, 1.0])
+    from_nodes, ends = jnp.asarray(to_powers(DEGREE)), jnp.array([-1.0, 1.0])
     n, size = rig.size, len(system.A)
     powers = np.zeros((DEGREE + 1, DEGREE + 1))
     powers[np.arange(1, DEGREE + 1), np.arange(DEGREE)] = 2 * np.arange(1, DEGREE + 1)
@@ -207,7 +192,7 @@ def varying_response(rig: Rig, drive: SpeedDrive, ts, model: str, counts, levels
         a, b = interval
         h = b - a
         read = jax.vmap(lambda x: _read(setting, start, a, b, x))
-        coefficients = to_powers @ read(jnp.asarray(_NODES))
+        coefficients = from_nodes @ read(jnp.asarray(chebyshev_nodes(DEGREE)))
         edge = read(ends)[:, n : 2 * n] @ system.shift.T
         F = jnp.zeros((size + DEGREE + 1,) * 2).at[:size, :size].set(h * system.A)
         F = F.at[:size, size:].set(h * system.B @ coefficients.T).at[size:, size:].set(powers)
