@@ -8,7 +8,7 @@ import pytest
 from machines import machine, shared
 
 from omnijax import Recording, cli, propagate, read_recording, speeds, write_recording
-from omnijax.vibration import order_track, rpm_order_map
+from omnijax.vibration import modes, order_track, rpm_order_map
 
 RATE = 500.0
 TIME = np.arange(3000) / RATE
@@ -91,6 +91,20 @@ def test_a_measured_run_shows_its_roller_orders():
     assert found.strongest(1)[0][1] > 1e-5
     sphere = rpm_order_map(run, "a_x", "sphere", turns=1, max_order=20)
     assert sphere.reference == "sphere"
+
+
+def test_results_are_tables_in_a_notebook_and_datasets():
+    values = 3e-6 * np.cos(14 * ANGLE + 0.5)
+    found = rpm_order_map(recording(values), "dR_y", "2", turns=2, max_order=30)
+    track = order_track(recording(values), [14, 15], "dR_y", "2")
+    assert "<td>14</td>" in found._repr_html_() and "<td>14</td>" in track._repr_html_()
+    data = found.to_xarray()
+    assert data["amplitude"].attrs["units"] == "m" and data["speed"].attrs["units"] == "rpm"
+    assert float(data["amplitude"].sel(order=14.0).mean()) == pytest.approx(3e-6, rel=0.05)
+    assert float(track.to_xarray()["phase"].sel(order=14.0).mean()) == pytest.approx(0.5, abs=0.05)
+    modes_ = modes(machine())
+    assert "damping ratio" in modes_._repr_html_()
+    np.testing.assert_array_equal(modes_.to_xarray()["frequency"], modes_.frequency)
 
 
 def test_pictures_show_orders_and_units():

@@ -14,8 +14,8 @@ from ._metrics import known as known
 from ._modes import Modes as Modes
 from ._modes import modes as modes
 from ._modes import natural_frequencies as natural_frequencies
-from ._orders import OrderMap as OrderMap
-from ._orders import OrderTrack as OrderTrack
+from ._order_results import OrderMap as OrderMap
+from ._order_results import OrderTrack as OrderTrack
 from ._orders import order_track as order_track
 from ._orders import roller_orders as roller_orders
 from ._orders import rpm_order_map as rpm_order_map

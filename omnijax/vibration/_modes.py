@@ -1,11 +1,12 @@
 """Natural frequencies and damping of the elastic model."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._html import html_table
 from ..dynamics import TRANSLATIONS, linear_system
 from ..rig import Rig
 
@@ -16,6 +17,28 @@ class Modes(NamedTuple):
     frequency: Float[Array, " m"]  # Hz, undamped natural frequency |lambda| / 2 pi
     damping_ratio: Float[Array, " m"]  # -Re(lambda) / |lambda|; 1 for a real pole
     shape: Float[Array, "m d"]  # dR part (coupled) of each mode, unit length, real part
+
+    def _repr_html_(self) -> str:
+        rows = zip(
+            np.asarray(self.frequency).tolist(),
+            np.asarray(self.damping_ratio).tolist(),
+            (", ".join(f"{x:.2f}" for x in row) for row in np.asarray(self.shape)),
+            strict=True,
+        )
+        return html_table("Modes", rows, ("frequency (Hz)", "damping ratio", "shape of ΔR"))
+
+    def to_xarray(self) -> Any:
+        """Frequencies, damping ratios and shapes as an `xarray.Dataset`."""
+        import xarray
+
+        return xarray.Dataset(
+            {
+                "frequency": ("mode", np.asarray(self.frequency), {"units": "Hz"}),
+                "damping_ratio": ("mode", np.asarray(self.damping_ratio), {"units": "1"}),
+                "shape": (("mode", "axis"), np.asarray(self.shape), {"units": "1"}),
+            },
+            coords={"axis": ["x", "y", "z"]},
+        )
 
 
 def modes(rig: Rig, model: str = "coupled") -> Modes:

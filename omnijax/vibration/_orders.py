@@ -8,88 +8,17 @@ is the transform in the angle domain, taken at the samples themselves, so nothin
 Where o times the speed passes half the sampling rate a line folds back; such cells are marked.
 """
 
-import dataclasses
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from ..recording import Recording, unit_of
 from ..simulate import Trajectory
+from ._order_results import OrderMap, OrderTrack
 
 OVERLAP = 4  # windows begin a quarter of their length apart
 USABLE = 0.9  # share of a window's samples that must be there
 TURN = 2 * np.pi
-
-
-@dataclasses.dataclass(frozen=True)
-class OrderMap:
-    """Amplitude of every order in every window; `aliased` marks what the sampling cannot tell.
-
-    Aliased cells are NaN: there the line of another order would show, folded back.
-    """
-
-    channel: str
-    unit: str
-    reference: str
-    orders: np.ndarray  # (k,)
-    time: np.ndarray  # s, middle of the windows, (m,)
-    speed: np.ndarray  # rpm of the reference, (m,)
-    amplitude: np.ndarray  # of the sine, in `unit`, (m, k)
-    aliased: np.ndarray  # (m, k)
-
-    def strongest(self, count: int = 5) -> list[tuple[float, float]]:
-        """The highest (order, RMS amplitude over the windows) peaks, largest first."""
-        square = np.where(np.isfinite(self.amplitude), self.amplitude, 0.0) ** 2
-        seen = np.maximum((~self.aliased).sum(axis=0), 1)
-        level = np.sqrt(square.sum(axis=0) / seen)
-        inner = level[1:-1]
-        peaks = 1 + np.flatnonzero((inner >= level[:-2]) & (inner > level[2:]))
-        best = peaks[np.argsort(-level[peaks])][:count]
-        return [(float(self.orders[i]), float(level[i])) for i in best]
-
-    def plot(self, *, ax: Any = None, over: str = "time") -> Any:
-        """The map as a picture, orders to the right; returns the axes."""
-        from ._waterfall import plot_map
-
-        return plot_map(self, ax=ax, over=over)
-
-    def plot_waterfall(self, *, ax: Any = None) -> Any:
-        """One spectrum above the other, as time goes on; returns the axes."""
-        from ._waterfall import plot_waterfall
-
-        return plot_waterfall(self, ax=ax)
-
-    def __repr__(self) -> str:
-        top = ", ".join(f"{order:.3g}" for order, _ in self.strongest(3))
-        shape = f"{len(self.time)} windows, {len(self.orders)} orders of {self.reference}"
-        return f"OrderMap({self.channel}: {shape}; strongest {top})"
-
-
-@dataclasses.dataclass(frozen=True)
-class OrderTrack:
-    """Amplitude and phase of chosen orders in every window, fitted together."""
-
-    channel: str
-    unit: str
-    reference: str
-    orders: np.ndarray  # (k,)
-    time: np.ndarray  # s, (m,)
-    speed: np.ndarray  # rpm, (m,)
-    amplitude: np.ndarray  # in `unit`, (m, k)
-    phase: np.ndarray  # rad, of amplitude cos(o theta + phase), (m, k)
-    aliased: np.ndarray  # (m, k): a lower order would fit as well if the speed stayed the same
-
-    def plot(self, *, ax: Any = None, over: str = "time") -> Any:
-        """One curve an order, over `time` or `speed`; returns the axes."""
-        from ._waterfall import plot_track
-
-        return plot_track(self, ax=ax, over=over)
-
-    def __repr__(self) -> str:
-        names = ", ".join(f"{order:g}" for order in self.orders)
-        about = f"orders {names} of {self.reference}, {len(self.time)} windows"
-        return f"OrderTrack({self.channel}: {about})"
 
 
 def rpm_order_map(

@@ -1,0 +1,116 @@
+"""What an order analysis returns: the map over orders and time, and single orders over time."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from .._html import html_table
+
+
+@dataclasses.dataclass(frozen=True)
+class OrderMap:
+    """Amplitude of every order in every window; `aliased` marks what the sampling cannot tell.
+
+    Aliased cells are NaN: there the line of another order would show, folded back.
+    """
+
+    channel: str
+    unit: str
+    reference: str
+    orders: np.ndarray  # (k,)
+    time: np.ndarray  # s, middle of the windows, (m,)
+    speed: np.ndarray  # rpm of the reference, (m,)
+    amplitude: np.ndarray  # of the sine, in `unit`, (m, k)
+    aliased: np.ndarray  # (m, k)
+
+    def strongest(self, count: int = 5) -> list[tuple[float, float]]:
+        """The highest (order, RMS amplitude over the windows) peaks, largest first."""
+        square = np.where(np.isfinite(self.amplitude), self.amplitude, 0.0) ** 2
+        seen = np.maximum((~self.aliased).sum(axis=0), 1)
+        level = np.sqrt(square.sum(axis=0) / seen)
+        inner = level[1:-1]
+        peaks = 1 + np.flatnonzero((inner >= level[:-2]) & (inner > level[2:]))
+        best = peaks[np.argsort(-level[peaks])][:count]
+        return [(float(self.orders[i]), float(level[i])) for i in best]
+
+    def plot(self, *, ax: Any = None, over: str = "time") -> Any:
+        """The map as a picture, orders to the right; returns the axes."""
+        from ._waterfall import plot_map
+
+        return plot_map(self, ax=ax, over=over)
+
+    def plot_waterfall(self, *, ax: Any = None) -> Any:
+        """One spectrum above the other, as time goes on; returns the axes."""
+        from ._waterfall import plot_waterfall
+
+        return plot_waterfall(self, ax=ax)
+
+    def __repr__(self) -> str:
+        top = ", ".join(f"{order:.3g}" for order, _ in self.strongest(3))
+        shape = f"{len(self.time)} windows, {len(self.orders)} orders of {self.reference}"
+        return f"OrderMap({self.channel}: {shape}; strongest {top})"
+
+    def _repr_html_(self) -> str:
+        rows = [(order, level) for order, level in self.strongest(8)]
+        title = f"{self.channel} over the orders of {self.reference}"
+        return html_table(title, rows, ("order", f"RMS amplitude ({self.unit})"))
+
+    def to_xarray(self) -> Any:
+        """Amplitude over time and order as an `xarray.Dataset`, with the speed beside."""
+        return _dataset(self, {"amplitude": (self.amplitude, self.unit)})
+
+
+@dataclasses.dataclass(frozen=True)
+class OrderTrack:
+    """Amplitude and phase of chosen orders in every window, fitted together."""
+
+    channel: str
+    unit: str
+    reference: str
+    orders: np.ndarray  # (k,)
+    time: np.ndarray  # s, (m,)
+    speed: np.ndarray  # rpm, (m,)
+    amplitude: np.ndarray  # in `unit`, (m, k)
+    phase: np.ndarray  # rad, of amplitude cos(o theta + phase), (m, k)
+    aliased: np.ndarray  # (m, k): a lower order would fit as well if the speed stayed the same
+
+    def plot(self, *, ax: Any = None, over: str = "time") -> Any:
+        """One curve an order, over `time` or `speed`; returns the axes."""
+        from ._waterfall import plot_track
+
+        return plot_track(self, ax=ax, over=over)
+
+    def __repr__(self) -> str:
+        names = ", ".join(f"{order:g}" for order in self.orders)
+        about = f"orders {names} of {self.reference}, {len(self.time)} windows"
+        return f"OrderTrack({self.channel}: {about})"
+
+    def _repr_html_(self) -> str:
+        rows = [
+            (order, float(np.nanmean(level)), float(np.nanmax(level)))
+            for order, level in zip(self.orders.tolist(), self.amplitude.T, strict=True)
+        ]
+        title = f"Orders of {self.reference} in {self.channel}"
+        return html_table(title, rows, ("order", f"mean ({self.unit})", f"largest ({self.unit})"))
+
+    def to_xarray(self) -> Any:
+        """Amplitude and phase over time and order as an `xarray.Dataset`."""
+        figures = {"amplitude": (self.amplitude, self.unit), "phase": (self.phase, "rad")}
+        return _dataset(self, figures)
+
+
+def _dataset(result: "OrderMap | OrderTrack", figures: dict[str, tuple[np.ndarray, str]]) -> Any:
+    import xarray
+
+    dims = ("time", "order")
+    variables: dict[str, Any] = {
+        name: (dims, value, {"units": unit}) for name, (value, unit) in figures.items()
+    }
+    variables["aliased"] = (dims, result.aliased, {"long_name": "beyond half the sampling rate"})
+    variables["speed"] = ("time", result.speed, {"units": "rpm"})
+    return xarray.Dataset(
+        variables,
+        coords={"time": ("time", result.time, {"units": "s"}), "order": result.orders},
+        attrs={"channel": result.channel, "reference": result.reference},
+    )
