@@ -169,17 +169,26 @@ def _units():
 
 def _from_text(text: str, unit: str) -> float:
     """`"188.2 kN/m"` in N/m; turns become radians (or hertz) as the target asks."""
-    import pint
-
     wanted = "a plain number" if unit == "1" else f"a number in {unit} or text with such a unit"
     refusal = f"must be {wanted}, but is {text!r}."
     match = _NUMBER.match(text)
     if not match or not (match[2] or unit in {"1", "rad"}):
         raise ValueError(refusal)
+    value = float(match[1].replace("_", ""))
+    if match[2] != unit:
+        value = _converted(value, match[2], unit, refusal)
+    if not math.isfinite(value):
+        raise ValueError(f"must be finite, but is {text!r}.")
+    return float(value)
+
+
+def _converted(number: float, given_unit: str, unit: str, refusal: str) -> float:
+    """`number` in `unit`; raises `ValueError(refusal)` where the units do not fit."""
+    import pint
+
     registry = _units()
     try:
-        given, target = registry.parse_units(match[2]), registry.parse_units(unit)
-        number = float(match[1].replace("_", ""))
+        given, target = registry.parse_units(given_unit), registry.parse_units(unit)
         value = registry.Quantity(number, given).to(target).magnitude
     except (pint.DimensionalityError, pint.OffsetUnitCalculusError):
         raise ValueError(refusal) from None
@@ -191,6 +200,4 @@ def _from_text(text: str, unit: str) -> float:
         value *= 2 * math.pi
     if unit == "Hz" and turns:
         value /= 2 * math.pi
-    if not math.isfinite(value):
-        raise ValueError(f"must be finite, but is {text!r}.")
-    return float(value)
+    return value
