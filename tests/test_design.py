@@ -10,8 +10,10 @@ import pytest
 
 from omnijax.rig import InputError
 from omnijax.study import Design, Limit, Problem, Variable, optimise, parse_study, trade_off
-from omnijax.study._design_engine import Engine, Folder
+from omnijax.study._design_engine import Engine
+from omnijax.study._design_folder import Folder
 from omnijax.study._design_result import amount
+from omnijax.study._design_search import Adam
 from omnijax.vibration import peak, smooth_peak
 
 NO_LIMITS = jnp.zeros(0)
@@ -179,10 +181,11 @@ def test_adam_on_fresh_draws_moves_the_starts():
     extra = draw(jax.random.key(3))
     problem = Problem((Variable("x", -3.0, 4.0),), figures, extra=extra, draw=draw)
     engine = Engine(problem, 2, 0)
-    moved = engine.search.stochastic(engine.lanes, 300, 0.05, 1)
+    first = engine.values(np.asarray(engine.lanes.share))[0]
+    moved = engine.search.stochastic(engine.lanes, first, Adam(300, 0.05, 1))
     ends = np.asarray(engine.search.scale.value(moved.share))[:, 0]
     assert np.allclose(ends, 1.0, atol=0.15)
-    found = optimise(problem, starts=2, batch=2, stochastic={"steps": 20, "rate": 0.05, "seed": 1})
+    found = optimise(problem, starts=2, batch=2, stochastic=Adam(20, 0.05, 1))
     assert math.isclose(found.variables["x"], 1 + float(jnp.mean(extra)), abs_tol=1e-5)
 
 

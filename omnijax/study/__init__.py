@@ -11,9 +11,9 @@ from ._global import GlobalSensitivity as GlobalSensitivity
 from ._global import analyse as analyse
 from ._global import global_sensitivity as global_sensitivity
 from ._global_inputs import Input as Input
-from ._pareto import Front as Front
 from ._pareto import pareto as pareto
 from ._pareto import trade_off as trade_off
+from ._pareto_front import Front as Front
 from ._points import Grid as Grid
 from ._points import LatinHypercube as LatinHypercube
 from ._points import Sobol as Sobol

@@ -10,9 +10,11 @@ import numpy as np
 
 from .._errors import InputError
 from ..rig import Rig, get_parameter
-from ._design_engine import Engine, Folder, Report
+from ._design_engine import Engine
+from ._design_folder import Folder, Report
 from ._design_result import Design, amount, make_design
 from ._design_rig import RigCases, rig_problem
+from ._design_search import Adam
 from ._study_file import Study, study_of
 
 FRESH = 64  # draws of the parts that the search has not seen
@@ -40,8 +42,8 @@ def design(
         raise InputError("`search.stochastic_steps` needs a [tolerance] table to draw from.")
     engine = Engine(problem, asked.starts, asked.seed)
     store = None if out is None else Folder(out, asked.identity(), resume)
-    drawn = {"steps": asked.stochastic, "rate": 0.05, "seed": asked.seed}
-    ends = engine.all_ends(asked.batch, store, report, drawn if asked.stochastic else None)
+    drawn = Adam(asked.stochastic, seed=asked.seed) if asked.stochastic else None
+    ends = engine.all_ends(asked.batch, store, report, drawn)
     found = make_design(problem, ends)
     return dataclasses.replace(found, notes=tuple(_notes(asked, cases, found)))
 

@@ -1,21 +1,22 @@
 """`optimise`: the best design of a `Problem`, or the reason why there is none."""
 
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from .._errors import InputError
+from ._design_folder import Folder, Report
 from ._design_kkt import Kkt, Point, conditions, verdict
+from ._design_polish import Scaled, Slopes, polish
 from ._design_problem import Problem, check_variables
-from ._design_search import Lanes, Search
+from ._design_search import Adam, Lanes, Search
 from ._design_starts import first_lanes, rounded_lanes, start_shares
 
 PROBES = (1e-3, 2e-2)  # of the range: steps to neighbours that must not be better
 SILENT = 1e-12
+WIDTH = 16  # designs evaluated side by side
 
 
 class End(NamedTuple):
@@ -28,6 +29,7 @@ class End(NamedTuple):
     value: float
     f: np.ndarray
     g: np.ndarray  # in units of the limits, less the limit
+    limit: np.ndarray
     kkt: Kkt
     status: str
     reason: str
@@ -40,32 +42,29 @@ class Engine:
     def __init__(self, problem: Problem, starts: int, seed: int):
         check_variables(problem.variables)
         self.problem, self.seed = problem, seed
+        self.unit = np.array([x.scale for x in problem.limits])
         self.lanes, self.relaxed = first_lanes(problem, starts, seed)
-        search = Search(problem, 1.0)
-        self._slopes = jax.jit(lambda s: jax.lax.map(lambda x: self._with_slopes(search, x), s))
-        shares = jnp.asarray(start_shares(problem, 8, seed))
-        f, _, df, dg = (np.asarray(x) for x in self._slopes(shares))
-        finite = np.isfinite(f).all(axis=1)
-        if not finite.any():
+        plain = Search(problem, 1.0)
+        self._slopes = jax.jit(lambda share: _with_slopes(plain, share))
+        self._values = jax.jit(jax.vmap(lambda s: plain.parts(s, problem.extra)))
+        seen = [self.slopes(s) for s in start_shares(problem, 8, seed)]
+        seen = [s for s in seen if np.isfinite(s.f).all()]
+        if not seen:
             raise InputError("the objective is not finite at any start: widen or move the bounds.")
-        sizes = np.abs(f[finite].max(axis=1) if problem.worst else f[finite].mean(axis=1))
-        self.size = float(np.median(sizes)) or 1.0
-        self._check_influence(df[finite], dg[finite])
+        self.size = float(np.median([abs(self._combined(s.f)) for s in seen])) or 1.0
+        self._check_influence(seen)
         self.search = Search(problem, self.size)
 
-    @staticmethod
-    def _with_slopes(search: Search, share):
-        def push(tangent):
-            return jax.jvp(lambda s: search.parts(s, search.problem.extra), (share,), (tangent,))
+    def slopes(self, share: np.ndarray) -> Slopes:
+        """Figures and slopes of one design."""
+        return Slopes(*(np.asarray(x) for x in self._slopes(jnp.asarray(share))))
 
-        (f, g), (df, dg) = jax.vmap(push)(jnp.eye(len(share)))
-        return f[0], g[0], df.T, dg.T
-
-    def _check_influence(self, df, dg) -> None:
+    def _check_influence(self, seen: list[Slopes]) -> None:
         """`InputError` for variables that nothing depends on."""
-        scale = np.array([x.scale for x in self.problem.limits])[:, None]
-        moved = np.abs(df).max(axis=(0, 1)) / self.size
-        moved = np.maximum(moved, np.abs(dg / scale).max(axis=(0, 1), initial=0.0))
+        moved = np.max([np.abs(s.df).max(axis=0) for s in seen], axis=0) / self.size
+        for s in seen:
+            sides = np.abs(s.dg / self.unit[:, None])
+            moved = np.maximum(moved, sides.max(axis=0, initial=0.0))
         silent = [v.name for v, m in zip(self.problem.variables, moved, strict=True) if m <= SILENT]
         if silent:
             raise InputError(
@@ -75,25 +74,24 @@ class Engine:
 
     def judge(self, lanes: Lanes, share: np.ndarray, evaluations) -> list[End]:
         """The ends of searches: figures, multipliers, status."""
-        f, g, df, dg = (np.asarray(x) for x in self._slopes(jnp.asarray(share)))
-        unit = np.array([x.scale for x in self.problem.limits])
         limit, free = np.asarray(lanes.limit), np.asarray(lanes.free) > 0
-        better = self._neighbours(share, free, limit)
+        better = self._neighbours(share, free[: len(share)], limit[: len(share)])
         ends = []
         for i in range(len(share)):
-            scaled, value = (g[i] - limit[i]) / unit, self._combined(f[i])
-            point = Point(share[i], f[i], scaled, df[i], dg[i] / unit[:, None])
-            if np.isfinite(f[i]).all() and np.isfinite(df[i]).all() and np.isfinite(dg[i]).all():
+            s = self.slopes(share[i])
+            scaled, value = (s.g - limit[i]) / self.unit, self._combined(s.f)
+            point = Point(share[i], s.f, scaled, s.df, s.dg / self.unit[:, None])
+            if s.finite:
                 kkt = conditions(point, free[i], self.search.epigraph, self.size)
             else:
-                nothing = np.zeros(len(f[i])), np.zeros(len(unit)), np.zeros(len(share[i]))
+                nothing = np.zeros(len(s.f)), np.zeros(len(self.unit)), np.zeros(len(share[i]))
                 kkt = Kkt(np.inf, np.inf, *nothing)
             status, reason = verdict(kkt, (value - better[i]) / self.size)
             x = np.asarray(self.search.scale.value(jnp.asarray(share[i])))
             start = np.asarray(self.search.scale.value(lanes.share[i]))
             ends.append(
-                End(start, x, share[i], free[i], value, f[i], g[i] - limit[i], kkt, status, reason,
-                    int(evaluations[i]))
+                End(start, x, share[i], free[i], value, s.f, s.g - limit[i], limit[i], kkt,
+                    status, reason, int(evaluations[i]))
             )  # fmt: skip
         return ends
 
@@ -105,37 +103,59 @@ class Engine:
         d = share.shape[1]
         moves = np.concatenate([sign * size * np.eye(d) for size in PROBES for sign in (1, -1)])
         points = np.clip(share[:, None] + moves * free[:, None], 0.0, 1.0)
-        f, g = self._values(points.reshape(-1, d))
+        f, g = self.values(points.reshape(-1, d))
         f = f.reshape(len(share), len(moves), -1)
         value = f.max(-1) if self.problem.worst else f.mean(-1)
-        unit = np.array([x.scale for x in self.problem.limits])
-        over = (g.reshape(len(share), len(moves), -1) - limit[:, None]) / unit
+        over = (g.reshape(len(share), len(moves), -1) - limit[:, None]) / self.unit
         allowed = np.isfinite(value) & (np.max(over, axis=-1, initial=0.0) <= 1e-7)
         return np.min(np.where(allowed, value, np.inf), axis=1)
 
-    def _values(self, shares) -> tuple[np.ndarray, np.ndarray]:
-        if not hasattr(self, "_plain"):
-            extra = self.problem.extra
-            self._plain = jax.jit(jax.vmap(lambda s: self.search.parts(s, extra)))
-        f, g = self._plain(jnp.asarray(shares))
-        return np.asarray(f), np.asarray(g)
+    def values(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Figures f (n, k) and g (n, c) of designs, in pieces of one compiled shape."""
+        parts = []
+        for first in range(0, len(shares), WIDTH):
+            index = np.minimum(np.arange(first, first + WIDTH), len(shares) - 1)
+            found = self._values(jnp.asarray(shares[index]))
+            parts.append([np.asarray(x)[: len(shares) - first] for x in found])
+        f, g = (np.concatenate(x) for x in zip(*parts, strict=True))
+        return f, g
 
-    def solve(self, lanes: Lanes, report=None) -> list[End]:
-        """Search and judge."""
-        found = self.search.run(lanes, report)
-        return self.judge(lanes, found.share, found.evaluations)
+    def solve(
+        self, lanes: Lanes, count: int, drawn: Adam | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Where the first `count` searches end, shares (l, d), and their evaluations (l,)."""
+        first = self.values(np.asarray(lanes.share))[0]
+        spent = 0
+        if drawn is not None:
+            lanes, spent = self.search.stochastic(lanes, first, drawn), drawn.steps
+            first = self.values(np.asarray(lanes.share))[0]
+        found = self.search.run(lanes, first)
+        share, evaluations = found.share.copy(), found.evaluations + spent
+        for i in range(count):
+            scaled = Scaled(
+                self.slopes, np.asarray(lanes.limit[i]), self.unit, self.size, self.search.epigraph
+            )
+            share[i], more = polish(scaled, share[i], np.asarray(lanes.free[i]) > 0)
+            evaluations[i] += more
+        return share[:count], evaluations[:count]
 
-    def all_ends(self, batch: int, store: Any, report, stochastic: dict | None) -> list[End]:
+    def all_ends(
+        self, batch: int, store: Folder | None, report: Report | None, drawn: Adam | None
+    ) -> list[End]:
         """Every search, batch by batch; finished batches come from the store."""
-        ends = self._batches(self.lanes, batch, store, "first", report, stochastic)
+        ends = self.batches(self.lanes, batch, store, "first", report, drawn)
         if self.relaxed:
             good = [e for e in ends if np.isfinite(e.kkt.violation)]
             chosen = sorted(good, key=lambda e: (e.kkt.violation > 1e-5, e.value))[:2]
             lanes = rounded_lanes(self.problem, np.array([e.share for e in chosen]))
-            ends = self._batches(lanes, batch, store, "rounded", report, None)
+            ends = self.batches(lanes, batch, store, "rounded", report, None)
         return ends
 
-    def _batches(self, lanes, batch, store, stage, report, stochastic) -> list[End]:
+    def batches(
+        self, lanes: Lanes, batch: int, store: Folder | None, stage: str,
+        report: Report | None = None, drawn: Adam | None = None,
+    ) -> list[End]:  # fmt: skip
+        """The ends of `lanes`, `batch` of them side by side, kept in `store` under `stage`."""
         ends, total = [], len(lanes.share)
         for first in range(0, total, batch):
             index = np.minimum(np.arange(first, first + batch), total - 1)  # one shape: one program
@@ -143,15 +163,24 @@ class Engine:
             key = f"{stage}-{first}"
             stored = None if store is None else store.read(key)
             if stored is None:
-                moved = self.search.stochastic(part, **stochastic) if stochastic else part
-                found = self.search.run(moved)
-                stored = {"share": found.share, "evaluations": found.evaluations}
+                share, evaluations = self.solve(part, min(batch, total - first), drawn)
+                stored = {"share": share, "evaluations": evaluations}
                 if store is not None:
                     store.write(key, stored)
-            ends += self.judge(part, stored["share"], stored["evaluations"])[: total - first]
+            ends += self.judge(part, stored["share"], stored["evaluations"])
             if report is not None:
                 report(min(first + batch, total), total)
         return ends
+
+
+def _with_slopes(search: Search, share):
+    """f (k,), g (c,) and their slopes (k, d), (c, d) at one design."""
+
+    def push(tangent):
+        return jax.jvp(lambda s: search.parts(s, search.problem.extra), (share,), (tangent,))
+
+    (f, g), (df, dg) = jax.vmap(push)(jnp.eye(len(share)))
+    return f[0], g[0], df.T, dg.T
 
 
 def best_of(ends: list[End]) -> End:
@@ -170,38 +199,3 @@ def best_of(ends: list[End]) -> End:
     if best.status == "optimal" and lower.value < best.value - slack:
         return lower  # a better design is known, so the other one is not the optimum
     return best
-
-
-Report = Callable[[int, int], None]
-
-
-class Folder:
-    """Finished batches of a search as small files, so that it can be taken up again."""
-
-    def __init__(self, folder: str | Path, identity: str, resume: bool):
-        self.folder = Path(folder)
-        mark = self.folder / "study.txt"
-        if mark.exists():
-            if not resume:
-                raise InputError("holds a study already: continue with --resume.", folder)
-            if mark.read_text(encoding="utf-8") != identity:
-                raise InputError("holds another study, so it cannot be continued.", folder)
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            mark.write_text(identity, encoding="utf-8")
-        except OSError as error:
-            raise InputError(f"cannot be written: {error.strerror}.", folder) from None
-
-    def read(self, key: str) -> dict[str, np.ndarray] | None:
-        """What `write` stored under `key`."""
-        path = self.folder / f"{key}.npz"
-        if not path.exists():
-            return None
-        with np.load(path, allow_pickle=False) as found:
-            return {name: found[name] for name in found.files}
-
-    def write(self, key: str, arrays: dict[str, np.ndarray]) -> None:
-        """Store arrays; a killed write leaves no half file."""
-        part = self.folder / f".{key}.part.npz"
-        np.savez(part, **arrays)  # pyright: ignore[reportArgumentType]
-        part.rename(self.folder / f"{key}.npz")

@@ -1,8 +1,10 @@
 """`optimise`: the design engine on any pure function."""
 
-from ._design_engine import Engine, Folder, Report
+from ._design_engine import Engine
+from ._design_folder import Folder, Report
 from ._design_problem import Problem
 from ._design_result import Design, make_design
+from ._design_search import Adam
 
 
 def optimise(
@@ -13,12 +15,12 @@ def optimise(
     batch: int = 8,
     store: Folder | None = None,
     report: Report | None = None,
-    stochastic: dict | None = None,
+    stochastic: Adam | None = None,
 ) -> Design:
     """The best design of `problem` from `starts` searches, `batch` of them side by side.
 
-    `report(done, total)` is called after each batch; `store` keeps finished ones.  `stochastic`
-    ({"steps", "rate", "seed"}) lets optax's Adam move the starts on fresh draws first.
+    `report(done, total)` is called after each batch; `store` keeps finished ones.  With
+    `stochastic` optax's Adam moves the starts on fresh draws first.
     """
     engine = Engine(problem, starts, seed)
     return make_design(problem, engine.all_ends(batch, store, report, stochastic))

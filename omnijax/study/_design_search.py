@@ -1,4 +1,4 @@
-"""Augmented Lagrangian around BFGS, many starts at once.
+"""Augmented Lagrangian around BFGS, many starts at once; `_design_polish` takes it from there.
 
     L = F + 1/(2 mu) sum (max(0, lambda + mu c)^2 - lambda^2),    c = (g - limit)/scale
 
@@ -6,20 +6,20 @@ The worst case over k is the epigraph form: F = t with c_k = f_k/size - t, exact
 optimum, and its multipliers are the weights of the worst cases.
 """
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 import optimistix as optx
 from jaxtyping import Array, Float
 
 from ._design_problem import Problem, Scale, from_angle, to_angle
 
-OUTER, INNER = 14, 40
+ROUNDS, INNER = 6, 20
 PENALTY, GROWTH = 30.0, 5.0
-FEASIBLE = 3e-6  # of a limit's scale
+NEAR = 1e-4  # of a limit's scale: what is left to the polish
 
 
 class Lanes(NamedTuple):
@@ -35,7 +35,14 @@ class Found(NamedTuple):
 
     share: np.ndarray  # (l, d)
     evaluations: np.ndarray  # (l,) of the objective with its gradient
-    rounds: int
+
+
+class Adam(NamedTuple):
+    """A stochastic search: number of steps, first step as a share of the range, and seed."""
+
+    steps: int
+    rate: float = 0.05
+    seed: int = 0
 
 
 class Search:
@@ -48,8 +55,6 @@ class Search:
         self.unit = jnp.array([limit.scale for limit in problem.limits])
         self.epigraph = problem.worst and len(problem.cases) > 1
         self._inner = jax.jit(jax.vmap(self._minimise, in_axes=(0, 0, 0, 0, 0, 0, None)))
-        self._residuals = jax.jit(jax.vmap(self._constraints, in_axes=(0, 0, 0, 0, None)))
-        self._step = None
 
     def parts(self, share, extra) -> tuple[Array, Array]:
         """f and g at a share of the ranges."""
@@ -64,9 +69,6 @@ class Search:
             return y[1], jnp.concatenate([f / self.size - y[1], c])
         return jnp.mean(f) / self.size, c
 
-    def _constraints(self, y, share, free, limit, extra):
-        return self._split(y, share, free, limit, extra)[1]
-
     def _lagrangian(self, y, args):
         share, free, limit, multiplier, penalty, extra = args
         F, c = self._split(y, share, free, limit, extra)
@@ -74,7 +76,8 @@ class Search:
         return F + jnp.sum(pushed**2 - multiplier**2) / (2 * penalty)
 
     def _minimise(self, y, share, free, limit, multiplier, penalty, extra):
-        solver = optx.BFGS(rtol=1e-8, atol=1e-8)
+        """The next y, its constraints and the number of steps."""
+        solver = optx.BFGS(rtol=1e-7, atol=1e-7)
         args = (share, free, limit, multiplier, penalty, extra)
         solution = optx.minimise(
             self._lagrangian,
@@ -85,71 +88,60 @@ class Search:
             max_steps=INNER,
             throw=False,
         )
-        return solution.value, solution.stats["num_steps"]
+        c = self._split(solution.value, share, free, limit, extra)[1]
+        return solution.value, c, solution.stats["num_steps"]
 
-    def begin(self, lanes: Lanes):
-        """(y, multipliers) at the start."""
+    def begin(self, lanes: Lanes, first: np.ndarray):
+        """(y, multipliers) at the start, where the objectives are `first` (l, k)."""
         z = to_angle(jnp.clip(lanes.share, 1e-3, 1 - 1e-3))
-        cases = len(self.problem.cases) if self.epigraph else 0
-        t = jnp.zeros(len(z))
-        if self.epigraph:
-            f = jax.jit(jax.vmap(lambda s: self.parts(s, self.problem.extra)[0]))(lanes.share)
-            t = jnp.max(f, axis=1) / self.size
-        first = jnp.full((len(z), cases), 1.0 / max(cases, 1))
-        return (z, t), jnp.concatenate([first, jnp.zeros_like(lanes.limit)], axis=1)
+        t = jnp.asarray(first.max(axis=1)) / self.size if self.epigraph else jnp.zeros(len(z))
+        weights = jnp.broadcast_to(self._weights(), (len(z), len(self._weights())))
+        return (z, t), jnp.concatenate([weights, jnp.zeros_like(lanes.limit)], axis=1)
 
-    def run(self, lanes: Lanes, report: Callable[[int], None] | None = None) -> Found:
-        """All lanes to their ends."""
-        y, multiplier = self.begin(lanes)
+    def _weights(self) -> Array:
+        """Multipliers of the cases to begin with."""
+        count = len(self.problem.cases) if self.epigraph else 0
+        return jnp.full(count, 1.0 / max(count, 1))
+
+    def run(self, lanes: Lanes, first: np.ndarray) -> Found:
+        """All lanes to the neighbourhood of their ends."""
+        y, multiplier = self.begin(lanes, first)
         count = len(lanes.share)
         penalty, previous = jnp.full(count, PENALTY), np.full(count, np.inf)
-        evaluations, done, rounds = np.zeros(count, int), False, 0
-        while not done and rounds < OUTER:
-            y, steps = self._inner(y, *lanes, multiplier, penalty, self.problem.extra)
-            evaluations, rounds = evaluations + np.asarray(steps), rounds + 1
+        evaluations = np.zeros(count, int)
+        for _ in range(ROUNDS):
+            y, c, steps = self._inner(y, *lanes, multiplier, penalty, self.problem.extra)
+            evaluations = evaluations + np.asarray(steps) + 1
             if multiplier.shape[1] == 0:
-                done = rounds > 1 and int(np.max(steps)) <= 2
-            else:
-                c = self._residuals(y, *lanes, self.problem.extra)
-                slack = jnp.maximum(c, -multiplier / penalty[:, None])
-                gap = np.asarray(jnp.max(jnp.abs(slack), axis=1))
-                multiplier = jnp.maximum(0.0, multiplier + penalty[:, None] * c)
-                done = bool(np.all(np.nan_to_num(gap, nan=0.0) <= FEASIBLE))
-                slow = gap > 0.25 * previous
-                penalty = jnp.where(slow, jnp.minimum(penalty * GROWTH, 1e6), penalty)
-                previous = gap
-            if report is not None:
-                report(rounds)
+                break
+            slack = jnp.maximum(c, -multiplier / penalty[:, None])
+            gap = np.asarray(jnp.max(jnp.abs(slack), axis=1))
+            multiplier = jnp.maximum(0.0, multiplier + penalty[:, None] * c)
+            if np.all(np.nan_to_num(gap, nan=0.0) <= NEAR):
+                break
+            slow = gap > 0.25 * previous
+            penalty = jnp.where(slow, jnp.minimum(penalty * GROWTH, 1e6), penalty)
+            previous = gap
         share = jnp.where(lanes.free > 0, from_angle(y[0]), lanes.share)
-        return Found(np.asarray(share), evaluations, rounds)
+        return Found(np.asarray(share), evaluations)
 
-    def stochastic(self, lanes: Lanes, steps: int, rate: float, seed: int) -> Lanes:
+    def stochastic(self, lanes: Lanes, first: np.ndarray, drawn: Adam) -> Lanes:
         """Lanes moved by optax's Adam on draws that are new at every step."""
-        import optax
-
         draw = self.problem.draw
         assert draw is not None
-        method = optax.adam(optax.cosine_decay_schedule(rate, steps))
+        method = optax.adam(optax.cosine_decay_schedule(drawn.rate, drawn.steps))
+        (z, t), multiplier = self.begin(lanes, first)
 
-        def one(y, share, free, limit):
-            multiplier = self._first(limit)
-            args: Any = (share, free, limit, multiplier, jnp.asarray(PENALTY))
-
+        def one(y, share, free, limit, multiplier):
             def step(carry, key):
                 y, state = carry
-                slope = jax.grad(self._lagrangian)(y, (*args, draw(key)))
-                change, state = method.update(slope, state)
+                args = (share, free, limit, multiplier, jnp.asarray(PENALTY), draw(key))
+                change, state = method.update(jax.jacfwd(self._lagrangian)(y, args), state)
                 return (optax.apply_updates(y, change), state), None
 
-            keys = jax.random.split(jax.random.key(seed), steps)
-            (end, _), _ = jax.lax.scan(step, (y, method.init(y)), keys)
-            z: Any = end[0]  # pyright: ignore[reportIndexIssue]
-            return z
+            keys = jax.random.split(jax.random.key(drawn.seed), drawn.steps)
+            end: Any = jax.lax.scan(step, (y, method.init(y)), keys)[0]
+            return end[0][0]
 
-        y, _ = self.begin(lanes)
-        z = jax.jit(jax.vmap(one))(y, *lanes)
+        z = jax.jit(jax.vmap(one))((z, t), *lanes, multiplier)
         return lanes._replace(share=jnp.where(lanes.free > 0, from_angle(z), lanes.share))
-
-    def _first(self, limit):
-        cases = len(self.problem.cases) if self.epigraph else 0
-        return jnp.concatenate([jnp.full(cases, 1.0 / max(cases, 1)), jnp.zeros_like(limit)])

@@ -12,7 +12,7 @@ from scipy.stats import qmc
 
 from .._errors import InputError, RunError
 from ..vibration import METRICS
-from ._design_engine import Folder
+from ._design_folder import Folder
 from ._design_rig import RigCases
 from ._global_inputs import Input, Inputs, run_all
 from ._global_morris import MorrisEffects, morris_design, morris_effects

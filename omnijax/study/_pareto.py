@@ -7,9 +7,9 @@ designs interpolated between these ends, and those that fail start again from th
 """
 
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -19,96 +19,29 @@ from .._errors import InputError, RunError
 from ..vibration import METRICS
 from ._constraints import all_limits
 from ._design_engine import End, Engine, best_of
+from ._design_folder import Folder, Report
 from ._design_problem import Limit, Problem, Scale, Variable, check_variables
-from ._design_result import amount, conflict
+from ._design_result import conflict
 from ._design_rig import RigCases
 from ._design_search import Lanes
 from ._design_starts import start_shares
+from ._pareto_front import Front
 from ._study_file import Study, study_of
 
-
-@dataclasses.dataclass(frozen=True)
-class Front:
-    """Designs none of which is better than another in every metric.
-
-    `values[p, m]` are the metrics and `x[p, d]` the variables; `status` as in `Design`.
-    `evaluations` counts objectives with gradients, of all searches.
-    """
-
-    metrics: tuple[str, ...]
-    units: tuple[str, ...]
-    variables: tuple[str, ...]
-    values: np.ndarray
-    x: np.ndarray
-    status: tuple[str, ...]
-    evaluations: int
-
-    def sentences(self) -> list[str]:
-        """The span of the front in words."""
-        good = sum(s == "optimal" for s in self.status)
-        lines = [f"{len(self.x)} designs on the front, {good} of them optimal (KKT residual)."]
-        for m, (name, unit) in enumerate(zip(self.metrics, self.units, strict=True)):
-            low, high = self.values[:, m].min(), self.values[:, m].max()
-            lines.append(f"{name} from {amount(low, unit)} to {amount(high, unit)}.")
-        return lines
-
-    def to_xarray(self) -> Any:
-        """An `xarray.Dataset` over point, metric and variable."""
-        import xarray as xr
-
-        data = {
-            "value": (("point", "metric"), self.values),
-            "x": (("point", "variable"), self.x),
-            "status": ("point", np.array(self.status)),
-        }
-        coords = {
-            "metric": list(self.metrics),
-            "variable": list(self.variables),
-            "metric_unit": ("metric", list(self.units)),
-        }
-        return xr.Dataset(data, coords, {"kind": "omnijax front", "evaluations": self.evaluations})
-
-    def save(self, path: str | Path) -> None:
-        """Write netCDF that `Front.load` reads back equal."""
-        self.to_xarray().to_netcdf(path, engine="h5netcdf")
-
-    @classmethod
-    def load(cls, path: str | Path) -> "Front":
-        """The front that `save` wrote."""
-        import xarray as xr
-
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            d = opened.load()
-        if d.attrs.get("kind") != "omnijax front":
-            raise InputError("holds no front.", path)
-
-        def texts(name):
-            return tuple(str(x) for x in d[name].values)
-
-        return cls(
-            texts("metric"), texts("metric_unit"), texts("variable"), d["value"].values,
-            d["x"].values, texts("status"), int(d.attrs["evaluations"]),
-        )  # fmt: skip
-
-    def plot(self, ax: Any = None) -> Any:
-        """The first two metrics against each other; a third in colour."""
-        from ._sensitivity_plot import new_axes
-
-        ax = new_axes(ax)
-        order = np.argsort(self.values[:, 0])
-        a, b = self.values[order, 0], self.values[order, 1]
-        if len(self.metrics) == 2:
-            ax.plot(a, b, "o-", color="#0072B2")
-        else:
-            dots = ax.scatter(a, b, c=self.values[order, 2], cmap="cividis")
-            ax.figure.colorbar(dots, ax=ax, label=f"{self.metrics[2]} ({self.units[2]})")
-        ax.set_xlabel(f"{self.metrics[0]} ({self.units[0]})")
-        ax.set_ylabel(f"{self.metrics[1]} ({self.units[1]})")
-        ax.set_title("nothing can be better in one without being worse in another")
-        return ax
-
-
 FREE = 1e6  # of a metric's size: a limit that never holds
+
+
+class Trace(NamedTuple):
+    """How the searches of a front are run and kept."""
+
+    engine: Engine
+    batch: int
+    store: Folder | None
+    report: Report | None
+
+    def solve(self, lanes: Lanes, stage: str) -> list[End]:
+        """The ends of one stage."""
+        return self.engine.batches(lanes, self.batch, self.store, stage, self.report)
 
 
 def trade_off(
@@ -119,51 +52,58 @@ def trade_off(
     points: int = 12,
     starts: int = 4,
     seed: int = 0,
-    report: Callable[[int, int], None] | None = None,
+    batch: int = 8,
+    store: Folder | None = None,
+    report: Report | None = None,
 ) -> Front:
-    """The front of `problem`, whose figures f (m,) are the metrics; its own limits hold too."""
+    """The front of `problem`, whose figures f (m,) are the metrics; its own limits hold too.
+
+    `report(done, total)` is called after each batch of searches of the stage at hand.
+    """
     count = len(metrics)
     check_variables(problem.variables)
     sizes = _sizes(problem, seed)
     engine = Engine(_with_weights(problem, metrics, sizes), starts, seed)
-    tell = report or (lambda done, total: None)
+    most = max(count * starts, points ** (count - 1))
+    trace = Trace(engine, min(batch, most), store, report)
     shares = start_shares(problem, starts, seed)
     alone = _pack(engine, np.tile(shares, (count, 1)), np.repeat(np.eye(count), starts, axis=0))
-    width = max(len(alone.share), points if count == 2 else points**2)
-    ends = engine.solve(_padded(alone, width))[: len(alone.share)]
-    total = sum(e.evaluations for e in ends)
-    tell(1, 3)
+    ends = trace.solve(alone, "alone")
     best = [best_of(ends[m * starts : (m + 1) * starts]) for m in range(count)]
     if all(e.status in {"infeasible", "failed"} for e in best):
         raise RunError(conflict(engine.problem, best[0]) + ".")
-    values = _metrics(engine, best, count)
+    values = _metrics(best, count)
     low, high = values.min(axis=0), values.max(axis=0)
     if np.any(high - low <= 1e-7 * np.abs(high)):
         raise RunError(f"{', '.join(metrics)} do not conflict: one design is best in all of them.")
     mesh = _mesh(low, high, points, count)
     lanes = _between(engine, best, mesh, low, high)
-    found = engine.solve(_padded(lanes, width))[: len(mesh)]
-    total += sum(e.evaluations for e in found)
-    tell(2, 3)
-    good = [i for i, e in enumerate(found) if e.status == "optimal"]
-    if 0 < len(good) < len(found):
-        share = np.array(lanes.share)
-        place = (mesh - low[1:]) / (high - low)[1:]
-        for i in sorted(set(range(len(found))) - set(good)):
-            near = good[int(np.argmin(np.linalg.norm(place[good] - place[i], axis=1)))]
-            share[i] = found[near].share
-        again = engine.solve(_padded(lanes._replace(share=jnp.asarray(share)), width))[: len(mesh)]
-        total += sum(again[i].evaluations for i in range(len(found)) if i not in good)
-        found = [f if f.status == "optimal" else a for a, f in zip(again, found, strict=True)]
-    tell(3, 3)
+    found = trace.solve(lanes, "between")
+    again = _again(trace, lanes, found, (mesh - low[1:]) / (high - low)[1:])
+    total = sum(e.evaluations for e in [*ends, *found, *again.values()])
+    found = [again.get(i, e) for i, e in enumerate(found)]
     kept = [e for e in [*best, *found] if e.status in {"optimal", "not optimal"}]
-    values = _metrics(engine, kept, count)
+    values = _metrics(kept, count)
     front = undominated(values)
     names = tuple(v.name for v in problem.variables)
     return Front(
-        metrics, units, names, values[front], np.array([kept[i].x[: len(names)] for i in front]),
-        tuple(kept[i].status for i in front), total,
+        metrics, units, names, tuple(v.unit for v in problem.variables), values[front],
+        np.array([kept[i].x[: len(names)] for i in front]), tuple(kept[i].status for i in front),
+        total,
     )  # fmt: skip
+
+
+def _again(trace: Trace, lanes: Lanes, found: list[End], place: np.ndarray) -> dict[int, End]:
+    """Searches that ended short of an optimum, from the end of their nearest good neighbour."""
+    good = [i for i, e in enumerate(found) if e.status == "optimal"]
+    short = [i for i, e in enumerate(found) if e.status != "optimal"]
+    if not good or not short:
+        return {}
+    near = [good[int(np.argmin(np.linalg.norm(place[good] - place[i], axis=1)))] for i in short]
+    share = jnp.asarray(np.array([found[i].share for i in near]))
+    index = np.array(short)
+    part = Lanes(share, lanes.free[index], lanes.limit[index])
+    return dict(zip(short, trace.solve(part, "again"), strict=True))
 
 
 def _sizes(problem: Problem, seed: int) -> np.ndarray:
@@ -204,14 +144,9 @@ def _pack(engine: Engine, shares: np.ndarray, weights: np.ndarray, limits=None) 
     return Lanes(jnp.asarray(share), jnp.asarray(free), jnp.asarray(limit))
 
 
-def _padded(lanes: Lanes, width: int) -> Lanes:
-    """The same lanes and copies of the last up to `width`: one shape, one program."""
-    index = np.minimum(np.arange(width), len(lanes.share) - 1)
-    return Lanes(*(x[index] for x in lanes))
-
-
-def _metrics(engine: Engine, ends: list[End], count: int) -> np.ndarray:
-    return engine._values(np.array([e.share for e in ends]))[1][:, :count]
+def _metrics(ends: list[End], count: int) -> np.ndarray:
+    """The metrics (l, m): the first limits less what the searches held them to."""
+    return np.array([e.g[:count] + e.limit[:count] for e in ends])
 
 
 def _mesh(low, high, points: int, count: int) -> np.ndarray:
@@ -246,11 +181,14 @@ def pareto(
     study: str | Path | Mapping | Study,
     metrics: tuple[str, ...] = (),
     *,
-    report: Callable[[int, int], None] | None = None,
+    out: str | Path | None = None,
+    resume: bool = False,
+    report: Report | None = None,
 ) -> Front:
     """The front of two or three metrics of a study (`[pareto]` names them, or `metrics` does).
 
-    Over several drives and loads each metric is its mean over the cases.
+    Over several drives and loads each metric is its mean over the cases.  With `out` finished
+    searches are stored there, and `resume` takes them up.
     """
     asked = study_of(study)
     names = tuple(metrics) or asked.pareto
@@ -268,7 +206,8 @@ def pareto(
 
     problem = Problem(asked.variables, figures, tuple(limits), extra=cases.draws())
     units = tuple(METRICS[n].unit for n in names)
+    store = None if out is None else Folder(out, asked.identity() + repr(names), resume)
     return trade_off(
         problem, names, units, points=asked.points, starts=asked.starts, seed=asked.seed,
-        report=report,
+        batch=asked.batch, store=store, report=report,
     )  # fmt: skip

@@ -1,0 +1,93 @@
+"""The trade-off between metrics: designs of which none is better in every metric."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._errors import InputError
+from ._design_result import amount
+
+
+@dataclasses.dataclass(frozen=True)
+class Front:
+    """Designs none of which is better than another in every metric.
+
+    `values[p, m]` are the metrics and `x[p, d]` the variables; `status` as in `Design`.
+    `evaluations` counts objectives with gradients, of all searches.
+    """
+
+    metrics: tuple[str, ...]
+    units: tuple[str, ...]
+    variables: tuple[str, ...]
+    variable_units: tuple[str, ...]
+    values: np.ndarray
+    x: np.ndarray
+    status: tuple[str, ...]
+    evaluations: int
+
+    def sentences(self) -> list[str]:
+        """The span of the front in words."""
+        good = sum(s == "optimal" for s in self.status)
+        lines = [f"{len(self.x)} designs on the front, {good} of them optimal (KKT residual)."]
+        for m, (name, unit) in enumerate(zip(self.metrics, self.units, strict=True)):
+            low, high = self.values[:, m].min(), self.values[:, m].max()
+            lines.append(f"{name} from {amount(low, unit)} to {amount(high, unit)}.")
+        return lines
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` over point, metric and variable."""
+        import xarray as xr
+
+        data = {
+            "value": (("point", "metric"), self.values),
+            "x": (("point", "variable"), self.x),
+            "status": ("point", np.array(self.status)),
+        }
+        coords = {
+            "metric": list(self.metrics),
+            "variable": list(self.variables),
+            "metric_unit": ("metric", list(self.units)),
+            "variable_unit": ("variable", list(self.variable_units)),
+        }
+        return xr.Dataset(data, coords, {"kind": "omnijax front", "evaluations": self.evaluations})
+
+    def save(self, path: str | Path) -> None:
+        """Write netCDF that `Front.load` reads back equal."""
+        self.to_xarray().to_netcdf(path, engine="h5netcdf")
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Front":
+        """The front that `save` wrote."""
+        import xarray as xr
+
+        with xr.open_dataset(path, engine="h5netcdf") as opened:
+            d = opened.load()
+        if d.attrs.get("kind") != "omnijax front":
+            raise InputError("holds no front.", path)
+
+        def texts(name):
+            return tuple(str(x) for x in d[name].values)
+
+        return cls(
+            texts("metric"), texts("metric_unit"), texts("variable"), texts("variable_unit"),
+            d["value"].values, d["x"].values, texts("status"), int(d.attrs["evaluations"]),
+        )  # fmt: skip
+
+    def plot(self, ax: Any = None) -> Any:
+        """The first two metrics against each other; a third in colour."""
+        from ._sensitivity_plot import new_axes
+
+        ax = new_axes(ax)
+        order = np.argsort(self.values[:, 0])
+        a, b = self.values[order, 0], self.values[order, 1]
+        if len(self.metrics) == 2:
+            ax.plot(a, b, "o-", color="#0072B2")
+        else:
+            dots = ax.scatter(a, b, c=self.values[order, 2], cmap="cividis")
+            ax.figure.colorbar(dots, ax=ax, label=f"{self.metrics[2]} ({self.units[2]})")
+        ax.set_xlabel(f"{self.metrics[0]} ({self.units[0]})")
+        ax.set_ylabel(f"{self.metrics[1]} ({self.units[1]})")
+        ax.set_title("nothing can be better in one without being worse in another")
+        return ax
