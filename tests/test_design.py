@@ -181,8 +181,7 @@ def test_adam_on_fresh_draws_moves_the_starts():
     extra = draw(jax.random.key(3))
     problem = Problem((Variable("x", -3.0, 4.0),), figures, extra=extra, draw=draw)
     engine = Engine(problem, 2, 0)
-    first = engine.values(np.asarray(engine.lanes.share))[0]
-    moved = engine.search.stochastic(engine.lanes, first, Adam(300, 0.05, 1))
+    moved = engine.search.stochastic(engine.lanes, engine.values, Adam(300, 0.05, 1))
     ends = np.asarray(engine.search.scale.value(moved.share))[:, 0]
     assert np.allclose(ends, 1.0, atol=0.15)
     found = optimise(problem, starts=2, batch=2, stochastic=Adam(20, 0.05, 1))

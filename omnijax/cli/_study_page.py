@@ -2,9 +2,14 @@
 
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+
+Switch = Annotated[bool, Parameter(negative="")]
 
 
 def progress(what: str) -> Callable[[int, int], None]:
@@ -21,10 +26,40 @@ def progress(what: str) -> Callable[[int, int], None]:
     return report
 
 
-def deliver(result: Any, out: Path | None) -> None:
-    """Save the result where asked to."""
+@contextmanager
+def kept(store: Path | None) -> Iterator[None]:
+    """An interruption of the work inside says what is kept and how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        if store is None:
+            text = "Interrupted: nothing was kept. With --store FOLDER finished parts would be."
+        else:
+            parts = len(list(store.glob("[!.]*.npz")))
+            text = (
+                f"Interrupted: {parts} finished {'part is' if parts == 1 else 'parts are'} kept in "
+                f"{store}. Continue with the same command and --resume."
+            )
+        raise KeyboardInterrupt(text) from None
+
+
+def deliver(
+    found: Any,
+    out: Path | None,
+    report: Path | None,
+    page: Callable[[Path], None],
+    as_json: bool,
+    plain: Any,
+    text: Callable[[], None] | None = None,
+) -> None:
+    """What every study's command ends with: the file, the page and the printed answer."""
+    from ._options import emit
+
     if out is not None:
-        result.save(out)
+        found.save(out)
+    if report is not None:
+        page(report)
+    emit(as_json, plain, text or (lambda: print("\n".join(found.sentences()))))
 
 
 def write_page(

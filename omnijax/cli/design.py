@@ -2,13 +2,10 @@
 
 import dataclasses
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import Parameter
-
-from ._options import Json, emit
-
-Switch = Annotated[bool, Parameter(negative="")]
+from ._options import Json
+from ._study_page import Switch, deliver, kept, progress, write_page
 
 
 def design(
@@ -26,7 +23,8 @@ def design(
 
     Example: omnijax design study.toml --rig best.toml --report page
 
-    Exits with 1 where no design is optimal: what was found is printed with the reason.
+    Exits with 1 where no design is optimal (what was found is printed with the reason), and
+    with 2 where no design meets all constraints.
 
     Parameters
     ----------
@@ -43,27 +41,32 @@ def design(
     report
         A folder for a page with the figures.
     """
+    from .._errors import InputError
     from ..rig import save_rig
     from ..study import design as run
     from ..study import designed_rig, load_study
-    from ._study_page import deliver, progress
 
     asked = load_study(study)
-    found = run(asked, out=store, resume=resume, report=progress("searches"))
-    deliver(found, out)
+    with kept(store):
+        found = run(asked, out=store, resume=resume, report=progress("searches"))
+    if found.status == "infeasible":
+        raise InputError(f"{found.reason}.", study)
     if rig is not None:
         save_rig(designed_rig(asked, found), rig)
-    if report is not None:
-        _page(report, found, asked)
-    emit(json, dataclasses.asdict(found), lambda: print("\n".join(found.sentences())))
+    deliver(
+        found,
+        out,
+        report,
+        lambda folder: _page(folder, found, asked),
+        json,
+        dataclasses.asdict(found),
+    )
     return 0 if found.optimal else 1
 
 
 def _page(folder: Path, found: Any, asked: Any) -> None:
     from ..report import Column, Table
     from ..rig import rig_text
-    from ..study._design_plot import cases, searches
-    from ._study_page import write_page
 
     names = list(found.variables)
     columns = [Column("variable", text=True), Column("value"), Column("unit", text=True)]
@@ -80,11 +83,11 @@ def _page(folder: Path, found: Any, asked: Any) -> None:
     ]  # fmt: skip
     tables.append(Table(columns, rows, "searches", "Where every search ended."))
     figures = [
-        ("searches", "Where every search ended.", lambda: searches(found),
+        ("searches", "Where every search ended.", found.plot_searches,
          {f"objective / {found.unit}": ends["objective"]}),
     ]  # fmt: skip
     if len(found.cases) > 1:
-        figures.append(("cases", "The objective in every case.", lambda: cases(found), {}))
+        figures.append(("cases", "The objective in every case.", found.plot_cases, {}))
     write_page(
         folder, "Design", "Which design vibrates least?", found.sentences(), figures, tables,
         rig_text(asked.rig), asked.seed,

@@ -1,13 +1,10 @@
 """`omnijax global-sensitivity`: what matters over whole ranges."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from cyclopts import Parameter
-
-from ._options import Json, emit
-
-Switch = Annotated[bool, Parameter(negative="")]
+from ._options import Json
+from ._study_page import Switch, deliver, kept, progress, write_page
 
 
 def global_sensitivity(
@@ -41,14 +38,14 @@ def global_sensitivity(
         A folder for a page with the figures.
     """
     from ..study import global_sensitivity as run
-    from ._study_page import deliver, progress
+    from ..study import load_study
+    from ..study._sensitivity_target import checked_metrics
 
-    metrics = None if metric is None else [m.strip() for m in metric.split(",")]
-    found = run(study, metrics, out=store, resume=resume, report=progress("runs"))
-    deliver(found, out)
-    if report is not None:
-        _page(report, found, study)
-    emit(json, _plain(found), lambda: print("\n".join(found.sentences())))
+    asked = load_study(study)
+    metrics = None if metric is None else checked_metrics(metric)
+    with kept(store):
+        found = run(asked, metrics, out=store, resume=resume, report=progress("runs"))
+    deliver(found, out, report, lambda folder: _page(folder, found, asked), json, _plain(found))
     return 0
 
 
@@ -71,12 +68,10 @@ def _plain(found: Any) -> dict[str, Any]:
     }
 
 
-def _page(folder: Path, found: Any, study: Path) -> None:
+def _page(folder: Path, found: Any, asked: Any) -> None:
     from ..rig import rig_text
-    from ..study import load_study
-    from ._study_page import write_page
 
-    asked, figures = load_study(study), []
+    figures = []
     for m, name in enumerate(found.metrics):
         data = {"input": list(found.inputs), "first / 1": found.sobol.first[m]}
         data |= {"total / 1": found.sobol.total[m], "bound / 1": found.bound[m]}

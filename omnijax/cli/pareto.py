@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from ._options import Json, emit
+from ._options import Json
+from ._study_page import Switch, deliver, kept, progress, write_page
 
 
 def pareto(
@@ -11,6 +12,8 @@ def pareto(
     /,
     *,
     metric: str | None = None,
+    store: Path | None = None,
+    resume: Switch = False,
     out: Path | None = None,
     report: Path | None = None,
     json: Json = False,
@@ -25,6 +28,10 @@ def pareto(
         A study file; its [pareto] table names the metrics and the number of points.
     metric
         Two or three metrics with commas between, in place of the file's.
+    store
+        A folder for finished searches.
+    resume
+        Take up the searches of that folder.
     out
         A netCDF file for the result.
     report
@@ -33,15 +40,20 @@ def pareto(
     from ..study import load_study
     from ..study import pareto as run
     from ..study._sensitivity_target import checked_metrics
-    from ._study_page import deliver, progress
 
     asked = load_study(study)
     names = () if metric is None else checked_metrics(metric)
-    found = run(asked, names, report=progress("stages"))
-    deliver(found, out)
-    if report is not None:
-        _page(report, found, asked)
-    emit(json, _plain(found), lambda: _print(found))
+    with kept(store):
+        found = run(asked, names, out=store, resume=resume, report=progress("searches"))
+    deliver(
+        found,
+        out,
+        report,
+        lambda folder: _page(folder, found, asked),
+        json,
+        _plain(found),
+        lambda: _print(found),
+    )
     return 0
 
 
@@ -67,10 +79,10 @@ def _print(found: Any) -> None:
 def _page(folder: Path, found: Any, asked: Any) -> None:
     from ..report import Column, Table
     from ..rig import rig_text
-    from ._study_page import write_page
 
     columns = [Column(n, u) for n, u in zip(found.metrics, found.units, strict=True)]
-    columns += [Column(n) for n in found.variables] + [Column("status", text=True)]
+    columns += [Column(n, u) for n, u in zip(found.variables, found.variable_units, strict=True)]
+    columns += [Column("status", text=True)]
     rows = [
         [*v, *x, s] for v, x, s in zip(found.values, found.x, found.status, strict=True)
     ]  # fmt: skip
@@ -78,7 +90,7 @@ def _page(folder: Path, found: Any, asked: Any) -> None:
         f"{n} / {u}": found.values[:, m]
         for m, (n, u) in enumerate(zip(found.metrics, found.units, strict=True))
     }
-    figures = [("front", "The front.", found.plot, data)]
+    figures = [("front", "The front.", found.plot_front, data)]
     table = Table(columns, rows, "front-designs", "Designs on the front.")
     write_page(
         folder, "Trade-off", f"What does {found.metrics[0]} cost in {found.metrics[1]}?",

@@ -5,16 +5,16 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from ._options import Json, emit
-
-Switch = Annotated[bool, Parameter(negative="")]
+from ._options import Json
+from ._study_page import Switch, deliver, kept, write_page
 
 
 def sensitivity(
     rig: str,
     /,
     *,
-    speed: str,
+    speed: str | None = None,
+    torque: str | None = None,
     metric: str = "rms,peak",
     parameter: Annotated[list[str], Parameter(negative="")] = [],  # noqa: B006
     duration: float | None = None,
@@ -37,6 +37,8 @@ def sensitivity(
         A rig file, or the name of a bundled rig.
     speed
         Wheel speeds, rad/s or with a unit, with commas between.
+    torque
+        Motor torques instead of speeds, N m or with a unit; needs --duration.
     metric
         Metrics, with commas between.
     parameter
@@ -62,20 +64,41 @@ def sensitivity(
     from ..study import sensitivity as run
 
     machine = load_rig(rig)
-    found = run(
-        machine, read_speed(speed), metric, parameters=parameter or None, duration=duration,
-        rate=rate, model=model, check=check,
-    )  # fmt: skip
-    if out is not None:
-        found.save(out)
-    if report is not None:
-        _page(report, found, machine)
-    emit(json, _plain(found), lambda: _print(found, per_wheel, top))
+    with kept(None):
+        found = run(
+            machine, _drive(speed, torque, machine.size), metric, parameters=parameter or None,
+            duration=duration, rate=rate, model=model, check=check,
+        )  # fmt: skip
+    deliver(
+        found,
+        out,
+        report,
+        lambda folder: _page(folder, found, machine),
+        json,
+        _plain(found),
+        lambda: _print(found, per_wheel, top),
+    )
     return 0
 
 
-def read_speed(text: str) -> list[float]:
-    """Wheel speeds from `3,5,7` or `30 rpm,5,7`, rad/s."""
+def _drive(speed: str | None, torque: str | None, wheels: int) -> Any:
+    """Wheel speeds as numbers, or a drive by torques."""
+    from .._errors import InputError
+
+    if (speed is None) == (torque is None):
+        raise InputError("give either `--speed` or `--torque`, one value a wheel.")
+    if speed is not None:
+        return read_values(speed, "speed", "rad/s")
+    from ..simulate import torques
+
+    values = read_values(torque or "", "torque", "N m")
+    if len(values) != wheels:
+        raise InputError(f"`torque` must have one value a wheel ({wheels}), but has {len(values)}.")
+    return torques(values)
+
+
+def read_values(text: str, name: str, unit: str) -> list[float]:
+    """Numbers from `3,5,7` or `30 rpm,5,7`, in `unit`."""
     from .._errors import InputError
     from ..rig._quantities import as_number
 
@@ -85,9 +108,9 @@ def read_speed(text: str) -> list[float]:
             values.append(float(part))
         except ValueError:
             try:
-                values.append(as_number(part.strip(), "rad/s"))
+                values.append(as_number(part.strip(), unit))
             except ValueError as error:
-                problems.append(f"`speed` {error}")
+                problems.append(f"`{name}` {error}")
     if problems:
         raise InputError(problems)
     return values
@@ -134,7 +157,6 @@ def _print(found: Any, per_wheel: bool, top: int) -> None:
 def _page(folder: Path, found: Any, machine: Any) -> None:
     from ..report import Column, Table
     from ..rig import rig_text
-    from ._study_page import write_page
 
     first = found.metrics[0]
     lead, value = next(iter(found.together(first).items()))

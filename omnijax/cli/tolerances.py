@@ -3,7 +3,8 @@
 from pathlib import Path
 from typing import Any
 
-from ._options import Json, emit
+from ._options import Json
+from ._study_page import deliver, kept, write_page
 
 
 def tolerances(
@@ -19,6 +20,8 @@ def tolerances(
 
     Example: omnijax tolerances study.toml --report page
 
+    Exits with 1 where machines drawn afterwards do not confirm the tolerances.
+
     Parameters
     ----------
     study
@@ -33,17 +36,14 @@ def tolerances(
     from .._errors import InputError
     from ..study import load_study
     from ..study import tolerances as run
-    from ._study_page import deliver
 
     if draws < 64:
         raise InputError(f"`draws` must be at least 64, but is {draws}.")
     asked = load_study(study)
-    found = run(asked, draws=draws)
-    deliver(found, out)
-    if report is not None:
-        _page(report, found, asked)
-    emit(json, _plain(found), lambda: print("\n".join(found.sentences())))
-    return 0
+    with kept(None):
+        found = run(asked, draws=draws)
+    deliver(found, out, report, lambda folder: _page(folder, found, asked), json, _plain(found))
+    return 0 if found.confirmed else 1
 
 
 def _plain(found: Any) -> dict[str, Any]:
@@ -54,21 +54,21 @@ def _plain(found: Any) -> dict[str, Any]:
         "share": found.share,
         "share_bounds": [found.share_low, found.share_high],
         "linear": dict(zip(found.parts, found.linear.tolist(), strict=True)),
-        "confirmed": dict(zip(found.parts, found.confirmed.tolist(), strict=True)),
+        "widths": dict(zip(found.parts, found.widths.tolist(), strict=True)),
+        "confirmed": found.confirmed,
     }
 
 
 def _page(folder: Path, found: Any, asked: Any) -> None:
     from ..report import Column, Table
     from ..rig import rig_text
-    from ._study_page import write_page
 
     columns = [Column("part", text=True), Column("slope", found.unit)]
-    columns += [Column("by derivatives", "± %"), Column("confirmed", "± %")]
-    both = zip(found.parts, found.slopes, found.linear, found.confirmed, strict=True)
+    columns += [Column("by derivatives", "± %"), Column("by drawn machines", "± %")]
+    both = zip(found.parts, found.slopes, found.linear, found.widths, strict=True)
     rows = [[part, slope, 100 * linear, 100 * sure] for part, slope, linear, sure in both]
-    data = {"part": list(found.parts), "tolerance / %": 100 * found.confirmed}
-    figures = [("tolerances", "How far each part may be off.", found.plot, data)]
+    data = {"part": list(found.parts), "tolerance / %": 100 * found.widths}
+    figures = [("tolerances", "How far each part may be off.", found.plot_widths, data)]
     lines = [found.sentences()[0], found.sentences()[-1]]
     write_page(
         folder, "Tolerances", "How precisely must each wheel be made?", lines, figures,

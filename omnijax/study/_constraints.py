@@ -11,7 +11,8 @@ from jaxtyping import Array, Float
 
 from ..laws._hertz import effective_modulus, effective_radius, peak_pressure
 from ..rig import Rig
-from ..vibration import METRICS, contact_load, natural_frequencies
+from ..simulate import Trajectory
+from ..vibration import METRICS, LongRun, natural_frequencies
 from ._design_problem import Limit
 
 
@@ -41,12 +42,21 @@ class Wanted:
         return jnp.concatenate([*parts, *([values] if self.high is not None else [])])
 
 
+class Point(NamedTuple):
+    """What a constraint may look at: the rig, its run, and constant speeds (rad/s) if any."""
+
+    rig: Rig
+    run: LongRun | Trajectory
+    speeds: Any
+    model: str
+
+
 class ConstraintKind(NamedTuple):
-    """Unit, names of the entries, and the entries of a rig at wheel speeds (rad/s)."""
+    """Unit, names of the entries, and the entries of a rig in one case."""
 
     unit: str
     names: Callable[[Wanted, Rig], tuple[str, ...]]
-    of: Callable[[Wanted, Rig, Any, str], Array]
+    of: Callable[[Wanted, Point], Array]
     meaning: str
     per_case: bool = True  # whether it depends on drive and load
 
@@ -64,26 +74,30 @@ def _separation_names(wanted: Wanted, rig: Rig) -> tuple[str, ...]:
     )
 
 
-def _separation(wanted: Wanted, rig: Rig, speeds, model: str) -> Array:
+def _separation(wanted: Wanted, point: Point) -> Array:
     """|f_mode / (h n |omega| / 2 pi) - 1| of every mode, wheel and order; a wheel at rest: none."""
-    passing = rig.wheels.rollers * jnp.abs(speeds) / (2 * math.pi)
+    passing = point.rig.wheels.rollers * jnp.abs(point.speeds) / (2 * math.pi)
     lines = passing[:, None] * jnp.asarray(wanted.orders, float)
     moving = lines > 0
-    ratio = natural_frequencies(rig, model)[:, None, None] / jnp.where(moving, lines, 1.0)
+    ratio = natural_frequencies(point.rig, point.model)[:, None, None] / jnp.where(
+        moving, lines, 1.0
+    )
     return jnp.where(moving, jnp.abs(ratio - 1), 1e3).reshape(-1)
 
 
-def _pressure(wanted: Wanted, rig: Rig, speeds, model: str) -> Array:
+def _pressure(wanted: Wanted, point: Point) -> Array:
     """Hertz' greatest pressure at the greatest normal force of each contact, Pa."""
     sphere, wheel, sphere_ratio, wheel_ratio = wanted.materials
+    run, rig = point.run, point.rig
+    load = run.load().greatest if isinstance(run, LongRun) else jnp.max(run.normal_force, axis=0)
     radius = effective_radius(rig.sphere.radius, rig.wheels.radius)
     modulus = effective_modulus(sphere, sphere_ratio, wheel, wheel_ratio)
-    return peak_pressure(contact_load(rig, speeds, model).greatest, radius, modulus)
+    return peak_pressure(load, radius, modulus)
 
 
-def _preload(wanted: Wanted, rig: Rig, speeds, model: str) -> Array:
+def _preload(wanted: Wanted, point: Point) -> Array:
     """The greatest preload where it is limited from above, else the least, N."""
-    preload = rig.wheels.closure.preload
+    preload = point.rig.wheels.closure.preload
     return (jnp.min(preload) if wanted.high is None else jnp.max(preload))[None]
 
 
@@ -135,12 +149,12 @@ def all_limits(
 
 
 def all_values(
-    constraints: tuple[Wanted, ...], rig: Rig, speeds, model: str, metrics: dict[str, Array]
+    constraints: tuple[Wanted, ...], point: Point, metrics: dict[str, Array]
 ) -> Float[Array, " c"]:
     """g of one case; `metrics` holds those that are metrics."""
     parts = []
     for wanted in constraints:
         kind = QUANTITIES.get(wanted.quantity)
-        values = kind.of(wanted, rig, speeds, model) if kind else metrics[wanted.quantity][None]
+        values = kind.of(wanted, point) if kind else metrics[wanted.quantity][None]
         parts.append(wanted.signed(values))
     return jnp.concatenate(parts) if parts else jnp.zeros(0)

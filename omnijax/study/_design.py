@@ -69,36 +69,49 @@ def before(study: Study) -> np.ndarray | None:
     return np.array(values)
 
 
+class Exact:
+    """The objective of a design in every case, with nominal parts and with `FRESH` new draws."""
+
+    def __init__(self, study: Study, cases: RigCases):
+        self.study, self.parted = study, bool(cases.parts)
+        unit = np.random.default_rng(study.seed + 1).uniform(-1, 1, (FRESH, len(cases.parts)))
+        unit = np.sign(unit) if study.spread == "worst" else unit
+        draws = np.concatenate([np.zeros((1, len(cases.parts))), unit * np.asarray(cases.width)])
+        self.draws = jnp.asarray(draws if self.parted else draws[:1])
+        self.figures = jax.jit(lambda x, draws: cases.weighted(cases.every(x, draws)[0]))
+
+    def __call__(self, x) -> np.ndarray:
+        """The objective (k, 1 + draws)."""
+        return np.asarray(self.figures(jnp.asarray(x), self.draws))
+
+    def over_cases(self, values: np.ndarray) -> np.ndarray:
+        """The worst case or the mean, as the study asks."""
+        return values.max(axis=0) if self.study.over == "worst" else values.mean(axis=0)
+
+
 def _notes(study: Study, cases: RigCases, found: Design) -> list[str]:
     """The exact figures at the design, and the rig as it was."""
-    x = jnp.array(list(found.variables.values()))
-    nominal = jnp.zeros((1, len(cases.parts)))
-    exact = jax.jit(lambda x, draws: cases.weighted(cases.every(x, draws)[0]))
-    lines, values = [], np.asarray(exact(x, nominal))[:, 0]
-    unit = found.unit
-    if len(values) > 1:
-        worst = int(np.argmax(values))
+    exact, unit = Exact(study, cases), found.unit
+    values = exact(list(found.variables.values()))
+    nominal, lines = values[:, 0], []
+    if len(nominal) > 1:
+        worst = int(np.argmax(nominal))
         lines.append(
-            f"exact over {len(values)} cases: worst {amount(values[worst], unit)} "
-            f"({cases.cases[worst]}), mean {amount(values.mean(), unit)}."
+            f"exact over {len(nominal)} cases: worst {amount(nominal[worst], unit)} "
+            f"({cases.cases[worst]}), mean {amount(nominal.mean(), unit)}."
         )
-    if cases.parts:
-        draws = np.random.default_rng(study.seed + 1).uniform(-1, 1, (FRESH, len(cases.parts)))
-        if study.spread == "worst":
-            draws = np.sign(draws)
-        fresh = np.asarray(exact(x, jnp.asarray(draws) * cases.width))
-        part = fresh.max(axis=0) if study.over == "worst" else fresh.mean(axis=0)
-        error = part.std() / np.sqrt(FRESH)
+    if exact.parted:
+        fresh = exact.over_cases(values[:, 1:])
+        spread = fresh.std(ddof=1)
         lines.append(
             f"{FRESH} draws of the parts that the search did not see: mean "
-            f"{amount(part.mean(), unit)} ± {amount(error, unit)}, greatest "
-            f"{amount(part.max(), unit)}, deviation {amount(part.std(), unit)}."
+            f"{amount(fresh.mean(), unit)} ± {amount(spread / np.sqrt(FRESH), unit)}, greatest "
+            f"{amount(fresh.max(), unit)}, deviation {amount(spread, unit)}."
         )
     start = before(study)
     if start is not None:
-        old = np.asarray(exact(jnp.asarray(start), nominal))[:, 0]
-        old = old.max() if study.over == "worst" else old.mean()
-        new = values.max() if study.over == "worst" else values.mean()
+        old = float(exact.over_cases(exact(start)[:, 0]))
+        new = float(exact.over_cases(nominal))
         lines.append(
             f"the rig as it was: {amount(old, unit)}; the design, parts at their nominal values: "
             f"{amount(new, unit)} ({100 * (new / old - 1):+.1f} %)."

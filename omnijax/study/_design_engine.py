@@ -12,7 +12,7 @@ from ._design_kkt import Kkt, Point, conditions, verdict
 from ._design_polish import Scaled, Slopes, polish
 from ._design_problem import Problem, check_variables
 from ._design_search import Adam, Lanes, Search
-from ._design_starts import first_lanes, rounded_lanes, start_shares
+from ._design_starts import FORBIDDEN, first_lanes, rounded_lanes, start_shares
 
 PROBES = (1e-3, 2e-2)  # of the range: steps to neighbours that must not be better
 SILENT = 1e-12
@@ -43,7 +43,6 @@ class Engine:
         check_variables(problem.variables)
         self.problem, self.seed = problem, seed
         self.unit = np.array([x.scale for x in problem.limits])
-        self.lanes, self.relaxed = first_lanes(problem, starts, seed)
         plain = Search(problem, 1.0)
         self._slopes = jax.jit(lambda share: _with_slopes(plain, share))
         self._values = jax.jit(jax.vmap(lambda s: plain.parts(s, problem.extra)))
@@ -54,6 +53,15 @@ class Engine:
         self.size = float(np.median([abs(self._combined(s.f)) for s in seen])) or 1.0
         self._check_influence(seen)
         self.search = Search(problem, self.size)
+        self.lanes, self.relaxed = first_lanes(problem, starts, seed, self._merit)
+
+    def _merit(self, shares: np.ndarray) -> np.ndarray:
+        """Objective and violations of designs as one figure; infinite where a run fails."""
+        f, g = self.values(shares)
+        value = (f.max(axis=1) if self.problem.worst else f.mean(axis=1)) / self.size
+        bound = np.array([x.bound for x in self.problem.limits])
+        over = np.maximum((g - bound) / self.unit, 0.0).max(axis=1, initial=0.0)
+        return np.nan_to_num(value + FORBIDDEN * over, nan=np.inf)
 
     def slopes(self, share: np.ndarray) -> Slopes:
         """Figures and slopes of one design."""
@@ -124,12 +132,10 @@ class Engine:
         self, lanes: Lanes, count: int, drawn: Adam | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
         """Where the first `count` searches end, shares (l, d), and their evaluations (l,)."""
-        first = self.values(np.asarray(lanes.share))[0]
         spent = 0
         if drawn is not None:
-            lanes, spent = self.search.stochastic(lanes, first, drawn), drawn.steps
-            first = self.values(np.asarray(lanes.share))[0]
-        found = self.search.run(lanes, first)
+            lanes, spent = self.search.stochastic(lanes, self.values, drawn), drawn.steps
+        found = self.search.run(lanes, self.values)
         share, evaluations = found.share.copy(), found.evaluations + spent
         for i in range(count):
             scaled = Scaled(

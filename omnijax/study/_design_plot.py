@@ -30,16 +30,13 @@ def searches(result: Any, ax: Any = None) -> Any:
     return ax
 
 
-def cases(result: Any, before: dict[str, float] | None = None, ax: Any = None) -> Any:
-    """The objective in every case, at the design and, where given, before."""
+def cases(result: Any, ax: Any = None) -> Any:
+    """The objective in every case."""
     names = list(result.cases)
     ax = new_axes(ax, 1.4 + 0.4 * len(names))
     place = np.arange(len(names))[::-1]
-    if before is not None:
-        ax.barh(place + 0.19, [before[n] for n in names], 0.36, color="#56B4E9", label="before")
-    ax.barh(place - 0.19, list(result.cases.values()), 0.36, color="#0072B2", label="design")
+    ax.barh(place, list(result.cases.values()), 0.7, color="#0072B2")
     ax.set_yticks(place, [n or "objective" for n in names])
     ax.grid(axis="y", visible=False)
     ax.set_xlabel(f"{result.objective_name} ({result.unit})")
-    ax.legend()
     return ax

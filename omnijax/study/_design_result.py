@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
+from .._html import html_table
 from ._design_engine import End, best_of
 from ._design_kkt import ACTIVE, FEASIBLE, ON_BOUND
 from ._design_problem import Problem
@@ -27,7 +28,7 @@ def amount(value: float, unit: str) -> str:
     return f"{value / 10.0**power:.4g} {_PREFIX[power]}{unit}"
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Design:
     """The best design, whether it is optimal, what holds it there, and all the searches.
 
@@ -49,7 +50,17 @@ class Design:
     evaluations: int
     ends: dict[str, list]
     units: dict[str, str]
+    prices: dict[str, float]  # objective per unit of each active limit
+    whole: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def _repr_html_(self) -> str:
+        head, *_ = self.sentences()
+        rows = [(name, value, self.units[name]) for name, value in self.variables.items()]
+        return html_table(head, rows, ("variable", "value", "unit"))
 
     @property
     def optimal(self) -> bool:
@@ -58,17 +69,25 @@ class Design:
 
     @property
     def agreement(self) -> tuple[int, int]:
-        """How many searches ended at this objective (within 0.1 %), of how many."""
+        """How many searches ended at this objective (within 0.1 %), of how many.
+
+        Only searches with the same whole numbers count.
+        """
         values = np.array(self.ends["objective"], float)
         good = np.array([s in {"optimal", "not optimal"} for s in self.ends["status"]])
         near = np.abs(values - self.objective) <= 1e-3 * max(abs(self.objective), 1e-300)
-        return int(np.sum(near & good)), len(values)
+        at = [list(self.variables).index(name) for name in self.whole]
+        x, best = np.array(self.ends["x"])[:, at], np.array(list(self.variables.values()))[at]
+        same = np.all(np.abs(x - best) < 1e-6, axis=1)
+        return int(np.sum(near & good & same)), int(same.sum())
 
     def sentences(self) -> list[str]:
         """The answer in words."""
         same, total = self.agreement
         head = f"{self.objective_name} = {amount(self.objective, self.unit)}: {self.status}"
-        lines = [f"{head} ({self.reason}); {same} of {total} searches end there."]
+        whole = " and ".join(f"{n} = {self.variables[n]:g}" for n in self.whole)
+        which = f"searches with {whole}" if whole else "searches"
+        lines = [f"{head} ({self.reason}); {same} of {total} {which} end there."]
         lines += [
             f"{path} = {amount(value, self.units[path])}" for path, value in self.variables.items()
         ]
@@ -117,15 +136,21 @@ class Design:
         if text is None:
             raise InputError("holds no design.", path)
         found = json.loads(text)
-        for key in ("active", "multipliers", "notes"):
+        for key in ("active", "multipliers", "whole", "notes"):
             found[key] = tuple(found[key])
         return cls(**found)
 
     def plot_searches(self, ax: Any = None) -> Any:
-        """Objective of every search against the first variable's end value."""
+        """Where every search ended, best first."""
         from ._design_plot import searches
 
         return searches(self, ax)
+
+    def plot_cases(self, ax: Any = None) -> Any:
+        """The objective in every case."""
+        from ._design_plot import cases
+
+        return cases(self, ax=ax)
 
 
 def make_design(problem: Problem, ends: list[End], notes: tuple[str, ...] = ()) -> Design:
@@ -158,6 +183,12 @@ def make_design(problem: Problem, ends: list[End], notes: tuple[str, ...] = ()) 
         evaluations=sum(e.evaluations for e in ends),
         ends=columns,
         units={v.name: v.unit for v in problem.variables},
+        prices={
+            limit.text: float(price / limit.scale)
+            for limit, price in zip(problem.limits, kkt.limits, strict=True)
+            if price > 0 and best.status != "infeasible"
+        },
+        whole=tuple(v.name for v in problem.variables if v.whole),
         notes=notes,
     )
 

@@ -1,5 +1,6 @@
 """The problem that a study of a rig poses: objective and constraints over drives, loads, parts."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,16 +9,14 @@ from scipy.stats import qmc
 
 from .._errors import InputError
 from ..rig import Rig, get_parameter, set_parameter
-from ..simulate import Signal, SpeedDrive
+from ..simulate import SpeedDrive, TorqueDrive
 from ..vibration import METRICS
-from ._constraints import all_limits, all_values, metrics_of
+from ._constraints import Point, all_limits, all_values, metrics_of
 from ._design_problem import Problem
 from ._sensitivity_target import Evaluation, checked_parameters, evaluation, values_of
-from ._study_file import Study, corner_speeds
-from ._sweep_drive import read_speeds
+from ._study_file import Study
+from ._sweep_drive import Drive
 from ._sweep_target import apply
-
-SWITCHES = 2.0  # draws above this are corners: +-1
 
 
 class RigCases:
@@ -28,20 +27,25 @@ class RigCases:
         wanted = tuple(name for name, _ in study.weights) if metrics is None else metrics
         self.objective = wanted
         self.metrics = tuple(dict.fromkeys((*wanted, *metrics_of(study.constraints))))
-        first = read_speeds(study.drives[0][1], study.rig.names)
-        how = evaluation(study.rig, first, self.metrics, study.duration, study.model, study.rate)
-        if how.way == "full":
-            raise InputError(
-                "a design needs a rig with a closed form (constant speeds, linear contacts); "
-                "this one has none."
-            )
-        self.how = how
-        self.speeds = jnp.asarray(corner_speeds(study))
+        self.start = study.drives[0].drive
+        self.how = evaluation(
+            study.rig, self.start, self.metrics, study.duration, study.model, study.rate, study.rtol
+        )
+        self._check_constraints()
+        self.inputs = jnp.asarray(np.array([(*d.values, *d.force) for d in study.drives]))
         self.paths = tuple(v.name for v in study.variables)
         self.parts, self.width = self._tolerances()
         self.cases = self._names()
         self.load_paths = tuple(dict.fromkeys(p for x in study.loads for p, _ in x.values))
         self.loads = jnp.asarray(self._load_table())
+
+    def _check_constraints(self) -> None:
+        moving = isinstance(self.start, TorqueDrive)
+        if moving and any(c.quantity == "frequency_separation" for c in self.study.constraints):
+            raise InputError(
+                "`constraint.frequency_separation` needs constant speeds: with motor torques the "
+                "rollers pass at every frequency on the way."
+            )
 
     def _tolerances(self) -> tuple[tuple[str, ...], Array]:
         paths, width = [], []
@@ -65,15 +69,14 @@ class RigCases:
     def _names(self) -> tuple[str, ...]:
         many = len(self.study.drives) > 1, len(self.study.loads) > 1
         return tuple(
-            ", ".join(n for n, m in ((drive, many[0]), (load.name, many[1])) if m)
-            for drive, _ in self.study.drives
+            ", ".join(n for n, m in ((drive.name, many[0]), (load.name, many[1])) if m)
+            for drive in self.study.drives
             for load in self.study.loads
         )
 
     def rig(self, x, load=None, draw=None) -> Rig:
         """The rig of variables `x` with a load's values, its parts off by the relative `draw`."""
-        drive = read_speeds(self.study.drives[0][1], self.study.rig.names)
-        rig = apply(self.study.rig, drive, self.paths, x)[0]
+        rig = apply(self.study.rig, self.start, self.paths, x)[0]
         for i, path in enumerate(self.load_paths):
             rig = set_parameter(rig, path, self.loads[0, i] if load is None else load[i])
         if draw is not None:
@@ -81,34 +84,38 @@ class RigCases:
                 rig = set_parameter(rig, path, get_parameter(rig, path) * (1 + draw[i]))
         return rig
 
-    def drive(self, x, speeds) -> SpeedDrive:
-        """The drive at `speeds`, with the variables that belong to it."""
-        zero = jnp.zeros(1)
-        flat = jnp.zeros((1, len(speeds)))
-        force = Signal(zero, jnp.zeros((1, 3)), jnp.zeros((1, 3)))
-        start = SpeedDrive(speed=Signal(zero, speeds[None], flat), force=force)
-        return apply(self.study.rig, start, self.paths, x)[1]  # pyright: ignore
+    def drive(self, x, values: Float[Array, " n+3"]) -> Drive:
+        """The drive of speeds or torques and force, with the variables that belong to it."""
+        kind = self.study.drives[0].kind
+        moved, force = values[:-3], values[-3:]
+        start = eqx.tree_at(
+            lambda d: (getattr(d, kind).values, d.force.values),
+            self.start,
+            (moved[None], force[None]),
+        )
+        return apply(self.study.rig, start, self.paths, x)[1]
 
-    def one(self, x, speeds, load, draw) -> tuple[Array, Array]:
+    def one(self, x, values, load, draw) -> tuple[Array, Array]:
         """(metrics, constraints) of one case."""
-        rig, drive = self.rig(x, load, draw), self.drive(x, speeds)
+        rig, drive = self.rig(x, load, draw), self.drive(x, values)
         how: Evaluation = self.how._replace(drive=drive)
-        values = how(rig)
-        named = dict(zip(self.metrics, values, strict=True))
-        now = drive.speed.values[0]
-        g = all_values(self.study.constraints, rig, now, self.study.model, named)
-        return values, g
+        run = how.run(rig)
+        metrics = how.of(run, rig)
+        now = drive.speed.values[0] if isinstance(drive, SpeedDrive) else None
+        named = dict(zip(self.metrics, metrics, strict=True))
+        point = Point(rig, run, now, self.study.model)
+        return metrics, all_values(self.study.constraints, point, named)
 
     def every(self, x, draws: Float[Array, "t p"]) -> tuple[Array, Array]:
         """Metrics (k, t, m) and constraints (k, t, c) of every case and every draw."""
 
-        def case(speeds, load):
-            return jax.vmap(lambda draw: self.one(x, speeds, load, draw))(draws)
+        def case(values, load):
+            return jax.vmap(lambda draw: self.one(x, values, load, draw))(draws)
 
         # drives first, loads second, as in `cases`
-        speeds = jnp.repeat(self.speeds, len(self.loads), axis=0)
-        loads = jnp.tile(self.loads, (len(self.speeds), 1))
-        return jax.vmap(case)(speeds, loads)
+        values = jnp.repeat(self.inputs, len(self.loads), axis=0)
+        loads = jnp.tile(self.loads, (len(self.inputs), 1))
+        return jax.vmap(case)(values, loads)
 
     def draws(self) -> Float[Array, "t p"]:
         """The parts' relative deviations: corners for the worst case, uniform for the spread."""

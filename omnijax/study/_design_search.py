@@ -6,6 +6,7 @@ The worst case over k is the epigraph form: F = t with c_k = f_k/size - t, exact
 optimum, and its multipliers are the weights of the worst cases.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -17,7 +18,7 @@ from jaxtyping import Array, Float
 
 from ._design_problem import Problem, Scale, from_angle, to_angle
 
-ROUNDS, INNER = 6, 20
+ROUNDS, INNER = 5, 15
 PENALTY, GROWTH = 30.0, 5.0
 NEAR = 1e-4  # of a limit's scale: what is left to the polish
 
@@ -28,6 +29,9 @@ class Lanes(NamedTuple):
     share: Float[Array, "l d"]
     free: Float[Array, "l d"]  # 1 or 0
     limit: Float[Array, "l c"]
+
+
+Values = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # shares to f (l, k), g (l, c)
 
 
 class Found(NamedTuple):
@@ -76,7 +80,7 @@ class Search:
         return F + jnp.sum(pushed**2 - multiplier**2) / (2 * penalty)
 
     def _minimise(self, y, share, free, limit, multiplier, penalty, extra):
-        """The next y, its constraints and the number of steps."""
+        """The next y and the number of steps."""
         solver = optx.BFGS(rtol=1e-7, atol=1e-7)
         args = (share, free, limit, multiplier, penalty, extra)
         solution = optx.minimise(
@@ -88,11 +92,11 @@ class Search:
             max_steps=INNER,
             throw=False,
         )
-        c = self._split(solution.value, share, free, limit, extra)[1]
-        return solution.value, c, solution.stats["num_steps"]
+        return solution.value, solution.stats["num_steps"]
 
-    def begin(self, lanes: Lanes, first: np.ndarray):
-        """(y, multipliers) at the start, where the objectives are `first` (l, k)."""
+    def begin(self, lanes: Lanes, values: Values):
+        """(y, multipliers) at the start."""
+        first = values(np.asarray(lanes.share))[0]
         z = to_angle(jnp.clip(lanes.share, 1e-3, 1 - 1e-3))
         t = jnp.asarray(first.max(axis=1)) / self.size if self.epigraph else jnp.zeros(len(z))
         weights = jnp.broadcast_to(self._weights(), (len(z), len(self._weights())))
@@ -103,17 +107,21 @@ class Search:
         count = len(self.problem.cases) if self.epigraph else 0
         return jnp.full(count, 1.0 / max(count, 1))
 
-    def run(self, lanes: Lanes, first: np.ndarray) -> Found:
+    def run(self, lanes: Lanes, values: Values) -> Found:
         """All lanes to the neighbourhood of their ends."""
-        y, multiplier = self.begin(lanes, first)
+        y, multiplier = self.begin(lanes, values)
         count = len(lanes.share)
         penalty, previous = jnp.full(count, PENALTY), np.full(count, np.inf)
-        evaluations = np.zeros(count, int)
+        evaluations, share = np.zeros(count, int), np.asarray(lanes.share)
         for _ in range(ROUNDS):
-            y, c, steps = self._inner(y, *lanes, multiplier, penalty, self.problem.extra)
-            evaluations = evaluations + np.asarray(steps) + 1
+            y, steps = self._inner(y, *lanes, multiplier, penalty, self.problem.extra)
+            evaluations = evaluations + np.asarray(steps)
+            share = np.asarray(jnp.where(lanes.free > 0, from_angle(y[0]), lanes.share))
             if multiplier.shape[1] == 0:
                 break
+            f, g = values(share)
+            lead = f / self.size - np.asarray(y[1])[:, None] if self.epigraph else f[:, :0]
+            c = np.concatenate([lead, (g - np.asarray(lanes.limit)) / np.asarray(self.unit)], 1)
             slack = jnp.maximum(c, -multiplier / penalty[:, None])
             gap = np.asarray(jnp.max(jnp.abs(slack), axis=1))
             multiplier = jnp.maximum(0.0, multiplier + penalty[:, None] * c)
@@ -122,15 +130,14 @@ class Search:
             slow = gap > 0.25 * previous
             penalty = jnp.where(slow, jnp.minimum(penalty * GROWTH, 1e6), penalty)
             previous = gap
-        share = jnp.where(lanes.free > 0, from_angle(y[0]), lanes.share)
-        return Found(np.asarray(share), evaluations)
+        return Found(share, evaluations)
 
-    def stochastic(self, lanes: Lanes, first: np.ndarray, drawn: Adam) -> Lanes:
+    def stochastic(self, lanes: Lanes, values: Values, drawn: Adam) -> Lanes:
         """Lanes moved by optax's Adam on draws that are new at every step."""
         draw = self.problem.draw
         assert draw is not None
         method = optax.adam(optax.cosine_decay_schedule(drawn.rate, drawn.steps))
-        (z, t), multiplier = self.begin(lanes, first)
+        (z, t), multiplier = self.begin(lanes, values)
 
         def one(y, share, free, limit, multiplier):
             def step(carry, key):

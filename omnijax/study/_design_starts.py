@@ -1,10 +1,15 @@
 """Where searches start, and how whole numbers are treated.
 
+The user's start comes first.  The others are the most promising of `SCREENED` points of a Sobol
+sequence: figures without slopes are cheap, and with limits that cut the design space to pieces a
+search seldom leaves the piece it starts in.
+
 Up to `ENUMERATED` combinations of whole numbers are all searched.  Beyond that they are relaxed to
 real numbers, and both neighbours of every relaxed optimum are searched again.
 """
 
 import itertools
+from collections.abc import Callable
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +19,8 @@ from ._design_problem import Problem, Scale
 from ._design_search import Lanes
 
 ENUMERATED = 12
+SCREENED = 64  # for each combination of whole numbers
+FORBIDDEN = 3.0  # objectives that a violation of one scale of a limit weighs
 
 
 def start_shares(problem: Problem, count: int, seed: int) -> np.ndarray:
@@ -56,15 +63,27 @@ def make_lanes(problem: Problem, starts: np.ndarray, combinations) -> Lanes:
     return Lanes(jnp.asarray(np.array(shares)), jnp.asarray(np.array(free)), limits)
 
 
-def first_lanes(problem: Problem, count: int, seed: int) -> tuple[Lanes, bool]:
-    """The first searches, and whether whole numbers are relaxed in them."""
-    starts, values = start_shares(problem, count, seed), whole_values(problem)
+def first_lanes(
+    problem: Problem, count: int, seed: int, merit: Callable[[np.ndarray], np.ndarray]
+) -> tuple[Lanes, bool]:
+    """The first searches, and whether whole numbers are relaxed in them.
+
+    `merit(shares)` (n,) is small for promising designs.
+    """
+    values = whole_values(problem)
     index = [i for i, v in enumerate(values) if len(v)]
     combinations = int(np.prod([len(values[i]) for i in index]))
-    if combinations > ENUMERATED:
-        return make_lanes(problem, starts, [{}]), True
-    every = itertools.product(*(values[i] for i in index))
-    return make_lanes(problem, starts, [dict(zip(index, c, strict=True)) for c in every]), False
+    relaxed = combinations > ENUMERATED
+    every = itertools.product(*(() if relaxed else (values[i] for i in index)))
+    parts = []
+    for c in every:
+        fixed = {} if relaxed else dict(zip(index, c, strict=True))
+        drawn = make_lanes(problem, start_shares(problem, SCREENED, seed), [fixed])
+        order = np.argsort(merit(np.asarray(drawn.share)), kind="stable")
+        given = [0] if any(v.start is not None for v in problem.variables) else []
+        chosen = np.array([*given, *(i for i in order if i not in given)][:count])
+        parts.append(Lanes(*(x[chosen] for x in drawn)))
+    return Lanes(*(jnp.concatenate(xs) for xs in zip(*parts, strict=True))), relaxed
 
 
 def rounded_lanes(problem: Problem, relaxed: np.ndarray) -> Lanes:

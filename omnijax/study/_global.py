@@ -11,6 +11,7 @@ from jaxtyping import Array
 from scipy.stats import qmc
 
 from .._errors import InputError, RunError
+from .._html import html_table
 from ..vibration import METRICS
 from ._design_folder import Folder
 from ._design_rig import RigCases
@@ -23,7 +24,7 @@ Report = Callable[[int, int], None]
 NAMED = 5  # failed runs listed by name
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class GlobalSensitivity:
     """Sobol indices, Morris effects and derivative-based bounds of metrics over inputs.
 
@@ -40,6 +41,19 @@ class GlobalSensitivity:
     bound_half: np.ndarray
     runs: int
     failed: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def _repr_html_(self) -> str:
+        found = self.sobol.first, self.sobol.total, self.sobol.total_half, self.bound
+        rows = [
+            (metric, name, *(float(x[m, i]) for x in found))
+            for m, metric in enumerate(self.metrics)
+            for i, name in enumerate(self.inputs)
+        ]
+        header = ("metric", "input", "first order", "total", "± (95 %)", "bound from gradients")
+        return html_table(f"Shares of the variance, {self.runs} runs", rows, header)
 
     def sentences(self) -> list[str]:
         """The ranking in words, and what failed."""

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
+from .._html import html_table
 from ._design_result import amount
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Front:
     """Designs none of which is better than another in every metric.
 
@@ -26,6 +27,15 @@ class Front:
     x: np.ndarray
     status: tuple[str, ...]
     evaluations: int
+
+    def __repr__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def _repr_html_(self) -> str:
+        names, units = (*self.metrics, *self.variables), (*self.units, *self.variable_units)
+        header = [f"{n} / {u}" for n, u in zip(names, units, strict=True)]
+        rows = [(*map(float, v), *map(float, x)) for v, x in zip(self.values, self.x, strict=True)]
+        return html_table(self.sentences()[0], rows, header)
 
     def sentences(self) -> list[str]:
         """The span of the front in words."""
@@ -75,7 +85,7 @@ class Front:
             d["value"].values, d["x"].values, texts("status"), int(d.attrs["evaluations"]),
         )  # fmt: skip
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot_front(self, ax: Any = None) -> Any:
         """The first two metrics against each other; a third in colour."""
         from ._sensitivity_plot import new_axes
 

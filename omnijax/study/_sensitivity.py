@@ -10,9 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._errors import InputError, RunError
+from .._html import html_table
 from ..rig import Rig, load_rig, parameter_info
 from ..simulate import AbstractDrive
 from ..vibration import METRICS
+from ._design_result import amount
 from ._sensitivity_check import Check, compare
 from ._sensitivity_target import (
     checked_parameters,
@@ -24,6 +26,7 @@ from ._sensitivity_target import (
 )
 from ._sweep_drive import read_speeds
 
+SHOWN = 6  # parameters in a printed result
 NOTHING = 1e-12  # of the metric, per relative change: rounding, not influence
 WAYS = {
     "steady": "steady state",
@@ -48,6 +51,20 @@ class Sensitivity(eqx.Module):
     raw: np.ndarray
     way: str
     check: Check | None = None
+
+    def __repr__(self) -> str:
+        lines = [f"Sensitivity ({self.way}): % of the metric per % of a parameter on all wheels"]
+        for m, name in enumerate(self.metrics):
+            first = list(self.together(name).items())[:SHOWN]
+            parts = ", ".join(f"{path} {value:+.3g}" for path, value in first)
+            lines.append(f"{name} = {amount(self.figures[m], self.metric_units[m])}: {parts}")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        columns = [self.together(name) for name in self.metrics]
+        rows = [(path, *(float(c[path]) for c in columns)) for path in columns[0]]
+        title = f"% of the metric per % of the parameter, all wheels together ({self.way})"
+        return html_table(title, rows, ("parameter", *self.metrics))
 
     @property
     def relative(self) -> np.ndarray:

@@ -42,7 +42,7 @@ class SpeedSensitivity(NamedTuple):
         }  # fmt: skip
         return xr.Dataset(data, coords, {"speeds_rad_per_s": self.speeds})
 
-    def plot(self, parameter: str, ax: Any = None) -> Any:
+    def plot_speeds(self, parameter: str, ax: Any = None) -> Any:
         """One parameter's part in every metric over the speed of the fastest wheel."""
         from ._sensitivity_plot import new_axes
 

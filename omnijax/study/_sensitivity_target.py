@@ -10,9 +10,9 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError, did_you_mean
 from ..rig import Rig, get_parameter, parameter_info, parameter_paths, set_parameter
-from ..simulate import SpeedDrive, propagate, simulate
+from ..simulate import SpeedDrive, Trajectory, propagate, simulate
 from ..simulate.exact import exact_obstacle
-from ..vibration import METRICS, STEADY_METRICS, evaluate, steady_metrics
+from ..vibration import METRICS, STEADY_METRICS, LongRun, evaluate
 from ._sweep_drive import is_constant
 
 RATE = 500.0  # samples per s of a run
@@ -30,19 +30,25 @@ class Evaluation(NamedTuple):
 
     def __call__(self, rig: Rig) -> Float[Array, " m"]:
         """The metrics; NaN for a run that failed."""
+        return self.of(self.run(rig), rig)
+
+    def run(self, rig: Rig) -> LongRun | Trajectory:
+        """What the metrics are read from: the periodic solution, or a run."""
         if self.way == "steady":
-            found = steady_metrics(
-                rig, self.drive.speed.values[0], self.metrics, model=self.model,
-                angles=self.drive.initial_angle,
-            )  # fmt: skip
-            return jnp.stack([found[name] for name in self.metrics])
+            given = self.drive.initial_angle
+            angles = jnp.zeros(rig.size) if given is None else given
+            return LongRun(rig, self.drive.speed.values[0], angles, self.model)
         ts = jnp.asarray(self.times)
         if self.way == "propagation":
-            run = propagate(rig, self.drive, ts, model=self.model)
-        else:
-            run = simulate(
-                rig, self.drive, ts, model=self.model, rtol=self.rtol, adjoint=dfx.ForwardMode()
-            )
+            return propagate(rig, self.drive, ts, model=self.model)
+        return simulate(
+            rig, self.drive, ts, model=self.model, rtol=self.rtol, adjoint=dfx.ForwardMode()
+        )
+
+    def of(self, run: LongRun | Trajectory, rig: Rig) -> Float[Array, " m"]:
+        """The metrics of `run`; NaN where it failed."""
+        if isinstance(run, LongRun):
+            return jnp.stack([run.metric(name) for name in self.metrics])
         found = evaluate(run, rig, self.metrics)
         values = jnp.stack([found[name] for name in self.metrics])
         return jnp.where(run.status == 0, values, jnp.nan)
@@ -55,7 +61,7 @@ class Evaluation(NamedTuple):
 
 def evaluation(
     rig: Rig, drive: Any, metrics: Sequence[str], duration: float | None, model: str,
-    rate: float | None = None,
+    rate: float | None = None, rtol: float = 1e-8,
 ) -> Evaluation:  # fmt: skip
     """The cheapest exact way that the rig, the drive and the metrics allow."""
     metrics = checked_metrics(metrics)
@@ -68,7 +74,7 @@ def evaluation(
             raise InputError(f"`duration` must be above 0, but is {duration:g}.")
         count = max(2, round(duration * (rate or RATE)) + 1)
         times = np.linspace(0.0, duration, count)
-        return Evaluation(drive, metrics, "full" if reason else "propagation", times, model)
+        return Evaluation(drive, metrics, "full" if reason else "propagation", times, model, rtol)
     missing = [name for name in metrics if name not in STEADY_METRICS]
     if reason is None and missing:
         reason = f"the steady state does not give {', '.join(missing)}"

@@ -1,76 +1,26 @@
 """Study files: what to vary, what to judge by, under which drives and loads; TOML -> `Study`."""
 
-import dataclasses
-import json
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from .._errors import InputError, did_you_mean
-from ..rig import Rig, load_rig, parameter_info, parameter_paths, rig_text
+from ..rig import Rig, load_rig, parameter_info, parameter_paths
 from ..rig._quantities import Quantity
 from ..vibration import METRICS
 from ._constraints import QUANTITIES, Wanted
 from ._design_problem import Variable, check_variables
 from ._sensitivity_target import speaks_of_all
+from ._study import Case, Load, Study
 from ._study_read import Reader
-from ._sweep_drive import drive_quantities, read_speeds
+from ._sweep_drive import drive_quantities
 
 KEYS = (
-    "rig", "model", "duration", "rate", "objective", "drive", "load", "variable", "constraint",
-    "tolerance", "search", "pareto", "limit", "sampling",
+    "rig", "model", "duration", "rate", "rtol", "objective", "drive", "load", "variable",
+    "constraint", "tolerance", "search", "pareto", "limit", "sampling",
 )  # fmt: skip
 DISTRIBUTIONS = ("uniform", "normal")
-
-
-@dataclasses.dataclass(frozen=True)
-class Load:
-    """Parameters with values of their own in one case: a light or a heavy pilot."""
-
-    name: str
-    values: tuple[tuple[str, float], ...] = ()
-
-
-@dataclasses.dataclass(frozen=True)
-class Study:
-    """A checked study; numbers are SI."""
-
-    rig: Rig
-    drives: tuple[tuple[str, tuple[float, ...]], ...]  # name and wheel speeds, rad/s
-    loads: tuple[Load, ...]
-    variables: tuple[Variable, ...] = ()
-    distributions: tuple[str, ...] = ()
-    weights: tuple[tuple[str, float], ...] = (("rms", 1.0),)
-    over: str = "worst"
-    spread: str = "worst"
-    sigmas: float = 3.0
-    constraints: tuple[Wanted, ...] = ()
-    tolerances: tuple[tuple[str, float], ...] = ()  # path, relative half width
-    draws: int = 16
-    model: str = "coupled"
-    duration: float | None = None
-    rate: float | None = None
-    starts: int = 8
-    seed: int = 0
-    batch: int = 8
-    stochastic: int = 0
-    pareto: tuple[str, ...] = ()
-    points: int = 12
-    limit: tuple[str, float] | None = None
-    confidence: float = 0.99
-    samples: int = 256
-
-    def identity(self) -> str:
-        """Everything that decides the numbers, as text."""
-        plain = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "rig"}
-        return json.dumps({**plain, "rig": rig_text(self.rig)}, default=_plain)
-
-
-def _plain(value: Any) -> Any:
-    return dataclasses.asdict(value) if dataclasses.is_dataclass(value) else str(value)  # pyright: ignore
 
 
 def load_study(path: str | Path) -> Study:
@@ -103,7 +53,9 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
     )
     for key, unit in (("duration", "s"), ("rate", "1/s")):
         if key in top:
-            fields[key] = read.value(top[key], key, Quantity(unit, above=0))
+            fields[key] = read.value(top[key], key, Quantity(unit, above=0), 1.0)
+    if "rtol" in top:
+        fields["rtol"] = read.value(top["rtol"], "rtol", Quantity("1", above=0, high=1e-3), 1e-6)
     if not read.problems and fields["variables"]:
         try:
             check_variables(fields["variables"])
@@ -123,18 +75,11 @@ def _rig(name: Any, path: str | Path | None) -> Rig:
 
 def _cases(read: Reader, rig: Rig, top: Mapping) -> dict[str, Any]:
     """Drives and loads."""
-    drives, loads = [], []
-    for i, block in enumerate(read.tables(top, "drive", ("name", "speed"))):
-        name = str(block.get("name", f"drive {i + 1}"))
-        given = block.get("speed", [])
-        given = given if isinstance(given, list) else [given]
-        where = f"drive.{name}.speed"
-        speeds = [read.value(x, where, Quantity("rad/s"), 0.0) for x in given]
-        try:
-            read_speeds(speeds, rig.names)
-        except InputError as error:
-            read.problems += [text.replace("`speed`", f"`{where}`") for text in error.problems]
-        drives.append((name, tuple(speeds)))
+    blocks = read.tables(top, "drive", ("name", "speed", "torque", "force"))
+    drives = tuple(_drive(read, rig, block, i) for i, block in enumerate(blocks))
+    if len({d.kind for d in drives}) > 1:
+        read.say("the [[drive]] tables of one study are all of `speed` or all of `torque`.")
+    loads = []
     for i, block in enumerate(read.tables(top, "load", ("name", "set"))):
         name = str(block.get("name", f"load {i + 1}"))
         values = read.table(block.get("set", {}), f"load.{name}.set", tuple(block.get("set", {})))
@@ -142,7 +87,32 @@ def _cases(read: Reader, rig: Rig, top: Mapping) -> dict[str, Any]:
         loads.append(Load(name, tuple(pairs)))
     if not drives and not any("drive" in text for text in read.problems):
         read.say("a study needs at least one [[drive]] with `speed`, one number a wheel.")
-    return {"drives": tuple(drives), "loads": tuple(loads) or (Load("as built"),)}
+    return {"drives": drives, "loads": tuple(loads) or (Load("as built"),)}
+
+
+def _drive(read: Reader, rig: Rig, block: Mapping, i: int) -> Case:
+    name = str(block.get("name", f"drive {i + 1}"))
+    kind = "torque" if "torque" in block and "speed" not in block else "speed"
+    if "torque" in block and "speed" in block:
+        read.say(f"`drive.{name}` takes either `speed` or `torque`, not both.")
+    unit = {"speed": "rad/s", "torque": "N m"}[kind]
+    values = _numbers(read, block.get(kind, []), f"drive.{name}.{kind}", unit)
+    if len(values) != rig.size:
+        read.say(
+            f"`drive.{name}.{kind}` must have one value a wheel ({rig.size}), but has "
+            f"{len(values)}."
+        )
+        values = (0.0,) * rig.size
+    force = _numbers(read, block.get("force", [0.0] * 3), f"drive.{name}.force", "N")
+    if len(force) != 3:
+        read.say(f"`drive.{name}.force` must have 3 components, but has {len(force)}.")
+        force = (0.0,) * 3
+    return Case(name, kind, values, force)
+
+
+def _numbers(read: Reader, given: Any, where: str, unit: str) -> tuple[float, ...]:
+    given = given if isinstance(given, list) else [given]
+    return tuple(read.value(x, where, Quantity(unit), 0.0) for x in given)
 
 
 def _parameter(read: Reader, rig: Rig, path: str, value: Any, where: str) -> float:
@@ -172,9 +142,7 @@ def _variables(read: Reader, rig: Rig, drives, top: Mapping) -> dict[str, Any]:
     for block in read.tables(top, "variable", keys):
         path = str(block.get("path", ""))
         where = f"variable.{path}"
-        moved = {}
-        if drives and len(drives[0][1]) == rig.size:
-            moved = drive_quantities(read_speeds(drives[0][1], rig.names), rig.names)
+        moved = drive_quantities(drives[0].drive, rig.names) if drives else {}
         quantity = Quantity(moved[path][0]) if path in moved else None
         quantity = quantity or _quantity(read, rig, path, where, moved)
         if quantity is None:
@@ -195,6 +163,8 @@ def _metric(read: Reader, name: Any, where: str) -> str:
         hint = did_you_mean(str(name), METRICS)
         read.say(f"`{where}`: `{name}` is no metric.{hint} Metrics: {', '.join(METRICS)}.")
         return "rms"
+    if not METRICS[name].smaller_is_better:
+        read.say(f"`{where}`: `{name}` is no vibration but a margin: hold it by a [[constraint]].")
     return name
 
 
@@ -307,8 +277,3 @@ def study_of(study: "str | Path | Mapping | Study") -> Study:
     if isinstance(study, Study):
         return study
     return parse_study(study) if isinstance(study, Mapping) else load_study(study)
-
-
-def corner_speeds(study: Study) -> np.ndarray:
-    """Wheel speeds of every drive (k, n), rad/s."""
-    return np.array([speeds for _, speeds in study.drives])

@@ -2,8 +2,9 @@
 
 To first order f = f0 + sum g_p d_p with d_p the relative deviation of a part.  Uniform deviations
 within +-t_p add a variance of sum (g_p t_p)^2/3; the parts get equal shares of what the limit
-leaves, g_p t_p equal, capped at the widest tolerance.  Drawn machines then confirm the share
-below the limit, and where curvature spoils it all tolerances shrink until they do.
+leaves, g_p t_p equal, capped at the widest tolerance.  Where curvature spoils this, all tolerances
+shrink until enough drawn machines stay below the limit, by the lower 95 % bound of their share.
+New machines, drawn after the tolerances are set, then say what share these keep.
 """
 
 import dataclasses
@@ -17,6 +18,7 @@ import numpy as np
 from scipy.stats import norm
 
 from .._errors import InputError, RunError
+from .._html import html_table
 from ..vibration import METRICS
 from ._design_result import amount
 from ._design_rig import RigCases
@@ -24,16 +26,18 @@ from ._study_file import Study, study_of
 
 DRAWS = 1024
 WIDEST = 0.2  # relative
+SHRINKS = 40  # down to 5 % of what the derivatives allow
 PARTS = ("wheel.radius", "wheel.roundness", "contact.stiffness", "contact.damping",
          "mount.stiffness", "mount.damping", "closure.stiffness")  # fmt: skip
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Tolerances:
     """Relative half widths for every part, and what drawn machines say of them.
 
-    `linear` is what the derivatives alone allow, `confirmed` what the draws bear out: `share` of
-    `draws` machines stay below `limit`, with the 95 % bounds `share_low` and `share_high`.
+    `linear` is what the derivatives alone allow, `widths` what drawn machines bear out.  Of `draws`
+    new machines, none of which set the widths, `share` stay below `limit` (95 % bounds `share_low`
+    and `share_high`); `linear_share` is that of the widths by derivatives alone.
     """
 
     metric: str
@@ -44,25 +48,39 @@ class Tolerances:
     parts: tuple[str, ...]
     slopes: np.ndarray  # change of the metric per relative change of the part
     linear: np.ndarray
-    confirmed: np.ndarray
+    widths: np.ndarray
     share: float
     share_low: float
     share_high: float
     linear_share: float
     draws: int
 
+    @property
+    def confirmed(self) -> bool:
+        """Whether the new machines keep the limit as often as asked for."""
+        return self.share >= self.confidence
+
+    def __repr__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def _repr_html_(self) -> str:
+        percent = 100 * np.column_stack([self.linear, self.widths])
+        rows = [(part, *map(float, row)) for part, row in zip(self.parts, percent, strict=True)]
+        return html_table(self.sentences()[0], rows, ("part", "by derivatives / ± %", "± %"))
+
     def sentences(self) -> list[str]:
         """The tolerances in words."""
         lines = [
             f"{self.metric} is {amount(self.nominal, self.unit)} with nominal parts and stays "
             f"below {amount(self.limit, self.unit)} for {100 * self.share:.2f} % of {self.draws} "
-            f"drawn machines (95 %: {100 * self.share_low:.2f} to {100 * self.share_high:.2f} %); "
+            f"new machines (95 %: {100 * self.share_low:.2f} to {100 * self.share_high:.2f} %); "
             f"asked for: {100 * self.confidence:g} %."
+            + ("" if self.confirmed else " The tolerances are NOT confirmed.")
         ]
-        for part, width in zip(self.parts, self.confirmed, strict=True):
+        for part, width in zip(self.parts, self.widths, strict=True):
             more = ", as wide as was looked" if width >= WIDEST * (1 - 1e-9) else ""
             lines.append(f"`{part}` ± {100 * width:.3g} %{more}")
-        ratio = float(np.min(self.confirmed / self.linear))
+        ratio = float(np.min(self.widths / self.linear))
         if ratio < 1 - 1e-9:
             lines.append(
                 f"the derivatives alone allow {1 / ratio:.3g} times as much, but then only "
@@ -78,7 +96,7 @@ class Tolerances:
         data = {
             "slope": ("part", self.slopes, {"units": self.unit}),
             "linear": ("part", self.linear, one),
-            "confirmed": ("part", self.confirmed, one),
+            "width": ("part", self.widths, one),
         }
         keys = ("metric", "unit", "limit", "nominal", "confidence", "share", "share_low",
                 "share_high", "linear_share", "draws")  # fmt: skip
@@ -102,16 +120,16 @@ class Tolerances:
         numbers = {k: v if k in {"metric", "unit"} else float(v) for k, v in a.items()}
         numbers["draws"] = int(a["draws"])
         parts = tuple(str(x) for x in d["part"].values)
-        widths = {"slopes": d["slope"].values, "linear": d["linear"].values}
-        return cls(parts=parts, confirmed=d["confirmed"].values, **widths, **numbers)  # pyright: ignore
+        found = {"slopes": d["slope"].values, "linear": d["linear"].values}
+        return cls(parts=parts, widths=d["width"].values, **found, **numbers)  # pyright: ignore
 
-    def plot(self, ax: Any = None) -> Any:
+    def plot_widths(self, ax: Any = None) -> Any:
         """Tolerances as bars, tightest on top."""
         from ._sensitivity_plot import new_axes
 
-        order = np.argsort(-self.confirmed)
+        order = np.argsort(-self.widths)
         ax = new_axes(ax, 1.4 + 0.27 * len(order))
-        ax.barh(np.arange(len(order)), 100 * self.confirmed[order], color="#0072B2", height=0.7)
+        ax.barh(np.arange(len(order)), 100 * self.widths[order], color="#0072B2", height=0.7)
         ax.set_yticks(np.arange(len(order)), [self.parts[i] for i in order])
         ax.set_xscale("log")
         ax.grid(axis="y", visible=False)
@@ -181,23 +199,22 @@ def tolerances(
             f"no tolerance keeps {metric} below {amount(limit, unit)}: with nominal parts it is "
             f"{amount(nominal, unit)} already."
         )
-    linear = allocate(slopes, limit - nominal, asked.confidence)
-    noise = np.random.default_rng(asked.seed).uniform(-1, 1, (draws, count))
     many = jax.jit(lambda d: jax.lax.map(worst, d, batch_size=64))
 
-    def share(width):
+    def below(width, seed) -> int:
+        noise = np.random.default_rng(seed).uniform(-1, 1, (draws, count))
         values = np.asarray(many(jnp.asarray(noise * width)))
         return int(np.sum(np.isfinite(values) & (values < limit)))
 
-    width, good = linear, share(linear)
-    first = good / draws
-    for _ in range(20):
-        if good / draws >= asked.confidence:
+    linear = width = allocate(slopes, limit - nominal, asked.confidence)
+    for _ in range(SHRINKS):
+        if share_bounds(below(width, asked.seed), draws)[0] >= asked.confidence:
             break
         width = 0.93 * width
-        good = share(width)
+    fresh = asked.seed + 1
+    good, first = below(width, fresh), below(linear, fresh)
     low, high = share_bounds(good, draws)
     return Tolerances(
         metric, unit, limit, nominal, asked.confidence, cases.parts, slopes, linear, width,
-        good / draws, low, high, first, draws,
+        good / draws, low, high, first / draws, draws,
     )  # fmt: skip

@@ -54,7 +54,7 @@ class LongRun:
         self.cycles = passages(self.system, self.signals, BITS, LEVELS)
         self.states = self.system.A.shape[0]
         self.starts = periodic_starts(self.cycles, self.states)
-        self._moments = self._points = None
+        self._moments = self._points = self._load = None
 
     def curves(self, *names: str) -> Curves:
         """Outputs beside each other."""
@@ -157,8 +157,17 @@ class LongRun:
         eye = jnp.eye(curves.rows.shape[-2])
         return self.largest(curves, jnp.concatenate([eye, -eye])).reshape(2, -1)
 
+    def metric(self, name: str) -> Float[Array, ""]:
+        """One of `STEADY_METRICS`."""
+        return _OF[name](self)
+
     def load(self) -> ContactLoad:
         """Extremes of the contacts' forces."""
+        if self._load is None:
+            self._load = self._extreme_load()
+        return self._load
+
+    def _extreme_load(self) -> ContactLoad:
         n = self.rig.size
         eye, zero = jnp.eye(n), jnp.zeros((n, n))
         friction, preload = self.rig.wheels.contact.friction, self.rig.wheels.closure.preload
@@ -252,4 +261,4 @@ def steady_metrics(
             raise ValueError(f"`{name}` has no steady-state form; give a `duration`.")
     angles = jnp.zeros(rig.size) if angles is None else angles
     run = LongRun(rig, jnp.asarray(speeds, float), angles, model)
-    return {name: _OF[name](run) for name in names}
+    return {name: run.metric(name) for name in names}
