@@ -4,9 +4,10 @@ The front by epsilon-constraints, and how many evaluations a population method n
 equal quality (pymoo's NSGA-II, where it is installed).  One of our evaluations is an objective
 together with its gradient.
 
-Run: python experiments/pareto_front.py
+Run: python experiments/pareto_front.py [folder for the figure]
 """
 
+import sys
 from pathlib import Path
 
 import jax
@@ -27,6 +28,12 @@ for values, x in zip(front.values, front.x, strict=True):
 
 assert set(front.status) == {"optimal"}
 assert np.all(np.diff(front.values[:, 1]) < 0)  # every step in rms buys acceleration
+
+if len(sys.argv) > 1:
+    from omnijax.report import style
+
+    with style():
+        front.plot_front().figure.savefig(Path(sys.argv[1]) / "front.png", dpi=110)
 
 try:
     from pymoo.algorithms.moo.nsga2 import NSGA2

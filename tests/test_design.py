@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from omnijax.rig import InputError
-from omnijax.study import Design, Limit, Problem, Variable, optimise, parse_study, trade_off
+from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, parse_study, trade_off
 from omnijax.study._design_engine import Engine
 from omnijax.study._design_folder import Folder
 from omnijax.study._design_result import amount
@@ -52,6 +52,10 @@ def test_convex_with_active_bound_and_limit(bounded):
 def test_design_survives_saving(bounded, tmp_path):
     bounded.save(tmp_path / "design.nc")
     assert Design.load(tmp_path / "design.nc") == bounded
+    assert repr(bounded).startswith("objective = 6.5: optimal")
+    assert "<td>y</td><td>0.5</td><td>N</td>" in bounded._repr_html_()
+    assert list(bounded.to_xarray()["variable_unit"].values) == ["1", "N"]
+    assert bounded.plot_searches().get_title() == "3 searches: optimal"
 
 
 def absorber(mass_ratio: float) -> Problem:
@@ -199,6 +203,33 @@ def test_front_against_the_closed_form():
     f = np.maximum(front.values - 1, 0.0)
     assert len(f) == 8 and set(front.status) == {"optimal"}
     assert np.allclose(np.sqrt(f).sum(axis=1), 2 * math.sqrt(2), rtol=2e-3)
+
+
+def test_a_stored_front_is_taken_up(tmp_path):
+    variables = (Variable("a", -2.0, 2.5), Variable("b", -2.0, 2.5))
+    problem, how = Problem(variables, convex_pair), {"points": 3, "starts": 1, "batch": 3}
+    kept = Folder(tmp_path, "a", False)
+    first = trade_off(problem, ("f1", "f2"), ("1", "m"), store=kept, **how)
+    assert (tmp_path / "alone-0.npz").exists()
+    (tmp_path / "between-0.npz").unlink()
+    kept = Folder(tmp_path, "a", True)
+    again = trade_off(problem, ("f1", "f2"), ("1", "m"), store=kept, **how)
+    assert np.array_equal(again.values, first.values) and np.array_equal(again.x, first.x)
+
+
+def test_a_front_prints_and_survives_saving(tmp_path):
+    x = np.array([[1.0, 2.0], [3.0, 4.0]])
+    front = Front(
+        ("rms", "peak"), ("m", "m"), ("contact.stiffness", "contact.damping"),
+        ("N/m", "N s/m"), 1e-3 * x, x, ("optimal", "optimal"), 7,
+    )  # fmt: skip
+    front.save(tmp_path / "f.nc")
+    again = Front.load(tmp_path / "f.nc")
+    assert np.array_equal(again.values, front.values) and again.variable_units == ("N/m", "N s/m")
+    assert (
+        "2 designs on the front" in repr(front) and "contact.stiffness / N/m" in front._repr_html_()
+    )
+    assert front.plot_front().get_xlabel() == "rms (m)"
 
 
 def test_front_agrees_with_a_population_method():

@@ -1,10 +1,17 @@
-"""Designs of the rig from study files, through the command line."""
+"""Designs of the rig from study files, in Python and through the command line."""
 
+import jax.numpy as jnp
 import numpy as np
+import pytest
 
+import omnijax
 from omnijax.cli._frame import run
+from omnijax.rig import InputError
 from omnijax.study import parse_study
-from omnijax.study._design_rig import RigCases
+from omnijax.study._design_engine import Engine
+from omnijax.study._design_result import make_design
+from omnijax.study._design_rig import RigCases, rig_problem
+from omnijax.study._design_search import Lanes
 from omnijax.study._tolerance import allocate
 
 SPEED = (3.0, 5.1, 7.3)
@@ -30,6 +37,146 @@ max = 120.0
 starts = 3
 batch = 3
 """
+
+
+@pytest.fixture(scope="module")
+def engine():
+    import tomllib
+
+    return Engine(rig_problem(parse_study(tomllib.loads(TEXT))), 3, 0)
+
+
+def lanes_from(engine, shares, limit=None) -> Lanes:
+    shares = jnp.asarray(shares)
+    bound = jnp.array([x.bound for x in engine.problem.limits]) if limit is None else limit
+    return Lanes(shares, jnp.ones_like(shares), jnp.tile(bound, (len(shares), 1)))
+
+
+@pytest.fixture(scope="module")
+def ends(engine):
+    """Searches from far apart, all of which violate a limit."""
+    return engine.batches(lanes_from(engine, [[0.02, 0.9], [0.5, 0.1], [0.7, 0.97]]), 3, None, "")
+
+
+def test_the_answer_does_not_depend_on_the_start(engine, ends):
+    assert [e.status for e in ends] == ["optimal"] * 3
+    assert np.ptp([e.value for e in ends]) < 1e-8 * ends[0].value
+    assert np.ptp([e.x[0] for e in ends]) < 1e-4 * ends[0].x[0]
+
+
+def test_the_optimum_beats_a_fine_grid_of_the_sweep(engine, ends):
+    """Slip margins rise with the preload, so the grid holds it at its limit."""
+    held = omnijax.set_parameter(omnijax.load_rig("atlas"), "closure.preload", 120.0)
+    vary = {"contact.damping": "60:2000:195"}
+    grid = omnijax.sweep(held, vary, "rms,slip_margin", speeds=SPEED)
+    good = grid["slip_margin"] >= 30.0
+    assert 10 < good.sum() < 195
+    best = grid["rms"][good].min()
+    assert ends[0].value <= best * (1 + 1e-9)
+    assert best < 1.02 * ends[0].value  # and the grid comes near it
+
+
+def test_multipliers_against_relaxed_limits(engine, ends):
+    """Each limit moved by 1 N: the optimum falls by its multiplier, to second order."""
+    design = make_design(engine.problem, ends)
+    assert set(design.prices) == {"slip_margin >= 30 N", "preload <= 120 N"}
+    bound = jnp.array([x.bound for x in engine.problem.limits])
+    for i, limit in enumerate(engine.problem.limits):
+        moved = lanes_from(engine, [ends[0].share] * 3, bound.at[i].add(1.0))
+        relaxed = engine.batches(moved, 3, None, "")[0]
+        gain = ends[0].value - relaxed.value
+        assert relaxed.status == "optimal"
+        assert np.isclose(gain, design.prices[limit.text], rtol=0.05) and gain > 1e-7
+
+
+def study_file(tmp_path, *changes) -> str:
+    text = TEXT
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    path = tmp_path / "study.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def test_an_empty_feasible_set_names_what_conflicts(engine, tmp_path, capsys):
+    path = study_file(tmp_path, ("min = 30.0", "min = 200.0"))
+    assert run(["design", path]) == 2
+    text = capsys.readouterr().err
+    assert text.count("\n") == 1 and "Traceback" not in text
+    assert "no design within the bounds was found that meets all constraints" in text
+    assert "`slip_margin >= 200 N`" in text and "`preload <= 120 N`" in text
+
+
+def test_an_interrupted_search_is_taken_up(engine, tmp_path, capsys, monkeypatch):
+    """Ctrl-C in the second batch: the first is kept, said so, and not searched again."""
+    path = study_file(tmp_path, ("starts = 3\nbatch = 3", "starts = 4\nbatch = 3"))
+    store, solve, calls = str(tmp_path / "store"), Engine.solve, []
+
+    def interrupted(self, *args):
+        calls.append(args)
+        if len(calls) == 2:
+            raise KeyboardInterrupt
+        return solve(self, *args)
+
+    monkeypatch.setattr(Engine, "solve", interrupted)
+    assert run(["design", path, "--store", store]) == 130
+    text = capsys.readouterr().err
+    assert f"1 finished part is kept in {store}. Continue with the same command and" in text
+    assert run(["design", path, "--store", store]) == 2
+    assert "continue with --resume" in capsys.readouterr().err
+    assert run(["design", path, "--store", store, "--resume"]) == 0
+    assert len(calls) == 3  # the second batch alone
+    assert "4 searches end there" in capsys.readouterr().out
+    calls[:] = [()]
+    assert run(["design", path]) == 130
+    assert "nothing was kept. With --store FOLDER" in capsys.readouterr().err
+
+
+WRONG = [
+    ((("high = 2000", "high = 20"),), "`contact.damping` has crossed bounds: low 60 is not below"),
+    ((('rig = "atlas"', 'rig = "atlas"\nobjective = { metric = "rmss" }'),),
+     "`objective.metric`: `rmss` is no metric. Did you mean `rms`?"),
+    ((('rig = "atlas"', 'rig = "atlas"\nobjective = { metric = "slip_margin" }'),),
+     "`objective.metric`: `slip_margin` is no vibration but a margin: hold it by a [[constraint]]"),
+    ((("high = 2000", "high = 2000\nstart = 3000"),),
+     "`contact.damping` starts outside its bounds: 3000 is not in [60, 2000]."),
+    ((('"slip_margin"', '"slip_margine"'),), "`constraint.slip_margine` is no quantity."),
+    ((("speed = [3.0, 5.1, 7.3]", "torque = [1.0, 2.0, 3.0]"),),
+     "this study needs a `duration`: motor torques drive the wheels"),
+    ((("speed = [3.0, 5.1, 7.3]", "torque = [1.0, 2.0]"),),
+     "`drive.drive 1.torque` must have one value a wheel (3), but has 2."),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("changes", "message"), WRONG)
+def test_wrong_studies_on_the_command_line(changes, message, tmp_path, capsys):
+    assert run(["design", study_file(tmp_path, *changes)]) == 2
+    text = capsys.readouterr().err
+    assert message in text and text.count("\n") == 1, text
+
+
+def test_a_variable_without_influence_is_refused_on_the_command_line(tmp_path, capsys):
+    """With the slip margin left out nothing depends on the preload."""
+    start = TEXT.index("[[constraint]]")
+    path = tmp_path / "study.toml"
+    path.write_text(TEXT[:start] + TEXT[TEXT.index("[search]") :])
+    assert run(["design", str(path)]) == 2
+    text = capsys.readouterr().err
+    assert text == (
+        "`closure.preload` influences neither the objective nor a constraint: leave it out.\n"
+    )
+
+
+def test_separation_needs_constant_speeds():
+    study = {
+        "drive": [{"torque": [1, 2, 3]}],
+        "duration": 0.1,
+        "variable": [{"path": "contact.damping", "low": 60, "high": 600}],
+        "constraint": [{"quantity": "frequency_separation", "min": 0.1}],
+    }
+    with pytest.raises(InputError, match="needs constant speeds: with motor torques"):
+        RigCases(parse_study(study))
 
 
 def test_cases_are_every_drive_with_every_load():

@@ -12,7 +12,7 @@ from .._errors import InputError
 from ..rig import Rig, get_parameter
 from ._design_engine import Engine
 from ._design_folder import Folder, Report
-from ._design_result import Design, amount, make_design
+from ._design_result import Design, amount, make_design, missed
 from ._design_rig import RigCases, rig_problem
 from ._design_search import Adam
 from ._study_file import Study, study_of
@@ -45,7 +45,8 @@ def design(
     drawn = Adam(asked.stochastic, seed=asked.seed) if asked.stochastic else None
     ends = engine.all_ends(asked.batch, store, report, drawn)
     found = make_design(problem, ends)
-    return dataclasses.replace(found, notes=tuple(_notes(asked, cases, found)))
+    notes = [*_start_note(engine), *_notes(asked, cases, found)]
+    return dataclasses.replace(found, notes=tuple(notes))
 
 
 def designed_rig(study: str | Path | Mapping | Study, found: Design) -> Rig:
@@ -67,6 +68,18 @@ def before(study: Study) -> np.ndarray | None:
             return None
         values.append(found[0])
     return np.array(values)
+
+
+def _start_note(engine: Engine) -> list[str]:
+    """That the start which the user gave meets not all constraints, where that is so."""
+    problem = engine.problem
+    if all(v.start is None for v in problem.variables):
+        return []
+    over = engine.values(np.asarray(engine.lanes.share[:1]))[1][0] - np.asarray(
+        engine.lanes.limit[0]
+    )
+    lines = missed(problem, over)
+    return [f"the given start is not feasible: {' and '.join(lines)}."] if lines else []
 
 
 class Exact:

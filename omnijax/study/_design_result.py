@@ -193,21 +193,30 @@ def make_design(problem: Problem, ends: list[End], notes: tuple[str, ...] = ()) 
     )
 
 
-def conflict(problem: Problem, end: End) -> str:
-    """Which constraints cannot be met together, by how much each is missed."""
-    missed = [
-        f"`{limit.text}` is missed by {amount(float(over), limit.unit)}"
-        for limit, over in zip(problem.limits, end.g, strict=True)
-        if over / limit.scale > FEASIBLE
+def missed(problem: Problem, over) -> list[str]:
+    """The limits that g - limit (c,) misses, and by how much."""
+    return [
+        f"`{limit.text}` is missed by {amount(float(more), limit.unit)}"
+        for limit, more in zip(problem.limits, over, strict=True)
+        if more / limit.scale > FEASIBLE
     ]
+
+
+def conflict(problem: Problem, end: End) -> str:
+    """Which constraints cannot be met together: those missed, and those that hold them back."""
     held = [
+        f"`{limit.text}`"
+        for limit, over in zip(problem.limits, end.g, strict=True)
+        if abs(over) / limit.scale <= FEASIBLE
+    ]
+    held += [
         f"`{v.name}` at its {'lower' if s <= 0.5 else 'upper'} bound"
         for v, s in zip(problem.variables, end.share, strict=True)
         if min(s, 1 - s) <= 10 * ON_BOUND
     ]
-    beside = f", with {' and '.join(held)}" if held else ""
+    beside = f", held back by {' and '.join(held)}" if held else ""
     head = "no design within the bounds was found that meets all constraints"
-    return f"{head}: {' and '.join(missed)}{beside}"
+    return f"{head}: {' and '.join(missed(problem, end.g))}{beside}"
 
 
 def _active(problem: Problem, end: End) -> list[str]:

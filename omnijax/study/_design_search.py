@@ -41,6 +41,13 @@ class Found(NamedTuple):
     evaluations: np.ndarray  # (l,) of the objective with its gradient
 
 
+class Sizes(NamedTuple):
+    """What the objective and the limits are measured in; data, so that one program serves all."""
+
+    objective: Float[Array, ""]
+    limits: Float[Array, " c"]
+
+
 class Adam(NamedTuple):
     """A stochastic search: number of steps, first step as a share of the range, and seed."""
 
@@ -55,34 +62,34 @@ class Search:
     def __init__(self, problem: Problem, size: float):
         self.problem, self.size = problem, size
         self.scale = Scale.of(problem.variables)
-        self.bound = jnp.array([limit.bound for limit in problem.limits])
-        self.unit = jnp.array([limit.scale for limit in problem.limits])
+        unit = jnp.array([limit.scale for limit in problem.limits], float)
+        self.sizes = Sizes(jnp.asarray(size, float), unit)
         self.epigraph = problem.worst and len(problem.cases) > 1
-        self._inner = jax.jit(jax.vmap(self._minimise, in_axes=(0, 0, 0, 0, 0, 0, None)))
+        self._inner = jax.jit(jax.vmap(self._minimise, in_axes=(0, 0, 0, 0, None, None)))
 
     def parts(self, share, extra) -> tuple[Array, Array]:
         """f and g at a share of the ranges."""
         return self.problem.figures(self.scale.value(share), extra)
 
-    def _split(self, y, share, free, limit, extra):
-        """F and the scaled constraints c at y = (z, t)."""
-        moved = jnp.where(free > 0, from_angle(y[0]), share)
+    def _split(self, y, lane: Lanes, sizes: Sizes, extra):
+        """F and the scaled constraints c of one lane at y = (z, t)."""
+        moved = jnp.where(lane.free > 0, from_angle(y[0]), lane.share)
         f, g = self.parts(moved, extra)
-        c = (g - limit) / self.unit
+        c = (g - lane.limit) / sizes.limits
         if self.epigraph:
-            return y[1], jnp.concatenate([f / self.size - y[1], c])
-        return jnp.mean(f) / self.size, c
+            return y[1], jnp.concatenate([f / sizes.objective - y[1], c])
+        return jnp.mean(f) / sizes.objective, c
 
     def _lagrangian(self, y, args):
-        share, free, limit, multiplier, penalty, extra = args
-        F, c = self._split(y, share, free, limit, extra)
+        lane, multiplier, penalty, sizes, extra = args
+        F, c = self._split(y, lane, sizes, extra)
         pushed = jnp.maximum(0.0, multiplier + penalty * c)
         return F + jnp.sum(pushed**2 - multiplier**2) / (2 * penalty)
 
-    def _minimise(self, y, share, free, limit, multiplier, penalty, extra):
+    def _minimise(self, y, lane, multiplier, penalty, sizes, extra):
         """The next y and the number of steps."""
         solver = optx.BFGS(rtol=1e-7, atol=1e-7)
-        args = (share, free, limit, multiplier, penalty, extra)
+        args = (lane, multiplier, penalty, sizes, extra)
         solution = optx.minimise(
             self._lagrangian,
             solver,
@@ -114,14 +121,14 @@ class Search:
         penalty, previous = jnp.full(count, PENALTY), np.full(count, np.inf)
         evaluations, share = np.zeros(count, int), np.asarray(lanes.share)
         for _ in range(ROUNDS):
-            y, steps = self._inner(y, *lanes, multiplier, penalty, self.problem.extra)
+            y, steps = self._inner(y, lanes, multiplier, penalty, self.sizes, self.problem.extra)
             evaluations = evaluations + np.asarray(steps)
             share = np.asarray(jnp.where(lanes.free > 0, from_angle(y[0]), lanes.share))
             if multiplier.shape[1] == 0:
                 break
             f, g = values(share)
             lead = f / self.size - np.asarray(y[1])[:, None] if self.epigraph else f[:, :0]
-            c = np.concatenate([lead, (g - np.asarray(lanes.limit)) / np.asarray(self.unit)], 1)
+            c = np.concatenate([lead, (g - lanes.limit) / self.sizes.limits], axis=1)
             slack = jnp.maximum(c, -multiplier / penalty[:, None])
             gap = np.asarray(jnp.max(jnp.abs(slack), axis=1))
             multiplier = jnp.maximum(0.0, multiplier + penalty[:, None] * c)
@@ -139,10 +146,10 @@ class Search:
         method = optax.adam(optax.cosine_decay_schedule(drawn.rate, drawn.steps))
         (z, t), multiplier = self.begin(lanes, values)
 
-        def one(y, share, free, limit, multiplier):
+        def one(y, lane, multiplier):
             def step(carry, key):
                 y, state = carry
-                args = (share, free, limit, multiplier, jnp.asarray(PENALTY), draw(key))
+                args = (lane, multiplier, jnp.asarray(PENALTY), self.sizes, draw(key))
                 change, state = method.update(jax.jacfwd(self._lagrangian)(y, args), state)
                 return (optax.apply_updates(y, change), state), None
 
@@ -150,5 +157,5 @@ class Search:
             end: Any = jax.lax.scan(step, (y, method.init(y)), keys)[0]
             return end[0][0]
 
-        z = jax.jit(jax.vmap(one))((z, t), *lanes, multiplier)
+        z = jax.jit(jax.vmap(one))((z, t), lanes, multiplier)
         return lanes._replace(share=jnp.where(lanes.free > 0, from_angle(z), lanes.share))

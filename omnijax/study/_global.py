@@ -227,7 +227,7 @@ def global_sensitivity(
 ) -> GlobalSensitivity:
     """Global sensitivities of a study's metrics over the ranges of its variables.
 
-    Over several drives or loads each metric is its worst (greatest) over the cases.
+    Over several drives or loads each metric is its worst over the cases.
     """
     asked = study_of(study)
     if not asked.variables:
@@ -244,8 +244,10 @@ def global_sensitivity(
         for v, kind in zip(asked.variables, kinds, strict=True)
     ]
 
+    sign = jnp.array([1.0 if METRICS[name].smaller_is_better else -1.0 for name in names])
+
     def function(x):
-        return jnp.max(cases.every(x, jnp.zeros((1, 0)))[0][:, 0], axis=0)
+        return sign * jnp.max(sign * cases.every(x, jnp.zeros((1, 0)))[0][:, 0], axis=0)
 
     store = None if out is None else Folder(out, asked.identity() + repr(names), resume)
     units = [METRICS[name].unit for name in names]

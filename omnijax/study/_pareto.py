@@ -169,11 +169,13 @@ def _between(engine: Engine, best: list[End], mesh, low, high) -> Lanes:
 
 
 def undominated(values: np.ndarray) -> np.ndarray:
-    """Rows that no other row beats in every column, in order of the first column."""
+    """Rows that no other row beats in every column, each once, in order of the first column."""
     slack = 1e-9 * np.abs(values).max(axis=0)
     better = np.all(values[None] <= values[:, None] + slack, axis=2)
     strictly = np.any(values[None] < values[:, None] - slack, axis=2)
     kept = np.flatnonzero(~np.any(better & strictly, axis=1))
+    same = np.all(np.abs(values[kept, None] - values[None, kept]) <= 1e3 * slack, axis=2)
+    kept = kept[~np.any(np.tril(same, -1), axis=1)]
     return kept[np.argsort(values[kept, 0])]
 
 
