@@ -254,7 +254,7 @@ def test_front_agrees_with_a_population_method():
     assert np.all(theirs.F[:, 1] > level - 0.6)  # chords lie above the front by at most that
     gap = np.sqrt(np.maximum(theirs.F - 1, 0)).sum(axis=1) - 2 * math.sqrt(2)
     assert np.all(gap > -1e-9) and gap.max() > 1e-4  # theirs are never better
-    assert 2 * ours.evaluations < 40 * 60
+    assert 4 * ours.evaluations < 40 * 60  # 510 of ours: 4.7 times fewer
 
 
 @pytest.mark.parametrize(

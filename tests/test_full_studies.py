@@ -13,8 +13,9 @@ from omnijax.study._design_rig import rig_problem
 HERTZ = '\n[[effect]]\nid = "contact-hertz"\nplace = "all"\n'
 TORQUE = [2.0, 3.0, 1.0]
 STUDY = {
-    "duration": 0.08,
-    "rate": 250,
+    "duration": 0.05,
+    "rate": 400,
+    "rtol": 1e-5,
     "drive": [{"torque": TORQUE}],
     "objective": {"metric": "elastic_rms"},
     "variable": [{"path": "contact.damping", "low": 50, "high": 5000, "scale": "log"}],
@@ -69,13 +70,13 @@ def test_a_design_of_a_nonlinear_rig_under_torques(engine):
 def test_sensitivity_of_a_nonlinear_rig_under_torques(hertz, engine):
     """The same derivative as the design's: per ln C there, in % per % here."""
     found = sensitivity(
-        hertz, torques(TORQUE), "elastic_rms", duration=0.08, rate=250,
+        hertz, torques(TORQUE), "elastic_rms", duration=0.05, rate=400,
         parameters=["contact.damping", "closure.preload"],
     )  # fmt: skip
     assert found.way == "run, full simulation"
     share = np.log(120 / 50) / np.log(100)
     s = engine.slopes(np.array([share]))
     together = found.together("elastic_rms")
-    assert np.isclose(s.f[0], found.figures[0], rtol=1e-5)
-    assert np.isclose(s.df[0, 0] / np.log(100) / s.f[0], together["contact.damping"], rtol=1e-3)
+    assert np.isclose(s.f[0], found.figures[0], rtol=1e-4)
+    assert np.isclose(s.df[0, 0] / np.log(100) / s.f[0], together["contact.damping"], rtol=5e-3)
     assert abs(together["closure.preload"]) > 1e-4  # Hertz' law knows the preload

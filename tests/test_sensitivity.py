@@ -78,7 +78,12 @@ def test_a_run_has_the_derivatives_of_its_own_samples():
 
 
 def test_steady_metrics_are_those_of_a_long_run():
-    """RMS values and margins of 20 s after 10 s, against the closed forms."""
+    """RMS values and extremes of 20 s after 10 s, against the closed forms.
+
+    The slowest wheel passes N = 134 rollers in that time: its mean square over a record that is no
+    whole number of them errs by up to 1/(2 pi N), its RMS by 6e-4, which is what is found (at most
+    6.2e-4).  Extremes are met only between samples and where all phases come together: 6.1e-3.
+    """
     rig = load_rig("atlas")
     names = ("elastic_rms", "rms_y", "acceleration_rms", "weighted_acceleration", "slip_margin",
              "lift_off_margin", "peak_y", "peak_to_peak_z")  # fmt: skip
@@ -88,7 +93,7 @@ def test_steady_metrics_are_those_of_a_long_run():
     run_ = jax.tree.map(lambda x: x[1:] if jnp.ndim(x) else x, run_)
     long = evaluate(run_, rig, names)
     for name in names:
-        close = 1e-2 if "rms" in name or "weighted" in name else 3e-2
+        close = 1.5e-3 if "rms" in name or "weighted" in name else 1e-2
         assert np.isclose(float(steady[name]), float(long[name]), rtol=close), name
     assert float(steady["slip_margin"]) <= float(long["slip_margin"]) * (1 + 1e-9)
     assert float(steady["peak_y"]) >= float(long["peak_y"]) * (1 - 1e-9)
