@@ -12,6 +12,7 @@ from ..rig import Rig
 from ._modes import Modes, hold_weights, modes, moments, observe, propagate, static_state
 from ._runs import FINE, SHAPE, Run
 
+OUTPUTS = ("displacement", "acceleration")
 SIGNALS = ("deflection", "mount", "mount_rate", "approach_rate")
 
 
@@ -108,7 +109,7 @@ def law_outputs(m: Modes, run: Run, contact, mount, start) -> np.ndarray:
     z = propagate(m, run.step, total, m.inverse @ start)
     u = np.zeros((len(z), m.B.shape[1]))
     u[:, m.inputs["contact"]], u[:, m.inputs["mount"]] = contact[::fine], mount[::fine]
-    return observe(m, z, ("displacement", "acceleration"), u)
+    return observe(m, z, OUTPUTS, u)
 
 
 def step_matrices(m: Modes, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -11,14 +11,15 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import lfilter
 
+from ._elastic import OUTPUTS
 from ._modes import Modes, hold_weights
-from ._motion import Motion
-from ._runs import FINE, Run
+from ._runs import Run
 from ._smooth import penalty
 
 MOST = 100  # modes a wheel; a rougher smoother's are cut off
 LEAST = 0.05  # gain of the smoother below which a mode does not count
 CHUNK = 32  # columns pushed through the elastic model at once
+PARTS = 4  # points a sample: a covariance needs no more
 
 
 def smoother_modes(samples: int, ratio: float) -> tuple[np.ndarray, np.ndarray]:
@@ -49,18 +50,18 @@ def walk_modes(samples: int, step: float, scatter: float) -> tuple[np.ndarray, n
 
 
 def shape_response(modes: Modes, step: float, wheel: int, signals: np.ndarray) -> np.ndarray:
-    """dR and a (samples, 6, c) of shape inputs (FINE points, c) under one wheel, from rest."""
+    """dR and a (samples, 6, c) of shape inputs (PARTS points, c) under one wheel, from rest."""
     points, columns = signals.shape
-    samples = (points - 1) // FINE + 1
+    samples = (points - 1) // PARTS + 1
     column = modes.inputs["shape"].start + wheel
-    weights = hold_weights(modes.rates, step, FINE) * modes.gains[:, column]
-    parts = signals[:-1].reshape(samples - 1, FINE, columns)
-    last = signals[FINE::FINE]
-    C, D = modes.out(("displacement", "acceleration"))
-    out = D[:, column][None, :, None] * signals[::FINE, None, :]
+    weights = hold_weights(modes.rates, step, PARTS) * modes.gains[:, column]
+    parts = signals[:-1].reshape(samples - 1, PARTS, columns)
+    last = signals[PARTS::PARTS]
+    C, D = modes.out(OUTPUTS)
+    out = D[:, column][None, :, None] * signals[::PARTS, None, :]
     start = -modes.gains[:, column] / modes.rates
     for k, shape in enumerate((C @ modes.shapes).T):
-        push = np.tensordot(weights[:FINE, k], parts, (0, 1)) + weights[FINE, k] * last
+        push = np.tensordot(weights[:PARTS, k], parts, (0, 1)) + weights[PARTS, k] * last
         decay = np.exp(modes.rates[k] * step)
         first = start[k] * signals[:1]
         z = lfilter([1.0], [1.0, -decay], push, axis=0, zi=decay * first)[0]
@@ -69,14 +70,14 @@ def shape_response(modes: Modes, step: float, wheel: int, signals: np.ndarray) -
     return out
 
 
-def response_columns(modes: Modes, run: Run, motion: Motion, slopes, errors, weights) -> np.ndarray:
+def response_columns(modes: Modes, run: Run, slopes, errors, weights) -> np.ndarray:
     """B: whitened dR and a (rows, k) of every wheel's error modes.
 
-    `slopes` are rho'(theta) at the FINE points, `errors` by wheel the modes (samples, k) of the
+    `slopes` are rho'(theta) at the PARTS points, `errors` by wheel the modes (samples, k) of the
     angle's error in rad with their size, `weights` (samples, 6) 1/sigma.
     """
     out = []
-    share = np.arange(FINE)[:, None] / FINE
+    share = np.arange(PARTS)[:, None] / PARTS
     for i, error in enumerate(errors):
         for at in range(0, error.shape[1], CHUNK):
             e = error[:, at : at + CHUNK]

@@ -11,6 +11,7 @@ from jax.flatten_util import ravel_pytree
 from ..dynamics import initial_memory
 from ..rig import Rig
 from ._elastic import (
+    OUTPUTS,
     SIGNALS,
     Ports,
     law_outputs,
@@ -20,7 +21,7 @@ from ._elastic import (
     step_laws,
     step_matrices,
 )
-from ._encoders import response_columns, smoother_modes, walk_modes, whitener
+from ._encoders import PARTS, response_columns, smoother_modes, walk_modes, whitener
 from ._laws import along
 from ._modes import Modes, observe, propagate
 from ._motion import (
@@ -79,7 +80,7 @@ class Machine:
         run, m = self.runs[i], self.motions(rig, [i])[i]
         rows = make_rows(run, self.noise, self.length_noise, m.axes, self.window, rig.size)
         columns = response_columns(
-            self.modes(rig), run, m, self.tables_of(rig).rho_slope(m.theta),
+            self.modes(rig), run, self.tables_of(rig).rho_slope(m.theta_shape[:: SHAPE // PARTS]),
             self._angle_errors(rig, i), rows.elastic,
         )  # fmt: skip
         if columns.any():
@@ -110,7 +111,7 @@ class Machine:
         columns = []
         for k in range(len(m.A)):
             z = propagate(m, run.step, zero, m.inverse @ np.eye(len(m.A))[k])
-            out = observe(m, z, ("displacement", "acceleration"))
+            out = observe(m, z, OUTPUTS)
             columns.append((out * rows.elastic).ravel())
         free = np.stack(columns)
         rows.whiten(free)
@@ -266,9 +267,9 @@ class Machine:
             floor += along(placed.law, time)
         return floor
 
-    def signals(self, rig: Rig, run: Run, ports: Ports, parts: int = FINE) -> np.ndarray:
-        """Linear port signals (t, 4 n): deflection, mount, mount rate, approach rate."""
-        return linear_outputs(self.modes(rig), run, ports, SIGNALS, parts)
+    def signals(self, rig: Rig, run: Run, ports: Ports) -> np.ndarray:
+        """Linear port signals (FINE points, 4 n): deflection, mount, mount rate, approach rate."""
+        return linear_outputs(self.modes(rig), run, ports, SIGNALS, FINE)
 
     def shape_rate(self, rig: Rig, m: Motion, parts: int) -> np.ndarray:
         """d rho/dt (t, n) of the wheels' shapes at `parts` points a sample."""
@@ -293,9 +294,12 @@ class Machine:
             rotated = self.rotated(rig, which)
             for i in which:
                 ports = self.ports(rig, self.runs[i], rotated[i].motion, rotated[i].drive)
-                row.append(linear_outputs(m, self.runs[i], ports, ("displacement", "acceleration")))
-                if nonlinear(rig):
-                    tasks.append((rig, i, rotated[i].motion, ports, row, len(row) - 1))
+                if not nonlinear(rig):
+                    row.append(linear_outputs(m, self.runs[i], ports, OUTPUTS))
+                    continue
+                out_and_felt = linear_outputs(m, self.runs[i], ports, (*OUTPUTS, *SIGNALS), STEPS)
+                tasks.append((rig, i, rotated[i].motion, out_and_felt[:, 6:], row, len(row)))
+                row.append(out_and_felt[::STEPS, :6])
             out.append(row)
         if tasks:
             self._add_laws(tasks)
@@ -305,9 +309,8 @@ class Machine:
         """Add what contact and mount laws change, all rigs and runs stepped side by side."""
         longest = max(self.runs[i].samples for _, i, *_ in tasks) * STEPS
         rigs, starts, signals, rates, matrices, rows = [], [], [], [], [], []
-        for rig, i, m, ports, *_ in tasks:
+        for rig, i, m, s, *_ in tasks:
             run, modes = self.runs[i], self.modes(rig)
-            s = self.signals(rig, run, ports, STEPS)
             starts.append(static_deviation(rig, modes, s[0]))
             signals.append(_padded(s, longest))
             rates.append(_padded(self.shape_rate(rig, m, STEPS), longest))
@@ -328,7 +331,7 @@ class Machine:
             )
         )  # fmt: skip
         n = self.rig.size
-        for lane, (rig, i, _m, _ports, row, at) in enumerate(tasks):
+        for lane, (rig, i, _m, _s, row, at) in enumerate(tasks):
             points = (self.runs[i].samples - 1) * STEPS + 1
             F = tensions[:points, lane]
             row[at] = row[at] + law_outputs(

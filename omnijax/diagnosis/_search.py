@@ -15,6 +15,7 @@ HELD_SHARE = 1.5  # factor by which a change on held-out runs may be off the pre
 SHUFFLES = 4  # shuffled residuals whose best candidate is the decoy to beat
 CLOSED = 0.95  # share of the held-out gap that a named set has to close
 MARGIN = 25.0  # least difference of chi2 between the joint refits of rivals
+NEARLY = 1.3  # chi2 a degree of freedom at which no other candidate needs to be tried first
 MOST = 4  # effects
 STEPPED = ("contact", "mount", "separation")
 
@@ -179,7 +180,8 @@ class Search:
     def trials(self, fit: Fit, scan: Scan) -> list[Trial]:
         """Joint refits of the best significant candidates, best first."""
         have = {e.name for e in fit.point.effects}
-        spread = max(1.0, fit.chi2 / self.model.dof("train"))
+        train, held = self.model.dof("train"), self.model.dof("held-out")
+        spread = max(1.0, fit.chi2 / train)
         best = [s for s in significant(scan, spread) if s.candidate.name not in have]
         before = residual_of(self.model, fit.point, "held-out")
         trials = []
@@ -190,8 +192,9 @@ class Search:
                 f"share {trial.held.multiplier:.2f}"
             )
             trials.append(trial)
-            if self.floor_reached(trial.fit, float(before @ before) - trial.held.gain):
-                break  # nothing left to explain; near rivals are tried in `challenge`
+            left = float(before @ before) - trial.held.gain
+            if trial.fit.chi2 < NEARLY * train and left < NEARLY * held:
+                break  # next to nothing left to explain; near rivals are tried in `challenge`
 
         # a free number costs log N, as in the Bayesian information criterion
         def cost(t):

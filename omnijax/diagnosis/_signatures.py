@@ -12,7 +12,7 @@ import numpy as np
 
 from ..laws import ContactSignal, MountSignal, SensorSignal
 from ..rig import Placed, Rig
-from ._elastic import Ports, direct, forcing
+from ._elastic import OUTPUTS, Ports, direct, forcing
 from ._laws import along
 from ._machine import Machine, contact_directions, integrate
 from ._modes import Modes, hold_weights, moments, observe, propagate
@@ -98,7 +98,7 @@ def _transfer(base: Base, floor=None, **inputs) -> np.ndarray:
     start = np.zeros(m.B.shape[1])
     start[m.inputs["shape"]] = shape[0]
     z = propagate(m, run.step, forcing(m, run.step, ports, 1), -(m.gains @ start) / m.rates)
-    return observe(m, z, ("displacement", "acceleration"), direct(m, ports, 1))
+    return observe(m, z, OUTPUTS, direct(m, ports, 1))
 
 
 def _tension(base: Base, contact, mount) -> np.ndarray:
@@ -134,7 +134,7 @@ def _torque(base: Base, shaft=None, opposing=None):
     columns = m.gains[:, m.inputs["drive"]]
     total = sum(moments(drive[:, c], weights) * columns[:, c] for c in range(drive.shape[1]))
     z = propagate(m, run.step, total, np.zeros(len(m.rates)))
-    C, D = m.out(("displacement", "acceleration"))
+    C, D = m.out(OUTPUTS)
     elastic = (z @ (C @ m.shapes).T).real + drive[::parts] @ D[:, m.inputs["drive"]].T
     return elastic, np.concatenate([turned[::parts], length[::parts]], axis=1)
 
