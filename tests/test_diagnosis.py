@@ -124,53 +124,6 @@ def test_a_coupling_of_two_contacts_is_unknown_and_learned_at_the_contacts(cases
     assert found.where
 
 
-@pytest.fixture(scope="module")
-def turning(plant, tmp_path_factory):
-    """Bearing friction hidden in runs that only turn about the vertical at one speed."""
-    rng, friction = np.random.default_rng(3), 3e-4
-    stated = plant.machine(rng)
-    true, effects = plant.perturbed(rng, stated), {"viscous": friction * np.ones(3)}
-    torque = plant.torques(true, plant.spin_up(4.0, 0.5), friction)
-    tables = plant.record(stated, true, effects, np.stack([torque] * 2), rng, cut=1.5)
-    folder = tmp_path_factory.mktemp("turning")
-    plant.write_case(folder, stated, tables)
-    return folder, stated, true, effects, tables[:1]
-
-
-@pytest.fixture(scope="module")
-def ambiguous(turning):
-    return diagnose(turning[0])
-
-
-def test_what_the_runs_cannot_tell_apart_is_ambiguous_with_every_rival(ambiguous):
-    assert ambiguous.verdict == "ambiguous"
-    names = {(e.id, e.place) for e in ambiguous.effects}
-    assert {("bearing-viscous", "all"), ("bearing-coulomb", "all"), ("air-drag", "sphere")} <= names
-    for effect in ambiguous.effects:
-        others = {(o["id"], o["place"]) for o in effect.indistinguishable_from}
-        assert others == names - {(effect.id, effect.place)}
-        assert effect.evidence.get("margin", 0.0) < 25
-
-
-def test_the_next_experiment_tells_them_apart(ambiguous, turning, plant, tmp_path):
-    proposed = ambiguous.next_experiment
-    separations = [x["separation"] for x in proposed["compared"]]
-    assert proposed["separation"] == max(separations) > 25
-    assert min(separations) < 1  # turning about the vertical again would not help
-    _, stated, true, effects, old = turning
-    torque = np.array(proposed["torque"]["values"])
-    given = np.arange(len(torque)) * proposed["torque"]["step"]
-    time = np.arange(round(given[-1] * plant.RATE) + 1) / plant.RATE
-    drive = np.stack([np.interp(time, given, x) for x in torque.T], 1)
-    new = plant.record(stated, true, effects, np.stack([drive] * 2), np.random.default_rng(4))
-    plant.write_case(tmp_path, stated, [*old, *new])
-    found = diagnose(tmp_path)
-    assert found.verdict == "named"
-    (effect,) = found.effects
-    assert (effect.id, effect.place) == ("bearing-viscous", "all")
-    assert effect.parameters["b"]["value"] == pytest.approx(3e-4, rel=0.02)
-
-
 def test_unknown_noise_is_refused_with_its_remedy(turning):
     """No rest, no repeats, no declaration, and noise that grows with the motion: no floor."""
     case, rng = read_case(turning[0]), np.random.default_rng(0)

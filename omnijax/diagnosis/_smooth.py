@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
+LEAST = 1e-13  # of the ratio: weight of missing samples, which keeps long gaps solvable
 THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
@@ -19,7 +20,7 @@ def smooth(values: np.ndarray, sigma: float, ratio: float) -> tuple[np.ndarray, 
     """Smoothed `values` (n, c) and -2 log likelihood at jerk variance sigma^2/ratio per sample.
 
     Minimises sum (y - x)^2 + ratio sum (third difference of x)^2: the smoother of a white-jerk
-    state; missing (NaN) samples carry no weight.  A parabola passes unchanged, so it is taken off
+    state; missing (NaN) samples carry next to no weight.  A parabola passes unchanged, so it is taken off
     first: at large ratios the factorisation would tilt it by 1e-4 of its size.
     """
     easy = _parabola(values)
@@ -27,8 +28,9 @@ def smooth(values: np.ndarray, sigma: float, ratio: float) -> tuple[np.ndarray, 
     n, result, score = len(values), np.empty_like(values), 0.0
     stiff = ratio * penalty(n)
     for c in range(values.shape[1]):
-        weight = np.isfinite(values[:, c]).astype(float)
-        y = np.where(weight > 0, values[:, c], 0.0)
+        good = np.isfinite(values[:, c])
+        weight = np.where(good, 1.0, LEAST * ratio)
+        y = np.where(good, values[:, c], 0.0)
         matrix = stiff.copy()
         matrix[3] += weight
         factor = cholesky_banded(matrix)

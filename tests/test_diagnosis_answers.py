@@ -1,0 +1,109 @@
+"""Answers beside none, named and unknown: ambiguous with the next experiment; a user's own law."""
+
+import json
+
+import numpy as np
+import pytest
+from test_plant import load_plant
+
+from omnijax.cli import main
+from omnijax.diagnosis import _experiment, diagnose
+
+LAW = '''
+from typing import ClassVar
+
+from jaxtyping import Array, Float
+from omnijax.laws import AbstractContact, Parameter
+
+
+class ContactQuadratic(AbstractContact):
+    """Contact tension += K2 delta^2."""
+
+    K2: Float[Array, ""]
+    id: ClassVar[str] = "contact-quadratic"
+    places: ClassVar[tuple[str, ...]] = ("wheel", "all")
+    parameters: ClassVar[dict[str, Parameter]] = {"K2": Parameter("N/m^2", linear=True)}
+
+    def __call__(self, signal, state=None):
+        return self.K2 * signal.deflection**2
+'''
+
+
+@pytest.fixture(scope="module")
+def plant():
+    return load_plant()
+
+
+@pytest.fixture(scope="module")
+def turning(plant, tmp_path_factory):
+    """Bearing friction hidden in runs that only turn about the vertical at one speed."""
+    rng, friction = np.random.default_rng(3), 3e-4
+    stated = plant.machine(rng)
+    true, effects = plant.perturbed(rng, stated), {"viscous": friction * np.ones(3)}
+    torque = plant.torques(true, plant.spin_up(4.0, 0.5), friction)
+    tables = plant.record(stated, true, effects, np.stack([torque] * 2), rng, cut=1.5)
+    folder = tmp_path_factory.mktemp("turning")
+    plant.write_case(folder, stated, tables)
+    return folder, stated, true, effects, tables[:1]
+
+
+@pytest.fixture(scope="module")
+def ambiguous(turning):
+    """Its diagnosis, with two of the motions that may be proposed, for speed."""
+    every = _experiment.feasible_motions
+
+    def two(top, time):
+        chosen = ("turn about z", "turn about all axes at once, slowly")
+        return {k: v for k, v in every(top, time).items() if k.startswith(chosen)}
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_experiment, "feasible_motions", two)
+        return diagnose(turning[0])
+
+
+def test_what_the_runs_cannot_tell_apart_is_ambiguous_with_every_rival(ambiguous):
+    assert ambiguous.verdict == "ambiguous"
+    names = {(e.id, e.place) for e in ambiguous.effects}
+    assert {("bearing-viscous", "all"), ("bearing-coulomb", "all"), ("air-drag", "sphere")} <= names
+    for effect in ambiguous.effects:
+        others = {(o["id"], o["place"]) for o in effect.indistinguishable_from}
+        assert others == names - {(effect.id, effect.place)}
+        assert effect.evidence.get("margin", 0.0) < 25
+
+
+def test_the_next_experiment_tells_them_apart(ambiguous, turning, plant, tmp_path):
+    proposed = ambiguous.next_experiment
+    separations = [x["separation"] for x in proposed["compared"]]
+    assert proposed["separation"] == max(separations) > 25
+    assert min(separations) < 1  # turning about the vertical again would not help
+    _, stated, true, effects, old = turning
+    torque = np.array(proposed["torque"]["values"])
+    given = np.arange(len(torque)) * proposed["torque"]["step"]
+    time = np.arange(round(given[-1] * plant.RATE) + 1) / plant.RATE
+    drive = np.stack([np.interp(time, given, x) for x in torque.T], 1)
+    new = plant.record(stated, true, effects, np.stack([drive] * 2), np.random.default_rng(4))
+    plant.write_case(tmp_path, stated, [*old, *new])
+    found = diagnose(tmp_path)
+    assert found.verdict == "named"
+    (effect,) = found.effects
+    assert (effect.id, effect.place) == ("bearing-viscous", "all")
+    assert effect.parameters["b"]["value"] == pytest.approx(3e-4, rel=0.02)
+
+
+def test_a_law_of_the_users_own_file_is_named(plant, tmp_path):
+    rng, K2 = np.random.default_rng(5), 6e8
+    stated = plant.machine(rng)
+    true = plant.perturbed(rng, stated)
+    drives = np.stack([plant.torques(true, plant.wander(rng, 3.0)) for _ in range(2)])
+    hidden = {"K2": np.array([0.0, K2, 0.0])}
+    plant.write_case(tmp_path / "case", stated, plant.record(stated, true, hidden, drives, rng))
+    law, out = tmp_path / "my_law.py", tmp_path / "out"
+    law.write_text(LAW)
+    assert main(["diagnose", str(tmp_path / "case"), "--law", str(law), "--out", str(out)]) == 0
+    found = json.loads((out / "diagnosis.json").read_text())
+    assert found["verdict"] == "named"
+    (effect,) = found["effects"]
+    assert (effect["id"], effect["place"]) == ("contact-quadratic", "w2")
+    K = effect["parameters"]["K2"]
+    assert abs(K["value"] - K2) < 4 * K["sigma"]
+    assert 'law = "my_law.py"' in (out / "rig-diagnosed.toml").read_text()
