@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from test_plant import load_plant
 
-from omnijax.cli import main
+import omnijax
+from omnijax.cli import run
 from omnijax.diagnosis import _experiment, diagnose
+from omnijax.recording import read_case
 
 LAW = '''
 from typing import ClassVar
@@ -90,8 +92,20 @@ def test_the_next_experiment_tells_them_apart(ambiguous, turning, plant, tmp_pat
     assert effect.parameters["b"]["value"] == pytest.approx(3e-4, rel=0.02)
 
 
+def test_unknown_noise_is_refused_with_its_remedy(turning):
+    """No rest, no repeats, no declaration, and noise that grows with the motion: no floor."""
+    case, rng = read_case(turning[0]), np.random.default_rng(0)
+    for one in case.runs:
+        one.noise.clear()
+        level = np.linspace(1.0, 30.0, len(one)) * 5e-3
+        for name in ("a_x", "a_y", "a_z"):
+            one.channels[name] = one.channels[name] + level * rng.normal(size=len(one))
+    with pytest.raises(omnijax.InputError, match=r"noise of a is not known.*\[noise\]"):
+        diagnose(case)
+
+
 def test_a_law_of_the_users_own_file_is_named(plant, tmp_path):
-    rng, K2 = np.random.default_rng(5), 6e8
+    rng, K2 = np.random.default_rng(5), 1e8
     stated = plant.machine(rng)
     true = plant.perturbed(rng, stated)
     drives = np.stack([plant.torques(true, plant.wander(rng, 3.0)) for _ in range(2)])
@@ -99,7 +113,7 @@ def test_a_law_of_the_users_own_file_is_named(plant, tmp_path):
     plant.write_case(tmp_path / "case", stated, plant.record(stated, true, hidden, drives, rng))
     law, out = tmp_path / "my_law.py", tmp_path / "out"
     law.write_text(LAW)
-    assert main(["diagnose", str(tmp_path / "case"), "--law", str(law), "--out", str(out)]) == 0
+    assert run(["diagnose", str(tmp_path / "case"), "--law", str(law), "--out", str(out)]) == 0
     found = json.loads((out / "diagnosis.json").read_text())
     assert found["verdict"] == "named"
     (effect,) = found["effects"]

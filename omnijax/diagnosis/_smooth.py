@@ -20,8 +20,8 @@ def smooth(values: np.ndarray, sigma: float, ratio: float) -> tuple[np.ndarray, 
     """Smoothed `values` (n, c) and -2 log likelihood at jerk variance sigma^2/ratio per sample.
 
     Minimises sum (y - x)^2 + ratio sum (third difference of x)^2: the smoother of a white-jerk
-    state; missing (NaN) samples carry next to no weight.  A parabola passes unchanged, so it is taken off
-    first: at large ratios the factorisation would tilt it by 1e-4 of its size.
+    state; missing (NaN) samples carry next to no weight.  A parabola passes unchanged, so it is
+    taken off first: at large ratios the factorisation would tilt it by 1e-4 of its size.
     """
     easy = _parabola(values)
     values = values - easy
