@@ -118,11 +118,11 @@ def _run(model: RigModel, rig, words: str, time, Omega) -> Run:
     return Run(words, "held-out", time, np.zeros((n, rig.size)), zero, outputs, np.ones(n, bool))
 
 
-def _torques(machine: Machine, rig, i: int) -> np.ndarray:
+def _torques(machine: Machine, rig, i: int, Omega: np.ndarray) -> np.ndarray:
     """Torques (t, n) under which `rig` makes the motion of a run that has none yet."""
     run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
     r = rotated.turning.thin(FINE)
-    change = np.gradient(rotated.motion.turning[::FINE], run.step, axis=0)
+    change = np.gradient(Omega, run.step, axis=0)
     axes = np.broadcast_to(r.axes, (run.samples, *r.axes.shape[1:]))
     force = r.force * r.torque_gain[:, None, :]  # drive forces of unit torques
     turned = r.radius * r.inverse_inertia @ np.swapaxes(axes, 1, 2) @ force
@@ -133,15 +133,18 @@ def _torques(machine: Machine, rig, i: int) -> np.ndarray:
 def _planned(model: RigModel, rig, time) -> Machine:
     """The feasible motions with their torques; what needs too much torque is made slower."""
     top, most = _shown(model, rig)
-    runs = []
-    for words, Omega in feasible_motions(top, time).items():
+    motions = feasible_motions(top, time)
+    for words, Omega in motions.items():
         force = np.gradient(Omega, time, axis=0) @ np.asarray(rig.sphere.inertia_matrix)
         axes = float(rig.sphere.radius) * np.asarray(rig.wheels.spin_axis).T
         needed = np.abs(force @ np.linalg.pinv(axes).T * np.asarray(rig.wheels.radius))
         share = np.min(most / np.maximum(needed.max(axis=0), 1e-300))
-        runs.append(_run(model, rig, words, time, min(1.0, float(share)) * Omega))
+        motions[words] = min(1.0, float(share)) * Omega
+    runs = [_run(model, rig, words, time, Omega) for words, Omega in motions.items()]
     machine = Machine(rig, runs, model.noise, model.machine.window)
-    torques = [_torques(machine, rig, i) for i in range(len(runs))]
-    machine.runs = [dataclasses.replace(r, torque=t) for r, t in zip(runs, torques, strict=True)]
+    machine.runs = [
+        dataclasses.replace(run, torque=_torques(machine, rig, i, Omega))
+        for i, (run, Omega) in enumerate(zip(runs, motions.values(), strict=True))
+    ]
     machine.rebase(rig)
     return machine

@@ -138,7 +138,29 @@ def _which(found) -> Section:
     )
     if found.next_experiment:
         text += f"\n\nNext experiment: {found.next_experiment['drive']}."
+        figures.append(_next_figure(found))
+        compared = [[x["drive"], x["separation"]] for x in found.next_experiment["compared"]]
+        columns = [Column("motion", text=True), Column("separation")]
+        note = "Simulated: chi-square between the closest two rivals; 25 is needed."
+        tables.append(Table(columns, compared, "next-experiment", note))
     return Section("Which", text, figures, tables)
+
+
+def _next_figure(found) -> Figure:
+    """The torques of the proposed run."""
+    torque = found.next_experiment["torque"]
+    values = np.asarray(torque["values"])
+    time = np.arange(len(values)) * torque["step"]
+    data: dict[str, Any] = {"time / s": time}
+    with style():
+        fig, axes = figure(1, 1, height=3.0)
+        for name, x in zip(found.rig.names, values.T, strict=True):
+            axes[0].plot(time, x, label=name)
+            data[f"{name} / N m"] = x
+        axes[0].set(xlabel="time, s", ylabel="motor torque, N m")
+        axes[0].set_title("The run that tells the rivals apart")
+        axes[0].legend(ncols=len(values.T))
+    return Figure(fig, "next-torque", f"Torques of: {found.next_experiment['drive']}.", data)
 
 
 def _gap(found) -> Section:
