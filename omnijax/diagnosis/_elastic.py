@@ -56,7 +56,7 @@ def refine(values: np.ndarray, parts: int) -> np.ndarray:
 
 def forcing(m: Modes, step: float, ports: Ports, per_sample: int) -> np.ndarray:
     """Per-interval modal forcing with `per_sample` intervals a sample."""
-    total = 0.0
+    total = np.zeros(((len(ports.force) - 1) * per_sample, len(m.rates)), complex)
     h = step / per_sample
     for part in ("shape", "drive", "force", "floor"):
         finest = {"shape": SHAPE, "force": per_sample}.get(part, max(FINE, per_sample))
@@ -65,9 +65,7 @@ def forcing(m: Modes, step: float, ports: Ports, per_sample: int) -> np.ndarray:
         columns = m.gains[:, m.inputs[part]]
         for c in range(values.shape[1]):
             if values[:, c].any():
-                total = total + moments(values[:, c], weights) * columns[:, c]
-    if isinstance(total, float):
-        return np.zeros((len(ports.force) * per_sample - per_sample, len(m.rates)), complex)
+                total += moments(values[:, c], weights) * columns[:, c]
     return total
 
 
@@ -101,11 +99,11 @@ def law_outputs(m: Modes, run: Run, contact, mount, start) -> np.ndarray:
     """dR and a (samples, 6) caused by tensions (points, n) and the state `start` (m,)."""
     fine = (len(contact) - 1) // (run.samples - 1)
     weights = hold_weights(m.rates, run.step, fine)
-    total = 0.0
+    total = np.zeros((run.samples - 1, len(m.rates)), complex)
     for part, values in (("contact", contact), ("mount", mount)):
         columns = m.gains[:, m.inputs[part]]
         for c in range(values.shape[1]):
-            total = total + moments(values[:, c], weights) * columns[:, c]
+            total += moments(values[:, c], weights) * columns[:, c]
     z = propagate(m, run.step, total, m.inverse @ start)
     u = np.zeros((len(z), m.B.shape[1]))
     u[:, m.inputs["contact"]], u[:, m.inputs["mount"]] = contact[::fine], mount[::fine]

@@ -66,7 +66,8 @@ def shape_response(modes: Modes, step: float, wheel: int, signals: np.ndarray) -
         first = start[k] * signals[:1]
         z = lfilter([1.0], [1.0, -decay], push, axis=0, zi=decay * first)[0]
         z = np.concatenate([first, z])
-        out += shape.real[:, None] * z.real[:, None, :] - shape.imag[:, None] * z.imag[:, None, :]
+        out += np.real(shape)[:, None] * np.real(z)[:, None, :]
+        out -= np.imag(shape)[:, None] * np.imag(z)[:, None, :]
     return out
 
 

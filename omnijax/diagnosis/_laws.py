@@ -1,11 +1,19 @@
 """Laws evaluated over long arrays: one compiled call a law class."""
 
-from typing import Any
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+
+Signal = TypeVar("Signal")
+
+
+def packed(kind: Callable[..., Signal], *values: np.ndarray) -> Signal:
+    """A port's signal of NumPy arrays (t, ...) instead of one moment's JAX arrays."""
+    return kind(*values)
 
 
 @eqx.filter_jit

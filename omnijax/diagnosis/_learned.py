@@ -162,7 +162,7 @@ class _Fitting:
         """Residual rows beside the term and the shift, and the term's scaled inputs by run."""
         parts, inputs = [], []
         for base in self.bases[split]:
-            felt, force = None, None
+            felt, force, u = None, np.zeros(0), np.zeros(0)
             for _ in range(INNER):
                 u = np.clip(term.port.inputs(base, felt) / term.scales, -FAR, FAR)
                 force = term.force(u)

@@ -38,6 +38,8 @@ from ._rotation import Turning, base_torques, turning
 from ._rows import Rows, make_rows, orthonormal
 from ._runs import FINE, SHAPE, STEPS, Run
 
+LANES = 16  # runs stepped side by side: bounds the memory
+
 
 @dataclasses.dataclass(frozen=True)
 class Rotated:
@@ -301,8 +303,8 @@ class Machine:
                 tasks.append((rig, i, rotated[i].motion, out_and_felt[:, 6:], row, len(row)))
                 row.append(out_and_felt[::STEPS, :6])
             out.append(row)
-        if tasks:
-            self._add_laws(tasks)
+        for some in np.array_split(np.arange(len(tasks)), -(-len(tasks) // LANES)) if tasks else ():
+            self._add_laws([tasks[k] for k in some])
         return out
 
     def _add_laws(self, tasks) -> None:

@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -129,7 +129,7 @@ def value_of(point: Point, free: Free) -> float:
     return float(value if free.index is None else value[free.index])
 
 
-def moved(point: Point, u: np.ndarray, free: Sequence[Free], values: Sequence[float]) -> Point:
+def moved(point: Point, u: np.ndarray, free: Sequence[Free], values: Iterable[float]) -> Point:
     """The point at other coordinates and free numbers."""
     effects = [dataclasses.replace(e, values=dict(e.values)) for e in point.effects]
     for f, v in zip(free, values, strict=True):

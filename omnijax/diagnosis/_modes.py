@@ -33,8 +33,8 @@ def modes(A, B, C, D, size: int) -> Modes:
         A = A - 1e-9 * np.abs(A).max() * np.eye(len(A))
     rates, shapes = np.linalg.eig(A)
     inverse = np.linalg.inv(shapes)
-    keep = rates.imag >= 0
-    twice = np.where(rates.imag[keep] > 0, 2.0, 1.0)
+    keep = np.imag(rates) >= 0
+    twice = np.where(np.imag(rates[keep]) > 0, 2.0, 1.0)
     inputs = _slices(shape=size, contact=size, mount=size, drive=size, force=3, floor=3)
     outputs = _slices(
         displacement=3,
@@ -114,5 +114,5 @@ def static_state(modes: Modes, inputs: np.ndarray) -> np.ndarray:
 def observe(modes: Modes, z: np.ndarray, names: tuple[str, ...], direct=None) -> np.ndarray:
     """Outputs (n, o) of modal states; `direct` are the inputs (n, u) where D matters."""
     C, D = modes.out(names)
-    out = (z @ (C @ modes.shapes).T).real
+    out = np.real(z @ (C @ modes.shapes).T)
     return out if direct is None else out + direct @ D.T

@@ -88,16 +88,16 @@ class RigModel(AbstractModel):
     def _lines(self, point: Point) -> tuple[float, ...]:
         """Frequencies (Hz) of the strongest lines left in `a` (else dR) of the train runs."""
         (rest,) = self.residuals([point], "train")
-        offset, spectra, grid = 0, 0.0, None
-        longest = max(self.machine.runs[i].samples for i in self.splits["train"])
+        train = [self.machine.runs[i] for i in self.splits["train"]]
+        size = 1 << int(np.ceil(np.log2(max(run.samples for run in train))) + 2)
+        grid = np.fft.rfftfreq(size, train[0].step)
+        offset, spectra = 0, np.zeros(len(grid))
         for i in self.splits["train"]:
             rows = self.machine.rows[i]
             elastic, _ = rows.split(rest[offset : offset + rows.size])
             offset += rows.size
             use = elastic[:, 3:] if np.any(elastic[:, 3:]) else elastic[:, :3]
-            size = 1 << int(np.ceil(np.log2(longest)) + 2)
-            grid = np.fft.rfftfreq(size, self.machine.runs[i].step)
-            spectra = spectra + np.sum(np.abs(np.fft.rfft(use, size, axis=0)) ** 2, axis=1)
+            spectra += np.sum(np.abs(np.fft.rfft(use, size, axis=0)) ** 2, axis=1)
         inner = (spectra[1:-1] > spectra[:-2]) & (spectra[1:-1] >= spectra[2:])
         peaks = np.flatnonzero(inner) + 1
         peaks = peaks[grid[peaks] > 0.5]

@@ -6,7 +6,7 @@ import numpy as np
 
 from ..laws import BodySignal, RollingSignal, ShaftSignal
 from ..rig import Rig
-from ._laws import along
+from ._laws import along, packed
 from ._motion import Motion
 
 
@@ -27,8 +27,10 @@ class Turning:
         def less(x):
             return x if len(x) == 1 else x[::step]
 
-        parts = (self.torque_gain, self.force, self.body, self.inverse_inertia, self.axes)
-        return Turning(*(less(x) for x in parts), self.radius)
+        return Turning(
+            less(self.torque_gain), less(self.force), less(self.body), less(self.inverse_inertia),
+            less(self.axes), self.radius,
+        )  # fmt: skip
 
     def respond(self, shaft: np.ndarray | None, opposing: np.ndarray | None):
         """(drive forces (t, n), dOmega/dt (t, 3)) caused by torques (t, n) and (t, 3)."""
@@ -65,7 +67,7 @@ def turning(rig: Rig, motion: Motion) -> Turning:
 
 def shaft_signals(motion: Motion, torque: np.ndarray) -> ShaftSignal:
     """Signals of the shafts, (t, n) each."""
-    return ShaftSignal(motion.theta, motion.speed, torque)
+    return packed(ShaftSignal, motion.theta, motion.speed, torque)
 
 
 def rolling_signals(rig: Rig, motion: Motion, normal_force: np.ndarray) -> RollingSignal:
@@ -73,7 +75,7 @@ def rolling_signals(rig: Rig, motion: Motion, normal_force: np.ndarray) -> Rolli
     roll = np.einsum("tij,tj->ti", motion.axes, motion.turning)
     spin = -motion.turning @ np.asarray(rig.wheels.normal).T
     friction = np.broadcast_to(np.asarray(rig.wheels.contact.friction), roll.shape)
-    return RollingSignal(roll, spin, np.maximum(normal_force, 0.0), friction)
+    return packed(RollingSignal, roll, spin, np.maximum(normal_force, 0.0), friction)
 
 
 def body_signals(rig: Rig, motion: Motion) -> BodySignal:
@@ -81,7 +83,7 @@ def body_signals(rig: Rig, motion: Motion) -> BodySignal:
     t = len(motion.turning)
     mass = np.broadcast_to(np.asarray(rig.sphere.mass), (t,))
     gravity = np.broadcast_to(np.asarray(rig.platform.gravity), (t, 3))
-    return BodySignal(motion.turning, motion.attitude, mass, gravity)
+    return packed(BodySignal, motion.turning, motion.attitude, mass, gravity)
 
 
 def wheel_law(law, wheels: tuple[int, ...], signals, shape) -> list[np.ndarray]:

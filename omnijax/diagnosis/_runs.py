@@ -62,7 +62,7 @@ def to_run(recording) -> Run:
     inputs = [gridded(recording.torque), gridded(recording.force)]
     if np.isnan(inputs[1]).all():
         inputs[1][:] = 0.0
-    known = np.isfinite(inputs[0]).all(axis=1) & np.isfinite(inputs[1]).all(axis=1)
+    known: np.ndarray = np.all(np.isfinite(np.concatenate(inputs, axis=1)), axis=1)
     torque, force = (_filled(x) for x in inputs)
     outputs = {g: gridded(recording.group(g)) for g in recording.groups}
     time = np.arange(n) * step

@@ -10,15 +10,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..dynamics import contact_signals, mount_signals
 from ..laws import ContactSignal, MountSignal, SensorSignal
 from ..rig import Placed, Rig
-from ._elastic import OUTPUTS, Ports, direct, forcing
+from ._elastic import OUTPUTS, Ports, direct, forcing, law_outputs, refine
 from ._laws import along
 from ._machine import Machine, contact_directions, integrate
 from ._modes import Modes, hold_weights, moments, observe, propagate
 from ._motion import Motion
-from ._rotation import body_signals, resistance, rolling_signals, shaft_signals, wheel_law
+from ._rotation import Turning, body_signals, resistance, rolling_signals, shaft_signals, wheel_law
 from ._runs import FINE, SHAPE, Run
+from ._wheels import WheelTables
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,54 +32,44 @@ class Base:
     index: int
     modes: Modes
     motion: Motion
-    rotated: object
+    slow: Motion  # at thinned points
+    response: Turning  # at thinned points
     torque: np.ndarray
     contact: ContactSignal  # (FINE points, n) each
     mount: MountSignal
     normal: np.ndarray  # (FINE points, n) N
     predicted: np.ndarray  # (samples, 6) dR, a before the sensors
-    tables: object
-    slow: Motion | None = None
-    response: object = None
+    tables: WheelTables
 
 
 def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
     """Base run `i` of `rig`; its own contact and mount laws enter the signals only linearly."""
     run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
     m = rotated.motion
-    ports = machine.ports(rig, run, m, rotated.drive)
-    signals = machine.signals(rig, run, ports)
-    deflection, mount, mount_rate, approach_rate = np.split(signals, 4, axis=1)
-    w, shape = rig.wheels, m.theta.shape
+    felt = machine.signals(rig, run, machine.ports(rig, run, m, rotated.drive))
+    deflection, mount, mount_rate, approach_rate = np.split(felt, 4, axis=1)
     rate = approach_rate - mount_rate - m.shape_rate
 
     def wide(x):
-        return np.broadcast_to(np.asarray(x), shape)
+        return np.broadcast_to(np.asarray(x), m.theta.shape)
 
-    reduced = rig.sphere.radius * w.radius / (rig.sphere.radius + w.radius)
-    contact = ContactSignal(
-        deflection, rate, wide(w.contact.stiffness), wide(w.contact.damping),
-        wide(w.closure.preload), wide(reduced),
-    )  # fmt: skip
-    mounts = MountSignal(mount, mount_rate, wide(w.mount.stiffness), wide(w.mount.damping))
+    contact = jax.tree.map(wide, contact_signals(rig, deflection, rate))
     pull = contact.stiffness * deflection + contact.damping * rate
-    from ._elastic import refine
-
-    base = Base(
-        rig,
-        run,
-        i,
-        machine.modes(rig),
-        m,
-        rotated,
-        refine(run.torque, FINE),
-        contact,
-        mounts,
-        contact.preload - pull,
-        predicted,
-        machine.tables_of(rig),
+    return Base(
+        rig=rig,
+        run=run,
+        index=i,
+        modes=machine.modes(rig),
+        motion=m,
+        slow=_thin(m),
+        response=rotated.turning.thin(THIN),
+        torque=refine(run.torque, FINE),
+        contact=contact,
+        mount=jax.tree.map(wide, mount_signals(rig, mount, mount_rate)),
+        normal=contact.preload - pull,
+        predicted=predicted,
+        tables=machine.tables_of(rig),
     )
-    return dataclasses.replace(base, slow=_thin(base), response=rotated.turning.thin(THIN))
 
 
 def signature(base: Base, placed: Placed):
@@ -102,8 +94,6 @@ def _transfer(base: Base, floor=None, **inputs) -> np.ndarray:
 
 
 def _tension(base: Base, contact, mount) -> np.ndarray:
-    from ._elastic import law_outputs
-
     m = base.modes
     u = np.zeros(m.B.shape[1])
     u[m.inputs["contact"]], u[m.inputs["mount"]] = contact[0], mount[0]
@@ -114,9 +104,8 @@ def _tension(base: Base, contact, mount) -> np.ndarray:
 THIN = 4  # torques are smooth: signatures need two points a sample
 
 
-def _thin(base: Base) -> Motion:
+def _thin(m: Motion) -> Motion:
     """The motion at every `THIN`-th fine point."""
-    m = base.motion
     short = {k: getattr(m, k)[::THIN] for k in ("theta", "speed", "turning")}
     axes = m.axes if len(m.axes) == 1 else m.axes[::THIN]
     return dataclasses.replace(m, axes=axes, step=m.step * THIN, **short)
@@ -132,10 +121,12 @@ def _torque(base: Base, shaft=None, opposing=None):
     length = integrate(np.einsum("tij,tj->ti", response.axes, turned), h)
     weights = hold_weights(m.rates, run.step, parts)
     columns = m.gains[:, m.inputs["drive"]]
-    total = sum(moments(drive[:, c], weights) * columns[:, c] for c in range(drive.shape[1]))
+    total = np.zeros((run.samples - 1, len(m.rates)), complex)
+    for c in range(drive.shape[1]):
+        total += moments(drive[:, c], weights) * columns[:, c]
     z = propagate(m, run.step, total, np.zeros(len(m.rates)))
     C, D = m.out(OUTPUTS)
-    elastic = (z @ (C @ m.shapes).T).real + drive[::parts] @ D[:, m.inputs["drive"]].T
+    elastic = np.real(z @ (C @ m.shapes).T) + drive[::parts] @ D[:, m.inputs["drive"]].T
     return elastic, np.concatenate([turned[::parts], length[::parts]], axis=1)
 
 
@@ -169,8 +160,6 @@ def _shape_law(law, angle, gap):
 
 
 def _surface(base: Base, placed: Placed):
-    from ._elastic import refine
-
     directions = contact_directions(base.rig, base.motion)
     value = np.stack(
         [along(placed.law, np.ascontiguousarray(directions[:, i])) for i in range(base.rig.size)], 1
@@ -295,8 +284,6 @@ def _sensor(base: Base, placed: Placed):
 
 def _encoder(base: Base, placed: Placed, channel: str):
     """An encoder's error shifts the angle of the shape's look-up, and the rolled length."""
-    from ._elastic import refine
-
     m, run = base.motion, base.run
     theta = m.theta[::FINE]
     change = np.asarray(placed.law(SensorSignal(jnp.asarray(run.time), jnp.asarray(theta))))

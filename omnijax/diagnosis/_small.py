@@ -88,7 +88,7 @@ class SmallModel(AbstractModel):
         linear = [k for k, p in law.parameters.items() if p.linear and float(getattr(law, k)) != 0]
         if not linear:
             return base - self.residual(values, [*laws, law], "train")
-        strength = 1.0
+        strength, change = 1.0, np.zeros_like(base)
         for _ in range(60):  # a strength that stays in the linear range
             weak = eqx.tree_at(
                 lambda x: [getattr(x, k) for k in linear], law, [number(strength)] * len(linear)

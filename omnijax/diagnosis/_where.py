@@ -75,7 +75,8 @@ class Asked:
         self.questions = list(asked)
         self.plain = [q for q in asked if q.columns is not None]
         self.bands = [q for q in asked if q.columns is None]
-        self.columns = np.concatenate([q.columns for q in self.plain], 1) if self.plain else None
+        columns = [q.columns for q in asked if q.columns is not None]
+        self.columns = np.concatenate(columns, 1) if columns else None
         self.starts = np.cumsum([0, *(q.size for q in self.plain)])[:-1]
 
     def powers(self, residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -26,6 +26,8 @@ from ._rotation import drive_forces as drive_forces
 from ._rotation import external_force as external_force
 from ._rotation import minimum_normal_force as minimum_normal_force
 from ._rotation import rotation_matrix as rotation_matrix
+from ._signals import contact_signals as contact_signals
+from ._signals import mount_signals as mount_signals
 from ._translation import TRANSLATIONS as TRANSLATIONS
 from ._translation import AbstractTranslation as AbstractTranslation
 from ._translation import Coupled as Coupled

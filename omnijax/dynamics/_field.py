@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..laws import BodySignal, ContactSignal, MountSignal, RollingSignal, RollingTorque, ShaftSignal
+from ..laws import BodySignal, RollingSignal, RollingTorque, ShaftSignal
 from ..rig import Rig, over_wheels
 from ._kinematics import (
     Rolling,
@@ -24,6 +24,7 @@ from ._rotation import (
     inertia_at,
     rotation_matrix,
 )
+from ._signals import contact_signals, mount_signals
 from ._small import least_squares
 from ._translation import AbstractTranslation, ElasticState, Motion, PortInputs
 
@@ -76,25 +77,6 @@ class Model(eqx.Module):
         return self.translation.rig
 
 
-def _contact_signals(rig: Rig, motion: Motion, rate) -> ContactSignal:
-    wheels = rig.wheels
-    curvature = rig.sphere.radius * wheels.radius / (rig.sphere.radius + wheels.radius)
-    contact = wheels.contact
-    return ContactSignal(
-        motion.deflection,
-        rate,
-        contact.stiffness,
-        contact.damping,
-        wheels.closure.preload,
-        curvature,
-    )
-
-
-def _mount_signals(rig: Rig, motion: Motion) -> MountSignal:
-    mount = rig.wheels.mount
-    return MountSignal(motion.mount, motion.mount_rate, mount.stiffness, mount.damping)
-
-
 def initial_memory(rig: Rig) -> tuple[Any, ...]:
     """Rest states of the contact and mount laws, one entry a placed law."""
     return tuple(
@@ -122,10 +104,13 @@ def port_forces(rig: Rig, translation, motion: Motion, shape_rate, memory):
     """
     contacts, mounts = rig.at("contact"), rig.at("mount")
     rate = motion.approach_rate - motion.mount_rate - shape_rate
-    signals = _contact_signals(rig, motion, rate)
+    signals = contact_signals(rig, motion.deflection, rate)
     tension, contact_rates = _with_memory(contacts, signals, memory[: len(contacts)], rig.size)
     mount, mount_rates = _with_memory(
-        mounts, _mount_signals(rig, motion), memory[len(contacts) :], rig.size
+        mounts,
+        mount_signals(rig, motion.mount, motion.mount_rate),
+        memory[len(contacts) :],
+        rig.size,
     )
     wheels = rig.wheels
     linear = translation.tension(motion) - wheels.contact.damping * shape_rate
