@@ -78,10 +78,45 @@ class Diagnosis:
         path.write_text(json.dumps(self.to_dict(), indent=1, ensure_ascii=False) + "\n", "utf-8")
         return path
 
+    def plot_gap(self, *, ax: Any = None) -> Any:
+        """Held-out RMS before and after over the noise, by output group; returns the axes."""
+        from ._pictures import plot_gap
+
+        return plot_gap(self, ax=ax)
+
+    def plot_scores(self, *, step: int = 1, ax: Any = None) -> Any:
+        """What the best candidates of a step would explain; returns the axes."""
+        from ._pictures import plot_scores
+
+        return plot_scores(self, step=step, ax=ax)
+
+    def plot_where(self, *, ax: Any = None) -> Any:
+        """Where the gap is, by share of the residual's power; returns the axes."""
+        from ._pictures import plot_where
+
+        return plot_where(self, ax=ax)
+
+    def to_xarray(self) -> Any:
+        """Gap, calibrated parameters and scores as an `xarray.Dataset`."""
+        from ._pictures import dataset
+
+        return dataset(self)
+
+    def _repr_html_(self) -> str:
+        from ._pictures import html
+
+        return html(self)
+
     def __repr__(self) -> str:
-        names = ", ".join(f"{e.id}@{e.place}" for e in self.effects) or "nothing"
-        gaps = ", ".join(f"{k} {g.before:.3g} -> {g.after:.3g}" for k, g in self.gap.items())
-        return f"Diagnosis({self.verdict}: {names}; {gaps})"
+        joined = " or " if self.verdict == "ambiguous" else " and "
+        answer = self.verdict
+        if self.effects:
+            answer += ": " + joined.join(f"{e.id}@{e.place}" for e in self.effects)
+        gaps = ", ".join(
+            f"{k} {g.before / g.noise_floor:.3g} -> {g.after / g.noise_floor:.3g}"
+            for k, g in self.gap.items()
+        )
+        return f"Diagnosis({answer}; gap over noise {gaps})"
 
 
 def _plain(value: Any) -> Any:

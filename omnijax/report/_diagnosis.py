@@ -56,17 +56,20 @@ def _where(found) -> Section:
         [
             w["channel"],
             w["domain"],
-            w["value"],
+            f"{w['value']:.4g}" if np.isfinite(w["value"]) else "–",
             w["reference"],
             100 * w["share"],
             w["rms_over_noise"],
+            "yes" if w["stands"] else "no",
         ]
         for w in found.where
     ]
     table = Table(
-        [Column("channel", text=True), Column("domain", text=True), Column("value"),
-         Column("of", text=True), Column("share", "%"), Column("RMS over noise")],
-        rows, "where", "What stands after a block-shuffled null with false-discovery control.",
+        [Column("channel", text=True), Column("domain", text=True), Column("value", text=True),
+         Column("of", text=True), Column("share", "%"), Column("RMS over noise"),
+         Column("stands", text=True)],
+        rows, "where", "Whether it stands against a block-shuffled null, false discoveries kept "
+        "below 1 %.",
     )  # fmt: skip
     text = (
         "The share of a channel's residual power that lies in a line (Hz or order), or between the "

@@ -1,0 +1,60 @@
+"""The result of a diagnosis in a notebook: words, tables, pictures, a dataset."""
+
+import numpy as np
+import pytest
+
+from omnijax.diagnosis import Diagnosis, Gap, Named
+
+
+@pytest.fixture
+def found():
+    sizes = {
+        "amplitude": {"value": 5e-5, "sigma": 1e-7, "unit": "m"},
+        "axis": {"value": [1.0, 0.0], "sigma": None, "unit": "1"},
+    }
+    effect = Named("wheel-runout", "w<2>", sizes, {})
+    where = [{"channel": "dR_y", "domain": "order", "value": 1.0, "reference": "w2", "share": 0.9,
+              "p": 1e-9, "rms_over_noise": 5.0, "stands": True},
+             {"channel": "dR_y", "domain": "phase", "value": float("nan"), "reference": "w2",
+              "share": 0.2, "p": 0.4, "rms_over_noise": 5.0, "stands": False}]  # fmt: skip
+    gap = {"dR": Gap(2e-6, 1e-5, 2e-6, "m"), "a": Gap(5e-3, 5e-3, 5e-3, "m/s^2")}
+    baseline = [{"parameter": "wheel.w1.contact.stiffness", "stated": 1e5, "without_effects": 1.1e5,
+                 "with_effects": 1.05e5, "relative_sigma": 1e-3}]  # fmt: skip
+    scores = [{"step": 1, "id": "wheel-runout", "place": "w2", "gain": 1e4, "p": 0.0},
+              {"step": 1, "id": "creep", "place": "w2", "gain": 0.0, "p": 1.0}]  # fmt: skip
+    return Diagnosis("named", [effect], where, gap, None, baseline, {}, scores)
+
+
+def test_the_words_give_answer_and_gap(found):
+    assert repr(found) == (
+        "Diagnosis(named: wheel-runout@w<2>; gap over noise dR 5 -> 1, a 1 -> 1)"
+    )
+    found.verdict, found.effects = "none", []
+    assert repr(found).startswith("Diagnosis(none; gap")
+
+
+def test_the_table_shows_effects_and_escapes_names(found):
+    html = found._repr_html_()
+    assert "w&lt;2&gt;" in html and "w<2>" not in html
+    assert "5e-05" in html and "before" in html
+
+
+def test_pictures_show_every_group_candidate_and_place(found):
+    gap = found.plot_gap()
+    assert [t.get_text() for t in gap.get_xticklabels()] == ["dR", "a"]
+    heights = [bar.get_height() for bar in gap.patches]
+    np.testing.assert_allclose(heights, [5.0, 1.0, 1.0, 1.0])
+    scores = found.plot_scores()
+    assert [t.get_text() for t in scores.get_yticklabels()] == ["creep at w2", "wheel-runout at w2"]
+    with pytest.raises(ValueError, match="`step` must be one of"):
+        found.plot_scores(step=2)
+    places = [t.get_text() for t in found.plot_where().get_yticklabels()]
+    assert places == ["2  dR_y, phase of w2", "1  dR_y, order 1 of w2"]
+
+
+def test_the_dataset_holds_gap_parameters_and_scores(found):
+    data = found.to_xarray()
+    assert data.attrs == {"verdict": "named", "effects": "wheel-runout@w<2>"}
+    assert float(data.gap_before.sel(group="dR")) == 1e-5
+    assert float(data.parameter_with_effects[0]) == 1.05e5
+    assert float(data.score_gain.sel(candidate="wheel-runout@w2")) == 1e4
