@@ -226,10 +226,8 @@ def test_a_front_prints_and_survives_saving(tmp_path):
     front.save(tmp_path / "f.nc")
     again = Front.load(tmp_path / "f.nc")
     assert np.array_equal(again.values, front.values) and again.variable_units == ("N/m", "N s/m")
-    assert (
-        "2 designs on the front" in repr(front) and "contact.stiffness / N/m" in front._repr_html_()
-    )
-    assert front.plot_front().get_xlabel() == "rms (m)"
+    assert "rms rises by 0.0 %" in repr(front) and "contact.stiffness / N/m" in front._repr_html_()
+    assert front.plot_front().get_xlabel() == "rms (mm)"
 
 
 def test_front_agrees_with_a_population_method():

@@ -52,9 +52,10 @@ def test_without_influence_is_named(found):
     assert "wheel.w3.closure.preload" in quiet and "wheel.w1.contact.friction" in quiet
     assert "wheel.w2.contact.stiffness" not in quiet
     assert "wheel.w3.closure.preload" not in found.without_influence()  # it moves the slip margin
-    assert (
-        "`wheel.w1.inertia` does not influence any of rms, peak, slip_margin." in found.sentences()
+    assert "`wheel.inertia` of no wheel influences any of rms, peak, slip_margin." in (
+        found.sentences()
     )
+    assert "wheel.roundness" in repr(found) and "<td>wheel.roundness</td>" in found._repr_html_()
 
 
 def test_a_run_has_the_derivatives_of_its_own_samples():

@@ -8,7 +8,7 @@ import numpy as np
 
 from .._errors import InputError
 from .._html import html_table
-from ._design_result import amount
+from ._design_result import amount, label, scaled
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -40,7 +40,14 @@ class Front:
     def sentences(self) -> list[str]:
         """The span of the front in words."""
         good = sum(s == "optimal" for s in self.status)
-        lines = [f"{len(self.x)} designs on the front, {good} of them optimal (KKT residual)."]
+        first, second = (self.values[int(np.argmin(self.values[:, m]))] for m in (0, 1))
+        change = 100 * (second / first - 1)
+        lines = [
+            f"from the design best in {self.metrics[0]} to the one best in {self.metrics[1]}, "
+            f"{self.metrics[0]} rises by {change[0]:.1f} % and {self.metrics[1]} falls by "
+            f"{-change[1]:.1f} %; {len(self.x)} designs on the front, {good} of them optimal (KKT "
+            "residual)."
+        ]
         for m, (name, unit) in enumerate(zip(self.metrics, self.units, strict=True)):
             low, high = self.values[:, m].min(), self.values[:, m].max()
             lines.append(f"{name} from {amount(low, unit)} to {amount(high, unit)}.")
@@ -91,13 +98,17 @@ class Front:
 
         ax = new_axes(ax)
         order = np.argsort(self.values[:, 0])
-        a, b = self.values[order, 0], self.values[order, 1]
+        sizes = [
+            scaled(float(v), u) for v, u in zip(self.values.max(axis=0), self.units, strict=True)
+        ]
+        shown = self.values[order] * [factor for factor, _ in sizes]
+        names = [label(n, unit) for n, (_, unit) in zip(self.metrics, sizes, strict=True)]
         if len(self.metrics) == 2:
-            ax.plot(a, b, "o-", color="#0072B2")
+            ax.plot(shown[:, 0], shown[:, 1], "o-", color="#0072B2")
         else:
-            dots = ax.scatter(a, b, c=self.values[order, 2], cmap="cividis")
-            ax.figure.colorbar(dots, ax=ax, label=f"{self.metrics[2]} ({self.units[2]})")
-        ax.set_xlabel(f"{self.metrics[0]} ({self.units[0]})")
-        ax.set_ylabel(f"{self.metrics[1]} ({self.units[1]})")
+            dots = ax.scatter(shown[:, 0], shown[:, 1], c=shown[:, 2], cmap="cividis")
+            ax.figure.colorbar(dots, ax=ax, label=names[2])
+        ax.set_xlabel(names[0])
+        ax.set_ylabel(names[1])
         ax.set_title("nothing can be better in one without being worse in another")
         return ax

@@ -96,7 +96,15 @@ class Sensitivity(eqx.Module):
     def sentences(self) -> list[str]:
         """One sentence for each kind of parameter without influence."""
         metrics = self.metrics[0] if len(self.metrics) == 1 else "any of " + ", ".join(self.metrics)
-        return [f"`{p}` does not influence {metrics}." for p in self.without_influence()]
+        quiet, lines = set(self.without_influence()), []
+        for group in dict.fromkeys(group_of(path) for path in self.parameters):
+            members = [path for path in self.parameters if group_of(path) == group]
+            if len(members) > 1 and quiet.issuperset(members):
+                lines.append(f"`{group}` of no wheel influences {metrics}.")
+            else:
+                silent = (path for path in members if path in quiet)
+                lines += [f"`{path}` does not influence {metrics}." for path in silent]
+        return lines
 
     def _index(self, metric: str) -> int:
         if metric not in self.metrics:

@@ -131,7 +131,6 @@ class Tolerances:
         ax = new_axes(ax, 1.4 + 0.27 * len(order))
         ax.barh(np.arange(len(order)), 100 * self.widths[order], color="#0072B2", height=0.7)
         ax.set_yticks(np.arange(len(order)), [self.parts[i] for i in order])
-        ax.set_xscale("log")
         ax.grid(axis="y", visible=False)
         ax.set_xlabel("tolerance (± %)")
         ax.set_title(f"{self.metric} below {amount(self.limit, self.unit)}")
