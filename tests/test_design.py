@@ -10,6 +10,7 @@ import pytest
 
 from omnijax.rig import InputError
 from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, parse_study, trade_off
+from omnijax.study._design import start_note
 from omnijax.study._design_engine import Engine
 from omnijax.study._design_folder import Folder
 from omnijax.study._design_result import amount
@@ -122,6 +123,16 @@ def test_conflicting_constraints_are_named():
     assert found.status == "infeasible" and not found.optimal
     assert "`below 1 <= 0 N` is missed by 0.5 N and `above 2 <= 0 N` is missed by" in found.reason
     assert "below 9" not in found.reason
+
+
+def test_an_infeasible_start_is_said():
+    starts = tuple(v._replace(start=0.1) for v in BOUNDED.variables)
+    problem = BOUNDED._replace(variables=starts)
+    note = "the given start is not feasible: `sum <= 0` is missed by 1.3."
+    assert start_note(Engine(problem, 1, 0)) == [note]
+    inside = (starts[0], starts[1]._replace(start=2.0))
+    assert start_note(Engine(BOUNDED._replace(variables=inside), 1, 0)) == []
+    assert start_note(Engine(BOUNDED, 1, 0)) == []
 
 
 def test_a_maximum_is_not_called_optimal():

@@ -7,12 +7,12 @@ import pytest
 import omnijax
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
-from omnijax.study import parse_study
+from omnijax.study import Tolerances, parse_study
 from omnijax.study._design_engine import Engine
 from omnijax.study._design_result import make_design
 from omnijax.study._design_rig import RigCases, rig_problem
 from omnijax.study._design_search import Lanes
-from omnijax.study._tolerance import allocate
+from omnijax.study._tolerance import allocate, share_bounds
 
 SPEED = (3.0, 5.1, 7.3)
 TEXT = """
@@ -211,3 +211,20 @@ def test_json_of_a_failed_study_is_one_message(tmp_path, capsys):
     assert run(["design", str(path), "--json"]) == 2
     text = capsys.readouterr().err
     assert "Did you mean `contact.damping`?" in text and "Traceback" not in text
+
+
+def test_tolerances_print_and_say_where_they_fail(tmp_path):
+    """41 of 64 new machines below the limit, 95 % asked for: not confirmed."""
+    one = np.array([1e-4, 2e-4])
+    found = Tolerances(
+        "rms", "m", 5.7e-4, 5.4e-4, 0.95, ("wheel.w1.radius", "wheel.w1.roundness"), one, 0.2 * one,
+        0.1 * one, 41 / 64, *share_bounds(41, 64), 0.5, 64,
+    )  # fmt: skip
+    assert not found.confirmed and "NOT confirmed" in repr(found)
+    assert "64.06 % of 64 new machines (95 %: 51.8" in repr(found)
+    assert "<td>wheel.w1.roundness</td>" in found._repr_html_()
+    assert found.plot_widths().get_title() == "rms below 0.57 mm"
+    found.save(tmp_path / "t.nc")
+    again = Tolerances.load(tmp_path / "t.nc")
+    assert np.array_equal(again.widths, found.widths) and again.share_low == found.share_low
+    assert again.to_xarray()["slope"].attrs["units"] == "m"

@@ -90,6 +90,8 @@ def test_failed_runs_are_named_and_left_out(tmp_path):
     assert f"{len(found.failed)} of {found.runs} runs failed" in found.sentences()[-1]
     found.save(tmp_path / "g.nc")
     again = GlobalSensitivity.load(tmp_path / "g.nc")
+    assert repr(again) == repr(found) and "<td>x2</td>" in found._repr_html_()
+    assert found.to_xarray()["total"].attrs["units"] == "1"
     assert again.failed == found.failed and np.array_equal(again.bound, found.bound)
 
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from ._options import Json
-from ._study_page import Switch, deliver, kept, write_page
+from ._study_page import Switch, deliver, write_page
 
 
 def sensitivity(
@@ -64,11 +64,10 @@ def sensitivity(
     from ..study import sensitivity as run
 
     machine = load_rig(rig)
-    with kept(None):
-        found = run(
-            machine, _drive(speed, torque, machine.size), metric, parameters=parameter or None,
-            duration=duration, rate=rate, model=model, check=check,
-        )  # fmt: skip
+    found = run(
+        machine, _drive(speed, torque, machine.size), metric, parameters=parameter or None,
+        duration=duration, rate=rate, model=model, check=check,
+    )  # fmt: skip
     deliver(
         found,
         out,

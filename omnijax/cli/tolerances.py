@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from ._options import Json
-from ._study_page import deliver, kept, write_page
+from ._study_page import deliver, write_page
 
 
 def tolerances(
@@ -40,8 +40,7 @@ def tolerances(
     if draws < 64:
         raise InputError(f"`draws` must be at least 64, but is {draws}.")
     asked = load_study(study)
-    with kept(None):
-        found = run(asked, draws=draws)
+    found = run(asked, draws=draws)
     deliver(found, out, report, lambda folder: _page(folder, found, asked), json, _plain(found))
     return 0 if found.confirmed else 1
 

@@ -45,7 +45,7 @@ def design(
     drawn = Adam(asked.stochastic, seed=asked.seed) if asked.stochastic else None
     ends = engine.all_ends(asked.batch, store, report, drawn)
     found = make_design(problem, ends)
-    notes = [*_start_note(engine), *_notes(asked, cases, found)]
+    notes = [*start_note(engine), *_notes(asked, cases, found)]
     return dataclasses.replace(found, notes=tuple(notes))
 
 
@@ -70,7 +70,7 @@ def before(study: Study) -> np.ndarray | None:
     return np.array(values)
 
 
-def _start_note(engine: Engine) -> list[str]:
+def start_note(engine: Engine) -> list[str]:
     """That the start which the user gave meets not all constraints, where that is so."""
     problem = engine.problem
     if all(v.start is None for v in problem.variables):

@@ -44,6 +44,8 @@ class SpeedSensitivity(NamedTuple):
 
     def plot_speeds(self, parameter: str, ax: Any = None) -> Any:
         """One parameter's part in every metric over the speed of the fastest wheel."""
+        from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
         from ._sensitivity_plot import new_axes
 
         ax = new_axes(ax)
@@ -52,6 +54,9 @@ class SpeedSensitivity(NamedTuple):
             ax.plot(fastest, self.of(metric, parameter), label=metric)
         ax.axhline(0, color="#57606a", linewidth=0.8)
         ax.set_xscale("log")
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        ax.xaxis.set_minor_formatter(NullFormatter())
         ax.set_xlabel("speed of the fastest wheel (rad/s)")
         ax.set_ylabel(f"% per % of {parameter}")
         ax.legend()
