@@ -49,11 +49,11 @@ def drifting(column: int, rate: float):
 
 
 def late(group: slice, delay: float):
-    """A group that arrives `delay` s late."""
+    """A group that arrives `delay` s late: whole samples, since nothing is known in between."""
 
     def sensor(t, out):
-        for c in range(group.start, group.stop):
-            out[:, c] = np.interp(t - delay, t, out[:, c])
+        k = round(delay * plant.RATE)
+        out[:, group] = np.concatenate([out[:1, group].repeat(k, axis=0), out[:-k, group]])
         return out
 
     return sensor
@@ -127,8 +127,8 @@ SINGLES = {
     "sensor-gain": _one("sensor-gain", "dR", gained(slice(0, 3), 0.05),
                         {("sensor-gain", "g"): 0.05}),
     "sensor-drift": _one("sensor-drift", "dR_z", drifting(2, 2e-6), {("sensor-drift", "b"): 2e-6}),
-    "sensor-delay": _one("sensor-delay", "a", late(slice(9, 12), 0.003),
-                         {("sensor-delay", "delay"): 0.003}),
+    "sensor-delay": _one("sensor-delay", "a", late(slice(9, 12), 0.004),
+                         {("sensor-delay", "delay"): 0.004}),
     "crosstalk": _one("sensor-crosstalk", "dR", crossed(0, 2, 0.08),
                       {("sensor-crosstalk", "X_xz"): 0.08}),
 }  # fmt: skip
