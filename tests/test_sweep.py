@@ -25,7 +25,7 @@ AXIS = read_axis("sphere.mass", "5,6", "kg")
 
 def test_steady_sweep_is_the_steady_state_of_each_design():
     result = sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
-    assert result.spec.path == "steady" and result["peak"].shape == (4, 5)
+    assert result.spec.path == "steady-bulk" and result["peak"].shape == (4, 5)
     rig = set_parameter(load_rig("atlas"), "wheel.roundness", 0.6)
     rig = set_parameter(rig, "contact.stiffness", 1e6)
     alone = steady_metrics(rig, SPEEDS, ("peak", "rms"))
@@ -106,7 +106,7 @@ def test_path_follows_from_rig_and_drive():
         )[0]["path"]
 
     constant, moving = speeds(SPEEDS), speeds(ramp(0, 1, (0, 0, 0), SPEEDS))
-    assert path(rig, constant, None) == "steady"
+    assert path(rig, constant, None) == "steady-bulk"
     assert path(rig, constant, 2.0) == "bulk"
     assert path(rig, constant, 2.0, ("slip_margin",)) == "propagation"
     assert path(load_rig("atlas-tripod"), constant, 2.0) == "propagation"
@@ -187,7 +187,7 @@ def test_command_prints_what_a_machine_reads(capsys, tmp_path):
         words += ["--vary", f"{path}={text}"]
     assert run([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["designs"] == 20 and found["path"] == "steady" and found["status"] == {"ok": 20}
+    assert found["designs"] == 20 and found["path"] == "steady-bulk" and found["status"] == {"ok": 20}
     assert found["best"]["peak"]["unit"] == "m" and picture.stat().st_size > 1000
     assert run([*words]) == 0
     assert "20 designs by steady state" in capsys.readouterr().out

@@ -22,7 +22,8 @@ from ._sweep_spec import SweepSpec
 from ._sweep_target import apply
 
 # designs at a time where memory allows
-BATCH = {"steady": 64, "bulk": 2048, "propagation": 32, "full": 32}
+BATCH = {"steady": 64, "bulk": 2048, "steady-bulk": 2048, "propagation": 32, "full": 32}
+BULK = ("bulk", "steady-bulk")
 BATCHES_A_CHUNK = 8
 CHANNELS = 75  # numbers kept a sample of a run
 SHARE_OF_MEMORY = 0.25
@@ -34,7 +35,7 @@ def batch_size(path: str, samples: int, columns: int, devices: int = 1) -> int:
     A design needs about 8 bytes x samples x channels, once more for each gradient's direction.
     """
     need = 8.0 * max(samples, 1000) * CHANNELS * 2 * (1 + columns)
-    need = 1e5 * (1 + columns) if path == "bulk" else need  # keeps no samples
+    need = 1e5 * (1 + columns) if path in BULK else need  # keeps no samples
     fit = int(SHARE_OF_MEMORY * _free_memory() / need)
     size = 1 << max(min(fit, BATCH[path]), 1).bit_length() - 1
     return max(size, devices)
@@ -78,7 +79,7 @@ def _evaluate(arrays, ts, values, static, settings: Settings, paths, devices: in
 
     def batch(arrays, ts, values):
         rig, drive = eqx.combine(arrays, static)
-        if settings.path == "bulk":
+        if settings.path in BULK:
             return bulk_batch(rig, drive, paths, settings.metrics, values, plan, settings.gradient)
 
         def one(x):
@@ -109,7 +110,6 @@ def _machine(spec: SweepSpec) -> tuple[Rig, Drive]:
 def _bulk_plan(text: str) -> Any:
     """The bulk kernel's plan of a spec (as JSON), the same for every number of designs."""
     spec = SweepSpec.from_json(text)
-    assert spec.duration is not None and spec.rate is not None
     paths = tuple(path for path, _, _ in spec.vary)
     machine = _machine(spec)
     return plan_of(spec.points, *machine, paths, spec.duration, spec.rate, spec.model)
@@ -140,7 +140,7 @@ class Evaluator:
         )
         size = None if spec.samples is None else 1
         shape = dataclasses.replace(spec, samples=size, seed=0, batch=1, chunk=1)
-        self._plan = _bulk_plan(shape.to_json()) if spec.path == "bulk" else None
+        self._plan = _bulk_plan(shape.to_json()) if spec.path in BULK else None
         self._batch = -(-spec.batch // devices) * devices
 
     def designs(self, index: np.ndarray) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Sweeps by the bulk kernel: RMS and peak of many runs at constant speeds, in blocks."""
+"""Sweeps by the bulk kernels: RMS and peak of many runs, or steady states, at constant speeds."""
 
 import itertools
 
@@ -9,23 +9,35 @@ from jaxtyping import Array, Float
 
 from ..rig import Rig
 from ..simulate import SpeedDrive
-from ..simulate.exact import bulk_figures, bulk_gradients, bulk_obstacle, plan_bulk
+from ..simulate.exact import (
+    SteadyPlan,
+    bulk_figures,
+    bulk_gradients,
+    bulk_obstacle,
+    plan_bulk,
+    plan_steady,
+    steady_bulk_obstacle,
+    steady_figures,
+    steady_gradients,
+    steady_margins,
+)
 from ._points import LatinHypercube, PointSet
 from ._sweep_drive import Drive
 from ._sweep_target import apply
 
-METRICS = ("peak", "rms")  # what the kernel gives
+METRICS = ("peak", "rms")  # what the kernels give
+LIFT_OFF, SLIP = 4, 5
 CORNERS, INSIDE = 256, 64  # designs that the kernel's plan is made from
 
 
-def no_bulk(rig: Rig, drive: Drive, model: str, metrics: tuple[str, ...]) -> str | None:
+def no_bulk(rig: Rig, drive: Drive, model: str, metrics, steady: bool = False) -> str | None:
     """Why the bulk kernel does not serve these designs, in words; None where it does."""
     if not isinstance(drive, SpeedDrive) or np.any(np.asarray(drive.force.values)):
         return "the bulk kernel takes given speeds and no force"
     others = [name for name in metrics if name not in METRICS]
     if others:
         return f"the bulk kernel does not give {', '.join(others)}"
-    return bulk_obstacle(rig, model)
+    return (steady_bulk_obstacle if steady else bulk_obstacle)(rig, model)
 
 
 def _row(rig: Rig, drive: SpeedDrive, paths: tuple[str, ...], values):
@@ -36,8 +48,8 @@ def _row(rig: Rig, drive: SpeedDrive, paths: tuple[str, ...], values):
     return rig, moved.speed.values[0], angles
 
 
-def plan_of(points: PointSet, rig: Rig, drive: Drive, paths, duration: float, rate: float, model):
-    """How the kernel cuts time so that every design of `points` fits.
+def plan_of(points: PointSet, rig: Rig, drive: Drive, paths, duration, rate, model):
+    """How the kernel cuts time so that every design of `points` fits; no duration: steady states.
 
     What the cut depends on is monotone in each parameter, so the ranges' corners bound it; designs
     inside say what couples.
@@ -46,7 +58,10 @@ def plan_of(points: PointSet, rig: Rig, drive: Drive, paths, duration: float, ra
     corners = list(itertools.islice(itertools.product(*ends), CORNERS))
     inside = LatinHypercube(tuple(points.axes), INSIDE, 0).at(np.arange(INSIDE))
     rows = np.concatenate([np.array(corners), inside])
-    return plan_bulk(eqx.Partial(_row, rig, drive, paths), rows, duration, 1 / rate, model)
+    make = eqx.Partial(_row, rig, drive, paths)
+    if duration is None:
+        return plan_steady(make, rows, model)
+    return plan_bulk(make, rows, duration, 1 / rate, model)
 
 
 def bulk_batch(
@@ -59,14 +74,26 @@ def bulk_batch(
     slope,
 ):
     """Figures (b, m), gradients (b, m, d) or (b, m, 0) and status (b,) of a batch."""
-    make = eqx.Partial(_row, rig, drive, paths)
+    make, steady = eqx.Partial(_row, rig, drive, paths), isinstance(plan, SteadyPlan)
     if slope:
-        found, slopes = bulk_gradients(make, values, plan, metrics)
+        found, slopes = (
+            steady_gradients(make, values, plan)
+            if steady
+            else bulk_gradients(make, values, plan, metrics)
+        )
         gradients = jnp.stack([slopes[name] for name in metrics], axis=1)
     else:
-        rms, peak = bulk_figures(make, values, plan)
+        rms, peak = (steady_figures if steady else bulk_figures)(make, values, plan)
         found = {"rms": rms, "peak": peak}
         gradients = jnp.zeros((len(values), len(metrics), 0))
     figures = jnp.stack([found[name] for name in metrics], axis=1)
     bad = ~jnp.all(jnp.isfinite(figures), axis=1)
-    return jnp.where(bad[:, None], jnp.nan, figures), gradients, jnp.where(bad, 1, 0)
+    status = jnp.zeros(len(values), int)
+    if steady:
+        status = margin_status(*steady_margins(make, values, plan))
+    return jnp.where(bad[:, None], jnp.nan, figures), gradients, jnp.where(bad, 1, status)
+
+
+def margin_status(normal_force, slip_margin):
+    """Lift-off where a contact is without load, else slip, from the least of both."""
+    return jnp.where(normal_force <= 0, LIFT_OFF, jnp.where(slip_margin < 0, SLIP, 0))

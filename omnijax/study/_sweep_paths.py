@@ -12,10 +12,9 @@ from ..simulate import SpeedDrive, Trajectory, simulate
 from ..simulate.exact import exact_obstacle, propagate
 from ..vibration import METRICS, STEADY_METRICS, evaluate, steady_metrics
 from ._store import FAILED
-from ._sweep_bulk import no_bulk
+from ._sweep_bulk import margin_status, no_bulk
 from ._sweep_drive import Drive
 
-LIFT_OFF, SLIP = 4, 5
 MARGINS = ("lift_off_margin", "slip_margin")
 RTOL, MAX_STEPS = 1e-8, 200_000  # of full simulations
 
@@ -71,7 +70,10 @@ def choose_path(
         reason = f"the steady state does not give {', '.join(missing)}"
     if reason is not None:
         raise InputError(f"this sweep needs a `duration`: {reason}, so there is no steady state.")
-    return "steady", "the speeds are constant and no duration is asked for"
+    against = no_bulk(rig, drive, model, metrics, steady=True)
+    if against is None:
+        return "steady-bulk", "no duration is asked for; the contacts are linear and decoupled"
+    return "steady", f"no duration is asked for; {against}"
 
 
 def figures_of(
@@ -104,18 +106,13 @@ def _steady(settings: Settings, rig: Rig, drive: SpeedDrive):
     speeds, angles = drive.speed.values[0], drive.initial_angle
     names = tuple(dict.fromkeys((*settings.metrics, *MARGINS)))
     found = steady_metrics(rig, speeds, names, model=settings.model, angles=angles)
-    status = _margin_status(*(found[name] for name in MARGINS))
+    status = margin_status(*(found[name] for name in MARGINS))
     return _with_status(jnp.stack([found[name] for name in settings.metrics]), status)
-
-
-def _margin_status(normal_force, slip_margin):
-    """Lift-off where a contact is without load, else slip, from the least of both."""
-    return jnp.where(normal_force <= 0, LIFT_OFF, jnp.where(slip_margin < 0, SLIP, 0))
 
 
 def _margins(run: Trajectory) -> Int[Array, ""]:
     """The run's own status, else lift-off (a contact without load) or slip at a sample."""
-    margin = _margin_status(jnp.min(run.normal_force), jnp.min(run.slip_margin))
+    margin = margin_status(jnp.min(run.normal_force), jnp.min(run.slip_margin))
     return jnp.where(run.status == 0, margin, run.status)
 
 

@@ -11,6 +11,7 @@ from ._points import PointSet, build_points
 
 PATHS = {
     "steady": "steady state (closed form, no time stepping)",
+    "steady-bulk": "steady state in bulk (closed form, figures of the displacement)",
     "propagation": "exact propagation (linear model, prescribed speeds)",
     "bulk": "exact propagation in bulk (linear model, constant speeds, figures at the samples)",
     "full": "full simulation (adaptive time stepping)",

@@ -9,4 +9,10 @@ from ._propagate import propagate as propagate
 from ._propagate import propagation_obstacle as propagation_obstacle
 from ._steady import SteadyState as SteadyState
 from ._steady import steady_state as steady_state
+from ._steady_bulk import SteadyPlan as SteadyPlan
+from ._steady_bulk import plan_steady as plan_steady
+from ._steady_bulk import steady_bulk_obstacle as steady_bulk_obstacle
+from ._steady_bulk import steady_figures as steady_figures
+from ._steady_bulk import steady_gradients as steady_gradients
+from ._steady_bulk import steady_margins as steady_margins
 from ._system import exact_obstacle as exact_obstacle

@@ -17,8 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._contact import Contact, Poles, poles, residues
+from ._contact import Contact, Poles, approach, poles, residues
 from ._ring import Pair, inverse, scaled, sincos, times, turning
+from ._rows import rows_of
 
 CLIP = 500.0  # decay over a block above which a pole acts on the first sample after an edge only
 EDGE = 1e-9  # gaps by which a window looks back, so that rounding loses none
@@ -76,20 +77,20 @@ def modes(design: Design, layout: Layout) -> Modes:
     axis, wheel = np.array(layout.axis), np.array(layout.wheel)
     roots = poles(design.contact)
     row = np.array(layout.sets)[axis]
-    contact = Contact(*(x[row] for x in design.contact))
-    lam = Poles(roots.u[:, row], roots.D[:, row])
-    r = residues(contact, lam, design.own, design.coupling)
+    contact = Contact(*(rows_of(x, row) for x in design.contact))
+    lam = Poles(rows_of(roots.u, row), rows_of(roots.D, row))
+    r = residues(lam, approach(contact, design.own, design.coupling))
     wheels = design.wheel
     moving = wheels.passage > 0
     span = np.pi if layout.half_turn else 2 * np.pi
     rate = jnp.where(moving, span / jnp.where(moving, wheels.passage, 1.0), 1.0)
-    nu, depth = rate[wheel], jnp.where(moving, wheels.depth, 0.0)[wheel]
+    nu, depth = rows_of(rate, wheel), rows_of(jnp.where(moving, wheels.depth, 0.0), wheel)
     root = Pair(lam.u, jnp.ones_like(lam.u))
     square = times(root, root, lam.D)
     q = scaled(depth, times(r, inverse(Pair(square.u + nu**2, square.v), lam.D), lam.D))
     fa, fb = jnp.sum(times(q, root, lam.D).v, axis=0), nu * jnp.sum(q.v, axis=0)
-    inside = (wheels.since < wheels.passage)[wheel]
-    s, c = sincos(nu * wheels.since[wheel])
+    inside = rows_of(wheels.since < wheels.passage, wheel)
+    s, c = sincos(nu * rows_of(wheels.since, wheel))
     particular = times(q, Pair(root.u * s + nu * c, root.v * s), lam.D)
     rho = jnp.where(inside, -depth * s, 0.0)
     still = scaled(-rho, times(r, inverse(root, lam.D), lam.D))  # lambda z + r rho = 0
@@ -351,23 +352,27 @@ def samples(design: Design, layout: Layout, gram=None, tag: bool = True):
 
     The number of its block rides in the last 16 bits of the largest square.
     """
-    m = modes(design, layout)
+    return samples_of(modes(design, layout), design.wheel, layout, gram, tag)
+
+
+def samples_of(m: Modes, wheel: Wheel, layout: Layout, gram=None, tag: bool = True):
+    """`samples` of designs whose modes are known."""
     follow = _follow(m.roots, layout)
     waves = _waves(m.rate, layout)
     j = np.array(layout.wheel)
-    inside = (design.wheel.since < design.wheel.passage)[j]
-    s, c = sincos((m.rate * design.wheel.since)[j])
+    inside = (wheel.since < wheel.passage)[j]
+    s, c = sincos((m.rate * wheel.since)[j])
     fa, fb = m.forced
     forced = (
         jnp.where(inside, fa * s + fb * c, 0.0),
         jnp.where(inside, fa * c - fb * s, 0.0),
     )
-    size = design.wheel.depth.shape[-1]
+    size = wheel.depth.shape[-1]
     total = jnp.zeros((layout.length, size), complex)
 
     def window(carry, number):
         free, forced, total = carry
-        edges = _window_edges(m, follow, layout, design.wheel, number)
+        edges = _window_edges(m, follow, layout, wheel, number)
         begin, before = (free, forced), jnp.full(size, -1.0)
         empty = jax.tree.map(
             lambda x: jnp.zeros(x.shape), jax.eval_shape(lambda: _pick(before, edges, layout))

@@ -18,7 +18,9 @@ from jaxtyping import Array, Float
 
 from ._bulk import Design, Layout, Modes, Wheel, modes, onto_directions
 from ._contact import Poles
+from ._product import Product, form, product_inverse
 from ._ring import Pair, inverse, plus, scaled, stored_exponential, stored_sincos, times
+from ._rows import rows_of
 from ._stage import stage
 
 LEAST_DECAY = 1e-9  # of the pole's size, where the sum of squares of an undamped mode would diverge
@@ -30,6 +32,7 @@ class Orbit(NamedTuple):
     gap: Pair  # (2, p, c): free state at the gap's start
     roller: Pair  # (2, p, c): at the gap's end
     rest: Pair  # (2, a, c): decays from the run's start
+    through: Pair  # (2, 2, p, c): exponentials over the gap, and from its end to the next one
     lam: Poles  # (2, p, c)
     roots: Poles  # (2, a, c)
     forced: tuple[Array, Array]  # (p, c)
@@ -44,7 +47,8 @@ def _exponential(lam: Poles, t) -> Pair:
 def _orbit_of(J: Pair, initial: Pair, lam: Poles, E: Pair, wheel: Wheel, layout: Layout):
     """gap = J (f E(P - tau) - 1)/(1 - E(P)), roller = J (f - E(tau))/(1 - E(P)), f = cos(span)."""
     fall = -1.0 if layout.half_turn else 1.0
-    whole, over, through, since = (Pair(E.u[i], E.v[i]) for i in range(4))
+    through, over, since = (Pair(E.u[i], E.v[i]) for i in range(3))
+    whole = times(through, over, lam.D)
     factor = times(J, inverse(Pair(1 - whole.u, -whole.v), lam.D), lam.D)
     gap = times(factor, Pair(fall * over.u - 1, fall * over.v), lam.D)
     roller = times(factor, Pair(fall - through.u, -through.v), lam.D)
@@ -54,24 +58,30 @@ def _orbit_of(J: Pair, initial: Pair, lam: Poles, E: Pair, wheel: Wheel, layout:
     return gap, roller, plus(initial, scaled(-1.0, local))
 
 
-def orbit(design: Design, layout: Layout) -> Orbit:
+def stored_modes(design: Design, layout: Layout) -> Modes:
+    """`modes`, computed once and stored."""
+    return stage(lambda d: modes(d, layout))(design)
+
+
+def orbit(m: Modes, wheel: Wheel, layout: Layout) -> Orbit:
     """The closed form that holds for all times."""
-    m: Modes = stage(lambda d: modes(d, layout))(design)
     pair, sets = np.array(layout.wheel), np.array(layout.sets)
     row = sets[np.array(layout.axis)]
-    lam = Poles(m.roots.u[:, row], m.roots.D[:, row])
-    wheel = Wheel(*(x[pair] for x in design.wheel))
+    roots = m.roots._replace(u=jnp.minimum(m.roots.u, -LEAST_DECAY * jnp.sqrt(jnp.abs(m.roots.D))))
+    lam = Poles(rows_of(roots.u, row), rows_of(roots.D, row))
+    wheel = Wheel(*(rows_of(x, pair) for x in wheel))
     inside = wheel.since < wheel.passage
     since = jnp.where(inside, wheel.since, wheel.since - wheel.passage)
-    when = jnp.stack([wheel.period, wheel.period - wheel.passage, wheel.passage, since])
+    when = jnp.stack([wheel.passage, wheel.period - wheel.passage, since])
     E = _exponential(lam, when[:, None])
 
     def states(J: Pair, initial: Pair, lam: Poles, E: Pair, wheel: Wheel):
         return _orbit_of(J, initial, lam, E, wheel, layout)
 
     gap, roller, rest = stage(states)(m.J, m.initial, lam, E, wheel)
-    roots = Poles(m.roots.u[:, sets], m.roots.D[:, sets])
-    return Orbit(gap, roller, rest, lam, roots, m.forced, m.rate[pair], wheel)
+    roots = Poles(rows_of(roots.u, sets), rows_of(roots.D, sets))
+    through = Pair(E.u[:2], E.v[:2])
+    return Orbit(gap, roller, rest, through, lam, roots, m.forced, rows_of(m.rate, pair), wheel)
 
 
 def square_at(o: Orbit, layout: Layout, time, gram=None):
@@ -98,24 +108,10 @@ def square_at(o: Orbit, layout: Layout, time, gram=None):
     return total(o, E, late, s, c, inside, gram)
 
 
-class Product(NamedTuple):
-    """A number p + q j with p, q in the first pair's numbers and j the second pair's unit."""
-
-    p: Pair
-    q: Pair
-
-
 def _kernel(E: Pair, D, F: Pair, G) -> Product:
     """1/(1 - E F) for E over D and F over G."""
     p, q = Pair(1 - E.u * F.u, -E.v * F.u), Pair(-E.u * F.v, -E.v * F.v)
-    square, cross = times(p, p, D), times(q, q, D)
-    below = inverse(Pair(square.u - G * cross.u, square.v - G * cross.v), D)
-    return Product(times(p, below, D), scaled(-1.0, times(q, below, D)))
-
-
-def _form(a: Pair, b: Pair, K: Product):
-    """Output of a b K: the coefficient of both units."""
-    return a.u * b.u * K.q.v + a.v * b.u * K.q.u + a.u * b.v * K.p.v + a.v * b.v * K.p.u
+    return product_inverse(p, q, D, G)
 
 
 def _at(z: Pair, mode: int) -> Pair:
@@ -129,79 +125,155 @@ def _kernels(lam: Poles, step: Pair, wave: Pair, rate):
     return own, [_kernel(E[i], D[i], wave, G) for i in (0, 1)]
 
 
-class Ends(NamedTuple):
-    """Where the spans of gaps and rollers begin and end; (g, c), g the gaps of all wheels."""
+class Edges(NamedTuple):
+    """Where gaps begin and end on the samples; g the gaps of all wheels, two edges each."""
 
-    number: Float[Array, "3 g c"]  # first sample after: gap's start, its end, the next gap's start
-    into: Float[Array, "4 g c"]  # s since the span began: gap's two ends, roller's two ends
+    number: Float[Array, "2 g c"]  # first sample after the edge
+    time: Float[Array, "2 g c"]  # s
+    counts: Array  # (2, g, c): whether the edge lies in the run
 
 
-def _ends(wheel: Wheel, which: np.ndarray, count: np.ndarray, layout: Layout) -> Ends:
+def _edges(wheel: Wheel, which: np.ndarray, count: np.ndarray, layout: Layout) -> Edges:
     P, tau, since = (x[which] for x in (wheel.period, wheel.passage, wheel.since))
     enter = jnp.asarray(count, float)[:, None] * P - since
-    edges = jnp.stack([enter, enter + tau, enter + P])
-    number = jnp.ceil(jax.lax.stop_gradient(edges) / layout.step) - 1
-    number = jnp.clip(number, 0.0, layout.samples)
-    time = (number + 1) * layout.step
-    gap, roller = number[1] > number[0], number[2] > number[1]
-    into = [
-        jnp.where(filled, time[i] - edges[k], 0.0)
-        for filled, i, k in ((gap, 0, 0), (gap, 1, 0), (roller, 1, 1), (roller, 2, 1))
+    time = jnp.stack([enter, enter + tau])
+    number = jnp.ceil(jax.lax.stop_gradient(time) / layout.step) - 1
+    counts = (jax.lax.stop_gradient(time) > 0) & (number < layout.samples)
+    return Edges(jnp.clip(number, 0.0, layout.samples), time, counts)
+
+
+class Ends(NamedTuple):
+    """Both ends of the run: in a gap or not, and since when; (2, j, c)."""
+
+    inside: Array
+    since: Array  # s since the last edge, at the first sample and at the one after the last
+    time: Array  # s since the start, the same
+
+
+def _ends(wheel: Wheel, edges: Edges, gaps: tuple[int, ...], layout: Layout) -> Ends:
+    """The run's ends, from the last edge before each of them."""
+    first = np.cumsum((0, *gaps[:-1]))
+    before = [-wheel.since, wheel.passage - wheel.since]
+    before[1] = jnp.where(before[1] > 0, before[1] - wheel.period, before[1])
+    last = [
+        jnp.stack(
+            [
+                _latest(edges, kind, g, n, early[j])
+                for j, (g, n) in enumerate(zip(first, gaps, strict=True))
+            ]
+        )
+        for kind, early in enumerate(before)
     ]
-    return Ends(number, jnp.stack(into))
+    times = jnp.stack(
+        [jnp.full_like(wheel.period, (n + 1) * layout.step) for n in (0, layout.samples)]
+    )
+    edge = [jnp.stack([a, b]) for a, b in zip(before, last, strict=True)]  # kind: (2, j, c)
+    inside = jax.lax.stop_gradient(edge[0]) >= jax.lax.stop_gradient(edge[1])
+    return Ends(inside, times - jnp.where(inside, edge[0], edge[1]), times)
+
+
+def _latest(edges: Edges, kind: int, start: int, count: int, early):
+    """Time of the last edge of one kind and wheel in the run; `early` where none is."""
+    rows = slice(start, start + count)
+    times = jnp.where(edges.counts[kind, rows], edges.time[kind, rows], -jnp.inf)
+    return jnp.maximum(jnp.max(times, axis=0), early)
+
+
+class Sums(NamedTuple):
+    """Kernels of one wheel's sums over samples, and its forced sinusoid."""
+
+    own: list  # of each two modes
+    mixed: list  # of each mode and the sinusoid
+    fa: Array
+    fb: Array
+    rate: Array
+    s: Array  # sine and cosine of rate h
+    c: Array
 
 
 def mean_square(o: Orbit, layout: Layout, gaps: tuple[int, ...]):
     """Mean of |dR|^2 over the samples, (c,); every direction has its own wheel (no coupling).
 
-    `gaps` is the number of gaps of each wheel that the samples can see.
+    Between edges the sum is a quadratic form at the span's start less that at its end, so in all
+    what each edge changes in the form, and the form at the run's ends.  `gaps` is the number of
+    gaps of each wheel that the samples can see.
     """
-    h = layout.step
-    least = -LEAST_DECAY * jnp.sqrt(jnp.abs(o.lam.D))
-    lam = Poles(jnp.minimum(o.lam.u, least), o.lam.D)
+    h, lam = layout.step, o.lam
     s, c = stored_sincos(o.rate * h)
     own, mixed = stage(_kernels)(lam, _exponential(lam, h), Pair(c, s / o.rate), o.rate)
+    sums = Sums(own, mixed, *o.forced, o.rate, s, c)
     which = np.repeat(np.arange(len(gaps)), gaps)
-    ends = _ends(o.wheel, which, np.concatenate([np.arange(n) for n in gaps]), layout)
+    edges = _edges(o.wheel, which, np.concatenate([np.arange(n) for n in gaps]), layout)
     many = Poles(lam.u[:, which], lam.D[:, which])
-    late = _exponential(many, (ends.number[:, None] + 1) * h)
-    E = _exponential(many, ends.into[:, None])
-    waves = stored_sincos(o.rate[which] * ends.into[:2])
+    into = jnp.where(edges.counts, (edges.number + 1) * h - edges.time, 0.0)
+    near = _exponential(many, into[:, None])
+    late = _exponential(many, jnp.where(edges.counts, edges.time + into, 0.0)[:, None])
+    waves = stored_sincos(o.rate[which] * into)
+    ends = _ends(o.wheel, edges, gaps, layout)
+    start, stop = (_exponential(lam, x[:, None]) for x in (ends.since, ends.time))
+    turns = stored_sincos(o.rate * ends.since)
+    fall = -1.0 if layout.half_turn else 1.0
+    states = (o.gap, o.roller, o.rest)
+    total = stage(lambda *args: _edge_sum(*args, which, fall))(
+        states, lam, sums, o.through, edges, near, late, waves
+    )
+    total = total + stage(_end_sum)(states, lam, sums, ends, start, stop, turns)
+    return total / layout.samples
 
-    def pick(x):
-        return jax.tree.map(lambda v: v[..., which, :], x)
 
-    args = (pick((o.gap, o.roller, o.rest)), many, pick((own, mixed)), pick(o.forced))
-    tails = (o.rate[which], late, E, waves, ends.number, pick((s, c)))
-    return stage(_sum_of_spans)(*args, *tails) / layout.samples
+def _free_form(z: Pair, own):
+    a, b = _at(z, 0), _at(z, 1)
+    return form(a, a, own[0]) + 2 * form(a, b, own[1]) + form(b, b, own[2])
 
 
-def _sum_of_spans(states, lam: Poles, kernels, forced, rate, late, E, waves, number, turn):
-    """Sum of x_k^2 over all spans: the quadratic form at each span's start less that at its end."""
-    (gap, roller, rest), (own, mixed), (fa, fb), (s, c) = states, kernels, forced, turn
-    filled = (number[1] > number[0], number[2] > number[1])
+def _wave_form(z: Pair, sums: Sums, S, C, number):
+    """The part of the form that the sinusoid adds, S and C its phase's at the sample `number`."""
+    fa, fb, s, c = sums.fa, sums.fb, sums.s, sums.c
+    f = Pair(sums.rate * (fa * C - fb * S), fa * S + fb * C)
+    cross = 2 * (form(_at(z, 0), f, sums.mixed[0]) + form(_at(z, 1), f, sums.mixed[1]))
+    # sums of cos(2 phi), sin(2 phi) over samples telescope with phi shifted half a step
+    double_s, double_c = 2 * S * C, C * C - S * S
+    low_s, low_c = double_s * c - double_c * s, double_c * c + double_s * s
+    below = jnp.where(jnp.abs(s) > 1e-12, 2 * s, 1.0)
+    square = (0.5 * (fb**2 - fa**2) * low_s - fa * fb * low_c) / below
+    return cross - square - 0.5 * number * (fa**2 + fb**2)
 
-    def free(start: Pair, k: int, edge: int) -> Pair:
-        near = times(start, Pair(E.u[k], E.v[k]), lam.D)
-        return plus(near, times(rest, Pair(late.u[edge], late.v[edge]), lam.D))
 
-    def form(z: Pair):
-        a, b = _at(z, 0), _at(z, 1)
-        return _form(a, a, own[0]) + 2 * _form(a, b, own[1]) + _form(b, b, own[2])
+def _edge_sum(
+    states, lam: Poles, sums: Sums, through, edges: Edges, near, late, waves, which, fall
+):
+    """What the edges change in the form: the form after each less the form before it."""
+    gap, roller, rest = states
+    ended = [times(z, Pair(through.u[i], through.v[i]), lam.D) for i, z in enumerate((gap, roller))]
+    gap, roller, left, rolled, rest, lam, sums = jax.tree.map(
+        lambda v: v[..., which, :], (gap, roller, *ended, rest, lam, sums)
+    )
 
-    def with_wave(z: Pair, k: int):
-        S, C = waves[0][k], waves[1][k]
-        f = Pair(rate * (fa * C - fb * S), fa * S + fb * C)
-        cross = 2 * (_form(_at(z, 0), f, mixed[0]) + _form(_at(z, 1), f, mixed[1]))
-        # sums of cos(2 phi), sin(2 phi) over samples telescope with phi shifted half a step
-        double_s, double_c = 2 * S * C, C * C - S * S
-        low_s, low_c = double_s * c - double_c * s, double_c * c + double_s * s
-        below = jnp.where(jnp.abs(s) > 1e-12, 2 * s, 1.0)
-        return cross - (0.5 * (fb**2 - fa**2) * low_s - fa * fb * low_c) / below
+    def free(start: Pair, k: int) -> Pair:
+        z = times(start, Pair(near.u[k], near.v[k]), lam.D)
+        return plus(z, times(rest, Pair(late.u[k], late.v[k]), lam.D))
 
-    begin, end = free(gap, 0, 0), free(gap, 1, 1)
-    over = form(begin) + with_wave(begin, 0) - form(end) - with_wave(end, 1)
-    over = over + 0.5 * (number[1] - number[0]) * (fa**2 + fb**2)
-    flat = form(free(roller, 2, 1)) - form(free(roller, 3, 2))
-    total = jnp.where(filled[0], over, 0.0) + jnp.where(filled[1], flat, 0.0)
+    after, before = free(gap, 0), free(rolled, 0)
+    enter = _free_form(after, sums.own) - _free_form(before, sums.own)
+    enter = enter + _wave_form(after, sums, waves[0][0], waves[1][0], edges.number[0])
+    after, before = free(roller, 1), free(left, 1)
+    leave = _free_form(after, sums.own) - _free_form(before, sums.own)
+    wave = fall * waves[0][1], fall * waves[1][1]
+    leave = leave - _wave_form(before, sums, *wave, edges.number[1])
+    total = jnp.where(edges.counts[0], enter, 0.0) + jnp.where(edges.counts[1], leave, 0.0)
+    return jnp.sum(total, axis=0)
+
+
+def _end_sum(states, lam: Poles, sums: Sums, ends: Ends, start, stop, turns):
+    """The form at the run's first sample less that at the sample after its last."""
+    gap, roller, rest = states
+    total = 0.0
+    for k, sign in ((0, 1.0), (1, -1.0)):
+        inside = ends.inside[k]
+        begin = Pair(*(jnp.where(inside, a, b) for a, b in zip(gap, roller, strict=True)))
+        z = times(begin, Pair(start.u[k], start.v[k]), lam.D)
+        z = plus(z, times(rest, Pair(stop.u[k], stop.v[k]), lam.D))
+        number = jnp.round(ends.time[k] / ends.time[0]) - 1
+        wave = _wave_form(z, sums, turns[0][k], turns[1][k], number)
+        total = total + sign * (_free_form(z, sums.own) + jnp.where(inside, wave, 0.0))
     return jnp.sum(total, axis=0)

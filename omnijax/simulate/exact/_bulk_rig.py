@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 
 from ...laws import GatedSine, HalfSine
 from ...rig import Rig
-from ._bulk import CLIP, EDGE, Design, Layout, Wheel, samples
-from ._bulk_gradient import mean_square, orbit, square_at
+from ._bulk import CLIP, EDGE, Design, Layout, Wheel, samples, samples_of
+from ._bulk_gradient import mean_square, orbit, square_at, stored_modes
 from ._contact import Contact
 from ._system import drive_gain, exact_obstacle
 
@@ -26,25 +26,33 @@ Make = Callable[[Any], tuple[Rig, Float[Array, " n"], Float[Array, " n"]]]
 
 def bulk_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     """Why the bulk kernel does not take this rig, in words; None where it does."""
-    reason = exact_obstacle(rig, model)
+    reason = contact_obstacle(rig, model)
     if reason is not None:
         return reason
     kinds = {type(profile) for profile in rig.profiles}
     if len(kinds) > 1 or not kinds <= {GatedSine, HalfSine}:
         return "the bulk kernel takes wheels of one profile, gated-sine or half-sine"
+    return None
+
+
+def contact_obstacle(rig: Rig, model: str) -> str | None:
+    """Why the rig's contacts have no closed form one by one, in words; None where they do."""
+    reason = exact_obstacle(rig, model)
+    if reason is not None:
+        return reason
     if any(placed.law.port in {"shape", "contact", "platform"} for placed in rig.effects):
         return "the bulk kernel takes no further laws at shapes, contacts and the platform"
-    if model == "coupled" and not (rig.size == 3 and _orthonormal(rig)):
+    if model == "coupled" and not (rig.size == 3 and orthonormal(rig)):
         return "the contacts couple: their normals are not three orthogonal directions"
     return None
 
 
-def _orthonormal(rig: Rig) -> bool:
+def orthonormal(rig: Rig) -> bool:
     normal = np.asarray(rig.wheels.normal)
     return bool(np.allclose(normal @ normal.T, np.eye(rig.size), atol=1e-12))
 
 
-def _contacts(rig: Rig, model: str) -> Contact:
+def contacts_of(rig: Rig, model: str) -> Contact:
     wheels, n = rig.wheels, rig.size
     behind = rig.platform.mass + jnp.sum(wheels.mass) - wheels.mass
     return Contact(
@@ -85,14 +93,19 @@ def _off_edges(place, gaps):
 
 def design_of(rig: Rig, speeds, angles, model: str, layout: Layout) -> Design:
     """Arrays of one design (no batch axis)."""
+    contact, own, coupling = links_of(rig, speeds, model, layout)
+    return Design(contact, _passages(rig, speeds, angles), own, coupling)
+
+
+def links_of(rig: Rig, speeds, model: str, layout) -> tuple[Contact, Array, Array]:
+    """Contacts by sets of parameters, and what each pair of `layout` is: own, and coupling."""
     axis, wheel = np.array(layout.axis), np.array(layout.wheel)
     coupling = jnp.zeros((rig.size, rig.size))
     if model == "coupled":
         coupling = rig.wheels.normal @ rig.wheels.drive.T @ drive_gain(rig, speeds)
     rows = [layout.sets.index(s) for s in range(max(layout.sets) + 1)]
-    contact = Contact(*(x[np.array(rows)] for x in _contacts(rig, model)))
-    own = jnp.asarray(np.where(axis == wheel, 1.0, 0.0))
-    return Design(contact, _passages(rig, speeds, angles), own, coupling[axis, wheel])
+    contact = Contact(*(x[np.array(rows)] for x in contacts_of(rig, model)))
+    return contact, jnp.asarray(np.where(axis == wheel, 1.0, 0.0)), coupling[axis, wheel]
 
 
 class Bulk(NamedTuple):
@@ -117,7 +130,9 @@ def plan_bulk(
     if reason is not None:
         raise ValueError(f"no bulk propagation: {reason}.")
     n = rig.size
-    full = Layout(*_pairs(n, model), n, tuple(range(n)), False, step, 1, 1, 1, 1, (1,) * n, 1, True)
+    full = Layout(
+        *all_pairs(n, model), n, tuple(range(n)), False, step, 1, 1, 1, 1, (1,) * n, 1, True
+    )
     look = jax.jit(jax.vmap(lambda x: design_of(*make(x), model, full)))
     found = [
         jax.tree.map(np.asarray, look(jnp.asarray(values[i : i + stride])))
@@ -127,7 +142,7 @@ def plan_bulk(
     return _cut(rig, designs, round(duration / step), step, model)
 
 
-def _pairs(n: int, model: str) -> tuple[tuple[int, ...], tuple[int, ...]]:
+def all_pairs(n: int, model: str) -> tuple[tuple[int, ...], tuple[int, ...]]:
     if model == "paper":
         return tuple(range(n)), tuple(range(n))
     return tuple(a for a in range(n) for _ in range(n)), tuple(range(n)) * n
@@ -135,7 +150,7 @@ def _pairs(n: int, model: str) -> tuple[tuple[int, ...], tuple[int, ...]]:
 
 def _cut(rig: Rig, designs: Design, count: int, step: float, model: str) -> Bulk:
     wheel, n = designs.wheel, rig.size
-    axis, turning = _pairs(n, model)
+    axis, turning = all_pairs(n, model)
     needed = np.abs(np.concatenate([designs.own + designs.coupling * 0, designs.coupling])).max(0)
     used = [p for p in range(len(axis)) if needed[p] > 1e-14 or axis[p] == turning[p]]
     moving = (wheel.depth != 0) & (wheel.passage > 0)
@@ -174,7 +189,7 @@ def _cut(rig: Rig, designs: Design, count: int, step: float, model: str) -> Bulk
         slots,
         bool(fastest.max() * length * step > CLIP),
     )
-    gram = None if _orthonormal(rig) else np.asarray(rig.wheels.normal @ rig.wheels.normal.T)
+    gram = None if orthonormal(rig) else np.asarray(rig.wheels.normal @ rig.wheels.normal.T)
     return Bulk(layout, model, gaps(count * step), gram)
 
 
@@ -183,7 +198,7 @@ def _blocks(span: float, step: float) -> int:
     return int(min(LENGTH, math.ceil(span / step) - 1)) if np.isfinite(span) else LENGTH
 
 
-def _lanes(values, width: int):
+def lanes(values, width: int):
     """Rows in groups of `width`, the last one filled up with the last row; (groups, width, d)."""
     groups = -(-len(values) // width)
     filled = jnp.concatenate([values, jnp.repeat(values[-1:], groups * width - len(values), 0)])
@@ -194,7 +209,7 @@ def _designs(make: Make, plan: Bulk, rows) -> Design:
     return jax.vmap(lambda x: design_of(*make(x), plan.model, plan.layout), out_axes=-1)(rows)
 
 
-def _root(x):
+def root_of(x):
     return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
 
 
@@ -204,9 +219,9 @@ def bulk_figures(make: Make, values: Float[Array, "B d"], plan: Bulk):
 
     def some(rows):
         total, best, _ = samples(_designs(make, plan, rows), plan.layout, plan.gram, tag=False)
-        return _root(total / plan.layout.samples), _root(best)
+        return root_of(total / plan.layout.samples), root_of(best)
 
-    rms, peak = jax.lax.map(some, _lanes(values, LANES))
+    rms, peak = jax.lax.map(some, lanes(values, LANES))
     return rms.reshape(-1)[: len(values)], peak.reshape(-1)[: len(values)]
 
 
@@ -218,44 +233,42 @@ def bulk_gradients(make: Make, values: Float[Array, "B d"], plan: Bulk, metrics=
     other's directions have no closed RMS; there the loop itself is differentiated.
     """
     layout, count = plan.layout, len(values)
-    groups = _lanes(values, LANES)
-
-    def locate(rows):
-        total, _, number = samples(_designs(make, plan, rows), layout, plan.gram)
-        return total, number.astype(float)
-
-    total, number = jax.lax.map(locate, groups)
     closed = layout.axis == tuple(range(layout.directions)) and plan.gram is None
 
-    def slopes(group):
-        rows, number = group
+    def some(rows):
         design, pull = jax.vjp(lambda x: _designs(make, plan, x), rows)
-        whole, back = jax.vjp(lambda d: orbit(d, layout), design)
-        found = {}
+        m, back = jax.vjp(lambda d: stored_modes(d, layout), design)
+        whole, out = jax.vjp(lambda m, wheel: orbit(m, wheel, layout), m, design.wheel)
+        total, _, number = samples_of(m, design.wheel, layout, plan.gram, "peak" in metrics)
+
+        def from_orbit(bar):
+            modes_bar, wheel_bar = out(bar)
+            bar = back(modes_bar)[0]
+            return pull(bar._replace(wheel=jax.tree.map(jnp.add, bar.wheel, wheel_bar)))[0]
+
+        found = {"rms": total / layout.samples}
+        slopes = {}
         if "peak" in metrics:
-            time = (number + 1) * layout.step
-            top, down = jax.vjp(lambda o: square_at(o, layout, time, plan.gram), whole)
-            found["peak"] = (_root(top), pull(back(down(_half_root(top))[0])[0])[0])
+            time = (number.astype(float) + 1) * layout.step
+            found["peak"], down = jax.vjp(lambda o: square_at(o, layout, time, plan.gram), whole)
+            slopes["peak"] = from_orbit(down(half_root(found["peak"]))[0])
         if "rms" in metrics and closed:
             mean, down = jax.vjp(lambda o: mean_square(o, layout, plan.gaps), whole)
-            found["rms"] = (_root(mean), pull(back(down(_half_root(mean))[0])[0])[0])
+            slopes["rms"] = from_orbit(down(half_root(mean))[0])
         elif "rms" in metrics:
 
             def mean_of(d):
                 return samples(d, layout, plan.gram, tag=False)[0] / layout.samples
 
             mean, down = jax.vjp(mean_of, design)
-            found["rms"] = (_root(mean), pull(down(_half_root(mean))[0])[0])
-        return found
+            slopes["rms"] = pull(down(half_root(mean))[0])[0]
+        return {name: (root_of(found[name]), slopes[name]) for name in metrics}
 
-    found = jax.lax.map(slopes, (groups, number))
+    found = jax.lax.map(some, lanes(values, LANES))
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], found)
-    values_of = {name: flat[name][0] for name in flat}
-    if "rms" in values_of:
-        values_of["rms"] = _root(total / layout.samples).reshape(-1)[:count]
-    return values_of, {name: flat[name][1] for name in flat}
+    return {name: flat[name][0] for name in flat}, {name: flat[name][1] for name in flat}
 
 
-def _half_root(x):
+def half_root(x):
     """d sqrt(x)/dx, zero where nothing moves."""
     return jnp.where(x > 0, 0.5 / jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)

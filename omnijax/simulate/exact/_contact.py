@@ -3,7 +3,8 @@
 In the direction of one normal, with a = 1/M_s, b = 1/m, g = 1/M_p (M_p the platform's mass there;
 g = 0 in the `paper` variant), kappa = K + C s, sigma = k + c s and h = ab + ag + bg,
 
-    x/rho   = kappa (a s^2 + h sigma)/q          x/force = ((a + g) s^2 + h (kappa + sigma))/q
+    x/rho     = kappa (a s^2 + h sigma)/q        x/force     = ((a + g) s^2 + h (kappa + sigma))/q
+    Delta/rho = -kappa (b s^2 + h K')/q          Delta/force = (g s^2 + h kappa)/q
     q(s)    = s^4 + a3 s^3 + a2 s^2 + a1 s + a0 = (s^2 + b1 s + c1)(s^2 + b2 s + c2)
 
 Batch last everywhere.
@@ -84,19 +85,29 @@ def poles(p: Contact) -> Poles:
     return Poles(-b / 2, b * b / 4 - c)
 
 
-def residues(p: Contact, roots: Poles, own, coupling) -> Pair:
-    """N(lambda)/q_other(lambda): weights of the shape in each pair, (2, pairs, c).
-
-    `own` is 1 where the shape is the contact's own; `coupling` the drive force per drho/dt.
-    """
+def approach(p: Contact, own, coupling) -> list:
+    """Numerator of x: `own` is 1 where the shape is the contact's own, `coupling` the drive force
+    along the direction per drho/dt."""
     _, _, _, _, h = _quartic(p)
     a, g = p.sphere, p.platform
     K, C, k, c = p.stiffness, p.damping, p.mount, p.mount_damping
     n0 = own * h * K * k
     n1 = own * h * (K * c + C * k) + coupling * h * (K + k)
     n2 = own * (a * K + h * C * c) + coupling * h * (C + c)
-    n3 = own * a * C + coupling * (a + g)
+    return [n0, n1, n2, own * a * C + coupling * (a + g)]
+
+
+def deflection(p: Contact, own, coupling) -> list:
+    """Numerator of the mount's deflection, from the shape and from the drive force."""
+    _, _, _, _, h = _quartic(p)
+    b, g, K, C, rest = p.wheel, p.platform, p.stiffness, p.damping, p.closure
+    n1 = coupling * h * K - own * h * C * rest
+    return [-own * h * K * rest, n1, coupling * h * C - own * b * K, coupling * g - own * b * C]
+
+
+def residues(roots: Poles, numerator: list) -> Pair:
+    """N(lambda)/q_other(lambda): weights of the shape in each pair, (2, pairs, c)."""
     lam = Pair(roots.u, jnp.ones_like(roots.u))
     other = Poles(roots.u[::-1], roots.D[::-1])
     below = polynomial([other.u**2 - other.D, -2 * other.u, 1.0], lam, roots.D)
-    return times(polynomial([n0, n1, n2, n3], lam, roots.D), inverse(below, roots.D), roots.D)
+    return times(polynomial(numerator, lam, roots.D), inverse(below, roots.D), roots.D)
