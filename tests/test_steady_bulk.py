@@ -26,7 +26,7 @@ from omnijax.simulate.exact import (
 from omnijax.vibration import contact_load
 
 SHAPES = {"gated": laws.GatedSine(), "half": laws.HalfSine(), "rollers": laws.Rollers()}
-ROWS = np.array([[0.35, 1.2e5, 0.0], [0.8, 6e5, 20000.0], [0.0, 3e5, 700.0], [0.12, 9e4, 1100.0]])
+ROWS = jnp.array([[0.35, 1.2e5, 0.0], [0.8, 6e5, 20000.0], [0.0, 3e5, 700.0], [0.12, 9e4, 1100.0]])
 
 
 def _make(rig, w):
@@ -52,7 +52,7 @@ def test_figures_and_margins_are_those_of_each_design():
     rms, peak = steady_figures(make, ROWS, plan)
     normal, slip = steady_margins(make, ROWS, plan)
     for i, row in enumerate(ROWS):
-        one, speeds, angles = make(jnp.asarray(row))
+        one, speeds, angles = make(row)
         want = steady_state(one, speeds, model=model, angles=angles)
         assert abs(rms[i] - want.rms) <= 1e-6 * want.rms
         assert abs(peak[i] - want.peak) <= 1e-6 * want.peak

@@ -214,9 +214,11 @@ def mean_square(o: Orbit, layout: Layout, gaps: tuple[int, ...]):
     turns = stored_sincos(o.rate * ends.since)
     fall = -1.0 if layout.half_turn else 1.0
     states = (o.gap, o.roller, o.rest)
-    total = stage(lambda *args: _edge_sum(*args, which, fall))(
-        states, lam, sums, o.through, edges, near, late, waves
-    )
+
+    def edge_sum(states, lam, sums, through, edges, near, late, waves):
+        return _edge_sum(states, lam, sums, through, edges, near, late, waves, which, fall)
+
+    total = stage(edge_sum)(states, lam, sums, o.through, edges, near, late, waves)
     total = total + stage(_end_sum)(states, lam, sums, ends, start, stop, turns)
     return total / layout.samples
 

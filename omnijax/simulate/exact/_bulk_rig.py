@@ -246,7 +246,7 @@ def bulk_gradients(make: Make, values: Float[Array, "B d"], plan: Bulk, metrics=
             bar = back(modes_bar)[0]
             return pull(bar._replace(wheel=jax.tree.map(jnp.add, bar.wheel, wheel_bar)))[0]
 
-        found = {"rms": total / layout.samples}
+        found: dict[str, Any] = {"rms": total / layout.samples}
         slopes = {}
         if "peak" in metrics:
             time = (number.astype(float) + 1) * layout.step

@@ -127,9 +127,11 @@ def motion(design: Shaken, layout: Pairing, numerator=approach) -> Motion:
     wheel = np.array(layout.wheel)
     row = np.array(layout.sets)[np.array(layout.axis)]
     shape = design.shape
-    lam, r, gain = stage(lambda *args: _weights(*args, row, numerator))(
-        design.contact, design.own, design.coupling
-    )
+
+    def weigh(contact: Contact, own, coupling):
+        return _weights(contact, own, coupling, row, numerator)
+
+    lam, r, gain = stage(weigh)(design.contact, design.own, design.coupling)
     duration = rows_of(shape.duration, wheel)
     E = stored_exponential(*jnp.broadcast_arrays(lam.u, lam.D, duration[:, None]))
     phase = stored_sincos(shape.rate * shape.duration[:, None])
