@@ -53,7 +53,9 @@ def _quartic(p: Contact):
 def _resolvent(a0, a1, a2, a3):
     """Largest root y = c1 + c2 of the resolvent cubic, by Newton's method from above.
 
-    The last step alone is differentiated: at the root it has the root's derivative.
+    Where two complex roots lie above the only real one Newton's method may never come down to it;
+    there the root is Cardano's.  The last step alone is differentiated: at the root it has the
+    root's derivative.
     """
     B1, B2, B3 = -a2, a1 * a3 - 4 * a0, -(a1 * a1 + a0 * a3 * a3 - 4 * a0 * a2)
 
@@ -64,7 +66,16 @@ def _resolvent(a0, a1, a2, a3):
     bound = jnp.maximum(jnp.sqrt(jnp.abs(fixed[1])), jnp.cbrt(jnp.abs(fixed[2])))
     y = 2 * jnp.maximum(jnp.abs(fixed[0]), bound)
     y = jax.lax.fori_loop(0, 40, lambda _, y: newton(y, *fixed), y)
+    arrived = jnp.abs(newton(y, *fixed) - y) <= 1e-6 * jnp.abs(y)
+    y = jnp.where(arrived, y, newton(_only_root(*fixed), *fixed))
     return newton(jax.lax.stop_gradient(y), B1, B2, B3)
+
+
+def _only_root(B1, B2, B3):
+    """The real root of y^3 + B1 y^2 + B2 y + B3 that has only one (Cardano)."""
+    p, q = B2 / 3 - B1**2 / 9, B1**3 / 27 - B1 * B2 / 6 + B3 / 2
+    A = jnp.cbrt(-q - jnp.where(q > 0, 1.0, -1.0) * jnp.sqrt(jnp.maximum(q * q + p**3, 0.0)))
+    return A - p / jnp.where(A == 0, 1.0, A) - B1 / 3
 
 
 def _root(x):
