@@ -3,8 +3,6 @@
 import dataclasses
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..dynamics import Coupled, linear_system
@@ -108,53 +106,3 @@ def law_outputs(m: Modes, run: Run, contact, mount, start) -> np.ndarray:
     u = np.zeros((len(z), m.B.shape[1]))
     u[:, m.inputs["contact"]], u[:, m.inputs["mount"]] = contact[::fine], mount[::fine]
     return observe(m, z, OUTPUTS, u)
-
-
-def step_matrices(m: Modes, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(E, P, Q): d_next = E d + P F + Q F_next for tensions F linear over a step `h`."""
-    from scipy.linalg import expm
-
-    columns = np.r_[
-        np.arange(m.B.shape[1])[m.inputs["contact"]], np.arange(m.B.shape[1])[m.inputs["mount"]]
-    ]
-    k, f = len(m.A), len(columns)
-    big = np.zeros((k + 2 * f, k + 2 * f))
-    big[:k, :k], big[:k, k : k + f] = m.A * h, m.B[:, columns] * h
-    big[k : k + f, k + f :] = np.eye(f)
-    e = expm(big)
-    first, second = e[:k, k : k + f], e[:k, k + f :]
-    return e[:k, :k], first - second, second
-
-
-@jax.jit
-def step_laws(rigs: Rig, matrices, rows, start, signals, rates):
-    """Tensions (t, lanes, 2 n) of contact and mount laws, stepped with the deviation they cause.
-
-    d = state less the linear run's; the laws feel the linear `signals` (t, lanes, 4 n) plus
-    `rows` d.  Heun's predictor and corrector around the exact linear step.
-    """
-    from ._ports import law_tensions
-
-    E, P, Q = matrices
-
-    def force(rig, rows, d, memory, signal, rate):
-        return law_tensions(rig, signal + rows @ d, rate, memory)
-
-    def one(rig, E, P, Q, rows, carry, here):
-        d, memory, F, change, h = carry
-        signal, rate = here
-        ahead = E @ d + (P + Q) @ F
-        guess = jax.tree.map(lambda z, c: z + h * c, memory, change)
-        F1, change1 = force(rig, rows, ahead, guess, signal, rate)
-        d = E @ d + P @ F + Q @ F1
-        memory = jax.tree.map(lambda z, c, c1: z + h / 2 * (c + c1), memory, change, change1)
-        F1, change1 = force(rig, rows, d, memory, signal, rate)
-        return (d, memory, F1, change1, h), F1
-
-    def body(carry, here):
-        return jax.vmap(one)(rigs, E, P, Q, rows, carry, here)
-
-    d, memory, h = start
-    F, change = jax.vmap(force)(rigs, rows, d, memory, signals[0], rates[0])
-    _, out = jax.lax.scan(body, (d, memory, F, change, h), (signals[1:], rates[1:]))
-    return jnp.concatenate([F[None], out])

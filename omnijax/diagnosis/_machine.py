@@ -2,43 +2,29 @@
 
 import dataclasses
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 
-from ..dynamics import initial_memory
 from ..rig import Rig
-from ._elastic import (
-    OUTPUTS,
-    SIGNALS,
-    Ports,
-    law_outputs,
-    linear_outputs,
-    refine,
-    rig_modes,
-    step_laws,
-    step_matrices,
-)
-from ._encoders import PARTS, response_columns, smoother_modes, walk_modes, whitener
+from ._digest import digest, rounded
+from ._elastic import OUTPUTS, SIGNALS, Ports, linear_outputs, refine, rig_modes
 from ._laws import along
-from ._modes import Modes, observe, propagate
+from ._modes import Modes
 from ._motion import (
     Motion,
+    contact_directions,
+    integrate,
     measured_lengths,
     motion,
     sensor_change,
     smooth_about,
     tables_for,
 )
-from ._observer import needs_observer, observed_turning
-from ._ports import law_tensions
+from ._observer import bare_rotation, needs_observer, observed_turning
 from ._rotation import Turning, base_torques, turning
-from ._rows import Rows, make_rows, orthonormal
+from ._rows import Rows
 from ._runs import FINE, SHAPE, STEPS, Run
-
-LANES = 16  # runs stepped side by side: bounds the memory
+from ._stepped import Lane, law_changes, nonlinear
+from ._whitening import rows_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,12 +37,6 @@ class Rotated:
     acceleration: np.ndarray  # (FINE points, 3) rad/s^2
     Omega: np.ndarray  # (samples, 3) rad/s, from Omega = 0 at the start
     length: np.ndarray  # (samples, n) rad, what S(theta) should be
-
-
-def integrate(rate: np.ndarray, step: float) -> np.ndarray:
-    """Integral from 0 at the same points (trapezoids)."""
-    mean = (rate[1:] + rate[:-1]) * (step / 2)
-    return np.concatenate([np.zeros((1, rate.shape[1])), np.cumsum(mean, axis=0)])
 
 
 class Machine:
@@ -73,51 +53,6 @@ class Machine:
         self.window = window
         self.rows: list[Rows] = []
         self.rebase(rig)
-
-    def _make_rows(self, rig: Rig, i: int) -> Rows:
-        """Weights, nuisance directions and the encoders' part of the covariance of one run.
-
-        Omega and s are free at the start of every window (0 s: once).
-        """
-        run, m = self.runs[i], self.motions(rig, [i])[i]
-        rows = make_rows(run, self.noise, self.length_noise, m.axes, self.window, rig.size)
-        columns = response_columns(
-            self.modes(rig), run, self.tables_of(rig).rho_slope(m.theta_shape[:: SHAPE // PARTS]),
-            self._angle_errors(rig, i), rows.elastic,
-        )  # fmt: skip
-        if columns.any():
-            rows.coloured = whitener(columns)
-        if run.rolling_start(self.noise):
-            self._free_elastic_start(rig, run, rows)
-        return rows
-
-    def _angle_errors(self, rig: Rig, i: int) -> list[np.ndarray]:
-        """By wheel: modes (samples, k) of the error of the angle behind the prediction, rad."""
-        run, ratio = self.runs[i], self.ratios[i]
-        radius = float(rig.sphere.radius) / np.asarray(rig.wheels.radius)
-        measured = run.outputs.get("theta", np.full((run.samples, rig.size), np.nan))
-        out = []
-        for k in range(rig.size):
-            if np.isfinite(measured[:, k]).any():
-                modes, gains = smoother_modes(run.samples, ratio or 1.0)
-                out.append(modes * np.sqrt(gains) * self.length_noise[k] * radius[k])
-            else:  # the angle is the integral of Omega
-                modes, power = walk_modes(run.samples, run.step, self.noise.get("Omega", 0.0))
-                out.append(modes * np.sqrt(power) * radius[k])
-        return out
-
-    def _free_elastic_start(self, rig: Rig, run: Run, rows: Rows) -> None:
-        """A run that begins rolling: its elastic state at the first sample is free."""
-        m = self.modes(rig)
-        zero = np.zeros((run.samples - 1, len(m.rates)), complex)
-        columns = []
-        for k in range(len(m.A)):
-            z = propagate(m, run.step, zero, m.inverse @ np.eye(len(m.A))[k])
-            out = observe(m, z, OUTPUTS)
-            columns.append((out * rows.elastic).ravel())
-        free = np.stack(columns)
-        rows.whiten(free)
-        rows.nuisance.append((slice(0, rows.elastic.size), orthonormal(free.T)))
 
     def rebase(self, rig: Rig) -> None:
         """Smooth the angles anew, about what `rig` predicts from the torques.
@@ -139,7 +74,7 @@ class Machine:
             if change and max(change) < 0.3 * self.length_noise.min():
                 break
         self.motions(rig)
-        self.rows = [self._make_rows(rig, i) for i in range(len(self.runs))]
+        self.rows = [rows_of(self, rig, i) for i in range(len(self.runs))]
 
     def _keep(self, stage: str, key: bytes, make):
         kept = self._kept[stage]
@@ -153,7 +88,7 @@ class Machine:
     def motions(self, rig: Rig, which=None) -> dict[int, Motion]:
         """Motion of every run behind the measured angles."""
         w = rig.wheels
-        key = _key(
+        key = digest(
             rig.sphere,
             w.normal,
             w.drive,
@@ -181,7 +116,7 @@ class Machine:
 
     def modes(self, rig: Rig) -> Modes:
         """The elastic model's modes."""
-        key = _key(rig.sphere, rig.platform, rig.wheels)
+        key = digest(rig.sphere, rig.platform, rig.wheels)
         return self._keep("modes", key, lambda: rig_modes(rig))
 
     def rotated(self, rig: Rig, which=None) -> dict[int, Rotated]:
@@ -193,8 +128,8 @@ class Machine:
                  rolling, rig.at("sphere"),
                  tuple(p for p in rig.at("sensor") if p.place.startswith("theta"))]  # fmt: skip
         if rolling:  # N enters: to about 2 % of stiffness and damping
-            parts.append(_rounded((w.contact, w.mount, w.closure)))
-        key = _key(*parts)
+            parts.append(rounded((w.contact, w.mount, w.closure)))
+        key = digest(*parts)
         wanted = range(len(self.runs)) if which is None else which
         return {
             i: self._keep("rotated", key + bytes([i]), lambda i=i: self._rotated(rig, i))
@@ -248,7 +183,7 @@ class Machine:
     def tables_of(self, rig: Rig):
         """Wheel tables of a rig (kept with its motions)."""
         w = rig.wheels
-        key = b"t" + _key(
+        key = b"t" + digest(
             rig.sphere.radius, w.radius, w.rollers, w.roundness, rig.profiles, rig.at("shape")
         )
         return self._keep("motion", key, lambda: tables_for(rig, self.runs))
@@ -290,7 +225,7 @@ class Machine:
     # --- predictions --------------------------------------------------------------------------
     def elastic(self, rigs: list[Rig], which: list[int]) -> list[list[np.ndarray]]:
         """dR and a (samples, 6) before the sensors: per rig, per run of `which`."""
-        out, tasks = [], []
+        out, lanes, places = [], [], []
         for rig in rigs:
             m, row = self.modes(rig), []
             rotated = self.rotated(rig, which)
@@ -299,46 +234,15 @@ class Machine:
                 if not nonlinear(rig):
                     row.append(linear_outputs(m, self.runs[i], ports, OUTPUTS))
                     continue
-                out_and_felt = linear_outputs(m, self.runs[i], ports, (*OUTPUTS, *SIGNALS), STEPS)
-                tasks.append((rig, i, rotated[i].motion, out_and_felt[:, 6:], row, len(row)))
-                row.append(out_and_felt[::STEPS, :6])
+                both = linear_outputs(m, self.runs[i], ports, (*OUTPUTS, *SIGNALS), STEPS)
+                rate = self.shape_rate(rig, rotated[i].motion, STEPS)
+                lanes.append(Lane(rig, m, self.runs[i], both[:, 6:], rate))
+                places.append((row, len(row)))
+                row.append(both[::STEPS, :6])
             out.append(row)
-        for some in np.array_split(np.arange(len(tasks)), -(-len(tasks) // LANES)) if tasks else ():
-            self._add_laws([tasks[k] for k in some])
+        for (row, at), change in zip(places, law_changes(lanes), strict=True):
+            row[at] = row[at] + change
         return out
-
-    def _add_laws(self, tasks) -> None:
-        """Add what contact and mount laws change, all rigs and runs stepped side by side."""
-        longest = max(self.runs[i].samples for _, i, *_ in tasks) * STEPS
-        rigs, starts, signals, rates, matrices, rows = [], [], [], [], [], []
-        for rig, i, m, s, *_ in tasks:
-            run, modes = self.runs[i], self.modes(rig)
-            starts.append(static_deviation(rig, modes, s[0]))
-            signals.append(_padded(s, longest))
-            rates.append(_padded(self.shape_rate(rig, m, STEPS), longest))
-            matrices.append(step_matrices(modes, run.step / STEPS))
-            rows.append(modes.out(SIGNALS)[0])
-            rigs.append(bare(rig))
-
-        def stack(items):
-            return jax.tree.map(lambda *x: jnp.stack([jnp.asarray(v) for v in x]), *items)
-
-        d, memory = stack([s[0] for s in starts]), stack([s[1] for s in starts])
-        h = jnp.asarray([self.runs[i].step / STEPS for _, i, *_ in tasks])
-        tensions = np.asarray(
-            step_laws(
-                stack(rigs), stack(matrices), stack(rows), (d, memory, h),
-                jnp.stack([jnp.asarray(s) for s in signals], 1),
-                jnp.stack([jnp.asarray(r) for r in rates], 1),
-            )
-        )  # fmt: skip
-        n = self.rig.size
-        for lane, (rig, i, _m, _s, row, at) in enumerate(tasks):
-            points = (self.runs[i].samples - 1) * STEPS + 1
-            F = tensions[:points, lane]
-            row[at] = row[at] + law_outputs(
-                self.modes(rig), self.runs[i], F[:, :n], F[:, n:], np.asarray(starts[lane][0])
-            )
 
     def residuals(
         self, rigs: list[Rig], which: list[int], project: bool = True
@@ -370,79 +274,3 @@ class Machine:
             rotated.motion.length - rotated.length,
         ]
         return np.concatenate(elastic, axis=1), np.concatenate(rotation, axis=1)
-
-
-def contact_directions(rig: Rig, m: Motion) -> np.ndarray:
-    """Unit vectors to the contacts in the body frame, (t, n, 3)."""
-    return np.einsum("tji,nj->tni", m.attitude, -np.asarray(rig.wheels.normal))
-
-
-def nonlinear(rig: Rig) -> bool:
-    """Whether laws at contacts or mounts need stepping in time."""
-    return bool(rig.at("contact") or rig.at("mount") or rig.at("separation"))
-
-
-def bare_rotation(rig: Rig) -> Rig:
-    """The rig with the laws of its rotation only."""
-    keep = (*rig.at("shaft"), *rig.at("rolling"), *rig.at("sphere"))
-    return eqx.tree_at(
-        lambda r: (r.effects, r.profiles), rig, (keep, ()),
-        is_leaf=lambda x: x is rig.effects or x is rig.profiles,
-    )  # fmt: skip
-
-
-def bare(rig: Rig) -> Rig:
-    """The rig with its contact and mount laws only (equal structure for all lanes)."""
-    keep = (*rig.at("contact"), *rig.at("mount"), *rig.at("separation"))
-    return eqx.tree_at(
-        lambda r: (r.effects, r.profiles), rig, (keep, ()),
-        is_leaf=lambda x: x is rig.effects or x is rig.profiles,
-    )  # fmt: skip
-
-
-@jax.jit
-def _static(rig: Rig, compliance, rows, signal):
-    """Deviation d = compliance F(signal + rows d) at rest, with the laws' memories at rest."""
-    memory = initial_memory(rig)
-    flat, unravel = ravel_pytree((jnp.zeros(compliance.shape[0]), memory))
-
-    def gap(x):
-        d, z = unravel(x)
-        force, change = law_tensions(rig, signal + rows @ d, jnp.zeros(rig.size), z)
-        return ravel_pytree((d - compliance @ force, change))[0]
-
-    def newton(x, _):
-        step = jnp.linalg.solve(jax.jacfwd(gap)(x), gap(x))
-        return x - step, None
-
-    x, _ = jax.lax.scan(newton, flat, None, length=12)
-    return unravel(x)
-
-
-def static_deviation(rig: Rig, m: Modes, signal):
-    """(d, memory) of the static start with the rig's contact and mount laws."""
-    columns = np.concatenate([m.B[:, m.inputs["contact"]], m.B[:, m.inputs["mount"]]], axis=1)
-    compliance = -np.linalg.solve(m.A, columns)
-    return _static(
-        bare(rig), jnp.asarray(compliance), jnp.asarray(m.out(SIGNALS)[0]), jnp.asarray(signal)
-    )
-
-
-def _padded(values, length):
-    return np.concatenate([values, np.repeat(values[-1:], length - len(values), axis=0)])
-
-
-def _key(*parts) -> bytes:
-    import hashlib
-
-    digest = hashlib.blake2b(digest_size=16)
-    for part in parts:
-        leaves, structure = jax.tree.flatten(part)
-        digest.update(repr(structure).encode())
-        for leaf in leaves:
-            digest.update(np.asarray(leaf).tobytes())
-    return digest.digest()
-
-
-def _rounded(tree):
-    return jax.tree.map(lambda x: np.round(np.log(np.maximum(np.asarray(x), 1e-30)) * 50), tree)

@@ -176,3 +176,14 @@ def smooth_about(length, reference, sigma: float, ratio: float | None) -> tuple[
     rest = length - reference
     ratio = likeliest(rest, sigma) if ratio is None else ratio
     return reference + smooth(rest, sigma, ratio)[0], ratio
+
+
+def contact_directions(rig: Rig, m: Motion) -> np.ndarray:
+    """Unit vectors to the contacts in the body frame, (t, n, 3)."""
+    return np.einsum("tji,nj->tni", m.attitude, -np.asarray(rig.wheels.normal))
+
+
+def integrate(rate: np.ndarray, step: float) -> np.ndarray:
+    """Integral from 0 at the same points (trapezoids)."""
+    mean = (rate[1:] + rate[:-1]) * (step / 2)
+    return np.concatenate([np.zeros((1, rate.shape[1])), np.cumsum(mean, axis=0)])

@@ -5,6 +5,7 @@ the laws are evaluated along dOmega/dt = model + pull (measured - Omega).  Where
 the pull does nothing; where it is not, Omega stays near the measured one.
 """
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -22,6 +23,15 @@ def needs_observer(rig: Rig) -> bool:
     """Whether a law with a friction width acts on the rotation."""
     placed = (*rig.at("rolling"), *rig.at("shaft"))
     return any("width" in p.law.parameters for p in placed)
+
+
+def bare_rotation(rig: Rig) -> Rig:
+    """The rig with the laws of its rotation only."""
+    keep = (*rig.at("shaft"), *rig.at("rolling"), *rig.at("sphere"))
+    return eqx.tree_at(
+        lambda r: (r.effects, r.profiles), rig, (keep, ()),
+        is_leaf=lambda x: x is rig.effects or x is rig.profiles,
+    )  # fmt: skip
 
 
 def observed_turning(

@@ -15,9 +15,9 @@ from ..laws import ContactSignal, MountSignal, SensorSignal
 from ..rig import Placed, Rig
 from ._elastic import OUTPUTS, Ports, direct, forcing, law_outputs, refine
 from ._laws import along
-from ._machine import Machine, contact_directions, integrate
+from ._machine import Machine
 from ._modes import Modes, hold_weights, moments, observe, propagate
-from ._motion import Motion
+from ._motion import Motion, contact_directions, integrate
 from ._rotation import Turning, body_signals, resistance, rolling_signals, shaft_signals, wheel_law
 from ._runs import FINE, SHAPE, Run
 from ._wheels import WheelTables

@@ -1,0 +1,57 @@
+"""The data vector of one run of a machine: weights, free starts, and the encoders' covariance."""
+
+import numpy as np
+
+from ..rig import Rig
+from ._elastic import OUTPUTS
+from ._encoders import PARTS, response_columns, smoother_modes, walk_modes, whitener
+from ._modes import Modes, observe, propagate
+from ._rows import Rows, make_rows, orthonormal
+from ._runs import SHAPE, Run
+
+
+def rows_of(machine, rig: Rig, i: int) -> Rows:
+    """Weights, nuisance directions and the encoders' part of the covariance of one run.
+
+    Omega and s are free at the start of every window (0 s: once).
+    """
+    run, m = machine.runs[i], machine.motions(rig, [i])[i]
+    rows = make_rows(run, machine.noise, machine.length_noise, m.axes, machine.window, rig.size)
+    columns = response_columns(
+        machine.modes(rig), run, machine.tables_of(rig).rho_slope(m.theta_shape[:: SHAPE // PARTS]),
+        _angle_errors(machine, rig, i), rows.elastic,
+    )  # fmt: skip
+    if columns.any():
+        rows.coloured = whitener(columns)
+    if run.rolling_start(machine.noise):
+        _free_elastic_start(machine.modes(rig), run, rows)
+    return rows
+
+
+def _angle_errors(machine, rig: Rig, i: int) -> list[np.ndarray]:
+    """By wheel: modes (samples, k) of the error of the angle behind the prediction, rad."""
+    run, ratio = machine.runs[i], machine.ratios[i]
+    radius = float(rig.sphere.radius) / np.asarray(rig.wheels.radius)
+    measured = run.outputs.get("theta", np.full((run.samples, rig.size), np.nan))
+    out = []
+    modes, gains = smoother_modes(run.samples, ratio or 1.0)
+    for k in range(rig.size):
+        if np.isfinite(measured[:, k]).any():
+            out.append(modes * np.sqrt(gains) * machine.length_noise[k] * radius[k])
+        else:  # the angle is the integral of Omega
+            walks, power = walk_modes(run.samples, run.step, machine.noise.get("Omega", 0.0))
+            out.append(walks * np.sqrt(power) * radius[k])
+    return out
+
+
+def _free_elastic_start(m: Modes, run: Run, rows: Rows) -> None:
+    """A run that begins rolling: its elastic state at the first sample is free."""
+    zero = np.zeros((run.samples - 1, len(m.rates)), complex)
+    columns = []
+    for k in range(len(m.A)):
+        z = propagate(m, run.step, zero, m.inverse @ np.eye(len(m.A))[k])
+        out = observe(m, z, OUTPUTS)
+        columns.append((out * rows.elastic).ravel())
+    free = np.stack(columns)
+    rows.whiten(free)
+    rows.nuisance.append((slice(0, rows.elastic.size), orthonormal(free.T)))
