@@ -16,14 +16,6 @@ def packed(kind: Callable[..., Signal], *values: np.ndarray) -> Signal:
     return kind(*values)
 
 
-Signal = TypeVar("Signal")
-
-
-def packed(kind: Callable[..., Signal], *values: np.ndarray) -> Signal:
-    """A port's signal of NumPy arrays (t, ...) instead of one moment's JAX arrays."""
-    return kind(*values)
-
-
 @eqx.filter_jit
 def _over(law, signal):
     return jax.vmap(law)(signal)

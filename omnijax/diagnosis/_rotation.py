@@ -6,7 +6,7 @@ import numpy as np
 
 from ..laws import BodySignal, RollingSignal, ShaftSignal
 from ..rig import Rig
-from ._laws import along, packed, packed
+from ._laws import along, packed
 from ._motion import Motion
 
 
