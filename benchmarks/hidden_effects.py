@@ -180,7 +180,7 @@ NONE = {
 }
 OUTSIDE = {
     "cross (unknown)": Hidden({"cross": 2e4}, UNKNOWN),
-    "quadratic (unknown)": Hidden({"K2": 1e8 * ONE}, UNKNOWN),
+    "quadratic (unknown)": Hidden({"K2": 3e7 * ONE}, UNKNOWN),
     "fading (unknown)": Hidden({"fade": -0.01 * ALL}, UNKNOWN),
     "saturating dR_z (unknown)": Hidden({}, UNKNOWN, clipped(2, 1.5e-4)),
 }

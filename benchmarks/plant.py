@@ -307,6 +307,8 @@ def record(stated, true, effects, torque, rng, *, noise=1.0, sensor=None, cut=0.
     made = simulate(
         start, torque, np.zeros((*size[:2], 3)), jax.tree.map(jnp.asarray, true), planted
     )
+    if not np.all(np.isfinite(made)):
+        raise ValueError("the plant runs away: the planted effect is too strong for this machine.")
     tables, first = [], round(cut * RATE)
     for true_out, given in zip(np.array(made)[:, first:], torque[:, first:], strict=True):
         t = np.arange(len(true_out)) / RATE
