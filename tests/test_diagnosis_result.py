@@ -33,6 +33,15 @@ def test_the_words_give_answer_and_gap(found):
     assert repr(found).startswith("Diagnosis(none; gap")
 
 
+def test_what_a_named_effect_leaves_is_said(found):
+    assert found.remainder == ""
+    found.gap["theta"] = Gap(1e-4, 5e-2, 1.1e-3, "rad")  # nearly all closed, yet far from noise
+    assert "still differ by more than the noise (theta 11 times)" in found.remainder
+    assert found.to_dict()["notes"][-1] == found.remainder
+    found.verdict = "unknown"  # says as much itself
+    assert found.remainder == ""
+
+
 def test_the_table_shows_effects_and_escapes_names(found):
     html = found._repr_html_()
     assert "w&lt;2&gt;" in html and "w<2>" not in html

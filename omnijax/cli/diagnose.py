@@ -81,6 +81,8 @@ def _print(found: Any) -> None:
             f"  {group}: RMS {gap.before:.3g} -> {gap.after:.3g} {gap.unit}, "
             f"noise {gap.noise_floor:.3g}"
         )
+    if found.remainder:
+        print(f"  {found.remainder}")
     if found.learned:
         print(
             f"  learned, uninterpreted term at {found.learned['port']}: closes "

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+REMAINS = 1.4  # times the noise (1 sigma beside it): above this something else is missing too
+
 
 @dataclasses.dataclass(frozen=True)
 class Named:
@@ -54,6 +56,22 @@ class Diagnosis:
     rig: Any = None  # the diagnosed rig
     details: Any = None  # what figures are drawn from; not written
 
+    @property
+    def remainder(self) -> str:
+        """What the named effects leave above the noise on the held-out runs, in words, or nothing.
+
+        Named effects close most of the gap, not always all of it: something smaller may hide
+        beside them that no known effect explains.
+        """
+        left = {k: g.after / g.noise_floor for k, g in self.gap.items()}
+        open_ = [f"{k} {ratio:.2g}" for k, ratio in left.items() if ratio > REMAINS]
+        if self.verdict not in ("named", "ambiguous") or not open_:
+            return ""
+        return (
+            f"With it the held-out runs still differ by more than the noise ({', '.join(open_)} "
+            "times): something else is missing too."
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """The diagnosis as plain numbers, lists and text."""
         return _plain(
@@ -67,7 +85,7 @@ class Diagnosis:
                 "noise": self.noise,
                 "scores": self.scores,
                 "learned": self.learned,
-                "notes": self.notes,
+                "notes": [*self.notes, *filter(None, [self.remainder])],
                 "faults": self.faults,
             }
         )

@@ -28,6 +28,8 @@ def diagnosis_page(found: Any, command: str = "omnijax diagnose") -> Page:
     if found.effects:
         joined = " and " if found.verdict == "named" else " or "
         answer += " It is " + joined.join(f"`{e.id}` at {e.place}" for e in found.effects) + "."
+    if found.remainder:
+        answer += f" {found.remainder}"
     if found.learned:
         answer += (
             f" A learned, uninterpreted term at the {found.learned['port']} closes "
