@@ -1,5 +1,6 @@
 """Settings that must stand before jax is imported: CPU, one thread a worker, a cache here."""
 
+import gc
 import os
 import shutil
 from pathlib import Path
@@ -21,6 +22,19 @@ settings.load_profile("omnijax")
 
 # annotated shapes are checked at every call of what holds the machine; it costs tracing time only
 install_import_hook(["omnijax.laws", "omnijax.rig"], "shapes.checked")
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _programs_of_a_file_end_with_it():
+    """Every compiled program maps memory; a process may hold 65 530 maps, then XLA aborts."""
+    yield
+    import equinox as eqx
+    import jax
+
+    eqx.clear_caches()
+    jax.clear_caches()
+    gc.collect()
+
 
 CHROMIUM = [  # no sandbox in a container, no calls of its own, WebGL without a graphics card
     "--no-sandbox",

@@ -8,7 +8,7 @@ import pytest
 from machines import ORTHOGONAL, SKEW, machine
 
 from omnijax.simulate.exact._constant import constant_response
-from omnijax.simulate.exact._contact import Contact, poles, residues
+from omnijax.simulate.exact._contact import Contact, approach, poles, residues
 from omnijax.simulate.exact._ring import exponential
 from omnijax.simulate.exact._steady import steady_state
 
@@ -91,7 +91,7 @@ def test_residues_give_the_transfer_function():
         numbers = (0.2, 4.0, 0.1, 188208.0, damping, 1e6, 50.0, 1e4)
         p = Contact(*(jnp.full((1, 1), v) for v in numbers))
         roots = poles(p)
-        r = residues(p, roots, jnp.ones((1, 1)), jnp.zeros((1, 1)))
+        r = residues(roots, approach(p, jnp.ones((1, 1)), jnp.zeros((1, 1))))
         s = 37.0 + 210.0j
         a, b, g, K, C, k, c, Kc = numbers
         kappa, sigma, h = K + C * s, k + c * s, a * b + a * g + b * g
