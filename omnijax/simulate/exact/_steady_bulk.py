@@ -76,6 +76,24 @@ def _full(rig: Rig, model: str, ratio: float) -> tuple[Pairing, int]:
     return Pairing(axis, wheel, n, n, tuple(range(n)), (waves,) * max(counts)), waves
 
 
+@eqx.filter_jit
+def _ratios(make: Make, values):
+    return jax.vmap(lambda x: _ratio(make(x)[0]))(values)
+
+
+@eqx.filter_jit
+def _look(make: Make, values, model: str, waves: int, full: Pairing):
+    """Drive gains, designs and motions of some designs, with every pair there may be."""
+
+    def one(x):
+        rig, speeds, angles = make(x)
+        design = _shaken(rig, speeds, angles, model, waves, full)
+        batch = jax.tree.map(lambda y: y[..., None], design)
+        return drive_gain(rig, speeds), design, motion(batch, full)
+
+    return jax.vmap(one)(values)
+
+
 def plan_steady(make: Make, values, model: str = "coupled", stride: int = 1024) -> SteadyPlan:
     """What serves all designs `make(row)` of `values` (B, d), rows of numbers.
 
@@ -85,21 +103,12 @@ def plan_steady(make: Make, values, model: str = "coupled", stride: int = 1024) 
     reason = steady_bulk_obstacle(rig, model)
     if reason is not None:
         raise ValueError(f"no steady state in bulk: {reason}.")
-    ratio = jax.jit(jax.vmap(lambda x: _ratio(make(x)[0])))
-    full, waves = _full(rig, model, float(jnp.max(ratio(jnp.asarray(values)))))
-
-    def look(x):
-        rig, speeds, angles = make(x)
-        design = _shaken(rig, speeds, angles, model, waves, full)
-        return (
-            drive_gain(rig, speeds),
-            design,
-            motion(jax.tree.map(lambda y: y[..., None], design), full),
-        )
-
-    look = jax.jit(jax.vmap(look))
+    ratios = _ratios(make, jnp.asarray(values))
+    full, waves = _full(rig, model, float(jnp.max(ratios)))
     found = [
-        jax.tree.map(np.asarray, look(jnp.asarray(values[i : i + stride])))
+        jax.tree.map(
+            np.asarray, _look(make, jnp.asarray(values[i : i + stride]), model, waves, full)
+        )
         for i in range(0, len(values), stride)
     ]
     gains, designs, motions = jax.tree.map(lambda *xs: np.concatenate(xs), *found)
