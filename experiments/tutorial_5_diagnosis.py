@@ -13,6 +13,7 @@ import dataclasses
 import tempfile
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 
 import omnijax
@@ -24,7 +25,7 @@ folder = Path(tempfile.mkdtemp()) / "my-machine"
 folder.mkdir()
 known = omnijax.load_rig("atlas-tripod")
 omnijax.save_rig(known, folder / "rig.toml")
-machine = known.add(WheelRunout(amplitude=6e-5, phase=0.7), "w2")
+machine = known.add(WheelRunout(amplitude=jnp.asarray(6e-5), phase=jnp.asarray(0.7)), "w2")
 time = np.arange(0.0, 4.0, 2e-3)
 for number in (1, 2, 3):
     rng = np.random.default_rng(number)
