@@ -6,8 +6,9 @@ Identification Benchmarks workshop, 2019.  Baseline: M q'' + Fv q' + offset = fo
 Candidates are all laws of the library that act on a shaft.  (Laws of sensors are none: the output
 is derived from the encoder, and a gain of the acceleration is a change of the mass.)  The first
 two thirds of the estimation file train, its last third accepts; then everything is refitted on the
-whole file, and the file with pulses is opened once.  Filter and decimation are those published with
-the data.
+whole file, and the file with pulses is predicted.  Nothing is chosen by it here; while this script
+was written its error was seen for two earlier versions too.  Filter and decimation are those
+published with the data.
 """
 
 import sys
