@@ -17,15 +17,27 @@ def emit(as_json: bool, data: Any, text: Callable[[], None]) -> None:
         text()
 
 
-def numbers(name: str, text: str, unit: str, count: int, what: str = "wheels") -> list[float]:
-    """`count` numbers with commas between, in SI; each may have its unit."""
+def numbers(
+    name: str, text: str, unit: str, count: int | None = None, what: str = "wheels"
+) -> list[float]:
+    """Numbers with commas between, in SI, `count` of them if given; each may have its unit.
+
+    `InputError` names every one that is none.
+    """
     from .._errors import InputError
 
-    parts = [number(name, part.strip(), unit) for part in text.split(",")]
-    if len(parts) != count:
+    values, problems = [], []
+    for part in text.split(","):
+        try:
+            values.append(number(name, part.strip(), unit))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    if count is not None and len(values) != count:
         kind = "the rig has" if what == "wheels" else "it needs"
-        raise InputError(f"`{name}` has {len(parts)} values, but {kind} {count} {what}.")
-    return parts
+        raise InputError(f"`{name}` has {len(values)} values, but {kind} {count} {what}.")
+    return values
 
 
 def number(name: str, text: str, unit: str) -> float:

@@ -1,12 +1,11 @@
 """The run behind `omnijax simulate`: in closed form, or in pieces that can be interrupted."""
 
 import dataclasses
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from .._errors import InputError
+from ._progress import bar
 
 
 def interrupted_run(path: Path | None, rig: Any, model: str, command: str) -> tuple[Any, Any]:
@@ -31,13 +30,11 @@ def perform(
     """The run and, where it was interrupted, the state to go on from."""
     import jax
 
-    from ..simulate import exact_run_obstacle, propagate
+    from ..simulate import exact_run_obstacle, simulate
 
-    obstacle = exact_run_obstacle(rig, drive, times, model)
-    if solver == "exact" and obstacle is not None:
-        raise InputError(f"`solver` cannot be exact: {obstacle}; take auto.")
-    if solver in ("auto", "exact") and obstacle is None:
-        return jax.block_until_ready(propagate(rig, drive, times, model=model)), None
+    if solver == "exact" or (solver == "auto" and not exact_run_obstacle(rig, drive, times, model)):
+        run = simulate(rig, drive, times, model=model, solver="exact")
+        return jax.block_until_ready(run), None
     return _in_pieces(rig, drive, times, before, model=model, solver=solver, **numerics)
 
 
@@ -51,11 +48,13 @@ def _in_pieces(rig: Any, drive: Any, times: Any, before, **options: Any) -> tupl
         rig, drive, times[max(done - 1, 0) :], begun=end, origin=float(times[0]), **options
     )
     try:
-        with _bar(f"simulating {times[-1] - times[0]:g} s", len(times), done) as advance:
+        with bar(f"simulating {times[-1] - times[0]:g} s") as report:
+            report(done, len(times))
             for piece in pieces:
                 runs.append(piece.run)
                 end = piece.end
-                advance(len(piece.run.t))
+                done += len(piece.run.t)
+                report(done, len(times))
     except KeyboardInterrupt:
         if not runs:
             raise KeyboardInterrupt("Interrupted before the first sample.") from None
@@ -63,19 +62,3 @@ def _in_pieces(rig: Any, drive: Any, times: Any, before, **options: Any) -> tupl
 
         return dataclasses.replace(joined(runs), status=jnp.asarray(4)), end
     return joined(runs), None
-
-
-@contextmanager
-def _bar(what: str, total: int, done: int) -> Iterator[Callable[[int], None]]:
-    """A bar with the time left, where a person is watching."""
-    import sys
-
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
-
-    console = Console(file=sys.stderr)
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeRemainingColumn())
-    shown = console.is_terminal
-    with Progress(*columns, console=console, transient=True, disable=not shown) as progress:
-        task = progress.add_task(what, total=total, completed=done)
-        yield lambda samples: progress.advance(task, samples)

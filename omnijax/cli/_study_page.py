@@ -1,7 +1,6 @@
 """Pages and shared output of the studies' commands."""
 
 import sys
-import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,20 +9,6 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 Switch = Annotated[bool, Parameter(negative="")]
-
-
-def progress(what: str) -> Callable[[int, int], None]:
-    """A line on stderr that is written again as work is done; silent where no one looks."""
-    begun = time.monotonic()
-
-    def report(done: int, total: int) -> None:
-        if sys.stderr.isatty():
-            left = (time.monotonic() - begun) * (total - done) / max(done, 1)
-            end = "\n" if done >= total else ""
-            text = f"\r{what}: {done} of {total}, about {left:.0f} s left   "
-            print(text, end=end, file=sys.stderr, flush=True)
-
-    return report
 
 
 @contextmanager

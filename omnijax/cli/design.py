@@ -5,7 +5,8 @@ from pathlib import Path
 from typing import Any
 
 from ._options import Json
-from ._study_page import Switch, deliver, kept, progress, write_page
+from ._progress import bar
+from ._study_page import Switch, deliver, kept, write_page
 
 
 def design(
@@ -47,8 +48,8 @@ def design(
     from ..study import designed_rig, load_study
 
     asked = load_study(study)
-    with kept(store):
-        found = run(asked, out=store, resume=resume, report=progress("searches"))
+    with kept(store), bar("searches") as report_progress:
+        found = run(asked, out=store, resume=resume, report=report_progress)
     if found.status == "infeasible":
         raise InputError(f"{found.reason}.", study)
     if rig is not None:

@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from ._options import Json
-from ._study_page import Switch, deliver, kept, progress, write_page
+from ._progress import bar
+from ._study_page import Switch, deliver, kept, write_page
 
 
 def global_sensitivity(
@@ -43,8 +44,8 @@ def global_sensitivity(
 
     asked = load_study(study)
     metrics = None if metric is None else checked_metrics(metric)
-    with kept(store):
-        found = run(asked, metrics, out=store, resume=resume, report=progress("runs"))
+    with kept(store), bar("runs") as report_progress:
+        found = run(asked, metrics, out=store, resume=resume, report=report_progress)
     deliver(found, out, report, lambda folder: _page(folder, found, asked), json, _plain(found))
     return 0
 

@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from ._options import Json
-from ._study_page import Switch, deliver, kept, progress, write_page
+from ._progress import bar
+from ._study_page import Switch, deliver, kept, write_page
 
 
 def pareto(
@@ -43,8 +44,8 @@ def pareto(
 
     asked = load_study(study)
     names = () if metric is None else checked_metrics(metric)
-    with kept(store):
-        found = run(asked, names, out=store, resume=resume, report=progress("searches"))
+    with kept(store), bar("searches") as report_progress:
+        found = run(asked, names, out=store, resume=resume, report=report_progress)
     deliver(
         found,
         out,

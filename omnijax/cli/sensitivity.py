@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from ._options import Json
+from ._options import Json, numbers
 from ._study_page import Switch, deliver, write_page
 
 
@@ -87,32 +87,13 @@ def _drive(speed: str | None, torque: str | None, wheels: int) -> Any:
     if (speed is None) == (torque is None):
         raise InputError("give either `--speed` or `--torque`, one value a wheel.")
     if speed is not None:
-        return read_values(speed, "speed", "rad/s")
+        return numbers("speed", speed, "rad/s")
     from ..simulate import torques
 
-    values = read_values(torque or "", "torque", "N m")
+    values = numbers("torque", torque or "", "N m")
     if len(values) != wheels:
         raise InputError(f"`torque` must have one value a wheel ({wheels}), but has {len(values)}.")
     return torques(values)
-
-
-def read_values(text: str, name: str, unit: str) -> list[float]:
-    """Numbers from `3,5,7` or `30 rpm,5,7`, in `unit`."""
-    from .._errors import InputError
-    from ..rig._quantities import as_number
-
-    values, problems = [], []
-    for part in text.split(","):
-        try:
-            values.append(float(part))
-        except ValueError:
-            try:
-                values.append(as_number(part.strip(), unit))
-            except ValueError as error:
-                problems.append(f"`{name}` {error}")
-    if problems:
-        raise InputError(problems)
-    return values
 
 
 def _plain(found: Any) -> dict[str, Any]:

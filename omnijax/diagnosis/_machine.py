@@ -19,7 +19,8 @@ from ._motion import (
     smooth_about,
     tables_for,
 )
-from ._observer import bare_rotation, needs_observer, observed_turning
+from ._observer import TURNING, needs_observer, observed_turning
+from ._ports import bare
 from ._rotation import Turning, base_torques, turning
 from ._rows import Rows
 from ._runs import FINE, SHAPE, STEPS, Run
@@ -147,7 +148,7 @@ class Machine:
             if needs_observer(rig):
                 rest = not run.rolling_start(self.noise)
                 Omega, speed = observed_turning(
-                    bare_rotation(rig), m, response, torque, normal, run.step, rest
+                    bare(rig, *TURNING), m, response, torque, normal, run.step, rest
                 )
                 felt = dataclasses.replace(m, turning=Omega, speed=speed)
             else:

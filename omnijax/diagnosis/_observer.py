@@ -5,7 +5,6 @@ the laws are evaluated along dOmega/dt = model + pull (measured - Omega).  Where
 the pull does nothing; where it is not, Omega stays near the measured one.
 """
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +15,7 @@ from ._motion import Motion
 from ._rotation import Turning
 from ._runs import FINE
 
+TURNING = ("shaft", "rolling", "sphere")  # ports whose laws act on the rotation
 PULL = 5.0  # 1/s
 
 
@@ -23,15 +23,6 @@ def needs_observer(rig: Rig) -> bool:
     """Whether a law with a friction width acts on the rotation."""
     placed = (*rig.at("rolling"), *rig.at("shaft"))
     return any("width" in p.law.parameters for p in placed)
-
-
-def bare_rotation(rig: Rig) -> Rig:
-    """The rig with the laws of its rotation only."""
-    keep = (*rig.at("shaft"), *rig.at("rolling"), *rig.at("sphere"))
-    return eqx.tree_at(
-        lambda r: (r.effects, r.profiles), rig, (keep, ()),
-        is_leaf=lambda x: x is rig.effects or x is rig.profiles,
-    )  # fmt: skip
 
 
 def observed_turning(

@@ -1,5 +1,6 @@
 """Tensions of a rig's contact and mount laws from the signals of its elastic model."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 
@@ -33,3 +34,12 @@ def _total(placed, signals, memory, size):
         total = total.at[index].add(jax.vmap(term.law)(here, state))
         rates.append(jax.vmap(term.law.rate)(here, state))
     return total, tuple(rates)
+
+
+def bare(rig: Rig, *ports: str) -> Rig:
+    """The rig with the laws of some ports only and no profiles: one structure for many runs."""
+    keep = tuple(placed for port in ports for placed in rig.at(port))
+    return eqx.tree_at(
+        lambda r: (r.effects, r.profiles), rig, (keep, ()),
+        is_leaf=lambda x: x is rig.effects or x is rig.profiles,
+    )  # fmt: skip

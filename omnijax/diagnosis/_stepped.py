@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,9 +12,10 @@ from ..dynamics import initial_memory
 from ..rig import Rig
 from ._elastic import SIGNALS, law_outputs
 from ._modes import Modes
-from ._ports import law_tensions
+from ._ports import bare, law_tensions
 from ._runs import STEPS, Run
 
+STEPPED = ("contact", "mount", "separation")  # ports whose laws are stepped
 LANES = 16  # runs stepped side by side: bounds the memory
 
 
@@ -45,7 +45,7 @@ def _side_by_side(lanes: list[Lane]) -> list[np.ndarray]:
     step = jnp.asarray([x.run.step / STEPS for x in lanes])
     tensions = np.asarray(
         step_laws(
-            _stack([bare(x.rig) for x in lanes]),
+            _stack([bare(x.rig, *STEPPED) for x in lanes]),
             _stack(matrices),
             _stack([x.modes.out(SIGNALS)[0] for x in lanes]),
             (_stack([d for d, _ in starts]), _stack([memory for _, memory in starts]), step),
@@ -67,16 +67,7 @@ def _stack(items):
 
 def nonlinear(rig: Rig) -> bool:
     """Whether laws at contacts or mounts need stepping in time."""
-    return bool(rig.at("contact") or rig.at("mount") or rig.at("separation"))
-
-
-def bare(rig: Rig) -> Rig:
-    """The rig with its contact and mount laws only (equal structure for all lanes)."""
-    keep = (*rig.at("contact"), *rig.at("mount"), *rig.at("separation"))
-    return eqx.tree_at(
-        lambda r: (r.effects, r.profiles), rig, (keep, ()),
-        is_leaf=lambda x: x is rig.effects or x is rig.profiles,
-    )  # fmt: skip
+    return any(rig.at(port) for port in STEPPED)
 
 
 @jax.jit
@@ -103,7 +94,10 @@ def _static_deviation(rig: Rig, m: Modes, signal):
     columns = np.concatenate([m.B[:, m.inputs["contact"]], m.B[:, m.inputs["mount"]]], axis=1)
     compliance = -np.linalg.solve(m.A, columns)
     return _static(
-        bare(rig), jnp.asarray(compliance), jnp.asarray(m.out(SIGNALS)[0]), jnp.asarray(signal)
+        bare(rig, *STEPPED),
+        jnp.asarray(compliance),
+        jnp.asarray(m.out(SIGNALS)[0]),
+        jnp.asarray(signal),
     )
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ..simulate._plots import SCALES
 from ..vibration import OrderMap, OrderTrack
 from ._content import Column, Fact, Figure, Provenance, Section, Table, shown
 from ._page import Page
@@ -12,7 +13,6 @@ from ._style import figure, style
 
 STRONGEST = 8  # orders of the table
 MULTIPLES = 12  # of a roller passing that are still called so
-SCALES = {"m": (1e6, "µm"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s²")}
 
 
 def orders_page(

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._errors import InputError
 from ..rig import Rig
 from ._drives import AbstractDrive, SpeedDrive, check_drive
 from ._trajectory import Trajectory
@@ -42,7 +43,7 @@ def simulate(
     if solver in ("auto", "exact"):
         obstacle = exact_run_obstacle(rig, drive, ts, model, keep_radius_rate)
         if solver == "exact" and obstacle is not None:
-            raise ValueError(f"`solver` cannot be exact: {obstacle}; take auto.")
+            raise InputError(f"`solver` cannot be exact: {obstacle}; take auto.")
         if obstacle is None and (solver == "exact" or adjoint is None):
             assert isinstance(drive, SpeedDrive)  # other drives are an obstacle
             return propagate(rig, drive, ts, model=model)

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import InputError
 from .._html import html_table
 from ._design_engine import End, best_of
 from ._design_kkt import ACTIVE, FEASIBLE, ON_BOUND
 from ._design_problem import Problem
+from ._netcdf import read_result, write_result
 
 _PREFIX = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 _PREFIXED = {"m", "N", "m/s^2", "N/m", "Pa", "Hz", "N s/m"}
@@ -129,23 +129,12 @@ class Design:
 
     def save(self, path: str | Path) -> None:
         """Write netCDF that `Design.load` reads back equal."""
-        try:
-            self.to_xarray().to_netcdf(path, engine="h5netcdf")
-        except OSError as error:
-            raise InputError(f"cannot be written: {error.strerror or error}.", path) from None
+        write_result(self.to_xarray(), path)
 
     @classmethod
     def load(cls, path: str | Path) -> "Design":
         """The design that `save` wrote."""
-        import xarray as xr
-
-        try:
-            with xr.open_dataset(path, engine="h5netcdf") as opened:
-                text = opened.attrs.get("design")
-        except (OSError, ValueError) as error:
-            raise InputError(f"cannot be read as netCDF: {error}.", path) from None
-        if text is None:
-            raise InputError("holds no design.", path)
+        text = read_result(path, "omnijax design", "design").attrs["design"]
         found = json.loads(text)
         for key in ("active", "multipliers", "whole", "notes"):
             found[key] = tuple(found[key])

@@ -18,6 +18,7 @@ from ._design_rig import RigCases
 from ._global_inputs import Input, Inputs, run_all
 from ._global_morris import MorrisEffects, morris_design, morris_effects
 from ._global_sobol import SobolIndices, sobol_design, sobol_indices
+from ._netcdf import read_result, write_result
 from ._study_file import Study, study_of
 
 Report = Callable[[int, int], None]
@@ -110,17 +111,12 @@ class GlobalSensitivity:
 
     def save(self, path: str | Path) -> None:
         """Write netCDF that `GlobalSensitivity.load` reads back equal."""
-        self.to_xarray().to_netcdf(path, engine="h5netcdf")
+        write_result(self.to_xarray(), path)
 
     @classmethod
     def load(cls, path: str | Path) -> "GlobalSensitivity":
         """What `save` wrote."""
-        import xarray as xr
-
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            d = opened.load()
-        if d.attrs.get("kind") != "omnijax global sensitivity":
-            raise InputError("holds no global sensitivities.", path)
+        d = read_result(path, "omnijax global sensitivity", "global sensitivities")
         a, v = d.attrs, {name: d[name].values for name in d.variables}
         sobol = SobolIndices(
             v["first"], v["first_half"], v["total"], v["total_half"], v["stage"], v["first_stages"],

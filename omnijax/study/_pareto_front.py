@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import InputError
 from .._html import html_table
 from ._design_result import amount, label, scaled
+from ._netcdf import read_result, write_result
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -72,17 +72,12 @@ class Front:
 
     def save(self, path: str | Path) -> None:
         """Write netCDF that `Front.load` reads back equal."""
-        self.to_xarray().to_netcdf(path, engine="h5netcdf")
+        write_result(self.to_xarray(), path)
 
     @classmethod
     def load(cls, path: str | Path) -> "Front":
         """The front that `save` wrote."""
-        import xarray as xr
-
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            d = opened.load()
-        if d.attrs.get("kind") != "omnijax front":
-            raise InputError("holds no front.", path)
+        d = read_result(path, "omnijax front", "front")
 
         def texts(name):
             return tuple(str(x) for x in d[name].values)

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import InputError
+from ._netcdf import read_result, write_result
 from ._sensitivity import Sensitivity
 from ._sensitivity_check import Check
 
@@ -35,23 +35,12 @@ def dataset(result: Sensitivity) -> Any:
 
 def save(result: Sensitivity, path: str | Path) -> None:
     """Write netCDF."""
-    try:
-        dataset(result).to_netcdf(path, engine="h5netcdf")
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror or error}.", path) from None
+    write_result(dataset(result), path)
 
 
 def load(path: str | Path) -> Sensitivity:
     """Read what `save` wrote."""
-    import xarray as xr
-
-    try:
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            data = opened.load()
-    except (OSError, ValueError) as error:
-        raise InputError(f"cannot be read as netCDF: {error}.", path) from None
-    if data.attrs.get("kind") != "omnijax sensitivity":
-        raise InputError("holds no sensitivities.", path)
+    data = read_result(path, "omnijax sensitivity", "sensitivities")
 
     def texts(name):
         return tuple(str(x) for x in data[name].values)

@@ -22,6 +22,7 @@ from .._html import html_table
 from ..vibration import METRICS
 from ._design_result import amount
 from ._design_rig import RigCases
+from ._netcdf import read_result, write_result
 from ._study_file import Study, study_of
 
 DRAWS = 1024
@@ -105,18 +106,13 @@ class Tolerances:
 
     def save(self, path: str | Path) -> None:
         """Write netCDF that `Tolerances.load` reads back equal."""
-        self.to_xarray().to_netcdf(path, engine="h5netcdf")
+        write_result(self.to_xarray(), path)
 
     @classmethod
     def load(cls, path: str | Path) -> "Tolerances":
         """What `save` wrote."""
-        import xarray as xr
-
-        with xr.open_dataset(path, engine="h5netcdf") as opened:
-            d = opened.load()
-        a = dict(d.attrs)
-        if a.pop("kind", "") != "omnijax tolerances":
-            raise InputError("holds no tolerances.", path)
+        d = read_result(path, "omnijax tolerances", "tolerances")
+        a = {k: v for k, v in d.attrs.items() if k != "kind"}
         numbers = {k: v if k in {"metric", "unit"} else float(v) for k, v in a.items()}
         numbers["draws"] = int(a["draws"])
         parts = tuple(str(x) for x in d["part"].values)

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-SCALES = {"m": (1e6, "µm"), "m/s^2": (1.0, "m/s²")}
+from ..simulate._plots import COLOURS, SCALES
+
 OVER = {"time": "time (s)", "speed": "speed (rpm)"}
 
 
