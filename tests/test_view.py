@@ -74,7 +74,9 @@ def test_panel_answers_sliders():
     assert 14 in before["passing"]
     modes = [s for s in before["campbell"]["series"] if s["kind"] == "mode"]
     assert modes and modes[0]["values"][0] > 5
-    peak = max(before["distance"]) / float(re.search(r"peak ([\d.]+)", before["figures"]).group(1))
+    peak = max(before["distance"]) / float(
+        re.search(r"phases ([\d.]+)", before["figures"]).group(1)
+    )
     assert 0.8 < peak < 1.05  # two seconds of the long run come near its supremum
     rig, _ = panel.changed({"wheel.roundness": 0.2})
     assert np.all(np.asarray(rig.wheels.roundness) == 0.2)
@@ -82,6 +84,16 @@ def test_panel_answers_sliders():
         panel.evaluate({"wheel.rondness": 0.2})
     with pytest.raises(InputError, match="must be a number"):
         panel.evaluate({"wheel.roundness": "x"})
+
+
+def test_wheels_that_pass_equally_often_share_a_line():
+    panel = Panel("a", load_rig("atlas"), [1.0, -1.0, 0.0], 0)
+    series = panel.evaluate({})["campbell"]["series"]
+    passing = [s for s in series if s["kind"] == "passing"]
+    assert [s["label"] for s in passing] == ["w1, w2 1×", "w1, w2 2×", "w1, w2 3×"]  # w3 rests
+    assert passing[0]["values"][78] == pytest.approx(passing[2]["values"][26], rel=1e-12)
+    faster = panel.evaluate({"speed.w2": 2.0})["campbell"]["series"]
+    assert [s["wheels"] for s in faster if s["kind"] == "passing"] == [[0]] * 3 + [[1]] * 3
 
 
 def test_panel_says_which_law_it_cannot_show():
@@ -122,7 +134,7 @@ def test_explore_slider_moves_the_plot(open_page):
     from omnijax.view._explore import explore_app
     from omnijax.view._serve import LOOPBACK, _listen
 
-    panel = Panel(HOSTILE, load_rig("atlas"), [0.6, 1.2, 0.9], 0)
+    panel = Panel(HOSTILE, load_rig("atlas"), [1.0, 1.0, 1.0], 0)
     panel.evaluate({})
     listener = _listen("127.0.0.1", 0)
     port = listener.getsockname()[1]
@@ -137,6 +149,7 @@ def test_explore_slider_moves_the_plot(open_page):
         before = figures.inner_text()
         plot = "document.querySelectorAll('.plot canvas')[0].toDataURL()"
         picture = page.evaluate(plot)
+        assert page.evaluate(COLOURS_SHOWN) == [True] * 3  # equal speeds: bars side by side
         page.locator('input[data-path="wheel.roundness"]').fill("0.2")
         _until(lambda: figures.inner_text() != before)
         assert page.evaluate(plot) != picture
@@ -152,6 +165,18 @@ def test_explore_slider_moves_the_plot(open_page):
     finally:
         server.should_exit = True
         thread.join(10)
+
+
+COLOURS_SHOWN = """() => {  // which wheels' colours fill pixels of the order spectrum
+  const canvas = document.querySelectorAll(".plot canvas")[1];
+  const bytes = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  const colours = [[0, 114, 178], [213, 94, 0], [0, 158, 115]], shown = [0, 0, 0];
+  for (let i = 0; i < bytes.length; i += 4)
+    colours.forEach((colour, k) => {
+      if (colour.every((c, j) => c === bytes[i + j])) shown[k] += 1;
+    });
+  return shown.map((pixels) => pixels > 100);
+}"""
 
 
 def _until(condition, seconds=60.0):

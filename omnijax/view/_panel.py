@@ -69,7 +69,7 @@ class Panel:
         order, spectrum = _lines(rig, state, SHOWN_PASSINGS * float(np.max(rig.wheels.rollers)))
         return {
             "machine": machine_scene(rig),
-            "figures": f"peak {_micro(state.peak)}, RMS {_micro(state.rms)}, "
+            "figures": f"peak over all phases {_micro(state.peak)}, RMS {_micro(state.rms)}, "
             f"elastic part {_micro(state.rms_elastic)} RMS, "
             f"acceleration {float(state.rms_acceleration):.3g} m/s² RMS",
             "t": np.asarray(t).tolist(),
@@ -149,14 +149,23 @@ def _campbell(rig: Rig, speeds: list[float]) -> dict[str, Any]:
     top = max(200.0, 130.0 * lowest / fastest) if fastest > 0 else 200.0
     scale, ceiling = np.linspace(0.0, top, 81), 1.6 * lowest
     series = [
-        {"label": f"mode {f:g} Hz", "kind": "mode", "wheel": 0, "values": [float(f)] * len(scale)}
+        {"label": f"mode {f:g} Hz", "kind": "mode", "wheels": [], "values": [float(f)] * len(scale)}
         for f in found[found <= ceiling]
     ]
-    for i, name in enumerate(rig.names):
+    for wheels in _together(once):
+        names = ", ".join(rig.names[i] for i in wheels) if len(wheels) < rig.size else "all wheels"
         for k in range(1, PASSING + 1):
-            line = k * once[i] * scale / 100
+            line = k * once[wheels[0]] * scale / 100
             values = [float(x) if x <= ceiling else None for x in line]
-            series.append(
-                {"label": f"{name} {k}×", "kind": "passing", "wheel": i, "values": values}
-            )
+            label = f"{names} {k}×"
+            series.append({"label": label, "kind": "passing", "wheels": wheels, "values": values})
     return {"scale": scale.tolist(), "series": series}
+
+
+def _together(once: np.ndarray) -> list[list[int]]:
+    """The turning wheels, those whose rollers pass equally often in one group."""
+    groups: dict[float, list[int]] = {}
+    for i, frequency in enumerate(once):
+        if frequency > 0:
+            groups.setdefault(round(float(frequency), 6), []).append(i)
+    return list(groups.values())

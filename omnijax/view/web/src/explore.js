@@ -19,6 +19,12 @@ async function post(path, body) {
   return result;
 }
 
+// Modes and lines that several wheels share belong to no wheel's colour.
+function lineColour({ kind, wheels }) {
+  if (kind === "mode") return "#333";
+  return wheels.length === 1 ? WHEEL_COLOURS[wheels[0] % 6] : "#6b7785";
+}
+
 class Column {
   constructor(root, spec, exaggeration) {
     this.spec = spec;
@@ -41,9 +47,9 @@ class Column {
       x: "time / s", y: "|ΔR| / µm", series: [{ label: "|ΔR|", colour: "#0072B2" }],
     });
     this.passing = [];
-    this.spectrum = chart(place("Order spectrum; dashed: roller-passing orders"), {
-      x: "order of each wheel's rotation", y: "|ΔR| / µm",
-      series: spec.machine.wheels.map((w, i) => ({ label: w.name, colour: WHEEL_COLOURS[i % 6], bars: true })),
+    this.spectrum = chart(place("Order spectrum, each wheel's share; dashed: roller passing"), {
+      x: "order of each wheel's rotation", y: "|ΔR| / µm", bars: true,
+      series: spec.machine.wheels.map((w, i) => ({ label: w.name, colour: WHEEL_COLOURS[i % 6] })),
       lines: () => this.passing.map((at) => ({ at, colour: "#888" })),
     });
     this.campbell = null;
@@ -127,7 +133,7 @@ class Column {
     if (this.campbellLabels !== labels) {
       if (this.campbell) this.campbell.destroy();
       this.campbellLabels = labels;
-      const colours = c.series.map((s, i) => s.kind === "mode" ? "#333" : WHEEL_COLOURS[s.wheel % 6]);
+      const colours = c.series.map(lineColour);
       this.campbell = chart(this.campbellBox, {
         x: "speed of the drive / % of the set speeds", y: "frequency / Hz",
         series: c.series.map((s, i) => ({ label: s.label, colour: colours[i], dash: s.kind === "mode" ? [6, 3] : undefined })),
