@@ -69,10 +69,11 @@ def crossed(to: int, source: int, share: float):
     return sensor
 
 
-def clipped(column: int, limit: float):
-    """A channel that saturates softly, as no law of the library does."""
+def clipped(column: int, share: float):
+    """A channel that saturates softly at a share of its largest value, as no law does."""
 
     def sensor(t, out):
+        limit = share * np.abs(out[:, column]).max()
         out[:, column] = limit * np.tanh(out[:, column] / limit)
         return out
 
@@ -182,7 +183,7 @@ OUTSIDE = {
     "cross (unknown)": Hidden({"cross": 2e4}, UNKNOWN),
     "quadratic (unknown)": Hidden({"K2": 3e7 * ONE}, UNKNOWN),
     "fading (unknown)": Hidden({"fade": -0.01 * ALL}, UNKNOWN),
-    "saturating dR_z (unknown)": Hidden({}, UNKNOWN, clipped(2, 1.5e-4)),
+    "saturating dR_z (unknown)": Hidden({}, UNKNOWN, clipped(2, 0.8)),
 }
 HIDDEN = {**SINGLES, **SEVERAL, **UNUSUAL, **NONE, **OUTSIDE}
 KINDS = {"right name, singles": SINGLES, "right names, several": SEVERAL,
