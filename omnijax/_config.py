@@ -18,10 +18,12 @@ def cache_folder() -> Path:
 def configure() -> None:
     """Switch on float64 and, unless the user set one, the compilation cache.
 
-    Also gives XLA a pool of at least 16 threads: jaxlib's batched LAPACK calls wait inside the
-    pool for their own parts, and on two cores two such calls at a time wait for each other forever.
+    Also gives XLA one thread a device.  With more, the many small steps of these programs go
+    through a thread pool at twice the time they take, and jaxlib's batched LAPACK calls, which
+    wait inside the pool for their own parts, can wait for each other forever.  More cores are
+    used by `devices` and `workers`.
     """
-    os.environ.setdefault("PJRT_NPROC", str(max(16, os.cpu_count() or 1)))
+    os.environ.setdefault("PJRT_NPROC", "1")
     jax.config.update("jax_enable_x64", True)
     if getattr(jax.config, "jax_compilation_cache_dir", None) is None:
         jax.config.update("jax_compilation_cache_dir", str(cache_folder()))
