@@ -10,10 +10,10 @@ import pytest
 
 from omnijax.rig import InputError
 from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, parse_study, trade_off
+from omnijax.study._amounts import amount
 from omnijax.study._design import start_note
 from omnijax.study._design_engine import Engine
 from omnijax.study._design_folder import Folder
-from omnijax.study._design_result import amount
 from omnijax.study._design_search import Adam
 from omnijax.vibration import peak, smooth_peak
 

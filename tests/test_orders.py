@@ -38,6 +38,24 @@ def test_an_order_line_stays_put_and_a_line_in_hz_does_not():
     assert found.speed[-1] > 250
 
 
+def test_amplitudes_as_peak_rms_and_power_and_a_flat_top():
+    """A sine of 3 um between two orders of the map: rms 3/sqrt(2), power 9/2, as MATLAB has them."""
+    run = recording(3e-6 * np.cos(14.06 * ANGLE + 0.5))
+    kinds = {k: rpm_order_map(run, "dR_y", "2", amplitude=k) for k in ("peak", "rms", "power")}
+    level = {k: found.strongest(1)[0][1] for k, found in kinds.items()}
+    assert level["peak"] == pytest.approx(3e-6, rel=0.02)
+    assert level["rms"] == pytest.approx(level["peak"] / np.sqrt(2), rel=1e-12)
+    assert kinds["power"].unit == "(m)^2"
+    assert level["power"] == pytest.approx(level["rms"] ** 2, rel=0.01)
+    track = order_track(run, [14.06], "dR_y", "2", amplitude="rms")
+    np.testing.assert_allclose(track.amplitude, 3e-6 / np.sqrt(2), rtol=1e-6)
+    hann, flat = (
+        rpm_order_map(run, "dR_y", "2", turns=4, window=w).amplitude for w in ("hann", "flattop")
+    )
+    at = np.argmin(np.abs(kinds["peak"].orders - 14.25))  # 0.19 orders beside the line
+    assert np.all(np.abs(flat[:, at] / 3e-6 - 1) < 0.02) and np.all(hann[:, at] < 2.5e-6)
+
+
 def test_tracks_give_amplitude_and_phase_of_close_orders():
     growing = 1e-6 * (1 + TIME)
     values = growing * np.cos(14 * ANGLE + 0.5) + 4e-6 * np.cos(14.6 * ANGLE - 1) + NOISE
@@ -113,7 +131,7 @@ def test_pictures_show_orders_and_units():
     for axes in (found.plot(), found.plot(over="speed"), found.plot_waterfall()):
         assert axes.get_xlabel() == "order of wheel 2"
     axes = order_track(recording(values), [14], "dR_y", "2").plot(over="speed")
-    assert (axes.get_xlabel(), axes.get_ylabel()) == ("speed (rpm)", "ΔR_y (µm)")
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("speed (rpm)", "ΔR_y, peak (µm)")
     drawn = np.concatenate([line.get_ydata() for line in axes.lines])
     assert np.nanmax(drawn) == pytest.approx(3, rel=0.02)
 

@@ -1,12 +1,19 @@
 """Options and output that commands share."""
 
 import json
+import shlex
+import sys
 from collections.abc import Callable
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print JSON for machines.")]
+
+
+def command_line(without: tuple[str, ...] = ()) -> str:
+    """This command as it can be typed again, less some of its words."""
+    return shlex.join(["omnijax", *(word for word in sys.argv[1:] if word not in without)])
 
 
 def emit(as_json: bool, data: Any, text: Callable[[], None]) -> None:

@@ -1,12 +1,13 @@
 """Pages and shared output of the studies' commands."""
 
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
+
+from ._options import command_line
 
 Switch = Annotated[bool, Parameter(negative="")]
 
@@ -56,10 +57,11 @@ def write_page(
     tables: Sequence[Any],
     rig: str = "",
     seed: int | None = None,
+    facts: Sequence[Any] = (),
 ) -> Path:
-    """One page: the first line answers, the others follow; figures are (name, caption, draw, data).
+    """One page: the first line answers, the others follow, then the figures, then the tables.
 
-    `draw()` gives axes and is called inside the product's style.
+    Figures are (name, caption, draw, data); `draw()` gives axes, in the product's style.
     """
     from ..report import Figure, Page, Section, provenance, style
 
@@ -67,7 +69,17 @@ def write_page(
     for name, caption, draw, data in figures:
         with style():
             drawn.append(Figure(draw().figure, name, caption, data))
-    sections = [Section("Result", "\n\n".join(lines[1:]), drawn, tables)]
-    command = "omnijax " + " ".join(sys.argv[1:])
-    page = Page(title, question, lines[0], sections, provenance(command, rig, seed))
+    told = [_sentence(line) for line in lines]
+    sections = [Section("Result", "\n\n".join(told[1:]), drawn)]
+    sections += [Section("Numbers", tables=tables)] if tables else []
+    made = provenance(command_line(), rig, seed)
+    page = Page(title, question, told[0], sections, made, facts)
     return page.write(folder)
+
+
+def _sentence(line: str) -> str:
+    """The line with a capital, unless it begins with a name of ours."""
+    from ..vibration import METRICS
+
+    first = line.split(maxsplit=1)[0].rstrip(":,")
+    return line[0].upper() + line[1:] if first.isalpha() and first not in METRICS else line

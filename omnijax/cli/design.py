@@ -68,17 +68,19 @@ def design(
 def _page(folder: Path, found: Any, asked: Any) -> None:
     from ..report import Column, Table
     from ..rig import rig_text
+    from ..study import scaled
 
     names = list(found.variables)
+    factor, unit = scaled(found.objective, found.unit)
     columns = [Column("variable", text=True), Column("value"), Column("unit", text=True)]
     rows = [[name, value, found.units[name]] for name, value in found.variables.items()]
     tables = [Table(columns, rows, "design", "The design.")]
-    columns = [Column("status", text=True), Column(found.objective_name, found.unit)]
+    columns = [Column("status", text=True), Column(found.objective_name, unit)]
     columns += [Column(name, found.units[name]) for name in names]
     columns += [Column("KKT residual"), Column("evaluations")]
     ends = found.ends
     rows = [
-        [ends["status"][i], ends["objective"][i], *ends["x"][i], ends["kkt_residual"][i],
+        [ends["status"][i], factor * ends["objective"][i], *ends["x"][i], ends["kkt_residual"][i],
          ends["evaluations"][i]]
         for i in range(len(ends["status"]))
     ]  # fmt: skip
@@ -88,7 +90,9 @@ def _page(folder: Path, found: Any, asked: Any) -> None:
          {f"objective / {found.unit}": ends["objective"]}),
     ]  # fmt: skip
     if len(found.cases) > 1:
-        figures.append(("cases", "The objective in every case.", found.plot_cases, {}))
+        cases = {"case": list(found.cases)}
+        cases |= {f"objective / {found.unit}": list(found.cases.values())}
+        figures.append(("cases", "The objective in every case.", found.plot_cases, cases))
     write_page(
         folder, "Design", "Which design vibrates least?", found.sentences(), figures, tables,
         rig_text(asked.rig), asked.seed,

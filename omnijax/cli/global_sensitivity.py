@@ -70,6 +70,7 @@ def _plain(found: Any) -> dict[str, Any]:
 
 
 def _page(folder: Path, found: Any, asked: Any) -> None:
+    from ..report import Fact
     from ..rig import rig_text
 
     figures = []
@@ -82,9 +83,35 @@ def _page(folder: Path, found: Any, asked: Any) -> None:
         )  # fmt: skip
         figures.append(
             (f"convergence-{name}", f"Total indices of {name} as runs are added.",
-             lambda name=name: found.plot_convergence(name), {})
+             lambda name=name: found.plot_convergence(name), _stages(found, m))
         )  # fmt: skip
+    facts = [Fact("runs", found.runs), Fact("failed runs", len(found.failed))]
     write_page(
         folder, "Global sensitivity", "What matters over the whole ranges?", found.sentences(),
-        figures, [], rig_text(asked.rig), asked.seed,
+        figures, [_table(found, m) for m in range(len(found.metrics))], rig_text(asked.rig),
+        asked.seed, facts,
     )  # fmt: skip
+
+
+def _stages(found: Any, m: int) -> dict[str, Any]:
+    """Columns of the convergence figure's CSV."""
+    totals = found.sobol.total_stages[:, m]
+    data: dict[str, Any] = {"blocks / 1": found.sobol.stages}
+    return data | {f"total of {name} / 1": totals[:, i] for i, name in enumerate(found.inputs)}
+
+
+def _table(found: Any, m: int) -> Any:
+    """Every index of one metric."""
+    from ..report import Column, Table
+
+    name, unit = found.metrics[m], found.units[m]
+    columns = [Column("input", text=True), Column("first order"), Column("± 95 %")]
+    columns += [Column("total"), Column("± 95 %"), Column("bound from gradients")]
+    columns += [Column("Morris μ*", unit), Column("Morris σ", unit)]
+    parts = (
+        found.sobol.first, found.sobol.first_half, found.sobol.total, found.sobol.total_half,
+        found.bound, found.morris.mu_star, found.morris.sigma,
+    )  # fmt: skip
+    rows = [[path, *(part[m, i] for part in parts)] for i, path in enumerate(found.inputs)]
+    words = f"Shares of the variance of {name}; Morris' effects over the whole range of an input."
+    return Table(columns, rows, f"indices-{name}-table", words)

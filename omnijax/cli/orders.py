@@ -2,9 +2,9 @@
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
-from ._options import Json, emit
+from ._options import Json, command_line, emit
 
 TRACKED = 4  # orders followed where none are asked for
 
@@ -17,6 +17,8 @@ def orders(
     reference: str = "1",
     turns: float = 4.0,
     max_order: float | None = None,
+    amplitude: Literal["peak", "rms", "power"] = "peak",
+    window: Literal["hann", "flattop"] = "hann",
     track: str | None = None,
     rig: str | None = None,
     out: Path | None = None,
@@ -40,6 +42,10 @@ def orders(
         Length of a window in turns; longer windows tell closer orders apart.
     max_order
         Highest order of the map.
+    amplitude
+        What of the sine at an order is shown: its peak, its RMS, or its power (mean square).
+    window
+        Window over the turns: hann, or flattop for truer heights and wider lines.
     track
         Orders to follow over time (9,18); the strongest where none are given.
     rig
@@ -53,11 +59,16 @@ def orders(
 
     measured, machine = _run(run, rig)
     try:
-        found = rpm_order_map(measured, channel, reference, turns=turns, max_order=max_order)
+        found = rpm_order_map(
+            measured, channel, reference, turns=turns, max_order=max_order,
+            amplitude=amplitude, window=window,
+        )  # fmt: skip
         chosen = _orders(track) or [order for order, _ in found.strongest(TRACKED)]
         if not chosen:
             raise ValueError(f"`{channel}` has no orders: it does not move.")
-        followed = order_track(measured, chosen, channel, reference, turns=turns)
+        followed = order_track(
+            measured, chosen, channel, reference, turns=turns, amplitude=amplitude
+        )
     except ValueError as error:
         raise InputError(f"{run.name}: {error}") from error
     passing = _passing(measured, machine, reference)
@@ -67,9 +78,9 @@ def orders(
         from ..rig import rig_text
 
         text = "" if machine is None else rig_text(machine)
-        made = provenance(f"omnijax {' '.join(sys.argv[1:])}", text)
+        made = provenance(command_line(), text)
         page = str(orders_page(found, followed, made, passing).write(out))
-    names = ("order", "rms", "hz", "meaning")
+    names = ("order", amplitude, "hz", "meaning")
     data = {"reference": found.reference, "channel": channel, "page": page}
     rows = [dict(zip(names, row, strict=True)) for row in table.rows]
     emit(json, data | {"orders": rows}, lambda: _print(found, table, page))

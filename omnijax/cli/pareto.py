@@ -78,22 +78,23 @@ def _print(found: Any) -> None:
 
 
 def _page(folder: Path, found: Any, asked: Any) -> None:
-    from ..report import Column, Table
+    from ..report import Column, Fact, Table
     from ..rig import rig_text
+    from ..study import scaled
 
-    columns = [Column(n, u) for n, u in zip(found.metrics, found.units, strict=True)]
+    both = list(zip(found.metrics, found.units, strict=True))
+    read = [scaled(found.values[:, m].max(), unit) for m, (_, unit) in enumerate(both)]
+    columns = [Column(n, unit) for n, (_, unit) in zip(found.metrics, read, strict=True)]
     columns += [Column(n, u) for n, u in zip(found.variables, found.variable_units, strict=True)]
     columns += [Column("status", text=True)]
-    rows = [
-        [*v, *x, s] for v, x, s in zip(found.values, found.x, found.status, strict=True)
-    ]  # fmt: skip
-    data = {
-        f"{n} / {u}": found.values[:, m]
-        for m, (n, u) in enumerate(zip(found.metrics, found.units, strict=True))
-    }
-    figures = [("front", "The front.", found.plot_front, data)]
+    values = found.values * [factor for factor, _ in read]
+    rows = [[*v, *x, s] for v, x, s in zip(values, found.x, found.status, strict=True)]
+    data = {f"{n} / {u}": found.values[:, m] for m, (n, u) in enumerate(both)}
+    caption = "The front: nothing can be better in one without being worse in another."
+    figures = [("front", caption, found.plot_front, data)]
+    facts = [Fact("designs", len(found.x)), Fact("evaluations with gradient", found.evaluations)]
     table = Table(columns, rows, "front-designs", "Designs on the front.")
     write_page(
         folder, "Trade-off", f"What does {found.metrics[0]} cost in {found.metrics[1]}?",
-        found.sentences(), figures, [table], rig_text(asked.rig), asked.seed,
+        found.sentences(), figures, [table], rig_text(asked.rig), asked.seed, facts,
     )  # fmt: skip

@@ -135,13 +135,14 @@ def _print(found: Any, per_wheel: bool, top: int) -> None:
 
 
 def _page(folder: Path, found: Any, machine: Any) -> None:
-    from ..report import Column, Table
+    from ..report import Column, Fact, Table, shown
     from ..rig import rig_text
+    from ..study import amount
 
     first = found.metrics[0]
     lead, value = next(iter(found.together(first).items()))
     lines = [
-        f"`{lead}` matters most for {first}: {value:+.3g} % per %.",
+        f"`{lead}` matters most for {first}: {shown(value)} % per %.",
         f"Exact derivatives along the {found.way}. Parameters of the same kind are changed on all "
         "wheels at once in the figures; the table has every wheel by itself.",
         *found.sentences(),
@@ -154,13 +155,18 @@ def _page(folder: Path, found: Any, machine: Any) -> None:
             (f"tornado-{name}", f"What each parameter does to {name}.",
              lambda name=name: found.plot_tornado(name, together=True), data)
         )  # fmt: skip
-    columns = [Column("parameter", text=True), Column("value", "SI")]
+    columns = [Column("parameter", text=True), Column("value", text=True)]
     columns += [Column(f"{name}", "% per %") for name in found.metrics]
     rows = [
-        [path, found.values[i], *found.relative[:, i]] for i, path in enumerate(found.parameters)
+        [path, amount(found.values[i], found.units[i]), *found.relative[:, i]]
+        for i, path in enumerate(found.parameters)
+    ]
+    facts = [
+        Fact(name, amount(found.figures[m], found.metric_units[m]))
+        for m, name in enumerate(found.metrics)
     ]
     table = Table(columns, rows, "sensitivities", "Change of each metric in % per %.")
     write_page(
         folder, "Sensitivities", "Which parameters does the vibration depend on?", lines, figures,
-        [table], rig_text(machine),
+        [table], rig_text(machine), facts=facts,
     )  # fmt: skip

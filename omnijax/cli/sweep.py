@@ -164,6 +164,7 @@ def summarise(result: Any) -> dict[str, Any]:
         index = result.best(name)
         if index is not None:
             best[name] = {"design": index, "unit": result.unit(name)} | result.design(index)
+            best[name]["status"] = result.status(index)
     return {
         "designs": result.size,
         "path": result.spec.path,
@@ -188,7 +189,9 @@ def show(result: Any, summary: dict[str, Any]) -> None:
             f"{path} = {found[path]:.6g}{'' if unit == '1' else f' {unit}'}"
             for path, unit, _ in result.spec.vary
         )
-        print(f"best {name}: {found[name]:.6g} {found['unit']} at {at} (design {found['design']})")
+        doubt = "" if found["status"] == "ok" else f", {found['status']}"
+        print(f"best {name}: {found[name]:.6g} {found['unit']} at {at} ", end="")
+        print(f"(design {found['design']}{doubt})")
     for entry in summary["failed"]:
         print(f"design {entry['design']} failed; again: {entry['rerun']}")
     more = sum(summary["status"].get(k, 0) for k in ("non-finite", "step limit", "failed"))

@@ -6,6 +6,11 @@ from typing import Any
 from ._options import Json
 from ._study_page import deliver, write_page
 
+WORDS = (
+    "Tolerances: by the derivatives alone, and so that machines drawn afterwards confirm them. The "
+    "second column is the derivative for a relative change of the part."
+)
+
 
 def tolerances(
     study: Path,
@@ -62,7 +67,7 @@ def _page(folder: Path, found: Any, asked: Any) -> None:
     from ..report import Column, Table
     from ..rig import rig_text
 
-    columns = [Column("part", text=True), Column("slope", found.unit)]
+    columns = [Column("part", text=True), Column(f"{found.metric} by", f"{found.unit} per 100 %")]
     columns += [Column("by derivatives", "± %"), Column("by drawn machines", "± %")]
     both = zip(found.parts, found.slopes, found.linear, found.widths, strict=True)
     rows = [[part, slope, 100 * linear, 100 * sure] for part, slope, linear, sure in both]
@@ -71,5 +76,5 @@ def _page(folder: Path, found: Any, asked: Any) -> None:
     lines = [found.sentences()[0], found.sentences()[-1]]
     write_page(
         folder, "Tolerances", "How precisely must each wheel be made?", lines, figures,
-        [Table(columns, rows, "parts", "Tolerances.")], rig_text(asked.rig), asked.seed,
+        [Table(columns, rows, "parts", WORDS)], rig_text(asked.rig), asked.seed,
     )  # fmt: skip

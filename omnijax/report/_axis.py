@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, Locator, LogFormatter, LogLocator, MaxNLocator
 
-from ._style import superscript
+from ._style import raised, superscript
 
 UNITS = ("rpm", "rad/s", "Hz", "orders")
 WORDS = {"rpm": "rpm", "rad/s": "rad s⁻¹", "Hz": "Hz", "orders": "orders"}
@@ -65,8 +65,10 @@ def power_of_ten(value: float) -> str:
 
 
 def plain_labels(fig: Figure) -> None:
-    """Logarithmic axes get labels without TeX, so that text stays text in an SVG."""
+    """Raised powers in labels; logarithmic axes get labels without TeX: text in an SVG."""
     for ax in fig.axes:
+        ax.set_xlabel(raised(ax.get_xlabel()))
+        ax.set_ylabel(raised(ax.get_ylabel()))
         for axis in (ax.xaxis, ax.yaxis):
             formatter = axis.get_major_formatter()
             if isinstance(formatter, LogFormatter):
@@ -86,13 +88,14 @@ def _in_unit(ax: Axes, factor: float) -> None:
 @contextmanager
 def shown_in(fig: Figure, axis: SpeedAxis, unit: str) -> Iterator[None]:
     """`fig` with its x axes in `unit` for the block."""
+    panels = [ax for ax in fig.axes if ax.get_label() != "<colorbar>"]
     before = [
         (ax, ax.xaxis.get_major_locator(), ax.xaxis.get_major_formatter(), ax.get_xlabel())
-        for ax in fig.axes
+        for ax in panels
     ]
-    for ax in fig.axes:
+    for ax in panels:
         _in_unit(ax, axis.factor(unit))
-    lowest = min(fig.axes, key=lambda ax: ax.get_position().y0)
+    lowest = min(panels, key=lambda ax: ax.get_position().y0)
     lowest.set_xlabel(f"{axis.label} / {WORDS[unit]}")
     try:
         yield

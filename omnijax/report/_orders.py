@@ -1,5 +1,6 @@
 """The page of an order analysis: the strongest orders, the map, the waterfall and the tracks."""
 
+import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
@@ -7,6 +8,8 @@ import numpy as np
 
 from ..simulate._plots import SCALES
 from ..vibration import OrderMap, OrderTrack
+from ..vibration._waterfall import name_of
+from ._axis import SpeedAxis
 from ._content import Column, Fact, Figure, Provenance, Section, Table, shown
 from ._page import Page
 from ._style import figure, style
@@ -28,13 +31,13 @@ def orders_page(
     """
     factor, unit = SCALES.get(found.unit, (1.0, found.unit))
     table = strongest_orders(found, passing)
-    order, name = table.rows[0][0], found.channel
-    level = f"{shown(table.rows[0][1])} {unit}"
-    answer = f"Order {shown(order)} of {found.reference} is the strongest in `{name}` ({level} RMS)"
+    order, name = table.rows[0][0], name_of(found.channel)
+    level = f"{shown(table.rows[0][1])} {unit} {found.kind}"
+    answer = f"Order {shown(order)} of {found.reference} is the strongest in {name} ({level})"
     why = table.rows[0][3]
     return Page(
         title="Orders",
-        question=f"Which orders of {found.reference} shake `{name}`?",
+        question=f"Which orders of {found.reference} shake {name}?",
         answer=f"{answer}: {why}." if why else f"{answer}.",
         facts=[
             Fact("slowest", float(found.speed.min()), "rpm"),
@@ -42,7 +45,7 @@ def orders_page(
             Fact("windows", len(found.time)),
         ],
         sections=[
-            Section("Strongest orders", tables=[table]),
+            Section("Strongest orders", figures=[_spectrum(found, factor, unit)], tables=[table]),
             Section(
                 "Over the run", MAP, [*_map(found, factor, unit), *_track(track, factor, unit)]
             ),
@@ -72,10 +75,10 @@ def strongest_orders(
             hertz = f"{hertz} to {shown(order * high)}"
         rows.append([order, factor * level, hertz, _meaning(order, passing or {}, resolution)])
     columns = [
-        Column("order"), Column("RMS amplitude", unit), Column("frequency / Hz", text=True),
-        Column("what repeats so often", text=True),
+        Column("order"), Column(f"{found.kind} amplitude", unit),
+        Column("frequency / Hz", text=True), Column("what repeats so often", text=True),
     ]  # fmt: skip
-    return Table(columns, rows, "strongest-orders", f"Orders of {found.reference}.")
+    return Table(columns, rows, "strongest-orders", f"Orders of {found.reference}.", stacked=True)
 
 
 def _meaning(order: float, passing: Mapping[str, float], resolution: float) -> str:
@@ -90,6 +93,21 @@ def _meaning(order: float, passing: Mapping[str, float], resolution: float) -> s
         times, name = min(fits)
         return f"{times} × the passing of wheel {name}'s rollers"
     return "once a turn" if abs(order - 1) <= resolution else ""
+
+
+def _spectrum(found: OrderMap, factor: float, unit: str) -> Figure:
+    """The average over the run; other units of its axis hold at the mean speed."""
+    turning = float(found.speed.mean()) * np.pi / 30
+    over_frequency = dataclasses.replace(found, orders=found.orders * turning)
+    with style():
+        fig, (ax,) = figure(height=3.4)
+        over_frequency.plot_spectrum(ax=ax)
+    data = {"order / 1": found.orders, "frequency / Hz": found.orders * turning / (2 * np.pi)}
+    data[f"{found.channel}, {found.kind} / {unit}"] = factor * found.spectrum()
+    mean = f"{shown(float(found.speed.mean()))} rpm"
+    words = f"Root mean square over the windows; rpm, rad/s and Hz at the mean speed of {mean}."
+    axis = SpeedAxis(f"order of {found.reference}", "orders", reference=turning)
+    return Figure(fig, "order-spectrum", words, data, axis)
 
 
 def _map(found: OrderMap, factor: float, unit: str) -> list[Figure]:

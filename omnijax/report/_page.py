@@ -13,6 +13,7 @@ from markupsafe import Markup, escape
 
 from ._content import Badge, Fact, Figure, Provenance, Section, Table, shown
 from ._csv import figure_csv, table_csv
+from ._style import raised
 from ._svg import drawings, png
 
 TEMPLATES = Path(__file__).parent / "templates"
@@ -80,7 +81,8 @@ def prose(text: str) -> list[Markup]:
 def _inline(text: str) -> Markup:
     safe = str(escape(text))
     safe = re.sub(r"`([^`]+)`", r"<code>\1</code>", safe)
-    return Markup(re.sub(r"10\^(−?\d+)", r"10<sup>\1</sup>", safe))
+    safe = re.sub(r"(?<=[a-z0-9])\.(?=[a-z])", ".<wbr>", safe)  # a path may break at its dots
+    return Markup(re.sub(r"10\^(−?\d+)", r"10<sup>\1</sup>", raised(safe)))
 
 
 def _data_link(text: str | bytes, kind: str) -> str:
@@ -108,6 +110,7 @@ def _environment() -> jinja2.Environment:
         "prose": prose,
         "inline": _inline,
         "shown": lambda value: _inline(shown(value)),
+        "units": raised,
         "file": file_name,
         "svgs": _svgs,
         "png_link": _png_link,

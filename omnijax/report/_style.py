@@ -4,6 +4,8 @@ Nothing here changes a setting of the process: `style()` is a context, `figure()
 that no window system knows of.
 """
 
+import re
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -26,6 +28,7 @@ PALETTE = {
 COLOURS = tuple(PALETTE.values())
 INK, MUTED, RULE = "#1b1f24", "#57606a", "#d8dde3"
 WIDTH, NARROW = 7.2, 4.3  # inches: on a page, and on a telephone
+NARROW_LETTERS = 34  # of a title there
 
 RC: dict[Any, Any] = {
     "font.family": "sans-serif",
@@ -105,6 +108,25 @@ def fold_legends(fig: Figure, columns: int) -> None:
             legend_above(ax, columns)
         else:
             legend.set_in_layout(False)
+
+
+def raised(text: str) -> str:
+    """A unit's powers as people write them: m/s^2 is m/s²."""
+    return re.sub(r"(?<=[a-zA-Z)])\^(\d)", lambda found: superscript(int(found[1])), text)
+
+
+@contextmanager
+def wrapped(fig: Figure) -> Iterator[None]:
+    """Titles and labels in lines that fit on a telephone, for the block."""
+    texts = [t for ax in fig.axes for t in (ax.title, ax._left_title, ax.xaxis.label)]  # pyright: ignore[reportAttributeAccessIssue]
+    before = [text.get_text() for text in texts]
+    for text, words in zip(texts, before, strict=True):
+        text.set_text(textwrap.fill(words, NARROW_LETTERS))
+    try:
+        yield
+    finally:
+        for text, words in zip(texts, before, strict=True):
+            text.set_text(words)
 
 
 def superscript(number: int) -> str:

@@ -8,7 +8,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from ._axis import SpeedAxis, plain_labels, shown_in
-from ._style import NARROW, fold_legends, style
+from ._style import NARROW, fold_legends, style, wrapped
 
 PNG_DPI = 150
 
@@ -50,7 +50,8 @@ def _both(fig: Figure, name: str, unit: str) -> Drawing:
     fig.set_size_inches(NARROW * width / max(width, NARROW), height)
     fold_legends(fig, 2)
     try:
-        narrow = _svg(fig, f"{name}-n")
+        with wrapped(fig):
+            narrow = _svg(fig, f"{name}-n")
     finally:
         fig.set_size_inches(width, height)
         fold_legends(fig, 4)

@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from ..study import Grid, SweepResult
+from ..study import Grid, SweepResult, amount
+from ._axis import SpeedAxis
 from ._content import Column, Fact, Figure, Provenance, Section, Table, shown
 from ._page import Page
 from ._style import figure, style
@@ -44,13 +45,17 @@ def _answer(result: SweepResult) -> str:
             sentences.append(f"No design has a figure for {name}.")
             continue
         found = result.design(index)
-        value = f"{shown(found[name])} {result.unit(name)}"
-        sentences.append(f"The best {name} is {value} at {_place(result, found)}.")
+        value = amount(found[name], result.unit(name))
+        status = result.status(index)
+        doubt = "" if status == "ok" else f" (but {status})"
+        sentences.append(f"The best {name} is {value} at {_place(result, found)}{doubt}.")
     return " ".join(sentences)
 
 
 def _pictures(result: SweepResult) -> list[Section]:
     figures = []
+    path, unit, _ = result.spec.vary[0]  # to the right in every picture
+    axis = SpeedAxis(path) if unit == "rad/s" else None
     for name in result.spec.metrics:
         with style():
             fig, (ax,) = figure(height=4.2)
@@ -60,9 +65,8 @@ def _pictures(result: SweepResult) -> list[Section]:
             else:
                 result.plot_lines(name, ax=ax)
                 words = "one point a design"
-        figures.append(
-            Figure(fig, f"sweep-{name}", f"{name} of the designs; {words}.", _data(result, name))
-        )
+        caption = f"{name} of the designs; {words}."
+        figures.append(Figure(fig, f"sweep-{name}", caption, _data(result, name), axis))
     return [Section("Over the parameters", "", figures)]
 
 
@@ -74,12 +78,18 @@ def _data(result: SweepResult, name: str) -> dict[str, Any]:
 
 
 def _best(result: SweepResult) -> Section:
-    columns = [Column("design"), *(_column(result, n) for n in result.store.names[:-1])]
+    names = result.store.names[:-1]
+    factors = np.array([result.readable(name)[0] for name in names])
+    columns = [Column("design"), *(_column(result, name) for name in names)]
+    columns.append(Column("status", text=True))
     tables = []
     for name in result.spec.metrics:
         values = _goodness(result, name)
         order = [i for i in np.argsort(values)[:ROWS].tolist() if np.isfinite(values[i])]
-        rows = [[i, *list(result.design(i).values())[:-1]] for i in order]
+        found = [(i, result.design(i)) for i in order]
+        rows = [
+            [i, *(factors * [d[n] for n in names]).tolist(), result.status(i)] for i, d in found
+        ]
         tables.append(
             Table(columns, rows, f"best-{name}", f"The {len(rows)} designs best in {name}.")
         )
@@ -87,7 +97,7 @@ def _best(result: SweepResult) -> Section:
 
 
 def _column(result: SweepResult, name: str) -> Column:
-    unit = result.unit(name)
+    _, unit = result.readable(name)
     return Column(name, "" if unit == "1" else unit)
 
 

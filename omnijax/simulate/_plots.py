@@ -8,7 +8,12 @@ from ._trajectory import Trajectory
 
 # Okabe and Ito's colours, told apart with every common colour vision
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-SCALES = {"m": (1e6, "µm"), "m/s": (1e3, "mm/s"), "m/s^2": (1.0, "m/s²")}  # as people read them
+SCALES = {  # as people read them
+    "m": (1e6, "µm"),
+    "m/s": (1e3, "mm/s"),
+    "m/s^2": (1.0, "m/s²"),
+    "(m)^2": (1e12, "µm²"),
+}
 LABELS = {"dR": "ΔR", "dR_elastic": "elastic ΔR", "theta": "θ", "Omega": "Ω", "omega": "ω"}
 LARGE = ("R_l", "V_l")  # the platform's way is metres, not micrometres
 

@@ -10,9 +10,10 @@ import numpy as np
 
 from .._errors import InputError
 from ..rig import Rig, get_parameter
+from ._amounts import amount
 from ._design_engine import Engine
 from ._design_folder import Folder, Report
-from ._design_result import Design, amount, make_design, missed
+from ._design_result import Design, make_design, missed
 from ._design_rig import RigCases, rig_problem
 from ._design_search import Adam
 from ._study_file import Study, study_of
@@ -45,7 +46,7 @@ def design(
     drawn = Adam(asked.stochastic, seed=asked.seed) if asked.stochastic else None
     ends = engine.all_ends(asked.batch, store, report, drawn)
     found = make_design(problem, ends)
-    notes = [*start_note(engine), *_notes(asked, cases, found)]
+    notes = [*found.notes, *start_note(engine), *_notes(asked, cases, found)]
     return dataclasses.replace(found, notes=tuple(notes))
 
 

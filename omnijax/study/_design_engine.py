@@ -53,7 +53,8 @@ class Engine:
         self.size = float(np.median([abs(self._combined(s.f)) for s in seen])) or 1.0
         self._check_influence(seen)
         self.search = Search(problem, self.size)
-        self.lanes, self.relaxed = first_lanes(problem, starts, seed, self._merit)
+        self.rounds, self.relaxed = first_lanes(problem, starts, seed, self._merit)
+        self.lanes = self.rounds[0]
 
     def _merit(self, shares: np.ndarray) -> np.ndarray:
         """Objective and violations of designs as one figure; infinite where a run fails."""
@@ -148,8 +149,20 @@ class Engine:
     def all_ends(
         self, batch: int, store: Folder | None, report: Report | None, drawn: Adam | None
     ) -> list[End]:
-        """Every search, batch by batch; finished batches come from the store."""
-        ends = self.batches(self.lanes, batch, store, "first", report, drawn)
+        """Every search, batch by batch; finished batches come from the store.
+
+        Those that end infeasible are made again from other starts.
+        """
+        ends = last = self.batches(self.lanes, batch, store, "first", report, drawn)
+        slots = np.arange(len(last))
+        for r, lanes in enumerate(self.rounds[1:], 2):
+            short = [e.status in {"infeasible", "failed"} for e in last]
+            if self.relaxed or not any(short):
+                break
+            slots = slots[short]
+            part = Lanes(*(x[slots] for x in lanes))
+            last = self.batches(part, batch, store, f"round-{r}", report, drawn)
+            ends = [*ends, *last]
         if self.relaxed:
             good = [e for e in ends if np.isfinite(e.kkt.violation)]
             chosen = sorted(good, key=lambda e: (e.kkt.violation > 1e-5, e.value))[:2]

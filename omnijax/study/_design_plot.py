@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from ._design_result import label, scaled
+from ._amounts import label, scaled
 from ._sensitivity_plot import new_axes
 
 COLOURS = {

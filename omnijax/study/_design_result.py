@@ -9,34 +9,13 @@ from typing import Any
 import numpy as np
 
 from .._html import html_table
+from ._amounts import amount
 from ._design_engine import End, best_of
 from ._design_kkt import ACTIVE, FEASIBLE, ON_BOUND
 from ._design_problem import Problem
 from ._netcdf import read_result, write_result
 
-_PREFIX = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-_PREFIXED = {"m", "N", "m/s^2", "N/m", "Pa", "Hz", "N s/m"}
-
-
-def scaled(value: float, unit: str) -> tuple[float, str]:
-    """(factor, unit) in which `value` reads well: 4e-7 m is 0.4 µm, so (1e6, "µm")."""
-    unit = "" if unit == "1" else unit
-    if value == 0 or not math.isfinite(value) or unit not in _PREFIXED:
-        return 1.0, unit
-    digits = math.log10(abs(value)) + (1 if abs(value) < 1 else 0)  # 0.4 µm, but 188 kN/m
-    power = int(np.clip(3 * math.floor(digits / 3), -9, 9))
-    return 10.0**-power, _PREFIX[power] + unit
-
-
-def amount(value: float, unit: str) -> str:
-    """A value with its unit, prefixed where that reads better."""
-    factor, name = scaled(value, unit)
-    return f"{value * factor:.4g} {name}".strip()
-
-
-def label(name: str, unit: str) -> str:
-    """Text of an axis."""
-    return f"{name} ({unit})" if unit else name
+NAMED = 4  # limits in a sentence
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -165,7 +144,7 @@ def make_design(problem: Problem, ends: list[End], notes: tuple[str, ...] = ()) 
         "kkt_residual": [float(e.kkt.residual) for e in ends],
         "evaluations": [e.evaluations for e in ends],
         "status": [e.status for e in ends],
-        "reason": [e.reason for e in ends],
+        "reason": [conflict(problem, e) if e.status == "infeasible" else e.reason for e in ends],
     }
     reason = conflict(problem, best) if best.status == "infeasible" else best.reason
     return Design(
@@ -189,8 +168,26 @@ def make_design(problem: Problem, ends: list[End], notes: tuple[str, ...] = ()) 
             if price > 0 and best.status != "infeasible"
         },
         whole=tuple(v.name for v in problem.variables if v.whole),
-        notes=notes,
+        notes=(*_dead_ends(problem, ends, best), *notes),
     )
+
+
+def _dead_ends(problem: Problem, ends: list[End], best: End) -> list[str]:
+    """Which limits stopped searches short of a feasible design, where there is one."""
+    short = [e for e in ends if e.status == "infeasible"]
+    if not short or best.status == "infeasible":
+        return []
+    names = [
+        limit.text
+        for i, limit in enumerate(problem.limits)
+        if any(e.g[i] / limit.scale > FEASIBLE for e in short)
+    ]
+    listed = ", ".join(f"`{name}`" for name in names[:NAMED])
+    listed += f" and {len(names) - NAMED} more limits" if len(names) > NAMED else ""
+    return [
+        f"{len(short)} of {len(ends)} searches ended short of a feasible design, held up by "
+        f"{listed}; other starts were tried in their place."
+    ]
 
 
 def missed(problem: Problem, over) -> list[str]:

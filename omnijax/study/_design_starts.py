@@ -2,7 +2,8 @@
 
 The user's start comes first.  The others are the most promising of `SCREENED` points of a Sobol
 sequence: figures without slopes are cheap, and with limits that cut the design space to pieces a
-search seldom leaves the piece it starts in.
+search seldom leaves the piece it starts in.  For the same reason a search that ends infeasible
+starts again from the next of these points, up to `ROUNDS` times in all.
 
 Up to `ENUMERATED` combinations of whole numbers are all searched.  Beyond that they are relaxed to
 real numbers, and both neighbours of every relaxed optimum are searched again.
@@ -20,6 +21,7 @@ from ._design_search import Lanes
 
 ENUMERATED = 12
 SCREENED = 64  # for each combination of whole numbers
+ROUNDS = 3  # a search that ends infeasible starts again from the next promising designs
 FORBIDDEN = 3.0  # objectives that a violation of one scale of a limit weighs
 
 
@@ -65,8 +67,8 @@ def make_lanes(problem: Problem, starts: np.ndarray, combinations) -> Lanes:
 
 def first_lanes(
     problem: Problem, count: int, seed: int, merit: Callable[[np.ndarray], np.ndarray]
-) -> tuple[Lanes, bool]:
-    """The first searches, and whether whole numbers are relaxed in them.
+) -> tuple[list[Lanes], bool]:
+    """The searches of every round, side by side, and whether whole numbers are relaxed in them.
 
     `merit(shares)` (n,) is small for promising designs.
     """
@@ -75,15 +77,18 @@ def first_lanes(
     combinations = int(np.prod([len(values[i]) for i in index]))
     relaxed = combinations > ENUMERATED
     every = itertools.product(*(() if relaxed else (values[i] for i in index)))
-    parts = []
+    parts = [[] for _ in range(min(ROUNDS, SCREENED // count) or 1)]
     for c in every:
         fixed = {} if relaxed else dict(zip(index, c, strict=True))
         drawn = make_lanes(problem, start_shares(problem, SCREENED, seed), [fixed])
         order = np.argsort(merit(np.asarray(drawn.share)), kind="stable")
         given = [0] if any(v.start is not None for v in problem.variables) else []
-        chosen = np.array([*given, *(i for i in order if i not in given)][:count])
-        parts.append(Lanes(*(x[chosen] for x in drawn)))
-    return Lanes(*(jnp.concatenate(xs) for xs in zip(*parts, strict=True))), relaxed
+        ranked = np.array([*given, *(i for i in order if i not in given)])
+        for r, part in enumerate(parts):
+            chosen = ranked[r * count : (r + 1) * count]
+            part.append(Lanes(*(x[chosen] for x in drawn)))
+    rounds = [Lanes(*(jnp.concatenate(xs) for xs in zip(*p, strict=True))) for p in parts]
+    return rounds, relaxed
 
 
 def rounded_lanes(problem: Problem, relaxed: np.ndarray) -> Lanes:

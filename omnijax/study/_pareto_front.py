@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._html import html_table
-from ._design_result import amount, label, scaled
+from ._amounts import amount, label, scaled
 from ._netcdf import read_result, write_result
 
 
@@ -105,5 +105,4 @@ class Front:
             ax.figure.colorbar(dots, ax=ax, label=names[2])
         ax.set_xlabel(names[0])
         ax.set_ylabel(names[1])
-        ax.set_title("nothing can be better in one without being worse in another")
         return ax

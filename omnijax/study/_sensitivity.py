@@ -14,7 +14,7 @@ from .._html import html_table
 from ..rig import Rig, load_rig, parameter_info
 from ..simulate import AbstractDrive
 from ..vibration import METRICS
-from ._design_result import amount
+from ._amounts import amount
 from ._sensitivity_check import Check, compare
 from ._sensitivity_target import (
     checked_parameters,

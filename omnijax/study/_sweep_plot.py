@@ -21,13 +21,13 @@ def _axes(ax: Any):
 
 
 def _label(result: Any, name: str) -> str:
-    unit = result.unit(name)
-    return name if unit == "1" else f"{name} ({unit})"
+    _, unit = result.readable(name)
+    return name if unit in {"", "1"} else f"{name} ({unit})"
 
 
 def _slice(result: Any, metric: str, kept: tuple[int, ...]) -> tuple[np.ndarray, str]:
     """Values over the kept axes, the others at their first level, and the words that say so."""
-    values, axes = result[metric], result.points.axes
+    values, axes = result.readable(metric)[0] * result[metric], result.points.axes
     others = [i for i in range(len(axes)) if i not in kept]
     values = np.moveaxis(values, kept, range(len(kept)))
     values = values[(..., *(0 for _ in others))] if others else values
@@ -83,7 +83,8 @@ def lines(result: Any, metric: str, x: str | None = None, hue: str | None = None
     if axes[i].log:
         ax.set_xscale("log")
     if not isinstance(result.points, Grid):
-        ax.plot(result[axes[i].path], result[metric], ".", markersize=3)
+        values = result.readable(metric)[0] * result[metric]
+        ax.plot(result[axes[i].path], values, ".", markersize=3)
         return ax
     j = _index(result, hue, 1 if i == 0 else 0, metric) if len(axes) > 1 else None
     values, held = _slice(result, metric, (i,) if j is None or j == i else (i, j))

@@ -8,6 +8,7 @@ import numpy as np
 
 from .._errors import InputError, did_you_mean
 from .._html import html_table
+from ._amounts import scaled
 from ._points import Grid
 from ._store import FAILED, STATUS, Store, create_store, open_store
 from ._sweep_spec import PATHS, SweepSpec
@@ -53,6 +54,14 @@ class SweepResult:
         """Unit of a stored quantity."""
         return self.store.unit(self._known(name))
 
+    def readable(self, name: str) -> tuple[float, str]:
+        """Factor and unit in which a metric's figures read well; SI for what is varied."""
+        if name not in self.spec.metrics:
+            return 1.0, self.unit(name)
+        values = np.abs(self.store.read(self._known(name)))
+        largest = np.max(values, where=np.isfinite(values), initial=0.0)
+        return scaled(float(largest), self.unit(name))
+
     def _known(self, name: str) -> str:
         if name not in self.store.names:
             hint = did_you_mean(name, self.store.names)
@@ -82,6 +91,10 @@ class SweepResult:
         if not 0 <= index < self.size:
             raise InputError(f"`design` must lie in [0, {self.size - 1}], but is {index}.")
         return {name: self.store.read(name, index, index + 1).item() for name in self.store.names}
+
+    def status(self, index: int) -> str:
+        """How one design ended: ok, slip, lift-off, ..."""
+        return STATUS[int(self.design(index)["status"])]
 
     def best(self, metric: str) -> int | None:
         """The design with the smallest (margins: largest) `metric`; None where none has one."""

@@ -20,7 +20,7 @@ from scipy.stats import norm
 from .._errors import InputError, RunError
 from .._html import html_table
 from ..vibration import METRICS
-from ._design_result import amount
+from ._amounts import amount
 from ._design_rig import RigCases
 from ._netcdf import read_result, write_result
 from ._study_file import Study, study_of

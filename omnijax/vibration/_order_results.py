@@ -21,14 +21,23 @@ class OrderMap:
     orders: np.ndarray  # (k,)
     time: np.ndarray  # s, middle of the windows, (m,)
     speed: np.ndarray  # rpm of the reference, (m,)
-    amplitude: np.ndarray  # of the sine, in `unit`, (m, k)
+    amplitude: np.ndarray  # of the kind, in `unit`, (m, k)
     aliased: np.ndarray  # (m, k)
+    kind: str = "peak"  # of the sine: its peak, its rms, or its power (mean square)
+
+    def spectrum(self) -> np.ndarray:
+        """The whole run's amplitude at each order (k,): the root mean square over the windows.
+
+        Of powers it is their mean, as MATLAB's `orderspectrum` averages.
+        """
+        power = 1 if self.kind == "power" else 2
+        raised = np.where(np.isfinite(self.amplitude), self.amplitude, 0.0) ** power
+        seen = np.maximum((~self.aliased).sum(axis=0), 1)
+        return (raised.sum(axis=0) / seen) ** (1 / power)
 
     def strongest(self, count: int = 5) -> list[tuple[float, float]]:
-        """The highest (order, RMS amplitude over the windows) peaks, largest first."""
-        square = np.where(np.isfinite(self.amplitude), self.amplitude, 0.0) ** 2
-        seen = np.maximum((~self.aliased).sum(axis=0), 1)
-        level = np.sqrt(square.sum(axis=0) / seen)
+        """The highest peaks of the `spectrum` (order, amplitude), largest first."""
+        level = self.spectrum()
         inner = level[1:-1]
         peaks = 1 + np.flatnonzero((inner >= level[:-2]) & (inner > level[2:]))
         best = peaks[np.argsort(-level[peaks])][:count]
@@ -39,6 +48,12 @@ class OrderMap:
         from ._waterfall import plot_map
 
         return plot_map(self, ax=ax, over=over)
+
+    def plot_spectrum(self, *, ax: Any = None) -> Any:
+        """The whole run's amplitude over the orders; returns the axes."""
+        from ._waterfall import plot_spectrum
+
+        return plot_spectrum(self, ax=ax)
 
     def plot_waterfall(self, *, ax: Any = None) -> Any:
         """One spectrum above the other, as time goes on; returns the axes."""
@@ -54,7 +69,7 @@ class OrderMap:
     def _repr_html_(self) -> str:
         rows = [(order, level) for order, level in self.strongest(8)]
         title = f"{self.channel} over the orders of {self.reference}"
-        return html_table(title, rows, ("order", f"RMS amplitude ({self.unit})"))
+        return html_table(title, rows, ("order", f"{self.kind} amplitude ({self.unit})"))
 
     def to_xarray(self) -> Any:
         """Amplitude over time and order as an `xarray.Dataset`, with the speed beside."""
@@ -74,6 +89,7 @@ class OrderTrack:
     amplitude: np.ndarray  # in `unit`, (m, k)
     phase: np.ndarray  # rad, of amplitude cos(o theta + phase), (m, k)
     aliased: np.ndarray  # (m, k): a lower order would fit as well if the speed stayed the same
+    kind: str = "peak"  # as in `OrderMap`
 
     def plot(self, *, ax: Any = None, over: str = "time") -> Any:
         """One curve an order, over `time` or `speed`; returns the axes."""

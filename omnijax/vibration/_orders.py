@@ -2,9 +2,10 @@
 
 Order o of a wheel is what repeats o times a turn.  With the wheel's angle theta at every sample
 
-    X(o) = 2 sum w x exp(-i o theta) dtheta / sum w dtheta,   w a Hann window over some turns,
+    X(o) = 2 sum w x exp(-i o theta) dtheta / sum w dtheta,   w a window over some turns,
 
-is the transform in the angle domain, taken at the samples themselves, so nothing is interpolated.
+is the transform in the angle domain: the peak amplitude of a sine at its order, from the samples
+themselves, so nothing is interpolated.
 Where o times the speed passes half the sampling rate a line folds back; such cells are marked.
 """
 
@@ -19,6 +20,7 @@ from ._order_results import OrderMap, OrderTrack
 OVERLAP = 4  # windows begin a quarter of their length apart
 USABLE = 0.9  # share of a window's samples that must be there
 TURN = 2 * np.pi
+KINDS = ("peak", "rms", "power")
 
 
 def rpm_order_map(
@@ -28,14 +30,18 @@ def rpm_order_map(
     *,
     turns: float = 4.0,
     max_order: float | None = None,
+    amplitude: str = "peak",
+    window: str = "hann",
 ) -> OrderMap:
     """Map of a channel over orders and time, as MATLAB's `rpmordermap` draws it.
 
     `channel` is a column such as `dR_y`, or `distance` for |dR|; `reference` a wheel's name or
     number (from 1), or `sphere`.  Windows are `turns` long (resolution about 2/turns orders), or
     half the way that the reference turns if that is less.  Without `max_order`: 64, or what the
-    sampling can tell.
+    sampling can tell.  `amplitude` of the sine at an order: its `peak`, `rms` or `power` (mean
+    square).  `window` is `hann`, or `flattop`: truer heights between two orders, wider lines.
     """
+    _check(amplitude=(amplitude, KINDS), window=(window, tuple(WINDOWS)))
     time, values, unit = _channel(run, channel)
     angle, name = _reference(run, reference)
     windows, turns = _windows(time, angle, turns, name)
@@ -44,11 +50,13 @@ def rpm_order_map(
     top = np.pi / step / np.maximum(speeds, 1e-12)  # order at half the sampling rate
     highest = min(64.0, float(top.max())) if max_order is None else max_order
     orders = np.arange(0.0, highest + 1e-9, 0.25 / turns)
-    amplitude = np.stack([_spectrum(values[w], angle[w], orders) for w in windows])
+    peaks = np.stack([_spectrum(values[w], angle[w], orders, WINDOWS[window]) for w in windows])
     aliased = orders > top[:, None]
     middle = np.array([time[w].mean() for w in windows])
-    shown = np.where(aliased, np.nan, amplitude)
-    return OrderMap(channel, unit, name, orders, middle, speeds * 60 / TURN, shown, aliased)
+    shown = np.where(aliased, np.nan, _as(amplitude, peaks))
+    rpm = speeds * 60 / TURN
+    about = (channel, _unit(amplitude, unit), name)
+    return OrderMap(*about, orders, middle, rpm, shown, aliased, amplitude)
 
 
 def order_track(
@@ -58,13 +66,15 @@ def order_track(
     reference: str = "1",
     *,
     turns: float = 4.0,
+    amplitude: str = "peak",
 ) -> OrderTrack:
     """Amplitude and phase of `orders` over time, as MATLAB's `ordertrack` gives them.
 
     All orders, the mean and a drift are fitted together in each window, so neighbours do not leak
     into each other.  The fit uses the wheel's angle at the samples: while the speed changes it
-    finds an order beyond half the sampling rate too.
+    finds an order beyond half the sampling rate too.  `amplitude` as in `rpm_order_map`.
     """
+    _check(amplitude=(amplitude, KINDS))
     chosen = np.asarray(orders, float)
     if chosen.ndim != 1 or not len(chosen) or np.any(chosen <= 0):
         raise ValueError(f"`orders` must be positive numbers, but is {orders!r}.")
@@ -77,8 +87,9 @@ def order_track(
     aliased = chosen > np.pi / step / np.maximum(speeds, 1e-12)[:, None]
     middle = np.array([time[w].mean() for w in windows])
     rpm = speeds * 60 / TURN
-    phase = np.angle(fitted)
-    return OrderTrack(channel, unit, name, chosen, middle, rpm, np.abs(fitted), phase, aliased)
+    size, phase = _as(amplitude, np.abs(fitted)), np.angle(fitted)
+    about = (channel, _unit(amplitude, unit), name)
+    return OrderTrack(*about, chosen, middle, rpm, size, phase, aliased, amplitude)
 
 
 def roller_orders(
@@ -102,6 +113,21 @@ def roller_orders(
         if abs(ratio) > 1e-6 and np.ptp(turned - ratio * way) < 0.05 * np.ptp(turned):
             found[str(i + 1)] = abs(ratio) * float(count)
     return found
+
+
+def _check(**options: tuple[str, tuple[str, ...]]) -> None:
+    for name, (value, known) in options.items():
+        if value not in known:
+            raise ValueError(f"`{name}` must be one of {', '.join(known)}, but is {value!r}.")
+
+
+def _as(kind: str, peak: np.ndarray) -> np.ndarray:
+    """The peak of a sine as its peak, its rms or its mean square."""
+    return {"peak": peak, "rms": peak / np.sqrt(2), "power": peak**2 / 2}[kind]
+
+
+def _unit(kind: str, unit: str) -> str:
+    return f"({unit})^2" if kind == "power" else unit
 
 
 def _channel(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, np.ndarray, str]:
@@ -179,15 +205,25 @@ def _hann(angle: np.ndarray) -> np.ndarray:
     return np.sin(np.pi * (angle - angle[0]) / (angle[-1] - angle[0])) ** 2
 
 
-def _spectrum(values, angle, orders) -> np.ndarray:
+def _flat_top(angle: np.ndarray) -> np.ndarray:
+    """Flat-top window over the angle, with MATLAB's coefficients."""
+    turn = TURN * (angle - angle[0]) / (angle[-1] - angle[0])
+    a = (0.21557895, -0.41663158, 0.277263158, -0.083578947, 0.006947368)
+    return np.sum([a[k] * np.cos(k * turn) for k in range(5)], axis=0)
+
+
+WINDOWS = {"hann": _hann, "flattop": _flat_top}
+
+
+def _spectrum(values, angle, orders, window) -> np.ndarray:
     """Amplitude at each order; NaN where too much of the window is missing."""
     good = np.isfinite(values)
     if good.mean() < USABLE:
         return np.full(len(orders), np.nan)
-    weight = _hann(angle) * np.abs(np.gradient(angle)) * good
+    weight = window(angle) * np.abs(np.gradient(angle)) * good
     values = np.where(good, values, 0.0)
     trend = np.stack([np.ones(len(angle)), angle - angle.mean()], axis=1)
-    root = np.sqrt(weight)[:, None]
+    root = np.sqrt(np.abs(weight))[:, None]
     line, *_ = np.linalg.lstsq(root * trend, root[:, 0] * values, rcond=None)
     values = np.where(good, values - trend @ line, 0.0)
     return 2 * np.abs(np.exp(-1j * np.outer(orders, angle)) @ (weight * values)) / weight.sum()

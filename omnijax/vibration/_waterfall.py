@@ -27,7 +27,12 @@ def _rows(result: Any, over: str) -> tuple[np.ndarray, np.ndarray]:
 
 def _label(result: Any) -> tuple[float, str]:
     factor, unit = SCALES.get(result.unit, (1.0, result.unit))
-    return factor, f"{result.channel.replace('dR', 'ΔR')} ({unit})"
+    return factor, f"{name_of(result.channel)}, {result.kind} ({unit})"
+
+
+def name_of(channel: str) -> str:
+    """The channel as it is written in formulas."""
+    return "|ΔR|" if channel == "distance" else channel.replace("dR", "ΔR")
 
 
 def plot_map(result: Any, *, ax: Any = None, over: str = "time") -> Any:
@@ -49,6 +54,17 @@ def plot_map(result: Any, *, ax: Any = None, over: str = "time") -> Any:
     return ax
 
 
+def plot_spectrum(result: Any, *, ax: Any = None) -> Any:
+    """The whole run's amplitude over the orders; returns the axes."""
+    ax = _axes(ax)
+    factor, label = _label(result)
+    ax.plot(result.orders, factor * result.spectrum(), color=COLOURS[0], lw=1.2)
+    ax.set_xlabel(f"order of {result.reference}")
+    ax.set_ylabel(label)
+    ax.set_ylim(bottom=0)
+    return ax
+
+
 def plot_waterfall(result: Any, *, ax: Any = None, count: int = 24) -> Any:
     """Up to `count` spectra, each above the one before it; the scale stands beside the first."""
     ax = _axes(ax)
@@ -65,7 +81,7 @@ def plot_waterfall(result: Any, *, ax: Any = None, count: int = 24) -> Any:
         ax.plot(result.orders, line, color=COLOURS[0], lw=0.9, zorder=-i)
     ax.set_xlabel(f"order of {result.reference}")
     ax.set_ylabel("time (s)")
-    ax.set_title(f"{label}: {top / 2:.3g} is {height * top / 2:.2g} s high")
+    ax.set_title(f"{label}; 1 s upwards is {1 / height:.3g}")
     return ax
 
 
@@ -78,7 +94,7 @@ def plot_track(result: Any, *, ax: Any = None, over: str = "time") -> Any:
         colour, amplitude = COLOURS[i % len(COLOURS)], factor * result.amplitude[order, i]
         for hidden, style in ((False, "-"), (True, "--")):
             part = np.where(result.aliased[order, i] == hidden, amplitude, np.nan)
-            name = f"order {number:g}" if hidden == bool(result.aliased[:, i].all()) else None
+            name = f"order {number:.4g}" if hidden == bool(result.aliased[:, i].all()) else None
             ax.plot(values[order], part, style, color=colour, label=name, marker=".", ms=3)
     ax.set_xlabel(OVER[over])
     ax.set_ylabel(label)
