@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from ..laws import EFFECTS
 from ..recording import Case, noise_floor, read_case
@@ -35,9 +36,14 @@ def diagnose(
     anew, so that small torque errors cannot add up.  Seeds are fixed: equal input, equal answer.
     """
     case = case if isinstance(case, Case) else read_case(case)
+    # small matrices: threads that wait for each other take ten times the time where cores are busy
+    with threadpool_limits(1, "blas"):
+        return _diagnosed(case, {**EFFECTS, **(laws or {})}, window, tell)
+
+
+def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     runs = [to_run(r) for r in case.runs]
     noise, table = _noise(case)
-    library = {**EFFECTS, **(laws or {})}
     tell("calibrating the uncertain parameters")
     model, start, wild = _model(case.rig, runs, noise, library, window)
     found = Search(model, tell).run(start)

@@ -7,6 +7,8 @@ with G.  So whitened dR and a have the covariance I + B B^T, B = sigma G rho' S^
 below their number.  Scores that took them for white called encoder noise an effect.
 """
 
+import functools
+
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import lfilter
@@ -22,6 +24,7 @@ CHUNK = 32  # columns pushed through the elastic model at once
 PARTS = 4  # points a sample: a covariance needs no more
 
 
+@functools.lru_cache(maxsize=16)
 def smoother_modes(samples: int, ratio: float) -> tuple[np.ndarray, np.ndarray]:
     """Orthonormal modes (samples, k) of the smoother (I + ratio D^T D)^-1, and its gains (k,)."""
     edge = (1 / LEAST - 1) / ratio  # (2 sin(w/2))^6 of the last mode that counts
@@ -60,8 +63,10 @@ def shape_response(modes: Modes, step: float, wheel: int, signals: np.ndarray) -
     C, D = modes.out(OUTPUTS)
     out = D[:, column][None, :, None] * signals[::PARTS, None, :]
     start = -modes.gains[:, column] / modes.rates
+    pair = np.concatenate([np.real(weights[:PARTS]), np.imag(weights[:PARTS])], axis=1)
+    real, imaginary = np.split(np.tensordot(pair, parts, (0, 1)), 2)
     for k, shape in enumerate((C @ modes.shapes).T):
-        push = np.tensordot(weights[:PARTS, k], parts, (0, 1)) + weights[PARTS, k] * last
+        push = real[k] + 1j * imaginary[k] + weights[PARTS, k] * last
         decay = np.exp(modes.rates[k] * step)
         first = start[k] * signals[:1]
         z = lfilter([1.0], [1.0, -decay], push, axis=0, zi=decay * first)[0]

@@ -141,6 +141,7 @@ class Machine:
         run, m = self.runs[i], self.motions(rig, [i])[i]
         response = turning(rig, m)
         torque = refine(run.torque, FINE)
+        longest = max(r.samples for r in self.runs)
         turns = 1 if not rig.at("rolling") else 4 if i not in self._normal else 2
         preload = np.broadcast_to(np.asarray(rig.wheels.closure.preload), m.theta.shape)
         normal = self._normal.get(i, preload)
@@ -148,7 +149,7 @@ class Machine:
             if needs_observer(rig):
                 rest = not run.rolling_start(self.noise)
                 Omega, speed = observed_turning(
-                    bare(rig, *TURNING), m, response, torque, normal, run.step, rest
+                    bare(rig, *TURNING), m, response, torque, normal, run.step, rest, longest
                 )
                 felt = dataclasses.replace(m, turning=Omega, speed=speed)
             else:
@@ -175,9 +176,8 @@ class Machine:
 
     def tables_shape(self, rig: Rig, m: Motion) -> np.ndarray:
         """rho and the sphere's surface at SHAPE points."""
-        shape = self.tables_of(rig).rho(m.theta_shape)
-        placed = rig.at("surface")
-        if placed:
+        shape = m.rho
+        if rig.at("surface"):
             shape = shape + refine(self.surface(rig, m), SHAPE // FINE)
         return shape
 
@@ -245,20 +245,22 @@ class Machine:
             row[at] = row[at] + change
         return out
 
-    def residuals(
-        self, rigs: list[Rig], which: list[int], project: bool = True
-    ) -> list[np.ndarray]:
+    def residuals(self, rigs: list[Rig], which: list[int]) -> list[np.ndarray]:
         """Whitened rows of measured less predicted, per rig, over the runs of `which`."""
         elastic = self.elastic(rigs, which)
         out = []
         for rig, predicted in zip(rigs, elastic, strict=True):
-            rotated, parts = self.rotated(rig, which), []
-            for i, pred in zip(which, predicted, strict=True):
-                tables = self.residual_tables(rig, i, pred, rotated[i])
-                vector = self.rows[i].vector(*tables)
-                parts.append(self.rows[i].project(vector) if project else vector)
+            rotated = self.rotated(rig, which)
+            parts = [
+                self.rows[i].vector(*self.residual_tables(rig, i, pred, rotated[i]))
+                for i, pred in zip(which, predicted, strict=True)
+            ]
             out.append(np.concatenate(parts))
-        return out
+        table = np.stack(out)
+        cut = np.cumsum([0] + [self.rows[i].size for i in which])
+        for i, first, last in zip(which, cut, cut[1:], strict=False):
+            self.rows[i].take_off(table[:, first:last])
+        return list(table)
 
     def residual_tables(self, rig: Rig, i: int, pred, rotated: Rotated):
         """(elastic (t, 6), rotation (t, 3 + n)): measured less predicted, not whitened."""

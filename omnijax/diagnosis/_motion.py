@@ -29,6 +29,7 @@ class Motion:
     theta_shape: np.ndarray  # (.., n) rad at SHAPE points
     theta: np.ndarray  # (.., n) rad
     speed: np.ndarray  # (.., n) rad/s
+    rho: np.ndarray  # (.., n) m at SHAPE points, the wheels' shapes
     shape: np.ndarray  # (.., n) m
     shape_rate: np.ndarray  # (.., n) m/s
     factor: np.ndarray  # (.., n) creep factor of the rolling radius
@@ -103,7 +104,8 @@ def motion(rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray) -> 
     theta_shape = tables.unrolled(spline(run.fine(SHAPE)))
     theta = theta_shape[:: SHAPE // FINE]
     rate = spline.derivative()(run.fine(FINE))
-    shape = tables.rho(theta)
+    rho = tables.rho(theta_shape)
+    shape = rho[:: SHAPE // FINE]
     speed = rate * radius / (np.asarray(wheels.radius) + shape)
     factor = np.ones_like(speed)
     for placed in rig.at("kinematics"):
@@ -118,6 +120,7 @@ def motion(rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray) -> 
         theta_shape=theta_shape,
         theta=theta,
         speed=speed,
+        rho=rho,
         shape=shape,
         shape_rate=tables.rho_slope(theta) * speed,
         factor=factor,

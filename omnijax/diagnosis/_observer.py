@@ -5,12 +5,16 @@ the laws are evaluated along dOmega/dt = model + pull (measured - Omega).  Where
 the pull does nothing; where it is not, Omega stays near the measured one.
 """
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.interpolate import CubicSpline
 
-from ..laws import BodySignal, RollingSignal, RollingTorque, ShaftSignal
-from ..rig import Rig, over_wheels
+from ..laws import BodySignal, RollingSignal, ShaftSignal
+from ..rig import Rig
+from ._laws import packed
 from ._motion import Motion
 from ._rotation import Turning
 from ._runs import FINE
@@ -25,82 +29,132 @@ def needs_observer(rig: Rig) -> bool:
     return any("width" in p.law.parameters for p in placed)
 
 
+class Path(NamedTuple):
+    """What Omega's rate hangs on beside Omega, (t, ...): dOmega/dt = still + shaft T + opposing g.
+
+    T are the laws' torques on the shafts, g what opposes the sphere.
+    """
+
+    still: jax.Array  # (t, 3) rad/s^2, of the motor torques and of gravity
+    shaft: jax.Array  # (t, 3, n)
+    opposing: jax.Array  # (t, 3, 3)
+    inertia: jax.Array  # (t, 3, 3), of the sphere in inertial axes
+    axes: jax.Array  # (t, n, 3)
+    radius: jax.Array  # (t, n) m
+    theta: jax.Array  # (t, n) rad
+    torque: jax.Array  # (t, n) N m
+    normal: jax.Array  # (t, n) N
+    attitude: jax.Array  # (t, 3, 3)
+    measured: jax.Array  # (t, 3) rad/s
+
+
 def observed_turning(
-    rigs: Rig, motion: Motion, response: Turning, torque, normal, step: float, at_rest: bool
+    rig: Rig,
+    motion: Motion,
+    response: Turning,
+    torque,
+    normal,
+    step: float,
+    at_rest: bool,
+    longest: int,
 ):
     """(Omega (t, 3), wheel speeds (t, n)) at the FINE points, from Omega at the samples.
 
     A run that begins at rest begins at zero: smoothed angles say so only to 1e-2 rad/s, which
-    already is sliding.
+    already is sliding.  Runs are padded to `longest` samples, so that one program serves all.
     """
-    radius = motion.factor * (np.asarray(rigs.wheels.radius) + motion.shape)
-    half = FINE // 2
-    points = len(torque)
-
-    def every(x):
-        return jnp.asarray(np.broadcast_to(x, (points, *x.shape[1:]))[::half])
-
-    here = tuple(
-        every(x)
-        for x in (
-            torque, motion.theta, radius, normal, motion.attitude, motion.axes,
-            response.torque_gain, response.force, response.body, response.inverse_inertia,
-            motion.turning,
-        )
-    )  # fmt: skip
+    samples = (len(torque) - 1) // FINE + 1
+    radius = motion.factor * (np.asarray(rig.wheels.radius) + motion.shape)
+    path = _path(rig, motion, response, torque, normal, radius, 2 * (longest - samples))
     first = np.zeros(3) if at_rest else motion.turning[0]
-    omega = np.asarray(_integrate(rigs, here, step, first))
-    fine = _hermite(omega, motion.turning, FINE)
-    speed = float(rigs.sphere.radius) * np.einsum("tij,tj->ti", motion.axes, fine) / radius
+    omega = np.asarray(_integrate(rig, path, step, first))[:samples]
+    fine = CubicSpline(np.arange(samples), omega)(np.arange(len(torque)) / FINE)
+    speed = float(rig.sphere.radius) * np.einsum("tij,tj->ti", motion.axes, fine) / radius
     return fine, speed
 
 
-def _hermite(samples: np.ndarray, measured: np.ndarray, parts: int) -> np.ndarray:
-    """Samples refined smoothly by a cubic spline."""
-    from scipy.interpolate import CubicSpline
+def _path(rig: Rig, motion: Motion, response: Turning, torque, normal, radius, more) -> Path:
+    """The path at two points a sample (starts, middles, ends of the steps), and `more` points."""
+    half = FINE // 2
 
-    at = np.arange(len(samples))
-    return CubicSpline(at, samples)(np.arange(len(measured)) / parts)
+    def every(x):
+        return np.broadcast_to(x, (len(torque), *x.shape[1:]))[::half]
+
+    axes, inverse, Q = every(response.axes), every(response.inverse_inertia), every(motion.attitude)
+    drive = response.radius * inverse @ np.swapaxes(axes, 1, 2) @ every(response.force)
+    shaft = drive * every(response.torque_gain)[:, None, :]
+    opposing = drive @ every(response.body) - inverse
+    weight = np.asarray(rig.sphere.mass * rig.platform.gravity)
+    lever = np.cross(Q @ np.asarray(rig.sphere.centre_of_mass), weight)
+    still = shaft @ every(torque)[:, :, None] - opposing @ lever[:, :, None]
+    inertia = Q @ np.asarray(rig.sphere.inertia_matrix) @ np.swapaxes(Q, 1, 2)
+    path = packed(
+        Path, still[:, :, 0], shaft, opposing, inertia, axes, every(radius), every(motion.theta),
+        every(torque), every(normal), Q, every(motion.turning),
+    )  # fmt: skip
+    return jax.tree.map(lambda x: np.concatenate([x, np.repeat(x[-1:], more, axis=0)]), path)
 
 
 @jax.jit
-def _integrate(rig: Rig, here, step, first):
-    pairs = jax.tree.map(lambda x: (x[:-1:2], x[1::2], x[2::2]), here)
-    start, middle, end = (tuple(p[k] for p in pairs) for k in range(3))
+def _integrate(rig: Rig, path: Path, step, first):
+    """Omega (samples, 3): classical Runge-Kutta, one step a sample."""
+    points = tuple(jax.tree.map(lambda x, k=k: x[k : len(x) - 2 + k : 2], path) for k in range(3))
+
+    def ahead(omega, rate, h):
+        return [o + h * r for o, r in zip(omega, rate, strict=True)]
 
     def body(omega, now):
         a, b, c = now
         k1 = _rate(rig, omega, a)
-        k2 = _rate(rig, omega + step / 2 * k1, b)
-        k3 = _rate(rig, omega + step / 2 * k2, b)
-        k4 = _rate(rig, omega + step * k3, c)
-        omega = omega + step / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        return omega, omega
+        k2 = _rate(rig, ahead(omega, k1, step / 2), b)
+        k3 = _rate(rig, ahead(omega, k2, step / 2), b)
+        k4 = _rate(rig, ahead(omega, k3, step), c)
+        mean = [(p + 2 * q + 2 * r + s) / 6 for p, q, r, s in zip(k1, k2, k3, k4, strict=True)]
+        omega = ahead(omega, mean, step)
+        return omega, jnp.stack(omega)
 
-    _, out = jax.lax.scan(body, first, (start, middle, end))
+    start = [first[k] for k in range(3)]
+    _, out = jax.lax.scan(body, start, points)
     return jnp.concatenate([first[None], out])
 
 
-def _rate(rig: Rig, omega, here):
-    torque, theta, radius, normal, Q, axes, gain, force, body, inverse, measured = here
-    roll = axes @ omega
-    speed = rig.sphere.radius * roll / radius
-    shaft = torque + over_wheels(rig.at("shaft"), ShaftSignal(theta, speed, torque), rig.size)
-    inertia = rig.sphere.inertia_matrix
-    opposing = jnp.cross(omega, Q @ (inertia @ (Q.T @ omega)))
-    signals = RollingSignal(
-        roll, -rig.wheels.normal @ omega, jnp.maximum(normal, 0.0), rig.wheels.contact.friction
-    )
-    zero = RollingTorque(0.0, 0.0, 0.0)  # pyright: ignore[reportArgumentType]
-    rolling = over_wheels(rig.at("rolling"), signals, rig.size, zero)
-    opposing = opposing + axes.T @ rolling.roll - rig.wheels.normal.T @ rolling.spin
-    shaft = shaft - rolling.shaft
-    weight = rig.sphere.mass * rig.platform.gravity
-    opposing = opposing - jnp.cross(Q @ rig.sphere.centre_of_mass, weight)
+def _rate(rig: Rig, omega: list, at: Path) -> list:
+    """dOmega/dt at one moment, number by number."""
+    shaft, opposing = _law_torques(rig, omega, at)
+    spin = _times(at.inertia, omega)
+    opposing = [g + w for g, w in zip(opposing, _cross(omega, spin), strict=True)]
+    turned = zip(_times(at.shaft, shaft), _times(at.opposing, opposing), strict=True)
+    return [
+        at.still[k] + s + g + PULL * (at.measured[k] - omega[k]) for k, (s, g) in enumerate(turned)
+    ]
+
+
+def _law_torques(rig: Rig, omega: list, at: Path) -> tuple[list, list]:
+    """The laws' torques on the shafts (n) and against the sphere (3)."""
+    wheels, roll = rig.wheels, _times(at.axes, omega)
+    speed = [rig.sphere.radius * r / at.radius[i] for i, r in enumerate(roll)]
+    spin = _times(-wheels.normal, omega)
+    shaft, opposing = [0.0 * r for r in roll], [0.0 * w for w in omega]
+    for placed in rig.at("shaft"):
+        for i in placed.wheels:
+            shaft[i] += placed.law(ShaftSignal(at.theta[i], speed[i], at.torque[i]))
+    for placed in rig.at("rolling"):
+        for i in placed.wheels:
+            pressed = jnp.maximum(at.normal[i], 0.0)
+            found = placed.law(RollingSignal(roll[i], spin[i], pressed, wheels.contact.friction[i]))
+            shaft[i] -= found.shaft
+            for k in range(3):
+                opposing[k] += at.axes[i, k] * found.roll - wheels.normal[i, k] * found.spin
     for placed in rig.at("sphere"):
-        opposing = opposing - placed.law(
-            BodySignal(omega, Q, rig.sphere.mass, rig.platform.gravity)
-        )
-    drive = force @ (gain * shaft + body @ opposing)
-    rate = inverse @ (rig.sphere.radius * axes.T @ drive - opposing)
-    return rate + PULL * (measured - omega)
+        signal = BodySignal(jnp.stack(omega), at.attitude, rig.sphere.mass, rig.platform.gravity)
+        torque = placed.law(signal)
+        opposing = [g - torque[k] for k, g in enumerate(opposing)]
+    return shaft, opposing
+
+
+def _times(matrix, vector: list) -> list:
+    return [sum(matrix[i, k] * x for k, x in enumerate(vector)) for i in range(len(matrix))]
+
+
+def _cross(a: list, b: list) -> list:
+    return [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]

@@ -4,6 +4,7 @@ import dataclasses
 import itertools
 from collections.abc import Callable, Sequence
 
+import equinox as eqx
 import numpy as np
 
 from ..laws import AbstractLaw
@@ -32,9 +33,9 @@ class RigModel(AbstractModel):
 
     def rig_at(self, point: Point) -> Rig:
         """The rig with calibrated parameters and the point's effects."""
-        rig = self.rig
-        for prior, u in zip(self.priors, point.u, strict=True):
-            rig = set_parameter(rig, prior.name, prior.at(float(u)))
+        paths = tuple(prior.name for prior in self.priors)
+        values = [p.at(float(u)) for p, u in zip(self.priors, point.u, strict=True)]
+        rig = _with_parameters(self.rig, paths, np.array(values))
         for effect in point.effects:
             law = self.laws[effect.id](**{k: number(v) for k, v in effect.values.items()})
             rig = rig.add(law, effect.place)
@@ -124,6 +125,14 @@ class RigModel(AbstractModel):
             row.take_off(table[:, first:last])
         ends = np.cumsum([0] + [len(c.columns) for c in candidates])
         return [table[a:b].T for a, b in itertools.pairwise(ends)]
+
+
+@eqx.filter_jit
+def _with_parameters(rig: Rig, paths: tuple[str, ...], values) -> Rig:
+    """The rig with `values` at `paths`; compiled, since it is asked for at every residual."""
+    for path, value in zip(paths, values, strict=True):
+        rig = set_parameter(rig, path, value)
+    return rig
 
 
 def rig_priors(rig: Rig) -> list[Prior]:
