@@ -100,9 +100,12 @@ def _one(id: str, place: str, sensor=None, sizes=None, **effects) -> Hidden:
 
 
 RUNOUT = {"runout": 4e-5 * ONE, "runout_phase": 0.7 * ONE}
+OVER = {"over": (1, 4)}  # w2 begins over its gap 4: a roller that is not passed cannot be seen
 SINGLES = {
     "runout": Hidden(RUNOUT, {("wheel-runout", "w2")}),
-    "roller": _one("damaged-roller", "w2", roller=4 * ONE - (1 - ONE), severity=0.9 * ONE),
+    "roller": dataclasses.replace(
+        _one("damaged-roller", "w2", roller=4 * ONE - (1 - ONE), severity=0.9 * ONE), record=OVER
+    ),
     "round": _one(
         "sphere-out-of-round", "sphere", round=3e-5, round_axis=np.array([0.6, 0, 0.8])
     ),
@@ -149,6 +152,7 @@ SEVERAL = {
     "roller + rolling": Hidden(
         {"roller": 4 * ONE - (1 - ONE), "severity": 0.9 * ONE, "arm": 3e-4},
         {("damaged-roller", "w2"), ("rolling-resistance", "all")},
+        record=OVER,
     ),
     "runout + coulomb + floor": Hidden(
         {**RUNOUT, "coulomb": 0.03 * ALL, "floor": 0.1, "floor_f": 11.3},

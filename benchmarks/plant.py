@@ -295,15 +295,21 @@ def columns(wheels: int) -> list[str]:
     return [*vectors["dR"], *encoders, *vectors["Omega"], *vectors["a"]]
 
 
-def record(stated, true, effects, torque, rng, *, noise=1.0, sensor=None, cut=0.0, drop=()):
+def record(
+    stated, true, effects, torque, rng, *, noise=1.0, sensor=None, cut=0.0, drop=(), over=None
+):
     """Tables {column: values} of the runs under `torque` (runs, samples, n), with noise.
 
     The first `cut` seconds are not recorded: the recording begins while the sphere turns.
-    Channels whose names begin with one of `drop` were not measured.
+    Channels whose names begin with one of `drop` were not measured.  `over` = (wheel, gap): where
+    the runs begin.
     """
     n, size = len(stated["K"]), torque.shape
     planted = jax.tree.map(jnp.asarray, {**nothing(n), **effects})
     start = rng.uniform(0, 2 * np.pi, (size[0], n))
+    if over is not None:
+        wheel, gap = over
+        start[:, wheel] = (gap + start[:, wheel] / (2 * np.pi)) * 2 * np.pi / stated["n"]
     made = simulate(
         start, torque, np.zeros((*size[:2], 3)), jax.tree.map(jnp.asarray, true), planted
     )

@@ -8,9 +8,9 @@ from test_plant import load_plant
 from omnijax.diagnosis import Point, RigModel
 from omnijax.diagnosis._encoders import smoother_modes, whitener
 from omnijax.diagnosis._fit import refit
+from omnijax.diagnosis._held_out import HeldOut
 from omnijax.diagnosis._runs import Run
 from omnijax.diagnosis._scan import Signatures
-from omnijax.diagnosis._search import HeldOut
 from omnijax.diagnosis._smooth import smooth
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig

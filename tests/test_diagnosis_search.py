@@ -7,9 +7,12 @@ import numpy as np
 import pytest
 from jaxtyping import Array, Float
 
-from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, along
+from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, _search, along
 from omnijax.diagnosis._fit import refit
+from omnijax.diagnosis._refits import Refits
+from omnijax.diagnosis._review import Review
 from omnijax.diagnosis._scan import Signatures
+from omnijax.diagnosis._search import Way
 from omnijax.laws import EFFECTS, GENERIC, AbstractShaft, Parameter, ShaftSignal
 
 LAWS = {
@@ -33,6 +36,19 @@ class Twin(AbstractShaft):
 
     def __call__(self, signal, state=None):
         return LAWS["bearing-coulomb"](self.strength)(signal)
+
+
+class Soft(AbstractShaft):
+    """Friction that grows smoothly with the speed: nearly Coulomb friction of a great width."""
+
+    strength: Float[Array, ""]
+
+    id: ClassVar[str] = "soft"
+    places: ClassVar[tuple[str, ...]] = ("wheel",)
+    parameters: ClassVar[dict[str, Parameter]] = {"strength": Parameter("N m", low=0, linear=True)}
+
+    def __call__(self, signal, state=None):
+        return -self.strength * jnp.tanh(signal.speed / 0.4)
 
 
 def balance(truth, laws=LAWS, seed=0, scramble=False):
@@ -97,12 +113,44 @@ def test_a_twin_is_reported_as_a_rival_without_margin():
     assert rivals[0][2] == pytest.approx(1.0, abs=1e-6)
 
 
+def test_the_width_of_friction_decides_no_comparison():
+    """At its stated width the true law fits worse than a rival of another shape."""
+    truth = [LAWS["bearing-coulomb"](jnp.asarray(0.2), jnp.asarray(0.6))]
+    model = balance(truth, {**LAWS, "soft": Soft})
+    stated, rival = (
+        refit(model, Point(np.zeros(2), (Effect(id, "shaft", {key: 0.2}),))).cost
+        for id, key in (("bearing-coulomb", "torque"), ("soft", "strength"))
+    )
+    assert rival < stated
+    found = Search(model).run()
+    (effect,) = found.fit.point.effects
+    assert effect.id == "bearing-coulomb"
+    assert effect.values["width"] == pytest.approx(0.6, rel=0.1)
+
+
+def test_where_something_is_left_the_runner_up_is_followed(monkeypatch):
+    model = balance([law("bearing-coulomb", 0.2)], {**LAWS, "soft": Soft})
+    search = Search(model)
+    fit = refit(model, Point(np.zeros(2)))
+    scan = search.scan(fit)
+    (before,) = model.residuals([fit.point], "held-out")
+    scores = {s.candidate.id: s for s in scan.best_per_name()}
+    right, wrong = (
+        search.refits.try_out(fit, scores[id], before) for id in ("bearing-coulomb", "soft")
+    )
+    assert right.accepted and wrong.accepted
+    way = Way(search.refits.settle(wrong.fit), (scan,), ([wrong, right],))
+    assert [e.id for e in search.best_way(way).fit.point.effects] == ["bearing-coulomb"]
+    monkeypatch.setattr(_search, "RUNNERS_UP", 0)
+    assert [e.id for e in search.best_way(way).fit.point.effects] == ["soft"]
+
+
 def test_a_superfluous_effect_is_pruned():
     model = balance([law("bearing-coulomb", 0.2)])
     effects = (Effect("bearing-coulomb", "shaft", {"torque": 0.2}),
                Effect("shaft-drag", "shaft", {"D": 1e-4}))  # fmt: skip
     fit = refit(model, Point(np.zeros(2), effects))
-    kept = Search(model).prune(fit).point.effects
+    kept = Review(Refits(model), print).prune(fit).point.effects
     assert [e.id for e in kept] == ["bearing-coulomb"]
 
 

@@ -72,7 +72,7 @@ class _Seen:
         """Rows at a rival, and an orthonormal basis of what its own sizes change in them."""
         point = Point(point.u, tuple(_with_width(self.model, e) for e in point.effects))
         (here,) = self.residuals([point], "")
-        free = self.model.free(point, widths=True)
+        free = self.model.free(point)
         J = _jacobian(self, point, free, here, np.zeros((len(here), 0)))  # pyright: ignore
         return here, orthonormal(J)
 

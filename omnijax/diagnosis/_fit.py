@@ -63,7 +63,7 @@ def _jacobian(model: AbstractModel, point, free, residual, baseline=None):
 
 
 def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 20,
-          widths: bool = False, relative: float = 0.0) -> Fit:  # fmt: skip
+          relative: float = 0.0) -> Fit:  # fmt: skip
     """Refit `point` on the train runs, with bounds: damped Gauss-Newton steps.
 
     The tangents of the uncertain parameters are those of `baseline` while they tell the fall of the
@@ -71,7 +71,7 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 20
     steps end where the cost falls by less than 0.02, or, where it is far from the noise, by less
     than the `relative` part of itself.
     """
-    state = _State.at(model, point, model.free(point, widths))
+    state = _State.at(model, point, model.free(point))
     tangents, fresh, damping = baseline, baseline is None, 1e-6
     J, floor = None, 1.2 * model.dof("train")
     for _ in range(rounds):

@@ -73,7 +73,7 @@ class AbstractModel(abc.ABC):
 
     priors: Sequence[Prior]
     laws: dict[str, type[AbstractLaw]]
-    frozen_keys: frozenset[str] = frozenset({"roller", "order", "exponent", "modulus", "width"})
+    frozen_keys: frozenset[str] = frozenset({"roller", "order", "exponent", "modulus"})
 
     @abc.abstractmethod
     def residuals(self, points: Sequence[Point], split: str) -> list[np.ndarray]:
@@ -100,18 +100,18 @@ class AbstractModel(abc.ABC):
         parts = np.array_split(np.roll(residual, rng.integers(len(residual))), blocks)
         return np.concatenate([rng.choice([-1.0, 1.0]) * parts[k] for k in rng.permutation(blocks)])
 
-    def free(self, point: Point, widths: bool = False) -> list[Free]:
+    def free(self, point: Point) -> list[Free]:
         """The numbers of the point's effects that a refit may change."""
-        return free_numbers(self, point, widths)
+        return free_numbers(self, point)
 
 
-def free_numbers(model: AbstractModel, point: Point, widths: bool = False) -> list[Free]:
-    """Every parameter of the point's effects but counts, exponents and (unless asked) widths."""
+def free_numbers(model: AbstractModel, point: Point) -> list[Free]:
+    """Every number that the point's effects state, but counts and exponents."""
     out = []
     for i, effect in enumerate(point.effects):
         known = model.laws[effect.id].parameters
         for key, value in effect.values.items():
-            if key in model.frozen_keys and not (widths and key == "width"):
+            if key in model.frozen_keys:
                 continue
             p = known[key]
             if key == "width":  # a decade and a half around where it starts

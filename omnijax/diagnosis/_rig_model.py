@@ -41,10 +41,10 @@ class RigModel(AbstractModel):
             rig = rig.add(law, effect.place)
         return rig
 
-    def free(self, point, widths=False):
+    def free(self, point):
         """A relaxation faster than the steps in time cannot be told from a damper."""
         shortest = self.machine.runs[0].step / 4
-        found = free_numbers(self, point, widths)
+        found = free_numbers(self, point)
         return [dataclasses.replace(f, low=shortest) if f.key == "tau" else f for f in found]
 
     def residuals(self, points, split):

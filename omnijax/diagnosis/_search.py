@@ -1,4 +1,8 @@
-"""The search: one effect after the other by score, joint refit and held-out gain; then pruning."""
+"""The search: one effect after the other by score, joint refit and held-out gain; then a review.
+
+Where something is left above the noise that no further effect explains, the first effect may have
+been the wrong one: the search goes on from the runners-up too and keeps the better set.
+"""
 
 import dataclasses
 from collections.abc import Callable
@@ -6,71 +10,18 @@ from collections.abc import Callable
 import numpy as np
 
 from ._fit import Fit, refit
-from ._model import AbstractModel, Effect, Point
+from ._held_out import Trial
+from ._model import AbstractModel, Point
+from ._refits import Refits, chi2_of, residual_of, total_cost
+from ._review import Review, Rival
 from ._scan import Scan, Score, Signatures, chance
 
 ALPHA = 1e-3  # chance of a false candidate in a whole scan
-HELD_SURE = 4.0  # standard deviations by which held-out runs must confirm a predicted change
-HELD_SHARE = 1.5  # factor by which a change on held-out runs may be off the predicted one
 SHUFFLES = 4  # shuffled residuals whose best candidate is the decoy to beat
-CLOSED = 0.95  # share of the held-out gap that a named set has to close
-MARGIN = 25.0  # least difference of chi2 between the joint refits of rivals
 NEARLY = 1.3  # chi2 a degree of freedom at which no other candidate needs to be tried first
 MOST = 4  # effects
-STEPPED = ("contact", "mount", "separation")
-
-
-@dataclasses.dataclass(frozen=True)
-class HeldOut:
-    """What the held-out runs say of a change d of the prediction, r the residual before it.
-
-    d was fitted elsewhere, so without an effect d.r/|d| is standard normal: one test, no multiple.
-    With the effect r = d + noise, so the multiplier d.r/d.d is 1; a change that stands for
-    something else, or for noise, has another one, below 1/2 where it makes the residual larger.
-    """
-
-    gain: float  # fall of chi2, |r|^2 - |r - d|^2
-    size: float  # d.d
-
-    @staticmethod
-    def of(before: np.ndarray, after: np.ndarray) -> "HeldOut":
-        """From the residuals before and after."""
-        d = before - after
-        return HeldOut(float(d @ (before + after)), float(d @ d))
-
-    @property
-    def multiplier(self) -> float:
-        """Share of the predicted change that is there."""
-        return 0.5 * (self.gain / self.size + 1) if self.size > 0 else 0.0
-
-    @property
-    def sure(self) -> float:
-        """Standard deviations of the multiplier from zero."""
-        return self.multiplier * float(np.sqrt(self.size))
-
-    def confirms(self, gain: float) -> bool:
-        """Whether it is the effect that gained `gain` on the train runs."""
-        if not np.isfinite(self.gain):
-            return False
-        spread = np.sqrt(1 / max(self.size, 1e-300) + 1 / max(gain, 1e-300))
-        slack = min(3 * spread, 0.15)
-        same = 1 / HELD_SHARE - slack < self.multiplier < HELD_SHARE + slack
-        return same and self.sure > HELD_SURE
-
-
-@dataclasses.dataclass(frozen=True)
-class Trial:
-    """A refitted rival: the effect, its fit, its gain on the train runs, and the held-out runs."""
-
-    effect: Effect
-    fit: Fit
-    gain: float
-    held: HeldOut
-
-    @property
-    def accepted(self) -> bool:
-        """Whether held-out runs confirm what the train runs gained."""
-        return self.held.confirms(self.gain)
+TRIED = 4  # candidates a step
+RUNNERS_UP = 2  # first effects from which the search goes on where something is left
 
 
 @dataclasses.dataclass
@@ -83,21 +34,20 @@ class Found:
     held_after: float
     scans: list[Scan]
     trials: list[list[Trial]]
-    rivals: dict[int, list[tuple[Effect, float, float]]]
+    rivals: dict[int, list[Rival]]
     refused: list[str]
     significant: bool
     priors: tuple = ()
 
 
-def residual_of(model: AbstractModel, point: Point, split: str) -> np.ndarray:
-    """Residual of a point on the runs of `split`."""
-    return model.residuals([point], split)[0]
+@dataclasses.dataclass(frozen=True)
+class Way:
+    """A way through the search: its fit, what was scored and tried, and whether noise is left."""
 
-
-def chi2_of(model: AbstractModel, point: Point, split: str) -> float:
-    """chi2 of a point on the runs of `split`."""
-    (r,) = model.residuals([point], split)
-    return float(r @ r)
+    fit: Fit
+    scans: tuple[Scan, ...] = ()
+    trials: tuple[list[Trial], ...] = ()
+    noise_only: bool = False
 
 
 def significant(scan: Scan, spread: float) -> list[Score]:
@@ -114,56 +64,74 @@ def significant(scan: Scan, spread: float) -> list[Score]:
     ]  # fmt: skip
 
 
-def is_stepped(model: AbstractModel, effects) -> bool:
-    """Whether a law among `effects` is stepped in time, so that all tangents change with it."""
-    return any(model.laws[e.id].port in STEPPED for e in effects)
-
-
 class Search:
     """The search over one model; `tell(text)` reports progress."""
 
     def __init__(self, model: AbstractModel, tell: Callable[[str], None] = lambda text: None):
-        self.model, self.tell = model, tell
+        self.model, self.tell, self.refits = model, tell, Refits(model)
 
     def run(self, start: Point | None = None) -> Found:
         """Search from a calibrated `start` until nothing is left that held-out runs accept."""
         model = self.model
-        start = start or Point(np.zeros(len(model.priors)))
-        fit = refit(model, start, relative=0.01)
+        fit = refit(model, start or Point(np.zeros(len(model.priors))), relative=0.01)
         model.rebase(fit.point)
-        baseline = fit = refit(model, fit.point, baseline=fit.jacobian, relative=0.01)
-        held_before = chi2_of(model, fit.point, "held-out")
-        scans, all_trials, refused, found_any = [], [], [], False
-        while len(fit.point.effects) < MOST:
-            scans.append(self.scan(fit))
-            trials = self.trials(fit, scans[-1])
-            all_trials.append(trials)
-            found_any |= bool(trials)
-            refused += [t.effect.name for t in trials if not t.accepted]
-            best = next((t for t in trials if t.accepted), None)
-            if best is None:
-                break
-            self.tell(
-                f"accepted {best.effect.name}: held-out runs show "
-                f"{best.held.multiplier:.2f} ± {1 / np.sqrt(best.held.size):.2g} of the change"
-            )
-            fit = self.settle(best.fit)
-            if self.floor_reached(fit, chi2_of(model, fit.point, "held-out")):
-                break
-        fit, rivals = self.review(fit, scans)
-        held = chi2_of(model, fit.point, "held-out")
+        baseline = refit(model, fit.point, baseline=fit.jacobian, relative=0.01)
+        held_before = chi2_of(model, baseline.point, "held-out")
+        first = self.follow(Way(baseline))
+        way = self.best_way(first)
+        fit, rivals = Review(self.refits, self.tell).run(way.fit, way.scans[-1])
+        tried = [t for trials in way.trials for t in trials]
         return Found(
             baseline,
             fit,
             held_before,
-            held,
-            scans,
-            all_trials,
+            chi2_of(model, fit.point, "held-out"),
+            list(way.scans),
+            list(way.trials),
             rivals,
-            refused,
-            found_any,
+            [t.effect.name for t in tried if not t.accepted],
+            bool(tried),
             tuple(model.priors),
         )
+
+    def follow(self, way: Way) -> Way:
+        """Go on greedily until noise is left, or nothing that held-out runs accept."""
+        while len(way.fit.point.effects) < MOST and not way.noise_only:
+            scan = self.scan(way.fit)
+            trials = self.trials(way.fit, scan)
+            way = dataclasses.replace(way, scans=(*way.scans, scan), trials=(*way.trials, trials))
+            best = next((t for t in trials if t.accepted), None)
+            if best is None:
+                break
+            way = self.with_effect(way, best)
+        return way
+
+    def with_effect(self, way: Way, trial: Trial) -> Way:
+        """The way with an accepted effect."""
+        self.tell(
+            f"accepted {trial.effect.name}: held-out runs show "
+            f"{trial.held.multiplier:.2f} ± {1 / np.sqrt(trial.held.size):.2g} of the change"
+        )
+        fit = self.refits.settle(trial.fit)
+        held = chi2_of(self.model, fit.point, "held-out")
+        return dataclasses.replace(way, fit=fit, noise_only=self.floor_reached(fit, held))
+
+    def best_way(self, way: Way) -> Way:
+        """The way itself, or a better one from a runner-up of its first step."""
+        accepted = [t for t in way.trials[0] if t.accepted] if way.trials else []
+        start, held = way, chi2_of(self.model, way.fit.point, "held-out")
+        for trial in accepted[1 : 1 + RUNNERS_UP]:
+            if way.noise_only:
+                break
+            self.tell(f"something is left: going on from {trial.effect.name} instead")
+            first = Way(start.fit, start.scans[:1], start.trials[:1])
+            other = self.follow(self.with_effect(first, trial))
+            there = chi2_of(self.model, other.fit.point, "held-out")
+            if total_cost(other.fit) < total_cost(way.fit) and there < held:
+                way, held = other, there
+        if len(accepted) > 1 and not start.noise_only:
+            self.model.rebase(way.fit.point)
+        return way
 
     def scan(self, fit: Fit) -> Scan:
         """Signatures and scores of all candidates at a fit."""
@@ -185,8 +153,8 @@ class Search:
         best = [s for s in significant(scan, spread) if s.candidate.name not in have]
         before = residual_of(self.model, fit.point, "held-out")
         trials = []
-        for score in [s for s in best[:4] if s.gain > 0.2 * best[0].gain]:
-            trial = self.try_out(fit, score, before)
+        for score in [s for s in best[:TRIED] if s.gain > 0.2 * best[0].gain]:
+            trial = self.refits.try_out(fit, score, before)
             self.tell(
                 f"{trial.effect.name}: gain {trial.gain:.0f}, held-out {trial.held.gain:.0f}, "
                 f"share {trial.held.multiplier:.2f}"
@@ -194,138 +162,11 @@ class Search:
             trials.append(trial)
             left = float(before @ before) - trial.held.gain
             if trial.fit.chi2 < NEARLY * train and left < NEARLY * held:
-                break  # next to nothing left to explain; near rivals are tried in `challenge`
-
-        # a free number costs log N, as in the Bayesian information criterion
-        def cost(t):
-            return t.fit.cost + np.log(len(t.fit.residual)) * len(t.fit.free)
-
-        return sorted(trials, key=cost)
-
-    def try_out(self, fit: Fit, score: Score, before: np.ndarray) -> Trial:
-        """Add one candidate and refit everything together; `before` is the held-out residual."""
-        c = score.candidate
-        effect = Effect(c.id, c.place, c.decode(score.coefficients))
-        effects = (*fit.point.effects, effect)
-        point = fit.point.with_effects(*effects)
-        P = len(self.model.priors)
-        tangents = None if is_stepped(self.model, effects) else fit.jacobian[:, :P]
-        point = self.tamed(point, fit.cost)
-        new = refit(self.model, point, baseline=tangents, rounds=8, relative=1e-3)
-        after = residual_of(self.model, new.point, "held-out")
-        return Trial(new.point.effects[-1], new, fit.cost - new.cost, HeldOut.of(before, after))
-
-    def tamed(self, point: Point, cost: float) -> Point:
-        """Where to begin a refit: calibrated as before, or as stated where that is better.
-
-        A wrong model drives the calibration to its bounds.  A law that is stepped in time is
-        weakened until the point is no worse than without it.
-        """
-        *others, last = point.effects
-        law = self.model.laws[last.id]
-        strong = [k for k in last.values if law.parameters[k].linear or k == "gap"]
-        stepped = strong and is_stepped(self.model, [last])
-        best, least = point, np.inf
-        for factor in (1.0, 0.5, 0.2, 0.05) if stepped else (1.0,):
-            values = last.values | {k: factor * last.values[k] for k in strong}
-            effects = (*others, Effect(last.id, last.place, values))
-            for u in (point.u, 0 * point.u):
-                there = Point(u, effects)
-                found = chi2_of(self.model, there, "train") + float(u @ u)
-                if np.isfinite(found) and found < least:
-                    best, least = there, found
-            if least < cost:
-                break
-        return best
-
-    def settle(self, fit: Fit) -> Fit:
-        """Smooth about the new point and polish there, with tangents of its own."""
-        self.model.rebase(fit.point)
-        return self.widened(refit(self.model, fit.point, rounds=10))
-
-    def widened(self, fit: Fit) -> Fit:
-        """The fit with the friction laws' widths free, where the data ask for other widths.
-
-        The widths of a real machine are unknown, so no answer may hang on them.
-        """
-        wide = []
-        for effect in fit.point.effects:
-            fields = self.model.laws[effect.id].__dataclass_fields__
-            default = {"width": float(fields["width"].default)} if "width" in fields else {}
-            wide.append(Effect(effect.id, effect.place, default | effect.values))
-        if not any("width" in e.values for e in wide):
-            return fit
-        P = len(self.model.priors)
-        tangents = None if is_stepped(self.model, wide) else fit.jacobian[:, :P]
-        freed = refit(
-            self.model, fit.point.with_effects(*wide), baseline=tangents, rounds=4, widths=True
-        )
-        return freed if freed.cost < fit.cost - MARGIN else fit
+                return sorted(trials, key=lambda t: total_cost(t.fit))  # rivals: in the review
+        trials = self.refits.with_widths(fit, trials, before)
+        return sorted(trials, key=lambda t: total_cost(t.fit))
 
     def floor_reached(self, fit: Fit, held: float) -> bool:
         """Whether what is left is noise: chi2 within four standard deviations of its mean."""
         n, m = self.model.dof("train"), self.model.dof("held-out")
         return fit.chi2 < n + 4 * np.sqrt(2 * n) and held < m + 4 * np.sqrt(2 * m)
-
-    def review(self, fit: Fit, scans: list[Scan]) -> tuple[Fit, dict]:
-        """Prune what is not needed, swap in rivals that fit better, and keep the near ones."""
-        fit = self.prune(fit)
-        rivals: dict[int, list[tuple[Effect, float, float]]] = {}
-        for i in range(len(fit.point.effects)):
-            fit, rivals[i] = self.challenge(fit, i, scans)
-        return fit, rivals
-
-    def prune(self, fit: Fit) -> Fit:
-        """Leave out effects without which the joint refit is as good."""
-        k = 0
-        while len(fit.point.effects) > 1 and k < len(fit.point.effects):
-            effects = fit.point.effects
-            without = fit.point.with_effects(*effects[:k], *effects[k + 1 :])
-            less = refit(self.model, without, rounds=2)
-            if less.cost - fit.cost < MARGIN:
-                fit, k = less, 0
-            else:
-                k += 1
-        return fit
-
-    def challenge(self, fit: Fit, i: int, scans: list[Scan]) -> tuple[Fit, list]:
-        """Rivals of effect i: candidates that explain nearly as much where it is left out."""
-        model, effects = self.model, fit.point.effects
-        others = (*effects[:i], *effects[i + 1 :])
-        without = fit.point.with_effects(*others)
-        (residual,) = model.residuals([without], "train")
-        keep = [k for k in range(fit.jacobian.shape[1]) if not self._belongs(fit, k, i)]
-        scan = scans[0].signatures.scan(
-            residual, fit.jacobian[:, keep], len(model.priors), without.u
-        )
-        names = {e.name for e in effects}
-        own = max((s.gain for s in scan.scores if s.candidate.name == effects[i].name), default=0.0)
-        near = [s for s in scan.best_per_name() if s.candidate.name not in names]
-        near = [s for s in near if s.gain > 0.9 * own or own - s.gain < 4 * MARGIN][:4]
-        found = []
-        for score in near:
-            c = score.candidate
-            rival = Effect(c.id, c.place, c.decode(score.coefficients))
-            point = without.with_effects(*effects[:i], rival, *effects[i + 1 :])
-            tangents = (
-                None if is_stepped(model, point.effects) else fit.jacobian[:, : len(model.priors)]
-            )
-            new = refit(model, point, baseline=tangents, rounds=4)
-            if new.cost - fit.cost < 40 * MARGIN:  # twins: both with their widths free
-                new = self.widened(new)
-            self.tell(f"rival {c.name} of {effects[i].name}: margin {new.cost - fit.cost:.1f}")
-            if new.cost < fit.cost - MARGIN:
-                return self.challenge(self.settle(new), i, scans) if len(found) < 2 else (new, [])
-            own_index = self._index(scan, effects[i].name)
-            cosine = scan.cosine(own_index, score.index) if own_index is not None else 0.0
-            found.append((new.point.effects[i], new.cost - fit.cost, cosine))
-        return fit, sorted(found, key=lambda f: f[1])
-
-    def _belongs(self, fit: Fit, column: int, effect: int) -> bool:
-        k = column - len(self.model.priors)
-        return k >= 0 and fit.free[k].effect == effect
-
-    @staticmethod
-    def _index(scan: Scan, name: str) -> int | None:
-        found = [s for s in scan.order if s.candidate.name == name]
-        return found[0].index if found else None

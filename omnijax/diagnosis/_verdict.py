@@ -5,8 +5,10 @@ import dataclasses
 import numpy as np
 
 from ._model import AbstractModel
-from ._search import CLOSED, MARGIN, Found
+from ._refits import MARGIN
+from ._search import Found
 
+CLOSED = 0.95  # share of the held-out gap that a named set has to close
 EXCESS = 0.3  # sigma: below this in every group, simulation and data agree
 SLACK = 0.04  # how far off an estimated noise may be
 

@@ -1,0 +1,119 @@
+"""Joint refits of a search: of a new effect, of a settled set, of friction widths."""
+
+import dataclasses
+
+import numpy as np
+
+from ._fit import Fit, refit
+from ._held_out import HeldOut, Trial
+from ._model import AbstractModel, Effect, Point
+from ._scan import Score
+
+MARGIN = 25.0  # least difference of chi2 between the joint refits of rivals
+STEPPED = ("contact", "mount", "separation")
+WIDTHS_MATTER = 10.0  # times the best cost: beyond, a stepped law's width is not looked for
+
+
+def residual_of(model: AbstractModel, point: Point, split: str) -> np.ndarray:
+    """Residual of a point on the runs of `split`."""
+    return model.residuals([point], split)[0]
+
+
+def chi2_of(model: AbstractModel, point: Point, split: str) -> float:
+    """chi2 of a point on the runs of `split`."""
+    r = residual_of(model, point, split)
+    return float(r @ r)
+
+
+def is_stepped(model: AbstractModel, effects) -> bool:
+    """Whether a law among `effects` is stepped in time, so that all tangents change with it."""
+    return any(model.laws[e.id].port in STEPPED for e in effects)
+
+
+def total_cost(fit: Fit) -> float:
+    """Cost with log N a free number of the effects, as in the Bayesian information criterion."""
+    return fit.cost + float(np.log(len(fit.residual))) * len(fit.free)
+
+
+class Refits:
+    """Refits on one model."""
+
+    def __init__(self, model: AbstractModel):
+        self.model = model
+
+    def tangents(self, fit: Fit, effects) -> np.ndarray | None:
+        """Tangents of the uncertain parameters that a refit with `effects` may begin with."""
+        return None if is_stepped(self.model, effects) else fit.jacobian[:, : len(fit.point.u)]
+
+    def try_out(self, fit: Fit, score: Score, before: np.ndarray) -> Trial:
+        """Add one candidate and refit everything together; `before` is the held-out residual."""
+        c = score.candidate
+        effects = (*fit.point.effects, Effect(c.id, c.place, c.decode(score.coefficients)))
+        point = self.tamed(fit.point.with_effects(*effects), fit.cost)
+        new = refit(
+            self.model, point, baseline=self.tangents(fit, effects), rounds=8, relative=1e-3
+        )
+        return self.trial(fit, new, before)
+
+    def trial(self, fit: Fit, new: Fit, before: np.ndarray) -> Trial:
+        """A refit with one more effect than `fit`, as the held-out runs see it."""
+        after = residual_of(self.model, new.point, "held-out")
+        return Trial(new.point.effects[-1], new, fit.cost - new.cost, HeldOut.of(before, after))
+
+    def with_widths(self, fit: Fit, trials: list[Trial], before: np.ndarray) -> list[Trial]:
+        """The trials with their friction widths fitted: no comparison may hang on a width."""
+        best, out = min((t.fit.cost for t in trials), default=0.0), []
+        for t in trials:
+            far = t.fit.cost > WIDTHS_MATTER * best
+            slow = is_stepped(self.model, t.fit.point.effects)
+            wide = t.fit if far and slow else self.widened(t.fit)
+            out.append(t if wide is t.fit else self.trial(fit, wide, before))
+        return out
+
+    def tamed(self, point: Point, cost: float) -> Point:
+        """Where to begin a refit: calibrated as before, or as stated where that is better.
+
+        A wrong model drives the calibration to its bounds.  A law that is stepped in time is
+        weakened until the point is no worse than without it.
+        """
+        *others, last = point.effects
+        law = self.model.laws[last.id]
+        strong = [k for k in last.values if law.parameters[k].linear or k == "gap"]
+        stepped = strong and is_stepped(self.model, [last])
+        best, least = point, np.inf
+        for factor in (1.0, 0.5, 0.2, 0.05) if stepped else (1.0,):
+            values = last.values | {k: factor * last.values[k] for k in strong}
+            effects = (*others, Effect(last.id, last.place, values))
+            for u in (point.u, 0 * point.u):
+                there = Point(u, effects)
+                found = chi2_of(self.model, there, "train") + float(u @ u)
+                if np.isfinite(found) and found < least:
+                    best, least = there, found
+            if least < cost:
+                break
+        return best
+
+    def settle(self, fit: Fit) -> Fit:
+        """Smooth about the new point and polish there, with tangents of its own."""
+        self.model.rebase(fit.point)
+        return self.widened(refit(self.model, fit.point, rounds=10))
+
+    def widened(self, fit: Fit) -> Fit:
+        """The fit with the friction laws' widths stated and so free, where the data ask for it.
+
+        The widths of a real machine are unknown, so no answer may hang on them.
+        """
+        wide = [self._with_width(effect) for effect in fit.point.effects]
+        stated = all(
+            len(w.values) == len(e.values) for w, e in zip(wide, fit.point.effects, strict=True)
+        )
+        if stated or not np.isfinite(fit.cost):
+            return fit
+        point = fit.point.with_effects(*wide)
+        freed = refit(self.model, point, baseline=self.tangents(fit, wide), rounds=4)
+        return freed if freed.cost < fit.cost - MARGIN else fit
+
+    def _with_width(self, effect: Effect) -> Effect:
+        field = self.model.laws[effect.id].__dataclass_fields__.get("width")
+        default = {} if field is None else {"width": float(field.default)}
+        return dataclasses.replace(effect, values=default | effect.values)
