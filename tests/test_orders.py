@@ -39,7 +39,7 @@ def test_an_order_line_stays_put_and_a_line_in_hz_does_not():
 
 
 def test_amplitudes_as_peak_rms_and_power_and_a_flat_top():
-    """A sine of 3 um between two orders of the map: rms 3/sqrt(2), power 9/2, as MATLAB has them."""
+    """A sine of 3 µm between two orders of the map: RMS 3/√2, power 9/2, as MATLAB has them."""
     run = recording(3e-6 * np.cos(14.06 * ANGLE + 0.5))
     kinds = {k: rpm_order_map(run, "dR_y", "2", amplitude=k) for k in ("peak", "rms", "power")}
     level = {k: found.strongest(1)[0][1] for k, found in kinds.items()}

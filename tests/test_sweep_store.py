@@ -15,6 +15,7 @@ import omnijax
 from omnijax import InputError, load_rig, load_sweep, sweep
 from omnijax.cli._frame import run
 from omnijax.report import sweep_page
+from omnijax.study import amount
 from omnijax.study._chunks import quantities
 from omnijax.study._store import Store, chunk_files, create_store
 
@@ -201,18 +202,21 @@ def test_page_answers_first_and_holds_what_makes_it_again(whole, tmp_path):
     page = sweep_page(whole).write(tmp_path)
     text = page.read_text(encoding="utf-8")
     best = whole.design(whole.best("peak"))
-    assert f"The best peak is {best['peak']:.4g}" in text
+    assert f"The best peak is {amount(best['peak'], 'm')}" in text
     assert "[sphere]" in text and 'src="http' not in text and 'href="http' not in text
     assert {f.name for f in tmp_path.iterdir()} >= {"sweep-peak.png", "best-rms.csv", "index.html"}
 
 
 def test_pictures_show_the_numbers(whole, tmp_path):
+    factor, unit = whole.readable("peak")
+    assert unit in {"mm", "µm"} and 0.1 <= factor * np.nanmax(whole["peak"]) < 1000
     ax = whole.plot_heatmap("peak")
-    np.testing.assert_array_equal(ax.collections[0].get_array(), whole["peak"].T)
+    np.testing.assert_array_equal(ax.collections[0].get_array(), factor * whole["peak"].T)
     assert ax.get_ylabel() == "contact.stiffness (N/m)" and ax.get_yscale() == "log"
     assert ax.get_xlabel() == "wheel.roundness"
     ax = whole.plot_lines("rms", x="contact.stiffness")
-    np.testing.assert_array_equal(ax.lines[0].get_ydata(), whole["rms"][0])
-    assert len(ax.lines) == 4 and ax.get_ylabel() == "rms (m)"
+    factor, unit = whole.readable("rms")
+    np.testing.assert_array_equal(ax.lines[0].get_ydata(), factor * whole["rms"][0])
+    assert len(ax.lines) == 4 and ax.get_ylabel() == f"rms ({unit})"
     with pytest.raises(InputError, match="not varied"):
         whole.plot_heatmap("peak", x="sphere.mass")
