@@ -5,7 +5,8 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from ._options import Json, numbers
+from ._motion import Motion
+from ._options import Json
 from ._study_page import Switch, deliver, write_page
 
 
@@ -13,12 +14,9 @@ def sensitivity(
     rig: str,
     /,
     *,
-    speed: str | None = None,
-    torque: str | None = None,
+    motion: Motion = Motion(),
     metric: str = "rms,peak",
     parameter: Annotated[list[str], Parameter(negative="")] = [],  # noqa: B006
-    duration: float | None = None,
-    rate: float | None = None,
     model: Literal["coupled", "paper"] = "coupled",
     check: Switch = False,
     per_wheel: Switch = False,
@@ -31,22 +29,16 @@ def sensitivity(
 
     Example: omnijax sensitivity atlas --speed 3,5,7 --metric rms,peak --check
 
+    With --duration a run is differentiated, without it the steady state; torques need one.
+
     Parameters
     ----------
     rig
         A rig file, or the name of a bundled rig.
-    speed
-        Wheel speeds, rad/s or with a unit, with commas between.
-    torque
-        Motor torques instead of speeds, N m or with a unit; needs --duration.
     metric
         Metrics, with commas between.
     parameter
         Only this parameter (may be given again); contact.stiffness means that of every wheel.
-    duration
-        Differentiate a run of this length in s; without it, the steady state.
-    rate
-        Samples per s of the run.
     model
         The coupled model, or the paper's.
     check
@@ -65,8 +57,8 @@ def sensitivity(
 
     machine = load_rig(rig)
     found = run(
-        machine, _drive(speed, torque, machine.size), metric, parameters=parameter or None,
-        duration=duration, rate=rate, model=model, check=check,
+        machine, motion.drive(machine.size), metric, parameters=parameter or None,
+        duration=motion.seconds, rate=motion.hertz, model=model, check=check,
     )  # fmt: skip
     deliver(
         found,
@@ -78,22 +70,6 @@ def sensitivity(
         lambda: _print(found, per_wheel, top),
     )
     return 0
-
-
-def _drive(speed: str | None, torque: str | None, wheels: int) -> Any:
-    """Wheel speeds as numbers, or a drive by torques."""
-    from .._errors import InputError
-
-    if (speed is None) == (torque is None):
-        raise InputError("give either `--speed` or `--torque`, one value a wheel.")
-    if speed is not None:
-        return numbers("speed", speed, "rad/s")
-    from ..simulate import torques
-
-    values = numbers("torque", torque or "", "N m")
-    if len(values) != wheels:
-        raise InputError(f"`torque` must have one value a wheel ({wheels}), but has {len(values)}.")
-    return torques(values)
 
 
 def _plain(found: Any) -> dict[str, Any]:

@@ -26,7 +26,7 @@ def sweep_status(store: Path, /, *, rerun: int | None = None, json: Json = False
         emit(json, found, lambda: _print_design(result, found))
         return 0 if found["status"] not in {"non-finite", "step limit", "failed"} else 1
     from ..study._sweep_progress import progress
-    from .sweep import summarise
+    from ._sweep_summary import summarise
 
     state = progress(result.store)
     summary = {**state._asdict(), **summarise(result)}
@@ -60,7 +60,7 @@ def _print_design(result: Any, found: dict[str, Any]) -> None:
 
 def _print(result: Any, summary: dict[str, Any]) -> None:
     from ..study._sweep_progress import clock
-    from .sweep import show
+    from ._sweep_summary import show
 
     done, size = summary["done"], summary["designs"]
     doing = "running" if summary["running"] else "finished" if done == size else "stopped"

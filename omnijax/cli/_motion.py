@@ -1,0 +1,73 @@
+"""Options that runs, sweeps and sensitivities share: drive, length, and how it is computed."""
+
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from cyclopts import Parameter
+
+from ._options import number, numbers
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """How the wheels are driven, and for how long."""
+
+    speed: str | None = None
+    """Wheel speeds in rad/s, one a wheel; or with units (30 rpm,0,10 rpm)."""
+    torque: str | None = None
+    """Motor torques in N m, one a wheel, instead of speeds."""
+    force: str | None = None
+    """Force on the platform in N: x,y,z."""
+    duration: str | None = None
+    """Length of a run (2, 2s, 500ms)."""
+    rate: str | None = None
+    """Samples per s (500, 500Hz, 1kHz)."""
+
+    def drive(self, wheels: int | None = None) -> Any:
+        """The drive by constant speeds or torques."""
+        from .._errors import InputError
+        from ..simulate import speeds, torques
+
+        if (self.speed is None) == (self.torque is None):
+            raise InputError("give either --speed or --torque, one value a wheel.")
+        push = numbers("force", self.force or "0,0,0", "N", 3, "components")
+        if self.speed is not None:
+            return speeds(numbers("speed", self.speed, "rad/s", wheels), push)
+        return torques(numbers("torque", self.torque or "", "N m", wheels), push)
+
+    @property
+    def seconds(self) -> float | None:
+        """The duration in s."""
+        return _above_zero("duration", self.duration, "s")
+
+    @property
+    def hertz(self) -> float | None:
+        """The rate in samples per s."""
+        return _above_zero("rate", self.rate, "Hz")
+
+
+def _above_zero(name: str, text: str | None, unit: str) -> float | None:
+    from .._errors import InputError
+
+    if text is None:
+        return None
+    value = number(name, text, unit)
+    if not 0 < value < float("inf"):
+        raise InputError(f"`{name}` must lie in (0, inf) {unit}, but is {value:g}.")
+    return value
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Numerics:
+    """How runs are computed."""
+
+    model: Literal["coupled", "paper"] = "coupled"
+    """Translation model."""
+    solver: Literal["auto", "exact", "exponential", "dopri8", "tsit5", "kvaerno5"] = "auto"
+    """`auto`: exact where speeds are constant and the rig linear, else what fits its stiffness."""
+    rtol: float | None = None
+    """Relative tolerance of the solvers."""
+    max_steps: int | None = None
+    """Most steps before a run stops with the status `step limit`."""

@@ -1,0 +1,53 @@
+"""What a sweep came to, for machines and for people."""
+
+from typing import Any
+
+SHOWN = 5  # failed designs that are listed
+
+
+def summarise(result: Any) -> dict[str, Any]:
+    """What a sweep came to, for machines."""
+    best = {}
+    for name in result.spec.metrics:
+        index = result.best(name)
+        if index is not None:
+            best[name] = {"design": index, "unit": result.unit(name)} | result.design(index)
+            best[name]["status"] = result.status(index)
+    return {
+        "designs": result.size,
+        "path": result.spec.path,
+        "why": result.path,
+        "status": result.counts(),
+        "best": best,
+        "failed": [{"design": i, "rerun": result.command(i)} for i in result.failed(SHOWN)],
+        "out": None if result.store.folder is None else str(result.store.folder),
+    }
+
+
+def show(result: Any, summary: dict[str, Any]) -> None:
+    """The summary for people."""
+    from ..study._sweep_progress import status_text
+
+    print(f"{summary['designs']} designs by {summary['why']}.")
+    print(f"status: {status_text(summary['status'])}")
+    if result.spec.path == "bulk":
+        print("Lift-off and slip are not checked: add the metrics lift_off_margin,slip_margin.")
+    for name, found in summary["best"].items():
+        at = ", ".join(
+            f"{path} = {found[path]:.6g}{'' if unit == '1' else f' {unit}'}"
+            for path, unit, _ in result.spec.vary
+        )
+        doubt = "" if found["status"] == "ok" else f", {found['status']}"
+        print(f"best {name}: {found[name]:.6g} {found['unit']} at {at} ", end="")
+        print(f"(design {found['design']}{doubt})")
+    for entry in summary["failed"]:
+        print(f"design {entry['design']} failed; again: {entry['rerun']}")
+    more = sum(summary["status"].get(k, 0) for k in ("non-finite", "step limit", "failed"))
+    if more > SHOWN:
+        print(f"... and {more - SHOWN} more failed designs.")
+    if summary.get("plot"):
+        print(f"plot: {summary['plot']}")
+    if summary.get("report"):
+        print(f"report: {summary['report']}")
+    if summary["out"]:
+        print(f"store: {summary['out']}")
