@@ -12,6 +12,7 @@ from omnijax.diagnosis._held_out import HeldOut
 from omnijax.diagnosis._runs import Run
 from omnijax.diagnosis._scan import Signatures
 from omnijax.diagnosis._smooth import smooth
+from omnijax.diagnosis._start_angles import with_start_angles
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig
 
@@ -114,3 +115,16 @@ def test_held_out_runs_confirm_an_effect_and_nothing_else():
         assert not HeldOut.of(noise + 3 * signal, noise + 2 * signal).confirms(1e3)
         sure.append(chance.sure)
     assert kstest(sure, "norm").pvalue > 0.01
+
+
+def test_start_angles_of_wheels_without_encoder_are_found(quiet):
+    """dR and a say where the wheels stood, up to whole gaps."""
+    rig, noise, tables = quiet
+    runs = noisy(tables[:1], noise, np.random.default_rng(7))
+    true = runs[0].outputs.pop("theta")[0]
+    model = RigModel(rig, runs, noise, dict(EFFECTS))
+    (run,) = with_start_angles(model.machine, rig)
+    assert run.start is not None
+    pitch = 2 * np.pi / np.asarray(rig.wheels.rollers)
+    off = np.mod(run.start - true + pitch / 2, pitch) - pitch / 2
+    assert np.abs(off).max() < 3e-3  # the machine is not calibrated yet

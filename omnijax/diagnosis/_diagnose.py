@@ -18,6 +18,7 @@ from ._result import Diagnosis, Named
 from ._rig_model import RigModel
 from ._runs import to_run
 from ._search import Found, Search
+from ._start_angles import with_start_angles, without_encoder
 from ._verdict import Judged, judge
 from ._where import locate
 
@@ -93,6 +94,11 @@ def _model(rig, runs, noise, library, window) -> tuple[RigModel, Point, list[str
     """
     model, wild = RigModel(rig, runs, noise, library, window), []
     start = Point(np.zeros(len(model.priors)))
+    if any(len(without_encoder(run, rig.size)) for run in runs):
+        for _ in range(2):  # at the stated machine, and at the calibrated one
+            runs = with_start_angles(model.machine, model.rig_at(start))
+            model = RigModel(rig, runs, noise, library, window)
+            start = refit(model, start, relative=0.01).point
     for groups, calibrated in ((("theta", "Omega"), False), (("dR", "a"), False),
                                (("dR", "a"), True)):  # fmt: skip
         if calibrated:

@@ -77,6 +77,11 @@ class Machine:
         self.motions(rig)
         self.rows = [rows_of(self, rig, i) for i in range(len(self.runs))]
 
+    def replace(self, i: int, run: Run) -> None:
+        """Put another record in the place of run `i`, its angles about the same reference."""
+        self.runs = [*self.runs[:i], run, *self.runs[i + 1 :]]
+        self._kept = {name: {} for name in self._kept}
+
     def _keep(self, stage: str, key: bytes, make):
         kept = self._kept[stage]
         if key not in kept:

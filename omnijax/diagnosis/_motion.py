@@ -75,7 +75,7 @@ def sensor_change(rig: Rig, group: str, time, values) -> np.ndarray:
 
 
 def measured_lengths(rig: Rig, tables: WheelTables, run: Run) -> np.ndarray:
-    """S(theta) at the samples; a wheel without encoder gets the integral of Omega, from angle 0."""
+    """S(theta) at the samples; a wheel without encoder gets the integral of Omega."""
     length = tables.rolled(true_angles(rig, run, rig.size))
     missing = np.isnan(length).all(axis=0)
     if missing.any():
@@ -89,7 +89,8 @@ def measured_lengths(rig: Rig, tables: WheelTables, run: Run) -> np.ndarray:
         rate = smooth_by_likelihood(turning, _scatter(turning)) @ np.asarray(rig.wheels.spin_axis).T
         mean = (rate[1:] + rate[:-1]) / 2 * run.step
         integral = np.concatenate([np.zeros((1, rig.size)), np.cumsum(mean, axis=0)])
-        length[:, missing] = integral[:, missing]
+        start = np.zeros(rig.size) if run.start is None else run.start
+        length[:, missing] = (integral + tables.rolled(start[None]))[:, missing]
     return length
 
 

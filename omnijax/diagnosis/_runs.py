@@ -21,6 +21,7 @@ class Run:
     force: np.ndarray  # (n, 3)
     outputs: dict[str, np.ndarray]  # group -> (n, channels)
     known: np.ndarray  # (n,) whether the inputs were measured
+    start: np.ndarray | None = None  # (wheels,) rad at the first sample, where no encoder says it
 
     @property
     def step(self) -> float:

@@ -21,7 +21,7 @@ SHUFFLES = 4  # shuffled residuals whose best candidate is the decoy to beat
 NEARLY = 1.3  # chi2 a degree of freedom at which no other candidate needs to be tried first
 MOST = 4  # effects
 TRIED = 4  # candidates a step
-RUNNERS_UP = 2  # first effects from which the search goes on where something is left
+RUNNERS_UP, CLOSE = 1, 3.0  # first effects (and their cost, times the best) gone on from as well
 
 
 @dataclasses.dataclass
@@ -119,6 +119,7 @@ class Search:
     def best_way(self, way: Way) -> Way:
         """The way itself, or a better one from a runner-up of its first step."""
         accepted = [t for t in way.trials[0] if t.accepted] if way.trials else []
+        accepted = [t for t in accepted if t.fit.cost < CLOSE * accepted[0].fit.cost]
         start, held = way, chi2_of(self.model, way.fit.point, "held-out")
         for trial in accepted[1 : 1 + RUNNERS_UP]:
             if way.noise_only:

@@ -9,6 +9,8 @@ from ._modes import Modes, observe, propagate
 from ._rows import Rows, make_rows, orthonormal
 from ._runs import SHAPE, Run
 
+START = 0.01  # rad, 1-sigma of the start angle of a wheel without encoder
+
 
 def rows_of(machine, rig: Rig, i: int) -> Rows:
     """Weights, nuisance directions and the encoders' part of the covariance of one run.
@@ -38,9 +40,10 @@ def _angle_errors(machine, rig: Rig, i: int) -> list[np.ndarray]:
     for k in range(rig.size):
         if np.isfinite(measured[:, k]).any():
             out.append(modes * np.sqrt(gains) * machine.length_noise[k] * radius[k])
-        else:  # the angle is the integral of Omega
+        else:  # the angle is the integral of Omega, from a start that is fitted
             walks, power = walk_modes(run.samples, run.step, machine.noise.get("Omega", 0.0))
-            out.append(walks * np.sqrt(power) * radius[k])
+            start = np.full((run.samples, 1), START)
+            out.append(np.concatenate([walks * np.sqrt(power) * radius[k], start], axis=1))
     return out
 
 
