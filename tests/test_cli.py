@@ -89,6 +89,11 @@ def test_exit_codes(monkeypatch, capsys):
     assert code_of(RunError("stopped at 3 s")) == (1, "stopped at 3 s\n")
     assert code_of(KeyboardInterrupt()) == (130, "Interrupted. Nothing more was written.\n")
     assert code_of(KeyboardInterrupt("Resume with --resume.")) == (130, "Resume with --resume.\n")
+    lost = OSError(2, "No such file or directory", "/nowhere/page")
+    assert code_of(lost)[0] == 2
+    assert code_of(lost)[1].startswith("/nowhere/page: cannot be read or written: No such file")
+    with pytest.raises(OSError, match="no file of the user's"):
+        code_of(OSError("no file of the user's"))
     with pytest.raises(ZeroDivisionError):  # a fault of ours is not hidden
         code_of(ZeroDivisionError())
 

@@ -78,17 +78,29 @@ def run(tokens: list[str] | None = None) -> int:
         code = build_app()(tokens)
         sys.stdout.flush()
         return code if isinstance(code, int) else OK
-    except CycloptsError as error:
-        return _say(f"{str(error).strip()}\nSee: omnijax --help", BAD_INPUT)
-    except InputError as error:
-        return _say(str(error), BAD_INPUT)
-    except RunError as error:
-        return _say(str(error), FAILED)
     except KeyboardInterrupt as interrupt:
         return _say(str(interrupt) or "Interrupted. Nothing more was written.", INTERRUPTED)
     except BrokenPipeError:  # the reader, `head` say, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
+    except Exception as error:
+        said = _told(error)
+        if said is None:  # a fault of ours is not hidden
+            raise
+        return _say(*said)
+
+
+def _told(error: Exception) -> tuple[str, int] | None:
+    """What to tell the user, and the exit code; None for a fault of the program."""
+    if isinstance(error, CycloptsError):
+        return f"{str(error).strip()}\nSee: omnijax --help", BAD_INPUT
+    if isinstance(error, InputError):
+        return str(error), BAD_INPUT
+    if isinstance(error, RunError):
+        return str(error), FAILED
+    if isinstance(error, OSError) and error.filename is not None:  # a file of the user's
+        return f"{error.filename}: cannot be read or written: {error.strerror}.", BAD_INPUT
+    return None
 
 
 def _say(text: str, code: int) -> int:

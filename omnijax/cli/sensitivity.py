@@ -52,9 +52,12 @@ def sensitivity(
     report
         A folder for a page with the tornado figures.
     """
+    from .._errors import InputError
     from ..rig import load_rig
     from ..study import sensitivity as run
 
+    if motion.force is not None and motion.duration is None:
+        raise InputError("`force` needs a run: give --duration.")
     machine = load_rig(rig)
     found = run(
         machine, motion.drive(machine.size), metric, parameters=parameter or None,
