@@ -1,6 +1,7 @@
 """The diagnosis end to end on short runs of an independent plant: one of each answer."""
 
 import json
+import shutil
 from pathlib import Path
 
 import numpy as np
@@ -93,6 +94,27 @@ def test_a_few_wild_samples_are_left_out_and_name_nothing(cases):
     left_out = sum(int(f.split(": ")[1].split()[0]) for f in said)
     assert 0.9 * planted < left_out < 1.1 * planted
     assert {w for f in said for w in f.split() if "_" in w} == {"dR_y", "theta_2", "Omega_x", "a_z"}
+
+
+def test_two_per_cent_of_outliers_and_a_dropout_change_no_answer(cases, tmp_path):
+    """Every channel has outliers of 10 to 50 sigma; one reads zero for a while."""
+    rng, folder = np.random.default_rng(9), tmp_path / "wild"
+    sigma = {"dR": 2e-6, "theta": 1e-4, "Omega": 1e-4, "a": 5e-3}
+    shutil.copytree(cases["none"], folder)
+    for path in sorted(folder.glob("*.csv")):
+        names = path.read_text().split("\n", 1)[0].split(",")
+        table = np.loadtxt(path, delimiter=",", skiprows=1)
+        for c, name in enumerate(names):
+            if size := sigma.get(name.rsplit("_", 1)[0]):
+                at = rng.choice(len(table), len(table) // 50, replace=False)
+                table[at, c] += size * rng.uniform(10, 50, len(at)) * rng.choice([-1, 1], len(at))
+        table[900:960, names.index("dR_x")] = 0.0
+        np.savetxt(path, table, "%.10g", ",", header=",".join(names), comments="")
+    found = diagnose(folder)
+    assert found.verdict == "none"
+    assert sum("stuck" in f for f in found.faults) == 3
+    for gap in found.gap.values():
+        assert gap.before == pytest.approx(gap.noise_floor, rel=0.06)
 
 
 def test_a_planted_runout_is_named_with_place_and_size(cases, tmp_path):

@@ -14,7 +14,7 @@ from ._machine import Machine
 from ._runs import Run
 
 WILD = 8.0  # sigma above the samples on both sides
-MOST = 0.01  # share of a channel's samples above which they are no outliers but a misfit
+MOST = 0.06  # share of a channel's samples above which they are no outliers but a misfit
 EDGE = 3  # samples beside a gap's edge, where a mistimed prediction makes spikes too
 
 
@@ -30,9 +30,14 @@ def spikes(values: np.ndarray, sigma: float) -> np.ndarray:
     height = np.maximum(away(1, 1), np.maximum(away(1, 2), away(2, 1)))
     height[[0, -1]] = 0.0
     around = np.stack([padded[k:][:n] for k in (0, 1, 3, 4)])
-    height = np.minimum(height, np.abs(values - np.nanmedian(around, axis=0)))
-    usual = np.nan_to_num(np.nanmedian(np.abs(np.diff(values, axis=0)), axis=0)) / 0.954
+    height = np.minimum(height, np.abs(values - _median(around)))
+    usual = _median(np.abs(np.diff(values, axis=0))) / 0.954
     return np.nan_to_num(height) > WILD * np.maximum(usual, sigma)
+
+
+def _median(values: np.ndarray) -> np.ndarray:
+    """Median over the first axis of what was measured; 0 where nothing was."""
+    return np.nanmedian(np.where(np.isnan(values).all(axis=0), 0.0, values), axis=0)
 
 
 def near_edges(machine: Machine, rig: Rig, i: int) -> np.ndarray:
