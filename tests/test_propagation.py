@@ -13,7 +13,13 @@ from scipy.linalg import expm
 from omnijax import laws, load_rig
 from omnijax.dynamics import TRANSLATIONS, linear_system, wheel_shape
 from omnijax.simulate import constant, propagate, ramp, simulate, speeds
-from omnijax.simulate.exact import bulk_figures, bulk_gradients, exact_obstacle, plan_bulk
+from omnijax.simulate.exact import (
+    bulk_checked,
+    bulk_figures,
+    bulk_gradients,
+    exact_obstacle,
+    plan_bulk,
+)
 from omnijax.simulate.exact._bulk_rig import contacts_of
 from omnijax.simulate.exact._contact import Contact, _quartic, poles
 
@@ -138,12 +144,19 @@ def test_bulk_agrees_with_propagation(model, damping, w):
     rows = jnp.asarray([[0.2, 2e5, damping], [0.55, 3e5, 1.1 * damping], [0.9, 1e5, damping]])
     plan = plan_bulk(make, rows, step * count, step, model)
     rms, peak = bulk_figures(make, rows, plan)
+    checked = bulk_checked(make, rows, plan)
+    normal, slip = checked[2:]
+    np.testing.assert_allclose(checked[:2], (rms, peak), rtol=1e-12)
     ts = step * jnp.arange(count + 1)
     for i in (0, 2):
         run = propagate(make(rows[i])[0], speeds(constant(w)), ts, model=model)
         size = np.asarray(run.distance)[1:]
         assert abs(float(rms[i]) / np.sqrt(np.mean(size**2)) - 1) < 2e-9
         assert abs(float(peak[i]) / size.max() - 1) < 2e-9
+        forces = np.asarray(run.normal_force)
+        scale = 1e-8 * (1 + np.abs(forces).max())
+        assert abs(float(normal[i]) - forces[1:].min()) < scale
+        assert abs(float(slip[i]) - np.asarray(run.slip_margin)[1:].min()) < scale
 
 
 def test_poles_of_a_contact_are_the_roots_of_its_quartic():

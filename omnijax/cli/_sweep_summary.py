@@ -30,8 +30,6 @@ def show(result: Any, summary: dict[str, Any]) -> None:
 
     print(f"{summary['designs']} designs by {summary['why']}.")
     print(f"status: {status_text(summary['status'])}")
-    if result.spec.path == "bulk":
-        print("Lift-off and slip are not checked: add the metrics lift_off_margin,slip_margin.")
     for name, found in summary["best"].items():
         at = ", ".join(
             f"{path} = {found[path]:.6g}{'' if unit == '1' else f' {unit}'}"

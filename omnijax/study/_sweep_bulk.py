@@ -11,7 +11,7 @@ from ..rig import Rig
 from ..simulate import SpeedDrive
 from ..simulate.exact import (
     SteadyPlan,
-    bulk_figures,
+    bulk_checked,
     bulk_gradients,
     bulk_obstacle,
     plan_bulk,
@@ -75,6 +75,14 @@ def bulk_batch(
 ):
     """Figures (b, m), gradients (b, m, d) or (b, m, 0) and status (b,) of a batch."""
     make, steady = eqx.Partial(_row, rig, drive, paths), isinstance(plan, SteadyPlan)
+    if steady:
+        figures, margins = steady_figures(make, values, plan), steady_margins(make, values, plan)
+    else:
+        *figures, normal, slip = bulk_checked(make, values, plan)
+        margins = normal, slip
+    rms, peak = figures
+    found: dict[str, Array] = {"rms": rms, "peak": peak}
+    gradients = jnp.zeros((len(values), len(metrics), 0))
     if slope:
         found, slopes = (
             steady_gradients(make, values, plan)
@@ -82,16 +90,10 @@ def bulk_batch(
             else bulk_gradients(make, values, plan, metrics)
         )
         gradients = jnp.stack([slopes[name] for name in metrics], axis=1)
-    else:
-        rms, peak = (steady_figures if steady else bulk_figures)(make, values, plan)
-        found = {"rms": rms, "peak": peak}
-        gradients = jnp.zeros((len(values), len(metrics), 0))
-    figures = jnp.stack([found[name] for name in metrics], axis=1)
-    bad = ~jnp.all(jnp.isfinite(figures), axis=1)
-    status = jnp.zeros(len(values), int)
-    if steady:
-        status = margin_status(*steady_margins(make, values, plan))
-    return jnp.where(bad[:, None], jnp.nan, figures), gradients, jnp.where(bad, 1, status)
+    chosen = jnp.stack([found[name] for name in metrics], axis=1)
+    bad = ~jnp.all(jnp.isfinite(chosen), axis=1)
+    status = jnp.where(bad, 1, margin_status(*margins))
+    return jnp.where(bad[:, None], jnp.nan, chosen), gradients, status
 
 
 def margin_status(normal_force, slip_margin):

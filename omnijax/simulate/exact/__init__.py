@@ -1,6 +1,7 @@
 """Exact propagation, steady states and their gradients: closed forms of the linear model."""
 
 from ._bulk_rig import Bulk as Bulk
+from ._bulk_rig import bulk_checked as bulk_checked
 from ._bulk_rig import bulk_figures as bulk_figures
 from ._bulk_rig import bulk_gradients as bulk_gradients
 from ._bulk_rig import bulk_obstacle as bulk_obstacle

@@ -16,7 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ._bulk import Design, Layout, Modes, Wheel, modes, onto_directions
+from ._bulk_design import Design, Layout, Wheel
+from ._bulk_modes import Modes, modes, onto_directions
 from ._contact import Poles
 from ._product import Product, form, product_inverse
 from ._ring import Pair, inverse, plus, scaled, stored_exponential, stored_sincos, times

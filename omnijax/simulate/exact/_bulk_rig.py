@@ -12,9 +12,12 @@ from jaxtyping import Array, Float
 
 from ...laws import GatedSine, HalfSine
 from ...rig import Rig
-from ._bulk import CLIP, EDGE, Design, Layout, Wheel, samples, samples_of
+from ._bulk_design import CLIP, EDGE, Design, Layout, Wheel
 from ._bulk_gradient import mean_square, orbit, square_at, stored_modes
+from ._bulk_load import samples_and_margins
+from ._bulk_samples import samples, samples_of
 from ._contact import Contact
+from ._periodic_load import Grip
 from ._system import drive_gain, exact_obstacle
 
 LENGTH = 25  # samples a block at most
@@ -223,6 +226,25 @@ def bulk_figures(make: Make, values: Float[Array, "B d"], plan: Bulk):
 
     rms, peak = jax.lax.map(some, lanes(values, LANES))
     return rms.reshape(-1)[: len(values)], peak.reshape(-1)[: len(values)]
+
+
+@eqx.filter_jit
+def bulk_checked(make: Make, values: Float[Array, "B d"], plan: Bulk):
+    """Figures as `bulk_figures`, and the least normal force and the least slip margin, N, of any
+    contact over the same samples; (B,) each."""
+
+    def grip(x):
+        rig, speeds, _ = make(x)
+        gain = drive_gain(rig, speeds).reshape(-1)
+        return Grip(gain, rig.wheels.closure.preload, rig.wheels.contact.friction)
+
+    def some(rows):
+        hold, design = jax.vmap(grip, out_axes=-1)(rows), _designs(make, plan, rows)
+        total, best, *low = samples_and_margins(design, hold, plan.layout, plan.gram)
+        return root_of(total / plan.layout.samples), root_of(best), *low
+
+    found = jax.lax.map(some, lanes(values, LANES))
+    return tuple(x.reshape(-1)[: len(values)] for x in found)
 
 
 @eqx.filter_jit
