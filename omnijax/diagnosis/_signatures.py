@@ -18,7 +18,15 @@ from ._laws import along
 from ._machine import Machine
 from ._modes import Modes, hold_weights, moments, observe, propagate
 from ._motion import Motion, contact_directions, integrate
-from ._rotation import Turning, body_signals, resistance, rolling_signals, shaft_signals, wheel_law
+from ._rotation import (
+    Turning,
+    base_torques,
+    body_signals,
+    resistance,
+    rolling_signals,
+    shaft_signals,
+    wheel_law,
+)
 from ._runs import FINE, SHAPE, Run
 from ._wheels import WheelTables
 
@@ -35,6 +43,8 @@ class Base:
     slow: Motion  # at thinned points
     response: Turning  # at thinned points
     torque: np.ndarray
+    drive: np.ndarray  # (thinned points, n) N
+    shaft: np.ndarray  # (thinned points, n) N m, the motors' and all laws'
     contact: ContactSignal  # (FINE points, n) each
     mount: MountSignal
     normal: np.ndarray  # (FINE points, n) N
@@ -54,19 +64,22 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
         return np.broadcast_to(np.asarray(x), m.theta.shape)
 
     contact = jax.tree.map(wide, contact_signals(rig, deflection, rate))
-    pull = contact.stiffness * deflection + contact.damping * rate
+    normal = contact.preload - contact.stiffness * deflection - contact.damping * rate
+    slow, torque = _thin(m), refine(run.torque, FINE)
     return Base(
         rig=rig,
         run=run,
         index=i,
         modes=machine.modes(rig),
         motion=m,
-        slow=_thin(m),
+        slow=slow,
         response=rotated.turning.thin(THIN),
-        torque=refine(run.torque, FINE),
+        torque=torque,
+        drive=rotated.drive[::THIN],
+        shaft=base_torques(rig, slow, torque[::THIN], normal[::THIN])[0],
         contact=contact,
         mount=jax.tree.map(wide, mount_signals(rig, mount, mount_rate)),
-        normal=contact.preload - pull,
+        normal=normal,
         predicted=predicted,
         tables=machine.tables_of(rig),
     )
@@ -145,8 +158,10 @@ def _shape(base: Base, placed: Placed):
         theta = m.theta[::FINE, i]
         turns = np.floor((theta - tables.first) / tables.span)
         length[:, i] = -(turns * rolled[-1] + tables.look_up(rolled, theta, i))
-    rotation = np.concatenate([np.zeros((base.run.samples, 3)), length], axis=1)
-    return _transfer(base, shape=shape), rotation
+    lever = m.factor * (np.asarray(base.rig.wheels.radius) + m.shape)
+    elastic, rotation = _longer_lever(base, (shape[:: SHAPE // FINE] / lever)[::THIN])
+    rotation[:, 3:] += length
+    return elastic + _transfer(base, shape=shape), rotation
 
 
 def _over_angles(law, angle, gap):
@@ -249,16 +264,27 @@ def _platform(base: Base, placed: Placed):
 
 
 def _kinematics(base: Base, placed: Placed):
-    """The measured rolled length changes by the factor; drive forces only at second order."""
+    """The factor 1 + e of the rolling radius enters S(theta) and the drive forces."""
     m = base.motion
-    rate = np.zeros(m.theta.shape)
-    radius = (np.asarray(base.rig.wheels.radius) + m.shape) / float(base.rig.sphere.radius)
+    change = np.zeros(m.theta.shape)
     for i in placed.wheels:
-        change = along(placed.law, np.ascontiguousarray(m.speed[:, i]))
-        rate[:, i] = -change * m.speed[:, i] * radius[:, i]
-    length = integrate(rate, base.run.step / FINE)[::FINE]
-    rotation = np.concatenate([np.zeros((base.run.samples, 3)), length], axis=1)
-    return None, rotation
+        change[:, i] = along(placed.law, np.ascontiguousarray(m.speed[:, i]))
+    radius = m.factor * (np.asarray(base.rig.wheels.radius) + m.shape)
+    rate = -change * m.speed * radius / float(base.rig.sphere.radius)
+    elastic, rotation = _longer_lever(base, change[::THIN])
+    rotation[:, 3:] += integrate(rate, base.run.step / FINE)[::FINE]
+    return elastic, rotation
+
+
+def _longer_lever(base: Base, change: np.ndarray):
+    """Both tables of rolling radii r (1 + change), `change` (thinned points, n), at fixed S(theta).
+
+    In the drive forces' matrix and right-hand side (spec section 4) r (1 + e) is, to first order, a
+    torque e (T - 2 r f) on the shaft.
+    """
+    m = base.motion
+    lever = (m.factor * (np.asarray(base.rig.wheels.radius) + m.shape))[::THIN]
+    return _torque(base, shaft=change * (base.shaft - 2 * lever * base.drive))
 
 
 def _sensor(base: Base, placed: Placed):
