@@ -118,6 +118,8 @@ def test_only_the_same_command_goes_on(capsys, tmp_path, monkeypatch):
         (["--speed", "1,1,1", "--plot", "run.bmp"], "`run.bmp` must end in one of .png"),
         (["--speed", "1,1,1", "--torque", "1,1,1"], "give one of --speed, --torque and --drive."),
         (["--torque", "1,1,1", "--solver", "exact"], "`solver` cannot be exact"),
+        (["--speed", "1,1,1", "--rtol", "-1"], "`rtol` must lie in (0, 0.01], but is -1."),
+        (["--speed", "1,1,1", "--max-steps", "0"], "`max-steps` must be at least 1, but is 0."),
         (["--torque", "1,1,1", "--resume"], "`resume` needs the interrupted run"),
         (["--drive", "nowhere.csv"], "nowhere.csv is not a file"),
     ],

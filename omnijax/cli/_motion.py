@@ -71,3 +71,13 @@ class Numerics:
     """Relative tolerance of the solvers."""
     max_steps: int | None = None
     """Most steps before a run stops with the status `step limit`."""
+
+    def checked(self) -> "Numerics":
+        """Itself; `InputError` for figures that no solver takes."""
+        from .._errors import InputError
+
+        if self.rtol is not None and not 0 < self.rtol <= 0.01:
+            raise InputError(f"`rtol` must lie in (0, 0.01], but is {self.rtol:g}.")
+        if self.max_steps is not None and self.max_steps < 1:
+            raise InputError(f"`max-steps` must be at least 1, but is {self.max_steps}.")
+        return self

@@ -44,6 +44,7 @@ def simulate(
     """
     _keep_programs()
     _check_files(out, plot)
+    numerics.checked()
     from ..rig import load_rig
 
     machine = load_rig(rig)
@@ -123,12 +124,16 @@ def _written(
     run: Any, end: Any, name: str, rig: Any, out: Path | None, plot: Path | None
 ) -> dict[str, str]:
     """The files that were asked for."""
+    from .._errors import InputError
     from ..simulate import save_trajectory
 
     files = {}
     if out is not None:
         beside = _rig_file(name, rig, out)
-        files["out"] = str(save_trajectory(run, out, rig, beside, _command(), end))
+        try:
+            files["out"] = str(save_trajectory(run, out, rig, beside, _command(), end))
+        except OSError as error:
+            raise InputError(f"cannot be written: {error}.", out) from None
     if plot is not None:
         files["plot"] = str(_plot(run, name, plot))
     return files

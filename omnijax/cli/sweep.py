@@ -108,7 +108,7 @@ def _run(
     with Bar() as advance:
         result = evaluate(
             rig, vary, metric, drive=motion.drive(), duration=motion.seconds, rate=motion.hertz,
-            **vars(numerics), **vars(sampling), **vars(place), report=advance,
+            **vars(numerics.checked()), **vars(sampling), **vars(place), report=advance,
             command=command_line(),
         )  # fmt: skip
     return result, time.monotonic() - began

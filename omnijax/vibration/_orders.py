@@ -42,6 +42,7 @@ def rpm_order_map(
     square).  `window` is `hann`, or `flattop`: truer heights between two orders, wider lines.
     """
     _check(amplitude=(amplitude, KINDS), window=(window, tuple(WINDOWS)))
+    _above_zero(turns=turns, max_order=max_order)
     time, values, unit = _channel(run, channel)
     angle, name = _reference(run, reference)
     windows, turns = _windows(time, angle, turns, name)
@@ -75,6 +76,7 @@ def order_track(
     finds an order beyond half the sampling rate too.  `amplitude` as in `rpm_order_map`.
     """
     _check(amplitude=(amplitude, KINDS))
+    _above_zero(turns=turns)
     chosen = np.asarray(orders, float)
     if chosen.ndim != 1 or not len(chosen) or np.any(chosen <= 0):
         raise ValueError(f"`orders` must be positive numbers, but is {orders!r}.")
@@ -119,6 +121,12 @@ def _check(**options: tuple[str, tuple[str, ...]]) -> None:
     for name, (value, known) in options.items():
         if value not in known:
             raise ValueError(f"`{name}` must be one of {', '.join(known)}, but is {value!r}.")
+
+
+def _above_zero(**options: float | None) -> None:
+    for name, value in options.items():
+        if value is not None and not value > 0:
+            raise ValueError(f"`{name}` must be above 0, but is {value:g}.")
 
 
 def _as(kind: str, peak: np.ndarray) -> np.ndarray:
