@@ -154,6 +154,17 @@ def test_a_superfluous_effect_is_pruned():
     assert [e.id for e in kept] == ["bearing-coulomb"]
 
 
+def test_what_stood_for_the_misfit_of_a_wrong_effect_goes_with_it():
+    model = balance([law("bearing-coulomb", 0.2)], {**LAWS, "soft": Soft})
+    scan = Search(model).scan(refit(model, Point(np.zeros(2))))
+    wrong = (Effect("soft", "shaft", {"strength": 0.2}), Effect("shaft-drag", "shaft", {"D": 1e-3}))
+    fit = refit(model, Point(np.zeros(2), wrong))
+    review = Review(Refits(model), print)
+    assert len(review.prune(fit).point.effects) == 2  # the drag is needed beside the wrong one
+    (effect,) = review.run(fit, scan)[0].point.effects
+    assert effect.id == "bearing-coulomb"
+
+
 def test_a_refit_keeps_bounds():
     model = balance([law("bearing-coulomb", -0.2)])  # friction that drives is not physical
     fit = refit(model, Point(np.zeros(2), (Effect("bearing-coulomb", "shaft", {"torque": 0.1}),)))

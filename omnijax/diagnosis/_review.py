@@ -33,7 +33,8 @@ class Review:
             for i in range(len(fit.point.effects)):
                 better, rivals[i] = self.challenge(fit, i, scan)
                 if better is not None:
-                    fit = self.refits.settle(better)
+                    # what stood for the misfit of the effect that left is not needed any more
+                    fit = self.prune(self.refits.settle(better))
                     break
             else:
                 return fit, rivals
