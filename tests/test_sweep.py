@@ -85,6 +85,53 @@ def test_statuses_of_full_runs_and_the_command_that_reruns_one(tmp_path, capsys)
     assert "design 6: step limit" in text and "raise `max_steps`" in text
 
 
+def test_torque_driven_sweeps_by_fixed_steps_agree_with_adaptive_runs(tmp_path):
+    """The step is taken so that halving it changes no trial figure by more than 1e-4."""
+    vary = {"wheel.roundness": [0.3, 0.5], "contact.damping": [120.0, 9e3]}
+    given = {"drive": torques((0.1, 0.5, -0.25)), "duration": 0.2, "chunk": 2}
+    metrics = ("peak", "rms", "slip_margin")
+    whole = sweep("atlas", vary, metrics, out=tmp_path / "whole.zarr", **given)
+    assert whole.spec.path == "fixed" and "halving the step" in whole.path
+    adaptive = sweep("atlas", vary, metrics, rtol=1e-8, **given)
+    assert adaptive.spec.path == "full" and "tolerance is given" in adaptive.path
+    for name in metrics:
+        np.testing.assert_allclose(whole[name], adaptive[name], rtol=2e-4)
+    assert whole.counts() == adaptive.counts() == {"ok": 4}
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt, match="2 of 4"):
+        sweep("atlas", vary, metrics, out=tmp_path / "cut.zarr", report=stop, **given)
+    resumed = sweep("atlas", vary, metrics, out=tmp_path / "cut.zarr", resume=True, **given)
+    for name in metrics:
+        np.testing.assert_array_equal(resumed[name], whole[name])
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"drive": torques(ramp(0, 1, (0, 0, 0), (0.1, 0.2, 0.3)))}, "constant motor torques"),
+        ({"solver": "tsit5"}, "solver or its tolerance"),
+        ({"gradient": True}, "gradients"),
+        ({"rig": load_rig("atlas").add(LiftOff(), "all")}, "laws act at contacts"),
+    ],
+)
+def test_where_torque_driven_sweeps_keep_adaptive_steps(changes, message):
+    drive, gradient = changes.get("drive", torques((0.1, 0.2, 0.3))), changes.get("gradient", False)
+    spec, why = omnijax.study._sweep_plan.plan(
+        changes.get("rig", load_rig("atlas")),
+        {"sphere.mass": [5.0, 6.0]},
+        "rms",
+        drive,
+        omnijax.study._sweep_plan.Sampling("grid", None, 0, gradient, None, 1),
+        omnijax.study._sweep_plan.Numerics(
+            "coupled", changes.get("solver", "auto"), 0.1, None, None, None
+        ),
+    )
+    assert spec.path == "full" and message in why
+
+
 def test_figures_that_are_not_finite_make_a_design_failed():
     values, status = _sweep_paths._with_status(jax.numpy.array([1.0, jax.numpy.inf]), 4)
     assert int(status) == 1 and np.isnan(values).all()

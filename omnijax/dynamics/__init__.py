@@ -3,6 +3,7 @@
 from ._field import Inputs as Inputs
 from ._field import Instant as Instant
 from ._field import Model as Model
+from ._field import Passage as Passage
 from ._field import State as State
 from ._field import initial_memory as initial_memory
 from ._field import instant as instant
@@ -14,6 +15,7 @@ from ._kinematics import Rolling as Rolling
 from ._kinematics import incompatibility as incompatibility
 from ._kinematics import position_input as position_input
 from ._kinematics import rolling as rolling
+from ._kinematics import rolling_radius as rolling_radius
 from ._kinematics import sphere_velocity as sphere_velocity
 from ._kinematics import spin_axes as spin_axes
 from ._kinematics import surface_shape as surface_shape

@@ -8,12 +8,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..laws import BodySignal, RollingSignal, RollingTorque, ShaftSignal
-from ..rig import Rig, over_wheels
+from ..rig import Rig, over_wheels, take_wheels
 from ._kinematics import (
     Rolling,
     position_input,
     rolling,
     sphere_velocity,
+    spin_axes,
     wheel_shape,
     wheel_speeds,
 )
@@ -39,6 +40,13 @@ class State(NamedTuple):
     position: Float[Array, "3"]  # m, R_l
     drift: Float[Array, "3"]  # m/s, U, velocity of the centre of mass
     memory: tuple[Any, ...]  # states of contact and mount laws with memory
+
+
+class Passage(NamedTuple):
+    """What the wheels show on average over a step, in place of the values at one instant."""
+
+    radius: Float[Array, " n"]  # m, rolling radius
+    shape_rate: Float[Array, " n"]  # m/s
 
 
 class Inputs(NamedTuple):
@@ -91,7 +99,7 @@ def _with_memory(placed, signals, memory, size):
     total, rates = jnp.zeros(size), []
     for term, state in zip(placed, memory, strict=True):
         index = jnp.asarray(term.wheels)
-        here = jax.tree.map(lambda x, i=index: x[i], signals)
+        here = take_wheels(signals, term.wheels, size)
         total = total.at[index].add(jax.vmap(term.law)(here, state))
         rates.append(jax.vmap(term.law.rate)(here, state))
     return total, tuple(rates)
@@ -154,11 +162,20 @@ def _shape_and_rate(rig: Rig, angle, speed, attitude, omega):
 
 
 def _instant(
-    model: Model, state: State, inputs: Inputs, geometry: Rolling, speed, prescribed=None
+    model: Model,
+    state: State,
+    inputs: Inputs,
+    geometry: Rolling,
+    speed,
+    prescribed=None,
+    passage: Passage | None = None,
 ) -> tuple[Instant, tuple[Any, ...]]:
     """Forces and accelerations; `prescribed` = (dOmega/dt, domega/dt) where speeds are given."""
     rig, translation, omega = model.rig, model.translation, state.angular_velocity
-    shape, shape_rate = _shape_and_rate(rig, state.angle, speed, state.attitude, omega)
+    if passage is None:
+        shape, shape_rate = _shape_and_rate(rig, state.angle, speed, state.attitude, omega)
+    else:
+        shape, shape_rate = position_input(rig, state.angle, state.attitude), passage.shape_rate
     motion = translation.motion(state.elastic, shape)
     contact, mount, normal, memory_rates = port_forces(
         rig, translation, motion, shape_rate, state.memory
@@ -222,13 +239,19 @@ def _speed(rig: Rig, state: State) -> tuple[Rolling, jax.Array]:
     return geometry, wheel_speeds(rig, geometry, state.angular_velocity)
 
 
-def torque_driven(model: Model, state: State, inputs: Inputs) -> State:
+def torque_driven(
+    model: Model, state: State, inputs: Inputs, passage: Passage | None = None
+) -> State:
     """Time derivative of the state under motor torques.
 
     omega follows Omega by the velocity constraint, theta integrates that omega (spec section 4).
     """
-    geometry, speed = _speed(model.rig, state)
-    now, memory_rates = _instant(model, state, inputs, geometry, speed)
+    if passage is None:
+        geometry = rolling(model.rig, state.angle)
+    else:
+        geometry = Rolling(passage.radius, spin_axes(model.rig, state.angle))
+    speed = wheel_speeds(model.rig, geometry, state.angular_velocity)
+    now, memory_rates = _instant(model, state, inputs, geometry, speed, None, passage)
     return _assemble(model, state, now, memory_rates, now.angular_acceleration)
 
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..laws import DualRow
-from ..rig import Rig, grouped_profiles, over_wheels
+from ..rig import Rig, grouped_profiles, over_wheels, take_wheels
 from ._rotation import rotation_matrix
 from ._small import least_squares
 
@@ -16,9 +16,9 @@ def wheel_shape(rig: Rig, angle: Float[Array, " n"]) -> Float[Array, " n"]:
     """rho_i(theta_i) in m: profiles and every law at the port `shape` (eq. 2)."""
     gaps = rig.gaps
     rho = jnp.zeros(rig.size)
-    for shape, index in grouped_profiles(rig):
-        here = jax.tree.map(lambda x, i=index: x[i], gaps)
-        rho = rho.at[index].set(shape(angle[index], here))
+    for shape, wheels in grouped_profiles(rig):
+        found = shape(*take_wheels((angle, gaps), wheels, rig.size))
+        rho = rho.at[jnp.asarray(wheels)].set(found)
     for placed in rig.at("shape"):
         for i in placed.wheels:
             gap = jax.tree.map(lambda x, i=i: x[i], gaps)
@@ -67,9 +67,15 @@ def rolling(
     rig: Rig, angle: Float[Array, " n"], speed: Float[Array, " n"] | None = None
 ) -> Rolling:
     """Rolling radii (eq. 2, with creep) and driven axes at wheel angles `angle` (rad)."""
+    radius = rolling_radius(rig, wheel_shape(rig, angle), speed)
+    return Rolling(radius, spin_axes(rig, angle))
+
+
+def rolling_radius(rig: Rig, shape, speed: Float[Array, " n"] | None = None):
+    """(1 - creepage) (r_b + rho) in m of wheels that show the shape rho (m)."""
     speed = jnp.zeros(rig.size) if speed is None else speed
     factor = 1 + over_wheels(rig.at("kinematics"), speed, rig.size)
-    return Rolling(factor * (rig.wheels.radius + wheel_shape(rig, angle)), spin_axes(rig, angle))
+    return factor * (rig.wheels.radius + shape)
 
 
 def wheel_speeds(rig: Rig, geometry: Rolling, omega: Float[Array, "3"]) -> Float[Array, " n"]:

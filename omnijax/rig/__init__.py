@@ -18,6 +18,7 @@ from ._machine import Wheels as Wheels
 from ._machine import grouped_profiles as grouped_profiles
 from ._machine import over_wheels as over_wheels
 from ._machine import place_law as place_law
+from ._machine import take_wheels as take_wheels
 from ._parameters import ParameterInfo as ParameterInfo
 from ._parameters import get_parameter as get_parameter
 from ._parameters import parameter_info as parameter_info

@@ -1,6 +1,6 @@
 """What the machine is: sphere, platform, wheels, and the laws placed on them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -152,18 +152,26 @@ def place_law(
     return Placed(law, place, wheels)
 
 
+def take_wheels(values: Any, wheels: Sequence[int], size: int) -> Any:
+    """Rows of `values` (leading axis the wheel) at `wheels`; all of them cost no gather."""
+    if tuple(wheels) == tuple(range(size)):
+        return values
+    index = jnp.asarray(wheels)
+    return jax.tree.map(lambda x: x[index], values)
+
+
 def over_wheels(placed: tuple[Placed, ...], signals: Any, size: int, zero: Any = 0.0) -> Any:
     """Sum of per-wheel laws on per-wheel `signals` (leading axis the wheel), one entry a wheel."""
     total = jax.tree.map(lambda z: jnp.zeros(size) + z, zero)
     for term in placed:
         index = jnp.asarray(term.wheels)
-        here = jax.tree.map(lambda x, i=index: x[i], signals)
+        here = take_wheels(signals, term.wheels, size)
         value = jax.vmap(lambda s, law=term.law: law(s))(here)
         total = jax.tree.map(lambda a, v, i=index: a.at[i].add(v), total, value)
     return total
 
 
-def grouped_profiles(rig: Rig) -> list[tuple[Callable, jax.Array]]:
+def grouped_profiles(rig: Rig) -> list[tuple[Callable, tuple[int, ...]]]:
     """Profiles of equal structure, stacked: (vmapped shape of (angles, gaps), wheel indices)."""
     groups: dict[Any, list[int]] = {}
     for i, profile in enumerate(rig.profiles):
@@ -173,5 +181,5 @@ def grouped_profiles(rig: Rig) -> list[tuple[Callable, jax.Array]]:
     for index in groups.values():
         stacked = jax.tree.map(lambda *xs: jnp.stack(xs), *(rig.profiles[i] for i in index))
         shape = jax.vmap(lambda law, angle, gap: law(angle, gap))
-        result.append((lambda a, g, s=stacked, f=shape: f(s, a, g), jnp.asarray(index)))
+        result.append((lambda a, g, s=stacked, f=shape: f(s, a, g), tuple(index)))
     return result

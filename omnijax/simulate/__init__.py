@@ -11,6 +11,7 @@ from ._drives import torques as torques
 from ._files import load_trajectory as load_trajectory
 from ._files import save_trajectory as save_trajectory
 from ._files import to_recording as to_recording
+from ._many import simulate_fixed as simulate_fixed
 from ._many import simulate_many as simulate_many
 from ._recorded import drive_from_recording as drive_from_recording
 from ._recorded import measured as measured

@@ -22,7 +22,14 @@ from ._sweep_spec import SweepSpec
 from ._sweep_target import apply
 
 # designs at a time where memory allows
-BATCH = {"steady": 64, "bulk": 2048, "steady-bulk": 2048, "propagation": 32, "full": 32}
+BATCH = {
+    "steady": 64,
+    "bulk": 2048,
+    "steady-bulk": 2048,
+    "propagation": 32,
+    "fixed": 256,
+    "full": 32,
+}
 BULK = ("bulk", "steady-bulk")
 BATCHES_A_CHUNK = 8
 CHANNELS = 75  # numbers kept a sample of a run
@@ -74,16 +81,16 @@ def _per(unit: str, other: str) -> str:
 
 
 @eqx.filter_jit
-def _evaluate(arrays, ts, values, static, settings: Settings, paths, devices: int, plan):
+def _evaluate(arrays, times, values, static, settings: Settings, paths, devices: int, plan):
     """Figures (B, m), gradients (B, m, d) and status (B,) of a batch, spread over the devices."""
 
-    def batch(arrays, ts, values):
+    def batch(arrays, times, values):
         rig, drive = eqx.combine(arrays, static)
         if settings.path in BULK:
             return bulk_batch(rig, drive, paths, settings.metrics, values, plan, settings.gradient)
 
         def one(x):
-            figures, status = figures_of(settings, *apply(rig, drive, paths, x), ts)
+            figures, status = figures_of(settings, *apply(rig, drive, paths, x), *times)
             return figures, (figures, status)
 
         if settings.gradient:
@@ -93,13 +100,13 @@ def _evaluate(arrays, ts, values, static, settings: Settings, paths, devices: in
         return figures, jnp.zeros((*figures.shape, 0)), status
 
     if devices == 1:
-        return batch(arrays, ts, values)
+        return batch(arrays, times, values)
     mesh = jax.make_mesh((devices,), ("design",), axis_types=(AxisType.Auto,))
     whole, split = PartitionSpec(), PartitionSpec("design")
     spread = jax.shard_map(
         batch, mesh=mesh, in_specs=(whole, whole, split), out_specs=split, check_vma=False
     )
-    return spread(arrays, ts, values)
+    return spread(arrays, times, values)
 
 
 def _machine(spec: SweepSpec) -> tuple[Rig, Drive]:
@@ -127,7 +134,9 @@ class Evaluator:
         self.points = spec.points
         rig, drive = _machine(spec)
         self._arrays, self._static = eqx.partition((rig, drive), eqx.is_array)
-        self._ts = None if spec.duration is None else _samples(spec)
+        ts = None if spec.duration is None else _samples(spec)
+        # an operand, so that other substeps take the same program
+        self._times = (ts, None if spec.substeps is None else jnp.asarray(spec.substeps))
         self._paths = tuple(path for path, _, _ in spec.vary)
         self._settings = Settings(
             spec.path,
@@ -159,13 +168,17 @@ class Evaluator:
         found["status"] = np.where(broken, 1, status).astype(np.int8)
         return found
 
+    def figures(self, values: np.ndarray) -> np.ndarray:
+        """Metrics (m, metrics) of designs anywhere in the ranges, at most a batch."""
+        return self._some(values)[0]
+
     def _some(self, values: np.ndarray):
         """One batch, padded with its last design to the one shape that is compiled."""
         count = len(values)
         padded = np.concatenate([values, np.repeat(values[-1:], self._batch - count, axis=0)])
         out = _evaluate(
             self._arrays,
-            self._ts,
+            self._times,
             jnp.asarray(padded),
             self._static,
             self._settings,

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from .._errors import InputError, did_you_mean
 from ..rig import Rig
-from ..simulate import SpeedDrive, Trajectory, simulate
+from ..simulate import SpeedDrive, Trajectory, simulate, simulate_fixed
 from ..simulate.exact import exact_obstacle, propagate
 from ..vibration import METRICS, STEADY_METRICS, evaluate, steady_metrics
 from ._store import FAILED
@@ -77,7 +77,11 @@ def choose_path(
 
 
 def figures_of(
-    settings: Settings, rig: Rig, drive: Any, ts: Float[Array, " t"] | None
+    settings: Settings,
+    rig: Rig,
+    drive: Any,
+    ts: Float[Array, " t"] | None,
+    substeps: Int[Array, ""] | None = None,
 ) -> tuple[Float[Array, " m"], Int[Array, ""]]:
     """Metrics and status of one design."""
     if settings.path == "steady":
@@ -85,6 +89,9 @@ def figures_of(
     assert ts is not None  # every other path has a duration
     if settings.path == "propagation":
         run = propagate(rig, drive, ts, model=settings.model)
+    elif settings.path == "fixed":
+        assert substeps is not None
+        run = simulate_fixed(rig, drive, ts, settings.model, substeps)
     else:
         adjoint = dfx.ForwardMode() if settings.gradient else None
         run = simulate(

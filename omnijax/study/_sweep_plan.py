@@ -14,6 +14,7 @@ from ._axes import Axis, split_vary
 from ._chunks import BATCHES_A_CHUNK, batch_size
 from ._points import PointSet, build_points
 from ._sweep_drive import Drive, drive_to_plain, is_constant, read_speeds
+from ._sweep_fixed import no_fixed_steps, with_substeps
 from ._sweep_paths import MAX_STEPS, RTOL, check_metrics, choose_path
 from ._sweep_spec import SweepSpec
 from ._sweep_target import apply, read_axes
@@ -59,11 +60,27 @@ def plan(
     axes = read_axes(rig, drive, split_vary(vary))
     points = build_points(axes, sampling.sampler, sampling.samples, sampling.seed)
     how, why = _how(rig, drive, axes, points, metrics, numerics)
+    adaptive = _spec(rig, drive, axes, metrics, sampling, how)
+    if how["path"] != "full":
+        return adaptive, why
+    chosen = numerics[-2:] != (None, None) or numerics.solver != "auto"
+    against = no_fixed_steps(rig, drive, chosen, sampling.gradient)
+    if against is None:
+        less = {"path": "fixed", "solver": "", "rtol": None, "max_steps": None}
+        spec = _spec(rig, drive, axes, metrics, sampling, how | less)
+        found = with_substeps(spec, sampling.devices)
+        if found is not None:
+            return found
+        against = "fixed steps are too coarse for a trial design"
+    return adaptive, f"{why}; {against}"
+
+
+def _spec(rig: Rig, drive: Drive, axes: list[Axis], metrics, sampling: Sampling, how) -> SweepSpec:
     chunk, columns = sampling.chunk, len(axes) if sampling.gradient else 0
     count = round((how["duration"] or 0) * (how["rate"] or 0)) + 1
     batch = batch_size(how["path"], count, columns, sampling.devices)
     batch = min(batch, chunk) if chunk else batch
-    spec = SweepSpec(
+    return SweepSpec(
         rig=rig_text(rig),
         vary=tuple((axis.path, axis.unit, axis.text) for axis in axes),
         metrics=metrics,
@@ -76,7 +93,6 @@ def plan(
         chunk=chunk or BATCHES_A_CHUNK * batch,
         **how,
     )
-    return spec, why
 
 
 def read_drive(rig: Rig, speeds: Any, drive: AbstractDrive | None) -> Drive:
@@ -107,7 +123,12 @@ def _check(sampling: Sampling, numerics: Numerics) -> None:
 
 
 def _how(
-    rig: Rig, drive: Drive, axes: list[Axis], points: PointSet, metrics, numerics: Numerics
+    rig: Rig,
+    drive: Drive,
+    axes: list[Axis],
+    points: PointSet,
+    metrics,
+    numerics: Numerics,
 ) -> tuple[dict[str, Any], str]:
     """Path of evaluation with its numerics, and why that path."""
     model, duration = numerics.model, numerics.duration

@@ -14,6 +14,7 @@ PATHS = {
     "steady-bulk": "steady state in bulk (closed form, figures of the displacement)",
     "propagation": "exact propagation (linear model, prescribed speeds)",
     "bulk": "exact propagation in bulk (linear model, constant speeds, figures at the samples)",
+    "fixed": "fixed exponential steps (motor torques, the step tried against its half)",
     "full": "full simulation (adaptive time stepping)",
 }
 
@@ -23,7 +24,8 @@ class SweepSpec:
     """Rig, drive, points, metrics and numerics of one sweep; equal specs give equal numbers.
 
     `rig` is the text of the rig file, `vary` pairs of (path, unit, range in SI units), `drive` the
-    drive as plain numbers, `duration` in s (none: steady state), `rate` samples per s.
+    drive as plain numbers, `duration` in s (none: steady state), `rate` samples per s,
+    `substeps` the fixed steps that pass two samples.
     """
 
     rig: str
@@ -37,6 +39,7 @@ class SweepSpec:
     rate: float | None = None
     rtol: float | None = None
     max_steps: int | None = None
+    substeps: int | None = None
     gradient: bool = False
     sampler: str = "grid"
     samples: int | None = None
