@@ -66,6 +66,27 @@ def test_a_design_of_a_nonlinear_rig_under_torques(engine):
     assert end.value <= f[allowed].min() * (1 + 1e-6)
 
 
+def test_a_design_of_two_variables_with_a_limit_on_its_runs():
+    """Least elastic vibration of runs under torques while their acceleration stays in the lowest
+    quarter of what the range gives: the limit is active and has a price, and no drawn design that
+    keeps it is better."""
+    asked = {
+        **STUDY, "rig": "atlas",
+        "variable": [*STUDY["variable"],
+                     {"path": "contact.stiffness", "low": "60 kN/m", "high": "600 kN/m"}],
+        "constraint": [{"quantity": "acceleration_rms", "max": 1.0}],
+    }  # fmt: skip
+    engine = Engine(rig_problem(parse_study(asked)), 1, 0)
+    f, g = engine.values(np.random.default_rng(1).random((64, 2)))
+    limit = float(np.percentile(g, 25))
+    lanes = engine.lanes._replace(limit=jnp.full_like(engine.lanes.limit, limit))
+    end = engine.batches(lanes, 1, None, "")[0]
+    assert end.status == "optimal", end.reason
+    assert abs(end.g[0]) < 1e-5 * limit and end.kkt.limits[0] > 0
+    assert np.all((end.share > 0.01) & (end.share < 0.99))
+    assert end.value < 0.95 * f[g[:, 0] <= limit].min()
+
+
 def test_sensitivity_of_a_nonlinear_rig_under_torques(hertz, engine):
     """The same derivative as the design's: per ln C there, in % per % here."""
     found = sensitivity(
