@@ -4,6 +4,7 @@ import sys
 from pathlib import Path
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -74,6 +75,22 @@ def test_gradients_agree_with_differences():
             want = (high - low) / (2 * move[:, column])
             scale = np.abs(np.asarray(values[name] / rows[:, column]))
             assert np.all(np.abs(np.asarray(slopes[name][:, column] - want)) < 1e-6 * scale), name
+
+
+def test_forward_and_reverse_mode_agree():
+    """Reverse by `steady_gradients`; forward through one steady state at a time."""
+    make = _make(_rig(ORTHOGONAL, "gated", "gated", "gated"), (0.7, 1.2, -0.31))
+    rows = jnp.asarray([[0.8, 6e5, 900.0]])
+    _, slopes = steady_gradients(make, rows, plan_steady(make, rows, "coupled"))
+
+    def figures(x):
+        rig, speeds, angles = make(x)
+        found = steady_state(rig, speeds, model="coupled", angles=angles)
+        return {"rms": found.rms, "peak": found.peak}
+
+    forward = jax.jit(jax.jacfwd(figures))(rows[0])
+    for name, slope in forward.items():
+        np.testing.assert_allclose(slopes[name][0], slope, rtol=1e-9 if name == "rms" else 1e-6)
 
 
 def test_obstacles_are_said():

@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -38,6 +39,38 @@ def test_killed_worker_costs_only_its_chunk(tmp_path):
     alone = sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
     for name in ("peak", "rms", "wheel.roundness", "contact.stiffness"):
         assert np.array_equal(load_sweep(out)[name], alone[name])
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+def test_killed_worker_of_a_local_cluster_costs_only_its_chunk(tmp_path):
+    pytest.importorskip("distributed")
+    out, killed = tmp_path / "local.zarr", []
+
+    def kill(store, chunk, status):
+        if not killed:
+            killed.extend(_children("spawn_main")[:1])
+            os.kill(killed[0], signal.SIGKILL)
+
+    result = sweep("atlas", VARY, speeds=SPEEDS, chunk=2, out=out, workers=2, report=kill)
+    assert len(killed) == 1 and result.counts() == {"ok": 20}
+    alone = sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
+    assert np.array_equal(load_sweep(out)["peak"], alone["peak"])
+    assert killed[0] not in _children("spawn_main") and not _children("spawn_main")
+
+
+def _children(word: str) -> list[int]:
+    """This process's running children with `word` in their command, by number."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            parent = (entry / "stat").read_text().rpartition(")")[2].split()[1]
+            command = (entry / "cmdline").read_text()
+        except OSError:
+            continue
+        if int(parent) == os.getpid() and word in command:
+            found.append(int(entry.name))
+    return sorted(found)
 
 
 def test_scheduler_that_is_not_there_is_one_sentence(tmp_path, capsys, monkeypatch):
