@@ -50,6 +50,21 @@ def test_rest_is_measured_even_while_the_floor_shakes():
     assert floor.group("dR") == pytest.approx(2e-6, rel=0.15)
 
 
+def test_the_error_of_an_estimate_is_its_scatter():
+    """Rest, and repeats: deviations in units of the stated error, over many draws."""
+    late = np.where(np.arange(700) > 400, 1.0, 0.0)
+    pulls = {"rest": [], "repeats": []}
+    for _ in range(150):
+        runs = [run_of(rng.standard_normal((700, 3)), late) for _ in range(2)]
+        for how, some in (("rest", runs[:1]), ("repeats", runs)):
+            floor = noise_floor(some)
+            assert floor.source["dR"] == how
+            pulls[how].append((floor.group("dR") - 1) / floor.error["dR"])
+    for found in pulls.values():
+        assert abs(np.mean(found)) < 0.3
+        assert 0.8 < np.std(found) < 1.2
+
+
 def test_repeats_show_the_noise_of_runs_without_rest():
     n = 700
     torque, course = 1 + 0.1 * np.sin(np.arange(n)), busy(n)

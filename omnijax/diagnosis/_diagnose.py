@@ -51,8 +51,8 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     (before,) = model.residuals([found.baseline.point], "held-out")
     (after,) = model.residuals([found.fit.point], "held-out")
     rows = [model.machine.rows[i] for i in model.splits["held-out"]]
-    declared = all(t["source"] == "declared" for t in table.values())
-    judged = judge(model, found, group_squares(rows, before), group_squares(rows, after), declared)
+    error = {g: t["error"] for g, t in table.items()}
+    judged = judge(model, found, group_squares(rows, before), group_squares(rows, after), error)
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     learned = None
     if judged.verdict == "unknown":
@@ -116,7 +116,10 @@ NOISE_FREE = {"dR": 0.02, "a": 0.02, "Omega": 2e-4, "theta": 3e-6}
 def _noise(case: Case) -> tuple[dict[str, float], dict[str, dict[str, Any]]]:
     """1-sigma by group, and where it is from; a group whose noise is unknown cannot be weighed."""
     floor = noise_floor(case.runs)
-    table = {g: {"sigma": floor.group(g), "source": s} for g, s in floor.source.items()}
+    table = {
+        g: {"sigma": floor.group(g), "source": s, "error": floor.error[g]}
+        for g, s in floor.source.items()
+    }
     for group, entry in table.items():
         if entry["sigma"] == 0:  # a simulated run: weighed as good sensors would see it
             size = np.sqrt(np.nanmean([np.nanmean(r.group(group) ** 2) for r in case.runs]))

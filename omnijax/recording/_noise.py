@@ -26,11 +26,13 @@ class NoiseFloor:
     """1-sigma of white measurement noise by column, in SI units; NaN where it cannot be known.
 
     `source` says by group where it is from: declared, repeats, rest, quiet stretches, short rest
-    or unknown.
+    or unknown; `error` is by group the relative 1-sigma of the estimate itself, 0 for a declared
+    one.
     """
 
     sigma: dict[str, float]
     source: dict[str, str]
+    error: dict[str, float]
 
     def group(self, name: str) -> float:
         """Root mean square over a group's columns; NaN where it is not known."""
@@ -51,6 +53,7 @@ def noise_floor(runs: Sequence[Recording]) -> NoiseFloor:
     """Noise of every output group of some runs of one machine, pooled over them."""
     sigma: dict[str, float] = {}
     source: dict[str, str] = {}
+    error: dict[str, float] = {}
     wheels = runs[0].wheels
     for group in OUTPUTS:
         measured = [run for run in runs if group in run.groups]
@@ -60,25 +63,33 @@ def noise_floor(runs: Sequence[Recording]) -> NoiseFloor:
         for how, estimate in _WAYS.items():
             found = estimate(measured, group)
             if found is not None:
-                sigma |= dict(zip(names, map(float, found), strict=True))
-                source[group] = how
+                sigma |= dict(zip(names, map(float, found.sigma), strict=True))
+                source[group], error[group] = how, found.error
                 break
         else:
             sigma |= dict.fromkeys(names, math.nan)
-            source[group] = "unknown"
-    return NoiseFloor(sigma, source)
+            source[group], error[group] = "unknown", math.nan
+    return NoiseFloor(sigma, source, error)
 
 
-def _declared(runs: Sequence[Recording], group: str) -> np.ndarray | None:
+@dataclasses.dataclass(frozen=True)
+class _Estimate:
+    """1-sigma by column, and the relative 1-sigma of their root mean square."""
+
+    sigma: np.ndarray
+    error: float
+
+
+def _declared(runs: Sequence[Recording], group: str) -> _Estimate | None:
     """Root mean square of what the runs declare; `None` where one of them declares nothing."""
     names = channels(group, runs[0].wheels)
     said = [[run.declared_noise(column) for column in names] for run in runs]
     if any(value is None for row in said for value in row):
         return None
-    return np.sqrt(np.mean(np.square(np.array(said, float)), axis=0))
+    return _Estimate(np.sqrt(np.mean(np.square(np.array(said, float)), axis=0)), 0.0)
 
 
-def _from_repeats(runs: Sequence[Recording], group: str) -> np.ndarray | None:
+def _from_repeats(runs: Sequence[Recording], group: str) -> _Estimate | None:
     """From the difference of runs with equal inputs and starts, unless they do not truly repeat."""
     pairs = [(a, b) for i, a in enumerate(runs) for b in runs[i + 1 :] if _repeat(a, b)]
     if not pairs:
@@ -86,8 +97,9 @@ def _from_repeats(runs: Sequence[Recording], group: str) -> np.ndarray | None:
     square = np.mean([_nanmean((a.group(group) - b.group(group)) ** 2) for a, b in pairs], axis=0)
     found = np.sqrt(square / 2)
     rest = _from_rest(runs, group)
-    true = rest is None or np.all(found[np.isfinite(found)] < 1.5 * np.nanmax(rest))
-    return found if true and np.isfinite(found).all() else None
+    true = rest is None or np.all(found[np.isfinite(found)] < 1.5 * np.nanmax(rest.sigma))
+    count = len(found) * sum(len(a) for a, _ in pairs)
+    return _Estimate(found, (2 * count) ** -0.5) if true and np.isfinite(found).all() else None
 
 
 def _repeat(a: Recording, b: Recording) -> bool:
@@ -99,14 +111,14 @@ def _repeat(a: Recording, b: Recording) -> bool:
     return bool(same and np.abs(start).max() < 5e-3)
 
 
-def _from_rest(runs: Sequence[Recording], group: str, enough: int = ENOUGH) -> np.ndarray | None:
+def _from_rest(runs: Sequence[Recording], group: str, enough: int = ENOUGH) -> _Estimate | None:
     """Differences over the rest at the start of the runs, `enough` samples or more together."""
     pieces = [run.group(group)[: rest_length(run)] for run in runs]
     pieces = [piece for piece in pieces if len(piece) > 2 * ORDERS[-1]]
     return _level(pieces) if sum(map(len, pieces)) >= enough else None
 
 
-def _from_short_rest(runs: Sequence[Recording], group: str) -> np.ndarray | None:
+def _from_short_rest(runs: Sequence[Recording], group: str) -> _Estimate | None:
     return _from_rest(runs, group, SHORTEST)
 
 
@@ -125,7 +137,7 @@ def rest_length(run: Recording) -> int:
     return 0 if rolls else end
 
 
-def _from_quiet(runs: Sequence[Recording], group: str) -> np.ndarray | None:
+def _from_quiet(runs: Sequence[Recording], group: str) -> _Estimate | None:
     """From the quietest stretches, if they are alike as stretches of pure noise would be.
 
     Under white noise the 10th and the 30th percentile of the stretches' levels have a known ratio;
@@ -141,7 +153,9 @@ def _from_quiet(runs: Sequence[Recording], group: str) -> np.ndarray | None:
         np.nanpercentile(levels, p, axis=0) / np.percentile(pure, p, axis=0) for p in (10, 30)
     )
     alike = np.all((high < 1.4 * low) & np.isfinite(low))
-    return np.sqrt(low) if alike else None
+    # the 10th percentile of n levels scatters by 1.7/sqrt(n) of what one of them scatters
+    error = 1.7 * _scatter(order, WINDOW) / np.sqrt(levels.size)
+    return _Estimate(np.sqrt(low), error) if alike else None
 
 
 def _windows(values: np.ndarray, order: int) -> np.ndarray:
@@ -152,19 +166,35 @@ def _windows(values: np.ndarray, order: int) -> np.ndarray:
         return square.mean(axis=1) / math.comb(2 * order, order)
 
 
-def _level(pieces: Sequence[np.ndarray]) -> np.ndarray | None:
-    """1-sigma of white noise from third differences, or higher ones where they are clearly less."""
-    estimates = []
+def _level(pieces: Sequence[np.ndarray]) -> _Estimate | None:
+    """White noise from third differences, or higher ones where they are clearly less.
+
+    The order is chosen for all columns together: by column, chance alone would pick the lower.
+    """
+    best = None
     for order in ORDERS:
         squares = [np.diff(piece, order, axis=0) ** 2 for piece in pieces if len(piece) > 2 * order]
         if not squares:
             return None
-        square = _nanmean(np.concatenate(squares)) / math.comb(2 * order, order)
-        estimates.append(np.sqrt(square))
-    best = estimates[0]
-    for other in estimates[1:]:  # below the scatter of the estimates themselves nothing is gained
-        best = np.where(other < 0.9 * best, other, best)
-    return best if np.isfinite(best).all() else None
+        found = np.concatenate(squares)
+        sigma = np.sqrt(_nanmean(found) / math.comb(2 * order, order))
+        if best is None or _rms(sigma) < 0.9 * _rms(best.sigma):
+            best = _Estimate(sigma, _scatter(order, int(np.isfinite(found).sum())))
+    return best if best is not None and np.isfinite(best.sigma).all() else None
+
+
+def _rms(values: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _scatter(order: int, count: int) -> float:
+    """Relative 1-sigma of the level of white noise from `count` differences of one order.
+
+    Neighbouring differences are correlated: the squares of their correlations add up to
+    C(4k, 2k)/C(2k, k)^2.
+    """
+    correlated = math.comb(4 * order, 2 * order) / math.comb(2 * order, order) ** 2
+    return float(np.sqrt(correlated / (2 * max(count, 1))))
 
 
 def _nanmean(values: np.ndarray) -> np.ndarray:
