@@ -98,7 +98,7 @@ def test_changed_rig_or_question_is_refused_with_the_keys(whole, capsys):
     other = omnijax.set_parameter(load_rig("atlas"), "wheel.w2.radius", 0.08)
     with pytest.raises(InputError, match=r"rig\.wheel\.w2\.radius: 0\.0758 -> 0\.08") as error:
         sweep(other, VARY, speeds=SPEEDS, out=out, resume=True)
-    assert "w1" not in str(error.value)
+    assert "wheel.w1" not in str(error.value)
     with pytest.raises(InputError, match=r"vary\.wheel\.roundness: '0\.2:0\.6:4' -> '0\.2:0\.6:8'"):
         sweep("atlas", VARY | {"wheel.roundness": "0.2:0.6:8"}, speeds=SPEEDS, out=out, resume=True)
     with pytest.raises(InputError, match=r"drive\.speed\.values"):

@@ -251,7 +251,14 @@ class Machine:
         return out
 
     def residuals(self, rigs: list[Rig], which: list[int]) -> list[np.ndarray]:
-        """Whitened rows of measured less predicted, per rig, over the runs of `which`."""
+        """Whitened rows of measured less predicted, per rig, over the runs of `which`.
+
+        Rows of a rig that runs away are not finite, and so is its cost.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            return self._residuals(rigs, which)
+
+    def _residuals(self, rigs, which):
         elastic = self.elastic(rigs, which)
         out = []
         for rig, predicted in zip(rigs, elastic, strict=True):

@@ -30,12 +30,17 @@ class Rows:
         return self.elastic.size + self.rotation.size
 
     def vector(self, elastic, rotation) -> np.ndarray:
-        """Whitened rows of residuals or signatures; None is zero."""
+        """Whitened rows of residuals or signatures; None is zero.
+
+        What was not measured is zero; a prediction that is not finite stays so.
+        """
         out = np.zeros(self.size)
-        if elastic is not None:
-            out[: self.elastic.size] = (np.nan_to_num(elastic) * self.elastic).ravel()
-        if rotation is not None:
-            out[self.elastic.size :] = (np.nan_to_num(rotation) * self.rotation).ravel()
+        for values, weight, part in (
+            (elastic, self.elastic, slice(0, self.elastic.size)),
+            (rotation, self.rotation, slice(self.elastic.size, None)),
+        ):
+            if values is not None:
+                out[part] = np.where(weight > 0, values * weight, 0.0).ravel()
         return out
 
     def project(self, x: np.ndarray) -> np.ndarray:
