@@ -9,18 +9,24 @@ from pathlib import Path
 import numpy as np
 
 _FOLDER = Path(__file__).parent / "programs"
-FLAGS = ["-O3", "-march=native", "-ffast-math", "-shared", "-fPIC"]
+FLAGS = ["-O3", "-march=native", "-ffast-math", "-fPIC"]
 
 
 def compiled(name: str):
-    """The shared library of `programs/NAME.c`, or None without a C compiler."""
+    """The shared library of `programs/NAME.c`, or None without a C compiler.
+
+    Linked by itself: a link with -ffast-math adds code that rounds the whole process's subnormal
+    numbers to zero from the moment the library is loaded.
+    """
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None:
         return None
-    target = Path(tempfile.mkdtemp(prefix="omnijax-bench-")) / f"{name}.so"
+    folder = Path(tempfile.mkdtemp(prefix="omnijax-bench-"))
+    part, library = str(folder / f"{name}.o"), str(folder / f"{name}.so")
     source = str(_FOLDER / f"{name}.c")
-    subprocess.run([compiler, *FLAGS, "-o", str(target), source, "-lm"], check=True)
-    return ctypes.CDLL(str(target))
+    subprocess.run([compiler, *FLAGS, "-c", "-o", part, source], check=True)
+    subprocess.run([compiler, "-shared", "-o", library, part, "-lm"], check=True)
+    return ctypes.CDLL(library)
 
 
 def pointer(array: np.ndarray):

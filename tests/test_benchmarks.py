@@ -41,6 +41,12 @@ def test_runge_kutta_programs_converge_to_the_references():
     assert 0 < problem.error(coarse, fine) < 1e-3
 
 
+@needs_compiler
+def test_the_programs_leave_the_process_its_subnormal_numbers():
+    assert _c.compiled("elastic") is not None
+    assert np.array([5e-324]).max() * np.ones(2)[1] > 0
+
+
 def test_a_row_that_misses_the_accuracy_says_so():
     tools = [
         Tool("omnijax", lambda: np.ones(4), 4, lambda found: float(found[0] - 1)),
