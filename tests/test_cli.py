@@ -168,7 +168,8 @@ def test_effects_lists_every_law(capsys):
     rows = {row["id"]: row for row in json.loads(out)}
     assert code == 0 and list(rows) == list(EFFECTS)
     assert rows["wheel-runout"]["parameters"]["amplitude"]["unit"] == "m"
-    assert all(row["formula"] and row["port"] and row["places"] for row in rows.values())
+    said = ("formula", "words", "port", "places")
+    assert all(row[key] for row in rows.values() for key in said)
     code, out, _ = call(capsys, "effects")
     assert code == 0 and all(name in out for name in EFFECTS)
     assert all(law.formula in out for law in EFFECTS.values())

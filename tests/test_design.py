@@ -10,7 +10,7 @@ import pytest
 
 from omnijax.rig import InputError
 from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, parse_study, trade_off
-from omnijax.study._amounts import amount
+from omnijax.study._amounts import amount, estimate
 from omnijax.study._design import start_note
 from omnijax.study._design_engine import Engine
 from omnijax.study._design_folder import Folder
@@ -340,3 +340,17 @@ def test_all_problems_of_a_study_at_once():
 )
 def test_amounts_read_well(value, unit, text):
     assert amount(value, unit) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "sigma", "unit", "text"),
+    [
+        (5.65974e-6, 1.68e-9, "m", "5.6597 ± 0.0017 µm"),
+        (-0.0123, 0.0004, "1", "-0.01230 ± 0.00040"),
+        (12.0, None, "1", "12"),
+        (3.0, 12.0, "N/m", "3 ± 12 N/m"),
+        (2.5e9, 3e7, "N/m^3", "2.5e+09 ± 3e+07 N/m^3"),
+    ],
+)
+def test_estimates_show_as_many_places_as_their_sigma(value, sigma, unit, text):
+    assert estimate(value, sigma, unit) == text

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from ._options import Json, emit
+from ._options import Json, command_line, emit
 
 
 def diagnose(
@@ -59,8 +59,7 @@ def diagnose(
     folder.mkdir(parents=True, exist_ok=True)
     found.save(folder / "diagnosis.json")
     save_rig(found.rig, folder / "rig-diagnosed.toml")
-    command = f"omnijax diagnose {case}"
-    diagnosis_page(found, command).write(folder)
+    diagnosis_page(found, command_line()).write(folder)
     tell(f"wrote {folder}/index.html, diagnosis.json, rig-diagnosed.toml")
     emit(json, found.to_dict(), lambda: _print(found))
     return 0
@@ -68,18 +67,21 @@ def diagnose(
 
 def _print(found: Any) -> None:
     """The answer in a few lines."""
+    from ..laws import in_words
+    from ..report import effect_sizes
+    from ..study import scaled
+
     print(f"verdict: {found.verdict}")
     for fault in found.faults:
         print(f"  data: {fault}")
     for effect in found.effects:
-        print(f"  {effect.id} at {effect.place}")
-        for key, p in effect.parameters.items():
-            sigma = "" if p["sigma"] is None else f" ± {_number(p['sigma'])}"
-            print(f"    {key} = {_number(p['value'])}{sigma} {p['unit']}")
+        print(f"  {effect.id} at {effect.place}: {in_words(effect.id, effect.place)}")
+        print(f"    {effect_sizes(effect)}")
     for group, gap in found.gap.items():
+        factor, unit = scaled(gap.before, gap.unit)
         print(
-            f"  {group}: RMS {gap.before:.3g} -> {gap.after:.3g} {gap.unit}, "
-            f"noise {gap.noise_floor:.3g}"
+            f"  {group}: RMS {factor * gap.before:.3g} -> {factor * gap.after:.3g} {unit}, "
+            f"noise {factor * gap.noise_floor:.3g}"
         )
     if found.remainder:
         print(f"  {found.remainder}")
@@ -90,9 +92,3 @@ def _print(found: Any) -> None:
         )
     if found.next_experiment:
         print(f"  next experiment: {found.next_experiment['drive']}")
-
-
-def _number(value: Any) -> str:
-    if isinstance(value, list):
-        return "[" + ", ".join(_number(v) for v in value) + "]"
-    return f"{value:.6g}"

@@ -40,6 +40,7 @@ def _describe(law: Any) -> dict[str, Any]:
     }
     return {
         "id": law.id,
+        "words": law.words,
         "formula": law.formula,
         "port": law.port,
         "places": list(law.places),

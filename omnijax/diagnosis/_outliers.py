@@ -73,22 +73,27 @@ def outliers(machine: Machine, rig: Rig, i: int, groups: Sequence[str]) -> dict[
 def without_outliers(
     machine: Machine, rig: Rig, groups: Sequence[str]
 ) -> tuple[list[Run], list[str]]:
-    """The runs with the groups' outliers marked as missing, and a sentence for each channel."""
+    """The runs with the groups' outliers marked as missing, and a sentence for each run."""
     runs, said = [], []
     for i, run in enumerate(machine.runs):
-        outputs = dict(run.outputs)
+        outputs, out = dict(run.outputs), {}
         for group, mask in outliers(machine, rig, i, groups).items():
             outputs[group] = np.where(mask, np.nan, outputs[group])
             for c in np.flatnonzero(mask.any(axis=0)):
                 name = f"{group}_{c + 1}" if group == "theta" else f"{group}_{'xyz'[c]}"
-                said.append(_sentence(run, name, run.time[mask[:, c]]))
+                out[name] = run.time[mask[:, c]]
+        if out:
+            said.append(_sentence(run, out))
         runs.append(dataclasses.replace(run, outputs=outputs))
     return runs, said
 
 
-def _sentence(run: Run, channel: str, times: np.ndarray) -> str:
-    at = ", ".join(f"{t:.3f} s" for t in times[:5]) + (", ..." if len(times) > 5 else "")
+def _sentence(run: Run, out: dict[str, np.ndarray]) -> str:
+    count = sum(map(len, out.values()))
+    times = np.unique(np.concatenate(list(out.values())))
+    at = ", ".join(f"{t:.3f}" for t in times[:5]) + (", ..." if len(times) > 5 else "")
     return (
-        f"{run.name}: {len(times)} samples of {channel} stand out from their neighbours by more "
-        f"than {WILD:g} sigma (at {at}); they are not used."
+        f"{run.name}: left out of {', '.join(out)}: {count} isolated "
+        f"sample{'s' if count > 1 else ''} more than {WILD:g} sigma from the neighbours, a shock "
+        f"or a bad reading (at {at} s)."
     )

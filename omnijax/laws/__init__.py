@@ -12,6 +12,7 @@ from ._generic import StiffShaft as StiffShaft
 from ._hertz import HertzResistance as HertzResistance
 from ._library import EFFECTS as EFFECTS
 from ._library import PORTS as PORTS
+from ._library import in_words as in_words
 from ._library import load_laws as load_laws
 from ._measurement import FloorVibration as FloorVibration
 from ._measurement import SensorCrosstalk as SensorCrosstalk

@@ -35,11 +35,12 @@ class AbstractLaw(eqx.Module):
     Laws of the same port add: `a + b` and `sum(laws)` are laws.
 
     Class variables: `id` names the law in rig files, `port` is where it acts, `places` are the
-    places a rig file may give it, `parameters` describes its fields and `formula` is the text of
-    `omnijax effects`.
+    places a rig file may give it, `parameters` describes its fields, `formula` is the text of
+    `omnijax effects` and `words` what a mechanic calls it.
     """
 
     id: ClassVar[str] = ""
+    words: ClassVar[str] = ""
     port: ClassVar[str] = ""
     places: ClassVar[tuple[str, ...]] = ()
     formula: ClassVar[str] = ""

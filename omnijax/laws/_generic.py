@@ -15,6 +15,7 @@ class MountQuadratic(AbstractMount):
     k2: Float[Array, ""]
 
     id: ClassVar[str] = "mount-quadratic"
+    words: ClassVar[str] = "a mount that is stiffer one way"
     places: ClassVar[tuple[str, ...]] = ("wheel", "all")
     formula: ClassVar[str] = "mount tension += k₂ Δ²"
     parameters: ClassVar[dict[str, Parameter]] = {"k2": Parameter("N/m^2", linear=True)}
@@ -29,6 +30,7 @@ class FrictionAsymmetry(AbstractShaft):
     b: Float[Array, ""]
 
     id: ClassVar[str] = "friction-asymmetry"
+    words: ClassVar[str] = "friction that differs by direction"
     places: ClassVar[tuple[str, ...]] = ("wheel", "all")
     formula: ClassVar[str] = "shaft torque −b |ω|"
     parameters: ClassVar[dict[str, Parameter]] = {"b": Parameter("N m s/rad", linear=True)}
@@ -43,6 +45,7 @@ class DragTorque(AbstractShaft):
     D: Float[Array, ""]
 
     id: ClassVar[str] = "shaft-drag"
+    words: ClassVar[str] = "drag on the shaft"
     places: ClassVar[tuple[str, ...]] = ("wheel", "all")
     formula: ClassVar[str] = "shaft torque −D |ω| ω"
     parameters: ClassVar[dict[str, Parameter]] = {
@@ -59,6 +62,7 @@ class StiffShaft(AbstractShaft):
     k: Float[Array, ""]
 
     id: ClassVar[str] = "shaft-spring"
+    words: ClassVar[str] = "a spring on the shaft"
     places: ClassVar[tuple[str, ...]] = ("wheel", "all")
     formula: ClassVar[str] = "shaft torque −k θ"
     parameters: ClassVar[dict[str, Parameter]] = {"k": Parameter("N m/rad", linear=True)}

@@ -19,6 +19,7 @@ class FloorVibration(AbstractPlatform):
     direction: Float[Array, "3"]
 
     id: ClassVar[str] = "floor-vibration"
+    words: ClassVar[str] = "a vibrating floor"
     places: ClassVar[tuple[str, ...]] = ("platform",)
     formula: ClassVar[str] = "platform acceleration += A sin(2πft + φ) d"
     parameters: ClassVar[dict[str, Parameter]] = {
@@ -39,6 +40,7 @@ class SensorGain(AbstractSensor):
     g: Float[Array, ""]
 
     id: ClassVar[str] = "sensor-gain"
+    words: ClassVar[str] = "a wrong gain of the sensor"
     places: ClassVar[tuple[str, ...]] = ("group",)
     formula: ClassVar[str] = "y = (1 + g) y"
     parameters: ClassVar[dict[str, Parameter]] = {"g": Parameter("1", linear=True)}
@@ -53,6 +55,7 @@ class SensorDelay(AbstractSensor):
     delay: Float[Array, ""]
 
     id: ClassVar[str] = "sensor-delay"
+    words: ClassVar[str] = "a delay of the sensor"
     places: ClassVar[tuple[str, ...]] = ("group",)
     formula: ClassVar[str] = "y(t) = y(t − d), rest before the start"
     parameters: ClassVar[dict[str, Parameter]] = {"delay": Parameter("s", low=0)}
@@ -68,6 +71,7 @@ class SensorDrift(AbstractSensor):
     b: Float[Array, ""]
 
     id: ClassVar[str] = "sensor-drift"
+    words: ClassVar[str] = "an offset or drift of the sensor"
     places: ClassVar[tuple[str, ...]] = ("channel",)
     formula: ClassVar[str] = "y += a + b t"
     parameters: ClassVar[dict[str, Parameter]] = {
@@ -91,6 +95,7 @@ class SensorCrosstalk(AbstractSensor):
     X_zy: Float[Array, ""] = 0.0  # pyright: ignore[reportAssignmentType]
 
     id: ClassVar[str] = "sensor-crosstalk"
+    words: ClassVar[str] = "crosstalk between the sensor's axes"
     places: ClassVar[tuple[str, ...]] = ("dR",)
     formula: ClassVar[str] = "measured dR_a += X_ab dR_b"
     parameters: ClassVar[dict[str, Parameter]] = {

@@ -18,6 +18,7 @@ class WheelRunout(AbstractShape):
     phase: Float[Array, ""]
 
     id: ClassVar[str] = "wheel-runout"
+    words: ClassVar[str] = "runout of the wheel"
     places: ClassVar[tuple[str, ...]] = ("wheel",)
     formula: ClassVar[str] = "ρ += A cos(θ − φ), in r_w too"
     parameters: ClassVar[dict[str, Parameter]] = {
@@ -40,6 +41,7 @@ class DamagedRoller(AbstractShape):
     profile: AbstractShape | None = None
 
     id: ClassVar[str] = "damaged-roller"
+    words: ClassVar[str] = "a damaged roller"
     places: ClassVar[tuple[str, ...]] = ("wheel",)
     formula: ClassVar[str] = "in gap j ρ times (1 + s)"
     parameters: ClassVar[dict[str, Parameter]] = {
@@ -62,6 +64,7 @@ class SphereOutOfRound(AbstractSurface):
     axis: Float[Array, "3"]
 
     id: ClassVar[str] = "sphere-out-of-round"
+    words: ClassVar[str] = "a sphere out of round"
     places: ClassVar[tuple[str, ...]] = ("sphere",)
     formula: ClassVar[str] = "ρ_i += A P₂(e·R̂_i), position input only"
     parameters: ClassVar[dict[str, Parameter]] = {

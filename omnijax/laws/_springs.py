@@ -17,6 +17,7 @@ class ContactCubic(AbstractContact):
     K3: Float[Array, ""]
 
     id: ClassVar[str] = "contact-cubic"
+    words: ClassVar[str] = "a contact that stiffens or softens"
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "contact tension += K₃ δ³"
     parameters: ClassVar[dict[str, Parameter]] = {"K3": Parameter("N/m^3", linear=True)}
@@ -36,6 +37,7 @@ class ContactHertz(AbstractContact):
     modulus: Float[Array, ""] | None = None
 
     id: ClassVar[str] = "contact-hertz"
+    words: ClassVar[str] = "a Hertzian contact"
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "K δ becomes N0 − c (d0 − δ)₊^1.5, d0 = 1.5 N0/K, c = N0/d0^1.5"
     source: ClassVar[str] = "eq. 15"
@@ -65,6 +67,7 @@ class ContactRelaxation(AbstractContact):
     tau: Float[Array, ""]
 
     id: ClassVar[str] = "contact-relaxation"
+    words: ClassVar[str] = "a contact that relaxes (viscoelastic)"
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "contact tension += K₁(δ − z), ż = (δ − z)/τ"
     parameters: ClassVar[dict[str, Parameter]] = {
@@ -86,6 +89,7 @@ class LiftOff(AbstractSeparation):
     """N becomes max(0, N) on both bodies."""
 
     id: ClassVar[str] = "lift-off"
+    words: ClassVar[str] = "lift-off of the sphere from the wheel"
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "N = max(0, N) on both bodies"
 
@@ -99,6 +103,7 @@ class MountCubic(AbstractMount):
     k3: Float[Array, ""]
 
     id: ClassVar[str] = "mount-cubic"
+    words: ClassVar[str] = "a mount that stiffens or softens"
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "mount tension += k₃ Δ³"
     parameters: ClassVar[dict[str, Parameter]] = {"k3": Parameter("N/m^3", linear=True)}
@@ -113,6 +118,7 @@ class MountBacklash(AbstractMount):
     gap: Float[Array, ""]
 
     id: ClassVar[str] = "mount-backlash"
+    words: ClassVar[str] = "play in the mount"
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "k Δ becomes k sign(Δ) max(|Δ| − b, 0)"
     parameters: ClassVar[dict[str, Parameter]] = {"gap": Parameter("m", low=0)}
@@ -128,6 +134,7 @@ class MountFriction(AbstractMount):
     width: Float[Array, ""] = 1e-3  # pyright: ignore[reportAssignmentType]
 
     id: ClassVar[str] = "mount-friction"
+    words: ClassVar[str] = "dry friction in the mount"
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "mount tension += F tanh(Δ̇/v₀)"
     parameters: ClassVar[dict[str, Parameter]] = {

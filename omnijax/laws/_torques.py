@@ -18,6 +18,7 @@ class BearingCoulomb(AbstractShaft):
     width: Float[Array, ""] = 0.05  # pyright: ignore[reportAssignmentType]
 
     id: ClassVar[str] = "bearing-coulomb"
+    words: ClassVar[str] = "dry friction of the bearing"
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "shaft torque −τ tanh(ω/ω₀)"
     parameters: ClassVar[dict[str, Parameter]] = {
@@ -35,6 +36,7 @@ class BearingViscous(AbstractShaft):
     b: Float[Array, ""]
 
     id: ClassVar[str] = "bearing-viscous"
+    words: ClassVar[str] = "viscous drag of the bearing"
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "shaft torque −b ω"
     parameters: ClassVar[dict[str, Parameter]] = {"b": Parameter("N m s/rad", low=0, linear=True)}
@@ -51,6 +53,7 @@ class MotorRipple(AbstractShaft):
     phase: Float[Array, ""]
 
     id: ClassVar[str] = "motor-ripple"
+    words: ClassVar[str] = "torque ripple of the motor"
     places: ClassVar[tuple[str, ...]] = ("wheel",)
     formula: ClassVar[str] = "shaft torque += A sin(Nθ + φ)"
     parameters: ClassVar[dict[str, Parameter]] = {
@@ -69,6 +72,7 @@ class MotorGain(AbstractShaft):
     g: Float[Array, ""]
 
     id: ClassVar[str] = "motor-gain"
+    words: ClassVar[str] = "a wrong torque constant of the motor"
     places: ClassVar[tuple[str, ...]] = ("wheel",)
     formula: ClassVar[str] = "delivered torque = (1 + g) × commanded"
     parameters: ClassVar[dict[str, Parameter]] = {"g": Parameter("1", linear=True)}
@@ -84,6 +88,7 @@ class RollingResistance(AbstractRolling):
     width: Float[Array, ""] = 3e-3  # pyright: ignore[reportAssignmentType]
 
     id: ClassVar[str] = "rolling-resistance"
+    words: ClassVar[str] = "rolling resistance"
     places: ClassVar[tuple[str, ...]] = ("all",)
     formula: ClassVar[str] = "arm × N tanh(Ω̂_i·Ω/ε), on the sphere and on the wheel's shaft"
     source: ClassVar[str] = "eqs. 18-20"
@@ -104,6 +109,7 @@ class SpinResistance(AbstractRolling):
     width: Float[Array, ""] = 3e-3  # pyright: ignore[reportAssignmentType]
 
     id: ClassVar[str] = "spin-resistance"
+    words: ClassVar[str] = "spin resistance"
     places: ClassVar[tuple[str, ...]] = ("all",)
     formula: ClassVar[str] = "μ N × lever tanh(R̂_i·Ω/ε) on the sphere"
     source: ClassVar[str] = "eqs. 24-25"
@@ -124,6 +130,7 @@ class AirDrag(AbstractBody):
     D: Float[Array, ""]
 
     id: ClassVar[str] = "air-drag"
+    words: ClassVar[str] = "air drag on the sphere"
     places: ClassVar[tuple[str, ...]] = ("sphere",)
     formula: ClassVar[str] = "torque −D |Ω| Ω on the sphere"
     parameters: ClassVar[dict[str, Parameter]] = {"D": Parameter("N m s^2", low=0, linear=True)}
@@ -141,6 +148,7 @@ class Unbalance(AbstractBody):
     offset: Float[Array, "3"]
 
     id: ClassVar[str] = "unbalance"
+    words: ClassVar[str] = "a centre of mass off the sphere's centre"
     places: ClassVar[tuple[str, ...]] = ("sphere",)
     formula: ClassVar[str] = "gravity torque of a centre of mass off the centre"
     parameters: ClassVar[dict[str, Parameter]] = {"offset": Parameter("m", linear=True, shape=3)}
@@ -155,6 +163,7 @@ class Creep(AbstractKinematics):
     creepage: Float[Array, ""]
 
     id: ClassVar[str] = "creep"
+    words: ClassVar[str] = "creep between wheel and sphere"
     places: ClassVar[tuple[str, ...]] = ("wheel",)
     formula: ClassVar[str] = "R Ω̂·Ω = (1 − s) r_w ω, the drive-force rows likewise"
     parameters: ClassVar[dict[str, Parameter]] = {

@@ -11,6 +11,7 @@ from ._content import Table as Table
 from ._content import provenance as provenance
 from ._content import shown as shown
 from ._diagnosis import diagnosis_page as diagnosis_page
+from ._diagnosis import effect_sizes as effect_sizes
 from ._orders import orders_page as orders_page
 from ._orders import strongest_orders as strongest_orders
 from ._page import Page as Page

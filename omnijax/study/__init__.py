@@ -1,6 +1,7 @@
 """Studies of many designs: sweeps over parameters and drives."""
 
 from ._amounts import amount as amount
+from ._amounts import estimate as estimate
 from ._amounts import scaled as scaled
 from ._design import design as design
 from ._design import designed_rig as designed_rig

@@ -24,6 +24,18 @@ def amount(value: float, unit: str) -> str:
     return f"{value * factor:.4g} {name}".strip()
 
 
+def estimate(value: float, sigma: float | None, unit: str) -> str:
+    """A value with its 1-sigma and unit, "5.660 ± 0.002 µm"; as many places as the sigma shows."""
+    if sigma is None or not 0 < sigma < math.inf or not math.isfinite(value):
+        return amount(value, unit)
+    factor, name = scaled(max(abs(value), sigma), unit)
+    value, sigma = value * factor, sigma * factor
+    if not 1e-4 < max(abs(value), sigma) < 1e6:
+        return f"{value:.4g} ± {sigma:.2g} {name}".strip()
+    places = max(0, 1 - math.floor(math.log10(sigma)))
+    return f"{value:.{places}f} ± {sigma:.{places}f} {name}".strip()
+
+
 def label(name: str, unit: str) -> str:
     """Text of an axis."""
     return f"{name} ({unit})" if unit else name

@@ -1,0 +1,124 @@
+"""Figures of a diagnosis: orders and lines, scores, the proposed run, the gap, what was learned."""
+
+from typing import Any
+
+import numpy as np
+
+from ._content import Figure
+from ._style import PALETTE, figure, style
+
+
+def order_figure(found) -> Figure:
+    """Shares of one channel's residual by order of every wheel and of the sphere, and by Hz."""
+    answers = found.details["where"]
+    channel = found.where[0]["channel"] if found.where else answers[0]["channel"]
+    with style():
+        fig, axes = figure(2, 1, sharex=False)
+        data: dict[str, Any] = {}
+        for name in dict.fromkeys(a["reference"] for a in answers if a["domain"] == "order"):
+            own = [
+                a for a in answers
+                if a["channel"] == channel and a["domain"] == "order" and a["reference"] == name
+            ]  # fmt: skip
+            x, y = [a["value"] for a in own], [100 * a["share"] for a in own]
+            axes[0].plot(x, y, marker=".", label=name)
+            data["order / 1"], data[f"share {name} / %"] = x, y
+        axes[0].set(xlabel="order (events a turn)", ylabel="share, %")
+        axes[0].set_title(f"Residual of {channel} by order of each wheel and of the sphere")
+        axes[0].legend()
+        lines = [a for a in answers if a["channel"] == channel and a["domain"] == "frequency"]
+        axes[1].plot([a["value"] for a in lines], [100 * a["share"] for a in lines],
+                     color=PALETTE["black"])  # fmt: skip
+        axes[1].set(xlabel="frequency, Hz", ylabel="share, %")
+        axes[1].set_title("The same by frequency: a line that is sharper here stays put in Hz")
+    return Figure(fig, "where-orders", f"Where the residual of {channel} lies.", data)
+
+
+def score_figure(first: list[dict[str, Any]]) -> Figure:
+    """What each of the best candidates would explain, baseline parameters projected out."""
+    names = [f"{s['id']} at {s['place']}" for s in first][::-1]
+    gain = np.array([max(s["gain"], 1e-2) for s in first])[::-1]
+    with style():
+        fig, axes = figure(1, 1, height=3.6)
+        axes[0].barh(range(len(names)), gain, color=PALETTE["blue"])
+        axes[0].set_yticks(range(len(names)), names)
+        axes[0].set(xlabel="gain in chi-square, tangent score", xscale="log")
+        axes[0].set_title("What each candidate would explain")
+    note = "Score of the best candidates, baseline parameters projected out."
+    return Figure(fig, "scores", note, {"candidate": names, "gain / 1": gain.tolist()})
+
+
+def next_figure(found) -> Figure:
+    """The torques of the proposed run."""
+    torque = found.next_experiment["torque"]
+    values = np.asarray(torque["values"])
+    time = np.arange(len(values)) * torque["step"]
+    data: dict[str, Any] = {"time / s": time}
+    with style():
+        fig, axes = figure(1, 1, height=3.0)
+        for name, x in zip(found.rig.names, values.T, strict=True):
+            axes[0].plot(time, x, label=name)
+            data[f"{name} / N m"] = x
+        axes[0].set(xlabel="time, s", ylabel="motor torque, N m")
+        axes[0].set_title("The run that tells the rivals apart")
+        axes[0].legend(ncols=len(values.T))
+    return Figure(fig, "next-torque", f"Torques of: {found.next_experiment['drive']}.", data)
+
+
+def gap_figure(found) -> Figure:
+    """The residual of the worst group before and after, over time and frequency."""
+    d = found.details
+    machine = d["model"].machine
+    i = d["model"].splits["held-out"][0]
+    rows = machine.rows[i]
+    groups = list(found.gap)
+    worst = max(groups, key=lambda g: found.gap[g].before / found.gap[g].noise_floor)
+    tables = [np.concatenate(rows.split(d[k][: rows.size]), axis=1) for k in ("before", "after")]
+    column = {"dR": 0, "a": 3, "Omega": 6, "theta": 9}[worst]
+    width = 3 if worst != "theta" else tables[0].shape[1] - 9
+    pick = column + int(np.argmax(np.sum(tables[0][:, column : column + width] ** 2, axis=0)))
+    time = machine.runs[i].time
+    before, after = tables[0][:, pick], tables[1][:, pick]
+    with style():
+        fig, axes = figure(2, 1, sharex=False)
+        axes[0].plot(time, before, color=PALETTE["vermillion"], label="before", linewidth=0.8)
+        axes[0].plot(time, after, color=PALETTE["blue"], label="after", linewidth=0.8)
+        axes[0].set(xlabel="time, s", ylabel="residual, sigma")
+        axes[0].set_title(f"Residual of {worst} on {machine.runs[i].name}")
+        axes[0].legend(ncols=2)
+        f = np.fft.rfftfreq(len(time), machine.runs[i].step)
+        for values, colour in ((before, "vermillion"), (after, "blue")):
+            axes[1].loglog(f[1:], np.abs(np.fft.rfft(values))[1:] / np.sqrt(len(time)),
+                           color=PALETTE[colour], linewidth=0.8)  # fmt: skip
+        axes[1].set(xlabel="frequency, Hz", ylabel="amplitude, sigma")
+        axes[1].set_title("Its spectrum; white noise is flat at 1")
+    data = {"time / s": time, "before / sigma": before, "after / sigma": after}
+    return Figure(fig, "gap", "The residual before and after, in units of the noise.", data)
+
+
+def learned_figure(learned) -> Figure:
+    """What was learned: the force over its own input, and its map."""
+    picture = learned.map
+    with style():
+        fig, axes = figure(1, 2, height=3.4)
+        data = {}
+        for name, (x, y) in learned.curves.items():
+            axes[0].plot(x, y, label=name)
+            data[f"{name}: input / {learned.units[0]}"] = x
+            data[f"{name} / {learned.units[1]}"] = y
+        axes[0].set(xlabel=learned.units[0], ylabel=learned.units[1])
+        axes[0].set_title("Learned, over the own input")
+        axes[0].legend()
+        most = np.abs(picture["force"]).max() or 1.0
+        drawn = axes[1].pcolormesh(picture["x"], picture["y"], picture["force"].T, cmap="PuOr",
+                                   vmin=-most, vmax=most, rasterized=True)  # fmt: skip
+        axes[1].set(xlabel=picture["x label"], ylabel=picture["y label"])
+        axes[1].set_title(f"Of {picture['wheel']}, {picture['unit']}")
+        fig.colorbar(drawn, ax=axes[1])
+    return Figure(
+        fig, "learned",
+        f"What was learned at the {learned.port}: a drawing, not a law. The smooth basis closes "
+        f"{100 * learned.smooth:.0f} % of the held-out gap, with a small network beside it "
+        f"{100 * learned.network:.0f} %.",
+        data,
+    )  # fmt: skip
