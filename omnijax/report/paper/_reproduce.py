@@ -96,7 +96,7 @@ def _page(study: Study, claims: list[Claim], rows: list[Erratum], command: str) 
         ),
         answer=(
             f"Of {len(claims)} claims, {tally[HOLDS]} hold, {tally[PARTLY]} hold only under a "
-            f"reading, {tally[FAILS]} do not hold. {confirmed} of {len(rows)} errata are borne "
+            f"reading, {tally[FAILS]} not. {confirmed} of {len(rows)} errata are borne "
             "out by a number.\n\n"
             "The decisive point: the wheel's shape has a kink at every gap edge. Its impulses, "
             "which the printed equations drop, raise the elastic part from at most "
