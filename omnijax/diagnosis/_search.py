@@ -99,7 +99,9 @@ class Search:
 
     def follow(self, way: Way) -> Way:
         """Go on greedily until noise is left, or nothing that held-out runs accept."""
-        while len(way.fit.point.effects) < MOST and not (way.noise_only or self.model.spent):
+        while len(way.fit.point.effects) < MOST and not way.noise_only:
+            if way.scans and self.model.spent:
+                break
             scan = self.scan(way.fit)
             trials = self.trials(way.fit, scan)
             way = dataclasses.replace(way, scans=(*way.scans, scan), trials=(*way.trials, trials))
@@ -177,11 +179,12 @@ class Search:
     def starts(self, fit: Fit, scan: Scan, scores: list[Score], strong: bool) -> list[Start]:
         """Where the joint refits of a step begin, the most promising first."""
         starts = worth(by_tangent(fit, scores), fit.cost)
-        if not strong or not any(self.stepped(s) for s in starts[:TRIED]):
+        ids = {k for k, law in self.model.laws.items() if law.port in STEPPED}
+        plain = starts and not any(self.stepped(s) for s in starts[:TRIED])
+        if not strong or plain or not ids:
             return starts
         self.tell("a strong effect: laws of contacts and mounts at finite strength")
         have = {e.name for e in fit.point.effects}
-        ids = {k for k, law in self.model.laws.items() if law.port in STEPPED}
         finite = at_finite_strength(self.model, fit, scan, ids)
         others = [s for s in by_tangent(fit, scores) if not self.stepped(s)]
         return worth([*(s for s in finite if s.name not in have), *others], fit.cost)

@@ -92,4 +92,4 @@ def _strengths(model: AbstractModel, score: Score, chi2: float) -> list[Effect]:
 def worth(starts: list[Start], cost: float) -> list[Start]:
     """Starts that promise a good share of the best one's gain, best first."""
     order = sorted(starts, key=lambda s: s.cost)
-    return [s for s in order if cost - s.cost > WORTH * (cost - order[0].cost)]
+    return [s for s in order if cost > s.cost and cost - s.cost > WORTH * (cost - order[0].cost)]
