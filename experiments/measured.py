@@ -11,6 +11,8 @@ import numpy as np
 from omnijax.diagnosis import Search, SmallModel, refit
 from omnijax.laws import EFFECTS, GENERIC
 
+NEGLIGIBLE = 0.01  # growth of the RMS without an effect, below which it is not worth a name
+
 
 def laws_at(*ports: str) -> dict:
     """The whole library at these ports; a sensor's crosstalk needs the three channels of dR."""
@@ -31,15 +33,36 @@ def floor(x: np.ndarray) -> float:
 
 
 def search(model: SmallModel, tell: Callable[[str], None]):
-    """(baseline point, found point, ids in the order accepted), refitted on the `whole` training.
+    """(baseline point, found point, ids by weight), refitted on the `whole` training data.
 
-    `model` has the splits `train` and `held-out`, both of the training data, and `whole`.
+    An effect's weight is the growth of the RMS where it is left out and all else is refitted.
+    What weighs less than `NEGLIGIBLE` is left out, the least first.  `model` has the splits `train`
+    and `held-out`, both of the training data, and `whole`.
     """
     found = Search(model, tell).run()
-    points = [refit_on(model, f.point, "whole") for f in (found.baseline, found.fit)]
-    order = [t[0].effect.id for t in found.trials if t]
-    tell(f"accepted in this order: {', '.join(order[: len(found.fit.point.effects)])}")
-    return (*points, order[: len(found.fit.point.effects)])
+    baseline, point = (refit_on(model, f.point, "whole") for f in (found.baseline, found.fit))
+    while point.effects:
+        weights, without = weigh(model, point)
+        least = int(np.argmin(weights))
+        if weights[least] >= NEGLIGIBLE:
+            break
+        tell(f"left out: {point.effects[least].name}, which lowers the RMS by a factor of "
+             f"{1 + weights[least]:.4f} only")  # fmt: skip
+        point = without[least]
+    else:
+        return baseline, point, []
+    order = [int(k) for k in np.argsort(-weights)]
+    tell("by weight: " + ", ".join(f"{point.effects[k].id} ({weights[k]:.3g})" for k in order))
+    return baseline, point, [point.effects[k].id for k in order]
+
+
+def weigh(model: SmallModel, point) -> tuple[np.ndarray, list]:
+    """Growth of the RMS (0: none) where each effect is left out, and the points without it."""
+    full, without = rms(model, point, "whole"), []
+    for k in range(len(point.effects)):
+        fewer = point.with_effects(*point.effects[:k], *point.effects[k + 1 :])
+        without.append(refit_on(model, fewer, "whole"))
+    return np.array([rms(model, p, "whole") for p in without]) / full - 1, without
 
 
 def refit_on(model: SmallModel, point, split: str):

@@ -13,7 +13,16 @@ from omnijax.diagnosis._refits import Refits
 from omnijax.diagnosis._review import Review
 from omnijax.diagnosis._scan import Signatures
 from omnijax.diagnosis._search import Way
-from omnijax.laws import EFFECTS, GENERIC, AbstractShaft, Parameter, ShaftSignal
+from omnijax.diagnosis._starts import at_finite_strength, by_tangent
+from omnijax.laws import (
+    EFFECTS,
+    GENERIC,
+    AbstractMount,
+    AbstractShaft,
+    MountSignal,
+    Parameter,
+    ShaftSignal,
+)  # fmt: skip
 
 LAWS = {
     k: {**EFFECTS, **GENERIC}[k] for k in ("bearing-coulomb", "shaft-drag", "friction-asymmetry")
@@ -136,7 +145,8 @@ def test_where_something_is_left_the_runner_up_is_followed(monkeypatch):
     (before,) = model.residuals([fit.point], "held-out")
     scores = {s.candidate.id: s for s in scan.best_per_name()}
     right, wrong = (
-        search.refits.try_out(fit, scores[id], before) for id in ("bearing-coulomb", "soft")
+        search.refits.try_out(fit, start, before)
+        for start in by_tangent(fit, [scores[id] for id in ("bearing-coulomb", "soft")])
     )
     assert right.accepted and wrong.accepted
     way = Way(search.refits.settle(wrong.fit), (scan,), ([wrong, right],))
@@ -182,3 +192,65 @@ def test_scores_do_not_hang_on_the_size_of_a_column():
         for k in (1.0, 1e-9)
     ]  # fmt: skip
     np.testing.assert_allclose(gains[0], gains[1], rtol=1e-6)
+
+
+class Square(AbstractMount):
+    """A spring that hardens with the square of its deflection."""
+
+    k2: Float[Array, ""]
+
+    id: ClassVar[str] = "square"
+    places: ClassVar[tuple[str, ...]] = ("wheel",)
+    parameters: ClassVar[dict[str, Parameter]] = {"k2": Parameter("N/m^2", low=0, linear=True)}
+
+    def __call__(self, signal, state=None):
+        return self.k2 * signal.deflection * jnp.abs(signal.deflection)
+
+
+def hardening(k3: float):
+    """A spring that hardens by k3 x^3 under a slow force: where it is, k uncertain."""
+    rng, sets = np.random.default_rng(0), {}
+
+    def deflection(force, k, laws):
+        x = np.zeros_like(force)
+        for _ in range(60):  # Newton, damped
+            tension, slope = k * x, k + 0 * x
+            for law in laws:
+                pull, rise = (
+                    along(law, MountSignal(at, 0 * x, 0 * x + k, 0 * x)) for at in (x, x + 1e-7)
+                )
+                tension, slope = tension + pull, slope + (rise - pull) / 1e-7
+            x = x + 0.7 * (force - tension) / slope
+        return x
+
+    for split, n in (("train", 400), ("held-out", 300)):
+        force = 1.5 * np.sin(0.05 * np.arange(n) + rng.uniform())
+        x = deflection(force, 1.1, [EFFECTS["mount-cubic"](jnp.asarray(k3))])
+        sets[split] = force, x + 1e-3 * rng.normal(size=n)
+
+    def residual(p, laws, split):
+        force, x = sets[split]
+        return (x - deflection(force, p["k"], laws)) / 1e-3
+
+    laws = {"mount-cubic": EFFECTS["mount-cubic"], "square": Square}
+    return SmallModel(residual, [Prior("k", 1.0, 0.1)], laws, "spring")
+
+
+def test_a_strong_effect_is_ranked_at_finite_strength():
+    search = Search(hardening(8.0))
+    fit = refit(search.model, Point(np.zeros(1)))
+    assert fit.point.u[0] > 3.4  # the stiffness stands for what is missing, as far as it may
+    scan = search.scan(fit)
+    assert scan.best_per_name()[0].candidate.id == "square"  # the tangent is misled
+    starts = at_finite_strength(search.model, fit, scan, {"mount-cubic", "square"})
+    assert min(starts, key=lambda s: s.cost).name == "mount-cubic@spring"
+    found = search.run()
+    assert [e.name for e in found.fit.point.effects] == ["mount-cubic@spring"]
+    assert found.fit.point.effects[0].values["k3"] == pytest.approx(8.0, rel=0.02)
+
+
+def test_a_search_ends_at_its_budget():
+    model = balance([law("bearing-coulomb", 0.2), law("shaft-drag", 0.03)])
+    assert len(Search(model).run().fit.point.effects) == 2
+    model.budget, model.work = 1.0, 2.0
+    assert len(Search(model).run().fit.point.effects) == 1

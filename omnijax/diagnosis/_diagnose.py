@@ -47,6 +47,7 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     noise, table = _noise(case)
     tell("calibrating the uncertain parameters")
     model, start, wild = _model(case.rig, runs, noise, library, window)
+    model.work = 0.0
     found = Search(model, tell).run(start)
     (before,) = model.residuals([found.baseline.point], "held-out")
     (after,) = model.residuals([found.fit.point], "held-out")
@@ -267,6 +268,11 @@ def _notes(judged: Judged, found: Found, model: RigModel) -> list[str]:
         "Wheel angles are the smoothed measured ones; Omega and the rolled lengths are predicted "
         f"from the torques in windows of {model.machine.window:g} s, each with a free start."
     )
+    if model.spent:
+        notes.append(
+            f"The search ended at its budget of {model.budget:g} evaluations of the model: further "
+            "effects and some rivals have not been tried."
+        )
     if found.refused:
         notes.append(f"Held-out runs refused: {', '.join(found.refused)}.")
     dead = sorted({s.candidate.name for scan in found.scans[:1] for s in scan.scores if s.dead})

@@ -100,7 +100,7 @@ def law_outputs(m: Modes, run: Run, contact, mount, start) -> np.ndarray:
     total = np.zeros((run.samples - 1, len(m.rates)), complex)
     for part, values in (("contact", contact), ("mount", mount)):
         columns = m.gains[:, m.inputs[part]]
-        for c in range(values.shape[1]):
+        for c in np.flatnonzero(values.any(axis=0)):
             total += moments(values[:, c], weights) * columns[:, c]
     z = propagate(m, run.step, total, m.inverse @ start)
     u = np.zeros((len(z), m.B.shape[1]))

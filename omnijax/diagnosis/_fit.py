@@ -4,6 +4,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.optimize import lsq_linear
 
 from ._model import AbstractModel, Free, Point, moved, value_of
 
@@ -62,20 +63,36 @@ def _jacobian(model: AbstractModel, point, free, residual, baseline=None):
     return changed if baseline is None else np.concatenate([baseline, changed], axis=1)
 
 
+def tangents_at(model: AbstractModel, point: Point) -> np.ndarray:
+    """d residual / d (u, free numbers) on the train runs."""
+    (residual,) = model.residuals([point], "train")
+    return _jacobian(model, point, model.free(point), residual)
+
+
+def foretold(model: AbstractModel, point: Point, residual, J) -> tuple[Point, float]:
+    """Where one bounded Gauss-Newton step leads from `point` with `residual`, and its cost."""
+    state = _State(point, tuple(model.free(point)), residual, float(residual @ residual))
+    gram, gradient, scale = _normal(state, J)
+    x, trial = _trial(model, state, gram, gradient, scale, 1e-6)
+    d, P = trial - x, len(point.u)
+    cost = state.cost + point.u @ point.u + 2 * gradient @ d + d @ gram @ d
+    return moved(point, trial[:P], state.free, trial[P:]), float(cost)
+
+
 def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 20,
-          relative: float = 0.0) -> Fit:  # fmt: skip
+          relative: float = 0.0, give_up: float = np.inf) -> Fit:  # fmt: skip
     """Refit `point` on the train runs, with bounds: damped Gauss-Newton steps.
 
     The tangents of the uncertain parameters are those of `baseline` while they tell the fall of the
     cost well; they are taken anew where they do not, and where the steps end with a misfit.  The
     steps end where the cost falls by less than 0.02, or, where it is far from the noise, by less
-    than the `relative` part of itself.
+    than the `relative` part of itself.  Above a cost of `give_up` the third round is the last.
     """
     state = _State.at(model, point, model.free(point))
     tangents, fresh, damping = baseline, baseline is None, 1e-6
     J, floor = None, 1.2 * model.dof("train")
-    for _ in range(rounds):
-        if not np.isfinite(state.cost):
+    for turn in range(rounds):
+        if not np.isfinite(state.cost) or (turn >= 3 and state.cost > give_up):
             break
         J = _jacobian(model, state.point, state.free, state.residual, tangents)
         if not np.all(np.isfinite(J)) or np.max(np.abs(J), initial=0.0) > 1e100:
@@ -123,11 +140,9 @@ def _normal(state: _State, J: np.ndarray):
 def _step(model: AbstractModel, state: _State, J: np.ndarray, damping: float):
     """(the state after one damped step or None, the next damping, the fall foretold)."""
     P, point = len(state.point.u), state.point
-    hard = np.array([prior.hard for prior in model.priors])
     gram, gradient, scale = _normal(state, J)
-    x = np.concatenate([point.u, [value_of(point, f) for f in state.free]])
     for _ in range(6):
-        trial = _bounded_step(gram, gradient, scale, damping, x, hard, state.free)
+        x, trial = _trial(model, state, gram, gradient, scale, damping)
         d = trial - x
         foretold = float(-2 * gradient @ d - d @ gram @ d)
         new = _State.at(model, moved(point, trial[:P], state.free, trial[P:]), state.free)
@@ -135,6 +150,14 @@ def _step(model: AbstractModel, state: _State, J: np.ndarray, damping: float):
             return new, damping / 30, foretold
         damping = max(damping * 30, 1e-3)
     return None, damping, 0.0
+
+
+def _trial(model: AbstractModel, state: _State, gram, gradient, scale, damping: float):
+    """(the state's numbers, those after one damped step within the bounds)."""
+    point = state.point
+    hard = np.array([prior.hard for prior in model.priors])
+    x = np.concatenate([point.u, [value_of(point, f) for f in state.free]])
+    return x, _bounded_step(gram, gradient, scale, damping, x, hard, state.free)
 
 
 def _finished(model: AbstractModel, state: _State, J: np.ndarray | None) -> Fit:
@@ -151,23 +174,17 @@ def _finished(model: AbstractModel, state: _State, J: np.ndarray | None) -> Fit:
 
 
 def _bounded_step(gram, gradient, scale, damping, x, hard, free):
-    """x plus the damped step; what hits a bound stays there and the others are solved again."""
+    """x plus the damped step: the quadratic's least value within the bounds."""
     low = np.concatenate([-hard, [f.low for f in free]])
     high = np.concatenate([hard, [f.high for f in free]])
-    active = np.ones(len(x), bool)
-    trial = x.copy()
-    for _ in range(len(x)):
-        index = np.flatnonzero(active)
-        A = gram[np.ix_(index, index)] / np.outer(scale[index], scale[index])
-        fixed = gram @ np.where(active, 0.0, trial - x)
-        b = -(gradient + fixed)[index] / scale[index]
-        step = np.linalg.lstsq(A + damping * np.eye(len(index)), b, rcond=1e-13)[0] / scale[index]
-        trial[index] = x[index] + step
-        out = (trial < low) | (trial > high)
-        if not np.any(out & active):
-            break
-        trial = np.clip(trial, low, high)
-        active &= ~out
-        if not active.any():
-            break
-    return trial
+    if len(x) == 0:
+        return x
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale) + damping * np.eye(len(x)))
+    root = np.sqrt(np.maximum(values, 1e-13 * values[-1]))
+    right = -(vectors.T @ (gradient / scale)) / root
+    step = vectors @ (right / root)
+    inside = (low - x) * scale, (high - x) * scale
+    if np.any((step < inside[0]) | (step > inside[1])):
+        bounds = np.minimum(inside[0], -1e-300), np.maximum(inside[1], 1e-300)
+        step = lsq_linear(root[:, None] * vectors.T, right, bounds, "bvls").x
+    return np.clip(x + step / scale, low, high)

@@ -232,23 +232,32 @@ class Machine:
     def elastic(self, rigs: list[Rig], which: list[int]) -> list[list[np.ndarray]]:
         """dR and a (samples, 6) before the sensors: per rig, per run of `which`."""
         out, lanes, places = [], [], []
+        linear: dict[tuple, tuple] = {}  # rigs that differ in stepped laws only share the rest
         for rig in rigs:
             m, row = self.modes(rig), []
-            rotated = self.rotated(rig, which)
+            rotated, stepped = self.rotated(rig, which), nonlinear(rig)
+            same = digest(rig.at("surface"), rig.at("platform"))
             for i in which:
-                ports = self.ports(rig, self.runs[i], rotated[i].motion, rotated[i].drive)
-                if not nonlinear(rig):
-                    row.append(linear_outputs(m, self.runs[i], ports, OUTPUTS))
-                    continue
-                both = linear_outputs(m, self.runs[i], ports, (*OUTPUTS, *SIGNALS), STEPS)
-                rate = self.shape_rate(rig, rotated[i].motion, STEPS)
-                lanes.append(Lane(rig, m, self.runs[i], both[:, 6:], rate))
-                places.append((row, len(row)))
-                row.append(both[::STEPS, :6])
+                key = (id(m), id(rotated[i]), same, stepped)
+                if key not in linear:
+                    linear[key] = self._linear(rig, i, rotated[i], STEPS if stepped else 1)
+                outputs, signals, rate = linear[key]
+                if stepped:
+                    lanes.append(Lane(rig, m, self.runs[i], signals, rate))
+                    places.append((row, len(row)))
+                row.append(outputs)
             out.append(row)
         for (row, at), change in zip(places, law_changes(lanes), strict=True):
             row[at] = row[at] + change
         return out
+
+    def _linear(self, rig: Rig, i: int, rotated: Rotated, parts: int):
+        """dR and a (samples, 6) of the linear model; its port signals and d rho/dt in between."""
+        ports = self.ports(rig, self.runs[i], rotated.motion, rotated.drive)
+        names = OUTPUTS if parts == 1 else (*OUTPUTS, *SIGNALS)
+        both = linear_outputs(self.modes(rig), self.runs[i], ports, names, parts)
+        rate = None if parts == 1 else self.shape_rate(rig, rotated.motion, parts)
+        return both[::parts, :6], both[:, 6:], rate
 
     def residuals(self, rigs: list[Rig], which: list[int]) -> list[np.ndarray]:
         """Whitened rows of measured less predicted, per rig, over the runs of `which`.

@@ -73,6 +73,8 @@ class AbstractModel(abc.ABC):
 
     priors: Sequence[Prior]
     laws: dict[str, type[AbstractLaw]]
+    work: float = 0.0  # evaluations so far, in those of all train runs with laws stepped in time
+    budget: float = math.inf  # of `work`: what a search may take before it ends
     frozen_keys: frozenset[str] = frozenset({"roller", "order", "exponent", "modulus"})
 
     @abc.abstractmethod
@@ -90,6 +92,11 @@ class AbstractModel(abc.ABC):
     @abc.abstractmethod
     def columns(self, point: Point, candidates: Sequence, tell: Callable) -> list[np.ndarray]:
         """Signatures (rows, k) of the candidates on the train runs."""
+
+    @property
+    def spent(self) -> bool:
+        """Whether a search has used up its budget."""
+        return self.work > self.budget
 
     def rebase(self, point: Point) -> None:  # noqa: B027, nothing to prepare by default
         """Prepare for work around `point` (smoothing, linearisation)."""

@@ -92,8 +92,9 @@ def hold_weights(rates: np.ndarray, step: float, parts: int) -> np.ndarray:
 def moments(signal: np.ndarray, weights: np.ndarray) -> np.ndarray:
     """Per-interval integrals (n - 1, k) of a fine signal ((n - 1) parts + 1,)."""
     parts = len(weights) - 1
-    left = signal[:-1].reshape(-1, parts) @ weights[:parts]
-    return left + signal[parts::parts, None] * weights[parts]
+    real = np.ascontiguousarray(weights).view(float)  # a real signal needs no complex product
+    left = np.ascontiguousarray(signal[:-1]).reshape(-1, parts) @ real[:parts]
+    return (left + signal[parts::parts, None] * real[parts]).view(complex)
 
 
 def propagate(modes: Modes, step: float, forcing: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -114,5 +115,7 @@ def static_state(modes: Modes, inputs: np.ndarray) -> np.ndarray:
 def observe(modes: Modes, z: np.ndarray, names: tuple[str, ...], direct=None) -> np.ndarray:
     """Outputs (n, o) of modal states; `direct` are the inputs (n, u) where D matters."""
     C, D = modes.out(names)
-    out = np.real(z @ (C @ modes.shapes).T)
+    shapes = (C @ modes.shapes).T
+    pairs = np.stack([np.real(shapes), -np.imag(shapes)], axis=1).reshape(2 * len(shapes), -1)
+    out = np.ascontiguousarray(z).view(float) @ pairs  # the real part only
     return out if direct is None else out + direct @ D.T

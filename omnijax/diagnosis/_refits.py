@@ -7,10 +7,11 @@ import numpy as np
 from ._fit import Fit, refit
 from ._held_out import HeldOut, Trial
 from ._model import AbstractModel, Effect, Point
-from ._scan import Score
+from ._starts import Start
+from ._stepped import STEPPED
 
 MARGIN = 25.0  # least difference of chi2 between the joint refits of rivals
-STEPPED = ("contact", "mount", "separation")
+HOPELESS = 3.0  # times the best trial's cost: above, three rounds of a trial are enough
 WIDTHS_MATTER = 10.0  # times the best cost: beyond, a stepped law's width is not looked for
 
 
@@ -45,14 +46,15 @@ class Refits:
         """Tangents of the uncertain parameters that a refit with `effects` may begin with."""
         return None if is_stepped(self.model, effects) else fit.jacobian[:, : len(fit.point.u)]
 
-    def try_out(self, fit: Fit, score: Score, before: np.ndarray) -> Trial:
-        """Add one candidate and refit everything together; `before` is the held-out residual."""
-        c = score.candidate
-        effects = (*fit.point.effects, Effect(c.id, c.place, c.decode(score.coefficients)))
-        point = self.tamed(fit.point.with_effects(*effects), fit.cost)
-        new = refit(
-            self.model, point, baseline=self.tangents(fit, effects), rounds=8, relative=1e-3
-        )
+    def try_out(self, fit: Fit, start: Start, before: np.ndarray, least: float = np.inf) -> Trial:
+        """Refit everything from a start; `before` is the held-out residual without the effect.
+
+        `least` is the cost of the best trial so far.
+        """
+        point = self.tamed(start.point, fit.cost)
+        tangents = self.tangents(fit, point.effects)
+        new = refit(self.model, point, baseline=tangents, rounds=8, relative=1e-3,
+                    give_up=HOPELESS * least)  # fmt: skip
         return self.trial(fit, new, before)
 
     def trial(self, fit: Fit, new: Fit, before: np.ndarray) -> Trial:

@@ -29,6 +29,8 @@ class Review:
         """The reviewed fit, and the near rivals of each of its effects, nearest first."""
         fit = self.prune(fit)
         for _ in range(SWAPS):
+            if self.model.spent:
+                break
             rivals: dict[int, list[Rival]] = {}
             for i in range(len(fit.point.effects)):
                 better, rivals[i] = self.challenge(fit, i, scan)
@@ -62,6 +64,8 @@ class Review:
         own = max((s.gain for s in mine), default=0.0)
         found = []
         for score in self._near(again, own, {e.name for e in effects}):
+            if self.model.spent:
+                break
             c = score.candidate
             rival = Effect(c.id, c.place, c.decode(score.coefficients))
             point = fit.point.with_effects(*effects[:i], rival, *effects[i + 1 :])

@@ -14,12 +14,17 @@ from ._machine import Machine
 from ._model import AbstractModel, Point, Prior, free_numbers
 from ._runs import Run
 from ._signatures import base_of, signature
+from ._stepped import STEPPED
 
+BUDGET = 600.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
+LINEAR = 0.3  # cost of an evaluation without laws stepped in time, relative to one with them
 LINES = 12  # spectral lines of `a` that are tried as floor vibrations
 
 
 class RigModel(AbstractModel):
     """A rig, its runs and their noise; `splits` gives the runs' indices by role."""
+
+    budget = BUDGET
 
     def __init__(self, rig: Rig, runs: list[Run], noise: dict[str, float],
                  laws: dict[str, type[AbstractLaw]], window: float = 1.0):  # fmt: skip
@@ -48,6 +53,8 @@ class RigModel(AbstractModel):
         return [dataclasses.replace(f, low=shortest) if f.key == "tau" else f for f in found]
 
     def residuals(self, points, split):
+        stepped = sum(any(self.laws[e.id].port in STEPPED for e in p.effects) for p in points)
+        self.work += stepped + LINEAR * (len(points) - stepped)
         return self.machine.residuals([self.rig_at(p) for p in points], self.splits[split])
 
     def dof(self, split):

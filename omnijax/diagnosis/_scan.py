@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from scipy.stats import chi2 as chi2_law
 
+PRICE = 12.0  # half of log N a column: what a free number is worth among 1e5 samples
+
 
 def chance(gain: float, columns: int) -> float:
     """Probability of such a gain in `columns` directions of white noise."""
@@ -36,8 +38,8 @@ class Score:
 
     @property
     def merit(self) -> float:
-        """Gain less half of log N a column: what a free number is worth among 1e5 samples."""
-        return self.gain - 12.0 * self.columns
+        """Gain less the price of the columns."""
+        return self.gain - PRICE * self.columns
 
 
 class Signatures:

@@ -12,13 +12,16 @@ import numpy as np
 from ._fit import Fit, refit
 from ._held_out import Trial
 from ._model import AbstractModel, Point
-from ._refits import Refits, chi2_of, residual_of, total_cost
+from ._refits import Refits, chi2_of, is_stepped, residual_of, total_cost
 from ._review import Review, Rival
 from ._scan import Scan, Score, Signatures, chance
+from ._starts import Start, at_finite_strength, by_tangent, worth
+from ._stepped import STEPPED
 
 ALPHA = 1e-3  # chance of a false candidate in a whole scan
 SHUFFLES = 4  # shuffled residuals whose best candidate is the decoy to beat
 NEARLY = 1.3  # chi2 a degree of freedom at which no other candidate needs to be tried first
+STRONG = 4.0  # chi2 a degree of freedom from which a law's tangent does not tell its rank
 MOST = 4  # effects
 TRIED = 4  # candidates a step
 RUNNERS_UP, CLOSE = 1, 3.0  # first effects (and their cost, times the best) gone on from as well
@@ -97,6 +100,8 @@ class Search:
     def follow(self, way: Way) -> Way:
         """Go on greedily until noise is left, or nothing that held-out runs accept."""
         while len(way.fit.point.effects) < MOST and not way.noise_only:
+            if way.scans and self.model.spent:
+                break
             scan = self.scan(way.fit)
             trials = self.trials(way.fit, scan)
             way = dataclasses.replace(way, scans=(*way.scans, scan), trials=(*way.trials, trials))
@@ -122,7 +127,7 @@ class Search:
         accepted = [t for t in accepted if t.fit.cost < CLOSE * accepted[0].fit.cost]
         start, held = way, chi2_of(self.model, way.fit.point, "held-out")
         for trial in accepted[1 : 1 + RUNNERS_UP]:
-            if way.noise_only:
+            if way.noise_only or self.model.spent:
                 break
             self.tell(f"something is left: going on from {trial.effect.name} instead")
             first = Way(start.fit, start.scans[:1], start.trials[:1])
@@ -151,11 +156,15 @@ class Search:
         have = {e.name for e in fit.point.effects}
         train, held = self.model.dof("train"), self.model.dof("held-out")
         spread = max(1.0, fit.chi2 / train)
-        best = [s for s in significant(scan, spread) if s.candidate.name not in have]
+        scores = [s for s in significant(scan, spread) if s.candidate.name not in have]
+        starts = self.starts(fit, scan, scores, spread > STRONG)
         before = residual_of(self.model, fit.point, "held-out")
         trials = []
-        for score in [s for s in best[:TRIED] if s.gain > 0.2 * best[0].gain]:
-            trial = self.refits.try_out(fit, score, before)
+        for start in starts[:TRIED]:
+            if trials and self.model.spent:
+                break
+            least = min((t.fit.cost for t in trials), default=np.inf)
+            trial = self.refits.try_out(fit, start, before, least)
             self.tell(
                 f"{trial.effect.name}: gain {trial.gain:.0f}, held-out {trial.held.gain:.0f}, "
                 f"share {trial.held.multiplier:.2f}"
@@ -166,6 +175,23 @@ class Search:
                 return sorted(trials, key=lambda t: total_cost(t.fit))  # rivals: in the review
         trials = self.refits.with_widths(fit, trials, before)
         return sorted(trials, key=lambda t: total_cost(t.fit))
+
+    def starts(self, fit: Fit, scan: Scan, scores: list[Score], strong: bool) -> list[Start]:
+        """Where the joint refits of a step begin, the most promising first."""
+        starts = worth(by_tangent(fit, scores), fit.cost)
+        ids = {k for k, law in self.model.laws.items() if law.port in STEPPED}
+        plain = starts and not any(self.stepped(s) for s in starts[:TRIED])
+        if not strong or plain or not ids:
+            return starts
+        self.tell("a strong effect: laws of contacts and mounts at finite strength")
+        have = {e.name for e in fit.point.effects}
+        finite = at_finite_strength(self.model, fit, scan, ids)
+        others = [s for s in by_tangent(fit, scores) if not self.stepped(s)]
+        return worth([*(s for s in finite if s.name not in have), *others], fit.cost)
+
+    def stepped(self, start: Start) -> bool:
+        """Whether a start's new law is stepped in time, and so no multiple of its tangent."""
+        return is_stepped(self.model, start.point.effects[-1:])
 
     def floor_reached(self, fit: Fit, held: float) -> bool:
         """Whether what is left is noise: chi2 within four standard deviations of its mean."""

@@ -8,15 +8,15 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from scipy.linalg import expm
 
-from ..dynamics import initial_memory
 from ..rig import Rig
 from ._elastic import SIGNALS, law_outputs
 from ._modes import Modes
-from ._ports import bare, law_tensions
+from ._ports import ElasticLaws
 from ._runs import STEPS, Run
 
 STEPPED = ("contact", "mount", "separation")  # ports whose laws are stepped
-LANES = 16  # runs stepped side by side: bounds the memory
+BLOCK = 4096  # steps that one call of the compiled program takes
+LANES = 16  # runs stepped side by side at most: bounds the memory
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,25 +39,45 @@ def law_changes(lanes: list[Lane]) -> list[np.ndarray]:
 
 
 def _side_by_side(lanes: list[Lane]) -> list[np.ndarray]:
-    longest = max(x.run.samples for x in lanes) * STEPS
-    starts = [_static_deviation(x.rig, x.modes, x.signals[0]) for x in lanes]
-    matrices = [step_matrices(x.modes, x.run.step / STEPS) for x in lanes]
-    step = jnp.asarray([x.run.step / STEPS for x in lanes])
-    tensions = np.asarray(
-        step_laws(
-            _stack([bare(x.rig, *STEPPED) for x in lanes]),
-            _stack(matrices),
-            _stack([x.modes.out(SIGNALS)[0] for x in lanes]),
-            (_stack([d for d, _ in starts]), _stack([memory for _, memory in starts]), step),
-            jnp.asarray(np.stack([_padded(x.signals, longest) for x in lanes], 1)),
-            jnp.asarray(np.stack([_padded(x.shape_rate, longest) for x in lanes], 1)),
-        )
-    )
+    laws = [ElasticLaws.of(x.rig) for x in lanes]
+    starts = [
+        _static_deviation(law, x.modes, x.signals[0]) for law, x in zip(laws, lanes, strict=True)
+    ]
+    # as many lanes as a power of two: few programs to compile
+    full = [*range(len(lanes)), *[0] * (2 ** (len(lanes) - 1).bit_length() - len(lanes))]
+    some = [lanes[k] for k in full]
+    stacked = _stack([laws[k] for k in full])
+    matrices = _stack([step_matrices(x.modes, x.run.step / STEPS) for x in some])
+    rows = _stack([x.modes.out(SIGNALS)[0] for x in some])
+    tensions = _stepped(some, stacked, matrices, rows, _stack([starts[k] for k in full]))
     out = []
     for k, (lane, (start, _)) in enumerate(zip(lanes, starts, strict=True)):
-        force = tensions[: (lane.run.samples - 1) * STEPS + 1, k]
+        force = tensions[k, : (lane.run.samples - 1) * STEPS + 1]
         contact, mount = np.split(force, 2, axis=1)
         out.append(law_outputs(lane.modes, lane.run, contact, mount, np.asarray(start)))
+    return out
+
+
+def _stepped(lanes: list[Lane], laws, matrices, rows, start) -> np.ndarray:
+    """Tensions (lanes, t, 2 n), stepped block by block: one program for runs of all lengths."""
+
+    def inputs(first: int, last: int):
+        parts = [[getattr(x, key)[first:last] for x in lanes] for key in ("signals", "shape_rate")]
+        return tuple(
+            jnp.asarray(np.stack([_padded(v, last - first) for v in p], axis=1)) for p in parts
+        )
+
+    steps = max(x.run.samples for x in lanes) * STEPS
+    blocks = -(-steps // BLOCK)
+    signal, rate = (x[0] for x in inputs(0, 1))
+    step = jnp.asarray([x.run.step / STEPS for x in lanes])
+    state = (*start, *forces(laws, rows, *start, signal, rate), step)
+    out = np.empty((len(lanes), 1 + blocks * BLOCK, state[2].shape[1]))
+    out[:, 0] = state[2]
+    for k in range(blocks):
+        here = 1 + k * BLOCK, 1 + (k + 1) * BLOCK
+        state, tensions = step_laws(laws, matrices, rows, state, *inputs(*here))
+        out[:, slice(*here)] = np.swapaxes(np.asarray(tensions), 0, 1)
     return out
 
 
@@ -71,14 +91,13 @@ def nonlinear(rig: Rig) -> bool:
 
 
 @jax.jit
-def _static(rig: Rig, compliance, rows, signal):
+def _static(laws: ElasticLaws, compliance, rows, signal):
     """Deviation d = compliance F(signal + rows d) at rest, with the laws' memories at rest."""
-    memory = initial_memory(rig)
-    flat, unravel = ravel_pytree((jnp.zeros(compliance.shape[0]), memory))
+    flat, unravel = ravel_pytree((jnp.zeros(compliance.shape[0]), laws.initial()))
 
     def gap(x):
         d, z = unravel(x)
-        force, change = law_tensions(rig, signal + rows @ d, jnp.zeros(rig.size), z)
+        force, change = laws.tensions(signal + rows @ d, jnp.zeros(laws.rig.size), z)
         return ravel_pytree((d - compliance @ force, change))[0]
 
     def newton(x, _):
@@ -89,12 +108,12 @@ def _static(rig: Rig, compliance, rows, signal):
     return unravel(x)
 
 
-def _static_deviation(rig: Rig, m: Modes, signal):
+def _static_deviation(laws: ElasticLaws, m: Modes, signal):
     """(d, memory) of the static start with the rig's contact and mount laws."""
     columns = np.concatenate([m.B[:, m.inputs["contact"]], m.B[:, m.inputs["mount"]]], axis=1)
     compliance = -np.linalg.solve(m.A, columns)
     return _static(
-        bare(rig, *STEPPED),
+        laws,
         jnp.asarray(compliance),
         jnp.asarray(m.out(SIGNALS)[0]),
         jnp.asarray(signal),
@@ -102,7 +121,11 @@ def _static_deviation(rig: Rig, m: Modes, signal):
 
 
 def _padded(values, length):
-    return np.concatenate([values, np.repeat(values[-1:], length - len(values), axis=0)])
+    """`values` (t, c) held, or zero where there are none, to `length`."""
+    if len(values) == length:
+        return values
+    last = values[-1:] if len(values) else np.zeros((1, values.shape[1]))
+    return np.concatenate([values, np.repeat(last, length - len(values), axis=0)])
 
 
 def step_matrices(m: Modes, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -119,33 +142,36 @@ def step_matrices(m: Modes, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return e[:k, :k], first - second, second
 
 
+def _force(laws: ElasticLaws, rows, d, memory, signal, rate):
+    return laws.tensions(signal + rows @ d, rate, memory)
+
+
 @jax.jit
-def step_laws(rigs: Rig, matrices, rows, start, signals, rates):
-    """Tensions (t, lanes, 2 n) of contact and mount laws, stepped with the deviation they cause.
+def forces(laws: ElasticLaws, rows, d, memory, signal, rate):
+    """Tensions (lanes, 2 n) at one moment, and the rates of the laws' memories."""
+    return jax.vmap(_force)(laws, rows, d, memory, signal, rate)
+
+
+@jax.jit
+def step_laws(laws: ElasticLaws, matrices, rows, start, signals, rates):
+    """(state, tensions (t, lanes, 2 n)) of contact and mount laws, with the deviation they cause.
 
     d = state less the linear run's; the laws feel the linear `signals` (t, lanes, 4 n) plus
     `rows` d.  Heun's predictor and corrector around the exact linear step.
     """
-    E, P, Q = matrices
 
-    def force(rig, rows, d, memory, signal, rate):
-        return law_tensions(rig, signal + rows @ d, rate, memory)
-
-    def one(rig, E, P, Q, rows, carry, here):
+    def one(laws, matrices, rows, carry, here):
+        E, P, Q = matrices
         d, memory, F, change, h = carry
-        signal, rate = here
         ahead = E @ d + (P + Q) @ F
         guess = jax.tree.map(lambda z, c: z + h * c, memory, change)
-        F1, change1 = force(rig, rows, ahead, guess, signal, rate)
+        F1, change1 = _force(laws, rows, ahead, guess, *here)
         d = E @ d + P @ F + Q @ F1
         memory = jax.tree.map(lambda z, c, c1: z + h / 2 * (c + c1), memory, change, change1)
-        F1, change1 = force(rig, rows, d, memory, signal, rate)
+        F1, change1 = _force(laws, rows, d, memory, *here)
         return (d, memory, F1, change1, h), F1
 
     def body(carry, here):
-        return jax.vmap(one)(rigs, E, P, Q, rows, carry, here)
+        return jax.vmap(one)(laws, matrices, rows, carry, here)
 
-    d, memory, h = start
-    F, change = jax.vmap(force)(rigs, rows, d, memory, signals[0], rates[0])
-    _, out = jax.lax.scan(body, (d, memory, F, change, h), (signals[1:], rates[1:]))
-    return jnp.concatenate([F[None], out])
+    return jax.lax.scan(body, start, (signals, rates))
