@@ -74,6 +74,7 @@ class AbstractModel(abc.ABC):
     priors: Sequence[Prior]
     laws: dict[str, type[AbstractLaw]]
     work: float = 0.0  # evaluations so far, in those of all train runs with laws stepped in time
+    ranking: str = "train"  # split whose rows, the first of train's, rank laws at finite strength
     budget: float = math.inf  # of `work`: what a search may take before it ends
     frozen_keys: frozenset[str] = frozenset({"roller", "order", "exponent", "modulus"})
 

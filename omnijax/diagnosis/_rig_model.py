@@ -25,12 +25,14 @@ class RigModel(AbstractModel):
     """A rig, its runs and their noise; `splits` gives the runs' indices by role."""
 
     budget = BUDGET
+    ranking = "first train"
 
     def __init__(self, rig: Rig, runs: list[Run], noise: dict[str, float],
                  laws: dict[str, type[AbstractLaw]], window: float = 1.0):  # fmt: skip
         self.rig, self.laws, self.noise = rig, laws, noise
         self.priors = rig_priors(rig)
         self.splits = split_runs(runs)
+        self.splits["first train"] = self.splits["train"][:1]
         self.machine = Machine(rig, runs, noise, window)
         self.groups = tuple(
             g for g in ("dR", "theta", "Omega", "a") if any(g in r.outputs for r in runs)
@@ -54,7 +56,8 @@ class RigModel(AbstractModel):
 
     def residuals(self, points, split):
         stepped = sum(any(self.laws[e.id].port in STEPPED for e in p.effects) for p in points)
-        self.work += stepped + LINEAR * (len(points) - stepped)
+        share = len(self.splits[split]) / len(self.splits["train"])
+        self.work += share * (stepped + LINEAR * (len(points) - stepped))
         return self.machine.residuals([self.rig_at(p) for p in points], self.splits[split])
 
     def dof(self, split):

@@ -50,21 +50,24 @@ def at_finite_strength(model: AbstractModel, fit: Fit, scan: Scan, ids: set[str]
     kept = np.max(np.abs(u), initial=0.0) < RAN_OFF
     anchor = fit.point if kept else Point(0 * u, fit.point.effects)
     J = fit.jacobian if anchor is fit.point else tangents_at(model, anchor)
+    (here,) = model.residuals([fit.point], model.ranking)
+    J, chi2 = J[: len(here)], float(fit.residual @ fit.residual)
+    whole = chi2 / float(here @ here)  # all rows' part of chi2, relative to that of the rows used
     best: dict[str, Start] = {}
     for id in sorted(ids):  # the points of a law run side by side
         effects = [
             e for s in scan.scores if s.candidate.id == id
-            for e in _strengths(model, s, float(fit.residual @ fit.residual))
+            for e in _strengths(model, s, chi2)
         ]  # fmt: skip
         if not effects:
             continue
         points = [anchor.with_effects(*anchor.effects, e) for e in effects]
-        for point, residual in zip(points, model.residuals(points, "train"), strict=True):
+        for point, residual in zip(points, model.residuals(points, model.ranking), strict=True):
             if not np.all(np.isfinite(residual)):
                 continue
             there, cost = foretold(model, anchor, residual, J)
             full = there.with_effects(*there.effects, point.effects[-1])
-            start = Start(full, cost + PRICE * len(point.effects[-1].values))
+            start = Start(full, whole * cost + PRICE * len(point.effects[-1].values))
             if start.name not in best or cost < best[start.name].cost:
                 best[start.name] = start
     return list(best.values())
