@@ -20,7 +20,9 @@ from omnijax.simulate.exact import (
     exact_obstacle,
     plan_bulk,
 )
-from omnijax.simulate.exact._bulk_rig import contacts_of
+from omnijax.simulate.exact._bulk_gradient import orbit, stored_modes
+from omnijax.simulate.exact._bulk_rig import _designs, contacts_of
+from omnijax.simulate.exact._bulk_square import mean_square
 from omnijax.simulate.exact._contact import Contact, _quartic, poles
 
 TS = jnp.linspace(0.2, 0.7, 11)
@@ -179,6 +181,26 @@ def test_poles_of_a_contact_are_the_roots_of_its_quartic():
     product = [b + d, c + e + b * d, b * e + c * d, c * e]
     for have, need in zip(product, want, strict=True):
         np.testing.assert_allclose(have, need, rtol=1e-7)
+
+
+@pytest.mark.parametrize("profile", [laws.GatedSine(), laws.HalfSine()])
+def test_mean_square_of_the_gradients_is_that_of_the_samples(profile):
+    rig = eqx.tree_at(lambda r: r.profiles, machine(ORTHOGONAL), (profile,) * 3)
+
+    def make(row):
+        return rig, row[:3], row[3:]
+
+    starts = [[0.0, 0.0, 0.0], [0.1, 0.25, 0.4], [0.05, 0.02, 0.3]]
+    rows = jnp.asarray([[*W, *starts[0]], [*W, *starts[1]], [9.0, 0.0, -4.0, *starts[2]]])
+    plan = plan_bulk(make, rows, 0.7, 0.002, "paper")
+
+    def closed(rows):
+        design = _designs(make, plan, rows)
+        form = orbit(stored_modes(design, plan.layout), design.wheel, plan.layout)
+        return mean_square(form, plan.layout, plan.gaps)
+
+    found = jax.jit(closed)(rows)
+    np.testing.assert_allclose(np.sqrt(found), bulk_figures(make, rows, plan)[0], rtol=1e-9)
 
 
 def test_bulk_gradients_agree_with_differences():
