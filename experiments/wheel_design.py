@@ -53,7 +53,7 @@ lanes = Lanes(
     jnp.tile(fixed, (count, 1)),
     engine.lanes.limit.at[:, place].add(1.0),
 )
-relaxed = engine.batches(lanes, study.batch, None, "relaxed")[0]
+relaxed = engine.batches(lanes, study.batch, "relaxed")[0]
 gain = found.objective - relaxed.value
 print(
     f"1 N more preload: {1e6 * price:.3f} µm by the multiplier, {1e6 * gain:.3f} µm searched again"

@@ -55,7 +55,7 @@ def lanes_from(engine, shares, limit=None) -> Lanes:
 @pytest.fixture(scope="module")
 def ends(engine):
     """Searches from far apart, all of which violate a limit."""
-    return engine.batches(lanes_from(engine, [[0.02, 0.9], [0.5, 0.1], [0.7, 0.97]]), 3, None, "")
+    return engine.batches(lanes_from(engine, [[0.02, 0.9], [0.5, 0.1], [0.7, 0.97]]), 3, "")
 
 
 def test_the_answer_does_not_depend_on_the_start(engine, ends):
@@ -83,7 +83,7 @@ def test_multipliers_against_relaxed_limits(engine, ends):
     bound = jnp.array([x.bound for x in engine.problem.limits])
     for i, limit in enumerate(engine.problem.limits):
         moved = lanes_from(engine, [ends[0].share] * 3, bound.at[i].add(1.0))
-        relaxed = engine.batches(moved, 3, None, "")[0]
+        relaxed = engine.batches(moved, 3, "")[0]
         gain = ends[0].value - relaxed.value
         assert relaxed.status == "optimal"
         assert np.isclose(gain, design.prices[limit.text], rtol=0.05) and gain > 1e-7
@@ -109,9 +109,9 @@ def test_an_empty_feasible_set_names_what_conflicts(engine, tmp_path, capsys):
 
 
 def test_an_interrupted_search_is_taken_up(engine, tmp_path, capsys, monkeypatch):
-    """Ctrl-C in the second batch: the first is kept, said so, and not searched again."""
+    """Ctrl-C in the second search: the first is kept, said so, and not searched again."""
     path = study_file(tmp_path, ("starts = 3\nbatch = 3", "starts = 4\nbatch = 3"))
-    store, solve, calls = str(tmp_path / "store"), Engine.solve, []
+    store, solve, calls = str(tmp_path / "store"), Engine.finish, []
 
     def interrupted(self, *args):
         calls.append(args)
@@ -119,14 +119,14 @@ def test_an_interrupted_search_is_taken_up(engine, tmp_path, capsys, monkeypatch
             raise KeyboardInterrupt
         return solve(self, *args)
 
-    monkeypatch.setattr(Engine, "solve", interrupted)
+    monkeypatch.setattr(Engine, "finish", interrupted)
     assert run(["design", path, "--store", store]) == 130
     text = capsys.readouterr().err
-    assert f"1 finished part is kept in {store}. Continue with the same command and" in text
+    assert f"2 finished parts are kept in {store}. Continue with the same command and" in text
     assert run(["design", path, "--store", store]) == 2
     assert "continue with --resume" in capsys.readouterr().err
     assert run(["design", path, "--store", store, "--resume"]) == 0
-    assert len(calls) == 3  # the second batch alone
+    assert len(calls) == 5  # the second search and those after it
     assert "4 searches end there" in capsys.readouterr().out
     calls[:] = [()]
     assert run(["design", path]) == 130

@@ -59,7 +59,7 @@ def test_a_design_of_a_nonlinear_rig_under_torques(engine):
     f, g = engine.values(shares)
     limit = 0.5 * (g.max(axis=1).min() + g.max(axis=1).max())
     lanes = engine.lanes._replace(limit=jnp.full_like(engine.lanes.limit, limit))
-    end = engine.batches(lanes, 1, None, "")[0]
+    end = engine.batches(lanes, 1, "")[0]
     assert end.status == "optimal", end.reason
     allowed = np.all(g <= limit, axis=1)
     assert 0 < allowed.sum() < 16
@@ -80,7 +80,7 @@ def test_a_design_of_two_variables_with_a_limit_on_its_runs():
     f, g = engine.values(np.random.default_rng(1).random((64, 2)))
     limit = float(np.percentile(g, 25))
     lanes = engine.lanes._replace(limit=jnp.full_like(engine.lanes.limit, limit))
-    end = engine.batches(lanes, 1, None, "")[0]
+    end = engine.batches(lanes, 1, "")[0]
     assert end.status == "optimal", end.reason
     assert abs(end.g[0]) < 1e-5 * limit and end.kkt.limits[0] > 0
     assert np.all((end.share > 0.01) & (end.share < 0.99))

@@ -20,7 +20,9 @@ from omnijax.simulate.exact import (
     exact_obstacle,
     plan_bulk,
 )
-from omnijax.simulate.exact._bulk_rig import contacts_of
+from omnijax.simulate.exact._bulk_gradient import orbit, stored_modes
+from omnijax.simulate.exact._bulk_rig import _designs, contacts_of
+from omnijax.simulate.exact._bulk_square import mean_square
 from omnijax.simulate.exact._contact import Contact, _quartic, poles
 
 TS = jnp.linspace(0.2, 0.7, 11)
@@ -125,31 +127,35 @@ def _varied(r):
     return (r.wheels.roundness, r.wheels.contact.stiffness, r.wheels.contact.damping)
 
 
-def _make(rig, w):
+def _make(rig):
+    """Of a row (roundness, contact stiffness, contact damping, speeds)."""
+
     def make(x):
         full = jnp.full(rig.size, 1.0)
-        changed = eqx.tree_at(_varied, rig, tuple(full * v for v in x))
-        return changed, jnp.asarray(w), jnp.zeros(rig.size)
+        changed = eqx.tree_at(_varied, rig, tuple(full * v for v in x[:3]))
+        return changed, x[3:], jnp.zeros(rig.size)
 
     return make
 
 
-@pytest.mark.parametrize(
-    ("model", "damping", "w"),
-    [("paper", 120.0, W), ("paper", 20000.0, (9.0, 5.2, 1.3)), ("coupled", 300.0, W)],
-)
-def test_bulk_agrees_with_propagation(model, damping, w):
-    rig, step, count = machine(ORTHOGONAL), 0.002, 120
-    make = _make(rig, w)
-    rows = jnp.asarray([[0.2, 2e5, damping], [0.55, 3e5, 1.1 * damping], [0.9, 1e5, damping]])
+BULK = {
+    "paper": [(0.2, 2e5, 120.0, *W), (0.9, 1e5, 120.0, *W), (0.2, 2e5, 20000.0, 9.0, 5.2, 1.3)],
+    "coupled": [(0.2, 2e5, 300.0, *W), (0.55, 3e5, 330.0, *W), (0.9, 1e5, 300.0, *W)],
+}
+
+
+@pytest.mark.parametrize("model", BULK)
+def test_bulk_agrees_with_propagation(model):
+    step, count, rows = 0.002, 120, jnp.asarray(BULK[model])
+    make = _make(machine(ORTHOGONAL))
     plan = plan_bulk(make, rows, step * count, step, model)
     rms, peak = bulk_figures(make, rows, plan)
     checked = bulk_checked(make, rows, plan)
     normal, slip = checked[2:]
     np.testing.assert_allclose(checked[:2], (rms, peak), rtol=1e-12)
     ts = step * jnp.arange(count + 1)
-    for i in (0, 2):
-        run = propagate(make(rows[i])[0], speeds(constant(w)), ts, model=model)
+    for i, row in enumerate(rows):
+        run = propagate(make(row)[0], speeds(constant(row[3:])), ts, model=model)
         size = np.asarray(run.distance)[1:]
         assert abs(float(rms[i]) / np.sqrt(np.mean(size**2)) - 1) < 2e-9
         assert abs(float(peak[i]) / size.max() - 1) < 2e-9
@@ -177,9 +183,29 @@ def test_poles_of_a_contact_are_the_roots_of_its_quartic():
         np.testing.assert_allclose(have, need, rtol=1e-7)
 
 
+@pytest.mark.parametrize("profile", [laws.GatedSine(), laws.HalfSine()])
+def test_mean_square_of_the_gradients_is_that_of_the_samples(profile):
+    rig = eqx.tree_at(lambda r: r.profiles, machine(ORTHOGONAL), (profile,) * 3)
+
+    def make(row):
+        return rig, row[:3], row[3:]
+
+    starts = [[0.0, 0.0, 0.0], [0.1, 0.25, 0.4], [0.05, 0.02, 0.3]]
+    rows = jnp.asarray([[*W, *starts[0]], [*W, *starts[1]], [9.0, 0.0, -4.0, *starts[2]]])
+    plan = plan_bulk(make, rows, 0.7, 0.002, "paper")
+
+    def closed(rows):
+        design = _designs(make, plan, rows)
+        form = orbit(stored_modes(design, plan.layout), design.wheel, plan.layout)
+        return mean_square(form, plan.layout, plan.gaps)
+
+    found = jax.jit(closed)(rows)
+    np.testing.assert_allclose(np.sqrt(found), bulk_figures(make, rows, plan)[0], rtol=1e-9)
+
+
 def test_bulk_gradients_agree_with_differences():
-    make = _make(machine(ORTHOGONAL), W)
-    rows = jnp.asarray([[0.25, 2e5, 120.0], [0.55, 3e5, 900.0]])
+    make = _make(machine(ORTHOGONAL))
+    rows = jnp.asarray([[0.25, 2e5, 120.0, *W], [0.55, 3e5, 900.0, *W]])
     plan = plan_bulk(make, rows, 0.3, 0.002, "paper")
     values, slopes = bulk_gradients(make, rows, plan)
     for column in range(3):

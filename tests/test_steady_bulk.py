@@ -63,11 +63,17 @@ def test_figures_and_margins_are_those_of_each_design():
         assert abs(slip[i] - load.slip_margin.min()) < scale
 
 
-def test_gradients_agree_with_differences():
+@pytest.fixture(scope="module")
+def sloped():
+    """(make, rows, plan, values, slopes) of two designs: one program for all that looks at it."""
     make = _make(_rig(ORTHOGONAL, "gated", "gated", "gated"), (0.7, 1.2, -0.31))
     rows = jnp.asarray([[0.8, 6e5, 900.0], [0.12, 9e4, 1100.0]])
     plan = plan_steady(make, rows, "coupled")
-    values, slopes = steady_gradients(make, rows, plan)
+    return make, rows, plan, *steady_gradients(make, rows, plan)
+
+
+def test_gradients_agree_with_differences(sloped):
+    make, rows, plan, values, slopes = sloped
     for column in range(3):
         move = jnp.zeros_like(rows).at[:, column].set(1e-4 * rows[:, column])
         up, down = steady_figures(make, rows + move, plan), steady_figures(make, rows - move, plan)
@@ -77,11 +83,9 @@ def test_gradients_agree_with_differences():
             assert np.all(np.abs(np.asarray(slopes[name][:, column] - want)) < 1e-6 * scale), name
 
 
-def test_forward_and_reverse_mode_agree():
+def test_forward_and_reverse_mode_agree(sloped):
     """Reverse by `steady_gradients`; forward through one steady state at a time."""
-    make = _make(_rig(ORTHOGONAL, "gated", "gated", "gated"), (0.7, 1.2, -0.31))
-    rows = jnp.asarray([[0.8, 6e5, 900.0]])
-    _, slopes = steady_gradients(make, rows, plan_steady(make, rows, "coupled"))
+    make, rows, _, _, slopes = sloped
 
     def figures(x):
         rig, speeds, angles = make(x)

@@ -27,7 +27,9 @@ import time
 from omnijax.cli import main
 from omnijax.study._store import Store
 write = Store.write
-Store.write = lambda *args: (time.sleep(0.2), write(*args))  # time for the test to kill it
+written = []
+# after the third chunk it waits for the test to kill it
+Store.write = lambda *args: (len(written) == 3 and time.sleep(600), write(*args), written.append(1))
 main()
 """
 COMMAND = ["sweep", "atlas", *TEXTS, "--speed", "0.1,1.2,0.3", "--chunk", "2"]
@@ -54,7 +56,7 @@ def test_killed_sweep_loses_at_most_a_chunk_and_resumes_bit_identically(whole, t
     )
     while len(chunk_files(out)) < 2:
         assert process.poll() is None, "the sweep ended before it could be killed"
-        time.sleep(0.002)
+        time.sleep(0.02)
     os.kill(process.pid, signal.SIGSTOP)  # however busy the machine is, the rest stays undone
     assert run(["sweep-status", str(out)]) == 0
     assert "running" in capsys.readouterr().out

@@ -179,7 +179,7 @@ COLOURS_SHOWN = """() => {  // which wheels' colours fill pixels of the order sp
 }"""
 
 
-def _until(condition, seconds=60.0):
+def _until(condition, seconds=180.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "the page did not come to it"

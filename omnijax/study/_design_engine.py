@@ -1,5 +1,6 @@
 """`optimise`: the best design of a `Problem`, or the reason why there is none."""
 
+from functools import cached_property
 from typing import NamedTuple
 
 import jax
@@ -7,12 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._errors import InputError
+from ._design_evolve import Rank
 from ._design_folder import Folder, Report
-from ._design_kkt import Kkt, Point, conditions, verdict
-from ._design_polish import Scaled, Slopes, polish
+from ._design_kkt import FEASIBLE, Kkt, Point, conditions, verdict
+from ._design_mend import mend
+from ._design_polish import Scaled, Slopes
 from ._design_problem import Problem, check_variables
 from ._design_search import Adam, Lanes, Search
-from ._design_starts import FORBIDDEN, first_lanes, rounded_lanes, start_shares
+from ._design_starts import first_lanes, relaxed, rounded_lanes, start_shares
 
 PROBES = (1e-3, 2e-2)  # of the range: steps to neighbours that must not be better
 SILENT = 1e-12
@@ -37,12 +40,13 @@ class End(NamedTuple):
 
 
 class Engine:
-    """A problem made ready: compiled search, checks, and the stored ends of a folder."""
+    """A problem made ready: compiled figures and search, first designs, checks."""
 
-    def __init__(self, problem: Problem, starts: int, seed: int):
+    def __init__(self, problem: Problem, starts: int, seed: int, store: Folder | None = None):
         check_variables(problem.variables)
-        self.problem, self.seed = problem, seed
+        self.problem, self.starts, self.seed, self.store = problem, starts, seed, store
         self.unit = np.array([x.scale for x in problem.limits])
+        self.bound = np.array([x.bound for x in problem.limits])
         plain = Search(problem, 1.0)
         self._slopes = jax.jit(lambda share: _with_slopes(plain, share))
         self._values = jax.jit(jax.vmap(lambda s: plain.parts(s, problem.extra)))
@@ -53,16 +57,25 @@ class Engine:
         self.size = float(np.median([abs(self._combined(s.f)) for s in seen])) or 1.0
         self._check_influence(seen)
         self.search = Search(problem, self.size)
-        self.rounds, self.relaxed = first_lanes(problem, starts, seed, self._merit)
-        self.lanes = self.rounds[0]
 
-    def _merit(self, shares: np.ndarray) -> np.ndarray:
-        """Objective and violations of designs as one figure; infinite where a run fails."""
+    @cached_property
+    def lanes(self) -> Lanes:
+        """Where the searches start; from the store if it knows."""
+        stored = None if self.store is None else self.store.read("starts")
+        if stored is not None:
+            return Lanes(*(jnp.asarray(stored[name]) for name in Lanes._fields))
+        lanes = first_lanes(self.problem, self.starts, self.seed, self._rank)
+        if self.store is not None:
+            self.store.write("starts", {k: np.asarray(x) for k, x in lanes._asdict().items()})
+        return lanes
+
+    def _rank(self, shares: np.ndarray) -> Rank:
+        """What designs are ranked by; a failed run is the worst."""
         f, g = self.values(shares)
         value = (f.max(axis=1) if self.problem.worst else f.mean(axis=1)) / self.size
-        bound = np.array([x.bound for x in self.problem.limits])
-        over = np.maximum((g - bound) / self.unit, 0.0).max(axis=1, initial=0.0)
-        return np.nan_to_num(value + FORBIDDEN * over, nan=np.inf)
+        over = np.maximum((g - self.bound) / self.unit, 0.0).sum(axis=1)
+        over = np.where(np.isfinite(over) & np.isfinite(value), over, np.inf)
+        return Rank(over, np.where(np.isfinite(value), value, np.inf))
 
     def slopes(self, share: np.ndarray) -> Slopes:
         """Figures and slopes of one design."""
@@ -88,13 +101,7 @@ class Engine:
         ends = []
         for i in range(len(share)):
             s = self.slopes(share[i])
-            scaled, value = (s.g - limit[i]) / self.unit, self._combined(s.f)
-            point = Point(share[i], s.f, scaled, s.df, s.dg / self.unit[:, None])
-            if s.finite:
-                kkt = conditions(point, free[i], self.search.epigraph, self.size)
-            else:
-                nothing = np.zeros(len(s.f)), np.zeros(len(self.unit)), np.zeros(len(share[i]))
-                kkt = Kkt(np.inf, np.inf, *nothing)
+            value, kkt = self._combined(s.f), self._conditions(share[i], s, limit[i], free[i])
             status, reason = verdict(kkt, (value - better[i]) / self.size)
             x = np.asarray(self.search.scale.value(jnp.asarray(share[i])))
             start = np.asarray(self.search.scale.value(lanes.share[i]))
@@ -103,6 +110,21 @@ class Engine:
                     status, reason, int(evaluations[i]))
             )  # fmt: skip
         return ends
+
+    def _conditions(self, share, s: Slopes, limit, free) -> Kkt:
+        """Multipliers of the objective's optimum, or of the least violation where one is left."""
+        if not s.finite:
+            nothing = np.zeros(len(s.f)), np.zeros(len(self.unit)), np.zeros(len(share))
+            return Kkt(np.inf, np.inf, *nothing)
+        over, slopes = (s.g - limit) / self.unit, s.dg / self.unit[:, None]
+        if np.max(over, initial=0.0) <= FEASIBLE:
+            point = Point(share, s.f, over, s.df, slopes)
+            return conditions(point, free, self.search.epigraph, self.size)
+        point = Point(share, over, np.zeros(0), slopes, np.zeros((0, len(share))))
+        least = conditions(point, free, True, 1.0)
+        return least._replace(
+            violation=float(over.max()), limits=least.cases, cases=np.zeros(len(s.f))
+        )
 
     def _combined(self, f):
         return float(np.max(f) if self.problem.worst else np.mean(f))
@@ -129,67 +151,67 @@ class Engine:
         f, g = (np.concatenate(x) for x in zip(*parts, strict=True))
         return f, g
 
-    def solve(
-        self, lanes: Lanes, count: int, drawn: Adam | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Where the first `count` searches end, shares (l, d), and their evaluations (l,)."""
+    def near(self, lanes: Lanes, drawn: Adam | None) -> tuple[np.ndarray, np.ndarray]:
+        """Shares (l, d) near the ends of searches side by side, and their evaluations (l,).
+
+        Over integrated runs these are the starts: a program of the whole search takes longer to
+        compile than the searches themselves.
+        """
         spent = 0
         if drawn is not None:
             lanes, spent = self.search.stochastic(lanes, self.values, drawn), drawn.steps
+        if self.problem.costly:
+            return np.asarray(lanes.share), np.full(len(lanes.share), spent)
         found = self.search.run(lanes, self.values)
-        share, evaluations = found.share.copy(), found.evaluations + spent
-        for i in range(count):
-            scaled = Scaled(
-                self.slopes, np.asarray(lanes.limit[i]), self.unit, self.size, self.search.epigraph
-            )
-            share[i], more = polish(scaled, share[i], np.asarray(lanes.free[i]) > 0)
-            evaluations[i] += more
-        return share[:count], evaluations[:count]
+        return found.share, found.evaluations + spent
 
-    def all_ends(
-        self, batch: int, store: Folder | None, report: Report | None, drawn: Adam | None
-    ) -> list[End]:
-        """Every search, batch by batch; finished batches come from the store.
+    def finish(self, lanes: Lanes, i: int, near: np.ndarray) -> tuple[np.ndarray, int]:
+        """Where search `i` ends that has come to `near` (d,), and the evaluations it still took."""
+        limit = np.asarray(lanes.limit[i])
+        scaled = Scaled(self.slopes, limit, self.unit, self.size, self.search.epigraph)
+        return mend(scaled, near, np.asarray(lanes.share[i]), np.asarray(lanes.free[i]) > 0)
 
-        Those that end infeasible are made again from other starts.
-        """
-        ends = last = self.batches(self.lanes, batch, store, "first", report, drawn)
-        slots = np.arange(len(last))
-        for r, lanes in enumerate(self.rounds[1:], 2):
-            short = [e.status in {"infeasible", "failed"} for e in last]
-            if self.relaxed or not any(short):
-                break
-            slots = slots[short]
-            part = Lanes(*(x[slots] for x in lanes))
-            last = self.batches(part, batch, store, f"round-{r}", report, drawn)
-            ends = [*ends, *last]
-        if self.relaxed:
-            good = [e for e in ends if np.isfinite(e.kkt.violation)]
-            chosen = sorted(good, key=lambda e: (e.kkt.violation > 1e-5, e.value))[:2]
-            lanes = rounded_lanes(self.problem, np.array([e.share for e in chosen]))
-            ends = self.batches(lanes, batch, store, "rounded", report, None)
-        return ends
+    def all_ends(self, batch: int, report: Report | None, drawn: Adam | None) -> list[End]:
+        """Every search; finished ones come from the store."""
+        ends = self.batches(self.lanes, batch, "first", report, drawn)
+        if not relaxed(self.problem):
+            return ends
+        good = [e for e in ends if np.isfinite(e.kkt.violation)]
+        chosen = sorted(good, key=lambda e: (e.kkt.violation > FEASIBLE, e.value))[:2]
+        lanes = rounded_lanes(self.problem, np.array([e.share for e in chosen]))
+        return self.batches(lanes, batch, "rounded", report)
 
     def batches(
-        self, lanes: Lanes, batch: int, store: Folder | None, stage: str,
+        self, lanes: Lanes, batch: int, stage: str,
         report: Report | None = None, drawn: Adam | None = None,
     ) -> list[End]:  # fmt: skip
-        """The ends of `lanes`, `batch` of them side by side, kept in `store` under `stage`."""
-        ends, total = [], len(lanes.share)
+        """The ends of `lanes`, `batch` of them side by side, each kept in the store as it ends."""
+        total, shares, spent = len(lanes.share), [], []
+        if report is not None:
+            report(0, total)
         for first in range(0, total, batch):
             index = np.minimum(np.arange(first, first + batch), total - 1)  # one shape: one program
             part = Lanes(*(x[index] for x in lanes))
-            key = f"{stage}-{first}"
-            stored = None if store is None else store.read(key)
-            if stored is None:
-                share, evaluations = self.solve(part, min(batch, total - first), drawn)
-                stored = {"share": share, "evaluations": evaluations}
-                if store is not None:
-                    store.write(key, stored)
-            ends += self.judge(part, stored["share"], stored["evaluations"])
-            if report is not None:
-                report(min(first + batch, total), total)
-        return ends
+            keys = [f"{stage}-{i}" for i in range(first, min(first + batch, total))]
+            known = [self._stored(key) for key in keys]
+            near, before = (None, None) if all(known) else self.near(part, drawn)
+            for i, end in enumerate(known):
+                if end is not None:
+                    share, more = end["share"], int(end["evaluations"])
+                else:
+                    assert near is not None and before is not None
+                    share, more = self.finish(part, i, near[i])
+                    more += int(before[i])
+                    if self.store is not None:
+                        self.store.write(keys[i], {"share": share, "evaluations": np.array(more)})
+                shares.append(share)
+                spent.append(more)
+                if report is not None:
+                    report(first + i + 1, total)
+        return self.judge(lanes, np.array(shares), spent)
+
+    def _stored(self, key: str) -> dict[str, np.ndarray] | None:
+        return None if self.store is None else self.store.read(key)
 
 
 def _with_slopes(search: Search, share):

@@ -19,8 +19,8 @@ def optimise(
 ) -> Design:
     """The best design of `problem` from `starts` searches, `batch` of them side by side.
 
-    `report(done, total)` is called after each batch; `store` keeps finished ones.  With
+    `report(done, total)` is called after each search; `store` keeps finished ones.  With
     `stochastic` optax's Adam moves the starts on fresh draws first.
     """
-    engine = Engine(problem, starts, seed)
-    return make_design(problem, engine.all_ends(batch, store, report, stochastic))
+    engine = Engine(problem, starts, seed, store)
+    return make_design(problem, engine.all_ends(batch, report, stochastic))

@@ -49,6 +49,7 @@ class Problem(NamedTuple):
     """`figures(x, extra)` gives f (k,) and g (c,); `worst` says how the f_k combine.
 
     `extra` is data that `draw(key)` may replace (tolerances drawn anew), for stochastic searches.
+    `costly`: every figure is an integrated run, so that fewer are spent and programs kept small.
     """
 
     variables: tuple[Variable, ...]
@@ -60,6 +61,7 @@ class Problem(NamedTuple):
     unit: str = "1"
     extra: Any = None
     draw: Callable[[Array], Any] | None = None
+    costly: bool = False
 
 
 def check_variables(variables: tuple[Variable, ...]) -> None:

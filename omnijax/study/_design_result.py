@@ -11,11 +11,12 @@ import numpy as np
 from .._html import html_table
 from ._amounts import amount
 from ._design_engine import End, best_of
-from ._design_kkt import ACTIVE, FEASIBLE, ON_BOUND
+from ._design_kkt import ACTIVE, FEASIBLE, ON_BOUND, STATIONARY
 from ._design_problem import Problem
 from ._netcdf import read_result, write_result
 
 NAMED = 4  # limits in a sentence
+SLIGHT = 1e-3  # of a bound in the least violation
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -186,7 +187,7 @@ def _dead_ends(problem: Problem, ends: list[End], best: End) -> list[str]:
     listed += f" and {len(names) - NAMED} more limits" if len(names) > NAMED else ""
     return [
         f"{len(short)} of {len(ends)} searches ended short of a feasible design, held up by "
-        f"{listed}; other starts were tried in their place."
+        f"{listed}."
     ]
 
 
@@ -200,20 +201,16 @@ def missed(problem: Problem, over) -> list[str]:
 
 
 def conflict(problem: Problem, end: End) -> str:
-    """Which constraints cannot be met together: those missed, and those that hold them back."""
+    """Which constraints cannot be met together: those that the least violation balances."""
     held = [
-        f"`{limit.text}`"
-        for limit, over in zip(problem.limits, end.g, strict=True)
-        if abs(over) / limit.scale <= FEASIBLE
-    ]
-    held += [
-        f"`{v.name}` at its {'lower' if s <= 0.5 else 'upper'} bound"
-        for v, s in zip(problem.variables, end.share, strict=True)
-        if min(s, 1 - s) <= 10 * ON_BOUND
+        f"`{v.name}` at its {'lower' if price < 0 else 'upper'} bound"
+        for v, price in zip(problem.variables, end.kkt.bounds, strict=True)
+        if abs(price) > SLIGHT
     ]
     beside = f", held back by {' and '.join(held)}" if held else ""
+    least = "the least violation nearby" if end.kkt.residual <= STATIONARY else "the nearest found"
     head = "no design within the bounds was found that meets all constraints"
-    return f"{head}: {' and '.join(missed(problem, end.g))}{beside}"
+    return f"{head}; {least}: {' and '.join(missed(problem, end.g))}{beside}"
 
 
 def _active(problem: Problem, end: End) -> list[str]:

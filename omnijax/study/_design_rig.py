@@ -1,5 +1,7 @@
 """The problem that a study of a rig poses: objective and constraints over drives, loads, parts."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -15,6 +17,7 @@ from ._constraints import Point, all_limits, all_values, metrics_of
 from ._design_problem import Problem
 from ._sensitivity_target import Evaluation, checked_parameters, evaluation, values_of
 from ._study_file import Study
+from ._study_runs import fine_enough, trial_designs, way_of
 from ._sweep_drive import Drive
 from ._sweep_target import apply
 
@@ -28,9 +31,10 @@ class RigCases:
         self.objective = wanted
         self.metrics = tuple(dict.fromkeys((*wanted, *metrics_of(study.constraints))))
         self.start = study.drives[0].drive
-        self.how = evaluation(
-            study.rig, self.start, self.metrics, study.duration, study.model, study.rate, study.rtol
+        how = evaluation(
+            study.rig, self.start, self.metrics, study.duration, study.model, study.rate
         )
+        self.how, self.note = way_of(how, study.rig, self.start, study.rtol)
         self._check_constraints()
         self.inputs = jnp.asarray(np.array([(*d.values, *d.force) for d in study.drives]))
         self.paths = tuple(v.name for v in study.variables)
@@ -38,6 +42,20 @@ class RigCases:
         self.cases = self._names()
         self.load_paths = tuple(dict.fromkeys(p for x in study.loads for p, _ in x.values))
         self.loads = jnp.asarray(self._load_table())
+        if self.how.way == "fixed":
+            designs = trial_designs(study.variables, study.seed)
+            self.how, self.note = fine_enough(self.how, designs, self._trial())
+
+    def _trial(self) -> Callable[[np.ndarray, int], np.ndarray]:
+        """Every figure of a design in every case, for any number of substeps."""
+        nominal = jnp.zeros((1, len(self.parts)))
+
+        @jax.jit
+        def figures(x, substeps):
+            metrics, limits = self.every(x, nominal, self.how._replace(substeps=substeps))
+            return jnp.concatenate([metrics.ravel(), limits.ravel()])
+
+        return lambda x, substeps: np.asarray(figures(x, substeps))
 
     def _check_constraints(self) -> None:
         moving = isinstance(self.start, TorqueDrive)
@@ -95,10 +113,10 @@ class RigCases:
         )
         return apply(self.study.rig, start, self.paths, x)[1]
 
-    def one(self, x, values, load, draw) -> tuple[Array, Array]:
-        """(metrics, constraints) of one case."""
+    def one(self, x, values, load, draw, how: Evaluation | None = None) -> tuple[Array, Array]:
+        """(metrics, constraints) of one case; `how` if not as the study has it."""
         rig, drive = self.rig(x, load, draw), self.drive(x, values)
-        how: Evaluation = self.how._replace(drive=drive)
+        how = (self.how if how is None else how)._replace(drive=drive)
         run = how.run(rig)
         metrics = how.of(run, rig)
         now = drive.speed.values[0] if isinstance(drive, SpeedDrive) else None
@@ -106,11 +124,13 @@ class RigCases:
         point = Point(rig, run, now, self.study.model)
         return metrics, all_values(self.study.constraints, point, named)
 
-    def every(self, x, draws: Float[Array, "t p"]) -> tuple[Array, Array]:
+    def every(
+        self, x, draws: Float[Array, "t p"], how: Evaluation | None = None
+    ) -> tuple[Array, Array]:
         """Metrics (k, t, m) and constraints (k, t, c) of every case and every draw."""
 
         def case(values, load):
-            return jax.vmap(lambda draw: self.one(x, values, load, draw))(draws)
+            return jax.vmap(lambda draw: self.one(x, values, load, draw, how))(draws)
 
         # drives first, loads second, as in `cases`
         values = jnp.repeat(self.inputs, len(self.loads), axis=0)
@@ -198,4 +218,5 @@ def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
         unit=unit,
         extra=draws,
         draw=cases.draw if cases.parts else None,
+        costly=cases.how.way in {"full", "fixed"},
     )

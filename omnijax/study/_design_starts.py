@@ -1,28 +1,26 @@
 """Where searches start, and how whole numbers are treated.
 
-The user's start comes first.  The others are the most promising of `SCREENED` points of a Sobol
-sequence: figures without slopes are cheap, and with limits that cut the design space to pieces a
-search seldom leaves the piece it starts in.  For the same reason a search that ends infeasible
-starts again from the next of these points, up to `ROUNDS` times in all.
+The user's start comes first.  The others are the best of `SCREENED` points of a Sobol sequence that
+lie apart; where too few of these meet the limits, the points are evolved until enough do: figures
+without slopes are cheap.
 
 Up to `ENUMERATED` combinations of whole numbers are all searched.  Beyond that they are relaxed to
 real numbers, and both neighbours of every relaxed optimum are searched again.
 """
 
 import itertools
-from collections.abc import Callable
 
 import jax.numpy as jnp
 import numpy as np
 from scipy.stats import qmc
 
+from ._design_evolve import Judge, evolve, far_apart
 from ._design_problem import Problem, Scale
 from ._design_search import Lanes
 
 ENUMERATED = 12
 SCREENED = 64  # for each combination of whole numbers
-ROUNDS = 3  # a search that ends infeasible starts again from the next promising designs
-FORBIDDEN = 3.0  # objectives that a violation of one scale of a limit weighs
+GENERATIONS, FEW = 100, 8  # at most, and where every figure is a run
 
 
 def start_shares(problem: Problem, count: int, seed: int) -> np.ndarray:
@@ -65,30 +63,33 @@ def make_lanes(problem: Problem, starts: np.ndarray, combinations) -> Lanes:
     return Lanes(jnp.asarray(np.array(shares)), jnp.asarray(np.array(free)), limits)
 
 
-def first_lanes(
-    problem: Problem, count: int, seed: int, merit: Callable[[np.ndarray], np.ndarray]
-) -> tuple[list[Lanes], bool]:
-    """The searches of every round, side by side, and whether whole numbers are relaxed in them.
+def combinations(problem: Problem) -> int:
+    """How many ways there are to choose the whole numbers."""
+    return int(np.prod([len(v) for v in whole_values(problem) if len(v)]))
 
-    `merit(shares)` (n,) is small for promising designs.
-    """
+
+def relaxed(problem: Problem) -> bool:
+    """Whether whole numbers are searched as real ones first."""
+    return combinations(problem) > ENUMERATED
+
+
+def first_lanes(problem: Problem, count: int, seed: int, judge: Judge) -> Lanes:
+    """The searches side by side: `count` for each combination of whole numbers."""
     values = whole_values(problem)
-    index = [i for i, v in enumerate(values) if len(v)]
-    combinations = int(np.prod([len(values[i]) for i in index]))
-    relaxed = combinations > ENUMERATED
-    every = itertools.product(*(() if relaxed else (values[i] for i in index)))
-    parts = [[] for _ in range(min(ROUNDS, SCREENED // count) or 1)]
-    for c in every:
-        fixed = {} if relaxed else dict(zip(index, c, strict=True))
+    index = [] if relaxed(problem) else [i for i, v in enumerate(values) if len(v)]
+    parts = []
+    for c in itertools.product(*(values[i] for i in index)):
+        fixed = dict(zip(index, c, strict=True))
         drawn = make_lanes(problem, start_shares(problem, SCREENED, seed), [fixed])
-        order = np.argsort(merit(np.asarray(drawn.share)), kind="stable")
-        given = [0] if any(v.start is not None for v in problem.variables) else []
-        ranked = np.array([*given, *(i for i in order if i not in given)])
-        for r, part in enumerate(parts):
-            chosen = ranked[r * count : (r + 1) * count]
-            part.append(Lanes(*(x[chosen] for x in drawn)))
-    rounds = [Lanes(*(jnp.concatenate(xs) for xs in zip(*p, strict=True))) for p in parts]
-    return rounds, relaxed
+        shares, free = np.asarray(drawn.share), np.asarray(drawn.free[0])
+        generations = (FEW if problem.costly else GENERATIONS) if problem.limits else 0
+        moved, rank = evolve(shares, free, judge, 2 * count, generations, seed)
+        chosen = moved[far_apart(moved, rank, count)]
+        if any(v.start is not None for v in problem.variables):
+            chosen = np.concatenate([shares[:1], chosen])[:count]
+        rest = (x[: len(chosen)] for x in (drawn.free, drawn.limit))
+        parts.append(Lanes(jnp.asarray(chosen), *rest))
+    return Lanes(*(jnp.concatenate(xs) for xs in zip(*parts, strict=True)))
 
 
 def rounded_lanes(problem: Problem, relaxed: np.ndarray) -> Lanes:

@@ -36,12 +36,11 @@ class Trace(NamedTuple):
 
     engine: Engine
     batch: int
-    store: Folder | None
     report: Report | None
 
     def solve(self, lanes: Lanes, stage: str) -> list[End]:
         """The ends of one stage."""
-        return self.engine.batches(lanes, self.batch, self.store, stage, self.report)
+        return self.engine.batches(lanes, self.batch, stage, self.report)
 
 
 def trade_off(
@@ -63,10 +62,10 @@ def trade_off(
     count = len(metrics)
     check_variables(problem.variables)
     sizes = _sizes(problem, seed)
-    engine = Engine(_with_weights(problem, metrics, sizes), starts, seed)
+    engine = Engine(_with_weights(problem, metrics, sizes), starts, seed, store)
     most = max(count * starts, points ** (count - 1))
-    trace = Trace(engine, min(batch, most), store, report)
-    shares = start_shares(problem, starts, seed)
+    trace = Trace(engine, min(batch, most), report)
+    shares = np.asarray(engine.lanes.share)[:, : len(problem.variables)]
     alone = _pack(engine, np.tile(shares, (count, 1)), np.repeat(np.eye(count), starts, axis=0))
     ends = trace.solve(alone, "alone")
     best = [best_of(ends[m * starts : (m + 1) * starts]) for m in range(count)]

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError, did_you_mean
 from ..rig import Rig, get_parameter, parameter_info, parameter_paths, set_parameter
 from ..simulate import SpeedDrive, Trajectory, propagate, simulate
+from ..simulate._many import simulate_fixed
 from ..simulate.exact import exact_obstacle
 from ..vibration import METRICS, STEADY_METRICS, LongRun, evaluate
 from ._sweep_drive import is_constant
@@ -23,10 +24,11 @@ class Evaluation(NamedTuple):
 
     drive: Any
     metrics: tuple[str, ...]
-    way: str  # steady, propagation or full
+    way: str  # steady, propagation, fixed or full
     times: Any = None  # s, of the samples
     model: str = "coupled"
     rtol: float = 1e-8
+    substeps: int = 1  # of fixed steps
 
     def __call__(self, rig: Rig) -> Float[Array, " m"]:
         """The metrics; NaN for a run that failed."""
@@ -41,6 +43,8 @@ class Evaluation(NamedTuple):
         ts = jnp.asarray(self.times)
         if self.way == "propagation":
             return propagate(rig, self.drive, ts, model=self.model)
+        if self.way == "fixed":
+            return simulate_fixed(rig, self.drive, ts, self.model, self.substeps)
         return simulate(
             rig, self.drive, ts, model=self.model, rtol=self.rtol, adjoint=dfx.ForwardMode()
         )

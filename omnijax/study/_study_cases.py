@@ -24,9 +24,16 @@ def cases(read: Reader, rig: Rig, top: Mapping) -> dict[str, Any]:
     loads = []
     for i, block in enumerate(read.tables(top, "load", ("name", "set"))):
         name = str(block.get("name", f"load {i + 1}"))
-        values = read.table(block.get("set", {}), f"load.{name}.set", tuple(block.get("set", {})))
+        given = block.get("set", {})
+        keys = tuple(given) if isinstance(given, Mapping) else ()
+        values = read.table(given, f"load.{name}.set", keys)
         pairs = [(p, _parameter(read, rig, p, v, f"load.{name}.set")) for p, v in values.items()]
         loads.append(Load(name, tuple(pairs)))
+    for kind, found in (("drive", drives), ("load", loads)):
+        names = [x.name for x in found]
+        twice = dict.fromkeys(n for n in names if names.count(n) > 1)
+        for n in twice:
+            read.say(f"two [[{kind}]] tables are named `{n}`: give each a name of its own.")
     if not drives and not any("drive" in text for text in read.problems):
         read.say("a study needs at least one [[drive]] with `speed`, one number a wheel.")
     return {"drives": drives, "loads": tuple(loads) or (Load("as built"),)}
@@ -83,7 +90,10 @@ def variables(read: Reader, rig: Rig, drives, top: Mapping) -> dict[str, Any]:
     found, kinds = [], []
     keys = ("path", "low", "high", "scale", "start", "distribution")
     for block in read.tables(top, "variable", keys):
-        path = str(block.get("path", ""))
+        if "path" not in block:
+            read.say("a [[variable]] needs `path`: a parameter of the rig or its drive.")
+            continue
+        path = str(block["path"])
         where = f"variable.{path}"
         moved = drive_quantities(drives[0].drive, rig.names) if drives else {}
         quantity = Quantity(moved[path][0]) if path in moved else None

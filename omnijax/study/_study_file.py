@@ -9,6 +9,7 @@ from .._errors import InputError
 from ..rig import Rig, load_rig
 from ..rig._quantities import Quantity
 from ._design_problem import check_variables
+from ._sensitivity_target import checked_parameters
 from ._study import Study
 from ._study_cases import cases, variables
 from ._study_goals import OPTIONS, constraint, objective, search, tolerances
@@ -53,6 +54,8 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
             fields[key] = read.value(top[key], key, Quantity(unit, above=0), 1.0)
     if "rtol" in top:
         fields["rtol"] = read.value(top["rtol"], "rtol", Quantity("1", above=0, high=1e-3), 1e-6)
+    if not read.problems:
+        read.problems += _overlaps(rig, fields)
     if not read.problems and fields["variables"]:
         try:
             check_variables(fields["variables"])
@@ -61,6 +64,24 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
     if read.problems:
         raise InputError(read.problems, path)
     return Study(**fields)
+
+
+def _overlaps(rig: Rig, fields: Mapping[str, Any]) -> list[str]:
+    """Parameters that two entries would both set: variables among each other, and loads."""
+    of_rig, problems = [], []
+    for v in fields["variables"]:
+        try:
+            of_rig.append((v.name, checked_parameters(rig, [v.name])))
+        except InputError:  # of the drive
+            continue
+    for i, (name, paths) in enumerate(of_rig):
+        for other, theirs in of_rig[:i]:
+            if name != other and set(paths) & set(theirs):
+                problems.append(f"the variables `{other}` and `{name}` set the same parameter.")
+        for load in fields["loads"]:
+            if set(paths) & set(checked_parameters(rig, [p for p, _ in load.values])):
+                problems.append(f"`{name}` is a variable, but load `{load.name}` sets it as well.")
+    return problems
 
 
 def _rig(name: Any, path: str | Path | None) -> Rig:

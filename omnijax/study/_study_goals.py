@@ -35,7 +35,7 @@ def objective(read: Reader, given: Any) -> dict[str, Any]:
         weights = {"rms": 1.0}
     where = "objective.weights" if "weights" in table else "objective.metric"
     pairs = tuple(
-        (_metric(read, name, where), read.value(w, f"{where}.{name}", Quantity("1"), 1.0))
+        (_metric(read, name, where), read.value(w, f"{where}.{name}", Quantity("1", above=0), 1.0))
         for name, w in weights.items()
     )
     return {

@@ -13,9 +13,10 @@ from jaxtyping import Array, Float
 from ...laws import GatedSine, HalfSine
 from ...rig import Rig
 from ._bulk_design import CLIP, EDGE, Design, Layout, Wheel
-from ._bulk_gradient import mean_square, orbit, square_at, stored_modes
+from ._bulk_gradient import orbit, square_at, stored_modes
 from ._bulk_load import samples_and_margins
 from ._bulk_samples import samples, samples_of
+from ._bulk_square import Gaps, count_edges, mean_square
 from ._contact import Contact
 from ._periodic_load import Grip
 from ._system import drive_gain, exact_obstacle
@@ -116,7 +117,7 @@ class Bulk(NamedTuple):
 
     layout: Layout
     model: str
-    gaps: tuple[int, ...]
+    gaps: Gaps
     gram: Any  # normals' products where they are not orthonormal
 
 
@@ -193,7 +194,7 @@ def _cut(rig: Rig, designs: Design, count: int, step: float, model: str) -> Bulk
         bool(fastest.max() * length * step > CLIP),
     )
     gram = None if orthonormal(rig) else np.asarray(rig.wheels.normal @ rig.wheels.normal.T)
-    return Bulk(layout, model, gaps(count * step), gram)
+    return Bulk(layout, model, count_edges(wheel, moving, count * step), gram)
 
 
 def _blocks(span: float, step: float) -> int:
@@ -269,14 +270,14 @@ def bulk_gradients(make: Make, values: Float[Array, "B d"], plan: Bulk, metrics=
             return pull(bar._replace(wheel=jax.tree.map(jnp.add, bar.wheel, wheel_bar)))[0]
 
         found: dict[str, Any] = {"rms": total / layout.samples}
-        slopes = {}
+        bars, slopes = {}, {}
         if "peak" in metrics:
             time = (number.astype(float) + 1) * layout.step
             found["peak"], down = jax.vjp(lambda o: square_at(o, layout, time, plan.gram), whole)
-            slopes["peak"] = from_orbit(down(half_root(found["peak"]))[0])
+            bars["peak"] = down(half_root(found["peak"]))[0]
         if "rms" in metrics and closed:
-            mean, down = jax.vjp(lambda o: mean_square(o, layout, plan.gaps), whole)
-            slopes["rms"] = from_orbit(down(half_root(mean))[0])
+            down = jax.vjp(lambda o: mean_square(o, layout, plan.gaps), whole)[1]
+            bars["rms"] = down(half_root(found["rms"]))[0]
         elif "rms" in metrics:
 
             def mean_of(d):
@@ -284,6 +285,9 @@ def bulk_gradients(make: Make, values: Float[Array, "B d"], plan: Bulk, metrics=
 
             mean, down = jax.vjp(mean_of, design)
             slopes["rms"] = pull(down(half_root(mean))[0])[0]
+        if bars:  # together, so that what they share is computed once
+            both = jax.tree.map(lambda *x: jnp.stack(x), *bars.values())
+            slopes |= dict(zip(bars, jax.vmap(from_orbit)(both), strict=True))
         return {name: (root_of(found[name]), slopes[name]) for name in metrics}
 
     found = jax.lax.map(some, lanes(values, LANES))
