@@ -13,6 +13,7 @@ from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, par
 from omnijax.study._amounts import amount, estimate
 from omnijax.study._design import start_note
 from omnijax.study._design_engine import Engine
+from omnijax.study._design_evolve import Rank, evolve, far_apart
 from omnijax.study._design_folder import Folder
 from omnijax.study._design_search import Adam
 from omnijax.vibration import peak, smooth_peak
@@ -138,6 +139,25 @@ def test_a_space_in_pieces():
     assert found.ends["status"] == ["optimal"] * 4
     edge = 1 / 3 + math.acos(0.9) / (6 * math.pi)
     assert found.objective < 1 + 3 * (0.45 - edge) ** 2 + (2 / 3 - 0.45) ** 2
+
+
+def test_evolved_starts_are_feasible_and_apart():
+    """cos(6 pi x) >= 0.9 in four variables and the fifth held: none of 64 designs is feasible,
+    after evolution enough are; those taken lie apart, and the held variable has not moved."""
+
+    def judge(x):
+        over = np.maximum(0.9 - np.cos(6 * np.pi * x[:, :4]), 0.0).sum(axis=1)
+        return Rank(over, x.sum(axis=1))
+
+    drawn = np.random.default_rng(3).random((64, 5))
+    drawn[:, 4] = 0.3
+    assert judge(drawn).feasible == 0
+    moved, rank = evolve(drawn, np.array([1, 1, 1, 1, 0]), judge, 8, 100, 0)
+    assert rank.feasible >= 8 and np.all(moved[:, 4] == 0.3)
+    assert np.array_equal(rank.violation, judge(moved).violation)
+    chosen = far_apart(moved, rank, 3)
+    assert np.all(rank.violation[chosen] == 0) and len(set(chosen)) == 3
+    assert chosen[0] == rank.order()[0]
 
 
 def test_an_infeasible_start_is_said():

@@ -9,6 +9,8 @@ from omnijax.simulate import torques
 from omnijax.study import parse_study, sensitivity
 from omnijax.study._design_engine import Engine
 from omnijax.study._design_rig import rig_problem
+from omnijax.study._sensitivity_target import Evaluation
+from omnijax.study._study_runs import fine_enough
 
 HERTZ = '\n[[effect]]\nid = "contact-hertz"\nplace = "all"\n'
 TORQUE = [2.0, 3.0, 1.0]
@@ -51,6 +53,21 @@ def test_slopes_through_the_adaptive_solver(engine):
     assert np.allclose(
         s.dg[:, 0], (g[0] - g[1]) / (2 * h), rtol=5e-3, atol=5e-3 * np.abs(s.dg).max()
     )
+
+
+def test_fixed_steps_are_halved_until_that_changes_little():
+    """An error of n^-4 falls below 3e-4 between n and 2 n at n = 8; one that stays asks for the
+    adaptive solver, and a design whose run fails counts for nothing."""
+    how = Evaluation(None, ("rms",), "fixed", np.linspace(0.0, 1.0, 251))
+    designs = np.array([[1.0], [2.0]])
+
+    def figures(x, n):
+        return np.array([np.nan if x[0] == 2.0 else 1.0 + float(n) ** -4])
+
+    found, why = fine_enough(how, designs, figures)
+    assert (found.way, found.substeps) == ("fixed", 8) and "fixed steps of 1 ms" in why
+    found, why = fine_enough(how, designs, lambda x, n: np.array([1.0 + 1 / (1 + np.log(n))]))
+    assert (found.way, found.rtol) == ("full", 1e-6) and "too coarse" in why
 
 
 def test_a_design_of_a_nonlinear_rig_under_torques(engine):

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ...laws._pieces import piece_at, value
 from ...rig import Rig
@@ -58,18 +58,34 @@ def _places(cycle: Cycle, elapsed):
     return number.astype(int), index, jnp.clip(v, 0.0, 1.0), inside
 
 
-def _signal(system: Forced, levels: int, cycle: Cycle, column, cycles: Passages, elapsed):
+class Decay(NamedTuple):
+    """Free motion over one period of each signal, on a ladder (`_ladder.ladder`)."""
+
+    generator: Float[Array, "g m m"]
+    levels: Float[Array, "g L m m"]
+    scale: Int[Array, " g"]
+
+
+def _decays(system: Forced, levels: int, cycle: Cycle) -> Decay:
+    duration = (cycle.period / cycle.speed)[:, None, None]
+    F = system.A * duration
+    return Decay(F, *jax.vmap(lambda F: ladder(F, len(system.A), 0, levels))(F))
+
+
+def _top(scale) -> Int[Array, ""]:
+    """Above every bit of a place on the ladders (v = 1 has the one at `scale`)."""
+    return jnp.max(scale) + 1
+
+
+def _signal(tops, m: int, cycle: Cycle, cycles: Passages, decay: Decay, elapsed):
     """Forced response of one signal from a virtual rest at its period's start; rho beside it."""
-    m = len(system.A)
     before, period = prefix_maps(piece_maps(cycles.pieces, m))
     starts = with_terms(before[:, :m, m], cycles.pieces)
     Z = jax.vmap(lambda piece, z: points(piece, z, GRID_BITS))(cycles.pieces, starts)
     number, index, v, inside = _places(cycle, elapsed)
-    curve = advance_pieces(cycles.pieces, Z, index, v)[:, :m]
+    curve = advance_pieces(cycles.pieces, tops[0], Z, index, v)[:, :m]
     earlier = _powers(period, number)[:, :m]
-    F = system.A * cycle.period / cycle.speed
-    rungs, scale = ladder(F, m, 0, levels)
-    free = advance_all(F, rungs, scale, earlier, inside / cycle.period)
+    free = advance_all(*decay, tops[1], earlier, inside / cycle.period)
     shape = jax.vmap(lambda k, v: value(cycle.pieces, k, v))(index, v)
     return curve + free, shape
 
@@ -81,7 +97,7 @@ def _free(system: Forced, levels: int, start, force, elapsed, until):
     F = jnp.concatenate([top, jnp.zeros((1, m + 1))])
     rungs, scale = ladder(F, m, 0, levels)
     z = jnp.broadcast_to(jnp.append(start, 1.0), (len(elapsed), m + 1))
-    return advance_all(F, rungs, scale, z, elapsed / until)[:, :m]
+    return advance_all(F, rungs, scale, _top(scale), z, elapsed / until)[:, :m]
 
 
 def constant_response(
@@ -97,9 +113,11 @@ def constant_response(
     scaled, unit = balanced(system)
     cycles = passages(scaled, signals, GRID_BITS, levels)
     elapsed = jnp.concatenate([jnp.zeros(1), ts - ts[0]])
+    decays = _decays(scaled, levels, signals.cycle)
+    tops = (_top(cycles.pieces.scale), _top(decays.scale))
     s, shape = jax.vmap(
-        lambda cycle, column, passage: _signal(scaled, levels, cycle, column, passage, elapsed)
-    )(signals.cycle, scaled.column, cycles)
+        lambda cycle, passage, decay: _signal(tops, len(scaled.A), cycle, passage, decay, elapsed)
+    )(signals.cycle, cycles, decays)
     y0 = plain.rest @ shape[:, 0] if start is None else start
     y0 = jnp.pad(y0, (0, 8)) - system.shift.T @ shape[:, 0]
     free = y0 / unit - jnp.sum(s[:, 0], axis=0)

@@ -22,6 +22,7 @@ from ._cycles import is_traced
 
 LEVELS = 40  # of a ladder whose rates are not known ahead: up to 2^38 time constants
 TERMS = 14  # of the exponential's series below norm 1/2
+FEW = 8  # pieces
 
 
 class Piece(NamedTuple):
@@ -155,16 +156,11 @@ def second_moments(piece: Piece, z: Float[Array, " N"]) -> Float[Array, "N N"]:
     return jax.lax.scan(double, S, (jnp.arange(len(piece.levels)), piece.levels))[0]
 
 
-def advance_all(F, levels, scale, z: Float[Array, "t N"], v: Float[Array, " t"]):
-    """exp(F v) z for many places v in [0, 1] with one generator."""
+def advance_all(F, levels, scale, top, z: Float[Array, "t N"], v: Float[Array, " t"]):
+    """exp(F v) z for many places v in [0, 1] with one generator; `top` as in `_climb`."""
     unit = 2.0 ** scale.astype(float)
     steps = jax.lax.stop_gradient(jnp.floor(v * unit)).astype(int)
-
-    def climb(z, level):
-        j, E = level
-        return jnp.where(((steps >> j) & 1)[:, None] == 1, z @ E.T, z), None
-
-    z = jax.lax.scan(climb, z, (jnp.arange(len(levels)), levels))[0]
+    z = _climb(lambda E, z: z @ E.T, levels, top, steps, z)
     rest = (v - steps / unit)[:, None]
 
     def horner(total, k):
@@ -173,26 +169,44 @@ def advance_all(F, levels, scale, z: Float[Array, "t N"], v: Float[Array, " t"])
     return jax.lax.scan(horner, z, jnp.arange(TERMS, 0.0, -1.0))[0]
 
 
-def advance_pieces(pieces: Piece, Z: Float[Array, "k N P"], index, v) -> Float[Array, "t N"]:
-    """z at places v of pieces `index` from grids Z of 2^bits points a piece (see `points`)."""
+def advance_pieces(pieces: Piece, top, Z: Float[Array, "k N P"], index, v) -> Float[Array, "t N"]:
+    """z at places v of pieces `index` from grids Z of 2^bits points a piece (see `points`).
+
+    `top` is above the scale of every piece; unbatched, so that rungs beyond it cost nothing.
+    """
     count = Z.shape[-1]
     bits = count.bit_length() - 1
     node = jnp.clip(jax.lax.stop_gradient(jnp.floor(v * count)), 0, count - 1).astype(int)
     z, rest = Z[index, :, node], v - node / count
     unit = 2.0 ** pieces.scale[index].astype(float)
     steps = jax.lax.stop_gradient(jnp.floor(rest * unit)).astype(int)
-    length = pieces.levels.shape[1] - bits
+    levels = jnp.swapaxes(pieces.levels, 0, 1)[: pieces.levels.shape[1] - bits]
+    z = _climb(lambda E, z: _each(E, index, z), levels, top - bits, steps, z)
+    last = (rest - steps / unit)[:, None]
+
+    def horner(total, k):
+        return z + last * _each(pieces.generator, index, total) / k, None
+
+    return jax.lax.scan(horner, z, jnp.arange(TERMS, 0.0, -1.0))[0]
+
+
+def _climb(move, levels, top, steps: Int[Array, " t"], z: Float[Array, "t N"]):
+    """z moved by the levels whose bits `steps` has; no step has a bit at `top` or beyond."""
 
     def climb(z, level):
         j, E = level
-        moved = jnp.einsum("tab,tb->ta", E[index], z)
-        return jnp.where(((steps >> j) & 1)[:, None] == 1, moved, z), None
 
-    low = (jnp.arange(length), jnp.swapaxes(pieces.levels, 0, 1)[:length])
-    z = jax.lax.scan(climb, z, low)[0]
-    F, last = pieces.generator[index], (rest - steps / unit)[:, None]
+        def moved(z):
+            return jnp.where(((steps >> j) & 1)[:, None] == 1, move(E, z), z)
 
-    def horner(total, k):
-        return z + last * jnp.einsum("tab,tb->ta", F, total) / k, None
+        return jax.lax.cond(j < top, moved, lambda z: z, z), None
 
-    return jax.lax.scan(horner, z, jnp.arange(TERMS, 0.0, -1.0))[0]
+    return jax.lax.scan(climb, z, (jnp.arange(len(levels)), levels))[0]
+
+
+def _each(E: Float[Array, "k N N"], index, z: Float[Array, "t N"]) -> Float[Array, "t N"]:
+    """E[index] z row by row; a few products with all of z beat gathering a matrix for each row."""
+    if len(E) > FEW:
+        return jnp.einsum("tab,tb->ta", E[index], z)
+    parts = [jnp.where((index == k)[:, None], z @ E[k].T, 0.0) for k in range(len(E))]
+    return sum(parts[1:], parts[0])
