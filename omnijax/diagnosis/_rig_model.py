@@ -16,7 +16,7 @@ from ._runs import Run
 from ._signatures import base_of, signature
 from ._stepped import STEPPED
 
-BUDGET = 600.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
+BUDGET = 400.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
 LINEAR = 0.3  # cost of an evaluation without laws stepped in time, relative to one with them
 LINES = 12  # spectral lines of `a` that are tried as floor vibrations
 

@@ -22,6 +22,7 @@ ALPHA = 1e-3  # chance of a false candidate in a whole scan
 SHUFFLES = 4  # shuffled residuals whose best candidate is the decoy to beat
 NEARLY = 1.3  # chi2 a degree of freedom at which no other candidate needs to be tried first
 STRONG = 4.0  # chi2 a degree of freedom from which a law's tangent does not tell its rank
+LITTLE = 0.02  # share of a strong gap that the most promising law must close to be gone on from
 MOST = 4  # effects
 TRIED = 4  # candidates a step
 RUNNERS_UP, CLOSE = 1, 3.0  # first effects (and their cost, times the best) gone on from as well
@@ -105,11 +106,16 @@ class Search:
             scan = self.scan(way.fit)
             trials = self.trials(way.fit, scan)
             way = dataclasses.replace(way, scans=(*way.scans, scan), trials=(*way.trials, trials))
-            best = next((t for t in trials if t.accepted), None)
+            best = next((t for t in trials if t.accepted and not self.little(way.fit, t)), None)
             if best is None:
                 break
             way = self.with_effect(way, best)
         return way
+
+    def little(self, fit: Fit, trial: Trial) -> bool:
+        """Whether a trial closes next to nothing of a strong gap: an unknown effect's shadow."""
+        dof = self.model.dof("train")
+        return fit.chi2 > STRONG * dof and trial.gain < LITTLE * (fit.chi2 - dof)
 
     def with_effect(self, way: Way, trial: Trial) -> Way:
         """The way with an accepted effect."""
@@ -170,6 +176,8 @@ class Search:
                 f"share {trial.held.multiplier:.2f}"
             )
             trials.append(trial)
+            if all(self.little(fit, t) for t in trials) and len(trials) > 1:
+                break  # those after them promise less
             left = float(before @ before) - trial.held.gain
             if trial.fit.chi2 < NEARLY * train and left < NEARLY * held:
                 return sorted(trials, key=lambda t: total_cost(t.fit))  # rivals: in the review
