@@ -209,14 +209,14 @@ def test_gradient_of_the_peak_at_a_kink_is_that_of_one_side():
 
 
 def test_stored_searches_are_taken_up(tmp_path):
-    first = optimise(BOUNDED, starts=2, batch=1, store=Folder(tmp_path, "a", False))
+    first = optimise(BOUNDED, starts=2, batch=1, store=Folder(tmp_path, {"a": 1}, False))
     (tmp_path / "first-1.npz").unlink()
-    again = optimise(BOUNDED, starts=2, batch=1, store=Folder(tmp_path, "a", True))
+    again = optimise(BOUNDED, starts=2, batch=1, store=Folder(tmp_path, {"a": 1}, True))
     assert again == first
     with pytest.raises(InputError, match="holds a study already: continue with --resume"):
-        Folder(tmp_path, "a", False)
-    with pytest.raises(InputError, match="holds another study"):
-        Folder(tmp_path, "b", True)
+        Folder(tmp_path, {"a": 1}, False)
+    with pytest.raises(InputError, match=r"holds another study[^:]*:\n  a: 1 -> 2$"):
+        Folder(tmp_path, {"a": 2}, True)
 
 
 def test_adam_on_fresh_draws_moves_the_starts():
@@ -254,11 +254,11 @@ def test_front_against_the_closed_form():
 def test_a_stored_front_is_taken_up(tmp_path):
     variables = (Variable("a", -2.0, 2.5), Variable("b", -2.0, 2.5))
     problem, how = Problem(variables, convex_pair), {"points": 3, "starts": 1, "batch": 3}
-    kept = Folder(tmp_path, "a", False)
+    kept = Folder(tmp_path, {"a": 1}, False)
     first = trade_off(problem, ("f1", "f2"), ("1", "m"), store=kept, **how)
     assert (tmp_path / "alone-0.npz").exists()
     (tmp_path / "between-0.npz").unlink()
-    kept = Folder(tmp_path, "a", True)
+    kept = Folder(tmp_path, {"a": 1}, True)
     again = trade_off(problem, ("f1", "f2"), ("1", "m"), store=kept, **how)
     assert np.array_equal(again.values, first.values) and np.array_equal(again.x, first.x)
 

@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from ._options import Json
-from ._study_page import deliver, write_page
+from ._progress import bar
+from ._study_page import Switch, deliver, kept, write_page
 
 WORDS = (
     "Tolerances: by the derivatives alone, and so that machines drawn afterwards confirm them. The "
@@ -17,6 +18,8 @@ def tolerances(
     /,
     *,
     draws: int = 1024,
+    store: Path | None = None,
+    resume: Switch = False,
     out: Path | None = None,
     report: Path | None = None,
     json: Json = False,
@@ -33,19 +36,21 @@ def tolerances(
         A study file with [limit] metric and max.
     draws
         Number of drawn machines.
+    store
+        A folder for finished chunks of machines.
+    resume
+        Take up the machines of that folder.
     out
         A netCDF file for the result.
     report
         A folder for a page with the figure.
     """
-    from .._errors import InputError
     from ..study import load_study
     from ..study import tolerances as run
 
-    if draws < 64:
-        raise InputError(f"`draws` must be at least 64, but is {draws}.")
     asked = load_study(study)
-    found = run(asked, draws=draws)
+    with kept(store), bar("machines") as progress:
+        found = run(asked, draws=draws, out=store, resume=resume, report=progress)
     deliver(found, out, report, lambda folder: _page(folder, found, asked), json, _plain(found))
     return 0 if found.confirmed else 1
 
@@ -57,6 +62,7 @@ def _plain(found: Any) -> dict[str, Any]:
         "nominal": found.nominal,
         "share": found.share,
         "share_bounds": [found.share_low, found.share_high],
+        "failed": found.failed,
         "linear": dict(zip(found.parts, found.linear.tolist(), strict=True)),
         "widths": dict(zip(found.parts, found.widths.tolist(), strict=True)),
         "confirmed": found.confirmed,

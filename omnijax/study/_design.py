@@ -37,7 +37,7 @@ def design(
     problem = rig_problem(asked, cases)
     if asked.stochastic and not cases.parts:
         raise InputError("`search.stochastic_steps` needs a [tolerance] table to draw from.")
-    store = None if out is None else Folder(out, asked.identity(), resume)
+    store = None if out is None else Folder(out, asked.identity("design"), resume)
     engine = Engine(problem, asked.starts, asked.seed, store)
     drawn = Adam(asked.stochastic, seed=asked.seed) if asked.stochastic else None
     ends = engine.all_ends(asked.batch, report, drawn)

@@ -1,29 +1,39 @@
 """Finished parts of a long study in a folder, and how an interrupted one is taken up again."""
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from .._errors import InputError
+from ._differences import differences, plain
 
 Report = Callable[[int, int], None]
 
 
 class Folder:
-    """Finished batches of a search as small files, so that it can be taken up again."""
+    """Finished parts of a study as small files; `identity` is all that decides its numbers."""
 
-    def __init__(self, folder: str | Path, identity: str, resume: bool):
+    def __init__(self, folder: str | Path, identity: Mapping[str, Any], resume: bool):
         self.folder = Path(folder)
-        mark = self.folder / "study.txt"
+        mark, asked = self.folder / "study.json", plain(identity)
         if mark.exists():
             if not resume:
                 raise InputError("holds a study already: continue with --resume.", folder)
-            if mark.read_text(encoding="utf-8") != identity:
-                raise InputError("holds another study, so it cannot be continued.", folder)
+            found = differences(_stored(mark), json.loads(json.dumps(asked)))
+            if found:
+                keys = "\n  ".join(found)
+                raise InputError(
+                    f"holds another study and is left as it is. They differ in:\n  {keys}", folder
+                )
+            return
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            mark.write_text(identity, encoding="utf-8")
+            part = self.folder / ".study.part"
+            part.write_text(json.dumps(asked, indent=1), encoding="utf-8")
+            part.rename(mark)
         except OSError as error:
             raise InputError(f"cannot be written: {error.strerror}.", folder) from None
 
@@ -40,3 +50,13 @@ class Folder:
         part = self.folder / f".{key}.part.npz"
         np.savez(part, **arrays)  # pyright: ignore[reportArgumentType]
         part.rename(self.folder / f"{key}.npz")
+
+
+def _stored(mark: Path) -> Mapping[str, Any]:
+    try:
+        found = json.loads(mark.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        found = None
+    if not isinstance(found, Mapping):
+        raise InputError("is no study that can be continued.", mark)
+    return found

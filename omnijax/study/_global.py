@@ -245,7 +245,7 @@ def global_sensitivity(
     def function(x):
         return sign * jnp.max(sign * cases.every(x, jnp.zeros((1, 0)))[0][:, 0], axis=0)
 
-    store = None if out is None else Folder(out, asked.identity() + repr(names), resume)
+    store = None if out is None else Folder(out, asked.identity("global", metrics=names), resume)
     units = [METRICS[name].unit for name in names]
     return analyse(
         function, inputs, names, units, samples=asked.samples, seed=asked.seed, report=report,

@@ -207,7 +207,7 @@ def pareto(
 
     problem = Problem(asked.variables, figures, tuple(limits), extra=cases.draws())
     units = tuple(METRICS[n].unit for n in names)
-    store = None if out is None else Folder(out, asked.identity() + repr(names), resume)
+    store = None if out is None else Folder(out, asked.identity("pareto", metrics=names), resume)
     return trade_off(
         problem, names, units, points=asked.points, starts=asked.starts, seed=asked.seed,
         batch=asked.batch, store=store, report=report,

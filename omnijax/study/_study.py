@@ -1,13 +1,14 @@
 """A checked study: what to vary, what to judge by, under which drives and loads."""
 
 import dataclasses
-import json
+import tomllib
 from typing import Any
 
 from ..rig import Rig, rig_text
 from ..simulate import SpeedDrive, TorqueDrive, speeds, torques
 from ._constraints import Wanted
 from ._design_problem import Variable
+from ._differences import plain
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,11 +65,8 @@ class Study:
     confidence: float = 0.99
     samples: int = 256
 
-    def identity(self) -> str:
-        """Everything that decides the numbers, as text."""
-        plain = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "rig"}
-        return json.dumps({**plain, "rig": rig_text(self.rig)}, default=_plain)
-
-
-def _plain(value: Any) -> Any:
-    return dataclasses.asdict(value) if dataclasses.is_dataclass(value) else str(value)  # pyright: ignore
+    def identity(self, question: str, **more: Any) -> dict[str, Any]:
+        """Everything that decides the numbers of a command, as tables."""
+        found = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        rig = tomllib.loads(rig_text(self.rig))
+        return plain({"question": question, **more, **found, "rig": rig})

@@ -18,7 +18,7 @@ from ._chunks import Evaluator, quantities
 from ._store import Lock, Store, clean, create_store, open_store
 from ._sweep_plan import Numerics, Sampling, plan, read_drive
 from ._sweep_result import SweepResult
-from ._sweep_spec import SweepSpec, differences
+from ._sweep_spec import SweepSpec, differences_of
 
 Report = Callable[[Store, int, np.ndarray], None]  # after each chunk: store, chunk, its status
 
@@ -112,7 +112,7 @@ def _store(
     if not fixed_chunk:  # from the memory free at the time, so the store's own count
         stored = store.spec
         asked = dataclasses.replace(asked, batch=stored.batch, chunk=stored.chunk)
-    found = differences(store.spec, asked)
+    found = differences_of(store.spec, asked)
     if found:
         keys = "\n  ".join(found)
         raise InputError(

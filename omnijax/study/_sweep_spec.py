@@ -7,6 +7,7 @@ from typing import Any
 
 from .._errors import InputError
 from ._axes import read_axis
+from ._differences import differences
 from ._points import PointSet, build_points
 
 PATHS = {
@@ -69,37 +70,15 @@ class SweepSpec:
             raise InputError(f"the store's sweep specification cannot be read: {error}") from None
 
 
-def differences(stored: SweepSpec, asked: SweepSpec) -> list[str]:
+def differences_of(stored: SweepSpec, asked: SweepSpec) -> list[str]:
     """Keys in which two specs differ, each as `key: stored -> asked`."""
-    before, after = _flat(stored), _flat(asked)
-    keys = dict.fromkeys([*before, *after])
-    return [
-        f"{key}: {before.get(key, 'absent')} -> {after.get(key, 'absent')}"
-        for key in keys
-        if before.get(key) != after.get(key)
-    ]
+    return differences(_tree(stored), _tree(asked))
 
 
-def _flat(spec: SweepSpec) -> dict[str, str]:
+def _tree(spec: SweepSpec) -> dict[str, Any]:
     found = dataclasses.asdict(spec)
     found["vary"] = {path: text for path, _, text in spec.vary}
     found["order of vary"] = ", ".join(path for path, _, _ in spec.vary)
     found["metrics"] = ", ".join(spec.metrics)
     found["rig"] = tomllib.loads(spec.rig)
-    return dict(_leaves(found, ""))
-
-
-def _leaves(value: Any, path: str):
-    """(path, text) of every leaf; list entries that have a name are known by it."""
-    if isinstance(value, dict):
-        for key, inner in value.items():
-            yield from _leaves(inner, f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list) and any(isinstance(x, dict) for x in value):
-        for i, inner in enumerate(value):
-            yield from _leaves(inner, f"{path}.{inner.get('name', i)}")
-    else:
-        yield path, _short(repr(value))
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 60 else text[:57] + "..."
+    return found

@@ -10,132 +10,30 @@ New machines, drawn after the tolerances are set, then say what share these keep
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.stats import norm
 
 from .._errors import InputError, RunError
-from .._html import html_table
 from ..vibration import METRICS
 from ._amounts import amount
+from ._design_folder import Folder, Report
 from ._design_rig import RigCases
-from ._netcdf import read_result, write_result
 from ._study_file import Study, study_of
+from ._tolerance_draws import Machines
+from ._tolerance_result import WIDEST, Tolerances
 
-DRAWS = 1024
-WIDEST = 0.2  # relative
+DRAWS, LEAST = 1024, 64
+SIGMAS = 1.96  # 95 % on both sides
 SHRINKS = 40  # down to 5 % of what the derivatives allow
 PARTS = ("wheel.radius", "wheel.roundness", "contact.stiffness", "contact.damping",
          "mount.stiffness", "mount.damping", "closure.stiffness")  # fmt: skip
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
-class Tolerances:
-    """Relative half widths for every part, and what drawn machines say of them.
-
-    `linear` is what the derivatives alone allow, `widths` what drawn machines bear out.  Of `draws`
-    new machines, none of which set the widths, `share` stay below `limit` (95 % bounds `share_low`
-    and `share_high`); `linear_share` is that of the widths by derivatives alone.
-    """
-
-    metric: str
-    unit: str
-    limit: float
-    nominal: float
-    confidence: float
-    parts: tuple[str, ...]
-    slopes: np.ndarray  # change of the metric per relative change of the part
-    linear: np.ndarray
-    widths: np.ndarray
-    share: float
-    share_low: float
-    share_high: float
-    linear_share: float
-    draws: int
-
-    @property
-    def confirmed(self) -> bool:
-        """Whether the new machines keep the limit as often as asked for."""
-        return self.share >= self.confidence
-
-    def __repr__(self) -> str:
-        return "\n".join(self.sentences())
-
-    def _repr_html_(self) -> str:
-        percent = 100 * np.column_stack([self.linear, self.widths])
-        rows = [(part, *map(float, row)) for part, row in zip(self.parts, percent, strict=True)]
-        return html_table(self.sentences()[0], rows, ("part", "by derivatives / ± %", "± %"))
-
-    def sentences(self) -> list[str]:
-        """The tolerances in words."""
-        lines = [
-            f"{self.metric} is {amount(self.nominal, self.unit)} with nominal parts and stays "
-            f"below {amount(self.limit, self.unit)} for {100 * self.share:.2f} % of {self.draws} "
-            f"new machines (95 %: {100 * self.share_low:.2f} to {100 * self.share_high:.2f} %); "
-            f"asked for: {100 * self.confidence:g} %."
-            + ("" if self.confirmed else " The tolerances are NOT confirmed.")
-        ]
-        for part, width in zip(self.parts, self.widths, strict=True):
-            more = ", as wide as was looked" if width >= WIDEST * (1 - 1e-9) else ""
-            lines.append(f"`{part}` ± {100 * width:.3g} %{more}")
-        ratio = float(np.min(self.widths / self.linear))
-        if ratio < 1 - 1e-9:
-            lines.append(
-                f"the derivatives alone allow {1 / ratio:.3g} times as much, but then only "
-                f"{100 * self.linear_share:.2f} % stay below the limit: the metric is curved."
-            )
-        return lines
-
-    def to_xarray(self) -> Any:
-        """An `xarray.Dataset` over the parts."""
-        import xarray as xr
-
-        one = {"units": "1"}
-        data = {
-            "slope": ("part", self.slopes, {"units": self.unit}),
-            "linear": ("part", self.linear, one),
-            "width": ("part", self.widths, one),
-        }
-        keys = ("metric", "unit", "limit", "nominal", "confidence", "share", "share_low",
-                "share_high", "linear_share", "draws")  # fmt: skip
-        attrs = {"kind": "omnijax tolerances", **{k: getattr(self, k) for k in keys}}
-        return xr.Dataset(data, {"part": list(self.parts)}, attrs)
-
-    def save(self, path: str | Path) -> None:
-        """Write netCDF that `Tolerances.load` reads back equal."""
-        write_result(self.to_xarray(), path)
-
-    @classmethod
-    def load(cls, path: str | Path) -> "Tolerances":
-        """What `save` wrote."""
-        d = read_result(path, "omnijax tolerances", "tolerances")
-        a = {k: v for k, v in d.attrs.items() if k != "kind"}
-        numbers = {k: v if k in {"metric", "unit"} else float(v) for k, v in a.items()}
-        numbers["draws"] = int(a["draws"])
-        parts = tuple(str(x) for x in d["part"].values)
-        found = {"slopes": d["slope"].values, "linear": d["linear"].values}
-        return cls(parts=parts, widths=d["width"].values, **found, **numbers)  # pyright: ignore
-
-    def plot_widths(self, ax: Any = None) -> Any:
-        """Tolerances as bars, tightest on top."""
-        from ._sensitivity_plot import new_axes
-
-        order = np.argsort(-self.widths)
-        ax = new_axes(ax, 1.4 + 0.27 * len(order))
-        ax.barh(np.arange(len(order)), 100 * self.widths[order], color="#0072B2", height=0.7)
-        ax.set_yticks(np.arange(len(order)), [self.parts[i] for i in order])
-        ax.grid(axis="y", visible=False)
-        ax.set_xlabel("tolerance (± %)")
-        ax.set_title(f"{self.metric} below {amount(self.limit, self.unit)}")
-        return ax
-
-
 def share_bounds(good: int, total: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a share."""
-    z, p = 1.96, good / total
+    z, p = SIGMAS, good / total
     centre = (p + z**2 / (2 * total)) / (1 + z**2 / total)
     half = z / (1 + z**2 / total) * np.sqrt(p * (1 - p) / total + z**2 / (4 * total**2))
     return float(centre - half), float(centre + half)
@@ -164,52 +62,74 @@ def allocate(slopes: np.ndarray, room: float, confidence: float) -> np.ndarray:
 
 
 def tolerances(
-    study: str | Path | Mapping | Study, *, parts: tuple[str, ...] = (), draws: int = DRAWS
+    study: str | Path | Mapping | Study,
+    *,
+    parts: tuple[str, ...] = (),
+    draws: int = DRAWS,
+    out: str | Path | None = None,
+    resume: bool = False,
+    report: Report | None = None,
 ) -> Tolerances:
     """Tolerances of each wheel's parts that keep a metric below `[limit] max`.
 
     The parts are those of `[tolerance]`, or `parts`, or all of `PARTS`; deviations are independent
-    and uniform.  Over several cases the metric is its worst.
+    and uniform.  Over several cases the metric is its worst.  With `out` finished chunks of
+    machines are stored there, and `resume` takes them up.
     """
     asked = study_of(study)
     if asked.limit is None:
         raise InputError("tolerances need a [limit] with `metric` and `max`.")
+    _check(draws, asked.confidence)
     metric, limit = asked.limit
     chosen = parts or tuple(p for p, _ in asked.tolerances) or PARTS
     plain = dataclasses.replace(
         asked, variables=(), constraints=(), tolerances=tuple((p, 1.0) for p in chosen)
     )
     cases = RigCases(plain, (metric,))
-    count = len(cases.parts)
+    store = None
+    if out is not None:
+        store = Folder(out, plain.identity("tolerances", machines=draws), resume)
 
     def worst(deviation):
         return jnp.max(cases.every(jnp.zeros(0), deviation[None])[0])
 
-    forward = jax.jit(lambda x: jax.jvp(worst, (jnp.zeros(count),), (x,)))
-    pairs = [forward(row) for row in jnp.eye(count)]
-    nominal, slopes = float(pairs[0][0]), np.array([float(s) for _, s in pairs])
-    unit = METRICS[metric].unit
+    machines = Machines(worst, len(cases.parts), draws, store, report)
+    nominal, slopes = machines.slopes()
     if not nominal < limit:
+        unit = METRICS[metric].unit
         raise RunError(
             f"no tolerance keeps {metric} below {amount(limit, unit)}: with nominal parts it is "
             f"{amount(nominal, unit)} already."
         )
-    many = jax.jit(lambda d: jax.lax.map(worst, d, batch_size=64))
-
-    def below(width, seed) -> int:
-        noise = np.random.default_rng(seed).uniform(-1, 1, (draws, count))
-        values = np.asarray(many(jnp.asarray(noise * width)))
-        return int(np.sum(np.isfinite(values) & (values < limit)))
-
-    linear = width = allocate(slopes, limit - nominal, asked.confidence)
-    for _ in range(SHRINKS):
-        if share_bounds(below(width, asked.seed), draws)[0] >= asked.confidence:
-            break
-        width = 0.93 * width
+    linear = allocate(slopes, limit - nominal, asked.confidence)
     fresh = asked.seed + 1
-    good, first = below(width, fresh), below(linear, fresh)
+    width = _borne_out(machines, linear, asked, limit)
+    new = machines.metric(width, fresh, "new", 1)
+    untouched = machines.metric(linear, fresh, "linear", 0)
+    good = int(np.sum(new < limit))
     low, high = share_bounds(good, draws)
     return Tolerances(
-        metric, unit, limit, nominal, asked.confidence, cases.parts, slopes, linear, width,
-        good / draws, low, high, first / draws, draws,
+        metric, METRICS[metric].unit, limit, nominal, asked.confidence, cases.parts, slopes, linear,
+        width, good / draws, low, high, float(np.mean(untouched < limit)), draws,
+        int(np.sum(~np.isfinite(new))),
     )  # fmt: skip
+
+
+def _check(draws: int, confidence: float) -> None:
+    """`InputError` where so few machines could not show the share asked for, however good."""
+    least = max(LEAST, int(np.ceil(SIGMAS**2 * confidence / (1 - confidence))))
+    if draws < least:
+        raise InputError(
+            f"`draws` must be at least {least} for a confidence of {confidence:g}, but is {draws}."
+        )
+
+
+def _borne_out(machines: Machines, linear: np.ndarray, asked: Study, limit: float) -> np.ndarray:
+    """Half widths, from `linear` down, at which enough machines stay below the limit."""
+    width = linear
+    for i in range(SHRINKS):
+        good = int(np.sum(machines.metric(width, asked.seed, f"round-{i}", 2) < limit))
+        if share_bounds(good, machines.draws)[0] >= asked.confidence:
+            break
+        width = 0.93 * width
+    return width

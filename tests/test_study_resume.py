@@ -1,0 +1,132 @@
+"""Studies that are killed outright: what was finished is kept, and the answer is the same."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+
+import pytest
+
+from omnijax.cli._frame import run
+from omnijax.rig import InputError
+from omnijax.study import tolerances
+from omnijax.study._design_folder import Folder
+from omnijax.study._tolerance import share_bounds
+
+TEXT = """
+rig = "atlas"
+[[drive]]
+speed = [3.0, 5.1, 7.3]
+[[variable]]
+path = "contact.stiffness"
+low = "50 kN/m"
+high = "1 MN/m"
+[[variable]]
+path = "contact.damping"
+low = 60
+high = 600
+[search]
+starts = 3
+batch = 1
+[sampling]
+samples = 64
+"""
+TOLERANCES = (
+    TEXT
+    + """
+[tolerance]
+"wheel.w3.roundness" = 0.1
+[limit]
+metric = "rms"
+max = "0.57 mm"
+confidence = 0.9
+"""
+)
+# after its second part the study waits for the test to kill it
+SLOW = """
+import time
+from omnijax.cli import main
+from omnijax.study._design_folder import Folder
+write, written = Folder.write, []
+def slow(*args):
+    if len(written) == 2:
+        time.sleep(600)
+    write(*args)
+    written.append(1)
+Folder.write = slow
+main()
+"""
+COMMANDS = {
+    "tolerances": (TOLERANCES, ["--draws", "128"]),
+    "design": (TEXT, []),  # a front's searches are kept by the same lines
+    "global-sensitivity": (TEXT, []),
+}
+
+
+def parts(folder) -> dict[str, float]:
+    """Finished parts and when each was written."""
+    return {p.name: p.stat().st_mtime_ns for p in folder.glob("[!.]*.npz")}
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_a_killed_study_is_taken_up(command, tmp_path, capsys):
+    path, store = tmp_path / "study.toml", tmp_path / "store"
+    text, more = COMMANDS[command]
+    path.write_text(text)
+    line = [command, str(path), *more]
+    assert run(line) == 0
+    whole = capsys.readouterr().out
+    kept = [*line, "--store", str(store)]
+    process = subprocess.Popen([sys.executable, "-c", SLOW, *kept], stderr=subprocess.DEVNULL)
+    while len(parts(store)) < 2:
+        assert process.poll() is None, "the study ended before it could be killed"
+        time.sleep(0.05)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    before = parts(store)
+    assert len(before) == 2
+    assert run([*kept, "--resume"]) == 0
+    assert capsys.readouterr().out == whole
+    after = parts(store)
+    assert len(after) > 2 and {name: after[name] for name in before} == before
+
+
+def test_interrupted_tolerances_are_kept_and_a_changed_study_is_refused(
+    tmp_path, capsys, monkeypatch
+):
+    path, store = tmp_path / "study.toml", tmp_path / "store"
+    path.write_text(TOLERANCES)
+    line = ["tolerances", str(path), "--draws", "128", "--store", str(store)]
+
+    def stop(self, key, arrays, write=Folder.write):
+        if key == "round-0-64":
+            raise KeyboardInterrupt
+        write(self, key, arrays)
+
+    monkeypatch.setattr(Folder, "write", stop)
+    assert run(line) == 130
+    said = f"Interrupted: 2 finished parts are kept in {store}. Continue with the same command and"
+    assert said in capsys.readouterr().err
+    monkeypatch.undo()
+    before = parts(store)
+    changes = [
+        ("0.57 mm", "0.58 mm", "limit: ['rms', 0.00057] -> ['rms', 0.00058]"),
+        ("7.3]", "7.4]", "drives.drive 1.values: [3.0, 5.1, 7.3] -> [3.0, 5.1, 7.4]"),
+    ]
+    for old, new, difference in changes:
+        path.write_text(TOLERANCES.replace(old, new))
+        assert run([*line, "--resume"]) == 2
+        text = capsys.readouterr().err
+        assert text.endswith(f"is left as it is. They differ in:\n  {difference}\n"), text
+    assert parts(store) == before
+
+
+def test_so_few_machines_are_refused_as_cannot_show_the_share():
+    few = tomllib.loads(TOLERANCES.replace("confidence = 0.9", "confidence = 0.99"))
+    message = "`draws` must be at least 381 for a confidence of 0.99, but is 380."
+    with pytest.raises(InputError, match=re.escape(message)):
+        tolerances(few, draws=380)
+    assert share_bounds(381, 381)[0] >= 0.99 > share_bounds(380, 380)[0]
