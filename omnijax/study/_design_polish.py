@@ -46,8 +46,13 @@ class Scaled(NamedTuple):
         return violation, float(f) / self.size
 
 
-def polish(problem: Scaled, share: np.ndarray, free: np.ndarray) -> tuple[np.ndarray, int]:
-    """A better design near `share` (d,), or `share` itself; and the number of evaluations."""
+def polish(
+    problem: Scaled, share: np.ndarray, free: np.ndarray, reach: float = 1.0
+) -> tuple[np.ndarray, int]:
+    """A better design near `share` (d,), or `share` itself; and the number of evaluations.
+
+    No variable moves farther than `reach` of its range.
+    """
     moving, seen = np.flatnonzero(free), {}
 
     def at(y: np.ndarray) -> Slopes:
@@ -62,12 +67,13 @@ def polish(problem: Scaled, share: np.ndarray, free: np.ndarray) -> tuple[np.nda
     start = at(begin)
     if not len(moving) or not start.finite:
         return share, len(seen)
+    box = [(max(0.0, s - reach), min(1.0, s + reach)) for s in begin]
     if problem.epigraph:
         begin = np.append(begin, start.f.max() / problem.size)
     try:
         end = minimize(
             lambda y: _objective(problem, at(y), y, moving), begin, jac=True, method="SLSQP",
-            bounds=[(0.0, 1.0)] * len(moving) + [(None, None)] * problem.epigraph,
+            bounds=[*box, *[(None, None)] * problem.epigraph],
             constraints=_constraints(problem, at, moving),
             options={"maxiter": STEPS, "ftol": 1e-12},
         ).x  # fmt: skip
