@@ -131,9 +131,9 @@ def test_conflicting_constraints_are_named():
 
 
 def test_an_island_among_ripples():
-    """The one feasible island, next to 0.45 in four variables, is a millionth of the space, and slopes
-    lead to the nearest of 4096 ripples: no search would find it but for evolved starts, and long
-    steps leave it again.  The least sum of the variables is on its diagonal."""
+    """The one feasible island, next to 0.45 in four variables, is a millionth of the space, and
+    slopes lead to the nearest of 4096 ripples: no search would find it but for evolved starts, and
+    long steps leave it again.  The least sum of the variables is on its diagonal."""
 
     def ripple(d):
         return 4 * (d**2 + 0.02 * (1 - np.cos(16 * np.pi * d)))

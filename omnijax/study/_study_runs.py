@@ -1,7 +1,9 @@
 """Runs under motor torques in a study: by fixed steps, as fine as halving the step asks for.
 
-With derivatives fixed steps cost a fifteenth of the adaptive solver, and figures by them are smooth
-in the variables, which those of an adaptive solver are only to its tolerance.
+Fixed steps cost in proportion to their number: with the derivatives of a 0.5 s run, sampled at
+250 Hz, in three variables a 75th of the adaptive solver at 1 substep, a tenth at 4, a quarter at
+16.  And figures by them are smooth in the variables, which those of an adaptive solver are only to
+its tolerance.
 """
 
 from collections.abc import Callable
