@@ -61,6 +61,19 @@ def test_calibration_finds_stiffness_within_a_per_cent(none):
     assert all(b["relative_sigma"] < 0.02 and b["determined"] for b in known)
 
 
+def test_an_opening_is_the_beginning_of_every_run_by_the_way_that_is_rolled(none):
+    model = none.details["model"]
+    part = model.opening(0.3)
+    for i, (short, whole) in enumerate(zip(part.machine.runs, model.machine.runs, strict=True)):
+        speed = model.machine.motions(model.machine.rig)[i].speed[::8]
+        way = np.cumsum(np.abs(speed).sum(axis=1))
+        assert way[short.samples - 1] == pytest.approx(0.3 * way[-1], rel=0.02)
+        np.testing.assert_array_equal(short.torque, whole.torque[: short.samples])
+    assert part.splits == model.splits
+    (residual,) = part.residuals([none.details["found"].fit.point], "train")
+    assert residual @ residual == pytest.approx(part.dof("train"), rel=0.05)
+
+
 def test_every_candidate_has_a_signature_or_is_said_to_be_dead(none):
     scores = none.details["found"].scans[0].scores
     assert {s.candidate.id for s in scores} == set(EFFECTS)

@@ -254,3 +254,31 @@ def test_a_search_ends_at_its_budget():
     assert len(Search(model).run().fit.point.effects) == 2
     model.budget, model.work = 1.0, 2.0
     assert len(Search(model).run().fit.point.effects) == 1
+
+
+class Clock(SmallModel):
+    """A tone of an uncertain pitch: what comes late hangs on it by many turns."""
+
+    def __init__(self, turns: float):
+        t = np.arange(0.0, turns, 0.05)
+        data = np.cos(1.25 * t) + 1e-3 * np.random.default_rng(0).normal(size=len(t))
+        laws = {"mount-cubic": EFFECTS["mount-cubic"]}
+        super().__init__(
+            lambda p, laws, split: (data - np.cos(p["k"] * t)) / 1e-3,
+            [Prior("k", 1.0, 0.1)],
+            laws,
+            "tone",
+        )
+        self.turns = turns
+
+    def opening(self, share):
+        return Clock(share * self.turns)
+
+
+def test_openings_lead_to_numbers_that_whole_runs_do_not_show():
+    model, start = Clock(100.0), Point(np.zeros(1))
+    assert refit(model, start).cost > 1e3 * model.dof("train")
+    point = Refits(model).opened(start, {})
+    assert refit(model, point).cost < 1.2 * model.dof("train")
+    hopeless = Refits(model).opened(start, {0.1: 1.0})  # another law is far better: given up
+    assert hopeless is start

@@ -94,6 +94,10 @@ class AbstractModel(abc.ABC):
     def columns(self, point: Point, candidates: Sequence, tell: Callable) -> list[np.ndarray]:
         """Signatures (rows, k) of the candidates on the train runs."""
 
+    def opening(self, share: float) -> "AbstractModel":
+        """This model of the runs' beginnings, up to `share` of the motion; all of it by default."""
+        return self
+
     @property
     def spent(self) -> bool:
         """Whether a search has used up its budget."""

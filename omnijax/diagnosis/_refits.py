@@ -12,6 +12,7 @@ from ._stepped import STEPPED
 
 MARGIN = 25.0  # least difference of chi2 between the joint refits of rivals
 HOPELESS = 3.0  # times the best trial's cost: above, three rounds of a trial are enough
+OPENINGS = (0.1, 0.2, 0.35, 0.6)  # shares of the motion that a strong law is refitted to first
 WIDTHS_MATTER = 10.0  # times the best cost: beyond, a stepped law's width is not looked for
 
 
@@ -41,21 +42,44 @@ class Refits:
 
     def __init__(self, model: AbstractModel):
         self.model = model
+        self.openings: dict[float, AbstractModel] = {}
 
     def tangents(self, fit: Fit, effects) -> np.ndarray | None:
         """Tangents of the uncertain parameters that a refit with `effects` may begin with."""
         return None if is_stepped(self.model, effects) else fit.jacobian[:, : len(fit.point.u)]
 
-    def try_out(self, fit: Fit, start: Start, before: np.ndarray, least: float = np.inf) -> Trial:
+    def try_out(self, fit: Fit, start: Start, before: np.ndarray, least: float = np.inf,
+                openings: dict[float, float] | None = None) -> Trial:  # fmt: skip
         """Refit everything from a start; `before` is the held-out residual without the effect.
 
-        `least` is the cost of the best trial so far.
+        `least` is the cost of the best trial so far.  With `openings`, the least cost of trials so
+        far by share, a law that is stepped in time is refitted to the runs' openings first.
         """
         point = self.tamed(start.point, fit.cost)
+        if openings is not None and is_stepped(self.model, point.effects[-1:]):
+            point = self.opened(point, openings)
         tangents = self.tangents(fit, point.effects)
         new = refit(self.model, point, baseline=tangents, rounds=8, relative=1e-3,
                     give_up=HOPELESS * least)  # fmt: skip
         return self.trial(fit, new, before)
+
+    def opened(self, point: Point, least: dict[float, float]) -> Point:
+        """`point` refitted to the runs' openings, the short ones first, while it has a chance.
+
+        Where contacts part and strike, what comes late in a run hangs so strongly on every number
+        that no way leads to the right ones from afar; the opening tells them well enough.
+        """
+        for share in OPENINGS:
+            if share not in self.openings:
+                self.openings[share] = self.model.opening(share)
+            part = self.openings[share]
+            part.work = 0.0
+            fit = refit(part, point, rounds=8, relative=1e-2)
+            self.model.work += share * part.work
+            if not fit.cost < HOPELESS * least.get(share, np.inf):
+                break
+            point, least[share] = fit.point, min(fit.cost, least.get(share, np.inf))
+        return point
 
     def trial(self, fit: Fit, new: Fit, before: np.ndarray) -> Trial:
         """A refit with one more effect than `fit`, as the held-out runs see it."""

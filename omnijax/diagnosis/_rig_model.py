@@ -12,7 +12,7 @@ from ..rig import Rig, get_parameter, set_parameter
 from ._candidates import Candidate, Context, candidates, number
 from ._machine import Machine
 from ._model import AbstractModel, Point, Prior, free_numbers
-from ._runs import Run
+from ._runs import FINE, Run
 from ._signatures import base_of, signature
 from ._stepped import STEPPED
 
@@ -29,7 +29,7 @@ class RigModel(AbstractModel):
 
     def __init__(self, rig: Rig, runs: list[Run], noise: dict[str, float],
                  laws: dict[str, type[AbstractLaw]], window: float = 1.0):  # fmt: skip
-        self.rig, self.laws, self.noise = rig, laws, noise
+        self.rig, self.laws, self.noise, self.window = rig, laws, noise, window
         self.priors = rig_priors(rig)
         self.splits = split_runs(runs)
         self.splits["first train"] = self.splits["train"][:1]
@@ -80,6 +80,14 @@ class RigModel(AbstractModel):
 
     def rebase(self, point):
         self.machine.rebase(self.rig_at(point))
+
+    def opening(self, share):
+        """Every run up to the moment at which its wheels have rolled `share` of their way."""
+        motions, cut = self.machine.motions(self.machine.rig), []
+        for i, run in enumerate(self.machine.runs):
+            way = np.cumsum(np.abs(motions[i].speed[::FINE]).sum(axis=1))
+            cut.append(run.first(int(np.searchsorted(way, share * way[-1])) + 1))
+        return RigModel(self.rig, cut, self.noise, self.laws, self.window)
 
     def bases(self, point: Point, split: str = "train"):
         """Base runs at a point, with what each port feels."""

@@ -37,6 +37,12 @@ class Run:
         """Times with `parts` points a sample, s."""
         return np.linspace(0.0, self.time[-1], (self.samples - 1) * parts + 1)
 
+    def first(self, samples: int) -> "Run":
+        """The run's first samples."""
+        parts = {k: getattr(self, k)[:samples] for k in ("time", "torque", "force", "known")}
+        outputs = {g: values[:samples] for g, values in self.outputs.items()}
+        return dataclasses.replace(self, outputs=outputs, **parts)
+
     def rolling_start(self, noise: dict[str, float]) -> bool:
         """Whether the sphere turns already at the first samples."""
         first = self.outputs["Omega"][:10] if "Omega" in self.outputs else None

@@ -99,8 +99,11 @@ class Search:
         )
 
     def follow(self, way: Way) -> Way:
-        """Go on greedily until noise is left, or nothing that held-out runs accept."""
-        while len(way.fit.point.effects) < MOST and not way.noise_only:
+        """Go on greedily until nothing stands out, or nothing that held-out runs accept.
+
+        Also where chi2 is that of noise: a scan sees an effect that chi2 of all rows does not.
+        """
+        while len(way.fit.point.effects) < MOST:
             if way.scans and self.model.spent:
                 break
             scan = self.scan(way.fit)
@@ -165,12 +168,12 @@ class Search:
         scores = [s for s in significant(scan, spread) if s.candidate.name not in have]
         starts = self.starts(fit, scan, scores, spread > STRONG)
         before = residual_of(self.model, fit.point, "held-out")
-        trials = []
+        trials, openings = [], {} if spread > STRONG else None
         for start in starts[:TRIED]:
             if trials and self.model.spent:
                 break
             least = min((t.fit.cost for t in trials), default=np.inf)
-            trial = self.refits.try_out(fit, start, before, least)
+            trial = self.refits.try_out(fit, start, before, least, openings)
             self.tell(
                 f"{trial.effect.name}: gain {trial.gain:.0f}, held-out {trial.held.gain:.0f}, "
                 f"share {trial.held.multiplier:.2f}"
