@@ -21,6 +21,7 @@ def tools(skip) -> list[Tool]:
     def process(text):
         cache = tempfile.mkdtemp(prefix="omnijax-cache-")  # one for each tool
         environment = dict(os.environ, OMNIJAX_CACHE_DIR=cache)
+        environment.pop("PYTHONDONTWRITEBYTECODE", None)  # an installed package has its bytecode
 
         def run():
             subprocess.run([sys.executable, "-c", text], check=True, env=environment)

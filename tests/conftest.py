@@ -19,6 +19,7 @@ if version("jaxlib").startswith("0.10."):  # XLA aborts at a flag that it does n
 os.environ.setdefault("XLA_FLAGS", FLAGS)
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
+os.environ.setdefault("OMNIJAX_KEEP_PROGRAMS", "0")  # hundreds of programs, of which few come again
 os.environ.setdefault(
     "OMNIJAX_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
 )

@@ -1,4 +1,4 @@
-"""Linear systems of three unknowns in closed form: a library call costs more than the work."""
+"""Small linear systems without a library: for three unknowns a call costs more than the work."""
 
 import jax
 import jax.numpy as jnp
@@ -26,8 +26,36 @@ def solve(matrix: Float[Array, "n n"], right: Float[Array, " n"]) -> Float[Array
     return columns @ right / determinant
 
 
+def solve_all(matrix: Float[Array, "m m"], right: Float[Array, "m k"]) -> Float[Array, "m k"]:
+    """Solution x of matrix x = right by elimination; a program without LAPACK starts sooner."""
+    return jax.lax.custom_linear_solve(
+        lambda x: matrix @ x,
+        right,
+        lambda _, b: _eliminated(matrix, b),
+        lambda _, b: _eliminated(matrix.T, b),
+    )
+
+
+def _eliminated(matrix, right):
+    """Gauss and Jordan's elimination, the largest of each column as its pivot."""
+    m = len(matrix)
+    rows = jnp.arange(m)
+
+    def turn(whole, k):
+        pivot = jnp.argmax(jnp.where(rows >= k, jnp.abs(whole[:, k]), -1.0))
+        swapped = whole.at[pivot].set(whole[k])
+        row = whole[pivot] / whole[pivot, k]
+        rest = swapped - jnp.where(rows == k, 0.0, swapped[:, k])[:, None] * row
+        return rest.at[k].set(row), None
+
+    return jax.lax.scan(turn, jnp.concatenate([matrix, right], axis=1), rows)[0][:, m:]
+
+
+def pseudoinverse(matrix: Float[Array, "n m"]) -> Float[Array, "m n"]:
+    """Moore and Penrose's inverse; the inverse itself for n = m = 3."""
+    return inverse(matrix) if matrix.shape == (3, 3) else jnp.linalg.pinv(matrix)
+
+
 def least_squares(matrix: Float[Array, "n m"], right: Float[Array, " n"]) -> Float[Array, " m"]:
     """Least x of all those with least |matrix x - right|."""
-    if matrix.shape == (3, 3):
-        return solve(matrix, right)
-    return jnp.linalg.pinv(matrix) @ right
+    return solve(matrix, right) if matrix.shape == (3, 3) else jnp.linalg.pinv(matrix) @ right

@@ -9,7 +9,8 @@ Widths may be zero (a gap of a round wheel), and every entry is differentiable i
 """
 
 import math
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -120,17 +121,21 @@ def _table(shape: TableShape) -> Pieces:
 
 def shape_pieces(shape: AbstractShape, gap: Gap) -> Pieces | None:
     """One period of a wheel's profile; None where it has no such form (or moves the contact)."""
-    if isinstance(shape, GatedSine):
-        return _gated(gap, 2 * math.pi)
-    if isinstance(shape, HalfSine):
-        return _gated(gap, math.pi)
-    if isinstance(shape, ContinuousSine):
-        return _continuous(gap)
-    if isinstance(shape, Rollers):
-        return _rollers(gap)
-    if isinstance(shape, TableShape):
-        return _table(shape)
-    return None
+    return _FORMS[type(shape)](shape, gap) if has_pieces(shape) else None
+
+
+_FORMS: dict[type[AbstractShape], Callable[[Any, Gap], Pieces]] = {
+    GatedSine: lambda _, gap: _gated(gap, 2 * math.pi),
+    HalfSine: lambda _, gap: _gated(gap, math.pi),
+    ContinuousSine: lambda _, gap: _continuous(gap),
+    Rollers: lambda _, gap: _rollers(gap),
+    TableShape: lambda shape, _: _table(shape),
+}
+
+
+def has_pieces(shape: AbstractShape) -> bool:
+    """Whether a profile has a closed form (and does not move the contact)."""
+    return type(shape) in _FORMS
 
 
 def mirrored(pieces: Pieces) -> Pieces:

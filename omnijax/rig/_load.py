@@ -6,8 +6,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import jax.numpy as jnp
-
+from .._arrays import on_device
 from .._errors import InputError, did_you_mean
 from ..laws import PROFILES, AbstractLaw, AbstractShape, DualRow
 from ._check import problems
@@ -80,13 +79,13 @@ def _build(table: RigTable, folder: Path) -> Rig:
 
 
 def _arrays(table: Any) -> dict[str, Any]:
-    return {key: jnp.asarray(getattr(table, key), float) for key in quantities(type(table))}
+    return {key: on_device(getattr(table, key)) for key in quantities(type(table))}
 
 
 def _wheels(wheels: list[WheelTable]) -> Wheels:
     def stacked(tables: list[Any]) -> dict[str, Any]:
         keys = [key for key in quantities(type(tables[0])) if key != "row_spacing"]
-        return {key: jnp.asarray([getattr(t, key) for t in tables], float) for key in keys}
+        return {key: on_device([getattr(t, key) for t in tables]) for key in keys}
 
     return Wheels(
         **stacked(wheels),
@@ -98,7 +97,7 @@ def _wheels(wheels: list[WheelTable]) -> Wheels:
 
 def _profile(wheel: WheelTable, folder: Path) -> AbstractShape:
     if wheel.profile == "dual-row":
-        return DualRow(jnp.asarray(wheel.row_spacing, float))
+        return DualRow(on_device(wheel.row_spacing))
     if wheel.table is not None:
         return shape_of(wheel.table, wheel.rollers, folder)
     return PROFILES[wheel.profile]()
@@ -118,4 +117,4 @@ def _placed(block: EffectTable, names, profiles, folder: Path) -> Placed:
 def with_arrays(law: type[AbstractLaw], values: Mapping[str, Any]) -> AbstractLaw:
     """A law with its parameters as arrays, its defaults too where none is given."""
     filled = {**{k: getattr(law, k, None) for k in law.parameters}, **values}
-    return law(**{k: jnp.asarray(v, float) for k, v in filled.items() if v is not None})
+    return law(**{k: on_device(v) for k, v in filled.items() if v is not None})

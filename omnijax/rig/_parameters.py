@@ -96,11 +96,11 @@ def read_parameter(rig: Rig, path: str, value: Any) -> Any:
 
 def parameter_info(rig: Rig, path: str) -> ParameterInfo:
     """Unit, range and shape of the parameter at `path`."""
-    quantity = _locate(rig, path).quantity
+    leaf, index, quantity = _locate(rig, path)
     low, whole = quantity.low, isinstance(quantity, Quantity) and quantity.whole
     if isinstance(quantity, Quantity) and quantity.above is not None:
         low = quantity.above
-    shape = tuple(get_parameter(rig, path).shape)
+    shape = jnp.shape(leaf(rig))[0 if index is None else 1 :]
     return ParameterInfo(path, quantity.unit, low, quantity.high, shape, whole)
 
 

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._arrays import on_device
 from ._trajectory import Trajectory
 
 
@@ -17,12 +18,12 @@ def room(length: int) -> int:
 
 def padded(ts, length: int) -> jax.Array:
     """The times with the last one repeated up to `length`."""
-    return jnp.asarray(np.pad(ts, (0, length - len(ts)), mode="edge"))
+    return on_device(np.pad(ts, (0, length - len(ts)), mode="edge"))
 
 
 def samples_of(run: Trajectory, begin: int, end: int) -> Trajectory:
     """Samples `begin` to `end` of a run."""
-    cut = {name: jnp.asarray(np.asarray(x)[begin:end]) for name, x in _channels(run).items()}
+    cut = {name: on_device(np.asarray(x)[begin:end]) for name, x in _channels(run).items()}
     return dataclasses.replace(run, **cut)
 
 

@@ -6,10 +6,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from .. import _config as _config
+from .._arrays import on_device
 
 
 class Signal(eqx.Module):
@@ -81,8 +82,11 @@ class Signal(eqx.Module):
 
 def constant(value: Sequence[float]) -> Signal:
     """The same `value` at all times."""
-    values = jnp.atleast_1d(jnp.asarray(value, float))[None, :]
-    return Signal(jnp.zeros(1), values, jnp.zeros_like(values))
+    if any(isinstance(x, Tracer) for x in jax.tree.leaves(value)):
+        values = jnp.atleast_1d(jnp.asarray(value, float))[None, :]
+        return Signal(jnp.zeros(1), values, jnp.zeros_like(values))
+    known = np.atleast_1d(np.asarray(value, float))[None, :]
+    return Signal(*(on_device(x) for x in (np.zeros(1), known, np.zeros_like(known))))
 
 
 def table(time: ArrayLike, values: ArrayLike) -> Signal:
@@ -102,7 +106,7 @@ def table(time: ArrayLike, values: ArrayLike) -> Signal:
     slopes = np.where(width > 0, np.diff(v, axis=0) / np.where(width > 0, width, 1.0), 0.0)
     slopes = np.concatenate([slopes, np.zeros((1, v.shape[1]))])
     keep = np.flatnonzero(np.append(np.diff(t) > 0, True))  # of a doubled time the later row counts
-    return Signal(*(jnp.asarray(x[keep]) for x in (t, v, slopes)))
+    return Signal(*(on_device(x[keep]) for x in (t, v, slopes)))
 
 
 def step(time: float, before: ArrayLike, after: ArrayLike) -> Signal:

@@ -131,23 +131,23 @@ def _empty_group(
     import zarr
 
     size, order = spec.points.size, [q.name for q in quantities]
-    group = zarr.open_group(where, mode="w", zarr_format=3)
-    group.attrs.update({"schema": SCHEMA, "spec": spec.to_json(), "order": order, **about})
+    attributes = {"schema": SCHEMA, "spec": spec.to_json(), "order": order, **about}
+    group = zarr.open_group(where, mode="w", zarr_format=3, attributes=attributes)
     for q in quantities:
         status = q.name == "status"
-        array = group.create_array(
+        about_it: dict[str, Any] = {"units": q.unit, "long_name": q.meaning}
+        if status:
+            flags = " ".join(_flags(STATUS.values()))
+            about_it |= {"flag_values": list(STATUS), "flag_meanings": flags}
+        group.create_array(
             q.name,
             shape=(size,),
             chunks=(spec.chunk,),
             dtype="i1" if status else "f8",
             fill_value=-1 if status else np.nan,
             dimension_names=["design"],
+            attributes=about_it,
         )
-        array.attrs.update({"units": q.unit, "long_name": q.meaning})
-        if status:
-            array.attrs.update(
-                {"flag_values": list(STATUS), "flag_meanings": " ".join(_flags(STATUS.values()))}
-            )
     return group
 
 

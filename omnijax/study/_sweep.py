@@ -2,6 +2,7 @@
 
 import dataclasses
 import errno
+import functools
 import platform
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -87,6 +88,7 @@ def sweep(
     return SweepResult(store)
 
 
+@functools.cache
 def environment() -> dict[str, Any]:
     """Versions and device, for the store."""
     from importlib.metadata import version

@@ -28,10 +28,10 @@ def _read(rig: Rig, drive: Drive, path: str, given: Any) -> Axis:
     quantities = drive_quantities(drive, rig.names)
     if path in quantities:
         return read_axis(path, given, quantities[path][0])
-    known = [info.path for info in parameter_paths(rig)]
     try:
         info = parameter_info(rig, path)
     except InputError:
+        known = [info.path for info in parameter_paths(rig)]
         hint = did_you_mean(path, [*known, *quantities])
         raise InputError(f"neither the rig nor its drive has a parameter `{path}`.{hint}") from None
     of_wheels = not path.startswith(_WHOLE)

@@ -9,6 +9,7 @@ what the start leaves over decays freely:
 with u the angle in the period, j the period's number and S_g,j the j-th power applied to rest.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -37,13 +38,15 @@ class Response(NamedTuple):
     second: Float[Array, "t n"]  # m s^2, of that
 
 
-def _powers(period: Float[Array, "a a"], count: Array) -> Float[Array, "t a"]:
-    """period^count applied to rest (0, 1), for many counts."""
+def _powers(period: Float[Array, "a a"], count: Array, most: Array) -> Float[Array, "t a"]:
+    """period^count applied to rest (0, 1), for many counts; none is above `most`, unbatched."""
     rest = jnp.zeros((len(count), period.shape[0])).at[:, -1].set(1.0)
 
     def climb(carry, j):
-        M, z = carry
-        return (M @ M, jnp.where(((count >> j) & 1)[:, None] == 1, z @ M.T, z)), None
+        def on(M, z):
+            return M @ M, jnp.where(((count >> j) & 1)[:, None] == 1, z @ M.T, z)
+
+        return jax.lax.cond(most >> j > 0, on, lambda M, z: (M, z), *carry), None
 
     return jax.lax.scan(climb, (period, rest), jnp.arange(PERIODS))[0][1]
 
@@ -77,14 +80,14 @@ def _top(scale) -> Int[Array, ""]:
     return jnp.max(scale) + 1
 
 
-def _signal(tops, m: int, cycle: Cycle, cycles: Passages, decay: Decay, elapsed):
+def _signal(tops, m: int, cycle: Cycle, cycles: Passages, decay: Decay, places):
     """Forced response of one signal from a virtual rest at its period's start; rho beside it."""
     before, period = prefix_maps(piece_maps(cycles.pieces, m))
     starts = with_terms(before[:, :m, m], cycles.pieces)
     Z = jax.vmap(lambda piece, z: points(piece, z, GRID_BITS))(cycles.pieces, starts)
-    number, index, v, inside = _places(cycle, elapsed)
+    number, index, v, inside = places
     curve = advance_pieces(cycles.pieces, tops[0], Z, index, v)[:, :m]
-    earlier = _powers(period, number)[:, :m]
+    earlier = _powers(period, number, tops[2])[:, :m]
     free = advance_all(*decay, tops[1], earlier, inside / cycle.period)
     shape = jax.vmap(lambda k, v: value(cycle.pieces, k, v))(index, v)
     return curve + free, shape
@@ -114,10 +117,11 @@ def constant_response(
     cycles = passages(scaled, signals, GRID_BITS, levels)
     elapsed = jnp.concatenate([jnp.zeros(1), ts - ts[0]])
     decays = _decays(scaled, levels, signals.cycle)
-    tops = (_top(cycles.pieces.scale), _top(decays.scale))
-    s, shape = jax.vmap(
-        lambda cycle, passage, decay: _signal(tops, len(scaled.A), cycle, passage, decay, elapsed)
-    )(signals.cycle, cycles, decays)
+    places = jax.vmap(_places, in_axes=(0, None))(signals.cycle, elapsed)
+    tops = (_top(cycles.pieces.scale), _top(decays.scale), jnp.max(places[0]))
+    s, shape = jax.vmap(partial(_signal, tops, len(scaled.A)))(
+        signals.cycle, cycles, decays, places
+    )
     y0 = plain.rest @ shape[:, 0] if start is None else start
     y0 = jnp.pad(y0, (0, 8)) - system.shift.T @ shape[:, 0]
     free = y0 / unit - jnp.sum(s[:, 0], axis=0)

@@ -2,11 +2,11 @@
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..._programs import kept
 from ...rig import Rig
 from ._cycles import Forcing, forcing
 from ._ladder import Piece, make_piece
@@ -34,7 +34,7 @@ def passages(system: Forced, forcing: Forcing, least: int, levels: int) -> Passa
     return Passages(pieces, duration, cycle.pieces.width)
 
 
-@eqx.filter_jit
+@kept
 def time_constants(rig: Rig, speeds, angles, model: str, least: float = 0.0):
     """How many of its time constants the system passes in its longest piece (or in `least` s)."""
     signals = forcing(rig, speeds, angles)

@@ -2,14 +2,15 @@
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from ..._programs import kept
 from ...dynamics import TRANSLATIONS, Model, State, initial_memory
+from ...dynamics._small import pseudoinverse
 from ...rig import Rig, over_wheels
 from .._channels import trajectory
 from .._drives import SpeedDrive
@@ -76,17 +77,17 @@ def _room(rig: Rig, drive: SpeedDrive, ts, model: str) -> tuple[tuple[int, ...],
     periods = [min(float(jnp.sum(p.width)) for p in some) for some in shapes]
     counts = tuple(int(np.ceil(a / p)) + 3 for a, p in zip(turned, periods, strict=True))
     step = float(np.diff(np.asarray(ts)).max(initial=1e-6))
-    passed = time_constants(rig, jnp.zeros(rig.size), jnp.zeros(rig.size), model, step)
+    passed = time_constants(rig, jnp.zeros(rig.size), jnp.zeros(rig.size), model, jnp.asarray(step))
     return counts, levels_needed(passed)
 
 
-@eqx.filter_jit
+@kept
 def _varying(rig, drive, ts, model, counts, levels) -> Trajectory:
     response = varying_response(rig, drive, ts, model, counts, levels, compose)
     return _finish(rig, drive, ts, model, response, response.attitude)
 
 
-@eqx.filter_jit
+@kept
 def _constant(rig: Rig, drive: SpeedDrive, ts, model: str) -> Trajectory:
     """One program for every rig and speed: the ladder is as long as any rig's rates ask."""
     angles = jnp.zeros(rig.size) if drive.initial_angle is None else drive.initial_angle
@@ -138,7 +139,7 @@ def attitudes(rig: Rig, drive: SpeedDrive, ts, response: Response) -> Float[Arra
     """
     speeds = drive.speed.values[0]
     factor = 1 + over_wheels(rig.at("kinematics"), speeds, rig.size)
-    to_sphere = jnp.linalg.pinv(rig.wheels.spin_axis) * factor / rig.sphere.radius
+    to_sphere = pseudoinverse(rig.wheels.spin_axis) * factor / rig.sphere.radius
     turning = _turning(rig, speeds, ts, response)
     whole, moment = turning.whole @ to_sphere.T, turning.moment @ to_sphere.T
     h = jnp.diff(ts)[:, None]

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..._programs import kept
 from ...rig import Rig
 from ._cycles import Forcing, forcing, is_traced
 from ._ladder import basis_generator, basis_row, levels_needed, second_moments
@@ -109,7 +110,7 @@ def steady_state(
     return _steady(rig, speeds, angles, model, harmonics, grid_bits, sharpness, levels)
 
 
-@eqx.filter_jit
+@kept
 def _steady(rig, speeds, angles, model, count, bits, sharpness, levels) -> SteadyState:
     signals = forcing(rig, speeds, angles)
     system, _ = balanced(forced_system(rig, model, speeds, signals.wheel))

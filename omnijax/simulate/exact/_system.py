@@ -24,8 +24,9 @@ from ...dynamics import (
     initial_memory,
     port_forces,
 )
+from ...dynamics._small import pseudoinverse, solve_all
 from ...laws import ContactRelaxation, DamagedRoller, FloorVibration, WheelRunout
-from ...laws._pieces import shape_pieces
+from ...laws._pieces import has_pieces
 from ...rig import Rig, over_wheels
 from ._cycles import _period_kind, is_traced
 
@@ -49,12 +50,12 @@ class Forced(NamedTuple):
 def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     """Why the exact path does not take this rig, in words; None where it does."""
     for i, profile in enumerate(rig.profiles):
-        gap = jax.tree.map(lambda x, i=i: x[i], rig.gaps)
-        if jax.eval_shape(shape_pieces, profile, gap) is None:
+        if not has_pieces(profile):
             return f"wheel {rig.names[i]}'s profile `{profile.id}` has no closed form"
         laws = [p.law for p in rig.at("shape") if i in p.wheels]
         damaged = any(isinstance(law, DamagedRoller) for law in laws)
-        if damaged and _period_kind(profile, gap) != "pitch":
+        gap = jax.tree.map(lambda x, i=i: x[i], rig.gaps) if damaged else None
+        if gap is not None and _period_kind(profile, gap) != "pitch":
             return f"a damaged roller on wheel {rig.names[i]}, whose profile is not one pitch long"
     known = {
         "shape": (DamagedRoller, WheelRunout),
@@ -87,10 +88,9 @@ def _turning_obstacle(rig: Rig) -> str | None:
 def drive_gain(rig: Rig, speeds: Float[Array, " n"], creep: bool = True):
     """f = gain drho/dt: (I_s/R^2) [axes^T]^+ [axes]^+ diag(omega (1 + creep)), equal inertias."""
     factor = 1 + over_wheels(rig.at("kinematics") if creep else (), speeds, rig.size)
-    inverse = jnp.linalg.inv if rig.size == 3 else jnp.linalg.pinv
-    axes = rig.wheels.spin_axis
+    back = pseudoinverse(rig.wheels.spin_axis)
     inertia = rig.sphere.inertia_matrix[0, 0] / rig.sphere.radius**2
-    return inertia * inverse(axes.T) @ inverse(axes) * (speeds * factor)
+    return inertia * back.T @ back * (speeds * factor)
 
 
 def _responses(translation: AbstractTranslation, gain):
@@ -159,7 +159,7 @@ def _solve(rig: Rig, model: str, A, right):
     """A^-1 right; of least size where fewer than three wheels leave the sphere free to move."""
     if model == "coupled" and rig.size < 3:
         return jnp.linalg.pinv(A) @ right
-    return jnp.linalg.solve(A, right)
+    return solve_all(A, right)
 
 
 def _floor_directions(rig: Rig) -> list[Array]:

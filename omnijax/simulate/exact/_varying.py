@@ -17,6 +17,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ...dynamics import TRANSLATIONS, initial_memory
+from ...dynamics._small import pseudoinverse
 from ...laws._pieces import Pieces, chebyshev_nodes, piece_at, to_powers, value
 from ...rig import Rig, over_wheels
 from .._drives import SpeedDrive
@@ -185,7 +186,7 @@ def varying_response(rig: Rig, drive: SpeedDrive, ts, model: str, counts, levels
     powers[np.arange(1, DEGREE + 1), np.arange(DEGREE)] = 2 * np.arange(1, DEGREE + 1)
     terms = jnp.asarray((-1.0) ** np.arange(DEGREE + 1))
     first = _read(setting, start, times[0], times[1], -1.0)
-    to_sphere = jnp.linalg.pinv(rig.wheels.spin_axis) / rig.sphere.radius
+    to_sphere = pseudoinverse(rig.wheels.spin_axis) / rig.sphere.radius
     gauss, weight = np.polynomial.legendre.leggauss(8)
 
     def on(y, interval):

@@ -1,0 +1,214 @@
+"""Programs kept across processes: traced, lowered and compiled once, loaded ever after.
+
+jax's compilation cache saves the compiler's time alone; tracing and lowering a long formula take
+seconds in every process.  A kept program is stored whole beside that cache, under a key of all
+that it was made from, and is loaded where every part of the key is the same.  Whatever else is
+found there is ignored and written anew.  `OMNIJAX_KEEP_PROGRAMS=0` switches this off.
+"""
+
+import functools
+import hashlib
+import logging
+import os
+import pickle
+import platform
+import re
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+from jax.core import Tracer
+from jax.experimental.compilation_cache import compilation_cache
+from jax.experimental.serialize_executable import deserialize_and_load, serialize
+
+from ._config import cache_folder
+
+FILES = 64  # the most that are kept, the last used
+HELD = 32  # the most in memory
+_held: dict[Any, Callable] = {}
+_SOURCES = (".", "laws", "rig", "dynamics", "simulate", "simulate/exact")
+_STATIC = (str, int, float, bool)  # leaves beside arrays
+_log = logging.getLogger("omnijax")
+
+
+def kept(function: Callable) -> Callable:
+    """`function` as a compiled program that is kept across processes.
+
+    Like `equinox.filter_jit`, which takes every call that has no such program: under a
+    transformation, with laws from outside this package, or not on one ordinary CPU.  Results
+    must be pytrees of arrays whose classes belong to this package.
+    """
+    jitted = eqx.filter_jit(function)
+
+    @functools.wraps(function)
+    def run(*args):
+        leaves, tree = jax.tree.flatten(args)
+        if not _suits(leaves):
+            return jitted(*args)
+        shapes = tuple(_shape(x) for x in leaves)
+        settings = _settings()
+        known = (function, tree, shapes, settings)
+        if known not in _held:
+            if not _package_only(args):
+                return jitted(*args)
+            name = f"{function.__module__}.{function.__qualname__}"
+            key = "\n".join(map(str, (name, tree, shapes, settings, _origin())))
+            _held[known] = _load(key) or _make(function, leaves, tree, key)
+        _held[known] = program = _held.pop(known)  # the last used are the last
+        while len(_held) > HELD:
+            del _held[next(iter(_held))]
+        return program([x for x in leaves if isinstance(x, jax.Array)])
+
+    return run
+
+
+def _suits(leaves: list[Any]) -> bool:
+    """Whether a call is one that a kept program can take."""
+    if os.environ.get("OMNIJAX_KEEP_PROGRAMS") == "0" or not sys.platform.startswith("linux"):
+        return False
+    device, *others = jax.devices()
+    if device.platform != "cpu" or others or jax.config.jax_disable_jit:  # pyright: ignore
+        return False
+    return all(
+        isinstance(x, _STATIC) or (_is_concrete(x) and x.devices() == {device}) for x in leaves
+    )
+
+
+def _is_concrete(x: Any) -> bool:
+    return isinstance(x, jax.Array) and not isinstance(x, Tracer)
+
+
+def _shape(x: Any) -> tuple[Any, ...]:
+    return (x.shape, str(x.dtype), x.weak_type) if isinstance(x, jax.Array) else (type(x), x)
+
+
+def _settings() -> tuple[Any, ...]:
+    """jax's settings as they hold here; folders and logs make no difference to a program."""
+    names = [n for n in jax.config.values if not ("cache" in n or "log" in n)]
+    return tuple((n, str(getattr(jax.config, n, None))) for n in names)
+
+
+def _package_only(args: Any) -> bool:
+    """Whether all classes in the arguments are this package's or plain, so `_origin` has them."""
+    classes: set[type] = set()
+    jax.tree.flatten(args, is_leaf=lambda x: bool(classes.add(type(x))))
+    here = __name__.split(".")[0]
+    return all(c.__module__.split(".")[0] in (here, "builtins", "jaxlib") for c in classes)
+
+
+@functools.cache
+def _origin() -> str:
+    """What the programs of this process come from: sources, versions, processor, flags."""
+    digest, root = hashlib.sha256(), Path(__file__).parent
+    for file in sorted(path for part in _SOURCES for path in (root / part).glob("*.py")):
+        digest.update(file.name.encode() + file.read_bytes())
+    modules = [sys.modules[name] for name in ("jax", "jaxlib", "equinox", "numpy")]
+    versions = [f"{module.__name__} {module.__version__}" for module in modules]
+    flags = sorted(f"{k}={v}" for k, v in os.environ.items() if k.startswith(("XLA", "PJRT")))
+    return "\n".join([digest.hexdigest(), sys.version, *versions, *_processor(), *flags])
+
+
+def _processor() -> list[str]:
+    """What the compiler asks of the processor before it chooses instructions."""
+    found = re.findall(r"^(?:model name|flags|Features|CPU \w+)\s*:.*", _cpuinfo(), re.MULTILINE)
+    return [platform.machine(), *sorted(set(found))]
+
+
+def _cpuinfo() -> str:
+    return Path("/proc/cpuinfo").read_text()
+
+
+def _file(key: str) -> Path:
+    return cache_folder() / "programs" / hashlib.sha256(key.encode()).hexdigest()
+
+
+def _load(key: str) -> Callable | None:
+    """The kept program of this key; None where there is none, or none that is whole."""
+    file = _file(key)
+    try:
+        digest, body = file.read_bytes().split(b"\n", 1)
+        if digest.decode() != hashlib.sha256(body).hexdigest():
+            raise ValueError("damaged")
+        program = _read(body, key)
+        os.utime(file)
+        return program
+    except FileNotFoundError:
+        return None
+    except Exception as error:  # whatever is wrong with a file, the program can be made again
+        _log.info("the kept program %s is ignored: %s", file, error)
+        return None
+
+
+def _read(body: bytes, key: str) -> Callable:
+    """The program of a file's content."""
+    content = pickle.loads(body)
+    if content["key"] != key:
+        raise ValueError("of another program")
+    if content["lapack"]:
+        _register_lapack()
+    tree = jax.tree.structure(content["result"])
+    inputs = jax.tree.structure(((0,) * content["inputs"], {}))
+    return _unflattened(deserialize_and_load(content["program"], inputs, tree))
+
+
+def _unflattened(program: Callable) -> Callable:
+    return lambda arrays: program(*arrays)
+
+
+def _register_lapack() -> None:
+    """Have jax hand its LAPACK kernels to XLA, as lowering an operation that needs them does."""
+    jax.jit(jax.lax.linalg.cholesky).lower(jax.ShapeDtypeStruct((1, 1), float))
+
+
+def _make(function: Callable, leaves: list[Any], tree: Any, key: str) -> Callable:
+    """Trace, lower and compile; keep the program where it can be."""
+    arrays = [x for x in leaves if isinstance(x, jax.Array)]
+
+    def flat(*arrays):
+        given = iter(arrays)
+        full = [next(given) if isinstance(x, jax.Array) else x for x in leaves]
+        return function(*jax.tree.unflatten(tree, full))
+
+    flat.__name__ = function.__name__
+    lowered = jax.jit(flat).lower(*arrays)
+    kernels = set(re.findall(r"custom_call @(\w+)", lowered.as_text()))
+    if not all(name.startswith("lapack_") for name in kernels):  # not XLA's own, nor registered
+        return _unflattened(lowered.compile())
+    compiled = _compile_afresh(lowered)
+    result = jax.tree.map(lambda _: 0, lowered.out_info)
+    content = {"key": key, "lapack": bool(kernels), "inputs": len(arrays), "result": result}
+    try:
+        content["program"] = serialize(compiled)[0]
+        body = pickle.dumps(content)
+        jax.block_until_ready(_read(body, key)(arrays))  # only what has run from there is kept
+        _store(_file(key), body)
+    except (OSError, NotImplementedError, RuntimeError) as error:
+        _log.info("the program %s is not kept: %s", function.__name__, error)
+    return _unflattened(compiled)
+
+
+def _compile_afresh(lowered: Any) -> Any:
+    """Compile without jax's cache: a program loaded from there cannot be stored again."""
+    before = jax.config.jax_enable_compilation_cache  # pyright: ignore
+    jax.config.update("jax_enable_compilation_cache", False)
+    compilation_cache.reset_cache()  # it asks for the setting once
+    try:
+        return lowered.compile()
+    finally:
+        jax.config.update("jax_enable_compilation_cache", before)
+        compilation_cache.reset_cache()
+
+
+def _store(file: Path, body: bytes) -> None:
+    """Write at once or not at all; the files unused for longest make room."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as part:
+        part.write(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
+    os.replace(part.name, file)
+    used = sorted(file.parent.iterdir(), key=lambda path: -path.stat().st_mtime)
+    for old in used[FILES:]:
+        old.unlink(missing_ok=True)

@@ -1,0 +1,188 @@
+"""Programs kept across processes: the same results, and nothing but them from what lies there."""
+
+import os
+import subprocess
+import sys
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from omnijax import _programs
+from omnijax._programs import kept
+
+RIGHT = jnp.array([3.0, -1.0, 0.5])
+MATRIX = jnp.array([[4.0, 1.0, 0.0], [1.0, 3.0, -1.0], [0.5, -1.0, 2.0]])
+
+
+class Counted:
+    """A kept function that says how often it was traced; each new one has forgotten the last."""
+
+    def __init__(self, scale: float = 1.0):
+        self.traced = 0
+
+        def solution(matrix, right):
+            self.traced += 1
+            return scale * jnp.linalg.solve(matrix, jnp.sin(right))
+
+        self.call = kept(solution)
+
+    def __call__(self, *args):
+        return self.call(*args)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """Where the programs of a test lie."""
+    if len(jax.devices()) > 1 or not sys.platform.startswith("linux"):
+        pytest.skip("programs are kept for one CPU device under Linux")
+    monkeypatch.setenv("OMNIJAX_CACHE_DIR", str(tmp_path))
+    monkeypatch.setenv("OMNIJAX_KEEP_PROGRAMS", "1")
+    return tmp_path / "programs"
+
+
+def _first(folder):
+    first = Counted()
+    values = np.asarray(first(MATRIX, RIGHT))
+    assert first.traced == 1
+    assert len(list(folder.iterdir())) == 1
+    return values
+
+
+def test_a_kept_program_is_not_traced_again(folder):
+    values = _first(folder)
+    again = Counted()
+    assert np.array_equal(again(MATRIX, RIGHT), values)
+    assert np.array_equal(again(2 * MATRIX, RIGHT), np.asarray(Counted()(2 * MATRIX, RIGHT)))
+    assert again.traced == 0
+    again(MATRIX[:2, :2], RIGHT[:2])  # another shape is another program
+    assert again.traced == 1
+
+
+@pytest.mark.parametrize("harm", ["cut", "bit", "empty", "text"])
+def test_a_damaged_file_is_made_again(folder, harm):
+    values = _first(folder)
+    (file,) = folder.iterdir()
+    body = bytearray(file.read_bytes())
+    body[len(body) // 2] ^= 1
+    harmed = {"cut": body[: len(body) // 3], "bit": body, "empty": b"", "text": b"no program"}
+    file.write_bytes(harmed[harm])
+    again = Counted()
+    assert np.array_equal(again(MATRIX, RIGHT), values)
+    assert again.traced == 1
+    third = Counted()
+    assert np.array_equal(third(MATRIX, RIGHT), values)
+    assert third.traced == 0  # the file is whole again
+
+
+def test_a_program_of_other_origin_is_not_taken(folder, monkeypatch):
+    _first(folder)
+    origin = _programs._origin()
+    monkeypatch.setattr(_programs, "_origin", lambda: origin + "x")  # another version, processor …
+    again = Counted()
+    again(MATRIX, RIGHT)
+    assert again.traced == 1
+    assert len(list(folder.iterdir())) == 2
+
+
+def test_a_program_under_a_wrong_name_is_not_taken(folder):
+    _first(folder)
+    (first,) = folder.iterdir()
+    other = Counted(scale=2.0)
+    expected = other(MATRIX[:2, :2], RIGHT[:2])
+    (second,) = set(folder.iterdir()) - {first}
+    second.write_bytes(first.read_bytes())
+    again = Counted(scale=2.0)
+    assert np.array_equal(again(MATRIX[:2, :2], RIGHT[:2]), expected)
+    assert again.traced == 1
+
+
+def test_settings_and_flags_are_part_of_the_key(folder):
+    _first(folder)
+    again = Counted()
+    with jax.default_matmul_precision("float32"):
+        again(MATRIX, RIGHT)
+    assert again.traced == 1
+    assert "XLA_FLAGS=" + os.environ.get("XLA_FLAGS", "") in _programs._origin() or (
+        "XLA_FLAGS" not in os.environ
+    )
+
+
+def test_the_switch_turns_it_off(folder, monkeypatch):
+    monkeypatch.setenv("OMNIJAX_KEEP_PROGRAMS", "0")
+    off = Counted()
+    off(MATRIX, RIGHT)
+    assert off.traced == 1
+    assert not folder.exists()
+
+
+def test_the_least_used_files_make_room(folder, monkeypatch):
+    monkeypatch.setattr(_programs, "FILES", 2)
+    for size in (1, 2, 3):
+        Counted()(MATRIX[:size, :size], RIGHT[:size])
+    assert len(list(folder.iterdir())) == 2
+
+
+def test_no_room_to_write_is_no_failure(folder):
+    folder.write_text("a file where the folder should be")
+    found = Counted()
+    assert np.isfinite(found(MATRIX, RIGHT)).all()
+    assert found.traced == 1
+
+
+def test_transformations_take_the_ordinary_path(folder):
+    def total(matrix):
+        return jnp.sum(Counted()(matrix, RIGHT))
+
+    def plain(matrix):
+        return jnp.sum(jnp.linalg.solve(matrix, jnp.sin(RIGHT)))
+
+    assert np.allclose(jax.grad(total)(MATRIX), jax.grad(plain)(MATRIX), rtol=1e-12)
+    both = jnp.stack([MATRIX, 2 * MATRIX])
+    assert np.allclose(jax.vmap(total)(both), jax.vmap(plain)(both), rtol=1e-12)
+    assert np.allclose(jax.jit(total)(MATRIX), plain(MATRIX), rtol=1e-12)
+    with jax.disable_jit():
+        assert np.allclose(total(MATRIX), plain(MATRIX), rtol=1e-12)
+    assert not folder.exists()
+
+
+class Outside(NamedTuple):
+    """A class that the package's digest knows nothing of."""
+
+    value: jax.Array
+
+
+def test_classes_from_outside_take_the_ordinary_path(folder):
+    calls = kept(lambda x: 2 * x.value)
+    assert np.array_equal(calls(Outside(RIGHT)), 2 * RIGHT)
+    assert not folder.exists()
+
+
+def test_a_second_process_gives_the_same_bits_without_tracing(folder):
+    text = """
+import hashlib, jax, numpy as np, omnijax
+rig = omnijax.load_rig("atlas")
+run = omnijax.simulate(rig, omnijax.speeds([0.1, 1.2, 0.3]), np.linspace(0, 0.2, 50))
+values = [np.asarray(getattr(run, name)).tobytes() for name in run.UNITS]
+from omnijax import _programs
+print(hashlib.sha256(b"".join(values)).hexdigest())
+"""
+    refuse = "import omnijax._programs\nomnijax._programs._make = None\n"
+
+    def process(text, **more):
+        environment = {**os.environ, **more}
+        done = subprocess.run(
+            [sys.executable, "-c", text],
+            capture_output=True,
+            check=False,
+            text=True,
+            env=environment,
+        )
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    first = process(text)
+    assert process(refuse + text) == first
+    assert process(text, OMNIJAX_KEEP_PROGRAMS="0") == first
