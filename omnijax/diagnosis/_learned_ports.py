@@ -8,9 +8,9 @@ import dataclasses
 
 import numpy as np
 
+from ._base import THIN, Base, turned_by
 from ._modes import hold_weights, moments, observe, propagate
 from ._runs import FINE
-from ._signatures import THIN, Base, _torque
 
 Columns = list[tuple[int, str, np.ndarray]]  # (wheel, label, values)
 
@@ -132,7 +132,7 @@ class ShaftPort:
 
     def push(self, base: Base, force: np.ndarray):
         """Both tables of shaft torques at thinned points."""
-        return _torque(base, shaft=force)
+        return turned_by(base, shaft=force)
 
     def felt(self, base: Base, force: np.ndarray) -> None:
         """Nothing: shafts feel the measured motion."""

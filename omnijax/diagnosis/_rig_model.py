@@ -9,11 +9,12 @@ import numpy as np
 
 from ..laws import AbstractLaw
 from ..rig import Rig, get_parameter, set_parameter
+from ._base import base_of
 from ._candidates import Candidate, Context, candidates, number
 from ._machine import Machine
 from ._model import AbstractModel, Point, Prior, free_numbers
 from ._runs import FINE, Run
-from ._signatures import base_of, signature
+from ._signatures import signature
 from ._stepped import STEPPED
 
 BUDGET = 400.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz

@@ -4,143 +4,23 @@ The law is evaluated at its port along the base motion and its output is pushed 
 transfer: rho and tensions through the elastic model, torques through the rotation.
 """
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..dynamics import contact_signals, mount_signals
-from ..laws import ContactSignal, MountSignal, SensorSignal
-from ..rig import Placed, Rig
-from ._elastic import OUTPUTS, Ports, direct, forcing, law_outputs, refine
+from ..laws import SensorSignal
+from ..rig import Placed
+from ._base import THIN, Base, transfer, turned_by
+from ._elastic import refine
 from ._laws import along
-from ._machine import Machine
-from ._modes import Modes, hold_weights, moments, observe, propagate
-from ._motion import Motion, contact_directions, integrate
-from ._rotation import (
-    Turning,
-    base_torques,
-    body_signals,
-    resistance,
-    rolling_signals,
-    shaft_signals,
-    wheel_law,
-)
-from ._runs import FINE, SHAPE, Run
-from ._wheels import WheelTables
-
-
-@dataclasses.dataclass(frozen=True)
-class Base:
-    """One run of the base rig with the signals that its ports hand out."""
-
-    rig: Rig
-    run: Run
-    index: int
-    modes: Modes
-    motion: Motion
-    slow: Motion  # at thinned points
-    response: Turning  # at thinned points
-    torque: np.ndarray
-    drive: np.ndarray  # (thinned points, n) N
-    shaft: np.ndarray  # (thinned points, n) N m, the motors' and all laws'
-    contact: ContactSignal  # (FINE points, n) each
-    mount: MountSignal
-    normal: np.ndarray  # (FINE points, n) N
-    predicted: np.ndarray  # (samples, 6) dR, a before the sensors
-    tables: WheelTables
-
-
-def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
-    """Base run `i` of `rig`; its own contact and mount laws enter the signals only linearly."""
-    run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
-    m = rotated.motion
-    felt = machine.signals(rig, run, machine.ports(rig, run, m, rotated.drive))
-    deflection, mount, mount_rate, approach_rate = np.split(felt, 4, axis=1)
-    rate = approach_rate - mount_rate - m.shape_rate
-
-    def wide(x):
-        return np.broadcast_to(np.asarray(x), m.theta.shape)
-
-    contact = jax.tree.map(wide, contact_signals(rig, deflection, rate))
-    normal = contact.preload - contact.stiffness * deflection - contact.damping * rate
-    slow, torque = _thin(m), refine(run.torque, FINE)
-    return Base(
-        rig=rig,
-        run=run,
-        index=i,
-        modes=machine.modes(rig),
-        motion=m,
-        slow=slow,
-        response=rotated.turning.thin(THIN),
-        torque=torque,
-        drive=rotated.drive[::THIN],
-        shaft=base_torques(rig, slow, torque[::THIN], normal[::THIN])[0],
-        contact=contact,
-        mount=jax.tree.map(wide, mount_signals(rig, mount, mount_rate)),
-        normal=normal,
-        predicted=predicted,
-        tables=machine.tables_of(rig),
-    )
+from ._motion import contact_directions, integrate
+from ._rotation import body_signals, resistance, rolling_signals, shaft_signals, wheel_law
+from ._runs import FINE, SHAPE
 
 
 def signature(base: Base, placed: Placed):
     """(elastic (samples, 6) or None, rotation (samples, 3 + n) or None) of one placed law."""
     return _PORTS[placed.law.port](base, placed)
-
-
-def _transfer(base: Base, floor=None, **inputs) -> np.ndarray:
-    """dR and a from port inputs at FINE points (`shape` at SHAPE points), from static rest."""
-    n, m, run = base.rig.size, base.modes, base.run
-    points = base.motion.theta.shape
-    fine = np.zeros(points)
-    if "contact" in inputs or "mount" in inputs:
-        return _tension(base, inputs.get("contact", fine), inputs.get("mount", fine))
-    shape = inputs.get("shape", np.zeros(((run.samples - 1) * SHAPE + 1, n)))
-    floor = np.zeros((points[0], 3)) if floor is None else floor
-    ports = Ports(shape, inputs.get("drive", fine), np.zeros((run.samples, 3)), floor)
-    start = np.zeros(m.B.shape[1])
-    start[m.inputs["shape"]] = shape[0]
-    z = propagate(m, run.step, forcing(m, run.step, ports, 1), -(m.gains @ start) / m.rates)
-    return observe(m, z, OUTPUTS, direct(m, ports, 1))
-
-
-def _tension(base: Base, contact, mount) -> np.ndarray:
-    m = base.modes
-    u = np.zeros(m.B.shape[1])
-    u[m.inputs["contact"]], u[m.inputs["mount"]] = contact[0], mount[0]
-    start = -np.linalg.solve(m.A, m.B @ u)
-    return law_outputs(m, base.run, contact, mount, start)
-
-
-THIN = 4  # torques are smooth: signatures need two points a sample
-
-
-def _thin(m: Motion) -> Motion:
-    """The motion at every `THIN`-th fine point."""
-    short = {k: getattr(m, k)[::THIN] for k in ("theta", "speed", "turning")}
-    axes = m.axes if len(m.axes) == 1 else m.axes[::THIN]
-    return dataclasses.replace(m, axes=axes, step=m.step * THIN, **short)
-
-
-def _torque(base: Base, shaft=None, opposing=None):
-    """Both tables of a torque on the shafts and one that opposes the sphere, at thinned points."""
-    response, m, run = base.response, base.modes, base.run
-    drive, rate = response.respond(shaft, opposing)
-    parts = FINE // THIN
-    h = run.step / parts
-    turned = integrate(rate, h)
-    length = integrate(np.einsum("tij,tj->ti", response.axes, turned), h)
-    weights = hold_weights(m.rates, run.step, parts)
-    columns = m.gains[:, m.inputs["drive"]]
-    total = np.zeros((run.samples - 1, len(m.rates)), complex)
-    for c in range(drive.shape[1]):
-        total += moments(drive[:, c], weights) * columns[:, c]
-    z = propagate(m, run.step, total, np.zeros(len(m.rates)))
-    C, D = m.out(OUTPUTS)
-    elastic = np.real(z @ (C @ m.shapes).T) + drive[::parts] @ D[:, m.inputs["drive"]].T
-    return elastic, np.concatenate([turned[::parts], length[::parts]], axis=1)
 
 
 def _shape(base: Base, placed: Placed):
@@ -161,7 +41,7 @@ def _shape(base: Base, placed: Placed):
     lever = m.factor * (np.asarray(base.rig.wheels.radius) + m.shape)
     elastic, rotation = _longer_lever(base, (shape[:: SHAPE // FINE] / lever)[::THIN])
     rotation[:, 3:] += length
-    return elastic + _transfer(base, shape=shape), rotation
+    return elastic + transfer(base, shape=shape), rotation
 
 
 def _over_angles(law, angle, gap):
@@ -179,15 +59,15 @@ def _surface(base: Base, placed: Placed):
     value = np.stack(
         [along(placed.law, np.ascontiguousarray(directions[:, i])) for i in range(base.rig.size)], 1
     )
-    return _transfer(base, shape=refine(value, SHAPE // FINE)), None
+    return transfer(base, shape=refine(value, SHAPE // FINE)), None
 
 
 def _contact(base: Base, placed: Placed):
-    return _transfer(base, contact=_per_wheel(base, placed, base.contact)), None
+    return transfer(base, contact=_per_wheel(base, placed, base.contact)), None
 
 
 def _mount(base: Base, placed: Placed):
-    return _transfer(base, mount=_per_wheel(base, placed, base.mount)), None
+    return transfer(base, mount=_per_wheel(base, placed, base.mount)), None
 
 
 def _per_wheel(base: Base, placed: Placed, signals) -> np.ndarray:
@@ -239,28 +119,28 @@ def _separation(base: Base, placed: Placed):
         out[:, i] = -along(placed.law, np.ascontiguousarray(base.normal[:, i]))
     if not out.any():
         return None, None
-    return _transfer(base, contact=out), None
+    return transfer(base, contact=out), None
 
 
 def _shaft(base: Base, placed: Placed):
     torque = base.torque[::THIN]
     signals = shaft_signals(base.slow, torque)
-    return _torque(base, shaft=wheel_law(placed.law, placed.wheels, signals, torque.shape)[0])
+    return turned_by(base, shaft=wheel_law(placed.law, placed.wheels, signals, torque.shape)[0])
 
 
 def _rolling(base: Base, placed: Placed):
     signals = rolling_signals(base.rig, base.slow, base.normal[::THIN])
     shape = base.slow.theta.shape
     roll, spin, shaft = wheel_law(placed.law, placed.wheels, signals, shape)
-    return _torque(base, -shaft, resistance(base.rig, base.slow, roll, spin))
+    return turned_by(base, -shaft, resistance(base.rig, base.slow, roll, spin))
 
 
 def _body(base: Base, placed: Placed):
-    return _torque(base, opposing=-along(placed.law, body_signals(base.rig, base.slow)))
+    return turned_by(base, opposing=-along(placed.law, body_signals(base.rig, base.slow)))
 
 
 def _platform(base: Base, placed: Placed):
-    return _transfer(base, floor=along(placed.law, base.run.fine(FINE))), None
+    return transfer(base, floor=along(placed.law, base.run.fine(FINE))), None
 
 
 def _kinematics(base: Base, placed: Placed):
@@ -284,7 +164,7 @@ def _longer_lever(base: Base, change: np.ndarray):
     """
     m = base.motion
     lever = (m.factor * (np.asarray(base.rig.wheels.radius) + m.shape))[::THIN]
-    return _torque(base, shaft=change * (base.shaft - 2 * lever * base.drive))
+    return turned_by(base, shaft=change * (base.shaft - 2 * lever * base.drive))
 
 
 def _sensor(base: Base, placed: Placed):
@@ -321,7 +201,7 @@ def _encoder(base: Base, placed: Placed, channel: str):
     slope = base.tables.rho_slope(m.theta_shape)
     shape = -slope * refine(change, SHAPE)
     rotation = np.concatenate([np.zeros((run.samples, 3)), change * radius], axis=1)
-    return _transfer(base, shape=shape), rotation
+    return transfer(base, shape=shape), rotation
 
 
 _PORTS = {
