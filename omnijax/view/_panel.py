@@ -98,10 +98,10 @@ def _micro(value: Any) -> str:
 def _motion(rig: Rig, speeds, state, t) -> dict[str, jax.Array]:
     """dR from the closed-form spectrum; angles and orientation at the mean rolling radius."""
     rate = jnp.abs(speeds)[jnp.asarray(state.wheel)] if state.wheel else jnp.zeros(0)
-    phase = state.order[..., None] * rate[:, None, None] * t
-    varying = state.order[..., None] > 0
-    waves = jnp.where(varying, jnp.exp(1j * phase), 0.0)
-    dR = state.mean + jnp.einsum("ghc,ght->tc", state.spectrum, waves).real
+    turn = jnp.exp(1j * (state.order[:, 1] * rate)[:, None] * t)  # orders are multiples of one
+    lines = jnp.where(state.order[..., None] > 0, state.spectrum, 0.0)
+    waves = jnp.polyval(jnp.moveaxis(lines, 1, 0)[::-1, :, None], turn[..., None])
+    dR = state.mean + jnp.sum(waves.real, axis=0)
     round_rig = eqx.tree_at(lambda r: r.wheels.roundness, rig, jnp.zeros(rig.size))
     omega = sphere_velocity(rig, rolling(round_rig, jnp.zeros(rig.size)), speeds)
     size = jnp.linalg.norm(omega)
