@@ -16,6 +16,7 @@ from omnijax.study._design import start_note
 from omnijax.study._design_engine import Engine
 from omnijax.study._design_evolve import Rank, evolve, far_apart
 from omnijax.study._design_folder import Folder
+from omnijax.study._design_judge import judge
 from omnijax.study._design_search import Adam
 from omnijax.vibration import peak, smooth_peak
 
@@ -184,7 +185,7 @@ def test_a_maximum_is_not_called_optimal():
     """A start exactly on a hill's top is stationary, but a neighbour is better."""
     problem = Problem((Variable("x", -1.0, 1.0),), lambda x, _: ((2 - x[0] ** 2)[None], NO_LIMITS))
     engine = Engine(problem, 1, 0)
-    end = engine.judge(engine.lanes, np.array([[0.5]]), [0])[0]
+    end = judge(engine.figures, engine.lanes, np.array([[0.5]]), [0])[0]
     assert end.status == "not optimal" and "a neighbouring design is better" in end.reason
 
 
@@ -241,7 +242,7 @@ def test_adam_on_fresh_draws_moves_the_starts():
     extra = draw(jax.random.key(3))
     problem = Problem((Variable("x", -3.0, 4.0),), figures, extra=extra, draw=draw)
     engine = Engine(problem, 2, 0)
-    moved = engine.search.stochastic(engine.lanes, engine.values, Adam(300, 0.05, 1))
+    moved = engine.search.stochastic(engine.lanes, engine.figures.values, Adam(300, 0.05, 1))
     ends = np.asarray(engine.search.scale.value(moved.share))[:, 0]
     assert np.allclose(ends, 1.0, atol=0.15)
     found = optimise(problem, starts=2, batch=2, stochastic=Adam(20, 0.05, 1))

@@ -8,8 +8,8 @@ import omnijax
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
 from omnijax.study import Tolerances, parse_study
+from omnijax.study._design_answer import make_design
 from omnijax.study._design_engine import Engine
-from omnijax.study._design_result import make_design
 from omnijax.study._design_rig import RigCases, rig_problem
 from omnijax.study._design_search import Lanes
 from omnijax.study._tolerance import allocate, share_bounds

@@ -47,8 +47,8 @@ def engine(hertz):
 def test_slopes_through_the_adaptive_solver(engine):
     """Central differences of step h err by rtol/h and h^2."""
     at, h = 0.6, 2e-3
-    s = engine.slopes(np.array([at]))
-    f, g = engine.values(np.array([[at + h], [at - h]]))
+    s = engine.figures.slopes(np.array([at]))
+    f, g = engine.figures.values(np.array([[at + h], [at - h]]))
     assert np.isclose(s.df[0, 0], (f[0, 0] - f[1, 0]) / (2 * h), rtol=5e-3)
     assert np.allclose(
         s.dg[:, 0], (g[0] - g[1]) / (2 * h), rtol=5e-3, atol=5e-3 * np.abs(s.dg).max()
@@ -73,7 +73,7 @@ def test_fixed_steps_are_halved_until_that_changes_little():
 def test_a_design_of_a_nonlinear_rig_under_torques(engine):
     """Pressures are limited half way between their least and their greatest over the range."""
     shares = np.linspace(0.01, 0.99, 16)[:, None]
-    f, g = engine.values(shares)
+    f, g = engine.figures.values(shares)
     limit = 0.5 * (g.max(axis=1).min() + g.max(axis=1).max())
     lanes = engine.lanes._replace(limit=jnp.full_like(engine.lanes.limit, limit))
     end = engine.batches(lanes, 1, "")[0]
@@ -94,7 +94,7 @@ def test_a_design_of_two_variables_with_a_limit_on_its_runs():
         "constraint": [{"quantity": "acceleration_rms", "max": 1.0}],
     }  # fmt: skip
     engine = Engine(rig_problem(parse_study(asked)), 1, 0)
-    f, g = engine.values(np.random.default_rng(1).random((64, 2)))
+    f, g = engine.figures.values(np.random.default_rng(1).random((64, 2)))
     limit = float(np.percentile(g, 25))
     lanes = engine.lanes._replace(limit=jnp.full_like(engine.lanes.limit, limit))
     end = engine.batches(lanes, 1, "")[0]
@@ -112,7 +112,7 @@ def test_sensitivity_of_a_nonlinear_rig_under_torques(hertz, engine):
     )  # fmt: skip
     assert found.way == "run, full simulation"
     share = np.log(120 / 50) / np.log(100)
-    s = engine.slopes(np.array([share]))
+    s = engine.figures.slopes(np.array([share]))
     together = found.together("elastic_rms")
     assert np.isclose(s.f[0], found.figures[0], rtol=1e-4)
     assert np.isclose(s.df[0, 0] / np.log(100) / s.f[0], together["contact.damping"], rtol=5e-3)

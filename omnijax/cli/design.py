@@ -75,19 +75,21 @@ def _page(folder: Path, found: Any, asked: Any) -> None:
     columns = [Column("variable", text=True), Column("value"), Column("unit", text=True)]
     rows = [[name, value, found.units[name]] for name, value in found.variables.items()]
     tables = [Table(columns, rows, "design", "The design.")]
-    columns = [Column("status", text=True), Column(found.objective_name, unit)]
+    columns = [Column("search"), Column("status", text=True), Column(found.objective_name, unit)]
     columns += [Column(name, found.units[name]) for name in names]
     columns += [Column("KKT residual"), Column("evaluations")]
-    ends = found.ends
+    ends, order = found.ends, found.ranking
     rows = [
-        [ends["status"][i], factor * ends["objective"][i], *ends["x"][i], ends["kkt_residual"][i],
-         ends["evaluations"][i]]
-        for i in range(len(ends["status"]))
+        [rank, ends["status"][i], factor * ends["objective"][i], *ends["x"][i],
+         ends["kkt_residual"][i], ends["evaluations"][i]]
+        for rank, i in enumerate(order, 1)
     ]  # fmt: skip
-    tables.append(Table(columns, rows, "searches", "Where every search ended."))
+    tables.append(Table(columns, rows, "searches-table", "Where every search ended, best first."))
     figures = [
-        ("searches", "Where every search ended.", found.plot_searches,
-         {f"objective / {found.unit}": ends["objective"]}),
+        ("searches", "Where every search ended, best first.", found.plot_searches,
+         {"search / 1": list(range(1, len(order) + 1)),
+          f"objective / {found.unit}": [ends["objective"][i] for i in order],
+          "status": [ends["status"][i] for i in order]}),
     ]  # fmt: skip
     if len(found.cases) > 1:
         cases = {"case": list(found.cases)}

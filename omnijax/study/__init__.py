@@ -10,10 +10,10 @@ from ._design_problem import Limit as Limit
 from ._design_problem import Problem as Problem
 from ._design_problem import Variable as Variable
 from ._design_result import Design as Design
-from ._global import GlobalSensitivity as GlobalSensitivity
 from ._global import analyse as analyse
 from ._global import global_sensitivity as global_sensitivity
 from ._global_inputs import Input as Input
+from ._global_result import GlobalSensitivity as GlobalSensitivity
 from ._pareto import pareto as pareto
 from ._pareto import trade_off as trade_off
 from ._pareto_front import Front as Front
@@ -30,5 +30,5 @@ from ._study_file import parse_study as parse_study
 from ._sweep import sweep as sweep
 from ._sweep_result import SweepResult as SweepResult
 from ._sweep_result import load_sweep as load_sweep
-from ._tolerance import Tolerances as Tolerances
 from ._tolerance import tolerances as tolerances
+from ._tolerance_result import Tolerances as Tolerances

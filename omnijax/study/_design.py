@@ -8,10 +8,11 @@ import jax.numpy as jnp
 
 from .._errors import InputError
 from ..rig import Rig
+from ._design_answer import make_design
 from ._design_engine import Engine
 from ._design_folder import Folder, Report
 from ._design_notes import notes, start_note
-from ._design_result import Design, make_design
+from ._design_result import Design
 from ._design_rig import RigCases, rig_problem
 from ._design_search import Adam
 from ._study_file import Study, study_of

@@ -1,9 +1,10 @@
 """`optimise`: the design engine on any pure function."""
 
+from ._design_answer import make_design
 from ._design_engine import Engine
 from ._design_folder import Folder, Report
 from ._design_problem import Problem
-from ._design_result import Design, make_design
+from ._design_result import Design
 from ._design_search import Adam
 
 

@@ -9,8 +9,9 @@ import numpy as np
 from .._errors import InputError
 from ..rig import get_parameter
 from ._amounts import amount
+from ._design_answer import missed
 from ._design_engine import Engine
-from ._design_result import Design, missed
+from ._design_result import Design
 from ._design_rig import RigCases, rig_problem
 from ._study import Study
 from ._study_runs import RTOL
@@ -37,7 +38,7 @@ def start_note(engine: Engine) -> list[str]:
     problem = engine.problem
     if all(v.start is None for v in problem.variables):
         return []
-    over = engine.values(np.asarray(engine.lanes.share[:1]))[1][0] - np.asarray(
+    over = engine.figures.values(np.asarray(engine.lanes.share[:1]))[1][0] - np.asarray(
         engine.lanes.limit[0]
     )
     lines = missed(problem, over)

@@ -19,7 +19,7 @@ def searches(result: Any, ax: Any = None) -> Any:
     factor, unit = scaled(result.objective, result.unit)
     values = factor * np.array(result.ends["objective"], float)
     status = np.array(result.ends["status"])
-    order = np.argsort(np.where(np.isfinite(values), values, np.inf))
+    order = result.ranking
     for kind, colour in COLOURS.items():
         here = np.flatnonzero(status[order] == kind)
         if len(here):

@@ -63,6 +63,11 @@ class Problem(NamedTuple):
     draw: Callable[[Array], Any] | None = None
     costly: bool = False
 
+    @property
+    def epigraph(self) -> bool:
+        """Whether the worst of several cases counts, so that all of them are held below it."""
+        return self.worst and len(self.cases) > 1
+
 
 def check_variables(variables: tuple[Variable, ...]) -> None:
     """`InputError` with every problem of the bounds and starts."""

@@ -64,7 +64,6 @@ class Search:
         self.scale = Scale.of(problem.variables)
         unit = jnp.array([limit.scale for limit in problem.limits], float)
         self.sizes = Sizes(jnp.asarray(size, float), unit)
-        self.epigraph = problem.worst and len(problem.cases) > 1
         self._inner = jax.jit(jax.vmap(self._minimise, in_axes=(0, 0, 0, 0, None, None)))
 
     def parts(self, share, extra) -> tuple[Array, Array]:
@@ -76,7 +75,7 @@ class Search:
         moved = jnp.where(lane.free > 0, from_angle(y[0]), lane.share)
         f, g = self.parts(moved, extra)
         c = (g - lane.limit) / sizes.limits
-        if self.epigraph:
+        if self.problem.epigraph:
             return y[1], jnp.concatenate([f / sizes.objective - y[1], c])
         return jnp.mean(f) / sizes.objective, c
 
@@ -105,13 +104,14 @@ class Search:
         """(y, multipliers) at the start."""
         first = values(np.asarray(lanes.share))[0]
         z = to_angle(jnp.clip(lanes.share, 1e-3, 1 - 1e-3))
-        t = jnp.asarray(first.max(axis=1)) / self.size if self.epigraph else jnp.zeros(len(z))
+        lead = first.max(axis=1) if self.problem.epigraph else np.zeros(len(z))
+        t = jnp.asarray(lead / self.size)
         weights = jnp.broadcast_to(self._weights(), (len(z), len(self._weights())))
         return (z, t), jnp.concatenate([weights, jnp.zeros_like(lanes.limit)], axis=1)
 
     def _weights(self) -> Array:
         """Multipliers of the cases to begin with."""
-        count = len(self.problem.cases) if self.epigraph else 0
+        count = len(self.problem.cases) if self.problem.epigraph else 0
         return jnp.full(count, 1.0 / max(count, 1))
 
     def run(self, lanes: Lanes, values: Values) -> Found:
@@ -127,7 +127,7 @@ class Search:
             if multiplier.shape[1] == 0:
                 break
             f, g = values(share)
-            lead = f / self.size - np.asarray(y[1])[:, None] if self.epigraph else f[:, :0]
+            lead = f / self.size - np.asarray(y[1])[:, None] if self.problem.epigraph else f[:, :0]
             c = np.concatenate([lead, (g - lanes.limit) / self.sizes.limits], axis=1)
             slack = jnp.maximum(c, -multiplier / penalty[:, None])
             gap = np.asarray(jnp.max(jnp.abs(slack), axis=1))

@@ -18,10 +18,11 @@ import numpy as np
 from .._errors import InputError, RunError
 from ..vibration import METRICS
 from ._constraints import all_limits
-from ._design_engine import End, Engine, best_of
+from ._design_answer import conflict
+from ._design_engine import Engine
 from ._design_folder import Folder, Report
+from ._design_judge import End, best_of
 from ._design_problem import Limit, Problem, Scale, Variable, check_variables
-from ._design_result import conflict
 from ._design_rig import RigCases
 from ._design_search import Lanes
 from ._design_starts import start_shares
