@@ -1,5 +1,6 @@
 """The design engine on problems whose optimum is known in closed form."""
 
+import dataclasses
 import math
 import re
 
@@ -51,6 +52,18 @@ def test_convex_with_active_bound_and_limit(bounded):
     assert price and math.isclose(float(price[1]), 6.0, rel_tol=1e-3)
     # dL/dx = -2 - 6: raising the bound by 1 % buys 0.08
     assert "raising the upper bound of `x` by 1 % buys 0.08 of objective." in bounded.multipliers
+
+
+def test_searches_are_ranked_best_first(bounded):
+    """Whatever meets the limits by its objective, then the others by what they miss."""
+    ends = bounded.ends | {
+        "objective": [7.0, 1.0, 6.5, 2.0], "violation": [0.0, 0.5, 0.0, 0.2],
+        "status": ["not optimal", "infeasible", "optimal", "infeasible"],
+    }  # fmt: skip
+    ranked = dataclasses.replace(bounded, ends=ends)
+    assert list(ranked.ranking) == [2, 0, 3, 1]
+    seen = [y for line in ranked.plot_searches().lines[:-1] for y in line.get_ydata()]
+    assert sorted(seen) == [1.0, 2.0, 6.5, 7.0]
 
 
 def test_design_survives_saving(bounded, tmp_path):
@@ -272,6 +285,20 @@ def test_a_stored_front_is_taken_up(tmp_path):
     kept = Folder(tmp_path, {"a": 1}, True)
     again = trade_off(problem, ("f1", "f2"), ("1", "m"), store=kept, **how)
     assert np.array_equal(again.values, first.values) and np.array_equal(again.x, first.x)
+
+
+def test_a_front_of_three_metrics_leads_with_the_pair_that_conflicts_most():
+    """From best in a to best in c: a + 100 %, c - 50 %; a and b hardly conflict."""
+    values = np.array([[1.0, 1.01, 4.0], [1.01, 1.0, 4.0], [2.0, 1.2, 2.0]])
+    front = Front(
+        ("a", "b", "c"), ("m", "m", "1"), ("x",), ("1",), values, np.zeros((3, 1)),
+        ("optimal",) * 3, 9,
+    )  # fmt: skip
+    assert front.pairs() == [(0, 2), (1, 2), (0, 1)]
+    head = "from the design best in a to the one best in c, a rises by 100.0 % and c falls by 50.0 "
+    assert repr(front).startswith(head)
+    ax = front.plot_front()
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("a (m)", "c")
 
 
 def test_a_front_prints_and_survives_saving(tmp_path):

@@ -217,14 +217,19 @@ def test_tolerances_print_and_say_where_they_fail(tmp_path):
     """41 of 64 new machines below the limit, 95 % asked for: not confirmed."""
     one = np.array([1e-4, 2e-4])
     found = Tolerances(
-        "rms", "m", 5.7e-4, 5.4e-4, 0.95, ("wheel.w1.radius", "wheel.w1.roundness"), one, 0.2 * one,
-        0.1 * one, 41 / 64, *share_bounds(41, 64), 0.5, 64,
+        "rms", "m", 5.7e-4, 5.4e-4, 0.95, ("wheel.w1.radius", "wheel.w1.roundness"),
+        np.array([0.08, 0.4]), ("m", "1"), one, np.array([0.2, 0.1]), np.array([0.1, 0.05]),
+        41 / 64, *share_bounds(41, 64), 0.5, 64, 3,
     )  # fmt: skip
     assert not found.confirmed and "NOT confirmed" in repr(found)
     assert "64.06 % of 64 new machines (95 %: 51.8" in repr(found)
+    assert "3 of them failed and keep nothing." in repr(found)
+    assert "`wheel.w1.radius` ± 10 % (± 8 mm), capped\n" in repr(found)
+    assert "`wheel.w1.roundness` ± 5 % (± 0.02)\n" in repr(found)
     assert "<td>wheel.w1.roundness</td>" in found._repr_html_()
     assert found.plot_widths().get_title() == "rms below 0.57 mm"
     found.save(tmp_path / "t.nc")
     again = Tolerances.load(tmp_path / "t.nc")
     assert np.array_equal(again.widths, found.widths) and again.share_low == found.share_low
+    assert repr(again) == repr(found) and again.failed == 3
     assert again.to_xarray()["slope"].attrs["units"] == "m"

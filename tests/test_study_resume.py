@@ -1,4 +1,7 @@
-"""Studies that are killed outright: what was finished is kept, and the answer is the same."""
+"""Studies that are killed outright: what was finished is kept, and the answer is the same.
+
+The page that a taken-up study writes says how to make it from the start.
+"""
 
 import os
 import re
@@ -72,7 +75,7 @@ def parts(folder) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_a_killed_study_is_taken_up(command, tmp_path, capsys):
+def test_a_killed_study_is_taken_up(command, tmp_path, capsys, monkeypatch):
     path, store = tmp_path / "study.toml", tmp_path / "store"
     text, more = COMMANDS[command]
     path.write_text(text)
@@ -88,8 +91,13 @@ def test_a_killed_study_is_taken_up(command, tmp_path, capsys):
     process.wait()
     before = parts(store)
     assert len(before) == 2
-    assert run([*kept, "--resume"]) == 0
+    again = [*kept, "--resume", "--report", str(tmp_path / "page")]
+    monkeypatch.setattr("sys.argv", ["omnijax", *again])
+    assert run(again) == 0
     assert capsys.readouterr().out == whole
+    page = (tmp_path / "page" / "index.html").read_text(encoding="utf-8")
+    shown = " ".join(["omnijax", *line, "--report", str(tmp_path / "page")])
+    assert f'<pre class="command"><code>{shown}</code>' in page and "[search]\nstarts = 3" in page
     after = parts(store)
     assert len(after) > 2 and {name: after[name] for name in before} == before
 

@@ -1,13 +1,13 @@
 """Pages and shared output of the studies' commands."""
 
+import shlex
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-
-from ._options import command_line
 
 Switch = Annotated[bool, Parameter(negative="")]
 
@@ -48,6 +48,33 @@ def deliver(
     emit(as_json, plain, text or (lambda: print("\n".join(found.sentences()))))
 
 
+def made_by(study: Path, asked: Any) -> Any:
+    """What makes a study's page again; where finished parts were kept changes nothing."""
+    from ..report import provenance
+    from ..rig import rig_text
+
+    words, text = iter(sys.argv[1:]), study.read_text(encoding="utf-8")
+    typed = ["omnijax"]
+    for word in words:
+        if word == "--store":
+            next(words, None)
+        elif word != "--resume" and not word.startswith("--store="):
+            typed.append(word)
+    return provenance(shlex.join(typed), rig_text(asked.rig), asked.seed, text)
+
+
+def readable(values: Any, unit: str) -> tuple[Any, str]:
+    """Values in the unit that their middle one reads well in, and that unit."""
+    import numpy as np
+
+    from ..study import scaled
+
+    found = np.asarray(values, float)
+    finite = np.abs(found[np.isfinite(found)])
+    factor, name = scaled(float(np.median(finite)) if len(finite) else 0.0, unit)
+    return factor * found, name
+
+
 def write_page(
     folder: Path,
     title: str,
@@ -55,15 +82,14 @@ def write_page(
     lines: Sequence[str],
     figures: Sequence[tuple[str, str, Callable[[], Any], dict[str, Any]]],
     tables: Sequence[Any],
-    rig: str = "",
-    seed: int | None = None,
+    made: Any,
     facts: Sequence[Any] = (),
 ) -> Path:
     """One page: the first line answers, the others follow, then the figures, then the tables.
 
     Figures are (name, caption, draw, data); `draw()` gives axes, in the product's style.
     """
-    from ..report import Figure, Page, Section, provenance, style
+    from ..report import Figure, Page, Section, style
 
     drawn = []
     for name, caption, draw, data in figures:
@@ -72,7 +98,6 @@ def write_page(
     told = [_sentence(line) for line in lines]
     sections = [Section("Result", "\n\n".join(told[1:]), drawn)]
     sections += [Section("Numbers", tables=tables)] if tables else []
-    made = provenance(command_line(), rig, seed)
     page = Page(title, question, told[0], sections, made, facts)
     return page.write(folder)
 

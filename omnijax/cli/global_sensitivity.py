@@ -5,7 +5,7 @@ from typing import Any
 
 from ._options import Json
 from ._progress import bar
-from ._study_page import Switch, deliver, kept, write_page
+from ._study_page import Switch, deliver, kept, made_by, readable, write_page
 
 
 def global_sensitivity(
@@ -46,7 +46,9 @@ def global_sensitivity(
     metrics = None if metric is None else checked_metrics(metric)
     with kept(store), bar("runs") as report_progress:
         found = run(asked, metrics, out=store, resume=resume, report=report_progress)
-    deliver(found, out, report, lambda folder: _page(folder, found, asked), json, _plain(found))
+    deliver(
+        found, out, report, lambda folder: _page(folder, found, study, asked), json, _plain(found)
+    )
     return 0
 
 
@@ -69,9 +71,8 @@ def _plain(found: Any) -> dict[str, Any]:
     }
 
 
-def _page(folder: Path, found: Any, asked: Any) -> None:
+def _page(folder: Path, found: Any, study: Path, asked: Any) -> None:
     from ..report import Fact
-    from ..rig import rig_text
 
     figures = []
     for m, name in enumerate(found.metrics):
@@ -88,8 +89,8 @@ def _page(folder: Path, found: Any, asked: Any) -> None:
     facts = [Fact("runs", found.runs), Fact("failed runs", len(found.failed))]
     write_page(
         folder, "Global sensitivity", "What matters over the whole ranges?", found.sentences(),
-        figures, [_table(found, m) for m in range(len(found.metrics))], rig_text(asked.rig),
-        asked.seed, facts,
+        figures, [_table(found, m) for m in range(len(found.metrics))], made_by(study, asked),
+        facts,
     )  # fmt: skip
 
 
@@ -102,16 +103,23 @@ def _stages(found: Any, m: int) -> dict[str, Any]:
 
 def _table(found: Any, m: int) -> Any:
     """Every index of one metric."""
+    import numpy as np
+
     from ..report import Column, Table
 
-    name, unit = found.metrics[m], found.units[m]
+    name = found.metrics[m]
+    both = np.stack([found.morris.mu_star[m], found.morris.sigma[m]])
+    effects, unit = readable(both, found.units[m])
     columns = [Column("input", text=True), Column("first order"), Column("± 95 %")]
     columns += [Column("total"), Column("± 95 %"), Column("bound from gradients")]
     columns += [Column("Morris μ*", unit), Column("Morris σ", unit)]
     parts = (
         found.sobol.first, found.sobol.first_half, found.sobol.total, found.sobol.total_half,
-        found.bound, found.morris.mu_star, found.morris.sigma,
+        found.bound,
     )  # fmt: skip
-    rows = [[path, *(part[m, i] for part in parts)] for i, path in enumerate(found.inputs)]
+    rows = [
+        [path, *(part[m, i] for part in parts), *effects[:, i]]
+        for i, path in enumerate(found.inputs)
+    ]
     words = f"Shares of the variance of {name}; Morris' effects over the whole range of an input."
     return Table(columns, rows, f"indices-{name}-table", words)

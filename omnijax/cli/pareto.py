@@ -5,7 +5,7 @@ from typing import Any
 
 from ._options import Json
 from ._progress import bar
-from ._study_page import Switch, deliver, kept, write_page
+from ._study_page import Switch, deliver, kept, made_by, readable, write_page
 
 
 def pareto(
@@ -50,7 +50,7 @@ def pareto(
         found,
         out,
         report,
-        lambda folder: _page(folder, found, asked),
+        lambda folder: _page(folder, found, study, asked),
         json,
         _plain(found),
         lambda: _print(found),
@@ -71,30 +71,45 @@ def _plain(found: Any) -> dict[str, Any]:
 
 def _print(found: Any) -> None:
     print("\n".join(found.sentences()))
-    names = [f"{n} ({u})" for n, u in zip(found.metrics, found.units, strict=True)]
-    print("  ".join([*names, *found.variables]))
+    variables = list(zip(found.variables, found.variable_units, strict=True))
+    names = [f"{n} ({u})" if u != "1" else n for n, u in _both(found) + variables]
+    print("  ".join(names))
     for values, x in zip(found.values, found.x, strict=True):
-        print("  ".join(f"{v:.5g}" for v in (*values, *x)))
+        cells = (f"{v:.5g}" for v in (*values, *x))
+        print("  ".join(c.rjust(len(n)) for c, n in zip(cells, names, strict=True)))
 
 
-def _page(folder: Path, found: Any, asked: Any) -> None:
-    from ..report import Column, Fact, Table
-    from ..rig import rig_text
-    from ..study import scaled
+def _page(folder: Path, found: Any, study: Path, asked: Any) -> None:
+    from ..report import Fact
 
-    both = list(zip(found.metrics, found.units, strict=True))
-    read = [scaled(found.values[:, m].max(), unit) for m, (_, unit) in enumerate(both)]
-    columns = [Column(n, unit) for n, (_, unit) in zip(found.metrics, read, strict=True)]
-    columns += [Column(n, u) for n, u in zip(found.variables, found.variable_units, strict=True)]
-    columns += [Column("status", text=True)]
-    values = found.values * [factor for factor, _ in read]
-    rows = [[*v, *x, s] for v, x, s in zip(values, found.x, found.status, strict=True)]
-    data = {f"{n} / {u}": found.values[:, m] for m, (n, u) in enumerate(both)}
-    caption = "The front: nothing can be better in one without being worse in another."
-    figures = [("front", caption, found.plot_front, data)]
+    data = {f"{n} / {u}": found.values[:, m] for m, (n, u) in enumerate(_both(found))}
+    figures = []
+    for a, b in found.pairs():
+        one, other = found.metrics[a], found.metrics[b]
+        figures.append(
+            (f"front-{one}-{other}", f"The front, {other} against {one}: nothing on it can be "
+             "better in one metric without being worse in another.",
+             lambda pair=(a, b): found.plot_front(pair), data)
+        )  # fmt: skip
     facts = [Fact("designs", len(found.x)), Fact("evaluations with gradient", found.evaluations)]
-    table = Table(columns, rows, "front-designs", "Designs on the front.")
+    one, other = (found.metrics[m] for m in found.pairs()[0])
     write_page(
-        folder, "Trade-off", f"What does {found.metrics[0]} cost in {found.metrics[1]}?",
-        found.sentences(), figures, [table], rig_text(asked.rig), asked.seed, facts,
+        folder, "Trade-off", f"What does {one} cost in {other}?", found.sentences(), figures,
+        [_table(found)], made_by(study, asked), facts,
     )  # fmt: skip
+
+
+def _both(found: Any) -> list[tuple[str, str]]:
+    return list(zip(found.metrics, found.units, strict=True))
+
+
+def _table(found: Any) -> Any:
+    """The designs on the front."""
+    from ..report import Column, Table
+
+    variables = zip(found.variables, found.variable_units, strict=True)
+    parts = [(n, *readable(found.values[:, m], u)) for m, (n, u) in enumerate(_both(found))]
+    parts += [(n, *readable(found.x[:, i], u)) for i, (n, u) in enumerate(variables)]
+    columns = [*(Column(n, unit) for n, _, unit in parts), Column("status", text=True)]
+    rows = [[*(v[i] for _, v, _ in parts), s] for i, s in enumerate(found.status)]
+    return Table(columns, rows, "front-designs", "Designs on the front.")

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from ._motion import Motion
-from ._options import Json
+from ._options import Json, command_line
 from ._study_page import Switch, deliver, write_page
 
 
@@ -114,7 +114,7 @@ def _print(found: Any, per_wheel: bool, top: int) -> None:
 
 
 def _page(folder: Path, found: Any, machine: Any) -> None:
-    from ..report import Column, Fact, Table, shown
+    from ..report import Column, Fact, Table, provenance, shown
     from ..rig import rig_text
     from ..study import amount
 
@@ -147,5 +147,5 @@ def _page(folder: Path, found: Any, machine: Any) -> None:
     table = Table(columns, rows, "sensitivities", "Change of each metric in % per %.")
     write_page(
         folder, "Sensitivities", "Which parameters does the vibration depend on?", lines, figures,
-        [table], rig_text(machine), facts=facts,
+        [table], provenance(command_line(), rig_text(machine)), facts,
     )  # fmt: skip

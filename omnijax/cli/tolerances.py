@@ -5,12 +5,13 @@ from typing import Any
 
 from ._options import Json
 from ._progress import bar
-from ._study_page import Switch, deliver, kept, write_page
+from ._study_page import Switch, deliver, kept, made_by, readable, write_page
 
 WORDS = (
     "Tolerances: by the derivatives alone, and so that machines drawn afterwards confirm them. The "
-    "second column is the derivative for a relative change of the part."
+    "third column is the derivative for a change of the part by 1 %."
 )
+TIGHTEST = 3  # parts named in the answer
 
 
 def tolerances(
@@ -51,7 +52,9 @@ def tolerances(
     asked = load_study(study)
     with kept(store), bar("machines") as progress:
         found = run(asked, draws=draws, out=store, resume=resume, report=progress)
-    deliver(found, out, report, lambda folder: _page(folder, found, asked), json, _plain(found))
+    deliver(
+        found, out, report, lambda folder: _page(folder, found, study, asked), json, _plain(found)
+    )
     return 0 if found.confirmed else 1
 
 
@@ -69,18 +72,34 @@ def _plain(found: Any) -> dict[str, Any]:
     }
 
 
-def _page(folder: Path, found: Any, asked: Any) -> None:
-    from ..report import Column, Table
-    from ..rig import rig_text
+def _page(folder: Path, found: Any, study: Path, asked: Any) -> None:
+    import numpy as np
 
-    columns = [Column("part", text=True), Column(f"{found.metric} by", f"{found.unit} per 100 %")]
-    columns += [Column("by derivatives", "± %"), Column("by drawn machines", "± %")]
-    both = zip(found.parts, found.slopes, found.linear, found.widths, strict=True)
-    rows = [[part, slope, 100 * linear, 100 * sure] for part, slope, linear, sure in both]
+    from ..report import Column, Table
+    from ..study import amount
+
+    slopes, unit = readable(found.slopes / 100, found.unit)
+    columns = [Column("part", text=True), Column("nominal", text=True)]
+    columns += [Column(f"{found.metric} by", f"{unit} per %"), Column("by derivatives", "± %")]
+    columns += [Column("by drawn machines", "± %"), Column("that is", text=True)]
+    rows = [
+        [part, amount(found.values[i], found.units[i]), slopes[i], 100 * found.linear[i],
+         100 * found.widths[i], f"± {found.own_width(i)}"]
+        for i, part in enumerate(found.parts)
+    ]  # fmt: skip
     data = {"part": list(found.parts), "tolerance / %": 100 * found.widths}
     figures = [("tolerances", "How far each part may be off.", found.plot_widths, data)]
-    lines = [found.sentences()[0], found.sentences()[-1]]
+    tightest = [
+        f"`{found.parts[i]}` to {found.width_text(i)}" for i in np.argsort(found.widths)[:TIGHTEST]
+    ]
+    head, *rest = found.sentences()
+    lines = [
+        f"Hold {', '.join(tightest)}"
+        + (", and the others as below" if len(found.parts) > TIGHTEST else "")
+        + f": then {head}",
+        *rest[len(found.parts) :],
+    ]
     write_page(
         folder, "Tolerances", "How precisely must each wheel be made?", lines, figures,
-        [Table(columns, rows, "parts", WORDS)], rig_text(asked.rig), asked.seed,
+        [Table(columns, rows, "parts", WORDS)], made_by(study, asked),
     )  # fmt: skip

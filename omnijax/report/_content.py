@@ -85,15 +85,16 @@ class Fact:
 
 @dataclass(frozen=True)
 class Provenance:
-    """What makes the page again: the command, the rig's text, the seed, the versions."""
+    """What makes the page again: command, texts of rig and study file, seed, versions."""
 
     command: str
     rig: str = ""
     seed: int | None = None
     versions: Mapping[str, str] = field(default_factory=dict)
+    study: str = ""
 
 
-def provenance(command: str, rig: str = "", seed: int | None = None) -> Provenance:
+def provenance(command: str, rig: str = "", seed: int | None = None, study: str = "") -> Provenance:
     """Provenance of a page made now, with this machine's versions."""
     found = {"python": platform.python_version()}
     for name in VERSIONS_OF:
@@ -101,7 +102,7 @@ def provenance(command: str, rig: str = "", seed: int | None = None) -> Provenan
             found[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             found[name] = "not installed"
-    return Provenance(command, rig, seed, found)
+    return Provenance(command, rig, seed, found, study)
 
 
 def shown(value: Any) -> str:

@@ -47,5 +47,5 @@ def cases(result: Any, ax: Any = None) -> Any:
     ax.barh(place, factor * np.array(list(result.cases.values())), 0.7, color="#0072B2")
     ax.set_yticks(place, [n or "objective" for n in names])
     ax.grid(axis="y", visible=False)
-    ax.set_xlabel(label(result.objective_name, unit))
+    ax.set_xlabel(label(result.case_name, unit))
     return ax

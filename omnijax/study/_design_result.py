@@ -66,6 +66,12 @@ class Design:
         return int(np.sum(near & good & same)), int(same.sum())
 
     @property
+    def case_name(self) -> str:
+        """What each entry of `cases` is: the objective before it is combined over them."""
+        first, _, rest = self.objective_name.partition(" ")
+        return rest if len(self.cases) > 1 and first in {"worst", "mean"} else self.objective_name
+
+    @property
     def ranking(self) -> np.ndarray:
         """The searches, best first: those that meet every limit by objective, others by violation.
 

@@ -49,13 +49,21 @@ class GlobalSensitivity:
         """The ranking in words, and what failed."""
         lines = []
         for m, metric in enumerate(self.metrics):
-            order = np.argsort(-self.sobol.total[m])
-            parts = (
-                f"`{self.inputs[i]}` {self.sobol.total[m, i]:.3f} "
-                f"± {self.sobol.total_half[m, i]:.3f}"
-                for i in order
+            total, half = self.sobol.total[m], self.sobol.total_half[m]
+            order = np.argsort(-total)
+            parts = [f"`{self.inputs[i]}` {total[i]:.3f} ± {half[i]:.3f}" for i in order]
+            lines.append(
+                f"{metric} depends most on {parts[0]}"
+                + "".join(f", then {part}" for part in parts[1:])
+                + " (shares of its variance with all interactions)."
             )
-            lines.append(f"{metric}: share of the variance, in all: {', '.join(parts)}.")
+            one, two = order[:2] if len(order) > 1 else (order[0], order[0])
+            if one != two and total[one] - half[one] < total[two] + half[two]:
+                lines.append(
+                    f"which of `{self.inputs[one]}` and `{self.inputs[two]}` matters more for "
+                    f"{metric} is not settled by {self.sobol.blocks} blocks: their intervals "
+                    "overlap."
+                )
         if self.failed:
             listed = "; ".join(self.failed[:NAMED])
             more = f" and {len(self.failed) - NAMED} more" if len(self.failed) > NAMED else ""

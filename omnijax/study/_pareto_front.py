@@ -37,16 +37,31 @@ class Front:
         rows = [(*map(float, v), *map(float, x)) for v, x in zip(self.values, self.x, strict=True)]
         return html_table(self.sentences()[0], rows, header)
 
+    def pairs(self) -> list[tuple[int, int]]:
+        """Pairs of metrics, those first that conflict most: where both change most."""
+        count = len(self.metrics)
+        every = [(a, b) for a in range(count) for b in range(a + 1, count)]
+        return sorted(every, key=lambda pair: -min(abs(x) for x in self._change(*pair)))
+
+    def _change(self, a: int, b: int) -> tuple[float, float]:
+        """What a rises by and b falls by, in %, from the design best in a to the one best in b."""
+        first, second = (self.values[int(np.argmin(self.values[:, m]))] for m in (a, b))
+        return 100 * (second[a] / first[a] - 1), 100 * (1 - second[b] / first[b])
+
     def sentences(self) -> list[str]:
         """The span of the front in words."""
         good = sum(s == "optimal" for s in self.status)
-        first, second = (self.values[int(np.argmin(self.values[:, m]))] for m in (0, 1))
-        change = 100 * (second / first - 1)
+        lines = []
+        for a, b in self.pairs():
+            one, other, (up, down) = self.metrics[a], self.metrics[b], self._change(a, b)
+            lines.append(
+                f"from the design best in {one} to the one best in {other}, {one} rises by "
+                f"{up:.1f} % and {other} falls by {down:.1f} %"
+            )
         lines = [
-            f"from the design best in {self.metrics[0]} to the one best in {self.metrics[1]}, "
-            f"{self.metrics[0]} rises by {change[0]:.1f} % and {self.metrics[1]} falls by "
-            f"{-change[1]:.1f} %; {len(self.x)} designs on the front, {good} of them optimal (KKT "
-            "residual)."
+            f"{lines[0]}; {len(self.x)} designs on the front, {good} of them optimal (KKT "
+            "residual).",
+            *(f"{line}." for line in lines[1:]),
         ]
         for m, (name, unit) in enumerate(zip(self.metrics, self.units, strict=True)):
             low, high = self.values[:, m].min(), self.values[:, m].max()
@@ -87,22 +102,23 @@ class Front:
             d["value"].values, d["x"].values, texts("status"), int(d.attrs["evaluations"]),
         )  # fmt: skip
 
-    def plot_front(self, ax: Any = None) -> Any:
-        """The first two metrics against each other; a third in colour."""
+    def plot_front(self, pair: tuple[int, int] | None = None, ax: Any = None) -> Any:
+        """A pair of metrics against each other (the one that conflicts most); a third in colour."""
         from ._sensitivity_plot import new_axes
 
-        ax = new_axes(ax)
-        order = np.argsort(self.values[:, 0])
+        ax, (a, b) = new_axes(ax), pair or self.pairs()[0]
+        order = np.argsort(self.values[:, a])
         sizes = [
             scaled(float(v), u) for v, u in zip(self.values.max(axis=0), self.units, strict=True)
         ]
         shown = self.values[order] * [factor for factor, _ in sizes]
         names = [label(n, unit) for n, (_, unit) in zip(self.metrics, sizes, strict=True)]
         if len(self.metrics) == 2:
-            ax.plot(shown[:, 0], shown[:, 1], "o-", color="#0072B2")
+            ax.plot(shown[:, a], shown[:, b], "o-", color="#0072B2")
         else:
-            dots = ax.scatter(shown[:, 0], shown[:, 1], c=shown[:, 2], cmap="cividis")
-            ax.figure.colorbar(dots, ax=ax, label=names[2])
-        ax.set_xlabel(names[0])
-        ax.set_ylabel(names[1])
+            (c,) = {0, 1, 2} - {a, b}
+            dots = ax.scatter(shown[:, a], shown[:, b], c=shown[:, c], cmap="cividis")
+            ax.figure.colorbar(dots, ax=ax, label=names[c])
+        ax.set_xlabel(names[a])
+        ax.set_ylabel(names[b])
         return ax

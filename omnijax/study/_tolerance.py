@@ -16,10 +16,12 @@ import numpy as np
 from scipy.stats import norm
 
 from .._errors import InputError, RunError
+from ..rig import parameter_info
 from ..vibration import METRICS
 from ._amounts import amount
 from ._design_folder import Folder, Report
 from ._design_rig import RigCases
+from ._sensitivity_target import values_of
 from ._study_file import Study, study_of
 from ._tolerance_draws import Machines
 from ._tolerance_result import WIDEST, Tolerances
@@ -108,9 +110,11 @@ def tolerances(
     untouched = machines.metric(linear, fresh, "linear", 0)
     good = int(np.sum(new < limit))
     low, high = share_bounds(good, draws)
+    values = np.array(values_of(asked.rig, cases.parts))
+    units = tuple(parameter_info(asked.rig, part).unit for part in cases.parts)
     return Tolerances(
-        metric, METRICS[metric].unit, limit, nominal, asked.confidence, cases.parts, slopes, linear,
-        width, good / draws, low, high, float(np.mean(untouched < limit)), draws,
+        metric, METRICS[metric].unit, limit, nominal, asked.confidence, cases.parts, values, units,
+        slopes, linear, width, good / draws, low, high, float(np.mean(untouched < limit)), draws,
         int(np.sum(~np.isfinite(new))),
     )  # fmt: skip
 

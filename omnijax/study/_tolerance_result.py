@@ -17,6 +17,8 @@ WIDEST = 0.2  # relative
 class Tolerances:
     """Relative half widths for every part, and what drawn machines say of them.
 
+    `values` are the parts' nominal values in `units`.
+
     `linear` is what the derivatives alone allow, `widths` what drawn machines bear out.  Of `draws`
     new machines, none of which set the widths, `share` stay below `limit` (95 % bounds `share_low`
     and `share_high`); `linear_share` is that of the widths by derivatives alone.
@@ -28,6 +30,8 @@ class Tolerances:
     nominal: float
     confidence: float
     parts: tuple[str, ...]
+    values: np.ndarray
+    units: tuple[str, ...]
     slopes: np.ndarray  # change of the metric per relative change of the part
     linear: np.ndarray
     widths: np.ndarray
@@ -61,9 +65,14 @@ class Tolerances:
             + (f" {self.failed} of them failed and keep nothing." if self.failed else "")
             + ("" if self.confirmed else " The tolerances are NOT confirmed.")
         ]
-        for part, width in zip(self.parts, self.widths, strict=True):
-            more = ", as wide as was looked" if width >= WIDEST * (1 - 1e-9) else ""
-            lines.append(f"`{part}` ± {100 * width:.3g} %{more}")
+        capped = self.capped
+        for i, part in enumerate(self.parts):
+            lines.append(f"`{part}` {self.width_text(i)}{', capped' if capped[i] else ''}")
+        if capped.any():
+            lines.append(
+                f"capped: by the derivatives these parts may be off by more than "
+                f"± {100 * WIDEST:g} %, the widest that is given to any part."
+            )
         ratio = float(np.min(self.widths / self.linear))
         if ratio < 1 - 1e-9:
             lines.append(
@@ -71,6 +80,19 @@ class Tolerances:
                 f"{100 * self.linear_share:.2f} % stay below the limit: the metric is curved."
             )
         return lines
+
+    @property
+    def capped(self) -> np.ndarray:
+        """Which parts the derivatives would let be off by more than `WIDEST`."""
+        return self.linear >= WIDEST * (1 - 1e-9)
+
+    def width_text(self, i: int) -> str:
+        """The tolerance of part `i`, in per cent and in its unit."""
+        return f"± {100 * self.widths[i]:.3g} % (± {self.own_width(i)})"
+
+    def own_width(self, i: int) -> str:
+        """The tolerance of part `i` in its unit."""
+        return amount(float(self.widths[i] * abs(self.values[i])), self.units[i])
 
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` over the parts."""
@@ -81,11 +103,13 @@ class Tolerances:
             "slope": ("part", self.slopes, {"units": self.unit}),
             "linear": ("part", self.linear, one),
             "width": ("part", self.widths, one),
+            "value": ("part", self.values),
         }
         keys = ("metric", "unit", "limit", "nominal", "confidence", "share", "share_low",
                 "share_high", "linear_share", "draws", "failed")  # fmt: skip
         attrs = {"kind": "omnijax tolerances", **{k: getattr(self, k) for k in keys}}
-        return xr.Dataset(data, {"part": list(self.parts)}, attrs)
+        coords = {"part": list(self.parts), "part_unit": ("part", list(self.units))}
+        return xr.Dataset(data, coords, attrs)
 
     def save(self, path: str | Path) -> None:
         """Write netCDF that `Tolerances.load` reads back equal."""
@@ -98,17 +122,30 @@ class Tolerances:
         a = {k: v for k, v in d.attrs.items() if k != "kind"}
         numbers = {k: v if k in {"metric", "unit"} else float(v) for k, v in a.items()}
         numbers |= {k: int(a[k]) for k in ("draws", "failed")}
-        parts = tuple(str(x) for x in d["part"].values)
-        found = {"slopes": d["slope"].values, "linear": d["linear"].values}
-        return cls(parts=parts, widths=d["width"].values, **found, **numbers)  # pyright: ignore
+        parts, units = (tuple(str(x) for x in d[k].values) for k in ("part", "part_unit"))
+        found = {
+            "values": d["value"].values,
+            "slopes": d["slope"].values,
+            "linear": d["linear"].values,
+        }
+        return cls(parts=parts, units=units, widths=d["width"].values, **found, **numbers)  # pyright: ignore
 
     def plot_widths(self, ax: Any = None) -> Any:
-        """Tolerances as bars, tightest on top."""
-        from ._sensitivity_plot import new_axes
+        """Tolerances as bars, tightest on top; capped ones paler."""
+        from ._sensitivity_plot import legend_above, new_axes
 
         order = np.argsort(-self.widths)
         ax = new_axes(ax, 1.4 + 0.27 * len(order))
-        ax.barh(np.arange(len(order)), 100 * self.widths[order], color="#0072B2", height=0.7)
+        capped, place = self.capped[order], np.arange(len(order))
+        for which, colour, label in (
+            (~capped, "#0072B2", "as the limit asks"),
+            (capped, "#56B4E9", "capped: hardly matters"),
+        ):
+            if which.any():
+                widths = 100 * self.widths[order][which]
+                ax.barh(place[which], widths, color=colour, height=0.7, label=label)
+        if capped.any():
+            legend_above(ax)
         ax.set_yticks(np.arange(len(order)), [self.parts[i] for i in order])
         ax.grid(axis="y", visible=False)
         ax.set_xlabel("tolerance (± %)")
