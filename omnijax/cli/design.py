@@ -81,7 +81,7 @@ def _page(folder: Path, found: Any, study: Path, asked: Any) -> None:
         figures.append(("cases", "The objective in every case.", found.plot_cases, cases))
     given = [f"`{n}` = {amount(v, found.units[n])}" for n, v in found.variables.items()]
     head, *rest = found.sentences()
-    lines = [f"{' and '.join(given)}: {head}", *rest[len(given) :]]
+    lines = [f"{', '.join(given)}: {head}", *rest[len(given) :]]
     write_page(
         folder, "Design", "Which design vibrates least?", lines, figures, _tables(found),
         made_by(study, asked),
@@ -101,7 +101,9 @@ def _tables(found: Any) -> list[Any]:
     x = np.array(ends["x"])
     parts = [(found.objective_name, *readable(ends["objective"], found.unit))]
     parts += [(n, *readable(x[:, i], u)) for i, (n, u) in enumerate(found.units.items())]
-    parts += [("KKT residual", ends["kkt_residual"], ""), ("violation", ends["violation"], "")]
+    parts += [("KKT residual", ends["kkt_residual"], "")]
+    if "infeasible" in ends["status"]:
+        parts += [("violation", ends["violation"], "")]
     parts += [("evaluations", ends["evaluations"], "")]
     columns = [Column("search"), Column("status", text=True)]
     columns += [Column(name, unit) for name, _, unit in parts]

@@ -7,6 +7,8 @@ from ._options import Json
 from ._progress import bar
 from ._study_page import Switch, deliver, kept, made_by, readable, write_page
 
+BOUND = "Upright marks: upper bounds of the totals from the gradients, drawn at 1 at most."
+
 
 def global_sensitivity(
     study: Path,
@@ -79,7 +81,7 @@ def _page(folder: Path, found: Any, study: Path, asked: Any) -> None:
         data = {"input": list(found.inputs), "first / 1": found.sobol.first[m]}
         data |= {"total / 1": found.sobol.total[m], "bound / 1": found.bound[m]}
         figures.append(
-            (f"indices-{name}", f"Shares of the variance of {name}.",
+            (f"indices-{name}", f"Shares of the variance of {name}. {BOUND}",
              lambda name=name: found.plot_indices(name), data)
         )  # fmt: skip
         figures.append(

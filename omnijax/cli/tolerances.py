@@ -80,15 +80,20 @@ def _page(folder: Path, found: Any, study: Path, asked: Any) -> None:
 
     slopes, unit = readable(found.slopes / 100, found.unit)
     columns = [Column("part", text=True), Column("nominal", text=True)]
-    columns += [Column(f"{found.metric} by", f"{unit} per %"), Column("by derivatives", "± %")]
-    columns += [Column("by drawn machines", "± %"), Column("that is", text=True)]
+    columns += [
+        Column(f"change of {found.metric}", f"{unit} per %"),
+        Column("by derivatives", "± %"),
+    ]
+    columns += [Column("by drawn machines", "± %"), Column("in its unit", text=True)]
     rows = [
         [part, amount(found.values[i], found.units[i]), slopes[i], 100 * found.linear[i],
          100 * found.widths[i], f"± {found.own_width(i)}"]
         for i, part in enumerate(found.parts)
     ]  # fmt: skip
     data = {"part": list(found.parts), "tolerance / %": 100 * found.widths}
-    figures = [("tolerances", "How far each part may be off.", found.plot_widths, data)]
+    pale = " Pale: capped, hardly matters." if found.capped.any() else ""
+    caption = f"How far each part may be off.{pale}"
+    figures = [("tolerances", caption, found.plot_widths, data)]
     tightest = [
         f"`{found.parts[i]}` to {found.width_text(i)}" for i in np.argsort(found.widths)[:TIGHTEST]
     ]

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ._sensitivity_plot import legend_above, new_axes
+from ._sensitivity_plot import new_axes
 
 
 def indices(result: Any, metric: str, ax: Any = None) -> Any:
@@ -24,13 +24,11 @@ def indices(result: Any, metric: str, ax: Any = None) -> Any:
         label="first order", **style,
     )  # fmt: skip
     bound = np.minimum(result.bound[m, order], 1.0)
-    ax.plot(
-        bound, place + 0.19, "|", color="#D55E00", ms=14, label="bound from gradients, at most 1"
-    )
+    ax.plot(bound, place + 0.19, "|", color="#D55E00", ms=14, label="bound")
     ax.set_yticks(place, [result.inputs[i] for i in order])
     ax.grid(axis="y", visible=False)
     ax.set_xlabel(f"share of the variance of {metric}")
-    legend_above(ax)
+    _legend_above(ax)
     return ax
 
 
@@ -46,5 +44,10 @@ def convergence(result: Any, metric: str, ax: Any = None) -> Any:
     ax.set_xscale("log", base=2)
     ax.set_xlabel("blocks (each d + 2 runs)")
     ax.set_ylabel(f"total index of {metric}")
-    legend_above(ax)
+    _legend_above(ax)
     return ax
+
+
+def _legend_above(ax: Any) -> None:
+    """Beside the bars and lines there is no room that is always free."""
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False).set_gid("above")

@@ -51,11 +51,11 @@ class GlobalSensitivity:
         for m, metric in enumerate(self.metrics):
             total, half = self.sobol.total[m], self.sobol.total_half[m]
             order = np.argsort(-total)
-            parts = [f"`{self.inputs[i]}` {total[i]:.3f} ± {half[i]:.3f}" for i in order]
+            parts = [f"`{self.inputs[i]}` ({total[i]:.3f} ± {half[i]:.3f})" for i in order]
             lines.append(
                 f"{metric} depends most on {parts[0]}"
                 + "".join(f", then {part}" for part in parts[1:])
-                + " (shares of its variance with all interactions)."
+                + ": shares of its variance, interactions included."
             )
             one, two = order[:2] if len(order) > 1 else (order[0], order[0])
             if one != two and total[one] - half[one] < total[two] + half[two]:

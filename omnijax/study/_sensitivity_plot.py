@@ -16,11 +16,6 @@ def new_axes(ax: Any, height: float = 4.2, width: float = 7.2) -> Any:
     return ax
 
 
-def legend_above(ax: Any) -> None:
-    """Beside the bars and lines there is no room that is always free."""
-    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False).set_gid("above")
-
-
 def tornado(result: Any, metric: str, together: bool = False, ax: Any = None) -> Any:
     """Relative sensitivities as bars, largest on top; what has none is left out."""
     from ._amounts import amount

@@ -132,20 +132,13 @@ class Tolerances:
 
     def plot_widths(self, ax: Any = None) -> Any:
         """Tolerances as bars, tightest on top; capped ones paler."""
-        from ._sensitivity_plot import legend_above, new_axes
+        from ._sensitivity_plot import new_axes
 
         order = np.argsort(-self.widths)
         ax = new_axes(ax, 1.4 + 0.27 * len(order))
         capped, place = self.capped[order], np.arange(len(order))
-        for which, colour, label in (
-            (~capped, "#0072B2", "as the limit asks"),
-            (capped, "#56B4E9", "capped: hardly matters"),
-        ):
-            if which.any():
-                widths = 100 * self.widths[order][which]
-                ax.barh(place[which], widths, color=colour, height=0.7, label=label)
-        if capped.any():
-            legend_above(ax)
+        colours = np.where(capped, "#56B4E9", "#0072B2").tolist()
+        ax.barh(place, 100 * self.widths[order], color=colours, height=0.7)
         ax.set_yticks(np.arange(len(order)), [self.parts[i] for i in order])
         ax.grid(axis="y", visible=False)
         ax.set_xlabel("tolerance (± %)")
