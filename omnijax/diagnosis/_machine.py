@@ -50,7 +50,7 @@ class Machine:
         self.references: list[np.ndarray] | None = None
         self.ratios: list[float | None] = [None] * len(runs)
         self._normal: dict[int, np.ndarray] = {}  # N of the last rig: where the next one starts
-        self._kept: dict[str, dict] = {"motion": {}, "rotated": {}, "modes": {}}
+        self._kept: dict[str, dict] = {"motion": {}, "turning": {}, "rotated": {}, "modes": {}}
         self.window = window
         self.rows: list[Rows] = []
         self.rebase(rig)
@@ -93,8 +93,16 @@ class Machine:
     # --- stages -------------------------------------------------------------------------------
     def motions(self, rig: Rig, which=None) -> dict[int, Motion]:
         """Motion of every run behind the measured angles."""
+        key = self._motion_key(rig)
+        wanted = range(len(self.runs)) if which is None else which
+        return {
+            i: self._keep("motion", key + bytes([i]), lambda i=i: self._motion(rig, i))
+            for i in wanted
+        }
+
+    def _motion_key(self, rig: Rig) -> bytes:
         w = rig.wheels
-        key = digest(
+        return digest(
             rig.sphere,
             w.normal,
             w.drive,
@@ -106,11 +114,6 @@ class Machine:
             rig.at("kinematics"),
             tuple(p for p in rig.at("sensor") if p.place.startswith("theta")),
         )
-        wanted = range(len(self.runs)) if which is None else which
-        return {
-            i: self._keep("motion", key + bytes([i]), lambda i=i: self._motion(rig, i))
-            for i in wanted
-        }
 
     def _motion(self, rig: Rig, i: int) -> Motion:
         tables, run = self.tables_of(rig), self.runs[i]
@@ -144,7 +147,8 @@ class Machine:
 
     def _rotated(self, rig: Rig, i: int) -> Rotated:
         run, m = self.runs[i], self.motions(rig, [i])[i]
-        response = turning(rig, m)
+        key = self._motion_key(rig) + digest(rig.wheels.inertia) + bytes([i])
+        response = self._keep("turning", key, lambda: turning(rig, m))
         torque = refine(run.torque, FINE)
         longest = max(r.samples for r in self.runs)
         turns = 1 if not rig.at("rolling") else 4 if i not in self._normal else 2

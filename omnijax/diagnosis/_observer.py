@@ -80,10 +80,8 @@ def _path(rig: Rig, motion: Motion, response: Turning, torque, normal, radius, m
     def every(x):
         return np.broadcast_to(x, (len(torque), *x.shape[1:]))[::half]
 
-    axes, inverse, Q = every(response.axes), every(response.inverse_inertia), every(motion.attitude)
-    drive = response.radius * inverse @ np.swapaxes(axes, 1, 2) @ every(response.force)
-    shaft = drive * every(response.torque_gain)[:, None, :]
-    opposing = drive @ every(response.body) - inverse
+    axes, Q = every(response.axes), every(motion.attitude)
+    shaft, opposing = (every(x) for x in response.rates)
     weight = np.asarray(rig.sphere.mass * rig.platform.gravity)
     lever = np.cross(Q @ np.asarray(rig.sphere.centre_of_mass), weight)
     still = shaft @ every(torque)[:, :, None] - opposing @ lever[:, :, None]

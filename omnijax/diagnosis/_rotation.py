@@ -1,6 +1,7 @@
 """Rotation along the measured motion: drive forces, dOmega/dt, and their response to torques."""
 
 import dataclasses
+import functools
 
 import numpy as np
 
@@ -31,6 +32,13 @@ class Turning:
             less(self.torque_gain), less(self.force), less(self.body), less(self.inverse_inertia),
             less(self.axes), self.radius,
         )  # fmt: skip
+
+    @functools.cached_property
+    def rates(self) -> tuple[np.ndarray, np.ndarray]:
+        """dOmega/dt of a torque on each shaft (t, 3, n), and of an opposing torque (t, 3, 3)."""
+        axes = np.swapaxes(self.axes, 1, 2)
+        drive = self.radius * self.inverse_inertia @ axes @ self.force
+        return drive * self.torque_gain[:, None, :], drive @ self.body - self.inverse_inertia
 
     def respond(self, shaft: np.ndarray | None, opposing: np.ndarray | None):
         """(drive forces (t, n), dOmega/dt (t, 3)) caused by torques (t, n) and (t, 3)."""
