@@ -18,21 +18,23 @@ from jaxtyping import Array, Float
 from ..rig import Rig
 from ..simulate.exact import steady_state
 from ..simulate.exact._cycles import forcing
-from ..simulate.exact._ladder import points, second_moments, series
+from ..simulate.exact._ladder import second_moments
 from ..simulate.exact._passage import passages, periodic_starts
-from ..simulate.exact._peaks import DIRECTIONS, Curves, _sphere, present
+from ..simulate.exact._peaks import Curves, _sphere
 from ..simulate.exact._spectrum import _rates, _response, fourier
 from ..simulate.exact._steady import _statistics, output_rows
 from ..simulate.exact._system import balanced, forced_system
 from ._amplitude import root
 from ._comfort import weighting
+from ._extremes import BITS, Places, places, refined
 from ._metrics import known, up
 
-BITS = 6  # 2^BITS search points a piece, each then refined by its Taylor series
 LEVELS = 24  # of the ladder: up to 2^22 time constants a piece
 LINES = 64  # harmonics of the weighted acceleration
 SHARPNESS = 64.0
-NEWTON = 3
+DIRECTIONS = 400  # to begin with
+ROUNDS = 2  # of direction and places
+CANDIDATES = 8  # directions in which a supremum is looked for
 
 
 class ContactLoad(NamedTuple):
@@ -54,7 +56,7 @@ class LongRun:
         self.cycles = passages(self.system, self.signals, BITS, LEVELS)
         self.states = self.system.A.shape[0]
         self.starts = periodic_starts(self.cycles, self.states)
-        self._moments = self._points = self._load = None
+        self._moments = self._places = self._load = None
 
     def curves(self, *names: str) -> Curves:
         """Outputs beside each other."""
@@ -69,86 +71,49 @@ class LongRun:
         weight = width / jnp.sum(width, axis=1, keepdims=True)
         return _statistics(self.curves(name), self._moments, weight, self.states)[1]
 
-    def grid(self) -> Float[Array, "g p N"]:
-        """z on 2^BITS points of every piece."""
-        if self._points is None:
-            Z = jax.vmap(jax.vmap(lambda piece, z: points(piece, z, BITS)))(
-                self.cycles.pieces, self.starts
-            )
-            Z = jnp.swapaxes(Z, -1, -2)
-            self._points = Z.reshape(Z.shape[0], -1, Z.shape[-1])
-        return self._points
-
-    def values(self, curves: Curves) -> Float[Array, "g p o"]:
-        """Outputs on the grid; absent pieces repeat nothing that is larger."""
-        count, pieces = 2**BITS, curves.rows.shape[1]
-        Z = self.grid().reshape(curves.rows.shape[0], pieces, count, -1)
-        return jnp.einsum("gkoN,gkpN->gkpo", curves.rows, Z).reshape(len(Z), pieces * count, -1)
-
-    def refined(self, curves: Curves, index, row) -> Float[Array, "g o"]:
-        """Outputs of each signal near grid points `index` (g,), where row . output is largest.
-
-        z(v + d) = exp(F d) z(v), so the place's Newton steps and the value are those of a series;
-        by the envelope theorem the place itself is not differentiated.
-        """
-        step = 2.0**-BITS
-
-        def one(pieces, rows, Z, i):
-            k = i >> BITS
-            F, z, C = pieces.generator[k], Z[i], rows[k]
-            along, inside = row @ C, (i % 2**BITS) * step
-
-            def newton(d, _):
-                here = series(F * d, z)
-                slope, bend = along @ (F @ here), along @ (F @ (F @ here))
-                move = jnp.where(bend < 0, -slope / jnp.where(bend < 0, bend, -1.0), 0.0)
-                d = jnp.clip(d + jnp.where(jnp.isfinite(move), move, 0.0), -step, step)
-                return jnp.clip(d, -inside, 1 - inside), None
-
-            d = jax.lax.stop_gradient(jax.lax.scan(newton, 0.0, None, length=NEWTON)[0])
-            best = jnp.where(along @ series(F * d, z) >= along @ z, d, 0.0)
-            return C @ series(F * jax.lax.stop_gradient(best), z)
-
-        return jax.vmap(one)(curves.cycles.pieces, curves.rows, self.grid(), index)
+    def places(self) -> Places:
+        """Where extremes are looked for."""
+        if self._places is None:
+            self._places = places(self.cycles, self.starts)
+        return self._places
 
     def largest(self, curves: Curves, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
         """The largest value of each combination `rows` of the outputs."""
-        seen = present(curves, BITS)[..., None]
-        along = jnp.where(seen, self.values(curves) @ rows.T, -jnp.inf)
-        index = jnp.argmax(jax.lax.stop_gradient(along), axis=1).T
+        found = self.places()
+        index = jnp.argmax(found.along(found.outputs(curves.rows), rows), axis=1).T
 
         def one(row, i):
-            return jnp.sum(self.refined(curves, i, row) @ row)
+            return jnp.sum(refined(curves, found, i, row) @ row)
 
         return jax.vmap(one)(rows, index)
 
     def supremum(self, name: str) -> Float[Array, ""]:
         """Largest length of an output that is a vector: over directions, then places."""
-        curves = self.curves(name)
-        seen = present(curves, BITS)[..., None]
-        values = jax.lax.stop_gradient(self.values(curves))
+        curves, found = self.curves(name), self.places()
+        values = found.outputs(curves.rows)
 
         def support(d):
-            along = jnp.where(seen, values @ d.T, -jnp.inf)
+            along = found.along(values, d)
             return jnp.argmax(along, axis=1), jnp.sum(jnp.max(along, axis=1), axis=0)
 
         directions = jnp.asarray(_sphere(DIRECTIONS, values.shape[-1]))
-        direction = directions[jnp.argmax(support(directions)[1])][None]
+        best = directions[jnp.argsort(-support(directions)[1])[:CANDIDATES]]
 
-        def ascend(direction, _):
-            index = support(direction)[0][:, 0]
+        def ascend(best, _):  # the sum found in a direction is the next direction
+            index = support(best)[0]
             total = jnp.sum(jax.vmap(lambda v, i: v[i])(values, index), axis=0)
-            size = root(total @ total)
-            unit = total / jnp.where(size > 0, size, 1.0)
-            return jnp.where(size > 0, unit, direction[0])[None], 0
+            size = jnp.sqrt(jnp.sum(total**2, axis=1, keepdims=True))
+            return jnp.where(size > 0, total / jnp.where(size > 0, size, 1.0), best), None
 
-        direction = jax.lax.scan(ascend, direction, None, length=6)[0]
-        index, row = support(direction)[0][:, 0], direction[0]
-        for _ in range(2):  # the sum at the refined places is the next direction
-            total = jnp.sum(self.refined(curves, index, row), axis=0)
+        best = jax.lax.scan(ascend, best, None, length=6)[0]
+        index, height = support(best)
+        chosen = jnp.argmax(height)
+        index, row = index[:, chosen], best[chosen]
+        for _ in range(ROUNDS):  # the sum at the refined places is the next direction
+            total = jnp.sum(refined(curves, found, index, row), axis=0)
             size = jax.lax.stop_gradient(root(total @ total))
             row = jax.lax.stop_gradient(total) / jnp.where(size > 0, size, 1.0)
-        total = jnp.sum(self.refined(curves, index, row), axis=0)
+        total = jnp.sum(refined(curves, found, index, row), axis=0)
         return root(total @ total)
 
     def extremes(self, name: str) -> Float[Array, "2 o"]:
