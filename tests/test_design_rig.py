@@ -1,5 +1,8 @@
 """Designs of the rig from study files, in Python and through the command line."""
 
+import dataclasses
+import tomllib
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -10,9 +13,10 @@ from omnijax.rig import InputError
 from omnijax.study import Tolerances, parse_study
 from omnijax.study._design_answer import make_design
 from omnijax.study._design_engine import Engine
+from omnijax.study._design_notes import Exact, as_it_was, before
 from omnijax.study._design_rig import RigCases, rig_problem
 from omnijax.study._design_search import Lanes
-from omnijax.study._tolerance import allocate, share_bounds
+from omnijax.study._tolerance import allocate, share_bounds, usual_parts
 
 SPEED = (3.0, 5.1, 7.3)
 TEXT = """
@@ -41,8 +45,6 @@ batch = 3
 
 @pytest.fixture(scope="module")
 def engine():
-    import tomllib
-
     return Engine(rig_problem(parse_study(tomllib.loads(TEXT))), 3, 0)
 
 
@@ -166,6 +168,37 @@ def test_a_variable_without_influence_is_refused_on_the_command_line(tmp_path, c
     assert text == (
         "`closure.preload` influences neither the objective nor a constraint: leave it out.\n"
     )
+
+
+def test_a_front_of_a_margin_and_a_resumption_from_nowhere_are_refused(tmp_path, capsys):
+    path = study_file(tmp_path)
+    assert run(["pareto", path, "--metric", "rms,slip_margin"]) == 2
+    message = "`slip_margin` is no vibration but a margin: hold it by a [[constraint]].\n"
+    assert capsys.readouterr().err == message
+    assert run(["design", path, "--resume"]) == 2
+    message = "`resume` needs the folder of the interrupted study.\n"
+    assert capsys.readouterr().err == message
+
+
+def test_a_relative_tolerance_of_nothing_is_refused():
+    rig = omnijax.set_parameter(omnijax.load_rig("atlas"), "wheel.w2.contact.damping", 0.0)
+    study = parse_study({"drive": [{"speed": SPEED}], "tolerance": {"contact.damping": 0.1}})
+    message = "`wheel.w2.contact.damping` is 0, so that a relative tolerance of it means nothing."
+    with pytest.raises(InputError, match=message):
+        RigCases(dataclasses.replace(study, rig=rig))
+    assert "wheel.w1.contact.damping" in usual_parts(rig)
+    assert "wheel.w2.contact.damping" not in usual_parts(rig)
+
+
+def test_a_design_beside_a_rig_that_is_none_of_the_designs():
+    """Wheels that differ have no common damping, so the rig as it was is judged by itself."""
+    rig = omnijax.set_parameter(omnijax.load_rig("atlas"), "wheel.w2.contact.damping", 90.0)
+    study = parse_study(tomllib.loads(TEXT) | {"drive": [{"speed": SPEED}]})
+    study = dataclasses.replace(study, rig=rig)
+    cases = RigCases(study)
+    old = as_it_was(study, Exact(study, cases))
+    want = omnijax.sensitivity(rig, SPEED, "rms", parameters=["contact.damping"]).figures[0]
+    assert before(study) is None and np.isclose(old[0], want, rtol=1e-9)
 
 
 def test_separation_needs_constant_speeds():

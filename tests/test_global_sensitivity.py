@@ -95,6 +95,19 @@ def test_failed_runs_are_named_and_left_out(tmp_path):
     assert again.failed == found.failed and np.array_equal(again.bound, found.bound)
 
 
+def test_what_has_no_influence_and_what_is_not_settled_is_said():
+    inputs = [Input(n, 0.0, 1.0) for n in ("a", "b", "c")]
+    found = analyse(lambda x: (x[0] + 0.9 * x[1])[None], inputs, ["y"], ["m"], samples=64)
+    first, settled, silent = found.sentences()
+    assert first.startswith("y depends most on `a` (") and ", then `b` (" in first
+    assert settled.startswith("which of `a` and `b` matters more for y is not settled by 64 blocks")
+    assert silent == "`c` does not influence y."
+    clear = analyse(lambda x: (x[0] + 0.1 * x[1])[None], inputs, ["y"], ["m"], samples=64)
+    assert "not settled" not in repr(clear)
+    flat = analyse(lambda x: jnp.ones(1) + 0 * x[:1], inputs, ["y"], ["m"], samples=64)
+    assert flat.sentences() == [f"`{n}` does not influence y." for n in "abc"]
+
+
 STUDY = {
     "rig": "atlas",
     "drive": [{"speed": [3.0, 5.1, 7.3]}],

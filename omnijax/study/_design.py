@@ -10,7 +10,7 @@ from .._errors import InputError
 from ..rig import Rig
 from ._design_answer import make_design
 from ._design_engine import Engine
-from ._design_folder import Folder, Report
+from ._design_folder import Report, folder_of
 from ._design_notes import notes, start_note
 from ._design_result import Design
 from ._design_rig import RigCases, rig_problem
@@ -38,7 +38,7 @@ def design(
     problem = rig_problem(asked, cases)
     if asked.stochastic and not cases.parts:
         raise InputError("`search.stochastic_steps` needs a [tolerance] table to draw from.")
-    store = None if out is None else Folder(out, asked.identity("design"), resume)
+    store = folder_of(out, asked.identity("design"), resume)
     engine = Engine(problem, asked.starts, asked.seed, store)
     drawn = Adam(asked.stochastic, seed=asked.seed) if asked.stochastic else None
     ends = engine.all_ends(asked.batch, report, drawn)

@@ -52,6 +52,13 @@ class Folder:
         part.rename(self.folder / f"{key}.npz")
 
 
+def folder_of(out: str | Path | None, identity: Mapping[str, Any], resume: bool) -> Folder | None:
+    """The folder `out`, if any, for finished parts."""
+    if out is None and resume:
+        raise InputError("`resume` needs the folder of the interrupted study.")
+    return None if out is None else Folder(out, identity, resume)
+
+
 def _stored(mark: Path) -> Mapping[str, Any]:
     try:
         found = json.loads(mark.read_text(encoding="utf-8"))

@@ -1,6 +1,7 @@
 """What is said beside a design: its figures by other means than the search's, and the old rig's."""
 
 import copy
+import dataclasses
 
 import jax
 import jax.numpy as jnp
@@ -20,7 +21,7 @@ FRESH = 64  # draws of the parts that the search has not seen
 
 
 def before(study: Study) -> np.ndarray | None:
-    """The variables' values in the study's own rig; None where a wheel differs from the others."""
+    """The variables' values in the study's own rig; None where no design is that rig."""
     values = []
     for v in study.variables:
         try:
@@ -86,15 +87,21 @@ def notes(study: Study, cases: RigCases, found: Design) -> list[str]:
             f"{amount(fresh.mean(), unit)} ± {amount(spread / np.sqrt(FRESH), unit)}, greatest "
             f"{amount(fresh.max(), unit)}, deviation {amount(spread, unit)}."
         )
+    old, new = (float(exact.over_cases(y)) for y in (as_it_was(study, exact), nominal))
+    lines.append(
+        f"the rig as it was: {amount(old, unit)}; the design, parts at their nominal values: "
+        f"{amount(new, unit)} ({100 * (new / old - 1):+.1f} %)."
+    )
+    return lines
+
+
+def as_it_was(study: Study, exact: Exact) -> np.ndarray:
+    """The objective (k,) of the study's own rig with nominal parts."""
     start = before(study)
     if start is not None:
-        old = float(exact.over_cases(exact(start)[:, 0]))
-        new = float(exact.over_cases(nominal))
-        lines.append(
-            f"the rig as it was: {amount(old, unit)}; the design, parts at their nominal values: "
-            f"{amount(new, unit)} ({100 * (new / old - 1):+.1f} %)."
-        )
-    return lines
+        return exact(start)[:, 0]
+    plain = dataclasses.replace(study, variables=(), constraints=(), tolerances=())
+    return Exact(plain, RigCases(plain))(jnp.zeros(0))[:, 0]
 
 
 def _by_solver(study: Study, cases: RigCases, x, found: Design) -> list[str]:

@@ -71,6 +71,12 @@ class RigCases:
             found = checked_parameters(self.study.rig, [path])
             paths += found
             width += [half] * len(found)
+        values = values_of(self.study.rig, tuple(paths))
+        nothing = [p for p, v in zip(paths, values, strict=True) if v == 0]
+        if nothing:
+            raise InputError(
+                [f"`{p}` is 0, so that a relative tolerance of it means nothing." for p in nothing]
+            )
         return tuple(paths), jnp.asarray(np.array(width))
 
     def _load_table(self) -> np.ndarray:

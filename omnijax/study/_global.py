@@ -11,7 +11,7 @@ from scipy.stats import qmc
 
 from .._errors import InputError, RunError
 from ..vibration import METRICS
-from ._design_folder import Folder
+from ._design_folder import Folder, folder_of
 from ._design_rig import RigCases
 from ._global_inputs import Input, Inputs, run_all
 from ._global_morris import morris_design, morris_effects
@@ -122,7 +122,7 @@ def global_sensitivity(
     def function(x):
         return sign * jnp.max(sign * cases.every(x, jnp.zeros((1, 0)))[0][:, 0], axis=0)
 
-    store = None if out is None else Folder(out, asked.identity("global", metrics=names), resume)
+    store = folder_of(out, asked.identity("global", metrics=names), resume)
     units = [METRICS[name].unit for name in names]
     return analyse(
         function, inputs, names, units, samples=asked.samples, seed=asked.seed, report=report,

@@ -11,6 +11,7 @@ from ._global_morris import MorrisEffects
 from ._global_sobol import SobolIndices
 from ._netcdf import read_result, write_result
 
+SILENT = 1e-12  # share of the variance that no run would show
 NAMED = 5  # failed runs listed by name
 
 
@@ -47,23 +48,7 @@ class GlobalSensitivity:
 
     def sentences(self) -> list[str]:
         """The ranking in words, and what failed."""
-        lines = []
-        for m, metric in enumerate(self.metrics):
-            total, half = self.sobol.total[m], self.sobol.total_half[m]
-            order = np.argsort(-total)
-            parts = [f"`{self.inputs[i]}` ({total[i]:.3f} ± {half[i]:.3f})" for i in order]
-            lines.append(
-                f"{metric} depends most on {parts[0]}"
-                + "".join(f", then {part}" for part in parts[1:])
-                + ": shares of its variance, interactions included."
-            )
-            one, two = order[:2] if len(order) > 1 else (order[0], order[0])
-            if one != two and total[one] - half[one] < total[two] + half[two]:
-                lines.append(
-                    f"which of `{self.inputs[one]}` and `{self.inputs[two]}` matters more for "
-                    f"{metric} is not settled by {self.sobol.blocks} blocks: their intervals "
-                    "overlap."
-                )
+        lines = [line for m in range(len(self.metrics)) for line in self._ranking(m)]
         if self.failed:
             listed = "; ".join(self.failed[:NAMED])
             more = f" and {len(self.failed) - NAMED} more" if len(self.failed) > NAMED else ""
@@ -72,6 +57,26 @@ class GlobalSensitivity:
                 f"{self.sobol.dropped} blocks and {self.morris.dropped} steps."
             )
         return lines
+
+    def _ranking(self, m: int) -> list[str]:
+        """What one metric depends on, what it does not, and whether that is settled."""
+        metric, total, half = self.metrics[m], self.sobol.total[m], self.sobol.total_half[m]
+        order = [i for i in np.argsort(-total) if self.bound[m, i] > SILENT]
+        parts = [f"`{self.inputs[i]}` ({total[i]:.3f} ± {half[i]:.3f})" for i in order]
+        lines = []
+        if parts:
+            lines.append(
+                f"{metric} depends most on {', then '.join(parts)}: shares of its variance, "
+                "interactions included."
+            )
+        if len(order) > 1 and total[order[0]] - half[order[0]] < total[order[1]] + half[order[1]]:
+            one, two = (f"`{self.inputs[i]}`" for i in order[:2])
+            lines.append(
+                f"which of {one} and {two} matters more for {metric} is not settled by "
+                f"{self.sobol.blocks} blocks: their intervals overlap."
+            )
+        silent = [name for i, name in enumerate(self.inputs) if i not in order]
+        return lines + [f"`{name}` does not influence {metric}." for name in silent]
 
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` over metric and input."""

@@ -20,7 +20,7 @@ from ..vibration import METRICS
 from ._constraints import all_limits
 from ._design_answer import conflict
 from ._design_engine import Engine
-from ._design_folder import Folder, Report
+from ._design_folder import Folder, Report, folder_of
 from ._design_judge import End, best_of
 from ._design_problem import Limit, Problem, Scale, Variable, check_variables
 from ._design_rig import RigCases
@@ -196,6 +196,11 @@ def pareto(
     names = tuple(metrics) or asked.pareto
     if len(names) not in {2, 3}:
         raise InputError("a front needs 2 or 3 metrics: [pareto] metrics = [...].")
+    margins = [n for n in names if not METRICS[n].smaller_is_better]
+    if margins:
+        raise InputError(
+            [f"`{n}` is no vibration but a margin: hold it by a [[constraint]]." for n in margins]
+        )
     if not asked.variables or any(v.whole for v in asked.variables):
         raise InputError("a front needs at least one [[variable]], and only real ones.")
     plain = dataclasses.replace(asked, tolerances=())
@@ -208,7 +213,7 @@ def pareto(
 
     problem = Problem(asked.variables, figures, tuple(limits), extra=cases.draws())
     units = tuple(METRICS[n].unit for n in names)
-    store = None if out is None else Folder(out, asked.identity("pareto", metrics=names), resume)
+    store = folder_of(out, asked.identity("pareto", metrics=names), resume)
     return trade_off(
         problem, names, units, points=asked.points, starts=asked.starts, seed=asked.seed,
         batch=asked.batch, store=store, report=report,

@@ -60,7 +60,7 @@ def _drive(read: Reader, rig: Rig, block: Mapping, i: int) -> Case:
 
 
 def _numbers(read: Reader, given: Any, where: str, unit: str) -> tuple[float, ...]:
-    given = given if isinstance(given, list) else [given]
+    given = given if isinstance(given, list | tuple) else [given]
     return tuple(read.value(x, where, Quantity(unit), 0.0) for x in given)
 
 

@@ -16,12 +16,12 @@ import numpy as np
 from scipy.stats import norm
 
 from .._errors import InputError, RunError
-from ..rig import parameter_info
+from ..rig import Rig, parameter_info
 from ..vibration import METRICS
 from ._amounts import amount
-from ._design_folder import Folder, Report
+from ._design_folder import Report, folder_of
 from ._design_rig import RigCases
-from ._sensitivity_target import values_of
+from ._sensitivity_target import checked_parameters, values_of
 from ._study_file import Study, study_of
 from ._tolerance_draws import Machines
 from ._tolerance_result import WIDEST, Tolerances
@@ -74,23 +74,21 @@ def tolerances(
 ) -> Tolerances:
     """Tolerances of each wheel's parts that keep a metric below `[limit] max`.
 
-    The parts are those of `[tolerance]`, or `parts`, or all of `PARTS`; deviations are independent
-    and uniform.  Over several cases the metric is its worst.  With `out` finished chunks of
-    machines are stored there, and `resume` takes them up.
+    The parts are `parts`, or those of `[tolerance]`, or all of `PARTS` that are not 0; deviations
+    are independent and uniform.  Over several cases the metric is its worst.  With `out` finished
+    chunks of machines are stored there, and `resume` takes them up.
     """
     asked = study_of(study)
     if asked.limit is None:
         raise InputError("tolerances need a [limit] with `metric` and `max`.")
     _check(draws, asked.confidence)
     metric, limit = asked.limit
-    chosen = parts or tuple(p for p, _ in asked.tolerances) or PARTS
+    chosen = parts or tuple(p for p, _ in asked.tolerances) or usual_parts(asked.rig)
     plain = dataclasses.replace(
         asked, variables=(), constraints=(), tolerances=tuple((p, 1.0) for p in chosen)
     )
     cases = RigCases(plain, (metric,))
-    store = None
-    if out is not None:
-        store = Folder(out, plain.identity("tolerances", machines=draws), resume)
+    store = folder_of(out, plain.identity("tolerances", machines=draws), resume)
 
     def worst(deviation):
         return jnp.max(cases.every(jnp.zeros(0), deviation[None])[0])
@@ -117,6 +115,12 @@ def tolerances(
         slopes, linear, width, good / draws, low, high, float(np.mean(untouched < limit)), draws,
         int(np.sum(~np.isfinite(new))),
     )  # fmt: skip
+
+
+def usual_parts(rig: Rig) -> tuple[str, ...]:
+    """`PARTS` of every wheel, less those that are 0."""
+    found = checked_parameters(rig, PARTS)
+    return tuple(p for p, v in zip(found, values_of(rig, found), strict=True) if v != 0)
 
 
 def _check(draws: int, confidence: float) -> None:
