@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from machines import ORTHOGONAL, SKEW, machine
 
 from omnijax import laws
+from omnijax.rig import set_parameter
 from omnijax.simulate import propagate, speeds, steady_state
 
 
@@ -51,6 +52,22 @@ def test_agrees_with_a_long_run():
     assert size.max() < float(state.peak) * (1 + 1e-9)  # a supremum: reached only in the long run
     assert size.max() > 0.9 * float(state.peak)
     assert abs(np.sqrt(np.mean(size**2)) / float(state.rms) - 1) < 0.03
+
+
+def test_suprema_among_a_thousand_hardly_damped_oscillations():
+    rig, w = machine(ORTHOGONAL), jnp.array([0.124, -0.108, -0.3115])
+    for path, value in (
+        ("contact.stiffness", [779936.1224, 906076.7251, 685539.6767]),
+        ("contact.damping", [441.9673, 11.6667, 237.8142]),
+        ("mount.damping", [104.0304, 3.744, 935.6238]),
+        ("wheel.roundness", [0.7218, 0.9098, 0.3146]),
+    ):
+        rig = set_parameter(rig, path, jnp.asarray(value))
+    found, fine, coarse = (steady_state(rig, w, grid_bits=b) for b in (None, 13, 9))
+    for name in ("peak", "peak_elastic", "peak_component"):
+        want = getattr(fine, name)
+        np.testing.assert_allclose(getattr(found, name), want, rtol=1e-9)
+        assert np.max(np.abs(getattr(coarse, name) / want - 1)) > 1e-5  # 512 places miss it
 
 
 def test_one_turning_wheel_reaches_its_supremum():

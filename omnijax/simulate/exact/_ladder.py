@@ -83,11 +83,15 @@ def series(X, z=None):
     return jax.lax.scan(horner, z, jnp.arange(TERMS, 0.0, -1.0))[0]
 
 
-def levels_needed(passed, least: int = 0) -> int:
-    """Levels for pieces `passed` time constants long, a multiple of 8; `LEVELS` while tracing."""
-    if is_traced(passed):
+def levels_needed(passage, least: int = 0) -> int:
+    """Levels for pieces with A duration up to `passage`, a multiple of 8; `LEVELS` while tracing.
+
+    They hold as many time constants as its largest column sum.
+    """
+    if is_traced(passage):
         return LEVELS
-    need = max(np.ceil(np.log2(max(float(np.max(passed)), 128.0))), least) + 4
+    passed = float(np.max(np.sum(np.abs(passage), axis=0), initial=0.0))
+    need = max(np.ceil(np.log2(max(passed, 128.0))), least) + 4
     return int(min(-(-need // 8) * 8, LEVELS))  # few lengths: few programs to compile
 
 

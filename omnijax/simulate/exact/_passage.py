@@ -35,12 +35,11 @@ def passages(system: Forced, forcing: Forcing, least: int, levels: int) -> Passa
 
 
 @kept
-def time_constants(rig: Rig, speeds, angles, model: str, least: float = 0.0):
-    """How many of its time constants the system passes in its longest piece (or in `least` s)."""
+def longest_passage(rig: Rig, speeds, angles, model: str, least: float = 0.0):
+    """The system's matrix A times the duration of its longest piece (or `least` s), (m, m)."""
     signals = forcing(rig, speeds, angles)
     system, _ = balanced(forced_system(rig, model, speeds, signals.wheel))
-    rate = jnp.max(jnp.sum(jnp.abs(system.A), axis=0))
-    return rate * jnp.maximum(jnp.max(signals.cycle.duration), least)
+    return system.A * jnp.maximum(jnp.max(signals.cycle.duration), least)
 
 
 def piece_maps(pieces: Piece, m: int) -> Float[Array, "... m+1 m+1"]:

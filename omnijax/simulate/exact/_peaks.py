@@ -12,10 +12,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ._cycles import is_traced
 from ._ladder import Piece, advance, points
 from ._passage import Passages
 
 DIRECTIONS = 400
+FEWEST, MOST = 9, 12  # bits of a search's points a piece
+PER_OSCILLATION = 2
+TOGETHER = 20  # directions looked at together: bounds the memory
 NEWTON = 6
 
 
@@ -32,6 +36,19 @@ class Curves(NamedTuple):
     cycles: Passages
     starts: Float[Array, "g k N"]
     rows: Float[Array, "g k o N"]
+
+
+def bits_needed(passage) -> int:
+    """Bits of the points a piece whose A duration is up to `passage`; `FEWEST` while tracing.
+
+    A piece may hold thousands of oscillations of a lightly damped mode, of nearly equal height.
+    """
+    if is_traced(passage):
+        return FEWEST
+    modes = np.linalg.eigvals(np.asarray(passage))
+    swinging = np.abs(modes.imag[np.abs(modes.imag) > np.abs(modes.real)])
+    points = PER_OSCILLATION * np.max(swinging, initial=0.0) / (2 * np.pi)
+    return int(np.clip(np.ceil(np.log2(max(points, 1.0))), FEWEST, MOST))
 
 
 def grid(curves: Curves, bits: int) -> Float[Array, "g p o"]:
@@ -129,7 +146,8 @@ def supremum_places(curves: Curves, bits: int) -> Places:
         along = jnp.where(seen, jnp.einsum("gpo,do->gpd", values, d), -jnp.inf)
         return jnp.argmax(along, axis=1).T, jnp.sum(jnp.max(along, axis=1), axis=0)
 
-    best = directions[jnp.argsort(-support(directions)[1])[:8]]
+    heights = jax.lax.map(lambda d: support(d[None])[1][0], directions, batch_size=TOGETHER)
+    best = directions[jnp.argsort(-heights)[:8]]
 
     def ascend(best, _):  # the sum found in a direction is the next direction
         index = support(best)[0]

@@ -20,7 +20,7 @@ from .._trajectory import Trajectory
 from ._constant import Response, constant_response
 from ._cycles import is_traced, wheel_pieces
 from ._ladder import LEVELS, levels_needed
-from ._passage import time_constants
+from ._passage import longest_passage
 from ._system import exact_obstacle
 from ._varying import varying_response
 
@@ -77,8 +77,8 @@ def _room(rig: Rig, drive: SpeedDrive, ts, model: str) -> tuple[tuple[int, ...],
     periods = [min(float(jnp.sum(p.width)) for p in some) for some in shapes]
     counts = tuple(int(np.ceil(a / p)) + 3 for a, p in zip(turned, periods, strict=True))
     step = float(np.diff(np.asarray(ts)).max(initial=1e-6))
-    passed = time_constants(rig, jnp.zeros(rig.size), jnp.zeros(rig.size), model, jnp.asarray(step))
-    return counts, levels_needed(passed)
+    still = jnp.zeros(rig.size)
+    return counts, levels_needed(longest_passage(rig, still, still, model, jnp.asarray(step)))
 
 
 @kept

@@ -12,8 +12,8 @@ from ..._programs import kept
 from ...rig import Rig
 from ._cycles import Forcing, forcing, is_traced
 from ._ladder import basis_generator, basis_row, levels_needed, second_moments
-from ._passage import Passages, passages, periodic_starts, time_constants
-from ._peaks import Curves, component_places, grid, present, supremum_places, values_at
+from ._passage import Passages, longest_passage, passages, periodic_starts
+from ._peaks import Curves, bits_needed, component_places, grid, present, supremum_places, values_at
 from ._show import html, plot_orders, to_xarray
 from ._spectrum import harmonics as dr_harmonics
 from ._spectrum import transfer
@@ -88,16 +88,17 @@ def steady_state(
     model: str = "coupled",
     angles: Float[Array, " n"] | None = None,
     harmonics: int = 32,
-    grid_bits: int = 9,
+    grid_bits: int | None = None,
     sharpness: float | None = None,
 ) -> SteadyState:
     """Long-run vibration of `rig` at constant wheel `speeds` (rad/s, any sign, zero too).
 
     Closed forms throughout: periodic solutions piece by piece, their second moments by doubling,
-    suprema refined by Newton's method from 2^`grid_bits` points a piece.  `angles` (rad) matter
-    only for wheels at rest.  With `sharpness` p the peak of |dR| is the smooth one, the p-norm
-    over the phases, which lies below the supremum and has a gradient everywhere.  Raises
-    `ValueError` for a rig with laws that are not linear in the elastic state.
+    suprema refined by Newton's method from 2^`grid_bits` points a piece, unless stated two an
+    oscillation of the rig, but 512 to 4096.  `angles` (rad) matter only for wheels at rest.
+    With `sharpness` p the peak of |dR| is the smooth one, the p-norm over the phases, which lies
+    below the supremum and has a gradient everywhere.  Raises `ValueError` for a rig with laws that
+    are not linear in the elastic state.
     """
     reason = exact_obstacle(rig, model)
     if reason is not None:
@@ -106,8 +107,10 @@ def steady_state(
     if speeds.shape != (rig.size,):
         raise ValueError(f"`speeds` must have {rig.size} entries, but has shape {speeds.shape}.")
     angles = jnp.zeros(rig.size) if angles is None else jnp.asarray(angles, float)
-    levels = levels_needed(time_constants(rig, speeds, angles, model), grid_bits)
-    return _steady(rig, speeds, angles, model, harmonics, grid_bits, sharpness, levels)
+    passage = longest_passage(rig, speeds, angles, model)
+    bits = bits_needed(passage) if grid_bits is None else grid_bits
+    levels = levels_needed(passage, bits)
+    return _steady(rig, speeds, angles, model, harmonics, bits, sharpness, levels)
 
 
 @kept
