@@ -11,9 +11,15 @@ from cyclopts import Parameter
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print JSON for machines.")]
 
 
-def command_line(without: tuple[str, ...] = ()) -> str:
-    """This command as it can be typed again, less some of its words."""
-    return shlex.join(["omnijax", *(word for word in sys.argv[1:] if word not in without)])
+def command_line(without: tuple[str, ...] = (), valued: tuple[str, ...] = ()) -> str:
+    """This command as it can be typed again, less some of its words and options with a value."""
+    typed, words = ["omnijax"], iter(sys.argv[1:])
+    for word in words:
+        if word in valued:
+            next(words, None)
+        elif word not in without and word.partition("=")[0] not in valued:
+            typed.append(word)
+    return shlex.join(typed)
 
 
 def emit(as_json: bool, data: Any, text: Callable[[], None]) -> None:

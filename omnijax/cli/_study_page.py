@@ -1,13 +1,13 @@
 """Pages and shared output of the studies' commands."""
 
-import shlex
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
+
+from ._options import command_line
 
 Switch = Annotated[bool, Parameter(negative="")]
 
@@ -53,14 +53,9 @@ def made_by(study: Path, asked: Any) -> Any:
     from ..report import provenance
     from ..rig import rig_text
 
-    words, text = iter(sys.argv[1:]), study.read_text(encoding="utf-8")
-    typed = ["omnijax"]
-    for word in words:
-        if word == "--store":
-            next(words, None)
-        elif word != "--resume" and not word.startswith("--store="):
-            typed.append(word)
-    return provenance(shlex.join(typed), rig_text(asked.rig), asked.seed, text)
+    typed = command_line(without=("--resume",), valued=("--store",))
+    text = study.read_text(encoding="utf-8")
+    return provenance(typed, rig_text(asked.rig), asked.seed, text)
 
 
 def readable(values: Any, unit: str) -> tuple[Any, str]:

@@ -80,19 +80,19 @@ def foretold(model: AbstractModel, point: Point, residual, J) -> tuple[Point, fl
 
 
 def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 20,
-          relative: float = 0.0, give_up: float = np.inf) -> Fit:  # fmt: skip
+          relative: float = 0.0, give_up: float = np.inf, patience: int = 3) -> Fit:  # fmt: skip
     """Refit `point` on the train runs, with bounds: damped Gauss-Newton steps.
 
     The tangents of the uncertain parameters are those of `baseline` while they tell the fall of the
     cost well; they are taken anew where they do not, and where the steps end with a misfit.  The
     steps end where the cost falls by less than 0.02, or, where it is far from the noise, by less
-    than the `relative` part of itself.  Above a cost of `give_up` the third round is the last.
+    than the `relative` part of itself.  Above a cost of `give_up` round `patience` is the last.
     """
     state = _State.at(model, point, model.free(point))
     tangents, fresh, damping = baseline, baseline is None, 1e-6
     J, floor = None, 1.2 * model.dof("train")
     for turn in range(rounds):
-        if not np.isfinite(state.cost) or (turn >= 3 and state.cost > give_up):
+        if not np.isfinite(state.cost) or (turn >= patience and state.cost > give_up):
             break
         J = _jacobian(model, state.point, state.free, state.residual, tangents)
         if not np.all(np.isfinite(J)) or np.max(np.abs(J), initial=0.0) > 1e100:

@@ -90,9 +90,7 @@ class Refits:
         """The trials with their friction widths fitted: no comparison may hang on a width."""
         best, out = min((t.fit.cost for t in trials), default=0.0), []
         for t in trials:
-            far = t.fit.cost > WIDTHS_MATTER * best
-            slow = is_stepped(self.model, t.fit.point.effects)
-            wide = t.fit if far and slow else self.widened(t.fit)
+            wide = self.widened(t.fit, best)
             out.append(t if wide is t.fit else self.trial(fit, wide, before))
         return out
 
@@ -124,11 +122,14 @@ class Refits:
         self.model.rebase(fit.point)
         return self.widened(refit(self.model, fit.point, rounds=10))
 
-    def widened(self, fit: Fit) -> Fit:
+    def widened(self, fit: Fit, best: float = np.inf) -> Fit:
         """The fit with the friction laws' widths stated and so free, where the data ask for it.
 
-        The widths of a real machine are unknown, so no answer may hang on them.
+        The widths of a real machine are unknown, so no answer may hang on them.  A law that is
+        stepped in time stays as it is where it costs far more than the `best` fit.
         """
+        if fit.cost > WIDTHS_MATTER * best and is_stepped(self.model, fit.point.effects):
+            return fit
         wide = [self._with_width(effect) for effect in fit.point.effects]
         stated = all(
             len(w.values) == len(e.values) for w, e in zip(wide, fit.point.effects, strict=True)

@@ -17,6 +17,7 @@ Rival = tuple[Effect, float, float]  # the effect, its margin, the cosine of the
 NEAR = 4 * MARGIN  # linear estimate of a margin below which a rival is refitted in any case
 LIKE = 0.9  # share of an effect's own gain from which a rival is refitted, among the best few
 FEW, MOST, SWAPS = 4, 8, 3
+FAR = 10.0  # times the cost: a rival above it after one round imitates nothing
 
 
 class Review:
@@ -69,8 +70,11 @@ class Review:
             c = score.candidate
             rival = Effect(c.id, c.place, c.decode(score.coefficients))
             point = fit.point.with_effects(*effects[:i], rival, *effects[i + 1 :])
-            tangents = self.refits.tangents(fit, point.effects)
-            new = self.refits.widened(refit(self.model, point, baseline=tangents, rounds=4))
+            # the tangents of the effect that a rival imitates, until they prove wrong
+            tangents = fit.jacobian[:, : len(fit.point.u)]
+            new = refit(self.model, point, baseline=tangents, rounds=4,
+                        give_up=FAR * fit.cost, patience=1)  # fmt: skip
+            new = self.refits.widened(new, fit.cost)
             margin = new.cost - fit.cost
             self.tell(f"rival {c.name} of {effects[i].name}: margin {margin:.1f}")
             if margin < -MARGIN and self._held(new) < self._held(fit):

@@ -82,8 +82,7 @@ def best_of(ends: list[End]) -> End:
 
     def rank(end: End):
         infeasible = end.status == "infeasible"
-        level = 1 if end.status == "not optimal" else order[end.status]
-        return (level, end.kkt.violation if infeasible else end.value)
+        return (order[end.status], end.kkt.violation if infeasible else end.value)
 
     best = min(ends, key=rank)
     feasible = [e for e in ends if e.status in {"optimal", "not optimal"}]
