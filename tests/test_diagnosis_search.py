@@ -1,5 +1,6 @@
 """The search on a small model: names, rivals, decoys, pruning, bounds."""
 
+import dataclasses
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -150,9 +151,16 @@ def test_where_something_is_left_the_runner_up_is_followed(monkeypatch):
     )
     assert right.accepted and wrong.accepted
     way = Way(search.refits.settle(wrong.fit), (scan,), ([wrong, right],))
-    assert [e.id for e in search.best_way(way).fit.point.effects] == ["bearing-coulomb"]
+
+    def ends(way: Way) -> list[str]:
+        return [e.id for e in search.best_way(fit, way).fit.point.effects]
+
+    assert ends(way) == ["bearing-coulomb"]
+    little = dataclasses.replace(right, gain=0.0)  # of a strong gap: something else's shadow
+    assert fit.chi2 > _search.STRONG * model.dof("train")
+    assert ends(dataclasses.replace(way, trials=([wrong, little],))) == ["soft"]
     monkeypatch.setattr(_search, "RUNNERS_UP", 0)
-    assert [e.id for e in search.best_way(way).fit.point.effects] == ["soft"]
+    assert ends(way) == ["soft"]
 
 
 def test_a_superfluous_effect_is_pruned():
@@ -185,9 +193,9 @@ def test_scores_do_not_hang_on_the_size_of_a_column():
     model = balance([law("bearing-coulomb", 0.2)])
     fit = refit(model, Point(np.zeros(2)))
     candidates = model.candidates(fit.point)
-    columns = model.columns(fit.point, candidates, lambda share: None)
+    columns = model.columns(fit.point, candidates)
     gains = [
-        [s.gain for s in Signatures(candidates, [k * c for c in columns])
+        [s.gain for s in Signatures(candidates, k * columns)
          .scan(fit.residual, fit.jacobian, 2, fit.point.u).scores]
         for k in (1.0, 1e-9)
     ]  # fmt: skip
@@ -278,7 +286,9 @@ class Clock(SmallModel):
 def test_openings_lead_to_numbers_that_whole_runs_do_not_show():
     model, start = Clock(100.0), Point(np.zeros(1))
     assert refit(model, start).cost > 1e3 * model.dof("train")
-    point = Refits(model).opened(start, {})
+    point = Refits(model).opened(start, start, {})
     assert refit(model, point).cost < 1.2 * model.dof("train")
-    hopeless = Refits(model).opened(start, {0.1: 1.0})  # another law is far better: given up
+    hopeless = Refits(model).opened(start, start, {0.1: 1.0})  # another law is far better
     assert hopeless is start
+    little = Refits(model).opened(point, start, {})  # the opening fits as well without
+    assert little is start

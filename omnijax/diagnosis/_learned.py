@@ -15,13 +15,17 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
+from ._base import Base
+from ._fit import Fit
 from ._learned_ports import ShaftPort, SpringPort
 from ._model import Point
 from ._rig_model import RigModel
+from ._threads import each
 
 ROUNDS, INNER, HIDDEN = 5, 5, 6
 FAR = 10.0  # RMS: beyond that a term is not followed
 KEPT = 0.01  # share of the held-out gap that the network has to add
+ENOUGH = 1e-3  # share of the misfit that a round must take away to be followed by another
 RIDGE = {"basis": 1e-6, "network": 1e-3}  # on columns of length 1
 
 
@@ -52,7 +56,7 @@ class Term:
             out[-1][:, i] = x
         if self.network is not None:
             J = np.asarray(_network_tangents(self.network, u))
-            out += [self.size * J[:, :, k] for k in range(J.shape[2])]
+            out += list(self.size * np.ascontiguousarray(np.moveaxis(J, 2, 0)))
         return out
 
     def moved(self, step: np.ndarray) -> "Term":
@@ -107,16 +111,16 @@ class Learned:
         return f"{port.labels()[0].split(' of ')[0]}, {port.own_unit}", f"term, {port.unit}"
 
 
-def learn(model: RigModel, fit, tell: Callable[[str], None]) -> Learned:
+def learn(model: RigModel, fit: Fit, tell: Callable[[str], None]) -> Learned:
     """The port and the term that close most of the held-out gap beside `fit`'s baseline."""
     names = model.rig.names
     ports = [SpringPort("contact", names), SpringPort("mount", names), ShaftPort(names)]
-    found = []
+    around, found = Around.of(model, fit), []
     for port in ports:
-        found.append(_Fitting(model, fit, port).run())
+        found.append(_Fitting(model, around, port).run())
         tell(f"learned term at {port.port}: closes {100 * found[-1].closed:.0f} % of the gap")
     best = max(found, key=lambda f: f.closed)
-    wide = _Fitting(model, fit, best.term.port).run(best)
+    wide = _Fitting(model, around, best.term.port).run(best)
     tell(f"with a network beside it: {100 * wide.closed:.0f} %")
     kept = wide if wide.closed > best.closed + KEPT else best
     curves, picture = _curves(kept.term), _map(kept)
@@ -125,34 +129,49 @@ def learn(model: RigModel, fit, tell: Callable[[str], None]) -> Learned:
     )
 
 
+@dataclasses.dataclass(frozen=True)
+class Around:
+    """What every port's term is fitted around: the baseline's runs, residuals and tangents."""
+
+    u: np.ndarray
+    bases: dict[str, list[Base]]
+    rest: dict[str, np.ndarray]
+    tangents: dict[str, np.ndarray]
+
+    @staticmethod
+    def of(model: RigModel, fit: Fit) -> "Around":
+        """The baseline of a fit on train and held-out runs."""
+        splits = ("train", "held-out")
+        return Around(
+            fit.point.u,
+            {s: model.bases(fit.point, s) for s in splits},
+            {s: model.residuals([fit.point], s)[0] for s in splits},
+            {"train": fit.jacobian[:, : len(model.priors)],
+             "held-out": _tangents(model, fit.point)},
+        )  # fmt: skip
+
+
 class _Fitting:
     """Gauss-Newton of a term and the baseline's shift; the term feels what it does itself."""
 
-    def __init__(self, model: RigModel, fit, port):
-        self.model, self.port = model, port
-        self.point, self.jacobian = fit.point, fit.jacobian[:, : len(model.priors)]
+    def __init__(self, model: RigModel, around: Around, port: SpringPort | ShaftPort):
+        self.model, self.around, self.port = model, around, port
         self.shift = np.zeros(len(model.priors))
-        self.base()
-        raw = np.concatenate([port.inputs(b) for b in self.bases["train"]])
+        raw = np.concatenate([port.inputs(b) for b in around.bases["train"]])
         scales = np.sqrt(np.mean(raw**2, axis=0))
         scales[scales == 0] = 1.0
         self.term = Term(port, scales, np.zeros(len(port.columns(raw[:2]))))
 
-    def base(self) -> None:
-        """Base runs, residuals and the baseline's tangents at the point."""
-        splits = ("train", "held-out")
-        self.bases = {s: self.model.bases(self.point, s) for s in splits}
-        self.rest = {s: self.model.residuals([self.point], s)[0] for s in splits}
-        self.tangents = {"train": self.jacobian, "held-out": _tangents(self.model, self.point)}
-
     def run(self, start: "_Fitting | None" = None) -> "_Fitting":
         """Fit; from a `start` with a network beside its basis."""
-        before = float(self.rest["held-out"] @ self.rest["held-out"])
+        rest = self.around.rest["held-out"]
+        before = float(rest @ rest)
         if start is not None:
             self.term, self.shift = _with_network(start.term, start.inputs), start.shift
         for _ in range(ROUNDS):
-            self.improve()
-        self.after = {s: self.left(self.term, s)[0] for s in self.bases}
+            if self.improve() < ENOUGH:
+                break
+        self.after = {s: self.left(self.term, s)[0] for s in self.around.bases}
         held = float(self.after["held-out"] @ self.after["held-out"])
         self.closed = (before - held) / max(before - self.model.dof("held-out"), 1.0)
         self.inputs = np.concatenate(self.left(self.term, "train")[1])
@@ -160,8 +179,8 @@ class _Fitting:
 
     def left(self, term: Term, split: str, shift=None):
         """Residual rows beside the term and the shift, and the term's scaled inputs by run."""
-        parts, inputs = [], []
-        for base in self.bases[split]:
+
+        def one(base: Base):
             felt, force, u = None, np.zeros(0), np.zeros(0)
             for _ in range(INNER):
                 u = np.clip(term.port.inputs(base, felt) / term.scales, -FAR, FAR)
@@ -170,26 +189,30 @@ class _Fitting:
                 if felt is None:
                     break
             rows = self.model.machine.rows[base.index]
-            parts.append(rows.project(rows.vector(*term.port.push(base, force))))
-            inputs.append(u)
-        shift = self.shift if shift is None else shift
-        return self.rest[split] - np.concatenate(parts) + self.tangents[split] @ shift, inputs
+            return rows.project(rows.vector(*term.port.push(base, force))), u
 
-    def improve(self) -> None:
-        """One damped step."""
+        parts, inputs = zip(*each(one, self.around.bases[split]), strict=True)
+        shift = self.shift if shift is None else shift
+        rest, tangents = self.around.rest[split], self.around.tangents[split]
+        return rest - np.concatenate(parts) + tangents @ shift, list(inputs)
+
+    def improve(self) -> float:
+        """One damped step; the share of the misfit that it takes away."""
         now, inputs = self.left(self.term, "train")
-        parts = []
-        for base, u in zip(self.bases["train"], inputs, strict=True):
+
+        def one(run: tuple[Base, np.ndarray]) -> np.ndarray:
+            base, u = run
             rows = self.model.machine.rows[base.index]
             tables = [self.port.push(base, f) for f in self.term.tangents(u)]
-            parts.append(rows.project(np.stack([rows.vector(*t) for t in tables], axis=1)))
-        columns, P = np.concatenate(parts), len(self.shift)
-        scale = np.linalg.norm(columns, axis=0)
+            return rows.project(np.stack([rows.vector(*t) for t in tables], axis=1))
+
+        columns = np.concatenate(each(one, zip(self.around.bases["train"], inputs, strict=True)))
+        P, scale = len(self.shift), np.linalg.norm(columns, axis=0)
         scale[scale == 0] = 1.0
-        both = np.concatenate([columns / scale, -self.jacobian], axis=1)
+        both = np.concatenate([columns / scale, -self.around.tangents["train"]], axis=1)
         k, extra = len(self.term.weights), columns.shape[1] - len(self.term.weights)
         gram, right = both.T @ both, both.T @ now
-        right[k + extra :] -= self.point.u + self.shift
+        right[k + extra :] -= self.around.u + self.shift
         ridge = [np.full(k, RIDGE["basis"]), np.full(extra, RIDGE["network"]), np.ones(P)]
         for damping in (1.0, 30.0, 1e3):
             weights = np.concatenate([ridge[0] * damping, ridge[1] * damping, ridge[2]])
@@ -198,7 +221,8 @@ class _Fitting:
             new = self.left(term, "train", shift)[0]
             if new @ new <= now @ now:
                 self.term, self.shift = term, shift
-                return
+                return 1 - float(new @ new) / float(now @ now)
+        return 0.0
 
 
 def _with_network(term: Term, inputs: np.ndarray) -> Term:

@@ -1,6 +1,7 @@
 """A rig and its runs as a model: residuals of every channel for any rig with any laws."""
 
 import dataclasses
+import threading
 
 import numpy as np
 
@@ -25,6 +26,7 @@ from ._rotation import Turning, base_torques, turning
 from ._rows import Rows
 from ._runs import FINE, SHAPE, STEPS, Run
 from ._stepped import Lane, law_changes, nonlinear
+from ._threads import each
 from ._whitening import rows_of
 
 
@@ -53,6 +55,7 @@ class Machine:
         self._kept: dict[str, dict] = {"motion": {}, "turning": {}, "rotated": {}, "modes": {}}
         self.window = window
         self.rows: list[Rows] = []
+        self._lock = threading.Lock()
         self.rebase(rig)
 
     def rebase(self, rig: Rig) -> None:
@@ -75,7 +78,7 @@ class Machine:
             if change and max(change) < 0.3 * self.length_noise.min():
                 break
         self.motions(rig)
-        self.rows = [rows_of(self, rig, i) for i in range(len(self.runs))]
+        self.rows = each(lambda i: rows_of(self, rig, i), range(len(self.runs)))
 
     def replace(self, i: int, run: Run) -> None:
         """Put another record in the place of run `i`, its angles about the same reference."""
@@ -84,21 +87,25 @@ class Machine:
 
     def _keep(self, stage: str, key: bytes, make):
         kept = self._kept[stage]
-        if key not in kept:
+        with self._lock:
+            if key in kept:
+                return kept[key]
+        made = make()
+        with self._lock:
             if len(kept) > 12:
                 kept.pop(next(iter(kept)))
-            kept[key] = make()
-        return kept[key]
+            return kept.setdefault(key, made)
 
     # --- stages -------------------------------------------------------------------------------
     def motions(self, rig: Rig, which=None) -> dict[int, Motion]:
         """Motion of every run behind the measured angles."""
         key = self._motion_key(rig)
         wanted = range(len(self.runs)) if which is None else which
-        return {
-            i: self._keep("motion", key + bytes([i]), lambda i=i: self._motion(rig, i))
-            for i in wanted
-        }
+
+        def one(i: int) -> Motion:
+            return self._keep("motion", key + bytes([i]), lambda: self._motion(rig, i))
+
+        return dict(zip(wanted, each(one, wanted), strict=True))
 
     def _motion_key(self, rig: Rig) -> bytes:
         w = rig.wheels
@@ -140,10 +147,11 @@ class Machine:
             parts.append(rounded((w.contact, w.mount, w.closure)))
         key = digest(*parts)
         wanted = range(len(self.runs)) if which is None else which
-        return {
-            i: self._keep("rotated", key + bytes([i]), lambda i=i: self._rotated(rig, i))
-            for i in wanted
-        }
+
+        def one(i: int) -> Rotated:
+            return self._keep("rotated", key + bytes([i]), lambda: self._rotated(rig, i))
+
+        return dict(zip(wanted, each(one, wanted), strict=True))
 
     def _rotated(self, rig: Rig, i: int) -> Rotated:
         run, m = self.runs[i], self.motions(rig, [i])[i]
@@ -235,24 +243,26 @@ class Machine:
     # --- predictions --------------------------------------------------------------------------
     def elastic(self, rigs: list[Rig], which: list[int]) -> list[list[np.ndarray]]:
         """dR and a (samples, 6) before the sensors: per rig, per run of `which`."""
+        return [
+            list(row) for row in zip(*each(lambda i: self._elastic(rigs, i), which), strict=True)
+        ]
+
+    def _elastic(self, rigs: list[Rig], i: int) -> list[np.ndarray]:
+        """dR and a (samples, 6) of one run before the sensors, per rig."""
         out, lanes, places = [], [], []
         linear: dict[tuple, tuple] = {}  # rigs that differ in stepped laws only share the rest
         for rig in rigs:
-            m, row = self.modes(rig), []
-            rotated, stepped = self.rotated(rig, which), nonlinear(rig)
-            same = digest(rig.at("surface"), rig.at("platform"))
-            for i in which:
-                key = (id(m), id(rotated[i]), same, stepped)
-                if key not in linear:
-                    linear[key] = self._linear(rig, i, rotated[i], STEPS if stepped else 1)
-                outputs, signals, rate = linear[key]
-                if stepped:
-                    lanes.append(Lane(rig, m, self.runs[i], signals, rate))
-                    places.append((row, len(row)))
-                row.append(outputs)
-            out.append(row)
-        for (row, at), change in zip(places, law_changes(lanes), strict=True):
-            row[at] = row[at] + change
+            m, rotated, stepped = self.modes(rig), self.rotated(rig, [i])[i], nonlinear(rig)
+            key = (id(m), id(rotated), digest(rig.at("surface"), rig.at("platform")), stepped)
+            if key not in linear:  # with what the key names, so that it stays alive
+                linear[key] = (m, rotated, self._linear(rig, i, rotated, STEPS if stepped else 1))
+            *_, (outputs, signals, rate) = linear[key]
+            if stepped:
+                lanes.append(Lane(rig, m, self.runs[i], signals, rate))
+                places.append(len(out))
+            out.append(outputs)
+        for at, change in zip(places, law_changes(lanes), strict=True):
+            out[at] = out[at] + change
         return out
 
     def _linear(self, rig: Rig, i: int, rotated: Rotated, parts: int):
@@ -272,20 +282,21 @@ class Machine:
             return self._residuals(rigs, which)
 
     def _residuals(self, rigs, which):
-        elastic = self.elastic(rigs, which)
-        out = []
-        for rig, predicted in zip(rigs, elastic, strict=True):
-            rotated = self.rotated(rig, which)
-            parts = [
-                self.rows[i].vector(*self.residual_tables(rig, i, pred, rotated[i]))
-                for i, pred in zip(which, predicted, strict=True)
-            ]
-            out.append(np.concatenate(parts))
-        table = np.stack(out)
-        cut = np.cumsum([0] + [self.rows[i].size for i in which])
-        for i, first, last in zip(which, cut, cut[1:], strict=False):
-            self.rows[i].take_off(table[:, first:last])
-        return list(table)
+        parts = each(lambda i: self._run_residuals(rigs, i), which)
+        return list(np.concatenate(parts, axis=1))
+
+    def _run_residuals(self, rigs: list[Rig], i: int) -> np.ndarray:
+        """Whitened rows (rigs, rows) of one run."""
+        rows = self.rows[i]
+
+        def one(rig: Rig, predicted: np.ndarray) -> np.ndarray:
+            rotated = self.rotated(rig, [i])[i]
+            return rows.vector(*self.residual_tables(rig, i, predicted, rotated))
+
+        predictions = self._elastic(rigs, i)
+        table = np.stack(each(lambda k: one(rigs[k], predictions[k]), range(len(rigs))))
+        rows.take_off(table)
+        return table
 
     def residual_tables(self, rig: Rig, i: int, pred, rotated: Rotated):
         """(elastic (t, 6), rotation (t, 3 + n)): measured less predicted, not whitened."""

@@ -3,7 +3,7 @@
 import abc
 import dataclasses
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -91,8 +91,8 @@ class AbstractModel(abc.ABC):
         """Candidates that may be added at `point`."""
 
     @abc.abstractmethod
-    def columns(self, point: Point, candidates: Sequence, tell: Callable) -> list[np.ndarray]:
-        """Signatures (rows, k) of the candidates on the train runs."""
+    def columns(self, point: Point, candidates: Sequence) -> np.ndarray:
+        """Signatures of the candidates on the train runs (columns of all candidates, rows)."""
 
     def opening(self, share: float) -> "AbstractModel":
         """This model of the runs' beginnings, up to `share` of the motion; all of it by default."""

@@ -13,6 +13,9 @@ from ._stepped import STEPPED
 MARGIN = 25.0  # least difference of chi2 between the joint refits of rivals
 HOPELESS = 3.0  # times the best trial's cost: above, three rounds of a trial are enough
 OPENINGS = (0.1, 0.2, 0.35, 0.6)  # shares of the motion that a strong law is refitted to first
+PROMISE = 0.2  # share of an opening's gap that a law must close to be followed to the next
+NEARLY = 1.3  # chi2 a degree of freedom at which nothing else needs to be tried first
+LITTLE = 0.02  # share of a strong gap that a law must close to be gone on with
 WIDTHS_MATTER = 10.0  # times the best cost: beyond, a stepped law's width is not looked for
 
 
@@ -55,28 +58,37 @@ class Refits:
         `least` is the cost of the best trial so far.  With `openings`, the least cost of trials so
         far by share, a law that is stepped in time is refitted to the runs' openings first.
         """
-        point = self.tamed(start.point, fit.cost)
+        point, enough, patience = self.tamed(start.point, fit.cost), HOPELESS * least, 3
         if openings is not None and is_stepped(self.model, point.effects[-1:]):
-            point = self.opened(point, openings)
+            followed = self.opened(fit.point, point, openings)
+            enough = min(enough, (1 - LITTLE) * fit.cost)
+            point, patience = followed, 1 if followed is point else patience
         tangents = self.tangents(fit, point.effects)
         new = refit(self.model, point, baseline=tangents, rounds=8, relative=1e-3,
-                    give_up=HOPELESS * least)  # fmt: skip
+                    give_up=enough, patience=patience)  # fmt: skip
         return self.trial(fit, new, before)
 
-    def opened(self, point: Point, least: dict[float, float]) -> Point:
+    def opened(self, without: Point, point: Point, least: dict[float, float]) -> Point:
         """`point` refitted to the runs' openings, the short ones first, while it has a chance.
 
         Where contacts part and strike, what comes late in a run hangs so strongly on every number
-        that no way leads to the right ones from afar; the opening tells them well enough.
+        that no way leads to the right ones from afar; the opening tells them well enough.  A law
+        that closes little of an opening's gap, as it is at the point `without` it, is left.
         """
         for share in OPENINGS:
+            if chi2_of(self.model, point, "train") < NEARLY * self.model.dof("train"):
+                break
             if share not in self.openings:
                 self.openings[share] = self.model.opening(share)
             part = self.openings[share]
             part.work = 0.0
-            fit = refit(part, point, rounds=8, relative=1e-2)
+            before, fit = (
+                chi2_of(part, without, "train"),
+                refit(part, point, rounds=8, relative=1e-2),
+            )
             self.model.work += share * part.work
-            if not fit.cost < HOPELESS * least.get(share, np.inf):
+            closed = (before - fit.cost) / max(before - part.dof("train"), 1.0)
+            if closed < PROMISE or not fit.cost < HOPELESS * least.get(share, np.inf):
                 break
             point, least[share] = fit.point, min(fit.cost, least.get(share, np.inf))
         return point

@@ -1,8 +1,7 @@
 """The sphere on wheels as a model of the diagnosis."""
 
 import dataclasses
-import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import equinox as eqx
 import numpy as np
@@ -16,6 +15,7 @@ from ._model import AbstractModel, Point, Prior, free_numbers
 from ._runs import FINE, Run
 from ._signatures import signature
 from ._stepped import STEPPED
+from ._threads import each
 
 BUDGET = 400.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
 LINEAR = 0.3  # cost of an evaluation without laws stepped in time, relative to one with them
@@ -130,20 +130,20 @@ class RigModel(AbstractModel):
                 break
         return tuple(kept)
 
-    def columns(self, point, candidates: Sequence[Candidate], tell: Callable = lambda *a: None):
+    def columns(self, point, candidates: Sequence[Candidate]):
         placed = [p for c in candidates for p in c.columns]
-        rows = [self.machine.rows[b.index] for b in self._bases]
-        table = np.empty((len(placed), sum(r.size for r in rows)))
-        for k, law in enumerate(placed):
-            parts = [r.vector(*signature(b, law)) for b, r in zip(self._bases, rows, strict=True)]
-            table[k] = np.concatenate(parts)
-            if k % 20 == 0:
-                tell(k / len(placed))
-        cut = np.cumsum([0] + [r.size for r in rows])
-        for row, (first, last) in zip(rows, itertools.pairwise(cut), strict=True):
-            row.take_off(table[:, first:last])
-        ends = np.cumsum([0] + [len(c.columns) for c in candidates])
-        return [table[a:b].T for a, b in itertools.pairwise(ends)]
+        cut = np.cumsum([0] + [self.machine.rows[b.index].size for b in self._bases])
+        table = np.empty((len(placed), cut[-1]))
+
+        def fill(k: int) -> None:
+            base, part = self._bases[k], table[:, cut[k] : cut[k + 1]]
+            rows = self.machine.rows[base.index]
+            for j, law in enumerate(placed):
+                part[j] = rows.vector(*signature(base, law))
+            rows.take_off(part)
+
+        each(fill, range(len(self._bases)))
+        return table
 
 
 @eqx.filter_jit

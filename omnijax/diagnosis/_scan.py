@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 from scipy.stats import chi2 as chi2_law
+from threadpoolctl import threadpool_limits
+
+from ._threads import cores
 
 PRICE = 12.0  # half of log N a column: what a free number is worth among 1e5 samples
 
@@ -43,17 +46,19 @@ class Score:
 
 
 class Signatures:
-    """Stacked signature columns of all candidates, and their inner products."""
+    """Signature columns of all candidates, scaled to length 1, and their inner products.
 
-    def __init__(self, candidates: Sequence, columns: Sequence[np.ndarray]):
-        self.candidates = list(candidates)
-        widths = [x.shape[1] for x in columns]
-        self.ends = np.cumsum([0, *widths])
-        self.table = np.concatenate([np.ascontiguousarray(x.T) for x in columns])  # (k, rows)
+    The table (columns, rows) is kept and scaled in place: it is large.
+    """
+
+    def __init__(self, candidates: Sequence, table: np.ndarray):
+        self.candidates, self.table = list(candidates), table
+        self.ends = np.cumsum([0, *(len(c.columns) for c in self.candidates)])
         size = np.sqrt(np.einsum("kr,kr->k", self.table, self.table))
         self.scale = np.where(size > 0, size, 1.0)
         self.table /= self.scale[:, None]
-        self.gram = self.table @ self.table.T
+        with threadpool_limits(cores(), "blas"):
+            self.gram = self.table @ self.table.T
 
     def scan(self, residual, J, priors: int, u, scrambled=()) -> "Scan":
         """Score every candidate against `residual` with the tangents `J` projected out.

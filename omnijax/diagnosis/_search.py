@@ -12,7 +12,7 @@ import numpy as np
 from ._fit import Fit, refit
 from ._held_out import Trial
 from ._model import AbstractModel, Point
-from ._refits import Refits, chi2_of, is_stepped, residual_of, total_cost
+from ._refits import LITTLE, NEARLY, Refits, chi2_of, is_stepped, residual_of, total_cost
 from ._review import Review, Rival
 from ._scan import Scan, Score, Signatures, chance
 from ._starts import Start, at_finite_strength, by_tangent, worth
@@ -20,9 +20,7 @@ from ._stepped import STEPPED
 
 ALPHA = 1e-3  # chance of a false candidate in a whole scan
 SHUFFLES = 4  # shuffled residuals whose best candidate is the decoy to beat
-NEARLY = 1.3  # chi2 a degree of freedom at which no other candidate needs to be tried first
 STRONG = 4.0  # chi2 a degree of freedom from which a law's tangent does not tell its rank
-LITTLE = 0.02  # share of a strong gap that the most promising law must close to be gone on from
 MOST = 4  # effects
 TRIED = 4  # candidates a step
 RUNNERS_UP, CLOSE = 1, 3.0  # first effects (and their cost, times the best) gone on from as well
@@ -81,8 +79,7 @@ class Search:
         model.rebase(fit.point)
         baseline = refit(model, fit.point, baseline=fit.jacobian, relative=0.01)
         held_before = chi2_of(model, baseline.point, "held-out")
-        first = self.follow(Way(baseline))
-        way = self.best_way(first)
+        way = self.best_way(baseline, self.follow(Way(baseline)))
         fit, rivals = Review(self.refits, self.tell).run(way.fit, way.scans[-1])
         tried = [t for trials in way.trials for t in trials]
         return Found(
@@ -109,11 +106,15 @@ class Search:
             scan = self.scan(way.fit)
             trials = self.trials(way.fit, scan)
             way = dataclasses.replace(way, scans=(*way.scans, scan), trials=(*way.trials, trials))
-            best = next((t for t in trials if t.accepted and not self.little(way.fit, t)), None)
-            if best is None:
+            promising = self.promising(way.fit, trials)
+            if not promising:
                 break
-            way = self.with_effect(way, best)
+            way = self.with_effect(way, promising[0])
         return way
+
+    def promising(self, fit: Fit, trials: list[Trial]) -> list[Trial]:
+        """Trials that held-out runs accept and that close more than a little, best first."""
+        return [t for t in trials if t.accepted and not self.little(fit, t)]
 
     def little(self, fit: Fit, trial: Trial) -> bool:
         """Whether a trial closes next to nothing of a strong gap: an unknown effect's shadow."""
@@ -130,16 +131,16 @@ class Search:
         held = chi2_of(self.model, fit.point, "held-out")
         return dataclasses.replace(way, fit=fit, noise_only=self.floor_reached(fit, held))
 
-    def best_way(self, way: Way) -> Way:
+    def best_way(self, baseline: Fit, way: Way) -> Way:
         """The way itself, or a better one from a runner-up of its first step."""
-        accepted = [t for t in way.trials[0] if t.accepted] if way.trials else []
-        accepted = [t for t in accepted if t.fit.cost < CLOSE * accepted[0].fit.cost]
         start, held = way, chi2_of(self.model, way.fit.point, "held-out")
+        accepted = self.promising(baseline, way.trials[0]) if way.trials else []
+        accepted = [t for t in accepted if t.fit.cost < CLOSE * accepted[0].fit.cost]
         for trial in accepted[1 : 1 + RUNNERS_UP]:
             if way.noise_only or self.model.spent:
                 break
             self.tell(f"something is left: going on from {trial.effect.name} instead")
-            first = Way(start.fit, start.scans[:1], start.trials[:1])
+            first = Way(baseline, start.scans[:1], start.trials[:1])
             other = self.follow(self.with_effect(first, trial))
             there = chi2_of(self.model, other.fit.point, "held-out")
             if total_cost(other.fit) < total_cost(way.fit) and there < held:
@@ -153,8 +154,7 @@ class Search:
         model = self.model
         candidates = model.candidates(fit.point)
         self.tell(f"{len(candidates)} candidates")
-        columns = model.columns(fit.point, candidates, lambda share: None)
-        signatures = Signatures(candidates, columns)
+        signatures = Signatures(candidates, model.columns(fit.point, candidates))
         scrambled = [model.shuffled(fit.residual, seed) for seed in range(SHUFFLES)]
         return signatures.scan(
             fit.residual, fit.jacobian, len(model.priors), fit.point.u, scrambled

@@ -75,13 +75,11 @@ class SmallModel(AbstractModel):
 
         return Candidate(law.id, self.place, tuple(columns), decode, str(fixed or ""))
 
-    def columns(self, point, candidates, tell):
+    def columns(self, point, candidates):
         values, laws = self._values(point), self._laws(point)
         base = self.residual(values, laws, "train")
-        return [
-            np.stack([self._column(values, laws, base, p.law) for p in c.columns], axis=1)
-            for c in candidates
-        ]
+        placed = [p for c in candidates for p in c.columns]
+        return np.stack([self._column(values, laws, base, p.law) for p in placed])
 
     def _column(self, values, laws, base, law) -> np.ndarray:
         """Predicted change per unit of strength."""

@@ -13,10 +13,12 @@ from ._elastic import SIGNALS, law_outputs
 from ._modes import Modes
 from ._ports import ElasticLaws
 from ._runs import STEPS, Run
+from ._threads import cores, each
 
 STEPPED = ("contact", "mount", "separation")  # ports whose laws are stepped
 BLOCK = 4096  # steps that one call of the compiled program takes
 LANES = 16  # runs stepped side by side at most: bounds the memory
+FEW = 4  # runs that are not parted any more
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,8 +36,10 @@ def law_changes(lanes: list[Lane]) -> list[np.ndarray]:
     """What contact and mount laws change in dR and a (samples, 6) of every lane."""
     if not lanes:
         return []
-    parts = np.array_split(np.arange(len(lanes)), -(-len(lanes) // LANES))
-    return [change for some in parts for change in _side_by_side([lanes[k] for k in some])]
+    count = max(-(-len(lanes) // LANES), min(cores(), len(lanes) // FEW))
+    parts = np.array_split(np.arange(len(lanes)), max(count, 1))
+    found = each(lambda some: _side_by_side([lanes[k] for k in some]), parts)
+    return [change for part in found for change in part]
 
 
 def _side_by_side(lanes: list[Lane]) -> list[np.ndarray]:
@@ -52,14 +56,14 @@ def _side_by_side(lanes: list[Lane]) -> list[np.ndarray]:
     tensions = _stepped(some, stacked, matrices, rows, _stack([starts[k] for k in full]))
     out = []
     for k, (lane, (start, _)) in enumerate(zip(lanes, starts, strict=True)):
-        force = tensions[k, : (lane.run.samples - 1) * STEPS + 1]
+        force = tensions[: (lane.run.samples - 1) * STEPS + 1, k]
         contact, mount = np.split(force, 2, axis=1)
         out.append(law_outputs(lane.modes, lane.run, contact, mount, np.asarray(start)))
     return out
 
 
 def _stepped(lanes: list[Lane], laws, matrices, rows, start) -> np.ndarray:
-    """Tensions (lanes, t, 2 n), stepped block by block: one program for runs of all lengths."""
+    """Tensions (t, lanes, 2 n), stepped block by block: one program for runs of all lengths."""
 
     def inputs(first: int, last: int):
         parts = [[getattr(x, key)[first:last] for x in lanes] for key in ("signals", "shape_rate")]
@@ -72,12 +76,11 @@ def _stepped(lanes: list[Lane], laws, matrices, rows, start) -> np.ndarray:
     signal, rate = (x[0] for x in inputs(0, 1))
     step = jnp.asarray([x.run.step / STEPS for x in lanes])
     state = (*start, *forces(laws, rows, *start, signal, rate), step)
-    out = np.empty((len(lanes), 1 + blocks * BLOCK, state[2].shape[1]))
-    out[:, 0] = state[2]
+    out = np.empty((1 + blocks * BLOCK, *state[2].shape))
+    out[0] = state[2]
     for k in range(blocks):
         here = 1 + k * BLOCK, 1 + (k + 1) * BLOCK
-        state, tensions = step_laws(laws, matrices, rows, state, *inputs(*here))
-        out[:, slice(*here)] = np.swapaxes(np.asarray(tensions), 0, 1)
+        state, out[slice(*here)] = step_laws(laws, matrices, rows, state, *inputs(*here))
     return out
 
 
