@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from ..laws._hertz import effective_modulus, effective_radius, peak_pressure
 from ..rig import Rig
 from ..simulate import Trajectory
-from ..vibration import METRICS, LongRun, natural_frequencies
+from ..vibration import METRICS, SteadyRun, natural_frequencies
 from ._design_problem import Limit
 
 
@@ -46,7 +46,7 @@ class Point(NamedTuple):
     """What a constraint may look at: the rig, its run, and constant speeds (rad/s) if any."""
 
     rig: Rig
-    run: LongRun | Trajectory
+    run: SteadyRun | Trajectory
     speeds: Any
     model: str
 
@@ -89,7 +89,7 @@ def _pressure(wanted: Wanted, point: Point) -> Array:
     """Hertz' greatest pressure at the greatest normal force of each contact, Pa."""
     sphere, wheel, sphere_ratio, wheel_ratio = wanted.materials
     run, rig = point.run, point.rig
-    load = run.load().greatest if isinstance(run, LongRun) else jnp.max(run.normal_force, axis=0)
+    load = run.load().greatest if isinstance(run, SteadyRun) else jnp.max(run.normal_force, axis=0)
     radius = effective_radius(rig.sphere.radius, rig.wheels.radius)
     modulus = effective_modulus(sphere, sphere_ratio, wheel, wheel_ratio)
     return peak_pressure(load, radius, modulus)

@@ -13,7 +13,7 @@ from ..rig import Rig, get_parameter, parameter_info, parameter_paths, set_param
 from ..simulate import SpeedDrive, Trajectory, propagate, simulate
 from ..simulate._many import simulate_fixed
 from ..simulate.exact import exact_obstacle
-from ..vibration import METRICS, STEADY_METRICS, LongRun, evaluate
+from ..vibration import METRICS, STEADY_METRICS, SteadyRun, evaluate
 from ._sweep_drive import is_constant
 
 RATE = 500.0  # samples per s of a run
@@ -34,12 +34,12 @@ class Evaluation(NamedTuple):
         """The metrics; NaN for a run that failed."""
         return self.of(self.run(rig), rig)
 
-    def run(self, rig: Rig) -> LongRun | Trajectory:
+    def run(self, rig: Rig) -> SteadyRun | Trajectory:
         """What the metrics are read from: the periodic solution, or a run."""
         if self.way == "steady":
             given = self.drive.initial_angle
             angles = jnp.zeros(rig.size) if given is None else given
-            return LongRun(rig, self.drive.speed.values[0], angles, self.model)
+            return SteadyRun(rig, self.drive.speed.values[0], angles, self.model)
         ts = jnp.asarray(self.times)
         if self.way == "propagation":
             return propagate(rig, self.drive, ts, model=self.model)
@@ -49,9 +49,9 @@ class Evaluation(NamedTuple):
             rig, self.drive, ts, model=self.model, rtol=self.rtol, adjoint=dfx.ForwardMode()
         )
 
-    def of(self, run: LongRun | Trajectory, rig: Rig) -> Float[Array, " m"]:
+    def of(self, run: SteadyRun | Trajectory, rig: Rig) -> Float[Array, " m"]:
         """The metrics of `run`; NaN where it failed."""
-        if isinstance(run, LongRun):
+        if isinstance(run, SteadyRun):
             return jnp.stack([run.metric(name) for name in self.metrics])
         found = evaluate(run, rig, self.metrics)
         values = jnp.stack([found[name] for name in self.metrics])

@@ -21,6 +21,6 @@ from ._orders import roller_orders as roller_orders
 from ._orders import rpm_order_map as rpm_order_map
 from ._steady import STEADY_METRICS as STEADY_METRICS
 from ._steady import ContactLoad as ContactLoad
-from ._steady import LongRun as LongRun
+from ._steady import SteadyRun as SteadyRun
 from ._steady import contact_load as contact_load
 from ._steady import steady_metrics as steady_metrics

@@ -4,18 +4,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._root import root
+
 
 def norm(vectors: Float[Array, "t 3"]) -> Float[Array, " t"]:
     """Lengths; the gradient at zero length is zero, not NaN."""
-    square = jnp.sum(vectors**2, axis=-1)
-    moving = square > 0
-    return jnp.where(moving, jnp.sqrt(jnp.where(moving, square, 1.0)), 0.0)
-
-
-def root(square: Float[Array, ""]) -> Float[Array, ""]:
-    """Square root whose gradient at zero is zero."""
-    positive = square > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
+    return root(jnp.sum(vectors**2, axis=-1))
 
 
 def rms(values: Float[Array, "t c"]) -> Float[Array, ""]:

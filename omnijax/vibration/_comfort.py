@@ -5,7 +5,7 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._amplitude import root
+from .._root import root
 
 # corner frequencies in Hz and quality factors of ISO 2631-1:1997, table A.1
 _BAND = (0.4, 100.0)

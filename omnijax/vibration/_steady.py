@@ -1,9 +1,7 @@
 """Vibration metrics of the steady state, under the names that runs have, and the load of contacts.
 
-Leaner than `steady_state`: only what is asked for is computed, which counts where thousands of
-designs are compiled into one search.  Every output is linear in z, the elastic state beside the
-forcing's terms, so its extremes over all phases are sums of extremes of each signal's own part,
-N_i = N0_i + sum_g N_ig(phi_g).
+The contacts' forces too are linear in the elastic state and the forcing's terms, so their extremes
+over all phases are sums, N_i = N0_i + sum_g N_ig(phi_g).
 """
 
 import math
@@ -15,26 +13,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._root import root
 from ..rig import Rig
-from ..simulate.exact import steady_state
-from ..simulate.exact._cycles import forcing
-from ..simulate.exact._ladder import second_moments
-from ..simulate.exact._passage import passages, periodic_starts
-from ..simulate.exact._peaks import Curves, _sphere
+from ..simulate.exact._long_run import LongRun
 from ..simulate.exact._spectrum import _rates, _response, fourier
-from ..simulate.exact._steady import _statistics, output_rows
-from ..simulate.exact._system import balanced, forced_system
-from ._amplitude import root
 from ._comfort import weighting
-from ._extremes import BITS, Places, places, refined
 from ._metrics import known, up
 
-LEVELS = 24  # of the ladder: up to 2^22 time constants a piece
 LINES = 64  # harmonics of the weighted acceleration
 SHARPNESS = 64.0
-DIRECTIONS = 400  # to begin with
-ROUNDS = 2  # of direction and places
-CANDIDATES = 8  # directions in which a supremum is looked for
 
 
 class ContactLoad(NamedTuple):
@@ -45,82 +32,10 @@ class ContactLoad(NamedTuple):
     slip_margin: Float[Array, " n"]  # least mu N - |f|
 
 
-class LongRun:
-    """The periodic solution of every signal of a rig at constant speeds."""
+class SteadyRun(LongRun):
+    """A rig at constant speeds in the long run, with the metrics that runs have."""
 
-    def __init__(self, rig: Rig, speeds, angles, model: str):
-        self.rig, self.speeds, self.angles, self.model = rig, speeds, angles, model
-        self.signals = forcing(rig, speeds, angles)
-        raw = forced_system(rig, model, speeds, self.signals.wheel)
-        self.system, _ = balanced(raw)
-        self.cycles = passages(self.system, self.signals, BITS, LEVELS)
-        self.states = self.system.A.shape[0]
-        self.starts = periodic_starts(self.cycles, self.states)
-        self._moments = self._places = self._load = None
-
-    def curves(self, *names: str) -> Curves:
-        """Outputs beside each other."""
-        rows = [output_rows(self.system, self.signals, self.cycles, n) for n in names]
-        return Curves(self.cycles, self.starts, jnp.concatenate(rows, axis=-2))
-
-    def mean_square(self, name: str) -> Float[Array, " o"]:
-        """Mean square of each component, over all phases."""
-        if self._moments is None:
-            self._moments = jax.vmap(jax.vmap(second_moments))(self.cycles.pieces, self.starts)
-        width = self.cycles.width
-        weight = width / jnp.sum(width, axis=1, keepdims=True)
-        return _statistics(self.curves(name), self._moments, weight, self.states)[1]
-
-    def places(self) -> Places:
-        """Where extremes are looked for."""
-        if self._places is None:
-            self._places = places(self.cycles, self.starts)
-        return self._places
-
-    def largest(self, curves: Curves, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
-        """The largest value of each combination `rows` of the outputs."""
-        found = self.places()
-        index = jnp.argmax(found.along(found.outputs(curves.rows), rows), axis=1).T
-
-        def one(row, i):
-            return jnp.sum(refined(curves, found, i, row) @ row)
-
-        return jax.vmap(one)(rows, index)
-
-    def supremum(self, name: str) -> Float[Array, ""]:
-        """Largest length of an output that is a vector: over directions, then places."""
-        curves, found = self.curves(name), self.places()
-        values = found.outputs(curves.rows)
-
-        def support(d):
-            along = found.along(values, d)
-            return jnp.argmax(along, axis=1), jnp.sum(jnp.max(along, axis=1), axis=0)
-
-        directions = jnp.asarray(_sphere(DIRECTIONS, values.shape[-1]))
-        best = directions[jnp.argsort(-support(directions)[1])[:CANDIDATES]]
-
-        def ascend(best, _):  # the sum found in a direction is the next direction
-            index = support(best)[0]
-            total = jnp.sum(jax.vmap(lambda v, i: v[i])(values, index), axis=0)
-            size = jnp.sqrt(jnp.sum(total**2, axis=1, keepdims=True))
-            return jnp.where(size > 0, total / jnp.where(size > 0, size, 1.0), best), None
-
-        best = jax.lax.scan(ascend, best, None, length=6)[0]
-        index, height = support(best)
-        chosen = jnp.argmax(height)
-        index, row = index[:, chosen], best[chosen]
-        for _ in range(ROUNDS):  # the sum at the refined places is the next direction
-            total = jnp.sum(refined(curves, found, index, row), axis=0)
-            size = jax.lax.stop_gradient(root(total @ total))
-            row = jax.lax.stop_gradient(total) / jnp.where(size > 0, size, 1.0)
-        total = jnp.sum(refined(curves, found, index, row), axis=0)
-        return root(total @ total)
-
-    def extremes(self, name: str) -> Float[Array, "2 o"]:
-        """Largest value of each component, and of its negative."""
-        curves = self.curves(name)
-        eye = jnp.eye(curves.rows.shape[-2])
-        return self.largest(curves, jnp.concatenate([eye, -eye])).reshape(2, -1)
+    _load: ContactLoad | None = None
 
     def metric(self, name: str) -> Float[Array, ""]:
         """One of `STEADY_METRICS`."""
@@ -159,20 +74,12 @@ class LongRun:
             total += jnp.sum(_square(across) * level**2) / 2
         return root(total)
 
-    def smooth_peak(self) -> Float[Array, ""]:
-        """The p-norm over the phases, p = 64."""
-        state = steady_state(
-            self.rig, self.speeds, model=self.model, angles=self.angles, grid_bits=BITS,
-            sharpness=SHARPNESS,
-        )  # fmt: skip
-        return state.peak
-
 
 def _square(x):
     return jnp.real(x) ** 2 + jnp.imag(x) ** 2
 
 
-def _component(i: int, axis: str) -> dict[str, Callable[[LongRun], Array]]:
+def _component(i: int, axis: str) -> dict[str, Callable[[SteadyRun], Array]]:
     return {
         f"peak_{axis}": lambda run: jnp.max(run.extremes("dR"), axis=0)[i],
         f"rms_{axis}": lambda run: root(run.mean_square("dR")[i]),
@@ -181,17 +88,17 @@ def _component(i: int, axis: str) -> dict[str, Callable[[LongRun], Array]]:
     }
 
 
-_OF: dict[str, Callable[[LongRun], Array]] = {
-    "peak": lambda run: run.supremum("dR"),
+_OF: dict[str, Callable[[SteadyRun], Array]] = {
+    "peak": lambda run: run.suprema("dR")[0],
     "rms": lambda run: root(jnp.sum(run.mean_square("dR"))),
-    "smooth_peak": lambda run: run.smooth_peak(),
-    "elastic_peak": lambda run: run.supremum("dR_elastic"),
+    "smooth_peak": lambda run: run.smooth_peak("dR", SHARPNESS),
+    "elastic_peak": lambda run: run.suprema("dR_elastic")[0],
     "elastic_rms": lambda run: root(jnp.sum(run.mean_square("dR_elastic"))),
     **_component(0, "x"),
     **_component(1, "y"),
     **_component(2, "z"),
     "acceleration_rms": lambda run: root(jnp.sum(run.mean_square("a_sphere"))),
-    "acceleration_peak": lambda run: run.supremum("a_sphere"),
+    "acceleration_peak": lambda run: run.suprema("a_sphere")[0],
     "weighted_acceleration": lambda run: run.weighted(),
     "slip_margin": lambda run: jnp.min(run.load().slip_margin),
     "lift_off_margin": lambda run: jnp.min(run.load().least),
@@ -205,7 +112,7 @@ def contact_load(
     rig: Rig, speeds: Float[Array, " n"], model: str = "coupled", angles=None
 ) -> ContactLoad:
     """Extremes of the contacts' normal forces and slip margins at constant `speeds` (rad/s)."""
-    return LongRun(rig, speeds, jnp.zeros(rig.size) if angles is None else angles, model).load()
+    return SteadyRun(rig, speeds, jnp.zeros(rig.size) if angles is None else angles, model).load()
 
 
 def steady_metrics(
@@ -225,5 +132,5 @@ def steady_metrics(
         if known(name) not in _OF:
             raise ValueError(f"`{name}` has no steady-state form; give a `duration`.")
     angles = jnp.zeros(rig.size) if angles is None else angles
-    run = LongRun(rig, jnp.asarray(speeds, float), angles, model)
+    run = SteadyRun(rig, jnp.asarray(speeds, float), angles, model)
     return {name: run.metric(name) for name in names}

@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ._peaks import _sphere
 from ._periodic import Motion, Pairing, at, value
 from ._periodic_peak import Spots, by_wheel, chosen, refine, search, weighted
 from ._rows import rows_of
+from ._suprema import sphere
 
 WEAK = 1e-3  # share of the motion across, below which the first corner is the right one
 STRONG = 0.03  # and above which corners alone may all lead elsewhere
@@ -73,7 +73,7 @@ def _corners(vectors, count: int):
     totals = _longest(sums, min(count, len(sums)))
     if count <= len(sums):
         return totals
-    more = jnp.asarray(_sphere(count - len(sums), 3))[..., None]
+    more = jnp.asarray(sphere(count - len(sums), 3))[..., None]
     return jnp.concatenate([totals, jnp.broadcast_to(more, (len(more), *totals.shape[1:]))])
 
 
