@@ -82,14 +82,16 @@ def direct(m: Modes, ports: Ports, parts: int) -> np.ndarray:
     return np.concatenate([known[0], zero, zero, *known[1:]], axis=1)
 
 
-def linear_outputs(m: Modes, run: Run, ports: Ports, names, parts: int = 1) -> np.ndarray:
-    """Outputs (t, o) of the linear elastic model at `parts` points a sample."""
-    z = propagate(
-        m,
-        run.step / parts,
-        forcing(m, run.step, ports, parts),
-        static_state(m, start_inputs(m, ports)),
-    )
+def linear_outputs(
+    m: Modes, run: Run, ports: Ports, names, parts: int = 1, rolling: np.ndarray | None = None
+) -> np.ndarray:
+    """Outputs (t, o) of the linear elastic model at `parts` points a sample.
+
+    From static rest, and from the state `rolling` (m,) beside it where that is known.
+    """
+    start = static_state(m, start_inputs(m, ports))
+    start = start if rolling is None else start + m.inverse @ rolling
+    z = propagate(m, run.step / parts, forcing(m, run.step, ports, parts), start)
     return observe(m, z, names, direct(m, ports, parts))
 
 

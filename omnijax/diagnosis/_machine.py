@@ -27,7 +27,7 @@ from ._rows import Rows
 from ._runs import FINE, SHAPE, STEPS, Run
 from ._stepped import Lane, law_changes, nonlinear
 from ._threads import each
-from ._whitening import rows_of
+from ._whitening import rolling_state, rows_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,6 +56,7 @@ class Machine:
         self.window = window
         self.rows: list[Rows] = []
         self._lock = threading.Lock()
+        self._rolling: dict[int, np.ndarray] = {}  # elastic states of runs that begin rolling
         self.rebase(rig)
 
     def rebase(self, rig: Rig) -> None:
@@ -79,6 +80,17 @@ class Machine:
                 break
         self.motions(rig)
         self.rows = each(lambda i: rows_of(self, rig, i), range(len(self.runs)))
+        rolling = [i for i, run in enumerate(self.runs) if run.rolling_start(self.noise)]
+        found = each(lambda i: rolling_state(self, rig, i), rolling)
+        for i, state in zip(rolling, found, strict=True):
+            self._rolling[i] = self._rolling.get(i, 0.0) + state
+        if rolling:
+            self._kept = {name: {} for name in self._kept}
+
+    @property
+    def rolls(self) -> bool:
+        """Whether a run begins while the sphere turns."""
+        return bool(self._rolling)
 
     def replace(self, i: int, run: Run) -> None:
         """Put another record in the place of run `i`, its angles about the same reference."""
@@ -174,7 +186,7 @@ class Machine:
             shaft, opposing = base_torques(rig, felt, torque, normal)
             drive, rate = response.respond(shaft, opposing)
             if turn < turns - 1:
-                self._normal[i] = normal = self.normal_force(rig, run, m, drive)
+                self._normal[i] = normal = self.normal_force(rig, i, m, drive)
         return self._integrated(run, m, response, drive, rate)
 
     def _integrated(self, run, m: Motion, response: Turning, drive, rate) -> Rotated:
@@ -222,18 +234,19 @@ class Machine:
             floor += along(placed.law, time)
         return floor
 
-    def signals(self, rig: Rig, run: Run, ports: Ports) -> np.ndarray:
+    def signals(self, rig: Rig, i: int, ports: Ports) -> np.ndarray:
         """Linear port signals (FINE points, 4 n): deflection, mount, mount rate, approach rate."""
-        return linear_outputs(self.modes(rig), run, ports, SIGNALS, FINE)
+        rolling = self._rolling.get(i)
+        return linear_outputs(self.modes(rig), self.runs[i], ports, SIGNALS, FINE, rolling)
 
     def shape_rate(self, rig: Rig, m: Motion, parts: int) -> np.ndarray:
         """d rho/dt (t, n) of the wheels' shapes at `parts` points a sample."""
         slope = self.tables_of(rig).rho_slope(m.theta_shape[:: SHAPE // parts])
         return slope * refine(m.speed, parts // FINE)
 
-    def normal_force(self, rig: Rig, run: Run, m: Motion, drive) -> np.ndarray:
+    def normal_force(self, rig: Rig, i: int, m: Motion, drive) -> np.ndarray:
         """N (FINE points, n) of the linear elastic model."""
-        s = self.signals(rig, run, self.ports(rig, run, m, drive))
+        s = self.signals(rig, i, self.ports(rig, self.runs[i], m, drive))
         deflection, _, mount_rate, approach_rate = np.split(s, 4, axis=1)
         w = rig.wheels
         rate = approach_rate - mount_rate - m.shape_rate
@@ -269,7 +282,8 @@ class Machine:
         """dR and a (samples, 6) of the linear model; its port signals and d rho/dt in between."""
         ports = self.ports(rig, self.runs[i], rotated.motion, rotated.drive)
         names = OUTPUTS if parts == 1 else (*OUTPUTS, *SIGNALS)
-        both = linear_outputs(self.modes(rig), self.runs[i], ports, names, parts)
+        rolling = self._rolling.get(i)
+        both = linear_outputs(self.modes(rig), self.runs[i], ports, names, parts, rolling)
         rate = None if parts == 1 else self.shape_rate(rig, rotated.motion, parts)
         return both[::parts, :6], both[:, 6:], rate
 

@@ -94,6 +94,10 @@ class AbstractModel(abc.ABC):
     def columns(self, point: Point, candidates: Sequence) -> np.ndarray:
         """Signatures of the candidates on the train runs (columns of all candidates, rows)."""
 
+    def unsettled(self, point: Point) -> bool:
+        """Whether what `rebase` takes from the data hangs on the point's laws: then again."""
+        return False
+
     def opening(self, share: float) -> "AbstractModel":
         """This model of the runs' beginnings, up to `share` of the motion; all of it by default."""
         return self

@@ -16,6 +16,7 @@ OPENINGS = (0.1, 0.2, 0.35, 0.6)  # shares of the motion that a strong law is re
 PROMISE = 0.2  # share of an opening's gap that a law must close to be followed to the next
 NEARLY = 1.3  # chi2 a degree of freedom at which nothing else needs to be tried first
 LITTLE = 0.02  # share of a strong gap that a law must close to be gone on with
+SETTLES, SETTLED = 5, 1.02  # rounds of rebasing at most, and chi2 a row at which they end
 WIDTHS_MATTER = 10.0  # times the best cost: beyond, a stepped law's width is not looked for
 
 
@@ -131,8 +132,14 @@ class Refits:
 
     def settle(self, fit: Fit) -> Fit:
         """Smooth about the new point and polish there, with tangents of its own."""
-        self.model.rebase(fit.point)
-        return self.widened(refit(self.model, fit.point, rounds=10))
+        for _ in range(SETTLES):
+            before = fit.chi2
+            self.model.rebase(fit.point)
+            fit = refit(self.model, fit.point, rounds=10)
+            near = fit.chi2 < SETTLED * self.model.dof("train") or fit.chi2 > 0.98 * before
+            if near or not self.model.unsettled(fit.point):
+                break
+        return self.widened(fit)
 
     def widened(self, fit: Fit, best: float = np.inf) -> Fit:
         """The fit with the friction laws' widths stated and so free, where the data ask for it.

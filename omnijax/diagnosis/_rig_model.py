@@ -82,6 +82,10 @@ class RigModel(AbstractModel):
     def rebase(self, point):
         self.machine.rebase(self.rig_at(point))
 
+    def unsettled(self, point):
+        """Laws at contacts and mounts change the elastic state in which a run begins rolling."""
+        return self.machine.rolls and any(self.laws[e.id].port in STEPPED for e in point.effects)
+
     def opening(self, share):
         """Every run up to the moment at which its wheels have rolled `share` of their way."""
         motions, cut = self.machine.motions(self.machine.rig), []

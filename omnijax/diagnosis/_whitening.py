@@ -49,12 +49,33 @@ def _angle_errors(machine, rig: Rig, i: int) -> list[np.ndarray]:
 
 def _free_elastic_start(m: Modes, run: Run, rows: Rows) -> None:
     """A run that begins rolling: its elastic state at the first sample is free."""
+    free = _start_columns(m, run, rows)
+    rows.nuisance.append((slice(0, rows.elastic.size), orthonormal(free.T)))
+
+
+def _start_columns(m: Modes, run: Run, rows: Rows) -> np.ndarray:
+    """What each number of the elastic state at the first sample changes in the elastic rows."""
     zero = np.zeros((run.samples - 1, len(m.rates)), complex)
     columns = []
     for k in range(len(m.A)):
         z = propagate(m, run.step, zero, m.inverse @ np.eye(len(m.A))[k])
-        out = observe(m, z, OUTPUTS)
-        columns.append((out * rows.elastic).ravel())
+        columns.append((observe(m, z, OUTPUTS) * rows.elastic).ravel())
     free = np.stack(columns)
     rows.whiten(free)
-    rows.nuisance.append((slice(0, rows.elastic.size), orthonormal(free.T)))
+    return free
+
+
+def rolling_state(machine, rig: Rig, i: int) -> np.ndarray:
+    """What the data say of the elastic state (m,) at the first sample, beside the prediction's.
+
+    The free start takes up what it changes linearly; laws at contacts and mounts have to feel it.
+    """
+    run, rows, m = machine.runs[i], machine.rows[i], machine.modes(rig)
+    ((predicted,),) = machine.elastic([rig], [i])
+    tables = machine.residual_tables(rig, i, predicted, machine.rotated(rig, [i])[i])
+    rest = rows.vector(tables[0], None)[None, : rows.elastic.size]
+    rows.whiten(rest)
+    columns = _start_columns(m, run, rows)
+    size = np.linalg.norm(columns, axis=1)
+    size[size == 0] = 1.0
+    return np.linalg.lstsq((columns / size[:, None]).T, rest[0], rcond=1e-6)[0] / size

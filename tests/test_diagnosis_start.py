@@ -1,0 +1,42 @@
+"""Runs that begin while the sphere turns: laws feel the elastic state that the data show."""
+
+import numpy as np
+import pytest
+from test_diagnosis_null import noisy
+from test_plant import load_plant
+
+from omnijax.diagnosis import Effect, Point, RigModel
+from omnijax.diagnosis._fit import refit
+from omnijax.diagnosis._refits import Refits
+from omnijax.laws import EFFECTS
+from omnijax.rig import load_rig
+
+TRUE = 6e13  # N/m^3
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """A machine as it is stated but for one mount that stiffens, recorded from 1 s on."""
+    plant, rng = load_plant(), np.random.default_rng(3)
+    stated = plant.machine(rng)
+    torque = np.stack([plant.torques(stated, plant.wander(rng, 3.0)) for _ in range(2)])
+    effects = {"k3": TRUE * np.array([0.0, 1.0, 0.0])}
+    tables = plant.record(stated, stated, effects, torque, rng, noise=0.0, cut=1.0)
+    folder = tmp_path_factory.mktemp("rolling")
+    plant.write_case(folder, stated, tables)
+    noise = {g: s if g in ("theta", "Omega") else 0.1 * s for g, s in plant.NOISE.items()}
+    found = RigModel(load_rig(folder / "rig.toml"), noisy(tables, noise, rng), noise, dict(EFFECTS))
+    assert all(run.rolling_start(noise) for run in found.machine.runs)
+    return found
+
+
+def test_a_law_is_fitted_from_the_state_in_which_a_run_begins(model):
+    """Where laws feel a start from rest: chi2 112 a degree of freedom, and a size 176 sigma off."""
+    law = Effect("mount-cubic", "w2", {"k3": 0.8 * TRUE})
+    fit = refit(model, Point(np.zeros(len(model.priors)), (law,)))
+    assert fit.chi2 > 1.1 * model.dof("train")  # the state as the model without the law shows it
+    fit = Refits(model).settle(fit)
+    (found,) = fit.point.effects
+    sigma = np.sqrt(fit.covariance[-1, -1])
+    assert fit.chi2 < 1.02 * model.dof("train")
+    assert abs(found.values["k3"] - TRUE) < 3 * sigma < 0.1 * TRUE
