@@ -14,7 +14,7 @@ from omnijax.diagnosis._refits import Refits
 from omnijax.diagnosis._review import Review
 from omnijax.diagnosis._scan import Signatures
 from omnijax.diagnosis._search import Way
-from omnijax.diagnosis._starts import at_finite_strength, by_tangent
+from omnijax.diagnosis._starts import RAN_OFF, at_finite_strength, by_tangent
 from omnijax.laws import (
     EFFECTS,
     GENERIC,
@@ -94,6 +94,17 @@ def test_the_planted_law_is_named_with_its_size():
     sigma = np.sqrt(found.fit.covariance[2, 2])
     assert abs(effect.values["torque"] - 0.2) < 4 * sigma
     assert sigma < 0.01
+
+
+def test_estimates_about_the_stated_machine_are_compared_with_that_of_no_law():
+    """A calibration that ran off hides what a law does; a law that does nothing must promise so."""
+    model = balance([law("bearing-coulomb", 3.0)])
+    fit = refit(model, Point(np.zeros(2)))
+    assert np.max(np.abs(fit.point.u)) > RAN_OFF
+    scan = Search(model).scan(fit)
+    cost = {s.name: s.cost for s in at_finite_strength(model, fit, scan, set(model.laws))}
+    assert cost["bearing-coulomb@shaft"] < 1e-3 * fit.cost
+    assert cost["friction-asymmetry@shaft"] == pytest.approx(fit.cost, rel=0.05)
 
 
 def test_two_planted_laws_are_both_named():

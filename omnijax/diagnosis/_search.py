@@ -184,7 +184,8 @@ class Search:
             left = float(before @ before) - trial.held.gain
             if trial.fit.chi2 < NEARLY * train and left < NEARLY * held:
                 return sorted(trials, key=lambda t: total_cost(t.fit))  # rivals: in the review
-        trials = self.refits.with_widths(fit, trials, before)
+        if not all(self.little(fit, t) for t in trials):
+            trials = self.refits.with_widths(fit, trials, before)
         return sorted(trials, key=lambda t: total_cost(t.fit))
 
     def starts(self, fit: Fit, scan: Scan, scores: list[Score], strong: bool) -> list[Start]:

@@ -50,9 +50,10 @@ def at_finite_strength(model: AbstractModel, fit: Fit, scan: Scan, ids: set[str]
     kept = np.max(np.abs(u), initial=0.0) < RAN_OFF
     anchor = fit.point if kept else Point(0 * u, fit.point.effects)
     J = fit.jacobian if anchor is fit.point else tangents_at(model, anchor)
-    (here,) = model.residuals([fit.point], model.ranking)
+    (here,) = model.residuals([anchor], model.ranking)
     J, chi2 = J[: len(here)], float(fit.residual @ fit.residual)
-    whole = chi2 / float(here @ here)  # all rows' part of chi2, relative to that of the rows used
+    _, without = foretold(model, anchor, here, J)
+    share = fit.cost / without  # estimates are compared with that of no law, made alike
     best: dict[str, Start] = {}
     for id in sorted(ids):  # the points of a law run side by side
         effects = [
@@ -67,8 +68,8 @@ def at_finite_strength(model: AbstractModel, fit: Fit, scan: Scan, ids: set[str]
                 continue
             there, cost = foretold(model, anchor, residual, J)
             full = there.with_effects(*there.effects, point.effects[-1])
-            start = Start(full, whole * cost + PRICE * len(point.effects[-1].values))
-            if start.name not in best or cost < best[start.name].cost:
+            start = Start(full, share * cost + PRICE * len(point.effects[-1].values))
+            if start.name not in best or start.cost < best[start.name].cost:
                 best[start.name] = start
     return list(best.values())
 
