@@ -26,7 +26,8 @@ def agreeing(tmp_path_factory):
     model, point = details["model"], details["found"].baseline.point
     model.rebase(point)
     candidates = model.candidates(point)
-    columns = model.columns(point, candidates)
+    ends = np.cumsum([len(c.columns) for c in candidates])
+    columns = [part.T for part in np.split(model.columns(point, candidates), ends[:-1])]
     return model, point, model.residuals([point], "train")[0], dict(
         (c.id, (c, x)) for c, x in zip(candidates, columns, strict=True) if x.any(axis=0).all()
     )  # fmt: skip
