@@ -94,7 +94,7 @@ def steady_state(
 
     Closed forms throughout: periodic solutions piece by piece, their second moments by doubling,
     suprema refined by Newton's method from places graded towards each edge and 2^`grid_bits` even
-    ones a piece, unless stated two an oscillation of the rig, but 512 to 4096.  `angles` (rad)
+    ones a piece, unless stated four an oscillation of the rig, but 512 to 8192.  `angles` (rad)
     matter only for wheels at rest.  With `sharpness` p the peak of |dR| is the smooth one, the
     p-norm over the phases, which lies below the supremum and has a gradient everywhere.  Raises
     `ValueError` for a rig with laws that are not linear in the elastic state.

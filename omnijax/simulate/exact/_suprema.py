@@ -19,8 +19,8 @@ from ._cycles import is_traced
 from ._ladder import Piece, advance, points
 from ._passage import Passages
 
-FEWEST, MOST = 9, 12  # bits of the even places a piece
-PER_OSCILLATION = 2
+FEWEST, MOST = 9, 13  # bits of the even places a piece
+PER_OSCILLATION = 4
 FINE = 4  # 2^FINE places an octave
 NEWTON = 6
 DIRECTIONS = 400  # to begin with
