@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from machines import ORTHOGONAL, SKEW, machine
 
+from omnijax.simulate import steady_state
 from omnijax.simulate.exact._ladder import points, whole
 from omnijax.simulate.exact._long_run import LongRun
 
@@ -85,6 +86,17 @@ def test_extremes_are_those_of_a_dense_search(layout):
         above = np.asarray(_lean(rig, speeds)) / np.array(want) - 1
         assert above[0] > -1e-5 and np.all(above[1:] > -1e-6), (rig, speeds)
         assert np.all(above < 1e-5), (rig, speeds)
+
+
+@pytest.mark.parametrize("layout", [ORTHOGONAL, SKEW])
+def test_peaks_are_those_of_a_finer_search(layout):
+    for rig, speeds in _cases(layout):
+        fine = steady_state(rig, speeds, grid_bits=10)
+        want = jnp.concatenate([fine.peak[None], fine.peak_component, fine.peak_to_peak])
+        peak, high, low = jnp.split(_lean(rig, speeds), [1, 4])
+        found = jnp.concatenate([peak, jnp.maximum(high, low), high + low])
+        assert np.allclose(found[1:], want[1:], rtol=1e-6), (rig, speeds)
+        assert np.isclose(found[0], want[0], rtol=1e-5), (rig, speeds)  # two places nearly as high
 
 
 def test_gradients_of_a_stiff_slow_rig_are_those_of_differences():

@@ -2,6 +2,8 @@
 
 import dataclasses
 import threading
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +66,7 @@ class Machine:
 
         Friction hangs on the motion itself: then again until the prediction stays.
         """
-        self._kept = {name: {} for name in self._kept}
+        self._forget()
         self.references = None
         self.ratios = [None] * len(self.runs)
         for _ in range(4 if needs_observer(rig) else 1):
@@ -73,7 +75,7 @@ class Machine:
                 np.std(new - old, axis=0).max()
                 for new, old in zip(found, self.references, strict=True)
             ]  # fmt: skip
-            self._kept = {name: {} for name in self._kept}
+            self._forget()
             self.references = found
             self.ratios = [None] * len(self.runs)
             if change and max(change) < 0.3 * self.length_noise.min():
@@ -85,7 +87,7 @@ class Machine:
         for i, state in zip(rolling, found, strict=True):
             self._rolling[i] = self._rolling.get(i, 0.0) + state
         if rolling:
-            self._kept = {name: {} for name in self._kept}
+            self._forget()
 
     @property
     def rolls(self) -> bool:
@@ -95,7 +97,7 @@ class Machine:
     def replace(self, i: int, run: Run) -> None:
         """Put another record in the place of run `i`, its angles about the same reference."""
         self.runs = [*self.runs[:i], run, *self.runs[i + 1 :]]
-        self._kept = {name: {} for name in self._kept}
+        self._forget()
 
     def _keep(self, stage: str, key: bytes, make):
         kept = self._kept[stage]
@@ -108,16 +110,20 @@ class Machine:
                 kept.pop(next(iter(kept)))
             return kept.setdefault(key, made)
 
+    def _forget(self) -> None:
+        self._kept = {name: {} for name in self._kept}
+
+    def _by_run(self, stage: str, key: bytes, make: Callable[[int], Any], which) -> dict[int, Any]:
+        """`make(i)` of the runs `which` (None: all), kept under the stage."""
+        wanted = range(len(self.runs)) if which is None else which
+        made = each(lambda i: self._keep(stage, key + bytes([i]), lambda: make(i)), wanted)
+        return dict(zip(wanted, made, strict=True))
+
     # --- stages -------------------------------------------------------------------------------
     def motions(self, rig: Rig, which=None) -> dict[int, Motion]:
         """Motion of every run behind the measured angles."""
         key = self._motion_key(rig)
-        wanted = range(len(self.runs)) if which is None else which
-
-        def one(i: int) -> Motion:
-            return self._keep("motion", key + bytes([i]), lambda: self._motion(rig, i))
-
-        return dict(zip(wanted, each(one, wanted), strict=True))
+        return self._by_run("motion", key, lambda i: self._motion(rig, i), which)
 
     def _motion_key(self, rig: Rig) -> bytes:
         w = rig.wheels
@@ -158,12 +164,7 @@ class Machine:
         if rolling:  # N enters: to about 2 % of stiffness and damping
             parts.append(rounded((w.contact, w.mount, w.closure)))
         key = digest(*parts)
-        wanted = range(len(self.runs)) if which is None else which
-
-        def one(i: int) -> Rotated:
-            return self._keep("rotated", key + bytes([i]), lambda: self._rotated(rig, i))
-
-        return dict(zip(wanted, each(one, wanted), strict=True))
+        return self._by_run("rotated", key, lambda i: self._rotated(rig, i), which)
 
     def _rotated(self, rig: Rig, i: int) -> Rotated:
         run, m = self.runs[i], self.motions(rig, [i])[i]

@@ -8,7 +8,7 @@ from ._fit import Fit, refit
 from ._held_out import HeldOut, Trial
 from ._model import AbstractModel, Effect, Point
 from ._starts import Start
-from ._stepped import STEPPED
+from ._stepped import is_stepped
 
 MARGIN = 25.0  # least difference of chi2 between the joint refits of rivals
 HOPELESS = 3.0  # times the best trial's cost: above, three rounds of a trial are enough
@@ -29,11 +29,6 @@ def chi2_of(model: AbstractModel, point: Point, split: str) -> float:
     """chi2 of a point on the runs of `split`."""
     r = residual_of(model, point, split)
     return float(r @ r)
-
-
-def is_stepped(model: AbstractModel, effects) -> bool:
-    """Whether a law among `effects` is stepped in time, so that all tangents change with it."""
-    return any(model.laws[e.id].port in STEPPED for e in effects)
 
 
 def total_cost(fit: Fit) -> float:

@@ -14,7 +14,7 @@ from ._machine import Machine
 from ._model import AbstractModel, Point, Prior, free_numbers
 from ._runs import FINE, Run
 from ._signatures import signature
-from ._stepped import STEPPED
+from ._stepped import is_stepped
 from ._threads import each
 
 BUDGET = 400.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
@@ -56,7 +56,7 @@ class RigModel(AbstractModel):
         return [dataclasses.replace(f, low=shortest) if f.key == "tau" else f for f in found]
 
     def residuals(self, points, split):
-        stepped = sum(any(self.laws[e.id].port in STEPPED for e in p.effects) for p in points)
+        stepped = sum(is_stepped(self, p.effects) for p in points)
         share = len(self.splits[split]) / len(self.splits["train"])
         self.work += share * (stepped + LINEAR * (len(points) - stepped))
         return self.machine.residuals([self.rig_at(p) for p in points], self.splits[split])
@@ -84,7 +84,7 @@ class RigModel(AbstractModel):
 
     def unsettled(self, point):
         """Laws at contacts and mounts change the elastic state in which a run begins rolling."""
-        return self.machine.rolls and any(self.laws[e.id].port in STEPPED for e in point.effects)
+        return self.machine.rolls and is_stepped(self, point.effects)
 
     def opening(self, share):
         """Every run up to the moment at which its wheels have rolled `share` of their way."""

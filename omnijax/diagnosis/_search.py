@@ -12,11 +12,11 @@ import numpy as np
 from ._fit import Fit, refit
 from ._held_out import Trial
 from ._model import AbstractModel, Point
-from ._refits import LITTLE, NEARLY, Refits, chi2_of, is_stepped, residual_of, total_cost
+from ._refits import LITTLE, NEARLY, Refits, chi2_of, residual_of, total_cost
 from ._review import Review, Rival
 from ._scan import Scan, Score, Signatures, chance
 from ._starts import Start, at_finite_strength, by_tangent, worth
-from ._stepped import STEPPED
+from ._stepped import STEPPED, is_stepped
 
 ALPHA = 1e-3  # chance of a false candidate in a whole scan
 SHUFFLES = 4  # shuffled residuals whose best candidate is the decoy to beat

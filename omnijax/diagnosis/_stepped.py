@@ -1,6 +1,7 @@
 """Laws at contacts and mounts, stepped in time: what they change in a linear elastic run."""
 
 import dataclasses
+from collections.abc import Iterable
 
 import jax
 import jax.numpy as jnp
@@ -10,6 +11,7 @@ from scipy.linalg import expm
 
 from ..rig import Rig
 from ._elastic import SIGNALS, law_outputs
+from ._model import AbstractModel, Effect
 from ._modes import Modes
 from ._ports import ElasticLaws
 from ._runs import STEPS, Run
@@ -86,6 +88,11 @@ def _stepped(lanes: list[Lane], laws, matrices, rows, start) -> np.ndarray:
 
 def _stack(items):
     return jax.tree.map(lambda *x: jnp.stack([jnp.asarray(v) for v in x]), *items)
+
+
+def is_stepped(model: AbstractModel, effects: Iterable[Effect]) -> bool:
+    """Whether a law among `effects` is stepped in time, so that all tangents change with it."""
+    return any(model.laws[e.id].port in STEPPED for e in effects)
 
 
 def nonlinear(rig: Rig) -> bool:

@@ -5,6 +5,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._root import root
 from ._base import Parameter
 from ._ports import AbstractBody, AbstractKinematics, AbstractRolling, AbstractShaft, RollingTorque
 
@@ -136,9 +137,7 @@ class AirDrag(AbstractBody):
     parameters: ClassVar[dict[str, Parameter]] = {"D": Parameter("N m s^2", low=0, linear=True)}
 
     def __call__(self, signal, state=None):
-        square = signal.angular_velocity @ signal.angular_velocity
-        moving = square > 0
-        speed = jnp.where(moving, jnp.sqrt(jnp.where(moving, square, 1.0)), 0.0)
+        speed = root(signal.angular_velocity @ signal.angular_velocity)
         return -self.D * speed * signal.angular_velocity
 
 

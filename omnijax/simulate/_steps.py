@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._root import root
 from ..laws import Gap
 
 
@@ -32,9 +33,9 @@ def time_to_edge(ahead, speed, acceleration):
     forward = jnp.where(speed >= 0, 1.0, -1.0)
     speed, change = forward * speed, forward * jax.lax.stop_gradient(acceleration)
     square = speed**2 + 2 * change * ahead
-    root = jnp.sqrt(jnp.where(square > 0, square, 1.0))
-    arrives = (square > 0) & (speed + root > 1e-9)
-    return jnp.where(arrives, 2 * ahead / jnp.where(arrives, speed + root, 1.0), jnp.inf)
+    there = jnp.sqrt(jnp.where(square > 0, square, 1.0))  # speed at the edge
+    arrives = (square > 0) & (speed + there > 1e-9)
+    return jnp.where(arrives, 2 * ahead / jnp.where(arrives, speed + there, 1.0), jnp.inf)
 
 
 class StepMemory(NamedTuple):
@@ -117,5 +118,4 @@ class EdgeSteps(dfx.AbstractAdaptiveStepSizeController):
 
 def root_mean_square(x):
     """Norm of an error over its tolerances."""
-    square = jnp.mean(x**2)
-    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+    return root(jnp.mean(x**2))

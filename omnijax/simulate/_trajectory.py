@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .._html import html_table
+from .._root import root
 
 STATUS = {
     0: "ok",
@@ -90,8 +91,7 @@ class Trajectory(eqx.Module):
     @property
     def distance(self) -> Float[Array, " t"]:
         """|dR| in m."""
-        square = jnp.sum(self.dR**2, axis=-1)
-        return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+        return root(jnp.sum(self.dR**2, axis=-1))
 
     @property
     def ok(self) -> bool:

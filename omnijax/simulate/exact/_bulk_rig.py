@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._root import root
 from ...laws import GatedSine, HalfSine
 from ...rig import Rig
 from ._bulk_design import CLIP, EDGE, Design, Layout, Wheel
@@ -213,17 +214,13 @@ def _designs(make: Make, plan: Bulk, rows) -> Design:
     return jax.vmap(lambda x: design_of(*make(x), plan.model, plan.layout), out_axes=-1)(rows)
 
 
-def root_of(x):
-    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
-
-
 @eqx.filter_jit
 def bulk_figures(make: Make, values: Float[Array, "B d"], plan: Bulk):
     """RMS and peak of |dR| in m over the samples, (B,) each, of the designs in the rows."""
 
     def some(rows):
         total, best, _ = samples(_designs(make, plan, rows), plan.layout, plan.gram, tag=False)
-        return root_of(total / plan.layout.samples), root_of(best)
+        return root(total / plan.layout.samples), root(best)
 
     rms, peak = jax.lax.map(some, lanes(values, LANES))
     return rms.reshape(-1)[: len(values)], peak.reshape(-1)[: len(values)]
@@ -242,7 +239,7 @@ def bulk_checked(make: Make, values: Float[Array, "B d"], plan: Bulk):
     def some(rows):
         hold, design = jax.vmap(grip, out_axes=-1)(rows), _designs(make, plan, rows)
         total, best, *low = samples_and_margins(design, hold, plan.layout, plan.gram)
-        return root_of(total / plan.layout.samples), root_of(best), *low
+        return root(total / plan.layout.samples), root(best), *low
 
     found = jax.lax.map(some, lanes(values, LANES))
     return tuple(x.reshape(-1)[: len(values)] for x in found)
@@ -288,7 +285,7 @@ def bulk_gradients(make: Make, values: Float[Array, "B d"], plan: Bulk, metrics=
         if bars:  # together, so that what they share is computed once
             both = jax.tree.map(lambda *x: jnp.stack(x), *bars.values())
             slopes |= dict(zip(bars, jax.vmap(from_orbit)(both), strict=True))
-        return {name: (root_of(found[name]), slopes[name]) for name in metrics}
+        return {name: (root(found[name]), slopes[name]) for name in metrics}
 
     found = jax.lax.map(some, lanes(values, LANES))
     flat = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], found)

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from ..._root import root
 from ...laws._pieces import Pieces
 from ._cycles import Forcing
 from ._system import Forced
@@ -83,5 +84,4 @@ def transfer(system: Forced, signals: Forcing, count: int) -> Float[Array, "g h"
 
 
 def _modulus(x):
-    square = jnp.real(x) ** 2 + jnp.imag(x) ** 2
-    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+    return root(jnp.real(x) ** 2 + jnp.imag(x) ** 2)

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._root import root
 from ...rig import Rig
 from ._bulk_rig import (
     Make,
@@ -22,7 +23,6 @@ from ._bulk_rig import (
     lanes,
     links_of,
     orthonormal,
-    root_of,
 )
 from ._periodic import Motion, Pairing, Shaken, motion
 from ._periodic_load import Grip, margins
@@ -206,7 +206,7 @@ def steady_figures(make: Make, values: Float[Array, "B d"], plan: SteadyPlan):
         m = motion(_designs(make, plan, rows), plan.layout)
         spots = places(m, plan.layout, plan.blocks, plan.starts)
         top = supremum(m, plan.layout, spots, plan.gram)
-        return root_of(_square_of(m, plan)), root_of(top)
+        return root(_square_of(m, plan)), root(top)
 
     rms, peak = jax.lax.map(some, lanes(values, LANES))
     return rms.reshape(-1)[: len(values)], peak.reshape(-1)[: len(values)]
@@ -252,7 +252,7 @@ def steady_gradients(make: Make, values: Float[Array, "B d"], plan: SteadyPlan):
             name: pull(back(down({**zero, name: half_root(x)})[0])[0])[0]
             for name, x in found.items()
         }
-        return {name: root_of(x) for name, x in found.items()}, slopes
+        return {name: root(x) for name, x in found.items()}, slopes
 
     found = jax.lax.map(some, lanes(values, LANES))
     return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[: len(values)], found)
