@@ -8,9 +8,9 @@ import numpy as np
 from ..dynamics import contact_signals, mount_signals
 from ..laws import ContactSignal, MountSignal
 from ..rig import Rig
-from ._elastic import OUTPUTS, Ports, direct, forcing, law_outputs, refine
+from ._elastic import OUTPUTS, Ports, law_outputs, linear_states, outputs_of, refine
 from ._machine import Machine
-from ._modes import Modes, hold_weights, moments, observe, propagate
+from ._modes import Modes, direct, forced, observe, propagate
 from ._motion import Motion, integrate
 from ._rotation import Turning, base_torques
 from ._runs import FINE, SHAPE, Run
@@ -83,10 +83,7 @@ def transfer(base: Base, floor=None, **inputs) -> np.ndarray:
     shape = inputs.get("shape", np.zeros(((run.samples - 1) * SHAPE + 1, n)))
     floor = np.zeros((points[0], 3)) if floor is None else floor
     ports = Ports(shape, inputs.get("drive", fine), np.zeros((run.samples, 3)), floor)
-    start = np.zeros(m.B.shape[1])
-    start[m.inputs["shape"]] = shape[0]
-    z = propagate(m, run.step, forcing(m, run.step, ports, 1), -(m.gains @ start) / m.rates)
-    return observe(m, z, OUTPUTS, direct(m, ports, 1))
+    return outputs_of(m, linear_states(m, run, ports), ports, OUTPUTS)
 
 
 def _tension(base: Base, contact, mount) -> np.ndarray:
@@ -112,12 +109,7 @@ def turned_by(base: Base, shaft=None, opposing=None):
     h = run.step / parts
     turned = integrate(rate, h)
     length = integrate(np.einsum("tij,tj->ti", response.axes, turned), h)
-    weights = hold_weights(m.rates, run.step, parts)
-    columns = m.gains[:, m.inputs["drive"]]
-    total = np.zeros((run.samples - 1, len(m.rates)), complex)
-    for c in range(drive.shape[1]):
-        total += moments(drive[:, c], weights) * columns[:, c]
-    z = propagate(m, run.step, total, np.zeros(len(m.rates)))
-    C, D = m.out(OUTPUTS)
-    elastic = np.real(z @ (C @ m.shapes).T) + drive[::parts] @ D[:, m.inputs["drive"]].T
+    total = forced(m, run.step, run.samples - 1, drive=drive)
+    elastic = observe(m, propagate(m, run.step, total, np.zeros(len(m.rates))), OUTPUTS)
+    elastic += direct(m, OUTPUTS, "drive", lambda: drive[::parts])
     return elastic, np.concatenate([turned[::parts], length[::parts]], axis=1)

@@ -7,10 +7,11 @@ import numpy as np
 
 from ..dynamics import Coupled, linear_system
 from ..rig import Rig
-from ._modes import Modes, hold_weights, modes, moments, observe, propagate, static_state
+from ._modes import Modes, direct, forced, modes, observe, propagate, static_state
 from ._runs import FINE, SHAPE, Run
 
 OUTPUTS = ("displacement", "acceleration")
+PARTS = ("shape", "drive", "force", "floor")  # inputs beside tensions
 SIGNALS = ("deflection", "mount", "mount_rate", "approach_rate")
 
 
@@ -52,21 +53,6 @@ def refine(values: np.ndarray, parts: int) -> np.ndarray:
     return np.stack([np.interp(at, known, values[:, c]) for c in range(values.shape[1])], axis=1)
 
 
-def forcing(m: Modes, step: float, ports: Ports, per_sample: int) -> np.ndarray:
-    """Per-interval modal forcing with `per_sample` intervals a sample."""
-    total = np.zeros(((len(ports.force) - 1) * per_sample, len(m.rates)), complex)
-    h = step / per_sample
-    for part in ("shape", "drive", "force", "floor"):
-        finest = {"shape": SHAPE, "force": per_sample}.get(part, max(FINE, per_sample))
-        values = ports.at(part, finest)
-        weights = hold_weights(m.rates, h, finest // per_sample)
-        columns = m.gains[:, m.inputs[part]]
-        for c in range(values.shape[1]):
-            if values[:, c].any():
-                total += moments(values[:, c], weights) * columns[:, c]
-    return total
-
-
 def start_inputs(m: Modes, ports: Ports) -> np.ndarray:
     """Inputs (u,) of the static start: the shapes under the sphere, nothing else."""
     u = np.zeros(m.B.shape[1])
@@ -74,37 +60,34 @@ def start_inputs(m: Modes, ports: Ports) -> np.ndarray:
     return u
 
 
-def direct(m: Modes, ports: Ports, parts: int) -> np.ndarray:
-    """All inputs (t, u) at `parts` points a sample, for the outputs' direct part."""
-    n = ports.shape.shape[1]
-    zero = np.zeros(((len(ports.force) - 1) * parts + 1, n))
-    known = [ports.at(p, parts) for p in ("shape", "drive", "force", "floor")]
-    return np.concatenate([known[0], zero, zero, *known[1:]], axis=1)
-
-
-def linear_outputs(
-    m: Modes, run: Run, ports: Ports, names, parts: int = 1, rolling: np.ndarray | None = None
+def linear_states(
+    m: Modes, run: Run, ports: Ports, parts: int = 1, rolling: np.ndarray | None = None
 ) -> np.ndarray:
-    """Outputs (t, o) of the linear elastic model at `parts` points a sample.
+    """Modal states (t, k) of the linear elastic model at `parts` points a sample.
 
     From static rest, and from the state `rolling` (m,) beside it where that is known.
     """
     start = static_state(m, start_inputs(m, ports))
     start = start if rolling is None else start + m.inverse @ rolling
-    z = propagate(m, run.step / parts, forcing(m, run.step, ports, parts), start)
-    return observe(m, z, names, direct(m, ports, parts))
+    step = run.step / parts
+    inputs = {name: getattr(ports, name) for name in PARTS}
+    return propagate(m, step, forced(m, step, (run.samples - 1) * parts, **inputs), start)
+
+
+def outputs_of(m: Modes, z: np.ndarray, ports: Ports, names, parts: int = 1) -> np.ndarray:
+    """Outputs (t, o) of the modal states `z` at `parts` points a sample."""
+    out = observe(m, z, names)
+    for part in PARTS:
+        out += direct(m, names, part, lambda part=part: ports.at(part, parts))
+    return out
 
 
 def law_outputs(m: Modes, run: Run, contact, mount, start) -> np.ndarray:
     """dR and a (samples, 6) caused by tensions (points, n) and the state `start` (m,)."""
     fine = (len(contact) - 1) // (run.samples - 1)
-    weights = hold_weights(m.rates, run.step, fine)
-    total = np.zeros((run.samples - 1, len(m.rates)), complex)
-    for part, values in (("contact", contact), ("mount", mount)):
-        columns = m.gains[:, m.inputs[part]]
-        for c in np.flatnonzero(values.any(axis=0)):
-            total += moments(values[:, c], weights) * columns[:, c]
-    z = propagate(m, run.step, total, m.inverse @ start)
-    u = np.zeros((len(z), m.B.shape[1]))
-    u[:, m.inputs["contact"]], u[:, m.inputs["mount"]] = contact[::fine], mount[::fine]
-    return observe(m, z, OUTPUTS, u)
+    tensions = {"contact": contact, "mount": mount}
+    total = forced(m, run.step, run.samples - 1, **tensions)
+    out = observe(m, propagate(m, run.step, total, m.inverse @ start), OUTPUTS)
+    for part, values in tensions.items():
+        out += direct(m, OUTPUTS, part, lambda values=values: values[::fine])
+    return out

@@ -53,27 +53,30 @@ def walk_modes(samples: int, step: float, scatter: float) -> tuple[np.ndarray, n
 
 
 def shape_response(modes: Modes, step: float, wheel: int, signals: np.ndarray) -> np.ndarray:
-    """dR and a (samples, 6, c) of shape inputs (PARTS points, c) under one wheel, from rest."""
-    points, columns = signals.shape
+    """dR and a (c, samples, 6) of shape inputs (c, PARTS points) under one wheel, from rest."""
+    count, points = signals.shape
     samples = (points - 1) // PARTS + 1
     column = modes.inputs["shape"].start + wheel
-    weights = hold_weights(modes.rates, step, PARTS) * modes.gains[:, column]
-    parts = signals[:-1].reshape(samples - 1, PARTS, columns)
-    last = signals[PARTS::PARTS]
+    gains = modes.gains[:, column]
+    weights = hold_weights(modes.rates, step, PARTS) * gains
+    parts = signals[:, :-1].reshape(count * (samples - 1), PARTS)
+    pair = np.concatenate([np.real(weights), np.imag(weights)], axis=1).T
+    pushed = pair[:, :PARTS] @ parts.T
+    pushed += pair[:, PARTS:] * signals[:, PARTS::PARTS].reshape(1, -1)
+    real, imaginary = np.split(pushed.reshape(-1, count, samples - 1), 2)
     C, D = modes.out(OUTPUTS)
-    out = D[:, column][None, :, None] * signals[::PARTS, None, :]
-    start = -modes.gains[:, column] / modes.rates
-    pair = np.concatenate([np.real(weights[:PARTS]), np.imag(weights[:PARTS])], axis=1)
-    real, imaginary = np.split(np.tensordot(pair, parts, (0, 1)), 2)
-    for k, shape in enumerate((C @ modes.shapes).T):
-        push = real[k] + 1j * imaginary[k] + weights[PARTS, k] * last
-        decay = np.exp(modes.rates[k] * step)
-        first = start[k] * signals[:1]
-        z = lfilter([1.0], [1.0, -decay], push, axis=0, zi=decay * first)[0]
-        z = np.concatenate([first, z])
-        out += np.real(shape)[:, None] * np.real(z)[:, None, :]
-        out -= np.imag(shape)[:, None] * np.imag(z)[:, None, :]
-    return out
+    first = -gains[:, None] / modes.rates[:, None] * signals[:, 0]
+    z = np.empty((len(gains), 2, count, samples))
+    for k, rate in enumerate(modes.rates):
+        decay = np.exp(rate * step)
+        state = lfilter([1.0], [1.0, -decay], real[k] + 1j * imaginary[k],
+                        zi=decay * first[k][:, None])[0]  # fmt: skip
+        z[k, 0, :, 0], z[k, 1, :, 0] = first[k].real, first[k].imag
+        z[k, 0, :, 1:], z[k, 1, :, 1:] = state.real, state.imag
+    shapes = (C @ modes.shapes).T
+    pairs = np.stack([np.real(shapes), -np.imag(shapes)], axis=1).reshape(2 * len(shapes), -1)
+    out = z.reshape(2 * len(gains), -1).T @ pairs
+    return out.reshape(count, samples, -1) + signals[:, ::PARTS, None] * D[:, column]
 
 
 def response_columns(modes: Modes, run: Run, slopes, errors, weights) -> np.ndarray:
@@ -83,15 +86,15 @@ def response_columns(modes: Modes, run: Run, slopes, errors, weights) -> np.ndar
     angle's error in rad with their size, `weights` (samples, 6) 1/sigma.
     """
     out = []
-    share = np.arange(PARTS)[:, None] / PARTS
+    share = np.arange(PARTS) / PARTS
     for i, error in enumerate(errors):
         for at in range(0, error.shape[1], CHUNK):
-            e = error[:, at : at + CHUNK]
-            fine = e[:-1, None] * (1 - share) + e[1:, None] * share
-            fine = np.concatenate([fine.reshape(-1, e.shape[1]), e[-1:]])
-            change = shape_response(modes, run.step, i, slopes[:, i : i + 1] * fine)
-            out.append((change * weights[:, :, None]).reshape(-1, e.shape[1]))
-    return np.concatenate(out, axis=1) if out else np.zeros((weights.size, 0))
+            e = np.ascontiguousarray(error[:, at : at + CHUNK].T)
+            fine = (e[:, :-1, None] * (1 - share) + e[:, 1:, None] * share).reshape(len(e), -1)
+            fine = np.concatenate([fine, e[:, -1:]], axis=1) * slopes[:, i]
+            change = shape_response(modes, run.step, i, fine) * weights
+            out.append(change.reshape(len(e), -1))
+    return np.concatenate(out).T if out else np.zeros((weights.size, 0))
 
 
 def whitener(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

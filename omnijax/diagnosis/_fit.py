@@ -148,6 +148,8 @@ def _step(model: AbstractModel, state: _State, J: np.ndarray, damping: float):
         new = _State.at(model, moved(point, trial[:P], state.free, trial[P:]), state.free)
         if np.isfinite(new.cost) and new.cost <= state.cost + 1e-9:
             return new, damping / 30, foretold
+        if foretold < ENOUGH:
+            break
         damping = max(damping * 30, 1e-3)
     return None, damping, 0.0
 

@@ -8,6 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..laws import SensorSignal
+
 Signal = TypeVar("Signal")
 
 
@@ -24,6 +26,16 @@ def _over(law, signal):
 @eqx.filter_jit
 def _over_with_state(law, signal, state):
     return jax.vmap(law)(signal, state)
+
+
+def sensed(law, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """What a sensor's law adds to the `values` (t, c) of its group."""
+    return np.asarray(_sensed(law, jnp.asarray(time), jnp.asarray(values)))
+
+
+@eqx.filter_jit
+def _sensed(law, time, values):
+    return law(SensorSignal(time, values))
 
 
 def along(law, signal: Any, state=None) -> Any:

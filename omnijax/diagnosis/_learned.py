@@ -88,13 +88,14 @@ def _network_tangents(network, u):
 class Learned:
     """The learned term, how much of the held-out gap it closes, and pictures of it.
 
-    `smooth` and `network` are the shares closed by the basis alone and with the network beside it.
+    `smooth` and `network` are the shares closed by the basis alone and with the network beside it,
+    None where the basis left it too little to close.
     """
 
     term: Term
     closed: float
     smooth: float
-    network: float
+    network: float | None
     residual: np.ndarray  # held-out rows after the term
     curves: dict[str, tuple[np.ndarray, np.ndarray]]
     map: dict
@@ -120,12 +121,15 @@ def learn(model: RigModel, fit: Fit, tell: Callable[[str], None]) -> Learned:
         found.append(_Fitting(model, around, port).run())
         tell(f"learned term at {port.port}: closes {100 * found[-1].closed:.0f} % of the gap")
     best = max(found, key=lambda f: f.closed)
-    wide = _Fitting(model, around, best.term.port).run(best)
-    tell(f"with a network beside it: {100 * wide.closed:.0f} %")
-    kept = wide if wide.closed > best.closed + KEPT else best
+    kept, wide = best, None
+    if best.closed < 1 - KEPT:  # else a network has too little to add
+        wide = _Fitting(model, around, best.term.port).run(best)
+        tell(f"with a network beside it: {100 * wide.closed:.0f} %")
+        kept = wide if wide.closed > best.closed + KEPT else best
     curves, picture = _curves(kept.term), _map(kept)
+    network = None if wide is None else wide.closed
     return Learned(
-        kept.term, kept.closed, best.closed, wide.closed, kept.after["held-out"], curves, picture
+        kept.term, kept.closed, best.closed, network, kept.after["held-out"], curves, picture
     )
 
 

@@ -9,7 +9,7 @@ import dataclasses
 import numpy as np
 
 from ._base import THIN, Base, turned_by
-from ._modes import hold_weights, moments, observe, propagate
+from ._modes import direct, forced, observe, propagate
 from ._runs import FINE
 
 Columns = list[tuple[int, str, np.ndarray]]  # (wheel, label, values)
@@ -63,10 +63,9 @@ class SpringPort:
 
     def push(self, base: Base, force: np.ndarray):
         """dR and a (samples, 6) of tensions (FINE points, n), from their static rest."""
-        z = self._state(base, force, 1)
-        u = np.zeros((len(z), base.modes.B.shape[1]))
-        u[:, base.modes.inputs[self.port]] = force[::FINE]
-        return observe(base.modes, z, ("displacement", "acceleration"), u), None
+        names = ("displacement", "acceleration")
+        out = observe(base.modes, self._state(base, force, 1), names)
+        return out + direct(base.modes, names, self.port, lambda: force[::FINE]), None
 
     def felt(self, base: Base, force: np.ndarray):
         """What tensions change in the deflections and rates here, (FINE points, n) each."""
@@ -77,15 +76,8 @@ class SpringPort:
 
     def _state(self, base: Base, force, parts: int):
         m, step = base.modes, base.run.step / parts
-        weights = hold_weights(m.rates, step, FINE // parts)
-        gains = m.gains[:, m.inputs[self.port]]
-        total = sum(
-            moments(force[:, c], weights) * gains[:, c]
-            for c in range(force.shape[1])
-            if force[:, c].any()
-        )
-        if isinstance(total, int):
-            total = np.zeros(((len(force) - 1) * parts // FINE, len(m.rates)), complex)
+        intervals = (len(force) - 1) * parts // FINE
+        total = forced(m, step, intervals, **{self.port: force})
         u = np.zeros(m.B.shape[1])
         u[m.inputs[self.port]] = force[0]
         return propagate(m, step, total, -m.inverse @ np.linalg.solve(m.A, m.B @ u))

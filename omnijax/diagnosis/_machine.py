@@ -9,7 +9,7 @@ import numpy as np
 
 from ..rig import Rig
 from ._digest import digest, rounded
-from ._elastic import OUTPUTS, SIGNALS, Ports, linear_outputs, refine, rig_modes
+from ._elastic import OUTPUTS, SIGNALS, Ports, linear_states, outputs_of, refine, rig_modes
 from ._laws import along
 from ._modes import Modes
 from ._motion import (
@@ -22,7 +22,7 @@ from ._motion import (
     smooth_about,
     tables_for,
 )
-from ._observer import TURNING, needs_observer, observed_turning
+from ._observer import TURNING, needs_observer, observed_turning, path_along
 from ._ports import bare
 from ._rotation import Turning, base_torques, turning
 from ._rows import Rows
@@ -30,6 +30,8 @@ from ._runs import FINE, SHAPE, STEPS, Run
 from ._stepped import Lane, law_changes, nonlinear
 from ._threads import each
 from ._whitening import rolling_state, rows_of
+
+STAGES = ("motion", "turning", "path", "rotated", "modes")  # what is kept of the last few rigs
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +56,7 @@ class Machine:
         self.references: list[np.ndarray] | None = None
         self.ratios: list[float | None] = [None] * len(runs)
         self._normal: dict[int, np.ndarray] = {}  # N of the last rig: where the next one starts
-        self._kept: dict[str, dict] = {"motion": {}, "turning": {}, "rotated": {}, "modes": {}}
+        self._kept: dict[str, dict] = {k: {} for k in STAGES}
         self.window = window
         self.rows: list[Rows] = []
         self._lock = threading.Lock()
@@ -172,15 +174,18 @@ class Machine:
         response = self._keep("turning", key, lambda: turning(rig, m))
         torque = refine(run.torque, FINE)
         longest = max(r.samples for r in self.runs)
+        path = None
+        if needs_observer(rig):
+            key += digest(rig.platform.gravity)
+            path = self._keep("path", key, lambda: path_along(rig, m, response, torque, longest))
         turns = 1 if not rig.at("rolling") else 4 if i not in self._normal else 2
         preload = np.broadcast_to(np.asarray(rig.wheels.closure.preload), m.theta.shape)
         normal = self._normal.get(i, preload)
         for turn in range(turns):
-            if needs_observer(rig):
+            if path is not None:
                 rest = not run.rolling_start(self.noise)
-                Omega, speed = observed_turning(
-                    bare(rig, *TURNING), m, response, torque, normal, run.step, rest, longest
-                )
+                laws = bare(rig, *TURNING)
+                Omega, speed = observed_turning(laws, m, path, normal, run.step, rest)
                 felt = dataclasses.replace(m, turning=Omega, speed=speed)
             else:
                 felt = m
@@ -237,8 +242,9 @@ class Machine:
 
     def signals(self, rig: Rig, i: int, ports: Ports) -> np.ndarray:
         """Linear port signals (FINE points, 4 n): deflection, mount, mount rate, approach rate."""
-        rolling = self._rolling.get(i)
-        return linear_outputs(self.modes(rig), self.runs[i], ports, SIGNALS, FINE, rolling)
+        m = self.modes(rig)
+        z = linear_states(m, self.runs[i], ports, FINE, self._rolling.get(i))
+        return outputs_of(m, z, ports, SIGNALS, FINE)
 
     def shape_rate(self, rig: Rig, m: Motion, parts: int) -> np.ndarray:
         """d rho/dt (t, n) of the wheels' shapes at `parts` points a sample."""
@@ -281,12 +287,13 @@ class Machine:
 
     def _linear(self, rig: Rig, i: int, rotated: Rotated, parts: int):
         """dR and a (samples, 6) of the linear model; its port signals and d rho/dt in between."""
-        ports = self.ports(rig, self.runs[i], rotated.motion, rotated.drive)
-        names = OUTPUTS if parts == 1 else (*OUTPUTS, *SIGNALS)
-        rolling = self._rolling.get(i)
-        both = linear_outputs(self.modes(rig), self.runs[i], ports, names, parts, rolling)
-        rate = None if parts == 1 else self.shape_rate(rig, rotated.motion, parts)
-        return both[::parts, :6], both[:, 6:], rate
+        ports, m = self.ports(rig, self.runs[i], rotated.motion, rotated.drive), self.modes(rig)
+        z = linear_states(m, self.runs[i], ports, parts, self._rolling.get(i))
+        out = outputs_of(m, z[::parts], ports, OUTPUTS)
+        if parts == 1:
+            return out, None, None
+        signals = outputs_of(m, z, ports, SIGNALS, parts)
+        return out, signals, self.shape_rate(rig, rotated.motion, parts)
 
     def residuals(self, rigs: list[Rig], which: list[int]) -> list[np.ndarray]:
         """Whitened rows of measured less predicted, per rig, over the runs of `which`.

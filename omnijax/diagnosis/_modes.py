@@ -89,12 +89,41 @@ def hold_weights(rates: np.ndarray, step: float, parts: int) -> np.ndarray:
     return weights
 
 
-def moments(signal: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Per-interval integrals (n - 1, k) of a fine signal ((n - 1) parts + 1,)."""
-    parts = len(weights) - 1
-    real = np.ascontiguousarray(weights).view(float)  # a real signal needs no complex product
-    left = np.ascontiguousarray(signal[:-1]).reshape(-1, parts) @ real[:parts]
-    return (left + signal[parts::parts, None] * real[parts]).view(complex)
+def forced(m: Modes, step: float, intervals: int, **inputs: np.ndarray) -> np.ndarray:
+    """Modal forcing (intervals, k) of `inputs` by name, over intervals of `step` s.
+
+    An input (points, c) is linear between its points; either an interval has several of them, or
+    several intervals lie between two.
+    """
+    total = np.zeros((intervals, len(m.rates)), complex)
+    for name, values in inputs.items():
+        used = [c for c in range(values.shape[1]) if values[:, c].any()]
+        if used:
+            gains = m.gains[:, m.inputs[name]][:, used].T
+            some = np.ascontiguousarray(values[:, used] if len(used) < values.shape[1] else values)
+            total += _pushed(m.rates, gains, some, step, intervals).view(complex)
+    return total
+
+
+def _pushed(rates, gains, values, step: float, intervals: int) -> np.ndarray:
+    """Forcing (intervals, 2 k), real and imaginary parts in turn, of one input with its `gains`."""
+    spans, c = len(values) - 1, len(gains)
+    if spans >= intervals:
+        parts = spans // intervals
+        weights = _real(hold_weights(rates, step, parts)[:, None] * gains)
+        inner = values[:-1].reshape(intervals, parts * c) @ weights[:-1].reshape(parts * c, -1)
+        return inner + values[parts::parts] @ weights[-1]
+    begin, end = hold_weights(rates, step, 1)
+    at = np.linspace(0.0, 1.0, intervals // spans + 1)[:, None]
+    before = begin * (1 - at[:-1]) + end * (1 - at[1:])  # of the point before every interval
+    after = begin * at[:-1] + end * at[1:]
+    before, after = (_real(w * gains[:, None]).reshape(c, -1) for w in (before, after))
+    return (values[:-1] @ before + values[1:] @ after).reshape(intervals, -1)
+
+
+def _real(weights: np.ndarray) -> np.ndarray:
+    """Complex weights as pairs of numbers: a real signal needs no complex product."""
+    return np.ascontiguousarray(weights).view(float)
 
 
 def propagate(modes: Modes, step: float, forcing: np.ndarray, start: np.ndarray) -> np.ndarray:
@@ -112,10 +141,14 @@ def static_state(modes: Modes, inputs: np.ndarray) -> np.ndarray:
     return -(modes.gains @ inputs) / modes.rates
 
 
-def observe(modes: Modes, z: np.ndarray, names: tuple[str, ...], direct=None) -> np.ndarray:
-    """Outputs (n, o) of modal states; `direct` are the inputs (n, u) where D matters."""
-    C, D = modes.out(names)
-    shapes = (C @ modes.shapes).T
+def observe(modes: Modes, z: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+    """Outputs (n, o) of modal states, less what inputs add directly."""
+    shapes = (modes.out(names)[0] @ modes.shapes).T
     pairs = np.stack([np.real(shapes), -np.imag(shapes)], axis=1).reshape(2 * len(shapes), -1)
-    out = np.ascontiguousarray(z).view(float) @ pairs  # the real part only
-    return out if direct is None else out + direct @ D.T
+    return np.ascontiguousarray(z).view(float) @ pairs  # the real part only
+
+
+def direct(modes: Modes, names: tuple[str, ...], part: str, values) -> np.ndarray | float:
+    """What the input `part` adds directly to outputs (n, o); `values()` (n, c) where it does."""
+    D = modes.out(names)[1][:, modes.inputs[part]]
+    return values() @ D.T if D.any() else 0.0

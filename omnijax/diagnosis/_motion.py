@@ -3,14 +3,13 @@
 import dataclasses
 import functools
 
-import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..dynamics import spin_axes
-from ..laws import DualRow, SensorSignal
+from ..laws import DualRow
 from ..rig import InputError, Rig
-from ._laws import along
+from ._laws import along, sensed
 from ._runs import FINE, SHAPE, Run
 from ._smooth import likeliest, smooth, smooth_by_likelihood
 from ._wheels import WheelTables, wheel_tables
@@ -65,7 +64,7 @@ def sensor_change(rig: Rig, group: str, time, values) -> np.ndarray:
         head, _, channel = placed.place.partition("_")
         if head != group:
             continue
-        value = np.asarray(placed.law(SensorSignal(jnp.asarray(time), jnp.asarray(values))))
+        value = sensed(placed.law, time, values)
         if channel:
             column = "xyz".index(channel) if channel in "xyz" else int(channel) - 1
             change[:, column] += value[:, column]

@@ -17,7 +17,7 @@ from ..rig import Rig
 from ._laws import packed
 from ._motion import Motion
 from ._rotation import Turning
-from ._runs import FINE
+from ._runs import FINE, padded
 
 TURNING = ("shaft", "rolling", "sphere")  # ports whose laws act on the rotation
 PULL = 5.0  # 1/s
@@ -48,34 +48,28 @@ class Path(NamedTuple):
     measured: jax.Array  # (t, 3) rad/s
 
 
-def observed_turning(
-    rig: Rig,
-    motion: Motion,
-    response: Turning,
-    torque,
-    normal,
-    step: float,
-    at_rest: bool,
-    longest: int,
-):
+def observed_turning(rig: Rig, motion: Motion, path: Path, normal, step: float, at_rest: bool):
     """(Omega (t, 3), wheel speeds (t, n)) at the FINE points, from Omega at the samples.
 
-    A run that begins at rest begins at zero: smoothed angles say so only to 1e-2 rad/s, which
-    already is sliding.  Runs are padded to `longest` samples, so that one program serves all.
+    `path` is that of `path_along`, `normal` (t, n) the contacts' forces.  A run that begins at rest
+    begins at zero: smoothed angles say so only to 1e-2 rad/s, which already is sliding.
     """
-    samples = (len(torque) - 1) // FINE + 1
-    radius = motion.factor * (np.asarray(rig.wheels.radius) + motion.shape)
-    path = _path(rig, motion, response, torque, normal, radius, 2 * (longest - samples))
+    samples = (len(normal) - 1) // FINE + 1
+    path = path._replace(normal=padded(normal[:: FINE // 2], len(path.still)))
     first = np.zeros(3) if at_rest else motion.turning[0]
     omega = np.asarray(_integrate(rig, path, step, first))[:samples]
-    fine = CubicSpline(np.arange(samples), omega)(np.arange(len(torque)) / FINE)
+    fine = CubicSpline(np.arange(samples), omega)(np.arange(len(normal)) / FINE)
+    radius = _rolling_radius(rig, motion)
     speed = float(rig.sphere.radius) * np.einsum("tij,tj->ti", motion.axes, fine) / radius
     return fine, speed
 
 
-def _path(rig: Rig, motion: Motion, response: Turning, torque, normal, radius, more) -> Path:
-    """The path at two points a sample (starts, middles, ends of the steps), and `more` points."""
-    half = FINE // 2
+def path_along(rig: Rig, motion: Motion, response: Turning, torque, longest: int) -> Path:
+    """The path at two points a sample (starts, middles, ends of the steps), without normal forces.
+
+    Runs are padded to `longest` samples, so that one program serves all.
+    """
+    half, length = FINE // 2, 2 * (longest - 1) + 1
 
     def every(x):
         return np.broadcast_to(x, (len(torque), *x.shape[1:]))[::half]
@@ -86,11 +80,16 @@ def _path(rig: Rig, motion: Motion, response: Turning, torque, normal, radius, m
     lever = np.cross(Q @ np.asarray(rig.sphere.centre_of_mass), weight)
     still = shaft @ every(torque)[:, :, None] - opposing @ lever[:, :, None]
     inertia = Q @ np.asarray(rig.sphere.inertia_matrix) @ np.swapaxes(Q, 1, 2)
+    radius = every(_rolling_radius(rig, motion))
     path = packed(
-        Path, still[:, :, 0], shaft, opposing, inertia, axes, every(radius), every(motion.theta),
-        every(torque), every(normal), Q, every(motion.turning),
+        Path, still[:, :, 0], shaft, opposing, inertia, axes, radius, every(motion.theta),
+        every(torque), np.zeros_like(radius), Q, every(motion.turning),
     )  # fmt: skip
-    return jax.tree.map(lambda x: np.concatenate([x, np.repeat(x[-1:], more, axis=0)]), path)
+    return jax.tree.map(lambda x: jnp.asarray(padded(x, length)), path)
+
+
+def _rolling_radius(rig: Rig, motion: Motion) -> np.ndarray:
+    return motion.factor * (np.asarray(rig.wheels.radius) + motion.shape)
 
 
 @jax.jit

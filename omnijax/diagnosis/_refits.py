@@ -17,7 +17,7 @@ PROMISE = 0.2  # share of an opening's gap that a law must close to be followed 
 NEARLY = 1.3  # chi2 a degree of freedom at which nothing else needs to be tried first
 LITTLE = 0.02  # share of a strong gap that a law must close to be gone on with
 SETTLES, SETTLED = 5, 1.02  # rounds of rebasing at most, and chi2 a row at which they end
-WIDTHS_MATTER = 10.0  # times the best cost: beyond, a stepped law's width is not looked for
+WIDTHS_MATTER = {True: 10.0, False: 100.0}  # times the best cost, by whether a law is stepped
 
 
 def residual_of(model: AbstractModel, point: Point, split: str) -> np.ndarray:
@@ -139,10 +139,10 @@ class Refits:
     def widened(self, fit: Fit, best: float = np.inf) -> Fit:
         """The fit with the friction laws' widths stated and so free, where the data ask for it.
 
-        The widths of a real machine are unknown, so no answer may hang on them.  A law that is
-        stepped in time stays as it is where it costs far more than the `best` fit.
+        The widths of a real machine are unknown, so no answer may hang on them.  A fit that costs
+        far more than the `best` one stays as it is.
         """
-        if fit.cost > WIDTHS_MATTER * best and is_stepped(self.model, fit.point.effects):
+        if fit.cost > WIDTHS_MATTER[is_stepped(self.model, fit.point.effects)] * best:
             return fit
         wide = [self._with_width(effect) for effect in fit.point.effects]
         stated = all(

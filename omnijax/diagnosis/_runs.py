@@ -83,3 +83,11 @@ def _filled(values: np.ndarray) -> np.ndarray:
         good = np.isfinite(values[:, c])
         out[:, c] = np.interp(at, at[good], values[good, c]) if good.any() else 0.0
     return out
+
+
+def padded(values: np.ndarray, length: int) -> np.ndarray:
+    """`values` (t, ...) with the last one held, or zero where there is none, to `length`."""
+    if len(values) == length:
+        return values
+    last = values[-1:] if len(values) else np.zeros((1, *values.shape[1:]))
+    return np.concatenate([values, np.repeat(last, length - len(values), axis=0)])

@@ -5,14 +5,12 @@ transfer: rho and tensions through the elastic model, torques through the rotati
 """
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
-from ..laws import SensorSignal
 from ..rig import Placed
 from ._base import THIN, Base, transfer, turned_by
 from ._elastic import refine
-from ._laws import along
+from ._laws import along, sensed
 from ._motion import contact_directions, integrate
 from ._rotation import body_signals, resistance, rolling_signals, shaft_signals, wheel_law
 from ._runs import FINE, SHAPE
@@ -177,7 +175,7 @@ def _sensor(base: Base, placed: Placed):
         "a": base.predicted[:, 3:],
         "Omega": base.motion.turning[::FINE],
     }[group]
-    change = np.asarray(placed.law(SensorSignal(jnp.asarray(time), jnp.asarray(values))))
+    change = sensed(placed.law, time, values)
     if channel:
         only = np.zeros_like(values)
         only[:, "xyz".index(channel)] = change[:, "xyz".index(channel)]
@@ -192,7 +190,7 @@ def _encoder(base: Base, placed: Placed, channel: str):
     """An encoder's error shifts the angle of the shape's look-up, and the rolled length."""
     m, run = base.motion, base.run
     theta = m.theta[::FINE]
-    change = np.asarray(placed.law(SensorSignal(jnp.asarray(run.time), jnp.asarray(theta))))
+    change = sensed(placed.law, run.time, theta)
     if channel:
         only = np.zeros_like(theta)
         only[:, int(channel) - 1] = change[:, int(channel) - 1]

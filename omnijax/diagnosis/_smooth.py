@@ -24,21 +24,35 @@ def smooth(values: np.ndarray, sigma: float, ratio: float) -> tuple[np.ndarray, 
     taken off first: at large ratios the factorisation would tilt it by 1e-4 of its size.
     """
     easy = _parabola(values)
-    values = values - easy
+    rest, score = _smoothed(values - easy, sigma, ratio)
+    return rest + easy, score
+
+
+def _smoothed(values: np.ndarray, sigma: float, ratio: float) -> tuple[np.ndarray, float]:
+    """`smooth` of values without a parabola."""
     n, result, score = len(values), np.empty_like(values), 0.0
     stiff = ratio * penalty(n)
-    for c in range(values.shape[1]):
-        good = np.isfinite(values[:, c])
+    for columns in _alike(np.isfinite(values)):
+        good = np.isfinite(values[:, columns[:1]])
         weight = np.where(good, 1.0, LEAST * ratio)
-        y = np.where(good, values[:, c], 0.0)
+        y = np.where(good, values[:, columns], 0.0)
         matrix = stiff.copy()
-        matrix[3] += weight
+        matrix[3] += weight[:, 0]
         factor = cholesky_banded(matrix)
         x = cho_solve_banded((factor, False), weight * y)
-        result[:, c] = x
+        result[:, columns] = x
         square = np.sum(y * weight * (y - x)) / sigma**2
-        score += square + 2 * np.sum(np.log(factor[3])) - (n - 3) * np.log(ratio)
-    return result + easy, score
+        constant = 2 * np.sum(np.log(factor[3])) - (n - 3) * np.log(ratio)
+        score += square + len(columns) * constant
+    return result, score
+
+
+def _alike(good: np.ndarray) -> list[list[int]]:
+    """Columns (n, c) that are finite at the same samples: one factorisation serves them."""
+    groups: dict[bytes, list[int]] = {}
+    for c in range(good.shape[1]):
+        groups.setdefault(good[:, c].tobytes(), []).append(c)
+    return list(groups.values())
 
 
 def _parabola(values: np.ndarray) -> np.ndarray:
@@ -53,8 +67,8 @@ def _parabola(values: np.ndarray) -> np.ndarray:
 
 def likeliest(values: np.ndarray, sigma: float) -> float:
     """The most likely ratio of noise to jerk (a ladder, two a decade)."""
-    ladder = 10.0 ** np.arange(0.0, 11.1, 0.5)
-    scores = [smooth(values, sigma, ratio)[1] for ratio in ladder]
+    ladder, rest = 10.0 ** np.arange(0.0, 11.1, 0.5), values - _parabola(values)
+    scores = [_smoothed(rest, sigma, ratio)[1] for ratio in ladder]
     return float(ladder[int(np.argmin(scores))])
 
 

@@ -12,7 +12,7 @@ import itertools
 import numpy as np
 
 from ..rig import Rig
-from ._elastic import OUTPUTS, Ports, linear_outputs
+from ._elastic import OUTPUTS, Ports, linear_states, outputs_of
 from ._encoders import PARTS, response_columns
 from ._machine import Machine
 from ._runs import ELASTIC, SHAPE, Run
@@ -78,7 +78,8 @@ def _phases(machine: Machine, rig: Rig, i: int, missing) -> np.ndarray:
             shape = np.zeros_like(m.theta_shape)
             shape[:, k] = tables.look_up(tables.shape[:, k], m.theta_shape[:, k] + phase, k)
             ports = Ports(shape, nothing, empty, np.zeros((len(nothing), 3)))
-            signals.append((linear_outputs(modes, run, ports, OUTPUTS) * w).ravel())
+            z = linear_states(modes, run, ports)
+            signals.append((outputs_of(modes, z, ports, OUTPUTS) * w).ravel())
     table = np.stack(signals)
     left = _left(machine, rig, i) + table[::PHASES].sum(axis=0)
     chosen = _least_squares(table @ table.T, table @ left, len(missing))

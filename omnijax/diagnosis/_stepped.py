@@ -14,7 +14,7 @@ from ._elastic import SIGNALS, law_outputs
 from ._model import AbstractModel, Effect
 from ._modes import Modes
 from ._ports import ElasticLaws
-from ._runs import STEPS, Run
+from ._runs import STEPS, Run, padded
 from ._threads import cores, each
 
 STEPPED = ("contact", "mount", "separation")  # ports whose laws are stepped
@@ -58,19 +58,19 @@ def _side_by_side(lanes: list[Lane]) -> list[np.ndarray]:
     tensions = _stepped(some, stacked, matrices, rows, _stack([starts[k] for k in full]))
     out = []
     for k, (lane, (start, _)) in enumerate(zip(lanes, starts, strict=True)):
-        force = tensions[: (lane.run.samples - 1) * STEPS + 1, k]
+        force = tensions[k, : (lane.run.samples - 1) * STEPS + 1]
         contact, mount = np.split(force, 2, axis=1)
         out.append(law_outputs(lane.modes, lane.run, contact, mount, np.asarray(start)))
     return out
 
 
 def _stepped(lanes: list[Lane], laws, matrices, rows, start) -> np.ndarray:
-    """Tensions (t, lanes, 2 n), stepped block by block: one program for runs of all lengths."""
+    """Tensions (lanes, t, 2 n), stepped block by block: one program for runs of all lengths."""
 
     def inputs(first: int, last: int):
         parts = [[getattr(x, key)[first:last] for x in lanes] for key in ("signals", "shape_rate")]
         return tuple(
-            jnp.asarray(np.stack([_padded(v, last - first) for v in p], axis=1)) for p in parts
+            jnp.asarray(np.stack([padded(v, last - first) for v in p], axis=1)) for p in parts
         )
 
     steps = max(x.run.samples for x in lanes) * STEPS
@@ -78,16 +78,17 @@ def _stepped(lanes: list[Lane], laws, matrices, rows, start) -> np.ndarray:
     signal, rate = (x[0] for x in inputs(0, 1))
     step = jnp.asarray([x.run.step / STEPS for x in lanes])
     state = (*start, *forces(laws, rows, *start, signal, rate), step)
-    out = np.empty((1 + blocks * BLOCK, *state[2].shape))
-    out[0] = state[2]
+    out = np.empty((len(lanes), 1 + blocks * BLOCK, state[2].shape[1]))
+    out[:, 0] = state[2]
     for k in range(blocks):
         here = 1 + k * BLOCK, 1 + (k + 1) * BLOCK
-        state, out[slice(*here)] = step_laws(laws, matrices, rows, state, *inputs(*here))
+        state, tensions = step_laws(laws, matrices, rows, state, *inputs(*here))
+        out[:, slice(*here)] = np.swapaxes(tensions, 0, 1)
     return out
 
 
 def _stack(items):
-    return jax.tree.map(lambda *x: jnp.stack([jnp.asarray(v) for v in x]), *items)
+    return jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), *items)
 
 
 def is_stepped(model: AbstractModel, effects: Iterable[Effect]) -> bool:
@@ -130,14 +131,6 @@ def _static_deviation(laws: ElasticLaws, m: Modes, signal):
     )
 
 
-def _padded(values, length):
-    """`values` (t, c) held, or zero where there are none, to `length`."""
-    if len(values) == length:
-        return values
-    last = values[-1:] if len(values) else np.zeros((1, values.shape[1]))
-    return np.concatenate([values, np.repeat(last, length - len(values), axis=0)])
-
-
 def step_matrices(m: Modes, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(E, P, Q): d_next = E d + P F + Q F_next for tensions F linear over a step `h`."""
     columns = np.r_[
@@ -152,8 +145,13 @@ def step_matrices(m: Modes, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarra
     return e[:k, :k], first - second, second
 
 
+def _times(matrix, vector):
+    """A product that is compiled into the step itself: a library call costs more than it does."""
+    return jnp.sum(matrix * vector, axis=-1)
+
+
 def _force(laws: ElasticLaws, rows, d, memory, signal, rate):
-    return laws.tensions(signal + rows @ d, rate, memory)
+    return laws.tensions(signal + _times(rows, d), rate, memory)
 
 
 @jax.jit
@@ -173,10 +171,10 @@ def step_laws(laws: ElasticLaws, matrices, rows, start, signals, rates):
     def one(laws, matrices, rows, carry, here):
         E, P, Q = matrices
         d, memory, F, change, h = carry
-        ahead = E @ d + (P + Q) @ F
+        ahead = _times(E, d) + _times(P + Q, F)
         guess = jax.tree.map(lambda z, c: z + h * c, memory, change)
         F1, change1 = _force(laws, rows, ahead, guess, *here)
-        d = E @ d + P @ F + Q @ F1
+        d = _times(E, d) + _times(P, F) + _times(Q, F1)
         memory = jax.tree.map(lambda z, c, c1: z + h / 2 * (c + c1), memory, change, change1)
         F1, change1 = _force(laws, rows, d, memory, *here)
         return (d, memory, F1, change1, h), F1

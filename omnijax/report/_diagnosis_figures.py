@@ -115,10 +115,12 @@ def learned_figure(learned) -> Figure:
         axes[1].set(xlabel=picture["x label"], ylabel=picture["y label"])
         axes[1].set_title(f"Of {picture['wheel']}, {picture['unit']}")
         fig.colorbar(drawn, ax=axes[1])
+    beside = "which leaves a network beside it too little to close."
+    if learned.network is not None:
+        beside = f"with a small network beside it {100 * learned.network:.0f} %."
     return Figure(
         fig, "learned",
         f"What was learned at the {learned.port}: a drawing, not a law. The smooth basis closes "
-        f"{100 * learned.smooth:.0f} % of the held-out gap, with a small network beside it "
-        f"{100 * learned.network:.0f} %.",
+        f"{100 * learned.smooth:.0f} % of the held-out gap, " + beside,
         data,
     )  # fmt: skip
