@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 import plant
-from scipy.stats import beta
+from scipy.stats import binomtest
 
 from omnijax.diagnosis import diagnose
 
@@ -195,13 +195,6 @@ KINDS = {"right name, singles": SINGLES, "right names, several": SEVERAL,
          "unknown kept unknown": OUTSIDE}  # fmt: skip
 
 
-def interval(k: int, n: int) -> tuple[float, float]:
-    """Exact (Clopper and Pearson) 95 % interval of a rate k/n."""
-    low = float(beta.ppf(0.025, k, n - k + 1)) if k else 0.0
-    high = float(beta.ppf(0.975, k + 1, n - k)) if k < n else 1.0
-    return low, high
-
-
 def write(folder: Path, name: str, seed: int, noise: float) -> None:
     """The case of a name and a seed as files; the noise multiplies one and the same draw."""
     hidden = HIDDEN[name]
@@ -263,8 +256,8 @@ def pulls(found, hidden: Hidden) -> dict[str, float]:
 
 
 def rate(kind: str, k: int, n: int, noise: float) -> str:
-    """One line of the result table."""
-    low, high = interval(k, n)
+    """One line of the result table, with the exact (Clopper and Pearson) 95 % interval."""
+    low, high = binomtest(k, n).proportion_ci(0.95, "exact")
     return f"| {noise:g} | {kind} | {k}/{n} | {100 * low:.0f} to {100 * high:.0f} % |"
 
 

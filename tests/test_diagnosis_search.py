@@ -149,6 +149,14 @@ def test_the_width_of_friction_decides_no_comparison():
     assert effect.values["width"] == pytest.approx(0.6, rel=0.1)
 
 
+def test_no_width_is_looked_for_in_a_hopeless_fit():
+    model = balance([LAWS["bearing-coulomb"](jnp.asarray(0.2), jnp.asarray(0.6))])
+    point = Point(np.zeros(2), (Effect("bearing-coulomb", "shaft", {"torque": 0.2}),))
+    fit, refits = refit(model, point), Refits(model)
+    assert "width" in refits.widened(fit, fit.cost / 90).point.effects[0].values
+    assert refits.widened(fit, fit.cost / 110) is fit
+
+
 def test_where_something_is_left_the_runner_up_is_followed(monkeypatch):
     model = balance([law("bearing-coulomb", 0.2)], {**LAWS, "soft": Soft})
     search = Search(model)

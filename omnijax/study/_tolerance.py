@@ -13,7 +13,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import binomtest, norm
 
 from .._errors import InputError, RunError
 from ..rig import Rig, parameter_info
@@ -35,10 +35,8 @@ PARTS = ("wheel.radius", "wheel.roundness", "contact.stiffness", "contact.dampin
 
 def share_bounds(good: int, total: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a share."""
-    z, p = SIGMAS, good / total
-    centre = (p + z**2 / (2 * total)) / (1 + z**2 / total)
-    half = z / (1 + z**2 / total) * np.sqrt(p * (1 - p) / total + z**2 / (4 * total**2))
-    return float(centre - half), float(centre + half)
+    found = binomtest(good, total).proportion_ci(0.95, "wilson")
+    return float(found.low), float(found.high)
 
 
 def allocate(slopes: np.ndarray, room: float, confidence: float) -> np.ndarray:

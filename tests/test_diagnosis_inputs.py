@@ -1,0 +1,63 @@
+"""What goes into the diagnosis' elastic model: inputs of any fineness, and smoothed angles."""
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from omnijax.diagnosis._elastic import rig_modes
+from omnijax.diagnosis._modes import forced, propagate
+from omnijax.diagnosis._smooth import smooth
+from omnijax.rig import load_rig
+
+STEP, SAMPLES = 0.002, 40
+
+
+@pytest.fixture(scope="module")
+def modes():
+    """Modes of the bundled rig."""
+    return rig_modes(load_rig("atlas"))
+
+
+def states(modes, values, intervals):
+    """Modal states of the drive forces `values`, from zero, with so many intervals of the time."""
+    step = STEP * (SAMPLES - 1) / intervals
+    push = forced(modes, step, intervals, drive=values)
+    return propagate(modes, step, push, np.zeros(len(modes.rates)))
+
+
+@pytest.mark.parametrize("parts", [1, 4])
+def test_forcing_is_exact_for_inputs_that_are_linear_between_points(modes, parts):
+    rng = np.random.default_rng(0)
+    values = rng.normal(
+        size=((SAMPLES - 1) * parts + 1, modes.B[:, modes.inputs["drive"]].shape[1])
+    )
+    z = states(modes, values, SAMPLES - 1)
+    time = np.linspace(0.0, STEP * (SAMPLES - 1), len(values))
+    B = modes.B[:, modes.inputs["drive"]]
+    _, _, y = lsim((modes.A, B, np.eye(len(modes.A)), 0 * B), values, time)
+    found = np.real(z @ modes.shapes.T)
+    assert found == pytest.approx(y[::parts], rel=1e-8, abs=1e-10 * np.abs(y).max())
+
+
+def test_several_intervals_between_two_points_are_those_of_the_input_refined(modes):
+    values = np.random.default_rng(1).normal(size=(SAMPLES, 3))
+    fine = states(modes, values, 4 * (SAMPLES - 1))
+    coarse = states(modes, values, SAMPLES - 1)
+    assert np.abs(fine[::4] - coarse).max() < 1e-12 * np.abs(coarse).max()
+
+
+def test_an_input_that_is_zero_at_some_wheels_is_pushed_like_the_others(modes):
+    values = np.random.default_rng(2).normal(size=(SAMPLES, 3))
+    alone = [states(modes, values * (np.arange(3) == k), SAMPLES - 1) for k in range(3)]
+    both = states(modes, values, SAMPLES - 1)
+    assert np.abs(sum(alone) - both).max() < 1e-12 * np.abs(both).max()
+    assert not states(modes, 0 * values, SAMPLES - 1).any()
+
+
+def test_columns_smoothed_together_are_smoothed_as_if_alone():
+    values = np.random.default_rng(3).normal(size=(200, 4)).cumsum(axis=0)
+    values[50:60, 1] = np.nan  # its own factorisation
+    together, score = smooth(values, 1.0, 1e4)
+    alone = [smooth(values[:, [k]], 1.0, 1e4) for k in range(4)]
+    assert together == pytest.approx(np.hstack([x for x, _ in alone]), rel=1e-12, abs=1e-10)
+    assert score == pytest.approx(sum(s for _, s in alone), rel=1e-12)
