@@ -1,7 +1,6 @@
 """A rig and its runs as a model: residuals of every channel for any rig with any laws."""
 
 import dataclasses
-import threading
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +9,7 @@ import numpy as np
 from ..rig import Rig
 from ._digest import digest, rounded
 from ._elastic import OUTPUTS, SIGNALS, Ports, linear_states, outputs_of, refine, rig_modes
+from ._kept import Kept
 from ._laws import along
 from ._modes import Modes
 from ._motion import (
@@ -30,8 +30,6 @@ from ._runs import FINE, SHAPE, STEPS, Run
 from ._stepped import Lane, law_changes, nonlinear
 from ._threads import each
 from ._whitening import rolling_state, rows_of
-
-STAGES = ("motion", "turning", "path", "rotated", "modes")  # what is kept of the last few rigs
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,10 +54,9 @@ class Machine:
         self.references: list[np.ndarray] | None = None
         self.ratios: list[float | None] = [None] * len(runs)
         self._normal: dict[int, np.ndarray] = {}  # N of the last rig: where the next one starts
-        self._kept: dict[str, dict] = {k: {} for k in STAGES}
+        self._kept = Kept()
         self.window = window
         self.rows: list[Rows] = []
-        self._lock = threading.Lock()
         self._rolling: dict[int, np.ndarray] = {}  # elastic states of runs that begin rolling
         self.rebase(rig)
 
@@ -68,7 +65,7 @@ class Machine:
 
         Friction hangs on the motion itself: then again until the prediction stays.
         """
-        self._forget()
+        self._kept.forget()
         self.references = None
         self.ratios = [None] * len(self.runs)
         for _ in range(4 if needs_observer(rig) else 1):
@@ -77,7 +74,7 @@ class Machine:
                 np.std(new - old, axis=0).max()
                 for new, old in zip(found, self.references, strict=True)
             ]  # fmt: skip
-            self._forget()
+            self._kept.forget()
             self.references = found
             self.ratios = [None] * len(self.runs)
             if change and max(change) < 0.3 * self.length_noise.min():
@@ -89,7 +86,7 @@ class Machine:
         for i, state in zip(rolling, found, strict=True):
             self._rolling[i] = self._rolling.get(i, 0.0) + state
         if rolling:
-            self._forget()
+            self._kept.forget()
 
     @property
     def rolls(self) -> bool:
@@ -99,26 +96,12 @@ class Machine:
     def replace(self, i: int, run: Run) -> None:
         """Put another record in the place of run `i`, its angles about the same reference."""
         self.runs = [*self.runs[:i], run, *self.runs[i + 1 :]]
-        self._forget()
-
-    def _keep(self, stage: str, key: bytes, make):
-        kept = self._kept[stage]
-        with self._lock:
-            if key in kept:
-                return kept[key]
-        made = make()
-        with self._lock:
-            if len(kept) > 12:
-                kept.pop(next(iter(kept)))
-            return kept.setdefault(key, made)
-
-    def _forget(self) -> None:
-        self._kept = {name: {} for name in self._kept}
+        self._kept.forget()
 
     def _by_run(self, stage: str, key: bytes, make: Callable[[int], Any], which) -> dict[int, Any]:
         """`make(i)` of the runs `which` (None: all), kept under the stage."""
         wanted = range(len(self.runs)) if which is None else which
-        made = each(lambda i: self._keep(stage, key + bytes([i]), lambda: make(i)), wanted)
+        made = each(lambda i: self._kept.get(stage, key + bytes([i]), lambda: make(i)), wanted)
         return dict(zip(wanted, made, strict=True))
 
     # --- stages -------------------------------------------------------------------------------
@@ -153,7 +136,7 @@ class Machine:
     def modes(self, rig: Rig) -> Modes:
         """The elastic model's modes."""
         key = digest(rig.sphere, rig.platform, rig.wheels)
-        return self._keep("modes", key, lambda: rig_modes(rig))
+        return self._kept.get("modes", key, lambda: rig_modes(rig))
 
     def rotated(self, rig: Rig, which=None) -> dict[int, Rotated]:
         """Rotation of every run under the torques."""
@@ -171,13 +154,15 @@ class Machine:
     def _rotated(self, rig: Rig, i: int) -> Rotated:
         run, m = self.runs[i], self.motions(rig, [i])[i]
         key = self._motion_key(rig) + digest(rig.wheels.inertia) + bytes([i])
-        response = self._keep("turning", key, lambda: turning(rig, m))
+        response = self._kept.get("turning", key, lambda: turning(rig, m))
         torque = refine(run.torque, FINE)
         longest = max(r.samples for r in self.runs)
         path = None
         if needs_observer(rig):
             key += digest(rig.platform.gravity)
-            path = self._keep("path", key, lambda: path_along(rig, m, response, torque, longest))
+            path = self._kept.get(
+                "path", key, lambda: path_along(rig, m, response, torque, longest)
+            )
         turns = 1 if not rig.at("rolling") else 4 if i not in self._normal else 2
         preload = np.broadcast_to(np.asarray(rig.wheels.closure.preload), m.theta.shape)
         normal = self._normal.get(i, preload)
@@ -222,7 +207,7 @@ class Machine:
         key = b"t" + digest(
             rig.sphere.radius, w.radius, w.rollers, w.roundness, rig.profiles, rig.at("shape")
         )
-        return self._keep("motion", key, lambda: tables_for(rig, self.runs))
+        return self._kept.get("motion", key, lambda: tables_for(rig, self.runs))
 
     def surface(self, rig: Rig, m: Motion) -> np.ndarray:
         """What the laws at the sphere's surface add to rho, (FINE points, n) m."""

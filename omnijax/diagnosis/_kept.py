@@ -1,0 +1,32 @@
+"""What was computed for the last few rigs asked for, by stage."""
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+MOST = 12  # of a stage
+
+
+class Kept:
+    """A small store a stage; threads may ask at once, and get the same object of one key."""
+
+    def __init__(self):
+        self._lock = threading.Lock()
+        self._stages: dict[str, dict[bytes, Any]] = {}
+
+    def get(self, stage: str, key: bytes, make: Callable[[], Any]) -> Any:
+        """What is kept of a stage under `key`, made where there is none; the oldest one goes."""
+        with self._lock:
+            kept = self._stages.setdefault(stage, {})
+            if key in kept:
+                return kept[key]
+        made = make()
+        with self._lock:
+            if len(kept) > MOST:
+                kept.pop(next(iter(kept)))
+            return kept.setdefault(key, made)
+
+    def forget(self) -> None:
+        """Keep nothing; what is being made meanwhile is not kept either."""
+        with self._lock:
+            self._stages = {}
