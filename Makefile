@@ -15,7 +15,7 @@ demo: $(VENV)/.installed
 	@echo "The page: $(CURDIR)/demo/index.html"
 
 test: $(VENV)/.test-installed
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile
+	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=20
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)

@@ -36,6 +36,11 @@ gc.set_threshold(100_000, 20, 50)
 MAPS = Path("/proc/self/maps")
 
 
+def pytest_collection_modifyitems(items):
+    """Files of long tests begin first: the last of them would keep one worker waiting."""
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)
+
+
 @pytest.fixture(autouse=True, scope="module")
 def _programs_end_before_there_are_too_many():
     """Every compiled program maps memory; a process may hold 65 530 maps, then XLA aborts."""

@@ -13,6 +13,8 @@ from omnijax.laws import EFFECTS
 from omnijax.recording import read_case
 from omnijax.rig import load_rig, save_rig
 
+pytestmark = pytest.mark.long
+
 RECORDINGS = Path(__file__).parents[1] / ".." / "shared" / "recordings"
 SECONDS = 3.5
 

@@ -11,6 +11,8 @@ from omnijax.cli import run
 from omnijax.diagnosis import _experiment, diagnose
 from omnijax.recording import read_case
 
+pytestmark = pytest.mark.long
+
 LAW = '''
 from typing import ClassVar
 

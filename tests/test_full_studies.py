@@ -12,6 +12,8 @@ from omnijax.study._design_rig import rig_problem
 from omnijax.study._sensitivity_target import Evaluation
 from omnijax.study._study_runs import fine_enough
 
+pytestmark = pytest.mark.long
+
 HERTZ = '\n[[effect]]\nid = "contact-hertz"\nplace = "all"\n'
 TORQUE = [2.0, 3.0, 1.0]
 STUDY = {

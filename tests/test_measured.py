@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 from machines import shared
 
+pytestmark = pytest.mark.long
+
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 
 

@@ -6,6 +6,8 @@ from pathlib import Path
 import matplotlib as mpl
 import pytest
 
+pytestmark = pytest.mark.long
+
 TUTORIALS = sorted((Path(__file__).parents[1] / "experiments").glob("tutorial_*.py"))
 
 
