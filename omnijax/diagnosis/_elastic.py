@@ -11,7 +11,7 @@ from ._modes import Modes, direct, forced, modes, observe, propagate, static_sta
 from ._runs import FINE, SHAPE, Run
 
 OUTPUTS = ("displacement", "acceleration")
-PARTS = ("shape", "drive", "force", "floor")  # inputs beside tensions
+INPUTS = ("shape", "drive", "force", "floor")  # inputs beside tensions
 SIGNALS = ("deflection", "mount", "mount_rate", "approach_rate")
 
 
@@ -70,14 +70,14 @@ def linear_states(
     start = static_state(m, start_inputs(m, ports))
     start = start if rolling is None else start + m.inverse @ rolling
     step = run.step / parts
-    inputs = {name: getattr(ports, name) for name in PARTS}
+    inputs = {name: getattr(ports, name) for name in INPUTS}
     return propagate(m, step, forced(m, step, (run.samples - 1) * parts, **inputs), start)
 
 
 def outputs_of(m: Modes, z: np.ndarray, ports: Ports, names, parts: int = 1) -> np.ndarray:
     """Outputs (t, o) of the modal states `z` at `parts` points a sample."""
     out = observe(m, z, names)
-    for part in PARTS:
+    for part in INPUTS:
         out += direct(m, names, part, lambda part=part: ports.at(part, parts))
     return out
 

@@ -14,7 +14,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import lfilter
 
 from ._elastic import OUTPUTS
-from ._modes import Modes, hold_weights
+from ._modes import Modes, hold_weights, real_rows
 from ._runs import Run
 from ._smooth import penalty
 
@@ -64,7 +64,6 @@ def shape_response(modes: Modes, step: float, wheel: int, signals: np.ndarray) -
     pushed = pair[:, :PARTS] @ parts.T
     pushed += pair[:, PARTS:] * signals[:, PARTS::PARTS].reshape(1, -1)
     real, imaginary = np.split(pushed.reshape(-1, count, samples - 1), 2)
-    C, D = modes.out(OUTPUTS)
     first = -gains[:, None] / modes.rates[:, None] * signals[:, 0]
     z = np.empty((len(gains), 2, count, samples))
     for k, rate in enumerate(modes.rates):
@@ -73,10 +72,8 @@ def shape_response(modes: Modes, step: float, wheel: int, signals: np.ndarray) -
                         zi=decay * first[k][:, None])[0]  # fmt: skip
         z[k, 0, :, 0], z[k, 1, :, 0] = first[k].real, first[k].imag
         z[k, 0, :, 1:], z[k, 1, :, 1:] = state.real, state.imag
-    shapes = (C @ modes.shapes).T
-    pairs = np.stack([np.real(shapes), -np.imag(shapes)], axis=1).reshape(2 * len(shapes), -1)
-    out = z.reshape(2 * len(gains), -1).T @ pairs
-    return out.reshape(count, samples, -1) + signals[:, ::PARTS, None] * D[:, column]
+    out = (z.reshape(2 * len(gains), -1).T @ real_rows(modes, OUTPUTS)).reshape(count, samples, -1)
+    return out + signals[:, ::PARTS, None] * modes.out(OUTPUTS)[1][:, column]
 
 
 def response_columns(modes: Modes, run: Run, slopes, errors, weights) -> np.ndarray:

@@ -8,8 +8,9 @@ import dataclasses
 
 import numpy as np
 
-from ._base import THIN, Base, turned_by
-from ._modes import direct, forced, observe, propagate
+from ._base import THIN, Base, transfer, turned_by
+from ._elastic import SIGNALS
+from ._modes import forced, observe, propagate
 from ._runs import FINE
 
 Columns = list[tuple[int, str, np.ndarray]]  # (wheel, label, values)
@@ -63,24 +64,17 @@ class SpringPort:
 
     def push(self, base: Base, force: np.ndarray):
         """dR and a (samples, 6) of tensions (FINE points, n), from their static rest."""
-        names = ("displacement", "acceleration")
-        out = observe(base.modes, self._state(base, force, 1), names)
-        return out + direct(base.modes, names, self.port, lambda: force[::FINE]), None
+        return transfer(base, **{self.port: force}), None
 
     def felt(self, base: Base, force: np.ndarray):
         """What tensions change in the deflections and rates here, (FINE points, n) each."""
-        z = self._state(base, force, FINE)
-        names = ("deflection", "mount", "mount_rate", "approach_rate")
-        d, mount, mount_rate, approach = np.split(observe(base.modes, z, names), 4, axis=1)
-        return (d, approach - mount_rate) if self.port == "contact" else (mount, mount_rate)
-
-    def _state(self, base: Base, force, parts: int):
-        m, step = base.modes, base.run.step / parts
-        intervals = (len(force) - 1) * parts // FINE
-        total = forced(m, step, intervals, **{self.port: force})
+        m, step = base.modes, base.run.step / FINE
+        total = forced(m, step, len(force) - 1, **{self.port: force})
         u = np.zeros(m.B.shape[1])
         u[m.inputs[self.port]] = force[0]
-        return propagate(m, step, total, -m.inverse @ np.linalg.solve(m.A, m.B @ u))
+        z = propagate(m, step, total, -m.inverse @ np.linalg.solve(m.A, m.B @ u))
+        d, mount, mount_rate, approach = np.split(observe(m, z, SIGNALS), 4, axis=1)
+        return (d, approach - mount_rate) if self.port == "contact" else (mount, mount_rate)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -143,9 +143,13 @@ def static_state(modes: Modes, inputs: np.ndarray) -> np.ndarray:
 
 def observe(modes: Modes, z: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
     """Outputs (n, o) of modal states, less what inputs add directly."""
+    return np.ascontiguousarray(z).view(float) @ real_rows(modes, names)
+
+
+def real_rows(modes: Modes, names: tuple[str, ...]) -> np.ndarray:
+    """(2 k, o) from a modal state's real and imaginary parts in turn: the real part only."""
     shapes = (modes.out(names)[0] @ modes.shapes).T
-    pairs = np.stack([np.real(shapes), -np.imag(shapes)], axis=1).reshape(2 * len(shapes), -1)
-    return np.ascontiguousarray(z).view(float) @ pairs  # the real part only
+    return np.stack([np.real(shapes), -np.imag(shapes)], axis=1).reshape(2 * len(shapes), -1)
 
 
 def direct(modes: Modes, names: tuple[str, ...], part: str, values) -> np.ndarray | float:

@@ -181,6 +181,11 @@ def smooth_about(length, reference, sigma: float, ratio: float | None) -> tuple[
     return reference + smooth(rest, sigma, ratio)[0], ratio
 
 
+def rolling_radius(rig: Rig, m: Motion) -> np.ndarray:
+    """Radius (FINE points, n) m at which every wheel rolls: with its shape and its creep."""
+    return m.factor * (np.asarray(rig.wheels.radius) + m.shape)
+
+
 def contact_directions(rig: Rig, m: Motion) -> np.ndarray:
     """Unit vectors to the contacts in the body frame, (t, n, 3)."""
     return np.einsum("tji,nj->tni", m.attitude, -np.asarray(rig.wheels.normal))

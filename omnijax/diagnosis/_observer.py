@@ -15,7 +15,7 @@ from scipy.interpolate import CubicSpline
 from ..laws import BodySignal, RollingSignal, ShaftSignal
 from ..rig import Rig
 from ._laws import packed
-from ._motion import Motion
+from ._motion import Motion, rolling_radius
 from ._rotation import Turning
 from ._runs import FINE, padded
 
@@ -59,7 +59,7 @@ def observed_turning(rig: Rig, motion: Motion, path: Path, normal, step: float, 
     first = np.zeros(3) if at_rest else motion.turning[0]
     omega = np.asarray(_integrate(rig, path, step, first))[:samples]
     fine = CubicSpline(np.arange(samples), omega)(np.arange(len(normal)) / FINE)
-    radius = _rolling_radius(rig, motion)
+    radius = rolling_radius(rig, motion)
     speed = float(rig.sphere.radius) * np.einsum("tij,tj->ti", motion.axes, fine) / radius
     return fine, speed
 
@@ -80,16 +80,12 @@ def path_along(rig: Rig, motion: Motion, response: Turning, torque, longest: int
     lever = np.cross(Q @ np.asarray(rig.sphere.centre_of_mass), weight)
     still = shaft @ every(torque)[:, :, None] - opposing @ lever[:, :, None]
     inertia = Q @ np.asarray(rig.sphere.inertia_matrix) @ np.swapaxes(Q, 1, 2)
-    radius = every(_rolling_radius(rig, motion))
+    radius = every(rolling_radius(rig, motion))
     path = packed(
         Path, still[:, :, 0], shaft, opposing, inertia, axes, radius, every(motion.theta),
         every(torque), np.zeros_like(radius), Q, every(motion.turning),
     )  # fmt: skip
     return jax.tree.map(lambda x: jnp.asarray(padded(x, length)), path)
-
-
-def _rolling_radius(rig: Rig, motion: Motion) -> np.ndarray:
-    return motion.factor * (np.asarray(rig.wheels.radius) + motion.shape)
 
 
 @jax.jit

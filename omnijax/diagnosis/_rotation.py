@@ -8,7 +8,7 @@ import numpy as np
 from ..laws import BodySignal, RollingSignal, ShaftSignal
 from ..rig import Rig
 from ._laws import along, packed
-from ._motion import Motion
+from ._motion import Motion, rolling_radius
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,7 +65,7 @@ def turning(rig: Rig, motion: Motion) -> Turning:
     if not isotropic(inertia):
         Q = motion.attitude
         inverse = Q @ inverse @ np.swapaxes(Q, 1, 2)
-    radius = motion.factor * (np.asarray(wheels.radius) + motion.shape)
+    radius = rolling_radius(rig, motion)
     body = R * motion.axes @ inverse
     wheel_inertia = np.asarray(wheels.inertia)
     matrix = R * body @ np.swapaxes(motion.axes, 1, 2)

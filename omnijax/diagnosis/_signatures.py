@@ -11,7 +11,7 @@ from ..rig import Placed
 from ._base import THIN, Base, transfer, turned_by
 from ._elastic import refine
 from ._laws import along, sensed
-from ._motion import contact_directions, integrate
+from ._motion import contact_directions, integrate, rolling_radius
 from ._rotation import body_signals, resistance, rolling_signals, shaft_signals, wheel_law
 from ._runs import FINE, SHAPE
 
@@ -36,7 +36,7 @@ def _shape(base: Base, placed: Placed):
         theta = m.theta[::FINE, i]
         turns = np.floor((theta - tables.first) / tables.span)
         length[:, i] = -(turns * rolled[-1] + tables.look_up(rolled, theta, i))
-    lever = m.factor * (np.asarray(base.rig.wheels.radius) + m.shape)
+    lever = rolling_radius(base.rig, m)
     elastic, rotation = _longer_lever(base, (shape[:: SHAPE // FINE] / lever)[::THIN])
     rotation[:, 3:] += length
     return elastic + transfer(base, shape=shape), rotation
@@ -147,7 +147,7 @@ def _kinematics(base: Base, placed: Placed):
     change = np.zeros(m.theta.shape)
     for i in placed.wheels:
         change[:, i] = along(placed.law, np.ascontiguousarray(m.speed[:, i]))
-    radius = m.factor * (np.asarray(base.rig.wheels.radius) + m.shape)
+    radius = rolling_radius(base.rig, m)
     rate = -change * m.speed * radius / float(base.rig.sphere.radius)
     elastic, rotation = _longer_lever(base, change[::THIN])
     rotation[:, 3:] += integrate(rate, base.run.step / FINE)[::FINE]
@@ -161,7 +161,7 @@ def _longer_lever(base: Base, change: np.ndarray):
     torque e (T - 2 r f) on the shaft.
     """
     m = base.motion
-    lever = (m.factor * (np.asarray(base.rig.wheels.radius) + m.shape))[::THIN]
+    lever = rolling_radius(base.rig, m)[::THIN]
     return turned_by(base, shaft=change * (base.shaft - 2 * lever * base.drive))
 
 
