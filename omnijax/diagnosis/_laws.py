@@ -5,7 +5,6 @@ from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ..laws import SensorSignal
@@ -30,7 +29,7 @@ def _over_with_state(law, signal, state):
 
 def sensed(law, time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """What a sensor's law adds to the `values` (t, c) of its group."""
-    return np.asarray(_sensed(law, jnp.asarray(time), jnp.asarray(values)))
+    return np.asarray(_sensed(law, time, values))
 
 
 @eqx.filter_jit
@@ -40,6 +39,5 @@ def _sensed(law, time, values):
 
 def along(law, signal: Any, state=None) -> Any:
     """`law` at every entry of `signal` (leading axis), as NumPy arrays."""
-    signal = jax.tree.map(jnp.asarray, signal)
     out = _over(law, signal) if state is None else _over_with_state(law, signal, state)
     return jax.tree.map(np.asarray, out)

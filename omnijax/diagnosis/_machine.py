@@ -248,19 +248,18 @@ class Machine:
     # --- predictions --------------------------------------------------------------------------
     def elastic(self, rigs: list[Rig], which: list[int]) -> list[list[np.ndarray]]:
         """dR and a (samples, 6) before the sensors: per rig, per run of `which`."""
-        return [
-            list(row) for row in zip(*each(lambda i: self._elastic(rigs, i), which), strict=True)
-        ]
+        found = each(lambda i: self._elastic(rigs, i, STEPS), which)
+        return [list(row) for row in zip(*found, strict=True)]
 
-    def _elastic(self, rigs: list[Rig], i: int) -> list[np.ndarray]:
-        """dR and a (samples, 6) of one run before the sensors, per rig."""
+    def _elastic(self, rigs: list[Rig], i: int, steps: int) -> list[np.ndarray]:
+        """dR and a (samples, 6) of one run before the sensors, per rig; laws take `steps` each."""
         out, lanes, places = [], [], []
         linear: dict[tuple, tuple] = {}  # rigs that differ in stepped laws only share the rest
         for rig in rigs:
             m, rotated, stepped = self.modes(rig), self.rotated(rig, [i])[i], nonlinear(rig)
             key = (id(m), id(rotated), digest(rig.at("surface"), rig.at("platform")), stepped)
             if key not in linear:  # with what the key names, so that it stays alive
-                linear[key] = (m, rotated, self._linear(rig, i, rotated, STEPS if stepped else 1))
+                linear[key] = (m, rotated, self._linear(rig, i, rotated, steps if stepped else 1))
             *_, (outputs, signals, rate) = linear[key]
             if stepped:
                 lanes.append(Lane(rig, m, self.runs[i], signals, rate))
@@ -280,19 +279,20 @@ class Machine:
         signals = outputs_of(m, z, ports, SIGNALS, parts)
         return out, signals, self.shape_rate(rig, rotated.motion, parts)
 
-    def residuals(self, rigs: list[Rig], which: list[int]) -> list[np.ndarray]:
+    def residuals(self, rigs: list[Rig], which: list[int], steps: int = STEPS) -> list[np.ndarray]:
         """Whitened rows of measured less predicted, per rig, over the runs of `which`.
 
-        Rows of a rig that runs away are not finite, and so is its cost.
+        Laws at contacts and mounts take `steps` a sample.  Rows of a rig that runs away are not
+        finite, and so is its cost.
         """
         with np.errstate(over="ignore", invalid="ignore"):
-            return self._residuals(rigs, which)
+            return self._residuals(rigs, which, steps)
 
-    def _residuals(self, rigs, which):
-        parts = each(lambda i: self._run_residuals(rigs, i), which)
+    def _residuals(self, rigs, which, steps):
+        parts = each(lambda i: self._run_residuals(rigs, i, steps), which)
         return list(np.concatenate(parts, axis=1))
 
-    def _run_residuals(self, rigs: list[Rig], i: int) -> np.ndarray:
+    def _run_residuals(self, rigs: list[Rig], i: int, steps: int) -> np.ndarray:
         """Whitened rows (rigs, rows) of one run."""
         rows = self.rows[i]
 
@@ -300,7 +300,7 @@ class Machine:
             rotated = self.rotated(rig, [i])[i]
             return rows.vector(*self.residual_tables(rig, i, predicted, rotated))
 
-        predictions = self._elastic(rigs, i)
+        predictions = self._elastic(rigs, i, steps)
         table = np.stack(each(lambda k: one(rigs[k], predictions[k]), range(len(rigs))))
         rows.take_off(table)
         return table

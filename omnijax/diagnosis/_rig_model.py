@@ -12,7 +12,7 @@ from ._base import base_of
 from ._candidates import Candidate, Context, candidates, number
 from ._machine import Machine
 from ._model import AbstractModel, Point, Prior, free_numbers
-from ._runs import FINE, Run
+from ._runs import COARSE, FINE, STEPS, Run
 from ._signatures import signature
 from ._stepped import is_stepped
 from ._threads import each
@@ -59,7 +59,8 @@ class RigModel(AbstractModel):
         stepped = sum(is_stepped(self, p.effects) for p in points)
         share = len(self.splits[split]) / len(self.splits["train"])
         self.work += share * (stepped + LINEAR * (len(points) - stepped))
-        return self.machine.residuals([self.rig_at(p) for p in points], self.splits[split])
+        steps = COARSE if split == self.ranking else STEPS
+        return self.machine.residuals([self.rig_at(p) for p in points], self.splits[split], steps)
 
     def dof(self, split):
         return sum(self.machine.rows[i].used for i in self.splits[split])

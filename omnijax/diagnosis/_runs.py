@@ -6,6 +6,7 @@ import numpy as np
 
 FINE = 8  # force points a sample
 STEPS = 16  # steps a sample of laws at contacts and mounts, which have kinks
+COARSE = 8  # where laws are only ranked
 SHAPE = 32  # shape points a sample: the gap's edges are kinks
 ELASTIC = ("dR", "a")
 

@@ -14,7 +14,7 @@ from ._elastic import SIGNALS, law_outputs
 from ._model import AbstractModel, Effect
 from ._modes import Modes
 from ._ports import ElasticLaws
-from ._runs import STEPS, Run, padded
+from ._runs import Run, padded
 from ._threads import cores, each
 
 STEPPED = ("contact", "mount", "separation")  # ports whose laws are stepped
@@ -25,13 +25,18 @@ FEW = 4  # runs that are not parted any more
 
 @dataclasses.dataclass(frozen=True)
 class Lane:
-    """One run of one rig: the linear port signals (STEPS points, 4 n) and d rho/dt (.., n)."""
+    """One run of one rig: the linear port signals (t, 4 n) and d rho/dt (t, n) at the steps."""
 
     rig: Rig
     modes: Modes
     run: Run
     signals: np.ndarray
     shape_rate: np.ndarray
+
+    @property
+    def step(self) -> float:
+        """Step in time, s."""
+        return self.run.step * (self.run.samples - 1) / (len(self.signals) - 1)
 
 
 def law_changes(lanes: list[Lane]) -> list[np.ndarray]:
@@ -53,12 +58,12 @@ def _side_by_side(lanes: list[Lane]) -> list[np.ndarray]:
     full = [*range(len(lanes)), *[0] * (2 ** (len(lanes) - 1).bit_length() - len(lanes))]
     some = [lanes[k] for k in full]
     stacked = _stack([laws[k] for k in full])
-    matrices = _stack([step_matrices(x.modes, x.run.step / STEPS) for x in some])
+    matrices = _stack([step_matrices(x.modes, x.step) for x in some])
     rows = _stack([x.modes.out(SIGNALS)[0] for x in some])
     tensions = _stepped(some, stacked, matrices, rows, _stack([starts[k] for k in full]))
     out = []
     for k, (lane, (start, _)) in enumerate(zip(lanes, starts, strict=True)):
-        force = tensions[k, : (lane.run.samples - 1) * STEPS + 1]
+        force = tensions[k, : len(lane.signals)]
         contact, mount = np.split(force, 2, axis=1)
         out.append(law_outputs(lane.modes, lane.run, contact, mount, np.asarray(start)))
     return out
@@ -66,17 +71,16 @@ def _side_by_side(lanes: list[Lane]) -> list[np.ndarray]:
 
 def _stepped(lanes: list[Lane], laws, matrices, rows, start) -> np.ndarray:
     """Tensions (lanes, t, 2 n), stepped block by block: one program for runs of all lengths."""
+    shared = all(x.signals is lanes[0].signals for x in lanes)  # and with them d rho/dt
 
     def inputs(first: int, last: int):
-        parts = [[getattr(x, key)[first:last] for x in lanes] for key in ("signals", "shape_rate")]
-        return tuple(
-            jnp.asarray(np.stack([padded(v, last - first) for v in p], axis=1)) for p in parts
-        )
+        some = lanes[:1] if shared else lanes
+        parts = [[getattr(x, key)[first:last] for x in some] for key in ("signals", "shape_rate")]
+        return tuple(np.stack([padded(v, last - first) for v in p], axis=1) for p in parts)
 
-    steps = max(x.run.samples for x in lanes) * STEPS
-    blocks = -(-steps // BLOCK)
+    blocks = -(-max(len(x.signals) for x in lanes) // BLOCK)
     signal, rate = (x[0] for x in inputs(0, 1))
-    step = jnp.asarray([x.run.step / STEPS for x in lanes])
+    step = np.array([x.step for x in lanes])
     state = (*start, *forces(laws, rows, *start, signal, rate), step)
     out = np.empty((len(lanes), 1 + blocks * BLOCK, state[2].shape[1]))
     out[:, 0] = state[2]
@@ -88,7 +92,7 @@ def _stepped(lanes: list[Lane], laws, matrices, rows, start) -> np.ndarray:
 
 
 def _stack(items):
-    return jax.tree.map(lambda *x: jnp.asarray(np.stack(x)), *items)
+    return jax.tree.map(lambda *x: np.stack(x), *items)
 
 
 def is_stepped(model: AbstractModel, effects: Iterable[Effect]) -> bool:
@@ -123,12 +127,7 @@ def _static_deviation(laws: ElasticLaws, m: Modes, signal):
     """(d, memory) of the static start with the rig's contact and mount laws."""
     columns = np.concatenate([m.B[:, m.inputs["contact"]], m.B[:, m.inputs["mount"]]], axis=1)
     compliance = -np.linalg.solve(m.A, columns)
-    return _static(
-        laws,
-        jnp.asarray(compliance),
-        jnp.asarray(m.out(SIGNALS)[0]),
-        jnp.asarray(signal),
-    )
+    return _static(laws, compliance, m.out(SIGNALS)[0], signal)
 
 
 def step_matrices(m: Modes, h: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -157,15 +156,21 @@ def _force(laws: ElasticLaws, rows, d, memory, signal, rate):
 @jax.jit
 def forces(laws: ElasticLaws, rows, d, memory, signal, rate):
     """Tensions (lanes, 2 n) at one moment, and the rates of the laws' memories."""
+    signal, rate = _for_all((signal, rate), len(d))
     return jax.vmap(_force)(laws, rows, d, memory, signal, rate)
+
+
+def _for_all(inputs, lanes: int):
+    """Inputs of one moment (lanes or 1, ...) for every lane."""
+    return jax.tree.map(lambda x: jnp.broadcast_to(x, (lanes, *x.shape[1:])), inputs)
 
 
 @jax.jit
 def step_laws(laws: ElasticLaws, matrices, rows, start, signals, rates):
     """(state, tensions (t, lanes, 2 n)) of contact and mount laws, with the deviation they cause.
 
-    d = state less the linear run's; the laws feel the linear `signals` (t, lanes, 4 n) plus
-    `rows` d.  Heun's predictor and corrector around the exact linear step.
+    d = state less the linear run's; the laws feel the linear `signals` (t, lanes, 4 n), or (t, 1,
+    4 n) for all lanes, plus `rows` d.  Heun's predictor and corrector around the exact linear step.
     """
 
     def one(laws, matrices, rows, carry, here):
@@ -180,6 +185,6 @@ def step_laws(laws: ElasticLaws, matrices, rows, start, signals, rates):
         return (d, memory, F1, change1, h), F1
 
     def body(carry, here):
-        return jax.vmap(one)(laws, matrices, rows, carry, here)
+        return jax.vmap(one)(laws, matrices, rows, carry, _for_all(here, len(carry[0])))
 
     return jax.lax.scan(body, start, (signals, rates))
