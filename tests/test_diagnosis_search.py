@@ -101,7 +101,7 @@ def test_estimates_about_the_stated_machine_are_compared_with_that_of_no_law():
     model = balance([law("bearing-coulomb", 3.0)])
     fit = refit(model, Point(np.zeros(2)))
     assert np.max(np.abs(fit.point.u)) > RAN_OFF
-    scan = Search(model).scan(fit)
+    scan, _ = Search(model).scan(fit)
     cost = {s.name: s.cost for s in at_finite_strength(model, fit, scan, set(model.laws))}
     assert cost["bearing-coulomb@shaft"] < 1e-3 * fit.cost
     assert cost["friction-asymmetry@shaft"] == pytest.approx(fit.cost, rel=0.05)
@@ -161,7 +161,7 @@ def test_where_something_is_left_the_runner_up_is_followed(monkeypatch):
     model = balance([law("bearing-coulomb", 0.2)], {**LAWS, "soft": Soft})
     search = Search(model)
     fit = refit(model, Point(np.zeros(2)))
-    scan = search.scan(fit)
+    scan, _ = search.scan(fit)
     (before,) = model.residuals([fit.point], "held-out")
     scores = {s.candidate.id: s for s in scan.best_per_name()}
     right, wrong = (
@@ -193,12 +193,12 @@ def test_a_superfluous_effect_is_pruned():
 
 def test_what_stood_for_the_misfit_of_a_wrong_effect_goes_with_it():
     model = balance([law("bearing-coulomb", 0.2)], {**LAWS, "soft": Soft})
-    scan = Search(model).scan(refit(model, Point(np.zeros(2))))
+    _, signatures = Search(model).scan(refit(model, Point(np.zeros(2))))
     wrong = (Effect("soft", "shaft", {"strength": 0.2}), Effect("shaft-drag", "shaft", {"D": 1e-3}))
     fit = refit(model, Point(np.zeros(2), wrong))
     review = Review(Refits(model), print)
     assert len(review.prune(fit).point.effects) == 2  # the drag is needed beside the wrong one
-    (effect,) = review.run(fit, scan)[0].point.effects
+    (effect,) = review.run(fit, signatures)[0].point.effects
     assert effect.id == "bearing-coulomb"
 
 
@@ -267,7 +267,7 @@ def test_a_strong_effect_is_ranked_at_finite_strength():
     search = Search(hardening(8.0))
     fit = refit(search.model, Point(np.zeros(1)))
     assert fit.point.u[0] > 3.4  # the stiffness stands for what is missing, as far as it may
-    scan = search.scan(fit)
+    scan, _ = search.scan(fit)
     assert scan.best_per_name()[0].candidate.id == "square"  # the tangent is misled
     starts = at_finite_strength(search.model, fit, scan, {"mount-cubic", "square"})
     assert min(starts, key=lambda s: s.cost).name == "mount-cubic@spring"

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from ._heap import keep_freed_memory
 from ._options import Json, command_line, emit
 
 
@@ -38,6 +39,7 @@ def diagnose(
     import sys
     import time
 
+    keep_freed_memory()
     from .._errors import InputError
     from ..diagnosis import diagnose as run
     from ..recording import read_case

@@ -8,7 +8,7 @@ import numpy as np
 from ..dynamics import contact_signals, mount_signals
 from ..laws import ContactSignal, MountSignal
 from ..rig import Rig
-from ._elastic import OUTPUTS, Ports, law_outputs, linear_states, outputs_of, refine
+from ._elastic import OUTPUTS, SIGNALS, Ports, law_outputs, linear_states, outputs_of, refine
 from ._machine import Machine
 from ._modes import Modes, direct, forced, observe, propagate
 from ._motion import Motion, integrate
@@ -45,8 +45,7 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
     run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
     m = rotated.motion
     felt = machine.signals(rig, i, machine.ports(rig, run, m, rotated.drive))
-    deflection, mount, mount_rate, approach_rate = np.split(felt, 4, axis=1)
-    rate = approach_rate - mount_rate - m.shape_rate
+    deflection, rate, mount, mount_rate = np.split(felt, 4, axis=1)
 
     def wide(x):
         return np.broadcast_to(np.asarray(x), m.theta.shape)
@@ -78,20 +77,22 @@ def transfer(base: Base, floor=None, **inputs) -> np.ndarray:
     n, m, run = base.rig.size, base.modes, base.run
     points = base.motion.theta.shape
     fine = np.zeros(points)
-    if "contact" in inputs or "mount" in inputs:
-        return _tension(base, inputs.get("contact", fine), inputs.get("mount", fine))
+    tensions = {port: inputs[port] for port in SIGNALS if port in inputs}
+    if tensions:
+        return _tension(base, tensions)
     shape = inputs.get("shape", np.zeros(((run.samples - 1) * SHAPE + 1, n)))
     floor = np.zeros((points[0], 3)) if floor is None else floor
     ports = Ports(shape, inputs.get("drive", fine), np.zeros((run.samples, 3)), floor)
     return outputs_of(m, linear_states(m, run, ports), ports, OUTPUTS)
 
 
-def _tension(base: Base, contact, mount) -> np.ndarray:
+def _tension(base: Base, tensions: dict[str, np.ndarray]) -> np.ndarray:
     m = base.modes
     u = np.zeros(m.B.shape[1])
-    u[m.inputs["contact"]], u[m.inputs["mount"]] = contact[0], mount[0]
+    for port, values in tensions.items():
+        u[m.inputs[port]] = values[0]
     start = -np.linalg.solve(m.A, m.B @ u)
-    return law_outputs(m, base.run, contact, mount, start)
+    return law_outputs(m, base.run, tensions, start)
 
 
 def thin(m: Motion) -> Motion:

@@ -1,6 +1,7 @@
 """The elastic run under known wheel angles: exact where linear, stepped where laws are not."""
 
 import dataclasses
+from collections.abc import Collection
 
 import equinox as eqx
 import numpy as np
@@ -12,7 +13,7 @@ from ._runs import FINE, SHAPE, Run
 
 OUTPUTS = ("displacement", "acceleration")
 INPUTS = ("shape", "drive", "force", "floor")  # inputs beside tensions
-SIGNALS = ("deflection", "mount", "mount_rate", "approach_rate")
+SIGNALS = {"contact": ("deflection", "contact_rate"), "mount": ("mount", "mount_rate")}
 
 
 @eqx.filter_jit
@@ -82,10 +83,26 @@ def outputs_of(m: Modes, z: np.ndarray, ports: Ports, names, parts: int = 1) -> 
     return out
 
 
-def law_outputs(m: Modes, run: Run, contact, mount, start) -> np.ndarray:
-    """dR and a (samples, 6) caused by tensions (points, n) and the state `start` (m,)."""
-    fine = (len(contact) - 1) // (run.samples - 1)
-    tensions = {"contact": contact, "mount": mount}
+def felt(m: Modes, z: np.ndarray, ports: Ports, rate, where: Collection[str], parts: int):
+    """Deflections and rates (t, 2 n a port) of modal states `z` at the ports `where`.
+
+    In the order of `SIGNALS`; `rate` (t, n) is d rho/dt of the wheels' shapes.
+    """
+    signals = outputs_of(m, z, ports, signal_names(where), parts)
+    if "contact" in where:
+        n = rate.shape[1]
+        signals[:, n : 2 * n] -= rate
+    return signals
+
+
+def signal_names(where: Collection[str]) -> tuple[str, ...]:
+    """The outputs that are felt at the ports `where`, in the order of `SIGNALS`."""
+    return tuple(s for port, signals in SIGNALS.items() if port in where for s in signals)
+
+
+def law_outputs(m: Modes, run: Run, tensions: dict[str, np.ndarray], start) -> np.ndarray:
+    """dR and a (samples, 6) caused by tensions (points, n) a port and the state `start` (m,)."""
+    fine = (len(next(iter(tensions.values()))) - 1) // (run.samples - 1)
     total = forced(m, run.step, run.samples - 1, **tensions)
     out = observe(m, propagate(m, run.step, total, m.inverse @ start), OUTPUTS)
     for part, values in tensions.items():

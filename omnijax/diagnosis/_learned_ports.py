@@ -73,8 +73,7 @@ class SpringPort:
         u = np.zeros(m.B.shape[1])
         u[m.inputs[self.port]] = force[0]
         z = propagate(m, step, total, -m.inverse @ np.linalg.solve(m.A, m.B @ u))
-        d, mount, mount_rate, approach = np.split(observe(m, z, SIGNALS), 4, axis=1)
-        return (d, approach - mount_rate) if self.port == "contact" else (mount, mount_rate)
+        return tuple(np.split(observe(m, z, SIGNALS[self.port]), 2, axis=1))
 
 
 @dataclasses.dataclass(frozen=True)

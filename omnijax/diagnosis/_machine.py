@@ -8,7 +8,16 @@ import numpy as np
 
 from ..rig import Rig
 from ._digest import digest, rounded
-from ._elastic import OUTPUTS, SIGNALS, Ports, linear_states, outputs_of, refine, rig_modes
+from ._elastic import (
+    OUTPUTS,
+    SIGNALS,
+    Ports,
+    felt,
+    linear_states,
+    outputs_of,
+    refine,
+    rig_modes,
+)
 from ._kept import Kept
 from ._laws import along
 from ._modes import Modes
@@ -27,7 +36,7 @@ from ._ports import bare
 from ._rotation import Turning, base_torques, turning
 from ._rows import Rows
 from ._runs import FINE, SHAPE, STEPS, Run
-from ._stepped import Lane, law_changes, nonlinear
+from ._stepped import Lane, law_changes, stepped_ports
 from ._threads import each
 from ._whitening import rolling_state, rows_of
 
@@ -171,10 +180,10 @@ class Machine:
                 rest = not run.rolling_start(self.noise)
                 laws = bare(rig, *TURNING)
                 Omega, speed = observed_turning(laws, m, path, normal, run.step, rest)
-                felt = dataclasses.replace(m, turning=Omega, speed=speed)
+                moving = dataclasses.replace(m, turning=Omega, speed=speed)
             else:
-                felt = m
-            shaft, opposing = base_torques(rig, felt, torque, normal)
+                moving = m
+            shaft, opposing = base_torques(rig, moving, torque, normal)
             drive, rate = response.respond(shaft, opposing)
             if turn < turns - 1:
                 self._normal[i] = normal = self.normal_force(rig, i, m, drive)
@@ -226,10 +235,10 @@ class Machine:
         return floor
 
     def signals(self, rig: Rig, i: int, ports: Ports) -> np.ndarray:
-        """Linear port signals (FINE points, 4 n): deflection, mount, mount rate, approach rate."""
+        """Linear port signals (FINE points, 4 n): deflection and rate of contacts, of mounts."""
         m = self.modes(rig)
         z = linear_states(m, self.runs[i], ports, FINE, self._rolling.get(i))
-        return outputs_of(m, z, ports, SIGNALS, FINE)
+        return felt(m, z, ports, self.motions(rig, [i])[i].shape_rate, SIGNALS, FINE)
 
     def shape_rate(self, rig: Rig, m: Motion, parts: int) -> np.ndarray:
         """d rho/dt (t, n) of the wheels' shapes at `parts` points a sample."""
@@ -239,9 +248,8 @@ class Machine:
     def normal_force(self, rig: Rig, i: int, m: Motion, drive) -> np.ndarray:
         """N (FINE points, n) of the linear elastic model."""
         s = self.signals(rig, i, self.ports(rig, self.runs[i], m, drive))
-        deflection, _, mount_rate, approach_rate = np.split(s, 4, axis=1)
+        deflection, rate, _, _ = np.split(s, 4, axis=1)
         w = rig.wheels
-        rate = approach_rate - mount_rate - m.shape_rate
         pull = np.asarray(w.contact.stiffness) * deflection + np.asarray(w.contact.damping) * rate
         return np.asarray(w.closure.preload) - pull
 
@@ -256,28 +264,29 @@ class Machine:
         out, lanes, places = [], [], []
         linear: dict[tuple, tuple] = {}  # rigs that differ in stepped laws only share the rest
         for rig in rigs:
-            m, rotated, stepped = self.modes(rig), self.rotated(rig, [i])[i], nonlinear(rig)
+            m, rotated, stepped = self.modes(rig), self.rotated(rig, [i])[i], stepped_ports(rig)
             key = (id(m), id(rotated), digest(rig.at("surface"), rig.at("platform")), stepped)
             if key not in linear:  # with what the key names, so that it stays alive
-                linear[key] = (m, rotated, self._linear(rig, i, rotated, steps if stepped else 1))
-            *_, (outputs, signals, rate) = linear[key]
+                linear[key] = (m, rotated, self._linear(rig, i, rotated, stepped, steps))
+            *_, (outputs, signals) = linear[key]
             if stepped:
-                lanes.append(Lane(rig, m, self.runs[i], signals, rate))
+                lanes.append(Lane(rig, m, self.runs[i], signals))
                 places.append(len(out))
             out.append(outputs)
         for at, change in zip(places, law_changes(lanes), strict=True):
             out[at] = out[at] + change
         return out
 
-    def _linear(self, rig: Rig, i: int, rotated: Rotated, parts: int):
-        """dR and a (samples, 6) of the linear model; its port signals and d rho/dt in between."""
+    def _linear(self, rig: Rig, i: int, rotated: Rotated, stepped: tuple[str, ...], steps: int):
+        """dR and a (samples, 6) of the linear model; what the ports `stepped` feel at the steps."""
         ports, m = self.ports(rig, self.runs[i], rotated.motion, rotated.drive), self.modes(rig)
+        parts = steps if stepped else 1
         z = linear_states(m, self.runs[i], ports, parts, self._rolling.get(i))
         out = outputs_of(m, z[::parts], ports, OUTPUTS)
-        if parts == 1:
-            return out, None, None
-        signals = outputs_of(m, z, ports, SIGNALS, parts)
-        return out, signals, self.shape_rate(rig, rotated.motion, parts)
+        if not stepped:
+            return out, np.zeros((0, 0))
+        rate = self.shape_rate(rig, rotated.motion, parts)
+        return out, felt(m, z, ports, rate, stepped, parts)
 
     def residuals(self, rigs: list[Rig], which: list[int], steps: int = STEPS) -> list[np.ndarray]:
         """Whitened rows of measured less predicted, per rig, over the runs of `which`.

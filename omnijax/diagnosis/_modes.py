@@ -27,7 +27,10 @@ class Modes(NamedTuple):
 
 
 def modes(A, B, C, D, size: int) -> Modes:
-    """Eigenvalues and -vectors of the elastic model; a free direction gets a damping of 1e-9."""
+    """Eigenvalues and -vectors of the elastic model; a free direction gets a damping of 1e-9.
+
+    Beside the outputs of the model there is `contact_rate`, approach less mount.
+    """
     A, B, C, D = (np.asarray(x) for x in (A, B, C, D))
     if np.linalg.cond(A) > 1e14:  # a direction that no wheel holds has a defective zero
         A = A - 1e-9 * np.abs(A).max() * np.eye(len(A))
@@ -46,7 +49,10 @@ def modes(A, B, C, D, size: int) -> Modes:
         deflection=size,
         platform=3,
         acceleration=3,
+        contact_rate=size,
     )
+    approach, mount = outputs["approach_rate"], outputs["mount_rate"]
+    C, D = (np.concatenate([x, x[approach] - x[mount]]) for x in (C, D))
     return Modes(
         rates[keep],
         inverse[keep] @ B,

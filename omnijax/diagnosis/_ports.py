@@ -40,27 +40,38 @@ class ElasticLaws(eqx.Module):
             for law, _ in (*self.contact, *self.mount)
         )
 
-    def tensions(self, signals, shape_rate, memory):
-        """Tensions (2 n) that contact, separation and mount laws add, and their memories' rates.
+    @property
+    def ports(self) -> tuple[str, ...]:
+        """Where these laws pull: contact, mount or both."""
+        contact = ("contact",) if self.contact or self.separation else ()
+        return (*contact, *(("mount",) if self.mount else ()))
 
-        `signals` (4 n): deflection, mount deflection, its rate, rate of approach.
+    def tensions(self, signals, memory):
+        """Tensions (n a port) that contact, separation and mount laws add, memories' rates.
+
+        `signals` (2 n a port): deflections and their rates, of contacts and then of mounts, of the
+        `ports` alone.
         """
-        deflection, on_mount, mount_rate, approach_rate = jnp.split(signals, 4)
-        contact = contact_signals(self.rig, deflection, approach_rate - mount_rate - shape_rate)
-        mount = mount_signals(self.rig, on_mount, mount_rate)
-        k = len(self.contact)
-        extra, rates = _total(self.contact, contact, memory[:k])
-        pull, pull_rates = _total(self.mount, mount, memory[k:])
-        linear = contact.stiffness * contact.deflection + contact.damping * contact.rate
-        normal = contact.preload - linear - extra
-        for law, on in self.separation:
-            extra = extra - jnp.where(on, jax.vmap(law)(normal), 0.0)
-        total = jnp.concatenate([jnp.zeros(self.rig.size) + extra, jnp.zeros(self.rig.size) + pull])
-        return total, (*rates, *pull_rates)
+        parts = iter(jnp.split(signals, 2 * len(self.ports)))
+        k, total, rates = len(self.contact), [], ()
+        if "contact" in self.ports:
+            signal = contact_signals(self.rig, next(parts), next(parts))
+            extra, rates = _total(self.contact, signal, memory[:k])
+            linear = signal.stiffness * signal.deflection + signal.damping * signal.rate
+            normal = signal.preload - linear - extra
+            for law, on in self.separation:
+                extra = extra - jnp.where(on, jax.vmap(law)(normal), 0.0)
+            total.append(extra)
+        if "mount" in self.ports:
+            signal = mount_signals(self.rig, next(parts), next(parts))
+            pull, more = _total(self.mount, signal, memory[k:])
+            total.append(pull)
+            rates = (*rates, *more)
+        return jnp.concatenate(total), rates
 
 
 def _total(laws, signals, memory):
-    total, rates = 0.0, []
+    total, rates = jnp.zeros_like(signals.deflection), []
     for (law, on), state in zip(laws, memory, strict=True):
         total = total + jnp.where(on, jax.vmap(law)(signals, state), 0.0)
         rates.append(jax.vmap(law.rate)(signals, state))

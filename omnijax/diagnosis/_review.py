@@ -11,7 +11,7 @@ import numpy as np
 from ._fit import Fit, refit
 from ._model import Effect
 from ._refits import MARGIN, Refits, chi2_of
-from ._scan import Scan
+from ._scan import Scan, Signatures
 
 Rival = tuple[Effect, float, float]  # the effect, its margin, the cosine of the signatures
 NEAR = 4 * MARGIN  # linear estimate of a margin below which a rival is refitted in any case
@@ -26,7 +26,7 @@ class Review:
     def __init__(self, refits: Refits, tell: Callable[[str], None]):
         self.refits, self.model, self.tell = refits, refits.model, tell
 
-    def run(self, fit: Fit, scan: Scan) -> tuple[Fit, dict[int, list[Rival]]]:
+    def run(self, fit: Fit, signatures: Signatures) -> tuple[Fit, dict[int, list[Rival]]]:
         """The reviewed fit, and the near rivals of each of its effects, nearest first."""
         fit = self.prune(fit)
         for _ in range(SWAPS):
@@ -34,14 +34,15 @@ class Review:
                 break
             rivals: dict[int, list[Rival]] = {}
             for i in range(len(fit.point.effects)):
-                better, rivals[i] = self.challenge(fit, i, scan)
+                better, rivals[i] = self.challenge(fit, i, signatures)
                 if better is not None:
                     # what stood for the misfit of the effect that left is not needed any more
                     fit = self.prune(self.refits.settle(better))
                     break
             else:
                 return fit, rivals
-        return fit, {i: self.challenge(fit, i, scan)[1] for i in range(len(fit.point.effects))}
+        count = range(len(fit.point.effects))
+        return fit, {i: self.challenge(fit, i, signatures)[1] for i in count}
 
     def prune(self, fit: Fit) -> Fit:
         """Leave out effects without which the joint refit is as good."""
@@ -56,11 +57,11 @@ class Review:
                 k += 1
         return fit
 
-    def challenge(self, fit: Fit, i: int, scan: Scan) -> tuple[Fit | None, list[Rival]]:
+    def challenge(self, fit: Fit, i: int, signatures: Signatures) -> tuple[Fit | None, list[Rival]]:
         """(a refit that is better with another effect in place of effect i, or None; rivals)."""
         effects, others = fit.point.effects, list(fit.point.effects)
         others.pop(i)
-        again = self._scan_without(fit, i, scan)
+        again = self._scan_without(fit, i, signatures)
         mine = [s for s in again.order if s.candidate.name == effects[i].name]
         own = max((s.gain for s in mine), default=0.0)
         found = []
@@ -91,14 +92,14 @@ class Review:
             s for s in best[:FEW] if s.gain > LIKE * own and all(s is not n for n in near)
         ]
 
-    def _scan_without(self, fit: Fit, i: int, scan: Scan) -> Scan:
+    def _scan_without(self, fit: Fit, i: int, signatures: Signatures) -> Scan:
         """Scores where effect i is left out, the other effects and the baseline free."""
         effects = fit.point.effects
         without = fit.point.with_effects(*effects[:i], *effects[i + 1 :])
         (residual,) = self.model.residuals([without], "train")
         P, columns = len(self.model.priors), range(fit.jacobian.shape[1])
         keep = [k for k in columns if k < P or fit.free[k - P].effect != i]
-        return scan.signatures.scan(residual, fit.jacobian[:, np.array(keep, int)], P, without.u)
+        return signatures.scan(residual, fit.jacobian[:, np.array(keep, int)], P, without.u)
 
     def _held(self, fit: Fit) -> float:
         return chi2_of(self.model, fit.point, "held-out")

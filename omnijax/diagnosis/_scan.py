@@ -1,6 +1,7 @@
 """Tangent scores: what each candidate would explain once the baseline has its share."""
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import Any
 
@@ -45,18 +46,34 @@ class Score:
         return self.gain - PRICE * self.columns
 
 
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """Which columns of a table of signatures are whose, and how long they were."""
+
+    candidates: list
+    scale: np.ndarray
+
+    @functools.cached_property
+    def ends(self) -> np.ndarray:
+        """Where every candidate's columns begin, and where the last one's end."""
+        return np.cumsum([0, *(len(c.columns) for c in self.candidates)])
+
+    def part(self, i: int) -> slice:
+        """The columns of candidate `i`."""
+        return slice(self.ends[i], self.ends[i + 1])
+
+
 class Signatures:
     """Signature columns of all candidates, scaled to length 1, and their inner products.
 
-    The table (columns, rows) is kept and scaled in place: it is large.
+    The table (columns, rows) is kept and scaled in place: it is large.  Its scans do not hold it.
     """
 
     def __init__(self, candidates: Sequence, table: np.ndarray):
-        self.candidates, self.table = list(candidates), table
-        self.ends = np.cumsum([0, *(len(c.columns) for c in self.candidates)])
+        self.table = table
         size = np.sqrt(np.einsum("kr,kr->k", self.table, self.table))
-        self.scale = np.where(size > 0, size, 1.0)
-        self.table /= self.scale[:, None]
+        self.layout = Layout(list(candidates), np.where(size > 0, size, 1.0))
+        self.table /= self.layout.scale[:, None]
         with threadpool_limits(cores(), "blas"):
             self.gram = self.table @ self.table.T
 
@@ -77,9 +94,9 @@ class Signatures:
         inside = self.table @ top
         gram = self.gram - inside @ inside.T
         right = self.table @ residual - inside @ (q.T @ rest)
-        decoys = [Scan(self, gram, self.table @ x - inside @ (top.T @ x)) for x in scrambled]
+        decoys = [Scan(self.layout, gram, self.table @ x - inside @ (top.T @ x)) for x in scrambled]
         best = max((s.merit for d in decoys for s in d.scores if s.allowed), default=0.0)
-        return Scan(self, gram, right, best)
+        return Scan(self.layout, gram, right, best)
 
 
 def _basis(tall):
@@ -90,24 +107,22 @@ def _basis(tall):
 class Scan:
     """Scores of all candidates, best first, and the angles between their projected signatures."""
 
-    def __init__(self, signatures: Signatures, gram, right, decoy: float = 0.0):
-        self.signatures, self.gram, self.right, self.decoy = signatures, gram, right, decoy
-        self.scores = [self._score(i) for i in range(len(signatures.candidates))]
+    def __init__(self, layout: Layout, gram, right, decoy: float = 0.0):
+        self.layout, self.gram, self.right, self.decoy = layout, gram, right, decoy
+        self.scores = [self._score(i) for i in range(len(layout.candidates))]
         self.order = sorted(self.scores, key=lambda s: -s.merit)
 
-    def _part(self, i: int) -> slice:
-        return slice(self.signatures.ends[i], self.signatures.ends[i + 1])
-
     def _whitener(self, i: int) -> np.ndarray:
-        values, vectors = np.linalg.eigh(self.gram[self._part(i), self._part(i)])
+        part = self.layout.part(i)
+        values, vectors = np.linalg.eigh(self.gram[part, part])
         good = values > 1e-8
         return vectors[:, good] / np.sqrt(values[good])
 
     def _score(self, i: int) -> Score:
-        part, w = self._part(i), self._whitener(i)
+        part, w = self.layout.part(i), self._whitener(i)
         inside = w.T @ self.right[part]
-        coefficients = (w @ inside) / self.signatures.scale[part]
-        candidate = self.signatures.candidates[i]
+        coefficients = (w @ inside) / self.layout.scale[part]
+        candidate = self.layout.candidates[i]
         dead = w.shape[1] == 0
         allowed = not dead and candidate.allowed(coefficients)
         gain = float(inside @ inside)
@@ -118,7 +133,7 @@ class Scan:
         wa, wb = self._whitener(a), self._whitener(b)
         if wa.shape[1] == 0 or wb.shape[1] == 0:
             return 0.0
-        inner = wa.T @ self.gram[self._part(a), self._part(b)] @ wb
+        inner = wa.T @ self.gram[self.layout.part(a), self.layout.part(b)] @ wb
         return float(min(1.0, np.linalg.svd(inner, compute_uv=False)[0]))
 
     def best_per_name(self) -> list[Score]:

@@ -44,12 +44,16 @@ class Found:
 
 @dataclasses.dataclass(frozen=True)
 class Way:
-    """A way through the search: its fit, what was scored and tried, and whether noise is left."""
+    """A way through the search: its fit, what was scored and tried, and whether noise is left.
+
+    The large table of `signatures` is the last scan's.
+    """
 
     fit: Fit
     scans: tuple[Scan, ...] = ()
     trials: tuple[list[Trial], ...] = ()
     noise_only: bool = False
+    signatures: Signatures | None = None
 
 
 def significant(scan: Scan, spread: float) -> list[Score]:
@@ -80,7 +84,8 @@ class Search:
         baseline = refit(model, fit.point, baseline=fit.jacobian, relative=0.01)
         held_before = chi2_of(model, baseline.point, "held-out")
         way = self.best_way(baseline, self.follow(Way(baseline)))
-        fit, rivals = Review(self.refits, self.tell).run(way.fit, way.scans[-1])
+        assert way.signatures is not None  # `follow` scans at least once
+        fit, rivals = Review(self.refits, self.tell).run(way.fit, way.signatures)
         tried = [t for trials in way.trials for t in trials]
         return Found(
             baseline,
@@ -101,11 +106,13 @@ class Search:
         Also where chi2 is that of noise: a scan sees an effect that chi2 of all rows does not.
         """
         while len(way.fit.point.effects) < MOST:
-            if way.scans and self.model.spent:
+            if way.signatures is not None and self.model.spent:
                 break
-            scan = self.scan(way.fit)
+            way = dataclasses.replace(way, signatures=None)  # room for the next table
+            scan, signatures = self.scan(way.fit)
             trials = self.trials(way.fit, scan)
-            way = dataclasses.replace(way, scans=(*way.scans, scan), trials=(*way.trials, trials))
+            way = dataclasses.replace(way, scans=(*way.scans, scan), trials=(*way.trials, trials),
+                                      signatures=signatures)  # fmt: skip
             promising = self.promising(way.fit, trials)
             if not promising:
                 break
@@ -149,16 +156,16 @@ class Search:
             self.model.rebase(way.fit.point)
         return way
 
-    def scan(self, fit: Fit) -> Scan:
-        """Signatures and scores of all candidates at a fit."""
+    def scan(self, fit: Fit) -> tuple[Scan, Signatures]:
+        """Scores of all candidates at a fit, and their signatures."""
         model = self.model
         candidates = model.candidates(fit.point)
         self.tell(f"{len(candidates)} candidates")
         signatures = Signatures(candidates, model.columns(fit.point, candidates))
         scrambled = [model.shuffled(fit.residual, seed) for seed in range(SHUFFLES)]
-        return signatures.scan(
-            fit.residual, fit.jacobian, len(model.priors), fit.point.u, scrambled
-        )
+        priors = len(model.priors)
+        scan = signatures.scan(fit.residual, fit.jacobian, priors, fit.point.u, scrambled)
+        return scan, signatures
 
     def trials(self, fit: Fit, scan: Scan) -> list[Trial]:
         """Joint refits of the best significant candidates, best first."""
