@@ -1,6 +1,7 @@
 """A base run with what its ports hand out, and the linear transfer of what goes in there."""
 
 import dataclasses
+import functools
 
 import jax
 import numpy as np
@@ -8,13 +9,13 @@ import numpy as np
 from ..dynamics import contact_signals, mount_signals
 from ..laws import ContactSignal, MountSignal
 from ..rig import Rig
-from ._elastic import OUTPUTS, SIGNALS, Ports, law_outputs, linear_states, outputs_of, refine
+from ._elastic import driven, refine
 from ._machine import Machine
-from ._modes import Modes, direct, forced, observe, propagate
-from ._motion import Motion, integrate
+from ._modes import Modes, static_state
+from ._motion import Motion, integrate, rolling_radius
 from ._rotation import Turning, base_torques
-from ._runs import FINE, SHAPE, Run
-from ._wheels import WheelTables
+from ._runs import FINE, Run
+from ._wheels import Places, WheelTables
 
 THIN = 4  # torques are smooth: signatures need two points a sample
 
@@ -38,6 +39,16 @@ class Base:
     normal: np.ndarray  # (FINE points, n) N
     predicted: np.ndarray  # (samples, 6) dR, a before the sensors
     tables: WheelTables
+
+    @functools.cached_property
+    def lever(self) -> np.ndarray:
+        """Rolling radii (FINE points, n), m."""
+        return rolling_radius(self.rig, self.motion)
+
+    @functools.cached_property
+    def places(self) -> list[Places]:
+        """By wheel: where its angles at SHAPE points lie in the tables."""
+        return [self.tables.places(theta) for theta in self.motion.theta_shape.T]
 
 
 def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
@@ -72,27 +83,17 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
     )
 
 
-def transfer(base: Base, floor=None, **inputs) -> np.ndarray:
-    """dR and a from port inputs at FINE points (`shape` at SHAPE points), from static rest."""
-    n, m, run = base.rig.size, base.modes, base.run
-    points = base.motion.theta.shape
-    fine = np.zeros(points)
-    tensions = {port: inputs[port] for port in SIGNALS if port in inputs}
-    if tensions:
-        return _tension(base, tensions)
-    shape = inputs.get("shape", np.zeros(((run.samples - 1) * SHAPE + 1, n)))
-    floor = np.zeros((points[0], 3)) if floor is None else floor
-    ports = Ports(shape, inputs.get("drive", fine), np.zeros((run.samples, 3)), floor)
-    return outputs_of(m, linear_states(m, run, ports), ports, OUTPUTS)
+AT_REST = ("shape", "contact", "mount")  # inputs that are there before a run begins
 
 
-def _tension(base: Base, tensions: dict[str, np.ndarray]) -> np.ndarray:
+def transfer(base: Base, **inputs: np.ndarray) -> np.ndarray:
+    """dR and a (samples, 6) from inputs (points, c) of the elastic model, from static rest."""
     m = base.modes
     u = np.zeros(m.B.shape[1])
-    for port, values in tensions.items():
-        u[m.inputs[port]] = values[0]
-    start = -np.linalg.solve(m.A, m.B @ u)
-    return law_outputs(m, base.run, tensions, start)
+    for part in AT_REST:
+        if part in inputs:
+            u[m.inputs[part]] = inputs[part][0]
+    return driven(m, base.run, static_state(m, u), **inputs)
 
 
 def thin(m: Motion) -> Motion:
@@ -102,15 +103,16 @@ def thin(m: Motion) -> Motion:
     return dataclasses.replace(m, axes=axes, step=m.step * THIN, **short)
 
 
-def turned_by(base: Base, shaft=None, opposing=None):
-    """Both tables of a torque on the shafts and one that opposes the sphere, at thinned points."""
-    response, m, run = base.response, base.modes, base.run
+def turned_by(base: Base, shaft=None, opposing=None, **inputs: np.ndarray):
+    """Both tables of a torque on the shafts and one that opposes the sphere, at thinned points.
+
+    With what other `inputs` of the elastic model cause.
+    """
+    response = base.response
     drive, rate = response.respond(shaft, opposing)
     parts = FINE // THIN
-    h = run.step / parts
+    h = base.run.step / parts
     turned = integrate(rate, h)
     length = integrate(np.einsum("tij,tj->ti", response.axes, turned), h)
-    total = forced(m, run.step, run.samples - 1, drive=drive)
-    elastic = observe(m, propagate(m, run.step, total, np.zeros(len(m.rates))), OUTPUTS)
-    elastic += direct(m, OUTPUTS, "drive", lambda: drive[::parts])
+    elastic = transfer(base, drive=drive, **inputs)
     return elastic, np.concatenate([turned[::parts], length[::parts]], axis=1)

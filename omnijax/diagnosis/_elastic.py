@@ -100,11 +100,14 @@ def signal_names(where: Collection[str]) -> tuple[str, ...]:
     return tuple(s for port, signals in SIGNALS.items() if port in where for s in signals)
 
 
-def law_outputs(m: Modes, run: Run, tensions: dict[str, np.ndarray], start) -> np.ndarray:
-    """dR and a (samples, 6) caused by tensions (points, n) a port and the state `start` (m,)."""
-    fine = (len(next(iter(tensions.values()))) - 1) // (run.samples - 1)
-    total = forced(m, run.step, run.samples - 1, **tensions)
-    out = observe(m, propagate(m, run.step, total, m.inverse @ start), OUTPUTS)
-    for part, values in tensions.items():
-        out += direct(m, OUTPUTS, part, lambda values=values: values[::fine])
+def driven(m: Modes, run: Run, start: np.ndarray, **inputs: np.ndarray) -> np.ndarray:
+    """dR and a (samples, 6) that inputs by name (points, c) cause, from the modal state `start`.
+
+    Every input is linear between its points, a whole number of them a sample.
+    """
+    total = forced(m, run.step, run.samples - 1, **inputs)
+    out = observe(m, propagate(m, run.step, total, start), OUTPUTS)
+    for part, values in inputs.items():
+        parts = (len(values) - 1) // (run.samples - 1)
+        out += direct(m, OUTPUTS, part, lambda values=values, parts=parts: values[::parts])
     return out

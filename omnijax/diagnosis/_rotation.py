@@ -40,16 +40,26 @@ class Turning:
         drive = self.radius * self.inverse_inertia @ axes @ self.force
         return drive * self.torque_gain[:, None, :], drive @ self.body - self.inverse_inertia
 
+    @functools.cached_property
+    def _each(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
+        """Drive forces and dOmega/dt (t, n + 3) of a torque on each shaft, and opposing each axis.
+
+        The part that does not pass through the drive forces is in them too.
+        """
+        force = self.force * self.torque_gain[:, None, :], self.force @ self.body
+        both = (np.concatenate(x, axis=1) for x in zip(force, self.rates, strict=True))
+        shaft, opposing = (list(np.ascontiguousarray(np.moveaxis(x, 2, 0))) for x in both)
+        return shaft, opposing
+
     def respond(self, shaft: np.ndarray | None, opposing: np.ndarray | None):
         """(drive forces (t, n), dOmega/dt (t, 3)) caused by torques (t, n) and (t, 3)."""
-        right = 0.0 if shaft is None else self.torque_gain * shaft
-        if opposing is not None:
-            right = right + np.einsum("tij,tj->ti", self.body, opposing)
-        drive = np.einsum("tij,tj->ti", self.force, right)
-        torque = self.radius * np.einsum("tij,ti->tj", self.axes, drive)
-        if opposing is not None:
-            torque = torque - opposing
-        return drive, np.einsum("tij,tj->ti", self.inverse_inertia, torque)
+        out = np.zeros((len(self.force), self.force.shape[1] + 3))
+        for torques, responses in zip((shaft, opposing), self._each, strict=True):
+            for k, response in enumerate(responses if torques is not None else ()):
+                if torques[:, k].any():
+                    out += response * torques[:, k : k + 1]
+        n = self.force.shape[1]
+        return out[:, :n], out[:, n:]
 
 
 def isotropic(inertia: np.ndarray) -> bool:

@@ -11,7 +11,7 @@ from ..rig import Placed
 from ._base import THIN, Base, transfer, turned_by
 from ._elastic import refine
 from ._laws import along, sensed
-from ._motion import contact_directions, integrate, rolling_radius
+from ._motion import contact_directions, integrate
 from ._rotation import body_signals, resistance, rolling_signals, shaft_signals, wheel_law
 from ._runs import FINE, SHAPE
 
@@ -30,16 +30,14 @@ def _shape(base: Base, placed: Placed):
     for i in placed.wheels:
         gap = jax.tree.map(lambda x, i=i: x[i], gaps)
         rho = _over_angles(placed.law, tables.angle, gap)
-        shape[:, i] = tables.look_up(rho, m.theta_shape[:, i], i)
+        shape[:, i] = base.places[i].of(rho)
         step = tables.angle[1] - tables.angle[0]
         rolled = np.concatenate([[0.0], np.cumsum((rho[1:] + rho[:-1]) / 2) * step]) / radius
-        theta = m.theta[::FINE, i]
-        turns = np.floor((theta - tables.first) / tables.span)
-        length[:, i] = -(turns * rolled[-1] + tables.look_up(rolled, theta, i))
-    lever = rolling_radius(base.rig, m)
-    elastic, rotation = _longer_lever(base, (shape[:: SHAPE // FINE] / lever)[::THIN])
+        length[:, i] = -tables.places(m.theta[::FINE, i]).summed(rolled)
+    change = shape[:: SHAPE // FINE][::THIN] / base.lever[::THIN]
+    elastic, rotation = _longer_lever(base, change, shape=shape)
     rotation[:, 3:] += length
-    return elastic + transfer(base, shape=shape), rotation
+    return elastic, rotation
 
 
 def _over_angles(law, angle, gap):
@@ -147,22 +145,20 @@ def _kinematics(base: Base, placed: Placed):
     change = np.zeros(m.theta.shape)
     for i in placed.wheels:
         change[:, i] = along(placed.law, np.ascontiguousarray(m.speed[:, i]))
-    radius = rolling_radius(base.rig, m)
-    rate = -change * m.speed * radius / float(base.rig.sphere.radius)
+    rate = -change * m.speed * base.lever / float(base.rig.sphere.radius)
     elastic, rotation = _longer_lever(base, change[::THIN])
     rotation[:, 3:] += integrate(rate, base.run.step / FINE)[::FINE]
     return elastic, rotation
 
 
-def _longer_lever(base: Base, change: np.ndarray):
+def _longer_lever(base: Base, change: np.ndarray, **inputs: np.ndarray):
     """Both tables of rolling radii r (1 + change), `change` (thinned points, n), at fixed S(theta).
 
-    In the drive forces' matrix and right-hand side (spec section 4) r (1 + e) is, to first order, a
-    torque e (T - 2 r f) on the shaft.
+    With what `inputs` of the elastic model cause.  In the drive forces' matrix and right-hand side
+    (spec section 4) r (1 + e) is, to first order, a torque e (T - 2 r f) on the shaft.
     """
-    m = base.motion
-    lever = rolling_radius(base.rig, m)[::THIN]
-    return turned_by(base, shaft=change * (base.shaft - 2 * lever * base.drive))
+    shaft = change * (base.shaft - 2 * base.lever[::THIN] * base.drive)
+    return turned_by(base, shaft=shaft, **inputs)
 
 
 def _sensor(base: Base, placed: Placed):

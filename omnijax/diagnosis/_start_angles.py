@@ -76,7 +76,7 @@ def _phases(machine: Machine, rig: Rig, i: int, missing) -> np.ndarray:
     for k, wide in zip(missing, pitch, strict=True):
         for phase in np.arange(PHASES) * wide / PHASES:
             shape = np.zeros_like(m.theta_shape)
-            shape[:, k] = tables.look_up(tables.shape[:, k], m.theta_shape[:, k] + phase, k)
+            shape[:, k] = tables.places(m.theta_shape[:, k] + phase).of(tables.shape[:, k])
             ports = Ports(shape, nothing, empty, np.zeros((len(nothing), 3)))
             z = linear_states(modes, run, ports)
             signals.append((outputs_of(modes, z, ports, OUTPUTS) * w).ravel())

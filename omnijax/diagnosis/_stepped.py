@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from scipy.linalg import expm
 
 from ..rig import Rig
-from ._elastic import SIGNALS, law_outputs, signal_names
+from ._elastic import SIGNALS, driven, signal_names
 from ._model import AbstractModel, Effect
 from ._modes import Modes
 from ._ports import ElasticLaws
@@ -65,7 +65,8 @@ def _side_by_side(lanes: list[Lane]) -> list[np.ndarray]:
     for k, (lane, (start, _)) in enumerate(zip(lanes, starts, strict=True)):
         force = np.split(tensions[k, : len(lane.signals)], len(ports), axis=1)
         found = dict(zip(ports, force, strict=True))
-        out.append(law_outputs(lane.modes, lane.run, found, np.asarray(start)))
+        begin = lane.modes.inverse @ np.asarray(start)
+        out.append(driven(lane.modes, lane.run, begin, **found))
     return out
 
 

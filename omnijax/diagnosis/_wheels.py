@@ -12,6 +12,26 @@ from ..rig import Rig
 POINTS = 16384  # a turn: 0.38 mrad, an interpolation error below 1e-8 m
 
 
+class Places(NamedTuple):
+    """Where angles (t,) lie in a table: its point before each, and the share of the way on.
+
+    `turns` counts how often the table was gone through before.
+    """
+
+    index: np.ndarray
+    share: np.ndarray
+    turns: np.ndarray
+
+    def of(self, table: np.ndarray) -> np.ndarray:
+        """The table's values (t,), linear between its points (p,)."""
+        before = table[self.index]
+        return before + self.share * (table[self.index + 1] - before)
+
+    def summed(self, table: np.ndarray) -> np.ndarray:
+        """The values of a table that begins at zero and goes on where it ended."""
+        return self.turns * table[-1] + self.of(table)
+
+
 class WheelTables(NamedTuple):
     """rho (m) and rolled length S = integral r_w dtheta / R (rad of sphere) of every wheel.
 
@@ -33,18 +53,23 @@ class WheelTables(NamedTuple):
         """d rho/d theta at angles (t, n)."""
         return self._look(self.slope, theta)
 
-    def look_up(self, table: np.ndarray, theta: np.ndarray, wheel: int) -> np.ndarray:
-        """Another table (p,) over the same angles at angles (t,) of one wheel."""
-        return np.interp(np.mod(theta - self.first, self.span), self.angle - self.first, table)
+    def places(self, theta: np.ndarray) -> Places:
+        """Where angles (t,) of a wheel lie in the tables; those of NaN have a share of NaN."""
+        count = len(self.angle) - 1
+        at = (theta - self.first) * (count / self.span)
+        turns = np.floor(at / count)
+        at -= count * turns
+        index = np.clip(np.nan_to_num(at), 0, count - 1).astype(np.intp)
+        return Places(index, at - index, turns)
 
     def _look(self, table, theta):
-        columns = [self.look_up(table[:, i], theta[:, i], i) for i in range(theta.shape[1])]
-        return np.stack(columns, axis=1)
+        columns = zip(theta.T, table.T, strict=True)
+        return np.stack([self.places(angle).of(values) for angle, values in columns], axis=1)
 
     def rolled(self, theta: np.ndarray) -> np.ndarray:
         """S(theta) of angles (t, n); NaN stays NaN."""
-        turns = np.floor((theta - self.first) / self.span)
-        return turns * self.length[-1] + self._look(self.length, theta)
+        columns = zip(theta.T, self.length.T, strict=True)
+        return np.stack([self.places(angle).summed(values) for angle, values in columns], axis=1)
 
     def unrolled(self, length: np.ndarray) -> np.ndarray:
         """theta with S(theta) = `length` (t, n)."""
