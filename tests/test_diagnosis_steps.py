@@ -1,0 +1,144 @@
+"""Laws at contacts and mounts stepped in time by the diagnosis, and what its short cuts leave."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from omnijax.diagnosis._elastic import OUTPUTS, rig_modes, signal_names
+from omnijax.diagnosis._rotation import Turning
+from omnijax.diagnosis._runs import COARSE, STEPS, Run
+from omnijax.diagnosis._stepped import Lane, law_changes, stepped_ports
+from omnijax.diagnosis._wheels import wheel_tables
+from omnijax.laws import EFFECTS
+from omnijax.rig import load_rig
+
+STEP, SAMPLES = 0.002, 60
+
+
+@pytest.fixture(scope="module")
+def atlas():
+    """The bundled rig."""
+    return load_rig("atlas")
+
+
+def add(rig, id, place, **values):
+    """The rig with a law."""
+    return rig.add(EFFECTS[id](**{k: jnp.asarray(v) for k, v in values.items()}), place)
+
+
+def lane_of(rig, steps=STEPS):
+    """A run of 0.12 s in which every port feels a growing oscillation of its own."""
+    modes, time = rig_modes(rig), STEP * np.arange(SAMPLES)
+    zero = np.zeros((SAMPLES, 3))
+    run = Run("run", "train", time, zero, zero, {}, np.ones(SAMPLES, bool))
+    fine = np.linspace(0.0, time[-1], (SAMPLES - 1) * steps + 1)
+    count = len(signal_names(stepped_ports(rig))) // 2  # deflections and rates of every port
+    phase = 0.3 * np.arange(3 * count).reshape(count, 3)
+    wave = 3e-5 * (1 + fine[:, None, None] / 0.1) * np.sin(150 * fine[:, None, None] + phase)
+    signals = np.stack([wave, np.gradient(wave, fine, axis=0)], axis=2)
+    return Lane(rig, modes, run, signals.reshape(len(fine), -1)), fine
+
+
+def integrated(lane, fine, force):
+    """dR and a by an adaptive solver, `force(signals)` being the tensions (3 a port)."""
+    m, ports = lane.modes, stepped_ports(lane.rig)
+    rows = m.out(signal_names(ports))[0]
+    B = np.concatenate([m.B[:, m.inputs[p]] for p in ports], axis=1)
+    C, D = m.out(OUTPUTS)
+    D = np.concatenate([D[:, m.inputs[p]] for p in ports], axis=1)
+
+    def felt(t, d):
+        linear = np.array([np.interp(t, fine, s) for s in lane.signals.T])
+        return linear + rows @ d
+
+    still = lane.signals[0].reshape(len(ports), 2, -1) * np.array([1.0, 0.0])[:, None]
+    d = np.zeros(len(m.A))
+    for _ in range(50):  # at rest before the run
+        d = -np.linalg.solve(m.A, B @ force(still.ravel() + rows @ d))
+    found = solve_ivp(
+        lambda t, d: m.A @ d + B @ force(felt(t, d)), (0.0, fine[-1]), d, "DOP853",
+        t_eval=lane.run.time, rtol=1e-8, atol=1e-13, max_step=STEP / 4,
+    )  # fmt: skip
+    out = [C @ d + D @ force(felt(t, d)) for t, d in zip(found.t, found.y.T, strict=True)]
+    return np.array(out)
+
+
+def cubic(k3, x):
+    """Tensions of cubic springs at three wheels."""
+    return k3 * x**3
+
+
+def test_stepped_laws_agree_with_an_adaptive_solver_to_second_order(atlas):
+    rig = add(add(atlas, "contact-cubic", "all", K3=2e12), "mount-cubic", "w2", k3=1e12)
+    error = []
+    for steps in (COARSE, STEPS):
+        lane, fine = lane_of(rig, steps)
+        expected = integrated(
+            lane, fine,
+            lambda s: np.r_[cubic(2e12, s[:3]), cubic(1e12, s[6:9]) * [0, 1, 0]],
+        )  # fmt: skip
+        (found,) = law_changes([lane])
+        scale = np.abs(expected).max(axis=0)
+        error.append(np.max(np.abs(found - expected) / scale))
+    assert error[1] < 5e-4
+    assert 3 < error[0] / error[1] < 5  # second order, and the coarse steps are fine for ranking
+
+
+def test_a_port_whose_laws_do_nothing_changes_nothing(atlas):
+    contact = add(atlas, "contact-cubic", "w1", K3=2e12)
+    both = add(contact, "mount-cubic", "all", k3=0.0)
+    one, other = lane_of(contact)[0], lane_of(both)[0]
+    assert stepped_ports(one.rig) == ("contact",)
+    assert stepped_ports(other.rig) == ("contact", "mount")
+    other = dataclasses.replace(other, signals=np.hstack([one.signals, 0 * one.signals]))
+    (alone,), (beside,) = law_changes([one]), law_changes([other])
+    assert np.abs(alone).max() > 0
+    assert beside == pytest.approx(alone, rel=1e-9, abs=1e-12 * np.abs(alone).max())
+
+
+def test_lanes_that_share_their_signals_are_stepped_as_alone(atlas):
+    lanes = [lane_of(add(atlas, "contact-cubic", "all", K3=k * 1e12))[0] for k in (1.0, 2.0, 3.0)]
+    shared = [dataclasses.replace(x, signals=lanes[0].signals) for x in lanes]
+    alone = [law_changes([x])[0] for x in lanes]
+    for found in (law_changes(shared), law_changes(lanes)):
+        assert np.stack(found) == pytest.approx(np.stack(alone), rel=1e-9, abs=1e-15)
+
+
+def test_places_in_a_wheels_table_are_those_of_a_search(atlas):
+    tables = wheel_tables(atlas, -30.0, 50.0)
+    theta = np.random.default_rng(0).uniform(-30.0, 50.0, (500, 3))
+    theta[:3, 0] = 0.0, 2 * np.pi, np.nan
+    turned = np.mod(theta - tables.first, tables.span)
+    for k in range(3):
+        expected = np.interp(turned[:, k], tables.angle - tables.first, tables.shape[:, k])
+        assert tables.rho(theta)[:, k] == pytest.approx(expected, abs=1e-12, nan_ok=True)
+    rolled = tables.rolled(theta)
+    assert rolled[1, 0] - rolled[0, 0] == pytest.approx(tables.length[-1, 0], rel=1e-12)
+    assert np.isnan(rolled[2, 0])
+    order = np.argsort(theta[3:, 1])
+    assert np.all(np.diff(rolled[3:, 1][order]) >= 0)  # no jump from turn to turn
+
+
+def test_responses_to_torques_are_those_of_the_whole_equations():
+    rng = np.random.default_rng(1)
+    t, n = 20, 3
+    axes = rng.normal(size=(1, n, 3))
+    inverse = np.diag([1.0, 2.0, 3.0])[None]
+    spread = rng.normal(size=(t, n, n))
+    response = Turning(
+        rng.uniform(1, 2, (t, n)), spread, 0.6 * axes @ inverse, inverse, axes, radius=0.6
+    )
+    shaft, opposing = rng.normal(size=(t, n)), rng.normal(size=(t, 3))
+    shaft[:, 1] = 0.0
+    for T, g in ((shaft, opposing), (shaft, None), (None, opposing)):
+        torque = 0 * shaft if T is None else T
+        against = 0 * opposing if g is None else g
+        right = response.torque_gain * torque + (response.body @ against[:, :, None])[:, :, 0]
+        drive = (spread @ right[:, :, None])[:, :, 0]
+        rate = (0.6 * drive @ axes[0] - against) @ inverse[0]
+        found = response.respond(T, g)
+        assert found[0] == pytest.approx(drive)
+        assert found[1] == pytest.approx(rate)
