@@ -55,7 +55,9 @@ class Turning:
         """(drive forces (t, n), dOmega/dt (t, 3)) caused by torques (t, n) and (t, 3)."""
         out = np.zeros((len(self.force), self.force.shape[1] + 3))
         for torques, responses in zip((shaft, opposing), self._each, strict=True):
-            for k, response in enumerate(responses if torques is not None else ()):
+            if torques is None:
+                continue
+            for k, response in enumerate(responses):
                 if torques[:, k].any():
                     out += response * torques[:, k : k + 1]
         n = self.force.shape[1]
