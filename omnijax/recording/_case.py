@@ -69,8 +69,8 @@ def read_case(folder: str | Path, rig: Any = None) -> Case:
         except InputError as error:
             faults.append(Fault(path.name, "", (), "unusable", str(error), "the run is not used"))
     if not runs:
-        said = "\n".join(f"- {fault.what}" for fault in faults)
-        raise InputError(f"{folder}: no run can be used.{chr(10) + said if said else ''}")
+        said = [x.what if x.file in x.what else f"{x.file}: {x.what}" for x in faults]
+        raise InputError("\n- ".join([f"{folder}: no run can be used.", *said]))
     faults += _between(runs)
     return Case(folder, rig, runs, rig_path, faults)
 
