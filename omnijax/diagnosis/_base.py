@@ -9,9 +9,9 @@ import numpy as np
 from ..dynamics import contact_signals, mount_signals
 from ..laws import ContactSignal, MountSignal
 from ..rig import Rig
-from ._elastic import driven, refine
+from ._elastic import driven, refine, rest_state
 from ._machine import Machine
-from ._modes import Modes, static_state
+from ._modes import Modes
 from ._motion import Motion, integrate, rolling_radius
 from ._rotation import Turning, base_torques
 from ._runs import FINE, Run
@@ -83,17 +83,9 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
     )
 
 
-AT_REST = ("shape", "contact", "mount")  # inputs that are there before a run begins
-
-
 def transfer(base: Base, **inputs: np.ndarray) -> np.ndarray:
     """dR and a (samples, 6) from inputs (points, c) of the elastic model, from static rest."""
-    m = base.modes
-    u = np.zeros(m.B.shape[1])
-    for part in AT_REST:
-        if part in inputs:
-            u[m.inputs[part]] = inputs[part][0]
-    return driven(m, base.run, static_state(m, u), **inputs)
+    return driven(base.modes, base.run, rest_state(base.modes, **inputs), **inputs)
 
 
 def thin(m: Motion) -> Motion:

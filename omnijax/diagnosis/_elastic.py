@@ -13,6 +13,7 @@ from ._runs import FINE, SHAPE, Run
 
 OUTPUTS = ("displacement", "acceleration")
 INPUTS = ("shape", "drive", "force", "floor")  # inputs beside tensions
+AT_REST = ("shape", "contact", "mount")  # inputs that are there before a run begins
 SIGNALS = {"contact": ("deflection", "contact_rate"), "mount": ("mount", "mount_rate")}
 
 
@@ -54,11 +55,13 @@ def refine(values: np.ndarray, parts: int) -> np.ndarray:
     return np.stack([np.interp(at, known, values[:, c]) for c in range(values.shape[1])], axis=1)
 
 
-def start_inputs(m: Modes, ports: Ports) -> np.ndarray:
-    """Inputs (u,) of the static start: the shapes under the sphere, nothing else."""
+def rest_state(m: Modes, **inputs: np.ndarray) -> np.ndarray:
+    """Modal state (k,) at rest under the first of inputs by name (points, c): `AT_REST` only."""
     u = np.zeros(m.B.shape[1])
-    u[m.inputs["shape"]] = ports.shape[0]
-    return u
+    for part in AT_REST:
+        if part in inputs:
+            u[m.inputs[part]] = inputs[part][0]
+    return static_state(m, u)
 
 
 def linear_states(
@@ -68,7 +71,7 @@ def linear_states(
 
     From static rest, and from the state `rolling` (m,) beside it where that is known.
     """
-    start = static_state(m, start_inputs(m, ports))
+    start = rest_state(m, shape=ports.shape)
     start = start if rolling is None else start + m.inverse @ rolling
     step = run.step / parts
     inputs = {name: getattr(ports, name) for name in INPUTS}

@@ -9,7 +9,7 @@ import dataclasses
 import numpy as np
 
 from ._base import THIN, Base, transfer, turned_by
-from ._elastic import SIGNALS
+from ._elastic import SIGNALS, rest_state
 from ._modes import forced, observe, propagate
 from ._runs import FINE
 
@@ -69,10 +69,9 @@ class SpringPort:
     def felt(self, base: Base, force: np.ndarray):
         """What tensions change in the deflections and rates here, (FINE points, n) each."""
         m, step = base.modes, base.run.step / FINE
-        total = forced(m, step, len(force) - 1, **{self.port: force})
-        u = np.zeros(m.B.shape[1])
-        u[m.inputs[self.port]] = force[0]
-        z = propagate(m, step, total, -m.inverse @ np.linalg.solve(m.A, m.B @ u))
+        pushed = {self.port: force}
+        total = forced(m, step, len(force) - 1, **pushed)
+        z = propagate(m, step, total, rest_state(m, **pushed))
         return tuple(np.split(observe(m, z, SIGNALS[self.port]), 2, axis=1))
 
 

@@ -34,14 +34,13 @@ def _shape(base: Base, placed: Placed):
         step = tables.angle[1] - tables.angle[0]
         rolled = np.concatenate([[0.0], np.cumsum((rho[1:] + rho[:-1]) / 2) * step]) / radius
         length[:, i] = -tables.places(m.theta[::FINE, i]).summed(rolled)
-    change = shape[:: SHAPE // FINE][::THIN] / base.lever[::THIN]
+    change = shape[:: SHAPE // FINE * THIN] / base.lever[::THIN]
     elastic, rotation = _longer_lever(base, change, shape=shape)
     rotation[:, 3:] += length
     return elastic, rotation
 
 
 def _over_angles(law, angle, gap):
-
     return np.asarray(_shape_law(law, angle, gap))
 
 

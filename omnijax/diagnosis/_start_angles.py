@@ -12,7 +12,7 @@ import itertools
 import numpy as np
 
 from ..rig import Rig
-from ._elastic import OUTPUTS, Ports, linear_states, outputs_of
+from ._elastic import driven, rest_state
 from ._encoders import PARTS, response_columns
 from ._machine import Machine
 from ._runs import ELASTIC, SHAPE, Run
@@ -69,17 +69,14 @@ def _phases(machine: Machine, rig: Rig, i: int, missing) -> np.ndarray:
     """The best phases (wheels without encoder,) among `PHASES` a pitch."""
     run, m, w = machine.runs[i], machine.motions(rig, [i])[i], _weights(machine, i)
     tables, modes = machine.tables_of(rig), machine.modes(rig)
-    nothing = np.zeros_like(m.theta)
-    empty = np.zeros((run.samples, 3))
     pitch = 2 * np.pi / np.asarray(rig.wheels.rollers)[missing]
     signals = []
     for k, wide in zip(missing, pitch, strict=True):
         for phase in np.arange(PHASES) * wide / PHASES:
             shape = np.zeros_like(m.theta_shape)
             shape[:, k] = tables.places(m.theta_shape[:, k] + phase).of(tables.shape[:, k])
-            ports = Ports(shape, nothing, empty, np.zeros((len(nothing), 3)))
-            z = linear_states(modes, run, ports)
-            signals.append((outputs_of(modes, z, ports, OUTPUTS) * w).ravel())
+            found = driven(modes, run, rest_state(modes, shape=shape), shape=shape)
+            signals.append((found * w).ravel())
     table = np.stack(signals)
     left = _left(machine, rig, i) + table[::PHASES].sum(axis=0)
     chosen = _least_squares(table @ table.T, table @ left, len(missing))
