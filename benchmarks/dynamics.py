@@ -39,7 +39,7 @@ def _ours(rows, some, error) -> list[Tool]:
     import jax
     import jax.numpy as jnp
 
-    from omnijax.simulate import simulate, simulate_many, torques
+    from omnijax.simulation import simulate, simulate_many, torques
 
     from . import _omnijax as ours
 

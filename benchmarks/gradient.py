@@ -39,7 +39,7 @@ def tools(skip) -> list[Tool]:
 
         found.append(Tool("c-exact", differences, BATCH, error, 5, "central differences, 9 runs"))
     try:
-        from omnijax.simulate.exact._bulk_rig import bulk_figures, bulk_gradients, plan_bulk
+        from omnijax.simulation._bulk.rig import bulk_figures, bulk_gradients, plan_bulk
     except ImportError:
         skip("omnijax (bulk gradients are not there)")
         return found

@@ -52,7 +52,7 @@ def _affine(sizes, seconds) -> tuple[float, float]:
 def measure_design(duration: float | None) -> dict[str, Any]:
     """Seconds a design, and how it is evaluated."""
     from omnijax import sweep
-    from omnijax.study._chunks import Evaluator
+    from omnijax.study._sweep.evaluator import Evaluator
 
     result = sweep("atlas", VARY, samples=1, duration=duration, **QUESTION)
     evaluator = Evaluator(result.spec)
@@ -67,8 +67,8 @@ def measure_chunk(folder: Path) -> dict[str, tuple[float, float]]:
     import dataclasses
 
     from omnijax import sweep
-    from omnijax.study._chunks import quantities
-    from omnijax.study._store import create_store
+    from omnijax.study._sweep.evaluator import quantities
+    from omnijax.study._sweep.store import create_store
 
     spec = sweep("atlas", VARY, samples=1, **QUESTION).spec
     points, store, sizes = [], [], (1024, 8192, 65536)

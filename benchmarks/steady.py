@@ -31,7 +31,7 @@ def tools(skip) -> list[Tool]:
         found.append(Tool(name, run, BATCH, error, 7, note))
     import jax.numpy as jnp
 
-    from omnijax.simulate.exact import plan_steady, steady_figures, steady_gradients
+    from omnijax.simulation._bulk.steady import plan_steady, steady_figures, steady_gradients
 
     from . import _omnijax as ours
 

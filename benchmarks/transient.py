@@ -52,13 +52,13 @@ def _ours(rows, some, expected, few) -> list[Tool]:
     import jax
     import jax.numpy as jnp
 
-    from omnijax.simulate import simulate, speeds
+    from omnijax.simulation import simulate, speeds
 
     from . import _omnijax as ours
 
     found = []
     try:
-        from omnijax.simulate.exact._bulk_rig import bulk_figures, plan_bulk
+        from omnijax.simulation._bulk.rig import bulk_figures, plan_bulk
     except ImportError:
         pass
     else:

@@ -18,7 +18,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from omnijax import load_rig, steady_state
 from omnijax.report import PALETTE, style
 from omnijax.rig import Rig, set_parameter
-from omnijax.simulate import simulate, speeds
+from omnijax.simulation import simulate, speeds
 
 LARGER = 3.6  # the wheels' size in the drawing
 SPEEDS = (0.1, 1.2, 0.3)  # rad/s

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from omnijax.study import design, parse_study
-from omnijax.study._design_rig import rig_problem
+from omnijax.study._design.rig import rig_problem
 
 text = (Path(__file__).parent / "studies" / "robust.toml").read_text(encoding="utf-8")
 study = parse_study(tomllib.loads(text))

@@ -18,7 +18,7 @@ import numpy as np
 
 import omnijax
 from omnijax.laws import WheelRunout
-from omnijax.simulate import table, to_recording
+from omnijax.simulation import table, to_recording
 
 NOISE = {"dR": 2e-6, "theta": 1e-4, "Omega": 1e-4, "a": 5e-3}  # 1 sigma of the sensors, SI
 folder = Path(tempfile.mkdtemp()) / "my-machine"

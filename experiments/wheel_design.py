@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from omnijax.study import design, designed_rig, load_study
-from omnijax.study._design_engine import Engine
-from omnijax.study._design_rig import rig_problem
-from omnijax.study._design_search import Lanes
+from omnijax.study._design.engine import Engine
+from omnijax.study._design.rig import rig_problem
+from omnijax.study._design.search import Lanes
 from omnijax.vibration import contact_load, natural_frequencies, steady_metrics
 
 study = load_study(Path(__file__).parent / "studies" / "wheel.toml")

@@ -3,18 +3,19 @@
 import importlib
 from typing import Any
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 _PACKAGES = (  # from left to right: a package imports only from itself and to its left
     "laws",
     "rig",
     "recording",
     "dynamics",
-    "simulate",
+    "simulation",
     "vibration",
     "study",
     "diagnosis",
     "report",
+    "paper",
     "view",
     "cli",
 )
@@ -25,9 +26,9 @@ _EXPORTS = {  # package -> its names here; nothing is imported before it is aske
         "InputError Rig bundled_rigs get_parameter load_laws load_rig parameter_info "
         "parameter_paths parse_rig rig_text save_rig set_parameter"
     ),
-    "simulate": (
+    "simulation": (
         "Signal SpeedDrive SteadyState TorqueDrive Trajectory drive_from_recording "
-        "load_trajectory measured propagate simulate_many speeds steady_state torques"
+        "load_trajectory measured propagate simulate simulate_many speeds steady_state torques"
     ),
     "recording": (
         "Case Fault NoiseFloor Recording noise_floor read_case read_recording write_recording"

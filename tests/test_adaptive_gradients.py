@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from machines import ORTHOGONAL, machine
 
-from omnijax.simulate import simulate, speeds, torques
+from omnijax.simulation import simulate, speeds, torques
 
 TS = jnp.linspace(0, 0.06, 13)
 BASE = machine(ORTHOGONAL)

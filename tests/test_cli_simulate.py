@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnijax import cli, load_trajectory, read_recording
-from omnijax.simulate import _solve
+from omnijax.simulation._solve import solve as _solve
 
 SHORT = ["--duration", "100ms", "--rate", "1kHz"]
 

@@ -6,7 +6,7 @@ import numpy as np
 from machines import ORTHOGONAL, machine
 
 from omnijax import laws
-from omnijax.simulate import simulate, speeds, table, torques
+from omnijax.simulation import simulate, speeds, table, torques
 
 TS = jnp.linspace(0.0, 0.5, 251)
 

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from omnijax._text import amount, estimate
 from omnijax.rig import InputError
 from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, parse_study, trade_off
-from omnijax.study._amounts import amount, estimate
-from omnijax.study._design import start_note
-from omnijax.study._design_engine import Engine
-from omnijax.study._design_evolve import Rank, evolve, far_apart
-from omnijax.study._design_folder import Folder
-from omnijax.study._design_judge import judge
-from omnijax.study._design_search import Adam
+from omnijax.study._design.design import start_note
+from omnijax.study._design.engine import Engine
+from omnijax.study._design.evolve import Rank, evolve, far_apart
+from omnijax.study._design.judge import judge
+from omnijax.study._design.search import Adam
+from omnijax.study._study_folder import Folder
 from omnijax.vibration import peak, smooth_peak
 
 NO_LIMITS = jnp.zeros(0)

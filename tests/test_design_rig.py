@@ -11,12 +11,12 @@ import omnijax
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
 from omnijax.study import Tolerances, parse_study
-from omnijax.study._design_answer import make_design
-from omnijax.study._design_engine import Engine
-from omnijax.study._design_notes import Exact, as_it_was, before
-from omnijax.study._design_rig import RigCases, rig_problem
-from omnijax.study._design_search import Lanes
-from omnijax.study._tolerance import allocate, share_bounds, usual_parts
+from omnijax.study._design.answer import make_design
+from omnijax.study._design.engine import Engine
+from omnijax.study._design.notes import Exact, as_it_was, before
+from omnijax.study._design.rig import RigCases, rig_problem
+from omnijax.study._design.search import Lanes
+from omnijax.study._spread.tolerances import allocate, share_bounds, usual_parts
 
 SPEED = (3.0, 5.1, 7.3)
 TEXT = """

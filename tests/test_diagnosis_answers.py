@@ -8,7 +8,8 @@ from test_plant import load_plant
 
 import omnijax
 from omnijax.cli import run
-from omnijax.diagnosis import _experiment, diagnose
+from omnijax.diagnosis import diagnose
+from omnijax.diagnosis._answer import experiment as _experiment
 from omnijax.recording import read_case
 
 pytestmark = pytest.mark.long

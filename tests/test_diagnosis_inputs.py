@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.signal import lsim
 
-from omnijax.diagnosis._elastic import rig_modes
-from omnijax.diagnosis._modes import forced, propagate
-from omnijax.diagnosis._smooth import smooth
+from omnijax.diagnosis._machine.elastic import rig_modes
+from omnijax.diagnosis._machine.modes import forced, propagate
+from omnijax.diagnosis._machine.smooth import smooth
 from omnijax.rig import load_rig
 
 STEP, SAMPLES = 0.002, 40

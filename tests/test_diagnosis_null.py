@@ -6,13 +6,13 @@ from scipy.stats import binomtest, kstest
 from test_plant import load_plant
 
 from omnijax.diagnosis import Point, RigModel
-from omnijax.diagnosis._encoders import smoother_modes, whitener
-from omnijax.diagnosis._fit import refit
-from omnijax.diagnosis._held_out import HeldOut
-from omnijax.diagnosis._runs import Run
-from omnijax.diagnosis._scan import Signatures
-from omnijax.diagnosis._smooth import smooth
-from omnijax.diagnosis._start_angles import with_start_angles
+from omnijax.diagnosis._machine.encoders import smoother_modes, whitener
+from omnijax.diagnosis._machine.runs import Run
+from omnijax.diagnosis._machine.smooth import smooth
+from omnijax.diagnosis._machine.start_angles import with_start_angles
+from omnijax.diagnosis._search.fit import refit
+from omnijax.diagnosis._search.held_out import HeldOut
+from omnijax.diagnosis._search.scan import Signatures
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig
 

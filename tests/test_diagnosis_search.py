@@ -8,14 +8,15 @@ import numpy as np
 import pytest
 from jaxtyping import Array, Float
 
-from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, _search, along
-from omnijax.diagnosis._fit import refit
-from omnijax.diagnosis._refits import Refits
-from omnijax.diagnosis._review import Review
-from omnijax.diagnosis._scan import Signatures
-from omnijax.diagnosis._search import Way
-from omnijax.diagnosis._starts import RAN_OFF, at_finite_strength, by_tangent
-from omnijax.laws import (
+from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, along
+from omnijax.diagnosis._search import search as _search
+from omnijax.diagnosis._search.fit import refit
+from omnijax.diagnosis._search.refits import Refits
+from omnijax.diagnosis._search.review import Review
+from omnijax.diagnosis._search.scan import Signatures
+from omnijax.diagnosis._search.search import Way
+from omnijax.diagnosis._search.starts import RAN_OFF, at_finite_strength, by_tangent
+from omnijax.laws import (  # fmt: skip
     EFFECTS,
     GENERIC,
     AbstractMount,
@@ -23,7 +24,7 @@ from omnijax.laws import (
     MountSignal,
     Parameter,
     ShaftSignal,
-)  # fmt: skip
+)
 
 LAWS = {
     k: {**EFFECTS, **GENERIC}[k] for k in ("bearing-coulomb", "shaft-drag", "friction-asymmetry")

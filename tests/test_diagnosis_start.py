@@ -6,8 +6,8 @@ from test_diagnosis_null import noisy
 from test_plant import load_plant
 
 from omnijax.diagnosis import Effect, Point, RigModel
-from omnijax.diagnosis._fit import refit
-from omnijax.diagnosis._refits import Refits
+from omnijax.diagnosis._search.fit import refit
+from omnijax.diagnosis._search.refits import Refits
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from omnijax.diagnosis._elastic import OUTPUTS, rig_modes, signal_names
-from omnijax.diagnosis._rotation import Turning
-from omnijax.diagnosis._runs import COARSE, STEPS, Run
-from omnijax.diagnosis._stepped import Lane, law_changes, stepped_ports
-from omnijax.diagnosis._wheels import wheel_tables
+from omnijax.diagnosis._machine.elastic import OUTPUTS, rig_modes, signal_names
+from omnijax.diagnosis._machine.rotation import Turning
+from omnijax.diagnosis._machine.runs import COARSE, STEPS, Run
+from omnijax.diagnosis._machine.stepped import Lane, law_changes, stepped_ports
+from omnijax.diagnosis._machine.wheels import wheel_tables
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig
 

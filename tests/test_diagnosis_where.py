@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from omnijax.diagnosis._where import discoveries, p_value, questions, shares, shuffle
+from omnijax.diagnosis._search.where import discoveries, p_value, questions, shares, shuffle
 
 N, STEP = 3000, 2e-3
 TIME = STEP * np.arange(N)

@@ -8,10 +8,10 @@ from machines import ORTHOGONAL, machine
 from scipy.linalg import expm
 
 from omnijax.laws import Gap
-from omnijax.simulate import simulate, simulate_many, speeds, torques
-from omnijax.simulate._exponential import FRACTIONS, Exponential, LinearPart
-from omnijax.simulate._phi import phi_functions
-from omnijax.simulate._steps import angle_to_edge, time_to_edge
+from omnijax.simulation import simulate, simulate_many, speeds, torques
+from omnijax.simulation._solve.exponential import FRACTIONS, Exponential, LinearPart
+from omnijax.simulation._solve.phi import phi_functions
+from omnijax.simulation._solve.steps import angle_to_edge, time_to_edge
 
 
 def phi_by_exponential(z, count):

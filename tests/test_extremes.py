@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from machines import ORTHOGONAL, SKEW, machine
 
-from omnijax.simulate import steady_state
-from omnijax.simulate.exact._ladder import points, whole
-from omnijax.simulate.exact._long_run import LongRun
+from omnijax.simulation import steady_state
+from omnijax.simulation._exact.expm import points, whole
+from omnijax.simulation._steady.long_run import LongRun
 
 RIGS = 8
 BITS = 13

@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 
 from omnijax.rig import load_rig, rig_text
-from omnijax.simulate import torques
+from omnijax.simulation import torques
 from omnijax.study import parse_study, sensitivity
-from omnijax.study._design_engine import Engine
-from omnijax.study._design_rig import rig_problem
-from omnijax.study._sensitivity_target import Evaluation
-from omnijax.study._study_runs import fine_enough
+from omnijax.study._design.engine import Engine
+from omnijax.study._design.rig import rig_problem
+from omnijax.study._file.runs import fine_enough
+from omnijax.study._sensitivity.target import Evaluation
 
 pytestmark = pytest.mark.long
 

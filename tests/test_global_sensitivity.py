@@ -6,8 +6,8 @@ import pytest
 
 from omnijax.rig import InputError
 from omnijax.study import GlobalSensitivity, Input, analyse, global_sensitivity
-from omnijax.study._global_morris import morris_design, morris_effects
-from omnijax.study._global_sobol import sobol_design, sobol_indices
+from omnijax.study._spread.morris import morris_design, morris_effects
+from omnijax.study._spread.sobol import sobol_design, sobol_indices
 
 A, B = 7.0, 0.1
 INPUTS = [Input(f"x{i}", -np.pi, np.pi) for i in (1, 2, 3)]
@@ -126,9 +126,9 @@ def test_the_rig_against_salib():
     found = global_sensitivity({**STUDY, "search": {"seed": 3}})
     from SALib.sample import sobol as sampling
 
-    from omnijax.study._design_rig import RigCases
-    from omnijax.study._global_inputs import Inputs, run_all
-    from omnijax.study._study_file import parse_study
+    from omnijax.study._design.rig import RigCases
+    from omnijax.study._file.file import parse_study
+    from omnijax.study._spread.inputs import Inputs, run_all
 
     study = parse_study(STUDY)
     cases = RigCases(study, ("rms",))

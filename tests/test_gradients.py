@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from machines import ORTHOGONAL, SKEW, machine
 
-from omnijax.simulate.exact._constant import constant_response
-from omnijax.simulate.exact._contact import Contact, approach, poles, residues
-from omnijax.simulate.exact._ring import exponential
-from omnijax.simulate.exact._steady import steady_state
+from omnijax.simulation._bulk.contact import Contact, approach, poles, residues
+from omnijax.simulation._bulk.pole_pair import exponential
+from omnijax.simulation._exact.constant import constant_response
+from omnijax.simulation._steady.steady import steady_state
 
 W = jnp.array([0.4, 5.2, -1.3])
 PLACES = lambda r: (  # noqa: E731

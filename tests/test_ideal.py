@@ -10,7 +10,7 @@ from machines import ORTHOGONAL, machine
 from scipy.integrate import solve_ivp
 
 from omnijax.dynamics import drive_forces, external_force, minimum_normal_force, rotation_matrix
-from omnijax.simulate import simulate, torques
+from omnijax.simulation import simulate, torques
 
 TS = jnp.linspace(0.0, 2.0, 101)
 TORQUE = jnp.array([0.1, 0.2, 0.3])

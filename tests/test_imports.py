@@ -28,6 +28,49 @@ def test_imports_go_one_way(package):
             assert set(names) <= allowed, f"{file}:{node.lineno} imports {names}"
 
 
+def _folder(parts: list[str]) -> list[str]:
+    """The package of a dotted name below the root: itself where it is a folder."""
+    return parts if (ROOT.joinpath(*parts)).is_dir() else parts[:-1]
+
+
+def _imported(file: Path):
+    """Every import of the package's own by `file`: the module's parts below the root, and line."""
+    own = list(file.relative_to(ROOT).parent.parts)
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            base = own[: len(own) - node.level + 1]
+            yield [*base, *(node.module.split(".") if node.module else [])], node.lineno
+        elif isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "omnijax":
+            yield (node.module or "").split(".")[1:], node.lineno
+
+
+def past_a_face(importer: list[str], module: list[str]) -> bool:
+    """Whether a file of the folder `importer` takes `module` from behind another folder's face."""
+    shared = 0
+    while shared < min(len(importer), len(module)) and importer[shared] == module[shared]:
+        shared += 1
+    inside = _folder(module)
+    # a file of the own folder or of one around it, or the face of the first folder not shared
+    return len(inside) > shared and len(module) > shared + 1
+
+
+@pytest.mark.parametrize("package", ORDER)
+def test_nobody_imports_past_a_face(package):
+    for file in (ROOT / package).rglob("*.py"):
+        for module, line in _imported(file):
+            own = list(file.relative_to(ROOT).parent.parts)
+            assert not past_a_face(own, module), f"{file}:{line} imports {'.'.join(module)}"
+
+
+def test_the_faces_are_seen():
+    assert past_a_face(["study"], ["rig", "_load"])
+    assert past_a_face(["study", "_design"], ["study", "_sweep", "store"])
+    assert not past_a_face(["study", "_design"], ["study", "_sweep"])
+    assert not past_a_face(["study", "_design"], ["study", "_points"])
+    assert not past_a_face(["study", "_design"], ["rig"])
+    assert not past_a_face(["cli"], ["_errors"])
+
+
 def test_helpers_of_the_root_import_no_package():
     for file in ROOT.glob("_*.py"):
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):

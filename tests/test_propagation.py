@@ -12,18 +12,19 @@ from scipy.linalg import expm
 
 from omnijax import laws, load_rig
 from omnijax.dynamics import TRANSLATIONS, linear_system, wheel_shape
-from omnijax.simulate import constant, propagate, ramp, simulate, speeds
-from omnijax.simulate.exact import (
+from omnijax.simulation import constant, propagate, ramp, simulate, speeds
+from omnijax.simulation._bulk.contact import Contact, _quartic, poles
+from omnijax.simulation._bulk.gradient import orbit, stored_modes
+from omnijax.simulation._bulk.rig import (
+    _designs,
     bulk_checked,
     bulk_figures,
     bulk_gradients,
-    exact_obstacle,
+    contacts_of,
     plan_bulk,
 )
-from omnijax.simulate.exact._bulk_gradient import orbit, stored_modes
-from omnijax.simulate.exact._bulk_rig import _designs, contacts_of
-from omnijax.simulate.exact._bulk_square import mean_square
-from omnijax.simulate.exact._contact import Contact, _quartic, poles
+from omnijax.simulation._bulk.sampled_rms import mean_square
+from omnijax.simulation._exact.system import exact_obstacle
 
 TS = jnp.linspace(0.2, 0.7, 11)
 W = (0.4, 5.2, -1.3)

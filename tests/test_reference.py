@@ -11,7 +11,7 @@ import pytest
 from machines import shared
 
 import omnijax
-from omnijax.simulate import simulate, table, torques
+from omnijax.simulation import simulate, table, torques
 
 
 @pytest.mark.parametrize("name", ["ref-1", "ref-2"])

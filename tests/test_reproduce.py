@@ -8,14 +8,13 @@ import pytest
 
 from omnijax.cli._frame import run
 from omnijax.dynamics import Pointwise
-from omnijax.report.paper import Claim
-from omnijax.report.paper._case import DAMPING, SPEEDS, baseline, changed
-from omnijax.report.paper._claim import FAILS, HOLDS, PARTLY, at_least, at_most
-from omnijax.report.paper._cycle import cycle, from_rest, lengths, metrics
-from omnijax.report.paper._errata import ROWS, judge, recovered_radius
-from omnijax.report.paper._reproduce import _page
-from omnijax.report.paper._study import make_study
-from omnijax.simulate import simulate, speeds
+from omnijax.paper._case import DAMPING, SPEEDS, baseline, changed
+from omnijax.paper._claim import FAILS, HOLDS, PARTLY, Claim, at_least, at_most
+from omnijax.paper._cycle import cycle, from_rest, lengths, metrics
+from omnijax.paper._errata import ROWS, judge, recovered_radius
+from omnijax.paper._reproduce import _page
+from omnijax.paper._study import make_study
+from omnijax.simulation import simulate, speeds
 
 WANTED = {
     "linear-velocity", "parabolic-path", "sinusoidal-quaternion", "no-coupling", "rigid-size",
@@ -33,7 +32,7 @@ def study():
 @pytest.fixture(scope="module")
 def written(study, tmp_path_factory):
     """The reduced page, through the same parts as the command."""
-    from omnijax.report.paper import _reproduce
+    from omnijax.paper import _reproduce
 
     folder = tmp_path_factory.mktemp("paper")
     with pytest.MonkeyPatch.context() as patch:

@@ -8,7 +8,7 @@ import pytest
 from omnijax import load_rig, set_parameter
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
-from omnijax.simulate import propagate, speeds
+from omnijax.simulation import propagate, speeds
 from omnijax.study import Sensitivity, sensitivity
 from omnijax.vibration import evaluate, steady_metrics
 

@@ -5,7 +5,7 @@ import pytest
 from test_plant import load_plant
 
 from omnijax.diagnosis import diagnose
-from omnijax.diagnosis._model import Effect
+from omnijax.diagnosis._search.model import Effect
 from omnijax.laws import EFFECTS
 
 # no strength that could be small, or an axis with fewer numbers than columns: judged at a size

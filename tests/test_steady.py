@@ -10,7 +10,7 @@ from machines import ORTHOGONAL, SKEW, machine
 
 from omnijax import laws
 from omnijax.rig import set_parameter
-from omnijax.simulate import propagate, speeds, steady_state
+from omnijax.simulation import propagate, speeds, steady_state
 
 
 def _harmonic(rig, w, count=6000):

@@ -16,8 +16,8 @@ from benchmarks import _c
 from benchmarks import _omnijax as ours
 from benchmarks import _problem as problem
 from omnijax import laws
-from omnijax.simulate import steady_state
-from omnijax.simulate.exact import (
+from omnijax.simulation import steady_state
+from omnijax.simulation._bulk.steady import (
     plan_steady,
     steady_bulk_obstacle,
     steady_figures,

@@ -16,8 +16,8 @@ import pytest
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
 from omnijax.study import tolerances
-from omnijax.study._design_folder import Folder
-from omnijax.study._tolerance import share_bounds
+from omnijax.study._spread.tolerances import share_bounds
+from omnijax.study._study_folder import Folder
 
 TEXT = """
 rig = "atlas"
@@ -52,7 +52,7 @@ confidence = 0.9
 SLOW = """
 import time
 from omnijax.cli import main
-from omnijax.study._design_folder import Folder
+from omnijax.study._study_folder import Folder
 write, written = Folder.write, []
 def slow(*args):
     if len(written) == 2:

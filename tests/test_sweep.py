@@ -12,10 +12,10 @@ import omnijax
 from omnijax import InputError, load_rig, load_sweep, set_parameter, sweep
 from omnijax.cli._frame import run
 from omnijax.laws import LiftOff
-from omnijax.simulate import ramp, speeds, steady_state, torques
-from omnijax.study import _sweep_paths
+from omnijax.simulation import ramp, speeds, steady_state, torques
 from omnijax.study._axes import read_axis
-from omnijax.study._store import STATUS
+from omnijax.study._sweep import paths as _sweep_paths
+from omnijax.study._sweep.store import STATUS
 from omnijax.vibration import evaluate
 
 VARY = {"wheel.roundness": "0.2:0.6:4", "contact.stiffness": "log:5e4:1e6:5"}
@@ -119,13 +119,13 @@ def test_torque_driven_sweeps_by_fixed_steps_agree_with_adaptive_runs(tmp_path):
 )
 def test_where_torque_driven_sweeps_keep_adaptive_steps(changes, message):
     drive, gradient = changes.get("drive", torques((0.1, 0.2, 0.3))), changes.get("gradient", False)
-    spec, why = omnijax.study._sweep_plan.plan(
+    spec, why = omnijax.study._sweep.plan.plan(
         changes.get("rig", load_rig("atlas")),
         {"sphere.mass": [5.0, 6.0]},
         "rms",
         drive,
-        omnijax.study._sweep_plan.Sampling("grid", None, 0, gradient, None, 1),
-        omnijax.study._sweep_plan.Numerics(
+        omnijax.study._sweep.plan.Sampling("grid", None, 0, gradient, None, 1),
+        omnijax.study._sweep.plan.Numerics(
             "coupled", changes.get("solver", "auto"), 0.1, None, None, None
         ),
     )
@@ -143,13 +143,13 @@ def test_path_follows_from_rig_and_drive():
     rig = load_rig("atlas")
 
     def path(rig, drive, duration, metrics=("rms",)):
-        return omnijax.study._sweep_plan._how(
+        return omnijax.study._sweep.plan._how(
             rig,
             drive,
             [AXIS],
             omnijax.study._points.Grid((AXIS,)),
             metrics,
-            omnijax.study._sweep_plan.Numerics("coupled", "auto", duration, None, None, None),
+            omnijax.study._sweep.plan.Numerics("coupled", "auto", duration, None, None, None),
         )[0]["path"]
 
     constant, moving = speeds(SPEEDS), speeds(ramp(0, 1, (0, 0, 0), SPEEDS))

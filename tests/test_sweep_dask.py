@@ -75,7 +75,7 @@ def _children(word: str) -> list[int]:
 
 def test_scheduler_that_is_not_there_is_one_sentence(tmp_path, capsys, monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("omnijax.study._dask.REACH", 1)
+    monkeypatch.setattr("omnijax.study._sweep.dask.REACH", 1)
     out = tmp_path / "x.zarr"
     words = [*COMMAND, "--out", str(out), "--scheduler", "tcp://127.0.0.1:9"]
     assert run(words) == 2

@@ -16,8 +16,8 @@ from omnijax import InputError, load_rig, load_sweep, sweep
 from omnijax.cli._frame import run
 from omnijax.report import sweep_page
 from omnijax.study import amount
-from omnijax.study._chunks import quantities
-from omnijax.study._store import Store, chunk_files, create_store
+from omnijax.study._sweep.evaluator import quantities
+from omnijax.study._sweep.store import Store, chunk_files, create_store
 
 VARY = {"wheel.roundness": "0.2:0.6:4", "contact.stiffness": "log:5e4:1e6:5"}
 SPEEDS = (0.1, 1.2, 0.3)
@@ -25,7 +25,7 @@ TEXTS = [f"--vary={path}={text}" for path, text in VARY.items()]
 SLOW = """
 import time
 from omnijax.cli import main
-from omnijax.study._store import Store
+from omnijax.study._sweep.store import Store
 write = Store.write
 written = []
 # after the third chunk it waits for the test to kill it
@@ -117,7 +117,7 @@ def test_folder_that_is_no_store_and_store_in_use_are_refused(whole, tmp_path):
         load_sweep(tmp_path)
     with pytest.raises(InputError, match="no such folder"):
         load_sweep(tmp_path / "absent")
-    from omnijax.study._store import Lock
+    from omnijax.study._sweep.store import Lock
 
     lock = Lock(whole.store.folder)
     with pytest.raises(InputError, match="another process is writing"):

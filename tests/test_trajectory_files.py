@@ -16,10 +16,10 @@ from omnijax import (
     measured,
     propagate,
     read_recording,
-    simulate,
     speeds,
 )
-from omnijax.simulate import to_recording
+from omnijax import simulation as simulate
+from omnijax.simulation import to_recording
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 from machines import ORTHOGONAL, SKEW, machine
 
 from omnijax.dynamics import Coupled, Paper, PortInputs, flatten, linear_system, unflatten
-from omnijax.simulate import simulate, speeds
+from omnijax.simulation import simulate, speeds
 
 TS = jnp.linspace(0.0, 0.5, 126)
 SPEEDS = [2.1, -1.2, 0.7]

@@ -15,7 +15,7 @@ from machines import machine
 from omnijax.cli.explore import start_speeds
 from omnijax.laws import ContactCubic
 from omnijax.rig import InputError, load_rig
-from omnijax.simulate import simulate, speeds
+from omnijax.simulation import simulate, speeds
 from omnijax.view import write_replay
 from omnijax.view._panel import Panel
 from omnijax.view._scene import embedded_json

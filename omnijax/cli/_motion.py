@@ -27,7 +27,7 @@ class Motion:
     def drive(self, wheels: int | None = None) -> Any:
         """The drive by constant speeds or torques."""
         from .._errors import InputError
-        from ..simulate import speeds, torques
+        from ..simulation import speeds, torques
 
         if (self.speed is None) == (self.torque is None):
             raise InputError("give either --speed or --torque, one value a wheel.")

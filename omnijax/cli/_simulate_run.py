@@ -10,9 +10,7 @@ from ._progress import bar
 
 def interrupted_run(path: Path | None, rig: Any, model: str, command: str) -> tuple[Any, Any]:
     """The interrupted run in `path` and its last state; `InputError` where it is another run."""
-    from ..simulate import load_trajectory
-    from ..simulate._files import load_end
-    from ..simulate._vector import build_model, initial_state_like
+    from ..simulation import build_model, initial_state_like, load_end, load_trajectory
 
     if path is None or not path.name.endswith(".nc"):
         raise InputError("`resume` needs the interrupted run: --out RUN.nc.")
@@ -30,7 +28,7 @@ def perform(
     """The run and, where it was interrupted, the state to go on from."""
     import jax
 
-    from ..simulate import exact_run_obstacle, simulate
+    from ..simulation import exact_run_obstacle, simulate
 
     if solver == "exact" or (solver == "auto" and not exact_run_obstacle(rig, drive, times, model)):
         run = simulate(rig, drive, times, model=model, solver="exact")
@@ -39,8 +37,7 @@ def perform(
 
 
 def _in_pieces(rig: Any, drive: Any, times: Any, before, **options: Any) -> tuple[Any, Any]:
-    from ..simulate._lengths import joined
-    from ..simulate._solve import solve_in_pieces
+    from ..simulation import joined, solve_in_pieces
 
     runs, end = ([], None) if before is None else ([before[0]], before[1])
     done = sum(len(run.t) for run in runs)

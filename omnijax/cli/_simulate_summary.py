@@ -7,7 +7,7 @@ def summarise(run: Any, rig: Any) -> dict[str, Any]:
     """How the run ended, and its main figures as far as it got."""
     import numpy as np
 
-    from ..simulate._trajectory import STATUS
+    from ..simulation import STATUS
 
     good = np.isfinite(np.asarray(run.dR)).all(axis=1)
     dR, elastic, a = (np.asarray(x)[good] for x in (run.dR, run.dR_elastic, run.a))

@@ -62,7 +62,7 @@ def readable(values: Any, unit: str) -> tuple[Any, str]:
     """Values in the unit that their middle one reads well in, and that unit."""
     import numpy as np
 
-    from ..study import scaled
+    from .._text import scaled
 
     found = np.asarray(values, float)
     finite = np.abs(found[np.isfinite(found)])

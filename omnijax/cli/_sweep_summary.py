@@ -26,7 +26,7 @@ def summarise(result: Any) -> dict[str, Any]:
 
 def show(result: Any, summary: dict[str, Any]) -> None:
     """The summary for people."""
-    from ..study._sweep_progress import status_text
+    from ..study import status_text
 
     print(f"{summary['designs']} designs by {summary['why']}.")
     print(f"status: {status_text(summary['status'])}")

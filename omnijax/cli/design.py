@@ -66,7 +66,7 @@ def design(
 
 
 def _page(folder: Path, found: Any, study: Path, asked: Any) -> None:
-    from ..study import amount
+    from .._text import amount
 
     ends, order = found.ends, found.ranking
     figures = [

@@ -69,9 +69,9 @@ def diagnose(
 
 def _print(found: Any) -> None:
     """The answer in a few lines."""
+    from .._text import scaled
     from ..laws import in_words
     from ..report import effect_sizes
-    from ..study import scaled
 
     print(f"verdict: {found.verdict}")
     for fault in found.faults:

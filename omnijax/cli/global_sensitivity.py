@@ -40,9 +40,8 @@ def global_sensitivity(
     report
         A folder for a page with the figures.
     """
+    from ..study import checked_metrics, load_study
     from ..study import global_sensitivity as run
-    from ..study import load_study
-    from ..study._sensitivity_target import checked_metrics
 
     asked = load_study(study)
     metrics = None if metric is None else checked_metrics(metric)

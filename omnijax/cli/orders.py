@@ -91,7 +91,7 @@ def _run(path: Path, rig: str | None) -> tuple[Any, Any]:
     from ..rig import load_rig
 
     if path.name.endswith(".nc"):
-        from ..simulate import load_trajectory
+        from ..simulation import load_trajectory
         from ..view import rig_of_run
 
         return load_trajectory(path), rig_of_run(path)

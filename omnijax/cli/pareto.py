@@ -38,9 +38,8 @@ def pareto(
     report
         A folder for a page with the figure.
     """
-    from ..study import load_study
+    from ..study import checked_metrics, load_study
     from ..study import pareto as run
-    from ..study._sensitivity_target import checked_metrics
 
     asked = load_study(study)
     names = () if metric is None else checked_metrics(metric)

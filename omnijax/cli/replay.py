@@ -29,8 +29,8 @@ def replay(
     title
         Heading of the page; the run's name where it is not given.
     """
-    from ..rig import InputError
-    from ..simulate import load_trajectory
+    from .._errors import InputError
+    from ..simulation import load_trajectory
     from ..view import rig_of_run, write_replay
 
     trajectory = load_trajectory(run)

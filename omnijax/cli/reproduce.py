@@ -39,8 +39,8 @@ def reproduce(
         raise InputError([f"`--samples` must be at least 1, but is {samples}."])
     if out.exists() and not out.is_dir():
         raise InputError([f"`--out` must be a folder, but {out} is a file."])
-    from ..report.paper import STEPS
-    from ..report.paper import reproduce as remake
+    from ..paper import STEPS
+    from ..paper import reproduce as remake
 
     with _progress() as bar:
         task = bar.add_task("starting", total=STEPS)

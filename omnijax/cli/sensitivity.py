@@ -114,9 +114,9 @@ def _print(found: Any, per_wheel: bool, top: int) -> None:
 
 
 def _page(folder: Path, found: Any, machine: Any) -> None:
+    from .._text import amount
     from ..report import Column, Fact, Table, provenance, shown
     from ..rig import rig_text
-    from ..study import amount
 
     first = found.metrics[0]
     lead, value = next(iter(found.together(first).items()))

@@ -79,7 +79,7 @@ def _asked(rig: Any, motion: Motion, recording: Path | None) -> Asked:
 
     from .._errors import InputError
     from ..recording import read_recording
-    from ..simulate import drive_from_recording
+    from ..simulation import drive_from_recording
 
     if sum(x is not None for x in (motion.speed, motion.torque, recording)) != 1:
         raise InputError("give one of --speed, --torque and --drive.")
@@ -125,7 +125,7 @@ def _written(
 ) -> dict[str, str]:
     """The files that were asked for."""
     from .._errors import InputError
-    from ..simulate import save_trajectory
+    from ..simulation import save_trajectory
 
     files = {}
     if out is not None:
@@ -148,7 +148,7 @@ def _code(run: Any, out: Path | None) -> int:
     """The exit code, and on stderr what to do about a run that did not reach its end."""
     import sys
 
-    from ..simulate._trajectory import STATUS
+    from ..simulation import STATUS
     from ._frame import FAILED, INTERRUPTED, OK
 
     if run.ok:
@@ -165,7 +165,7 @@ def _check_files(out: Path | None, plot: Path | None) -> None:
     from .._errors import InputError
 
     if out is not None:
-        from ..simulate._files import check_suffix
+        from ..simulation import check_suffix
 
         check_suffix(out)
     if plot is not None and plot.suffix.lower() not in PICTURES:
@@ -184,7 +184,7 @@ def _rig_file(name: str, rig: Any, out: Path) -> Path | None:
 
 def _plot(run: Any, name: str, path: Path) -> Path:
     from ..report import figure, style
-    from ..simulate._plots import plot_run
+    from ..simulation import plot_run
 
     path.parent.mkdir(parents=True, exist_ok=True)
     with style():

@@ -101,8 +101,8 @@ def _run(
     """The sweep, and how long it took in s."""
     import time
 
+    from ..study import Bar
     from ..study import sweep as evaluate
-    from ..study._sweep_progress import Bar
 
     began = time.monotonic()
     with Bar() as advance:

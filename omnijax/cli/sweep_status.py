@@ -25,7 +25,7 @@ def sweep_status(store: Path, /, *, rerun: int | None = None, json: Json = False
         found = _again(result, rerun)
         emit(json, found, lambda: _print_design(result, found))
         return 0 if found["status"] not in {"non-finite", "step limit", "failed"} else 1
-    from ..study._sweep_progress import progress
+    from ..study import progress
     from ._sweep_summary import summarise
 
     state = progress(result.store)
@@ -37,8 +37,7 @@ def sweep_status(store: Path, /, *, rerun: int | None = None, json: Json = False
 def _again(result: Any, index: int) -> dict[str, Any]:
     import numpy as np
 
-    from ..study._chunks import Evaluator
-    from ..study._store import STATUS
+    from ..study import STATUS, Evaluator
 
     result.design(index)  # refuses an index outside
     columns = Evaluator(result.spec).designs(np.array([index]))
@@ -47,8 +46,8 @@ def _again(result: Any, index: int) -> dict[str, Any]:
 
 
 def _print_design(result: Any, found: dict[str, Any]) -> None:
-    from ..simulate._trajectory import REMEDY
-    from ..study._store import STATUS
+    from ..simulation import REMEDY
+    from ..study import STATUS
 
     print(f"design {found['design']}: {found['status']}")
     for name in result.store.names[:-1]:
@@ -59,7 +58,7 @@ def _print_design(result: Any, found: dict[str, Any]) -> None:
 
 
 def _print(result: Any, summary: dict[str, Any]) -> None:
-    from ..study._sweep_progress import clock
+    from ..study import clock
     from ._sweep_summary import show
 
     done, size = summary["done"], summary["designs"]

@@ -75,8 +75,8 @@ def _plain(found: Any) -> dict[str, Any]:
 def _page(folder: Path, found: Any, study: Path, asked: Any) -> None:
     import numpy as np
 
+    from .._text import amount
     from ..report import Column, Table
-    from ..study import amount
 
     slopes, unit = readable(found.slopes / 100, found.unit)
     columns = [Column("part", text=True), Column("nominal", text=True)]

@@ -7,11 +7,15 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from .._errors import InputError
 from ..laws import EFFECTS
 from ..recording import Case, noise_floor, read_case
-from ..rig import InputError
 from ._answer import (
+    Diagnosis,
     baseline_table,
+    gaps,
+    group_squares,
+    judge,
     learned_table,
     named,
     notes,
@@ -19,17 +23,8 @@ from ._answer import (
     score_table,
     separating,
 )
-from ._fit import refit
-from ._gap import gaps, group_squares
-from ._model import Point
-from ._outliers import without_outliers
-from ._result import Diagnosis
-from ._rig_model import RigModel
-from ._runs import to_run
-from ._search import Search
-from ._start_angles import with_start_angles, without_encoder
-from ._verdict import judge
-from ._where import locate
+from ._machine import RigModel, to_run, with_start_angles, without_encoder, without_outliers
+from ._search import Point, Search, locate, refit
 
 
 def diagnose(
@@ -66,7 +61,7 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     learned = None
     if judged.verdict == "unknown":
-        from ._learned import learn
+        from ._answer import learn
 
         learned = learn(model, found.baseline, tell)
         model.rebase(found.baseline.point)

@@ -30,6 +30,8 @@ from ._rotation import minimum_normal_force as minimum_normal_force
 from ._rotation import rotation_matrix as rotation_matrix
 from ._signals import contact_signals as contact_signals
 from ._signals import mount_signals as mount_signals
+from ._small import pseudoinverse as pseudoinverse
+from ._small import solve_all as solve_all
 from ._translation import TRANSLATIONS as TRANSLATIONS
 from ._translation import AbstractTranslation as AbstractTranslation
 from ._translation import Coupled as Coupled

@@ -10,6 +10,9 @@ from ._generic import FrictionAsymmetry as FrictionAsymmetry
 from ._generic import MountQuadratic as MountQuadratic
 from ._generic import StiffShaft as StiffShaft
 from ._hertz import HertzResistance as HertzResistance
+from ._hertz import effective_modulus as effective_modulus
+from ._hertz import effective_radius as effective_radius
+from ._hertz import peak_pressure as peak_pressure
 from ._library import EFFECTS as EFFECTS
 from ._library import PORTS as PORTS
 from ._library import in_words as in_words
@@ -20,6 +23,15 @@ from ._measurement import SensorDelay as SensorDelay
 from ._measurement import SensorDrift as SensorDrift
 from ._measurement import SensorGain as SensorGain
 from ._measurement import delayed as delayed
+from ._pieces import Pieces as Pieces
+from ._pieces import chebyshev_nodes as chebyshev_nodes
+from ._pieces import has_pieces as has_pieces
+from ._pieces import mirrored as mirrored
+from ._pieces import padded as padded
+from ._pieces import piece_at as piece_at
+from ._pieces import shape_pieces as shape_pieces
+from ._pieces import to_powers as to_powers
+from ._pieces import value as value
 from ._ports import AbstractBody as AbstractBody
 from ._ports import AbstractContact as AbstractContact
 from ._ports import AbstractKinematics as AbstractKinematics

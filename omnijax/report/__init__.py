@@ -17,6 +17,8 @@ from ._orders import strongest_orders as strongest_orders
 from ._page import Page as Page
 from ._page import file_name as file_name
 from ._style import COLOURS as COLOURS
+from ._style import INK as INK
+from ._style import MUTED as MUTED
 from ._style import PALETTE as PALETTE
 from ._style import figure as figure
 from ._style import legend_above as legend_above

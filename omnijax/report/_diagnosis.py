@@ -4,16 +4,10 @@ from typing import Any
 
 import numpy as np
 
+from .._text import estimate, scaled
 from ..laws import in_words
-from ..study import estimate, scaled
 from ._content import Column, Fact, Provenance, Section, Table, provenance
-from ._diagnosis_figures import (
-    gap_figure,
-    learned_figure,
-    next_figure,
-    order_figure,
-    score_figure,
-)
+from ._diagnosis_figures import gap_figure, learned_figure, next_figure, order_figure, score_figure
 from ._page import Page
 
 ANSWERS = {

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from ..simulate._plots import SCALES
-from ..vibration import OrderMap, OrderTrack
-from ..vibration._waterfall import name_of
+from ..simulation import SCALES
+from ..vibration import OrderMap, OrderTrack, name_of
 from ._axis import SpeedAxis
 from ._content import Column, Fact, Figure, Provenance, Section, Table, shown
 from ._page import Page

@@ -4,7 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from ..study import Grid, SweepResult, amount
+from .._text import amount
+from ..study import Grid, SweepResult
 from ._axis import SpeedAxis
 from ._content import Column, Fact, Figure, Provenance, Section, Table, shown
 from ._page import Page

@@ -25,6 +25,7 @@ from ._parameters import parameter_info as parameter_info
 from ._parameters import parameter_paths as parameter_paths
 from ._parameters import read_parameter as read_parameter
 from ._parameters import set_parameter as set_parameter
+from ._quantities import Quantity as Quantity
 from ._quantities import as_number as as_number
 from ._save import rig_text as rig_text
 from ._save import save_rig as save_rig

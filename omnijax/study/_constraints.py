@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..laws._hertz import effective_modulus, effective_radius, peak_pressure
+from ..laws import effective_modulus, effective_radius, peak_pressure
 from ..rig import Rig
-from ..simulate import Trajectory
+from ..simulation import Trajectory
 from ..vibration import METRICS, SteadyRun, natural_frequencies
-from ._design_problem import Limit
+from ._problem import Limit
 
 
 @dataclasses.dataclass(frozen=True)

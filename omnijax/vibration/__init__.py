@@ -24,3 +24,4 @@ from ._steady import ContactLoad as ContactLoad
 from ._steady import SteadyRun as SteadyRun
 from ._steady import contact_load as contact_load
 from ._steady import steady_metrics as steady_metrics
+from ._waterfall import name_of as name_of

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..recording import Recording, unit_of
-from ..simulate import Trajectory
+from ..simulation import Trajectory
 from ._order_results import OrderMap, OrderTrack
 
 OVERLAP = 4  # windows begin a quarter of their length apart

@@ -15,8 +15,7 @@ from jaxtyping import Array, Float
 
 from .._root import root
 from ..rig import Rig
-from ..simulate.exact._long_run import LongRun
-from ..simulate.exact._spectrum import _rates, _response, fourier
+from ..simulation import LongRun, fourier, line_rates, line_response
 from ._comfort import weighting
 from ._metrics import known, up
 
@@ -60,11 +59,11 @@ class SteadyRun(LongRun):
 
     def weighted(self) -> Float[Array, ""]:
         """sqrt(sum over signals, harmonics, directions of |a|^2 W^2 / 2), W as in ISO 2631-1."""
-        rates, vertical, total = _rates(self.signals, LINES), up(self.rig), jnp.zeros(())
+        rates, vertical, total = line_rates(self.signals, LINES), up(self.rig), jnp.zeros(())
         for g in range(len(self.signals.wheel)):
             pieces = jax.tree.map(lambda x, g=g: x[g], self.signals.cycle.pieces)
             rate = rates[g, 1:]
-            lines = jax.vmap(lambda w, g=g: _response(self.system, g, w, "a_sphere"))(rate)
+            lines = jax.vmap(lambda w, g=g: line_response(self.system, g, w, "a_sphere"))(rate)
             lines = 2 * fourier(pieces, LINES)[1:, None] * lines
             along = lines @ vertical
             across = lines - along[:, None] * vertical

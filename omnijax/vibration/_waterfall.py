@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from ..simulate._plots import COLOURS, SCALES
+from ..simulation import COLOURS, SCALES
 
 OVER = {"time": "time (s)", "speed": "speed (rpm)"}
 

@@ -11,7 +11,8 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 from starlette.routing import Route
 
-from ..rig import InputError, rig_text
+from .._errors import InputError
+from ..rig import rig_text
 from ._panel import Panel
 from ._scene import bundle, page
 

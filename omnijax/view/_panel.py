@@ -8,9 +8,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from .._errors import InputError
 from ..dynamics import rolling, sphere_velocity
-from ..rig import InputError, Rig, parameter_info, set_parameter
-from ..simulate import steady_state
+from ..rig import Rig, parameter_info, set_parameter
+from ..simulation import steady_state
 from ..vibration import natural_frequencies
 from ._scene import machine_scene
 from ._sliders import Slider, sliders

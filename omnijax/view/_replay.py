@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from ..rig import Rig
-from ..simulate import Trajectory
+from ..simulation import Trajectory
 from ._scene import embedded_json, machine_scene, page
 
 MOST_SAMPLES = 12_000  # of a page: it stays below 2 MB for three wheels

@@ -3,7 +3,8 @@
 import tomllib
 from pathlib import Path
 
-from ..rig import InputError, Rig, parse_rig
+from .._errors import InputError
+from ..rig import Rig, parse_rig
 
 
 def rig_of_run(path: str | Path) -> Rig:

@@ -5,7 +5,8 @@ import socket
 import webbrowser
 from collections.abc import Mapping
 
-from ..rig import InputError, Rig
+from .._errors import InputError
+from ..rig import Rig
 from ._panel import Panel
 
 LOOPBACK = ("127.0.0.1", "localhost", "[::1]", "::1")

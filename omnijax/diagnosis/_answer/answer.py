@@ -1,0 +1,176 @@
+"""What is said of a search: named effects with sizes, calibrated parameters, scores and notes."""
+
+from typing import Any
+
+import numpy as np
+
+from .._machine import RigModel
+from .._search import Effect, Found, Point
+from .gap import UNITS
+from .result import Named
+from .verdict import Judged
+
+
+def named(model: RigModel, found: Found, judged: Judged) -> list[Named]:
+    """The named effects with sigma from the joint refit; equals as entries of their own."""
+    if judged.verdict not in ("named", "ambiguous"):
+        return []
+    P, out = len(model.priors), []
+    sigma = np.sqrt(np.maximum(np.diag(found.fit.covariance), 0.0))
+    total = max(found.held_before - found.held_after, 1e-300)
+    for i, effect in enumerate(found.fit.point.effects):
+        spread: dict[str, Any] = {}
+        for k, free in enumerate(found.fit.free):
+            if free.effect == i:
+                spread.setdefault(free.key, []).append(float(sigma[P + k]))
+        near = judged.equals.get(i, [])
+        evidence = {
+            "delta_bic": found.fit.chi2 - found.baseline.chi2
+            + len(found.fit.free) * float(np.log(model.dof("train"))),
+            "held_out_gain": judged.closed, "held_out_chi2": total,
+            "margin_to_next": min((m for _, m, _ in found.rivals.get(i, [])), default=None),
+        }  # fmt: skip
+        everyone = [effect, *(e for e, _, _ in near)]
+        out.append(
+            Named(
+                effect.id,
+                effect.place,
+                _parameters(model, effect, spread),
+                evidence,
+                _others(everyone, effect),
+            )
+        )
+        for rival, margin, cosine in near:
+            out.append(
+                Named(rival.id, rival.place, _parameters(model, rival, {}),
+                      {**evidence, "margin": margin, "cosine": cosine}, _others(everyone, rival))
+            )  # fmt: skip
+    return out
+
+
+def _others(everyone: list[Effect], effect: Effect) -> list[dict[str, str]]:
+    return [{"id": e.id, "place": e.place} for e in everyone if e.name != effect.name]
+
+
+def _parameters(model: RigModel, effect: Effect, spread: dict[str, list[float]]) -> dict:
+    law, out = model.laws[effect.id], {}
+    for key, value in effect.values.items():
+        own = spread.get(key)
+        vector = np.ndim(value) > 0
+        out[key] = {
+            "value": np.asarray(value).tolist() if vector else float(value),
+            "sigma": None if own is None else own if vector else own[0],
+            "unit": _unit(law.parameters[key].unit, effect.place),
+        }
+    if effect.id == "contact-hertz":
+        out |= _hertz(model, effect)
+    return out
+
+
+def _unit(unit: str, place: str) -> str:
+    """A parameter's unit; a sensor's is that of its channel."""
+    return unit.replace("unit of the channel", UNITS.get(place.split("_", maxsplit=1)[0], "1"))
+
+
+def _hertz(model: RigModel, effect: Effect) -> dict:
+    """The modulus E' = 0.75 c / sqrt(R') that the tangent stiffness stands for."""
+    w, sphere = model.rig.wheels, model.rig.sphere
+    K, N0 = np.asarray(w.contact.stiffness), np.asarray(w.closure.preload)
+    reach = 1.5 * N0 / K
+    curvature = np.asarray(sphere.radius * w.radius / (sphere.radius + w.radius))
+    modulus = 0.75 * N0 / reach**1.5 / np.sqrt(curvature)
+    names = model.rig.names
+    chosen = modulus[names.index(effect.place)] if effect.place in names else modulus.mean()
+    return {
+        "exponent": {"value": 1.5, "sigma": None, "unit": "1"},
+        "modulus": {"value": float(chosen), "sigma": None, "unit": "Pa"},
+    }
+
+
+def baseline_table(found: Found) -> list[dict[str, Any]]:
+    """Uncertain parameters before, calibrated without and with the effects, and what is known."""
+    out = []
+    priors = found.priors
+    sigma = np.sqrt(np.maximum(np.diag(found.fit.covariance), 0.0))
+    for k, prior in enumerate(priors):
+        first, last = prior.at(found.baseline.point.u[k]), prior.at(found.fit.point.u[k])
+        out.append({
+            "parameter": prior.name, "stated": prior.value, "without_effects": first,
+            "with_effects": last, "relative_sigma": float(sigma[k] * prior.sigma),
+            "absorbed": float(np.log(first / last)) if first * last > 0 else 0.0,
+            "determined": bool(sigma[k] < 0.7),
+            "at_bound": bool(abs(found.fit.point.u[k]) > prior.hard - 1e-6),
+        })  # fmt: skip
+    return out
+
+
+def score_table(found: Found, most: int = 12) -> list[dict[str, Any]]:
+    """The score plot's numbers: the best candidates of every step."""
+    out = []
+    for step, scan in enumerate(found.scans):
+        best = scan.best_per_name()[:most]
+        for s in best:
+            out.append({
+                "step": step + 1, "id": s.candidate.id, "place": s.candidate.place,
+                "note": s.candidate.note, "gain": s.gain, "columns": s.columns, "p": s.p,
+                "cosine_to_best": scan.cosine(best[0].index, s.index),
+            })  # fmt: skip
+    return out
+
+
+def plain_where(where: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What is written of where the gap is."""
+    keys = ("channel", "domain", "value", "reference", "share", "p", "rms_over_noise", "stands")
+    return [{k: w[k] for k in keys} for w in where]
+
+
+def learned_table(learned) -> dict[str, Any] | None:
+    """A learned term as numbers: its port, what it closes, coefficients and map."""
+    if learned is None:
+        return None
+    term = learned.term
+    labels = [(i, label) for i, label, _ in term.port.columns(np.zeros((1, len(term.scales))))]
+    terms = [
+        {"wheel": term.port.wheels[i], "input": label, "coefficient": float(c)}
+        for (i, label), c in zip(labels, term.weights, strict=True)
+    ]
+    return {"port": learned.port, "closed": learned.closed, "uninterpreted": True,
+            "closed_by_smooth_basis": learned.smooth, "closed_with_network": learned.network,
+            "kind": "smooth basis" if term.network is None else "smooth basis and network",
+            "terms": terms, "map": learned.map}  # fmt: skip
+
+
+def notes(judged: Judged, found: Found, model: RigModel) -> list[str]:
+    """The verdict's reason first, then what a reader should know of how it was found."""
+    said = [judged.reason + "."]
+    said.append(
+        "Wheel angles are the smoothed measured ones; Omega and the rolled lengths are predicted "
+        f"from the torques in windows of {model.machine.window:g} s, each with a free start."
+    )
+    if model.spent:
+        said.append(
+            f"The search ended at its budget of {model.budget:g} evaluations of the model: further "
+            "effects and some rivals have not been tried."
+        )
+    if found.refused:
+        said.append(f"Held-out runs refused: {', '.join(found.refused)}.")
+    dead = sorted({s.candidate.name for scan in found.scans[:1] for s in scan.scores if s.dead})
+    if dead:
+        said.append(
+            f"These candidates change no measured channel in these runs: {', '.join(dead)}."
+        )
+    return said
+
+
+def separating(model, found: Found, judged: Judged, tell) -> dict | None:
+    """The experiment that tells the rivals of the first ambiguous effect apart."""
+    if judged.verdict != "ambiguous":
+        return None
+    from .experiment import next_experiment
+
+    tell("simulating what would tell the rivals apart")
+    point = found.fit.point
+    i, near = next((i, near) for i, near in judged.equals.items() if near)
+    effects = list(point.effects)
+    others = [Point(point.u, (*effects[:i], e, *effects[i + 1 :])) for e, _, _ in near]
+    return next_experiment(model, [point, *others])

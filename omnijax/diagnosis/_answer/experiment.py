@@ -1,0 +1,145 @@
+"""The next experiment: the feasible motion of the sphere under which rivals differ most.
+
+Every motion stays below the speed that the runs have shown, and below their torque or that which
+reaches this speed in half a second.  All rivals are simulated along it as a diagnosis of that run
+would; what counts is the worst pair, after each rival's own sizes were fitted to the other's run.
+"""
+
+import dataclasses
+import itertools
+
+import numpy as np
+
+from .._machine import FINE, Machine, RigModel, Run, orthonormal, wheel_tables
+from .._search import Effect, Point, tangent_rows
+
+SECONDS, SPIN_UP = 5.0, 0.5  # s
+
+
+def feasible_motions(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
+    """Histories of Omega (t, 3) in rad/s, from rest to rest, up to the speed `top`."""
+    inside = np.clip(np.minimum(time, SECONDS - time) / SPIN_UP, 0, 1)
+    inside = inside**2 * (3 - 2 * inside)
+    level = np.interp(time, [0, 1.2, 1.5, 2.7, 3.2, 5], [0.25, 0.25, 0.5, 0.5, -1.0, -1.0])
+    found = {
+        f"turn about {axis} at a quarter, half and, backwards, full speed": top
+        * np.outer(inside * level, unit)
+        for axis, unit in zip("xyz", np.eye(3), strict=True)
+    }
+    for words, rates in (("slowly", (0.2, 0.3, 0.4)), ("fast", (0.7, 0.9, 1.2))):
+        waves = np.sin(2 * np.pi * np.outer(time, rates) + [0.0, 1.0, 2.0])
+        found[f"turn about all axes at once, {words} reversed"] = (
+            top / np.sqrt(2) * inside[:, None] * waves
+        )
+    return found
+
+
+def next_experiment(model: RigModel, rivals: list[Point]) -> dict:
+    """The motion whose worst pair of `rivals` lies farthest apart, with its torques."""
+    rig, step = model.rig_at(rivals[0]), model.machine.runs[0].step
+    machine = _planned(model, rig, np.arange(round(SECONDS / step) + 1) * step)
+    rows = []
+    for i, run in enumerate(machine.runs):
+        seen = [_Seen(model, machine, i).predict(p) for p in rivals]
+        pairs = [_margin(a, b) for a, b in itertools.permutations(seen, 2)]
+        rows.append({"drive": run.name, "separation": float(min(pairs))})
+    best = int(np.argmax([r["separation"] for r in rows]))
+    thin = max(1, round(0.02 / step))
+    values = machine.runs[best].torque[::thin].tolist()
+    unit = "chi-square between the closest two rivals, each refitted to the other's run"
+    torque = {"unit": "N m", "step": thin * step, "values": values}
+    return {**rows[best], "unit": unit, "torque": torque, "compared": rows}
+
+
+@dataclasses.dataclass(frozen=True)
+class _Seen:
+    """One planned run as the diagnosis will see it."""
+
+    model: RigModel
+    machine: Machine
+    index: int
+
+    def residuals(self, points, split) -> list[np.ndarray]:
+        """Rows at `points`, whatever the split."""
+        return self.machine.residuals([self.model.rig_at(p) for p in points], [self.index])
+
+    def predict(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
+        """Rows at a rival, and an orthonormal basis of what its own sizes change in them."""
+        point = Point(point.u, tuple(_with_width(self.model, e) for e in point.effects))
+        (here,) = self.residuals([point], "")
+        free = self.model.free(point)
+        J = tangent_rows(self, point, free, here, np.zeros((len(here), 0)))  # pyright: ignore
+        return here, orthonormal(J)
+
+
+def _margin(true, rival) -> float:
+    """chi2 by which `rival` misses the run of `true` after its own sizes are refitted."""
+    left, basis = rival[0] - true[0], rival[1]
+    left = left - basis @ (basis.T @ left)
+    return float(left @ left)
+
+
+def _with_width(model: RigModel, effect: Effect) -> Effect:
+    """The effect with its friction width written out, so that a refit can free it."""
+    fields = model.laws[effect.id].__dataclass_fields__
+    if "width" not in fields or "width" in effect.values:
+        return effect
+    return dataclasses.replace(effect, values=effect.values | {"width": fields["width"].default})
+
+
+def _shown(model: RigModel, rig) -> tuple[float, np.ndarray]:
+    """Greatest |Omega| of the runs, and torques (n,) that are allowed."""
+    motions = model.machine.motions(rig)
+    top = max(float(np.linalg.norm(m.turning, axis=1).max()) for m in motions.values())
+    shown = np.max([np.abs(r.torque).max(axis=0) for r in model.machine.runs], axis=0)
+    w, R = rig.wheels, float(rig.sphere.radius)
+    inertia = np.linalg.eigvalsh(np.asarray(rig.sphere.inertia_matrix)).max()
+    radius = np.asarray(w.radius)
+    reach = radius * inertia / R + np.asarray(w.inertia) * R / radius
+    return top, np.maximum(shown, reach * top / SPIN_UP)
+
+
+def _run(model: RigModel, rig, words: str, time, Omega) -> Run:
+    """The motion as a measured run without torque: angles and Omega with noise, the rest zero."""
+    rng, step = np.random.default_rng(0), time[1] - time[0]
+    rate = Omega @ np.asarray(rig.wheels.spin_axis).T
+    length = np.cumsum(np.concatenate([rate[:1], (rate[1:] + rate[:-1]) / 2]), axis=0) * step
+    least = np.min(np.asarray(rig.wheels.radius)) / float(rig.sphere.radius)
+    reach = float(np.abs(length).max()) / least + 1.0
+    theta = wheel_tables(rig, -reach, reach).unrolled(length)
+    clean = {"theta": theta, "Omega": Omega, "dR": np.zeros_like(Omega), "a": np.zeros_like(Omega)}
+    outputs = {g: clean[g] + model.noise[g] * rng.normal(size=clean[g].shape) for g in model.groups}
+    zero, n = np.zeros((len(time), 3)), len(time)
+    return Run(words, "held-out", time, np.zeros((n, rig.size)), zero, outputs, np.ones(n, bool))
+
+
+def _torques(machine: Machine, rig, i: int, Omega: np.ndarray) -> np.ndarray:
+    """Torques (t, n) under which `rig` makes the motion of a run that has none yet."""
+    run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
+    r = rotated.turning.thin(FINE)
+    change = np.gradient(Omega, run.step, axis=0)
+    axes = np.broadcast_to(r.axes, (run.samples, *r.axes.shape[1:]))
+    force = r.force * r.torque_gain[:, None, :]  # drive forces of unit torques
+    turned = r.radius * r.inverse_inertia @ np.swapaxes(axes, 1, 2) @ force
+    missing = change - rotated.acceleration[::FINE]
+    return np.einsum("tij,tj->ti", np.linalg.pinv(turned), missing)
+
+
+def _planned(model: RigModel, rig, time) -> Machine:
+    """The feasible motions with their torques; what needs too much torque is made slower."""
+    top, most = _shown(model, rig)
+    motions = feasible_motions(top, time)
+    for words, Omega in motions.items():
+        force = np.gradient(Omega, time, axis=0) @ np.asarray(rig.sphere.inertia_matrix)
+        axes = float(rig.sphere.radius) * np.asarray(rig.wheels.spin_axis).T
+        needed = np.abs(force @ np.linalg.pinv(axes).T * np.asarray(rig.wheels.radius))
+        share = np.min(most / np.maximum(needed.max(axis=0), 1e-300))
+        motions[words] = min(1.0, float(share)) * Omega
+    runs = [_run(model, rig, words, time, Omega) for words, Omega in motions.items()]
+    machine = Machine(rig, runs, model.noise, model.machine.window)
+    machine.runs = [
+        dataclasses.replace(run, torque=_torques(machine, rig, i, Omega))
+        for i, (run, Omega) in enumerate(zip(runs, motions.values(), strict=True))
+    ]
+    machine.rebase(rig)
+    return machine

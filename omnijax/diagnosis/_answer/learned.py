@@ -1,0 +1,274 @@
+"""A learned, uninterpreted term on one port, where no known effect closes the gap.
+
+At every port a smooth basis, linear in its coefficients, is fitted together with the baseline; the
+port whose term closes most of the held-out gap is the place to look.  There a small network joins
+the basis, fitted by Gauss-Newton through the same transfer; it is kept where held-out runs gain by
+it.  Either is a drawing, not a law.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+
+from .._machine import Base, RigModel
+from .._search import Fit, Point
+from .._threads import each
+from .learned_ports import ShaftPort, SpringPort
+
+ROUNDS, INNER, HIDDEN = 5, 5, 6
+FAR = 10.0  # RMS: beyond that a term is not followed
+KEPT = 0.01  # share of the held-out gap that the network has to add
+ENOUGH = 1e-3  # share of the misfit that a round must take away to be followed by another
+RIDGE = {"basis": 1e-6, "network": 1e-3}  # on columns of length 1
+
+
+@dataclasses.dataclass(frozen=True)
+class Term:
+    """Weights of the smooth basis, and a network beside it (or None): forces from scaled inputs."""
+
+    port: SpringPort | ShaftPort
+    scales: np.ndarray
+    weights: np.ndarray
+    network: eqx.nn.MLP | None = None
+    size: float = 1.0  # of the network's output
+
+    def force(self, u: np.ndarray) -> np.ndarray:
+        """Forces (t, n) at scaled inputs (t, k)."""
+        out = np.zeros((len(u), len(self.port.wheels)))
+        for (i, _, x), w in zip(self.port.columns(u), self.weights, strict=True):
+            out[:, i] += w * x
+        if self.network is not None:
+            out += self.size * np.asarray(_network(self.network, u))
+        return out
+
+    def tangents(self, u: np.ndarray) -> list[np.ndarray]:
+        """Forces (t, n) per unit of every weight."""
+        out = []
+        for i, _, x in self.port.columns(u):
+            out.append(np.zeros((len(u), len(self.port.wheels))))
+            out[-1][:, i] = x
+        if self.network is not None:
+            J = np.asarray(_network_tangents(self.network, u))
+            out += list(self.size * np.ascontiguousarray(np.moveaxis(J, 2, 0)))
+        return out
+
+    def moved(self, step: np.ndarray) -> "Term":
+        """The term with its weights changed."""
+        k = len(self.weights)
+        network = self.network
+        if network is not None:
+            arrays, rest = eqx.partition(network, eqx.is_array)
+            flat, unravel = ravel_pytree(arrays)
+            network = eqx.combine(unravel(flat + jnp.asarray(step[k:])), rest)
+        return dataclasses.replace(self, weights=self.weights + step[:k], network=network)
+
+
+@eqx.filter_jit
+def _network(network, u):
+    return jax.vmap(network)(jnp.asarray(u))
+
+
+@eqx.filter_jit
+def _network_tangents(network, u):
+    arrays, rest = eqx.partition(network, eqx.is_array)
+    flat, unravel = ravel_pytree(arrays)
+    return jax.vmap(jax.jacrev(lambda p, x: eqx.combine(unravel(p), rest)(x)), (None, 0))(
+        flat, jnp.asarray(u)
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Learned:
+    """The learned term, how much of the held-out gap it closes, and pictures of it.
+
+    `smooth` and `network` are the shares closed by the basis alone and with the network beside it,
+    None where the basis left it too little to close.
+    """
+
+    term: Term
+    closed: float
+    smooth: float
+    network: float | None
+    residual: np.ndarray  # held-out rows after the term
+    curves: dict[str, tuple[np.ndarray, np.ndarray]]
+    map: dict
+
+    @property
+    def port(self) -> str:
+        """Where it acts."""
+        return self.term.port.port
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Of the curves' axes."""
+        port = self.term.port
+        return f"{port.labels()[0].split(' of ')[0]}, {port.own_unit}", f"term, {port.unit}"
+
+
+def learn(model: RigModel, fit: Fit, tell: Callable[[str], None]) -> Learned:
+    """The port and the term that close most of the held-out gap beside `fit`'s baseline."""
+    names = model.rig.names
+    ports = [SpringPort("contact", names), SpringPort("mount", names), ShaftPort(names)]
+    around, found = Around.of(model, fit), []
+    for port in ports:
+        found.append(_Fitting(model, around, port).run())
+        tell(f"learned term at {port.port}: closes {100 * found[-1].closed:.0f} % of the gap")
+    best = max(found, key=lambda f: f.closed)
+    kept, wide = best, None
+    if best.closed < 1 - KEPT:  # else a network has too little to add
+        wide = _Fitting(model, around, best.term.port).run(best)
+        tell(f"with a network beside it: {100 * wide.closed:.0f} %")
+        kept = wide if wide.closed > best.closed + KEPT else best
+    curves, picture = _curves(kept.term), _map(kept)
+    network = None if wide is None else wide.closed
+    return Learned(
+        kept.term, kept.closed, best.closed, network, kept.after["held-out"], curves, picture
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Around:
+    """What every port's term is fitted around: the baseline's runs, residuals and tangents."""
+
+    u: np.ndarray
+    bases: dict[str, list[Base]]
+    rest: dict[str, np.ndarray]
+    tangents: dict[str, np.ndarray]
+
+    @staticmethod
+    def of(model: RigModel, fit: Fit) -> "Around":
+        """The baseline of a fit on train and held-out runs."""
+        splits = ("train", "held-out")
+        return Around(
+            fit.point.u,
+            {s: model.bases(fit.point, s) for s in splits},
+            {s: model.residuals([fit.point], s)[0] for s in splits},
+            {"train": fit.jacobian[:, : len(model.priors)],
+             "held-out": _tangents(model, fit.point)},
+        )  # fmt: skip
+
+
+class _Fitting:
+    """Gauss-Newton of a term and the baseline's shift; the term feels what it does itself."""
+
+    def __init__(self, model: RigModel, around: Around, port: SpringPort | ShaftPort):
+        self.model, self.around, self.port = model, around, port
+        self.shift = np.zeros(len(model.priors))
+        raw = np.concatenate([port.inputs(b) for b in around.bases["train"]])
+        scales = np.sqrt(np.mean(raw**2, axis=0))
+        scales[scales == 0] = 1.0
+        self.term = Term(port, scales, np.zeros(len(port.columns(raw[:2]))))
+
+    def run(self, start: "_Fitting | None" = None) -> "_Fitting":
+        """Fit; from a `start` with a network beside its basis."""
+        rest = self.around.rest["held-out"]
+        before = float(rest @ rest)
+        if start is not None:
+            self.term, self.shift = _with_network(start.term, start.inputs), start.shift
+        for _ in range(ROUNDS):
+            if self.improve() < ENOUGH:
+                break
+        self.after = {s: self.left(self.term, s)[0] for s in self.around.bases}
+        held = float(self.after["held-out"] @ self.after["held-out"])
+        self.closed = (before - held) / max(before - self.model.dof("held-out"), 1.0)
+        self.inputs = np.concatenate(self.left(self.term, "train")[1])
+        return self
+
+    def left(self, term: Term, split: str, shift=None):
+        """Residual rows beside the term and the shift, and the term's scaled inputs by run."""
+
+        def one(base: Base):
+            felt, force, u = None, np.zeros(0), np.zeros(0)
+            for _ in range(INNER):
+                u = np.clip(term.port.inputs(base, felt) / term.scales, -FAR, FAR)
+                force = term.force(u)
+                felt = term.port.felt(base, force)
+                if felt is None:
+                    break
+            rows = self.model.machine.rows[base.index]
+            return rows.project(rows.vector(*term.port.push(base, force))), u
+
+        parts, inputs = zip(*each(one, self.around.bases[split]), strict=True)
+        shift = self.shift if shift is None else shift
+        rest, tangents = self.around.rest[split], self.around.tangents[split]
+        return rest - np.concatenate(parts) + tangents @ shift, list(inputs)
+
+    def improve(self) -> float:
+        """One damped step; the share of the misfit that it takes away."""
+        now, inputs = self.left(self.term, "train")
+
+        def one(run: tuple[Base, np.ndarray]) -> np.ndarray:
+            base, u = run
+            rows = self.model.machine.rows[base.index]
+            tables = [self.port.push(base, f) for f in self.term.tangents(u)]
+            return rows.project(np.stack([rows.vector(*t) for t in tables], axis=1))
+
+        columns = np.concatenate(each(one, zip(self.around.bases["train"], inputs, strict=True)))
+        P, scale = len(self.shift), np.linalg.norm(columns, axis=0)
+        scale[scale == 0] = 1.0
+        both = np.concatenate([columns / scale, -self.around.tangents["train"]], axis=1)
+        k, extra = len(self.term.weights), columns.shape[1] - len(self.term.weights)
+        gram, right = both.T @ both, both.T @ now
+        right[k + extra :] -= self.around.u + self.shift
+        ridge = [np.full(k, RIDGE["basis"]), np.full(extra, RIDGE["network"]), np.ones(P)]
+        for damping in (1.0, 30.0, 1e3):
+            weights = np.concatenate([ridge[0] * damping, ridge[1] * damping, ridge[2]])
+            step = np.linalg.solve(gram + np.diag(weights), right)
+            term, shift = self.term.moved(step[: k + extra] / scale), self.shift + step[k + extra :]
+            new = self.left(term, "train", shift)[0]
+            if new @ new <= now @ now:
+                self.term, self.shift = term, shift
+                return 1 - float(new @ new) / float(now @ now)
+        return 0.0
+
+
+def _with_network(term: Term, inputs: np.ndarray) -> Term:
+    """The term with a small network beside it that puts out nothing yet."""
+    network = eqx.nn.MLP(
+        inputs.shape[1], len(term.port.wheels), HIDDEN, 1, jnp.tanh, key=jax.random.key(0)
+    )
+    network = eqx.tree_at(lambda n: n.layers[-1].weight, network, replace_fn=lambda w: 0 * w)
+    network = eqx.tree_at(lambda n: n.layers[-1].bias, network, replace_fn=lambda b: 0 * b)
+    size = float(np.sqrt(np.mean(term.force(inputs) ** 2))) or 1.0
+    return dataclasses.replace(term, network=network, size=size)
+
+
+def _tangents(model: RigModel, point: Point) -> np.ndarray:
+    """d residual / du on the held-out runs."""
+    (residual,) = model.residuals([point], "held-out")
+    P = len(point.u)
+    points = [Point(point.u + 1e-3 * e, point.effects) for e in np.eye(P)]
+    found = model.residuals(points, "held-out") if P else []
+    return np.stack([(r - residual) / 1e-3 for r in found], 1) if P else residual[:, None][:, :0]
+
+
+def _curves(term: Term) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Force over each wheel's own input, the others at zero, in physical units."""
+    x, curves = np.linspace(-2.5, 2.5, 101), {}
+    for i, name in enumerate(term.port.wheels):
+        u = np.zeros((len(x), len(term.scales)))
+        u[:, term.port.own(i)] = x
+        curves[name] = (x * term.scales[term.port.own(i)], term.force(u)[:, i])
+    return curves
+
+
+def _map(found: _Fitting) -> dict:
+    """Force of the wheel with most of it, over the two inputs that it hangs on most."""
+    term, u = found.term, found.inputs[:: max(1, len(found.inputs) // 4000)]
+    force = term.force(u)
+    i = int(np.argmax(np.sum(force**2, axis=0)))
+    without = [term.force(u * (np.arange(u.shape[1]) != k))[:, i] for k in range(u.shape[1])]
+    missed = [float(np.sum((force[:, i] - f) ** 2)) for f in without]
+    a, b = np.argsort(missed)[::-1][:2]
+    x = np.linspace(-2.5, 2.5, 41)
+    grid = np.zeros((x.size**2, u.shape[1]))
+    grid[:, a], grid[:, b] = np.repeat(x, x.size), np.tile(x, x.size)
+    labels = term.port.labels()
+    return {"wheel": term.port.wheels[i], "x": x * term.scales[a], "y": x * term.scales[b],
+            "x label": labels[a], "y label": labels[b], "unit": term.port.unit,
+            "force": term.force(grid)[:, i].reshape(x.size, x.size)}  # fmt: skip

@@ -1,0 +1,150 @@
+"""What a diagnosis returns, and the file in which it is written."""
+
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+REMAINS = 1.4  # times the noise (1 sigma beside it): above this something else is missing too
+
+
+@dataclasses.dataclass(frozen=True)
+class Named:
+    """One named effect: parameters as {name: {value, sigma, unit}}, evidence, near rivals."""
+
+    id: str
+    place: str
+    parameters: dict[str, dict[str, Any]]
+    evidence: dict[str, float]
+    indistinguishable_from: list[dict[str, str]] = dataclasses.field(default_factory=list)
+
+
+@dataclasses.dataclass(frozen=True)
+class Gap:
+    """RMS of measured less predicted on the held-out runs, against the noise."""
+
+    noise_floor: float
+    before: float
+    after: float
+    unit: str
+
+    @property
+    def closed(self) -> float:
+        """Share of what was above the noise that is gone; NaN where nothing was."""
+        above = self.before - self.noise_floor
+        return (self.before - self.after) / above if above > 0 else math.nan
+
+
+@dataclasses.dataclass
+class Diagnosis:
+    """A verdict (none, named, ambiguous, unknown) with everything that speaks for it."""
+
+    verdict: str
+    effects: list[Named]
+    where: list[dict[str, Any]]
+    gap: dict[str, Gap]
+    next_experiment: dict[str, Any] | None
+    baseline: list[dict[str, Any]]
+    noise: dict[str, dict[str, Any]]
+    scores: list[dict[str, Any]]
+    learned: dict[str, Any] | None = None
+    notes: list[str] = dataclasses.field(default_factory=list)
+    faults: list[str] = dataclasses.field(default_factory=list)
+    rig: Any = None  # the diagnosed rig
+    details: Any = None  # what figures are drawn from; not written
+
+    @property
+    def remainder(self) -> str:
+        """What the named effects leave above the noise on the held-out runs, in words, or nothing.
+
+        Named effects close most of the gap, not always all of it: something smaller may hide
+        beside them that no known effect explains.
+        """
+        left = {k: g.after / g.noise_floor for k, g in self.gap.items()}
+        open_ = [f"{k} {ratio:.2g}" for k, ratio in left.items() if ratio > REMAINS]
+        if self.verdict not in ("named", "ambiguous") or not open_:
+            return ""
+        return (
+            f"With it the held-out runs still differ by more than the noise ({', '.join(open_)} "
+            "times): something else is missing too."
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """The diagnosis as plain numbers, lists and text."""
+        return _plain(
+            {
+                "verdict": self.verdict,
+                "effects": [dataclasses.asdict(e) for e in self.effects],
+                "where": self.where,
+                "gap": {k: dataclasses.asdict(g) for k, g in self.gap.items()},
+                "next_experiment": self.next_experiment,
+                "baseline": self.baseline,
+                "noise": self.noise,
+                "scores": self.scores,
+                "learned": self.learned,
+                "notes": [*self.notes, *filter(None, [self.remainder])],
+                "faults": self.faults,
+            }
+        )
+
+    def save(self, path: str | Path) -> Path:
+        """Write `diagnosis.json`."""
+        path = Path(path)
+        path.write_text(json.dumps(self.to_dict(), indent=1, ensure_ascii=False) + "\n", "utf-8")
+        return path
+
+    def plot_gap(self, *, ax: Any = None) -> Any:
+        """Held-out RMS before and after over the noise, by output group; returns the axes."""
+        from .pictures import plot_gap
+
+        return plot_gap(self, ax=ax)
+
+    def plot_scores(self, *, step: int = 1, ax: Any = None) -> Any:
+        """What the best candidates of a step would explain; returns the axes."""
+        from .pictures import plot_scores
+
+        return plot_scores(self, step=step, ax=ax)
+
+    def plot_where(self, *, ax: Any = None) -> Any:
+        """Where the gap is, by share of the residual's power; returns the axes."""
+        from .pictures import plot_where
+
+        return plot_where(self, ax=ax)
+
+    def to_xarray(self) -> Any:
+        """Gap, calibrated parameters and scores as an `xarray.Dataset`."""
+        from .pictures import dataset
+
+        return dataset(self)
+
+    def _repr_html_(self) -> str:
+        from .pictures import html
+
+        return html(self)
+
+    def __repr__(self) -> str:
+        joined = " or " if self.verdict == "ambiguous" else " and "
+        answer = self.verdict
+        if self.effects:
+            answer += ": " + joined.join(f"{e.id}@{e.place}" for e in self.effects)
+        gaps = ", ".join(
+            f"{k} {g.before / g.noise_floor:.3g} -> {g.after / g.noise_floor:.3g}"
+            for k, g in self.gap.items()
+        )
+        return f"Diagnosis({answer}; gap over noise {gaps})"
+
+
+def _plain(value: Any) -> Any:
+    """JSON values: arrays become lists, numbers that are not finite become null."""
+    if isinstance(value, dict):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(v) for v in value]
+    if hasattr(value, "tolist"):
+        return _plain(np.asarray(value).tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value

@@ -1,0 +1,22 @@
+"""The sphere on its wheels as a model of the diagnosis: what its runs should show."""
+
+from .data_vector import orthonormal as orthonormal
+from .elastic import SIGNALS as SIGNALS
+from .elastic import rest_state as rest_state
+from .laws import along as along
+from .linearisation import THIN as THIN
+from .linearisation import Base as Base
+from .linearisation import transfer as transfer
+from .linearisation import turned_by as turned_by
+from .machine import Machine as Machine
+from .modes import forced as forced
+from .modes import observe as observe
+from .modes import propagate as propagate
+from .outliers import without_outliers as without_outliers
+from .rig_model import RigModel as RigModel
+from .runs import FINE as FINE
+from .runs import Run as Run
+from .runs import to_run as to_run
+from .start_angles import with_start_angles as with_start_angles
+from .start_angles import without_encoder as without_encoder
+from .wheels import wheel_tables as wheel_tables

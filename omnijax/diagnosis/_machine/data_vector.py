@@ -1,0 +1,131 @@
+"""The data vector: whitened residual rows, and the directions that are left out of it."""
+
+import dataclasses
+
+import numpy as np
+
+from .runs import Run
+
+SETTLE = 0.3  # s after an unknown input in which the elastic channels are not used
+
+
+@dataclasses.dataclass
+class Rows:
+    """Rows of one run: elastic (samples, 6: dR, a), then rotation (samples, 3 + n: Omega, s).
+
+    `weight` is 1/sigma, 0 where nothing usable was measured.  `nuisance` holds (slice, orthonormal
+    columns): Omega and s at the start of every window, and the elastic state of a rolling start.
+    `coloured` whitens the elastic rows further, where the encoders' noise enters them: (U, shrink).
+    """
+
+    samples: int
+    elastic: np.ndarray
+    rotation: np.ndarray
+    nuisance: list[tuple[slice, np.ndarray]]
+    coloured: tuple[np.ndarray, np.ndarray] | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return self.elastic.size + self.rotation.size
+
+    def vector(self, elastic, rotation) -> np.ndarray:
+        """Whitened rows of residuals or signatures; None is zero.
+
+        What was not measured is zero; a prediction that is not finite stays so.
+        """
+        out = np.zeros(self.size)
+        for values, weight, part in (
+            (elastic, self.elastic, slice(0, self.elastic.size)),
+            (rotation, self.rotation, slice(self.elastic.size, None)),
+        ):
+            if values is not None:
+                out[part] = np.where(weight > 0, values * weight, 0.0).ravel()
+        return out
+
+    def project(self, x: np.ndarray) -> np.ndarray:
+        """`x` (rows,) or (rows, k), whitened, less its part along the nuisance directions."""
+        many = np.array(x.T, order="C", ndmin=2)
+        self.take_off(many)
+        return many[0] if x.ndim == 1 else many.T
+
+    def take_off(self, x: np.ndarray) -> None:
+        """`project` of row vectors (k, rows), in place."""
+        self.whiten(x)
+        for part, q in self.nuisance:
+            x[:, part] -= (x[:, part] @ q) @ q.T
+
+    def whiten(self, x: np.ndarray) -> None:
+        """Take the encoders' part of the elastic covariance off row vectors (k, rows), in place."""
+        if self.coloured is not None:
+            U, shrink = self.coloured
+            elastic = x[:, : self.elastic.size]
+            elastic -= (elastic @ U * shrink) @ U.T
+
+    def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """A row vector as its (elastic, rotation) tables, whitened."""
+        cut = self.elastic.size
+        return x[:cut].reshape(self.elastic.shape), x[cut:].reshape(self.rotation.shape)
+
+    @property
+    def used(self) -> int:
+        """Rows with weight, less the nuisance directions."""
+        count = int(np.sum(self.elastic > 0) + np.sum(self.rotation > 0))
+        return count - sum(q.shape[1] for _, q in self.nuisance)
+
+
+def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -> Rows:
+    """Weights and nuisance directions of one run; `length_noise` (n,) is sigma of s."""
+    n = run.samples
+    elastic = np.concatenate([_weights(run, g, noise, 3) for g in ("dR", "a")], axis=1)
+    theta = _weights(run, "theta", {"theta": 1.0}, wheels)
+    rotation = np.concatenate([_weights(run, "Omega", noise, 3), theta / length_noise], axis=1)
+    if not run.known.all():
+        bad = np.flatnonzero(~run.known)
+        for i in bad:
+            elastic[max(0, i - 1) : i + int(SETTLE / run.step)] = 0.0
+    rows = Rows(n, elastic, rotation, [])
+    length = n if window <= 0 else max(20, round(window / run.step))
+    starts = list(range(0, n, length))
+    if len(starts) > 1 and n - starts[-1] < length // 2:
+        starts.pop()
+    for first, last in zip(starts, [*starts[1:], n], strict=True):
+        if not run.known[first:last].all():
+            rotation[first:last] = 0.0
+        columns = _start_columns(first, last, run, axes, rotation[first:last])
+        width = rotation.shape[1]
+        offset = elastic.size
+        part = slice(offset + first * width, offset + last * width)
+        rows.nuisance.append((part, orthonormal(columns)))
+    return rows
+
+
+def _weights(run: Run, group: str, noise, channels: int) -> np.ndarray:
+    values = run.outputs.get(group)
+    if values is None or not noise.get(group):
+        return np.zeros((run.samples, channels))
+    return np.isfinite(values) / noise[group]
+
+
+def _start_columns(first, last, run: Run, axes, weight) -> np.ndarray:
+    """Changes of the window's rows with Omega (3) and s (n) at its start, whitened."""
+    count, wheels = last - first, weight.shape[1] - 3
+    columns = np.zeros((count, 3 + wheels, 3 + wheels))
+    columns[:, :3, :3] = np.eye(3)
+    time = run.time[first:last] - run.time[first]
+    if len(axes) == 1:
+        columns[:, 3:, :3] = time[:, None, None] * axes[0]
+    else:
+        here = axes[:: max(1, (len(axes) - 1) // (run.samples - 1))][first:last]
+        columns[:, 3:, :3] = np.cumsum(here, axis=0) * run.step - here[:1] * run.step
+    columns[:, 3:, 3:] = np.eye(wheels)
+    return (columns * weight[:, :, None]).reshape(-1, 3 + wheels)
+
+
+def orthonormal(columns: np.ndarray) -> np.ndarray:
+    scale = np.linalg.norm(columns, axis=0)
+    columns = columns[:, scale > 0] / scale[scale > 0]
+    if columns.shape[1] == 0:
+        return columns
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return u[:, s > 1e-9 * s[0]]

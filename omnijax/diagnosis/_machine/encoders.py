@@ -1,0 +1,102 @@
+"""What the encoders' noise leaves in dR and a: a covariance of low rank.
+
+The elastic model is driven by smoothed angles.  Their error is smooth too: with S the smoother of
+`_smooth`, its covariance is sigma^2 S (the posterior of a white-jerk angle).  Where a wheel's shape
+has a slope the error moves the sphere, as an input rho'(theta) e that the elastic model answers
+with G.  So whitened dR and a have the covariance I + B B^T, B = sigma G rho' S^(1/2), of a rank far
+below their number.  Scores that took them for white called encoder noise an effect.
+"""
+
+import functools
+
+import numpy as np
+from scipy.linalg import cho_solve_banded, cholesky_banded
+from scipy.signal import lfilter
+
+from .elastic import OUTPUTS
+from .modes import Modes, hold_weights, real_rows
+from .runs import Run
+from .smooth import penalty
+
+MOST = 100  # modes a wheel; a rougher smoother's are cut off
+LEAST = 0.05  # gain of the smoother below which a mode does not count
+CHUNK = 32  # columns pushed through the elastic model at once
+PARTS = 4  # points a sample: a covariance needs no more
+
+
+@functools.lru_cache(maxsize=16)
+def smoother_modes(samples: int, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormal modes (samples, k) of the smoother (I + ratio D^T D)^-1, and its gains (k,)."""
+    edge = (1 / LEAST - 1) / ratio  # (2 sin(w/2))^6 of the last mode that counts
+    ratio = max(ratio, (1 / LEAST - 1) * (samples / (np.pi * MOST)) ** 6)
+    edge = (1 / LEAST - 1) / ratio
+    count = min(samples, int(samples / np.pi * edge ** (1 / 6)) + 16)
+    matrix = ratio * penalty(samples)
+    matrix[3] += 1.0
+    factor = (cholesky_banded(matrix), False)
+    basis = np.random.default_rng(0).normal(size=(samples, count))
+    for _ in range(2):
+        basis = np.linalg.qr(cho_solve_banded(factor, basis))[0]
+    small = basis.T @ cho_solve_banded(factor, basis)
+    gains, vectors = np.linalg.eigh((small + small.T) / 2)
+    kept = gains > LEAST
+    return basis @ vectors[:, kept], np.minimum(gains[kept], 1.0)
+
+
+def walk_modes(samples: int, step: float, scatter: float) -> tuple[np.ndarray, np.ndarray]:
+    """Modes and variances of the integral of white noise of 1-sigma `scatter` at the samples."""
+    count = min(samples, MOST // 2)
+    k = np.arange(count) + 0.5
+    time = (np.arange(samples) + 0.5) / samples
+    modes = np.sqrt(2 / samples) * np.sin(np.pi * np.outer(time, k))
+    return modes, (scatter * step * samples / (np.pi * k)) ** 2
+
+
+def shape_response(modes: Modes, step: float, wheel: int, signals: np.ndarray) -> np.ndarray:
+    """dR and a (c, samples, 6) of shape inputs (c, PARTS points) under one wheel, from rest."""
+    count, points = signals.shape
+    samples = (points - 1) // PARTS + 1
+    column = modes.inputs["shape"].start + wheel
+    gains = modes.gains[:, column]
+    weights = hold_weights(modes.rates, step, PARTS) * gains
+    parts = signals[:, :-1].reshape(count * (samples - 1), PARTS)
+    pair = np.concatenate([np.real(weights), np.imag(weights)], axis=1).T
+    pushed = pair[:, :PARTS] @ parts.T
+    pushed += pair[:, PARTS:] * signals[:, PARTS::PARTS].reshape(1, -1)
+    real, imaginary = np.split(pushed.reshape(-1, count, samples - 1), 2)
+    first = -gains[:, None] / modes.rates[:, None] * signals[:, 0]
+    z = np.empty((len(gains), 2, count, samples))
+    for k, rate in enumerate(modes.rates):
+        decay = np.exp(rate * step)
+        state = lfilter([1.0], [1.0, -decay], real[k] + 1j * imaginary[k],
+                        zi=decay * first[k][:, None])[0]  # fmt: skip
+        z[k, 0, :, 0], z[k, 1, :, 0] = first[k].real, first[k].imag
+        z[k, 0, :, 1:], z[k, 1, :, 1:] = state.real, state.imag
+    out = (z.reshape(2 * len(gains), -1).T @ real_rows(modes, OUTPUTS)).reshape(count, samples, -1)
+    return out + signals[:, ::PARTS, None] * modes.out(OUTPUTS)[1][:, column]
+
+
+def response_columns(modes: Modes, run: Run, slopes, errors, weights) -> np.ndarray:
+    """B: whitened dR and a (rows, k) of every wheel's error modes.
+
+    `slopes` are rho'(theta) at the PARTS points, `errors` by wheel the modes (samples, k) of the
+    angle's error in rad with their size, `weights` (samples, 6) 1/sigma.
+    """
+    out = []
+    share = np.arange(PARTS) / PARTS
+    for i, error in enumerate(errors):
+        for at in range(0, error.shape[1], CHUNK):
+            e = np.ascontiguousarray(error[:, at : at + CHUNK].T)
+            fine = (e[:, :-1, None] * (1 - share) + e[:, 1:, None] * share).reshape(len(e), -1)
+            fine = np.concatenate([fine, e[:, -1:]], axis=1) * slopes[:, i]
+            change = shape_response(modes, run.step, i, fine) * weights
+            out.append(change.reshape(len(e), -1))
+    return np.concatenate(out).T if out else np.zeros((weights.size, 0))
+
+
+def whitener(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(U, shrink) with (I + B B^T)^(-1/2) = I - U diag(shrink) U^T for `columns` B."""
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    kept = values > 0.01  # a change of the variance below 1 % is left alone
+    U = columns @ (vectors[:, kept] / np.sqrt(values[kept]))
+    return U, 1 - 1 / np.sqrt(1 + values[kept])

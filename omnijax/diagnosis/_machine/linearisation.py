@@ -1,0 +1,110 @@
+"""A base run with what its ports hand out, and the linear transfer of what goes in there."""
+
+import dataclasses
+import functools
+
+import jax
+import numpy as np
+
+from ...dynamics import contact_signals, mount_signals
+from ...laws import ContactSignal, MountSignal
+from ...rig import Rig
+from .elastic import driven, refine, rest_state
+from .machine import Machine
+from .modes import Modes
+from .motion import Motion, integrate, rolling_radius
+from .rotation import Turning, base_torques
+from .runs import FINE, Run
+from .wheels import Places, WheelTables
+
+THIN = 4  # torques are smooth: signatures need two points a sample
+
+
+@dataclasses.dataclass(frozen=True)
+class Base:
+    """One run of the base rig with the signals that its ports hand out."""
+
+    rig: Rig
+    run: Run
+    index: int
+    modes: Modes
+    motion: Motion
+    slow: Motion  # at thinned points
+    response: Turning  # at thinned points
+    torque: np.ndarray
+    drive: np.ndarray  # (thinned points, n) N
+    shaft: np.ndarray  # (thinned points, n) N m, the motors' and all laws'
+    contact: ContactSignal  # (FINE points, n) each
+    mount: MountSignal
+    normal: np.ndarray  # (FINE points, n) N
+    predicted: np.ndarray  # (samples, 6) dR, a before the sensors
+    tables: WheelTables
+
+    @functools.cached_property
+    def lever(self) -> np.ndarray:
+        """Rolling radii (FINE points, n), m."""
+        return rolling_radius(self.rig, self.motion)
+
+    @functools.cached_property
+    def places(self) -> list[Places]:
+        """By wheel: where its angles at SHAPE points lie in the tables."""
+        return [self.tables.places(theta) for theta in self.motion.theta_shape.T]
+
+
+def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
+    """Base run `i` of `rig`; its own contact and mount laws enter the signals only linearly."""
+    run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
+    m = rotated.motion
+    felt = machine.signals(rig, i, machine.ports(rig, run, m, rotated.drive))
+    deflection, rate, mount, mount_rate = np.split(felt, 4, axis=1)
+
+    def wide(x):
+        return np.broadcast_to(np.asarray(x), m.theta.shape)
+
+    contact = jax.tree.map(wide, contact_signals(rig, deflection, rate))
+    normal = contact.preload - contact.stiffness * deflection - contact.damping * rate
+    slow, torque = thin(m), refine(run.torque, FINE)
+    return Base(
+        rig=rig,
+        run=run,
+        index=i,
+        modes=machine.modes(rig),
+        motion=m,
+        slow=slow,
+        response=rotated.turning.thin(THIN),
+        torque=torque,
+        drive=rotated.drive[::THIN],
+        shaft=base_torques(rig, slow, torque[::THIN], normal[::THIN])[0],
+        contact=contact,
+        mount=jax.tree.map(wide, mount_signals(rig, mount, mount_rate)),
+        normal=normal,
+        predicted=predicted,
+        tables=machine.tables_of(rig),
+    )
+
+
+def transfer(base: Base, **inputs: np.ndarray) -> np.ndarray:
+    """dR and a (samples, 6) from inputs (points, c) of the elastic model, from static rest."""
+    return driven(base.modes, base.run, rest_state(base.modes, **inputs), **inputs)
+
+
+def thin(m: Motion) -> Motion:
+    """The motion at every `THIN`-th fine point."""
+    short = {k: getattr(m, k)[::THIN] for k in ("theta", "speed", "turning")}
+    axes = m.axes if len(m.axes) == 1 else m.axes[::THIN]
+    return dataclasses.replace(m, axes=axes, step=m.step * THIN, **short)
+
+
+def turned_by(base: Base, shaft=None, opposing=None, **inputs: np.ndarray):
+    """Both tables of a torque on the shafts and one that opposes the sphere, at thinned points.
+
+    With what other `inputs` of the elastic model cause.
+    """
+    response = base.response
+    drive, rate = response.respond(shaft, opposing)
+    parts = FINE // THIN
+    h = base.run.step / parts
+    turned = integrate(rate, h)
+    length = integrate(np.einsum("tij,tj->ti", response.axes, turned), h)
+    elastic = transfer(base, drive=drive, **inputs)
+    return elastic, np.concatenate([turned[::parts], length[::parts]], axis=1)

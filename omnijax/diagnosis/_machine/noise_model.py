@@ -1,0 +1,81 @@
+"""The data vector of one run of a machine: weights, free starts, and the encoders' covariance."""
+
+import numpy as np
+
+from ...rig import Rig
+from .data_vector import Rows, make_rows, orthonormal
+from .elastic import OUTPUTS
+from .encoders import PARTS, response_columns, smoother_modes, walk_modes, whitener
+from .modes import Modes, observe, propagate
+from .runs import SHAPE, Run
+
+START = 0.01  # rad, 1-sigma of the start angle of a wheel without encoder
+
+
+def rows_of(machine, rig: Rig, i: int) -> Rows:
+    """Weights, nuisance directions and the encoders' part of the covariance of one run.
+
+    Omega and s are free at the start of every window (0 s: once).
+    """
+    run, m = machine.runs[i], machine.motions(rig, [i])[i]
+    rows = make_rows(run, machine.noise, machine.length_noise, m.axes, machine.window, rig.size)
+    columns = response_columns(
+        machine.modes(rig), run, machine.tables_of(rig).rho_slope(m.theta_shape[:: SHAPE // PARTS]),
+        _angle_errors(machine, rig, i), rows.elastic,
+    )  # fmt: skip
+    if columns.any():
+        rows.coloured = whitener(columns)
+    if run.rolling_start(machine.noise):
+        _free_elastic_start(machine.modes(rig), run, rows)
+    return rows
+
+
+def _angle_errors(machine, rig: Rig, i: int) -> list[np.ndarray]:
+    """By wheel: modes (samples, k) of the error of the angle behind the prediction, rad."""
+    run, ratio = machine.runs[i], machine.ratios[i]
+    radius = float(rig.sphere.radius) / np.asarray(rig.wheels.radius)
+    measured = run.outputs.get("theta", np.full((run.samples, rig.size), np.nan))
+    out = []
+    modes, gains = smoother_modes(run.samples, ratio or 1.0)
+    for k in range(rig.size):
+        if np.isfinite(measured[:, k]).any():
+            out.append(modes * np.sqrt(gains) * machine.length_noise[k] * radius[k])
+        else:  # the angle is the integral of Omega, from a start that is fitted
+            walks, power = walk_modes(run.samples, run.step, machine.noise.get("Omega", 0.0))
+            start = np.full((run.samples, 1), START)
+            out.append(np.concatenate([walks * np.sqrt(power) * radius[k], start], axis=1))
+    return out
+
+
+def _free_elastic_start(m: Modes, run: Run, rows: Rows) -> None:
+    """A run that begins rolling: its elastic state at the first sample is free."""
+    free = _start_columns(m, run, rows)
+    rows.nuisance.append((slice(0, rows.elastic.size), orthonormal(free.T)))
+
+
+def _start_columns(m: Modes, run: Run, rows: Rows) -> np.ndarray:
+    """What each number of the elastic state at the first sample changes in the elastic rows."""
+    zero = np.zeros((run.samples - 1, len(m.rates)), complex)
+    columns = []
+    for k in range(len(m.A)):
+        z = propagate(m, run.step, zero, m.inverse @ np.eye(len(m.A))[k])
+        columns.append((observe(m, z, OUTPUTS) * rows.elastic).ravel())
+    free = np.stack(columns)
+    rows.whiten(free)
+    return free
+
+
+def rolling_state(machine, rig: Rig, i: int) -> np.ndarray:
+    """What the data say of the elastic state (m,) at the first sample, beside the prediction's.
+
+    The free start takes up what it changes linearly; laws at contacts and mounts have to feel it.
+    """
+    run, rows, m = machine.runs[i], machine.rows[i], machine.modes(rig)
+    ((predicted,),) = machine.elastic([rig], [i])
+    tables = machine.residual_tables(rig, i, predicted, machine.rotated(rig, [i])[i])
+    rest = rows.vector(tables[0], None)[None, : rows.elastic.size]
+    rows.whiten(rest)
+    columns = _start_columns(m, run, rows)
+    size = np.linalg.norm(columns, axis=1)
+    size[size == 0] = 1.0
+    return np.linalg.lstsq((columns / size[:, None]).T, rest[0], rcond=1e-6)[0] / size

@@ -1,0 +1,200 @@
+"""The sphere on wheels as a model of the diagnosis."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import equinox as eqx
+import numpy as np
+
+from ...laws import AbstractLaw
+from ...rig import Rig, get_parameter, set_parameter
+from .._search import (
+    AbstractModel,
+    Candidate,
+    Context,
+    Point,
+    Prior,
+    candidates,
+    free_numbers,
+    number,
+)
+from .._threads import each
+from .linearisation import base_of
+from .machine import Machine
+from .runs import COARSE, FINE, STEPS, Run
+from .tangents import signature
+
+BUDGET = 400.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
+LINEAR = 0.3  # cost of an evaluation without laws stepped in time, relative to one with them
+LINES = 12  # spectral lines of `a` that are tried as floor vibrations
+
+
+class RigModel(AbstractModel):
+    """A rig, its runs and their noise; `splits` gives the runs' indices by role."""
+
+    budget = BUDGET
+    ranking = "first train"
+
+    def __init__(self, rig: Rig, runs: list[Run], noise: dict[str, float],
+                 laws: dict[str, type[AbstractLaw]], window: float = 1.0):  # fmt: skip
+        self.rig, self.laws, self.noise, self.window = rig, laws, noise, window
+        self.priors = rig_priors(rig)
+        self.splits = split_runs(runs)
+        self.splits["first train"] = self.splits["train"][:1]
+        self.machine = Machine(rig, runs, noise, window)
+        self.groups = tuple(
+            g for g in ("dR", "theta", "Omega", "a") if any(g in r.outputs for r in runs)
+        )
+
+    def rig_at(self, point: Point) -> Rig:
+        """The rig with calibrated parameters and the point's effects."""
+        paths = tuple(prior.name for prior in self.priors)
+        values = [p.at(float(u)) for p, u in zip(self.priors, point.u, strict=True)]
+        rig = _with_parameters(self.rig, paths, np.array(values))
+        for effect in point.effects:
+            law = self.laws[effect.id](**{k: number(v) for k, v in effect.values.items()})
+            rig = rig.add(law, effect.place)
+        return rig
+
+    def free(self, point):
+        """A relaxation faster than the steps in time cannot be told from a damper."""
+        shortest = self.machine.runs[0].step / 4
+        found = free_numbers(self, point)
+        return [dataclasses.replace(f, low=shortest) if f.key == "tau" else f for f in found]
+
+    def residuals(self, points, split):
+        stepped = sum(self.needs_stepping(p.effects) for p in points)
+        share = len(self.splits[split]) / len(self.splits["train"])
+        self.work += share * (stepped + LINEAR * (len(points) - stepped))
+        steps = COARSE if split == self.ranking else STEPS
+        return self.machine.residuals([self.rig_at(p) for p in points], self.splits[split], steps)
+
+    def dof(self, split):
+        return sum(self.machine.rows[i].used for i in self.splits[split])
+
+    def shuffled(self, residual, seed, blocks=40):
+        """Shuffled in time, run by run, with all channels of a moment kept together."""
+        rng, out, offset = np.random.default_rng(seed), [], 0
+        for i in self.splits["train"]:
+            rows = self.machine.rows[i]
+            elastic, rotation = rows.split(residual[offset : offset + rows.size])
+            offset += rows.size
+            pieces = np.array_split(np.roll(np.arange(rows.samples), rng.integers(rows.samples)),
+                                    blocks)  # fmt: skip
+            pieces = [pieces[k] for k in rng.permutation(blocks)]
+            order = np.concatenate(pieces)
+            signs = np.repeat(rng.choice([-1.0, 1.0], blocks), [len(p) for p in pieces])[:, None]
+            out += [(signs * elastic[order]).ravel(), (signs * rotation[order]).ravel()]
+        return np.concatenate(out)
+
+    def rebase(self, point):
+        self.machine.rebase(self.rig_at(point))
+
+    def unsettled(self, point):
+        """Laws at contacts and mounts change the elastic state in which a run begins rolling."""
+        return self.machine.rolls and self.needs_stepping(point.effects)
+
+    def opening(self, share):
+        """Every run up to the moment at which its wheels have rolled `share` of their way."""
+        motions, cut = self.machine.motions(self.machine.rig), []
+        for i, run in enumerate(self.machine.runs):
+            way = np.cumsum(np.abs(motions[i].speed[::FINE]).sum(axis=1))
+            cut.append(run.first(int(np.searchsorted(way, share * way[-1])) + 1))
+        return RigModel(self.rig, cut, self.noise, self.laws, self.window)
+
+    def bases(self, point: Point, split: str = "train"):
+        """Base runs at a point, with what each port feels."""
+        rig, which = self.rig_at(point), self.splits[split]
+        predicted = self.machine.elastic([rig], which)[0]
+        return [base_of(self.machine, rig, i, p) for i, p in zip(which, predicted, strict=True)]
+
+    def candidates(self, point):
+        self._bases = self.bases(point)
+        rms = np.sqrt(
+            np.mean([np.mean(b.mount.deflection**2, axis=0) for b in self._bases], axis=0)
+        )
+        longest = max(self.machine.runs[i].samples for i in self.splits["train"])
+        context = Context(self.rig, self.groups, rms, self._lines(point), longest)
+        return candidates(context, self.laws)
+
+    def _lines(self, point: Point) -> tuple[float, ...]:
+        """Frequencies (Hz) of the strongest lines left in `a` (else dR) of the train runs."""
+        (rest,) = self.residuals([point], "train")
+        train = [self.machine.runs[i] for i in self.splits["train"]]
+        size = 1 << int(np.ceil(np.log2(max(run.samples for run in train))) + 2)
+        grid = np.fft.rfftfreq(size, train[0].step)
+        offset, spectra = 0, np.zeros(len(grid))
+        for i in self.splits["train"]:
+            rows = self.machine.rows[i]
+            elastic, _ = rows.split(rest[offset : offset + rows.size])
+            offset += rows.size
+            use = elastic[:, 3:] if np.any(elastic[:, 3:]) else elastic[:, :3]
+            spectra += np.sum(np.abs(np.fft.rfft(use, size, axis=0)) ** 2, axis=1)
+        inner = (spectra[1:-1] > spectra[:-2]) & (spectra[1:-1] >= spectra[2:])
+        peaks = np.flatnonzero(inner) + 1
+        peaks = peaks[grid[peaks] > 0.5]
+        best = peaks[np.argsort(spectra[peaks])[::-1]]
+        kept: list[float] = []
+        for k in best:  # side lobes of a line are not lines
+            if all(abs(grid[k] - f) > 0.5 for f in kept):
+                kept.append(float(grid[k]))
+            if len(kept) == LINES:
+                break
+        return tuple(kept)
+
+    def columns(self, point, candidates: Sequence[Candidate]):
+        placed = [p for c in candidates for p in c.columns]
+        cut = np.cumsum([0] + [self.machine.rows[b.index].size for b in self._bases])
+        table = np.empty((len(placed), cut[-1]))
+
+        def fill(k: int) -> None:
+            base, part = self._bases[k], table[:, cut[k] : cut[k + 1]]
+            rows = self.machine.rows[base.index]
+            for j, law in enumerate(placed):
+                part[j] = rows.vector(*signature(base, law))
+            rows.take_off(part)
+
+        each(fill, range(len(self._bases)))
+        return table
+
+
+@eqx.filter_jit
+def _with_parameters(rig: Rig, paths: tuple[str, ...], values) -> Rig:
+    """The rig with `values` at `paths`; compiled, since it is asked for at every residual."""
+    for path, value in zip(paths, values, strict=True):
+        rig = set_parameter(rig, path, value)
+    return rig
+
+
+def rig_priors(rig: Rig) -> list[Prior]:
+    """The rig's uncertain parameters, one a wheel; relative 1-sigma."""
+    found: dict[str, float] = {}
+    for path, sigma in rig.uncertainty:
+        parts = path.split(".")
+        if parts[0] in ("contact", "mount", "closure"):
+            keys = [f"wheel.{n}.{path}" for n in rig.names]
+        elif parts[0] == "wheel" and parts[1] not in rig.names:
+            keys = [f"wheel.{n}.{'.'.join(parts[1:])}" for n in rig.names]
+        else:
+            keys = [path]
+        explicit = len(keys) == 1
+        for key in keys:
+            if explicit or key not in found:
+                found[key] = sigma
+    return [
+        Prior(key, float(get_parameter(rig, key)), sigma)
+        for key, sigma in found.items()
+        if np.ndim(get_parameter(rig, key)) == 0 and float(get_parameter(rig, key)) > 0
+    ]
+
+
+def split_runs(runs: list[Run]) -> dict[str, list[int]]:
+    """Indices of train and held-out runs; without a held-out one, the last run of several is it."""
+    held = [i for i, r in enumerate(runs) if r.role == "held-out"]
+    train = [i for i, r in enumerate(runs) if r.role != "held-out"]
+    if not train:
+        train, held = held[:-1] or held, held[-1:]
+    if not held:
+        held = train[-1:]
+        train = train[:-1] or train
+    return {"train": train, "held-out": held}

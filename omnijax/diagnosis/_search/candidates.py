@@ -1,0 +1,267 @@
+"""Candidates: every law of the library at every place it may have, with its shape constants."""
+
+import dataclasses
+import math
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+
+from ...laws import EFFECTS, AbstractLaw
+from ...rig import Placed, Rig, place_law
+
+
+@dataclasses.dataclass(frozen=True)
+class Candidate:
+    """One law at one place with fixed shape constants: `columns` are its laws of unit strength.
+
+    `decode(coefficients)` gives the law's parameters from the columns' coefficients, `trials` is
+    how many independent trials the candidate stands for: a line picked for its size, all lines.
+    """
+
+    id: str
+    place: str
+    columns: tuple[Placed, ...]
+    decode: Callable[[np.ndarray], dict[str, Any]]
+    note: str = ""
+    trials: int = 1
+
+    @property
+    def name(self) -> str:
+        """id at place."""
+        return f"{self.id}@{self.place}"
+
+    def allowed(self, coefficients: np.ndarray) -> bool:
+        """Whether the signs are physical: bounds kept, a law without strength not turned round."""
+        law = self.columns[0].law
+        known = law.parameters
+        if not any(p.linear for p in known.values()):
+            return bool(coefficients[0] > 0.05)
+        values = self.decode(coefficients)
+        if len(coefficients) == 1:
+            key = next(k for k, p in known.items() if p.linear)
+            sign = float(coefficients[0])
+            return known[key].low <= sign <= known[key].high
+        return all(known[k].low <= v <= known[k].high for k, v in values.items() if np.ndim(v) == 0)
+
+
+class Context:
+    """What enumerates candidates: the rig, the channels at hand, typical deflections, and lines.
+
+    `samples` of the longest run is about how many lines (half a resolution apart) could be picked.
+    """
+
+    def __init__(self, rig: Rig, groups, mount_rms, lines: tuple[float, ...], samples: int):
+        self.rig, self.groups, self.mount_rms, self.lines = rig, groups, mount_rms, lines
+        self.samples = samples
+
+
+def number(x) -> Any:
+    """A parameter as a float64 array."""
+    return jnp.asarray(x, float)
+
+
+def candidates(context: Context, laws: dict[str, type[AbstractLaw]]) -> list[Candidate]:
+    """Every candidate of `laws` for a rig."""
+    out: list[Candidate] = []
+    for id, law in laws.items():
+        if id in _NEEDS_GRAVITY and not np.any(np.asarray(context.rig.platform.gravity)):
+            continue
+        make = _RECIPES.get(id, _generic)
+        for place in places(law, context):
+            out += make(law, place, context)
+    return out
+
+
+def places(law: type[AbstractLaw], context: Context) -> list[str]:
+    """Places of a law on this rig, in channels that were measured."""
+    names, groups = context.rig.names, context.groups
+    wheels = range(1, len(names) + 1)
+    channels = [f"{g}_{i}" for g in groups for i in (wheels if g == "theta" else "xyz")]
+    known = {
+        "wheel": list(names),
+        "all": ["all"] if len(names) > 1 else [],
+        "group": list(groups),
+        "channel": channels,
+    }
+    out: list[str] = []
+    for place in law.places:
+        default = [place] if place in groups or place in ("sphere", "platform") else []
+        out += known.get(place, default)
+    return out
+
+
+def build(law: type[AbstractLaw], place: str, context: Context, **values) -> Placed:
+    """A law with these parameters, placed."""
+    made = law(**{k: number(v) for k, v in values.items()})
+    return place_law(made, place, context.rig.names, context.rig.profiles)
+
+
+def _strengths(law) -> list[str]:
+    return [k for k, p in law.parameters.items() if p.linear]
+
+
+def _generic(law, place, context) -> list[Candidate]:
+    """A law by its table of parameters: a column a strength, shape constants from a ladder."""
+    linear, shapes = _strengths(law), unknown_shapes(law)
+    ladders = [ladder(law.parameters[k]) for k in shapes]
+    out = []
+    for values in _product(ladders):
+        fixed = dict(zip(shapes, values, strict=True))
+        columns, names = [], []
+        for key in linear or [None]:
+            size = law.parameters[key].shape if key else 0
+            for unit in np.eye(size) if size else [1.0]:
+                zero = {k: np.zeros(law.parameters[k].shape or ()) for k in linear}
+                chosen = zero | ({key: unit} if key else {}) | fixed
+                columns.append(build(law, place, context, **chosen))
+                names.append((key, size))
+        out.append(Candidate(law.id, place, tuple(columns), _decoder(linear, law, fixed)))
+    return out
+
+
+def _decoder(linear, law, fixed):
+    def decode(c):
+        values, at = dict(fixed), 0
+        for key in linear:
+            size = law.parameters[key].shape
+            values[key] = np.array(c[at : at + size]) if size else float(c[at])
+            at += max(1, size)
+        return values
+
+    return decode
+
+
+def unknown_shapes(law) -> list[str]:
+    """Shape constants of a law that have no default; a wave's phase is no such constant."""
+    fields = law.__dataclass_fields__
+    return [
+        k for k, p in law.parameters.items()
+        if not (p.linear or p.optional or p.shape or k == "phase")
+        and fields[k].default is dataclasses.MISSING
+    ]  # fmt: skip
+
+
+def ladder(parameter) -> list[float]:
+    """Values to try of an unknown shape constant: from its bounds, else a decade around 1."""
+    low, high = parameter.low, parameter.high
+    if math.isfinite(low) and math.isfinite(high):
+        return list(np.linspace(low, high, 6)[1:-1])
+    return [0.03, 0.1, 0.3, 1.0, 3.0, 10.0]
+
+
+def _product(ladders):
+    out = [()]
+    for ladder in ladders:
+        out = [(*head, v) for head in out for v in ladder]
+    return out
+
+
+def _waves(law, place, context, key="phase", **fixed) -> Candidate:
+    """A law of amplitude and phase as its cosine and sine parts."""
+    columns = tuple(
+        build(law, place, context, amplitude=1.0, phase=p, **fixed) for p in (0.0, math.pi / 2)
+    )
+    return Candidate(law.id, place, columns, lambda c: fixed | {
+        "amplitude": math.hypot(*c), "phase": math.atan2(c[1], c[0])})  # fmt: skip
+
+
+def _runout(law, place, context):
+    return [_waves(law, place, context)]
+
+
+def _ripple(law, place, context):
+    return [_waves(law, place, context, order=float(n)) for n in range(1, 25)]
+
+
+def _roller(law, place, context):
+    i = context.rig.names.index(place)
+    count = int(np.asarray(context.rig.wheels.rollers)[i])
+    return [
+        Candidate(
+            law.id, place, (build(law, place, context, roller=j, severity=1.0),),
+            lambda c, j=j: {"roller": float(j), "severity": float(c[0])}, f"roller {j}",
+        )
+        for j in range(count)
+    ]  # fmt: skip
+
+
+_AXES = np.array([[1, 0, 0], [0, 1, 0], [1, 1, 0], [1, 0, 1], [0, 1, 1]]) / np.array(
+    [[1.0], [1.0], [2**0.5], [2**0.5], [2**0.5]]
+)
+
+
+def _out_of_round(law, place, context):
+    columns = tuple(build(law, place, context, amplitude=1.0, axis=e) for e in _AXES)
+
+    def decode(c):
+        tensor = sum(k * (np.outer(e, e) - np.eye(3) / 3) for k, e in zip(c, _AXES, strict=True))
+        values, vectors = np.linalg.eigh(tensor)
+        at = int(np.argmax(np.abs(values)))
+        return {"amplitude": 1.5 * float(values[at]), "axis": vectors[:, at]}
+
+    return [Candidate(law.id, place, columns, decode)]
+
+
+def _backlash(law, place, context):
+    names = context.rig.names
+    rms = context.mount_rms[names.index(place)] if place in names else context.mount_rms.mean()
+    return [
+        Candidate(law.id, place, (build(law, place, context, gap=k * rms),),
+                  lambda c, k=k: {"gap": k * rms}, f"gap {k * rms:.2g} m")
+        for k in (0.3, 0.5, 1.0, 1.5, 2.5)
+    ]  # fmt: skip
+
+
+def _relaxation(law, place, context):
+    return [
+        Candidate(law.id, place, (build(law, place, context, K1=1.0, tau=tau),),
+                  lambda c, tau=tau: {"K1": float(c[0]), "tau": tau}, f"tau {tau:g} s")
+        for tau in (0.003, 0.01, 0.03, 0.1)
+    ]  # fmt: skip
+
+
+def _fixed_strength(law, place, context):
+    return [Candidate(law.id, place, (build(law, place, context),), lambda c: {})]
+
+
+def _delay(law, place, context):
+    return [
+        Candidate(law.id, place, (build(law, place, context, delay=d),),
+                  lambda c, d=d: {"delay": max(1e-6, min(0.05, abs(d * float(c[0]))))},
+                  f"{1e3 * d:g} ms")
+        for d in (0.001, 0.002, 0.004, 0.008)
+    ]  # fmt: skip
+
+
+def _floor(law, place, context):
+    out = []
+    for f in context.lines:
+        columns = tuple(
+            build(law, place, context, amplitude=1.0, frequency=f, phase=p, direction=e)
+            for e in np.eye(3)
+            for p in (0.0, math.pi / 2)
+        )
+        out.append(Candidate(law.id, place, columns, lambda c, f=f: _line(c, f), f"{f:.3f} Hz",
+                             context.samples))  # fmt: skip
+    return out
+
+
+def _line(c, frequency):
+    """Common phase and direction of three sine and cosine pairs: the largest singular pair."""
+    u, s, v = np.linalg.svd(np.reshape(c, (3, 2)))
+    return {
+        "amplitude": float(s[0]), "frequency": frequency,
+        "phase": math.atan2(v[0, 1], v[0, 0]), "direction": u[:, 0],
+    }  # fmt: skip
+
+
+_NEEDS_GRAVITY = {"unbalance"}
+_RECIPES = {
+    "wheel-runout": _runout, "motor-ripple": _ripple, "damaged-roller": _roller,
+    "sphere-out-of-round": _out_of_round, "mount-backlash": _backlash,
+    "contact-relaxation": _relaxation, "contact-hertz": _fixed_strength,
+    "lift-off": _fixed_strength, "sensor-delay": _delay, "floor-vibration": _floor,
+}  # fmt: skip
+LIBRARY = EFFECTS

@@ -1,0 +1,164 @@
+"""What the diagnosis needs of a model: parameters with priors, residuals, tangents, candidates."""
+
+import abc
+import dataclasses
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import numpy as np
+
+from ...laws import AbstractLaw
+
+STEPPED = ("contact", "mount", "separation")  # ports whose laws change a run's every tangent
+HARD = 3.5  # prior sigmas: Gaussian priors have no force against 1e5 samples, bounds have
+
+
+@dataclasses.dataclass(frozen=True)
+class Prior:
+    """One uncertain parameter: value exp(sigma u) where `relative`, else value + sigma u."""
+
+    name: str
+    value: float
+    sigma: float
+    relative: bool = True
+    hard: float = HARD
+    unit: str = ""
+
+    def at(self, u: float) -> float:
+        """The parameter's value at the unit coordinate `u`."""
+        return (
+            self.value * math.exp(self.sigma * u) if self.relative else self.value + self.sigma * u
+        )
+
+
+@dataclasses.dataclass(frozen=True)
+class Effect:
+    """A named law with numbers: what may be added to the model."""
+
+    id: str
+    place: str
+    values: dict[str, Any]
+
+    @property
+    def name(self) -> str:
+        """id at place."""
+        return f"{self.id}@{self.place}"
+
+
+@dataclasses.dataclass(frozen=True)
+class Point:
+    """Where a model is evaluated: unit coordinates of the uncertain parameters, and effects."""
+
+    u: np.ndarray
+    effects: tuple[Effect, ...] = ()
+
+    def with_effects(self, *effects: Effect) -> "Point":
+        """This point with other effects."""
+        return Point(self.u, tuple(effects))
+
+
+@dataclasses.dataclass(frozen=True)
+class Free:
+    """One free number of an effect: its key, the index in a vector, bounds and a natural step."""
+
+    effect: int
+    key: str
+    index: int | None
+    low: float
+    high: float
+
+
+class AbstractModel(abc.ABC):
+    """A model with data: everything the diagnosis asks for.  Rows are whitened."""
+
+    priors: Sequence[Prior]
+    laws: dict[str, type[AbstractLaw]]
+    work: float = 0.0  # evaluations so far, in those of all train runs with laws stepped in time
+    ranking: str = "train"  # split whose rows, the first of train's, rank laws at finite strength
+    budget: float = math.inf  # of `work`: what a search may take before it ends
+    frozen_keys: frozenset[str] = frozenset({"roller", "order", "exponent", "modulus"})
+
+    @abc.abstractmethod
+    def residuals(self, points: Sequence[Point], split: str) -> list[np.ndarray]:
+        """Measured less predicted on the runs of `split` (train, held-out), a vector a point."""
+
+    @abc.abstractmethod
+    def dof(self, split: str) -> int:
+        """Rows that carry information."""
+
+    @abc.abstractmethod
+    def candidates(self, point: Point) -> list:
+        """Candidates that may be added at `point`."""
+
+    @abc.abstractmethod
+    def columns(self, point: Point, candidates: Sequence) -> np.ndarray:
+        """Signatures of the candidates on the train runs (columns of all candidates, rows)."""
+
+    def unsettled(self, point: Point) -> bool:
+        """Whether what `rebase` takes from the data hangs on the point's laws: then again."""
+        return False
+
+    def opening(self, share: float) -> "AbstractModel":
+        """This model of the runs' beginnings, up to `share` of the motion; all of it by default."""
+        return self
+
+    def needs_stepping(self, effects: Iterable[Effect]) -> bool:
+        """Whether a law among `effects` is stepped in time, so that all tangents change with it."""
+        return any(self.laws[e.id].port in STEPPED for e in effects)
+
+    @property
+    def spent(self) -> bool:
+        """Whether a search has used up its budget."""
+        return self.work > self.budget
+
+    def rebase(self, point: Point) -> None:  # noqa: B027, nothing to prepare by default
+        """Prepare for work around `point` (smoothing, linearisation)."""
+
+    def shuffled(self, residual: np.ndarray, seed: int, blocks: int = 40) -> np.ndarray:
+        """A residual in blocks of changed order and sign: its colour, but tied to no signature."""
+        rng = np.random.default_rng(seed)
+        parts = np.array_split(np.roll(residual, rng.integers(len(residual))), blocks)
+        return np.concatenate([rng.choice([-1.0, 1.0]) * parts[k] for k in rng.permutation(blocks)])
+
+    def free(self, point: Point) -> list[Free]:
+        """The numbers of the point's effects that a refit may change."""
+        return free_numbers(self, point)
+
+
+def free_numbers(model: AbstractModel, point: Point) -> list[Free]:
+    """Every number that the point's effects state, but counts and exponents."""
+    out = []
+    for i, effect in enumerate(point.effects):
+        known = model.laws[effect.id].parameters
+        for key, value in effect.values.items():
+            if key in model.frozen_keys:
+                continue
+            p = known[key]
+            if key == "width":  # a decade and a half around where it starts
+                out.append(Free(i, key, None, float(value) / 30, float(value) * 30))
+            elif np.ndim(value):
+                out += [Free(i, key, k, p.low, p.high) for k in range(len(value))]
+            else:
+                out.append(Free(i, key, None, p.low, p.high))
+    return out
+
+
+def value_of(point: Point, free: Free) -> float:
+    """The free number's value."""
+    value = point.effects[free.effect].values[free.key]
+    return float(value if free.index is None else value[free.index])
+
+
+def moved(point: Point, u: np.ndarray, free: Sequence[Free], values: Iterable[float]) -> Point:
+    """The point at other coordinates and free numbers."""
+    effects = [dataclasses.replace(e, values=dict(e.values)) for e in point.effects]
+    for f, v in zip(free, values, strict=True):
+        target = effects[f.effect].values
+        if f.index is None:
+            target[f.key] = float(v)
+        else:
+            vector = np.array(target[f.key], float)
+            vector[f.index] = v
+            target[f.key] = vector
+    return Point(np.asarray(u, float), tuple(effects))

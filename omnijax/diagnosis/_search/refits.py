@@ -1,0 +1,159 @@
+"""Joint refits of a search: of a new effect, of a settled set, of friction widths."""
+
+import dataclasses
+
+import numpy as np
+
+from .fit import Fit, refit
+from .held_out import HeldOut, Trial
+from .model import AbstractModel, Effect, Point
+from .starts import Start
+
+MARGIN = 25.0  # least difference of chi2 between the joint refits of rivals
+HOPELESS = 3.0  # times the best trial's cost: above, three rounds of a trial are enough
+OPENINGS = (0.1, 0.2, 0.35, 0.6)  # shares of the motion that a strong law is refitted to first
+PROMISE = 0.2  # share of an opening's gap that a law must close to be followed to the next
+NEARLY = 1.3  # chi2 a degree of freedom at which nothing else needs to be tried first
+LITTLE = 0.02  # share of a strong gap that a law must close to be gone on with
+SETTLES, SETTLED = 5, 1.02  # rounds of rebasing at most, and chi2 a row at which they end
+WIDTHS_MATTER = {True: 10.0, False: 100.0}  # times the best cost, by whether a law is stepped
+
+
+def residual_of(model: AbstractModel, point: Point, split: str) -> np.ndarray:
+    """Residual of a point on the runs of `split`."""
+    return model.residuals([point], split)[0]
+
+
+def chi2_of(model: AbstractModel, point: Point, split: str) -> float:
+    """chi2 of a point on the runs of `split`."""
+    r = residual_of(model, point, split)
+    return float(r @ r)
+
+
+def total_cost(fit: Fit) -> float:
+    """Cost with log N a free number of the effects, as in the Bayesian information criterion."""
+    return fit.cost + float(np.log(len(fit.residual))) * len(fit.free)
+
+
+class Refits:
+    """Refits on one model."""
+
+    def __init__(self, model: AbstractModel):
+        self.model = model
+        self.openings: dict[float, AbstractModel] = {}
+
+    def tangents(self, fit: Fit, effects) -> np.ndarray | None:
+        """Tangents of the uncertain parameters that a refit with `effects` may begin with."""
+        return None if self.model.needs_stepping(effects) else fit.jacobian[:, : len(fit.point.u)]
+
+    def try_out(self, fit: Fit, start: Start, before: np.ndarray, least: float = np.inf,
+                openings: dict[float, float] | None = None) -> Trial:  # fmt: skip
+        """Refit everything from a start; `before` is the held-out residual without the effect.
+
+        `least` is the cost of the best trial so far.  With `openings`, the least cost of trials so
+        far by share, a law that is stepped in time is refitted to the runs' openings first.
+        """
+        point, enough, patience = self.tamed(start.point, fit.cost), HOPELESS * least, 3
+        if openings is not None and self.model.needs_stepping(point.effects[-1:]):
+            followed = self.opened(fit.point, point, openings)
+            enough = min(enough, (1 - LITTLE) * fit.cost)
+            point, patience = followed, 1 if followed is point else patience
+        tangents = self.tangents(fit, point.effects)
+        new = refit(self.model, point, baseline=tangents, rounds=8, relative=1e-3,
+                    give_up=enough, patience=patience)  # fmt: skip
+        return self.trial(fit, new, before)
+
+    def opened(self, without: Point, point: Point, least: dict[float, float]) -> Point:
+        """`point` refitted to the runs' openings, the short ones first, while it has a chance.
+
+        Where contacts part and strike, what comes late in a run hangs so strongly on every number
+        that no way leads to the right ones from afar; the opening tells them well enough.  A law
+        that closes little of an opening's gap, as it is at the point `without` it, is left.
+        """
+        for share in OPENINGS:
+            if chi2_of(self.model, point, "train") < NEARLY * self.model.dof("train"):
+                break
+            if share not in self.openings:
+                self.openings[share] = self.model.opening(share)
+            part = self.openings[share]
+            part.work = 0.0
+            before, fit = (
+                chi2_of(part, without, "train"),
+                refit(part, point, rounds=8, relative=1e-2),
+            )
+            self.model.work += share * part.work
+            closed = (before - fit.cost) / max(before - part.dof("train"), 1.0)
+            if closed < PROMISE or not fit.cost < HOPELESS * least.get(share, np.inf):
+                break
+            point, least[share] = fit.point, min(fit.cost, least.get(share, np.inf))
+        return point
+
+    def trial(self, fit: Fit, new: Fit, before: np.ndarray) -> Trial:
+        """A refit with one more effect than `fit`, as the held-out runs see it."""
+        after = residual_of(self.model, new.point, "held-out")
+        return Trial(new.point.effects[-1], new, fit.cost - new.cost, HeldOut.of(before, after))
+
+    def with_widths(self, fit: Fit, trials: list[Trial], before: np.ndarray) -> list[Trial]:
+        """The trials with their friction widths fitted: no comparison may hang on a width."""
+        best, out = min((t.fit.cost for t in trials), default=0.0), []
+        for t in trials:
+            wide = self.widened(t.fit, best)
+            out.append(t if wide is t.fit else self.trial(fit, wide, before))
+        return out
+
+    def tamed(self, point: Point, cost: float) -> Point:
+        """Where to begin a refit: calibrated as before, or as stated where that is better.
+
+        A wrong model drives the calibration to its bounds.  A law that is stepped in time is
+        weakened until the point is no worse than without it.
+        """
+        *others, last = point.effects
+        law = self.model.laws[last.id]
+        strong = [k for k in last.values if law.parameters[k].linear or k == "gap"]
+        stepped = strong and self.model.needs_stepping([last])
+        best, least = point, np.inf
+        for factor in (1.0, 0.5, 0.2, 0.05) if stepped else (1.0,):
+            values = last.values | {k: factor * last.values[k] for k in strong}
+            effects = (*others, Effect(last.id, last.place, values))
+            for u in (point.u, 0 * point.u):
+                there = Point(u, effects)
+                found = chi2_of(self.model, there, "train") + float(u @ u)
+                if np.isfinite(found) and found < least:
+                    best, least = there, found
+            if least < cost:
+                break
+        return best
+
+    def settle(self, fit: Fit) -> Fit:
+        """Smooth about the new point and polish there, with tangents of its own."""
+        for _ in range(SETTLES):
+            before = fit.chi2
+            self.model.rebase(fit.point)
+            fit = refit(self.model, fit.point, rounds=10)
+            near = fit.chi2 < SETTLED * self.model.dof("train") or fit.chi2 > 0.98 * before
+            if near or not self.model.unsettled(fit.point):
+                break
+        return self.widened(fit)
+
+    def widened(self, fit: Fit, best: float = np.inf) -> Fit:
+        """The fit with the friction laws' widths stated and so free, where the data ask for it.
+
+        The widths of a real machine are unknown, so no answer may hang on them.  A fit that costs
+        far more than the `best` one stays as it is.
+        """
+        if fit.cost > WIDTHS_MATTER[self.model.needs_stepping(fit.point.effects)] * best:
+            return fit
+        wide = [self._with_width(effect) for effect in fit.point.effects]
+        stated = all(
+            len(w.values) == len(e.values) for w, e in zip(wide, fit.point.effects, strict=True)
+        )
+        if stated or not np.isfinite(fit.cost):
+            return fit
+        point = fit.point.with_effects(*wide)
+        freed = refit(self.model, point, baseline=self.tangents(fit, wide), rounds=4)
+        return freed if freed.cost < fit.cost - MARGIN else fit
+
+    def _with_width(self, effect: Effect) -> Effect:
+        field = self.model.laws[effect.id].__dataclass_fields__.get("width")
+        default = {} if field is None else {"width": float(field.default)}
+        return dataclasses.replace(effect, values=default | effect.values)

@@ -1,0 +1,145 @@
+"""Tangent scores: what each candidate would explain once the baseline has its share."""
+
+import dataclasses
+import functools
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.stats import chi2 as chi2_law
+from threadpoolctl import threadpool_limits
+
+from .._threads import cores
+
+PRICE = 12.0  # half of log N a column: what a free number is worth among 1e5 samples
+
+
+def chance(gain: float, columns: int) -> float:
+    """Probability of such a gain in `columns` directions of white noise."""
+    return float(chi2_law.sf(gain, max(1, columns)))
+
+
+@dataclasses.dataclass(frozen=True)
+class Score:
+    """One candidate's score test: gain in chi2, its degrees of freedom, coefficients.
+
+    `dead`: the candidate changes no measured channel.  `allowed`: its sign is physical.
+    """
+
+    index: int
+    candidate: Any
+    gain: float
+    columns: int
+    coefficients: np.ndarray
+    dead: bool
+    allowed: bool
+
+    @property
+    def p(self) -> float:
+        """Probability of such a gain without the effect, its trials counted (Sidak)."""
+        one = chance(self.gain, self.columns)
+        return float(-np.expm1(self.candidate.trials * np.log1p(-min(one, 1 - 1e-16))))
+
+    @property
+    def merit(self) -> float:
+        """Gain less the price of the columns."""
+        return self.gain - PRICE * self.columns
+
+
+@dataclasses.dataclass(frozen=True)
+class Layout:
+    """Which columns of a table of signatures are whose, and how long they were."""
+
+    candidates: list
+    scale: np.ndarray
+
+    @functools.cached_property
+    def ends(self) -> np.ndarray:
+        """Where every candidate's columns begin, and where the last one's end."""
+        return np.cumsum([0, *(len(c.columns) for c in self.candidates)])
+
+    def part(self, i: int) -> slice:
+        """The columns of candidate `i`."""
+        return slice(self.ends[i], self.ends[i + 1])
+
+
+class Signatures:
+    """Signature columns of all candidates, scaled to length 1, and their inner products.
+
+    The table (columns, rows) is kept and scaled in place: it is large.  Its scans do not hold it.
+    """
+
+    def __init__(self, candidates: Sequence, table: np.ndarray):
+        self.table = table
+        size = np.sqrt(np.einsum("kr,kr->k", self.table, self.table))
+        self.layout = Layout(list(candidates), np.where(size > 0, size, 1.0))
+        self.table /= self.layout.scale[:, None]
+        with threadpool_limits(cores(), "blas"):
+            self.gram = self.table @ self.table.T
+
+    def scan(self, residual, J, priors: int, u, scrambled=()) -> "Scan":
+        """Score every candidate against `residual` with the tangents `J` projected out.
+
+        The first `priors` tangents have a unit prior about 0 and stand at `u`.  `scrambled`
+        residuals score the decoys.
+        """
+        k = J.shape[1]
+        prior = np.zeros((priors, k))
+        prior[:, :priors] = np.eye(priors)
+        tall = np.concatenate([J, prior])
+        scale = np.linalg.norm(tall, axis=0)
+        q = _basis(tall / np.where(scale > 0, scale, 1.0)) if k else tall
+        top = q[: len(residual)]
+        rest = np.concatenate([residual, u])
+        inside = self.table @ top
+        gram = self.gram - inside @ inside.T
+        right = self.table @ residual - inside @ (q.T @ rest)
+        decoys = [Scan(self.layout, gram, self.table @ x - inside @ (top.T @ x)) for x in scrambled]
+        best = max((s.merit for d in decoys for s in d.scores if s.allowed), default=0.0)
+        return Scan(self.layout, gram, right, best)
+
+
+def _basis(tall):
+    left, values, _ = np.linalg.svd(tall, full_matrices=False)
+    return left[:, values > 1e-9 * values[0]]
+
+
+class Scan:
+    """Scores of all candidates, best first, and the angles between their projected signatures."""
+
+    def __init__(self, layout: Layout, gram, right, decoy: float = 0.0):
+        self.layout, self.gram, self.right, self.decoy = layout, gram, right, decoy
+        self.scores = [self._score(i) for i in range(len(layout.candidates))]
+        self.order = sorted(self.scores, key=lambda s: -s.merit)
+
+    def _whitener(self, i: int) -> np.ndarray:
+        part = self.layout.part(i)
+        values, vectors = np.linalg.eigh(self.gram[part, part])
+        good = values > 1e-8
+        return vectors[:, good] / np.sqrt(values[good])
+
+    def _score(self, i: int) -> Score:
+        part, w = self.layout.part(i), self._whitener(i)
+        inside = w.T @ self.right[part]
+        coefficients = (w @ inside) / self.layout.scale[part]
+        candidate = self.layout.candidates[i]
+        dead = w.shape[1] == 0
+        allowed = not dead and candidate.allowed(coefficients)
+        gain = float(inside @ inside)
+        return Score(i, candidate, gain, w.shape[1], coefficients, dead, allowed)
+
+    def cosine(self, a: int, b: int) -> float:
+        """Cosine of the smallest angle between two candidates' projected signatures."""
+        wa, wb = self._whitener(a), self._whitener(b)
+        if wa.shape[1] == 0 or wb.shape[1] == 0:
+            return 0.0
+        inner = wa.T @ self.gram[self.layout.part(a), self.layout.part(b)] @ wb
+        return float(min(1.0, np.linalg.svd(inner, compute_uv=False)[0]))
+
+    def best_per_name(self) -> list[Score]:
+        """The best allowed variant of every (id, place), best first."""
+        seen: dict[str, Score] = {}
+        for score in self.order:
+            if score.allowed and score.candidate.name not in seen:
+                seen[score.candidate.name] = score
+        return list(seen.values())

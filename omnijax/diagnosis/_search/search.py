@@ -1,0 +1,217 @@
+"""The search: one effect after the other by score, joint refit and held-out gain; then a review.
+
+Where something is left above the noise that no further effect explains, the first effect may have
+been the wrong one: the search goes on from the runners-up too and keeps the better set.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from .fit import Fit, refit
+from .held_out import Trial
+from .model import STEPPED, AbstractModel, Point
+from .refits import LITTLE, NEARLY, Refits, chi2_of, residual_of, total_cost
+from .review import Review, Rival
+from .scan import Scan, Score, Signatures, chance
+from .starts import Start, at_finite_strength, by_tangent, worth
+
+ALPHA = 1e-3  # chance of a false candidate in a whole scan
+SHUFFLES = 4  # shuffled residuals whose best candidate is the decoy to beat
+STRONG = 4.0  # chi2 a degree of freedom from which a law's tangent does not tell its rank
+MOST = 4  # effects
+TRIED = 4  # candidates a step
+RUNNERS_UP, CLOSE = 1, 3.0  # first effects (and their cost, times the best) gone on from as well
+
+
+@dataclasses.dataclass
+class Found:
+    """All that the search found out."""
+
+    baseline: Fit
+    fit: Fit
+    held_before: float
+    held_after: float
+    scans: list[Scan]
+    trials: list[list[Trial]]
+    rivals: dict[int, list[Rival]]
+    refused: list[str]
+    significant: bool
+    priors: tuple = ()
+
+
+@dataclasses.dataclass(frozen=True)
+class Way:
+    """A way through the search: its fit, what was scored and tried, and whether noise is left.
+
+    The large table of `signatures` is the last scan's.
+    """
+
+    fit: Fit
+    scans: tuple[Scan, ...] = ()
+    trials: tuple[list[Trial], ...] = ()
+    noise_only: bool = False
+    signatures: Signatures | None = None
+
+
+def significant(scan: Scan, spread: float) -> list[Score]:
+    """The best variant of every (id, place) that stands out, best first.
+
+    A gain is compared with the residual's own `spread` (chi2 a degree of freedom, at least 1), with
+    its chance among all candidates, and with what the best decoy gained.
+    """
+    count, decoy = len(scan.scores), scan.decoy
+    return [
+        s for s in scan.best_per_name()
+        if chance(s.gain / spread, s.columns) * s.candidate.trials * count < ALPHA
+        and s.merit > decoy
+    ]  # fmt: skip
+
+
+class Search:
+    """The search over one model; `tell(text)` reports progress."""
+
+    def __init__(self, model: AbstractModel, tell: Callable[[str], None] = lambda text: None):
+        self.model, self.tell, self.refits = model, tell, Refits(model)
+
+    def run(self, start: Point | None = None) -> Found:
+        """Search from a calibrated `start` until nothing is left that held-out runs accept."""
+        model = self.model
+        fit = refit(model, start or Point(np.zeros(len(model.priors))), relative=0.01)
+        model.rebase(fit.point)
+        baseline = refit(model, fit.point, baseline=fit.jacobian, relative=0.01)
+        held_before = chi2_of(model, baseline.point, "held-out")
+        way = self.best_way(baseline, self.follow(Way(baseline)))
+        assert way.signatures is not None  # `follow` scans at least once
+        fit, rivals = Review(self.refits, self.tell).run(way.fit, way.signatures)
+        tried = [t for trials in way.trials for t in trials]
+        return Found(
+            baseline,
+            fit,
+            held_before,
+            chi2_of(model, fit.point, "held-out"),
+            list(way.scans),
+            list(way.trials),
+            rivals,
+            [t.effect.name for t in tried if not t.accepted],
+            bool(tried),
+            tuple(model.priors),
+        )
+
+    def follow(self, way: Way) -> Way:
+        """Go on greedily until nothing stands out, or nothing that held-out runs accept.
+
+        Also where chi2 is that of noise: a scan sees an effect that chi2 of all rows does not.
+        """
+        while len(way.fit.point.effects) < MOST:
+            if way.signatures is not None and self.model.spent:
+                break
+            way = dataclasses.replace(way, signatures=None)  # room for the next table
+            scan, signatures = self.scan(way.fit)
+            trials = self.trials(way.fit, scan)
+            way = dataclasses.replace(way, scans=(*way.scans, scan), trials=(*way.trials, trials),
+                                      signatures=signatures)  # fmt: skip
+            promising = self.promising(way.fit, trials)
+            if not promising:
+                break
+            way = self.with_effect(way, promising[0])
+        return way
+
+    def promising(self, fit: Fit, trials: list[Trial]) -> list[Trial]:
+        """Trials that held-out runs accept and that close more than a little, best first."""
+        return [t for t in trials if t.accepted and not self.little(fit, t)]
+
+    def little(self, fit: Fit, trial: Trial) -> bool:
+        """Whether a trial closes next to nothing of a strong gap: an unknown effect's shadow."""
+        dof = self.model.dof("train")
+        return fit.chi2 > STRONG * dof and trial.gain < LITTLE * (fit.chi2 - dof)
+
+    def with_effect(self, way: Way, trial: Trial) -> Way:
+        """The way with an accepted effect."""
+        self.tell(
+            f"accepted {trial.effect.name}: held-out runs show "
+            f"{trial.held.multiplier:.2f} ± {1 / np.sqrt(trial.held.size):.2g} of the change"
+        )
+        fit = self.refits.settle(trial.fit)
+        held = chi2_of(self.model, fit.point, "held-out")
+        return dataclasses.replace(way, fit=fit, noise_only=self.floor_reached(fit, held))
+
+    def best_way(self, baseline: Fit, way: Way) -> Way:
+        """The way itself, or a better one from a runner-up of its first step."""
+        start, held = way, chi2_of(self.model, way.fit.point, "held-out")
+        accepted = self.promising(baseline, way.trials[0]) if way.trials else []
+        accepted = [t for t in accepted if t.fit.cost < CLOSE * accepted[0].fit.cost]
+        for trial in accepted[1 : 1 + RUNNERS_UP]:
+            if way.noise_only or self.model.spent:
+                break
+            self.tell(f"something is left: going on from {trial.effect.name} instead")
+            first = Way(baseline, start.scans[:1], start.trials[:1])
+            other = self.follow(self.with_effect(first, trial))
+            there = chi2_of(self.model, other.fit.point, "held-out")
+            if total_cost(other.fit) < total_cost(way.fit) and there < held:
+                way, held = other, there
+        if len(accepted) > 1 and not start.noise_only:
+            self.model.rebase(way.fit.point)
+        return way
+
+    def scan(self, fit: Fit) -> tuple[Scan, Signatures]:
+        """Scores of all candidates at a fit, and their signatures."""
+        model = self.model
+        candidates = model.candidates(fit.point)
+        self.tell(f"{len(candidates)} candidates")
+        signatures = Signatures(candidates, model.columns(fit.point, candidates))
+        scrambled = [model.shuffled(fit.residual, seed) for seed in range(SHUFFLES)]
+        priors = len(model.priors)
+        scan = signatures.scan(fit.residual, fit.jacobian, priors, fit.point.u, scrambled)
+        return scan, signatures
+
+    def trials(self, fit: Fit, scan: Scan) -> list[Trial]:
+        """Joint refits of the best significant candidates, best first."""
+        have = {e.name for e in fit.point.effects}
+        train, held = self.model.dof("train"), self.model.dof("held-out")
+        spread = max(1.0, fit.chi2 / train)
+        scores = [s for s in significant(scan, spread) if s.candidate.name not in have]
+        starts = self.starts(fit, scan, scores, spread > STRONG)
+        before = residual_of(self.model, fit.point, "held-out")
+        trials, openings = [], {} if spread > STRONG else None
+        for start in starts[:TRIED]:
+            if trials and self.model.spent:
+                break
+            least = min((t.fit.cost for t in trials), default=np.inf)
+            trial = self.refits.try_out(fit, start, before, least, openings)
+            self.tell(
+                f"{trial.effect.name}: gain {trial.gain:.0f}, held-out {trial.held.gain:.0f}, "
+                f"share {trial.held.multiplier:.2f}"
+            )
+            trials.append(trial)
+            if all(self.little(fit, t) for t in trials) and len(trials) > 1:
+                break  # those after them promise less
+            left = float(before @ before) - trial.held.gain
+            if trial.fit.chi2 < NEARLY * train and left < NEARLY * held:
+                return sorted(trials, key=lambda t: total_cost(t.fit))  # rivals: in the review
+        if not all(self.little(fit, t) for t in trials):
+            trials = self.refits.with_widths(fit, trials, before)
+        return sorted(trials, key=lambda t: total_cost(t.fit))
+
+    def starts(self, fit: Fit, scan: Scan, scores: list[Score], strong: bool) -> list[Start]:
+        """Where the joint refits of a step begin, the most promising first."""
+        starts = worth(by_tangent(fit, scores), fit.cost)
+        ids = {k for k, law in self.model.laws.items() if law.port in STEPPED}
+        plain = starts and not any(self.stepped(s) for s in starts[:TRIED])
+        if not strong or plain or not ids:
+            return starts
+        self.tell("a strong effect: laws of contacts and mounts at finite strength")
+        have = {e.name for e in fit.point.effects}
+        finite = at_finite_strength(self.model, fit, scan, ids)
+        others = [s for s in by_tangent(fit, scores) if not self.stepped(s)]
+        return worth([*(s for s in finite if s.name not in have), *others], fit.cost)
+
+    def stepped(self, start: Start) -> bool:
+        """Whether a start's new law is stepped in time, and so no multiple of its tangent."""
+        return self.model.needs_stepping(start.point.effects[-1:])
+
+    def floor_reached(self, fit: Fit, held: float) -> bool:
+        """Whether what is left is noise: chi2 within four standard deviations of its mean."""
+        n, m = self.model.dof("train"), self.model.dof("held-out")
+        return fit.chi2 < n + 4 * np.sqrt(2 * n) and held < m + 4 * np.sqrt(2 * m)

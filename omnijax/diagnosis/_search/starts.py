@@ -1,0 +1,99 @@
+"""Where joint refits begin: candidates by tangent, or at finite strength where effects are strong.
+
+A tangent at zero ranks a weak effect right.  A strong one bends its own signature, and it drives
+the calibration off, where every signature is wrong: then each law that is stepped in time is tried
+at a ladder of strengths, the baseline refitted to first order, about the stated machine.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from .fit import Fit, foretold, tangents_at
+from .model import AbstractModel, Effect, Point
+from .scan import PRICE, Scan, Score
+
+LADDER = (0.2, 0.6, 2.0)  # strengths, in those whose tangent is as large as the residual
+RAN_OFF = 2.0  # prior sigmas from which a calibration has been bent by what is missing
+WORTH = 0.2  # share of the best estimated gain below which a candidate is not refitted
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """A point whose last effect is new, and what it is estimated to cost once all is refitted.
+
+    A free number counts as in `Score.merit`.
+    """
+
+    point: Point
+    cost: float
+
+    @property
+    def name(self) -> str:
+        """id@place of the new effect."""
+        return self.point.effects[-1].name
+
+
+def by_tangent(fit: Fit, scores: Sequence[Score]) -> list[Start]:
+    """Starts at the strengths that the tangents at `fit` estimate."""
+    out = []
+    for s in scores:
+        effect = Effect(s.candidate.id, s.candidate.place, s.candidate.decode(s.coefficients))
+        out.append(Start(fit.point.with_effects(*fit.point.effects, effect), fit.cost - s.merit))
+    return out
+
+
+def at_finite_strength(model: AbstractModel, fit: Fit, scan: Scan, ids: set[str]) -> list[Start]:
+    """The best start of every (id, place) of the laws `ids`, over strengths of both signs."""
+    u = fit.point.u
+    kept = np.max(np.abs(u), initial=0.0) < RAN_OFF
+    anchor = fit.point if kept else Point(0 * u, fit.point.effects)
+    J = fit.jacobian if anchor is fit.point else tangents_at(model, anchor)
+    (here,) = model.residuals([anchor], model.ranking)
+    J, chi2 = J[: len(here)], float(fit.residual @ fit.residual)
+    _, without = foretold(model, anchor, here, J)
+    share = fit.cost / without  # estimates are compared with that of no law, made alike
+    best: dict[str, Start] = {}
+    for id in sorted(ids):  # the points of a law run side by side
+        effects = [
+            e for s in scan.scores if s.candidate.id == id
+            for e in _strengths(model, s, chi2)
+        ]  # fmt: skip
+        if not effects:
+            continue
+        points = [anchor.with_effects(*anchor.effects, e) for e in effects]
+        for point, residual in zip(points, model.residuals(points, model.ranking), strict=True):
+            if not np.all(np.isfinite(residual)):
+                continue
+            there, cost = foretold(model, anchor, residual, J)
+            full = there.with_effects(*there.effects, point.effects[-1])
+            start = Start(full, share * cost + PRICE * len(point.effects[-1].values))
+            if start.name not in best or start.cost < best[start.name].cost:
+                best[start.name] = start
+    return list(best.values())
+
+
+def _strengths(model: AbstractModel, score: Score, chi2: float) -> list[Effect]:
+    """The candidate at its tangent's strength and over the ladder, within its law's bounds.
+
+    Once where no strength is free.
+    """
+    c, known = score.candidate, model.laws[score.candidate.id].parameters
+    if not any(p.linear for p in known.values()):
+        return [Effect(c.id, c.place, c.decode(score.coefficients))]
+    if score.dead:
+        return []
+    unit = np.sqrt(chi2 / max(score.gain, 1e-300))  # the tangent's change: as the residual
+    factors = [1.0, *(sign * x * unit for x in LADDER for sign in (1, -1))]
+    found = [Effect(c.id, c.place, c.decode(k * score.coefficients)) for k in factors]
+    return [
+        e for e in found
+        if all(known[k].low <= v <= known[k].high for k, v in e.values.items() if np.ndim(v) == 0)
+    ]  # fmt: skip
+
+
+def worth(starts: list[Start], cost: float) -> list[Start]:
+    """Starts that promise a good share of the best one's gain, best first."""
+    order = sorted(starts, key=lambda s: s.cost)
+    return [s for s in order if cost > s.cost and cost - s.cost > WORTH * (cost - order[0].cost)]

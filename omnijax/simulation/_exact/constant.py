@@ -1,0 +1,142 @@
+"""Exact propagation at constant speeds: any time is reached in a few products.
+
+The response is a sum over signals.  Each signal's forced curve from rest over one period is known
+(`_ladder`); states at the starts of later periods follow from powers of the period's affine map;
+what the start leaves over decays freely:
+
+    s(t) = sum_g [c_g(u) + exp(A tau(u)) S_g,j] + exp(A (t - t0)) (s0 - sum_g c_g(u0))
+
+with u the angle in the period, j the period's number and S_g,j the j-th power applied to rest.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ...laws import piece_at, value
+from ...rig import Rig
+from .expm import advance_all, advance_pieces, ladder, points
+from .forcing import Cycle, Forcing, forcing
+from .period_map import Passages, passages, piece_maps, prefix_maps, with_terms
+from .system import Forced, balanced, forced_system, with_integrals
+
+GRID_BITS = 7  # of the forced curves' grid
+PERIODS = 24  # bits of the number of periods
+
+
+class Response(NamedTuple):
+    """Elastic state and integrals at the samples, in SI units."""
+
+    state: Float[Array, "t m"]
+    position: Float[Array, "t 3"]  # m, X
+    drift: Float[Array, "t 3"]  # m/s, U
+    shape: Float[Array, "t n"]  # m, rho of the wheels
+    integral: Float[Array, "t n"]  # m s, of rho
+    second: Float[Array, "t n"]  # m s^2, of that
+
+
+def _powers(period: Float[Array, "a a"], count: Array, most: Array) -> Float[Array, "t a"]:
+    """period^count applied to rest (0, 1), for many counts; none is above `most`, unbatched."""
+    rest = jnp.zeros((len(count), period.shape[0])).at[:, -1].set(1.0)
+
+    def climb(carry, j):
+        def on(M, z):
+            return M @ M, jnp.where(((count >> j) & 1)[:, None] == 1, z @ M.T, z)
+
+        return jax.lax.cond(most >> j > 0, on, lambda M, z: (M, z), *carry), None
+
+    return jax.lax.scan(climb, (period, rest), jnp.arange(PERIODS))[0][1]
+
+
+def _places(cycle: Cycle, elapsed):
+    """Number of the period, piece, v and angle in the period at times since the start."""
+    angle = cycle.start + cycle.speed * elapsed
+    period = cycle.period
+    number = jax.lax.stop_gradient(jnp.floor(angle / period))
+    inside = angle - number * period
+    index, v = jax.vmap(lambda a: piece_at(cycle.pieces, a))(inside)
+    return number.astype(int), index, jnp.clip(v, 0.0, 1.0), inside
+
+
+class Decay(NamedTuple):
+    """Free motion over one period of each signal, on a ladder (`_ladder.ladder`)."""
+
+    generator: Float[Array, "g m m"]
+    levels: Float[Array, "g L m m"]
+    scale: Int[Array, " g"]
+
+
+def _decays(system: Forced, levels: int, cycle: Cycle) -> Decay:
+    duration = (cycle.period / cycle.speed)[:, None, None]
+    F = system.A * duration
+    return Decay(F, *jax.vmap(lambda F: ladder(F, len(system.A), 0, levels))(F))
+
+
+def _top(scale) -> Int[Array, ""]:
+    """Above every bit of a place on the ladders (v = 1 has the one at `scale`)."""
+    return jnp.max(scale) + 1
+
+
+def _signal(tops, m: int, cycle: Cycle, cycles: Passages, decay: Decay, places):
+    """Forced response of one signal from a virtual rest at its period's start; rho beside it."""
+    before, period = prefix_maps(piece_maps(cycles.pieces, m))
+    starts = with_terms(before[:, :m, m], cycles.pieces)
+    Z = jax.vmap(lambda piece, z: points(piece, z, GRID_BITS))(cycles.pieces, starts)
+    number, index, v, inside = places
+    curve = advance_pieces(cycles.pieces, tops[0], Z, index, v)[:, :m]
+    earlier = _powers(period, number, tops[2])[:, :m]
+    free = advance_all(*decay, tops[1], earlier, inside / cycle.period)
+    shape = jax.vmap(lambda k, v: value(cycle.pieces, k, v))(index, v)
+    return curve + free, shape
+
+
+def _free(system: Forced, levels: int, start, force, elapsed, until):
+    """exp(A t) start and the response to a constant force from rest."""
+    m = len(system.A)
+    top = jnp.concatenate([system.A, (system.force @ force)[:, None]], axis=1) * until
+    F = jnp.concatenate([top, jnp.zeros((1, m + 1))])
+    rungs, scale = ladder(F, m, 0, levels)
+    z = jnp.broadcast_to(jnp.append(start, 1.0), (len(elapsed), m + 1))
+    return advance_all(F, rungs, scale, _top(scale), z, elapsed / until)[:, :m]
+
+
+def constant_response(
+    rig: Rig, speeds, angles, force, ts, model: str, start, levels: int
+) -> Response:
+    """Response at times `ts` (s) to constant speeds; the run starts at ts[0].
+
+    `start` is the elastic state there, or None for static equilibrium.
+    """
+    signals = forcing(rig, speeds, angles)
+    plain = forced_system(rig, model, speeds, signals.wheel)
+    system = with_integrals(plain)
+    scaled, unit = balanced(system)
+    cycles = passages(scaled, signals, GRID_BITS, levels)
+    elapsed = jnp.concatenate([jnp.zeros(1), ts - ts[0]])
+    decays = _decays(scaled, levels, signals.cycle)
+    places = jax.vmap(_places, in_axes=(0, None))(signals.cycle, elapsed)
+    tops = (_top(cycles.pieces.scale), _top(decays.scale), jnp.max(places[0]))
+    s, shape = jax.vmap(partial(_signal, tops, len(scaled.A)))(
+        signals.cycle, cycles, decays, places
+    )
+    y0 = plain.rest @ shape[:, 0] if start is None else start
+    y0 = jnp.pad(y0, (0, 8)) - system.shift.T @ shape[:, 0]
+    free = y0 / unit - jnp.sum(s[:, 0], axis=0)
+    until = jnp.maximum(elapsed[-1], 1e-12)
+    total = jnp.sum(s, axis=0) + _free(scaled, levels, free, force, elapsed, until)
+    total = total * unit + jnp.einsum("gt,gm->tm", shape, system.shift)
+    return _response(total[1:], s * unit, shape, elapsed, signals, rig.size)
+
+
+def _response(total, s, shape, elapsed, signals: Forcing, n: int) -> Response:
+    m = total.shape[1] - 8
+    first = s[..., m + 6] - s[:, :1, m + 6]
+    second = s[..., m + 7] - s[:, :1, m + 7] - s[:, :1, m + 6] * elapsed
+    rows = jnp.zeros((n, len(signals.wheel)))
+    for g, i in enumerate(signals.wheel):
+        rows = rows if i < 0 else rows.at[i, g].set(1.0)
+    per_wheel = [(rows @ x).T[1:] for x in (shape, first, second)]
+    return Response(total[:, :m], total[:, m : m + 3], total[:, m + 3 : m + 6], *per_wheel)

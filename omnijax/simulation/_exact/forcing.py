@@ -1,0 +1,188 @@
+"""What forces the elastic model: periodic signals, each with its rate, its pieces and its start."""
+
+import math
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from ...laws import (
+    DamagedRoller,
+    FloorVibration,
+    Gap,
+    Pieces,
+    TableShape,
+    WheelRunout,
+    mirrored,
+    padded,
+    piece_at,
+    shape_pieces,
+    value,
+)
+from ...rig import Rig
+
+MAX_ROLLERS = 40  # room for the rollers of a turn where their number is not known ahead
+
+
+class Cycle(NamedTuple):
+    """One periodic signal in the direction in which it is passed through.
+
+    `speed` is the rate of its angle (rad/s, positive) and `start` the angle at the run's start,
+    both counted in the direction of motion; a wheel at rest is a constant signal.
+    """
+
+    pieces: Pieces
+    speed: Float[Array, ""]
+    start: Float[Array, ""]
+
+    @property
+    def period(self) -> Float[Array, ""]:
+        """Angle of one period, rad."""
+        return jnp.sum(self.pieces.width, axis=-1)
+
+    @property
+    def duration(self) -> Float[Array, " k"]:
+        """Time in each piece, s."""
+        return self.pieces.width / self.speed[..., None]
+
+
+class Forcing(NamedTuple):
+    """All signals stacked on the leading axis, and which wheel each belongs to (-1: the floor)."""
+
+    cycle: Cycle
+    wheel: tuple[int, ...]
+    base: Float[Array, " g"]  # order of the first harmonic, in multiples of the wheel's rotation
+
+
+def is_traced(x) -> bool:
+    """Whether the value of `x` is not known while this runs."""
+    return isinstance(x, Tracer)
+
+
+def number(x) -> float | None:
+    """The value of a scalar where it is known while tracing."""
+    return None if is_traced(x) else float(np.asarray(x))
+
+
+def directed(pieces: Pieces, speed, angle) -> Cycle:
+    """The signal as the wheel passes through it: mirrored backwards, constant at rest."""
+    back = mirrored(pieces)
+    forward = speed >= 0
+    pieces = jax.tree.map(lambda a, b: jnp.where(forward, a, b), pieces, back)
+    start = jnp.mod(jnp.where(forward, angle, -angle), jnp.sum(pieces.width))
+    here = value(pieces, *piece_at(pieces, start))
+    rest = speed == 0
+    constant = jnp.zeros_like(pieces.polynomial).at[:, 0].set(here)
+    return Cycle(
+        pieces._replace(
+            polynomial=jnp.where(rest, constant, pieces.polynomial),
+            cosine=jnp.where(rest, 0.0, pieces.cosine),
+            sine=jnp.where(rest, 0.0, pieces.sine),
+        ),
+        jnp.where(rest, 1.0, jnp.abs(speed)),
+        start,
+    )
+
+
+def _turn(pieces: Pieces, gap: Gap, repeats: int, damage, runouts) -> Pieces:
+    """A whole turn: the profile repeated, scaled where a roller is damaged, and runout added."""
+    count = number(gap.rollers) if repeats == 0 else None
+    rows = repeats or (MAX_ROLLERS if count is None else round(count))
+    index = jnp.arange(rows)
+    present = index < jnp.round(gap.rollers) if repeats == 0 else jnp.ones(rows, bool)
+    factor = 1 + sum(
+        (jnp.where(index == jnp.round(law.roller), law.severity, 0.0) for law in damage),
+        jnp.zeros(rows),
+    )
+
+    def repeated(x):
+        return jnp.broadcast_to(x, (rows, *x.shape))
+
+    scale = factor[:, None, None]
+    turn = Pieces(
+        repeated(pieces.width) * jnp.where(present, 1.0, 0.0)[:, None],
+        repeated(pieces.polynomial) * scale,
+        repeated(pieces.cosine) * scale,
+        repeated(pieces.sine) * scale,
+        repeated(pieces.frequency),
+    )
+    turn = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), turn)
+    begin = jnp.cumsum(turn.width) - turn.width
+    for law in runouts:  # A cos(theta - phi) = A cos(begin - phi + width v)
+        phase = begin - law.phase
+        turn = turn._replace(
+            cosine=jnp.concatenate([turn.cosine, law.amplitude * jnp.cos(phase)[:, None]], 1),
+            sine=jnp.concatenate([turn.sine, -law.amplitude * jnp.sin(phase)[:, None]], 1),
+            frequency=jnp.concatenate([turn.frequency, turn.width[:, None]], 1),
+        )
+    return turn
+
+
+def _period_kind(profile, gap: Gap) -> str:
+    """`pitch`, `turn` or `own`: what the profile's period is."""
+    if type(profile).__name__ == "ContinuousSine":
+        return "own"
+    if not isinstance(profile, TableShape):
+        return "pitch"
+    period, pitch = number(profile.knots[-1]), number(gap.pitch)
+    if period is None or abs(period - 2 * math.pi) < 1e-6:
+        return "turn"
+    return "pitch" if pitch is not None and abs(period - pitch) < 1e-6 * pitch else "own"
+
+
+def wheel_pieces(rig: Rig, i: int) -> list[tuple[Pieces, Array]]:
+    """Signals of wheel i with their base orders: one, or two where a period fits no turn."""
+    gap = jax.tree.map(lambda x: x[i], rig.gaps)
+    profile = rig.profiles[i]
+    pieces = shape_pieces(profile, gap)
+    if pieces is None:
+        raise ValueError(f"wheel {rig.names[i]} has a profile without closed form.")
+    laws = [placed.law for placed in rig.at("shape") if i in placed.wheels]
+    damage = [law for law in laws if isinstance(law, DamagedRoller)]
+    runouts = [law for law in laws if isinstance(law, WheelRunout)]
+    kind = _period_kind(profile, gap)
+    period = jnp.sum(pieces.width)
+    if not laws:
+        return [(pieces, 2 * math.pi / period)]
+    if kind == "own":
+        flat = Pieces(
+            jnp.full(1, 2 * math.pi), jnp.zeros((1, 1)), *(jnp.zeros((1, 0)) for _ in range(3))
+        )
+        return [
+            (pieces, 2 * math.pi / period),
+            (_turn(flat, gap, 1, [], runouts), jnp.ones(())),
+        ]
+    repeats = 1 if kind == "turn" else 0
+    return [(_turn(pieces, gap, repeats, damage, runouts), jnp.ones(()))]
+
+
+def _floor_pieces(law: FloorVibration) -> tuple[Pieces, Array, Array]:
+    one = jnp.ones((1, 1))
+    pieces = Pieces(
+        jnp.full(1, 2 * math.pi), jnp.zeros((1, 1)), 0 * one, law.amplitude * one, 2 * math.pi * one
+    )
+    return pieces, 2 * math.pi * law.frequency, jnp.asarray(law.phase, float)
+
+
+def forcing(rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"]) -> Forcing:
+    """Every signal that forces the rig at constant `speeds` (rad/s) from `angles` (rad)."""
+    found, wheel, base = [], [], []
+    for i in range(rig.size):
+        for pieces, order in wheel_pieces(rig, i):
+            found.append((pieces, speeds[i], angles[i]))
+            wheel.append(i)
+            base.append(order)
+    floors: list[Any] = [placed.law for placed in rig.at("platform")]
+    for law in floors:
+        found.append(_floor_pieces(law))
+        wheel.append(-1)
+        base.append(jnp.ones(()))
+    count = max(len(p.width) for p, _, _ in found)
+    degree = max(p.polynomial.shape[1] for p, _, _ in found) - 1
+    waves = max(p.sine.shape[1] for p, _, _ in found)
+    cycles = [directed(padded(p, count, degree, waves), w, a) for p, w, a in found]
+    stacked = jax.tree.map(lambda *xs: jnp.stack(xs), *cycles)
+    return Forcing(stacked, tuple(wheel), jnp.stack([jnp.asarray(b, float) for b in base]))

@@ -1,0 +1,182 @@
+"""Trajectories in files: NetCDF with everything, or CSV and Parquet that are recordings."""
+
+import dataclasses
+import importlib.metadata
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jax.flatten_util import ravel_pytree
+
+from .. import __version__
+from .._errors import InputError
+from ..dynamics import State
+from ..recording import Recording, write_recording
+from ..recording import channels as channel_names
+from ..rig import Rig, rig_text
+from ._sensors import GROUPS, measured
+from ._trajectory import STATUS, Trajectory
+
+SUFFIXES = (".nc", ".csv", ".csv.gz", ".parquet")
+_AXES = {"axis": ["x", "y", "z"], "quaternion": ["w", "x", "y", "z"]}
+
+
+def save_trajectory(
+    trajectory: Trajectory,
+    path: str | Path,
+    rig: Rig | None = None,
+    rig_path: str | Path | None = None,
+    command: str = "",
+    end: State | None = None,
+) -> Path:
+    """Write a run.  `.nc` keeps every channel, unit and the rig; the others are recordings.
+
+    `.csv`, `.csv.gz` and `.parquet` hold the inputs and what the sensors of `rig` read, with
+    NAME.toml beside them; rows after a failure are left out.  `end` is the machine's state at
+    the last sample of a run that shall go on (`load_end`; `.nc` only).
+    """
+    path = Path(path)
+    kind = check_suffix(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if kind != ".nc":
+        return write_recording(path, to_recording(trajectory, path, rig, rig_path))
+    data = to_xarray(trajectory, rig, command)
+    if end is not None:
+        data["end_state"] = ("state", np.asarray(ravel_pytree(end)[0]))
+    data.to_netcdf(path, engine="h5netcdf")  # zlib saves a fifth and costs three times the time
+    return path
+
+
+def check_suffix(path: Path) -> str:
+    """The kind of a run's file; `InputError` for another one."""
+    for suffix in SUFFIXES:
+        if path.name.lower().endswith(suffix):
+            return suffix
+    raise InputError(f"`{path.name}` must end in one of {', '.join(SUFFIXES)}.")
+
+
+def load_trajectory(path: str | Path) -> Trajectory:
+    """Read a run that was saved as `.nc`, to the last bit."""
+    import xarray
+
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path} is not a file.")
+    if check_suffix(path) != ".nc":
+        raise InputError(f"{path.name} is a recording: read it with `omnijax.read_recording`.")
+    try:
+        with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as data:
+            return _from_dataset(data.load())
+    except (OSError, KeyError, ValueError) as error:
+        raise InputError(f"{path.name} is not a run of omnijax: {error}") from error
+
+
+def load_end(path: str | Path, like: State) -> tuple[State, str]:
+    """The state at the end of an interrupted run, shaped as `like`, and the run's command."""
+    import xarray
+
+    path = Path(path)
+    with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as data:
+        flat, unravel = ravel_pytree(like)
+        if "end_state" not in data.variables or data["end_state"].shape != flat.shape:
+            raise InputError(f"{path.name} holds no interrupted run of this rig.")
+        return unravel(jnp.asarray(data["end_state"].values)), str(data.attrs["command"])
+
+
+def to_xarray(trajectory: Trajectory, rig: Rig | None = None, command: str = "") -> Any:
+    """The run as an `xarray.Dataset`: every channel with its unit; rig, versions and status aside.
+
+    Where `rig` has sensors' laws, `measured_dR` and so on stand beside the true values.
+    """
+    import xarray
+
+    names = list(trajectory.names)
+    variables = {
+        name: (_dims(name, np.shape(value), len(names)), np.asarray(value), _unit(name))
+        for name, value in _channels(trajectory).items()
+        if name != "t"
+    }
+    if rig is not None and rig.at("sensor"):
+        for group, value in measured(trajectory, rig).items():
+            dims = _dims(group, np.shape(value), len(names))
+            variables[f"measured_{group}"] = (dims, np.asarray(value), _unit(group))
+    time = ("t", np.asarray(trajectory.t), {"units": "s", "long_name": "time"})
+    return xarray.Dataset(
+        variables,
+        coords={"t": time, "wheel": names, **_AXES},
+        attrs=_attributes(trajectory, rig, command),
+    )
+
+
+def to_recording(
+    trajectory: Trajectory,
+    path: str | Path = "run.csv",
+    rig: Rig | None = None,
+    rig_path: str | Path | None = None,
+) -> Recording:
+    """The run as a noise-free recording, as far as it got."""
+    readings = (
+        {g: getattr(trajectory, g) for g in GROUPS} if rig is None else measured(trajectory, rig)
+    )
+    table = {"torque": trajectory.torque, "force": trajectory.force, **readings}
+    good = np.isfinite(np.asarray(trajectory.dR)).all(axis=1)
+    wheels = len(trajectory.names)
+    columns = {}
+    for group, values in table.items():
+        for i, column in enumerate(channel_names(group, wheels)):
+            columns[column] = np.array(values[:, i])[good]
+    path = Path(path)
+    where = None if rig_path is None else Path(rig_path)
+    exact = {group: 0.0 for group in GROUPS}  # what a simulation says has no noise
+    time = np.array(trajectory.t)[good]
+    return Recording(path.name.split(".")[0], path, time, columns, wheels, "train", exact, where)
+
+
+def _channels(trajectory: Trajectory) -> dict[str, Any]:
+    """Fields that hold numbers in time."""
+    return {
+        field.name: getattr(trajectory, field.name)
+        for field in dataclasses.fields(trajectory)
+        if np.ndim(getattr(trajectory, field.name)) > 0 and field.name != "names"
+    }
+
+
+def _unit(name: str) -> dict[str, str]:
+    return {"units": Trajectory.UNITS[name]} if name in Trajectory.UNITS else {}
+
+
+def _dims(name: str, shape: tuple[int, ...], wheels: int) -> tuple[str, ...]:
+    if name == "attitude":
+        return ("t", "quaternion")
+    vectors = {"Omega", "dR", "dR_rate", "dR_elastic", "R_l", "V_l", "a", "a_sphere", "force"}
+    return ("t", "axis") if name in vectors else ("t", "wheel")[: len(shape)]
+
+
+def _attributes(trajectory: Trajectory, rig: Rig | None, command: str) -> dict[str, Any]:
+    code = int(trajectory.status)
+    versions = [f"omnijax {__version__}"]
+    versions += [f"{p} {importlib.metadata.version(p)}" for p in ("jax", "diffrax", "numpy")]
+    return {
+        "title": "a run of a sphere on omnidirectional wheels",
+        "status": STATUS[code],
+        "status_code": code,
+        "message": trajectory.message(),
+        "steps": int(trajectory.steps),
+        "method": trajectory.method,
+        "rig": "" if rig is None else rig_text(rig),
+        "command": command,
+        "versions": ", ".join(versions),
+    }
+
+
+def _from_dataset(data: Any) -> Trajectory:
+    own = {field.name for field in dataclasses.fields(Trajectory)}
+    arrays = {name: jnp.asarray(data[name].values) for name in own if name in data.variables}
+    return Trajectory(
+        **arrays,
+        status=jnp.asarray(data.attrs["status_code"], int),
+        steps=jnp.asarray(data.attrs["steps"], int),
+        method=str(data.attrs["method"]),
+        names=tuple(str(name) for name in data["wheel"].values),
+    )

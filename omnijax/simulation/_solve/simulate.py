@@ -1,0 +1,63 @@
+"""`simulate`: a rig and a drive in, a trajectory out."""
+
+from typing import TYPE_CHECKING
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..._errors import InputError
+from ...rig import Rig
+from .._drives import AbstractDrive, SpeedDrive, check_drive
+from .._exact import propagate, propagation_obstacle
+from .._trajectory import Trajectory
+from .state_vector import build_model
+
+if TYPE_CHECKING:
+    import diffrax as dfx
+
+
+def simulate(
+    rig: Rig,
+    drive: AbstractDrive,
+    ts: Float[Array, " t"],
+    *,
+    model: str = "coupled",
+    solver: str = "auto",
+    rtol: float = 1e-8,
+    max_steps: int = 200_000,
+    keep_radius_rate: bool = False,
+    adjoint: "dfx.AbstractAdjoint | None" = None,
+) -> Trajectory:
+    """Simulate `rig` under `drive`; samples at `ts` (s, increasing; the run starts at `ts[0]`).
+
+    Starts at static equilibrium, q = identity.  `model` is `coupled` or `paper`.  `solver` `auto`
+    takes the closed form (`exact`, see `propagate`) where prescribed speeds drive a linear rig,
+    else the exponential method for a stiff rig and `dopri8` for others; or name one of them,
+    `tsit5` or `kvaerno5`.  `rtol` is the solvers' relative tolerance per step (absolute: the same
+    in units of the gap's depth), `adjoint` diffrax's way to differentiate them; giving one asks
+    for a solver.  Never raises for a failed run: see `Trajectory.status`.
+    """
+    ts = jnp.asarray(ts, float)
+    check_drive(rig, drive)
+    built = build_model(rig, model, keep_radius_rate)
+    if solver in ("auto", "exact"):
+        obstacle = exact_run_obstacle(rig, drive, ts, model, keep_radius_rate)
+        if solver == "exact" and obstacle is not None:
+            raise InputError(f"`solver` cannot be exact: {obstacle}; take auto.")
+        if obstacle is None and (solver == "exact" or adjoint is None):
+            assert isinstance(drive, SpeedDrive)  # other drives are an obstacle
+            return propagate(rig, drive, ts, model=model)
+    from .solve import solve  # diffrax takes as long to import as an exact run takes
+
+    return solve(built, drive, ts, solver, rtol, max_steps, adjoint)
+
+
+def exact_run_obstacle(
+    rig: Rig, drive: AbstractDrive, ts, model: str = "coupled", keep_radius_rate: bool = False
+) -> str | None:
+    """Why this run has no closed form, in words; None where it has one."""
+    if not isinstance(drive, SpeedDrive):
+        return "motor torques drive the wheels"
+    if keep_radius_rate:
+        return "the rate of the rolling radius is kept"
+    return propagation_obstacle(rig, drive, ts, model)

@@ -1,0 +1,134 @@
+"""A rig at constant speeds in the long run: periodic solutions, their statistics and extremes.
+
+Leaner than `SteadyState`: only what is asked for is computed, which counts where thousands of
+designs are compiled into one search.  Every output is linear in z, the elastic state beside the
+forcing's terms, so its extremes over all phases are sums of extremes of each signal's own part.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..._root import root
+from ...rig import Rig
+from .._exact import (
+    Forced,
+    Forcing,
+    Passages,
+    balanced,
+    basis_generator,
+    basis_row,
+    forced_system,
+    forcing,
+    passages,
+    periodic_starts,
+    points,
+    second_moments,
+)
+from .peak_search import Curves, Places, largest, places, supremum
+
+BITS = 7  # of the even places a piece where extremes are looked for
+LEVELS = 24  # of the ladder: up to 2^22 time constants a piece
+
+
+class LongRun:
+    """The periodic solution of every signal of a rig at constant speeds.
+
+    The signals run independently of each other: means are over all their phases, and extremes are
+    suprema over them, refined from 2^bits even places a piece and from graded ones.
+    """
+
+    def __init__(self, rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"], model: str,
+                 bits: int = BITS, levels: int = LEVELS):  # fmt: skip
+        self.rig, self.speeds, self.angles, self.model, self.bits = rig, speeds, angles, model, bits
+        self.signals = forcing(rig, speeds, angles)
+        self.system, _ = balanced(forced_system(rig, model, speeds, self.signals.wheel))
+        self.cycles = passages(self.system, self.signals, bits, levels)
+        self.states = self.system.A.shape[0]
+        self.starts = periodic_starts(self.cycles, self.states)
+        self._moments = self._places = None
+
+    def curves(self, *names: str) -> Curves:
+        """Outputs beside each other."""
+        rows = [output_rows(self.system, self.signals, self.cycles, n) for n in names]
+        return Curves(self.cycles, self.starts, jnp.concatenate(rows, axis=-2))
+
+    @property
+    def weight(self) -> Float[Array, "g k"]:
+        """Share of every piece in its signal's phases."""
+        return self.cycles.width / jnp.sum(self.cycles.width, axis=1, keepdims=True)
+
+    def statistics(self, name: str) -> tuple[Float[Array, " o"], Float[Array, " o"]]:
+        """Mean and mean square of each component, over all phases."""
+        if self._moments is None:
+            self._moments = jax.vmap(jax.vmap(second_moments))(self.cycles.pieces, self.starts)
+        rows, moments, weight = self.curves(name).rows, self._moments, self.weight
+        means = jnp.einsum("gk,gkoN,gkN->go", weight, rows, moments[..., self.states])
+        squares = jnp.einsum("gk,gkoN,gkNM,gkoM->go", weight, rows, moments, rows)
+        mean = jnp.sum(means, axis=0)
+        return mean, jnp.sum(squares - means**2, axis=0) + mean**2
+
+    def mean_square(self, name: str) -> Float[Array, " o"]:
+        """Mean square of each component, over all phases."""
+        return self.statistics(name)[1]
+
+    def places(self) -> Places:
+        """Where extremes are looked for."""
+        if self._places is None:
+            self._places = places(self.cycles, self.starts, self.bits)
+        return self._places
+
+    def largest(self, curves: Curves, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
+        """The largest value of each combination `rows` of the outputs."""
+        return largest(curves, self.places(), rows)
+
+    def extremes(self, name: str) -> Float[Array, "2 o"]:
+        """Largest value of each component, and of its negative."""
+        curves = self.curves(name)
+        eye = jnp.eye(curves.rows.shape[-2])
+        return self.largest(curves, jnp.concatenate([eye, -eye])).reshape(2, -1)
+
+    def suprema(self, *names: str) -> list[Float[Array, ""]]:
+        """Largest length of outputs that are vectors, each by itself."""
+        rows, found = jnp.stack([self.curves(name).rows for name in names]), self.places()
+
+        def one(rows):
+            return supremum(Curves(self.cycles, self.starts, rows), found)
+
+        return [root(total @ total) for total in jax.vmap(one)(rows)]
+
+    def smooth_peak(self, name: str, sharpness: float) -> Float[Array, ""]:
+        """(mean over phases of |.|^p)^(1/p) along the supremum's direction, p = `sharpness`.
+
+        Below the supremum; its gradient is smooth.
+        """
+        curves = self.curves(name)
+        total = jax.lax.stop_gradient(supremum(curves, self.places()))
+        size = root(total @ total)
+        scale = jnp.where(size > 0, size, 1.0)
+        Z = jax.vmap(jax.vmap(lambda piece, z: points(piece, z, self.bits)))(
+            self.cycles.pieces, self.starts
+        )
+        along = jnp.einsum("gkoN,gkNp,o->gkp", curves.rows, Z, total / scale)
+        weight = jnp.broadcast_to(self.weight[..., None], along.shape) / 2**self.bits
+        g = len(along)
+        soft = jax.scipy.special.logsumexp(
+            along.reshape(g, -1) * (sharpness / scale), axis=1, b=weight.reshape(g, -1)
+        )
+        return jnp.sum(soft) * size / sharpness
+
+
+def output_rows(system: Forced, signals: Forcing, cycles: Passages, name: str):
+    """One output as rows over z = (s, w): (C, direct row + rate row G/duration), (g, k, o, N)."""
+
+    def one(direct, rate, pieces, duration):
+        row, G = basis_row(pieces), basis_generator(pieces)
+        moving = duration > 0
+        slope = row @ G * jnp.where(moving, 1 / jnp.where(moving, duration, 1.0), 0.0)
+        terms = jnp.outer(direct, row) + jnp.outer(rate, slope)
+        return jnp.concatenate([system.state[name], terms], axis=1)
+
+    per_signal = jax.vmap(one, in_axes=(None, None, 0, 0))
+    return jax.vmap(per_signal)(
+        system.direct[name], system.rate[name], signals.cycle.pieces, cycles.duration
+    )

@@ -1,0 +1,207 @@
+"""Where periodic signals whose phases run independently are extreme, alone and together.
+
+A mode answers an edge within its own time constant, which may be a millionth of the piece, and the
+slow modes swing on to its end.  So the places looked at are even over each piece and, beside that,
+sixteen an octave from a fraction of the fastest time constant on; Newton's method goes on from the
+best.  For vectors, sup |sum_g x_g(phi_g)| = max over unit d of sum_g max_phi d . x_g(phi): the
+search runs over directions and places.  Neither search nor refinement is differentiated: by the
+envelope theorem the gradient is that of the formula at the places found.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from .._exact import Passages, Piece, advance, is_traced, points
+
+FEWEST, MOST = 9, 13  # bits of the even places a piece
+PER_OSCILLATION = 4
+FINE = 4  # 2^FINE places an octave
+NEWTON = 6
+DIRECTIONS = 400  # to begin with
+TOGETHER = 20  # directions looked at together: bounds the memory
+CANDIDATES = 8  # directions gone on from
+ASCENTS = 8  # from the sum found in a direction to the next direction, on the places
+ROUNDS = 6  # and between the places
+
+
+class Curves(NamedTuple):
+    """Periodic solutions and the rows of one output over z (leading axes g, k)."""
+
+    cycles: Passages
+    starts: Float[Array, "g k N"]
+    rows: Float[Array, "g k o N"]
+
+
+class Spots(NamedTuple):
+    """One place per signal: the piece and v in it."""
+
+    piece: Int[Array, " g"]
+    v: Float[Array, " g"]
+
+
+class Places(NamedTuple):
+    """Places on every piece of each signal, and z there."""
+
+    seen: Bool[Array, "g k"]  # whether the piece has a width
+    v: Float[Array, "g k p"]
+    step: Float[Array, "g k p"]  # to the next place
+    z: Float[Array, "g k p N"]
+
+    def outputs(self, rows: Float[Array, "g k o N"]) -> Float[Array, "g kp o"]:
+        """Outputs at all places of a signal; not differentiated."""
+        values = jnp.einsum("gkoN,gkpN->gkpo", jax.lax.stop_gradient(rows), self.z)
+        return values.reshape(len(values), -1, values.shape[-1])
+
+    def along(self, values: Float[Array, "g kp o"], rows: Float[Array, "r o"]):
+        """Combinations of outputs, (g, kp, r); -inf on pieces without width."""
+        seen = jnp.repeat(self.seen, self.v.shape[-1], axis=1)[..., None]
+        return jnp.where(seen, values @ jax.lax.stop_gradient(rows).T, -jnp.inf)
+
+
+def bits_needed(passage) -> int:
+    """Bits of the even places a piece whose A duration is up to `passage`; `FEWEST` while tracing.
+
+    A piece may hold thousands of oscillations of a lightly damped mode, of nearly equal height.
+    """
+    if is_traced(passage):
+        return FEWEST
+    modes = np.linalg.eigvals(np.asarray(passage))
+    swinging = np.abs(modes.imag[np.abs(modes.imag) > np.abs(modes.real)])
+    count = PER_OSCILLATION * np.max(swinging, initial=0.0) / (2 * np.pi)
+    return int(np.clip(np.ceil(np.log2(max(count, 1.0))), FEWEST, MOST))
+
+
+def places(cycles: Passages, starts: Float[Array, "g k N"], bits: int) -> Places:
+    """Every place where an extreme may be near, 2^bits of them even over each piece."""
+    cycles, starts = jax.lax.stop_gradient((cycles, starts))
+
+    def one(piece, z):
+        return _on_piece(piece, z, bits)
+
+    return Places(cycles.width > 0, *jax.vmap(jax.vmap(one))(cycles.pieces, starts))
+
+
+def _on_piece(piece: Piece, z: Float[Array, " N"], bits: int):
+    """(v, step, z) of the even places, of first steps, and of sixteen an octave from there.
+
+    The octave that begins at 2^(j - scale) is passed through in steps of 2^(j - FINE - scale);
+    what would be beyond the end is at the end.
+    """
+    count, unit = 2**FINE, 2.0 ** (-piece.scale.astype(float))
+    even = jnp.arange(2**bits) * 2.0**-bits
+    octave = jnp.arange(FINE, len(piece.levels))
+    begin = jnp.where(octave < piece.scale, 2.0**octave * unit, 1.0)
+    size = jnp.where(octave < piece.scale, 2.0 ** (octave - FINE) * unit, 0.0)
+    steps = jnp.where((octave < piece.scale)[:, None, None], piece.levels[:-FINE], jnp.eye(len(z)))
+
+    def on(now, _):
+        return jnp.einsum("jab,jb->ja", steps, now), now
+
+    graded = jax.lax.scan(on, piece.levels[FINE:] @ z, None, length=count)[1]
+    first = jax.lax.scan(lambda now, _: (piece.levels[0] @ now, now), z, None, length=count)[1]
+    early = jnp.arange(count) * unit
+    inside = early <= 1.0
+    v = [even, jnp.where(inside, early, 0.0), (begin + jnp.arange(count)[:, None] * size).ravel()]
+    longest = jnp.where(size > 0, size, 2.0**-bits)
+    step = [jnp.full(2**bits, 2.0**-bits), jnp.full(count, unit), jnp.tile(longest, count)]
+    values = [points(piece, z, bits).T, jnp.where(inside[:, None], first, z)]
+    values.append(graded.reshape(-1, len(z)))
+    return jnp.concatenate(v), jnp.concatenate(step), jnp.concatenate(values)
+
+
+def values_at(curves: Curves, spots: Spots) -> Float[Array, "g o"]:
+    """The output of each signal at its spot."""
+
+    def one(pieces, starts, rows, k, v):
+        piece, start, C = jax.tree.map(lambda x: x[k], (pieces, starts, rows))
+        return C @ advance(piece, start, v)
+
+    return jax.vmap(one)(curves.cycles.pieces, curves.starts, curves.rows, spots.piece, spots.v)
+
+
+def climbed(curves: Curves, found: Places, index: Int[Array, " g"], row) -> Spots:
+    """Spots near places `index` at which row . output of each signal is largest."""
+
+    def one(pieces, starts, rows, at: Places, i):
+        k, p = i // at.v.shape[1], i % at.v.shape[1]
+        piece, start, C = jax.tree.map(lambda x: x[k], (pieces, starts, rows))
+        return Spots(k, _climbed(piece, start, row @ C, at.v[k, p], at.z[k, p], at.step[k, p]))
+
+    whole = (curves.cycles.pieces, curves.starts, curves.rows, found)
+    return jax.lax.stop_gradient(jax.vmap(one)(*jax.lax.stop_gradient(whole), index))
+
+
+def _climbed(piece: Piece, start, along, begin, z, step):
+    """The place of the largest value that Newton's method meets within a step of `begin`."""
+    F = piece.generator
+
+    def newton(carry, _):
+        v, z, best, height = carry
+        slope, bend = along @ (F @ z), along @ (F @ (F @ z))
+        move = jnp.where(bend < 0, -slope / jnp.where(bend < 0, bend, -1.0), step * jnp.sign(slope))
+        move = jnp.clip(jnp.where(jnp.isfinite(move), move, 0.0), -step, step)
+        v = jnp.clip(v + move, jnp.maximum(begin - step, 0.0), jnp.minimum(begin + step, 1.0))
+        z = advance(piece, start, v)
+        better = along @ z > height
+        return (v, z, jnp.where(better, v, best), jnp.maximum(along @ z, height)), None
+
+    first = (begin, z, begin, along @ z)
+    return jax.lax.scan(newton, first, None, length=NEWTON)[0][2]
+
+
+def largest(curves: Curves, found: Places, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
+    """The largest value of each combination `rows` of the outputs, the signals summed."""
+    index = jnp.argmax(found.along(found.outputs(curves.rows), rows), axis=1).T
+
+    def one(row, i):
+        return jnp.sum(values_at(curves, climbed(curves, found, i, row)) @ row)
+
+    return jax.vmap(one)(rows, index)
+
+
+def supremum(curves: Curves, found: Places) -> Float[Array, " o"]:
+    """The longest sum of the signals' outputs, as a vector."""
+    values = found.outputs(curves.rows)
+
+    def support(d):
+        along = found.along(values, d)
+        return jnp.argmax(along, axis=1), jnp.sum(jnp.max(along, axis=1), axis=0)
+
+    directions = jnp.asarray(sphere(DIRECTIONS, values.shape[-1]))
+    heights = jax.lax.map(lambda d: support(d[None])[1][0], directions, batch_size=TOGETHER)
+    best = directions[jnp.argsort(-heights)[:CANDIDATES]]
+
+    def ascend(best, _):
+        index = support(best)[0]
+        return _unit(jnp.sum(jax.vmap(lambda v, i: v[i])(values, index), axis=0), best), None
+
+    best = jax.lax.scan(ascend, best, None, length=ASCENTS)[0]
+    index, height = support(best)
+    chosen = jnp.argmax(height)
+
+    def turn(row, _):
+        total = jnp.sum(values_at(curves, climbed(curves, found, index[:, chosen], row)), axis=0)
+        return jax.lax.stop_gradient(_unit(total[None], row[None])[0]), None
+
+    row = jax.lax.scan(turn, best[chosen], None, length=ROUNDS)[0]
+    return jnp.sum(values_at(curves, climbed(curves, found, index[:, chosen], row)), axis=0)
+
+
+def _unit(vectors: Float[Array, "d o"], otherwise):
+    """Directions of vectors; `otherwise` of those without length."""
+    size = jnp.linalg.norm(vectors, axis=-1, keepdims=True)
+    return jnp.where(size > 0, vectors / jnp.where(size > 0, size, 1.0), otherwise)
+
+
+def sphere(count: int, size: int) -> np.ndarray:
+    """Directions spread evenly over the unit sphere (Fibonacci), rows."""
+    if size == 1:
+        return np.array([[1.0], [-1.0]])
+    k = np.arange(count) + 0.5
+    z, turn = 1 - 2 * k / count, np.pi * (1 + 5**0.5) * k
+    flat = np.sqrt(1 - z * z)
+    return np.stack([flat * np.cos(turn), flat * np.sin(turn), z], axis=-1)

@@ -1,0 +1,10 @@
+"""Design searches under constraints, and trade-off fronts."""
+
+from .design import design as design
+from .design import designed_rig as designed_rig
+from .front import Front as Front
+from .generic import optimise as optimise
+from .pareto import pareto as pareto
+from .pareto import trade_off as trade_off
+from .result import Design as Design
+from .rig import RigCases as RigCases

@@ -1,0 +1,54 @@
+"""`design`: the best rig of a study."""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+import jax.numpy as jnp
+
+from ..._errors import InputError
+from ...rig import Rig
+from .._file import Study, study_of
+from .._study_folder import Report, folder_of
+from .answer import make_design
+from .engine import Engine
+from .notes import notes, start_note
+from .result import Design
+from .rig import RigCases, rig_problem
+from .search import Adam
+
+
+def design(
+    study: str | Path | Mapping | Study,
+    *,
+    out: str | Path | None = None,
+    resume: bool = False,
+    report: Report | None = None,
+) -> Design:
+    """The best design of a study (a TOML file, its tables, or a `Study`).
+
+    With `out` finished searches are stored there, and `resume` takes them up.  `report(done,
+    total)` is called after each search.  The design is checked against the exact worst
+    case, and against draws of the parts that the search did not see.
+    """
+    asked = study_of(study)
+    if not asked.variables:
+        raise InputError("a design needs at least one [[variable]] with path, low and high.")
+    cases = RigCases(asked)
+    problem = rig_problem(asked, cases)
+    if asked.stochastic and not cases.parts:
+        raise InputError("`search.stochastic_steps` needs a [tolerance] table to draw from.")
+    store = folder_of(out, asked.identity("design"), resume)
+    engine = Engine(problem, asked.starts, asked.seed, store)
+    drawn = Adam(asked.stochastic, seed=asked.seed) if asked.stochastic else None
+    ends = engine.all_ends(asked.batch, report, drawn)
+    found = make_design(problem, ends)
+    more = [*start_note(engine), *notes(asked, cases, found)]
+    return dataclasses.replace(found, notes=(*found.notes, *more))
+
+
+def designed_rig(study: str | Path | Mapping | Study, found: Design) -> Rig:
+    """The study's rig with the design's values (under its first load)."""
+    asked = study_of(study)
+    plain = dataclasses.replace(asked, loads=asked.loads[:1])
+    return RigCases(plain).rig(jnp.array(list(found.variables.values())))

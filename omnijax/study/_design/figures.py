@@ -1,0 +1,86 @@
+"""The figures of a problem at shares of its ranges: compiled once, in one scale, checked."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..._errors import InputError
+from .._problem import Problem, Scale
+from .evolve import Rank
+from .polish import Scaled, Slopes
+from .starts import start_shares
+
+SILENT = 1e-12
+WIDTH = 16  # designs evaluated side by side
+
+
+class Figures:
+    """f and g of a problem with their slopes; `size` is what f is measured in, `unit` the g."""
+
+    def __init__(self, problem: Problem, seed: int):
+        self.problem, self.scale = problem, Scale.of(problem.variables)
+        self.unit = np.array([x.scale for x in problem.limits])
+        self.bound = np.array([x.bound for x in problem.limits])
+        self._slopes = jax.jit(self._with_slopes)
+        self._values = jax.jit(jax.vmap(self._parts))
+        seen = [self.slopes(s) for s in start_shares(problem, 8, seed)]
+        seen = [s for s in seen if np.isfinite(s.f).all()]
+        if not seen:
+            raise InputError("the objective is not finite at any start: widen or move the bounds.")
+        self.size = float(np.median([abs(self.combined(s.f)) for s in seen])) or 1.0
+        self._check_influence(seen)
+
+    def _parts(self, share):
+        return self.problem.figures(self.scale.value(share), self.problem.extra)
+
+    def _with_slopes(self, share):
+        """f (k,), g (c,) and their slopes (k, d), (c, d) at one design."""
+
+        def push(tangent):
+            return jax.jvp(self._parts, (share,), (tangent,))
+
+        (f, g), (df, dg) = jax.vmap(push)(jnp.eye(len(share)))
+        return f[0], g[0], df.T, dg.T
+
+    def slopes(self, share: np.ndarray) -> Slopes:
+        """Figures and slopes of one design."""
+        return Slopes(*(np.asarray(x) for x in self._slopes(jnp.asarray(share))))
+
+    def scaled(self, limit: np.ndarray) -> Scaled:
+        """The problem under `limit` (c,), as the polish takes it."""
+        return Scaled(self.slopes, limit, self.unit, self.size, self.problem.epigraph)
+
+    def values(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Figures f (n, k) and g (n, c) of designs, in pieces of one compiled shape."""
+        parts = []
+        for first in range(0, len(shares), WIDTH):
+            index = np.minimum(np.arange(first, first + WIDTH), len(shares) - 1)
+            found = self._values(jnp.asarray(shares[index]))
+            parts.append([np.asarray(x)[: len(shares) - first] for x in found])
+        f, g = (np.concatenate(x) for x in zip(*parts, strict=True))
+        return f, g
+
+    def combined(self, f: np.ndarray) -> np.ndarray:
+        """The objective of f (..., k)."""
+        return f.max(axis=-1) if self.problem.worst else f.mean(axis=-1)
+
+    def rank(self, shares: np.ndarray) -> Rank:
+        """What designs are ranked by; a failed run is the worst."""
+        f, g = self.values(shares)
+        value = self.combined(f) / self.size
+        over = np.maximum((g - self.bound) / self.unit, 0.0).sum(axis=1)
+        over = np.where(np.isfinite(over) & np.isfinite(value), over, np.inf)
+        return Rank(over, np.where(np.isfinite(value), value, np.inf))
+
+    def _check_influence(self, seen: list[Slopes]) -> None:
+        """`InputError` for variables that nothing depends on."""
+        moved = np.max([np.abs(s.df).max(axis=0) for s in seen], axis=0) / self.size
+        for s in seen:
+            sides = np.abs(s.dg / self.unit[:, None])
+            moved = np.maximum(moved, sides.max(axis=0, initial=0.0))
+        silent = [v.name for v, m in zip(self.problem.variables, moved, strict=True) if m <= SILENT]
+        if silent:
+            raise InputError(
+                [f"`{n}` influences neither the objective nor a constraint: leave it out."
+                 for n in silent]
+            )  # fmt: skip

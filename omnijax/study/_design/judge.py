@@ -1,0 +1,93 @@
+"""Where searches ended: figures, multipliers, and whether that is an optimum."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from .figures import Figures
+from .kkt import FEASIBLE, Kkt, Point, conditions, verdict
+from .polish import Slopes
+from .search import Lanes
+
+PROBES = (1e-3, 2e-2)  # of the range: steps to neighbours that must not be better
+
+
+class End(NamedTuple):
+    """Where one search ended, and what that is."""
+
+    start: np.ndarray  # (d,) values of the variables
+    x: np.ndarray
+    share: np.ndarray
+    free: np.ndarray
+    value: float
+    f: np.ndarray
+    g: np.ndarray  # in units of the limits, less the limit
+    limit: np.ndarray
+    kkt: Kkt
+    status: str
+    reason: str
+    evaluations: int
+
+
+def judge(figures: Figures, lanes: Lanes, share: np.ndarray, evaluations) -> list[End]:
+    """The ends of searches: figures, multipliers, status."""
+    limit, free = np.asarray(lanes.limit), np.asarray(lanes.free) > 0
+    better = _neighbours(figures, share, free[: len(share)], limit[: len(share)])
+    ends = []
+    for i in range(len(share)):
+        s = figures.slopes(share[i])
+        value = float(figures.combined(s.f))
+        kkt = _conditions(figures, share[i], s, limit[i], free[i])
+        status, reason = verdict(kkt, (value - better[i]) / figures.size)
+        x = np.asarray(figures.scale.value(jnp.asarray(share[i])))
+        start = np.asarray(figures.scale.value(lanes.share[i]))
+        ends.append(
+            End(start, x, share[i], free[i], value, s.f, s.g - limit[i], limit[i], kkt,
+                status, reason, int(evaluations[i]))
+        )  # fmt: skip
+    return ends
+
+
+def _conditions(figures: Figures, share, s: Slopes, limit, free) -> Kkt:
+    """Multipliers of the objective's optimum, or of the least violation where one is left."""
+    if not s.finite:
+        nothing = np.zeros(len(s.f)), np.zeros(len(figures.unit)), np.zeros(len(share))
+        return Kkt(np.inf, np.inf, *nothing)
+    over, slopes = (s.g - limit) / figures.unit, s.dg / figures.unit[:, None]
+    if np.max(over, initial=0.0) <= FEASIBLE:
+        point = Point(share, s.f, over, s.df, slopes)
+        return conditions(point, free, figures.problem.epigraph, figures.size)
+    point = Point(share, over, np.zeros(0), slopes, np.zeros((0, len(share))))
+    least = conditions(point, free, True, 1.0)
+    return least._replace(violation=float(over.max()), limits=least.cases, cases=np.zeros(len(s.f)))
+
+
+def _neighbours(figures: Figures, share, free, limit) -> np.ndarray:
+    """The best feasible value among steps of `PROBES` along each variable, (l,)."""
+    d = share.shape[1]
+    moves = np.concatenate([sign * size * np.eye(d) for size in PROBES for sign in (1, -1)])
+    points = np.clip(share[:, None] + moves * free[:, None], 0.0, 1.0)
+    f, g = figures.values(points.reshape(-1, d))
+    f = f.reshape(len(share), len(moves), -1)
+    value = figures.combined(f)
+    over = (g.reshape(len(share), len(moves), -1) - limit[:, None]) / figures.unit
+    allowed = np.isfinite(value) & (np.max(over, axis=-1, initial=0.0) <= 1e-7)
+    return np.min(np.where(allowed, value, np.inf), axis=1)
+
+
+def best_of(ends: list[End]) -> End:
+    """The best end: optimal ones before feasible ones before the least violated."""
+    order = {"optimal": 0, "not optimal": 1, "infeasible": 2, "failed": 3}
+
+    def rank(end: End):
+        infeasible = end.status == "infeasible"
+        return (order[end.status], end.kkt.violation if infeasible else end.value)
+
+    best = min(ends, key=rank)
+    feasible = [e for e in ends if e.status in {"optimal", "not optimal"}]
+    lower = min(feasible, key=lambda e: e.value, default=best)
+    slack = 1e-4 * max(abs(best.value), 1e-300)
+    if best.status == "optimal" and lower.value < best.value - slack:
+        return lower  # a better design is known, so the other one is not the optimum
+    return best

@@ -1,0 +1,120 @@
+"""What is said beside a design: its figures by other means than the search's, and the old rig's."""
+
+import copy
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..._errors import InputError
+from ..._text import amount
+from ...rig import get_parameter
+from .._file import RTOL, Study
+from .answer import missed
+from .engine import Engine
+from .result import Design
+from .rig import RigCases, rig_problem
+
+FRESH = 64  # draws of the parts that the search has not seen
+
+
+def before(study: Study) -> np.ndarray | None:
+    """The variables' values in the study's own rig; None where no design is that rig."""
+    values = []
+    for v in study.variables:
+        try:
+            found = np.unique(np.asarray(get_parameter(study.rig, v.name)))
+        except InputError:
+            return None
+        if len(found) != 1:
+            return None
+        values.append(found[0])
+    return np.array(values)
+
+
+def start_note(engine: Engine) -> list[str]:
+    """That the start which the user gave meets not all constraints, where that is so."""
+    problem = engine.problem
+    if all(v.start is None for v in problem.variables):
+        return []
+    over = engine.figures.values(np.asarray(engine.lanes.share[:1]))[1][0] - np.asarray(
+        engine.lanes.limit[0]
+    )
+    lines = missed(problem, over)
+    return [f"the given start is not feasible: {' and '.join(lines)}."] if lines else []
+
+
+class Exact:
+    """The objective of a design in every case, with nominal parts and with `FRESH` new draws."""
+
+    def __init__(self, study: Study, cases: RigCases):
+        self.study, self.parted = study, bool(cases.parts)
+        unit = np.random.default_rng(study.seed + 1).uniform(-1, 1, (FRESH, len(cases.parts)))
+        unit = np.sign(unit) if study.spread == "worst" else unit
+        draws = np.concatenate([np.zeros((1, len(cases.parts))), unit * np.asarray(cases.width)])
+        self.draws = jnp.asarray(draws if self.parted else draws[:1])
+        self.figures = jax.jit(lambda x, draws: cases.weighted(cases.every(x, draws)[0]))
+
+    def __call__(self, x) -> np.ndarray:
+        """The objective (k, 1 + draws)."""
+        return np.asarray(self.figures(jnp.asarray(x), self.draws))
+
+    def over_cases(self, values: np.ndarray) -> np.ndarray:
+        """The worst case or the mean, as the study asks."""
+        return values.max(axis=0) if self.study.over == "worst" else values.mean(axis=0)
+
+
+def notes(study: Study, cases: RigCases, found: Design) -> list[str]:
+    """The exact figures at the design, and the rig as it was."""
+    exact, unit = Exact(study, cases), found.unit
+    x = jnp.array(list(found.variables.values()))
+    values = exact(x)
+    nominal, lines = values[:, 0], [cases.note] if cases.note else []
+    lines += _by_solver(study, cases, x, found)
+    if len(nominal) > 1:
+        worst = int(np.argmax(nominal))
+        lines.append(
+            f"exact over {len(nominal)} cases: worst {amount(nominal[worst], unit)} "
+            f"({cases.cases[worst]}), mean {amount(nominal.mean(), unit)}."
+        )
+    if exact.parted:
+        fresh = exact.over_cases(values[:, 1:])
+        spread = fresh.std(ddof=1)
+        lines.append(
+            f"{FRESH} draws of the parts that the search did not see: mean "
+            f"{amount(fresh.mean(), unit)} ± {amount(spread / np.sqrt(FRESH), unit)}, greatest "
+            f"{amount(fresh.max(), unit)}, deviation {amount(spread, unit)}."
+        )
+    old, new = (float(exact.over_cases(y)) for y in (as_it_was(study, exact), nominal))
+    lines.append(
+        f"the rig as it was: {amount(old, unit)}; the design, parts at their nominal values: "
+        f"{amount(new, unit)} ({100 * (new / old - 1):+.1f} %)."
+    )
+    return lines
+
+
+def as_it_was(study: Study, exact: Exact) -> np.ndarray:
+    """The objective (k,) of the study's own rig with nominal parts."""
+    start = before(study)
+    if start is not None:
+        return exact(start)[:, 0]
+    plain = dataclasses.replace(study, variables=(), constraints=(), tolerances=())
+    return Exact(plain, RigCases(plain))(jnp.zeros(0))[:, 0]
+
+
+def _by_solver(study: Study, cases: RigCases, x, found: Design) -> list[str]:
+    """What the adaptive solver says of a design that fixed steps found."""
+    if cases.how.way != "fixed":
+        return []
+    sure = copy.copy(cases)
+    sure.how = cases.how._replace(way="full", rtol=RTOL)
+    problem = rig_problem(study, sure)
+    f, g = (np.asarray(y) for y in jax.jit(problem.figures)(x, problem.extra))
+    value = float(f.max() if problem.worst else f.mean())
+    bound = np.array([limit.bound for limit in problem.limits])
+    lines = missed(problem, g - bound) or ["it meets every limit"]
+    return [
+        f"the adaptive solver gives {amount(value, found.unit)} for this design "
+        f"({100 * (value / found.objective - 1):+.1g} %); {' and '.join(lines)}."
+    ]

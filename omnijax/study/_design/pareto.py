@@ -1,0 +1,220 @@
+"""`pareto`: the trade-off between two or three metrics, by epsilon-constraints side by side.
+
+    minimise f_1   subject to   f_j <= eps_j  (j > 1),   for every eps on a grid at once
+
+The ends of the front come first (each metric by itself); the searches between them start from the
+designs interpolated between these ends, and those that fail start again from their best neighbour.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..._errors import InputError, RunError
+from ...vibration import METRICS
+from .._constraints import all_limits
+from .._file import Study, study_of
+from .._problem import Limit, Problem, Scale, Variable, check_variables
+from .._study_folder import Folder, Report, folder_of
+from .answer import conflict
+from .engine import Engine
+from .front import Front
+from .judge import End, best_of
+from .rig import RigCases
+from .search import Lanes
+from .starts import start_shares
+
+FREE = 1e6  # of a metric's size: a limit that never holds
+
+
+class Trace(NamedTuple):
+    """How the searches of a front are run and kept."""
+
+    engine: Engine
+    batch: int
+    report: Report | None
+
+    def solve(self, lanes: Lanes, stage: str) -> list[End]:
+        """The ends of one stage."""
+        return self.engine.batches(lanes, self.batch, stage, self.report)
+
+
+def trade_off(
+    problem: Problem,
+    metrics: tuple[str, ...],
+    units: tuple[str, ...],
+    *,
+    points: int = 12,
+    starts: int = 4,
+    seed: int = 0,
+    batch: int = 8,
+    store: Folder | None = None,
+    report: Report | None = None,
+) -> Front:
+    """The front of `problem`, whose figures f (m,) are the metrics; its own limits hold too.
+
+    `report(done, total)` is called after each batch of searches of the stage at hand.
+    """
+    count = len(metrics)
+    check_variables(problem.variables)
+    sizes = _sizes(problem, seed)
+    engine = Engine(_with_weights(problem, metrics, sizes), starts, seed, store)
+    most = max(count * starts, points ** (count - 1))
+    trace = Trace(engine, min(batch, most), report)
+    shares = np.asarray(engine.lanes.share)[:, : len(problem.variables)]
+    alone = _pack(engine, np.tile(shares, (count, 1)), np.repeat(np.eye(count), starts, axis=0))
+    ends = trace.solve(alone, "alone")
+    best = [best_of(ends[m * starts : (m + 1) * starts]) for m in range(count)]
+    if all(e.status in {"infeasible", "failed"} for e in best):
+        raise RunError(conflict(engine.problem, best[0]) + ".")
+    values = _metrics(best, count)
+    low, high = values.min(axis=0), values.max(axis=0)
+    if np.any(high - low <= 1e-7 * np.abs(high)):
+        raise RunError(f"{', '.join(metrics)} do not conflict: one design is best in all of them.")
+    mesh = _mesh(low, high, points, count)
+    lanes = _between(engine, best, mesh, low, high)
+    found = trace.solve(lanes, "between")
+    again = _again(trace, lanes, found, (mesh - low[1:]) / (high - low)[1:])
+    total = sum(e.evaluations for e in [*ends, *found, *again.values()])
+    found = [again.get(i, e) for i, e in enumerate(found)]
+    kept = [e for e in [*best, *found] if e.status in {"optimal", "not optimal"}]
+    values = _metrics(kept, count)
+    front = undominated(values)
+    names = tuple(v.name for v in problem.variables)
+    return Front(
+        metrics, units, names, tuple(v.unit for v in problem.variables), values[front],
+        np.array([kept[i].x[: len(names)] for i in front]), tuple(kept[i].status for i in front),
+        total,
+    )  # fmt: skip
+
+
+def _again(trace: Trace, lanes: Lanes, found: list[End], place: np.ndarray) -> dict[int, End]:
+    """Searches that ended short of an optimum, from the end of their nearest good neighbour."""
+    good = [i for i, e in enumerate(found) if e.status == "optimal"]
+    short = [i for i, e in enumerate(found) if e.status != "optimal"]
+    if not good or not short:
+        return {}
+    near = [good[int(np.argmin(np.linalg.norm(place[good] - place[i], axis=1)))] for i in short]
+    share = jnp.asarray(np.array([found[i].share for i in near]))
+    index = np.array(short)
+    part = Lanes(share, lanes.free[index], lanes.limit[index])
+    return dict(zip(short, trace.solve(part, "again"), strict=True))
+
+
+def _sizes(problem: Problem, seed: int) -> np.ndarray:
+    scale = Scale.of(problem.variables)
+    shares = jnp.asarray(start_shares(problem, 4, seed))
+    f = jax.jit(jax.vmap(lambda s: problem.figures(scale.value(s), problem.extra)[0]))(shares)
+    sizes = np.nanmedian(np.abs(np.asarray(f)), axis=0)
+    return np.where(sizes > 0, sizes, 1.0)
+
+
+def _with_weights(problem: Problem, metrics: tuple[str, ...], sizes: np.ndarray) -> Problem:
+    """Minimise sum w_m f_m/size_m with the metrics as limits too.
+
+    The weights are variables that the searches hold fixed, so that every stage is one program.
+    """
+    d = len(problem.variables)
+
+    def figures(x, extra):
+        f, g = problem.figures(x[:d], extra)
+        return jnp.sum(x[d:] * f / sizes)[None], jnp.concatenate([f, g])
+
+    weights = tuple(Variable(f"weight of {name}", 0.0, 1.0) for name in metrics)
+    own = tuple(Limit(n, FREE * s, s) for n, s in zip(metrics, sizes, strict=True))
+    return problem._replace(
+        variables=(*problem.variables, *weights), figures=figures, worst=False, cases=("",),
+        limits=(*own, *problem.limits), name="weighted metrics", unit="1",
+    )  # fmt: skip
+
+
+def _pack(engine: Engine, shares: np.ndarray, weights: np.ndarray, limits=None) -> Lanes:
+    """Lanes from shares (l, d), weights (l, m) and limits on the metrics (l, m)."""
+    bound = np.array([x.bound for x in engine.problem.limits])
+    limit = np.tile(bound, (len(shares), 1))
+    if limits is not None:
+        limit[:, : weights.shape[1]] = limits
+    free = np.concatenate([np.ones_like(shares), np.zeros_like(weights)], axis=1)
+    share = np.concatenate([shares, weights], axis=1)
+    return Lanes(jnp.asarray(share), jnp.asarray(free), jnp.asarray(limit))
+
+
+def _metrics(ends: list[End], count: int) -> np.ndarray:
+    """The metrics (l, m): the first limits less what the searches held them to."""
+    return np.array([e.g[:count] + e.limit[:count] for e in ends])
+
+
+def _mesh(low, high, points: int, count: int) -> np.ndarray:
+    """Inner limits on metrics 2 ... m, (p, m - 1)."""
+    axes = [np.linspace(low[m], high[m], points + 2)[1:-1] for m in range(1, count)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, count - 1)
+
+
+def _between(engine: Engine, best: list[End], mesh, low, high) -> Lanes:
+    """Searches between the ends of the front, from designs interpolated between them."""
+    count = len(best)
+    d = len(best[0].share) - count
+    ends = np.array([e.share[:d] for e in best])
+    near = 1 - (mesh - low[1:]) / (high - low)[1:]  # 1: metric m at its own best
+    mix = np.concatenate([np.clip(1 - near.sum(axis=1, keepdims=True), 0.0, None), near], axis=1)
+    shares = (mix / mix.sum(axis=1, keepdims=True)) @ ends
+    weights = np.tile(np.eye(count)[0], (len(mesh), 1))
+    limits = np.concatenate([np.full((len(mesh), 1), FREE * max(high[0], 1e-300)), mesh], axis=1)
+    return _pack(engine, np.clip(shares, 0.01, 0.99), weights, limits)
+
+
+def undominated(values: np.ndarray) -> np.ndarray:
+    """Rows that no other row beats in every column, each once, in order of the first column."""
+    slack = 1e-9 * np.abs(values).max(axis=0)
+    better = np.all(values[None] <= values[:, None] + slack, axis=2)
+    strictly = np.any(values[None] < values[:, None] - slack, axis=2)
+    kept = np.flatnonzero(~np.any(better & strictly, axis=1))
+    same = np.all(np.abs(values[kept, None] - values[None, kept]) <= 1e3 * slack, axis=2)
+    kept = kept[~np.any(np.tril(same, -1), axis=1)]
+    return kept[np.argsort(values[kept, 0])]
+
+
+def pareto(
+    study: str | Path | Mapping | Study,
+    metrics: tuple[str, ...] = (),
+    *,
+    out: str | Path | None = None,
+    resume: bool = False,
+    report: Report | None = None,
+) -> Front:
+    """The front of two or three metrics of a study (`[pareto]` names them, or `metrics` does).
+
+    Over several drives and loads each metric is its mean over the cases.  With `out` finished
+    searches are stored there, and `resume` takes them up.
+    """
+    asked = study_of(study)
+    names = tuple(metrics) or asked.pareto
+    if len(names) not in {2, 3}:
+        raise InputError("a front needs 2 or 3 metrics: [pareto] metrics = [...].")
+    margins = [n for n in names if not METRICS[n].smaller_is_better]
+    if margins:
+        raise InputError(
+            [f"`{n}` is no vibration but a margin: hold it by a [[constraint]]." for n in margins]
+        )
+    if not asked.variables or any(v.whole for v in asked.variables):
+        raise InputError("a front needs at least one [[variable]], and only real ones.")
+    plain = dataclasses.replace(asked, tolerances=())
+    cases = RigCases(plain, names)
+    limits, held = all_limits(plain.constraints, plain.rig, cases.cases)
+
+    def figures(x, draws):
+        values, g = cases.every(x, draws)
+        return jnp.mean(values[:, 0, : len(names)], axis=0), g[:, 0].reshape(-1)[held]
+
+    problem = Problem(asked.variables, figures, tuple(limits), extra=cases.draws())
+    units = tuple(METRICS[n].unit for n in names)
+    store = folder_of(out, asked.identity("pareto", metrics=names), resume)
+    return trade_off(
+        problem, names, units, points=asked.points, starts=asked.starts, seed=asked.seed,
+        batch=asked.batch, store=store, report=report,
+    )  # fmt: skip

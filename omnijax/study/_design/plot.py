@@ -1,0 +1,51 @@
+"""Pictures of designs."""
+
+from typing import Any
+
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from ..._text import label, scaled
+from .._sensitivity import new_axes
+
+COLOURS = {
+    "optimal": "#009E73", "not optimal": "#E69F00", "infeasible": "#D55E00", "failed": "#222222"
+}  # fmt: skip
+
+
+def searches(result: Any, ax: Any = None) -> Any:
+    """Where every search ended, by status, best first; the best design as a line."""
+    ax = new_axes(ax)
+    factor, unit = scaled(result.objective, result.unit)
+    values = factor * np.array(result.ends["objective"], float)
+    status = np.array(result.ends["status"])
+    order = result.ranking
+    for kind, colour in COLOURS.items():
+        here = np.flatnonzero(status[order] == kind)
+        if len(here):
+            ax.plot(here + 1, values[order][here], "o", color=colour, label=kind)
+    best = factor * result.objective
+    ax.axhline(best, color="#57606a", linewidth=0.9)
+    low, high = ax.get_ylim()
+    room = 0.02 * abs(best)  # searches that agree shall look so
+    ax.set_ylim(min(low, best - room), max(high, best + room))
+    ax.ticklabel_format(axis="y", useOffset=False)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True))
+    ax.set_xlabel("search, best first")
+    ax.set_ylabel(label(result.objective_name, unit))
+    ax.set_title(f"{len(values)} searches: {result.status}")
+    ax.legend()
+    return ax
+
+
+def cases(result: Any, ax: Any = None) -> Any:
+    """The objective in every case."""
+    names = list(result.cases)
+    ax = new_axes(ax, 1.4 + 0.4 * len(names))
+    factor, unit = scaled(result.objective, result.unit)
+    place = np.arange(len(names))[::-1]
+    ax.barh(place, factor * np.array(list(result.cases.values())), 0.7, color="#0072B2")
+    ax.set_yticks(place, [n or "objective" for n in names])
+    ax.grid(axis="y", visible=False)
+    ax.set_xlabel(label(result.case_name, unit))
+    return ax

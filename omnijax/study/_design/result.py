@@ -1,0 +1,143 @@
+"""The answer of a design search, in numbers and in sentences."""
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..._html import html_table
+from ..._text import amount
+from .._netcdf import read_result, write_result
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class Design:
+    """The best design, whether it is optimal, what holds it there, and all the searches.
+
+    `status` is `optimal` (locally, and the best of all starts), `not optimal` or `infeasible`;
+    `ends` is one row a search.  `notes` holds figures of the study that asked.
+    """
+
+    status: str
+    reason: str
+    variables: dict[str, float]
+    objective: float
+    objective_name: str
+    unit: str
+    cases: dict[str, float]
+    active: tuple[str, ...]
+    multipliers: tuple[str, ...]
+    kkt_residual: float
+    violation: float
+    evaluations: int
+    ends: dict[str, list]
+    units: dict[str, str]
+    prices: dict[str, float]  # objective per unit of each active limit
+    whole: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __repr__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def _repr_html_(self) -> str:
+        head, *_ = self.sentences()
+        rows = [(name, value, self.units[name]) for name, value in self.variables.items()]
+        return html_table(head, rows, ("variable", "value", "unit"))
+
+    @property
+    def optimal(self) -> bool:
+        """Whether the design meets the conditions of an optimum."""
+        return self.status == "optimal"
+
+    @property
+    def agreement(self) -> tuple[int, int]:
+        """How many searches ended at this objective (within 0.1 %), of how many.
+
+        Only searches with the same whole numbers count.
+        """
+        values = np.array(self.ends["objective"], float)
+        good = np.array([s in {"optimal", "not optimal"} for s in self.ends["status"]])
+        near = np.abs(values - self.objective) <= 1e-3 * max(abs(self.objective), 1e-300)
+        at = [list(self.variables).index(name) for name in self.whole]
+        x, best = np.array(self.ends["x"])[:, at], np.array(list(self.variables.values()))[at]
+        same = np.all(np.abs(x - best) < 1e-6, axis=1)
+        return int(np.sum(near & good & same)), int(same.sum())
+
+    @property
+    def case_name(self) -> str:
+        """What each entry of `cases` is: the objective before it is combined over them."""
+        first, _, rest = self.objective_name.partition(" ")
+        return rest if len(self.cases) > 1 and first in {"worst", "mean"} else self.objective_name
+
+    @property
+    def ranking(self) -> np.ndarray:
+        """The searches, best first: those that meet every limit by objective, others by violation.
+
+        A failed one comes last.
+        """
+        value, over = (np.array(self.ends[k], float) for k in ("objective", "violation"))
+        kept = np.isin(self.ends["status"], ("optimal", "not optimal"))
+        measure = np.where(kept, value, np.where(np.isfinite(over), over, np.inf))
+        return np.lexsort((measure, ~kept))
+
+    def sentences(self) -> list[str]:
+        """The answer in words."""
+        same, total = self.agreement
+        head = f"{self.objective_name} = {amount(self.objective, self.unit)}: {self.status}"
+        whole = " and ".join(f"{n} = {self.variables[n]:g}" for n in self.whole)
+        which = f"searches with {whole}" if whole else "searches"
+        lines = [f"{head} ({self.reason}); {same} of {total} {which} end there."]
+        lines += [
+            f"{path} = {amount(value, self.units[path])}" for path, value in self.variables.items()
+        ]
+        return [*lines, *self.active, *self.multipliers, *self.notes]
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` of all searches, with the best design as attributes."""
+        import xarray as xr
+
+        names = list(self.variables)
+        rows = ("search", "variable")
+        data = {
+            "start": (rows, np.array(self.ends["start"])),
+            "x": (rows, np.array(self.ends["x"])),
+            "objective": ("search", np.array(self.ends["objective"]), {"units": self.unit}),
+            "violation": ("search", np.array(self.ends["violation"]), {"units": "1"}),
+            "kkt_residual": ("search", np.array(self.ends["kkt_residual"]), {"units": "1"}),
+            "evaluations": ("search", np.array(self.ends["evaluations"])),
+            "status": ("search", np.array(self.ends["status"])),
+            "best": ("variable", np.array(list(self.variables.values()))),
+        }
+        units = ("variable", [self.units[n] for n in names])
+        coords = {"variable": names, "variable_unit": units}
+        return xr.Dataset(data, coords, {"kind": "omnijax design", "design": self._json()})
+
+    def _json(self) -> str:
+        return json.dumps(dataclasses.asdict(self))
+
+    def save(self, path: str | Path) -> None:
+        """Write netCDF that `Design.load` reads back equal."""
+        write_result(self.to_xarray(), path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Design":
+        """The design that `save` wrote."""
+        text = read_result(path, "omnijax design", "design").attrs["design"]
+        found = json.loads(text)
+        for key in ("active", "multipliers", "whole", "notes"):
+            found[key] = tuple(found[key])
+        return cls(**found)
+
+    def plot_searches(self, ax: Any = None) -> Any:
+        """Where every search ended, best first."""
+        from .plot import searches
+
+        return searches(self, ax)
+
+    def plot_cases(self, ax: Any = None) -> Any:
+        """The objective in every case."""
+        from .plot import cases
+
+        return cases(self, ax=ax)

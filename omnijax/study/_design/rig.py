@@ -1,0 +1,227 @@
+"""The problem that a study of a rig poses: objective and constraints over drives, loads, parts."""
+
+from collections.abc import Callable
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.stats import qmc
+
+from ..._errors import InputError
+from ...rig import Rig, get_parameter, set_parameter
+from ...simulation import SpeedDrive, TorqueDrive
+from ...vibration import METRICS
+from .._constraints import Point, all_limits, all_values, metrics_of
+from .._drive import Drive
+from .._file import Study, fine_enough, trial_designs, way_of
+from .._problem import Problem
+from .._sensitivity import Evaluation, checked_parameters, evaluation, values_of
+from .._target import apply
+
+
+class RigCases:
+    """Figures of a study's rig in every case, for any values of the variables."""
+
+    def __init__(self, study: Study, metrics: tuple[str, ...] | None = None):
+        self.study = study
+        wanted = tuple(name for name, _ in study.weights) if metrics is None else metrics
+        self.objective = wanted
+        self.metrics = tuple(dict.fromkeys((*wanted, *metrics_of(study.constraints))))
+        self.start = study.drives[0].drive
+        how = evaluation(
+            study.rig, self.start, self.metrics, study.duration, study.model, study.rate
+        )
+        self.how, self.note = way_of(how, study.rig, self.start, study.rtol)
+        self._check_constraints()
+        self.inputs = jnp.asarray(np.array([(*d.values, *d.force) for d in study.drives]))
+        self.paths = tuple(v.name for v in study.variables)
+        self.parts, self.width = self._tolerances()
+        self.cases = self._names()
+        self.load_paths = tuple(dict.fromkeys(p for x in study.loads for p, _ in x.values))
+        self.loads = jnp.asarray(self._load_table())
+        if self.how.way == "fixed":
+            designs = trial_designs(study.variables, study.seed)
+            self.how, self.note = fine_enough(self.how, designs, self._trial())
+
+    def _trial(self) -> Callable[[np.ndarray, int], np.ndarray]:
+        """Every figure of a design in every case, for any number of substeps."""
+        nominal = jnp.zeros((1, len(self.parts)))
+
+        @jax.jit
+        def figures(x, substeps):
+            metrics, limits = self.every(x, nominal, self.how._replace(substeps=substeps))
+            return jnp.concatenate([metrics.ravel(), limits.ravel()])
+
+        return lambda x, substeps: np.asarray(figures(x, substeps))
+
+    def _check_constraints(self) -> None:
+        moving = isinstance(self.start, TorqueDrive)
+        if moving and any(c.quantity == "frequency_separation" for c in self.study.constraints):
+            raise InputError(
+                "`constraint.frequency_separation` needs constant speeds: with motor torques the "
+                "rollers pass at every frequency on the way."
+            )
+
+    def _tolerances(self) -> tuple[tuple[str, ...], Array]:
+        paths, width = [], []
+        for path, half in self.study.tolerances:
+            found = checked_parameters(self.study.rig, [path])
+            paths += found
+            width += [half] * len(found)
+        values = values_of(self.study.rig, tuple(paths))
+        nothing = [p for p, v in zip(paths, values, strict=True) if v == 0]
+        if nothing:
+            raise InputError(
+                [f"`{p}` is 0, so that a relative tolerance of it means nothing." for p in nothing]
+            )
+        return tuple(paths), jnp.asarray(np.array(width))
+
+    def _load_table(self) -> np.ndarray:
+        """Values at `load_paths`, one row a load; the rig's own where a load says none."""
+        paths = checked_parameters(self.study.rig, self.load_paths)
+        self.load_paths = paths
+        own = values_of(self.study.rig, paths)
+        rows = []
+        for load in self.study.loads:
+            given = {p: v for k, v in load.values for p in checked_parameters(self.study.rig, [k])}
+            rows.append([given.get(p, o) for p, o in zip(paths, own, strict=True)])
+        return np.array(rows).reshape(len(self.study.loads), len(paths))
+
+    def _names(self) -> tuple[str, ...]:
+        many = len(self.study.drives) > 1, len(self.study.loads) > 1
+        return tuple(
+            ", ".join(n for n, m in ((drive.name, many[0]), (load.name, many[1])) if m)
+            for drive in self.study.drives
+            for load in self.study.loads
+        )
+
+    def rig(self, x, load=None, draw=None) -> Rig:
+        """The rig of variables `x` with a load's values, its parts off by the relative `draw`."""
+        rig = apply(self.study.rig, self.start, self.paths, x)[0]
+        for i, path in enumerate(self.load_paths):
+            rig = set_parameter(rig, path, self.loads[0, i] if load is None else load[i])
+        if draw is not None:
+            for i, path in enumerate(self.parts):
+                rig = set_parameter(rig, path, get_parameter(rig, path) * (1 + draw[i]))
+        return rig
+
+    def drive(self, x, values: Float[Array, " n+3"]) -> Drive:
+        """The drive of speeds or torques and force, with the variables that belong to it."""
+        kind = self.study.drives[0].kind
+        moved, force = values[:-3], values[-3:]
+        start = eqx.tree_at(
+            lambda d: (getattr(d, kind).values, d.force.values),
+            self.start,
+            (moved[None], force[None]),
+        )
+        return apply(self.study.rig, start, self.paths, x)[1]
+
+    def one(self, x, values, load, draw, how: Evaluation | None = None) -> tuple[Array, Array]:
+        """(metrics, constraints) of one case; `how` if not as the study has it."""
+        rig, drive = self.rig(x, load, draw), self.drive(x, values)
+        how = (self.how if how is None else how)._replace(drive=drive)
+        run = how.run(rig)
+        metrics = how.of(run, rig)
+        now = drive.speed.values[0] if isinstance(drive, SpeedDrive) else None
+        named = dict(zip(self.metrics, metrics, strict=True))
+        point = Point(rig, run, now, self.study.model)
+        return metrics, all_values(self.study.constraints, point, named)
+
+    def every(
+        self, x, draws: Float[Array, "t p"], how: Evaluation | None = None
+    ) -> tuple[Array, Array]:
+        """Metrics (k, t, m) and constraints (k, t, c) of every case and every draw."""
+
+        def case(values, load):
+            return jax.vmap(lambda draw: self.one(x, values, load, draw, how))(draws)
+
+        # drives first, loads second, as in `cases`
+        values = jnp.repeat(self.inputs, len(self.loads), axis=0)
+        loads = jnp.tile(self.loads, (len(self.inputs), 1))
+        return jax.vmap(case)(values, loads)
+
+    def draws(self) -> Float[Array, "t p"]:
+        """The parts' relative deviations: corners for the worst case, uniform for the spread."""
+        size, study = len(self.parts), self.study
+        if not size:
+            return jnp.zeros((1, 0))
+        unit = qmc.Sobol(size, scramble=True, rng=study.seed).random_base2(
+            int(np.ceil(np.log2(study.draws)))
+        )[: study.draws]
+        if study.spread == "worst":
+            corners = np.where(unit < 0.5, -1.0, 1.0)
+            corners = np.concatenate([np.zeros((1, size)), corners])
+            return jnp.asarray(corners * np.array(self.width))
+        return jnp.asarray((2 * unit - 1) * np.array(self.width))
+
+    def draw(self, key) -> Float[Array, "t p"]:
+        """New deviations of the same kind."""
+        shape = (self.study.draws, len(self.parts))
+        unit = jax.random.uniform(key, shape, minval=-1.0, maxval=1.0)
+        return (jnp.sign(unit) if self.study.spread == "worst" else unit) * self.width
+
+    def weighted(self, metrics: Float[Array, "k t m"]) -> Float[Array, "k t"]:
+        """The objective of every case and draw."""
+        place = [self.metrics.index(name) for name, _ in self.study.weights]
+        weight = jnp.array([w for _, w in self.study.weights])
+        return metrics[..., jnp.array(place)] @ weight
+
+    def spread(self, values: Float[Array, "k t"]) -> Array:
+        """Over the draws: all of them for the worst case, else mean + sigmas x deviation."""
+        if not self.parts or self.study.spread == "worst":
+            return values.reshape(-1)
+        centre = jnp.mean(values, axis=1)
+        variance = jnp.mean((values - centre[:, None]) ** 2, axis=1)
+        positive = variance > 0
+        deviation = jnp.where(positive, jnp.sqrt(jnp.where(positive, variance, 1.0)), 0.0)
+        return centre + self.study.sigmas * deviation
+
+
+def objective_text(study: Study) -> tuple[str, str]:
+    """Name and unit of the objective."""
+    units = {METRICS[name].unit for name, _ in study.weights}
+    unit = units.pop() if len(units) == 1 else "1"
+    if len(study.weights) == 1 and study.weights[0][1] == 1.0:
+        name = study.weights[0][0]
+    else:
+        name = " + ".join(f"{w:g} {n}" for n, w in study.weights)
+    if study.tolerances and study.spread == "mean+sigma":
+        name = f"mean + {study.sigmas:g} sigma of {name}"
+    if len(study.drives) * len(study.loads) > 1 or (study.tolerances and study.spread == "worst"):
+        name = f"{'worst' if study.over == 'worst' else 'mean'} {name}"
+    return name, unit
+
+
+def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
+    """The problem of a study."""
+    cases = RigCases(study) if cases is None else cases
+    limits, held = all_limits(study.constraints, study.rig, cases.cases)
+    many = bool(cases.parts) and study.spread == "worst"
+    draws = cases.draws()
+    names = cases.cases
+    if many:
+        names = tuple(
+            f"{name} parts {t}".strip() if t else f"{name} nominal".strip()
+            for name in names
+            for t in range(len(draws))
+        )
+
+    def figures(x, draws):
+        metrics, g = cases.every(x, draws)
+        return cases.spread(cases.weighted(metrics)), jnp.max(g, axis=1).reshape(-1)[held]
+
+    name, unit = objective_text(study)
+    return Problem(
+        variables=study.variables,
+        figures=figures,
+        limits=tuple(limits),
+        worst=study.over == "worst",
+        cases=names,
+        name=name,
+        unit=unit,
+        extra=draws,
+        draw=cases.draw if cases.parts else None,
+        costly=cases.how.way in {"full", "fixed"},
+    )

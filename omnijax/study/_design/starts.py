@@ -1,0 +1,109 @@
+"""Where searches start, and how whole numbers are treated.
+
+The user's start comes first.  The others are the best of `SCREENED` points of a Sobol sequence that
+lie apart; where too few of these meet the limits, the points are evolved until enough do: figures
+without slopes are cheap.
+
+Up to `ENUMERATED` combinations of whole numbers are all searched.  Beyond that they are relaxed to
+real numbers, and both neighbours of every relaxed optimum are searched again.
+"""
+
+import itertools
+
+import jax.numpy as jnp
+import numpy as np
+from scipy.stats import qmc
+
+from .._problem import Problem, Scale
+from .evolve import Judge, evolve, far_apart
+from .search import Lanes
+
+ENUMERATED = 12
+SCREENED = 64  # for each combination of whole numbers
+GENERATIONS, FEW = 100, 8  # at most, and where every figure is a run
+
+
+def start_shares(problem: Problem, count: int, seed: int) -> np.ndarray:
+    """The user's start, the middle, then a scrambled Sobol sequence; shares (count, d)."""
+    scale = Scale.of(problem.variables)
+    middle = np.full(len(problem.variables), 0.5)
+    values = [v.start for v in problem.variables]
+    first = [middle]
+    if any(v is not None for v in values):
+        filled = np.where([v is None for v in values], 1.0, np.array(values, float))
+        share = np.asarray(scale.share(jnp.asarray(filled)))
+        first.insert(0, np.where([v is None for v in values], 0.5, share))
+    sampler = qmc.Sobol(len(problem.variables), scramble=True, rng=seed)
+    drawn = sampler.random_base2(max(1, int(np.ceil(np.log2(max(count, 2))))))
+    return np.concatenate([np.array(first), 0.02 + 0.96 * drawn])[:count]
+
+
+def whole_values(problem: Problem) -> list[np.ndarray]:
+    """The allowed whole numbers of each variable; None for real ones."""
+    return [
+        np.arange(np.ceil(v.low), np.floor(v.high) + 1) if v.whole else np.array([])
+        for v in problem.variables
+    ]
+
+
+def make_lanes(problem: Problem, starts: np.ndarray, combinations) -> Lanes:
+    """Every start with every combination of fixed values {index: value}."""
+    scale, shares, free = Scale.of(problem.variables), [], []
+    limit = jnp.array([x.bound for x in problem.limits])
+    for fixed in combinations:
+        for start in starts:
+            share, mask = start.copy(), np.ones(len(start))
+            for i, value in fixed.items():
+                x = np.ones(len(start))
+                x[i] = value
+                share[i], mask[i] = float(scale.share(jnp.asarray(x))[i]), 0.0
+            shares.append(share)
+            free.append(mask)
+    limits = jnp.broadcast_to(limit, (len(shares), len(limit)))
+    return Lanes(jnp.asarray(np.array(shares)), jnp.asarray(np.array(free)), limits)
+
+
+def combinations(problem: Problem) -> int:
+    """How many ways there are to choose the whole numbers."""
+    return int(np.prod([len(v) for v in whole_values(problem) if len(v)]))
+
+
+def relaxed(problem: Problem) -> bool:
+    """Whether whole numbers are searched as real ones first."""
+    return combinations(problem) > ENUMERATED
+
+
+def first_lanes(problem: Problem, count: int, seed: int, judge: Judge) -> Lanes:
+    """The searches side by side: `count` for each combination of whole numbers."""
+    values = whole_values(problem)
+    index = [] if relaxed(problem) else [i for i, v in enumerate(values) if len(v)]
+    parts = []
+    for c in itertools.product(*(values[i] for i in index)):
+        fixed = dict(zip(index, c, strict=True))
+        drawn = make_lanes(problem, start_shares(problem, SCREENED, seed), [fixed])
+        shares, free = np.asarray(drawn.share), np.asarray(drawn.free[0])
+        generations = (FEW if problem.costly else GENERATIONS) if problem.limits else 0
+        moved, rank = evolve(shares, free, judge, 2 * count, generations, seed)
+        chosen = moved[far_apart(moved, rank, count)]
+        if any(v.start is not None for v in problem.variables):
+            chosen = np.concatenate([shares[:1], chosen])[:count]
+        rest = (x[: len(chosen)] for x in (drawn.free, drawn.limit))
+        parts.append(Lanes(jnp.asarray(chosen), *rest))
+    return Lanes(*(jnp.concatenate(xs) for xs in zip(*parts, strict=True)))
+
+
+def rounded_lanes(problem: Problem, relaxed: np.ndarray) -> Lanes:
+    """Both neighbours of every whole variable at relaxed shares (m, d), to be searched again."""
+    scale, values = Scale.of(problem.variables), whole_values(problem)
+    index = [i for i, v in enumerate(values) if len(v)]
+    parts = []
+    for share in relaxed:
+        x = np.asarray(scale.value(jnp.asarray(share)))
+        sides = []
+        for i in index:
+            near = {np.floor(x[i]), np.ceil(x[i])}
+            sides.append(sorted(np.clip(list(near), values[i][0], values[i][-1])))
+        every = itertools.product(*sides)
+        fixed = [dict(zip(index, c, strict=True)) for c in every]
+        parts.append(make_lanes(problem, share[None], fixed))
+    return Lanes(*(jnp.concatenate(xs) for xs in zip(*parts, strict=True)))

@@ -1,0 +1,110 @@
+"""The drives, loads and variables of a study file."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from ..._errors import InputError, did_you_mean
+from ...rig import Quantity, Rig, parameter_info, parameter_paths
+from .._drive import drive_quantities
+from .._problem import Variable
+from .._sensitivity import speaks_of_all
+from .read import Reader
+from .study import Case, Load
+
+DISTRIBUTIONS = ("uniform", "normal")
+
+
+def cases(read: Reader, rig: Rig, top: Mapping) -> dict[str, Any]:
+    """Drives and loads."""
+    blocks = read.tables(top, "drive", ("name", "speed", "torque", "force"))
+    drives = tuple(_drive(read, rig, block, i) for i, block in enumerate(blocks))
+    if len({d.kind for d in drives}) > 1:
+        read.say("the [[drive]] tables of one study are all of `speed` or all of `torque`.")
+    loads = []
+    for i, block in enumerate(read.tables(top, "load", ("name", "set"))):
+        name = str(block.get("name", f"load {i + 1}"))
+        given = block.get("set", {})
+        keys = tuple(given) if isinstance(given, Mapping) else ()
+        values = read.table(given, f"load.{name}.set", keys)
+        pairs = [(p, _parameter(read, rig, p, v, f"load.{name}.set")) for p, v in values.items()]
+        loads.append(Load(name, tuple(pairs)))
+    for kind, found in (("drive", drives), ("load", loads)):
+        names = [x.name for x in found]
+        twice = dict.fromkeys(n for n in names if names.count(n) > 1)
+        for n in twice:
+            read.say(f"two [[{kind}]] tables are named `{n}`: give each a name of its own.")
+    if not drives and not any("drive" in text for text in read.problems):
+        read.say("a study needs at least one [[drive]] with `speed`, one number a wheel.")
+    return {"drives": drives, "loads": tuple(loads) or (Load("as built"),)}
+
+
+def _drive(read: Reader, rig: Rig, block: Mapping, i: int) -> Case:
+    name = str(block.get("name", f"drive {i + 1}"))
+    kind = "torque" if "torque" in block and "speed" not in block else "speed"
+    if "torque" in block and "speed" in block:
+        read.say(f"`drive.{name}` takes either `speed` or `torque`, not both.")
+    unit = {"speed": "rad/s", "torque": "N m"}[kind]
+    values = _numbers(read, block.get(kind, []), f"drive.{name}.{kind}", unit)
+    if len(values) != rig.size:
+        read.say(
+            f"`drive.{name}.{kind}` must have one value a wheel ({rig.size}), but has "
+            f"{len(values)}."
+        )
+        values = (0.0,) * rig.size
+    force = _numbers(read, block.get("force", [0.0] * 3), f"drive.{name}.force", "N")
+    if len(force) != 3:
+        read.say(f"`drive.{name}.force` must have 3 components, but has {len(force)}.")
+        force = (0.0,) * 3
+    return Case(name, kind, values, force)
+
+
+def _numbers(read: Reader, given: Any, where: str, unit: str) -> tuple[float, ...]:
+    given = given if isinstance(given, list | tuple) else [given]
+    return tuple(read.value(x, where, Quantity(unit), 0.0) for x in given)
+
+
+def _parameter(read: Reader, rig: Rig, path: str, value: Any, where: str) -> float:
+    quantity = quantity_of(read, rig, path, where)
+    return 0.0 if quantity is None else read.value(value, f"{where}.{path}", quantity, 0.0)
+
+
+def quantity_of(read: Reader, rig: Rig, path: str, where: str, more=()) -> Quantity | None:
+    """Unit and range of a parameter of one number, or of one number a wheel."""
+    try:
+        info = parameter_info(rig, path)
+    except InputError:
+        known = [x.path for x in parameter_paths(rig)]
+        hint = did_you_mean(path, [*known, *more])
+        read.say(f"`{where}`: the rig has no parameter `{path}`.{hint}")
+        return None
+    whole = speaks_of_all(rig, path) and info.shape == (rig.size,)
+    if info.shape != () and not whole:
+        read.say(f"`{where}`: `{path}` is no single number.")
+        return None
+    return Quantity(info.unit, info.low, info.high, whole=info.whole)
+
+
+def variables(read: Reader, rig: Rig, drives, top: Mapping) -> dict[str, Any]:
+    """The variables, and how each is distributed."""
+    found, kinds = [], []
+    keys = ("path", "low", "high", "scale", "start", "distribution")
+    for block in read.tables(top, "variable", keys):
+        if "path" not in block:
+            read.say("a [[variable]] needs `path`: a parameter of the rig or its drive.")
+            continue
+        path = str(block["path"])
+        where = f"variable.{path}"
+        moved = drive_quantities(drives[0].drive, rig.names) if drives else {}
+        quantity = Quantity(moved[path][0]) if path in moved else None
+        quantity = quantity or quantity_of(read, rig, path, where, moved)
+        if quantity is None:
+            continue
+        low, high = (read.number(block, key, where, quantity) for key in ("low", "high"))
+        start = read.value(block["start"], f"{where}.start", quantity) if "start" in block else None
+        stiff = path.endswith("stiffness") and "scale" not in block and bool(low)
+        log = stiff or read.choice(block, "scale", where, ("linear", "log")) == "log"
+        if low is not None and high is not None:
+            kinds.append(read.choice(block, "distribution", where, DISTRIBUTIONS))
+            whole = quantity.whole
+            found.append(Variable(path, low, high, log, whole, quantity.unit, start))
+    return {"variables": tuple(found), "distributions": tuple(kinds)}

@@ -1,0 +1,97 @@
+"""Study files: what to vary, what to judge by, under which drives and loads; TOML -> `Study`."""
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from ..._errors import InputError
+from ...rig import Quantity, Rig, load_rig
+from .._problem import check_variables
+from .._sensitivity import checked_parameters
+from .cases import cases, variables
+from .goals import OPTIONS, constraint, objective, search, tolerances
+from .read import Reader
+from .study import Study
+
+KEYS = (
+    "rig", "model", "duration", "rate", "rtol", "objective", "drive", "load", "variable",
+    "constraint", "tolerance", "search", "pareto", "limit", "sampling",
+)  # fmt: skip
+
+
+def load_study(path: str | Path) -> Study:
+    """The study of a TOML file; `InputError` with every problem of the file at once."""
+    file = Path(path)
+    try:
+        data = tomllib.loads(file.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"the study file cannot be read: {error.strerror}.", path) from None
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"is not valid TOML: {error}.", path) from None
+    return parse_study(data, file)
+
+
+def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Study:
+    """The study of tables as `tomllib` gives them; `rig` is relative to the folder of `path`."""
+    read = Reader()
+    top = read.table(data, "", KEYS)
+    rig = _rig(top.get("rig", "atlas"), path)
+    model = read.choice(top, "model", "", ("coupled", "paper"))
+    fields: dict[str, Any] = {"rig": rig, "model": model}
+    fields |= cases(read, rig, top)
+    fields |= variables(read, rig, fields["drives"], top)
+    fields |= objective(read, top.get("objective", {}))
+    fields |= tolerances(read, rig, top.get("tolerance", {}))
+    fields |= search(read, top)
+    constraints = read.tables(top, "constraint", ("quantity", "min", "max", *OPTIONS))
+    fields["constraints"] = tuple(
+        wanted for block in constraints if (wanted := constraint(read, block)) is not None
+    )
+    for key, unit in (("duration", "s"), ("rate", "1/s")):
+        if key in top:
+            fields[key] = read.value(top[key], key, Quantity(unit, above=0), 1.0)
+    if "rtol" in top:
+        fields["rtol"] = read.value(top["rtol"], "rtol", Quantity("1", above=0, high=1e-3), 1e-6)
+    if not read.problems:
+        read.problems += _overlaps(rig, fields)
+    if not read.problems and fields["variables"]:
+        try:
+            check_variables(fields["variables"])
+        except InputError as error:
+            read.problems += error.problems
+    if read.problems:
+        raise InputError(read.problems, path)
+    return Study(**fields)
+
+
+def _overlaps(rig: Rig, fields: Mapping[str, Any]) -> list[str]:
+    """Parameters that two entries would both set: variables among each other, and loads."""
+    of_rig, problems = [], []
+    for v in fields["variables"]:
+        try:
+            of_rig.append((v.name, checked_parameters(rig, [v.name])))
+        except InputError:  # of the drive
+            continue
+    for i, (name, paths) in enumerate(of_rig):
+        for other, theirs in of_rig[:i]:
+            if name != other and set(paths) & set(theirs):
+                problems.append(f"the variables `{other}` and `{name}` set the same parameter.")
+        for load in fields["loads"]:
+            if set(paths) & set(checked_parameters(rig, [p for p, _ in load.values])):
+                problems.append(f"`{name}` is a variable, but load `{load.name}` sets it as well.")
+    return problems
+
+
+def _rig(name: Any, path: str | Path | None) -> Rig:
+    if not isinstance(name, str):
+        raise InputError(f"`rig` must be a rig file or a bundled rig, but is {name!r}.", path)
+    beside = Path("." if path is None else Path(path).parent) / name
+    return load_rig(beside if beside.exists() else name)
+
+
+def study_of(study: "str | Path | Mapping | Study") -> Study:
+    """A study from a file, from tables, or as it is."""
+    if isinstance(study, Study):
+        return study
+    return parse_study(study) if isinstance(study, Mapping) else load_study(study)

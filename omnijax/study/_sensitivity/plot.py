@@ -1,0 +1,44 @@
+"""Pictures of sensitivities."""
+
+from typing import Any
+
+import numpy as np
+
+BARS = 14
+
+
+def new_axes(ax: Any, height: float = 4.2, width: float = 7.2) -> Any:
+    """`ax`, or the axes of a new figure."""
+    if ax is None:
+        from matplotlib.figure import Figure
+
+        ax = Figure(figsize=(width, height), layout="constrained").add_subplot()
+    return ax
+
+
+def tornado(result: Any, metric: str, together: bool = False, ax: Any = None) -> Any:
+    """Relative sensitivities as bars, largest on top; what has none is left out."""
+    from ..._text import amount
+
+    pairs = result.together(metric) if together else result.column(metric)
+    shown = [(path, value) for path, value in pairs.items() if abs(value) > 1e-6][:BARS]
+    ax = new_axes(ax, 1.4 + 0.27 * len(shown))
+    place = np.arange(len(shown))[::-1]
+    values = [value for _, value in shown]
+    colours = ["#D55E00" if value > 0 else "#0072B2" for value in values]
+    ax.barh(place, values, color=colours, height=0.7)
+    for y, value in zip(place, values, strict=True):
+        text = f"{value:+.3g}".replace("-", "−")
+        ax.annotate(
+            text, (value, y), (4 if value >= 0 else -4, 0), fontsize=8.5,
+            textcoords="offset points", va="center", ha="left" if value >= 0 else "right",
+        )  # fmt: skip
+    ax.set_yticks(place, [path for path, _ in shown])
+    ax.axvline(0, color="#57606a", linewidth=0.8)
+    ax.margins(x=0.3)  # for the numbers, on a telephone too
+    ax.grid(axis="y", visible=False)
+    figure = result.figures[result.metrics.index(metric)]
+    unit = result.metric_units[result.metrics.index(metric)]
+    ax.set_title(f"{metric} = {amount(figure, unit)}")
+    ax.set_xlabel(f"change of {metric} in % per % of the parameter")
+    return ax

@@ -1,0 +1,186 @@
+"""`sensitivity`: exact derivatives of the vibration metrics over the parameters of a rig."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..._errors import InputError, RunError
+from ..._html import html_table
+from ..._text import amount
+from ...rig import Rig, load_rig, parameter_info
+from ...simulation import AbstractDrive
+from ...vibration import METRICS
+from .._drive import read_speeds
+from .check import Check, compare
+from .target import checked_parameters, evaluation, group_of, scalar_parameters, target, values_of
+
+SHOWN = 6  # parameters in a printed result
+NOTHING = 1e-12  # of the metric, per relative change: rounding, not influence
+WAYS = {
+    "steady": "steady state",
+    "propagation": "run, exact propagation",
+    "full": "run, full simulation",
+}
+
+
+class Sensitivity(eqx.Module):
+    """Metrics, and what each parameter does to them.
+
+    `raw[m, p]` is d metric / d parameter in SI units, `relative[m, p]` the change of the metric in
+    % per % of the parameter.  `raw` of `wheel.w1.rollers` treats the number as a real one.
+    """
+
+    parameters: tuple[str, ...]
+    units: tuple[str, ...]
+    values: np.ndarray
+    metrics: tuple[str, ...]
+    metric_units: tuple[str, ...]
+    figures: np.ndarray
+    raw: np.ndarray
+    way: str
+    check: Check | None = None
+
+    def __repr__(self) -> str:
+        lines = [f"Sensitivity ({self.way}): % of the metric per % of a parameter on all wheels"]
+        for m, name in enumerate(self.metrics):
+            first = list(self.together(name).items())[:SHOWN]
+            parts = ", ".join(f"{path} {value:+.3g}" for path, value in first)
+            lines.append(f"{name} = {amount(self.figures[m], self.metric_units[m])}: {parts}")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        columns = [self.together(name) for name in self.metrics]
+        rows = [(path, *(float(c[path]) for c in columns)) for path in columns[0]]
+        title = f"% of the metric per % of the parameter, all wheels together ({self.way})"
+        return html_table(title, rows, ("parameter", *self.metrics))
+
+    @property
+    def relative(self) -> np.ndarray:
+        """% per %; zero where the parameter or the metric is zero."""
+        size = np.where(self.figures == 0, 1.0, self.figures)[:, None]
+        return np.where(self.figures[:, None] == 0, 0.0, self.raw * self.values / size)
+
+    def column(self, metric: str) -> dict[str, float]:
+        """Relative sensitivities of one metric, largest first."""
+        row = self.relative[self._index(metric)]
+        order = np.argsort(-np.abs(row), kind="stable")
+        return {self.parameters[i]: float(row[i]) for i in order}
+
+    def together(self, metric: str) -> dict[str, float]:
+        """% per % where a parameter changes on all wheels at once, largest first."""
+        total: dict[str, float] = {}
+        for path, value in self.column(metric).items():
+            total[group_of(path)] = total.get(group_of(path), 0.0) + value
+        return dict(sorted(total.items(), key=lambda item: -abs(item[1])))
+
+    def without_influence(self, metric: str | None = None) -> tuple[str, ...]:
+        """Parameters that change no metric (or not this one)."""
+        rows = slice(None) if metric is None else [self._index(metric)]
+        scale = np.where(self.values == 0, 1.0, np.abs(self.values))
+        size = NOTHING * np.abs(self.figures[rows])[:, None]
+        quiet = np.all(np.abs(self.raw[rows]) * scale <= size, axis=0)
+        return tuple(path for path, q in zip(self.parameters, quiet, strict=True) if q)
+
+    def sentences(self) -> list[str]:
+        """One sentence for each kind of parameter without influence."""
+        metrics = self.metrics[0] if len(self.metrics) == 1 else "any of " + ", ".join(self.metrics)
+        quiet, lines = set(self.without_influence()), []
+        for group in dict.fromkeys(group_of(path) for path in self.parameters):
+            members = [path for path in self.parameters if group_of(path) == group]
+            if len(members) > 1 and quiet.issuperset(members):
+                lines.append(f"`{group}` of no wheel influences {metrics}.")
+            else:
+                silent = (path for path in members if path in quiet)
+                lines += [f"`{path}` does not influence {metrics}." for path in silent]
+        return lines
+
+    def _index(self, metric: str) -> int:
+        if metric not in self.metrics:
+            raise InputError(f"this study has no metric `{metric}`, but {', '.join(self.metrics)}.")
+        return self.metrics.index(metric)
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` with units."""
+        from .io import dataset
+
+        return dataset(self)
+
+    def save(self, path: str | Path) -> None:
+        """Write a netCDF file that `Sensitivity.load` reads back equal."""
+        from .io import save
+
+        save(self, path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Sensitivity":
+        """The result that `save` wrote."""
+        from .io import load
+
+        return load(path)
+
+    def plot_tornado(self, metric: str | None = None, *, together: bool = False, ax=None):
+        """Bars of the relative sensitivities of one metric, largest on top."""
+        from .plot import tornado
+
+        return tornado(self, metric or self.metrics[0], together, ax)
+
+
+def sensitivity(
+    rig: Rig | str | Path,
+    drive: AbstractDrive | Sequence[float],
+    metrics: Sequence[str] | str = ("rms", "peak"),
+    *,
+    parameters: Sequence[str] | None = None,
+    duration: float | None = None,
+    rate: float | None = None,
+    model: str = "coupled",
+    check: bool = False,
+) -> Sensitivity:
+    """Exact derivatives of `metrics` with respect to every parameter of `rig` that is one number.
+
+    `drive` is a drive or constant wheel speeds (rad/s).  Without `duration` (s) the metrics are
+    those of the steady state, else of a run sampled at `rate` (1/s).  Forward mode over the vector
+    of parameters, one compiled function.  `check` adds finite differences.  Directions (normal,
+    drive, gravity) and inertia tensors are not numbers and stay out.
+    """
+    machine = load_rig(rig) if isinstance(rig, str | Path) else rig
+    chosen = drive if isinstance(drive, AbstractDrive) else read_speeds(drive, machine.names)
+    how = evaluation(machine, chosen, metrics, duration, model, rate)
+    paths = scalar_parameters(machine)
+    paths = paths if parameters is None else checked_parameters(machine, parameters)
+    values = values_of(machine, paths)
+    function = target(machine, paths, how)
+    figures, raw = value_and_jacobian(function, values)
+    if not np.all(np.isfinite(figures)):
+        raise RunError("the run of this rig and drive failed, so that it has no sensitivities.")
+    return Sensitivity(
+        parameters=paths,
+        units=tuple(parameter_info(machine, path).unit for path in paths),
+        values=values,
+        metrics=how.metrics,
+        metric_units=tuple(METRICS[name].unit for name in how.metrics),
+        figures=figures,
+        raw=raw,
+        way=WAYS[how.way],
+        check=compare(function, machine, paths, values, raw, how.precision) if check else None,
+    )
+
+
+def value_and_jacobian(function, values) -> tuple[np.ndarray, np.ndarray]:
+    """f (m,) and df/dx (m, p) by forward mode, in one compiled function."""
+
+    @jax.jit
+    def both(x):
+        def push(tangent):
+            return jax.jvp(function, (x,), (tangent,))
+
+        figures, columns = jax.vmap(push)(jnp.eye(len(x)))
+        return figures[0], columns.T
+
+    figures, raw = both(jnp.asarray(values, float))
+    return np.asarray(figures), np.asarray(raw)

@@ -1,0 +1,101 @@
+"""Relative sensitivities over a range of speeds, a parameter changed on all wheels at once."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...rig import Rig, get_parameter, load_rig, set_parameter
+from ...vibration import METRICS, steady_metrics
+from .target import checked_metrics
+
+
+class SpeedSensitivity(NamedTuple):
+    """`figures[s, m]` and `relative[s, m, p]` (% per %) at the wheel speeds `scale` x `speeds`."""
+
+    scale: np.ndarray
+    speeds: np.ndarray  # rad/s, one a wheel
+    parameters: tuple[str, ...]
+    metrics: tuple[str, ...]
+    figures: np.ndarray
+    relative: np.ndarray
+
+    def of(self, metric: str, parameter: str) -> np.ndarray:
+        """% per % over the speeds."""
+        return self.relative[:, self.metrics.index(metric), self.parameters.index(parameter)]
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` over scale, metric and parameter."""
+        import xarray as xr
+
+        data = {
+            "figure": (("scale", "metric"), self.figures),
+            "relative": (("scale", "metric", "parameter"), self.relative, {"units": "% per %"}),
+        }
+        units = ("metric", [METRICS[m].unit for m in self.metrics])
+        coords = {
+            "scale": self.scale, "metric": list(self.metrics), "parameter": list(self.parameters),
+            "metric_unit": units,
+        }  # fmt: skip
+        return xr.Dataset(data, coords, {"speeds_rad_per_s": self.speeds})
+
+    def plot_speeds(self, parameter: str, ax: Any = None) -> Any:
+        """One parameter's part in every metric over the speed of the fastest wheel."""
+        from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+        from .plot import new_axes
+
+        ax = new_axes(ax)
+        fastest = self.scale * np.max(np.abs(self.speeds))
+        for metric in self.metrics:
+            ax.plot(fastest, self.of(metric, parameter), label=metric)
+        ax.axhline(0, color="#57606a", linewidth=0.8)
+        ax.set_xscale("log")
+        ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        ax.xaxis.set_minor_formatter(NullFormatter())
+        ax.set_xlabel("speed of the fastest wheel (rad/s)")
+        ax.set_ylabel(f"% per % of {parameter}")
+        ax.legend()
+        return ax
+
+
+def sensitivity_over_speeds(
+    rig: Rig | str | Path,
+    speeds: Sequence[float],
+    scale: Sequence[float],
+    metrics: Sequence[str] | str = ("rms",),
+    parameters: Sequence[str] = ("contact.stiffness", "mount.stiffness", "wheel.roundness"),
+    model: str = "coupled",
+) -> SpeedSensitivity:
+    """Steady-state sensitivities at the wheel speeds (rad/s) times each of `scale`."""
+    machine = load_rig(rig) if isinstance(rig, str | Path) else rig
+    names, paths = checked_metrics(metrics), tuple(parameters)
+    base = jnp.asarray(speeds, float)
+
+    def figures(change, now):
+        changed = machine
+        for i, path in enumerate(paths):
+            changed = set_parameter(changed, path, get_parameter(machine, path) * (1 + change[i]))
+        found = steady_metrics(changed, now, names, model=model)
+        return jnp.stack([found[name] for name in names])
+
+    @jax.jit
+    def all_of(scale):
+        def one(s):
+            def push(tangent):
+                return jax.jvp(lambda c: figures(c, s * base), (jnp.zeros(len(paths)),), (tangent,))
+
+            value, slope = jax.vmap(push)(jnp.eye(len(paths)))
+            return value[0], slope.T
+
+        return jax.lax.map(one, scale, batch_size=16)
+
+    value, slope = (np.asarray(x) for x in all_of(jnp.asarray(scale, float)))
+    size = np.where(value == 0, 1.0, value)[..., None]
+    return SpeedSensitivity(
+        np.asarray(scale, float), np.asarray(base), paths, names, value, slope / size
+    )

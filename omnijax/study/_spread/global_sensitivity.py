@@ -1,0 +1,130 @@
+"""`global_sensitivity`: what matters over whole ranges, not only at one design."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+from scipy.stats import qmc
+
+from ..._errors import InputError, RunError
+from ...vibration import METRICS
+from .._design import RigCases
+from .._file import Study, study_of
+from .._study_folder import Folder, folder_of
+from .inputs import Input, Inputs, run_all
+from .morris import morris_design, morris_effects
+from .result import GlobalSensitivity
+from .sobol import sobol_design, sobol_indices
+
+Report = Callable[[int, int], None]
+
+
+def analyse(
+    function: Callable[[Array], Array],
+    inputs: Sequence[Input],
+    metrics: Sequence[str],
+    units: Sequence[str],
+    *,
+    samples: int = 256,
+    seed: int = 0,
+    report: Report | None = None,
+    store: Folder | None = None,
+) -> GlobalSensitivity:
+    """Global sensitivities of any pure function of `inputs` (d,) to metrics (m,).
+
+    `samples` blocks for Sobol (d + 2 runs each), a sixteenth as many trajectories for Morris and as
+    many points with gradients as blocks, up to 256.  A run that is not finite has failed.
+    """
+    if samples < 16:
+        raise InputError(f"`samples` must be at least 16, but is {samples}.")
+    box = Inputs(inputs)
+    unit = sobol_design(box.size, samples, seed)
+    paths = morris_design(box.size, max(8, samples // 16), seed + 1)
+    drawn = qmc.Sobol(box.size, scramble=True, rng=seed + 2).random_base2(
+        int(np.log2(min(samples, 256)))
+    )
+    tasks = (("sobol", unit, False), ("morris", paths, False), ("slopes", drawn, True))
+    total, before, found = sum(len(x) for _, x, _ in tasks), 0, {}
+    for key, points, slopes in tasks:
+
+        def tell(done, _, before=before):
+            if report is not None:
+                report(before + done, total)
+
+        clipped = np.clip(points, 1e-3, 1 - 1e-3) if key == "morris" else points
+        found[key] = run_all(
+            function, box, box.standard(clipped), slopes=slopes, report=tell, store=store, key=key
+        )
+        before += len(points)
+    try:
+        sobol = sobol_indices(found["sobol"].values, found["sobol"].failed, box.size, seed)
+        morris = morris_effects(paths, found["morris"].values, found["morris"].failed)
+    except ValueError as error:
+        raise RunError(f"too many runs failed: {error}") from None
+    bound, half = _bounds(box, found["slopes"])
+    failed = [
+        _named(box, points[i])
+        for key, points, _ in tasks
+        for i in np.flatnonzero(found[key].failed)
+    ]
+    return GlobalSensitivity(
+        box.names, tuple(metrics), tuple(units), sobol, morris, bound, half, total, tuple(failed)
+    )
+
+
+def _bounds(box: Inputs, runs) -> tuple[np.ndarray, np.ndarray]:
+    """C E[(df/ds)^2]/V of the runs without failure, and 95 % half widths."""
+    good = ~runs.failed
+    square, values = runs.slopes[good] ** 2, runs.values[good]
+    variance = values.var(axis=0)[:, None]
+    factor = box.poincare / np.where(variance > 0, variance, np.inf)
+    half = 1.96 * square.std(axis=0) / np.sqrt(max(good.sum(), 1))
+    return factor * square.mean(axis=0), factor * half
+
+
+def _named(box: Inputs, unit: np.ndarray) -> str:
+    values = np.asarray(box.values(jnp.asarray(box.standard(unit))))
+    return ", ".join(f"{n} = {v:.6g}" for n, v in zip(box.names, values, strict=True))
+
+
+def global_sensitivity(
+    study: str | Path | Mapping | Study,
+    metrics: Sequence[str] | None = None,
+    *,
+    out: str | Path | None = None,
+    resume: bool = False,
+    report: Report | None = None,
+) -> GlobalSensitivity:
+    """Global sensitivities of a study's metrics over the ranges of its variables.
+
+    Over several drives or loads each metric is its worst over the cases.
+    """
+    asked = study_of(study)
+    if not asked.variables:
+        raise InputError("a global study needs at least one [[variable]] with path, low and high.")
+    whole = [v.name for v in asked.variables if v.whole]
+    if whole:
+        raise InputError([f"`{n}` takes whole numbers: leave it out." for n in whole])
+    names = tuple(metrics or (name for name, _ in asked.weights))
+    plain = dataclasses.replace(asked, constraints=(), tolerances=())
+    cases = RigCases(plain, names)
+    kinds = asked.distributions or ("uniform",) * len(asked.variables)
+    inputs = [
+        Input(v.name, v.low, v.high, v.log, kind == "normal")
+        for v, kind in zip(asked.variables, kinds, strict=True)
+    ]
+
+    sign = jnp.array([1.0 if METRICS[name].smaller_is_better else -1.0 for name in names])
+
+    def function(x):
+        return sign * jnp.max(sign * cases.every(x, jnp.zeros((1, 0)))[0][:, 0], axis=0)
+
+    store = folder_of(out, asked.identity("global", metrics=names), resume)
+    units = [METRICS[name].unit for name in names]
+    return analyse(
+        function, inputs, names, units, samples=asked.samples, seed=asked.seed, report=report,
+        store=store,
+    )  # fmt: skip

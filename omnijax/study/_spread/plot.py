@@ -1,0 +1,53 @@
+"""Pictures of global sensitivities."""
+
+from typing import Any
+
+import numpy as np
+
+from .._sensitivity import new_axes
+
+
+def indices(result: Any, metric: str, ax: Any = None) -> Any:
+    """First and total Sobol indices with 95 % intervals; a mark at the gradients' bound."""
+    m = result.metrics.index(metric)
+    order = np.argsort(result.sobol.total[m])
+    ax = new_axes(ax, 1.6 + 0.42 * len(order))
+    place = np.arange(len(order))
+    style = {"height": 0.36, "error_kw": {"elinewidth": 1.0, "ecolor": "#222222"}}
+    first, total = result.sobol.first[m, order], result.sobol.total[m, order]
+    ax.barh(
+        place + 0.19, total, xerr=result.sobol.total_half[m, order], color="#0072B2",
+        label="total", **style,
+    )  # fmt: skip
+    ax.barh(
+        place - 0.19, first, xerr=result.sobol.first_half[m, order], color="#56B4E9",
+        label="first order", **style,
+    )  # fmt: skip
+    bound = np.minimum(result.bound[m, order], 1.0)
+    ax.plot(bound, place + 0.19, "|", color="#D55E00", ms=14, label="bound")
+    ax.set_yticks(place, [result.inputs[i] for i in order])
+    ax.grid(axis="y", visible=False)
+    ax.set_xlabel(f"share of the variance of {metric}")
+    _legend_above(ax)
+    return ax
+
+
+def convergence(result: Any, metric: str, ax: Any = None) -> Any:
+    """Total indices as blocks are added, with the final 95 % interval."""
+    m, ax = result.metrics.index(metric), new_axes(ax)
+    for i, name in enumerate(result.inputs):
+        (line,) = ax.plot(
+            result.sobol.stages, result.sobol.total_stages[:, m, i], "o-", ms=4, label=name
+        )
+        middle, half = result.sobol.total[m, i], result.sobol.total_half[m, i]
+        ax.axhspan(middle - half, middle + half, color=line.get_color(), alpha=0.12)
+    ax.set_xscale("log", base=2)
+    ax.set_xlabel("blocks (each d + 2 runs)")
+    ax.set_ylabel(f"total index of {metric}")
+    _legend_above(ax)
+    return ax
+
+
+def _legend_above(ax: Any) -> None:
+    """Beside the bars and lines there is no room that is always free."""
+    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False).set_gid("above")

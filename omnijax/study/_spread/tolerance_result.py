@@ -1,0 +1,146 @@
+"""The tolerances of parts, in numbers, in sentences and as a figure."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..._html import html_table
+from ..._text import amount
+from .._netcdf import read_result, write_result
+
+WIDEST = 0.2  # relative
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class Tolerances:
+    """Relative half widths for every part, and what drawn machines say of them.
+
+    `values` are the parts' nominal values in `units`.
+
+    `linear` is what the derivatives alone allow, `widths` what drawn machines bear out.  Of `draws`
+    new machines, none of which set the widths, `share` stay below `limit` (95 % bounds `share_low`
+    and `share_high`); `linear_share` is that of the widths by derivatives alone.
+    """
+
+    metric: str
+    unit: str
+    limit: float
+    nominal: float
+    confidence: float
+    parts: tuple[str, ...]
+    values: np.ndarray
+    units: tuple[str, ...]
+    slopes: np.ndarray  # change of the metric per relative change of the part
+    linear: np.ndarray
+    widths: np.ndarray
+    share: float
+    share_low: float
+    share_high: float
+    linear_share: float
+    draws: int
+    failed: int = 0  # of the new machines: runs without figures, which keep no limit
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether the new machines keep the limit as often as asked for."""
+        return self.share >= self.confidence
+
+    def __repr__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def _repr_html_(self) -> str:
+        percent = 100 * np.column_stack([self.linear, self.widths])
+        rows = [(part, *map(float, row)) for part, row in zip(self.parts, percent, strict=True)]
+        return html_table(self.sentences()[0], rows, ("part", "by derivatives / ± %", "± %"))
+
+    def sentences(self) -> list[str]:
+        """The tolerances in words."""
+        lines = [
+            f"{self.metric} is {amount(self.nominal, self.unit)} with nominal parts and stays "
+            f"below {amount(self.limit, self.unit)} for {100 * self.share:.2f} % of {self.draws} "
+            f"new machines (95 %: {100 * self.share_low:.2f} to {100 * self.share_high:.2f} %); "
+            f"asked for: {100 * self.confidence:g} %."
+            + (f" {self.failed} of them failed and keep nothing." if self.failed else "")
+            + ("" if self.confirmed else " The tolerances are NOT confirmed.")
+        ]
+        capped = self.capped
+        for i, part in enumerate(self.parts):
+            lines.append(f"`{part}` {self.width_text(i)}{', capped' if capped[i] else ''}")
+        if capped.any():
+            lines.append(
+                f"capped: by the derivatives these parts may be off by more than "
+                f"± {100 * WIDEST:g} %, the widest that is given to any part."
+            )
+        ratio = float(np.min(self.widths / self.linear))
+        if ratio < 1 - 1e-9:
+            lines.append(
+                f"the derivatives alone allow {1 / ratio:.3g} times as much, but then only "
+                f"{100 * self.linear_share:.2f} % stay below the limit: the metric is curved."
+            )
+        return lines
+
+    @property
+    def capped(self) -> np.ndarray:
+        """Which parts the derivatives would let be off by more than `WIDEST`."""
+        return self.linear >= WIDEST * (1 - 1e-9)
+
+    def width_text(self, i: int) -> str:
+        """The tolerance of part `i`, in per cent and in its unit."""
+        return f"± {100 * self.widths[i]:.3g} % (± {self.own_width(i)})"
+
+    def own_width(self, i: int) -> str:
+        """The tolerance of part `i` in its unit."""
+        return amount(float(self.widths[i] * abs(self.values[i])), self.units[i])
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` over the parts."""
+        import xarray as xr
+
+        one = {"units": "1"}
+        data = {
+            "slope": ("part", self.slopes, {"units": self.unit}),
+            "linear": ("part", self.linear, one),
+            "width": ("part", self.widths, one),
+            "value": ("part", self.values),
+        }
+        keys = ("metric", "unit", "limit", "nominal", "confidence", "share", "share_low",
+                "share_high", "linear_share", "draws", "failed")  # fmt: skip
+        attrs = {"kind": "omnijax tolerances", **{k: getattr(self, k) for k in keys}}
+        coords = {"part": list(self.parts), "part_unit": ("part", list(self.units))}
+        return xr.Dataset(data, coords, attrs)
+
+    def save(self, path: str | Path) -> None:
+        """Write netCDF that `Tolerances.load` reads back equal."""
+        write_result(self.to_xarray(), path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> "Tolerances":
+        """What `save` wrote."""
+        d = read_result(path, "omnijax tolerances", "tolerances")
+        a = {k: v for k, v in d.attrs.items() if k != "kind"}
+        numbers = {k: v if k in {"metric", "unit"} else float(v) for k, v in a.items()}
+        numbers |= {k: int(a[k]) for k in ("draws", "failed")}
+        parts, units = (tuple(str(x) for x in d[k].values) for k in ("part", "part_unit"))
+        found = {
+            "values": d["value"].values,
+            "slopes": d["slope"].values,
+            "linear": d["linear"].values,
+        }
+        return cls(parts=parts, units=units, widths=d["width"].values, **found, **numbers)  # pyright: ignore
+
+    def plot_widths(self, ax: Any = None) -> Any:
+        """Tolerances as bars, tightest on top; capped ones paler."""
+        from .._sensitivity import new_axes
+
+        order = np.argsort(-self.widths)
+        ax = new_axes(ax, 1.4 + 0.27 * len(order))
+        capped, place = self.capped[order], np.arange(len(order))
+        colours = np.where(capped, "#56B4E9", "#0072B2").tolist()
+        ax.barh(place, 100 * self.widths[order], color=colours, height=0.7)
+        ax.set_yticks(np.arange(len(order)), [self.parts[i] for i in order])
+        ax.grid(axis="y", visible=False)
+        ax.set_xlabel("tolerance (± %)")
+        ax.set_title(f"{self.metric} below {amount(self.limit, self.unit)}")
+        return ax

@@ -1,0 +1,141 @@
+"""`tolerances`: how far the parts of each wheel may be off while the vibration stays below a limit.
+
+To first order f = f0 + sum g_p d_p with d_p the relative deviation of a part.  Uniform deviations
+within +-t_p add a variance of sum (g_p t_p)^2/3; the parts get equal shares of what the limit
+leaves, g_p t_p equal, capped at the widest tolerance.  Where curvature spoils this, all tolerances
+shrink until enough drawn machines stay below the limit, by the lower 95 % bound of their share.
+New machines, drawn after the tolerances are set, then say what share these keep.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from scipy.stats import binomtest, norm
+
+from ..._errors import InputError, RunError
+from ..._text import amount
+from ...rig import Rig, parameter_info
+from ...vibration import METRICS
+from .._design import RigCases
+from .._file import Study, study_of
+from .._sensitivity import checked_parameters, values_of
+from .._study_folder import Report, folder_of
+from .draws import Machines
+from .tolerance_result import WIDEST, Tolerances
+
+DRAWS, LEAST = 1024, 64
+SIGMAS = 1.96  # 95 % on both sides
+SHRINKS = 40  # down to 5 % of what the derivatives allow
+PARTS = ("wheel.radius", "wheel.roundness", "contact.stiffness", "contact.damping",
+         "mount.stiffness", "mount.damping", "closure.stiffness")  # fmt: skip
+
+
+def share_bounds(good: int, total: int) -> tuple[float, float]:
+    """Wilson's 95 % interval of a share."""
+    found = binomtest(good, total).proportion_ci(0.95, "wilson")
+    return float(found.low), float(found.high)
+
+
+def allocate(slopes: np.ndarray, room: float, confidence: float) -> np.ndarray:
+    """Relative half widths that use up `room`, to first order, at equal shares of the variance.
+
+    z sqrt(sum (g t)^2/3) = room with z the confidence's quantile; capped parts leave theirs to the
+    others.
+    """
+    spread = np.sqrt(3.0) * room / norm.ppf(confidence)
+    width, open_ = np.full(len(slopes), WIDEST), np.abs(slopes) > 0
+    for _ in range(len(slopes)):
+        used = np.sum((slopes[~open_] * width[~open_]) ** 2)
+        if used >= spread**2 or not open_.any():
+            break
+        each = np.sqrt((spread**2 - used) / open_.sum())
+        fair = each / np.abs(np.where(open_, slopes, np.inf))
+        over = open_ & (fair > WIDEST)
+        if not over.any():
+            width[open_] = fair[open_]
+            break
+        open_ &= ~over
+    return width
+
+
+def tolerances(
+    study: str | Path | Mapping | Study,
+    *,
+    parts: tuple[str, ...] = (),
+    draws: int = DRAWS,
+    out: str | Path | None = None,
+    resume: bool = False,
+    report: Report | None = None,
+) -> Tolerances:
+    """Tolerances of each wheel's parts that keep a metric below `[limit] max`.
+
+    The parts are `parts`, or those of `[tolerance]`, or all of `PARTS` that are not 0; deviations
+    are independent and uniform.  Over several cases the metric is its worst.  With `out` finished
+    chunks of machines are stored there, and `resume` takes them up.
+    """
+    asked = study_of(study)
+    if asked.limit is None:
+        raise InputError("tolerances need a [limit] with `metric` and `max`.")
+    _check(draws, asked.confidence)
+    metric, limit = asked.limit
+    chosen = parts or tuple(p for p, _ in asked.tolerances) or usual_parts(asked.rig)
+    plain = dataclasses.replace(
+        asked, variables=(), constraints=(), tolerances=tuple((p, 1.0) for p in chosen)
+    )
+    cases = RigCases(plain, (metric,))
+    store = folder_of(out, plain.identity("tolerances", machines=draws), resume)
+
+    def worst(deviation):
+        return jnp.max(cases.every(jnp.zeros(0), deviation[None])[0])
+
+    machines = Machines(worst, len(cases.parts), draws, store, report)
+    nominal, slopes = machines.slopes()
+    if not nominal < limit:
+        unit = METRICS[metric].unit
+        raise RunError(
+            f"no tolerance keeps {metric} below {amount(limit, unit)}: with nominal parts it is "
+            f"{amount(nominal, unit)} already."
+        )
+    linear = allocate(slopes, limit - nominal, asked.confidence)
+    fresh = asked.seed + 1
+    width = _borne_out(machines, linear, asked, limit)
+    new = machines.metric(width, fresh, "new", 1)
+    untouched = machines.metric(linear, fresh, "linear", 0)
+    good = int(np.sum(new < limit))
+    low, high = share_bounds(good, draws)
+    values = np.array(values_of(asked.rig, cases.parts))
+    units = tuple(parameter_info(asked.rig, part).unit for part in cases.parts)
+    return Tolerances(
+        metric, METRICS[metric].unit, limit, nominal, asked.confidence, cases.parts, values, units,
+        slopes, linear, width, good / draws, low, high, float(np.mean(untouched < limit)), draws,
+        int(np.sum(~np.isfinite(new))),
+    )  # fmt: skip
+
+
+def usual_parts(rig: Rig) -> tuple[str, ...]:
+    """`PARTS` of every wheel, less those that are 0."""
+    found = checked_parameters(rig, PARTS)
+    return tuple(p for p, v in zip(found, values_of(rig, found), strict=True) if v != 0)
+
+
+def _check(draws: int, confidence: float) -> None:
+    """`InputError` where so few machines could not show the share asked for, however good."""
+    least = max(LEAST, int(np.ceil(SIGMAS**2 * confidence / (1 - confidence))))
+    if draws < least:
+        raise InputError(
+            f"`draws` must be at least {least} for a confidence of {confidence:g}, but is {draws}."
+        )
+
+
+def _borne_out(machines: Machines, linear: np.ndarray, asked: Study, limit: float) -> np.ndarray:
+    """Half widths, from `linear` down, at which enough machines stay below the limit."""
+    width = linear
+    for i in range(SHRINKS):
+        good = int(np.sum(machines.metric(width, asked.seed, f"round-{i}", 2) < limit))
+        if share_bounds(good, machines.draws)[0] >= asked.confidence:
+            break
+        width = 0.93 * width
+    return width

@@ -1,0 +1,142 @@
+"""Chunks of a sweep as tasks of a Dask cluster; the result of a task is its region of the store.
+
+Only the store's folder and a chunk's number travel, so every worker must see the folder.  Workers
+are started by `spawn` (JAX deadlocks after `fork`).  A worker that dies costs the chunk it was in:
+Dask gives it to another one.
+"""
+
+import functools
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..._errors import InputError, RunError, require
+from .evaluator import Evaluator
+from .store import Store, open_store
+
+WINDOW = 4  # chunks handed out ahead, a thread of the cluster
+REACH = 10  # s to wait for a scheduler
+PATIENCE = 30.0  # s to wait for its first worker
+
+
+def run_chunk(folder: str, chunk: int) -> np.ndarray:
+    """Evaluate one chunk and write it; the status of its designs."""
+    store, evaluator = _prepared(folder)
+    columns = evaluator.designs(np.arange(*store.bounds(chunk)))
+    store.write(chunk, columns)
+    return columns["status"]
+
+
+@functools.lru_cache(maxsize=2)
+def _prepared(folder: str) -> tuple[Store, Evaluator]:
+    store = open_store(folder)
+    return store, Evaluator(store.spec)
+
+
+def over_cluster(
+    store: Store, workers: int | None, scheduler: str | None
+) -> Iterator[tuple[int, np.ndarray]]:
+    """Evaluate the missing chunks on a cluster, in the order in which they finish."""
+    if workers is not None and scheduler is not None:
+        raise InputError("give `workers` for a local cluster or `scheduler` for another, not both.")
+    if workers is not None and workers < 1:
+        raise InputError(f"`workers` must be above 0, but is {workers}.")
+    require("distributed", "distributed")
+    return _finished(store, workers, scheduler)
+
+
+def _finished(store: Store, workers: int | None, scheduler: str | None):
+    with _cluster(workers, scheduler) as client:
+        yield from _hand_out(client, store)
+
+
+def _cluster(workers: int | None, scheduler: str | None) -> Any:
+    """A client, of a new local cluster or of the one at an address."""
+    import logging
+
+    from dask import config
+    from distributed import Client, LocalCluster
+
+    if scheduler is not None:
+        try:
+            client = Client(scheduler, timeout=REACH, set_as_default=False)
+        except (OSError, ValueError, TypeError, ImportError) as error:
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise InputError(f"the scheduler {scheduler} cannot be reached: {reason}") from None
+        _wait_for_worker(client, scheduler)
+        return client
+    config.set({"distributed.worker.multiprocessing-method": "spawn"})
+    cluster = LocalCluster(
+        n_workers=workers,
+        threads_per_worker=1,
+        processes=True,
+        dashboard_address=":0",
+        silence_logs=logging.CRITICAL,
+    )
+    return _Owned(cluster, Client(cluster, set_as_default=False))
+
+
+class _Owned:
+    """A local cluster and its client, closed together."""
+
+    def __init__(self, cluster: Any, client: Any):
+        self.cluster, self.client = cluster, client
+
+    def __enter__(self) -> Any:
+        return self.client
+
+    def __exit__(self, *_: object) -> None:
+        self.client.close()
+        self.cluster.close()
+
+
+def _wait_for_worker(client: Any, scheduler: str) -> None:
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+    except TimeoutError:
+        client.close()
+        raise InputError(f"the scheduler {scheduler} has no workers.") from None
+
+
+def _hand_out(client: Any, store: Store) -> Iterator[tuple[int, np.ndarray]]:
+    """Keep a window of chunks in flight, so that a billion designs do not queue at once."""
+    from distributed import as_completed
+    from distributed.scheduler import KilledWorker
+
+    folder = str(Path(store.folder or ".").resolve())
+    waiting = iter(np.flatnonzero(~store.done()).tolist())
+    threads = sum(client.nthreads().values())
+    running: dict[Any, int] = {}
+    lost: list[int] = []
+    queue = as_completed(loop=client.loop)
+
+    def submit() -> None:
+        chunk = next(waiting, None)
+        if chunk is not None:
+            future = client.submit(run_chunk, folder, chunk, pure=False)
+            running[future.key] = chunk
+            queue.add(future)
+
+    for _ in range(max(WINDOW * threads, WINDOW)):
+        submit()
+    for future in queue:
+        chunk = running.pop(future.key)
+        submit()
+        try:
+            status = future.result()
+        except KilledWorker:
+            lost.append(chunk)
+            continue
+        yield chunk, status
+    if lost:
+        raise RunError(_lost(store, lost))
+
+
+def _lost(store: Store, chunks: list[int]) -> str:
+    spans = ", ".join("{}-{}".format(*(np.array(store.bounds(c)) - [0, 1])) for c in chunks[:5])
+    return (
+        f"{len(chunks)} chunks killed every worker that took them (designs {spans}). The rest is "
+        "kept; try a smaller --chunk in a new store, or continue with --resume."
+    )

@@ -1,0 +1,176 @@
+"""What a sweep returns: metrics, gradients and status of every design, read when asked for."""
+
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..._errors import InputError, did_you_mean
+from ..._html import html_table
+from ..._text import scaled
+from .._points import Grid
+from .spec import PATHS, SweepSpec
+from .store import FAILED, STATUS, Store, create_store, open_store
+
+BLOCK = 262_144  # designs read at a time
+
+
+class SweepResult:
+    """The designs of a sweep; values stay in the store until asked for.
+
+    `result["peak"]` has the grid's shape (or one entry a design for samples), as `to_xarray()` with
+    units and coordinates.  `load_sweep(folder)` opens a stored one.
+    """
+
+    def __init__(self, store: Store):
+        self.store = store
+        self.points = store.spec.points
+
+    @property
+    def spec(self) -> SweepSpec:
+        """What was asked for."""
+        return self.store.spec
+
+    @property
+    def size(self) -> int:
+        """Number of designs."""
+        return self.store.size
+
+    @property
+    def path(self) -> str:
+        """How the designs were evaluated, and why so."""
+        return f"{PATHS[self.spec.path]}: {self.store.group.attrs['path_reason']}"
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the grid; (designs,) for samples."""
+        return self.points.shape if isinstance(self.points, Grid) else (self.size,)
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.store.read(self._known(name)).reshape(self.shape)
+
+    def unit(self, name: str) -> str:
+        """Unit of a stored quantity."""
+        return self.store.unit(self._known(name))
+
+    def readable(self, name: str) -> tuple[float, str]:
+        """Factor and unit in which a metric's figures read well; SI for what is varied."""
+        if name not in self.spec.metrics:
+            return 1.0, self.unit(name)
+        values = np.abs(self.store.read(self._known(name)))
+        largest = np.max(values, where=np.isfinite(values), initial=0.0)
+        return scaled(float(largest), self.unit(name))
+
+    def _known(self, name: str) -> str:
+        if name not in self.store.names:
+            hint = did_you_mean(name, self.store.names)
+            raise InputError(f"the sweep holds no `{name}`.{hint}")
+        return name
+
+    def counts(self) -> dict[str, int]:
+        """Number of designs by status."""
+        total = np.zeros(len(STATUS), int)
+        for start in range(0, self.size, BLOCK):
+            status = self.store.read("status", start, min(start + BLOCK, self.size)).astype(int)
+            total += np.bincount(status + 1, minlength=len(STATUS))
+        return {STATUS[k - 1]: int(n) for k, n in enumerate(total) if n}
+
+    def failed(self, limit: int | None = None) -> list[int]:
+        """Designs that ended without figures, the first `limit`."""
+        found: list[int] = []
+        for start in range(0, self.size, BLOCK):
+            status = self.store.read("status", start, min(start + BLOCK, self.size))
+            found += (start + np.flatnonzero(np.isin(status, FAILED))).tolist()
+            if limit is not None and len(found) >= limit:
+                return found[:limit]
+        return found
+
+    def design(self, index: int) -> dict[str, float]:
+        """Every stored quantity of one design."""
+        if not 0 <= index < self.size:
+            raise InputError(f"`design` must lie in [0, {self.size - 1}], but is {index}.")
+        return {name: self.store.read(name, index, index + 1).item() for name in self.store.names}
+
+    def status(self, index: int) -> str:
+        """How one design ended: ok, slip, lift-off, ..."""
+        return STATUS[int(self.design(index)["status"])]
+
+    def best(self, metric: str) -> int | None:
+        """The design with the smallest (margins: largest) `metric`; None where none has one."""
+        from ...vibration import METRICS
+
+        self._known(metric)
+        sign = 1.0 if metric not in METRICS or METRICS[metric].smaller_is_better else -1.0
+        where, least = None, np.inf
+        for start in range(0, self.size, BLOCK):
+            values = sign * self.store.read(metric, start, min(start + BLOCK, self.size))
+            if np.isfinite(values).any() and np.nanmin(values) < least:
+                where, least = start + int(np.nanargmin(values)), np.nanmin(values)
+        return where
+
+    def command(self, index: int) -> str:
+        """The command that evaluates one design again, from the store alone."""
+        folder = "sweep.zarr" if self.store.folder is None else str(self.store.folder)
+        return f"omnijax sweep-status {shlex.quote(folder)} --rerun {index}"
+
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset`: grids with one dimension a parameter, samples along `design`."""
+        from .export import dataset
+
+        return dataset(self)
+
+    def plot_heatmap(self, metric: str, x: str | None = None, y: str | None = None, *, ax=None):
+        """`metric` over two parameters of a grid; the others at their first level."""
+        from .plot import heatmap
+
+        return heatmap(self, metric, x, y, ax=ax)
+
+    def plot_lines(self, metric: str, x: str | None = None, hue: str | None = None, *, ax=None):
+        """`metric` over one parameter, one line a level of another; points for samples."""
+        from .plot import lines
+
+        return lines(self, metric, x, hue, ax=ax)
+
+    def export(self, file: str | Path) -> Path:
+        """Write a `.nc`, `.csv` or `.parquet` file."""
+        from .export import export
+
+        return export(self, file)
+
+    def save(self, folder: str | Path) -> "SweepResult":
+        """Copy to a store of its own."""
+        from .evaluator import quantities
+
+        attrs = dict(self.store.group.attrs)
+        about = {k: v for k, v in attrs.items() if k not in {"schema", "spec", "order"}}
+        target = Path(folder)
+        if target.exists():
+            raise InputError("exists already.", target)
+        store = create_store(target, self.spec, quantities(self.spec), about)
+        for chunk in np.flatnonzero(self.store.done()).tolist():
+            start, stop = self.store.bounds(chunk)
+            store.write(chunk, {n: self.store.read(n, start, stop) for n in self.store.names})
+        return SweepResult(store)
+
+    def _repr_html_(self) -> str:
+        rows = [("path", self.path), ("designs", self.size)]
+        rows += [(f"status {name}", count) for name, count in self.counts().items()]
+        for metric in self.spec.metrics:
+            best = self.best(metric)
+            found = "none" if best is None else f"{self[metric].ravel()[best]:.4g} (design {best})"
+            rows.append((f"least {metric}, {self.unit(metric)}", found))
+        return html_table("Sweep", rows)
+
+    def __repr__(self) -> str:
+        counts = ", ".join(f"{n} {name}" for name, n in self.counts().items())
+        varied = ", ".join(path for path, _, _ in self.spec.vary)
+        return (
+            f"SweepResult({self.size} designs over {varied}; {', '.join(self.spec.metrics)}; "
+            f"{self.spec.path}; {counts})"
+        )
+
+
+def load_sweep(folder: str | Path) -> SweepResult:
+    """The sweep stored in `folder`, finished or not."""
+    return SweepResult(open_store(folder, mode="r"))

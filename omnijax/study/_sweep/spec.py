@@ -1,0 +1,84 @@
+"""What a sweep is: everything that decides its numbers, as one JSON text."""
+
+import dataclasses
+import json
+import tomllib
+from typing import Any
+
+from ..._errors import InputError
+from .._axes import read_axis
+from .._differences import differences
+from .._points import PointSet, build_points
+
+PATHS = {
+    "steady": "steady state (closed form, no time stepping)",
+    "steady-bulk": "steady state in bulk (closed form, figures of the displacement)",
+    "propagation": "exact propagation (linear model, prescribed speeds)",
+    "bulk": "exact propagation in bulk (linear model, constant speeds, figures at the samples)",
+    "fixed": "fixed exponential steps (motor torques, the step tried against its half)",
+    "full": "full simulation (adaptive time stepping)",
+}
+
+
+@dataclasses.dataclass(frozen=True)
+class SweepSpec:
+    """Rig, drive, points, metrics and numerics of one sweep; equal specs give equal numbers.
+
+    `rig` is the text of the rig file, `vary` pairs of (path, unit, range in SI units), `drive` the
+    drive as plain numbers, `duration` in s (none: steady state), `rate` samples per s,
+    `substeps` the fixed steps that pass two samples.
+    """
+
+    rig: str
+    vary: tuple[tuple[str, str, str], ...]
+    metrics: tuple[str, ...]
+    drive: dict[str, Any]
+    path: str
+    model: str = "coupled"
+    solver: str = ""
+    duration: float | None = None
+    rate: float | None = None
+    rtol: float | None = None
+    max_steps: int | None = None
+    substeps: int | None = None
+    gradient: bool = False
+    sampler: str = "grid"
+    samples: int | None = None
+    seed: int = 0
+    batch: int = 1024
+    chunk: int = 8192
+
+    @property
+    def points(self) -> PointSet:
+        """The design points."""
+        axes = [read_axis(path, text, unit) for path, unit, text in self.vary]
+        return build_points(axes, self.sampler, self.samples, self.seed)
+
+    def to_json(self) -> str:
+        """The spec as JSON; `from_json` reads it back equal."""
+        return json.dumps(dataclasses.asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> "SweepSpec":
+        """The spec that `to_json` wrote; `InputError` where `text` is no spec of this version."""
+        try:
+            found = json.loads(text)
+            found["vary"] = tuple(tuple(axis) for axis in found["vary"])
+            found["metrics"] = tuple(found["metrics"])
+            return cls(**found)
+        except (ValueError, KeyError, TypeError) as error:
+            raise InputError(f"the store's sweep specification cannot be read: {error}") from None
+
+
+def differences_of(stored: SweepSpec, asked: SweepSpec) -> list[str]:
+    """Keys in which two specs differ, each as `key: stored -> asked`."""
+    return differences(_tree(stored), _tree(asked))
+
+
+def _tree(spec: SweepSpec) -> dict[str, Any]:
+    found = dataclasses.asdict(spec)
+    found["vary"] = {path: text for path, _, text in spec.vary}
+    found["order of vary"] = ", ".join(path for path, _, _ in spec.vary)
+    found["metrics"] = ", ".join(spec.metrics)
+    found["rig"] = tomllib.loads(spec.rig)
+    return found

@@ -1,0 +1,173 @@
+"""`sweep`: metrics of many designs, chunk by chunk, into a store that survives being killed."""
+
+import dataclasses
+import errno
+import functools
+import platform
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ... import __version__
+from ..._errors import InputError
+from ...rig import Rig, load_rig
+from ...simulation import AbstractDrive
+from .evaluator import Evaluator, quantities
+from .plan import Numerics, Sampling, plan, read_drive
+from .result import SweepResult
+from .spec import SweepSpec, differences_of
+from .store import Lock, Store, clean, create_store, open_store
+
+Report = Callable[[Store, int, np.ndarray], None]  # after each chunk: store, chunk, its status
+
+
+def sweep(
+    rig: Rig | str | Path,
+    vary: Mapping[str, Any] | Sequence[str] | str,
+    metrics: Sequence[str] | str = ("peak", "rms"),
+    *,
+    speeds: Sequence[float] | None = None,
+    drive: AbstractDrive | None = None,
+    duration: float | None = None,
+    rate: float | None = None,
+    model: str = "coupled",
+    solver: str = "auto",
+    rtol: float | None = None,
+    max_steps: int | None = None,
+    sampler: str = "grid",
+    samples: int | None = None,
+    seed: int = 0,
+    gradient: bool = False,
+    out: str | Path | None = None,
+    resume: bool = False,
+    chunk: int | None = None,
+    devices: int = 1,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    report: Report | None = None,
+    command: str = "",
+) -> SweepResult:
+    """Metrics of `rig` over designs: every combination of `vary`, or samples of its ranges.
+
+    `vary` maps parameter paths, or quantities of the drive (`speed.w1`, `speed.scale`, `force.x`),
+    to ranges: "0.1:0.6:50", "log:5e4:1e6:40", a list, or "low:high" for the samplers `lhs` and
+    `sobol`.  `speeds` (rad/s, one a wheel) or `drive` say how the wheels turn; without `duration`
+    (s) the figures are those of the steady state.  `rate` is in samples per s.
+
+    The path of evaluation is chosen from rig and drive and is part of the result.  With `out` the
+    results go to a zarr store, which `resume` continues; `devices` spreads a batch over local
+    devices, `workers` or `scheduler` spread the chunks over processes by Dask.  `report` is called
+    after each chunk.
+    """
+    rig_file = str(rig) if isinstance(rig, str | Path) else None
+    machine = load_rig(rig) if isinstance(rig, str | Path) else rig
+    sampling = Sampling(sampler, samples, seed, gradient, chunk, devices)
+    numerics = Numerics(model, solver, duration, rate, rtol, max_steps)
+    asked, why = plan(
+        machine, vary, metrics, read_drive(machine, speeds, drive), sampling, numerics
+    )
+    folder = None if out is None else Path(out)
+    if folder is None and (resume or workers or scheduler):
+        raise InputError("`resume`, `workers` and `scheduler` need a store: give `out`.")
+    about = {"path_reason": why, "command": command, "rig_file": rig_file, **environment()}
+    try:
+        store = _store(folder, asked, resume, chunk is not None, about)
+        lock = Lock(folder)
+    except OSError as error:
+        raise _no_space(error, folder) from None
+    try:
+        run = _distributed(store, workers, scheduler) if workers or scheduler else None
+        _run(store, run or _local(store, devices), report)
+    except OSError as error:
+        raise _no_space(error, folder) from None
+    finally:
+        lock.release()
+    return SweepResult(store)
+
+
+@functools.cache
+def environment() -> dict[str, Any]:
+    """Versions and device, for the store."""
+    from importlib.metadata import version
+
+    import jax
+
+    packages = ("jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy")
+    versions = {"omnijax": __version__, "python": platform.python_version()}
+    versions |= {name: version(name) for name in packages}
+    device = jax.devices()[0]
+    return {"versions": versions, "device": f"{device.platform} {device.device_kind}"}
+
+
+def _store(
+    folder: Path | None, asked: SweepSpec, resume: bool, fixed_chunk: bool, about: dict[str, Any]
+) -> Store:
+    if folder is None or not folder.exists():
+        created = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+        return create_store(folder, asked, quantities(asked), {**about, "created": created})
+    if not resume:
+        raise InputError("exists already: continue it with --resume, or write elsewhere.", folder)
+    store = open_store(folder)
+    if not fixed_chunk:  # from the memory free at the time, so the store's own count
+        stored = store.spec
+        asked = dataclasses.replace(asked, batch=stored.batch, chunk=stored.chunk)
+    found = differences_of(store.spec, asked)
+    if found:
+        keys = "\n  ".join(found)
+        raise InputError(
+            f"holds another sweep and is left as it is. They differ in:\n  {keys}", folder
+        )
+    clean(folder)
+    return store
+
+
+def _local(store: Store, devices: int) -> Iterator[tuple[int, np.ndarray]]:
+    """Evaluate and write the missing chunks one after the other."""
+    evaluator = Evaluator(store.spec, devices)
+    for chunk in np.flatnonzero(~store.done()).tolist():
+        columns = evaluator.designs(np.arange(*store.bounds(chunk)))
+        store.write(chunk, columns)
+        yield chunk, columns["status"]
+
+
+def _distributed(store: Store, workers: int | None, scheduler: str | None):
+    from .dask import over_cluster
+
+    return over_cluster(store, workers, scheduler)
+
+
+def _run(store: Store, finished: Iterator[tuple[int, np.ndarray]], report: Report | None) -> None:
+    """Drive the evaluation; an interruption keeps what is done and says how to go on."""
+    try:
+        for chunk, status in finished:
+            if report is not None:
+                report(store, chunk, status)
+    except KeyboardInterrupt:
+        close = getattr(finished, "close", None)
+        if close is not None:
+            close()
+        raise KeyboardInterrupt(kept(store)) from None
+
+
+def kept(store: Store) -> str:
+    """What an interrupted sweep has, and how to go on."""
+    done = store.done()
+    designs = store.count(np.flatnonzero(done).tolist())
+    text = f"Interrupted: {designs} of {store.size} designs are done"
+    if store.folder is None:
+        return f"{text}, but were kept in memory only; give --out to keep them."
+    return f"{text} and kept in {store.folder}. Continue with the same command and --resume."
+
+
+def _no_space(error: OSError, folder: Path | None) -> Exception:
+    """The error of a disk that takes no more, as a sentence; any other one as it is."""
+    if error.errno not in {errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EACCES, errno.EPERM}:
+        return error
+    return InputError(
+        f"cannot be written: {error.strerror}. Finished chunks are kept and readable; "
+        "make room and continue with --resume.",
+        folder,
+    )

@@ -1,0 +1,57 @@
+"""What a sweep varies: any rig parameter of one number, and the quantities of its drive."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from .._errors import InputError, did_you_mean
+from ..rig import Rig, parameter_info, parameter_paths, read_parameter, set_parameter
+from ._axes import Axis, read_axis
+from ._drive import Drive, drive_quantities
+
+_WHOLE = ("sphere.", "platform.", "effect.")  # their vectors are no lists of wheels
+
+
+def read_axes(rig: Rig, drive: Drive, vary: Mapping[str, Any]) -> list[Axis]:
+    """The axes that `vary` asks for, in SI units and checked against what `rig` allows."""
+    problems, axes = [], []
+    for path, given in vary.items():
+        try:
+            axes.append(_read(rig, drive, path, given))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return axes
+
+
+def _read(rig: Rig, drive: Drive, path: str, given: Any) -> Axis:
+    quantities = drive_quantities(drive, rig.names)
+    if path in quantities:
+        return read_axis(path, given, quantities[path][0])
+    try:
+        info = parameter_info(rig, path)
+    except InputError:
+        known = [info.path for info in parameter_paths(rig)]
+        hint = did_you_mean(path, [*known, *quantities])
+        raise InputError(f"neither the rig nor its drive has a parameter `{path}`.{hint}") from None
+    of_wheels = not path.startswith(_WHOLE)
+    if info.shape != () and not (of_wheels and info.shape == (rig.size,)):
+        raise InputError(f"`{path}` is no single number (shape {info.shape}): it cannot be varied.")
+    axis = read_axis(path, given, info.unit)
+    if info.whole and axis.count is None:
+        raise InputError(f"`{path}` takes whole numbers only: give a list, as in {path}=10,12,14.")
+    levels = axis.levels() if info.whole and axis.count else (axis.low, axis.high)
+    for value in levels:
+        read_parameter(rig, path, float(value))
+    return axis
+
+
+def apply(rig: Rig, drive: Drive, paths: tuple[str, ...], values) -> tuple[Rig, Drive]:
+    """Rig and drive with `values` (d,), traced or not, at `paths`."""
+    quantities = drive_quantities(drive, rig.names)
+    for i, path in enumerate(paths):
+        if path in quantities:
+            drive = quantities[path][1](drive, values[i])
+        else:
+            rig = set_parameter(rig, path, values[i])
+    return rig, drive
