@@ -5,7 +5,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from machines import machine, shared
+from machines import machine
+from references import REFERENCES
 
 from omnijax import (
     InputError,
@@ -110,7 +111,7 @@ def test_files_hold_what_the_sensors_read_and_netcdf_the_truth_too(run, rig, tmp
 
 
 def test_a_recording_drives_the_machine_through_the_same_run():
-    folder = shared("reference", "ref-1")
+    folder = REFERENCES / "ref-1"
     recording = read_recording(folder / "run-1.csv.gz")
     few = 60
     drive = drive_from_recording(recording)
