@@ -11,10 +11,10 @@ from .._errors import InputError
 from ..laws import EFFECTS
 from ..recording import Case, noise_floor, read_case
 from ._answer import (
+    AbstractEvidence,
     Diagnosis,
+    RigEvidence,
     baseline_table,
-    gaps,
-    group_squares,
     judge,
     learned_table,
     named,
@@ -24,7 +24,7 @@ from ._answer import (
     separating,
 )
 from ._machine import RigModel, to_run, with_start_angles, without_encoder, without_outliers
-from ._search import Point, Search, locate, refit
+from ._search import Point, Search, refit
 
 
 def diagnose(
@@ -52,42 +52,45 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     tell("calibrating the uncertain parameters")
     model, start, wild = _model(case.rig, runs, noise, library, window)
     model.work = 0.0
+    faults = [*(str(f) for f in case.all_faults), *wild]
+    return answered(RigEvidence(model, table, faults), start, tell)
+
+
+def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis:
+    """Search from `start`, judge, and say what was found: of any machine."""
+    model = evidence.model
     found = Search(model, tell).run(start)
     (before,) = model.residuals([found.baseline.point], "held-out")
     (after,) = model.residuals([found.fit.point], "held-out")
-    rows = [model.machine.rows[i] for i in model.splits["held-out"]]
-    error = {g: t["error"] for g, t in table.items()}
-    judged = judge(model, found, group_squares(rows, before), group_squares(rows, after), error)
+    error = {g: t["error"] for g, t in evidence.noise.items()}
+    squares = evidence.squares(before), evidence.squares(after)
+    judged = judge(model, found, *squares, error)
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     learned = None
     if judged.verdict == "unknown":
-        from ._answer import learn
-
-        learned = learn(model, found.baseline, tell)
-        model.rebase(found.baseline.point)
-        after = learned.residual
+        learned = evidence.learn(found.baseline, tell)
+        after = after if learned is None else learned.residual
     tell("looking where the gap is")
-    where, everything = (
-        locate(model, found.baseline.point) if judged.verdict != "none" else ([], [])
-    )
+    none = judged.verdict == "none"
+    where, everything = ([], []) if none else evidence.locate(found.baseline.point)
+    known = judged.verdict in ("named", "ambiguous")
     result = Diagnosis(
         verdict=judged.verdict,
-        effects=named(model, found, judged),
+        effects=named(evidence, found, judged),
         where=plain_where(where),
-        gap=gaps(rows, noise, before, after),
-        next_experiment=separating(model, found, judged, tell),
+        gap=evidence.gaps(before, after),
+        next_experiment=separating(evidence, found, judged, tell),
         baseline=baseline_table(found),
-        noise=table,
+        noise=evidence.noise,
         scores=score_table(found),
         learned=learned_table(learned),
-        notes=notes(judged, found, model),
-        faults=[*(str(f) for f in case.all_faults), *wild],
-        rig=model.rig_at(
-            found.fit.point if judged.verdict in ("named", "ambiguous") else found.baseline.point
-        ),
+        notes=notes(evidence, found, judged),
+        faults=evidence.faults,
+        rig=evidence.described(found.fit.point if known else found.baseline.point),
     )
     result.details = {"model": model, "found": found, "judged": judged, "before": before,
-                      "after": after, "where": everything, "learned": learned}  # fmt: skip
+                      "after": after, "where": everything, "learned": learned,
+                      "evidence": evidence}  # fmt: skip
     return result
 
 

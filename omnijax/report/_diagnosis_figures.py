@@ -67,26 +67,21 @@ def next_figure(found) -> Figure:
 
 def gap_figure(found) -> Figure:
     """The residual of the worst group before and after, over time and frequency."""
-    d = found.details
-    machine = d["model"].machine
-    i = d["model"].splits["held-out"][0]
-    rows = machine.rows[i]
     groups = list(found.gap)
     worst = max(groups, key=lambda g: found.gap[g].before / found.gap[g].noise_floor)
-    tables = [np.concatenate(rows.split(d[k][: rows.size]), axis=1) for k in ("before", "after")]
-    column = {"dR": 0, "a": 3, "Omega": 6, "theta": 9}[worst]
-    width = 3 if worst != "theta" else tables[0].shape[1] - 9
-    pick = column + int(np.argmax(np.sum(tables[0][:, column : column + width] ** 2, axis=0)))
-    time = machine.runs[i].time
-    before, after = tables[0][:, pick], tables[1][:, pick]
+    series = found.details["evidence"].series
+    (name, time, first), (_, _, last) = (series(found.details[k]) for k in ("before", "after"))
+    own = {c: x for c, x in first.items() if c == worst or c.rpartition("_")[0] == worst}
+    pick = max(own, key=lambda c: float(np.sum(own[c] ** 2)))
+    before, after = first[pick], last[pick]
     with style():
         fig, axes = figure(2, 1, sharex=False)
         axes[0].plot(time, before, color=PALETTE["vermillion"], label="before", linewidth=0.8)
         axes[0].plot(time, after, color=PALETTE["blue"], label="after", linewidth=0.8)
         axes[0].set(xlabel="time, s", ylabel="residual, sigma")
-        axes[0].set_title(f"Residual of {worst} on {machine.runs[i].name}")
+        axes[0].set_title(f"Residual of {worst} on {name}")
         axes[0].legend(ncols=2)
-        f = np.fft.rfftfreq(len(time), machine.runs[i].step)
+        f = np.fft.rfftfreq(len(time), time[1] - time[0])
         for values, colour in ((before, "vermillion"), (after, "blue")):
             axes[1].loglog(f[1:], np.abs(np.fft.rfft(values))[1:] / np.sqrt(len(time)),
                            color=PALETTE[colour], linewidth=0.8)  # fmt: skip

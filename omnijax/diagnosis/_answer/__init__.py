@@ -7,10 +7,9 @@ from .answer import notes as notes
 from .answer import plain_where as plain_where
 from .answer import score_table as score_table
 from .answer import separating as separating
-from .gap import gaps as gaps
-from .gap import group_squares as group_squares
-from .learned import learn as learn
+from .evidence import AbstractEvidence as AbstractEvidence
 from .result import Diagnosis as Diagnosis
 from .result import Gap as Gap
 from .result import Named as Named
+from .rig_evidence import RigEvidence as RigEvidence
 from .verdict import judge as judge

@@ -4,17 +4,17 @@ from typing import Any
 
 import numpy as np
 
-from .._machine import RigModel
 from .._search import Effect, Found, Point
-from .gap import UNITS
+from .evidence import AbstractEvidence
 from .result import Named
 from .verdict import Judged
 
 
-def named(model: RigModel, found: Found, judged: Judged) -> list[Named]:
+def named(evidence: AbstractEvidence, found: Found, judged: Judged) -> list[Named]:
     """The named effects with sigma from the joint refit; equals as entries of their own."""
     if judged.verdict not in ("named", "ambiguous"):
         return []
+    model = evidence.model
     P, out = len(model.priors), []
     sigma = np.sqrt(np.maximum(np.diag(found.fit.covariance), 0.0))
     total = max(found.held_before - found.held_after, 1e-300)
@@ -24,7 +24,7 @@ def named(model: RigModel, found: Found, judged: Judged) -> list[Named]:
             if free.effect == i:
                 spread.setdefault(free.key, []).append(float(sigma[P + k]))
         near = judged.equals.get(i, [])
-        evidence = {
+        said = {
             "delta_bic": found.fit.chi2 - found.baseline.chi2
             + len(found.fit.free) * float(np.log(model.dof("train"))),
             "held_out_gain": judged.closed, "held_out_chi2": total,
@@ -35,15 +35,15 @@ def named(model: RigModel, found: Found, judged: Judged) -> list[Named]:
             Named(
                 effect.id,
                 effect.place,
-                _parameters(model, effect, spread),
-                evidence,
+                _parameters(evidence, effect, spread),
+                said,
                 _others(everyone, effect),
             )
         )
         for rival, margin, cosine in near:
             out.append(
-                Named(rival.id, rival.place, _parameters(model, rival, {}),
-                      {**evidence, "margin": margin, "cosine": cosine}, _others(everyone, rival))
+                Named(rival.id, rival.place, _parameters(evidence, rival, {}),
+                      {**said, "margin": margin, "cosine": cosine}, _others(everyone, rival))
             )  # fmt: skip
     return out
 
@@ -52,39 +52,17 @@ def _others(everyone: list[Effect], effect: Effect) -> list[dict[str, str]]:
     return [{"id": e.id, "place": e.place} for e in everyone if e.name != effect.name]
 
 
-def _parameters(model: RigModel, effect: Effect, spread: dict[str, list[float]]) -> dict:
-    law, out = model.laws[effect.id], {}
+def _parameters(evidence: AbstractEvidence, effect: Effect, spread: dict) -> dict:
+    law, out = evidence.model.laws[effect.id], {}
     for key, value in effect.values.items():
         own = spread.get(key)
         vector = np.ndim(value) > 0
         out[key] = {
             "value": np.asarray(value).tolist() if vector else float(value),
             "sigma": None if own is None else own if vector else own[0],
-            "unit": _unit(law.parameters[key].unit, effect.place),
+            "unit": evidence.unit(law.parameters[key].unit, effect.place),
         }
-    if effect.id == "contact-hertz":
-        out |= _hertz(model, effect)
-    return out
-
-
-def _unit(unit: str, place: str) -> str:
-    """A parameter's unit; a sensor's is that of its channel."""
-    return unit.replace("unit of the channel", UNITS.get(place.split("_", maxsplit=1)[0], "1"))
-
-
-def _hertz(model: RigModel, effect: Effect) -> dict:
-    """The modulus E' = 0.75 c / sqrt(R') that the tangent stiffness stands for."""
-    w, sphere = model.rig.wheels, model.rig.sphere
-    K, N0 = np.asarray(w.contact.stiffness), np.asarray(w.closure.preload)
-    reach = 1.5 * N0 / K
-    curvature = np.asarray(sphere.radius * w.radius / (sphere.radius + w.radius))
-    modulus = 0.75 * N0 / reach**1.5 / np.sqrt(curvature)
-    names = model.rig.names
-    chosen = modulus[names.index(effect.place)] if effect.place in names else modulus.mean()
-    return {
-        "exponent": {"value": 1.5, "sigma": None, "unit": "1"},
-        "modulus": {"value": float(chosen), "sigma": None, "unit": "Pa"},
-    }
+    return out | evidence.reported(effect)
 
 
 def baseline_table(found: Found) -> list[dict[str, Any]]:
@@ -140,13 +118,10 @@ def learned_table(learned) -> dict[str, Any] | None:
             "terms": terms, "map": learned.map}  # fmt: skip
 
 
-def notes(judged: Judged, found: Found, model: RigModel) -> list[str]:
+def notes(evidence: AbstractEvidence, found: Found, judged: Judged) -> list[str]:
     """The verdict's reason first, then what a reader should know of how it was found."""
-    said = [judged.reason + "."]
-    said.append(
-        "Wheel angles are the smoothed measured ones; Omega and the rolled lengths are predicted "
-        f"from the torques in windows of {model.machine.window:g} s, each with a free start."
-    )
+    model = evidence.model
+    said = [judged.reason + ".", *evidence.remarks()]
     if model.spent:
         said.append(
             f"The search ended at its budget of {model.budget:g} evaluations of the model: further "
@@ -162,15 +137,13 @@ def notes(judged: Judged, found: Found, model: RigModel) -> list[str]:
     return said
 
 
-def separating(model, found: Found, judged: Judged, tell) -> dict | None:
+def separating(evidence: AbstractEvidence, found: Found, judged: Judged, tell) -> dict | None:
     """The experiment that tells the rivals of the first ambiguous effect apart."""
     if judged.verdict != "ambiguous":
         return None
-    from .experiment import next_experiment
-
     tell("simulating what would tell the rivals apart")
     point = found.fit.point
     i, near = next((i, near) for i, near in judged.equals.items() if near)
     effects = list(point.effects)
     others = [Point(point.u, (*effects[:i], e, *effects[i + 1 :])) for e, _, _ in near]
-    return next_experiment(model, [point, *others])
+    return evidence.experiment([point, *others])

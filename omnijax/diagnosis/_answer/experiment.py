@@ -63,6 +63,9 @@ class _Seen:
         """Rows at `points`, whatever the split."""
         return self.machine.residuals([self.model.rig_at(p) for p in points], [self.index])
 
+    def tangents(self, point, free) -> None:
+        """Taken as differences."""
+
     def predict(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
         """Rows at a rival, and an orthonormal basis of what its own sizes change in them."""
         point = Point(point.u, tuple(_with_width(self.model, e) for e in point.effects))

@@ -17,4 +17,5 @@ from .model import free_numbers as free_numbers
 from .refits import MARGIN as MARGIN
 from .search import Found as Found
 from .search import Search as Search
+from .where import discovered as discovered
 from .where import locate as locate

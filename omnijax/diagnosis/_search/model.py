@@ -95,6 +95,10 @@ class AbstractModel(abc.ABC):
     def columns(self, point: Point, candidates: Sequence) -> np.ndarray:
         """Signatures of the candidates on the train runs (columns of all candidates, rows)."""
 
+    def tangents(self, point: Point, free: Sequence[Free]) -> np.ndarray | None:
+        """d residual / d (u, free) on the train runs, exact; None: differences are taken."""
+        return None
+
     def unsettled(self, point: Point) -> bool:
         """Whether what `rebase` takes from the data hangs on the point's laws: then again."""
         return False

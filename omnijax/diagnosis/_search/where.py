@@ -158,26 +158,36 @@ def _standing(found: list[dict[str, Any]], rate: float) -> list[dict[str, Any]]:
 
 
 def locate(model, point, top: int = 12) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """(the strongest discoveries, all answers) of the residual at `point` on a held-out run.
-
-    Every answer says whether it `stands`; where none does, the likeliest three are returned so
-    marked.
-    """
+    """`discovered` of the residual of a rig's model at `point` on a held-out run."""
     i = model.splits["held-out"][0]
     machine, rig = model.machine, model.rig_at(point)
     (vector,) = machine.residuals([rig], [i])
     tables = np.concatenate(machine.rows[i].split(vector), axis=1)
-    run = machine.runs[i]
-    asked = Asked(questions(run.time, *_signals(machine, rig, i)))
     labels = [f"dR_{c}" for c in "xyz"] + [f"a_{c}" for c in "xyz"]
     labels += [f"Omega_{c}" for c in "xyz"] + [f"theta_{k + 1}" for k in range(rig.size)]
-    everything = []
-    for label, column in zip(labels, tables.T, strict=True):
+    columns = dict(zip(labels, tables.T, strict=True))
+    return discovered(machine.runs[i].time, columns, *_signals(machine, rig, i), top=top)
+
+
+def discovered(
+    time: np.ndarray,
+    columns: dict[str, np.ndarray],
+    angles: dict[str, np.ndarray],
+    states: dict[str, np.ndarray],
+    top: int = 12,
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """(the strongest discoveries, all answers) of residuals by channel, in sigma.
+
+    Every answer says whether it `stands`; where none does, the likeliest three are returned so
+    marked.
+    """
+    asked, everything, step = Asked(questions(time, angles, states)), [], time[1] - time[0]
+    for label, column in columns.items():
         if not column.any():
             continue
         rms = float(np.sqrt(np.mean(column**2)))
         for answer in shares(column, asked, seed=len(everything)):
-            mirror = 1 / run.step - answer["value"] if answer["domain"] == "frequency" else None
+            mirror = 1 / step - answer["value"] if answer["domain"] == "frequency" else None
             everything.append(
                 {"channel": label, "rms_over_noise": rms, **answer, "mirror": mirror,
                  "stands": False}
