@@ -5,6 +5,10 @@ import importlib
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+LONG = 700  # characters; the longest line that is said
+MOST = 100  # lines, and problems
+WORD = 200  # characters that two words are compared by
+
 
 class InputError(ValueError):
     """What the user gave cannot be used; `problems` holds one sentence each.
@@ -15,14 +19,26 @@ class InputError(ValueError):
     def __init__(self, problems: str | Sequence[str], source: object = None):
         sentences = (problems,) if isinstance(problems, str) else tuple(problems)
         where = "" if source is None else f"{source}: "
-        self.problems = tuple(where + sentence for sentence in sentences)
+        self.problems = tuple(where + brief(sentence) for sentence in sentences[:MOST])
+        if len(sentences) > MOST:
+            self.problems += (f"{where}and {len(sentences) - MOST} more.",)
         super().__init__("\n".join(self.problems))
+
+
+def brief(text: str) -> str:
+    """`text` with its long lines cut in the middle: a value of megabytes is not echoed whole."""
+    lines = text.split("\n")
+    cut = [
+        x if len(x) <= LONG else f"{x[: LONG - 200]} [… {len(x) - LONG} characters …] {x[-200:]}"
+        for x in lines[:MOST]
+    ]
+    return "\n".join([*cut, f"and {len(lines) - MOST} more."] if len(lines) > MOST else cut)
 
 
 def did_you_mean(word: str, options: Iterable[str]) -> str:
     """` Did you mean ...?` for the option closest to `word`; empty where none is close."""
-    near = {option.lower(): option for option in options}
-    close = difflib.get_close_matches(str(word).lower(), list(near), n=1, cutoff=0.6)
+    near = {option.lower()[:WORD]: option for option in options}
+    close = difflib.get_close_matches(str(word).lower()[:WORD], list(near), n=1, cutoff=0.6)
     return f" Did you mean `{near[close[0]]}`?" if close else ""
 
 

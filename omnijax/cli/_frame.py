@@ -13,6 +13,7 @@ from cyclopts import App, CycloptsError, Group
 
 from .. import __version__
 from .._errors import InputError, RunError
+from .._files import command
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -75,7 +76,8 @@ def main(tokens: list[str] | None = None) -> None:
 def run(tokens: list[str] | None = None) -> int:
     """Run the command line; the exit code."""
     try:
-        code = build_app()(tokens)
+        with command():
+            code = build_app()(tokens)
         sys.stdout.flush()
         return code if isinstance(code, int) else OK
     except KeyboardInterrupt as interrupt:

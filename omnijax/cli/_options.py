@@ -4,11 +4,31 @@ import json
 import shlex
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print JSON for machines.")]
+Force = Annotated[
+    bool,
+    Parameter(
+        name="--force",
+        negative="",
+        help="Write over files that exist; without it nothing is, and an input never.",
+    ),
+]
+
+
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def check_picture(path: Path | None) -> None:
+    """`InputError` for a picture of another kind than `PICTURES`."""
+    from .._errors import InputError
+
+    if path is not None and path.suffix.lower() not in PICTURES:
+        raise InputError(f"`{path.name}` must end in one of {', '.join(PICTURES)}.")
 
 
 def command_line(without: tuple[str, ...] = (), valued: tuple[str, ...] = ()) -> str:

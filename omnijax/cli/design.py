@@ -4,7 +4,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from ._options import Json
+from ._options import Force, Json
 from ._progress import bar
 from ._study_page import Switch, deliver, kept, made_by, readable, write_page
 
@@ -18,6 +18,7 @@ def design(
     out: Path | None = None,
     rig: Path | None = None,
     report: Path | None = None,
+    force: Force = False,
     json: Json = False,
 ) -> int:
     """Search the best design of a study: bounds, constraints, drives, loads and tolerances.
@@ -43,11 +44,13 @@ def design(
         A folder for a page with the figures.
     """
     from .._errors import InputError
-    from ..rig import save_rig
+    from .._files import claim
+    from ..rig import files_of_rig, save_rig
     from ..study import design as run
     from ..study import designed_rig, load_study
 
     asked = load_study(study)
+    claim([out, *([] if rig is None else files_of_rig(asked.rig, rig))], [report], force=force)
     with kept(store), bar("searches") as report_progress:
         found = run(asked, out=store, resume=resume, report=report_progress)
     if found.status == "infeasible":

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any
 
 from ._heap import keep_freed_memory
-from ._options import Json, command_line, emit
+from ._options import Force, Json, command_line, emit
 
 
 def diagnose(
@@ -15,6 +15,7 @@ def diagnose(
     rig: Path | None = None,
     law: list[Path] | None = None,
     window: float = 1.0,
+    force: Force = False,
     json: Json = False,
 ) -> int:
     """Find where simulation and data disagree, name the missing effect, and add it.
@@ -41,6 +42,7 @@ def diagnose(
 
     keep_freed_memory()
     from .._errors import InputError
+    from .._files import claim
     from ..diagnosis import diagnose as run
     from ..recording import read_case
     from ..report import diagnosis_page
@@ -56,9 +58,10 @@ def diagnose(
     laws: dict[str, Any] = {}
     for file in law or []:
         laws |= load_laws(file)
-    found = run(read_case(case, rig), laws=laws, window=window, tell=tell)
     folder = out or Path(f"diagnosis-{case.resolve().name}")
-    folder.mkdir(parents=True, exist_ok=True)
+    asked = read_case(case, rig)
+    claim(folders=[folder], force=force)
+    found = run(asked, laws=laws, window=window, tell=tell)
     found.save(folder / "diagnosis.json")
     save_rig(found.rig, folder / "rig-diagnosed.toml")
     diagnosis_page(found, command_line()).write(folder)

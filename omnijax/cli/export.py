@@ -2,10 +2,10 @@
 
 from pathlib import Path
 
-from ._options import Json, emit
+from ._options import Force, Json, emit
 
 
-def export(store: Path, file: Path, /, *, json: Json = False) -> int:
+def export(store: Path, file: Path, /, *, force: Force = False, json: Json = False) -> int:
     """Write a stored sweep to a file; its ending chooses NetCDF (.nc), CSV or Parquet.
 
     Example: omnijax export sweep.zarr sweep.csv
@@ -17,8 +17,10 @@ def export(store: Path, file: Path, /, *, json: Json = False) -> int:
     file
         The file to write: .nc, .csv or .parquet.
     """
+    from .._files import claim
     from ..study import load_sweep
 
+    claim([file, *([file.with_suffix(".json")] if file.suffix == ".csv" else [])], force=force)
     result = load_sweep(store)
     written = result.export(file)
     emit(

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from ._options import Json
+from ._options import Force, Json
 from ._progress import bar
 from ._study_page import Switch, deliver, kept, made_by, readable, write_page
 
@@ -19,6 +19,7 @@ def global_sensitivity(
     resume: Switch = False,
     out: Path | None = None,
     report: Path | None = None,
+    force: Force = False,
     json: Json = False,
 ) -> int:
     """Sobol indices, Morris effects and gradient-based bounds over the ranges of a study.
@@ -40,10 +41,12 @@ def global_sensitivity(
     report
         A folder for a page with the figures.
     """
+    from .._files import claim
     from ..study import checked_metrics, load_study
     from ..study import global_sensitivity as run
 
     asked = load_study(study)
+    claim([out], [report], force=force)
     metrics = None if metric is None else checked_metrics(metric)
     with kept(store), bar("runs") as report_progress:
         found = run(asked, metrics, out=store, resume=resume, report=report_progress)

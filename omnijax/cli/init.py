@@ -2,18 +2,16 @@
 
 from importlib import resources
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
-
-from .._errors import InputError
+from .._files import claim, write_bytes
+from ._options import Force
 
 
 def init(
     file: Path = Path("rig.toml"),
     /,
     *,
-    force: Annotated[bool, Parameter(negative="")] = False,
+    force: Force = False,
 ) -> None:
     """Write a commented rig file with every key, to be filled in.
 
@@ -23,14 +21,8 @@ def init(
     ----------
     file
         The file to write.
-    force
-        Overwrite the file where it exists.
     """
-    if file.exists() and not force:
-        raise InputError(f"{file} exists already: choose another name, or --force to overwrite it.")
+    claim([file], force=force)
     template = resources.files("omnijax") / "rig" / "data" / "template" / "rig.toml"
-    try:
-        file.write_bytes(template.read_bytes())
-    except OSError as error:
-        raise InputError(f"{file} cannot be written: {error.strerror}.") from None
+    write_bytes(file, template.read_bytes())
     print(f"Wrote {file}. Fill in your numbers, then: omnijax check {file}")

@@ -4,7 +4,7 @@ import sys
 from pathlib import Path
 from typing import Any, Literal
 
-from ._options import Json, command_line, emit
+from ._options import Force, Json, command_line, emit
 
 TRACKED = 4  # orders followed where none are asked for
 
@@ -22,6 +22,7 @@ def orders(
     track: str | None = None,
     rig: str | None = None,
     out: Path | None = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Order analysis of a run: the map, the waterfall and single orders over time.
@@ -54,10 +55,12 @@ def orders(
         Folder of the page, its pictures and CSVs.
     """
     from .._errors import InputError
+    from .._files import claim
     from ..report import orders_page, provenance, strongest_orders
     from ..vibration import order_track, rpm_order_map
 
     measured, machine = _run(run, rig)
+    claim(folders=[out], force=force)
     try:
         found = rpm_order_map(
             measured, channel, reference, turns=turns, max_order=max_order,

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from ._options import Json
+from ._options import Force, Json
 from ._progress import bar
 from ._study_page import Switch, deliver, kept, made_by, readable, write_page
 
@@ -17,6 +17,7 @@ def pareto(
     resume: Switch = False,
     out: Path | None = None,
     report: Path | None = None,
+    force: Force = False,
     json: Json = False,
 ) -> int:
     """Trace the front of two or three metrics: nothing better in one without loss in another.
@@ -38,10 +39,12 @@ def pareto(
     report
         A folder for a page with the figure.
     """
+    from .._files import claim
     from ..study import checked_metrics, load_study
     from ..study import pareto as run
 
     asked = load_study(study)
+    claim([out], [report], force=force)
     names = () if metric is None else checked_metrics(metric)
     with kept(store), bar("searches") as report_progress:
         found = run(asked, names, out=store, resume=resume, report=report_progress)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from ._options import Json, emit
+from ._options import Force, Json, emit
 
 
 def replay(
@@ -14,6 +14,7 @@ def replay(
     *,
     out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
     title: str | None = None,
+    force: Force = False,
     json: Json = False,
 ) -> None:
     """Write an offline page that replays a run: scene, scrubber, speed, exaggeration.
@@ -30,14 +31,16 @@ def replay(
         Heading of the page; the run's name where it is not given.
     """
     from .._errors import InputError
+    from .._files import claim
     from ..simulation import load_trajectory
     from ..view import rig_of_run, write_replay
 
-    trajectory = load_trajectory(run)
+    trajectory, page = load_trajectory(run), out or run.with_suffix(".html")
+    claim([page], force=force)
     try:
-        path = write_replay(
-            trajectory, rig_of_run(run), out or run.with_suffix(".html"), title or run.stem
-        )
+        path = write_replay(trajectory, rig_of_run(run), page, title or run.stem)
+    except InputError:
+        raise
     except ValueError as error:
         raise InputError(f"{run.name}: {error}") from error
     size = path.stat().st_size

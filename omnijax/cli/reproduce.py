@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from ._options import Json, emit
+from ._options import Force, Json, emit
 
 
 def reproduce(
@@ -13,6 +13,7 @@ def reproduce(
     out: Annotated[Path, Parameter(name=["--out", "-o"])],
     samples: int = 4,
     seed: int = 0,
+    force: Force = False,
     json: Json = False,
 ) -> int:
     """Remake the paper: its figures 7 to 14, its claims judged, its errata checked.
@@ -31,14 +32,14 @@ def reproduce(
     import os
 
     from .._errors import InputError
+    from .._files import claim
 
     # a failed check inside a compiled solve then gives NaN, which no reading accepts, and needs no
     # call back to Python: without one, JAX keeps the program for the next process
     os.environ.setdefault("EQX_ON_ERROR", "nan")
     if samples < 1:
         raise InputError([f"`--samples` must be at least 1, but is {samples}."])
-    if out.exists() and not out.is_dir():
-        raise InputError([f"`--out` must be a folder, but {out} is a file."])
+    claim(folders=[out], force=force)
     from ..paper import STEPS
     from ..paper import reproduce as remake
 

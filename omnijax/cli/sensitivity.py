@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from ._motion import Motion
-from ._options import Json, command_line
+from ._options import Force, Json, command_line
 from ._study_page import Switch, deliver, write_page
 
 
@@ -23,6 +23,7 @@ def sensitivity(
     top: int = 12,
     out: Path | None = None,
     report: Path | None = None,
+    force: Force = False,
     json: Json = False,
 ) -> int:
     """Rank the parameters by what they do to vibration: exact derivatives, % per %.
@@ -53,12 +54,14 @@ def sensitivity(
         A folder for a page with the tornado figures.
     """
     from .._errors import InputError
+    from .._files import claim
     from ..rig import load_rig
     from ..study import sensitivity as run
 
     if motion.force is not None and motion.duration is None:
         raise InputError("`force` needs a run: give --duration.")
     machine = load_rig(rig)
+    claim([out], [report], force=force)
     found = run(
         machine, motion.drive(machine.size), metric, parameters=parameter or None,
         duration=motion.seconds, rate=motion.hertz, model=model, check=check,

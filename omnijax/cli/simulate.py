@@ -4,10 +4,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ._motion import Motion, Numerics
-from ._options import Json, command_line, emit
+from ._options import Force, Json, check_picture, command_line, emit
 from ._simulate_summary import show, summarise
 
-PICTURES = (".png", ".svg", ".pdf")
 LONGEST = 5_000_000  # samples; more is a misread unit
 
 
@@ -21,6 +20,7 @@ def simulate(
     plot: Path | None = None,
     numerics: Numerics = Numerics(),
     resume: bool = False,
+    force: Force = False,
     json: Json = False,
 ) -> int:
     """Simulate one run: prescribed wheel speeds, motor torques, or the inputs of a recording.
@@ -49,6 +49,7 @@ def simulate(
 
     machine = load_rig(rig)
     asked = _asked(machine, motion, drive)
+    _claim(rig, machine, out, plot, resume, force)
     run, end = _run(machine, asked, numerics, out if resume else None, resume)
     summary = summarise(run, machine) | {"rig": rig, "faults": [str(f) for f in asked.faults]}
     summary |= _written(run, end, rig, machine, out, plot)
@@ -124,16 +125,12 @@ def _written(
     run: Any, end: Any, name: str, rig: Any, out: Path | None, plot: Path | None
 ) -> dict[str, str]:
     """The files that were asked for."""
-    from .._errors import InputError
     from ..simulation import save_trajectory
 
     files = {}
     if out is not None:
         beside = _rig_file(name, rig, out)
-        try:
-            files["out"] = str(save_trajectory(run, out, rig, beside, _command(), end))
-        except OSError as error:
-            raise InputError(f"cannot be written: {error}.", out) from None
+        files["out"] = str(save_trajectory(run, out, rig, beside, _command(), end))
     if plot is not None:
         files["plot"] = str(_plot(run, name, plot))
     return files
@@ -162,34 +159,54 @@ def _code(run: Any, out: Path | None) -> int:
 
 
 def _check_files(out: Path | None, plot: Path | None) -> None:
-    from .._errors import InputError
-
     if out is not None:
         from ..simulation import check_suffix
 
         check_suffix(out)
-    if plot is not None and plot.suffix.lower() not in PICTURES:
-        raise InputError(f"`{plot.name}` must end in one of {', '.join(PICTURES)}.")
+    check_picture(plot)
+
+
+def _claim(
+    name: str, rig: Any, out: Path | None, plot: Path | None, resume: bool, force: bool
+) -> None:
+    """Every file that this run will write, before it begins."""
+    from .._files import claim
+    from ..recording import files_of_recording
+    from ..rig import files_of_rig
+
+    files = [plot]
+    if out is not None:
+        files += [out] if out.name.lower().endswith(".nc") else files_of_recording(out)
+        copy = _copy_of_rig(name, out)
+        files += [] if copy is None else files_of_rig(rig, copy)
+    claim(files, force=force, resumed=out if resume else None)
 
 
 def _rig_file(name: str, rig: Any, out: Path) -> Path | None:
     """The rig file that NAME.toml of a recording names; of a bundled rig, a copy beside the run."""
-    from ..rig import bundled_rigs, rig_path, save_rig
+    from ..rig import rig_path, save_rig
 
-    if out.name.endswith(".nc") or rig_path(name) != bundled_rigs().get(name):
-        return rig_path(name)
-    out.parent.mkdir(parents=True, exist_ok=True)
-    return save_rig(rig, out.with_name(f"{out.name.split('.')[0]}-rig.toml"))
+    copy = _copy_of_rig(name, out)
+    return rig_path(name) if copy is None else save_rig(rig, copy)
+
+
+def _copy_of_rig(name: str, out: Path) -> Path | None:
+    """Where the copy of a bundled rig goes; None for a rig file of the user's, and for .nc."""
+    from ..rig import bundled_rigs, rig_path
+
+    if out.name.lower().endswith(".nc") or rig_path(name) != bundled_rigs().get(name):
+        return None
+    return out.with_name(f"{out.name.split('.')[0]}-rig.toml")
 
 
 def _plot(run: Any, name: str, path: Path) -> Path:
+    from .._files import writing
     from ..report import figure, style
     from ..simulation import plot_run
 
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with style():
+    with writing(path) as part, style():
         picture, axes = figure(4)
         plot_run(run, axes)
         axes[0].set_title(Path(name).stem if run.ok else f"{Path(name).stem}: {run.message()}")
-        picture.savefig(path, dpi=150)
+        picture.savefig(part, dpi=150)
     return path

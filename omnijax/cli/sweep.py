@@ -6,8 +6,9 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from .._files import claim, note_input, writing
 from ._motion import Motion, Numerics
-from ._options import Json, command_line, emit
+from ._options import Force, Json, check_picture, command_line, emit
 from ._study_page import Switch
 from ._sweep_summary import show, summarise
 
@@ -58,6 +59,7 @@ def sweep(
     place: Place = Place(),
     plot: Path | None = None,
     report: Path | None = None,
+    force: Force = False,
     json: Json = False,
 ) -> int:
     """Compute metrics of many designs: a grid, a list, or samples of ranges.
@@ -82,6 +84,9 @@ def sweep(
     report
         Folder for a page of the sweep (index.html) with its figures and numbers.
     """
+    check_picture(plot)
+    note_input(rig)
+    claim([plot], [report], force=force)
     result, seconds = _run(rig, vary, metric, motion, sampling, numerics, place)
     summary = summarise(result) | {"seconds": seconds}
     if plot is not None:
@@ -115,13 +120,9 @@ def _run(
 
 
 def _plot(result: Any, file: Path) -> Path:
-    from .._errors import InputError
-
     metric = result.spec.metrics[0]
     flat = len(result.shape) < 2
     ax = result.plot_lines(metric) if flat else result.plot_heatmap(metric)
-    try:
-        ax.figure.savefig(file, dpi=150)
-    except (OSError, ValueError) as error:
-        raise InputError(f"the plot cannot be written: {error}.", file) from None
+    with writing(file) as part:
+        ax.figure.savefig(part, dpi=150)
     return file

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from ._options import Json
+from ._options import Force, Json
 from ._progress import bar
 from ._study_page import Switch, deliver, kept, made_by, readable, write_page
 
@@ -23,6 +23,7 @@ def tolerances(
     resume: Switch = False,
     out: Path | None = None,
     report: Path | None = None,
+    force: Force = False,
     json: Json = False,
 ) -> int:
     """Find tolerances of each wheel's parts that keep a metric below a limit.
@@ -46,10 +47,12 @@ def tolerances(
     report
         A folder for a page with the figure.
     """
+    from .._files import claim
     from ..study import load_study
     from ..study import tolerances as run
 
     asked = load_study(study)
+    claim([out], [report], force=force)
     with kept(store), bar("machines") as progress:
         found = run(asked, draws=draws, out=store, resume=resume, report=progress)
     deliver(

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import numpy as np
 
+from .._files import write_text
 from ..report import Badge, Column, Fact, Page, Section, Table, provenance
 from ..rig import rig_text
 from . import _figures_elastic, _figures_ideal
@@ -66,7 +67,7 @@ def reproduce(
     path = page.write(out)
     found = Reproduction(claims, rows, path)
     text = json.dumps(found.to_json(), indent=1, ensure_ascii=False)
-    (Path(out) / "claims.json").write_text(text + "\n", encoding="utf-8")
+    write_text(Path(out) / "claims.json", text + "\n")
     return found
 
 

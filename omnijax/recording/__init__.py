@@ -11,4 +11,5 @@ from ._noise import noise_floor as noise_floor
 from ._read import read_recording as read_recording
 from ._recording import Fault as Fault
 from ._recording import Recording as Recording
+from ._write import files_of_recording as files_of_recording
 from ._write import write_recording as write_recording

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._errors import InputError
+from .._files import write_bytes
 from ._recording import Fault
 
 EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "#n/a", "nat"}
@@ -50,7 +51,7 @@ def write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
     rows = map(",".join, zip(*texts, strict=True))
     data = ("\n".join([",".join(columns), *rows]) + "\n").encode()
     # no name and no time stamp in the gzip header: equal data give equal files
-    path.write_bytes(gzip.compress(data, 6, mtime=0) if path.suffix == ".gz" else data)
+    write_bytes(path, gzip.compress(data, 6, mtime=0) if path.suffix == ".gz" else data)
 
 
 def _text(path: Path) -> tuple[str, list[Fault]]:

@@ -6,9 +6,12 @@ from pathlib import Path
 import numpy as np
 
 from .._errors import InputError
+from .._files import write_text, writing
+from .._reading import read_toml
 from ._columns import columns
 from ._csv import write_csv
 from ._recording import Recording
+from ._sidecar import KEYS
 from ._tables import stem_of, suffix_of
 
 
@@ -18,6 +21,8 @@ def write_recording(path: str | Path, recording: Recording) -> Path:
     The rig file is named relative to the file.  Returns the path.
     """
     path = Path(path)
+    beside = path.with_name(stem_of(path) + ".toml")
+    _check_beside(beside)
     names = [c for c in columns(recording.wheels)[1:] if c in recording.channels]
     table = {"t": recording.time, **{c: recording.channels[c] for c in names}}
     suffix = suffix_of(path)
@@ -29,15 +34,38 @@ def write_recording(path: str | Path, recording: Recording) -> Path:
         raise InputError(
             f"{path.name}: a run is written as .csv, .csv.gz or .parquet, not {suffix}."
         )
-    path.with_name(stem_of(path) + ".toml").write_text(_sidecar(path, recording), encoding="utf-8")
+    write_text(beside, _sidecar(path, recording))
     return path
+
+
+def files_of_recording(path: str | Path) -> list[Path]:
+    """What `write_recording` writes."""
+    path = Path(path)
+    return [path, path.with_name(stem_of(path) + ".toml")]
 
 
 def _write_parquet(path: Path, table: dict[str, np.ndarray]) -> None:
     from ._tables import need
 
     arrow = need("pyarrow", "pyarrow", ".parquet")
-    need("pyarrow.parquet", "pyarrow", ".parquet").write_table(arrow.table(table), path)
+    parquet = need("pyarrow.parquet", "pyarrow", ".parquet")
+    with writing(path) as part:
+        parquet.write_table(arrow.table(table), part)
+
+
+def _check_beside(sidecar: Path) -> None:
+    """`InputError` where another file than a NAME.toml has that name: a rig file, say."""
+    if not sidecar.exists():
+        return
+    try:
+        keys = set(read_toml(sidecar))
+    except (InputError, OSError):
+        keys = {""}
+    if not keys <= set(KEYS):
+        raise InputError(
+            "exists and is no NAME.toml of a run: give the run another name, whose .toml is free.",
+            sidecar,
+        )
 
 
 def _sidecar(path: Path, recording: Recording) -> str:

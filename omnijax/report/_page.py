@@ -11,6 +11,7 @@ from urllib.parse import quote
 import jinja2
 from markupsafe import Markup, escape
 
+from .._files import write_bytes, write_text
 from ._content import Badge, Fact, Figure, Provenance, Section, Table, shown
 from ._csv import figure_csv, table_csv
 from ._style import raised
@@ -33,22 +34,19 @@ class Page:
     def write(self, folder: str | Path, name: str = "index.html") -> Path:
         """Page, PNGs and CSVs in `folder`; the page also holds the others, so it travels alone."""
         folder = Path(folder)
-        folder.mkdir(parents=True, exist_ok=True)
         pictures = {}
         for part in self.sections:
             for figure in part.figures:
                 pictures[figure.name] = png(figure.fig)
-                (folder / f"{file_name(figure.name)}.png").write_bytes(pictures[figure.name])
+                write_bytes(folder / f"{file_name(figure.name)}.png", pictures[figure.name])
                 if figure.data:
                     csv = figure_csv(figure.data)
-                    (folder / f"{file_name(figure.name)}.csv").write_text(csv, encoding="utf-8")
+                    write_text(folder / f"{file_name(figure.name)}.csv", csv)
             for table in part.tables:
                 if table.name:
                     csv = table_csv(table)
-                    (folder / f"{file_name(table.name)}.csv").write_text(csv, encoding="utf-8")
-        path = folder / name
-        path.write_text(self.html(pictures), encoding="utf-8")
-        return path
+                    write_text(folder / f"{file_name(table.name)}.csv", csv)
+        return write_text(folder / name, self.html(pictures))
 
     def html(self, pictures: Mapping[str, bytes] | None = None) -> str:
         """The whole page as text; `pictures` holds PNGs that are already drawn, by figure name."""

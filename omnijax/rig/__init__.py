@@ -27,6 +27,7 @@ from ._parameters import read_parameter as read_parameter
 from ._parameters import set_parameter as set_parameter
 from ._quantities import Quantity as Quantity
 from ._quantities import as_number as as_number
+from ._save import files_of_rig as files_of_rig
 from ._save import rig_text as rig_text
 from ._save import save_rig as save_rig
 from ._schema import GROUPS as GROUPS

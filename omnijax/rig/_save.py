@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
+from .._files import write_bytes, write_text
 from ..laws import EFFECTS, AbstractLaw, DualRow, TableShape
 from ._machine import Rig
 from ._parameters import law_quantity
@@ -32,9 +33,16 @@ def save_rig(rig: Rig, path: str | Path) -> Path:
         beside = path.parent / name
         if beside.suffix == ".py" and beside.exists() and beside.read_bytes() != content:
             raise InputError(f"{beside} exists with another text: save the rig to another folder.")
-        beside.write_bytes(content)
-    path.write_text(text, encoding="utf-8")
-    return path
+        if not (beside.suffix == ".py" and beside.exists()):
+            write_bytes(beside, content)
+    return write_text(path, text)
+
+
+def files_of_rig(rig: Rig, path: str | Path) -> list[Path]:
+    """What `save_rig` writes: the rig file and its measured profiles; laws' files are left out."""
+    path, files = Path(path), {}
+    _text(rig, files, path.stem)
+    return [path, *(path.parent / name for name in files if not name.endswith(".py"))]
 
 
 def rig_text(rig: Rig) -> str:

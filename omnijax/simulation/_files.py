@@ -11,6 +11,7 @@ from jax.flatten_util import ravel_pytree
 
 from .. import __version__
 from .._errors import InputError
+from .._netcdf import write_netcdf
 from ..dynamics import State
 from ..recording import Recording, write_recording
 from ..recording import channels as channel_names
@@ -38,14 +39,12 @@ def save_trajectory(
     """
     path = Path(path)
     kind = check_suffix(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
     if kind != ".nc":
         return write_recording(path, to_recording(trajectory, path, rig, rig_path))
     data = to_xarray(trajectory, rig, command)
     if end is not None:
         data["end_state"] = ("state", np.asarray(ravel_pytree(end)[0]))
-    data.to_netcdf(path, engine="h5netcdf")  # zlib saves a fifth and costs three times the time
-    return path
+    return write_netcdf(data, path)  # zlib saves a fifth and costs three times the time
 
 
 def check_suffix(path: Path) -> str:

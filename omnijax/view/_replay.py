@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .._files import write_text
 from ..rig import Rig
 from ..simulation import Trajectory
 from ._scene import embedded_json, machine_scene, page
@@ -38,9 +39,7 @@ def write_replay(run: Trajectory, rig: Rig, path: str | Path, title: str = "Repl
         run=embedded_json(data),
         peak=float(1e6 * np.max(np.linalg.norm(np.asarray(run.dR)[kept], axis=1))),
     )
-    path = Path(path)
-    path.write_text(text, encoding="utf-8")
-    return path
+    return write_text(path, text)
 
 
 def _kept(run: Trajectory) -> np.ndarray:

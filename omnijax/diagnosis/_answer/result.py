@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from ..._files import write_text
+
 REMAINS = 1.4  # times the noise (1 sigma beside it): above this something else is missing too
 
 
@@ -92,9 +94,7 @@ class Diagnosis:
 
     def save(self, path: str | Path) -> Path:
         """Write `diagnosis.json`."""
-        path = Path(path)
-        path.write_text(json.dumps(self.to_dict(), indent=1, ensure_ascii=False) + "\n", "utf-8")
-        return path
+        return write_text(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False) + "\n")
 
     def plot_gap(self, *, ax: Any = None) -> Any:
         """Held-out RMS before and after over the noise, by output group; returns the axes."""

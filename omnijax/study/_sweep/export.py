@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from ..._errors import InputError, require
+from ..._files import write_text, writing
+from ..._netcdf import write_netcdf
 from .._points import Grid
 
 BLOCK = 65_536  # designs at a time
@@ -50,15 +52,12 @@ def export(result: Any, file: str | Path) -> Path:
     writers = {".nc": _netcdf, ".csv": _csv, ".parquet": _parquet}
     if file.suffix not in writers:
         raise InputError(f"the file must end in {', '.join(FORMATS)}.", file)
-    try:
-        writers[file.suffix](result, file)
-    except OSError as error:
-        raise InputError(f"cannot be written: {error.strerror or error}.", file) from None
+    writers[file.suffix](result, file)
     return file
 
 
 def _netcdf(result: Any, file: Path) -> None:
-    dataset(result).to_netcdf(file, engine="h5netcdf")
+    write_netcdf(dataset(result), file)
 
 
 def _blocks(result: Any):
@@ -72,7 +71,7 @@ def _csv(result: Any, file: Path) -> None:
     """One row a design, the unit behind each name; what the file is stands beside it as JSON."""
     names = result.store.names
     status = dict(enumerate(_status_names(), start=-1))
-    with file.open("w", encoding="utf-8", newline="") as out:
+    with writing(file) as part, part.open("w", encoding="utf-8", newline="") as out:
         out.write(",".join(["design", *(f"{n} [{result.unit(n)}]" for n in names[:-1]), "status"]))
         out.write("\n")
         for start, columns in _blocks(result):
@@ -81,8 +80,7 @@ def _csv(result: Any, file: Path) -> None:
                 f"{start + i},{','.join(map(repr, row[:-1]))},{status[row[-1]]}\n"
                 for i, row in enumerate(rows)
             )
-    beside = file.with_suffix(".json")
-    beside.write_text(json.dumps(attributes(result), indent=1), encoding="utf-8")
+    write_text(file.with_suffix(".json"), json.dumps(attributes(result), indent=1))
 
 
 def _status_names() -> list[str]:
@@ -99,7 +97,7 @@ def _parquet(result: Any, file: Path) -> None:
         kind = pa.int8() if name == "status" else pa.float64()
         fields.append(pa.field(name, kind, metadata={"units": result.unit(name)}))
     schema = pa.schema(fields, metadata=attributes(result))
-    with pq.ParquetWriter(file, schema) as writer:
+    with writing(file) as part, pq.ParquetWriter(part, schema) as writer:
         for start, columns in _blocks(result):
             index = np.arange(start, start + len(columns["status"]))
             writer.write_table(pa.table([index, *(columns[n] for n in names)], schema=schema))

@@ -1,0 +1,38 @@
+"""netCDF files in and out: whole, synced, and of a size that memory can hold."""
+
+from pathlib import Path
+from typing import Any
+
+from ._errors import InputError
+from ._files import writing
+from ._memory import SHARE, available, in_words
+from ._reading import regular
+
+
+def write_netcdf(data: Any, path: str | Path) -> Path:
+    """Write an `xarray.Dataset`; `InputError` where the file cannot be written."""
+    with writing(path) as part:
+        try:
+            data.to_netcdf(part, engine="h5netcdf")
+        except RuntimeError as error:  # HDF5 on a full disk, while it closes the file
+            raise OSError(None, f"HDF5 says: {error}") from None
+    return Path(path)
+
+
+def load_netcdf(path: str | Path, kind: str = "a netCDF file", decode_times: bool = False) -> Any:
+    """The `xarray.Dataset` of a file, in memory; `InputError` where it is none or too large."""
+    import xarray
+
+    path = regular(path)
+    try:
+        with xarray.open_dataset(path, engine="h5netcdf", decode_times=decode_times) as opened:
+            if opened.nbytes > SHARE * available():
+                raise InputError(f"needs {in_words(opened.nbytes)} of memory, which is not free.")
+            return opened.load()
+    except InputError as error:
+        raise InputError(error.problems, path) from None
+    except FileNotFoundError:
+        raise InputError("is not a file.", path) from None
+    except Exception as error:  # h5netcdf raises whatever it likes on a broken file
+        said = str(error).strip().rstrip(".") or type(error).__name__
+        raise InputError(f"is not {kind}: {said}.", path) from None
