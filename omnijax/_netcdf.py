@@ -1,5 +1,6 @@
 """netCDF files in and out: whole, synced, and of a size that memory can hold."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -21,14 +22,27 @@ def write_netcdf(data: Any, path: str | Path) -> Path:
 
 def load_netcdf(path: str | Path, kind: str = "a netCDF file", decode_times: bool = False) -> Any:
     """The `xarray.Dataset` of a file, in memory; `InputError` where it is none or too large."""
+
+    def whole(opened: Any) -> Any:
+        if opened.nbytes > SHARE * available():
+            raise InputError(f"needs {in_words(opened.nbytes)} of memory, which is not free.")
+        return opened.load()
+
+    return _opened(path, kind, decode_times, whole)
+
+
+def netcdf_attributes(path: str | Path, kind: str) -> dict[str, Any]:
+    """The attributes of a file; its arrays are not read."""
+    return _opened(path, kind, False, lambda opened: dict(opened.attrs))
+
+
+def _opened(path: str | Path, kind: str, decode_times: bool, work: Callable[[Any], Any]) -> Any:
     import xarray
 
     path = regular(path)
     try:
         with xarray.open_dataset(path, engine="h5netcdf", decode_times=decode_times) as opened:
-            if opened.nbytes > SHARE * available():
-                raise InputError(f"needs {in_words(opened.nbytes)} of memory, which is not free.")
-            return opened.load()
+            return work(opened)
     except InputError as error:
         raise InputError(error.problems, path) from None
     except FileNotFoundError:

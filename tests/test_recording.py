@@ -1,7 +1,9 @@
 """Recordings: every format read, every fault of the data found, said and survived."""
 
 import gzip
+import os
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ from machines import machine, shared
 from recordings import STEP, columns, write
 
 from omnijax import InputError, Recording, read_case, read_recording, write_recording
+from omnijax.recording._csv import read_csv
 
 
 def only(recording, kind):
@@ -242,7 +245,7 @@ def test_what_cannot_be_used_is_refused(tmp_path, spoil, message):
         ("[noise]\ndR = -1\n", "`noise.dR` must be a 1-sigma in m, 0 or more, but is -1"),
         ('[units]\ndR = "kg"\n', "`units.dR` must be a unit of m, but is 'kg'"),
         ('[channels]\ndR_x = "Prob"\n', "names the column 'Prob', which run.csv does not have"),
-        ("role = \n", "is not a TOML file"),
+        ("role = \n", "is not valid TOML"),
     ],
 )
 def test_a_wrong_sidecar_is_refused(tmp_path, note, message):
@@ -358,3 +361,39 @@ def test_a_real_recording_is_read_fast_and_without_fault():
     assert min(spent) < 0.1
     assert len(run) == 6001
     assert run.faults == []
+
+
+def test_every_part_of_a_packed_file_is_read(tmp_path):
+    rows = ["t,torque_1", *(f"{0.002 * i!r},{i}" for i in range(900))]
+    halves = ["\n".join(rows[:400]) + "\n", "\n".join(rows[400:]) + "\n"]
+    packed = b"".join(gzip.compress(half.encode()) for half in halves)
+    file = tmp_path / "run.csv.gz"
+    file.write_bytes(packed + bytes(512))  # what a tape fills up with
+    found = read_csv(file)
+    assert len(found.columns["t"]) == 900 and found.faults == []
+    assert found.columns["torque_1"].tolist() == list(range(900))
+    file.write_bytes(packed + b"more")
+    with pytest.raises(InputError, match="has 4 bytes behind its packed rows"):
+        read_csv(file)
+
+
+def test_the_first_line_of_excel_names_the_mark(tmp_path):
+    file = tmp_path / "run.csv"
+    file.write_text("sep=;\nt;torque_1\n0;1,5\n0,1;2,5\n")
+    assert read_csv(file).columns["torque_1"].tolist() == [1.5, 2.5]
+
+
+def test_what_unpacks_beyond_memory_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setattr("omnijax.recording._csv.available", lambda: 8e6)
+    file = tmp_path / "run.csv.gz"
+    file.write_bytes(gzip.compress(b"t,torque_1\n" + b"0,0\n" * 400_000))
+    with pytest.raises(InputError, match=r"unpacks to more than 1 MB"):
+        read_csv(file)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes in folders")
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "run.csv")
+    for file in (tmp_path / "run.csv", Path("/dev/zero")):
+        with pytest.raises(InputError, match="is a pipe, a socket or a device"):
+            read_csv(file)

@@ -14,6 +14,7 @@ from cyclopts import App, CycloptsError, Group
 from .. import __version__
 from .._errors import InputError, RunError
 from .._files import command
+from ._options import read_force
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -77,7 +78,7 @@ def run(tokens: list[str] | None = None) -> int:
     """Run the command line; the exit code."""
     try:
         with command():
-            code = build_app()(tokens)
+            code = build_app()(read_force(sys.argv[1:] if tokens is None else tokens))
         sys.stdout.flush()
         return code if isinstance(code, int) else OK
     except KeyboardInterrupt as interrupt:

@@ -1,6 +1,7 @@
 """Options and output that commands share."""
 
 import json
+import re
 import shlex
 import sys
 from collections.abc import Callable
@@ -10,14 +11,23 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print JSON for machines.")]
-Force = Annotated[
-    bool,
-    Parameter(
-        name="--force",
-        negative="",
-        help="Write over files that exist; without it nothing is, and an input never.",
-    ),
+_FORCE = "Write over files that exist; without it nothing is, and an input never."
+Force = Annotated[bool, Parameter(name=["--force", "--overwrite"], negative="", help=_FORCE)]
+Overwrite = Annotated[  # of commands whose --force x,y,z is the force on the platform
+    bool, Parameter(name="--overwrite", negative="", help=f"{_FORCE} Or --force without a value.")
 ]
+
+
+def read_force(tokens: list[str]) -> list[str]:
+    """The words of a command with `--force` as `--overwrite` where no numbers follow it."""
+    following = [*tokens[1:], ""][: len(tokens)]
+    return [
+        "--overwrite" if word == "--force" and not _NUMBERS.match(after) else word
+        for word, after in zip(tokens, following, strict=True)
+    ]
+
+
+_NUMBERS = re.compile(r"\s*[+-]?\.?\d|.*,")
 
 
 PICTURES = (".png", ".svg", ".pdf")

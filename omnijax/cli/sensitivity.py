@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from ._motion import Motion
-from ._options import Force, Json, command_line
+from ._options import Json, Overwrite, command_line
 from ._study_page import Switch, deliver, write_page
 
 
@@ -23,7 +23,7 @@ def sensitivity(
     top: int = 12,
     out: Path | None = None,
     report: Path | None = None,
-    force: Force = False,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> int:
     """Rank the parameters by what they do to vibration: exact derivatives, % per %.
@@ -61,7 +61,7 @@ def sensitivity(
     if motion.force is not None and motion.duration is None:
         raise InputError("`force` needs a run: give --duration.")
     machine = load_rig(rig)
-    claim([out], [report], force=force)
+    claim([out], [report], force=overwrite)
     found = run(
         machine, motion.drive(machine.size), metric, parameters=parameter or None,
         duration=motion.seconds, rate=motion.hertz, model=model, check=check,

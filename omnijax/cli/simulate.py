@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ._motion import Motion, Numerics
-from ._options import Force, Json, check_picture, command_line, emit
+from ._options import Json, Overwrite, check_picture, command_line, emit
 from ._simulate_summary import show, summarise
 
 LONGEST = 5_000_000  # samples; more is a misread unit
@@ -20,7 +20,7 @@ def simulate(
     plot: Path | None = None,
     numerics: Numerics = Numerics(),
     resume: bool = False,
-    force: Force = False,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> int:
     """Simulate one run: prescribed wheel speeds, motor torques, or the inputs of a recording.
@@ -49,7 +49,7 @@ def simulate(
 
     machine = load_rig(rig)
     asked = _asked(machine, motion, drive)
-    _claim(rig, machine, out, plot, resume, force)
+    _claim(rig, machine, out, plot, resume, overwrite)
     run, end = _run(machine, asked, numerics, out if resume else None, resume)
     summary = summarise(run, machine) | {"rig": rig, "faults": [str(f) for f in asked.faults]}
     summary |= _written(run, end, rig, machine, out, plot)

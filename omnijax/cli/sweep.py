@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from .._files import claim, note_input, writing
 from ._motion import Motion, Numerics
-from ._options import Force, Json, check_picture, command_line, emit
+from ._options import Json, Overwrite, check_picture, command_line, emit
 from ._study_page import Switch
 from ._sweep_summary import show, summarise
 
@@ -59,7 +59,7 @@ def sweep(
     place: Place = Place(),
     plot: Path | None = None,
     report: Path | None = None,
-    force: Force = False,
+    overwrite: Overwrite = False,
     json: Json = False,
 ) -> int:
     """Compute metrics of many designs: a grid, a list, or samples of ranges.
@@ -86,7 +86,7 @@ def sweep(
     """
     check_picture(plot)
     note_input(rig)
-    claim([plot], [report], force=force)
+    claim([plot], [report], force=overwrite)
     result, seconds = _run(rig, vary, metric, motion, sampling, numerics, place)
     summary = summarise(result) | {"seconds": seconds}
     if plot is not None:

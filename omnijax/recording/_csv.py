@@ -3,6 +3,7 @@
 import gzip
 import io
 import math
+import re
 import zlib
 from pathlib import Path
 from typing import NamedTuple
@@ -11,8 +12,12 @@ import numpy as np
 
 from .._errors import InputError
 from .._files import write_bytes
+from .._memory import SHARE, available, in_words
+from .._reading import read_bytes
 from ._recording import Fault
 
+_LINE_END = re.compile(r"\r\n?|\n")
+_MARK = re.compile(r"\s*\"?sep=(\\t|.)\"?\s*\Z", re.IGNORECASE)
 EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "#n/a", "nat"}
 
 
@@ -28,10 +33,12 @@ class Table(NamedTuple):
 def read_csv(path: Path) -> Table:
     """Read a CSV or CSV.gz file: comma, semicolon or tab, header row, UTF-8, `#` comments."""
     text, faults = _text(path)
-    lines = [x for x in text.splitlines() if x.strip() and not x.lstrip().startswith("#")]
+    lines = [x for x in _LINE_END.split(text) if x.strip() and not x.lstrip().startswith("#")]
+    said = _MARK.match(lines[0]) if lines else None  # Excel's own first line
+    lines = lines[1:] if said else lines
     if len(lines) < 2:
         raise InputError(f"{path.name} holds no data: it needs a header row and samples below it.")
-    mark = max(",;\t", key=lines[0].count)
+    mark = said[1].replace("\\t", "\t") if said else max(",;\t", key=lines[0].count)
     names = [name.strip().strip("\"'") for name in lines[0].split(mark)]
     if all(_number(name) is not None for name in names):
         raise InputError(f"{path.name} has no header row: its first row is numbers.")
@@ -56,19 +63,36 @@ def write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
 
 def _text(path: Path) -> tuple[str, list[Fault]]:
     """The file's text; of a file that was cut off while packed, what can be unpacked."""
-    raw, faults = path.read_bytes(), []
+    most = int(min(SHARE / 4 * available(), 2**40))  # the text, its lines and its numbers
+    raw, faults = read_bytes(path, most), []
     if path.suffix.lower() == ".gz":
-        unpack = zlib.decompressobj(wbits=31)
-        try:
-            raw = unpack.decompress(raw)
-        except zlib.error as error:
-            raise InputError(f"{path.name} is not a gzip file ({error}).") from error
-        if not unpack.eof:
+        raw, whole = _unpacked(path, raw, most)
+        if not whole:
             what = "the packed file ends too early"
             use = "the rows before are used"
             faults.append(Fault(path.name, "", (), "truncated", what, use))
             raw = raw[: raw.rfind(b"\n") + 1]
     return raw.decode("utf-8-sig", errors="replace"), faults
+
+
+def _unpacked(path: Path, raw: bytes, most: int) -> tuple[bytes, bool]:
+    """Every member of a gzip file, `most` bytes at most, and whether the last one is whole."""
+    parts, size, rest, whole = [], 0, raw, True
+    while whole and rest.rstrip(b"\0"):  # some packers fill up with zeros
+        if parts and not rest.startswith(b"\x1f\x8b"):
+            raise InputError(f"has {len(rest)} bytes behind its packed rows: it is damaged.", path)
+        unpack = zlib.decompressobj(wbits=31)
+        try:
+            parts.append(unpack.decompress(rest, most - size + 1))
+        except zlib.error as error:
+            where = f"part {len(parts) + 1} of it " if parts else ""
+            raise InputError(f"{where}is not a gzip file ({error}).", path) from None
+        size += len(parts[-1])
+        if size > most or unpack.unconsumed_tail:
+            text = f"unpacks to more than {in_words(most)}, the most that memory has room for"
+            raise InputError(f"{text}: thin it out, or cut it.", path)
+        whole, rest = unpack.eof, unpack.unused_data
+    return b"".join(parts), whole
 
 
 def _fast(lines: list[str], mark: str, width: int) -> np.ndarray | None:

@@ -3,12 +3,12 @@
 import dataclasses
 import difflib
 import functools
-import tomllib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from .._errors import InputError
+from .._reading import read_toml
 from ._columns import UNITS, group_of, unit_of
 
 ROLES = ("train", "held-out")
@@ -32,10 +32,7 @@ def read_sidecar(path: Path) -> Sidecar:
     sidecar = Sidecar(path)
     if not path.exists():
         return sidecar
-    try:
-        document = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path.name} is not a TOML file: {error}.") from error
+    document = read_toml(path)
     problems = [
         f"`{key}` is not a key of a run{hint(key, KEYS)}." for key in document if key not in KEYS
     ]

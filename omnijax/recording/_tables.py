@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
+from .._netcdf import load_netcdf
+from .._reading import regular
 from ._columns import AXES, OUTPUTS, PER_WHEEL, UNITS
 from ._csv import Table, read_csv
 
@@ -31,10 +33,13 @@ def read_table(path: Path) -> Table:
         raise InputError(
             f"{path.name}: the file's kind must be one of {known}, but is {suffix or '-'}."
         )
+    regular(path)
     try:
         return READERS[suffix](path)
     except (InputError, OSError):
         raise
+    except MemoryError:
+        raise InputError("needs more memory than there is.", path) from None
     except Exception as error:  # third-party readers raise whatever they like on a broken file
         raise InputError(f"{path.name} cannot be read as {suffix}: {error}") from error
 
@@ -114,14 +119,10 @@ def _hdf5(path: Path) -> Table:
 
 
 def _netcdf(path: Path) -> Table:
-    import xarray
-
-    with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as data:
-        units = {
-            str(k): str(v.attrs["units"]) for k, v in data.variables.items() if "units" in v.attrs
-        }
-        columns = {str(k): v.values for k, v in data.variables.items()}
-        simulated = "status_code" in data.attrs
+    data = load_netcdf(path)
+    units = {str(k): str(v.attrs["units"]) for k, v in data.variables.items() if "units" in v.attrs}
+    columns = {str(k): v.values for k, v in data.variables.items()}
+    simulated = "status_code" in data.attrs
     for group in UNITS:  # what the sensors made of it stands beside the true value
         if f"measured_{group}" in columns:
             columns[group] = columns.pop(f"measured_{group}")

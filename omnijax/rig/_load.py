@@ -1,6 +1,5 @@
 """Rig files in: TOML -> `Rig`."""
 
-import tomllib
 from collections.abc import Mapping
 from importlib import resources
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any
 
 from .._arrays import on_device
 from .._errors import InputError, did_you_mean
+from .._reading import read_toml
 from ..laws import PROFILES, AbstractLaw, AbstractShape, DualRow
 from ._check import problems
 from ._check_effects import law_class
@@ -39,19 +39,11 @@ def load_rig(path: str | Path) -> Rig:
     """
     file = rig_path(path)
     try:
-        text = file.read_bytes().decode("utf-8-sig")
+        data = read_toml(file)
     except OSError as error:
         names = bundled_rigs()
         hint = did_you_mean(str(path), names) or f" Bundled rigs: {', '.join(names)}."
         raise InputError(f"the rig file cannot be read: {error.strerror}.{hint}", path) from None
-    except UnicodeDecodeError as error:
-        raise InputError(
-            f"is not UTF-8 text: {error.reason} at byte {error.start}.", path
-        ) from None
-    try:
-        data = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"is not valid TOML: {error}.", path) from None
     return parse_rig(data, file)
 
 

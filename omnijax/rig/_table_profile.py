@@ -1,12 +1,14 @@
 """A measured wheel profile: a CSV file with columns theta (rad) and rho (m)."""
 
 import csv
+import io
 import itertools
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from .._errors import did_you_mean
+from .._errors import InputError, did_you_mean
+from .._reading import TEXT, read_bytes
 from ..laws import TableShape
 
 COLUMNS = ("theta", "rho")
@@ -69,8 +71,11 @@ def _columns(table: Mapping) -> tuple[list[float], list[float]]:
 
 def _csv(path: Path) -> tuple[list[float], list[float]]:
     try:
-        with open(path, newline="", encoding="utf-8-sig") as file:
-            rows = [row for row in csv.reader(file) if row and not row[0].startswith("#")]
+        text = read_bytes(path, TEXT).decode("utf-8-sig")
+        lines = csv.reader(io.StringIO(text, newline=""))
+        rows = [row for row in lines if row and not row[0].startswith("#")]
+    except InputError as error:
+        raise ValueError(f"names a file that is not read: {error}") from None
     except OSError as error:
         raise ValueError(f"names {path}, which cannot be read: {error.strerror}.") from None
     except (UnicodeDecodeError, csv.Error):

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from .. import laws
 from .._errors import InputError
+from .._reading import TEXT, read_bytes
 from ..laws import EFFECTS, AbstractLaw
 
 _LOADED: dict[str, dict[str, type[AbstractLaw]]] = {}  # digest of the file -> its laws
@@ -18,7 +19,7 @@ def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
     """
     path = Path(path)
     try:
-        text = path.read_bytes()
+        text = read_bytes(path, TEXT)
     except OSError as error:
         raise InputError(f"{path}: no such Python file of laws ({error.strerror}).") from None
     digest = hashlib.sha256(text).hexdigest()

@@ -11,7 +11,7 @@ from jax.flatten_util import ravel_pytree
 
 from .. import __version__
 from .._errors import InputError
-from .._netcdf import write_netcdf
+from .._netcdf import load_netcdf, write_netcdf
 from ..dynamics import State
 from ..recording import Recording, write_recording
 from ..recording import channels as channel_names
@@ -57,30 +57,23 @@ def check_suffix(path: Path) -> str:
 
 def load_trajectory(path: str | Path) -> Trajectory:
     """Read a run that was saved as `.nc`, to the last bit."""
-    import xarray
-
     path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path} is not a file.")
     if check_suffix(path) != ".nc":
         raise InputError(f"{path.name} is a recording: read it with `omnijax.read_recording`.")
+    data = load_netcdf(path, "a run of omnijax")
     try:
-        with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as data:
-            return _from_dataset(data.load())
-    except (OSError, KeyError, ValueError) as error:
-        raise InputError(f"{path.name} is not a run of omnijax: {error}") from error
+        return _from_dataset(data)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"is not a run of omnijax: {error}.", path) from None
 
 
 def load_end(path: str | Path, like: State) -> tuple[State, str]:
     """The state at the end of an interrupted run, shaped as `like`, and the run's command."""
-    import xarray
-
-    path = Path(path)
-    with xarray.open_dataset(path, engine="h5netcdf", decode_times=False) as data:
-        flat, unravel = ravel_pytree(like)
-        if "end_state" not in data.variables or data["end_state"].shape != flat.shape:
-            raise InputError(f"{path.name} holds no interrupted run of this rig.")
-        return unravel(jnp.asarray(data["end_state"].values)), str(data.attrs["command"])
+    data = load_netcdf(path, "a run of omnijax")
+    flat, unravel = ravel_pytree(like)
+    if "end_state" not in data.variables or data["end_state"].shape != flat.shape:
+        raise InputError("holds no interrupted run of this rig.", path)
+    return unravel(jnp.asarray(data["end_state"].values)), str(data.attrs["command"])
 
 
 def to_xarray(trajectory: Trajectory, rig: Rig | None = None, command: str = "") -> Any:

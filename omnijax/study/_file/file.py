@@ -1,11 +1,11 @@
 """Study files: what to vary, what to judge by, under which drives and loads; TOML -> `Study`."""
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from ..._errors import InputError
+from ..._reading import read_toml
 from ...rig import Quantity, Rig, load_rig
 from .._problem import check_variables
 from .._sensitivity import checked_parameters
@@ -24,11 +24,9 @@ def load_study(path: str | Path) -> Study:
     """The study of a TOML file; `InputError` with every problem of the file at once."""
     file = Path(path)
     try:
-        data = tomllib.loads(file.read_text(encoding="utf-8"))
+        data = read_toml(file)
     except OSError as error:
         raise InputError(f"the study file cannot be read: {error.strerror}.", path) from None
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"is not valid TOML: {error}.", path) from None
     return parse_study(data, file)
 
 

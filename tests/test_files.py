@@ -1,0 +1,130 @@
+"""Results in files: nothing is written over unasked, an input never; whole or absent."""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+
+from omnijax import InputError, _files
+from omnijax.cli import run
+from omnijax.recording import files_of_recording
+from omnijax.rig import bundled_rigs
+
+SHORT = ("--speed", "1,1.2,0.3", "--duration", "0.1s")
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    return {
+        str(path.relative_to(folder)): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A folder with the user's own files: a rig, a measured run with its NAME.toml, a study."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(bundled_rigs()["atlas"], "rig.toml")
+    assert run(["simulate", "rig.toml", *SHORT, "--out", "run.csv"]) == 0
+    assert run(["simulate", "rig.toml", *SHORT, "--out", "run.nc"]) == 0
+    Path("run.toml").write_text('rig = "rig.toml"\nrole = "held-out"\n')
+    Path("study.toml").write_text('rig = "rig.toml"\n[[drive]]\nspeed = [1.0, 1.2, 0.3]\n')
+    Path("my-rig.toml").write_text("mine")
+    Path("page").mkdir()
+    Path("page/index.html").write_text("an older page")
+    return tmp_path
+
+
+# what would be written over, or cannot be written; the last words of the sentence
+REFUSED = {
+    "rig by the sidecar of a run": ("simulate rig.toml -S --out rig.csv", "never written over"),
+    "rig by a packed run": ("simulate rig.toml -S --out rig.csv.gz", "never written over"),
+    "rig by a Parquet run": ("simulate rig.toml -S --out rig.parquet", "never written over"),
+    "a measured run": ("simulate rig.toml -S --out run.csv", "--force"),
+    "its own drive": ("simulate rig.toml --drive run.csv --out run.csv", "never written over"),
+    "a file beside": ("simulate atlas -S --out my.csv", "my-rig.toml: exists"),
+    "an older run": ("simulate rig.toml -S --out run.nc", "--force"),
+    "a picture": ("simulate rig.toml -S --plot page/index.html.png", ""),
+    "a page": ("sweep rig.toml --vary wheel.roundness=0.1:0.2:2 -s --report page", "--force"),
+    "a page of orders": ("orders run.nc --out page", "--force"),
+    "a page of sensitivities": ("sensitivity rig.toml -s --report page", "--force"),
+    "the run by its replay": ("replay run.nc --out run.nc", "never written over"),
+    "a rig by a replay": ("replay run.nc --out rig.toml", "--force"),
+    "the study by its design": ("design study.toml --rig study.toml", "never written over"),
+    "the study's rig": ("tolerances study.toml --out rig.toml", "never written over"),
+    "an older front": ("pareto study.toml --out run.nc", "--force"),
+    "the paper's page": ("reproduce --out page", "--force"),
+    "a file as a folder": ("reproduce --out rig.toml", "a folder is to be written"),
+    "a folder as a file": ("export missing page", "is a folder or a device"),
+    "a device": ("init /dev/full --force", "is a folder or a device"),
+    "below a file": ("simulate rig.toml -S --out rig.toml/run.nc", "cannot be written"),
+    "a name too long": (f"init {'x' * 300}.toml", "cannot be written"),
+    "a zero byte": ("init a\0b.toml", "cannot be written"),
+}
+
+
+@pytest.mark.parametrize("words, said", REFUSED.values(), ids=REFUSED)
+def test_nothing_of_the_users_is_written_over(here, capsys, words, said):
+    words = words.split(" ")
+    full = [x for w in words for x in ({"-S": SHORT, "-s": SHORT[:2]}.get(w) or (w,))]
+    if words[3:4] == ["page/index.html.png"] or "index.html.png" in words[-1]:
+        Path("page/index.html.png").write_text("older")
+        said = "--force"
+    before = contents(here)
+    capsys.readouterr()
+    code = run(full)
+    err = capsys.readouterr().err
+    assert code == 2 and said in err, err
+    assert contents(here) == before
+
+
+def test_an_input_is_not_written_over_even_by_force(here, capsys):
+    before = contents(here)
+    os.link("rig.toml", "same.nc")
+    os.symlink("rig.toml", "other.nc")
+    for out in ("rig.csv", "same.nc", "other.nc"):
+        code = run(["simulate", "rig.toml", *SHORT, "--out", out, "--force"])
+        assert code == 2 and "never written over" in capsys.readouterr().err
+    os.remove("same.nc"), os.remove("other.nc")
+    assert contents(here) == before
+
+
+def test_force_writes_over_results(here, capsys):
+    old = Path("run.nc").read_bytes()
+    words = ["simulate", "rig.toml", "--speed", "2,1,0.5", "--duration", "0.1s", "--out", "run.nc"]
+    assert run([*words, "--force"]) == 0 and Path("run.nc").read_bytes() != old
+    assert run([*words, "--overwrite", "--force", "1,0,0"]) == 0  # the force on the platform
+    assert run(["simulate", "atlas", *SHORT, "--out", "my.csv", "--force"]) == 0
+    assert Path("my-rig.toml").read_text() != "mine"
+    assert not [x for x in os.listdir() if x.startswith(".omnijax")]
+
+
+def test_a_run_does_not_take_the_name_of_a_rig_from_python(here):
+    from omnijax import read_recording, write_recording
+
+    measured = read_recording("run.csv")
+    with pytest.raises(InputError, match=r"rig\.toml: exists and is no NAME\.toml of a run"):
+        write_recording("rig.csv", measured)
+    assert not Path("rig.csv").exists()
+    assert [x.name for x in files_of_recording("a/run-1.csv.gz")] == ["run-1.csv.gz", "run-1.toml"]
+
+
+def test_a_file_is_whole_or_absent(tmp_path):
+    target = tmp_path / "deep" / "result.txt"
+    _files.write_text(target, "first")
+
+    def broken():
+        with _files.writing(target) as part:
+            part.write_text("sec")
+            raise OSError(28, "No space left on device")
+
+    with pytest.raises(InputError, match=r"result\.txt: cannot be written: No space left"):
+        broken()
+    assert target.read_text() == "first" and os.listdir(target.parent) == ["result.txt"]
+
+
+def test_two_results_do_not_share_a_name(tmp_path):
+    with pytest.raises(InputError, match="two results would have this name"):
+        _files.claim([tmp_path / "a.nc", tmp_path / "b" / ".." / "a.nc"])
