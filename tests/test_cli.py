@@ -11,6 +11,7 @@ import pytest
 from omnijax import __version__
 from omnijax._errors import InputError, RunError, require
 from omnijax.cli import COMMANDS, _frame, build_app, run
+from omnijax.cli._tokens import understood
 
 NAMES = [name for names in COMMANDS.values() for name in names]
 
@@ -60,6 +61,10 @@ def test_the_first_help_is_fast():
         (["chek", "atlas"], 'Unknown command "chek". Did you mean "check"?'),
         (["check", "atlas", "--jsn"], "Unknown option: --jsn. Did you mean --json?"),
         (["check"], "requires an argument"),
+        (["check", "atlas", "--jsn"], "See: omnijax check --help"),
+        (["simulate", "atlas", "--speed", "1 2 3"], "write commas between the values"),
+        (["simulate", "atlas", "--speed", "-1,2"], "`speed` has 2 values, but the rig has 3"),
+        (["simulate", "atlas", "--speed", "-1,2,3", "--duration", "-2s"], "but is -2."),
         (["check", "atlsa"], "Did you mean `atlas`?"),
         (["effects", "contact-cubik"], "no effect's id contains 'contact-cubik'. Did you mean"),
     ],
@@ -68,6 +73,34 @@ def test_wrong_input_is_exit_2_with_one_message(capsys, tokens, sentence):
     code, out, err = call(capsys, *tokens)
     assert (code, out) == (2, "")
     assert sentence in err and "Traceback" not in err
+
+
+def test_a_value_may_begin_with_a_minus():
+    given = ["simulate", "a", "--speed", "-1,2", "--force", "-.5,0,0", "--drive", "-x", "--json"]
+    assert understood(given)[2:5] == ["--speed=-1,2", "--force=-.5,0,0", "--drive"]
+    assert understood(["design", "--vary=a=1", "-1"])[-1] == "-1"  # it has its value already
+    assert understood([]) == []
+
+
+def test_help_is_a_command_too(capsys):
+    assert call(capsys, "help", "simulate") == call(capsys, "simulate", "--help")
+    assert call(capsys, "help") == call(capsys, "--help")
+
+
+def test_help_breaks_where_the_terminal_ends(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "300")
+    said = call(capsys, "sweep", "--help")[1].splitlines()
+    assert any(line.startswith("Example: ") and line.endswith("--out sweep.zarr") for line in said)
+    assert any("once for each parameter. PATH is a rig parameter" in line for line in said)
+
+
+def test_a_rig_and_a_study_are_told_apart(tmp_path, capsys):
+    (tmp_path / "study.toml").write_text('rig = "atlas"\n[objective]\nmetric = "rms"\n')
+    code, _, err = call(capsys, "check", str(tmp_path / "study.toml"))
+    assert code == 2 and "is a study file, not a rig file" in err and err.count("\n") == 1
+    call(capsys, "init", str(tmp_path / "rig.toml"))
+    code, _, err = call(capsys, "design", str(tmp_path / "rig.toml"))
+    assert code == 2 and "is a rig file, not a study file" in err and err.count("\n") == 1
 
 
 def test_exit_codes(monkeypatch, capsys):

@@ -397,3 +397,12 @@ def test_a_pipe_is_not_waited_for(tmp_path):
     for file in (tmp_path / "run.csv", Path("/dev/zero")):
         with pytest.raises(InputError, match="is a pipe, a socket or a device"):
             read_csv(file)
+
+
+def test_a_time_column_of_another_name_is_pointed_at(tmp_path):
+    (tmp_path / "run.csv").write_text("Time,torque_1\n0,1\n1,1\n")
+    with pytest.raises(InputError, match=r'run\.toml: channels = \{ t = "Time" \}'):
+        read_recording(tmp_path / "run.csv")
+    (tmp_path / "run.csv").write_text("stamp,torque_1\n0,1\n1,1\n")
+    with pytest.raises(InputError, match="its columns are `stamp`, `torque_1`"):
+        read_recording(tmp_path / "run.csv")

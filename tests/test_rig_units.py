@@ -1,11 +1,13 @@
 """Numbers with units: turns, hertz and radians above all."""
 
 import math
+import re
 
 import pytest
 from rigs import tables
 
 from omnijax.rig import as_number, parse_rig
+from omnijax.rig._units import SPELLINGS
 
 CASES = [
     ("188.2 kN/m", "N/m", 188200.0),
@@ -24,6 +26,18 @@ CASES = [
     ("8 s", "s", 8.0),
     ("1 min", "s", 60.0),
     (" -2.5 um ", "m", -2.5e-6),
+    ("1.5 Nm", "N m", 1.5),
+    ("2 mNm", "N m", 2e-3),
+    ("3 µNm", "N m", 3e-6),
+    ("4 Ncm", "N m", 0.04),
+    ("80 Ns/m", "N s/m", 80.0),
+    ("6e-5 kgm²", "kg m^2", 6e-5),
+    ("6e-5 kgm^2", "kg m^2", 6e-5),
+    ("3 gcm^2", "kg m^2", 3e-7),
+    ("30 U/min", "rad/s", math.pi),
+    ("30 1/min", "rad/s", math.pi),
+    ("90°", "rad", math.pi / 2),
+    ("5 nm", "m", 5e-9),
     (7, "kg", 7.0),
 ]
 
@@ -37,6 +51,28 @@ def test_unit_strings(given, unit, value):
 def test_texts_that_are_no_mass(text):
     with pytest.raises(ValueError, match=r"must be (a number in kg|finite)"):
         as_number(text, "kg")
+
+
+@pytest.mark.parametrize(
+    ("text", "unit", "remedy"),
+    [
+        ("2,5 kg", "kg", "Write '2.5 kg', with a point."),
+        ("5", "N m", "Write the number without quotes, or '5 N m'."),
+        ("5 Nmm/s", "N m", "Units that work here: N m (or Nm), mN m, kN m."),
+        ("5 blub", "N s/m", "Its unit is not known. Units that work here: N s/m (or Ns/m)"),
+    ],
+)
+def test_a_refused_unit_names_the_spelling_that_works(text, unit, remedy):
+    with pytest.raises(ValueError, match="must be a number in") as refused:
+        as_number(text, unit)
+    assert remedy in str(refused.value)
+
+
+@pytest.mark.parametrize("unit", SPELLINGS)
+def test_every_spelling_that_a_refusal_names_is_understood(unit):
+    for spelling in re.findall(r"[^,()]+", SPELLINGS[unit].replace("or ", "")):
+        if spelling.strip():
+            assert as_number(f"1 {spelling.strip()}", unit) > 0
 
 
 def test_units_in_vectors_and_wheels():

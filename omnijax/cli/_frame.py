@@ -15,6 +15,7 @@ from .. import __version__
 from .._errors import InputError, RunError
 from .._files import command
 from ._options import read_force
+from ._tokens import flowing, understood
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
@@ -38,7 +39,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {  # section of the help -> its commands,
 
 _EPILOGUE = (
     "Exit codes: 0 done, 1 a run failed, 2 wrong input, 130 interrupted. "
-    "Every command explains itself: omnijax COMMAND --help. "
+    "Every command explains itself: omnijax COMMAND --help, or omnijax help COMMAND. "
     "Completion of commands and options in your shell: omnijax --install-completion"
 )
 
@@ -63,6 +64,7 @@ def build_app() -> App:
         for name in names:
             module = importlib.import_module(f".{name.replace('-', '_')}", __package__)
             function = getattr(module, name.replace("-", "_"))
+            function.__doc__ = flowing(function)
             app.command(function, name=name, group=group, help_epilogue="")
     app["--help"].group = app["--version"].group = Group("Options", sort_key=9)
     app["--install-completion"].group = app["--help"].group
@@ -78,7 +80,8 @@ def run(tokens: list[str] | None = None) -> int:
     """Run the command line; the exit code."""
     try:
         with command():
-            code = build_app()(read_force(sys.argv[1:] if tokens is None else tokens))
+            words = understood(sys.argv[1:] if tokens is None else tokens)
+            code = build_app()(read_force(words))
         sys.stdout.flush()
         return code if isinstance(code, int) else OK
     except KeyboardInterrupt as interrupt:
@@ -96,7 +99,8 @@ def run(tokens: list[str] | None = None) -> int:
 def _told(error: Exception) -> tuple[str, int] | None:
     """What to tell the user, and the exit code; None for a fault of the program."""
     if isinstance(error, CycloptsError):
-        return f"{str(error).strip()}\nSee: omnijax --help", BAD_INPUT
+        command = " ".join(["omnijax", *(error.command_chain or ())])
+        return f"{str(error).strip()}\nSee: {command} --help", BAD_INPUT
     if isinstance(error, InputError):
         return str(error), BAD_INPUT
     if isinstance(error, RunError):

@@ -20,9 +20,9 @@ class Motion:
     force: str | None = None
     """Force on the platform in N: x,y,z."""
     duration: str | None = None
-    """Length of a run (2, 2s, 500ms)."""
+    """Length of a run (2, 2s, 500ms); else 8 s in `simulate`, the steady state in studies."""
     rate: str | None = None
-    """Samples per s (500, 500Hz, 1kHz)."""
+    """Samples per s (1000, 1kHz); 500 where not given."""
 
     def drive(self, wheels: int | None = None) -> Any:
         """The drive by constant speeds or torques."""

@@ -41,6 +41,9 @@ def check_picture(path: Path | None) -> None:
         raise InputError(f"`{path.name}` must end in one of {', '.join(PICTURES)}.")
 
 
+_SEVERAL = re.compile(r"\s*[-+\d.eE]+(\s+[-+]?[\d.][-+\d.eE]*)+\s*\Z")
+
+
 def command_line(without: tuple[str, ...] = (), valued: tuple[str, ...] = ()) -> str:
     """This command as it can be typed again, less some of its words and options with a value."""
     typed, words = ["omnijax"], iter(sys.argv[1:])
@@ -70,6 +73,8 @@ def numbers(
     from .._errors import InputError
 
     values, problems = [], []
+    if "," not in text and _SEVERAL.match(text):
+        raise InputError(f"`{name}` is {text!r}: write commas between the values, not spaces.")
     for part in text.split(","):
         try:
             values.append(number(name, part.strip(), unit))
@@ -79,7 +84,8 @@ def numbers(
         raise InputError(problems)
     if count is not None and len(values) != count:
         kind = "the rig has" if what == "wheels" else "it needs"
-        raise InputError(f"`{name}` has {len(values)} values, but {kind} {count} {what}.")
+        have = f"{len(values)} value{'s' * (len(values) > 1)}"
+        raise InputError(f"`{name}` has {have}, but {kind} {count} {what}.")
     return values
 
 

@@ -1,6 +1,8 @@
 """A file and its NAME.toml into a `Recording`, with everything that is wrong said."""
 
 import difflib
+import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -81,7 +83,7 @@ def _renamed(file: str, found: dict[str, np.ndarray], sidecar: Sidecar) -> dict[
 def _wheels(file: str, named: dict[str, np.ndarray], rig: Any) -> int:
     """Number of wheels of the file; `InputError` where the rig has another."""
     if "t" not in named:
-        raise InputError(f"{file} has no column `t` (time in s){hint('t', ['T', 'time', *named])}.")
+        raise InputError(f"{file} has no column `t` (time in s){_time_like(file, named)}.")
     wheels = count_wheels(named)
     if rig is not None and wheels != rig.size:
         names = ", ".join(f"`{c}`" for c in channels("torque", rig.size) if c not in named)
@@ -96,6 +98,15 @@ def _wheels(file: str, named: dict[str, np.ndarray], rig: Any) -> int:
         names = ", ".join(f"`{c}`" for c in missing)
         raise InputError(f"{file} lacks the input{'s' * (len(missing) > 1)} {names}{near}.")
     return wheels
+
+
+def _time_like(file: str, named: Iterable[str]) -> str:
+    """How to name the column that is the time, or the file's columns where none looks like it."""
+    for column in named:
+        if re.match(r"(time|zeit|t)\b", column.strip().lower()):
+            sidecar = f"{stem_of(Path(file))}.toml"
+            return f'; is it `{column}`? Then write to {sidecar}: channels = {{ t = "{column}" }}'
+    return f"; its columns are {', '.join(f'`{column}`' for column in named)}"
 
 
 def _known(file: str, named: dict[str, np.ndarray], wheels: int, faults: list[Fault]) -> dict:

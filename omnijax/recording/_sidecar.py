@@ -2,13 +2,13 @@
 
 import dataclasses
 import difflib
-import functools
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from .._errors import InputError
 from .._reading import read_toml
+from ..rig import converted
 from ._columns import UNITS, group_of, unit_of
 
 ROLES = ("train", "held-out")
@@ -58,18 +58,10 @@ def hint(name: str, known: Iterable[str]) -> str:
 
 def to_si(column: str, unit: str) -> float:
     """Factor from `unit` to the SI unit of a column; `ValueError` where it is another quantity."""
-    registry = _registry()
     try:
-        return float(registry.Quantity(1.0, unit).to(unit_of(column)).magnitude)
-    except Exception as error:  # pint raises a dozen kinds
+        return converted(1.0, unit, unit_of(column))
+    except ValueError as error:
         raise ValueError(f"{unit!r} is not a unit of {unit_of(column)}") from error
-
-
-@functools.cache
-def _registry() -> Any:
-    import pint
-
-    return pint.UnitRegistry()
 
 
 def _rig(path: Path, document: dict, problems: list[str]) -> Path | None:

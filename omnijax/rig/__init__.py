@@ -32,4 +32,5 @@ from ._save import rig_text as rig_text
 from ._save import save_rig as save_rig
 from ._schema import GROUPS as GROUPS
 from ._schema import channels as channels
+from ._units import converted as converted
 from ._user_laws import load_laws as load_laws

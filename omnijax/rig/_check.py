@@ -15,10 +15,14 @@ from ._schema import GROUPS, TABLES, RigTable, SphereTable, WheelTable, channels
 from ._table_profile import read_profile
 
 _RESERVED = {"all", "sphere", "platform", *WheelTable.model_fields, *GROUPS}
+_RIG = {"sphere", "platform", "wheel"}
+_STUDY = {"rig", "objective", "variable", "constraint", "search", "pareto", "limit", "drive"}
 
 
 def problems(data: Mapping[str, Any], folder: Path) -> list[str]:
     """What is wrong with the tables of a rig file; relative files are looked for in `folder`."""
+    if _STUDY & set(data) and not _RIG & set(data):
+        return ["is a study file, not a rig file: its machine stands under `rig`."]
     try:
         RigTable.model_validate(data)
         found = []

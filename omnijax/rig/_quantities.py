@@ -1,14 +1,16 @@
 """Numbers with a unit and a range, as they stand in a rig file: `0.0758` or `"75.8 mm"`."""
 
 import dataclasses
-import functools
 import math
 import re
 from typing import Any
 
 from pydantic_core import core_schema
 
+from ._units import converted
+
 _NUMBER = re.compile(r"\s*([+-]?(?:\d[\d_]*\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*\Z")
+_COMMA = re.compile(r"\s*([+-]?\d+),(\d+)\s*(.*?)\s*\Z")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -160,44 +162,29 @@ def as_number(found: Any, unit: str) -> float:
     return float(found)
 
 
-@functools.cache
-def _units():
-    import pint  # half a second, so only once a text with a unit is met
-
-    return pint.UnitRegistry()
-
-
 def _from_text(text: str, unit: str) -> float:
     """`"188.2 kN/m"` in N/m; turns become radians (or hertz) as the target asks."""
     wanted = "a plain number" if unit == "1" else f"a number in {unit} or text with such a unit"
     refusal = f"must be {wanted}, but is {text!r}."
     match = _NUMBER.match(text)
     if not match or not (match[2] or unit in {"1", "rad"}):
-        raise ValueError(refusal)
+        raise ValueError(f"{refusal}{_remedy(text, unit)}")
     value = float(match[1].replace("_", ""))
     if match[2] != unit:
-        value = _converted(value, match[2], unit, refusal)
+        try:
+            value = converted(value, match[2], unit)
+        except ValueError as error:
+            raise ValueError(f"{refusal} {_remedy(text, unit).strip() or error}".strip()) from None
     if not math.isfinite(value):
         raise ValueError(f"must be finite, but is {text!r}.")
     return float(value)
 
 
-def _converted(number: float, given_unit: str, unit: str, refusal: str) -> float:
-    """`number` in `unit`; raises `ValueError(refusal)` where the units do not fit."""
-    import pint
-
-    registry = _units()
-    try:
-        given, target = registry.parse_units(given_unit), registry.parse_units(unit)
-        value = registry.Quantity(number, given).to(target).magnitude
-    except (pint.DimensionalityError, pint.OffsetUnitCalculusError):
-        raise ValueError(refusal) from None
-    except Exception:  # pint's parser raises many kinds for what is not a unit
-        raise ValueError(f"{refusal} Its unit is not known.") from None
-    # pint counts radians as 1, so that 1 Hz would be 1 rad/s: a turn is 2 pi rad
-    turns = "radian" in str(registry.Quantity(1, given).to_root_units().units)
-    if unit == "rad/s" and not turns:
-        value *= 2 * math.pi
-    if unit == "Hz" and turns:
-        value /= 2 * math.pi
-    return value
+def _remedy(text: str, unit: str) -> str:
+    """What the text was meant to be, where that can be told."""
+    comma = _COMMA.match(text)
+    if comma:
+        return f" Write {f'{comma[1]}.{comma[2]} {comma[3]}'.strip()!r}, with a point."
+    if unit != "1" and _NUMBER.match(text) and not _NUMBER.match(text)[2]:
+        return f" Write the number without quotes, or {f'{text.strip()} {unit}'!r}."
+    return ""
