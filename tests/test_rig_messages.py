@@ -39,7 +39,7 @@ SINGLE = [
     ((*W1, "rollers"), 14.5, "`wheel.w2.rollers` must be a whole number in [1, inf), but is 14.5."),
     ((*W1, "rollers"), 0, "`wheel.w2.rollers` must lie in [1, inf), but is 0."),
     ((*W1, "radius"), 13, "`wheel.w2.radius` must lie below 12.14 m for these gaps, but is 13.0"),
-    ((*W1, "normal"), [1, 1, 0], "must be a unit vector (length 1 within 1e-06), but [1, 1, 0]"),
+    ((*W1, "normal"), [1, 1, 0], "must be a unit vector (length 1 within 1 %), but [1, 1, 0]"),
     ((*W1, "normal"), [1, 0, 0], "`wheel.w2.drive` must be perpendicular to `normal`"),
     ((*W1, "profile"), "gated-sin", "but is 'gated-sin'. Did you mean `gated-sine`?"),
     ((*W1, "profile"), 3, "`wheel.w2.profile` must be one of gated-sine, continuous-sine,"),

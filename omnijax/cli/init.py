@@ -1,28 +1,123 @@
-"""`omnijax init`: a commented rig file to start from."""
+"""`omnijax init`: a commented rig file, from a geometry or an example, or a study file."""
 
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Literal
 
+from cyclopts import Parameter
+
+from .._errors import InputError
 from .._files import claim, write_bytes
-from ._options import Force
+from ._options import Force, number
+from ._starter import EXAMPLES, rig_text, starter
+
+_TURNING = (0.31, 0.19, 0.45)  # rad/s of the sphere: a drive in which every wheel turns
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Shape:
+    """Where the wheels sit."""
+
+    example: Literal["ballbot", "platform", "four-wheel"] | None = None
+    """A machine to start from."""
+    wheels: int | None = None
+    """Number of wheels, spread evenly around the vertical."""
+    zenith: str | None = None
+    """Angle from the top of the sphere to the wheels (45 or 45deg)."""
+    skew: str | None = None
+    """Angle of the rim's direction to the horizontal; 0 where not given."""
+    radius: str | None = None
+    """Radius of the sphere (120mm)."""
+    rollers: int | None = None
+    """Rollers of a wheel."""
+
+    def text(self) -> str | None:
+        """The rig file; None where no geometry was asked for."""
+        if all(value is None for value in vars(self).values()):
+            return None
+        zenith, skew = _degrees("zenith", self.zenith), _degrees("skew", self.skew)
+        if zenith is not None and not 0 < zenith < 180:
+            raise InputError(f"`zenith` must lie between 0 and 180 deg, but is {zenith:g}.")
+        radius = None if self.radius is None else number("radius", self.radius, "m")
+        if radius is not None and not 0 < radius < float("inf"):
+            raise InputError(f"`radius` must lie in (0, inf) m, but is {radius:g}.")
+        for name, value in (("wheels", self.wheels), ("rollers", self.rollers)):
+            if value is not None and value < 1:
+                raise InputError(f"`{name}` must be at least 1, but is {value}.")
+        below = zenith is not None and zenith > 90
+        base = EXAMPLES[self.example or ("platform" if below else "ballbot")]
+        given = {"wheels": self.wheels, "zenith": zenith, "skew": skew, "radius": radius}
+        return rig_text(starter(base, **given, rollers=self.rollers))
 
 
 def init(
-    file: Path = Path("rig.toml"),
+    file: Path | None = None,
     /,
     *,
+    shape: Shape = Shape(),
+    study: Literal["design", "pareto", "tolerances", "global-sensitivity"] | None = None,
+    rig: str = "rig.toml",
     force: Force = False,
 ) -> None:
-    """Write a commented rig file with every key, to be filled in.
+    """Write a commented rig file with every key, or a study file, to be filled in.
 
     Example: omnijax init my-rig.toml
+
+    Example: omnijax init ballbot.toml --wheels 3 --zenith 45 --radius 120mm
+
+    Example: omnijax init study.toml --study design --rig ballbot.toml
 
     Parameters
     ----------
     file
-        The file to write.
+        The file to write; rig.toml, or study.toml with --study, where it is not given.
+    study
+        Write a study file for this command instead.
+    rig
+        The rig that the study file names.
     """
+    file = file or Path("rig.toml" if study is None else "study.toml")
     claim([file], force=force)
-    template = resources.files("omnijax") / "rig" / "data" / "template" / "rig.toml"
-    write_bytes(file, template.read_bytes())
-    print(f"Wrote {file}. Fill in your numbers, then: omnijax check {file}")
+    if study is not None and (shape != Shape()):
+        raise InputError("a study file has no geometry: write the rig file by a call of its own.")
+    text = _study(study, rig) if study is not None else shape.text() or _template("rig.toml")
+    write_bytes(file, text.encode())
+    then = "check" if study is None else study
+    print(f"Wrote {file}. Fill in your numbers, then: omnijax {then} {file}")
+
+
+def _template(name: str) -> str:
+    folder = resources.files("omnijax") / "rig" / "data" / "template"
+    return (folder / name).read_text(encoding="utf-8")
+
+
+def _study(kind: str, rig: str) -> str:
+    """The study file of a kind, with speeds that fit the wheels of the rig where it is there."""
+    import json
+
+    text = _template(f"{kind}.toml").replace('rig = "atlas"', f"rig = {json.dumps(rig)}", 1)
+    if not Path(rig).is_file():
+        return text
+    import numpy as np
+
+    from ..rig import load_rig
+
+    machine = load_rig(rig)
+    axes, radius = np.asarray(machine.wheels.spin_axis), np.asarray(machine.wheels.radius)
+    turning = axes @ np.array(_TURNING) * float(machine.sphere.radius) / radius
+    speeds = ", ".join(f"{speed:.6g}" for speed in turning)
+    return text.replace("[3.0, 5.1, 7.3]", f"[{speeds}]", 1)
+
+
+def _degrees(name: str, text: str | None) -> float | None:
+    """An angle in degrees: a plain number is one, text may carry a unit."""
+    import math
+
+    if text is None:
+        return None
+    try:
+        return float(text)
+    except ValueError:
+        return math.degrees(number(name, text, "rad"))

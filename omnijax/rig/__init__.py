@@ -6,6 +6,7 @@ from ._json_schema import json_schema as json_schema
 from ._load import bundled_rigs as bundled_rigs
 from ._load import load_rig as load_rig
 from ._load import parse_rig as parse_rig
+from ._load import rig_notes as rig_notes
 from ._load import rig_path as rig_path
 from ._machine import Closure as Closure
 from ._machine import Contact as Contact

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from .._errors import did_you_mean
 from ._check_effects import effect_problems
+from ._directions import directed
 from ._parameters import scalar_paths
 from ._quantities import UNIT_TOLERANCE
 from ._schema import GROUPS, TABLES, RigTable, SphereTable, WheelTable, channels, quantities
@@ -23,11 +24,11 @@ def problems(data: Mapping[str, Any], folder: Path) -> list[str]:
     """What is wrong with the tables of a rig file; relative files are looked for in `folder`."""
     if _STUDY & set(data) and not _RIG & set(data):
         return ["is a study file, not a rig file: its machine stands under `rig`."]
+    data, _, found = directed(data)
     try:
         RigTable.model_validate(data)
-        found = []
     except ValidationError as error:
-        found = [_sentence(entry, data) for entry in error.errors() if not _nested(entry)]
+        found += [_sentence(entry, data) for entry in error.errors() if not _nested(entry)]
     wheels = [wheel for wheel in _blocks(data, "wheel") if isinstance(wheel, Mapping)]
     names = [wheel["name"] for wheel in wheels if isinstance(wheel.get("name"), str)]
     found += _name_problems(names)

@@ -3,6 +3,7 @@
 from typing import Any
 
 from ..laws import EFFECTS, AbstractLaw
+from ._directions import ANGLES
 from ._parameters import law_quantity
 from ._schema import RigTable
 
@@ -12,6 +13,13 @@ def json_schema() -> dict[str, Any]:
     schema = RigTable.model_json_schema()
     schema["$schema"] = "https://json-schema.org/draft/2020-12/schema"
     schema["title"] = "omnijax rig file"
+    wheel = schema["$defs"]["WheelTable"]
+    wheel["properties"] |= {
+        name: quantity.json_schema() | {"description": "unit rad (45 deg), instead of the vectors"}
+        for name, quantity in ANGLES.items()
+    }
+    wheel["required"] = [key for key in wheel["required"] if key not in {"normal", "drive"}]
+    wheel["oneOf"] = [{"required": ["normal", "drive"]}, {"required": ["zenith", "azimuth"]}]
     effect = schema["$defs"]["EffectTable"]
     effect["if"] = {"not": {"required": ["law"]}}
     effect["then"] = {"properties": {"id": {"enum": list(EFFECTS)}}}

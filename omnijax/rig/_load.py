@@ -11,6 +11,7 @@ from .._reading import read_toml
 from ..laws import PROFILES, AbstractLaw, AbstractShape, DualRow
 from ._check import problems
 from ._check_effects import law_class
+from ._directions import directed
 from ._machine import Closure, Contact, Mount, Placed, Platform, Rig, Sphere, Wheels, place_law
 from ._parameters import law_quantity
 from ._schema import EffectTable, RigTable, WheelTable, quantities
@@ -35,16 +36,26 @@ def rig_path(path: str | Path) -> Path:
 def load_rig(path: str | Path) -> Rig:
     """The rig of a TOML file, or a bundled one by its name (`"atlas"`).
 
-    Raises `InputError` with every problem of the file at once.
+    Directions near unit length are taken as directions: `rig_notes` says which.  Raises
+    `InputError` with every problem of the file at once.
     """
+    return parse_rig(_read(path), rig_path(path))
+
+
+def rig_notes(path: str | Path) -> list[str]:
+    """What reading a rig file changed: directions that were made exact."""
+    return directed(_read(path)).notes
+
+
+def _read(path: str | Path) -> dict[str, Any]:
+    """The tables of a rig file."""
     file = rig_path(path)
     try:
-        data = read_toml(file)
+        return read_toml(file)
     except OSError as error:
         names = bundled_rigs()
         hint = did_you_mean(str(path), names) or f" Bundled rigs: {', '.join(names)}."
         raise InputError(f"the rig file cannot be read: {error.strerror}.{hint}", path) from None
-    return parse_rig(data, file)
 
 
 def parse_rig(data: Mapping[str, Any], path: str | Path | None = None) -> Rig:
@@ -53,7 +64,7 @@ def parse_rig(data: Mapping[str, Any], path: str | Path | None = None) -> Rig:
     found = problems(data, folder)
     if found:
         raise InputError(found, path)
-    return _build(RigTable.model_validate(data), folder)
+    return _build(RigTable.model_validate(directed(data).data), folder)
 
 
 def _build(table: RigTable, folder: Path) -> Rig:

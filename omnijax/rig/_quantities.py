@@ -65,7 +65,7 @@ class Quantity:
 
 @dataclasses.dataclass(frozen=True)
 class Vector:
-    """Three numbers of one unit; `unit_length`: of length 1 within 1e-6; `nonzero`: not all 0."""
+    """Three numbers of one unit; `unit_length`: of length 1 within 1 %; `nonzero`: not all 0."""
 
     unit: str
     unit_length: bool = False
@@ -84,8 +84,8 @@ class Vector:
         length = math.hypot(*value)
         if self.unit_length and abs(length - 1) > UNIT_TOLERANCE:
             raise ValueError(
-                f"must be a unit vector (length 1 within {UNIT_TOLERANCE:g}), but {found!r} has "
-                f"length {length:.7g}."
+                f"must be a unit vector (length 1 within {100 * UNIT_TOLERANCE:g} %), but "
+                f"{found!r} has length {length:.7g}.{_unit(value, length)}"
             )
         if self.nonzero and length == 0:
             raise ValueError("must not be the zero vector: it is a direction.")
@@ -100,13 +100,23 @@ class Vector:
     def json_schema(self) -> dict:
         """A list of numbers."""
         item = Quantity(self.unit).json_schema()
-        text = f"unit vector, length 1 within {UNIT_TOLERANCE:g}" if self.unit_length else ""
+        text = (
+            f"unit vector, length 1 within {100 * UNIT_TOLERANCE:g} %" if self.unit_length else ""
+        )
         text = text or f"unit {self.unit}"
         size = {"minItems": self.size, "maxItems": self.size}
         return {"type": "array", "items": item, **size, "description": text}
 
 
-UNIT_TOLERANCE = 1e-6  # of the length of `normal` and `drive`, and of their right angle
+def _unit(vector: tuple[float, ...], length: float) -> str:
+    """The vector of length 1 along `vector`, to be pasted."""
+    if length == 0:
+        return ""
+    return f" Its direction is [{', '.join(f'{x / length:.7g}' for x in vector)}]."
+
+
+UNIT_TOLERANCE = 1e-2  # of a direction's length in a file; what reads it makes the length exact
+ROUND_OFF = 1e-12  # of a direction's length and of right angles: nothing is to be made exact
 
 
 @dataclasses.dataclass(frozen=True)

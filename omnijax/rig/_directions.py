@@ -1,0 +1,94 @@
+"""A wheel's directions from angles, and vectors near unit length made exact.
+
+    e = (sin z cos a, sin z sin a, cos z)        sphere centre -> wheel, zenith z from +z (up)
+    normal = -e                                  wheel -> sphere centre
+    drive = cos s (-sin a, cos a, 0) + sin s (cos z cos a, cos z sin a, -sin z)
+
+with the azimuth a from +x towards +y and the skew s, zero where the rim runs along the sphere's
+circle of latitude and positive where it turns towards the lower pole.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+from ._quantities import ROUND_OFF, UNIT_TOLERANCE, Quantity, Vector
+
+ANGLES = {name: Quantity("rad") for name in ("zenith", "azimuth", "skew")}
+_VECTORS = {name: Vector("1", unit_length=True) for name in ("normal", "drive")}
+
+
+class Directions(NamedTuple):
+    """The tables with exact vectors, what was changed, and what cannot be used."""
+
+    data: Mapping[str, Any]
+    notes: list[str]
+    problems: list[str]
+
+
+def directed(data: Mapping[str, Any]) -> Directions:
+    """Tables of a rig in which every wheel has an exact `normal` and `drive`, where it can."""
+    blocks = data.get("wheel")
+    if not isinstance(blocks, list) or not all(isinstance(block, Mapping) for block in blocks):
+        return Directions(data, [], [])
+    notes: list[str] = []
+    problems: list[str] = []
+    wheels = []
+    for number, block in enumerate(blocks, 1):
+        name = f"wheel.{block.get('name') or number}"
+        if set(ANGLES) & set(block):
+            wheels.append(_from_angles(name, block, problems))
+        else:
+            wheels.append(_exact(name, block, notes))
+    return Directions({**data, "wheel": wheels}, notes, problems)
+
+
+def unit_vectors(zenith: float, azimuth: float, skew: float = 0.0) -> tuple[list, list]:
+    """`normal` and `drive` of a wheel at these angles in rad."""
+    sz, cz, sa, ca = math.sin(zenith), math.cos(zenith), math.sin(azimuth), math.cos(azimuth)
+    along, down = (-sa, ca, 0.0), (cz * ca, cz * sa, -sz)
+    drive = [math.cos(skew) * a + math.sin(skew) * d for a, d in zip(along, down, strict=True)]
+    return [-sz * ca, -sz * sa, -cz], drive
+
+
+def _from_angles(name: str, block: Mapping, problems: list[str]) -> dict[str, Any]:
+    """The wheel with vectors in the place of its angles; without both where they are wrong."""
+    rest = {key: value for key, value in block.items() if key not in ANGLES}
+    both = [key for key in _VECTORS if key in block]
+    missing = [key for key in ("zenith", "azimuth") if key not in block]
+    found = [f"`{name}` has angles and `{key}`: give one of the two." for key in both]
+    found += [f'`{name}.{key}` is missing. Give an angle such as "45 deg".' for key in missing]
+    angles = {}
+    for key, quantity in ANGLES.items():
+        try:
+            angles[key] = quantity.read(block.get(key, 0.0))
+        except ValueError as error:
+            found.append(f"`{name}.{key}` {error}")
+    problems += found
+    normal, drive = ([1, 0, 0], [0, 0, 1]) if found else unit_vectors(**angles)
+    return rest | {"normal": normal, "drive": drive}
+
+
+def _exact(name: str, block: Mapping, notes: list[str]) -> dict[str, Any]:
+    """The wheel with vectors of length 1 at right angles, where they nearly are; notes say so."""
+    try:
+        normal, drive = (vector.read(block[key]) for key, vector in _VECTORS.items())
+    except (KeyError, ValueError):
+        return dict(block)  # the schema tells of it
+    length = math.hypot(*normal), math.hypot(*drive)
+    dot = sum(a * b for a, b in zip(normal, drive, strict=True))
+    if (
+        max(abs(length[0] - 1), abs(length[1] - 1), abs(dot)) <= ROUND_OFF
+        or abs(dot) > UNIT_TOLERANCE
+    ):
+        return dict(block)
+    unit = [x / length[0] for x in normal]
+    dot = sum(a * b for a, b in zip(unit, drive, strict=True))
+    across = [b - dot * a for a, b in zip(unit, drive, strict=True)]
+    size = math.hypot(*across)
+    notes.append(
+        f"`{name}`: `normal` has length {length[0]:.6g} and `drive` {length[1]:.6g}, with "
+        f"{90 - math.degrees(math.asin(dot / length[1])):.4g}° between them; they are taken as "
+        "directions at right angles."
+    )
+    return {**block, "normal": unit, "drive": [x / size for x in across]}
