@@ -48,7 +48,13 @@ def unit_vectors(zenith: float, azimuth: float, skew: float = 0.0) -> tuple[list
     sz, cz, sa, ca = math.sin(zenith), math.cos(zenith), math.sin(azimuth), math.cos(azimuth)
     along, down = (-sa, ca, 0.0), (cz * ca, cz * sa, -sz)
     drive = [math.cos(skew) * a + math.sin(skew) * d for a, d in zip(along, down, strict=True)]
-    return [-sz * ca, -sz * sa, -cz], drive
+    normal = [-sz * ca, -sz * sa, -cz]
+    return _clean(normal), _clean(drive)
+
+
+def _clean(vector: list[float]) -> list[float]:
+    """The vector without the rounding of cosines of a right angle."""
+    return [0.0 if abs(x) < 1e-15 else x for x in vector]
 
 
 def _from_angles(name: str, block: Mapping, problems: list[str]) -> dict[str, Any]:

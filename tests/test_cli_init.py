@@ -1,0 +1,62 @@
+"""`omnijax init`: machines from a geometry, and study files."""
+
+import numpy as np
+import pytest
+
+from omnijax.cli import run
+from omnijax.cli._starter import EXAMPLES
+from omnijax.rig import load_rig
+from omnijax.study import load_study
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_geometry_becomes_a_rig(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    wheels, radius = int(rng.integers(2, 7)), rng.uniform(0.05, 1.0)
+    zenith, skew = rng.uniform(20, 80) + rng.integers(0, 2) * 80, rng.uniform(-40, 40)
+    file = str(tmp_path / "rig.toml")
+    shape = ["--wheels", str(wheels), "--zenith", f"{zenith}", "--skew", f"{skew}deg"]
+    assert run(["init", file, *shape, "--radius", f"{1e3 * radius}mm", "--rollers", "7"]) == 0
+    rig = load_rig(file)
+    assert rig.size == wheels and rig.wheels.rollers.tolist() == [7.0] * wheels
+    assert float(rig.sphere.radius) == pytest.approx(radius, rel=1e-5)
+    np.testing.assert_allclose(rig.wheels.normal[:, 2], -np.cos(np.radians(zenith)), rtol=1e-7)
+    level = np.cross([0, 0, 1], -np.asarray(rig.wheels.normal)) / np.sin(np.radians(zenith))
+    along = np.sum(level * np.asarray(rig.wheels.drive), axis=1)
+    np.testing.assert_allclose(along, np.cos(np.radians(skew)), rtol=1e-7)
+    total = np.asarray(rig.wheels.closure.preload) @ np.asarray(rig.wheels.normal)
+    above = zenith < 90
+    mass = rig.platform.mass + rig.wheels.mass.sum() if above else rig.sphere.mass
+    weight = float(mass) * 9.81 * (-1 if above else 1)  # the wheels push the ball down, or hold it
+    assert abs(total[2]) >= min(1.99 * abs(weight), 20 * abs(np.cos(np.radians(zenith))))
+    assert np.sign(total[2]) == np.sign(weight)
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_every_example_is_a_rig_with_three_driven_axes(name, tmp_path, capsys):
+    file = str(tmp_path / "rig.toml")
+    assert run(["init", file, "--example", name]) == 0
+    assert np.linalg.cond(np.asarray(load_rig(file).wheels.spin_axis)) < 3
+
+
+@pytest.mark.parametrize("kind", ["design", "pareto", "tolerances", "global-sensitivity"])
+def test_study_files_fit_the_rig_that_they_name(kind, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["init", "four.toml", "--example", "four-wheel"]) == 0
+    assert run(["init", "--study", kind, "--rig", "four.toml"]) == 0
+    study = load_study("study.toml")
+    assert study.rig.size == 4
+
+
+@pytest.mark.parametrize(
+    ("tokens", "sentence"),
+    [
+        (["--zenith", "200"], "`zenith` must lie between 0 and 180 deg, but is 200."),
+        (["--wheels", "0"], "`wheels` must be at least 1, but is 0."),
+        (["--radius", "-3mm"], "`radius` must lie in (0, inf) m, but is -0.003."),
+        (["--study", "design", "--wheels", "3"], "a study file has no geometry"),
+    ],
+)
+def test_what_is_no_geometry_is_said(tokens, sentence, tmp_path, capsys):
+    assert run(["init", str(tmp_path / "x.toml"), *tokens]) == 2
+    assert sentence in capsys.readouterr().err
