@@ -21,7 +21,7 @@ found = sensitivity_over_speeds(
     "atlas",
     PAPER,
     scale,
-    ("rms", "elastic_rms", "acceleration_rms"),
+    ("rms", "elastic_rms", "sphere_acceleration_rms"),
     (STIFFNESS, "wheel.roundness"),
 )
 rms, elastic = found.of("rms", STIFFNESS), found.of("elastic_rms", STIFFNESS)
@@ -31,7 +31,7 @@ print("speed of w2   rms       elastic part   acceleration   rms to roundness   
 for i in range(0, len(scale), 6):
     print(
         f"{1.2 * scale[i]:8.3g} rad/s {rms[i]:+9.4f} {elastic[i]:+12.3f}"
-        f" {found.of('acceleration_rms', STIFFNESS)[i]:+14.3f} {round_[i]:+14.3f}"
+        f" {found.of('sphere_acceleration_rms', STIFFNESS)[i]:+14.3f} {round_[i]:+14.3f}"
     )
 static = 2e4 / (188208 + 2e4)  # closure.stiffness/(K + K'): a slow wheel shares its shape so
 slow = scale <= 1.5  # rollers pass far below the natural frequencies

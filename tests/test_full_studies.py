@@ -93,7 +93,7 @@ def test_a_design_of_two_variables_with_a_limit_on_its_runs():
         **STUDY, "rig": "atlas",
         "variable": [*STUDY["variable"],
                      {"path": "contact.stiffness", "low": "60 kN/m", "high": "600 kN/m"}],
-        "constraint": [{"quantity": "acceleration_rms", "max": 1.0}],
+        "constraint": [{"quantity": "sphere_acceleration_rms", "max": 1.0}],
     }  # fmt: skip
     engine = Engine(rig_problem(parse_study(asked)), 1, 0)
     f, g = engine.figures.values(np.random.default_rng(1).random((64, 2)))

@@ -86,8 +86,8 @@ def test_steady_metrics_are_those_of_a_long_run():
     6.2e-4).  Extremes are met only between samples and where all phases come together: 6.1e-3.
     """
     rig = load_rig("atlas")
-    names = ("elastic_rms", "rms_y", "acceleration_rms", "weighted_acceleration", "slip_margin",
-             "lift_off_margin", "peak_y", "peak_to_peak_z")  # fmt: skip
+    names = ("elastic_rms", "rms_y", "sphere_acceleration_rms", "sphere_weighted_acceleration",
+             "slip_margin", "lift_off_margin", "peak_y", "peak_to_peak_z")  # fmt: skip
     steady = jax.jit(lambda r: steady_metrics(r, jnp.array(SPEED), names))(rig)
     ts = jnp.arange(10.0, 30.0, 1 / 250)
     run_ = propagate(rig, speeds(SPEED), jnp.concatenate([jnp.zeros(1), ts]))

@@ -2,53 +2,60 @@
 
 from typing import Any
 
+FIGURES = (  # metric of the summary -> label and unit of its line
+    ("peak", "|ΔR| peak", "m"),
+    ("rms", "|ΔR| RMS", "m"),
+    ("elastic_peak", "elastic part peak", "m"),
+    ("elastic_rms", "elastic part RMS", "m"),
+    ("sphere_acceleration_rms", "acceleration RMS of the sphere", "m/s^2"),
+    ("platform_acceleration_rms", "acceleration RMS of the platform", "m/s^2"),
+    ("lift_off_margin", "normal force, least", "N"),
+    ("slip_margin", "slip margin, least", "N"),
+)
+
 
 def summarise(run: Any, rig: Any) -> dict[str, Any]:
-    """How the run ended, and its main figures as far as it got."""
+    """How the run ended, and its metrics as far as it got, under the names of `METRICS`."""
+    import jax
     import numpy as np
 
     from ..simulation import STATUS
 
     good = np.isfinite(np.asarray(run.dR)).all(axis=1)
-    dR, elastic, a = (np.asarray(x)[good] for x in (run.dR, run.dR_elastic, run.a))
-    figures = {"peak": dR, "elastic_peak": elastic}
-    length = {name: np.linalg.norm(x, axis=1) for name, x in figures.items()}
-    peak = {name: float(x.max()) if len(x) else None for name, x in length.items()}
-    rms = {
-        name: float(np.sqrt(np.mean(np.sum(x**2, axis=1)))) if len(x) else None
-        for name, x in (("rms", dR), ("elastic_rms", elastic), ("acceleration_rms", a))
-    }
-    normal, margin = (np.asarray(x)[good] for x in (run.normal_force, run.slip_margin))
+    kept = jax.tree.map(lambda x: x[good] if np.ndim(x) and len(x) == len(good) else x, run)
+    names = [name for name, _, _ in FIGURES]
+    figures = _figures(kept, rig, names) if good.any() else dict.fromkeys(names)
     return {
         "status": STATUS[int(run.status)],
         "message": run.message(),
-        "time_reached": run.time_reached if len(dR) else None,
+        "time_reached": run.time_reached if good.any() else None,
         "samples": int(good.sum()),
         "steps": int(run.steps),
         "method": run.method,
-        **peak,
-        **rms,
-        "smallest_normal_force": float(normal.min()) if len(dR) else None,
-        "smallest_slip_margin": float(margin.min()) if len(dR) else None,
+        **{name: None if value is None else float(value) for name, value in figures.items()},
+        "contacts": [event._asdict() for event in run.contact_losses()],
         "effects": [{"id": placed.law.id, "place": placed.place} for placed in rig.effects],
     }
+
+
+def _figures(run: Any, rig: Any, names: list[str]) -> dict[str, Any]:
+    """The metrics by one program, which is kept; one by one each formula would be compiled."""
+    import equinox as eqx
+
+    from ..vibration import evaluate
+
+    return eqx.filter_jit(evaluate)(run, rig, tuple(names))
 
 
 def show(summary: dict[str, Any]) -> None:
     """The summary for people."""
     print(summary["message"])
-    if summary["samples"]:
-        print(f"|ΔR|            peak {_micro(summary['peak'])}, RMS {_micro(summary['rms'])}")
-        peak, rms = _micro(summary["elastic_peak"]), _micro(summary["elastic_rms"])
-        print(f"elastic part    peak {peak}, RMS {rms}")
-        print(f"acceleration    RMS {summary['acceleration_rms']:.4g} m/s²")
-        normal, margin = summary["smallest_normal_force"], summary["smallest_slip_margin"]
-        print(f"normal force    at least {normal:.4g} N{' (lift-off)' * (normal < 0)}")
-        print(f"slip margin     at least {margin:.4g} N{' (slip)' * (margin < 0)}")
+    from .._text import amount
+
+    for name, words, unit in FIGURES if summary["samples"] else ():
+        print(f"{words:33s} {amount(summary[name], unit)}")
+    for loss in summary["contacts"]:
+        print(f"{loss['wheel'] + ' ' + loss['kind']:33s} first at {loss['time']:.4g} s")
     for key in ("out", "plot"):
         if key in summary:
-            print(f"{key:15s} {summary[key]}")
-
-
-def _micro(value: float) -> str:
-    return f"{1e6 * value:.4g} µm"
+            print(f"{key:33s} {summary[key]}")

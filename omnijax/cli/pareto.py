@@ -22,7 +22,7 @@ def pareto(
 ) -> int:
     """Trace the front of two or three metrics: nothing better in one without loss in another.
 
-    Example: omnijax pareto study.toml --metric rms,acceleration_rms --report page
+    Example: omnijax pareto study.toml --metric rms,sphere_acceleration_rms --report page
 
     Parameters
     ----------

@@ -83,10 +83,8 @@ def _exact(name: str, block: Mapping, notes: list[str]) -> dict[str, Any]:
         return dict(block)  # the schema tells of it
     length = math.hypot(*normal), math.hypot(*drive)
     dot = sum(a * b for a, b in zip(normal, drive, strict=True))
-    if (
-        max(abs(length[0] - 1), abs(length[1] - 1), abs(dot)) <= ROUND_OFF
-        or abs(dot) > UNIT_TOLERANCE
-    ):
+    off = max(abs(length[0] - 1), abs(length[1] - 1), abs(dot))
+    if off <= ROUND_OFF or abs(dot) > UNIT_TOLERANCE:
         return dict(block)
     unit = [x / length[0] for x in normal]
     dot = sum(a * b for a, b in zip(unit, drive, strict=True))

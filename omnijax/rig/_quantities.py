@@ -100,10 +100,8 @@ class Vector:
     def json_schema(self) -> dict:
         """A list of numbers."""
         item = Quantity(self.unit).json_schema()
-        text = (
-            f"unit vector, length 1 within {100 * UNIT_TOLERANCE:g} %" if self.unit_length else ""
-        )
-        text = text or f"unit {self.unit}"
+        length = f"unit vector, length 1 within {100 * UNIT_TOLERANCE:g} %"
+        text = length if self.unit_length else f"unit {self.unit}"
         size = {"minItems": self.size, "maxItems": self.size}
         return {"type": "array", "items": item, **size, "description": text}
 

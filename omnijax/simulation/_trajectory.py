@@ -1,7 +1,7 @@
 """What a simulation returns: channels with names and units, and how the run ended."""
 
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -24,6 +24,17 @@ REMEDY = {
     3: "the solver gave up: try `solver='kvaerno5'`, or lower `rtol`.",
     4: "what was computed is kept.",
 }
+
+
+class ContactLoss(NamedTuple):
+    """A contact that opens or slips: the model has no law for it; do not believe what follows."""
+
+    kind: str  # "lifts off" or "slips"
+    wheel: str
+    time: float  # s, of the first sample
+
+    def __str__(self) -> str:
+        return f"{self.wheel} {self.kind} at {self.time:.4g} s"
 
 
 class Trajectory(eqx.Module):
@@ -115,10 +126,26 @@ class Trajectory(eqx.Module):
         """Whether a drive force went above friction times normal force at a sample."""
         return bool(jnp.any(self.slip_margin < 0))
 
+    def contact_losses(self) -> list[ContactLoss]:
+        """Where each wheel first lifts off and first slips, earliest first."""
+        time, losses = np.asarray(self.t), []
+        channels = {"lifts off": self.normal_force, "slips": self.slip_margin}
+        for kind, values in channels.items():
+            lost = np.asarray(values) < 0
+            for wheel in np.flatnonzero(lost.any(axis=0)):
+                first = float(time[np.argmax(lost[:, wheel])])
+                name = self.names[wheel] if self.names else f"wheel {wheel + 1}"
+                losses.append(ContactLoss(kind, name, first))
+        return sorted(losses, key=lambda loss: loss.time)
+
     def message(self) -> str:
         """One sentence on how the run ended, with what to change if it failed."""
         if self.ok:
-            return f"ok: {len(self.t)} samples to {float(self.t[-1]):g} s ({self.method})."
+            lost = "".join(f", but {loss}" for loss in self.contact_losses()[:1])
+            more = len(self.contact_losses()) - 1
+            lost += f" ({more} more of slip or lift-off)" if more > 0 else ""
+            end = f"{len(self.t)} samples to {float(self.t[-1]):g} s ({self.method})."
+            return f"ok{lost}: {end}"
         code = int(self.status)
         return f"{STATUS[code]} after {self.time_reached:g} s: {REMEDY[code]}"
 

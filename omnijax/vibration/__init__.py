@@ -8,9 +8,12 @@ from ._amplitude import smooth_peak as smooth_peak
 from ._comfort import weighted_acceleration as weighted_acceleration
 from ._comfort import weighting as weighting
 from ._metrics import METRICS as METRICS
+from ._metrics import STEADY_METRICS as STEADY_METRICS
 from ._metrics import Metric as Metric
 from ._metrics import evaluate as evaluate
 from ._metrics import known as known
+from ._metrics import metric_problem as metric_problem
+from ._metrics import steady_metrics as steady_metrics
 from ._modes import Modes as Modes
 from ._modes import modes as modes
 from ._modes import natural_frequencies as natural_frequencies
@@ -19,9 +22,7 @@ from ._order_results import OrderTrack as OrderTrack
 from ._orders import order_track as order_track
 from ._orders import roller_orders as roller_orders
 from ._orders import rpm_order_map as rpm_order_map
-from ._steady import STEADY_METRICS as STEADY_METRICS
 from ._steady import ContactLoad as ContactLoad
 from ._steady import SteadyRun as SteadyRun
 from ._steady import contact_load as contact_load
-from ._steady import steady_metrics as steady_metrics
 from ._waterfall import name_of as name_of

@@ -1,31 +1,32 @@
-"""The table of vibration metrics: name -> unit, meaning, and a function of a run and its rig."""
+"""The table of vibration metrics: unit, meaning, and how a run and a steady state give each."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._errors import did_you_mean
+from .._root import root
 from ..rig import Rig
 from ..simulation import Trajectory
 from ._amplitude import norm, peak, peak_to_peak, rms, smooth_peak
 from ._comfort import weighted_acceleration
+from ._gravity import up
+from ._steady import SHARPNESS, SteadyRun
 
 
 class Metric(NamedTuple):
-    """One figure of a run: its unit, its meaning, how it is computed, and which way is better."""
+    """One figure: unit, meaning, how a run and a steady state give it, which way is better.
+
+    `of_steady` is None where the long run has no closed form of it: that needs a `duration`.
+    """
 
     unit: str
     meaning: str
-    of: Callable[[Trajectory, Rig], Float[Array, ""]]
+    of_run: Callable[[Trajectory, Rig], Float[Array, ""]]
+    of_steady: Callable[[SteadyRun], Float[Array, ""]] | None
     smaller_is_better: bool = True
-
-
-def up(rig: Rig) -> Float[Array, "3"]:
-    """Unit vector against gravity; +z where the rig has none."""
-    size = jnp.sqrt(jnp.sum(rig.platform.gravity**2))
-    safe = jnp.where(size > 0, size, 1.0)
-    return jnp.where(size > 0, -rig.platform.gravity / safe, jnp.array([0.0, 0.0, 1.0]))
 
 
 def _component(i: int, axis: str) -> dict[str, Metric]:
@@ -34,60 +35,165 @@ def _component(i: int, axis: str) -> dict[str, Metric]:
 
     dR, rate, elastic = part("dR"), part("dR_rate"), part("dR_elastic")
     return {
-        f"peak_{axis}": Metric("m", f"largest |ΔR_{axis}|", lambda r, _: peak(r.t, dR(r), rate(r))),
-        f"rms_{axis}": Metric("m", f"RMS of ΔR_{axis}", lambda r, _: rms(dR(r))),
+        f"peak_{axis}": Metric(
+            "m",
+            f"largest |ΔR_{axis}|",
+            lambda r, _: peak(r.t, dR(r), rate(r)),
+            lambda s: jnp.max(s.extremes("dR"), axis=0)[i],
+        ),
+        f"rms_{axis}": Metric(
+            "m",
+            f"RMS of ΔR_{axis}",
+            lambda r, _: rms(dR(r)),
+            lambda s: root(s.mean_square("dR")[i]),
+        ),
         f"peak_to_peak_{axis}": Metric(
-            "m", f"range of ΔR_{axis}", lambda r, _: peak_to_peak(dR(r)[:, 0])
+            "m",
+            f"range of ΔR_{axis}",
+            lambda r, _: peak_to_peak(dR(r)[:, 0]),
+            lambda s: jnp.sum(s.extremes("dR"), axis=0)[i],
         ),
         f"elastic_rms_{axis}": Metric(
-            "m", f"RMS of the elastic part along {axis}", lambda r, _: rms(elastic(r))
+            "m",
+            f"RMS of the elastic part along {axis}",
+            lambda r, _: rms(elastic(r)),
+            lambda s: root(s.mean_square("dR_elastic")[i]),
         ),
     }
 
 
 METRICS: dict[str, Metric] = {
-    "peak": Metric("m", "largest |ΔR|", lambda r, _: peak(r.t, r.dR, r.dR_rate)),
-    "rms": Metric("m", "RMS of |ΔR|", lambda r, _: rms(r.dR)),
-    "peak_to_peak": Metric("m", "range of |ΔR|", lambda r, _: peak_to_peak(norm(r.dR))),
-    "smooth_peak": Metric("m", "64-norm of |ΔR| over the samples", lambda r, _: smooth_peak(r.dR)),
-    "elastic_peak": Metric(
-        "m", "largest elastic part |Σ(Δ+δ)r̂| at a sample", lambda r, _: peak(r.t, r.dR_elastic)
+    "peak": Metric(
+        "m",
+        "largest |ΔR|",
+        lambda r, _: peak(r.t, r.dR, r.dR_rate),
+        lambda s: s.suprema("dR")[0],
     ),
-    "elastic_rms": Metric("m", "RMS of the elastic part", lambda r, _: rms(r.dR_elastic)),
+    "rms": Metric(
+        "m",
+        "RMS of |ΔR|",
+        lambda r, _: rms(r.dR),
+        lambda s: root(jnp.sum(s.mean_square("dR"))),
+    ),
+    "peak_to_peak": Metric(
+        "m", "range of |ΔR|", lambda r, _: peak_to_peak(norm(r.dR)), None
+    ),  # its least value over independent phases has no closed form
+    "smooth_peak": Metric(
+        "m",
+        "64-norm of |ΔR| over the samples (steady: over the phases)",
+        lambda r, _: smooth_peak(r.dR),
+        lambda s: s.smooth_peak("dR", SHARPNESS),
+    ),
+    "elastic_peak": Metric(
+        "m",
+        "largest elastic part |Σ(Δ+δ)r̂| at a sample",
+        lambda r, _: peak(r.t, r.dR_elastic),
+        lambda s: s.suprema("dR_elastic")[0],
+    ),
+    "elastic_rms": Metric(
+        "m",
+        "RMS of the elastic part",
+        lambda r, _: rms(r.dR_elastic),
+        lambda s: root(jnp.sum(s.mean_square("dR_elastic"))),
+    ),
     **_component(0, "x"),
     **_component(1, "y"),
     **_component(2, "z"),
-    "acceleration_rms": Metric(
-        "m/s^2", "RMS acceleration of the sphere's centre", lambda r, _: rms(r.a_sphere)
-    ),
-    "acceleration_peak": Metric(
-        "m/s^2", "largest acceleration of the sphere's centre", lambda r, _: peak(r.t, r.a_sphere)
-    ),
-    "weighted_acceleration": Metric(
+    "sphere_acceleration_rms": Metric(
         "m/s^2",
-        "ISO 2631-1 weighted RMS acceleration (W_d across, W_k along gravity)",
+        "RMS acceleration of the sphere's centre",
+        lambda r, _: rms(r.a_sphere),
+        lambda s: root(jnp.sum(s.mean_square("a_sphere"))),
+    ),
+    "sphere_acceleration_peak": Metric(
+        "m/s^2",
+        "largest acceleration of the sphere's centre",
+        lambda r, _: peak(r.t, r.a_sphere),
+        lambda s: s.suprema("a_sphere")[0],
+    ),
+    "sphere_weighted_acceleration": Metric(
+        "m/s^2",
+        "ISO 2631-1 weighted RMS acceleration of the sphere (W_d across, W_k along gravity)",
         lambda r, rig: weighted_acceleration(r.t, r.a_sphere, up(rig)),
+        lambda s: s.weighted(),
+    ),
+    "platform_acceleration_rms": Metric(
+        "m/s^2", "RMS acceleration of the platform", lambda r, _: rms(r.a), None
+    ),
+    "platform_acceleration_peak": Metric(
+        "m/s^2", "largest acceleration of the platform", lambda r, _: peak(r.t, r.a), None
     ),
     "slip_margin": Metric(
-        "N", "least μN − |f| of all contacts", lambda r, _: jnp.min(r.slip_margin), False
+        "N",
+        "least μN − |f| of all contacts",
+        lambda r, _: jnp.min(r.slip_margin),
+        lambda s: jnp.min(s.load().slip_margin),
+        False,
     ),
     "lift_off_margin": Metric(
-        "N", "least normal force of all contacts", lambda r, _: jnp.min(r.normal_force), False
+        "N",
+        "least normal force of all contacts",
+        lambda r, _: jnp.min(r.normal_force),
+        lambda s: jnp.min(s.load().least),
+        False,
     ),
 }
 
+STEADY_METRICS = tuple(name for name, metric in METRICS.items() if metric.of_steady is not None)
 
-def evaluate(run: Trajectory, rig: Rig, names: tuple[str, ...]) -> dict[str, Float[Array, ""]]:
-    """The named metrics of a run; `ValueError` with the nearest name for an unknown one."""
-    return {name: METRICS[known(name)].of(run, rig) for name in names}
+_RENAMED = {  # word of version 0.1 -> what it meant
+    "acceleration_rms": "sphere_acceleration_rms (platform_acceleration_rms in the summary of a "
+    "run)",
+    "acceleration_peak": "sphere_acceleration_peak",
+    "weighted_acceleration": "sphere_weighted_acceleration",
+}
+
+
+def metric_problem(name: object, more: Iterable[str] = (), begins: str | None = None) -> str | None:
+    """Why `name` is no metric, and which is meant; None where it is one or stands in `more`."""
+    options = [*more, *METRICS]
+    if name in options:
+        return None
+    if name in _RENAMED:
+        return f"`{name}` does not say whose acceleration it is: write {_RENAMED[str(name)]}."
+    listed = f" Known are {', '.join(options)}."
+    begins = begins or f"`{name}` is no metric."
+    return f"{begins}{did_you_mean(str(name), options)}{listed}"
 
 
 def known(name: str) -> str:
-    """`name` if it is a metric."""
-    if name not in METRICS:
-        import difflib
-
-        near = difflib.get_close_matches(name, METRICS, 1)
-        hint = f" Did you mean `{near[0]}`?" if near else ""
-        raise ValueError(f"`{name}` is no metric.{hint} Metrics: {', '.join(METRICS)}.")
+    """`name` if it is a metric; else `ValueError` with the nearest name."""
+    problem = metric_problem(name)
+    if problem is not None:
+        raise ValueError(problem)
     return name
+
+
+def evaluate(run: Trajectory, rig: Rig, names: str | Iterable[str]) -> dict[str, Float[Array, ""]]:
+    """The named metrics of a run in SI; differentiable.
+
+    `names` is a list, or text with commas between.  Raises `ValueError` with the nearest name for
+    an unknown one.
+    """
+    listed = names.split(",") if isinstance(names, str) else names
+    return {name: METRICS[known(name)].of_run(run, rig) for name in map(str.strip, listed)}
+
+
+def steady_metrics(
+    rig: Rig,
+    speeds: Float[Array, " n"],
+    names: tuple[str, ...],
+    *,
+    model: str = "coupled",
+    angles: Float[Array, " n"] | None = None,
+) -> dict[str, Float[Array, ""]]:
+    """The named metrics of the steady state at constant `speeds` (rad/s); differentiable.
+
+    Every metric of `STEADY_METRICS`; `ValueError` for others, which need a run.
+    """
+    for name in names:
+        if known(name) not in STEADY_METRICS:
+            raise ValueError(f"`{name}` has no steady-state form; give a `duration`.")
+    angles = jnp.zeros(rig.size) if angles is None else angles
+    run = SteadyRun(rig, jnp.asarray(speeds, float), angles, model)
+    return {name: run.metric(name) for name in names}

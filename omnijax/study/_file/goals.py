@@ -3,9 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ..._errors import did_you_mean
 from ...rig import Quantity, Rig
-from ...vibration import METRICS
+from ...vibration import METRICS, metric_problem
 from .._constraints import QUANTITIES, Wanted
 from .cases import quantity_of
 from .read import Reader
@@ -14,9 +13,9 @@ OPTIONS = ("orders", "youngs_modulus", "poisson_ratio")  # of a constraint
 
 
 def _metric(read: Reader, name: Any, where: str) -> str:
-    if name not in METRICS:
-        hint = did_you_mean(str(name), METRICS)
-        read.say(f"`{where}`: `{name}` is no metric.{hint} Metrics: {', '.join(METRICS)}.")
+    problem = metric_problem(name)
+    if problem is not None:
+        read.say(f"`{where}`: {problem}")
         return "rms"
     if not METRICS[name].smaller_is_better:
         read.say(f"`{where}`: `{name}` is no vibration but a margin: hold it by a [[constraint]].")
@@ -97,9 +96,7 @@ def constraint(read: Reader, block: Mapping) -> Wanted | None:
     where = f"constraint.{name}"
     known = {k: q.unit for k, q in {**QUANTITIES, **METRICS}.items()}
     if name not in known:
-        options = ", ".join(known)
-        hint = did_you_mean(str(name), known)
-        read.say(f"`{where}` is no quantity.{hint} Quantities: {options}.")
+        read.say(str(metric_problem(name, QUANTITIES, f"`{where}` is no quantity.")))
         return None
     bounds = {
         key: read.value(block[key], f"{where}.{key}", Quantity(known[name]))

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..._errors import InputError, did_you_mean
+from ..._errors import InputError
 from ...rig import Rig, get_parameter, parameter_info, parameter_paths, set_parameter
 from ...simulation import (
     SpeedDrive,
@@ -18,7 +18,7 @@ from ...simulation import (
     simulate,
     simulate_fixed,
 )
-from ...vibration import METRICS, STEADY_METRICS, SteadyRun, evaluate
+from ...vibration import STEADY_METRICS, SteadyRun, evaluate, metric_problem
 from .._drive import is_constant
 
 RATE = 500.0  # samples per s of a run
@@ -96,11 +96,7 @@ def checked_metrics(metrics: Sequence[str] | str) -> tuple[str, ...]:
     """`metrics` as a tuple; `InputError` with the nearest names for unknown ones."""
     listed = metrics.split(",") if isinstance(metrics, str) else metrics
     names = tuple(name.strip() for name in listed)
-    problems = [
-        f"`{name}` is no metric.{did_you_mean(name, METRICS)} Metrics: {', '.join(METRICS)}."
-        for name in names
-        if name not in METRICS
-    ]
+    problems = [problem for name in names if (problem := metric_problem(name))]
     problems += [] if names else ["a study needs at least one metric."]
     if problems:
         raise InputError(problems)

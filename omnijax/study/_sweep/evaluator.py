@@ -14,10 +14,11 @@ from jax.sharding import AxisType, PartitionSpec
 
 from ..._errors import InputError
 from ...rig import Rig, parse_rig
+from ...vibration import METRICS
 from .._drive import Drive, drive_from_plain
 from .._target import apply
 from .bulk import bulk_batch, plan_of
-from .paths import METRICS, Settings, figures_of
+from .paths import Settings, figures_of
 from .spec import SweepSpec
 from .store import Quantity
 

@@ -6,7 +6,7 @@ import diffrax as dfx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..._errors import InputError, did_you_mean
+from ..._errors import InputError
 from ...rig import Rig
 from ...simulation import (
     SpeedDrive,
@@ -16,7 +16,7 @@ from ...simulation import (
     simulate,
     simulate_fixed,
 )
-from ...vibration import METRICS, STEADY_METRICS, evaluate, steady_metrics
+from ...vibration import STEADY_METRICS, evaluate, metric_problem, steady_metrics
 from .._drive import Drive
 from .bulk import margin_status, no_bulk
 from .store import FAILED
@@ -39,12 +39,9 @@ class Settings(NamedTuple):
 
 def check_metrics(names: tuple[str, ...]) -> None:
     """`InputError` for a name that is no metric."""
-    unknown = [name for name in names if name not in METRICS]
-    if unknown:
-        listed = f" Metrics: {', '.join(METRICS)}."
-        raise InputError(
-            [f"`{name}` is no metric.{did_you_mean(name, METRICS)}{listed}" for name in unknown]
-        )
+    problems = [problem for name in names if (problem := metric_problem(name))]
+    if problems:
+        raise InputError(problems)
     if not names:
         raise InputError("a sweep needs at least one metric, as in peak,rms.")
     if len(set(names)) < len(names):

@@ -1,0 +1,13 @@
+"""Which way is up."""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..rig import Rig
+
+
+def up(rig: Rig) -> Float[Array, "3"]:
+    """Unit vector against gravity; +z where the rig has none."""
+    size = jnp.sqrt(jnp.sum(rig.platform.gravity**2))
+    safe = jnp.where(size > 0, size, 1.0)
+    return jnp.where(size > 0, -rig.platform.gravity / safe, jnp.array([0.0, 0.0, 1.0]))

@@ -1,0 +1,60 @@
+"""The table of metrics, and what a run says of contacts that slip or lift off."""
+
+import dataclasses
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from omnijax import METRICS, evaluate, load_rig, simulate, speeds
+from omnijax.cli._simulate_summary import summarise
+from omnijax.study import load_study
+from omnijax.vibration import STEADY_METRICS, metric_problem
+
+
+@pytest.fixture(scope="module")
+def run():
+    return simulate(load_rig("atlas"), speeds([0.1, 1.2, 0.3]), np.linspace(0, 0.2, 21))
+
+
+def test_an_old_word_for_an_acceleration_says_whose_is_meant(run, tmp_path):
+    for word in ("acceleration_rms", "acceleration_peak", "weighted_acceleration"):
+        problem = metric_problem(word)
+        assert problem is not None and f"write sphere_{word}" in problem
+    with pytest.raises(ValueError, match="does not say whose acceleration it is"):
+        evaluate(run, load_rig("atlas"), "rms,acceleration_rms")
+    (tmp_path / "s.toml").write_text(
+        "[objective]\nmetric = 'acceleration_rms'\n[[drive]]\nspeed=[1,2,3]"
+    )
+    with pytest.raises(ValueError, match="write sphere_acceleration_rms"):
+        load_study(tmp_path / "s.toml")
+
+
+def test_the_table_tells_every_metric():
+    for name, metric in METRICS.items():
+        assert metric.unit and metric.meaning and callable(metric.of_run), name
+        assert (metric.of_steady is not None) == (name in STEADY_METRICS)
+
+
+def test_the_summary_of_a_run_has_the_metrics_own_figures(run):
+    rig = load_rig("atlas")
+    found = summarise(run, rig)
+    named = {name: found[name] for name in METRICS if name in found}
+    assert len(named) == 8
+    for name, value in evaluate(run, rig, tuple(named)).items():
+        assert value == pytest.approx(named[name], rel=1e-12)
+    assert found["platform_acceleration_rms"] != pytest.approx(found["sphere_acceleration_rms"])
+
+
+def test_a_run_says_which_wheel_lifts_off_and_slips_and_when(run):
+    assert run.message().startswith("ok: 21 samples")
+    lost = dataclasses.replace(
+        run,
+        normal_force=run.normal_force.at[7:9, 1].set(-1.0),
+        slip_margin=jnp.asarray(run.slip_margin).at[5, 2].set(-1.0),
+    )
+    assert [str(loss) for loss in lost.contact_losses()] == [
+        "w3 slips at 0.05 s",
+        "w2 lifts off at 0.07 s",
+    ]
+    assert lost.message().startswith("ok, but w3 slips at 0.05 s (1 more of slip or lift-off): 21")
