@@ -1,12 +1,14 @@
-"""`python -m benchmarks [--json FILE] [--only TASK,...]`: all tasks, one core, one table."""
+"""All tasks in one run, on one core, into one table."""
 
 import argparse
+import datetime
 import json
 import os
 import platform
 import sys
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 
 TASKS = {
     "transient C=120": ("transient", (120.0,), 1e-4),
@@ -17,6 +19,8 @@ TASKS = {
     "dynamics": ("dynamics", (), 1e-4),
     "cold": ("cold", (), 1e-4),
 }
+PAGE = Path(__file__).parent / "README.md"
+BEGIN, END = "<!-- table -->\n", "<!-- end of table -->\n"  # what `--write` replaces
 PACKAGES = ["jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "numba", "casadi"]
 
 
@@ -42,12 +46,17 @@ def main() -> int:
     """Run, print, and write."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("--json", metavar="FILE", help="write the rows there")
+    parser.add_argument(
+        "--write", action="store_true", help="put the table into README.md (all tasks only)"
+    )
     parser.add_argument("--only", default="", help=f"of: {', '.join(TASKS)} (beginnings will do)")
     arguments = parser.parse_args()
     wanted = [x for x in arguments.only.split(",") if x]
     unknown = [x for x in wanted if not any(task.startswith(x) for task in TASKS)]
     if unknown:
         parser.error(f"no such task: {', '.join(unknown)}; there are {', '.join(TASKS)}.")
+    if arguments.write and wanted:
+        parser.error("--write is for a table of all tasks from one run: leave --only out.")
     _one_core()
     from ._clock import measure, table
 
@@ -62,11 +71,23 @@ def main() -> int:
         print(f"{task} …", file=sys.stderr, flush=True)
         tools = import_module(f".{module}", __package__).tools(*extra, skip)
         rows += measure(task, tools, accuracy)
-    print(f"{machine()}\n\n{table(rows)}")
+    text = f"{machine()}\n\n{table(rows)}\n"
+    print(text, end="")
+    if arguments.write:
+        PAGE.write_text(written(PAGE.read_text(), f"{datetime.date.today()}: {text}"))
     if arguments.json:
         with open(arguments.json, "w") as file:
             json.dump({"machine": machine(), "rows": rows}, file, indent=1)
     return 0
+
+
+def written(page: str, text: str) -> str:
+    """`page` with `text` between its two marks."""
+    head, found, rest = page.partition(BEGIN)
+    _, ended, tail = rest.partition(END)
+    if not (found and ended):
+        raise ValueError(f"{PAGE.name} lacks the lines {BEGIN.strip()} and {END.strip()}.")
+    return f"{head}{BEGIN}\n{text}\n{END}{tail}"
 
 
 def _one_core() -> None:

@@ -1,8 +1,9 @@
 """Rows of the table: each tool of a task timed in turn, round after round, in CPU seconds."""
 
+import functools
 import resource
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,6 +20,34 @@ class Tool(NamedTuple):
     error: Callable[[Any], float | None]
     rounds: int = 5
     note: str = ""
+    cold: bool = False  # timed without a run before it: what a first process costs
+
+
+def loosest(
+    name: str,
+    run: Callable[[Any], Any],
+    settings: Sequence[Any],
+    designs: int,
+    error: Callable[[Any], float],
+    accuracy: float = ACCURACY,
+    rounds: int = 3,
+    note: str = "",
+) -> Tool:
+    """The tool at the cheapest of `settings` (cheapest first) whose error is within `accuracy`.
+
+    Each is run until one reaches it; the note says which, and what the setting before it missed by.
+    Where none does, the last stands, and its row says that it misses.  `note` holds one `{}`.
+    """
+    before = ""
+    for setting in settings:
+        reached = error(run(setting))
+        text = note.format(setting)
+        if reached <= accuracy or setting == settings[-1]:
+            return Tool(
+                name, functools.partial(run, setting), designs, error, rounds, text + before
+            )
+        before = f"; {note.format(setting).split(', ')[-1]} has {reached:.1e}"
+    raise ValueError(f"{name}: no settings to try.")
 
 
 def cpu_seconds() -> float:
@@ -29,7 +58,7 @@ def cpu_seconds() -> float:
 
 def measure(task: str, tools: list[Tool], accuracy: float = ACCURACY) -> list[dict[str, Any]]:
     """One row a tool: median microseconds a design, error, what there is to say."""
-    results = {tool.name: tool.run() for tool in tools if tool.rounds > 1}  # compiles, warms up
+    results = {tool.name: tool.run() for tool in tools if not tool.cold}  # compiles, warms up
     spent: dict[str, list[float]] = {tool.name: [] for tool in tools}
     for number in range(max(tool.rounds for tool in tools)):
         for tool in tools:
@@ -39,15 +68,15 @@ def measure(task: str, tools: list[Tool], accuracy: float = ACCURACY) -> list[di
                 spent[tool.name].append(cpu_seconds() - start)
     rows = []
     for tool in tools:
-        found = tool.error(results[tool.name])
-        missed = found is not None and not found <= accuracy
+        reached = tool.error(results[tool.name])
+        missed = reached is not None and not reached <= accuracy
         note = "; ".join(x for x in (tool.note, f"misses {accuracy:g}" if missed else "") if x)
         rows.append(
             {
                 "task": task,
                 "tool": tool.name,
                 "us_per_design": 1e6 * float(np.median(spent[tool.name])) / tool.designs,
-                "error": found,
+                "error": reached,
                 "designs": tool.designs,
                 "rounds": tool.rounds,
                 "note": note,

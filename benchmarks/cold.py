@@ -30,7 +30,7 @@ def tools(skip) -> list[Tool]:
 
     note = "8 s of the Atlas rig, 8001 samples"
     return [
-        Tool("omnijax no cache", process(_FIRST), 1, lambda _: None, 1, "compiles"),
+        Tool("omnijax no cache", process(_FIRST), 1, lambda _: None, 1, "compiles", True),
         Tool("import jax", process("import jax"), 1, lambda _: None, 3),
         Tool("omnijax", process(_FIRST), 1, lambda _: None, 3, note),
     ]

@@ -10,15 +10,12 @@ import numpy as np
 
 from . import _c
 from . import _problem as problem
-from ._clock import Tool
+from ._clock import Tool, loosest
 
 BATCH, PLAIN = 2048, 64
-SUBSTEPS = {120.0: 2, 8500.0: 27, 20000.0: 67}  # of C RK4: accuracy, then stability
-LADDER = {  # loosest decades that reach 1e-4
-    "RK45": {120.0: 1e-3},
-    "LSODA": {120.0: 1e-5, 8500.0: 1e-4, 20000.0: 1e-4},
-    "Radau": {120.0: 1e-3, 8500.0: 1e-3, 20000.0: 1e-3},
-}
+SUBSTEPS = (1, 2, 3, 4, 6, 8, 12, 16, 22, 27, 32, 40, 50, 58, 67, 80)  # a sample, of Runge-Kutta
+DECADES = tuple(10.0**-k for k in range(2, 10))  # relative tolerances, loosest first
+STIFF = 1000.0  # N s/m: explicit methods of general tools take hours above it
 
 
 def tools(damping: float, skip) -> list[Tool]:
@@ -35,16 +32,26 @@ def tools(damping: float, skip) -> list[Tool]:
         found.append(
             Tool("c-exact", run, BATCH, lambda o: problem.error(o[::64], expected), 7, "SIMD")
         )
-        n = SUBSTEPS[damping]
         run = functools.partial(
-            _c.elastic, library, "runge_kutta", some, problem.SAMPLES, problem.STEP, n
+            _c.elastic, library, "runge_kutta", some, problem.SAMPLES, problem.STEP
         )
-        note = f"scalar, step {1e6 * problem.STEP / n:.0f} us"
-        found.append(Tool("c-rk4", run, PLAIN, lambda o: problem.error(o, few), 5, note))
+        note = "scalar, {} steps a sample"
+        found.append(loosest("c-rk4", run, SUBSTEPS, PLAIN, by(few), rounds=5, note=note))
     found += [*_ours(rows, some, expected, few), _plain_diffrax(damping, some, few)]
     for make in (_numba, _casadi, _scipy, _octave):
         found += make(damping, some, few, skip)
     return found
+
+
+def by(expected):
+    """The error of figures against `expected`; infinite where a solver gave up."""
+
+    def error(figures) -> float:
+        with np.errstate(invalid="ignore"):
+            reached = problem.error(figures, expected)
+        return reached if np.isfinite(reached) else np.inf
+
+    return error
 
 
 def _ours(rows, some, expected, few) -> list[Tool]:
@@ -113,7 +120,7 @@ def _plain_diffrax(damping, some, few) -> Tool:
     import jax.numpy as jnp
 
     speeds = jnp.asarray(problem.SPEEDS)
-    solver, rtol = (dfx.Tsit5(), 1e-4) if damping < 1000 else (dfx.Kvaerno5(), 1e-5)
+    solver = dfx.Tsit5() if damping < STIFF else dfx.Kvaerno5()
 
     def field(t, y, d):
         eta, K, k, C = d
@@ -128,7 +135,7 @@ def _plain_diffrax(damping, some, few) -> Tool:
         tension = K * (x - D - rho) + C * (v - w)
         return jnp.stack([v, w, -tension - problem.KP * x, tension - problem.CM * w - k * D])
 
-    def one(row):
+    def one(row, rtol):
         solution = dfx.diffeqsolve(
             dfx.ODETerm(field), solver, 0.0, problem.DURATION, 1e-4, jnp.zeros((4, 3)), row,
             saveat=dfx.SaveAt(ts=jnp.asarray(problem.TIMES)), max_steps=200_000, throw=False,
@@ -137,15 +144,10 @@ def _plain_diffrax(damping, some, few) -> Tool:
         square = jnp.sum(solution.ys[:, 0] ** 2, axis=-1)
         return jnp.stack([jnp.sqrt(square.mean()), jnp.sqrt(square.max())])
 
-    run, batch = jax.jit(jax.vmap(one)), jnp.asarray(some)
-    note = f"vmap, {type(solver).__name__}, rtol {rtol:g}"
-    return Tool(
-        "diffrax",
-        lambda: np.asarray(run(batch)),
-        len(some),
-        lambda o: problem.error(o, few),
-        1,
-        note,
+    solve, batch = jax.jit(jax.vmap(one, (0, None))), jnp.asarray(some)
+    note = f"vmap, {type(solver).__name__}, rtol {{:g}}"
+    return loosest(
+        "diffrax", lambda r: np.asarray(solve(batch, r)), DECADES, len(some), by(few), note=note
     )
 
 
@@ -156,17 +158,12 @@ def _numba(damping, some, few, skip):
         skip("numba (not installed)")
         return []
     M, MW, KP, CM = problem.M, problem.MW, problem.KP, problem.CM
-    speeds, samples, n, pitch = (
-        problem.SPEEDS,
-        problem.SAMPLES,
-        SUBSTEPS[damping],
-        2 * np.pi / problem.N,
-    )
-    h = problem.STEP / n
+    speeds, samples, pitch = problem.SPEEDS, problem.SAMPLES, 2 * np.pi / problem.N
+    step = problem.STEP
 
     @numba.njit(fastmath=True)
-    def run(rows, gaps):
-        out = np.zeros((len(rows), 2))
+    def run(rows, gaps, n):
+        out, h = np.zeros((len(rows), 2)), step / n
         for b in range(len(rows)):
             K, k, C = rows[b, 1], rows[b, 2], rows[b, 3]
             width, depth = gaps[b]
@@ -200,9 +197,8 @@ def _numba(damping, some, few, skip):
         return out
 
     gaps = np.array([problem.gap(eta) for eta in some[:, 0]])
-    return [
-        Tool("numba", lambda: run(some, gaps), len(some), lambda o: problem.error(o, few), 3, "RK4")
-    ]
+    note = "RK4, {} steps a sample"
+    return [loosest("numba", lambda n: run(some, gaps, n), SUBSTEPS, len(some), by(few), note=note)]
 
 
 def _casadi(damping, some, few, skip):
@@ -222,18 +218,20 @@ def _casadi(damping, some, few, skip):
         v, w = (m + C * rho) / problem.M, (pi - C * rho) / problem.MW
         tension = K * (x - D - rho) + C * (v - w)
         rates += [v, w, -tension - problem.KP * x, tension - problem.CM * w - k * D]
-    rtol = 1e-5 if damping < 1000 else 1e-4
-    options = {"reltol": rtol, "abstol": rtol * 1e-6, "max_num_steps": 1_000_000}
     ode = {"x": y, "p": p, "t": t, "ode": ca.vertcat(*rates)}
-    solver = ca.integrator("transient", "cvodes", ode, 0.0, list(problem.TIMES), options)
     row = some[24]
 
-    def run():
-        found = solver(x0=np.zeros(12), p=[*row, *problem.gap(row[0])])["xf"]
-        return problem.figures(np.asarray(found)[0::4])
+    @functools.cache
+    def solver(rtol):
+        options = {"reltol": rtol, "abstol": rtol * 1e-6, "max_num_steps": 1_000_000}
+        return ca.integrator("transient", "cvodes", ode, 0.0, list(problem.TIMES), options)
 
-    note = f"CVODES, rtol {rtol:g}, one design"
-    return [Tool("casadi", run, 1, lambda o: problem.error(o, few[24]), 3, note)]
+    def run(rtol):
+        ends = solver(rtol)(x0=np.zeros(12), p=[*row, *problem.gap(row[0])])["xf"]
+        return problem.figures(np.asarray(ends)[0::4])
+
+    note = "CVODES, one design, rtol {:g}"
+    return [loosest("casadi", run, DECADES, 1, by(few[24]), note=note)]
 
 
 def _scipy(damping, some, few, skip):
@@ -262,18 +260,14 @@ def _scipy(damping, some, few, skip):
         )
         return problem.figures(s.y[:3])
 
+    methods = ("RK45", "LSODA", "Radau") if damping < STIFF else ("LSODA", "Radau")
     return [
-        Tool(
-            f"scipy {method}",
-            functools.partial(run, method, by[damping]),
-            1,
-            lambda o: problem.error(o, few[24]),
-            1,
-            f"solve_ivp, rtol {by[damping]:g}, one design",
+        loosest(
+            f"scipy {method}", functools.partial(run, method), DECADES, 1, by(few[24]),
+            note="solve_ivp, one design, rtol {:g}",
         )
-        for method, by in LADDER.items()
-        if damping in by
-    ]
+        for method in methods
+    ]  # fmt: skip
 
 
 _OCTAVE = """
@@ -285,7 +279,7 @@ function out = field(t, y, d, width, depth, w, pitch)
   tension = d(2)*(y(:,1) - y(:,2) - rho) + d(4)*(v - u);
   out = [v; u; -tension - 1e4*y(:,1); tension - 50*u - d(3)*y(:,2)];
 end
-o = odeset("RelTol", 1e-3, "AbsTol", 1e-8);
+o = odeset("RelTol", {rtol!r}, "AbsTol", {rtol!r}*1e-5);
 [t, y] = ode45(@(t, y) field(t, y, d, width, depth, w, pitch), (0:1000)*2e-3, zeros(12, 1), o);
 n = sum(y(2:end, 1:3).^2, 2); printf("%.15g %.15g\\n", sqrt(mean(n)), sqrt(max(n)));
 """
@@ -293,18 +287,19 @@ n = sum(y(2:end, 1:3).^2, 2); printf("%.15g %.15g\\n", sqrt(mean(n)), sqrt(max(n
 
 def _octave(damping, some, few, skip):
     octave = shutil.which("octave-cli") or shutil.which("octave")
-    if octave is None or damping > 1000:
+    if octave is None or damping > STIFF:
         skip("Octave ode45 " + ("(stiff: hours)" if octave else "(not installed)"))
         return []
     width, depth = (float(x) for x in problem.gap(some[24, 0]))
-    text = _OCTAVE.format(row=", ".join(map(repr, map(float, some[24]))), width=width, depth=depth)
-    script = Path(tempfile.mkdtemp(prefix="omnijax-bench-")) / "transient.m"
-    script.write_text("1;\n" + text)
+    row = ", ".join(map(repr, map(float, some[24])))
+    folder = Path(tempfile.mkdtemp(prefix="omnijax-bench-"))
 
-    def run():
+    def run(rtol):
+        script = folder / f"transient_{rtol:g}.m"
+        script.write_text("1;\n" + _OCTAVE.format(row=row, width=width, depth=depth, rtol=rtol))
         command = [octave, "--no-gui", "--norc", str(script)]
         done = subprocess.run(command, capture_output=True, text=True, check=True)
         return np.array(done.stdout.split(), float)
 
-    note = "ode45, RelTol 1e-3, with its start, one design"
-    return [Tool("octave", run, 1, lambda o: problem.error(o, few[24]), 1, note)]
+    note = "ode45, with its start, one design, RelTol {:g}"
+    return [loosest("octave", run, DECADES, 1, by(few[24]), note=note)]

@@ -12,7 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from benchmarks import __main__ as command
 from benchmarks import _c
 from benchmarks import _problem as problem
-from benchmarks._clock import Tool, measure, table
+from benchmarks._clock import Tool, loosest, measure, table
 
 needs_compiler = pytest.mark.skipif(
     not (shutil.which("cc") or shutil.which("gcc")), reason="no C compiler"
@@ -58,6 +58,43 @@ def test_a_row_that_misses_the_accuracy_says_so():
     assert notes == {"omnijax": "", "loose": "one; misses 0.0001", "broken": "misses 0.0001"}
     assert {"task", "tool", "us_per_design", "error"} <= set(rows[0])
     assert table(rows).count("\n| task |") == 3
+
+
+def test_a_tool_gets_the_loosest_setting_that_reaches_the_bar_and_runs_warm():
+    ran = []
+
+    def solve(tolerance):
+        ran.append(tolerance)
+        return tolerance
+
+    settings = (1e-2, 1e-3, 1e-4, 1e-5)
+    tool = loosest("solver", solve, settings, 1, lambda o: 0.5 * o, 1e-4, 3, "one, rtol {:g}")
+    assert ran == [1e-2, 1e-3, 1e-4] and tool.note == "one, rtol 0.0001; rtol 0.001 has 5.0e-04"
+    never = loosest("solver", solve, settings, 1, lambda o: 1.0, 1e-4, 1, "rtol {:g}")
+    ran.clear()
+    rows = measure(
+        "task",
+        [tool, never, Tool("first", lambda: ran.append("cold"), 1, lambda _: None, 1, "", True)],
+    )
+    assert ran.count(1e-4) == 1 + 3 and ran.count("cold") == 1  # once to warm up, then timed
+    assert rows[1]["note"].endswith("misses 0.0001")
+
+
+def test_the_table_of_the_page_is_replaced_whole():
+    page = f"before\n{command.BEGIN}old row\n{command.END}after\n"
+    assert command.written(page, "new rows") == (
+        f"before\n{command.BEGIN}\nnew rows\n{command.END}after\n"
+    )
+    with pytest.raises(ValueError, match="lacks the lines"):
+        command.written("no marks", "new rows")
+    assert command.BEGIN in command.PAGE.read_text() and command.END in command.PAGE.read_text()
+
+
+def test_part_of_a_table_is_not_written(monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["benchmarks", "--only", "cold", "--write"])
+    with pytest.raises(SystemExit) as stopped:
+        command.main()
+    assert stopped.value.code == 2 and "leave --only out" in capsys.readouterr().err
 
 
 def test_an_unknown_task_is_refused(monkeypatch, capsys):
