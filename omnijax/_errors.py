@@ -2,6 +2,7 @@
 
 import difflib
 import importlib
+import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
@@ -23,6 +24,16 @@ class InputError(ValueError):
         if len(sentences) > MOST:
             self.problems += (f"{where}and {len(sentences) - MOST} more.",)
         super().__init__("\n".join(self.problems))
+
+
+class DataWarning(UserWarning):
+    """Something of the user's is damaged or unusual, and the work goes on without it."""
+
+
+def tell(sentences: Iterable[str]) -> None:
+    """Warn of `sentences`; the command line prints each on the error stream."""
+    for sentence in sentences:
+        warnings.warn(brief(sentence), DataWarning, stacklevel=3)
 
 
 def brief(text: str) -> str:

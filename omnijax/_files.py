@@ -66,7 +66,7 @@ def claim(
     """
     here = _command.get()
     if here is not None:
-        here.force = force
+        here.force = here.force or force
         if resumed is not None:
             here.written.add(real(resumed))
     taken: set[Path] = set()
@@ -143,14 +143,16 @@ def _obstacle(folder: Path) -> str | None:
 
 
 @contextmanager
-def writing(path: str | Path) -> Iterator[Path]:
+def writing(path: str | Path, ours: bool = False) -> Iterator[Path]:
     """A file to be written beside `path`; at the end it takes that name, synced to the disk.
 
-    `InputError` where it cannot be written; then nothing has changed.
+    `InputError` where it cannot be written; then nothing has changed.  `ours` is a part of a store,
+    whose folder was checked when it was opened.
     """
     try:
         target = real(path)
-        _refuse(target, path)
+        if not ours:
+            _refuse(target, path)
         target.parent.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
         raise _failed(error, path) from None
@@ -158,11 +160,11 @@ def writing(path: str | Path) -> Iterator[Path]:
     _parts.add(part)
     try:
         yield part
-        _sync(part)
+        sync(part)
         with suppress(OSError):
             part.chmod(stat.S_IMODE(target.stat().st_mode))
         os.replace(part, target)
-        _sync(target.parent)
+        sync(target.parent)
     except OSError as error:
         raise _failed(error, path) from None
     finally:
@@ -174,9 +176,9 @@ def writing(path: str | Path) -> Iterator[Path]:
         here.written.add(target)
 
 
-def write_bytes(path: str | Path, content: bytes) -> Path:
+def write_bytes(path: str | Path, content: bytes, ours: bool = False) -> Path:
     """Write a whole file."""
-    with writing(path) as part:
+    with writing(path, ours) as part:
         part.write_bytes(content)
     return Path(path)
 
@@ -224,7 +226,7 @@ def _identity(path: str | Path) -> tuple[int, int]:
     return found.st_dev, found.st_ino
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
     """Have the disk hold it; a file system that cannot sync a folder is left to itself."""
     if sys.platform == "win32" and path.is_dir():
         return

@@ -117,12 +117,12 @@ def test_folder_that_is_no_store_and_store_in_use_are_refused(whole, tmp_path):
         load_sweep(tmp_path)
     with pytest.raises(InputError, match="no such folder"):
         load_sweep(tmp_path / "absent")
-    from omnijax.study._sweep.store import Lock
+    from omnijax.study._sweep.store import lock
 
-    lock = Lock(whole.store.folder)
+    held = lock(whole.store.folder)
     with pytest.raises(InputError, match="another process is writing"):
         steady(whole.store.folder, resume=True)
-    lock.release()
+    held.release()
 
 
 def test_full_disk_is_one_sentence_and_the_store_stays_readable(tmp_path, monkeypatch, capsys):
@@ -222,3 +222,63 @@ def test_pictures_show_the_numbers(whole, tmp_path):
     assert len(ax.lines) == 4 and ax.get_ylabel() == f"rms ({unit})"
     with pytest.raises(InputError, match="not varied"):
         whole.plot_heatmap("peak", x="sphere.mass")
+
+
+def damaged_copy(whole, tmp_path, name, work):
+    """A copy of the store with one file changed by `work`."""
+    import shutil
+
+    copy = tmp_path / "damaged.zarr"
+    shutil.rmtree(copy, ignore_errors=True)
+    shutil.copytree(whole.store.folder, copy)
+    work(copy / name)
+    return copy
+
+
+def flip(file):
+    raw = bytearray(file.read_bytes())
+    raw[len(raw) // 2] ^= 4
+    file.write_bytes(raw)
+
+
+DAMAGE = {
+    "flipped": (flip, "is damaged"),
+    "missing": (lambda file: file.unlink(), "is missing"),
+    "empty": (lambda file: file.write_bytes(b""), "is cut off"),
+    "cut": (lambda file: file.write_bytes(file.read_bytes()[:-5]), "is damaged"),
+}
+
+
+@pytest.mark.parametrize("kind", DAMAGE)
+def test_a_damaged_chunk_is_named_and_computed_again(whole, tmp_path, capsys, kind):
+    work, said = DAMAGE[kind]
+    copy = damaged_copy(whole, tmp_path, "rms/c/3", work)
+    with pytest.warns(UserWarning, match=rf"rms/c/3 {said}: its designs count as not done"):
+        found = load_sweep(copy)
+    assert found.counts() == {"not done": 2, "ok": 18}
+    good = np.delete(np.arange(20), [6, 7])
+    assert np.array_equal(found["rms"].ravel()[good], whole["rms"].ravel()[good])
+    assert np.isnan(found["rms"].ravel()[[6, 7]]).all()
+    assert run(["sweep-status", str(copy)]) == 1
+    assert f"rms/c/3 {said}" in capsys.readouterr().err
+    assert run(["export", str(copy), str(tmp_path / "x.csv")]) == 1
+    assert (tmp_path / "x.csv").read_text().count("not done") == 2
+    assert run([*COMMAND, "--out", str(copy), "--resume"]) == 0
+    assert same(load_sweep(copy), whole)
+
+
+def test_no_flipped_bit_goes_unnoticed(whole, tmp_path):
+    generator = np.random.default_rng(0)
+    copy = damaged_copy(whole, tmp_path, "zarr.json", lambda file: None)
+    files = sorted(x for x in copy.rglob("*") if x.is_file())
+    for _ in range(60):
+        file = files[generator.integers(len(files))]
+        raw = file.read_bytes()
+        bit = int(generator.integers(8 * len(raw)))
+        changed = bytearray(raw)
+        changed[bit // 8] ^= 1 << bit % 8
+        file.write_bytes(changed)
+        with pytest.raises((InputError, UserWarning)):  # warnings are errors here
+            load_sweep(copy)
+        file.write_bytes(raw)
+    assert same(load_sweep(copy), whole)

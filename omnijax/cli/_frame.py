@@ -8,11 +8,12 @@ at once.  Its docstring holds an example.  It returns an exit code or nothing.
 import importlib
 import os
 import sys
+import warnings
 
 from cyclopts import App, CycloptsError, Group
 
 from .. import __version__
-from .._errors import InputError, RunError
+from .._errors import DataWarning, InputError, RunError
 from .._files import command
 from ._options import read_force
 from ._tokens import flowing, understood
@@ -79,7 +80,9 @@ def main(tokens: list[str] | None = None) -> None:
 def run(tokens: list[str] | None = None) -> int:
     """Run the command line; the exit code."""
     try:
-        with command():
+        with command(), warnings.catch_warnings():
+            warnings.simplefilter("always", DataWarning)
+            warnings.showwarning = _show
             words = understood(sys.argv[1:] if tokens is None else tokens)
             code = build_app()(read_force(words))
         sys.stdout.flush()
@@ -94,6 +97,11 @@ def run(tokens: list[str] | None = None) -> int:
         if said is None:  # a fault of ours is not hidden
             raise
         return _say(*said)
+
+
+def _show(message: Warning | str, category: type[Warning], *_: object) -> None:
+    """A warning as one line, without the place in the source."""
+    print(f"warning: {message}", file=sys.stderr)
 
 
 def _told(error: Exception) -> tuple[str, int] | None:

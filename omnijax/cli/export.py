@@ -28,4 +28,4 @@ def export(store: Path, file: Path, /, *, force: Force = False, json: Json = Fal
         {"file": str(written), "designs": result.size},
         lambda: print(f"{written}: {result.size} designs"),
     )
-    return 0
+    return 1 if result.store.damaged else 0

@@ -31,7 +31,7 @@ def sweep_status(store: Path, /, *, rerun: int | None = None, json: Json = False
     state = progress(result.store)
     summary = {**state._asdict(), **summarise(result)}
     emit(json, summary, lambda: _print(result, summary))
-    return 0
+    return 1 if result.store.damaged else 0
 
 
 def _again(result: Any, index: int) -> dict[str, Any]:

@@ -1,20 +1,29 @@
 """Finished parts of a long study in a folder, and how an interrupted one is taken up again."""
 
+import hashlib
 import json
+import weakref
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .._errors import InputError
+from .._errors import InputError, tell
+from .._files import claim, real, write_text, writing
+from .._lock import Lock
 from ._differences import differences, plain
 
 Report = Callable[[int, int], None]
 
 
 class Folder:
-    """Finished parts of a study as small files; `identity` is all that decides its numbers."""
+    """Finished parts of a study as small files; `identity` is all that decides its numbers.
+
+    One process writes it at a time.  Every part is whole and says its checksum; a damaged one is
+    named and computed again.
+    """
 
     def __init__(self, folder: str | Path, identity: Mapping[str, Any], resume: bool):
         self.folder = Path(folder)
@@ -28,28 +37,54 @@ class Folder:
                 raise InputError(
                     f"holds another study and is left as it is. They differ in:\n  {keys}", folder
                 )
-            return
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            part = self.folder / ".study.part"
-            part.write_text(json.dumps(asked, indent=1), encoding="utf-8")
-            part.rename(mark)
-        except OSError as error:
-            raise InputError(f"cannot be written: {error.strerror}.", folder) from None
+        else:
+            claim(folders=[self.folder])
+            write_text(mark, json.dumps(asked, indent=1))
+        self._lock = _locked(real(mark))
 
     def read(self, key: str) -> dict[str, np.ndarray] | None:
-        """What `write` stored under `key`."""
+        """What `write` stored under `key`; None where it is not there, or damaged."""
         path = self.folder / f"{key}.npz"
         if not path.exists():
             return None
-        with np.load(path, allow_pickle=False) as found:
-            return {name: found[name] for name in found.files}
+        try:
+            with zipfile.ZipFile(path) as file:
+                said = file.comment.decode("ascii")
+            with np.load(path, allow_pickle=False) as file:
+                found = {name: file[name] for name in file.files}
+        except Exception:  # zipfile, zlib and numpy raise whatever they like on a broken file
+            found, said = {}, "broken"
+        if said and _digest(found) != said:
+            tell([f"{path}: is damaged: this part is computed again."])
+            return None
+        return found
 
     def write(self, key: str, arrays: dict[str, np.ndarray]) -> None:
         """Store arrays; a killed write leaves no half file."""
-        part = self.folder / f".{key}.part.npz"
-        np.savez(part, **arrays)  # pyright: ignore[reportArgumentType]
-        part.rename(self.folder / f"{key}.npz")
+        with writing(self.folder / f"{key}.npz", ours=True) as part:
+            np.savez(part, **arrays)  # pyright: ignore[reportArgumentType]
+            with zipfile.ZipFile(part, "a") as file:
+                file.comment = _digest(arrays).encode("ascii")
+
+
+_locks: weakref.WeakValueDictionary[Path, Lock] = weakref.WeakValueDictionary()
+
+
+def _locked(mark: Path) -> Lock:
+    """This process's lock of a study: one for all that write it here, until the last is gone."""
+    held = _locks.get(mark)
+    if held is None:
+        held = _locks[mark] = Lock(mark, "study")
+    return held
+
+
+def _digest(arrays: Mapping[str, np.ndarray]) -> str:
+    """Of names, kinds, shapes and values."""
+    found = hashlib.sha256()
+    for name in sorted(arrays):
+        value = np.ascontiguousarray(arrays[name])
+        found.update(f"{name} {value.dtype.str} {value.shape} ".encode() + value.tobytes())
+    return found.hexdigest()
 
 
 def folder_of(out: str | Path | None, identity: Mapping[str, Any], resume: bool) -> Folder | None:

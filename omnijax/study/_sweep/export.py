@@ -19,7 +19,8 @@ def attributes(result: Any) -> dict[str, str]:
     """What a file of this sweep must say: rig, specification, seed, versions, command."""
     stored = dict(result.store.group.attrs)
     found = {k: v if isinstance(v, str) else json.dumps(v) for k, v in stored.items()}
-    found.pop("order", None)
+    for key in ("order", "files", "sha256"):  # of the store, not of the sweep
+        found.pop(key, None)
     return found | {"rig": result.spec.rig, "seed": str(result.spec.seed), "path": result.path}
 
 

@@ -35,7 +35,7 @@ def progress(store: Store) -> Progress:
 
 def progress_of(folder: Path, store: Store) -> Progress:
     """Progress of `store`, which lies in `folder`."""
-    files = chunk_files(folder)
+    files = {i: at for i, at in chunk_files(folder).items() if i not in store.damaged}
     done = store.count(files)
     times = sorted(files.values())
     recent = times[-RECENT:]

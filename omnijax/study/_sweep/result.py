@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._errors import InputError, did_you_mean
+from ..._errors import InputError, did_you_mean, tell
 from ..._html import html_table
 from ..._text import scaled
 from .._points import Grid
@@ -143,7 +143,11 @@ class SweepResult:
         from .evaluator import quantities
 
         attrs = dict(self.store.group.attrs)
-        about = {k: v for k, v in attrs.items() if k not in {"schema", "spec", "order"}}
+        about = {
+            k: v
+            for k, v in attrs.items()
+            if k not in {"schema", "spec", "order", "files", "sha256"}
+        }
         target = Path(folder)
         if target.exists():
             raise InputError("exists already.", target)
@@ -173,4 +177,6 @@ class SweepResult:
 
 def load_sweep(folder: str | Path) -> SweepResult:
     """The sweep stored in `folder`, finished or not."""
-    return SweepResult(open_store(folder, mode="r"))
+    result = SweepResult(open_store(folder, mode="r"))
+    tell(result.store.damage())
+    return result

@@ -2,12 +2,12 @@
 
 Every array runs over `design` in chunks of the sweep's chunk.  A chunk file appears by renaming, so
 it is whole or absent, and `status` is written last: its chunk files are the done-mask.  A killed
-run therefore loses the chunk it was in, and nothing else.
+run therefore loses the chunk it was in, and nothing else.  Every chunk has a checksum; one that is
+lost or damaged counts as not done, and is computed again by `--resume`.
 """
 
 import os
 import shutil
-import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -15,6 +15,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..._errors import InputError
+from ..._files import sync
+from ..._lock import Lock
+from .damage import check_description, damaged_chunks, seal
 from .spec import SweepSpec
 
 STATUS = {
@@ -47,7 +50,11 @@ class Store:
             raise InputError("is not the store of a sweep.", folder)
         self.spec = SweepSpec.from_json(group.attrs["spec"])
         self._arrays = dict(group.arrays())
-        self._here: set[int] = set()  # done chunks of a store in memory
+        for name in self.names:
+            if name not in self._arrays:
+                raise InputError(f"has no array `{name}`: {name}/zarr.json is missing.", folder)
+        self._here: set[int] = set()  # chunks that were written here
+        self._damaged: dict[int, str] | None = None
 
     @property
     def size(self) -> int:
@@ -68,9 +75,35 @@ class Store:
         """Unit of one stored array."""
         return self._arrays[name].attrs["units"]
 
+    @property
+    def damaged(self) -> dict[int, str]:
+        """Chunks that were done and cannot be used, each with the file and what is wrong."""
+        if self._damaged is None:
+            found = [] if self.folder is None else chunk_files(self.folder)
+            folder = self.folder or Path(".")
+            self._damaged = damaged_chunks(folder, self._arrays, set(found) - self._here)
+        return self._damaged
+
+    def damage(self) -> list[str]:
+        """One sentence a damaged file."""
+        return [
+            f"{self.folder}: {text}: its designs count as not done; --resume computes them again."
+            for text in self.damaged.values()
+        ]
+
     def read(self, name: str, start: int = 0, stop: int | None = None) -> np.ndarray:
-        """Values of the designs start ... stop - 1."""
-        return np.asarray(self._arrays[name][start : self.size if stop is None else stop])
+        """Values of the designs start ... stop - 1; of a damaged chunk NaN, and status -1."""
+        stop = self.size if stop is None else stop
+        array, size = self._arrays[name], self.spec.chunk
+        lost = [i for i in self.damaged if i * size < stop and (i + 1) * size > start]
+        if not lost:
+            return np.asarray(array[start:stop])
+        found = np.full(max(stop - start, 0), array.fill_value, array.dtype)
+        for chunk in range(start // size, -(-stop // size)):
+            if chunk not in self.damaged:
+                a, b = max(chunk * size, start), min((chunk + 1) * size, stop)
+                found[a - start : b - start] = array[a:b]
+        return found
 
     def bounds(self, chunk: int) -> tuple[int, int]:
         """First design of a chunk and the one after its last."""
@@ -87,6 +120,7 @@ class Store:
         found[sorted(self._here)] = True
         if self.folder is not None:
             found[[i for i in chunk_files(self.folder) if i < len(found)]] = True
+            found[[i for i in self.damaged if i < len(found)]] = False
         return found
 
     def write(self, chunk: int, columns: Mapping[str, np.ndarray]) -> None:
@@ -94,7 +128,14 @@ class Store:
         start, stop = self.bounds(chunk)
         for name in self.names:
             self._arrays[name][start:stop] = columns[name]
+            if self.folder is not None:
+                sync(self.folder / name / "c" / str(chunk))
+        self.written(chunk)
+
+    def written(self, chunk: int) -> None:
+        """A chunk has been written, by this process or by another one."""
         self._here.add(chunk)
+        self.damaged.pop(chunk, None)
 
 
 def chunk_files(folder: Path) -> dict[int, float]:
@@ -118,6 +159,7 @@ def create_store(
     try:
         draft.parent.mkdir(parents=True, exist_ok=True)
         _empty_group(str(draft), spec, quantities, about)
+        seal(draft)
         draft.rename(folder)
     except OSError:
         shutil.rmtree(draft, ignore_errors=True)
@@ -129,6 +171,7 @@ def _empty_group(
     where: Any, spec: SweepSpec, quantities: list[Quantity], about: Mapping[str, Any]
 ) -> Any:
     import zarr
+    from zarr.codecs import Crc32cCodec, ZstdCodec
 
     size, order = spec.points.size, [q.name for q in quantities]
     attributes = {"schema": SCHEMA, "spec": spec.to_json(), "order": order, **about}
@@ -145,6 +188,8 @@ def _empty_group(
             chunks=(spec.chunk,),
             dtype="i1" if status else "f8",
             fill_value=-1 if status else np.nan,
+            compressors=[ZstdCodec(level=0), Crc32cCodec()],
+            config={"write_empty_chunks": True},  # a chunk without a file is a lost one
             dimension_names=["design"],
             attributes=about_it,
         )
@@ -163,8 +208,10 @@ def open_store(folder: str | Path, mode: Any = "r+") -> Store:
     folder = Path(folder)
     if not folder.is_dir():
         raise InputError("there is no such folder.", folder)
+    check_description(folder)
     try:
-        return Store(zarr.open_group(str(folder), mode=mode), folder)
+        with zarr.config.set({"array.write_empty_chunks": True}):
+            return Store(zarr.open_group(str(folder), mode=mode), folder)
     except (GroupNotFoundError, FileNotFoundError, KeyError, ValueError) as error:
         if isinstance(error, InputError):
             raise
@@ -177,32 +224,15 @@ def clean(folder: Path) -> None:
         leftover.unlink(missing_ok=True)
 
 
-class Lock:
-    """One writing process a store: an advisory lock that ends with its process, however it ends."""
-
-    def __init__(self, folder: Path | None):
-        self._file: Any = None
-        if folder is None or sys.platform == "win32":
-            return
-        import fcntl
-
-        self._file = (folder / "zarr.json").open("rb")
-        try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            self._file.close()
-            raise InputError("another process is writing this sweep.", folder) from None
-
-    def release(self) -> None:
-        """Give the store back."""
-        if self._file is not None:
-            self._file.close()
+def lock(folder: Path | None) -> Lock:
+    """The store is written by this process alone until the lock is released."""
+    return Lock(None if folder is None else folder / "zarr.json", "sweep")
 
 
 def is_running(folder: Path) -> bool:
     """Whether a process on this machine is writing the store."""
     try:
-        Lock(folder).release()
+        lock(folder).release()
     except InputError:
         return True
     return False

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from ... import __version__
-from ..._errors import InputError
+from ..._errors import InputError, tell
 from ...rig import Rig, load_rig
 from ...simulation import AbstractDrive
 from .evaluator import Evaluator, quantities
 from .plan import Numerics, Sampling, plan, read_drive
 from .result import SweepResult
 from .spec import SweepSpec, differences_of
-from .store import Lock, Store, clean, create_store, open_store
+from .store import Store, clean, create_store, lock, open_store
 
 Report = Callable[[Store, int, np.ndarray], None]  # after each chunk: store, chunk, its status
 
@@ -75,7 +75,7 @@ def sweep(
     about = {"path_reason": why, "command": command, "rig_file": rig_file, **environment()}
     try:
         store = _store(folder, asked, resume, chunk is not None, about)
-        lock = Lock(folder)
+        held = lock(folder)
     except OSError as error:
         raise _no_space(error, folder) from None
     try:
@@ -84,7 +84,7 @@ def sweep(
     except OSError as error:
         raise _no_space(error, folder) from None
     finally:
-        lock.release()
+        held.release()
     return SweepResult(store)
 
 
@@ -121,6 +121,7 @@ def _store(
             f"holds another sweep and is left as it is. They differ in:\n  {keys}", folder
         )
     clean(folder)
+    tell(store.damage())
     return store
 
 
@@ -143,6 +144,7 @@ def _run(store: Store, finished: Iterator[tuple[int, np.ndarray]], report: Repor
     """Drive the evaluation; an interruption keeps what is done and says how to go on."""
     try:
         for chunk, status in finished:
+            store.written(chunk)
             if report is not None:
                 report(store, chunk, status)
     except KeyboardInterrupt:
