@@ -32,6 +32,10 @@ def shaft(angle=0.0, speed=0.0, command=0.0, load=0.0):
     return "shaft", laws.ShaftSignal(**known)
 
 
+def actuator(torque, angle=0.0, speed=0.0):
+    return "actuator", laws.ActuatorSignal(*map(jnp.asarray, (torque, angle, speed)))
+
+
 def rolling(roll, spin, normal_force, friction):
     return "rolling", laws.RollingSignal(*map(jnp.asarray, (roll, spin, normal_force, friction)))
 
@@ -114,8 +118,8 @@ TABLE = {
         ({"amplitude": 0.01, "order": 2.5, "phase": 0.0}, shaft(-math.pi / 5), -0.01),
     ],
     "motor-gain": [
-        ({"g": 0.05}, shaft(0.2, 3.0, 0.8), 0.04),
-        ({"g": -0.05}, shaft(0.2, 3.0, -0.6), 0.03),
+        ({"g": 0.05}, actuator(0.8, 0.2, 3.0), 0.04),
+        ({"g": -0.05}, actuator(-0.6, 0.2, 3.0), 0.03),
     ],
     # (about the driven axis, about the normal, on the shaft)
     "rolling-resistance": [
@@ -193,6 +197,38 @@ TABLE = {
         ({}, ("separation", 5.0), 0.0),
     ],
     # ---- second part of the table
+    "wheel-radius": [({"s": 0.02}, ("radius", 0.06), 0.0012)],
+    "actuator-delay": [({"delay": 0.03}, ("command", 1.5), -0.03)],
+    "actuator-saturation": [
+        ({"limit": 0.5}, actuator(0.8), -0.3),
+        ({"limit": 0.5}, actuator(-0.8), 0.3),
+        ({"limit": 0.5}, actuator(0.3), 0.0),
+    ],
+    # 0.1 sin(3.5 * 0.4 + 0.1) * 0.8
+    "current-ripple": [
+        ({"g": 0.1, "order": 3.5, "phase": 0.1}, actuator(0.8, 0.4), 0.08 * 0.9974949866040544),
+    ],
+    # 0.01 (sin(theta + 0.1) - sin(0.2 + 0.1)) at theta = 0.2, 0.9, -0.4
+    "encoder-eccentricity": [
+        (
+            {"amplitude": 0.01, "phase": 0.1},
+            sensor([0.0, 0.1, 0.2], [0.2, 0.9, -0.4]),
+            [0.0, 0.01 * (0.8414709848078965 - 0.29552020666133955),
+             -0.02 * 0.29552020666133955],
+        ),
+    ],
+    # a ramp of 1/0.1 s from rest lags by tau (1 - exp(-t/tau)): y = x - tau rate (1 - exp(-t/tau))
+    "sensor-lag": [
+        (
+            {"tau": 0.1},
+            sensor([0.0, 0.1, 0.3], [2.0, 3.0, 5.0]),
+            [0.0, -(1 - 0.36787944117144233), -(1 - 0.049787068367863944)],
+        ),
+    ],
+    "sensor-saturation": [
+        ({"limit": 2.5}, sensor([0.0, 0.1, 0.2], [2.0, -3.0, 5.0]), [0.0, 0.5, -2.5]),
+    ],
+    "sensor-rectified": [({}, sensor([0.0, 0.1], [2.0, -3.0]), [0.0, 6.0])],
     "torque-offset": [({"torque": -0.03}, shaft(0.7, 2.0, 0.9), -0.03)],
     # 0.02 sin(3.5 * 0.4 + 0.1) - 0.01 sin(2 * 0.4 - 0.3)
     "cogging": [

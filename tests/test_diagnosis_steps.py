@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from omnijax.diagnosis._machine.rotation import Turning
 from omnijax.diagnosis._machine.runs import COARSE, STEPS, Run
 from omnijax.diagnosis._machine.stepped import Lane, law_changes, stepped_ports
 from omnijax.diagnosis._machine.wheels import wheel_tables
+from omnijax.dynamics import Rolling, drive_forces, rotation_response
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig
 
@@ -122,23 +124,24 @@ def test_places_in_a_wheels_table_are_those_of_a_search(atlas):
     assert np.all(np.diff(rolled[3:, 1][order]) >= 0)  # no jump from turn to turn
 
 
-def test_responses_to_torques_are_those_of_the_whole_equations():
+def test_responses_to_torques_are_those_of_the_whole_equations(atlas):
+    """What the diagnosis adds up from unit torques, against `dynamics` at every moment."""
     rng = np.random.default_rng(1)
-    t, n = 20, 3
-    axes = rng.normal(size=(1, n, 3))
-    inverse = np.diag([1.0, 2.0, 3.0])[None]
-    spread = rng.normal(size=(t, n, n))
-    response = Turning(
-        rng.uniform(1, 2, (t, n)), spread, 0.6 * axes @ inverse, inverse, axes, radius=0.6
-    )
+    t, n, R = 20, 3, float(atlas.sphere.radius)
+    w, axes = atlas.wheels, np.asarray(atlas.wheels.spin_axis)
+    radius = rng.uniform(0.5, 1.5, (t, n)) * np.asarray(w.radius)
+    inverse = np.linalg.inv(np.asarray(atlas.sphere.inertia_matrix))
+    unit = jax.vmap(lambda r: rotation_response(atlas, Rolling(r, axes), inverse), 0, 1)(radius)
+    response = Turning(np.asarray(unit), axes[None])
     shaft, opposing = rng.normal(size=(t, n)), rng.normal(size=(t, 3))
     shaft[:, 1] = 0.0
     for T, g in ((shaft, opposing), (shaft, None), (None, opposing)):
         torque = 0 * shaft if T is None else T
         against = 0 * opposing if g is None else g
-        right = response.torque_gain * torque + (response.body @ against[:, :, None])[:, :, 0]
-        drive = (spread @ right[:, :, None])[:, :, 0]
-        rate = (0.6 * drive @ axes[0] - against) @ inverse[0]
+        drive = np.stack([
+            drive_forces(axes, r, R, w.inertia, inverse, *x)
+            for r, *x in zip(radius, torque, against, strict=True)
+        ])  # fmt: skip
         found = response.respond(T, g)
         assert found[0] == pytest.approx(drive)
-        assert found[1] == pytest.approx(rate)
+        assert found[1] == pytest.approx((R * drive @ axes - against) @ inverse.T)

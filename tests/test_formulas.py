@@ -64,6 +64,14 @@ def check_relaxation():
     assert float(law.rate(signal, jnp.asarray(2e-5))) == pytest.approx(1.5e-3)
 
 
+def check_lag():
+    """x - u acts beside u, with dx/dt = (u - x)/tau."""
+    law = made("actuator-lag", {"tau": 0.02})
+    signal = laws.ActuatorSignal(*map(jnp.asarray, (0.8, 0.0, 0.0)))
+    assert float(law(signal, jnp.asarray(0.5))) == pytest.approx(-0.3)
+    assert float(law.rate(signal, jnp.asarray(0.5))) == pytest.approx(15.0)
+
+
 def check_dual_row():
     """No shape; the contact is half a spacing to one side, to the other half a pitch later.
 
@@ -104,6 +112,7 @@ def check_sums():
 OTHERS = {
     "damaged-roller": check_damaged_roller,
     "contact-relaxation": check_relaxation,
+    "actuator-lag": check_lag,
     "dual-row": check_dual_row,
     "table": check_table_shape,
     "sums": check_sums,

@@ -29,7 +29,7 @@ from omnijax.laws import AbstractShaft, Parameter
 
 class Cogging(AbstractShaft):
     size: float
-    id: ClassVar[str] = "cogging"
+    id: ClassVar[str] = "toothing"
     places: ClassVar[tuple[str, ...]] = ("wheel", "all")
     parameters: ClassVar[dict[str, Parameter]] = {"size": Parameter("N m", linear=True)}
 
@@ -118,7 +118,7 @@ def test_bundled_rigs_read_back(name, tmp_path):
 def test_every_effect_reads_back(tmp_path):
     blocks = []
     for law in EFFECTS.values():
-        kinds = {"wheel": "w2", "group": "dR", "channel": "dR_z"}
+        kinds = {"wheel": "w2", "group": "dR", "channel": "dR_z", "encoder": "theta_1"}
         known = law.parameters.items()
         values = {k: [0.1, 0.2, 0.3] if p.shape else 1.0 + (k == "exponent") for k, p in known}
         blocks.append(effect(law.id, kinds.get(law.places[0], law.places[0]), **values))
@@ -159,7 +159,7 @@ def test_a_measured_profile_is_kept_beside_the_rig(tmp_path, start, turn):
 
 def test_a_users_law_travels_with_the_rig(tmp_path):
     (tmp_path / "my_law.py").write_text(LAW)
-    block = {**effect("cogging", "w1", size="20 N cm"), "law": "my_law.py"}
+    block = {**effect("toothing", "w1", size="20 N cm"), "law": "my_law.py"}
     rig = parse_rig(with_effects(block), tmp_path / "rig.toml")
     assert float(rig.effects[0].law.size) == pytest.approx(0.2)  # pyright: ignore
     folder = tmp_path / "elsewhere"
@@ -182,15 +182,15 @@ def test_a_law_without_a_file_cannot_be_saved(tmp_path):
 def test_faults_of_users_law_files(tmp_path):
     def refusal(text):
         (tmp_path / "law.py").write_text(text)
-        block = {**effect("cogging", "w1", size=1), "law": "law.py"}
+        block = {**effect("toothing", "w1", size=1), "law": "law.py"}
         with pytest.raises(InputError) as caught:
             parse_rig(with_effects(block), tmp_path / "rig.toml")
         return str(caught.value)
 
     assert "cannot be run: ZeroDivisionError" in refusal("1/0")
     assert "defines no law" in refusal("x = 1")
-    assert "is one of omnijax's own" in refusal(LAW.replace('"cogging"', '"air-drag"'))
-    assert "Did you mean `coging`?" in refusal(LAW.replace('"cogging"', '"coging"'))
+    assert "is one of omnijax's own" in refusal(LAW.replace('"toothing"', '"air-drag"'))
+    assert "Did you mean `tothing`?" in refusal(LAW.replace('"toothing"', '"tothing"'))
 
 
 TABLES = [

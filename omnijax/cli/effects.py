@@ -28,12 +28,14 @@ def effects(name: str | None = None, /, *, json: Json = False) -> None:
 
 
 def _describe(law: Any) -> dict[str, Any]:
+    from ..laws import ANY_LENGTH
+
     parameters = {
         key: {
             "unit": parameter.unit,
             "low": parameter.low if math.isfinite(parameter.low) else None,
             "high": parameter.high if math.isfinite(parameter.high) else None,
-            "size": parameter.shape or 1,
+            "size": None if parameter.shape == ANY_LENGTH else parameter.shape or 1,
             "optional": parameter.optional,
         }
         for key, parameter in law.parameters.items()

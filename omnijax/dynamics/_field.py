@@ -7,25 +7,28 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..laws import BodySignal, RollingSignal, RollingTorque, ShaftSignal
-from ..rig import Rig, over_wheels, take_wheels
+from ..rig import Rig, acting
+from ._attitude import attitude_rate, rotation_matrix
+from ._forces import (
+    RotationMoment,
+    TurningLaws,
+    contact_forces,
+    contact_signals,
+    mount_signals,
+    mount_tensions,
+    torques,
+)
 from ._kinematics import (
     Rolling,
     position_input,
     rolling,
+    rolling_under,
     sphere_velocity,
     spin_axes,
     wheel_shape,
     wheel_speeds,
 )
-from ._rotation import (
-    angular_acceleration,
-    attitude_rate,
-    drive_forces,
-    inertia_at,
-    rotation_matrix,
-)
-from ._signals import contact_signals, mount_signals
+from ._rotation import inertia_at, rotation_under
 from ._small import least_squares
 from ._translation import AbstractTranslation, ElasticState, Motion, PortInputs
 
@@ -40,6 +43,7 @@ class State(NamedTuple):
     position: Float[Array, "3"]  # m, R_l
     drift: Float[Array, "3"]  # m/s, U, velocity of the centre of mass
     memory: tuple[Any, ...]  # states of contact and mount laws with memory
+    torque_memory: tuple[Any, ...] = ()  # states of actuator and shaft laws; (): at rest
 
 
 class Passage(NamedTuple):
@@ -52,7 +56,7 @@ class Passage(NamedTuple):
 class Inputs(NamedTuple):
     """What the drive says at one instant."""
 
-    torque: Float[Array, " n"]  # N m, commanded
+    torque: Float[Array, " n"]  # N m, commanded, and now to act
     force: Float[Array, "3"]  # N, P
     time: Float[Array, ""]  # s, from the run's first sample
 
@@ -85,70 +89,21 @@ class Model(eqx.Module):
         return self.translation.rig
 
 
-def initial_memory(rig: Rig) -> tuple[Any, ...]:
-    """Rest states of the contact and mount laws, one entry a placed law."""
-    return tuple(
-        jax.tree.map(lambda z, p=placed: jnp.broadcast_to(z, (len(p.wheels), *jnp.shape(z))), z0)
-        for placed in (*rig.at("contact"), *rig.at("mount"))
-        for z0 in [placed.law.initial()]
+def port_forces(rig: Rig, motion: Motion, shape_rate, memory):
+    """Extra contact and mount tensions, normal forces, and the rates of the laws' memories."""
+    contact, separation, mount = (
+        acting(rig.at(port), rig.size) for port in ("contact", "separation", "mount")
     )
-
-
-def _with_memory(placed, signals, memory, size):
-    """Total of laws that may have memory, and the rates of their memories."""
-    total, rates = jnp.zeros(size), []
-    for term, state in zip(placed, memory, strict=True):
-        index = jnp.asarray(term.wheels)
-        here = take_wheels(signals, term.wheels, size)
-        total = total.at[index].add(jax.vmap(term.law)(here, state))
-        rates.append(jax.vmap(term.law.rate)(here, state))
-    return total, tuple(rates)
-
-
-def port_forces(rig: Rig, translation, motion: Motion, shape_rate, memory):
-    """Extra contact and mount tensions, normal forces, and the rates of the laws' memories.
-
-    N_i = N0_i - K delta - C d(delta)/dt - laws; a law at `separation` limits N on both bodies.
-    """
-    contacts, mounts = rig.at("contact"), rig.at("mount")
     rate = motion.approach_rate - motion.mount_rate - shape_rate
     signals = contact_signals(rig, motion.deflection, rate)
-    tension, contact_rates = _with_memory(contacts, signals, memory[: len(contacts)], rig.size)
-    mount, mount_rates = _with_memory(
-        mounts,
-        mount_signals(rig, motion.mount, motion.mount_rate),
-        memory[len(contacts) :],
-        rig.size,
-    )
-    wheels = rig.wheels
-    linear = translation.tension(motion) - wheels.contact.damping * shape_rate
-    normal = wheels.closure.preload - linear - tension
-    gained = over_wheels(rig.at("separation"), normal, rig.size)
-    return tension - gained, mount, normal + gained, (*contact_rates, *mount_rates)
+    forces = contact_forces(contact, separation, signals, memory[: len(contact)])
+    signals = mount_signals(rig, motion.mount, motion.mount_rate)
+    tension, rates = mount_tensions(mount, signals, memory[len(contact) :])
+    return forces.tension, tension, forces.normal, (*forces.memory_rates, *rates)
 
 
-def _rolling_torques(rig: Rig, axes, normal_force, omega) -> tuple[jax.Array, jax.Array]:
-    """Torque that opposes the sphere (3) and torques that oppose the shafts (n)."""
-    signals = RollingSignal(
-        axes @ omega,
-        -rig.wheels.normal @ omega,
-        jnp.maximum(normal_force, 0.0),
-        rig.wheels.contact.friction,
-    )
-    zero = RollingTorque(0.0, 0.0, 0.0)  # pyright: ignore[reportArgumentType]
-    torque = over_wheels(rig.at("rolling"), signals, rig.size, zero)
-    return axes.T @ torque.roll - rig.wheels.normal.T @ torque.spin, torque.shaft
-
-
-def _body_torque(rig: Rig, rotation, omega) -> Float[Array, "3"]:
-    """Torque of gravity on an off-centre mass and of the laws at the sphere, N m."""
-    signal = BodySignal(omega, rotation, rig.sphere.mass, rig.platform.gravity)
-    weight = rig.sphere.mass * rig.platform.gravity
-    torque = jnp.cross(rotation @ rig.sphere.centre_of_mass, weight)
-    return sum((placed.law(signal) for placed in rig.at("sphere")), torque)
-
-
-def _floor(rig: Rig, time) -> Float[Array, "3"]:
+def floor(rig: Rig, time) -> Float[Array, "3"]:
+    """Acceleration (3) in m/s^2 that the laws at the platform add, `time` s into the run."""
     return sum((placed.law(time) for placed in rig.at("platform")), jnp.zeros(3))
 
 
@@ -161,6 +116,51 @@ def _shape_and_rate(rig: Rig, angle, speed, attitude, omega):
     )
 
 
+class Turning(NamedTuple):
+    """Drive forces and accelerations of the rotation at one instant."""
+
+    drive: Float[Array, " n"]  # N, f
+    acceleration: Float[Array, "3"]  # rad/s^2
+    shaft_torque: Float[Array, " n"]  # N m
+    memory_rates: tuple[Any, ...]
+
+
+def _turning(model: Model, state: State, inputs: Inputs, geometry: Rolling, speed, normal):
+    """The rotation under motor torques (eqs. 39, 40, 46)."""
+    rig = model.rig
+    rotation = rotation_matrix(state.attitude)
+    at = RotationMoment(
+        geometry.axes, rotation, state.angular_velocity, state.angle, speed,
+        inputs.torque, inputs.torque, normal,
+    )  # fmt: skip
+    laws, memory = TurningLaws.of(rig), state.torque_memory
+    _, caused, rates = torques(rig, laws, at, memory or laws.rest(rig.size))
+    term = 0.0
+    if model.keep_radius_rate:
+        term = jax.jvp(lambda a: wheel_shape(rig, a), (state.angle,), (speed,))[1] * speed
+    inverse = inertia_at(rig.sphere.inertia_matrix, rotation).inverse
+    turned = rotation_under(rig, geometry, inverse, caused, term)
+    return Turning(*turned, caused.shaft, rates if memory else ())
+
+
+def _turned(model: Model, state: State, inputs: Inputs, geometry: Rolling, speed, normal, given):
+    """The rotation where speeds are prescribed: `given` = (dOmega/dt, domega/dt)."""
+    rig, (acceleration, spin_up) = model.rig, given
+    rotation = rotation_matrix(state.attitude)
+    zero = jnp.zeros(rig.size)
+    at = RotationMoment(
+        geometry.axes, rotation, state.angular_velocity, state.angle, speed, zero, zero, normal
+    )
+    laws = TurningLaws.of(rig)._replace(actuator=(), shaft=())
+    opposing = torques(rig, laws, at, ())[1].opposing
+    inertia = inertia_at(rig.sphere.inertia_matrix, rotation).matrix
+    needed = (inertia @ acceleration + opposing) / rig.sphere.radius
+    drive = least_squares(geometry.axes.T, needed)
+    torque = rig.wheels.inertia * spin_up + geometry.radius * drive
+    rest = jax.tree.map(jnp.zeros_like, state.torque_memory)
+    return Turning(drive, acceleration, torque, rest)
+
+
 def _instant(
     model: Model,
     state: State,
@@ -169,74 +169,46 @@ def _instant(
     speed,
     prescribed=None,
     passage: Passage | None = None,
-) -> tuple[Instant, tuple[Any, ...]]:
-    """Forces and accelerations; `prescribed` = (dOmega/dt, domega/dt) where speeds are given."""
+) -> tuple[Instant, tuple[Any, ...], tuple[Any, ...]]:
+    """Forces, accelerations, and the rates of the elastic and of the torques' memories.
+
+    `prescribed` = (dOmega/dt, domega/dt) where speeds are given.
+    """
     rig, translation, omega = model.rig, model.translation, state.angular_velocity
     if passage is None:
         shape, shape_rate = _shape_and_rate(rig, state.angle, speed, state.attitude, omega)
     else:
         shape, shape_rate = position_input(rig, state.angle, state.attitude), passage.shape_rate
     motion = translation.motion(state.elastic, shape)
-    contact, mount, normal, memory_rates = port_forces(
-        rig, translation, motion, shape_rate, state.memory
-    )
-    rotation = rotation_matrix(state.attitude)
-    inertia = inertia_at(rig.sphere.inertia_matrix, rotation)
-    resistance, shaft_resistance = _rolling_torques(rig, geometry.axes, normal, omega)
-    opposing = jnp.cross(omega, inertia.matrix @ omega) + resistance
-    opposing = opposing - _body_torque(rig, rotation, omega)
-    wheels, radius = rig.wheels, rig.sphere.radius
+    contact, mount, normal, rates = port_forces(rig, motion, shape_rate, state.memory)
     if prescribed is None:
-        signals = ShaftSignal(state.angle, speed, inputs.torque)
-        torque = inputs.torque + over_wheels(rig.at("shaft"), signals, rig.size) - shaft_resistance
-        term = 0.0
-        if model.keep_radius_rate:
-            term = jax.jvp(lambda a: wheel_shape(rig, a), (state.angle,), (speed,))[1] * speed
-        drive = drive_forces(
-            geometry.axes,
-            geometry.radius,
-            radius,
-            wheels.inertia,
-            inertia.inverse,
-            torque,
-            opposing,
-            term,
-        )
-        turning = angular_acceleration(geometry.axes, radius, inertia.inverse, drive, opposing)
+        turning = _turning(model, state, inputs, geometry, speed, normal)
     else:
-        turning, spin_up = prescribed
-        needed = (inertia.matrix @ turning + opposing) / radius
-        drive = least_squares(geometry.axes.T, needed)
-        torque = wheels.inertia * spin_up + geometry.radius * drive
-    ports = PortInputs(shape, contact, mount, drive, inputs.force, _floor(rig, inputs.time))
-    acceleration = translation.platform_acceleration(state.elastic, ports)
-    closure = wheels.closure.preload + wheels.closure.stiffness * motion.approach
-    sphere = wheels.normal.T @ (normal - closure) + wheels.drive.T @ drive
-    instant = Instant(
+        turning = _turned(model, state, inputs, geometry, speed, normal, prescribed)
+    ports = PortInputs(shape, contact, mount, turning.drive, inputs.force, floor(rig, inputs.time))
+    closure = rig.wheels.closure.preload + rig.wheels.closure.stiffness * motion.approach
+    sphere = rig.wheels.normal.T @ (normal - closure) + rig.wheels.drive.T @ turning.drive
+    now = Instant(
         speed,
         shape,
         motion,
         motion.approach_rate - motion.mount_rate - shape_rate,
         normal,
-        drive,
-        torque,
-        turning,
+        turning.drive,
+        turning.shaft_torque,
+        turning.acceleration,
         ports,
-        acceleration,
+        translation.platform_acceleration(state.elastic, ports),
         sphere / rig.sphere.mass,
     )
-    return instant, memory_rates
+    return now, rates, turning.memory_rates
 
 
 def instant(model: Model, state: State, inputs: Inputs) -> Instant:
     """What acts on the machine at one instant of a torque-driven run."""
-    geometry, speed = _speed(model.rig, state)
+    geometry = rolling_under(model.rig, state.angle, state.angular_velocity)
+    speed = wheel_speeds(model.rig, geometry, state.angular_velocity)
     return _instant(model, state, inputs, geometry, speed)[0]
-
-
-def _speed(rig: Rig, state: State) -> tuple[Rolling, jax.Array]:
-    geometry = rolling(rig, state.angle)
-    return geometry, wheel_speeds(rig, geometry, state.angular_velocity)
 
 
 def torque_driven(
@@ -247,15 +219,15 @@ def torque_driven(
     omega follows Omega by the velocity constraint, theta integrates that omega (spec section 4).
     """
     if passage is None:
-        geometry = rolling(model.rig, state.angle)
+        geometry = rolling_under(model.rig, state.angle, state.angular_velocity)
     else:
         geometry = Rolling(passage.radius, spin_axes(model.rig, state.angle))
     speed = wheel_speeds(model.rig, geometry, state.angular_velocity)
-    now, memory_rates = _instant(model, state, inputs, geometry, speed, None, passage)
-    return _assemble(model, state, now, memory_rates, now.angular_acceleration)
+    now, *rates = _instant(model, state, inputs, geometry, speed, None, passage)
+    return _assemble(model, state, now, rates, now.angular_acceleration)
 
 
-def _assemble(model, state, now: Instant, memory_rates, turning) -> State:
+def _assemble(model, state, now: Instant, rates, turning) -> State:
     return State(
         elastic=model.translation.rate(state.elastic, now.inputs),
         angle=now.speed,
@@ -263,7 +235,8 @@ def _assemble(model, state, now: Instant, memory_rates, turning) -> State:
         attitude=attitude_rate(state.attitude, state.angular_velocity),
         position=state.drift + now.motion.platform,
         drift=model.translation.drift_acceleration(now.inputs),
-        memory=memory_rates,
+        memory=rates[0],
+        torque_memory=rates[1],
     )
 
 
@@ -277,8 +250,8 @@ def prescribed_instant(model: Model, state: State, inputs: Inputs, speed, accele
 
     omega, turning = jax.jvp(turned, (state.angle, speed), (speed, acceleration))
     state = state._replace(angular_velocity=omega)
-    now, memory_rates = _instant(model, state, inputs, geometry, speed, (turning, acceleration))
-    return now, memory_rates, omega
+    now, *rates = _instant(model, state, inputs, geometry, speed, (turning, acceleration))
+    return now, rates, omega
 
 
 def speed_driven(model: Model, state: State, inputs: Inputs, speed, acceleration) -> State:
@@ -287,6 +260,6 @@ def speed_driven(model: Model, state: State, inputs: Inputs, speed, acceleration
     `state.angle` is the prescribed angle (its rate is zero here: the drive integrates it in closed
     form) and Omega follows from the speeds, so neither is integrated.
     """
-    now, memory_rates, omega = prescribed_instant(model, state, inputs, speed, acceleration)
-    rate = _assemble(model, state._replace(angular_velocity=omega), now, memory_rates, jnp.zeros(3))
+    now, rates, omega = prescribed_instant(model, state, inputs, speed, acceleration)
+    rate = _assemble(model, state._replace(angular_velocity=omega), now, rates, jnp.zeros(3))
     return rate._replace(angle=jnp.zeros_like(speed))

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from ..laws import DualRow
 from ..rig import Rig, grouped_profiles, over_wheels, take_wheels
-from ._rotation import rotation_matrix
+from ._attitude import rotation_matrix
 from ._small import least_squares
 
 
@@ -63,19 +63,40 @@ class Rolling(NamedTuple):
     axes: Float[Array, "n 3"]  # driven sphere axes
 
 
-def rolling(
-    rig: Rig, angle: Float[Array, " n"], speed: Float[Array, " n"] | None = None
-) -> Rolling:
-    """Rolling radii (eq. 2, with creep) and driven axes at wheel angles `angle` (rad)."""
-    radius = rolling_radius(rig, wheel_shape(rig, angle), speed)
-    return Rolling(radius, spin_axes(rig, angle))
+def rolling(rig: Rig, angle: Float[Array, " n"], speed: Float[Array, " n"]) -> Rolling:
+    """Rolling radii (eq. 2, with creep) and driven axes of wheels that turn at `speed` (rad/s)."""
+    return Rolling(rolling_radius(rig, wheel_shape(rig, angle), speed), spin_axes(rig, angle))
 
 
-def rolling_radius(rig: Rig, shape, speed: Float[Array, " n"] | None = None):
-    """(1 - creepage) (r_b + rho) in m of wheels that show the shape rho (m)."""
-    speed = jnp.zeros(rig.size) if speed is None else speed
+def rolling_under(rig: Rig, angle: Float[Array, " n"], omega: Float[Array, "3"]) -> Rolling:
+    """`rolling` of wheels that a sphere turns: their speed follows from Omega (rad/s)."""
+    axes = spin_axes(rig, angle)
+    rim = rig.sphere.radius * (axes @ omega)
+    return Rolling(radius_under(rig, wheel_shape(rig, angle), rim), axes)
+
+
+def rolling_radius(rig: Rig, shape: Float[Array, " n"], speed: Float[Array, " n"]):
+    """(1 - creepage) (r_b + rho) in m of wheels that show the shape rho (m) at `speed` (rad/s)."""
     factor = 1 + over_wheels(rig.at("kinematics"), speed, rig.size)
-    return factor * (rig.wheels.radius + shape)
+    return factor * (rig.wheel_radius + shape)
+
+
+SPEED_STEPS = 4  # of Newton's method; one is exact where the laws do not ask for the speed
+
+
+def radius_under(rig: Rig, shape: Float[Array, " n"], rim: Float[Array, " n"]):
+    """Rolling radii in m of wheels whose rims the sphere moves at R axis . Omega = `rim` (m/s).
+
+    A law at `kinematics` may hang on the speed omega, which then solves omega radius(omega) = rim.
+    """
+    if not rig.at("kinematics"):
+        return rig.wheel_radius + shape
+    speed = rim / (rig.wheel_radius + shape)
+    one = jnp.ones(rig.size)
+    for _ in range(SPEED_STEPS):
+        moved, slope = jax.jvp(lambda w: w * rolling_radius(rig, shape, w), (speed,), (one,))
+        speed = speed - (moved - rim) / slope
+    return rolling_radius(rig, shape, speed)
 
 
 def wheel_speeds(rig: Rig, geometry: Rolling, omega: Float[Array, "3"]) -> Float[Array, " n"]:

@@ -1,30 +1,15 @@
-"""Rotation of the sphere: quaternion, inertia, no-slip drive forces (eqs. 39, 40, 44, 46)."""
+"""Rotation of the sphere: inertia, no-slip drive forces, response (eqs. 39, 40, 46)."""
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..rig import Rig
+from ._forces import Torques
+from ._kinematics import Rolling
 from ._small import inverse, solve
-
-
-def rotation_matrix(attitude: Float[Array, "4"]) -> Float[Array, "3 3"]:
-    """Matrix body frame -> inertial frame of the quaternion (w, x, y, z), normalised here."""
-    w, x, y, z = attitude / jnp.sqrt(attitude @ attitude)
-    return jnp.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def attitude_rate(attitude: Float[Array, "4"], omega: Float[Array, "3"]) -> Float[Array, "4"]:
-    """dq/dt = 1/2 (0, Omega) o q, Omega in the inertial frame (eq. 44)."""
-    w, v = attitude[0], attitude[1:]
-    vector = w * omega + jnp.cross(omega, v)
-    return 0.5 * jnp.concatenate([jnp.atleast_1d(-(omega @ v)), vector])
 
 
 class Inertia(NamedTuple):
@@ -66,6 +51,32 @@ def drive_forces(
 def angular_acceleration(axes, sphere_radius, inverse_inertia, forces, opposing):
     """dOmega/dt = I^-1 (R A^T f - g) in rad/s^2 (eq. 40)."""
     return inverse_inertia @ (sphere_radius * axes.T @ forces - opposing)
+
+
+def rotation_under(
+    rig: Rig, geometry: Rolling, inverse_inertia, caused: Torques, radius_term=0.0
+) -> tuple[Float[Array, " n"], Float[Array, "3"]]:
+    """(drive forces in N, dOmega/dt in rad/s^2) under torques; linear in them."""
+    R, axes = rig.sphere.radius, geometry.axes
+    drive = drive_forces(
+        axes, geometry.radius, R, rig.wheels.inertia, inverse_inertia, *caused, radius_term
+    )
+    return drive, angular_acceleration(axes, R, inverse_inertia, drive, caused.opposing)
+
+
+def rotation_response(rig: Rig, geometry: Rolling, inverse_inertia) -> Float[Array, "k m"]:
+    """Rows: torque on each shaft (n), then opposing the sphere about each axis (3).
+
+    Columns: the drive forces (n) and dOmega/dt (3) that a unit of it causes; read off
+    `rotation_under` by differentiation, exact because that is linear.
+    """
+    n = rig.size
+
+    def turned(torque):
+        caused = Torques(torque[:n], torque[n:])
+        return jnp.concatenate(rotation_under(rig, geometry, inverse_inertia, caused))
+
+    return jax.jacfwd(turned)(jnp.zeros(n + 3)).T
 
 
 def minimum_normal_force(forces: Float[Array, " n"], friction: Float[Array, " n"]):

@@ -8,14 +8,16 @@ import jax
 
 from .. import _config as _config
 
+ANY_LENGTH = -1  # `shape` of lists that are as long as the user makes them, all of a law alike
+
 
 class Parameter(NamedTuple):
     """What is known of one parameter of a law besides its value.
 
     `unit` is an SI unit, `low` and `high` the physically allowed range, `linear` says that the
     law's output is proportional to it (so that its value at zero is no effect), `shape` is the
-    length of a vector parameter (0: a scalar), `optional` that a rig file may leave it out, `above`
-    that `low` itself is excluded (the law divides by the parameter).
+    length of a vector parameter (0: a scalar, `ANY_LENGTH`: a list), `optional` that a rig file may
+    leave it out, `above` that `low` itself is excluded (the law divides by the parameter).
     """
 
     unit: str

@@ -24,13 +24,13 @@ class MountQuadratic(AbstractMount):
         return self.k2 * signal.deflection**2
 
 
-class FrictionAsymmetry(AbstractShaft):
+class ViscousAsymmetry(AbstractShaft):
     """Shaft torque -b |omega|: viscous friction that differs by direction by 2 b."""
 
     b: Float[Array, ""]
 
-    id: ClassVar[str] = "friction-asymmetry"
-    words: ClassVar[str] = "friction that differs by direction"
+    id: ClassVar[str] = "viscous-asymmetry"
+    words: ClassVar[str] = "viscous friction that differs by direction"
     places: ClassVar[tuple[str, ...]] = ("wheel", "all")
     formula: ClassVar[str] = "shaft torque −b |ω|"
     parameters: ClassVar[dict[str, Parameter]] = {"b": Parameter("N m s/rad", linear=True)}
@@ -72,5 +72,5 @@ class StiffShaft(AbstractShaft):
 
 
 GENERIC: dict[str, type[AbstractMount | AbstractShaft]] = {
-    law.id: law for law in (MountQuadratic, FrictionAsymmetry, DragTorque, StiffShaft)
+    law.id: law for law in (MountQuadratic, ViscousAsymmetry, DragTorque, StiffShaft)
 }

@@ -3,7 +3,7 @@
 import importlib.util
 from pathlib import Path
 
-from . import _measurement, _ports, _shape_effects, _springs, _torques
+from . import _actuators, _measurement, _ports, _rolling, _shape_effects, _springs, _torques
 from ._base import AbstractLaw
 
 EFFECTS: dict[str, type[AbstractLaw]] = {
@@ -22,17 +22,31 @@ EFFECTS: dict[str, type[AbstractLaw]] = {
         _torques.BearingCoulomb,
         _torques.BearingViscous,
         _torques.MotorRipple,
-        _torques.MotorGain,
-        _torques.RollingResistance,
-        _torques.SpinResistance,
-        _torques.AirDrag,
-        _torques.Unbalance,
+        _actuators.MotorGain,
+        _rolling.RollingResistance,
+        _rolling.SpinResistance,
+        _rolling.AirDrag,
+        _rolling.Unbalance,
         _measurement.FloorVibration,
-        _torques.Creep,
+        _rolling.Creep,
         _measurement.SensorGain,
         _measurement.SensorDelay,
         _measurement.SensorDrift,
         _measurement.SensorCrosstalk,
+        _shape_effects.WheelRadius,
+        _torques.TorqueOffset,
+        _actuators.ActuatorDelay,
+        _actuators.ActuatorLag,
+        _actuators.ActuatorSaturation,
+        _torques.Cogging,
+        _actuators.CurrentRipple,
+        _torques.Stribeck,
+        _torques.LoadFriction,
+        _torques.FrictionAsymmetry,
+        _measurement.EncoderEccentricity,
+        _measurement.SensorLag,
+        _measurement.SensorSaturation,
+        _measurement.SensorRectified,
     )
 }
 
@@ -49,11 +63,14 @@ def in_words(effect: str, place: str) -> str:
 PORTS = tuple(
     port.port
     for port in (
+        _ports.AbstractRadius,
         _ports.AbstractShape,
         _ports.AbstractSurface,
         _ports.AbstractContact,
         _ports.AbstractSeparation,
         _ports.AbstractMount,
+        _ports.AbstractCommand,
+        _ports.AbstractActuator,
         _ports.AbstractShaft,
         _ports.AbstractRolling,
         _ports.AbstractBody,

@@ -1,8 +1,9 @@
-"""The platform's floor and the sensors: floor vibration, gain, delay, drift, crosstalk."""
+"""The platform's floor, and sensors: gain, delay, lag, drift, crosstalk, limits, encoders."""
 
 import math
 from typing import ClassVar
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -115,6 +116,69 @@ class SensorCrosstalk(AbstractSensor):
         return signal.values @ matrix.T
 
 
+class SensorLag(AbstractSensor):
+    """dy/dt = (x - y)/tau: a first-order low pass, at rest before the start."""
+
+    tau: Float[Array, ""]
+
+    id: ClassVar[str] = "sensor-lag"
+    words: ClassVar[str] = "a slow sensor"
+    places: ClassVar[tuple[str, ...]] = ("group",)
+    formula: ClassVar[str] = "ẏ = (x − y)/τ, rest before the start"
+    parameters: ClassVar[dict[str, Parameter]] = {"tau": Parameter("s", low=0, above=True)}
+
+    def __call__(self, signal, state=None):
+        return low_passed(signal.time, signal.values, self.tau) - signal.values
+
+
+class SensorSaturation(AbstractSensor):
+    """y limited to [-L, L]."""
+
+    limit: Float[Array, ""]
+
+    id: ClassVar[str] = "sensor-saturation"
+    words: ClassVar[str] = "a sensor at its limit"
+    places: ClassVar[tuple[str, ...]] = ("group", "channel")
+    formula: ClassVar[str] = "y limited to ±L"
+    parameters: ClassVar[dict[str, Parameter]] = {"limit": Parameter("unit of the channel", low=0)}
+
+    def __call__(self, signal, state=None):
+        return jnp.clip(signal.values, -self.limit, self.limit) - signal.values
+
+
+class SensorRectified(AbstractSensor):
+    """y = |y|."""
+
+    id: ClassVar[str] = "sensor-rectified"
+    words: ClassVar[str] = "a sensor that loses the sign"
+    places: ClassVar[tuple[str, ...]] = ("channel",)
+    formula: ClassVar[str] = "y = |y|"
+    parameters: ClassVar[dict[str, Parameter]] = {}
+
+    def __call__(self, signal, state=None):
+        return jnp.abs(signal.values) - signal.values
+
+
+class EncoderEccentricity(AbstractSensor):
+    """Measured theta += A (sin(theta + phi) - sin(theta_0 + phi)), theta_0 the first sample."""
+
+    amplitude: Float[Array, ""]
+    phase: Float[Array, ""]
+
+    id: ClassVar[str] = "encoder-eccentricity"
+    words: ClassVar[str] = "an encoder off its centre"
+    places: ClassVar[tuple[str, ...]] = ("encoder",)
+    formula: ClassVar[str] = "measured θ += A sin(θ + φ), zero at the first sample"
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "amplitude": Parameter("rad", linear=True),
+        "phase": Parameter("rad"),
+    }
+
+    def __call__(self, signal, state=None):
+        wave = self.amplitude * jnp.sin(signal.values + self.phase)
+        return wave - wave[:1]
+
+
 def delayed(time: Float[Array, " t"], values: Float[Array, "t c"], delay) -> Float[Array, "t c"]:
     """`values` at `time - delay`: Catmull-Rom between samples, the first sample before them."""
     at = time - delay
@@ -127,3 +191,18 @@ def delayed(time: Float[Array, " t"], values: Float[Array, "t c"], delay) -> Flo
     tangent, next_tangent = (p2 - p0) / 2, (p3 - p1) / 2
     cubic = u * u * (3 - 2 * u) * (p2 - p1) + u * (1 - u) ** 2 * tangent
     return p1 + cubic - u * u * (1 - u) * next_tangent
+
+
+def low_passed(time: Float[Array, " t"], values: Float[Array, "t c"], tau) -> Float[Array, "t c"]:
+    """`values` behind a first-order low pass: exact where they are linear between samples."""
+    step = jnp.diff(time)[:, None] / tau
+    kept, share = jnp.exp(-step), -jnp.expm1(-step) / step
+    # y' = kept y + (share - kept) x + (1 - share) x', x and x' the samples before and after
+    gained = (share - kept) * values[:-1] + (1 - share) * values[1:]
+
+    def after(y, now):
+        y = now[0] * y + now[1]
+        return y, y
+
+    _, out = jax.lax.scan(after, values[0], (kept, gained))
+    return jnp.concatenate([values[:1], out])

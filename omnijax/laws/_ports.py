@@ -36,6 +36,15 @@ class ShaftSignal(NamedTuple):
     angle: Float[Array, ""]  # rad, theta
     speed: Float[Array, ""]  # rad/s, omega
     command: Float[Array, ""]  # N m, commanded motor torque
+    load: Float[Array, ""] | float = 0.0  # N m, what the gear passes on: the delivered torque
+
+
+class ActuatorSignal(NamedTuple):
+    """What one wheel's actuator law feels."""
+
+    torque: Float[Array, ""]  # N m, commanded, after the actuator laws before this one
+    angle: Float[Array, ""]  # rad, theta
+    speed: Float[Array, ""]  # rad/s, omega
 
 
 class RollingSignal(NamedTuple):
@@ -99,6 +108,27 @@ class AbstractMount(AbstractLaw):
     """Mount: `MountSignal` -> additional tension in N beside k Delta + c d(Delta)/dt."""
 
     port: ClassVar[str] = "mount"
+
+
+class AbstractRadius(AbstractLaw):
+    """Wheel size: wheel radius in m -> the change of it in m, wherever the radius enters."""
+
+    port: ClassVar[str] = "radius"
+
+
+class AbstractCommand(AbstractLaw):
+    """Command: time in s from the run's first sample -> change of the time whose command acts."""
+
+    port: ClassVar[str] = "command"
+
+
+class AbstractActuator(AbstractLaw):
+    """Actuator: `ActuatorSignal` -> change of the delivered torque in N m.
+
+    Laws of this port act one after the other, each on what the former left.
+    """
+
+    port: ClassVar[str] = "actuator"
 
 
 class AbstractShaft(AbstractLaw):

@@ -1,4 +1,4 @@
-"""Effects on shapes: runout, a damaged roller, a sphere out of round."""
+"""Effects on shapes: another radius, runout, a damaged roller, a sphere out of round."""
 
 import math
 from typing import ClassVar
@@ -7,8 +7,25 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ._base import Parameter
-from ._ports import AbstractShape, AbstractSurface
+from ._ports import AbstractRadius, AbstractShape, AbstractSurface
 from ._shapes import Gap
+
+
+class WheelRadius(AbstractRadius):
+    """r_b becomes r_b (1 + s) everywhere: in the rolling radius, the gaps and the contact."""
+
+    s: Float[Array, ""]
+
+    id: ClassVar[str] = "wheel-radius"
+    words: ClassVar[str] = "a wheel of another radius"
+    places: ClassVar[tuple[str, ...]] = ("wheel", "all")
+    formula: ClassVar[str] = "r_b becomes r_b (1 + s), everywhere"
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "s": Parameter("1", low=-1, linear=True, above=True)
+    }
+
+    def __call__(self, signal, state=None):
+        return self.s * signal
 
 
 class WheelRunout(AbstractShape):

@@ -1,13 +1,12 @@
-"""Torques: bearings, motors, rolling and spin resistance, air drag, unbalance; and creep."""
+"""Torques on the shaft: friction, offset, ripple."""
 
 from typing import ClassVar
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._root import root
-from ._base import Parameter
-from ._ports import AbstractBody, AbstractKinematics, AbstractRolling, AbstractShaft, RollingTorque
+from ._base import ANY_LENGTH, Parameter
+from ._ports import AbstractShaft
 
 _WHEELS = ("wheel", "all")
 
@@ -67,107 +66,97 @@ class MotorRipple(AbstractShaft):
         return self.amplitude * jnp.sin(self.order * signal.angle + self.phase)
 
 
-class MotorGain(AbstractShaft):
-    """Delivered torque = (1 + g) commanded."""
+class TorqueOffset(AbstractShaft):
+    """Shaft torque += tau."""
 
-    g: Float[Array, ""]
+    torque: Float[Array, ""]
 
-    id: ClassVar[str] = "motor-gain"
-    words: ClassVar[str] = "a wrong torque constant of the motor"
+    id: ClassVar[str] = "torque-offset"
+    words: ClassVar[str] = "an offset of the torque"
     places: ClassVar[tuple[str, ...]] = ("wheel",)
-    formula: ClassVar[str] = "delivered torque = (1 + g) × commanded"
-    parameters: ClassVar[dict[str, Parameter]] = {"g": Parameter("1", linear=True)}
+    formula: ClassVar[str] = "shaft torque += τ"
+    parameters: ClassVar[dict[str, Parameter]] = {"torque": Parameter("N m", linear=True)}
 
     def __call__(self, signal, state=None):
-        return self.g * signal.command
+        return self.torque * jnp.ones_like(signal.angle)
 
 
-class RollingResistance(AbstractRolling):
-    """arm N tanh(spin_axis . Omega / epsilon) against sphere and shaft (eqs. 18-20)."""
+class Cogging(AbstractShaft):
+    """Shaft torque += sum_k A_k sin(N_k theta + phi_k), whole or broken orders."""
 
-    arm: Float[Array, ""]
-    width: Float[Array, ""] = 3e-3  # pyright: ignore[reportAssignmentType]
+    amplitudes: Float[Array, " k"]
+    orders: Float[Array, " k"]
+    phases: Float[Array, " k"]
 
-    id: ClassVar[str] = "rolling-resistance"
-    words: ClassVar[str] = "rolling resistance"
-    places: ClassVar[tuple[str, ...]] = ("all",)
-    formula: ClassVar[str] = "arm × N tanh(Ω̂_i·Ω/ε), on the sphere and on the wheel's shaft"
-    source: ClassVar[str] = "eqs. 18-20"
+    id: ClassVar[str] = "cogging"
+    words: ClassVar[str] = "cogging of the motor"
+    places: ClassVar[tuple[str, ...]] = ("wheel",)
+    formula: ClassVar[str] = "shaft torque += Σ_k A_k sin(N_k θ + φ_k)"
     parameters: ClassVar[dict[str, Parameter]] = {
-        "arm": Parameter("m", low=0, linear=True),
+        "amplitudes": Parameter("N m", linear=True, shape=ANY_LENGTH),
+        "orders": Parameter("1", low=0, shape=ANY_LENGTH),
+        "phases": Parameter("rad", shape=ANY_LENGTH),
+    }
+
+    def __call__(self, signal, state=None):
+        return jnp.sum(self.amplitudes * jnp.sin(self.orders * signal.angle + self.phases))
+
+
+class Stribeck(AbstractShaft):
+    """Shaft torque -tau exp(-(omega/omega_s)^2) tanh(omega/omega0)."""
+
+    torque: Float[Array, ""]
+    speed: Float[Array, ""]
+    width: Float[Array, ""] = 0.05  # pyright: ignore[reportAssignmentType]
+
+    id: ClassVar[str] = "stribeck"
+    words: ClassVar[str] = "friction that is larger at low speed"
+    places: ClassVar[tuple[str, ...]] = _WHEELS
+    formula: ClassVar[str] = "shaft torque −τ exp(−(ω/ω_s)²) tanh(ω/ω₀)"
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "torque": Parameter("N m", low=0, linear=True),
+        "speed": Parameter("rad/s", low=0, above=True),
         "width": Parameter("rad/s", low=0, above=True, optional=True),
     }
 
     def __call__(self, signal, state=None):
-        torque = self.arm * signal.normal_force * jnp.tanh(signal.roll / self.width)
-        return RollingTorque(roll=torque, spin=jnp.zeros_like(torque), shaft=torque)
+        fading = jnp.exp(-((signal.speed / self.speed) ** 2))
+        return -self.torque * fading * jnp.tanh(signal.speed / self.width)
 
 
-class SpinResistance(AbstractRolling):
-    """mu N lever tanh(contact direction . Omega / epsilon) against the sphere (eqs. 24-25)."""
+class LoadFriction(AbstractShaft):
+    """Shaft torque -mu |tau_g| tanh(omega/omega0), tau_g the torque that the gear passes on."""
 
-    lever: Float[Array, ""]
-    width: Float[Array, ""] = 3e-3  # pyright: ignore[reportAssignmentType]
+    mu: Float[Array, ""]
+    width: Float[Array, ""] = 0.05  # pyright: ignore[reportAssignmentType]
 
-    id: ClassVar[str] = "spin-resistance"
-    words: ClassVar[str] = "spin resistance"
-    places: ClassVar[tuple[str, ...]] = ("all",)
-    formula: ClassVar[str] = "μ N × lever tanh(R̂_i·Ω/ε) on the sphere"
-    source: ClassVar[str] = "eqs. 24-25"
+    id: ClassVar[str] = "load-friction"
+    words: ClassVar[str] = "friction that grows with the load on the gear"
+    places: ClassVar[tuple[str, ...]] = _WHEELS
+    formula: ClassVar[str] = "shaft torque −μ |τ_g| tanh(ω/ω₀)"
     parameters: ClassVar[dict[str, Parameter]] = {
-        "lever": Parameter("m", low=0, linear=True),
+        "mu": Parameter("1", low=0, linear=True),
         "width": Parameter("rad/s", low=0, above=True, optional=True),
     }
 
     def __call__(self, signal, state=None):
-        torque = self.lever * signal.friction * signal.normal_force
-        torque = torque * jnp.tanh(signal.spin / self.width)
-        return RollingTorque(roll=jnp.zeros_like(torque), spin=torque, shaft=jnp.zeros_like(torque))
+        return -self.mu * jnp.abs(signal.load) * jnp.tanh(signal.speed / self.width)
 
 
-class AirDrag(AbstractBody):
-    """Torque -D |Omega| Omega on the sphere."""
+class FrictionAsymmetry(AbstractShaft):
+    """Shaft torque -tau |tanh(omega/omega0)|: dry friction that differs by direction by 2 tau."""
 
-    D: Float[Array, ""]
+    torque: Float[Array, ""]
+    width: Float[Array, ""] = 0.05  # pyright: ignore[reportAssignmentType]
 
-    id: ClassVar[str] = "air-drag"
-    words: ClassVar[str] = "air drag on the sphere"
-    places: ClassVar[tuple[str, ...]] = ("sphere",)
-    formula: ClassVar[str] = "torque −D |Ω| Ω on the sphere"
-    parameters: ClassVar[dict[str, Parameter]] = {"D": Parameter("N m s^2", low=0, linear=True)}
-
-    def __call__(self, signal, state=None):
-        speed = root(signal.angular_velocity @ signal.angular_velocity)
-        return -self.D * speed * signal.angular_velocity
-
-
-class Unbalance(AbstractBody):
-    """Gravity torque of a centre of mass off the centre: (Q offset) x (M_s g)."""
-
-    offset: Float[Array, "3"]
-
-    id: ClassVar[str] = "unbalance"
-    words: ClassVar[str] = "a centre of mass off the sphere's centre"
-    places: ClassVar[tuple[str, ...]] = ("sphere",)
-    formula: ClassVar[str] = "gravity torque of a centre of mass off the centre"
-    parameters: ClassVar[dict[str, Parameter]] = {"offset": Parameter("m", linear=True, shape=3)}
-
-    def __call__(self, signal, state=None):
-        return jnp.cross(signal.rotation @ self.offset, signal.mass * signal.gravity)
-
-
-class Creep(AbstractKinematics):
-    """R spin_axis . Omega = (1 - s) r_w omega, the drive-force rows likewise."""
-
-    creepage: Float[Array, ""]
-
-    id: ClassVar[str] = "creep"
-    words: ClassVar[str] = "creep between wheel and sphere"
-    places: ClassVar[tuple[str, ...]] = ("wheel",)
-    formula: ClassVar[str] = "R Ω̂·Ω = (1 − s) r_w ω, the drive-force rows likewise"
+    id: ClassVar[str] = "friction-asymmetry"
+    words: ClassVar[str] = "dry friction that differs by direction"
+    places: ClassVar[tuple[str, ...]] = _WHEELS
+    formula: ClassVar[str] = "shaft torque −τ |tanh(ω/ω₀)|"
     parameters: ClassVar[dict[str, Parameter]] = {
-        "creepage": Parameter("1", low=-1, high=1, linear=True)
+        "torque": Parameter("N m", linear=True),
+        "width": Parameter("rad/s", low=0, above=True, optional=True),
     }
 
     def __call__(self, signal, state=None):
-        return -self.creepage
+        return -self.torque * jnp.abs(jnp.tanh(signal.speed / self.width))

@@ -71,7 +71,7 @@ def _rolling(run: Recording, rig: Any):
         return
     axes, ratio = (
         np.asarray(rig.wheels.spin_axis),
-        np.asarray(rig.wheels.radius / rig.sphere.radius),
+        np.asarray(rig.wheel_radius / rig.sphere.radius),
     )
     stride = max(int(0.5 / run.step), 2)
     theta, rolled = run.group("theta")[::stride], _rolled(run)[::stride]
@@ -226,7 +226,7 @@ def _torques(run: Recording, rig: Any):
 def _given(run: Recording, rig: Any, stride: int) -> np.ndarray:
     """Change of Omega in each piece by each wheel's torque alone, (pieces, 3, wheels)."""
     axes = np.asarray(rig.wheels.spin_axis)
-    lever = np.asarray(rig.sphere.radius / rig.wheels.radius)
+    lever = np.asarray(rig.sphere.radius / rig.wheel_radius)
     inertia = np.asarray(rig.sphere.inertia_matrix)
     inertia = inertia + axes.T @ np.diag(np.asarray(rig.wheels.inertia) * lever**2) @ axes
     per_wheel = np.linalg.solve(inertia, axes.T * lever)  # rad/s^2 per N m

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from .._errors import did_you_mean
-from ..laws import EFFECTS, AbstractLaw
+from ..laws import ANY_LENGTH, EFFECTS, AbstractLaw
 from ._parameters import law_quantity
 from ._schema import GROUPS, channels
 from ._user_laws import load_laws
@@ -53,6 +53,7 @@ def places(law: type[AbstractLaw], names: Sequence[str]) -> list[str]:
         "wheel": list(dict.fromkeys(names)),
         "group": list(GROUPS),
         "channel": list(channels(len(names))),
+        "encoder": [f"theta_{i + 1}" for i in range(len(names))],
     }
     return [place for kind in law.places for place in kinds.get(kind, [kind])]
 
@@ -80,8 +81,18 @@ def _parameter_problems(law: type[AbstractLaw], block: Mapping, wheels) -> Itera
             continue
         if law.id == "damaged-roller" and name == "roller":
             yield from _roller_problems(f"{key}.{name}", value, place, wheels)
+    yield from _length_problems(law, key, given)
     if law.id == "contact-hertz":
         yield from _preload_problems(key, place, wheels)
+
+
+def _length_problems(law: type[AbstractLaw], key: str, given: Mapping) -> Iterator[str]:
+    """The lists of one law are equally long."""
+    names = [name for name, parameter in law.parameters.items() if parameter.shape == ANY_LENGTH]
+    lengths = {name: len(given[name]) for name in names if isinstance(given.get(name), list)}
+    if len(set(lengths.values())) > 1:
+        counts = ", ".join(f"{name} {count}" for name, count in lengths.items())
+        yield f"the lists of `{key}` must be equally long, but have these entries: {counts}."
 
 
 def _roller_problems(key: str, value: Any, place: str, wheels) -> Iterator[str]:

@@ -1,6 +1,6 @@
 """What the machine is: sphere, platform, wheels, and the laws placed on them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError, did_you_mean
 from ..laws import AbstractLaw, AbstractShape, DamagedRoller, Gap
+from ._placed import Placed, over_wheels
 from ._schema import GROUPS, channels
 
 
@@ -77,14 +78,6 @@ class Wheels(eqx.Module):
         return jnp.cross(self.drive, self.normal)
 
 
-class Placed(eqx.Module):
-    """A law and where it acts: the wheels' indices (none for sphere, platform and sensors)."""
-
-    law: AbstractLaw
-    place: str = eqx.field(static=True)
-    wheels: tuple[int, ...] = eqx.field(static=True, default=())
-
-
 class Rig(eqx.Module):
     """A whole machine: a sum of laws at ports.
 
@@ -111,10 +104,17 @@ class Rig(eqx.Module):
         n = self.size
         return Gap(
             jnp.broadcast_to(self.sphere.radius, (n,)),
-            jnp.asarray(self.wheels.radius),
+            self.wheel_radius,
             jnp.asarray(self.wheels.rollers),
             jnp.asarray(self.wheels.roundness),
         )
+
+    @property
+    def wheel_radius(self) -> Float[Array, " n"]:
+        """r_b with the laws at the port `radius`, m: the radius to calculate with."""
+        radius = jnp.asarray(self.wheels.radius)
+        placed = self.at("radius")
+        return radius + over_wheels(placed, radius, self.size) if placed else radius
 
     @property
     def total_mass(self) -> Float[Array, ""]:
@@ -150,25 +150,6 @@ def place_law(
     if isinstance(law, DamagedRoller) and law.profile is None:
         law = DamagedRoller(law.roller, law.severity, profiles[wheels[0]])
     return Placed(law, place, wheels)
-
-
-def take_wheels(values: Any, wheels: Sequence[int], size: int) -> Any:
-    """Rows of `values` (leading axis the wheel) at `wheels`; all of them cost no gather."""
-    if tuple(wheels) == tuple(range(size)):
-        return values
-    index = jnp.asarray(wheels)
-    return jax.tree.map(lambda x: x[index], values)
-
-
-def over_wheels(placed: tuple[Placed, ...], signals: Any, size: int, zero: Any = 0.0) -> Any:
-    """Sum of per-wheel laws on per-wheel `signals` (leading axis the wheel), one entry a wheel."""
-    total = jax.tree.map(lambda z: jnp.zeros(size) + z, zero)
-    for term in placed:
-        index = jnp.asarray(term.wheels)
-        here = take_wheels(signals, term.wheels, size)
-        value = jax.vmap(lambda s, law=term.law: law(s))(here)
-        total = jax.tree.map(lambda a, v, i=index: a.at[i].add(v), total, value)
-    return total
 
 
 def grouped_profiles(rig: Rig) -> list[tuple[Callable, tuple[int, ...]]]:

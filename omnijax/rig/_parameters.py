@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._errors import InputError, did_you_mean
-from ..laws import Parameter
+from ..laws import ANY_LENGTH, Parameter
 from ._machine import Rig
 from ._quantities import InertiaTensor, Quantity, Vector
 from ._schema import (
@@ -141,6 +141,8 @@ def law_quantity(parameter: Parameter, place: str = "", wheels: int = 0) -> Quan
     if unit.startswith("unit of the channel"):
         unit = channels(wheels).get(place, "1") + unit.removeprefix("unit of the channel")
         unit = unit.removeprefix("1/") if unit == "1/" else unit
+    if parameter.shape == ANY_LENGTH:
+        return Vector(unit, size=None)
     if parameter.shape:
         return Vector(unit, nonzero=unit == "1", size=parameter.shape)
     if parameter.above:

@@ -65,12 +65,15 @@ class Quantity:
 
 @dataclasses.dataclass(frozen=True)
 class Vector:
-    """Three numbers of one unit; `unit_length`: of length 1 within 1 %; `nonzero`: not all 0."""
+    """Numbers of one unit; `unit_length`: of length 1 within 1 %; `nonzero`: not all 0.
+
+    `size` of them, or any number from one on where it is None.
+    """
 
     unit: str
     unit_length: bool = False
     nonzero: bool = False
-    size: int = 3
+    size: int | None = 3
 
     low = -math.inf
     high = math.inf
@@ -78,8 +81,10 @@ class Vector:
 
     def read(self, found: Any) -> tuple[float, ...]:
         """`found` in SI units; raises `ValueError` where it is no such vector."""
-        if not isinstance(found, list | tuple) or len(found) != self.size:
-            raise ValueError(f"must be a list of {self.size} numbers, but is {found!r}.")
+        fits = isinstance(found, list | tuple) and len(found) == (self.size or max(len(found), 1))
+        if not fits:
+            count = "" if self.size is None else f"{self.size} "
+            raise ValueError(f"must be a list of {count}numbers, but is {found!r}.")
         value = tuple(as_number(x, self.unit) for x in found)
         length = math.hypot(*value)
         if self.unit_length and abs(length - 1) > UNIT_TOLERANCE:
@@ -102,7 +107,9 @@ class Vector:
         item = Quantity(self.unit).json_schema()
         length = f"unit vector, length 1 within {100 * UNIT_TOLERANCE:g} %"
         text = length if self.unit_length else f"unit {self.unit}"
-        size = {"minItems": self.size, "maxItems": self.size}
+        size = {"minItems": self.size or 1}
+        if self.size is not None:
+            size["maxItems"] = self.size
         return {"type": "array", "items": item, **size, "description": text}
 
 

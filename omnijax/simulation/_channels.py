@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 
 from ..dynamics import Inputs, Model, State, instant, prescribed_instant
+from ._commands import torque_inputs
 from ._drives import SpeedDrive
 from ._trajectory import Trajectory
 
@@ -36,7 +37,7 @@ def sample(model: Model, drive, start, t, state: State) -> dict[str, jax.Array]:
         command = now.shaft_torque
     else:
         command, omega = drive.torque(t), state.angular_velocity
-        now = instant(model, state, Inputs(command, force, since))
+        now = instant(model, state, torque_inputs(rig, drive, t, start))
     elastic = rig.wheels.normal.T @ (now.motion.deflection + now.motion.mount)
     friction = rig.wheels.contact.friction
     return {

@@ -5,9 +5,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from ..laws import SensorSignal
+from ..dynamics import sensor_readings
 from ..recording import Recording
-from ..recording import channels as channel_names
 from ..rig import Rig
 from ._drives import TorqueDrive
 from ._signals import table
@@ -60,15 +59,5 @@ def measured(trajectory: Trajectory, rig: Rig) -> dict[str, Any]:
     The laws at the sensors act one after the other, in the order of the rig, on their group or
     channel; without any the run's own values come back.  Differentiable.
     """
-    values = {group: getattr(trajectory, group) for group in GROUPS}
     time = trajectory.t - trajectory.t[0]
-    for placed in rig.at("sensor"):
-        group = placed.place if placed.place in GROUPS else placed.place.rsplit("_", 1)[0]
-        here = slice(None)
-        if placed.place != group:
-            column = channel_names(group, rig.size).index(placed.place)
-            here = slice(column, column + 1)
-        true = values[group][:, here]
-        change = placed.law(SensorSignal(time, true))
-        values[group] = values[group].at[:, here].set(true + change)
-    return values
+    return {g: sensor_readings(rig, g, time, getattr(trajectory, g)) for g in GROUPS}

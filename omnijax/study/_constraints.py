@@ -90,7 +90,7 @@ def _pressure(wanted: Wanted, point: Point) -> Array:
     sphere, wheel, sphere_ratio, wheel_ratio = wanted.materials
     run, rig = point.run, point.rig
     load = run.load().greatest if isinstance(run, SteadyRun) else jnp.max(run.normal_force, axis=0)
-    radius = effective_radius(rig.sphere.radius, rig.wheels.radius)
+    radius = effective_radius(rig.sphere.radius, rig.wheel_radius)
     modulus = effective_modulus(sphere, sphere_ratio, wheel, wheel_ratio)
     return peak_pressure(load, radius, modulus)
 

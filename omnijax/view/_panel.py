@@ -104,7 +104,7 @@ def _motion(rig: Rig, speeds, state, t) -> dict[str, jax.Array]:
     waves = jnp.polyval(jnp.moveaxis(lines, 1, 0)[::-1, :, None], turn[..., None])
     dR = state.mean + jnp.sum(waves.real, axis=0)
     round_rig = eqx.tree_at(lambda r: r.wheels.roundness, rig, jnp.zeros(rig.size))
-    omega = sphere_velocity(rig, rolling(round_rig, jnp.zeros(rig.size)), speeds)
+    omega = sphere_velocity(rig, rolling(round_rig, jnp.zeros(rig.size), speeds), speeds)
     size = jnp.linalg.norm(omega)
     axis = omega / jnp.where(size > 0, size, 1.0)
     half = 0.5 * size * t[:, None]

@@ -97,7 +97,7 @@ def _shown(model: RigModel, rig) -> tuple[float, np.ndarray]:
     shown = np.max([np.abs(r.torque).max(axis=0) for r in model.machine.runs], axis=0)
     w, R = rig.wheels, float(rig.sphere.radius)
     inertia = np.linalg.eigvalsh(np.asarray(rig.sphere.inertia_matrix)).max()
-    radius = np.asarray(w.radius)
+    radius = np.asarray(rig.wheel_radius)
     reach = radius * inertia / R + np.asarray(w.inertia) * R / radius
     return top, np.maximum(shown, reach * top / SPIN_UP)
 
@@ -107,7 +107,7 @@ def _run(model: RigModel, rig, words: str, time, Omega) -> Run:
     rng, step = np.random.default_rng(0), time[1] - time[0]
     rate = Omega @ np.asarray(rig.wheels.spin_axis).T
     length = np.cumsum(np.concatenate([rate[:1], (rate[1:] + rate[:-1]) / 2]), axis=0) * step
-    least = np.min(np.asarray(rig.wheels.radius)) / float(rig.sphere.radius)
+    least = np.min(np.asarray(rig.wheel_radius)) / float(rig.sphere.radius)
     reach = float(np.abs(length).max()) / least + 1.0
     theta = wheel_tables(rig, -reach, reach).unrolled(length)
     clean = {"theta": theta, "Omega": Omega, "dR": np.zeros_like(Omega), "a": np.zeros_like(Omega)}
@@ -121,9 +121,7 @@ def _torques(machine: Machine, rig, i: int, Omega: np.ndarray) -> np.ndarray:
     run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
     r = rotated.turning.thin(FINE)
     change = np.gradient(Omega, run.step, axis=0)
-    axes = np.broadcast_to(r.axes, (run.samples, *r.axes.shape[1:]))
-    force = r.force * r.torque_gain[:, None, :]  # drive forces of unit torques
-    turned = r.radius * r.inverse_inertia @ np.swapaxes(axes, 1, 2) @ force
+    turned = np.moveaxis(r.rates[:, : rig.size], 1, 2)  # dOmega/dt of unit torques
     missing = change - rotated.acceleration[::FINE]
     return np.einsum("tij,tj->ti", np.linalg.pinv(turned), missing)
 
@@ -135,7 +133,7 @@ def _planned(model: RigModel, rig, time) -> Machine:
     for words, Omega in motions.items():
         force = np.gradient(Omega, time, axis=0) @ np.asarray(rig.sphere.inertia_matrix)
         axes = float(rig.sphere.radius) * np.asarray(rig.wheels.spin_axis).T
-        needed = np.abs(force @ np.linalg.pinv(axes).T * np.asarray(rig.wheels.radius))
+        needed = np.abs(force @ np.linalg.pinv(axes).T * np.asarray(rig.wheel_radius))
         share = np.min(most / np.maximum(needed.max(axis=0), 1e-300))
         motions[words] = min(1.0, float(share)) * Omega
     runs = [_run(model, rig, words, time, Omega) for words, Omega in motions.items()]

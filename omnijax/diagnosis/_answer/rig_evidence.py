@@ -68,7 +68,8 @@ class RigEvidence(AbstractEvidence):
         w, sphere = rig.wheels, rig.sphere
         K, N0 = np.asarray(w.contact.stiffness), np.asarray(w.closure.preload)
         reach = 1.5 * N0 / K
-        curvature = np.asarray(sphere.radius * w.radius / (sphere.radius + w.radius))
+        radius = rig.wheel_radius
+        curvature = np.asarray(sphere.radius * radius / (sphere.radius + radius))
         modulus = 0.75 * N0 / reach**1.5 / np.sqrt(curvature)
         here = effect.place in rig.names
         chosen = modulus[rig.names.index(effect.place)] if here else modulus.mean()

@@ -1,20 +1,15 @@
 """Laws evaluated over long arrays: one compiled call a law class."""
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 
+from ...dynamics import rest_memory, sensor_readings
 from ...laws import SensorSignal
-
-Signal = TypeVar("Signal")
-
-
-def packed(kind: Callable[..., Signal], *values: np.ndarray) -> Signal:
-    """A port's signal of NumPy arrays (t, ...) instead of one moment's JAX arrays."""
-    return kind(*values)
+from ...rig import Rig
 
 
 @eqx.filter_jit
@@ -22,22 +17,44 @@ def _over(law, signal):
     return jax.vmap(law)(signal)
 
 
+def along(law, signal: Any) -> Any:
+    """`law` at every entry of `signal` (leading axis), as NumPy arrays.
+
+    A number in the signal holds for all entries.
+    """
+    length = max(len(x) for x in jax.tree.leaves(signal) if np.ndim(x))
+    signal = jax.tree.map(lambda x: x if np.ndim(x) else np.full(length, x), signal)
+    return jax.tree.map(np.asarray, _over(law, signal))
+
+
 @eqx.filter_jit
-def _over_with_state(law, signal, state):
-    return jax.vmap(law)(signal, state)
+def sensed(law, signal: SensorSignal):
+    """What a sensor's law adds to the values (t, c) of its signal."""
+    return law(signal)
 
 
-def sensed(law, time: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """What a sensor's law adds to the `values` (t, c) of its group."""
-    return np.asarray(_sensed(law, time, values))
+def readings(rig: Rig, group: str, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """What the rig's sensors of one output group show of its `values` (t, c)."""
+    return np.asarray(sensor_readings(rig, group, time, values, sensed))
 
 
-@eqx.filter_jit
-def _sensed(law, time, values):
-    return law(SensorSignal(time, values))
+def follow(rule, moments: Any, memory: Any, step):
+    """Outputs (t, ...) of a law with memory along `moments`: Heun's steps from its rest.
 
+    `rule(moment, memory)` gives the output and the memory's rate; steps take `step` s.
+    """
+    first = jax.tree.map(lambda x: x[0], moments)
+    state = rest_memory(lambda z: rule(first, z)[1], memory)
 
-def along(law, signal: Any, state=None) -> Any:
-    """`law` at every entry of `signal` (leading axis), as NumPy arrays."""
-    out = _over(law, signal) if state is None else _over_with_state(law, signal, state)
-    return jax.tree.map(np.asarray, out)
+    def body(state, pair):
+        now, then = pair
+        rate = rule(now, state)[1]
+        guess = jax.tree.map(lambda z, r: z + step * r, state, rate)
+        after = rule(then, guess)[1]
+        state = jax.tree.map(lambda z, r, q: z + step / 2 * (r + q), state, rate, after)
+        return state, rule(then, state)[0]
+
+    pairs = (jax.tree.map(lambda x: x[:-1], moments), jax.tree.map(lambda x: x[1:], moments))
+    _, out = jax.lax.scan(body, state, pairs)
+    start = rule(first, state)[0]
+    return jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), start, out)

@@ -6,18 +6,19 @@ import functools
 import jax
 import numpy as np
 
-from ...dynamics import contact_signals, mount_signals
+from ...dynamics import RotationMoment, contact_signals, mount_signals
 from ...laws import ContactSignal, MountSignal
 from ...rig import Rig
-from .elastic import driven, refine, rest_state
+from .elastic import driven, rest_state
 from .machine import Machine
 from .modes import Modes
 from .motion import Motion, integrate, rolling_radius
-from .rotation import Turning, base_torques
+from .rotation import Turning, commanded, rotation_moments, run_torques
 from .runs import FINE, Run
+from .settings import SETTINGS
 from .wheels import Places, WheelTables
 
-THIN = 4  # torques are smooth: signatures need two points a sample
+THIN = SETTINGS.thin
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,7 +32,8 @@ class Base:
     motion: Motion
     slow: Motion  # at thinned points
     response: Turning  # at thinned points
-    torque: np.ndarray
+    torque: np.ndarray  # (FINE points, n) N m, commanded, and now to act
+    felt: RotationMoment  # (thinned points, ...) with the delivered torques
     drive: np.ndarray  # (thinned points, n) N
     shaft: np.ndarray  # (thinned points, n) N m, the motors' and all laws'
     contact: ContactSignal  # (FINE points, n) each
@@ -63,7 +65,9 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
 
     contact = jax.tree.map(wide, contact_signals(rig, deflection, rate))
     normal = contact.preload - contact.stiffness * deflection - contact.damping * rate
-    slow, torque = thin(m), refine(run.torque, FINE)
+    slow, torque = thin(m), commanded(rig, run)
+    moments = rotation_moments(rig, slow, torque[::THIN], normal[::THIN])
+    moments, caused = run_torques(rig, moments, slow.step)
     return Base(
         rig=rig,
         run=run,
@@ -73,8 +77,9 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
         slow=slow,
         response=rotated.turning.thin(THIN),
         torque=torque,
+        felt=moments,
         drive=rotated.drive[::THIN],
-        shaft=base_torques(rig, slow, torque[::THIN], normal[::THIN])[0],
+        shaft=caused.shaft,
         contact=contact,
         mount=jax.tree.map(wide, mount_signals(rig, mount, mount_rate)),
         normal=normal,

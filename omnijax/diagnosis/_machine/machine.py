@@ -6,30 +6,24 @@ from typing import Any
 
 import numpy as np
 
+from ...dynamics import TURNING_PORTS
 from ...rig import Rig
 from .._threads import each
 from .data_vector import Rows
 from .elastic import OUTPUTS, SIGNALS, Ports, felt, linear_states, outputs_of, refine, rig_modes
-from .laws import along
+from .laws import along, readings
 from .modes import Modes
-from .motion import (
-    Motion,
-    contact_directions,
-    integrate,
-    measured_lengths,
-    motion,
-    sensor_change,
-    smooth_about,
-    tables_for,
-)
+from .motion import Motion, contact_directions, integrate, measured_lengths, motion, tables_for
 from .noise_model import rolling_state, rows_of
-from .observer import TURNING, needs_observer, observed_turning, path_along
-from .ports import bare
-from .rotation import Turning, base_torques, turning
+from .observer import needs_observer, observed_turning, path_along
+from .rotation import Turning, commanded, rotation_moments, run_torques, turning
 from .runs import FINE, SHAPE, STEPS, Run
+from .settings import SETTINGS
+from .smooth import likeliest, smooth
 from .stage_cache import Kept
 from .stepped import Lane, law_changes, stepped_ports
-from .tree_hash import digest, rounded
+from .tree_hash import digest
+from .wheels import WheelTables
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,22 +36,33 @@ class Rotated:
     acceleration: np.ndarray  # (FINE points, 3) rad/s^2
     Omega: np.ndarray  # (samples, 3) rad/s, from Omega = 0 at the start
     length: np.ndarray  # (samples, n) rad, what S(theta) should be
+    normal: np.ndarray  # (FINE points, n) N under which laws at the contact patches acted
+
+
+@dataclasses.dataclass(frozen=True)
+class Basis:
+    """What predictions start from: made of the data and one rig by `Machine.rebase`, by run."""
+
+    references: tuple[np.ndarray, ...] = ()  # (samples, n) rad, rolled lengths to smooth about
+    ratios: tuple[float, ...] = ()  # noise over jerk of the smoothing
+    normal: tuple[np.ndarray, ...] = ()  # (FINE points, n) N
+    rolling: dict[int, np.ndarray] = dataclasses.field(default_factory=dict)  # elastic states
 
 
 class Machine:
-    """Residuals of a rig against its runs; every stage is kept for the last few rigs asked for."""
+    """Residuals of a rig against its runs: functions of the rig, the runs and the `basis` alone.
+
+    Every stage is kept for the last few rigs asked for, under all that it depends on.
+    """
 
     def __init__(self, rig: Rig, runs: list[Run], noise: dict[str, float], window: float = 1.0):
         self.rig, self.runs, self.noise = rig, runs, noise
-        radius = np.asarray(rig.wheels.radius) / float(rig.sphere.radius)
+        radius = np.asarray(rig.wheel_radius) / float(rig.sphere.radius)
         self.length_noise = noise.get("theta", 1e-4) * radius
-        self.references: list[np.ndarray] | None = None
-        self.ratios: list[float | None] = [None] * len(runs)
-        self._normal: dict[int, np.ndarray] = {}  # N of the last rig: where the next one starts
+        self.basis = Basis()
         self._kept = Kept()
         self.window = window
         self.rows: list[Rows] = []
-        self._rolling: dict[int, np.ndarray] = {}  # elastic states of runs that begin rolling
         self.rebase(rig)
 
     def rebase(self, rig: Rig) -> None:
@@ -65,33 +70,47 @@ class Machine:
 
         Friction hangs on the motion itself: then again until the prediction stays.
         """
-        self._kept.forget()
-        self.references = None
-        self.ratios = [None] * len(self.runs)
-        for _ in range(4 if needs_observer(rig) else 1):
-            found = [r.length for r in self.rotated(rig).values()]
-            change = [] if self.references is None else [
+        rolling = self.basis.rolling
+        basis = self._basis(rig, None, rolling)
+        for _ in range(SETTINGS.rebase_turns if needs_observer(rig) else 1):
+            self._begin(basis)
+            lengths = tuple(r.length for r in self.rotated(rig).values())
+            change = [
                 np.std(new - old, axis=0).max()
-                for new, old in zip(found, self.references, strict=True)
-            ]  # fmt: skip
-            self._kept.forget()
-            self.references = found
-            self.ratios = [None] * len(self.runs)
-            if change and max(change) < 0.3 * self.length_noise.min():
+                for new, old in zip(lengths, basis.references, strict=True)
+            ]
+            basis = self._basis(rig, lengths, rolling)
+            if max(change) < SETTINGS.settled * self.length_noise.min():
                 break
-        self.motions(rig)
+        self._begin(basis)
+        normal = tuple(r.normal for r in self.rotated(rig, turns=SETTINGS.rebase_turns).values())
+        self._begin(dataclasses.replace(basis, normal=normal))
         self.rows = each(lambda i: rows_of(self, rig, i), range(len(self.runs)))
-        rolling = [i for i, run in enumerate(self.runs) if run.rolling_start(self.noise)]
-        found = each(lambda i: rolling_state(self, rig, i), rolling)
-        for i, state in zip(rolling, found, strict=True):
-            self._rolling[i] = self._rolling.get(i, 0.0) + state
-        if rolling:
-            self._kept.forget()
+        begin = [i for i, run in enumerate(self.runs) if run.rolling_start(self.noise)]
+        states = each(lambda i: rolling_state(self, rig, i), begin)
+        more = {i: rolling.get(i, 0.0) + z for i, z in zip(begin, states, strict=True)}
+        if begin:
+            self._begin(dataclasses.replace(self.basis, rolling=more))
+
+    def _begin(self, basis: Basis) -> None:
+        self.basis = basis
+        self._kept.forget()
+
+    def _basis(self, rig: Rig, references, rolling) -> Basis:
+        """Smoothing about `references` (None: zero) as the data ask for it, N at the preload."""
+        tables, sigma = self.tables_of(rig), float(np.mean(self.length_noise))
+        lengths = each(lambda run: measured_lengths(rig, tables, run), self.runs)
+        references = tuple(np.zeros_like(x) for x in lengths) if references is None else references
+        pairs = list(zip(lengths, references, strict=True))
+        ratios = each(lambda pair: likeliest(pair[0] - pair[1], sigma), pairs)
+        preload = np.asarray(rig.wheels.closure.preload)
+        normal = tuple(np.tile(preload, ((r.samples - 1) * FINE + 1, 1)) for r in self.runs)
+        return Basis(references, tuple(ratios), normal, rolling)
 
     @property
     def rolls(self) -> bool:
         """Whether a run begins while the sphere turns."""
-        return bool(self._rolling)
+        return bool(self.basis.rolling)
 
     def replace(self, i: int, run: Run) -> None:
         """Put another record in the place of run `i`, its angles about the same reference."""
@@ -120,17 +139,15 @@ class Machine:
             w.rollers,
             w.roundness,
             rig.profiles,
-            rig.at("shape"),
-            rig.at("kinematics"),
+            *(rig.at(port) for port in ("radius", "shape", "kinematics")),
             tuple(p for p in rig.at("sensor") if p.place.startswith("theta")),
         )
 
     def _motion(self, rig: Rig, i: int) -> Motion:
         tables, run = self.tables_of(rig), self.runs[i]
         length = measured_lengths(rig, tables, run)
-        about = np.zeros_like(length) if self.references is None else self.references[i]
-        sigma = float(np.mean(self.length_noise))
-        smoothed, self.ratios[i] = smooth_about(length, about, sigma, self.ratios[i])
+        about, sigma = self.basis.references[i], float(np.mean(self.length_noise))
+        smoothed = about + smooth(length - about, sigma, self.basis.ratios[i])[0]
         return motion(rig, tables, run, length, smoothed)
 
     def modes(self, rig: Rig) -> Modes:
@@ -138,56 +155,52 @@ class Machine:
         key = digest(rig.sphere, rig.platform, rig.wheels)
         return self._kept.get("modes", key, lambda: rig_modes(rig))
 
-    def rotated(self, rig: Rig, which=None) -> dict[int, Rotated]:
-        """Rotation of every run under the torques."""
+    def rotated(self, rig: Rig, which=None, turns: int = SETTINGS.normal_turns):
+        """Rotation of every run under the torques; `turns` of N and f where N enters."""
         w = rig.wheels
-        rolling = rig.at("rolling")
-        parts = [rig.sphere, rig.platform, w.normal, w.drive, w.radius, w.inertia, rig.profiles,
-                 w.rollers, w.roundness, rig.at("shape"), rig.at("kinematics"), rig.at("shaft"),
-                 rolling, rig.at("sphere"),
-                 tuple(p for p in rig.at("sensor") if p.place.startswith("theta"))]  # fmt: skip
-        if rolling:  # N enters: to about 2 % of stiffness and damping
-            parts.append(rounded((w.contact, w.mount, w.closure)))
+        parts = [self._motion_key(rig), rig.platform, w.inertia]
+        parts += [rig.at(port) for port in ("command", *TURNING_PORTS)]
+        if rig.at("rolling"):  # N enters
+            parts += [w.contact, w.mount, w.closure, rig.at("surface"), turns]
+        else:
+            turns = 1
         key = digest(*parts)
-        return self._by_run("rotated", key, lambda i: self._rotated(rig, i), which)
+        return self._by_run("rotated", key, lambda i: self._rotated(rig, i, turns), which)
 
-    def _rotated(self, rig: Rig, i: int) -> Rotated:
+    def _rotated(self, rig: Rig, i: int, turns: int) -> Rotated:
         run, m = self.runs[i], self.motions(rig, [i])[i]
         key = self._motion_key(rig) + digest(rig.wheels.inertia) + bytes([i])
         response = self._kept.get("turning", key, lambda: turning(rig, m))
-        torque = refine(run.torque, FINE)
+        command = commanded(rig, run)
         longest = max(r.samples for r in self.runs)
         path = None
         if needs_observer(rig):
-            key += digest(rig.platform.gravity)
+            key += digest(rig.platform.gravity, rig.at("command"))
             path = self._kept.get(
-                "path", key, lambda: path_along(rig, m, response, torque, longest)
+                "path", key, lambda: path_along(rig, m, response, command, longest)
             )
-        turns = 1 if not rig.at("rolling") else 4 if i not in self._normal else 2
-        preload = np.broadcast_to(np.asarray(rig.wheels.closure.preload), m.theta.shape)
-        normal = self._normal.get(i, preload)
+        normal = self.basis.normal[i]
+        moving = m
         for turn in range(turns):
             if path is not None:
                 rest = not run.rolling_start(self.noise)
-                laws = bare(rig, *TURNING)
-                Omega, speed = observed_turning(laws, m, path, normal, run.step, rest)
+                Omega, speed = observed_turning(rig, m, path, normal, run.step, rest)
                 moving = dataclasses.replace(m, turning=Omega, speed=speed)
-            else:
-                moving = m
-            shaft, opposing = base_torques(rig, moving, torque, normal)
-            drive, rate = response.respond(shaft, opposing)
+            moments = rotation_moments(rig, moving, command, normal)
+            _, caused = run_torques(rig, moments, m.step)
+            drive, rate = response.respond(caused.shaft, caused.opposing)
             if turn < turns - 1:
-                self._normal[i] = normal = self.normal_force(rig, i, m, drive)
-        return self._integrated(run, m, response, drive, rate)
+                normal = self.normal_force(rig, i, m, drive)
+        return self._integrated(rig, run, m, response, drive, rate, normal)
 
-    def _integrated(self, run, m: Motion, response: Turning, drive, rate) -> Rotated:
+    def _integrated(self, rig, run, m: Motion, response: Turning, drive, rate, normal) -> Rotated:
         h = run.step / FINE
         Omega = integrate(rate, h)
         rolled = np.einsum("tij,tj->ti", m.axes, Omega)
-        creep = (m.factor - 1) * m.speed * (m.shape + np.asarray(self.rig.wheels.radius))
-        creep = creep / float(self.rig.sphere.radius)
+        creep = (m.factor - 1) * m.speed * (m.shape + np.asarray(rig.wheel_radius))
+        creep = creep / float(rig.sphere.radius)
         length = integrate(rolled - creep, h)[::FINE]
-        return Rotated(m, response, drive, rate, Omega[::FINE], length)
+        return Rotated(m, response, drive, rate, Omega[::FINE], length, normal)
 
     def ports(self, rig: Rig, run: Run, m: Motion, drive) -> Ports:
         """Inputs of the elastic model."""
@@ -201,11 +214,17 @@ class Machine:
             shape = shape + refine(self.surface(rig, m), SHAPE // FINE)
         return shape
 
-    def tables_of(self, rig: Rig):
+    def tables_of(self, rig: Rig) -> WheelTables:
         """Wheel tables of a rig (kept with its motions)."""
         w = rig.wheels
         key = b"t" + digest(
-            rig.sphere.radius, w.radius, w.rollers, w.roundness, rig.profiles, rig.at("shape")
+            rig.sphere.radius,
+            w.radius,
+            w.rollers,
+            w.roundness,
+            rig.profiles,
+            rig.at("shape"),
+            rig.at("radius"),
         )
         return self._kept.get("motion", key, lambda: tables_for(rig, self.runs))
 
@@ -228,7 +247,7 @@ class Machine:
     def signals(self, rig: Rig, i: int, ports: Ports) -> np.ndarray:
         """Linear port signals (FINE points, 4 n): deflection and rate of contacts, of mounts."""
         m = self.modes(rig)
-        z = linear_states(m, self.runs[i], ports, FINE, self._rolling.get(i))
+        z = linear_states(m, self.runs[i], ports, FINE, self.basis.rolling.get(i))
         return felt(m, z, ports, self.motions(rig, [i])[i].shape_rate, SIGNALS, FINE)
 
     def shape_rate(self, rig: Rig, m: Motion, parts: int) -> np.ndarray:
@@ -272,7 +291,7 @@ class Machine:
         """dR and a (samples, 6) of the linear model; what the ports `stepped` feel at the steps."""
         ports, m = self.ports(rig, self.runs[i], rotated.motion, rotated.drive), self.modes(rig)
         parts = steps if stepped else 1
-        z = linear_states(m, self.runs[i], ports, parts, self._rolling.get(i))
+        z = linear_states(m, self.runs[i], ports, parts, self.basis.rolling.get(i))
         out = outputs_of(m, z[::parts], ports, OUTPUTS)
         if not stepped:
             return out, np.zeros((0, 0))
@@ -311,10 +330,11 @@ class Machine:
         missing = np.full((run.samples, 3), np.nan)
         elastic = []
         for group, part in (("dR", pred[:, :3]), ("a", pred[:, 3:])):
-            predicted = part + sensor_change(rig, group, run.time, part)
+            predicted = readings(rig, group, run.time, part)
             elastic.append(run.outputs.get(group, missing) - predicted)
-        turning_rate = rotated.motion.turning[::FINE]
-        Omega = rotated.Omega + sensor_change(rig, "Omega", run.time, turning_rate)
+        # Omega from the torques drifts; what sensors change is that of the measured motion
+        measured = rotated.motion.turning[::FINE]
+        Omega = rotated.Omega + readings(rig, "Omega", run.time, measured) - measured
         rotation = [
             run.outputs.get("Omega", missing) - Omega,
             rotated.motion.length - rotated.length,

@@ -10,9 +10,10 @@ from ..._errors import InputError
 from ...dynamics import spin_axes
 from ...laws import DualRow
 from ...rig import Rig
-from .laws import along, sensed
-from .runs import FINE, SHAPE, Run
-from .smooth import likeliest, smooth, smooth_by_likelihood
+from .laws import along, readings
+from .runs import FINE, SHAPE, Run, filled
+from .settings import SETTINGS
+from .smooth import smooth_by_likelihood
 from .wheels import WheelTables, wheel_tables
 
 
@@ -48,30 +49,13 @@ def true_angles(rig: Rig, run: Run, wheels: int) -> np.ndarray:
     measured = run.outputs.get("theta")
     if measured is None:
         return np.full((run.samples, wheels), np.nan)
-    angle = measured
-    for _ in range(3 if _on(rig, "theta") else 0):
-        angle = measured - sensor_change(rig, "theta", run.time, angle)
-    return angle
-
-
-def _on(rig: Rig, group: str) -> bool:
-    return any(p.place.split("_")[0] == group for p in rig.at("sensor"))
-
-
-def sensor_change(rig: Rig, group: str, time, values) -> np.ndarray:
-    """What the sensors' laws add to the `values` (t, c) of one output group."""
-    change = np.zeros_like(values)
-    for placed in rig.at("sensor"):
-        head, _, channel = placed.place.partition("_")
-        if head != group:
-            continue
-        value = sensed(placed.law, time, values)
-        if channel:
-            column = "xyz".index(channel) if channel in "xyz" else int(channel) - 1
-            change[:, column] += value[:, column]
-        else:
-            change += value
-    return change
+    if not any(p.place.split("_")[0] == "theta" for p in rig.at("sensor")):
+        return measured
+    known = filled(measured)  # a law with memory must not carry a gap on
+    angle = known
+    for _ in range(SETTINGS.angle_turns):
+        angle = angle + known - readings(rig, "theta", run.time, angle)
+    return np.where(np.isfinite(measured), angle, np.nan)
 
 
 def measured_lengths(rig: Rig, tables: WheelTables, run: Run) -> np.ndarray:
@@ -100,14 +84,14 @@ def _scatter(values: np.ndarray) -> float:
 
 def motion(rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray) -> Motion:
     """Everything the elastic and the rotation model need, from smoothed rolled lengths."""
-    radius, wheels = float(rig.sphere.radius), rig.wheels
+    radius = float(rig.sphere.radius)
     spline = CubicSpline(run.time, smoothed)
     theta_shape = tables.unrolled(spline(run.fine(SHAPE)))
     theta = theta_shape[:: SHAPE // FINE]
     rate = spline.derivative()(run.fine(FINE))
     rho = tables.rho(theta_shape)
     shape = rho[:: SHAPE // FINE]
-    speed = rate * radius / (np.asarray(wheels.radius) + shape)
+    speed = rate * radius / (np.asarray(rig.wheel_radius) + shape)
     factor = np.ones_like(speed)
     for placed in rig.at("kinematics"):
         for i in placed.wheels:
@@ -172,19 +156,9 @@ def tables_for(rig: Rig, runs: list[Run]) -> WheelTables:
     return wheel_tables(rig, float(low), float(high))
 
 
-def smooth_about(length, reference, sigma: float, ratio: float | None) -> tuple[np.ndarray, float]:
-    """Smoothed lengths: what is left beside a `reference` is smoothed, at `ratio` or the likeliest.
-
-    Also the ratio.
-    """
-    rest = length - reference
-    ratio = likeliest(rest, sigma) if ratio is None else ratio
-    return reference + smooth(rest, sigma, ratio)[0], ratio
-
-
 def rolling_radius(rig: Rig, m: Motion) -> np.ndarray:
     """Radius (FINE points, n) m at which every wheel rolls: with its shape and its creep."""
-    return m.factor * (np.asarray(rig.wheels.radius) + m.shape)
+    return m.factor * (np.asarray(rig.wheel_radius) + m.shape)
 
 
 def contact_directions(rig: Rig, m: Motion) -> np.ndarray:

@@ -32,11 +32,11 @@ def rows_of(machine, rig: Rig, i: int) -> Rows:
 
 def _angle_errors(machine, rig: Rig, i: int) -> list[np.ndarray]:
     """By wheel: modes (samples, k) of the error of the angle behind the prediction, rad."""
-    run, ratio = machine.runs[i], machine.ratios[i]
-    radius = float(rig.sphere.radius) / np.asarray(rig.wheels.radius)
+    run, ratio = machine.runs[i], machine.basis.ratios[i]
+    radius = float(rig.sphere.radius) / np.asarray(rig.wheel_radius)
     measured = run.outputs.get("theta", np.full((run.samples, rig.size), np.nan))
     out = []
-    modes, gains = smoother_modes(run.samples, ratio or 1.0)
+    modes, gains = smoother_modes(run.samples, ratio)
     for k in range(rig.size):
         if np.isfinite(measured[:, k]).any():
             out.append(modes * np.sqrt(gains) * machine.length_noise[k] * radius[k])

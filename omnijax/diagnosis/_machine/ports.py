@@ -3,42 +3,29 @@
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
-import numpy as np
 
-from ...dynamics import contact_signals, mount_signals
-from ...rig import Rig
+from ...dynamics import contact_forces, contact_signals, mount_signals, mount_tensions
+from ...rig import Acting, Rig, acting
 
 
 class ElasticLaws(eqx.Module):
-    """Laws of contacts, mounts and separation, each with a mask (n,) of the wheels it acts on.
-
-    Masks are numbers: one compiled program serves a law at every place.
-    """
+    """Laws of contacts, mounts and separation with masks: one program serves a law anywhere."""
 
     rig: Rig  # without laws and profiles
-    contact: tuple[tuple[Any, jax.Array], ...]
-    mount: tuple[tuple[Any, jax.Array], ...]
-    separation: tuple[tuple[Any, jax.Array], ...]
+    contact: tuple[Acting, ...]
+    mount: tuple[Acting, ...]
+    separation: tuple[Acting, ...]
 
     @staticmethod
     def of(rig: Rig) -> "ElasticLaws":
         """The laws of a rig."""
-
-        def masked(port: str):
-            wheels = np.arange(rig.size)
-            return tuple((p.law, jnp.asarray(np.isin(wheels, p.wheels))) for p in rig.at(port))
-
-        return ElasticLaws(bare(rig), masked("contact"), masked("mount"), masked("separation"))
+        ports = ("contact", "mount", "separation")
+        return ElasticLaws(bare(rig), *(acting(rig.at(p), rig.size, masked=True) for p in ports))
 
     def initial(self) -> tuple[Any, ...]:
         """Rest states of the laws' memories, (n, ...) each."""
-        n = self.rig.size
-        return tuple(
-            jax.tree.map(lambda z: jnp.broadcast_to(z, (n, *jnp.shape(z))), law.initial())
-            for law, _ in (*self.contact, *self.mount)
-        )
+        return tuple(law.rest(self.rig.size) for law in (*self.contact, *self.mount))
 
     @property
     def ports(self) -> tuple[str, ...]:
@@ -56,32 +43,20 @@ class ElasticLaws(eqx.Module):
         k, total, rates = len(self.contact), [], ()
         if "contact" in self.ports:
             signal = contact_signals(self.rig, next(parts), next(parts))
-            extra, rates = _total(self.contact, signal, memory[:k])
-            linear = signal.stiffness * signal.deflection + signal.damping * signal.rate
-            normal = signal.preload - linear - extra
-            for law, on in self.separation:
-                extra = extra - jnp.where(on, jax.vmap(law)(normal), 0.0)
-            total.append(extra)
+            forces = contact_forces(self.contact, self.separation, signal, memory[:k])
+            total.append(forces.tension)
+            rates = forces.memory_rates
         if "mount" in self.ports:
             signal = mount_signals(self.rig, next(parts), next(parts))
-            pull, more = _total(self.mount, signal, memory[k:])
+            pull, more = mount_tensions(self.mount, signal, memory[k:])
             total.append(pull)
             rates = (*rates, *more)
         return jnp.concatenate(total), rates
 
 
-def _total(laws, signals, memory):
-    total, rates = jnp.zeros_like(signals.deflection), []
-    for (law, on), state in zip(laws, memory, strict=True):
-        total = total + jnp.where(on, jax.vmap(law)(signals, state), 0.0)
-        rates.append(jax.vmap(law.rate)(signals, state))
-    return total, tuple(rates)
-
-
-def bare(rig: Rig, *ports: str) -> Rig:
-    """The rig with the laws of some ports only and no profiles: one structure for many runs."""
-    keep = tuple(placed for port in ports for placed in rig.at(port))
+def bare(rig: Rig) -> Rig:
+    """The rig without laws and profiles, at the wheels' radius with laws: one structure for all."""
     return eqx.tree_at(
-        lambda r: (r.effects, r.profiles), rig, (keep, ()),
+        lambda r: (r.effects, r.profiles, r.wheels.radius), rig, ((), (), rig.wheel_radius),
         is_leaf=lambda x: x is rig.effects or x is rig.profiles,
     )  # fmt: skip

@@ -1,152 +1,147 @@
-"""Rotation along the measured motion: drive forces, dOmega/dt, and their response to torques."""
+"""Rotation along a run: torques of the laws, and the response to torques, read off `dynamics`."""
 
 import dataclasses
 import functools
+from typing import Any
 
+import equinox as eqx
+import jax
 import numpy as np
 
-from ...laws import BodySignal, RollingSignal, ShaftSignal
+from ...dynamics import (
+    Rolling,
+    RotationMoment,
+    Torques,
+    TurningLaws,
+    command_times,
+    inertia_at,
+    rotation_response,
+    torques,
+)
 from ...rig import Rig
-from .laws import along, packed
+from .elastic import refine
+from .laws import follow
 from .motion import Motion, rolling_radius
+from .ports import bare
+from .runs import FINE, Run
 
 
 @dataclasses.dataclass(frozen=True)
 class Turning:
-    """Linear response of one run's rotation to shaft and opposing torques (spec section 4)."""
+    """Linear response of one run's rotation to torques (spec section 4)."""
 
-    torque_gain: np.ndarray  # (t, n) r_w / I_w
-    force: np.ndarray  # (t, n, n) inverse of the drive forces' matrix
-    body: np.ndarray  # (t or 1, n, 3) R A I^-1
-    inverse_inertia: np.ndarray  # (t or 1, 3, 3)
+    response: np.ndarray  # (n + 3, t, n + 3): of a unit torque on each shaft, opposing each axis
     axes: np.ndarray  # (t or 1, n, 3)
-    radius: float
 
     def thin(self, step: int) -> "Turning":
         """The same at every `step`-th time."""
-
-        def less(x):
-            return x if len(x) == 1 else x[::step]
-
-        return Turning(
-            less(self.torque_gain), less(self.force), less(self.body), less(self.inverse_inertia),
-            less(self.axes), self.radius,
-        )  # fmt: skip
+        axes = self.axes if len(self.axes) == 1 else self.axes[::step]
+        return Turning(self.response[:, ::step], axes)
 
     @functools.cached_property
-    def rates(self) -> tuple[np.ndarray, np.ndarray]:
-        """dOmega/dt of a torque on each shaft (t, 3, n), and of an opposing torque (t, 3, 3)."""
-        axes = np.swapaxes(self.axes, 1, 2)
-        drive = self.radius * self.inverse_inertia @ axes @ self.force
-        return drive * self.torque_gain[:, None, :], drive @ self.body - self.inverse_inertia
-
-    @functools.cached_property
-    def _each(self) -> tuple[list[np.ndarray], list[np.ndarray]]:
-        """Drive forces and dOmega/dt (t, n + 3) of a torque on each shaft, and opposing each axis.
-
-        The part that does not pass through the drive forces is in them too.
-        """
-        force = self.force * self.torque_gain[:, None, :], self.force @ self.body
-        both = (np.concatenate(x, axis=1) for x in zip(force, self.rates, strict=True))
-        shaft, opposing = (list(np.ascontiguousarray(np.moveaxis(x, 2, 0))) for x in both)
-        return shaft, opposing
+    def rates(self) -> np.ndarray:
+        """dOmega/dt (t, n + 3, 3) of a unit torque on each shaft, then opposing each axis."""
+        return np.moveaxis(self.response[:, :, -3:], 0, 1)
 
     def respond(self, shaft: np.ndarray | None, opposing: np.ndarray | None):
         """(drive forces (t, n), dOmega/dt (t, 3)) caused by torques (t, n) and (t, 3)."""
-        out = np.zeros((len(self.force), self.force.shape[1] + 3))
-        for torques, responses in zip((shaft, opposing), self._each, strict=True):
-            if torques is None:
+        n = len(self.response) - 3
+        out = np.zeros(self.response.shape[1:])
+        for torque, responses in ((shaft, self.response[:n]), (opposing, self.response[n:])):
+            if torque is None:
                 continue
             for k, response in enumerate(responses):
-                if torques[:, k].any():
-                    out += response * torques[:, k : k + 1]
-        n = self.force.shape[1]
+                if torque[:, k].any():
+                    out += response * torque[:, k : k + 1]
         return out[:, :n], out[:, n:]
 
 
-def isotropic(inertia: np.ndarray) -> bool:
-    """Whether an inertia is a multiple of the unit matrix, so that attitude does not matter."""
+def isotropic(rig: Rig) -> bool:
+    """Whether the sphere's inertia is a multiple of the unit matrix: attitude does not matter."""
+    inertia = np.asarray(rig.sphere.inertia_matrix)
     return bool(np.all(inertia == inertia[0, 0] * np.eye(3)))
 
 
 def turning(rig: Rig, motion: Motion) -> Turning:
-    """The response matrices along one run's motion."""
-    R, wheels = float(rig.sphere.radius), rig.wheels
-    inertia = np.asarray(rig.sphere.inertia_matrix)
-    inverse = np.linalg.inv(inertia)[None]
-    if not isotropic(inertia):
-        Q = motion.attitude
-        inverse = Q @ inverse @ np.swapaxes(Q, 1, 2)
-    radius = rolling_radius(rig, motion)
-    body = R * motion.axes @ inverse
-    wheel_inertia = np.asarray(wheels.inertia)
-    matrix = R * body @ np.swapaxes(motion.axes, 1, 2)
-    matrix = matrix + (radius**2 / wheel_inertia)[:, :, None] * np.eye(rig.size)
-    return Turning(radius / wheel_inertia, np.linalg.inv(matrix), body, inverse, motion.axes, R)
+    """The response along one run's motion."""
+    attitude = np.eye(3)[None] if isotropic(rig) else motion.attitude
+    response = _responses(bare(rig), rolling_radius(rig, motion), motion.axes, attitude)
+    return Turning(np.asarray(response), motion.axes)
 
 
-def shaft_signals(motion: Motion, torque: np.ndarray) -> ShaftSignal:
-    """Signals of the shafts, (t, n) each."""
-    return packed(ShaftSignal, motion.theta, motion.speed, torque)
+@jax.jit
+def _responses(rig: Rig, radius, axes, attitude):
+    def at(radius, axes, attitude):
+        inverse = inertia_at(rig.sphere.inertia_matrix, attitude).inverse
+        return rotation_response(rig, Rolling(radius, axes), inverse)
+
+    (axes, axes_in), (attitude, attitude_in) = _held(axes), _held(attitude)
+    return jax.vmap(at, (0, axes_in, attitude_in), 1)(radius, axes, attitude)
 
 
-def rolling_signals(rig: Rig, motion: Motion, normal_force: np.ndarray) -> RollingSignal:
-    """Signals of the contact patches, (t, n) each."""
-    roll = np.einsum("tij,tj->ti", motion.axes, motion.turning)
-    spin = -motion.turning @ np.asarray(rig.wheels.normal).T
-    friction = np.broadcast_to(np.asarray(rig.wheels.contact.friction), roll.shape)
-    return packed(RollingSignal, roll, spin, np.maximum(normal_force, 0.0), friction)
+def commanded(rig: Rig, run: Run) -> np.ndarray:
+    """Torques (FINE points, n) whose turn it is, linear between samples."""
+    torque, placed = refine(run.torque, FINE), rig.at("command")
+    if not placed:
+        return torque
+    fine = run.fine(FINE)
+    times = np.asarray(_command_times(placed, fine, rig.size))
+    return np.stack([np.interp(times[:, k], fine, torque[:, k]) for k in range(rig.size)], axis=1)
 
 
-def body_signals(rig: Rig, motion: Motion) -> BodySignal:
-    """Signals of the sphere, one entry a time."""
-    t = len(motion.turning)
-    mass = np.broadcast_to(np.asarray(rig.sphere.mass), (t,))
-    gravity = np.broadcast_to(np.asarray(rig.platform.gravity), (t, 3))
-    return packed(BodySignal, motion.turning, motion.attitude, mass, gravity)
+@eqx.filter_jit
+def _command_times(placed, fine, size: int):
+    return jax.vmap(lambda t: command_times(placed, t, size))(fine)
 
 
-def wheel_law(law, wheels: tuple[int, ...], signals, shape) -> list[np.ndarray]:
-    """A per-wheel law on the wheels it is placed at: one array (t, n) an output of the law."""
-    import jax
-
-    outputs = None
-    for i in wheels:
-        value = along(law, jax.tree.map(lambda x, i=i: np.ascontiguousarray(x[:, i]), signals))
-        leaves = jax.tree.leaves(value)
-        if outputs is None:
-            outputs = [np.zeros(shape) for _ in leaves]
-        for out, leaf in zip(outputs, leaves, strict=True):
-            out[:, i] += leaf
-    return outputs or []
+def rotation_moments(rig: Rig, m: Motion, command: np.ndarray, normal: np.ndarray):
+    """What laws that act on the rotation feel along a motion; one entry where nothing changes."""
+    turns = not isotropic(rig) or rig.at("sphere") or np.any(np.asarray(rig.sphere.centre_of_mass))
+    attitude = m.attitude if turns else np.eye(3)[None]
+    return RotationMoment(m.axes, attitude, m.turning, m.theta, m.speed, command, command, normal)
 
 
-def resistance(rig: Rig, motion: Motion, roll, spin) -> np.ndarray:
-    """Torque (t, 3) that opposes the sphere, from rolling and spin torques (t, n)."""
-    return np.einsum("tij,ti->tj", motion.axes, roll) - spin @ np.asarray(rig.wheels.normal)
+def run_torques(rig: Rig, at: RotationMoment, step: float) -> tuple[RotationMoment, Torques]:
+    """The moments with what is delivered, and torques (t, n), (t, 3) with all laws of the rig.
+
+    `step` is the time between two moments, s: memories are followed along them.
+    """
+    laws = TurningLaws.of(rig, masked=True)
+    memory = laws.rest(rig.size)
+    apply = functools.partial(each_moment, step)
+    at, total, _ = torques(bare(rig), laws, at, memory, apply)
+    return at, total
 
 
-def base_torques(rig: Rig, motion: Motion, torque, normal_force):
-    """Shaft torques (t, n) and opposing torque (t, 3) of the rig with all its laws."""
-    shaft = torque.copy()
-    for placed in rig.at("shaft"):
-        signals = shaft_signals(motion, torque)
-        shaft += wheel_law(placed.law, placed.wheels, signals, shaft.shape)[0]
-    opposing = np.zeros((len(torque), 3))
-    inertia = np.asarray(rig.sphere.inertia_matrix)
-    if not isotropic(inertia):
-        Q, turning = motion.attitude, motion.turning
-        spin = np.einsum("tji,tj->ti", Q, turning)
-        opposing += np.cross(turning, np.einsum("tij,tj->ti", Q, spin @ inertia.T))
-    for placed in rig.at("rolling"):
-        signals = rolling_signals(rig, motion, normal_force)
-        roll, spin_torque, on_shaft = wheel_law(placed.law, placed.wheels, signals, shaft.shape)
-        opposing += resistance(rig, motion, roll, spin_torque)
-        shaft -= on_shaft
-    weight = np.asarray(rig.sphere.mass * rig.platform.gravity)
-    offset = np.asarray(rig.sphere.centre_of_mass)
-    if offset.any():
-        opposing -= np.cross(motion.attitude @ offset, weight)
-    for placed in rig.at("sphere"):
-        opposing -= along(placed.law, body_signals(rig, motion))
-    return shaft, opposing
+def each_moment(step: float, function, rig: Rig, law: Any, at: RotationMoment, memory: Any):
+    """`function` of one law at its port, for all moments; and None, in place of memories' rates."""
+    moving, still = _parted(at)
+    return jax.tree.map(np.asarray, _each(function, rig, law, moving, still, memory, step)), None
+
+
+@eqx.filter_jit
+def _each(function, rig, law, moving, still, memory, step):
+    def rule(now, state):
+        return function(rig, law, _whole(now, still), state)
+
+    if memory is None:
+        return jax.vmap(lambda now: rule(now, None)[0])(moving)
+    return follow(rule, moving, memory, step)
+
+
+def _held(values):
+    """(`values`, the axis of time) for `vmap`; one entry of an array that holds for all times."""
+    return (values[0], None) if len(values) == 1 else (values, 0)
+
+
+def _parted(at: RotationMoment) -> tuple[RotationMoment, RotationMoment]:
+    """What changes in time, and what holds for all times; None in its place in the other."""
+    still = [len(x) == 1 for x in at]
+    return (
+        RotationMoment(*(None if s else x for x, s in zip(at, still, strict=True))),  # pyright: ignore
+        RotationMoment(*(x[0] if s else None for x, s in zip(at, still, strict=True))),  # pyright: ignore
+    )
+
+
+def _whole(now: RotationMoment, still: RotationMoment) -> RotationMoment:
+    return RotationMoment(*(s if x is None else x for x, s in zip(now, still, strict=True)))

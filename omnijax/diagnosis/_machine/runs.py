@@ -4,10 +4,12 @@ import dataclasses
 
 import numpy as np
 
-FINE = 8  # force points a sample
-STEPS = 16  # steps a sample of laws at contacts and mounts, which have kinks
-COARSE = 8  # where laws are only ranked
-SHAPE = 32  # shape points a sample: the gap's edges are kinks
+from .settings import SETTINGS
+
+FINE = SETTINGS.force_points
+STEPS = SETTINGS.steps
+COARSE = SETTINGS.coarse_steps
+SHAPE = SETTINGS.shape_points
 ELASTIC = ("dR", "a")
 
 
@@ -71,13 +73,13 @@ def to_run(recording) -> Run:
     if np.isnan(inputs[1]).all():
         inputs[1][:] = 0.0
     known: np.ndarray = np.all(np.isfinite(np.concatenate(inputs, axis=1)), axis=1)
-    torque, force = (_filled(x) for x in inputs)
+    torque, force = (filled(x) for x in inputs)
     outputs = {g: gridded(recording.group(g)) for g in recording.groups}
     time = np.arange(n) * step
     return Run(recording.name, recording.role, time, torque, force, outputs, known)
 
 
-def _filled(values: np.ndarray) -> np.ndarray:
+def filled(values: np.ndarray) -> np.ndarray:
     """NaN replaced by linear interpolation (0 where nothing is known)."""
     out, at = values.copy(), np.arange(len(values))
     for c in range(values.shape[1]):

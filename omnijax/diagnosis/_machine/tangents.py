@@ -4,16 +4,20 @@ The law is evaluated at its port along the base motion and its output is pushed 
 transfer: rho and tensions through the elastic model, torques through the rotation.
 """
 
+import equinox as eqx
 import jax
 import numpy as np
 
-from ...rig import Placed
+from ...dynamics import actuated, body_torques, rolling_torques, shaft_torques
+from ...rig import Placed, Rig, acting, over_wheels
 from .elastic import refine
-from .laws import along, sensed
+from .laws import along, follow, readings
 from .linearisation import THIN, Base, transfer, turned_by
 from .motion import contact_directions, integrate
-from .rotation import body_signals, resistance, rolling_signals, shaft_signals, wheel_law
+from .ports import bare
+from .rotation import commanded, each_moment
 from .runs import FINE, SHAPE
+from .wheels import shape_table
 
 
 def signature(base: Base, placed: Placed):
@@ -22,20 +26,41 @@ def signature(base: Base, placed: Placed):
 
 
 def _shape(base: Base, placed: Placed):
-    tables, m = base.tables, base.motion
+    change = np.zeros((len(base.tables.angle), base.rig.size))
     gaps = base.rig.gaps
-    shape = np.zeros_like(m.theta_shape)
-    length = np.zeros((base.run.samples, base.rig.size))
-    radius = float(base.rig.sphere.radius)
     for i in placed.wheels:
         gap = jax.tree.map(lambda x, i=i: x[i], gaps)
-        rho = _over_angles(placed.law, tables.angle, gap)
-        shape[:, i] = base.places[i].of(rho)
-        step = tables.angle[1] - tables.angle[0]
-        rolled = np.concatenate([[0.0], np.cumsum((rho[1:] + rho[:-1]) / 2) * step]) / radius
+        change[:, i] = _over_angles(placed.law, base.tables.angle, gap)
+    return _shaped(base, change, change)
+
+
+SMALL = 1e-6  # of a wheel's radius: shapes are smooth in it
+
+
+def _radius(base: Base, placed: Placed):
+    """Another wheel radius: longer levers and rolled lengths, deeper gaps."""
+    rig, angle = base.rig, base.tables.angle
+    change = np.asarray(over_wheels((placed,), rig.wheel_radius, rig.size))
+    longer = eqx.tree_at(lambda r: r.wheels.radius, rig, rig.wheels.radius + SMALL * change)
+    shape = (shape_table(longer, angle) - base.tables.shape) / SMALL
+    return _shaped(base, shape, shape + change)
+
+
+def _shaped(base: Base, rho: np.ndarray, radius: np.ndarray):
+    """Both tables of changes of the wheels' shapes and rolling radii, over the tables' angles."""
+    tables, m = base.tables, base.motion
+    shape = np.zeros_like(m.theta_shape)
+    lever = np.zeros_like(m.theta)
+    length = np.zeros((base.run.samples, base.rig.size))
+    step = tables.angle[1] - tables.angle[0]
+    for i in np.flatnonzero(radius.any(axis=0)):
+        longer = base.places[i].of(radius[:, i])
+        shape[:, i] = longer if rho is radius else base.places[i].of(rho[:, i])
+        lever[:, i] = longer[:: SHAPE // FINE]
+        mean = (radius[1:, i] + radius[:-1, i]) / 2
+        rolled = np.concatenate([[0.0], np.cumsum(mean) * step]) / float(base.rig.sphere.radius)
         length[:, i] = -tables.places(m.theta[::FINE, i]).summed(rolled)
-    change = shape[:: SHAPE // FINE * THIN] / base.lever[::THIN]
-    elastic, rotation = _longer_lever(base, change, shape=shape)
+    elastic, rotation = _longer_lever(base, (lever / base.lever)[::THIN], shape=shape)
     rotation[:, 3:] += length
     return elastic, rotation
 
@@ -66,7 +91,7 @@ def _mount(base: Base, placed: Placed):
 
 
 def _per_wheel(base: Base, placed: Placed, signals) -> np.ndarray:
-    """Tensions (FINE points, n) of a law, with its memory followed by exact relaxation steps."""
+    """Tensions (FINE points, n) of a law, with its memory followed from rest."""
     out = np.zeros(base.motion.theta.shape)
     for i in placed.wheels:
         here = jax.tree.map(lambda x, i=i: np.ascontiguousarray(x[:, i]), signals)
@@ -79,33 +104,10 @@ def _per_wheel(base: Base, placed: Placed, signals) -> np.ndarray:
 
 @jax.jit
 def _remember(law, signals, step):
-    """A law with memory along its signals: Heun's steps from the memory at rest."""
-    first = jax.tree.map(lambda x: x[0], signals)
-    state = _rest_memory(law, first)
+    def rule(signal, state):
+        return law(signal, state), law.rate(signal, state)
 
-    def body(state, pair):
-        now, then = pair
-        rate = law.rate(now, state)
-        guess = jax.tree.map(lambda z, r: z + step * r, state, rate)
-        after = law.rate(then, guess)
-        state = jax.tree.map(lambda z, r, q: z + step / 2 * (r + q), state, rate, after)
-        return state, law(then, state)
-
-    pairs = (jax.tree.map(lambda x: x[:-1], signals), jax.tree.map(lambda x: x[1:], signals))
-    _, out = jax.lax.scan(body, state, pairs)
-    return jax.numpy.concatenate([law(first, state)[None], out])
-
-
-def _rest_memory(law, signal):
-    """Memory at which a law's rate is zero: one Newton step, exact for linear memories."""
-    from jax.flatten_util import ravel_pytree
-
-    flat, unravel = ravel_pytree(law.initial())
-
-    def rate(z):
-        return ravel_pytree(law.rate(signal, unravel(z)))[0]
-
-    return unravel(flat - jax.numpy.linalg.solve(jax.jacfwd(rate)(flat), rate(flat)))
+    return follow(rule, signals, law.initial(), step)
 
 
 def _separation(base: Base, placed: Placed):
@@ -117,21 +119,35 @@ def _separation(base: Base, placed: Placed):
     return transfer(base, contact=out), None
 
 
+def _port(base: Base, function, placed: Placed):
+    """What the port's `function` makes of a law at wheels, along the run."""
+    (law,) = acting((placed,), base.rig.size, masked=True)
+    memory = law.rest(base.rig.size)
+    return each_moment(base.slow.step, function, bare(base.rig), law, base.felt, memory)[0]
+
+
 def _shaft(base: Base, placed: Placed):
-    torque = base.torque[::THIN]
-    signals = shaft_signals(base.slow, torque)
-    return turned_by(base, shaft=wheel_law(placed.law, placed.wheels, signals, torque.shape)[0])
+    return turned_by(base, *_port(base, shaft_torques, placed))
+
+
+def _actuator(base: Base, placed: Placed):
+    return turned_by(base, _port(base, actuated, placed))
+
+
+def _command(base: Base, placed: Placed):
+    moved = commanded(base.rig.add(placed.law, placed.place), base.run) - base.torque
+    return turned_by(base, moved[::THIN])
 
 
 def _rolling(base: Base, placed: Placed):
-    signals = rolling_signals(base.rig, base.slow, base.normal[::THIN])
-    shape = base.slow.theta.shape
-    roll, spin, shaft = wheel_law(placed.law, placed.wheels, signals, shape)
-    return turned_by(base, -shaft, resistance(base.rig, base.slow, roll, spin))
+    return turned_by(base, *_port(base, rolling_torques, placed))
 
 
 def _body(base: Base, placed: Placed):
-    return turned_by(base, opposing=-along(placed.law, body_signals(base.rig, base.slow)))
+    felt = base.felt._replace(rotation=base.slow.attitude)
+    rig = bare(base.rig)
+    caused, _ = each_moment(base.slow.step, body_torques, rig, placed.law, felt, None)
+    return turned_by(base, opposing=caused.opposing)
 
 
 def _platform(base: Base, placed: Placed):
@@ -161,36 +177,34 @@ def _longer_lever(base: Base, change: np.ndarray, **inputs: np.ndarray):
 
 
 def _sensor(base: Base, placed: Placed):
-    group, _, channel = placed.place.partition("_")
+    group = placed.place.split("_")[0]
     time, run = base.run.time, base.run
     if group == "theta":
-        return _encoder(base, placed, channel)
+        return _encoder(base, placed)
     values = {
         "dR": base.predicted[:, :3],
         "a": base.predicted[:, 3:],
         "Omega": base.motion.turning[::FINE],
     }[group]
-    change = sensed(placed.law, time, values)
-    if channel:
-        only = np.zeros_like(values)
-        only[:, "xyz".index(channel)] = change[:, "xyz".index(channel)]
-        change = only
+    values = readings(base.rig, group, time, values)
+    change = readings(_alone(base.rig, placed), group, time, values) - values
     zero = np.zeros((run.samples, 3))
     if group == "Omega":
         return None, np.concatenate([change, np.zeros((run.samples, base.rig.size))], axis=1)
     return np.concatenate([change, zero] if group == "dR" else [zero, change], axis=1), None
 
 
-def _encoder(base: Base, placed: Placed, channel: str):
+def _alone(rig: Rig, placed: Placed) -> Rig:
+    """The rig with this one law."""
+    return eqx.tree_at(lambda r: r.effects, rig, (placed,), is_leaf=lambda x: x is rig.effects)
+
+
+def _encoder(base: Base, placed: Placed):
     """An encoder's error shifts the angle of the shape's look-up, and the rolled length."""
     m, run = base.motion, base.run
     theta = m.theta[::FINE]
-    change = sensed(placed.law, run.time, theta)
-    if channel:
-        only = np.zeros_like(theta)
-        only[:, int(channel) - 1] = change[:, int(channel) - 1]
-        change = only
-    radius = (np.asarray(base.rig.wheels.radius) + m.shape[::FINE]) / float(base.rig.sphere.radius)
+    change = readings(_alone(base.rig, placed), "theta", run.time, theta) - theta
+    radius = (np.asarray(base.rig.wheel_radius) + m.shape[::FINE]) / float(base.rig.sphere.radius)
     slope = base.tables.rho_slope(m.theta_shape)
     shape = -slope * refine(change, SHAPE)
     rotation = np.concatenate([np.zeros((run.samples, 3)), change * radius], axis=1)
@@ -198,7 +212,8 @@ def _encoder(base: Base, placed: Placed, channel: str):
 
 
 _PORTS = {
-    "shape": _shape, "surface": _surface, "contact": _contact, "mount": _mount,
-    "separation": _separation, "shaft": _shaft, "rolling": _rolling, "sphere": _body,
-    "platform": _platform, "kinematics": _kinematics, "sensor": _sensor,
+    "radius": _radius, "command": _command, "actuator": _actuator, "shape": _shape,
+    "surface": _surface, "contact": _contact, "mount": _mount, "separation": _separation,
+    "shaft": _shaft, "rolling": _rolling, "sphere": _body, "platform": _platform,
+    "kinematics": _kinematics, "sensor": _sensor,
 }  # fmt: skip

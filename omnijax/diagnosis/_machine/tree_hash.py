@@ -15,8 +15,3 @@ def digest(*parts) -> bytes:
         for leaf in leaves:
             found.update(np.asarray(leaf).tobytes())
     return found.digest()
-
-
-def rounded(tree):
-    """The tree's numbers to 2 per cent."""
-    return jax.tree.map(lambda x: np.round(np.log(np.maximum(np.asarray(x), 1e-30)) * 50), tree)

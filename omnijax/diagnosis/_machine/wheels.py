@@ -8,8 +8,9 @@ import numpy as np
 
 from ...dynamics import wheel_shape
 from ...rig import Rig
+from .settings import SETTINGS
 
-POINTS = 16384  # a turn: 0.38 mrad, an interpolation error below 1e-8 m
+POINTS = SETTINGS.table_points
 
 
 class Places(NamedTuple):
@@ -81,6 +82,11 @@ class WheelTables(NamedTuple):
         return out
 
 
+def shape_table(rig: Rig, angle) -> np.ndarray:
+    """rho (p, n) in m of every wheel at the angles (p,) rad."""
+    return np.asarray(_shape(rig, jnp.asarray(angle)))
+
+
 @jax.jit
 def _shape(rig: Rig, angle):
     return jax.vmap(lambda a: wheel_shape(rig, jnp.full(rig.size, a)))(angle)
@@ -94,8 +100,8 @@ def wheel_tables(rig: Rig, lowest: float, highest: float) -> WheelTables:
     turns = 1 if repeats else int(np.ceil((highest - lowest) / turn)) + 2
     first = 0.0 if repeats else turn * np.floor(lowest / turn) - turn
     angle = first + np.linspace(0.0, turn * turns, POINTS * turns + 1)
-    shape = np.asarray(_shape(rig, jnp.asarray(angle)))
-    radius = (np.asarray(rig.wheels.radius) + shape) / float(rig.sphere.radius)
+    shape = shape_table(rig, angle)
+    radius = (np.asarray(rig.wheel_radius) + shape) / float(rig.sphere.radius)
     step = angle[1] - angle[0]
     length = np.concatenate(
         [np.zeros((1, rig.size)), np.cumsum((radius[1:] + radius[:-1]) / 2, axis=0) * step]

@@ -66,7 +66,9 @@ def candidates(context: Context, laws: dict[str, type[AbstractLaw]]) -> list[Can
     """Every candidate of `laws` for a rig."""
     out: list[Candidate] = []
     for id, law in laws.items():
-        if id in _NEEDS_GRAVITY and not np.any(np.asarray(context.rig.platform.gravity)):
+        if id in UNTRIED or (
+            id in _NEEDS_GRAVITY and not np.any(np.asarray(context.rig.platform.gravity))
+        ):
             continue
         make = _RECIPES.get(id, _generic)
         for place in places(law, context):
@@ -84,6 +86,7 @@ def places(law: type[AbstractLaw], context: Context) -> list[str]:
         "all": ["all"] if len(names) > 1 else [],
         "group": list(groups),
         "channel": channels,
+        "encoder": [c for c in channels if c.startswith("theta")],
     }
     out: list[str] = []
     for place in law.places:
@@ -257,6 +260,12 @@ def _line(c, frequency):
     }  # fmt: skip
 
 
+# effects that simulate and may stand in a calibrated rig, but are not looked for
+UNTRIED = {
+    "wheel-radius", "torque-offset", "actuator-delay", "actuator-lag", "actuator-saturation",
+    "cogging", "current-ripple", "stribeck", "load-friction", "friction-asymmetry",
+    "encoder-eccentricity", "sensor-lag", "sensor-saturation", "sensor-rectified",
+}  # fmt: skip
 _NEEDS_GRAVITY = {"unbalance"}
 _RECIPES = {
     "wheel-runout": _runout, "motor-ripple": _ripple, "damaged-roller": _roller,

@@ -151,7 +151,7 @@ def _sizes(m: Motion):
 
 
 def _ratio(rig: Rig):
-    return jnp.max(rig.wheels.radius) / rig.sphere.radius
+    return jnp.max(rig.wheel_radius) / rig.sphere.radius
 
 
 def _same(designs: Shaken) -> bool:

@@ -128,7 +128,7 @@ def _turning(rig: Rig, speeds, ts, response: Response) -> Turning:
     gained = L[1:] - L[:-1]
     # integral of (t - t_k) rho = h L(t_k+1) - (LL(t_k+1) - LL(t_k)), both from the run's start
     moment = h * L[1:] - (LL[1:] - LL[:-1]) - h / 2 * gained
-    return Turning((rig.wheels.radius * h + gained) * speeds, moment * speeds)
+    return Turning((rig.wheel_radius * h + gained) * speeds, moment * speeds)
 
 
 def attitudes(rig: Rig, drive: SpeedDrive, ts, response: Response) -> Float[Array, "t 4"]:

@@ -61,6 +61,9 @@ def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
         "shape": (DamagedRoller, WheelRunout),
         "contact": (ContactRelaxation,),
         "platform": (FloorVibration,),
+        "radius": object,
+        "command": object,
+        "actuator": object,
         "shaft": object,
         "sensor": object,
         "kinematics": object,
@@ -102,9 +105,7 @@ def _responses(translation: AbstractTranslation, gain):
     def respond(y, shape, shape_rate, floor, force):
         state, memory = unravel(y)
         motion = translation.motion(state, shape)
-        contact, mount, tension, memory_rate = port_forces(
-            rig, translation, motion, shape_rate, memory
-        )
+        contact, mount, tension, memory_rate = port_forces(rig, motion, shape_rate, memory)
         drive = gain @ shape_rate
         ports = PortInputs(shape, contact, mount, drive, force, floor)
         rate = ravel_pytree((translation.rate(state, ports), memory_rate))[0]

@@ -136,7 +136,7 @@ def _read(setting: Setting, start, a, b, x):
     for i, shapes in enumerate(setting.pieces):
         rho.append(sum(_shape(p, jax.lax.stop_gradient(turned[i]), angle[i]) for p in shapes))
     rho = jnp.stack(rho)
-    rim = (1 + over_wheels(rig.at("kinematics"), speed, rig.size)) * (rig.wheels.radius + rho)
+    rim = (1 + over_wheels(rig.at("kinematics"), speed, rig.size)) * (rig.wheel_radius + rho)
     floor = sum((p.law(t - start) for p in rig.at("platform")), jnp.zeros(3))
     force = drive.force(middle) + drive.force.rate(middle) * (t - middle)
     return jnp.concatenate([rho, rim * speed, floor, force])

@@ -21,14 +21,13 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
 from ...dynamics import (
-    Inputs,
     Model,
     Passage,
     State,
     attitude_rate,
     linear_system,
     position_input,
-    rolling_radius,
+    radius_under,
     spin_axes,
     surface_shape,
     torque_driven,
@@ -36,6 +35,7 @@ from ...dynamics import (
 )
 from ...rig import Rig
 from .._channels import trajectory
+from .._commands import torque_inputs
 from .._drives import TorqueDrive
 from .._trajectory import Trajectory
 from .phi import phi_functions
@@ -123,8 +123,10 @@ def _shapes(rig: Rig, angle: Float[Array, "n k"]) -> Float[Array, "n k"]:
     return jax.vmap(lambda a: wheel_shape(rig, a), -1, -1)(angle)
 
 
-def _radii(rig: Rig, shape: Float[Array, "n k"]) -> Float[Array, "n k"]:
-    return jax.vmap(lambda s: rolling_radius(rig, s), -1, -1)(shape)
+def _radii(rig: Rig, shape: Float[Array, "n k"], rim: Float[Array, "n k"]) -> Float[Array, "n k"]:
+    """Rolling radii in m at the nodes, where the sphere moves the rims at `rim` (m/s)."""
+    rim = jnp.broadcast_to(rim, shape.shape)
+    return jax.vmap(lambda s, r: radius_under(rig, s, r), -1, -1)(shape, rim)
 
 
 def _ahead(rig: Rig, state: State, turning, h) -> Float[Array, "n k"]:
@@ -136,9 +138,9 @@ def _ahead(rig: Rig, state: State, turning, h) -> Float[Array, "n k"]:
     s, angle = h * COARSE.share, state.angle[:, None]
     arms = rig.sphere.radius * spin_axes(rig, state.angle)
     rim, gain = (arms @ state.angular_velocity)[:, None], (arms @ turning)[:, None]
-    radius = _radii(rig, wheel_shape(rig, state.angle)[:, None])
+    radius = _radii(rig, wheel_shape(rig, state.angle)[:, None], rim)
     path = angle + s * (rim + gain * s / 2) / radius
-    speed = (rim + gain * s) / _radii(rig, _shapes(rig, path))
+    speed = (rim + gain * s) / _radii(rig, _shapes(rig, path), rim + gain * s)
     return _shapes(rig, angle + h * (speed @ COARSE.fit.T) @ NODES.along.T)
 
 
@@ -158,14 +160,17 @@ def _step(model: Model, drive, start, scale, tables: Tables, h, t, carry):
     m = A.shape[0]
     y, turning, ahead = carry
     rig, shapes = model.rig, ravel_pytree(initial_state_like(model))[1]
-    rho = ahead + _surface_ahead(rig, shapes(y * scale), turning, h)
-    radius = NODES.stages @ (NODES.fit @ _radii(rig, ahead).T)
+    state = shapes(y * scale)
+    rho = ahead + _surface_ahead(rig, state, turning, h)
+    omega = state.angular_velocity[:, None] + h * NODES.share * turning[:, None]
+    rim = rig.sphere.radius * spin_axes(rig, state.angle) @ omega
+    radius = NODES.stages @ (NODES.fit @ _radii(rig, ahead, rim).T)
     ends, rho = jnp.stack([rho[:, 0], rho[:, -1]]), NODES.fit @ rho.T
     change = (NODES.change @ rho + NODES.ends @ ends) / h
 
     def split(t, y, i):  # elastic rows' remainder without the shape, and the other rows
         state = unpack(model, y, scale)
-        inputs = Inputs(drive.torque(t), drive.force(t), t - start)
+        inputs = torque_inputs(model.rig, drive, t, start)
         rate = torque_driven(
             model, state, inputs, Passage(jnp.asarray(radius)[i], jnp.asarray(change)[i])
         )
@@ -207,7 +212,7 @@ def simulate_fixed(
     pairs = len(ts) // 2  # one step passes two samples
     h = 2 * (ts[-1] - ts[0]) / ((len(ts) - 1) * substeps)
     tables = _tables(built, scale, h)
-    begun = initial_state(built, drive)
+    begun = initial_state(built, drive, ts[0])
     start = pack(built, begun, scale)
 
     def pair(carry, t):

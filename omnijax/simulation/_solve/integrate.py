@@ -8,7 +8,8 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
-from ...dynamics import Model, State, linear_system, rolling, wheel_speeds
+from ...dynamics import Model, State, linear_system, rolling_under, wheel_speeds
+from .._commands import command_knots
 from .._drives import SpeedDrive, TorqueDrive
 from .exponential import Exponential, LinearPart
 from .state_vector import initial_state, pack, scaled_field, state_scale, unpack
@@ -44,7 +45,8 @@ def _edges(t, scaled, args):
     else:
         state = unpack(model, scaled, scale)
         angle = state.angle
-        speed = wheel_speeds(rig, rolling(rig, angle), state.angular_velocity)
+        omega = state.angular_velocity
+        speed = wheel_speeds(rig, rolling_under(rig, angle, omega), omega)
     return jax.vmap(angle_to_edge)(rig.gaps, angle, speed), speed
 
 
@@ -56,11 +58,13 @@ def integrate(
     A run that goes on has `begun`, its state at ts[0], and `origin`, the time when it started.
     """
     scale = ravel_pytree(state_scale(model))[0]
-    start = pack(model, initial_state(model, drive) if begun is None else begun, scale)
-    args: tuple[Any, ...] = (model, drive, ts[0] if origin is None else origin, scale)
-    signal = drive.torque if isinstance(drive, TorqueDrive) else drive.speed
+    origin = ts[0] if origin is None else origin
+    start = pack(model, initial_state(model, drive, ts[0]) if begun is None else begun, scale)
+    args: tuple[Any, ...] = (model, drive, origin, scale)
+    torques = isinstance(drive, TorqueDrive)
+    knots = command_knots(model.rig, drive, origin) if torques else drive.speed.knots
     terms: Any = dfx.ODETerm(scaled_field)
-    stops, grid = jnp.concatenate([signal.knots, drive.force.knots]), {}
+    stops, grid = jnp.concatenate([knots, drive.force.knots]), {}
     if name == "exponential":
         stops = jnp.concatenate([stops, ts])
         spacing = (ts[-1] - ts[0]) / jnp.maximum(jnp.sum(ts[1:] > ts[:-1]), 1)

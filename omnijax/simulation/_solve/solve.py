@@ -93,7 +93,7 @@ def solve_in_pieces(
     name, times = choose_solver(built, solver), np.asarray(ts, float)
     start = jnp.asarray(times[0] if origin is None else origin)
     done = 0 if begun is None else 1
-    begun = eqx.filter_jit(initial_state)(built, drive) if begun is None else begun
+    begun = eqx.filter_jit(initial_state)(built, drive, times[0]) if begun is None else begun
     while done < len(times):
         last = min(done + samples, len(times))
         part = times[max(done - 1, 0) : last]

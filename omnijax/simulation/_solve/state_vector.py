@@ -6,6 +6,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ...dynamics import (
+    TORQUE_PORTS,
     TRANSLATIONS,
     Coupled,
     ElasticState,
@@ -13,10 +14,12 @@ from ...dynamics import (
     Model,
     State,
     initial_memory,
+    rest_memory,
     speed_driven,
     torque_driven,
 )
 from ...rig import Rig
+from .._commands import torque_inputs
 from .._drives import AbstractDrive, SpeedDrive, TorqueDrive
 from .static_start import static_start
 
@@ -28,8 +31,8 @@ def build_model(rig: Rig, model: str = "coupled", keep_radius_rate: bool = False
     return Model(TRANSLATIONS[model](rig), keep_radius_rate)
 
 
-def initial_state(model: Model, drive: AbstractDrive) -> State:
-    """State at the start of a run: static equilibrium, q = identity."""
+def initial_state(model: Model, drive: AbstractDrive, time) -> State:
+    """State at the start (s) of a run: static equilibrium, q = identity, laws' memories at rest."""
     n = model.rig.size
     angle = jnp.zeros(n) if drive.initial_angle is None else drive.initial_angle
     attitude = jnp.array([1.0, 0.0, 0.0, 0.0])
@@ -37,7 +40,18 @@ def initial_state(model: Model, drive: AbstractDrive) -> State:
     omega = jnp.zeros(3)
     if isinstance(drive, TorqueDrive) and drive.initial_velocity is not None:
         omega = drive.initial_velocity
-    return State(elastic, angle, omega, attitude, jnp.zeros(3), jnp.zeros(3), memory)
+    torque_memory = initial_memory(model.rig, TORQUE_PORTS)
+    start = State(
+        elastic, angle, omega, attitude, jnp.zeros(3), jnp.zeros(3), memory, torque_memory
+    )
+    if isinstance(drive, TorqueDrive):  # the drives have settled on the first torque
+        inputs = Inputs(drive.torque(time), drive.force(time), jnp.zeros(()))
+
+        def rate(z):
+            return torque_driven(model, start._replace(torque_memory=z), inputs).torque_memory
+
+        start = start._replace(torque_memory=rest_memory(rate, torque_memory))
+    return start
 
 
 def state_scale(model: Model) -> State:
@@ -63,10 +77,9 @@ def initial_state_like(model: Model) -> State:
     """A state of zeros with the right shapes."""
     n = model.rig.size
     memory = jax.tree.map(jnp.zeros_like, initial_memory(model.rig))
-    elastic = model.translation.rest()
-    return State(
-        elastic, jnp.zeros(n), jnp.zeros(3), jnp.zeros(4), jnp.zeros(3), jnp.zeros(3), memory
-    )
+    torque_memory = jax.tree.map(jnp.zeros_like, initial_memory(model.rig, TORQUE_PORTS))
+    elastic, zero = model.translation.rest(), jnp.zeros(3)
+    return State(elastic, jnp.zeros(n), zero, jnp.zeros(4), zero, zero, memory, torque_memory)
 
 
 def vector_field(t, state: State, args) -> State:
@@ -78,7 +91,7 @@ def vector_field(t, state: State, args) -> State:
         state = state._replace(angle=drive.angle(t, start))
         inputs = Inputs(jnp.zeros(n), force, since)
         return speed_driven(model, state, inputs, drive.speed(t), drive.speed.rate(t))
-    return torque_driven(model, state, Inputs(drive.torque(t), force, since))
+    return torque_driven(model, state, torque_inputs(model.rig, drive, t, start))
 
 
 def _offset(model: Model, elastic: ElasticState) -> Float[Array, "3"]:

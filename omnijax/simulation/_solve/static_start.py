@@ -23,9 +23,7 @@ def static_start(model: Model, angle, attitude):
         state = model.translation.still(approach, mount, shape)
         motion = model.translation.motion(state, shape)
         zero = PortInputs.zeros(rig.size)
-        contact, tension, _, rates = port_forces(
-            rig, model.translation, motion, jnp.zeros(rig.size), memory
-        )
+        contact, tension, _, rates = port_forces(rig, motion, jnp.zeros(rig.size), memory)
         inputs = zero._replace(shape=shape)
         if laws:
             inputs = inputs._replace(contact=contact, mount=tension)

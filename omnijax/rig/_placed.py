@@ -1,0 +1,91 @@
+"""Laws at the wheels: where each acts, and the sum of all at one port."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool
+
+from ..laws import AbstractLaw
+
+
+class Placed(eqx.Module):
+    """A law and where it acts: the wheels' indices (none for sphere, platform and sensors)."""
+
+    law: AbstractLaw
+    place: str = eqx.field(static=True)
+    wheels: tuple[int, ...] = eqx.field(static=True, default=())
+
+
+def take_wheels(values: Any, wheels: Sequence[int], size: int) -> Any:
+    """Rows of `values` (leading axis the wheel) at `wheels`; all of them cost no gather."""
+    if tuple(wheels) == tuple(range(size)):
+        return values
+    index = jnp.asarray(wheels)
+    return jax.tree.map(lambda x: x[index], values)
+
+
+class Acting(eqx.Module):
+    """A law and the wheels on which it acts: their indices, or a mask (n,) of numbers.
+
+    Indices evaluate the law on its own wheels alone, so that another wheel's numbers cannot spoil
+    a gradient.  A mask lets one compiled program serve the law at every place.
+    """
+
+    law: AbstractLaw
+    wheels: tuple[int, ...] = eqx.field(static=True, default=())
+    mask: Bool[Array, " n"] | None = None
+
+    def total(self, signals: Any, memory: Any, zero: Any, size: int) -> tuple[Any, Any]:
+        """The law's outputs on per-wheel `signals`, one entry a wheel, and its memory's rate."""
+        remembers = memory is not None
+        if self.mask is None:
+            signals = take_wheels(signals, self.wheels, size)
+            index = jnp.asarray(self.wheels)
+        if remembers:
+            value = jax.vmap(self.law)(signals, memory)
+            rate = jax.vmap(self.law.rate)(signals, memory)
+        else:
+            value, rate = jax.vmap(self.law)(signals), None
+
+        def spread(z, v):
+            if self.mask is not None:
+                return jnp.where(self.mask, v, 0.0 * z)
+            return (jnp.zeros(size) + z).at[index].add(v)
+
+        return jax.tree.map(spread, zero, value), rate
+
+    def rest(self, size: int) -> Any:
+        """Rest states of the law's memory, one entry a wheel on which it is evaluated."""
+        count = len(self.wheels) if self.mask is None else size
+        z = self.law.initial()
+        return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), z)
+
+
+def acting(placed: Sequence[Placed], size: int, masked: bool = False) -> tuple[Acting, ...]:
+    """Placed per-wheel laws as `Acting`, by indices or by masks."""
+    if not masked:
+        return tuple(Acting(p.law, p.wheels) for p in placed)
+    wheels = np.arange(size)
+    return tuple(Acting(p.law, (), jnp.asarray(np.isin(wheels, p.wheels))) for p in placed)
+
+
+def total_over_wheels(
+    laws: Sequence[Acting], signals: Any, memory: Sequence[Any], size: int, zero: Any = 0.0
+) -> tuple[Any, tuple[Any, ...]]:
+    """Sum of per-wheel laws on per-wheel `signals` (n, ...), and the rates of their memories."""
+    total, rates = jax.tree.map(lambda z: jnp.zeros(size) + z, zero), []
+    for law, state in zip(laws, memory, strict=True):
+        value, rate = law.total(signals, state, zero, size)
+        total = jax.tree.map(lambda a, v: a + v, total, value)
+        rates.append(rate)
+    return total, tuple(rates)
+
+
+def over_wheels(placed: Sequence[Placed], signals: Any, size: int, zero: Any = 0.0) -> Any:
+    """Sum of per-wheel laws without memory on per-wheel `signals`, one entry a wheel."""
+    laws = acting(placed, size)
+    return total_over_wheels(laws, signals, (None,) * len(laws), size, zero)[0]
