@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 from test_plant import load_plant
 
-import omnijax
 from omnijax.cli import run
 from omnijax.diagnosis import diagnose
 from omnijax.diagnosis._answer import experiment as _experiment
-from omnijax.recording import read_case
 
 pytestmark = pytest.mark.long
 
@@ -93,18 +91,6 @@ def test_the_next_experiment_tells_them_apart(ambiguous, turning, plant, tmp_pat
     (effect,) = found.effects
     assert (effect.id, effect.place) == ("bearing-viscous", "all")
     assert effect.parameters["b"]["value"] == pytest.approx(3e-4, rel=0.02)
-
-
-def test_unknown_noise_is_refused_with_its_remedy(turning):
-    """No rest, no repeats, no declaration, and noise that grows with the motion: no floor."""
-    case, rng = read_case(turning[0]), np.random.default_rng(0)
-    for one in case.runs:
-        one.noise.clear()
-        level = np.linspace(1.0, 30.0, len(one)) * 5e-3
-        for name in ("a_x", "a_y", "a_z"):
-            one.channels[name] = one.channels[name] + level * rng.normal(size=len(one))
-    with pytest.raises(omnijax.InputError, match=r"noise of a is not known.*\[noise\]"):
-        diagnose(case)
 
 
 def test_a_law_of_the_users_own_file_is_named(plant, tmp_path):

@@ -9,13 +9,13 @@ import pytest
 from jaxtyping import Array, Float
 
 from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, along
-from omnijax.diagnosis._search import search as _search
 from omnijax.diagnosis._search.fit import refit
 from omnijax.diagnosis._search.refits import Refits
 from omnijax.diagnosis._search.review import Review
 from omnijax.diagnosis._search.scan import Signatures
 from omnijax.diagnosis._search.search import Way
-from omnijax.diagnosis._search.starts import RAN_OFF, at_finite_strength, by_tangent
+from omnijax.diagnosis._search.settings import SETTINGS
+from omnijax.diagnosis._search.starts import at_finite_strength, by_tangent
 from omnijax.laws import (  # fmt: skip
     EFFECTS,
     GENERIC,
@@ -101,7 +101,7 @@ def test_estimates_about_the_stated_machine_are_compared_with_that_of_no_law():
     """A calibration that ran off hides what a law does; a law that does nothing must promise so."""
     model = balance([law("bearing-coulomb", 3.0)])
     fit = refit(model, Point(np.zeros(2)))
-    assert np.max(np.abs(fit.point.u)) > RAN_OFF
+    assert np.max(np.abs(fit.point.u)) > SETTINGS.ran_off
     scan, _ = Search(model).scan(fit)
     cost = {s.name: s.cost for s in at_finite_strength(model, fit, scan, set(model.laws))}
     assert cost["bearing-coulomb@shaft"] < 1e-3 * fit.cost
@@ -158,7 +158,7 @@ def test_no_width_is_looked_for_in_a_hopeless_fit():
     assert refits.widened(fit, fit.cost / 110) is fit
 
 
-def test_where_something_is_left_the_runner_up_is_followed(monkeypatch):
+def test_where_something_is_left_the_runner_up_is_followed():
     model = balance([law("bearing-coulomb", 0.2)], {**LAWS, "soft": Soft})
     search = Search(model)
     fit = refit(model, Point(np.zeros(2)))
@@ -177,9 +177,9 @@ def test_where_something_is_left_the_runner_up_is_followed(monkeypatch):
 
     assert ends(way) == ["bearing-coulomb"]
     little = dataclasses.replace(right, gain=0.0)  # of a strong gap: something else's shadow
-    assert fit.chi2 > _search.STRONG * model.dof("train")
+    assert fit.chi2 > SETTINGS.strong * model.dof("train")
     assert ends(dataclasses.replace(way, trials=([wrong, little],))) == ["soft"]
-    monkeypatch.setattr(_search, "RUNNERS_UP", 0)
+    search.settings = dataclasses.replace(SETTINGS, runners_up=0)
     assert ends(way) == ["soft"]
 
 
@@ -188,8 +188,22 @@ def test_a_superfluous_effect_is_pruned():
     effects = (Effect("bearing-coulomb", "shaft", {"torque": 0.2}),
                Effect("shaft-drag", "shaft", {"D": 1e-4}))  # fmt: skip
     fit = refit(model, Point(np.zeros(2), effects))
-    kept = Review(Refits(model), print).prune(fit).point.effects
-    assert [e.id for e in kept] == ["bearing-coulomb"]
+    kept, alone = Review(Refits(model), print).prune(fit, refit(model, Point(np.zeros(2))))
+    assert [e.id for e in kept.point.effects] == ["bearing-coulomb"]
+    assert alone[0].chi2 > 10 * kept.chi2
+
+
+def test_an_effect_that_moves_nothing_by_one_per_cent_is_not_named():
+    """However sure it is: its size stands among the limits."""
+    model = balance([law("bearing-coulomb", 0.2), law("shaft-drag", 2e-4)])
+    effects = (Effect("bearing-coulomb", "shaft", {"torque": 0.2}),
+               Effect("shaft-drag", "shaft", {"D": 2e-4}))  # fmt: skip
+    fit, baseline = refit(model, Point(np.zeros(2), effects)), refit(model, Point(np.zeros(2)))
+    review = Review(Refits(model), print)
+    review.settings = dataclasses.replace(SETTINGS, margin=1.0)
+    assert len(review.prune(fit, baseline)[0].point.effects) == 1
+    review.settings = dataclasses.replace(SETTINGS, margin=1.0, material=0.0)
+    assert len(review.prune(fit, baseline)[0].point.effects) == 2
 
 
 def test_what_stood_for_the_misfit_of_a_wrong_effect_goes_with_it():
@@ -198,8 +212,11 @@ def test_what_stood_for_the_misfit_of_a_wrong_effect_goes_with_it():
     wrong = (Effect("soft", "shaft", {"strength": 0.2}), Effect("shaft-drag", "shaft", {"D": 1e-3}))
     fit = refit(model, Point(np.zeros(2), wrong))
     review = Review(Refits(model), print)
-    assert len(review.prune(fit).point.effects) == 2  # the drag is needed beside the wrong one
-    (effect,) = review.run(fit, signatures)[0].point.effects
+    baseline = refit(model, Point(np.zeros(2)))
+    assert (
+        len(review.prune(fit, baseline)[0].point.effects) == 2
+    )  # the drag is needed beside the wrong one
+    (effect,) = review.run(fit, signatures, baseline).fit.point.effects
     assert effect.id == "bearing-coulomb"
 
 

@@ -1,5 +1,6 @@
 """`diagnose`: a case in, a verdict with its evidence out."""
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -7,24 +8,38 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from .._errors import InputError
 from ..laws import EFFECTS
-from ..recording import Case, noise_floor, read_case
+from ..recording import Case, read_case
 from ._answer import (
     AbstractEvidence,
     Diagnosis,
     RigEvidence,
+    Shown,
     baseline_table,
+    gaps,
     judge,
     learned_table,
     named,
+    noise_remarks,
+    noise_table,
     notes,
     plain_where,
     score_table,
     separating,
+    shown_noise,
+    white_levels,
+    wrong,
 )
-from ._machine import RigModel, to_run, with_start_angles, without_encoder, without_outliers
-from ._search import Point, Search, refit
+from ._machine import (
+    RigModel,
+    to_run,
+    with_roles,
+    with_start_angles,
+    without_encoder,
+    without_outliers,
+)
+from ._noise import Assumed, assumed_noise, by_group, run_levels
+from ._search import Found, Level, Point, Search, refit, upper_limits
 
 
 def diagnose(
@@ -47,51 +62,101 @@ def diagnose(
 
 
 def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
-    runs = [to_run(r) for r in case.runs]
-    noise, table = _noise(case)
+    runs, confirmed_on, said = with_roles([to_run(r) for r in case.runs])
+    noise = assumed_noise(case)
+    levels = run_levels(noise, case.rig.size)
+    runs = [dataclasses.replace(run, levels=levels) for run in runs]
     tell("calibrating the uncertain parameters")
-    model, start, wild = _model(case.rig, runs, noise, library, window)
-    model.work = 0.0
-    faults = [*(str(f) for f in case.all_faults), *wild]
-    return answered(RigEvidence(model, table, faults), start, tell)
+    model, start, wild = _model(case.rig, runs, by_group(noise), library, window)
+    faults = [*(str(f) for f in case.all_faults), *said, *wild]
+    evidence = RigEvidence(model, noise, faults, confirmed_on)
+    found = _mended(white_levels(evidence, start), noise)
+    if found is not None:
+        tell("the noise is not as assumed: weighing the runs anew")
+        evidence = evidence.renoised(found)
+        start = refit(evidence.model, start, relative=0.01).point
+    evidence.model.work = 0.0
+    return answered(evidence, start, tell)
+
+
+def _mended(levels: list[dict[str, Level]], noise: dict[str, Assumed]):
+    """The levels that are wrong, or None; what rest or repeats show is a misfit's upper bound."""
+    out, any_wrong = [], False
+    for run in levels:
+        kept = {}
+        for channel, level in run.items():
+            known = noise[channel]
+            bound = 1 + 4 * known.error + 0.05 if known.source not in ("declared", "unknown") else 2
+            if wrong(level) and level.ratio < bound:
+                kept[channel], any_wrong = level, True
+        out.append(kept)
+    return out if any_wrong else None
 
 
 def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis:
     """Search from `start`, judge, and say what was found: of any machine."""
+    found = Search(evidence.model, tell).run(start)
+    tell("looking at what is left")
+    shown = shown_noise(evidence, found.fit.point)
+    other = evidence.renoised(shown.changes) if shown.matters else None
+    earlier = None
+    if other is not None:
+        names = sorted({c for run in shown.changes for c in run})
+        tell(f"the noise of {', '.join(names)} is not as assumed: searching again")
+        evidence, earlier = other, shown
+        found = Search(evidence.model, tell).run(found.baseline.point, found.fit.point)
+        shown = shown_noise(evidence, found.fit.point)
+    return _said(evidence, found, shown, noise_table(evidence, shown, earlier), tell)
+
+
+def _said(evidence: AbstractEvidence, found: Found, shown: Shown, noise, tell) -> Diagnosis:
+    """The answer of a search."""
     model = evidence.model
-    found = Search(model, tell).run(start)
     (before,) = model.residuals([found.baseline.point], "held-out")
     (after,) = model.residuals([found.fit.point], "held-out")
-    error = {g: t["error"] for g, t in evidence.noise.items()}
-    squares = evidence.squares(before), evidence.squares(after)
-    judged = judge(model, found, *squares, error)
+    first, last = evidence.columns(before, "held-out"), evidence.columns(after, "held-out")
+    judged = judge(found, shown, first, last, model.settings.margin)
     tell(f"verdict: {judged.verdict} ({judged.reason})")
+    known = judged.verdict in ("named", "ambiguous")
+    point = found.fit.point if known else found.baseline.point
+    excluded = _excluded(model, found, known)
     learned = None
     if judged.verdict == "unknown":
         learned = evidence.learn(found.baseline, tell)
         after = after if learned is None else learned.residual
-    tell("looking where the gap is")
-    none = judged.verdict == "none"
-    where, everything = ([], []) if none else evidence.locate(found.baseline.point)
-    known = judged.verdict in ("named", "ambiguous")
+        last = evidence.columns(after, "held-out")
+    where, everything = [], []
+    if judged.verdict != "none":
+        tell("looking where the gap is")
+        where, everything = evidence.locate(found.baseline.point)
     result = Diagnosis(
         verdict=judged.verdict,
         effects=named(evidence, found, judged),
         where=plain_where(where),
-        gap=evidence.gaps(before, after),
+        gap=gaps(evidence, shown, first, last),
         next_experiment=separating(evidence, found, judged, tell),
         baseline=baseline_table(found),
-        noise=evidence.noise,
+        noise=noise,
         scores=score_table(found),
+        confirmed_on=evidence.confirmed_on,
+        excluded=excluded,
         learned=learned_table(learned),
-        notes=notes(evidence, found, judged),
+        notes=notes(evidence, found, judged, noise_remarks(noise)),
         faults=evidence.faults,
-        rig=evidence.described(found.fit.point if known else found.baseline.point),
+        rig=evidence.described(point),
     )
     result.details = {"model": model, "found": found, "judged": judged, "before": before,
                       "after": after, "where": everything, "learned": learned,
-                      "evidence": evidence}  # fmt: skip
+                      "evidence": evidence, "shown": shown}  # fmt: skip
     return result
+
+
+def _excluded(model, found: Found, known: bool) -> list[dict[str, Any]]:
+    """Upper limits beside what was named."""
+    if found.signatures is None:
+        return []
+    names = {e.name for e in found.fit.point.effects} if known else set()
+    return upper_limits(model, found.fit, found.signatures, names)
 
 
 def _model(rig, runs, noise, library, window) -> tuple[RigModel, Point, list[str]]:
@@ -115,28 +180,3 @@ def _model(rig, runs, noise, library, window) -> tuple[RigModel, Point, list[str
         if said:
             model, wild = RigModel(rig, kept, noise, library, window), wild + said
     return model, start, wild
-
-
-# relative to a group's RMS; the fit's own numerics stay a tenth below it
-NOISE_FREE = {"dR": 0.02, "a": 0.02, "Omega": 2e-4, "theta": 3e-6}
-
-
-def _noise(case: Case) -> tuple[dict[str, float], dict[str, dict[str, Any]]]:
-    """1-sigma by group, and where it is from; a group whose noise is unknown cannot be weighed."""
-    floor = noise_floor(case.runs)
-    table = {
-        g: {"sigma": floor.group(g), "source": s, "error": floor.error[g]}
-        for g, s in floor.source.items()
-    }
-    for group, entry in table.items():
-        if entry["sigma"] == 0:  # a simulated run: weighed as good sensors would see it
-            size = np.sqrt(np.nanmean([np.nanmean(r.group(group) ** 2) for r in case.runs]))
-            entry |= {"sigma": float(NOISE_FREE[group] * size), "source": "noise-free"}
-    unknown = [g for g, t in table.items() if not np.isfinite(t["sigma"]) or t["sigma"] <= 0]
-    if unknown:
-        raise InputError(
-            f"the measurement noise of {', '.join(unknown)} is not known: the runs have no rest, "
-            "no repeats and no quiet stretch. Declare it: [noise] in the run's TOML, 1-sigma by "
-            "group."
-        )
-    return {g: t["sigma"] for g, t in table.items()}, table

@@ -156,6 +156,6 @@ def _between(runs: list[Recording]) -> list[Fault]:
         lacking = "held-out" if roles == {"train"} else "train"
         what = f"no run has the role {lacking}"
         faults.append(
-            Fault(runs[0].path.parent.name, "", (), "roles", what, "nothing is split off here")
+            Fault(runs[0].path.parent.name, "", (), "roles", what, "a diagnosis says what it does")
         )
     return faults

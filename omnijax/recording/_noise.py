@@ -49,8 +49,11 @@ class NoiseFloor:
         return "noise, 1-sigma: " + ", ".join(lines)
 
 
-def noise_floor(runs: Sequence[Recording]) -> NoiseFloor:
-    """Noise of every output group of some runs of one machine, pooled over them."""
+def noise_floor(runs: Sequence[Recording], declared: bool = True) -> NoiseFloor:
+    """Noise of every output group of some runs of one machine, pooled over them.
+
+    With `declared` what the runs declare comes first; else only what the data show counts.
+    """
     sigma: dict[str, float] = {}
     source: dict[str, str] = {}
     error: dict[str, float] = {}
@@ -61,6 +64,8 @@ def noise_floor(runs: Sequence[Recording]) -> NoiseFloor:
             continue
         names = channels(group, wheels)
         for how, estimate in _WAYS.items():
+            if how == "declared" and not declared:
+                continue
             found = estimate(measured, group)
             if found is not None:
                 sigma |= dict(zip(names, map(float, found.sigma), strict=True))

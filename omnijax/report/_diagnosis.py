@@ -7,14 +7,32 @@ import numpy as np
 from .._text import estimate, scaled
 from ..laws import in_words
 from ._content import Column, Fact, Provenance, Section, Table, provenance
-from ._diagnosis_figures import gap_figure, learned_figure, next_figure, order_figure, score_figure
+from ._diagnosis_figures import (
+    gap_figure,
+    learned_figure,
+    limits_figure,
+    next_figure,
+    order_figure,
+    score_figure,
+)
 from ._page import Page
 
 ANSWERS = {
     "none": "Simulation and data agree within the noise once uncertain parameters are calibrated.",
-    "named": "A missing effect was found, named, and confirmed on held-out runs.",
+    "named": "A missing effect was found and named",
     "ambiguous": "Several effects explain these runs equally well: the next experiment tells.",
     "unknown": "There is a significant gap that no known effect closes.",
+}
+CONFIRMED = {
+    "held-out": "and held-out runs confirm it",
+    "blocks": "and those parts of the only run confirm it that were kept out of the fit",
+    "nothing": "and no run is left to confirm it",
+}
+NEVER = {
+    "held-out": "Held-out runs are never fitted, but for their start: where wheels without encoder "
+    "stand, and the motion there.",
+    "blocks": "On the seconds of the only run that were kept out of the fit.",
+    "nothing": "On the only run, which was fitted: nothing was kept out.",
 }
 
 
@@ -23,7 +41,8 @@ def diagnosis_page(found: Any, command: str = "omnijax diagnose") -> Page:
     from ..rig import rig_text
 
     made: Provenance = provenance(command, rig_text(found.rig), 0)
-    sections = [_where(found), _which(found), *_learned(found), _gap(found), _parameters(found)]
+    sections = [_where(found), _which(found), *_learned(found), _gap(found), *_excluded(found),
+                _parameters(found)]  # fmt: skip
     facts = [Fact("verdict", found.verdict)]
     facts += [Fact(f"{e.id} at {e.place}", effect_sizes(e)) for e in found.effects]
     facts += [Fact(f"gap of {g} closed", f"{100 * x.closed:.3g} %") for g, x in _worst(found)]
@@ -33,6 +52,8 @@ def diagnosis_page(found: Any, command: str = "omnijax diagnose") -> Page:
 
 def _answer(found) -> str:
     answer = ANSWERS[found.verdict]
+    if found.verdict == "named":
+        answer += f", {CONFIRMED[found.confirmed_on]}."
     if found.effects:
         joined = " and " if found.verdict == "named" else " or "
         words = [in_words(e.id, e.place) for e in found.effects]
@@ -154,7 +175,7 @@ def _gap(found) -> Section:
         "closed: what is gone of what was above the noise.",
     )  # fmt: skip
     figures = [gap_figure(found)] if found.details else []
-    return Section("The gap", "Held-out runs are never fitted.", figures, [table])
+    return Section("The gap", NEVER[found.confirmed_on], figures, [table])
 
 
 def _parameters(found) -> Section:
@@ -174,10 +195,43 @@ def _parameters(found) -> Section:
 
 def _notes(found) -> Section:
     lines = [*found.notes, *(f"Data: {f}" for f in found.faults)]
-    noise = []
-    for group, known in found.noise.items():
-        unit = found.gap[group].unit if group in found.gap else ""
-        factor, unit = scaled(known["sigma"], unit)
-        noise.append(f"{group} {factor * known['sigma']:.3g} {unit} ({known['source']})")
-    lines.append("Noise, 1-sigma: " + ", ".join(noise))
-    return Section("Notes", "\n\n".join(line[:1].upper() + line[1:] for line in lines))
+    text = "\n\n".join(line[:1].upper() + line[1:] for line in lines)
+    return Section("Notes", text, tables=[_noise(found)] if found.noise else [])
+
+
+def _noise(found) -> Table:
+    """The noise by channel: declared and shown."""
+    rows = []
+    for channel, known in found.noise.items():
+        factor, unit = scaled(known["shown"], known["unit"])
+        declared = known["declared"]
+        rows.append(
+            [channel, unit, f"{factor * declared:.4g}" if declared else "–",
+             factor * known["shown"], factor * known["sigma"], known["colour"]]
+        )  # fmt: skip
+    columns = [Column("channel", text=True), Column("unit", text=True),
+               Column("declared", text=True), Column("shown"), Column("its sigma"),
+               Column("colour", text=True)]  # fmt: skip
+    return Table(columns, rows, "noise", "Measurement noise, 1-sigma, as the data show it.")
+
+
+def _excluded(found) -> list[Section]:
+    """What the runs exclude: a limit for every effect and place that was not named."""
+    known = [x for x in found.excluded if x["limit_95"] is not None]
+    if not known:
+        return []
+    rows = []
+    for x in known:
+        factor, unit = scaled(x["limit_95"], x["unit"])
+        rows.append([x["id"], x["place"], x["parameter"], factor * x["limit_95"], unit])
+    columns = [Column("effect", text=True), Column("place", text=True),
+               Column("size", text=True), Column("below"), Column("unit", text=True)]  # fmt: skip
+    note = "Upper limits, 95 %: a larger effect would have been seen with that probability."
+    silent = sorted({x["id"] for x in found.excluded} - {x["id"] for x in known})
+    text = "Every effect and place that was not named is smaller than its limit."
+    if silent:
+        text += f" These runs say nothing about {', '.join(silent)}."
+    if any(x["parameter"] == "share" for x in known):
+        text += " A share is that of the law's own size: below 1 the law is excluded."
+    table = Table(columns, rows, "excluded", note)
+    return [Section("What is excluded", text, [limits_figure(known)], [table])]

@@ -48,6 +48,25 @@ def score_figure(first: list[dict[str, Any]]) -> Figure:
     return Figure(fig, "scores", note, {"candidate": names, "gain / 1": gain.tolist()})
 
 
+def limits_figure(known: list[dict[str, Any]]) -> Figure:
+    """Upper limits, each beside the median of its effect's: where an effect would hide best."""
+    ids = list(dict.fromkeys(x["id"] for x in known))
+    with style():
+        fig, axes = figure(1, 1, height=1.2 + 0.2 * len(ids))
+        for row, name in enumerate(ids):
+            own = [x["limit_95"] for x in known if x["id"] == name]
+            axes[0].plot(np.array(own) / np.median(own), [row] * len(own), "o", ms=4,
+                         color=PALETTE["blue"])  # fmt: skip
+        axes[0].set_yticks(range(len(ids)), ids)
+        axes[0].invert_yaxis()
+        axes[0].axvline(1.0, color=PALETTE["black"], lw=0.6)
+        axes[0].set(xscale="log", xlabel="limit of a place over the median of the effect's places")
+        axes[0].set_title("Where an effect could hide")
+    data = {"effect": [f"{x['id']} at {x['place']}" for x in known],
+            "limit / SI": [x["limit_95"] for x in known]}  # fmt: skip
+    return Figure(fig, "limits", "Upper limits by place, over the median of each effect.", data)
+
+
 def next_figure(found) -> Figure:
     """The torques of the proposed run."""
     torque = found.next_experiment["torque"]

@@ -8,8 +8,15 @@ from .answer import plain_where as plain_where
 from .answer import score_table as score_table
 from .answer import separating as separating
 from .evidence import AbstractEvidence as AbstractEvidence
+from .gap import gaps as gaps
 from .result import Diagnosis as Diagnosis
 from .result import Gap as Gap
 from .result import Named as Named
 from .rig_evidence import RigEvidence as RigEvidence
+from .shown import Shown as Shown
+from .shown import noise_remarks as noise_remarks
+from .shown import noise_table as noise_table
+from .shown import shown_noise as shown_noise
+from .shown import white_levels as white_levels
+from .shown import wrong as wrong
 from .verdict import judge as judge

@@ -17,17 +17,21 @@ def named(evidence: AbstractEvidence, found: Found, judged: Judged) -> list[Name
     model = evidence.model
     P, out = len(model.priors), []
     sigma = np.sqrt(np.maximum(np.diag(found.fit.covariance), 0.0))
-    total = max(found.held_before - found.held_after, 1e-300)
+    floor = min(judged.floor, found.held_after)
+    # what is left above the noise, or less than was assumed, is noise for the sizes too
+    sigma = sigma * np.sqrt(max(1.0, found.fit.chi2 / model.dof("train")))
     for i, effect in enumerate(found.fit.point.effects):
         spread: dict[str, Any] = {}
         for k, free in enumerate(found.fit.free):
             if free.effect == i:
                 spread.setdefault(free.key, []).append(float(sigma[P + k]))
         near = judged.equals.get(i, [])
+        less, held = found.alone.get(i, (found.baseline, found.held_before))
+        count = sum(free.effect == i for free in found.fit.free)
         said = {
-            "delta_bic": found.fit.chi2 - found.baseline.chi2
-            + len(found.fit.free) * float(np.log(model.dof("train"))),
-            "held_out_gain": judged.closed, "held_out_chi2": total,
+            "delta_bic": found.fit.chi2 - less.chi2 + count * float(np.log(model.dof("train"))),
+            "held_out_gain": min(1.0, (held - found.held_after) / max(held - floor, 1e-300)),
+            "held_out_chi2": held - found.held_after,
             "margin_to_next": min((m for _, m, _ in found.rivals.get(i, [])), default=None),
         }  # fmt: skip
         everyone = [effect, *(e for e, _, _ in near)]
@@ -118,10 +122,10 @@ def learned_table(learned) -> dict[str, Any] | None:
             "terms": terms, "map": learned.map}  # fmt: skip
 
 
-def notes(evidence: AbstractEvidence, found: Found, judged: Judged) -> list[str]:
+def notes(evidence: AbstractEvidence, found: Found, judged: Judged, noise: list[str]) -> list[str]:
     """The verdict's reason first, then what a reader should know of how it was found."""
     model = evidence.model
-    said = [judged.reason + ".", *evidence.remarks()]
+    said = [judged.reason + ".", *noise, *evidence.remarks()]
     if model.spent:
         said.append(
             f"The search ended at its budget of {model.budget:g} evaluations of the model: further "

@@ -1,13 +1,12 @@
 """What an answer needs to know of a model beside the search: groups, places, words."""
 
 import abc
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
-from .._search import AbstractModel, Effect, Fit, Point
-from .result import Gap
+from .._search import AbstractModel, Effect, Fit, Level, Point
 
 Tell = Callable[[str], None]
 
@@ -21,14 +20,7 @@ class AbstractEvidence(abc.ABC):
     model: AbstractModel
     noise: dict[str, dict[str, Any]]
     faults: list[str]
-
-    @abc.abstractmethod
-    def squares(self, residual: np.ndarray) -> dict[str, tuple[float, float]]:
-        """By group: sum of squares of a held-out residual, and its degrees of freedom."""
-
-    @abc.abstractmethod
-    def gaps(self, before: np.ndarray, after: np.ndarray) -> dict[str, Gap]:
-        """By group: RMS of held-out residuals before and after, against the noise."""
+    confirmed_on: str = "held-out"  # held-out, blocks (parts of the only run) or nothing
 
     @abc.abstractmethod
     def locate(self, point: Point) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -53,6 +45,26 @@ class AbstractEvidence(abc.ABC):
     @abc.abstractmethod
     def series(self, residual: np.ndarray) -> tuple[str, np.ndarray, dict[str, np.ndarray]]:
         """Of the first held-out run: its name, times in s, and a residual by channel in sigma."""
+
+    def columns(self, residual: np.ndarray, split: str) -> list[dict[str, np.ndarray]]:
+        """By run of a split the parts of a residual by channel, in assumed sigma; NaN where nothing
+        counts.  By default the first held-out run."""
+        return [self.series(residual)[2]] if split == "held-out" else []
+
+    def assumed(self, channel: str) -> dict[str, Any]:
+        """What the noise of a channel was taken for: sigma, declared, source, unit, colour."""
+        group = channel if channel in self.noise else channel.rpartition("_")[0]
+        known = self.noise[group]
+        return {"sigma": known["sigma"], "source": known["source"], "unit": self.unit_of(group),
+                "declared": known["sigma"] if known["source"] == "declared" else None}  # fmt: skip
+
+    def unit_of(self, group: str) -> str:
+        """Unit of an output group."""
+        return "1"
+
+    def renoised(self, levels: Sequence[dict[str, Level]]) -> "AbstractEvidence | None":
+        """This evidence weighed by other noise, in the order of `columns`; None: it cannot be."""
+        return None
 
     def reported(self, effect: Effect) -> dict[str, Any]:
         """Further parameters of an effect that are no numbers of its law."""

@@ -2,41 +2,26 @@
 
 import numpy as np
 
+from .evidence import AbstractEvidence
 from .result import Gap
+from .shown import Shown, by_group
+from .verdict import Columns, squares
 
 UNITS = {"dR": "m", "theta": "rad", "Omega": "rad/s", "a": "m/s^2"}
 
 
-def group_squares(rows_list, residual: np.ndarray) -> dict[str, tuple[float, float]]:
-    """Whitened (sum of squares, degrees of freedom) of every output group."""
-    squares = dict.fromkeys(UNITS, 0.0)
-    counts = dict.fromkeys(UNITS, 0.0)
-    offset = 0
-    for rows in rows_list:
-        elastic, rotation = rows.split(residual[offset : offset + rows.size])
-        offset += rows.size
-        parts = {
-            "dR": (elastic[:, :3], rows.elastic[:, :3]), "a": (elastic[:, 3:], rows.elastic[:, 3:]),
-            "Omega": (rotation[:, :3], rows.rotation[:, :3]),
-            "theta": (rotation[:, 3:], rows.rotation[:, 3:]),
-        }  # fmt: skip
-        free = sum(q.shape[1] for part, q in rows.nuisance if part.start >= rows.elastic.size)
-        for group, (values, weight) in parts.items():
-            squares[group] += float(np.sum(values**2))
-            counts[group] += int(np.sum(weight > 0))
-        if counts["Omega"] and counts["theta"]:
-            counts["Omega"] -= free / 2
-            counts["theta"] -= free / 2
-    return {g: (squares[g], counts[g]) for g in UNITS if counts[g] > 0}
+def gaps(evidence: AbstractEvidence, shown: Shown, before: Columns, after: Columns):
+    """`Gap` of every group on the held-out runs, RMS over its channels; the noise is as shown."""
+    first, last = squares(before), squares(after)
+    out = {}
+    for group, channels in by_group([c for c in first if c in last]).items():
+        sigma = {c: evidence.assumed(c)["sigma"] for c in channels}
+        floor = [sigma[c] * shown.ratio(c, "held-out") for c in channels]
+        start = [sigma[c] * np.sqrt(first[c][0] / first[c][1]) for c in channels]
+        end = [sigma[c] * np.sqrt(last[c][0] / last[c][1]) for c in channels]
+        out[group] = Gap(*(_rms(x) for x in (floor, start, end)), evidence.unit_of(group))
+    return out
 
 
-def gaps(rows_list, noise, before: np.ndarray, after: np.ndarray) -> dict[str, Gap]:
-    """`Gap` of every group from the held-out residuals before and after (theta by windows)."""
-    first, last = group_squares(rows_list, before), group_squares(rows_list, after)
-    return {
-        g: Gap(
-            noise[g], noise[g] * np.sqrt(first[g][0] / first[g][1]),
-            noise[g] * np.sqrt(last[g][0] / last[g][1]), UNITS[g],
-        )
-        for g in first
-    }  # fmt: skip
+def _rms(values: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

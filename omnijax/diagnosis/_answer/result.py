@@ -52,6 +52,8 @@ class Diagnosis:
     baseline: list[dict[str, Any]]
     noise: dict[str, dict[str, Any]]
     scores: list[dict[str, Any]]
+    confirmed_on: str = "held-out"
+    excluded: list[dict[str, Any]] = dataclasses.field(default_factory=list)
     learned: dict[str, Any] | None = None
     notes: list[str] = dataclasses.field(default_factory=list)
     faults: list[str] = dataclasses.field(default_factory=list)
@@ -86,6 +88,8 @@ class Diagnosis:
                 "baseline": self.baseline,
                 "noise": self.noise,
                 "scores": self.scores,
+                "confirmed_on": self.confirmed_on,
+                "excluded": self.excluded,
                 "learned": self.learned,
                 "notes": [*self.notes, *filter(None, [self.remainder])],
                 "faults": self.faults,

@@ -1,11 +1,25 @@
 """The sphere on its wheels as evidence."""
 
+import dataclasses
+
 import numpy as np
 
 from .._machine import RigModel
 from .._search import locate
 from .evidence import AbstractEvidence
-from .gap import UNITS, gaps, group_squares
+from .gap import UNITS
+
+
+def channel_names(wheels: int) -> list[str]:
+    """The columns of the elastic and the rotation table."""
+    names = [f"{g}_{c}" for g in ("dR", "a", "Omega") for c in "xyz"]
+    return [*names, *(f"theta_{k + 1}" for k in range(wheels))]
+
+
+def channel_index(channel: str) -> int:
+    """Which of its group's channels it is."""
+    _, _, which = channel.partition("_")
+    return "xyz".index(which) if which in "xyz" else int(which) - 1
 
 
 class RigEvidence(AbstractEvidence):
@@ -13,19 +27,53 @@ class RigEvidence(AbstractEvidence):
 
     model: RigModel
 
-    def __init__(self, model: RigModel, noise: dict, faults: list[str]):
+    def __init__(self, model: RigModel, noise: dict, faults: list[str], confirmed_on="held-out"):
         self.model, self.noise, self.faults = model, noise, faults
+        self.confirmed_on = confirmed_on
 
     @property
     def rows(self):
         """Rows of the held-out runs."""
         return [self.model.machine.rows[i] for i in self.model.splits["held-out"]]
 
-    def squares(self, residual):
-        return group_squares(self.rows, residual)
+    def columns(self, residual, split):
+        out, at = [], 0
+        for i in self.model.splits[split]:
+            size = self.model.machine.rows[i].size
+            out.append(self._channels(i, residual[at : at + size]))
+            at += size
+        return out
 
-    def gaps(self, before, after):
-        return gaps(self.rows, {g: t["sigma"] for g, t in self.noise.items()}, before, after)
+    def _channels(self, i: int, residual: np.ndarray) -> dict[str, np.ndarray]:
+        """Whitened residuals of run `i` by channel; what was fitted to every window counts."""
+        rows = self.model.machine.rows[i]
+        tables = [np.array(t) for t in rows.split(residual)]
+        for table, weight in zip(tables, (rows.elastic, rows.rotation), strict=True):
+            table[weight == 0] = np.nan
+        counted = max(1, int((rows.rotation > 0).any(axis=1).sum()))
+        free = sum(part.start >= rows.elastic.size for part, _ in rows.nuisance)
+        tables[1] *= np.sqrt(counted / max(1, counted - free))
+        table = np.concatenate(tables, axis=1)
+        names = channel_names(table.shape[1] - 9)
+        return {c: x for c, x in zip(names, table.T, strict=True) if np.isfinite(x).any()}
+
+    def assumed(self, channel):
+        known = self.noise[channel]
+        group = channel.partition("_")[0]
+        sigma, at = self.model.noise[group], channel_index(channel)
+        held = [self.model.machine.runs[i] for i in self.model.splits["held-out"]]
+        wide = max(3, self.model.rig.size)
+        level = [np.broadcast_to(run.level(group), wide)[at] if np.ndim(run.level(group)) == 0
+                 else np.asarray(run.level(group))[at] for run in held]  # fmt: skip
+        sigma = float(sigma * np.sqrt(np.mean(np.square(level))))
+        return dataclasses.asdict(known) | {"sigma": sigma, "unit": UNITS[group]}
+
+    def unit_of(self, group):
+        return UNITS[group]
+
+    def renoised(self, levels):
+        model = self.model.renoised(levels)
+        return RigEvidence(model, self.noise, self.faults, self.confirmed_on)
 
     def locate(self, point):
         return locate(self.model, point)
@@ -56,9 +104,11 @@ class RigEvidence(AbstractEvidence):
         rows = self.rows[0]
         table = np.concatenate(rows.split(residual[: rows.size]), axis=1)
         run = self.model.machine.runs[self.model.splits["held-out"][0]]
-        names = [f"{g}_{c}" for g in ("dR", "a", "Omega") for c in "xyz"]
-        names += [f"theta_{k + 1}" for k in range(table.shape[1] - 9)]
-        return run.name, run.time, dict(zip(names, table.T, strict=True))
+        return (
+            run.name,
+            run.time,
+            dict(zip(channel_names(table.shape[1] - 9), table.T, strict=True)),
+        )
 
     def reported(self, effect):
         """Of a Hertz contact the modulus E' = 0.75 c / sqrt(R') that its tangent stands for."""

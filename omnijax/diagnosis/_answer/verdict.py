@@ -1,14 +1,17 @@
 """The four answers: none, named, ambiguous, unknown."""
 
 import dataclasses
+import math
 
 import numpy as np
 
-from .._search import MARGIN, AbstractModel, Found
+from .._search import SETTINGS, Found
+from .shown import Shown
 
 CLOSED = 0.95  # share of the held-out gap that a named set has to close
-EXCESS = 0.3  # sigma: below this in every group, simulation and data agree
-SURE = 3.0  # standard errors by which an estimated noise may be off
+EXCESS = 0.3  # sigma: below this in every channel, simulation and data agree
+
+Columns = list[dict[str, np.ndarray]]  # by held-out run and channel, in assumed sigma
 
 
 @dataclasses.dataclass(frozen=True)
@@ -19,45 +22,63 @@ class Judged:
     closed: float
     equals: dict[int, list]
     reason: str
+    floor: float = 0.0  # chi2 of the held-out runs' noise
+
+
+def squares(runs: Columns) -> dict[str, tuple[float, int]]:
+    """By channel the sum of squares and the number of what was measured."""
+    out: dict[str, tuple[float, int]] = {}
+    for run in runs:
+        for channel, x in run.items():
+            total, count = out.get(channel, (0.0, 0))
+            out[channel] = total + float(np.nansum(x**2)), count + int(np.isfinite(x).sum())
+    return {c: t for c, t in out.items() if t[1] > 0}
 
 
 def judge(
-    model: AbstractModel, found: Found, before: dict, after: dict, error: dict[str, float]
+    found: Found, shown: Shown, before: Columns, after: Columns, rivals: float = SETTINGS.margin
 ) -> Judged:
-    """The verdict from the search and the held-out (squares, dof) by group before and after.
+    """The verdict, from held-out residuals before and after and the noise that the data show.
 
-    `error` is by group the relative 1-sigma of the noise itself, 0 where it was declared.
+    Nothing is unknown but what hangs on the machine's state, at `where`'s own false-discovery rate.
+    `rivals` is the margin below which two effects explain the runs equally well.
     """
-    slack = {g: (1 + SURE * error[g]) ** 2 for g in after}
-    floor = sum(min(after[g][0], slack[g] * after[g][1]) for g in after)
-    total_before = sum(s for s, _ in before.values())
-    total_after = sum(s for s, _ in after.values())
-    above = total_before - floor
-    closed = (total_before - total_after) / above if above > 0 else 1.0
-    excess = {g: np.sqrt(max(0.0, s / dof - slack[g])) for g, (s, dof) in before.items()}
-    left = {g: np.sqrt(max(0.0, s / dof - slack[g])) for g, (s, dof) in after.items()}
-    effects = found.fit.point.effects
-    if not effects:
-        return _without_effects(found, before, excess, slack)
+    first, last = squares(before), squares(after)
+    floor = {c: shown.ratio(c, "held-out") ** 2 for c in last}
+    above = sum(max(0.0, s - floor[c] * n) for c, (s, n) in first.items())
+    left = sum(max(0.0, s - floor[c] * n) for c, (s, n) in last.items() if c in shown.structured)
+    noise = sum(floor[c] * n for c, (_, n) in last.items())
+    closed = 1 - left / above if above > 0 else 1.0
+    open_ = [c for c in shown.structured if _excess(last, floor, c) > EXCESS]
+    if not found.fit.point.effects:
+        return _without_effects(found, open_)
     equals = {
-        i: [(e, margin, cosine) for e, margin, cosine in near if margin < MARGIN]
+        i: [(e, margin, cosine) for e, margin, cosine in near if margin < rivals]
         for i, near in found.rivals.items()
     }
-    noise_only = max(left.values()) < EXCESS
-    if closed < CLOSED and not noise_only:
+    if open_ and closed < CLOSED:
         text = f"the best known effects close {100 * closed:.0f} % of the held-out gap"
-        return Judged("unknown", closed, equals, text)
+        return Judged("unknown", closed, equals, text, noise)
     if any(equals.values()):
-        return Judged("ambiguous", closed, equals, "joint refits of rivals are equally good")
-    return Judged("named", closed, equals, "held-out runs confirm the joint refit")
+        text = "joint refits of rivals are equally good"
+        return Judged("ambiguous", closed, equals, text, noise)
+    text = "held-out runs confirm the joint refit"
+    return Judged("named", closed, equals, text, noise)
 
 
-def _without_effects(found: Found, before, excess, slack) -> Judged:
-    count = sum(dof for _, dof in before.values())
-    surprise = sum(s - slack[g] * dof for g, (s, dof) in before.items()) / np.sqrt(2 * count)
-    if max(excess.values()) < EXCESS and (surprise < 6 or not found.significant):
-        return Judged("none", 1.0, {}, "what is left is within the noise")
-    if max(excess.values()) < EXCESS:
-        return Judged("none", 1.0, {}, "what is left is below 0.3 sigma in every group")
-    text = "a significant gap that no known effect closes on held-out runs"
-    return Judged("unknown", 0.0, {}, text)
+def _excess(squares: dict[str, tuple[float, int]], floor: dict[str, float], channel: str) -> float:
+    """What a channel holds beside its noise, RMS in sigma of that noise."""
+    if channel not in squares:
+        return 0.0
+    total, count = squares[channel]
+    return math.sqrt(max(0.0, total / count / max(floor[channel], 1e-300) - 1))
+
+
+def _without_effects(found: Found, open_: list[str]) -> Judged:
+    if open_:
+        text = f"a gap in {', '.join(open_)} that no known effect closes on held-out runs"
+        return Judged("unknown", 0.0, {}, text)
+    if found.significant:
+        text = "what is left hangs on no state of the machine, and held-out runs confirm no effect"
+        return Judged("none", 1.0, {}, text)
+    return Judged("none", 1.0, {}, "what is left is within the noise that the data show")

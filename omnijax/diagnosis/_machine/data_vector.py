@@ -6,6 +6,7 @@ import numpy as np
 
 from .runs import Run
 
+ELASTIC_CHANNELS = tuple(f"{g}_{axis}" for g in ("dR", "a") for axis in "xyz")
 SETTLE = 0.3  # s after an unknown input in which the elastic channels are not used
 
 
@@ -15,7 +16,8 @@ class Rows:
 
     `weight` is 1/sigma, 0 where nothing usable was measured.  `nuisance` holds (slice, orthonormal
     columns): Omega and s at the start of every window, and the elastic state of a rolling start.
-    `coloured` whitens the elastic rows further, where the encoders' noise enters them: (U, shrink).
+    `filters` (6, Fourier frequencies) whitens the elastic channels in time, where their noise has a
+    colour; `coloured` whitens further, where the encoders' noise enters them: (U, shrink).
     """
 
     samples: int
@@ -23,6 +25,7 @@ class Rows:
     rotation: np.ndarray
     nuisance: list[tuple[slice, np.ndarray]]
     coloured: tuple[np.ndarray, np.ndarray] | None = None
+    filters: np.ndarray | None = None
 
     @property
     def size(self) -> int:
@@ -56,11 +59,22 @@ class Rows:
             x[:, part] -= (x[:, part] @ q) @ q.T
 
     def whiten(self, x: np.ndarray) -> None:
-        """Take the encoders' part of the elastic covariance off row vectors (k, rows), in place."""
+        """Whiten the elastic channels of row vectors (k, rows) in place.
+
+        First each channel in time, by its own noise's colour, then from the encoders' part.
+        """
+        self.bleach(x[:, : self.elastic.size])
         if self.coloured is not None:
             U, shrink = self.coloured
             elastic = x[:, : self.elastic.size]
             elastic -= (elastic @ U * shrink) @ U.T
+
+    def bleach(self, x: np.ndarray) -> None:
+        """Whiten elastic rows (k, elastic) in time, in place: amplitudes over Fourier lines."""
+        if self.filters is not None:
+            for c in np.flatnonzero(np.any(self.filters != 1.0, axis=1)):
+                lines = np.fft.rfft(x[:, c :: len(self.filters)], axis=1) * self.filters[c]
+                x[:, c :: len(self.filters)] = np.fft.irfft(lines, self.samples, axis=1)
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A row vector as its (elastic, rotation) tables, whitened."""
@@ -79,12 +93,16 @@ def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -
     n = run.samples
     elastic = np.concatenate([_weights(run, g, noise, 3) for g in ("dR", "a")], axis=1)
     theta = _weights(run, "theta", {"theta": 1.0}, wheels)
+    filters = _filters(run)
     rotation = np.concatenate([_weights(run, "Omega", noise, 3), theta / length_noise], axis=1)
     if not run.known.all():
         bad = np.flatnonzero(~run.known)
         for i in bad:
             elastic[max(0, i - 1) : i + int(SETTLE / run.step)] = 0.0
-    rows = Rows(n, elastic, rotation, [])
+    if run.counts is not None:
+        elastic[~run.counts] = 0.0
+        rotation[~run.counts] = 0.0
+    rows = Rows(n, elastic, rotation, [], filters=filters)
     length = n if window <= 0 else max(20, round(window / run.step))
     starts = list(range(0, n, length))
     if len(starts) > 1 and n - starts[-1] < length // 2:
@@ -104,7 +122,24 @@ def _weights(run: Run, group: str, noise, channels: int) -> np.ndarray:
     values = run.outputs.get(group)
     if values is None or not noise.get(group):
         return np.zeros((run.samples, channels))
-    return np.isfinite(values) / noise[group]
+    return np.isfinite(values) / (noise[group] * run.level(group))
+
+
+def _filters(run: Run) -> np.ndarray | None:
+    """1/sqrt of the relative spectrum of every elastic channel's noise; None where all are white.
+
+    A run's spectra are (cycles a sample, power), interpolated between in the logarithm of both.
+    """
+    lines = np.arange(run.samples // 2 + 1) / run.samples
+    lines[0] = lines[1]
+    out = np.ones((6, len(lines)))
+    for c, channel in enumerate(ELASTIC_CHANNELS):
+        if channel in run.spectra:
+            at, power = run.spectra[channel]
+            dense = np.exp(np.interp(np.log(lines), np.log(at), np.log(power)))
+            out[c] = 1 / np.sqrt(dense)
+            out[c, 0] = 0.0  # the mean of what wanders says nothing
+    return out if run.spectra else None
 
 
 def _start_columns(first, last, run: Run, axes, weight) -> np.ndarray:

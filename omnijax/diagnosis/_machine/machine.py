@@ -146,7 +146,8 @@ class Machine:
     def _motion(self, rig: Rig, i: int) -> Motion:
         tables, run = self.tables_of(rig), self.runs[i]
         length = measured_lengths(rig, tables, run)
-        about, sigma = self.basis.references[i], float(np.mean(self.length_noise))
+        about = self.basis.references[i]
+        sigma = float(np.mean(self.length_noise * run.level("theta")))
         smoothed = about + smooth(length - about, sigma, self.basis.ratios[i])[0]
         return motion(rig, tables, run, length, smoothed)
 

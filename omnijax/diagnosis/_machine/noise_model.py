@@ -23,6 +23,10 @@ def rows_of(machine, rig: Rig, i: int) -> Rows:
         machine.modes(rig), run, machine.tables_of(rig).rho_slope(m.theta_shape[:: SHAPE // PARTS]),
         _angle_errors(machine, rig, i), rows.elastic,
     )  # fmt: skip
+    if rows.filters is not None:
+        across = np.ascontiguousarray(columns.T)
+        rows.bleach(across)
+        columns = across.T
     if columns.any():
         rows.coloured = whitener(columns)
     if run.rolling_start(machine.noise):
@@ -37,9 +41,10 @@ def _angle_errors(machine, rig: Rig, i: int) -> list[np.ndarray]:
     measured = run.outputs.get("theta", np.full((run.samples, rig.size), np.nan))
     out = []
     modes, gains = smoother_modes(run.samples, ratio)
+    level = np.broadcast_to(run.level("theta"), rig.size)
     for k in range(rig.size):
         if np.isfinite(measured[:, k]).any():
-            out.append(modes * np.sqrt(gains) * machine.length_noise[k] * radius[k])
+            out.append(modes * np.sqrt(gains) * machine.length_noise[k] * level[k] * radius[k])
         else:  # the angle is the integral of Omega, from a start that is fitted
             walks, power = walk_modes(run.samples, run.step, machine.noise.get("Omega", 0.0))
             start = np.full((run.samples, 1), START)

@@ -12,6 +12,7 @@ from .._search import (
     AbstractModel,
     Candidate,
     Context,
+    Level,
     Point,
     Prior,
     candidates,
@@ -21,7 +22,7 @@ from .._search import (
 from .._threads import each
 from .linearisation import base_of
 from .machine import Machine
-from .runs import COARSE, FINE, STEPS, Run
+from .runs import COARSE, FINE, STEPS, Run, with_noise
 from .tangents import signature
 
 BUDGET = 400.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
@@ -86,6 +87,31 @@ class RigModel(AbstractModel):
             signs = np.repeat(rng.choice([-1.0, 1.0], blocks), [len(p) for p in pieces])[:, None]
             out += [(signs * elastic[order]).ravel(), (signs * rotation[order]).ravel()]
         return np.concatenate(out)
+
+    def group_rms(self, residual, split):
+        squares: dict[str, list[float]] = {}
+        at = 0
+        for i in self.splits[split]:
+            rows = self.machine.rows[i]
+            elastic, rotation = rows.split(residual[at : at + rows.size])
+            at += rows.size
+            parts = {"dR": (elastic, rows.elastic, slice(0, 3)),
+                     "a": (elastic, rows.elastic, slice(3, 6)),
+                     "Omega": (rotation, rows.rotation, slice(0, 3)),
+                     "theta": (rotation, rows.rotation, slice(3, None))}  # fmt: skip
+            for group, (values, weight, which) in parts.items():
+                own = squares.setdefault(group, [0.0, 0.0])
+                own[0] += float(np.sum(values[:, which] ** 2))
+                own[1] += float(np.sum(weight[:, which] > 0))
+        return {g: float(np.sqrt(s / n)) for g, (s, n) in squares.items() if n > 0}
+
+    def renoised(self, levels: Sequence[dict[str, Level]]) -> "RigModel":
+        """The same model weighed by other noise; `levels` by train and then held-out run."""
+        runs = list(self.machine.runs)
+        order = [*self.splits["train"], *self.splits["held-out"]]
+        for i, found in zip(order, levels, strict=True):
+            runs[i] = with_noise(runs[i], found, self.rig.size)
+        return RigModel(self.rig, runs, self.noise, self.laws, self.window)
 
     def rebase(self, point):
         self.machine.rebase(self.rig_at(point))
@@ -189,12 +215,9 @@ def rig_priors(rig: Rig) -> list[Prior]:
 
 
 def split_runs(runs: list[Run]) -> dict[str, list[int]]:
-    """Indices of train and held-out runs; without a held-out one, the last run of several is it."""
+    """Indices of train and held-out runs; of one run alone both are that run (see `with_roles`)."""
     held = [i for i, r in enumerate(runs) if r.role == "held-out"]
     train = [i for i, r in enumerate(runs) if r.role != "held-out"]
-    if not train:
-        train, held = held[:-1] or held, held[-1:]
-    if not held:
-        held = train[-1:]
-        train = train[:-1] or train
-    return {"train": train, "held-out": held}
+    if not held and len(train) > 1:
+        train, held = train[:-1], train[-1:]
+    return {"train": train or held, "held-out": held or train}

@@ -1,6 +1,8 @@
 """A measured run as the diagnosis uses it: plain arrays, masks, noise and the fine time grids."""
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +27,13 @@ class Run:
     outputs: dict[str, np.ndarray]  # group -> (n, channels)
     known: np.ndarray  # (n,) whether the inputs were measured
     start: np.ndarray | None = None  # (wheels,) rad at the first sample, where no encoder says it
+    levels: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)  # see `level`
+    spectra: dict[str, tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=dict)
+    counts: np.ndarray | None = None  # (n,) samples that are compared; None: every one
+
+    def level(self, group: str) -> np.ndarray | float:
+        """1-sigma (channels,) of this run's noise over that of the group."""
+        return self.levels.get(group, 1.0)
 
     @property
     def step(self) -> float:
@@ -44,6 +53,7 @@ class Run:
         """The run's first samples."""
         parts = {k: getattr(self, k)[:samples] for k in ("time", "torque", "force", "known")}
         outputs = {g: values[:samples] for g, values in self.outputs.items()}
+        parts["counts"] = None if self.counts is None else self.counts[:samples]
         return dataclasses.replace(self, outputs=outputs, **parts)
 
     def rolling_start(self, noise: dict[str, float]) -> bool:
@@ -56,6 +66,34 @@ class Run:
             return False
         change = np.nanmean(angle[10:20], axis=0) - np.nanmean(angle[:10], axis=0)
         return bool(np.nanmax(np.abs(change)) > 5 * noise["theta"])
+
+
+def with_noise(run: Run, found: Mapping[str, Any], wheels: int) -> Run:
+    """The run with other noise: by channel a `ratio` to the old 1-sigma, and a `spectrum` or None.
+
+    Omega and the rolled lengths are not whitened in time (their windows start anew): there noise of
+    a colour counts as white noise as strong as it is where it is strongest, above 1 Hz.
+    """
+    levels, spectra = dict(run.levels), dict(run.spectra)
+    for group in run.outputs:
+        names = [f"{group}_{c}" for c in (range(1, wheels + 1) if group == "theta" else "xyz")]
+        ratio = np.array([_strength(run, found.get(n), group) for n in names])
+        if np.any(ratio != 1.0):
+            levels[group] = run.level(group) * ratio
+        for n in names:
+            if group in ELASTIC and n in found and found[n].spectrum is not None:
+                spectra[n] = found[n].spectrum
+    return dataclasses.replace(run, levels=levels, spectra=spectra)
+
+
+def _strength(run: Run, level: Any, group: str) -> float:
+    """1-sigma of a channel over the old one."""
+    if level is None or not np.isfinite(level.ratio) or level.ratio <= 0:
+        return 1.0
+    if group in ELASTIC or level.spectrum is None:
+        return float(level.ratio)
+    at, power = level.spectrum
+    return float(level.ratio * np.sqrt(np.max(power[at / run.step > 1.0], initial=1.0)))
 
 
 def to_run(recording) -> Run:

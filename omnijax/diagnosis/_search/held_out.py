@@ -6,9 +6,9 @@ import numpy as np
 
 from .fit import Fit
 from .model import Effect
+from .settings import SETTINGS, SearchSettings
 
-SURE = 4.0  # standard deviations by which held-out runs must confirm a predicted change
-SHARE = 1.5  # factor by which a change on held-out runs may be off the predicted one
+BLOCKS = 64  # of the rows, by which the spread is estimated
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,12 +22,23 @@ class HeldOut:
 
     gain: float  # fall of chi2, |r|^2 - |r - d|^2
     size: float  # d.d
+    spread: float = 1.0  # variance of d.(r - m d) over that of white noise of the assumed level
 
     @staticmethod
     def of(before: np.ndarray, after: np.ndarray) -> "HeldOut":
-        """From the residuals before and after."""
+        """From the residuals before and after.
+
+        What is left of r may be larger than the noise, or have a colour: the variance of its inner
+        product with d is that of its blocks.
+        """
         d = before - after
-        return HeldOut(float(d @ (before + after)), float(d @ d))
+        size, gain = float(d @ d), float(d @ (before + after))
+        if not 0 < size < np.inf:
+            return HeldOut(gain, size)
+        left = d * (before - 0.5 * (gain / size + 1) * d)
+        starts = np.unique(np.linspace(0, len(d), BLOCKS, endpoint=False).astype(int))
+        blocks = np.add.reduceat(left, starts)
+        return HeldOut(gain, size, max(1.0, float(blocks @ blocks) / size))
 
     @property
     def multiplier(self) -> float:
@@ -37,16 +48,16 @@ class HeldOut:
     @property
     def sure(self) -> float:
         """Standard deviations of the multiplier from zero."""
-        return self.multiplier * float(np.sqrt(self.size))
+        return self.multiplier * float(np.sqrt(self.size / self.spread))
 
-    def confirms(self, gain: float) -> bool:
+    def confirms(self, gain: float, settings: SearchSettings = SETTINGS) -> bool:
         """Whether it is the effect that gained `gain` on the train runs."""
         if not np.isfinite(self.gain):
             return False
-        spread = np.sqrt(1 / max(self.size, 1e-300) + 1 / max(gain, 1e-300))
-        slack = min(3 * spread, 0.15)
-        same = 1 / SHARE - slack < self.multiplier < SHARE + slack
-        return same and self.sure > SURE
+        error = self.spread / max(self.size, 1e-300) + self.spread / max(gain, 1e-300)
+        slack = min(3 * np.sqrt(error), 0.15)
+        same = 1 / settings.share - slack < self.multiplier < settings.share + slack
+        return same and self.sure > settings.sure
 
 
 @dataclasses.dataclass(frozen=True)
@@ -57,8 +68,9 @@ class Trial:
     fit: Fit
     gain: float
     held: HeldOut
+    settings: SearchSettings = SETTINGS
 
     @property
     def accepted(self) -> bool:
         """Whether held-out runs confirm what the train runs gained."""
-        return self.held.confirms(self.gain)
+        return self.held.confirms(self.gain, self.settings)

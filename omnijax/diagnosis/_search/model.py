@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...laws import AbstractLaw
+from .settings import SETTINGS, SearchSettings
 
 STEPPED = ("contact", "mount", "separation")  # ports whose laws change a run's every tangent
 HARD = 3.5  # prior sigmas: Gaussian priors have no force against 1e5 samples, bounds have
@@ -76,6 +77,7 @@ class AbstractModel(abc.ABC):
     laws: dict[str, type[AbstractLaw]]
     work: float = 0.0  # evaluations so far, in those of all train runs with laws stepped in time
     ranking: str = "train"  # split whose rows, the first of train's, rank laws at finite strength
+    settings: SearchSettings = SETTINGS
     budget: float = math.inf  # of `work`: what a search may take before it ends
     frozen_keys: frozenset[str] = frozenset({"roller", "order", "exponent", "modulus"})
 
@@ -86,6 +88,10 @@ class AbstractModel(abc.ABC):
     @abc.abstractmethod
     def dof(self, split: str) -> int:
         """Rows that carry information."""
+
+    def group_rms(self, residual: np.ndarray, split: str) -> dict[str, float]:
+        """RMS of a residual by output group, in sigma; one group by default."""
+        return {"all": float(np.sqrt(residual @ residual / max(1, self.dof(split))))}
 
     @abc.abstractmethod
     def candidates(self, point: Point) -> list:

@@ -9,13 +9,6 @@ from .held_out import HeldOut, Trial
 from .model import AbstractModel, Effect, Point
 from .starts import Start
 
-MARGIN = 25.0  # least difference of chi2 between the joint refits of rivals
-HOPELESS = 3.0  # times the best trial's cost: above, three rounds of a trial are enough
-OPENINGS = (0.1, 0.2, 0.35, 0.6)  # shares of the motion that a strong law is refitted to first
-PROMISE = 0.2  # share of an opening's gap that a law must close to be followed to the next
-NEARLY = 1.3  # chi2 a degree of freedom at which nothing else needs to be tried first
-LITTLE = 0.02  # share of a strong gap that a law must close to be gone on with
-SETTLES, SETTLED = 5, 1.02  # rounds of rebasing at most, and chi2 a row at which they end
 WIDTHS_MATTER = {True: 10.0, False: 100.0}  # times the best cost, by whether a law is stepped
 
 
@@ -39,7 +32,7 @@ class Refits:
     """Refits on one model."""
 
     def __init__(self, model: AbstractModel):
-        self.model = model
+        self.model, self.settings = model, model.settings
         self.openings: dict[float, AbstractModel] = {}
 
     def tangents(self, fit: Fit, effects) -> np.ndarray | None:
@@ -53,10 +46,14 @@ class Refits:
         `least` is the cost of the best trial so far.  With `openings`, the least cost of trials so
         far by share, a law that is stepped in time is refitted to the runs' openings first.
         """
-        point, enough, patience = self.tamed(start.point, fit.cost), HOPELESS * least, 3
+        point, enough, patience = (
+            self.tamed(start.point, fit.cost),
+            self.settings.hopeless * least,
+            3,
+        )
         if openings is not None and self.model.needs_stepping(point.effects[-1:]):
             followed = self.opened(fit.point, point, openings)
-            enough = min(enough, (1 - LITTLE) * fit.cost)
+            enough = min(enough, (1 - self.settings.little) * fit.cost)
             point, patience = followed, 1 if followed is point else patience
         tangents = self.tangents(fit, point.effects)
         new = refit(self.model, point, baseline=tangents, rounds=8, relative=1e-3,
@@ -70,8 +67,8 @@ class Refits:
         that no way leads to the right ones from afar; the opening tells them well enough.  A law
         that closes little of an opening's gap, as it is at the point `without` it, is left.
         """
-        for share in OPENINGS:
-            if chi2_of(self.model, point, "train") < NEARLY * self.model.dof("train"):
+        for share in self.settings.openings:
+            if chi2_of(self.model, point, "train") < self.settings.nearly * self.model.dof("train"):
                 break
             if share not in self.openings:
                 self.openings[share] = self.model.opening(share)
@@ -83,7 +80,9 @@ class Refits:
             )
             self.model.work += share * part.work
             closed = (before - fit.cost) / max(before - part.dof("train"), 1.0)
-            if closed < PROMISE or not fit.cost < HOPELESS * least.get(share, np.inf):
+            if closed < self.settings.promise or not fit.cost < self.settings.hopeless * least.get(
+                share, np.inf
+            ):
                 break
             point, least[share] = fit.point, min(fit.cost, least.get(share, np.inf))
         return point
@@ -91,7 +90,8 @@ class Refits:
     def trial(self, fit: Fit, new: Fit, before: np.ndarray) -> Trial:
         """A refit with one more effect than `fit`, as the held-out runs see it."""
         after = residual_of(self.model, new.point, "held-out")
-        return Trial(new.point.effects[-1], new, fit.cost - new.cost, HeldOut.of(before, after))
+        return Trial(new.point.effects[-1], new, fit.cost - new.cost, HeldOut.of(before, after),
+                     self.settings)  # fmt: skip
 
     def with_widths(self, fit: Fit, trials: list[Trial], before: np.ndarray) -> list[Trial]:
         """The trials with their friction widths fitted: no comparison may hang on a width."""
@@ -126,11 +126,14 @@ class Refits:
 
     def settle(self, fit: Fit) -> Fit:
         """Smooth about the new point and polish there, with tangents of its own."""
-        for _ in range(SETTLES):
+        for _ in range(self.settings.settles):
             before = fit.chi2
             self.model.rebase(fit.point)
             fit = refit(self.model, fit.point, rounds=10)
-            near = fit.chi2 < SETTLED * self.model.dof("train") or fit.chi2 > 0.98 * before
+            near = (
+                fit.chi2 < self.settings.settled * self.model.dof("train")
+                or fit.chi2 > 0.98 * before
+            )
             if near or not self.model.unsettled(fit.point):
                 break
         return self.widened(fit)
@@ -151,7 +154,7 @@ class Refits:
             return fit
         point = fit.point.with_effects(*wide)
         freed = refit(self.model, point, baseline=self.tangents(fit, wide), rounds=4)
-        return freed if freed.cost < fit.cost - MARGIN else fit
+        return freed if freed.cost < fit.cost - self.settings.margin else fit
 
     def _with_width(self, effect: Effect) -> Effect:
         field = self.model.laws[effect.id].__dataclass_fields__.get("width")

@@ -4,20 +4,26 @@ Every effect is challenged in the joint refit by the candidates that explain nea
 it is left out, as scored at the latest fit with the other effects in.
 """
 
+import dataclasses
 from collections.abc import Callable
 
 import numpy as np
 
 from .fit import Fit, refit
 from .model import Effect
-from .refits import MARGIN, Refits, chi2_of
+from .refits import Refits
 from .scan import Scan, Signatures
 
 Rival = tuple[Effect, float, float]  # the effect, its margin, the cosine of the signatures
-NEAR = 4 * MARGIN  # linear estimate of a margin below which a rival is refitted in any case
-LIKE = 0.9  # share of an effect's own gain from which a rival is refitted, among the best few
-FEW, MOST, SWAPS = 4, 8, 3
-FAR = 10.0  # times the cost: a rival above it after one round imitates nothing
+
+
+@dataclasses.dataclass(frozen=True)
+class Reviewed:
+    """A reviewed fit; by effect the refit without it, and its near rivals, nearest first."""
+
+    fit: Fit
+    alone: dict[int, Fit]
+    rivals: dict[int, list[Rival]]
 
 
 class Review:
@@ -25,11 +31,12 @@ class Review:
 
     def __init__(self, refits: Refits, tell: Callable[[str], None]):
         self.refits, self.model, self.tell = refits, refits.model, tell
+        self.settings = self.model.settings
 
-    def run(self, fit: Fit, signatures: Signatures) -> tuple[Fit, dict[int, list[Rival]]]:
-        """The reviewed fit, and the near rivals of each of its effects, nearest first."""
-        fit = self.prune(fit)
-        for _ in range(SWAPS):
+    def run(self, fit: Fit, signatures: Signatures, baseline: Fit) -> Reviewed:
+        """The reviewed fit, what it is without each effect, and the near rivals of each."""
+        fit, alone = self.prune(fit, baseline)
+        for _ in range(self.settings.swaps):
             if self.model.spent:
                 break
             rivals: dict[int, list[Rival]] = {}
@@ -37,25 +44,39 @@ class Review:
                 better, rivals[i] = self.challenge(fit, i, signatures)
                 if better is not None:
                     # what stood for the misfit of the effect that left is not needed any more
-                    fit = self.prune(self.refits.settle(better))
+                    fit, alone = self.prune(self.refits.settle(better), baseline)
                     break
             else:
-                return fit, rivals
+                return Reviewed(fit, alone, rivals)
         count = range(len(fit.point.effects))
-        return fit, {i: self.challenge(fit, i, signatures)[1] for i in count}
+        rivals = {i: self.challenge(fit, i, signatures)[1] for i in count}
+        return Reviewed(fit, alone, rivals)
 
-    def prune(self, fit: Fit) -> Fit:
-        """Leave out effects without which the joint refit is as good."""
-        k = 0
-        while len(fit.point.effects) > 1 and k < len(fit.point.effects):
+    def prune(self, fit: Fit, baseline: Fit) -> tuple[Fit, dict[int, Fit]]:
+        """Leave out effects without which the refit is as good; the refits without the others.
+
+        As good: chi2 within the margin of rivals, or every group's RMS within one per cent.  Such
+        an effect stands among the limits, however significant.
+        """
+        k, alone = 0, {}
+        while k < len(fit.point.effects):
             effects = fit.point.effects
             without = fit.point.with_effects(*effects[:k], *effects[k + 1 :])
-            less = refit(self.model, without, rounds=2)
-            if less.cost - fit.cost < MARGIN:
-                fit, k = less, 0
+            start = without if without.effects else baseline.point
+            less = refit(self.model, start, rounds=2)
+            if less.cost - fit.cost < self.settings.margin or not self._matters(less, fit):
+                self.tell(f"{effects[k].name} is not needed")
+                fit, k, alone = less, 0, {}
             else:
+                alone[k] = less
                 k += 1
-        return fit
+        return fit, alone
+
+    def _matters(self, less: Fit, fit: Fit) -> bool:
+        """Whether leaving an effect out raises some group's RMS by more than one per cent."""
+        without = self.model.group_rms(less.residual, "train")
+        with_it = self.model.group_rms(fit.residual, "train")
+        return any(without[g] > (1 + self.settings.material) * x for g, x in with_it.items())
 
     def challenge(self, fit: Fit, i: int, signatures: Signatures) -> tuple[Fit | None, list[Rival]]:
         """(a refit that is better with another effect in place of effect i, or None; rivals)."""
@@ -74,11 +95,11 @@ class Review:
             # the tangents of the effect that a rival imitates, until they prove wrong
             tangents = fit.jacobian[:, : len(fit.point.u)]
             new = refit(self.model, point, baseline=tangents, rounds=4,
-                        give_up=FAR * fit.cost, patience=1)  # fmt: skip
+                        give_up=self.settings.far * fit.cost, patience=1)  # fmt: skip
             new = self.refits.widened(new, fit.cost)
             margin = new.cost - fit.cost
             self.tell(f"rival {c.name} of {effects[i].name}: margin {margin:.1f}")
-            if margin < -MARGIN and self._held(new) < self._held(fit):
+            if margin < -self.settings.margin:  # by train runs alone
                 return new, []
             cosine = again.cosine(mine[0].index, score.index) if mine else 0.0
             found.append((new.point.effects[i], margin, cosine))
@@ -87,9 +108,11 @@ class Review:
     def _near(self, scan: Scan, own: float, names: set[str]):
         """Candidates worth a refit beside an effect that gains `own`."""
         best = [s for s in scan.best_per_name() if s.candidate.name not in names]
-        near = [s for s in best[:MOST] if own - s.gain < NEAR]
+        near = [s for s in best[: self.settings.rivals] if own - s.gain < self.settings.near]
         return near + [
-            s for s in best[:FEW] if s.gain > LIKE * own and all(s is not n for n in near)
+            s
+            for s in best[: self.settings.few]
+            if s.gain > self.settings.like * own and all(s is not n for n in near)
         ]
 
     def _scan_without(self, fit: Fit, i: int, signatures: Signatures) -> Scan:
@@ -100,6 +123,3 @@ class Review:
         P, columns = len(self.model.priors), range(fit.jacobian.shape[1])
         keep = [k for k in columns if k < P or fit.free[k - P].effect != i]
         return signatures.scan(residual, fit.jacobian[:, np.array(keep, int)], P, without.u)
-
-    def _held(self, fit: Fit) -> float:
-        return chi2_of(self.model, fit.point, "held-out")

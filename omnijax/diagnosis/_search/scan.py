@@ -10,8 +10,9 @@ from scipy.stats import chi2 as chi2_law
 from threadpoolctl import threadpool_limits
 
 from .._threads import cores
+from .settings import SETTINGS
 
-PRICE = 12.0  # half of log N a column: what a free number is worth among 1e5 samples
+PRICE = SETTINGS.price
 
 
 def chance(gain: float, columns: int) -> float:
@@ -23,7 +24,8 @@ def chance(gain: float, columns: int) -> float:
 class Score:
     """One candidate's score test: gain in chi2, its degrees of freedom, coefficients.
 
-    `dead`: the candidate changes no measured channel.  `allowed`: its sign is physical.
+    `dead`: the candidate changes no measured channel.  `allowed`: its sign is physical.  `spread`:
+    chi2 a degree of freedom of the residual, at least 1.
     """
 
     index: int
@@ -33,11 +35,12 @@ class Score:
     coefficients: np.ndarray
     dead: bool
     allowed: bool
+    spread: float = 1.0
 
     @property
     def p(self) -> float:
         """Probability of such a gain without the effect, its trials counted (Sidak)."""
-        one = chance(self.gain, self.columns)
+        one = chance(self.gain / self.spread, self.columns)
         return float(-np.expm1(self.candidate.trials * np.log1p(-min(one, 1 - 1e-16))))
 
     @property
@@ -77,7 +80,7 @@ class Signatures:
         with threadpool_limits(cores(), "blas"):
             self.gram = self.table @ self.table.T
 
-    def scan(self, residual, J, priors: int, u, scrambled=()) -> "Scan":
+    def scan(self, residual, J, priors: int, u, scrambled=(), spread: float = 1.0) -> "Scan":
         """Score every candidate against `residual` with the tangents `J` projected out.
 
         The first `priors` tangents have a unit prior about 0 and stand at `u`.  `scrambled`
@@ -96,7 +99,7 @@ class Signatures:
         right = self.table @ residual - inside @ (q.T @ rest)
         decoys = [Scan(self.layout, gram, self.table @ x - inside @ (top.T @ x)) for x in scrambled]
         best = max((s.merit for d in decoys for s in d.scores if s.allowed), default=0.0)
-        return Scan(self.layout, gram, right, best)
+        return Scan(self.layout, gram, right, best, max(1.0, spread))
 
 
 def _basis(tall):
@@ -107,8 +110,9 @@ def _basis(tall):
 class Scan:
     """Scores of all candidates, best first, and the angles between their projected signatures."""
 
-    def __init__(self, layout: Layout, gram, right, decoy: float = 0.0):
+    def __init__(self, layout: Layout, gram, right, decoy: float = 0.0, spread: float = 1.0):
         self.layout, self.gram, self.right, self.decoy = layout, gram, right, decoy
+        self.spread = spread
         self.scores = [self._score(i) for i in range(len(layout.candidates))]
         self.order = sorted(self.scores, key=lambda s: -s.merit)
 
@@ -126,7 +130,7 @@ class Scan:
         dead = w.shape[1] == 0
         allowed = not dead and candidate.allowed(coefficients)
         gain = float(inside @ inside)
-        return Score(i, candidate, gain, w.shape[1], coefficients, dead, allowed)
+        return Score(i, candidate, gain, w.shape[1], coefficients, dead, allowed, self.spread)
 
     def cosine(self, a: int, b: int) -> float:
         """Cosine of the smallest angle between two candidates' projected signatures."""

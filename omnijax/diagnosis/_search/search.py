@@ -12,22 +12,19 @@ import numpy as np
 from .fit import Fit, refit
 from .held_out import Trial
 from .model import STEPPED, AbstractModel, Point
-from .refits import LITTLE, NEARLY, Refits, chi2_of, residual_of, total_cost
+from .refits import Refits, chi2_of, residual_of, total_cost
 from .review import Review, Rival
 from .scan import Scan, Score, Signatures, chance
 from .starts import Start, at_finite_strength, by_tangent, worth
 
-ALPHA = 1e-3  # chance of a false candidate in a whole scan
-SHUFFLES = 4  # shuffled residuals whose best candidate is the decoy to beat
-STRONG = 4.0  # chi2 a degree of freedom from which a law's tangent does not tell its rank
-MOST = 4  # effects
-TRIED = 4  # candidates a step
-RUNNERS_UP, CLOSE = 1, 3.0  # first effects (and their cost, times the best) gone on from as well
-
 
 @dataclasses.dataclass
 class Found:
-    """All that the search found out."""
+    """All that the search found out.
+
+    `alone` holds by effect the fit without it and that fit's chi2 on the held-out runs,
+    `signatures` those of the last scan.
+    """
 
     baseline: Fit
     fit: Fit
@@ -39,6 +36,8 @@ class Found:
     refused: list[str]
     significant: bool
     priors: tuple = ()
+    alone: dict[int, tuple[Fit, float]] = dataclasses.field(default_factory=dict)
+    signatures: Signatures | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -55,7 +54,7 @@ class Way:
     signatures: Signatures | None = None
 
 
-def significant(scan: Scan, spread: float) -> list[Score]:
+def significant(scan: Scan, alpha: float) -> list[Score]:
     """The best variant of every (id, place) that stands out, best first.
 
     A gain is compared with the residual's own `spread` (chi2 a degree of freedom, at least 1), with
@@ -64,7 +63,7 @@ def significant(scan: Scan, spread: float) -> list[Score]:
     count, decoy = len(scan.scores), scan.decoy
     return [
         s for s in scan.best_per_name()
-        if chance(s.gain / spread, s.columns) * s.candidate.trials * count < ALPHA
+        if chance(s.gain / s.spread, s.columns) * s.candidate.trials * count < alpha
         and s.merit > decoy
     ]  # fmt: skip
 
@@ -74,17 +73,26 @@ class Search:
 
     def __init__(self, model: AbstractModel, tell: Callable[[str], None] = lambda text: None):
         self.model, self.tell, self.refits = model, tell, Refits(model)
+        self.settings = model.settings
 
-    def run(self, start: Point | None = None) -> Found:
-        """Search from a calibrated `start` until nothing is left that held-out runs accept."""
+    def run(self, start: Point | None = None, known: Point | None = None) -> Found:
+        """Search from a calibrated `start` until nothing is left that held-out runs accept.
+
+        `known` effects of an earlier search are taken in at once and judged like the others.
+        """
         model = self.model
         fit = refit(model, start or Point(np.zeros(len(model.priors))), relative=0.01)
         model.rebase(fit.point)
         baseline = refit(model, fit.point, baseline=fit.jacobian, relative=0.01)
         held_before = chi2_of(model, baseline.point, "held-out")
-        way = self.best_way(baseline, self.follow(Way(baseline)))
+        if known is not None and known.effects:
+            begun = Way(self.refits.settle(refit(model, known, relative=1e-3)))
+            way = self.follow(begun)
+        else:
+            way = self.best_way(baseline, self.follow(Way(baseline)))
         assert way.signatures is not None  # `follow` scans at least once
-        fit, rivals = Review(self.refits, self.tell).run(way.fit, way.signatures)
+        reviewed = Review(self.refits, self.tell).run(way.fit, way.signatures, baseline)
+        fit = reviewed.fit
         tried = [t for trials in way.trials for t in trials]
         return Found(
             baseline,
@@ -93,10 +101,15 @@ class Search:
             chi2_of(model, fit.point, "held-out"),
             list(way.scans),
             list(way.trials),
-            rivals,
+            reviewed.rivals,
             [t.effect.name for t in tried if not t.accepted],
             bool(tried),
             tuple(model.priors),
+            {
+                i: (less, chi2_of(model, less.point, "held-out"))
+                for i, less in reviewed.alone.items()
+            },
+            way.signatures,
         )
 
     def follow(self, way: Way) -> Way:
@@ -104,7 +117,7 @@ class Search:
 
         Also where chi2 is that of noise: a scan sees an effect that chi2 of all rows does not.
         """
-        while len(way.fit.point.effects) < MOST:
+        while len(way.fit.point.effects) < self.settings.most:
             if way.signatures is not None and self.model.spent:
                 break
             way = dataclasses.replace(way, signatures=None)  # room for the next table
@@ -125,7 +138,9 @@ class Search:
     def little(self, fit: Fit, trial: Trial) -> bool:
         """Whether a trial closes next to nothing of a strong gap: an unknown effect's shadow."""
         dof = self.model.dof("train")
-        return fit.chi2 > STRONG * dof and trial.gain < LITTLE * (fit.chi2 - dof)
+        return fit.chi2 > self.settings.strong * dof and trial.gain < self.settings.little * (
+            fit.chi2 - dof
+        )
 
     def with_effect(self, way: Way, trial: Trial) -> Way:
         """The way with an accepted effect."""
@@ -139,18 +154,17 @@ class Search:
 
     def best_way(self, baseline: Fit, way: Way) -> Way:
         """The way itself, or a better one from a runner-up of its first step."""
-        start, held = way, chi2_of(self.model, way.fit.point, "held-out")
+        start = way
         accepted = self.promising(baseline, way.trials[0]) if way.trials else []
-        accepted = [t for t in accepted if t.fit.cost < CLOSE * accepted[0].fit.cost]
-        for trial in accepted[1 : 1 + RUNNERS_UP]:
+        accepted = [t for t in accepted if t.fit.cost < self.settings.close * accepted[0].fit.cost]
+        for trial in accepted[1 : 1 + self.settings.runners_up]:
             if way.noise_only or self.model.spent:
                 break
             self.tell(f"something is left: going on from {trial.effect.name} instead")
             first = Way(baseline, start.scans[:1], start.trials[:1])
             other = self.follow(self.with_effect(first, trial))
-            there = chi2_of(self.model, other.fit.point, "held-out")
-            if total_cost(other.fit) < total_cost(way.fit) and there < held:
-                way, held = other, there
+            if total_cost(other.fit) < total_cost(way.fit):  # by train runs alone
+                way = other
         if len(accepted) > 1 and not start.noise_only:
             self.model.rebase(way.fit.point)
         return way
@@ -161,9 +175,10 @@ class Search:
         candidates = model.candidates(fit.point)
         self.tell(f"{len(candidates)} candidates")
         signatures = Signatures(candidates, model.columns(fit.point, candidates))
-        scrambled = [model.shuffled(fit.residual, seed) for seed in range(SHUFFLES)]
+        scrambled = [model.shuffled(fit.residual, seed) for seed in range(self.settings.shuffles)]
         priors = len(model.priors)
-        scan = signatures.scan(fit.residual, fit.jacobian, priors, fit.point.u, scrambled)
+        spread = fit.chi2 / model.dof("train")
+        scan = signatures.scan(fit.residual, fit.jacobian, priors, fit.point.u, scrambled, spread)
         return scan, signatures
 
     def trials(self, fit: Fit, scan: Scan) -> list[Trial]:
@@ -171,11 +186,11 @@ class Search:
         have = {e.name for e in fit.point.effects}
         train, held = self.model.dof("train"), self.model.dof("held-out")
         spread = max(1.0, fit.chi2 / train)
-        scores = [s for s in significant(scan, spread) if s.candidate.name not in have]
-        starts = self.starts(fit, scan, scores, spread > STRONG)
+        scores = [s for s in significant(scan, self.settings.alpha) if s.candidate.name not in have]
+        starts = self.starts(fit, scan, scores, spread > self.settings.strong)
         before = residual_of(self.model, fit.point, "held-out")
-        trials, openings = [], {} if spread > STRONG else None
-        for start in starts[:TRIED]:
+        trials, openings = [], {} if spread > self.settings.strong else None
+        for start in starts[: self.settings.tried]:
             if trials and self.model.spent:
                 break
             least = min((t.fit.cost for t in trials), default=np.inf)
@@ -188,7 +203,7 @@ class Search:
             if all(self.little(fit, t) for t in trials) and len(trials) > 1:
                 break  # those after them promise less
             left = float(before @ before) - trial.held.gain
-            if trial.fit.chi2 < NEARLY * train and left < NEARLY * held:
+            if trial.fit.chi2 < self.settings.nearly * train and left < self.settings.nearly * held:
                 return sorted(trials, key=lambda t: total_cost(t.fit))  # rivals: in the review
         if not all(self.little(fit, t) for t in trials):
             trials = self.refits.with_widths(fit, trials, before)
@@ -196,16 +211,17 @@ class Search:
 
     def starts(self, fit: Fit, scan: Scan, scores: list[Score], strong: bool) -> list[Start]:
         """Where the joint refits of a step begin, the most promising first."""
-        starts = worth(by_tangent(fit, scores), fit.cost)
+        starts = worth(by_tangent(fit, scores), fit.cost, self.settings.worth)
         ids = {k for k, law in self.model.laws.items() if law.port in STEPPED}
-        plain = starts and not any(self.stepped(s) for s in starts[:TRIED])
+        plain = starts and not any(self.stepped(s) for s in starts[: self.settings.tried])
         if not strong or plain or not ids:
             return starts
         self.tell("a strong effect: laws of contacts and mounts at finite strength")
         have = {e.name for e in fit.point.effects}
         finite = at_finite_strength(self.model, fit, scan, ids)
         others = [s for s in by_tangent(fit, scores) if not self.stepped(s)]
-        return worth([*(s for s in finite if s.name not in have), *others], fit.cost)
+        return worth([*(s for s in finite if s.name not in have), *others], fit.cost,
+                     self.settings.worth)  # fmt: skip
 
     def stepped(self, start: Start) -> bool:
         """Whether a start's new law is stepped in time, and so no multiple of its tangent."""

@@ -14,10 +14,6 @@ from .fit import Fit, foretold, tangents_at
 from .model import AbstractModel, Effect, Point
 from .scan import PRICE, Scan, Score
 
-LADDER = (0.2, 0.6, 2.0)  # strengths, in those whose tangent is as large as the residual
-RAN_OFF = 2.0  # prior sigmas from which a calibration has been bent by what is missing
-WORTH = 0.2  # share of the best estimated gain below which a candidate is not refitted
-
 
 @dataclasses.dataclass(frozen=True)
 class Start:
@@ -47,7 +43,7 @@ def by_tangent(fit: Fit, scores: Sequence[Score]) -> list[Start]:
 def at_finite_strength(model: AbstractModel, fit: Fit, scan: Scan, ids: set[str]) -> list[Start]:
     """The best start of every (id, place) of the laws `ids`, over strengths of both signs."""
     u = fit.point.u
-    kept = np.max(np.abs(u), initial=0.0) < RAN_OFF
+    kept = np.max(np.abs(u), initial=0.0) < model.settings.ran_off
     anchor = fit.point if kept else Point(0 * u, fit.point.effects)
     J = fit.jacobian if anchor is fit.point else tangents_at(model, anchor)
     (here,) = model.residuals([anchor], model.ranking)
@@ -85,7 +81,7 @@ def _strengths(model: AbstractModel, score: Score, chi2: float) -> list[Effect]:
     if score.dead:
         return []
     unit = np.sqrt(chi2 / max(score.gain, 1e-300))  # the tangent's change: as the residual
-    factors = [1.0, *(sign * x * unit for x in LADDER for sign in (1, -1))]
+    factors = [1.0, *(sign * x * unit for x in model.settings.ladder for sign in (1, -1))]
     found = [Effect(c.id, c.place, c.decode(k * score.coefficients)) for k in factors]
     return [
         e for e in found
@@ -93,7 +89,7 @@ def _strengths(model: AbstractModel, score: Score, chi2: float) -> list[Effect]:
     ]  # fmt: skip
 
 
-def worth(starts: list[Start], cost: float) -> list[Start]:
-    """Starts that promise a good share of the best one's gain, best first."""
+def worth(starts: list[Start], cost: float, share: float) -> list[Start]:
+    """Starts that promise at least a `share` of the best one's gain, best first."""
     order = sorted(starts, key=lambda s: s.cost)
-    return [s for s in order if cost > s.cost and cost - s.cost > WORTH * (cost - order[0].cost)]
+    return [s for s in order if cost > s.cost and cost - s.cost > share * (cost - order[0].cost)]

@@ -3,20 +3,27 @@
 Every question is a small orthonormal set of columns over the samples of one channel: the share is
 how much of the residual's power lies in them.  Lines in Hz are looked for up to half the sampling
 rate; one beyond it shows at its mirror frequency, which the answer says.  Orders are looked up at
-the measured angle of every sample, so the sampling rate does not fold them.  The null shuffles and
-signs blocks of the residual, which keeps its colour and breaks its tie to angle, speed or load.
+the measured angle of every sample, so the sampling rate does not fold them.
+
+Orders and states have to beat two nulls: blocks of the residual, shuffled and given random signs,
+and residuals of the same spectrum with random phases (Theiler and others, 1992), since noise that
+wanders keeps its colour only in those.  A line in Hz has to beat its neighbours as well: noise of
+any colour is smooth over frequencies, a line is not.
 """
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta
+from scipy.stats import beta, false_discovery_control
+from scipy.stats import t as t_law
 
 SHUFFLES = 60
 RATE = 0.01  # false discoveries that are accepted
 ORDERS = 40
+BESIDE = 8  # bands on either side that a line is compared with
 WIDTH = 0.5  # Hz, of a band: a line that stays put stays in it
 
 
@@ -76,20 +83,24 @@ class Asked:
         self.plain = [q for q in asked if q.columns is not None]
         self.bands = [q for q in asked if q.columns is None]
         columns = [q.columns for q in asked if q.columns is not None]
-        self.columns = np.concatenate(columns, 1) if columns else None
+        self.columns = np.concatenate(columns, 1).astype(np.float32) if columns else None
         self.starts = np.cumsum([0, *(q.size for q in self.plain)])[:-1]
 
-    def powers(self, residuals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Power of the plain questions and of the bands, of residuals (samples, m)."""
-        plain = np.zeros((0, residuals.shape[1]))
-        if self.columns is not None:
-            plain = np.add.reduceat((self.columns.T @ residuals) ** 2, self.starts, axis=0)
+    def powers(self, residuals: np.ndarray) -> np.ndarray:
+        """Power (plain questions, m) of residuals (samples, m)."""
+        if self.columns is None:
+            return np.zeros((0, residuals.shape[1]))
+        inside = self.columns.T @ residuals.astype(np.float32)
+        return np.add.reduceat(inside.astype(float) ** 2, self.starts, axis=0)
+
+    def lines(self, residuals: np.ndarray) -> np.ndarray:
+        """Power (bands, m) of residuals (samples, m)."""
         if not self.bands:
-            return plain, np.zeros((0, residuals.shape[1]))
+            return np.zeros((0, residuals.shape[1]))
         spectrum = np.abs(np.fft.rfft(residuals, axis=0)) ** 2 * (2 / len(residuals))
         total = np.concatenate([np.zeros((1, residuals.shape[1])), np.cumsum(spectrum, axis=0)])
         ends = np.array([q.band for q in self.bands])
-        return plain, total[ends[:, 1]] - total[ends[:, 0]]
+        return total[ends[:, 1]] - total[ends[:, 0]]
 
 
 def shares(
@@ -100,12 +111,66 @@ def shares(
     if power == 0:
         return []
     asked = asked if isinstance(asked, Asked) else Asked(asked)
-    found = asked.powers(np.concatenate([residual[:, None], shuffle(residual, seed)], axis=1))
-    out = []
-    for group, rows in zip((asked.plain, asked.bands), found, strict=True):
-        for q, row in zip(group, rows / power, strict=True):
-            out.append({"domain": q.domain, "value": q.value, "reference": q.reference,
-                        "share": float(row[0]), "p": p_value(float(row[0]), row[1:])})  # fmt: skip
+    shuffled = shuffle(residual, seed)
+    level = levelled(residual)
+    nulls = [(residual, shuffled), (level, surrogates(level, seed))]
+    chances = []
+    for own, null in nulls:
+        total = max(float(own @ own), 1e-300)
+        table = asked.powers(np.concatenate([own[:, None], null], axis=1)) / total
+        chances.append([p_value(float(row[0]), row[1:]) for row in table])
+    share = asked.powers(residual[:, None])[:, 0] / power
+    out = [_answer(q, x, max(p)) for q, x, *p in zip(asked.plain, share, *chances, strict=True)]
+    bands = asked.lines(np.concatenate([residual[:, None], shuffled], axis=1)) / power
+    middle = np.array([q.value for q in asked.bands])
+    beside = above_neighbours(middle, bands[:, 0])
+    out += [
+        _answer(q, row[0], max(p_value(float(row[0]), row[1:]), p))
+        for q, row, p in zip(asked.bands, bands, beside, strict=True)
+    ]
+    return out
+
+
+def _answer(q: Question, share: float, p: float) -> dict[str, Any]:
+    return {"domain": q.domain, "value": q.value, "reference": q.reference,
+            "share": float(share), "p": float(p)}  # fmt: skip
+
+
+def levelled(residual: np.ndarray) -> np.ndarray:
+    """The residual less the straight line through its ends: noise that wanders is then periodic."""
+    n = len(residual)
+    end = max(1, min(50, n // 10))
+    first, last = residual[:end].mean(), residual[-end:].mean()
+    return residual - np.linspace(first, last, n)
+
+
+def surrogates(residual: np.ndarray, seed: int, count: int = SHUFFLES) -> np.ndarray:
+    """Copies (samples, count) of the same spectrum with random phases."""
+    rng = np.random.default_rng(seed)
+    lines = np.fft.rfft(residual)[:, None]
+    phases = np.exp(2j * np.pi * rng.random((len(lines), count)))
+    return np.fft.irfft(lines * phases, len(residual), axis=0)
+
+
+def above_neighbours(middle: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Chance that a band stands as far above a power law through the bands beside it.
+
+    `middle` (bands,) Hz; the band's direct neighbours, into which a line leaks, are left out.
+    """
+    x, y = np.log(middle), np.log(np.maximum(share, 1e-300))
+    out = np.ones(len(share))
+    for k in range(len(share)):
+        near = [j for j in range(k - BESIDE - 1, k + BESIDE + 2) if 0 <= j < len(y)]
+        near = [j for j in near if abs(j - k) > 1]
+        if len(near) < BESIDE:
+            continue
+        line = np.vander(x[near] - x[k], 2)
+        fit, *_ = np.linalg.lstsq(line, y[near], rcond=None)
+        left = y[near] - line @ fit
+        free = len(near) - 2
+        inverse = np.linalg.pinv(line.T @ line)
+        spread = math.sqrt(left @ left / free * (1 + inverse[1, 1]))
+        out[k] = t_law.sf((y[k] - fit[1]) / max(spread, 1e-12), free)
     return out
 
 
@@ -148,13 +213,13 @@ def _standing(found: list[dict[str, Any]], rate: float) -> list[dict[str, Any]]:
     """Those that stand after Benjamini and Yekutieli's control of the false-discovery rate.
 
     The questions overlap (an order is a line where the speed is steady), so they depend on each
-    other in any way: the rate is divided by 1 + 1/2 + ... + 1/m.
+    other in any way.
     """
-    ordered = sorted(found, key=lambda f: f["p"])
-    m = len(ordered)
-    rate = rate / float(np.sum(1 / np.arange(1, m + 1))) if m else rate
-    keep = [k for k, f in enumerate(ordered) if f["p"] <= rate * (k + 1) / m]
-    return ordered[: keep[-1] + 1] if keep else []
+    if not found:
+        return []
+    adjusted = false_discovery_control([f["p"] for f in found], method="by")
+    kept = [f for f, p in zip(found, adjusted, strict=True) if p <= rate]
+    return sorted(kept, key=lambda f: f["p"])
 
 
 def locate(model, point, top: int = 12) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:

@@ -1,0 +1,152 @@
+"""The noise that the data show once all that is known is in, beside what was declared."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .._search import Level, Point, levels
+from .evidence import AbstractEvidence
+
+MATTERS = 0.1  # share by which a level may be off before the search is made again
+STRUCTURE = 0.09  # power over the noise's, by what hangs on a state: 0.3 sigma
+OFF, SURELY = 0.03, 4.0  # share, and standard errors, by which a level has to be off to be mended
+
+
+@dataclasses.dataclass(frozen=True)
+class Shown:
+    """`levels` by run and channel, and by channel the power of what hangs on the machine's state.
+
+    A power is that of the largest discovery, over the noise's (channels without any: 0).  `where`
+    holds the discoveries and all answers behind it.
+    """
+
+    levels: tuple[dict[str, Level], ...]
+    splits: tuple[str, ...]
+    structure: dict[str, float]
+    where: tuple[list[dict[str, Any]], list[dict[str, Any]]]
+
+    @property
+    def structured(self) -> list[str]:
+        """Channels in which more than the noise hangs on the machine's state."""
+        return [c for c, power in self.structure.items() if power > STRUCTURE]
+
+    def ratio(self, channel: str, split: str | None = None) -> float:
+        """1-sigma of a channel over the assumed one, RMS over the runs of a split (None: all)."""
+        own = [
+            x[channel].ratio for x, s in zip(self.levels, self.splits, strict=True)
+            if channel in x and split in (None, s) and np.isfinite(x[channel].ratio)
+        ]  # fmt: skip
+        return float(np.sqrt(np.mean(np.square(own)))) if own else 1.0
+
+    @property
+    def changes(self) -> list[dict[str, Level]]:
+        """By run the channels whose assumed noise is wrong by more than chance, or has a colour."""
+        return [{c: x for c, x in run.items() if wrong(x)} for run in self.levels]
+
+    @property
+    def matters(self) -> bool:
+        """Whether the assumed noise is so wrong that a search hangs on it."""
+        return any(
+            x.colour != "white" or abs(np.log(x.ratio)) > MATTERS
+            for run in self.changes for x in run.values()
+        )  # fmt: skip
+
+
+def wrong(level: Level) -> bool:
+    """Whether a level is not the assumed one."""
+    if not np.isfinite(level.ratio) or level.ratio <= 0:
+        return False
+    far = abs(np.log(level.ratio))
+    return level.colour != "white" or far > max(OFF, SURELY * level.error)
+
+
+def _runs(evidence: AbstractEvidence, point: Point) -> list[tuple[str, dict[str, np.ndarray]]]:
+    """Every run's split and its residuals by channel."""
+    return [
+        (split, run) for split in ("train", "held-out")
+        for run in evidence.columns(evidence.model.residuals([point], split)[0], split)
+    ]  # fmt: skip
+
+
+def white_levels(evidence: AbstractEvidence, point: Point) -> list[dict[str, Level]]:
+    """Levels of the white part by run and channel: what needs no right model."""
+    runs = _runs(evidence, point)
+    return [{c: levels([x], False)[0] for c, x in run.items()} for _, run in runs]
+
+
+def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:
+    """The noise at a point: all of a channel in which nothing hangs on the machine's state."""
+    where = evidence.locate(point)
+    runs = _runs(evidence, point)
+    names = list(dict.fromkeys(c for _, run in runs for c in run))
+    structure = dict.fromkeys(names, 0.0)
+    first = next((run for split, run in runs if split == "held-out"), runs[0][1])
+    for found in where[1]:
+        channel = found["channel"]
+        if found["stands"] and channel in first:
+            floor = min(levels([first[channel]], False)[0].ratio, found["rms_over_noise"])
+            power = found["share"] * (found["rms_over_noise"] / max(floor, 1e-12)) ** 2
+            structure[channel] = max(structure[channel], power)
+    table: list[dict[str, Level]] = [{} for _ in runs]
+    for channel in names:
+        have = [k for k, (_, run) in enumerate(runs) if channel in run]
+        found = levels([runs[k][1][channel] for k in have], structure[channel] <= STRUCTURE)
+        for k, level in zip(have, found, strict=True):
+            table[k][channel] = level
+    return Shown(tuple(table), tuple(split for split, _ in runs), structure, where)
+
+
+def noise_table(
+    evidence: AbstractEvidence, shown: Shown, earlier: Shown | None = None
+) -> dict[str, dict[str, Any]]:
+    """By channel what was declared, what the data show with its 1-sigma, and the colour.
+
+    What an `earlier` look found coloured is whitened since.
+    """
+    out = {}
+    for channel in shown.structure:
+        assumed = evidence.assumed(channel)
+        own = [run[channel] for run in shown.levels if channel in run]
+        value = assumed["sigma"] * shown.ratio(channel)
+        error = value * float(np.sqrt(np.mean([x.error**2 for x in own]) / len(own)))
+        first = (
+            [] if earlier is None else [run[channel] for run in earlier.levels if channel in run]
+        )
+        colours = [x.colour for x in (*first, *own) if x.colour != "white"]
+        out[channel] = {
+            "declared": assumed["declared"], "shown": value, "sigma": error,
+            "colour": assumed.get("colour") or (colours[0] if colours else "white"),
+            "unit": assumed["unit"], "source": assumed["source"],
+        }  # fmt: skip
+    return out
+
+
+def noise_remarks(table: dict[str, dict[str, Any]]) -> list[str]:
+    """Where declared and shown noise differ, or the noise is not white, in sentences."""
+    said = []
+    for channel, x in table.items():
+        d, s = x["declared"], x["shown"]
+        if d and abs(np.log(s / d)) > max(OFF, 3 * x["sigma"] / s):
+            said.append(f"{channel}: declared {d:.3g} {x['unit']}, shown {s:.3g} {x['unit']}")
+    lines = [f"The data show another noise than was declared ({'; '.join(said)})."] if said else []
+    coloured = [f"{c} ({x['colour']})" for c, x in table.items() if x["colour"] != "white"]
+    if coloured:
+        lines.append(f"Not white, and weighed as it is: the noise of {', '.join(coloured)}.")
+    unsure = sorted({c.split("_")[0] for c, x in table.items() if x["source"] == "unknown"})
+    if unsure:
+        lines.append(
+            f"The noise of {', '.join(unsure)} could not be known beforehand (no rest, no repeats, "
+            "no quiet stretch, none declared): its level is what the model leaves, so an effect "
+            "that looks like noise there is not seen."
+        )
+    return lines
+
+
+def by_group(channels: Sequence[str]) -> dict[str, list[str]]:
+    """Channels by output group."""
+    out: dict[str, list[str]] = {}
+    for channel in channels:
+        out.setdefault(channel.split("_")[0], []).append(channel)
+    return out

@@ -1,0 +1,51 @@
+"""Which runs teach and which confirm; one run alone plays both roles by parts."""
+
+import dataclasses
+
+import numpy as np
+
+from ..._errors import InputError
+from .runs import Run
+
+BLOCK = 1.0  # s, of the only run that teach or confirm in turn
+TEACH = 2  # blocks that teach for one that confirms
+FEWEST = 6  # blocks below which nothing is confirmed
+
+
+def with_roles(runs: list[Run]) -> tuple[list[Run], str, list[str]]:
+    """(the runs, each of one role; on what an effect is confirmed; what is to be said of it).
+
+    Raises `InputError` where every run is held out: a held-out run is never fitted.
+    """
+    held = [r for r in runs if r.role == "held-out"]
+    if len(held) == len(runs):
+        raise InputError(
+            f"{', '.join(r.name for r in runs)}: every run has the role `held-out`, which is never "
+            'fitted; give one run at least `role = "train"`.'
+        )
+    if held:
+        return runs, "held-out", []
+    if len(runs) > 1:
+        last = runs[-1]
+        said = f"{last.name}: no run has the role held-out, so the last one is kept out of the fit."
+        return [*runs[:-1], dataclasses.replace(last, role="held-out")], "held-out", [said]
+    return _parted(runs[0])
+
+
+def _parted(run: Run) -> tuple[list[Run], str, list[str]]:
+    """The only run twice: in one copy two seconds of three count, in the other the third."""
+    length = max(1, round(BLOCK / run.step))
+    block = np.arange(run.samples) // length
+    if block[-1] + 1 < FEWEST:
+        said = (
+            f"{run.name}: the only run is shorter than {FEWEST * BLOCK:g} s, so nothing is kept "
+            "out of the fit, and no run confirms what is named."
+        )
+        return [run], "nothing", [said]
+    teaches = block % (TEACH + 1) < TEACH
+    said = (
+        f"{run.name}: the only run; every third second of it is kept out of the fit and confirms "
+        "what is named."
+    )
+    parts = (("train", teaches), ("held-out", ~teaches))
+    return [dataclasses.replace(run, role=r, counts=c) for r, c in parts], "blocks", [said]

@@ -1,0 +1,114 @@
+"""The noise that a diagnosis starts from: what is declared, held against what the data show."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from ..recording import Case, channels, noise_floor
+
+# relative to a group's RMS; the fit's own numerics stay a tenth below it
+NOISE_FREE = {"dR": 0.02, "a": 0.02, "Omega": 2e-4, "theta": 3e-6}
+DATA_SHEET = 0.3  # relative 1-sigma of a declared noise: "to some ten per cent, or to a factor"
+AGREES = 4.0  # standard errors within which a declaration is kept as it is
+UNKNOWN = 1.0  # relative 1-sigma of a noise of which nothing is known but an upper bound
+FINEST = 0.3  # steps of a quantised channel, in sigma, below which they are part of the noise
+
+
+@dataclasses.dataclass(frozen=True)
+class Assumed:
+    """Noise of one channel: 1-sigma, relative error, where it is from, what was declared."""
+
+    sigma: float
+    error: float
+    source: str
+    declared: float | None
+    colour: str = ""
+
+
+def assumed_noise(case: Case) -> dict[str, Assumed]:
+    """By measured channel of a case, pooled over its runs."""
+    shown = noise_floor(case.runs, declared=False)
+    out = {}
+    for group, source in shown.source.items():
+        names = channels(group, case.runs[0].wheels)
+        error = shown.error[group] * np.sqrt(len(names))
+        for name in names:
+            values = [r.channels[name] for r in case.runs if name in r.channels]
+            values = [v[np.isfinite(v)] for v in values]
+            if sum(map(len, values)) < 2:
+                continue
+            said = [r.declared_noise(name) for r in case.runs]
+            told = [s for s in said if s is not None and s > 0]
+            declared = float(np.sqrt(np.mean(np.square(told)))) if told else None
+            out[name] = _one(name, values, shown.sigma[name], error, source, declared)
+    return out
+
+
+def _one(name, values, measured: float, error: float, source: str, declared) -> Assumed:
+    """The assumption for one channel with `values` by run."""
+    quantum = step_of(values)
+    quantised = quantum > FINEST * max(measured if np.isfinite(measured) else 0.0, declared or 0.0)
+    colour = "quantised" if quantised and quantum > 0 else ""
+    least = quantum / np.sqrt(12) if colour else 0.0
+    if measured == 0 and not colour and declared in (None, 0.0):
+        size = np.sqrt(np.mean(np.concatenate(values) ** 2))
+        return Assumed(float(NOISE_FREE[name.split("_")[0]] * size), 0.0, "noise-free", declared)
+    known = np.isfinite(measured) and measured > least
+    if not known:
+        sigma, wide, how = _unmeasured(values, declared, least)
+    elif declared is None:
+        sigma, wide, how = measured, error, source
+    elif abs(np.log(measured / declared)) < AGREES * error:
+        sigma, wide, how = declared, min(error, DATA_SHEET), "declared"
+    else:
+        mine, theirs = error**-2, DATA_SHEET**-2
+        mean = (mine * np.log(measured) + theirs * np.log(declared)) / (mine + theirs)
+        sigma, wide, how = float(np.exp(mean)), (mine + theirs) ** -0.5, source
+    return Assumed(sigma, wide, how, declared, colour)
+
+
+def _unmeasured(values, declared, least: float) -> tuple[float, float, str]:
+    """Of a channel whose noise the data do not show: a declaration, the steps, or a bound."""
+    if least > 0:  # a channel that rests on one step
+        return float(np.hypot(max(declared or 0.0, least), least)), DATA_SHEET, "steps"
+    if declared is not None:
+        return declared, DATA_SHEET, "declared"
+    return _upper(values), UNKNOWN, "unknown"
+
+
+def _upper(values: list[np.ndarray]) -> float:
+    """An upper bound of the white noise: the quieter half of the seventh differences."""
+    squares = np.concatenate([np.diff(v, 7) ** 2 for v in values if len(v) > 8] or [np.ones(1)])
+    level = np.sqrt(np.median(squares) / 0.455 / 3432)
+    return float(level) or float(np.sqrt(np.mean(np.concatenate(values) ** 2)) * 1e-3) or 1.0
+
+
+def step_of(values: list[np.ndarray]) -> float:
+    """The step of a quantised channel, 0 where its values lie on no grid."""
+    found = np.unique(np.concatenate(values))
+    if len(found) < 3 or len(found) > 0.5 * sum(map(len, values)):
+        return 0.0
+    gaps = np.diff(found)
+    step = float(np.min(gaps[gaps > 1e-3 * np.median(gaps)]))
+    off = np.abs(gaps / step - np.round(gaps / step))
+    return step if np.mean(off < 0.02) > 0.95 else 0.0
+
+
+def by_group(assumed: dict[str, Assumed]) -> dict[str, float]:
+    """1-sigma by output group: root mean square over its channels."""
+    groups: dict[str, list[float]] = {}
+    for name, x in assumed.items():
+        groups.setdefault(name.split("_")[0], []).append(x.sigma)
+    return {g: float(np.sqrt(np.mean(np.square(s)))) for g, s in groups.items()}
+
+
+def run_levels(assumed: dict[str, Assumed], wheels: int) -> dict[str, np.ndarray]:
+    """By group the channels' 1-sigma over that of the group, where they are not all alike."""
+    out: dict[str, Any] = {}
+    for group, sigma in by_group(assumed).items():
+        names = channels(group, wheels)
+        own = np.array([assumed[n].sigma / sigma if n in assumed else 1.0 for n in names])
+        if np.ptp(own) > 1e-9:
+            out[group] = own
+    return out

@@ -1,0 +1,119 @@
+"""What the runs exclude: an upper limit for every effect that was not named.
+
+To first order the strength c of a candidate is known from its score: c has the mean and the
+covariance of the linear fit, the baseline and the named effects free.  The limit is the estimate
+and 1.645 of its 1-sigma; of several strengths together, the 95 % point of their size's
+distribution.  An estimate below what is possible excludes no more than zero does (Cowan and others,
+Power-constrained limits, 2011).
+"""
+
+import itertools
+from typing import Any
+
+import numpy as np
+
+from .fit import Fit
+from .model import AbstractModel
+from .scan import Scan, Score, Signatures
+
+SURE, ONE_SIDED = 0.95, 1.6449  # the normal law's 95 % point
+DRAWS = 400  # of strengths with several columns: the limit is then known to 3 %
+BLOCKS = 64
+SMALLEST = ("gap", "delay")  # sizes whose variants stand for one effect: the least limit holds
+
+
+def upper_limits(
+    model: AbstractModel, fit: Fit, signatures: Signatures, named: set[str]
+) -> list[dict[str, Any]]:
+    """{id, place, parameter, limit_95, unit} of every effect and place but the `named` ones.
+
+    `limit_95` is None where the runs say nothing about the effect.
+    """
+    priors = len(model.priors)
+    scan = signatures.scan(fit.residual, fit.jacobian, priors, fit.point.u)
+    spread = inflation(signatures, scan, fit.residual)
+    best: dict[str, dict[str, Any]] = {}
+    for score in scan.scores:
+        c = score.candidate
+        if c.name in named:
+            continue
+        key, unit = size_of(model, c)
+        entry = {"id": c.id, "place": c.place, "parameter": key, "limit_95": None, "unit": unit}
+        old = best.setdefault(c.name, entry)
+        limit = None if score.dead else limit_of(scan, score, spread[score.index], key)
+        if limit is not None and (old["limit_95"] is None or _holds(key, limit, old["limit_95"])):
+            old["limit_95"] = limit
+    return sorted(best.values(), key=lambda x: (x["id"], x["place"]))
+
+
+def _holds(key: str, limit: float, other: float) -> bool:
+    """Whether a variant's limit is the one that holds for the effect."""
+    return limit < other if key in SMALLEST else limit > other
+
+
+def size_of(model: AbstractModel, candidate) -> tuple[str, str]:
+    """The number that tells an effect's size, and its unit; a law of one size has a `share`."""
+    known = model.laws[candidate.id].parameters
+    for key in (*SMALLEST, *(k for k, p in known.items() if p.linear)):
+        if key in known:
+            return key, known[key].unit
+    return "share", "1"
+
+
+def inflation(signatures: Signatures, scan: Scan, residual: np.ndarray) -> np.ndarray:
+    """By candidate: 1-sigma of its strengths over that in white noise of the assumed level.
+
+    From the scatter of the blocks of (signature x residual), so that colour and misfit count.
+    """
+    starts = np.unique(np.linspace(0, len(residual), BLOCKS, endpoint=False).astype(int))
+    blocks = np.stack([
+        signatures.table[:, a:b] @ residual[a:b]
+        for a, b in zip(starts, [*starts[1:], len(residual)], strict=True)
+    ])  # fmt: skip
+    left = blocks - blocks.mean(axis=0)
+    ratio = np.sum(left**2, axis=0)  # the columns have length 1
+    ends = signatures.layout.ends
+    each = [ratio[a:b].max() if b > a else 1.0 for a, b in itertools.pairwise(ends)]
+    return np.sqrt(np.maximum(1.0, each))
+
+
+def limit_of(scan: Scan, score: Score, spread: float, key: str) -> float | None:
+    """The 95 % upper limit of one candidate's size; None where its size does not follow from c."""
+    part = scan.layout.part(score.index)
+    values, vectors = np.linalg.eigh(scan.gram[part, part])
+    good = values > 1e-8
+    root = vectors[:, good] / np.sqrt(values[good]) * spread / scan.layout.scale[part][:, None]
+    if len(score.coefficients) == 1:
+        c, sigma = float(score.coefficients[0]), float(np.linalg.norm(root))
+        if score.candidate.allowed(np.array([-1.0])):
+            strength = both_signs(c, sigma)
+        else:
+            strength = one_sign(c, sigma)
+        return _scaled(score, key, strength)
+    rng = np.random.default_rng(0)
+    drawn = score.coefficients + rng.normal(size=(DRAWS, root.shape[1])) @ root.T
+    sizes = [np.linalg.norm(score.candidate.decode(c)[key]) for c in drawn]
+    return float(np.quantile(sizes, SURE))
+
+
+def _scaled(score: Score, key: str, strength: float) -> float | None:
+    """A strength as a size; a threshold's strength is that of one fixed size."""
+    if key == "share":
+        return strength
+    values = score.candidate.decode(np.array([strength]))
+    if key == "gap":  # small gaps act in proportion; nothing follows above the one that was tried
+        return strength * float(values[key]) if strength < 1 else None
+    return float(np.linalg.norm(values[key]))
+
+
+def one_sign(c: float, sigma: float) -> float:
+    """Limit of a strength that is not negative, estimated as `c` with 1-sigma `sigma`.
+
+    An estimate below zero excludes no more than zero does (power-constrained limits).
+    """
+    return max(c, 0.0) + ONE_SIDED * sigma
+
+
+def both_signs(c: float, sigma: float) -> float:
+    """Limit of the size of a strength of either sign, estimated as `c` with 1-sigma `sigma`."""
+    return abs(c) + ONE_SIDED * sigma

@@ -1,0 +1,135 @@
+"""The noise that a residual shows: level, colour, steps; what hangs on a state is no noise."""
+
+import dataclasses
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from omnijax import InputError
+from omnijax.diagnosis._answer.shown import Shown
+from omnijax.diagnosis._answer.verdict import judge
+from omnijax.diagnosis._machine.data_vector import Rows, _filters
+from omnijax.diagnosis._machine.roles import with_roles
+from omnijax.diagnosis._machine.runs import Run, with_noise
+from omnijax.diagnosis._noise import step_of
+from omnijax.diagnosis._search.levels import Level, levels, white_level
+from omnijax.diagnosis._search.where import questions, shares
+
+N, STEP = 4000, 2e-3
+
+
+def kinds(rng) -> dict[str, np.ndarray]:
+    """Noise of several colours, of unit level at the fastest."""
+    white = rng.normal(size=N)
+    return {
+        "white": white,
+        "low-pass": white + 0.8 * lfilter([1], [1, -0.9], rng.normal(size=N)),
+        "wandering": white + 0.1 * np.cumsum(rng.normal(size=N)),
+    }
+
+
+@pytest.mark.parametrize("colour", ["white", "low-pass", "wandering"])
+def test_the_colour_of_noise_is_named_and_its_level_found(colour):
+    rng = np.random.default_rng(3)
+    runs = [1.3 * kinds(rng)[colour] for _ in range(2)]
+    for found, x in zip(levels(runs, noise_only=True), runs, strict=True):
+        assert found.colour == colour
+        assert found.ratio == pytest.approx(np.sqrt(np.mean(x**2)), rel=1e-6)
+        assert found.floor == pytest.approx(1.3, rel=0.12)
+
+
+def test_white_noise_is_seldom_called_coloured():
+    rng = np.random.default_rng(4)
+    named = [levels([rng.normal(size=1500)], True)[0].colour for _ in range(300)]
+    assert named.count("white") >= 299
+
+
+def test_the_level_of_noise_under_slow_motion_is_that_of_the_noise():
+    rng, time = np.random.default_rng(5), STEP * np.arange(N)
+    found = []
+    for _ in range(40):
+        moving = 300 * np.sin(2 * np.pi * 3 * time) + 0.7 * rng.normal(size=N)
+        found.append(white_level(moving)[0] / 0.7)
+    assert np.mean(found) == pytest.approx(1.0, abs=0.03)
+    assert np.std(found) < 2 * white_level(moving)[1]
+
+
+def test_coloured_noise_is_whitened_by_its_own_spectrum():
+    rng = np.random.default_rng(6)
+    x = kinds(rng)["wandering"]
+    (found,) = levels([x], True)
+    run = Run("r", "train", STEP * np.arange(N), np.zeros((N, 3)), np.zeros((N, 3)),
+              {"a": np.zeros((N, 3))}, np.ones(N, bool))  # fmt: skip
+    run = with_noise(run, {"a_x": found}, 3)
+    rows = Rows(N, np.ones((N, 6)), np.ones((N, 6)), [], filters=_filters(run))
+    table = np.zeros((1, N, 6))
+    table[0, :, 3] = x / found.ratio
+    flat = table.reshape(1, -1)
+    rows.bleach(flat)
+    white = flat.reshape(N, 6)[:, 3]
+    assert levels([white], True)[0].colour == "white"
+    assert np.sqrt(np.mean(white**2)) == pytest.approx(1.0, rel=0.05)
+
+
+def test_a_quantised_channel_is_known_by_its_step():
+    rng = np.random.default_rng(7)
+    slow = np.cumsum(rng.normal(size=N)) * 1e-4
+    assert step_of([4e-4 * np.round(slow / 4e-4)]) == pytest.approx(4e-4)
+    assert step_of([slow]) == 0.0
+
+
+def test_noise_that_wanders_hangs_on_no_state_and_an_order_does():
+    rng, time = np.random.default_rng(8), STEP * np.arange(N)
+    angle = 3 * time + 1.2 * np.sin(1.1 * time)
+    asked = questions(time, {"w1": angle}, {"speed w1": np.gradient(angle, STEP), "time s": time})
+    wander = 0.1 * np.cumsum(rng.normal(size=N)) + rng.normal(size=N)
+    quiet = shares(wander, asked)
+    assert min(a["p"] for a in quiet) > 1e-5
+    loud = shares(wander + 5 * np.cos(7 * angle), asked)
+    best = min(loud, key=lambda a: a["p"])
+    assert (best["domain"], best["value"]) == ("order", 7.0) and best["p"] < 1e-6
+
+
+def answer(ratio: float, structure: float, after: float, effects=()) -> str:
+    """Verdict where held-out RMS are 5 before and `after`, the noise shown `ratio`, all assumed."""
+    fit = SimpleNamespace(point=SimpleNamespace(effects=effects))
+    found = SimpleNamespace(fit=fit, rivals={}, significant=True)
+    level = Level(ratio, 0.01, ratio)
+    shown = Shown(({"a_x": level},), ("held-out",), {"a_x": structure}, ([], []))
+    first, last = ([{"a_x": np.full(1000, x)}] for x in (5.0 if effects else after, after))
+    return judge(found, shown, first, last).verdict
+
+
+def test_a_gap_that_hangs_on_nothing_is_noise_and_never_unknown():
+    assert answer(ratio=1.4, structure=0.0, after=1.4) == "none"
+    assert answer(ratio=1.0, structure=0.5, after=1.4) == "unknown"
+    assert answer(ratio=1.4, structure=0.0, after=1.4, effects=("x",)) == "named"
+    assert answer(ratio=1.0, structure=3.0, after=2.5, effects=("x",)) == "unknown"
+    assert answer(ratio=1.0, structure=0.2, after=1.1, effects=("x",)) == "named"
+
+
+def run(name: str, role: str, samples: int) -> Run:
+    return Run(name, role, STEP * np.arange(samples), np.zeros((samples, 3)),
+               np.zeros((samples, 3)), {}, np.ones(samples, bool))  # fmt: skip
+
+
+def test_roles_are_what_is_said_of_them():
+    three = [run("a", "train", 100), run("b", "train", 100), run("c", "held-out", 100)]
+    assert with_roles(three) == (three, "held-out", [])
+    runs, confirmed, (said,) = with_roles(three[:2])
+    assert [r.role for r in runs] == ["train", "held-out"] and confirmed == "held-out"
+    assert "no run has the role held-out" in said
+    with pytest.raises(InputError, match="every run has the role `held-out`"):
+        with_roles([dataclasses.replace(r, role="held-out") for r in three])
+
+
+def test_one_run_teaches_and_confirms_by_parts_or_not_at_all():
+    (teaches, confirms), confirmed, _ = with_roles([run("a", "train", N)])
+    assert confirmed == "blocks"
+    assert (teaches.role, confirms.role) == ("train", "held-out")
+    assert np.all(teaches.counts ^ confirms.counts)
+    assert np.mean(confirms.counts) == pytest.approx(1 / 3, abs=0.1)
+    (only,), confirmed, (said,) = with_roles([run("a", "train", 900)])
+    assert confirmed == "nothing" and only.counts is None and "nothing is kept out" in said
