@@ -1,9 +1,12 @@
 """Process-wide JAX settings of the compute layer: float64 and the persistent compilation cache."""
 
+import logging
 import os
 from pathlib import Path
 
 import jax
+
+from ._private import private_folder
 
 
 def cache_folder() -> Path:
@@ -26,6 +29,10 @@ def configure() -> None:
     os.environ.setdefault("PJRT_NPROC", "1")
     jax.config.update("jax_enable_x64", True)
     if getattr(jax.config, "jax_compilation_cache_dir", None) is None:
+        reason = private_folder(cache_folder())
+        if reason is not None:  # what lies there is code, and others could have put it there
+            logging.getLogger("omnijax").warning("compiled programs are not kept: %s", reason)
+            return
         jax.config.update("jax_compilation_cache_dir", str(cache_folder()))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 

@@ -4,15 +4,22 @@ jax's compilation cache saves the compiler's time alone; tracing and lowering a 
 seconds in every process.  A kept program is stored whole beside that cache, under a key of all
 that it was made from, and is loaded where every part of the key is the same.  Whatever else is
 found there is ignored and written anew.  `OMNIJAX_KEEP_PROGRAMS=0` switches this off.
+
+A compiled program is code, so a file is opened only where this user wrote it: the folder must be
+the user's alone, and each file is sealed (HMAC-SHA256) with a secret of the user's that lies
+elsewhere.  Seal and key are compared before anything is unpickled.
 """
 
+import contextlib
 import functools
 import hashlib
+import hmac
 import logging
 import os
 import pickle
 import platform
 import re
+import stat
 import sys
 import tempfile
 from collections.abc import Callable
@@ -26,6 +33,7 @@ from jax.experimental.compilation_cache import compilation_cache
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
 from ._config import cache_folder
+from ._private import config_folder, private_folder
 
 FILES = 64  # the most that are kept, the last used
 HELD = 32  # the most in memory
@@ -130,10 +138,12 @@ def _load(key: str) -> Callable | None:
     """The kept program of this key; None where there is none, or none that is whole."""
     file = _file(key)
     try:
-        digest, body = file.read_bytes().split(b"\n", 1)
-        if digest.decode() != hashlib.sha256(body).hexdigest():
-            raise ValueError("damaged")
-        program = _read(body, key)
+        if not _safe():
+            return None
+        seal, body = file.read_bytes().split(b"\n", 1)
+        if not hmac.compare_digest(seal, _seal(key, body)):
+            raise ValueError("of another program, damaged, or not written by this user")
+        program = _read(body)
         os.utime(file)
         return program
     except FileNotFoundError:
@@ -143,16 +153,49 @@ def _load(key: str) -> Callable | None:
         return None
 
 
-def _read(body: bytes, key: str) -> Callable:
-    """The program of a file's content."""
+def _read(body: bytes) -> Callable:
+    """The program of a file's content, whose seal was right."""
     content = pickle.loads(body)
-    if content["key"] != key:
-        raise ValueError("of another program")
     if content["lapack"]:
         _register_lapack()
     tree = jax.tree.structure(content["result"])
     inputs = jax.tree.structure(((0,) * content["inputs"], {}))
     return _unflattened(deserialize_and_load(content["program"], inputs, tree))
+
+
+@functools.cache
+def _safe() -> bool:
+    """Whether the folder is this user's alone; said once where it is not."""
+    reason = private_folder(cache_folder()) or private_folder(cache_folder() / "programs")
+    if reason is not None:
+        _log.warning("compiled programs are not kept: %s", reason)
+    return reason is None and bool(_secret())
+
+
+@functools.cache
+def _secret() -> bytes:
+    """This user's secret, made at first; empty where it cannot be kept from others."""
+    file = config_folder() / "seal"
+    if private_folder(config_folder()) is not None:
+        return b""
+    try:
+        with contextlib.suppress(FileExistsError), open(file, "xb", opener=_mine) as made:
+            made.write(os.urandom(32))
+        if stat.S_IMODE(file.stat().st_mode) & 0o077 or file.stat().st_uid != os.geteuid():
+            return b""
+        found = file.read_bytes()
+    except OSError:
+        return b""
+    return found if len(found) == 32 else b""
+
+
+def _mine(path: str, flags: int) -> int:
+    return os.open(path, flags, 0o600)
+
+
+def _seal(key: str, body: bytes) -> bytes:
+    digest = hashlib.sha256(key.encode()).digest() + body
+    return hmac.new(_secret(), digest, hashlib.sha256).hexdigest().encode()
 
 
 def _unflattened(program: Callable) -> Callable:
@@ -180,12 +223,13 @@ def _make(function: Callable, leaves: list[Any], tree: Any, key: str) -> Callabl
         return _unflattened(lowered.compile())
     compiled = _compile_afresh(lowered)
     result = jax.tree.map(lambda _: 0, lowered.out_info)
-    content = {"key": key, "lapack": bool(kernels), "inputs": len(arrays), "result": result}
+    content = {"lapack": bool(kernels), "inputs": len(arrays), "result": result}
     try:
         content["program"] = serialize(compiled)[0]
         body = pickle.dumps(content)
-        jax.block_until_ready(_read(body, key)(arrays))  # only what has run from there is kept
-        _store(_file(key), body)
+        jax.block_until_ready(_read(body)(arrays))  # only what has run from there is kept
+        if _safe():
+            _store(_file(key), _seal(key, body), body)
     except (OSError, NotImplementedError, RuntimeError) as error:
         _log.info("the program %s is not kept: %s", function.__name__, error)
     return _unflattened(compiled)
@@ -203,11 +247,10 @@ def _compile_afresh(lowered: Any) -> Any:
         compilation_cache.reset_cache()
 
 
-def _store(file: Path, body: bytes) -> None:
+def _store(file: Path, seal: bytes, body: bytes) -> None:
     """Write at once or not at all; the files unused for longest make room."""
-    file.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".part", delete=False) as part:
-        part.write(hashlib.sha256(body).hexdigest().encode() + b"\n" + body)
+        part.write(seal + b"\n" + body)
     os.replace(part.name, file)
     used = sorted(file.parent.iterdir(), key=lambda path: -path.stat().st_mtime)
     for old in used[FILES:]:

@@ -198,4 +198,36 @@ def test_explore_answers_only_hosts_of_this_machine():
     assert testclient.TestClient(app, base_url="http://elsewhere.test").get("/").status_code == 400
     wrong = local.post("/api/evaluate", json={"rig": 3, "values": {}})
     assert wrong.status_code == 400 and "panel's number" in wrong.json()["error"]
-    assert local.post("/api/evaluate", content=b"{").status_code == 400
+    assert local.post("/api/evaluate", content=b"{", headers=JSON).status_code == 400
+
+
+JSON = {"Content-Type": "application/json"}
+REFUSED = {
+    "another page": (b"{}", JSON | {"Origin": "http://evil.test"}, 403),
+    "another page by its fetch": (b"{}", JSON | {"Sec-Fetch-Site": "cross-site"}, 403),
+    "no page at all": (b"{}", JSON | {"Origin": "null"}, 403),
+    "a form": (b"{}", {"Content-Type": "text/plain"}, 415),
+    "no kind": (b"{}", {}, 415),
+    "too large": (b"[" * 100_000, JSON, 413),
+    "nested": (b"[" * 60_000, JSON, 400),
+    "outside its slider": (
+        b'{"rig": 0, "values": {"contact.stiffness": 1e300}}', JSON, 400),
+    "half a roller": (b'{"rig": 0, "values": {"wheel.rollers": 7.5}}', JSON, 400),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", REFUSED)
+def test_the_page_answers_only_itself(kind):
+    testclient = pytest.importorskip("starlette.testclient")
+    from omnijax import load_rig
+    from omnijax.view._explore import explore_app
+    from omnijax.view._panel import Panel
+
+    app = explore_app([Panel("atlas", load_rig("atlas"), [0.6, 1.2, 0.9], 0)], ["127.0.0.1"])
+    local = testclient.TestClient(app, base_url="http://127.0.0.1")
+    body, headers, status = REFUSED[kind]
+    assert local.post("/api/evaluate", content=body, headers=headers).status_code == status
+    page = local.get("/")
+    assert page.status_code == 200 and page.headers["x-frame-options"] == "DENY"
+    policy = page.headers["content-security-policy"]
+    assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy

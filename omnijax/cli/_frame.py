@@ -13,6 +13,7 @@ import warnings
 from cyclopts import App, CycloptsError, Group
 
 from .. import __version__
+from .._consent import law_files
 from .._errors import DataWarning, InputError, RunError
 from .._files import command
 from ._options import read_force
@@ -40,6 +41,8 @@ COMMANDS: dict[str, tuple[str, ...]] = {  # section of the help -> its commands,
 
 _EPILOGUE = (
     "Exit codes: 0 done, 1 a run failed, 2 wrong input, 130 interrupted. "
+    "Law files that a rig names are programs: each runs only once you have allowed its content, in "
+    "answer to a question or by --trust-laws with any command. "
     "Every command explains itself: omnijax COMMAND --help, or omnijax help COMMAND. "
     "Completion of commands and options in your shell: omnijax --install-completion"
 )
@@ -84,7 +87,10 @@ def run(tokens: list[str] | None = None) -> int:
             warnings.simplefilter("always", DataWarning)
             warnings.showwarning = _show
             words = understood(sys.argv[1:] if tokens is None else tokens)
-            code = build_app()(read_force(words))
+            trusted = "--trust-laws" in words
+            words = [word for word in words if word != "--trust-laws"]
+            with law_files("trust" if trusted else "ask"):
+                code = build_app()(read_force(words))
         sys.stdout.flush()
         return code if isinstance(code, int) else OK
     except KeyboardInterrupt as interrupt:

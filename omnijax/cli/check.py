@@ -15,19 +15,30 @@ def check(rig: str, /, *, json: Json = False) -> int:
     rig
         A rig file, or the name of a bundled rig (atlas, atlas-tripod).
     """
+    from .._consent import law_files
     from .._errors import InputError
     from ..rig import load_rig
 
     try:
-        machine = load_rig(rig)
+        with law_files("read"):  # a law file is a program: its declaration is read, nothing is run
+            machine = load_rig(rig)
     except InputError as error:
         if not json:
             raise
         emit(True, {"ok": False, "problems": list(error.problems)}, lambda: None)
         return 2
-    summary = _summary(machine)
+    summary = _summary(machine) | {"laws_not_run": _foreign(rig)}
     emit(json, {"ok": True, **summary}, lambda: _print(rig, summary))
     return 0
+
+
+def _foreign(name: str) -> list[dict[str, str]]:
+    """The effects whose laws stand in files of their own."""
+    from .._reading import read_toml
+    from ..rig import rig_path
+
+    blocks = read_toml(rig_path(name)).get("effect", [])
+    return [{k: str(b[k]) for k in ("id", "place", "law")} for b in blocks if "law" in b]
 
 
 def _summary(rig: Any) -> dict[str, Any]:
@@ -111,6 +122,11 @@ def _print(name: str, summary: dict[str, Any]) -> None:
     if summary["effects"]:
         effects = ", ".join(f"{effect['id']} at {effect['place']}" for effect in summary["effects"])
         console.print(f"effects: {effects}")
+    for effect in summary["laws_not_run"]:
+        console.print(
+            f"not run: {effect['id']} at {effect['place']}, a law in {effect['law']}, whose "
+            "declaration is right; the frequencies are those without it"
+        )
     if summary["uncertainty"]:
         pairs = (f"{path} {100 * value:g} %" for path, value in summary["uncertainty"].items())
         console.print(f"uncertain (1 σ): {', '.join(pairs)}")

@@ -22,6 +22,7 @@ from ._hertz import peak_pressure as peak_pressure
 from ._library import EFFECTS as EFFECTS
 from ._library import PORTS as PORTS
 from ._library import in_words as in_words
+from ._library import laws_of as laws_of
 from ._library import load_laws as load_laws
 from ._measurement import EncoderEccentricity as EncoderEccentricity
 from ._measurement import FloorVibration as FloorVibration

@@ -1,10 +1,16 @@
 """The table of effects: id -> law, in the order of the file format; users' laws join it."""
 
-import importlib.util
+import signal
+import threading
+import types
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
+from .._reading import TEXT, read_bytes
 from . import _actuators, _measurement, _ports, _rolling, _shape_effects, _springs, _torques
-from ._base import AbstractLaw
+from ._base import AbstractLaw, Parameter, field_names
 
 EFFECTS: dict[str, type[AbstractLaw]] = {
     law.id: law
@@ -81,20 +87,32 @@ PORTS = tuple(
 )
 
 
+RUN_LIMIT = 8  # s; a file that only declares is done in a fraction of one
+
+
 def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
     """The user's own laws of a Python file: every final law class defined in it that has an `id`.
 
-    Raises `ValueError` where the file cannot be read or run, or defines no law.
+    The file is run.  Raises `ValueError` where it cannot be read or run, or defines no law.
     """
     path = Path(path)
-    spec = importlib.util.spec_from_file_location(f"omnijax_user_{path.stem}", path)
-    if spec is None or spec.loader is None or not path.is_file():
-        raise ValueError(f"{path}: no such Python file of laws.")
-    module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
-    except Exception as error:  # whatever the user's file does wrong is the user's to know
-        raise ValueError(f"{path}: cannot be run: {type(error).__name__}: {error}") from error
+        text = read_bytes(path, TEXT)
+    except OSError:
+        raise ValueError(f"{path}: no such Python file of laws.") from None
+    return laws_of(text, path)
+
+
+def laws_of(text: bytes, path: Path) -> dict[str, type[AbstractLaw]]:
+    """The laws of a file's text, run as it is: no byte code that lies beside it is looked at."""
+    module = types.ModuleType(f"omnijax_user_{path.stem}")
+    module.__file__ = str(path)
+    try:
+        with _limited(RUN_LIMIT):
+            exec(compile(text, str(path), "exec"), vars(module))
+    except (Exception, SystemExit) as error:  # what the user's file does wrong is the user's
+        said = f"{type(error).__name__}: {error}".strip(": ")
+        raise ValueError(f"{path}: cannot be run: {said}") from None
     laws = {
         value.id: value
         for value in vars(module).values()
@@ -109,6 +127,44 @@ def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
             "Abstract… ports and has an `id`."
         )
     for name, law in laws.items():
-        if law.port not in PORTS:
-            raise ValueError(f"{path}: law `{name}` has port {law.port!r}; ports are {PORTS}.")
+        _check_declaration(path, name, law)
     return laws
+
+
+def _check_declaration(path: Path, name: Any, law: type[AbstractLaw]) -> None:
+    """`ValueError` for a class whose declarations are not what a law's are."""
+    if not isinstance(name, str):
+        raise ValueError(f"{path}: the `id` of a law must be text, but is {name!r}.")
+    if law.port not in PORTS:
+        raise ValueError(f"{path}: law `{name}` has port {law.port!r}; ports are {PORTS}.")
+    if not isinstance(law.places, tuple) or not all(isinstance(p, str) for p in law.places):
+        raise ValueError(f"{path}: law `{name}`: `places` must be a tuple of texts.")
+    given = law.parameters
+    if not isinstance(given, dict) or not all(
+        isinstance(k, str) and isinstance(v, Parameter) for k, v in given.items()
+    ):
+        raise ValueError(f"{path}: law `{name}`: `parameters` must map names to Parameter(...).")
+    fields = set(field_names(law))
+    if set(given) != fields:
+        differ = ", ".join(sorted(set(given) ^ fields))
+        raise ValueError(f"{path}: law `{name}`: its fields and `parameters` differ: {differ}.")
+
+
+@contextmanager
+def _limited(seconds: float) -> Iterator[None]:
+    """`TimeoutError` after `seconds`, where signals can be had (the main thread of a Unix)."""
+    main = threading.current_thread() is threading.main_thread()
+    if not (hasattr(signal, "setitimer") and main):
+        yield
+        return
+
+    def stop(*_: object) -> None:
+        raise TimeoutError(f"it did not end within {seconds:g} s")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)

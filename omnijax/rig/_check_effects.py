@@ -4,17 +4,28 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from .._consent import are_read_only
 from .._errors import did_you_mean
 from ..laws import ANY_LENGTH, EFFECTS, AbstractLaw
+from ._declaration import declared_laws
 from ._parameters import law_quantity
 from ._schema import GROUPS, channels
-from ._user_laws import load_laws
+from ._user_laws import rigs_laws
 
 
-def law_class(block: Mapping, folder: Path) -> type[AbstractLaw] | None:
-    """The law of a block: one of omnijax's own, or of the Python file named by `law`."""
-    laws = EFFECTS if "law" not in block else load_laws(folder / str(block["law"]))
-    return laws.get(block.get("id", ""))
+def law_class(block: Mapping, folder: Path) -> Any:
+    """The law of a block: one of omnijax's own, or of the Python file named by `law`.
+
+    Where law files are only read, the law is what its file declares.
+    """
+    return _known(block, folder).get(block.get("id", ""))
+
+
+def _known(block: Mapping, folder: Path) -> Mapping[str, Any]:
+    if "law" not in block:
+        return EFFECTS
+    file = folder / str(block["law"])
+    return declared_laws(file) if are_read_only() else rigs_laws(file)
 
 
 def effect_problems(
@@ -32,8 +43,9 @@ def effect_problems(
             yield f"`{key}.law`: {error}"
             continue
         if law is None:
-            known = EFFECTS if "law" not in block else load_laws(folder / str(block["law"]))
-            hint = did_you_mean(block["id"], known) or " `omnijax effects` lists them."
+            hint = (
+                did_you_mean(block["id"], _known(block, folder)) or " `omnijax effects` lists them."
+            )
             yield f"`effect.id` must be the id of a known effect, but is {block['id']!r}.{hint}"
             continue
         if isinstance(place, str):

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from .._arrays import on_device
+from .._consent import are_read_only
 from .._errors import InputError, did_you_mean
 from .._reading import read_toml
 from ..laws import PROFILES, AbstractLaw, AbstractShape, DualRow
@@ -75,7 +76,11 @@ def _build(table: RigTable, folder: Path) -> Rig:
         platform=Platform(**_arrays(table.platform)),
         wheels=_wheels(table.wheel),
         profiles=profiles,
-        effects=tuple(_placed(block, names, profiles, folder) for block in table.effect),
+        effects=tuple(
+            _placed(block, names, profiles, folder)
+            for block in table.effect
+            if block.law is None or not are_read_only()
+        ),
         names=names,
         uncertainty=tuple(table.uncertainty.items()),
     )

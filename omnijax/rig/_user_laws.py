@@ -4,6 +4,7 @@ import hashlib
 from pathlib import Path
 
 from .. import laws
+from .._consent import consent, trust
 from .._errors import InputError
 from .._reading import TEXT, read_bytes
 from ..laws import EFFECTS, AbstractLaw
@@ -13,19 +14,36 @@ _FILES: dict[type[AbstractLaw], tuple[str, bytes]] = {}  # law -> name and text 
 
 
 def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
-    """The laws of a Python file; the same text gives the same classes wherever it lies.
+    """The laws of a Python file, which is run; the same text gives the same classes.
 
     Two rigs are equal only if their laws are of one class, so a second load must not make new ones.
+    Whoever calls this has chosen the file: rigs that name it may then use it in this process.
     """
     path = Path(path)
+    return _run(path, _text(path))
+
+
+def rigs_laws(path: Path) -> dict[str, type[AbstractLaw]]:
+    """The laws of a file that a rig names: it runs only where the user has allowed its content."""
+    text = _text(path)
+    digest = hashlib.sha256(text).hexdigest()
+    if digest not in _LOADED:
+        consent(path, digest)
+    return _run(path, text)
+
+
+def _text(path: Path) -> bytes:
     try:
-        text = read_bytes(path, TEXT)
+        return read_bytes(path, TEXT)
     except OSError as error:
         raise InputError(f"{path}: no such Python file of laws ({error.strerror}).") from None
+
+
+def _run(path: Path, text: bytes) -> dict[str, type[AbstractLaw]]:
     digest = hashlib.sha256(text).hexdigest()
     if digest not in _LOADED:
         try:
-            found = laws.load_laws(path)
+            found = laws.laws_of(text, path)
         except ValueError as error:
             raise InputError(str(error)) from None
         taken = sorted(set(found) & set(EFFECTS))
@@ -35,6 +53,7 @@ def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
             )
         _LOADED[digest] = found
         _FILES.update({law: (path.name, text) for law in found.values()})
+        trust(digest)
     return _LOADED[digest]
 
 

@@ -13,6 +13,7 @@ from starlette.routing import Route
 
 from .._errors import InputError
 from ..rig import rig_text
+from ._guard import Guard
 from ._panel import Panel
 from ._scene import bundle, page
 
@@ -51,7 +52,10 @@ def explore_app(panels: Sequence[Panel], hosts: Sequence[str]) -> Starlette:
             Route("/api/evaluate", evaluate, methods=["POST"]),
             Route("/api/save", save, methods=["POST"]),
         ],
-        middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=list(hosts))],
+        middleware=[
+            Middleware(TrustedHostMiddleware, allowed_hosts=list(hosts)),
+            Middleware(Guard),
+        ],
     )
 
 
@@ -72,5 +76,5 @@ async def _answer(request: Request, panels: Sequence[Panel], work, limiter) -> R
         return JSONResponse(await anyio.to_thread.run_sync(work, panel, values, limiter=limiter))
     except InputError as error:
         return JSONResponse({"error": str(error)}, status_code=400)
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         return JSONResponse({"error": f"not a request of this page: {error}"}, status_code=400)

@@ -47,6 +47,11 @@ class Panel:
             if path not in known:
                 raise InputError(f"`{path}` is no slider of this page.")
             number = _number(path, value)
+            low, high = known[path].low, known[path].high
+            if not low - 1e-9 * abs(low) <= number <= high + 1e-9 * abs(high):
+                raise InputError(f"`{path}` must lie in [{low:g}, {high:g}], but is {number:g}.")
+            if known[path].whole and number != round(number):
+                raise InputError(f"`{path}` must be a whole number, but is {number:g}.")
             if path.startswith("speed."):
                 speeds[rig.names.index(path.removeprefix("speed."))] = number
             elif number != known[path].value:

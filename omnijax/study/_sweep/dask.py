@@ -72,7 +72,8 @@ def _cluster(workers: int | None, scheduler: str | None) -> Any:
         n_workers=workers,
         threads_per_worker=1,
         processes=True,
-        dashboard_address=":0",
+        dashboard_address="127.0.0.1:0",  # never on all interfaces
+        host="127.0.0.1",
         silence_logs=logging.CRITICAL,
     )
     return _Owned(cluster, Client(cluster, set_as_default=False))

@@ -70,7 +70,7 @@ def sweep(
         machine, vary, metrics, read_drive(machine, speeds, drive), sampling, numerics
     )
     folder = None if out is None else Path(out)
-    if folder is None and (resume or workers or scheduler):
+    if folder is None and (resume or workers is not None or scheduler is not None):
         raise InputError("`resume`, `workers` and `scheduler` need a store: give `out`.")
     about = {"path_reason": why, "command": command, "rig_file": rig_file, **environment()}
     try:
@@ -79,7 +79,11 @@ def sweep(
     except OSError as error:
         raise _no_space(error, folder) from None
     try:
-        run = _distributed(store, workers, scheduler) if workers or scheduler else None
+        run = (
+            _distributed(store, workers, scheduler)
+            if workers is not None or scheduler is not None
+            else None
+        )
         _run(store, run or _local(store, devices), report)
     except OSError as error:
         raise _no_space(error, folder) from None

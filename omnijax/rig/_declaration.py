@@ -1,0 +1,105 @@
+"""What a law file declares, read from its text: nothing of it is run."""
+
+import ast
+import math
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .. import laws
+from .._errors import InputError
+from .._reading import TEXT, read_bytes
+from ..laws import Parameter
+
+
+class Declared(NamedTuple):
+    """A law as its class declares it."""
+
+    id: str
+    port: str
+    places: tuple[str, ...]
+    parameters: dict[str, Parameter]
+
+
+def declared_laws(path: Path) -> dict[str, Declared]:
+    """The laws of a Python file by their id; `InputError` where the text is none of Python's."""
+    try:
+        tree = ast.parse(read_bytes(path, TEXT))
+    except OSError as error:
+        raise InputError(f"{path}: no such Python file of laws ({error.strerror}).") from None
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        said = getattr(error, "msg", None) or "it is nested too deeply or holds zero bytes"
+        raise InputError(f"{path} is not Python: {said}.") from None
+    found = {}
+    for node in tree.body:
+        if isinstance(node, ast.ClassDef):
+            said = _attributes(node)
+            name = _literal(said.get("id"), None)
+            if isinstance(name, str) and name:
+                found[name] = _law(path, name, node, said)
+    if not found:
+        raise InputError(f"{path}: declares no law: no class of it has an `id`.")
+    return found
+
+
+def _attributes(node: ast.ClassDef) -> dict[str, ast.expr]:
+    found: dict[str, ast.expr] = {}
+    for line in node.body:
+        if isinstance(line, ast.AnnAssign) and isinstance(line.target, ast.Name) and line.value:
+            found[line.target.id] = line.value
+        elif isinstance(line, ast.Assign):
+            found |= {t.id: line.value for t in line.targets if isinstance(t, ast.Name)}
+    return found
+
+
+def _law(path: Path, name: str, node: ast.ClassDef, said: dict[str, ast.expr]) -> Declared:
+    base = next((b for b in map(_base, node.bases) if b is not None), None)
+    if base is None:
+        raise InputError(f"{path}: law `{name}` derives from no port of omnijax.laws.")
+    given = said.get("parameters")
+    if not isinstance(given, ast.Dict | None):
+        raise InputError(f"{path}: law `{name}` must write its `parameters` out as a dict.")
+    parameters = {}
+    for key, value in zip(given.keys, given.values, strict=True) if given else ():
+        label = _literal(key, None)
+        if not isinstance(label, str):
+            raise InputError(f"{path}: law `{name}` must name its `parameters` by texts.")
+        parameters[label] = _parameter(path, name, label, value)
+    places = _literal(said.get("places"), base.places)
+    if not isinstance(places, tuple | list) or not all(isinstance(p, str) for p in places):
+        raise InputError(f"{path}: law `{name}` must write its `places` out as a tuple of texts.")
+    return Declared(name, str(_literal(said.get("port"), base.port)), tuple(places), parameters)
+
+
+def _base(node: ast.expr) -> type[laws.AbstractLaw] | None:
+    name = node.attr if isinstance(node, ast.Attribute) else getattr(node, "id", "")
+    found = getattr(laws, name, None)
+    return found if isinstance(found, type) and issubclass(found, laws.AbstractLaw) else None
+
+
+def _parameter(path: Path, law: str, name: str, node: ast.expr) -> Parameter:
+    if isinstance(node, ast.Call) and not any(isinstance(a, ast.Starred) for a in node.args):
+        try:
+            values = [_value(a) for a in node.args]
+            named = {str(k.arg): _value(k.value) for k in node.keywords}
+            return Parameter(*values, **named)
+        except (TypeError, ValueError):
+            pass
+    raise InputError(f"{path}: law `{law}` must write `{name}` out as Parameter(unit, ...).")
+
+
+def _literal(node: ast.expr | None, default: Any) -> Any:
+    try:
+        return default if node is None else _value(node)
+    except ValueError:
+        return default
+
+
+def _value(node: ast.expr) -> Any:
+    """A literal, or an infinity: `math.inf`, `-jnp.inf`, `float("inf")`."""
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        return -_value(node.operand)
+    if isinstance(node, ast.Attribute) and node.attr == "inf":
+        return math.inf
+    if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "float":
+        return float(ast.literal_eval(node.args[0]))
+    return ast.literal_eval(node)
