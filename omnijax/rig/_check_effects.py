@@ -59,7 +59,7 @@ def effect_problems(
         yield from _parameter_problems(law, block, wheels)
 
 
-def places(law: type[AbstractLaw], names: Sequence[str]) -> list[str]:
+def places(law: Any, names: Sequence[str]) -> list[str]:
     """The places that a rig with wheels `names` offers a law."""
     kinds = {
         "wheel": list(dict.fromkeys(names)),
@@ -70,7 +70,7 @@ def places(law: type[AbstractLaw], names: Sequence[str]) -> list[str]:
     return [place for kind in law.places for place in kinds.get(kind, [kind])]
 
 
-def _parameter_problems(law: type[AbstractLaw], block: Mapping, wheels) -> Iterator[str]:
+def _parameter_problems(law: Any, block: Mapping, wheels) -> Iterator[str]:
     given, place = block.get("parameters", {}), str(block.get("place"))
     if not isinstance(given, Mapping):
         return
