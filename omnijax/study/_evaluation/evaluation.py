@@ -1,0 +1,145 @@
+"""One design in, its figures and how it ended out, by a method chosen beforehand."""
+
+from typing import Any, NamedTuple
+
+import diffrax as dfx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ..._errors import InputError, did_you_mean
+from ..._status import FAILED, Status
+from ...rig import Rig
+from ...simulation import Trajectory, propagate, simulate, simulate_fixed
+from ...vibration import METRICS, SteadyRun, evaluate
+from .drives import Drive
+
+RATE = 500.0  # samples per s of a run
+RTOL, MAX_STEPS = 1e-8, 200_000  # of full simulations
+
+
+class Figures(NamedTuple):
+    """Metrics of one design, NaN where it failed, and its `Status`."""
+
+    values: Float[Array, " m"]
+    status: Int[Array, ""]
+
+
+class Evaluation(NamedTuple):
+    """How the metrics of one rig under one drive are computed."""
+
+    method: str  # of `METHODS`
+    metrics: tuple[str, ...]
+    model: str = "coupled"
+    times: Any = None  # s, of the samples; none for the steady state
+    solver: str = "auto"  # of full simulations, as are the tolerance and the limit of steps
+    rtol: float = RTOL
+    max_steps: int = MAX_STEPS
+    forward: bool = True  # whether a full simulation is differentiated, forwards
+    substeps: Any = 1  # of fixed steps
+
+    def __call__(self, rig: Rig, drive: Drive) -> Figures:
+        """Figures and status of one design."""
+        run = self.run(rig, drive)
+        return Figures(*without_failed(self._read(run, rig), self._ended(run)))
+
+    def values(self, rig: Rig, drive: Drive) -> Float[Array, " m"]:
+        """The metrics of one design, NaN where it failed."""
+        return self.of(self.run(rig, drive), rig)
+
+    def of(self, run: SteadyRun | Trajectory, rig: Rig) -> Float[Array, " m"]:
+        """The metrics of `run`, NaN where it failed."""
+        ended = Status.OK if isinstance(run, SteadyRun) else run.status
+        return without_failed(self._read(run, rig), ended)[0]
+
+    def run(self, rig: Rig, drive: Drive) -> SteadyRun | Trajectory:
+        """What the metrics are read from: the periodic solution, or a run."""
+        if self.method == "steady":
+            given = drive.initial_angle
+            angles = jnp.zeros(rig.size) if given is None else given
+            speeds, force = drive.speed.values[0], drive.force.values[0]  # pyright: ignore
+            return SteadyRun(rig, speeds, angles, self.model, force=force)
+        ts = jnp.asarray(self.times)
+        if self.method == "propagation":
+            return propagate(rig, drive, ts, model=self.model)  # pyright: ignore
+        if self.method == "fixed":
+            return simulate_fixed(rig, drive, ts, self.model, self.substeps)  # pyright: ignore
+        adjoint = dfx.ForwardMode() if self.forward else None
+        return simulate(
+            rig, drive, ts, model=self.model, solver=self.solver, rtol=self.rtol,
+            max_steps=self.max_steps, adjoint=adjoint,
+        )  # fmt: skip
+
+    def _read(self, run: SteadyRun | Trajectory, rig: Rig) -> Float[Array, " m"]:
+        if isinstance(run, SteadyRun):
+            return jnp.stack([run.metric(name) for name in self.metrics])
+        by_name = evaluate(run, rig, self.metrics)
+        return jnp.stack([by_name[name] for name in self.metrics])
+
+    def _ended(self, run: SteadyRun | Trajectory) -> Int[Array, ""]:
+        """The run's own status, else whether a contact lifts off or slips."""
+        if isinstance(run, SteadyRun):
+            load = run.load()
+            return margin_status(jnp.min(load.least), jnp.min(load.slip_margin))
+        margin = margin_status(jnp.min(run.normal_force), jnp.min(run.slip_margin))
+        return jnp.where(run.status == Status.OK, margin, run.status)
+
+    @property
+    def precision(self) -> float:
+        """Relative precision of the figures: rounding of the closed forms, or the solver's."""
+        return 10 * self.rtol if self.method == "full" else 1e-12
+
+
+def without_failed(values: Float[Array, " m"], status):
+    """Figures of a failed design are NaN; figures that are not finite make a design failed."""
+    bad = jnp.any(~jnp.isfinite(values))
+    failed = jnp.any(status == jnp.asarray(FAILED))
+    status = jnp.where(bad & ~failed, Status.NON_FINITE, status)
+    return jnp.where(failed | bad, jnp.nan, values), status
+
+
+def margin_status(normal_force, slip_margin):
+    """Lift-off where a contact is without load, else slip, from the least of both (N)."""
+    slips = jnp.where(slip_margin < 0, Status.SLIP, Status.OK)
+    return jnp.where(normal_force <= 0, Status.LIFT_OFF, slips)
+
+
+def samples_of(duration: float | None, rate: float | None) -> np.ndarray | None:
+    """Times (s) of a run's samples, its start and its end among them; None for steady states.
+
+    Raises `InputError` for a duration or rate that gives less than 2 of them after the start.
+    """
+    if duration is None:
+        return None
+    rate = RATE if rate is None else rate
+    wrong = [
+        f"`{name}` must be above 0, but is {x:g}."
+        for name, x in (("duration", duration), ("rate", rate))
+        if not x > 0
+    ]
+    if wrong:
+        raise InputError(wrong)
+    count = round(duration * rate)
+    if count < 2:
+        raise InputError(f"`duration` {duration:g} s at `rate` {rate:g}/s gives under 2 samples.")
+    return np.linspace(0.0, duration, count + 1)
+
+
+def checked_metrics(metrics: "str | tuple[str, ...] | list[str]") -> tuple[str, ...]:
+    """`metrics` (a list, or words with commas between) as a tuple.
+
+    Raises `InputError` with the nearest names for unknown ones, and for none or one named twice.
+    """
+    listed = metrics.split(",") if isinstance(metrics, str) else metrics
+    names = tuple(name.strip() for name in listed)
+    problems = [
+        f"`{name}` is no metric.{did_you_mean(name, METRICS)} Metrics: {', '.join(METRICS)}."
+        for name in names
+        if name not in METRICS
+    ]
+    problems += [] if names else ["at least one metric is needed, as in peak,rms."]
+    twice = dict.fromkeys(name for name in names if names.count(name) > 1)
+    problems += [f"`metric` names `{name}` twice." for name in twice]
+    if problems:
+        raise InputError(problems)
+    return names

@@ -1,0 +1,147 @@
+"""The methods that evaluate a design, what each of them cannot honour, and which one is taken.
+
+Every method gives the figures that `simulate` and `vibration.evaluate` give of the same design (the
+steady ones: those of its long run).  What a method cannot honour is an obstacle, in words; a design
+goes to the first method without one, and where none is left the question is refused.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from ..._errors import InputError
+from ...laws import DualRow
+from ...rig import Rig
+from ...simulation import (
+    SpeedDrive,
+    TorqueDrive,
+    bulk_obstacle,
+    exact_obstacle,
+    steady_bulk_obstacle,
+)
+from ...vibration import STEADY_METRICS
+from .drives import Drive, is_constant, turning
+
+METHODS = {
+    "steady-bulk": "steady state in bulk (closed form, figures of the displacement)",
+    "steady": "steady state (closed form, no time stepping)",
+    "bulk": "exact propagation in bulk (linear model, constant speeds, figures at the samples)",
+    "propagation": "exact propagation (linear model, prescribed speeds)",
+    "fixed": "fixed exponential steps (motor torques, the step tried against its half)",
+    "full": "full simulation (adaptive time stepping)",
+}
+BULK = ("bulk", "steady-bulk")  # take rows of many designs at once
+BULK_METRICS = ("peak", "rms")
+WHY = {
+    "steady-bulk": "no duration is asked for; the contacts are linear and decoupled",
+    "steady": "no duration is asked for",
+    "bulk": "the contacts are linear and decoupled, the speeds are constant",
+    "propagation": "the model is linear and the speeds are given",
+    "fixed": "motor torques drive the wheels",
+}
+
+
+class Question(NamedTuple):
+    """What is asked of every design; `rig` and `drives` before anything of them is varied."""
+
+    rig: Rig
+    drives: tuple[Drive, ...]  # all of one kind
+    varied: tuple[str, ...]  # paths of rig and drive
+    metrics: tuple[str, ...]
+    model: str
+    duration: float | None  # s; none: the steady state
+    rows: bool = False  # designs come as rows of numbers, many at a time, for their metrics alone
+    gradient: bool = False
+    adaptive: bool = False  # a solver or its tolerance is given
+
+    @property
+    def constant(self) -> bool:
+        """Whether nothing of the drives changes in time."""
+        return all(is_constant(turning(d)) and is_constant(d.force) for d in self.drives)
+
+    @property
+    def pushed(self) -> bool:
+        """Whether a force acts on the platform, given or varied."""
+        given = any(np.any(np.asarray(d.force.values)) for d in self.drives)
+        return given or any(path.startswith("force.") for path in self.varied)
+
+
+Obstacle = Callable[[Question], str | None]
+
+
+def _no_closed_form(q: Question) -> str | None:
+    if not all(isinstance(d, SpeedDrive) for d in q.drives):
+        return "motor torques drive the wheels"
+    reason = exact_obstacle(q.rig, q.model)
+    return reason or (None if q.constant else "the drive changes in time")
+
+
+def _no_steady_metric(q: Question) -> str | None:
+    missing = [name for name in q.metrics if name not in STEADY_METRICS]
+    return f"the steady state does not give {', '.join(missing)}" if missing else None
+
+
+def _nothing_holds(q: Question) -> str | None:
+    """Normals that span less than space leave the coupled sphere free to drift off."""
+    if q.model == "coupled":
+        least = np.linalg.svd(np.asarray(q.rig.wheels.normal), compute_uv=False)
+        if len(least) < 3 or least[2] < LOOSE:
+            return "the wheels do not hold the sphere in every direction"
+    return None
+
+
+LOOSE = 1e-6  # least singular value of the normals that still holds the sphere
+
+
+def _no_rows(q: Question) -> str | None:
+    if not q.rows:
+        return "more is read from a run than its metrics"
+    if q.pushed:
+        return "the bulk kernel takes no force on the platform"
+    others = [name for name in q.metrics if name not in BULK_METRICS]
+    return f"the bulk kernel does not give {', '.join(others)}" if others else None
+
+
+def _no_fixed_steps(q: Question) -> str | None:
+    torques = all(isinstance(d, TorqueDrive) for d in q.drives)
+    if not (torques and q.constant):
+        return "fixed steps take constant motor torques and forces"
+    if q.adaptive:
+        return "a solver or its tolerance is given"
+    if q.gradient:
+        return "gradients are asked for"
+    if any(q.rig.at(port) for port in ("contact", "mount", "separation", "platform")):
+        return "laws act at contacts, mounts or platform"
+    dual = any(isinstance(profile, DualRow) for profile in q.rig.profiles)
+    return "contacts jump between two rows" if dual else None
+
+
+OBSTACLES: dict[str, tuple[Obstacle, ...]] = {
+    "steady": (_no_closed_form, _no_steady_metric, _nothing_holds),
+    "steady-bulk": (_no_rows, lambda q: steady_bulk_obstacle(q.rig, q.model)),  # beside `steady`'s
+    "propagation": (_no_closed_form,),
+    "bulk": (_no_rows, lambda q: bulk_obstacle(q.rig, q.model)),  # beside `propagation`'s
+    "fixed": (_no_fixed_steps,),
+}
+
+
+def obstacle(method: str, question: Question) -> str | None:
+    """What `method` cannot honour of the question, in words; None where it serves."""
+    return next((why for of in OBSTACLES[method] if (why := of(question)) is not None), None)
+
+
+def choose(question: Question) -> tuple[str, str]:
+    """(method, why): the cheapest one that honours everything.
+
+    Raises `InputError` where the question asks for a steady state that does not exist.
+    """
+    exact, bulk = ("steady", "steady-bulk") if question.duration is None else ("propagation", "bulk")
+    reason = obstacle(exact, question)
+    if reason is None:
+        against = obstacle(bulk, question)
+        return (bulk, WHY[bulk]) if against is None else (exact, f"{WHY[exact]}; {against}")
+    if question.duration is None:
+        raise InputError(f"this needs a `duration`: {reason}, so there is no steady state.")
+    against = obstacle("fixed", question)
+    return ("fixed", WHY["fixed"]) if against is None else ("full", f"{reason}; {against}")
