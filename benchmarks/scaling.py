@@ -59,7 +59,7 @@ def measure_design(duration: float | None) -> dict[str, Any]:
     batch = result.spec.batch
     index = np.zeros(batch, int)
     seconds = _clock(lambda: evaluator.designs(index), 3)
-    return {"seconds": seconds / batch, "path": result.spec.path, "batch": batch}
+    return {"seconds": seconds / batch, "method": result.spec.method, "batch": batch}
 
 
 def measure_chunk(folder: Path) -> dict[str, tuple[float, float]]:
@@ -138,7 +138,7 @@ def bounds(costs: dict[str, float], workers: int) -> dict[str, float]:
 
 def measure(duration: float | None, seconds: float | None) -> dict[str, Any]:
     """All costs, in seconds."""
-    design = {"seconds": seconds, "path": "given", "batch": 0}
+    design = {"seconds": seconds, "method": "given", "batch": 0}
     if seconds is None:
         design = measure_design(duration)
     with tempfile.TemporaryDirectory() as folder:
@@ -147,7 +147,7 @@ def measure(duration: float | None, seconds: float | None) -> dict[str, Any]:
     (pa, pb), (sa, sb) = chunk["points"], chunk["store"]
     return {
         "design": design["seconds"],
-        "path": design["path"],
+        "method": design["method"],
         "batch": design["batch"],
         "fixed": pa + sa,
         "each": pb + sb,
@@ -161,7 +161,7 @@ def show(costs: dict[str, Any], designs: float) -> list[dict[str, Any]]:
     """Print costs and predictions; the rows."""
     us = {k: 1e6 * costs[k] for k in ("design", "fixed", "each", "store_fixed", "task")}
     print(f"{platform.processor() or platform.machine()}, Python {platform.python_version()}")
-    print(f"design ({costs['path']}, batches of {costs['batch']}): {us['design']:.1f} us")
+    print(f"design ({costs['method']}, batches of {costs['batch']}): {us['design']:.1f} us")
     print(f"chunk: {us['fixed']:.0f} us + {us['each']:.3f} us a design beside the evaluation")
     print(f"  of it the store: {us['store_fixed']:.0f} us + {1e6 * costs['store_each']:.3f} us")
     print(f"scheduler: {us['task']:.0f} us a task")

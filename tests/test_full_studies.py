@@ -9,8 +9,7 @@ from omnijax.simulation import torques
 from omnijax.study import parse_study, sensitivity
 from omnijax.study._design.engine import Engine
 from omnijax.study._design.rig import rig_problem
-from omnijax.study._file.runs import fine_enough
-from omnijax.study._sensitivity.target import Evaluation
+from omnijax.study._evaluation.fixed_steps import fine_enough
 
 pytestmark = pytest.mark.long
 
@@ -58,18 +57,17 @@ def test_slopes_through_the_adaptive_solver(engine):
 
 
 def test_fixed_steps_are_halved_until_that_changes_little():
-    """An error of n^-4 falls below 3e-4 between n and 2 n at n = 8; one that stays asks for the
+    """An error of n^-4 falls below 1e-4 between n and 2 n at n = 16; one that stays asks for the
     adaptive solver, and a design whose run fails counts for nothing."""
-    how = Evaluation(None, ("rms",), "fixed", np.linspace(0.0, 1.0, 251))
     designs = np.array([[1.0], [2.0]])
 
-    def figures(x, n):
-        return np.array([np.nan if x[0] == 2.0 else 1.0 + float(n) ** -4])
+    def figures(designs, n):
+        return np.where(designs == 2.0, np.nan, 1.0 + float(n) ** -4)
 
-    found, why = fine_enough(how, designs, figures)
-    assert (found.way, found.substeps) == ("fixed", 8) and "fixed steps of 1 ms" in why
-    found, why = fine_enough(how, designs, lambda x, n: np.array([1.0 + 1 / (1 + np.log(n))]))
-    assert (found.way, found.rtol) == ("full", 1e-6) and "too coarse" in why
+    substeps, why = fine_enough(figures, designs, 8e-3)
+    assert substeps == 16 and "fixed steps of 0.5 ms" in why
+    assert fine_enough(lambda x, n: 1.0 + 0 * x + 1 / (1 + np.log(n)), designs, 8e-3) is None
+    assert fine_enough(lambda x, n: np.where(n == 1, np.nan, x), designs, 8e-3)[0] == 2
 
 
 def test_a_design_of_a_nonlinear_rig_under_torques(engine):
@@ -112,7 +110,7 @@ def test_sensitivity_of_a_nonlinear_rig_under_torques(hertz, engine):
         hertz, torques(TORQUE), "elastic_rms", duration=0.08, rate=250,
         parameters=["contact.damping", "closure.preload"],
     )  # fmt: skip
-    assert found.way == "run, full simulation"
+    assert found.method == "full"
     share = np.log(120 / 50) / np.log(100)
     s = engine.figures.slopes(np.array([share]))
     together = found.together("elastic_rms")

@@ -62,7 +62,7 @@ def test_a_run_has_the_derivatives_of_its_own_samples():
     rig = load_rig("atlas")
     paths = ["contact.stiffness", "wheel.roundness"]
     found = sensitivity(rig, SPEED, "rms,peak_x", duration=0.2, parameters=paths)
-    assert found.way == "run, exact propagation" and len(found.parameters) == 6
+    assert found.method == "propagation" and len(found.parameters) == 6
     ts = jnp.linspace(0, 0.2, 101)
 
     @jax.jit

@@ -1,4 +1,4 @@
-"""Sweeps as numbers: against single runs, paths of evaluation, statuses, gradients, devices."""
+"""Sweeps as numbers: against single runs, methods of evaluation, statuses, gradients, devices."""
 
 import json
 import subprocess
@@ -10,12 +10,14 @@ import pytest
 
 import omnijax
 from omnijax import InputError, load_rig, load_sweep, set_parameter, sweep
+from omnijax._status import Status
 from omnijax.cli._frame import run
 from omnijax.laws import LiftOff
 from omnijax.simulation import ramp, speeds, steady_state, torques
 from omnijax.study._axes import read_axis
-from omnijax.study._sweep import paths as _sweep_paths
-from omnijax.study._sweep.store import STATUS
+from omnijax.study._evaluation import Question
+from omnijax.study._evaluation.evaluation import without_failed
+from omnijax.study._evaluation.methods import choose
 from omnijax.vibration import evaluate
 
 VARY = {"wheel.roundness": "0.2:0.6:4", "contact.stiffness": "log:5e4:1e6:5"}
@@ -25,7 +27,7 @@ AXIS = read_axis("sphere.mass", "5,6", "kg")
 
 def test_steady_sweep_is_the_steady_state_of_each_design():
     result = sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
-    assert result.spec.path == "steady-bulk" and result["peak"].shape == (4, 5)
+    assert result.spec.method == "steady-bulk" and result["peak"].shape == (4, 5)
     rig = set_parameter(load_rig("atlas"), "wheel.roundness", 0.6)
     rig = set_parameter(rig, "contact.stiffness", 1e6)
     alone = steady_state(rig, np.array(SPEEDS))
@@ -54,7 +56,7 @@ def test_runs_with_a_duration_agree_with_one_run():
     vary = {"speed.scale": [0.5, 2.0], "wheel.w2.contact.stiffness": [1e5, 2e5]}
     numerics = {"speeds": SPEEDS, "duration": 0.2, "rate": 100, "chunk": 2}
     result = sweep("atlas", vary, "rms", **numerics)
-    assert result.spec.path == "bulk" and "decoupled" in result.path
+    assert result.spec.method == "bulk" and "decoupled" in result.method
     rig = set_parameter(load_rig("atlas"), "wheel.w2.contact.stiffness", 2e5)
     alone = omnijax.propagate(rig, speeds([0.2, 2.4, 0.6]), np.linspace(0, 0.2, 21))
     expected = float(evaluate(alone, rig, ("rms",))["rms"]) * np.sqrt(21 / 20)
@@ -72,8 +74,8 @@ def test_statuses_of_full_runs_and_the_command_that_reruns_one(tmp_path, capsys)
     numerics = {"solver": "tsit5", "rtol": 1e-5, "max_steps": 60, "duration": 0.02, "rate": 200}
     out, drive = tmp_path / "full.zarr", torques((0.1, 0.2, 0.3))
     result = sweep(rig, vary, "rms", drive=drive, chunk=3, out=out, **numerics)
-    assert result.spec.path == "full" and "torques" in result.path
-    status = [STATUS[k] for k in result.store.read("status")]
+    assert result.spec.method == "full" and "torques" in result.method
+    status = [Status(k).text for k in result.store.read("status")]
     lifted = ["lift-off", "lift-off"]
     assert status == [*lifted, "slip", "ok", *lifted, "step limit", "step limit"]
     assert np.isfinite(result["rms"][0]).all()  # lift-off and slip keep their figures
@@ -91,9 +93,9 @@ def test_torque_driven_sweeps_by_fixed_steps_agree_with_adaptive_runs(tmp_path):
     given = {"drive": torques((0.1, 0.5, -0.25)), "duration": 0.2, "chunk": 2}
     metrics = ("peak", "rms", "slip_margin")
     whole = sweep("atlas", vary, metrics, out=tmp_path / "whole.zarr", **given)
-    assert whole.spec.path == "fixed" and "halving the step" in whole.path
+    assert whole.spec.method == "fixed" and "halving the step" in whole.method
     adaptive = sweep("atlas", vary, metrics, rtol=1e-8, **given)
-    assert adaptive.spec.path == "full" and "tolerance is given" in adaptive.path
+    assert adaptive.spec.method == "full" and "tolerance is given" in adaptive.method
     for name in metrics:
         np.testing.assert_allclose(whole[name], adaptive[name], rtol=2e-4)
     assert whole.counts() == adaptive.counts() == {"ok": 4}
@@ -113,7 +115,6 @@ def test_torque_driven_sweeps_by_fixed_steps_agree_with_adaptive_runs(tmp_path):
     [
         ({"drive": torques(ramp(0, 1, (0, 0, 0), (0.1, 0.2, 0.3)))}, "constant motor torques"),
         ({"solver": "tsit5"}, "solver or its tolerance"),
-        ({"gradient": True}, "gradients"),
         ({"rig": load_rig("atlas").add(LiftOff(), "all")}, "laws act at contacts"),
     ],
 )
@@ -129,41 +130,44 @@ def test_where_torque_driven_sweeps_keep_adaptive_steps(changes, message):
             "coupled", changes.get("solver", "auto"), 0.1, None, None, None
         ),
     )
-    assert spec.path == "full" and message in why
+    assert spec.method == "full" and message in why
 
 
 def test_figures_that_are_not_finite_make_a_design_failed():
-    values, status = _sweep_paths._with_status(jax.numpy.array([1.0, jax.numpy.inf]), 4)
+    values, status = without_failed(jax.numpy.array([1.0, jax.numpy.inf]), 4)
     assert int(status) == 1 and np.isnan(values).all()
-    values, status = _sweep_paths._with_status(jax.numpy.array([1.0, 2.0]), 2)
+    values, status = without_failed(jax.numpy.array([1.0, 2.0]), 2)
     assert int(status) == 2 and np.isnan(values).all()
 
 
-def test_path_follows_from_rig_and_drive():
+def test_method_follows_from_rig_and_drive():
     rig = load_rig("atlas")
 
-    def path(rig, drive, duration, metrics=("rms",)):
-        return omnijax.study._sweep.plan._how(
-            rig,
-            drive,
-            [AXIS],
-            omnijax.study._points.Grid((AXIS,)),
-            metrics,
-            omnijax.study._sweep.plan.Numerics("coupled", "auto", duration, None, None, None),
-        )[0]["path"]
+    def method(rig, drive, duration, metrics=("rms",), varied=(), rows=True):
+        return choose(Question(rig, (drive,), varied, metrics, "coupled", duration, rows))[0]
 
     constant, moving = speeds(SPEEDS), speeds(ramp(0, 1, (0, 0, 0), SPEEDS))
-    assert path(rig, constant, None) == "steady-bulk"
-    assert path(rig, constant, 2.0) == "bulk"
-    assert path(rig, constant, 2.0, ("slip_margin",)) == "propagation"
-    assert path(load_rig("atlas-tripod"), constant, 2.0) == "propagation"
-    assert path(rig, moving, 2.0) == "full"
-    assert path(rig.add(LiftOff(), "all"), constant, 2.0) == "full"
+    pushed = speeds(SPEEDS, (0.0, 0.0, 9.0))
+    assert method(rig, constant, None) == "steady-bulk"
+    assert method(rig, constant, None, rows=False) == "steady"
+    assert method(rig, pushed, None) == method(rig, constant, None, varied=("force.x",)) == "steady"
+    assert method(rig, constant, 2.0) == "bulk"
+    assert method(rig, pushed, 2.0) == method(rig, constant, 2.0, varied=("force.x",))
+    assert method(rig, pushed, 2.0) == "propagation"
+    assert method(rig, constant, 2.0, ("slip_margin",)) == "propagation"
+    assert method(load_rig("atlas-tripod"), constant, 2.0) == "propagation"
+    assert method(rig, moving, 2.0) == "full"
+    assert method(rig.add(LiftOff(), "all"), constant, 2.0) == "full"
+    assert method(rig, torques((1, 1, 1)), 2.0) == "fixed"
+    assert method(rig, torques(ramp(0, 1, (0, 0, 0), SPEEDS)), 2.0) == "full"
     for case in ((rig, moving), (rig.add(LiftOff(), "all"), constant), (rig, torques((1, 1, 1)))):
         with pytest.raises(InputError, match="needs a `duration`"):
-            path(*case, None)
+            method(*case, None)
     with pytest.raises(InputError, match="does not give peak_to_peak"):
-        path(rig, constant, None, ("peak_to_peak",))
+        method(rig, constant, None, ("peak_to_peak",))
+    flat = set_parameter(rig, "wheel.w3.normal", rig.wheels.normal[0])
+    with pytest.raises(InputError, match="do not hold the sphere"):
+        method(flat, constant, None)
 
 
 def test_another_size_of_sweep_does_not_compile_again():
@@ -234,7 +238,7 @@ def test_command_prints_what_a_machine_reads(capsys, tmp_path):
         words += ["--vary", f"{path}={text}"]
     assert run([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["designs"] == 20 and found["path"] == "steady-bulk"
+    assert found["designs"] == 20 and found["method"] == "steady-bulk"
     assert found["status"] == {"ok": 20}
     assert found["best"]["peak"]["unit"] == "m" and picture.stat().st_size > 1000
     assert run([*words]) == 0

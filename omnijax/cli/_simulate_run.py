@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from .._errors import InputError
+from .._status import Status
 from ._progress import bar
 
 
@@ -57,5 +58,5 @@ def _in_pieces(rig: Any, drive: Any, times: Any, before, **options: Any) -> tupl
             raise KeyboardInterrupt("Interrupted before the first sample.") from None
         import jax.numpy as jnp
 
-        return dataclasses.replace(joined(runs), status=jnp.asarray(4)), end
+        return dataclasses.replace(joined(runs), status=jnp.asarray(Status.INTERRUPTED)), end
     return joined(runs), None

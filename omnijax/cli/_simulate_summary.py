@@ -19,14 +19,14 @@ def summarise(run: Any, rig: Any) -> dict[str, Any]:
     import jax
     import numpy as np
 
-    from ..simulation import STATUS
+    from .._status import Status
 
     good = np.isfinite(np.asarray(run.dR)).all(axis=1)
     kept = jax.tree.map(lambda x: x[good] if np.ndim(x) and len(x) == len(good) else x, run)
     names = [name for name, _, _ in FIGURES]
     figures = _figures(kept, rig, names) if good.any() else dict.fromkeys(names)
     return {
-        "status": STATUS[int(run.status)],
+        "status": Status(int(run.status)).text,
         "message": run.message(),
         "time_reached": run.time_reached if good.any() else None,
         "samples": int(good.sum()),

@@ -15,8 +15,8 @@ def summarise(result: Any) -> dict[str, Any]:
             best[name]["status"] = result.status(index)
     return {
         "designs": result.size,
-        "path": result.spec.path,
-        "why": result.path,
+        "method": result.spec.method,
+        "why": result.method,
         "status": result.counts(),
         "best": best,
         "failed": [{"design": i, "rerun": result.command(i)} for i in result.failed(SHOWN)],
@@ -26,6 +26,7 @@ def summarise(result: Any) -> dict[str, Any]:
 
 def show(result: Any, summary: dict[str, Any]) -> None:
     """The summary for people."""
+    from .._status import FAILED
     from ..study import status_text
 
     print(f"{summary['designs']} designs by {summary['why']}.")
@@ -40,7 +41,7 @@ def show(result: Any, summary: dict[str, Any]) -> None:
         print(f"(design {found['design']}{doubt})")
     for entry in summary["failed"]:
         print(f"design {entry['design']} failed; again: {entry['rerun']}")
-    more = sum(summary["status"].get(k, 0) for k in ("non-finite", "step limit", "failed"))
+    more = sum(summary["status"].get(k, 0) for k in (x.text for x in FAILED))
     if more > SHOWN:
         print(f"... and {more - SHOWN} more failed designs.")
     if summary.get("plot"):

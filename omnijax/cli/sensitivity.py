@@ -53,13 +53,10 @@ def sensitivity(
     report
         A folder for a page with the tornado figures.
     """
-    from .._errors import InputError
     from .._files import claim
     from ..rig import load_rig
     from ..study import sensitivity as run
 
-    if motion.force is not None and motion.duration is None:
-        raise InputError("`force` needs a run: give --duration.")
     machine = load_rig(rig)
     claim([out], [report], force=overwrite)
     found = run(
@@ -80,7 +77,7 @@ def sensitivity(
 
 def _plain(found: Any) -> dict[str, Any]:
     return {
-        "way": found.way,
+        "method": found.method,
         "metrics": {
             name: {
                 "value": float(found.figures[m]),
@@ -101,7 +98,7 @@ def _print(found: Any, per_wheel: bool, top: int) -> None:
     from rich.table import Table
 
     console = Console(markup=False, highlight=False)
-    console.print(f"{found.way}; change of the metric in % per % of the parameter")
+    console.print(f"{found.how}; change of the metric in % per % of the parameter")
     for m, name in enumerate(found.metrics):
         console.print(f"\n{name} = {found.figures[m]:.6g} {found.metric_units[m]}")
         table = Table("parameter", "% per %", box=None, padding=(0, 2))
@@ -125,7 +122,7 @@ def _page(folder: Path, found: Any, machine: Any) -> None:
     lead, value = next(iter(found.together(first).items()))
     lines = [
         f"`{lead}` matters most for {first}: {shown(value)} % per %.",
-        f"Exact derivatives along the {found.way}. Parameters of the same kind are changed on all "
+        f"Exact derivatives by {found.how}. Parameters of the same kind are changed on all "
         "wheels at once in the figures; the table has every wheel by itself.",
         *found.sentences(),
     ]

@@ -145,13 +145,13 @@ def _code(run: Any, out: Path | None) -> int:
     """The exit code, and on stderr what to do about a run that did not reach its end."""
     import sys
 
-    from ..simulation import STATUS
+    from .._status import Status
     from ._frame import FAILED, INTERRUPTED, OK
 
     if run.ok:
         return OK
     print(run.message(), file=sys.stderr)
-    if STATUS[int(run.status)] != "interrupted":
+    if int(run.status) != Status.INTERRUPTED:
         return FAILED
     if out is not None and out.name.endswith(".nc"):
         print(f"Go on with: {_command()} --resume", file=sys.stderr)

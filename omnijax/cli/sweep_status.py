@@ -18,13 +18,14 @@ def sweep_status(store: Path, /, *, rerun: int | None = None, json: Json = False
     rerun
         Evaluate this design of the store again and print its figures.
     """
+    from .._status import FAILED
     from ..study import load_sweep
 
     result = load_sweep(store)
     if rerun is not None:
         found = _again(result, rerun)
         emit(json, found, lambda: _print_design(result, found))
-        return 0 if found["status"] not in {"non-finite", "step limit", "failed"} else 1
+        return 0 if found["status"] not in {x.text for x in FAILED} else 1
     from ..study import progress
     from ._sweep_summary import summarise
 
@@ -37,24 +38,24 @@ def sweep_status(store: Path, /, *, rerun: int | None = None, json: Json = False
 def _again(result: Any, index: int) -> dict[str, Any]:
     import numpy as np
 
-    from ..study import STATUS, Evaluator
+    from .._status import Status
+    from ..study import Evaluator
 
     result.design(index)  # refuses an index outside
     columns = Evaluator(result.spec).designs(np.array([index]))
     found = {name: values[0].item() for name, values in columns.items()}
-    return {"design": index} | found | {"status": STATUS[int(found["status"])]}
+    return {"design": index} | found | {"status": Status(int(found["status"])).text}
 
 
 def _print_design(result: Any, found: dict[str, Any]) -> None:
-    from ..simulation import REMEDY
-    from ..study import STATUS
+    from .._status import Status
 
     print(f"design {found['design']}: {found['status']}")
     for name in result.store.names[:-1]:
         print(f"  {name} = {found[name]:.9g} {result.unit(name)}")
-    for code, remedy in REMEDY.items():
-        if STATUS[code] == found["status"]:
-            print(remedy)
+    remedy = Status.of(found["status"]).remedy
+    if remedy:
+        print(remedy)
 
 
 def _print(result: Any, summary: dict[str, Any]) -> None:

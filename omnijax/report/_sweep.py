@@ -125,7 +125,7 @@ def _failures(result: SweepResult) -> list[Section]:
 
 def _how(result: SweepResult) -> Section:
     spec = result.spec
-    rows = [["path of evaluation", result.path], ["translation model", spec.model]]
+    rows = [["method of evaluation", result.method], ["translation model", spec.model]]
     rows += [[f"`{path}`", f"{text} ({unit})"] for path, unit, text in spec.vary]
     rows.append(
         ["points", spec.sampler if spec.samples is None else f"{spec.samples} {spec.sampler}"]

@@ -50,6 +50,4 @@ from ._steady import fourier as fourier
 from ._steady import line_rates as line_rates
 from ._steady import line_response as line_response
 from ._steady import steady_state as steady_state
-from ._trajectory import REMEDY as REMEDY
-from ._trajectory import STATUS as STATUS
 from ._trajectory import Trajectory as Trajectory

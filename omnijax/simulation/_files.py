@@ -12,12 +12,13 @@ from jax.flatten_util import ravel_pytree
 from .. import __version__
 from .._errors import InputError
 from .._netcdf import load_netcdf, write_netcdf
+from .._status import Status
 from ..dynamics import State
 from ..recording import Recording, write_recording
 from ..recording import channels as channel_names
 from ..rig import Rig, rig_text
 from ._sensors import GROUPS, measured
-from ._trajectory import STATUS, Trajectory
+from ._trajectory import Trajectory
 
 SUFFIXES = (".nc", ".csv", ".csv.gz", ".parquet")
 _AXES = {"axis": ["x", "y", "z"], "quaternion": ["w", "x", "y", "z"]}
@@ -151,7 +152,7 @@ def _attributes(trajectory: Trajectory, rig: Rig | None, command: str) -> dict[s
     versions += [f"{p} {importlib.metadata.version(p)}" for p in ("jax", "diffrax", "numpy")]
     return {
         "title": "a run of a sphere on omnidirectional wheels",
-        "status": STATUS[code],
+        "status": Status(code).text,
         "status_code": code,
         "message": trajectory.message(),
         "steps": int(trajectory.steps),
@@ -167,7 +168,7 @@ def _from_dataset(data: Any) -> Trajectory:
     arrays = {name: jnp.asarray(data[name].values) for name in own if name in data.variables}
     return Trajectory(
         **arrays,
-        status=jnp.asarray(data.attrs["status_code"], int),
+        status=jnp.asarray(int(Status.of(data.attrs["status"])), int),
         steps=jnp.asarray(data.attrs["steps"], int),
         method=str(data.attrs["method"]),
         names=tuple(str(name) for name in data["wheel"].values),

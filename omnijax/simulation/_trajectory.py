@@ -10,20 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from .._html import html_table
 from .._root import root
-
-STATUS = {
-    0: "ok",
-    1: "non-finite",
-    2: "step limit",
-    3: "failed",
-    4: "interrupted",
-}
-REMEDY = {
-    1: "the state became infinite: lower `rtol`, or look for a law without bound.",
-    2: "the step limit was reached: raise `max_steps`, or loosen `rtol`.",
-    3: "the solver gave up: try `solver='kvaerno5'`, or lower `rtol`.",
-    4: "what was computed is kept.",
-}
+from .._status import Status
 
 
 class ContactLoss(NamedTuple):
@@ -40,7 +27,7 @@ class ContactLoss(NamedTuple):
 class Trajectory(eqx.Module):
     """A run: one row a sample; `units()` names every channel's unit.
 
-    `status` is a key of `STATUS`; samples after the failure of a run are not finite, and
+    `status` is a code of `Status`; samples after the failure of a run are not finite, and
     `time_reached` is the last good one.  `lift_off` and `slip` say whether a contact's normal
     force went below 0 or |f| above mu N at a sample.
     """
@@ -146,8 +133,8 @@ class Trajectory(eqx.Module):
             lost += f" ({more} more of slip or lift-off)" if more > 0 else ""
             end = f"{len(self.t)} samples to {float(self.t[-1]):g} s ({self.method})."
             return f"ok{lost}: {end}"
-        code = int(self.status)
-        return f"{STATUS[code]} after {self.time_reached:g} s: {REMEDY[code]}"
+        ended = Status(int(self.status))
+        return f"{ended.text} after {self.time_reached:g} s: {ended.remedy}"
 
     def save(self, path, rig=None, rig_path=None, command: str = "") -> Path:
         """Write the run: `.nc` with everything, `.csv`, `.csv.gz` or `.parquet` as a recording."""

@@ -10,6 +10,8 @@ from ._design import designed_rig as designed_rig
 from ._design import optimise as optimise
 from ._design import pareto as pareto
 from ._design import trade_off as trade_off
+from ._evaluation import METHODS as METHODS
+from ._evaluation import checked_metrics as checked_metrics
 from ._file import Study as Study
 from ._file import load_study as load_study
 from ._file import parse_study as parse_study
@@ -21,7 +23,6 @@ from ._problem import Problem as Problem
 from ._problem import Variable as Variable
 from ._sensitivity import Sensitivity as Sensitivity
 from ._sensitivity import SpeedSensitivity as SpeedSensitivity
-from ._sensitivity import checked_metrics as checked_metrics
 from ._sensitivity import sensitivity as sensitivity
 from ._sensitivity import sensitivity_over_speeds as sensitivity_over_speeds
 from ._spread import GlobalSensitivity as GlobalSensitivity
@@ -30,7 +31,6 @@ from ._spread import Tolerances as Tolerances
 from ._spread import analyse as analyse
 from ._spread import global_sensitivity as global_sensitivity
 from ._spread import tolerances as tolerances
-from ._sweep import STATUS as STATUS
 from ._sweep import Bar as Bar
 from ._sweep import Evaluator as Evaluator
 from ._sweep import SweepResult as SweepResult

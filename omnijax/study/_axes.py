@@ -8,6 +8,7 @@ import numpy as np
 
 from .._errors import InputError
 from ..rig import as_number
+from ._range import Ranges
 
 FORMS = "low:high:count, log:low:high:count, a list a,b,c, or low:high for lhs and sobol"
 
@@ -30,7 +31,7 @@ class Axis:
         if self.values is not None:
             return np.asarray(self.values)[k]
         last = max((self.count or 1) - 1, 1)
-        return np.where(k == last, self.high, self._between(k / last))
+        return np.where(k == last, self.high, self._between(np.asarray(k / last)))
 
     def quantile(self, share) -> np.ndarray:
         """Values at `share` in [0, 1) of the range, or of the list."""
@@ -40,9 +41,7 @@ class Axis:
         return self._between(share)
 
     def _between(self, share) -> np.ndarray:
-        if self.log:
-            return self.low * np.exp(share * np.log(self.high / self.low))
-        return self.low + share * (self.high - self.low)
+        return Ranges.of([self]).value(share[..., None])[..., 0]
 
     def levels(self) -> np.ndarray:
         """Every level of an axis that has them."""

@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from ._range import Ranges
 
 
 class Variable(NamedTuple):
@@ -27,6 +28,11 @@ class Variable(NamedTuple):
     whole: bool = False
     unit: str = "1"
     start: float | None = None
+
+    def quantile(self, share: np.ndarray) -> np.ndarray:
+        """Values at shares in [0, 1] of the range, whole ones where the variable is."""
+        values = Ranges.of([self]).value(np.asarray(share)[..., None])[..., 0]
+        return np.round(values) if self.whole else values
 
 
 class Limit(NamedTuple):
@@ -91,34 +97,6 @@ def check_variables(variables: tuple[Variable, ...]) -> None:
     problems += [] if variables else ["a design needs at least one variable."]
     if problems:
         raise InputError(problems)
-
-
-class Scale(NamedTuple):
-    """Bounds as arrays, on the scale of the search."""
-
-    low: Float[Array, " d"]
-    span: Float[Array, " d"]
-    log: Array
-
-    @classmethod
-    def of(cls, variables: tuple[Variable, ...]) -> "Scale":
-        """The scale of `variables`."""
-        log = np.array([v.log for v in variables])
-        bounds = np.array([[v.low, v.high] for v in variables], float)
-        bounds = np.where(log[:, None], np.log(np.where(log[:, None], bounds, 1.0)), bounds)
-        return cls(
-            jnp.asarray(bounds[:, 0]), jnp.asarray(bounds[:, 1] - bounds[:, 0]), jnp.asarray(log)
-        )
-
-    def value(self, share):
-        """x at the share s of the range."""
-        y = self.low + self.span * share
-        return jnp.where(self.log, jnp.exp(jnp.where(self.log, y, 0.0)), y)
-
-    def share(self, x):
-        """The share of the range at x."""
-        y = jnp.where(self.log, jnp.log(jnp.where(self.log, x, 1.0)), x)
-        return (y - self.low) / self.span
 
 
 def from_angle(z):

@@ -4,9 +4,9 @@ from collections.abc import Mapping
 from typing import Any
 
 from .._errors import InputError, did_you_mean
-from ..rig import Rig, parameter_info, parameter_paths, read_parameter, set_parameter
+from ..rig import Rig, parameter_info, parameter_paths, read_parameter
 from ._axes import Axis, read_axis
-from ._drive import Drive, drive_quantities
+from ._evaluation import Drive, drive_quantities
 
 _WHOLE = ("sphere.", "platform.", "effect.")  # their vectors are no lists of wheels
 
@@ -44,14 +44,3 @@ def _read(rig: Rig, drive: Drive, path: str, given: Any) -> Axis:
     for value in levels:
         read_parameter(rig, path, float(value))
     return axis
-
-
-def apply(rig: Rig, drive: Drive, paths: tuple[str, ...], values) -> tuple[Rig, Drive]:
-    """Rig and drive with `values` (d,), traced or not, at `paths`."""
-    quantities = drive_quantities(drive, rig.names)
-    for i, path in enumerate(paths):
-        if path in quantities:
-            drive = quantities[path][1](drive, values[i])
-        else:
-            rig = set_parameter(rig, path, values[i])
-    return rig, drive

@@ -186,14 +186,16 @@ def steady_metrics(
     *,
     model: str = "coupled",
     angles: Float[Array, " n"] | None = None,
+    force: Float[Array, "3"] | None = None,
 ) -> dict[str, Float[Array, ""]]:
     """The named metrics of the steady state at constant `speeds` (rad/s); differentiable.
 
+    A constant `force` on the platform (N) counts as in `steady_state`.
     Every metric of `STEADY_METRICS`; `ValueError` for others, which need a run.
     """
     for name in names:
         if known(name) not in STEADY_METRICS:
             raise ValueError(f"`{name}` has no steady-state form; give a `duration`.")
     angles = jnp.zeros(rig.size) if angles is None else angles
-    run = SteadyRun(rig, jnp.asarray(speeds, float), angles, model)
+    run = SteadyRun(rig, jnp.asarray(speeds, float), angles, model, force=force)
     return {name: run.metric(name) for name in names}

@@ -83,7 +83,8 @@ def _square(x):
 
 @eqx.filter_jit
 def contact_load(
-    rig: Rig, speeds: Float[Array, " n"], model: str = "coupled", angles=None
+    rig: Rig, speeds: Float[Array, " n"], model: str = "coupled", angles=None, force=None
 ) -> ContactLoad:
     """Extremes of the contacts' normal forces and slip margins at constant `speeds` (rad/s)."""
-    return SteadyRun(rig, speeds, jnp.zeros(rig.size) if angles is None else angles, model).load()
+    angles = jnp.zeros(rig.size) if angles is None else angles
+    return SteadyRun(rig, speeds, angles, model, force=force).load()

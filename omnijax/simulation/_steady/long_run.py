@@ -3,6 +3,8 @@
 Leaner than `SteadyState`: only what is asked for is computed, which counts where thousands of
 designs are compiled into one search.  Every output is linear in z, the elastic state beside the
 forcing's terms, so its extremes over all phases are sums of extremes of each signal's own part.
+A constant force P on the platform moves the stationary state in the frame of the centre of mass by
+y_P = -A^-1 (dA y/dP) P; it stands in the constant term of the first signal.
 """
 
 import jax
@@ -10,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._root import root
+from ...dynamics import solve_all
 from ...rig import Rig
 from .._exact import (
     Forced,
@@ -39,7 +42,7 @@ class LongRun:
     """
 
     def __init__(self, rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"], model: str,
-                 bits: int = BITS, levels: int = LEVELS):  # fmt: skip
+                 bits: int = BITS, levels: int = LEVELS, force=None):  # fmt: skip
         self.rig, self.speeds, self.angles, self.model, self.bits = rig, speeds, angles, model, bits
         self.signals = forcing(rig, speeds, angles)
         self.system, _ = balanced(forced_system(rig, model, speeds, self.signals.wheel))
@@ -47,11 +50,23 @@ class LongRun:
         self.states = self.system.A.shape[0]
         self.starts = periodic_starts(self.cycles, self.states)
         self._moments = self._places = None
+        self.pushed = None if force is None else self._constant(force)
+
+    def _constant(self, force: Float[Array, "3"]) -> Float[Array, " m"]:
+        """y_P: the state that a constant force on the platform (N) holds."""
+        return -solve_all(self.system.A, (self.system.force @ force)[:, None])[:, 0]
 
     def curves(self, *names: str) -> Curves:
         """Outputs beside each other."""
-        rows = [output_rows(self.system, self.signals, self.cycles, n) for n in names]
+        rows = [self._rows(name) for name in names]
         return Curves(self.cycles, self.starts, jnp.concatenate(rows, axis=-2))
+
+    def _rows(self, name: str) -> Float[Array, "g k o N"]:
+        """One output over z, with what the force on the platform adds to it."""
+        rows = output_rows(self.system, self.signals, self.cycles, name)
+        if self.pushed is None:
+            return rows
+        return rows.at[0, :, :, self.states].add(self.system.state[name] @ self.pushed)
 
     @property
     def weight(self) -> Float[Array, "g k"]:

@@ -86,6 +86,7 @@ def steady_state(
     harmonics: int = 32,
     grid_bits: int | None = None,
     sharpness: float | None = None,
+    force: Float[Array, "3"] | None = None,
 ) -> SteadyState:
     """Long-run vibration of `rig` at constant wheel `speeds` (rad/s, any sign, zero too).
 
@@ -93,7 +94,9 @@ def steady_state(
     suprema refined by Newton's method from places graded towards each edge and 2^`grid_bits` even
     ones a piece, unless stated four an oscillation of the rig, but 512 to 8192.  `angles` (rad)
     matter only for wheels at rest.  With `sharpness` p the peak of |dR| is the smooth one, the
-    p-norm over the phases, which lies below the supremum and has a gradient everywhere.  Raises
+    p-norm over the phases, which lies below the supremum and has a gradient everywhere.  A constant
+    `force` on the platform (N) accelerates the machine as a whole and adds a constant deflection;
+    accelerations are those of the inertial frame, so the common one is part of them.  Raises
     `ValueError` for a rig with laws that are not linear in the elastic state.
     """
     reason = exact_obstacle(rig, model)
@@ -106,12 +109,13 @@ def steady_state(
     passage = longest_passage(rig, speeds, angles, model)
     bits = bits_needed(passage) if grid_bits is None else grid_bits
     levels = levels_needed(passage, bits)
-    return _steady(rig, speeds, angles, model, harmonics, bits, sharpness, levels)
+    force = None if force is None else jnp.asarray(force, float)
+    return _steady(rig, speeds, angles, model, harmonics, bits, sharpness, levels, force)
 
 
 @kept
-def _steady(rig, speeds, angles, model, count, bits, sharpness, levels) -> SteadyState:
-    run = LongRun(rig, speeds, angles, model, bits, levels)
+def _steady(rig, speeds, angles, model, count, bits, sharpness, levels, force) -> SteadyState:
+    run = LongRun(rig, speeds, angles, model, bits, levels, force)
     mean, square = run.statistics("dR")
     high, low = run.extremes("dR")
     peak, peak_elastic = run.suprema("dR", "dR_elastic")

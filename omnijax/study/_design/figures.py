@@ -5,7 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._errors import InputError
-from .._problem import Problem, Scale
+from .._batches import in_batches, value_and_jacobian
+from .._problem import Problem
+from .._range import Ranges
 from .evolve import Rank
 from .polish import Scaled, Slopes
 from .starts import start_shares
@@ -18,7 +20,7 @@ class Figures:
     """f and g of a problem with their slopes; `size` is what f is measured in, `unit` the g."""
 
     def __init__(self, problem: Problem, seed: int):
-        self.problem, self.scale = problem, Scale.of(problem.variables)
+        self.problem, self.scale = problem, Ranges.of(problem.variables)
         self.unit = np.array([x.scale for x in problem.limits])
         self.bound = np.array([x.bound for x in problem.limits])
         self._slopes = jax.jit(self._with_slopes)
@@ -36,11 +38,8 @@ class Figures:
     def _with_slopes(self, share):
         """f (k,), g (c,) and their slopes (k, d), (c, d) at one design."""
 
-        def push(tangent):
-            return jax.jvp(self._parts, (share,), (tangent,))
-
-        (f, g), (df, dg) = jax.vmap(push)(jnp.eye(len(share)))
-        return f[0], g[0], df.T, dg.T
+        (f, g), (df, dg) = value_and_jacobian(self._parts)(share)
+        return f, g, df, dg
 
     def slopes(self, share: np.ndarray) -> Slopes:
         """Figures and slopes of one design."""
@@ -52,13 +51,7 @@ class Figures:
 
     def values(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Figures f (n, k) and g (n, c) of designs, in pieces of one compiled shape."""
-        parts = []
-        for first in range(0, len(shares), WIDTH):
-            index = np.minimum(np.arange(first, first + WIDTH), len(shares) - 1)
-            found = self._values(jnp.asarray(shares[index]))
-            parts.append([np.asarray(x)[: len(shares) - first] for x in found])
-        f, g = (np.concatenate(x) for x in zip(*parts, strict=True))
-        return f, g
+        return in_batches(self._values, shares, WIDTH)
 
     def combined(self, f: np.ndarray) -> np.ndarray:
         """The objective of f (..., k)."""

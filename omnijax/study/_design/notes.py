@@ -10,11 +10,11 @@ import numpy as np
 from ..._errors import InputError
 from ..._text import amount
 from ...rig import get_parameter
-from .._file import RTOL, Study
+from .._file import Study
 from .answer import missed
 from .engine import Engine
 from .result import Design
-from .rig import RigCases, rig_problem
+from .rig import RTOL, RigCases, rig_problem
 
 FRESH = 64  # draws of the parts that the search has not seen
 
@@ -105,10 +105,10 @@ def as_it_was(study: Study, exact: Exact) -> np.ndarray:
 
 def _by_solver(study: Study, cases: RigCases, x, found: Design) -> list[str]:
     """What the adaptive solver says of a design that fixed steps found."""
-    if cases.how.way != "fixed":
+    if cases.how.method != "fixed":
         return []
     sure = copy.copy(cases)
-    sure.how = cases.how._replace(way="full", rtol=RTOL)
+    sure.how = cases.how._replace(method="full", rtol=RTOL)
     problem = rig_problem(study, sure)
     f, g = (np.asarray(y) for y in jax.jit(problem.figures)(x, problem.extra))
     value = float(f.max() if problem.worst else f.mean())

@@ -19,7 +19,8 @@ from ..._errors import InputError, RunError
 from ...vibration import METRICS
 from .._constraints import all_limits
 from .._file import Study, study_of
-from .._problem import Limit, Problem, Scale, Variable, check_variables
+from .._problem import Limit, Problem, Variable, check_variables
+from .._range import Ranges
 from .._study_folder import Folder, Report, folder_of
 from .answer import conflict
 from .engine import Engine
@@ -107,7 +108,7 @@ def _again(trace: Trace, lanes: Lanes, found: list[End], place: np.ndarray) -> d
 
 
 def _sizes(problem: Problem, seed: int) -> np.ndarray:
-    scale = Scale.of(problem.variables)
+    scale = Ranges.of(problem.variables)
     shares = jnp.asarray(start_shares(problem, 4, seed))
     f = jax.jit(jax.vmap(lambda s: problem.figures(scale.value(s), problem.extra)[0]))(shares)
     sizes = np.nanmedian(np.abs(np.asarray(f)), axis=0)

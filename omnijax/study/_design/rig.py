@@ -1,7 +1,5 @@
 """The problem that a study of a rig poses: objective and constraints over drives, loads, parts."""
 
-from collections.abc import Callable
-
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -14,11 +12,21 @@ from ...rig import Rig, get_parameter, set_parameter
 from ...simulation import SpeedDrive, TorqueDrive
 from ...vibration import METRICS
 from .._constraints import Point, all_limits, all_values, metrics_of
-from .._drive import Drive
-from .._file import Study, fine_enough, trial_designs, way_of
+from .._evaluation import (
+    METHODS,
+    Drive,
+    Evaluation,
+    Question,
+    apply,
+    evaluation_of,
+    trial_designs,
+)
+from .._file import Study
+from .._parameters import checked_parameters, values_of
 from .._problem import Problem
-from .._sensitivity import Evaluation, checked_parameters, evaluation, values_of
-from .._target import apply
+
+RTOL = 1e-6  # of the adaptive solver, unless the study says
+RUNS = ("fixed", "full")  # methods whose every figure is an integrated run
 
 
 class RigCases:
@@ -30,31 +38,45 @@ class RigCases:
         self.objective = wanted
         self.metrics = tuple(dict.fromkeys((*wanted, *metrics_of(study.constraints))))
         self.start = study.drives[0].drive
-        how = evaluation(
-            study.rig, self.start, self.metrics, study.duration, study.model, study.rate
-        )
-        self.how, self.note = way_of(how, study.rig, self.start, study.rtol)
         self._check_constraints()
+        self._figures = None
         self.inputs = jnp.asarray(np.array([(*d.values, *d.force) for d in study.drives]))
         self.paths = tuple(v.name for v in study.variables)
         self.parts, self.width = self._tolerances()
         self.cases = self._names()
         self.load_paths = tuple(dict.fromkeys(p for x in study.loads for p, _ in x.values))
         self.loads = jnp.asarray(self._load_table())
-        if self.how.way == "fixed":
-            designs = trial_designs(study.variables, study.seed)
-            self.how, self.note = fine_enough(self.how, designs, self._trial())
+        self.how, self.note = self._evaluation()
 
-    def _trial(self) -> Callable[[np.ndarray, int], np.ndarray]:
-        """Every figure of a design in every case, for any number of substeps."""
-        nominal = jnp.zeros((1, len(self.parts)))
+    def _evaluation(self) -> tuple[Evaluation, str]:
+        """How a case is evaluated, and a sentence on it where runs are integrated."""
+        study = self.study
+        drives = tuple(case.drive for case in study.drives)
+        varied = (*self.paths, *self.load_paths, *self.parts)
+        how, why = evaluation_of(
+            Question(study.rig, drives, varied, self.metrics, study.model, study.duration),
+            study.rate,
+            rtol=study.rtol,
+            trial=self._tried,
+            designs=trial_designs(study.variables),
+        )
+        if study.rtol is None:
+            how = how._replace(rtol=RTOL)
+        how = how._replace(forward=True)
+        return how, f"runs by {METHODS[how.method]}: {why}." if how.method in RUNS else ""
 
-        @jax.jit
-        def figures(x, substeps):
-            metrics, limits = self.every(x, nominal, self.how._replace(substeps=substeps))
-            return jnp.concatenate([metrics.ravel(), limits.ravel()])
+    def _tried(self, how: Evaluation, designs: np.ndarray) -> np.ndarray:
+        """Every figure of designs in every case, (t, ...); one program for any substeps."""
+        if self._figures is None:
+            nominal = jnp.zeros((1, len(self.parts)))
 
-        return lambda x, substeps: np.asarray(figures(x, substeps))
+            def figures(x, substeps):
+                now = how._replace(substeps=substeps)
+                metrics, limits = self.every(x, nominal, now)
+                return jnp.concatenate([metrics.ravel(), limits.ravel()])
+
+            self._figures = jax.jit(figures)
+        return np.array([self._figures(x, how.substeps) for x in designs])
 
     def _check_constraints(self) -> None:
         moving = isinstance(self.start, TorqueDrive)
@@ -121,8 +143,8 @@ class RigCases:
     def one(self, x, values, load, draw, how: Evaluation | None = None) -> tuple[Array, Array]:
         """(metrics, constraints) of one case; `how` if not as the study has it."""
         rig, drive = self.rig(x, load, draw), self.drive(x, values)
-        how = (self.how if how is None else how)._replace(drive=drive)
-        run = how.run(rig)
+        how = self.how if how is None else how
+        run = how.run(rig, drive)
         metrics = how.of(run, rig)
         now = drive.speed.values[0] if isinstance(drive, SpeedDrive) else None
         named = dict(zip(self.metrics, metrics, strict=True))
@@ -223,5 +245,5 @@ def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
         unit=unit,
         extra=draws,
         draw=cases.draw if cases.parts else None,
-        costly=cases.how.way in {"full", "fixed"},
+        costly=cases.how.method in RUNS,
     )

@@ -16,7 +16,8 @@ import optax
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .._problem import Problem, Scale, from_angle, to_angle
+from .._problem import Problem, from_angle, to_angle
+from .._range import Ranges
 
 ROUNDS, INNER = 5, 15
 PENALTY, GROWTH = 30.0, 5.0
@@ -61,7 +62,7 @@ class Search:
 
     def __init__(self, problem: Problem, size: float):
         self.problem, self.size = problem, size
-        self.scale = Scale.of(problem.variables)
+        self.scale = Ranges.of(problem.variables)
         unit = jnp.array([limit.scale for limit in problem.limits], float)
         self.sizes = Sizes(jnp.asarray(size, float), unit)
         self._inner = jax.jit(jax.vmap(self._minimise, in_axes=(0, 0, 0, 0, None, None)))

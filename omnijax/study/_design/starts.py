@@ -14,7 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.stats import qmc
 
-from .._problem import Problem, Scale
+from .._problem import Problem
+from .._range import Ranges
 from .evolve import Judge, evolve, far_apart
 from .search import Lanes
 
@@ -25,7 +26,7 @@ GENERATIONS, FEW = 100, 8  # at most, and where every figure is a run
 
 def start_shares(problem: Problem, count: int, seed: int) -> np.ndarray:
     """The user's start, the middle, then a scrambled Sobol sequence; shares (count, d)."""
-    scale = Scale.of(problem.variables)
+    scale = Ranges.of(problem.variables)
     middle = np.full(len(problem.variables), 0.5)
     values = [v.start for v in problem.variables]
     first = [middle]
@@ -48,7 +49,7 @@ def whole_values(problem: Problem) -> list[np.ndarray]:
 
 def make_lanes(problem: Problem, starts: np.ndarray, combinations) -> Lanes:
     """Every start with every combination of fixed values {index: value}."""
-    scale, shares, free = Scale.of(problem.variables), [], []
+    scale, shares, free = Ranges.of(problem.variables), [], []
     limit = jnp.array([x.bound for x in problem.limits])
     for fixed in combinations:
         for start in starts:
@@ -94,7 +95,7 @@ def first_lanes(problem: Problem, count: int, seed: int, judge: Judge) -> Lanes:
 
 def rounded_lanes(problem: Problem, relaxed: np.ndarray) -> Lanes:
     """Both neighbours of every whole variable at relaxed shares (m, d), to be searched again."""
-    scale, values = Scale.of(problem.variables), whole_values(problem)
+    scale, values = Ranges.of(problem.variables), whole_values(problem)
     index = [i for i, v in enumerate(values) if len(v)]
     parts = []
     for share in relaxed:

@@ -7,11 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..._errors import InputError, did_you_mean
+from ..._errors import InputError
 from ..._status import FAILED, Status
 from ...rig import Rig
 from ...simulation import Trajectory, propagate, simulate, simulate_fixed
-from ...vibration import METRICS, SteadyRun, evaluate
+from ...vibration import SteadyRun, evaluate, metric_problem
 from .drives import Drive
 
 RATE = 500.0  # samples per s of a run
@@ -132,11 +132,7 @@ def checked_metrics(metrics: "str | tuple[str, ...] | list[str]") -> tuple[str, 
     """
     listed = metrics.split(",") if isinstance(metrics, str) else metrics
     names = tuple(name.strip() for name in listed)
-    problems = [
-        f"`{name}` is no metric.{did_you_mean(name, METRICS)} Metrics: {', '.join(METRICS)}."
-        for name in names
-        if name not in METRICS
-    ]
+    problems = [problem for name in names if (problem := metric_problem(name))]
     problems += [] if names else ["at least one metric is needed, as in peak,rms."]
     twice = dict.fromkeys(name for name in names if names.count(name) > 1)
     problems += [f"`metric` names `{name}` twice." for name in twice]

@@ -6,29 +6,32 @@ Fixed steps cost in proportion to their number: with the derivatives of a 0.5 s 
 its tolerance.
 """
 
-import itertools
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.stats import qmc
-
-from .._range import Range
 
 TOLERANCE = 1e-4  # change of every figure when the step is halved
 FINEST = 64  # substeps
 CORNERS, INSIDE = 8, 8  # designs that the step is tried on
 
 
-def trial_designs(ranges: Sequence[Range], corners: int = CORNERS, inside: int = INSIDE):
-    """Designs (t, d) all over the ranges: corners, and Sobol points between them."""
+def trial_designs(ranges: Sequence[Any], corners: int = CORNERS, inside: int = INSIDE):
+    """Designs (t, d) all over the ranges: up to `corners` corners, and `inside` Sobol points.
+
+    A range has `low`, `high` and `quantile(share)`, as axes and variables have.
+    """
     if not ranges:
         return np.zeros((1, 0))
-    ends = list(itertools.islice(itertools.product((0.0, 1.0), repeat=len(ranges)), 4 * corners))
-    chosen = [ends[i] for i in np.unique(np.linspace(0, len(ends) - 1, corners).astype(int))]
-    drawn = qmc.Sobol(len(ranges), scramble=True, rng=0).random(inside)
-    shares = np.concatenate([np.array(chosen), np.ones((1, len(ranges))), drawn])
-    columns = [x.quantile(np.minimum(shares[:, j], 1.0)) for j, x in enumerate(ranges)]
-    return np.unique(np.stack(columns, axis=-1), axis=0)
+    size = len(ranges)
+    last = 2**size - 1
+    number = {round(k * last / (corners - 1)) for k in range(corners)}
+    high = np.array([[(i >> j) & 1 for j in range(size)] for i in sorted(number)], bool)
+    ends = np.where(high, [x.high for x in ranges], [x.low for x in ranges])
+    drawn = qmc.Sobol(size, scramble=True, rng=0).random(inside)
+    columns = [x.quantile(drawn[:, j]) for j, x in enumerate(ranges)]
+    return np.concatenate([ends, np.stack(columns, axis=-1)])
 
 
 def fine_enough(

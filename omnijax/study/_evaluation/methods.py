@@ -136,7 +136,9 @@ def choose(question: Question) -> tuple[str, str]:
 
     Raises `InputError` where the question asks for a steady state that does not exist.
     """
-    exact, bulk = ("steady", "steady-bulk") if question.duration is None else ("propagation", "bulk")
+    exact, bulk = (
+        ("steady", "steady-bulk") if question.duration is None else ("propagation", "bulk")
+    )
     reason = obstacle(exact, question)
     if reason is None:
         against = obstacle(bulk, question)

@@ -5,9 +5,9 @@ from typing import Any
 
 from ..._errors import InputError, did_you_mean
 from ...rig import Quantity, Rig, parameter_info, parameter_paths
-from .._drive import drive_quantities
+from .._evaluation import drive_quantities
+from .._parameters import speaks_of_all
 from .._problem import Variable
-from .._sensitivity import speaks_of_all
 from .read import Reader
 from .study import Case, Load
 

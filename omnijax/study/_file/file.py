@@ -7,8 +7,8 @@ from typing import Any
 from ..._errors import InputError
 from ..._reading import read_toml
 from ...rig import Quantity, Rig, load_rig
+from .._parameters import checked_parameters
 from .._problem import check_variables
-from .._sensitivity import checked_parameters
 from .cases import cases, variables
 from .goals import OPTIONS, constraint, objective, search, tolerances
 from .read import Reader

@@ -30,7 +30,7 @@ def dataset(result: Sensitivity) -> Any:
         "metric_unit": ("metric", list(result.metric_units)),
         "parameter_unit": ("parameter", list(result.units)),
     }
-    return xr.Dataset(data, coords, {"way": result.way, "kind": "omnijax sensitivity"})
+    return xr.Dataset(data, coords, {"method": result.method, "kind": "omnijax sensitivity"})
 
 
 def save(result: Sensitivity, path: str | Path) -> None:
@@ -51,5 +51,5 @@ def load(path: str | Path) -> Sensitivity:
     return Sensitivity(
         texts("parameter"), texts("parameter_unit"), data["value"].values, texts("metric"),
         texts("metric_unit"), np.atleast_1d(data["figure"].values), data["raw"].values,
-        str(data.attrs["way"]), check,
+        str(data.attrs["method"]), check,
     )  # fmt: skip

@@ -15,17 +15,25 @@ from ..._text import amount
 from ...rig import Rig, load_rig, parameter_info
 from ...simulation import AbstractDrive
 from ...vibration import METRICS
-from .._drive import read_speeds
+from .._batches import value_and_jacobian
+from .._evaluation import (
+    METHODS,
+    Question,
+    checked_metrics,
+    evaluation_of,
+    read_speeds,
+)
+from .._parameters import (
+    checked_parameters,
+    group_of,
+    scalar_parameters,
+    values_of,
+    with_values,
+)
 from .check import Check, compare
-from .target import checked_parameters, evaluation, group_of, scalar_parameters, target, values_of
 
 SHOWN = 6  # parameters in a printed result
 NOTHING = 1e-12  # of the metric, per relative change: rounding, not influence
-WAYS = {
-    "steady": "steady state",
-    "propagation": "run, exact propagation",
-    "full": "run, full simulation",
-}
 
 
 class Sensitivity(eqx.Module):
@@ -42,21 +50,26 @@ class Sensitivity(eqx.Module):
     metric_units: tuple[str, ...]
     figures: np.ndarray
     raw: np.ndarray
-    way: str
+    method: str
     check: Check | None = None
 
     def __repr__(self) -> str:
-        lines = [f"Sensitivity ({self.way}): % of the metric per % of a parameter on all wheels"]
+        lines = [f"Sensitivity ({self.how}): % of the metric per % of a parameter on all wheels"]
         for m, name in enumerate(self.metrics):
             first = list(self.together(name).items())[:SHOWN]
             parts = ", ".join(f"{path} {value:+.3g}" for path, value in first)
             lines.append(f"{name} = {amount(self.figures[m], self.metric_units[m])}: {parts}")
         return "\n".join(lines)
 
+    @property
+    def how(self) -> str:
+        """The method in words."""
+        return METHODS[self.method]
+
     def _repr_html_(self) -> str:
         columns = [self.together(name) for name in self.metrics]
         rows = [(path, *(float(c[path]) for c in columns)) for path in columns[0]]
-        title = f"% of the metric per % of the parameter, all wheels together ({self.way})"
+        title = f"% of the metric per % of the parameter, all wheels together ({self.how})"
         return html_table(title, rows, ("parameter", *self.metrics))
 
     @property
@@ -150,37 +163,29 @@ def sensitivity(
     """
     machine = load_rig(rig) if isinstance(rig, str | Path) else rig
     chosen = drive if isinstance(drive, AbstractDrive) else read_speeds(drive, machine.names)
-    how = evaluation(machine, chosen, metrics, duration, model, rate)
     paths = scalar_parameters(machine)
     paths = paths if parameters is None else checked_parameters(machine, parameters)
+    names = checked_metrics(metrics)
+    asked = Question(machine, (chosen,), paths, names, model, duration, gradient=True)
+    how, _ = evaluation_of(asked, rate)
     values = values_of(machine, paths)
-    function = target(machine, paths, how)
-    figures, raw = value_and_jacobian(function, values)
+
+    def function(x):
+        return how.values(with_values(machine, paths, x), chosen)
+
+    figures, raw = jax.tree.map(
+        np.asarray, jax.jit(value_and_jacobian(function))(jnp.asarray(values, float))
+    )
     if not np.all(np.isfinite(figures)):
         raise RunError("the run of this rig and drive failed, so that it has no sensitivities.")
     return Sensitivity(
         parameters=paths,
         units=tuple(parameter_info(machine, path).unit for path in paths),
         values=values,
-        metrics=how.metrics,
-        metric_units=tuple(METRICS[name].unit for name in how.metrics),
+        metrics=names,
+        metric_units=tuple(METRICS[name].unit for name in names),
         figures=figures,
         raw=raw,
-        way=WAYS[how.way],
+        method=how.method,
         check=compare(function, machine, paths, values, raw, how.precision) if check else None,
     )
-
-
-def value_and_jacobian(function, values) -> tuple[np.ndarray, np.ndarray]:
-    """f (m,) and df/dx (m, p) by forward mode, in one compiled function."""
-
-    @jax.jit
-    def both(x):
-        def push(tangent):
-            return jax.jvp(function, (x,), (tangent,))
-
-        figures, columns = jax.vmap(push)(jnp.eye(len(x)))
-        return figures[0], columns.T
-
-    figures, raw = both(jnp.asarray(values, float))
-    return np.asarray(figures), np.asarray(raw)

@@ -9,8 +9,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...rig import Rig, get_parameter, load_rig, set_parameter
-from ...vibration import METRICS, steady_metrics
-from .target import checked_metrics
+from ...simulation import speeds as speed_drive
+from ...vibration import METRICS
+from .._batches import value_and_jacobian
+from .._evaluation import Question, checked_metrics, evaluation_of
 
 
 class SpeedSensitivity(NamedTuple):
@@ -75,22 +77,22 @@ def sensitivity_over_speeds(
     machine = load_rig(rig) if isinstance(rig, str | Path) else rig
     names, paths = checked_metrics(metrics), tuple(parameters)
     base = jnp.asarray(speeds, float)
-
-    def figures(change, now):
-        changed = machine
-        for i, path in enumerate(paths):
-            changed = set_parameter(changed, path, get_parameter(machine, path) * (1 + change[i]))
-        found = steady_metrics(changed, now, names, model=model)
-        return jnp.stack([found[name] for name in names])
+    drive = speed_drive(base)
+    asked = Question(machine, (drive,), paths, names, model, None, gradient=True)
+    how, _ = evaluation_of(asked)
 
     @jax.jit
     def all_of(scale):
         def one(s):
-            def push(tangent):
-                return jax.jvp(lambda c: figures(c, s * base), (jnp.zeros(len(paths)),), (tangent,))
+            moved = speed_drive(s * base)
 
-            value, slope = jax.vmap(push)(jnp.eye(len(paths)))
-            return value[0], slope.T
+            def figures(change):
+                rig = machine
+                for i, path in enumerate(paths):
+                    rig = set_parameter(rig, path, get_parameter(machine, path) * (1 + change[i]))
+                return how.values(rig, moved)
+
+            return value_and_jacobian(figures)(jnp.zeros(len(paths)))
 
         return jax.lax.map(one, scale, batch_size=16)
 

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._batches import batches
 from .._study_folder import Folder, Report
 
 CHUNK = 64  # machines side by side
@@ -44,11 +45,9 @@ class Machines:
         drawn = width * np.random.default_rng(seed).uniform(-1, 1, (self.draws, self.parts))
         self._begun, found = self._begun + 1, []
         self._sets = self._begun + left
-        for first in range(0, self.draws, CHUNK):
-            count = min(CHUNK, self.draws - first)
-            rows = np.minimum(np.arange(first, first + CHUNK), self.draws - 1)  # one shape
+        for first, rows, count in batches(drawn, CHUNK):
             (values,) = self._kept(
-                f"{key}-{first}", lambda rows=rows, count=count: (self._many(drawn[rows])[:count],)
+                f"{key}-{first}", lambda rows=rows, count=count: (self._many(rows)[:count],)
             )
             found.append(values)
             self._tell(count)

@@ -14,6 +14,8 @@ from jaxtyping import Array, Float
 from scipy.stats import norm
 
 from ..._errors import RunError
+from .._batches import batches, value_and_jacobian
+from .._range import Ranges
 
 
 class Input(NamedTuple):
@@ -32,11 +34,8 @@ class Inputs:
     def __init__(self, inputs: Sequence[Input]):
         self.inputs = tuple(inputs)
         self.names = tuple(x.name for x in inputs)
-        self.log = np.array([x.log for x in inputs])
         self.normal = np.array([x.normal for x in inputs])
-        ends = np.array([[x.low, x.high] for x in inputs], float)
-        ends = np.where(self.log[:, None], np.log(np.where(self.log[:, None], ends, 1.0)), ends)
-        self.low, self.span = ends[:, 0], ends[:, 1] - ends[:, 0]
+        self.ranges = Ranges.of(self.inputs)
 
     @property
     def size(self) -> int:
@@ -50,9 +49,7 @@ class Inputs:
 
     def values(self, standard: Float[Array, "... d"]) -> Float[Array, "... d"]:
         """Inputs in their units."""
-        share = jnp.where(self.normal, 0.5 + standard / 6, standard)
-        y = self.low + self.span * share
-        return jnp.where(self.log, jnp.exp(jnp.where(self.log, y, 0.0)), y)
+        return self.ranges.value(jnp.where(self.normal, 0.5 + standard / 6, standard))
 
     @property
     def poincare(self) -> np.ndarray:
@@ -93,29 +90,21 @@ def run_all(
     def one(s):
         return function(inputs.values(s))
 
-    def with_slopes(s):
-        def push(tangent):
-            return jax.jvp(one, (s,), (tangent,))
-
-        value, columns = jax.vmap(push)(jnp.eye(inputs.size))
-        return value[0], columns.T
-
     size = min(CHUNK // (4 if slopes else 1), len(standard))
-    batched = jax.jit(jax.vmap(with_slopes if slopes else one))
+    batched = jax.jit(jax.vmap(value_and_jacobian(one) if slopes else one))
     parts = []
-    for first in range(0, len(standard), size):
-        name, count = f"{key}-{first}", min(size, len(standard) - first)
+    for first, rows, count in batches(standard, size):
+        name = f"{key}-{first}"
         stored = None if store is None else store.read(name)
         if stored is None:
-            index = np.minimum(np.arange(first, first + size), len(standard) - 1)
-            found = batched(jnp.asarray(standard[index]))
+            found = batched(jnp.asarray(rows))
             found = found if slopes else (found,)
             stored = {str(i): np.asarray(x)[:count] for i, x in enumerate(found)}
             if store is not None:
                 store.write(name, stored)
         parts.append([stored[str(i)] for i in range(1 + slopes)])
         if report is not None:
-            report(min(first + size, len(standard)), len(standard))
+            report(first + count, len(standard))
     joined = [np.concatenate(xs) for xs in zip(*parts, strict=True)]
     runs = Runs(*joined)
     if runs.failed.all():

@@ -21,7 +21,7 @@ from ...rig import Rig, parameter_info
 from ...vibration import METRICS
 from .._design import RigCases
 from .._file import Study, study_of
-from .._sensitivity import checked_parameters, values_of
+from .._parameters import checked_parameters, values_of
 from .._study_folder import Report, folder_of
 from .draws import Machines
 from .tolerance_result import WIDEST, Tolerances

@@ -1,12 +1,10 @@
 """Sweeps: designs in chunks, stored, resumable, in one process or many."""
 
 from .evaluator import Evaluator as Evaluator
-from .fixed import no_fixed_steps as no_fixed_steps
 from .progress import Bar as Bar
 from .progress import clock as clock
 from .progress import progress as progress
 from .progress import status_text as status_text
 from .result import SweepResult as SweepResult
 from .result import load_sweep as load_sweep
-from .store import STATUS as STATUS
 from .sweep import sweep as sweep

@@ -9,6 +9,7 @@ import numpy as np
 from ..._errors import InputError, require
 from ..._files import write_text, writing
 from ..._netcdf import write_netcdf
+from ..._status import Status
 from .._points import Grid
 
 BLOCK = 65_536  # designs at a time
@@ -21,7 +22,7 @@ def attributes(result: Any) -> dict[str, str]:
     found = {k: v if isinstance(v, str) else json.dumps(v) for k, v in stored.items()}
     for key in ("order", "files", "sha256"):  # of the store, not of the sweep
         found.pop(key, None)
-    return found | {"rig": result.spec.rig, "seed": str(result.spec.seed), "path": result.path}
+    return found | {"rig": result.spec.rig, "seed": str(result.spec.seed), "method": result.method}
 
 
 def dataset(result: Any):
@@ -71,7 +72,7 @@ def _blocks(result: Any):
 def _csv(result: Any, file: Path) -> None:
     """One row a design, the unit behind each name; what the file is stands beside it as JSON."""
     names = result.store.names
-    status = dict(enumerate(_status_names(), start=-1))
+    status = {int(member): member.text for member in Status}
     with writing(file) as part, part.open("w", encoding="utf-8", newline="") as out:
         out.write(",".join(["design", *(f"{n} [{result.unit(n)}]" for n in names[:-1]), "status"]))
         out.write("\n")
@@ -82,12 +83,6 @@ def _csv(result: Any, file: Path) -> None:
                 for i, row in enumerate(rows)
             )
     write_text(file.with_suffix(".json"), json.dumps(attributes(result), indent=1))
-
-
-def _status_names() -> list[str]:
-    from .store import STATUS
-
-    return list(STATUS.values())
 
 
 def _parquet(result: Any, file: Path) -> None:

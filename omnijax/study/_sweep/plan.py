@@ -6,18 +6,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..._errors import InputError
+from ...dynamics import Model
 from ...rig import Rig, rig_text
 from ...simulation import AbstractDrive, SpeedDrive, TorqueDrive, build_model, choose_solver
 from .._axes import Axis, split_vary
-from .._drive import Drive, drive_to_plain, is_constant, read_speeds
-from .._points import PointSet, build_points
-from .._target import apply, read_axes
-from .evaluator import BATCHES_A_CHUNK, batch_size
-from .fixed import no_fixed_steps, with_substeps
-from .paths import MAX_STEPS, RTOL, check_metrics, choose_path
+from .._evaluation import (
+    RATE,
+    Drive,
+    Evaluation,
+    Question,
+    apply,
+    checked_metrics,
+    drive_to_plain,
+    evaluation_of,
+    read_speeds,
+    trial_designs,
+    turning,
+)
+from .._points import build_points
+from .._target import read_axes
+from .evaluator import BATCHES_A_CHUNK, Evaluator, batch_size
 from .spec import SweepSpec
-
-RATE = 500.0  # samples per s
 
 
 class Sampling(NamedTuple):
@@ -50,46 +59,85 @@ def plan(
     sampling: Sampling,
     numerics: Numerics,
 ) -> tuple[SweepSpec, str]:
-    """The specification of a sweep, and why its path of evaluation was chosen."""
-    names = metrics.split(",") if isinstance(metrics, str) else metrics
-    metrics = tuple(name.strip() for name in names)
-    check_metrics(metrics)
+    """The specification of a sweep, and why its method of evaluation was chosen."""
+    names = checked_metrics(metrics)
     _check(sampling, numerics)
     axes = read_axes(rig, drive, split_vary(vary))
     points = build_points(axes, sampling.sampler, sampling.samples, sampling.seed)
-    how, why = _how(rig, drive, axes, points, metrics, numerics)
-    adaptive = _spec(rig, drive, axes, metrics, sampling, how)
-    if how["path"] != "full":
-        return adaptive, why
-    chosen = numerics[-2:] != (None, None) or numerics.solver != "auto"
-    against = no_fixed_steps(rig, drive, chosen, sampling.gradient)
-    if against is None:
-        less = {"path": "fixed", "solver": "", "rtol": None, "max_steps": None}
-        spec = _spec(rig, drive, axes, metrics, sampling, how | less)
-        found = with_substeps(spec, sampling.devices)
-        if found is not None:
-            return found
-        against = "fixed steps are too coarse for a trial design"
-    return adaptive, f"{why}; {against}"
+    paths = tuple(axis.path for axis in axes)
+    _build(rig, numerics.model)
+
+    def spec(how: Evaluation) -> SweepSpec:
+        if how.method == "full":
+            first = apply(rig, drive, paths, points.at(np.array([0]))[0])[0]
+            how = how._replace(solver=_solver(first, numerics))
+        return _spec(rig, drive, axes, sampling, numerics, how)
+
+    def trial(how: Evaluation, designs: np.ndarray) -> np.ndarray:
+        return Evaluator(spec(how), sampling.devices).figures(designs)
+
+    asked = Question(
+        rig, (drive,), paths, names, numerics.model, numerics.duration, True, sampling.gradient
+    )
+    how, why = evaluation_of(
+        asked,
+        numerics.rate,
+        solver=numerics.solver,
+        rtol=numerics.rtol,
+        max_steps=numerics.max_steps,
+        trial=trial,
+        designs=trial_designs(axes),
+    )
+    return spec(how), why
 
 
-def _spec(rig: Rig, drive: Drive, axes: list[Axis], metrics, sampling: Sampling, how) -> SweepSpec:
+def _build(rig: Rig, model: str) -> Model:
+    try:
+        return build_model(rig, model)
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(str(error)) from None
+
+
+def _solver(rig: Rig, numerics: Numerics) -> str:
+    """The name of the solver that `auto` means for this rig."""
+    try:
+        return choose_solver(_build(rig, numerics.model), numerics.solver)
+    except InputError:
+        raise
+    except ValueError as error:
+        raise InputError(str(error)) from None
+
+
+def _spec(
+    rig: Rig, drive: Drive, axes: list[Axis], sampling: Sampling, numerics: Numerics,
+    how: Evaluation,
+) -> SweepSpec:  # fmt: skip
     chunk, columns = sampling.chunk, len(axes) if sampling.gradient else 0
-    count = round((how["duration"] or 0) * (how["rate"] or 0)) + 1
-    batch = batch_size(how["path"], count, columns, sampling.devices)
+    count = 1 if how.times is None else len(how.times)
+    batch = batch_size(how.method, count, columns, sampling.devices)
     batch = min(batch, chunk) if chunk else batch
+    full = how.method == "full"
     return SweepSpec(
         rig=rig_text(rig),
         vary=tuple((axis.path, axis.unit, axis.text) for axis in axes),
-        metrics=metrics,
+        metrics=how.metrics,
         drive=drive_to_plain(drive),
+        method=how.method,
+        model=how.model,
+        solver=how.solver if full else "",
+        duration=numerics.duration,
+        rate=None if numerics.duration is None else numerics.rate or RATE,
+        rtol=how.rtol if full else None,
+        max_steps=how.max_steps if full else None,
+        substeps=how.substeps if how.method == "fixed" else None,
         gradient=sampling.gradient,
         sampler=sampling.sampler,
         samples=sampling.samples,
         seed=sampling.seed,
         batch=batch,
         chunk=chunk or BATCHES_A_CHUNK * batch,
-        **how,
     )
 
 
@@ -100,7 +148,7 @@ def read_drive(rig: Rig, speeds: Any, drive: AbstractDrive | None) -> Drive:
     if drive is None:
         return read_speeds(speeds, rig.names)
     assert isinstance(drive, SpeedDrive | TorqueDrive)
-    signal = drive.speed if isinstance(drive, SpeedDrive) else drive.torque
+    signal = turning(drive)
     if signal.size != rig.size:
         raise InputError(f"the drive has {signal.size} wheels, but the rig has {rig.size}.")
     return drive
@@ -118,38 +166,3 @@ def _check(sampling: Sampling, numerics: Numerics) -> None:
         problems.append(f"`seed` must not be below 0, but is {sampling.seed}.")
     if problems:
         raise InputError(problems)
-
-
-def _how(
-    rig: Rig,
-    drive: Drive,
-    axes: list[Axis],
-    points: PointSet,
-    metrics,
-    numerics: Numerics,
-) -> tuple[dict[str, Any], str]:
-    """Path of evaluation with its numerics, and why that path."""
-    model, duration = numerics.model, numerics.duration
-    signal = drive.speed if isinstance(drive, SpeedDrive) else drive.torque
-    constant = is_constant(signal) and is_constant(drive.force)
-    paths = tuple(axis.path for axis in axes)
-    try:
-        built = build_model(rig, model)
-        path, why = choose_path(rig, drive, constant, duration, model, metrics)
-        full = path == "full"
-        if full:
-            built = build_model(apply(rig, drive, paths, points.at(np.array([0]))[0])[0], model)
-        solver = choose_solver(built, numerics.solver) if full else ""
-    except InputError:
-        raise
-    except ValueError as error:
-        raise InputError(str(error)) from None
-    rate = None if duration is None else numerics.rate or RATE
-    if duration is not None and rate is not None and round(duration * rate) < 2:
-        raise InputError(f"`duration` {duration:g} s at `rate` {rate:g}/s gives under 2 samples.")
-    how = {"path": path, "model": model, "solver": solver, "duration": duration, "rate": rate}
-    limits = {
-        "rtol": (numerics.rtol or RTOL) if full else None,
-        "max_steps": (numerics.max_steps or MAX_STEPS) if full else None,
-    }
-    return how | limits, why

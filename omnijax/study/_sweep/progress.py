@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .store import FAILED, STATUS, Store, chunk_files, is_running
+from ..._status import FAILED, Status
+from .store import Store, chunk_files, is_running
 
 RECENT = 20  # chunks that the rate is taken from
 LINE_EVERY = 10.0  # s between lines where there is no terminal
@@ -112,5 +113,5 @@ def clock(seconds: float) -> str:
 
 def status_text(counts: dict[str, int]) -> str:
     """`950 ok, 50 slip`."""
-    order = [name for name in STATUS.values() if name in counts]
+    order = [member.text for member in Status if member.text in counts]
     return ", ".join(f"{counts[name]} {name}" for name in order) or "nothing yet"

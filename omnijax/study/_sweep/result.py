@@ -8,10 +8,12 @@ import numpy as np
 
 from ..._errors import InputError, did_you_mean, tell
 from ..._html import html_table
+from ..._status import FAILED, Status
 from ..._text import scaled
+from .._evaluation import METHODS
 from .._points import Grid
-from .spec import PATHS, SweepSpec
-from .store import FAILED, STATUS, Store, create_store, open_store
+from .spec import SweepSpec
+from .store import Store, create_store, open_store
 
 BLOCK = 262_144  # designs read at a time
 
@@ -38,9 +40,11 @@ class SweepResult:
         return self.store.size
 
     @property
-    def path(self) -> str:
+    def method(self) -> str:
         """How the designs were evaluated, and why so."""
-        return f"{PATHS[self.spec.path]}: {self.store.group.attrs['path_reason']}"
+        about = self.store.group.attrs
+        why = about["method_reason"] if "method_reason" in about else about["path_reason"]
+        return f"{METHODS[self.spec.method]}: {why}"
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -70,11 +74,11 @@ class SweepResult:
 
     def counts(self) -> dict[str, int]:
         """Number of designs by status."""
-        total = np.zeros(len(STATUS), int)
+        total = np.zeros(len(Status), int)
         for start in range(0, self.size, BLOCK):
             status = self.store.read("status", start, min(start + BLOCK, self.size)).astype(int)
-            total += np.bincount(status + 1, minlength=len(STATUS))
-        return {STATUS[k - 1]: int(n) for k, n in enumerate(total) if n}
+            total += np.bincount(status + 1, minlength=len(Status))
+        return {Status(k - 1).text: int(n) for k, n in enumerate(total) if n}
 
     def failed(self, limit: int | None = None) -> list[int]:
         """Designs that ended without figures, the first `limit`."""
@@ -94,7 +98,7 @@ class SweepResult:
 
     def status(self, index: int) -> str:
         """How one design ended: ok, slip, lift-off, ..."""
-        return STATUS[int(self.design(index)["status"])]
+        return Status(int(self.design(index)["status"])).text
 
     def best(self, metric: str) -> int | None:
         """The design with the smallest (margins: largest) `metric`; None where none has one."""
@@ -158,7 +162,7 @@ class SweepResult:
         return SweepResult(store)
 
     def _repr_html_(self) -> str:
-        rows = [("path", self.path), ("designs", self.size)]
+        rows = [("method", self.method), ("designs", self.size)]
         rows += [(f"status {name}", count) for name, count in self.counts().items()]
         for metric in self.spec.metrics:
             best = self.best(metric)
@@ -171,7 +175,7 @@ class SweepResult:
         varied = ", ".join(path for path, _, _ in self.spec.vary)
         return (
             f"SweepResult({self.size} designs over {varied}; {', '.join(self.spec.metrics)}; "
-            f"{self.spec.path}; {counts})"
+            f"{self.spec.method}; {counts})"
         )
 
 

@@ -10,15 +10,6 @@ from .._axes import read_axis
 from .._differences import differences
 from .._points import PointSet, build_points
 
-PATHS = {
-    "steady": "steady state (closed form, no time stepping)",
-    "steady-bulk": "steady state in bulk (closed form, figures of the displacement)",
-    "propagation": "exact propagation (linear model, prescribed speeds)",
-    "bulk": "exact propagation in bulk (linear model, constant speeds, figures at the samples)",
-    "fixed": "fixed exponential steps (motor torques, the step tried against its half)",
-    "full": "full simulation (adaptive time stepping)",
-}
-
 
 @dataclasses.dataclass(frozen=True)
 class SweepSpec:
@@ -26,14 +17,14 @@ class SweepSpec:
 
     `rig` is the text of the rig file, `vary` pairs of (path, unit, range in SI units), `drive` the
     drive as plain numbers, `duration` in s (none: steady state), `rate` samples per s,
-    `substeps` the fixed steps that pass two samples.
+    `substeps` the fixed steps that pass two samples, `method` one of `METHODS`.
     """
 
     rig: str
     vary: tuple[tuple[str, str, str], ...]
     metrics: tuple[str, ...]
     drive: dict[str, Any]
-    path: str
+    method: str
     model: str = "coupled"
     solver: str = ""
     duration: float | None = None
@@ -65,6 +56,8 @@ class SweepSpec:
             found = json.loads(text)
             found["vary"] = tuple(tuple(axis) for axis in found["vary"])
             found["metrics"] = tuple(found["metrics"])
+            if "path" in found:  # what version 0.1 called the method
+                found["method"] = found.pop("path")
             return cls(**found)
         except (ValueError, KeyError, TypeError) as error:
             raise InputError(f"the store's sweep specification cannot be read: {error}") from None

@@ -17,19 +17,10 @@ import numpy as np
 from ..._errors import InputError
 from ..._files import sync
 from ..._lock import Lock
+from ..._status import Status
 from .damage import check_description, damaged_chunks, seal
 from .spec import SweepSpec
 
-STATUS = {
-    -1: "not done",
-    0: "ok",
-    1: "non-finite",
-    2: "step limit",
-    3: "failed",
-    4: "lift-off",
-    5: "slip",
-}
-FAILED = (1, 2, 3)  # without figures; lift-off and slip keep theirs
 SCHEMA = "omnijax-sweep-1"
 
 
@@ -180,14 +171,14 @@ def _empty_group(
         status = q.name == "status"
         about_it: dict[str, Any] = {"units": q.unit, "long_name": q.meaning}
         if status:
-            flags = " ".join(_flags(STATUS.values()))
-            about_it |= {"flag_values": list(STATUS), "flag_meanings": flags}
+            flags = " ".join(_flags(member.text for member in Status))
+            about_it |= {"flag_values": [int(x) for x in Status], "flag_meanings": flags}
         group.create_array(
             q.name,
             shape=(size,),
             chunks=(spec.chunk,),
             dtype="i1" if status else "f8",
-            fill_value=-1 if status else np.nan,
+            fill_value=int(Status.NOT_DONE) if status else np.nan,
             compressors=[ZstdCodec(level=0), Crc32cCodec()],
             config={"write_empty_chunks": True},  # a chunk without a file is a lost one
             dimension_names=["design"],

@@ -57,7 +57,7 @@ def sweep(
     `sobol`.  `speeds` (rad/s, one a wheel) or `drive` say how the wheels turn; without `duration`
     (s) the figures are those of the steady state.  `rate` is in samples per s.
 
-    The path of evaluation is chosen from rig and drive and is part of the result.  With `out` the
+    The method of evaluation is chosen from rig and drive and is part of the result.  With `out` the
     results go to a zarr store, which `resume` continues; `devices` spreads a batch over local
     devices, `workers` or `scheduler` spread the chunks over processes by Dask.  `report` is called
     after each chunk.
@@ -72,7 +72,7 @@ def sweep(
     folder = None if out is None else Path(out)
     if folder is None and (resume or workers is not None or scheduler is not None):
         raise InputError("`resume`, `workers` and `scheduler` need a store: give `out`.")
-    about = {"path_reason": why, "command": command, "rig_file": rig_file, **environment()}
+    about = {"method_reason": why, "command": command, "rig_file": rig_file, **environment()}
     try:
         store = _store(folder, asked, resume, chunk is not None, about)
         held = lock(folder)

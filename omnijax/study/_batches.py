@@ -1,0 +1,45 @@
+"""Many designs by one compiled program: batches of one shape, and derivatives forwards."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+
+def batches(rows: np.ndarray, size: int) -> Iterator[tuple[int, np.ndarray, int]]:
+    """(first, rows (size, ...), count) of each batch of `rows`.
+
+    The last row fills up the last batch, so that every batch takes the same compiled program;
+    `count` rows of a batch are wanted.
+    """
+    for first in range(0, len(rows), size):
+        index = np.minimum(np.arange(first, first + size), len(rows) - 1)
+        yield first, rows[index], min(size, len(rows) - first)
+
+
+def in_batches(function: Callable[[Any], Any], rows: np.ndarray, size: int) -> Any:
+    """`function` of all rows, `size` at a time; its arrays (leading axis: row) joined, as NumPy."""
+    parts = [
+        jax.tree.map(lambda x, count=count: np.asarray(x)[:count], function(jnp.asarray(some)))
+        for _, some, count in batches(rows, size)
+    ]
+    return jax.tree.map(lambda *xs: np.concatenate(xs), *parts)
+
+
+def value_and_jacobian(function: Callable[[Any], Any]) -> Callable[[Any], tuple[Any, Any]]:
+    """x (d,) -> f (a tree of arrays) and df/dx, each array with d as a last axis; forward mode.
+
+    All directions go through one vectorised program, beside the values.
+    """
+
+    def both(x):
+        def push(tangent):
+            return jax.jvp(function, (x,), (tangent,))
+
+        values, columns = jax.vmap(push)(jnp.eye(len(x)))
+        first = jax.tree.map(lambda v: v[0], values)
+        return first, jax.tree.map(lambda c: jnp.moveaxis(c, 0, -1), columns)
+
+    return both

@@ -1,0 +1,67 @@
+"""From a question to its evaluation: method, samples, and steps as fine as needed."""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .evaluation import MAX_STEPS, RTOL, Evaluation, samples_of
+from .fixed_steps import fine_enough
+from .methods import Question, choose
+
+Trial = Callable[[Evaluation, np.ndarray], np.ndarray]
+
+
+def evaluation_of(
+    question: Question,
+    rate: float | None = None,
+    *,
+    solver: str = "auto",
+    rtol: float | None = None,
+    max_steps: int | None = None,
+    trial: Trial | None = None,
+    designs: np.ndarray | None = None,
+) -> tuple[Evaluation, str]:
+    """How the designs of a question are evaluated, and why so.
+
+    Runs have `rate` samples per s.  `solver`, `rtol` and `max_steps` are those of full simulations.
+    `trial(evaluation, designs)` gives all figures (t, m) of the trial `designs` (t, d); without it
+    the question's own rig is tried.  Raises `InputError` where no method can honour the question.
+    """
+    adaptive = solver != "auto" or (rtol, max_steps) != (None, None)
+    method, why = choose(question._replace(adaptive=question.adaptive or adaptive))
+    how = Evaluation(
+        method=method,
+        metrics=question.metrics,
+        model=question.model,
+        times=samples_of(question.duration, rate),
+        solver=solver,
+        rtol=RTOL if rtol is None else rtol,
+        max_steps=MAX_STEPS if max_steps is None else max_steps,
+        forward=question.gradient,
+    )
+    if method != "fixed":
+        return how, why
+    tried = _own(question) if trial is None else trial
+    designs = np.zeros((1, 0)) if designs is None else designs
+    step = 2 * float(how.times[1] - how.times[0])
+    fine = fine_enough(lambda x, n: tried(how._replace(substeps=n), x), designs, step)
+    if fine is None:
+        coarse = "fixed steps are too coarse for a trial design"
+        return how._replace(method="full"), f"{why}; {coarse}"
+    return how._replace(substeps=fine[0]), f"{why}; {fine[1]}"
+
+
+def _own(question: Question) -> Trial:
+    """The figures of the question's rig under its drives."""
+
+    def figures(how: Evaluation, _):
+        @jax.jit
+        def values(substeps):
+            now = how._replace(substeps=substeps)
+            return jnp.concatenate([now.values(question.rig, d) for d in question.drives])
+
+        return np.asarray(values(how.substeps))[None]
+
+    return figures

@@ -1,0 +1,74 @@
+"""Designs as rows of numbers, a batch at a time, spread over the local devices."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.sharding import AxisType, PartitionSpec
+
+from ..._errors import InputError
+from ...rig import Rig
+from .bulk import bulk_rows
+from .drives import Drive, apply, with_few_knots
+from .evaluation import Evaluation
+from .methods import BULK
+
+
+class Rows:
+    """Figures, gradients and status of the designs with a row's numbers at `paths`.
+
+    One compiled program serves all batches of a shape; the numbers of rig and drive, the samples'
+    times and the substeps are its operands.
+    """
+
+    def __init__(
+        self, how: Evaluation, rig: Rig, drive: Drive, paths: tuple[str, ...],
+        gradient: bool = False, devices: int = 1, plan: Any = None,
+    ):  # fmt: skip
+        if devices > jax.local_device_count():
+            raise InputError(
+                f"`devices` must lie in [1, {jax.local_device_count()}], but is {devices}."
+            )
+        self.paths, self.gradient, self.devices, self.plan = paths, gradient, devices, plan
+        self._arrays, self._static = eqx.partition((rig, with_few_knots(drive)), eqx.is_array)
+        times = None if how.times is None else jnp.asarray(how.times)
+        self._operands = times, jnp.asarray(how.substeps)
+        self.how = how._replace(times=None, substeps=None)
+
+    def __call__(self, rows: np.ndarray) -> tuple[Any, Any, Any]:
+        """Figures (b, m), gradients (b, m, d) (or (b, m, 0)) and status (b,) of `rows` (b, d)."""
+        return _evaluate(
+            self._arrays, self._operands, jnp.asarray(rows), self._static, self.how, self.paths,
+            self.gradient, self.devices, self.plan,
+        )  # fmt: skip
+
+
+@eqx.filter_jit
+def _evaluate(arrays, operands, rows, static, how: Evaluation, paths, gradient, devices, plan):
+    def batch(arrays, operands, rows):
+        rig, drive = eqx.combine(arrays, static)
+        times, substeps = operands
+        whole = how._replace(times=times, substeps=substeps)
+        if how.method in BULK:
+            return bulk_rows(whole, rig, drive, paths, rows, plan, gradient)
+
+        def one(x):
+            figures, status = whole(*apply(rig, drive, paths, x))
+            return figures, (figures, status)
+
+        if gradient:
+            slopes, (figures, status) = jax.vmap(jax.jacfwd(one, has_aux=True))(rows)
+            return figures, slopes, status
+        figures, status = jax.vmap(lambda x: one(x)[1])(rows)
+        return figures, jnp.zeros((*figures.shape, 0)), status
+
+    if devices == 1:
+        return batch(arrays, operands, rows)
+    mesh = jax.make_mesh((devices,), ("design",), axis_types=(AxisType.Auto,))
+    whole, split = PartitionSpec(), PartitionSpec("design")
+    spread = jax.shard_map(
+        batch, mesh=mesh, in_specs=(whole, whole, split), out_specs=split, check_vma=False
+    )
+    return spread(arrays, operands, rows)

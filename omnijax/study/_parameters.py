@@ -1,0 +1,61 @@
+"""Paths of rig parameters that are single numbers: which there are, their values, and new ones."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .._errors import InputError
+from ..rig import Rig, get_parameter, parameter_info, parameter_paths, set_parameter
+
+
+def scalar_parameters(rig: Rig) -> tuple[str, ...]:
+    """Paths of every parameter that is one number of one body, one wheel or one effect."""
+    return tuple(
+        info.path for info in parameter_paths(rig) if info.shape == () and not _of_all(info.path)
+    )
+
+
+def _of_all(path: str) -> bool:
+    return path.split(".", maxsplit=1)[0] in {"contact", "mount", "closure"}
+
+
+def speaks_of_all(rig: Rig, path: str) -> bool:
+    """Whether `path` names a parameter of all wheels at once."""
+    head, second, *_ = path.split(".")
+    return _of_all(path) or (head == "wheel" and second not in rig.names)
+
+
+def checked_parameters(rig: Rig, paths: Sequence[str]) -> tuple[str, ...]:
+    """Paths of single numbers; a path that speaks of all wheels becomes one path a wheel."""
+    found: list[str] = []
+    for path in paths:
+        info = parameter_info(rig, path)
+        if info.shape == ():
+            found.append(path)
+        elif speaks_of_all(rig, path) and info.shape == (rig.size,):
+            key = path.removeprefix("wheel.")
+            found += [f"wheel.{name}.{key}" for name in rig.names]
+        else:
+            raise InputError(f"`{path}` is no single number (shape {info.shape}).")
+    return tuple(dict.fromkeys(found))
+
+
+def with_values(rig: Rig, paths: Sequence[str], values) -> Rig:
+    """`rig` with `values` (p,), traced or not, at `paths`."""
+    for i, path in enumerate(paths):
+        rig = set_parameter(rig, path, values[i])
+    return rig
+
+
+def values_of(rig: Rig, paths: Sequence[str]) -> np.ndarray:
+    """Values at `paths`, SI."""
+    return np.array([float(get_parameter(rig, path)) for path in paths])
+
+
+def group_of(path: str) -> str:
+    """The path without the wheel's name: `wheel.w1.contact.stiffness` -> `contact.stiffness`."""
+    head, _, rest = path.partition(".")
+    if head != "wheel":
+        return path
+    key = rest.partition(".")[2]
+    return key if "." in key else f"wheel.{key}"

@@ -1,0 +1,158 @@
+"""Every method gives, for everything that may be varied, the figures of `simulate` on each design.
+
+All quantities of a rig, of its effects and of its drive are columns of one program for a method: a
+row changes one of them, to three values, the others as drawn.  What a method drops makes its row
+equal the row of nothing changed, while `simulate` moves.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from machines import ORTHOGONAL, SKEW, machine
+
+from omnijax import laws, set_parameter
+from omnijax.rig import get_parameter, parameter_info
+from omnijax.simulation import simulate, speeds, torques
+from omnijax.study._batches import in_batches
+from omnijax.study._evaluation import Evaluation, Question, Rows, drive_quantities, samples_of
+from omnijax.study._evaluation.methods import obstacle
+from omnijax.study._parameters import scalar_parameters
+from omnijax.vibration import evaluate
+
+METRICS = ("rms", "peak")
+_LEAN = np.deg2rad([55.0, 48.0, 62.0, 51.0])
+_TURN = np.deg2rad([10.0, 95.0, 190.0, 280.0])
+_OUT = np.stack([np.cos(_TURN), np.sin(_TURN), 0 * _TURN], axis=1)
+_ALONG = np.stack([-np.sin(_TURN), np.cos(_TURN), 0 * _TURN], axis=1)
+FOUR = (
+    -_OUT * np.sin(_LEAN)[:, None] + np.array([0.0, 0.0, 1.0]) * np.cos(_LEAN)[:, None],
+    np.cos(0.2) * _ALONG
+    + np.sin(0.2)
+    * (_OUT * np.cos(_LEAN)[:, None] + np.array([0, 0, 1.0]) * np.sin(_LEAN)[:, None]),
+)
+LAYOUTS = {"orthogonal": ORTHOGONAL, "tripod": SKEW, "four": FOUR}
+
+
+def linear_effects(rig, passing):
+    """What a closed form honours; the floor's frequency lies between harmonics of the wheel's."""
+    number = jnp.asarray
+    return (
+        rig.add(laws.WheelRunout(number(4e-5), number(0.3)), "w1")
+        .add(laws.DamagedRoller(number(3.0), number(0.4)), "w1")
+        .add(laws.ContactRelaxation(number(4e4), number(90.0)), "w2")
+        .add(laws.FloorVibration(number(0.3), number(2.5 * passing), number(0.2),
+                                 jnp.array([0.6, 0.0, 0.8])), "platform")
+    )  # fmt: skip
+
+
+def torque_effects(rig):
+    """What fixed steps honour."""
+    number = jnp.asarray
+    return (
+        rig.add(laws.BearingViscous(number(0.02)), "w1")
+        .add(laws.BearingCoulomb(number(0.03)), "w2")
+        .add(laws.RollingResistance(number(2e-4)), "all")
+        .add(laws.MotorGain(number(0.05)), "w1")
+    )
+
+
+def columns_of(rig, drive):
+    """Paths of all single numbers, and what each is."""
+    quantities = drive_quantities(drive, rig.names)
+    own = [p for p in quantities if not p.endswith(".scale")]
+    paths = (*scalar_parameters(rig), *own, *(p for p in quantities if p.endswith(".scale")))
+    given = {f"{n}.{w}": v for n, vs in _values(drive).items() for w, v in zip(_ends(n, rig), vs)}
+    base = [
+        given[p] if p in given else 1.0 if p in quantities else float(get_parameter(rig, p))
+        for p in paths
+    ]
+    return paths, np.array(base)
+
+
+def _ends(name, rig):
+    return "xyz" if name == "force" else rig.names
+
+
+def _values(drive):
+    kind = "speed" if hasattr(drive, "speed") else "torque"
+    return {
+        kind: np.asarray(getattr(drive, kind).values[0]),
+        "force": np.asarray(drive.force.values[0]),
+        "angle": np.asarray(drive.initial_angle),
+    }
+
+
+def three(rig, path, value, rng, quantities):
+    """Three values beside `value`, in the quantity's range."""
+    if path in quantities:
+        if path.endswith(".scale"):
+            return value * rng.uniform(0.6, 1.5, 3)
+        size = {"force": 40.0, "angle": 0.05}.get(path.split(".")[0], 0.5 * abs(value))
+        return value + size * rng.uniform(0.3, 1.0, 3) * np.array([-1, 1, 0.5])
+    info = parameter_info(rig, path)
+    if info.whole:
+        return value + np.array([-2, 1, 3])
+    moved = value * rng.uniform([0.6, 1.1, 1.3], [0.9, 1.25, 1.6])
+    return np.clip(moved, info.low, 0.95 * info.high if np.isfinite(info.high) else None)
+
+
+def design(rig, drive, paths, row):
+    """Rig and drive of a row, built anew, as a user would."""
+    kind = "speed" if hasattr(drive, "speed") else "torque"
+    at = dict(zip(paths, row, strict=True))
+    parts = {n: np.array([at[f"{n}.{w}"] for w in _ends(n, rig)]) for n in (kind, "force", "angle")}
+    make = speeds if kind == "speed" else torques
+    built = make(parts[kind] * at[f"{kind}.scale"], parts["force"] * at["force.scale"],
+                 parts["angle"])  # fmt: skip
+    for path in scalar_parameters(rig):
+        if at[path] != float(get_parameter(rig, path)):
+            rig = set_parameter(rig, path, at[path])
+    return rig, built
+
+
+def compared(how, rig, drive, reference, rng, tolerance):
+    """Assert that the figures of all rows are those of `reference(rig, drive)`."""
+    paths, base = columns_of(rig, drive)
+    quantities = drive_quantities(drive, rig.names)
+    rows, changed = [base], [""]
+    for j, path in enumerate(paths):
+        asked = Question(rig, (drive,), (path,), how.metrics, how.model,
+                         None if how.times is None else 1.0, rows=True)  # fmt: skip
+        if how.method != "full" and obstacle(how.method, asked) is not None:
+            continue
+        for value in three(rig, path, base[j], rng, quantities):
+            rows.append(np.where(np.arange(len(base)) == j, value, base))
+            changed.append(path)
+    rows = np.array(rows)
+    figures, _, status = in_batches(Rows(how, rig, drive, paths), rows, 32)
+    expected = np.array([reference(*design(rig, drive, paths, row)) for row in rows])
+    assert np.isfinite(figures).all() and (status >= 0).all()
+    error = np.abs(figures - expected) / np.abs(expected)
+    worst = int(error.max(axis=1).argmax())
+    assert error.max() < tolerance, (changed[worst], figures[worst], expected[worst])
+    moved = np.abs(expected / expected[0] - 1).max(axis=1) > 10 * tolerance
+    return {path for path, by in zip(changed, moved, strict=True) if by}
+
+
+def run_figures(ts, model, names=METRICS):
+    def reference(rig, drive):
+        found = evaluate(simulate(rig, drive, ts, model=model), rig, names)
+        return [float(found[name]) for name in names]
+
+    return reference
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_propagation_in_every_quantity(layout):
+    """The two sides compile the same closed form: 1e-9."""
+    rng = np.random.default_rng(len(layout))
+    rig = linear_effects(machine(LAYOUTS[layout]), 3.0)
+    n = rig.size
+    drive = speeds(rng.uniform(2, 9, n), rng.uniform(-30, 30, 3), rng.uniform(0.0, 0.2, n))
+    ts = samples_of(0.08, 500.0)
+    how = Evaluation("propagation", METRICS, times=ts)
+    moved = compared(how, rig, drive, run_figures(ts, "coupled"), rng, 1e-8)
+    wanted = {"force.x", "speed.w2", "angle.w1", "sphere.mass", "wheel.w1.roundness",
+              "wheel.w2.contact.stiffness", "wheel.w3.mount.damping"}  # fmt: skip
+    assert wanted <= moved
+    assert all(any(placed.law.id in path for path in moved) for placed in rig.effects)
