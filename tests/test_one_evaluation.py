@@ -22,10 +22,11 @@ from omnijax.vibration import evaluate
 METRICS = ("rms", "peak")
 _LEAN = np.deg2rad([55.0, 48.0, 62.0, 51.0])
 _TURN = np.deg2rad([10.0, 95.0, 190.0, 280.0])
+_UP, _SIN = np.array([0.0, 0.0, 1.0]), np.sin(_LEAN)[:, None]
 _OUT = np.stack([np.cos(_TURN), np.sin(_TURN), 0 * _TURN], axis=1)
 _ALONG = np.stack([-np.sin(_TURN), np.cos(_TURN), 0 * _TURN], axis=1)
 FOUR = (
-    -_OUT * np.sin(_LEAN)[:, None] + np.array([0.0, 0.0, 1.0]) * np.cos(_LEAN)[:, None],
+    -_OUT * _SIN + _UP * np.cos(_LEAN)[:, None],
     np.cos(0.2) * _ALONG
     + np.sin(0.2)
     * (_OUT * np.cos(_LEAN)[:, None] + np.array([0, 0, 1.0]) * np.sin(_LEAN)[:, None]),
@@ -61,7 +62,11 @@ def columns_of(rig, drive):
     quantities = drive_quantities(drive, rig.names)
     own = [p for p in quantities if not p.endswith(".scale")]
     paths = (*scalar_parameters(rig), *own, *(p for p in quantities if p.endswith(".scale")))
-    given = {f"{n}.{w}": v for n, vs in _values(drive).items() for w, v in zip(_ends(n, rig), vs)}
+    given = {
+        f"{name}.{end}": value
+        for name, values in _values(drive).items()
+        for end, value in zip(_ends(name, rig), values, strict=True)
+    }
     base = [
         given[p] if p in given else 1.0 if p in quantities else float(get_parameter(rig, p))
         for p in paths
