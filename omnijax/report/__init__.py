@@ -1,5 +1,8 @@
 """Figures, tables and one offline HTML page from them; no physics of its own."""
 
+from .._plot import COLOURS as COLOURS
+from .._plot import MUTED as MUTED
+from .._plot import PALETTE as PALETTE
 from ._axis import SpeedAxis as SpeedAxis
 from ._content import Badge as Badge
 from ._content import Column as Column
@@ -16,10 +19,7 @@ from ._orders import orders_page as orders_page
 from ._orders import strongest_orders as strongest_orders
 from ._page import Page as Page
 from ._page import file_name as file_name
-from ._style import COLOURS as COLOURS
 from ._style import INK as INK
-from ._style import MUTED as MUTED
-from ._style import PALETTE as PALETTE
 from ._style import figure as figure
 from ._style import legend_above as legend_above
 from ._style import style as style

@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from .._plot import PALETTE
 from ._content import Figure
-from ._style import PALETTE, figure, style
+from ._style import figure, style
 
 
 def order_figure(found) -> Figure:

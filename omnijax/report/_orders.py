@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ..simulation import SCALES
+from .._plot import SCALES
 from ..vibration import OrderMap, OrderTrack, name_of
 from ._axis import SpeedAxis
 from ._content import Column, Fact, Figure, Provenance, Section, Table, shown

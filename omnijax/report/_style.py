@@ -15,18 +15,9 @@ from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-# Okabe and Ito's colours, told apart with every common colour vision
-PALETTE = {
-    "blue": "#0072B2",
-    "vermillion": "#D55E00",
-    "green": "#009E73",
-    "purple": "#CC79A7",
-    "orange": "#E69F00",
-    "sky": "#56B4E9",
-    "black": "#222222",
-}
-COLOURS = tuple(PALETTE.values())
-INK, MUTED, RULE = "#1b1f24", "#57606a", "#d8dde3"
+from .._plot import COLOURS, MUTED
+
+INK, RULE = "#1b1f24", "#d8dde3"
 WIDTH, NARROW = 7.2, 4.3  # inches: on a page, and on a telephone
 NARROW_LETTERS = 34  # of a title there
 

@@ -26,8 +26,6 @@ from ._files import load_trajectory as load_trajectory
 from ._files import save_trajectory as save_trajectory
 from ._files import to_recording as to_recording
 from ._padding import joined as joined
-from ._plots import COLOURS as COLOURS
-from ._plots import SCALES as SCALES
 from ._plots import plot_run as plot_run
 from ._sensors import drive_from_recording as drive_from_recording
 from ._sensors import measured as measured

@@ -4,16 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from .._plot import COLOURS, SCALES, new_axes
 from ._trajectory import Trajectory
 
-# Okabe and Ito's colours, told apart with every common colour vision
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
-SCALES = {  # as people read them
-    "m": (1e6, "µm"),
-    "m/s": (1e3, "mm/s"),
-    "m/s^2": (1.0, "m/s²"),
-    "(m)^2": (1e12, "µm²"),
-}
 LABELS = {"dR": "ΔR", "dR_elastic": "elastic ΔR", "theta": "θ", "Omega": "Ω", "omega": "ω"}
 LARGE = ("R_l", "V_l")  # the platform's way is metres, not micrometres
 
@@ -34,10 +27,7 @@ def plot_channel(trajectory: Trajectory, name: str, *, ax: Any = None) -> Any:
     """
     if name not in trajectory.UNITS or name == "t":
         raise ValueError(f"`name` must be one of {sorted(trajectory.UNITS)}, but is {name!r}.")
-    if ax is None:
-        from matplotlib.figure import Figure
-
-        ax = Figure(figsize=(7.2, 3.2), layout="constrained").subplots()
+    ax = new_axes(ax, 3.2)
     unit = trajectory.UNITS[name]
     factor, shown = (1.0, unit) if name in LARGE else SCALES.get(unit, (1.0, unit))
     values = factor * np.asarray(getattr(trajectory, name))

@@ -4,17 +4,9 @@ from typing import Any
 
 import numpy as np
 
-from ..simulation import COLOURS, SCALES
+from .._plot import COLOURS, SCALES, new_axes
 
 OVER = {"time": "time (s)", "speed": "speed (rpm)"}
-
-
-def _axes(ax: Any) -> Any:
-    if ax is not None:
-        return ax
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(7.2, 4.2), layout="constrained").subplots()
 
 
 def _rows(result: Any, over: str) -> tuple[np.ndarray, np.ndarray]:
@@ -37,7 +29,7 @@ def name_of(channel: str) -> str:
 
 def plot_map(result: Any, *, ax: Any = None, over: str = "time") -> Any:
     """Orders to the right, time or speed upwards, amplitude as colour; grey cannot be told."""
-    ax = _axes(ax)
+    ax = new_axes(ax)
     values, order = _rows(result, over)
     factor, label = _label(result)
     ax.set_facecolor("#d8dde3")
@@ -56,7 +48,7 @@ def plot_map(result: Any, *, ax: Any = None, over: str = "time") -> Any:
 
 def plot_spectrum(result: Any, *, ax: Any = None) -> Any:
     """The whole run's amplitude over the orders; returns the axes."""
-    ax = _axes(ax)
+    ax = new_axes(ax)
     factor, label = _label(result)
     ax.plot(result.orders, factor * result.spectrum(), color=COLOURS[0], lw=1.2)
     ax.set_xlabel(f"order of {result.reference}")
@@ -67,7 +59,7 @@ def plot_spectrum(result: Any, *, ax: Any = None) -> Any:
 
 def plot_waterfall(result: Any, *, ax: Any = None, count: int = 24) -> Any:
     """Up to `count` spectra, each above the one before it; the scale stands beside the first."""
-    ax = _axes(ax)
+    ax = new_axes(ax)
     factor, label = _label(result)
     pick = np.unique(np.linspace(0, len(result.time) - 1, count).astype(int))
     shown = factor * result.amplitude[pick]
@@ -87,7 +79,7 @@ def plot_waterfall(result: Any, *, ax: Any = None, count: int = 24) -> Any:
 
 def plot_track(result: Any, *, ax: Any = None, over: str = "time") -> Any:
     """Amplitude of each order; dashed where the sampling alone cannot tell it from another."""
-    ax = _axes(ax)
+    ax = new_axes(ax)
     values, order = _rows(result, over)
     factor, label = _label(result)
     for i, number in enumerate(result.orders):

@@ -5,23 +5,16 @@ from typing import Any
 import numpy as np
 
 from ..._html import html_table
+from ..._plot import PALETTE, new_axes
 from .result import Diagnosis
 
-BLUE, ORANGE, GREY = "#0072B2", "#D55E00", "#777777"
+BLUE, ORANGE, GREY = PALETTE["blue"], PALETTE["vermillion"], "#777777"
 ENDS = ("noise_floor", "before", "after")
-
-
-def _axes(ax: Any, height: float) -> Any:
-    if ax is not None:
-        return ax
-    from matplotlib.figure import Figure
-
-    return Figure(figsize=(7.2, height), layout="constrained").subplots()
 
 
 def plot_gap(found: Diagnosis, *, ax: Any = None) -> Any:
     """Held-out RMS of every output group before and after, over its noise; returns the axes."""
-    ax = _axes(ax, 3.0)
+    ax = new_axes(ax, 3.0)
     groups = list(found.gap)
     at = np.arange(len(groups))
     for shift, end, colour in ((-0.2, "before", ORANGE), (0.2, "after", BLUE)):
@@ -43,7 +36,7 @@ def plot_scores(found: Diagnosis, *, step: int = 1, ax: Any = None) -> Any:
     if not best:
         steps = sorted({s["step"] for s in found.scores})
         raise ValueError(f"`step` must be one of {steps}, but is {step}.")
-    ax = _axes(ax, 0.9 + 0.26 * len(best))
+    ax = new_axes(ax, 0.9 + 0.26 * len(best))
     ax.barh(
         [f"{s['id']} at {s['place']}" for s in best[::-1]],
         [max(s["gain"], 0.1) for s in best[::-1]],
@@ -56,7 +49,7 @@ def plot_scores(found: Diagnosis, *, step: int = 1, ax: Any = None) -> Any:
 
 def plot_where(found: Diagnosis, *, ax: Any = None) -> Any:
     """Shares of the residual's power by place, those that do not stand paler; returns the axes."""
-    ax = _axes(ax, 0.9 + 0.26 * max(1, len(found.where)))
+    ax = new_axes(ax, 0.9 + 0.26 * max(1, len(found.where)))
     rows = found.where[::-1]
     colours = [BLUE if w["stands"] else GREY for w in rows]
     names = [f"{k}  {place_text(w)}" for k, w in zip(range(len(rows), 0, -1), rows, strict=True)]

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from ..._html import html_table
+from ..._plot import new_axes
 
 
 def summary_rows(state: Any) -> list[tuple[str, float, str]]:
@@ -29,10 +30,7 @@ def html(state: Any) -> str:
 
 def plot_orders(state: Any, *, ax: Any = None) -> Any:
     """Amplitudes of |dR| in micrometres over the order of each wheel's rotation."""
-    if ax is None:
-        from matplotlib.figure import Figure
-
-        ax = Figure(figsize=(7, 3.5), layout="constrained").subplots()
+    ax = new_axes(ax, 3.5)
     amplitude = 1e6 * np.linalg.norm(np.abs(np.asarray(state.spectrum)), axis=-1)
     order, shift = np.asarray(state.order), np.linspace(-2.0, 2.0, max(len(state.wheel), 2))
     for signal, wheel in enumerate(state.wheel):

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..._html import html_table
+from ..._plot import PALETTE, new_axes
 from ..._text import amount, label, scaled
 from .._netcdf import read_result, write_result
 
@@ -104,8 +105,6 @@ class Front:
 
     def plot_front(self, pair: tuple[int, int] | None = None, ax: Any = None) -> Any:
         """A pair of metrics against each other (the one that conflicts most); a third in colour."""
-        from .._sensitivity import new_axes
-
         ax, (a, b) = new_axes(ax), pair or self.pairs()[0]
         order = np.argsort(self.values[:, a])
         sizes = [
@@ -114,7 +113,7 @@ class Front:
         shown = self.values[order] * [factor for factor, _ in sizes]
         names = [label(n, unit) for n, (_, unit) in zip(self.metrics, sizes, strict=True)]
         if len(self.metrics) == 2:
-            ax.plot(shown[:, a], shown[:, b], "o-", color="#0072B2")
+            ax.plot(shown[:, a], shown[:, b], "o-", color=PALETTE["blue"])
         else:
             (c,) = {0, 1, 2} - {a, b}
             dots = ax.scatter(shown[:, a], shown[:, b], c=shown[:, c], cmap="cividis")

@@ -5,11 +5,12 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from ..._plot import MUTED, PALETTE, new_axes
 from ..._text import label, scaled
-from .._sensitivity import new_axes
 
 COLOURS = {
-    "optimal": "#009E73", "not optimal": "#E69F00", "infeasible": "#D55E00", "failed": "#222222"
+    "optimal": PALETTE["green"], "not optimal": PALETTE["orange"],
+    "infeasible": PALETTE["vermillion"], "failed": PALETTE["black"],
 }  # fmt: skip
 
 
@@ -25,7 +26,7 @@ def searches(result: Any, ax: Any = None) -> Any:
         if len(here):
             ax.plot(here + 1, values[order][here], "o", color=colour, label=kind)
     best = factor * result.objective
-    ax.axhline(best, color="#57606a", linewidth=0.9)
+    ax.axhline(best, color=MUTED, linewidth=0.9)
     low, high = ax.get_ylim()
     room = 0.02 * abs(best)  # searches that agree shall look so
     ax.set_ylim(min(low, best - room), max(high, best + room))
@@ -44,7 +45,7 @@ def cases(result: Any, ax: Any = None) -> Any:
     ax = new_axes(ax, 1.4 + 0.4 * len(names))
     factor, unit = scaled(result.objective, result.unit)
     place = np.arange(len(names))[::-1]
-    ax.barh(place, factor * np.array(list(result.cases.values())), 0.7, color="#0072B2")
+    ax.barh(place, factor * np.array(list(result.cases.values())), 0.7, color=PALETTE["blue"])
     ax.set_yticks(place, [n or "objective" for n in names])
     ax.grid(axis="y", visible=False)
     ax.set_xlabel(label(result.case_name, unit))

@@ -1,6 +1,5 @@
 """Exact local sensitivities."""
 
-from .plot import new_axes as new_axes
 from .sensitivity import Sensitivity as Sensitivity
 from .sensitivity import sensitivity as sensitivity
 from .speeds import SpeedSensitivity as SpeedSensitivity

@@ -4,16 +4,9 @@ from typing import Any
 
 import numpy as np
 
+from ..._plot import MUTED, PALETTE, new_axes
+
 BARS = 14
-
-
-def new_axes(ax: Any, height: float = 4.2, width: float = 7.2) -> Any:
-    """`ax`, or the axes of a new figure."""
-    if ax is None:
-        from matplotlib.figure import Figure
-
-        ax = Figure(figsize=(width, height), layout="constrained").add_subplot()
-    return ax
 
 
 def tornado(result: Any, metric: str, together: bool = False, ax: Any = None) -> Any:
@@ -25,7 +18,7 @@ def tornado(result: Any, metric: str, together: bool = False, ax: Any = None) ->
     ax = new_axes(ax, 1.4 + 0.27 * len(shown))
     place = np.arange(len(shown))[::-1]
     values = [value for _, value in shown]
-    colours = ["#D55E00" if value > 0 else "#0072B2" for value in values]
+    colours = [PALETTE["vermillion"] if value > 0 else PALETTE["blue"] for value in values]
     ax.barh(place, values, color=colours, height=0.7)
     for y, value in zip(place, values, strict=True):
         text = f"{value:+.3g}".replace("-", "−")
@@ -34,7 +27,7 @@ def tornado(result: Any, metric: str, together: bool = False, ax: Any = None) ->
             textcoords="offset points", va="center", ha="left" if value >= 0 else "right",
         )  # fmt: skip
     ax.set_yticks(place, [path for path, _ in shown])
-    ax.axvline(0, color="#57606a", linewidth=0.8)
+    ax.axvline(0, color=MUTED, linewidth=0.8)
     ax.margins(x=0.3)  # for the numbers, on a telephone too
     ax.grid(axis="y", visible=False)
     figure = result.figures[result.metrics.index(metric)]

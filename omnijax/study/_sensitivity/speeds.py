@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._plot import MUTED, new_axes
 from ...rig import Rig, get_parameter, load_rig, set_parameter
 from ...simulation import speeds as speed_drive
 from ...vibration import METRICS
@@ -48,13 +49,11 @@ class SpeedSensitivity(NamedTuple):
         """One parameter's part in every metric over the speed of the fastest wheel."""
         from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-        from .plot import new_axes
-
         ax = new_axes(ax)
         fastest = self.scale * np.max(np.abs(self.speeds))
         for metric in self.metrics:
             ax.plot(fastest, self.of(metric, parameter), label=metric)
-        ax.axhline(0, color="#57606a", linewidth=0.8)
+        ax.axhline(0, color=MUTED, linewidth=0.8)
         ax.set_xscale("log")
         ax.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         ax.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from .._sensitivity import new_axes
+from ..._plot import PALETTE, new_axes
 
 
 def indices(result: Any, metric: str, ax: Any = None) -> Any:
@@ -13,18 +13,18 @@ def indices(result: Any, metric: str, ax: Any = None) -> Any:
     order = np.argsort(result.sobol.total[m])
     ax = new_axes(ax, 1.6 + 0.42 * len(order))
     place = np.arange(len(order))
-    style = {"height": 0.36, "error_kw": {"elinewidth": 1.0, "ecolor": "#222222"}}
+    style = {"height": 0.36, "error_kw": {"elinewidth": 1.0, "ecolor": PALETTE["black"]}}
     first, total = result.sobol.first[m, order], result.sobol.total[m, order]
     ax.barh(
-        place + 0.19, total, xerr=result.sobol.total_half[m, order], color="#0072B2",
+        place + 0.19, total, xerr=result.sobol.total_half[m, order], color=PALETTE["blue"],
         label="total", **style,
     )  # fmt: skip
     ax.barh(
-        place - 0.19, first, xerr=result.sobol.first_half[m, order], color="#56B4E9",
+        place - 0.19, first, xerr=result.sobol.first_half[m, order], color=PALETTE["sky"],
         label="first order", **style,
     )  # fmt: skip
     bound = np.minimum(result.bound[m, order], 1.0)
-    ax.plot(bound, place + 0.19, "|", color="#D55E00", ms=14, label="bound")
+    ax.plot(bound, place + 0.19, "|", color=PALETTE["vermillion"], ms=14, label="bound")
     ax.set_yticks(place, [result.inputs[i] for i in order])
     ax.grid(axis="y", visible=False)
     ax.set_xlabel(f"share of the variance of {metric}")

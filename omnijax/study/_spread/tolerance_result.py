@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..._html import html_table
+from ..._plot import PALETTE, new_axes
 from ..._text import amount
 from .._netcdf import read_result, write_result
 
@@ -132,12 +133,10 @@ class Tolerances:
 
     def plot_widths(self, ax: Any = None) -> Any:
         """Tolerances as bars, tightest on top; capped ones paler."""
-        from .._sensitivity import new_axes
-
         order = np.argsort(-self.widths)
         ax = new_axes(ax, 1.4 + 0.27 * len(order))
         capped, place = self.capped[order], np.arange(len(order))
-        colours = np.where(capped, "#56B4E9", "#0072B2").tolist()
+        colours = np.where(capped, PALETTE["sky"], PALETTE["blue"]).tolist()
         ax.barh(place, 100 * self.widths[order], color=colours, height=0.7)
         ax.set_yticks(np.arange(len(order)), [self.parts[i] for i in order])
         ax.grid(axis="y", visible=False)

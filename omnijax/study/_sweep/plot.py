@@ -5,19 +5,12 @@ from typing import Any
 import numpy as np
 
 from ..._errors import InputError
+from ..._plot import new_axes
 from .._points import Grid
 
 MARKS = ("-", "--", "-.", ":")
 LINES = 8  # of one family
 CELLS = 5000  # of a heat map, from which a vector file holds it as a picture
-
-
-def _axes(ax: Any):
-    if ax is None:
-        from matplotlib.figure import Figure
-
-        ax = Figure(figsize=(6.4, 4.2), layout="constrained").add_subplot()
-    return ax
 
 
 def _label(result: Any, name: str) -> str:
@@ -50,7 +43,7 @@ def heatmap(result: Any, metric: str, x: str | None = None, y: str | None = None
         raise InputError("a heat map needs a grid over two parameters: use `plot_lines`.")
     i, j = _index(result, x, 0, metric), _index(result, y, 1, metric)
     j = (i + 1) % len(result.points.axes) if i == j else j
-    ax, axes = _axes(ax), result.points.axes
+    ax, axes = new_axes(ax, width=6.4), result.points.axes
     values, held = _slice(result, metric, (i, j))
     across, up = (axes[k].levels() for k in (i, j))
     order = np.argsort(across), np.argsort(up)
@@ -77,7 +70,7 @@ def _edges(levels: np.ndarray, log: bool) -> np.ndarray:
 
 def lines(result: Any, metric: str, x: str | None = None, hue: str | None = None, *, ax=None):
     """`metric` over one axis, one line a level of `hue`; a cloud of points for samples."""
-    ax, axes = _axes(ax), result.points.axes
+    ax, axes = new_axes(ax, width=6.4), result.points.axes
     i = _index(result, x, 0, metric)
     ax.set(xlabel=_label(result, axes[i].path), ylabel=_label(result, metric))
     if axes[i].log:
