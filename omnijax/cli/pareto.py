@@ -5,7 +5,7 @@ from typing import Any
 
 from ._options import Force, Json
 from ._progress import bar
-from ._study_page import Switch, deliver, kept, made_by, readable, write_page
+from ._study_page import Switch, deliver, kept, made_by
 
 
 def pareto(
@@ -52,7 +52,7 @@ def pareto(
         found,
         out,
         report,
-        lambda folder: _page(folder, found, study, asked),
+        lambda: made_by(study, asked),
         json,
         _plain(found),
         lambda: _print(found),
@@ -81,37 +81,5 @@ def _print(found: Any) -> None:
         print("  ".join(c.rjust(len(n)) for c, n in zip(cells, names, strict=True)))
 
 
-def _page(folder: Path, found: Any, study: Path, asked: Any) -> None:
-    from ..report import Fact
-
-    data = {f"{n} / {u}": found.values[:, m] for m, (n, u) in enumerate(_both(found))}
-    figures = []
-    for a, b in found.pairs():
-        one, other = found.metrics[a], found.metrics[b]
-        figures.append(
-            (f"front-{one}-{other}", f"The front, {other} against {one}: nothing on it can be "
-             "better in one metric without being worse in another.",
-             lambda pair=(a, b): found.plot_front(pair), data)
-        )  # fmt: skip
-    facts = [Fact("designs", len(found.x)), Fact("evaluations with gradient", found.evaluations)]
-    one, other = (found.metrics[m] for m in found.pairs()[0])
-    write_page(
-        folder, "Trade-off", f"What does {one} cost in {other}?", found.sentences(), figures,
-        [_table(found)], made_by(study, asked), facts,
-    )  # fmt: skip
-
-
 def _both(found: Any) -> list[tuple[str, str]]:
     return list(zip(found.metrics, found.units, strict=True))
-
-
-def _table(found: Any) -> Any:
-    """The designs on the front."""
-    from ..report import Column, Table
-
-    variables = zip(found.variables, found.variable_units, strict=True)
-    parts = [(n, *readable(found.values[:, m], u)) for m, (n, u) in enumerate(_both(found))]
-    parts += [(n, *readable(found.x[:, i], u)) for i, (n, u) in enumerate(variables)]
-    columns = [*(Column(n, unit) for n, _, unit in parts), Column("status", text=True)]
-    rows = [[*(v[i] for _, v, _ in parts), s] for i, s in enumerate(found.status)]
-    return Table(columns, rows, "front-designs", "Designs on the front.")

@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from ._motion import Motion
-from ._options import Json, Overwrite, command_line
-from ._study_page import Switch, deliver, write_page
+from ._options import Json, Overwrite
+from ._study_page import Switch, deliver, made_by_rig
 
 
 def sensitivity(
@@ -67,7 +67,7 @@ def sensitivity(
         found,
         out,
         report,
-        lambda folder: _page(folder, found, machine),
+        lambda: made_by_rig(machine),
         json,
         _plain(found),
         lambda: _print(found, per_wheel, top),
@@ -111,41 +111,3 @@ def _print(found: Any, per_wheel: bool, top: int) -> None:
         console.print(line, soft_wrap=True)
     if found.check is not None:
         console.print(f"worst relative error against finite differences: {found.check.worst:.2g}")
-
-
-def _page(folder: Path, found: Any, machine: Any) -> None:
-    from .._text import amount
-    from ..report import Column, Fact, Table, provenance, shown
-    from ..rig import rig_text
-
-    first = found.metrics[0]
-    lead, value = next(iter(found.together(first).items()))
-    lines = [
-        f"`{lead}` matters most for {first}: {shown(value)} % per %.",
-        f"Exact derivatives by {found.how}. Parameters of the same kind are changed on all "
-        "wheels at once in the figures; the table has every wheel by itself.",
-        *found.sentences(),
-    ]
-    figures = []
-    for name in found.metrics:
-        bars = found.together(name)
-        data = {"parameter": list(bars), f"{name} / % per %": list(bars.values())}
-        figures.append(
-            (f"tornado-{name}", f"What each parameter does to {name}.",
-             lambda name=name: found.plot_tornado(name, together=True), data)
-        )  # fmt: skip
-    columns = [Column("parameter", text=True), Column("value", text=True)]
-    columns += [Column(f"{name}", "% per %") for name in found.metrics]
-    rows = [
-        [path, amount(found.values[i], found.units[i]), *found.relative[:, i]]
-        for i, path in enumerate(found.parameters)
-    ]
-    facts = [
-        Fact(name, amount(found.figures[m], found.metric_units[m]))
-        for m, name in enumerate(found.metrics)
-    ]
-    table = Table(columns, rows, "sensitivities", "Change of each metric in % per %.")
-    write_page(
-        folder, "Sensitivities", "Which parameters does the vibration depend on?", lines, figures,
-        [table], provenance(command_line(), rig_text(machine)), facts,
-    )  # fmt: skip

@@ -19,6 +19,7 @@ from ._orders import orders_page as orders_page
 from ._orders import strongest_orders as strongest_orders
 from ._page import Page as Page
 from ._page import file_name as file_name
+from ._study import study_page as study_page
 from ._style import INK as INK
 from ._style import figure as figure
 from ._style import legend_above as legend_above
