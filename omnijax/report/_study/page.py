@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ..._text import scaled
 from ...vibration import METRICS
 from .._content import Fact, Figure, Provenance, Section, Table
 from .._page import Page
@@ -15,8 +16,6 @@ Drawing = tuple[str, str, Callable[[], Any], dict[str, Any]]  # name, caption, d
 
 def readable(values: Any, unit: str) -> tuple[Any, str]:
     """Values in the unit that their middle one reads well in, and that unit."""
-
-    from .._text import scaled
 
     found = np.asarray(values, float)
     finite = np.abs(found[np.isfinite(found)])
