@@ -25,6 +25,10 @@ from ._files import load_end as load_end
 from ._files import load_trajectory as load_trajectory
 from ._files import save_trajectory as save_trajectory
 from ._files import to_recording as to_recording
+from ._modal import Figures as Figures
+from ._modal import Operating as Operating
+from ._modal import modal_figures as modal_figures
+from ._modal import modal_obstacle as modal_obstacle
 from ._padding import joined as joined
 from ._plots import plot_run as plot_run
 from ._sensors import drive_from_recording as drive_from_recording

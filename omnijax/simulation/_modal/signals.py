@@ -1,0 +1,202 @@
+"""What forces the elastic model at constant speeds: signals that are sums of sinusoids, by pieces.
+
+A signal drives one input column.  While it is on piece k, begun a time tau ago,
+
+    rho = sum_v cosine[v, k] cos(rate[v] tau) + sine[v, k] sin(rate[v] tau)
+
+A gap profile has its active pieces and a silent one, period after period; a runout, a vibrating
+floor or a force on the platform is one piece without end.  A damaged roller is one more gap
+profile that comes once a turn.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...laws import ContinuousSine, DamagedRoller, GatedSine, Rollers, WheelRunout
+from ...rig import Rig
+
+NODES = 64  # of the sum that gives the series of `rollers`
+FOREVER = 1e30  # s, length of a piece that no wheel leaves
+
+
+class Kind(NamedTuple):
+    """What is static about a signal: its input column, its pieces and its sinusoids."""
+
+    column: int
+    pieces: int
+    waves: int
+
+
+class Signals(NamedTuple):
+    """All signals of a design: those with edges first (g), all sinusoids beside each other (v)."""
+
+    duration: Float[Array, "g k *c"]  # s, of each piece
+    piece: Float[Array, " g *c"]  # number of the piece at the start
+    since: Float[Array, " g *c"]  # s, since it began
+    rate: Float[Array, " v *c"]  # rad/s
+    cosine: Float[Array, "v k *c"]
+    sine: Float[Array, "v k *c"]
+
+
+class Shape(NamedTuple):
+    """One period over the angle: widths (k), frequencies (w) in waves' rad a rad, amplitudes."""
+
+    width: Float[Array, " k"]
+    frequency: Float[Array, " w"]
+    cosine: Float[Array, "k w"]
+    sine: Float[Array, "k w"]
+
+
+def series_needed(ratio: float) -> int:
+    """Terms of the series of `rollers` at a radius ratio r_b/R."""
+    return 1 + math.ceil(26 / -math.log(min(ratio, 0.99) ** 2 / 4))
+
+
+def _gap_shape(profile, gap, period, series: int) -> Shape:
+    """Active pieces of a gap and the silent rest of `period`."""
+    width = gap.width
+    safe, zero = jnp.where(width > 0, width, 1.0), jnp.zeros(())
+    rest = period - width
+    if isinstance(profile, Rollers):
+        return _rollers(gap, rest, series)
+    turns = 2 * math.pi if isinstance(profile, GatedSine) else math.pi
+    depth = jnp.where(width > 0, gap.depth, 0.0)
+    return Shape(
+        jnp.stack([width, rest]),
+        (turns / safe)[None],
+        jnp.zeros((2, 1)),
+        jnp.stack([-depth, zero])[:, None],
+    )
+
+
+def _rollers(gap, rest, terms: int) -> Shape:
+    """r_b (cos a - 1) + R (sqrt(1 - q^2) - 1), q = (r_b/R) sin a, to mid-gap and back."""
+    a = math.pi * np.arange(NODES) / NODES
+    q = gap.wheel_radius / gap.sphere_radius * np.sin(a)
+    sphere = -gap.sphere_radius * q * q / (1 + jnp.sqrt(1 - q * q))
+    k = np.arange(terms)
+    series = np.cos(2 * k[:, None] * a) * np.where(k == 0, 1, 2)[:, None] / NODES @ sphere
+    level = (series[0] - gap.wheel_radius)[None]
+    down = jnp.concatenate([level, gap.wheel_radius[None], series[1:]])
+    frequency = jnp.asarray(np.concatenate([[0.0, 1.0], 2.0 * k[1:]]))
+    half = gap.width / 2
+    up = down * jnp.cos(frequency * half), down * jnp.sin(frequency * half)
+    none = jnp.zeros_like(down)
+    return Shape(
+        jnp.stack([half, half, rest]),
+        frequency,
+        jnp.stack([down, up[0], none]),
+        jnp.stack([none, up[1], none]),
+    )
+
+
+def _mirrored(shape: Shape) -> Shape:
+    """The shape for a wheel that turns backwards."""
+    phase = shape.width[:, None] * shape.frequency
+    cos, sin = jnp.cos(phase), jnp.sin(phase)
+    cosine = shape.cosine * cos + shape.sine * sin
+    sine = shape.cosine * sin - shape.sine * cos
+    return Shape(shape.width[::-1], shape.frequency, cosine[::-1], sine[::-1])
+
+
+def _place(shape: Shape, angle):
+    """Number of the piece at `angle` and the angle since it began."""
+    place = jnp.mod(angle, jnp.sum(shape.width))
+    ends = jnp.cumsum(shape.width)
+    number = jnp.minimum(jnp.sum(ends[:-1] <= place), len(ends) - 1)
+    return number, place - (ends[number] - shape.width[number])
+
+
+def _passed(shape: Shape, speed, angle):
+    """Durations, rates, amplitudes, piece and time since its begin, as the wheel passes it."""
+    forward, rest = speed >= 0, speed == 0
+    shape = jax.tree.map(lambda a, b: jnp.where(forward, a, b), shape, _mirrored(shape))
+    pace = jnp.where(rest, 1.0, jnp.abs(speed))
+    number, into = _place(shape, jnp.where(forward, angle, -angle))
+    phase = shape.frequency * into
+    level = shape.cosine[number] @ jnp.cos(phase) + shape.sine[number] @ jnp.sin(phase)
+    still = jnp.zeros_like(shape.cosine).at[:, 0].set(level)
+    return (
+        jnp.where(rest, FOREVER, shape.width / pace),
+        jnp.where(rest, 0.0, shape.frequency * pace),
+        jnp.where(rest, still, shape.cosine),
+        jnp.where(rest, 0.0, shape.sine),
+        number.astype(float),
+        jnp.where(rest, 0.0, into / pace),
+    )
+
+
+def _gapped(rig: Rig, i: int, series: int):
+    """Shapes with gaps of wheel i, each with the angle at which its period begins."""
+    gap, profile = jax.tree.map(lambda x: x[i], rig.gaps), rig.profiles[i]
+    if not isinstance(profile, ContinuousSine):
+        yield _gap_shape(profile, gap, gap.pitch, series), 0.0
+    for placed in rig.at("shape"):
+        if i in placed.wheels and isinstance(placed.law, DamagedRoller):
+            roller = jnp.round(placed.law.roller)
+            scale = jnp.where(roller < gap.rollers, placed.law.severity, 0.0)
+            shape = _gap_shape(profile, gap, 2 * math.pi, series)
+            scaled = shape._replace(cosine=shape.cosine * scale, sine=shape.sine * scale)
+            yield scaled, roller * gap.pitch
+
+
+def _endless(rig: Rig, speeds, angles, force: bool):
+    """(column, rate, cosine, sine) of the signals without edges."""
+    for i in range(rig.size):
+        gap, profile = jax.tree.map(lambda x, i=i: x[i], rig.gaps), rig.profiles[i]
+        waves = []  # A cos(frequency angle + phase)
+        if isinstance(profile, ContinuousSine):
+            eta = jnp.where(gap.roundness > 0, gap.roundness, 1.0)
+            waves.append((gap.rollers / eta, gap.depth, math.pi / 2))
+        for placed in rig.at("shape"):
+            if i in placed.wheels and isinstance(placed.law, WheelRunout):
+                waves.append((jnp.ones(()), placed.law.amplitude, -placed.law.phase))
+        for frequency, amplitude, phase in waves:
+            at = frequency * angles[i] + phase
+            yield i, frequency * speeds[i], amplitude * jnp.cos(at), -amplitude * jnp.sin(at)
+    column = rig.size
+    for placed in rig.at("platform"):
+        law: Any = placed.law
+        rate = 2 * math.pi * law.frequency
+        yield column, rate, law.amplitude * jnp.sin(law.phase), law.amplitude * jnp.cos(law.phase)
+        column += 1
+    if force:
+        yield column, jnp.zeros(()), jnp.ones(()), jnp.zeros(())
+
+
+def signals_of(
+    rig: Rig, speeds, angles, force: bool, series: int
+) -> tuple[Signals, tuple[Kind, ...]]:
+    """Every signal of one design at constant `speeds` (rad/s) from `angles` (rad), and its kind.
+
+    `force`: whether one acts on the platform; `series`: terms of the profile `rollers`.
+    """
+    gapped = [
+        (i, _passed(shape, speeds[i], angles[i] - begin))
+        for i in range(rig.size)
+        for shape, begin in _gapped(rig, i, series)
+    ]
+    endless = list(_endless(rig, speeds, angles, force))
+    kinds = [Kind(i, *shape[2].shape) for i, shape in gapped]
+    most = max([kind.pieces for kind in kinds], default=1)
+
+    def padded(x):
+        return jnp.pad(x, ((0, 0), (0, most - x.shape[1])))
+
+    def stacked(parts, shape):
+        return jnp.concatenate(parts) if parts else jnp.zeros(shape)
+
+    alone = jnp.asarray([wave[1:] for wave in endless], float).reshape(-1, 3)
+    return Signals(
+        stacked([padded(shape[0][None]) for _, shape in gapped], (0, most)),
+        jnp.asarray([shape[4] for _, shape in gapped]),
+        jnp.asarray([shape[5] for _, shape in gapped]),
+        stacked([*(shape[1] for _, shape in gapped), alone[:, 0]], (0,)),
+        stacked([*(padded(shape[2].T) for _, shape in gapped), padded(alone[:, 1:2])], (0, most)),
+        stacked([*(padded(shape[3].T) for _, shape in gapped), padded(alone[:, 2:3])], (0, most)),
+    ), (*kinds, *(Kind(wave[0], 1, 1) for wave in endless))

@@ -1,0 +1,117 @@
+"""One design as arrays: the forced linear system, its outputs and what forces it."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...rig import Rig
+from .._exact import forced_system
+from .signals import Kind, Signals, signals_of
+
+
+class Operating(NamedTuple):
+    """A rig at constant speeds: one design, or many with a leading axis on every array."""
+
+    rig: Rig
+    speeds: Float[Array, " n"]  # rad/s
+    force: Float[Array, "3"]  # N, on the platform
+    angles: Float[Array, " n"]  # rad, of the wheels at the start
+
+
+class System(NamedTuple):
+    """ds/dt = A s + sum_l column_l rho_l, out = C s + direct rho + rate drho/dt, s(0) = start."""
+
+    A: Float[Array, "m m"]
+    column: Float[Array, "l m"]
+    C: Float[Array, "o m"]
+    direct: Float[Array, "l o"]
+    rate: Float[Array, "l o"]
+    start: Float[Array, " m"]
+
+
+class Design(NamedTuple):
+    """What the kernel needs to know of a design."""
+
+    system: System
+    signals: Signals
+    preload: Float[Array, " n"]  # N
+    friction: Float[Array, " n"]
+
+
+class Layout(NamedTuple):
+    """What is static about a design: wheels, signals, and the outputs behind each other."""
+
+    wheels: int
+    kinds: tuple[Kind, ...]
+    outputs: tuple[str, ...]
+
+
+OUTPUTS = ("dR", "normal_force", "drive_force")
+
+
+def design_of(point: Operating, model: str, force: bool, series: int) -> tuple[Design, Layout]:
+    """Arrays and layout of one design; see `signals_of` for `force` and `series`."""
+    rig, speeds, push, angles = point
+    signals, kinds = signals_of(rig, speeds, angles, force, series)
+    floors = len(rig.at("platform"))
+    sources = (*range(rig.size), *(-1 for _ in range(floors)))
+    found = forced_system(rig, model, speeds, sources)
+    level = jnp.zeros(len(sources))  # rho at the start; a floor does not deflect a rig at rest
+    first = 0
+    for g, kind in enumerate(kinds):
+        piece = signals.piece[g].astype(int) if kind.pieces > 1 else 0
+        since = signals.since[g] if kind.pieces > 1 else 0.0
+        v = slice(first, first + kind.waves)
+        phase = signals.rate[v] * since
+        cosine, sine = signals.cosine[v, piece], signals.sine[v, piece]
+        value = jnp.sum(cosine * jnp.cos(phase) + sine * jnp.sin(phase))
+        level = level.at[kind.column].add(value) if kind.column < rig.size else level
+        first += kind.waves
+    start = found.rest @ level - found.shift.T @ level
+    unit = _units(found.A)
+
+    def rows(parts: dict[str, Any], axis: int):
+        return jnp.concatenate([parts[name] for name in OUTPUTS], axis=axis)
+
+    column, direct, rate = found.column, rows(found.direct, 1), rows(found.rate, 1)
+    if force:
+        column = jnp.concatenate([column, (found.force @ push)[None]])
+        direct, rate = (jnp.pad(x, ((0, 1), (0, 0))) for x in (direct, rate))
+    system = System(
+        found.A * unit[None, :] / unit[:, None],
+        column / unit,
+        rows(found.state, 0) * unit,
+        direct,
+        rate,
+        start / unit,
+    )
+    wheels = rig.wheels
+    design = Design(system, signals, wheels.closure.preload, wheels.contact.friction)
+    return design, Layout(rig.size, kinds, OUTPUTS)
+
+
+def _units(A: Float[Array, "m m"]) -> Float[Array, " m"]:
+    """Units of the states in which the rows and columns of A are of like size; no derivative."""
+    size = jax.lax.stop_gradient(jnp.abs(A))
+    size = size - jnp.diag(jnp.diag(size))
+    unit = jnp.ones(len(size))
+    for _ in range(4):  # eigenvectors are as good as after thirty
+        scaled = size * unit[None, :] / unit[:, None]
+        rows, cols = jnp.sum(scaled, axis=1), jnp.sum(scaled, axis=0)
+        good = (rows > 0) & (cols > 0)
+        unit = unit * (jnp.where(good, rows, 1.0) / jnp.where(good, cols, 1.0)) ** 0.25
+    return unit
+
+
+def designs_of(points: Operating, model: str, force: bool, series: int) -> tuple[Design, Layout]:
+    """Designs of many operating points, batch first."""
+    layout: list[Layout] = []
+
+    def one(point):
+        design, found = design_of(point, model, force, series)
+        layout.append(found)
+        return design
+
+    return jax.vmap(one)(points), layout[0]

@@ -1,0 +1,118 @@
+"""The modal core against the general closed form: random rigs of every class."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from machines import ORTHOGONAL, machine
+
+from omnijax import laws
+from omnijax.simulation import (
+    Operating,
+    modal_figures,
+    modal_obstacle,
+    propagate,
+    speeds,
+)
+from omnijax.vibration import evaluate
+
+DURATION, STEP = 0.4, 0.002
+
+
+def cone(rng, n: int, skew: float = 0.15):
+    """n wheels around the sphere in a layout without symmetry."""
+    around = 2 * np.pi * np.arange(n) / n + skew * rng.uniform(-1, 1, n)
+    tilt = 0.8 + skew * rng.uniform(-1, 1, n)
+    normal = np.stack(
+        [-np.sin(tilt) * np.cos(around), -np.sin(tilt) * np.sin(around), np.cos(tilt)], axis=1
+    )
+    return normal, np.stack([-np.sin(around), np.cos(around), 0 * around], axis=1)
+
+
+def mixed(rig):
+    profiles = (laws.HalfSine(), laws.GatedSine(), laws.ContinuousSine(), laws.Rollers())
+    return eqx.tree_at(lambda r: r.profiles, rig, profiles[: rig.size])
+
+
+def hidden(rig):
+    """Runout, a damaged roller, a contact that relaxes, a floor that shakes."""
+    rig = rig.add(laws.WheelRunout(jnp.asarray(4e-5), jnp.asarray(0.7)), "w2")
+    rig = rig.add(laws.DamagedRoller(jnp.asarray(3.0), jnp.asarray(0.6)), "w1")
+    rig = rig.add(laws.ContactRelaxation(jnp.asarray(5e4), jnp.asarray(0.03)), "w1")
+    floor = laws.FloorVibration(*map(jnp.asarray, (0.4, 7.0, 0.3)), jnp.array([0.2, 1.0, 0.4]))
+    return rig.add(floor, "platform")
+
+
+def kinds(rng):
+    """(name, rig, variant) of every class that the core takes."""
+    alike = {"roundness": 0.5, "contact_stiffness": 2e5, "contact_damping": 150.0, "mass": 0.25}
+    alike |= {"mount_stiffness": 1e6, "mount_damping": 60.0, "closure_stiffness": 2e4}
+    small = {"roundness": 0.0, "radius": 0.02}
+    return {
+        "orthogonal, alike": (machine(ORTHOGONAL, **alike), "coupled"),
+        "orthogonal, unlike": (machine(ORTHOGONAL), "coupled"),
+        "tripod, alike": (machine(cone(rng, 3, 0.0), **alike), "coupled"),
+        "tripod, undamped": (
+            machine(cone(rng, 3), contact_damping=0.0, mount_damping=0.0),
+            "coupled",
+        ),
+        "orthogonal, stiff": (machine(ORTHOGONAL, contact_damping=20000.0), "coupled"),
+        "four, mixed": (mixed(machine(cone(rng, 4))), "coupled"),
+        "three, hidden effects": (hidden(machine(cone(rng, 3))), "coupled"),
+        "two, paper": (machine(cone(rng, 2)), "paper"),
+        "round": (machine(cone(rng, 3), **small), "coupled"),
+    }
+
+
+RNG = np.random.default_rng(16)
+KINDS = kinds(RNG)
+
+
+def points_of(rig, rng, count=3, still=True):
+    """Speeds (one wheel at rest, one backwards), forces and start angles of some designs."""
+    n = rig.size
+    speed = rng.uniform(0.3, 12.0, (count, n)) * rng.choice([-1.0, 1.0], (count, n))
+    if still:
+        speed[0, 0] = 0.0
+    return np.concatenate(
+        [speed, rng.normal(0, 20.0, (count, 3)), rng.uniform(-4, 4, (count, n))], 1
+    )
+
+
+def maker(rig):
+    n = rig.size
+
+    def make(row):
+        return Operating(rig, row[:n], row[n : n + 3], row[n + 3 :])
+
+    return make
+
+
+@pytest.mark.parametrize("name", list(KINDS))
+def test_figures_are_those_of_propagated_runs(name):
+    rig, model = KINDS[name]
+    rows = points_of(rig, np.random.default_rng(len(name)))
+    assert modal_obstacle(rig, model) is None
+    found = modal_figures(maker(rig), rows, duration=DURATION, step=STEP, model=model)
+    ts = jnp.linspace(0, DURATION, round(DURATION / STEP) + 1)
+    names = ("rms", "peak", "lift_off_margin", "slip_margin")
+    for row, values, normal, slip in zip(rows, *found[:1], found.normal, found.slip, strict=True):
+        n = rig.size
+        drive = speeds(row[:n], row[n : n + 3], row[n + 3 :])
+        run = propagate(rig, drive, ts, model=model)
+        expected = evaluate(run, rig, names)
+        np.testing.assert_allclose(values, [expected[k] for k in names[:2]], rtol=1e-9, atol=1e-15)
+        for bound, exact in ((normal, expected[names[2]]), (slip, expected[names[3]])):
+            assert np.sign(bound) == np.sign(exact)
+            assert bound <= exact + 1e-6 * abs(exact)
+
+
+def test_obstacles_are_said():
+    rig = machine(ORTHOGONAL)
+    assert modal_obstacle(rig, "coupled", ("rms", "weighted_acceleration")) == (
+        "the modal core does not give weighted_acceleration"
+    )
+    dual = eqx.tree_at(lambda r: r.profiles, rig, (laws.DualRow(jnp.asarray(0.01)),) * 3)
+    with pytest.raises(ValueError, match=r"no figures from the modal form: wheel w1's profile"):
+        rows = points_of(dual, RNG)
+        modal_figures(maker(dual), rows, duration=DURATION, step=STEP)
