@@ -151,9 +151,10 @@ class TableShape(AbstractShape):
         theta, rho = jnp.asarray(theta, float), jnp.asarray(rho, float)
         x = jnp.concatenate([theta, theta[:1] + period])
         spline = CubicSpline(x, jnp.concatenate([rho, rho[:1]]), bc_type="periodic")
-        # re-knot to [0, period): wrap the pieces so that the first knot is 0
-        knots = jnp.concatenate([jnp.zeros(1), jnp.mod(theta, period)[jnp.mod(theta, period) > 0]])
-        knots = jnp.unique(knots)
+        # re-knot to [0, period): wrap the pieces so that the first knot is 0, with no other close
+        wrapped_theta, near = jnp.mod(theta, period), 0.01 * jnp.median(jnp.diff(x))
+        inner = (wrapped_theta > near) & (wrapped_theta < period - near)
+        knots = jnp.unique(jnp.concatenate([jnp.zeros(1), wrapped_theta[inner]]))
         at = jnp.where(knots < theta[0], knots + period, knots)
         c = jnp.stack([spline(at, nu) / math.factorial(nu) for nu in range(4)], axis=-1)
         return cls(jnp.concatenate([knots, jnp.asarray([period])]), c)

@@ -12,6 +12,9 @@ from .._reading import TEXT, read_bytes
 from ..laws import TableShape
 
 COLUMNS = ("theta", "rho")
+SAME = 0.1  # of a row's step: a last row this near to one period after the first is the first
+CLOSE = 0.01  # of the rows' usual step: between closer rows a spline makes peaks of mere noise
+CLOSING = 0.02  # of rho's range: by so much the ends of a measured turn may differ
 
 
 def read_profile(
@@ -28,14 +31,32 @@ def read_profile(
     for row, step in enumerate(steps, start=3):  # row 1 is the header
         if step <= 0:
             raise ValueError(f"must have increasing theta, but row {row} has {theta[row - 2]!r}.")
-    period = _period(theta[-1] - theta[0], max(steps), rollers)
-    if theta[-1] - theta[0] > period * (1 - 1e-9):  # the last row closes the loop
-        if abs(rho[-1] - rho[0]) > 1e-9 + 1e-3 * (max(rho) - min(rho)):
+    usual = sorted(steps)[len(steps) // 2]
+    for row, step in enumerate(steps, start=3):
+        if step < CLOSE * usual:
             raise ValueError(
-                f"does not close: rho is {rho[0]!r} at the beginning and {rho[-1]!r} one period on."
+                f"has two rows at nearly one theta: row {row} is {step:.3g} rad after the one "
+                f"before it, the others are {usual:.3g} rad apart. Keep one of the two."
             )
-        theta, rho = theta[:-1], rho[:-1]
+    span = theta[-1] - theta[0]
+    period = _period(span, max(steps), usual, rollers)
+    if abs(span - period) <= SAME * usual:
+        theta, rho = _closed(theta, rho, period)
     return theta, rho, period
+
+
+def _closed(theta: list[float], rho: list[float], period: float) -> tuple[list[float], list[float]]:
+    """The rows of one period without the last, which is the first again.
+
+    What its rho differs from the first row's by is taken off all rows in proportion to theta.
+    """
+    misclosure = rho[-1] - rho[0]
+    if abs(misclosure) > 1e-9 + CLOSING * (max(rho) - min(rho)):
+        raise ValueError(
+            f"does not close: rho is {rho[0]!r} at the beginning and {rho[-1]!r} one period on."
+        )
+    spread = [r - misclosure * (t - theta[0]) / period for t, r in zip(theta, rho, strict=True)]
+    return theta[:-1], spread[:-1]
 
 
 def shape_of(table: str | Mapping, rollers: float, folder: Path) -> TableShape:
@@ -49,10 +70,10 @@ def shape_of(table: str | Mapping, rollers: float, folder: Path) -> TableShape:
     return TableShape.fit(first.knots[:-1], first.coefficients[:, 0], period)
 
 
-def _period(span: float, step: float, rollers: float) -> float:
+def _period(span: float, widest: float, usual: float, rollers: float) -> float:
     """One pitch or one turn: the one that the table covers up to two of its widest steps."""
     for period in (2 * math.pi / rollers, 2 * math.pi):
-        if period * (1 + 1e-9) >= span >= period * (1 - 1e-9) - 2 * step:
+        if period + SAME * usual >= span >= period * (1 - 1e-9) - 2 * widest:
             return period
     raise ValueError(
         f"must cover one pitch ({2 * math.pi / rollers:.6g} rad) or one turn ({2 * math.pi:.6g} "

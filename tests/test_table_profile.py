@@ -1,0 +1,61 @@
+"""Measured wheel profiles as people write them: closing rows, few digits, doubled rows."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from rigs import tables
+
+from omnijax.dynamics import wheel_shape
+from omnijax.rig import InputError, parse_rig
+
+ROLLERS = 14
+
+
+def rig_of(theta, rho):
+    """The Atlas rig with this table on its first wheel."""
+    table = {"theta": [float(x) for x in theta], "rho": [float(x) for x in rho]}
+    return parse_rig(tables((("wheel", 0, "profile"), "table"), (("wheel", 0, "table"), table)))
+
+
+def spline_of(rig, angles):
+    return np.asarray(
+        jax.vmap(lambda a: wheel_shape(rig, jnp.full(rig.size, a))[0])(jnp.asarray(angles))
+    )
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_closing_row_of_few_digits_is_the_first_row(seed):
+    rng = np.random.default_rng(seed)
+    period = 2 * math.pi / (ROLLERS if seed % 2 else 1)
+    rows, digits = int(rng.integers(24, 120)), int(rng.integers(5, 9))
+    exact = np.linspace(0, period, rows + 1) + rng.choice([0.0, 1e-3 * period / rows, 0.4])
+    phase = rng.uniform(0, 2 * math.pi, 3)
+    wave = sum(
+        1e-4 / k * np.sin(2 * math.pi * k * exact / period + p) for k, p in enumerate(phase, 1)
+    )
+    noise = rng.normal(size=rows + 1) * 2e-7  # so that the ends differ
+    theta = [float(f"{x:.{digits}g}") for x in exact]
+    rig = rig_of(theta, wave + noise)
+    between = spline_of(rig, np.linspace(0, 2 * math.pi, 5001))
+    assert np.abs(between).max() < 1.05 * np.abs(wave).max() + 1e-5
+    shown = spline_of(rig, exact[:-1])
+    assert shown == pytest.approx(wave[:-1], abs=3e-6)
+    assert spline_of(rig, exact[:1] + period) == pytest.approx(shown[:1], abs=1e-9)
+
+
+def test_a_table_whose_ends_differ_is_refused():
+    theta = np.linspace(0, 2 * math.pi, 61)
+    rho = 1e-4 * np.sin(theta)
+    rho[-1] += 1e-5
+    with pytest.raises(InputError, match="does not close: rho is"):
+        rig_of([*theta[:-1], 6.28319], rho)
+
+
+def test_rows_far_closer_than_the_others_are_refused():
+    theta = np.linspace(0, 2 * math.pi, 61)[:-1].tolist()
+    theta.insert(20, theta[19] + 1e-6)
+    with pytest.raises(InputError, match=r"row 22 is 1e-06 rad after the one before it.*Keep one"):
+        rig_of(theta, 1e-4 * np.sin(theta))
