@@ -11,6 +11,7 @@ _PACKAGES = (  # from left to right: a package imports only from itself and to i
     "recording",
     "dynamics",
     "simulation",
+    "machine",
     "vibration",
     "study",
     "diagnosis",

@@ -35,7 +35,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {  # section of the help -> its commands,
         "pareto",
         "tolerances",
     ),
-    "Diagnosis": ("diagnose",),
+    "Diagnosis": ("case", "diagnose"),
     "Look": ("replay", "explore", "orders"),
 }
 

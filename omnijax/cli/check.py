@@ -13,12 +13,15 @@ def check(rig: str, /, *, json: Json = False) -> int:
     Parameters
     ----------
     rig
-        A rig file, or the name of a bundled rig (atlas, atlas-tripod).
+        A rig file, the name of a bundled rig (atlas, atlas-tripod), or a machine file.
     """
     from .._consent import law_files
     from .._errors import InputError
     from ..rig import load_rig
+    from ._axis import check_machine, is_machine
 
+    if is_machine(rig):
+        return check_machine(rig, json)
     try:
         with law_files("read"):  # a law file is a program: its declaration is read, nothing is run
             machine = load_rig(rig)

@@ -14,6 +14,7 @@ def diagnose(
     out: Path | None = None,
     rig: Path | None = None,
     law: list[Path] | None = None,
+    model: Path | None = None,
     window: float = 1.0,
     force: Force = False,
     json: Json = False,
@@ -27,13 +28,17 @@ def diagnose(
     Parameters
     ----------
     case
-        A folder with one rig file and its runs (CSV, Parquet, MAT, NetCDF with a TOML beside).
+        A folder with one rig file, or one machine.toml (an axis), and its runs (CSV, Parquet, MAT,
+        NetCDF, JSON with a TOML beside).
     out
         Folder of the results; default: diagnosis-CASE in the current folder.
     rig
         Another rig file than the folder's.
     law
         A Python file with laws of your own that join the candidates; may be given several times.
+    model
+        A Python file with a machine of your own, a class that derives from AbstractMachine; the
+        file is run.
     window
         Seconds after which Omega and the rolled lengths start anew.
     """
@@ -42,8 +47,9 @@ def diagnose(
 
     keep_freed_memory()
     from .._errors import InputError
-    from .._files import claim
+    from .._files import claim, write_text
     from ..diagnosis import diagnose as run
+    from ..machine import is_machine_case, load_model, read_machine_case
     from ..recording import read_case
     from ..report import diagnosis_page
     from ..rig import load_laws, save_rig
@@ -59,13 +65,23 @@ def diagnose(
     for file in law or []:
         laws |= load_laws(file)
     folder = out or Path(f"diagnosis-{case.resolve().name}")
-    asked = read_case(case, rig)
+    small = model is not None or is_machine_case(case)
+    if small and rig is not None:
+        raise InputError("--rig speaks of a rig, but the case is that of a machine.")
+    asked: Any = (
+        read_machine_case(case, None if model is None else load_model(model))
+        if small else read_case(case, rig)
+    )  # fmt: skip
     claim(folders=[folder], force=force)
     found = run(asked, laws=laws, window=window, tell=tell)
     found.save(folder / "diagnosis.json")
-    save_rig(found.rig, folder / "rig-diagnosed.toml")
+    made = "machine-diagnosed.toml" if small else "rig-diagnosed.toml"
+    if small:
+        write_text(folder / made, found.details["evidence"].text(found.rig))
+    else:
+        save_rig(found.rig, folder / made)
     diagnosis_page(found, command_line()).write(folder)
-    tell(f"wrote {folder}/index.html, diagnosis.json, rig-diagnosed.toml")
+    tell(f"wrote {folder}/index.html, diagnosis.json, {made}")
     emit(json, found.to_dict(), lambda: _print(found))
     return 0
 
@@ -90,6 +106,16 @@ def _print(found: Any) -> None:
         )
     if found.remainder:
         print(f"  {found.remainder}")
+    for run in found.free_runs:
+        said = [
+            f"{word} RMS {run[word]['rms']:.4g}, MAE {run[word]['mae']:.4g} {run['unit']} "
+            f"({run[word]['percent']:.3g} %)"
+            for word in ("before", "after") if word in run and run[word]["rms"] is not None
+        ]  # fmt: skip
+        print(f"  free run of {run['run']} ({run['role']}): {'; '.join(said) or 'left all bounds'}")
+    if found.one_step:
+        missed = " -> ".join(f"{x:.3g}" for x in found.one_step.values())
+        print(f"  the balance misses on held-out runs: {missed} % of the motor's torque")
     if found.learned:
         print(
             f"  learned, uninterpreted term at {found.learned['port']}: closes "

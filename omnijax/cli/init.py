@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -59,6 +59,7 @@ def init(
     shape: Shape = Shape(),
     study: Literal["design", "pareto", "tolerances", "global-sensitivity"] | None = None,
     rig: str = "rig.toml",
+    axis: Annotated[bool, Parameter(negative="")] = False,
     force: Force = False,
 ) -> None:
     """Write a commented rig file with every key, or a study file, to be filled in.
@@ -77,11 +78,21 @@ def init(
         Write a study file for this command instead.
     rig
         The rig that the study file names.
+    axis
+        Write a machine file of one axis (machine.toml) instead.
     """
-    file = file or Path("rig.toml" if study is None else "study.toml")
+    if axis and (study is not None or shape != Shape()):
+        raise InputError("--axis writes a machine file: it goes with no study and no geometry.")
+    usual = "machine.toml" if axis else "rig.toml" if study is None else "study.toml"
+    file = file or Path(usual)
     claim([file], force=force)
     if study is not None and (shape != Shape()):
         raise InputError("a study file has no geometry: write the rig file by a call of its own.")
+    if axis:
+        made = resources.files("omnijax") / "machine" / "data" / "machine.toml"
+        write_bytes(file, made.read_bytes())
+        print(f"Wrote {file}. Fill in your numbers, then: omnijax check {file}")
+        return
     text = _study(study, rig) if study is not None else shape.text() or _template("rig.toml")
     write_bytes(file, text.encode())
     then = "check" if study is None else study

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ._axis import is_machine, simulate_machine
 from ._motion import Motion, Numerics
 from ._options import Json, Overwrite, check_picture, command_line, emit
 from ._simulate_summary import show, summarise
@@ -32,7 +33,7 @@ def simulate(
     Parameters
     ----------
     rig
-        A rig file, or the name of a bundled rig.
+        A rig file, the name of a bundled rig, or a machine file (an axis).
     drive
         A recording: its torques, force and first wheel angles; the run is sampled at its times.
     out
@@ -43,6 +44,8 @@ def simulate(
         Go on with the interrupted run in --out (.nc); the other options must be the same.
     """
     _keep_programs()
+    if is_machine(rig):
+        return simulate_machine(rig, drive, out, json)
     _check_files(out, plot)
     numerics.checked()
     from ..rig import load_rig

@@ -9,6 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..laws import EFFECTS
+from ..machine import MachineCase, is_machine_case, read_machine_case
 from ..recording import Case, read_case
 from ._answer import (
     AbstractEvidence,
@@ -18,7 +19,6 @@ from ._answer import (
     baseline_table,
     gaps,
     judge,
-    learned_table,
     named,
     noise_remarks,
     noise_table,
@@ -39,11 +39,12 @@ from ._machine import (
     without_outliers,
 )
 from ._noise import Assumed, assumed_noise, by_group, run_levels
+from ._ode import OdeEvidence, build_model
 from ._search import Found, Level, Point, Search, refit, upper_limits
 
 
 def diagnose(
-    case: str | Path | Case,
+    case: str | Path | Case | MachineCase,
     *,
     laws: dict[str, Any] | None = None,
     window: float = 1.0,
@@ -51,13 +52,17 @@ def diagnose(
 ) -> Diagnosis:
     """Diagnose a case: where do simulation and data disagree, and which missing effect is it?
 
-    `case` is a folder (one rig file and its runs) or a `Case`, `laws` are users' own laws by id
+    `case` is a folder (one rig file and its runs), a `Case` or a `MachineCase` (an axis, or a
+    machine of the user's), `laws` are users' own laws by id
     (`load_laws(file)`), `window` the length in s after which Omega and the rolled lengths start
     anew, so that small torque errors cannot add up.  Seeds are fixed: equal input, equal answer.
     """
-    case = case if isinstance(case, Case) else read_case(case)
+    if isinstance(case, str | Path):
+        case = read_machine_case(case) if is_machine_case(case) else read_case(case)
     # small matrices: threads that wait for each other take ten times the time where cores are busy
     with threadpool_limits(1, "blas"):
+        if isinstance(case, MachineCase):
+            return _machine_diagnosed(case, laws or {}, tell)
         return _diagnosed(case, {**EFFECTS, **(laws or {})}, window, tell)
 
 
@@ -93,6 +98,30 @@ def _mended(levels: list[dict[str, Level]], noise: dict[str, Assumed]):
     return out if any_wrong else None
 
 
+def _machine_diagnosed(case: MachineCase, laws, tell) -> Diagnosis:
+    """An axis or a user's machine: the floor first, then as any model; free runs beside it."""
+    model, table, remarks = build_model(case, laws)
+    tell("calibrating the uncertain parameters")
+    start = Point(np.zeros(len(model.priors)))
+    model.rebase(start)
+    start = refit(model, start, relative=0.01).point
+    model.set_floor(start)
+    table[model.rows[0].group]["sigma"] = float(model.scale[0])
+    if model.floor > 1:
+        remarks.append(model.floor_said())
+    model.work = 0.0
+    evidence = OdeEvidence(model, case.file, table, remarks, case.faults, case.blocks)
+    result = answered(evidence, start, tell)
+    found, known = result.details["found"], result.verdict in ("named", "ambiguous")
+    tell("simulating every run from its first sample")
+    points = {"before": found.baseline.point}
+    points |= {"after": found.fit.point} if known else {}
+    result.free_runs = evidence.free_runs(points)
+    missed = {k: evidence.one_step(p) for k, p in points.items()}
+    result.one_step = {k: x for k, x in missed.items() if x is not None}
+    return result
+
+
 def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis:
     """Search from `start`, judge, and say what was found: of any machine."""
     found = Search(evidence.model, tell).run(start)
@@ -115,7 +144,7 @@ def _said(evidence: AbstractEvidence, found: Found, shown: Shown, noise, tell) -
     (before,) = model.residuals([found.baseline.point], "held-out")
     (after,) = model.residuals([found.fit.point], "held-out")
     first, last = evidence.columns(before, "held-out"), evidence.columns(after, "held-out")
-    judged = judge(found, shown, first, last, model.settings.margin)
+    judged = judge(found, shown, first, last, model.settings.margin, evidence.closing)
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     known = judged.verdict in ("named", "ambiguous")
     point = found.fit.point if known else found.baseline.point
@@ -140,7 +169,7 @@ def _said(evidence: AbstractEvidence, found: Found, shown: Shown, noise, tell) -
         scores=score_table(found),
         confirmed_on=evidence.confirmed_on,
         excluded=excluded,
-        learned=learned_table(learned),
+        learned=None if learned is None else learned.table(),
         notes=notes(evidence, found, judged, noise_remarks(noise)),
         faults=evidence.faults,
         rig=evidence.described(point),

@@ -11,5 +11,9 @@ from ._noise import noise_floor as noise_floor
 from ._read import read_recording as read_recording
 from ._recording import Fault as Fault
 from ._recording import Recording as Recording
+from ._tables import READERS as READERS
+from ._tables import read_table as read_table
+from ._tables import stem_of as stem_of
+from ._tables import suffix_of as suffix_of
 from ._write import files_of_recording as files_of_recording
 from ._write import write_recording as write_recording

@@ -38,11 +38,10 @@ NEVER = {
 
 def diagnosis_page(found: Any, command: str = "omnijax diagnose") -> Page:
     """A `Page` of a `Diagnosis`."""
-    from ..rig import rig_text
-
-    made: Provenance = provenance(command, rig_text(found.rig), 0)
-    sections = [_where(found), _which(found), *_learned(found), _gap(found), *_excluded(found),
-                _parameters(found)]  # fmt: skip
+    text = found.details["evidence"].text(found.rig)
+    made: Provenance = provenance(command, text, 0)
+    sections = [_where(found), _which(found), *_learned(found), _gap(found)]
+    sections += [*_free_runs(found), *_excluded(found), _parameters(found)]
     facts = [Fact("verdict", found.verdict)]
     facts += [Fact(f"{e.id} at {e.place}", effect_sizes(e)) for e in found.effects]
     facts += [Fact(f"gap of {g} closed", f"{100 * x.closed:.3g} %") for g, x in _worst(found)]
@@ -176,6 +175,28 @@ def _gap(found) -> Section:
     )  # fmt: skip
     figures = [gap_figure(found)] if found.details else []
     return Section("The gap", NEVER[found.confirmed_on], figures, [table])
+
+
+def _free_runs(found) -> list[Section]:
+    """Of a machine: what a simulation from the first sample misses, run by run."""
+    if not found.free_runs:
+        return []
+    rows = []
+    for run in found.free_runs:
+        for word in ("before", "after"):
+            if word in run:
+                own = run[word]
+                rows.append([run["run"], run["role"], word, run["unit"], own["rms"], own["mae"],
+                             own["percent"]])  # fmt: skip
+    columns = [Column("run", text=True), Column("role", text=True), Column("effects", text=True),
+               Column("unit", text=True), Column("RMS"), Column("MAE"),
+               Column("of the motion", "%")]  # fmt: skip
+    text = "Position simulated from the inputs alone, from each run's first sample."
+    if found.one_step:
+        said = ", ".join(f"{k} {x:.3g} %" for k, x in found.one_step.items())
+        text += f" The balance misses, in per cent of the motor's torque on held-out runs: {said}."
+    table = Table(columns, rows, "free-runs", "Free runs.")
+    return [Section("Free runs", text, tables=[table])]
 
 
 def _parameters(found) -> Section:

@@ -76,7 +76,9 @@ def next_figure(found) -> Figure:
     data: dict[str, Any] = {"time / s": time}
     with style():
         fig, axes = figure(1, 1, height=3.0)
-        for name, x in zip(found.rig.names, values.T, strict=True):
+        names = getattr(found.rig, "names", None) or ["input"]
+        names = ["input"] if isinstance(names, dict) else names
+        for name, x in zip(names, values.T, strict=True):
             axes[0].plot(time, x, label=name)
             data[f"{name} / N m"] = x
         axes[0].set(xlabel="time, s", ylabel="motor torque, N m")
@@ -115,7 +117,7 @@ def learned_figure(learned) -> Figure:
     """What was learned: the force over its own input, and its map."""
     picture = learned.map
     with style():
-        fig, axes = figure(1, 2, height=3.4)
+        fig, axes = figure(1, 2 if picture else 1, height=3.4)
         data = {}
         for name, (x, y) in learned.curves.items():
             axes[0].plot(x, y, label=name)
@@ -124,12 +126,13 @@ def learned_figure(learned) -> Figure:
         axes[0].set(xlabel=learned.units[0], ylabel=learned.units[1])
         axes[0].set_title("Learned, over the own input")
         axes[0].legend()
-        most = np.abs(picture["force"]).max() or 1.0
-        drawn = axes[1].pcolormesh(picture["x"], picture["y"], picture["force"].T, cmap="PuOr",
-                                   vmin=-most, vmax=most, rasterized=True)  # fmt: skip
-        axes[1].set(xlabel=picture["x label"], ylabel=picture["y label"])
-        axes[1].set_title(f"Of {picture['wheel']}, {picture['unit']}")
-        fig.colorbar(drawn, ax=axes[1])
+        if picture:
+            most = np.abs(picture["force"]).max() or 1.0
+            drawn = axes[1].pcolormesh(picture["x"], picture["y"], picture["force"].T, cmap="PuOr",
+                                       vmin=-most, vmax=most, rasterized=True)  # fmt: skip
+            axes[1].set(xlabel=picture["x label"], ylabel=picture["y label"])
+            axes[1].set_title(f"Of {picture['wheel']}, {picture['unit']}")
+            fig.colorbar(drawn, ax=axes[1])
     beside = "which leaves a network beside it too little to close."
     if learned.network is not None:
         beside = f"with a small network beside it {100 * learned.network:.0f} %."

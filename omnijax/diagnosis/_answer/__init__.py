@@ -1,7 +1,6 @@
 """What comes back: verdict, names, learned terms, gaps, pictures."""
 
 from .answer import baseline_table as baseline_table
-from .answer import learned_table as learned_table
 from .answer import named as named
 from .answer import notes as notes
 from .answer import plain_where as plain_where

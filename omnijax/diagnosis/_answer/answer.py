@@ -106,22 +106,6 @@ def plain_where(where: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{k: w[k] for k in keys} for w in where]
 
 
-def learned_table(learned) -> dict[str, Any] | None:
-    """A learned term as numbers: its port, what it closes, coefficients and map."""
-    if learned is None:
-        return None
-    term = learned.term
-    labels = [(i, label) for i, label, _ in term.port.columns(np.zeros((1, len(term.scales))))]
-    terms = [
-        {"wheel": term.port.wheels[i], "input": label, "coefficient": float(c)}
-        for (i, label), c in zip(labels, term.weights, strict=True)
-    ]
-    return {"port": learned.port, "closed": learned.closed, "uninterpreted": True,
-            "closed_by_smooth_basis": learned.smooth, "closed_with_network": learned.network,
-            "kind": "smooth basis" if term.network is None else "smooth basis and network",
-            "terms": terms, "map": learned.map}  # fmt: skip
-
-
 def notes(evidence: AbstractEvidence, found: Found, judged: Judged, noise: list[str]) -> list[str]:
     """The verdict's reason first, then what a reader should know of how it was found."""
     model = evidence.model

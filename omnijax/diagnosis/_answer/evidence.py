@@ -20,6 +20,7 @@ class AbstractEvidence(abc.ABC):
     model: AbstractModel
     noise: dict[str, dict[str, Any]]
     faults: list[str]
+    closing: float = 0.95  # share of the held-out gap that a named set has to close
     confirmed_on: str = "held-out"  # held-out, blocks (parts of the only run) or nothing
 
     @abc.abstractmethod
@@ -37,6 +38,10 @@ class AbstractEvidence(abc.ABC):
     @abc.abstractmethod
     def described(self, point: Point) -> Any:
         """The machine at a point: what the diagnosis hands back."""
+
+    @abc.abstractmethod
+    def text(self, described: Any) -> str:
+        """The file of what `described` gave."""
 
     @abc.abstractmethod
     def remarks(self) -> list[str]:

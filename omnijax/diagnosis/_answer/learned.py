@@ -8,6 +8,7 @@ it.  Either is a drawing, not a law.
 
 import dataclasses
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -108,6 +109,19 @@ class Learned:
         """Of the curves' axes."""
         port = self.term.port
         return f"{port.labels()[0].split(' of ')[0]}, {port.own_unit}", f"term, {port.unit}"
+
+    def table(self) -> dict[str, Any]:
+        """Numbers for diagnosis.json: port, what it closes, coefficients and map."""
+        term = self.term
+        labels = [(i, label) for i, label, _ in term.port.columns(np.zeros((1, len(term.scales))))]
+        terms = [
+            {"wheel": term.port.wheels[i], "input": label, "coefficient": float(c)}
+            for (i, label), c in zip(labels, term.weights, strict=True)
+        ]
+        return {"port": self.port, "closed": self.closed, "uninterpreted": True,
+                "closed_by_smooth_basis": self.smooth, "closed_with_network": self.network,
+                "kind": "smooth basis" if term.network is None else "smooth basis and network",
+                "terms": terms, "map": self.map}  # fmt: skip
 
 
 def learn(model: RigModel, fit: Fit, tell: Callable[[str], None]) -> Learned:

@@ -57,7 +57,9 @@ class Diagnosis:
     learned: dict[str, Any] | None = None
     notes: list[str] = dataclasses.field(default_factory=list)
     faults: list[str] = dataclasses.field(default_factory=list)
-    rig: Any = None  # the diagnosed rig
+    free_runs: list[dict[str, Any]] = dataclasses.field(default_factory=list)  # of a machine
+    one_step: dict[str, float] = dataclasses.field(default_factory=dict)  # % of the torque missed
+    rig: Any = None  # the diagnosed rig or machine
     details: Any = None  # what figures are drawn from; not written
 
     @property
@@ -78,8 +80,10 @@ class Diagnosis:
 
     def to_dict(self) -> dict[str, Any]:
         """The diagnosis as plain numbers, lists and text."""
+        further = {"free_runs": self.free_runs, "one_step": self.one_step}
         return _plain(
-            {
+            {k: v for k, v in further.items() if v}
+            | {
                 "verdict": self.verdict,
                 "effects": [dataclasses.asdict(e) for e in self.effects],
                 "where": self.where,

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from ...rig import rig_text
 from .._machine import RigModel
 from .._search import locate
 from .evidence import AbstractEvidence
@@ -92,6 +93,9 @@ class RigEvidence(AbstractEvidence):
 
     def described(self, point):
         return self.model.rig_at(point)
+
+    def text(self, described):
+        return rig_text(described)
 
     def remarks(self):
         return [

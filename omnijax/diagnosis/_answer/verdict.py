@@ -6,9 +6,9 @@ import math
 import numpy as np
 
 from .._search import SETTINGS, Found
+from .evidence import AbstractEvidence
 from .shown import Shown
 
-CLOSED = 0.95  # share of the held-out gap that a named set has to close
 EXCESS = 0.3  # sigma: below this in every channel, simulation and data agree
 
 Columns = list[dict[str, np.ndarray]]  # by held-out run and channel, in assumed sigma
@@ -36,12 +36,18 @@ def squares(runs: Columns) -> dict[str, tuple[float, int]]:
 
 
 def judge(
-    found: Found, shown: Shown, before: Columns, after: Columns, rivals: float = SETTINGS.margin
+    found: Found,
+    shown: Shown,
+    before: Columns,
+    after: Columns,
+    rivals: float = SETTINGS.margin,
+    closing: float = AbstractEvidence.closing,
 ) -> Judged:
     """The verdict, from held-out residuals before and after and the noise that the data show.
 
     Nothing is unknown but what hangs on the machine's state, at `where`'s own false-discovery rate.
-    `rivals` is the margin below which two effects explain the runs equally well.
+    `rivals` is the margin below which two effects explain the runs equally well, `closing` the
+    share of the held-out gap that a named set has to close.
     """
     first, last = squares(before), squares(after)
     floor = {c: shown.ratio(c, "held-out") ** 2 for c in last}
@@ -56,7 +62,7 @@ def judge(
         i: [(e, margin, cosine) for e, margin, cosine in near if margin < rivals]
         for i, near in found.rivals.items()
     }
-    if open_ and closed < CLOSED:
+    if open_ and closed < closing:
         text = f"the best known effects close {100 * closed:.0f} % of the held-out gap"
         return Judged("unknown", closed, equals, text, noise)
     if any(equals.values()):

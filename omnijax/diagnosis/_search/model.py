@@ -79,6 +79,7 @@ class AbstractModel(abc.ABC):
     ranking: str = "train"  # split whose rows, the first of train's, rank laws at finite strength
     settings: SearchSettings = SETTINGS
     budget: float = math.inf  # of `work`: what a search may take before it ends
+    repeats: frozenset[str] = frozenset()  # laws that may act several times at one place
     frozen_keys: frozenset[str] = frozenset({"roller", "order", "exponent", "modulus"})
 
     @abc.abstractmethod
@@ -100,6 +101,10 @@ class AbstractModel(abc.ABC):
     @abc.abstractmethod
     def columns(self, point: Point, candidates: Sequence) -> np.ndarray:
         """Signatures of the candidates on the train runs (columns of all candidates, rows)."""
+
+    def plainness(self, effect: Effect) -> float:
+        """Factor of an effect's gain where trials are ranked: below 1 for laws of many numbers."""
+        return 1.0
 
     def tangents(self, point: Point, free: Sequence[Free]) -> np.ndarray | None:
         """d residual / d (u, free) on the train runs, exact; None: differences are taken."""

@@ -99,7 +99,8 @@ class Review:
             new = self.refits.widened(new, fit.cost)
             margin = new.cost - fit.cost
             self.tell(f"rival {c.name} of {effects[i].name}: margin {margin:.1f}")
-            if margin < -self.settings.margin:  # by train runs alone
+            plainer = self.model.plainness(effects[i]) - self.model.plainness(rival)
+            if margin < -max(self.settings.margin, plainer * own):  # by train runs alone
                 return new, []
             cosine = again.cosine(mine[0].index, score.index) if mine else 0.0
             found.append((new.point.effects[i], margin, cosine))

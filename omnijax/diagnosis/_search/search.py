@@ -163,7 +163,8 @@ class Search:
             self.tell(f"something is left: going on from {trial.effect.name} instead")
             first = Way(baseline, start.scans[:1], start.trials[:1])
             other = self.follow(self.with_effect(first, trial))
-            if total_cost(other.fit) < total_cost(way.fit):  # by train runs alone
+            less = (1 - self.settings.lead) * total_cost(way.fit)
+            if total_cost(other.fit) < less:  # by train runs alone
                 way = other
         if len(accepted) > 1 and not start.noise_only:
             self.model.rebase(way.fit.point)
@@ -183,7 +184,7 @@ class Search:
 
     def trials(self, fit: Fit, scan: Scan) -> list[Trial]:
         """Joint refits of the best significant candidates, best first."""
-        have = {e.name for e in fit.point.effects}
+        have = {e.name for e in fit.point.effects if e.id not in self.model.repeats}
         train, held = self.model.dof("train"), self.model.dof("held-out")
         spread = max(1.0, fit.chi2 / train)
         scores = [s for s in significant(scan, self.settings.alpha) if s.candidate.name not in have]
@@ -204,10 +205,20 @@ class Search:
                 break  # those after them promise less
             left = float(before @ before) - trial.held.gain
             if trial.fit.chi2 < self.settings.nearly * train and left < self.settings.nearly * held:
-                return sorted(trials, key=lambda t: total_cost(t.fit))  # rivals: in the review
+                return self.ranked(fit, trials)  # rivals: in the review
         if not all(self.little(fit, t) for t in trials):
             trials = self.refits.with_widths(fit, trials, before)
-        return sorted(trials, key=lambda t: total_cost(t.fit))
+        return self.ranked(fit, trials)
+
+    def ranked(self, fit: Fit, trials: list[Trial]) -> list[Trial]:
+        """Trials by what they gain, less where the model prefers plainer laws; best first."""
+        before = total_cost(fit)
+
+        def left(trial: Trial) -> float:
+            gain = before - total_cost(trial.fit)
+            return before - gain * (self.model.plainness(trial.effect) if gain > 0 else 1.0)
+
+        return sorted(trials, key=left)
 
     def starts(self, fit: Fit, scan: Scan, scores: list[Score], strong: bool) -> list[Start]:
         """Where the joint refits of a step begin, the most promising first."""
@@ -217,7 +228,7 @@ class Search:
         if not strong or plain or not ids:
             return starts
         self.tell("a strong effect: laws of contacts and mounts at finite strength")
-        have = {e.name for e in fit.point.effects}
+        have = {e.name for e in fit.point.effects if e.id not in self.model.repeats}
         finite = at_finite_strength(self.model, fit, scan, ids)
         others = [s for s in by_tangent(fit, scores) if not self.stepped(s)]
         return worth([*(s for s in finite if s.name not in have), *others], fit.cost,

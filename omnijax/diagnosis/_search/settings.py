@@ -27,6 +27,7 @@ class SearchSettings:
     close: float = 3.0  # their cost, times the best one's: own cases
     nearly: float = 1.3  # chi2 a degree of freedom at which nothing else is tried first: time
     hopeless: float = 3.0  # times the best trial's cost: three rounds are enough: time
+    lead: float = 0.0  # share of the cost by which a runner-up's way must be better: chosen
     # strong effects
     strong: float = 4.0  # chi2 a degree of freedom from which tangents do not rank: own cases
     ladder: tuple[float, ...] = (0.2, 0.6, 2.0)  # finite strengths tried: own cases

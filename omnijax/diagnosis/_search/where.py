@@ -181,7 +181,7 @@ def shuffle(residual: np.ndarray, seed: int, block: int = 125, count: int = SHUF
     out = np.empty((n, count))
     for c in range(count):
         rolled = np.roll(residual, rng.integers(n))
-        pieces = np.array_split(rolled, max(1, n // block))
+        pieces = np.array_split(rolled, max(1, n // min(block, max(4, n // 16))))
         order = rng.permutation(len(pieces))
         signs = rng.choice([-1.0, 1.0], len(pieces))
         out[:, c] = np.concatenate([signs[k] * pieces[k] for k in order])

@@ -1,0 +1,87 @@
+"""`omnijax case new`: a case from a stranger's log."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from ._options import Force
+
+
+def case(
+    action: Literal["new"],
+    logs: list[Path],
+    /,
+    *,
+    out: Path | None = None,
+    input: str | None = None,  # the option's name
+    position: str | None = None,
+    time: str | None = None,
+    rate: float | None = None,
+    yes: Annotated[bool, Parameter(negative="")] = False,
+    force: Force = False,
+) -> int:
+    """Look at logs of one axis, guess what they hold, and write a case after a yes.
+
+    Example: omnijax case new motor.csv --yes, then: omnijax diagnose motor
+
+    Parameters
+    ----------
+    action
+        `new`: a new case.
+    logs
+        Tables of runs: CSV, Parquet, MAT, NetCDF, TDMS, UFF, MDF4, JSON.
+    out
+        Folder of the case; default: the first log's name.
+    input
+        Column of the input, where the guess is wrong.
+    position
+        Column of the measured position.
+    time
+        Column of the time.
+    rate
+        Sampling rate in Hz of logs without a time.
+    yes
+        Write without asking.
+    """
+    from .._errors import InputError
+    from .._files import claim, write_text
+    from ..machine import case_files
+
+    found = [_guessed(log, input, position, time, rate) for log in logs]
+    folder = out or Path(logs[0].name.split(".")[0])
+    for one in found:
+        print(f"{one.log.name}")
+        for key, value in one.rows():
+            print(f"  {key:<20} {value}")
+    if not yes:
+        try:
+            answer = input_line(f"Write the case {folder}? [y/N] ")
+        except EOFError:
+            raise InputError("no answer: say --yes to write without being asked.") from None
+        if answer.strip().lower() not in ("y", "yes"):
+            print("Nothing was written.")
+            return 0
+    claim(folders=[folder], force=force)
+    files: dict[str, str] = {}
+    for one in found:
+        files = case_files(one) | files  # the machine is that of the first log
+    for name, text in files.items():
+        write_text(folder / name, text)
+    print(f"Wrote {folder}: {', '.join(files)}. Now: omnijax diagnose {folder}")
+    return 0
+
+
+input_line = input
+
+
+def _guessed(log: Path, given: str | None, position: str | None, time: str | None, rate) -> Any:
+    from .._errors import InputError
+    from ..machine import describe, guess
+
+    if not log.is_file():
+        raise InputError(f"{log} is not a file.")
+    if given and position:
+        return describe(log, time, given, position, rate)
+    found = guess(log, rate)
+    return describe(log, time or found.time, given or found.input, position or found.position, rate)

@@ -1,0 +1,9 @@
+"""Machines of a few states as models of the diagnosis."""
+
+from .build import build_model as build_model
+from .evidence import OdeEvidence as OdeEvidence
+from .model import OdeModel as OdeModel
+from .numbers import Numbers as Numbers
+from .rows import Balance as Balance
+from .rows import FreeRun as FreeRun
+from .rows import OdeRun as OdeRun

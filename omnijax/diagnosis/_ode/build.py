@@ -1,0 +1,145 @@
+"""From a machine's case to its model: criterion, noise, laws and places."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..._errors import InputError
+from ...laws import EFFECTS, GENERIC
+from ...machine import Axis, Log, MachineCase, steps_between
+from .._search import Prior
+from .model import OdeModel
+from .numbers import Numbers
+from .rows import Balance, FreeRun, OdeRun, smoothed
+
+ORDERS = (3, 5, 7)  # differences that leave of a position its noise
+CUTOFFS = (0.1, 0.07, 0.05, 0.035, 0.025, 0.015)  # Hz a sample a second, tried from the widest
+NOISY = 0.1  # share of a measured acceleration that may be noise
+ROWS = 6000  # of a run's free run that are compared; more say nothing new
+LEADS = 4  # a window is at least so many times its lead
+MEMORYLESS = frozenset({"actuator-lag"})  # not in a balance: it has a state that nobody measures
+
+
+def position_noise(logs: Sequence[Log]) -> tuple[float, str]:
+    """1-sigma of the measured position, and where it is from."""
+    declared = [log.noise["position"] for log in logs if "position" in log.noise]
+    if declared:
+        return float(np.sqrt(np.mean(np.square(declared)))), "declared"
+    found = []
+    for order in ORDERS:
+        squares = [np.mean(np.diff(log.outputs["position"], order) ** 2) for log in logs]
+        found.append(np.sqrt(np.mean(squares) / math.comb(2 * order, order)))
+    return float(min(found)), "differences"
+
+
+def cutoff_of(logs: Sequence[Log], noise: float) -> float:
+    """Hz: the widest low pass at which noise is a small part of the measured acceleration."""
+    step = logs[0].step
+    for share in CUTOFFS:
+        f = share / step
+        a = np.concatenate([smoothed(log.outputs["position"], step, f)[2] for log in logs])
+        shaken = noise * (2 * np.pi * f) ** 2 * np.sqrt(2 * share / 5)
+        if shaken < NOISY * np.std(a):
+            return f
+    return CUTOFFS[-1] / step
+
+
+def priors_of(machine, uncertainty) -> list[Prior]:
+    """Priors of the uncertain fields: relative, or absolute where a field is 0."""
+    out = []
+    for name, sigma in uncertainty.items():
+        value = float(getattr(machine, name))
+        out.append(Prior(name, value, float(sigma), relative=value != 0))
+    return out
+
+
+def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, dict, list[str]]:
+    """(model, noise table, remarks) of a case; `laws` are users' own by id."""
+    file, machine = case.file, case.file.machine
+    if "position" not in machine.outputs:
+        raise InputError(f"{file.source}: the machine has no output `position`.")
+    noise, source = position_noise(case.logs)
+    if noise <= 0:
+        noise = 1e-6 * float(np.std(case.logs[0].outputs["position"]))
+        source = "noise-free"
+    cutoff = file.compare.cutoff or cutoff_of(case.logs, noise)
+    runs = [
+        OdeRun(log.name, log.role, log.time, log.inputs, log.outputs, cutoff, file.compare.hold)
+        for log in case.logs
+    ]
+    single = isinstance(machine, Axis) and machine.second_inertia is None
+    memory = machine.memory()
+    chosen = file.compare.criterion
+    if chosen == "auto":
+        chosen = "balance" if single and not np.isfinite(memory) else "free-run"
+    if chosen == "balance" and not single:
+        raise InputError(f"{file.source}: `compare.criterion` balance needs one inertia only; "
+                         "choose free-run.")  # fmt: skip
+    library = {**EFFECTS, **GENERIC, **(laws or {})}
+    places = _places(machine, library, chosen, file.uncertainty)
+    used = {i: library[i] for i, _ in places}
+
+    def criterion(numbers: Numbers, run: OdeRun):
+        return Balance(numbers, run) if chosen == "balance" else _free(numbers, run, memory)
+
+    model = OdeModel(machine, priors_of(machine, file.uncertainty), runs, used, places, criterion,
+                     noise, file.placed)  # fmt: skip
+    table = {model.rows[0].group: {"sigma": float(model.scale[0]), "source": source, "error": 0.05}}
+    how = (
+        f"Compared is the balance of accelerations: position low-passed at {cutoff:.4g} Hz, rows "
+        f"every {1e3 * model.rows[0].thin * runs[0].step:.4g} ms."
+        if chosen == "balance" else
+        "Compared is the position of free runs, simulated from the inputs alone."
+    )  # fmt: skip
+    return model, table, [how]
+
+
+def _places(machine, library, criterion: str, uncertain) -> list[tuple[str, str]]:
+    """(id, place) of every law that may act on the machine."""
+    own, out = _own_places(machine), []
+    known = {"bearing-viscous", "sensor-gain", "encoder-eccentricity"}
+    for id, law in library.items():
+        if any(p.shape for p in law.parameters.values()) or law.places == ("dR",):
+            continue
+        if law.port == "sensor":
+            if criterion != "balance" and id not in known - {"encoder-eccentricity"}:
+                out.append((id, "position"))
+            continue
+        if criterion == "balance" and id in MEMORYLESS:
+            continue
+        out += [(id, place) for place in own.get(law.port, ())]
+    stated: set[str] = set()
+    if isinstance(machine, Axis):
+        stated = machine.stated_laws(uncertain)
+        if machine.second_inertia is None:
+            stated |= {"mount-friction"}  # of a single inertia that of the bearing
+            stated |= {"shaft-spring"} if float(machine.stiffness) else set()
+    return [(i, p) for i, p in out if i not in stated]
+
+
+def _own_places(machine) -> dict[str, tuple[str, ...]]:
+    """Ports of the machine with their places; an axis that no spring holds has no mount."""
+    own = dict(machine.places)
+    single = isinstance(machine, Axis) and machine.second_inertia is None
+    if single and float(machine.stiffness) == 0:
+        own.pop("mount")
+    return own
+
+
+def _free(numbers: Numbers, run: OdeRun, memory: float) -> FreeRun:
+    machine, placed = numbers.build(numbers.rest_vector())
+    q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
+    some = np.linspace(0, len(q) - 1, 20).astype(int)
+    states = np.stack([
+        np.array([float(x) for x in machine.start({"position": (q[i], v[i])})]) for i in some
+    ])  # fmt: skip
+    parts = steps_between(machine, placed, states, {k: x[some] for k, x in run.inputs.items()},
+                          run.step)  # fmt: skip
+    n = len(run.time)
+    lead = int(min(n, math.ceil(memory / run.step))) if np.isfinite(memory) else 0
+    whole = np.isfinite(memory) and n <= LEADS * 4 * max(lead, 64)
+    length = n if whole else max(LEADS * lead, n // 16, 64)
+    free = not np.isfinite(memory)
+    return FreeRun(numbers, run, parts, 0 if whole else lead, min(n, length),
+                   max(1, n // ROWS), free)  # fmt: skip

@@ -1,0 +1,93 @@
+"""Candidates of a machine: every law at every place, shape constants over the data's scales."""
+
+import dataclasses
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from ...machine import PlacedLaw
+from .._search import Candidate, number
+from .rows import OdeRun, smoothed
+
+SHARES = (0.02, 0.07, 0.2, 0.6)
+
+
+@dataclasses.dataclass(frozen=True)
+class Scales:
+    """Typical sizes of the data, for the ladders of shape constants."""
+
+    speed: float
+    position: float
+    step: float
+
+    @staticmethod
+    def of(runs: Sequence[OdeRun], cutoff: float) -> "Scales":
+        """RMS of speed and of position about its mean."""
+        parts = [smoothed(r.outputs["position"], r.step, cutoff) for r in runs]
+        speed = np.sqrt(np.mean(np.concatenate([v**2 for _, v, _ in parts])))
+        position = np.sqrt(np.mean(np.concatenate([(q - q.mean()) ** 2 for q, _, _ in parts])))
+        return Scales(float(speed), float(position), runs[0].step)
+
+    def ladder(self, key: str, parameter) -> list[float]:
+        """Values to try of a shape constant."""
+        known = {
+            "width": [x * self.speed for x in SHARES], "speed": [x * self.speed for x in SHARES],
+            "gap": [x * self.position for x in SHARES], "limit": [],
+            "tau": [self.step * x for x in (0.5, 2, 8, 32)],
+            "delay": [self.step * x for x in (0.25, 1, 4)],
+        }  # fmt: skip
+        if key in known:
+            return known[key]
+        if math.isfinite(parameter.low) and math.isfinite(parameter.high):
+            return list(np.linspace(parameter.low, parameter.high, 6)[1:-1])
+        return [0.1, 1.0, 10.0]
+
+
+def machine_candidates(model, scales: Scales, orders: dict[str, Sequence[float]]) -> list:
+    """Every candidate; `orders` gives by place the orders that stand out."""
+    out = []
+    for id, place in model.places:
+        law = model.laws[id]
+        out += _of_law(law, place, scales, orders.get(place, ()))
+    return out
+
+
+def _of_law(law, place, scales: Scales, orders) -> list[Candidate]:
+    linear = [k for k, p in law.parameters.items() if p.linear]
+    fields = law.__dataclass_fields__
+    shapes = [
+        k for k, p in law.parameters.items()
+        if not p.linear and k not in ("phase", "order") and (
+            k == "width" or fields[k].default is dataclasses.MISSING)
+    ]  # fmt: skip
+    wave = "phase" in law.parameters
+    ladders = [scales.ladder(k, law.parameters[k]) for k in shapes]
+    ladders += [list(orders)] if "order" in law.parameters else []
+    keys = [*shapes, *(["order"] if "order" in law.parameters else [])]
+    out = []
+    for values in itertools.product(*ladders):
+        fixed = dict(zip(keys, map(float, values), strict=True))
+        strength = linear[0] if wave else None
+        units = [{strength: 1.0, "phase": p} for p in (0.0, math.pi / 2)] if wave else [
+            dict.fromkeys(linear, 0.0) | {k: 1.0} for k in linear
+        ]  # fmt: skip
+        columns = tuple(
+            PlacedLaw(law(**{k: number(v) for k, v in (unit | fixed).items()}), place)
+            for unit in units or [{}]
+        )
+        note = ", ".join(f"{k} {v:.3g}" for k, v in fixed.items())
+        trials = len(orders) if "order" in fixed else 1
+        out.append(Candidate(law.id, place, columns, _decoder(linear, strength, fixed), note,
+                             max(1, trials)))  # fmt: skip
+    return out
+
+
+def _decoder(linear, strength, fixed):
+    def decode(c):
+        if strength is not None:
+            return fixed | {strength: math.hypot(*c), "phase": math.atan2(c[1], c[0])}
+        return fixed | dict(zip(linear, map(float, c), strict=False))
+
+    return decode

@@ -1,0 +1,167 @@
+"""A machine of a few states as evidence: groups, places, free runs, the learned term."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from ...machine import Axis, MachineFile, PlacedLaw, free_run, machine_text
+from .._answer import AbstractEvidence
+from .._search import Point, discovered, number
+from .learned import learn_shaft
+from .model import OdeModel
+from .rows import Balance, smoothed
+
+UNITS = {  # group -> unit for a rotation, for a translation
+    "position": ("rad", "m"), "acceleration": ("rad/s^2", "m/s^2"),
+}  # fmt: skip
+
+
+class OdeEvidence(AbstractEvidence):
+    """An `OdeModel` with its held-out runs."""
+
+    model: OdeModel
+    closing = 0.3  # real machines are never as good as their sensors
+
+    def __init__(self, model: OdeModel, file: MachineFile, noise: dict, remarks: list[str],
+                 faults: list[str], blocks: bool):  # fmt: skip
+        self.model, self.file, self.noise, self.faults = model, file, noise, faults
+        self.said, self.confirmed_on = remarks, "blocks" if blocks else "held-out"
+
+    @property
+    def group(self) -> str:
+        """The output group that is compared."""
+        return self.model.rows[0].group
+
+    def _unit(self) -> str:
+        translation = isinstance(self.file.machine, Axis) and (
+            self.file.machine.motion == "translation"
+        )
+        if self.group == "position" and not isinstance(self.file.machine, Axis):
+            return self.file.machine.outputs["position"]
+        return UNITS[self.group][translation]
+
+    def unit_of(self, group):
+        return self._unit()
+
+    def columns(self, residual, split):
+        out, at = [], 0
+        for i in self.model.splits[split]:
+            count = self.model.rows[i].count
+            part = residual[at : at + count] * np.sqrt(self.model.inflation)
+            out.append({self.group: part})
+            at += count
+        return out
+
+    def series(self, residual):
+        i = self.model.splits["held-out"][0]
+        rows = self.model.rows[i]
+        return self.model.runs[i].name, rows.time, self.columns(residual, "held-out")[0]
+
+    def locate(self, point):
+        (residual,) = self.model.residuals([point], "held-out")
+        _, time, columns = self.series(residual)
+        i = self.model.splits["held-out"][0]
+        run, rows = self.model.runs[i], self.model.rows[i]
+        q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
+
+        def here(x):
+            return np.interp(time, run.time, x)
+
+        if isinstance(rows, Balance) is False and len(np.unique(np.diff(time).round(9))) > 1:
+            grid = np.linspace(time[0], time[-1], len(time))
+            columns, time = {k: np.interp(grid, time, x) for k, x in columns.items()}, grid
+        states = {
+            "time s": time, "speed axis": np.abs(here(v)), "direction axis": np.sign(here(v)),
+            "position axis": here(q), "load axis": here(run.inputs["input"]),
+        }  # fmt: skip
+        travel = float(np.ptp(q)) or 1.0
+        return discovered(time, columns, {"travel": 2 * np.pi * here(q) / travel}, states)
+
+    def learn(self, fit, tell):
+        return learn_shaft(self.model, fit, tell)
+
+    def experiment(self, rivals):
+        from .experiment import next_run
+
+        return next_run(self.model, rivals)
+
+    def described(self, point):
+        """The machine's file with calibrated numbers and the effects of a point."""
+        theta = self.model.numbers.vector(point)
+        machine, _ = self.model.numbers.build(theta)
+        placed = [
+            PlacedLaw(self.model.laws[e.id](**{k: number(v) for k, v in e.values.items()}), e.place)
+            for e in point.effects
+        ]
+        return dataclasses.replace(self.file, machine=machine, placed=(*self.file.placed, *placed))
+
+    def text(self, described):
+        return machine_text(described)
+
+    def remarks(self):
+        return list(self.said)
+
+    def unit(self, unit, place):
+        translation = (
+            isinstance(self.file.machine, Axis) and self.file.machine.motion == "translation"
+        )
+        unit = unit.replace("unit of the channel", "m" if translation else "rad")
+        if not translation:
+            return unit
+        return TRANSLATED.get(unit, unit)
+
+    def free_runs(self, points: dict[str, Point]) -> list[dict[str, Any]]:
+        """Simulation from the first sample of every run: RMS, MAE and share, by point."""
+        out = []
+        for run in self.model.runs:
+            measured = run.outputs["position"]
+            _, v, _ = smoothed(measured, run.step, run.cutoff)
+            entry: dict[str, Any] = {"run": run.name, "role": run.role, "unit": self._position()}
+            for word, point in points.items():
+                machine, placed = self.model.numbers.build(self.model.numbers.vector(point))
+                start = {"position": (measured[0], v[0])}
+                got = free_run(machine, placed, start, run.inputs, run.step, run.hold)["position"]
+                error = measured - got
+                finite = bool(np.all(np.isfinite(error)))
+                entry[word] = {
+                    "rms": float(np.sqrt(np.mean(error**2))) if finite else None,
+                    "mae": float(np.mean(np.abs(error))) if finite else None,
+                    "percent": 100 * float(np.std(error) / np.std(measured)) if finite else None,
+                }
+            out.append(entry)
+        return out
+
+    def _position(self) -> str:
+        translation = (
+            isinstance(self.file.machine, Axis) and self.file.machine.motion == "translation"
+        )
+        return "m" if translation else self.file.machine.outputs["position"]
+
+    def one_step(self, point: Point) -> float | None:
+        """Per cent of the input that the balance misses on held-out runs; None without one."""
+        model = self.model
+        if not all(isinstance(r, Balance) for r in model.rows):
+            return None
+        return balance_error(model, point, "held-out")
+
+
+def balance_error(model: OdeModel, point: Point, split: str) -> float:
+    """RMS of inertia times the missed acceleration, in per cent of the motor's torque."""
+    theta = model.numbers.vector(point)
+    machine, _ = model.numbers.build(theta)
+    rest = model.raw(theta[None], model.splits[split])[0]
+    torque = []
+    for i in model.splits[split]:
+        rows = model.rows[i]
+        q, v = rows.filtered["position"], rows.filtered["velocity"]
+        torque.append(rows.thinned(np.asarray(machine.motor(q, v, model.runs[i].inputs))))
+    whole = np.concatenate(torque)
+    inertia = float(np.asarray(machine.inertia))
+    return 100 * inertia * float(np.sqrt(np.mean(rest**2) / np.mean(whole**2)))
+
+
+TRANSLATED = {
+    "N m": "N", "N m s/rad": "N s/m", "N m/rad": "N/m", "rad/s": "m/s", "rad": "rad",
+    "N m s^2/rad^2": "N s^2/m^2",
+}  # fmt: skip

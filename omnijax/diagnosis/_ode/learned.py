@@ -1,0 +1,111 @@
+"""A learned term on a machine's shaft: what a smooth function of its state would have to do."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from .model import OdeModel
+from .rows import Balance, smoothed
+
+KNOTS = 7  # of each input's piecewise-linear basis
+RIDGE = 1e-3
+
+
+@dataclasses.dataclass(frozen=True)
+class ShaftTerm:
+    """sum_k w_k hat_k of speed, position and input: acceleration that the model misses."""
+
+    knots: dict[str, np.ndarray]
+    weights: np.ndarray
+
+    def columns(self, signals: dict[str, np.ndarray]) -> np.ndarray:
+        """Basis (rows, k) at some signals."""
+        return np.concatenate([hats(signals[k], x) for k, x in self.knots.items()], axis=1)
+
+
+@dataclasses.dataclass(frozen=True)
+class LearnedShaft:
+    """A learned term of a machine: how much of the held-out gap it closes, and its curves.
+
+    `curves` are by input: (values, the term in the unit of an acceleration).
+    """
+
+    term: ShaftTerm
+    closed: float
+    residual: np.ndarray
+    curves: dict[str, tuple[np.ndarray, np.ndarray]]
+    port: str = "shaft"
+    smooth: float = 0.0
+    network: float | None = None
+    units: tuple[str, str] = ("input, SI", "acceleration, SI")
+
+    @property
+    def map(self) -> dict[str, Any] | None:
+        """No map: the term is a sum of functions of one input each."""
+        return None
+
+    def table(self) -> dict[str, Any]:
+        """Numbers for diagnosis.json."""
+        return {
+            "port": self.port, "closed": self.closed, "uninterpreted": True,
+            "kind": "sum of piecewise-linear functions of speed, position and input",
+            "curves": {k: {"x": x, "y": y} for k, (x, y) in self.curves.items()},
+        }  # fmt: skip
+
+
+def hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
+    """Piecewise-linear basis (rows, knots) of mean zero."""
+    out = np.stack([np.interp(x, knots, e) for e in np.eye(len(knots))], axis=1)
+    return out - out.mean(axis=0)
+
+
+def learn_shaft(model: OdeModel, fit, tell) -> LearnedShaft | None:
+    """The term fitted to the train runs' rows beside the baseline; None in a free run.
+
+    Only a balance shows it as rows: what a free run shows is its consequence.
+    """
+    if not all(isinstance(r, Balance) for r in model.rows):
+        return None
+    signals = {s: _signals(model, s) for s in ("train", "held-out")}
+    knots = {
+        k: np.unique(np.quantile(x, np.linspace(0, 1, KNOTS)))
+        for k, x in signals["train"].items()
+    }  # fmt: skip
+    term = ShaftTerm(knots, np.zeros(0))
+    A = term.columns(signals["train"]) * model.weights("train")[:, None]
+    J, rest = fit.jacobian[:, : len(model.priors)], fit.residual
+    both = np.concatenate([A, J], axis=1)
+    size = np.linalg.norm(both, axis=0)
+    size[size == 0] = 1.0
+    both = both / size
+    w = np.linalg.solve(both.T @ both + RIDGE * np.eye(both.shape[1]), both.T @ rest) / size
+    k = A.shape[1]
+    term = dataclasses.replace(term, weights=w[:k])
+    (before,) = model.residuals([fit.point], "held-out")
+    theta, slopes = model.numbers.vector(fit.point), model.numbers.slopes(fit.point)
+    ways = np.stack([s * np.eye(model.numbers.size)[i] for i, s in enumerate(slopes)])
+    which = model.splits["held-out"]
+    tangents = model.whitened(
+        model.pushed(np.tile(theta, (len(ways), 1)), ways, which), "held-out"
+    ).T  # fmt: skip
+    shift = term.columns(signals["held-out"]) @ w[:k] * model.weights("held-out")
+    after = before - shift - tangents @ w[k:]
+    above = float(before @ before) - model.dof("held-out")
+    closed = (float(before @ before) - float(after @ after)) / max(above, 1.0)
+    tell(f"learned term at the shaft: closes {100 * closed:.0f} % of the gap")
+    curves, at = {}, 0
+    for name, x in knots.items():
+        curves[name] = (x, w[at : at + len(x)])
+        at += len(x)
+    return LearnedShaft(term, closed, after, curves, smooth=closed)
+
+
+def _signals(model: OdeModel, split: str) -> dict[str, np.ndarray]:
+    out: dict[str, list[np.ndarray]] = {"speed": [], "position": [], "input": []}
+    for i in model.splits[split]:
+        run, rows = model.runs[i], model.rows[i]
+        q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
+        for name, x in (("speed", v), ("position", q), ("input", run.inputs["input"])):
+            out[name].append(np.interp(rows.time, run.time, x))
+    return {k: np.concatenate(x) for k, x in out.items()}

@@ -1,0 +1,171 @@
+"""Measured less predicted, one run: over a free run, or in the balance of accelerations."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from scipy.signal import butter, filtfilt, firwin
+
+from ...machine import between, delayed_inputs, motion, sensed, vector_field
+from .numbers import Numbers
+
+WIDE = 10  # taps of the thinning filter to each side, in thinned samples
+
+
+@dataclasses.dataclass(frozen=True)
+class OdeRun:
+    """One measured run on a uniform grid, SI units."""
+
+    name: str
+    role: str
+    time: np.ndarray
+    inputs: Mapping[str, np.ndarray]
+    outputs: Mapping[str, np.ndarray]
+    cutoff: float  # Hz, of the low pass that gives measured speed and acceleration
+    hold: str = "linear"
+
+    @property
+    def step(self) -> float:
+        """Sampling step, s."""
+        return float(self.time[1] - self.time[0])
+
+
+def smoothed(x: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, ...]:
+    """A signal, its rate and acceleration: low-passed both ways (4th order), differences."""
+    b, a = butter(4, min(0.99, 2 * cutoff * step))
+    x = filtfilt(b, a, x)
+    v = np.gradient(x, step)
+    return x, v, np.gradient(v, step)
+
+
+class Balance:
+    """Measured acceleration less that of the equation at the measured position and speed.
+
+    Both sides go through the same low pass and are thinned; nothing is integrated.
+    """
+
+    group = "acceleration"
+
+    def __init__(self, numbers: Numbers, run: OdeRun):
+        self.numbers, self.run, cutoff = numbers, run, run.cutoff
+        q, v, a = smoothed(run.outputs["position"], run.step, cutoff)
+        self.thin = max(1, round(1 / (run.step * cutoff)))
+        wide = 2 * WIDE * self.thin + 1
+        self.taps = firwin(wide, 0.8 / self.thin) if self.thin > 1 else np.ones(1)
+        self.edge = len(self.taps) // 2
+        inputs = {k: jnp.asarray(x) for k, x in run.inputs.items()}
+        self.data = (jnp.asarray(q), jnp.asarray(v), jnp.asarray(a), inputs)
+        self.count = len(self.thinned(np.asarray(q)))
+        self.time = self.thinned(run.time)
+        self.filtered = {"position": q, "velocity": v, "acceleration": a}
+
+    def thinned(self, x) -> np.ndarray:
+        """A sampled signal through the thinning low pass."""
+        return np.convolve(np.asarray(x), self.taps, "valid")[:: self.thin]
+
+    def rows(self, theta, data):
+        """(rows,) m/s^2 or rad/s^2; traced."""
+        q, v, a, inputs = data
+        machine, placed = self.numbers.build(theta)
+        inputs = delayed_inputs(placed, jnp.asarray(self.run.time), inputs)
+        rate, join, _ = vector_field(machine, placed)
+
+        def error(q, v, a, u):
+            return a - rate(join(machine.start({"position": (q, v)})), u)[1]
+
+        raw = jax.vmap(error)(q, v, a, inputs)
+        return jnp.convolve(raw, jnp.asarray(self.taps), "valid")[:: self.thin]
+
+    def gain(self) -> float:
+        """1-sigma of a row for white noise of 1-sigma 1 in the measured position."""
+        n = max(2001, 8 * self.edge + 1)
+        impulse = np.zeros(n)
+        impulse[n // 2] = 1.0
+        _, _, a = smoothed(impulse, self.run.step, 1 / (self.thin * self.run.step))
+        return float(np.linalg.norm(np.convolve(a, self.taps, "same")))
+
+
+class FreeRun:
+    """Measured outputs less those simulated from the inputs, in windows.
+
+    A window begins at the measured state; its first `lead` samples do not count.
+    """
+
+    group = "position"
+
+    def __init__(self, numbers: Numbers, run: OdeRun, parts: int, lead: int, length: int,
+                 thin: int = 1, free: bool = False):  # fmt: skip
+        self.numbers, self.run, self.parts, self.thin, self.free = (numbers, run, parts, thin, free)
+        n = len(run.time)
+        q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
+        q = np.where(np.arange(n) < 3, run.outputs["position"], q)
+        count = max(1, -(-n // length))
+        begins = [k * length for k in range(count)]
+        total = length + lead
+        self.begin = np.array([max(0, b - lead) for b in begins])
+        take = self.begin[:, None] + np.arange(total)
+        self.used = (take >= np.array(begins)[:, None]) & (take < np.minimum(
+            np.array(begins) + length, n)[:, None])  # fmt: skip
+        take = np.minimum(take, n - 1)
+        fine = {k: between(x, 2 * parts, run.hold) for k, x in run.inputs.items()}
+        spot = np.minimum(
+            self.begin[:, None] * 2 * parts + np.arange(2 * parts * (total - 1) + 1),
+            2 * parts * (n - 1),
+        )
+        first = {"position": (jnp.asarray(q[self.begin]), jnp.asarray(v[self.begin]))}
+        inputs = {k: jnp.asarray(x[spot]) for k, x in fine.items()}
+        where = np.stack(np.nonzero(self.used))[:, ::thin]
+        measured = {k: np.asarray(y)[take] for k, y in run.outputs.items()}
+        self.where = where
+        self.measured = jnp.asarray(measured["position"][tuple(where)])
+        self.clock = jnp.asarray(run.time[take] - run.time[0])
+        self.data = (first, inputs)
+        self.count, self.time = where.shape[1], run.time[take[tuple(where)]]
+
+    def start_states(self, machine, first):
+        """State (n,) at a window's first sample."""
+        return jnp.stack([jnp.asarray(v, float) for v in machine.start(first)])
+
+    def simulated(self, theta, data, shift=0.0):
+        """Position (windows, samples), the starts moved by `shift`; traced."""
+        first, inputs = data
+        machine, placed = self.numbers.build(theta)
+
+        def one(first, inputs, time):
+            x0 = self.start_states(machine, first) + shift
+            inputs = delayed_inputs(placed, self.clock_of(time), inputs)
+            out = motion(machine, placed, x0, inputs, self.run.step, self.parts)
+            return sensed(placed, time, {"position": out["position"]})["position"]
+
+        return jax.vmap(one)(first, inputs, self.clock)
+
+    def clock_of(self, time):
+        """Times of the inputs' values within a window, s from its first sample."""
+        return jnp.linspace(0.0, time[-1] - time[0], 2 * self.parts * (len(time) - 1) + 1)
+
+    def start_bases(self, theta) -> list[tuple[np.ndarray, np.ndarray]]:
+        """By window: its rows, and an orthonormal basis of what its start changes there."""
+        first, _ = self.data
+        machine, _ = self.numbers.build(theta)
+        one = jax.tree.map(lambda x: x[0], first)
+        size = len(self.start_states(machine, one))
+        push = jax.jit(jax.jacfwd(lambda s: self.simulated(theta, self.data, s)))
+        tangents = np.asarray(push(jnp.zeros(size)))[tuple(self.where)]
+        out = []
+        for w in range(len(self.begin)):
+            rows = np.flatnonzero(self.where[0] == w)
+            if len(rows) <= size:
+                continue
+            left, values, _ = np.linalg.svd(tangents[rows], full_matrices=False)
+            out.append((rows, left[:, values > 1e-9 * values[0]]))
+        return out
+
+    def rows(self, theta, data):
+        """(rows,) in the position's unit; traced."""
+        return self.measured - self.simulated(theta, data)[tuple(self.where)]
+
+    def gain(self) -> float:
+        """1-sigma of a row for white noise of 1-sigma 1 in the measured position."""
+        return 1.0

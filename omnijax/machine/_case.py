@@ -1,0 +1,99 @@
+"""A case of a machine: machine.toml (or a model of the user's) and its logs, in one folder."""
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+
+from .._errors import InputError
+from ..recording import stem_of
+from ._file import MachineFile, load_machine
+from ._log import Log, LogFile, read_log, read_log_file, tables_of, toml_of
+
+HELD = 1 / 3  # of every log, its end, where no log has the role held-out
+
+
+@dataclasses.dataclass
+class MachineCase:
+    """A machine and its logs; `blocks`: the ends of the logs play the held-out run."""
+
+    path: Path
+    file: MachineFile
+    logs: list[Log]
+    blocks: bool
+    faults: list[str]
+
+
+def is_machine_case(folder: str | Path) -> bool:
+    """Whether a folder holds a machine.toml."""
+    return (Path(folder) / "machine.toml").is_file()
+
+
+def read_machine_case(folder: str | Path, file: MachineFile | None = None) -> MachineCase:
+    """The machine of a folder (or `file`) and its runs; `InputError` where none can be used."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise InputError(
+            f"{folder} is not a folder; a case is a folder with machine.toml and logs."
+        )
+    file = load_machine(folder / "machine.toml") if file is None else file
+    logs, faults = [], []
+    for one in _log_files(folder):
+        try:
+            logs.append(read_log(one, file.machine.inputs, file.machine.outputs))
+        except InputError as error:
+            faults += [f"{x} The run is not used." for x in error.problems]
+    if not logs:
+        raise InputError("\n- ".join([f"{folder}: no run can be used.", *faults]))
+    faults += [x for log in logs for x in log.faults]
+    blocks = all(log.role == "train" for log in logs)
+    if all(log.role == "held-out" for log in logs):
+        raise InputError(f'{folder}: every run is held-out; at least one must be `role = "train"`.')
+    if blocks:
+        faults.append(
+            f"{folder.name}: no run has the role held-out; the last third of each plays it."
+        )
+        logs = [part for log in logs for part in _parts(log)]
+    return MachineCase(folder, file, logs, blocks, faults)
+
+
+def _log_files(folder: Path) -> list[LogFile]:
+    tables, out = tables_of(folder), []
+    for path in sorted(folder.glob("*.toml")):
+        if path.name == "machine.toml" or path.stem.endswith("-diagnosed"):
+            continue
+        data = toml_of(path)
+        if path.stem in tables or "log" in data:
+            out.append(read_log_file(path, data, tables.pop(path.stem, None)))
+    beside = [f.log.resolve() for f in out]
+    for name, table in tables.items():
+        if table.resolve() not in beside:
+            out.append(LogFile(folder / f"{name}.toml", table))
+    return out
+
+
+def log_beside(path: str | Path) -> LogFile:
+    """A log with the NAME.toml beside it: either of both may be named."""
+    path = Path(path)
+    if path.suffix == ".toml":
+        table = tables_of(path.parent).get(path.stem)
+        return read_log_file(path, toml_of(path), table)
+    if not path.is_file():
+        raise InputError(f"{path} is not a file.")
+    side = path.with_name(stem_of(path) + ".toml")
+    return read_log_file(side, toml_of(side), path) if side.is_file() else LogFile(side, path)
+
+
+def _parts(log: Log) -> list[Log]:
+    """The first two thirds, and the last third as held-out."""
+    n = len(log.time)
+    cut = n - round(HELD * n)
+
+    def part(role, where):
+        return dataclasses.replace(
+            log, name=f"{log.name} {role}", role=role, time=np.asarray(log.time[where]),
+            inputs={k: x[where] for k, x in log.inputs.items()},
+            outputs={k: x[where] for k, x in log.outputs.items()},
+        )  # fmt: skip
+
+    return [part("train", slice(None, cut)), part("held-out", slice(cut, None))]

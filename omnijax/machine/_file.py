@@ -1,0 +1,170 @@
+"""machine.toml in and out."""
+
+import dataclasses
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import jax.numpy as jnp
+from pydantic import ValidationError
+
+from .._errors import InputError, did_you_mean
+from ..laws import EFFECTS
+from ._axis import Axis
+from ._base import AbstractMachine
+from ._ports import PlacedLaw
+from ._schema import KEYS, Compare, file_model
+
+
+@dataclasses.dataclass(frozen=True)
+class MachineFile:
+    """A machine with what its file says beside its numbers.
+
+    `uncertainty` is the 1-sigma by field, relative or, of a field that is 0, absolute; `names`
+    gives the key of the file for each field.
+    """
+
+    machine: AbstractMachine
+    placed: tuple[PlacedLaw, ...] = ()
+    uncertainty: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    compare: Compare = dataclasses.field(default_factory=Compare)
+    names: Mapping[str, str] = dataclasses.field(default_factory=dict)
+    source: str = "machine.toml"
+
+
+def field_names() -> dict[str, str]:
+    """Field of `Axis` -> key of the file, `second_inertia` -> `second.inertia`."""
+    return {k.field: f"{t}.{name}" for t, keys in KEYS.items() for name, k in keys.items()}
+
+
+def load_machine(path: str | Path) -> MachineFile:
+    """The machine of a TOML file; `InputError` with every problem at once."""
+    path = Path(path)
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path} is not a TOML file: {error}.") from None
+    return parse_machine(data, str(path))
+
+
+def parse_machine(data: Mapping[str, Any], source: str = "machine.toml") -> MachineFile:
+    """The machine of a document."""
+    motion = data.get("motion", "rotation")
+    known = motion if motion in ("rotation", "translation") else "rotation"
+    try:
+        file: Any = file_model(known).model_validate(dict(data))
+    except ValidationError as error:
+        raise InputError([_sentence(e) for e in error.errors()], source) from None
+    problems, values = [], {}
+    drives = file.motor.input
+    if drives == "goal" and file.servo is None:
+        problems.append("`servo` is missing: a motor with `input = \"goal\"` has a controller of "
+                        "its own; give its `gain` and `supply`.")  # fmt: skip
+    if drives in ("voltage", "goal") and file.motor.resistance is None:
+        problems.append(
+            f"`motor.resistance` is missing: a motor with `input = {drives!r}` needs it, in ohm."
+        )
+    for table, keys in KEYS.items():
+        part = getattr(file, table)
+        for name, key in keys.items():
+            found = None if part is None else getattr(part, name)
+            if found is not None:
+                values[key.field] = found
+    names = field_names()
+    inverse = {v: k for k, v in names.items()}
+    for key in file.uncertainty:
+        if key not in inverse:
+            problems.append(
+                f"`uncertainty.{key}` is no key of a number.{did_you_mean(key, inverse)}"
+            )
+        elif inverse[key] not in values:
+            problems.append(f"`uncertainty.{key}`: the file gives no such number.")
+    placed, wrong = _effects(file.effect)
+    if problems or wrong:
+        raise InputError(problems + wrong, source)
+    machine = Axis(**{k: jnp.asarray(v, float) for k, v in values.items()},
+                   drives=drives, motion=known)  # fmt: skip
+    uncertain = {inverse[k]: float(v) for k, v in file.uncertainty.items()}
+    return MachineFile(machine, placed, uncertain, file.compare, names, source)
+
+
+def _effects(blocks) -> tuple[tuple[PlacedLaw, ...], list[str]]:
+    placed, problems = [], []
+    for block in blocks:
+        law = EFFECTS.get(block.id)
+        if law is None:
+            problems.append(f"`effect.id` must be one of the effects, but is {block.id!r}."
+                            f"{did_you_mean(block.id, EFFECTS)}")  # fmt: skip
+            continue
+        needed = {k for k, p in law.parameters.items() if not p.optional}
+        wrong = sorted(set(block.parameters) - set(law.parameters))
+        lacks = sorted(needed - set(block.parameters))
+        if wrong or lacks:
+            parts = {"unknown": wrong, "missing": lacks}
+            said = "; ".join(f"{k}: {', '.join(v)}" for k, v in parts.items() if v)
+            problems.append(f"`effect.{block.id}.parameters` must be {', '.join(law.parameters)}, "
+                            f"but {said}.")  # fmt: skip
+            continue
+        values = {k: jnp.asarray(v, float) for k, v in block.parameters.items()}
+        placed.append(PlacedLaw(law(**values), block.place))
+    return tuple(placed), problems
+
+
+def _sentence(entry: Any) -> str:
+    """One pydantic error as a sentence that begins with the key's path."""
+    path, kind, found = ".".join(map(str, entry["loc"])), entry["type"], entry["input"]
+    table = str(entry["loc"][0])
+    keys = list(KEYS.get(table, {})) if len(entry["loc"]) > 1 else [
+        *KEYS, "kind", "motion", "compare", "effect", "uncertainty"
+    ]  # fmt: skip
+    if table == "motor":
+        keys.append("input")
+    if kind == "missing":
+        return f"`{path}` is missing."
+    if kind == "extra_forbidden":
+        return (
+            f"`{path}` is not a key of a machine file.{did_you_mean(str(entry['loc'][-1]), keys)}"
+        )
+    if kind == "value_error":
+        return f"`{path}` {entry['ctx']['error']}"
+    if kind == "literal_error":
+        return f"`{path}` must be one of {entry['ctx']['expected']}, but is {found!r}."
+    return f"`{path}` must be a table or a value of another kind, but is {found!r}."
+
+
+def machine_text(file: MachineFile) -> str:
+    """machine.toml of an axis with its numbers and effects."""
+    axis = file.machine
+    if not isinstance(axis, Axis):
+        return "".join(f"{k} = {v!r}\n" for k, v in vars(axis).items())
+    lines = ['kind = "axis"', f'motion = "{axis.motion}"']
+    for table, keys in KEYS.items():
+        own = []
+        for name, key in keys.items():
+            value = getattr(axis, key.field)
+            stated = value is not None and (
+                key.default is ... or key.default is None or float(value) != key.default
+            )
+            used = table != "servo" or axis.drives == "goal"
+            used = used and (table != "second" or axis.second_inertia is not None)
+            used = used and not (name == "resistance" and axis.drives not in ("voltage", "goal"))
+            if stated and used:
+                own.append(f"{name} = {float(value)!r}")
+        if table == "motor":
+            own.insert(0, f'input = "{axis.drives}"')
+        if own:
+            lines += ["", f"[{table}]", *own]
+    for one in file.placed:
+        law = one.law
+        numbers = ", ".join(f"{k} = {float(getattr(law, k))!r}" for k in law.parameters)
+        lines += ["", "[[effect]]", f'id = "{law.id}"', f'place = "{one.place}"',
+                  f"parameters = {{ {numbers} }}"]  # fmt: skip
+    said = {k: v for k, v in vars(file.compare).items() if v is not None}
+    lines += ["", "[compare]", *(f"{k} = {v!r}".replace("'", '"') for k, v in said.items())]
+    if file.uncertainty:
+        lines += ["", "[uncertainty]"]
+        lines += [f'"{file.names.get(k, k)}" = {v!r}' for k, v in file.uncertainty.items()]
+    return "\n".join(lines) + "\n"

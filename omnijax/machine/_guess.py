@@ -1,0 +1,203 @@
+"""What a stranger's log probably holds: time, input, position, units, rate, noise."""
+
+import dataclasses
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import butter, filtfilt
+
+from .._errors import InputError
+from ..recording import read_table
+from ..rig import Quantity
+
+TIME = r"^(t|time|timestamp|zeit|stamp|seconds|sec|ms)\b|time"
+INPUT = (
+    r"^(u|vir|v1|in|input)$|^tau|cmd|torque|force|volt|curr|command|goal|ref|setpoint|moment"
+    r"|duty|pwm"
+)
+POSITION = r"^(y|q|qm|x|v2|out)$|pos|angle|theta|encoder|deg|winkel|weg|displ"
+MEASURED = r"meas|act|enc|fb"
+KINDS = (  # pattern of a name -> how the motor is driven
+    (r"goal|ref|setpoint", "goal"), (r"torque|force|moment", "torque"), (r"curr", "current"),
+)  # fmt: skip
+UNIT = re.compile(r"[\[(_ ]\s*(mm|cm|um|m|deg|rad|mrad|ms|us|s|N ?m|mNm|N|A|mA|V|mV)\s*[\])]?$")
+ANGLES, LENGTHS = ("rad", "deg", "mrad"), ("m", "mm", "cm", "um")
+
+
+@dataclasses.dataclass(frozen=True)
+class Guess:
+    """A log's channels with units, the sampling, the noise, and a machine to begin with."""
+
+    log: Path
+    time: str | None
+    input: str
+    position: str
+    units: dict[str, str]
+    drives: str
+    motion: str
+    samples: int
+    rate: float
+    noise: float
+    numbers: dict[str, float]
+
+    def rows(self) -> list[tuple[str, str]]:
+        """The guess as pairs to be shown."""
+        unit = "m" if self.motion == "translation" else "rad"
+        return [
+            ("time", self.time or "none: from the rate"),
+            ("input", f"{self.input} ({self.drives}, {self.units.get('input', 'as it is')})"),
+            ("position", f"{self.position} ({self.units.get('position', unit)})"),
+            ("motion", self.motion), ("samples", f"{self.samples} at {self.rate:.6g} Hz"),
+            ("noise of position", f"{self.noise:.3g} {unit} (1 sigma)"),
+            *((f"axis.{k}", f"{v:.4g}") for k, v in self.numbers.items()),
+        ]  # fmt: skip
+
+
+def guess(log: Path, rate: float | None = None) -> Guess:
+    """Look at a log.  `rate` in Hz where it has no column of time."""
+    table = read_table(log)
+    columns = {k: np.asarray(x, float) for k, x in table.columns.items() if np.ndim(x) == 1}
+    moving = [k for k, x in columns.items() if np.ptp(x[np.isfinite(x)]) > 0]
+    time = _time(columns, moving, rate)
+    rest = [k for k in moving if k != time]
+    names = {word: _best(rest, pattern) for word, pattern in (("input", INPUT),)}
+    others = [k for k in rest if k != names["input"]]
+    names["position"] = _best(others, POSITION, MEASURED)
+    for word, found in names.items():
+        if found is None:
+            raise InputError(
+                f"{log.name}: no column looks like the {word}; columns: {', '.join(columns)}. "
+                f"Name it: --{word} COLUMN."
+            )
+    return describe(log, time, str(names["input"]), str(names["position"]), rate)
+
+
+def describe(log: Path, time: str | None, given: str, position: str, rate: float | None) -> Guess:
+    """The guess with its channels known."""
+    table = read_table(log)
+    for name in filter(None, (time, given, position)):
+        if name not in table.columns:
+            raise InputError(f"{log.name} has no column {name!r}; columns: "
+                             f"{', '.join(table.columns)}.")  # fmt: skip
+    units = {
+        ours: u for ours, theirs in (("t", time), ("input", given), ("position", position))
+        if theirs and (u := table.units.get(theirs) or _unit(theirs))
+    }  # fmt: skip
+    motion = "translation" if units.get("position") in LENGTHS else "rotation"
+    drives = next((d for p, d in KINDS if re.search(p, given.lower())), "command")
+    units = _fitting(units, motion, drives)
+    q = np.asarray(table.columns[position], float)
+    if time is None:
+        step = 1 / float(rate or 1.0)
+    else:
+        t = np.asarray(table.columns[time], float)
+        t = t * (Quantity("s").read(f"1 {units['t']}") if "t" in units else 1.0)
+        step = float(np.median(np.diff(t)))
+        if step > 0.2 and "t" not in units:
+            step, units["t"] = step / 1000, "ms"
+    si = "m" if motion == "translation" else "rad"
+    if units.get("position", si) != si:
+        q = q * Quantity(si).read(f"1 {units['position']}")
+    u = np.asarray(table.columns[given], float)
+    if drives == "goal" and units.get("input", si) != si:
+        u = u * Quantity(si).read(f"1 {units['input']}")
+    good = np.isfinite(q) & np.isfinite(u)
+    q, u = q[good], u[good]
+    noise = min(
+        float(np.sqrt(np.mean(np.diff(q, k) ** 2) / math.comb(2 * k, k))) for k in (3, 5, 7)
+    )
+    return Guess(log, time, given, position, units, drives, motion, len(q), 1 / step, noise,
+                 first_numbers(q, u, step, drives == "goal"))  # fmt: skip
+
+
+def first_numbers(q, u, step: float, goal: bool) -> dict[str, float]:
+    """Inertia, damping, stiffness and offset by least squares: u = J a + d v + k q - offset.
+
+    A servo's goal: a = p (u - q) - d v, for an inertia of 1.
+    """
+    b, a = butter(4, 0.2)
+    smooth = filtfilt(b, a, q)
+    v = np.gradient(smooth, step)
+    acceleration = np.gradient(v, step)
+    one = np.ones(len(q))
+    if goal:
+        (p, d), *_ = np.linalg.lstsq(np.stack([u - q, -v], 1), acceleration, rcond=None)
+        return {"inertia": 1.0, "damping": max(float(d), 1e-3), "gain": max(float(p), 1e-3)}
+    keep = slice(10, -10)
+    A = np.stack([acceleration, v, smooth, one], 1)[keep]
+    size = np.linalg.norm(A, axis=0)
+    J, d, k, _ = np.linalg.lstsq(A / size, filtfilt(b, a, u)[keep], rcond=None)[0] / size
+    pulled = k > 0 and k * np.std(q) > 0.3 * np.std(u)
+    if not pulled:
+        A = np.delete(A, 2, axis=1)
+        size = np.linalg.norm(A, axis=0)
+        J, d, _ = np.linalg.lstsq(A / size, filtfilt(b, a, u)[keep], rcond=None)[0] / size
+    if J <= 0:
+        J = float(np.std(u) / max(np.std(acceleration), 1e-300))
+    out = {"inertia": float(J), "damping": float(max(d, 1e-3 * np.std(u) / np.std(v)))}
+    return out | ({"stiffness": float(k)} if pulled else {})
+
+
+def case_files(found: Guess, noise: bool = False) -> dict[str, str]:
+    """machine.toml and NAME.toml of a guess, by file name."""
+    goal = found.drives == "goal"
+    numbers = {k: v for k, v in found.numbers.items() if k != "gain"}
+    lines = ['kind = "axis"', f'motion = "{found.motion}"', "", "[axis]",
+             *(f"{k} = {v:.6g}" for k, v in numbers.items()), "", "[motor]",
+             f'input = "{found.drives}"']  # fmt: skip
+    if goal:
+        lines += ["resistance = 1.0", "back_emf = 0.0", "", "[servo]",
+                  f"gain = {found.numbers['gain']:.6g}", "supply = 1.0", "limit = 1e9"]  # fmt: skip
+    lines += ["", "[uncertainty]  # 1-sigma: relative, or absolute for a number that is 0"]
+    lines += [f'"axis.{k}" = 1.0' for k in numbers if not (goal and k == "inertia")]
+    lines += ['"servo.gain" = 0.5'] if goal else [f'"axis.offset" = {_offset(found):.3g}']
+    name = found.log.name.split(".")[0]
+    side = [f'log = "{found.log.resolve()}"', 'machine = "machine.toml"', 'role = "train"']
+    side += [] if found.time else [f'rate = "{found.rate!r} Hz"']
+    side += ["", "[channels]"] + ([f't = "{found.time}"'] if found.time else [])
+    side += [f'input = "{found.input}"', f'position = "{found.position}"']
+    if found.units:
+        side += ["", "[units]", *(f'{k} = "{v}"' for k, v in found.units.items())]
+    return {"machine.toml": "\n".join(lines) + "\n", f"{name}.toml": "\n".join(side) + "\n"}
+
+
+def _offset(found: Guess) -> float:
+    values = np.asarray(read_table(found.log).columns[found.input], float)
+    return 0.3 * float(np.nanstd(values))
+
+
+def _time(columns, moving, rate) -> str | None:
+    rising = [k for k in moving if np.all(np.diff(columns[k]) > 0)]
+    named = [k for k in rising if re.search(TIME, k.lower())]
+    if named or (rising and rate is None):
+        return (named or rising)[0]
+    if rate is None:
+        raise InputError("no column of the log looks like time; give its sampling rate: --rate HZ.")
+    return None
+
+
+def _best(names: list[str], pattern: str, better: str = "$^") -> str | None:
+    found = [k for k in names if re.search(pattern, k.lower())]
+    return next((k for k in found if re.search(better, k.lower())), next(iter(found), None))
+
+
+def _unit(name: str) -> str | None:
+    found = UNIT.search(name)
+    return found[1] if found else None
+
+
+def _fitting(units: dict[str, str], motion: str, drives: str) -> dict[str, str]:
+    """Only units of the quantity that a channel has."""
+    wanted = {"t": "s", "position": "m" if motion == "translation" else "rad"}
+    force = "N" if motion == "translation" else "N m"
+    wanted["input"] = {"torque": force, "current": "A", "goal": wanted["position"]}.get(drives, "1")
+    out = {}
+    for k, u in units.items():
+        try:
+            Quantity(wanted[k]).read(f"1 {u}")
+        except ValueError:
+            continue
+        out[k] = u
+    return out

@@ -1,0 +1,208 @@
+"""Logs of a machine: any table, any column names and units, and the NAME.toml beside it."""
+
+import dataclasses
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .._errors import InputError, did_you_mean
+from ..recording import READERS, read_table, stem_of, suffix_of
+from ..rig import Quantity
+
+KEYS = ("machine", "log", "role", "rows", "rate", "channels", "units", "noise")
+ROLES = ("train", "held-out")
+LEAST = 64  # samples
+
+
+@dataclasses.dataclass
+class Log:
+    """One run: uniform time in s, inputs and outputs in SI units by name.
+
+    `noise` is the declared 1-sigma by output; `faults` are sentences about what was wrong.
+    """
+
+    name: str
+    role: str
+    time: np.ndarray
+    inputs: dict[str, np.ndarray]
+    outputs: dict[str, np.ndarray]
+    noise: dict[str, float] = dataclasses.field(default_factory=dict)
+    faults: list[str] = dataclasses.field(default_factory=list)
+
+    @property
+    def step(self) -> float:
+        """Sampling step, s."""
+        return float(self.time[1] - self.time[0])
+
+
+@dataclasses.dataclass
+class LogFile:
+    """What NAME.toml says: where the log is, its role, names, units and noise."""
+
+    path: Path
+    log: Path
+    machine: Path | None = None
+    role: str = "train"
+    rows: tuple[int, int] | None = None
+    rate: float | None = None  # Hz, of a log without a column of time
+    channels: dict[str, Any] = dataclasses.field(default_factory=dict)
+    units: dict[str, str] = dataclasses.field(default_factory=dict)
+    noise: dict[str, float] = dataclasses.field(default_factory=dict)
+
+
+def read_log_file(path: Path, data: Mapping[str, Any], log: Path | None = None) -> LogFile:
+    """A NAME.toml; `log` is the table beside it."""
+    wrong = [f"`{k}` is not a key of a run.{did_you_mean(k, KEYS)}" for k in data if k not in KEYS]
+    role = data.get("role", "train")
+    if role not in ROLES:
+        wrong.append(f"`role` must be train or held-out, but is {role!r}.")
+    rows = data.get("rows")
+    good = rows is None or (
+        isinstance(rows, list) and len(rows) == 2 and all(isinstance(x, int) for x in rows)
+        and 0 <= rows[0] < rows[1]
+    )  # fmt: skip
+    if not good:
+        wrong.append(f"`rows` must be two row numbers [first, end), but is {rows!r}.")
+    for key in ("channels", "units", "noise"):
+        if not isinstance(data.get(key, {}), dict):
+            wrong.append(f"`{key}` must be a table, but is {data[key]!r}.")
+    rate = None
+    if "rate" in data:
+        try:
+            rate = Quantity("Hz", above=0).read(data["rate"])
+        except ValueError as error:
+            wrong.append(f"`rate` {error}")
+    named = data.get("log")
+    log = path.parent / named if isinstance(named, str) else log
+    if log is None:
+        wrong.append("`log` is missing: no table of the same name stands beside it.")
+    if wrong:
+        raise InputError(wrong, path.name)
+    machine = data.get("machine")
+    return LogFile(
+        path, Path(str(log)), None if machine is None else path.parent / machine, role,
+        None if rows is None else (rows[0], rows[1]), rate, data.get("channels", {}),
+        data.get("units", {}), data.get("noise", {}),
+    )  # fmt: skip
+
+
+def read_log(file: LogFile, inputs: Mapping[str, str], outputs: Mapping[str, str]) -> Log:
+    """The run that a `LogFile` speaks of; `inputs` and `outputs` are the machine's, with units."""
+    if not file.log.is_file():
+        raise InputError(f"{file.path.name}: `log` names {file.log}, which is not a file.")
+    table = read_table(file.log)
+    units = {"t": "s", **inputs, **outputs}
+    wrong = [
+        f"`{key}.{name}` is no channel of the machine.{did_you_mean(name, units)} "
+        f"Channels: {', '.join(units)}."
+        for key in ("channels", "units", "noise") for name in getattr(file, key)
+        if name not in units
+    ]  # fmt: skip
+    if wrong:
+        raise InputError(wrong, file.path.name)
+    faults: list[str] = []
+    found = {name: _column(file, table, name, units[name], faults) for name in units}
+    found = {k: x for k, x in found.items() if x is not None}
+    if file.rate is not None:
+        found["t"] = np.arange(len(next(iter(table.columns.values())))) / file.rate
+    where = file.log.name
+    for name in ("t", next(iter(inputs))):
+        if name not in found:
+            raise InputError(
+                f"{where} has no column `{name}` ({units[name]}). Say which one it is: [channels] "
+                f'{name} = "..." in {file.path.name}; columns: '
+                f"{', '.join(list(table.columns)[:12])}."
+            )
+    if "position" in outputs and "position" not in found:
+        raise InputError(
+            f"{where} has no column `position` ({units['position']}). Say which one it is: "
+            f'[channels] position = "..." in {file.path.name}.'
+        )
+    if file.rows is not None:
+        found = {k: x[slice(*file.rows)] for k, x in found.items()}
+    for name in inputs:
+        found.setdefault(name, np.ones(len(found["t"])))
+    return _on_a_grid(file, found, inputs, outputs, faults)
+
+
+def _column(file: LogFile, table, name: str, unit: str, faults) -> np.ndarray | None:
+    """One channel in SI; a number in [channels] is a constant."""
+    theirs = file.channels.get(name, name)
+    if isinstance(theirs, int | float) and not isinstance(theirs, bool):
+        return np.full(len(next(iter(table.columns.values()))), float(theirs))
+    if theirs not in table.columns:
+        if name in file.channels:
+            raise InputError(
+                f"{file.path.name}: `channels.{name}` names the column {theirs!r}, which "
+                f"{file.log.name} does not have.{did_you_mean(str(theirs), table.columns)}"
+            )
+        return None
+    values = np.asarray(table.columns[theirs], float)
+    said = file.units.get(name, table.units.get(theirs, unit))
+    if said == unit:
+        return values
+    try:
+        return values * Quantity(unit).read(f"1 {said}")
+    except ValueError:
+        if name in file.units:
+            raise InputError(f"{file.path.name}: `units.{name}` must be a unit of {unit}, but is "
+                             f"{said!r}.") from None  # fmt: skip
+        faults.append(f"{file.log.name}, column `{theirs}`: the file says {said!r}, which is no "
+                      f"unit of {unit}; it is read as {unit}.")  # fmt: skip
+        return values
+
+
+def _on_a_grid(file: LogFile, found, inputs, outputs, faults) -> Log:
+    """Finite rows on a uniform grid from zero; short or resting logs are refused."""
+    name = stem_of(file.log) if file.rows is None else file.path.stem
+    needed = ["t", *inputs, *(["position"] if "position" in outputs else [])]
+    finite = np.all([np.isfinite(found[k]) for k in needed], axis=0)
+    if not finite.all():
+        faults.append(f"{file.log.name}: {int((~finite).sum())} rows have no number; they are left "
+                      "out.")  # fmt: skip
+    found = {k: x[finite] for k, x in found.items()}
+    t = found["t"]
+    if len(t) < LEAST:
+        raise InputError(
+            f"{file.log.name} has {len(t)} usable rows, but at least {LEAST} are needed."
+        )
+    if not np.all(np.diff(t) > 0):
+        keep = np.concatenate([[True], np.diff(np.maximum.accumulate(t)) > 0])
+        if keep.sum() < LEAST:
+            raise InputError(f"{file.log.name}, column `t`: time does not increase.")
+        faults.append(f"{file.log.name}, column `t`: {int((~keep).sum())} rows do not increase; "
+                      "they are left out.")  # fmt: skip
+        found = {k: x[keep] for k, x in found.items()}
+        t = found["t"]
+    if "position" in outputs and np.ptp(found["position"]) == 0:
+        raise InputError(f"{file.log.name}: the position never changes: all at rest.")
+    step = float(np.median(np.diff(t)))
+    grid = np.arange(round((t[-1] - t[0]) / step) + 1) * step
+    if np.max(np.abs(np.diff(t) - step)) > 0.02 * step:
+        faults.append(f"{file.log.name}, column `t`: the steps differ by up to "
+                      f"{1e3 * np.max(np.abs(np.diff(t) - step)):.3g} ms from {1e3 * step:.4g} ms; "
+                      "all channels are laid on an even grid.")  # fmt: skip
+        found = {k: np.interp(grid, t - t[0], x) for k, x in found.items()}
+    else:
+        grid = np.arange(len(t)) * step
+    return Log(name, file.role, grid, {k: found[k] for k in inputs},
+               {k: found[k] for k in outputs if k in found},
+               {k: float(v) for k, v in file.noise.items()}, faults)  # fmt: skip
+
+
+def tables_of(folder: Path) -> dict[str, Path]:
+    """Tables of a folder by name without suffix."""
+    return {
+        stem_of(p): p for p in sorted(folder.iterdir()) if p.is_file() and suffix_of(p) in READERS
+    }
+
+
+def toml_of(path: Path) -> dict[str, Any]:
+    """A TOML document; `InputError` where it is none."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path.name} is not a TOML file: {error}.") from None

@@ -1,0 +1,68 @@
+"""Laws at the places of a machine, and what collects their sums and their memories' rates."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..laws import AbstractLaw, ActuatorSignal, delayed
+
+
+class PlacedLaw(eqx.Module):
+    """One law at one place; `gate` 0 switches it off."""
+
+    law: AbstractLaw
+    place: str = eqx.field(static=True)
+    gate: Float[Array, ""] = 1.0  # pyright: ignore[reportAssignmentType]
+
+    @property
+    def port(self) -> str:
+        """Where the law acts."""
+        return self.law.port
+
+
+class Ports:
+    """The laws of a machine at one moment: `ports("shaft", "axis", signal)` is their sum.
+
+    `rates` are the time derivatives of the laws' memories, filled as the ports are asked.
+    """
+
+    def __init__(self, placed: tuple[PlacedLaw, ...], memory: tuple[Any, ...]):
+        self.placed, self.memory = placed, memory
+        self.rates = [None if z is None else jnp.zeros_like(z) for z in memory]
+
+    def __call__(self, port: str, place: str, signal: NamedTuple) -> Any:
+        total = jnp.zeros(())
+        for k, (one, z) in enumerate(zip(self.placed, self.memory, strict=True)):
+            if one.port == port and one.place == place:
+                total = total + one.gate * one.law(signal, z)
+                if z is not None:
+                    self.rates[k] = one.law.rate(signal, z)
+        return total
+
+    def delivered(self, place: str, torque: Any, angle: Any, speed: Any) -> Any:
+        """A commanded torque as the actuator's laws deliver it, one after the other."""
+        for k, (one, z) in enumerate(zip(self.placed, self.memory, strict=True)):
+            if one.port == "actuator" and one.place == place:
+                signal = ActuatorSignal(torque, angle, speed)
+                torque = torque + one.gate * one.law(signal, z)
+                if z is not None:
+                    self.rates[k] = one.law.rate(signal, z)
+        return torque
+
+
+def delayed_inputs(placed: tuple[PlacedLaw, ...], time, inputs: Mapping[str, Array]):
+    """Inputs as delays of the command let them act; the first value before the start."""
+    out = dict(inputs)
+    for one in placed:
+        if one.port == "command":
+            late = -one.gate * one.law(jnp.zeros(()), None)
+            out["input"] = delayed(time, out["input"][:, None], late)[:, 0]
+    return out
+
+
+def resting(placed: tuple[PlacedLaw, ...]) -> tuple[Any, ...]:
+    """The laws' memories at rest."""
+    return tuple(one.law.initial() for one in placed)

@@ -1,0 +1,108 @@
+"""The schema of machine.toml: every key with its units for a rotation and a translation."""
+
+import functools
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import BaseModel, ConfigDict, create_model
+
+from ..rig import Quantity
+
+
+class Key(NamedTuple):
+    """One number: its field of `Axis`, units for a rotation and a translation, range, default."""
+
+    field: str
+    rotation: str
+    translation: str
+    low: float | None = None  # included
+    above: float | None = None  # excluded
+    default: Any = 0.0
+
+    def quantity(self, motion: str) -> Quantity:
+        """Unit and range."""
+        unit = self.translation if motion == "translation" else self.rotation
+        low = -float("inf") if self.low is None else self.low
+        return Quantity(unit, low=low, above=self.above)
+
+
+NEEDED = ...
+KEYS: dict[str, dict[str, Key]] = {
+    "axis": {
+        "inertia": Key("inertia", "kg m^2", "kg", above=0, default=NEEDED),
+        "damping": Key("damping", "N m s/rad", "N s/m", low=0),
+        "stiffness": Key("stiffness", "N m/rad", "N/m", low=0),
+        "offset": Key("offset", "N m", "N"),
+        "gravity": Key("gravity", "N m", "N"),
+        "gravity_angle": Key("gravity_angle", "rad", "m"),
+        "dry_friction": Key("coulomb", "N m", "N", low=0),
+        "friction_width": Key("coulomb_width", "rad/s", "m/s", above=0, default=0.05),
+    },
+    "motor": {
+        "torque_constant": Key("torque_constant", "N m/A", "N/A", default=1.0),
+        "gear": Key("gear", "1", "rad/m", default=1.0),
+        "resistance": Key("resistance", "ohm", "ohm", above=0, default=None),
+        "back_emf": Key("back_emf", "V s/rad", "V s/m", default=None),
+        "inertia": Key("motor_inertia", "kg m^2", "kg", low=0),
+    },
+    "servo": {
+        "gain": Key("gain", "1/rad", "1/m", default=NEEDED),
+        "rate_gain": Key("rate_gain", "s/rad", "s/m"),
+        "supply": Key("supply", "V", "V", above=0, default=NEEDED),
+        "limit": Key("limit", "1", "1", above=0, default=1.0),
+    },
+    "second": {
+        "inertia": Key("second_inertia", "kg m^2", "kg", above=0, default=NEEDED),
+        "stiffness": Key("second_stiffness", "N m/rad", "N/m", above=0, default=NEEDED),
+        "damping": Key("second_damping", "N m s/rad", "N s/m", low=0),
+        "play": Key("second_play", "rad", "m", low=0),
+    },
+}
+
+Drive = Literal["torque", "current", "voltage", "command", "goal"]
+
+
+class Table(BaseModel):
+    """A table of the file; a key that is no field is refused."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class Compare(Table):
+    """How a run is compared: `balance` of accelerations, or a `free-run` simulation."""
+
+    criterion: Literal["auto", "balance", "free-run"] = "auto"
+    cutoff: Annotated[float | None, Quantity("Hz", above=0)] = None
+    hold: Literal["linear", "held", "band-limited"] = "linear"
+
+
+class Effect(Table):
+    """An effect that the model has already."""
+
+    id: str
+    place: Literal["axis"] = "axis"
+    parameters: dict[str, Any] = {}
+
+
+@functools.cache
+def file_model(motion: str) -> type[Table]:
+    """The model of a whole file for a kind of motion."""
+    fields: dict[str, Any] = {}
+    for table, keys in KEYS.items():
+        own: dict[str, Any] = {
+            name: (
+                Annotated[float if key.default is not None else float | None, key.quantity(motion)],
+                key.default,
+            )
+            for name, key in keys.items()
+        }
+        if table == "motor":
+            own["input"] = (Drive, "torque")
+        made = create_model(f"{table.title()}Table", __base__=Table, **own)
+        needed = table in ("axis", "motor")
+        fields[table] = (made if needed else made | None, ... if needed else None)
+    return create_model(
+        "MachineFile", __base__=Table, kind=(Literal["axis"], ...),
+        motion=(Literal["rotation", "translation"], "rotation"), compare=(Compare, Compare()),
+        effect=(list[Effect], []),
+        uncertainty=(dict[str, Annotated[float, Quantity("1", above=0)]], {}), **fields,
+    )  # fmt: skip

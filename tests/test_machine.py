@@ -1,0 +1,195 @@
+"""The axis: its motion against exact solutions, its files, its logs, and what it lacks."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.linalg import expm
+
+from omnijax.diagnosis import diagnose
+from omnijax.laws import EFFECTS
+from omnijax.machine import (
+    Axis,
+    LogFile,
+    MachineFile,
+    PlacedLaw,
+    free_run,
+    guess,
+    load_machine,
+    load_model,
+    machine_text,
+    parse_machine,
+    read_log,
+    read_machine_case,
+)
+from omnijax.rig import InputError
+
+STEP = 2e-3
+
+
+def drawn(seed: int) -> dict:
+    """A machine file of a random axis without a spring."""
+    rng = np.random.default_rng(seed)
+    return {
+        "kind": "axis",
+        "axis": {"inertia": float(10 ** rng.uniform(-3, 0)), "damping": 0.0},
+        "motor": {"input": "torque"},
+        "uncertainty": {"axis.inertia": 0.3, "axis.damping": 0.01, "axis.offset": 0.01},
+    }
+
+
+def torque(rng, count: int) -> np.ndarray:
+    """A sum of slow sines, so that speeds of both signs are there."""
+    t = np.arange(count) * STEP
+    return sum(np.sin(2 * np.pi * f * t + rng.uniform(0, 6)) for f in rng.uniform(0.2, 1.5, 4))
+
+
+def recorded(folder, data: dict, placed, seed: int, count: int = 4000, noise: float = 1e-5):
+    """A case of one log: a free run with white noise on the position."""
+    rng, file = np.random.default_rng(seed), parse_machine(data)
+    u = 4 * float(file.machine.inertia) * torque(rng, count)
+    got = free_run(file.machine, placed, {"position": (0.0, 0.0)}, {"input": u}, STEP)["position"]
+    table = np.stack([np.arange(count) * STEP, u, got + noise * rng.normal(size=count)], 1)
+    np.savetxt(folder / "log.csv", table, delimiter=",", header="t,input,position", comments="")
+    (folder / "machine.toml").write_text(machine_text(file))
+    return read_machine_case(folder)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_linear_axis_moves_as_the_matrix_exponential_says(seed):
+    rng = np.random.default_rng(seed)
+    J, d, k = rng.uniform(0.1, 2, 3) * [1e-2, 1e-2, 1.0]
+    n = 200
+    axis = Axis(J, damping=d, stiffness=k)
+    got = free_run(axis, (), {"position": (0.3, -0.2)}, {"input": np.ones(n)}, STEP)["position"]
+    A = np.array([[0, 1, 0], [-k / J, -d / J, 1 / J], [0, 0, 0]])
+    exact = [(expm(A * STEP * i) @ [0.3, -0.2, 1.0])[0] for i in range(n)]
+    np.testing.assert_allclose(got, exact, atol=2e-6)
+
+
+def test_a_second_inertia_keeps_the_momentum():
+    axis = Axis(2e-3, second_inertia=5e-3, second_stiffness=30.0, second_damping=0.01)
+    u = {"input": np.full(400, 0.05)}
+    got = free_run(axis, (), {"position": (0.0, 0.0)}, u, STEP)
+    t = np.arange(400) * STEP
+    mean = 0.5 * 0.05 / 7e-3 * t**2  # of the centre of inertia
+    # the first inertia swings about the centre by at most twice its static lead
+    assert np.max(np.abs(got["position"] - mean)) < 2 * 0.05 * (5 / 7) ** 2 / 30.0 * 1.1
+    assert np.max(np.abs(got["position"] - mean)) > 0.2 * 0.05 * (5 / 7) ** 2 / 30.0
+
+
+def test_files_say_everything_that_is_wrong():
+    data = drawn(0) | {"motion": "rotation"}
+    data["axis"] = {"inertia": -1, "dampin": 2}
+    data["motor"] = {"input": "voltge"}
+    with pytest.raises(InputError) as caught:
+        parse_machine(data, "m.toml")
+    said = str(caught.value)
+    for text in ("`axis.inertia` must lie in (0, inf)", "Did you mean `damping`?", "voltage"):
+        assert text in said
+    with pytest.raises(InputError, match=r"`motor.resistance` is missing"):
+        parse_machine(drawn(0) | {"motor": {"input": "voltage"}})
+    with pytest.raises(InputError, match="`servo` is missing"):
+        parse_machine(drawn(0) | {"motor": {"input": "goal", "resistance": 1}})
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_written_is_read_back(tmp_path, seed):
+    data = drawn(seed)
+    data["axis"]["stiffness"] = 0.7
+    data["effect"] = [{"id": "motor-ripple", "place": "axis",
+                       "parameters": {"amplitude": 0.1, "order": 7.5, "phase": 0.2}}]  # fmt: skip
+    path = tmp_path / "machine.toml"
+    path.write_text(machine_text(parse_machine(data)))
+    again = load_machine(path)
+    assert machine_text(again) == path.read_text()
+    assert float(again.machine.inertia) == data["axis"]["inertia"]
+    assert again.placed[0].law.id == "motor-ripple"
+
+
+def test_logs_with_strange_names_and_units_come_in_si(tmp_path):
+    t = np.arange(100) * 5.0  # ms
+    table = np.stack([t, np.sin(t / 100), 180 / np.pi * np.cos(t / 100)], 1)
+    log = tmp_path / "x.csv"
+    np.savetxt(log, table, delimiter=",", header="ms,tau_cmd,angle_deg", comments="")
+    file = LogFile(tmp_path / "x.toml", log, channels={"t": "ms", "input": "tau_cmd",
+                   "position": "angle_deg"}, units={"t": "ms", "position": "deg"})  # fmt: skip
+    axis = Axis(1.0)
+    run = read_log(file, axis.inputs, axis.outputs)
+    assert run.step == pytest.approx(5e-3)
+    np.testing.assert_allclose(run.outputs["position"], np.cos(t / 100), rtol=1e-9)
+    found = guess(log)
+    assert (found.time, found.input, found.position) == ("ms", "tau_cmd", "angle_deg")
+    with pytest.raises(InputError, match="no column `input`"):
+        read_log(LogFile(file.path, log, channels={"t": "ms"}), axis.inputs, axis.outputs)
+
+
+def law(id: str, **values):
+    """An effect at the axis."""
+    return PlacedLaw(EFFECTS[id](**{k: jnp.asarray(v, float) for k, v in values.items()}), "axis")
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_dry_friction_and_a_line_are_named(tmp_path, seed):
+    rng, data = np.random.default_rng(seed), drawn(seed)
+    J = data["axis"]["inertia"]
+    order = float(rng.uniform(6, 20))
+    placed = (law("bearing-coulomb", torque=0.5 * J),
+              law("motor-ripple", amplitude=0.3 * J, order=order, phase=1.0))  # fmt: skip
+    found = diagnose(recorded(tmp_path, data, placed, seed))
+    assert {e.id for e in found.effects} == {"bearing-coulomb", "motor-ripple"}, found
+    values = {e.id: e.parameters for e in found.effects}
+    assert values["bearing-coulomb"]["torque"]["value"] == pytest.approx(0.5 * J, rel=0.05)
+    assert values["motor-ripple"]["order"]["value"] == pytest.approx(order, rel=5e-3)
+    assert {r["role"] for r in found.free_runs} == {"train", "held-out"}
+
+
+def test_nothing_is_named_where_nothing_is_missing(tmp_path):
+    found = diagnose(recorded(tmp_path, drawn(5), (), 5))
+    assert (found.verdict, found.effects) == ("none", []), found
+
+
+MODEL = """
+import jax.numpy as jnp
+from omnijax.laws import MountSignal, ShaftSignal
+from omnijax.machine import AbstractMachine
+
+class TwoMass(AbstractMachine):
+    J1: float = 0.02
+    J2: float = 0.05
+    k: float = 60.0
+    c: float = 0.05
+    inputs = {"input": "N m"}
+    outputs = {"position": "rad"}
+    places = {"shaft": ("motor",), "mount": ("coupling",)}
+    uncertainty = {"J1": 0.2, "J2": 0.2, "k": 0.2, "c": 0.5}
+
+    def rate(self, x, u, ports):
+        q1, v1, q2, v2 = x
+        twist = MountSignal(q1 - q2, v1 - v2, self.k, self.c)
+        drive = self.k * (q1 - q2) + self.c * (v1 - v2) + ports("mount", "coupling", twist)
+        motor = u["input"] + ports("shaft", "motor", ShaftSignal(q1, v1, u["input"]))
+        return v1, (motor - drive) / self.J1, v2, drive / self.J2
+
+    def read(self, x, u):
+        return {"position": x[0]}
+
+    def start(self, first):
+        q, v = first["position"]
+        return q, v, q, v
+"""
+
+
+def test_a_machine_of_ones_own_is_read_and_moves(tmp_path):
+    path = tmp_path / "two.py"
+    path.write_text(MODEL)
+    file = load_model(path)
+    assert isinstance(file, MachineFile)
+    axis = Axis(0.02, second_inertia=0.05, second_stiffness=60.0, second_damping=0.05)
+    u = {"input": 0.2 * np.sin(np.arange(300) * 0.05)}
+    one, other = (
+        free_run(m, (), {"position": (0.1, 0.0)}, u, STEP)["position"] for m in (file.machine, axis)
+    )
+    np.testing.assert_allclose(one, other, atol=1e-12)
+    path.write_text("x = 1")
+    with pytest.raises(InputError, match="defines 0 machines"):
+        load_model(path)
