@@ -14,6 +14,7 @@ import numpy as np
 
 from omnijax.study import design, designed_rig, load_study
 from omnijax.study._design.engine import Engine
+from omnijax.study._design.judge import judge
 from omnijax.study._design.rig import rig_problem
 from omnijax.study._design.search import Lanes
 from omnijax.vibration import contact_load, natural_frequencies, steady_metrics
@@ -46,14 +47,12 @@ engine = Engine(problem, study.starts, study.seed)
 place = [limit.name for limit in problem.limits].index("preload")
 price = found.prices[problem.limits[place].text]
 share = np.asarray(engine.search.scale.share(jnp.array(list(found.variables.values()))))
-count = len(engine.lanes.share)
-fixed = np.array([0.0 if v.whole else 1.0 for v in problem.variables])
-lanes = Lanes(
-    jnp.tile(share, (count, 1)),
-    jnp.tile(fixed, (count, 1)),
-    engine.lanes.limit.at[:, place].add(1.0),
-)
-relaxed = engine.batches(lanes, study.batch, "relaxed")[0]
+free = np.array([[0.0 if v.whole else 1.0 for v in problem.variables]])
+limit = np.array([[limit.bound for limit in problem.limits]])
+limit[0, place] += 1.0
+lane = Lanes(share[None], free, limit)
+end, spent = engine.finish(lane, 0, share)
+(relaxed,) = judge(engine.figures, lane, end[None], [spent])
 gain = found.objective - relaxed.value
 print(
     f"1 N more preload: {1e6 * price:.3f} µm by the multiplier, {1e6 * gain:.3f} µm searched again"

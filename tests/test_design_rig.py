@@ -11,6 +11,7 @@ import omnijax
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
 from omnijax.study import Tolerances, parse_study
+from omnijax.study._design import starts
 from omnijax.study._design.answer import make_design
 from omnijax.study._design.engine import Engine
 from omnijax.study._design.notes import Exact, as_it_was, before
@@ -101,7 +102,8 @@ def study_file(tmp_path, *changes) -> str:
     return str(path)
 
 
-def test_an_empty_feasible_set_names_what_conflicts(engine, tmp_path, capsys):
+def test_an_empty_feasible_set_names_what_conflicts(engine, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(starts, "GENERATIONS", 4)  # there is nothing that more could find
     path = study_file(tmp_path, ("min = 30.0", "min = 200.0"))
     assert run(["design", path]) == 2
     text = capsys.readouterr().err

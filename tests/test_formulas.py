@@ -1,14 +1,29 @@
 """Every law's formula against `formulas.py`; `python -m tests.mutants` shows what these hold."""
 
 import math
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from formulas import DEPTH, GAP, GAPS, PITCH, PROFILES, TABLE, contact
+from formulas import (
+    DEPTH,
+    GAP,
+    GAPS,
+    PITCH,
+    PROFILES,
+    TABLE,
+    TANH_2,
+    contact,
+    mount,
+    rolling,
+    shaft,
+)
 
 from omnijax import laws
+from omnijax.laws import _hertz as hertz
+from omnijax.simulation import ramp, speeds, step, table
 
 
 def applied(law, port, signal):
@@ -109,7 +124,65 @@ def check_sums():
     assert float(both.rate(signal, (None, z))[1]) == pytest.approx(1e-3)
 
 
+def check_generic():
+    """The further laws of other machines' shafts and mounts."""
+    quadratic, _, drag, spring = laws.GENERIC.values()
+    near(quadratic(k2=jnp.asarray(3e9))(mount(-2e-5, 0.4)[1]), 1.2)
+    near(drag(D=jnp.asarray(0.2))(shaft(0.7, -3.0, 0.9)[1]), 1.8)
+    near(spring(k=jnp.asarray(0.2))(shaft(0.7, -3.0, 0.9)[1]), -0.14)
+
+
+def near(found, expected, rtol=1e-12):
+    np.testing.assert_allclose(found, expected, rtol=rtol, atol=1e-15)
+
+
+def check_hertz():
+    """Eqs. 12-31 at a = 1 mm, R' = 0.05 m: N = 4 E' a^3/(3 R'), E' = 3 MPa -> N = 0.08 N."""
+    a, radius, modulus, force = 1e-3, 0.05, 3e6, 0.08
+    for found, expected in (
+        (hertz.effective_radius(1.2, 0.06), 0.072 / 1.26),
+        (hertz.effective_modulus(1e6, 0.5, 3e6, 0.0), 1 / (0.75e-6 + 1e-6 / 3)),
+        (hertz.effective_modulus(3e6, 0.0, 1e6, 0.5), 1 / (0.75e-6 + 1e-6 / 3)),
+        (hertz.patch_radius(force, radius, modulus), a),
+        (hertz.peak_pressure(force, radius, modulus), 1.5 * force / (math.pi * 1e-6)),
+        (hertz.approach(force, radius, modulus), 2e-5),
+        (hertz.normal_force(2e-5, radius, modulus), force),
+        (hertz.tangent_stiffness(force, radius, modulus), 6e3),
+        (hertz.spin_lever(force, radius, modulus), 3e-3 * math.pi / 16),
+    ):
+        near(found, expected)
+    for function in (hertz.patch_radius, hertz.peak_pressure, hertz.normal_force):
+        assert float(function(-1.0, radius, modulus)) == 0.0
+    law = laws.HertzResistance(*map(jnp.asarray, (radius, modulus, 2.0, 0.01)))
+    found = law(rolling(0.02, -0.02, force, 0.5)[1])
+    turn = 3 * math.pi / 16 * 0.5 * force * a * TANH_2
+    near(np.array(found), (2 * a * force * TANH_2, -turn, 2 * a * force * TANH_2))
+    # E' = 0.75 c/sqrt(R') with c = N0/d0^1.5, here d0 = 1.5 * 160/2.4e5 = 1 mm, R' = 0.07 m
+    signal = contact(stiffness=2.4e5, preload=160.0)[1]
+    near(laws.ContactHertz().effective_modulus(signal), 120 / 1e-3**1.5 / math.sqrt(0.07))
+
+
+def check_signal():
+    """A polygon through (0, 0), (1, 2), (3, -2), held before and after."""
+    signal = table([0.0, 1.0, 3.0], [[0.0], [2.0], [-2.0]])
+    at = [-1.0, 0.0, 0.5, 1.0, 2.0, 3.0, 5.0]
+    near([float(signal(t)[0]) for t in at], [0, 0, 1, 2, 0, -2, -2])
+    near([float(signal.rate(t)[0]) for t in at], [0, 2, 2, -2, -2, 0, 0])
+    near([float(signal.integral(t)[0]) for t in at], [0, 0, 0.25, 1, 2, 1, -3])
+    assert float(table([0.0, 1.0], [[3.0], [4.0]]).integral(-2.0)[0]) == -6.0
+    twice = signal + table([0.5, 1.5], [[1.0], [2.0]])
+    near([float(twice(t)[0]) for t in (0.0, 1.0, 2.0, 4.0)], [1, 3.5, 2, 0])
+    near([float(ramp(1.0, 3.0, 5.0, 6.0)(t)[0]) for t in (0, 1, 2, 3, 4)], [5, 5, 5.5, 6, 6])
+    near([float(step(1.0, 5.0, 6.0)(t)[0]) for t in (0, 0.999, 1, 2)], [5, 5, 6, 6])
+    drive = speeds(signal, initial_angle=[0.7])
+    near(drive.angle(2.0, 0.5), [0.7 + 2 - 0.25])
+    near(speeds([3.0]).angle(2.0, 0.5), [4.5])
+
+
 OTHERS = {
+    "generic": check_generic,
+    "hertz": check_hertz,
+    "signals in time": check_signal,
     "damaged-roller": check_damaged_roller,
     "contact-relaxation": check_relaxation,
     "actuator-lag": check_lag,
@@ -119,21 +192,17 @@ OTHERS = {
 }
 
 
-@pytest.mark.parametrize("name", [name for name in TABLE if name in laws.EFFECTS])
-def test_law_by_hand(name):
-    check_law(name)
+CHECKS = (
+    {name: partial(check_law, name) for name in TABLE if name in laws.EFFECTS}
+    | {name: partial(check_profile, name) for name in PROFILES}
+    | OTHERS
+)
 
 
-@pytest.mark.parametrize("name", list(PROFILES))
-def test_profile_by_hand(name):
-    check_profile(name)
-
-
-@pytest.mark.parametrize("name", list(OTHERS))
+@pytest.mark.parametrize("name", list(CHECKS))
 def test_by_hand(name):
-    OTHERS[name]()
+    CHECKS[name]()
 
 
 def test_every_effect_and_profile_has_numbers():
-    assert set(laws.EFFECTS) <= set(TABLE) | set(OTHERS)
-    assert set(laws.PROFILES) <= set(PROFILES) | set(OTHERS)
+    assert set(laws.EFFECTS) | set(laws.PROFILES) <= set(CHECKS)
