@@ -5,6 +5,7 @@ row changes one of them, to three values, the others as drawn.  What a method dr
 equal the row of nothing changed, while `simulate` moves.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,7 +14,6 @@ from machines import ORTHOGONAL, SKEW, machine
 from omnijax import laws, set_parameter
 from omnijax.rig import get_parameter, parameter_info
 from omnijax.simulation import simulate, speeds, torques
-from omnijax.study._batches import in_batches
 from omnijax.study._evaluation import Evaluation, Question, Rows, drive_quantities, samples_of
 from omnijax.study._evaluation.methods import obstacle
 from omnijax.study._parameters import scalar_parameters
@@ -115,22 +115,29 @@ def design(rig, drive, paths, row):
     return rig, built
 
 
-def compared(how, rig, drive, reference, rng, tolerance):
-    """Assert that the figures of all rows are those of `reference(rig, drive)`."""
+def rows_of(how, rig, drive, rng):
+    """Rows (b, d): nothing changed, then three values of every quantity that the method takes."""
     paths, base = columns_of(rig, drive)
     quantities = drive_quantities(drive, rig.names)
     rows, changed = [base], [""]
     for j, path in enumerate(paths):
-        asked = Question(rig, (drive,), (path,), how.metrics, how.model,
-                         None if how.times is None else 1.0, rows=True)  # fmt: skip
+        duration = None if how.times is None else 1.0
+        asked = Question(rig, (drive,), (path,), how.metrics, how.model, duration, rows=True)
         if how.method != "full" and obstacle(how.method, asked) is not None:
             continue
         for value in three(rig, path, base[j], rng, quantities):
             rows.append(np.where(np.arange(len(base)) == j, value, base))
             changed.append(path)
-    rows = np.array(rows)
-    figures, _, status = in_batches(Rows(how, rig, drive, paths), rows, 32)
-    expected = np.array([reference(*design(rig, drive, paths, row)) for row in rows])
+    return paths, np.array(rows), changed
+
+
+def compared(how, rig, drive, reference, rng, tolerance):
+    """The quantities that move a figure; asserts that all rows have those of `reference`."""
+    paths, rows, changed = rows_of(how, rig, drive, rng)
+    figures, _, status = Rows(how, rig, drive, paths).all(rows, len(rows))
+    built = [design(rig, drive, paths, row) for row in rows]
+    stacked = jax.tree.map(lambda *xs: jnp.stack([jnp.asarray(x, float) for x in xs]), *built)
+    expected = np.asarray(jax.jit(jax.vmap(lambda both: reference(*both)))(stacked))
     assert np.isfinite(figures).all() and (status >= 0).all()
     error = np.abs(figures - expected) / np.abs(expected)
     worst = int(error.max(axis=1).argmax())
@@ -139,25 +146,40 @@ def compared(how, rig, drive, reference, rng, tolerance):
     return {path for path, by in zip(changed, moved, strict=True) if by}
 
 
-def run_figures(ts, model, names=METRICS):
+def run_figures(ts):
+    """The figures of `simulate` at the samples `ts`."""
+
     def reference(rig, drive):
-        found = evaluate(simulate(rig, drive, ts, model=model), rig, names)
-        return [float(found[name]) for name in names]
+        figures = evaluate(simulate(rig, drive, ts), rig, METRICS)
+        return jnp.stack([figures[name] for name in METRICS])
 
     return reference
 
 
-@pytest.mark.parametrize("layout", LAYOUTS)
-def test_propagation_in_every_quantity(layout):
-    """The two sides compile the same closed form: 1e-9."""
-    rng = np.random.default_rng(len(layout))
-    rig = linear_effects(machine(LAYOUTS[layout]), 3.0)
+def drawn_drive(rig, rng):
     n = rig.size
-    drive = speeds(rng.uniform(2, 9, n), rng.uniform(-30, 30, 3), rng.uniform(0.0, 0.2, n))
+    return speeds(rng.uniform(2, 9, n), rng.uniform(-30, 30, 3), rng.uniform(0.0, 0.2, n))
+
+
+@pytest.mark.parametrize(
+    ("method", "layout", "effects"),
+    [
+        ("bulk", "orthogonal", False),
+        ("bulk", "tripod", True),
+        ("propagation", "four", True),
+    ],
+)
+def test_runs_in_every_quantity(method, layout, effects):
+    """The methods and `simulate` are closed forms of one model: to rounding of the forms."""
+    rng = np.random.default_rng(len(layout))
+    rig = machine(LAYOUTS[layout])
+    rig = linear_effects(rig, 3.0) if effects else rig
     ts = samples_of(0.08, 500.0)
-    how = Evaluation("propagation", METRICS, times=ts)
-    moved = compared(how, rig, drive, run_figures(ts, "coupled"), rng, 1e-8)
-    wanted = {"force.x", "speed.w2", "angle.w1", "sphere.mass", "wheel.w1.roundness",
-              "wheel.w2.contact.stiffness", "wheel.w3.mount.damping"}  # fmt: skip
+    how = Evaluation(method, METRICS, times=ts)
+    moved = compared(how, rig, drawn_drive(rig, rng), run_figures(ts), rng, 1e-7)
+    wanted = {
+        "force.x", "force.scale", "speed.w2", "speed.scale", "angle.w1", "sphere.mass",
+        "wheel.w1.roundness", "wheel.w2.contact.stiffness", "wheel.w3.mount.damping",
+    }  # fmt: skip
     assert wanted <= moved
     assert all(any(placed.law.id in path for path in moved) for placed in rig.effects)

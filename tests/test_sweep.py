@@ -52,15 +52,33 @@ def test_gradient_is_the_slope_between_designs():
 
 
 def test_runs_with_a_duration_agree_with_one_run():
-    """In bulk the 20 samples after the start count, for a single run the start (0 m) as well."""
+    """In bulk the same 21 samples count, the start among them."""
     vary = {"speed.scale": [0.5, 2.0], "wheel.w2.contact.stiffness": [1e5, 2e5]}
     numerics = {"speeds": SPEEDS, "duration": 0.2, "rate": 100, "chunk": 2}
     result = sweep("atlas", vary, "rms", **numerics)
-    assert result.spec.method == "bulk" and "decoupled" in result.method
+    assert result.spec.method == "bulk" and "linear" in result.method
     rig = set_parameter(load_rig("atlas"), "wheel.w2.contact.stiffness", 2e5)
     alone = omnijax.propagate(rig, speeds([0.2, 2.4, 0.6]), np.linspace(0, 0.2, 21))
-    expected = float(evaluate(alone, rig, ("rms",))["rms"]) * np.sqrt(21 / 20)
+    expected = float(evaluate(alone, rig, ("rms",))["rms"])
     assert result["rms"][1, 1] == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_force_on_the_platform_counts_in_every_row():
+    """Given or varied, in runs and in steady states."""
+    at, varied = (0.0, 30.0, 0.0), {"force.x": [0.0, 50.0, 100.0]}
+    drive, rig = speeds(SPEEDS, at), load_rig("atlas")
+    runs = sweep(rig, varied, "rms,peak", drive=drive, duration=0.2, rate=100, chunk=3)
+    steady = sweep(rig, varied, "rms", drive=drive, chunk=3)
+    assert (runs.spec.method, steady.spec.method) == ("bulk", "steady")
+    for i, x in enumerate((0.0, 50.0, 100.0)):
+        force = np.array([x, *at[1:]])
+        run = omnijax.simulate(rig, speeds(SPEEDS, force), np.linspace(0, 0.2, 21))
+        alone = evaluate(run, rig, ("rms", "peak"))
+        assert runs["rms"][i] == pytest.approx(float(alone["rms"]), rel=1e-9)
+        assert runs["peak"][i] == pytest.approx(float(alone["peak"]), rel=1e-9)
+        settled = steady_state(rig, np.array(SPEEDS), force=force)
+        assert steady["rms"][i] == pytest.approx(float(settled.rms), rel=1e-9)
+    assert np.ptp(runs["rms"]) > 1e-5 and np.ptp(steady["rms"]) > 1e-5
 
 
 def test_statuses_of_full_runs_and_the_command_that_reruns_one(tmp_path, capsys):
@@ -152,10 +170,10 @@ def test_method_follows_from_rig_and_drive():
     assert method(rig, constant, None, rows=False) == "steady"
     assert method(rig, pushed, None) == method(rig, constant, None, varied=("force.x",)) == "steady"
     assert method(rig, constant, 2.0) == "bulk"
-    assert method(rig, pushed, 2.0) == method(rig, constant, 2.0, varied=("force.x",))
-    assert method(rig, pushed, 2.0) == "propagation"
+    assert method(rig, pushed, 2.0) == method(rig, constant, 2.0, varied=("force.x",)) == "bulk"
+    assert method(rig, constant, 2.0, rows=False) == "propagation"
     assert method(rig, constant, 2.0, ("slip_margin",)) == "propagation"
-    assert method(load_rig("atlas-tripod"), constant, 2.0) == "propagation"
+    assert method(load_rig("atlas-tripod"), constant, 2.0) == "bulk"
     assert method(rig, moving, 2.0) == "full"
     assert method(rig.add(LiftOff(), "all"), constant, 2.0) == "full"
     assert method(rig, torques((1, 1, 1)), 2.0) == "fixed"

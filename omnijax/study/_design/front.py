@@ -1,19 +1,17 @@
 """The trade-off between metrics: designs of which none is better in every metric."""
 
 import dataclasses
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..._html import html_table
 from ..._plot import PALETTE, new_axes
 from ..._text import amount, label, scaled
-from .._netcdf import read_result, write_result
+from .._result import AbstractResult, texts
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Front:
+class Front(AbstractResult):
     """Designs none of which is better than another in every metric.
 
     `values[p, m]` are the metrics and `x[p, d]` the variables; `status` as in `Design`.
@@ -29,14 +27,15 @@ class Front:
     status: tuple[str, ...]
     evaluations: int
 
-    def __repr__(self) -> str:
-        return "\n".join(self.sentences())
+    kind: ClassVar[str] = "omnijax front"
+    what: ClassVar[str] = "front"
 
-    def _repr_html_(self) -> str:
+    def table(self):
+        """One row a design on the front."""
         names, units = (*self.metrics, *self.variables), (*self.units, *self.variable_units)
         header = [f"{n} / {u}" for n, u in zip(names, units, strict=True)]
         rows = [(*map(float, v), *map(float, x)) for v, x in zip(self.values, self.x, strict=True)]
-        return html_table(self.sentences()[0], rows, header)
+        return self.sentences()[0], rows, header
 
     def pairs(self) -> list[tuple[int, int]]:
         """Pairs of metrics, those first that conflict most: where both change most."""
@@ -84,23 +83,15 @@ class Front:
             "metric_unit": ("metric", list(self.units)),
             "variable_unit": ("variable", list(self.variable_units)),
         }
-        return xr.Dataset(data, coords, {"kind": "omnijax front", "evaluations": self.evaluations})
-
-    def save(self, path: str | Path) -> None:
-        """Write netCDF that `Front.load` reads back equal."""
-        write_result(self.to_xarray(), path)
+        return xr.Dataset(data, coords, {"evaluations": self.evaluations})
 
     @classmethod
-    def load(cls, path: str | Path) -> "Front":
-        """The front that `save` wrote."""
-        d = read_result(path, "omnijax front", "front")
-
-        def texts(name):
-            return tuple(str(x) for x in d[name].values)
-
+    def from_xarray(cls, data: Any) -> "Front":
+        """The front of which `to_xarray` made `data`."""
         return cls(
-            texts("metric"), texts("metric_unit"), texts("variable"), texts("variable_unit"),
-            d["value"].values, d["x"].values, texts("status"), int(d.attrs["evaluations"]),
+            *(texts(data, k) for k in ("metric", "metric_unit", "variable", "variable_unit")),
+            data["value"].values, data["x"].values, texts(data, "status"),
+            int(data.attrs["evaluations"]),
         )  # fmt: skip
 
     def plot_front(self, pair: tuple[int, int] | None = None, ax: Any = None) -> Any:

@@ -2,18 +2,16 @@
 
 import dataclasses
 import json
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..._html import html_table
 from ..._text import amount
-from .._netcdf import read_result, write_result
+from .._result import AbstractResult
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Design:
+class Design(AbstractResult):
     """The best design, whether it is optimal, what holds it there, and all the searches.
 
     `status` is `optimal` (locally, and the best of all starts), `not optimal` or `infeasible`;
@@ -38,13 +36,14 @@ class Design:
     whole: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
 
-    def __repr__(self) -> str:
-        return "\n".join(self.sentences())
+    kind: ClassVar[str] = "omnijax design"
+    what: ClassVar[str] = "design"
 
-    def _repr_html_(self) -> str:
+    def table(self):
+        """One row a variable."""
         head, *_ = self.sentences()
         rows = [(name, value, self.units[name]) for name, value in self.variables.items()]
-        return html_table(head, rows, ("variable", "value", "unit"))
+        return head, rows, ("variable", "value", "unit")
 
     @property
     def optimal(self) -> bool:
@@ -112,20 +111,12 @@ class Design:
         }
         units = ("variable", [self.units[n] for n in names])
         coords = {"variable": names, "variable_unit": units}
-        return xr.Dataset(data, coords, {"kind": "omnijax design", "design": self._json()})
-
-    def _json(self) -> str:
-        return json.dumps(dataclasses.asdict(self))
-
-    def save(self, path: str | Path) -> None:
-        """Write netCDF that `Design.load` reads back equal."""
-        write_result(self.to_xarray(), path)
+        return xr.Dataset(data, coords, {"design": json.dumps(dataclasses.asdict(self))})
 
     @classmethod
-    def load(cls, path: str | Path) -> "Design":
-        """The design that `save` wrote."""
-        text = read_result(path, "omnijax design", "design").attrs["design"]
-        found = json.loads(text)
+    def from_xarray(cls, data: Any) -> "Design":
+        """The design of which `to_xarray` made `data`."""
+        found = json.loads(data.attrs["design"])
         for key in ("active", "multipliers", "whole", "notes"):
             found[key] = tuple(found[key])
         return cls(**found)

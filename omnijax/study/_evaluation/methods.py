@@ -16,8 +16,8 @@ from ...rig import Rig
 from ...simulation import (
     SpeedDrive,
     TorqueDrive,
-    bulk_obstacle,
     exact_obstacle,
+    modal_obstacle,
     steady_bulk_obstacle,
 )
 from ...vibration import STEADY_METRICS
@@ -26,17 +26,17 @@ from .drives import Drive, is_constant, turning
 METHODS = {
     "steady-bulk": "steady state in bulk (closed form, figures of the displacement)",
     "steady": "steady state (closed form, no time stepping)",
-    "bulk": "exact propagation in bulk (linear model, constant speeds, figures at the samples)",
+    "bulk": "exact propagation in bulk (linear model, constant speeds, modal form)",
     "propagation": "exact propagation (linear model, prescribed speeds)",
     "fixed": "fixed exponential steps (motor torques, the step tried against its half)",
     "full": "full simulation (adaptive time stepping)",
 }
 BULK = ("bulk", "steady-bulk")  # take rows of many designs at once
-BULK_METRICS = ("peak", "rms")
+STEADY_BULK = ("peak", "rms")  # metrics of steady states in bulk
 WHY = {
     "steady-bulk": "no duration is asked for; the contacts are linear and decoupled",
     "steady": "no duration is asked for",
-    "bulk": "the contacts are linear and decoupled, the speeds are constant",
+    "bulk": "the model is linear, the speeds are constant",
     "propagation": "the model is linear and the speeds are given",
     "fixed": "motor torques drive the wheels",
 }
@@ -95,12 +95,22 @@ LOOSE = 1e-6  # least singular value of the normals that still holds the sphere
 
 
 def _no_rows(q: Question) -> str | None:
-    if not q.rows:
-        return "more is read from a run than its metrics"
+    return None if q.rows else "more is read from a run than its metrics"
+
+
+def _no_modal_run(q: Question) -> str | None:
+    if q.gradient:
+        return "the modal form gives no gradients"
+    return modal_obstacle(q.rig, q.model, q.metrics)
+
+
+def _no_steady_kernel(q: Question) -> str | None:
     if q.pushed:
-        return "the bulk kernel takes no force on the platform"
-    others = [name for name in q.metrics if name not in BULK_METRICS]
-    return f"the bulk kernel does not give {', '.join(others)}" if others else None
+        return "the kernel of steady states takes no force on the platform"
+    others = [name for name in q.metrics if name not in STEADY_BULK]
+    if others:
+        return f"the kernel of steady states does not give {', '.join(others)}"
+    return steady_bulk_obstacle(q.rig, q.model)
 
 
 def _no_fixed_steps(q: Question) -> str | None:
@@ -117,9 +127,9 @@ def _no_fixed_steps(q: Question) -> str | None:
 
 OBSTACLES: dict[str, tuple[Obstacle, ...]] = {
     "steady": (_no_closed_form, _no_steady_metric, _nothing_holds),
-    "steady-bulk": (_no_rows, lambda q: steady_bulk_obstacle(q.rig, q.model)),  # beside `steady`'s
+    "steady-bulk": (_no_rows, _no_steady_kernel),  # beside `steady`'s
     "propagation": (_no_closed_form,),
-    "bulk": (_no_rows, lambda q: bulk_obstacle(q.rig, q.model)),  # beside `propagation`'s
+    "bulk": (_no_rows, _no_modal_run),  # beside `propagation`'s
     "fixed": (_no_fixed_steps,),
 }
 

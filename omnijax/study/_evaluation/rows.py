@@ -10,10 +10,10 @@ from jax.sharding import AxisType, PartitionSpec
 
 from ..._errors import InputError
 from ...rig import Rig
-from .bulk import bulk_rows
+from .._batches import in_batches
+from .bulk import bulk_runs, bulk_steady
 from .drives import Drive, apply, with_few_knots
 from .evaluation import Evaluation
-from .methods import BULK
 
 
 class Rows:
@@ -35,7 +35,14 @@ class Rows:
         self._arrays, self._static = eqx.partition((rig, with_few_knots(drive)), eqx.is_array)
         times = None if how.times is None else jnp.asarray(how.times)
         self._operands = times, jnp.asarray(how.substeps)
-        self.how = how._replace(times=None, substeps=None)
+        self.how, self._whole = how._replace(times=None, substeps=None), how
+
+    def all(self, rows: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Figures, gradients and status of all `rows`, `size` of them at a time."""
+        if self.how.method == "bulk":  # cuts the rows into batches by itself, on one device
+            rig, drive = eqx.combine(self._arrays, self._static)
+            return bulk_runs(self._whole, rig, drive, self.paths, rows)
+        return in_batches(self, rows, size)
 
     def __call__(self, rows: np.ndarray) -> tuple[Any, Any, Any]:
         """Figures (b, m), gradients (b, m, d) (or (b, m, 0)) and status (b,) of `rows` (b, d)."""
@@ -51,8 +58,8 @@ def _evaluate(arrays, operands, rows, static, how: Evaluation, paths, gradient, 
         rig, drive = eqx.combine(arrays, static)
         times, substeps = operands
         whole = how._replace(times=times, substeps=substeps)
-        if how.method in BULK:
-            return bulk_rows(whole, rig, drive, paths, rows, plan, gradient)
+        if how.method == "steady-bulk":
+            return bulk_steady(whole, rig, drive, paths, rows, plan, gradient)
 
         def one(x):
             figures, status = whole(*apply(rig, drive, paths, x))

@@ -1,16 +1,15 @@
 """`sensitivity`: exact derivatives of the vibration metrics over the parameters of a rig."""
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..._errors import InputError, RunError
-from ..._html import html_table
 from ..._text import amount
 from ...rig import Rig, load_rig, parameter_info
 from ...simulation import AbstractDrive
@@ -30,13 +29,15 @@ from .._parameters import (
     values_of,
     with_values,
 )
+from .._result import AbstractResult, texts
 from .check import Check, compare
 
 SHOWN = 6  # parameters in a printed result
 NOTHING = 1e-12  # of the metric, per relative change: rounding, not influence
 
 
-class Sensitivity(eqx.Module):
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
+class Sensitivity(AbstractResult):
     """Metrics, and what each parameter does to them.
 
     `raw[m, p]` is d metric / d parameter in SI units, `relative[m, p]` the change of the metric in
@@ -53,6 +54,9 @@ class Sensitivity(eqx.Module):
     method: str
     check: Check | None = None
 
+    kind: ClassVar[str] = "omnijax sensitivity"
+    what: ClassVar[str] = "sensitivities"
+
     def __repr__(self) -> str:
         lines = [f"Sensitivity ({self.how}): % of the metric per % of a parameter on all wheels"]
         for m, name in enumerate(self.metrics):
@@ -66,11 +70,12 @@ class Sensitivity(eqx.Module):
         """The method in words."""
         return METHODS[self.method]
 
-    def _repr_html_(self) -> str:
+    def table(self):
+        """One row a parameter, all wheels together."""
         columns = [self.together(name) for name in self.metrics]
         rows = [(path, *(float(c[path]) for c in columns)) for path in columns[0]]
         title = f"% of the metric per % of the parameter, all wheels together ({self.how})"
-        return html_table(title, rows, ("parameter", *self.metrics))
+        return title, rows, ("parameter", *self.metrics)
 
     @property
     def relative(self) -> np.ndarray:
@@ -118,23 +123,39 @@ class Sensitivity(eqx.Module):
         return self.metrics.index(metric)
 
     def to_xarray(self) -> Any:
-        """An `xarray.Dataset` with units."""
-        from .io import dataset
+        """`figure`, `raw`, `relative` (and `difference`) over metric and parameter."""
+        import xarray as xr
 
-        return dataset(self)
-
-    def save(self, path: str | Path) -> None:
-        """Write a netCDF file that `Sensitivity.load` reads back equal."""
-        from .io import save
-
-        save(self, path)
+        both, per = ("metric", "parameter"), {"units": "unit of the metric / unit of the parameter"}
+        data: dict[str, Any] = {
+            "value": ("parameter", self.values),
+            "figure": ("metric", self.figures),
+            "raw": (both, self.raw, per),
+            "relative": (both, self.relative, {"units": "% per %"}),
+        }
+        if self.check is not None:
+            data["difference"] = (both, self.check.differences, per)
+            data["difference_error"] = (both, self.check.error, {"units": "1"})
+        coords = {
+            "metric": list(self.metrics),
+            "parameter": list(self.parameters),
+            "metric_unit": ("metric", list(self.metric_units)),
+            "parameter_unit": ("parameter", list(self.units)),
+        }
+        return xr.Dataset(data, coords, {"method": self.method})
 
     @classmethod
-    def load(cls, path: str | Path) -> "Sensitivity":
-        """The result that `save` wrote."""
-        from .io import load
-
-        return load(path)
+    def from_xarray(cls, data: Any) -> "Sensitivity":
+        """The result of which `to_xarray` made `data`."""
+        check = None
+        if "difference" in data:
+            check = Check(data["difference"].values, data["difference_error"].values)
+        return cls(
+            texts(data, "parameter"), texts(data, "parameter_unit"), data["value"].values,
+            texts(data, "metric"), texts(data, "metric_unit"),
+            np.atleast_1d(data["figure"].values), data["raw"].values, str(data.attrs["method"]),
+            check,
+        )  # fmt: skip
 
     def plot_tornado(self, metric: str | None = None, *, together: bool = False, ax=None):
         """Bars of the relative sensitivities of one metric, largest on top."""

@@ -1,8 +1,9 @@
 """Relative sensitivities over a range of speeds, a parameter changed on all wheels at once."""
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -14,9 +15,11 @@ from ...simulation import speeds as speed_drive
 from ...vibration import METRICS
 from .._batches import value_and_jacobian
 from .._evaluation import Question, checked_metrics, evaluation_of
+from .._result import AbstractResult, texts
 
 
-class SpeedSensitivity(NamedTuple):
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
+class SpeedSensitivity(AbstractResult):
     """`figures[s, m]` and `relative[s, m, p]` (% per %) at the wheel speeds `scale` x `speeds`."""
 
     scale: np.ndarray
@@ -25,6 +28,31 @@ class SpeedSensitivity(NamedTuple):
     metrics: tuple[str, ...]
     figures: np.ndarray
     relative: np.ndarray
+
+    kind: ClassVar[str] = "omnijax sensitivity over speeds"
+    what: ClassVar[str] = "sensitivities over speeds"
+
+    def sentences(self) -> list[str]:
+        """Where each metric depends most on each parameter."""
+        fastest, lines = self.scale * np.max(np.abs(self.speeds)), []
+        for metric in self.metrics:
+            for parameter in self.parameters:
+                course = self.of(metric, parameter)
+                most = int(np.argmax(np.abs(course)))
+                lines.append(
+                    f"{metric} depends most on `{parameter}` at {fastest[most]:.4g} rad/s of the "
+                    f"fastest wheel: {course[most]:+.3g} % per %."
+                )
+        return lines
+
+    def table(self):
+        """One row a speed."""
+        pairs = [(m, p) for m in self.metrics for p in self.parameters]
+        rows = [
+            (float(s), *(float(self.of(m, p)[i]) for m, p in pairs))
+            for i, s in enumerate(self.scale)
+        ]
+        return "% per %", rows, ("scale of the speeds", *(f"{m}, {p}" for m, p in pairs))
 
     def of(self, metric: str, parameter: str) -> np.ndarray:
         """% per % over the speeds."""
@@ -44,6 +72,15 @@ class SpeedSensitivity(NamedTuple):
             "metric_unit": units,
         }  # fmt: skip
         return xr.Dataset(data, coords, {"speeds_rad_per_s": self.speeds})
+
+    @classmethod
+    def from_xarray(cls, data: Any) -> "SpeedSensitivity":
+        """The result of which `to_xarray` made `data`."""
+        return cls(
+            data["scale"].values, np.atleast_1d(data.attrs["speeds_rad_per_s"]),
+            texts(data, "parameter"), texts(data, "metric"), data["figure"].values,
+            data["relative"].values,
+        )  # fmt: skip
 
     def plot_speeds(self, parameter: str, ax: Any = None) -> Any:
         """One parameter's part in every metric over the speed of the fastest wheel."""

@@ -1,13 +1,11 @@
 """Global sensitivities: indices, effects and bounds, in sentences, files and figures."""
 
 import dataclasses
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..._html import html_table
-from .._netcdf import read_result, write_result
+from .._result import AbstractResult, texts
 from .morris import MorrisEffects
 from .sobol import SobolIndices
 
@@ -16,7 +14,7 @@ NAMED = 5  # failed runs listed by name
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class GlobalSensitivity:
+class GlobalSensitivity(AbstractResult):
     """Sobol indices, Morris effects and derivative-based bounds of metrics over inputs.
 
     `bound[m, d]` is an upper bound on the total index from the gradients, C E[(df/dt)^2]/V (Sobol
@@ -33,10 +31,11 @@ class GlobalSensitivity:
     runs: int
     failed: tuple[str, ...]
 
-    def __repr__(self) -> str:
-        return "\n".join(self.sentences())
+    kind: ClassVar[str] = "omnijax global sensitivity"
+    what: ClassVar[str] = "global sensitivities"
 
-    def _repr_html_(self) -> str:
+    def table(self):
+        """One row an input of a metric."""
         found = self.sobol.first, self.sobol.total, self.sobol.total_half, self.bound
         rows = [
             (metric, name, *(float(x[m, i]) for x in found))
@@ -44,7 +43,7 @@ class GlobalSensitivity:
             for i, name in enumerate(self.inputs)
         ]
         header = ("metric", "input", "first order", "total", "± (95 %)", "bound from gradients")
-        return html_table(f"Shares of the variance, {self.runs} runs", rows, header)
+        return f"Shares of the variance, {self.runs} runs", rows, header
 
     def sentences(self) -> list[str]:
         """The ranking in words, and what failed."""
@@ -105,21 +104,16 @@ class GlobalSensitivity:
             "stage": self.sobol.stages,
         }
         attrs = {
-            "kind": "omnijax global sensitivity", "runs": self.runs,
+            "runs": self.runs,
             "failed": "\n".join(self.failed), "blocks": self.sobol.blocks,
             "dropped_blocks": self.sobol.dropped, "dropped_steps": self.morris.dropped,
         }  # fmt: skip
         return xr.Dataset(data, coords, attrs)
 
-    def save(self, path: str | Path) -> None:
-        """Write netCDF that `GlobalSensitivity.load` reads back equal."""
-        write_result(self.to_xarray(), path)
-
     @classmethod
-    def load(cls, path: str | Path) -> "GlobalSensitivity":
-        """What `save` wrote."""
-        d = read_result(path, "omnijax global sensitivity", "global sensitivities")
-        a, v = d.attrs, {name: d[name].values for name in d.variables}
+    def from_xarray(cls, data: Any) -> "GlobalSensitivity":
+        """The result of which `to_xarray` made `data`."""
+        a, v = data.attrs, {name: data[name].values for name in data.variables}
         sobol = SobolIndices(
             v["first"], v["first_half"], v["total"], v["total_half"], v["stage"], v["first_stages"],
             v["total_stages"], int(a["blocks"]), int(a["dropped_blocks"]),
@@ -127,9 +121,7 @@ class GlobalSensitivity:
         morris = MorrisEffects(
             v["mu"], v["mu_star"], v["sigma"], v["effects_used"], int(a["dropped_steps"])
         )
-        names, metrics, units = (
-            tuple(str(x) for x in d[k].values) for k in ("input", "metric", "metric_unit")
-        )
+        names, metrics, units = (texts(data, k) for k in ("input", "metric", "metric_unit"))
         failed = tuple(x for x in str(a["failed"]).split("\n") if x)
         widths = v["bound"], v["bound_half"]
         return cls(names, metrics, units, sobol, morris, *widths, int(a["runs"]), failed)

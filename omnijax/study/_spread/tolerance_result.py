@@ -1,21 +1,19 @@
 """The tolerances of parts, in numbers, in sentences and as a figure."""
 
 import dataclasses
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..._html import html_table
 from ..._plot import PALETTE, new_axes
 from ..._text import amount
-from .._netcdf import read_result, write_result
+from .._result import AbstractResult, texts
 
 WIDEST = 0.2  # relative
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
-class Tolerances:
+class Tolerances(AbstractResult):
     """Relative half widths for every part, and what drawn machines say of them.
 
     `values` are the parts' nominal values in `units`.
@@ -48,13 +46,14 @@ class Tolerances:
         """Whether the new machines keep the limit as often as asked for."""
         return self.share >= self.confidence
 
-    def __repr__(self) -> str:
-        return "\n".join(self.sentences())
+    kind: ClassVar[str] = "omnijax tolerances"
+    what: ClassVar[str] = "tolerances"
 
-    def _repr_html_(self) -> str:
+    def table(self):
+        """One row a part."""
         percent = 100 * np.column_stack([self.linear, self.widths])
         rows = [(part, *map(float, row)) for part, row in zip(self.parts, percent, strict=True)]
-        return html_table(self.sentences()[0], rows, ("part", "by derivatives / ± %", "± %"))
+        return self.sentences()[0], rows, ("part", "by derivatives / ± %", "± %")
 
     def sentences(self) -> list[str]:
         """The tolerances in words."""
@@ -108,28 +107,23 @@ class Tolerances:
         }
         keys = ("metric", "unit", "limit", "nominal", "confidence", "share", "share_low",
                 "share_high", "linear_share", "draws", "failed")  # fmt: skip
-        attrs = {"kind": "omnijax tolerances", **{k: getattr(self, k) for k in keys}}
+        attrs = {k: getattr(self, k) for k in keys}
         coords = {"part": list(self.parts), "part_unit": ("part", list(self.units))}
         return xr.Dataset(data, coords, attrs)
 
-    def save(self, path: str | Path) -> None:
-        """Write netCDF that `Tolerances.load` reads back equal."""
-        write_result(self.to_xarray(), path)
-
     @classmethod
-    def load(cls, path: str | Path) -> "Tolerances":
-        """What `save` wrote."""
-        d = read_result(path, "omnijax tolerances", "tolerances")
-        a = {k: v for k, v in d.attrs.items() if k != "kind"}
+    def from_xarray(cls, data: Any) -> "Tolerances":
+        """The result of which `to_xarray` made `data`."""
+        a = {k: v for k, v in data.attrs.items() if k != "kind"}
         numbers = {k: v if k in {"metric", "unit"} else float(v) for k, v in a.items()}
         numbers |= {k: int(a[k]) for k in ("draws", "failed")}
-        parts, units = (tuple(str(x) for x in d[k].values) for k in ("part", "part_unit"))
+        parts, units = (texts(data, k) for k in ("part", "part_unit"))
         found = {
-            "values": d["value"].values,
-            "slopes": d["slope"].values,
-            "linear": d["linear"].values,
+            "values": data["value"].values,
+            "slopes": data["slope"].values,
+            "linear": data["linear"].values,
         }
-        return cls(parts=parts, units=units, widths=d["width"].values, **found, **numbers)  # pyright: ignore
+        return cls(parts=parts, units=units, widths=data["width"].values, **found, **numbers)  # pyright: ignore
 
     def plot_widths(self, ax: Any = None) -> Any:
         """Tolerances as bars, tightest on top; capped ones paler."""

@@ -11,7 +11,6 @@ import numpy as np
 from ..._status import Status
 from ...rig import Rig, parse_rig
 from ...vibration import METRICS
-from .._batches import in_batches
 from .._evaluation import (
     BULK,
     MAX_STEPS,
@@ -115,7 +114,7 @@ class Evaluator:
         self._paths = tuple(path for path, _, _ in spec.vary)
         size = None if spec.samples is None else 1
         shape = dataclasses.replace(spec, samples=size, seed=0, batch=1, chunk=1)
-        plan = _bulk_plan(shape.to_json()) if spec.method in BULK else None
+        plan = _bulk_plan(shape.to_json()) if spec.method == "steady-bulk" else None
         self._rows = Rows(
             evaluation_in(spec), *_machine(spec), self._paths, spec.gradient, devices, plan
         )
@@ -124,7 +123,7 @@ class Evaluator:
     def designs(self, index: np.ndarray) -> dict[str, np.ndarray]:
         """Every stored array for the designs `index` (m,)."""
         values = self.points.at(index)
-        figures, slopes, status = in_batches(self._rows, values, self._batch)
+        figures, slopes, status = self._rows.all(values, self._batch)
         columns = dict(zip(self._paths, values.T, strict=True))
         for i, name in enumerate(self.spec.metrics):
             columns[name] = figures[:, i]
@@ -137,5 +136,5 @@ class Evaluator:
 
     def figures(self, rows: np.ndarray) -> np.ndarray:
         """Metrics, and slopes if the sweep has them, of designs (t, d) anywhere in the ranges."""
-        figures, slopes, _ = in_batches(self._rows, rows, self._batch)
+        figures, slopes, _ = self._rows.all(rows, self._batch)
         return np.concatenate([figures, slopes.reshape(len(rows), -1)], axis=1)

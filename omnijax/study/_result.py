@@ -1,0 +1,60 @@
+"""What the results of studies share: words, a table for notebooks, arrays with units, a file."""
+
+import abc
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+from .._html import html_table
+from ._netcdf import read_result, write_result
+
+
+class AbstractResult(abc.ABC):
+    """A result that says itself, shows itself, and survives saving: `load(save(x)) == x`.
+
+    A result gives its `sentences`, its `table`, and its arrays out (`to_xarray`) and back in
+    (`from_xarray`).  `kind` is what its files are marked with, `what` the word for it in messages.
+    """
+
+    kind: ClassVar[str]
+    what: ClassVar[str]
+
+    @abc.abstractmethod
+    def sentences(self) -> list[str]:
+        """The result in words, the answer first."""
+
+    @abc.abstractmethod
+    def table(self) -> tuple[str, Sequence[tuple], Sequence[str]]:
+        """Title, rows and header of the table that a notebook shows."""
+
+    @abc.abstractmethod
+    def to_xarray(self) -> Any:
+        """An `xarray.Dataset` with a unit on every array."""
+
+    @classmethod
+    @abc.abstractmethod
+    def from_xarray(cls, data: Any) -> Self:
+        """The result of which `to_xarray` made `data`."""
+
+    def __repr__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def _repr_html_(self) -> str:
+        return html_table(*self.table())
+
+    def save(self, path: str | Path) -> None:
+        """Write a netCDF file that `load` reads back equal.
+
+        Raises `InputError` where the file cannot be written.
+        """
+        write_result(self.to_xarray().assign_attrs(kind=self.kind), path)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Self:
+        """The result that `save` wrote; `InputError` for a file that holds none of its kind."""
+        return cls.from_xarray(read_result(path, cls.kind, cls.what))
+
+
+def texts(data: Any, name: str) -> tuple[str, ...]:
+    """A coordinate of words."""
+    return tuple(str(x) for x in data[name].values)
