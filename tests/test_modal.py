@@ -1,6 +1,7 @@
 """The modal core against the general closed form: random rigs of every class."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -79,13 +80,13 @@ def points_of(rig, rng, count=3, still=True):
     )
 
 
-def maker(rig):
+def _at(rig, row):
     n = rig.size
+    return Operating(rig, row[:n], row[n : n + 3], row[n + 3 :])
 
-    def make(row):
-        return Operating(rig, row[:n], row[n : n + 3], row[n + 3 :])
 
-    return make
+def maker(rig):
+    return eqx.Partial(_at, rig)
 
 
 @pytest.mark.parametrize("name", list(KINDS))
@@ -107,6 +108,55 @@ def test_figures_are_those_of_propagated_runs(name):
             assert bound <= exact + 1e-6 * abs(exact)
 
 
+def varied(rig):
+    """row -> the design with that many times some numbers of `rig`, of one wheel and of all."""
+    n = rig.size
+    base = points_of(rig, np.random.default_rng(3), count=1, still=False)[0]
+
+    def make(factor):
+        changed = eqx.tree_at(
+            lambda r: (
+                r.wheels.roundness,
+                r.wheels.contact.stiffness,
+                r.wheels.contact.damping,
+                r.platform.mass,
+            ),
+            rig,
+            (
+                rig.wheels.roundness.at[1].multiply(factor[0]),
+                rig.wheels.contact.stiffness.at[0].multiply(factor[1]),
+                rig.wheels.contact.damping * factor[2],
+                rig.platform.mass * factor[3],
+            ),
+        )
+        speed, angle = jnp.asarray(base[:n]), jnp.asarray(base[n + 3 :])
+        return Operating(
+            changed,
+            speed.at[0].multiply(factor[4]),
+            jnp.asarray(base[n : n + 3]),
+            angle.at[1].multiply(factor[5]),
+        )
+
+    return make
+
+
+@pytest.mark.parametrize("name", ["tripod, alike"])
+def test_gradients_are_the_slopes_between_designs(name):
+    """Six numbers, at equal wheels too, whose poles are exactly degenerate; sixth order."""
+    rig, model = KINDS[name]
+    rows, h = np.ones((2, 6)), 2e-5  # small: an edge that passes a sample is a kink
+    rows[1] = [0.9, 1.1, 0.7, 1.2, 0.9, 1.1]
+    shifts = np.array([-3, -2, -1, 1, 2, 3])
+    near = (rows[:, None, None] + h * shifts[:, None] * np.eye(6)[:, None]).reshape(-1, 6)
+    settings = {"duration": DURATION, "step": STEP, "model": model}
+    values = modal_figures(varied(rig), near, **settings).values.reshape(2, 6, 6, 2)
+    weights = np.array([-1, 9, -45, 45, -9, 1]) / (60 * h)
+    expected = np.einsum("idkm,k->imd", values, weights)
+    found = modal_figures(varied(rig), rows, gradient=True, **settings)
+    scale = np.abs(expected).max(axis=2, keepdims=True)
+    np.testing.assert_allclose(found.slopes / scale, expected / scale, rtol=0, atol=1e-5)
+
+
 def test_obstacles_are_said():
     rig = machine(ORTHOGONAL)
     assert modal_obstacle(rig, "coupled", ("rms", "weighted_acceleration")) == (
@@ -116,3 +166,27 @@ def test_obstacles_are_said():
     with pytest.raises(ValueError, match=r"no figures from the modal form: wheel w1's profile"):
         rows = points_of(dual, RNG)
         modal_figures(maker(dual), rows, duration=DURATION, step=STEP)
+
+
+def test_other_numbers_and_another_rig_of_as_many_wheels_compile_nothing():
+    settings = {"duration": DURATION, "step": STEP}
+    first, second = (KINDS[name][0] for name in ("orthogonal, alike", "tripod, undamped"))
+    modal_figures(maker(first), points_of(first, np.random.default_rng(1)), **settings)
+    compiled = []
+    jax.monitoring.register_event_duration_secs_listener(
+        lambda event, *_, **__: compiled.append(event) if "backend_compile" in event else None
+    )
+    rows = points_of(second, np.random.default_rng(2), count=40)
+    modal_figures(maker(second), rows, duration=0.3, step=0.003)
+    assert compiled == []
+    jax.jit(lambda x: x + len(compiled))(jnp.ones(7))  # what does compile is counted
+    assert compiled
+
+
+def test_wheels_that_leave_a_direction_free_are_an_obstacle():
+    normal = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
+    rig = machine((normal, np.cross([[0.0, 0.0, 1.0]] * 3, normal)))
+    reason = "the wheels do not hold the sphere in every direction"
+    assert modal_obstacle(rig) == reason
+    with pytest.raises(ValueError, match=reason):
+        modal_figures(maker(rig), points_of(rig, RNG), duration=DURATION, step=STEP)

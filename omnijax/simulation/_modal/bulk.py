@@ -14,18 +14,21 @@ from ..._root import root
 from ...laws import ContinuousSine, GatedSine, HalfSine, Rollers
 from ...rig import Placed, Rig
 from .._exact import exact_obstacle
+from .gradient import mean_square_slopes, peak_slopes, pull_back
 from .poles import Eigen, eigen, modes_of
 from .signals import series_needed
 from .system import Design, Layout, Operating, designs_of
 from .transient import LANES, Lanes, refined_peak, samples_of
 
 METRICS = ("rms", "peak")
+LOOSE = 1e-6  # least singular value of the normals that still holds the sphere
 
 
 class Figures(NamedTuple):
     """Figures of a batch, and what says how a run would have ended."""
 
     values: Float[Array, "B m"]
+    slopes: Float[Array, "B m d"] | None
     normal: Float[Array, " B"]  # N, least normal force of a contact, or a bound above 0
     slip: Float[Array, " B"]  # N, least mu N - |f|, or a bound not below 0
 
@@ -37,6 +40,10 @@ def modal_obstacle(
     reason = exact_obstacle(rig, model)
     if reason is not None:
         return reason
+    if model == "coupled":
+        held = np.linalg.svd(np.asarray(rig.wheels.normal), compute_uv=False)
+        if len(held) < 3 or held[2] < LOOSE:
+            return "the wheels do not hold the sphere in every direction"
     others = [name for name in metrics if name not in METRICS]
     if others:
         return f"the modal core does not give {', '.join(others)}"
@@ -58,14 +65,16 @@ def modal_figures(
     duration: float,
     step: float,
     model: str = "coupled",
+    gradient: bool = False,
 ) -> Figures:
     """Figures of the designs `make(row)` over the samples t = 0, step, ... , duration (s).
 
-    `metrics` may hold `rms` and `peak`, as `vibration.METRICS` defines them.  The compiled
-    programs depend on the rig's kinds of wheels and laws, not on numbers, paths or the closure
-    `make`.  Raises `ValueError` where `modal_obstacle` names a reason.
+    `metrics` may hold `rms` and `peak`, as `vibration.METRICS` defines them; with `gradient` also
+    their derivatives by the numbers in the rows.  The compiled programs depend on the rig's kinds
+    of wheels and laws, not on numbers, paths or the closure `make`.  Raises `ValueError` where
+    `modal_obstacle` names a reason.
     """
-    count, parts = round(duration / step) + 1, []
+    count, parts, slopes = round(duration / step) + 1, [], []
     size = SIZES[0] if len(rows) <= SIZES[0] else SIZES[-1]
     for i in range(0, len(rows), size):
         some = np.asarray(rows[i : i + size], float)
@@ -76,11 +85,21 @@ def modal_figures(
             if reason is not None:
                 raise ValueError(f"no figures from the modal form: {reason}.")
         force, series = bool(np.any(np.asarray(points.force))), _series(points.rig)
-        design, layout = _designs(_plain(points), model, force, series)
-        parts.append(np.asarray(_figures(design, layout, step, float(count))))
+        plain = _plain(points)
+        design, layout = _designs(plain, model, force, series)
+        values, bars = _figures(design, layout, step, float(count), gradient)
+        parts.append(np.asarray(values))
+        if gradient:
+            back = _from_designs(plain, bars, model, force, series)
+            slopes.append(np.asarray(_from_points(make, some, _back_in(points, back))))
     rms, peak, normal, slip = np.concatenate(parts, axis=1)[:, : len(rows)]
-    values = {"rms": rms, "peak": peak}
-    return Figures(np.stack([values[name] for name in metrics], axis=1), normal, slip)
+    values, chosen = {"rms": rms, "peak": peak}, [METRICS.index(name) for name in metrics]
+    return Figures(
+        np.stack([values[name] for name in metrics], axis=1),
+        np.concatenate(slopes, axis=1)[chosen, : len(rows)].swapaxes(0, 1) if gradient else None,
+        normal,
+        slip,
+    )
 
 
 def _one(rigs: Rig) -> Rig:
@@ -117,17 +136,77 @@ def _designs(points: Operating, model: str, force: bool, series: int) -> tuple[D
     return designs_of(points, model, force, series)
 
 
-@partial(jax.jit, static_argnames="layout")
-def _figures(design: Design, layout: Layout, step, count):
-    """RMS, peak, least normal force and slip margin, (4, B)."""
-    groups = jax.tree.map(_grouped, lanes_of(design, eigen(design.system)))
+@eqx.filter_jit
+def _from_designs(points: Operating, bars, model: str, force: bool, series: int) -> Operating:
+    """Derivatives by every number of the points, one entry a metric, from those by the designs."""
+    moving, still = eqx.partition(points, eqx.is_inexact_array)
+
+    def designs(moving):
+        found = designs_of(eqx.combine(moving, still), model, force, series)[0]
+        return found.system, found.signals
+
+    back = jax.vjp(designs, moving)[1]
+    return jax.vmap(lambda bar: back(bar)[0])(bars)
+
+
+def _back_in(points: Operating, bars: Operating) -> Operating:
+    """Derivatives of plain points as ones of `points`: nothing by what was left out."""
+    metrics = len(bars.speeds)
+    zero = jax.tree.map(lambda x: jnp.zeros((metrics, *x.shape)), points)
+    rig, plain = zero.rig, bars.rig
+    kept = iter(plain.effects)
+    effects = tuple(
+        Placed(next(kept).law, placed.place, placed.wheels) if placed.law.port in _PORTS else placed
+        for placed in rig.effects
+    )
+    whole = Rig(
+        plain.sphere, plain.platform, plain.wheels, plain.profiles, effects, rig.names,
+        rig.uncertainty,
+    )  # fmt: skip
+    return bars._replace(rig=whole)
+
+
+@eqx.filter_jit
+def _from_points(make, rows, bars: Operating):
+    """Derivatives (metrics, B, d) by the rows."""
+    back = jax.vjp(jax.vmap(make), rows)[1]
+    return jax.vmap(lambda bar: back(bar)[0])(bars)
+
+
+@partial(jax.jit, static_argnames=("layout", "gradient"))
+def _figures(design: Design, layout: Layout, step, count, gradient: bool):
+    """(4, B): figures and margins; and derivatives by systems and signals, one entry a metric."""
+    found = eigen(design.system)
+    groups = jax.tree.map(_grouped, lanes_of(design, found))
 
     def some(g: Lanes):
         samples = samples_of(g, layout, step, count)
-        squares = samples.total / count, refined_peak(g, layout, samples.best, step, count)
-        return jnp.stack([*map(root, squares), samples.normal, samples.slip])
+        if not gradient:
+            squares = samples.total / count, refined_peak(g, layout, samples.best, step, count)
+            bars = None
+        else:
+            peak, by_peak = peak_slopes(g, layout, samples.best, step, count)
+            squares = samples.total / count, peak
+            parts = mean_square_slopes(g, layout, step, count), by_peak
+            bars = jax.tree.map(
+                lambda *x: jnp.stack([y * half_root(s) for y, s in zip(x, squares, strict=True)]),
+                *parts,
+            )
+        figures = [root(square) for square in squares]
+        return jnp.stack([*figures, samples.normal, samples.slip]), bars
 
-    return _flat(jax.lax.map(some, groups))
+    values, bars = jax.lax.map(some, groups)
+    values = _flat(values)
+    if not gradient:
+        return values, None
+    bars = jax.tree.map(_flat, bars)
+    span = step * count
+    return values, jax.vmap(lambda bar: pull_back(design, found, bar, layout, span))(bars)
+
+
+def half_root(square):
+    """d sqrt(x)/dx, zero where nothing moves."""
+    return jnp.where(square > 0, 0.5 / jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
 
 
 def _flat(x):
