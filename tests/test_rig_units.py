@@ -3,10 +3,11 @@
 import math
 import re
 
+import numpy as np
 import pytest
 from rigs import tables
 
-from omnijax.rig import as_number, parse_rig
+from omnijax.rig import _units, as_number, parse_rig
 from omnijax.rig._units import SPELLINGS
 
 CASES = [
@@ -84,3 +85,33 @@ def test_units_in_vectors_and_wheels():
     )
     assert rig.sphere.centre_of_mass.tolist() == pytest.approx([0.002, 0, -0.01])
     assert float(rig.wheels.contact.stiffness[2]) == pytest.approx(188200.0)
+
+
+def test_our_own_reading_of_units_is_that_of_pint():
+    """Products of two of our units with powers, against the library for all units."""
+    words = [
+        "mm",
+        "kN",
+        "g",
+        "kg",
+        "ms",
+        "µm",
+        "deg",
+        "rpm",
+        "Hz",
+        "min",
+        "MPa",
+        "%",
+        "rad",
+        "cm",
+        "N",
+    ]
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        first, second, third = rng.choice(words, 3)
+        text = f"{first}^{rng.integers(1, 4)} {second}/{third}²"
+        own = _units._plain(text)
+        assert own is not None
+        metres, kilograms, seconds = own.dimension
+        target = f"m^{metres} kg^{kilograms} s^{seconds}"
+        assert own.factor == pytest.approx(_units._by_pint(text, target)[0], rel=1e-12), text

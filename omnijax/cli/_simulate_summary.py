@@ -56,6 +56,10 @@ def show(summary: dict[str, Any]) -> None:
         print(f"{words:33s} {amount(summary[name], unit)}")
     for loss in summary["contacts"]:
         print(f"{loss['wheel'] + ' ' + loss['kind']:33s} first at {loss['time']:.4g} s")
+    for channel, found in summary.get("differences", {}).items():
+        left, unit = amount(found["rms"], found["unit"]), found["unit"]
+        told = f"RMS {left} of {amount(found['rms_measured'], unit)}"
+        print(f"{'measured less simulated ' + channel:33s} {told}")
     for key in ("out", "plot"):
         if key in summary:
             print(f"{key:33s} {summary[key]}")

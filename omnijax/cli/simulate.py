@@ -1,14 +1,16 @@
 """`omnijax simulate`: one run of a rig."""
 
+import sys
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from ._axis import is_machine, simulate_machine
+from ._drive import Asked, asked, warnings
 from ._motion import Motion, Numerics
 from ._options import Json, Overwrite, check_picture, command_line, emit
+from ._simulate_compare import compared, differences, lay_over
 from ._simulate_summary import show, summarise
-
-LONGEST = 5_000_000  # samples; more is a misread unit
+from ._table import paragraph
 
 
 def simulate(
@@ -16,9 +18,11 @@ def simulate(
     /,
     *,
     motion: Motion = Motion(),
+    omega: str | None = None,
     drive: Path | None = None,
     out: Path | None = None,
     plot: Path | None = None,
+    compare: Path | None = None,
     numerics: Numerics = Numerics(),
     resume: bool = False,
     overwrite: Overwrite = False,
@@ -30,16 +34,23 @@ def simulate(
 
     Example: omnijax simulate rig.toml --drive run-1.csv.gz --out run.csv.gz --plot run.png
 
+    A value `from..to` is a ramp over the whole run: --speed 0..30rpm,0,10rpm.
+
     Parameters
     ----------
     rig
         A rig file, the name of a bundled rig, or a machine file (an axis).
+    omega
+        The sphere's angular velocity in rad/s: x,y,z (or 0,0,10 rpm), by the wheel speeds that fit.
     drive
-        A recording: its torques, force and first wheel angles; the run is sampled at its times.
+        A table of wheel speeds (columns t, speed_1, speed_2 ...; a header may say: speed_1 (rpm)),
+        or a recording: its torques, force and first wheel angles, sampled at its times.
     out
         File of the run: .nc (every channel), or .csv, .csv.gz, .parquet (a recording).
     plot
         Picture of the run (.png, .svg, .pdf).
+    compare
+        A measured run to be laid over the simulated one in --plot; its difference is printed.
     resume
         Go on with the interrupted run in --out (.nc); the other options must be the same.
     """
@@ -51,11 +62,17 @@ def simulate(
     from ..rig import load_rig
 
     machine = load_rig(rig)
-    asked = _asked(machine, motion, drive)
+    wanted = asked(machine, motion, omega, drive)
+    measured = None if compare is None else compared(compare, machine, plot)
     _claim(rig, machine, out, plot, resume, overwrite)
-    run, end = _run(machine, asked, numerics, out if resume else None, resume)
-    summary = summarise(run, machine) | {"rig": rig, "faults": [str(f) for f in asked.faults]}
-    summary |= _written(run, end, rig, machine, out, plot)
+    run, end = _run(machine, wanted, numerics, out if resume else None, resume)
+    summary = summarise(run, machine) | {"rig": rig, "faults": [str(f) for f in wanted.faults]}
+    summary["warnings"] = warnings(machine, wanted.drive, run)
+    for warning in summary["warnings"]:
+        print(paragraph(f"warning: {warning}", "  "), file=sys.stderr)
+    if measured is not None:
+        summary["differences"] = differences(run, machine, measured)
+    summary |= _written(run, end, rig, machine, out, plot, measured)
     emit(json, summary, lambda: show(summary))
     return _code(run, out)
 
@@ -68,47 +85,6 @@ def _keep_programs() -> None:
     import os
 
     os.environ.setdefault("EQX_ON_ERROR", "nan")
-
-
-class Asked(NamedTuple):
-    """The drive, the sample times in s, and what is wrong with the recording."""
-
-    drive: Any
-    times: Any
-    faults: list
-
-
-def _asked(rig: Any, motion: Motion, recording: Path | None) -> Asked:
-    import sys
-
-    from .._errors import InputError
-    from ..recording import read_recording
-    from ..simulation import drive_from_recording
-
-    if sum(x is not None for x in (motion.speed, motion.torque, recording)) != 1:
-        raise InputError("give one of --speed, --torque and --drive.")
-    if recording is None:
-        return Asked(motion.drive(rig.size), _times(motion), [])
-    if any(x is not None for x in (motion.force, motion.duration, motion.rate)):
-        raise InputError("--drive brings its own force and times: leave out the other options.")
-    run = read_recording(recording, rig)
-    for fault in run.faults:
-        print(f"warning: {fault}", file=sys.stderr)
-    return Asked(drive_from_recording(run), run.time, run.faults)
-
-
-def _times(motion: Motion) -> Any:
-    import numpy as np
-
-    from .._errors import InputError
-
-    length, frequency = motion.seconds or 8.0, motion.hertz or 500.0
-    count = round(length * frequency)
-    if not 1 <= count <= LONGEST:
-        raise InputError(
-            f"`duration` times `rate` must give 1 to {LONGEST} samples, but gives {count}."
-        )
-    return np.arange(count + 1) / frequency
 
 
 def _run(
@@ -125,7 +101,7 @@ def _run(
 
 
 def _written(
-    run: Any, end: Any, name: str, rig: Any, out: Path | None, plot: Path | None
+    run: Any, end: Any, name: str, rig: Any, out: Path | None, plot: Path | None, measured: Any
 ) -> dict[str, str]:
     """The files that were asked for."""
     from ..simulation import save_trajectory
@@ -135,7 +111,7 @@ def _written(
         beside = _rig_file(name, rig, out)
         files["out"] = str(save_trajectory(run, out, rig, beside, _command(), end))
     if plot is not None:
-        files["plot"] = str(_plot(run, name, plot))
+        files["plot"] = str(_plot(run, name, rig, plot, measured))
     return files
 
 
@@ -146,8 +122,6 @@ def _command() -> str:
 
 def _code(run: Any, out: Path | None) -> int:
     """The exit code, and on stderr what to do about a run that did not reach its end."""
-    import sys
-
     from .._status import Status
     from ._frame import FAILED, INTERRUPTED, OK
 
@@ -202,7 +176,7 @@ def _copy_of_rig(name: str, out: Path) -> Path | None:
     return out.with_name(f"{out.name.split('.')[0]}-rig.toml")
 
 
-def _plot(run: Any, name: str, path: Path) -> Path:
+def _plot(run: Any, name: str, rig: Any, path: Path, measured: Any) -> Path:
     from .._files import writing
     from ..report import figure, style
     from ..simulation import plot_run
@@ -210,6 +184,8 @@ def _plot(run: Any, name: str, path: Path) -> Path:
     with writing(path) as part, style():
         picture, axes = figure(4)
         plot_run(run, axes)
+        if measured is not None:
+            lay_over(axes, measured, rig)
         axes[0].set_title(Path(name).stem if run.ok else f"{Path(name).stem}: {run.message()}")
         picture.savefig(part, dpi=150)
     return path

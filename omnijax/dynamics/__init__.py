@@ -48,6 +48,11 @@ from ._kinematics import spin_axes as spin_axes
 from ._kinematics import surface_shape as surface_shape
 from ._kinematics import wheel_shape as wheel_shape
 from ._kinematics import wheel_speeds as wheel_speeds
+from ._mobility import Mobility as Mobility
+from ._mobility import Weight as Weight
+from ._mobility import mobility as mobility
+from ._mobility import sliding as sliding
+from ._mobility import weight as weight
 from ._pointwise import Pointwise as Pointwise
 from ._pointwise import pointwise_shape_acceleration as pointwise_shape_acceleration
 from ._rotation import drive_forces as drive_forces

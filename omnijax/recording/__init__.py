@@ -11,6 +11,8 @@ from ._noise import noise_floor as noise_floor
 from ._read import read_recording as read_recording
 from ._recording import Fault as Fault
 from ._recording import Recording as Recording
+from ._speeds import SpeedTable as SpeedTable
+from ._speeds import speed_table as speed_table
 from ._tables import READERS as READERS
 from ._tables import read_table as read_table
 from ._tables import stem_of as stem_of

@@ -1,5 +1,7 @@
 """A rig and a drive in, a trajectory out."""
 
+from typing import Any
+
 from ._bulk import SteadyPlan as SteadyPlan
 from ._bulk import bulk_checked as bulk_checked
 from ._bulk import bulk_gradients as bulk_gradients
@@ -39,13 +41,11 @@ from ._signals import ramp as ramp
 from ._signals import step as step
 from ._signals import table as table
 from ._solve import build_model as build_model
-from ._solve import choose_solver as choose_solver
 from ._solve import exact_run_obstacle as exact_run_obstacle
 from ._solve import initial_state_like as initial_state_like
 from ._solve import simulate as simulate
 from ._solve import simulate_fixed as simulate_fixed
 from ._solve import simulate_many as simulate_many
-from ._solve import solve_in_pieces as solve_in_pieces
 from ._steady import LongRun as LongRun
 from ._steady import SteadyState as SteadyState
 from ._steady import fourier as fourier
@@ -53,3 +53,12 @@ from ._steady import line_rates as line_rates
 from ._steady import line_response as line_response
 from ._steady import steady_state as steady_state
 from ._trajectory import Trajectory as Trajectory
+
+
+def __getattr__(name: str) -> Any:
+    """What needs diffrax, which takes as long to import as an exact run takes."""
+    if name in {"choose_solver", "solve_in_pieces"}:
+        from . import _solve
+
+        return getattr(_solve, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -14,7 +14,8 @@ LARGE = ("R_l", "V_l")  # the platform's way is metres, not micrometres
 def plot_displacement(trajectory: Trajectory, *, ax: Any = None) -> Any:
     """Components and length of ΔR in µm over time; returns the axes."""
     ax = plot_channel(trajectory, "dR", ax=ax)
-    size = 1e6 * np.asarray(trajectory.distance)
+    factor, _ = _scale("m", trajectory.dR)
+    size = factor * np.asarray(trajectory.distance)
     ax.plot(trajectory.t, size, color="#222222", lw=1.0, ls="--", label="|ΔR|")
     _legend(ax)
     return ax
@@ -29,12 +30,20 @@ def plot_channel(trajectory: Trajectory, name: str, *, ax: Any = None) -> Any:
         raise ValueError(f"`name` must be one of {sorted(trajectory.UNITS)}, but is {name!r}.")
     ax = new_axes(ax, 3.2)
     unit = trajectory.UNITS[name]
-    factor, shown = (1.0, unit) if name in LARGE else SCALES.get(unit, (1.0, unit))
-    values = factor * np.asarray(getattr(trajectory, name))
+    values = getattr(trajectory, name)
+    factor, shown = (1.0, unit) if name in LARGE else _scale(unit, values)
+    values = factor * np.asarray(values)
     ends = "xyz" if values.shape[1] == 3 and name not in PER_WHEEL else trajectory.names
     ends = "wxyz" if name == "attitude" else ends
     for i, end in enumerate(ends):
-        ax.plot(trajectory.t, values[:, i], lw=1.2, color=COLOURS[i % len(COLOURS)], label=end)
+        ax.plot(
+            trajectory.t,
+            values[:, i],
+            lw=1.0,
+            alpha=0.9,
+            color=COLOURS[i % len(COLOURS)],
+            label=end,
+        )
     ax.set_xlabel("time (s)")
     ax.set_ylabel(f"{LABELS.get(name, name.replace('_', ' '))} ({shown})")
     _legend(ax)
@@ -47,8 +56,21 @@ PER_WHEEL = {
 }  # fmt: skip
 
 
+def _scale(unit: str, values: Any) -> tuple[float, str]:
+    """Factor and unit of an axis: micrometres, but what is larger in mm or m."""
+    largest = float(np.max(np.abs(np.asarray(values)), where=np.isfinite(values), initial=0.0))
+    if unit == "m" and largest >= 3e-3:
+        return (1e3, "mm") if largest < 3 else (1.0, "m")
+    return SCALES.get(unit, (1.0, unit))
+
+
 def _legend(ax: Any) -> None:
-    ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
+    """Above the axes, in one line: the width belongs to the curves."""
+    columns = len(ax.get_legend_handles_labels()[1])
+    ax.legend(
+        loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, frameon=False,
+        borderaxespad=0.1, handlelength=1.4, columnspacing=1.2,
+    )  # fmt: skip
 
 
 def plot_run(trajectory: Trajectory, axes: Any) -> None:
@@ -56,5 +78,7 @@ def plot_run(trajectory: Trajectory, axes: Any) -> None:
     plot_displacement(trajectory, ax=axes[0])
     for name, ax in zip(("dR_elastic", "Omega", "a"), axes[1:], strict=True):
         plot_channel(trajectory, name, ax=ax)
+        if ax.get_legend() is not None:
+            ax.get_legend().remove()  # x, y, z as in the panel above
     for ax in axes[:-1]:
         ax.set_xlabel("")

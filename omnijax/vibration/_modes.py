@@ -2,10 +2,12 @@
 
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._arrays import on_device
 from .._html import html_table
 from ..dynamics import TRANSLATIONS, linear_system
 from ..rig import Rig
@@ -46,21 +48,26 @@ def modes(rig: Rig, model: str = "coupled") -> Modes:
 
     Outside of transformations (numpy); for a differentiable figure use `natural_frequencies`.
     """
-    translation = TRANSLATIONS[model](rig)
-    system = linear_system(translation)
-    values, vectors = np.linalg.eig(np.asarray(system.A))
+    A, rows = (np.asarray(x) for x in _matrices(rig, model))
+    values, vectors = np.linalg.eig(A)
     keep = np.imag(values) >= -1e-9 * np.abs(values)
     values, vectors = values[keep], vectors[:, keep]
     order = np.argsort(np.abs(values))
     values, vectors = values[order], vectors[:, order]
-    rows = np.asarray(system.row("displacement")[0])
     shape = rows @ vectors
     shape = shape * np.exp(-1j * np.angle(shape[np.abs(shape).argmax(0), np.arange(len(values))]))
     length = np.linalg.norm(np.real(shape), axis=0)
     shape = np.where(length > 0, np.real(shape) / np.where(length > 0, length, 1.0), 0.0)
     size = np.abs(values)
     ratio = -np.real(values) / np.where(size > 0, size, 1.0)
-    return Modes(jnp.asarray(size / (2 * np.pi)), jnp.asarray(ratio), jnp.asarray(shape.T))
+    return Modes(*(on_device(x) for x in (size / (2 * np.pi), ratio, shape.T)))
+
+
+@eqx.filter_jit
+def _matrices(rig: Rig, model: str):
+    """A of the linear model and the row that reads dR: one program, which is kept."""
+    system = linear_system(TRANSLATIONS[model](rig))
+    return system.A, system.row("displacement")[0]
 
 
 def natural_frequencies(rig: Rig, model: str = "coupled") -> Float[Array, " m"]:
@@ -82,8 +89,6 @@ def natural_frequencies(rig: Rig, model: str = "coupled") -> Float[Array, " m"]:
 
 
 def _undamped(rig: Rig) -> Rig:
-    import equinox as eqx
-
     return eqx.tree_at(
         lambda r: (r.wheels.contact.damping, r.wheels.mount.damping),
         rig,

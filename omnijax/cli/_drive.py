@@ -1,0 +1,154 @@
+"""The drive of one run: constant values and ramps, the sphere's Ω, tables in files, recordings."""
+
+import re
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .._errors import InputError
+from ._motion import Motion
+from ._options import numbers
+
+LONGEST = 5_000_000  # samples; more is a misread unit
+_UNIT = re.compile(r"[^\d.eE+\-\s].*\Z")
+
+
+class Asked(NamedTuple):
+    """The drive, the sample times in s, and what is wrong with the recording."""
+
+    drive: Any
+    times: Any
+    faults: list
+
+
+def asked(rig: Any, motion: Motion, omega: str | None, recording: Path | None) -> Asked:
+    """The drive that the options describe; `InputError` where they describe none or two."""
+    given = {"--speed": motion.speed, "--omega": omega, "--torque": motion.torque}
+    given["--drive"] = recording
+    named = [option for option, value in given.items() if value is not None]
+    if len(named) != 1:
+        told = f", but {' and '.join(named)} are given" if named else ""
+        raise InputError(f"give one of {', '.join(given)}{told}.")
+    if recording is not None:
+        return _from_file(rig, motion, recording)
+    from ..simulation import speeds, torques
+
+    times = sample_times(motion.seconds or 8.0, motion.hertz)
+    end = float(times[-1])
+    push = _signal("force", motion.force or "0,0,0", "N", 3, "components", end)
+    if motion.torque is not None:
+        turn = _signal("torque", motion.torque, "N m", rig.size, "wheels", end)
+        return Asked(torques(turn, push), times, [])
+    if motion.speed is not None:
+        turn = _signal("speed", motion.speed, "rad/s", rig.size, "wheels", end)
+    else:
+        turn = _turning(rig, str(omega), end)
+    return Asked(speeds(turn, push), times, [])
+
+
+def sample_times(length: float, rate: float | None) -> Any:
+    """Samples from 0 to `length` s, 500 a second where no rate is given."""
+    import numpy as np
+
+    frequency = rate or 500.0
+    count = round(length * frequency)
+    if not 1 <= count <= LONGEST:
+        raise InputError(
+            f"`duration` times `rate` must give 1 to {LONGEST} samples, but gives {count}."
+        )
+    return np.arange(count + 1) / frequency
+
+
+def _signal(name: str, text: str, unit: str, count: int, what: str, end: float) -> Any:
+    """Constant values, or ramps `from..to` over the whole run."""
+    before, after = _ends(name, text, unit, count, what)
+    return before if after is None else _ramp(end, before, after)
+
+
+def _ends(
+    name: str, text: str, unit: str, count: int, what: str
+) -> tuple[list[float], list[float] | None]:
+    """Values at the beginning and, where one of them is a ramp, at the end."""
+    if ".." not in text:
+        return numbers(name, text, unit, count, what), None
+    first, last = [], []
+    for part in text.split(","):
+        begin, _, end = part.strip().rpartition("..")
+        shared = _UNIT.search(end)  # "0..30 rpm": the unit is that of both
+        begin = begin or end
+        first.append(f"{begin} {shared[0]}" if shared and not _UNIT.search(begin) else begin)
+        last.append(end)
+    return (
+        numbers(name, ",".join(first), unit, count, what),
+        numbers(name, ",".join(last), unit, count, what),
+    )
+
+
+def _ramp(end: float, before: Sequence[float], after: Sequence[float]) -> Any:
+    from ..simulation import ramp
+
+    return ramp(0.0, end, before, after)
+
+
+def _turning(rig: Any, text: str, end: float) -> Any:
+    """Wheel speeds that turn the sphere with Ω, on round wheels of the largest radius."""
+    from ..dynamics import mobility
+
+    to_wheels = mobility(rig).to_wheels
+    before, after = _ends("omega", text, "rad/s", 3, "components")
+    begin = (to_wheels @ before).tolist()
+    return begin if after is None else _ramp(end, begin, (to_wheels @ after).tolist())
+
+
+def _from_file(rig: Any, motion: Motion, file: Path) -> Asked:
+    """A table of speeds, or a recording's torques, force and first wheel angles."""
+    from ..recording import read_recording, speed_table
+    from ..simulation import drive_from_recording, speeds, table
+
+    if motion.force is not None:
+        raise InputError("--drive brings its own force: leave out --force.")
+    found = speed_table(file, rig.names)
+    if found is not None:
+        length = motion.seconds or float(found.time[-1])
+        push = (0.0, 0.0, 0.0) if found.force is None else table(found.time, found.force)
+        drive = speeds(table(found.time, found.speed), push)
+        return Asked(drive, sample_times(length, motion.hertz), [])
+    if motion.duration is not None or motion.rate is not None:
+        raise InputError("a recording brings its own times: leave out --duration and --rate.")
+    run = read_recording(file, rig)
+    for fault in run.faults:
+        print(f"warning: {fault}", file=sys.stderr)
+    return Asked(drive_from_recording(run), run.time, run.faults)
+
+
+def warnings(rig: Any, drive: Any, run: Any) -> list[str]:
+    """What the kinematics say against a run with prescribed speeds."""
+    import numpy as np
+
+    from ..dynamics import mobility, sliding
+
+    if not hasattr(drive, "speed"):
+        return []
+    told, found = [], mobility(rig)
+    if len(found.weak()):
+        axis = ", ".join(f"{x + 0.0:.3g}" for x in np.round(found.weak()[0], 9))
+        told.append(
+            f"the wheels hardly drive the axis ({axis}): condition {found.condition:.4g}; small "
+            "errors of the speeds turn the sphere fast about it."
+        )
+    speed = np.asarray(run.omega)
+    speed = speed[np.isfinite(speed).all(axis=1)]
+    if not len(speed):
+        return told
+    slides = np.abs(sliding(rig, speed)).max(axis=0)
+    rim = np.abs(speed * np.asarray(rig.wheels.radius)).max()
+    if slides.max() > 1e-4 * max(rim, 1e-300):
+        pairs = zip(rig.names, slides, strict=True)
+        most = ", ".join(f"{name} {1e3 * x:.3g} mm/s" for name, x in pairs)
+        told.append(
+            f"The speeds do not fit each other: no motion of the sphere agrees with them, and the "
+            f"contacts slide by {most}. The run takes the nearest motion; `omnijax check` says "
+            "what fits, and --omega x,y,z gives fitting speeds."
+        )
+    return told

@@ -1,0 +1,75 @@
+"""Wheel speeds over time from a table: the drive of a run-up."""
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from .._errors import InputError
+from ..rig import converted
+from ._tables import read_table
+
+_HEAD = re.compile(r"(.*?)\s*(?:[\[(](.*)[\])])?")  # speed_1, speed_w1 (rpm), t [ms]
+
+
+class SpeedTable(NamedTuple):
+    """Prescribed wheel speeds at times; linear between them."""
+
+    time: np.ndarray  # (k,) s, from 0
+    speed: np.ndarray  # (k, n) rad/s
+    force: np.ndarray | None  # (k, 3) N
+
+
+def speed_table(path: Path, names: Sequence[str]) -> SpeedTable | None:
+    """The table of speeds in a file with columns t, speed_1, ... or speed_NAME; else None.
+
+    A header may carry its unit: `speed_1 (rpm)`.  Raises `InputError` for a table that has speeds
+    but not those of every wheel, gaps, or times that do not increase.
+    """
+    if not path.is_file():
+        return None  # the reader of recordings says so, with the nearest name
+    table = read_table(path)
+    units = {"t": "s", "force": "N", "speed": "rad/s"}
+    found: dict[str, np.ndarray] = {}
+    for head, values in table.columns.items():
+        match = _HEAD.fullmatch(head.strip())
+        name, unit = (match[1], match[2] or table.units.get(head)) if match else (head, None)
+        wanted = units.get(name.partition("_")[0])
+        if wanted is not None:
+            found[name] = values * _factor(path, head, unit or wanted, wanted)
+    if not any(name.startswith("speed_") for name in found):
+        return None
+    wheels = [
+        next((c for c in (f"speed_{name}", f"speed_{i}") if c in found), None)
+        for i, name in enumerate(names, 1)
+    ]
+    missing = [f"`speed_{name}`" for name, c in zip(names, wheels, strict=True) if c is None]
+    if missing or "t" not in found:
+        lacks = ", ".join([*missing, *([] if "t" in found else ["`t`"])])
+        raise InputError(f"lacks the column {lacks} of a table of speeds.", path)
+    return _checked(path, found, [str(c) for c in wheels])
+
+
+def _factor(path: Path, head: str, unit: str, wanted: str) -> float:
+    try:
+        return converted(1.0, unit, wanted)
+    except ValueError as error:
+        raise InputError(
+            f"column `{head}`: {unit!r} is no unit of {wanted}. {error}", path
+        ) from None
+
+
+def _checked(path: Path, found: dict[str, np.ndarray], wheels: list[str]) -> SpeedTable:
+    time = found["t"]
+    push = [f"force_{axis}" for axis in "xyz"]
+    force = np.stack([found[c] for c in push], axis=1) if set(push) <= set(found) else None
+    speed = np.stack([found[c] for c in wheels], axis=1)
+    good = np.isfinite(time) & np.isfinite(speed).all(axis=1)
+    if not good.all():
+        row = int(np.argmin(good)) + 1
+        raise InputError(f"row {row} has a gap: a drive needs every time and speed.", path)
+    if len(time) < 2 or np.any(np.diff(time) < 0):
+        raise InputError("`t` must not decrease, and needs two rows at least.", path)
+    return SpeedTable(time - time[0], speed, force)
