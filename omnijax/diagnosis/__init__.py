@@ -4,6 +4,7 @@ from ._answer import Diagnosis as Diagnosis
 from ._answer import Gap as Gap
 from ._answer import Named as Named
 from ._diagnose import diagnose as diagnose
+from ._diagnose import force_error as force_error
 from ._machine import RigModel as RigModel
 from ._machine import along as along
 from ._search import AbstractModel as AbstractModel

@@ -9,7 +9,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from ..laws import EFFECTS
-from ..machine import MachineCase, is_machine_case, read_machine_case
+from ..machine import Log, MachineCase, is_machine_case, read_machine_case
 from ..recording import Case, read_case
 from ._answer import (
     AbstractEvidence,
@@ -39,7 +39,7 @@ from ._machine import (
     without_outliers,
 )
 from ._noise import Assumed, assumed_noise, by_group, run_levels
-from ._ode import OdeEvidence, build_model
+from ._ode import OdeEvidence, balance_error, build_model
 from ._search import Found, Level, Point, Search, refit, upper_limits
 
 
@@ -120,6 +120,23 @@ def _machine_diagnosed(case: MachineCase, laws, tell) -> Diagnosis:
     missed = {k: evidence.one_step(p) for k, p in points.items()}
     result.one_step = {k: x for k, x in missed.items() if x is not None}
     return result
+
+
+def force_error(found: Diagnosis, train: Log, test: Log) -> dict[str, float]:
+    """Of an axis: RMS of the missed force over that of the motor, %, on another split of the data.
+
+    Baseline and named effects are refitted on `train`; `test` is predicted.
+    """
+    case = found.details["evidence"].file
+    logs = [dataclasses.replace(train, role="train"), dataclasses.replace(test, role="held-out")]
+    model, _, _ = build_model(MachineCase(Path(), case, logs, False, []))
+    point = found.details["found"].fit.point
+    out = {}
+    for word, start in (("baseline ", point.with_effects()), ("", point)):
+        there = refit(model, start).point
+        out[f"{word}train"] = balance_error(model, there, "train")
+        out[f"{word}cross-test"] = balance_error(model, there, "held-out")
+    return out
 
 
 def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis:

@@ -136,6 +136,7 @@ def _free(numbers: Numbers, run: OdeRun, memory: float) -> FreeRun:
     ])  # fmt: skip
     parts = steps_between(machine, placed, states, {k: x[some] for k, x in run.inputs.items()},
                           run.step)  # fmt: skip
+    parts = 1 << (parts - 1).bit_length()  # so that runs share programs
     n = len(run.time)
     lead = int(min(n, math.ceil(memory / run.step))) if np.isfinite(memory) else 0
     whole = np.isfinite(memory) and n <= LEADS * 4 * max(lead, 64)

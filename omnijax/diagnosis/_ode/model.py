@@ -58,7 +58,8 @@ class OdeModel(AbstractModel):
         self.scales = Scales.of([runs[i] for i in splits["train"]], runs[0].cutoff)
         self.scale = np.array([max(noise, 1e-300) * r.gain() for r in self.rows])
         self.inflation, self.floor = 1.0, 1.0
-        self._programs = {i: _compiled(rows) for i, rows in enumerate(self.rows)}
+        kinds = {rows.kind: _compiled(rows) for rows in self.rows}  # like runs share a program
+        self._programs = {i: kinds[rows.kind] for i, rows in enumerate(self.rows)}
         self._starts: dict[int, list] = {}
         self._balances: dict[int, tuple[Balance, Callable]] = {}
 

@@ -48,6 +48,11 @@ class Balance:
 
     group = "acceleration"
 
+    @property
+    def kind(self) -> tuple:
+        """What a program of such rows hangs on beside the shapes of the data."""
+        return ("balance", self.thin)
+
     def __init__(self, numbers: Numbers, run: OdeRun):
         self.numbers, self.run, cutoff = numbers, run, run.cutoff
         q, v, a = smoothed(run.outputs["position"], run.step, cutoff)
@@ -56,7 +61,8 @@ class Balance:
         self.taps = firwin(wide, 0.8 / self.thin) if self.thin > 1 else np.ones(1)
         self.edge = len(self.taps) // 2
         inputs = {k: jnp.asarray(x) for k, x in run.inputs.items()}
-        self.data = (jnp.asarray(q), jnp.asarray(v), jnp.asarray(a), inputs)
+        time = jnp.asarray(run.time)
+        self.data = (jnp.asarray(q), jnp.asarray(v), jnp.asarray(a), inputs, time)
         self.count = len(self.thinned(np.asarray(q)))
         self.time = self.thinned(run.time)
         self.filtered = {"position": q, "velocity": v, "acceleration": a}
@@ -67,9 +73,9 @@ class Balance:
 
     def rows(self, theta, data):
         """(rows,) m/s^2 or rad/s^2; traced."""
-        q, v, a, inputs = data
+        q, v, a, inputs, time = data
         machine, placed = self.numbers.build(theta)
-        inputs = delayed_inputs(placed, jnp.asarray(self.run.time), inputs)
+        inputs = delayed_inputs(placed, time, inputs)
         rate, join, _ = vector_field(machine, placed)
 
         def error(q, v, a, u):
@@ -95,6 +101,11 @@ class FreeRun:
 
     group = "position"
 
+    @property
+    def kind(self) -> tuple:
+        """What a program of such rows hangs on beside the shapes of the data."""
+        return ("free-run", self.parts)
+
     def __init__(self, numbers: Numbers, run: OdeRun, parts: int, lead: int, length: int,
                  thin: int = 1, free: bool = False):  # fmt: skip
         self.numbers, self.run, self.parts, self.thin, self.free = (numbers, run, parts, thin, free)
@@ -119,9 +130,9 @@ class FreeRun:
         where = np.stack(np.nonzero(self.used))[:, ::thin]
         measured = {k: np.asarray(y)[take] for k, y in run.outputs.items()}
         self.where = where
-        self.measured = jnp.asarray(measured["position"][tuple(where)])
-        self.clock = jnp.asarray(run.time[take] - run.time[0])
-        self.data = (first, inputs)
+        clock = jnp.asarray(run.time[take] - run.time[0])
+        shown = jnp.asarray(measured["position"][tuple(where)])
+        self.data = (first, inputs, clock, run.step, tuple(map(jnp.asarray, where)), shown)
         self.count, self.time = where.shape[1], run.time[take[tuple(where)]]
 
     def start_states(self, machine, first):
@@ -130,16 +141,16 @@ class FreeRun:
 
     def simulated(self, theta, data, shift=0.0):
         """Position (windows, samples), the starts moved by `shift`; traced."""
-        first, inputs = data
+        first, inputs, clock, step, _, _ = data
         machine, placed = self.numbers.build(theta)
 
         def one(first, inputs, time):
             x0 = self.start_states(machine, first) + shift
             inputs = delayed_inputs(placed, self.clock_of(time), inputs)
-            out = motion(machine, placed, x0, inputs, self.run.step, self.parts)
+            out = motion(machine, placed, x0, inputs, step, self.parts)
             return sensed(placed, time, {"position": out["position"]})["position"]
 
-        return jax.vmap(one)(first, inputs, self.clock)
+        return jax.vmap(one)(first, inputs, clock)
 
     def clock_of(self, time):
         """Times of the inputs' values within a window, s from its first sample."""
@@ -147,7 +158,7 @@ class FreeRun:
 
     def start_bases(self, theta) -> list[tuple[np.ndarray, np.ndarray]]:
         """By window: its rows, and an orthonormal basis of what its start changes there."""
-        first, _ = self.data
+        first = self.data[0]
         machine, _ = self.numbers.build(theta)
         one = jax.tree.map(lambda x: x[0], first)
         size = len(self.start_states(machine, one))
@@ -164,7 +175,7 @@ class FreeRun:
 
     def rows(self, theta, data):
         """(rows,) in the position's unit; traced."""
-        return self.measured - self.simulated(theta, data)[tuple(self.where)]
+        return data[5] - self.simulated(theta, data)[data[4]]
 
     def gain(self) -> float:
         """1-sigma of a row for white noise of 1-sigma 1 in the measured position."""
