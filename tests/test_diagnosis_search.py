@@ -103,7 +103,7 @@ def test_estimates_about_the_stated_machine_are_compared_with_that_of_no_law():
     fit = refit(model, Point(np.zeros(2)))
     assert np.max(np.abs(fit.point.u)) > SETTINGS.ran_off
     scan, _ = Search(model).scan(fit)
-    cost = {s.name: s.cost for s in at_finite_strength(model, fit, scan, set(model.laws))}
+    cost = {s.name: s.cost for s in at_finite_strength(model, fit, scan.scores, set(model.laws))}
     assert cost["bearing-coulomb@shaft"] < 1e-3 * fit.cost
     assert cost["friction-asymmetry@shaft"] == pytest.approx(fit.cost, rel=0.05)
 
@@ -287,7 +287,7 @@ def test_a_strong_effect_is_ranked_at_finite_strength():
     assert fit.point.u[0] > 3.4  # the stiffness stands for what is missing, as far as it may
     scan, _ = search.scan(fit)
     assert scan.best_per_name()[0].candidate.id == "square"  # the tangent is misled
-    starts = at_finite_strength(search.model, fit, scan, {"mount-cubic", "square"})
+    starts = at_finite_strength(search.model, fit, scan.scores, {"mount-cubic", "square"})
     assert min(starts, key=lambda s: s.cost).name == "mount-cubic@spring"
     found = search.run()
     assert [e.name for e in found.fit.point.effects] == ["mount-cubic@spring"]

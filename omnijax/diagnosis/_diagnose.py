@@ -149,10 +149,20 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
     if other is not None:
         names = sorted({c for run in shown.changes for c in run})
         tell(f"the noise of {', '.join(names)} is not as assumed: searching again")
-        evidence, earlier = other, shown
-        found = Search(evidence.model, tell).run(found.baseline.point, found.fit.point)
-        shown = shown_noise(evidence, found.fit.point)
+        again = Search(other.model, tell).run(found.baseline.point, found.fit.point)
+        if explained(other.model, again):
+            tell("what looked like noise is explained in part by candidates: it is none")
+            shown = shown.refuted()
+        else:
+            evidence, found, earlier = other, again, shown
+            shown = shown_noise(evidence, found.fit.point)
     return _said(evidence, found, shown, noise_table(evidence, shown, earlier), tell)
+
+
+def explained(model, found: Found) -> bool:
+    """Whether some candidate explains what matters of what is left and was weighed as noise."""
+    least = 0.5 * model.settings.material * model.dof("train")
+    return bool(found.trials) and any(t.gain > least for t in found.trials[-1])
 
 
 def _said(evidence: AbstractEvidence, found: Found, shown: Shown, noise, tell) -> Diagnosis:

@@ -164,13 +164,21 @@ def _wheel_problems(wheel: Mapping, data: Mapping, folder: Path) -> Iterator[str
             yield f"table` {error}"
 
 
+def open_paths(names: list[str]) -> set[str]:
+    """What beside numbers of the rig may be uncertain: directions, and the sensors' gain, delay."""
+    found = {f"sensor.{group}.{key}" for group in GROUPS for key in ("gain", "delay")}
+    for key in ("normal", "drive"):
+        found |= {f"wheel.{key}", *(f"wheel.{name}.{key}" for name in names)}
+    return found
+
+
 def _uncertainty_problems(data: Mapping, names: list[str]) -> Iterator[str]:
     """Keys that are no parameter of the rig, or not in quotes."""
     table = data.get("uncertainty", {})
     if not isinstance(table, Mapping):
         return
     effects = [block for block in _blocks(data, "effect") if isinstance(block, Mapping)]
-    known = scalar_paths(names, effects)
+    known = scalar_paths(names, effects) | open_paths(names)
     for path, value in table.items():
         if isinstance(value, Mapping):
             inner = next(iter(value), "...")

@@ -63,6 +63,28 @@ class Quantity:
         return {"anyOf": [number, {"type": "string", "pattern": r"^\s*[+-]?[\d.]"}]}
 
 
+class Spread:
+    """A 1-sigma: relative, an angle of a direction ("0.2 deg"), a sensor's delay ("0.2 ms")."""
+
+    unit, low, high = "1", 0.0, math.inf
+
+    def read(self, found: Any) -> float:
+        """`found` as a number above 0 (rad, s); raises `ValueError` where it is none."""
+        try:
+            return Quantity("1", above=0).read(found)
+        except ValueError:
+            if not isinstance(found, str) or not found.strip().endswith("s"):
+                raise
+            return Quantity("s", above=0).read(found)
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        return core_schema.no_info_plain_validator_function(self.read)
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        text = "1-sigma, relative; an angle of a direction; a time of a sensor's delay"
+        return {**Quantity("1", above=0).json_schema(), "description": text}
+
+
 @dataclasses.dataclass(frozen=True)
 class Vector:
     """Numbers of one unit; `unit_length`: of length 1 within 1 %; `nonzero`: not all 0.

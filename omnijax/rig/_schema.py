@@ -4,7 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from ._quantities import InertiaTensor, Quantity, Vector
+from ._quantities import InertiaTensor, Quantity, Spread, Vector
 
 Profile = Literal["gated-sine", "continuous-sine", "half-sine", "rollers", "dual-row", "table"]
 Triple = tuple[float, float, float]
@@ -75,7 +75,7 @@ class RigTable(Table):
     platform: PlatformTable
     wheel: Annotated[list[WheelTable], Field(min_length=1)]
     effect: list[EffectTable] = []
-    uncertainty: dict[str, Annotated[float, Quantity("1", above=0)]] = {}
+    uncertainty: dict[str, Annotated[float, Spread()]] = {}
 
 
 TABLES: dict[tuple[str, ...], type[Table]] = {

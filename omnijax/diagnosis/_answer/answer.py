@@ -110,6 +110,7 @@ def notes(evidence: AbstractEvidence, found: Found, judged: Judged, noise: list[
     """The verdict's reason first, then what a reader should know of how it was found."""
     model = evidence.model
     said = [judged.reason + ".", *noise, *evidence.remarks()]
+    said += twins(found, judged)
     if model.spent:
         said.append(
             f"The search ended at its budget of {model.budget:g} evaluations of the model: further "
@@ -123,6 +124,26 @@ def notes(evidence: AbstractEvidence, found: Found, judged: Judged, noise: list[
             f"These candidates change no measured channel in these runs: {', '.join(dead)}."
         )
     return said
+
+
+TWINS = {  # effects that a part within its tolerance imitates, and what to list as uncertain
+    "creep": ("a wheel radius that is off by the same share", "wheel.radius"),
+    "sensor-gain": ("a roundness that is off, which scales what gaps do", "wheel.roundness"),
+    "motor-gain": ("an inertia that is off, where all wheels show it", "wheel.inertia"),
+}
+
+
+def twins(found: Found, judged: Judged) -> list[str]:
+    """Which named effects could be parts within tolerance that the rig file takes for exact."""
+    if judged.verdict not in ("named", "ambiguous"):
+        return []
+    free = {p.name.rpartition(".")[2] for p in found.priors}
+    return [
+        f"{e.name} could also be {TWINS[e.id][0]}: if the drawing leaves that open, list "
+        f'"{TWINS[e.id][1]}" under [uncertainty] and diagnose again.'
+        for e in found.fit.point.effects
+        if e.id in TWINS and TWINS[e.id][1].rpartition(".")[2] not in free
+    ]
 
 
 def separating(evidence: AbstractEvidence, found: Found, judged: Judged, tell) -> dict | None:

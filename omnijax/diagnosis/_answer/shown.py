@@ -53,6 +53,20 @@ class Shown:
             for run in self.changes for x in run.values()
         )  # fmt: skip
 
+    def refuted(self) -> "Shown":
+        """The same where what looked like noise of a colour is none: there only the white part is.
+
+        Candidates that explain much of it although it is weighed as such noise say so.
+        """
+        levels = tuple(
+            {c: x if x.colour == "white" else Level(x.floor, x.error, x.floor)
+             for c, x in run.items()}
+            for run in self.levels
+        )  # fmt: skip
+        coloured = {c for run in self.levels for c, x in run.items() if x.colour != "white"}
+        structure = self.structure | dict.fromkeys(coloured, np.inf)
+        return dataclasses.replace(self, levels=levels, structure=structure)
+
 
 def wrong(level: Level) -> bool:
     """Whether a level is not the assumed one."""

@@ -3,18 +3,16 @@
 import dataclasses
 from collections.abc import Sequence
 
-import equinox as eqx
 import numpy as np
 
 from ...laws import AbstractLaw
-from ...rig import Rig, get_parameter, set_parameter
+from ...rig import Rig
 from .._search import (
     AbstractModel,
     Candidate,
     Context,
     Level,
     Point,
-    Prior,
     candidates,
     free_numbers,
     number,
@@ -24,6 +22,7 @@ from .linearisation import base_of
 from .machine import Machine
 from .runs import COARSE, FINE, STEPS, Run, with_noise
 from .tangents import signature
+from .uncertain import rig_priors, with_parameters, with_sensors
 
 BUDGET = 400.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
 LINEAR = 0.3  # cost of an evaluation without laws stepped in time, relative to one with them
@@ -51,7 +50,7 @@ class RigModel(AbstractModel):
         """The rig with calibrated parameters and the point's effects."""
         paths = tuple(prior.name for prior in self.priors)
         values = [p.at(float(u)) for p, u in zip(self.priors, point.u, strict=True)]
-        rig = _with_parameters(self.rig, paths, np.array(values))
+        rig = with_sensors(with_parameters(self.rig, paths, np.array(values)), paths, values)
         for effect in point.effects:
             law = self.laws[effect.id](**{k: number(v) for k, v in effect.values.items()})
             rig = rig.add(law, effect.place)
@@ -182,36 +181,6 @@ class RigModel(AbstractModel):
 
         each(fill, range(len(self._bases)))
         return table
-
-
-@eqx.filter_jit
-def _with_parameters(rig: Rig, paths: tuple[str, ...], values) -> Rig:
-    """The rig with `values` at `paths`; compiled, since it is asked for at every residual."""
-    for path, value in zip(paths, values, strict=True):
-        rig = set_parameter(rig, path, value)
-    return rig
-
-
-def rig_priors(rig: Rig) -> list[Prior]:
-    """The rig's uncertain parameters, one a wheel; relative 1-sigma."""
-    found: dict[str, float] = {}
-    for path, sigma in rig.uncertainty:
-        parts = path.split(".")
-        if parts[0] in ("contact", "mount", "closure"):
-            keys = [f"wheel.{n}.{path}" for n in rig.names]
-        elif parts[0] == "wheel" and parts[1] not in rig.names:
-            keys = [f"wheel.{n}.{'.'.join(parts[1:])}" for n in rig.names]
-        else:
-            keys = [path]
-        explicit = len(keys) == 1
-        for key in keys:
-            if explicit or key not in found:
-                found[key] = sigma
-    return [
-        Prior(key, float(get_parameter(rig, key)), sigma)
-        for key, sigma in found.items()
-        if np.ndim(get_parameter(rig, key)) == 0 and float(get_parameter(rig, key)) > 0
-    ]
 
 
 def split_runs(runs: list[Run]) -> dict[str, list[int]]:

@@ -19,7 +19,11 @@ from .scan import Scan, Score, Signatures
 SURE, ONE_SIDED = 0.95, 1.6449  # the normal law's 95 % point
 DRAWS = 400  # of strengths with several columns: the limit is then known to 3 %
 BLOCKS = 64
-SMALLEST = ("gap", "delay")  # sizes whose variants stand for one effect: the least limit holds
+SMALLEST = (
+    "gap",
+    "delay",
+    "tau",
+)  # sizes whose variants stand for one effect: the least limit holds
 
 
 def upper_limits(
@@ -54,7 +58,8 @@ def _holds(key: str, limit: float, other: float) -> bool:
 def size_of(model: AbstractModel, candidate) -> tuple[str, str]:
     """The number that tells an effect's size, and its unit; a law of one size has a `share`."""
     known = model.laws[candidate.id].parameters
-    for key in (*SMALLEST, *(k for k, p in known.items() if p.linear)):
+    strengths = [k for k, p in known.items() if p.linear]
+    for key in strengths or SMALLEST:
         if key in known:
             return key, known[key].unit
     return "share", "1"

@@ -152,6 +152,8 @@ def free_numbers(model: AbstractModel, point: Point) -> list[Free]:
             p = known[key]
             if key == "width":  # a decade and a half around where it starts
                 out.append(Free(i, key, None, float(value) / 30, float(value) * 30))
+            elif key == "speed":  # far above every speed the law is another one: Coulomb's
+                out.append(Free(i, key, None, float(value) / 10, float(value) * 3))
             elif np.ndim(value):
                 out += [Free(i, key, k, p.low, p.high) for k in range(len(value))]
             else:

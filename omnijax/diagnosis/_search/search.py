@@ -15,7 +15,14 @@ from .model import STEPPED, AbstractModel, Point
 from .refits import Refits, chi2_of, residual_of, total_cost
 from .review import Review, Rival
 from .scan import Scan, Score, Signatures, chance
-from .starts import Start, at_finite_strength, by_tangent, worth
+from .starts import (
+    Start,
+    at_finite_strength,
+    by_tangent,
+    promising,
+    without_strength,
+    worth,
+)
 
 
 @dataclasses.dataclass
@@ -222,15 +229,23 @@ class Search:
 
     def starts(self, fit: Fit, scan: Scan, scores: list[Score], strong: bool) -> list[Start]:
         """Where the joint refits of a step begin, the most promising first."""
-        starts = worth(by_tangent(fit, scores), fit.cost, self.settings.worth)
+        first = by_tangent(fit, scores)
+        if strong:  # a strong delay's tangents do not tell its rank, and it is tried for little
+            late = without_strength(self.model)
+            some = promising(scan, late, self.settings.worth / 2)
+            real = {s.name: s for s in at_finite_strength(self.model, fit, some, late)}
+            have = {e.name for e in fit.point.effects if e.id not in self.model.repeats}
+            first = [s for s in first if s.name not in real]
+            first += [s for s in real.values() if s.name not in have]
+        starts = worth(first, fit.cost, self.settings.worth)
         ids = {k for k, law in self.model.laws.items() if law.port in STEPPED}
         plain = starts and not any(self.stepped(s) for s in starts[: self.settings.tried])
         if not strong or plain or not ids:
             return starts
         self.tell("a strong effect: laws of contacts and mounts at finite strength")
         have = {e.name for e in fit.point.effects if e.id not in self.model.repeats}
-        finite = at_finite_strength(self.model, fit, scan, ids)
-        others = [s for s in by_tangent(fit, scores) if not self.stepped(s)]
+        finite = at_finite_strength(self.model, fit, scan.scores, ids)
+        others = [s for s in first if not self.stepped(s)]
         return worth([*(s for s in finite if s.name not in have), *others], fit.cost,
                      self.settings.worth)  # fmt: skip
 

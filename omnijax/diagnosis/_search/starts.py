@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .fit import Fit, foretold, tangents_at
-from .model import AbstractModel, Effect, Point
+from .model import STEPPED, AbstractModel, Effect, Point
 from .scan import PRICE, Scan, Score
 
 
@@ -40,7 +40,9 @@ def by_tangent(fit: Fit, scores: Sequence[Score]) -> list[Start]:
     return out
 
 
-def at_finite_strength(model: AbstractModel, fit: Fit, scan: Scan, ids: set[str]) -> list[Start]:
+def at_finite_strength(
+    model: AbstractModel, fit: Fit, scores: Sequence[Score], ids: set[str]
+) -> list[Start]:
     """The best start of every (id, place) of the laws `ids`, over strengths of both signs."""
     u = fit.point.u
     kept = np.max(np.abs(u), initial=0.0) < model.settings.ran_off
@@ -53,7 +55,7 @@ def at_finite_strength(model: AbstractModel, fit: Fit, scan: Scan, ids: set[str]
     best: dict[str, Start] = {}
     for id in sorted(ids):  # the points of a law run side by side
         effects = [
-            e for s in scan.scores if s.candidate.id == id
+            e for s in scores if s.candidate.id == id
             for e in _strengths(model, s, chi2)
         ]  # fmt: skip
         if not effects:
@@ -68,6 +70,27 @@ def at_finite_strength(model: AbstractModel, fit: Fit, scan: Scan, ids: set[str]
             if start.name not in best or start.cost < best[start.name].cost:
                 best[start.name] = start
     return list(best.values())
+
+
+def promising(scan: Scan, ids: set[str], share: float) -> list[Score]:
+    """Every variant of the names of `ids` whose best one explains a `share` of what any does."""
+    best: dict[str, float] = {}
+    for s in scan.scores:
+        best[s.candidate.name] = max(best.get(s.candidate.name, 0.0), s.gain)
+    least = share * max(best.values(), default=0.0)
+    return [
+        s for s in scan.scores
+        if s.candidate.id in ids and s.allowed and best[s.candidate.name] > least
+    ]  # fmt: skip
+
+
+def without_strength(model: AbstractModel) -> set[str]:
+    """Laws of one time or threshold, which no multiple of a signature is, and quickly tried."""
+    return {
+        k for k, law in model.laws.items()
+        if law.port not in STEPPED and law.parameters
+        and not any(p.linear for p in law.parameters.values())
+    }  # fmt: skip
 
 
 def _strengths(model: AbstractModel, score: Score, chi2: float) -> list[Effect]:
