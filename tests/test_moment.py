@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from machines import SKEW, machine
-from moments import Extra, Moment, at, slope
+from moments import Extra, Moment, at, rotation, slope
 
 from omnijax import laws
 from omnijax.dynamics import (
@@ -25,7 +25,10 @@ from omnijax.dynamics import (
     minimum_normal_force,
     pointwise_shape_acceleration,
     prescribed_instant,
+    quaternion_of,
+    quaternion_product,
     rolling,
+    rotation_matrix,
     speed_driven,
     spin_axes,
     torque_driven,
@@ -337,7 +340,20 @@ def check_kept_radius_rate():
     near(left, R * axes @ found.angular_acceleration, 1e-6)
 
 
+def check_rotation_matrix():
+    """A quaternion of any length, not of one axis: q e q* of the body's axes."""
+    q = np.array([0.5, -0.1, 0.7, 0.5])
+    near(rotation_matrix(jnp.asarray(3 * q)), rotation(q))
+    product = quaternion_product(jnp.array([1.0, 2.0, 3.0, 4.0]), jnp.array([5.0, 6.0, 7.0, 8.0]))
+    near(product, np.array([-60.0, 12.0, 30.0, 24.0]))  # Hamilton's rule by hand
+    turn = np.array([0.4, -0.8, 0.8])  # 1.2 rad about (1, -2, 2)/3
+    by_hand = np.array([np.cos(0.6), *(np.sin(0.6) * np.array([1.0, -2.0, 2.0]) / 3)])
+    near(quaternion_of(jnp.asarray(turn)), by_hand)
+    near(quaternion_of(jnp.zeros(3)), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
 CHECKS = {
+    "rotation": check_rotation_matrix,
     "torques, three wheels": lambda: check_torque_driven(3, False),
     "torques, four unlike wheels": lambda: check_torque_driven(4, False),
     "torques, effects": lambda: check_torque_driven(3, True),
