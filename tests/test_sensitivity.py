@@ -118,7 +118,6 @@ def test_tornado_shows_the_largest_on_top(found):
     [
         (["--metric", "rmss", "--speed", "1,2,3"], "`rmss` is no metric. Did you mean `rms`?"),
         (["--speed", "1,2"], "`speed` has 2 values, but the rig has 3 wheels."),
-        (["--speed", "1,2,3", "--force", "1,0,0"], "`force` needs a run: give --duration."),
         (["--speed", "1,2,fast"], "`speed` must be a number in rad/s"),
         (["--speed", "1,2,3", "--metric", "peak_to_peak"], "this study needs a `duration`"),
         (["--speed", "1,2,3", "--parameter", "sphere.mas"], "Did you mean `sphere.mass`?"),

@@ -152,6 +152,6 @@ def choose(question: Question) -> tuple[str, str]:
         against = obstacle(bulk, question)
         return (bulk, WHY[bulk]) if against is None else (exact, f"{WHY[exact]}; {against}")
     if question.duration is None:
-        raise InputError(f"this needs a `duration`: {reason}, so there is no steady state.")
+        raise InputError(f"this study needs a `duration`: {reason}, so there is no steady state.")
     against = obstacle("fixed", question)
     return ("fixed", WHY["fixed"]) if against is None else ("full", f"{reason}; {against}")
