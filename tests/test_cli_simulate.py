@@ -81,7 +81,7 @@ def test_an_interrupted_run_is_kept_and_goes_on(capsys, tmp_path, monkeypatch):
     for name in left.UNITS:
         np.testing.assert_array_equal(getattr(left, name), getattr(right, name))
     assert cli.run([*two, "--resume"]) == 2  # it is whole now
-    assert "parts.nc holds no interrupted run" in capsys.readouterr().err
+    assert "parts.nc: holds no interrupted run" in capsys.readouterr().err
 
 
 def interrupted_after(count, pieces):
