@@ -124,7 +124,11 @@ def _axes(rig: Rig, theta) -> np.ndarray:
 
 
 def attitude(turning: np.ndarray, step: float) -> np.ndarray:
-    """Rotation matrices from Omega (t, 3): products of small turns about a step's mean Omega."""
+    """Rotation matrices from Omega (t, 3): products of small turns about a step's mean Omega.
+
+    The algebra of `dynamics` over whole arrays at once, for products by doubling; a test holds the
+    two together.
+    """
     half = (turning[1:] + turning[:-1]) / 2 * step / 2
     size = np.linalg.norm(half, axis=1)
     sinc = np.sinc(size / np.pi)

@@ -100,7 +100,11 @@ def stepped_ports(rig: Rig) -> tuple[str, ...]:
 
 @jax.jit
 def _static(laws: ElasticLaws, compliance, rows, signal):
-    """Deviation d = compliance F(signal + rows d) at rest, with the laws' memories at rest."""
+    """Deviation d = compliance F(signal + rows d) at rest, with the laws' memories at rest.
+
+    `simulate` finds the same rest of the whole state (`static_start`); here the linear run's is
+    known, and lanes differ in numbers alone.
+    """
     flat, unravel = ravel_pytree((jnp.zeros(compliance.shape[0]), laws.initial()))
 
     def gap(x):
@@ -130,7 +134,11 @@ def _columns(m: Modes, ports: tuple[str, ...]) -> np.ndarray:
 
 
 def step_matrices(m: Modes, h: float, ports) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(E, P, Q): d_next = E d + F P + F_next Q for tensions F linear over a step `h`."""
+    """(E, P, Q): d_next = E d + F P + F_next Q for tensions F linear over a step `h`.
+
+    Full matrices, where `modes.hold_weights` has them by eigenvalue; a test holds the two and the
+    solvers' phi functions together.
+    """
     columns = _columns(m, ports)
     k, f = columns.shape
     big = np.zeros((k + 2 * f, k + 2 * f))

@@ -1,0 +1,165 @@
+"""What `simulate` makes of a rig, the diagnosis predicts of the same rig: no law is lost.
+
+The residuals at the truth are what the steps in time leave: far below the sensors' noise, which a
+law left out of the prediction is far above.
+"""
+
+import itertools
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from omnijax.diagnosis._machine.machine import Machine
+from omnijax.diagnosis._machine.runs import Run
+from omnijax.laws import EFFECTS
+from omnijax.rig import load_rig
+from omnijax.simulation import measured, simulate, table, torques
+
+pytestmark = pytest.mark.long
+NOTHING = {  # numbers at which a law does nothing; zero for all others
+    "contact-hertz": {"exponent": 1.0},
+    "actuator-lag": {"tau": 1e-3},
+    "actuator-saturation": {"limit": 1e3},
+}
+NOISE = {"dR": 2e-6, "theta": 1e-4, "Omega": 1e-4, "a": 2e-2}
+
+ELASTIC = (
+    ("wheel-runout", "w1", {"amplitude": 5e-5, "phase": 0.3}),
+    ("damaged-roller", "w2", {"roller": 0, "severity": 0.2}),
+    ("sphere-out-of-round", "sphere", {"amplitude": 4e-5, "axis": [0.2, 0.5, -0.4]}),
+    ("contact-cubic", "w1", {"K3": 1e12}),
+    ("contact-hertz", "w2", {"exponent": 1.5}),
+    ("contact-relaxation", "all", {"K1": 2e4, "tau": 0.02}),
+    ("lift-off", "all", {}),
+    ("mount-cubic", "w3", {"k3": 1e13}),
+    ("mount-backlash", "w1", {"gap": 4e-6}),
+    ("mount-friction", "w2", {"force": 1.0}),
+    ("floor-vibration", "platform",
+     {"amplitude": 0.2, "frequency": 17, "phase": 0.4, "direction": [1, 2, 0.5]}),
+)  # fmt: skip
+TURNING = (
+    ("bearing-coulomb", "all", {"torque": 0.02}),
+    ("bearing-viscous", "w1", {"b": 0.01}),
+    ("motor-ripple", "w2", {"amplitude": 0.02, "order": 3, "phase": 0.4}),
+    ("motor-gain", "w1", {"g": 0.03}),
+    ("rolling-resistance", "all", {"arm": 5e-4}),
+    ("spin-resistance", "all", {"lever": 1e-3}),
+    ("air-drag", "sphere", {"D": 0.1}),
+    ("unbalance", "sphere", {"offset": [1e-3, 2e-3, -1e-3]}),
+    ("creep", "w3", {"creepage": 0.01}),
+    ("wheel-radius", "w2", {"s": 0.003}),
+    ("torque-offset", "w3", {"torque": 0.02}),
+    ("actuator-delay", "all", {"delay": 0.0067}),
+    ("actuator-lag", "all", {"tau": 0.01}),
+    ("actuator-saturation", "w1", {"limit": 0.4}),
+    ("cogging", "w1", {"amplitudes": [0.01, 0.02], "orders": [7, 4.5], "phases": [0.1, 0.2]}),
+    ("current-ripple", "w3", {"g": 0.05, "order": 5, "phase": 0.3}),
+    ("stribeck", "w2", {"torque": 0.02, "speed": 0.5}),
+    ("load-friction", "all", {"mu": 0.03}),
+    ("friction-asymmetry", "w1", {"torque": 0.01}),
+)
+SENSORS = (
+    ("sensor-gain", "dR", {"g": 0.05}),
+    ("sensor-delay", "dR", {"delay": 0.0031}),
+    ("sensor-lag", "dR", {"tau": 0.004}),
+    ("sensor-drift", "dR_y", {"a": 2e-5, "b": -3e-5}),
+    ("sensor-crosstalk", "dR", {"X_xy": 0.1, "X_zx": -0.05}),
+    ("sensor-saturation", "dR_x", {"limit": 1e-4}),
+    ("sensor-rectified", "dR_z", {}),
+)
+ENCODERS = (
+    ("encoder-eccentricity", "theta_2", {"amplitude": 2e-3, "phase": 0.4}),
+    ("sensor-gain", "theta", {"g": 1e-3}),
+    ("sensor-delay", "Omega", {"delay": 0.002}),
+    ("sensor-gain", "a", {"g": 0.02}),
+)
+
+
+def with_laws(rig, laws):
+    """The rig with more laws."""
+    for name, place, values in laws:
+        law = EFFECTS[name](**{k: jnp.asarray(v, float) for k, v in values.items()})
+        rig = rig.add(law, place)
+    return rig
+
+
+def simulated(laws, seed):
+    """A rig, and 0.6 s of it under smooth torques."""
+    rig = eqx.tree_at(lambda r: r.platform.gravity, load_rig("atlas"), jnp.array([0.0, 0.0, -9.81]))
+    rig, rng = with_laws(rig, laws), np.random.default_rng(seed)
+    time = np.arange(301) / 500
+    waves = np.sin(
+        2 * np.pi * time[:, None] * rng.uniform(0.6, 2, (3, 1, 3)) + rng.uniform(0, 6, 3)
+    )
+    torque = 0.3 * waves.sum(axis=0) + rng.uniform(-0.2, 0.2, 3)
+    return rig, torque, simulate(rig, torques(table(time, torque)), jnp.asarray(time))
+
+
+def machine_of(rig, torque, run):
+    """The diagnosis's machine at the truth, with what the rig's sensors showed of the run."""
+    outputs = {g: np.asarray(values) for g, values in measured(run, rig).items()}
+    time = np.asarray(run.t)
+    known = np.ones(len(time), bool)
+    record = Run("run", "train", time, torque, np.zeros((len(time), 3)), outputs, known)
+    return Machine(rig, [record], NOISE)
+
+
+def in_sigmas(machine, rig):
+    """RMS of the whitened residuals of one rig."""
+    (rows,) = machine.residuals([rig], [0])
+    return float(np.sqrt(np.mean(rows**2)))
+
+
+@pytest.fixture(scope="module")
+def turning():
+    """The laws that act on torques and rolling."""
+    return simulated(TURNING, 0)
+
+
+def check_every_law(simulation, laws, bound):
+    rig, torque, run = simulation
+    assert run.ok
+    machine = machine_of(rig, torque, run)
+    at_truth = in_sigmas(machine, rig)
+    assert at_truth < bound
+    bare = eqx.tree_at(lambda r: r.effects, rig, (), is_leaf=lambda x: x is rig.effects)
+    for k, (name, place, values) in enumerate(laws):
+        if not values:  # lift-off has no size, and no contact loses its sphere in this run
+            continue
+        law = EFFECTS[name]
+        zero = {key: np.zeros(np.shape(v)) for key, v in values.items()
+                if law.parameters[key].linear or len(values) == 1}  # fmt: skip
+        without = (name, place, values | NOTHING.get(name, zero))
+        others = with_laws(bare, (*laws[:k], without, *laws[k + 1 :]))
+        assert in_sigmas(machine, others) > 3 * at_truth, name
+
+
+def test_every_law_of_the_rotation_is_predicted(turning):
+    check_every_law(turning, TURNING, 0.12)
+
+
+def test_the_tables_name_every_law():
+    named = {name for name, _, _ in (*ELASTIC, *TURNING, *SENSORS, *ENCODERS)}
+    assert named == set(EFFECTS)
+
+
+def test_every_pair_of_sensor_laws_is_predicted_in_its_order(turning):
+    """The second acts on what the first left: no pair leaves more than the bare run does."""
+    rig, torque, run = turning
+    machine = machine_of(rig, torque, run)
+    predicted, rotated = machine.elastic([rig], [0])[0][0], machine.rotated(rig)[0]
+    (record,) = machine.runs
+
+    def left(sensed, shown):
+        outputs = {g: np.asarray(x) for g, x in measured(run, shown).items()}
+        machine.replace(0, Run("run", "train", record.time, torque, record.force, outputs,
+                               record.known))  # fmt: skip
+        elastic, _ = machine.residual_tables(sensed, 0, predicted, rotated)
+        return np.abs(elastic[:, :3]).max()
+
+    bare = left(rig, rig)
+    for pair in itertools.permutations(SENSORS, 2):
+        sensed = with_laws(rig, pair)
+        assert left(sensed, sensed) < 1.3 * bare, pair
