@@ -128,3 +128,43 @@ def test_a_file_is_whole_or_absent(tmp_path):
 def test_two_results_do_not_share_a_name(tmp_path):
     with pytest.raises(InputError, match="two results would have this name"):
         _files.claim([tmp_path / "a.nc", tmp_path / "b" / ".." / "a.nc"])
+
+
+TORQUES = ("--torque", "0.1,0.2,0.15", "--duration", "1.2s", "--rate", "1kHz")
+
+
+def test_a_killed_run_goes_on_and_another_machine_does_not(tmp_path, monkeypatch, capsys):
+    import numpy as np
+
+    from omnijax import load_trajectory
+    from omnijax.cli._simulate_run import Pieces
+
+    class Killed(BaseException):
+        """What no command can answer."""
+
+    def add(self, run, end, whole=Pieces.add):
+        whole(self, run, end)
+        if self.count == 2:
+            raise Killed
+
+    monkeypatch.chdir(tmp_path)
+    rig = bundled_rigs()["atlas"].read_text(encoding="utf-8")
+    Path("rig.toml").write_text(rig, encoding="utf-8")
+    words = ["simulate", "rig.toml", *TORQUES, "--out", "killed.nc"]
+    with monkeypatch.context() as patch:
+        patch.setattr(Pieces, "add", add)
+        with pytest.raises(Killed):
+            run(words)
+    kept = contents(tmp_path)
+    assert "killed.nc.pieces/piece-000001.npz" in kept
+    assert run(words) == 2 and "continue with --resume" in capsys.readouterr().err
+    Path("rig.toml").write_text(rig.replace("damping = 120.0", "damping = 130.0"), "utf-8")
+    assert run([*words, "--resume"]) == 2
+    assert "rig.wheel.w1.contact.damping: 120.0 -> 130.0" in capsys.readouterr().err
+    Path("rig.toml").write_text(rig, encoding="utf-8")
+    assert run([*words[:4], "--duration", "1.1s", *words[6:], "--resume"]) == 2
+    assert "times" in capsys.readouterr().err and contents(tmp_path) == kept
+    assert run([*words, "--resume"]) == 0
+    assert run([*words[:-1], "whole.nc"]) == 0 and not Path("killed.nc.pieces").exists()
+    one, other = load_trajectory("killed.nc"), load_trajectory("whole.nc")
+    assert len(one.t) == 1201 and np.array_equal(one.dR, other.dR)

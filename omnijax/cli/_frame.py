@@ -5,6 +5,7 @@ Its module imports nothing heavy: the work is imported inside the function, so t
 at once.  Its docstring holds an example.  It returns an exit code or nothing.
 """
 
+import errno
 import importlib
 import os
 import sys
@@ -14,12 +15,16 @@ from cyclopts import App, CycloptsError, Group
 
 from .. import __version__
 from .._consent import law_files
-from .._errors import DataWarning, InputError, RunError
+from .._errors import DataWarning, InputError, RunError, brief
 from .._files import command
+from .._interrupts import NOTHING, answer, interrupted, leave, listening
 from ._options import read_force
+from ._plain import PLAIN
 from ._tokens import flowing, understood
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+_DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
 
 COMMANDS: dict[str, tuple[str, ...]] = {  # section of the help -> its commands, in order
     "The paper": ("reproduce",),
@@ -77,11 +82,16 @@ def build_app() -> App:
 
 def main(tokens: list[str] | None = None) -> None:
     """Run the command line and exit with its code."""
-    sys.exit(run(tokens))
+    with listening():
+        code = run(tokens)
+        if interrupted():
+            leave(code)
+    sys.exit(code)
 
 
 def run(tokens: list[str] | None = None) -> int:
     """Run the command line; the exit code."""
+    _plain_streams()
     try:
         with command(), warnings.catch_warnings():
             warnings.simplefilter("always", DataWarning)
@@ -94,11 +104,15 @@ def run(tokens: list[str] | None = None) -> int:
         sys.stdout.flush()
         return code if isinstance(code, int) else OK
     except KeyboardInterrupt as interrupt:
-        return _say(str(interrupt) or "Interrupted. Nothing more was written.", INTERRUPTED)
+        answer()
+        return _say(str(interrupt) or NOTHING, INTERRUPTED)
     except BrokenPipeError:  # the reader, `head` say, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except Exception as error:
+        if interrupted():  # a library made another error of it
+            answer()
+            return _say(NOTHING, INTERRUPTED)
         said = _told(error)
         if said is None:  # a fault of ours is not hidden
             raise
@@ -114,14 +128,26 @@ def _told(error: Exception) -> tuple[str, int] | None:
     """What to tell the user, and the exit code; None for a fault of the program."""
     if isinstance(error, CycloptsError):
         command = " ".join(["omnijax", *(error.command_chain or ())])
-        return f"{str(error).strip()}\nSee: {command} --help", BAD_INPUT
-    if isinstance(error, InputError):
-        return str(error), BAD_INPUT
+        return f"{brief(str(error).strip())}\nSee: {command} --help", BAD_INPUT
     if isinstance(error, RunError):
         return str(error), FAILED
-    if isinstance(error, OSError) and error.filename is not None:  # a file of the user's
-        return f"{error.filename}: cannot be read or written: {error.strerror}.", BAD_INPUT
-    return None
+    text = None
+    if isinstance(error, InputError):
+        text = str(error)
+    elif isinstance(error, OSError) and error.filename is not None:  # a file of the user's
+        text = f"{error.filename}: cannot be read or written: {error.strerror}."
+    elif isinstance(error, OSError) and error.errno in _DISK:
+        text = f"a result cannot be written: {error.strerror}."
+    elif isinstance(error, MemoryError):
+        text = "this needs more memory than there is: ask for less at a time."
+    return None if text is None else (text, BAD_INPUT)
+
+
+def _plain_streams() -> None:
+    """A terminal or file without our signs gets others in their place, and no error."""
+    for stream in (sys.stdout, sys.stderr):
+        if "utf" not in (getattr(stream, "encoding", None) or "utf").lower():
+            stream.reconfigure(errors=PLAIN)  # pyright: ignore
 
 
 def _say(text: str, code: int) -> int:

@@ -58,7 +58,8 @@ def command_line(without: tuple[str, ...] = (), valued: tuple[str, ...] = ()) ->
 def emit(as_json: bool, data: Any, text: Callable[[], None]) -> None:
     """Print `data` as JSON, or the text for people."""
     if as_json:
-        print(json.dumps(data, indent=1, ensure_ascii=False))
+        plain = "utf" not in (getattr(sys.stdout, "encoding", None) or "utf").lower()
+        print(json.dumps(data, indent=1, ensure_ascii=plain))
     else:
         text()
 

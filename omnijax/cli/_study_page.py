@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from .._interrupts import answer, saying
 from ._options import command_line
 
 Switch = Annotated[bool, Parameter(negative="")]
@@ -15,18 +16,22 @@ Switch = Annotated[bool, Parameter(negative="")]
 @contextmanager
 def kept(store: Path | None) -> Iterator[None]:
     """An interruption of the work inside says what is kept and how to go on."""
-    try:
-        yield
-    except KeyboardInterrupt:
+
+    def text() -> str:
         if store is None:
-            text = "Interrupted: nothing was kept. With --store FOLDER finished parts would be."
-        else:
-            parts = len(list(store.glob("[!.]*.npz")))
-            text = (
-                f"Interrupted: {parts} finished {'part is' if parts == 1 else 'parts are'} kept in "
-                f"{store}. Continue with the same command and --resume."
-            )
-        raise KeyboardInterrupt(text) from None
+            return "Interrupted: nothing was kept. With --store FOLDER finished parts would be."
+        parts = len(list(store.glob("[!.]*.npz")))
+        return (
+            f"Interrupted: {parts} finished {'part is' if parts == 1 else 'parts are'} kept in "
+            f"{store}. Continue with the same command and --resume."
+        )
+
+    try:
+        with saying(text):
+            yield
+    except KeyboardInterrupt:
+        answer()
+        raise KeyboardInterrupt(text()) from None
 
 
 def deliver(

@@ -1,8 +1,9 @@
 """`omnijax simulate`: one run of a rig."""
 
 import sys
+from json import dumps as json_text
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ._axis import is_machine, simulate_machine
 from ._drive import Asked, asked, warnings
@@ -65,14 +66,14 @@ def simulate(
     wanted = asked(machine, motion, omega, drive)
     measured = None if compare is None else compared(compare, machine, plot)
     _claim(rig, machine, out, plot, resume, overwrite)
-    run, end = _run(machine, wanted, numerics, out if resume else None, resume)
+    run, end, done = _run(machine, wanted, numerics, out, resume, overwrite)
     summary = summarise(run, machine) | {"rig": rig, "faults": [str(f) for f in wanted.faults]}
     summary["warnings"] = warnings(machine, wanted.drive, run)
     for warning in summary["warnings"]:
         print(paragraph(f"warning: {warning}", "  "), file=sys.stderr)
     if measured is not None:
         summary["differences"] = differences(run, machine, measured)
-    summary |= _written(run, end, rig, machine, out, plot, measured)
+    summary |= _written(run, end, done, rig, machine, out, plot, measured)
     emit(json, summary, lambda: show(summary))
     return _code(run, out)
 
@@ -87,21 +88,66 @@ def _keep_programs() -> None:
     os.environ.setdefault("EQX_ON_ERROR", "nan")
 
 
-def _run(
-    rig: Any, asked: Asked, numerics: Numerics, before: Path | None, resume: bool
-) -> tuple[Any, Any]:
-    """The run and, where it was interrupted, the state to go on from."""
-    from ._simulate_run import interrupted_run, perform
+class Done(NamedTuple):
+    """What was asked of the run (JSON), and its pieces on the disk."""
 
-    begun = interrupted_run(before, rig, numerics.model, _command()) if resume else None
-    return perform(
-        rig, asked.drive, asked.times, begun, model=numerics.model, solver=numerics.solver,
-        rtol=numerics.rtol or 1e-8, max_steps=numerics.max_steps or 200_000,
-    )  # fmt: skip
+    asked: str = ""
+    pieces: Any = None
+
+
+def _run(
+    rig: Any, asked: Asked, numerics: Numerics, out: Path | None, resume: bool, force: bool
+) -> tuple[Any, Any, Done]:
+    """The run and, where it was interrupted, the state to go on from."""
+    import jax
+
+    from ..simulation import exact_run_obstacle
+    from ..simulation import simulate as run
+    from ._simulate_run import Pieces, asked_of, interrupted_run, perform
+
+    how = {"model": numerics.model, "solver": numerics.solver}
+    exact = numerics.solver == "exact" or (
+        numerics.solver == "auto"
+        and not exact_run_obstacle(rig, asked.drive, asked.times, numerics.model)
+    )
+    how |= {"rtol": numerics.rtol or 1e-8, "max_steps": numerics.max_steps or 200_000}
+    identity = asked_of(rig, asked.drive, asked.times, how)
+    begun = interrupted_run(out, rig, identity) if resume else None
+    if exact:
+        _warn_of_memory(len(asked.times))
+        found = run(rig, asked.drive, asked.times, model=numerics.model, solver="exact")
+        return jax.block_until_ready(found), None, Done()
+    keep = out is not None and out.name.lower().endswith(".nc") and begun is None
+    pieces = Pieces(out, identity, resume, force) if keep and out is not None else None
+    found, end = perform(rig, asked.drive, asked.times, begun, pieces, _command(), **how)
+    return found, end, Done(json_text(identity), pieces)
+
+
+EXACT_BYTES = 6e3  # a sample of the closed form needs, padded to a power of two
+
+
+def _warn_of_memory(samples: int) -> None:
+    """Tell where the closed form needs more than half of the memory that is free."""
+    from .._errors import tell
+    from .._memory import SHARE, available, in_words
+
+    need = EXACT_BYTES * (1 << (samples - 1).bit_length())
+    if need > SHARE * available():
+        tell([
+            f"{samples} samples need about {in_words(need)} of memory, and {in_words(available())} "
+            "are free: a lower --rate or a shorter --duration needs less."
+        ])  # fmt: skip
 
 
 def _written(
-    run: Any, end: Any, name: str, rig: Any, out: Path | None, plot: Path | None, measured: Any
+    run: Any,
+    end: Any,
+    done: Done,
+    name: str,
+    rig: Any,
+    out: Path | None,
+    plot: Path | None,
+    measured: Any,
 ) -> dict[str, str]:
     """The files that were asked for."""
     from ..simulation import save_trajectory
@@ -109,7 +155,9 @@ def _written(
     files = {}
     if out is not None:
         beside = _rig_file(name, rig, out)
-        files["out"] = str(save_trajectory(run, out, rig, beside, _command(), end))
+        files["out"] = str(save_trajectory(run, out, rig, beside, _command(), end, done.asked))
+        if done.pieces is not None:
+            done.pieces.remove()
     if plot is not None:
         files["plot"] = str(_plot(run, name, rig, plot, measured))
     return files
@@ -117,7 +165,7 @@ def _written(
 
 def _command() -> str:
     """This command; resumed, it is still the same."""
-    return command_line(without=("--resume",))
+    return command_line(without=("--resume", "--overwrite"))
 
 
 def _code(run: Any, out: Path | None) -> int:

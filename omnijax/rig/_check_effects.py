@@ -6,7 +6,7 @@ from typing import Any
 
 from .._consent import are_read_only
 from .._errors import did_you_mean
-from ..laws import ANY_LENGTH, EFFECTS, AbstractLaw
+from ..laws import ANY_LENGTH, EFFECTS
 from ._declaration import declared_laws
 from ._parameters import law_quantity
 from ._schema import GROUPS, channels
@@ -98,7 +98,7 @@ def _parameter_problems(law: Any, block: Mapping, wheels) -> Iterator[str]:
         yield from _preload_problems(key, place, wheels)
 
 
-def _length_problems(law: type[AbstractLaw], key: str, given: Mapping) -> Iterator[str]:
+def _length_problems(law: Any, key: str, given: Mapping) -> Iterator[str]:
     """The lists of one law are equally long."""
     names = [name for name, parameter in law.parameters.items() if parameter.shape == ANY_LENGTH]
     lengths = {name: len(given[name]) for name in names if isinstance(given.get(name), list)}

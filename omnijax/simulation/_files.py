@@ -31,12 +31,14 @@ def save_trajectory(
     rig_path: str | Path | None = None,
     command: str = "",
     end: State | None = None,
+    asked: str = "",
 ) -> Path:
     """Write a run.  `.nc` keeps every channel, unit and the rig; the others are recordings.
 
     `.csv`, `.csv.gz` and `.parquet` hold the inputs and what the sensors of `rig` read, with
     NAME.toml beside them; rows after a failure are left out.  `end` is the machine's state at
-    the last sample of a run that shall go on (`load_end`; `.nc` only).
+    the last sample of a run that shall go on (`load_end`; `.nc` only), and `asked` says as JSON
+    all that decides its numbers.
     """
     path = Path(path)
     kind = check_suffix(path)
@@ -45,6 +47,7 @@ def save_trajectory(
     data = to_xarray(trajectory, rig, command)
     if end is not None:
         data["end_state"] = ("state", np.asarray(ravel_pytree(end)[0]))
+        data.attrs["asked"] = asked
     return write_netcdf(data, path)  # zlib saves a fifth and costs three times the time
 
 
@@ -69,12 +72,12 @@ def load_trajectory(path: str | Path) -> Trajectory:
 
 
 def load_end(path: str | Path, like: State) -> tuple[State, str]:
-    """The state at the end of an interrupted run, shaped as `like`, and the run's command."""
+    """The state at the end of an interrupted run, shaped as `like`, and what was asked (JSON)."""
     data = load_netcdf(path, "a run of omnijax")
     flat, unravel = ravel_pytree(like)
     if "end_state" not in data.variables or data["end_state"].shape != flat.shape:
         raise InputError("holds no interrupted run of this rig.", path)
-    return unravel(jnp.asarray(data["end_state"].values)), str(data.attrs["command"])
+    return unravel(jnp.asarray(data["end_state"].values)), str(data.attrs.get("asked", ""))
 
 
 def to_xarray(trajectory: Trajectory, rig: Rig | None = None, command: str = "") -> Any:

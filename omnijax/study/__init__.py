@@ -10,6 +10,7 @@ from ._design import designed_rig as designed_rig
 from ._design import optimise as optimise
 from ._design import pareto as pareto
 from ._design import trade_off as trade_off
+from ._differences import differences as differences
 from ._evaluation import METHODS as METHODS
 from ._evaluation import checked_metrics as checked_metrics
 from ._file import Study as Study
@@ -31,6 +32,7 @@ from ._spread import Tolerances as Tolerances
 from ._spread import analyse as analyse
 from ._spread import global_sensitivity as global_sensitivity
 from ._spread import tolerances as tolerances
+from ._study_folder import Folder as Folder
 from ._sweep import Bar as Bar
 from ._sweep import Evaluator as Evaluator
 from ._sweep import SweepResult as SweepResult

@@ -25,22 +25,24 @@ class Folder:
     named and computed again.
     """
 
-    def __init__(self, folder: str | Path, identity: Mapping[str, Any], resume: bool):
+    def __init__(
+        self, folder: str | Path, identity: Mapping[str, Any], resume: bool, what: str = "study"
+    ):
         self.folder = Path(folder)
         mark, asked = self.folder / "study.json", plain(identity)
         if mark.exists():
             if not resume:
-                raise InputError("holds a study already: continue with --resume.", folder)
+                raise InputError(f"holds a {what} already: continue with --resume.", folder)
             found = differences(_stored(mark), json.loads(json.dumps(asked)))
             if found:
                 keys = "\n  ".join(found)
                 raise InputError(
-                    f"holds another study and is left as it is. They differ in:\n  {keys}", folder
+                    f"holds another {what} and is left as it is. They differ in:\n  {keys}", folder
                 )
         else:
             claim(folders=[self.folder])
             write_text(mark, json.dumps(asked, indent=1))
-        self._lock = _locked(real(mark))
+        self._lock = _locked(real(mark), what)
 
     def read(self, key: str) -> dict[str, np.ndarray] | None:
         """What `write` stored under `key`; None where it is not there, or damaged."""
@@ -70,11 +72,11 @@ class Folder:
 _locks: weakref.WeakValueDictionary[Path, Lock] = weakref.WeakValueDictionary()
 
 
-def _locked(mark: Path) -> Lock:
+def _locked(mark: Path, what: str) -> Lock:
     """This process's lock of a study: one for all that write it here, until the last is gone."""
     held = _locks.get(mark)
     if held is None:
-        held = _locks[mark] = Lock(mark, "study")
+        held = _locks[mark] = Lock(mark, what)
     return held
 
 

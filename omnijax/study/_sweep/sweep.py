@@ -13,6 +13,7 @@ import numpy as np
 
 from ... import __version__
 from ..._errors import InputError, tell
+from ..._interrupts import answer, check, end_children, interrupted, saying
 from ...rig import Rig, load_rig
 from ...simulation import AbstractDrive
 from .evaluator import Evaluator, quantities
@@ -84,7 +85,8 @@ def sweep(
             if workers is not None or scheduler is not None
             else None
         )
-        _run(store, run or _local(store, devices), report)
+        with saying(lambda: kept(store)):
+            _run(store, run or _local(store, devices), report)
     except OSError as error:
         raise _no_space(error, folder) from None
     finally:
@@ -148,10 +150,15 @@ def _run(store: Store, finished: Iterator[tuple[int, np.ndarray]], report: Repor
     """Drive the evaluation; an interruption keeps what is done and says how to go on."""
     try:
         for chunk, status in finished:
+            check()
             store.written(chunk)
             if report is not None:
                 report(store, chunk, status)
     except KeyboardInterrupt:
+        answer()
+        if interrupted():  # workers too: what they were in is computed again
+            end_children()
+            raise KeyboardInterrupt(kept(store)) from None
         close = getattr(finished, "close", None)
         if close is not None:
             close()

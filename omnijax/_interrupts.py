@@ -1,0 +1,149 @@
+"""Ctrl-C: heard at once, answered by the work, and obeyed whatever the work is doing.
+
+Python raises `KeyboardInterrupt` between two of its own steps.  While XLA compiles there is none,
+and inside a callback of C++ the exception is dropped.  So a thread hears the signal as well: work
+that does not answer within `PATIENCE` is ended where it stands, and so is everything at a second
+Ctrl-C.  Nothing that is finished is lost by that: it is on the disk already.
+"""
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+
+from . import _files
+
+PATIENCE = 1.5  # s
+CODE = 130
+NOTHING = "Interrupted. Nothing more was written."
+
+
+class _Heard:
+    def __init__(self) -> None:
+        self.count = 0
+        self.answered = threading.Event()
+        self.said: Callable[[], str] = lambda: NOTHING
+
+
+_now: list[_Heard] = []  # of the running command, if any
+
+
+@contextmanager
+def listening() -> Iterator[None]:
+    """Ctrl-C is heard inside; where signals cannot be had (a thread, no Unix) as Python does."""
+    main = threading.current_thread() is threading.main_thread()
+    deaf = sys.platform == "win32" or signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    if not main or deaf or _now:
+        yield
+        return
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    heard = _Heard()
+    _now.append(heard)
+    before = signal.signal(signal.SIGINT, _raise)
+    wakeup = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
+    hook, sys.unraisablehook = sys.unraisablehook, _dropped
+    threading.Thread(target=_watch, args=(reading, heard), daemon=True).start()
+    try:
+        yield
+    finally:
+        sys.unraisablehook = hook
+        signal.set_wakeup_fd(wakeup)
+        signal.signal(signal.SIGINT, before)
+        heard.answered.set()
+        os.close(writing)  # the thread reads the end, and ends
+        _now.clear()
+
+
+def interrupted() -> bool:
+    """Whether Ctrl-C was pressed while this command ran."""
+    return any(heard.count for heard in _now)
+
+
+def answer() -> None:
+    """The work has taken the interruption up, and needs its time to end."""
+    for heard in _now:
+        heard.answered.set()
+
+
+def check() -> None:
+    """Raise `KeyboardInterrupt` where one was pressed and has been lost on its way."""
+    if any(heard.count and not heard.answered.is_set() for heard in _now):
+        raise KeyboardInterrupt
+
+
+@contextmanager
+def saying(text: Callable[[], str]) -> Iterator[None]:
+    """What is said where the work inside cannot answer: what of it is kept, and how to go on."""
+    before = [heard.said for heard in _now]
+    for heard in _now:
+        heard.said = text
+    try:
+        yield
+    finally:
+        for heard, said in zip(_now, before, strict=False):
+            heard.said = said
+
+
+def _raise(*_: object) -> None:
+    for heard in _now:
+        heard.count = max(heard.count, 1)
+    raise KeyboardInterrupt
+
+
+def _dropped(found: Any) -> None:
+    """An exception that a callback could not pass on; of a Ctrl-C the thread takes care."""
+    if not issubclass(found.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(found)
+
+
+def _watch(reading: int, heard: _Heard) -> None:
+    """Hear the signals that the system writes into the pipe."""
+    presses = 0
+    while content := os.read(reading, 64):
+        presses += content.count(bytes([signal.SIGINT]))
+        if not presses:
+            continue
+        heard.count = presses
+        if presses > 1:
+            _end("Interrupted again: ended at once.")
+        threading.Thread(target=_insist, args=(heard,), daemon=True).start()
+    os.close(reading)
+
+
+def _insist(heard: _Heard) -> None:
+    if not heard.answered.wait(PATIENCE):
+        text = NOTHING
+        with suppress(Exception):
+            text = heard.said()
+        _end(text)
+
+
+def leave(code: int) -> None:
+    """End the process with what was said, and without the libraries' own ends."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(Exception):
+            stream.flush()
+    end_children()
+    os._exit(code)
+
+
+def _end(text: str) -> None:
+    """End the process now: no destructor of a library runs into a dying interpreter."""
+    _files.drop_parts()
+    with suppress(Exception):
+        os.write(2, f"{text}\n".encode())
+    end_children()
+    os._exit(CODE)
+
+
+def end_children() -> None:
+    """End the worker processes that this one has started."""
+    import multiprocessing
+
+    for child in multiprocessing.active_children():
+        with suppress(Exception):
+            child.kill()
