@@ -59,6 +59,8 @@ def orders(
     from ..report import orders_page, provenance, strongest_orders
     from ..vibration import order_track, rpm_order_map
 
+    _in_range("turns", turns, 0.01, 1e4)
+    _in_range("max-order", max_order, 0.01, 1e4)
     measured, machine = _run(run, rig)
     claim(folders=[out], force=force)
     try:
@@ -89,6 +91,13 @@ def orders(
     emit(json, data | {"orders": rows}, lambda: _print(found, table, page))
 
 
+def _in_range(name: str, value: float | None, low: float, high: float) -> None:
+    from .._errors import InputError
+
+    if value is not None and not low <= value <= high:
+        raise InputError(f"`{name}` must lie in [{low:g}, {high:g}], but is {value:g}.")
+
+
 def _run(path: Path, rig: str | None) -> tuple[Any, Any]:
     """The run and its rig, None where a recording names none."""
     from ..rig import load_rig
@@ -98,12 +107,11 @@ def _run(path: Path, rig: str | None) -> tuple[Any, Any]:
         from ..view import rig_of_run
 
         return load_trajectory(path), rig_of_run(path)
-    from ..recording import read_recording
+    from ..recording import read_recording, rig_of_recording
 
-    machine = None if rig is None else load_rig(rig)
+    named = rig or rig_of_recording(path)
+    machine = None if named is None else load_rig(named)  # first: it tells wrong units
     recording = read_recording(path, machine)
-    if machine is None and recording.rig_path is not None:
-        machine = load_rig(recording.rig_path)
     for fault in recording.faults:
         print(f"warning: {fault}", file=sys.stderr)
     return recording, machine

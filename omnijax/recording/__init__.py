@@ -9,6 +9,7 @@ from ._columns import unit_of as unit_of
 from ._noise import NoiseFloor as NoiseFloor
 from ._noise import noise_floor as noise_floor
 from ._read import read_recording as read_recording
+from ._read import rig_of_recording as rig_of_recording
 from ._recording import Fault as Fault
 from ._recording import Recording as Recording
 from ._speeds import SpeedTable as SpeedTable

@@ -18,6 +18,7 @@ from ._tables import read_table, stem_of
 from ._time import usable_rows
 from ._values import clean, mend_inputs
 
+FINER = (("ms", 1e3), ("us", 1e6), ("ns", 1e9))
 SLOW = 0.2  # s; a longer sampling step is one in milliseconds
 
 
@@ -33,6 +34,12 @@ def read_recording(path: str | Path, rig: Any = None) -> Recording:
         raise InputError(f"{path} is not a file{f' (did you mean `{near[0]}`?)' if near else ''}.")
     sidecar = read_sidecar(path.with_name(stem_of(path) + ".toml"))
     return build_recording(path, read_table(path), sidecar, rig)
+
+
+def rig_of_recording(path: str | Path) -> Path | None:
+    """The rig file that NAME.toml beside a recording names."""
+    path = Path(path)
+    return read_sidecar(path.with_name(stem_of(path) + ".toml")).rig if path.is_file() else None
 
 
 def build_recording(path: Path, table: Table, sidecar: Sidecar, rig: Any = None) -> Recording:
@@ -143,9 +150,10 @@ def _scale_units(
             faults.append(Fault(file, column, (), "unit", f"the file says {error}", use))
     step = np.median(np.abs(np.diff(named["t"]))) if len(named["t"]) > 2 else 0.0
     if step > SLOW and not ({"t"} & set(sidecar.units)):
-        what = f"the step is {step:g} s, which looks like milliseconds"
-        use = 'it is read as ms; `units.t = "s"` in NAME.toml keeps it'
-        named["t"] = named["t"] / 1000
+        unit, factor = next(((u, f) for u, f in FINER if step / f <= SLOW), FINER[-1])
+        what = f"the step is {step:g} s, which looks like {unit}"
+        use = f'it is read as {unit}; `units.t = "s"` in NAME.toml keeps it'
+        named["t"] = named["t"] / factor
         faults.append(Fault(file, "t", (), "unit", what, use))
 
 

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from pydantic import ValidationError
 
 from .._errors import did_you_mean
@@ -35,6 +36,7 @@ def problems(data: Mapping[str, Any], folder: Path) -> list[str]:
     for i, wheel in enumerate(wheels):
         key = f"wheel.{_label(wheels, i)}"
         found += [f"`{key}.{text}" for text in _wheel_problems(wheel, data, folder)]
+    found += _sphere_problems(data.get("sphere"))
     found += effect_problems(_blocks(data, "effect"), wheels, folder)
     found += _uncertainty_problems(data, names)
     return list(dict.fromkeys(found))
@@ -170,6 +172,40 @@ def open_paths(names: list[str]) -> set[str]:
     for key in ("normal", "drive"):
         found |= {f"wheel.{key}", *(f"wheel.{name}.{key}" for name in names)}
     return found
+
+
+def _sphere_problems(sphere: Any) -> Iterator[str]:
+    """A body inside its own surface: centre of mass, and inertia that its mass allows."""
+    if not isinstance(sphere, Mapping):
+        return
+    radius, mass = (_read(SphereTable, key, sphere) for key in ("radius", "mass"))
+    centre = _read(SphereTable, "centre_of_mass", sphere)
+    if centre is not None and radius is not None and math.hypot(*centre) >= radius:
+        yield (
+            f"`sphere.centre_of_mass` must lie inside the sphere (radius {radius:g} m), but is "
+            f"{math.hypot(*centre):g} m from its centre."
+        )
+    inertia = _read(SphereTable, "inertia", sphere)
+    if inertia is None:
+        return
+    rows = (
+        inertia
+        if isinstance(inertia, tuple)
+        else ((inertia, 0, 0), (0, inertia, 0), (0, 0, inertia))
+    )
+    low, middle, high = np.linalg.eigvalsh(np.array(rows, float)).tolist()
+    if low + middle < high * (1 - 1e-6):
+        yield (
+            f"`sphere.inertia` must obey the triangle inequality, but of its principal moments "
+            f"{low:g}, {middle:g} and {high:g} kg m^2 the largest is above the sum of the others."
+        )
+    if mass is not None and radius is not None:
+        most = 2 * mass * radius**2  # sum of the moments, all mass at the surface
+        if low + middle + high > most * (1 + 1e-6):
+            yield (
+                f"`sphere.inertia` is more than its mass can have: its principal moments add up to "
+                f"{low + middle + high:g} kg m^2, but 2 m R^2 is {most:g}."
+            )
 
 
 def _uncertainty_problems(data: Mapping, names: list[str]) -> Iterator[str]:

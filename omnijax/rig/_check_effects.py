@@ -9,6 +9,7 @@ from .._errors import did_you_mean
 from ..laws import ANY_LENGTH, EFFECTS
 from ._declaration import declared_laws
 from ._parameters import law_quantity
+from ._quantities import Quantity
 from ._schema import GROUPS, channels
 from ._user_laws import rigs_laws
 
@@ -94,6 +95,8 @@ def _parameter_problems(law: Any, block: Mapping, wheels) -> Iterator[str]:
         if law.id == "damaged-roller" and name == "roller":
             yield from _roller_problems(f"{key}.{name}", value, place, wheels)
     yield from _length_problems(law, key, given)
+    if law.id in ("wheel-runout",):
+        yield from _runout_problems(key, given, place, wheels)
     if law.id == "contact-hertz":
         yield from _preload_problems(key, place, wheels)
 
@@ -114,6 +117,20 @@ def _roller_problems(key: str, value: Any, place: str, wheels) -> Iterator[str]:
     if value != int(value) or (count is not None and value >= count):
         top = "" if count is None else f" in [0, {count - 1:g}]"
         yield f"`{key}` must be a whole number{top}, but is {value!r}."
+
+
+def _runout_problems(key: str, given: Mapping, place: str, wheels) -> Iterator[str]:
+    """A wheel runs out by less than its radius."""
+    try:
+        size = abs(Quantity("m").read(given["amplitude"]))
+        radii = [Quantity("m").read(w["radius"]) for w in wheels if place in ("all", w.get("name"))]
+    except (KeyError, TypeError, ValueError):  # told elsewhere
+        return
+    if radii and size >= min(radii):
+        yield (
+            f"`{key}.amplitude` must lie below the wheel's radius {min(radii):g} m, but is "
+            f"{given['amplitude']!r}."
+        )
 
 
 def _preload_problems(key: str, place: str, wheels) -> Iterator[str]:

@@ -194,9 +194,23 @@ def as_number(found: Any, unit: str) -> float:
     if isinstance(found, bool) or not isinstance(found, int | float):
         kind = "a number" if unit == "1" else f"a number ({unit})"
         raise ValueError(f"must be {kind}, but is {found!r}.")
-    if not math.isfinite(found):
+    try:
+        value = float(found)
+    except OverflowError:
+        value = math.inf
+    return _sized(value, found)
+
+
+SMALLEST, LARGEST = 1e-30, 1e30  # of any number in SI; beyond them sums of squares overflow
+
+
+def _sized(value: float, found: Any) -> float:
+    """`value`, which is finite and of a size that arithmetic takes."""
+    if not math.isfinite(value):
         raise ValueError(f"must be finite, but is {found!r}.")
-    return float(found)
+    if value != 0 and not SMALLEST <= abs(value) <= LARGEST:
+        raise ValueError(f"must be 0 or {SMALLEST:g} to {LARGEST:g} in size, but is {found!r}.")
+    return value
 
 
 def _from_text(text: str, unit: str) -> float:

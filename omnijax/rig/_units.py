@@ -5,6 +5,8 @@ import math
 import re
 from typing import Any, NamedTuple
 
+from .._strange import strange_unit
+
 _GLUED = re.compile(  # N or kg with what is written against it: "mNm" is mN m, "Ns/m" is N s/m
     r"(?<![^\W\d_])([kMmµμuc]?N|k?g)(mm|cm|m)?(s)?(?=[\^²³/*·⋅\s\d)]|$)"
 )
@@ -120,6 +122,8 @@ def _by_pint(given: str, unit: str) -> tuple[float, bool]:
     """The factor from `given` to `unit`, and whether `given` counts an angle."""
     import pint
 
+    if strange_unit(given):
+        raise ValueError(f"Its unit is not known.{spelled(unit)}")
     registry = _registry()
     try:
         source, target = registry.parse_units(given), registry.parse_units(unit)

@@ -64,6 +64,8 @@ def plan(
     _check(sampling, numerics)
     axes = read_axes(rig, drive, split_vary(vary))
     points = build_points(axes, sampling.sampler, sampling.samples, sampling.seed)
+    if points.size > MOST:
+        raise InputError(f"a sweep has {MOST:g} designs at most, but this one {points.size:g}.")
     paths = tuple(axis.path for axis in axes)
     _build(rig, numerics.model)
 
