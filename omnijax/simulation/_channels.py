@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 
+from .._status import Status
 from ..dynamics import Inputs, Model, State, instant, prescribed_instant
 from ._commands import torque_inputs
 from ._drives import SpeedDrive
@@ -19,6 +20,8 @@ def trajectory(
         return sample(model, drive, start, t, state)
 
     values = jax.vmap(channels)(ts, states)
+    finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(values)]))
+    status = jnp.where((status == Status.OK) & ~finite, int(Status.NON_FINITE), status)
     return Trajectory(
         t=ts, **values, status=status, steps=steps, method=method, names=model.rig.names
     )

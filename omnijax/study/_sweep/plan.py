@@ -28,6 +28,8 @@ from .._target import read_axes
 from .evaluator import BATCHES_A_CHUNK, Evaluator, batch_size
 from .spec import SweepSpec
 
+MOST = 1e9  # designs; a millisecond each would take eleven days
+
 
 class Sampling(NamedTuple):
     """Which designs, and how many at a time."""

@@ -1,0 +1,1 @@
+"""Attacks on the commands: wrong inputs, interruptions; `python -m tests.faults` prints figures."""
