@@ -8,14 +8,15 @@ from ._options import emit
 
 def is_machine(path: str | Path) -> bool:
     """Whether a file is a machine's: TOML with a `kind`."""
-    import tomllib
+    from .._errors import InputError
+    from .._reading import read_toml
 
     file = Path(path)
     if file.suffix != ".toml" or not file.is_file():
         return False
     try:
-        return "kind" in tomllib.loads(file.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
+        return "kind" in read_toml(file)
+    except InputError:  # told where it is read as what it is
         return False
 
 

@@ -1,7 +1,6 @@
 """machine.toml in and out."""
 
 import dataclasses
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -9,7 +8,8 @@ from typing import Any
 import jax.numpy as jnp
 from pydantic import ValidationError
 
-from .._errors import InputError, did_you_mean
+from .._errors import InputError
+from .._reading import did_you_mean, read_toml
 from ..laws import EFFECTS
 from ._axis import Axis
 from ._base import AbstractMachine
@@ -42,11 +42,9 @@ def load_machine(path: str | Path) -> MachineFile:
     """The machine of a TOML file; `InputError` with every problem at once."""
     path = Path(path)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        data = read_toml(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}.") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path} is not a TOML file: {error}.") from None
     return parse_machine(data, str(path))
 
 

@@ -1,14 +1,14 @@
 """Logs of a machine: any table, any column names and units, and the NAME.toml beside it."""
 
 import dataclasses
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from .._errors import InputError, did_you_mean
+from .._errors import InputError
+from .._reading import did_you_mean, read_toml
 from ..recording import READERS, read_table, stem_of, suffix_of
 from ..rig import Quantity
 
@@ -202,7 +202,4 @@ def tables_of(folder: Path) -> dict[str, Path]:
 
 def toml_of(path: Path) -> dict[str, Any]:
     """A TOML document; `InputError` where it is none."""
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path.name} is not a TOML file: {error}.") from None
+    return read_toml(path)

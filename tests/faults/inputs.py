@@ -131,9 +131,10 @@ def _arguments() -> Iterator[Case]:
 
 RUN = b"t,torque_1,torque_2,torque_3\n" + b"".join(b"%.3f,1,2,3\n" % (0.002 * i) for i in range(40))
 TABLES = {
-    "empty": b"", "head": RUN[:29], "two rows": RUN[:60], "no time": RUN.replace(b"t,", b"q,", 1),
+    "empty": b"", "head": RUN[:29], "two rows": RUN[:53], "no time": RUN.replace(b"t,", b"q,", 1),
     "two wheels": b"t,torque_1,torque_2\n0,1,1\n1,1,1\n2,1,1\n", "zeros": bytes(900),
-    "text": RUN.replace(b",1,", b",one,"), "no head": RUN[29:], "time stands": RUN[:29] + b"0,1,1,1\n" * 9,
+    "text": RUN.replace(b",1,", b",one,"), "no head": RUN[29:],
+    "time stands": RUN[:29] + b"0,1,1,1\n" * 9,
 }  # fmt: skip
 
 
