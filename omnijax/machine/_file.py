@@ -8,8 +8,8 @@ from typing import Any
 import jax.numpy as jnp
 from pydantic import ValidationError
 
-from .._errors import InputError
-from .._reading import did_you_mean, read_toml
+from .._errors import InputError, did_you_mean
+from .._reading import read_toml
 from ..laws import EFFECTS
 from ._axis import Axis
 from ._base import AbstractMachine
