@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import InputError
-from .._reading import did_you_mean, read_toml
+from .._errors import InputError, did_you_mean
+from .._reading import read_toml
 from ..recording import READERS, read_table, stem_of, suffix_of
 from ..rig import Quantity
 
