@@ -6,6 +6,7 @@ import jax.numpy as jnp
 from omnijax import laws
 from omnijax.rig import Closure, Contact, Mount, Platform, Rig, Sphere, Wheels
 
+from . import _general
 from . import _problem as problem
 
 
@@ -31,6 +32,40 @@ def rig(row, torque_driven: bool = False) -> Rig:
     made = Rig(sphere, platform, wheels, (laws.GatedSine(),) * 3, (), ("w1", "w2", "w3"))
     if torque_driven:
         made = made.add(laws.SpinResistance(jnp.asarray(4e-5), jnp.asarray(0.01)), "all")
+    return made
+
+
+def general_rig(count: int, row, effects: bool = False) -> Rig:
+    """The rig of `_general`: unlike wheels in that layout; `effects` adds three linear laws."""
+    one, (normal, drive) = jnp.ones(count), _general.layout(count)
+    K, C = _general.stiffness(count, row)
+    wheels = Wheels(
+        normal=jnp.asarray(normal),
+        drive=jnp.asarray(drive),
+        radius=problem.RB * one,
+        mass=problem.MW * one,
+        inertia=7.2e-4 * one,
+        rollers=float(problem.N) * one,
+        roundness=row[0] * one,
+        contact=Contact(K, C, 0.9 * one),
+        mount=Mount(row[2] * one, problem.CM * one),
+        closure=Closure(problem.KP * one, 20.0 * one),
+    )
+    sphere = Sphere(
+        jnp.asarray(problem.R),
+        jnp.asarray(problem.M),
+        _general.INERTIA * jnp.eye(3),
+        jnp.zeros(3),
+    )
+    platform = Platform(jnp.asarray(_general.PLATFORM), jnp.zeros(3))
+    names = tuple(f"w{i + 1}" for i in range(count))
+    made = Rig(sphere, platform, wheels, (laws.GatedSine(),) * count, (), names)
+    if effects:
+        made = made.add(laws.WheelRunout(jnp.asarray(4e-5), jnp.asarray(0.7)), "w2")
+        made = made.add(laws.ContactRelaxation(jnp.asarray(2e4), jnp.asarray(0.02)), "w1")
+        numbers = (0.05, 17.0, 0.3)
+        floor = laws.FloorVibration(*map(jnp.asarray, numbers), jnp.asarray([0.36, 0.48, 0.8]))
+        made = made.add(floor, "platform")
     return made
 
 

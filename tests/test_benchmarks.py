@@ -10,7 +10,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from benchmarks import __main__ as command
-from benchmarks import _c
+from benchmarks import _c, _general
 from benchmarks import _problem as problem
 from benchmarks._clock import Tool, loosest, measure, table
 
@@ -45,6 +45,34 @@ def test_runge_kutta_programs_converge_to_the_references():
 def test_the_programs_leave_the_process_its_subnormal_numbers():
     assert _c.compiled("elastic") is not None
     assert np.array([5e-324]).max() * np.ones(2)[1] > 0
+
+
+@needs_compiler
+@pytest.mark.parametrize("count", [3, 4, 6])
+def test_the_general_program_agrees_with_the_modes(count):
+    library = _c.compiled("general")
+    for damping in (0.0, 120.0, 20000.0):
+        rows = problem.designs(16, damping)
+        expected = _general.figures(count, rows[::8])
+        found = _general.Program(library, count, rows)()
+        assert problem.error(found[::8], expected) < 1e-10
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_general_machines_are_the_rigs_they_are_measured_beside(count):
+    import jax.numpy as jnp
+
+    from benchmarks import _omnijax as ours
+    from omnijax import propagate, speeds
+
+    rng = np.random.default_rng()
+    row = np.array([rng.uniform(0.1, 0.9), 10 ** rng.uniform(4.5, 6), 1e6, rng.uniform(0, 9e3)])
+    times = _general.TIMES[::10]
+    drive = speeds(_general.SPEEDS[:count])
+    run = propagate(ours.general_rig(count, jnp.asarray(row)), drive, jnp.asarray(times))
+    dR, rate = _general.response(count, row, times)
+    for found, expected in ((run.dR, dR.T), (run.dR_rate, rate.T)):
+        assert np.abs(found - expected).max() < 1e-8 * np.abs(expected).max(), row
 
 
 def test_a_row_that_misses_the_accuracy_says_so():
