@@ -139,10 +139,11 @@ def _hermite(y, d, u) -> float:
     """Largest value on [0, 1], by a grid and one parabola about its largest point."""
     c2, c3 = 3 * (y[1] - y[0]) - 2 * d[0] - d[1], 2 * (y[0] - y[1]) + d[0] + d[1]
     values = y[0] + u * (d[0] + u * (c2 + u * c3))
-    i = int(np.clip(np.argmax(values), 1, len(u) - 2))
+    i = int(np.argmax(values))
+    if i in (0, len(u) - 1):
+        return float(values[i])
     before, here, after = values[i - 1 : i + 2]
-    bend = before - 2 * here + after
-    return max(values.max(), here - (after - before) ** 2 / (8 * bend) if bend < 0 else here)
+    return float(here - (after - before) ** 2 / (8 * (before - 2 * here + after)))
 
 
 class Program:

@@ -109,7 +109,7 @@ def _turn(pieces: Pieces, gap: Gap, repeats: int, damage, runouts) -> Pieces:
         repeated(pieces.sine) * scale,
         repeated(pieces.frequency),
     )
-    turn = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), turn)
+    turn = jax.tree.map(lambda x: x.reshape(x.shape[0] * x.shape[1], *x.shape[2:]), turn)
     begin = jnp.cumsum(turn.width) - turn.width
     for law in runouts:  # A cos(theta - phi) = A cos(begin - phi + width v)
         phase = begin - law.phase
