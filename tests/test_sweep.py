@@ -7,6 +7,7 @@ import sys
 import jax
 import numpy as np
 import pytest
+from machines import ORTHOGONAL, SKEW, machine
 
 import omnijax
 from omnijax import InputError, load_rig, load_sweep, set_parameter, sweep
@@ -61,6 +62,22 @@ def test_runs_with_a_duration_agree_with_one_run():
     alone = omnijax.propagate(rig, speeds([0.2, 2.4, 0.6]), np.linspace(0, 0.2, 21))
     expected = float(evaluate(alone, rig, ("rms",))["rms"])
     assert result["rms"][1, 1] == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("layout", [ORTHOGONAL, SKEW], ids=["orthogonal", "tripod"])
+def test_gradients_of_runs_are_slopes_between_designs(layout):
+    """One program gives them for both rigs; rig, effect of all wheels, drive."""
+    h, rig = 1e-5, machine(layout)
+    base = {"wheel.roundness": 0.45, "contact.damping": 130.0, "speed.scale": 1.1}
+    vary = {path: value * (1 + h * np.arange(-1, 2)) for path, value in base.items()}
+    given = {"drive": speeds((2.1, 3.4, 5.3)), "duration": 0.3, "rate": 500, "chunk": 27}
+    result = sweep(rig, vary, "rms,peak", gradient=True, **given)
+    assert result.spec.method == "bulk" and result.counts() == {"ok": 27}
+    for metric in ("rms", "peak"):
+        for axis, (path, value) in enumerate(base.items()):
+            line = np.moveaxis(result[metric], axis, 0)[:, 1, 1]
+            slope = (line[2] - line[0]) / (2 * h * value)
+            assert result[f"d_{metric}.{path}"][1, 1, 1] == pytest.approx(slope, rel=1e-4)
 
 
 def test_a_force_on_the_platform_counts_in_every_row():

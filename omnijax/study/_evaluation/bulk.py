@@ -36,18 +36,23 @@ def _unpushed(rig: Rig, drive: SpeedDrive, paths: tuple[str, ...], values):
 
 
 def bulk_runs(
-    how: Evaluation, rig: Rig, drive: Drive, paths: tuple[str, ...], rows: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Figures (b, m), no gradients (b, m, 0) and status (b,) of runs; compiles by itself."""
+    how: Evaluation, rig: Rig, drive: Drive, paths: tuple[str, ...], rows: np.ndarray,
+    gradient: bool,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+    """Figures (b, m), gradients (b, m, d) or (b, m, 0) and status (b,) of runs.
+
+    The modal core compiles its programs by itself.
+    """
     duration = float(how.times[-1])
     figures = modal_figures(
         eqx.Partial(_operating, rig, drive, paths), jnp.asarray(rows), how.metrics,
-        duration=duration, step=duration / (len(how.times) - 1), model=how.model,
+        duration=duration, step=duration / (len(how.times) - 1), model=how.model, gradient=gradient,
     )  # fmt: skip
     bad = ~np.isfinite(figures.values).all(axis=1)
     status = np.where(bad, Status.NON_FINITE, margin_status(figures.normal, figures.slip))
     values = np.where(bad[:, None], np.nan, figures.values)
-    return values, np.zeros((*values.shape, 0)), status
+    slopes = np.zeros((*values.shape, 0)) if figures.slopes is None else figures.slopes
+    return values, slopes, status
 
 
 def plan_rows(how: Evaluation, rig: Rig, drive: Drive, paths, trial: np.ndarray) -> SteadyPlan:

@@ -99,8 +99,6 @@ def _no_rows(q: Question) -> str | None:
 
 
 def _no_modal_run(q: Question) -> str | None:
-    if q.gradient:
-        return "the modal form gives no gradients"
     return modal_obstacle(q.rig, q.model, q.metrics)
 
 

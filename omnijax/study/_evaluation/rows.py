@@ -41,7 +41,7 @@ class Rows:
         """Figures, gradients and status of all `rows`, `size` of them at a time."""
         if self.how.method == "bulk":  # cuts the rows into batches by itself, on one device
             rig, drive = eqx.combine(self._arrays, self._static)
-            return bulk_runs(self._whole, rig, drive, self.paths, rows)
+            return bulk_runs(self._whole, rig, drive, self.paths, rows, self.gradient)
         return in_batches(self, rows, size)
 
     def __call__(self, rows: np.ndarray) -> tuple[Any, Any, Any]:
