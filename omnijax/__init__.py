@@ -29,7 +29,8 @@ _EXPORTS = {  # package -> its names here; nothing is imported before it is aske
     ),
     "simulation": (
         "Signal SpeedDrive SteadyState TorqueDrive Trajectory drive_from_recording "
-        "load_trajectory measured propagate simulate simulate_many speeds steady_state torques"
+        "load_run load_trajectory measured propagate simulate simulate_many speeds steady_state "
+        "torques"
     ),
     "recording": (
         "Case Fault NoiseFloor Recording noise_floor read_case read_recording write_recording"

@@ -38,7 +38,6 @@ from ._private import config_folder, private_folder
 FILES = 64  # the most that are kept, the last used
 HELD = 32  # the most in memory
 _held: dict[Any, Callable] = {}
-_SOURCES = (".", "laws", "rig", "dynamics", "simulate", "simulate/exact")
 _STATIC = (str, int, float, bool)  # leaves beside arrays
 _log = logging.getLogger("omnijax")
 
@@ -112,8 +111,8 @@ def _package_only(args: Any) -> bool:
 def _origin() -> str:
     """What the programs of this process come from: sources, versions, processor, flags."""
     digest, root = hashlib.sha256(), Path(__file__).parent
-    for file in sorted(path for part in _SOURCES for path in (root / part).glob("*.py")):
-        digest.update(file.name.encode() + file.read_bytes())
+    for file in sorted(root.rglob("*.py")):
+        digest.update(str(file.relative_to(root)).encode() + file.read_bytes())
     modules = [sys.modules[name] for name in ("jax", "jaxlib", "equinox", "numpy")]
     versions = [f"{module.__name__} {module.__version__}" for module in modules]
     flags = sorted(f"{k}={v}" for k, v in os.environ.items() if k.startswith(("XLA", "PJRT")))

@@ -186,3 +186,14 @@ print(hashlib.sha256(b"".join(values)).hexdigest())
     first = process(text)
     assert process(refuse + text) == first
     assert process(text, OMNIJAX_KEEP_PROGRAMS="0") == first
+
+
+def test_every_source_of_the_package_counts(monkeypatch, tmp_path):
+    monkeypatch.setattr(_programs, "__file__", str(tmp_path / "_programs.py"))
+    deep = tmp_path / "simulation" / "_exact" / "expm.py"
+    deep.parent.mkdir(parents=True)
+    found = set()
+    for text in ("x = 1", "x = 2", "x = 1"):
+        deep.write_text(text)
+        found.add(_programs._origin.__wrapped__())
+    assert len(found) == 2

@@ -4,21 +4,8 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
+from ..rig import FACTS
 from ._table import columns, paragraph
-
-ROWS = (  # label, key, factor to the printed unit, unit
-    ("radius r_b", "radius", 1e3, "mm"),
-    ("rollers n", "rollers", 1, ""),
-    ("roundness η (gap angle / pitch)", "roundness", 1, ""),
-    ("gap depth Δr_w", "gap_depth", 1e3, "mm"),
-    ("contact stiffness K", "contact_stiffness", 1e-3, "kN/m"),
-    ("contact damping C", "contact_damping", 1, "N s/m"),
-    ("mount stiffness k", "mount_stiffness", 1e-3, "kN/m"),
-    ("mount damping c", "mount_damping", 1, "N s/m"),
-    ("closure stiffness K'", "closure_stiffness", 1e-3, "kN/m"),
-    ("preload N0", "preload", 1, "N"),
-    ("friction μ", "friction", 1, ""),
-)
 
 
 def lines(name: str, summary: dict[str, Any]) -> Iterator[str]:
@@ -77,7 +64,7 @@ def _directions(wheels: list[dict[str, Any]]) -> Iterator[str]:
 def _numbers(wheels: list[dict[str, Any]]) -> Iterator[str]:
     """What all wheels share once; what differs, wheel by wheel."""
     shared, single = [], []
-    for label, key, factor, unit in ROWS:
+    for key, (label, factor, unit, _) in FACTS.items():
         values = [f"{wheel[key] * factor:.6g}" for wheel in wheels]
         if len(set(values)) == 1:
             shared.append([label, f"{values[0]} {unit}".strip()])

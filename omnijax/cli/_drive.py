@@ -10,7 +10,6 @@ from .._errors import InputError
 from ._motion import Motion
 from ._options import numbers
 
-LONGEST = 5_000_000  # samples; more is a misread unit
 _UNIT = re.compile(r"[^\d.eE+\-\s].*\Z")
 
 
@@ -32,7 +31,7 @@ def asked(rig: Any, motion: Motion, omega: str | None, recording: Path | None) -
         raise InputError(f"give one of {', '.join(given)}{told}.")
     if recording is not None:
         return _from_file(rig, motion, recording)
-    from ..simulation import speeds, torques
+    from ..simulation import sample_times, speeds, torques
 
     times = sample_times(motion.seconds or 8.0, motion.hertz)
     end = float(times[-1])
@@ -45,19 +44,6 @@ def asked(rig: Any, motion: Motion, omega: str | None, recording: Path | None) -
     else:
         turn = _turning(rig, str(omega), end)
     return Asked(speeds(turn, push), times, [])
-
-
-def sample_times(length: float, rate: float | None) -> Any:
-    """Samples from 0 to `length` s, 500 a second where no rate is given."""
-    import numpy as np
-
-    frequency = rate or 500.0
-    count = round(length * frequency)
-    if not 1 <= count <= LONGEST:
-        raise InputError(
-            f"`duration` times `rate` must give 1 to {LONGEST} samples, but gives {count}."
-        )
-    return np.arange(count + 1) / frequency
 
 
 def _signal(name: str, text: str, unit: str, count: int, what: str, end: float) -> Any:
@@ -104,7 +90,7 @@ def _turning(rig: Any, text: str, end: float) -> Any:
 def _from_file(rig: Any, motion: Motion, file: Path) -> Asked:
     """A table of speeds, or a recording's torques, force and first wheel angles."""
     from ..recording import read_recording, speed_table
-    from ..simulation import drive_from_recording, speeds, table
+    from ..simulation import drive_from_recording, sample_times, speeds, table
 
     if motion.force is not None:
         raise InputError("--drive brings its own force: leave out --force.")

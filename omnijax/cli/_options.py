@@ -41,9 +41,6 @@ def check_picture(path: Path | None) -> None:
         raise InputError(f"`{path.name}` must end in one of {', '.join(PICTURES)}.")
 
 
-_SEVERAL = re.compile(r"\s*[-+\d.eE]+(\s+[-+]?[\d.][-+\d.eE]*)+\s*\Z")
-
-
 def command_line(without: tuple[str, ...] = (), valued: tuple[str, ...] = ()) -> str:
     """This command as it can be typed again, less some of its words and options with a value."""
     typed, words = ["omnijax"], iter(sys.argv[1:])
@@ -72,17 +69,9 @@ def numbers(
     `InputError` names every one that is none.
     """
     from .._errors import InputError
+    from ..rig import typed_numbers
 
-    values, problems = [], []
-    if "," not in text and _SEVERAL.match(text):
-        raise InputError(f"`{name}` is {text!r}: write commas between the values, not spaces.")
-    for part in text.split(","):
-        try:
-            values.append(number(name, part.strip(), unit))
-        except InputError as error:
-            problems += error.problems
-    if problems:
-        raise InputError(problems)
+    values = typed_numbers(name, text, unit)
     if count is not None and len(values) != count:
         kind = "the rig has" if what == "wheels" else "it needs"
         have = f"{len(values)} value{'s' * (len(values) > 1)}"
@@ -92,14 +81,6 @@ def numbers(
 
 def number(name: str, text: str, unit: str) -> float:
     """A number in SI from text with or without a unit; `InputError` names the option."""
-    from .._errors import InputError
-    from ..rig import as_number
+    from ..rig import typed_number
 
-    try:
-        return as_number(float(text), unit)
-    except ValueError:
-        pass  # text with a unit, or nothing that makes sense
-    try:
-        return as_number(text, unit)
-    except ValueError as error:
-        raise InputError(f"`{name}` {error}") from None
+    return typed_number(name, text, unit)

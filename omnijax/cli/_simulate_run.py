@@ -46,14 +46,14 @@ def interrupted_run(path: Path | None, rig: Any, asked: dict[str, Any]) -> tuple
 
     None where only the pieces of a killed process are there.
     """
-    from ..simulation import build_model, initial_state_like, load_end, load_trajectory
+    from ..simulation import build_model, initial_state_like, load_end, load_run
     from ..study import differences
 
     if path is None or not path.name.lower().endswith(".nc"):
         raise InputError("`resume` needs the interrupted run: --out RUN.nc.")
     if not path.exists() and pieces_folder(path).is_dir():
         return None
-    run = load_trajectory(path)
+    run = load_run(path)
     end, stored = load_end(path, initial_state_like(build_model(rig, asked["numerics"]["model"])))
     found = differences(json.loads(stored), asked) if stored else ["it does not say what it is of"]
     if found:

@@ -49,19 +49,12 @@ def _summary(rig: Any) -> dict[str, Any]:
     import numpy as np
 
     from ..dynamics import mobility, weight
-    from ..rig import parameter_paths
+    from ..rig import direction_angles, parameter_paths, wheel_facts
     from ..vibration import modes
 
     wheels, found = rig.wheels, modes(rig)
-    depth = np.broadcast_to(_gap_depth(rig), rig.size)
     motion, pressed = mobility(rig), weight(rig)
-    columns = {
-        "radius": wheels.radius, "rollers": wheels.rollers, "roundness": wheels.roundness,
-        "gap_depth": depth, "contact_stiffness": wheels.contact.stiffness,
-        "contact_damping": wheels.contact.damping, "mount_stiffness": wheels.mount.stiffness,
-        "mount_damping": wheels.mount.damping, "closure_stiffness": wheels.closure.stiffness,
-        "preload": wheels.closure.preload, "friction": wheels.contact.friction,
-    }  # fmt: skip
+    columns = wheel_facts(rig)
     return {
         "sphere": {
             "radius": float(rig.sphere.radius),
@@ -73,7 +66,7 @@ def _summary(rig: Any) -> dict[str, Any]:
         "gravity": np.asarray(rig.platform.gravity).tolist(),
         "wheels": [
             {"name": name, "profile": rig.profiles[i].id}
-            | {"angles": _angles(wheels.normal[i], wheels.drive[i])}
+            | {"angles": direction_angles(wheels.normal[i], wheels.drive[i])}
             | {"normal": np.asarray(wheels.normal[i]).tolist()}
             | {"drive": np.asarray(wheels.drive[i]).tolist()}
             | {key: float(value[i]) for key, value in columns.items()}
@@ -114,21 +107,3 @@ def _exact(matrix: Any) -> list:
     return np.where(
         np.abs(matrix) < 1e-12 * np.max(np.abs(matrix), initial=0), 0.0, matrix
     ).tolist()
-
-
-def _gap_depth(rig: Any) -> Any:
-    import equinox as eqx
-    import numpy as np
-
-    return np.asarray(eqx.filter_jit(lambda rig: rig.gaps.depth)(rig))
-
-
-def _angles(normal: Any, drive: Any) -> list[float]:
-    """Zenith, azimuth and skew in degrees, as a rig file may give them."""
-    import numpy as np
-
-    touch, drive = -np.asarray(normal), np.asarray(drive)
-    zenith, azimuth = np.arccos(np.clip(touch[2], -1, 1)), np.arctan2(touch[1], touch[0])
-    level = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
-    skew = np.arctan2(drive @ np.cross(level, touch), drive @ level)
-    return [round(float(x), 9) + 0.0 for x in np.degrees([zenith, azimuth, skew])]

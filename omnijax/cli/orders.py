@@ -103,10 +103,10 @@ def _run(path: Path, rig: str | None) -> tuple[Any, Any]:
     from ..rig import load_rig
 
     if path.name.endswith(".nc"):
-        from ..simulation import load_trajectory
+        from ..simulation import load_run
         from ..view import rig_of_run
 
-        return load_trajectory(path), rig_of_run(path)
+        return load_run(path), rig_of_run(path)
     from ..recording import read_recording, rig_of_recording
 
     named = rig or rig_of_recording(path)

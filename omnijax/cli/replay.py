@@ -32,10 +32,10 @@ def replay(
     """
     from .._errors import InputError
     from .._files import claim
-    from ..simulation import load_trajectory
+    from ..simulation import load_run
     from ..view import rig_of_run, write_replay
 
-    trajectory, page = load_trajectory(run), out or run.with_suffix(".html")
+    trajectory, page = load_run(run), out or run.with_suffix(".html")
     claim([page], force=force)
     try:
         path = write_replay(trajectory, rig_of_run(run), page, title or run.stem)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import qmc
 
-from ..rig import Rig, load_rig, set_parameter
+from ..rig import Rig, load_rig, put_parameter
 
 SPEEDS = (0.1, 1.2, 0.3)  # rad/s, the elastic cases
 MULTIPLES = (1, 12, 3)  # of their common 0.1 rad/s
@@ -47,7 +47,7 @@ def baseline(rig: str = "atlas") -> Rig:
 def changed(rig: Rig, values: Mapping[str, Float[Array, ""] | float]) -> Rig:
     """`rig` with the parameters of `values`, traced or not."""
     for path, value in values.items():
-        rig = set_parameter(rig, path, value)
+        rig = put_parameter(rig, path, value)
     return rig
 
 

@@ -2,6 +2,9 @@
 
 from .._errors import InputError as InputError
 from .._errors import did_you_mean as did_you_mean
+from ._facts import FACTS as FACTS
+from ._facts import direction_angles as direction_angles
+from ._facts import wheel_facts as wheel_facts
 from ._json_schema import json_schema as json_schema
 from ._load import bundled_rigs as bundled_rigs
 from ._load import load_rig as load_rig
@@ -21,6 +24,7 @@ from ._parameters import ParameterInfo as ParameterInfo
 from ._parameters import get_parameter as get_parameter
 from ._parameters import parameter_info as parameter_info
 from ._parameters import parameter_paths as parameter_paths
+from ._parameters import put_parameter as put_parameter
 from ._parameters import read_parameter as read_parameter
 from ._parameters import set_parameter as set_parameter
 from ._placed import Acting as Acting
@@ -36,5 +40,7 @@ from ._save import rig_text as rig_text
 from ._save import save_rig as save_rig
 from ._schema import GROUPS as GROUPS
 from ._schema import channels as channels
+from ._typed import typed_number as typed_number
+from ._typed import typed_numbers as typed_numbers
 from ._units import converted as converted
 from ._user_laws import load_laws as load_laws

@@ -93,6 +93,11 @@ class Rig(eqx.Module):
     names: tuple[str, ...] = eqx.field(static=True, default=())
     uncertainty: tuple[tuple[str, float], ...] = eqx.field(static=True, default=())
 
+    def _repr_html_(self) -> str:
+        from ._facts import rig_html
+
+        return rig_html(self)
+
     @property
     def size(self) -> int:
         """Number of wheels."""

@@ -4,7 +4,9 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from .._errors import InputError, did_you_mean
@@ -61,17 +63,53 @@ class _Place(NamedTuple):
 
 
 def get_parameter(rig: Rig, path: str) -> Float[Array, "..."]:
-    """Value at `path`; a path that speaks of all wheels gives one entry a wheel."""
+    """Value at `path` in SI; a path that speaks of all wheels gives one entry a wheel.
+
+    Raises `InputError` with the nearest path for one that the rig does not have.
+    """
     place = _locate(rig, path)
     leaf = jnp.asarray(place.leaf(rig))
     return leaf if place.index is None else leaf[place.index]
 
 
 def set_parameter(rig: Rig, path: str, value: Any) -> Rig:
-    """A rig with `value` at `path` (SI, traced or not); one number is given to every wheel.
+    """A rig with `value` at `path`; `rig` itself stays as it is.
 
-    Ranges are not looked at here, since values may be traced: `read_parameter` does that.
+    `value` is a number or an array in SI, text with a unit as in a rig file (`"200 kN/m"`), or a
+    list of such, of the shape that `parameter_info` says; one value is given to every wheel.
+    Raises `InputError` for an unknown path, an unknown unit, another shape, or a value outside of
+    the range of `parameter_info`.  Traced values pass as they are: their range is not known.
     """
+    return put_parameter(rig, path, _checked(_locate(rig, path).quantity, path, value))
+
+
+def _checked(quantity: Quantity | Vector | InertiaTensor, path: str, value: Any) -> Any:
+    """`value` in SI where it is known and lies in its range; as it is where it is traced."""
+    leaves = jax.tree.leaves(value)
+    if any(isinstance(x, Tracer) for x in leaves):
+        return value
+    found = jax.tree.map(lambda x: x.tolist() if hasattr(x, "tolist") else x, value)
+    try:
+        read = _read(quantity, found)
+    except ValueError as error:
+        raise InputError(f"`{path}` {error}") from None
+    return read if any(isinstance(x, str) for x in leaves) else value
+
+
+def _read(quantity: Quantity | Vector | InertiaTensor, found: Any) -> Any:
+    """One value of `quantity`, or a list of them with one a wheel, in SI."""
+    listed = isinstance(found, list | tuple)
+    if isinstance(quantity, Quantity) and listed:
+        return [quantity.read(entry) for entry in found]
+    if isinstance(quantity, Vector) and not listed:
+        return quantity.read([found] * (quantity.size or 1))[0]
+    if isinstance(quantity, Vector) and all(isinstance(row, list | tuple) for row in found):
+        return [quantity.read(row) for row in found]
+    return quantity.read(found)
+
+
+def put_parameter(rig: Rig, path: str, value: Any) -> Rig:
+    """`set_parameter` for numbers in SI whose range is known to hold: nothing is looked at."""
     place = _locate(rig, path)
     old, new = jnp.asarray(place.leaf(rig)), jnp.asarray(value, float)
     shape = old.shape if place.index is None else old.shape[1:]
@@ -95,7 +133,7 @@ def read_parameter(rig: Rig, path: str, value: Any) -> Any:
 
 
 def parameter_info(rig: Rig, path: str) -> ParameterInfo:
-    """Unit, range and shape of the parameter at `path`."""
+    """Unit, range and shape of the parameter at `path`; `InputError` for an unknown one."""
     leaf, index, quantity = _locate(rig, path)
     low, whole = quantity.low, isinstance(quantity, Quantity) and quantity.whole
     if isinstance(quantity, Quantity) and quantity.above is not None:
@@ -105,7 +143,10 @@ def parameter_info(rig: Rig, path: str) -> ParameterInfo:
 
 
 def parameter_paths(rig: Rig) -> list[ParameterInfo]:
-    """Every numeric parameter: bodies, all wheels at once, each wheel, effects."""
+    """Every numeric parameter: bodies, all wheels at once, each wheel, effects.
+
+    One `ParameterInfo` each: `path`, SI `unit`, `low` and `high`, `shape`.
+    """
     paths = [*_BODIES, *_all_wheels(), *_each_wheel(rig.names)]
     paths += [
         f"wheel.{name}.{_SPACING}"

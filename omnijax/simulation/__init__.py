@@ -15,6 +15,7 @@ from ._bulk import steady_margins as steady_margins
 from ._drives import AbstractDrive as AbstractDrive
 from ._drives import SpeedDrive as SpeedDrive
 from ._drives import TorqueDrive as TorqueDrive
+from ._drives import sample_times as sample_times
 from ._drives import speeds as speeds
 from ._drives import torques as torques
 from ._exact import Forced as Forced
@@ -24,7 +25,8 @@ from ._exact import forcing as forcing
 from ._exact import propagate as propagate
 from ._files import check_suffix as check_suffix
 from ._files import load_end as load_end
-from ._files import load_trajectory as load_trajectory
+from ._files import load_run as load_run
+from ._files import load_run as load_trajectory  # noqa: F401  (its name in 0.1)
 from ._files import save_trajectory as save_trajectory
 from ._files import to_recording as to_recording
 from ._modal import Figures as Figures

@@ -1,12 +1,17 @@
 """Drives: what the user imposes on the machine in time."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
+from numpy.typing import ArrayLike
 
-from ..rig import Rig
+from .._errors import InputError
+from ..rig import Rig, typed_number, typed_numbers
 from ._signals import Signal, constant
 
 
@@ -46,33 +51,49 @@ class SpeedDrive(AbstractDrive):
         return zero + self.speed.integral(time) - self.speed.integral(start)
 
 
-def _signal(value: "Signal | Sequence[float]") -> Signal:
-    return value if isinstance(value, Signal) else constant(value)
+Values = Signal | Sequence[float | str] | ArrayLike  # of a drive; text may hold units
+
+
+def _signal(name: str, value: Values, unit: str) -> Signal:
+    return value if isinstance(value, Signal) else constant(typed_numbers(name, value, unit))
 
 
 def torques(
-    torque: "Signal | Sequence[float]",
-    force: "Signal | Sequence[float]" = (0.0, 0.0, 0.0),
+    torque: Values,
+    force: Values = (0.0, 0.0, 0.0),
     initial_angle: Sequence[float] | None = None,
     initial_velocity: Sequence[float] | None = None,
 ) -> TorqueDrive:
-    """Drive by motor torques (N m): numbers hold for the whole run, a `Signal` varies in time."""
+    """Drive by motor torques, one a wheel: numbers hold for the whole run, a `Signal` varies.
+
+    Numbers are in N m, or have their unit: `torques("10 mNm, 0, 5 mNm")`, `torques(["10 mNm", 0,
+    0.005])`.  `force` (3,) acts on the platform in N, `initial_angle` (n,) are the wheels' angles
+    in rad and `initial_velocity` (3,) is Omega in rad/s at the start.  Raises `InputError` for
+    text that is no torque.
+    """
     return TorqueDrive(
-        torque=_signal(torque),
-        force=_signal(force),
+        torque=_signal("torque", torque, "N m"),
+        force=_signal("force", force, "N"),
         initial_angle=_array(initial_angle),
         initial_velocity=_array(initial_velocity),
     )
 
 
 def speeds(
-    speed: "Signal | Sequence[float]",
-    force: "Signal | Sequence[float]" = (0.0, 0.0, 0.0),
+    speed: Values,
+    force: Values = (0.0, 0.0, 0.0),
     initial_angle: Sequence[float] | None = None,
 ) -> SpeedDrive:
-    """Drive by prescribed wheel speeds (rad/s)."""
+    """Drive by prescribed wheel speeds, one a wheel: numbers hold for the run, a `Signal` varies.
+
+    Numbers are in rad/s, or have their unit: `speeds("30 rpm, 0, 10 rpm")`, `speeds(["30 rpm", 0,
+    1.05])`.  `force` (3,) acts on the platform in N, and `initial_angle` (n,) are the wheels'
+    angles in rad at the start.  Raises `InputError` for text that is no speed.
+    """
     return SpeedDrive(
-        speed=_signal(speed), force=_signal(force), initial_angle=_array(initial_angle)
+        speed=_signal("speed", speed, "rad/s"),
+        force=_signal("force", force, "N"),
+        initial_angle=_array(initial_angle),
     )
 
 
@@ -80,10 +101,42 @@ def _array(value):
     return None if value is None else jnp.asarray(value, float)
 
 
+def as_drive(given: Any) -> AbstractDrive:
+    """A drive as it is; wheel speeds (rad/s, or text with units) as the drive by them."""
+    return given if isinstance(given, AbstractDrive) else speeds(given)
+
+
+LONGEST = 5_000_000  # samples; more is a misread unit
+RATE = 500.0  # samples a second where none is given
+
+
+def sample_times(length: float, rate: float | None = None) -> np.ndarray:
+    """Samples from 0 to `length` s, 500 a second where no `rate` (Hz) is given."""
+    frequency = rate or RATE
+    count = round(length * frequency)
+    if not 1 <= count <= LONGEST:
+        raise InputError(
+            f"`duration` times `rate` must give 1 to {LONGEST} samples, but gives {count}."
+        )
+    return np.arange(count + 1) / frequency
+
+
+def as_times(given: Any) -> Float[Array, " t"]:
+    """Sample times in s: an array as it is, a duration (2.0, "2 s") at 500 samples a second."""
+    if isinstance(given, str):
+        given = typed_number("duration", given, "s")
+    if isinstance(given, Tracer) or np.ndim(given) > 0:
+        return jnp.asarray(given, float)
+    duration = float(given)
+    if not 0 < duration < float("inf"):
+        raise InputError(f"`duration` must be above 0 s, but is {duration:g}.")
+    return jnp.asarray(sample_times(duration))
+
+
 def check_drive(rig: Rig, drive: AbstractDrive) -> None:
-    """`ValueError` where the drive does not fit the rig."""
+    """`InputError` where the drive does not fit the rig."""
     signal = drive.torque if isinstance(drive, TorqueDrive) else drive.speed  # pyright: ignore
     if signal.size != rig.size:
-        raise ValueError(f"the drive has {signal.size} wheels, but the rig has {rig.size}.")
+        raise InputError(f"the drive has {signal.size} wheels, but the rig has {rig.size}.")
     if drive.force.size != 3:
-        raise ValueError(f"`force` must have 3 components, but has {drive.force.size}.")
+        raise InputError(f"`force` must have 3 components, but has {drive.force.size}.")

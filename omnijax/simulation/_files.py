@@ -59,8 +59,11 @@ def check_suffix(path: Path) -> str:
     raise InputError(f"`{path.name}` must end in one of {', '.join(SUFFIXES)}.")
 
 
-def load_trajectory(path: str | Path) -> Trajectory:
-    """Read a run that was saved as `.nc`, to the last bit."""
+def load_run(path: str | Path) -> Trajectory:
+    """The run that `run.save("run.nc")` wrote, to the last bit.
+
+    Raises `InputError` for another file: recordings (`.csv`, `.parquet`) by `read_recording`.
+    """
     path = Path(path)
     if check_suffix(path) != ".nc":
         raise InputError(f"{path.name} is a recording: read it with `omnijax.read_recording`.")

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from .._plot import COLOURS, SCALES, new_axes
-from ._trajectory import Trajectory
+from ._trajectory import PER_WHEEL, Trajectory
 
 LABELS = {"dR": "ΔR", "dR_elastic": "elastic ΔR", "theta": "θ", "Omega": "Ω", "omega": "ω"}
 LARGE = ("R_l", "V_l")  # the platform's way is metres, not micrometres
@@ -50,12 +50,6 @@ def plot_channel(trajectory: Trajectory, name: str, *, ax: Any = None) -> Any:
     return ax
 
 
-PER_WHEEL = {
-    "theta", "omega", "shape", "deflection", "deflection_rate", "mount_deflection", "mount_rate",
-    "normal_force", "drive_force", "slip_margin", "shaft_torque", "torque",
-}  # fmt: skip
-
-
 def _scale(unit: str, values: Any) -> tuple[float, str]:
     """Factor and unit of an axis: micrometres, but what is larger in mm or m."""
     largest = float(np.max(np.abs(np.asarray(values)), where=np.isfinite(values), initial=0.0))
@@ -71,6 +65,15 @@ def _legend(ax: Any) -> None:
         loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=columns, frameon=False,
         borderaxespad=0.1, handlelength=1.4, columnspacing=1.2,
     )  # fmt: skip
+
+
+def figure_of_run(trajectory: Trajectory) -> Any:
+    """A figure with the four panels of `plot_run`."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8, 8), layout="constrained")
+    plot_run(trajectory, figure.subplots(4, sharex=True))
+    return figure
 
 
 def plot_run(trajectory: Trajectory, axes: Any) -> None:

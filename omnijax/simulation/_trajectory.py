@@ -8,9 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._errors import did_you_mean
 from .._html import html_table
 from .._root import root
 from .._status import Status
+
+PER_WHEEL = {  # channels with one column a wheel
+    "theta", "omega", "shape", "deflection", "deflection_rate", "mount_deflection", "mount_rate",
+    "normal_force", "drive_force", "slip_margin", "shaft_torque", "torque",
+}  # fmt: skip
 
 
 class ContactLoss(NamedTuple):
@@ -86,6 +92,36 @@ class Trajectory(eqx.Module):
         "force": "N",
     }
 
+    def __getitem__(self, name: str) -> Float[Array, "..."]:
+        """A channel (`run["dR"]`: (t, 3)) or one column of it (`run["dR_y"]`, `run["theta_2"]`).
+
+        Columns are named as in recordings, wheels by number or name.  Raises `KeyError` with the
+        nearest name for an unknown one.
+        """
+        if name in self.UNITS or name == "distance":
+            return getattr(self, name)
+        channel, _, end = str(name).rpartition("_")
+        if channel in self.UNITS and channel != "t":
+            for ends in (self.ends(channel), self.names if channel in PER_WHEEL else ()):
+                if end in ends:
+                    return getattr(self, channel)[:, ends.index(end)]
+        raise KeyError(f"a run has no channel {name!r}.{did_you_mean(str(name), self.UNITS)}")
+
+    def __iter__(self):
+        raise TypeError("a run is no list: `run.UNITS` names its channels, `run[name]` gives one.")
+
+    @classmethod
+    def unit(cls, name: str) -> str:
+        """SI unit of a channel or of one of its columns."""
+        whole = name in cls.UNITS or name == "distance"
+        return cls.UNITS.get(name if whole else name.rpartition("_")[0], "m")
+
+    def ends(self, channel: str) -> tuple[str, ...]:
+        """What the columns of a channel are named by: x, y, z, or the number of the wheel."""
+        if channel in PER_WHEEL:
+            return tuple(str(i + 1) for i in range(self.theta.shape[-1]))
+        return tuple("wxyz" if channel == "attitude" else "xyz")
+
     @property
     def distance(self) -> Float[Array, " t"]:
         """|dR| in m."""
@@ -137,7 +173,11 @@ class Trajectory(eqx.Module):
         return f"{ended.text} after {self.time_reached:g} s: {ended.remedy}"
 
     def save(self, path, rig=None, rig_path=None, command: str = "") -> Path:
-        """Write the run: `.nc` with everything, `.csv`, `.csv.gz` or `.parquet` as a recording."""
+        """Write the run: `.nc` with everything, `.csv`, `.csv.gz` or `.parquet` as a recording.
+
+        `omnijax.load_run` reads the `.nc` again.  With `rig` the file holds it, and what its
+        sensors read.  Raises `InputError` for another ending.
+        """
         from ._files import save_trajectory
 
         return save_trajectory(self, path, rig, rig_path, command)
@@ -145,15 +185,42 @@ class Trajectory(eqx.Module):
     @staticmethod
     def load(path) -> "Trajectory":
         """The run that was saved as `.nc`, to the last bit."""
-        from ._files import load_trajectory
+        from ._files import load_run
 
-        return load_trajectory(path)
+        return load_run(path)
 
     def to_xarray(self, rig=None) -> Any:
         """The run as an `xarray.Dataset` with units."""
         from ._files import to_xarray
 
         return to_xarray(self, rig)
+
+    def to_dataframe(self) -> Any:
+        """The run as a `pandas.DataFrame`: t in s as index, columns dR_x, theta_1 and so on, SI."""
+        from ._show import to_dataframe
+
+        return to_dataframe(self)
+
+    def summary(self) -> Any:
+        """How the run ended, and least, largest and RMS of every column; prints as a table.
+
+        `omnijax.evaluate(run, rig, "peak, rms")` gives the metrics.
+        """
+        from ._show import summary
+
+        return summary(self)
+
+    def plot(self, channel: str | None = None, *, ax=None) -> Any:
+        """ΔR, its elastic part, Ω and the platform's acceleration over time; returns the figure.
+
+        With a `channel`, or on axes `ax`, one channel alone (ΔR unless named); returns the axes.
+        Raises `ValueError` for an unknown channel.
+        """
+        from ._plots import figure_of_run
+
+        if channel is None and ax is None:
+            return figure_of_run(self)
+        return self.plot_channel(channel or "dR", ax=ax)
 
     def plot_displacement(self, *, ax=None) -> Any:
         """ΔR in µm over time; returns the axes."""

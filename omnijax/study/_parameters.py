@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._errors import InputError
-from ..rig import Rig, get_parameter, parameter_info, parameter_paths, set_parameter
+from ..rig import Rig, get_parameter, parameter_info, parameter_paths, put_parameter
 
 
 def scalar_parameters(rig: Rig) -> tuple[str, ...]:
@@ -43,7 +43,7 @@ def checked_parameters(rig: Rig, paths: Sequence[str]) -> tuple[str, ...]:
 def with_values(rig: Rig, paths: Sequence[str], values) -> Rig:
     """`rig` with `values` (p,), traced or not, at `paths`."""
     for i, path in enumerate(paths):
-        rig = set_parameter(rig, path, values[i])
+        rig = put_parameter(rig, path, values[i])
     return rig
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from .._errors import InputError
 from ..dynamics import rolling, sphere_velocity
-from ..rig import Rig, parameter_info, set_parameter
+from ..rig import Rig, parameter_info, put_parameter
 from ..simulation import steady_state
 from ..vibration import natural_frequencies
 from ._scene import machine_scene
@@ -58,7 +58,7 @@ class Panel:
                 info = parameter_info(rig, path)
                 if not info.low <= number <= info.high:
                     raise InputError(f"`{path}` must lie in {info.range}, but is {number:g}.")
-                rig = set_parameter(rig, path, number)
+                rig = put_parameter(rig, path, number)
         return rig, speeds
 
     def evaluate(self, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...laws import EFFECTS
-from ...rig import Rig, get_parameter, set_parameter
+from ...rig import Rig, get_parameter, put_parameter
 from .._search import Prior, number
 
 DIRECTIONS, SENSOR = ("normal", "drive"), "sensor"
@@ -58,7 +58,7 @@ def with_parameters(rig: Rig, paths: tuple[str, ...], values) -> Rig:
             rig = _tilted(rig, head, ACROSS.index(last), value)
         elif path.split(".")[0] != SENSOR:
             old = get_parameter(rig, path)
-            rig = set_parameter(rig, path, old * value if old.ndim == 2 else value)
+            rig = put_parameter(rig, path, old * value if old.ndim == 2 else value)
     return rig
 
 
@@ -69,7 +69,7 @@ def _tilted(rig: Rig, path: str, which: int, angle) -> Rig:
     first = jnp.cross(stated, axis)
     first = first / jnp.linalg.norm(first)
     towards = first if which == 0 else jnp.cross(stated, first)
-    return set_parameter(rig, path, jnp.cos(angle) * stated + jnp.sin(angle) * towards)
+    return put_parameter(rig, path, jnp.cos(angle) * stated + jnp.sin(angle) * towards)
 
 
 def with_sensors(rig: Rig, paths: Sequence[str], values) -> Rig:

@@ -1,13 +1,13 @@
 """`simulate`: a rig and a drive in, a trajectory out."""
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..._errors import InputError
-from ...rig import Rig
-from .._drives import AbstractDrive, SpeedDrive, check_drive
+from ...rig import Rig, load_rig
+from .._drives import AbstractDrive, SpeedDrive, Values, as_drive, as_times, check_drive
 from .._exact import propagate, propagation_obstacle
 from .._trajectory import Trajectory
 from .state_vector import build_model
@@ -17,9 +17,9 @@ if TYPE_CHECKING:
 
 
 def simulate(
-    rig: Rig,
-    drive: AbstractDrive,
-    ts: Float[Array, " t"],
+    rig: Rig | str | Path,
+    drive: AbstractDrive | Values,
+    ts: Float[Array, " t"] | float | str,
     *,
     model: str = "coupled",
     solver: str = "auto",
@@ -28,16 +28,21 @@ def simulate(
     keep_radius_rate: bool = False,
     adjoint: "dfx.AbstractAdjoint | None" = None,
 ) -> Trajectory:
-    """Simulate `rig` under `drive`; samples at `ts` (s, increasing; the run starts at `ts[0]`).
+    """Simulate `rig` under `drive`: `simulate("atlas", "30 rpm, 0, 10 rpm", "2 s")`.
 
-    Starts at static equilibrium, q = identity.  `model` is `coupled` or `paper`.  `solver` `auto`
-    takes the closed form (`exact`, see `propagate`) where prescribed speeds drive a linear rig,
-    else the exponential method for a stiff rig and `dopri8` for others; or name one of them,
-    `tsit5` or `kvaerno5`.  `rtol` is the solvers' relative tolerance per step (absolute: the same
-    in units of the gap's depth), `adjoint` diffrax's way to differentiate them; giving one asks
-    for a solver.  Never raises for a failed run: see `Trajectory.status`.
+    `rig` may be a rig file or the name of a bundled rig, `drive` wheel speeds (n,) as `speeds`
+    takes them, and `ts` sample times (t,) in s (increasing; the run starts at `ts[0]`) or a
+    duration, sampled 500 times a second.  Starts at static equilibrium, q = identity.
+
+    `model` is `coupled` or `paper`.  `solver` `auto` takes the closed form (`exact`, see
+    `propagate`) where prescribed speeds drive a linear rig, else the exponential method for a stiff
+    rig and `dopri8` for others; or name one of them, `tsit5` or `kvaerno5`.  `rtol` is the solvers'
+    relative tolerance per step (absolute: the same in units of the gap's depth), `adjoint`
+    diffrax's way to differentiate them; giving one asks for a solver.  Raises `InputError` for
+    input that does not fit; never for a failed run: see `Trajectory.status`.
     """
-    ts = jnp.asarray(ts, float)
+    rig = rig if isinstance(rig, Rig) else load_rig(rig)
+    drive, ts = as_drive(drive), as_times(ts)
     check_drive(rig, drive)
     built = build_model(rig, model, keep_radius_rate)
     if solver in ("auto", "exact"):

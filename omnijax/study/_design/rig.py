@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 from scipy.stats import qmc
 
 from ..._errors import InputError
-from ...rig import Rig, get_parameter, set_parameter
+from ...rig import Rig, get_parameter, put_parameter
 from ...simulation import SpeedDrive, TorqueDrive
 from ...vibration import METRICS
 from .._constraints import Point, all_limits, all_values, metrics_of
@@ -123,10 +123,10 @@ class RigCases:
         """The rig of variables `x` with a load's values, its parts off by the relative `draw`."""
         rig = apply(self.study.rig, self.start, self.paths, x)[0]
         for i, path in enumerate(self.load_paths):
-            rig = set_parameter(rig, path, self.loads[0, i] if load is None else load[i])
+            rig = put_parameter(rig, path, self.loads[0, i] if load is None else load[i])
         if draw is not None:
             for i, path in enumerate(self.parts):
-                rig = set_parameter(rig, path, get_parameter(rig, path) * (1 + draw[i]))
+                rig = put_parameter(rig, path, get_parameter(rig, path) * (1 + draw[i]))
         return rig
 
     def drive(self, x, values: Float[Array, " n+3"]) -> Drive:

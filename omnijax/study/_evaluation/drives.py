@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._errors import InputError
-from ...rig import Rig, set_parameter
+from ...rig import Rig, put_parameter
 from ...simulation import Signal, SpeedDrive, TorqueDrive
 from ...simulation import speeds as speed_drive
 
@@ -122,7 +122,7 @@ def apply(rig: Rig, drive: Drive, paths: tuple[str, ...], values) -> tuple[Rig, 
         if path in quantities:
             drive = quantities[path][1](drive, values[i])
         else:
-            rig = set_parameter(rig, path, values[i])
+            rig = put_parameter(rig, path, values[i])
     return rig, drive
 
 

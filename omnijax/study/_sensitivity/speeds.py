@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._plot import MUTED, new_axes
-from ...rig import Rig, get_parameter, load_rig, set_parameter
+from ...rig import Rig, get_parameter, load_rig, put_parameter
 from ...simulation import speeds as speed_drive
 from ...vibration import METRICS
 from .._batches import value_and_jacobian
@@ -125,7 +125,7 @@ def sensitivity_over_speeds(
             def figures(change):
                 rig = machine
                 for i, path in enumerate(paths):
-                    rig = set_parameter(rig, path, get_parameter(machine, path) * (1 + change[i]))
+                    rig = put_parameter(rig, path, get_parameter(machine, path) * (1 + change[i]))
                 return how.values(rig, moved)
 
             return value_and_jacobian(figures)(jnp.zeros(len(paths)))

@@ -1,0 +1,44 @@
+"""Numbers as a person types them: `"30 rpm, 0, 10 rpm"`, `["30 rpm", 0, 10]`, `"2 s"`."""
+
+import re
+from typing import Any
+
+from .._errors import InputError
+from ._quantities import as_number
+
+_SEVERAL = re.compile(r"\s*[-+\d.eE]+(\s+[-+]?[\d.][-+\d.eE]*)+\s*\Z")
+
+
+def typed_number(name: str, text: str, unit: str) -> float:
+    """A number in SI from text with or without a unit; `InputError` says `name`."""
+    try:
+        return as_number(float(text), unit)
+    except ValueError:
+        pass  # text with a unit, or nothing that makes sense
+    try:
+        return as_number(text, unit)
+    except ValueError as error:
+        raise InputError(f"`{name}` {error}") from None
+
+
+def typed_numbers(name: str, found: Any, unit: str) -> Any:
+    """Numbers in SI from text with commas between, or from a list in which texts may stand.
+
+    What holds no text (arrays, traced values, plain lists) comes back as it is.  `InputError`
+    names every entry that is no number.
+    """
+    if isinstance(found, str):
+        if "," not in found and _SEVERAL.match(found):
+            raise InputError(f"`{name}` is {found!r}: write commas between the values, not spaces.")
+        found = [part.strip() for part in found.split(",")]
+    if not isinstance(found, list | tuple) or not any(isinstance(x, str) for x in found):
+        return found
+    values, problems = [], []
+    for entry in found:
+        try:
+            values.append(typed_number(name, entry, unit) if isinstance(entry, str) else entry)
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(problems)
+    return values

@@ -1,0 +1,176 @@
+"""Python as one guesses it: names, units, lists, durations; a run as tables and pictures."""
+
+import html
+import re
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import omnijax
+from omnijax import InputError, get_parameter, set_parameter
+from omnijax.rig import parameter_paths
+
+RPM = 2 * np.pi / 60
+RIG = omnijax.load_rig("atlas")
+
+
+@pytest.fixture(scope="module")
+def run():
+    return omnijax.simulate("atlas", ["30 rpm", 0, 1.5], "0.2 s")
+
+
+def test_names_units_and_a_duration_give_the_same_run(run):
+    drive = omnijax.speeds(jnp.array([30 * RPM, 0.0, 1.5]))
+    same = omnijax.simulate(RIG, drive, np.arange(101) / 500)
+    np.testing.assert_array_equal(run.dR, same.dR)
+    np.testing.assert_array_equal(omnijax.simulate(RIG, drive, 0.2).t, same.t)
+
+
+@pytest.mark.parametrize(
+    "given", ["30 rpm, 0, 1.5", ["30 rpm", 0, 1.5], ("30rpm", "0", "1.5 rad/s")]
+)
+def test_a_drive_takes_units(given):
+    assert omnijax.speeds(given).speed.values[0] == pytest.approx([30 * RPM, 0, 1.5])
+    torques = omnijax.torques("10 mNm, 0, 0.2", force=["1 kN", 0, 0])
+    assert torques.torque.values[0] == pytest.approx([0.01, 0, 0.2])
+    assert torques.force.values[0] == pytest.approx([1e3, 0, 0])
+
+
+def test_traced_speeds_stay_traced():
+    slope = jax.grad(lambda w: omnijax.speeds([w, 0.0, 2 * w]).speed.values.sum())(1.0)
+    assert slope == 3
+
+
+@pytest.mark.parametrize(
+    "arguments, match",
+    [
+        (("atlsa", [1, 0, 0], 1.0), "Did you mean `atlas`"),
+        ((RIG, "1 2 3", 1.0), "write commas between the values"),
+        ((RIG, "1 m, 0, 2 kg", 1.0), "`speed` must be a number in rad/s.*(?s:.)*2 kg"),
+        ((RIG, [1, 0], 1.0), "the drive has 2 wheels, but the rig has 3"),
+        ((RIG, [1, 0, 0], -1.0), "`duration` must be above 0 s, but is -1"),
+        ((RIG, [1, 0, 0], "2 m"), "`duration` must be a number in s"),
+    ],
+)
+def test_what_cannot_be_simulated_is_said(arguments, match):
+    with pytest.raises(InputError, match=match):
+        omnijax.simulate(*arguments)
+
+
+def test_a_parameter_takes_units_as_a_file():
+    one = set_parameter(RIG, "contact.stiffness", "200 kN/m")
+    assert one.wheels.contact.stiffness == pytest.approx([2e5] * 3)
+    each = set_parameter(RIG, "contact.stiffness", ["200 kN/m", 1e5, "30 N/mm"])
+    assert each.wheels.contact.stiffness == pytest.approx([2e5, 1e5, 3e4])
+    moved = set_parameter(RIG, "sphere.centre_of_mass", ["1 mm", 0, "-2 mm"])
+    assert moved.sphere.centre_of_mass == pytest.approx([1e-3, 0, -2e-3])
+
+
+def _impossible(info):
+    """A value just outside of what `info` allows, None where everything goes."""
+    if np.isfinite(info.high):
+        return info.high + 1
+    if np.isfinite(info.low):
+        return info.low - 1
+    return None
+
+
+def test_every_bounded_parameter_refuses_what_cannot_be():
+    bounded = [(info.path, _impossible(info)) for info in parameter_paths(RIG)]
+    bounded = [(path, value) for path, value in bounded if value is not None]
+    assert len(bounded) > 20
+    for path, value in bounded:
+        with pytest.raises(InputError, match=f"`{path}` must"):
+            set_parameter(RIG, path, value)
+        size = np.shape(get_parameter(RIG, path))
+        with pytest.raises(InputError, match=f"`{path}` must"):
+            set_parameter(RIG, path, np.full(size, value))
+
+
+@pytest.mark.parametrize(
+    "path, value, match",
+    [
+        ("sphere.mass", float("nan"), "must be finite"),
+        ("sphere.mass", "1 m", "must be a number in kg"),
+        ("sphere.inertia", -np.eye(3), "must be positive definite"),
+        ("wheel.w1.rollers", 2.5, "must be a whole number"),
+        ("wheel.w1.normal", [0.0, 0, 2], "must be a unit vector"),
+        ("sphere.mas", 1.0, "Did you mean `sphere.mass`"),
+    ],
+)
+def test_impossible_values_are_refused(path, value, match):
+    with pytest.raises(InputError, match=match):
+        set_parameter(RIG, path, value)
+
+
+def test_traced_values_pass():
+    given = jnp.array([-1.0, 2.0])
+    masses = jax.vmap(lambda m: set_parameter(RIG, "sphere.mass", m).sphere.mass)(given)
+    np.testing.assert_array_equal(masses, given)
+
+
+def test_channels_by_name(run):
+    assert run["dR"] is run.dR
+    np.testing.assert_array_equal(run["dR_y"], run.dR[:, 1])
+    np.testing.assert_array_equal(run["theta_2"], run.theta[:, 1])
+    np.testing.assert_array_equal(run["normal_force_w3"], run.normal_force[:, 2])
+    np.testing.assert_array_equal(run["distance"], run.distance)
+    for wrong in ("dR_w", "theta_x", "t_x", "nothing", 0):
+        with pytest.raises(KeyError, match="no channel"):
+            run[wrong]
+    with pytest.raises(KeyError, match="Did you mean `dR_rate`"):
+        run["dR_rat"]
+    with pytest.raises(TypeError, match="a run is no list"):
+        list(run)
+
+
+def test_a_run_as_tables(run):
+    table = run.to_dataframe()
+    np.testing.assert_array_equal(table.index, run.t)
+    for name in table:
+        np.testing.assert_array_equal(table[name], run[name])
+    rows = {row.channel: row for row in run.summary().channels}
+    assert list(rows) == list(table)
+    largest, unit = table["omega_1"].max(), "rad/s"
+    assert rows["omega_1"][1:] == (unit, largest, largest, pytest.approx(largest))
+    assert rows["dR_y"].rms == pytest.approx(float(jnp.sqrt(jnp.mean(run.dR[:, 1] ** 2))))
+    assert repr(run.summary()).startswith("ok: 101 samples")
+    assert "µm" in repr(run.summary()) and "<td>omega_1</td>" in run.summary()._repr_html_()
+
+
+def test_a_run_as_a_picture(run):
+    figure = run.plot()
+    assert [len(ax.lines) for ax in figure.axes] == [4, 3, 3, 3]
+    assert len(run.plot("omega").lines) == 3
+    with pytest.raises(ValueError, match="but is 'dQ'"):
+        run.plot("dQ")
+
+
+def test_save_and_load_are_a_pair(run, tmp_path):
+    kept = omnijax.load_run(run.save(tmp_path / "run.nc"))
+    np.testing.assert_array_equal(kept["dR"], run["dR"])
+
+
+def _cells(page):
+    return [re.findall(r"<t[hd]>(.*?)</t[hd]>", row) for row in page.split("</tr>")]
+
+
+def test_a_rig_shows_its_table(capsys):
+    """In a notebook: every number of the wheels that `omnijax check` prints."""
+    rig = set_parameter(RIG, "wheel.w2.contact.stiffness", "123.4 kN/m")
+    page = rig._repr_html_()
+    rows = {html.unescape(row[0]): row[1:] for row in _cells(page) if row}
+    assert rows["wheel"] == ["w1", "w2", "w3", "unit"]
+    assert rows["contact stiffness K"] == ["188.208", "123.4", "188.208", "kN/m"]
+    assert f"mass {float(rig.sphere.mass):.4g} kg" in page
+    values = {info.path: get_parameter(rig, info.path) for info in parameter_paths(rig)}
+    names = {"preload": "closure.preload", "friction": "contact.friction"}
+    for key, fact in omnijax.rig.FACTS.items():
+        path = names.get(key, key.replace("_", "."))
+        found = values.get(path, values.get(f"wheel.{key}"))
+        found = rig.gaps.depth if key == "gap_depth" else found
+        assert rows[fact.label] == [*(f"{fact.factor * float(x):.6g}" for x in found), fact.unit]
+    jax.eval_shape(lambda m: print(set_parameter(RIG, "sphere.mass", m)._repr_html_()), 1.0)
+    assert "a traced rig of 3 wheels" in capsys.readouterr().out
