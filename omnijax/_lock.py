@@ -1,6 +1,7 @@
 """One writing process a folder: an advisory lock that ends with its process, however it ends."""
 
 import sys
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ class Lock:
         except OSError:
             self._file.close()
             raise InputError(f"another process is writing this {what}.", file.parent) from None
+        weakref.finalize(self, self._file.close)  # where nobody gives it back, its end does
 
     def release(self) -> None:
         """Give it back."""

@@ -20,7 +20,7 @@ from omnijax.laws import EFFECTS, TableShape
 from omnijax.rig import InputError, load_rig, parse_rig, rig_text, save_rig
 
 positive = st.floats(1e-12, 1e12, allow_subnormal=False)
-number = st.floats(-1e6, 1e6)
+number = st.floats(-1e6, 1e6).map(lambda x: x if abs(x) >= 1e-12 else 0.0)
 names = st.text(st.characters(codec="utf-8", exclude_characters="."), min_size=1, max_size=8)
 fine_names = names.filter(lambda x: x.isprintable() and x == x.strip() and not x.startswith("a"))
 

@@ -101,7 +101,6 @@ def test_our_own_reading_of_units_is_that_of_pint():
         "Hz",
         "min",
         "MPa",
-        "%",
         "rad",
         "cm",
         "N",

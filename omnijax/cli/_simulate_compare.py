@@ -51,7 +51,8 @@ def lay_over(axes: Any, measured: Any, rig: Any) -> None:
     """The measured channels as dots in the colour of the simulated line that they belong to."""
     import numpy as np
 
-    from ..simulation import COLOURS, SCALES, Trajectory
+    from .._plot import COLOURS, SCALES
+    from ..simulation import Trajectory
 
     time = np.asarray(measured.time) - measured.time[0]
     few = max(1, len(time) // 400)

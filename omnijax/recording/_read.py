@@ -19,6 +19,7 @@ from ._time import usable_rows
 from ._values import clean, mend_inputs
 
 FINER = (("ms", 1e3), ("us", 1e6), ("ns", 1e9))
+LONG = {"ms": "milliseconds", "us": "microseconds", "µs": "microseconds"}
 SLOW = 0.2  # s; a longer sampling step is one in milliseconds
 
 
@@ -151,7 +152,7 @@ def _scale_units(
     step = np.median(np.abs(np.diff(named["t"]))) if len(named["t"]) > 2 else 0.0
     if step > SLOW and not ({"t"} & set(sidecar.units)):
         unit, factor = next(((u, f) for u, f in FINER if step / f <= SLOW), FINER[-1])
-        what = f"the step is {step:g} s, which looks like {unit}"
+        what = f"the step is {step:g} s, which looks like {LONG.get(unit, unit)}"
         use = f'it is read as {unit}; `units.t = "s"` in NAME.toml keeps it'
         named["t"] = named["t"] / factor
         faults.append(Fault(file, "t", (), "unit", what, use))
