@@ -137,7 +137,7 @@ def _load(key: str) -> Callable | None:
     """The kept program of this key; None where there is none, or none that is whole."""
     file = _file(key)
     try:
-        if not _safe():
+        if not _safe(cache_folder()):
             return None
         seal, body = file.read_bytes().split(b"\n", 1)
         if not hmac.compare_digest(seal, _seal(key, body)):
@@ -163,9 +163,9 @@ def _read(body: bytes) -> Callable:
 
 
 @functools.cache
-def _safe() -> bool:
-    """Whether the folder is this user's alone; said once where it is not."""
-    reason = private_folder(cache_folder()) or private_folder(cache_folder() / "programs")
+def _safe(folder: Path) -> bool:
+    """Whether the cache's folder is this user's alone; said once where it is not."""
+    reason = private_folder(folder) or private_folder(folder / "programs")
     if reason is not None:
         _log.warning("compiled programs are not kept: %s", reason)
     return reason is None and bool(_secret())
@@ -227,7 +227,7 @@ def _make(function: Callable, leaves: list[Any], tree: Any, key: str) -> Callabl
         content["program"] = serialize(compiled)[0]
         body = pickle.dumps(content)
         jax.block_until_ready(_read(body)(arrays))  # only what has run from there is kept
-        if _safe():
+        if _safe(cache_folder()):
             _store(_file(key), _seal(key, body), body)
     except (OSError, NotImplementedError, RuntimeError) as error:
         _log.info("the program %s is not kept: %s", function.__name__, error)

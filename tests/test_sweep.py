@@ -276,5 +276,7 @@ def test_command_prints_what_a_machine_reads(capsys, tmp_path):
     assert found["designs"] == 20 and found["method"] == "steady-bulk"
     assert found["status"] == {"ok": 20}
     assert found["best"]["peak"]["unit"] == "m" and picture.stat().st_size > 1000
-    assert run([*words]) == 0
+    assert run(words) == 2  # the picture is there
+    assert "map.svg" in capsys.readouterr().err
+    assert run([*words, "--overwrite"]) == 0
     assert "20 designs by steady state" in capsys.readouterr().out

@@ -17,9 +17,9 @@ from omnijax import (
     measured,
     propagate,
     read_recording,
+    simulate,
     speeds,
 )
-from omnijax import simulation as simulate
 from omnijax.simulation import to_recording
 
 
@@ -152,7 +152,7 @@ def test_wrong_files_are_refused(run, tmp_path):
     with pytest.raises(InputError, match=r"is a recording: read it with"):
         Trajectory.load(run.save(tmp_path / "run.csv"))
     (tmp_path / "bad.nc").write_bytes(b"no")
-    with pytest.raises(InputError, match=r"bad\.nc is not a run of omnijax"):
+    with pytest.raises(InputError, match=r"bad\.nc: is not a run of omnijax"):
         Trajectory.load(tmp_path / "bad.nc")
 
 
