@@ -75,7 +75,8 @@ def bulk_steady(
         figures, by_metric = steady_gradients(make, rows, plan)
         slopes = jnp.stack([by_metric[name] for name in how.metrics], axis=1)
     else:
-        figures = dict(zip(("rms", "peak"), steady_figures(make, rows, plan), strict=True))
+        rms, peak = steady_figures(make, rows, plan)
+        figures = {"rms": rms, "peak": peak}
     chosen = jnp.stack([figures[name] for name in how.metrics], axis=1)
     bad = ~jnp.all(jnp.isfinite(chosen), axis=1)
     status = jnp.where(bad, Status.NON_FINITE, margin_status(*margins))
