@@ -48,7 +48,7 @@ def bulk_runs(
         eqx.Partial(_operating, rig, drive, paths), jnp.asarray(rows), how.metrics,
         duration=duration, step=duration / (len(how.times) - 1), model=how.model, gradient=gradient,
     )  # fmt: skip
-    bad = ~np.isfinite(figures.values).all(axis=1)
+    bad = ~np.all(np.isfinite(figures.values), axis=1)
     status = np.where(bad, Status.NON_FINITE, margin_status(figures.normal, figures.slip))
     values = np.where(bad[:, None], np.nan, figures.values)
     slopes = np.zeros((*values.shape, 0)) if figures.slopes is None else figures.slopes
