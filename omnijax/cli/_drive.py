@@ -23,6 +23,7 @@ class Asked(NamedTuple):
 
 def asked(rig: Any, motion: Motion, omega: str | None, recording: Path | None) -> Asked:
     """The drive that the options describe; `InputError` where they describe none or two."""
+    given: dict[str, str | Path | None]
     given = {"--speed": motion.speed, "--omega": omega, "--torque": motion.torque}
     given["--drive"] = recording
     named = [option for option, value in given.items() if value is not None]

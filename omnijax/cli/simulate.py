@@ -105,7 +105,7 @@ def _run(
     from ..simulation import simulate as run
     from ._simulate_run import Pieces, asked_of, interrupted_run, perform
 
-    how = {"model": numerics.model, "solver": numerics.solver}
+    how: dict[str, Any] = {"model": numerics.model, "solver": numerics.solver}
     exact = numerics.solver == "exact" or (
         numerics.solver == "auto"
         and not exact_run_obstacle(rig, asked.drive, asked.times, numerics.model)

@@ -167,8 +167,12 @@ class TurningLaws(NamedTuple):
     @classmethod
     def of(cls, rig: Rig, masked: bool = False) -> "TurningLaws":
         """Those of a rig."""
-        wheels = (acting(rig.at(p), rig.size, masked) for p in ("actuator", "shaft", "rolling"))
-        return cls(*wheels, tuple(placed.law for placed in rig.at("sphere")))
+        return cls(
+            actuator=acting(rig.at("actuator"), rig.size, masked),
+            shaft=acting(rig.at("shaft"), rig.size, masked),
+            rolling=acting(rig.at("rolling"), rig.size, masked),
+            body=tuple(placed.law for placed in rig.at("sphere")),
+        )
 
     def rest(self, size: int) -> Memory:
         """Rest states of their memories."""

@@ -138,7 +138,7 @@ class Axis(AbstractMachine):
     def memory(self):
         """From the slowest mode at rest; infinity for an axis that nothing pulls back."""
         rest = jnp.zeros(2 if self.second_inertia is None else 4)
-        u = {"input": 0.0, "gain": 1.0, "enable": 1.0}
+        u = {"input": jnp.zeros(()), "gain": jnp.ones(()), "enable": jnp.ones(())}
         rate = jax.jacfwd(lambda x: jnp.stack(jax.tree.leaves(self.rate(x, u, Ports((), ())))))
         slowest = float(np.max(np.linalg.eigvals(np.asarray(rate(rest))).real))
         size = float(np.max(np.abs(np.linalg.eigvals(np.asarray(rate(rest))))))

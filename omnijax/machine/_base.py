@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import equinox as eqx
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ._ports import Ports
 
@@ -33,7 +33,7 @@ class AbstractMachine(eqx.Module):
         """The outputs at the state `x`."""
 
     @abc.abstractmethod
-    def start(self, first: Mapping[str, tuple[Array, Array]]) -> Any:
+    def start(self, first: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Any:
         """A state at which the outputs have the values and rates `first` (value, rate by name)."""
 
     def memory(self) -> float:

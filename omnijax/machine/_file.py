@@ -143,9 +143,9 @@ def machine_text(file: MachineFile) -> str:
         own = []
         for name, key in keys.items():
             value = getattr(axis, key.field)
-            stated = value is not None and (
-                key.default is ... or key.default is None or float(value) != key.default
-            )
+            if value is None:
+                continue
+            stated = key.default is ... or key.default is None or float(value) != key.default
             used = table != "servo" or axis.drives == "goal"
             used = used and (table != "second" or axis.second_inertia is not None)
             used = used and not (name == "resistance" and axis.drives not in ("voltage", "goal"))

@@ -117,7 +117,7 @@ def first_numbers(q, u, step: float, goal: bool) -> dict[str, float]:
 
     A servo's goal: a = p (u - q) - d v, for an inertia of 1.
     """
-    b, a = butter(4, 0.2)
+    b, a = butter(4, 0.2)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
     smooth = filtfilt(b, a, q)
     v = np.gradient(smooth, step)
     acceleration = np.gradient(v, step)

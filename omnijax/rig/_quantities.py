@@ -236,6 +236,7 @@ def _remedy(text: str, unit: str) -> str:
     comma = _COMMA.match(text)
     if comma:
         return f" Write {f'{comma[1]}.{comma[2]} {comma[3]}'.strip()!r}, with a point."
-    if unit != "1" and _NUMBER.match(text) and not _NUMBER.match(text)[2]:
+    number = _NUMBER.match(text)
+    if unit != "1" and number and not number[2]:
         return f" Write the number without quotes, or {f'{text.strip()} {unit}'!r}."
     return ""

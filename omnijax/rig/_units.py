@@ -103,7 +103,8 @@ def _plain(unit: str) -> _Unit | None:
                 return None
             power = sign * int(match[2] or 1)
             factor *= atom.factor**power
-            dimension = tuple(a + power * b for a, b in zip(dimension, atom.dimension, strict=True))
+            (m, kg, s), own = dimension, atom.dimension
+            dimension = m + power * own[0], kg + power * own[1], s + power * own[2]
             turns = turns or atom.turns
     return _Unit(factor, dimension, turns)
 

@@ -80,7 +80,7 @@ class Signal(eqx.Module):
         return Signal(knots, values, slopes)
 
 
-def constant(value: Sequence[float]) -> Signal:
+def constant(value: Sequence[float] | Array) -> Signal:
     """The same `value` at all times."""
     if any(isinstance(x, Tracer) for x in jax.tree.leaves(value)):
         values = jnp.atleast_1d(jnp.asarray(value, float))[None, :]

@@ -1,7 +1,7 @@
 """What an answer needs to know of a model beside the search: groups, places, words."""
 
 import abc
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ class AbstractEvidence(abc.ABC):
     """
 
     model: AbstractModel
-    noise: dict[str, dict[str, Any]]
+    noise: Mapping[str, Any]
     faults: list[str]
     closing: float = 0.95  # share of the held-out gap that a named set has to close
     confirmed_on: str = "held-out"  # held-out, blocks (parts of the only run) or nothing

@@ -1,6 +1,8 @@
 """The sphere on its wheels as evidence."""
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +30,9 @@ class RigEvidence(AbstractEvidence):
 
     model: RigModel
 
-    def __init__(self, model: RigModel, noise: dict, faults: list[str], confirmed_on="held-out"):
+    def __init__(
+        self, model: RigModel, noise: Mapping[str, Any], faults: list[str], confirmed_on="held-out"
+    ):
         self.model, self.noise, self.faults = model, noise, faults
         self.confirmed_on = confirmed_on
 

@@ -35,7 +35,8 @@ def sensed(law, signal: SensorSignal):
 
 def readings(rig: Rig, group: str, time: np.ndarray, values: np.ndarray) -> np.ndarray:
     """What the rig's sensors of one output group show of its `values` (t, c)."""
-    return np.asarray(sensor_readings(rig, group, time, values, sensed))
+    shown = sensor_readings(rig, group, time, values, sensed)  # pyright: ignore[reportArgumentType]
+    return np.asarray(shown)
 
 
 def follow(rule, moments: Any, memory: Any, step):

@@ -35,7 +35,7 @@ class Base:
     torque: np.ndarray  # (FINE points, n) N m, commanded, and now to act
     felt: RotationMoment  # (thinned points, ...) with the delivered torques
     drive: np.ndarray  # (thinned points, n) N
-    shaft: np.ndarray  # (thinned points, n) N m, the motors' and all laws'
+    shaft: jax.Array  # (thinned points, n) N m, the motors' and all laws'
     contact: ContactSignal  # (FINE points, n) each
     mount: MountSignal
     normal: np.ndarray  # (FINE points, n) N

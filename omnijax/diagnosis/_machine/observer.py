@@ -81,7 +81,8 @@ def _integrate(rig: Rig, laws: TurningLaws, path: Path, step, first):
     points = tuple(jax.tree.map(lambda x, k=k: x[k : len(x) - 2 + k : 2], path) for k in range(3))
 
     def rate(state, at):
-        return _rate(rig, laws, *state, at)
+        omega, memory = state
+        return _rate(rig, laws, omega, memory, at)
 
     def ahead(state, rate, h):
         return jax.tree.map(lambda x, r: x + h * r, state, rate)

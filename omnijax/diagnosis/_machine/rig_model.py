@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...laws import AbstractLaw
-from ...rig import Rig
+from ...rig import Placed, Rig
 from .._search import (
     AbstractModel,
     Candidate,
@@ -176,6 +176,7 @@ class RigModel(AbstractModel):
             base, part = self._bases[k], table[:, cut[k] : cut[k + 1]]
             rows = self.machine.rows[base.index]
             for j, law in enumerate(placed):
+                assert isinstance(law, Placed)
                 part[j] = rows.vector(*signature(base, law))
             rows.take_off(part)
 

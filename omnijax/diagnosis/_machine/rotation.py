@@ -98,7 +98,8 @@ def rotation_moments(rig: Rig, m: Motion, command: np.ndarray, normal: np.ndarra
     """What laws that act on the rotation feel along a motion; one entry where nothing changes."""
     turns = not isotropic(rig) or rig.at("sphere") or np.any(np.asarray(rig.sphere.centre_of_mass))
     attitude = m.attitude if turns else np.eye(3)[None]
-    return RotationMoment(m.axes, attitude, m.turning, m.theta, m.speed, command, command, normal)
+    felt = (m.axes, attitude, m.turning, m.theta, m.speed, command, command, normal)
+    return RotationMoment(*felt)  # pyright: ignore[reportArgumentType]
 
 
 def run_torques(rig: Rig, at: RotationMoment, step: float) -> tuple[RotationMoment, Torques]:

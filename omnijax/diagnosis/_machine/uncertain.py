@@ -77,5 +77,6 @@ def with_sensors(rig: Rig, paths: Sequence[str], values) -> Rig:
     for path, value in zip(paths, values, strict=True):
         head, *middle, last = path.split(".")
         if head == SENSOR and value != 0:
-            rig = rig.add(EFFECTS[f"sensor-{last}"](number(value)), middle[0])
+            law = EFFECTS[f"sensor-{last}"](number(value))  # pyright: ignore[reportCallIssue]
+            rig = rig.add(law, middle[0])
     return rig

@@ -3,7 +3,7 @@
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -45,7 +45,7 @@ class Scales:
         return [0.1, 1.0, 10.0]
 
 
-def machine_candidates(model, scales: Scales, orders: dict[str, Sequence[float]]) -> list:
+def machine_candidates(model, scales: Scales, orders: Mapping[str, Sequence[float]]) -> list:
     """Every candidate; `orders` gives by place the orders that stand out."""
     out = []
     for id, place in model.places:

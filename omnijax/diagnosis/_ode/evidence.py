@@ -150,6 +150,7 @@ def balance_error(model: OdeModel, point: Point, split: str) -> float:
     """RMS of inertia times the missed acceleration, in per cent of the motor's torque."""
     theta = model.numbers.vector(point)
     machine, _ = model.numbers.build(theta)
+    assert isinstance(machine, Axis)
     rest = model.raw(theta[None], model.splits[split])[0]
     torque = []
     for i in model.splits[split]:

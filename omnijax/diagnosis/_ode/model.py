@@ -171,9 +171,10 @@ class OdeModel(AbstractModel):
     def balance(self, i: int) -> tuple[Balance, Callable]:
         """The balance of run `i`, and its values at a vector of numbers."""
         if i not in self._balances:
-            known = isinstance(self.rows[i], Balance)
-            rows = self.rows[i] if known else Balance(self.numbers, self.runs[i])
-            program = self._programs[i][0] if known else _compiled(rows)[0]
+            rows, program = self.rows[i], self._programs[i][0]
+            if not isinstance(rows, Balance):
+                rows = Balance(self.numbers, self.runs[i])
+                program = _compiled(rows)[0]
             self._balances[i] = rows, lambda theta: _lanes(program, rows.data, theta[None])[0]
         return self._balances[i]
 

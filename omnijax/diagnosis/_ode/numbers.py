@@ -52,7 +52,7 @@ def rest_values(law: type[AbstractLaw]) -> dict[str, np.ndarray]:
     for key, p in law.parameters.items():
         default = fields[key].default
         plain = default is not dataclasses.MISSING and default is not None
-        shape = float(default) if plain and not p.shape else 1.0
+        shape = float(default) if plain and not p.shape else 1.0  # pyright: ignore[reportArgumentType]
         out[key] = np.full(max(1, p.shape), 0.0 if p.linear else shape)
     return out
 

@@ -34,7 +34,7 @@ class OdeRun:
 
 def smoothed(x: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, ...]:
     """A signal, its rate and acceleration: low-passed both ways (4th order), differences."""
-    b, a = butter(4, min(0.99, 2 * cutoff * step))
+    b, a = butter(4, min(0.99, 2 * cutoff * step))  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
     x = filtfilt(b, a, x)
     v = np.gradient(x, step)
     return x, v, np.gradient(v, step)
@@ -58,7 +58,7 @@ class Balance:
         q, v, a = smoothed(run.outputs["position"], run.step, cutoff)
         self.thin = max(1, round(1 / (run.step * cutoff)))
         wide = 2 * WIDE * self.thin + 1
-        self.taps = firwin(wide, 0.8 / self.thin) if self.thin > 1 else np.ones(1)
+        self.taps = np.asarray(firwin(wide, 0.8 / self.thin) if self.thin > 1 else np.ones(1))
         self.edge = len(self.taps) // 2
         inputs = {k: jnp.asarray(x) for k, x in run.inputs.items()}
         time = jnp.asarray(run.time)

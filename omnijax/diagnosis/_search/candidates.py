@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...laws import EFFECTS, AbstractLaw
+from ...machine import PlacedLaw
 from ...rig import Placed, Rig, place_law
 
 
@@ -22,7 +23,7 @@ class Candidate:
 
     id: str
     place: str
-    columns: tuple[Placed, ...]
+    columns: tuple[Placed, ...] | tuple[PlacedLaw, ...]
     decode: Callable[[np.ndarray], dict[str, Any]]
     note: str = ""
     trials: int = 1

@@ -27,10 +27,10 @@ LOOSE = 1e-6  # least singular value of the normals that still holds the sphere
 class Figures(NamedTuple):
     """Figures of a batch, and what says how a run would have ended."""
 
-    values: Float[Array, "B m"]
-    slopes: Float[Array, "B m d"] | None
-    normal: Float[Array, " B"]  # N, least normal force of a contact, or a bound above 0
-    slip: Float[Array, " B"]  # N, least mu N - |f|, or a bound not below 0
+    values: Float[np.ndarray, "B m"]
+    slopes: Float[np.ndarray, "B m d"] | None
+    normal: Float[np.ndarray, " B"]  # N, least normal force of a contact, or a bound above 0
+    slip: Float[np.ndarray, " B"]  # N, least mu N - |f|, or a bound not below 0
 
 
 def modal_obstacle(

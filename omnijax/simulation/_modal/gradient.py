@@ -129,7 +129,10 @@ def mean_square_slopes(g: Lanes, layout: Layout, step, count) -> Slopes:
     m = g.modes
     of = np.repeat(np.arange(len(layout.kinds)), [kind.waves for kind in layout.kinds])
     columns = np.array([kind.column for kind in layout.kinds])
-    parts = materialised(lambda *a: forced(*a, layout), m, g.signals, g.direct, g.slope)
+    parts = materialised(
+        lambda m, signals, direct, slope: forced(m, signals, direct, slope, layout),
+        m, g.signals, g.direct, g.slope,
+    )  # fmt: skip
     number = jnp.arange(LENGTH, dtype=float)[:, None]
     b = m.b0[columns], m.b1[columns]
 
@@ -144,7 +147,7 @@ def mean_square_slopes(g: Lanes, layout: Layout, step, count) -> Slopes:
         def summed(x, table):
             return jnp.stack([jnp.sum(x[o][:, None] * table, axis=0) for o in range(ROWS)])
 
-        u, du = ([summed(y, table) for table in (t.T0, t.T1)] for y in (x, later))
+        u, du = ((summed(y, t.T0), summed(y, t.T1)) for y in (x, later))
         w, dw = ([summed(y, table) for table in (t.cosine, t.sine)] for y in (x, later))
         time = s.done * step
 
@@ -177,8 +180,8 @@ def mean_square_slopes(g: Lanes, layout: Layout, step, count) -> Slopes:
             y + jnp.where(here, x[:, :, None], 0.0) for y, x in zip(total.wave, w, strict=True)
         ]
         return _Sums(
-            tuple(x + y for x, y in zip(total.psi, psi, strict=True)),
-            tuple(x + y for x, y in zip(total.rate, turned, strict=True)),
+            (total.psi[0] + psi[0], total.psi[1] + psi[1]),
+            (total.rate[0] + turned[0], total.rate[1] + turned[1]),
             signals,
             (waves[0], waves[1]),
         )
@@ -217,8 +220,8 @@ def _with_waves(g: Lanes, layout: Layout, sums: _Sums, of, factor) -> Slopes:
     level = sums.wave[0] * signals.cosine + sums.wave[1] * signals.sine  # (o, v, k, c)
     direct = jax.ops.segment_sum(jnp.swapaxes(jnp.sum(level, axis=2), 0, 1), of, count)
     found = Slopes(
-        tuple(x + jnp.pad(y, pad) for x, y in zip(sums.psi, value, strict=True)),
-        tuple(x + jnp.pad(y, pad) for x, y in zip(sums.rate, rate, strict=True)),
+        (sums.psi[0] + jnp.pad(value[0], pad), sums.psi[1] + jnp.pad(value[1], pad)),
+        (sums.rate[0] + jnp.pad(rate[0], pad), sums.rate[1] + jnp.pad(rate[1], pad)),
         jax.tree.map(jnp.add, sums.signals, own),
         direct,
     )

@@ -50,7 +50,10 @@ class Samples(NamedTuple):
 def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
     """One pass over all samples of a group."""
     number = jnp.arange(LENGTH, dtype=float)[:, None]
-    parts = materialised(lambda *a: forced(*a, layout), g.modes, g.signals, g.direct, g.slope)
+    parts = materialised(
+        lambda m, signals, direct, slope: forced(m, signals, direct, slope, layout),
+        g.modes, g.signals, g.direct, g.slope,
+    )  # fmt: skip
     bound = _bound(g, parts, layout)
 
     def seen(pair, best, at, block):
@@ -141,7 +144,8 @@ def refined_peak(g: Lanes, layout: Layout, best, step, count):
     def at(time):
         return outputs_at(g, layout, moment(g.modes, g.signals, layout, time))
 
-    return hermite_peak(*jax.lax.map(at, times), times, step)
+    x, v = jax.lax.map(at, times)
+    return hermite_peak(x, v, times, step)
 
 
 def hermite_peak(x: Float[Array, "3 o c"], v: Float[Array, "3 o c"], times, step):

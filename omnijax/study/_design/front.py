@@ -89,7 +89,8 @@ class Front(AbstractResult):
     def from_xarray(cls, data: Any) -> "Front":
         """The front of which `to_xarray` made `data`."""
         return cls(
-            *(texts(data, k) for k in ("metric", "metric_unit", "variable", "variable_unit")),
+            texts(data, "metric"), texts(data, "metric_unit"),
+            texts(data, "variable"), texts(data, "variable_unit"),
             data["value"].values, data["x"].values, texts(data, "status"),
             int(data.attrs["evaluations"]),
         )  # fmt: skip

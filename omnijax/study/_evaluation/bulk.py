@@ -48,7 +48,7 @@ def bulk_runs(
         eqx.Partial(_operating, rig, drive, paths), jnp.asarray(rows), how.metrics,
         duration=duration, step=duration / (len(how.times) - 1), model=how.model, gradient=gradient,
     )  # fmt: skip
-    bad = ~np.isfinite(figures.values).all(axis=1)
+    bad = ~np.all(np.isfinite(figures.values), axis=1)
     status = np.where(bad, Status.NON_FINITE, margin_status(figures.normal, figures.slip))
     values = np.where(bad[:, None], np.nan, figures.values)
     slopes = np.zeros((*values.shape, 0)) if figures.slopes is None else figures.slopes
@@ -75,7 +75,8 @@ def bulk_steady(
         figures, by_metric = steady_gradients(make, rows, plan)
         slopes = jnp.stack([by_metric[name] for name in how.metrics], axis=1)
     else:
-        figures = dict(zip(("rms", "peak"), steady_figures(make, rows, plan), strict=True))
+        rms, peak = steady_figures(make, rows, plan)
+        figures = {"rms": rms, "peak": peak}
     chosen = jnp.stack([figures[name] for name in how.metrics], axis=1)
     bad = ~jnp.all(jnp.isfinite(chosen), axis=1)
     status = jnp.where(bad, Status.NON_FINITE, margin_status(*margins))

@@ -1,5 +1,6 @@
 """One design in, its figures and how it ended out, by a method chosen beforehand."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import diffrax as dfx
@@ -125,7 +126,7 @@ def samples_of(duration: float | None, rate: float | None) -> np.ndarray | None:
     return np.linspace(0.0, duration, count + 1)
 
 
-def checked_metrics(metrics: "str | tuple[str, ...] | list[str]") -> tuple[str, ...]:
+def checked_metrics(metrics: Sequence[str] | str) -> tuple[str, ...]:
     """`metrics` (a list, or words with commas between) as a tuple.
 
     Raises `InputError` with the nearest names for unknown ones, and for none or one named twice.

@@ -12,11 +12,12 @@ import numpy as np
 from ..._errors import InputError, RunError
 from ..._text import amount
 from ...rig import Rig, load_rig, parameter_info
-from ...simulation import AbstractDrive
+from ...simulation import SpeedDrive, TorqueDrive
 from ...vibration import METRICS
 from .._batches import value_and_jacobian
 from .._evaluation import (
     METHODS,
+    Drive,
     Question,
     checked_metrics,
     evaluation_of,
@@ -166,7 +167,7 @@ class Sensitivity(AbstractResult):
 
 def sensitivity(
     rig: Rig | str | Path,
-    drive: AbstractDrive | Sequence[float],
+    drive: Drive | Sequence[float],
     metrics: Sequence[str] | str = ("rms", "peak"),
     *,
     parameters: Sequence[str] | None = None,
@@ -183,7 +184,9 @@ def sensitivity(
     drive, gravity) and inertia tensors are not numbers and stay out.
     """
     machine = load_rig(rig) if isinstance(rig, str | Path) else rig
-    chosen = drive if isinstance(drive, AbstractDrive) else read_speeds(drive, machine.names)
+    chosen = (
+        drive if isinstance(drive, SpeedDrive | TorqueDrive) else read_speeds(drive, machine.names)
+    )
     paths = scalar_parameters(machine)
     paths = paths if parameters is None else checked_parameters(machine, parameters)
     names = checked_metrics(metrics)
