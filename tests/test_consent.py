@@ -60,7 +60,7 @@ def test_check_reads_the_declaration_alone(here, capsys):
     assert "not run: my-damper at w1, a law in law.py" in capsys.readouterr().out
     for wrong, said in (
         (EFFECT.replace("3.0", "-3.0"), "`effect.my-damper.w1.d` must lie in [0, inf)"),
-        (EFFECT.replace("d = ", "e = "), "`effect.my-damper.w1.e` is not a parameter"),
+        (EFFECT.replace("d = 3.0", "e = 3.0"), "`effect.my-damper.w1.e` is not a parameter"),
         (EFFECT.replace("w1", "w9"), "`effect.my-damper.place` must be one of"),
     ):
         text = bundled_rigs()["atlas"].read_text(encoding="utf-8")

@@ -9,6 +9,7 @@ import pytest
 from test_plant import load_plant
 
 from omnijax.diagnosis import diagnose
+from omnijax.diagnosis._search.candidates import UNTRIED
 from omnijax.laws import EFFECTS
 from omnijax.recording import read_case
 from omnijax.rig import load_rig, save_rig
@@ -78,7 +79,7 @@ def test_an_opening_is_the_beginning_of_every_run_by_the_way_that_is_rolled(none
 
 def test_every_candidate_has_a_signature_or_is_said_to_be_dead(none):
     scores = none.details["found"].scans[0].scores
-    assert {s.candidate.id for s in scores} == set(EFFECTS)
+    assert {s.candidate.id for s in scores} == set(EFFECTS) - UNTRIED
     dead = {s.candidate.name for s in scores if s.dead}
     assert dead == {f"lift-off@{p}" for p in ("w1", "w2", "w3", "all")}
     assert any(name in note for note in none.notes for name in dead)
@@ -146,8 +147,10 @@ def test_a_planted_runout_is_named_with_place_and_size(cases, tmp_path):
         p = effect.parameters[key]
         assert abs(p["value"] - true) < 4 * p["sigma"]
     assert found.gap["dR"].closed > 0.95
-    first = found.where[0]
-    assert (first["domain"], first["value"], first["reference"]) == ("order", 1.0, "w2")
+    first = found.where[0]  # the wheel's angle: as its order 1, or as a state of the same angle
+    assert first["reference"] == "w2" and first["domain"] in ("order", "phase")
+    assert first["domain"] == "phase" or first["value"] == 1.0
+    assert first["share"] > 0.9
     written = json.loads(found.save(tmp_path / "diagnosis.json").read_text())
     assert written["verdict"] == "named"
     assert written["effects"][0]["indistinguishable_from"] == []

@@ -172,7 +172,7 @@ def test_printed_closure_pushes_the_sphere_away():
     ("options", "words"),
     [
         (["--samples", "0"], "`--samples` must be at least 1, but is 0."),
-        (["--out", __file__], "`--out` must be a folder"),
+        (["--out", __file__], "is a file, but a folder is to be written there"),
     ],
 )
 def test_wrong_options_are_refused(options, words, tmp_path, capsys):

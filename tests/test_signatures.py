@@ -10,7 +10,9 @@ from omnijax.diagnosis._search.model import Effect
 from omnijax.laws import EFFECTS
 
 # no strength that could be small, or an axis with fewer numbers than columns: judged at a size
-FINITE = {"lift-off", "contact-hertz", "mount-backlash", "sensor-delay", "sphere-out-of-round"}
+# (a late signal too: its candidates are delays and lags of samples, not multiples of a tangent)
+FINITE = {"lift-off", "contact-hertz", "mount-backlash", "sphere-out-of-round"}
+FINITE |= {"sensor-delay", "sensor-lag", "actuator-delay", "actuator-lag"}
 EXACT = sorted(set(EFFECTS) - FINITE - UNTRIED)
 
 

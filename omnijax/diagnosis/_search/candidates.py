@@ -278,9 +278,11 @@ def _line(c, frequency):
 
 # effects that simulate and may stand in a calibrated rig, but are not looked for
 # twins of creep and of a ripple's line, and limits, which have no small size to scan at
+# laws that simulate and are never proposed for a rig: no tangent that was held against differences
+# (that of an encoder's eccentricity is a tenth off: the smoothed angle takes part of it), or a twin
 UNTRIED = {
-    "wheel-radius", "actuator-saturation", "cogging", "current-ripple", "sensor-saturation",
-    "sensor-rectified",
+    "encoder-eccentricity", "wheel-radius", "actuator-saturation", "cogging", "current-ripple",
+    "sensor-saturation", "sensor-rectified",
 }  # fmt: skip
 _NEEDS_GRAVITY = {"unbalance"}
 _RECIPES = {
