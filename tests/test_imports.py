@@ -108,3 +108,16 @@ def test_public_names_are_there():
     assert {"load_rig", "simulate", "rig"} <= set(dir(omnijax))
     with pytest.raises(AttributeError, match="no attribute 'simulat'"):
         getattr(omnijax, "simulat")  # noqa: B009
+
+
+def test_editors_see_every_public_name():
+    """`__init__.pyi` says what `_EXPORTS` and `_PACKAGES` do: names are imported on first use."""
+    seen, others = set(), []
+    for node in ast.parse((ROOT / "__init__.pyi").read_text(encoding="utf-8")).body[1:]:
+        if isinstance(node, ast.ImportFrom):
+            seen |= {(node.module, alias.name, alias.asname) for alias in node.names}
+        else:
+            others.append(ast.unparse(node))
+    table = {(package, name, name) for name, package in omnijax._WHERE.items()}
+    assert seen == table | {(None, package, package) for package in ORDER}
+    assert others == ["__version__: str"]
