@@ -24,7 +24,8 @@ class Status(IntEnum):
     NON_FINITE = (
         1,
         "non-finite",
-        "the state became infinite: lower `rtol`, or look for a law without bound.",
+        "figures became infinite: lower `rtol`, or look for a law without bound or an axis of the "
+        "sphere that no wheel drives (`omnijax check`).",
     )
     STEP_LIMIT = (
         2,
@@ -43,6 +44,11 @@ class Status(IntEnum):
         "a drive force passed what friction holds: raise `closure.preload` or `contact.friction`.",
     )
     INTERRUPTED = 6, "interrupted", "what was computed is kept."
+    UNHELD = (
+        7,
+        "unheld",
+        "the wheels do not hold the sphere in every direction: turn a `normal`, or add a wheel.",
+    )
 
     @property
     def failed(self) -> bool:
@@ -58,4 +64,4 @@ class Status(IntEnum):
         raise ValueError(f"`{text}` is no status.")
 
 
-FAILED = (Status.NON_FINITE, Status.STEP_LIMIT, Status.FAILED)
+FAILED = (Status.NON_FINITE, Status.STEP_LIMIT, Status.FAILED, Status.UNHELD)

@@ -48,7 +48,7 @@ def _foreign(name: str) -> list[dict[str, str]]:
 def _summary(rig: Any) -> dict[str, Any]:
     import numpy as np
 
-    from ..dynamics import mobility, weight
+    from ..dynamics import held_directions, mobility, weight
     from ..rig import direction_angles, parameter_paths, wheel_facts
     from ..vibration import modes
 
@@ -73,7 +73,7 @@ def _summary(rig: Any) -> dict[str, Any]:
             for i, name in enumerate(rig.names)
         ],
         "driven_axes": motion.driven,
-        "held_directions": int(np.linalg.matrix_rank(np.asarray(wheels.normal), tol=1e-6)),
+        "held_directions": held_directions(rig),
         "kinematics": {
             "wheels_from_sphere": _exact(motion.to_wheels),
             "sphere_from_wheels": _exact(motion.to_sphere),

@@ -36,6 +36,9 @@ from ._forces import rest_memory as rest_memory
 from ._forces import rolling_torques as rolling_torques
 from ._forces import shaft_torques as shaft_torques
 from ._forces import torques as torques
+from ._hold import held as held
+from ._hold import held_directions as held_directions
+from ._hold import hold_obstacle as hold_obstacle
 from ._kinematics import Rolling as Rolling
 from ._kinematics import incompatibility as incompatibility
 from ._kinematics import position_input as position_input

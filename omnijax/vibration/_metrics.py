@@ -192,6 +192,7 @@ def steady_metrics(
 
     A constant `force` on the platform (N) counts as in `steady_state`.
     Every metric of `STEADY_METRICS`; `ValueError` for others, which need a run.
+    NaN where the wheels do not hold the sphere in every direction.
     """
     for name in names:
         if known(name) not in STEADY_METRICS:

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._root import root
+from .._status import Status
 from ..rig import Rig
 from ..simulation import LongRun, fourier, line_rates, line_response
 from ._comfort import weighting
@@ -36,12 +37,12 @@ class SteadyRun(LongRun):
     _load: ContactLoad | None = None
 
     def metric(self, name: str) -> Float[Array, ""]:
-        """One of `STEADY_METRICS`."""
+        """One of `STEADY_METRICS`; NaN where there is no steady state."""
         from ._metrics import METRICS
 
         of_steady = METRICS[name].of_steady
         assert of_steady is not None  # `steady_metrics` refuses the others
-        return of_steady(self)
+        return self._if_ok(of_steady(self))
 
     def load(self) -> ContactLoad:
         """Extremes of the contacts' forces."""
@@ -58,7 +59,10 @@ class SteadyRun(LongRun):
         curves = self.curves("normal_force", "drive_force")
         high, low, forth, back = self.largest(curves, rows).reshape(4, n)
         slip = friction * preload - jnp.maximum(forth, back)
-        return ContactLoad(preload - low, preload + high, slip)
+        return ContactLoad(*map(self._if_ok, (preload - low, preload + high, slip)))
+
+    def _if_ok(self, figure: Array) -> Array:
+        return jnp.where(self.status == Status.OK, figure, jnp.nan)
 
     def weighted(self) -> Float[Array, ""]:
         """sqrt(sum over signals, harmonics, directions of |a|^2 W^2 / 2), W as in ISO 2631-1."""

@@ -64,13 +64,15 @@ class Panel:
     def evaluate(self, values: Mapping[str, Any]) -> dict[str, Any]:
         """Long-run vibration, order spectrum and resonances at slider positions.
 
-        Raises `InputError` for a rig with laws that have no closed-form steady state.
+        Raises `InputError` for a rig that has no steady state, or none in closed form.
         """
         rig, speeds = self.changed(values)
         try:
             state = steady_state(rig, jnp.asarray(speeds), harmonics=HARMONICS, grid_bits=GRID_BITS)
         except ValueError as error:
             raise InputError(str(error)) from error
+        if not state.ok:
+            raise InputError(f"no steady state: {state.message()}")
         t = jnp.linspace(0.0, WINDOW, SAMPLES)
         frames = jax.tree.map(np.asarray, _motion(rig, jnp.asarray(speeds), state, t))
         order, spectrum = _lines(rig, state, SHOWN_PASSINGS * float(np.max(rig.wheels.rollers)))

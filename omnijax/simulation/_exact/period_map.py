@@ -36,10 +36,14 @@ def passages(system: Forced, forcing: Forcing, least: int, levels: int) -> Passa
 
 @kept
 def longest_passage(rig: Rig, speeds, angles, model: str, least: float = 0.0):
-    """The system's matrix A times the duration of its longest piece (or `least` s), (m, m)."""
+    """The system's matrix A times the duration of its longest piece (or `least` s), (m, m).
+
+    Sizes are counted from it: what is not finite counts as 0, the figures tell.
+    """
     signals = forcing(rig, speeds, angles)
     system, _ = balanced(forced_system(rig, model, speeds, signals.wheel))
-    return system.A * jnp.maximum(jnp.max(signals.cycle.duration), least)
+    passage = system.A * jnp.maximum(jnp.max(signals.cycle.duration), least)
+    return jnp.where(jnp.isfinite(passage), passage, 0.0)
 
 
 def piece_maps(pieces: Piece, m: int) -> Float[Array, "... m+1 m+1"]:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._root import root
+from ...dynamics import hold_obstacle
 from ...laws import ContinuousSine, GatedSine, HalfSine, Rollers
 from ...rig import Placed, Rig
 from .._exact import exact_obstacle
@@ -21,7 +22,6 @@ from .system import Design, Layout, Operating, designs_of
 from .transient import LANES, Lanes, refined_peak, samples_of
 
 METRICS = ("rms", "peak")
-LOOSE = 1e-6  # least singular value of the normals that still holds the sphere
 
 
 class Figures(NamedTuple):
@@ -37,13 +37,9 @@ def modal_obstacle(
     rig: Rig, model: str = "coupled", metrics: Sequence[str] = METRICS
 ) -> str | None:
     """Why the modal core does not give these figures of the rig, in words; None where it does."""
-    reason = exact_obstacle(rig, model)
+    reason = exact_obstacle(rig, model) or hold_obstacle(rig, model)
     if reason is not None:
         return reason
-    if model == "coupled":
-        held = np.linalg.svd(np.asarray(rig.wheels.normal), compute_uv=False)
-        if len(held) < 3 or held[2] < LOOSE:
-            return "the wheels do not hold the sphere in every direction"
     others = [name for name in metrics if name not in METRICS]
     if others:
         return f"the modal core does not give {', '.join(others)}"

@@ -9,10 +9,11 @@ y_P = -A^-1 (dA y/dP) P; it stands in the constant term of the first signal.
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ..._root import root
-from ...dynamics import solve_all
+from ..._status import Status
+from ...dynamics import held, solve_all
 from ...rig import Rig
 from .._exact import (
     Forced,
@@ -67,6 +68,11 @@ class LongRun:
         if self.pushed is None:
             return rows
         return rows.at[0, :, :, self.states].add(self.system.state[name] @ self.pushed)
+
+    @property
+    def status(self) -> Int[Array, ""]:
+        """`OK`, or `UNHELD` where the sphere drifts off and no periodic solution exists."""
+        return jnp.where(held(self.rig, self.model), Status.OK, Status.UNHELD)
 
     @property
     def weight(self) -> Float[Array, "g k"]:

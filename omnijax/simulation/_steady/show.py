@@ -6,6 +6,7 @@ import numpy as np
 
 from ..._html import html_table
 from ..._plot import new_axes
+from ..._status import Status
 
 
 def summary_rows(state: Any) -> list[tuple[str, float, str]]:
@@ -66,4 +67,5 @@ def to_xarray(state: Any) -> Any:
         else:
             data[name] = (dims.get(name, ()), value, attributes)
     names = [state.names[wheel] for wheel in state.wheel]
-    return xr.Dataset(data, {"component": list("xyz"), "signal": names})
+    ended = {"status": Status(int(state.status)).text}
+    return xr.Dataset(data, {"component": list("xyz"), "signal": names}, ended)

@@ -3,11 +3,13 @@
 from typing import ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Complex, Float, Int
 
 from ..._programs import kept
 from ..._root import root
+from ..._status import Status
 from ...rig import Rig
 from .._exact import exact_obstacle, is_traced, levels_needed, longest_passage
 from .long_run import LongRun
@@ -37,6 +39,7 @@ class SteadyState(eqx.Module):
     order: Float[Array, "g h"]
     spectrum: Complex[Array, "g h 3"]  # m
     transmissibility: Float[Array, "g h"]  # |x_i| / |rho_i| at these orders
+    status: Int[Array, ""]  # a code of `Status`; all figures are NaN where it is not 0
     wheel: tuple[int, ...] = eqx.field(static=True, default=())
     names: tuple[str, ...] = eqx.field(static=True, default=())
 
@@ -55,7 +58,19 @@ class SteadyState(eqx.Module):
         "transmissibility": "1",
     }
 
+    @property
+    def ok(self) -> bool:
+        """Whether the rig has a steady state."""
+        return int(self.status) == Status.OK
+
+    def message(self) -> str:
+        """One sentence: `ok`, or why there is no steady state."""
+        ended = Status(int(self.status))
+        return "ok" if self.ok else f"{ended.text}: {ended.remedy}"
+
     def __repr__(self) -> str:
+        if not is_traced(self.status) and not self.ok:
+            return f"SteadyState({self.message()})"
         return (
             f"SteadyState(rms={_text(self.rms)} m, peak={_text(self.peak)} m, "
             f"{len(self.wheel)} signals, {self.order.shape[1] - 1} harmonics)"
@@ -96,8 +111,10 @@ def steady_state(
     matter only for wheels at rest.  With `sharpness` p the peak of |dR| is the smooth one, the
     p-norm over the phases, which lies below the supremum and has a gradient everywhere.  A constant
     `force` on the platform (N) accelerates the machine as a whole and adds a constant deflection;
-    accelerations are those of the inertial frame, so the common one is part of them.  Raises
-    `ValueError` for a rig with laws that are not linear in the elastic state.
+    accelerations are those of the inertial frame, so the common one is part of them.  Where the
+    wheels do not hold the sphere in every direction, or figures are not finite, `status` says so
+    and all figures are NaN, inside transformations too.  Raises `ValueError` for a rig with laws
+    that are not linear in the elastic state.
     """
     reason = exact_obstacle(rig, model)
     if reason is not None:
@@ -120,7 +137,7 @@ def _steady(rig, speeds, angles, model, count, bits, sharpness, levels, force) -
     high, low = run.extremes("dR")
     peak, peak_elastic = run.suprema("dR", "dR_elastic")
     system, signals = run.system, run.signals
-    return SteadyState(
+    figures = dict(
         rms=root(jnp.sum(square)),
         peak=peak if sharpness is None else run.smooth_peak("dR", sharpness),
         rms_component=root(square),
@@ -130,9 +147,16 @@ def _steady(rig, speeds, angles, model, count, bits, sharpness, levels, force) -
         rms_elastic=root(jnp.sum(run.mean_square("dR_elastic"))),
         peak_elastic=peak_elastic,
         rms_acceleration=root(jnp.sum(run.mean_square("a_sphere"))),
-        order=signals.base[:, None] * jnp.arange(count + 1),
         spectrum=harmonics(system, signals, count)["dR"],
         transmissibility=transfer(system, signals, count),
-        wheel=signals.wheel,
-        names=rig.names,
     )
+    status = _ended(run.status, figures)
+    figures = jax.tree.map(lambda x: jnp.where(status == Status.OK, x, jnp.nan), figures)
+    order = signals.base[:, None] * jnp.arange(count + 1)
+    return SteadyState(**figures, order=order, status=status, wheel=signals.wheel, names=rig.names)
+
+
+def _ended(status: Int[Array, ""], figures: dict[str, Array]) -> Int[Array, ""]:
+    """`status`, or `NON_FINITE` where it is `OK` against the figures."""
+    finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in figures.values()]))
+    return jnp.where((status == Status.OK) & ~finite, Status.NON_FINITE, status)

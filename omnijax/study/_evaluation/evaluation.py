@@ -50,8 +50,7 @@ class Evaluation(NamedTuple):
 
     def of(self, run: SteadyRun | Trajectory, rig: Rig) -> Float[Array, " m"]:
         """The metrics of `run`, NaN where it failed."""
-        ended = Status.OK if isinstance(run, SteadyRun) else run.status
-        return without_failed(self._read(run, rig), ended)[0]
+        return without_failed(self._read(run, rig), run.status)[0]
 
     def run(self, rig: Rig, drive: Drive) -> SteadyRun | Trajectory:
         """What the metrics are read from: the periodic solution, or a run."""
@@ -81,8 +80,9 @@ class Evaluation(NamedTuple):
         """The run's own status, else whether a contact lifts off or slips."""
         if isinstance(run, SteadyRun):
             load = run.load()
-            return margin_status(jnp.min(load.least), jnp.min(load.slip_margin))
-        margin = margin_status(jnp.min(run.normal_force), jnp.min(run.slip_margin))
+            margin = margin_status(jnp.min(load.least), jnp.min(load.slip_margin))
+        else:
+            margin = margin_status(jnp.min(run.normal_force), jnp.min(run.slip_margin))
         return jnp.where(run.status == Status.OK, margin, run.status)
 
     @property

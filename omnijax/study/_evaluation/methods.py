@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..._errors import InputError
+from ...dynamics import hold_obstacle
 from ...laws import DualRow
 from ...rig import Rig
 from ...simulation import (
@@ -83,15 +84,7 @@ def _no_steady_metric(q: Question) -> str | None:
 
 
 def _nothing_holds(q: Question) -> str | None:
-    """Normals that span less than space leave the coupled sphere free to drift off."""
-    if q.model == "coupled":
-        least = np.linalg.svd(np.asarray(q.rig.wheels.normal), compute_uv=False)
-        if len(least) < 3 or least[2] < LOOSE:
-            return "the wheels do not hold the sphere in every direction"
-    return None
-
-
-LOOSE = 1e-6  # least singular value of the normals that still holds the sphere
+    return hold_obstacle(q.rig, q.model)
 
 
 def _no_rows(q: Question) -> str | None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..._status import Status
+from ..._status import FAILED, Status
 from ...rig import Rig, parse_rig
 from ...vibration import METRICS
 from .._evaluation import (
@@ -129,7 +129,7 @@ class Evaluator:
             columns[name] = figures[:, i]
             for j, path in enumerate(self._paths if self.spec.gradient else ()):
                 columns[gradient_name(name, path)] = slopes[:, i, j]
-        kept = np.isin(status, (Status.STEP_LIMIT, Status.FAILED))
+        kept = np.isin(status, FAILED)
         broken = ~np.isfinite(slopes).all(axis=(1, 2)) & ~kept
         columns["status"] = np.where(broken, Status.NON_FINITE, status).astype(np.int8)
         return columns

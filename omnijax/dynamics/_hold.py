@@ -1,0 +1,41 @@
+"""Whether the wheels hold the sphere in every direction; works inside transformations too."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool
+
+from ..rig import Rig
+
+LOOSE = 1e-6  # least singular value of the normals: a mode there settles 1e12 times slower
+
+
+def held(rig: Rig, model: str = "coupled") -> Bool[Array, ""]:
+    """Whether contacts push the sphere back along every direction.
+
+    Where their normals span less than space, the coupled model's sphere is free to drift off and no
+    steady state exists.  The `paper` variant sums the wheels' deflections and needs no such hold.
+    With the eigenvalues L of sum r_i r_i^T, the product over the sum of pairwise products lies
+    between a third of the least one and the least one itself, and is held against LOOSE^2.  Both
+    are sums of squares (Cauchy and Binet), so that rounding does not enter.
+    """
+    if model != "coupled":
+        return jnp.asarray(True)
+    r = rig.wheels.normal
+    areas = jnp.cross(r[:, None], r[None])
+    pairs = jnp.sum(areas**2) / 2  # L1 L2 + L2 L3 + L3 L1
+    product = jnp.sum(jnp.einsum("ia,jka->ijk", r, areas) ** 2) / 6  # L1 L2 L3
+    return (pairs > LOOSE**2) & (product > LOOSE**2 * pairs)
+
+
+def hold_obstacle(rig: Rig, model: str = "coupled") -> str | None:
+    """Why a rig of known numbers has no steady state, in words; None where it has one."""
+    return None if bool(held(rig, model)) else NOT_HELD
+
+
+def held_directions(rig: Rig) -> int:
+    """In how many directions the contacts hold the sphere; 3 where `held`."""
+    values = np.linalg.svd(np.asarray(rig.wheels.normal), compute_uv=False)
+    return 3 if bool(held(rig)) else int(np.sum(values[:2] > LOOSE))
+
+
+NOT_HELD = "the wheels do not hold the sphere in every direction"
