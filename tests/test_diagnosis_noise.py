@@ -8,7 +8,8 @@ import pytest
 from scipy.signal import lfilter
 
 from omnijax import InputError
-from omnijax.diagnosis._answer.shown import Shown
+from omnijax.diagnosis._answer import RigEvidence
+from omnijax.diagnosis._answer.shown import Shown, shown_noise
 from omnijax.diagnosis._answer.verdict import judge
 from omnijax.diagnosis._machine.data_vector import Rows, _filters
 from omnijax.diagnosis._machine.roles import with_roles
@@ -108,6 +109,28 @@ def test_a_gap_that_hangs_on_nothing_is_noise_and_never_unknown():
     assert answer(ratio=1.4, structure=0.0, after=1.4, effects=("x",)) == "named"
     assert answer(ratio=1.0, structure=3.0, after=2.5, effects=("x",)) == "unknown"
     assert answer(ratio=1.0, structure=0.2, after=1.1, effects=("x",)) == "named"
+
+
+@pytest.mark.parametrize(
+    "channel, noise_only", [("dR_x", False), ("a_x", False), ("Omega_x", True)]
+)
+def test_a_gap_is_no_noise_in_channels_of_the_same_state(channel, noise_only):
+    """A gap of dR that hangs on a speed shows in `a` too, though on nothing that is asked there."""
+    rng = np.random.default_rng(9)
+    table = {c: 1.5 * kinds(rng)["wandering"] for c in ("dR_x", "a_x", "Omega_x")}
+    stands = {"channel": "dR_x", "stands": True, "share": 0.9, "rms_over_noise": 3.0}
+    evidence = SimpleNamespace(
+        model=SimpleNamespace(residuals=lambda points, split: [None]),
+        columns=lambda residual, split: [table], locate=lambda point: ([], [stands]),
+        subsystem=lambda c: RigEvidence.subsystem(None, c),
+    )  # fmt: skip
+    shown = shown_noise(evidence, None)
+    assert shown.structured == ["dR_x"]
+    level = shown.levels[0][channel]
+    assert level.colour == ("wandering" if noise_only else "white")
+    whole = np.sqrt(np.mean(table[channel] ** 2))
+    assert level.ratio == pytest.approx(whole if noise_only else level.floor, rel=1e-6)
+    assert (channel in shown.changes[0]) == noise_only
 
 
 def run(name: str, role: str, samples: int) -> Run:

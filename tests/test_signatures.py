@@ -5,6 +5,8 @@ import pytest
 from test_plant import load_plant
 
 from omnijax.diagnosis import diagnose
+from omnijax.diagnosis._machine.rig_model import sums_of
+from omnijax.diagnosis._machine.tangents import signature
 from omnijax.diagnosis._search.candidates import UNTRIED
 from omnijax.diagnosis._search.model import Effect
 from omnijax.laws import EFFECTS
@@ -46,3 +48,20 @@ def test_a_signature_is_what_a_weak_law_changes(agreeing, id):
     (after,) = model.residuals([point.with_effects(effect)], "train")
     change, foretold = residual - after, columns @ strengths
     assert np.linalg.norm(change - foretold) < 0.03 * np.linalg.norm(foretold)
+
+
+def test_a_law_at_all_wheels_has_the_sum_of_their_signatures(agreeing):
+    model, point, _, _ = agreeing
+    placed = {c.id: c.columns[-1] for c in model.candidates(point) if c.place == "all"}
+    at_one = [p for c in model.candidates(point) for p in c.columns if c.place != "all"]
+    laws = [*at_one, *placed.values()]
+    sums = sums_of(laws)
+    assert len(sums) > 0.5 * len(placed)
+    base = model.bases(point)[0]
+    rows = model.machine.rows[base.index]
+    sizes = []
+    for j, alone in sums.items():
+        whole, *parts = (rows.vector(*signature(base, laws[i])) for i in (j, *alone))
+        sizes.append(np.linalg.norm(whole))
+        assert np.linalg.norm(whole - sum(parts)) <= 1e-6 * sizes[-1]
+    assert np.mean(np.array(sizes) > 0) > 0.9  # no contact lifts off here

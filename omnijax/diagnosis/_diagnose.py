@@ -145,8 +145,10 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
     tell("looking at what is left")
     shown = shown_noise(evidence, found.fit.point)
     other = evidence.renoised(shown.changes) if shown.matters else None
-    earlier = None
+    earlier, limits = None, None
     if other is not None:
+        limits = _limits(evidence.model, found)
+        found.signatures = None  # room for the next table
         names = sorted({c for run in shown.changes for c in run})
         tell(f"the noise of {', '.join(names)} is not as assumed: searching again")
         again = Search(other.model, tell).run(found.baseline.point, found.fit.point)
@@ -154,9 +156,10 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
             tell("what looked like noise is explained in part by candidates: it is none")
             shown = shown.refuted()
         else:
-            evidence, found, earlier = other, again, shown
+            evidence, found, earlier, limits = other, again, shown, None
             shown = shown_noise(evidence, found.fit.point)
-    return _said(evidence, found, shown, noise_table(evidence, shown, earlier), tell)
+    limits = _limits(evidence.model, found) if limits is None else limits
+    return _said(evidence, found, shown, noise_table(evidence, shown, earlier), limits, tell)
 
 
 def explained(model, found: Found) -> bool:
@@ -165,7 +168,7 @@ def explained(model, found: Found) -> bool:
     return bool(found.trials) and any(t.gain > least for t in found.trials[-1])
 
 
-def _said(evidence: AbstractEvidence, found: Found, shown: Shown, noise, tell) -> Diagnosis:
+def _said(evidence: AbstractEvidence, found: Found, shown: Shown, noise, limits, tell) -> Diagnosis:
     """The answer of a search."""
     model = evidence.model
     (before,) = model.residuals([found.baseline.point], "held-out")
@@ -175,7 +178,7 @@ def _said(evidence: AbstractEvidence, found: Found, shown: Shown, noise, tell) -
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     known = judged.verdict in ("named", "ambiguous")
     point = found.fit.point if known else found.baseline.point
-    excluded = _excluded(model, found, known)
+    excluded = _excluded(limits, found, known)
     learned = None
     if judged.verdict == "unknown":
         learned = evidence.learn(found.baseline, tell)
@@ -207,12 +210,17 @@ def _said(evidence: AbstractEvidence, found: Found, shown: Shown, noise, tell) -
     return result
 
 
-def _excluded(model, found: Found, known: bool) -> list[dict[str, Any]]:
-    """Upper limits beside what was named."""
+def _limits(model, found: Found) -> list[dict[str, Any]]:
+    """Upper limits of every effect and place."""
     if found.signatures is None:
         return []
+    return upper_limits(model, found.fit, found.signatures, set())
+
+
+def _excluded(limits: list[dict[str, Any]], found: Found, known: bool) -> list[dict[str, Any]]:
+    """The limits beside what was named."""
     names = {e.name for e in found.fit.point.effects} if known else set()
-    return upper_limits(model, found.fit, found.signatures, names)
+    return [x for x in limits if f"{x['id']}@{x['place']}" not in names]
 
 
 def _model(rig, runs, noise, library, window) -> tuple[RigModel, Point, list[str]]:

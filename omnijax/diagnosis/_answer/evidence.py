@@ -67,6 +67,10 @@ class AbstractEvidence(abc.ABC):
         """Unit of an output group."""
         return "1"
 
+    def subsystem(self, channel: str) -> str:
+        """What state a channel shows: an effect on it shows in all channels of the same one."""
+        return channel
+
     def renoised(self, levels: Sequence[dict[str, Level]]) -> "AbstractEvidence | None":
         """This evidence weighed by other noise, in the order of `columns`; None: it cannot be."""
         return None

@@ -76,6 +76,9 @@ class RigEvidence(AbstractEvidence):
     def unit_of(self, group):
         return UNITS[group]
 
+    def subsystem(self, channel):
+        return "elastic" if channel.startswith(("dR", "a")) else "rotation"
+
     def renoised(self, levels):
         model = self.model.renoised(levels)
         return RigEvidence(model, self.noise, self.faults, self.confirmed_on)

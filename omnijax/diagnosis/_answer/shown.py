@@ -19,13 +19,15 @@ class Shown:
     """`levels` by run and channel, and by channel the power of what hangs on the machine's state.
 
     A power is that of the largest discovery, over the noise's (channels without any: 0).  `where`
-    holds the discoveries and all answers behind it.
+    holds the discoveries and all answers behind it.  Of `bounded` channels, where a gap is left,
+    the level is an upper bound: fast parts of the gap count in it.
     """
 
     levels: tuple[dict[str, Level], ...]
     splits: tuple[str, ...]
     structure: dict[str, float]
     where: tuple[list[dict[str, Any]], list[dict[str, Any]]]
+    bounded: frozenset[str] = frozenset()
 
     @property
     def structured(self) -> list[str]:
@@ -43,7 +45,11 @@ class Shown:
     @property
     def changes(self) -> list[dict[str, Level]]:
         """By run the channels whose assumed noise is wrong by more than chance, or has a colour."""
-        return [{c: x for c, x in run.items() if wrong(x)} for run in self.levels]
+        return [
+            {c: x for c, x in run.items()
+             if wrong(x) and not (c in self.bounded and x.ratio > 1)}
+            for run in self.levels
+        ]  # fmt: skip
 
     @property
     def matters(self) -> bool:
@@ -91,7 +97,11 @@ def white_levels(evidence: AbstractEvidence, point: Point) -> list[dict[str, Lev
 
 
 def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:
-    """The noise at a point: all of a channel in which nothing hangs on the machine's state."""
+    """The noise at a point: all of a channel in which nothing hangs on the machine's state.
+
+    Nor in a channel that moves with it: an effect that shows in one of them shows in all, and how
+    much of what is left is noise cannot be told before it is explained.
+    """
     where = evidence.locate(point)
     runs = _runs(evidence, point)
     names = list(dict.fromkeys(c for _, run in runs for c in run))
@@ -103,13 +113,16 @@ def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:
             floor = min(levels([first[channel]], False)[0].ratio, found["rms_over_noise"])
             power = found["share"] * (found["rms_over_noise"] / max(floor, 1e-12)) ** 2
             structure[channel] = max(structure[channel], power)
+    moved = {evidence.subsystem(c) for c, power in structure.items() if power > STRUCTURE}
     table: list[dict[str, Level]] = [{} for _ in runs]
     for channel in names:
         have = [k for k, (_, run) in enumerate(runs) if channel in run]
-        found = levels([runs[k][1][channel] for k in have], structure[channel] <= STRUCTURE)
+        noise_only = evidence.subsystem(channel) not in moved
+        found = levels([runs[k][1][channel] for k in have], noise_only)
         for k, level in zip(have, found, strict=True):
             table[k][channel] = level
-    return Shown(tuple(table), tuple(split for split, _ in runs), structure, where)
+    bounded = frozenset(c for c in names if evidence.subsystem(c) in moved)
+    return Shown(tuple(table), tuple(split for split, _ in runs), structure, where, bounded)
 
 
 def noise_table(

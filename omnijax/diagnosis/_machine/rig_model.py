@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import cast
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from .linearisation import base_of
 from .machine import Machine
 from .runs import COARSE, FINE, STEPS, Run, with_noise
 from .tangents import signature
+from .tree_hash import digest
 from .uncertain import rig_priors, with_parameters, with_sensors
 
 BUDGET = 400.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
@@ -168,20 +170,39 @@ class RigModel(AbstractModel):
         return tuple(kept)
 
     def columns(self, point, candidates: Sequence[Candidate]):
-        placed = [p for c in candidates for p in c.columns]
+        placed = [cast(Placed, p) for c in candidates for p in c.columns]
         cut = np.cumsum([0] + [self.machine.rows[b.index].size for b in self._bases])
-        table = np.empty((len(placed), cut[-1]))
+        table, sums = np.empty((len(placed), cut[-1])), sums_of(placed)
 
         def fill(k: int) -> None:
             base, part = self._bases[k], table[:, cut[k] : cut[k + 1]]
             rows = self.machine.rows[base.index]
             for j, law in enumerate(placed):
-                assert isinstance(law, Placed)
-                part[j] = rows.vector(*signature(base, law))
+                if j not in sums:
+                    part[j] = rows.vector(*signature(base, law))
+            for j, alone in sums.items():
+                part[j] = sum(part[i] for i in alone)
             rows.take_off(part)
 
         each(fill, range(len(self._bases)))
         return table
+
+
+def sums_of(placed: Sequence[Placed]) -> dict[int, list[int]]:
+    """By law at several wheels: where the same law stands at each of them alone.
+
+    To first order its signature is the sum of theirs.
+    """
+    alone, names = {}, [digest(p.law) for p in placed]
+    for j, p in enumerate(placed):
+        if len(p.wheels) == 1:
+            alone[names[j], p.wheels[0]] = j
+    out = {}
+    for j, p in enumerate(placed):
+        parts = [alone.get((names[j], w)) for w in p.wheels] if len(p.wheels) > 1 else []
+        if parts and None not in parts:
+            out[j] = parts
+    return out
 
 
 def split_runs(runs: list[Run]) -> dict[str, list[int]]:

@@ -85,7 +85,7 @@ def inflation(signatures: Signatures, scan: Scan, residual: np.ndarray) -> np.nd
 def limit_of(scan: Scan, score: Score, spread: float, key: str) -> float | None:
     """The 95 % upper limit of one candidate's size; None where its size does not follow from c."""
     part = scan.layout.part(score.index)
-    values, vectors = np.linalg.eigh(scan.gram[part, part])
+    values, vectors = np.linalg.eigh(scan.blocks[score.index])
     good = values > 1e-8
     root = vectors[:, good] / np.sqrt(values[good]) * spread / scan.layout.scale[part][:, None]
     if len(score.coefficients) == 1:

@@ -123,4 +123,5 @@ class Review:
         (residual,) = self.model.residuals([without], "train")
         P, columns = len(self.model.priors), range(fit.jacobian.shape[1])
         keep = [k for k in columns if k < P or fit.free[k - P].effect != i]
-        return signatures.scan(residual, fit.jacobian[:, np.array(keep, int)], P, without.u)
+        return signatures.scan(residual, fit.jacobian[:, np.array(keep, int)], P, without.u,
+                               about=effects[i].name)  # fmt: skip

@@ -67,9 +67,11 @@ class Layout:
 
 
 class Signatures:
-    """Signature columns of all candidates, scaled to length 1, and their inner products.
+    """Signature columns of all candidates, scaled to length 1.
 
-    The table (columns, rows) is kept and scaled in place: it is large.  Its scans do not hold it.
+    The table (columns, rows) is kept and scaled in place: it is large.  Its scans do not hold it,
+    but the inner products of every candidate's own columns (all with all would cost more than the
+    signatures themselves).
     """
 
     def __init__(self, candidates: Sequence, table: np.ndarray):
@@ -77,14 +79,16 @@ class Signatures:
         size = np.sqrt(np.einsum("kr,kr->k", self.table, self.table))
         self.layout = Layout(list(candidates), np.where(size > 0, size, 1.0))
         self.table /= self.layout.scale[:, None]
-        with threadpool_limits(cores(), "blas"):
-            self.gram = self.table @ self.table.T
+        parts = map(self.layout.part, range(len(self.layout.candidates)))
+        self.blocks = [self.table[p] @ self.table[p].T for p in parts]
 
-    def scan(self, residual, J, priors: int, u, scrambled=(), spread: float = 1.0) -> "Scan":
+    def scan(self, residual, J, priors: int, u, scrambled=(), spread: float = 1.0,
+             about: str | None = None) -> "Scan":  # fmt: skip
         """Score every candidate against `residual` with the tangents `J` projected out.
 
         The first `priors` tangents have a unit prior about 0 and stand at `u`.  `scrambled`
-        residuals score the decoys.
+        residuals score the decoys.  Angles are known between all candidates and the best one, and
+        the best one named `about`.
         """
         k = J.shape[1]
         prior = np.zeros((priors, k))
@@ -94,12 +98,20 @@ class Signatures:
         q = _basis(tall / np.where(scale > 0, scale, 1.0)) if k else tall
         top = q[: len(residual)]
         rest = np.concatenate([residual, u])
-        inside = self.table @ top
-        gram = self.gram - inside @ inside.T
-        right = self.table @ residual - inside @ (q.T @ rest)
-        decoys = [Scan(self.layout, gram, self.table @ x - inside @ (top.T @ x)) for x in scrambled]
+        with threadpool_limits(cores(), "blas"):
+            inside = self.table @ top
+            right = self.table @ residual - inside @ (q.T @ rest)
+            wrong = [self.table @ x - inside @ (top.T @ x) for x in scrambled]
+        own = [inside[self.layout.part(i)] for i in range(len(self.blocks))]
+        blocks = [block - x @ x.T for block, x in zip(self.blocks, own, strict=True)]
+        decoys = [Scan(self.layout, blocks, x) for x in wrong]
         best = max((s.merit for d in decoys for s in d.scores if s.allowed), default=0.0)
-        return Scan(self.layout, gram, right, best, max(1.0, spread))
+        scan = Scan(self.layout, blocks, right, best, max(1.0, spread))
+        named = [s for s in scan.order if s.candidate.name == about]
+        for score in (*scan.best_per_name()[:1], *named[:1]):
+            part = self.layout.part(score.index)
+            scan.towards[score.index] = self.table[part] @ self.table.T - inside[part] @ inside.T
+        return scan
 
 
 def _basis(tall):
@@ -108,17 +120,21 @@ def _basis(tall):
 
 
 class Scan:
-    """Scores of all candidates, best first, and the angles between their projected signatures."""
+    """Scores of all candidates, best first, and the angles between their projected signatures.
 
-    def __init__(self, layout: Layout, gram, right, decoy: float = 0.0, spread: float = 1.0):
-        self.layout, self.gram, self.right, self.decoy = layout, gram, right, decoy
+    `blocks` holds by candidate the inner products of its projected columns, `towards` by candidate
+    those of its columns with all columns.
+    """
+
+    def __init__(self, layout: Layout, blocks, right, decoy: float = 0.0, spread: float = 1.0):
+        self.layout, self.blocks, self.right, self.decoy = layout, blocks, right, decoy
         self.spread = spread
+        self.towards: dict[int, np.ndarray] = {}
         self.scores = [self._score(i) for i in range(len(layout.candidates))]
         self.order = sorted(self.scores, key=lambda s: -s.merit)
 
     def _whitener(self, i: int) -> np.ndarray:
-        part = self.layout.part(i)
-        values, vectors = np.linalg.eigh(self.gram[part, part])
+        values, vectors = np.linalg.eigh(self.blocks[i])
         good = values > 1e-8
         return vectors[:, good] / np.sqrt(values[good])
 
@@ -133,11 +149,14 @@ class Scan:
         return Score(i, candidate, gain, w.shape[1], coefficients, dead, allowed, self.spread)
 
     def cosine(self, a: int, b: int) -> float:
-        """Cosine of the smallest angle between two candidates' projected signatures."""
+        """Cosine of the smallest angle between two candidates' projected signatures.
+
+        `a` is one of `towards`.
+        """
         wa, wb = self._whitener(a), self._whitener(b)
         if wa.shape[1] == 0 or wb.shape[1] == 0:
             return 0.0
-        inner = wa.T @ self.gram[self.layout.part(a), self.layout.part(b)] @ wb
+        inner = wa.T @ self.towards[a][:, self.layout.part(b)] @ wb
         return float(min(1.0, np.linalg.svd(inner, compute_uv=False)[0]))
 
     def best_per_name(self) -> list[Score]:
