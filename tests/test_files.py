@@ -131,12 +131,18 @@ def test_two_results_do_not_share_a_name(tmp_path):
 
 
 TORQUES = ("--torque", "0.1,0.2,0.15", "--duration", "1.2s", "--rate", "1kHz")
+SPEEDS = ("--speed", "1,-1.2,0.3", "--duration", "1.2s", "--rate", "9kHz")
 
 
-def test_a_killed_run_goes_on_and_another_machine_does_not(tmp_path, monkeypatch, capsys):
+@pytest.mark.parametrize(
+    ("asked", "kind"), [(TORQUES, ".nc"), (SPEEDS, ".nc"), (SPEEDS, ".csv.gz")]
+)
+def test_a_killed_run_goes_on_and_another_machine_does_not(
+    tmp_path, monkeypatch, capsys, asked, kind
+):
     import numpy as np
 
-    from omnijax import load_trajectory
+    from omnijax import load_trajectory, read_recording
     from omnijax.cli._simulate_run import Pieces
 
     class Killed(BaseException):
@@ -150,13 +156,14 @@ def test_a_killed_run_goes_on_and_another_machine_does_not(tmp_path, monkeypatch
     monkeypatch.chdir(tmp_path)
     rig = bundled_rigs()["atlas"].read_text(encoding="utf-8")
     Path("rig.toml").write_text(rig, encoding="utf-8")
-    words = ["simulate", "rig.toml", *TORQUES, "--out", "killed.nc"]
+    killed, whole = f"killed{kind}", f"whole{kind}"
+    words = ["simulate", "rig.toml", *asked, "--out", killed]
     with monkeypatch.context() as patch:
         patch.setattr(Pieces, "add", add)
         with pytest.raises(Killed):
             run(words)
     kept = contents(tmp_path)
-    assert "killed.nc.pieces/piece-000001.npz" in kept
+    assert f"{killed}.pieces/piece-000001.npz" in kept
     assert run(words) == 2 and "continue with --resume" in capsys.readouterr().err
     Path("rig.toml").write_text(rig.replace("damping = 120.0", "damping = 130.0"), "utf-8")
     assert run([*words, "--resume"]) == 2
@@ -165,6 +172,8 @@ def test_a_killed_run_goes_on_and_another_machine_does_not(tmp_path, monkeypatch
     assert run([*words[:4], "--duration", "1.1s", *words[6:], "--resume"]) == 2
     assert "times" in capsys.readouterr().err and contents(tmp_path) == kept
     assert run([*words, "--resume"]) == 0
-    assert run([*words[:-1], "whole.nc"]) == 0 and not Path("killed.nc.pieces").exists()
-    one, other = load_trajectory("killed.nc"), load_trajectory("whole.nc")
-    assert len(one.t) == 1201 and np.array_equal(one.dR, other.dR)
+    assert run([*words[:-1], whole]) == 0 and not Path(f"{killed}.pieces").exists()
+    read = load_trajectory if kind == ".nc" else lambda name: read_recording(name).group("dR")
+    one, other = (getattr(found, "dR", found) for found in map(read, (killed, whole)))
+    samples = 1 + round(1.2 * (1000 if asked is TORQUES else 9000))
+    assert len(one) == samples and np.array_equal(one, other)

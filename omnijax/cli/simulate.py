@@ -53,7 +53,7 @@ def simulate(
     compare
         A measured run to be laid over the simulated one in --plot; its difference is printed.
     resume
-        Go on with the interrupted run in --out (.nc); the other options must be the same.
+        Go on with the interrupted or killed run in --out; the other options must be the same.
     """
     _keep_programs()
     if is_machine(rig):
@@ -98,40 +98,26 @@ class Done(NamedTuple):
 def _run(
     rig: Any, asked: Asked, numerics: Numerics, out: Path | None, resume: bool, force: bool
 ) -> tuple[Any, Any, Done]:
-    """The run and, where it was interrupted, the state to go on from."""
-    import jax
+    """The run and, where it was interrupted, what to go on from."""
+    from ._simulate_run import Pieces, asked_of, interrupted_run, perform, planned
 
-    from ..simulation import exact_run_obstacle
-    from ..simulation import simulate as run
-    from ._simulate_run import Pieces, asked_of, interrupted_run, perform
-
-    how: dict[str, Any] = {"model": numerics.model, "solver": numerics.solver}
-    exact = numerics.solver == "exact" or (
-        numerics.solver == "auto"
-        and not exact_run_obstacle(rig, asked.drive, asked.times, numerics.model)
-    )
-    how |= {"rtol": numerics.rtol or 1e-8, "max_steps": numerics.max_steps or 200_000}
-    identity = asked_of(rig, asked.drive, asked.times, how)
-    begun = interrupted_run(out, rig, identity) if resume else None
-    if exact:
-        _warn_of_memory(len(asked.times))
-        found = run(rig, asked.drive, asked.times, model=numerics.model, solver="exact")
-        return jax.block_until_ready(found), None, Done()
-    keep = out is not None and out.name.lower().endswith(".nc") and begun is None
+    plan = planned(rig, asked.drive, asked.times, numerics)
+    _warn_of_memory(rig, len(asked.times))
+    identity = asked_of(rig, asked.drive, asked.times, plan.how)
+    begun = interrupted_run(out, identity, plan.like(), force) if resume else None
+    keep = out is not None and (plan.is_long() or resume)
     pieces = Pieces(out, identity, resume, force) if keep and out is not None else None
-    found, end = perform(rig, asked.drive, asked.times, begun, pieces, _command(), **how)
+    found, end = perform(plan, begun, pieces, _command())
     return found, end, Done(json_text(identity), pieces)
 
 
-EXACT_BYTES = 6e3  # a sample of the closed form needs, padded to a power of two
-
-
-def _warn_of_memory(samples: int) -> None:
-    """Tell where the closed form needs more than half of the memory that is free."""
+def _warn_of_memory(rig: Any, samples: int) -> None:
+    """Tell where a run needs more than half of the memory that is free."""
     from .._errors import tell
     from .._memory import SHARE, available, in_words
+    from ..simulation import bytes_a_sample
 
-    need = EXACT_BYTES * (1 << (samples - 1).bit_length())
+    need = 2 * bytes_a_sample(rig.size) * samples  # the run, and what its figures and files take
     if need > SHARE * available():
         tell([
             f"{samples} samples need about {in_words(need)} of memory, and {in_words(available())} "
@@ -153,12 +139,13 @@ def _written(
     from ..simulation import save_trajectory
 
     files = {}
-    if out is not None:
+    interrupted = end is not None
+    if out is not None and (not interrupted or _is_netcdf(out)):
         beside = _rig_file(name, rig, out)
         files["out"] = str(save_trajectory(run, out, rig, beside, _command(), end, done.asked))
         if done.pieces is not None:
             done.pieces.remove()
-    if plot is not None:
+    if plot is not None and not interrupted:
         files["plot"] = str(_plot(run, name, rig, plot, measured))
     return files
 
@@ -178,9 +165,18 @@ def _code(run: Any, out: Path | None) -> int:
     print(run.message(), file=sys.stderr)
     if int(run.status) != Status.INTERRUPTED:
         return FAILED
-    if out is not None and out.name.endswith(".nc"):
-        print(f"Go on with: {_command()} --resume", file=sys.stderr)
+    if out is not None:
+        from ._simulate_run import pieces_folder
+
+        where = out if _is_netcdf(out) else pieces_folder(out)
+        again = f"Go on with: {_command()} --resume"
+        print(f"What was computed is in {where}.\n{again}", file=sys.stderr)
     return INTERRUPTED
+
+
+def _is_netcdf(out: Path) -> bool:
+    """Whether the file of a run can hold one that shall go on."""
+    return out.name.lower().endswith(".nc")
 
 
 def _check_files(out: Path | None, plot: Path | None) -> None:
@@ -201,10 +197,12 @@ def _claim(
 
     files = [plot]
     if out is not None:
-        files += [out] if out.name.lower().endswith(".nc") else files_of_recording(out)
+        files += [out] if _is_netcdf(out) else files_of_recording(out)
         copy = _copy_of_rig(name, out)
         files += [] if copy is None else files_of_rig(rig, copy)
-    claim(files, force=force, resumed=out if resume else None)
+    claim(
+        files, force=force, resumed=out if resume and out is not None and _is_netcdf(out) else None
+    )
 
 
 def _rig_file(name: str, rig: Any, out: Path) -> Path | None:
@@ -219,7 +217,7 @@ def _copy_of_rig(name: str, out: Path) -> Path | None:
     """Where the copy of a bundled rig goes; None for a rig file of the user's, and for .nc."""
     from ..rig import bundled_rigs, rig_path
 
-    if out.name.lower().endswith(".nc") or rig_path(name) != bundled_rigs().get(name):
+    if _is_netcdf(out) or rig_path(name) != bundled_rigs().get(name):
         return None
     return out.with_name(f"{out.name.split('.')[0]}-rig.toml")
 

@@ -23,6 +23,8 @@ from ._exact import exact_obstacle as exact_obstacle
 from ._exact import forced_system as forced_system
 from ._exact import forcing as forcing
 from ._exact import propagate as propagate
+from ._exact import propagate_in_pieces as propagate_in_pieces
+from ._exact import reached_like as reached_like
 from ._files import check_suffix as check_suffix
 from ._files import load_end as load_end
 from ._files import load_run as load_run
@@ -33,7 +35,10 @@ from ._modal import Figures as Figures
 from ._modal import Operating as Operating
 from ._modal import modal_figures as modal_figures
 from ._modal import modal_obstacle as modal_obstacle
-from ._padding import joined as joined
+from ._padding import EXACT_PIECE as EXACT_PIECE
+from ._padding import STEPPED_PIECE as STEPPED_PIECE
+from ._padding import Gathered as Gathered
+from ._padding import bytes_a_sample as bytes_a_sample
 from ._plots import plot_run as plot_run
 from ._sensors import drive_from_recording as drive_from_recording
 from ._sensors import measured as measured

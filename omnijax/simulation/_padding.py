@@ -1,14 +1,17 @@
 """Lengths of runs: padded so that another length is no other program, cut, and joined again."""
 
 import dataclasses
-from collections.abc import Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from .._arrays import on_device
-from ._trajectory import Trajectory
+from ._trajectory import PER_WHEEL, Trajectory
+
+EXACT_PIECE = 4096  # samples of a piece in closed form
+STEPPED_PIECE = 500  # of one in steps
 
 
 def room(length: int) -> int:
@@ -27,12 +30,48 @@ def samples_of(run: Trajectory, begin: int, end: int) -> Trajectory:
     return dataclasses.replace(run, **cut)
 
 
-def joined(runs: Sequence[Trajectory]) -> Trajectory:
-    """Runs one after the other as one, which ends as the last one does."""
-    parts = [_channels(run) for run in runs]
-    whole = {name: jnp.concatenate([part[name] for part in parts]) for name in parts[0]}
-    steps = jnp.asarray(sum(int(run.steps) for run in runs))
-    return dataclasses.replace(runs[-1], **whole, steps=steps)
+def bytes_a_sample(wheels: int) -> int:
+    """What a sample of a run takes in memory and, about, in its file."""
+    others = len(Trajectory.UNITS) - len(PER_WHEEL) - 2  # vectors, beside the time and the attitude
+    return 8 * (1 + 4 + 3 * others + wheels * len(PER_WHEEL))
+
+
+@dataclasses.dataclass(frozen=True)
+class Piece:
+    """Some samples of a run, and what it goes on from at the last of them."""
+
+    run: Trajectory
+    end: Any
+
+
+class Gathered:
+    """Pieces of a run as one: each channel lies once in memory."""
+
+    def __init__(self, length: int):
+        self.length = length  # the most samples
+        self.count = 0
+        self._columns: dict[str, np.ndarray] = {}
+        self._about: dict[str, Any] = {}
+        self._steps, self._status = 0, 0
+
+    def add(self, run: Trajectory) -> None:
+        """Append the samples of a piece."""
+        end = self.count + len(run.t)
+        for name, values in _channels(run).items():
+            if name not in self._columns:
+                self._columns[name] = np.empty((self.length, *values.shape[1:]))
+            self._columns[name][self.count : end] = values
+        self.count = end
+        self._steps += int(run.steps)
+        self._status = self._status or int(run.status)
+        self._about = {"method": run.method, "names": run.names}
+
+    def whole(self, status: int | None = None) -> Trajectory:
+        """The run, which ends as the first piece that failed, or with `status`; asked for once."""
+        names, columns = list(self._columns), self._columns
+        found = {name: on_device(columns.pop(name)[: self.count]) for name in names}
+        ends = jnp.asarray(self._status if status is None else int(status))
+        return Trajectory(**found, **self._about, status=ends, steps=jnp.asarray(self._steps))
 
 
 def _channels(run: Trajectory) -> dict[str, jax.Array]:

@@ -16,7 +16,9 @@ from .period_map import longest_passage as longest_passage
 from .period_map import passages as passages
 from .period_map import periodic_starts as periodic_starts
 from .propagate import propagate as propagate
+from .propagate import propagate_in_pieces as propagate_in_pieces
 from .propagate import propagation_obstacle as propagation_obstacle
+from .propagate import reached_like as reached_like
 from .rows import rows_of as rows_of
 from .system import Forced as Forced
 from .system import balanced as balanced

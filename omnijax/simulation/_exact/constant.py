@@ -104,9 +104,9 @@ def _free(system: Forced, levels: int, start, force, elapsed, until):
 
 
 def constant_response(
-    rig: Rig, speeds, angles, force, ts, model: str, start, levels: int
+    rig: Rig, speeds, angles, force, ts, model: str, start, levels: int, origin=None
 ) -> Response:
-    """Response at times `ts` (s) to constant speeds; the run starts at ts[0].
+    """Response at times `ts` (s) to constant speeds; the run starts at `origin` (None: ts[0]).
 
     `start` is the elastic state there, or None for static equilibrium.
     """
@@ -115,7 +115,7 @@ def constant_response(
     system = with_integrals(plain)
     scaled, unit = balanced(system)
     cycles = passages(scaled, signals, GRID_BITS, levels)
-    elapsed = jnp.concatenate([jnp.zeros(1), ts - ts[0]])
+    elapsed = jnp.concatenate([jnp.zeros(1), ts - (ts[0] if origin is None else origin)])
     decays = _decays(scaled, levels, signals.cycle)
     places = jax.vmap(_places, in_axes=(0, None))(signals.cycle, elapsed)
     tops = (_top(cycles.pieces.scale), _top(decays.scale), jnp.max(places[0]))

@@ -1,5 +1,11 @@
-"""`propagate`: a whole trajectory at prescribed speeds without integrating in steps."""
+"""`propagate`: a whole trajectory at prescribed speeds without integrating in steps.
 
+A long run is made in pieces of equal length: one program serves them all, and the memory that the
+formulas need does not grow with the run.
+"""
+
+import itertools
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import jax
@@ -8,20 +14,22 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from ..._arrays import on_device
 from ..._programs import kept
-from ...dynamics import TRANSLATIONS, Model, State, initial_memory, pseudoinverse
-from ...rig import Rig, over_wheels
+from ...dynamics import TRANSLATIONS, Model, State, initial_memory
+from ...rig import Rig
 from .._channels import trajectory
 from .._drives import SpeedDrive
-from .._padding import padded, room, samples_of
+from .._padding import EXACT_PIECE, Gathered, Piece, padded, room, samples_of
 from .._signals import Signal
 from .._trajectory import Trajectory
-from .constant import Response, constant_response
+from .attitude import attitudes, compose
+from .constant import constant_response
 from .expm import LEVELS, levels_needed
 from .forcing import is_traced, wheel_pieces
 from .period_map import longest_passage
 from .system import exact_obstacle
-from .varying import varying_response
+from .varying import Span, knots_within, rest_motion, varying_response, windowed
 
 
 def is_constant(signal: Signal) -> bool:
@@ -52,50 +60,150 @@ def propagate(
     does not depend on the contact's damping or stiffness.  Raises `ValueError` for a rig that the
     closed form does not cover (`exact_obstacle` says why).
     """
+    ts = jnp.asarray(ts, float)
+    if any(is_traced(x) for x in jax.tree.leaves((rig, drive, ts))):
+        _covered(rig, drive, ts, model)
+        return _traced(rig, drive, ts, model)
+    runs = Gathered(len(ts))
+    for piece in propagate_in_pieces(rig, drive, np.asarray(ts), model=model):
+        runs.add(piece.run)
+    return runs.whole()
+
+
+class Reached(NamedTuple):
+    """What a run in closed form goes on from: its motion at a sample, SI."""
+
+    motion: Float[Array, " m"]  # elastic state, memories, X, U
+    attitude: Float[Array, "4"]
+
+
+def propagate_in_pieces(
+    rig: Rig,
+    drive: SpeedDrive,
+    ts: Float[np.ndarray, " t"],
+    *,
+    model: str = "coupled",
+    begun: Reached | None = None,
+    origin: float | None = None,
+    samples: int = EXACT_PIECE,
+) -> Iterator[Piece]:
+    """The run of `propagate` in pieces of `samples`, each handed out as soon as it is there.
+
+    The pieces' samples together are `ts`.  A run that goes on begins with `begun` at ts[0], which
+    is not sampled again, and has the start time `origin`.  The memory needed does not grow with
+    the length of the run.  Raises as `propagate`.
+    """
+    _covered(rig, drive, ts, model)
+    times = np.asarray(ts, float)
+    start = on_device(times[0] if origin is None else origin)
+    done, length = (0 if begun is None else 1), min(samples, room(len(times)))
+    steady = is_constant(drive.speed) and is_constant(drive.force)
+    if begun is None:
+        attitude = on_device([1.0, 0.0, 0.0, 0.0])
+        motion = attitude[:0] if steady else _rest(rig, drive, start, model)
+        begun = Reached(motion, attitude)
+    reached: Reached = begun
+    cuts = times[:: samples - 1]
+    ahead = None if steady else _ahead(rig, drive, times, cuts, model)
+    while done < len(times):
+        first = max(done - 1, 0)
+        part = times[first : first + samples]
+        grid = padded(part, length)
+        if ahead is None:
+            run, end = _constant(rig, drive, grid, start, reached.attitude, model)
+        else:
+            here = windowed(drive, part[0], part[-1], ahead.knots)
+            run, end = _varying(
+                rig, drive, here, grid, start, reached, model, ahead.counts, ahead.levels
+            )
+        yield Piece(samples_of(run, 0 if done == 0 else 1, len(part)), end)
+        reached, done = end, first + len(part)
+
+
+def reached_like(rig: Rig, drive: SpeedDrive, model: str = "coupled") -> Reached:
+    """A `Reached` of the right shape."""
+    steady = is_constant(drive.speed) and is_constant(drive.force)
+    rest = (TRANSLATIONS[model](rig).rest(), initial_memory(rig))
+    size = 0 if steady else len(ravel_pytree(rest)[0]) + 6
+    return Reached(on_device(np.zeros(size)), on_device(np.zeros(4)))
+
+
+def _covered(rig: Rig, drive: SpeedDrive, ts, model: str) -> None:
     reason = propagation_obstacle(rig, drive, ts, model)
     if reason is not None:
         raise ValueError(f"no exact propagation: {reason}; use `simulate`.")
-    ts = jnp.asarray(ts, float)
+
+
+def _traced(rig: Rig, drive: SpeedDrive, ts, model: str) -> Trajectory:
+    """The whole run at once: under a transformation."""
+    attitude = jnp.array([1.0, 0.0, 0.0, 0.0])
     if is_constant(drive.speed) and is_constant(drive.force):
-        if any(is_traced(x) for x in jax.tree.leaves((rig, drive, ts))):
-            return _constant(rig, drive, ts, model)
-        whole = _constant(rig, drive, padded(ts, room(len(ts))), model)
-        return whole if len(whole.t) == len(ts) else samples_of(whole, 0, len(ts))
-    return _varying(rig, drive, ts, model, *_room(rig, drive, ts, model))
+        return _constant(rig, drive, ts, ts[0], attitude, model)[0]
+    ahead = _ahead(rig, drive, np.asarray(ts), np.asarray(ts[:1]), model)
+    begun = Reached(_rest(rig, drive, ts[0], model), attitude)
+    return _varying(rig, drive, drive, ts, ts[0], begun, model, ahead.counts, ahead.levels)[0]
 
 
-def _room(rig: Rig, drive: SpeedDrive, ts, model: str) -> tuple[tuple[int, ...], int]:
-    """Periods that each wheel may pass between two knots, and the ladder's levels."""
+class _Ahead(NamedTuple):
+    """What holds for every piece of a run, so that one program serves all."""
+
+    counts: tuple[int, ...]  # periods that each wheel may pass between two knots
+    levels: int  # of the ladder
+    knots: int  # in the room for those of one piece
+
+
+def _ahead(rig: Rig, drive: SpeedDrive, ts, cuts, model: str) -> _Ahead:
+    ends = [cuts, np.asarray(ts[-1:])]
     inside = np.clip(np.asarray(drive.speed.knots), float(ts[0]), float(ts[-1]))
-    knots = np.unique(np.concatenate([np.asarray(ts[:1]), inside, np.asarray(ts[-1:])]))
+    knots = np.unique(np.concatenate([inside, *ends]))
     read = jax.vmap(drive.speed)
     early, late = read(jnp.asarray(knots[:-1])), read(jnp.asarray(knots[1:] - 1e-12))
     fastest = np.maximum(np.abs(np.asarray(early)), np.abs(np.asarray(late)))
-    turned = (fastest * np.diff(knots)[:, None]).max(axis=0)
+    turned = (fastest * np.diff(knots)[:, None]).max(axis=0, initial=0.0)
     shapes = [[pieces for pieces, _ in wheel_pieces(rig, i)] for i in range(rig.size)]
     periods = [min(float(jnp.sum(p.width)) for p in some) for some in shapes]
     counts = tuple(int(np.ceil(a / p)) + 3 for a, p in zip(turned, periods, strict=True))
     step = float(np.diff(np.asarray(ts)).max(initial=1e-6))
     still = jnp.zeros(rig.size)
-    return counts, levels_needed(longest_passage(rig, still, still, model, jnp.asarray(step)))
+    levels = levels_needed(longest_passage(rig, still, still, model, jnp.asarray(step)))
+    pieces = list(itertools.pairwise(np.concatenate(ends)))
+    signals = (drive.speed, drive.force)
+    most = max(len(knots_within(s, a, b)) for s in signals for a, b in pieces)
+    return _Ahead(counts, levels, 1 << (most - 1).bit_length())
 
 
 @kept
-def _varying(rig, drive, ts, model, counts, levels) -> Trajectory:
-    response = varying_response(rig, drive, ts, model, counts, levels, compose)
-    return _finish(rig, drive, ts, model, response, response.attitude)
+def _rest(rig: Rig, drive: SpeedDrive, start, model: str):
+    return rest_motion(rig, drive, start, model)
 
 
 @kept
-def _constant(rig: Rig, drive: SpeedDrive, ts, model: str) -> Trajectory:
+def _varying(
+    rig, drive, here, ts, origin, begun: Reached, model, counts, levels
+) -> tuple[Trajectory, Reached]:
+    """`here` is the drive as far as this piece needs it."""
+    angles = drive.angle(ts[0], origin)
+    span = Span(here, ts, origin, angles, begun.motion, begun.attitude)
+    response = varying_response(rig, span, model, counts, levels, compose)
+    run = _finish(rig, drive, ts, origin, model, response, response.attitude)
+    motion = (response.state[-1], response.position[-1], response.drift[-1])
+    return run, Reached(jnp.concatenate(motion), response.attitude[-1])
+
+
+@kept
+def _constant(
+    rig: Rig, drive: SpeedDrive, ts, origin, attitude, model: str
+) -> tuple[Trajectory, Reached]:
     """One program for every rig and speed: the ladder is as long as any rig's rates ask."""
     angles = jnp.zeros(rig.size) if drive.initial_angle is None else drive.initial_angle
     speeds, force = drive.speed.values[0], drive.force.values[0]
-    response = constant_response(rig, speeds, angles, force, ts, model, None, LEVELS)
-    return _finish(rig, drive, ts, model, response, attitudes(rig, drive, ts, response))
+    response = constant_response(rig, speeds, angles, force, ts, model, None, LEVELS, origin)
+    turned = attitudes(rig, drive, ts, response, attitude)
+    run = _finish(rig, drive, ts, origin, model, response, turned)
+    return run, Reached(attitude[:0], turned[-1])
 
 
-def _finish(rig: Rig, drive: SpeedDrive, ts, model: str, response, attitude) -> Trajectory:
+def _finish(rig: Rig, drive: SpeedDrive, ts, origin, model: str, response, attitude) -> Trajectory:
     translation = TRANSLATIONS[model](rig)
     rest = (translation.rest(), initial_memory(rig))
     unravel = ravel_pytree(rest)[1]
@@ -112,52 +220,4 @@ def _finish(rig: Rig, drive: SpeedDrive, ts, model: str, response, attitude) -> 
     )
     finite = jnp.all(jnp.isfinite(response.state))
     status, steps = jnp.where(finite, 0, 1), jnp.zeros((), int)
-    return trajectory(Model(translation), drive, ts, states, status, steps, "exact")
-
-
-class Turning(NamedTuple):
-    """Integrals of r_w omega of every wheel between samples."""
-
-    whole: Float[Array, "t n"]  # m rad
-    moment: Float[Array, "t n"]  # m rad s, about the middle of each interval
-
-
-def _turning(rig: Rig, speeds, ts, response: Response) -> Turning:
-    h = jnp.diff(ts)[:, None]
-    L, LL = response.integral, response.second
-    gained = L[1:] - L[:-1]
-    # integral of (t - t_k) rho = h L(t_k+1) - (LL(t_k+1) - LL(t_k)), both from the run's start
-    moment = h * L[1:] - (LL[1:] - LL[:-1]) - h / 2 * gained
-    return Turning((rig.wheel_radius * h + gained) * speeds, moment * speeds)
-
-
-def attitudes(rig: Rig, drive: SpeedDrive, ts, response: Response) -> Float[Array, "t 4"]:
-    """Attitude at the samples from q = identity: Magnus steps of fourth order,
-
-    sigma = I + (J x I)/h,   I = integral of Omega, J = its moment about the interval's middle
-    """
-    speeds = drive.speed.values[0]
-    factor = 1 + over_wheels(rig.at("kinematics"), speeds, rig.size)
-    to_sphere = pseudoinverse(rig.wheels.spin_axis) * factor / rig.sphere.radius
-    turning = _turning(rig, speeds, ts, response)
-    whole, moment = turning.whole @ to_sphere.T, turning.moment @ to_sphere.T
-    h = jnp.diff(ts)[:, None]
-    return compose(whole + jnp.cross(moment, whole) / jnp.where(h > 0, h, 1.0))
-
-
-def compose(angles: Float[Array, "t 3"]) -> Float[Array, "t+1 4"]:
-    """Attitudes after successive turns by rotation vectors (rad, inertial frame)."""
-    square = jnp.sum(angles**2, axis=1, keepdims=True)
-    size = jnp.sqrt(jnp.where(square > 0, square, 1.0))
-    half = jnp.where(square > 0, jnp.sin(size / 2) / size, 0.5)
-    cosine = jnp.where(square > 0, jnp.cos(size / 2), 1.0)
-    turns = jnp.concatenate([cosine, half * angles], axis=1)
-
-    def on(q, turn):
-        w, v = q[0], q[1:]
-        vector = turn[0] * v + w * turn[1:] + jnp.cross(turn[1:], v)
-        q = jnp.concatenate([jnp.atleast_1d(turn[0] * w - turn[1:] @ v), vector])
-        return q, q
-
-    first = jnp.array([1.0, 0.0, 0.0, 0.0])
-    return jnp.concatenate([first[None], jax.lax.scan(on, first, turns)[1]])
+    return trajectory(Model(translation), drive, ts, states, status, steps, "exact", origin)

@@ -16,10 +16,12 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
+from ..._arrays import on_device
 from ...dynamics import TRANSLATIONS, initial_memory, pseudoinverse
 from ...laws import Pieces, chebyshev_nodes, piece_at, to_powers, value
 from ...rig import Rig, over_wheels
 from .._drives import SpeedDrive
+from .._signals import Signal
 from .expm import ladder
 from .forcing import wheel_pieces
 from .system import _responses, _solve, drive_gain, state_units
@@ -115,29 +117,71 @@ def _edge_times(legs: Legs, pieces: Pieces, count: int) -> Float[Array, " e"]:
     return jax.vmap(leg)(*legs).reshape(-1)
 
 
+class Span(NamedTuple):
+    """One piece of a run, and what it goes on from."""
+
+    drive: SpeedDrive
+    ts: Float[Array, " t"]  # s; the piece begins at the first
+    origin: Float[Array, ""]  # s, where the run began
+    angles: Float[Array, " n"]  # of the wheels at the piece's begin
+    motion: Float[Array, " m"]  # there, SI: elastic state, memories, X, U
+    attitude: Float[Array, "4"]
+
+
 class Setting(NamedTuple):
     """What the inputs are read from."""
 
     rig: Rig
-    drive: SpeedDrive
+    span: Span
     pieces: list[list[Pieces]]  # of each wheel
-    angles: Float[Array, " n"]
 
 
-def _read(setting: Setting, start, a, b, x):
+def knots_within(signal: Signal, start: float, until: float) -> np.ndarray:
+    """Numbers of the knots that a signal needs on [start, until]."""
+    knots = np.asarray(signal.knots)
+    first = max(int(np.searchsorted(knots, start, side="right")) - 1, 0)
+    return np.arange(first, max(int(np.searchsorted(knots, until, side="right")), first + 1))
+
+
+def windowed(drive: SpeedDrive, start: float, until: float, count: int) -> SpeedDrive:
+    """The drive's signals on [start, until] alone, with `count` knots: the first is repeated."""
+
+    def cut(signal: Signal) -> Signal:
+        at = knots_within(signal, start, until)
+        at = np.pad(at, (count - len(at), 0), mode="edge")
+        return jax.tree.map(lambda x: on_device(np.asarray(x)[at]), signal)
+
+    return SpeedDrive(speed=cut(drive.speed), force=cut(drive.force), initial_angle=None)
+
+
+def rest_motion(rig: Rig, drive: SpeedDrive, start, model: str) -> Float[Array, " m"]:
+    """Static equilibrium at the time `start` (s), SI: elastic state, memories, X, U."""
+    angles = jnp.zeros(rig.size) if drive.initial_angle is None else drive.initial_angle
+    system = _inputs(rig, model)
+    span = Span(drive, start[None], start, angles, system.unit, jnp.zeros(4))
+    first = _read(Setting(rig, span, _shapes(rig)), start, start, -1.0)
+    return system.rest @ first[: rig.size] * system.unit
+
+
+def _shapes(rig: Rig) -> list[list[Pieces]]:
+    return [[pieces for pieces, _ in wheel_pieces(rig, i)] for i in range(rig.size)]
+
+
+def _read(setting: Setting, a, b, x):
     """Inputs (u,) at x in [-1, 1] of the interval [a, b], by the formulas of its middle."""
-    rig, drive = setting.rig, setting.drive
+    rig, span = setting.rig, setting.span
+    drive, start = span.drive, span.ts[0]
     t, middle = a + (b - a) * (x + 1) / 2, jax.lax.stop_gradient((a + b) / 2)
     rate = drive.speed.rate(middle)
     speed = drive.speed(middle) + rate * (t - middle)
-    turned = setting.angles + drive.speed.integral(middle) - drive.speed.integral(start)
+    turned = span.angles + drive.speed.integral(middle) - drive.speed.integral(start)
     angle = turned + drive.speed(middle) * (t - middle) + 0.5 * rate * (t - middle) ** 2
     rho = []
     for i, shapes in enumerate(setting.pieces):
         rho.append(sum(_shape(p, jax.lax.stop_gradient(turned[i]), angle[i]) for p in shapes))
     rho = jnp.stack(rho)
     rim = (1 + over_wheels(rig.at("kinematics"), speed, rig.size)) * (rig.wheel_radius + rho)
-    floor = sum((p.law(t - start) for p in rig.at("platform")), jnp.zeros(3))
+    floor = sum((p.law(t - span.origin) for p in rig.at("platform")), jnp.zeros(3))
     force = drive.force(middle) + drive.force.rate(middle) * (t - middle)
     return jnp.concatenate([rho, rim * speed, floor, force])
 
@@ -162,36 +206,34 @@ class Varying(NamedTuple):
     attitude: Float[Array, "t 4"]
 
 
-def _times(setting: Setting, ts, counts) -> Float[Array, " i"]:
+def _times(setting: Setting, counts) -> Float[Array, " i"]:
     """Samples, knots, turns and gap edges in order."""
-    drive, start, until = setting.drive, ts[0], ts[-1]
+    drive, ts = setting.span.drive, setting.span.ts
+    start, until = ts[0], ts[-1]
     times = [ts, *(jnp.clip(s.knots, start, until) for s in (drive.speed, drive.force))]
     for i, shapes in enumerate(setting.pieces):
-        legs = _legs(drive, start, until, i, setting.angles[i])
+        legs = _legs(drive, start, until, i, setting.span.angles[i])
         times += [legs.time, *(_edge_times(legs, p, counts[i]) for p in shapes)]
     return jnp.sort(jnp.concatenate(times))
 
 
-def varying_response(rig: Rig, drive: SpeedDrive, ts, model: str, counts, levels, compose):
-    """Response at times `ts` (s); `counts` are the periods that each wheel may pass on a leg."""
-    angles = jnp.zeros(rig.size) if drive.initial_angle is None else drive.initial_angle
-    shapes = [[pieces for pieces, _ in wheel_pieces(rig, i)] for i in range(rig.size)]
-    setting, start = Setting(rig, drive, shapes, angles), ts[0]
-    times = _times(setting, ts, counts)
+def varying_response(rig: Rig, span: Span, model: str, counts, levels, compose) -> Varying:
+    """Response at the span's times; `counts` are the periods that a wheel may pass on a leg."""
+    setting = Setting(rig, span, _shapes(rig))
+    times = _times(setting, counts)
     system = _inputs(rig, model)
     from_nodes, ends = jnp.asarray(to_powers(DEGREE)), jnp.array([-1.0, 1.0])
     n, size = rig.size, len(system.A)
     powers = np.zeros((DEGREE + 1, DEGREE + 1))
     powers[np.arange(1, DEGREE + 1), np.arange(DEGREE)] = 2 * np.arange(1, DEGREE + 1)
     terms = jnp.asarray((-1.0) ** np.arange(DEGREE + 1))
-    first = _read(setting, start, times[0], times[1], -1.0)
     to_sphere = pseudoinverse(rig.wheels.spin_axis) / rig.sphere.radius
     gauss, weight = np.polynomial.legendre.leggauss(8)
 
     def on(y, interval):
         a, b = interval
         h = b - a
-        read = jax.vmap(lambda x: _read(setting, start, a, b, x))
+        read = jax.vmap(lambda x: _read(setting, a, b, x))
         coefficients = from_nodes @ read(jnp.asarray(chebyshev_nodes(DEGREE)))
         edge = read(ends)[:, n : 2 * n] @ system.shift.T
         F = jnp.zeros((size + DEGREE + 1,) * 2).at[:size, :size].set(h * system.A)
@@ -204,10 +246,10 @@ def varying_response(rig: Rig, drive: SpeedDrive, ts, model: str, counts, levels
         moment = h / 4 * jnp.asarray(weight * gauss) @ spin  # over h^2: h J = moment h
         return y, (y, whole + jnp.cross(moment, whole))
 
-    y0 = system.rest @ first[:n]
+    y0 = span.motion / system.unit
     states, turns = jax.lax.scan(on, y0, (times[:-1], times[1:]))[1]
     states = jnp.concatenate([y0[None], states])
-    at = jnp.searchsorted(jax.lax.stop_gradient(times), jax.lax.stop_gradient(ts))
+    at = jnp.searchsorted(jax.lax.stop_gradient(times), jax.lax.stop_gradient(span.ts))
     y = states[at] * system.unit
     m = size - 6
-    return Varying(y[:, :m], y[:, m : m + 3], y[:, m + 3 :], compose(turns)[at])
+    return Varying(y[:, :m], y[:, m : m + 3], y[:, m + 3 :], compose(turns, span.attitude)[at])

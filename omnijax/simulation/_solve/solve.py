@@ -1,6 +1,5 @@
 """Runs by diffrax: in one go, or in pieces that go on from each other's end."""
 
-import dataclasses
 from collections.abc import Iterator
 
 import diffrax as dfx
@@ -15,7 +14,7 @@ from ...dynamics import Model, State, linear_system
 from ...rig import Rig
 from .._channels import trajectory
 from .._drives import AbstractDrive, check_drive
-from .._padding import padded, room, samples_of
+from .._padding import STEPPED_PIECE, Piece, padded, room, samples_of
 from .._trajectory import Trajectory
 from .integrate import SOLVERS, integrate
 from .state_vector import build_model, initial_state
@@ -61,14 +60,6 @@ def solve(
     return run if traced else samples_of(run, 0, length)
 
 
-@dataclasses.dataclass(frozen=True)
-class Piece:
-    """Some samples of a run, and the machine's state at the last of them."""
-
-    run: Trajectory
-    end: State
-
-
 def solve_in_pieces(
     rig: Rig,
     drive: AbstractDrive,
@@ -78,7 +69,7 @@ def solve_in_pieces(
     solver: str = "auto",
     rtol: float = 1e-8,
     max_steps: int = 200_000,
-    samples: int = 500,
+    samples: int = STEPPED_PIECE,
     begun: State | None = None,
     origin: float | None = None,
 ) -> Iterator[Piece]:

@@ -1,0 +1,59 @@
+"""The attitude of a run in closed form: turns between samples, one after the other."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ...dynamics import pseudoinverse
+from ...rig import Rig, over_wheels
+from .._drives import SpeedDrive
+from .constant import Response
+
+
+class Turning(NamedTuple):
+    """Integrals of r_w omega of every wheel between samples."""
+
+    whole: Float[Array, "t n"]  # m rad
+    moment: Float[Array, "t n"]  # m rad s, about the middle of each interval
+
+
+def _turning(rig: Rig, speeds, ts, response: Response) -> Turning:
+    h = jnp.diff(ts)[:, None]
+    L, LL = response.integral, response.second
+    gained = L[1:] - L[:-1]
+    # integral of (t - t_k) rho = h L(t_k+1) - (LL(t_k+1) - LL(t_k)), both from the run's start
+    moment = h * L[1:] - (LL[1:] - LL[:-1]) - h / 2 * gained
+    return Turning((rig.wheel_radius * h + gained) * speeds, moment * speeds)
+
+
+def attitudes(rig: Rig, drive: SpeedDrive, ts, response: Response, first) -> Float[Array, "t 4"]:
+    """Attitude at the samples from q = `first`: Magnus steps of fourth order,
+
+    sigma = I + (J x I)/h,   I = integral of Omega, J = its moment about the interval's middle
+    """
+    speeds = drive.speed.values[0]
+    factor = 1 + over_wheels(rig.at("kinematics"), speeds, rig.size)
+    to_sphere = pseudoinverse(rig.wheels.spin_axis) * factor / rig.sphere.radius
+    turning = _turning(rig, speeds, ts, response)
+    whole, moment = turning.whole @ to_sphere.T, turning.moment @ to_sphere.T
+    h = jnp.diff(ts)[:, None]
+    return compose(whole + jnp.cross(moment, whole) / jnp.where(h > 0, h, 1.0), first)
+
+
+def compose(angles: Float[Array, "t 3"], first: Float[Array, "4"]) -> Float[Array, "t+1 4"]:
+    """Attitudes from `first` on after successive turns by rotation vectors (rad, inertial)."""
+    square = jnp.sum(angles**2, axis=1, keepdims=True)
+    size = jnp.sqrt(jnp.where(square > 0, square, 1.0))
+    half = jnp.where(square > 0, jnp.sin(size / 2) / size, 0.5)
+    cosine = jnp.where(square > 0, jnp.cos(size / 2), 1.0)
+    turns = jnp.concatenate([cosine, half * angles], axis=1)
+
+    def on(q, turn):
+        w, v = q[0], q[1:]
+        vector = turn[0] * v + w * turn[1:] + jnp.cross(turn[1:], v)
+        q = jnp.concatenate([jnp.atleast_1d(turn[0] * w - turn[1:] @ v), vector])
+        return q, q
+
+    return jnp.concatenate([first[None], jax.lax.scan(on, first, turns)[1]])

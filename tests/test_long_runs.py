@@ -1,0 +1,55 @@
+"""Long runs: made in pieces, which a kill leaves, and which are the run that goes on."""
+
+import numpy as np
+import pytest
+from machines import ORTHOGONAL, SKEW, machine
+
+from omnijax.simulation import Gathered, propagate, propagate_in_pieces, ramp, speeds, table
+
+PIECE = 64
+
+
+@pytest.fixture(scope="module")
+def rng():
+    return np.random.default_rng(19)
+
+
+def drives(rng, size):
+    """Constant speeds, a ramp, and a table with a jump."""
+    knots = np.sort(np.append(rng.uniform(0, 0.5, 4), [0.0, 0.2, 0.2, 3.0]))
+    draw = 2 * rng.standard_normal((len(knots), size))
+    angles = rng.uniform(0, 6, size).tolist()
+    yield speeds(draw[0].tolist(), rng.standard_normal(3).tolist(), angles)
+    yield speeds(ramp(0.05, 0.4, draw[0].tolist(), draw[1].tolist()), initial_angle=angles)
+    yield speeds(table(knots, draw))
+
+
+def gathered(parts, length, runs=None):
+    runs = runs or Gathered(length)
+    for piece in parts:
+        runs.add(piece.run)
+    return runs.whole()
+
+
+def test_pieces_are_the_run_and_go_on_from_any_of_them(rng):
+    rig = machine((SKEW, ORTHOGONAL)[rng.integers(2)], roundness=rng.uniform(0, 1))
+    times = 0.03 + np.arange(3 * PIECE + 17) * 2e-3
+    for drive in drives(rng, rig.size):
+        whole = propagate(rig, drive, times)
+        parts = list(propagate_in_pieces(rig, drive, times, samples=PIECE))
+        assert len(parts) > 3
+        cut = int(rng.integers(1, len(parts)))
+        done = sum(len(piece.run.t) for piece in parts[:cut])
+        runs = Gathered(len(times))
+        for piece in parts[:cut]:
+            runs.add(piece.run)
+        rest = propagate_in_pieces(
+            rig, drive, times[done - 1 :], samples=PIECE, begun=parts[cut - 1].end, origin=times[0]
+        )
+        again = gathered(rest, len(times), runs)
+        once = gathered(parts, len(times))
+        for name in whole.UNITS:
+            left, right = np.asarray(once[name]), np.asarray(whole[name])
+            np.testing.assert_array_equal(left, again[name], err_msg=name)
+            size = max(np.abs(right).max(), 1e-12)
+            np.testing.assert_allclose(left, right, atol=1e-6 * size, err_msg=name)
