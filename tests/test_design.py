@@ -418,7 +418,15 @@ def test_all_problems_of_a_study_at_once():
 
 @pytest.mark.parametrize(
     ("value", "unit", "text"),
-    [(4e-7, "m", "0.4 µm"), (188208.0, "N/m", "188.2 kN/m"), (0.05, "1", "0.05"), (0, "m", "0 m")],
+    [
+        (4e-7, "m", "0.4 µm"),
+        (188208.0, "N/m", "188.2 kN/m"),
+        (0.05, "1", "0.05"),
+        (0, "m", "0 m"),
+        (0.69813, "rad", "40°"),
+        (1.2e-4, "rad", "0.12 mrad"),
+        (0.02, "m/s^2", "20 mm/s²"),
+    ],
 )
 def test_amounts_read_well(value, unit, text):
     assert amount(value, unit) == text
@@ -427,7 +435,9 @@ def test_amounts_read_well(value, unit, text):
 @pytest.mark.parametrize(
     ("value", "sigma", "unit", "text"),
     [
-        (5.65974e-6, 1.68e-9, "m", "5.6597 ± 0.0017 µm"),
+        (5.65974e-6, 1.68e-9, "m", "5.660 ± 0.002 µm"),
+        (0.000999869, 5e-8, "N m", "0.9999 ± 0.0001 mN m"),
+        (0.69819, 0.00052, "rad", "40.00 ± 0.03°"),
         (-0.0123, 0.0004, "1", "-0.01230 ± 0.00040"),
         (12.0, None, "1", "12"),
         (3.0, 12.0, "N/m", "3 ± 12 N/m"),

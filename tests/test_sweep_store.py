@@ -214,8 +214,8 @@ def test_pictures_show_the_numbers(whole, tmp_path):
     assert unit in {"mm", "µm"} and 0.1 <= factor * np.nanmax(whole["peak"]) < 1000
     ax = whole.plot_heatmap("peak")
     np.testing.assert_array_equal(ax.collections[0].get_array(), factor * whole["peak"].T)
-    assert ax.get_ylabel() == "contact.stiffness (N/m)" and ax.get_yscale() == "log"
-    assert ax.get_xlabel() == "wheel.roundness"
+    assert ax.get_ylabel() == "contact stiffness (kN/m)" and ax.get_yscale() == "log"
+    assert ax.get_xlabel() == "wheel roundness"
     ax = whole.plot_lines("rms", x="contact.stiffness")
     factor, unit = whole.readable("rms")
     np.testing.assert_array_equal(ax.lines[0].get_ydata(), factor * whole["rms"][0])

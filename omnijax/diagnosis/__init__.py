@@ -3,6 +3,8 @@
 from ._answer import Diagnosis as Diagnosis
 from ._answer import Gap as Gap
 from ._answer import Named as Named
+from ._answer import Sizes as Sizes
+from ._answer import effect_sizes_on_held_out as effect_sizes_on_held_out
 from ._diagnose import diagnose as diagnose
 from ._diagnose import force_error as force_error
 from ._machine import RigModel as RigModel

@@ -22,6 +22,7 @@ from ._ports import PlacedLaw as PlacedLaw
 from ._ports import Ports as Ports
 from ._ports import delayed_inputs as delayed_inputs
 from ._schema import KEYS as KEYS
+from ._schema import field_units as field_units
 from ._simulate import between as between
 from ._simulate import free_run as free_run
 from ._simulate import motion as motion

@@ -58,6 +58,15 @@ KEYS: dict[str, dict[str, Key]] = {
     },
 }
 
+
+def field_units(machine: Any) -> dict[str, str]:
+    """SI units of an axis' numbers by field; none of a machine of the user's."""
+    motion = getattr(machine, "motion", None)
+    if motion not in ("rotation", "translation"):
+        return {}
+    return {k.field: k.quantity(motion).unit for keys in KEYS.values() for k in keys.values()}
+
+
 Drive = Literal["torque", "current", "voltage", "command", "goal"]
 
 

@@ -6,6 +6,7 @@ from .._plot import PALETTE as PALETTE
 from ._axis import SpeedAxis as SpeedAxis
 from ._content import Badge as Badge
 from ._content import Column as Column
+from ._content import Dial as Dial
 from ._content import Fact as Fact
 from ._content import Figure as Figure
 from ._content import Provenance as Provenance
@@ -14,7 +15,7 @@ from ._content import Table as Table
 from ._content import provenance as provenance
 from ._content import shown as shown
 from ._diagnosis import diagnosis_page as diagnosis_page
-from ._diagnosis import effect_sizes as effect_sizes
+from ._diagnosis_words import effect_sizes as effect_sizes
 from ._orders import orders_page as orders_page
 from ._orders import strongest_orders as strongest_orders
 from ._page import Page as Page

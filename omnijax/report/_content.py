@@ -16,11 +16,17 @@ VERSIONS_OF = ("omnijax", "jax", "diffrax", "equinox", "numpy", "matplotlib")
 
 @dataclass(frozen=True)
 class Column:
-    """A table's column: its name and unit; `text` columns are set as prose, left-aligned."""
+    """A table's column: its name and unit; `text` columns are set as prose, left-aligned.
+
+    `minor` columns are left out on a telephone, so that those that matter stay in sight; a
+    `unbroken` one holds values with units, which stay in one line.
+    """
 
     name: str
     unit: str = ""
     text: bool = False
+    minor: bool = False
+    unbroken: bool = False
 
 
 @dataclass(frozen=True)
@@ -39,7 +45,8 @@ class Table:
     """Rows under columns with units.  `name` names its CSV; `caption` says what it shows.
 
     A cell is a number, a text, a `Badge`, or a tuple of texts (a list in the page).
-    `stacked` turns every row into a card on narrow screens: for tables of sentences.
+    `stacked` turns every row into a card on narrow screens: for tables of sentences.  `folded`
+    puts it behind the figures, to be opened by its caption.
     """
 
     columns: Sequence[Column]
@@ -47,6 +54,12 @@ class Table:
     name: str = ""
     caption: str = ""
     stacked: bool = False
+    folded: bool = False
+
+    def texts(self) -> list[list[Any]]:
+        """The rows as a page shows them: the numbers of a column with the same places."""
+        columns = [column_texts([row[i] for row in self.rows]) for i in range(len(self.columns))]
+        return [list(row) for row in zip(*columns, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -65,6 +78,16 @@ class Figure:
 
 
 @dataclass(frozen=True)
+class Dial:
+    """Sliders of a page: residuals as shares of sizes change, mixed offline from stored ones.
+
+    `model` is what `dial.js` reads: JSON of sliders, traces and mean products.
+    """
+
+    model: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
 class Section:
     """A headed part of a page; `text` is prose: empty lines part it, backticks mark code."""
 
@@ -72,6 +95,7 @@ class Section:
     text: str = ""
     figures: Sequence[Figure] = ()
     tables: Sequence[Table] = ()
+    dial: Dial | None = None
 
 
 @dataclass(frozen=True)
@@ -116,6 +140,23 @@ def shown(value: Any) -> str:
     if np.ndim(value):
         return ", ".join(shown(x) for x in np.ravel(value))
     return _number(np.asarray(value))
+
+
+def column_texts(values: Sequence[Any]) -> list[Any]:
+    """Cells of a column; numbers of one size with as many places as the largest shows in four."""
+    floats = [float(v) for v in values if _real(v)]
+    sizes = [abs(v) for v in floats if v != 0 and np.isfinite(v)]
+    if len(sizes) < 2 or not 1e-3 <= max(sizes) < 1e5 or min(sizes) < max(sizes) / 20:
+        return list(values)
+    places = max(0, 3 - int(np.floor(np.log10(max(sizes)))))
+    return [
+        f"{float(v):.{places}f}".replace("-", "−") if _real(v) and np.isfinite(v) else v
+        for v in values
+    ]  # fmt: skip
+
+
+def _real(value: Any) -> bool:
+    return isinstance(value, float | np.floating)
 
 
 def _number(value: np.ndarray) -> str:

@@ -4,17 +4,13 @@ from typing import Any
 
 import numpy as np
 
-from .._text import estimate, scaled
+from .._text import scaled
 from ..laws import in_words
 from ._content import Column, Fact, Provenance, Section, Table, provenance
-from ._diagnosis_figures import (
-    gap_figure,
-    learned_figure,
-    limits_figure,
-    next_figure,
-    order_figure,
-    score_figure,
-)
+from ._diagnosis_figures import learned_figure, next_figure, order_figure, score_figure
+from ._diagnosis_numbers import closed, excluded, free_runs, gap_section, notes, parameters
+from ._diagnosis_sizes import sizes_section
+from ._diagnosis_words import effect_sizes, size_facts, where_sentences
 from ._page import Page
 
 ANSWERS = {
@@ -28,25 +24,20 @@ CONFIRMED = {
     "blocks": "and those parts of the only run confirm it that were kept out of the fit",
     "nothing": "and no run is left to confirm it",
 }
-NEVER = {
-    "held-out": "Held-out runs are never fitted, but for their start: where wheels without encoder "
-    "stand, and the motion there.",
-    "blocks": "On the seconds of the only run that were kept out of the fit.",
-    "nothing": "On the only run, which was fitted: nothing was kept out.",
-}
 
 
 def diagnosis_page(found: Any, command: str = "omnijax diagnose") -> Page:
     """A `Page` of a `Diagnosis`."""
     text = found.details["evidence"].text(found.rig)
     made: Provenance = provenance(command, text, 0)
-    sections = [_where(found), _which(found), *_learned(found), _gap(found)]
-    sections += [*_free_runs(found), *_excluded(found), _parameters(found)]
+    sections = [*sizes_section(found), *_where(found), _which(found), *_learned(found)]
+    sections += [gap_section(found), *free_runs(found), *parameters(found), *excluded(found)]
     facts = [Fact("verdict", found.verdict)]
-    facts += [Fact(f"{e.id} at {e.place}", effect_sizes(e)) for e in found.effects]
-    facts += [Fact(f"gap of {g} closed", f"{100 * x.closed:.3g} %") for g, x in _worst(found)]
+    for effect in found.effects:
+        facts += size_facts(effect)
+    facts += [Fact(f"gap of {g} closed", closed(x), "%") for g, x in _worst(found)]
     question = "Where do simulation and data disagree, and why?"
-    return Page("Diagnosis", question, _answer(found), [*sections, _notes(found)], made, facts)
+    return Page("Diagnosis", question, _answer(found), [*sections, *notes(found)], made, facts)
 
 
 def _answer(found) -> str:
@@ -85,46 +76,29 @@ def _worst(found) -> list:
     return [max(found.gap.items(), key=lambda item: item[1].before / item[1].noise_floor)]
 
 
-def effect_sizes(effect) -> str:
-    """The parameters of an effect with their 1-sigma: "gap 5.660 ± 0.002 µm"."""
-    parts = []
-    for key, p in effect.parameters.items():
-        values, sigmas = np.atleast_1d(p["value"]), p["sigma"]
-        each = np.broadcast_to(np.nan if sigmas is None else sigmas, values.shape)
-        said = [estimate(float(v), float(d), p["unit"]) for v, d in zip(values, each, strict=True)]
-        parts.append(f"{key} {', '.join(said)}")
-    return "; ".join(parts) or "no free size"
-
-
-def _where(found) -> Section:
+def _where(found) -> list[Section]:
+    """Where the gap is: sentences, a figure, and the table behind; none where nothing was asked."""
+    if not found.where:
+        return []
     rows = [
-        [
-            w["channel"],
-            w["domain"],
-            f"{w['value']:.4g}" if np.isfinite(w["value"]) else "–",
-            w["reference"],
-            100 * w["share"],
-            w["rms_over_noise"],
-            "yes" if w["stands"] else "no",
-        ]
+        [w["channel"], w["domain"], f"{w['value']:.4g}" if np.isfinite(w["value"]) else "–",
+         {"Hz": "Hz", "s": "the run"}.get(w["reference"], w["reference"]), 100 * w["share"],
+         w["rms_over_noise"], "yes" if w["stands"] else "no"]
         for w in found.where
-    ]
-    table = Table(
-        [Column("channel", text=True), Column("domain", text=True), Column("value", text=True),
-         Column("of", text=True), Column("share", "%"), Column("RMS over noise"),
-         Column("stands", text=True)],
-        rows, "where", "Whether it stands against a block-shuffled null, false discoveries kept "
-        "below 1 %.",
-    )  # fmt: skip
-    text = (
-        "The share of a channel's residual power that lies in a line (Hz or order), or between the "
-        "bins of a state. Before any effect is added; on a held-out run."
+    ]  # fmt: skip
+    columns = [Column("channel", text=True), Column("hangs on", text=True),
+               Column("value", text=True, minor=True), Column("of", text=True),
+               Column("share", "%"), Column("RMS over noise", minor=True),
+               Column("beyond chance", text=True, minor=True)]  # fmt: skip
+    note = "Every place, with its share of a channel's residual power"
+    table = Table(columns, rows, "where", note, folded=True)
+    text = " ".join(where_sentences(found))
+    text += (
+        "\n\nBefore any effect is added, on a run that was not fitted. Beyond chance: against "
+        "residuals whose blocks are shuffled, fewer than 1 % false discoveries."
     )
-    if not any(w["stands"] for w in found.where):
-        text += " Nothing stands out against a block-shuffled null"
-        text += "; the likeliest places are listed." if rows else "."
     figures = [order_figure(found)] if found.details and found.details["where"] else []
-    return Section("Where", text, figures, [table] if rows else [])
+    return [Section("Where", text, figures, [table])]
 
 
 def _which(found) -> Section:
@@ -136,12 +110,13 @@ def _which(found) -> Section:
          ", ".join(f"{a['id']} at {a['place']}" for a in e.indistinguishable_from) or "–"]
         for e in found.effects
     ]  # fmt: skip
-    columns = [Column("effect", text=True), Column("parameters", text=True), Column("ΔBIC"),
-               Column("margin to the next rival"),
+    columns = [Column("effect", text=True), Column("parameters", text=True),
+               Column("ΔBIC", minor=True),
+               Column("margin to the next rival", minor=True),
                Column("not to be told from", text=True)]  # fmt: skip
-    tables = [Table(columns, rows, "effects", "The named effects.", stacked=True)] if rows else []
+    tables = [Table(columns, rows, "effects", "The named effects.")] if rows else []
     text = (
-        "Every law of the library at every place it may have, refitted together with the baseline."
+        "Every law of the library was tried at every place it may have, refitted with the baseline."
     )
     if found.next_experiment:
         text += f"\n\nNext experiment: {found.next_experiment['drive']}."
@@ -158,101 +133,3 @@ def _learned(found) -> list[Section]:
         return []
     text = "No known law fits. This is what one would have to do, drawn, not interpreted."
     return [Section("What is missing", text, [learned_figure(found.details["learned"])])]
-
-
-def _gap(found) -> Section:
-    rows = []
-    for group, gap in found.gap.items():
-        factor, unit = scaled(gap.before, gap.unit)
-        values = [factor * x for x in (gap.noise_floor, gap.before, gap.after)]
-        above = gap.before > 1.02 * gap.noise_floor
-        rows.append([group, unit, *values, 100 * gap.closed if above else None])
-    table = Table(
-        [Column("group", text=True), Column("unit", text=True), Column("noise"), Column("before"),
-         Column("after"), Column("closed", "%")],
-        rows, "gap", "RMS of measured less predicted, held-out runs (theta and Omega by windows); "
-        "closed: what is gone of what was above the noise.",
-    )  # fmt: skip
-    figures = [gap_figure(found)] if found.details else []
-    return Section("The gap", NEVER[found.confirmed_on], figures, [table])
-
-
-def _free_runs(found) -> list[Section]:
-    """Of a machine: what a simulation from the first sample misses, run by run."""
-    if not found.free_runs:
-        return []
-    rows = []
-    for run in found.free_runs:
-        for word in ("before", "after"):
-            if word in run:
-                own = run[word]
-                rows.append([run["run"], run["role"], word, run["unit"], own["rms"], own["mae"],
-                             own["percent"]])  # fmt: skip
-    columns = [Column("run", text=True), Column("role", text=True), Column("effects", text=True),
-               Column("unit", text=True), Column("RMS"), Column("MAE"),
-               Column("of the motion", "%")]  # fmt: skip
-    text = "Position simulated from the inputs alone, from each run's first sample."
-    if found.one_step:
-        said = ", ".join(f"{k} {x:.3g} %" for k, x in found.one_step.items())
-        text += f" The balance misses, in per cent of the motor's torque on held-out runs: {said}."
-    table = Table(columns, rows, "free-runs", "Free runs.")
-    return [Section("Free runs", text, tables=[table])]
-
-
-def _parameters(found) -> Section:
-    rows = [
-        [b["parameter"], b["stated"], b["without_effects"], b["with_effects"],
-         100 * b["relative_sigma"],
-         100 * b["absorbed"], "yes" if b["determined"] else "no, the prior holds it"]
-        for b in found.baseline
-    ]  # fmt: skip
-    columns = [Column("parameter", text=True), Column("stated"), Column("calibrated, no effect"),
-               Column("calibrated, with effect"), Column("sigma", "%"), Column("had absorbed", "%"),
-               Column("determined by the data", text=True)]  # fmt: skip
-    tables = [Table(columns, rows, "baseline", "Uncertain parameters, SI units.")] if rows else []
-    text = "What the baseline had absorbed before the effect was in."
-    return Section("Parameters", text, tables=tables)
-
-
-def _notes(found) -> Section:
-    lines = [*found.notes, *(f"Data: {f}" for f in found.faults)]
-    text = "\n\n".join(line[:1].upper() + line[1:] for line in lines)
-    return Section("Notes", text, tables=[_noise(found)] if found.noise else [])
-
-
-def _noise(found) -> Table:
-    """The noise by channel: declared and shown."""
-    rows = []
-    for channel, known in found.noise.items():
-        factor, unit = scaled(known["shown"], known["unit"])
-        declared = known["declared"]
-        rows.append(
-            [channel, unit, f"{factor * declared:.4g}" if declared else "–",
-             factor * known["shown"], factor * known["sigma"], known["colour"]]
-        )  # fmt: skip
-    columns = [Column("channel", text=True), Column("unit", text=True),
-               Column("declared", text=True), Column("shown"), Column("its sigma"),
-               Column("colour", text=True)]  # fmt: skip
-    return Table(columns, rows, "noise", "Measurement noise, 1-sigma, as the data show it.")
-
-
-def _excluded(found) -> list[Section]:
-    """What the runs exclude: a limit for every effect and place that was not named."""
-    known = [x for x in found.excluded if x["limit_95"] is not None]
-    if not known:
-        return []
-    rows = []
-    for x in known:
-        factor, unit = scaled(x["limit_95"], x["unit"])
-        rows.append([x["id"], x["place"], x["parameter"], factor * x["limit_95"], unit])
-    columns = [Column("effect", text=True), Column("place", text=True),
-               Column("size", text=True), Column("below"), Column("unit", text=True)]  # fmt: skip
-    note = "Upper limits, 95 %: a larger effect would have been seen with that probability."
-    silent = sorted({x["id"] for x in found.excluded} - {x["id"] for x in known})
-    text = "Every effect and place that was not named is smaller than its limit."
-    if silent:
-        text += f" These runs say nothing about {', '.join(silent)}."
-    if any(x["parameter"] == "share" for x in known):
-        text += " A share is that of the law's own size: below 1 the law is excluded."
-    table = Table(columns, rows, "excluded", note)
-    return [Section("What is excluded", text, [limits_figure(known)], [table])]

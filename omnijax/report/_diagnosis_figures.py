@@ -24,15 +24,29 @@ def order_figure(found) -> Figure:
             x, y = [a["value"] for a in own], [100 * a["share"] for a in own]
             axes[0].plot(x, y, marker=".", label=name)
             data["order / 1"], data[f"share {name} / %"] = x, y
-        axes[0].set(xlabel="order (events a turn)", ylabel="share, %")
+        axes[0].set(xlabel="order (events a turn)", ylabel="share (%)")
         axes[0].set_title(f"Residual of {channel} by order of each wheel and of the sphere")
         axes[0].legend()
         lines = [a for a in answers if a["channel"] == channel and a["domain"] == "frequency"]
         axes[1].plot([a["value"] for a in lines], [100 * a["share"] for a in lines],
                      color=PALETTE["black"])  # fmt: skip
-        axes[1].set(xlabel="frequency, Hz", ylabel="share, %")
+        axes[1].set(xlabel="frequency (Hz)", ylabel="share (%)")
         axes[1].set_title("The same by frequency: a line that is sharper here stays put in Hz")
+        axes[1].set_xlim(0.0, _content_end(lines))
     return Figure(fig, "where-orders", f"Where the residual of {channel} lies.", data)
+
+
+CONTENT = 0.99  # of the power that a frequency axis has to show
+
+
+def _content_end(lines: list[dict[str, Any]]) -> float:
+    """Where the frequency axis may end: beyond it lies next to nothing."""
+    if not lines:
+        return 1.0
+    lines = sorted(lines, key=lambda a: a["value"])
+    whole = np.cumsum([a["share"] for a in lines])
+    last = int(np.searchsorted(whole, CONTENT * whole[-1]))
+    return lines[min(len(lines) - 1, max(9, last + 1 + last // 4))]["value"]
 
 
 def score_figure(first: list[dict[str, Any]]) -> Figure:
@@ -43,7 +57,7 @@ def score_figure(first: list[dict[str, Any]]) -> Figure:
         fig, axes = figure(1, 1, height=3.6)
         axes[0].barh(range(len(names)), gain, color=PALETTE["blue"])
         axes[0].set_yticks(range(len(names)), names)
-        axes[0].set(xlabel="gain in chi-square, tangent score", xscale="log")
+        axes[0].set(xlabel="gain in χ²", xscale="log")
         axes[0].set_title("What each candidate would explain")
     note = "Score of the best candidates, baseline parameters projected out."
     return Figure(fig, "scores", note, {"candidate": names, "gain / 1": gain.tolist()})
@@ -61,7 +75,7 @@ def limits_figure(known: list[dict[str, Any]]) -> Figure:
         axes[0].set_yticks(range(len(ids)), ids)
         axes[0].invert_yaxis()
         axes[0].axvline(1.0, color=PALETTE["black"], lw=0.6)
-        axes[0].set(xscale="log", xlabel="limit of a place over the median of the effect's places")
+        axes[0].set(xscale="log", xlabel="limit over the median of the effect's limits")
         axes[0].set_title("Where an effect could hide")
     data = {"effect": [f"{x['id']} at {x['place']}" for x in known],
             "limit / SI": [x["limit_95"] for x in known]}  # fmt: skip
@@ -81,7 +95,7 @@ def next_figure(found) -> Figure:
         for name, x in zip(names, values.T, strict=True):
             axes[0].plot(time, x, label=name)
             data[f"{name} / N m"] = x
-        axes[0].set(xlabel="time, s", ylabel="motor torque, N m")
+        axes[0].set(xlabel="time (s)", ylabel="motor torque (N m)")
         axes[0].set_title("The run that tells the rivals apart")
         axes[0].legend(ncols=len(values.T))
     return Figure(fig, "next-torque", f"Torques of: {found.next_experiment['drive']}.", data)
@@ -100,14 +114,14 @@ def gap_figure(found) -> Figure:
         fig, axes = figure(2, 1, sharex=False)
         axes[0].plot(time, before, color=PALETTE["vermillion"], label="before", linewidth=0.8)
         axes[0].plot(time, after, color=PALETTE["blue"], label="after", linewidth=0.8)
-        axes[0].set(xlabel="time, s", ylabel="residual, sigma")
+        axes[0].set(xlabel="time (s)", ylabel="residual (σ)")
         axes[0].set_title(f"Residual of {worst} on {name}")
         axes[0].legend(ncols=2)
         f = np.fft.rfftfreq(len(time), time[1] - time[0])
         for values, colour in ((before, "vermillion"), (after, "blue")):
             axes[1].loglog(f[1:], np.abs(np.fft.rfft(values))[1:] / np.sqrt(len(time)),
                            color=PALETTE[colour], linewidth=0.8)  # fmt: skip
-        axes[1].set(xlabel="frequency, Hz", ylabel="amplitude, sigma")
+        axes[1].set(xlabel="frequency (Hz)", ylabel="amplitude (σ)")
         axes[1].set_title("Its spectrum; white noise is flat at 1")
     data = {"time / s": time, "before / sigma": before, "after / sigma": after}
     return Figure(fig, "gap", "The residual before and after, in units of the noise.", data)

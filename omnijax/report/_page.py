@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import json
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,7 +13,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from .._files import write_bytes, write_text
-from ._content import Badge, Fact, Figure, Provenance, Section, Table, shown
+from ._content import Badge, Column, Fact, Figure, Provenance, Section, Table, shown
 from ._csv import figure_csv, table_csv
 from ._style import raised
 from ._svg import drawings, png
@@ -50,7 +51,9 @@ class Page:
 
     def html(self, pictures: Mapping[str, bytes] | None = None) -> str:
         """The whole page as text; `pictures` holds PNGs that are already drawn, by figure name."""
-        script = (TEMPLATES / "page.js").read_text(encoding="utf-8")
+        script = "".join(
+            (TEMPLATES / name).read_text(encoding="utf-8") for name in ("page.js", "dial.js")
+        )
         digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
         return (
             _environment()
@@ -109,6 +112,8 @@ def _environment() -> jinja2.Environment:
         "inline": _inline,
         "shown": lambda value: _inline(shown(value)),
         "units": raised,
+        "json": lambda value: json.dumps(value, allow_nan=False),
+        "classes": _classes,
         "file": file_name,
         "svgs": _svgs,
         "png_link": _png_link,
@@ -117,6 +122,12 @@ def _environment() -> jinja2.Environment:
     env.tests["lines"] = lambda value: isinstance(value, tuple) and _texts(value)
     env.tests["badge"] = lambda value: isinstance(value, Badge)
     return env
+
+
+def _classes(column: Column) -> Markup:
+    """The class attribute of a column's cells."""
+    names = " ".join(name for name in ("text", "minor", "unbroken") if getattr(column, name))
+    return Markup(f' class="{names}"') if names else Markup("")
 
 
 def _texts(values: tuple) -> bool:

@@ -108,16 +108,29 @@ def raised(text: str) -> str:
 
 @contextmanager
 def wrapped(fig: Figure) -> Iterator[None]:
-    """Titles and labels in lines that fit on a telephone, for the block."""
+    """Titles and labels in lines that fit on a telephone, inside the figure, for the block."""
     texts = [t for ax in fig.axes for t in (ax.title, ax._left_title, ax.xaxis.label)]  # pyright: ignore[reportAttributeAccessIssue]
-    before = [text.get_text() for text in texts]
-    for text, words in zip(texts, before, strict=True):
+    before = [(text.get_text(), text.get_position()) for text in texts]
+    for text, (words, _) in zip(texts, before, strict=True):
         text.set_text(textwrap.fill(words, NARROW_LETTERS))
+    fig.draw_without_rendering()
+    for text in texts:
+        _pulled_in(fig, text)
     try:
         yield
     finally:
-        for text, words in zip(texts, before, strict=True):
+        for text, (words, place) in zip(texts, before, strict=True):
             text.set_text(words)
+            text.set_position(place)
+
+
+def _pulled_in(fig: Figure, text: Any) -> None:
+    """`text` moved to the left where it ends beyond the figure."""
+    box = text.get_window_extent()
+    over = box.x1 - 0.99 * fig.bbox.width
+    if text.get_text() and over > 0:
+        x, y = text.get_position()
+        text.set_position((x - min(over, box.x0) / text.axes.bbox.width, y))
 
 
 def superscript(number: int) -> str:

@@ -18,4 +18,6 @@ from .shown import noise_table as noise_table
 from .shown import shown_noise as shown_noise
 from .shown import white_levels as white_levels
 from .shown import wrong as wrong
+from .sizes import Sizes as Sizes
+from .sizes import effect_sizes_on_held_out as effect_sizes_on_held_out
 from .verdict import judge as judge

@@ -77,8 +77,10 @@ def baseline_table(found: Found) -> list[dict[str, Any]]:
     for k, prior in enumerate(priors):
         first, last = prior.at(found.baseline.point.u[k]), prior.at(found.fit.point.u[k])
         out.append({
-            "parameter": prior.name, "stated": prior.value, "without_effects": first,
-            "with_effects": last, "relative_sigma": float(sigma[k] * prior.sigma),
+            "parameter": prior.name, "unit": prior.unit, "stated": prior.value,
+            "without_effects": first, "with_effects": last,
+            "relative_sigma": float(sigma[k] * prior.sigma),
+            "sigma": float(sigma[k] * prior.sigma * (abs(last) if prior.relative else 1.0)),
             "absorbed": float(np.log(first / last)) if first * last > 0 else 0.0,
             "determined": bool(sigma[k] < 0.7),
             "at_bound": bool(abs(found.fit.point.u[k]) > prior.hard - 1e-6),

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...laws import EFFECTS
-from ...rig import Rig, get_parameter, put_parameter
+from ...rig import Rig, get_parameter, parameter_info, put_parameter
 from .._search import Prior, number
 
 DIRECTIONS, SENSOR = ("normal", "drive"), "sensor"
@@ -45,8 +45,10 @@ def _priors(rig: Rig, key: str, sigma: float) -> list[Prior]:
         return [Prior(f"{key}.{a}", 0.0, sigma, relative=False, unit="rad") for a in ACROSS]
     value = np.asarray(get_parameter(rig, key))
     if value.ndim == 2:  # a tensor is scaled as a whole
-        return [Prior(key, 1.0, sigma)]
-    return [Prior(key, float(value), sigma)] if value.ndim == 0 and value > 0 else []
+        return [Prior(key, 1.0, sigma, unit="1")]
+    if value.ndim or value <= 0:
+        return []
+    return [Prior(key, float(value), sigma, unit=parameter_info(rig, key).unit)]
 
 
 @eqx.filter_jit

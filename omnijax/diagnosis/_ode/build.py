@@ -7,7 +7,7 @@ import numpy as np
 
 from ..._errors import InputError
 from ...laws import EFFECTS, GENERIC
-from ...machine import Axis, Log, MachineCase, steps_between
+from ...machine import Axis, Log, MachineCase, field_units, steps_between
 from .._search import Prior
 from .model import OdeModel
 from .numbers import Numbers
@@ -47,10 +47,10 @@ def cutoff_of(logs: Sequence[Log], noise: float) -> float:
 
 def priors_of(machine, uncertainty) -> list[Prior]:
     """Priors of the uncertain fields: relative, or absolute where a field is 0."""
-    out = []
+    out, units = [], field_units(machine)
     for name, sigma in uncertainty.items():
-        value = float(getattr(machine, name))
-        out.append(Prior(name, value, float(sigma), relative=value != 0))
+        value, unit = float(getattr(machine, name)), units.get(name, "")
+        out.append(Prior(name, value, float(sigma), relative=value != 0, unit=unit))
     return out
 
 

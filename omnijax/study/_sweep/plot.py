@@ -1,21 +1,36 @@
 """Pictures of a sweep: heat maps over two parameters, families of lines over one."""
 
+import math
 from typing import Any
 
 import numpy as np
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from ..._errors import InputError
-from ..._plot import new_axes
+from ..._plot import PALETTE, new_axes
+from ..._text import amount, label, path_words
 from .._points import Grid
 
 MARKS = ("-", "--", "-.", ":")
 LINES = 8  # of one family
-CELLS = 5000  # of a heat map, from which a vector file holds it as a picture
+HATCH = "////"  # of designs that slip or lift off
 
 
 def _label(result: Any, name: str) -> str:
     _, unit = result.readable(name)
-    return name if unit in {"", "1"} else f"{name} ({unit})"
+    return label(name if name in result.spec.metrics else path_words(name), unit)
+
+
+def _ticks(axis: Any, levels: np.ndarray, log: bool) -> None:
+    """Plain numbers; on a logarithmic axis of few decades also between the powers of ten."""
+    if not log:
+        axis.set_major_locator(MaxNLocator(6))
+        return
+    decades = math.log10(levels.max() / levels.min())
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if decades < 3 else (1,)))
+    axis.set_minor_formatter(NullFormatter())
+    if decades < 4:
+        axis.set_major_formatter(FuncFormatter(lambda v, _: f"{v:.4g}"))
 
 
 def _slice(result: Any, metric: str, kept: tuple[int, ...]) -> tuple[np.ndarray, str]:
@@ -24,7 +39,10 @@ def _slice(result: Any, metric: str, kept: tuple[int, ...]) -> tuple[np.ndarray,
     others = [i for i in range(len(axes)) if i not in kept]
     values = np.moveaxis(values, kept, range(len(kept)))
     values = values[(..., *(0 for _ in others))] if others else values
-    held = ", ".join(f"{axes[i].path} = {float(axes[i].level(0)):.4g}" for i in others)
+    held = ", ".join(
+        f"{path_words(axes[i].path)} {amount(float(axes[i].level(0)), axes[i].unit)}"
+        for i in others
+    )
     return values, held
 
 
@@ -45,18 +63,47 @@ def heatmap(result: Any, metric: str, x: str | None = None, y: str | None = None
     j = (i + 1) % len(result.points.axes) if i == j else j
     ax, axes = new_axes(ax, width=6.4), result.points.axes
     values, held = _slice(result, metric, (i, j))
-    across, up = (axes[k].levels() for k in (i, j))
+    across, up = (result.readable(axes[k].path)[0] * axes[k].levels() for k in (i, j))
     order = np.argsort(across), np.argsort(up)
     shown = np.ma.masked_invalid(values[np.ix_(*order)].T)
     edges = _edges(across[order[0]], axes[i].log), _edges(up[order[1]], axes[j].log)
-    image = ax.pcolormesh(*edges, shown, cmap="cividis", rasterized=shown.size > CELLS)
+    image = ax.pcolormesh(*edges, shown, cmap="cividis", rasterized=True)  # cells without seams
     ax.grid(False)
     ax.figure.colorbar(image, ax=ax, label=_label(result, metric))
-    for axis, k in ((ax.set_xscale, i), (ax.set_yscale, j)):
+    for k, levels, scale, axis in (
+        (i, across, ax.set_xscale, ax.xaxis), (j, up, ax.set_yscale, ax.yaxis),
+    ):  # fmt: skip
         if axes[k].log:
-            axis("log")
-    ax.set(xlabel=_label(result, axes[i].path), ylabel=_label(result, axes[j].path), title=held)
+            scale("log")
+        _ticks(axis, levels, axes[k].log)
+    ax.set(xlabel=_label(result, axes[i].path), ylabel=_label(result, axes[j].path))
+    ax.set_title(f"{metric}; {held}" if held else metric)
+    loose = ~_kept(result, result.held(), (i, j))[np.ix_(*order)].T
+    if loose.any():
+        _marked(ax, edges, loose)
     return ax
+
+
+def _kept(result: Any, values: np.ndarray, kept: tuple[int, ...]) -> np.ndarray:
+    """An array of the grid's shape over the kept axes, the others at their first level."""
+    values = np.moveaxis(values, kept, range(len(kept)))
+    return values[(..., *(0 for _ in range(values.ndim - len(kept))))]
+
+
+def _marked(ax: Any, edges: tuple[np.ndarray, np.ndarray], loose: np.ndarray) -> None:
+    """Hatching over the cells that slip or lift off, and what it means."""
+    from matplotlib.patches import Patch, Rectangle
+
+    look: dict[str, Any] = {"hatch": HATCH, "facecolor": "none", "edgecolor": "white", "lw": 0}
+    x, y = edges
+    for row, column in np.argwhere(loose).tolist():
+        (left, right), (low, high) = x[column : column + 2].tolist(), y[row : row + 2].tolist()
+        ax.add_patch(Rectangle((left, low), right - left, high - low, **look))
+    sample = Patch(hatch=HATCH, facecolor="#8a8a8a", edgecolor="white", lw=0)
+    ax.legend(
+        [sample], ["a wheel slips or lifts off"], loc="upper left", bbox_to_anchor=(0, -0.16),
+        frameon=False, borderaxespad=0.1,
+    )  # fmt: skip
 
 
 def _edges(levels: np.ndarray, log: bool) -> np.ndarray:
@@ -69,34 +116,61 @@ def _edges(levels: np.ndarray, log: bool) -> np.ndarray:
 
 
 def lines(result: Any, metric: str, x: str | None = None, hue: str | None = None, *, ax=None):
-    """`metric` over one axis, one line a level of `hue`; a cloud of points for samples."""
+    """`metric` over one axis, one line a level of `hue`; a cloud of points for samples.
+
+    Designs that slip or lift off are ringed.
+    """
     ax, axes = new_axes(ax, width=6.4), result.points.axes
     i = _index(result, x, 0, metric)
     ax.set(xlabel=_label(result, axes[i].path), ylabel=_label(result, metric))
+    factor = result.readable(axes[i].path)[0]
     if axes[i].log:
         ax.set_xscale("log")
     if not isinstance(result.points, Grid):
-        values = result.readable(metric)[0] * result[metric]
-        ax.plot(result[axes[i].path], values, ".", markersize=3)
+        values, across = result.readable(metric)[0] * result[metric], result[axes[i].path]
+        ax.plot(factor * across, values, ".", markersize=3)
+        _ticks(ax.xaxis, factor * across, axes[i].log)
+        _ringed(ax, factor * across, values, ~result.held())
+        ax.set_title(f"{metric} over {path_words(axes[i].path)}")
         return ax
     j = _index(result, hue, 1 if i == 0 else 0, metric) if len(axes) > 1 else None
-    values, held = _slice(result, metric, (i,) if j is None or j == i else (i, j))
-    across = axes[i].levels()
+    kept = (i,) if j is None or j == i else (i, j)
+    values, held = _slice(result, metric, kept)
+    across = factor * axes[i].levels()
     order = np.argsort(across)
+    loose = ~_kept(result, result.held(), kept)
+    _ticks(ax.xaxis, across, axes[i].log)
     if values.ndim == 1:
         ax.plot(across[order], values[order], marker=".")
     else:
-        _family(ax, across[order], values[order], axes[j], _label(result, axes[j].path))
-    ax.set_title(held)
+        shown = _family(ax, across[order], values[order], result, axes[j])
+        loose = loose & np.isin(np.arange(loose.shape[1]), shown)
+    wide = np.broadcast_to(across.reshape(-1, *(1 for _ in kept[1:])), values.shape)
+    _ringed(ax, wide, values, loose)
+    ax.set_title(f"{metric}; {held}" if held else metric)
     return ax
 
 
-def _family(ax: Any, across, values, axis, label: str) -> None:
+def _ringed(ax: Any, across: np.ndarray, values: np.ndarray, loose: np.ndarray) -> None:
+    """Rings around the designs that slip or lift off."""
+    if loose.any():
+        ax.plot(
+            across[loose], values[loose], "o", ms=8, mfc="none", mec=PALETTE["vermillion"],
+            label="a wheel slips or lifts off", ls="",
+        )  # fmt: skip
+        title = ax.get_legend().get_title().get_text() if ax.get_legend() else None
+        ax.legend(title=title)
+
+
+def _family(ax: Any, across, values, result: Any, axis: Any) -> np.ndarray:
+    """One line for each of at most `LINES` levels of `axis`, which are returned."""
     import matplotlib as mpl
 
     shown = np.unique(np.linspace(0, axis.count - 1, min(LINES, axis.count)).round().astype(int))
+    factor, _ = result.readable(axis.path)
     for k, level in enumerate(shown):
         colour = mpl.colormaps["cividis"](k / max(len(shown) - 1, 1) * 0.9)
-        text = f"{float(axis.level(level)):.4g}"
+        text = f"{factor * float(axis.level(level)):.4g}"
         ax.plot(across, values[:, level], MARKS[k % len(MARKS)], color=colour, label=text)
-    ax.legend(title=label, fontsize="small", title_fontsize="small")
+    ax.legend(title=_label(result, axis.path))
+    return shown

@@ -59,12 +59,15 @@ class SweepResult:
         return self.store.unit(self._known(name))
 
     def readable(self, name: str) -> tuple[float, str]:
-        """Factor and unit in which a metric's figures read well; SI for what is varied."""
-        if name not in self.spec.metrics:
-            return 1.0, self.unit(name)
+        """Factor and unit in which a stored quantity's figures read well."""
+        if self.unit(name) == "rad/s":  # as pages offer it beside rpm and Hz
+            return 1.0, "rad/s"
         values = np.abs(self.store.read(self._known(name)))
-        largest = np.max(values, where=np.isfinite(values), initial=0.0)
-        return scaled(float(largest), self.unit(name))
+        if name in self.spec.metrics:
+            size = np.max(values, where=np.isfinite(values), initial=0.0)
+        else:
+            size = np.median(values)
+        return scaled(float(size), self.unit(name))
 
     def _known(self, name: str) -> str:
         if name not in self.store.names:
@@ -101,17 +104,40 @@ class SweepResult:
         return Status(int(self.design(index)["status"])).text
 
     def best(self, metric: str) -> int | None:
-        """The design with the smallest (margins: largest) `metric`; None where none has one."""
+        """The design with the smallest (margins: largest) `metric`; None where none has one.
+
+        A design that slips or lifts off is the best only where every design with a figure does.
+        """
         from ...vibration import METRICS
 
         self._known(metric)
         sign = 1.0 if metric not in METRICS or METRICS[metric].smaller_is_better else -1.0
-        where, least = None, np.inf
+        where, least = None, (True, np.inf)
         for start in range(0, self.size, BLOCK):
-            values = sign * self.store.read(metric, start, min(start + BLOCK, self.size))
-            if np.isfinite(values).any() and np.nanmin(values) < least:
-                where, least = start + int(np.nanargmin(values)), np.nanmin(values)
+            stop = min(start + BLOCK, self.size)
+            values = sign * self.store.read(metric, start, stop)
+            doubt = self.store.read("status", start, stop) != Status.OK
+            finite = np.isfinite(values)
+            for bad in (False, True):
+                own = np.where(finite & (doubt == bad), values, np.inf)
+                if np.isfinite(own).any() and (bad, float(own.min())) < least:
+                    where, least = start + int(own.argmin()), (bad, float(own.min()))
         return where
+
+    def held(self) -> np.ndarray:
+        """Which designs neither slip nor lift off, in the grid's shape (or one entry a design)."""
+        return ~np.isin(self["status"].astype(int), (Status.SLIP, Status.LIFT_OFF))
+
+    def edges(self, index: int) -> list[tuple[str, str]]:
+        """(path, "lowest" or "highest") where a design lies at an end of a grid's axis."""
+        if not isinstance(self.points, Grid):
+            return []
+        at = np.unravel_index(index, self.shape)
+        return [
+            (axis.path, "lowest" if axis.level(k) == axis.levels().min() else "highest")
+            for axis, k in zip(self.points.axes, at, strict=True)
+            if (axis.count or 0) > 2 and axis.level(k) in (axis.levels().min(), axis.levels().max())
+        ]  # fmt: skip
 
     def command(self, index: int) -> str:
         """The command that evaluates one design again, from the store alone."""

@@ -1,0 +1,147 @@
+"""What the held-out runs leave unexplained at every size of a named effect."""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .._search import Effect, Point
+from .evidence import AbstractEvidence
+from .result import Diagnosis
+from .shown import by_group
+
+SHARES = (0.25, 0.5, 0.75, 1.25, 1.5)  # of the found size, beside 0 and 1
+THRESHOLDS = ("gap", "delay", "tau")  # sizes of laws without a linear strength
+
+
+@dataclasses.dataclass(frozen=True)
+class SizedEffect:
+    """One named effect as its size changes.
+
+    `shares` (n,) of the found size rise from 0; `column` (n,) says which residual belongs to each.
+    `size` is the found size in `unit`, None for a law that only is there or not (`shares` 0, 1).
+    """
+
+    name: str
+    size: float | None
+    unit: str
+    shares: tuple[float, ...]
+    column: tuple[int, ...]
+
+
+@dataclasses.dataclass(frozen=True)
+class Sizes:
+    """Residuals of the held-out runs at sizes of every named effect, the others as found.
+
+    `gram` holds by output group (k, k): the mean of the product of two residuals, so that c G c
+    is the mean square of the combination c of residuals, in `units` squared.  `floor` is the
+    noise.  `trace` (k, n) is the residual of `channel` in `channel_unit` at `time` (n,) in s.
+    """
+
+    effects: tuple[SizedEffect, ...]
+    found: int
+    gram: dict[str, np.ndarray]
+    units: dict[str, str]
+    floor: dict[str, float]
+    run: str
+    channel: str
+    channel_unit: str
+    time: np.ndarray
+    trace: np.ndarray
+
+
+def effect_sizes_on_held_out(found: Diagnosis) -> Sizes | None:
+    """`Sizes` of a named diagnosis; None where nothing is named."""
+    if found.verdict != "named" or not found.details:
+        return None
+    evidence: AbstractEvidence = found.details["evidence"]
+    point: Point = found.details["found"].fit.point
+    points, effects = [point], []
+    for i, effect in enumerate(point.effects):
+        size, unit, keys = _size(evidence, effect)
+        shares = (0.0, *SHARES[:3], 1.0, *SHARES[3:]) if keys else (0.0, 1.0)
+        at = []
+        for share in shares:
+            at.append(0 if share == 1.0 else len(points))
+            if share != 1.0:
+                points.append(_resized(point, i, keys, share))
+        effects.append(SizedEffect(effect.name, size, unit, shares, tuple(at)))
+    residuals = evidence.model.residuals(points, "held-out")
+    gram = _gram(evidence, residuals)
+    channel, unit, name, time, trace = _trace(evidence, residuals, found)
+    return Sizes(
+        tuple(effects), 0, gram, {g: found.gap[g].unit for g in gram},
+        {g: found.gap[g].noise_floor for g in gram}, name, channel, unit, time, trace,
+    )  # fmt: skip
+
+
+def _size(evidence: AbstractEvidence, effect: Effect) -> tuple[float | None, str, tuple[str, ...]]:
+    """An effect's size, its unit, and the numbers that grow with it."""
+    known = evidence.model.laws[effect.id].parameters
+    keys = [k for k, p in known.items() if p.linear and k in effect.values]
+    keys = keys or [k for k in THRESHOLDS if k in effect.values][:1]
+    if not keys:
+        return None, "", ()
+    size = float(np.linalg.norm(np.ravel(effect.values[keys[0]])))
+    return size, evidence.unit(known[keys[0]].unit, effect.place), tuple(keys)
+
+
+def _resized(point: Point, i: int, keys: Sequence[str], share: float) -> Point:
+    """`point` with effect `i` at a share of its size; without it at 0."""
+    effects = list(point.effects)
+    if share == 0:
+        return point.with_effects(*effects[:i], *effects[i + 1 :])
+    values = effects[i].values
+    scaled = {k: share * np.asarray(values[k]) for k in keys}
+    plain = {k: float(v) if v.ndim == 0 else v for k, v in scaled.items()}
+    effects[i] = dataclasses.replace(effects[i], values={**values, **plain})
+    return point.with_effects(*effects)
+
+
+def _gram(evidence: AbstractEvidence, residuals: Sequence[np.ndarray]) -> dict[str, np.ndarray]:
+    """By group the mean products of the residuals, as `gaps` takes its RMS: over its channels."""
+    each = [evidence.columns(r, "held-out") for r in residuals]
+    channels = list(dict.fromkeys(c for run in each[0] for c in run))
+    out = {}
+    for group, own in by_group(channels).items():
+        total = np.zeros((len(each), len(each)))
+        for channel in own:
+            have = [i for i, run in enumerate(each[0]) if channel in run]
+            table = np.stack([np.concatenate([runs[i][channel] for i in have]) for runs in each])
+            table = table[:, np.isfinite(table).all(axis=0)]
+            sigma = float(evidence.assumed(channel)["sigma"])
+            total += sigma**2 * (table @ table.T) / max(1, table.shape[1])
+        out[group] = total / len(own)
+    return out
+
+
+POINTS = 700  # of the trace
+KEPT = 0.8  # of the difference's power that means over blocks have to keep
+
+
+def _trace(
+    evidence: AbstractEvidence, residuals: Sequence[np.ndarray], found: Diagnosis
+) -> tuple[str, str, str, np.ndarray, np.ndarray]:
+    """The channel that the effects change most, on the first held-out run, in few points.
+
+    Means over blocks of samples where these still show what changes, else the stretch of samples
+    in which most changes.
+    """
+    parts = [evidence.series(r) for r in residuals]
+    name, time, last = parts[0]
+    without = len(residuals) > 1 and parts[1][2]
+    change = {c: np.nan_to_num((without or last)[c] - x) for c, x in last.items()}
+    channel = max(change, key=lambda c: float(change[c] @ change[c]))
+    known: Any = evidence.assumed(channel)
+    table = known["sigma"] * np.stack([np.nan_to_num(x[channel]) for _, _, x in parts])
+    block = -(-len(time) // POINTS)
+    whole = len(time) // block * block
+    means = table[:, :whole].reshape(len(table), -1, block).mean(axis=2)
+    moved, kept = table[0] - table[-1], block * np.sum((means[0] - means[-1]) ** 2)
+    if kept >= KEPT * float(moved @ moved):
+        return channel, known["unit"], name, time[:whole].reshape(-1, block).mean(axis=1), means
+    power = np.concatenate([[0.0], np.cumsum(moved**2)])
+    start = int(np.argmax(power[POINTS:] - power[:-POINTS])) if len(time) > POINTS else 0
+    part = slice(start, start + POINTS)
+    return channel, known["unit"], name, time[part], table[:, part]

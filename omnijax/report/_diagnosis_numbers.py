@@ -1,0 +1,139 @@
+"""The numbers behind a diagnosis: the gap, free runs, parameters, limits, noise."""
+
+from typing import Any
+
+import numpy as np
+
+from .._text import amount, estimate, scaled
+from ._content import Column, Section, Table
+from ._diagnosis_figures import gap_figure, limits_figure
+
+NEVER = {
+    "held-out": "Held-out runs are never fitted, but for their start: where wheels without encoder "
+    "stand, and the motion there.",
+    "blocks": "On the seconds of the only run that were kept out of the fit.",
+    "nothing": "On the only run, which was fitted: nothing was kept out.",
+}
+
+
+def closed(gap: Any) -> float | None:
+    """How much of a gap is closed, %; 100 at most, since what is below the noise is chance."""
+    share = gap.closed
+    return None if np.isnan(share) else float(f"{100 * min(1.0, share):.3g}")
+
+
+def gap_section(found) -> Section:
+    """What the model misses before and after, by output group."""
+    rows = []
+    for group, gap in found.gap.items():
+        factor, unit = scaled(gap.noise_floor, gap.unit)
+        values = [factor * x for x in (gap.noise_floor, gap.before, gap.after)]
+        above = gap.before > 1.02 * gap.noise_floor
+        rows.append([group, unit, *values, closed(gap) if above else None])
+    table = Table(
+        [Column("group", text=True), Column("unit", text=True), Column("noise", minor=True),
+         Column("before"), Column("after"), Column("closed", "%")],
+        rows, "gap", "RMS of measured less predicted, held-out runs (theta and Omega by windows); "
+        "closed: what is gone of what was above the noise.",
+    )  # fmt: skip
+    figures = [gap_figure(found)] if found.details else []
+    return Section("The gap", NEVER[found.confirmed_on], figures, [table])
+
+
+def free_runs(found) -> list[Section]:
+    """Of a machine: what a simulation from the first sample misses, run by run."""
+    if not found.free_runs:
+        return []
+    rows = []
+    for run in found.free_runs:
+        for word in ("before", "after"):
+            if word in run:
+                own = run[word]
+                rows.append([run["run"], run["role"], word, run["unit"], own["rms"], own["mae"],
+                             own["percent"]])  # fmt: skip
+    columns = [Column("run", text=True), Column("role", text=True), Column("effects", text=True),
+               Column("unit", text=True), Column("RMS"), Column("MAE"),
+               Column("of the motion", "%")]  # fmt: skip
+    text = "Position simulated from the inputs alone, from each run's first sample."
+    if found.one_step:
+        said = ", ".join(f"{k} {x:.3g} %" for k, x in found.one_step.items())
+        text += f" The balance misses, in per cent of the motor's torque on held-out runs: {said}."
+    table = Table(columns, rows, "free-runs", "Free runs.")
+    return [Section("Free runs", text, tables=[table])]
+
+
+def parameters(found) -> list[Section]:
+    """Uncertain parameters, where the rig names any."""
+    if not found.baseline:
+        return []
+    rows = [
+        [
+            b["parameter"],
+            amount(b["stated"], b["unit"]),
+            amount(b["without_effects"], b["unit"]),
+            estimate(b["with_effects"], b["sigma"], b["unit"]),
+            f"{100 * b['absorbed']:.2g} %",
+            "yes" if b["determined"] else "no: it stays where it was stated",
+        ]
+        for b in found.baseline
+    ]
+    columns = [
+        Column("parameter", text=True),
+        Column("stated", text=True, unbroken=True),
+        Column("without the effect", text=True, minor=True, unbroken=True),
+        Column("calibrated", text=True, unbroken=True),
+        Column("had absorbed", text=True, minor=True),
+        Column("known from these runs", text=True, minor=True),
+    ]
+    text = (
+        "Calibrated: together with what was named. Had absorbed: by how much it was off while the "
+        "effect was missing."
+    )
+    table = Table(columns, rows, "baseline", "Uncertain parameters.")
+    return [Section("Parameters", text, tables=[table])]
+
+
+def notes(found) -> list[Section]:
+    """What else is to be known, and the noise."""
+    lines = [*found.notes, *(f"Data: {f}" for f in found.faults)]
+    text = "\n\n".join(line[:1].upper() + line[1:] for line in lines)
+    tables = [_noise(found)] if found.noise else []
+    return [Section("Notes", text, tables=tables)] if text or tables else []
+
+
+def _noise(found) -> Table:
+    """The noise by channel: declared and shown."""
+    rows = []
+    for channel, known in found.noise.items():
+        factor, unit = scaled(known["declared"] or known["shown"], known["unit"])
+        declared = known["declared"]
+        rows.append(
+            [channel, unit, f"{factor * declared:.4g}" if declared else "–",
+             factor * known["shown"], factor * known["sigma"], known["colour"]]
+        )  # fmt: skip
+    columns = [Column("channel", text=True), Column("unit", text=True),
+               Column("declared", text=True), Column("shown"), Column("its sigma", minor=True),
+               Column("colour", text=True)]  # fmt: skip
+    return Table(columns, rows, "noise", "Measurement noise, 1-sigma, as the data show it.")
+
+
+def excluded(found) -> list[Section]:
+    """What the runs exclude: a limit for every effect and place that was not named."""
+    known = [x for x in found.excluded if x["limit_95"] is not None]
+    if not known:
+        return []
+    rows = []
+    for x in known:
+        factor, unit = scaled(x["limit_95"], x["unit"])
+        rows.append([x["id"], x["place"], x["parameter"], factor * x["limit_95"], unit])
+    columns = [Column("effect", text=True), Column("place", text=True),
+               Column("size", text=True), Column("below"), Column("unit", text=True)]  # fmt: skip
+    note = "Upper limits, 95 %: a larger effect would have been seen with that probability."
+    silent = sorted({x["id"] for x in found.excluded} - {x["id"] for x in known})
+    text = "Every effect and place that was not named is smaller than its limit."
+    if silent:
+        text += f" These runs say nothing about {', '.join(silent)}."
+    if any(x["parameter"] == "share" for x in known):
+        text += " A share is that of the law's own size: below 1 the law is excluded."
+    table = Table(columns, rows, "excluded", note, folded=True)
+    return [Section("What is excluded", text, [limits_figure(known)], [table])]

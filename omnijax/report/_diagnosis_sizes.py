@@ -1,0 +1,68 @@
+"""Sliders of a diagnosis: the size of every named effect, and what the model then misses."""
+
+from typing import Any
+
+import numpy as np
+
+from .._text import scaled
+from ..diagnosis import effect_sizes_on_held_out
+from ..laws import in_words
+from ._content import Column, Dial, Section, Table
+
+DIGITS = 5  # of a stored number
+
+
+def sizes_section(found: Any) -> list[Section]:
+    """The section with the sliders; none where nothing is named."""
+    kept = effect_sizes_on_held_out(found)
+    if kept is None:
+        return []
+    factor, unit = scaled(float(np.abs(kept.trace).max()), kept.channel_unit)
+    sliders = []
+    for effect in kept.effects:
+        name, _, place = effect.name.partition("@")
+        own, own_unit = (1.0, "") if effect.size is None else scaled(effect.size, effect.unit)
+        sliders.append({
+            "label": in_words(name, place).replace("`", ""), "unit": own_unit,
+            "size": None if effect.size is None else own * effect.size,
+            "shares": effect.shares, "columns": effect.column,
+        })  # fmt: skip
+    groups = []
+    for group, gram in kept.gram.items():
+        own, own_unit = scaled(kept.floor[group], kept.units[group])
+        groups.append({
+            "name": group, "unit": own_unit, "noise": own * kept.floor[group],
+            "gram": _few(own**2 * gram),
+        })  # fmt: skip
+    model = {
+        "sliders": sliders, "groups": groups, "found": kept.found, "channel": kept.channel,
+        "unit": unit, "run": kept.run, "time": _few(kept.time), "trace": _few(factor * kept.trace),
+    }  # fmt: skip
+    text = (
+        "Drag the size: at 0 the effect is not there, at 100 % it is as large as the runs say. "
+        "What the held-out runs then leave unexplained is drawn below. Calibrated "
+        "parameters stay as they are."
+    )
+    return [Section("How large is it", text, tables=[_table(kept, sliders, groups)],
+                    dial=Dial(model))]  # fmt: skip
+
+
+def _few(values: Any) -> list:
+    """Numbers in few digits, as nested lists."""
+    x = np.asarray(values, float)
+    with np.errstate(divide="ignore"):
+        places = DIGITS - 1 - np.floor(np.log10(np.maximum(np.abs(x).max(initial=0.0), 1e-300)))
+    return np.round(x, int(np.clip(places + 3, 0, 300))).tolist()
+
+
+def _table(kept: Any, sliders: list, groups: list) -> Table:
+    """RMS of every group at the stored sizes."""
+    rows = []
+    for slider in sliders:
+        for share, k in zip(slider["shares"], slider["columns"], strict=True):
+            left = [float(np.sqrt(max(0.0, g["gram"][k][k]))) for g in groups]
+            rows.append([slider["label"], 100.0 * share, *left])
+    columns = [Column("effect", text=True), Column("size", "%"),
+               *(Column(g["name"], g["unit"]) for g in groups)]  # fmt: skip
+    note = "What the held-out runs leave at each size of an effect, RMS."
+    return Table(columns, rows, "sizes", note, folded=True)

@@ -1,0 +1,122 @@
+"""A diagnosis in a mechanic's words: channels, places of the gap, sizes of effects."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from .._text import estimate, estimated
+from ..diagnosis import Named
+from ._content import Fact
+
+MOST = 5  # sentences about where the gap is
+MINOR = 0.01  # of the largest discovery's power: below this a place is left to the table
+CHANNELS = {
+    "dR": "the sphere's displacement in {}", "a": "the platform's acceleration in {}",
+    "Omega": "the sphere's turning about {}", "theta": "the angle of {}",
+    "position": "the position", "acceleration": "the acceleration",
+}  # fmt: skip
+
+
+def effect_sizes(effect: Named) -> str:
+    """The parameters of an effect with their 1-sigma: "gap 5.660 ± 0.002 µm"."""
+    said = [
+        f"{key} {', '.join(estimate(v, d, p['unit']) for v, d in _each(p))}"
+        for key, p in effect.parameters.items()
+    ]
+    return "; ".join(said) or "no free size"
+
+
+def size_facts(effect: Named) -> list[Fact]:
+    """The parameters of an effect, one fact each."""
+    of, facts = f"{effect.id} at {effect.place}", []
+    for key, p in effect.parameters.items():
+        each = [estimated(v, d, p["unit"]) for v, d in _each(p)]
+        if len(each) == 1:
+            number, unit = each[0]
+            said = (f"{number}°", "") if unit == "°" else (number, unit)
+            facts.append(Fact(f"{key}, {of}", *said))
+        else:
+            facts.append(Fact(f"{key}, {of}", ", ".join(" ".join(x).strip() for x in each)))
+    return facts
+
+
+def _each(parameter: Mapping[str, Any]) -> list[tuple[float, float]]:
+    """Values and 1-sigmas of one parameter, which may be a vector."""
+    values, sigma = np.atleast_1d(parameter["value"]), parameter["sigma"]
+    sigmas = np.broadcast_to(np.nan if sigma is None else sigma, values.shape)
+    return [(float(v), float(d)) for v, d in zip(values, sigmas, strict=True)]
+
+
+def channel_words(channel: str, wheels: tuple[str, ...] = ()) -> str:
+    """A channel in words: "the sphere's displacement in x (`dR_x`)"."""
+    group, _, which = channel.partition("_")
+    if group == "theta" and which.isdigit() and int(which) <= len(wheels):
+        which = f"wheel {wheels[int(which) - 1]}"
+    words = CHANNELS.get(group, "").format(which)
+    return f"{words} (`{channel}`)" if words else f"`{channel}`"
+
+
+def where_sentences(found: Any) -> list[str]:
+    """At most five sentences on where the gap is, the largest first."""
+    stand = [w for w in found.where if w["stands"]]
+    if not stand:
+        return ["Nothing stands out against chance in any channel."]
+    wheels = getattr(found.rig, "names", ())
+    wheels = tuple(wheels) if not isinstance(wheels, Mapping) else ()
+    rollers = {}
+    if wheels and hasattr(found.rig, "wheels"):
+        each = np.asarray(found.rig.wheels.rollers)
+        rollers = {name: round(float(n)) for name, n in zip(wheels, each, strict=True)}
+    said, places, largest = [], {}, max(_power(w) for w in stand)
+    for w in stand:
+        if _power(w) >= MINOR * largest:
+            places.setdefault(_place(w, rollers), []).append(w)
+    named: set[str] = set()
+    for place, every in places.items():
+        own = [w for w in every if w["channel"] not in named] or every[:1]
+        first, *others = own
+        misses = channel_words(first["channel"], wheels)
+        lead = f"{_percent(first)} of what the model misses of {misses}"
+        also = ", ".join(f"{_percent(w)} of `{w['channel']}`" for w in others[:2])
+        said.append(f"{lead}{f' (and {also})' if also else ''} {place}.")
+        named |= {w["channel"] for w in own}
+    first = stand[0]
+    over = first["rms_over_noise"]
+    head = f"`{first['channel']}` is missed by {over:.3g} times its noise."
+    said = [said[0], head, *said[1:]] if said else [head]
+    return said[:MOST]
+
+
+def _power(w: Mapping[str, Any]) -> float:
+    return w["share"] * max(1e-6, w["rms_over_noise"] ** 2 - 1)
+
+
+def _percent(w: Mapping[str, Any]) -> str:
+    return f"{100 * w['share']:.2g} %".replace("1e+02", "100")
+
+
+def _place(w: Mapping[str, Any], rollers: Mapping[str, int]) -> str:
+    """When it comes: "comes once a turn of w2"."""
+    name, domain, value = w["reference"], w["domain"], w["value"]
+    of = "the sphere" if name == "sphere" else name
+    if domain == "frequency":
+        return f"comes at {value:.4g} Hz, whatever the speed"
+    if domain == "order":
+        count, each = round(value), rollers.get(name, 0)
+        if each and count % each == 0:
+            times = "" if count == each else f" {count // each} times"
+            return f"comes{times} with every roller of {of} ({each} a turn)"
+        turn = "over the whole travel" if name == "travel" else f"a turn of {of}"
+        return f"comes {'once' if count == 1 else f'{count} times'} {turn}"
+    of = f"of {of}" if name != "axis" else "of the axis"
+    words = {
+        "time": "comes and goes over the run: it hangs on the time",
+        "phase": f"comes back with every turn {of}: it hangs on the angle {of}",
+        "speed": f"hangs on how fast {'the axis moves' if name == 'axis' else f'{name} turns'}",
+        "direction": f"changes with the direction of the motion {of}",
+        "position": f"hangs on the position {of}",
+        "load": f"follows the load {of}",
+        "deflection": f"follows how far the contact {of} is pressed",
+    }
+    return words.get(domain, f"hangs on the {domain} {of}")

@@ -1,0 +1,216 @@
+"""The page of a diagnosis: a mechanic's words, readable numbers, and sliders that mix residuals."""
+
+import json
+import re
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from omnijax.diagnosis import Diagnosis, Effect, Gap, Named, Point, effect_sizes_on_held_out
+from omnijax.laws import EFFECTS
+from omnijax.report import Page, diagnosis_page, provenance
+from omnijax.report._diagnosis_numbers import closed
+from omnijax.report._diagnosis_sizes import sizes_section
+from omnijax.report._diagnosis_words import where_sentences
+
+SIGMA = {"dR_x": 2e-6, "dR_y": 2e-6, "a_x": 5e-3}
+UNIT = {"dR": "m", "a": "m/s^2"}
+FOUND = {"wheel-runout@w2": 4.07e-5, "bearing-coulomb@all": 1.3e-3}
+
+
+class Plant:
+    """Residuals in sigma that fall off in proportion to the effects' sizes, as a model gives them.
+
+    It is the evidence too: `columns` and `series` split a residual into channels.
+    """
+
+    laws = EFFECTS
+
+    def __init__(self, seed, fast=False):
+        rng = np.random.default_rng(seed)
+        self.time = 0.002 * np.arange(3000)
+        turn = 2 * np.pi * (180.0 if fast else 0.5) * self.time
+        self.noise = rng.standard_normal((3, 3000))
+        pull = rng.uniform(1, 8, (2, 3, 1))
+        self.waves = pull * np.stack([np.sin(turn), np.sign(np.cos(turn))])[:, None]
+        self.model = self
+        self.asked = []
+
+    def residuals(self, points, split):
+        self.asked += points
+        return [self.at(p.effects).ravel() for p in points]
+
+    def at(self, effects):
+        out = self.noise + self.waves.sum(axis=0)
+        for effect in effects:
+            k = list(FOUND).index(effect.name)
+            key = "amplitude" if k == 0 else "torque"
+            out = out - effect.values[key] / FOUND[effect.name] * self.waves[k]
+        return out
+
+    def series(self, residual):
+        return "run-3", self.time, dict(zip(SIGMA, residual.reshape(3, -1), strict=True))
+
+    def columns(self, residual, split):
+        return [self.series(residual)[2]]
+
+    def assumed(self, channel):
+        return {"sigma": SIGMA[channel], "unit": UNIT[channel.partition("_")[0]]}
+
+    def unit(self, unit, place):
+        return unit
+
+    def text(self, rig):
+        return "[sphere]"
+
+
+def diagnosis(seed=0, count=2, **more):
+    """A named diagnosis of `count` effects with what its page draws from."""
+    plant = Plant(seed, **more)
+    runout = Effect("wheel-runout", "w2", {"amplitude": 4.07e-5, "phase": 0.7})
+    friction = Effect("bearing-coulomb", "all", {"torque": 1.3e-3, "width": 0.05})
+    point = Point(np.zeros(0), (runout, friction)[:count])
+    sizes = {"amplitude": {"value": 4.07e-5, "sigma": 3.4e-8, "unit": "m"},
+             "phase": {"value": 0.7, "sigma": 8e-4, "unit": "rad"}}  # fmt: skip
+    gap = {"dR": Gap(2e-6, 1.4e-5, 1.99e-6, "m"), "a": Gap(5e-3, 6e-3, 5e-3, "m/s^2")}
+    found = Diagnosis("named", [Named("wheel-runout", "w2", sizes, {})], [], gap, None, [], {}, [])
+    before, after = (r.ravel() for r in (plant.at(()), plant.at(point.effects)))
+    found.details = {
+        "evidence": plant, "found": SimpleNamespace(fit=SimpleNamespace(point=point)),
+        "before": before, "after": after, "where": [], "learned": None,
+    }  # fmt: skip
+    return found, plant
+
+
+def mixed(kept, shares):
+    """Weights of the stored residuals at shares of the sizes, as the page's script takes them."""
+    c = np.zeros(len(kept.trace))
+    c[kept.found] = 1.0
+    for effect, share in zip(kept.effects, shares, strict=True):
+        nodes = np.interp(share, effect.shares, range(len(effect.shares)))
+        k = min(int(nodes), len(effect.shares) - 2)
+        c[effect.column[k]] += 1 - (nodes - k)
+        c[effect.column[k + 1]] += nodes - k
+        c[kept.found] -= 1.0
+    return c
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_mixed_residuals_are_those_of_the_model(seed):
+    found, plant = diagnosis(seed)
+    kept = effect_sizes_on_held_out(found)
+    rng = np.random.default_rng(seed)
+    for shares in [(1.0, 1.0), (0.0, 0.0), *rng.uniform(0, 1.5, (4, 2))]:
+        point = found.details["found"].fit.point
+        effects = [
+            Effect(e.id, e.place, {k: s * v for k, v in e.values.items()})
+            for e, s in zip(point.effects, shares, strict=True)
+        ]
+        truth = plant.at(effects)
+        c = mixed(kept, shares)
+        for group, rows in (("dR", slice(0, 2)), ("a", slice(2, 3))):
+            sigma = np.array(list(SIGMA.values()))[rows]
+            rms = np.sqrt(np.mean(sigma**2 * np.mean(truth[rows] ** 2, axis=1)))
+            assert np.sqrt(c @ kept.gram[group] @ c) == pytest.approx(rms, rel=1e-9)
+        row = list(SIGMA).index(kept.channel)
+        block = np.mean(truth[row].reshape(len(kept.time), -1), axis=1)
+        np.testing.assert_allclose(c @ kept.trace, SIGMA[kept.channel] * block, atol=1e-12)
+
+
+def test_a_fast_effect_is_drawn_sample_by_sample():
+    found, plant = diagnosis(1, count=1, fast=True)
+    kept = effect_sizes_on_held_out(found)
+    assert np.diff(kept.time) == pytest.approx(plant.time[1])
+
+
+def test_without_a_name_there_is_nothing_to_size():
+    found, _ = diagnosis()
+    found.verdict = "unknown"
+    assert effect_sizes_on_held_out(found) is None and sizes_section(found) == []
+
+
+def test_numbers_of_the_page_are_for_engineers(tmp_path):
+    found, _ = diagnosis()
+    page = diagnosis_page(found)
+    facts = {f.label: (f.value, f.unit) for f in page.facts}
+    assert facts["amplitude, wheel-runout at w2"] == ("40.70 ± 0.03", "µm")
+    assert facts["phase, wheel-runout at w2"] == ("40.11 ± 0.05°", "")
+    assert facts["gap of dR closed"] == (100.0, "%")
+    titles = [s.title for s in page.sections]
+    assert "Parameters" not in titles and "Where" not in titles and "Notes" not in titles
+    assert all(s.text or s.figures or s.tables for s in page.sections)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_closed_is_never_more_than_all(seed):
+    noise, before, after = np.random.default_rng(seed).uniform(1, 2, 3)
+    gap = Gap(noise, max(noise, before) * 1.1, after, "m")
+    assert closed(gap) <= 100.0
+    assert closed(Gap(1.0, 1.0, 0.9, "m")) is None  # nothing was above the noise
+
+
+WHERE = {
+    ("order", 1.0, "w2"): "comes once a turn of w2.",
+    ("order", 3.0, "w2"): "comes 3 times a turn of w2.",
+    ("order", 14.0, "w2"): "comes with every roller of w2 (14 a turn).",
+    ("order", 28.0, "w2"): "comes 2 times with every roller of w2 (14 a turn).",
+    ("order", 2.0, "sphere"): "comes 2 times a turn of the sphere.",
+    ("frequency", 13.7, "Hz"): "comes at 13.7 Hz, whatever the speed.",
+    ("direction", float("nan"), "w2"): "changes with the direction of the motion of w2.",
+    ("load", float("nan"), "axis"): "follows the load of the axis.",
+}
+
+
+@pytest.mark.parametrize("place", WHERE)
+def test_where_is_said_in_a_mechanics_words(place):
+    found, _ = diagnosis()
+    domain, value, reference = place
+    found.rig = SimpleNamespace(names=("w1", "w2"), wheels=SimpleNamespace(rollers=[14.0, 14.0]))
+    one = {"channel": "dR_y", "domain": domain, "value": value, "reference": reference,
+           "share": 0.983, "p": 0.0, "rms_over_noise": 5.0, "stands": True}  # fmt: skip
+    found.where = [one, {**one, "channel": "theta_2", "share": 0.5}]
+    said = where_sentences(found)
+    lead = "98 % of what the model misses of the sphere's displacement in y (`dR_y`)"
+    assert said[0] == f"{lead} (and 50 % of `theta_2`) {WHERE[place]}"
+    assert said[1] == "`dR_y` is missed by 5 times its noise."
+    found.where = [{**one, "reference": f"w{k}", "channel": f"a_{k}"} for k in range(9)]
+    assert len(where_sentences(found)) == (2 if domain == "frequency" else 5)
+
+
+@pytest.mark.parametrize("width", [1280, 400])
+def test_the_slider_shrinks_the_residual(open_page, tmp_path, width):
+    found, plant = diagnosis(4)
+    page = Page("Diagnosis", "Why?", "So.", sizes_section(found), provenance("omnijax diagnose"))
+    tab, seen = open_page(page.write(tmp_path).as_uri(), width)
+    now = tab.locator(".dial .now").first
+
+    def shown():
+        number, unit = re.fullmatch(r"([\d.]+) (\S+)", now.inner_text()).groups()
+        return float(number) * {"µm": 1e-6, "mm": 1e-3}[unit]
+
+    def rms(share):
+        part = plant.noise[:2] + (1 - share) * plant.waves[0, :2]
+        return np.sqrt(np.mean((2e-6 * part) ** 2))
+
+    assert shown() == pytest.approx(rms(1.0), rel=0.01)
+    path = tab.locator(".dial svg path").get_attribute("d")
+    for percent in (0, 37, 80):
+        tab.locator(".dial input").first.fill(str(percent))
+        assert shown() == pytest.approx(rms(percent / 100), rel=0.01)
+        assert tab.locator(".dial .size").first.inner_text() == {
+            0: "0 µm", 37: "15.1 µm", 80: "32.6 µm"}[percent]  # fmt: skip
+    assert tab.locator(".dial svg path").get_attribute("d") != path
+    tab.locator(".dial button").click()
+    assert shown() == pytest.approx(rms(1.0), rel=0.01)
+    assert tab.evaluate("document.documentElement.scrollWidth") <= width
+    assert seen["errors"] == [] and all(u.startswith(("file:", "data:")) for u in seen["requests"])
+
+
+def test_the_slider_needs_no_other_file(tmp_path):
+    found, _ = diagnosis()
+    page = Page("Diagnosis", "Why?", "So.", sizes_section(found), provenance("omnijax diagnose"))
+    text = page.html()
+    model = re.search(r'data-model="([^"]+)"', text)[1].replace("&#34;", '"')
+    assert len(json.loads(model)["trace"]) == 13  # as found, and six sizes of each of two effects
+    assert len(text) < 400_000
