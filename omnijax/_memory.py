@@ -3,6 +3,8 @@
 import os
 from pathlib import Path
 
+from ._errors import InputError
+
 SHARE = 0.5  # of what is free: the most that one answer may need
 _CGROUP = Path("/sys/fs/cgroup")
 
@@ -41,6 +43,16 @@ def _process() -> float:
         return float(most - pages * resource.getpagesize())
     except (ImportError, OSError, ValueError):
         return float("inf")
+
+
+def check_room(path: object, need: float) -> None:
+    """`InputError` where a file's content needs more memory than a file may take."""
+    most = SHARE / 2 * available()
+    if need > most:
+        raise InputError(
+            f"unpacks to {in_words(need)}, but memory has room for {in_words(most)}: thin it out, "
+            "or cut it.", path,
+        )  # fmt: skip
 
 
 def in_words(size: float) -> str:

@@ -133,8 +133,8 @@ def test_exit_codes(monkeypatch, capsys):
 def test_ctrl_c_in_a_real_process():
     # a test run in the background ignores Ctrl-C, and its children inherit that
     code = "import signal, time; signal.signal(signal.SIGINT, signal.default_int_handler); "
-    code += "from omnijax.cli import _frame; _frame.build_app = lambda: "
-    code += "lambda tokens: (print('up', flush=True), time.sleep(60)); _frame.main()"
+    code += "from omnijax import cli; from omnijax.cli import _frame; _frame.build_app = lambda: "
+    code += "lambda tokens: (print('up', flush=True), time.sleep(60)); cli.main()"
     with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:

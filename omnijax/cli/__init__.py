@@ -1,8 +1,42 @@
-"""The command line: parse, call, print."""
+"""The command line: parse, call, print.
 
-from ._frame import COMMANDS as COMMANDS
-from ._frame import build_app as build_app
-from ._frame import main as main
-from ._frame import run as run
-from ._options import Json as Json
-from ._options import emit as emit
+Loading the commands takes half a second, in which Ctrl-C is heard already.
+"""
+
+import atexit
+import importlib
+import signal
+import sys
+from typing import Any
+
+from .._interrupts import CODE, NOTHING, answer, interrupted, leave, listening
+
+_LAZY = dict.fromkeys(("run", "build_app", "COMMANDS"), "._frame")
+_LAZY |= dict.fromkeys(("Json", "emit"), "._options")
+
+
+def main(tokens: list[str] | None = None) -> None:
+    """Run the command line and exit with its code."""
+    with listening():
+        try:
+            code = __getattr__("run")(tokens)
+        except KeyboardInterrupt:  # before the command began
+            answer()
+            print(NOTHING, file=sys.stderr)
+            code = CODE
+        if interrupted():
+            leave(code)
+    atexit.register(_deaf)
+    sys.exit(code)
+
+
+def _deaf() -> None:
+    """What comes now comes too late: the work is done, and the libraries end."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def __getattr__(name: str) -> Any:
+    """What the commands' frame and options have, loaded when it is asked for."""
+    if name in _LAZY:
+        return getattr(importlib.import_module(_LAZY[name], __name__), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

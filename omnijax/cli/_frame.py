@@ -17,7 +17,7 @@ from .. import __version__
 from .._consent import law_files
 from .._errors import DataWarning, InputError, RunError, brief
 from .._files import command
-from .._interrupts import NOTHING, answer, interrupted, leave, listening
+from .._interrupts import NOTHING, answer, interrupted
 from ._options import read_force
 from ._plain import PLAIN
 from ._tokens import flowing, understood
@@ -78,15 +78,6 @@ def build_app() -> App:
     app["--help"].group = app["--version"].group = Group("Options", sort_key=9)
     app["--install-completion"].group = app["--help"].group
     return app
-
-
-def main(tokens: list[str] | None = None) -> None:
-    """Run the command line and exit with its code."""
-    with listening():
-        code = run(tokens)
-        if interrupted():
-            leave(code)
-    sys.exit(code)
 
 
 def run(tokens: list[str] | None = None) -> int:

@@ -1,5 +1,6 @@
 """Files of every kind into columns of numbers: CSV, Parquet, MAT, NetCDF, TDMS, UFF, MDF4."""
 
+import contextlib
 import importlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,10 +9,12 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
+from .._memory import check_room
 from .._netcdf import load_netcdf
 from .._reading import regular
 from ._columns import AXES, OUTPUTS, PER_WHEEL, UNITS
 from ._csv import Table, read_csv
+from ._mat import mat_sizes
 
 
 def suffix_of(path: Path) -> str:
@@ -33,7 +36,8 @@ def read_table(path: Path) -> Table:
         raise InputError(
             f"{path.name}: the file's kind must be one of {known}, but is {suffix or '-'}."
         )
-    regular(path)
+    with contextlib.suppress(OSError):  # what is missing is said by the reader
+        check_room(path, regular(path).stat().st_size)
     try:
         return READERS[suffix](path)
     except (InputError, OSError):
@@ -82,6 +86,8 @@ def _parts(name: str, value: np.ndarray, length: int) -> dict[str, np.ndarray]:
 
 def _parquet(path: Path) -> Table:
     parquet = need("pyarrow.parquet", "pyarrow", ".parquet")
+    about = parquet.read_metadata(path)
+    check_room(path, 8 * about.num_rows * about.num_columns)
     table = parquet.read_table(path)
     return spread({name: table[name].to_numpy() for name in table.column_names})
 
@@ -90,6 +96,7 @@ def _mat(path: Path) -> Table:
     import scipy.io
 
     try:
+        check_room(path, max(mat_sizes(path)))
         found = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=True)
     except NotImplementedError:  # version 7.3 is HDF5
         return _hdf5(path)
@@ -108,9 +115,12 @@ def _hdf5(path: Path) -> Table:
     import h5py
 
     columns: dict[str, np.ndarray] = {}
+    sizes = [0]
 
     def keep(name, item):
         if isinstance(item, h5py.Dataset) and not name.startswith("#"):
+            sizes.append(8 * item.size)
+            check_room(path, sum(sizes))
             columns[name.rsplit("/", 1)[-1]] = np.asarray(item[()]).T  # MATLAB counts columns first
 
     with h5py.File(path, "r") as file:
@@ -166,6 +176,8 @@ def _mdf(path: Path) -> Table:
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}
     with asammdf.MDF(path) as file:
+        groups = [(one.channel_group.cycles_nr, len(one.channels)) for one in file.groups]
+        check_room(path, 8 * sum(rows * columns for rows, columns in groups))
         for signal in file.iter_channels():
             columns.setdefault("t", np.asarray(signal.timestamps))
             columns[signal.name] = np.asarray(signal.samples)

@@ -22,7 +22,7 @@ def cases(read: Reader, rig: Rig, top: Mapping) -> dict[str, Any]:
         read.say("the [[drive]] tables of one study are all of `speed` or all of `torque`.")
     loads = []
     for i, block in enumerate(read.tables(top, "load", ("name", "set"))):
-        name = str(block.get("name", f"load {i + 1}"))
+        name = read.text(block, "name", f"load.{i + 1}", f"load {i + 1}")
         given = block.get("set", {})
         keys = tuple(given) if isinstance(given, Mapping) else ()
         values = read.table(given, f"load.{name}.set", keys)
@@ -39,7 +39,7 @@ def cases(read: Reader, rig: Rig, top: Mapping) -> dict[str, Any]:
 
 
 def _drive(read: Reader, rig: Rig, block: Mapping, i: int) -> Case:
-    name = str(block.get("name", f"drive {i + 1}"))
+    name = read.text(block, "name", f"drive.{i + 1}", f"drive {i + 1}")
     kind = "torque" if "torque" in block and "speed" not in block else "speed"
     if "torque" in block and "speed" in block:
         read.say(f"`drive.{name}` takes either `speed` or `torque`, not both.")

@@ -75,6 +75,14 @@ class Reader:
             return options[0]
         return found
 
+    def text(self, table: Mapping, key: str, where: str, default: str) -> str:
+        """Text of some length, or `default` where there is none."""
+        found = table.get(key, default)
+        if not isinstance(found, str) or not found.strip() or not found.isprintable():
+            self.say(f"`{where}.{key}` must be printable text, but is {found!r}.")
+            return default
+        return found
+
     def whole(self, table: Mapping, key: str, where: str, low: int, default: int) -> int:
         """A whole number from `low` on."""
         found = self.number(table, key, where, Quantity("1", low=low, whole=True), default)

@@ -1,0 +1,5 @@
+"""`python -m omnijax`: the command line."""
+
+from .cli import main
+
+main()
