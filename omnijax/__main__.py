@@ -1,5 +1,0 @@
-"""`python -m omnijax`: the command line."""
-
-from .cli import main
-
-main()
