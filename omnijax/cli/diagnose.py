@@ -73,8 +73,6 @@ def diagnose(
         if small else read_case(case, rig)
     )  # fmt: skip
     claim(folders=[folder], force=force)
-    if not small:
-        _check_runs(asked)
     found = run(asked, laws=laws, window=window, tell=tell)
     found.save(folder / "diagnosis.json")
     made = "machine-diagnosed.toml" if small else "rig-diagnosed.toml"
@@ -86,20 +84,6 @@ def diagnose(
     tell(f"wrote {folder}/index.html, diagnosis.json, {made}")
     emit(json, found.to_dict(), lambda: _print(found))
     return 0
-
-
-LEAST = 100  # samples of a run; fewer tell nothing of a machine's frequencies
-
-
-def _check_runs(case: Any) -> None:
-    """`InputError` where a case has nothing to learn from."""
-    from .._errors import InputError
-
-    short = [f"{run.path.name} has {len(run.time)}" for run in case.runs if len(run.time) < LEAST]
-    if short:
-        raise InputError(f"{case.path}: a run needs {LEAST} samples: {', '.join(short)}.")
-    if not case.train:
-        raise InputError(f"{case.path}: every run is held out: a diagnosis learns from the others.")
 
 
 def _print(found: Any) -> None:

@@ -40,6 +40,7 @@ from ._machine import (
 )
 from ._noise import Assumed, assumed_noise, by_group, run_levels
 from ._ode import OdeEvidence, balance_error, build_model
+from ._room import check_room
 from ._search import Found, Level, Point, Search, refit, upper_limits
 
 
@@ -67,6 +68,7 @@ def diagnose(
 
 
 def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
+    check_room(case, library)
     runs, confirmed_on, said = with_roles([to_run(r) for r in case.runs])
     noise = assumed_noise(case)
     levels = run_levels(noise, case.rig.size)

@@ -13,6 +13,7 @@ from .modes import forced as forced
 from .modes import observe as observe
 from .modes import propagate as propagate
 from .outliers import without_outliers as without_outliers
+from .rig_model import LINES as LINES
 from .rig_model import RigModel as RigModel
 from .roles import with_roles as with_roles
 from .runs import FINE as FINE

@@ -1,0 +1,51 @@
+"""What a diagnosis can take: runs that are long enough, and no more samples than memory holds."""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from .._errors import InputError, tell
+from .._memory import SHARE, available, in_words
+from ..recording import Case, channels
+from ._machine import LINES
+from ._search import Context, candidates
+
+LEAST = 100  # samples of a run; fewer tell nothing of a machine's frequencies
+TABLES = 7  # arrays with a row a candidate that a search holds at once: measured, at most
+DEFLECTION = 1e-6  # m; the number of candidates does not hang on it
+
+
+def check_room(case: Case, laws: dict[str, Any]) -> None:
+    """`InputError` where a run is too short or all are too long; a warning from half the memory."""
+    short = [f"{run.path.name} has {len(run.time)}" for run in case.runs if len(run.time) < LEAST]
+    if short:
+        raise InputError(f"{case.path}: a run needs {LEAST} samples: {', '.join(short)}.")
+    need, free = memory_of(case, laws), available()
+    if need <= SHARE * free:
+        return
+    few = math.ceil(need / (SHARE * free))
+    samples = sum(len(run.time) for run in case.runs)
+    said = (
+        f"{case.path}: a diagnosis of {samples} samples needs about {in_words(need)} of memory, "
+        f"and {in_words(free)} are free: filter the runs and keep one sample in {few}, or "
+        f"1/{few} of their length."
+    )
+    if need > free:
+        raise InputError(said)
+    tell([said])
+
+
+def memory_of(case: Case, laws: dict[str, Any]) -> float:
+    """Bytes that the search's tables take: one row a candidate, one column a measured value."""
+    groups = {group for run in case.runs for group in run.groups}
+    lines = tuple(float(k) for k in range(1, LINES + 1))
+    longest = max(len(run.time) for run in case.runs)
+    typical = np.full(case.rig.size, DEFLECTION)
+    found = candidates(Context(case.rig, tuple(groups), typical, lines, longest), laws)
+    rows = sum(len(c.columns) for c in found)
+    values = [
+        len(run.time) * sum(len(channels(g, case.rig.size)) for g in run.groups)
+        for run in case.train or case.runs
+    ]
+    return 8.0 * TABLES * rows * sum(values)
