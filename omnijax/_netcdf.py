@@ -7,7 +7,7 @@ from typing import Any
 from ._errors import InputError
 from ._files import writing
 from ._memory import SHARE, available, in_words
-from ._reading import regular
+from ._reading import existing, regular
 
 
 def write_netcdf(data: Any, path: str | Path) -> Path:
@@ -39,14 +39,12 @@ def netcdf_attributes(path: str | Path, kind: str) -> dict[str, Any]:
 def _opened(path: str | Path, kind: str, decode_times: bool, work: Callable[[Any], Any]) -> Any:
     import xarray
 
-    path = regular(path)
+    path = regular(existing(path))
     try:
         with xarray.open_dataset(path, engine="h5netcdf", decode_times=decode_times) as opened:
             return work(opened)
     except InputError as error:
         raise InputError(error.problems, path) from None
-    except FileNotFoundError:
-        raise InputError("is not a file.", path) from None
     except Exception as error:  # h5netcdf raises whatever it likes on a broken file
         said = str(error).strip().rstrip(".") or type(error).__name__
         raise InputError(f"is not {kind}: {said}.", path) from None

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from . import _files
-from ._errors import InputError
+from ._errors import InputError, did_you_mean
 from ._memory import SHARE, available, in_words
 
 TEXT = 32e6  # bytes; a longer rig, study or NAME.toml is a mistake
@@ -30,6 +30,22 @@ def regular(path: str | Path) -> Path:
         raise InputError("is a pipe, a socket or a device, and not a file: it is not read.", path)
     _files.note_input(path)
     return Path(path)
+
+
+def existing(path: str | Path, kind: str = "file") -> Path:
+    """`path`, a file or folder that is there; `InputError` else, before anything slow is imported.
+
+    `kind` says what it should be, in words: "file", "folder of a sweep".
+    """
+    path = Path(path)
+    try:
+        there = path.is_dir() if kind.startswith("folder") else path.exists()
+        beside = [x.name for x in path.parent.iterdir()] if not there else []
+    except (OSError, ValueError):
+        there, beside = False, []
+    if not there:
+        raise InputError(f"there is no such {kind}.{did_you_mean(path.name, beside)}", path)
+    return path
 
 
 def read_bytes(path: str | Path, limit: float | None = None) -> bytes:

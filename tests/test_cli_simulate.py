@@ -124,7 +124,7 @@ def test_only_the_same_run_goes_on(capsys, tmp_path, monkeypatch):
         (["--speed", "1,1,1", "--rtol", "-1"], "`rtol` must lie in (0, 0.01], but is -1."),
         (["--speed", "1,1,1", "--max-steps", "0"], "`max-steps` must be at least 1, but is 0."),
         (["--torque", "1,1,1", "--resume"], "`resume` needs the interrupted run"),
-        (["--drive", "nowhere.csv"], "nowhere.csv is not a file"),
+        (["--drive", "nowhere.csv"], "nowhere.csv: there is no such file"),
     ],
 )
 def test_wrong_input_is_one_message_and_code_2(capsys, arguments, message):

@@ -298,7 +298,7 @@ def test_a_folder_without_runs_or_rig_is_refused(tmp_path):
     (tmp_path / "run-1.toml").write_text("[noise]\ndR = 1e-6\n")
     with pytest.raises(InputError, match=r"no run can be used\.\n- run-1\.toml: the run that"):
         read_case(tmp_path, rig=machine())
-    with pytest.raises(InputError, match="is not a folder"):
+    with pytest.raises(InputError, match="no such folder"):
         read_case(tmp_path / "nowhere")
 
 

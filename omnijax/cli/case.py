@@ -46,6 +46,10 @@ def case(
     """
     from .._errors import InputError
     from .._files import claim, write_text
+    from .._reading import existing
+
+    for log in logs:
+        existing(log)
     from ..machine import case_files
 
     found = [_guessed(log, input, position, time, rate) for log in logs]
@@ -76,11 +80,8 @@ input_line = input
 
 
 def _guessed(log: Path, given: str | None, position: str | None, time: str | None, rate) -> Any:
-    from .._errors import InputError
     from ..machine import describe, guess
 
-    if not log.is_file():
-        raise InputError(f"{log} is not a file.")
     if given and position:
         return describe(log, time, given, position, rate)
     found = guess(log, rate)

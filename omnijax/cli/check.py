@@ -19,7 +19,6 @@ def check(rig: str, /, *, json: Json = False) -> int:
     from .._errors import InputError
     from ..rig import load_rig, rig_notes
     from ._axis import check_machine, is_machine
-    from ._check_text import lines
 
     if is_machine(rig):
         return check_machine(rig, json)
@@ -31,6 +30,8 @@ def check(rig: str, /, *, json: Json = False) -> int:
             raise
         emit(True, {"ok": False, "problems": list(error.problems)}, lambda: None)
         return 2
+    from ._check_text import lines
+
     summary = _summary(machine) | {"laws_not_run": _foreign(rig), "notes": rig_notes(rig)}
     emit(json, {"ok": True, **summary}, lambda: print("\n".join(lines(rig, summary))))
     return 0

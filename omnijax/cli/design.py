@@ -44,6 +44,9 @@ def design(
     """
     from .._errors import InputError
     from .._files import claim
+    from .._reading import existing
+
+    existing(study)
     from ..rig import files_of_rig, save_rig
     from ..study import design as run
     from ..study import designed_rig, load_study

@@ -48,6 +48,9 @@ def diagnose(
     keep_freed_memory()
     from .._errors import InputError
     from .._files import claim, write_text
+    from .._reading import existing
+
+    existing(case, "folder: a case is one, with a rig file or machine.toml and its runs")
     from ..diagnosis import diagnose as run
     from ..machine import is_machine_case, load_model, read_machine_case
     from ..recording import read_case

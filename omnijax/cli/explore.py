@@ -34,11 +34,12 @@ def explore(
     require("starlette", "view3d")
     require("uvicorn", "view3d")
     from ..rig import load_rig
-    from ..view import serve
 
     if not rigs:
         raise InputError("name at least one rig: omnijax explore atlas")
     machines = {name: load_rig(name) for name in rigs}
+    from ..view import serve
+
     speeds = {name: start_speeds(speed, machine) for name, machine in machines.items()}
     serve(machines, speeds, host=host, port=port, browser=browser)
 

@@ -18,6 +18,9 @@ def export(store: Path, file: Path, /, *, force: Force = False, json: Json = Fal
         The file to write: .nc, .csv or .parquet.
     """
     from .._files import claim
+    from .._reading import existing
+
+    existing(store, "folder")
     from ..study import load_sweep
 
     claim([file, *([file.with_suffix(".json")] if file.suffix == ".csv" else [])], force=force)

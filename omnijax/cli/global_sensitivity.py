@@ -40,6 +40,9 @@ def global_sensitivity(
         A folder for a page with the figures.
     """
     from .._files import claim
+    from .._reading import existing
+
+    existing(study)
     from ..study import checked_metrics, load_study
     from ..study import global_sensitivity as run
 

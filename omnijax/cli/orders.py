@@ -56,6 +56,9 @@ def orders(
     """
     from .._errors import InputError
     from .._files import claim
+    from .._reading import existing
+
+    existing(run)
     from ..report import orders_page, provenance, strongest_orders
     from ..vibration import order_track, rpm_order_map
 

@@ -40,6 +40,9 @@ def pareto(
         A folder for a page with the figure.
     """
     from .._files import claim
+    from .._reading import existing
+
+    existing(study)
     from ..study import checked_metrics, load_study
     from ..study import pareto as run
 

@@ -32,6 +32,9 @@ def replay(
     """
     from .._errors import InputError
     from .._files import claim
+    from .._reading import existing
+
+    existing(run)
     from ..simulation import load_run
     from ..view import rig_of_run, write_replay
 

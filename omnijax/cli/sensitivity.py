@@ -55,9 +55,10 @@ def sensitivity(
     """
     from .._files import claim
     from ..rig import load_rig
-    from ..study import sensitivity as run
 
     machine = load_rig(rig)
+    from ..study import sensitivity as run
+
     claim([out], [report], force=overwrite)
     found = run(
         machine, motion.drive(machine.size), metric, parameters=parameter or None,

@@ -5,6 +5,7 @@ from json import dumps as json_text
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .._reading import existing
 from ._axis import is_machine, simulate_machine
 from ._drive import Asked, asked, warnings
 from ._motion import Motion, Numerics
@@ -59,6 +60,9 @@ def simulate(
     if is_machine(rig):
         return simulate_machine(rig, drive, out, json)
     _check_files(out, plot)
+    for file in (drive, compare):
+        if file is not None:
+            existing(file)
     numerics.checked()
     from ..rig import load_rig
 

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from .._files import claim, note_input, writing
+from .._files import claim, writing
 from ._motion import Motion, Numerics
 from ._options import Json, Overwrite, check_picture, command_line, emit
 from ._study_page import Switch
@@ -85,7 +85,9 @@ def sweep(
         Folder for a page of the sweep (index.html) with its figures and numbers.
     """
     check_picture(plot)
-    note_input(rig)
+    from ..rig import rig_notes
+
+    rig_notes(rig)  # wrong files are told before anything slow is imported
     claim([plot], [report], force=overwrite)
     result, seconds = _run(rig, vary, metric, motion, sampling, numerics, place)
     summary = summarise(result) | {"seconds": seconds}

@@ -18,7 +18,10 @@ def sweep_status(store: Path, /, *, rerun: int | None = None, json: Json = False
     rerun
         Evaluate this design of the store again and print its figures.
     """
+    from .._reading import existing
     from .._status import FAILED
+
+    existing(store, "folder")
     from ..study import load_sweep
 
     result = load_sweep(store)

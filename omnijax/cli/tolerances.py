@@ -42,6 +42,9 @@ def tolerances(
         A folder for a page with the figure.
     """
     from .._files import claim
+    from .._reading import existing
+
+    existing(study)
     from ..study import load_study
     from ..study import tolerances as run
 

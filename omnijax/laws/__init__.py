@@ -1,100 +1,107 @@
 """Laws: one formula at one port, parameters as leaves, and `+`."""
 
-from ._actuators import ActuatorDelay as ActuatorDelay
-from ._actuators import ActuatorLag as ActuatorLag
-from ._actuators import ActuatorSaturation as ActuatorSaturation
-from ._actuators import CurrentRipple as CurrentRipple
-from ._actuators import MotorGain as MotorGain
-from ._base import ANY_LENGTH as ANY_LENGTH
-from ._base import AbstractLaw as AbstractLaw
-from ._base import Parameter as Parameter
-from ._base import Sum as Sum
-from ._base import field_names as field_names
-from ._generic import GENERIC as GENERIC
-from ._generic import DragTorque as DragTorque
-from ._generic import MountQuadratic as MountQuadratic
-from ._generic import StiffShaft as StiffShaft
-from ._generic import ViscousAsymmetry as ViscousAsymmetry
-from ._hertz import HertzResistance as HertzResistance
-from ._hertz import effective_modulus as effective_modulus
-from ._hertz import effective_radius as effective_radius
-from ._hertz import peak_pressure as peak_pressure
-from ._library import EFFECTS as EFFECTS
-from ._library import PORTS as PORTS
-from ._library import in_words as in_words
-from ._library import laws_of as laws_of
-from ._library import load_laws as load_laws
-from ._measurement import EncoderEccentricity as EncoderEccentricity
-from ._measurement import FloorVibration as FloorVibration
-from ._measurement import SensorCrosstalk as SensorCrosstalk
-from ._measurement import SensorDelay as SensorDelay
-from ._measurement import SensorDrift as SensorDrift
-from ._measurement import SensorGain as SensorGain
-from ._measurement import SensorLag as SensorLag
-from ._measurement import SensorRectified as SensorRectified
-from ._measurement import SensorSaturation as SensorSaturation
-from ._measurement import delayed as delayed
-from ._measurement import low_passed as low_passed
-from ._pieces import Pieces as Pieces
-from ._pieces import chebyshev_nodes as chebyshev_nodes
-from ._pieces import has_pieces as has_pieces
-from ._pieces import mirrored as mirrored
-from ._pieces import padded as padded
-from ._pieces import piece_at as piece_at
-from ._pieces import shape_pieces as shape_pieces
-from ._pieces import to_powers as to_powers
-from ._pieces import value as value
-from ._ports import AbstractActuator as AbstractActuator
-from ._ports import AbstractBody as AbstractBody
-from ._ports import AbstractCommand as AbstractCommand
-from ._ports import AbstractContact as AbstractContact
-from ._ports import AbstractKinematics as AbstractKinematics
-from ._ports import AbstractMount as AbstractMount
-from ._ports import AbstractPlatform as AbstractPlatform
-from ._ports import AbstractRadius as AbstractRadius
-from ._ports import AbstractRolling as AbstractRolling
-from ._ports import AbstractSensor as AbstractSensor
-from ._ports import AbstractSeparation as AbstractSeparation
-from ._ports import AbstractShaft as AbstractShaft
-from ._ports import AbstractShape as AbstractShape
-from ._ports import AbstractSurface as AbstractSurface
-from ._ports import ActuatorSignal as ActuatorSignal
-from ._ports import BodySignal as BodySignal
-from ._ports import ContactSignal as ContactSignal
-from ._ports import MountSignal as MountSignal
-from ._ports import RollingSignal as RollingSignal
-from ._ports import RollingTorque as RollingTorque
-from ._ports import SensorSignal as SensorSignal
-from ._ports import ShaftSignal as ShaftSignal
-from ._rolling import AirDrag as AirDrag
-from ._rolling import Creep as Creep
-from ._rolling import RollingResistance as RollingResistance
-from ._rolling import SpinResistance as SpinResistance
-from ._rolling import Unbalance as Unbalance
-from ._shape_effects import DamagedRoller as DamagedRoller
-from ._shape_effects import SphereOutOfRound as SphereOutOfRound
-from ._shape_effects import WheelRadius as WheelRadius
-from ._shape_effects import WheelRunout as WheelRunout
-from ._shapes import PROFILES as PROFILES
-from ._shapes import ContinuousSine as ContinuousSine
-from ._shapes import DualRow as DualRow
-from ._shapes import Gap as Gap
-from ._shapes import GatedSine as GatedSine
-from ._shapes import HalfSine as HalfSine
-from ._shapes import Rollers as Rollers
-from ._shapes import TableShape as TableShape
-from ._springs import ContactCubic as ContactCubic
-from ._springs import ContactHertz as ContactHertz
-from ._springs import ContactRelaxation as ContactRelaxation
-from ._springs import LiftOff as LiftOff
-from ._springs import MountBacklash as MountBacklash
-from ._springs import MountCubic as MountCubic
-from ._springs import MountFriction as MountFriction
-from ._torques import BearingCoulomb as BearingCoulomb
-from ._torques import BearingViscous as BearingViscous
-from ._torques import Cogging as Cogging
-from ._torques import FrictionAsymmetry as FrictionAsymmetry
-from ._torques import LoadFriction as LoadFriction
-from ._torques import MotorRipple as MotorRipple
-from ._torques import Stribeck as Stribeck
-from ._torques import TorqueOffset as TorqueOffset
+from typing import TYPE_CHECKING
+
+from .._lazy import lazy_face
+
+if TYPE_CHECKING:
+    from ._actuators import ActuatorDelay as ActuatorDelay
+    from ._actuators import ActuatorLag as ActuatorLag
+    from ._actuators import ActuatorSaturation as ActuatorSaturation
+    from ._actuators import CurrentRipple as CurrentRipple
+    from ._actuators import MotorGain as MotorGain
+    from ._base import ANY_LENGTH as ANY_LENGTH
+    from ._base import AbstractLaw as AbstractLaw
+    from ._base import Parameter as Parameter
+    from ._base import Sum as Sum
+    from ._base import field_names as field_names
+    from ._generic import GENERIC as GENERIC
+    from ._generic import DragTorque as DragTorque
+    from ._generic import MountQuadratic as MountQuadratic
+    from ._generic import StiffShaft as StiffShaft
+    from ._generic import ViscousAsymmetry as ViscousAsymmetry
+    from ._hertz import HertzResistance as HertzResistance
+    from ._hertz import effective_modulus as effective_modulus
+    from ._hertz import effective_radius as effective_radius
+    from ._hertz import peak_pressure as peak_pressure
+    from ._library import EFFECTS as EFFECTS
+    from ._library import PORTS as PORTS
+    from ._library import in_words as in_words
+    from ._library import laws_of as laws_of
+    from ._library import load_laws as load_laws
+    from ._measurement import EncoderEccentricity as EncoderEccentricity
+    from ._measurement import FloorVibration as FloorVibration
+    from ._measurement import SensorCrosstalk as SensorCrosstalk
+    from ._measurement import SensorDelay as SensorDelay
+    from ._measurement import SensorDrift as SensorDrift
+    from ._measurement import SensorGain as SensorGain
+    from ._measurement import SensorLag as SensorLag
+    from ._measurement import SensorRectified as SensorRectified
+    from ._measurement import SensorSaturation as SensorSaturation
+    from ._measurement import delayed as delayed
+    from ._measurement import low_passed as low_passed
+    from ._pieces import Pieces as Pieces
+    from ._pieces import chebyshev_nodes as chebyshev_nodes
+    from ._pieces import has_pieces as has_pieces
+    from ._pieces import mirrored as mirrored
+    from ._pieces import padded as padded
+    from ._pieces import piece_at as piece_at
+    from ._pieces import shape_pieces as shape_pieces
+    from ._pieces import to_powers as to_powers
+    from ._pieces import value as value
+    from ._ports import AbstractActuator as AbstractActuator
+    from ._ports import AbstractBody as AbstractBody
+    from ._ports import AbstractCommand as AbstractCommand
+    from ._ports import AbstractContact as AbstractContact
+    from ._ports import AbstractKinematics as AbstractKinematics
+    from ._ports import AbstractMount as AbstractMount
+    from ._ports import AbstractPlatform as AbstractPlatform
+    from ._ports import AbstractRadius as AbstractRadius
+    from ._ports import AbstractRolling as AbstractRolling
+    from ._ports import AbstractSensor as AbstractSensor
+    from ._ports import AbstractSeparation as AbstractSeparation
+    from ._ports import AbstractShaft as AbstractShaft
+    from ._ports import AbstractShape as AbstractShape
+    from ._ports import AbstractSurface as AbstractSurface
+    from ._ports import ActuatorSignal as ActuatorSignal
+    from ._ports import BodySignal as BodySignal
+    from ._ports import ContactSignal as ContactSignal
+    from ._ports import MountSignal as MountSignal
+    from ._ports import RollingSignal as RollingSignal
+    from ._ports import RollingTorque as RollingTorque
+    from ._ports import SensorSignal as SensorSignal
+    from ._ports import ShaftSignal as ShaftSignal
+    from ._rolling import AirDrag as AirDrag
+    from ._rolling import Creep as Creep
+    from ._rolling import RollingResistance as RollingResistance
+    from ._rolling import SpinResistance as SpinResistance
+    from ._rolling import Unbalance as Unbalance
+    from ._shape_effects import DamagedRoller as DamagedRoller
+    from ._shape_effects import SphereOutOfRound as SphereOutOfRound
+    from ._shape_effects import WheelRadius as WheelRadius
+    from ._shape_effects import WheelRunout as WheelRunout
+    from ._shapes import PROFILES as PROFILES
+    from ._shapes import ContinuousSine as ContinuousSine
+    from ._shapes import DualRow as DualRow
+    from ._shapes import Gap as Gap
+    from ._shapes import GatedSine as GatedSine
+    from ._shapes import HalfSine as HalfSine
+    from ._shapes import Rollers as Rollers
+    from ._shapes import TableShape as TableShape
+    from ._springs import ContactCubic as ContactCubic
+    from ._springs import ContactHertz as ContactHertz
+    from ._springs import ContactRelaxation as ContactRelaxation
+    from ._springs import LiftOff as LiftOff
+    from ._springs import MountBacklash as MountBacklash
+    from ._springs import MountCubic as MountCubic
+    from ._springs import MountFriction as MountFriction
+    from ._torques import BearingCoulomb as BearingCoulomb
+    from ._torques import BearingViscous as BearingViscous
+    from ._torques import Cogging as Cogging
+    from ._torques import FrictionAsymmetry as FrictionAsymmetry
+    from ._torques import LoadFriction as LoadFriction
+    from ._torques import MotorRipple as MotorRipple
+    from ._torques import Stribeck as Stribeck
+    from ._torques import TorqueOffset as TorqueOffset
+
+__getattr__ = lazy_face(__name__)

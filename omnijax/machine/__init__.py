@@ -1,31 +1,38 @@
 """Machines of a few states: an axis, or one of the user's, with laws at their places."""
 
-from ._axis import Axis as Axis
-from ._base import AbstractMachine as AbstractMachine
-from ._case import MachineCase as MachineCase
-from ._case import is_machine_case as is_machine_case
-from ._case import log_beside as log_beside
-from ._case import read_machine_case as read_machine_case
-from ._file import MachineFile as MachineFile
-from ._file import load_machine as load_machine
-from ._file import machine_text as machine_text
-from ._file import parse_machine as parse_machine
-from ._guess import Guess as Guess
-from ._guess import case_files as case_files
-from ._guess import describe as describe
-from ._guess import guess as guess
-from ._log import Log as Log
-from ._log import LogFile as LogFile
-from ._log import read_log as read_log
-from ._model_file import load_model as load_model
-from ._ports import PlacedLaw as PlacedLaw
-from ._ports import Ports as Ports
-from ._ports import delayed_inputs as delayed_inputs
-from ._schema import KEYS as KEYS
-from ._schema import field_units as field_units
-from ._simulate import between as between
-from ._simulate import free_run as free_run
-from ._simulate import motion as motion
-from ._simulate import sensed as sensed
-from ._simulate import steps_between as steps_between
-from ._simulate import vector_field as vector_field
+from typing import TYPE_CHECKING
+
+from .._lazy import lazy_face
+
+if TYPE_CHECKING:
+    from ._axis import Axis as Axis
+    from ._base import AbstractMachine as AbstractMachine
+    from ._case import MachineCase as MachineCase
+    from ._case import is_machine_case as is_machine_case
+    from ._case import log_beside as log_beside
+    from ._case import read_machine_case as read_machine_case
+    from ._file import MachineFile as MachineFile
+    from ._file import load_machine as load_machine
+    from ._file import machine_text as machine_text
+    from ._file import parse_machine as parse_machine
+    from ._guess import Guess as Guess
+    from ._guess import case_files as case_files
+    from ._guess import describe as describe
+    from ._guess import guess as guess
+    from ._log import Log as Log
+    from ._log import LogFile as LogFile
+    from ._log import read_log as read_log
+    from ._model_file import load_model as load_model
+    from ._ports import PlacedLaw as PlacedLaw
+    from ._ports import Ports as Ports
+    from ._ports import delayed_inputs as delayed_inputs
+    from ._schema import KEYS as KEYS
+    from ._schema import field_units as field_units
+    from ._simulate import between as between
+    from ._simulate import free_run as free_run
+    from ._simulate import motion as motion
+    from ._simulate import sensed as sensed
+    from ._simulate import steps_between as steps_between
+    from ._simulate import vector_field as vector_field
+
+__getattr__ = lazy_face(__name__)

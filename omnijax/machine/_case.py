@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from .._errors import InputError
+from .._reading import existing
 from ..recording import stem_of
 from ._file import MachineFile, load_machine
 from ._log import Log, LogFile, read_log, read_log_file, tables_of, toml_of
@@ -31,11 +32,7 @@ def is_machine_case(folder: str | Path) -> bool:
 
 def read_machine_case(folder: str | Path, file: MachineFile | None = None) -> MachineCase:
     """The machine of a folder (or `file`) and its runs; `InputError` where none can be used."""
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(
-            f"{folder} is not a folder; a case is a folder with machine.toml and logs."
-        )
+    folder = existing(folder, "folder: a case is one, with machine.toml and logs")
     file = load_machine(folder / "machine.toml") if file is None else file
     logs, faults = [], []
     for one in _log_files(folder):

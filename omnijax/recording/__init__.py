@@ -1,22 +1,29 @@
 """Measured runs: reading them, saying what is wrong with them, writing them."""
 
-from ._case import Case as Case
-from ._case import read_case as read_case
-from ._columns import channels as channels
-from ._columns import columns as columns
-from ._columns import group_of as group_of
-from ._columns import unit_of as unit_of
-from ._noise import NoiseFloor as NoiseFloor
-from ._noise import noise_floor as noise_floor
-from ._read import read_recording as read_recording
-from ._read import rig_of_recording as rig_of_recording
-from ._recording import Fault as Fault
-from ._recording import Recording as Recording
-from ._speeds import SpeedTable as SpeedTable
-from ._speeds import speed_table as speed_table
-from ._tables import READERS as READERS
-from ._tables import read_table as read_table
-from ._tables import stem_of as stem_of
-from ._tables import suffix_of as suffix_of
-from ._write import files_of_recording as files_of_recording
-from ._write import write_recording as write_recording
+from typing import TYPE_CHECKING
+
+from .._lazy import lazy_face
+
+if TYPE_CHECKING:
+    from ._case import Case as Case
+    from ._case import read_case as read_case
+    from ._columns import channels as channels
+    from ._columns import columns as columns
+    from ._columns import group_of as group_of
+    from ._columns import unit_of as unit_of
+    from ._noise import NoiseFloor as NoiseFloor
+    from ._noise import noise_floor as noise_floor
+    from ._read import read_recording as read_recording
+    from ._read import rig_of_recording as rig_of_recording
+    from ._recording import Fault as Fault
+    from ._recording import Recording as Recording
+    from ._speeds import SpeedTable as SpeedTable
+    from ._speeds import speed_table as speed_table
+    from ._tables import READERS as READERS
+    from ._tables import read_table as read_table
+    from ._tables import stem_of as stem_of
+    from ._tables import suffix_of as suffix_of
+    from ._write import files_of_recording as files_of_recording
+    from ._write import write_recording as write_recording
+
+__getattr__ = lazy_face(__name__)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
+from .._reading import existing
 from ._read import read_recording
 from ._recording import Fault, Recording
 from ._sidecar import read_sidecar
@@ -50,11 +51,7 @@ def read_case(folder: str | Path, rig: Any = None) -> Case:
 
     A run that cannot be used at all is a fault of the case; `InputError` where none is left.
     """
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError(
-            f"{folder} is not a folder; a case is a folder with a rig file and its runs."
-        )
+    folder = existing(folder, "folder: a case is one, with a rig file and its runs")
     faults: list[Fault] = []
     paths = _tables(folder, faults)
     rig_path = _rig_path(folder, paths, rig)

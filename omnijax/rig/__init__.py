@@ -1,46 +1,53 @@
 """What the machine is, and the files that say so."""
 
-from .._errors import InputError as InputError
-from .._errors import did_you_mean as did_you_mean
-from ._facts import FACTS as FACTS
-from ._facts import direction_angles as direction_angles
-from ._facts import wheel_facts as wheel_facts
-from ._json_schema import json_schema as json_schema
-from ._load import bundled_rigs as bundled_rigs
-from ._load import load_rig as load_rig
-from ._load import parse_rig as parse_rig
-from ._load import rig_notes as rig_notes
-from ._load import rig_path as rig_path
-from ._machine import Closure as Closure
-from ._machine import Contact as Contact
-from ._machine import Mount as Mount
-from ._machine import Platform as Platform
-from ._machine import Rig as Rig
-from ._machine import Sphere as Sphere
-from ._machine import Wheels as Wheels
-from ._machine import grouped_profiles as grouped_profiles
-from ._machine import place_law as place_law
-from ._parameters import ParameterInfo as ParameterInfo
-from ._parameters import get_parameter as get_parameter
-from ._parameters import parameter_info as parameter_info
-from ._parameters import parameter_paths as parameter_paths
-from ._parameters import put_parameter as put_parameter
-from ._parameters import read_parameter as read_parameter
-from ._parameters import set_parameter as set_parameter
-from ._placed import Acting as Acting
-from ._placed import Placed as Placed
-from ._placed import acting as acting
-from ._placed import over_wheels as over_wheels
-from ._placed import take_wheels as take_wheels
-from ._placed import total_over_wheels as total_over_wheels
-from ._quantities import Quantity as Quantity
-from ._quantities import as_number as as_number
-from ._save import files_of_rig as files_of_rig
-from ._save import rig_text as rig_text
-from ._save import save_rig as save_rig
-from ._schema import GROUPS as GROUPS
-from ._schema import channels as channels
-from ._typed import typed_number as typed_number
-from ._typed import typed_numbers as typed_numbers
-from ._units import converted as converted
-from ._user_laws import load_laws as load_laws
+from typing import TYPE_CHECKING
+
+from .._lazy import lazy_face
+
+if TYPE_CHECKING:
+    from .._errors import InputError as InputError
+    from .._errors import did_you_mean as did_you_mean
+    from ._facts import FACTS as FACTS
+    from ._facts import direction_angles as direction_angles
+    from ._facts import wheel_facts as wheel_facts
+    from ._json_schema import json_schema as json_schema
+    from ._load import parse_rig as parse_rig
+    from ._machine import Closure as Closure
+    from ._machine import Contact as Contact
+    from ._machine import Mount as Mount
+    from ._machine import Platform as Platform
+    from ._machine import Rig as Rig
+    from ._machine import Sphere as Sphere
+    from ._machine import Wheels as Wheels
+    from ._machine import grouped_profiles as grouped_profiles
+    from ._machine import place_law as place_law
+    from ._open import bundled_rigs as bundled_rigs
+    from ._open import load_rig as load_rig
+    from ._open import rig_notes as rig_notes
+    from ._open import rig_path as rig_path
+    from ._parameters import ParameterInfo as ParameterInfo
+    from ._parameters import get_parameter as get_parameter
+    from ._parameters import parameter_info as parameter_info
+    from ._parameters import parameter_paths as parameter_paths
+    from ._parameters import put_parameter as put_parameter
+    from ._parameters import read_parameter as read_parameter
+    from ._parameters import set_parameter as set_parameter
+    from ._placed import Acting as Acting
+    from ._placed import Placed as Placed
+    from ._placed import acting as acting
+    from ._placed import over_wheels as over_wheels
+    from ._placed import take_wheels as take_wheels
+    from ._placed import total_over_wheels as total_over_wheels
+    from ._quantities import Quantity as Quantity
+    from ._quantities import as_number as as_number
+    from ._save import files_of_rig as files_of_rig
+    from ._save import rig_text as rig_text
+    from ._save import save_rig as save_rig
+    from ._schema import GROUPS as GROUPS
+    from ._schema import channels as channels
+    from ._typed import typed_number as typed_number
+    from ._typed import typed_numbers as typed_numbers
+    from ._units import converted as converted
+    from ._user_laws import load_laws as load_laws
+
+__getattr__ = lazy_face(__name__)

@@ -3,12 +3,12 @@
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import numpy as np
 from jax.core import Tracer
 
 from .._html import html_table
+from .._programs import kept
 
 
 class Fact(NamedTuple):
@@ -37,11 +37,12 @@ FACTS = {
 
 def wheel_facts(rig: Any) -> dict[str, np.ndarray]:
     """`FACTS` of every wheel in SI, (n,) each."""
-    depth = np.broadcast_to(np.asarray(eqx.filter_jit(_depth)(rig)), rig.size)
+    depth = np.broadcast_to(np.asarray(_depth(rig)), rig.size)
     found = {key: fact.of(rig.wheels) for key, fact in FACTS.items()} | {"gap_depth": depth}
     return {key: np.asarray(value) for key, value in found.items()}
 
 
+@kept
 def _depth(rig: Any) -> Any:
     return rig.gaps.depth
 

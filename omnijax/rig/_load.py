@@ -1,14 +1,12 @@
-"""Rig files in: TOML -> `Rig`."""
+"""Tables of a rig file -> `Rig`."""
 
 from collections.abc import Mapping
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from .._arrays import on_device
 from .._consent import are_read_only
-from .._errors import InputError, did_you_mean
-from .._reading import read_toml
+from .._errors import InputError
 from ..laws import PROFILES, AbstractLaw, AbstractShape, DualRow
 from ._check import problems
 from ._check_effects import law_class
@@ -17,46 +15,6 @@ from ._machine import Closure, Contact, Mount, Placed, Platform, Rig, Sphere, Wh
 from ._parameters import law_quantity
 from ._schema import EffectTable, RigTable, WheelTable, quantities
 from ._table_profile import shape_of
-
-
-def bundled_rigs() -> dict[str, Path]:
-    """Rig files that come with omnijax, by name."""
-    folder = Path(str(resources.files("omnijax.rig") / "data"))
-    return {path.stem: path for path in sorted(folder.glob("*.toml"), key=lambda path: path.stem)}
-
-
-def rig_path(path: str | Path) -> Path:
-    """The rig file that a user means: a file, or the name of a bundled rig."""
-    bundled = bundled_rigs()
-    file = Path(path)
-    if file.exists() or str(path) not in bundled:
-        return file
-    return bundled[str(path)]
-
-
-def load_rig(path: str | Path) -> Rig:
-    """The rig of a TOML file, or a bundled one by its name (`"atlas"`).
-
-    Directions near unit length are taken as directions: `rig_notes` says which.  Raises
-    `InputError` with every problem of the file at once.
-    """
-    return parse_rig(_read(path), rig_path(path))
-
-
-def rig_notes(path: str | Path) -> list[str]:
-    """What reading a rig file changed: directions that were made exact."""
-    return directed(_read(path)).notes
-
-
-def _read(path: str | Path) -> dict[str, Any]:
-    """The tables of a rig file."""
-    file = rig_path(path)
-    try:
-        return read_toml(file)
-    except OSError as error:
-        names = bundled_rigs()
-        hint = did_you_mean(str(path), names) or f" Bundled rigs: {', '.join(names)}."
-        raise InputError(f"the rig file cannot be read: {error.strerror}.{hint}", path) from None
 
 
 def parse_rig(data: Mapping[str, Any], path: str | Path | None = None) -> Rig:

@@ -1,71 +1,69 @@
 """A rig and a drive in, a trajectory out."""
 
-from typing import Any
+from typing import TYPE_CHECKING
 
-from ._bulk import SteadyPlan as SteadyPlan
-from ._bulk import bulk_checked as bulk_checked
-from ._bulk import bulk_gradients as bulk_gradients
-from ._bulk import bulk_obstacle as bulk_obstacle
-from ._bulk import plan_bulk as plan_bulk
-from ._bulk import plan_steady as plan_steady
-from ._bulk import steady_bulk_obstacle as steady_bulk_obstacle
-from ._bulk import steady_figures as steady_figures
-from ._bulk import steady_gradients as steady_gradients
-from ._bulk import steady_margins as steady_margins
-from ._drives import AbstractDrive as AbstractDrive
-from ._drives import SpeedDrive as SpeedDrive
-from ._drives import TorqueDrive as TorqueDrive
-from ._drives import sample_times as sample_times
-from ._drives import speeds as speeds
-from ._drives import torques as torques
-from ._exact import Forced as Forced
-from ._exact import exact_obstacle as exact_obstacle
-from ._exact import forced_system as forced_system
-from ._exact import forcing as forcing
-from ._exact import propagate as propagate
-from ._exact import propagate_in_pieces as propagate_in_pieces
-from ._exact import reached_like as reached_like
-from ._files import check_suffix as check_suffix
-from ._files import load_end as load_end
-from ._files import load_run as load_run
-from ._files import load_run as load_trajectory  # noqa: F401  (its name in 0.1)
-from ._files import save_trajectory as save_trajectory
-from ._files import to_recording as to_recording
-from ._modal import Figures as Figures
-from ._modal import Operating as Operating
-from ._modal import modal_figures as modal_figures
-from ._modal import modal_obstacle as modal_obstacle
-from ._padding import EXACT_PIECE as EXACT_PIECE
-from ._padding import STEPPED_PIECE as STEPPED_PIECE
-from ._padding import Gathered as Gathered
-from ._padding import bytes_a_sample as bytes_a_sample
-from ._plots import plot_run as plot_run
-from ._sensors import drive_from_recording as drive_from_recording
-from ._sensors import measured as measured
-from ._signals import Signal as Signal
-from ._signals import constant as constant
-from ._signals import ramp as ramp
-from ._signals import step as step
-from ._signals import table as table
-from ._solve import build_model as build_model
-from ._solve import exact_run_obstacle as exact_run_obstacle
-from ._solve import initial_state_like as initial_state_like
-from ._solve import simulate as simulate
-from ._solve import simulate_fixed as simulate_fixed
-from ._solve import simulate_many as simulate_many
-from ._steady import LongRun as LongRun
-from ._steady import SteadyState as SteadyState
-from ._steady import fourier as fourier
-from ._steady import line_rates as line_rates
-from ._steady import line_response as line_response
-from ._steady import steady_state as steady_state
-from ._trajectory import Trajectory as Trajectory
+from .._lazy import lazy_face
 
+if TYPE_CHECKING:
+    from ._bulk import SteadyPlan as SteadyPlan
+    from ._bulk import bulk_checked as bulk_checked
+    from ._bulk import bulk_gradients as bulk_gradients
+    from ._bulk import bulk_obstacle as bulk_obstacle
+    from ._bulk import plan_bulk as plan_bulk
+    from ._bulk import plan_steady as plan_steady
+    from ._bulk import steady_bulk_obstacle as steady_bulk_obstacle
+    from ._bulk import steady_figures as steady_figures
+    from ._bulk import steady_gradients as steady_gradients
+    from ._bulk import steady_margins as steady_margins
+    from ._drives import AbstractDrive as AbstractDrive
+    from ._drives import SpeedDrive as SpeedDrive
+    from ._drives import TorqueDrive as TorqueDrive
+    from ._drives import sample_times as sample_times
+    from ._drives import speeds as speeds
+    from ._drives import torques as torques
+    from ._exact import Forced as Forced
+    from ._exact import exact_obstacle as exact_obstacle
+    from ._exact import forced_system as forced_system
+    from ._exact import forcing as forcing
+    from ._exact import propagate as propagate
+    from ._exact import propagate_in_pieces as propagate_in_pieces
+    from ._exact import reached_like as reached_like
+    from ._files import check_suffix as check_suffix
+    from ._files import load_end as load_end
+    from ._files import load_run as load_run
+    from ._files import load_run as load_trajectory  # noqa: F401  (its name in 0.1)
+    from ._files import save_trajectory as save_trajectory
+    from ._files import to_recording as to_recording
+    from ._modal import Figures as Figures
+    from ._modal import Operating as Operating
+    from ._modal import modal_figures as modal_figures
+    from ._modal import modal_obstacle as modal_obstacle
+    from ._padding import EXACT_PIECE as EXACT_PIECE
+    from ._padding import STEPPED_PIECE as STEPPED_PIECE
+    from ._padding import Gathered as Gathered
+    from ._padding import bytes_a_sample as bytes_a_sample
+    from ._plots import plot_run as plot_run
+    from ._sensors import drive_from_recording as drive_from_recording
+    from ._sensors import measured as measured
+    from ._signals import Signal as Signal
+    from ._signals import constant as constant
+    from ._signals import ramp as ramp
+    from ._signals import step as step
+    from ._signals import table as table
+    from ._solve import build_model as build_model
+    from ._solve import choose_solver as choose_solver
+    from ._solve import exact_run_obstacle as exact_run_obstacle
+    from ._solve import initial_state_like as initial_state_like
+    from ._solve import simulate as simulate
+    from ._solve import simulate_fixed as simulate_fixed
+    from ._solve import simulate_many as simulate_many
+    from ._solve import solve_in_pieces as solve_in_pieces
+    from ._steady import LongRun as LongRun
+    from ._steady import SteadyState as SteadyState
+    from ._steady import fourier as fourier
+    from ._steady import line_rates as line_rates
+    from ._steady import line_response as line_response
+    from ._steady import steady_state as steady_state
+    from ._trajectory import Trajectory as Trajectory
 
-def __getattr__(name: str) -> Any:
-    """What needs diffrax, which takes as long to import as an exact run takes."""
-    if name in {"choose_solver", "solve_in_pieces"}:
-        from . import _solve
-
-        return getattr(_solve, name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+__getattr__ = lazy_face(__name__)

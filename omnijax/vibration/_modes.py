@@ -9,6 +9,7 @@ from jaxtyping import Array, Float
 
 from .._arrays import on_device
 from .._html import html_table
+from .._programs import kept
 from ..dynamics import TRANSLATIONS, linear_system
 from ..rig import Rig
 
@@ -63,7 +64,7 @@ def modes(rig: Rig, model: str = "coupled") -> Modes:
     return Modes(*(on_device(x) for x in (size / (2 * np.pi), ratio, shape.T)))
 
 
-@eqx.filter_jit
+@kept
 def _matrices(rig: Rig, model: str):
     """A of the linear model and the row that reads dR: one program, which is kept."""
     system = linear_system(TRANSLATIONS[model](rig))

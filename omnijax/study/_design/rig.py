@@ -5,7 +5,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.stats import qmc
 
 from ..._errors import InputError
 from ...rig import Rig, get_parameter, put_parameter
@@ -24,6 +23,7 @@ from .._evaluation import (
 from .._file import Study
 from .._parameters import checked_parameters, values_of
 from .._problem import Problem
+from .._sobol import sobol_points
 
 RTOL = 1e-6  # of the adaptive solver, unless the study says
 RUNS = ("fixed", "full")  # methods whose every figure is an integrated run
@@ -169,9 +169,7 @@ class RigCases:
         size, study = len(self.parts), self.study
         if not size:
             return jnp.zeros((1, 0))
-        unit = qmc.Sobol(size, scramble=True, rng=study.seed).random_base2(
-            int(np.ceil(np.log2(study.draws)))
-        )[: study.draws]
+        unit = sobol_points(size, study.draws, study.seed)
         if study.spread == "worst":
             corners = np.where(unit < 0.5, -1.0, 1.0)
             corners = np.concatenate([np.zeros((1, size)), corners])

@@ -12,10 +12,10 @@ import itertools
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.stats import qmc
 
 from .._problem import Problem
 from .._range import Ranges
+from .._sobol import sobol_points
 from .evolve import Judge, evolve, far_apart
 from .search import Lanes
 
@@ -34,8 +34,7 @@ def start_shares(problem: Problem, count: int, seed: int) -> np.ndarray:
         filled = np.where([v is None for v in values], 1.0, np.array(values, float))
         share = np.asarray(scale.share(jnp.asarray(filled)))
         first.insert(0, np.where([v is None for v in values], 0.5, share))
-    sampler = qmc.Sobol(len(problem.variables), scramble=True, rng=seed)
-    drawn = sampler.random_base2(max(1, int(np.ceil(np.log2(max(count, 2))))))
+    drawn = sobol_points(len(problem.variables), max(count, 2), seed)
     return np.concatenate([np.array(first), 0.02 + 0.96 * drawn])[:count]
 
 

@@ -1,23 +1,30 @@
 """The one evaluation: a design in, its figures and how it ended out, by a method known before."""
 
-from .bulk import plan_rows as plan_rows
-from .choice import evaluation_of as evaluation_of
-from .drives import Drive as Drive
-from .drives import apply as apply
-from .drives import drive_from_plain as drive_from_plain
-from .drives import drive_quantities as drive_quantities
-from .drives import drive_to_plain as drive_to_plain
-from .drives import is_constant as is_constant
-from .drives import read_speeds as read_speeds
-from .drives import turning as turning
-from .evaluation import MAX_STEPS as MAX_STEPS
-from .evaluation import RATE as RATE
-from .evaluation import RTOL as RTOL
-from .evaluation import Evaluation as Evaluation
-from .evaluation import checked_metrics as checked_metrics
-from .evaluation import samples_of as samples_of
-from .fixed_steps import trial_designs as trial_designs
-from .methods import BULK as BULK
-from .methods import METHODS as METHODS
-from .methods import Question as Question
-from .rows import Rows as Rows
+from typing import TYPE_CHECKING
+
+from ..._lazy import lazy_face
+
+if TYPE_CHECKING:
+    from .bulk import plan_rows as plan_rows
+    from .choice import evaluation_of as evaluation_of
+    from .drives import Drive as Drive
+    from .drives import apply as apply
+    from .drives import drive_from_plain as drive_from_plain
+    from .drives import drive_quantities as drive_quantities
+    from .drives import drive_to_plain as drive_to_plain
+    from .drives import is_constant as is_constant
+    from .drives import read_speeds as read_speeds
+    from .drives import turning as turning
+    from .evaluation import MAX_STEPS as MAX_STEPS
+    from .evaluation import RATE as RATE
+    from .evaluation import RTOL as RTOL
+    from .evaluation import Evaluation as Evaluation
+    from .evaluation import checked_metrics as checked_metrics
+    from .evaluation import samples_of as samples_of
+    from .fixed_steps import trial_designs as trial_designs
+    from .methods import BULK as BULK
+    from .methods import METHODS as METHODS
+    from .methods import Question as Question
+    from .rows import Rows as Rows
+
+__getattr__ = lazy_face(__name__)

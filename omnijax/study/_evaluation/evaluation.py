@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import diffrax as dfx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
@@ -64,7 +63,9 @@ class Evaluation(NamedTuple):
             return propagate(rig, drive, ts, model=self.model)  # pyright: ignore
         if self.method == "fixed":
             return simulate_fixed(rig, drive, ts, self.model, self.substeps)  # pyright: ignore
-        adjoint = dfx.ForwardMode() if self.forward else None
+        from diffrax import ForwardMode  # slow to import: only where time is stepped
+
+        adjoint = ForwardMode() if self.forward else None
         return simulate(
             rig, drive, ts, model=self.model, solver=self.solver, rtol=self.rtol,
             max_steps=self.max_steps, adjoint=adjoint,

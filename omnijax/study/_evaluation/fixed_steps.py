@@ -10,7 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import qmc
+
+from .._sobol import sobol_points
 
 TOLERANCE = 1e-4  # change of every figure when the step is halved
 FINEST = 64  # substeps
@@ -29,7 +30,7 @@ def trial_designs(ranges: Sequence[Any], corners: int = CORNERS, inside: int = I
     number = {round(k * last / (corners - 1)) for k in range(corners)}
     high = np.array([[(i >> j) & 1 for j in range(size)] for i in sorted(number)], bool)
     ends = np.where(high, [x.high for x in ranges], [x.low for x in ranges])
-    drawn = qmc.Sobol(size, scramble=True, rng=0).random(inside)
+    drawn = sobol_points(size, inside, 0)
     columns = [x.quantile(drawn[:, j]) for j, x in enumerate(ranges)]
     return np.concatenate([ends, np.stack(columns, axis=-1)])
 

@@ -7,12 +7,12 @@ from pathlib import Path
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
-from scipy.stats import qmc
 
 from ..._errors import InputError, RunError
 from ...vibration import METRICS
 from .._design import RigCases
 from .._file import Study, study_of
+from .._sobol import sobol_points
 from .._study_folder import Folder, folder_of
 from .inputs import Input, Inputs, run_all
 from .morris import morris_design, morris_effects
@@ -43,9 +43,7 @@ def analyse(
     box = Inputs(inputs)
     unit = sobol_design(box.size, samples, seed)
     paths = morris_design(box.size, max(8, samples // 16), seed + 1)
-    drawn = qmc.Sobol(box.size, scramble=True, rng=seed + 2).random_base2(
-        int(np.log2(min(samples, 256)))
-    )
+    drawn = sobol_points(box.size, 1 << min(samples, 256).bit_length() - 1, seed + 2)
     tasks = (("sobol", unit, False), ("morris", paths, False), ("slopes", drawn, True))
     total, before, found = sum(len(x) for _, x, _ in tasks), 0, {}
     for key, points, slopes in tasks:

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from ..._errors import RunError
 from .._batches import batches, value_and_jacobian
@@ -45,7 +45,7 @@ class Inputs:
     def standard(self, unit: np.ndarray) -> np.ndarray:
         """Points of the unit cube as standard inputs: normal ones by their quantiles."""
         clipped = np.clip(unit, 1e-12, 1 - 1e-12)
-        return np.where(self.normal, norm.ppf(clipped), unit)
+        return np.where(self.normal, ndtri(clipped), unit)
 
     def values(self, standard: Float[Array, "... d"]) -> Float[Array, "... d"]:
         """Inputs in their units."""

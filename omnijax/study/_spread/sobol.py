@@ -10,7 +10,9 @@ point; a block with one failed run is left out whole, so that a failure never be
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import norm, qmc
+from scipy.special import ndtri
+
+from .._sobol import sobol_points
 
 BOOTSTRAPS = 400
 CONFIDENCE = 0.95
@@ -33,9 +35,7 @@ class SobolIndices(NamedTuple):
 
 def sobol_design(size: int, blocks: int, seed: int) -> np.ndarray:
     """Points of the unit cube, ((d + 2) blocks, d): A, AB1 ... ABd, B of block after block."""
-    drawn = qmc.Sobol(2 * size, scramble=True, rng=seed).random_base2(
-        int(np.ceil(np.log2(blocks)))
-    )[:blocks]
+    drawn = sobol_points(2 * size, blocks, seed)
     A, B = drawn[:, :size], drawn[:, size:]
     rows = np.repeat(A[:, None], size + 2, axis=1)
     for i in range(size):
@@ -66,7 +66,7 @@ def sobol_indices(values: np.ndarray, failed: np.ndarray, size: int, seed: int) 
     first, total = _indices(kept)
     rng = np.random.default_rng(seed)
     drawn = [_indices(kept[rng.integers(len(kept), size=len(kept))]) for _ in range(BOOTSTRAPS)]
-    width = norm.ppf(0.5 + CONFIDENCE / 2)
+    width = ndtri(0.5 + CONFIDENCE / 2)
     half = [width * np.std([x[i] for x in drawn], axis=0, ddof=1) for i in (0, 1)]
     stages = np.unique(np.maximum(4, len(kept) // 2 ** np.arange(STAGES)[::-1]))
     course = [_indices(kept[:n]) for n in stages]

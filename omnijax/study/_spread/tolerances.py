@@ -13,7 +13,7 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.stats import binomtest, norm
+from scipy.special import ndtri
 
 from ..._errors import InputError, RunError
 from ..._text import amount
@@ -35,6 +35,8 @@ PARTS = ("wheel.radius", "wheel.roundness", "contact.stiffness", "contact.dampin
 
 def share_bounds(good: int, total: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a share."""
+    from scipy.stats import binomtest
+
     found = binomtest(good, total).proportion_ci(0.95, "wilson")
     return float(found.low), float(found.high)
 
@@ -45,7 +47,7 @@ def allocate(slopes: np.ndarray, room: float, confidence: float) -> np.ndarray:
     z sqrt(sum (g t)^2/3) = room with z the confidence's quantile; capped parts leave theirs to the
     others.
     """
-    spread = np.sqrt(3.0) * room / norm.ppf(confidence)
+    spread = np.sqrt(3.0) * room / ndtri(confidence)
     width, open_ = np.full(len(slopes), WIDEST), np.abs(slopes) > 0
     for _ in range(len(slopes)):
         used = np.sum((slopes[~open_] * width[~open_]) ** 2)

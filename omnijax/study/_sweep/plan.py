@@ -8,7 +8,7 @@ import numpy as np
 from ..._errors import InputError
 from ...dynamics import Model
 from ...rig import Rig, rig_text
-from ...simulation import AbstractDrive, SpeedDrive, TorqueDrive, build_model, choose_solver
+from ...simulation import AbstractDrive, SpeedDrive, TorqueDrive, build_model
 from .._axes import Axis, split_vary
 from .._evaluation import (
     RATE,
@@ -106,6 +106,8 @@ def _build(rig: Rig, model: str) -> Model:
 
 def _solver(rig: Rig, numerics: Numerics) -> str:
     """The name of the solver that `auto` means for this rig."""
+    from ...simulation import choose_solver
+
     try:
         return choose_solver(_build(rig, numerics.model), numerics.solver)
     except InputError:

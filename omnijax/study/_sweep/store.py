@@ -17,6 +17,7 @@ import numpy as np
 from ..._errors import InputError
 from ..._files import sync
 from ..._lock import Lock
+from ..._reading import existing
 from ..._status import Status
 from .damage import check_description, damaged_chunks, seal
 from .spec import SweepSpec
@@ -193,12 +194,10 @@ def _flags(names) -> list[str]:
 
 def open_store(folder: str | Path, mode: Any = "r+") -> Store:
     """The store in `folder`; `InputError` where there is none."""
+    folder = existing(folder, "folder")
     import zarr
     from zarr.errors import GroupNotFoundError
 
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise InputError("there is no such folder.", folder)
     check_description(folder)
     try:
         with zarr.config.set({"array.write_empty_chunks": True}):

@@ -1,0 +1,57 @@
+"""Rig files in: what a user means by a path, read before anything slow is imported."""
+
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from .._errors import InputError, did_you_mean
+from .._reading import read_toml
+
+if TYPE_CHECKING:
+    from ._machine import Rig
+
+
+def bundled_rigs() -> dict[str, Path]:
+    """Rig files that come with omnijax, by name."""
+    folder = Path(str(resources.files("omnijax.rig") / "data"))
+    return {path.stem: path for path in sorted(folder.glob("*.toml"), key=lambda path: path.stem)}
+
+
+def rig_path(path: str | Path) -> Path:
+    """The rig file that a user means: a file, or the name of a bundled rig."""
+    bundled = bundled_rigs()
+    file = Path(path)
+    if file.exists() or str(path) not in bundled:
+        return file
+    return bundled[str(path)]
+
+
+def load_rig(path: str | Path) -> "Rig":
+    """The rig of a TOML file, or a bundled one by its name (`"atlas"`).
+
+    Directions near unit length are taken as directions: `rig_notes` says which.  Raises
+    `InputError` with every problem of the file at once.
+    """
+    tables = _read(path)
+    from ._load import parse_rig
+
+    return parse_rig(tables, rig_path(path))
+
+
+def rig_notes(path: str | Path) -> list[str]:
+    """What reading a rig file changed: directions that were made exact."""
+    tables = _read(path)
+    from ._directions import directed
+
+    return directed(tables).notes
+
+
+def _read(path: str | Path) -> dict[str, Any]:
+    """The tables of a rig file."""
+    file = rig_path(path)
+    try:
+        return read_toml(file)
+    except OSError as error:
+        names = bundled_rigs()
+        hint = did_you_mean(str(path), names) or f" Bundled rigs: {', '.join(names)}."
+        raise InputError(f"the rig file cannot be read: {error.strerror}.{hint}", path) from None
