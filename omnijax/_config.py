@@ -7,6 +7,7 @@ from pathlib import Path
 import jax
 
 from ._private import private_folder
+from ._waiting import Patience, listeners
 
 
 def cache_folder() -> Path:
@@ -37,4 +38,22 @@ def configure() -> None:
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 
+def tell_of_compilations() -> None:
+    """Have the listeners hear of every compilation of jax's that takes long."""
+    patience = Patience()
+
+    def begun(event: str, **_) -> None:
+        if event.endswith("/compile_requests_use_cache"):
+            patience.start()
+
+    def ended(event: str, *_, **__) -> None:
+        if event.endswith("/backend_compile_duration"):
+            patience.stop()
+
+    jax.monitoring.register_event_listener(begun)
+    jax.monitoring.register_event_duration_secs_listener(ended)
+
+
 configure()
+if listeners:
+    tell_of_compilations()

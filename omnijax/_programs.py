@@ -32,8 +32,10 @@ from jax.core import Tracer
 from jax.experimental.compilation_cache import compilation_cache
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
+from ._compiling import QUICK
 from ._config import cache_folder
 from ._private import config_folder, private_folder
+from ._waiting import told
 
 FILES = 64  # the most that are kept, the last used
 HELD = 32  # the most in memory
@@ -64,7 +66,7 @@ def kept(function: Callable) -> Callable:
                 return jitted(*args)
             name = f"{function.__module__}.{function.__qualname__}"
             key = "\n".join(map(str, (name, tree, shapes, settings, _origin())))
-            _held[known] = _load(key) or _make(function, leaves, tree, key)
+            _held[known] = _load(key) or _made(function, leaves, tree, key)
         _held[known] = program = _held.pop(known)  # the last used are the last
         while len(_held) > HELD:
             del _held[next(iter(_held))]
@@ -206,6 +208,11 @@ def _register_lapack() -> None:
     jax.jit(jax.lax.linalg.cholesky).lower(jax.ShapeDtypeStruct((1, 1), float))
 
 
+def _made(function: Callable, leaves: list[Any], tree: Any, key: str) -> Callable:
+    with told():
+        return _make(function, leaves, tree, key)
+
+
 def _make(function: Callable, leaves: list[Any], tree: Any, key: str) -> Callable:
     """Trace, lower and compile; keep the program where it can be."""
     arrays = [x for x in leaves if isinstance(x, jax.Array)]
@@ -219,7 +226,7 @@ def _make(function: Callable, leaves: list[Any], tree: Any, key: str) -> Callabl
     lowered = jax.jit(flat).lower(*arrays)
     kernels = set(re.findall(r"custom_call @(\w+)", lowered.as_text()))
     if not all(name.startswith("lapack_") for name in kernels):  # not XLA's own, nor registered
-        return _unflattened(lowered.compile())
+        return _unflattened(lowered.compile(compiler_options=QUICK))
     compiled = _compile_afresh(lowered)
     result = jax.tree.map(lambda _: 0, lowered.out_info)
     content = {"lapack": bool(kernels), "inputs": len(arrays), "result": result}
@@ -240,7 +247,7 @@ def _compile_afresh(lowered: Any) -> Any:
     jax.config.update("jax_enable_compilation_cache", False)
     compilation_cache.reset_cache()  # it asks for the setting once
     try:
-        return lowered.compile()
+        return lowered.compile(compiler_options=QUICK)
     finally:
         jax.config.update("jax_enable_compilation_cache", before)
         compilation_cache.reset_cache()

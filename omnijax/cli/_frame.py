@@ -20,6 +20,7 @@ from .._files import command
 from .._interrupts import NOTHING, answer, interrupted
 from ._options import read_force
 from ._plain import PLAIN
+from ._progress import waiting
 from ._tokens import flowing, understood
 
 OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
@@ -90,7 +91,7 @@ def run(tokens: list[str] | None = None) -> int:
             words = understood(sys.argv[1:] if tokens is None else tokens)
             trusted = "--trust-laws" in words
             words = [word for word in words if word != "--trust-laws"]
-            with law_files("trust" if trusted else "ask"):
+            with law_files("trust" if trusted else "ask"), waiting(words[0] if words else ""):
                 code = build_app()(read_force(words))
         sys.stdout.flush()
         return code if isinstance(code, int) else OK

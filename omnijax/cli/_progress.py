@@ -1,7 +1,10 @@
 """The bar that commands show while they work."""
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+
+from .._waiting import listeners
 
 
 @contextmanager
@@ -21,3 +24,25 @@ def bar(what: str) -> Iterator[Callable[[int, int], None]]:
     with Progress(*columns, console=console, transient=True, disable=not shown) as progress:
         task = progress.add_task(what, total=None)
         yield lambda done, total: progress.update(task, completed=done, total=total)
+
+
+SECONDS = {"simulate": 8, "sweep": 12, "sensitivity": 12, "design": 40, "pareto": 60, "explore": 15}
+
+
+@contextmanager
+def waiting(command: str) -> Iterator[None]:
+    """One line on the error stream where something is compiled for long.
+
+    `SECONDS` are those of three wheels on one core of 3 GHz.
+    """
+
+    def tell() -> None:
+        about = f"about {SECONDS[command]} s of CPU" if command in SECONDS else "some seconds"
+        print(f"compiling, {about}: it is kept, and the next {command} does not wait for it",
+              file=sys.stderr, flush=True)  # fmt: skip
+
+    listeners.append(tell)
+    try:
+        yield
+    finally:
+        listeners.clear()

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._compiling import quick_jit
 from ..._errors import InputError
 from .._batches import in_batches, value_and_jacobian
 from .._problem import Problem
@@ -23,8 +24,8 @@ class Figures:
         self.problem, self.scale = problem, Ranges.of(problem.variables)
         self.unit = np.array([x.scale for x in problem.limits])
         self.bound = np.array([x.bound for x in problem.limits])
-        self._slopes = jax.jit(self._with_slopes)
-        self._values = jax.jit(jax.vmap(self._parts))
+        self._slopes = quick_jit(self._with_slopes)
+        self._values = quick_jit(jax.vmap(self._parts))
         seen = [self.slopes(s) for s in start_shares(problem, 8, seed)]
         seen = [s for s in seen if np.isfinite(s.f).all()]
         if not seen:

@@ -3,10 +3,10 @@
 import copy
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..._compiling import quick_jit
 from ..._errors import InputError
 from ..._text import amount
 from ...rig import get_parameter
@@ -54,7 +54,7 @@ class Exact:
         unit = np.sign(unit) if study.spread == "worst" else unit
         draws = np.concatenate([np.zeros((1, len(cases.parts))), unit * np.asarray(cases.width)])
         self.draws = jnp.asarray(draws if self.parted else draws[:1])
-        self.figures = jax.jit(lambda x, draws: cases.weighted(cases.every(x, draws)[0]))
+        self.figures = quick_jit(lambda x, draws: cases.weighted(cases.every(x, draws)[0]))
 
     def __call__(self, x) -> np.ndarray:
         """The objective (k, 1 + draws)."""
@@ -110,7 +110,7 @@ def _by_solver(study: Study, cases: RigCases, x, found: Design) -> list[str]:
     sure = copy.copy(cases)
     sure.how = cases.how._replace(method="full", rtol=RTOL)
     problem = rig_problem(study, sure)
-    f, g = (np.asarray(y) for y in jax.jit(problem.figures)(x, problem.extra))
+    f, g = (np.asarray(y) for y in quick_jit(problem.figures)(x, problem.extra))
     value = float(f.max() if problem.worst else f.mean())
     bound = np.array([limit.bound for limit in problem.limits])
     lines = missed(problem, g - bound) or ["it meets every limit"]

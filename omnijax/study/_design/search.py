@@ -16,6 +16,7 @@ import optax
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from ..._compiling import quick_jit
 from .._problem import Problem, from_angle, to_angle
 from .._range import Ranges
 
@@ -65,7 +66,7 @@ class Search:
         self.scale = Ranges.of(problem.variables)
         unit = jnp.array([limit.scale for limit in problem.limits], float)
         self.sizes = Sizes(jnp.asarray(size, float), unit)
-        self._inner = jax.jit(jax.vmap(self._minimise, in_axes=(0, 0, 0, 0, None, None)))
+        self._inner = quick_jit(jax.vmap(self._minimise, in_axes=(0, 0, 0, 0, None, None)))
 
     def parts(self, share, extra) -> tuple[Array, Array]:
         """f and g at a share of the ranges."""

@@ -9,11 +9,13 @@ import numpy as np
 from jax.sharding import AxisType, PartitionSpec
 
 from ..._errors import InputError
+from ..._programs import kept
 from ...rig import Rig
 from .._batches import in_batches
 from .bulk import bulk_runs, bulk_steady
 from .drives import Drive, apply, with_few_knots
 from .evaluation import Evaluation
+from .methods import BULK
 
 
 class Rows:
@@ -46,13 +48,13 @@ class Rows:
 
     def __call__(self, rows: np.ndarray) -> tuple[Any, Any, Any]:
         """Figures (b, m), gradients (b, m, d) (or (b, m, 0)) and status (b,) of `rows` (b, d)."""
-        return _evaluate(
+        program = _evaluate_bulk if self.how.method in BULK else _evaluate_kept
+        return program(
             self._arrays, self._operands, jnp.asarray(rows), self._static, self.how, self.paths,
             self.gradient, self.devices, self.plan,
         )  # fmt: skip
 
 
-@eqx.filter_jit
 def _evaluate(arrays, operands, rows, static, how: Evaluation, paths, gradient, devices, plan):
     def batch(arrays, operands, rows):
         rig, drive = eqx.combine(arrays, static)
@@ -79,3 +81,7 @@ def _evaluate(arrays, operands, rows, static, how: Evaluation, paths, gradient, 
         batch, mesh=mesh, in_specs=(whole, whole, split), out_specs=split, check_vma=False
     )
     return spread(arrays, operands, rows)
+
+
+_evaluate_kept = kept(_evaluate)
+_evaluate_bulk = eqx.filter_jit(_evaluate)  # its loops are worth the compiler's full effort

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._errors import InputError, RunError
+from ..._programs import kept
 from ..._text import amount
 from ...rig import Rig, load_rig, parameter_info
 from ...simulation import SpeedDrive, TorqueDrive
@@ -165,6 +166,12 @@ class Sensitivity(AbstractResult):
         return tornado(self, metric or self.metrics[0], together, ax)
 
 
+@kept
+def _figures_and_slopes(how: Any, rig: Rig, drive: Drive, paths: tuple[str, ...], values: Any):
+    """The metrics (m,) and their derivatives (m, d) with respect to `paths`."""
+    return value_and_jacobian(lambda x: how.values(with_values(rig, paths, x), drive))(values)
+
+
 def sensitivity(
     rig: Rig | str | Path,
     drive: Drive | Sequence[float],
@@ -197,9 +204,8 @@ def sensitivity(
     def function(x):
         return how.values(with_values(machine, paths, x), chosen)
 
-    figures, raw = jax.tree.map(
-        np.asarray, jax.jit(value_and_jacobian(function))(jnp.asarray(values, float))
-    )
+    found = _figures_and_slopes(how, machine, chosen, paths, jnp.asarray(values, float))
+    figures, raw = jax.tree.map(np.asarray, found)
     if not np.all(np.isfinite(figures)):
         raise RunError("the run of this rig and drive failed, so that it has no sensitivities.")
     return Sensitivity(

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._compiling import quick_jit
 from .._batches import batches
 from .._study_folder import Folder, Report
 
@@ -25,8 +26,8 @@ class Machines:
         report: Report | None = None,
     ):
         self.parts, self.draws, self.store, self.report = parts, draws, store, report
-        self._slope = jax.jit(lambda push: jax.jvp(metric, (jnp.zeros(parts),), (push,)))
-        self._many = jax.jit(jax.vmap(metric))
+        self._slope = quick_jit(lambda push: jax.jvp(metric, (jnp.zeros(parts),), (push,)))
+        self._many = quick_jit(jax.vmap(metric))
         self._done, self._begun, self._sets = 0, 0, 1
 
     def slopes(self) -> tuple[float, np.ndarray]:

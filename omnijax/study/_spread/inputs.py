@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 from scipy.special import ndtri
 
+from ..._compiling import quick_jit
 from ..._errors import RunError
 from .._batches import batches, value_and_jacobian
 from .._range import Ranges
@@ -91,7 +92,7 @@ def run_all(
         return function(inputs.values(s))
 
     size = min(CHUNK // (4 if slopes else 1), len(standard))
-    batched = jax.jit(jax.vmap(value_and_jacobian(one) if slopes else one))
+    batched = quick_jit(jax.vmap(value_and_jacobian(one) if slopes else one))
     parts = []
     for first, rows, count in batches(standard, size):
         name = f"{key}-{first}"
