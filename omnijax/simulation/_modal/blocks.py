@@ -20,6 +20,7 @@ from .signals import Signals
 from .system import Layout
 
 LENGTH = 32  # samples a block at most
+TINY = 1e-75
 _SINE = [(-1) ** k / math.factorial(2 * k + 1) for k in range(8)]
 _COSINE = [(-1) ** k / math.factorial(2 * k) for k in range(9)]
 
@@ -78,6 +79,11 @@ def quotient(kind, a, b):
         jnp.where(k, a[0] * b[0] + a[1] * b[1], a[0]) / size,
         jnp.where(k, a[1] * b[0] - a[0] * b[1], a[1]) / jnp.where(k, size, b[1]),
     )
+
+
+def flushed(x):
+    """x with nothing smaller than `TINY`: products of two never become slow subnormal numbers."""
+    return jnp.where(jnp.abs(x) > TINY, x, 0.0)
 
 
 class Forced(NamedTuple):
@@ -166,7 +172,7 @@ def tables(m: Modes, rate, step) -> Tables:
         return product(m.kind, row, (E.real, E.imag)), row
 
     one = jnp.ones_like(m.kind), jnp.where(m.kind > 0, 0.0, 1.0)
-    T0, T1 = jax.lax.scan(on, one, None, length=LENGTH)[1]
+    T0, T1 = (flushed(x) for x in jax.lax.scan(on, one, None, length=LENGTH)[1])
     s, c = sincos(rate * step)
 
     def turn(row, _):
@@ -255,7 +261,7 @@ def run(m: Modes, signals: Signals, F: Forced, layout: Layout, step, samples, ga
         length = at_piece(signals.duration, later)
         return State(
             done,
-            (a[0] + b[0], a[1] + b[1]),
+            (flushed(a[0] + b[0]), flushed(a[1] + b[1])),
             jnp.where(pick, s.edge + length, s.edge),
             jnp.where(pick, s.edge, s.begun),
             jnp.where(pick, later, s.piece),

@@ -29,8 +29,8 @@ class Figures(NamedTuple):
 
     values: Float[np.ndarray, "B m"]
     slopes: Float[np.ndarray, "B m d"] | None
-    normal: Float[np.ndarray, " B"]  # N, least normal force of a contact, or a bound above 0
-    slip: Float[np.ndarray, " B"]  # N, least mu N - |f|, or a bound not below 0
+    normal: Float[np.ndarray, " B"]  # N, of the least normal force a bound of the same sign
+    slip: Float[np.ndarray, " B"]  # N, the same of the least mu N - |f|; without lift-off
 
 
 def modal_obstacle(

@@ -9,7 +9,6 @@ from jaxtyping import Array, Float
 
 from .blocks import (
     LENGTH,
-    Forced,
     Operands,
     State,
     Tables,
@@ -43,8 +42,8 @@ class Samples(NamedTuple):
 
     total: Float[Array, " c"]  # m^2, sum of |dR|^2
     best: Float[Array, " c"]  # number of the sample with the largest |dR|
-    normal: Float[Array, " c"]  # N, least normal force, or a bound above 0
-    slip: Float[Array, " c"]  # N, least mu N - |f|, or a bound not below 0
+    normal: Float[Array, " c"]  # N, of the least normal force a bound of the same sign
+    slip: Float[Array, " c"]  # N, the same of the least mu N - |f|; without lift-off
 
 
 def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
@@ -54,7 +53,7 @@ def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
         lambda m, signals, direct, slope: forced(m, signals, direct, slope, layout),
         g.modes, g.signals, g.direct, g.slope,
     )  # fmt: skip
-    bound = _bound(g, parts, layout)
+    bound = _bound(g, layout)
 
     def seen(pair, best, at, block):
         """The largest so far and its block, from totals that a loop has stored."""
@@ -68,7 +67,8 @@ def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
         inside = number < op.count
         square = jnp.where(inside, x * x + y * y + z * z, 0.0)
         pair = jax.lax.complex(pair.real + square, jnp.maximum(pair.imag, square))
-        return pair, best, at, s.done, _lowest(low, bound(s.free), op, t, inside, g, layout.wheels)
+        low = _lowest(low, bound(s.free, op), op, t, inside, g, layout.wheels)
+        return pair, best, at, s.done, low
 
     lanes = g.modes.l0.shape[-1]
     none, zero = jnp.zeros((LENGTH, lanes)), jnp.zeros(lanes)
@@ -78,30 +78,33 @@ def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
     return Samples(jnp.sum(pair.real, axis=0), at + jnp.argmax(pair.imag, axis=0), *low)
 
 
-def _bound(g: Lanes, parts: Forced, layout: Layout):
-    """free part -> bounds from below of N and mu N - |f| over a block, (n, c) each."""
+def _bound(g: Lanes, layout: Layout):
+    """(free part, operands) -> bounds from below of N and mu N - |f| over a block, (n, c) each."""
     n, m = layout.wheels, g.modes
-    loads = np.arange(3, 3 + n)
-    wave = jnp.abs(parts.cosine) + jnp.abs(parts.sine)
-    most = jnp.sum(jnp.max(wave, axis=2), axis=1)  # (o, c)
+    loads = slice(3, 3 + n)
     k = m.kind > 0
     c0, c1 = m.c0[loads], m.c1[loads]
     size = jnp.where(k, jnp.sqrt(c0 * c0 + c1 * c1), jnp.abs(c0)), jnp.where(k, 0.0, jnp.abs(c1))
 
-    def low(free):
+    def low(free, op: Operands):
         z0 = jnp.where(k, jnp.sqrt(free[0] ** 2 + free[1] ** 2), jnp.abs(free[0]))
-        swing = jnp.sum(size[0] * z0 + size[1] * jnp.abs(free[1]), axis=1) + most[3 : 3 + n]
+        wave = jnp.sum(jnp.sqrt(op.f0[3:] ** 2 + op.f1[3:] ** 2), axis=1)
+        swing = jnp.sum(size[0] * z0 + size[1] * jnp.abs(free[1]), axis=1) + wave[:n]
         normal = g.preload - swing
-        return normal, g.friction * normal - most[3 + n :]
+        return normal, g.friction * normal - wave[n:]
 
     return low
 
 
 def _lowest(low, bounds, op: Operands, t: Tables, inside, g: Lanes, n: int):
-    """The least margins so far: by the bounds where those are good, else sample by sample."""
+    """The least margins so far: by the bounds where those say enough, else sample by sample.
+
+    Nothing more is asked of a design that has lifted off, nor of the grip of one that has slipped.
+    """
     some = op.count > 0
     bounds = [jnp.where(some, jnp.min(b, axis=0), jnp.inf) for b in bounds]
-    safe = jnp.all(bounds[0] > 0) & jnp.all(bounds[1] >= 0)
+    open_ = (bounds[0] <= 0) | ((bounds[1] < 0) & (low[1] >= 0))
+    asked = jnp.any(open_ & (low[0] > 0))
 
     def exact(op, t):
         def wheel(i, least):
@@ -114,7 +117,7 @@ def _lowest(low, bounds, op: Operands, t: Tables, inside, g: Lanes, n: int):
         least = jax.lax.fori_loop(0, n, wheel, jax.lax.complex(none, none))
         return jnp.min(least.real, axis=0), jnp.min(least.imag, axis=0)
 
-    found = jax.lax.cond(safe, lambda *_: (bounds[0], bounds[1]), exact, op, t)
+    found = jax.lax.cond(asked, exact, lambda *_: (bounds[0], bounds[1]), op, t)
     return jnp.minimum(low[0], found[0]), jnp.minimum(low[1], found[1])
 
 
