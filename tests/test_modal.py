@@ -50,7 +50,6 @@ def kinds(rng):
     alike |= {"mount_stiffness": 1e6, "mount_damping": 60.0, "closure_stiffness": 2e4}
     small = {"roundness": 0.0, "radius": 0.02}
     return {
-        "orthogonal, alike": (machine(ORTHOGONAL, **alike), "coupled"),
         "orthogonal, unlike": (machine(ORTHOGONAL), "coupled"),
         "tripod, alike": (machine(cone(rng, 3, 0.0), **alike), "coupled"),
         "tripod, undamped": (
@@ -92,7 +91,7 @@ def maker(rig):
 @pytest.mark.parametrize("name", list(KINDS))
 def test_figures_are_those_of_propagated_runs(name):
     rig, model = KINDS[name]
-    rows = points_of(rig, np.random.default_rng(len(name)))
+    rows = points_of(rig, np.random.default_rng(len(name)), count=2)
     assert modal_obstacle(rig, model) is None
     found = modal_figures(maker(rig), rows, duration=DURATION, step=STEP, model=model)
     ts = jnp.linspace(0, DURATION, round(DURATION / STEP) + 1)
@@ -170,7 +169,7 @@ def test_obstacles_are_said():
 
 def test_other_numbers_and_another_rig_of_as_many_wheels_compile_nothing():
     settings = {"duration": DURATION, "step": STEP}
-    first, second = (KINDS[name][0] for name in ("orthogonal, alike", "tripod, undamped"))
+    first, second = (KINDS[name][0] for name in ("round", "tripod, undamped"))
     modal_figures(maker(first), points_of(first, np.random.default_rng(1)), **settings)
     compiled = []
     jax.monitoring.register_event_duration_secs_listener(

@@ -6,8 +6,6 @@ duration is static.  Between edges a mode is a free part, which only decays, and
 part; at an edge the free part jumps by the difference of the sinusoids' parts.
 """
 
-import math
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
@@ -15,75 +13,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .arithmetic import exponential, flushed, materialised, product, quotient, sincos
 from .poles import Modes
 from .signals import Signals
 from .system import Layout
 
 LENGTH = 32  # samples a block at most
-TINY = 1e-75
-_SINE = [(-1) ** k / math.factorial(2 * k + 1) for k in range(8)]
-_COSINE = [(-1) ** k / math.factorial(2 * k) for k in range(9)]
-
-
-def sincos(x):
-    """Sine and cosine, vectorised by XLA (its own are not); error 1e-16 (1 + |x|), |x| < 3e9."""
-    n = jnp.round(x * (2 / math.pi))
-    q = n.astype(jnp.int32)
-    r = (x - n * 1.5707963267341256) - n * 6.077100506506192e-11
-    z = r * r
-    s, c = jnp.zeros_like(z), jnp.zeros_like(z)
-    for a, b in zip(reversed([*_SINE, 0.0]), reversed(_COSINE), strict=True):
-        s, c = s * z + a, c * z + b
-    s, odd = r * s, (q & 1) == 1
-    s, c = jnp.where(odd, c, s), jnp.where(odd, s, c)
-    return jnp.where(q & 2 == 2, -s, s), jnp.where((q + 1) & 2 == 2, -c, c)
-
-
-def materialised(f: Callable, *args):
-    """f(*args) in a branch that is always taken: XLA stores the result for all its consumers.
-
-    Without it XLA computes f anew inside every consumer.
-    """
-    probe = jax.tree.leaves(args)[0].reshape(-1)[0]
-    always = jnp.isnan(probe) | ~jnp.isnan(probe)
-
-    def never(*a):
-        return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), jax.eval_shape(f, *a))
-
-    return jax.lax.cond(always, f, never, *args)
-
-
-def exponential(kind, l0, l1, t):
-    """exp of pairs over t, as one complex array: (Re, Im), or the two real exponentials."""
-    k = kind > 0
-    e = jnp.exp(l0 * t)
-    s, c = sincos(jnp.where(k, l1 * t, 0.0))
-    d = jnp.exp(jnp.where(k, 0.0, l1 * t))
-    return jax.lax.complex(jnp.where(k, e * c, e), jnp.where(k, e * s, d))
-
-
-def product(kind, a, b):
-    """a b of pairs: of complex numbers, or number by number."""
-    k = kind > 0
-    return (
-        jnp.where(k, a[0] * b[0] - a[1] * b[1], a[0] * b[0]),
-        jnp.where(k, a[0] * b[1] + a[1] * b[0], a[1] * b[1]),
-    )
-
-
-def quotient(kind, a, b):
-    """a / b of pairs."""
-    k = kind > 0
-    size = jnp.where(k, b[0] * b[0] + b[1] * b[1], b[0])
-    return (
-        jnp.where(k, a[0] * b[0] + a[1] * b[1], a[0]) / size,
-        jnp.where(k, a[1] * b[0] - a[0] * b[1], a[1]) / jnp.where(k, size, b[1]),
-    )
-
-
-def flushed(x):
-    """x with nothing smaller than `TINY`: products of two never become slow subnormal numbers."""
-    return jnp.where(jnp.abs(x) > TINY, x, 0.0)
 
 
 class Forced(NamedTuple):
@@ -192,11 +127,11 @@ class Operands(NamedTuple):
     f1: Float[Array, "o v c"]
 
 
-def row_signal(op: Operands, t: Tables, o) -> Array:
-    """Output number `o`, traced or not, at the samples of a block, (k, c)."""
+def row_signal(op: Operands, t: Tables, o, pairs=None) -> Array:
+    """Output number `o`, traced or not, at the samples of a block, (k, c); `pairs`: it shows."""
     w0, w1, f0, f1 = (x[o] for x in (op.w0, op.w1, op.f0, op.f1))
     x = jnp.zeros_like(t.T0[:, 0])
-    for p in range(t.T0.shape[1]):
+    for p in range(t.T0.shape[1]) if pairs is None else pairs:
         x = x + w0[p] * t.T0[:, p] + w1[p] * t.T1[:, p]
     for v in range(t.cosine.shape[1]):
         x = x + f0[v] * t.cosine[:, v] + f1[v] * t.sine[:, v]
@@ -211,10 +146,27 @@ class State(NamedTuple):
     edge: Float[Array, "g c"]  # s, end of the piece
     begun: Float[Array, "g c"]  # s, begin of the piece
     piece: Float[Array, "g c"]
+    carried: Any  # what `follow` carries along
 
 
-def run(m: Modes, signals: Signals, F: Forced, layout: Layout, step, samples, gather, totals):
-    """totals = gather(totals, operands, tables, done) over all blocks of all designs."""
+class Onward(NamedTuple):
+    """From one block to the next: `span` seconds, then perhaps past an edge, `since` after it."""
+
+    span: Float[Array, " c"]
+    over: tuple[Array, Array]  # (p, c), exp(lambda span)
+    past: Float[Array, "g k c"]  # a one at the piece that begins
+    since: Float[Array, " c"]
+    after: tuple[Array, Array]  # (p, c), exp(lambda since)
+
+
+def run(
+    m: Modes, signals: Signals, F: Forced, layout: Layout, step, samples, gather, totals,
+    follow=lambda carried, onward: carried, carried=(),
+):  # fmt: skip
+    """totals = gather(totals, operands, tables, state) over all blocks of all designs.
+
+    carried = follow(carried, onward) goes from block to block in the state.
+    """
     k, G = m.kind > 0, signals.duration.shape[0]
     counts = np.array([kind.pieces for kind in layout.kinds[:G]])[:, None]
     of = np.repeat(np.arange(len(layout.kinds)), [kind.waves for kind in layout.kinds])
@@ -259,12 +211,18 @@ def run(m: Modes, signals: Signals, F: Forced, layout: Layout, step, samples, ga
         a = product(m.kind, s.free, (E[0].real, E[0].imag))
         b = product(m.kind, jump, (E[1].real, E[1].imag))
         length = at_piece(signals.duration, later)
+        begins = later[:, None] == jnp.arange(signals.duration.shape[1])[:, None]
+        move = Onward(
+            spans[0, 0], (E[0].real, E[0].imag), pick[:, None] & begins, since,
+            (E[1].real, E[1].imag),
+        )  # fmt: skip
         return State(
             done,
             (flushed(a[0] + b[0]), flushed(a[1] + b[1])),
             jnp.where(pick, s.edge + length, s.edge),
             jnp.where(pick, s.edge, s.begun),
             jnp.where(pick, later, s.piece),
+            follow(s.carried, move),
         )
 
     def at_jump(jump, piece):
@@ -278,6 +236,6 @@ def run(m: Modes, signals: Signals, F: Forced, layout: Layout, step, samples, ga
 
     zero = jnp.zeros(m.l0.shape[-1])
     edge = at_piece(signals.duration, signals.piece) - signals.since
-    begin = State(zero, (F.free0, F.free1), edge, -signals.since, signals.piece)
+    begin = State(zero, (F.free0, F.free1), edge, -signals.since, signals.piece, carried)
     start: Any = (totals, begin, operands(begin, ahead(begin)))
     return jax.lax.while_loop(lambda c: jnp.any(c[1].done < samples), body, start)[0]

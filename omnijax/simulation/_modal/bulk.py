@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -15,7 +15,9 @@ from ...dynamics import hold_obstacle
 from ...laws import ContinuousSine, GatedSine, HalfSine, Rollers
 from ...rig import Placed, Rig
 from .._exact import exact_obstacle
-from .gradient import mean_square_slopes, peak_slopes, pull_back
+from .decoupling import decoupled, turned_states
+from .gradient import peak_slopes, pull_back
+from .mean_square import mean_square_slopes
 from .poles import Eigen, eigen, modes_of
 from .signals import series_needed
 from .system import Design, Layout, Operating, designs_of
@@ -83,10 +85,14 @@ def modal_figures(
         force, series = bool(np.any(np.asarray(points.force))), _series(points.rig)
         plain = _plain(points)
         design, layout = _designs(plain, model, force, series)
+        turn = turned_states(plain.rig, design.system)
+        if turn is not None:
+            design, layout = _designs(plain, model, force, series, turn)
+        layout = decoupled(design.system, layout)
         values, bars = _figures(design, layout, step, float(count), gradient)
         parts.append(np.asarray(values))
         if gradient:
-            back = _from_designs(plain, bars, model, force, series)
+            back = _from_designs(plain, bars, model, force, series, turn)
             slopes.append(np.asarray(_from_points(make, some, _back_in(points, back))))
     rms, peak, normal, slip = np.concatenate(parts, axis=1)[:, : len(rows)]
     values, chosen = {"rms": rms, "peak": peak}, [METRICS.index(name) for name in metrics]
@@ -128,17 +134,21 @@ def _series(rig: Rig) -> int:
 
 
 @eqx.filter_jit
-def _designs(points: Operating, model: str, force: bool, series: int) -> tuple[Design, Layout]:
-    return designs_of(points, model, force, series)
+def _designs(
+    points: Operating, model: str, force: bool, series: int, turn: Any = None
+) -> tuple[Design, Layout]:
+    return designs_of(points, model, force, series, turn)
 
 
 @eqx.filter_jit
-def _from_designs(points: Operating, bars, model: str, force: bool, series: int) -> Operating:
+def _from_designs(
+    points: Operating, bars, model: str, force: bool, series: int, turn: Any = None
+) -> Operating:
     """Derivatives by every number of the points, one entry a metric, from those by the designs."""
     moving, still = eqx.partition(points, eqx.is_inexact_array)
 
     def designs(moving):
-        found = designs_of(eqx.combine(moving, still), model, force, series)[0]
+        found = designs_of(eqx.combine(moving, still), model, force, series, turn)[0]
         return found.system, found.signals
 
     back = jax.vjp(designs, moving)[1]
@@ -172,7 +182,7 @@ def _from_points(make, rows, bars: Operating):
 @partial(jax.jit, static_argnames=("layout", "gradient"))
 def _figures(design: Design, layout: Layout, step, count, gradient: bool):
     """(4, B): figures and margins; and derivatives by systems and signals, one entry a metric."""
-    found = eigen(design.system)
+    found = eigen(design.system, layout.blocks)
     groups = jax.tree.map(_grouped, lanes_of(design, found))
 
     def some(g: Lanes):

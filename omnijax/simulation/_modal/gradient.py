@@ -20,19 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .blocks import (
-    LENGTH,
-    Operands,
-    State,
-    Tables,
-    forced,
-    materialised,
-    particular,
-    product,
-    row_signal,
-    run,
-)
-from .moment import Moment, Pair, moment
+from .arithmetic import product
+from .moment import Pair, moment
 from .poles import Eigen, Modes
 from .signals import Signals
 from .system import Design, Layout, System
@@ -50,21 +39,16 @@ class Slopes(NamedTuple):
     direct: Float[Array, "s o c"]
 
 
-def _along_poles(m: Modes, function):
+def along_poles(m: Modes, function):
     """function(m) and its derivative by every pole."""
     one = jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
     return jax.jvp(lambda x, y: function(m._replace(l0=x, l1=y)), (m.l0, m.l1), one)
 
 
-def _ends(a: Pair, b: Pair) -> Pair:
+def with_start(a: Pair, b: Pair) -> Pair:
     """Rows of a, then the one row b."""
     first, second = (jnp.concatenate([x, y[None]]) for x, y in zip(a, b, strict=True))
     return first, second
-
-
-def _outer(m: Modes, weight: Pair, function: Pair) -> list[Array]:
-    """(o, p, c) times (s, p, c)."""
-    return list(product(m.kind, [w[:, None] for w in weight], [f[None] for f in function]))
 
 
 def peak_slopes(g: Lanes, layout: Layout, best, step, count) -> tuple[Array, Slopes]:
@@ -77,162 +61,42 @@ def peak_slopes(g: Lanes, layout: Layout, best, step, count) -> tuple[Array, Slo
 
     x, v = jax.lax.map(lambda t: seen(g.signals, t), times)
     top, back = jax.vjp(lambda x, v: hermite_peak(x, v, times, step), x, v)
-    weights = back(jnp.ones_like(top))
+    gx, gv = back(jnp.ones_like(top))
+    # one of the cubics is above: its two ends have all the weight
+    late = jnp.any((gx[2] != 0) | (gv[2] != 0), axis=0)
+    ends = jnp.where(late, times[1:], times[:2])
+    weights = (jnp.where(late, x[1:], x[:2]) for x in (gx, gv))
 
-    def one(total, at):
-        time, gx, gv = at
-
-        def psi(m: Modes):
-            now: Moment = moment(m, g.signals, layout, time)
-            pole = _ends(now.pole, now.decay)
-            turned = product(m.kind, (m.l0, m.l1), pole)
-            level = jnp.concatenate([now.level, 0.0 * now.level[:1]])[:, None]
-            level = level, jnp.where(m.kind > 0, 0.0, level)
-            return [
-                gx[:, None, None] * p + gv[:, None, None] * (t + r)
-                for p, t, r in zip(pole, turned, level, strict=True)
-            ]
-
-        def along(signals):
-            x, v = seen(signals, time)
-            return jnp.sum(gx * x + gv * v)
-
-        value, rate = _along_poles(m, psi)
-        now = moment(m, g.signals, layout, time)
-        direct = gx * now.level[:, None] + gv * now.slope[:, None]
-        part = Slopes(tuple(value), tuple(rate), jax.grad(along)(g.signals), direct)
-        return jax.tree.map(jnp.add, total, part), None
-
-    start = _nothing(g, layout)
-    return top, jax.lax.scan(one, start, (times, *weights))[0]
-
-
-def _nothing(g: Lanes, layout: Layout) -> Slopes:
-    pairs, lanes = g.modes.l0.shape
-    count = len(layout.kinds)
-    psi = jnp.zeros((ROWS, count + 1, pairs, lanes))
-    signals = jax.tree.map(jnp.zeros_like, g.signals)
-    return Slopes((psi, psi), (psi, psi), signals, jnp.zeros((count, ROWS, lanes)))
-
-
-class _Sums(NamedTuple):
-    """What the blocks of a run add up to, for the derivatives of the mean square."""
-
-    psi: Pair
-    rate: Pair
-    signals: Signals
-    wave: tuple[Array, Array]  # (o, v, k, c): sums of x cos and x sin over each piece
-
-
-def mean_square_slopes(g: Lanes, layout: Layout, step, count) -> Slopes:
-    """Derivatives of the mean of |dR|^2 over the samples."""
-    m = g.modes
-    of = np.repeat(np.arange(len(layout.kinds)), [kind.waves for kind in layout.kinds])
-    columns = np.array([kind.column for kind in layout.kinds])
-    parts = materialised(
-        lambda m, signals, direct, slope: forced(m, signals, direct, slope, layout),
-        m, g.signals, g.direct, g.slope,
-    )  # fmt: skip
-    number = jnp.arange(LENGTH, dtype=float)[:, None]
-    b = m.b0[columns], m.b1[columns]
-
-    def gather(total: _Sums, op: Operands, t: Tables, s: State) -> _Sums:
-        def outputs(op, t):
-            rows = [row_signal(op, t, o) for o in range(ROWS)]
-            return jnp.stack([jnp.where(number < op.count, x, 0.0) for x in rows])
-
-        x = materialised(outputs, op, t)  # (o, k, c)
-        later = x * number * step
-
-        def summed(x, table):
-            return jnp.stack([jnp.sum(x[o][:, None] * table, axis=0) for o in range(ROWS)])
-
-        u, du = ((summed(y, t.T0), summed(y, t.T1)) for y in (x, later))
-        w, dw = ([summed(y, table) for table in (t.cosine, t.sine)] for y in (x, later))
-        time = s.done * step
-
-        def free(m: Modes, signals: Signals):
-            now = moment(m, signals, layout, time)
-            return now.free, now.decay, now.into
-
-        (value, decay, into), rate = _along_poles(m, lambda m: free(m, g.signals))
-        whole, drift = _ends(value, decay), _ends(rate[0], rate[1])
-        psi = _outer(m, u, whole)
-        turned = [x + y for x, y in zip(_outer(m, du, whole), _outer(m, u, drift), strict=True)]
-        # by the signals: through the free parts, and through the phases of the sinusoids
-        back = jax.vjp(lambda sig: (free(m, sig)[0], free(m, sig)[2]), g.signals)[1]
-        q = product(m.kind, (m.c0[:ROWS], jnp.where(m.kind > 0, -m.c1[:ROWS], m.c1[:ROWS])), u)
-        q = product(m.kind, [jnp.sum(x, axis=0) for x in q], b)
-        cotangent = q[0], jnp.where(m.kind > 0, -q[1], q[1])
-        phase = into[of] * g.signals.rate  # (v, c), at the block's begin
-        sn, cs = jnp.sin(phase), jnp.cos(phase)
-        w = w[0] * cs - w[1] * sn, w[1] * cs + w[0] * sn  # of x cos, x sin
-        dw = dw[0] * cs - dw[1] * sn, dw[1] * cs + dw[0] * sn
-        piece = moment(m, g.signals, layout, time).piece[of]
-        here = jnp.arange(parts.cosine.shape[2])[:, None] == piece[:, None]  # (v, k, c)
-        fa, fb = (jnp.sum(jnp.where(here, f[:ROWS], 0.0), axis=2) for f in parts[:2])
-        swing = jnp.sum(fb * w[0] - fa * w[1], axis=0)  # d(square)/d(phase)
-        late = jnp.sum(fb * dw[0] - fa * dw[1], axis=0)
-        by_into = jax.ops.segment_sum(swing * g.signals.rate, of, len(layout.kinds))
-        signals = jax.tree.map(jnp.add, total.signals, back((cotangent, by_into))[0])
-        signals = signals._replace(rate=signals.rate + swing * into[of] + late)
-        waves = [
-            y + jnp.where(here, x[:, :, None], 0.0) for y, x in zip(total.wave, w, strict=True)
-        ]
-        return _Sums(
-            (total.psi[0] + psi[0], total.psi[1] + psi[1]),
-            (total.rate[0] + turned[0], total.rate[1] + turned[1]),
-            signals,
-            (waves[0], waves[1]),
-        )
-
-    none = _nothing(g, layout)
-    wave = jnp.zeros((ROWS, *parts.cosine.shape[1:]))
-    start = _Sums(none.psi, none.rate, none.signals, (wave, wave))
-    sums = run(m, g.signals, parts, layout, step, count, gather, start)
-    return _with_waves(g, layout, sums, of, 2 / count)
-
-
-def _with_waves(g: Lanes, layout: Layout, sums: _Sums, of, factor) -> Slopes:
-    """Adds the sinusoids' own parts: by the poles, by their amplitudes and rates, directly."""
-    m, signals = g.modes, g.signals
-    one = jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
-    count = len(layout.kinds)
+    both = jax.tree.map(lambda x: jnp.concatenate([x, x], axis=-1), g)  # a lane for each end
+    time, gx, gv = (jnp.concatenate([x[0], x[1]], axis=-1) for x in (ends, *weights))
 
     def psi(m: Modes):
-        unit = m._replace(b0=one[0][None], b1=one[1][None], c0=m.c0[:0], c1=m.c1[:0])
-        rate = signals.rate[:, None, None]
-        parts = signals.cosine[:, :, None], signals.sine[:, :, None]
-        a, b = particular(unit, one, rate, *parts)
-        (cos_, sin_), found = sums.wave, []
-        for x, y in zip(a, b, strict=True):  # (v, k, p, c) with (o, v, k, c)
-            each = jnp.einsum("ovkc,vkpc->ovpc", cos_, x) + jnp.einsum("ovkc,vkpc->ovpc", sin_, y)
-            found.append(jnp.stack([jnp.sum(each[:, of == s], axis=1) for s in range(count)], 1))
-        return found
+        now = moment(m, both.signals, layout, time)
+        pole = with_start(now.pole, now.decay)
+        turned = product(m.kind, (m.l0, m.l1), pole)
+        level = jnp.concatenate([now.level, 0.0 * now.level[:1]])[:, None]
+        level = level, jnp.where(m.kind > 0, 0.0, level)
+        found = [
+            gx[:, None, None] * p + gv[:, None, None] * (t + r)
+            for p, t, r in zip(pole, turned, level, strict=True)
+        ]
+        return tuple(found), gx * now.level[:, None] + gv * now.slope[:, None]
 
-    def amplitudes(signals):
-        found = forced(m, signals, g.direct, g.slope, layout)
-        return found.cosine[:ROWS], found.sine[:ROWS]
+    def along(signals):
+        x, v = outputs_at(both, layout, moment(both.modes, signals, layout, time))
+        return jnp.sum(gx * x + gv * v)
 
-    value, rate = _along_poles(m, psi)
-    own = jax.vjp(amplitudes, signals)[1](sums.wave)[0]
-    pad = ((0, 0), (0, 1), (0, 0), (0, 0))
-    level = sums.wave[0] * signals.cosine + sums.wave[1] * signals.sine  # (o, v, k, c)
-    direct = jax.ops.segment_sum(jnp.swapaxes(jnp.sum(level, axis=2), 0, 1), of, count)
-    found = Slopes(
-        (sums.psi[0] + jnp.pad(value[0], pad), sums.psi[1] + jnp.pad(value[1], pad)),
-        (sums.rate[0] + jnp.pad(rate[0], pad), sums.rate[1] + jnp.pad(rate[1], pad)),
-        jax.tree.map(jnp.add, sums.signals, own),
-        direct,
-    )
-    return jax.tree.map(lambda x: factor * x, found)
+    (value, direct), (rate, _) = along_poles(both.modes, psi)
+    found = Slopes(value, rate, jax.grad(along)(both.signals), direct)
+    lanes = m.l0.shape[-1]
+    return top, jax.tree.map(lambda x: x[..., :lanes] + x[..., lanes:], found)
 
 
 def pull_back(
     design: Design, found: Eigen, slopes: Slopes, layout: Layout, span
 ) -> tuple[System, Signals]:
     """Derivatives by the matrices and the signals of a batch, from those by poles and residues."""
-    system, m = design.system, found.value.shape[1]
+    system = design.system
     columns = np.array([kind.column for kind in layout.kinds])
     total = system.column.shape[1]
     place = np.append(columns, total)  # the start comes last
@@ -255,21 +119,19 @@ def pull_back(
     damping = jnp.abs(found.value.real)
     near = jnp.abs(gap) < 1e-5 * (1 / span + jnp.maximum(damping[:, :, None], damping[:, None]))
     M = jnp.where(near, flat, (left - right) / jnp.where(near, 1.0, gap))
-    back = jnp.linalg.inv(V)
+    back = found.inverse
     A = jnp.einsum("cia,cij,cbj->cab", back, M, V).real
     inputs = jnp.einsum("cia,coi,coli->cla", back, c, psi).real
     shown = jnp.einsum("cbi,cil,coli->cob", V, b, psi).real
-    states = system.A.shape[-1]
     outputs = system.C.shape[1]
     direct = jax.ops.segment_sum(slopes.direct, columns, total)  # (l, o, c)
     direct = jnp.pad(jnp.moveaxis(direct, -1, 0), ((0, 0), (0, 0), (0, outputs - ROWS)))
     matrices = System(
-        A[:, :states, :states],
-        inputs[:, :total, :states],
-        jnp.pad(shown[..., :states], ((0, 0), (0, outputs - ROWS), (0, 0))),
+        A,
+        inputs[:, :total],
+        jnp.pad(shown, ((0, 0), (0, outputs - ROWS), (0, 0))),
         direct,
         jnp.zeros_like(system.rate),
-        inputs[:, total, :states],
+        inputs[:, total],
     )
-    assert m >= states
     return matrices, jax.tree.map(lambda x: jnp.moveaxis(x, -1, 0), slopes.signals)

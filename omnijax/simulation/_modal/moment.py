@@ -12,7 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .blocks import particular, product, quotient, sincos
+from .arithmetic import product, quotient, sincos
+from .blocks import particular
 from .poles import Modes
 from .signals import Signals
 from .system import Layout

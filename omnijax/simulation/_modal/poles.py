@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from .system import System
@@ -29,28 +30,58 @@ class Modes(NamedTuple):
 class Eigen(NamedTuple):
     """Eigenvalues and eigenvectors of a batch, and which two of them each pair is; batch first."""
 
-    value: Complex[Array, "c m"]
-    vector: Complex[Array, "c m m"]
-    output: Complex[Array, "c o m"]
-    input: Complex[Array, "c m l"]
+    value: Complex[Array, "c k"]
+    vector: Complex[Array, "c m k"]
+    inverse: Complex[Array, "c k m"]
+    output: Complex[Array, "c o k"]
+    input: Complex[Array, "c k l"]
     kind: Bool[Array, "c p"]
-    first: Float[Array, "c p m"]  # a one at the pair's first eigenvalue
-    second: Float[Array, "c p m"]
+    first: Float[Array, "c p k"]  # a one at the pair's first eigenvalue
+    second: Float[Array, "c p k"]
 
 
-def eigen(system: System) -> Eigen:
-    """Eigenvalues, what the outputs see of their modes and what the inputs give to them."""
-    A, C = system.A, system.C
-    if A.shape[-1] % 2:  # one more state that nothing moves, nothing shows
-        A = jnp.pad(A, ((0, 0), (0, 1), (0, 1))).at[:, -1, -1].set(-1.0)
-    more = A.shape[-1] - C.shape[-1]
-    pad = ((0, 0), (0, 0), (0, more))
+def eigen(system: System, blocks: tuple[tuple[int, ...], ...]) -> Eigen:
+    """Eigenvalues, what the outputs see of their modes and what the inputs give to them.
+
+    `blocks` are groups of an even number of states that do not move each other; -1 stands for a
+    state that nothing moves and nothing shows.
+    """
+    m, A = system.A.shape[-1], jax.lax.stop_gradient(system.A)
+    A = jnp.pad(A, ((0, 0), (0, 1), (0, 1))).at[:, -1, -1].set(-1.0)
+    values, vectors, inverses = [jnp.zeros(0)] * len(blocks), {}, {}
+    for size in sorted({len(block) for block in blocks}):
+        number = [i for i, block in enumerate(blocks) if len(block) == size]
+        parts = [A[:, blocks[i]][:, :, blocks[i]] for i in number]
+        value, vector = jnp.linalg.eig(jnp.stack(parts, axis=1))
+        inverse = jnp.linalg.inv(vector)
+        for j, i in enumerate(number):
+            values[i], vectors[i], inverses[i] = value[:, j], vector[:, j], inverse[:, j]
+    order = np.concatenate(blocks)
+    place = [int(np.flatnonzero(order == i)[0]) for i in range(m)]
+    vector = _diagonal([vectors[i] for i in range(len(blocks))])[:, place]
+    inverse = _diagonal([inverses[i] for i in range(len(blocks))])[:, :, place]
     right = jnp.concatenate([system.column, system.start[:, None]], axis=1)
-    right = jnp.swapaxes(jnp.pad(right, pad), 1, 2)
-    value, vector = jnp.linalg.eig(jax.lax.stop_gradient(A))
-    moved = jnp.linalg.solve(vector, right.astype(vector.dtype))
-    kind, first, second = _paired(value)
-    return Eigen(value, vector, jnp.pad(C, pad) @ vector, moved, kind, first, second)
+    pairs = [_paired(value) for value in values]
+    return Eigen(
+        jnp.concatenate(values, axis=1),
+        vector,
+        inverse,
+        system.C @ vector,
+        inverse @ jnp.swapaxes(right, 1, 2),
+        jnp.concatenate([pair[0] for pair in pairs], axis=1),
+        _diagonal([pair[1] for pair in pairs]),
+        _diagonal([pair[2] for pair in pairs]),
+    )
+
+
+def _diagonal(parts: list[Array]) -> Array:
+    """Batches of matrices (c, i, j) along the diagonal of one batch."""
+    rows, total, first = [], sum(part.shape[2] for part in parts), 0
+    for part in parts:
+        after = total - first - part.shape[2]
+        rows.append(jnp.pad(part, ((0, 0), (0, 0), (first, after))))
+        first += part.shape[2]
+    return jnp.concatenate(rows, axis=1)
 
 
 def _paired(value):

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...rig import Rig
-from .._exact import forced_system
+from .._exact import Forced, forced_system
 from .signals import Kind, Signals, signals_of
 
 
@@ -41,23 +41,30 @@ class Design(NamedTuple):
 
 
 class Layout(NamedTuple):
-    """What is static about a design: wheels, signals, and the outputs behind each other."""
+    """What is static about a design: wheels, signals, outputs, and what of it decouples."""
 
     wheels: int
     kinds: tuple[Kind, ...]
     outputs: tuple[str, ...]
+    blocks: tuple[tuple[int, ...], ...] = ()  # see `decoupling`
+    live: tuple[tuple[int, ...], ...] = ()  # pairs of poles that each row of the outputs shows
 
 
 OUTPUTS = ("dR", "normal_force", "drive_force")
 
 
-def design_of(point: Operating, model: str, force: bool, series: int) -> tuple[Design, Layout]:
-    """Arrays and layout of one design; see `signals_of` for `force` and `series`."""
+def design_of(
+    point: Operating, model: str, force: bool, series: int, turn: Array | None = None
+) -> tuple[Design, Layout]:
+    """Arrays and layout of one design; see `signals_of` for `force` and `series`.
+
+    `turn`: directions of the states in the columns, where those are not the model's own.
+    """
     rig, speeds, push, angles = point
     signals, kinds = signals_of(rig, speeds, angles, force, series)
     floors = len(rig.at("platform"))
     sources = (*range(rig.size), *(-1 for _ in range(floors)))
-    found = forced_system(rig, model, speeds, sources)
+    found = _turned(forced_system(rig, model, speeds, sources), turn)
     level = jnp.zeros(len(sources))  # rho at the start; a floor does not deflect a rig at rest
     first = 0
     for g, kind in enumerate(kinds):
@@ -92,6 +99,20 @@ def design_of(point: Operating, model: str, force: bool, series: int) -> tuple[D
     return design, Layout(rig.size, kinds, OUTPUTS)
 
 
+def _turned(found: Forced, turn: Array | None) -> Forced:
+    """The same system with its states along the columns of `turn`, orthonormal."""
+    if turn is None:
+        return found
+    return found._replace(
+        A=turn.T @ found.A @ turn,
+        column=found.column @ turn,
+        shift=found.shift @ turn,
+        state={name: rows @ turn for name, rows in found.state.items()},
+        force=turn.T @ found.force,
+        rest=turn.T @ found.rest,
+    )
+
+
 def _units(A: Float[Array, "m m"]) -> Float[Array, " m"]:
     """Units of the states in which the rows and columns of A are of like size; no derivative."""
     size = jax.lax.stop_gradient(jnp.abs(A))
@@ -105,12 +126,14 @@ def _units(A: Float[Array, "m m"]) -> Float[Array, " m"]:
     return unit
 
 
-def designs_of(points: Operating, model: str, force: bool, series: int) -> tuple[Design, Layout]:
+def designs_of(
+    points: Operating, model: str, force: bool, series: int, turn: Array | None = None
+) -> tuple[Design, Layout]:
     """Designs of many operating points, batch first."""
     layout: list[Layout] = []
 
     def one(point):
-        design, found = design_of(point, model, force, series)
+        design, found = design_of(point, model, force, series, turn)
         layout.append(found)
         return design
 

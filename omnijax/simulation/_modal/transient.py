@@ -7,17 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .blocks import (
-    LENGTH,
-    Operands,
-    State,
-    Tables,
-    forced,
-    materialised,
-    product,
-    row_signal,
-    run,
-)
+from .arithmetic import materialised, product
+from .blocks import LENGTH, Operands, State, Tables, forced, row_signal, run
 from .moment import Moment, moment
 from .poles import Modes
 from .signals import Signals
@@ -63,7 +54,7 @@ def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
     def gather(totals, op: Operands, t: Tables, s: State):
         pair, best, at, block, low = totals
         best, at = seen(pair, best, at, block)
-        x, y, z = (row_signal(op, t, o) for o in range(3))
+        x, y, z = (row_signal(op, t, o, layout.live[o]) for o in range(3))
         inside = number < op.count
         square = jnp.where(inside, x * x + y * y + z * z, 0.0)
         pair = jax.lax.complex(pair.real + square, jnp.maximum(pair.imag, square))
