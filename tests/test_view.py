@@ -12,10 +12,12 @@ import numpy as np
 import pytest
 from machines import machine
 
+from omnijax._text import amount
 from omnijax.cli.explore import start_speeds
 from omnijax.laws import ContactCubic
 from omnijax.rig import InputError, load_rig
 from omnijax.simulation import simulate, speeds
+from omnijax.vibration import contact_load, natural_frequencies
 from omnijax.view import write_replay
 from omnijax.view._panel import Panel
 from omnijax.view._scene import embedded_json
@@ -74,9 +76,9 @@ def test_panel_answers_sliders():
     assert 14 in before["passing"]
     modes = [s for s in before["campbell"]["series"] if s["kind"] == "mode"]
     assert modes and modes[0]["values"][0] > 5
-    peak = max(before["distance"]) / float(
-        re.search(r"phases ([\d.]+)", before["figures"]).group(1)
-    )
+    figures = {f["label"]: f["value"].split() for f in before["figures"]}
+    number, unit = figures["|ΔR| peak"]
+    peak = max(before["distance"]) / (float(number) * {"mm": 1e3, "µm": 1.0}[unit])
     assert 0.8 < peak < 1.05  # two seconds of the long run come near its supremum
     rig, _ = panel.changed({"wheel.roundness": 0.2})
     assert np.all(np.asarray(rig.wheels.roundness) == 0.2)
@@ -91,7 +93,11 @@ def test_wheels_that_pass_equally_often_share_a_line():
     series = panel.evaluate({})["campbell"]["series"]
     passing = [s for s in series if s["kind"] == "passing"]
     assert [s["label"] for s in passing] == ["w1, w2 1×", "w1, w2 2×", "w1, w2 3×"]  # w3 rests
-    assert passing[0]["values"][78] == pytest.approx(passing[2]["values"][26], rel=1e-12)
+    scale = np.array(panel.evaluate({})["campbell"]["scale"])
+    hertz = 14 * 1.0 / (2 * np.pi) * scale / 100
+    for k, line in enumerate(passing, 1):
+        np.testing.assert_allclose(line["values"], k * hertz, rtol=1e-12)
+        assert line["times"] == k
     faster = panel.evaluate({"speed.w2": 2.0})["campbell"]["series"]
     assert [s["wheels"] for s in faster if s["kind"] == "passing"] == [[0]] * 3 + [[1]] * 3
 
@@ -102,8 +108,40 @@ def test_panel_says_which_law_it_cannot_show():
         Panel("a", rig, [1.0, 1.0, 1.0], 0).evaluate({})
 
 
+def test_every_mode_is_in_the_diagram_and_every_contact_in_the_table():
+    rig = machine()
+    panel = Panel("a", rig, [0.6, 1.2, 0.9], 0)
+    answer = panel.evaluate({})
+    hertz = np.unique(np.round(np.asarray(natural_frequencies(rig)), 2))
+    modes = [s["values"][0] for s in answer["campbell"]["series"] if s["kind"] == "mode"]
+    np.testing.assert_allclose(modes, hertz[hertz > 0])
+    low, high = answer["campbell"]["range"]
+    assert low < min(modes) and max(modes) < high
+    load = contact_load(rig, jnp.asarray([0.6, 1.2, 0.9]))
+    for row, least, margin in zip(answer["contacts"], load.least, load.slip_margin, strict=True):
+        assert row["normal"] == amount(float(least), "N")
+        assert row["status"] == ("lifts off" if least <= 0 else "slips" if margin <= 0 else "holds")
+    loose = panel.evaluate({"closure.preload": panel.sliders[6].low})["contacts"]
+    assert panel.sliders[6].path == "closure.preload"
+    assert "holds" not in {row["status"] for row in loose}
+
+
+def test_bars_stand_on_orders_that_matter():
+    panel = Panel("a", load_rig("atlas"), [0.6, 1.2, 0.9], 0)
+    answer = panel.evaluate({})
+    bars = np.sum(answer["spectrum"], axis=0)
+    loud = [order for order, bar in zip(answer["order"], bars, strict=True) if bar > 1e-6]
+    assert answer["passing"][0] == 14 and set(loud) <= set(answer["passing"])
+    assert np.max(bars[-1]) >= 0.01 * np.max(np.array(answer["spectrum"])) / 2
+    still = panel.evaluate({"wheel.roundness": 0.0})
+    assert np.max(still["spectrum"]) < 1e-6 and max(still["order"]) == 4 * 14
+
+
 def test_start_speeds():
     rig = machine()
+    own = np.array(start_speeds(None, rig)) * np.asarray(rig.wheels.radius)
+    turning = np.linalg.lstsq(np.asarray(rig.wheels.spin_axis), own, rcond=None)[0]
+    np.testing.assert_allclose(np.asarray(rig.wheels.spin_axis) @ turning, own, atol=1e-12)
     assert start_speeds("1.5", rig) == [1.5] * 3
     assert start_speeds("60 rpm,1,0", rig) == pytest.approx([2 * np.pi, 1, 0])
     with pytest.raises(InputError, match="`speed` has 2 values, but the rig has 3 wheels"):
@@ -118,6 +156,9 @@ def test_replay_scrubs_in_a_browser(open_page, replay_page, width):
     page.locator("#scrub").fill("50")
     assert page.locator("#time").inner_text() == "0.200 s"
     first = page.locator("#value").inner_text()
+    assert page.locator(".label.wheel").all_inner_texts() == ["w1", "w2", "w3"]
+    assert page.locator("#wheels li").count() == 3
+    assert page.locator("#plot .legend li").all_inner_texts() == ["x", "y", "z", "length |ΔR|"]
     page.locator("#scrub").fill("70")
     assert page.locator("#value").inner_text() != first
     page.locator("#play").click()
@@ -149,10 +190,22 @@ def test_explore_slider_moves_the_plot(open_page):
         before = figures.inner_text()
         plot = "document.querySelectorAll('.plot canvas')[0].toDataURL()"
         picture = page.evaluate(plot)
-        assert page.evaluate(COLOURS_SHOWN) == [True] * 3  # equal speeds: bars side by side
+        assert page.evaluate(COLOURS_SHOWN) == [True] * 3  # equal speeds: bars on each other
+        assert page.locator(".label.wheel").all_inner_texts() == ["w1", "w2", "w3"]
+        assert page.locator(".label.axis").all_inner_texts() == ["x", "y", "z (up)"]
+        assert page.locator(".contacts tbody tr").count() == 3
         page.locator('input[data-path="wheel.roundness"]').fill("0.2")
         _until(lambda: figures.inner_text() != before)
         assert page.evaluate(plot) != picture
+        field = page.locator('input[data-number="contact.stiffness"]')
+        field.fill("1882")  # kN/m
+        field.press("Enter")
+        _until(lambda: _value(page, "contact.stiffness") == "1882")
+        assert float(_slider(page, "contact.stiffness")) == pytest.approx(0.75, abs=0.001)
+        page.locator("button.reset").click()
+        assert _value(page, "wheel.roundness") == "0.4485"
+        _until(lambda: figures.inner_text() == before)
+        page.locator('input[data-path="wheel.roundness"]').fill("0.2")
         with page.expect_download() as download:
             page.locator("button.save").click()
         saved = download.value.path().read_text()
@@ -165,6 +218,14 @@ def test_explore_slider_moves_the_plot(open_page):
     finally:
         server.should_exit = True
         thread.join(10)
+
+
+def _value(page, path):
+    return page.locator(f'input[data-number="{path}"]').input_value()
+
+
+def _slider(page, path):
+    return page.locator(f'input[data-path="{path}"]').input_value()
 
 
 COLOURS_SHOWN = """() => {  // which wheels' colours fill pixels of the order spectrum

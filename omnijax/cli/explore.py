@@ -5,11 +5,12 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from ._options import number, numbers
+from ._starter import fitting_speeds
 
 
 def explore(
     *rigs: Annotated[str, Parameter(help="Rig files or names of bundled rigs, side by side.")],
-    speed: str = "0.6,1.2,0.9",
+    speed: str | None = None,
     port: int = 8765,
     host: str = "127.0.0.1",
     browser: bool = True,
@@ -22,6 +23,7 @@ def explore(
     ----------
     speed
         Wheel speeds to start from in rad/s, one a wheel or one for all; or with units (30 rpm).
+        Without it the wheels roll together with the sphere.
     port
         Port of the page; 0 takes a free one.
     host
@@ -44,8 +46,10 @@ def explore(
     serve(machines, speeds, host=host, port=port, browser=browser)
 
 
-def start_speeds(text: str, rig: Any) -> list[float]:
-    """Wheel speeds of `--speed` in rad/s: one a wheel, or one for all."""
+def start_speeds(text: str | None, rig: Any) -> list[float]:
+    """Wheel speeds of `--speed` in rad/s: one a wheel, or one for all; None: some that fit."""
+    if text is None:
+        return fitting_speeds(rig)
     if "," not in text:
         return [number("speed", text, "rad/s")] * rig.size
     return numbers("speed", text, "rad/s", rig.size)

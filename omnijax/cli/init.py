@@ -12,8 +12,6 @@ from .._files import claim, write_bytes
 from ._options import Force, number
 from ._starter import EXAMPLES, rig_text, starter
 
-_TURNING = (0.31, 0.19, 0.45)  # rad/s of the sphere: a drive in which every wheel turns
-
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
@@ -111,14 +109,10 @@ def _study(kind: str, rig: str) -> str:
     text = _template(f"{kind}.toml").replace('rig = "atlas"', f"rig = {json.dumps(rig)}", 1)
     if not Path(rig).is_file():
         return text
-    import numpy as np
-
     from ..rig import load_rig
+    from ._starter import fitting_speeds
 
-    machine = load_rig(rig)
-    axes, radius = np.asarray(machine.wheels.spin_axis), np.asarray(machine.wheels.radius)
-    turning = axes @ np.array(_TURNING) * float(machine.sphere.radius) / radius
-    speeds = ", ".join(f"{speed:.6g}" for speed in turning)
+    speeds = ", ".join(f"{speed:.6g}" for speed in fitting_speeds(load_rig(rig)))
     return text.replace("[3.0, 5.1, 7.3]", f"[{speeds}]", 1)
 
 

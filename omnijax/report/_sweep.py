@@ -4,10 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from .._text import amount
+from .._text import amount, path_words
 from ..study import Grid, SweepResult
 from ._axis import SpeedAxis
-from ._content import Column, Fact, Figure, Provenance, Section, Table, shown
+from ._content import Column, Fact, Figure, Provenance, Section, Table
 from ._page import Page
 from ._style import figure, style
 
@@ -17,10 +17,10 @@ POINTS = 4000  # of a picture of samples, and rows of its CSV
 
 def sweep_page(result: SweepResult) -> Page:
     """One offline page of a sweep."""
-    varied = [path for path, _, _ in result.spec.vary]
+    varied = [path_words(path) for path, _, _ in result.spec.vary]
     return Page(
         title="Sweep",
-        question=f"How do {', '.join(result.spec.metrics)} depend on {', '.join(varied)}?",
+        question=f"How do {', '.join(result.spec.metrics)} depend on {' and '.join(varied)}?",
         answer=_answer(result),
         facts=[
             Fact("designs", result.size),
@@ -33,8 +33,7 @@ def sweep_page(result: SweepResult) -> Page:
 
 def _place(result: SweepResult, found: dict[str, float]) -> str:
     return ", ".join(
-        f"`{path}` = {shown(found[path])}{'' if unit == '1' else f' {unit}'}"
-        for path, unit, _ in result.spec.vary
+        f"{path_words(path)} {amount(found[path], unit)}" for path, unit, _ in result.spec.vary
     )
 
 
@@ -49,14 +48,24 @@ def _answer(result: SweepResult) -> str:
         value = amount(found[name], result.unit(name))
         status = result.status(index)
         doubt = "" if status == "ok" else f" (but {status})"
-        sentences.append(f"The best {name} is {value} at {_place(result, found)}{doubt}.")
-    return " ".join(sentences)
+        edges = [f"{path_words(path)} is the {end} tried" for path, end in result.edges(index)]
+        said = f"The best {name} is {value} at {_place(result, found)}{doubt}."
+        if edges:
+            said += f" It lies at the edge: {' and '.join(edges)}; look further there."
+        sentences.append(said)
+    loose = int(np.sum(~result.held()))
+    if loose:
+        sentences.append(
+            f"{loose} of {result.size} designs slip or lift off at some time: they are marked in "
+            "the pictures and count as best only where no other design is left."
+        )
+    return "\n\n".join(sentences)
 
 
 def _pictures(result: SweepResult) -> list[Section]:
     figures = []
     path, unit, _ = result.spec.vary[0]  # to the right in every picture
-    axis = SpeedAxis(path) if unit == "rad/s" else None
+    axis = SpeedAxis(path_words(path)) if unit == "rad/s" else None
     for name in result.spec.metrics:
         with style():
             fig, (ax,) = figure(height=4.2)
@@ -81,9 +90,8 @@ def _data(result: SweepResult, name: str) -> dict[str, Any]:
 def _best(result: SweepResult) -> Section:
     names = result.store.names[:-1]
     factors = np.array([result.readable(name)[0] for name in names])
-    columns = [Column("design"), *(_column(result, name) for name in names)]
-    columns.append(Column("status", text=True))
     tables = []
+    left = " of those that neither slip nor lift off" if not result.held().all() else ""
     for name in result.spec.metrics:
         values = _goodness(result, name)
         order = [i for i in np.argsort(values)[:ROWS].tolist() if np.isfinite(values[i])]
@@ -91,24 +99,35 @@ def _best(result: SweepResult) -> Section:
         rows = [
             [i, *(factors * [d[n] for n in names]).tolist(), result.status(i)] for i, d in found
         ]
+        others = [n for n in result.spec.metrics if n != name]
+        columns = [Column("design", minor=True)]
+        columns += [_column(result, n, minor=n in others) for n in names]
+        columns.append(Column("status", text=True, minor=True))
         tables.append(
-            Table(columns, rows, f"best-{name}", f"The {len(rows)} designs best in {name}.")
+            Table(columns, rows, f"best-{name}", f"The {len(rows)} designs best in {name}{left}.")
         )
     return Section("Best designs", "", tables=tables)
 
 
-def _column(result: SweepResult, name: str) -> Column:
+def _column(result: SweepResult, name: str, minor: bool = False) -> Column:
     _, unit = result.readable(name)
-    return Column(name, "" if unit == "1" else unit)
+    return Column(name, "" if unit == "1" else unit, minor=minor)
 
 
 def _goodness(result: SweepResult, name: str) -> np.ndarray:
-    """Figures of one metric so that smaller is better, infinite where there is none."""
+    """Figures of one metric so that smaller is better, infinite where there is none.
+
+    Designs that slip or lift off are left out, unless all do.
+    """
     from ..vibration import METRICS
 
     values = result.store.read(name)
     values = values if METRICS[name].smaller_is_better else -values
-    return np.where(np.isfinite(values), values, np.inf)
+    held = result.held().ravel()
+    values = np.where(np.isfinite(values), values, np.inf)
+    if held[np.isfinite(values)].any():
+        values = np.where(held, values, np.inf)
+    return values
 
 
 def _failures(result: SweepResult) -> list[Section]:

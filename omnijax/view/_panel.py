@@ -9,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._errors import InputError
+from .._text import amount
 from ..dynamics import rolling, sphere_velocity
 from ..rig import Rig, parameter_info, put_parameter
 from ..simulation import steady_state
-from ..vibration import natural_frequencies
+from ..vibration import contact_load, natural_frequencies
 from ._scene import machine_scene
 from ._sliders import Slider, sliders
 
@@ -20,7 +21,9 @@ HARMONICS = 96
 GRID_BITS = 7  # fewer search points than the default: the four figures shown need no more
 WINDOW, SAMPLES = 2.0, 401  # s of vibration shown, and samples of it
 PASSING = 3  # multiples of the roller-passing frequency in the resonance diagram
-SHOWN_PASSINGS = 24  # the order spectrum is drawn up to this multiple of roller passing
+SHOWN_PASSINGS, LEAST_PASSINGS = 24, 4  # of roller passing: the order spectrum ends between them
+FAINT = 0.01  # of the largest amplitude: orders beyond which all are smaller are left out
+SLOWEST = 5.0  # % of the set speeds, where the resonance diagram begins
 
 
 class Panel:
@@ -75,12 +78,11 @@ class Panel:
             raise InputError(f"no steady state: {state.message()}")
         t = jnp.linspace(0.0, WINDOW, SAMPLES)
         frames = jax.tree.map(np.asarray, _motion(rig, jnp.asarray(speeds), state, t))
-        order, spectrum = _lines(rig, state, SHOWN_PASSINGS * float(np.max(rig.wheels.rollers)))
+        order, spectrum = _lines(rig, state)
         return {
             "machine": machine_scene(rig),
-            "figures": f"peak over all phases {_micro(state.peak)}, RMS {_micro(state.rms)}, "
-            f"elastic part {_micro(state.rms_elastic)} RMS, "
-            f"acceleration {float(state.rms_acceleration):.3g} m/s² RMS",
+            "figures": _figures(state),
+            "contacts": _contacts(rig, speeds),
             "t": np.asarray(t).tolist(),
             "distance": (1e6 * np.linalg.norm(frames["dR"], axis=1)).round(4).tolist(),
             "order": order,
@@ -98,8 +100,32 @@ def _number(path: str, value: Any) -> float:
     return float(value)
 
 
-def _micro(value: Any) -> str:
-    return f"{1e6 * float(value):.4g} µm"
+def _figures(state) -> list[dict[str, str]]:
+    """What the long run comes to, in words and units."""
+    return [
+        {"label": label, "value": amount(float(value), unit)}
+        for label, value, unit in (
+            ("|ΔR| peak", state.peak, "m"),
+            ("|ΔR| RMS", state.rms, "m"),
+            ("elastic part, RMS", state.rms_elastic, "m"),
+            ("sphere's acceleration, RMS", state.rms_acceleration, "m/s^2"),
+        )
+    ]
+
+
+def _contacts(rig: Rig, speeds: list[float]) -> list[dict[str, Any]]:
+    """By wheel the least normal force and slip margin in N, and whether it slips or lifts off."""
+    load = contact_load(rig, jnp.asarray(speeds))
+    rows = zip(rig.names, np.asarray(load.least), np.asarray(load.slip_margin), strict=True)
+    return [
+        {
+            "wheel": name,
+            "normal": amount(float(least), "N"),
+            "margin": amount(float(margin), "N"),
+            "status": "lifts off" if least <= 0 else "slips" if margin <= 0 else "holds",
+        }
+        for name, least, margin in rows
+    ]
 
 
 @eqx.filter_jit
@@ -120,21 +146,22 @@ def _motion(rig: Rig, speeds, state, t) -> dict[str, jax.Array]:
     return {"dR": dR, "attitude": attitude, "theta": theta, "mount": jnp.zeros_like(theta)}
 
 
-def _lines(rig: Rig, state, highest: float) -> tuple[list[float], list[list[float | None]]]:
-    """Orders up to `highest`, and each wheel's amplitudes of |dR| in micrometres at them."""
+def _lines(rig: Rig, state) -> tuple[list[float], list[list[float]]]:
+    """Orders that matter, and each wheel's amplitudes of |dR| in micrometres at them."""
     order = np.asarray(state.order)
     amplitude = 1e6 * np.linalg.norm(np.abs(np.asarray(state.spectrum)), axis=-1)
+    largest = float(amplitude[order > 0].max(initial=0.0))
+    top = SHOWN_PASSINGS * float(np.max(rig.wheels.rollers))
+    audible = order[(amplitude > FAINT * largest) & (order > 0) & (order <= top)]
+    least = LEAST_PASSINGS * float(np.max(rig.wheels.rollers))
+    highest = max(least, float(audible.max(initial=0.0))) if largest > 0 else least
     shown = (order > 0) & (order <= highest)
     every = np.unique(order[shown]) if shown.any() else np.array([1.0])
-    rows: list[list[float | None]] = []
-    for i in range(rig.size):
-        total = np.full(len(every), np.nan)
-        for signal, wheel in enumerate(state.wheel):
-            if wheel == i:
-                at = np.searchsorted(every, order[signal][shown[signal]])
-                total[at] = np.nan_to_num(total[at]) + amplitude[signal][shown[signal]]
-        rows.append([None if np.isnan(x) else float(x) for x in total])
-    return every.tolist(), rows
+    rows = np.zeros((rig.size, len(every)))
+    for signal, wheel in enumerate(state.wheel):
+        at = np.searchsorted(every, order[signal][shown[signal]])
+        np.add.at(rows[wheel], at, amplitude[signal][shown[signal]])
+    return every.tolist(), rows.tolist()
 
 
 def _passing_orders(rig: Rig, highest: float) -> list[float]:
@@ -148,27 +175,30 @@ _frequencies = eqx.filter_jit(natural_frequencies)
 def _campbell(rig: Rig, speeds: list[float]) -> dict[str, Any]:
     """Natural frequencies and roller-passing lines (Hz) over the drive's speed in per cent.
 
-    The speed runs far enough for the fastest wheel's passing to meet the lowest mode; modes far
-    above it are left out.
+    Both axes are logarithmic: a multiple of the speed is a line of slope one, and modes far apart
+    have room.  The speed runs until the fastest wheel's passing meets the highest mode.
     """
     found = np.unique(np.round(np.asarray(_frequencies(rig)), 2))
-    lowest = found[found > 0].min() if np.any(found > 0) else 1.0
+    modes = found[found > 0]
     once = np.abs(speeds) * np.asarray(rig.wheels.rollers) / (2 * np.pi)
     fastest = once.max(initial=0.0)
-    top = max(200.0, 130.0 * lowest / fastest) if fastest > 0 else 200.0
-    scale, ceiling = np.linspace(0.0, top, 81), 1.6 * lowest
+    low, high = (modes.min(), modes.max()) if len(modes) else (1.0, 1.0)
+    top = max(200.0, 130.0 * high / fastest) if fastest > 0 else 200.0
+    scale = np.geomspace(SLOWEST, top, 81)
     series = [
-        {"label": f"mode {f:g} Hz", "kind": "mode", "wheels": [], "values": [float(f)] * len(scale)}
-        for f in found[found <= ceiling]
-    ]
+        {"label": f"{f:.4g} Hz", "kind": "mode", "wheels": [], "times": 0,
+         "values": [float(f)] * len(scale)}
+        for f in modes
+    ]  # fmt: skip
     for wheels in _together(once):
         names = ", ".join(rig.names[i] for i in wheels) if len(wheels) < rig.size else "all wheels"
         for k in range(1, PASSING + 1):
-            line = k * once[wheels[0]] * scale / 100
-            values = [float(x) if x <= ceiling else None for x in line]
-            label = f"{names} {k}×"
-            series.append({"label": label, "kind": "passing", "wheels": wheels, "values": values})
-    return {"scale": scale.tolist(), "series": series}
+            line = (k * once[wheels[0]] * scale / 100).tolist()
+            series.append({"label": f"{names} {k}×", "kind": "passing", "wheels": wheels,
+                           "times": k, "values": line})  # fmt: skip
+    slowest = min(once[once > 0].min(initial=np.inf) * SLOWEST / 100, low)
+    return {"scale": scale.tolist(), "series": series,
+            "range": [float(0.7 * slowest), float(1.5 * high)]}  # fmt: skip
 
 
 def _together(once: np.ndarray) -> list[list[int]]:

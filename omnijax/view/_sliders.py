@@ -5,11 +5,17 @@ from typing import NamedTuple
 
 import numpy as np
 
+from .._text import path_words, scaled
 from ..rig import Rig, get_parameter, parameter_info
+
+RPM = 30 / math.pi  # in one rad/s
 
 
 class Slider(NamedTuple):
-    """One slider; `path` is a parameter path of the rig, or `speed.NAME`."""
+    """One slider; `path` is a parameter path of the rig, or `speed.NAME`.
+
+    `value`, `low` and `high` are SI; a page shows `factor` times them in `unit`.
+    """
 
     path: str
     label: str
@@ -19,6 +25,7 @@ class Slider(NamedTuple):
     high: float
     log: bool = False
     whole: bool = False
+    factor: float = 1.0
 
 
 _LOG = (
@@ -40,10 +47,13 @@ def sliders(rig: Rig, speeds: list[float]) -> list[Slider]:
         value = _mean(rig, path)
         middle = value if value > 0 else 1.0
         low, high = max(middle / 100, parameter_info(rig, path).low), middle * 100
-        out.append(Slider(path, label, unit, max(value, low), low, high, log=True))
+        value = max(value, low)
+        factor, shown = scaled(value, unit)
+        out.append(Slider(path, label, shown, value, low, high, log=True, factor=factor))
     top = max(3.0, 3 * max(map(abs, speeds)))
     for name, speed in zip(rig.names, speeds, strict=True):
-        out.append(Slider(f"speed.{name}", f"speed of {name}", "rad/s", speed, -top, top))
+        path = f"speed.{name}"
+        out.append(Slider(path, path_words(path), "rpm", speed, -top, top, factor=RPM))
     return out
 
 

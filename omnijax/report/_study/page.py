@@ -40,13 +40,13 @@ def answer_page(
     for name, caption, draw, data in figures:
         with style():
             drawn.append(Figure(draw().figure, name, caption, data))
-    told = [_sentence(line) for line in lines]
+    told = [as_sentence(line) for line in lines]
     sections = [Section("Result", "\n\n".join(told[1:]), drawn)]
     sections += [Section("Numbers", tables=tables)] if tables else []
     return Page(title, question, told[0], sections, made, facts)
 
 
-def _sentence(line: str) -> str:
+def as_sentence(line: str) -> str:
     """The line with a capital, unless it begins with a name of ours."""
     first = line.split(maxsplit=1)[0].rstrip(":,")
     return line[0].upper() + line[1:] if first.isalpha() and first not in METRICS else line

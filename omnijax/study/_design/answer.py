@@ -48,6 +48,10 @@ def make_design(problem: Problem, ends: list[End], notes: tuple[str, ...] = ()) 
             if price > 0 and best.status != "infeasible"
         },
         whole=tuple(v.name for v in problem.variables if v.whole),
+        limits={
+            limit.text: (limit.sense * float(g + limit.bound), limit.unit)
+            for limit, g in zip(problem.limits, best.g, strict=True)
+        },
         notes=(*_dead_ends(problem, ends, best), *notes),
     )
 

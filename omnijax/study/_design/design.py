@@ -12,7 +12,7 @@ from .._file import Study, study_of
 from .._study_folder import Report, folder_of
 from .answer import make_design
 from .engine import Engine
-from .notes import notes, start_note
+from .notes import noted, start_note
 from .result import Design
 from .rig import RigCases, rig_problem
 from .search import Adam
@@ -43,8 +43,9 @@ def design(
     drawn = Adam(asked.stochastic, seed=asked.seed) if asked.stochastic else None
     ends = engine.all_ends(asked.batch, report, drawn)
     found = make_design(problem, ends)
-    more = [*start_note(engine), *notes(asked, cases, found)]
-    return dataclasses.replace(found, notes=(*found.notes, *more))
+    more, was = noted(asked, cases, found)
+    said = (*found.notes, *start_note(engine), *more)
+    return dataclasses.replace(found, notes=said, was=was)
 
 
 def designed_rig(study: str | Path | Mapping | Study, found: Design) -> Rig:

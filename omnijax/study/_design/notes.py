@@ -65,8 +65,8 @@ class Exact:
         return values.max(axis=0) if self.study.over == "worst" else values.mean(axis=0)
 
 
-def notes(study: Study, cases: RigCases, found: Design) -> list[str]:
-    """The exact figures at the design, and the rig as it was."""
+def noted(study: Study, cases: RigCases, found: Design) -> tuple[list[str], dict]:
+    """The exact figures at the design in words, and `Design.was`: the rig as it was."""
     exact, unit = Exact(study, cases), found.unit
     x = jnp.array(list(found.variables.values()))
     values = exact(x)
@@ -86,12 +86,24 @@ def notes(study: Study, cases: RigCases, found: Design) -> list[str]:
             f"{amount(fresh.mean(), unit)} ± {amount(spread / np.sqrt(FRESH), unit)}, greatest "
             f"{amount(fresh.max(), unit)}, deviation {amount(spread, unit)}."
         )
-    old, new = (float(exact.over_cases(y)) for y in (as_it_was(study, exact), nominal))
+    own = as_it_was(study, exact)
+    old, new = (float(exact.over_cases(y)) for y in (own, nominal))
     lines.append(
         f"the rig as it was: {amount(old, unit)}; the design, parts at their nominal values: "
         f"{amount(new, unit)} ({100 * (new / old - 1):+.1f} %)."
     )
-    return lines
+    start = before(study)
+    was = {
+        "old": old,
+        "new": new,
+        "cases": {
+            name: (float(a), float(b)) for name, a, b in zip(found.cases, own, nominal, strict=True)
+        },
+        "variables": {}
+        if start is None
+        else dict(zip(found.variables, start.tolist(), strict=True)),
+    }
+    return lines, was
 
 
 def as_it_was(study: Study, exact: Exact) -> np.ndarray:

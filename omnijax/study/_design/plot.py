@@ -39,6 +39,26 @@ def searches(result: Any, ax: Any = None) -> Any:
     return ax
 
 
+def gain(result: Any, ax: Any = None) -> Any:
+    """The rig as it was against the design, in every case, in the objective's unit."""
+    names = list(result.was["cases"])
+    ax = new_axes(ax, 1.5 + 0.75 * len(names))
+    factor, unit = scaled(result.was["new"], result.unit)
+    place = np.arange(len(names))[::-1].astype(float)
+    for shift, which, colour, said in (
+        (0.2, 0, PALETTE["sky"], "your rig"), (-0.2, 1, PALETTE["blue"], "the design"),
+    ):  # fmt: skip
+        values = [factor * result.was["cases"][name][which] for name in names]
+        bars = ax.barh(place + shift, values, 0.36, color=colour, label=said)
+        ax.bar_label(bars, [f"{said}: {v:.4g}" for v in values], padding=4)
+    ax.set_yticks(place, [n if len(names) > 1 else "" for n in names])
+    ax.grid(axis="y", visible=False)
+    ax.margins(x=0.3)
+    ax.set_xlabel(label(result.case_name, unit))
+    ax.set_title("What it brings")
+    return ax
+
+
 def cases(result: Any, ax: Any = None) -> Any:
     """The objective in every case."""
     names = list(result.cases)

@@ -15,7 +15,10 @@ class Design(AbstractResult):
     """The best design, whether it is optimal, what holds it there, and all the searches.
 
     `status` is `optimal` (locally, and the best of all starts), `not optimal` or `infeasible`;
-    `ends` is one row a search.  `notes` holds figures of the study that asked.
+    `ends` is one row a search.  `notes` holds figures of the study that asked.  `limits` has by
+    constraint what the design reaches and its unit.  `was` compares with the study's own rig, parts
+    at their nominal values: `old` and `new` objective, `cases` by name as (old, new), and
+    `variables` where the rig has one value of each.
     """
 
     status: str
@@ -35,6 +38,8 @@ class Design(AbstractResult):
     prices: dict[str, float]  # objective per unit of each active limit
     whole: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    limits: dict[str, tuple[float, str]] = dataclasses.field(default_factory=dict)
+    was: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     kind: ClassVar[str] = "omnijax design"
     what: ClassVar[str] = "design"
@@ -119,7 +124,14 @@ class Design(AbstractResult):
         found = json.loads(data.attrs["design"])
         for key in ("active", "multipliers", "whole", "notes"):
             found[key] = tuple(found[key])
+        found["limits"] = {name: tuple(x) for name, x in found.get("limits", {}).items()}
         return cls(**found)
+
+    def plot_gain(self, ax: Any = None) -> Any:
+        """The rig as it was against the design, in every case."""
+        from .plot import gain
+
+        return gain(self, ax)
 
     def plot_searches(self, ax: Any = None) -> Any:
         """Where every search ended, best first."""

@@ -94,12 +94,17 @@ def _marked(ax: Any, edges: tuple[np.ndarray, np.ndarray], loose: np.ndarray) ->
     """Hatching over the cells that slip or lift off, and what it means."""
     from matplotlib.patches import Patch, Rectangle
 
-    look: dict[str, Any] = {"hatch": HATCH, "facecolor": "none", "edgecolor": "white", "lw": 0}
+    look: dict[str, Any] = {
+        "hatch": HATCH,
+        "facecolor": "none",
+        "edgecolor": PALETTE["vermillion"],
+        "lw": 0,
+    }
     x, y = edges
     for row, column in np.argwhere(loose).tolist():
         (left, right), (low, high) = x[column : column + 2].tolist(), y[row : row + 2].tolist()
         ax.add_patch(Rectangle((left, low), right - left, high - low, **look))
-    sample = Patch(hatch=HATCH, facecolor="#8a8a8a", edgecolor="white", lw=0)
+    sample = Patch(hatch=HATCH, facecolor="none", edgecolor=PALETTE["vermillion"], lw=0)
     ax.legend(
         [sample], ["a wheel slips or lifts off"], loc="upper left", bbox_to_anchor=(0, -0.16),
         frameon=False, borderaxespad=0.1,

@@ -1,5 +1,5 @@
 // Explore: one column a rig; sliders ask the server, the server holds the physics.
-import { MachineScene, WHEEL_COLOURS } from "./scene.js";
+import { firstExaggeration, MachineScene, WHEEL_COLOURS } from "./scene.js";
 import { chart } from "./plots.js";
 
 function element(tag, parent, attributes = {}, text = "") {
@@ -19,22 +19,25 @@ async function post(path, body) {
   return result;
 }
 
-// Modes and lines that several wheels share belong to no wheel's colour.
-function lineColour({ kind, wheels }) {
-  if (kind === "mode") return "#333";
-  return wheels.length === 1 ? WHEEL_COLOURS[wheels[0] % 6] : "#6b7785";
+// Modes and lines that several wheels share belong to no wheel's colour; multiples differ by dash.
+const DASHES = [undefined, undefined, [9, 4], [2, 3]], MODE = "#1b1f24", SHARED = "#6b7785";
+function lineOf({ kind, wheels, times, label }) {
+  if (kind === "mode") return { label, colour: MODE, width: 1, named: true };
+  const colour = wheels.length === 1 ? WHEEL_COLOURS[wheels[0] % 6] : SHARED;
+  return { label, colour, width: times === 1 ? 2 : 1.6, dash: DASHES[times] };
 }
 
 class Column {
-  constructor(root, spec, exaggeration) {
+  constructor(root, spec, exaggeration, alone) {
     this.spec = spec;
     this.exaggeration = exaggeration;
     this.values = Object.fromEntries(spec.sliders.map((s) => [s.path, s.value]));
     const panel = element("section", root, { class: "rig", "data-rig": spec.index });
-    element("h2", panel, {}, spec.name);
+    if (alone) document.title = spec.name; else element("h2", panel, {}, spec.name);
     const stage = element("div", panel, { class: "stage" });
     this.scene = new MachineScene(element("canvas", stage), spec.machine);
-    this.figures = element("p", panel, { class: "figures" });
+    this.figures = element("dl", panel, { class: "figures" });
+    this.contacts = element("table", panel, { class: "contacts" });
     this.message = element("p", panel, { class: "message", role: "alert" });
     this.sliders(panel);
     const plots = element("div", panel, { class: "plots" });
@@ -44,16 +47,20 @@ class Column {
       return element("div", box, { class: "plot" });
     };
     this.time = chart(place("Vibration in the long run"), {
-      x: "time / s", y: "|ΔR| / µm", series: [{ label: "|ΔR|", colour: "#0072B2" }],
+      x: "time (s)", y: "|ΔR| (µm)", series: [{ label: "|ΔR|", colour: "#0072B2" }],
     });
     this.passing = [];
-    this.spectrum = chart(place("Order spectrum, each wheel's share; dashed: roller passing"), {
-      x: "order of each wheel's rotation", y: "|ΔR| / µm", bars: true,
+    this.spectrum = chart(place("Order spectrum, the wheels' amplitudes on top of each other"), {
+      x: "order (events a turn of the wheel)", y: "|ΔR| (µm)", stack: true,
       series: spec.machine.wheels.map((w, i) => ({ label: w.name, colour: WHEEL_COLOURS[i % 6] })),
       lines: () => this.passing.map((at) => ({ at, colour: "#888" })),
+      legend: [
+        ...spec.machine.wheels.map((w, i) => ({ label: w.name, colour: WHEEL_COLOURS[i % 6], block: true })),
+        { label: "roller passing", colour: "#888", width: 1, dash: [4, 4] },
+      ],
     });
     this.campbell = null;
-    this.campbellBox = place("Resonances: natural frequencies against roller passing");
+    this.campbellBox = place("Resonances: where roller passing meets a natural frequency");
     this.start = performance.now();
     this.refresh();
     // drawing takes at most a fifth of the time, so that sliders stay quick without a GPU
@@ -67,38 +74,67 @@ class Column {
 
   sliders(panel) {
     const box = element("div", panel, { class: "sliders" });
-    this.inputs = {};
-    for (const s of this.spec.sliders) {
-      const label = element("label", box);
-      element("span", label, {}, s.label);
-      const output = element("output", label, {}, "");
-      const input = element("input", label, {
-        type: "range", min: 0, max: 1, step: s.whole ? 1 / (s.high - s.low) : 0.001, "data-path": s.path,
-      });
-      const toValue = (u) => s.log ? s.low * (s.high / s.low) ** u : s.low + (s.high - s.low) * u;
-      const toSlider = (v) => s.log ? Math.log(v / s.low) / Math.log(s.high / s.low) : (v - s.low) / (s.high - s.low);
-      const write = () => {
-        const v = this.values[s.path];
-        output.textContent = `${s.whole ? Math.round(v) : Number(v.toPrecision(4))} ${s.unit}`;
-      };
-      input.value = toSlider(s.value);
-      input.addEventListener("input", () => {
-        const v = toValue(Number(input.value));
-        this.values[s.path] = s.whole ? Math.round(v) : v;
-        write();
-        this.refresh();
-      });
-      this.inputs[s.path] = input;
+    this.inputs = this.spec.sliders.map((s) => this.slider(box, s));
+    const buttons = element("p", panel, { class: "buttons" });
+    const reset = element("button", buttons, { class: "reset", type: "button" }, "Reset");
+    reset.addEventListener("click", () => {
+      for (const s of this.spec.sliders) this.values[s.path] = s.value;
+      this.inputs.forEach((write) => write());
+      this.refresh();
+    });
+    this.saving(element("button", buttons, { class: "save", type: "button" }, "Save as rig file"));
+  }
+
+  // A slider and a number field of one quantity; returns what writes the value into both.
+  slider(box, s) {
+    const row = element("div", box, { class: "slider" });
+    const words = element("label", row, {}, s.label);
+    const input = element("input", row, {
+      type: "range", min: 0, max: 1, step: s.whole ? 1 / (s.high - s.low) : 0.001, "data-path": s.path,
+      "aria-label": s.label,
+    });
+    const shown = (v) => (s.whole ? Math.round(v) : Number((v * s.factor).toPrecision(4)));
+    const field = element("input", row, {
+      type: "number", step: "any", min: shown(s.low), max: shown(s.high), "data-number": s.path,
+    });
+    element("span", row, { class: "unit" }, s.unit);
+    field.id = `${s.path}-${this.spec.index}`;
+    words.htmlFor = field.id;
+    const toValue = (u) => s.log ? s.low * (s.high / s.low) ** u : s.low + (s.high - s.low) * u;
+    const toSlider = (v) => s.log ? Math.log(v / s.low) / Math.log(s.high / s.low) : (v - s.low) / (s.high - s.low);
+    const write = () => {
+      input.value = toSlider(this.values[s.path]);
+      field.value = shown(this.values[s.path]);
+    };
+    const take = (v) => {
+      this.values[s.path] = s.whole ? Math.round(v) : v;
+      this.refresh();
+    };
+    input.addEventListener("input", () => {
+      take(toValue(Number(input.value)));
+      field.value = shown(this.values[s.path]);
+    });
+    field.addEventListener("change", () => {
+      const given = Number(field.value) / s.factor;
+      if (field.value !== "" && Number.isFinite(given)) take(Math.min(s.high, Math.max(s.low, given)));
       write();
-    }
-    const save = element("button", panel, { class: "save", type: "button" }, "Save as rig file");
-    save.addEventListener("click", async () => {
-      const { text, name } = await post("/api/save", { rig: this.spec.index, values: this.values });
-      const link = document.createElement("a");
-      link.href = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
-      link.download = name;
-      link.click();
-      URL.revokeObjectURL(link.href);
+    });
+    write();
+    return write;
+  }
+
+  saving(button) {
+    button.addEventListener("click", async () => {
+      try {
+        const { text, name } = await post("/api/save", { rig: this.spec.index, values: this.values });
+        const link = document.createElement("a");
+        link.href = URL.createObjectURL(new Blob([text], { type: "text/plain" }));
+        link.download = name;
+        link.click();
+        URL.revokeObjectURL(link.href);
+      } catch (error) {
+        this.message.textContent = String(error.message || error);
+      }
     });
   }
 
@@ -122,25 +158,51 @@ class Column {
   }
 
   show(answer) {
+    if (!this.answer && this.spec.index === 0) {
+      firstExaggeration(answer.machine, 1e-6 * Math.max(...answer.distance), this.exaggeration);
+    }
     this.answer = answer;
     this.scene.setMachine(answer.machine);
-    this.figures.textContent = answer.figures;
+    this.figures.replaceChildren(...answer.figures.map(({ label, value }) => {
+      const pair = document.createElement("div");
+      element("dt", pair, {}, label);
+      element("dd", pair, {}, value);
+      return pair;
+    }));
+    this.showContacts(answer.contacts);
     this.time.setData([answer.t, answer.distance]);
     this.passing = answer.passing;
     this.spectrum.setData([answer.order, ...answer.spectrum]);
     const c = answer.campbell;
     const labels = c.series.map((s) => s.label).join();
+    this.range = c.range;
     if (this.campbellLabels !== labels) {
       if (this.campbell) this.campbell.destroy();
       this.campbellLabels = labels;
-      const colours = c.series.map(lineColour);
+      const series = c.series.map(lineOf);
       this.campbell = chart(this.campbellBox, {
-        x: "speed of the drive / % of the set speeds", y: "frequency / Hz",
-        series: c.series.map((s, i) => ({ label: s.label, colour: colours[i], dash: s.kind === "mode" ? [6, 3] : undefined })),
-        lines: () => [{ at: 100, colour: "#D55E00" }], height: 230,
+        x: "speed (% of the set speeds)", y: "frequency (Hz)", series, log: true, height: 260,
+        range: () => this.range,
+        legend: [...series.filter((s) => !s.named), { label: "natural frequencies", colour: MODE, width: 1 }],
+        lines: () => [{ at: 100, colour: "#57606a", label: "set speeds" }],
       });
     }
     this.campbell.setData([c.scale, ...c.series.map((s) => s.values)]);
+  }
+
+  // By wheel whether its contact holds, with the least normal force and slip margin.
+  showContacts(contacts) {
+    this.contacts.replaceChildren();
+    const head = element("tr", element("thead", this.contacts));
+    for (const word of ["wheel", "contact", "least normal force", "least slip margin"]) element("th", head, { scope: "col" }, word);
+    const body = element("tbody", this.contacts);
+    contacts.forEach((c, i) => {
+      const row = element("tr", body);
+      element("td", row, {}, c.wheel).style.color = WHEEL_COLOURS[i % 6];
+      element("td", row, { class: c.status === "holds" ? "holds" : "loose" }, c.status);
+      element("td", row, {}, c.normal);
+      element("td", row, {}, c.margin);
+    });
   }
 
   animate() {
@@ -163,5 +225,5 @@ export async function explore() {
   exaggeration.addEventListener("input", write);
   write();
   const root = document.getElementById("rigs");
-  for (const spec of specs) new Column(root, spec, exaggeration);
+  for (const spec of specs) new Column(root, spec, exaggeration, specs.length === 1);
 }

@@ -1,5 +1,6 @@
 // Replay of one run: scrubber, speed, exaggeration, the vibration beside the scene.
-import { MachineScene } from "./scene.js";
+import { legend } from "./legend.js";
+import { firstExaggeration, MachineScene, WHEEL_COLOURS } from "./scene.js";
 import { chart } from "./plots.js";
 
 function floats(text) {
@@ -20,11 +21,16 @@ export function replay() {
   const scene = new MachineScene(get("scene"), data.machine);
   const micro = Array.from(t, (_, i) => 1e6 * Math.hypot(...rows("dR", 3, i)));
   let now = 0, playing = false, before = null;
+  const parts = [0, 1, 2].map((k) => Array.from(t, (_, i) => 1e6 * channels.dR[3 * i + k]));
   const plot = chart(get("plot"), {
-    x: "time / s", y: "|ΔR| / µm", series: [{ label: "|ΔR|", colour: "#0072B2" }],
-    lines: () => [{ at: now, colour: "#D55E00" }], height: 210,
+    x: "time (s)", y: "ΔR (µm)", height: 230, lines: () => [{ at: now, colour: "#57606a" }],
+    series: [
+      { label: "x", colour: "#0072B2" }, { label: "y", colour: "#D55E00" }, { label: "z", colour: "#009E73" },
+      { label: "length |ΔR|", colour: "#1b1f24", dash: [6, 3] },
+    ],
   });
-  plot.setData([Array.from(t), micro]);
+  plot.setData([Array.from(t), ...parts, micro]);
+  legend(get("wheels"), data.machine.wheels.map((w, i) => ({ label: `wheel ${w.name}`, colour: WHEEL_COLOURS[i % 6], block: true })));
   const scrub = get("scrub"), exaggeration = get("exaggeration"), speed = get("speed"), play = get("play");
   scrub.max = t.length - 1;
 
@@ -73,5 +79,6 @@ export function replay() {
     if (plot.cursor.idx != null) show(plot.cursor.idx);
   });
   show(0);
+  firstExaggeration(data.machine, 1e-6 * Math.max(...micro), exaggeration);
   tick();
 }
