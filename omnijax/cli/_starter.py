@@ -108,6 +108,7 @@ def _wheel(geometry: Geometry, index: int, numbers: dict[str, float]) -> str:
 
 
 _HEAD = """\
+#:schema ./rig.schema.json
 # A rig file.  SI units; a text may carry another unit: "188.2 kN/m", "1.5 mNm", "80 Ns/m".
 # Lines with `guess` were not told to `omnijax init`: put your machine's numbers there.
 # z points up; x and y are yours, fixed in the platform.  `omnijax check FILE` reads the file.

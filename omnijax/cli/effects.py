@@ -4,6 +4,7 @@ import math
 from typing import Any
 
 from ._options import Json, emit
+from ._table import paragraph
 
 
 def effects(name: str | None = None, /, *, json: Json = False) -> None:
@@ -52,27 +53,13 @@ def _describe(law: Any) -> dict[str, Any]:
 
 
 def _print(rows: list[dict[str, Any]]) -> None:
-    from rich.console import Console
-    from rich.table import Table
-
-    table = Table(
-        "effect", "what it adds", "port", "places", "parameters", box=None, padding=(0, 1)
-    )
+    """A paragraph an effect, of 80 columns on a terminal and in a pipe."""
     for row in rows:
-        parameters = ", ".join(
-            f"{key} {'' if known['unit'] == '1' else known['unit']}".strip()
+        print(paragraph(f"{row['words']}: {row['formula']}", "    ", f"{row['id']}  "))
+        keys = (
+            f"{key}{'' if known['unit'] == '1' else ' ' + known['unit']}"
             + (" (optional)" if known["optional"] else "")
             for key, known in row["parameters"].items()
         )
-        cells = (
-            row["id"],
-            row["formula"],
-            row["port"],
-            ", ".join(row["places"]),
-            parameters or "–",
-        )
-        table.add_row(*cells)
-    console = Console(markup=False, highlight=False)
-    if not console.is_terminal:  # a file or a pipe has no edge to wrap at
-        console = Console(markup=False, highlight=False, width=220)
-    console.print(table)
+        told = f"at {', '.join(row['places'])}; {', '.join(keys) or 'no parameters'}"
+        print(paragraph(f"{told}; port {row['port']}", "      ", "    "))

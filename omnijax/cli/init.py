@@ -95,6 +95,8 @@ def init(
     write_bytes(file, text.encode())
     then = "check" if study is None else study
     print(f"Wrote {file}. Fill in your numbers, then: omnijax {then} {file}")
+    kind, option = ("rig", "") if study is None else ("study", " --study")
+    print(f"For an editor that checks it: omnijax schema{option} > {kind}.schema.json")
 
 
 def _template(name: str) -> str:

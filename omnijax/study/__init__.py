@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from ._file import Study as Study
     from ._file import load_study as load_study
     from ._file import parse_study as parse_study
+    from ._file import study_schema as study_schema
     from ._points import Grid as Grid
     from ._points import LatinHypercube as LatinHypercube
     from ._points import Sobol as Sobol

@@ -4,3 +4,4 @@ from .file import Study as Study
 from .file import load_study as load_study
 from .file import parse_study as parse_study
 from .file import study_of as study_of
+from .schema import study_schema as study_schema

@@ -11,21 +11,17 @@ from .._problem import Variable
 from .read import Reader
 from .study import Case, Load
 
-DISTRIBUTIONS = ("uniform", "normal")
-
 
 def cases(read: Reader, rig: Rig, top: Mapping) -> dict[str, Any]:
     """Drives and loads."""
-    blocks = read.tables(top, "drive", ("name", "speed", "torque", "force"))
+    blocks = top.get("drive", [])
     drives = tuple(_drive(read, rig, block, i) for i, block in enumerate(blocks))
     if len({d.kind for d in drives}) > 1:
         read.say("the [[drive]] tables of one study are all of `speed` or all of `torque`.")
     loads = []
-    for i, block in enumerate(read.tables(top, "load", ("name", "set"))):
-        name = read.text(block, "name", f"load.{i + 1}", f"load {i + 1}")
-        given = block.get("set", {})
-        keys = tuple(given) if isinstance(given, Mapping) else ()
-        values = read.table(given, f"load.{name}.set", keys)
+    for i, block in enumerate(top.get("load", [])):
+        name = block.get("name", f"load {i + 1}")
+        values = block.get("set", {})
         pairs = [(p, _parameter(read, rig, p, v, f"load.{name}.set")) for p, v in values.items()]
         loads.append(Load(name, tuple(pairs)))
     for kind, found in (("drive", drives), ("load", loads)):
@@ -39,7 +35,7 @@ def cases(read: Reader, rig: Rig, top: Mapping) -> dict[str, Any]:
 
 
 def _drive(read: Reader, rig: Rig, block: Mapping, i: int) -> Case:
-    name = read.text(block, "name", f"drive.{i + 1}", f"drive {i + 1}")
+    name = block.get("name", f"drive {i + 1}")
     kind = "torque" if "torque" in block and "speed" not in block else "speed"
     if "torque" in block and "speed" in block:
         read.say(f"`drive.{name}` takes either `speed` or `torque`, not both.")
@@ -87,12 +83,8 @@ def quantity_of(read: Reader, rig: Rig, path: str, where: str, more=()) -> Quant
 def variables(read: Reader, rig: Rig, drives, top: Mapping) -> dict[str, Any]:
     """The variables, and how each is distributed."""
     found, kinds = [], []
-    keys = ("path", "low", "high", "scale", "start", "distribution")
-    for block in read.tables(top, "variable", keys):
-        if "path" not in block:
-            read.say("a [[variable]] needs `path`: a parameter of the rig or its drive.")
-            continue
-        path = str(block["path"])
+    for block in top.get("variable", []):
+        path = block["path"]
         where = f"variable.{path}"
         moved = drive_quantities(drives[0].drive, rig.names) if drives else {}
         quantity = Quantity(moved[path][0]) if path in moved else None
@@ -102,9 +94,9 @@ def variables(read: Reader, rig: Rig, drives, top: Mapping) -> dict[str, Any]:
         low, high = (read.number(block, key, where, quantity) for key in ("low", "high"))
         start = read.value(block["start"], f"{where}.start", quantity) if "start" in block else None
         stiff = path.endswith("stiffness") and "scale" not in block and bool(low)
-        log = stiff or read.choice(block, "scale", where, ("linear", "log")) == "log"
+        log = stiff or block.get("scale") == "log"
         if low is not None and high is not None:
-            kinds.append(read.choice(block, "distribution", where, DISTRIBUTIONS))
+            kinds.append(block.get("distribution", "uniform"))
             whole = quantity.whole
             found.append(Variable(path, low, high, log, whole, quantity.unit, start))
     return {"variables": tuple(found), "distributions": tuple(kinds)}

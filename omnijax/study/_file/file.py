@@ -10,14 +10,10 @@ from ...rig import Quantity, Rig, load_rig
 from .._parameters import checked_parameters
 from .._problem import check_variables
 from .cases import cases, variables
-from .goals import OPTIONS, constraint, objective, search, tolerances
+from .goals import constraint, objective, search, tolerances
+from .problems import checked
 from .read import Reader
 from .study import Study
-
-KEYS = (
-    "rig", "model", "duration", "rate", "rtol", "objective", "drive", "load", "variable",
-    "constraint", "tolerance", "search", "pareto", "limit", "sampling",
-)  # fmt: skip
 
 
 def load_study(path: str | Path) -> Study:
@@ -37,19 +33,16 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
             f'is a rig file, not a study file: a study names it with rig = "{path}".', path
         )
     read = Reader()
-    top = read.table(data, "", KEYS)
+    top, read.problems = checked(data)
     rig = _rig(top.get("rig", "atlas"), path)
-    model = read.choice(top, "model", "", ("coupled", "paper"))
-    fields: dict[str, Any] = {"rig": rig, "model": model}
+    fields: dict[str, Any] = {"rig": rig, "model": top.get("model", "coupled")}
     fields |= cases(read, rig, top)
     fields |= variables(read, rig, fields["drives"], top)
     fields |= objective(read, top.get("objective", {}))
     fields |= tolerances(read, rig, top.get("tolerance", {}))
     fields |= search(read, top)
-    constraints = read.tables(top, "constraint", ("quantity", "min", "max", *OPTIONS))
-    fields["constraints"] = tuple(
-        wanted for block in constraints if (wanted := constraint(read, block)) is not None
-    )
+    limits = (constraint(read, block) for block in top.get("constraint", []))
+    fields["constraints"] = tuple(limit for limit in limits if limit is not None)
     for key, unit in (("duration", "s"), ("rate", "1/s")):
         if key in top:
             fields[key] = read.value(top[key], key, Quantity(unit, above=0), 1.0)
@@ -85,9 +78,7 @@ def _overlaps(rig: Rig, fields: Mapping[str, Any]) -> list[str]:
     return problems
 
 
-def _rig(name: Any, path: str | Path | None) -> Rig:
-    if not isinstance(name, str):
-        raise InputError(f"`rig` must be a rig file or a bundled rig, but is {name!r}.", path)
+def _rig(name: str, path: str | Path | None) -> Rig:
     beside = Path("." if path is None else Path(path).parent) / name
     return load_rig(beside if beside.exists() else name)
 

@@ -9,8 +9,6 @@ from .._constraints import QUANTITIES, Wanted
 from .cases import quantity_of
 from .read import Reader
 
-OPTIONS = ("orders", "youngs_modulus", "poisson_ratio")  # of a constraint
-
 
 def _metric(read: Reader, name: Any, where: str) -> str:
     problem = metric_problem(name)
@@ -22,14 +20,13 @@ def _metric(read: Reader, name: Any, where: str) -> str:
     return name
 
 
-def objective(read: Reader, given: Any) -> dict[str, Any]:
+def objective(read: Reader, table: Mapping) -> dict[str, Any]:
     """Which metrics count how much, over the cases and over tolerances."""
-    table = read.table(given, "objective", ("metric", "weights", "over", "spread", "sigmas"))
     if "metric" in table and "weights" in table:
         read.say("`objective` takes either `metric` or `weights`, not both.")
     weights = table.get("weights", {table.get("metric", "rms"): 1.0})
-    if not isinstance(weights, Mapping) or not weights:
-        read.say(f"`objective.weights` must be a table of metrics, but is {weights!r}.")
+    if not weights:
+        read.say("`objective.weights` names no metric.")
         weights = {"rms": 1.0}
     where = "objective.weights" if "weights" in table else "objective.metric"
     pairs = tuple(
@@ -38,16 +35,14 @@ def objective(read: Reader, given: Any) -> dict[str, Any]:
     )
     return {
         "weights": pairs,
-        "over": read.choice(table, "over", "objective", ("worst", "mean")),
-        "spread": read.choice(table, "spread", "objective", ("worst", "mean+sigma")),
+        "over": table.get("over", "worst"),
+        "spread": table.get("spread", "worst"),
         "sigmas": read.number(table, "sigmas", "objective", Quantity("1", low=0), 3.0),
     }
 
 
-def tolerances(read: Reader, rig: Rig, given: Any) -> dict[str, Any]:
+def tolerances(read: Reader, rig: Rig, table: Mapping) -> dict[str, Any]:
     """Relative half widths of parts, and how many draws of them."""
-    keys = ("draws", *(given if isinstance(given, Mapping) else ()))
-    table = read.table(given, "tolerance", keys)
     draws = read.whole(table, "draws", "tolerance", 2, 16)
     pairs = []
     for path, value in table.items():
@@ -61,12 +56,9 @@ def tolerances(read: Reader, rig: Rig, given: Any) -> dict[str, Any]:
 
 def search(read: Reader, top: Mapping) -> dict[str, Any]:
     """Everything about how the answer is looked for."""
-    search = read.table(
-        top.get("search", {}), "search", ("starts", "seed", "batch", "stochastic_steps")
+    search, front, limit, sampling = (
+        top.get(key, {}) for key in ("search", "pareto", "limit", "sampling")
     )
-    front = read.table(top.get("pareto", {}), "pareto", ("metrics", "points"))
-    limit = read.table(top.get("limit", {}), "limit", ("metric", "max", "confidence"))
-    sampling = read.table(top.get("sampling", {}), "sampling", ("samples",))
     metrics = front.get("metrics", [])
     if metrics and (not isinstance(metrics, list) or len(metrics) not in {2, 3}):
         read.say(f"`pareto.metrics` must be a list of 2 or 3 metrics, but is {metrics!r}.")

@@ -1,0 +1,115 @@
+"""The JSON Schema of study files accepts what the reader accepts, and both refuse the same."""
+
+import copy
+import tomllib
+from importlib import resources
+
+import jsonschema
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from omnijax.rig import InputError
+from omnijax.study import parse_study, study_schema
+
+VALIDATOR = jsonschema.Draft202012Validator(study_schema())
+KINDS = ("design", "pareto", "tolerances", "global-sensitivity")
+
+
+def template(kind: str) -> str:
+    folder = resources.files("omnijax") / "rig" / "data" / "template"
+    return (folder / f"{kind}.toml").read_text(encoding="utf-8")
+
+
+def test_it_is_a_schema():
+    jsonschema.Draft202012Validator.check_schema(study_schema())
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_init_writes_is_valid_and_names_its_schema(kind):
+    text = template(kind)
+    assert text.startswith("#:schema ./study.schema.json\n")
+    VALIDATOR.validate(tomllib.loads(text))
+    assert parse_study(tomllib.loads(text)).drives
+
+
+FULL = {
+    "rig": "atlas", "model": "coupled", "rtol": 1e-6,
+    "objective": {"weights": {"rms": 1.0, "peak": 0.5}, "over": "mean", "sigmas": 2},
+    "drive": [{"name": "slow", "speed": [3.0, "30 rpm", 7.3], "force": [0, 0, "1 N"]}],
+    "load": [{"name": "heavy", "set": {"sphere.mass": 300.0}}],
+    "variable": [{"path": "contact.stiffness", "low": 5e4, "high": "1 MN/m", "scale": "log"}],
+    "constraint": [{"quantity": "slip_margin", "min": "5 N"}],
+    "tolerance": {"draws": 8, "wheel.roundness": 0.1},
+    "search": {"starts": 4, "seed": 1}, "pareto": {"metrics": ["rms", "peak"], "points": 5},
+    "limit": {"metric": "rms", "max": "1 mm"}, "sampling": {"samples": 64},
+}  # fmt: skip
+
+
+def places(data, path=()):
+    """Every table of the file: the path that leads there."""
+    if isinstance(data, dict):
+        yield path
+        for key, value in data.items():
+            yield from places(value, (*path, key))
+    elif isinstance(data, list):
+        for i, value in enumerate(data):
+            yield from places(value, (*path, i))
+
+
+CLOSED = [p for p in places(FULL) if "set" not in p and "weights" not in p and "tolerance" not in p]
+
+
+def at(data, path):
+    for part in path:
+        data = data[part]
+    return data
+
+
+def test_the_whole_file_is_right():
+    VALIDATOR.validate(FULL)
+    assert parse_study(FULL).pareto == ("rms", "peak")
+
+
+@given(st.data())
+def test_a_wrong_key_anywhere_is_refused_by_both_and_named(data):
+    path = data.draw(st.sampled_from(CLOSED))
+    keys = [key for key in at(FULL, path) if isinstance(key, str)]
+    key = data.draw(st.sampled_from(keys)) + "x"
+    wrong = copy.deepcopy(FULL)
+    at(wrong, path)[key] = 1
+    assert not VALIDATOR.is_valid(wrong)
+    with pytest.raises(InputError, match=f"{key}` is not a key of a study file. Did you mean"):
+        parse_study(wrong)
+
+
+@given(st.data())
+def test_a_wrong_kind_anywhere_is_refused_by_both_and_named(data):
+    path = data.draw(st.sampled_from([p for p in places(FULL) if p]))
+    wrong = copy.deepcopy(FULL)
+    at(wrong, path[:-1])[path[-1]] = 5
+    assert not VALIDATOR.is_valid(wrong)
+    with pytest.raises(InputError, match="must be a table, but is 5"):
+        parse_study(wrong)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        (("search", "starts"), 0, r"`search.starts` must lie in \[1, inf\), but is 0"),
+        (("model",), "couple", "`model` must be one of coupled, paper, but is 'couple'. Did you"),
+        (("objective", "over"), "wors", "`objective.over` must be one of worst, mean, but is"),
+        (("objective", "weights", "rmss"), 1, "`rmss` is no metric. Did you mean `rms`"),
+        (("drive",), 5, r"`drive` must be a list of tables \(\[\[drive\]\]\), but is 5."),
+        (("drive", 0, "name"), "", "`drive.1.name` must be printable text|`drive..name` must be"),
+        (("variable", 0, "scale"), "ln", "`variable.contact.stiffness.scale` must be one of"),
+        (("limit", "confidence"), 2, r"`limit.confidence` must lie in \(0, 0.9999\]"),
+        (("rtol",), 1, r"`rtol` must lie in \(0, 0.001\]"),
+    ],
+)
+def test_wrong_values_are_told_by_place_and_refused_by_the_schema(path, value, message):
+    wrong = copy.deepcopy(FULL)
+    at(wrong, path[:-1])[path[-1]] = value
+    assert not VALIDATOR.is_valid(wrong)
+    with pytest.raises(InputError, match=message):
+        parse_study(wrong)
