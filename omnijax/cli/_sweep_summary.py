@@ -2,6 +2,8 @@
 
 from typing import Any
 
+from ._table import paragraph
+
 SHOWN = 5  # failed designs that are listed
 
 
@@ -13,6 +15,7 @@ def summarise(result: Any) -> dict[str, Any]:
         if index is not None:
             best[name] = {"design": index, "unit": result.unit(name)} | result.design(index)
             best[name]["status"] = result.status(index)
+            best[name]["left_out"] = result.left_out(name)
     return {
         "designs": result.size,
         "method": result.spec.method,
@@ -29,16 +32,14 @@ def show(result: Any, summary: dict[str, Any]) -> None:
     from .._status import FAILED
     from ..study import status_text
 
-    print(f"{summary['designs']} designs by {summary['why']}.")
+    print(paragraph(f"{summary['designs']} designs by {summary['why']}."))
     print(f"status: {status_text(summary['status'])}")
     for name, found in summary["best"].items():
         at = ", ".join(
             f"{path} = {found[path]:.6g}{'' if unit == '1' else f' {unit}'}"
             for path, unit, _ in result.spec.vary
         )
-        doubt = "" if found["status"] == "ok" else f", {found['status']}"
-        print(f"best {name}: {found[name]:.6g} {found['unit']} at {at} ", end="")
-        print(f"(design {found['design']}{doubt})")
+        print(paragraph(_best(name, found, at), "  "))
     for entry in summary["failed"]:
         print(f"design {entry['design']} failed; again: {entry['rerun']}")
     more = sum(summary["status"].get(k, 0) for k in (x.text for x in FAILED))
@@ -50,3 +51,15 @@ def show(result: Any, summary: dict[str, Any]) -> None:
         print(f"report: {summary['report']}")
     if summary["out"]:
         print(f"store: {summary['out']}")
+
+
+def _best(name: str, found: dict[str, Any], at: str) -> str:
+    """The best design in a sentence, and what it is worth."""
+    from .._text import amount
+
+    told = f"best {name}: {amount(found[name], found['unit'])} at {at} (design {found['design']})"
+    if found["status"] != "ok":
+        return f"{told}: {found['status']}, as every design with a figure slips or lifts off"
+    if found["left_out"]:
+        return f"{told}; {found['left_out']} with a better figure slip or lift off: left out"
+    return told

@@ -139,6 +139,18 @@ class SweepResult:
             if (axis.count or 0) > 2 and axis.level(k) in (axis.levels().min(), axis.levels().max())
         ]  # fmt: skip
 
+    def left_out(self, metric: str) -> int:
+        """Number of designs whose `metric` betters that of `best`, but which slip or lift off."""
+        from ...vibration import METRICS
+
+        best = self.best(metric)
+        if best is None:
+            return 0
+        sign = 1.0 if metric not in METRICS or METRICS[metric].smaller_is_better else -1.0
+        level = sign * self.design(best)[metric]
+        ends = ((i, min(i + BLOCK, self.size)) for i in range(0, self.size, BLOCK))
+        return sum(int(np.sum(sign * self.store.read(metric, a, b) < level)) for a, b in ends)
+
     def command(self, index: int) -> str:
         """The command that evaluates one design again, from the store alone."""
         folder = "sweep.zarr" if self.store.folder is None else str(self.store.folder)
