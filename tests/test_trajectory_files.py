@@ -149,7 +149,7 @@ def test_wrong_files_are_refused(run, tmp_path):
         run.save(tmp_path / "run.txt")
     with pytest.raises(InputError, match=r"no such file"):
         Trajectory.load(tmp_path / "run.nc")
-    with pytest.raises(InputError, match=r"is a recording: read it with"):
+    with pytest.raises(InputError, match=r"is a recording, not a run"):
         Trajectory.load(run.save(tmp_path / "run.csv"))
     (tmp_path / "bad.nc").write_bytes(b"no")
     with pytest.raises(InputError, match=r"bad\.nc: is not a run of omnijax"):

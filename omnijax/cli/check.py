@@ -6,22 +6,27 @@ from ._options import Json, emit
 
 
 def check(rig: str, /, *, json: Json = False) -> int:
-    """Check a rig file: a summary of the machine, or every error at once.
+    """Check a rig file or a study file: what it says in a summary, or every error at once.
 
     Example: omnijax check atlas
+
+    Example: omnijax check study.toml
 
     Parameters
     ----------
     rig
-        A rig file, the name of a bundled rig (atlas, atlas-tripod), or a machine file.
+        A rig file, the name of a bundled rig (atlas, atlas-tripod), a machine file, or a study.
     """
     from .._consent import law_files
     from .._errors import InputError
     from ..rig import load_rig, rig_notes
     from ._axis import check_machine, is_machine
+    from ._study import check_study, is_study
 
     if is_machine(rig):
         return check_machine(rig, json)
+    if is_study(rig):
+        return check_study(rig, json)
     try:
         with law_files("read"):  # a law file is a program: its declaration is read, nothing is run
             machine = load_rig(rig)

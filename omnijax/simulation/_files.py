@@ -66,7 +66,10 @@ def load_run(path: str | Path) -> Trajectory:
     """
     path = Path(path)
     if check_suffix(path) != ".nc":
-        raise InputError(f"{path.name} is a recording: read it with `omnijax.read_recording`.")
+        raise InputError(
+            f"{path.name} is a recording, not a run: runs are the .nc files of "
+            "`omnijax simulate --out` (in Python, `omnijax.read_recording` reads recordings)."
+        )
     data = load_netcdf(path, "a run of omnijax")
     try:
         return _from_dataset(data)
