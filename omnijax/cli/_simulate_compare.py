@@ -47,19 +47,19 @@ def differences(run: Any, rig: Any, measured: Any) -> dict[str, Any]:
     return found
 
 
-def lay_over(axes: Any, measured: Any, rig: Any) -> None:
+def lay_over(axes: Any, run: Any, measured: Any) -> None:
     """The measured channels as dots in the colour of the simulated line that they belong to."""
     import numpy as np
 
-    from .._plot import COLOURS, SCALES
-    from ..simulation import Trajectory
+    from .._plot import COLOURS
+    from ..simulation import channel_scale
 
     time = np.asarray(measured.time) - measured.time[0]
     few = max(1, len(time) // 400)
     for ax, group in zip(axes, PANELS, strict=True):
         if group is None or group not in measured.groups:
             continue
-        factor = SCALES.get(Trajectory.UNITS[group], (1.0, ""))[0]
+        factor, _ = channel_scale(run, group)
         values = factor * measured.group(group)
         for i in range(3):
             label = "measured" if i == 0 else None

@@ -235,7 +235,7 @@ def _plot(run: Any, name: str, rig: Any, path: Path, measured: Any) -> Path:
         picture, axes = figure(4)
         plot_run(run, axes)
         if measured is not None:
-            lay_over(axes, measured, rig)
+            lay_over(axes, run, measured)
         axes[0].set_title(Path(name).stem if run.ok else f"{Path(name).stem}: {run.message()}")
         picture.savefig(part, dpi=150)
     return path

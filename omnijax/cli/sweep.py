@@ -122,9 +122,11 @@ def _run(
 
 
 def _plot(result: Any, file: Path) -> Path:
+    from ..report import style
+
     metric = result.spec.metrics[0]
     flat = len(result.shape) < 2
-    ax = result.plot_lines(metric) if flat else result.plot_heatmap(metric)
-    with writing(file) as part:
+    with writing(file) as part, style():
+        ax = result.plot_lines(metric) if flat else result.plot_heatmap(metric)
         ax.figure.savefig(part, dpi=150)
     return file

@@ -23,11 +23,11 @@ def elastic(study: Study) -> Figure:
             printed = 1e6 * np.asarray(lengths(run.printed))
             ax.plot(t, size, color=COLOURS[0], linewidth=0.8, label="impulses kept")
             ax.plot(t, printed, color=COLOURS[1], linewidth=1.0, label="as printed")
-            ax.set(ylabel="elastic part / µm", xlim=(0, t[-1]), ylim=(0, 1.08 * largest))
+            ax.set(ylabel="elastic part (µm)", xlim=(0, t[-1]), ylim=(0, 1.08 * largest))
             ax.set_title(f"C = {damping:g} N s/m", loc="right", fontweight="normal", pad=4)
             data |= {"t / s": t[::8], f"elastic C={damping:g} / µm": size[::8]}
             data[f"as printed C={damping:g} / µm"] = printed[::8]
-        axes[-1].set_xlabel("time / s")
+        axes[-1].set_xlabel("time (s)")
         legend_above(axes[0])
     caption = (
         "Figure 11. Size of the elastic part |Σ(Δ+δ)r̂| from rest for three contact dampings, with "
@@ -58,8 +58,8 @@ def roundness(study: Study) -> Figure:
             data[f"peak C={damping:g} / m"] = scan.peak[i][:, 0]
             data[f"elastic peak C={damping:g} / m"] = scan.peak_elastic[i][:, 0]
         top.plot(eta, 1e6 * rigid, color=MUTED, linestyle="--", label="√3 Δr_w")
-        top.set(ylabel="peak |ΔR| / µm", ylim=(0, None))
-        bottom.set(ylabel="peak elastic part / µm", xlabel="roundness ratio η", ylim=(0, None))
+        top.set(ylabel="peak |ΔR| (µm)", ylim=(0, None))
+        bottom.set(ylabel="peak elastic part (µm)", xlabel="roundness ratio η", ylim=(0, None))
         legend_above(top)
         fig.align_ylabels()
     caption = (
@@ -88,10 +88,10 @@ def spectrum(study: Study, spectra: dict[float, tuple[np.ndarray, np.ndarray]]) 
             top = np.argmax(y)
             ax.vlines(x[top], 0, y[top], color=COLOURS[1], linewidth=3.2)
             ax.plot(x[top], y[top], "v", color=COLOURS[1], markersize=7)
-            ax.set(ylabel="ΔR / µm", ylim=(0, 1.25 * y[top]), xlim=(0, 160))
+            ax.set(ylabel="ΔR (µm)", ylim=(0, 1.25 * y[top]), xlim=(0, 160))
             ax.set_title(f"η = {eta:g}", loc="right", fontweight="normal", pad=3)
             data |= {"rate / rad/s": x, f"dR eta={eta:g} / µm": y}
-        axes[-1].set_xlabel("angular frequency / rad s⁻¹")
+        axes[-1].set_xlabel("angular frequency (rad/s)")
     caption = (
         "Figure 13. Lines of ΔR that the fastest wheel (1.2 rad/s) raises, C = 8500 N s/m. Their "
         "spacing n ω = 16.8 rad/s never changes; which line is the strongest (marked) does: the "
@@ -121,9 +121,9 @@ def stiffness(study: Study) -> Figure:
             data[f"elastic peak C={damping:g} / m"] = scan.peak_elastic[i][:, 0]
         for ax in (top, bottom):
             ax.axvline(own, color=MUTED, linestyle="--", linewidth=1)
-        top.set(ylabel="peak |ΔR| / µm", xscale="log", ylim=(0, None))
+        top.set(ylabel="peak |ΔR| (µm)", xscale="log", ylim=(0, None))
         bottom.set_yscale("log")
-        bottom.set(ylabel="peak elastic part / µm", xlabel="contact stiffness K / kN m⁻¹")
+        bottom.set(ylabel="peak elastic part (µm)", xlabel="contact stiffness K (kN/m)")
         legend_above(top)
         fig.align_ylabels()
     caption = (

@@ -19,7 +19,7 @@ def velocity(study: Study) -> Figure:
             slope = (t @ omega[:, i]) / (t @ t)
             ax.plot(t[::20], slope * t[::20], "o", color=COLOURS[i], markersize=4)
         ax.plot([], [], "o", color=MUTED, markersize=4, label="straight line")
-        ax.set(xlabel="time / s", ylabel="angular velocity / rad s⁻¹", xlim=(0, t[-1]))
+        ax.set(xlabel="time (s)", ylabel="angular velocity (rad/s)", xlim=(0, t[-1]))
         legend_above(ax)
     data = {"t / s": t} | {f"Omega_{a} / rad/s": omega[:, i] for i, a in enumerate(AXES)}
     caption = (
@@ -39,7 +39,7 @@ def path(study: Study) -> Figure:
             factor = (t**2 @ place[:, i]) / (t**2 @ t**2)
             ax.plot(t[::20], factor * t[::20] ** 2, "o", color=COLOURS[i], markersize=4)
         ax.plot([], [], "o", color=MUTED, markersize=4, label="parabola")
-        ax.set(xlabel="time / s", ylabel="position / m", xlim=(0, t[-1]))
+        ax.set(xlabel="time (s)", ylabel="position (m)", xlim=(0, t[-1]))
         legend_above(ax)
     data = {"t / s": t} | {f"R_l_{a} / m": place[:, i] for i, a in enumerate(AXES)}
     caption = (
@@ -59,7 +59,7 @@ def attitude(study: Study) -> Figure:
         for i in range(4):
             top.plot(t, q[:, i], color=COLOURS[i], label=f"q{i}")
             bottom.plot(turn, q[:, i], color=COLOURS[i])
-        top.set(xlabel="time / s", ylabel="quaternion", xlim=(0, t[-1]), ylim=(-1.05, 1.05))
+        top.set(xlabel="time (s)", ylabel="quaternion", xlim=(0, t[-1]), ylim=(-1.05, 1.05))
         bottom.set(
             xlabel="turns of the sphere",
             ylabel="quaternion",
@@ -85,13 +85,13 @@ def rigid(study: Study) -> Figure:
         fig, axes = figure(4, height=7.2)
         for i, (axis, ax) in enumerate(zip(AXES, axes, strict=False)):
             ax.plot(c.t[::6], 1e3 * c.rigid[::6, i], color=COLOURS[i], linewidth=1.2)
-            ax.set(ylabel=f"ΔR_{axis} / mm", ylim=(-1.15 * depth, 1.15 * depth))
+            ax.set(ylabel=f"ΔR_{axis} (mm)", ylim=(-1.15 * depth, 1.15 * depth))
         last = axes[3]
         last.plot(c.t[::6], size[::6], color=INK, linewidth=1.0)
         for level, text in ((depth, "Δr_w"), (np.sqrt(3) * depth, "√3 Δr_w")):
             last.axhline(level, color=MUTED, linestyle="--", linewidth=1)
             last.text(end, float(level) + 0.02, text, ha="right", va="bottom", color=MUTED)
-        last.set(ylabel="|ΔR| / mm", xlabel="time / s", xlim=(0, c.t[-1]), ylim=(0, 2.2 * depth))
+        last.set(ylabel="|ΔR| (mm)", xlabel="time (s)", xlim=(0, c.t[-1]), ylim=(0, 2.2 * depth))
         fig.align_ylabels()
     data = {"t / s": c.t[::8]} | {f"rigid_{a} / m": c.rigid[::8, i] for i, a in enumerate(AXES)}
     caption = (

@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, Locator, LogFormatter, LogLocator, MaxNLocator
 
+from .._text import label
 from ._style import raised, superscript
 
 UNITS = ("rpm", "rad/s", "Hz", "orders")
-WORDS = {"rpm": "rpm", "rad/s": "rad s⁻¹", "Hz": "Hz", "orders": "orders"}
 
 
 @dataclass(frozen=True)
@@ -96,11 +96,11 @@ def shown_in(fig: Figure, axis: SpeedAxis, unit: str) -> Iterator[None]:
     for ax in panels:
         _in_unit(ax, axis.factor(unit))
     lowest = min(panels, key=lambda ax: ax.get_position().y0)
-    lowest.set_xlabel(f"{axis.label} / {WORDS[unit]}")
+    lowest.set_xlabel(label(axis.label, "" if unit == "orders" else unit))
     try:
         yield
     finally:
-        for ax, locator, formatter, label in before:
+        for ax, locator, formatter, words in before:
             ax.xaxis.set_major_locator(locator)
             ax.xaxis.set_major_formatter(formatter)
-            ax.set_xlabel(label)
+            ax.set_xlabel(words)

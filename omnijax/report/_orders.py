@@ -75,9 +75,10 @@ def strongest_orders(
         rows.append([order, factor * level, hertz, _meaning(order, passing or {}, resolution)])
     columns = [
         Column("order"), Column(f"{found.kind} amplitude", unit),
-        Column("frequency / Hz", text=True), Column("what repeats so often", text=True),
+        Column("frequency", "Hz", text=True, minor=True),
+        Column("what repeats so often", text=True),
     ]  # fmt: skip
-    return Table(columns, rows, "strongest-orders", f"Orders of {found.reference}.", stacked=True)
+    return Table(columns, rows, "strongest-orders", f"Orders of {found.reference}.")
 
 
 def _meaning(order: float, passing: Mapping[str, float], resolution: float) -> str:
@@ -124,7 +125,8 @@ def _map(found: OrderMap, factor: float, unit: str) -> list[Figure]:
         for name, caption, draw, height in (
             ("order-map", "Amplitude over orders and time; cells above 1 % in the CSV.",
              found.plot, 4.4),
-            ("waterfall", "One spectrum above the other.", found.plot_waterfall, 5.0),
+            ("waterfall", "One spectrum above the other; the bar at the right is the scale.",
+             found.plot_waterfall, 5.0),
         ):  # fmt: skip
             fig, (ax,) = figure(height=height)
             draw(ax=ax)

@@ -10,64 +10,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-import matplotlib as mpl
-from cycler import cycler
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from .._plot import COLOURS, MUTED
+from .._plot import INK as INK
+from .._plot import style as style
 
-INK, RULE = "#1b1f24", "#d8dde3"
 WIDTH, NARROW = 7.2, 4.3  # inches: on a page, and on a telephone
 NARROW_LETTERS = 34  # of a title there
-
-RC: dict[Any, Any] = {
-    "font.family": "sans-serif",
-    "font.sans-serif": ["DejaVu Sans"],
-    "font.size": 11.0,
-    "axes.titlesize": 11.5,
-    "axes.titleweight": "bold",
-    "axes.titlelocation": "left",
-    "axes.titlecolor": INK,
-    "axes.labelsize": 11.0,
-    "axes.labelcolor": INK,
-    "axes.edgecolor": MUTED,
-    "axes.linewidth": 0.8,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "axes.axisbelow": True,
-    "axes.prop_cycle": cycler(color=COLOURS),
-    "axes.formatter.use_mathtext": False,
-    "axes.formatter.useoffset": False,
-    "axes.unicode_minus": True,
-    "grid.color": RULE,
-    "grid.linewidth": 0.7,
-    "text.color": INK,
-    "text.parse_math": False,  # a name with dollars stays that name
-    "xtick.color": MUTED,
-    "ytick.color": MUTED,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
-    "xtick.labelsize": 10.0,
-    "ytick.labelsize": 10.0,
-    "lines.linewidth": 1.6,
-    "legend.frameon": False,
-    "legend.fontsize": 10.0,
-    "figure.facecolor": "white",
-    "savefig.facecolor": "white",
-    "path.simplify": True,
-    "path.simplify_threshold": 0.3,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "omnijax",
-}
-
-
-@contextmanager
-def style() -> Iterator[None]:
-    """Matplotlib's settings of the product, for the block only."""
-    with mpl.rc_context(RC):
-        yield
 
 
 def figure(

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from ._padding import STEPPED_PIECE as STEPPED_PIECE
     from ._padding import Gathered as Gathered
     from ._padding import bytes_a_sample as bytes_a_sample
+    from ._plots import channel_scale as channel_scale
     from ._plots import plot_run as plot_run
     from ._sensors import drive_from_recording as drive_from_recording
     from ._sensors import measured as measured

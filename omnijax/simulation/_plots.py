@@ -4,23 +4,25 @@ from typing import Any
 
 import numpy as np
 
-from .._plot import COLOURS, SCALES, new_axes
+from .._plot import COLOURS, SCALES, new_axes, styled
 from ._trajectory import PER_WHEEL, Trajectory
 
 LABELS = {"dR": "ΔR", "dR_elastic": "elastic ΔR", "theta": "θ", "Omega": "Ω", "omega": "ω"}
 LARGE = ("R_l", "V_l")  # the platform's way is metres, not micrometres
 
 
+@styled
 def plot_displacement(trajectory: Trajectory, *, ax: Any = None) -> Any:
     """Components and length of ΔR in µm over time; returns the axes."""
     ax = plot_channel(trajectory, "dR", ax=ax)
-    factor, _ = _scale("m", trajectory.dR)
+    factor, _ = channel_scale(trajectory, "dR")
     size = factor * np.asarray(trajectory.distance)
     ax.plot(trajectory.t, size, color="#222222", lw=1.0, ls="--", label="|ΔR|")
     _legend(ax)
     return ax
 
 
+@styled
 def plot_channel(trajectory: Trajectory, name: str, *, ax: Any = None) -> Any:
     """One channel over time, one line a component or wheel; returns the axes.
 
@@ -29,9 +31,8 @@ def plot_channel(trajectory: Trajectory, name: str, *, ax: Any = None) -> Any:
     if name not in trajectory.UNITS or name == "t":
         raise ValueError(f"`name` must be one of {sorted(trajectory.UNITS)}, but is {name!r}.")
     ax = new_axes(ax, 3.2)
-    unit = trajectory.UNITS[name]
     values = getattr(trajectory, name)
-    factor, shown = (1.0, unit) if name in LARGE else _scale(unit, values)
+    factor, shown = channel_scale(trajectory, name)
     values = factor * np.asarray(values)
     ends = "xyz" if values.shape[1] == 3 and name not in PER_WHEEL else trajectory.names
     ends = "wxyz" if name == "attitude" else ends
@@ -50,8 +51,11 @@ def plot_channel(trajectory: Trajectory, name: str, *, ax: Any = None) -> Any:
     return ax
 
 
-def _scale(unit: str, values: Any) -> tuple[float, str]:
-    """Factor and unit of an axis: micrometres, but what is larger in mm or m."""
+def channel_scale(trajectory: Trajectory, name: str) -> tuple[float, str]:
+    """Factor and unit of a channel's axis: micrometres, but what is larger in mm or m."""
+    unit, values = trajectory.UNITS[name], getattr(trajectory, name)
+    if name in LARGE:
+        return 1.0, unit
     largest = float(np.max(np.abs(np.asarray(values)), where=np.isfinite(values), initial=0.0))
     if unit == "m" and largest >= 3e-3:
         return (1e3, "mm") if largest < 3 else (1.0, "m")
@@ -67,6 +71,7 @@ def _legend(ax: Any) -> None:
     )  # fmt: skip
 
 
+@styled
 def figure_of_run(trajectory: Trajectory) -> Any:
     """A figure with the four panels of `plot_run`."""
     from matplotlib.figure import Figure

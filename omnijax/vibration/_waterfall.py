@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from .._plot import COLOURS, SCALES, new_axes
+from .._plot import COLOURS, PALETTE, SCALES, new_axes, styled
 
 OVER = {"time": "time (s)", "speed": "speed (rpm)"}
 
@@ -22,11 +22,16 @@ def _label(result: Any) -> tuple[float, str]:
     return factor, f"{name_of(result.channel)}, {result.kind} ({unit})"
 
 
+def _unit(result: Any) -> str:
+    return SCALES.get(result.unit, (1.0, result.unit))[1]
+
+
 def name_of(channel: str) -> str:
     """The channel as it is written in formulas."""
     return "|ΔR|" if channel == "distance" else channel.replace("dR", "ΔR")
 
 
+@styled
 def plot_map(result: Any, *, ax: Any = None, over: str = "time") -> Any:
     """Orders to the right, time or speed upwards, amplitude as colour; grey cannot be told."""
     ax = new_axes(ax)
@@ -46,6 +51,7 @@ def plot_map(result: Any, *, ax: Any = None, over: str = "time") -> Any:
     return ax
 
 
+@styled
 def plot_spectrum(result: Any, *, ax: Any = None) -> Any:
     """The whole run's amplitude over the orders; returns the axes."""
     ax = new_axes(ax)
@@ -57,10 +63,11 @@ def plot_spectrum(result: Any, *, ax: Any = None) -> Any:
     return ax
 
 
+@styled
 def plot_waterfall(result: Any, *, ax: Any = None, count: int = 24) -> Any:
     """Up to `count` spectra, each above the one before it; the scale stands beside the first."""
     ax = new_axes(ax)
-    factor, label = _label(result)
+    factor, _ = _label(result)
     pick = np.unique(np.linspace(0, len(result.time) - 1, count).astype(int))
     shown = factor * result.amplitude[pick]
     top = np.nanmax(shown, initial=0.0) or 1.0
@@ -73,10 +80,17 @@ def plot_waterfall(result: Any, *, ax: Any = None, count: int = 24) -> Any:
         ax.plot(result.orders, line, color=COLOURS[0], lw=0.9, zorder=-i)
     ax.set_xlabel(f"order of {result.reference}")
     ax.set_ylabel("time (s)")
-    ax.set_title(f"{label}; 1 s upwards is {1 / height:.3g}")
+    ax.set_title(f"{name_of(result.channel)} at {len(pick)} times")
+    size = float(f"{0.6 * top:.1g}")  # a bar as long as a round amplitude
+    edge = 1.02 * result.orders[-1]
+    ax.plot([edge, edge], [result.time[pick[0]], result.time[pick[0]] + height * size], lw=3,
+            color=PALETTE["black"], clip_on=False, solid_capstyle="butt")  # fmt: skip
+    ax.annotate(f" {size:g} {_unit(result)}", (edge, result.time[pick[0]] + height * size / 2),
+                va="center", annotation_clip=False)  # fmt: skip
     return ax
 
 
+@styled
 def plot_track(result: Any, *, ax: Any = None, over: str = "time") -> Any:
     """Amplitude of each order; dashed where the sampling alone cannot tell it from another."""
     ax = new_axes(ax)

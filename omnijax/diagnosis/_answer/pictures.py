@@ -5,13 +5,14 @@ from typing import Any
 import numpy as np
 
 from ..._html import html_table
-from ..._plot import PALETTE, new_axes
+from ..._plot import PALETTE, new_axes, styled
 from .result import Diagnosis
 
 BLUE, ORANGE, GREY = PALETTE["blue"], PALETTE["vermillion"], "#777777"
 ENDS = ("noise_floor", "before", "after")
 
 
+@styled
 def plot_gap(found: Diagnosis, *, ax: Any = None) -> Any:
     """Held-out RMS of every output group before and after, over its noise; returns the axes."""
     ax = new_axes(ax, 3.0)
@@ -27,6 +28,7 @@ def plot_gap(found: Diagnosis, *, ax: Any = None) -> Any:
     return ax
 
 
+@styled
 def plot_scores(found: Diagnosis, *, step: int = 1, ax: Any = None) -> Any:
     """What the best candidates of a step would explain, as tangent scores; returns the axes.
 
@@ -47,6 +49,7 @@ def plot_scores(found: Diagnosis, *, step: int = 1, ax: Any = None) -> Any:
     return ax
 
 
+@styled
 def plot_where(found: Diagnosis, *, ax: Any = None) -> Any:
     """Shares of the residual's power by place, those that do not stand paler; returns the axes."""
     ax = new_axes(ax, 0.9 + 0.26 * max(1, len(found.where)))

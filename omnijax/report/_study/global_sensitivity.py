@@ -46,9 +46,9 @@ def _table(found: GlobalSensitivity, m: int) -> Table:
     name = found.metrics[m]
     both = np.stack([found.morris.mu_star[m], found.morris.sigma[m]])
     effects, unit = readable(both, found.units[m])
-    columns = [Column("input", text=True), Column("first order"), Column("± 95 %")]
-    columns += [Column("total"), Column("± 95 %"), Column("bound from gradients")]
-    columns += [Column("Morris μ*", unit), Column("Morris σ", unit)]
+    columns = [Column("input", text=True), Column("first order"), Column("± 95 %", minor=True)]
+    columns += [Column("total"), Column("± 95 %"), Column("bound from gradients", minor=True)]
+    columns += [Column("Morris μ*", unit, minor=True), Column("Morris σ", unit, minor=True)]
     parts = (
         found.sobol.first, found.sobol.first_half, found.sobol.total, found.sobol.total_half,
         found.bound,

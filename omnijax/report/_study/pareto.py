@@ -34,6 +34,6 @@ def _table(found: Front) -> Table:
     variables = zip(found.variables, found.variable_units, strict=True)
     parts = [(n, *readable(found.values[:, m], u)) for m, (n, u) in enumerate(_both(found))]
     parts += [(n, *readable(found.x[:, i], u)) for i, (n, u) in enumerate(variables)]
-    columns = [*(Column(n, unit) for n, _, unit in parts), Column("status", text=True)]
+    columns = [*(Column(n, unit) for n, _, unit in parts), Column("status", text=True, minor=True)]
     rows = [[*(v[i] for _, v, _ in parts), s] for i, s in enumerate(found.status)]
     return Table(columns, rows, "front-designs", "Designs on the front.")

@@ -6,6 +6,8 @@ from .._content import Column, Fact, Provenance, Table, shown
 from .._page import Page
 from .page import answer_page
 
+ROUNDING = 1e-9  # % per %: less is none
+
 
 def sensitivity_page(found: Sensitivity, made: Provenance) -> Page:
     """The page of the result; `made` says what makes it again."""
@@ -25,10 +27,14 @@ def sensitivity_page(found: Sensitivity, made: Provenance) -> Page:
             (f"tornado-{name}", f"What each parameter does to {name}.",
              lambda name=name: found.plot_tornado(name, together=True), data)
         )  # fmt: skip
-    columns = [Column("parameter", text=True), Column("value", text=True)]
+    columns = [Column("parameter", text=True), Column("value", text=True, minor=True)]
     columns += [Column(f"{name}", "% per %") for name in found.metrics]
     rows = [
-        [path, amount(found.values[i], found.units[i]), *found.relative[:, i]]
+        [
+            path,
+            amount(found.values[i], found.units[i]),
+            *(float(x) if abs(x) > ROUNDING else 0.0 for x in found.relative[:, i]),
+        ]
         for i, path in enumerate(found.parameters)
     ]
     facts = [

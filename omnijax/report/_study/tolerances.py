@@ -18,12 +18,12 @@ TIGHTEST = 3  # parts named in the answer
 def tolerances_page(found: Tolerances, made: Provenance) -> Page:
     """The page of the result; `made` says what makes it again."""
     slopes, unit = readable(found.slopes / 100, found.unit)
-    columns = [Column("part", text=True), Column("nominal", text=True)]
+    columns = [Column("part", text=True), Column("nominal", text=True, minor=True)]
     columns += [
-        Column(f"change of {found.metric}", f"{unit} per %"),
-        Column("by derivatives", "± %"),
+        Column(f"change of {found.metric}", f"{unit} per %", minor=True),
+        Column("by derivatives", "± %", minor=True),
     ]
-    columns += [Column("by drawn machines", "± %"), Column("in its unit", text=True)]
+    columns += [Column("by drawn machines", "± %"), Column("in its unit", text=True, unbroken=True)]
     rows = [
         [part, amount(found.values[i], found.units[i]), slopes[i], 100 * found.linear[i],
          100 * found.widths[i], f"± {found.own_width(i)}"]

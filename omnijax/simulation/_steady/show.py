@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ..._html import html_table
-from ..._plot import new_axes
+from ..._plot import COLOURS, new_axes, styled
 from ..._status import Status
 
 
@@ -29,17 +29,22 @@ def html(state: Any) -> str:
     return html_table("Steady state", summary_rows(state), ("figure", "value", "unit"))
 
 
+@styled
 def plot_orders(state: Any, *, ax: Any = None) -> Any:
     """Amplitudes of |dR| in micrometres over the order of each wheel's rotation."""
     ax = new_axes(ax, 3.5)
     amplitude = 1e6 * np.linalg.norm(np.abs(np.asarray(state.spectrum)), axis=-1)
-    order, shift = np.asarray(state.order), np.linspace(-2.0, 2.0, max(len(state.wheel), 2))
-    for signal, wheel in enumerate(state.wheel):
-        shown = order[signal] > 0
-        x = order[signal][shown] + (shift[signal] if len(state.wheel) > 1 else 0.0)
-        ax.vlines(x, 0, amplitude[signal][shown], color=f"C{wheel}", label=state.names[wheel])
+    order, below = np.asarray(state.order), {}
+    for signal, wheel in enumerate(state.wheel):  # on top of each other, each exactly at its order
+        for x, y in zip(order[signal], amplitude[signal], strict=True):
+            if x > 0:
+                foot = below.get(float(x), 0.0)
+                below[float(x)] = foot + float(y)
+                ax.vlines(x, foot, foot + y, color=COLOURS[wheel % len(COLOURS)], lw=3)
+    for wheel in dict.fromkeys(state.wheel):
+        ax.plot([], [], color=COLOURS[wheel % len(COLOURS)], lw=3, label=state.names[wheel])
     ax.set_xlabel("order (multiple of the wheel's rotation)")
-    ax.set_ylabel("|ΔR| / µm")
+    ax.set_ylabel("|ΔR| (µm)")
     ax.set_ylim(bottom=0)
     if state.wheel:
         ax.legend()

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..._plot import PALETTE, new_axes
+from ..._plot import PALETTE, new_axes, styled
 from ..._text import amount, label, scaled
 from .._result import AbstractResult, texts
 
@@ -95,6 +95,7 @@ class Front(AbstractResult):
             int(data.attrs["evaluations"]),
         )  # fmt: skip
 
+    @styled
     def plot_front(self, pair: tuple[int, int] | None = None, ax: Any = None) -> Any:
         """A pair of metrics against each other (the one that conflicts most); a third in colour."""
         ax, (a, b) = new_axes(ax), pair or self.pairs()[0]
@@ -110,6 +111,7 @@ class Front(AbstractResult):
             (c,) = {0, 1, 2} - {a, b}
             dots = ax.scatter(shown[:, a], shown[:, b], c=shown[:, c], cmap="cividis")
             ax.figure.colorbar(dots, ax=ax, label=names[c])
+        ax.locator_params(axis="x", nbins=4)
         ax.set_xlabel(names[a])
         ax.set_ylabel(names[b])
         return ax

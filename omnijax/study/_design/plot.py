@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from ..._plot import MUTED, PALETTE, new_axes
+from ..._plot import MUTED, PALETTE, new_axes, styled
 from ..._text import label, scaled
 
 COLOURS = {
@@ -14,6 +14,7 @@ COLOURS = {
 }  # fmt: skip
 
 
+@styled
 def searches(result: Any, ax: Any = None) -> Any:
     """Where every search ended, by status, best first; the best design as a line."""
     ax = new_axes(ax)
@@ -39,6 +40,7 @@ def searches(result: Any, ax: Any = None) -> Any:
     return ax
 
 
+@styled
 def gain(result: Any, ax: Any = None) -> Any:
     """The rig as it was against the design, in every case, in the objective's unit."""
     names = list(result.was["cases"])
@@ -59,6 +61,7 @@ def gain(result: Any, ax: Any = None) -> Any:
     return ax
 
 
+@styled
 def cases(result: Any, ax: Any = None) -> Any:
     """The objective in every case."""
     names = list(result.cases)

@@ -4,17 +4,20 @@ from typing import Any
 
 import numpy as np
 
-from ..._plot import MUTED, PALETTE, new_axes
+from ..._plot import MUTED, PALETTE, new_axes, styled
 
 BARS = 14
+LEAST = 1e-3  # of the longest bar: shorter ones are left out
 
 
+@styled
 def tornado(result: Any, metric: str, together: bool = False, ax: Any = None) -> Any:
-    """Relative sensitivities as bars, largest on top; what has none is left out."""
+    """Relative sensitivities as bars, largest on top; what has next to none is left out."""
     from ..._text import amount
 
     pairs = result.together(metric) if together else result.column(metric)
-    shown = [(path, value) for path, value in pairs.items() if abs(value) > 1e-6][:BARS]
+    least = LEAST * max(map(abs, pairs.values()), default=0.0)
+    shown = [(path, value) for path, value in pairs.items() if abs(value) > least][:BARS]
     ax = new_axes(ax, 1.4 + 0.27 * len(shown))
     place = np.arange(len(shown))[::-1]
     values = [value for _, value in shown]

@@ -107,17 +107,20 @@ class Sensitivity(AbstractResult):
         return tuple(path for path, q in zip(self.parameters, quiet, strict=True) if q)
 
     def sentences(self) -> list[str]:
-        """One sentence for each kind of parameter without influence."""
+        """Which parameters have no influence, in one sentence; nothing where all have."""
         metrics = self.metrics[0] if len(self.metrics) == 1 else "any of " + ", ".join(self.metrics)
-        quiet, lines = set(self.without_influence()), []
+        quiet, silent = set(self.without_influence()), []
         for group in dict.fromkeys(group_of(path) for path in self.parameters):
             members = [path for path in self.parameters if group_of(path) == group]
             if len(members) > 1 and quiet.issuperset(members):
-                lines.append(f"`{group}` of no wheel influences {metrics}.")
+                silent.append(f"`{group}` (of no wheel)")
             else:
-                silent = (path for path in members if path in quiet)
-                lines += [f"`{path}` does not influence {metrics}." for path in silent]
-        return lines
+                silent += [f"`{path}`" for path in members if path in quiet]
+        if not silent:
+            return []
+        *others, last = silent
+        listed = f"{', '.join(others)} and {last}" if others else last
+        return [f"{listed} {'do' if others else 'does'} not influence {metrics}."]
 
     def _index(self, metric: str) -> int:
         if metric not in self.metrics:

@@ -4,9 +4,10 @@ from typing import Any
 
 import numpy as np
 
-from ..._plot import PALETTE, new_axes
+from ..._plot import PALETTE, new_axes, styled
 
 
+@styled
 def indices(result: Any, metric: str, ax: Any = None) -> Any:
     """First and total Sobol indices with 95 % intervals; a mark at the gradients' bound."""
     m = result.metrics.index(metric)
@@ -28,10 +29,12 @@ def indices(result: Any, metric: str, ax: Any = None) -> Any:
     ax.set_yticks(place, [result.inputs[i] for i in order])
     ax.grid(axis="y", visible=False)
     ax.set_xlabel(f"share of the variance of {metric}")
-    _legend_above(ax)
+    ax.set_xlim(min(0.0, ax.get_xlim()[0]), max(1.0, ax.get_xlim()[1]))
+    _legend_above(ax, 3)
     return ax
 
 
+@styled
 def convergence(result: Any, metric: str, ax: Any = None) -> Any:
     """Total indices as blocks are added, with the final 95 % interval."""
     m, ax = result.metrics.index(metric), new_axes(ax)
@@ -42,12 +45,15 @@ def convergence(result: Any, metric: str, ax: Any = None) -> Any:
         middle, half = result.sobol.total[m, i], result.sobol.total_half[m, i]
         ax.axhspan(middle - half, middle + half, color=line.get_color(), alpha=0.12)
     ax.set_xscale("log", base=2)
-    ax.set_xlabel("blocks (each d + 2 runs)")
-    ax.set_ylabel(f"total index of {metric}")
-    _legend_above(ax)
+    ax.set_xlabel("blocks of runs")
+    ax.set_ylabel(f"share of the variance of {metric}")
+    _legend_above(ax, 2)
     return ax
 
 
-def _legend_above(ax: Any) -> None:
+def _legend_above(ax: Any, columns: int) -> None:
     """Beside the bars and lines there is no room that is always free."""
-    ax.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, frameon=False).set_gid("above")
+    ax.legend(
+        loc="lower left", bbox_to_anchor=(0, 1), ncols=columns, frameon=False, borderaxespad=0.1,
+        handlelength=1.4, columnspacing=1.2,
+    ).set_gid("above")  # fmt: skip

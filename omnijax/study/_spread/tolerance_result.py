@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..._plot import PALETTE, new_axes
+from ..._plot import PALETTE, new_axes, styled
 from ..._text import amount
 from .._result import AbstractResult, texts
 
@@ -125,6 +125,7 @@ class Tolerances(AbstractResult):
         }
         return cls(parts=parts, units=units, widths=data["width"].values, **found, **numbers)  # pyright: ignore
 
+    @styled
     def plot_widths(self, ax: Any = None) -> Any:
         """Tolerances as bars, tightest on top; capped ones paler."""
         order = np.argsort(-self.widths)

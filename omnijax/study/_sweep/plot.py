@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from ..._errors import InputError
-from ..._plot import PALETTE, new_axes
+from ..._plot import PALETTE, new_axes, styled
 from ..._text import amount, label, path_words
 from .._points import Grid
 
@@ -55,6 +55,7 @@ def _index(result: Any, path: str | None, default: int, metric: str) -> int:
     return names.index(path)
 
 
+@styled
 def heatmap(result: Any, metric: str, x: str | None = None, y: str | None = None, *, ax=None):
     """`metric` in colour over two axes of a grid; designs without figures stay white."""
     if not isinstance(result.points, Grid) or len(result.points.axes) < 2:
@@ -120,6 +121,7 @@ def _edges(levels: np.ndarray, log: bool) -> np.ndarray:
     return np.exp(x) if log else x
 
 
+@styled
 def lines(result: Any, metric: str, x: str | None = None, hue: str | None = None, *, ax=None):
     """`metric` over one axis, one line a level of `hue`; a cloud of points for samples.
 
