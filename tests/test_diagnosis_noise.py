@@ -15,6 +15,7 @@ from omnijax.diagnosis._machine.data_vector import Rows, _filters
 from omnijax.diagnosis._machine.roles import with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._noise import step_of
+from omnijax.diagnosis._search import SETTINGS, Search
 from omnijax.diagnosis._search.levels import Level, levels, white_level
 from omnijax.diagnosis._search.where import questions, shares
 
@@ -156,3 +157,22 @@ def test_one_run_teaches_and_confirms_by_parts_or_not_at_all():
     assert np.mean(confirms.counts) == pytest.approx(1 / 3, abs=0.1)
     (only,), confirmed, (said,) = with_roles([run("a", "train", 900)])
     assert confirmed == "nothing" and only.counts is None and "nothing is kept out" in said
+
+
+@pytest.mark.parametrize(
+    "before, left, noise_only",
+    [
+        (9.0, 1.0, True),
+        (9.0, 1.5, False),
+        (900.0, 1.05, True),
+        (900.0, 9.0, False),
+        (1.1, 1.2, False),
+    ],
+)
+def test_next_to_nothing_of_a_strong_gap_is_noise(before, left, noise_only):
+    """Noise assumed two per cent too small is no reason to search again from a runner-up."""
+    rows = 20_000
+    search = Search(SimpleNamespace(dof=lambda split: rows, settings=SETTINGS))
+    search.begun = before * rows, before * rows
+    assert search.floor_reached(SimpleNamespace(chi2=left * rows), left * rows) == noise_only
+    assert not search.floor_reached(SimpleNamespace(chi2=left * rows), 50.0 * before * rows)

@@ -65,3 +65,21 @@ def test_a_law_at_all_wheels_has_the_sum_of_their_signatures(agreeing):
         sizes.append(np.linalg.norm(whole))
         assert np.linalg.norm(whole - sum(parts)) <= 1e-6 * sizes[-1]
     assert np.mean(np.array(sizes) > 0) > 0.9  # no contact lifts off here
+
+
+@pytest.mark.parametrize("id", [i for i, law in EFFECTS.items() if "width" in law.parameters])
+def test_a_friction_saturates_within_the_speeds_of_the_runs(agreeing, id):
+    """With a width far above them it would be viscous drag by another name, and its rival."""
+    model, point, _, _ = agreeing
+    law, rng = EFFECTS[id], np.random.default_rng(len(id))
+    begin = float(law.__dataclass_fields__["width"].default)
+    fastest = max(np.abs(b.motion.speed).max() for b in model.bases(point))
+    ends = set()
+    for width in (begin, *begin * 10 ** rng.uniform(-1, 3, 3)):  # as refits may have left it
+        effect = Effect(id, "all", {"width": width})
+        (free,) = model.free(point.with_effects(effect))
+        ends.add((free.low, free.high))
+    ((low, high),) = ends
+    assert low < begin <= high <= 30 * begin
+    if law.port == "shaft":
+        assert np.tanh(fastest / high) > 0.99

@@ -1,6 +1,7 @@
 """The sphere on wheels as a model of the diagnosis."""
 
 import dataclasses
+import functools
 from collections.abc import Sequence
 from typing import cast
 
@@ -12,6 +13,7 @@ from .._search import (
     AbstractModel,
     Candidate,
     Context,
+    Free,
     Level,
     Point,
     candidates,
@@ -59,10 +61,32 @@ class RigModel(AbstractModel):
         return rig
 
     def free(self, point):
-        """A relaxation faster than the steps in time cannot be told from a damper."""
-        shortest = self.machine.runs[0].step / 4
-        found = free_numbers(self, point)
-        return [dataclasses.replace(f, low=shortest) if f.key == "tau" else f for f in found]
+        """Where a number's end would make its law another one, its range ends before.
+
+        A relaxation faster than the steps in time cannot be told from a damper, nor a dry friction
+        that does not saturate within the speeds of the runs from a viscous one.
+        """
+        return [dataclasses.replace(f, **self._ends(point, f)) for f in free_numbers(self, point)]
+
+    def _ends(self, point: Point, free: Free) -> dict[str, float]:
+        """Ends of a number's range that the runs set."""
+        if free.key == "tau":
+            return {"low": self.machine.runs[0].step / 4}
+        port = self.laws[point.effects[free.effect].id].port
+        if free.key != "width" or port not in self._widest:
+            return {}
+        return {"high": max(min(free.high, self._widest[port]), 2 * free.low)}
+
+    @functools.cached_property
+    def _widest(self) -> dict[str, float]:
+        """By port a third of the largest speed that friction sees in the runs, rad/s.
+
+        There tanh is 0.995.  The sphere rolls at the wheels' speed times the ratio of the radii.
+        """
+        motions = self.machine.motions(self.machine.rig).values()
+        shaft = max(float(np.abs(m.speed).max()) for m in motions) / 3
+        ratio = float(np.max(self.rig.wheels.radius)) / float(self.rig.sphere.radius)
+        return {"shaft": shaft, "rolling": shaft * ratio}
 
     def residuals(self, points, split):
         stepped = sum(self.needs_stepping(p.effects) for p in points)

@@ -14,6 +14,7 @@ from .limits import upper_limits as upper_limits
 from .model import STEPPED as STEPPED
 from .model import AbstractModel as AbstractModel
 from .model import Effect as Effect
+from .model import Free as Free
 from .model import Point as Point
 from .model import Prior as Prior
 from .model import free_numbers as free_numbers

@@ -150,8 +150,10 @@ def free_numbers(model: AbstractModel, point: Point) -> list[Free]:
             if key in model.frozen_keys:
                 continue
             p = known[key]
-            if key == "width":  # a decade and a half around where it starts
-                out.append(Free(i, key, None, float(value) / 30, float(value) * 30))
+            if key == "width":  # a decade and a half around where its law begins
+                begin = model.laws[effect.id].__dataclass_fields__["width"].default
+                begin = value if begin is dataclasses.MISSING else begin
+                out.append(Free(i, key, None, float(begin) / 30, float(begin) * 30))
             elif key == "speed":  # far above every speed the law is another one: Coulomb's
                 out.append(Free(i, key, None, float(value) / 10, float(value) * 3))
             elif np.ndim(value):

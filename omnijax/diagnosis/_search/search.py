@@ -81,6 +81,7 @@ class Search:
     def __init__(self, model: AbstractModel, tell: Callable[[str], None] = lambda text: None):
         self.model, self.tell, self.refits = model, tell, Refits(model)
         self.settings = model.settings
+        self.begun = 0.0, 0.0  # chi2 of the baseline on train and held-out runs
 
     def run(self, start: Point | None = None, known: Point | None = None) -> Found:
         """Search from a calibrated `start` until nothing is left that held-out runs accept.
@@ -92,6 +93,7 @@ class Search:
         model.rebase(fit.point)
         baseline = refit(model, fit.point, baseline=fit.jacobian, relative=0.01)
         held_before = chi2_of(model, baseline.point, "held-out")
+        self.begun = baseline.chi2, held_before
         if known is not None and known.effects:
             begun = Way(self.refits.settle(refit(model, known, relative=1e-3)))
             way = self.follow(begun)
@@ -167,7 +169,9 @@ class Search:
         for trial in accepted[1 : 1 + self.settings.runners_up]:
             if way.noise_only or self.model.spent:
                 break
-            self.tell(f"something is left: going on from {trial.effect.name} instead")
+            left = way.fit.chi2 / self.model.dof("train")
+            name = trial.effect.name
+            self.tell(f"something is left (chi2 {left:.3f} a row): going on from {name} instead")
             first = Way(baseline, start.scans[:1], start.trials[:1])
             other = self.follow(self.with_effect(first, trial))
             less = (1 - self.settings.lead) * total_cost(way.fit)
@@ -254,6 +258,13 @@ class Search:
         return self.model.needs_stepping(start.point.effects[-1:])
 
     def floor_reached(self, fit: Fit, held: float) -> bool:
-        """Whether what is left is noise: chi2 within four standard deviations of its mean."""
-        n, m = self.model.dof("train"), self.model.dof("held-out")
-        return fit.chi2 < n + 4 * np.sqrt(2 * n) and held < m + 4 * np.sqrt(2 * m)
+        """Whether what is left is noise, on all runs.
+
+        So it is where chi2 is within four standard deviations of its mean; or next to nothing of
+        what there was to explain: then the noise is not quite as assumed.
+        """
+        sizes = self.model.dof("train"), self.model.dof("held-out")
+        return all(
+            left - n < max(4 * np.sqrt(2 * n), self.settings.rest * (begun - n))
+            for left, begun, n in zip((fit.chi2, held), self.begun, sizes, strict=True)
+        )

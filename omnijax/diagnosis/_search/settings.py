@@ -27,6 +27,7 @@ class SearchSettings:
     close: float = 3.0  # their cost, times the best one's: own cases
     nearly: float = 1.3  # chi2 a degree of freedom at which nothing else is tried first: time
     hopeless: float = 3.0  # times the best trial's cost: three rounds are enough: time
+    rest: float = 0.005  # share of a gap that counts as wrongly assumed noise: own cases
     lead: float = 0.0  # share of the cost by which a runner-up's way must be better: chosen
     # strong effects
     strong: float = 4.0  # chi2 a degree of freedom from which tangents do not rank: own cases
