@@ -38,36 +38,31 @@ def tools(skip) -> list[Tool]:
             return out
 
         found.append(Tool("c-exact", differences, BATCH, error, 5, "central differences, 9 runs"))
-    try:
-        from omnijax.simulation._bulk.rig import bulk_figures, bulk_gradients, plan_bulk
-    except ImportError:
-        skip("omnijax (bulk gradients are not there)")
-        return found
     import jax.numpy as jnp
+
+    from omnijax.simulation import Operating, modal_figures
 
     from . import _omnijax as ours
 
     drive = jnp.asarray(problem.SPEEDS)
 
     def make(row):
-        return ours.rig(row), drive, jnp.zeros(3)
+        return Operating(ours.rig(row), drive, jnp.zeros(3), jnp.zeros(3))
 
-    plan, values = plan_bulk(make, rows, problem.DURATION, problem.STEP, "paper"), jnp.asarray(rows)
+    def figures(gradient: bool):
+        return modal_figures(
+            make, rows, duration=problem.DURATION, step=problem.STEP, model="paper",
+            gradient=gradient,
+        )  # fmt: skip
 
-    def values_only():
-        return [np.asarray(x) for x in bulk_figures(make, values, plan)]
+    def rms_error(slopes):  # its samples count the start, where nothing moves
+        count = problem.SAMPLES
+        mine = slopes[::128, :1] * np.sqrt((count + 1) / count)
+        return problem.gradient_error(mine, expected[:, :1])
 
-    def both():
-        _, slopes = bulk_gradients(make, values, plan)
-        return np.stack([np.asarray(slopes["rms"]), np.asarray(slopes["peak"])], axis=1)
-
-    def peak():
-        return np.asarray(bulk_gradients(make, values, plan, ("peak",))[1]["peak"])
-
-    def peak_error(slopes):
-        return problem.gradient_error(slopes[::128][:, None], expected[:, 1:])
-
-    found.append(Tool("omnijax", both, BATCH, error, 5, "RMS and peak with gradients"))
-    found.append(Tool("omnijax peak", peak, BATCH, peak_error, 5, "peak with its gradient"))
-    found.append(Tool("omnijax values", values_only, BATCH, lambda _: None, 5, "no gradient"))
-    return found
+    note = "RMS and refined peak with gradients and statuses; error of the RMS's"
+    found.append(Tool("omnijax", lambda: figures(True).slopes, BATCH, rms_error, 5, note))
+    values = Tool(
+        "omnijax values", lambda: figures(False).values, BATCH, lambda _: None, 5, "no gradient"
+    )
+    return [*found, values]

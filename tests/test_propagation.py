@@ -7,23 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import ORTHOGONAL, SKEW, machine
+from machines import SKEW, machine
 from scipy.linalg import expm
 
 from omnijax import laws, load_rig
 from omnijax.dynamics import TRANSLATIONS, linear_system, wheel_shape
-from omnijax.simulation import constant, propagate, ramp, simulate, speeds
+from omnijax.simulation import propagate, ramp, simulate, speeds
 from omnijax.simulation._bulk.contact import Contact, _quartic, poles
-from omnijax.simulation._bulk.gradient import orbit, stored_modes
-from omnijax.simulation._bulk.rig import (
-    _designs,
-    bulk_checked,
-    bulk_figures,
-    bulk_gradients,
-    contacts_of,
-    plan_bulk,
-)
-from omnijax.simulation._bulk.sampled_rms import mean_square
+from omnijax.simulation._bulk.rig import contacts_of
 from omnijax.simulation._exact.system import exact_obstacle
 
 TS = jnp.linspace(0.2, 0.7, 11)
@@ -124,48 +115,6 @@ def test_obstacles_are_said():
     assert "air-drag" in str(exact_obstacle(drag)) and exact_obstacle(drag, "paper") is None
 
 
-def _varied(r):
-    return (r.wheels.roundness, r.wheels.contact.stiffness, r.wheels.contact.damping)
-
-
-def _make(rig):
-    """Of a row (roundness, contact stiffness, contact damping, speeds)."""
-
-    def make(x):
-        full = jnp.full(rig.size, 1.0)
-        changed = eqx.tree_at(_varied, rig, tuple(full * v for v in x[:3]))
-        return changed, x[3:], jnp.zeros(rig.size)
-
-    return make
-
-
-BULK = {
-    "paper": [(0.2, 2e5, 120.0, *W), (0.9, 1e5, 120.0, *W), (0.2, 2e5, 20000.0, 9.0, 5.2, 1.3)],
-    "coupled": [(0.2, 2e5, 300.0, *W), (0.55, 3e5, 330.0, *W), (0.9, 1e5, 300.0, *W)],
-}
-
-
-@pytest.mark.parametrize("model", BULK)
-def test_bulk_agrees_with_propagation(model):
-    step, count, rows = 0.002, 120, jnp.asarray(BULK[model])
-    make = _make(machine(ORTHOGONAL))
-    plan = plan_bulk(make, rows, step * count, step, model)
-    rms, peak = bulk_figures(make, rows, plan)
-    checked = bulk_checked(make, rows, plan)
-    normal, slip = checked[2:]
-    np.testing.assert_allclose(checked[:2], (rms, peak), rtol=1e-12)
-    ts = step * jnp.arange(count + 1)
-    for i, row in enumerate(rows):
-        run = propagate(make(row)[0], speeds(constant(row[3:])), ts, model=model)
-        size = np.asarray(run.distance)[1:]
-        assert abs(float(rms[i]) / np.sqrt(np.mean(size**2)) - 1) < 2e-9
-        assert abs(float(peak[i]) / size.max() - 1) < 2e-9
-        forces = np.asarray(run.normal_force)
-        scale = 1e-8 * (1 + np.abs(forces).max())
-        assert abs(float(normal[i]) - forces[1:].min()) < scale
-        assert abs(float(slip[i]) - np.asarray(run.slip_margin)[1:].min()) < scale
-
-
 def test_poles_of_a_contact_are_the_roots_of_its_quartic():
     """Random contacts, and one where Newton's method never reaches the resolvent's only root."""
     random = np.random.default_rng(0)
@@ -182,37 +131,3 @@ def test_poles_of_a_contact_are_the_roots_of_its_quartic():
     product = [b + d, c + e + b * d, b * e + c * d, c * e]
     for have, need in zip(product, want, strict=True):
         np.testing.assert_allclose(have, need, rtol=1e-7)
-
-
-@pytest.mark.parametrize("profile", [laws.GatedSine(), laws.HalfSine()])
-def test_mean_square_of_the_gradients_is_that_of_the_samples(profile):
-    rig = eqx.tree_at(lambda r: r.profiles, machine(ORTHOGONAL), (profile,) * 3)
-
-    def make(row):
-        return rig, row[:3], row[3:]
-
-    starts = [[0.0, 0.0, 0.0], [0.1, 0.25, 0.4], [0.05, 0.02, 0.3]]
-    rows = jnp.asarray([[*W, *starts[0]], [*W, *starts[1]], [9.0, 0.0, -4.0, *starts[2]]])
-    plan = plan_bulk(make, rows, 0.7, 0.002, "paper")
-
-    def closed(rows):
-        design = _designs(make, plan, rows)
-        form = orbit(stored_modes(design, plan.layout), design.wheel, plan.layout)
-        return mean_square(form, plan.layout, plan.gaps)
-
-    found = jax.jit(closed)(rows)
-    np.testing.assert_allclose(np.sqrt(found), bulk_figures(make, rows, plan)[0], rtol=1e-9)
-
-
-def test_bulk_gradients_agree_with_differences():
-    make = _make(machine(ORTHOGONAL))
-    rows = jnp.asarray([[0.25, 2e5, 120.0, *W], [0.55, 3e5, 900.0, *W]])
-    plan = plan_bulk(make, rows, 0.3, 0.002, "paper")
-    values, slopes = bulk_gradients(make, rows, plan)
-    for column in range(3):
-        move = jnp.zeros_like(rows).at[:, column].set(1e-5 * rows[:, column])
-        up, down = bulk_figures(make, rows + move, plan), bulk_figures(make, rows - move, plan)
-        for name, high, low in zip(("rms", "peak"), up, down, strict=True):
-            want = (high - low) / (2 * move[:, column])
-            scale = np.abs(np.asarray(values[name] / rows[:, column]))
-            assert np.all(np.abs(np.asarray(slopes[name][:, column] - want)) < 1e-7 * scale), name

@@ -6,10 +6,6 @@ from .._lazy import lazy_face
 
 if TYPE_CHECKING:
     from ._bulk import SteadyPlan as SteadyPlan
-    from ._bulk import bulk_checked as bulk_checked
-    from ._bulk import bulk_gradients as bulk_gradients
-    from ._bulk import bulk_obstacle as bulk_obstacle
-    from ._bulk import plan_bulk as plan_bulk
     from ._bulk import plan_steady as plan_steady
     from ._bulk import steady_bulk_obstacle as steady_bulk_obstacle
     from ._bulk import steady_figures as steady_figures

@@ -1,11 +1,5 @@
-"""Closed forms by pole pairs, for many designs at once."""
+"""Steady states of many designs at once, by pole pairs, where contacts decouple."""
 
-from .rig import Bulk as Bulk
-from .rig import bulk_checked as bulk_checked
-from .rig import bulk_figures as bulk_figures
-from .rig import bulk_gradients as bulk_gradients
-from .rig import bulk_obstacle as bulk_obstacle
-from .rig import plan_bulk as plan_bulk
 from .steady import SteadyPlan as SteadyPlan
 from .steady import plan_steady as plan_steady
 from .steady import steady_bulk_obstacle as steady_bulk_obstacle

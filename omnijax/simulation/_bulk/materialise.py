@@ -35,25 +35,6 @@ def stage(f: Callable) -> Callable:
     return _with_derivative(f, in_halves)
 
 
-def branch(f: Callable) -> Callable:
-    """`f` as a stage that is a branch always taken, though XLA cannot know.
-
-    It copies less than the loop of `stage`, so it suits many arguments; any shapes, the first
-    array of floats.
-    """
-
-    def stored(f, *args):
-        probe = jax.tree.leaves(args)[0].reshape(-1)[0]
-        always = jnp.isnan(probe) | ~jnp.isnan(probe)
-
-        def never(*args):
-            return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), jax.eval_shape(f, *args))
-
-        return jax.lax.cond(always, f, never, *args)
-
-    return _with_derivative(f, stored)
-
-
 def _with_derivative(f: Callable, stored: Callable) -> Callable:
     @jax.custom_vjp
     def run(*args):

@@ -22,8 +22,3 @@ def product_inverse(p: Pair, q: Pair, D, G) -> Product:
 def form(a: Pair, b: Pair, K: Product):
     """Output of a b K for a over the first unit and b over the second: both units' coefficient."""
     return a.u * b.u * K.q.v + a.v * b.u * K.q.u + a.u * b.v * K.p.v + a.v * b.v * K.p.u
-
-
-def gram_form(gram, K: Product):
-    """Sum of `form` over many a and b from the sums of their components' products."""
-    return gram[0][0] * K.q.v + gram[1][0] * K.q.u + gram[0][1] * K.p.v + gram[1][1] * K.p.u

@@ -43,7 +43,7 @@ class SteadyPlan(NamedTuple):
 
 
 def steady_bulk_obstacle(rig: Rig, model: str = "coupled") -> str | None:
-    """Why the bulk kernel does not give this rig's steady state, in words; None where it does."""
+    """Why the kernel does not give this rig's steady state, in words; None where it does."""
     reason = contact_obstacle(rig, model)
     if reason is not None:
         return reason

@@ -1,28 +1,13 @@
 """Arithmetic of pairs of poles (see `poles`) in a form that XLA vectorises."""
 
-import math
 from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 
+from .._sincos import sincos as sincos
+
 TINY = 1e-75
-_SINE = [(-1) ** k / math.factorial(2 * k + 1) for k in range(8)]
-_COSINE = [(-1) ** k / math.factorial(2 * k) for k in range(9)]
-
-
-def sincos(x):
-    """Sine and cosine, vectorised by XLA (its own are not); error 1e-16 (1 + |x|), |x| < 3e9."""
-    n = jnp.round(x * (2 / math.pi))
-    q = n.astype(jnp.int32)
-    r = (x - n * 1.5707963267341256) - n * 6.077100506506192e-11
-    z = r * r
-    s, c = jnp.zeros_like(z), jnp.zeros_like(z)
-    for a, b in zip(reversed([*_SINE, 0.0]), reversed(_COSINE), strict=True):
-        s, c = s * z + a, c * z + b
-    s, odd = r * s, (q & 1) == 1
-    s, c = jnp.where(odd, c, s), jnp.where(odd, s, c)
-    return jnp.where(q & 2 == 2, -s, s), jnp.where((q + 1) & 2 == 2, -c, c)
 
 
 def materialised(f: Callable, *args):

@@ -41,6 +41,7 @@ def _exp(kind, a: Pair) -> Pair:
     return jnp.where(k, first * c, first), jnp.where(k, first * s, second)
 
 
+@jax.custom_jvp
 def _exp_less_one(x):
     """e^x - 1, vectorised by XLA (its own is not)."""
     near = jnp.abs(x) < 0.3
@@ -48,6 +49,12 @@ def _exp_less_one(x):
     for n in range(13, 0, -1):
         series = (1.0 + series) * y / n
     return jnp.where(near, series, jnp.exp(jnp.where(near, 0.0, x)) - 1.0)
+
+
+@_exp_less_one.defjvp
+def _(primals, tangents):
+    found = _exp_less_one(*primals)
+    return found, (found + 1.0) * tangents[0]
 
 
 def _less_one(kind, a: Pair) -> Pair:

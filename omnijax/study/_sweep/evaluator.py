@@ -91,7 +91,7 @@ def _machine(spec: SweepSpec) -> tuple[Rig, Drive]:
 
 @functools.lru_cache(maxsize=16)
 def _bulk_plan(text: str) -> Any:
-    """The bulk kernel's plan of a spec (as JSON), the same for every number of designs."""
+    """The plan of steady states of a spec (as JSON), the same for every number of designs."""
     spec = SweepSpec.from_json(text)
     paths = tuple(path for path, _, _ in spec.vary)
     trial = trial_designs(spec.points.axes, CORNERS, INSIDE)
