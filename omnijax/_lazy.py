@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 
-def lazy_face(package: str) -> Callable[[str], Any]:
-    """`__getattr__` of the package: the names of the imports under its `if TYPE_CHECKING:`."""
+def lazy_face(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
+    """`__getattr__` and `__dir__` of the package: the names under its `if TYPE_CHECKING:`."""
     sources = _sources(Path(str(sys.modules[package].__file__)))
 
     def __getattr__(name: str) -> Any:
@@ -26,7 +26,10 @@ def lazy_face(package: str) -> Callable[[str], Any]:
         setattr(sys.modules[package], name, found)
         return found
 
-    return __getattr__
+    def __dir__() -> list[str]:
+        return sorted(sources)
+
+    return __getattr__, __dir__
 
 
 def _sources(file: Path) -> dict[str, tuple[str, str]]:

@@ -22,4 +22,4 @@ if TYPE_CHECKING:
     from ._search import SmallModel as SmallModel
     from ._search import refit as refit
 
-__getattr__ = lazy_face(__name__)
+__getattr__, __dir__ = lazy_face(__name__)

@@ -83,4 +83,4 @@ if TYPE_CHECKING:
     from ._translation import linear_system as linear_system
     from ._translation import unflatten as unflatten
 
-__getattr__ = lazy_face(__name__)
+__getattr__, __dir__ = lazy_face(__name__)

@@ -104,4 +104,4 @@ if TYPE_CHECKING:
     from ._torques import Stribeck as Stribeck
     from ._torques import TorqueOffset as TorqueOffset
 
-__getattr__ = lazy_face(__name__)
+__getattr__, __dir__ = lazy_face(__name__)

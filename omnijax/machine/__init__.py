@@ -35,4 +35,4 @@ if TYPE_CHECKING:
     from ._simulate import steps_between as steps_between
     from ._simulate import vector_field as vector_field
 
-__getattr__ = lazy_face(__name__)
+__getattr__, __dir__ = lazy_face(__name__)

@@ -26,4 +26,4 @@ if TYPE_CHECKING:
     from ._write import files_of_recording as files_of_recording
     from ._write import write_recording as write_recording
 
-__getattr__ = lazy_face(__name__)
+__getattr__, __dir__ = lazy_face(__name__)

@@ -32,4 +32,4 @@ if TYPE_CHECKING:
     from ._style import style as style
     from ._sweep import sweep_page as sweep_page
 
-__getattr__ = lazy_face(__name__)
+__getattr__, __dir__ = lazy_face(__name__)

@@ -50,4 +50,4 @@ if TYPE_CHECKING:
     from ._units import converted as converted
     from ._user_laws import load_laws as load_laws
 
-__getattr__ = lazy_face(__name__)
+__getattr__, __dir__ = lazy_face(__name__)

@@ -63,4 +63,4 @@ if TYPE_CHECKING:
     from ._steady import steady_state as steady_state
     from ._trajectory import Trajectory as Trajectory
 
-__getattr__ = lazy_face(__name__)
+__getattr__, __dir__ = lazy_face(__name__)

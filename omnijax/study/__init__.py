@@ -48,4 +48,4 @@ if TYPE_CHECKING:
     from ._sweep import status_text as status_text
     from ._sweep import sweep as sweep
 
-__getattr__ = lazy_face(__name__)
+__getattr__, __dir__ = lazy_face(__name__)

@@ -32,4 +32,4 @@ if TYPE_CHECKING:
     from ._steady import contact_load as contact_load
     from ._waterfall import name_of as name_of
 
-__getattr__ = lazy_face(__name__)
+__getattr__, __dir__ = lazy_face(__name__)

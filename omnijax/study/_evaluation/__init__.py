@@ -27,4 +27,4 @@ if TYPE_CHECKING:
     from .methods import Question as Question
     from .rows import Rows as Rows
 
-__getattr__ = lazy_face(__name__)
+__getattr__, __dir__ = lazy_face(__name__)
