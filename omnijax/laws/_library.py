@@ -61,7 +61,7 @@ def in_words(effect: str, place: str) -> str:
     """An effect as a mechanic says it, "play in the mount at w2"; its id where it has no words."""
     law = EFFECTS.get(effect)
     words = law.words if law is not None and law.words else f"`{effect}`"
-    if place in ("sphere", "platform"):
+    if place in ("sphere", "platform", "axis"):
         return words
     return f"{words} at {'every wheel' if place == 'all' else place}"
 

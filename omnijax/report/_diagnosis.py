@@ -33,8 +33,7 @@ def diagnosis_page(found: Any, command: str = "omnijax diagnose") -> Page:
     sections = [*sizes_section(found), *_where(found), _which(found), *_learned(found)]
     sections += [gap_section(found), *free_runs(found), *parameters(found), *excluded(found)]
     facts = [Fact("verdict", found.verdict)]
-    for effect in found.effects:
-        facts += size_facts(effect)
+    facts += size_facts(found.effects)
     facts += [Fact(f"gap of {g} closed", closed(x), "%") for g, x in _worst(found)]
     question = "Where do simulation and data disagree, and why?"
     return Page("Diagnosis", question, _answer(found), [*sections, *notes(found)], made, facts)

@@ -24,8 +24,12 @@ def order_figure(found) -> Figure:
             x, y = [a["value"] for a in own], [100 * a["share"] for a in own]
             axes[0].plot(x, y, marker=".", label=name)
             data["order / 1"], data[f"share {name} / %"] = x, y
-        axes[0].set(xlabel="order (events a turn)", ylabel="share (%)")
-        axes[0].set_title(f"Residual of {channel} by order of each wheel and of the sphere")
+        names = dict.fromkeys(a["reference"] for a in answers if a["domain"] == "order")
+        turning = list(names) != ["travel"]
+        axes[0].set(ylabel="share (%)")
+        axes[0].set_xlabel("order (events a turn)" if turning else "order (over the travel)")
+        by = "by order of each wheel and of the sphere" if turning else "over the travel"
+        axes[0].set_title(f"Residual of {channel} {by}")
         axes[0].legend()
         lines = [a for a in answers if a["channel"] == channel and a["domain"] == "frequency"]
         axes[1].plot([a["value"] for a in lines], [100 * a["share"] for a in lines],

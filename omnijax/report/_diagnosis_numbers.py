@@ -30,11 +30,12 @@ def gap_section(found) -> Section:
         values = [factor * x for x in (gap.noise_floor, gap.before, gap.after)]
         above = gap.before > 1.02 * gap.noise_floor
         rows.append([group, unit, *values, closed(gap) if above else None])
+    windows = " (theta and Omega by windows)" if {"theta", "Omega"} & set(found.gap) else ""
     table = Table(
         [Column("group", text=True), Column("unit", text=True), Column("noise", minor=True),
          Column("before"), Column("after"), Column("closed", "%")],
-        rows, "gap", "RMS of measured less predicted, held-out runs (theta and Omega by windows); "
-        "closed: what is gone of what was above the noise.",
+        rows, "gap", f"RMS of measured less predicted, held-out runs{windows}; closed: what is "
+        "gone of what was above the noise.",
     )  # fmt: skip
     figures = [gap_figure(found)] if found.details else []
     return Section("The gap", NEVER[found.confirmed_on], figures, [table])
@@ -49,10 +50,13 @@ def free_runs(found) -> list[Section]:
         for word in ("before", "after"):
             if word in run:
                 own = run[word]
-                rows.append([run["run"], run["role"], word, run["unit"], own["rms"], own["mae"],
-                             own["percent"]])  # fmt: skip
-    columns = [Column("run", text=True), Column("role", text=True), Column("effects", text=True),
-               Column("unit", text=True), Column("RMS"), Column("MAE"),
+                errors = [
+                    "–" if own[k] is None else amount(own[k], run["unit"]) for k in ("rms", "mae")
+                ]
+                rows.append([run["run"], run["role"], word, *errors, own["percent"]])
+    columns = [Column("run", text=True, minor=True), Column("role", text=True),
+               Column("effects", text=True), Column("RMS", text=True, unbroken=True),
+               Column("mean absolute", text=True, unbroken=True, minor=True),
                Column("of the motion", "%")]  # fmt: skip
     text = "Position simulated from the inputs alone, from each run's first sample."
     if found.one_step:

@@ -1,12 +1,13 @@
 """A diagnosis in a mechanic's words: channels, places of the gap, sizes of effects."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from .._text import estimate, estimated
 from ..diagnosis import Named
+from ..laws import EFFECTS
 from ._content import Fact
 
 MOST = 5  # sentences about where the gap is
@@ -27,18 +28,28 @@ def effect_sizes(effect: Named) -> str:
     return "; ".join(said) or "no free size"
 
 
-def size_facts(effect: Named) -> list[Fact]:
-    """The parameters of an effect, one fact each."""
-    of, facts = f"{effect.id} at {effect.place}", []
-    for key, p in effect.parameters.items():
-        each = [estimated(v, d, p["unit"]) for v, d in _each(p)]
-        if len(each) == 1:
-            number, unit = each[0]
-            said = (f"{number}°", "") if unit == "°" else (number, unit)
-            facts.append(Fact(f"{key}, {of}", *said))
-        else:
-            facts.append(Fact(f"{key}, {of}", ", ".join(" ".join(x).strip() for x in each)))
+def size_facts(effects: Sequence[Named]) -> list[Fact]:
+    """The parameters of one effect, one fact each; of several effects their sizes alone."""
+    facts = []
+    for effect in effects:
+        of = f"{effect.id} at {effect.place}" if effect.place != "axis" else effect.id
+        law = EFFECTS.get(effect.id)
+        strengths = [k for k, p in law.parameters.items() if p.linear] if law else []
+        keep = set(strengths) if strengths and len(effects) > 1 else set(effect.parameters)
+        for key, p in effect.parameters.items():
+            if key in keep:
+                facts.append(Fact(f"{key}, {of}", *_value(p)))
     return facts
+
+
+def _value(parameter: Mapping[str, Any]) -> tuple[str, str]:
+    """A parameter with its 1-sigma and unit, apart where it is one number."""
+    each = [estimated(v, d, parameter["unit"]) for v, d in _each(parameter)]
+    each = [(number.replace("-", "−"), unit) for number, unit in each]
+    if len(each) > 1:
+        return ", ".join(" ".join(x).strip() for x in each), ""
+    number, unit = each[0]
+    return (f"{number}°", "") if unit == "°" else (number, unit)
 
 
 def _each(parameter: Mapping[str, Any]) -> list[tuple[float, float]]:

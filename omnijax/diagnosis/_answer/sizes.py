@@ -83,7 +83,8 @@ def _size(evidence: AbstractEvidence, effect: Effect) -> tuple[float | None, str
     keys = keys or [k for k in THRESHOLDS if k in effect.values][:1]
     if not keys:
         return None, "", ()
-    size = float(np.linalg.norm(np.ravel(effect.values[keys[0]])))
+    value = np.asarray(effect.values[keys[0]], float)
+    size = float(value) if value.ndim == 0 else float(np.linalg.norm(value))
     return size, evidence.unit(known[keys[0]].unit, effect.place), tuple(keys)
 
 
