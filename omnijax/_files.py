@@ -176,6 +176,20 @@ def writing(path: str | Path, ours: bool = False) -> Iterator[Path]:
         here.written.add(target)
 
 
+def reserve(part: Path, size: int) -> None:
+    """Take `size` bytes of the disk and give them back; `OSError` where it has not as many.
+
+    For libraries that do not survive a full disk.
+    """
+    with part.open("wb") as file:
+        if hasattr(os, "posix_fallocate"):
+            try:
+                os.posix_fallocate(file.fileno(), 0, size)
+            except OSError as error:
+                if error.errno not in (errno.EINVAL, errno.EOPNOTSUPP):
+                    raise
+
+
 def write_bytes(path: str | Path, content: bytes, ours: bool = False) -> Path:
     """Write a whole file."""
     with writing(path, ours) as part:

@@ -12,6 +12,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from types import FrameType
 from typing import Any
 
 from . import _files
@@ -88,9 +89,13 @@ def saying(text: Callable[[], str]) -> Iterator[None]:
             heard.said = said
 
 
-def _raise(*_: object) -> None:
+def _raise(_: int, frame: FrameType | None) -> None:
     for heard in _now:
         heard.count = max(heard.count, 1)
+    while frame is not None:  # a library that is half loaded may crash: the thread ends it
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return
+        frame = frame.f_back
     raise KeyboardInterrupt
 
 
@@ -120,6 +125,19 @@ def _insist(heard: _Heard) -> None:
         with suppress(Exception):
             text = heard.said()
         _end(text)
+
+
+_hard: list[bool] = []
+
+
+def end_hard() -> None:
+    """A library is broken: the process shall end without its destructors."""
+    _hard.append(True)
+
+
+def ends_hard() -> bool:
+    """Whether Ctrl-C was pressed, or a library is broken."""
+    return bool(_hard) or interrupted()
 
 
 def leave(code: int) -> None:

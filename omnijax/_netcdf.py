@@ -4,18 +4,23 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from . import _interrupts
 from ._errors import InputError
-from ._files import writing
+from ._files import reserve, writing
 from ._memory import SHARE, available, in_words
 from ._reading import existing, regular
+
+OVERHEAD = 200_000  # bytes of names, attributes and tables in a file, at most
 
 
 def write_netcdf(data: Any, path: str | Path) -> Path:
     """Write an `xarray.Dataset`; `InputError` where the file cannot be written."""
     with writing(path) as part:
+        reserve(part, data.nbytes + OVERHEAD)
         try:
             data.to_netcdf(part, engine="h5netcdf")
-        except RuntimeError as error:  # HDF5 on a full disk, while it closes the file
+        except (OSError, RuntimeError) as error:  # of the disk, while HDF5 closes the file
+            _interrupts.end_hard()  # HDF5 closes it again as the process ends, and crashes
             raise OSError(None, f"HDF5 says: {error}") from None
     return Path(path)
 

@@ -1,6 +1,7 @@
-"""A part of the attacks drawn at random; `python -m tests.faults` runs all."""
+"""A part of the attacks drawn at random; `python -m tests.faults` runs all and prints figures."""
 
 import os
+import random
 import sys
 from pathlib import Path
 
@@ -8,14 +9,31 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from tests.faults.inputs import attack, cases, prepare
+from tests.faults import commands, inputs, writes
+from tests.faults.flips import flips_of_a_store
+
+pytestmark = pytest.mark.skipif(
+    not hasattr(os, "mkfifo"), reason="this system has no pipes in folders"
+)
+SEED = random.randrange(1 << 30)
 
 
-@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no pipes in folders")
 def test_wrong_inputs_end_with_a_sentence_and_change_nothing(tmp_path, monkeypatch):
-    every = cases()
-    assert len(every) >= 300 and len({case.name for case in every}) == len(every)
+    every = inputs.cases()
+    assert len(every) >= 600 and len({case.name for case in every}) == len(every)
     monkeypatch.chdir(tmp_path)
-    prepare(tmp_path)
-    wrong = {case.name: said for case in cases(60, seed=7) if (said := attack(case)) is not None}
-    assert wrong == {}
+    inputs.prepare(tmp_path)
+    some = inputs.cases(80, seed=SEED)
+    wrong = {case.name: said for case in some if (said := inputs.attack(case)) is not None}
+    assert wrong == {}, f"seed {SEED}"
+
+
+def test_failed_writes_leave_nothing_half_and_flipped_bits_are_named(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    commands.prepare_store(tmp_path)
+    disk = writes.Disk()
+    count, wrong = writes.some_faults(disk, 16, seed=SEED)
+    disk.close()
+    assert (count, wrong) == (16, []), f"seed {SEED}"
+    count, wrong = flips_of_a_store(12, seed=SEED)
+    assert (count, wrong) == (12, []), f"seed {SEED}"

@@ -9,7 +9,7 @@ import signal
 import sys
 from typing import Any
 
-from .._interrupts import CODE, NOTHING, answer, interrupted, leave, listening
+from .._interrupts import CODE, NOTHING, answer, ends_hard, leave, listening
 
 _LAZY = dict.fromkeys(("run", "build_app", "COMMANDS"), "._frame")
 _LAZY |= dict.fromkeys(("Json", "emit"), "._options")
@@ -24,7 +24,7 @@ def main(tokens: list[str] | None = None) -> None:
             answer()
             print(NOTHING, file=sys.stderr)
             code = CODE
-        if interrupted():
+        if ends_hard():
             leave(code)
     atexit.register(_deaf)
     sys.exit(code)

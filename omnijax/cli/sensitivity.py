@@ -53,9 +53,12 @@ def sensitivity(
     report
         A folder for a page with the tornado figures.
     """
+    from .._errors import InputError
     from .._files import claim
     from ..rig import load_rig
 
+    if top < 1:
+        raise InputError(f"`top` must be at least 1, but is {top}.")
     machine = load_rig(rig)
     from ..study import sensitivity as run
 

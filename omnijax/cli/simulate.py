@@ -71,13 +71,15 @@ def simulate(
     measured = None if compare is None else compared(compare, machine, plot)
     _claim(rig, machine, out, plot, resume, overwrite)
     run, end, done = _run(machine, wanted, numerics, out, resume, overwrite)
+    if end is not None:
+        return _interrupted(run, end, done, rig, machine, out, json)
     summary = summarise(run, machine) | {"rig": rig, "faults": [str(f) for f in wanted.faults]}
     summary["warnings"] = warnings(machine, wanted.drive, run)
     for warning in summary["warnings"]:
         print(paragraph(f"warning: {warning}", "  "), file=sys.stderr)
     if measured is not None:
         summary["differences"] = differences(run, machine, measured)
-    summary |= _written(run, end, done, rig, machine, out, plot, measured)
+    summary |= _written(run, done, rig, machine, out, plot, measured)
     emit(json, summary, lambda: show(summary))
     return _code(run, out)
 
@@ -129,9 +131,27 @@ def _warn_of_memory(rig: Any, samples: int) -> None:
         ])  # fmt: skip
 
 
+SMALL = 1e8  # bytes of an interrupted run that are written at once
+
+
+def _interrupted(
+    run: Any, end: Any, done: Done, name: str, rig: Any, out: Path | None, json: bool
+) -> int:
+    """Keep what there is, without delay: a small run in its file, a large one in its pieces."""
+    from ..simulation import bytes_a_sample, save_trajectory
+
+    size = bytes_a_sample(rig.size) * len(run.t)
+    if out is not None and _is_netcdf(out) and (size < SMALL or done.pieces is None):
+        save_trajectory(run, out, rig, None, _command(), end, done.asked)
+        if done.pieces is not None:
+            done.pieces.remove()
+    said = {"status": "interrupted", "message": run.message(), "samples": len(run.t), "rig": name}
+    emit(json, said, lambda: None)
+    return _code(run, out)
+
+
 def _written(
     run: Any,
-    end: Any,
     done: Done,
     name: str,
     rig: Any,
@@ -143,13 +163,12 @@ def _written(
     from ..simulation import save_trajectory
 
     files = {}
-    interrupted = end is not None
-    if out is not None and (not interrupted or _is_netcdf(out)):
+    if out is not None:
         beside = _rig_file(name, rig, out)
-        files["out"] = str(save_trajectory(run, out, rig, beside, _command(), end, done.asked))
+        files["out"] = str(save_trajectory(run, out, rig, beside, _command()))
         if done.pieces is not None:
             done.pieces.remove()
-    if plot is not None and not interrupted:
+    if plot is not None:
         files["plot"] = str(_plot(run, name, rig, plot, measured))
     return files
 
@@ -172,7 +191,8 @@ def _code(run: Any, out: Path | None) -> int:
     if out is not None:
         from ._simulate_run import pieces_folder
 
-        where = out if _is_netcdf(out) else pieces_folder(out)
+        kept = pieces_folder(out)
+        where = kept if kept.is_dir() else out
         again = f"Go on with: {_command()} --resume"
         print(f"What was computed is in {where}.\n{again}", file=sys.stderr)
     return INTERRUPTED

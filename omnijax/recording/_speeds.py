@@ -45,6 +45,11 @@ def speed_table(path: Path, names: Sequence[str]) -> SpeedTable | None:
         next((c for c in (f"speed_{name}", f"speed_{i}") if c in found), None)
         for i, name in enumerate(names, 1)
     ]
+    more = [c for c in found if c.startswith("speed_") and c not in wheels]
+    if more and None not in wheels:
+        raise InputError(
+            f"has the column `{more[0]}`, but the rig has the wheels {', '.join(names)}.", path
+        )
     missing = [f"`speed_{name}`" for name, c in zip(names, wheels, strict=True) if c is None]
     if missing or "t" not in found:
         lacks = ", ".join([*missing, *([] if "t" in found else ["`t`"])])

@@ -154,7 +154,7 @@ def metric_problem(name: object, more: Iterable[str] = (), begins: str | None = 
     options = [*more, *METRICS]
     if name in options:
         return None
-    if name in _RENAMED:
+    if str(name) in _RENAMED:
         return f"`{name}` does not say whose acceleration it is: write {_RENAMED[str(name)]}."
     listed = f" Known are {', '.join(options)}."
     begins = begins or f"`{name}` is no metric."

@@ -56,5 +56,6 @@ def _listen(host: str, port: int) -> socket.socket:
         listener.bind((host, port))
         listener.listen()  # a browser opened before the server runs waits, and is not refused
     except (OSError, OverflowError) as error:
+        listener.close()
         raise InputError(f"cannot listen on {host}, port {port}: {error}") from error
     return listener

@@ -6,12 +6,14 @@ import os
 import random
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
 from omnijax.cli import run
 from omnijax.rig import bundled_rigs
+
+from .strange import GOOD, place, strange
 
 LIMIT = 10.0  # s of processor time
 LONGEST = 12_000  # characters of an answer
@@ -80,13 +82,15 @@ class Case(NamedTuple):
     """One attack: its name, the words of the command, and a rig file's content if it needs one."""
 
     name: str
-    words: list[str]
+    words: Sequence[str]
     content: bytes | None = None
+    files: Mapping[str, str | bytes] = {}
 
 
 def cases(number: int | None = None, seed: int = 0) -> list[Case]:
     """All attacks, or `number` of them drawn at random."""
     every = [*_rigs(), *_files(), *_arguments(), *_recordings()]
+    every += [Case(name, words, None, files) for name, words, files in strange()]
     return every if number is None else random.Random(seed).sample(every, number)
 
 
@@ -156,6 +160,9 @@ def prepare(folder: Path) -> None:
     Path("nested.toml").write_bytes(b"a = " + b"[" * 20_000)
     Path("broken.nc").write_bytes(b"\x89HDF\r\n\x1a\n" + bytes(3000))
     Path("run.csv").write_bytes(RUN)
+    Path("empty").mkdir()
+    place("recordings/rig.toml", text)
+    place("recordings/run.csv", GOOD)
     for pipe in ("pipe.toml", "pipe.csv", "pipe.nc"):
         os.mkfifo(pipe)
 
@@ -165,28 +172,33 @@ def attack(case: Case) -> str | None:
     name = next((w for w in case.words if w.startswith("case.")), None)
     if case.content is not None and name:
         Path(name).write_bytes(case.content)
+    for path, text in case.files.items():
+        place(path, text)
     before = _state()
     out, err = io.StringIO(), io.StringIO()
     began = time.process_time()
     try:
         with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
-            code = run(case.words)
+            code = run([*case.words])
     except BaseException as error:
         return f"traceback: {type(error).__name__}: {str(error)[:100]}"
     took, said = time.process_time() - began, err.getvalue()
     if name:
         Path(name).unlink(missing_ok=True)
         before.pop(name, None)
+    changed = _state() != before
+    for path in case.files:
+        Path(path).unlink(missing_ok=True)
     wrong = [
         (code != 2, f"code {code}"),
         (not said.strip(), "nothing said"),
         ("Traceback" in said, "traceback"),
         (len(said) > LONGEST, f"{len(said)} characters"),
         (took > LIMIT, f"{took:.0f} s"),
-        (_state() != before, "files changed"),
+        (changed, "files changed"),
     ]
     return "; ".join(text for bad, text in wrong if bad) or None
 
 
 def _state() -> dict[str, bytes]:
-    return {p.name: p.read_bytes() for p in Path(".").iterdir() if p.is_file()}
+    return {str(p): p.read_bytes() for p in Path(".").rglob("*") if p.is_file()}

@@ -215,6 +215,7 @@ def _standing(found: list[dict[str, Any]], rate: float) -> list[dict[str, Any]]:
     The questions overlap (an order is a line where the speed is steady), so they depend on each
     other in any way.
     """
+    found = [f for f in found if np.isfinite(f["p"])]  # a column that is still has no chance
     if not found:
         return []
     adjusted = false_discovery_control([f["p"] for f in found], method="by")

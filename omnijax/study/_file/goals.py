@@ -87,7 +87,7 @@ def constraint(read: Reader, block: Mapping) -> Wanted | None:
     name = block.get("quantity")
     where = f"constraint.{name}"
     known = {k: q.unit for k, q in {**QUANTITIES, **METRICS}.items()}
-    if name not in known:
+    if str(name) not in known:
         read.say(str(metric_problem(name, QUANTITIES, f"`{where}` is no quantity.")))
         return None
     bounds = {

@@ -39,12 +39,17 @@ def over_cluster(
     store: Store, workers: int | None, scheduler: str | None
 ) -> Iterator[tuple[int, np.ndarray]]:
     """Evaluate the missing chunks on a cluster, in the order in which they finish."""
+    return _finished(store, workers, scheduler)
+
+
+def check_cluster(workers: int | None, scheduler: str | None) -> None:
+    """`InputError` for a cluster that there cannot be."""
     if workers is not None and scheduler is not None:
         raise InputError("give `workers` for a local cluster or `scheduler` for another, not both.")
     if workers is not None and workers < 1:
         raise InputError(f"`workers` must be above 0, but is {workers}.")
-    require("distributed", "distributed")
-    return _finished(store, workers, scheduler)
+    if workers is not None or scheduler is not None:
+        require("distributed", "distributed")
 
 
 def _finished(store: Store, workers: int | None, scheduler: str | None):

@@ -16,6 +16,7 @@ from ..._errors import InputError, tell
 from ..._interrupts import answer, check, end_children, interrupted, saying
 from ...rig import Rig, load_rig
 from ...simulation import AbstractDrive
+from .dask import check_cluster, over_cluster
 from .evaluator import Evaluator, quantities
 from .plan import Numerics, Sampling, plan, read_drive
 from .result import SweepResult
@@ -73,6 +74,7 @@ def sweep(
     folder = None if out is None else Path(out)
     if folder is None and (resume or workers is not None or scheduler is not None):
         raise InputError("`resume`, `workers` and `scheduler` need a store: give `out`.")
+    check_cluster(workers, scheduler)
     about = {"method_reason": why, "command": command, "rig_file": rig_file, **environment()}
     try:
         store = _store(folder, asked, resume, chunk is not None, about)
@@ -81,7 +83,7 @@ def sweep(
         raise _no_space(error, folder) from None
     try:
         run = (
-            _distributed(store, workers, scheduler)
+            over_cluster(store, workers, scheduler)
             if workers is not None or scheduler is not None
             else None
         )
@@ -138,12 +140,6 @@ def _local(store: Store, devices: int) -> Iterator[tuple[int, np.ndarray]]:
         columns = evaluator.designs(np.arange(*store.bounds(chunk)))
         store.write(chunk, columns)
         yield chunk, columns["status"]
-
-
-def _distributed(store: Store, workers: int | None, scheduler: str | None):
-    from .dask import over_cluster
-
-    return over_cluster(store, workers, scheduler)
 
 
 def _run(store: Store, finished: Iterator[tuple[int, np.ndarray]], report: Report | None) -> None:
