@@ -57,6 +57,9 @@ def diagnose(
     machine of the user's), `laws` are users' own laws by id
     (`load_laws(file)`), `window` the length in s after which Omega and the rolled lengths start
     anew, so that small torque errors cannot add up.  Seeds are fixed: equal input, equal answer.
+
+    Figures are SI.  Raises `InputError` for a case that cannot be read, for one without a run
+    to learn from, and for more samples than memory holds.
     """
     if isinstance(case, str | Path):
         case = read_machine_case(case) if is_machine_case(case) else read_case(case)

@@ -16,7 +16,10 @@ from ._tables import READERS, read_table, stem_of, suffix_of
 
 @dataclasses.dataclass
 class Case:
-    """One rig and its runs; `faults` are the folder's, `all_faults` those of the runs too."""
+    """One rig and its runs; `faults` are the folder's, `all_faults` those of the runs too.
+
+    Figures of its runs are SI.
+    """
 
     path: Path
     rig: Any
@@ -50,6 +53,8 @@ def read_case(folder: str | Path, rig: Any = None) -> Case:
     """Read a folder with one rig file and its runs.  `rig` (a `Rig` or a path) overrides the file.
 
     A run that cannot be used at all is a fault of the case; `InputError` where none is left.
+
+    Columns are SI.  Raises `InputError` for what is no folder, and for one without a usable run.
     """
     folder = existing(folder, "folder: a case is one, with a rig file and its runs")
     faults: list[Fault] = []

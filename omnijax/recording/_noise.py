@@ -53,6 +53,8 @@ def noise_floor(runs: Sequence[Recording], declared: bool = True) -> NoiseFloor:
     """Noise of every output group of some runs of one machine, pooled over them.
 
     With `declared` what the runs declare comes first; else only what the data show counts.
+
+    SI: m, rad, rad/s, m/s^2.  Raises `IndexError` where there is no run.
     """
     sigma: dict[str, float] = {}
     source: dict[str, str] = {}

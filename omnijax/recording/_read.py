@@ -28,6 +28,8 @@ def read_recording(path: str | Path, rig: Any = None) -> Recording:
 
     With `rig` the number of wheels and the plausible size of every channel are checked too.  What
     is wrong but usable stands in `Recording.faults`; `InputError` where nothing can be used.
+
+    Columns are SI.  Raises `InputError` where nothing can be used.
     """
     path = Path(path)
     if not path.is_file():

@@ -19,6 +19,9 @@ def write_recording(path: str | Path, recording: Recording) -> Path:
     """Write `.csv`, `.csv.gz` or `.parquet` and NAME.toml; every digit is kept.
 
     The rig file is named relative to the file.  Returns the path.
+
+    Columns are SI.  Raises `InputError` for another ending, `OSError` where nothing can be
+    written.
     """
     path = Path(path)
     beside = path.with_name(stem_of(path) + ".toml")

@@ -18,7 +18,10 @@ from ._table_profile import shape_of
 
 
 def parse_rig(data: Mapping[str, Any], path: str | Path | None = None) -> Rig:
-    """The rig of tables as `tomllib` gives them; files are relative to the folder of `path`."""
+    """The rig of tables as `tomllib` gives them; files are relative to the folder of `path`.
+
+    Numbers are SI where no unit stands.  Raises `InputError` with every problem at once.
+    """
     folder = Path(".") if path is None else Path(path).parent
     found = problems(data, folder)
     if found:

@@ -12,7 +12,10 @@ if TYPE_CHECKING:
 
 
 def bundled_rigs() -> dict[str, Path]:
-    """Rig files that come with omnijax, by name."""
+    """Rig files that come with omnijax, by name.
+
+    Raises nothing.
+    """
     folder = Path(str(resources.files("omnijax.rig") / "data"))
     return {path.stem: path for path in sorted(folder.glob("*.toml"), key=lambda path: path.stem)}
 

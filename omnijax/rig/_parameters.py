@@ -133,7 +133,10 @@ def read_parameter(rig: Rig, path: str, value: Any) -> Any:
 
 
 def parameter_info(rig: Rig, path: str) -> ParameterInfo:
-    """Unit, range and shape of the parameter at `path`; `InputError` for an unknown one."""
+    """Unit, range and shape of the parameter at `path`; `InputError` for an unknown one.
+
+    Bounds are in the SI `unit`.  Raises `InputError` with the nearest path.
+    """
     leaf, index, quantity = _locate(rig, path)
     low, whole = quantity.low, isinstance(quantity, Quantity) and quantity.whole
     if isinstance(quantity, Quantity) and quantity.above is not None:
@@ -146,6 +149,8 @@ def parameter_paths(rig: Rig) -> list[ParameterInfo]:
     """Every numeric parameter: bodies, all wheels at once, each wheel, effects.
 
     One `ParameterInfo` each: `path`, SI `unit`, `low` and `high`, `shape`.
+
+    Raises nothing: what the rig has is listed.
     """
     paths = [*_BODIES, *_all_wheels(), *_each_wheel(rig.names)]
     paths += [

@@ -25,7 +25,13 @@ from ._user_laws import file_of
 
 
 def save_rig(rig: Rig, path: str | Path) -> Path:
-    """Write `rig` to the TOML file `path`; measured profiles and users' laws go beside it."""
+    """Write `rig` to the TOML file `path`; measured profiles and users' laws go beside it.
+
+    Returns the path.  Raises `InputError` for a measured profile that fits no pitch of its wheel
+    and where another text lies beside, `OSError` where nothing can be written.
+
+    Numbers are SI.
+    """
     path = Path(path)
     files: dict[str, bytes] = {}
     text = _text(rig, files, path.stem)
@@ -46,7 +52,10 @@ def files_of_rig(rig: Rig, path: str | Path) -> list[Path]:
 
 
 def rig_text(rig: Rig) -> str:
-    """The rig as TOML text that needs no file beside it, measured profiles included."""
+    """The rig as TOML text that needs no file beside it, measured profiles included.
+
+    Numbers are SI.  Raises `InputError` for a measured profile that fits no pitch of its wheel.
+    """
     return _text(rig, None, "")
 
 

@@ -18,6 +18,8 @@ def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
 
     Two rigs are equal only if their laws are of one class, so a second load must not make new ones.
     Whoever calls this has chosen the file: rigs that name it may then use it in this process.
+
+    Raises `InputError` where the file cannot be read or run, or a law in it is not whole.
     """
     path = Path(path)
     return _run(path, _text(path))

@@ -63,6 +63,8 @@ def load_run(path: str | Path) -> Trajectory:
     """The run that `run.save("run.nc")` wrote, to the last bit.
 
     Raises `InputError` for another file: recordings (`.csv`, `.parquet`) by `read_recording`.
+
+    Channels are SI.
     """
     path = Path(path)
     if check_suffix(path) != ".nc":

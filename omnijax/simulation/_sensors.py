@@ -22,6 +22,9 @@ def drive_from_recording(recording: Recording) -> TorqueDrive:
 
     The wheels start at the angles of the first row (zero where theta was not measured).  If the
     first samples say that the sphere turns already, their smooth course gives its velocity.
+
+    Torques (t, n) in N m, force (t, 3) in N, angles (n,) in rad, Omega (3,) in rad/s.  Raises
+    nothing: a recording that was read has torques.
     """
     time = recording.time.tolist()
     return TorqueDrive(
@@ -58,6 +61,10 @@ def measured(trajectory: Trajectory, rig: Rig) -> dict[str, Any]:
 
     The laws at the sensors act one after the other, in the order of the rig, on their group or
     channel; without any the run's own values come back.  Differentiable.
+
+    SI: m, rad, rad/s, m/s^2.
+
+    Raises nothing: a sensor law that a rig cannot have is refused where it is read.
     """
     time = trajectory.t - trajectory.t[0]
     return {g: sensor_readings(rig, g, time, getattr(trajectory, g)) for g in GROUPS}

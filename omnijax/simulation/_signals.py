@@ -17,6 +17,8 @@ class Signal(eqx.Module):
     """A vector in time: on [knot, next knot) value + slope (t - knot); constant before and after.
 
     Constants, steps, ramps and tables are all of this form; `a + b` adds two signals.
+
+    `knots` (k,) in s, `values` and `slopes` (k, d) in the quantity's unit and per s.
     """
 
     knots: Float[Array, " k"]  # s, increasing

@@ -174,6 +174,8 @@ def evaluate(run: Trajectory, rig: Rig, names: str | Iterable[str]) -> dict[str,
 
     `names` is a list, or text with commas between.  Raises `ValueError` with the nearest name for
     an unknown one.
+
+    A dict of scalars by name, in the unit that `METRICS` gives.
     """
     listed = names.split(",") if isinstance(names, str) else names
     return {name: METRICS[known(name)].of_run(run, rig) for name in map(str.strip, listed)}

@@ -15,7 +15,10 @@ from ..rig import Rig
 
 
 class Modes(NamedTuple):
-    """Modes of the elastic model in order of frequency; an overdamped pole is a mode of its own."""
+    """Modes of the elastic model in order of frequency; an overdamped pole is a mode of its own.
+
+    `frequency` (m,) in Hz, `damping_ratio` (m,), `shape` (m, d) of unit length.
+    """
 
     frequency: Float[Array, " m"]  # Hz, undamped natural frequency |lambda| / 2 pi
     damping_ratio: Float[Array, " m"]  # -Re(lambda) / |lambda|; 1 for a real pole
@@ -48,6 +51,9 @@ def modes(rig: Rig, model: str = "coupled") -> Modes:
     """Natural frequencies (Hz), damping ratios and shapes of the linear elastic model.
 
     Outside of transformations (numpy); for a differentiable figure use `natural_frequencies`.
+
+    Raises `KeyError` for another `model` than `coupled`
+    and `paper`.
     """
     A, rows = (np.asarray(x) for x in _matrices(rig, model))
     values, vectors = np.linalg.eig(A)
@@ -77,6 +83,8 @@ def natural_frequencies(rig: Rig, model: str = "coupled") -> Float[Array, " m"]:
     Those of the conservative part: the symmetric problem stiffness v = (2 pi f)^2 mass v, whose
     eigenvalues differentiate cleanly (repeated ones: the average over the repeated group's
     directions is what is defined).
+
+    The array (modes,).  Raises `KeyError` for another `model` than `coupled` and `paper`.
     """
     system = linear_system(TRANSLATIONS[model](_undamped(rig)))
     state = TRANSLATIONS[model](rig).rest()

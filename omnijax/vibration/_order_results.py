@@ -13,6 +13,8 @@ class OrderMap:
     """Amplitude of every order in every window; `aliased` marks what the sampling cannot tell.
 
     Aliased cells are NaN: there the line of another order would show, folded back.
+
+    `amplitude` (windows, orders) is in the channel's unit, `time` in s, `speed` in rpm.
     """
 
     channel: str
@@ -78,7 +80,10 @@ class OrderMap:
 
 @dataclasses.dataclass(frozen=True)
 class OrderTrack:
-    """Amplitude and phase of chosen orders in every window, fitted together."""
+    """Amplitude and phase of chosen orders in every window, fitted together.
+
+    `amplitude` (windows, orders) is in the channel's unit, `phase` in rad, `time` in s.
+    """
 
     channel: str
     unit: str

@@ -40,6 +40,9 @@ def rpm_order_map(
     half the way that the reference turns if that is less.  Without `max_order`: 64, or what the
     sampling can tell.  `amplitude` of the sine at an order: its `peak`, `rms` or `power` (mean
     square).  `window` is `hann`, or `flattop`: truer heights between two orders, wider lines.
+
+    Amplitudes (windows, orders) in the channel's unit.  Raises `ValueError` for an unknown
+    channel or reference, and for a run of less than a turn.
     """
     _check(amplitude=(amplitude, KINDS), window=(window, tuple(WINDOWS)))
     _above_zero(turns=turns, max_order=max_order)
@@ -74,6 +77,9 @@ def order_track(
     All orders, the mean and a drift are fitted together in each window, so neighbours do not leak
     into each other.  The fit uses the wheel's angle at the samples: while the speed changes it
     finds an order beyond half the sampling rate too.  `amplitude` as in `rpm_order_map`.
+
+    Amplitudes (windows, orders) in the channel's unit, phases in rad.  Raises `ValueError` for an
+    unknown channel or reference, and for less than a turn.
     """
     _check(amplitude=(amplitude, KINDS))
     _above_zero(turns=turns)

@@ -42,7 +42,10 @@ class Gap:
 
 @dataclasses.dataclass
 class Diagnosis:
-    """A verdict (none, named, ambiguous, unknown) with everything that speaks for it."""
+    """A verdict (none, named, ambiguous, unknown) with everything that speaks for it.
+
+    `effects` hold sizes and their sigma in SI, `gap` the RMS before and after each group's repair.
+    """
 
     verdict: str
     effects: list[Named]

@@ -248,6 +248,8 @@ def simulate_many(
     `ts` are evenly spaced; `substeps` steps pass two samples.  Errors are not controlled: compare
     with twice the substeps, or with `simulate` on one rig.  Under `jax.jit` only those channels
     cost anything that are used.
+
+    Arrays (rigs, samples, ...) in SI.  Raises nothing: a run that diverges has status non-finite.
     """
     ts = jnp.asarray(ts, float)
     return jax.vmap(lambda rig: simulate_fixed(rig, drive, ts, model, substeps))(rigs)

@@ -30,6 +30,9 @@ def design(
     With `out` finished searches are stored there, and `resume` takes them up.  `report(done,
     total)` is called after each search.  The design is checked against the exact worst
     case, and against draws of the parts that the search did not see.
+
+    Figures are SI.  Raises `InputError` for a wrong study and for a variable that nothing
+    depends on, `RunError` where runs fail.
     """
     asked = study_of(study)
     if not asked.variables:

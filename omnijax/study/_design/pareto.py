@@ -192,6 +192,9 @@ def pareto(
 
     Over several drives and loads each metric is its mean over the cases.  With `out` finished
     searches are stored there, and `resume` takes them up.
+
+    Figures are SI.  Raises `InputError` for a wrong study and for one metric or more than three,
+    `RunError` where the metrics do not conflict or nothing is feasible.
     """
     asked = study_of(study)
     names = tuple(metrics) or asked.pareto

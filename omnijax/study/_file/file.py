@@ -17,7 +17,10 @@ from .study import Study
 
 
 def load_study(path: str | Path) -> Study:
-    """The study of a TOML file; `InputError` with every problem of the file at once."""
+    """The study of a TOML file; `InputError` with every problem of the file at once.
+
+    Numbers are SI.  Raises `InputError` with every problem of the file.
+    """
     file = Path(path)
     try:
         data = read_toml(file)

@@ -192,6 +192,9 @@ def sensitivity(
     those of the steady state, else of a run sampled at `rate` (1/s).  Forward mode over the vector
     of parameters, one compiled function.  `check` adds finite differences.  Directions (normal,
     drive, gravity) and inertia tensors are not numbers and stay out.
+
+    `raw` (metrics, parameters) is in the metric's unit by the parameter's, `relative` in % per %.
+    Raises `InputError` for an unknown metric or parameter, `RunError` where the run fails.
     """
     machine = load_rig(rig) if isinstance(rig, str | Path) else rig
     chosen = (

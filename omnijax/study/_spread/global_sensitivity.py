@@ -99,6 +99,9 @@ def global_sensitivity(
     """Global sensitivities of a study's metrics over the ranges of its variables.
 
     Over several drives or loads each metric is its worst over the cases.
+
+    Figures are SI, indices (metrics, variables) without unit (Saltelli 2010, Morris 1991).
+    Raises `InputError` for a wrong study, `RunError` where too few runs are left.
     """
     asked = study_of(study)
     if not asked.variables:

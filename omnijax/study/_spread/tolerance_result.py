@@ -21,6 +21,8 @@ class Tolerances(AbstractResult):
     `linear` is what the derivatives alone allow, `widths` what drawn machines bear out.  Of `draws`
     new machines, none of which set the widths, `share` stay below `limit` (95 % bounds `share_low`
     and `share_high`); `linear_share` is that of the widths by derivatives alone.
+
+    Widths are relative, `limit` in the metric's SI unit.
     """
 
     metric: str

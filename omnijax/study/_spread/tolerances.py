@@ -77,6 +77,9 @@ def tolerances(
     The parts are `parts`, or those of `[tolerance]`, or all of `PARTS` that are not 0; deviations
     are independent and uniform.  Over several cases the metric is its worst.  With `out` finished
     chunks of machines are stored there, and `resume` takes them up.
+
+    Widths are relative, figures SI.  Raises `InputError` for a wrong study and for one without
+    `[limit]`, `RunError` where the nominal machine is above it.
     """
     asked = study_of(study)
     if asked.limit is None:

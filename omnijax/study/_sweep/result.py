@@ -218,7 +218,10 @@ class SweepResult:
 
 
 def load_sweep(folder: str | Path) -> SweepResult:
-    """The sweep stored in `folder`, finished or not."""
+    """The sweep stored in `folder`, finished or not.
+
+    Figures are SI.  Raises `InputError` where `folder` is no store of a sweep.
+    """
     result = SweepResult(open_store(folder, mode="r"))
     tell(result.store.damage())
     return result

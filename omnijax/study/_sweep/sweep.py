@@ -63,6 +63,9 @@ def sweep(
     results go to a zarr store, which `resume` continues; `devices` spreads a batch over local
     devices, `workers` or `scheduler` spread the chunks over processes by Dask.  `report` is called
     after each chunk.
+
+    Figures are SI.  Raises `InputError` for what cannot be varied or measured, and for a store
+    that exists or is of another sweep; `KeyboardInterrupt` says what is kept.
     """
     rig_file = str(rig) if isinstance(rig, str | Path) else None
     machine = load_rig(rig) if isinstance(rig, str | Path) else rig

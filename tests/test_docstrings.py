@@ -1,0 +1,64 @@
+"""What a reader of `help(omnijax.NAME)` needs: what it is, its units, what it raises."""
+
+import ast
+import importlib
+import inspect
+import re
+from pathlib import Path
+
+import pytest
+
+import omnijax
+
+ROOT = {name: getattr(omnijax, name) for name in omnijax._WHERE}
+CALLED = {n: x for n, x in ROOT.items() if inspect.isroutine(x) or hasattr(x, "__wrapped__")}
+DATA = {"EFFECTS", "METRICS", "PROFILES"}  # tables: their entries say what they are
+WITHOUT_NUMBERS = {"AbstractLaw", "Fault", "InputError", "bundled_rigs", "load_laws"}
+UNIT = re.compile(r"\b(SI|rad|m|N|Hz|s|kg|rpm|units?)\b")
+
+
+def text(name):
+    return inspect.getdoc(ROOT[name]) or ""
+
+
+@pytest.mark.parametrize("name", sorted(set(ROOT) - DATA))
+def test_every_name_says_what_it_is_and_in_what_units(name):
+    said = text(name)
+    assert len(said.split(". ")[0]) > 20, said
+    assert name in WITHOUT_NUMBERS or UNIT.search(said), said
+
+
+@pytest.mark.parametrize("name", sorted(CALLED))
+def test_every_function_says_what_it_raises(name):
+    assert "Raises" in text(name)
+
+
+def raised(function):
+    """The exceptions that the function's own text raises."""
+    tree = ast.parse(inspect.getsource(inspect.unwrap(function)).strip())
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
+            yield ast.unparse(node.exc.func)
+
+
+@pytest.mark.parametrize("name", sorted(CALLED))
+def test_what_a_function_raises_itself_is_named(name):
+    assert all(kind in text(name) for kind in raised(CALLED[name]))
+
+
+def test_the_page_lists_every_name_of_the_root():
+    page = (Path(__file__).parents[1] / "docs" / "api.md").read_text(encoding="utf-8")
+    table = page[: page.index("## Laws")]
+    assert set(re.findall(r"`(\w+)`", table)) >= set(ROOT)
+    for package in set(omnijax._WHERE.values()):
+        assert f"automodule:: omnijax.{package}" in page
+
+
+@pytest.mark.parametrize("package", omnijax._PACKAGES)
+def test_every_package_lists_its_names_and_has_them(package):
+    module = importlib.import_module(f"omnijax.{package}")
+    names = [name for name in dir(module) if not name.startswith("_")]
+    assert module.__doc__ and names
+    assert all(hasattr(module, name) for name in names)
+    with pytest.raises(AttributeError, match="no attribute 'nothing_of_this_name'"):
+        module.nothing_of_this_name  # noqa: B018
