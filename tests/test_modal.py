@@ -107,6 +107,33 @@ def test_figures_are_those_of_propagated_runs(name):
             assert bound <= exact + 1e-6 * abs(exact)
 
 
+def test_statuses_are_those_of_propagated_runs():
+    """Preloads and friction between those at which drawn designs lift off or slip."""
+    rig, model = KINDS["tripod, undamped"]
+    rows = points_of(rig, np.random.default_rng(7), count=8) * ([0.3] * 3 + [0.2] * 3 + [1.0] * 3)
+    ts = jnp.linspace(0, DURATION, round(DURATION / STEP) + 1)
+    runs = [propagate(rig, speeds(r[:3], r[3:6], r[6:]), ts, model=model) for r in rows]
+    normal = np.array([run.normal_force for run in runs]) - np.asarray(rig.wheels.closure.preload)
+    drive = np.abs(np.array([run.drive_force for run in runs]))
+    seen = set()
+    for preload in np.quantile(-normal.min(axis=(1, 2)), [0.4, 0.8]):
+        ratio = np.median((drive / np.abs(normal + preload)).max(axis=(1, 2)))
+        for friction in (0.9, 0.3 * ratio):
+            held = eqx.tree_at(
+                lambda r: (r.wheels.closure.preload, r.wheels.contact.friction),
+                rig,
+                (jnp.full(3, preload), jnp.full(3, friction)),
+            )
+            found = modal_figures(maker(held), rows, duration=DURATION, step=STEP, model=model)
+            lifted = (normal + preload).min(axis=(1, 2)) <= 0
+            slipped = (friction * (normal + preload) - drive).min(axis=(1, 2)) < 0
+            np.testing.assert_array_equal(found.normal <= 0, lifted)
+            np.testing.assert_array_equal((found.slip < 0)[~lifted], slipped[~lifted])
+            seen |= {"lift"} if lifted.any() else set()
+            seen |= {"slip" if bad else "ok" for bad in slipped[~lifted]}
+    assert seen == {"lift", "slip", "ok"}
+
+
 def varied(rig):
     """row -> the design with that many times some numbers of `rig`, of one wheel and of all."""
     n = rig.size
