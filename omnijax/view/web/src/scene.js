@@ -8,6 +8,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 const INK = 0x1b1f24, GREY = 0x6b7785;
 const HEAD = 0.045, LONGEST = 0.6;  // of the arrow, in radii of the sphere
+const UP = 1.5;  // radii to the end of the z axis: beyond wheels that stand above the sphere
 export const WHEEL_COLOURS = ["#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9"];
 
 function sphereMesh(radius) {
@@ -56,7 +57,7 @@ function wheelBasis(wheel) {
 function axesMesh(radius) {
   const group = new Group(), colour = new LineBasicMaterial({ color: GREY });
   for (const axis of [[1, 0, 0], [0, 1, 0], [0, 0, 1]]) {
-    const ends = [1.02, 1.28].map((far) => new Vector3(...axis).multiplyScalar(far * radius));
+    const ends = [1.02, axis[2] ? UP : 1.28].map((far) => new Vector3(...axis).multiplyScalar(far * radius));
     group.add(new Line(new BufferGeometry().setFromPoints(ends), colour));
   }
   return group;
@@ -137,7 +138,7 @@ export class MachineScene {
       return label(wheel.name, new Vector3(...wheel.normal).multiplyScalar(far), WHEEL_COLOURS[i % 6], "wheel");
     });
     [["x", 1, 0, 0], ["y", 0, 1, 0], ["z (up)", 0, 0, 1]].forEach(([text, ...axis]) => {
-      this.labels.push(label(text, new Vector3(...axis).multiplyScalar(1.36 * machine.radius), "#57606a", "axis"));
+      this.labels.push(label(text, new Vector3(...axis).multiplyScalar((axis[2] ? UP + 0.08 : 1.36) * machine.radius), "#57606a", "axis"));
     });
     this.tip = label("", new Vector3(), "#1b1f24", "tip");
     this.labels.push(this.tip);
@@ -179,7 +180,7 @@ export class MachineScene {
   // The camera so far away that all of the machine is in sight, whatever the stage's shape.
   fit() {
     const half = Math.tan((this.camera.fov * Math.PI) / 360) * Math.min(1, this.camera.aspect);
-    const far = (1.08 * Math.max(this.extent, 1.36 * this.machine.radius)) / half;
+    const far = (1.08 * Math.max(this.extent, (UP + 0.12) * this.machine.radius)) / half;
     this.camera.position.copy(this.view).normalize().multiplyScalar(Math.hypot(far, this.extent));
   }
 
