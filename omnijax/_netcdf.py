@@ -10,6 +10,7 @@ from ._files import reserve, writing
 from ._memory import SHARE, available, in_words
 from ._reading import existing, regular
 
+CHUNK = 1 << 16  # numbers that share a checksum
 OVERHEAD = 200_000  # bytes of names, attributes and tables in a file, at most
 
 
@@ -18,11 +19,32 @@ def write_netcdf(data: Any, path: str | Path) -> Path:
     with writing(path) as part:
         reserve(part, data.nbytes + OVERHEAD)
         try:
-            data.to_netcdf(part, engine="h5netcdf")
+            _write(data, part)
         except (OSError, RuntimeError) as error:  # of the disk, while HDF5 closes the file
             _interrupts.end_hard()  # HDF5 closes it again as the process ends, and crashes
             raise OSError(None, f"HDF5 says: {error}") from None
     return Path(path)
+
+
+def _write(data: Any, part: Path) -> None:
+    """One variable after the other: xarray copies what it writes at a time."""
+    how = {"engine": "h5netcdf"}
+    frame = data.drop_vars(list(data.data_vars))
+    frame.to_netcdf(part, mode="w", encoding=_checked(frame), **how)
+    for name in data.data_vars:
+        one = data[[name]].drop_vars(data.coords, errors="ignore")
+        one.to_netcdf(part, mode="a", encoding=_checked(one), **how)
+
+
+def _checked(data: Any) -> dict[str, dict[str, Any]]:
+    """Checksums of all arrays of numbers: a flipped bit is noticed where they are read."""
+    found = {}
+    for name, values in data.variables.items():
+        if values.dtype.kind in "fiu" and values.size > 1:
+            rows = max(1, CHUNK // (values.size // values.shape[0]))
+            sizes = (min(rows, values.shape[0]), *values.shape[1:])
+            found[name] = {"fletcher32": True, "chunksizes": sizes}
+    return found
 
 
 def load_netcdf(path: str | Path, kind: str = "a netCDF file", decode_times: bool = False) -> Any:

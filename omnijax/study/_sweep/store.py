@@ -153,7 +153,7 @@ def create_store(
         _empty_group(str(draft), spec, quantities, about)
         seal(draft)
         draft.rename(folder)
-    except OSError:
+    except BaseException:
         shutil.rmtree(draft, ignore_errors=True)
         raise
     return open_store(folder)
