@@ -85,7 +85,7 @@ def diagnosis(seed=0, count=2, **more):
 
 def mixed(kept, shares):
     """Weights of the stored residuals at shares of the sizes, as the page's script takes them."""
-    c = np.zeros(len(kept.trace))
+    c = np.zeros(len(kept.traces[0].values))
     c[kept.found] = 1.0
     for effect, share in zip(kept.effects, shares, strict=True):
         nodes = np.interp(share, effect.shares, range(len(effect.shares)))
@@ -113,15 +113,18 @@ def test_mixed_residuals_are_those_of_the_model(seed):
             sigma = np.array(list(SIGMA.values()))[rows]
             rms = np.sqrt(np.mean(sigma**2 * np.mean(truth[rows] ** 2, axis=1)))
             assert np.sqrt(c @ kept.gram[group] @ c) == pytest.approx(rms, rel=1e-9)
-        row = list(SIGMA).index(kept.channel)
-        block = np.mean(truth[row].reshape(len(kept.time), -1), axis=1)
-        np.testing.assert_allclose(c @ kept.trace, SIGMA[kept.channel] * block, atol=1e-12)
+        for k, trace in enumerate(kept.traces):  # each of the channel that its effect moves most
+            row = list(SIGMA).index(trace.channel)
+            power = np.sum(plant.waves[k] ** 2, axis=1)
+            assert power[row] == pytest.approx(power.max())
+            block = np.mean(truth[row].reshape(len(trace.time), -1), axis=1)
+            np.testing.assert_allclose(c @ trace.values, SIGMA[trace.channel] * block, atol=1e-12)
 
 
 def test_a_fast_effect_is_drawn_sample_by_sample():
     found, plant = diagnosis(1, count=1, fast=True)
     kept = effect_sizes_on_held_out(found)
-    assert np.diff(kept.time) == pytest.approx(plant.time[1])
+    assert np.diff(kept.traces[0].time) == pytest.approx(plant.time[1])
 
 
 def test_without_a_name_there_is_nothing_to_size():
@@ -201,6 +204,9 @@ def test_the_slider_shrinks_the_residual(open_page, tmp_path, width):
         assert tab.locator(".dial .size").first.inner_text() == {
             0: "0 µm", 37: "15.1 µm", 80: "32.6 µm"}[percent]  # fmt: skip
     assert tab.locator(".dial svg path").get_attribute("d") != path
+    tab.locator(".dial input").nth(1).fill("0")  # the picture is now that of the other effect
+    other = effect_sizes_on_held_out(found).traces[1].channel
+    assert other in tab.locator(".dial svg .title").text_content()
     tab.locator(".dial button").click()
     assert shown() == pytest.approx(rms(1.0), rel=0.01)
     assert tab.evaluate("document.documentElement.scrollWidth") <= width
@@ -212,5 +218,6 @@ def test_the_slider_needs_no_other_file(tmp_path):
     page = Page("Diagnosis", "Why?", "So.", sizes_section(found), provenance("omnijax diagnose"))
     text = page.html()
     model = re.search(r'data-model="([^"]+)"', text)[1].replace("&#34;", '"')
-    assert len(json.loads(model)["trace"]) == 13  # as found, and six sizes of each of two effects
+    traces = json.loads(model)["traces"]
+    assert [len(t["values"]) for t in traces] == [13, 13]  # as found, six sizes of two effects
     assert len(text) < 400_000

@@ -17,7 +17,13 @@ def sizes_section(found: Any) -> list[Section]:
     kept = effect_sizes_on_held_out(found)
     if kept is None:
         return []
-    factor, unit = scaled(float(np.abs(kept.trace).max()), kept.channel_unit)
+    traces = []
+    for trace in kept.traces:
+        factor, unit = scaled(float(np.abs(trace.values).max()), trace.unit)
+        traces.append({
+            "channel": trace.channel, "unit": unit, "time": _few(trace.time),
+            "values": _few(factor * trace.values),
+        })  # fmt: skip
     sliders = []
     for effect in kept.effects:
         name, _, place = effect.name.partition("@")
@@ -35,8 +41,8 @@ def sizes_section(found: Any) -> list[Section]:
             "gram": _few(own**2 * gram),
         })  # fmt: skip
     model = {
-        "sliders": sliders, "groups": groups, "found": kept.found, "channel": kept.channel,
-        "unit": unit, "run": kept.run, "time": _few(kept.time), "trace": _few(factor * kept.trace),
+        "sliders": sliders, "groups": groups, "found": kept.found, "run": kept.run,
+        "count": len(kept.traces[0].values), "traces": traces,
     }  # fmt: skip
     text = (
         "Drag the size: at 0 the effect is not there, at 100 % it is as large as the runs say. "

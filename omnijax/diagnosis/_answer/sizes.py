@@ -31,12 +31,22 @@ class SizedEffect:
 
 
 @dataclasses.dataclass(frozen=True)
+class Trace:
+    """The residuals (k, n) of the channel that an effect changes most, at `time` (n,) in s."""
+
+    channel: str
+    unit: str
+    time: np.ndarray
+    values: np.ndarray
+
+
+@dataclasses.dataclass(frozen=True)
 class Sizes:
     """Residuals of the held-out runs at sizes of every named effect, the others as found.
 
     `gram` holds by output group (k, k): the mean of the product of two residuals, so that c G c
     is the mean square of the combination c of residuals, in `units` squared.  `floor` is the
-    noise.  `trace` (k, n) is the residual of `channel` in `channel_unit` at `time` (n,) in s.
+    noise.  `traces` holds one for each effect, of the held-out run `run`.
     """
 
     effects: tuple[SizedEffect, ...]
@@ -45,10 +55,7 @@ class Sizes:
     units: dict[str, str]
     floor: dict[str, float]
     run: str
-    channel: str
-    channel_unit: str
-    time: np.ndarray
-    trace: np.ndarray
+    traces: tuple[Trace, ...]
 
 
 def effect_sizes_on_held_out(found: Diagnosis) -> Sizes | None:
@@ -69,10 +76,11 @@ def effect_sizes_on_held_out(found: Diagnosis) -> Sizes | None:
         effects.append(SizedEffect(effect.name, size, unit, shares, tuple(at)))
     residuals = evidence.model.residuals(points, "held-out")
     gram = _gram(evidence, residuals)
-    channel, unit, name, time, trace = _trace(evidence, residuals, found)
+    parts = [evidence.series(r) for r in residuals]
+    traces = tuple(_trace(evidence, parts, e.column[0]) for e in effects)
     return Sizes(
         tuple(effects), 0, gram, {g: found.gap[g].unit for g in gram},
-        {g: found.gap[g].noise_floor for g in gram}, name, channel, unit, time, trace,
+        {g: found.gap[g].noise_floor for g in gram}, parts[0][0], traces,
     )  # fmt: skip
 
 
@@ -121,28 +129,25 @@ POINTS = 700  # of the trace
 KEPT = 0.8  # of the difference's power that means over blocks have to keep
 
 
-def _trace(
-    evidence: AbstractEvidence, residuals: Sequence[np.ndarray], found: Diagnosis
-) -> tuple[str, str, str, np.ndarray, np.ndarray]:
-    """The channel that the effects change most, on the first held-out run, in few points.
+def _trace(evidence: AbstractEvidence, parts: Sequence[Any], without: int) -> Trace:
+    """The channel that changes most from residual `without` to the found one, in few points.
 
     Means over blocks of samples where these still show what changes, else the stretch of samples
     in which most changes.
     """
-    parts = [evidence.series(r) for r in residuals]
-    name, time, last = parts[0]
-    without = len(residuals) > 1 and parts[1][2]
-    change = {c: np.nan_to_num((without or last)[c] - x) for c, x in last.items()}
+    _, time, last = parts[0]
+    change = {c: np.nan_to_num(parts[without][2][c] - x) for c, x in last.items()}
     channel = max(change, key=lambda c: float(change[c] @ change[c]))
     known: Any = evidence.assumed(channel)
     table = known["sigma"] * np.stack([np.nan_to_num(x[channel]) for _, _, x in parts])
     block = -(-len(time) // POINTS)
     whole = len(time) // block * block
     means = table[:, :whole].reshape(len(table), -1, block).mean(axis=2)
-    moved, kept = table[0] - table[-1], block * np.sum((means[0] - means[-1]) ** 2)
+    moved, kept = table[0] - table[without], block * np.sum((means[0] - means[without]) ** 2)
     if kept >= KEPT * float(moved @ moved):
-        return channel, known["unit"], name, time[:whole].reshape(-1, block).mean(axis=1), means
+        times = time[:whole].reshape(-1, block).mean(axis=1)
+        return Trace(channel, known["unit"], times, means)
     power = np.concatenate([[0.0], np.cumsum(moved**2)])
     start = int(np.argmax(power[POINTS:] - power[:-POINTS])) if len(time) > POINTS else 0
     part = slice(start, start + POINTS)
-    return channel, known["unit"], name, time[part], table[:, part]
+    return Trace(channel, known["unit"], time[part], table[:, part])

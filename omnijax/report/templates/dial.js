@@ -1,7 +1,8 @@
 // Sliders of effects' sizes: stored residuals are mixed, nothing is asked for and nothing simulated.
 document.querySelectorAll(".dial").forEach(function (dial) {
-  const model = JSON.parse(dial.dataset.model), found = model.found, count = model.trace.length;
+  const model = JSON.parse(dial.dataset.model), found = model.found, count = model.count;
   const svg = dial.querySelector("svg"), inputs = Array.from(dial.querySelectorAll("input"));
+  let moved = 0;  // the slider whose effect's channel is drawn
   const short = function (x) { return Number(x.toPrecision(3)).toString(); };
 
   // weights of the stored residuals: linear between the two sizes beside each slider's
@@ -23,15 +24,15 @@ document.querySelectorAll(".dial").forEach(function (dial) {
   function draw(c) {
     const w = Math.max(260, svg.clientWidth), h = 230, left = 62, bottom = 40, top = 26;
     svg.setAttribute("viewBox", "0 0 " + w + " " + h);
-    const t = model.time, first = t[0], last = t[t.length - 1];
+    const trace = model.traces[moved], t = trace.time, first = t[0], last = t[t.length - 1];
     let most = 0;
-    model.trace.forEach(function (row) { row.forEach(function (y) { most = Math.max(most, Math.abs(y)); }); });
+    trace.values.forEach(function (row) { row.forEach(function (y) { most = Math.max(most, Math.abs(y)); }); });
     const x = function (v) { return left + (v - first) / (last - first) * (w - left - 8); };
     const y = function (v) { return top + (h - top - bottom) * (0.5 - 0.5 * v / most); };
     let path = "";
     for (let i = 0; i < t.length; i++) {
       let value = 0;
-      for (let k = 0; k < count; k++) if (c[k]) value += c[k] * model.trace[k][i];
+      for (let k = 0; k < count; k++) if (c[k]) value += c[k] * trace.values[k][i];
       path += (i ? "L" : "M") + x(t[i]).toFixed(1) + " " + y(value).toFixed(1);
     }
     const step = function (span) {
@@ -53,7 +54,7 @@ document.querySelectorAll(".dial").forEach(function (dial) {
     title.setAttribute("x", "0");
     title.setAttribute("y", "14");
     title.setAttribute("class", "title");
-    title.textContent = "Residual of " + model.channel + " (" + model.unit + ")";
+    title.textContent = "Residual of " + trace.channel + " (" + trace.unit + ")";
     svg.appendChild(title);
   }
 
@@ -77,7 +78,12 @@ document.querySelectorAll(".dial").forEach(function (dial) {
     draw(c);
   }
 
-  inputs.forEach(function (input) { input.addEventListener("input", show); });
+  inputs.forEach(function (input, i) {
+    input.addEventListener("input", function () {
+      moved = i;
+      show();
+    });
+  });
   dial.querySelector("button").addEventListener("click", function () {
     inputs.forEach(function (input) { input.value = 100; });
     show();
