@@ -89,6 +89,13 @@ def test_the_order_names_every_package():
         "import omnijax.cli; omnijax.cli.run(['--help'])",
         "import omnijax.cli; omnijax.cli.run(['sweep', '--help'])",
         "import omnijax.cli; omnijax.cli.run(['--version'])",
+        "import omnijax.cli; omnijax.cli.run(['check', 'nowhere.toml'])",
+        "import omnijax.cli; omnijax.cli.run(['simulate', 'nowhere.toml', '--speed', '1'])",
+        "import omnijax.cli; omnijax.cli.run(['design', 'nowhere.toml'])",
+        "import omnijax.cli; omnijax.cli.run(['sweep-status', 'nowhere.zarr'])",
+        "import omnijax.cli; omnijax.cli.run(['export', 'nowhere.zarr', 'x.csv'])",
+        "import omnijax.cli; omnijax.cli.run(['replay', 'nowhere.nc'])",
+        "import omnijax.cli; omnijax.cli.run(['diagnose', 'nowhere'])",
     ],
 )
 def test_no_jax_before_it_is_needed(code):

@@ -42,14 +42,6 @@ class _Text:
         return {"type": "string", "minLength": 1}
 
 
-def _in(unit: str, **limits: Any) -> Any:
-    return Annotated[float, Quantity(unit, **limits)]
-
-
-def _whole(low: int) -> Any:
-    return Annotated[int, Quantity("1", low=low, whole=True)]
-
-
 _NUMBER = Quantity("1").json_schema()
 Text = Annotated[str, _Text()]
 OfPath = Annotated[Any, _Open(_NUMBER | {"description": "in the unit of what it bounds, or text"})]
@@ -70,10 +62,10 @@ class Objective(_Table):
     """What counts, over drives, loads and tolerances."""
 
     metric: Vibration = "rms"
-    weights: dict[Literal[*METRICS], _in("1", above=0)] | None = None  # pyright: ignore
+    weights: dict[Literal[*METRICS], Annotated[float, Quantity("1", above=0)]] | None = None  # pyright: ignore
     over: Literal["worst", "mean"] = "worst"
     spread: Literal["worst", "mean+sigma"] = "worst"
-    sigmas: _in("1", low=0) = 3.0
+    sigmas: Annotated[float, Quantity("1", low=0)] = 3.0
 
 
 class DriveTable(_Table):
@@ -117,10 +109,10 @@ class ConstraintTable(_Table):
 class SearchTable(_Table):
     """How the answer is looked for."""
 
-    starts: _whole(1) = 8
-    seed: _whole(0) = 0
-    batch: _whole(1) = 8
-    stochastic_steps: _whole(0) = 0
+    starts: Annotated[int, Quantity("1", low=1, whole=True)] = 8
+    seed: Annotated[int, Quantity("1", low=0, whole=True)] = 0
+    batch: Annotated[int, Quantity("1", low=1, whole=True)] = 8
+    stochastic_steps: Annotated[int, Quantity("1", low=0, whole=True)] = 0
 
 
 class ParetoTable(_Table):
@@ -130,7 +122,7 @@ class ParetoTable(_Table):
         Any,
         _Open({"type": "array", "items": {"enum": list(METRICS)}, "minItems": 2, "maxItems": 3}),
     ] = []
-    points: _whole(3) = 12
+    points: Annotated[int, Quantity("1", low=3, whole=True)] = 12
 
 
 class LimitTable(_Table):
@@ -138,13 +130,13 @@ class LimitTable(_Table):
 
     metric: Vibration
     max: OfPath
-    confidence: _in("1", above=0, high=0.9999) = 0.99
+    confidence: Annotated[float, Quantity("1", above=0, high=0.9999)] = 0.99
 
 
 class SamplingTable(_Table):
     """How many blocks of runs a global sensitivity takes."""
 
-    samples: _whole(8) = 256
+    samples: Annotated[int, Quantity("1", low=8, whole=True)] = 256
 
 
 _Part = Annotated[Any, _Open(Quantity("1", above=0, high=0.9).json_schema())]
@@ -155,7 +147,7 @@ class ToleranceTable(BaseModel):
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, _Part] = Field(init=False)
-    draws: _whole(2) = 16
+    draws: Annotated[int, Quantity("1", low=2, whole=True)] = 16
 
 
 class StudyTable(_Table):
@@ -163,9 +155,9 @@ class StudyTable(_Table):
 
     rig: Text = "atlas"
     model: Literal["coupled", "paper"] = "coupled"
-    duration: _in("s", above=0) | None = None
-    rate: _in("1/s", above=0) | None = None
-    rtol: _in("1", above=0, high=1e-3) | None = None
+    duration: Annotated[float, Quantity("s", above=0)] | None = None
+    rate: Annotated[float, Quantity("1/s", above=0)] | None = None
+    rtol: Annotated[float, Quantity("1", above=0, high=1e-3)] | None = None
     objective: Objective = Objective()
     drive: Annotated[list[DriveTable], Field(min_length=1)]
     load: list[LoadTable] = []
