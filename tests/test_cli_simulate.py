@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from omnijax import cli, evaluate, load_rig, load_trajectory, read_recording
+from omnijax import cli, evaluate, load_rig, load_trajectory, read_recording, simulation
 from omnijax.dynamics import mobility
 from omnijax.simulation._solve import solve as _solve
 
@@ -72,7 +72,7 @@ def test_an_interrupted_run_is_kept_and_goes_on(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr("sys.argv", ["omnijax", *two])
     assert cli.run(one) == 0
     with monkeypatch.context() as patch:
-        patch.setattr(_solve, "solve_in_pieces", interrupted_after(2, _solve.solve_in_pieces))
+        patch.setattr(simulation, "solve_in_pieces", interrupted_after(2, _solve.solve_in_pieces))
         code = cli.run(two)
     kept = load_trajectory(parts)
     assert code == 130
@@ -101,7 +101,7 @@ def test_only_the_same_run_goes_on(capsys, tmp_path, monkeypatch):
     times = ["--duration", "60ms", "--rate", "20kHz", "--out", out]
     monkeypatch.setattr("sys.argv", ["omnijax", "simulate", "atlas", "and", "more"])
     with monkeypatch.context() as patch:
-        patch.setattr(_solve, "solve_in_pieces", interrupted_after(1, _solve.solve_in_pieces))
+        patch.setattr(simulation, "solve_in_pieces", interrupted_after(1, _solve.solve_in_pieces))
         assert run(capsys, "atlas", "--torque", "0.1,0.2,0.3", *times)[0] == 130
     code, _, error = run(capsys, "atlas", "--torque", "0.1,0.2,0.4", *times, "--resume")
     assert code == 2
