@@ -24,7 +24,11 @@ def objective(read: Reader, table: Mapping) -> dict[str, Any]:
     """Which metrics count how much, over the cases and over tolerances."""
     if "metric" in table and "weights" in table:
         read.say("`objective` takes either `metric` or `weights`, not both.")
-    weights = table.get("weights", {table.get("metric", "rms"): 1.0})
+    metric = table.get("metric", "rms")
+    if not isinstance(metric, str):
+        read.say(f"`objective.metric` must be text, but is {metric!r}.")
+        metric = "rms"
+    weights = table.get("weights", {metric: 1.0})
     if not weights:
         read.say("`objective.weights` names no metric.")
         weights = {"rms": 1.0}
