@@ -178,7 +178,6 @@ sweep rig.toml --vary wheel.rollers=7.5,8.5 --speed 1,1,1
 sweep rig.toml --vary contact.stiffness=1e5:2e5:3 --speed 1,1,1 --resume
 sweep rig.toml --vary contact.stiffness=1e5:2e5:3 --speed 1,1,1 --workers -1 --out s.zarr
 sweep rig.toml --vary contact.stiffness=1e5:2e5:3 --speed 1,1,1 --workers 2
-sweep rig.toml --vary contact.stiffness=1e5:2e5:3 --speed 1,1,1 --scheduler nowhere --out s.zarr
 sweep rig.toml --vary contact.stiffness=1e5:2e5:3 --speed 1,1,1 --duration 1e-12
 export rig.toml x.csv|export recordings x.csv|sweep-status recordings|replay run.csv
 sensitivity rig.toml --speed 1,1,1 --top -1|sensitivity rig.toml --speed 1,1,1 --report rig.toml
