@@ -13,7 +13,7 @@ from machines import ORTHOGONAL, SKEW, machine
 
 from omnijax import laws, set_parameter
 from omnijax.rig import get_parameter, parameter_info
-from omnijax.simulation import simulate, speeds, steady_state
+from omnijax.simulation import TorqueDrive, simulate, speeds, steady_state, torques
 from omnijax.study._evaluation import (
     Evaluation,
     Question,
@@ -66,9 +66,14 @@ def _ends(name, rig):
     return "xyz" if name == "force" else rig.names
 
 
+def kind_of(drive):
+    return "torque" if isinstance(drive, TorqueDrive) else "speed"
+
+
 def _values(drive):
+    kind = kind_of(drive)
     return {
-        "speed": np.asarray(drive.speed.values[0]),
+        kind: np.asarray(getattr(drive, kind).values[0]),
         "force": np.asarray(drive.force.values[0]),
         "angle": np.asarray(drive.initial_angle),
     }
@@ -93,14 +98,14 @@ def design(rig, drive, paths, row, base):
     quantities = drive_quantities(drive, rig.names)
     at = dict(zip(paths, row, strict=True))
     parts = {
-        name: np.array([at[f"{name}.{end}"] for end in _ends(name, rig)])
-        for name in ("speed", "force", "angle")
+        name: np.array([at[f"{name}.{end}"] for end in _ends(name, rig)]) for name in _values(drive)
     }
-    speed, force = parts["speed"] * at["speed.scale"], parts["force"] * at["force.scale"]
+    kind = kind_of(drive)
+    turning, force = parts[kind] * at[f"{kind}.scale"], parts["force"] * at["force.scale"]
     for j in np.flatnonzero(row != base):
         if paths[j] not in quantities:
             rig = set_parameter(rig, paths[j], row[j])
-    return rig, speeds(speed, force, parts["angle"])
+    return rig, {"speed": speeds, "torque": torques}[kind](turning, force, parts["angle"])
 
 
 def rows_of(how, rig, drive, rng):
@@ -145,8 +150,10 @@ def run_figures(ts):
     return reference
 
 
-def drawn_drive(rig, rng):
+def drawn_drive(rig, rng, kind="speed"):
     n = rig.size
+    if kind == "torque":
+        return torques(rng.uniform(0.5, 2, n), rng.uniform(-30, 30, 3), rng.uniform(0.0, 0.2, n))
     return speeds(rng.uniform(2, 9, n), rng.uniform(-30, 30, 3), rng.uniform(0.0, 0.2, n))
 
 
@@ -164,27 +171,31 @@ CASES = [  # method, layout, with effects
     ("bulk", "four", True),
     ("steady", "tripod", True),
     ("steady-bulk", "orthogonal", False),
+    ("fixed", "tripod", False),
 ]
+ACCURACY = {"steady-bulk": 1e-6, "fixed": 1e-6}  # else 1e-7
 
 
 @pytest.mark.parametrize(("method", "layout", "effects"), CASES)
 def test_figures_in_every_quantity(method, layout, effects):
     """The methods and `simulate` are closed forms of one model: to rounding of the forms.
 
-    Steady states are compared with `steady_state`, in bulk to the accuracy of its suprema.
+    Steady states are compared with `steady_state`, in bulk to the accuracy of its suprema; fixed
+    steps under motor torques to theirs.
     """
     rng = np.random.default_rng(len(layout))
     rig = machine(LAYOUTS[layout])
     rig = linear_effects(rig) if effects else rig
     steady = method.startswith("steady")
     ts = None if steady else samples_of(0.08, 500.0)
-    how = Evaluation(method, METRICS, times=ts)
-    drive, reference = drawn_drive(rig, rng), steady_figures if steady else run_figures(ts)
+    how = Evaluation(method, METRICS, times=ts, substeps=8 if method == "fixed" else 1)
+    kind = "torque" if method == "fixed" else "speed"
+    drive, reference = drawn_drive(rig, rng, kind), steady_figures if steady else run_figures(ts)
     if method == "steady-bulk":  # takes no force, and says so: see `rows_of`
         drive = speeds(drive.speed.values[0], initial_angle=drive.initial_angle)
-    moved = compared(how, rig, drive, reference, rng, 1e-6 if method == "steady-bulk" else 1e-7)
+    moved = compared(how, rig, drive, reference, rng, ACCURACY.get(method, 1e-7))
     wanted = {
-        "speed.w2", "speed.scale", "wheel.w1.roundness", "wheel.w2.contact.stiffness",
+        f"{kind}.w2", f"{kind}.scale", "wheel.w1.roundness", "wheel.w2.contact.stiffness",
         "wheel.w3.mount.damping",
     }  # fmt: skip
     wanted |= set() if steady else {"angle.w1", "sphere.mass"}
