@@ -72,7 +72,7 @@ def test_design_survives_saving(bounded, tmp_path):
     assert repr(bounded).startswith("objective = 6.5: optimal")
     assert "<td>y</td><td>0.5</td><td>N</td>" in bounded._repr_html_()
     assert list(bounded.to_xarray()["variable_unit"].values) == ["1", "N"]
-    assert bounded.plot_searches().get_title() == "3 searches: optimal"
+    assert bounded.plot_searches().get_title(loc="left") == "3 searches: optimal"
 
 
 def absorber(mass_ratio: float) -> Problem:

@@ -262,7 +262,7 @@ def test_tolerances_print_and_say_where_they_fail(tmp_path):
     assert "`wheel.w1.radius` ± 10 % (± 8 mm), capped\n" in repr(found)
     assert "`wheel.w1.roundness` ± 5 % (± 0.02)\n" in repr(found)
     assert "<td>wheel.w1.roundness</td>" in found._repr_html_()
-    assert found.plot_widths().get_title() == "rms below 0.57 mm"
+    assert found.plot_widths().get_title(loc="left") == "rms below 0.57 mm"
     found.save(tmp_path / "t.nc")
     again = Tolerances.load(tmp_path / "t.nc")
     assert np.array_equal(again.widths, found.widths) and again.share_low == found.share_low
