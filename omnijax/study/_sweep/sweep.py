@@ -4,6 +4,7 @@ import dataclasses
 import errno
 import functools
 import platform
+import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -78,6 +79,7 @@ def sweep(
     if folder is None and (resume or workers is not None or scheduler is not None):
         raise InputError("`resume`, `workers` and `scheduler` need a store: give `out`.")
     check_cluster(workers, scheduler)
+    begun = folder is not None and not folder.exists()
     about = {"method_reason": why, "command": command, "rig_file": rig_file, **environment()}
     try:
         store = _store(folder, asked, resume, chunk is not None, about)
@@ -92,6 +94,10 @@ def sweep(
         )
         with saying(lambda: kept(store)):
             _run(store, run or _local(store, devices), report)
+    except InputError:  # nothing was computed: a store of nothing helps nobody
+        if begun and folder is not None and not store.done().any():
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
     except OSError as error:
         raise _no_space(error, folder) from None
     finally:
