@@ -2,16 +2,18 @@
 
 import functools
 from collections.abc import Callable
+from importlib.metadata import version
+from typing import Any
 
 import jax
-import jaxlib
 from jax.core import Tracer
 
 from ._waiting import told
 
 # The older of XLA's two code generators (jaxlib 0.10 has both) takes two thirds of the time of the
 # new one, and its programs of one run or of a few dozen designs are as fast.
-QUICK = {"xla_cpu_use_fusion_emitters": False} if jaxlib.__version__.startswith("0.10.") else {}
+OLDER = version("jaxlib").startswith("0.10.")
+QUICK: Any = {"xla_cpu_use_fusion_emitters": False} if OLDER else {}
 
 
 def quick_jit(function: Callable) -> Callable:

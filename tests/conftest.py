@@ -59,6 +59,12 @@ def _programs_end_before_there_are_too_many():
     gc.collect()
 
 
+@pytest.fixture(autouse=True)
+def _nobody_waits(monkeypatch):
+    """Whether a line tells of a long compilation hangs on the machine, and on what ran before."""
+    monkeypatch.setattr("omnijax._waiting.PATIENCE", 1e6)
+
+
 CHROMIUM = [  # no sandbox in a container, no calls of its own, WebGL without a graphics card
     "--no-sandbox",
     "--disable-quic",

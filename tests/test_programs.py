@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from typing import NamedTuple
 
 import jax
@@ -10,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from omnijax import _programs
+from omnijax import _programs, _waiting
 from omnijax._programs import kept
 
 RIGHT = jnp.array([3.0, -1.0, 0.5])
@@ -166,7 +167,7 @@ import hashlib, jax, numpy as np, omnijax
 rig = omnijax.load_rig("atlas")
 run = omnijax.simulate(rig, omnijax.speeds([0.1, 1.2, 0.3]), np.linspace(0, 0.2, 50))
 values = [np.asarray(getattr(run, name)).tobytes() for name in run.UNITS]
-from omnijax import _programs
+from omnijax import _programs, _waiting
 print(hashlib.sha256(b"".join(values)).hexdigest())
 """
     refuse = "import omnijax._programs\nomnijax._programs._make = None\n"
@@ -197,3 +198,14 @@ def test_every_source_of_the_package_counts(monkeypatch, tmp_path):
         deep.write_text(text)
         found.add(_programs._origin.__wrapped__())
     assert len(found) == 2
+
+
+@pytest.mark.parametrize(("length", "told"), [(0.0, 0), (0.5, 1)])
+def test_a_long_compilation_is_told_once(monkeypatch, length, told):
+    said = []
+    monkeypatch.setattr(_waiting, "PATIENCE", 0.1)
+    monkeypatch.setattr(_waiting, "listeners", [lambda: said.append("compiling")])
+    for _ in range(2):
+        with _waiting.told():
+            time.sleep(length)
+    assert len(said) == told

@@ -11,8 +11,8 @@ from typing import Any
 
 from .._interrupts import CODE, NOTHING, answer, ends_hard, leave, listening
 
-_LAZY = dict.fromkeys(("run", "build_app", "COMMANDS"), "._frame")
-_LAZY |= dict.fromkeys(("Json", "emit"), "._options")
+_LAZY: dict[str, str] = {name: "._frame" for name in ("run", "build_app", "COMMANDS")}
+_LAZY |= {name: "._options" for name in ("Json", "emit")}
 
 
 def main(tokens: list[str] | None = None) -> None:

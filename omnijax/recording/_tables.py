@@ -119,7 +119,7 @@ def _hdf5(path: Path) -> Table:
 
     def keep(name, item):
         if isinstance(item, h5py.Dataset) and not name.startswith("#"):
-            sizes.append(8 * item.size)
+            sizes.append(8 * (item.size or 0))
             check_room(path, sum(sizes))
             columns[name.rsplit("/", 1)[-1]] = np.asarray(item[()]).T  # MATLAB counts columns first
 

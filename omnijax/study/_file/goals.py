@@ -88,10 +88,10 @@ def search(read: Reader, top: Mapping) -> dict[str, Any]:
 
 def constraint(read: Reader, block: Mapping) -> Wanted | None:
     """One limit; None where it says of what is not known."""
-    name = block.get("quantity")
+    name = str(block.get("quantity"))
     where = f"constraint.{name}"
     known = {k: q.unit for k, q in {**QUANTITIES, **METRICS}.items()}
-    if str(name) not in known:
+    if name not in known:
         read.say(str(metric_problem(name, QUANTITIES, f"`{where}` is no quantity.")))
         return None
     bounds = {
