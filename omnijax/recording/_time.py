@@ -36,7 +36,7 @@ def _increasing(time: np.ndarray) -> tuple[np.ndarray, int]:
     if np.all(np.diff(time) > 0):
         return np.ones(len(time), bool), len(time)
     steps = np.diff(time)
-    step = np.median(steps[steps > 0])
+    step = np.median(steps[steps > 0]) if (steps > 0).any() else 0.0
     kept: list[int] = []
     i = 0
     while i < len(time):
