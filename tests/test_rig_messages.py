@@ -33,7 +33,7 @@ SINGLE = [
     (("platform", "gravity"), 9.81, "`platform.gravity` must be a list of 3 numbers, but is 9.81."),
     (("whel",), [], "`whel` is not a key of a rig file. Did you mean `wheel`?"),
     (("wheel",), [], "a rig needs at least one [[wheel]] block, but has none."),
-    (("wheel",), {}, "`wheel` must be a list of tables ([[...]]), but is {}."),
+    (("wheel",), {}, "`wheel` must be a list of tables ([[wheel]]), but is {}."),
     ((*W1, "roundness"), 1.3, "`wheel.w2.roundness` must lie in [0, 1], but is 1.3."),
     ((*W1, "roundness"), -0.1, "`wheel.w2.roundness` must lie in [0, 1], but is -0.1."),
     ((*W1, "rollers"), 14.5, "`wheel.w2.rollers` must be a whole number in [1, inf), but is 14.5."),

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from pydantic import ValidationError
 
 from .._errors import InputError, did_you_mean
+from .._problems import sentence
 from .._reading import read_toml
 from ..laws import EFFECTS
 from ._axis import Axis
@@ -113,24 +114,11 @@ def _effects(blocks) -> tuple[tuple[PlacedLaw, ...], list[str]]:
 
 def _sentence(entry: Any) -> str:
     """One pydantic error as a sentence that begins with the key's path."""
-    path, kind, found = ".".join(map(str, entry["loc"])), entry["type"], entry["input"]
     table = str(entry["loc"][0])
-    keys = list(KEYS.get(table, {})) if len(entry["loc"]) > 1 else [
-        *KEYS, "kind", "motion", "compare", "effect", "uncertainty"
-    ]  # fmt: skip
-    if table == "motor":
-        keys.append("input")
-    if kind == "missing":
-        return f"`{path}` is missing."
-    if kind == "extra_forbidden":
-        return (
-            f"`{path}` is not a key of a machine file.{did_you_mean(str(entry['loc'][-1]), keys)}"
-        )
-    if kind == "value_error":
-        return f"`{path}` {entry['ctx']['error']}"
-    if kind == "literal_error":
-        return f"`{path}` must be one of {entry['ctx']['expected']}, but is {found!r}."
-    return f"`{path}` must be a table or a value of another kind, but is {found!r}."
+    keys = [*KEYS, "kind", "motion", "compare", "effect", "uncertainty"]
+    if len(entry["loc"]) > 1:
+        keys = [*KEYS.get(table, {}), *(["input"] if table == "motor" else [])]
+    return sentence(entry, ".".join(map(str, entry["loc"])), "a machine file", keys)
 
 
 def machine_text(file: MachineFile) -> str:

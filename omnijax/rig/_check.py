@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from .._errors import did_you_mean
+from .._problems import sentence
 from ._check_effects import effect_problems
 from ._directions import directed
 from ._parameters import scalar_paths
@@ -62,28 +63,12 @@ def _nested(entry: Any) -> bool:
 def _sentence(entry: Any, data: Mapping) -> str:
     """One pydantic error as a sentence that begins with the key's path."""
     loc, kind = entry["loc"], entry["type"]
-    path = _path(loc, data)
-    if kind == "missing":
-        return f"`{path}` is missing.{_purpose(loc)}"
-    if kind == "extra_forbidden":
-        table = tuple(part for part in loc[:-1] if isinstance(part, str))
-        keys = TABLES.get(table, RigTable).model_fields
-        hint = did_you_mean(str(loc[-1]), keys) or f" Known keys: {', '.join(keys)}."
-        return f"`{path}` is not a key of a rig file.{hint}"
-    found = entry["input"]
-    if kind == "value_error":
-        return f"`{path}` {entry['ctx']['error']}"
-    if kind == "literal_error":
-        expected = entry["ctx"]["expected"].replace("'", "").replace(" or ", ", ")
-        hint = did_you_mean(str(found), expected.split(", "))
-        return f"`{path}` must be one of {expected}, but is {found!r}.{hint}"
     if kind == "too_short" and loc == ("wheel",):
         return "`wheel`: a rig needs at least one [[wheel]] block, but has none."
-    kinds = {"model_type": "a table", "list_type": "a list of tables ([[...]])"}
-    kinds |= {"dict_type": "a table", "string_type": "text", "model_attributes_type": "a table"}
-    kinds |= {"string_too_short": "text of at least one character"}
-    kinds |= {"string_too_long": "text of at most 64 characters"}
-    return f"`{path}` must be {kinds.get(kind, entry['msg'])}, but is {found!r}."
+    table = tuple(part for part in loc[:-1] if isinstance(part, str))
+    keys = TABLES.get(table, RigTable).model_fields
+    told = sentence(entry, _path(loc, data), "a rig file", keys)
+    return told + _purpose(loc) if kind == "missing" else told
 
 
 def _path(loc: tuple, data: Any) -> str:

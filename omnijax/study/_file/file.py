@@ -17,9 +17,9 @@ from .study import Study
 
 
 def load_study(path: str | Path) -> Study:
-    """The study of a TOML file; `InputError` with every problem of the file at once.
+    """The study of a TOML file; its numbers are SI.
 
-    Numbers are SI.  Raises `InputError` with every problem of the file.
+    Raises `InputError` with every problem of the file at once.
     """
     file = Path(path)
     try:

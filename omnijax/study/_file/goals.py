@@ -24,11 +24,7 @@ def objective(read: Reader, table: Mapping) -> dict[str, Any]:
     """Which metrics count how much, over the cases and over tolerances."""
     if "metric" in table and "weights" in table:
         read.say("`objective` takes either `metric` or `weights`, not both.")
-    metric = table.get("metric", "rms")
-    if not isinstance(metric, str):
-        read.say(f"`objective.metric` must be text, but is {metric!r}.")
-        metric = "rms"
-    weights = table.get("weights", {metric: 1.0})
+    weights = table.get("weights", {table.get("metric", "rms"): 1.0})
     if not weights:
         read.say("`objective.weights` names no metric.")
         weights = {"rms": 1.0}
@@ -88,7 +84,7 @@ def search(read: Reader, top: Mapping) -> dict[str, Any]:
 
 def constraint(read: Reader, block: Mapping) -> Wanted | None:
     """One limit; None where it says of what is not known."""
-    name = str(block.get("quantity"))
+    name = block["quantity"]
     where = f"constraint.{name}"
     known = {k: q.unit for k, q in {**QUANTITIES, **METRICS}.items()}
     if name not in known:

@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from ..._errors import did_you_mean
+from ..._problems import sentence
 from ...vibration import metric_problem
 from .schema import StudyTable
 
@@ -14,7 +14,7 @@ from .schema import StudyTable
 def checked(data: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
     """The entries of `data` that are well-formed, and one sentence for each of the others."""
     kept, problems = copy.deepcopy(dict(data)), []
-    for _ in range(10):  # what is taken away can leave something else incomplete
+    for again in range(10):  # what is taken away can leave something else incomplete
         try:
             StudyTable.model_validate(kept)
             break
@@ -23,7 +23,8 @@ def checked(data: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
             found = [x for x in found if x["type"] != "too_short"]  # told with what is needed
             if not found:
                 break
-            problems += [_sentence(kept, x) for x in found]
+            told = (x for x in found if not (again and x["type"] == "missing"))
+            problems += [_sentence(kept, x) for x in told]
             for x in sorted(found, key=lambda x: _order(x["loc"]), reverse=True):
                 _remove(kept, x)
     return kept, list(dict.fromkeys(problems))
@@ -65,29 +66,13 @@ def _label(data: Any, loc: tuple) -> str:
 
 def _sentence(data: Mapping, error: Any) -> str:
     """What is wrong at one place, as users read it."""
-    kind, loc, given = error["type"], error["loc"], error["input"]
+    kind, loc = error["type"], error["loc"]
+    if kind == "missing" and loc[-1] == "path":
+        return "a [[variable]] needs `path`: a parameter of the rig or its drive."
     label = _label(data, loc if kind == "missing" else _real(data, loc))
-    context = error.get("ctx", {})
-    told = f"`{label}` {context.get('error', error['msg'])}"
-    if kind == "missing":
-        told = f"`{label}` is missing."
-        if loc[-1] == "path":
-            told = "a [[variable]] needs `path`: a parameter of the rig or its drive."
-    elif kind == "extra_forbidden":
-        keys = _keys(loc[:-1])
-        hint = did_you_mean(str(loc[-1]), keys) or f" Known keys: {', '.join(keys)}."
-        told = f"`{label}` is not a key of a study file.{hint}"
-    elif kind in {"model_type", "dict_type", "model_attributes_type"}:
-        told = f"`{label}` must be a table, but is {given!r}."
-    elif kind == "list_type":
-        told = f"`{label}` must be a list of tables ([[{label}]]), but is {given!r}."
-    elif kind == "literal_error" and loc[-1] == "[key]":
-        told = f"`{label}`: {metric_problem(given)}"
-    elif kind == "literal_error":
-        options = [x.strip("'") for x in context["expected"].replace(" or ", ", ").split(", ")]
-        hint = did_you_mean(str(given), options)
-        told = f"`{label}` must be one of {', '.join(options)}, but is {given!r}.{hint}"
-    return told
+    if kind == "literal_error" and loc[-1] == "[key]":
+        return f"`{label}`: {metric_problem(error['input'])}"
+    return sentence(error, label, "a study file", _keys(loc[:-1]))
 
 
 def _keys(loc: tuple) -> list[str]:

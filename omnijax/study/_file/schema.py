@@ -42,13 +42,23 @@ class _Text:
         return {"type": "string", "minLength": 1}
 
 
+class _Word:
+    """Text; which words are known is told where they are used."""
+
+    def __init__(self, words: list[str]):
+        self.words = words
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        return core_schema.str_schema(strict=True)
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        return {"enum": self.words}
+
+
 _NUMBER = Quantity("1").json_schema()
 Text = Annotated[str, _Text()]
 OfPath = Annotated[Any, _Open(_NUMBER | {"description": "in the unit of what it bounds, or text"})]
-Metric = Annotated[Any, _Open({"enum": list(METRICS)})]
-Vibration = Annotated[
-    Any, _Open({"enum": [name for name, x in METRICS.items() if x.smaller_is_better]})
-]
+Vibration = Annotated[str, _Word([name for name, x in METRICS.items() if x.smaller_is_better])]
 Numbers = Annotated[Any, _Open({"anyOf": [_NUMBER, {"type": "array", "items": _NUMBER}]})]
 Pair = Annotated[Any, _Open({"type": "array", "items": _NUMBER, "minItems": 2, "maxItems": 2})]
 Orders = Annotated[Any, _Open({"type": "array", "items": {"type": "integer", "minimum": 1}})]
@@ -98,7 +108,7 @@ class VariableTable(_Table):
 class ConstraintTable(_Table):
     """What must hold of a design."""
 
-    quantity: Annotated[Any, _Open({"enum": [*QUANTITIES, *METRICS]})]
+    quantity: Annotated[str, _Word([*QUANTITIES, *METRICS])]
     min: OfPath = None
     max: OfPath = None
     orders: Orders = [1]
