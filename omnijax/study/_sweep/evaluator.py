@@ -118,7 +118,8 @@ class Evaluator:
         self._rows = Rows(
             evaluation_in(spec), *_machine(spec), self._paths, spec.gradient, devices, plan
         )
-        self._batch = -(-spec.batch // devices) * devices
+        few = 1 << (self.points.size - 1).bit_length()  # no more than there are designs
+        self._batch = -(-min(spec.batch, few) // devices) * devices
 
     def designs(self, index: np.ndarray) -> dict[str, np.ndarray]:
         """Every stored array for the designs `index` (m,)."""

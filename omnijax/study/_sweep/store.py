@@ -148,9 +148,12 @@ def create_store(
     if folder is None:
         return Store(_empty_group(MemoryStore(), spec, quantities, about), None)
     draft = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
+    described: dict[str, Any] = {}  # zarr's threads do not touch the disk: they outlive a failure
+    _empty_group(MemoryStore(described), spec, quantities, about)
     try:
-        draft.parent.mkdir(parents=True, exist_ok=True)
-        _empty_group(str(draft), spec, quantities, about)
+        for name, content in described.items():
+            (draft / name).parent.mkdir(parents=True, exist_ok=True)
+            (draft / name).write_bytes(content.to_bytes())
         seal(draft)
         draft.rename(folder)
     except BaseException:
