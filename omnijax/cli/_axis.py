@@ -1,37 +1,17 @@
 """What `check` and `simulate` do for a machine file."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 from ._options import emit
 
 
-def is_machine(path: str | Path) -> bool:
-    """Whether a file is a machine's: TOML with a `kind`."""
-    from .._errors import InputError
-    from .._reading import read_toml
-
-    file = Path(path)
-    if file.suffix != ".toml" or not file.is_file():
-        return False
-    try:
-        return "kind" in read_toml(file)
-    except InputError:  # told where it is read as what it is
-        return False
-
-
-def check_machine(path: str, json: bool) -> int:
-    """A machine file: its numbers, or every error at once."""
-    from .._errors import InputError
+def machine_summary(path: str) -> dict[str, Any]:
+    """What a machine file says; `InputError` with every problem at once."""
     from ..machine import KEYS, load_machine
 
-    try:
-        file = load_machine(path)
-    except InputError as error:
-        if not json:
-            raise
-        emit(True, {"ok": False, "problems": list(error.problems)}, lambda: None)
-        return 2
+    file = load_machine(path)
     axis: Any = file.machine
     numbers = {}
     unused = {"servo"} if axis.drives != "goal" else set()
@@ -45,27 +25,26 @@ def check_machine(path: str, json: bool) -> int:
                 unit = key.quantity(axis.motion).unit
                 numbers[f"{table}.{name}"] = {"value": float(value), "unit": unit}
     uncertain = {file.names[k]: v for k, v in file.uncertainty.items()}
-    summary = {
-        "ok": True, "kind": "axis", "motion": axis.motion, "input": axis.drives,
+    return {
+        "kind": "axis", "motion": axis.motion, "input": axis.drives,
         "inputs": axis.inputs, "numbers": numbers, "uncertainty": uncertain,
         "memory": axis.memory(), "effects": [x.law.id for x in file.placed],
     }  # fmt: skip
-    emit(json, summary, lambda: _print(path, summary))
-    return 0
 
 
-def _print(path: str, summary: dict) -> None:
-    print(f"{path}: an axis ({summary['motion']}), driven by {summary['input']}")
+def machine_lines(path: str, summary: dict[str, Any]) -> Iterator[str]:
+    """The same for people."""
+    yield f"{path}: an axis ({summary['motion']}), driven by {summary['input']}"
     for key, x in summary["numbers"].items():
         about = summary["uncertainty"].get(key)
-        print(f"  {key:<22} {x['value']:.6g} {x['unit']}" + (f"  ± {about:g}" if about else ""))
+        yield f"  {key:<22} {x['value']:.6g} {x['unit']}" + (f"  ± {about:g}" if about else "")
     for key in [k for k in summary["uncertainty"] if k not in summary["numbers"]]:
-        print(f"  {key:<22} uncertain")
+        yield f"  {key:<22} uncertain"
     if summary["effects"]:
-        print(f"  effects: {', '.join(summary['effects'])}")
+        yield f"  effects: {', '.join(summary['effects'])}"
     forgets = summary["memory"]
     held = "nothing pulls it back: it is compared by the balance of accelerations"
-    print(f"  {f'forgets its start in {forgets:.3g} s' if forgets < float('inf') else held}")
+    yield f"  {f'forgets its start in {forgets:.3g} s' if forgets < float('inf') else held}"
 
 
 def simulate_machine(path: str, log: Path | None, out: Path | None, json: bool) -> int:

@@ -1,8 +1,11 @@
 """`omnijax check`: is the rig file right, and what does it say?"""
 
+from collections.abc import Callable, Iterator
 from typing import Any
 
+from ._axis import machine_summary
 from ._options import Json, emit
+from ._study import study_summary
 
 
 def check(rig: str, /, *, json: Json = False) -> int:
@@ -17,37 +20,52 @@ def check(rig: str, /, *, json: Json = False) -> int:
     rig
         A rig file, the name of a bundled rig (atlas, atlas-tripod), a machine file, or a study.
     """
-    from .._consent import law_files
     from .._errors import InputError
-    from ..rig import load_rig, rig_notes
-    from ._axis import check_machine, is_machine
-    from ._study import check_study, is_study
+    from ._kind import file_kind
 
-    if is_machine(rig):
-        return check_machine(rig, json)
-    if is_study(rig):
-        return check_study(rig, json)
+    kind = file_kind(rig)
     try:
-        with law_files("read"):  # a law file is a program: its declaration is read, nothing is run
-            machine = load_rig(rig)
+        summary = _SUMMARIES[kind](rig)
     except InputError as error:
         if not json:
             raise
         emit(True, {"ok": False, "problems": list(error.problems)}, lambda: None)
         return 2
-    from ._check_text import lines
-
-    summary = _summary(machine) | {"laws_not_run": _foreign(rig), "notes": rig_notes(rig)}
-    emit(json, {"ok": True, **summary}, lambda: print("\n".join(lines(rig, summary))))
+    emit(json, {"ok": True, **summary}, lambda: print("\n".join(_lines(kind)(rig, summary))))
     return 0
+
+
+def _lines(kind: str) -> Callable[[str, dict[str, Any]], Iterator[str]]:
+    """What tells people of a file; imported when its reading has not failed."""
+    if kind == "machine":
+        from ._axis import machine_lines as lines
+    elif kind == "study":
+        from ._study import study_lines as lines
+    else:
+        from ._check_text import lines
+    return lines
+
+
+def rig_summary(name: str) -> dict[str, Any]:
+    """What a rig file says; `InputError` with every problem at once."""
+    from .._consent import law_files
+    from ..rig import load_rig, rig_notes
+
+    with law_files("read"):  # a law file is a program: its declaration is read, nothing is run
+        rig = load_rig(name)
+    return _summary(rig) | {"laws_not_run": _foreign(name), "notes": rig_notes(name)}
+
+
+_SUMMARIES: dict[str, Callable[[str], dict[str, Any]]] = {
+    "machine": machine_summary, "study": study_summary, "rig": rig_summary,
+}  # fmt: skip
 
 
 def _foreign(name: str) -> list[dict[str, str]]:
     """The effects whose laws stand in files of their own."""
-    from .._reading import read_toml
-    from ..rig import rig_path
+    from ..rig import rig_tables
 
-    blocks = read_toml(rig_path(name)).get("effect", [])
+    blocks = rig_tables(name).get("effect", [])
     return [{k: str(b[k]) for k in ("id", "place", "law")} for b in blocks if "law" in b]
 
 

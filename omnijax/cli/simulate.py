@@ -6,8 +6,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._reading import existing
-from ._axis import is_machine, simulate_machine
+from ._axis import simulate_machine
 from ._drive import Asked, asked, warnings
+from ._kind import file_kind
 from ._motion import Motion, Numerics
 from ._options import Json, Overwrite, check_picture, command_line, emit
 from ._simulate_compare import compared, differences, lay_over
@@ -57,7 +58,7 @@ def simulate(
         Go on with the interrupted or killed run in --out; the other options must be the same.
     """
     _keep_programs()
-    if is_machine(rig):
+    if file_kind(rig) == "machine":
         return simulate_machine(rig, drive, out, json)
     _check_files(out, plot)
     for file in (drive, compare):

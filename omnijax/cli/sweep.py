@@ -85,9 +85,9 @@ def sweep(
         Folder for a page of the sweep (index.html) with its figures and numbers.
     """
     check_picture(plot)
-    from ..rig import rig_notes
+    from ..rig import rig_tables
 
-    rig_notes(rig)  # wrong files are told before anything slow is imported
+    rig_tables(rig)  # wrong files are told before anything slow is imported
     claim([plot], [report], force=overwrite)
     result, seconds = _run(rig, vary, metric, motion, sampling, numerics, place)
     summary = summarise(result) | {"seconds": seconds}

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ._open import load_rig as load_rig
     from ._open import rig_notes as rig_notes
     from ._open import rig_path as rig_path
+    from ._open import rig_tables as rig_tables
     from ._parameters import ParameterInfo as ParameterInfo
     from ._parameters import get_parameter as get_parameter
     from ._parameters import parameter_info as parameter_info

@@ -35,7 +35,7 @@ def load_rig(path: str | Path) -> "Rig":
     Directions near unit length are taken as directions: `rig_notes` says which.  Raises
     `InputError` with every problem of the file at once.
     """
-    tables = _read(path)
+    tables = rig_tables(path)
     from ._load import parse_rig
 
     return parse_rig(tables, rig_path(path))
@@ -43,14 +43,14 @@ def load_rig(path: str | Path) -> "Rig":
 
 def rig_notes(path: str | Path) -> list[str]:
     """What reading a rig file changed: directions that were made exact."""
-    tables = _read(path)
+    tables = rig_tables(path)
     from ._directions import directed
 
     return directed(tables).notes
 
 
-def _read(path: str | Path) -> dict[str, Any]:
-    """The tables of a rig file."""
+def rig_tables(path: str | Path) -> dict[str, Any]:
+    """The tables of a rig file as they stand; nothing is checked, and nothing slow imported."""
     file = rig_path(path)
     try:
         return read_toml(file)
