@@ -3,6 +3,8 @@
 import dataclasses
 from pathlib import Path
 
+from .._files import claim
+from .._reading import existing
 from ._options import Force, Json
 from ._progress import bar
 from ._study_page import Switch, deliver, kept, made_by
@@ -43,8 +45,6 @@ def design(
         A folder for a page with the figures.
     """
     from .._errors import InputError
-    from .._files import claim
-    from .._reading import existing
 
     existing(study)
     from ..rig import files_of_rig, save_rig

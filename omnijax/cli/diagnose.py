@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+from .._files import claim, write_text
+from .._reading import existing
 from ._heap import keep_freed_memory
 from ._options import Force, Json, command_line, emit
 
@@ -47,8 +49,6 @@ def diagnose(
 
     keep_freed_memory()
     from .._errors import InputError
-    from .._files import claim, write_text
-    from .._reading import existing
 
     existing(case, "folder: a case is one, with a rig file or machine.toml and its runs")
     from ..diagnosis import diagnose as run

@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from .._files import claim
+from .._reading import existing
 from ._options import Force, Json, emit
 
 
@@ -17,8 +19,6 @@ def export(store: Path, file: Path, /, *, force: Force = False, json: Json = Fal
     file
         The file to write: .nc, .csv or .parquet.
     """
-    from .._files import claim
-    from .._reading import existing
 
     existing(store, "folder")
     from ..study import load_sweep

@@ -4,6 +4,8 @@ import sys
 from pathlib import Path
 from typing import Any, Literal
 
+from .._files import claim
+from .._reading import existing
 from ._options import Force, Json, command_line, emit
 
 TRACKED = 4  # orders followed where none are asked for
@@ -55,8 +57,6 @@ def orders(
         Folder of the page, its pictures and CSVs.
     """
     from .._errors import InputError
-    from .._files import claim
-    from .._reading import existing
 
     existing(run)
     from ..report import orders_page, provenance, strongest_orders

@@ -5,6 +5,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from .._files import claim
+from .._reading import existing
 from ._options import Force, Json, emit
 
 
@@ -31,8 +33,6 @@ def replay(
         Heading of the page; the run's name where it is not given.
     """
     from .._errors import InputError
-    from .._files import claim
-    from .._reading import existing
 
     existing(run)
     from ..simulation import load_run

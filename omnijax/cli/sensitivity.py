@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from .._files import claim
 from ._motion import Motion
 from ._options import Json, Overwrite
 from ._study_page import Switch, deliver, made_by_rig
@@ -54,7 +55,6 @@ def sensitivity(
         A folder for a page with the tornado figures.
     """
     from .._errors import InputError
-    from .._files import claim
     from ..rig import load_rig
 
     if top < 1:

@@ -5,6 +5,7 @@ from json import dumps as json_text
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from .._files import claim
 from .._reading import existing
 from ._axis import simulate_machine
 from ._drive import Asked, asked, warnings
@@ -216,7 +217,6 @@ def _claim(
     name: str, rig: Any, out: Path | None, plot: Path | None, resume: bool, force: bool
 ) -> None:
     """Every file that this run will write, before it begins."""
-    from .._files import claim
     from ..recording import files_of_recording
     from ..rig import files_of_rig
 

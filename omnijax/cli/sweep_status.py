@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from .._reading import existing
 from ._options import Json, emit
 
 
@@ -18,7 +19,6 @@ def sweep_status(store: Path, /, *, rerun: int | None = None, json: Json = False
     rerun
         Evaluate this design of the store again and print its figures.
     """
-    from .._reading import existing
     from .._status import FAILED
 
     existing(store, "folder")

@@ -3,6 +3,8 @@
 from pathlib import Path
 from typing import Any
 
+from .._files import claim
+from .._reading import existing
 from ._options import Force, Json
 from ._progress import bar
 from ._study_page import Switch, deliver, kept, made_by
@@ -41,8 +43,6 @@ def tolerances(
     report
         A folder for a page with the figure.
     """
-    from .._files import claim
-    from .._reading import existing
 
     existing(study)
     from ..study import load_study
