@@ -1,6 +1,5 @@
 """The drives, loads and variables of a study file."""
 
-from collections.abc import Mapping
 from typing import Any
 
 from ..._errors import InputError, did_you_mean
@@ -9,20 +8,19 @@ from .._evaluation import drive_quantities
 from .._parameters import speaks_of_all
 from .._problem import Variable
 from .read import Reader
+from .schema import DriveTable, StudyTable
 from .study import Case, Load
 
 
-def cases(read: Reader, rig: Rig, top: Mapping) -> dict[str, Any]:
+def cases(read: Reader, rig: Rig, top: StudyTable) -> dict[str, Any]:
     """Drives and loads."""
-    blocks = top.get("drive", [])
-    drives = tuple(_drive(read, rig, block, i) for i, block in enumerate(blocks))
+    drives = tuple(_drive(read, rig, block, i) for i, block in enumerate(top.drive))
     if len({d.kind for d in drives}) > 1:
         read.say("the [[drive]] tables of one study are all of `speed` or all of `torque`.")
     loads = []
-    for i, block in enumerate(top.get("load", [])):
-        name = block.get("name", f"load {i + 1}")
-        values = block.get("set", {})
-        pairs = [(p, _parameter(read, rig, p, v, f"load.{name}.set")) for p, v in values.items()]
+    for i, block in enumerate(top.load):
+        name, values = block.name or f"load {i + 1}", block.set.items()
+        pairs = [(p, _parameter(read, rig, p, v, f"load.{name}.set")) for p, v in values]
         loads.append(Load(name, tuple(pairs)))
     for kind, found in (("drive", drives), ("load", loads)):
         names = [x.name for x in found]
@@ -34,20 +32,20 @@ def cases(read: Reader, rig: Rig, top: Mapping) -> dict[str, Any]:
     return {"drives": drives, "loads": tuple(loads) or (Load("as built"),)}
 
 
-def _drive(read: Reader, rig: Rig, block: Mapping, i: int) -> Case:
-    name = block.get("name", f"drive {i + 1}")
-    kind = "torque" if "torque" in block and "speed" not in block else "speed"
-    if "torque" in block and "speed" in block:
+def _drive(read: Reader, rig: Rig, block: DriveTable, i: int) -> Case:
+    name, given = block.name or f"drive {i + 1}", block.model_fields_set
+    kind = "torque" if "torque" in given and "speed" not in given else "speed"
+    if {"torque", "speed"} <= given:
         read.say(f"`drive.{name}` takes either `speed` or `torque`, not both.")
     unit = {"speed": "rad/s", "torque": "N m"}[kind]
-    values = _numbers(read, block.get(kind, []), f"drive.{name}.{kind}", unit)
+    values = _numbers(read, getattr(block, kind), f"drive.{name}.{kind}", unit)
     if len(values) != rig.size:
         read.say(
             f"`drive.{name}.{kind}` must have one value a wheel ({rig.size}), but has "
             f"{len(values)}."
         )
         values = (0.0,) * rig.size
-    force = _numbers(read, block.get("force", [0.0] * 3), f"drive.{name}.force", "N")
+    force = _numbers(read, block.force, f"drive.{name}.force", "N")
     if len(force) != 3:
         read.say(f"`drive.{name}.force` must have 3 components, but has {len(force)}.")
         force = (0.0,) * 3
@@ -80,23 +78,24 @@ def quantity_of(read: Reader, rig: Rig, path: str, where: str, more=()) -> Quant
     return Quantity(info.unit, info.low, info.high, whole=info.whole)
 
 
-def variables(read: Reader, rig: Rig, drives, top: Mapping) -> dict[str, Any]:
+def variables(read: Reader, rig: Rig, drives, top: StudyTable) -> dict[str, Any]:
     """The variables, and how each is distributed."""
     found, kinds = [], []
-    for block in top.get("variable", []):
-        path = block["path"]
+    for block in top.variable:
+        path, given = block.path, block.model_fields_set
         where = f"variable.{path}"
         moved = drive_quantities(drives[0].drive, rig.names) if drives else {}
         quantity = Quantity(moved[path][0]) if path in moved else None
         quantity = quantity or quantity_of(read, rig, path, where, moved)
         if quantity is None:
             continue
-        low, high = (read.number(block, key, where, quantity) for key in ("low", "high"))
-        start = read.value(block["start"], f"{where}.start", quantity) if "start" in block else None
-        stiff = path.endswith("stiffness") and "scale" not in block and bool(low)
-        log = stiff or block.get("scale") == "log"
+        low = read.value(block.low, f"{where}.low", quantity)
+        high = read.value(block.high, f"{where}.high", quantity)
+        start = read.value(block.start, f"{where}.start", quantity) if "start" in given else None
+        stiff = path.endswith("stiffness") and "scale" not in given and bool(low)
+        log = stiff or block.scale == "log"
         if low is not None and high is not None:
-            kinds.append(block.get("distribution", "uniform"))
+            kinds.append(block.distribution)
             whole = quantity.whole
             found.append(Variable(path, low, high, log, whole, quantity.unit, start))
     return {"variables": tuple(found), "distributions": tuple(kinds)}

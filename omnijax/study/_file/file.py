@@ -6,7 +6,7 @@ from typing import Any
 
 from ..._errors import InputError
 from ..._reading import read_toml
-from ...rig import Quantity, Rig, load_rig
+from ...rig import Rig, load_rig
 from .._parameters import checked_parameters
 from .._problem import check_variables
 from .cases import cases, variables
@@ -37,20 +37,18 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
         )
     read = Reader()
     top, read.problems = checked(data)
-    rig = _rig(top.get("rig", "atlas"), path)
-    fields: dict[str, Any] = {"rig": rig, "model": top.get("model", "coupled")}
+    rig = _rig(top.rig, path)
+    fields: dict[str, Any] = {
+        "rig": rig, "model": top.model, "duration": top.duration, "rate": top.rate,
+        "rtol": top.rtol,
+    }  # fmt: skip
     fields |= cases(read, rig, top)
     fields |= variables(read, rig, fields["drives"], top)
-    fields |= objective(read, top.get("objective", {}))
-    fields |= tolerances(read, rig, top.get("tolerance", {}))
+    fields |= objective(read, top.objective)
+    fields |= tolerances(read, rig, top.tolerance)
     fields |= search(read, top)
-    limits = (constraint(read, block) for block in top.get("constraint", []))
+    limits = (constraint(read, block) for block in top.constraint)
     fields["constraints"] = tuple(limit for limit in limits if limit is not None)
-    for key, unit in (("duration", "s"), ("rate", "1/s")):
-        if key in top:
-            fields[key] = read.value(top[key], key, Quantity(unit, above=0), 1.0)
-    if "rtol" in top:
-        fields["rtol"] = read.value(top["rtol"], "rtol", Quantity("1", above=0, high=1e-3), 1e-6)
     if not read.problems:
         read.problems += _overlaps(rig, fields)
     if not read.problems and fields["variables"]:

@@ -11,23 +11,21 @@ from ...vibration import metric_problem
 from .schema import StudyTable
 
 
-def checked(data: Mapping[str, Any]) -> tuple[dict[str, Any], list[str]]:
+def checked(data: Mapping[str, Any]) -> tuple[StudyTable, list[str]]:
     """The entries of `data` that are well-formed, and one sentence for each of the others."""
     kept, problems = copy.deepcopy(dict(data)), []
-    for again in range(10):  # what is taken away can leave something else incomplete
+    again = False
+    while True:
         try:
-            StudyTable.model_validate(kept)
-            break
+            return StudyTable.model_validate(kept), list(dict.fromkeys(problems))
         except ValidationError as error:
-            found = [x for x in error.errors() if x["loc"] != ("drive",) or "drive" in kept]
-            found = [x for x in found if x["type"] != "too_short"]  # told with what is needed
-            if not found:
-                break
-            told = (x for x in found if not (again and x["type"] == "missing"))
-            problems += [_sentence(kept, x) for x in told]
-            for x in sorted(found, key=lambda x: _order(x["loc"]), reverse=True):
-                _remove(kept, x)
-    return kept, list(dict.fromkeys(problems))
+            found = error.errors()
+        # what is taken away can leave something else incomplete: that is not the user's
+        told = (x for x in found if not (again and x["type"] == "missing"))
+        problems += [_sentence(kept, x) for x in told]
+        for x in sorted(found, key=lambda x: _order(x["loc"]), reverse=True):
+            _remove(kept, x)
+        again = True
 
 
 def _order(loc: tuple) -> tuple:
@@ -91,9 +89,7 @@ def _keys(loc: tuple) -> list[str]:
 
 def _remove(data: Any, error: Any) -> None:
     """Take the wrong entry out; what misses a key goes as a whole."""
-    steps = _real(data, error["loc"] if error["type"] != "missing" else error["loc"][:-1])
-    if not steps:
-        return
-    for part in steps[:-1]:
+    *way, last = _real(data, error["loc"] if error["type"] != "missing" else error["loc"][:-1])
+    for part in way:
         data = data[part]
-    del data[steps[-1]]
+    del data[last]

@@ -81,16 +81,16 @@ class Objective(_Table):
 class DriveTable(_Table):
     """Constant wheel speeds (rad/s) or motor torques (N m), and a force on the platform (N)."""
 
-    name: Text = "drive 1"
-    speed: Numbers = None
-    torque: Numbers = None
-    force: Numbers = None
+    name: Text | None = None  # else its number
+    speed: Numbers = []
+    torque: Numbers = []
+    force: Numbers = [0.0, 0.0, 0.0]
 
 
 class LoadTable(_Table):
     """Parameters with values of their own in one case."""
 
-    name: Text = "load 1"
+    name: Text | None = None  # else its number
     set: dict[str, OfPath] = {}
 
 
@@ -149,7 +149,7 @@ class SamplingTable(_Table):
     samples: Annotated[int, Quantity("1", low=8, whole=True)] = 256
 
 
-_Part = Annotated[Any, _Open(Quantity("1", above=0, high=0.9).json_schema())]
+_Part = Annotated[float, Quantity("1", above=0, high=0.9)]
 
 
 class ToleranceTable(BaseModel):
@@ -163,13 +163,14 @@ class ToleranceTable(BaseModel):
 class StudyTable(_Table):
     """A study file."""
 
+    model_config = ConfigDict(extra="forbid", json_schema_extra={"required": ["drive"]})
     rig: Text = "atlas"
     model: Literal["coupled", "paper"] = "coupled"
     duration: Annotated[float, Quantity("s", above=0)] | None = None
     rate: Annotated[float, Quantity("1/s", above=0)] | None = None
     rtol: Annotated[float, Quantity("1", above=0, high=1e-3)] | None = None
     objective: Objective = Objective()
-    drive: Annotated[list[DriveTable], Field(min_length=1)]
+    drive: Annotated[list[DriveTable], Field(json_schema_extra={"minItems": 1})] = []
     load: list[LoadTable] = []
     variable: list[VariableTable] = []
     constraint: list[ConstraintTable] = []
