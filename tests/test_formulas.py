@@ -23,7 +23,8 @@ from formulas import (
 
 from omnijax import laws
 from omnijax.laws import _hertz as hertz
-from omnijax.simulation import ramp, speeds, step, table
+from omnijax.simulation import ramp, sample_times, speeds, step, table
+from omnijax.simulation._drives import as_times
 
 
 def applied(law, port, signal):
@@ -82,6 +83,7 @@ def check_relaxation():
 def check_lag():
     """x - u acts beside u, with dx/dt = (u - x)/tau."""
     law = made("actuator-lag", {"tau": 0.02})
+    assert law.port == "actuator"
     signal = laws.ActuatorSignal(*map(jnp.asarray, (0.8, 0.0, 0.0)))
     assert float(law(signal, jnp.asarray(0.5))) == pytest.approx(-0.3)
     assert float(law.rate(signal, jnp.asarray(0.5))) == pytest.approx(15.0)
@@ -109,7 +111,7 @@ def check_table_shape():
 
     theta = np.linspace(0.02, 0.02 + PITCH, 64, endpoint=False)
     law = laws.TableShape.fit(theta, curve(theta), PITCH)
-    for angle in (0.001, 0.3, 1.0, -0.2, 3 * PITCH + 0.11):
+    for angle in (0.001, 0.3, 1.0, -0.2, 3 * PITCH + 0.11, PITCH - 1e-3, PITCH - 0.011):
         assert float(law(jnp.asarray(angle), GAPS)) == pytest.approx(float(curve(angle)), abs=5e-10)
 
 
@@ -175,11 +177,17 @@ def check_signal():
     assert float(table([0.0, 1.0], [[3.0], [4.0]]).integral(-2.0)[0]) == -6.0
     twice = signal + table([0.5, 1.5], [[1.0], [2.0]])
     near([float(twice(t)[0]) for t in (0.0, 1.0, 2.0, 4.0)], [1, 3.5, 2, 0])
+    near([float(twice.rate(t)[0]) for t in (0.2, 0.7, 1.2, 2.0)], [2, 3, -1, -2])
     near([float(ramp(1.0, 3.0, 5.0, 6.0)(t)[0]) for t in (0, 1, 2, 3, 4)], [5, 5, 5.5, 6, 6])
     near([float(step(1.0, 5.0, 6.0)(t)[0]) for t in (0, 0.999, 1, 2)], [5, 5, 6, 6])
     drive = speeds(signal, initial_angle=[0.7])
     near(drive.angle(2.0, 0.5), [0.7 + 2 - 0.25])
     near(speeds([3.0]).angle(2.0, 0.5), [4.5])
+    near(sample_times(0.01, 400.0), [0.0, 0.0025, 0.005, 0.0075, 0.01])
+    near(as_times("4 ms"), [0.0, 0.002, 0.004])
+    near(as_times([0.0, 0.3, 1.0]), [0.0, 0.3, 1.0])
+    with pytest.raises(ValueError, match=r"does at row 2 \(0.5 s\)"):
+        table([0.0, 1.0, 0.5], [[0.0], [1.0], [2.0]])
 
 
 OTHERS = {

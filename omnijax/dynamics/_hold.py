@@ -24,7 +24,7 @@ def held(rig: Rig, model: str = "coupled") -> Bool[Array, ""]:
     areas = jnp.cross(r[:, None], r[None])
     pairs = jnp.sum(areas**2) / 2  # L1 L2 + L2 L3 + L3 L1
     product = jnp.sum(jnp.einsum("ia,jka->ijk", r, areas) ** 2) / 6  # L1 L2 L3
-    return (pairs > LOOSE**2) & (product > LOOSE**2 * pairs)
+    return product > LOOSE**2 * pairs
 
 
 def hold_obstacle(rig: Rig, model: str = "coupled") -> str | None:

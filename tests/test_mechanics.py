@@ -1,0 +1,202 @@
+"""Hold, mobility, weight, small systems and matrices against numbers of their own."""
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from machines import ORTHOGONAL, SKEW, machine
+from moment_cases import PARTS, SKEW4
+from moments import slope
+from test_formulas import made, near
+
+from omnijax.dynamics import (
+    Coupled,
+    ElasticState,
+    Paper,
+    Pointwise,
+    PortInputs,
+    flatten,
+    held,
+    held_directions,
+    linear_system,
+    minimum_normal_force,
+    mobility,
+    sliding,
+    weight,
+)
+from omnijax.dynamics._kinematics import Rolling
+from omnijax.dynamics._rotation import rotation_response
+from omnijax.dynamics._small import inverse, pseudoinverse, solve, solve_all
+
+
+def with_normals(normal):
+    """A rig whose normals are `normal` (n, 3)."""
+    normal = np.asarray(normal, float)
+    rig = machine((normal, np.zeros_like(normal)))
+    return eqx.tree_at(lambda r: r.wheels.normal, rig, jnp.asarray(normal))
+
+
+def check_hold():
+    """Product over sum of pairwise products of the eigenvalues of sum r r^T, against 1e-12."""
+    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0]
+    for share, holds in ((0.8, False), (1.25, True), (1e6, True)):
+        for first, second in ((1.0, 1.0), (3.0, 0.7), (0.4, 0.2)):
+            # L1 L2 L3/(L1 L2 + (L1 + L2) L3) = t  ->  L3 = t/(1 - t (1/L1 + 1/L2))
+            t = share * 1e-12
+            third = t / (1 - t * (1 / first + 1 / second))
+            rig = with_normals(np.sqrt([[first], [second], [third]]) * turn)
+            assert bool(held(rig)) == holds, (share, first)
+    plane = [[1, 0, 0], [0, 1, 0], [0.6, 0.8, 0]]
+    for normal, count in ((np.eye(3), 3), (plane, 2), ([[0, 1, 0]] * 3, 1)):
+        rig = with_normals(normal)
+        assert held_directions(rig) == count and bool(held(rig)) == (count == 3)
+        assert bool(held(rig, "paper")) is True
+
+
+def check_mobility():
+    """Orthogonal wheels of unlike radii; four skewed ones, whose conflicts turn nothing."""
+    radius = np.array([0.05, 0.06, 0.08])
+    found = mobility(machine(ORTHOGONAL, radius=radius))
+    axes = np.eye(3)[[1, 2, 0]]  # drive x normal
+    near(found.to_wheels, 1.22 / radius[:, None] * axes)
+    near(found.to_sphere, (axes * radius[:, None] / 1.22).T)
+    near(found.strength, [1, 1, 1])
+    assert found.driven == 3 and found.condition == pytest.approx(1) and not len(found.conflicts)
+    unlike = mobility(machine((SKEW4[0], SKEW4[1]), radius=[0.05, 0.06, 0.08, 0.07]))
+    spins = -np.cross(*map(np.array, SKEW4))
+    squares = np.sort(np.linalg.eigvalsh(spins.T @ spins))[::-1]
+    near(unlike.strength, np.sqrt(squares / squares[0]), 1e-9)
+    assert unlike.condition == pytest.approx(np.sqrt(squares[0] / squares[2]))
+    (conflict,) = unlike.conflicts
+    np.testing.assert_allclose(unlike.to_sphere @ conflict, 0, atol=1e-12)
+    near(np.linalg.norm(conflict * [0.05, 0.06, 0.08, 0.07]), 1.22)
+    np.testing.assert_allclose(unlike.to_sphere @ unlike.to_wheels, np.eye(3), atol=1e-12)
+    thin = mobility(machine([part[:2] for part in SKEW]))
+    assert thin.driven == 2 and len(thin.undriven()) == 1
+    np.testing.assert_allclose(thin.to_wheels @ thin.undriven()[0], 0, atol=1e-12)
+
+
+def check_weight():
+    """5 kg under (3, 4, 12) m/s^2: 65 N on wheels below; 6.825 kg of platform and wheels above."""
+    given = {"gravity": [-3.0, -4.0, -12.0]}
+    below = weight(machine(ORTHOGONAL, **given))
+    near(below.normal, [15, 20, 60])
+    assert (below.what, below.force) == ("the sphere on the wheels", pytest.approx(65.0))
+    assert below.missing == pytest.approx(0, abs=1e-12)
+    above = weight(machine(ORTHOGONAL, gravity=[3.0, 4.0, 12.0]))
+    near(above.normal, [20.475, 27.3, 81.9])
+    assert above.what == "platform and wheels on the sphere"
+    assert above.force == pytest.approx(88.725)
+    two = weight(machine([part[:2] for part in ORTHOGONAL], **given))
+    near(two.normal, [15, 20])
+    assert two.missing == pytest.approx(60)
+    assert weight(machine()) is None
+
+
+def check_sliding():
+    """What is left of rim speeds after the nearest turn of the sphere."""
+    radius, speed = np.array([0.05, 0.06, 0.08, 0.07]), np.array([3.0, -2.0, 5.0, 1.0])
+    rig = machine(SKEW4, radius=radius)
+    axes, rim = 1.22 * -np.cross(*map(np.array, SKEW4)), radius * speed
+    near(sliding(rig, speed), axes @ np.linalg.lstsq(axes, rim, rcond=None)[0] - rim, 1e-10)
+
+
+def check_small_systems():
+    """Whole numbers: A (1, -2, 3) and A (0, 1, 2), with a zero where the first pivot would be."""
+    matrix = jnp.array([[0.0, 2.0, 1.0], [4.0, 1.0, 0.0], [2.0, 0.0, 5.0]])
+    right = jnp.array([[-1.0, 4.0], [2.0, 1.0], [17.0, 10.0]])
+    near(solve_all(matrix, right), [[1, 0], [-2, 1], [3, 2]])
+    near(solve(matrix, right[:, 0]), [1, -2, 3])
+    near(inverse(matrix) * -42, [[5, -10, -1], [-20, -2, 4], [-2, 4, -8]])
+    near(solve(jnp.diag(jnp.array([2.0, 4.0, 5.0, 8.0])), jnp.ones(4)), [0.5, 0.25, 0.2, 0.125])
+    near(pseudoinverse(jnp.array([[3.0, 0, 0], [4.0, 0, 0]])), [[0.12, 0.16], [0, 0], [0, 0]])
+
+
+def check_rotation_response():
+    """A unit of every torque in the un-eliminated equations of shafts, sphere and no slip."""
+    rig = machine(SKEW4, **PARTS)
+    axes = -np.cross(*map(np.array, SKEW4))
+    radius, I_w = np.array([0.05, 0.06, 0.08, 0.07]), np.asarray(rig.wheels.inertia)
+    inertia, zero = np.asarray(PARTS["sphere_inertia"]), np.zeros
+    rows = np.vstack([
+        np.hstack([np.diag(radius), np.diag(I_w), zero((4, 3))]),
+        np.hstack([-1.22 * axes.T, zero((3, 4)), inertia]),
+        np.hstack([zero((4, 4)), -np.diag(radius), 1.22 * axes]),
+    ])  # fmt: skip
+    causes = np.diag([1.0] * 4 + [-1.0] * 3 + [0.0] * 4)[:, :7]
+    expected = np.linalg.solve(rows, causes)[[0, 1, 2, 3, 8, 9, 10]].T
+    geometry = Rolling(jnp.asarray(radius), jnp.asarray(axes))
+    near(rotation_response(rig, geometry, jnp.linalg.inv(inertia)), expected, 1e-9)
+
+
+def check_minimum_normal_force():
+    near(minimum_normal_force(jnp.array([-3.0, 4.0]), jnp.array([0.5, 0.8])), [6.0, 5.0])
+
+
+def check_still():
+    """Deflected and at rest: neither body moves, whatever the dampers' shifts hold."""
+    rig = machine(SKEW)
+    shape, mount = jnp.array([1e-4, -2e-4, 3e-4]), jnp.array([1e-5, 2e-5, -3e-5])
+    for model in (Coupled(rig), Paper(rig)):
+        found = model.motion(model.still(jnp.array([3e-4, 1e-4, -2e-4]), mount, shape), shape)
+        for part in (found.velocity, found.approach_rate, found.mount_rate, found.platform):
+            np.testing.assert_allclose(part, 0, atol=1e-14)
+        near(found.mount, mount)
+
+
+def check_outputs():
+    """The rows of outputs are the motion and the platform's acceleration."""
+    rig, rng = machine(SKEW, **PARTS), np.random.default_rng(6)
+    coupled = Coupled(rig)
+    state = ElasticState(*(jnp.asarray(rng.normal(size=3)) for _ in range(4)))
+    inputs = PortInputs(*(jnp.asarray(rng.normal(size=3)) for _ in range(6)))
+    system, y, u = linear_system(coupled), flatten(state), flatten(inputs)
+    motion = coupled.motion(state, inputs.shape)
+    expected = motion._asdict() | {"acceleration": coupled.platform_acceleration(state, inputs)}
+    for name, value in expected.items():
+        C, D = system.row(name)
+        near(C @ y + D @ u, value, 1e-9)
+    assert (
+        system.outputs["acceleration"].stop
+        == len(system.C)
+        == sum(len(value) for value in expected.values())
+    )
+
+
+def check_printed_matrices():
+    """Columns of the printed form by differences of it, wheel by wheel."""
+    form = Pointwise(machine(SKEW))
+    A, b = form.matrices()
+    zero = jnp.zeros((4, 3))
+    for j in range(4):
+        column = slope(lambda s, j=j: np.asarray(form.rate(zero.at[j].set(s), zero[0])), 0.0, 1.0)
+        near(A[:, :, j], column.T, 1e-9)
+    near(b, slope(lambda s: np.asarray(form.rate(zero, zero[0] + s)), 0.0, 1.0).T, 1e-9)
+
+
+def check_numbers_of_a_rig():
+    """Inertia of one number is the same about every axis; a radius is 2 % larger by its law."""
+    rig = machine(ORTHOGONAL, radius=[0.05, 0.06, 0.08])
+    near(rig.sphere.inertia_matrix, 4.961 * np.eye(3))
+    rig = rig.add(made("wheel-radius", {"s": 0.02}), "w2")
+    near(rig.wheel_radius, [0.05, 0.0612, 0.08])
+
+
+CHECKS = {
+    "hold": check_hold,
+    "mobility": check_mobility,
+    "weight": check_weight,
+    "sliding": check_sliding,
+    "small systems": check_small_systems,
+    "response of the rotation": check_rotation_response,
+    "minimum normal force": check_minimum_normal_force,
+    "still": check_still,
+    "outputs": check_outputs,
+    "matrices as printed": check_printed_matrices,
+    "numbers of a rig": check_numbers_of_a_rig,
+}
+
+
+@pytest.mark.parametrize("name", list(CHECKS))
+def test_mechanics(name):
+    CHECKS[name]()

@@ -1,0 +1,18 @@
+"""A sample of `python -m tests.mutants`, drawn anew: changed laws that the formulas must notice."""
+
+from mutants.equations import all_mutants
+from mutants.killing import prepare, tried
+from seeds import drawn_anew
+from test_formulas import CHECKS
+
+COUNT = 40  # mutants
+
+
+def test_slips_of_the_pen_in_laws_are_noticed():
+    rng = drawn_anew("mutants of laws")
+    every = [m for m in all_mutants() if m.where.startswith("omnijax.laws.")]
+    chosen = [every[i] for i in rng.choice(len(every), COUNT, replace=False)]
+    results = list(tried(chosen, prepare(CHECKS)))
+    assert len(results) > COUNT / 2
+    survivors = [(r.mutant.where, r.mutant.text) for r in results if r.killer is None]
+    assert not survivors
