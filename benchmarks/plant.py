@@ -5,6 +5,7 @@ formulas, other friction widths, other profiles' code.  Every effect is a number
 is no effect.  One compiled function simulates every case.
 """
 
+from functools import partial
 from typing import Any
 
 import jax
@@ -14,7 +15,7 @@ import numpy as np
 jax.config.update("jax_enable_x64", True)
 
 RATE = 500.0  # Hz, of the recording
-SUB = 20  # Runge-Kutta steps a sample: 1e-4 s
+STEPS = 1e4  # Runge-Kutta steps a second
 W0, V0, EPS = 0.07, 1.4e-3, 4e-3  # friction widths; the package's candidates start from others
 NOISE = {"dR": 2e-6, "theta": 1e-4, "Omega": 1e-4, "a": 5e-3}
 
@@ -32,7 +33,11 @@ def nothing(n: int = 3) -> dict[str, Any]:
         "coulomb": z(), "viscous": z(), "ripple": z(), "ripple_order": z(), "ripple_phase": z(),
         "gain": z(), "arm": 0.0, "lever": 0.0, "drag": 0.0, "offset": np.zeros(3), "floor": 0.0,
         "floor_f": 1.0, "floor_phase": 0.0, "floor_d": np.array([1.0, 0, 0]), "creep": z(),
-        "cross": 0.0, "K2": z(), "fade": z(),
+        "cross": np.zeros((n, n)), "K2": z(), "fade": z(), "square": z(), "k2": z(),
+        "bias": z(), "current": z(), "current_order": z(), "current_phase": z(), "radius": z(),
+        "stribeck": z(), "stribeck_speed": np.ones(n), "load": z(), "asymmetry": z(),
+        "cog": np.zeros((n, 2)), "cog_order": np.ones((n, 2)), "cog_phase": np.zeros((n, 2)),
+        "w0": W0, "v0": V0, "eps": EPS,
     }  # fmt: skip
 
 
@@ -48,7 +53,7 @@ def machine(rng, wheels: int = 3, **changes) -> dict[str, Any]:
         "R": 1.22, "M": mass, "Ml": mass * rng.uniform(0.8, 1.7),
         "g": np.array([0, 0, -9.81]), "normal": normal, "drive": drive,
         "r": 0.09, "m": rng.uniform(0.3, 0.6), "Iw": rng.uniform(1e-3, 2e-3),
-        "n": float(rng.integers(10, 17)), "eta": rng.uniform(0.14, 0.2), "half": 0.0,
+        "n": float(rng.integers(10, 17)), "eta": rng.uniform(0.14, 0.2), "half": 0.0, "wave": 0.0,
         "K": rng.uniform(1e5, 3.3e5) * each, "C": rng.uniform(200, 450) * each,
         "k": rng.uniform(4.5e5, 1.5e6) * each, "c": rng.uniform(50, 180) * each,
         "Kc": rng.uniform(1.5e4, 4e4), "N0": rng.uniform(220, 380), "mu": 0.9,
@@ -57,18 +62,19 @@ def machine(rng, wheels: int = 3, **changes) -> dict[str, Any]:
 
 
 def profile(angle, rig):
-    """Gated sine; half a wave instead of a whole one where `half` is 1."""
+    """Gated sine; half a wave instead of a whole one where `half` is 1, no gate where `wave` is."""
     pitch = 2 * jnp.pi / rig["n"]
     width = rig["eta"] * pitch
     half = jnp.arcsin(rig["r"] / rig["R"] * jnp.sin(width / 2))
     depth = rig["R"] * (1 - jnp.cos(half)) + rig["r"] * (1 - jnp.cos(width / 2))
     into = jnp.mod(angle, pitch)
-    return jnp.where(into < width, -depth * jnp.sin((2 - rig["half"]) * jnp.pi * into / width), 0.0)
+    gated = jnp.where(into < width, jnp.sin((2 - rig["half"]) * jnp.pi * into / width), 0.0)
+    return -depth * jnp.where(rig["wave"] > 0, jnp.sin(rig["n"] * angle / rig["eta"]), gated)
 
 
 def shape(angle, rig, e):
     """rho of every wheel with runout and damaged roller."""
-    bare = profile(angle, rig)
+    bare = profile(angle, {**rig, "r": rig["r"] * (1 + e["radius"])})
     gap = jnp.floor(jnp.mod(angle, 2 * jnp.pi) / (2 * jnp.pi / rig["n"]))
     return bare * (1 + e["severity"] * (gap == e["roller"])) + e["runout"] * jnp.cos(
         angle - e["runout_phase"]
@@ -95,16 +101,27 @@ def contact_extra(d, z, rig, e, time):
     left = jnp.maximum(1 - d / reach, 0.0)
     hertz = rig["N0"] * (1 - left**1.5) - rig["K"] * d
     extra = e["K3"] * d**3 + e["K1"] * (d - z) + e["hertz"] * hertz + e["K2"] * d**2
-    cross = jnp.zeros_like(d).at[:2].set(e["cross"] * d[1::-1])
-    return extra + cross + e["fade"] * rig["K"] * d * time
+    return extra + e["cross"] @ d + e["fade"] * rig["K"] * d * time
 
 
 def mount_extra(D, rate, rig, e):
     """Mount tension beside k D + c D'."""
     return (
-        e["k3"] * D**3 - rig["k"] * jnp.clip(D, -e["backlash"], e["backlash"])
-        + e["dry"] * jnp.tanh(rate / V0)
+        e["k3"] * D**3 + e["k2"] * D**2 - rig["k"] * jnp.clip(D, -e["backlash"], e["backlash"])
+        + e["dry"] * jnp.tanh(rate / e["v0"])
     )  # fmt: skip
+
+
+def shaft(torque, theta, w, e):
+    """Torque on the shafts: what the motors deliver, friction, lines."""
+    given = torque * (1 + e["gain"])
+    given = given * (1 + e["current"] * jnp.sin(e["current_order"] * theta + e["current_phase"]))
+    sign = jnp.tanh(w / e["w0"])
+    dry = e["coulomb"] + e["stribeck"] * jnp.exp(-((w / e["stribeck_speed"]) ** 2))
+    T = given + e["bias"] - (dry + e["load"] * jnp.abs(given)) * sign
+    T = T - e["asymmetry"] * jnp.abs(sign) - e["viscous"] * w - e["square"] * jnp.abs(w) * w
+    T = T + e["ripple"] * jnp.sin(e["ripple_order"] * theta + e["ripple_phase"])
+    return T + jnp.sum(e["cog"] * jnp.sin(e["cog_order"] * theta[:, None] + e["cog_phase"]), axis=1)
 
 
 def field(y, time, torque, force, rig, e):
@@ -120,7 +137,7 @@ def field(y, time, torque, force, rig, e):
     rate = u - normal @ V
     d = normal @ x - D - rho
     smooth_rate = normal @ (Vs - V) - rate
-    radius = (1 - e["creep"]) * (rig["r"] + roll)
+    radius = (1 - e["creep"]) * (rig["r"] * (1 + e["radius"]) + roll)
     w = rig["R"] * (axes @ omega) / radius
     slope = jax.jvp(lambda a: shape(a, rig, e), (theta,), (w,))[1]
     extra = contact_extra(d, z, rig, e, time)
@@ -130,13 +147,12 @@ def field(y, time, torque, force, rig, e):
     tension = tension + lifted
     mount = rig["k"] * D + rig["c"] * rate + mount_extra(D, rate, rig, e)
     N = jnp.maximum(N, 0.0)
-    rolling = e["arm"] * N * jnp.tanh(axes @ omega / EPS)
-    spin = e["lever"] * rig["mu"] * N * jnp.tanh(-normal @ omega / EPS)
+    rolling = e["arm"] * N * jnp.tanh(axes @ omega / e["eps"])
+    spin = e["lever"] * rig["mu"] * N * jnp.tanh(-normal @ omega / e["eps"])
     g = axes.T @ rolling - normal.T @ spin
     g = g + e["drag"] * jnp.linalg.norm(omega + 1e-30) * omega
     g = g - jnp.cross(Q @ e["offset"], rig["M"] * rig["g"])
-    T = torque * (1 + e["gain"]) - e["coulomb"] * jnp.tanh(w / W0) - e["viscous"] * w - rolling
-    T = T + e["ripple"] * jnp.sin(e["ripple_order"] * theta + e["ripple_phase"])
+    T = shaft(torque, theta, w, e) - rolling
     A = rig["R"] ** 2 * axes @ axes.T / rig["I"] + jnp.diag(radius**2 / rig["Iw"])
     f = jnp.linalg.solve(A, radius / rig["Iw"] * T + rig["R"] / rig["I"] * axes @ g)
     turn = (rig["R"] * axes.T @ f - g) / rig["I"]
@@ -174,6 +190,12 @@ def at_rest(theta, rig, e):
     return (x, D, -normal.T @ pulled, pulled, zero, theta, zero, q, d)
 
 
+@partial(jax.jit, static_argnames=("rate", "steps"))
+def side_by_side(theta, torque, force, rig, e, rate=RATE, steps=STEPS):
+    """As `simulate`, every run with a machine and effects of its own, in `steps` a second."""
+    return jax.vmap(lambda *run: _simulate(*run, rate, steps))(theta, torque, force, rig, e)
+
+
 @jax.jit
 def simulate(theta, torque, force, rig, e):
     """Noise-free outputs (runs, samples, ..): dR, theta, Omega, a of runs side by side.
@@ -184,8 +206,9 @@ def simulate(theta, torque, force, rig, e):
     return jax.vmap(lambda *run: _simulate(*run, rig, e))(theta, torque, force)
 
 
-def _simulate(theta, torque, force, rig, e):
-    h = 1 / RATE / SUB
+def _simulate(theta, torque, force, rig, e, rate=RATE, steps=STEPS):
+    count = round(steps / rate)  # Runge-Kutta steps a sample
+    h = 1 / rate / count
 
     def add(y, k, s):
         return jax.tree.map(lambda a, b: a + s * b, y, k)
@@ -194,10 +217,10 @@ def _simulate(theta, torque, force, rig, e):
         k, start, end = given
 
         def sub(y, j):
-            time = (k * SUB + j) * h
+            time = (k * count + j) * h
 
             def rates(y, s):
-                inputs = jax.tree.map(lambda a, b: a + (b - a) * (j + s) / SUB, start, end)
+                inputs = jax.tree.map(lambda a, b: a + (b - a) * (j + s) / count, start, end)
                 return field(y, time + s * h, *inputs, rig, e)[0]
 
             k1 = rates(y, 0.0)
@@ -207,26 +230,26 @@ def _simulate(theta, torque, force, rig, e):
             mean = jax.tree.map(lambda a, b, c, d: (a + 2 * b + 2 * c + d) / 6, k1, k2, k3, k4)
             return add(y, mean, h), None
 
-        out = measure(y, k * SUB * h, start)
-        return jax.lax.scan(sub, y, jnp.arange(SUB))[0], out
+        out = measure(y, k / rate, start)
+        return jax.lax.scan(sub, y, jnp.arange(count))[0], out
 
     def measure(y, time, inputs):
         return jnp.concatenate([y[0], y[5], y[6], field(y, time, *inputs, rig, e)[1]])
 
-    inputs, count = (torque, force), len(torque)
+    inputs, samples = (torque, force), len(torque)
     pairs = (
-        jnp.arange(count - 1),
+        jnp.arange(samples - 1),
         jax.tree.map(lambda x: x[:-1], inputs),
         jax.tree.map(lambda x: x[1:], inputs),
     )
     last, out = jax.lax.scan(sample, at_rest(theta, rig, e), pairs)
-    end = measure(last, (count - 1) / RATE, jax.tree.map(lambda x: x[-1], inputs))
+    end = measure(last, (samples - 1) / rate, jax.tree.map(lambda x: x[-1], inputs))
     return jnp.concatenate([out, end[None]])
 
 
-def wander(rng, seconds: float, peak: float = 0.55) -> np.ndarray:
+def wander(rng, seconds: float, peak: float = 0.55, rate: float = RATE) -> np.ndarray:
     """Omega (samples, 3) of a smooth random turning of the sphere, after 0.3 s of rest."""
-    t = np.arange(round(seconds * RATE) + 1) / RATE
+    t = np.arange(round(seconds * rate) + 1) / rate
     since = np.maximum(t - 0.3, 0.0)
     turning = np.zeros((len(t), 3))
     for axis in range(3):
@@ -239,16 +262,16 @@ def wander(rng, seconds: float, peak: float = 0.55) -> np.ndarray:
     return turning * peak / np.abs(turning).max()
 
 
-def spin_up(seconds: float, speed: float) -> np.ndarray:
+def spin_up(seconds: float, speed: float, rate: float = RATE) -> np.ndarray:
     """Omega (samples, 3) of a turn about the vertical axis: up within 1 s, then constant."""
-    t = np.arange(round(seconds * RATE) + 1) / RATE
+    t = np.arange(round(seconds * rate) + 1) / rate
     rise = np.clip(t - 0.2, 0.0, 1.0)
     return np.outer(speed * rise**2 * (3 - 2 * rise), [0.0, 0.0, 1.0])
 
 
-def torques(rig, turning: np.ndarray, friction: float = 0.0) -> np.ndarray:
+def torques(rig, turning: np.ndarray, friction: float = 0.0, rate: float = RATE) -> np.ndarray:
     """Motor torques (samples, n) for Omega (samples, 3); `friction` in N m s/rad on the shafts."""
-    change = np.gradient(turning, 1 / RATE, axis=0)
+    change = np.gradient(turning, 1 / rate, axis=0)
     axes = np.cross(rig["drive"], rig["normal"])
     force = (rig["I"] * change) @ np.linalg.pinv(rig["R"] * axes.T).T
     spin = rig["R"] / rig["r"] * axes.T
@@ -267,24 +290,28 @@ def perturbed(rng, rig, spread=0.08) -> dict:
     return out
 
 
-def rig_text(rig) -> str:
-    """The stated machine as a rig file."""
+SPREAD = {"contact.stiffness": 0.08, "contact.damping": 0.16,
+          "mount.stiffness": 0.08, "mount.damping": 0.16}  # fmt: skip
+
+
+def rig_text(rig, uncertainty: dict[str, float] = SPREAD) -> str:
+    """The stated machine as a rig file; `uncertainty` relative 1-sigma by key."""
     lines = [f"[sphere]\nradius = {rig['R']}\nmass = {rig['M']!r}\ninertia = {rig['I']!r}\n",
              f"[platform]\nmass = {rig['Ml']!r}\n"
              f"gravity = {np.ravel(rig['g']).tolist()}\n"]  # fmt: skip
+    word = "half" if rig["half"] else "continuous" if rig["wave"] else "gated"
     for i in range(len(rig["K"])):
         K, C, k, c = (float(rig[key][i]) for key in ("K", "C", "k", "c"))
         lines.append(
             f'[[wheel]]\nname = "w{i + 1}"\nnormal = {rig["normal"][i].tolist()}\n'
             f"drive = {rig['drive'][i].tolist()}\nradius = {rig['r']}\nmass = {rig['m']!r}\n"
             f"inertia = {rig['Iw']!r}\nrollers = {int(rig['n'])}\nroundness = {rig['eta']!r}\n"
-            f'profile = "{"half" if rig["half"] else "gated"}-sine"\n'
+            f'profile = "{word}-sine"\n'
             f"contact = {{ stiffness = {K!r}, damping = {C!r}, friction = {rig['mu']} }}\n"
             f"mount = {{ stiffness = {k!r}, damping = {c!r} }}\n"
             f"closure = {{ stiffness = {rig['Kc']!r}, preload = {rig['N0']!r} }}\n"
         )
-    lines.append('[uncertainty]\n"contact.stiffness" = 0.08\n"contact.damping" = 0.16\n'
-                 '"mount.stiffness" = 0.08\n"mount.damping" = 0.16\n')  # fmt: skip
+    lines += ["[uncertainty]", *(f'"{key}" = {sigma}' for key, sigma in uncertainty.items()), ""]
     return "\n".join(lines)
 
 
@@ -328,16 +355,20 @@ def record(
     return tables
 
 
-def write_case(folder, stated, tables, noise: float = 1.0) -> None:
-    """Rig file, runs and sidecars into `folder`; the last run is held out, if there are several."""
+def write_case(folder, stated, tables, noise=1.0, sigmas=None, uncertainty=SPREAD) -> None:
+    """Rig file, runs and sidecars into `folder`; the last run is held out, if there are several.
+
+    `sigmas` are declared (default: `noise` times `NOISE`; empty: none).
+    """
     folder.mkdir(parents=True, exist_ok=True)
-    (folder / "rig.toml").write_text(rig_text(stated))
-    sigmas = "\n".join(f"{g} = {noise * s!r}" for g, s in NOISE.items())
+    (folder / "rig.toml").write_text(rig_text(stated, uncertainty))
+    sigmas = {g: noise * s for g, s in NOISE.items()} if sigmas is None else sigmas
+    lines = ["[noise]", *(f"{g} = {float(s)!r}" for g, s in sigmas.items())] if sigmas else []
     for k, table in enumerate(tables):
         rows = np.column_stack(list(table.values()))
         path = folder / f"run-{k + 1}.csv"
         np.savetxt(path, rows, "%.10g", ",", header=",".join(table), comments="")
         role = "held-out" if 0 < k == len(tables) - 1 else "train"
         path.with_suffix(".toml").write_text(
-            f'rig = "rig.toml"\nrole = "{role}"\n[noise]\n{sigmas}\n'
+            "\n".join(['rig = "rig.toml"', f'role = "{role}"', *lines, ""])
         )

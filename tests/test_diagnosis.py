@@ -31,7 +31,7 @@ def cases(plant, tmp_path_factory):
     effects = {
         "none": {},
         "runout": {"runout": np.array([0.0, 5e-5, 0.0]), "runout_phase": np.array([0, -1.9, 0.0])},
-        "unknown": {"cross": 2.5e4},
+        "unknown": {"cross": 2.5e4 * np.eye(3)[[1, 0, 2]] * [[1], [1], [0]]},
     }
     folder, found = tmp_path_factory.mktemp("cases"), {}
     for k, (name, planted) in enumerate(effects.items()):

@@ -1,0 +1,62 @@
+"""Run seeds, or report what is in a file of answers.
+
+    python -m benchmarks.hidden_effects run --seeds 0-99 [--kind none] [--out FILE]
+    python -m benchmarks.hidden_effects report [--out FILE]
+
+Seeds below 100 are for work; published figures come from seeds 100 and up.
+"""
+
+import argparse
+import json
+from pathlib import Path
+
+from .answers import answered
+from .report import report
+
+RESULTS = Path(__file__).parents[1] / "results" / "hidden_effects.jsonl"
+
+
+def main() -> None:
+    """Parse and do."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.hidden_effects", description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("do", choices=["run", "report"])
+    parser.add_argument("--seeds", default="0-99", help="first-last, or one")
+    parser.add_argument("--kind", help="hide this kind whatever the seed draws")
+    parser.add_argument("--out", type=Path, default=RESULTS)
+    options = parser.parse_args()
+    lines = read(options.out)
+    if options.do == "run":
+        lines = run(options.out, lines, options.seeds, options.kind)
+    print(report(lines) if lines else f"no answers in {options.out}")
+
+
+def read(path: Path) -> list[dict]:
+    """The answers in a file."""
+    return [json.loads(x) for x in path.read_text().splitlines()] if path.exists() else []
+
+
+def run(path: Path, lines: list[dict], seeds: str, kind: str | None) -> list[dict]:
+    """Answer what is not answered yet, one line each."""
+    first, _, last = seeds.partition("-")
+    have = {x["seed"] for x in lines}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    for seed in range(int(first), int(last or first) + 1):
+        if seed in have:
+            continue
+        try:
+            line = answered(seed, kind)
+        except RuntimeError as error:  # the plant, not the diagnosis
+            print(f"seed {seed}: {error}", flush=True)
+            continue
+        print(json.dumps(line), flush=True)
+        with path.open("a") as file:
+            file.write(json.dumps(line) + "\n")
+        lines.append(line)
+    return lines
+
+
+if __name__ == "__main__":
+    main()

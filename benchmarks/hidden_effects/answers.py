@@ -1,0 +1,148 @@
+"""One line per answer: what was hidden, what was said, and how the figures of both compare."""
+
+import math
+import subprocess
+import tempfile
+import time
+import traceback
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.stats import norm
+
+from omnijax.diagnosis import Diagnosis, diagnose
+
+from .cases import Drawn, drawn, recorded, sized, written
+from .effects import Hidden
+
+ANGLES = ("phase", "phases")
+DIRECTIONS = ("axis", "direction")
+PICKED = 6  # p-values of candidates kept a case, drawn at random
+
+
+def answered(seed: int, kind: str | None = None) -> dict:
+    """Draw, plant, diagnose and compare the case of a seed."""
+    case = drawn(seed, kind)
+    sizes = sized(case)
+    tables, shows = recorded(case, sizes)
+    with tempfile.TemporaryDirectory() as folder:
+        written(Path(folder), case, sizes, tables)
+        started = time.process_time()
+        try:
+            found = diagnose(folder)
+        except Exception as error:  # a failure is an answer, and a wrong one
+            traceback.print_exc()
+            found = Diagnosis("failed", [], [], {}, None, [], {}, [], notes=[repr(error)])
+            found.details = {"found": None}
+        seconds = time.process_time() - started
+    hidden = list(zip(case.hidden, sizes, strict=True))
+    return {
+        "seed": seed, "kind": case.kind, "commit": commit(), "cpu": round(seconds, 1),
+        "shows": _short(shows), "factors": case.factors,
+        "hidden": [{"id": h.id, "place": h.place, "parameters": _plain(h.truth(x))}
+                   for h, x in hidden],
+        "noise": [case.noise["how"], case.noise["fault"]],
+        "machine": [case.machine.wheels, case.rate, len(case.torque), case.forced, case.drop,
+                    len(case.machine.uncertainty) > 4, case.cut],
+        "verdict": found.verdict, "got": [[e.id, e.place] for e in found.effects],
+        "right": right(case, found), "compared": compared(case.kind, hidden, found),
+        "limits": limits(hidden, found), "p": picked(seed, found),
+        "gap": {g: [_short(x.before / x.noise_floor), _short(x.after / x.noise_floor)]
+                for g, x in found.gap.items()},
+        "why": found.notes[0][:160],
+    }  # fmt: skip
+
+
+def commit() -> str:
+    """Short hash of the tree that answers, with + where it was changed."""
+    run = lambda *words: subprocess.run(  # noqa: E731
+        ["git", *words], capture_output=True, text=True, check=True, cwd=Path(__file__).parent
+    ).stdout.strip()
+    changed = run("status", "--porcelain", "--", "../../omnijax", "../../benchmarks/*.py")
+    return run("rev-parse", "--short", "HEAD") + ("+" if changed else "")
+
+
+def right(case: Drawn, found) -> bool:
+    """Verdict, all ids and places, nothing extra."""
+    wanted = {(h.id, h.place) for h in case.hidden}
+    got = {(e.id, e.place) for e in found.effects}
+    if case.kind == "ambiguous":
+        twins = {(t["id"], t["place"]) for e in found.effects for t in e.indistinguishable_from}
+        return bool(twins) and wanted <= got | twins
+    if case.kind == "unknown":
+        return found.verdict == "unknown"
+    verdict = "named" if wanted else "none"
+    return found.verdict == verdict and got == wanted
+
+
+def compared(kind: str, hidden: list[tuple[Hidden, float]], found) -> dict[str, dict[str, Any]]:
+    """By parameter of the effects that were found: truth, value, and (value - truth)/sigma."""
+    out = {}
+    for h, x in hidden:
+        e = next((e for e in found.effects if (e.id, e.place) == (h.id, h.place)), None)
+        if e is None or kind == "ambiguous":
+            continue
+        for key, true in h.truth(x).items():
+            given = e.parameters.get(key)
+            if given is None or given["sigma"] is None:
+                continue
+            for k, (t, v, s) in enumerate(_numbers(key, true, given)):
+                out[f"{h.id} {key} {k}" if np.ndim(true) else f"{h.id} {key}"] = {
+                    "true": _short(t), "value": _short(v),
+                    "z": _short((v - t) / s) if s > 0 else None,
+                }  # fmt: skip
+    return out
+
+
+def _numbers(key: str, true, given) -> list[tuple[float, float, float]]:
+    """(truth, value, sigma) of every number: angles within a turn, an axis up to its sign."""
+    t, v = np.atleast_1d(true).astype(float), np.atleast_1d(given["value"]).astype(float)
+    s = np.broadcast_to(np.atleast_1d(given["sigma"]).astype(float), t.shape)
+    if t.shape != v.shape:
+        return []
+    if key in ANGLES:
+        v = t + np.angle(np.exp(1j * (v - t)))
+    if key in DIRECTIONS:
+        v = v / np.linalg.norm(v)
+        v = v * (np.sign(t @ v) or 1.0) if key == "axis" else v
+    return list(zip(t.tolist(), v.tolist(), s.tolist(), strict=True))
+
+
+def limits(hidden: list[tuple[Hidden, float]], found) -> list[list[Any]]:
+    """[effect, limit, true size] of hidden effects that were not named but have a limit."""
+    out = []
+    for h, x in hidden:
+        for entry in found.excluded:
+            if (entry["id"], entry["place"]) != (h.id, h.place) or entry["limit_95"] is None:
+                continue
+            true = h.truth(x).get(entry["parameter"])
+            if true is not None:
+                out.append([h.id, _short(entry["limit_95"]), _short(float(np.linalg.norm(true)))])
+    return out
+
+
+def picked(seed: int, found) -> list[float]:
+    """p-values of candidates of the first scan, drawn at random; of one column's own each."""
+    known = found.details["found"]
+    scans = known.scans if known else []
+    if not scans:
+        return []
+    alive = [s for s in scans[0].scores if not s.dead and s.candidate.trials == 1]
+    rng = np.random.default_rng([19, seed])
+    some = rng.choice(len(alive), min(PICKED, len(alive)), replace=False)
+    return [_short(alive[k].p) for k in some]
+
+
+def rank(z: float) -> float:
+    """Where a true value lies in its stated distribution, 0 to 1."""
+    return float(norm.cdf(-z))
+
+
+def _short(x: float) -> float:
+    return float(f"{float(x):.4g}") if math.isfinite(x) else 9e99
+
+
+def _plain(values: dict[str, Any]) -> dict[str, Any]:
+    return {k: [_short(x) for x in np.ravel(v)] if np.ndim(v) else _short(v)
+            for k, v in values.items()}  # fmt: skip

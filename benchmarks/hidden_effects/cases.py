@@ -1,0 +1,229 @@
+"""A case of a seed: what is drawn, how large it is made, and the files that are diagnosed."""
+
+import dataclasses
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from .. import plant
+from .effects import FRICTION, KNOWN, OUTSIDE, RADIUS, Hidden
+from .machines import FINE, Machine, arrays, drawn_force, drawn_machine, drawn_motion
+from .sensors import GROUPS, columns_of, drawn_noise, noisy, shifted
+
+SECONDS = 3.0  # s a run
+LANES = 6  # runs side by side that find a size
+COARSE = 2000.0  # steps a second there
+KINDS = {"none": 0.3, "one": 0.4, "several": 0.1, "ambiguous": 0.08, "unknown": 0.12}
+SIZES = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 16.0)  # times the visible size: 1 sigma RMS
+LIKELY = (0.05, 0.05, 0.2, 0.3, 0.15, 0.1, 0.15)
+CERTAIN = {"creep": "wheel.radius", "sensor-gain": "wheel.roundness", "motor-gain": "wheel.inertia",
+           "wheel-radius": "wheel.radius"}  # fmt: skip
+
+
+@dataclasses.dataclass
+class Drawn:
+    """A case before its size is known."""
+
+    seed: int
+    kind: str
+    hidden: list[Hidden]
+    machine: Machine
+    factors: list[float]  # of the visible size, by effect
+    rate: float
+    noise: dict[str, Any]
+    torque: np.ndarray  # (runs, samples at FINE, wheels)
+    force: np.ndarray
+    start: np.ndarray
+    widths: dict[str, float]
+    cut: float = 0.0
+    drop: str = ""
+    forced: bool = False
+
+
+def drawn(seed: int, kind: str | None = None) -> Drawn:
+    """All that a seed draws; `kind` overrides what is hidden."""
+    rng = np.random.default_rng([17, seed])
+    chosen = str(rng.choice(list(KINDS), p=list(KINDS.values()))) if kind is None else kind
+    count = int(rng.choice([2, 3], p=[0.7, 0.3])) if chosen == "several" else 1
+    draws = {
+        "none": [], "ambiguous": [_ambiguous(rng)],
+        "one": list(rng.choice(list(KNOWN), 1)),
+        "several": list(rng.choice(list(KNOWN), count, replace=False)),
+        "unknown": list(rng.choice(list(OUTSIDE), 1)),
+    }[chosen]  # fmt: skip
+    certain = tuple(CERTAIN[k] for k in draws if k in CERTAIN)
+    if "motor-gain" in draws:
+        certain += ("sphere.inertia",)
+    machine = drawn_machine(rng, certain)
+    make = {**KNOWN, **OUTSIDE, "wheel-radius": RADIUS}
+    hidden = [make[k](rng, machine) for k in draws]
+    factors = [float(rng.choice(SIZES, p=LIKELY)) for _ in hidden]
+    if chosen in ("unknown", "ambiguous"):
+        factors = [float(rng.choice([4.0, 8.0])) for _ in hidden]
+    steady = chosen == "ambiguous" and draws[0] != "wheel-radius"
+    runs = int(rng.choice([1, 2, 3], p=[0.1, 0.6, 0.3]))
+    cut = 1.5 if steady else 1.0 if rng.random() < 0.12 else 0.0
+    motions = [drawn_motion(rng, machine.stated, SECONDS + 1.5, steady) for _ in range(runs)]
+    torque = np.stack([plant.torques(machine.stated, w, 0.0, FINE) for w in motions])
+    forced = bool(rng.random() < 0.3)
+    force = np.stack([drawn_force(rng, machine.stated, torque.shape[1]) for _ in range(runs)])
+    start = rng.uniform(0, 2 * np.pi, (runs, machine.wheels))
+    for h in hidden:
+        if h.start is not None:
+            wheel, gap = h.start
+            start[:, wheel] = (
+                (gap + start[:, wheel] / (2 * np.pi)) * 2 * np.pi / machine.stated["n"]
+            )
+    widths = {k: w * float(np.exp(rng.uniform(np.log(0.3), np.log(3.0))))
+              for k, w in (("w0", plant.W0), ("v0", plant.V0), ("eps", plant.EPS))}  # fmt: skip
+    drop = str(rng.choice(GROUPS)) if rng.random() < 0.1 and chosen in ("none", "one") else ""
+    if any(h.place.split("_")[0] == drop for h in hidden):
+        drop = ""
+    return Drawn(seed, chosen, hidden, machine, factors, float(rng.choice([250.0, 500.0, 1000.0],
+                 p=[0.4, 0.4, 0.2])), drawn_noise(rng, machine.wheels), torque, force * forced,
+                 start, widths, cut, drop, forced)  # fmt: skip
+
+
+def _ambiguous(rng) -> str:
+    return str(rng.choice([*FRICTION, "wheel-radius"]))
+
+
+def planted(case: Drawn, sizes: list[float]) -> tuple[dict, dict, np.ndarray]:
+    """(machine, effects, torque) with every hidden effect at its size."""
+    rig, e = arrays(case.machine.true), plant.nothing(case.machine.wheels)
+    e = {k: np.array(v, float) for k, v in (e | case.widths).items()}
+    torque = case.torque
+    for h, x in zip(case.hidden, sizes, strict=True):
+        for name, where, value in h.physics(x):
+            e[name][where] = value
+        for name, factor in h.machine(x).items() if h.machine else ():
+            rig[name] = rig[name] * factor
+        if h.command is not None:
+            torque = np.stack([h.command(u, x) for u in torque])
+    return rig, e, torque
+
+
+Lane = tuple[Drawn, int, list[float]]  # a case, one of its runs, the sizes of what is hidden
+
+
+def outputs(lanes: list[Lane], steps: float = plant.STEPS) -> list[np.ndarray]:
+    """Outputs (samples at FINE, columns) of every lane, after the sensors' hidden effects."""
+    given = []
+    for case, k, sizes in lanes:
+        rig, e, torque = planted(case, sizes)
+        given.append((case.start[k], torque[k], case.force[k], rig, e))
+    stacked = jax.tree.map(lambda *x: np.stack(x), *given)
+    made = np.array(plant.side_by_side(*stacked, rate=FINE, steps=steps))
+    return [sensed(case, out, sizes) for out, (case, _, sizes) in zip(made, lanes, strict=True)]
+
+
+def sensed(case: Drawn, out: np.ndarray, sizes: list[float]) -> np.ndarray:
+    """The readings: hidden effects of sensors, then a logger's clock."""
+    for h, x in zip(case.hidden, sizes, strict=True):
+        if h.sensor is not None:
+            out = h.sensor(out, x)
+    if case.noise["fault"] == "clock":
+        columns = columns_of(case.noise["at"], case.machine.wheels)
+        out = shifted(out, columns, case.noise["size"])
+    return out
+
+
+def shown(case: Drawn, out: np.ndarray, without: np.ndarray, groups=GROUPS) -> float:
+    """How far two outputs are apart: RMS in sigma of the group that shows it most.
+
+    Omega and theta: what is left beside a straight line in every second, as a drift is free.
+    """
+    best, every = 0.0, round(FINE / case.rate)
+    sigma = np.array(list(case.noise["sigma"].values()))
+    far = ((out - without) / sigma)[round(case.cut * FINE) :: every]
+    for group in groups:
+        if group == case.drop:
+            continue
+        part = far[:, columns_of(group, case.machine.wheels)]
+        if group in ("Omega", "theta"):
+            part = _detrended(part, round(case.rate))
+        best = max(best, float(np.sqrt(np.mean(part**2))))
+    return best
+
+
+def _detrended(part: np.ndarray, window: int) -> np.ndarray:
+    out = []
+    for first in range(0, len(part), window):
+        block = part[first : first + window]
+        line = np.vander(np.linspace(-1, 1, len(block)), 2)
+        out.append(block - line @ np.linalg.lstsq(line, block, rcond=None)[0])
+    return np.concatenate(out)
+
+
+def silent(case: Drawn) -> Drawn:
+    """The case with the machine of its effects, without the effects themselves."""
+    bare = [dataclasses.replace(h, physics=lambda x: [], command=None, sensor=None)
+            for h in case.hidden]  # fmt: skip
+    return dataclasses.replace(case, hidden=bare)
+
+
+def sized(case: Drawn) -> list[float]:
+    """By effect the size at which it alone shows by its factor in sigma, within what is sensible.
+
+    From short runs with steps that are five times as long.
+    """
+    found, end = [], round((case.cut + 2.5) * FINE)
+    short = dataclasses.replace(case, torque=case.torque[:1, :end], force=case.force[:1, :end])
+    for h, factor in zip(case.hidden, case.factors, strict=True):
+        one, x = dataclasses.replace(short, hidden=[h], factors=[factor]), h.nominal
+        for ladder in (np.geomspace(1e-3, 30, LANES - 1), np.geomspace(0.2, 5, LANES - 1)):
+            x = _interpolated(one, h, np.clip(x * ladder, h.least, h.most), factor)
+        found.append(float(np.clip(x, h.least, h.most)))
+    return found
+
+
+def _interpolated(case: Drawn, h: Hidden, tried: np.ndarray, factor: float) -> float:
+    """The size of `tried`, between or beyond them, that shows by `factor`."""
+    bare = silent(case)
+    without = [(bare, 0, [x]) for x in (tried if h.machine else tried[:1])]
+    made = outputs([(case, 0, [x]) for x in tried] + (without if not h.machine else []), COARSE)
+    base = outputs([*without, without[0]], COARSE)[:-1] if h.machine else [made[-1]] * len(tried)
+    if h.machine:
+        made = [*made, made[0]]
+    far = [shown(case, a, b, h.seen) for a, b in zip(made[: len(tried)], base, strict=True)]
+    x, far = np.log(tried), np.log(np.maximum(np.nan_to_num(far, nan=1e9, posinf=1e9), 1e-9))
+    far = np.maximum.accumulate(far) + 1e-9 * np.arange(len(far))
+    if np.log(factor) < far[0]:
+        return float(np.exp(x[0] + np.log(factor) - far[0]))  # small sizes act in proportion
+    return float(np.exp(np.interp(np.log(factor), far, x)))
+
+
+def recorded(case: Drawn, sizes: list[float]) -> tuple[list[dict[str, np.ndarray]], float]:
+    """Tables of the runs at the recording's rate, with noise; how much of it is the effects'."""
+    runs, every = len(case.torque), round(FINE / case.rate)
+    lanes = [(case, k % runs, sizes) for k in range(3)] + [(silent(case), 0, sizes)]
+    *made, without = outputs(lanes)
+    if not all(np.all(np.isfinite(x)) for x in made):
+        raise RuntimeError("the plant runs away: what is hidden is too strong for this machine.")
+    rng, tables = np.random.default_rng([18, case.seed]), []
+    first, wheels = round(case.cut * FINE), case.machine.wheels
+    last = first + round(SECONDS * FINE) + 1
+    for k, out in enumerate(made[:runs]):
+        rows = slice(first, last, every)
+        out = noisy(rng, out[rows], case.noise, wheels)
+        table = {"t": np.arange(len(out)) / case.rate}
+        table |= {f"torque_{i + 1}": case.torque[k][rows, i] for i in range(wheels)}
+        if case.forced:
+            table |= {f"force_{a}": case.force[k][rows, i] for i, a in enumerate("xyz")}
+        names = plant.columns(wheels)
+        table |= {c: out[:, j] for j, c in enumerate(names) if c.split("_")[0] != case.drop}
+        tables.append(table)
+    seen = tuple({g for h in case.hidden for g in h.seen}) or GROUPS
+    return tables, shown(case, made[0], without, seen)
+
+
+def written(folder: Path, case: Drawn, sizes: list[float], tables) -> None:
+    """Rig file, runs and sidecars."""
+    stated = dict(case.machine.stated)
+    for h, x in zip(case.hidden, sizes, strict=True):
+        for name, factor in h.machine(x).items() if h.machine else ():
+            stated[name] = stated[name] * factor
+    plant.write_case(folder, stated, tables, sigmas=case.noise["declared"],
+                     uncertainty=case.machine.uncertainty)  # fmt: skip

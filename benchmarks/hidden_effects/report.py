@@ -1,0 +1,127 @@
+"""Tables of the answers: rates with exact intervals, detection curve, calibration."""
+
+from collections import defaultdict
+from collections.abc import Iterable
+
+import numpy as np
+from scipy.stats import binomtest, kstest
+
+from .answers import rank
+
+BINS = (0.0, 0.18, 0.35, 0.7, 1.4, 2.8, np.inf)  # of what shows, in sigma, about the sizes drawn
+
+
+def rate(words: str, hits: Iterable[bool]) -> str:
+    """A row: how many of how many, with the exact (Clopper and Pearson) 95 % interval."""
+    hits = list(hits)
+    if not hits:
+        return f"| {words} | 0/0 | |"
+    low, high = binomtest(sum(hits), len(hits)).proportion_ci(0.95, "exact")
+    percent = 100 * sum(hits) / len(hits)
+    return (f"| {words} | {sum(hits)}/{len(hits)} ({percent:.0f} %) "
+            f"| {100 * low:.0f} to {100 * high:.0f} % |")  # fmt: skip
+
+
+def report(lines: list[dict]) -> str:
+    """Everything as Markdown."""
+    return "\n".join([*_rates(lines), "", *_curve(lines), "", *_calibration(lines), "",
+                      *_misses(lines)])  # fmt: skip
+
+
+def _rates(lines: list[dict]) -> list[str]:
+    def of(*kinds, test=lambda x: True):
+        return [x for x in lines if x["kind"] in kinds and test(x)]
+
+    def least(x):
+        return min(x["factors"], default=0.0)
+
+    named = ("one", "several")
+    quiet = [x for x in lines if x["kind"] == "none" and x["noise"] == ["right", "none"]]
+    wrong = [x["verdict"] in ("named", "ambiguous") for x in of("unknown")]
+    values = [v for x in of(*named) for v in x["compared"].values() if v["z"] is not None]
+    signs = [v["value"] * v["true"] > 0 for x in of(*named)
+             for k, v in x["compared"].items() if v["true"] and "phase" not in k]  # fmt: skip
+    false = [x["verdict"] in ("named", "ambiguous") for x in of("none")]
+    return [
+        "| figure | cases | 95 % interval |", "| --- | --- | --- |",
+        rate("`none` kept", (x["right"] for x in of("none"))),
+        rate("`none` kept, noise declared right, no fault of a sensor", (x["right"] for x in quiet)),
+        rate("false alarms (something named)", false),
+        rate("named right, every size", (x["right"] for x in of(*named))),
+        rate("named right, visible size and above",
+             (x["right"] for x in of(*named, test=lambda x: least(x) >= 1))),
+        rate("named right, half the visible size",
+             (x["right"] for x in of(*named, test=lambda x: least(x) == 0.5))),
+        rate("named right, one effect at the visible size and above",
+             (x["right"] for x in of("one", test=lambda x: least(x) >= 1))),
+        rate("a wrong name among the answers, whatever was hidden",
+             ([e for e in x["got"] if e not in _pairs(x)] != [] for x in of(*named, "none"))),
+        rate("`unknown` kept", (x["right"] for x in of("unknown"))),
+        rate("outside the library, yet named", wrong),
+        rate("`ambiguous` recognised", (x["right"] for x in of("ambiguous"))),
+        rate("numbers within 3 sigma", (abs(v["z"]) < 3 for v in values)),
+        rate("sign right", signs),
+    ]  # fmt: skip
+
+
+def _pairs(x: dict) -> list[list[str]]:
+    return [[h["id"], h["place"]] for h in x["hidden"]]
+
+
+def _curve(lines: list[dict]) -> list[str]:
+    out = ["| one effect, RMS it adds in the group that shows it most | right name | 95 % |",
+           "| --- | --- | --- |"]  # fmt: skip
+    for low, high in zip(BINS, BINS[1:], strict=False):
+        here = [x["right"] for x in lines if x["kind"] == "one" and low <= x["shows"] < high]
+        out.append(rate(f"{low:g} to {high:g} sigma", here))
+    return out
+
+
+def _calibration(lines: list[dict]) -> list[str]:
+    held = [limit >= true for x in lines for _, limit, true in x["limits"]]
+    ranks = defaultdict(list)
+    for x in lines:
+        for key, v in x["compared"].items():
+            if v["z"] is not None:
+                ranks[key.split()[0]].append(rank(v["z"]))
+    null = [p for x in lines if x["kind"] == "none" for p in x["p"]]
+    out = ["| calibration | cases | 95 % interval |", "| --- | --- | --- |",
+           rate("true size below its 95 % limit (effects that were not named)", held)]  # fmt: skip
+    whole = [r for some in ranks.values() for r in some]
+    tests = {"all": whole, **{k: v for k, v in ranks.items() if len(v) >= 10}}
+    p = [float(kstest(v, "uniform").pvalue) for v in tests.values() if v]
+    if whole:
+        holm = holms(np.array(p))
+        worst = int(np.argmin(holm))
+        name = list(tests)[worst]
+        out.append(f"| ranks of {len(whole)} true numbers uniform (Kolmogorov and Smirnov, Holm) "
+                   f"| p = {holm[0]:.2g}; least of {len(p)}: {holm[worst]:.2g} ({name}) | |")  # fmt: skip
+    if null:
+        out.append(f"| p-values of {len(null)} null candidates uniform "
+                   f"| p = {float(kstest(null, 'uniform').pvalue):.2g} | |")  # fmt: skip
+        out.append(rate("... below 0.05", (p < 0.05 for p in null)))
+    seconds = [x["cpu"] for x in lines]
+    out.append(f"| CPU a case | median {np.median(seconds):.0f} s, worst {max(seconds):.0f} s | |")
+    return out
+
+
+def holms(p: np.ndarray) -> np.ndarray:
+    """Holm's p-values of several tests."""
+    order = np.argsort(p)
+    out = np.empty(len(p))
+    out[order] = np.minimum(1, np.maximum.accumulate(p[order] * np.arange(len(p), 0, -1)))
+    return out
+
+
+def _misses(lines: list[dict]) -> list[str]:
+    out = []
+    for x in lines:
+        far = {k: v["z"] for k, v in x["compared"].items() if v["z"] and abs(v["z"]) >= 3}
+        if x["right"] and not far:
+            continue
+        hidden = " + ".join(f"{h['id']}@{h['place']} ({f:g})"
+                            for h, f in zip(x["hidden"], x["factors"], strict=True))  # fmt: skip
+        got = " + ".join(f"{i}@{p}" for i, p in x["got"])
+        out.append(f"- {x['seed']} {x['kind']}: {hidden or 'nothing'}, shows {x['shows']:g} sigma, "
+                   f"noise {'/'.join(x['noise'])}: {x['verdict']} {got} {far or ''} {x['why']}")  # fmt: skip
+    return out

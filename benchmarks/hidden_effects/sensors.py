@@ -1,0 +1,88 @@
+"""What sensors and loggers do to the outputs: colour, steps, wander, clocks, noise."""
+
+from typing import Any
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
+
+from .. import plant
+from .machines import FINE
+
+GROUPS = ("dR", "theta", "Omega", "a")
+FAULTS = ("low-pass", "quantised", "wander", "clock")
+
+
+def columns_of(group: str, wheels: int) -> list[int]:
+    """Columns of a group in the plant's outputs."""
+    names = plant.columns(wheels)
+    return [j for j, name in enumerate(names) if name.split("_")[0] == group]
+
+
+def shifted(out: np.ndarray, columns: list[int], delay: float) -> np.ndarray:
+    """`columns` of `out` (samples at FINE, ..) read `delay` s late, before the start the first."""
+    t = np.arange(len(out)) / FINE
+    late = out.copy()
+    late[:, columns] = CubicSpline(t, out[:, columns])(np.clip(t - delay, 0, t[-1]))
+    return late
+
+
+def lagged(values: np.ndarray, tau: float) -> np.ndarray:
+    """First-order low pass of `values` (samples at FINE, ..), linear between samples."""
+    keep = np.exp(-1 / FINE / tau)
+    share = (1 - keep) * FINE * tau
+    out = values.copy()
+    for k in range(1, len(values)):
+        out[k] = keep * out[k - 1] + (share - keep) * values[k - 1] + (1 - share) * values[k]
+    return out
+
+
+def drawn_noise(rng: np.random.Generator, wheels: int) -> dict[str, Any]:
+    """True 1-sigma by column, what is declared, and at most one further fault of a sensor."""
+    names = plant.columns(wheels)
+    scale = {g: np.exp(rng.uniform(np.log(0.6), np.log(1.6))) for g in GROUPS}
+    sigma = {c: plant.NOISE[c.split("_")[0]] * scale[c.split("_")[0]] for c in names}
+    declared = {g: plant.NOISE[g] * scale[g] for g in GROUPS}
+    how = str(rng.choice(["right", "factor", "none", "axis"], p=[0.3, 0.3, 0.2, 0.2]))
+    if how == "factor":
+        factor = np.exp(rng.uniform(np.log(0.7), np.log(2.0), size=4))
+        declared = {g: s * f for (g, s), f in zip(declared.items(), factor, strict=True)}
+    if how == "none":
+        declared = {}
+    if how == "axis":
+        noisy = str(rng.choice(names))
+        sigma[noisy] *= rng.uniform(1.5, 3.0)
+    drawn: dict[str, Any] = {"how": how, "sigma": sigma, "declared": declared, "fault": "none"}
+    if rng.random() < 0.4:
+        drawn |= _drawn_fault(rng, wheels)
+    return drawn
+
+
+def _drawn_fault(rng, wheels: int) -> dict[str, Any]:
+    fault = str(rng.choice(FAULTS))
+    if fault == "low-pass":
+        return {"fault": fault, "at": str(rng.choice(["a", "dR"])), "size": rng.uniform(1, 6)}
+    if fault == "quantised":
+        return {"fault": fault, "at": "theta", "size": 2 * np.pi / 2 ** rng.integers(14, 17)}
+    if fault == "wander":
+        names = [c for c in plant.columns(wheels) if c[0] in "da"]
+        return {"fault": fault, "at": str(rng.choice(names)), "size": rng.uniform(0.5, 3)}
+    return {"fault": fault, "at": str(rng.choice(["dR", "a"])), "size": rng.uniform(-8e-4, 8e-4)}
+
+
+def noisy(rng, out: np.ndarray, drawn: dict[str, Any], wheels: int) -> np.ndarray:
+    """Outputs at the recording's rate with noise as `drawn`."""
+    names, out = plant.columns(wheels), out.copy()
+    for j, name in enumerate(names):
+        white = rng.normal(size=len(out))
+        here = drawn["fault"] != "none" and drawn["at"] in (name, name.split("_")[0])
+        if here and drawn["fault"] == "low-pass":
+            keep = np.exp(-1 / drawn["size"])
+            white = lfilter([np.sqrt(1 - keep**2)], [1, -keep], white)
+        if here and drawn["fault"] == "wander":
+            walk = np.cumsum(rng.normal(size=len(out)))
+            white = white + drawn["size"] * walk / np.sqrt(len(out))
+        out[:, j] += drawn["sigma"][name] * white
+        if here and drawn["fault"] == "quantised":
+            out[:, j] = drawn["size"] * np.round(out[:, j] / drawn["size"])
+    return out
