@@ -205,9 +205,9 @@ def recorded(case: Drawn, sizes: list[float]) -> tuple[list[dict[str, np.ndarray
     rng, tables = np.random.default_rng([18, case.seed]), []
     first, wheels = round(case.cut * FINE), case.machine.wheels
     last = first + round(SECONDS * FINE) + 1
-    for k, out in enumerate(made[:runs]):
-        rows = slice(first, last, every)
-        out = noisy(rng, out[rows], case.noise, wheels)
+    rows = slice(first, last, every)
+    for k, clean in enumerate(made[:runs]):
+        out = noisy(rng, clean[rows], case.noise, wheels)
         table = {"t": np.arange(len(out)) / case.rate}
         table |= {f"torque_{i + 1}": case.torque[k][rows, i] for i in range(wheels)}
         if case.forced:

@@ -106,8 +106,10 @@ def _roller(rng, m):
 def _round(rng, m):
     axis, s = rng.normal(size=3), _sign(rng)
     axis /= np.linalg.norm(axis)
-    return Hidden("sphere-out-of-round", "sphere", lambda x: {"amplitude": s * x, "axis": axis},
-                  2e-5, physics=lambda x: [("round", ..., s * x), ("round_axis", ..., axis)])  # fmt: skip
+    return Hidden(
+        "sphere-out-of-round", "sphere", lambda x: {"amplitude": s * x, "axis": axis}, 2e-5,
+        physics=lambda x: [("round", ..., s * x), ("round_axis", ..., axis)],
+    )  # fmt: skip
 
 
 def _preload(id: str, name: str):
@@ -176,8 +178,10 @@ def _floor(rng, m):
 
 def _stribeck(rng, m):
     (at, place), speed = _where(rng, m), _log(rng, 0.3, 4.0)
-    return Hidden("stribeck", place, lambda x: {"torque": x, "speed": speed}, 0.02,
-                  physics=lambda x: [("stribeck", at, x), ("stribeck_speed", at, speed)])  # fmt: skip
+    return Hidden(
+        "stribeck", place, lambda x: {"torque": x, "speed": speed}, 0.02,
+        physics=lambda x: [("stribeck", at, x), ("stribeck_speed", at, speed)],
+    )  # fmt: skip
 
 
 def _late_drive(rng, m):
@@ -206,8 +210,12 @@ def _weak_drive(rng, m):
     at, place = _where(rng, m)
     usual = plant.wander(np.random.default_rng(0), 4.0, 0.55 * 1.22 / m.stated["R"])
     peak = float(np.abs(plant.torques(m.stated, usual)[:, at]).max())
+
+    def clipped(torque, x):
+        return _some(torque, at, np.clip(torque, -(1 - x) * peak, (1 - x) * peak))
+
     return Hidden("actuator-saturation", place, lambda x: {"limit": (1 - x) * peak}, 0.2, 0.7, 0.02,
-                  command=lambda u, x: _some(u, at, np.clip(u, -(1 - x) * peak, (1 - x) * peak)))  # fmt: skip
+                  command=clipped)  # fmt: skip
 
 
 def _group(rng) -> str:
@@ -300,15 +308,16 @@ def _rectified(rng, m):
 
 
 def _eccentric(rng, m):
-    (i, place), phase = _wheel(rng, m), rng.uniform(-np.pi, np.pi)
+    (i, _), phase = _wheel(rng, m), rng.uniform(-np.pi, np.pi)
 
     def eccentric(out, x):
         out, theta = out.copy(), out[:, 3 + i]
         out[:, 3 + i] = theta + x * (np.sin(theta + phase) - np.sin(theta[0] + phase))
         return out
 
-    return Hidden("encoder-eccentricity", f"theta_{i + 1}",
-                  lambda x: {"amplitude": x, "phase": phase}, 1e-3, 0.1, sensor=eccentric)  # fmt: skip
+    place = f"theta_{i + 1}"
+    return Hidden("encoder-eccentricity", place, lambda x: {"amplitude": x, "phase": phase}, 1e-3,
+                  0.1, sensor=eccentric)  # fmt: skip
 
 
 KNOWN = {

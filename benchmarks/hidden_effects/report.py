@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Iterable
+from itertools import pairwise
 
 import numpy as np
 from scipy.stats import binomtest, kstest
@@ -45,7 +46,7 @@ def _rates(lines: list[dict]) -> list[str]:
     return [
         "| figure | cases | 95 % interval |", "| --- | --- | --- |",
         rate("`none` kept", (x["right"] for x in of("none"))),
-        rate("`none` kept, noise declared right, no fault of a sensor", (x["right"] for x in quiet)),
+        rate("`none` kept, right noise, no sensor fault", (x["right"] for x in quiet)),
         rate("false alarms (something named)", false),
         rate("named right, every size", (x["right"] for x in of(*named))),
         rate("named right, visible size and above",
@@ -71,7 +72,7 @@ def _pairs(x: dict) -> list[list[str]]:
 def _curve(lines: list[dict]) -> list[str]:
     out = ["| one effect, RMS it adds in the group that shows it most | right name | 95 % |",
            "| --- | --- | --- |"]  # fmt: skip
-    for low, high in zip(BINS, BINS[1:], strict=False):
+    for low, high in pairwise(BINS):
         here = [x["right"] for x in lines if x["kind"] == "one" and low <= x["shows"] < high]
         out.append(rate(f"{low:g} to {high:g} sigma", here))
     return out
@@ -94,8 +95,10 @@ def _calibration(lines: list[dict]) -> list[str]:
         holm = holms(np.array(p))
         worst = int(np.argmin(holm))
         name = list(tests)[worst]
-        out.append(f"| ranks of {len(whole)} true numbers uniform (Kolmogorov and Smirnov, Holm) "
-                   f"| p = {holm[0]:.2g}; least of {len(p)}: {holm[worst]:.2g} ({name}) | |")  # fmt: skip
+        out.append(
+            f"| ranks of {len(whole)} true numbers uniform (Kolmogorov and Smirnov, Holm) "
+            f"| p = {holm[0]:.2g}; least of {len(p)}: {holm[worst]:.2g} ({name}) | |"
+        )
     if null:
         out.append(f"| p-values of {len(null)} null candidates uniform "
                    f"| p = {float(kstest(null, 'uniform').pvalue):.2g} | |")  # fmt: skip
@@ -122,6 +125,8 @@ def _misses(lines: list[dict]) -> list[str]:
         hidden = " + ".join(f"{h['id']}@{h['place']} ({f:g})"
                             for h, f in zip(x["hidden"], x["factors"], strict=True))  # fmt: skip
         got = " + ".join(f"{i}@{p}" for i, p in x["got"])
-        out.append(f"- {x['seed']} {x['kind']}: {hidden or 'nothing'}, shows {x['shows']:g} sigma, "
-                   f"noise {'/'.join(x['noise'])}: {x['verdict']} {got} {far or ''} {x['why']}")  # fmt: skip
+        out.append(
+            f"- {x['seed']} {x['kind']}: {hidden or 'nothing'}, shows {x['shows']:g} sigma, "
+            f"noise {'/'.join(x['noise'])}: {x['verdict']} {got} {far or ''} {x['why']}"
+        )
     return out

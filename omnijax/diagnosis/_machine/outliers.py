@@ -61,8 +61,8 @@ def outliers(machine: Machine, rig: Rig, i: int, groups: Sequence[str]) -> dict[
         if group not in machine.runs[i].outputs:
             continue
         mask = spikes(tables[group], noise[group])
-        beside, apart = mask[edges].mean() if edges.any() else 0.0, mask[~edges].mean()
-        if group in ("dR", "a") and beside > 3 * apart:
+        both = edges.any() and not edges.all()  # a profile without a gate has edges everywhere
+        if group in ("dR", "a") and both and mask[edges].mean() > 3 * mask[~edges].mean():
             mask[edges] = False
         mask[:, mask.mean(axis=0) > MOST] = False
         if mask.any():

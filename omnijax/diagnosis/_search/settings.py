@@ -1,7 +1,7 @@
 """The numbers that steer a search, in one place, each with where it comes from.
 
 "prototype" is a first program that knew the truth of the twelve public recordings; "own cases" are
-misses of `benchmarks/hidden_effects.py` with seeds below 100, which are for work; "derived" follows
+misses of `benchmarks/hidden_effects` with seeds below 100, which are for work; "derived" follows
 from the statement beside it.
 """
 

@@ -1,0 +1,79 @@
+"""The benchmark of hidden effects: equal seeds, equal cases; answers compared as they should be."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from benchmarks.hidden_effects.answers import _numbers, right
+from benchmarks.hidden_effects.cases import drawn, planted
+from benchmarks.hidden_effects.effects import KNOWN, OUTSIDE
+from benchmarks.hidden_effects.machines import drawn_machine
+from benchmarks.hidden_effects.report import holms, rate, report
+
+from omnijax.diagnosis import Diagnosis
+from omnijax.diagnosis._answer import Named
+from omnijax.laws import EFFECTS
+
+SEEDS = np.random.default_rng().integers(0, 10**6, 12).tolist()
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_equal_seeds_draw_equal_cases(seed):
+    first, again = drawn(seed), drawn(seed)
+    assert (first.kind, first.factors, first.noise) == (again.kind, again.factors, again.noise)
+    np.testing.assert_array_equal(first.torque, again.torque)
+    sizes = [h.nominal for h in first.hidden]
+    for a, b in zip(planted(first, sizes)[:2], planted(again, sizes)[:2], strict=True):
+        assert all(np.array_equal(a[k], b[k]) for k in a)
+
+
+@pytest.mark.parametrize("id", [*KNOWN, *OUTSIDE])
+def test_every_effect_changes_the_plant_and_tells_the_parameters_of_its_law(id):
+    rng = np.random.default_rng()
+    machine = drawn_machine(rng)
+    hidden = {**KNOWN, **OUTSIDE}[id](rng, machine)
+    case = dataclasses.replace(drawn(1, "none"), machine=machine, hidden=[hidden])
+    case.torque = rng.normal(size=(1, 40, machine.wheels))
+    bare = dataclasses.replace(case, hidden=[])
+    rig, e, torque = planted(case, [hidden.nominal])
+    plain_rig, plain_e, plain_torque = planted(bare, [])
+    moved = [not np.array_equal(rig[k], plain_rig[k]) for k in rig]
+    moved += [not np.array_equal(e[k], plain_e[k]) for k in e]
+    moved += [not np.array_equal(torque, plain_torque)]
+    assert any(moved) or hidden.sensor is not None
+    if id in KNOWN:
+        assert hidden.id == id
+        assert set(hidden.truth(hidden.nominal)) <= set(EFFECTS[id].parameters)
+
+
+def test_values_are_compared_with_sign_and_turn():
+    ((t, v, s),) = _numbers("g", -0.02, {"value": 0.02, "sigma": 1e-3})
+    assert (v - t) / s == pytest.approx(40)
+    ((t, v, _),) = _numbers("phase", 3.1, {"value": -3.1, "sigma": 0.1})
+    assert v - t == pytest.approx(2 * np.pi - 6.2)
+    axis = _numbers("axis", np.array([0.6, 0.0, 0.8]), {"value": [-0.6, 0, -0.8], "sigma": 0.01})
+    assert max(abs(v - t) for t, v, _ in axis) < 1e-12
+
+
+def test_an_extra_name_and_a_wrong_verdict_are_wrong():
+    case = next(c for c in map(drawn, range(100)) if c.kind == "one")
+    (hidden,) = case.hidden
+    good, extra = Named(hidden.id, hidden.place, {}, {}), Named("creep", "w9", {}, {})
+
+    def says(verdict, *effects):
+        return right(case, Diagnosis(verdict, list(effects), [], {}, None, [], {}, []))
+
+    assert says("named", good)
+    assert not says("named", good, extra)
+    assert not says("ambiguous", good, extra)
+    assert not says("none")
+
+
+def test_the_report_counts_each_answer_once_with_its_exact_interval():
+    line = {"seed": 1, "kind": "none", "factors": [], "noise": ["right", "none"], "verdict": "none",
+            "right": True, "compared": {}, "limits": [], "p": [0.3], "cpu": 8.0, "got": [],
+            "hidden": [], "shows": 0.0, "why": ""}  # fmt: skip
+    text = report([line, {**line, "seed": 2, "right": False, "verdict": "named"}])
+    assert "| `none` kept | 1/2 (50 %) | 1 to 99 % |" in text
+    assert rate("x", [True] * 10) == "| x | 10/10 (100 %) | 69 to 100 % |"
+    np.testing.assert_allclose(holms(np.array([0.01, 0.04, 0.03])), [0.03, 0.06, 0.06])
