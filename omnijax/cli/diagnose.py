@@ -52,10 +52,7 @@ def diagnose(
 
     existing(case, "folder: a case is one, with a rig file or machine.toml and its runs")
     from ..diagnosis import diagnose as run
-    from ..machine import is_machine_case, load_model, read_machine_case
-    from ..recording import read_case
-    from ..report import diagnosis_page
-    from ..rig import load_laws, save_rig
+    from ..rig import load_laws
 
     if not 0.01 <= window <= 1e4:
         raise InputError(f"--window must lie in [0.01, 10000] s, but is {window:g}.")
@@ -68,25 +65,40 @@ def diagnose(
     for file in law or []:
         laws |= load_laws(file)
     folder = out or Path(f"diagnosis-{case.resolve().name}")
-    small = model is not None or is_machine_case(case)
-    if small and rig is not None:
-        raise InputError("--rig speaks of a rig, but the case is that of a machine.")
-    asked: Any = (
-        read_machine_case(case, None if model is None else load_model(model))
-        if small else read_case(case, rig)
-    )  # fmt: skip
+    asked = _case(case, rig, model)
     claim(folders=[folder], force=force)
     found = run(asked, laws=laws, window=window, tell=tell)
-    found.save(folder / "diagnosis.json")
-    made = "machine-diagnosed.toml" if small else "rig-diagnosed.toml"
-    if small:
-        write_text(folder / made, found.details["evidence"].text(found.rig))
-    else:
-        save_rig(found.rig, folder / made)
-    diagnosis_page(found, command_line()).write(folder)
-    tell(f"wrote {folder}/index.html, diagnosis.json, {made}")
+    tell(f"wrote {folder}/index.html, diagnosis.json, {_write(found, folder)}")
     emit(json, found.to_dict(), lambda: _print(found))
     return 0
+
+
+def _case(folder: Path, rig: Path | None, model: Path | None) -> Any:
+    """The case of a rig, of an axis, or of a machine of the user's own."""
+    from .._errors import InputError
+    from ..machine import is_machine_case, load_model, read_machine_case
+    from ..recording import read_case
+
+    if model is None and not is_machine_case(folder):
+        return read_case(folder, rig)
+    if rig is not None:
+        raise InputError("--rig speaks of a rig, but the case is that of a machine.")
+    return read_machine_case(folder, None if model is None else load_model(model))
+
+
+def _write(found: Any, folder: Path) -> str:
+    """The answer's files; the name of the machine's with the effects added."""
+    from ..report import diagnosis_page
+    from ..rig import Rig, save_rig
+
+    found.save(folder / "diagnosis.json")
+    made = "rig-diagnosed.toml" if isinstance(found.rig, Rig) else "machine-diagnosed.toml"
+    if isinstance(found.rig, Rig):
+        save_rig(found.rig, folder / made)
+    else:
+        write_text(folder / made, found.details["evidence"].text(found.rig))
+    diagnosis_page(found, command_line()).write(folder)
+    return made
 
 
 def _print(found: Any) -> None:

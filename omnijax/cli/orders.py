@@ -56,29 +56,15 @@ def orders(
     out
         Folder of the page, its pictures and CSVs.
     """
-    from .._errors import InputError
-
     existing(run)
     from ..report import orders_page, provenance, strongest_orders
-    from ..vibration import order_track, rpm_order_map
 
     _in_range("turns", turns, 0.01, 1e4)
     _in_range("max-order", max_order, 0.01, 1e4)
     measured, machine = _run(run, rig)
     claim(folders=[out], force=force)
-    try:
-        found = rpm_order_map(
-            measured, channel, reference, turns=turns, max_order=max_order,
-            amplitude=amplitude, window=window,
-        )  # fmt: skip
-        chosen = _orders(track) or [order for order, _ in found.strongest(TRACKED)]
-        if not chosen:
-            raise ValueError(f"`{channel}` has no orders: it does not move.")
-        followed = order_track(
-            measured, chosen, channel, reference, turns=turns, amplitude=amplitude
-        )
-    except ValueError as error:
-        raise InputError(f"{run.name}: {error}") from error
+    how = {"turns": turns, "amplitude": amplitude, "window": window}
+    found, followed = _analysed(run, measured, (channel, reference), max_order, track, how)
     passing = _passing(measured, machine, reference)
     table = strongest_orders(found, passing)
     page = None
@@ -118,6 +104,25 @@ def _run(path: Path, rig: str | None) -> tuple[Any, Any]:
     for fault in recording.faults:
         print(f"warning: {fault}", file=sys.stderr)
     return recording, machine
+
+
+def _analysed(
+    file: Path, run: Any, what: tuple[str, str], max_order: float | None, track: str | None,
+    how: dict[str, Any],
+) -> tuple[Any, Any]:  # fmt: skip
+    """The map of a channel over a reference's orders, and the orders followed over time."""
+    from .._errors import InputError
+    from ..vibration import order_track, rpm_order_map
+
+    try:
+        found = rpm_order_map(run, *what, max_order=max_order, **how)
+        chosen = _orders(track) or [order for order, _ in found.strongest(TRACKED)]
+        if not chosen:
+            raise ValueError(f"`{what[0]}` has no orders: it does not move.")
+        how = {key: how[key] for key in ("turns", "amplitude")}
+        return found, order_track(run, chosen, *what, **how)
+    except ValueError as error:
+        raise InputError(f"{file.name}: {error}") from error
 
 
 def _orders(text: str | None) -> list[float]:
