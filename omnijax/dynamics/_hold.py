@@ -7,6 +7,7 @@ from jaxtyping import Array, Bool
 from ..rig import Rig
 
 LOOSE = 1e-6  # least singular value of the normals: a mode there settles 1e12 times slower
+PARALLEL = 1e-24  # L1 L2 + ... below it is rounding: all normals are parallel
 
 
 def held(rig: Rig, model: str = "coupled") -> Bool[Array, ""]:
@@ -24,7 +25,7 @@ def held(rig: Rig, model: str = "coupled") -> Bool[Array, ""]:
     areas = jnp.cross(r[:, None], r[None])
     pairs = jnp.sum(areas**2) / 2  # L1 L2 + L2 L3 + L3 L1
     product = jnp.sum(jnp.einsum("ia,jka->ijk", r, areas) ** 2) / 6  # L1 L2 L3
-    return product > LOOSE**2 * pairs
+    return (pairs > PARALLEL) & (product > LOOSE**2 * pairs)
 
 
 def hold_obstacle(rig: Rig, model: str = "coupled") -> str | None:
