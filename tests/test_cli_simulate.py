@@ -74,16 +74,16 @@ def test_an_interrupted_run_is_kept_and_goes_on(capsys, tmp_path, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(simulation, "solve_in_pieces", interrupted_after(2, _solve.solve_in_pieces))
         code = cli.run(two)
-    kept = load_trajectory(parts)
-    assert code == 130
-    assert (len(kept.t), kept.message()[:22]) == (1000, "interrupted after 0.04")
-    assert f"{parts} --resume" in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert (code, parts.exists()) == (130, False)
+    assert f"Interrupted after 0.04995 s: what was computed is in {parts}.pieces" in said
+    assert f"{parts} --resume" in said
     assert cli.run([*two, "--resume"]) == 0
     left, right = load_trajectory(whole), load_trajectory(parts)
     for name in left.UNITS:
         np.testing.assert_array_equal(getattr(left, name), getattr(right, name))
-    assert cli.run([*two, "--resume"]) == 2  # it is whole now
-    assert "parts.nc: holds no interrupted run" in capsys.readouterr().err
+    assert cli.run([*two, "--resume"]) == 2
+    assert "parts.nc: is whole already" in capsys.readouterr().err
 
 
 def interrupted_after(count, pieces):
@@ -105,7 +105,7 @@ def test_only_the_same_run_goes_on(capsys, tmp_path, monkeypatch):
         assert run(capsys, "atlas", "--torque", "0.1,0.2,0.3", *times)[0] == 130
     code, _, error = run(capsys, "atlas", "--torque", "0.1,0.2,0.4", *times, "--resume")
     assert code == 2
-    assert "run.nc: is another run and is left as it is" in error
+    assert "run.nc.pieces: holds another run and is left as it is" in error
     assert "drive.torque.values: [[0.1, 0.2, 0.3]] -> [[0.1, 0.2, 0.4]]" in error
 
 

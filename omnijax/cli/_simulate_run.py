@@ -3,13 +3,12 @@
 import dataclasses
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._errors import InputError
-from .._interrupts import answer, check, saying
-from .._status import Status
+from .._interrupts import NOTHING, answer, check, saying
 from ._progress import bar
 
 
@@ -93,32 +92,27 @@ def planned(rig: Any, drive: Any, times: Any, numerics: Any) -> Plan:
     return Plan(rig, drive, times, exact, how)
 
 
-def interrupted_run(
-    path: Path | None, asked: dict[str, Any], like: Any, force: bool
-) -> tuple[Any, Any] | None:
-    """The interrupted run in `path` and its end, like `like`; `InputError` for another run.
+def check_resumed(out: Path | None, asked: dict[str, Any], force: bool) -> None:
+    """`InputError` where `out` has no interrupted run, or is one that was asked for otherwise.
 
-    None where only pieces are there.
+    A kill may have come between the last step and the end: then the run is whole and has pieces.
     """
-    import jax.numpy as jnp
-
-    from ..simulation import load_end, load_run
+    from ..simulation import asked_in
     from ..study import differences
 
-    if path is None:
+    if out is None:
         raise InputError("`resume` needs the interrupted run: --out RUN.")
-    whole = path.name.lower().endswith(".nc")
-    if pieces_folder(path).is_dir() and not (whole and path.exists() and not force):
-        return None
-    if not whole:
-        raise InputError(f"there is no interrupted run: {pieces_folder(path)} is not there.", path)
-    run = load_run(path)
-    end, stored = load_end(path, like)
-    found = differences(json.loads(stored), asked) if stored else ["it does not say what it is of"]
-    if found:
-        keys = "\n  ".join(found)
-        raise InputError(f"is another run and is left as it is. They differ in:\n  {keys}", path)
-    return dataclasses.replace(run, status=jnp.asarray(int(Status.OK))), end
+    begun, folder = pieces_folder(out).is_dir(), pieces_folder(out)
+    if out.exists() and not force:
+        stored = asked_in(out)
+        found = differences(json.loads(stored), asked) if stored else ["it does not say what of"]
+        if found:
+            keys = "\n  ".join(found)
+            raise InputError(f"is another run and is left as it is. They differ in:\n  {keys}", out)
+        if not begun:
+            raise InputError("is whole already: there is nothing to go on with.", out)
+    elif not begun:
+        raise InputError(f"there is no interrupted run: {folder} is not there.", out)
 
 
 def pieces_folder(out: Path) -> Path:
@@ -173,13 +167,10 @@ class Pieces:
         shutil.rmtree(self.path, ignore_errors=True)
 
 
-def perform(
-    plan: Plan, before: tuple[Any, Any] | None, pieces: Pieces | None, command: str
-) -> tuple[Any, Any]:
-    """The run and, where it was interrupted, what to go on from.
+def perform(plan: Plan, pieces: Pieces | None, command: str) -> Any:
+    """The run; `KeyboardInterrupt` says what of an interrupted one is kept.
 
-    `before` are samples from a file, with what they end with; `pieces` have those of a process
-    that was killed, and take the new ones.
+    `pieces` have what a process computed that was interrupted or killed, and take what is new.
     """
     from ..simulation import Gathered
 
@@ -188,42 +179,29 @@ def perform(
         for run, last in pieces.read(plan.like()):
             runs.add(run)
             end = last
-    if before is not None and len(before[0].t) > runs.count:
-        runs, end = Gathered(len(times)), before[1]
-        runs.add(before[0])
-        if pieces is not None:
-            pieces.count = 0
-            pieces.add(*before)
+
+    def kept() -> str:
+        if pieces is None or not pieces.count:
+            return NOTHING
+        reached = times[min(runs.count, len(times)) - 1] - times[0]
+        return (
+            f"Interrupted after {reached:.4g} s: what was computed is in {pieces.path}, and this "
+            f"goes on with it: {command} --resume"
+        )
+
     try:
-        with (
-            bar(f"simulating {times[-1] - times[0]:g} s") as report,
-            saying(_kept(pieces, command)),
-        ):
+        with bar(f"simulating {times[-1] - times[0]:g} s") as report, saying(kept):
             report(runs.count, len(times))
             parts = plan.parts(end, max(runs.count - 1, 0)) if runs.count < len(times) else ()
             for piece in parts:
                 check()
                 runs.add(piece.run)
-                end = piece.end
                 if pieces is not None:
-                    pieces.add(piece.run, end)
+                    pieces.add(piece.run, piece.end)
                 report(runs.count, len(times))
                 if not piece.run.ok:
                     break
     except KeyboardInterrupt:
         answer()
-        if not runs.count:
-            raise KeyboardInterrupt("Interrupted before the first sample.") from None
-        return runs.whole(Status.INTERRUPTED), end
-    return runs.whole(), None
-
-
-def _kept(pieces: Pieces | None, command: str) -> Callable[[], str]:
-    def text() -> str:
-        if pieces is None or not pieces.count:
-            return "Interrupted: nothing was kept."
-        return (
-            f"Interrupted: what was computed is in {pieces.path}.\nGo on with: {command} --resume"
-        )
-
-    return text
+        raise KeyboardInterrupt(kept()) from None
+    return runs.whole()

@@ -72,9 +72,7 @@ def simulate(
     wanted = asked(machine, motion, omega, drive)
     measured = None if compare is None else compared(compare, machine, plot)
     _claim(rig, machine, out, plot, resume, overwrite)
-    run, end, done = _run(machine, wanted, numerics, out, resume, overwrite)
-    if end is not None:
-        return _interrupted(run, end, done, rig, machine, out, json)
+    run, done = _run(machine, wanted, numerics, out, resume, overwrite)
     summary = summarise(run, machine) | {"rig": rig, "faults": [str(f) for f in wanted.faults]}
     summary["warnings"] = warnings(machine, wanted.drive, run)
     for warning in summary["warnings"]:
@@ -83,7 +81,7 @@ def simulate(
         summary["differences"] = differences(run, machine, measured)
     summary |= _written(run, done, rig, machine, out, plot, measured)
     emit(json, summary, lambda: show(summary))
-    return _code(run, out)
+    return _code(run)
 
 
 def _keep_programs() -> None:
@@ -105,18 +103,18 @@ class Done(NamedTuple):
 
 def _run(
     rig: Any, asked: Asked, numerics: Numerics, out: Path | None, resume: bool, force: bool
-) -> tuple[Any, Any, Done]:
-    """The run and, where it was interrupted, what to go on from."""
-    from ._simulate_run import Pieces, asked_of, interrupted_run, perform, planned
+) -> tuple[Any, Done]:
+    """The run, and what is known of it."""
+    from ._simulate_run import Pieces, asked_of, check_resumed, perform, planned
 
     plan = planned(rig, asked.drive, asked.times, numerics)
     _warn_of_memory(rig, len(asked.times))
     identity = asked_of(rig, asked.drive, asked.times, plan.how)
-    begun = interrupted_run(out, identity, plan.like(), force) if resume else None
+    if resume:
+        check_resumed(out, identity, force)
     keep = out is not None and (plan.is_long() or resume)
     pieces = Pieces(out, identity, resume, force) if keep and out is not None else None
-    found, end = perform(plan, begun, pieces, _command())
-    return found, end, Done(json_text(identity), pieces)
+    return perform(plan, pieces, _command()), Done(json_text(identity), pieces)
 
 
 def _warn_of_memory(rig: Any, samples: int) -> None:
@@ -131,25 +129,6 @@ def _warn_of_memory(rig: Any, samples: int) -> None:
             f"{samples} samples need about {in_words(need)} of memory, and {in_words(available())} "
             "are free: a lower --rate or a shorter --duration needs less."
         ])  # fmt: skip
-
-
-SMALL = 1e8  # bytes of an interrupted run that are written at once
-
-
-def _interrupted(
-    run: Any, end: Any, done: Done, name: str, rig: Any, out: Path | None, json: bool
-) -> int:
-    """Keep what there is, without delay: a small run in its file, a large one in its pieces."""
-    from ..simulation import bytes_a_sample, save_trajectory
-
-    size = bytes_a_sample(rig.size) * len(run.t)
-    if out is not None and _is_netcdf(out) and (size < SMALL or done.pieces is None):
-        save_trajectory(run, out, rig, None, _command(), end, done.asked)
-        if done.pieces is not None:
-            done.pieces.remove()
-    said = {"status": "interrupted", "message": run.message(), "samples": len(run.t), "rig": name}
-    emit(json, said, lambda: None)
-    return _code(run, out)
 
 
 def _written(
@@ -167,7 +146,7 @@ def _written(
     files = {}
     if out is not None:
         beside = _rig_file(name, rig, out)
-        files["out"] = str(save_trajectory(run, out, rig, beside, _command()))
+        files["out"] = str(save_trajectory(run, out, rig, beside, _command(), done.asked))
         if done.pieces is not None:
             done.pieces.remove()
     if plot is not None:
@@ -180,24 +159,14 @@ def _command() -> str:
     return command_line(without=("--resume", "--overwrite"))
 
 
-def _code(run: Any, out: Path | None) -> int:
+def _code(run: Any) -> int:
     """The exit code, and on stderr what to do about a run that did not reach its end."""
-    from .._status import Status
-    from ._frame import FAILED, INTERRUPTED, OK
+    from ._frame import FAILED, OK
 
     if run.ok:
         return OK
     print(run.message(), file=sys.stderr)
-    if int(run.status) != Status.INTERRUPTED:
-        return FAILED
-    if out is not None:
-        from ._simulate_run import pieces_folder
-
-        kept = pieces_folder(out)
-        where = kept if kept.is_dir() else out
-        again = f"Go on with: {_command()} --resume"
-        print(f"What was computed is in {where}.\n{again}", file=sys.stderr)
-    return INTERRUPTED
+    return FAILED
 
 
 def _is_netcdf(out: Path) -> bool:

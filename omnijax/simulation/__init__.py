@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from ._exact import propagate as propagate
     from ._exact import propagate_in_pieces as propagate_in_pieces
     from ._exact import reached_like as reached_like
+    from ._files import asked_in as asked_in
     from ._files import check_suffix as check_suffix
-    from ._files import load_end as load_end
     from ._files import load_run as load_run
     from ._files import load_run as load_trajectory  # noqa: F401  (its name in 0.1)
     from ._files import save_trajectory as save_trajectory

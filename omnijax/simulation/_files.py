@@ -7,13 +7,11 @@ from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 
 from .. import __version__
 from .._errors import InputError
-from .._netcdf import load_netcdf, write_netcdf
+from .._netcdf import load_netcdf, netcdf_attributes, write_netcdf
 from .._status import Status
-from ..dynamics import State
 from ..recording import Recording, write_recording
 from ..recording import channels as channel_names
 from ..rig import Rig, rig_text
@@ -30,23 +28,20 @@ def save_trajectory(
     rig: Rig | None = None,
     rig_path: str | Path | None = None,
     command: str = "",
-    end: State | None = None,
     asked: str = "",
 ) -> Path:
     """Write a run.  `.nc` keeps every channel, unit and the rig; the others are recordings.
 
     `.csv`, `.csv.gz` and `.parquet` hold the inputs and what the sensors of `rig` read, with
-    NAME.toml beside them; rows after a failure are left out.  `end` is the machine's state at
-    the last sample of a run that shall go on (`load_end`; `.nc` only), and `asked` says as JSON
-    all that decides its numbers.
+    NAME.toml beside them; rows after a failure are left out.  `asked` says as JSON all that decides
+    the numbers (`asked_in`; `.nc` only).
     """
     path = Path(path)
     kind = check_suffix(path)
     if kind != ".nc":
         return write_recording(path, to_recording(trajectory, path, rig, rig_path))
     data = to_xarray(trajectory, rig, command)
-    if end is not None:
-        data["end_state"] = ("state", np.asarray(ravel_pytree(end)[0]))
+    if asked:
         data.attrs["asked"] = asked
     return write_netcdf(data, path)  # zlib saves a fifth and costs three times the time
 
@@ -79,13 +74,12 @@ def load_run(path: str | Path) -> Trajectory:
         raise InputError(f"is not a run of omnijax: {error}.", path) from None
 
 
-def load_end(path: str | Path, like: State) -> tuple[State, str]:
-    """The state at the end of an interrupted run, shaped as `like`, and what was asked (JSON)."""
-    data = load_netcdf(path, "a run of omnijax")
-    flat, unravel = ravel_pytree(like)
-    if "end_state" not in data.variables or data["end_state"].shape != flat.shape:
-        raise InputError("holds no interrupted run of this rig.", path)
-    return unravel(jnp.asarray(data["end_state"].values)), str(data.attrs.get("asked", ""))
+def asked_in(path: str | Path) -> str:
+    """What decides the numbers of a run in a `.nc` file, as JSON; empty where it does not say."""
+    path = Path(path)
+    if check_suffix(path) != ".nc":
+        return ""
+    return str(netcdf_attributes(path, "a run of omnijax").get("asked", ""))
 
 
 def to_xarray(trajectory: Trajectory, rig: Rig | None = None, command: str = "") -> Any:

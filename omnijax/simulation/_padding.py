@@ -66,12 +66,12 @@ class Gathered:
         self._status = self._status or int(run.status)
         self._about = {"method": run.method, "names": run.names}
 
-    def whole(self, status: int | None = None) -> Trajectory:
-        """The run, which ends as the first piece that failed, or with `status`; asked for once."""
+    def whole(self) -> Trajectory:
+        """The run, which ends as the first piece that failed; asked for once."""
         names, columns = list(self._columns), self._columns
         found = {name: on_device(columns.pop(name)[: self.count]) for name in names}
-        ends = jnp.asarray(self._status if status is None else int(status))
-        return Trajectory(**found, **self._about, status=ends, steps=jnp.asarray(self._steps))
+        status = jnp.asarray(self._status)
+        return Trajectory(**found, **self._about, status=status, steps=jnp.asarray(self._steps))
 
 
 def _channels(run: Trajectory) -> dict[str, jax.Array]:

@@ -6,7 +6,8 @@ Dask gives it to another one.
 """
 
 import functools
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
 
@@ -73,15 +74,42 @@ def _cluster(workers: int | None, scheduler: str | None) -> Any:
         _wait_for_worker(client, scheduler)
         return client
     config.set({"distributed.worker.multiprocessing-method": "spawn"})
-    cluster = LocalCluster(
-        n_workers=workers,
-        threads_per_worker=1,
-        processes=True,
-        dashboard_address="127.0.0.1:0",  # never on all interfaces
-        host="127.0.0.1",
-        silence_logs=logging.CRITICAL,
+    cluster = _deaf_to_interrupts(
+        lambda: LocalCluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address="127.0.0.1:0",  # never on all interfaces
+            host="127.0.0.1",
+            silence_logs=logging.CRITICAL,
+        )
     )
     return _Owned(cluster, Client(cluster, set_as_default=False))
+
+
+def _deaf_to_interrupts(make: Callable[[], Any]) -> Any:
+    """What `make` returns, called in a thread whose processes do not hear Ctrl-C.
+
+    A terminal sends it to all; this process answers it, and ends the others.
+    """
+    import signal
+    import threading
+    from multiprocessing import resource_tracker
+
+    if not hasattr(signal, "pthread_sigmask"):
+        return make()
+    resource_tracker.ensure_running()  # its start would take the mask off again
+    found: Future[Any] = Future()
+
+    def masked() -> None:
+        signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+        try:
+            found.set_result(make())
+        except BaseException as error:
+            found.set_exception(error)
+
+    threading.Thread(target=masked, daemon=True).start()
+    return found.result()
 
 
 class _Owned:
