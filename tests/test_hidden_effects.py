@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
+
 from benchmarks.hidden_effects.answers import _numbers, right
 from benchmarks.hidden_effects.cases import drawn, planted
 from benchmarks.hidden_effects.effects import KNOWN, OUTSIDE
 from benchmarks.hidden_effects.machines import drawn_machine
 from benchmarks.hidden_effects.report import holms, rate, report
-
 from omnijax.diagnosis import Diagnosis
 from omnijax.diagnosis._answer import Named
 from omnijax.laws import EFFECTS

@@ -1,20 +1,78 @@
-"""Shared output of the studies' commands."""
+"""What the commands of study files share: where they keep and deliver, and the way there."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 
+from .._files import claim
 from .._interrupts import answer, saying
-from ._options import command_line
+from .._reading import existing
+from ._options import Force, Json, command_line, emit
+from ._progress import bar
 
 Switch = Annotated[bool, Parameter(negative="")]
 
 
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Results:
+    """Where a study's work is kept, and where its answer goes."""
+
+    store: Path | None = None
+    """A folder for finished parts of the work."""
+    resume: Switch = False
+    """Take up the parts of that folder."""
+    out: Path | None = None
+    """A netCDF file for the result."""
+    report: Path | None = None
+    """A folder for a page with the figures."""
+    force: Force = False
+    json: Json = False
+
+
+def worked(
+    study: Path,
+    results: Results,
+    parts: str,
+    run: Callable[..., Any],
+    files: Callable[[Any], Iterable[Path]] = lambda asked: (),
+) -> tuple[Any, Any]:
+    """The study of a file and its result; `files` are written beside, `parts` are counted."""
+    existing(study)
+    from ..study import load_study
+
+    asked = load_study(study)
+    claim([results.out, *files(asked)], [results.report], force=results.force)
+    with _kept(results.store), bar(parts) as progress:
+        return asked, run(asked, out=results.store, resume=results.resume, report=progress)
+
+
+def finish(
+    study: Path,
+    results: Results,
+    asked: Any,
+    found: Any,
+    plain: Any,
+    text: Callable[[], None] | None = None,
+) -> None:
+    """The file, the page and the printed answer of a study."""
+    deliver(
+        found,
+        results.out,
+        results.report,
+        lambda: _made_by(study, asked),
+        results.json,
+        plain,
+        text,
+    )
+
+
 @contextmanager
-def kept(store: Path | None) -> Iterator[None]:
+def _kept(store: Path | None) -> Iterator[None]:
     """An interruption of the work inside says what is kept and how to go on."""
 
     def text() -> str:
@@ -44,8 +102,6 @@ def deliver(
     text: Callable[[], None] | None = None,
 ) -> None:
     """What every study's command ends with: the file, the page and the printed answer."""
-    from ._options import emit
-
     if out is not None:
         found.save(out)
     if report is not None:
@@ -55,7 +111,7 @@ def deliver(
     emit(as_json, plain, text or (lambda: print("\n".join(found.sentences()))))
 
 
-def made_by(study: Path, asked: Any) -> Any:
+def _made_by(study: Path, asked: Any) -> Any:
     """What makes a study's page again; where finished parts were kept changes nothing."""
     from ..report import provenance
     from ..rig import rig_text

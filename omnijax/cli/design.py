@@ -1,26 +1,19 @@
 """`omnijax design`: the best rig of a study."""
 
 import dataclasses
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
-from .._files import claim
-from .._reading import existing
-from ._options import Force, Json
-from ._progress import bar
-from ._study_page import Switch, deliver, kept, made_by
+from ._study_page import Results, finish, worked
 
 
 def design(
     study: Path,
     /,
     *,
-    store: Path | None = None,
-    resume: Switch = False,
-    out: Path | None = None,
+    results: Results = Results(),
     rig: Path | None = None,
-    report: Path | None = None,
-    force: Force = False,
-    json: Json = False,
 ) -> int:
     """Search the best design of a study: bounds, constraints, drives, loads and tolerances.
 
@@ -33,38 +26,29 @@ def design(
     ----------
     study
         A study file.
-    store
-        A folder for finished searches.
-    resume
-        Take up the searches of that folder.
-    out
-        A netCDF file for the result.
     rig
         A rig file for the design.
-    report
-        A folder for a page with the figures.
     """
-    from .._errors import InputError
 
-    existing(study)
-    from ..rig import files_of_rig, save_rig
-    from ..study import design as run
-    from ..study import designed_rig, load_study
+    def run(asked: Any, **how: Any) -> Any:
+        from ..study import design
 
-    asked = load_study(study)
-    claim([out, *([] if rig is None else files_of_rig(asked.rig, rig))], [report], force=force)
-    with kept(store), bar("searches") as report_progress:
-        found = run(asked, out=store, resume=resume, report=report_progress)
+        return design(asked, **how)
+
+    def files(asked: Any) -> Iterable[Path]:
+        from ..rig import files_of_rig
+
+        return () if rig is None else files_of_rig(asked.rig, rig)
+
+    asked, found = worked(study, results, "searches", run, files)
     if found.status == "infeasible":
+        from .._errors import InputError
+
         raise InputError(f"{found.reason}.", study)
     if rig is not None:
+        from ..rig import save_rig
+        from ..study import designed_rig
+
         save_rig(designed_rig(asked, found), rig)
-    deliver(
-        found,
-        out,
-        report,
-        lambda: made_by(study, asked),
-        json,
-        dataclasses.asdict(found),
-    )
+    finish(study, results, asked, found, dataclasses.asdict(found))
     return 0 if found.optimal else 1

@@ -3,11 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from .._files import claim
-from .._reading import existing
-from ._options import Force, Json
-from ._progress import bar
-from ._study_page import Switch, deliver, kept, made_by
+from ._study_page import Results, finish, worked
 
 
 def global_sensitivity(
@@ -15,12 +11,7 @@ def global_sensitivity(
     /,
     *,
     metric: str | None = None,
-    store: Path | None = None,
-    resume: Switch = False,
-    out: Path | None = None,
-    report: Path | None = None,
-    force: Force = False,
-    json: Json = False,
+    results: Results = Results(),
 ) -> int:
     """Sobol indices, Morris effects and gradient-based bounds over the ranges of a study.
 
@@ -32,33 +23,15 @@ def global_sensitivity(
         A study file with [[variable]] ranges and a [[drive]].
     metric
         Metrics, with commas between; without it those of the objective.
-    store
-        A folder for finished chunks of runs.
-    resume
-        Take up the runs of that folder.
-    out
-        A netCDF file for the result.
-    report
-        A folder for a page with the figures.
     """
 
-    existing(study)
-    from ..study import checked_metrics, load_study
-    from ..study import global_sensitivity as run
+    def run(asked: Any, **how: Any) -> Any:
+        from ..study import checked_metrics, global_sensitivity
 
-    asked = load_study(study)
-    claim([out], [report], force=force)
-    metrics = None if metric is None else checked_metrics(metric)
-    with kept(store), bar("runs") as report_progress:
-        found = run(asked, metrics, out=store, resume=resume, report=report_progress)
-    deliver(
-        found,
-        out,
-        report,
-        lambda: made_by(study, asked),
-        json,
-        _plain(found),
-    )
+        return global_sensitivity(asked, None if metric is None else checked_metrics(metric), **how)
+
+    asked, found = worked(study, results, "runs", run)
+    finish(study, results, asked, found, _plain(found))
     return 0
 
 

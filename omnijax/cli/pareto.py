@@ -3,11 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from .._files import claim
-from .._reading import existing
-from ._options import Force, Json
-from ._progress import bar
-from ._study_page import Switch, deliver, kept, made_by
+from ._study_page import Results, finish, worked
 
 
 def pareto(
@@ -15,12 +11,7 @@ def pareto(
     /,
     *,
     metric: str | None = None,
-    store: Path | None = None,
-    resume: Switch = False,
-    out: Path | None = None,
-    report: Path | None = None,
-    force: Force = False,
-    json: Json = False,
+    results: Results = Results(),
 ) -> int:
     """Trace the front of two or three metrics: nothing better in one without loss in another.
 
@@ -32,34 +23,15 @@ def pareto(
         A study file; its [pareto] table names the metrics and the number of points.
     metric
         Two or three metrics with commas between, in place of the file's.
-    store
-        A folder for finished searches.
-    resume
-        Take up the searches of that folder.
-    out
-        A netCDF file for the result.
-    report
-        A folder for a page with the figure.
     """
 
-    existing(study)
-    from ..study import checked_metrics, load_study
-    from ..study import pareto as run
+    def run(asked: Any, **how: Any) -> Any:
+        from ..study import checked_metrics, pareto
 
-    asked = load_study(study)
-    claim([out], [report], force=force)
-    names = () if metric is None else checked_metrics(metric)
-    with kept(store), bar("searches") as report_progress:
-        found = run(asked, names, out=store, resume=resume, report=report_progress)
-    deliver(
-        found,
-        out,
-        report,
-        lambda: made_by(study, asked),
-        json,
-        _plain(found),
-        lambda: _print(found),
-    )
+        return pareto(asked, () if metric is None else checked_metrics(metric), **how)
+
+    asked, found = worked(study, results, "searches", run)
+    finish(study, results, asked, found, _plain(found), lambda: _print(found))
     return 0
 
 

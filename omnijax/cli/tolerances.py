@@ -3,11 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from .._files import claim
-from .._reading import existing
-from ._options import Force, Json
-from ._progress import bar
-from ._study_page import Switch, deliver, kept, made_by
+from ._study_page import Results, finish, worked
 
 
 def tolerances(
@@ -15,12 +11,7 @@ def tolerances(
     /,
     *,
     draws: int = 1024,
-    store: Path | None = None,
-    resume: Switch = False,
-    out: Path | None = None,
-    report: Path | None = None,
-    force: Force = False,
-    json: Json = False,
+    results: Results = Results(),
 ) -> int:
     """Find tolerances of each wheel's parts that keep a metric below a limit.
 
@@ -34,32 +25,15 @@ def tolerances(
         A study file with [limit] metric and max.
     draws
         Number of drawn machines.
-    store
-        A folder for finished chunks of machines.
-    resume
-        Take up the machines of that folder.
-    out
-        A netCDF file for the result.
-    report
-        A folder for a page with the figure.
     """
 
-    existing(study)
-    from ..study import load_study
-    from ..study import tolerances as run
+    def run(asked: Any, **how: Any) -> Any:
+        from ..study import tolerances
 
-    asked = load_study(study)
-    claim([out], [report], force=force)
-    with kept(store), bar("machines") as progress:
-        found = run(asked, draws=draws, out=store, resume=resume, report=progress)
-    deliver(
-        found,
-        out,
-        report,
-        lambda: made_by(study, asked),
-        json,
-        _plain(found),
-    )
+        return tolerances(asked, draws=draws, **how)
+
+    asked, found = worked(study, results, "machines", run)
+    finish(study, results, asked, found, _plain(found))
     return 0 if found.confirmed else 1
 
 

@@ -6,7 +6,7 @@ unit of a bound) is checked afterwards, by the modules beside.
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field
 from pydantic_core import core_schema
 
 from ...rig import Quantity
@@ -119,10 +119,10 @@ class ConstraintTable(_Table):
 class SearchTable(_Table):
     """How the answer is looked for."""
 
-    starts: Annotated[int, Quantity("1", low=1, whole=True)] = 8
-    seed: Annotated[int, Quantity("1", low=0, whole=True)] = 0
-    batch: Annotated[int, Quantity("1", low=1, whole=True)] = 8
-    stochastic_steps: Annotated[int, Quantity("1", low=0, whole=True)] = 0
+    starts: Annotated[int, Quantity("1", low=1, whole=True), AfterValidator(int)] = 8
+    seed: Annotated[int, Quantity("1", low=0, whole=True), AfterValidator(int)] = 0
+    batch: Annotated[int, Quantity("1", low=1, whole=True), AfterValidator(int)] = 8
+    stochastic_steps: Annotated[int, Quantity("1", low=0, whole=True), AfterValidator(int)] = 0
 
 
 class ParetoTable(_Table):
@@ -132,7 +132,7 @@ class ParetoTable(_Table):
         Any,
         _Open({"type": "array", "items": {"enum": list(METRICS)}, "minItems": 2, "maxItems": 3}),
     ] = []
-    points: Annotated[int, Quantity("1", low=3, whole=True)] = 12
+    points: Annotated[int, Quantity("1", low=3, whole=True), AfterValidator(int)] = 12
 
 
 class LimitTable(_Table):
@@ -146,7 +146,7 @@ class LimitTable(_Table):
 class SamplingTable(_Table):
     """How many blocks of runs a global sensitivity takes."""
 
-    samples: Annotated[int, Quantity("1", low=8, whole=True)] = 256
+    samples: Annotated[int, Quantity("1", low=8, whole=True), AfterValidator(int)] = 256
 
 
 _Part = Annotated[float, Quantity("1", above=0, high=0.9)]
@@ -157,7 +157,7 @@ class ToleranceTable(BaseModel):
 
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, _Part] = Field(init=False)
-    draws: Annotated[int, Quantity("1", low=2, whole=True)] = 16
+    draws: Annotated[int, Quantity("1", low=2, whole=True), AfterValidator(int)] = 16
 
 
 class StudyTable(_Table):
