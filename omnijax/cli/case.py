@@ -18,6 +18,7 @@ def case(
     position: str | None = None,
     time: str | None = None,
     rate: float | None = None,
+    held_out: Annotated[list[Path] | None, Parameter(negative="")] = None,
     yes: Annotated[bool, Parameter(negative="")] = False,
     force: Force = False,
 ) -> int:
@@ -30,7 +31,7 @@ def case(
     action
         `new`: a new case.
     logs
-        Tables of runs: CSV, Parquet, MAT, NetCDF, TDMS, UFF, MDF4, JSON.
+        Tables of runs: CSV, Parquet, MAT, NetCDF, TDMS, UFF, MDF4, JSON, MCAP.
     out
         Folder of the case; default: the first log's name.
     input
@@ -41,19 +42,30 @@ def case(
         Column of the time.
     rate
         Sampling rate in Hz of logs without a time.
+    held_out
+        A further log that is never fitted but judges; may be given several times. Without one the
+        last third of every log plays it.
     yes
         Write without asking.
     """
     from .._errors import InputError
     from .._files import claim, write_text
     from .._reading import existing
-
-    for log in logs:
-        existing(log)
     from ..machine import case_files
+    from ..recording import stem_of
 
-    found = [_guessed(log, input, position, time, rate) for log in logs]
-    folder = out or Path(logs[0].name.split(".")[0])
+    held = [log.resolve() for log in held_out or []]
+    logs = [x for x in logs if x.resolve() not in held]  # all of a folder by *, some held out
+    if not logs:
+        raise InputError("every log is held out; at least one must be there to learn from.")
+    for log in (*logs, *held):
+        existing(log)
+    found = [_guessed(log, input, position, time, rate) for log in (*logs, *held)]
+    names = [stem_of(one.log) for one in found]
+    if len(set(names)) < len(names):
+        twice = next(x for x in names if names.count(x) > 1)
+        raise InputError(f"two logs are named {twice}: rename one, a case has one NAME.toml each.")
+    folder = out or Path(names[0])
     for one in found:
         print(f"{one.log.name}")
         for key, value in one.rows():
@@ -69,7 +81,8 @@ def case(
     claim(folders=[folder], force=force)
     files: dict[str, str] = {}
     for one in found:
-        files = case_files(one) | files  # the machine is that of the first log
+        role = "held-out" if one.log.resolve() in held else "train"
+        files = case_files(one, role) | files  # the machine is that of the first log
     for name, text in files.items():
         write_text(folder / name, text)
     print(f"Wrote {folder}: {', '.join(files)}. Now: omnijax diagnose {folder}")

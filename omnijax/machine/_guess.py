@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import butter, filtfilt
 
 from .._errors import InputError
-from ..recording import read_table
+from ..recording import read_table, stem_of
 from ..rig import Quantity
 
 TIME = r"^(t|time|timestamp|zeit|stamp|seconds|sec|ms)\b|time"
@@ -23,6 +23,8 @@ KINDS = (  # pattern of a name -> how the motor is driven
     (r"goal|ref|setpoint", "goal"), (r"torque|force|moment", "torque"), (r"curr", "current"),
 )  # fmt: skip
 UNIT = re.compile(r"[\[(_ ]\s*(mm|cm|um|m|deg|rad|mrad|ms|us|s|N ?m|mNm|N|A|mA|V|mV)\s*[\])]?$")
+PULLS = 0.03  # share of what is left of the acceleration that gravity explains where it is there
+SUPPLY = 0.2  # standard deviation of a voltage over its mean, below which it is a supply's
 ANGLES, LENGTHS = ("rad", "deg", "mrad"), ("m", "mm", "cm", "um")
 
 
@@ -41,6 +43,7 @@ class Guess:
     rate: float
     noise: float
     numbers: dict[str, float]
+    beside: dict[str, str] = dataclasses.field(default_factory=dict)  # further inputs: column
 
     def rows(self) -> list[tuple[str, str]]:
         """The guess as pairs to be shown."""
@@ -49,6 +52,7 @@ class Guess:
             ("time", self.time or "none: from the rate"),
             ("input", f"{self.input} ({self.drives}, {self.units.get('input', 'as it is')})"),
             ("position", f"{self.position} ({self.units.get('position', unit)})"),
+            *self.beside.items(),
             ("motion", self.motion), ("samples", f"{self.samples} at {self.rate:.6g} Hz"),
             ("noise of position", f"{self.noise:.3g} {unit} (1 sigma)"),
             *((f"axis.{k}", f"{v:.4g}") for k, v in self.numbers.items()),
@@ -62,7 +66,7 @@ def guess(log: Path, rate: float | None = None) -> Guess:
     moving = [k for k, x in columns.items() if np.ptp(x[np.isfinite(x)]) > 0]
     time = _time(columns, moving, rate)
     rest = [k for k in moving if k != time]
-    names = {word: _best(rest, pattern) for word, pattern in (("input", INPUT),)}
+    names = {"input": _best([k for k in rest if not _supplies(k, columns[k])], INPUT)}
     others = [k for k in rest if k != names["input"]]
     names["position"] = _best(others, POSITION, MEASURED)
     for word, found in names.items():
@@ -103,28 +107,65 @@ def describe(log: Path, time: str | None, given: str, position: str, rate: float
     u = np.asarray(table.columns[given], float)
     if drives == "goal" and units.get("input", si) != si:
         u = u * Quantity(si).read(f"1 {units['input']}")
-    good = np.isfinite(q) & np.isfinite(u)
-    q, u = q[good], u[good]
+    beside = _beside(table.columns) if drives == "goal" else {}
+    others = {k: np.asarray(table.columns[c], float) for k, c in beside.items()}
+    good = np.all([np.isfinite(x) for x in (q, u, *others.values())], axis=0)
+    q, u, others = q[good], u[good], {k: x[good] for k, x in others.items()}
     noise = min(
         float(np.sqrt(np.mean(np.diff(q, k) ** 2) / math.comb(2 * k, k))) for k in (3, 5, 7)
     )
+    numbers = first_servo(q, u, step, others) if drives == "goal" else first_numbers(q, u, step)
     return Guess(log, time, given, position, units, drives, motion, len(q), 1 / step, noise,
-                 first_numbers(q, u, step, drives == "goal"))  # fmt: skip
+                 numbers, beside)  # fmt: skip
 
 
-def first_numbers(q, u, step: float, goal: bool) -> dict[str, float]:
-    """Inertia, damping, stiffness and offset by least squares: u = J a + d v + k q - offset.
+def _beside(columns) -> dict[str, str]:
+    """Columns of a servo's gain and of whether it is on, where they are there."""
+    patterns = {"gain": r"^(k_?p|p_?gain|gain)$", "enable": r"enable|torque_on|^on$"}
+    found = {k: _best(list(columns), p) for k, p in patterns.items()}
+    return {k: c for k, c in found.items() if c is not None}
 
-    A servo's goal: a = p (u - q) - d v, for an inertia of 1.
+
+def first_servo(q, u, step: float, others) -> dict[str, float]:
+    """Gain, damping and gravity of a servo for an inertia of 1: a = p (u - q) - d v - g sin(q).
+
+    Gravity is there where it explains a part of the acceleration that the others do not.
     """
+    smooth, v, a = _rates(q, step)
+    gain, on = others.get("gain", np.ones(len(q))), others.get("enable", np.ones(len(q)))
+    both = on * gain * (u - q)
+    keep = (on > 0) & (np.arange(len(q)) > 10) & (np.arange(len(q)) < len(q) - 10)
+    found, left = {}, []
+    for gravity in (False, True):
+        A = np.stack([both, -v, *([-np.sin(smooth)] if gravity else [])], 1)[keep]
+        size = np.linalg.norm(A, axis=0)
+        size[size == 0] = 1.0
+        x = np.linalg.lstsq(A / size, a[keep], rcond=None)[0] / size
+        left.append(float(np.sum((a[keep] - A @ x) ** 2)))
+        if gravity and not (x[2] > 0 and left[1] < (1 - PULLS) * left[0]):
+            break
+        numbers = {
+            "inertia": 1.0,
+            "damping": max(float(x[1]), 1e-3),
+            "gain": max(float(x[0]), 1e-3),
+        }
+        found = numbers | ({"gravity": float(x[2])} if gravity else {})
+    return found
+
+
+def _rates(q, step: float):
+    """Position, speed and acceleration, low-passed."""
     b, a = butter(4, 0.2)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
     smooth = filtfilt(b, a, q)
     v = np.gradient(smooth, step)
-    acceleration = np.gradient(v, step)
+    return smooth, v, np.gradient(v, step)
+
+
+def first_numbers(q, u, step: float) -> dict[str, float]:
+    """Inertia, damping, stiffness and offset by least squares: u = J a + d v + k q - offset."""
+    smooth, v, acceleration = _rates(q, step)
     one = np.ones(len(q))
-    if goal:
-        (p, d), *_ = np.linalg.lstsq(np.stack([u - q, -v], 1), acceleration, rcond=None)
-        return {"inertia": 1.0, "damping": max(float(d), 1e-3), "gain": max(float(p), 1e-3)}
+    b, a = butter(4, 0.2)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
     keep = slice(10, -10)
     A = np.stack([acceleration, v, smooth, one], 1)[keep]
     size = np.linalg.norm(A, axis=0)
@@ -140,24 +181,25 @@ def first_numbers(q, u, step: float, goal: bool) -> dict[str, float]:
     return out | ({"stiffness": float(k)} if pulled else {})
 
 
-def case_files(found: Guess, noise: bool = False) -> dict[str, str]:
-    """machine.toml and NAME.toml of a guess, by file name."""
+def case_files(found: Guess, role: str = "train") -> dict[str, str]:
+    """machine.toml and NAME.toml of a guess, by file name; `role` is train or held-out."""
     goal = found.drives == "goal"
     numbers = {k: v for k, v in found.numbers.items() if k != "gain"}
     lines = ['kind = "axis"', f'motion = "{found.motion}"', "", "[axis]",
              *(f"{k} = {v:.6g}" for k, v in numbers.items()), "", "[motor]",
              f'input = "{found.drives}"']  # fmt: skip
-    if goal:
+    if goal:  # for an inertia of 1, what the data can tell
         lines += ["resistance = 1.0", "back_emf = 0.0", "", "[servo]",
                   f"gain = {found.numbers['gain']:.6g}", "supply = 1.0", "limit = 1e9"]  # fmt: skip
     lines += ["", "[uncertainty]  # 1-sigma: relative, or absolute for a number that is 0"]
     lines += [f'"axis.{k}" = 1.0' for k in numbers if not (goal and k == "inertia")]
     lines += ['"servo.gain" = 0.5'] if goal else [f'"axis.offset" = {_offset(found):.3g}']
-    name = found.log.name.split(".")[0]
-    side = [f'log = "{found.log.resolve()}"', 'machine = "machine.toml"', 'role = "train"']
+    name = stem_of(found.log)
+    side = [f'log = "{found.log.resolve()}"', 'machine = "machine.toml"', f'role = "{role}"']
     side += [] if found.time else [f'rate = "{found.rate!r} Hz"']
     side += ["", "[channels]"] + ([f't = "{found.time}"'] if found.time else [])
     side += [f'input = "{found.input}"', f'position = "{found.position}"']
+    side += [f'{k} = "{c}"' for k, c in found.beside.items()]
     if found.units:
         side += ["", "[units]", *(f'{k} = "{v}"' for k, v in found.units.items())]
     return {"machine.toml": "\n".join(lines) + "\n", f"{name}.toml": "\n".join(side) + "\n"}
@@ -181,6 +223,12 @@ def _time(columns, moving, rate) -> str | None:
 def _best(names: list[str], pattern: str, better: str = "$^") -> str | None:
     found = [k for k in names if re.search(pattern, k.lower())]
     return next((k for k in found if re.search(better, k.lower())), next(iter(found), None))
+
+
+def _supplies(name: str, x: np.ndarray) -> bool:
+    """Whether a column is a supply's: a voltage that hardly changes drives nothing."""
+    steady = np.nanstd(x) < SUPPLY * abs(np.nanmean(x))
+    return bool("volt" in name.lower() and steady)
 
 
 def _unit(name: str) -> str | None:

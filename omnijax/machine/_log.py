@@ -9,7 +9,7 @@ import numpy as np
 
 from .._errors import InputError, did_you_mean
 from .._reading import read_toml
-from ..recording import READERS, read_table, stem_of, suffix_of
+from ..recording import may_be_run, read_table, stem_of
 from ..rig import Quantity
 
 KEYS = ("machine", "log", "role", "rows", "rate", "channels", "units", "noise")
@@ -195,9 +195,7 @@ def _on_a_grid(file: LogFile, found, inputs, outputs, faults) -> Log:
 
 def tables_of(folder: Path) -> dict[str, Path]:
     """Tables of a folder by name without suffix."""
-    return {
-        stem_of(p): p for p in sorted(folder.iterdir()) if p.is_file() and suffix_of(p) in READERS
-    }
+    return {stem_of(p): p for p in sorted(folder.iterdir()) if may_be_run(p)}
 
 
 def toml_of(path: Path) -> dict[str, Any]:

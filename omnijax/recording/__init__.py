@@ -19,10 +19,9 @@ if TYPE_CHECKING:
     from ._recording import Recording as Recording
     from ._speeds import SpeedTable as SpeedTable
     from ._speeds import speed_table as speed_table
-    from ._tables import READERS as READERS
+    from ._tables import may_be_run as may_be_run
     from ._tables import read_table as read_table
     from ._tables import stem_of as stem_of
-    from ._tables import suffix_of as suffix_of
     from ._write import files_of_recording as files_of_recording
     from ._write import write_recording as write_recording
 

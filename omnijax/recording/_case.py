@@ -11,7 +11,7 @@ from .._reading import existing
 from ._read import read_recording
 from ._recording import Fault, Recording
 from ._sidecar import read_sidecar
-from ._tables import READERS, read_table, stem_of, suffix_of
+from ._tables import may_be_run, read_table, stem_of
 
 
 @dataclasses.dataclass
@@ -81,9 +81,9 @@ def _tables(folder: Path, faults: list[Fault]) -> list[Path]:
     """The runs' files: those with a NAME.toml, and other tables that have a column `t`."""
     found: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
-        if not path.is_file() or suffix_of(path) not in READERS:
-            continue
         stem = stem_of(path)
+        if not may_be_run(path) or (stem in found and path.suffix == ".json"):
+            continue
         if stem in found:
             what = f"{found[stem].name} has the same name"
             faults.append(Fault(path.name, "", (), "double file", what, "only that one is used"))

@@ -63,16 +63,20 @@ def write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
 
 def _text(path: Path) -> tuple[str, list[Fault]]:
     """The file's text; of a file that was cut off while packed, what can be unpacked."""
-    most = int(min(SHARE / 4 * available(), 2**40))  # the text, its lines and its numbers
-    raw, faults = read_bytes(path, most), []
-    if path.suffix.lower() == ".gz":
-        raw, whole = _unpacked(path, raw, most)
-        if not whole:
-            what = "the packed file ends too early"
-            use = "the rows before are used"
-            faults.append(Fault(path.name, "", (), "truncated", what, use))
-            raw = raw[: raw.rfind(b"\n") + 1]
+    (raw, whole), faults = unpacked(path), []
+    if not whole:
+        what = "the packed file ends too early"
+        use = "the rows before are used"
+        faults.append(Fault(path.name, "", (), "truncated", what, use))
+        raw = raw[: raw.rfind(b"\n") + 1]
     return raw.decode("utf-8-sig", errors="replace"), faults
+
+
+def unpacked(path: Path) -> tuple[bytes, bool]:
+    """A text file's bytes, unpacked where it is `.gz`, and whether it is whole."""
+    most = int(min(SHARE / 4 * available(), 2**40))  # the text, its lines and its numbers
+    raw = read_bytes(path, most)
+    return _unpacked(path, raw, most) if path.suffix.lower() == ".gz" else (raw, True)
 
 
 def _unpacked(path: Path, raw: bytes, most: int) -> tuple[bytes, bool]:

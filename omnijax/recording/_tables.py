@@ -1,8 +1,6 @@
-"""Files of every kind into columns of numbers: CSV, Parquet, MAT, NetCDF, TDMS, UFF, MDF4."""
+"""Files of every kind into columns of numbers: CSV, Parquet, MAT, JSON, NetCDF, TDMS, UFF, ..."""
 
 import contextlib
-import importlib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,20 +10,35 @@ from .._errors import InputError
 from .._memory import check_room
 from .._netcdf import load_netcdf
 from .._reading import regular
-from ._columns import AXES, OUTPUTS, PER_WHEEL, UNITS
+from ._columns import OUTPUTS, UNITS
 from ._csv import Table, read_csv
+from ._json import read_json
 from ._mat import mat_sizes
+from ._mcap import read_mcap
+from ._need import need
+from ._spread import spread
 
 
 def suffix_of(path: Path) -> str:
-    """`.csv.gz` for a packed table, else the last suffix, in small letters."""
+    """`.csv.gz`, `.json.gz` for a packed table, else the last suffix, in small letters."""
     name = path.name.lower()
-    return ".csv.gz" if name.endswith(".csv.gz") else path.suffix.lower()
+    packed = next((x for x in (".csv.gz", ".json.gz") if name.endswith(x)), None)
+    return packed or path.suffix.lower()
 
 
 def stem_of(path: Path) -> str:
     """The file's name without its suffix: `run-1` for `run-1.csv.gz`."""
     return path.name[: len(path.name) - len(suffix_of(path))]
+
+
+def may_be_run(path: Path) -> bool:
+    """Whether a file of a folder may be a run; of JSON only one with a NAME.toml beside it.
+
+    JSON holds anything, settings and reports too.
+    """
+    suffix = suffix_of(path)
+    stated = suffix not in (".json", ".json.gz") or path.with_name(f"{stem_of(path)}.toml").exists()
+    return path.is_file() and suffix in READERS and stated
 
 
 def read_table(path: Path) -> Table:
@@ -46,42 +59,6 @@ def read_table(path: Path) -> Table:
         raise InputError("needs more memory than there is.", path) from None
     except Exception as error:  # third-party readers raise whatever they like on a broken file
         raise InputError(f"{path.name} cannot be read as {suffix}: {error}") from error
-
-
-def need(module: str, package: str, suffix: str) -> Any:
-    """Import a reader's package, or say which command installs it."""
-    try:
-        return importlib.import_module(module)
-    except ImportError as error:
-        raise InputError(
-            f'reading `{suffix}` files needs {package}: pip install "omnijax[measured]"'
-        ) from error
-
-
-def spread(columns: Mapping[str, Any], units: Mapping[str, str] | None = None) -> Table:
-    """Columns from named arrays; a matrix `dR` (samples, 3) becomes dR_x, dR_y, dR_z."""
-    flat: dict[str, np.ndarray] = {}
-    said: dict[str, str] = {}
-    length = max((np.shape(v)[0] for v in columns.values() if np.ndim(v) > 0), default=0)
-    for name, raw in columns.items():
-        value = np.asarray(raw)
-        if value.dtype.kind not in "fiub" or value.size < 1 or value.size == 1 < length:
-            continue
-        value = np.asarray(value.squeeze() if value.size == max(value.shape) else value, float)
-        parts = {name: value} if value.ndim == 1 else _parts(name, value, length)
-        flat |= parts
-        if units and name in units:
-            said |= dict.fromkeys(parts, units[name])
-    return Table(flat, said, [], {})
-
-
-def _parts(name: str, value: np.ndarray, length: int) -> dict[str, np.ndarray]:
-    if value.ndim != 2 or name not in UNITS:
-        return {}
-    value = value if value.shape[0] == length else value.T
-    numbers = [str(i + 1) for i in range(value.shape[1])]
-    ends = numbers if name in PER_WHEEL else AXES
-    return {f"{name}_{end}": column for end, column in zip(ends, value.T, strict=False)}
 
 
 def _parquet(path: Path) -> Table:
@@ -195,4 +172,7 @@ READERS = {
     ".uff": _uff,
     ".unv": _uff,
     ".mf4": _mdf,
+    ".json": read_json,
+    ".json.gz": read_json,
+    ".mcap": read_mcap,
 }

@@ -1,0 +1,130 @@
+"""Strangers' logs: JSON and MCAP in any layout, and what `case new` guesses of them."""
+
+import gzip
+import json
+
+import numpy as np
+import pytest
+
+from omnijax import cli
+from omnijax.machine import Axis, free_run, guess, read_machine_case
+from omnijax.recording import read_table
+from omnijax.rig import InputError
+
+STEP = 5e-3
+
+
+def columns(seed: int, count: int = 120) -> dict[str, np.ndarray]:
+    """Time and two signals of random sizes."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(count) * STEP
+    return {
+        "stamp": t,
+        "torque_cmd": rng.normal(size=count),
+        "pos": np.cumsum(rng.normal(size=count)),
+    }
+
+
+def document(seed: int, table: dict[str, np.ndarray]):
+    """The table in a layout that hangs on `seed`."""
+    names = list(table)
+    rows = [dict(zip(names, map(float, r), strict=True)) for r in np.stack(list(table.values()), 1)]
+    lists = {k: x.tolist() for k, x in table.items()}
+    return [rows, lists, {"kp": 4.5, "entries": rows}, {"meta": {"tags": [1, 2]}, "data": lists},
+            {"kp": 4.5, "runs": [{"entries": rows}]}][seed]  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("packed", [False, True])
+def test_json_logs_of_any_layout_are_columns(tmp_path, seed, packed):
+    table = columns(seed)
+    text = json.dumps(document(seed, table)).encode()
+    path = tmp_path / ("a.json.gz" if packed else "a.json")
+    path.write_bytes(gzip.compress(text) if packed else text)
+    found = read_table(path).columns
+    for name, values in table.items():
+        np.testing.assert_array_equal(found[name], values)
+    beside = seed in (2, 4)  # the number that stands above the table
+    assert ("kp" in found) == beside
+    if beside:
+        assert set(found["kp"]) == {4.5}
+
+
+def test_nested_samples_with_gaps_and_words(tmp_path):
+    rows = [{"t": i * STEP, "motor": {"q": None if i == 3 else i, "mode": "run"}, "on": i > 1}
+            for i in range(70)]  # fmt: skip
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({"log": rows}))
+    found = read_table(path).columns
+    assert set(found) == {"t", "motor.q", "on"}
+    assert np.flatnonzero(~np.isfinite(found["motor.q"])).tolist() == [3]
+    assert found["on"][:3].tolist() == [0, 0, 1]
+
+
+@pytest.mark.parametrize("text", ["{}", "[1, 2, 3]", '{"a": 1}', '{"a": [{"b": 1', "null"])
+def test_json_without_a_table_is_one_sentence(tmp_path, text):
+    path = tmp_path / "a.json"
+    path.write_text(text)
+    with pytest.raises(InputError, match=r"a\.json"):
+        read_table(path)
+
+
+def test_mcap_topics_are_laid_on_one_clock(tmp_path):
+    writer = pytest.importorskip("mcap.writer")
+    path, rng = tmp_path / "a.mcap", np.random.default_rng(0)
+    q, u = rng.normal(size=100), rng.normal(size=20)
+    with path.open("wb") as file:
+        out = writer.Writer(file)
+        out.start()
+        schema = out.register_schema(name="s", encoding="jsonschema", data=b"{}")
+        topic = [out.register_channel(topic=x, message_encoding="json", schema_id=schema)
+                 for x in ("/motor", "/command")]  # fmt: skip
+        for i in range(100):
+            now = int(1e18) + i * 5_000_000
+            if i % 5 == 0:
+                data = json.dumps({"torque": u[i // 5]}).encode()
+                out.add_message(topic[1], log_time=now, publish_time=now, data=data)
+            data = json.dumps({"state": {"q": q[i]}, "name": "m"}).encode()
+            out.add_message(topic[0], log_time=now, publish_time=now, data=data)
+        out.finish()
+    found = read_table(path).columns
+    np.testing.assert_allclose(found["t"], np.arange(100) * STEP, atol=1e-9)
+    np.testing.assert_array_equal(found["motor.state.q"], q)
+    np.testing.assert_array_equal(found["command.torque"], np.repeat(u, 5))
+
+
+def servo(seed: int) -> dict[str, np.ndarray]:
+    """A log of a random servo that lifts a pendulum, with a supply's voltage beside it."""
+    rng, count = np.random.default_rng(seed), 1200
+    t = np.arange(count) * STEP
+    axis = Axis(1.0, damping=rng.uniform(3, 8), gravity=rng.uniform(20, 60),
+                gain=rng.uniform(0.5, 2), limit=1e9, back_emf=0.0, drives="goal")  # fmt: skip
+    goal = rng.uniform(0.5, 1.2) * np.sin(2 * np.pi * rng.uniform(0.3, 1.0) * t + 0.3 * t**2)
+    given = {"input": goal, "gain": np.full(count, 100.0), "enable": np.ones(count)}
+    q = free_run(axis, (), {"position": (0.0, 0.0)}, given, STEP)["position"]
+    return {"timestamp": t, "input_volts": 7.4 + 0.05 * rng.normal(size=count), "kp": given["gain"],
+            "torque_enable": given["enable"], "goal_position": goal,
+            "position": q + 1e-4 * rng.normal(size=count), "gravity": float(axis.gravity),
+            "gain": float(axis.gain)}  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_servo_is_guessed_with_its_gain_and_gravity(tmp_path, seed, capsys):
+    table = servo(seed)
+    gravity, gain = table.pop("gravity"), table.pop("gain")
+    names, values = list(table), np.stack(list(table.values()), 1)
+    for name in ("one.json", "two.json"):
+        rows = [dict(zip(names, map(float, r), strict=True)) for r in values]
+        (tmp_path / name).write_text(json.dumps({"mass": 0.5, "entries": rows}))
+    found = guess(tmp_path / "one.json")
+    assert (found.drives, found.input, found.position) == ("goal", "goal_position", "position")
+    assert found.beside == {"gain": "kp", "enable": "torque_enable"}
+    assert found.numbers["gravity"] == pytest.approx(gravity, rel=0.2)
+    assert found.numbers["gain"] == pytest.approx(gain, rel=0.2)
+    logs = [str(tmp_path / x) for x in ("one.json", "two.json")]
+    line = ["case", "new", *logs, "--held-out", logs[1], "--out", str(tmp_path / "case"), "--yes"]
+    assert cli.run(line) == 0
+    case = read_machine_case(tmp_path / "case")
+    assert [log.role for log in case.logs] == ["train", "held-out"]
+    assert set(case.logs[0].inputs["gain"]) == {100.0}
+    assert "goal_position" in capsys.readouterr().out
