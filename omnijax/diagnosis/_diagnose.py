@@ -109,8 +109,10 @@ def _machine_diagnosed(case: MachineCase, laws, tell) -> Diagnosis:
     tell("calibrating the uncertain parameters")
     start = Point(np.zeros(len(model.priors)))
     model.rebase(start)
-    start = refit(model, start, relative=0.01).point
-    model.set_floor(start)
+    fit = refit(model, start, relative=0.01)
+    tell("looking for what no law explains")
+    model.set_floor(fit, tell)
+    start = fit.point
     table[model.rows[0].group]["sigma"] = float(model.scale[0])
     if model.floor > 1:
         remarks.append(model.floor_said())

@@ -31,8 +31,10 @@ if TYPE_CHECKING:
     from ._simulate import between as between
     from ._simulate import free_run as free_run
     from ._simulate import motion as motion
+    from ._simulate import places_of as places_of
     from ._simulate import sensed as sensed
-    from ._simulate import steps_between as steps_between
+    from ._simulate import slopes_of as slopes_of
+    from ._simulate import steps_for as steps_for
     from ._simulate import vector_field as vector_field
 
 __getattr__, __dir__ = lazy_face(__name__)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,8 +15,11 @@ from ..laws import SensorSignal
 from ._base import AbstractMachine
 from ._ports import PlacedLaw, Ports, delayed_inputs, resting
 
-STABLE = 1.0  # |rate of a mode| times the step at which Runge-Kutta steps are safe and exact
-MOST = 64  # steps between two samples
+STABLE = 2.2  # decay of a mode within a Runge-Kutta step that is surely stable
+EXACT = 0.3  # rad of a mode within a step: its frequency is right to 1e-4
+MOST = 256  # steps between two samples of a free run
+STAGES = np.array([0.0, 0.5, 0.5, 1.0]), np.array([1.0, 2.0, 2.0, 1.0])  # ahead, weight
+OVERSAMPLED = 4  # places a sample of a band-limited input
 
 
 def vector_field(machine: AbstractMachine, placed: tuple[PlacedLaw, ...]):
@@ -40,36 +44,44 @@ def motion(
     placed: tuple[PlacedLaw, ...],
     start: Float[Array, " n"],
     inputs: Mapping[str, Float[Array, " f"]],
-    step: float,
+    step: Any,
+    steps: Any,
     parts: int,
+    hold: str = "linear",
 ) -> dict[str, Float[Array, " t"]]:
     """Outputs at the samples of one window, before the sensors.
 
-    `inputs` stand at every half of the `parts` steps between samples, 2 parts (t - 1) + 1 values.
+    `inputs` stand at `parts` places a sample, f = parts (t - 1) + 1, linear between them, or held
+    at their first value; `steps`, which may be traced, Runge-Kutta steps lead from one to the next.
     """
     rate, join, split = vector_field(machine, placed)
-    h, names = step / parts, tuple(inputs)
+    h, names = step / parts / steps, tuple(inputs)
     fine = jnp.stack([inputs[k] for k in names], axis=1)
-    blocks = jnp.stack([fine[k : k - 2 * parts or None : 2 * parts] for k in range(2 * parts)]
-                       + [fine[2 * parts :: 2 * parts]], axis=1)  # fmt: skip
+    left, right = fine[:-1], fine[:-1] if hold == "held" else fine[1:]
 
     def at(row):
         return dict(zip(names, row, strict=True))
 
-    def body(z, block):
-        for k in range(parts):
-            a, b, c = (at(block[2 * k + j]) for j in range(3))
-            k1 = rate(z, a)
-            k2 = rate(z + h / 2 * k1, b)
-            k3 = rate(z + h / 2 * k2, b)
-            k4 = rate(z + h * k3, c)
-            z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    def body(z, ends):
+        a, change = ends[0], ends[1] - ends[0]
+
+        def forth(k, z):
+            def stage(carry, pair):  # one body for four stages: a quarter of the program
+                slope, total = carry
+                ahead, weight = pair
+                slope = rate(z + ahead * h * slope, at(a + (k + ahead) / steps * change))
+                return (slope, total + weight * slope), None
+
+            (_, total), _ = jax.lax.scan(stage, (jnp.zeros_like(z), jnp.zeros_like(z)), STAGES)
+            return z + h / 6 * total
+
+        z = jax.lax.fori_loop(0, steps, forth, z)
         return z, z
 
     first = join(start)
-    _, path = jax.lax.scan(body, first, blocks)
-    path = jnp.concatenate([first[None], path])
-    return dict(jax.vmap(lambda z, u: machine.read(split(z)[0], at(u)))(path, fine[:: 2 * parts]))
+    _, path = jax.lax.scan(body, first, (left, right))
+    path = jnp.concatenate([first[None], path[parts - 1 :: parts]])
+    return dict(jax.vmap(lambda z, u: machine.read(split(z)[0], at(u)))(path, fine[::parts]))
 
 
 def sensed(placed: tuple[PlacedLaw, ...], time, outputs: Mapping[str, Array]) -> dict[str, Array]:
@@ -84,37 +96,46 @@ def sensed(placed: tuple[PlacedLaw, ...], time, outputs: Mapping[str, Array]) ->
     return out
 
 
-@eqx.filter_jit
-def _stiffness(machine, placed, states, inputs):
+def slopes_of(machine, placed, states, inputs) -> Float[Array, "m n n"]:
+    """Slopes of the rate at some `states` (m, n) under `inputs` (m,): what steps must follow."""
     rate, join, _ = vector_field(machine, placed)
     return jax.vmap(lambda x, u: jax.jacfwd(rate)(join(x), u))(states, inputs)
 
 
-def steps_between(machine, placed, states, inputs, step: float) -> int:
-    """Runge-Kutta steps between two samples: from the fastest mode at some `states` (m, n)."""
-    found = np.asarray(_stiffness(machine, placed, jnp.asarray(states), inputs))
-    fastest = np.max(np.abs(np.linalg.eigvals(found)), initial=0.0)
-    return int(np.clip(math.ceil(step * fastest / STABLE), 1, MOST))
+_slopes = eqx.filter_jit(slopes_of)
 
 
-def between(values: np.ndarray, count: int, hold: str = "linear") -> np.ndarray:
-    """A sampled input (t,) at `count` places a sample: linear, held, or band-limited."""
-    if hold == "band-limited":
-        from scipy.signal import resample_poly
+def steps_for(slopes: np.ndarray, step: float) -> int:
+    """Runge-Kutta steps within `step` s that follow every mode of `slopes` (m, n, n)."""
+    if not np.all(np.abs(slopes) < 1e100):
+        return 10**9
+    modes = step * np.linalg.eigvals(slopes)
+    need = max(np.max(np.abs(modes.real), initial=0.0) / STABLE,
+               np.max(np.abs(modes.imag), initial=0.0) / EXACT)  # fmt: skip
+    return int(np.clip(math.ceil(need), 1, 10**9))
 
-        return resample_poly(values, count, 1)[: (len(values) - 1) * count + 1]
-    place = np.arange((len(values) - 1) * count + 1) / count
-    if hold == "held":
-        return values[np.floor(place).astype(int)]
-    return np.interp(place, np.arange(len(values)), values)
+
+def places_of(hold: str) -> int:
+    """Places a sample at which an input is given, to be linear between them."""
+    return OVERSAMPLED if hold == "band-limited" else 1
+
+
+def between(values: np.ndarray, hold: str = "linear") -> np.ndarray:
+    """A sampled input (t,) at `places_of(hold)` places a sample."""
+    count = places_of(hold)
+    if count == 1:
+        return values
+    from scipy.signal import resample_poly
+
+    return resample_poly(values, count, 1)[: (len(values) - 1) * count + 1]
 
 
 @eqx.filter_jit
-def _whole(machine, placed, first, inputs, step, parts, clock):
-    x0 = jnp.stack([jnp.asarray(v, float) for v in machine.start(first)])
-    fine = jnp.linspace(0.0, clock[-1], 2 * parts * (len(clock) - 1) + 1)
+def _whole(machine, placed, first, inputs, step, steps, clock, hold):
+    x0, parts = jnp.stack([jnp.asarray(v, float) for v in machine.start(first)]), places_of(hold)
+    fine = jnp.linspace(0.0, clock[-1], parts * (len(clock) - 1) + 1)
     late = delayed_inputs(placed, fine, inputs)
-    return sensed(placed, clock, motion(machine, placed, x0, late, step, parts))
+    return sensed(placed, clock, motion(machine, placed, x0, late, step, steps, parts, hold))
 
 
 def free_run(
@@ -129,10 +150,11 @@ def free_run(
     n = len(next(iter(inputs.values())))
     some = np.linspace(0, n - 1, min(n, 20)).astype(int)
     x0 = np.array([float(v) for v in machine.start(first)])
-    here = {k: x[some] for k, x in inputs.items()}
-    parts = steps_between(machine, placed, np.tile(x0, (len(some), 1)), here, step)
-    parts = 1 << (parts - 1).bit_length()  # few programs
-    fine = {k: jnp.asarray(between(np.asarray(x), 2 * parts, hold)) for k, x in inputs.items()}
+    here = {k: jnp.asarray(x[some]) for k, x in inputs.items()}
+    states = jnp.asarray(np.concatenate([[x0], np.zeros((len(some) - 1, len(x0)))]))
+    slopes = np.asarray(_slopes(machine, placed, states, here))
+    steps = min(MOST, steps_for(slopes, step / places_of(hold)))
+    fine = {k: jnp.asarray(between(np.asarray(x), hold)) for k, x in inputs.items()}
     first = {k: tuple(jnp.asarray(v, float) for v in pair) for k, pair in first.items()}
-    out = _whole(machine, placed, first, fine, step, parts, jnp.arange(n) * step)
+    out = _whole(machine, placed, first, fine, step, steps, jnp.arange(n) * step, hold)
     return {k: np.asarray(v) for k, v in out.items()}

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..._errors import InputError
 from ...laws import EFFECTS, GENERIC
-from ...machine import Axis, Log, MachineCase, field_units, steps_between
+from ...machine import Axis, Log, MachineCase, field_units
 from .._search import Prior
 from .model import OdeModel
 from .numbers import Numbers
@@ -81,7 +81,9 @@ def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, 
     used = {i: library[i] for i, _ in places}
 
     def criterion(numbers: Numbers, run: OdeRun):
-        return Balance(numbers, run) if chosen == "balance" else _free(numbers, run, memory)
+        if chosen == "balance":
+            return Balance(numbers, run)
+        return _free(numbers, run, memory, max(len(r.time) for r in runs))
 
     model = OdeModel(machine, priors_of(machine, file.uncertainty), runs, used, places, criterion,
                      noise, file.placed)  # fmt: skip
@@ -127,20 +129,13 @@ def _own_places(machine) -> dict[str, tuple[str, ...]]:
     return own
 
 
-def _free(numbers: Numbers, run: OdeRun, memory: float) -> FreeRun:
-    machine, placed = numbers.build(numbers.rest_vector())
-    q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
-    some = np.linspace(0, len(q) - 1, 20).astype(int)
-    states = np.stack([
-        np.array([float(x) for x in machine.start({"position": (q[i], v[i])})]) for i in some
-    ])  # fmt: skip
-    parts = steps_between(machine, placed, states, {k: x[some] for k, x in run.inputs.items()},
-                          run.step)  # fmt: skip
-    parts = 1 << (parts - 1).bit_length()  # so that runs share programs
-    n = len(run.time)
-    lead = int(min(n, math.ceil(memory / run.step))) if np.isfinite(memory) else 0
-    whole = np.isfinite(memory) and n <= LEADS * 4 * max(lead, 64)
-    length = n if whole else max(LEADS * lead, n // 16, 64)
-    free = not np.isfinite(memory)
-    return FreeRun(numbers, run, parts, 0 if whole else lead, min(n, length),
-                   max(1, n // ROWS), free)  # fmt: skip
+def _free(numbers: Numbers, run: OdeRun, memory: float, longest: int) -> FreeRun:
+    """Free runs in windows, of one length for runs of about one length."""
+    n, free = len(run.time), not np.isfinite(memory)
+    lead = 0 if free else min(n, math.ceil(memory / run.step))
+    whole = not free and n <= LEADS * 4 * max(lead, 64)
+    filled = longest
+    while filled >= 2 * n:
+        filled = -(-filled // 2)
+    length = filled if whole else max(LEADS * lead, longest // 16, 64)
+    return FreeRun(numbers, run, 0 if whole else lead, length, max(1, n // ROWS), free)

@@ -9,15 +9,28 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...laws import EFFECTS, AbstractLaw
-from ...machine import AbstractMachine, PlacedLaw
-from .._search import SETTINGS, AbstractModel, Candidate, Effect, Point, Prior, free_numbers
+from ...machine import AbstractMachine, PlacedLaw, slopes_of, steps_for
+from .._search import (
+    SETTINGS,
+    AbstractModel,
+    Candidate,
+    Effect,
+    Fit,
+    Point,
+    Prior,
+    free_numbers,
+)
 from .candidates import Scales, machine_candidates
+from .floor import beside, best_known, inflation
 from .numbers import Numbers
 from .orders import strongest_orders
-from .rows import Balance, FreeRun, OdeRun
+from .rows import Balance, FreeRun, OdeRun, batches, smoothed
 
+STEEP = 48  # steps between two samples above which a law is too steep to be followed
 LANES = 16  # points that are evaluated side by side: one shape, one program
+OFTEN = 1e6  # samples stepped after which a set of laws has a program of its own: some seconds
 BOUND = 0.5  # a gain that is off by more is no torque constant any more
+RANKING = 4  # train runs, far apart in their order, that rank laws at finite strength
 SIMPLER = 0.01  # share of its gain that each number of a law must be worth
 ROOM = 3  # of one law with an order at one place
 
@@ -51,15 +64,22 @@ class OdeModel(AbstractModel):
         self.numbers = Numbers(machine, self.priors, room, stated)
         self.runs = list(runs)
         self.rows = [criterion(self.numbers, run) for run in runs]
-        splits = {"train": [], "held-out": []}
-        for i, run in enumerate(runs):
-            splits[run.role].append(i)
-        self.splits = splits
+        splits = {role: [i for i, run in enumerate(runs) if run.role == role]
+                  for role in ("train", "held-out")}  # fmt: skip
+        apart = max(1, len(splits["train"]) // RANKING)
+        splits["ranking"] = splits["train"][::apart]  # the first of train's rows
+        splits["train"] = [i for k in range(apart) for i in splits["train"][k::apart]]
+        self.splits, self.ranking = splits, "ranking"
         self.scales = Scales.of([runs[i] for i in splits["train"]], runs[0].cutoff)
         self.scale = np.array([max(noise, 1e-300) * r.gain() for r in self.rows])
         self.inflation, self.floor = 1.0, 1.0
-        kinds = {rows.kind: _compiled(rows) for rows in self.rows}  # like runs share a program
-        self._programs = {i: kinds[rows.kind] for i, rows in enumerate(self.rows)}
+        self.explained: Fit | None = None  # the refit by which the floor was set
+        if self.steps_in_time:
+            self.settings = dataclasses.replace(self.settings, strong=0.0)
+        self._compiled: dict[tuple, tuple] = {}
+        self._asked: dict[frozenset[int], float] = {}  # samples stepped so far by laws
+        self._slopes = _slopes_along(self.numbers, self.runs)
+        self._batches: dict[tuple[int, ...], list] = {}
         self._starts: dict[int, list] = {}
         self._balances: dict[int, tuple[Balance, Callable]] = {}
 
@@ -67,19 +87,63 @@ class OdeModel(AbstractModel):
 
     def raw(self, thetas: np.ndarray, which: Sequence[int]) -> np.ndarray:
         """Rows (points, rows) in physical units."""
-        out = []
-        for i in which:
-            value = self._programs[i][0]
-            out.append(_lanes(value, self.rows[i].data, thetas))
-        return np.concatenate(out, axis=1)
+        return self._rows(0, which, thetas)
 
     def pushed(self, thetas: np.ndarray, ways: np.ndarray, which: Sequence[int]) -> np.ndarray:
         """Tangents (points, rows) of the rows at `thetas` along `ways`."""
-        out = []
-        for i in which:
-            tangent = self._programs[i][1]
-            out.append(_lanes(tangent, self.rows[i].data, thetas, ways))
-        return np.concatenate(out, axis=1)
+        return self._rows(1, which, thetas, ways)
+
+    def _rows(self, program: int, which: Sequence[int], *tables: np.ndarray) -> np.ndarray:
+        """Values (0) or tangents (1) of all rows of some runs."""
+        key, steps = tuple(which), self.steps(tables[0])
+        followed = np.where(steps > STEEP, 1, steps)
+        if key not in self._batches:
+            self._batches[key] = batches({i: self.rows[i] for i in which})
+        only, lanes = self._program_for(tables[0], followed, which)
+        found = {}
+        for members, data in self._batches[key]:
+            run = self._programs(self.rows[members[0]], only)[program]
+            made = _lanes(run, data, followed, lanes, *tables)
+            for i, part in zip(members, np.split(made, len(members), axis=1), strict=True):
+                found[i] = part[:, self.rows[i].picked]
+        out = np.concatenate([found[i] for i in which], axis=1)
+        out[steps > STEEP] = np.nan
+        return out
+
+    def _program_for(self, thetas, steps, which) -> tuple[frozenset[int] | None, int]:
+        """(laws of the program, points side by side): often used laws have one of their own.
+
+        It compiles in a second and saves all other laws at every step.
+        """
+        count, only = len(thetas), self.numbers.active(thetas)
+        samples = sum(self.rows[i].count for i in which)
+        self._asked[only] = self._asked.get(only, 0.0) + samples * float(np.sum(steps))
+        if self._asked[only] > OFTEN:
+            return only, min(count, 2 * LANES)
+        return None, 1 if count == 1 else LANES
+
+    def _programs(self, rows, only: frozenset[int] | None = None):
+        """(values, tangents) of rows like these, compiled once."""
+        key = (rows.kind, only)
+        if key not in self._compiled:
+            self._compiled[key] = _compiled(rows, only)
+        return self._compiled[key]
+
+    def steps(self, thetas: np.ndarray) -> np.ndarray:
+        """Runge-Kutta steps between inputs that each vector of numbers needs; 1 in a balance.
+
+        A law that is steep somewhere, as dry friction is at rest, sets them.
+        """
+        if not any(isinstance(r, FreeRun) for r in self.rows):
+            return np.ones(len(thetas), int)
+        step = self.runs[0].step / self.rows[0].places
+        found, known = np.empty(len(thetas), int), {}
+        for k, theta in enumerate(thetas):
+            key = theta.tobytes()
+            if key not in known:
+                known[key] = steps_for(np.asarray(self._slopes(jnp.asarray(theta))), step)
+            found[k] = known[key]
+        return found
 
     def weights(self, split: str) -> np.ndarray:
         """1/sigma of every row of a split, as if `inflation` rows said as much as one."""
@@ -103,31 +167,54 @@ class OdeModel(AbstractModel):
 
     def rebase(self, point):
         """What a free start changes in each window, at the point."""
-        theta = jnp.asarray(self.numbers.vector(point))
+        theta = self.numbers.vector(point)
         for i, rows in enumerate(self.rows):
             if isinstance(rows, FreeRun) and rows.free:
-                self._starts[i] = rows.start_bases(theta)
+                self._starts[i] = rows.start_bases(
+                    theta, min(STEEP, int(self.steps(theta[None])[0]))
+                )
 
-    def set_floor(self, point: Point) -> None:
+    def set_floor(self, fit: Fit, tell: Callable[[str], None] = lambda text: None) -> None:
         """Weigh rows by what no law of the library explains on the train runs, and its colour.
 
-        A real machine is never as good as its sensors: what is left after the tangents of the
-        parameters and of all candidates is the noise against which an effect must stand.
+        A real machine is never as good as its sensors: what is left after the best laws is the
+        noise against which an effect must stand.  A balance is linear in the laws' strengths, so
+        all tangents together say it; of free runs, laws refitted at finite strength do.
         """
-        (rest,) = self.residuals([point], "train")
-        found = self.candidates(point)
-        table = np.concatenate([self.tangents(point, []).T, self.columns(point, found)])
-        size = np.linalg.norm(table, axis=1)
-        table = table[size > 0] / size[size > 0, None]
-        values, vectors = np.linalg.eigh(table @ table.T)
-        good = values > 1e-6 * values[-1]
-        basis = (vectors[:, good] / np.sqrt(values[good])).T @ table
-        left = rest - basis.T @ (basis @ rest)
-        spread = float(left @ left) / max(len(left) - int(good.sum()), 1)
+        if self.steps_in_time:
+            best = self.explained = best_known(self, fit, tell)
+            left, used = best.residual, len(best.free)
+        else:
+            found = self.candidates(fit.point)
+            table = np.concatenate([fit.jacobian.T, self.columns(fit.point, found)])
+            left, used = beside(fit.residual, table)
+        independent = max(len(left) / inflation(self._by_run(left)) - used, 1.0)
+        spread = float(left @ left) / len(left) * (1 + used / independent)
         self.floor = max(1.0, float(np.sqrt(spread)))
         self.scale = self.scale * self.floor
+        self.inflation = inflation(self._by_run(left))
+
+    def _by_run(self, rows: np.ndarray) -> list[np.ndarray]:
+        """Train rows by run."""
         counts = [self.rows[i].count for i in self.splits["train"]]
-        self.inflation = inflation(np.split(left, np.cumsum(counts)[:-1]))
+        return np.split(rows, np.cumsum(counts)[:-1])
+
+    @property
+    def steps_in_time(self) -> bool:
+        """Whether rows are those of free runs: no law is a multiple of its tangent there."""
+        return any(isinstance(r, FreeRun) for r in self.rows)
+
+    def bends(self, id):
+        """In free runs every law of the machine, not those of its sensors."""
+        return self.steps_in_time and self.laws[id].port != "sensor"
+
+    def remembered(self, point):
+        """Where the floor's refit of the same laws ended, or the point itself."""
+        known = self.explained
+        same = known is not None and {e.name for e in known.point.effects} == {
+            e.name for e in point.effects
+        }
+        return known.point if known is not None and same else point
 
     def floor_said(self) -> str:
         """The floor in words."""
@@ -166,16 +253,18 @@ class OdeModel(AbstractModel):
         orders = {}
         if any("order" in self.laws[i].parameters for i, _ in self.places):
             orders = strongest_orders(self, point)
-        return machine_candidates(self, self.scales, orders)
+        names = [e.name for e in point.effects]
+        found = machine_candidates(self, self.scales, orders)
+        return [c for c in found if names.count(c.name) < ROOM]
 
     def balance(self, i: int) -> tuple[Balance, Callable]:
         """The balance of run `i`, and its values at a vector of numbers."""
         if i not in self._balances:
-            rows, program = self.rows[i], self._programs[i][0]
+            rows = self.rows[i]
             if not isinstance(rows, Balance):
                 rows = Balance(self.numbers, self.runs[i])
-                program = _compiled(rows)[0]
-            self._balances[i] = rows, lambda theta: _lanes(program, rows.data, theta[None])[0]
+            program, one = self._programs(rows)[0], np.ones(1, int)
+            self._balances[i] = rows, lambda t: _lanes(program, rows.data, one, 1, t[None])[0]
         return self._balances[i]
 
     @property
@@ -212,7 +301,7 @@ class OdeModel(AbstractModel):
         if finite.any():
             base = self.raw(theta[None], which)
             out[finite] = self.whitened(base - self.raw(thetas[finite], which), "train")
-        out[~np.all(np.isfinite(out), axis=1)] = 0.0
+        out[~np.all(np.abs(out) < 1e100, axis=1)] = 0.0
         return out
 
     def _slot_beside(self, point: Point, candidate: Candidate):
@@ -242,53 +331,67 @@ class OdeModel(AbstractModel):
             if f.key == "order":
                 low, high = 0.97 * float(value), 1.03 * float(value)
             if f.key in ("width", "speed"):  # as narrow as shows, as wide as the speeds
-                low, high = 0.003 * self.scales.speed, 2.0 * self.scales.speed
+                low, high = 0.005 * self.scales.speed, 2.0 * self.scales.speed
             if f.key in ("tau", "delay"):
                 low, high = max(low, float(value) / 30), min(high, float(value) * 30)
             out.append(type(f)(f.effect, f.key, f.index, low, high))
         return out
 
 
-def inflation(parts: Sequence[np.ndarray]) -> float:
-    """Rows that say as much as one independent row: 1 + 2 sum of the autocorrelation, at least 1.
-
-    The sum ends at the first correlation below 0.05.
-    """
-    power = sum(float(x @ x) for x in parts)
-    total, longest = 1.0, max(len(x) for x in parts) // 4
-    for lag in range(1, longest):
-        r = sum(float(x[lag:] @ x[:-lag]) for x in parts if len(x) > lag) / max(power, 1e-300)
-        if r < 0.05:
-            break
-        total += 2 * r
-    return total
-
-
-def _compiled(rows):
-    """(values, tangents) of many points of one run, compiled once."""
+def _compiled(rows, only: frozenset[int] | None):
+    """(values, tangents) of many points of one run with the laws of the slots `only`."""
 
     @eqx.filter_jit
-    def value(data, thetas):
-        return jax.vmap(lambda t: rows.rows(t, data))(thetas)
+    def value(data, steps, thetas):
+        return jax.vmap(lambda t: rows.rows(t, data, steps, only))(thetas)
 
     @eqx.filter_jit
-    def tangent(data, thetas, ways):
+    def tangent(data, steps, thetas, ways):
         def one(t, w):
-            return jax.jvp(lambda x: rows.rows(x, data), (t,), (w,))[1]
+            return jax.jvp(lambda x: rows.rows(x, data, steps, only), (t,), (w,))[1]
 
         return jax.vmap(one)(thetas, ways)
 
     return value, tangent
 
 
-def _lanes(program, data, *tables: np.ndarray) -> np.ndarray:
-    """A program over tables (points, ...) in chunks of `LANES`, or of one for a single point."""
+def _slopes_along(numbers: Numbers, runs: Sequence[OdeRun], count: int = 24):
+    """Slopes of the rate at a vector of numbers, at states that the runs pass and at rest there."""
+    states, inputs = [], []
+    for run in runs[:8]:
+        q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
+        for i in np.linspace(0, len(q) - 1, max(2, count // len(runs[:8]))).astype(int):
+            for speed in (v[i], 0.0):
+                states.append((q[i], speed))
+                inputs.append({k: x[i] for k, x in run.inputs.items()})
+    stacked = {k: jnp.asarray([u[k] for u in inputs]) for k in inputs[0]}
+    q, v = map(jnp.asarray, np.array(states).T)
+
+    @jax.jit
+    def slopes(theta):
+        machine, placed = numbers.build(theta)
+
+        def state(q, v):
+            return jnp.stack([jnp.asarray(x, float) for x in machine.start({"position": (q, v)})])
+
+        return slopes_of(machine, placed, jax.vmap(state)(q, v), stacked)
+
+    return slopes
+
+
+def _lanes(program, data, steps: np.ndarray, lanes: int, *tables: np.ndarray) -> np.ndarray:
+    """A program over tables (points, ...) in chunks of `lanes` points.
+
+    Points that need about as many `steps` run side by side.
+    """
     count = len(tables[0])
-    lanes = 1 if count == 1 else LANES
-    out = []
+    order, out = np.argsort(steps, kind="stable"), []
     for begin in range(0, count, lanes):
-        parts = [t[begin : begin + lanes] for t in tables]
-        short = lanes - len(parts[0])
-        padded = [np.concatenate([p, np.repeat(p[-1:], short, 0)]) for p in parts]
-        out.append(np.asarray(program(data, *map(jnp.asarray, padded)))[: len(parts[0])])
-    return np.concatenate(out)
+        here = order[begin : begin + lanes]
+        padded = [t[np.resize(here, lanes)] for t in tables]
+        made = program(data, jnp.asarray(int(steps[here].max())), *map(jnp.asarray, padded))
+        out.append(np.asarray(made)[: len(here)])
+    found = np.concatenate(out)
+    back = np.empty(count, int)
+    back[order] = np.arange(count)
+    return found[back]

@@ -109,8 +109,13 @@ class Numbers:
             for p, u in zip(self.priors, point.u, strict=True)
         ])  # fmt: skip
 
-    def build(self, theta) -> tuple[AbstractMachine, tuple[PlacedLaw, ...]]:
-        """Machine and laws of a vector; may be traced."""
+    def active(self, thetas: np.ndarray) -> frozenset[int]:
+        """Slots that are switched on in any of some vectors (points, numbers)."""
+        gates = thetas[:, [slot.begin for slot in self.slots]]
+        return frozenset(np.flatnonzero(np.any(gates != 0, axis=0)).tolist())
+
+    def build(self, theta, only=None) -> tuple[AbstractMachine, tuple[PlacedLaw, ...]]:
+        """Machine and laws of a vector, those of the slots `only` if given; may be traced."""
         machine, theta = self.machine, jnp.asarray(theta)
         for k, prior in enumerate(self.priors):
             machine = eqx.tree_at(
@@ -118,7 +123,9 @@ class Numbers:
                 is_leaf=lambda x: x is None,
             )  # fmt: skip
         placed = []
-        for slot in self.slots:
+        for k, slot in enumerate(self.slots):
+            if only is not None and k not in only:
+                continue
             values = {}
             for key, p in slot.law.parameters.items():
                 part = theta[slot.part(key)]

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.signal import butter, filtfilt, firwin
 
-from ...machine import between, delayed_inputs, motion, sensed, vector_field
+from ...machine import between, delayed_inputs, motion, places_of, sensed, vector_field
 from .numbers import Numbers
 
 WIDE = 10  # taps of the thinning filter to each side, in thinned samples
@@ -53,6 +53,8 @@ class Balance:
         """What a program of such rows hangs on beside the shapes of the data."""
         return ("balance", self.thin)
 
+    picked = slice(None)  # of the values of `rows` those that count
+
     def __init__(self, numbers: Numbers, run: OdeRun):
         self.numbers, self.run, cutoff = numbers, run, run.cutoff
         q, v, a = smoothed(run.outputs["position"], run.step, cutoff)
@@ -71,10 +73,10 @@ class Balance:
         """A sampled signal through the thinning low pass."""
         return np.convolve(np.asarray(x), self.taps, "valid")[:: self.thin]
 
-    def rows(self, theta, data):
-        """(rows,) m/s^2 or rad/s^2; traced."""
+    def rows(self, theta, data, steps=1, only=None):
+        """(rows,) m/s^2 or rad/s^2; traced.  Nothing is stepped in time."""
         q, v, a, inputs, time = data
-        machine, placed = self.numbers.build(theta)
+        machine, placed = self.numbers.build(theta, only)
         inputs = delayed_inputs(placed, time, inputs)
         rate, join, _ = vector_field(machine, placed)
 
@@ -96,7 +98,8 @@ class Balance:
 class FreeRun:
     """Measured outputs less those simulated from the inputs, in windows.
 
-    A window begins at the measured state; its first `lead` samples do not count.
+    A window begins at the measured state; its first `lead` samples do not count.  A run that is
+    shorter than its window is filled up, so that runs of about one length share a program.
     """
 
     group = "position"
@@ -104,65 +107,61 @@ class FreeRun:
     @property
     def kind(self) -> tuple:
         """What a program of such rows hangs on beside the shapes of the data."""
-        return ("free-run", self.parts)
+        return ("free-run", self.run.hold)
 
-    def __init__(self, numbers: Numbers, run: OdeRun, parts: int, lead: int, length: int,
+    def __init__(self, numbers: Numbers, run: OdeRun, lead: int, length: int,
                  thin: int = 1, free: bool = False):  # fmt: skip
-        self.numbers, self.run, self.parts, self.thin, self.free = (numbers, run, parts, thin, free)
-        n = len(run.time)
+        self.numbers, self.run, self.thin, self.free = numbers, run, thin, free
+        n, self.places = len(run.time), places_of(run.hold)
         q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
         q = np.where(np.arange(n) < 3, run.outputs["position"], q)
         count = max(1, -(-n // length))
-        begins = [k * length for k in range(count)]
+        begins = np.arange(count) * length
         total = length + lead
-        self.begin = np.array([max(0, b - lead) for b in begins])
+        self.begin = np.maximum(0, begins - lead)
         take = self.begin[:, None] + np.arange(total)
-        self.used = (take >= np.array(begins)[:, None]) & (take < np.minimum(
-            np.array(begins) + length, n)[:, None])  # fmt: skip
+        self.used = (take >= begins[:, None]) & (take < np.minimum(begins + length, n)[:, None])
         take = np.minimum(take, n - 1)
-        fine = {k: between(x, 2 * parts, run.hold) for k, x in run.inputs.items()}
-        spot = np.minimum(
-            self.begin[:, None] * 2 * parts + np.arange(2 * parts * (total - 1) + 1),
-            2 * parts * (n - 1),
-        )
+        fine = {k: between(x, run.hold) for k, x in run.inputs.items()}
+        spot = self.begin[:, None] * self.places + np.arange(self.places * (total - 1) + 1)
+        spot = np.minimum(spot, self.places * (n - 1))
         first = {"position": (jnp.asarray(q[self.begin]), jnp.asarray(v[self.begin]))}
         inputs = {k: jnp.asarray(x[spot]) for k, x in fine.items()}
         where = np.stack(np.nonzero(self.used))[:, ::thin]
-        measured = {k: np.asarray(y)[take] for k, y in run.outputs.items()}
         self.where = where
-        clock = jnp.asarray(run.time[take] - run.time[0])
-        shown = jnp.asarray(measured["position"][tuple(where)])
-        self.data = (first, inputs, clock, run.step, tuple(map(jnp.asarray, where)), shown)
+        self.picked = np.ravel_multi_index(tuple(where), take.shape)
+        clock = self.begin[:, None] + np.arange(total)
+        clock = jnp.asarray(clock * run.step)
+        shown = jnp.asarray(np.asarray(run.outputs["position"])[take])
+        self.data = (first, inputs, clock, run.step, shown)
         self.count, self.time = where.shape[1], run.time[take[tuple(where)]]
 
     def start_states(self, machine, first):
         """State (n,) at a window's first sample."""
         return jnp.stack([jnp.asarray(v, float) for v in machine.start(first)])
 
-    def simulated(self, theta, data, shift=0.0):
+    def simulated(self, theta, data, steps, shift=0.0, only=None):
         """Position (windows, samples), the starts moved by `shift`; traced."""
-        first, inputs, clock, step, _, _ = data
-        machine, placed = self.numbers.build(theta)
+        first, inputs, clock, step, _ = data
+        machine, placed = self.numbers.build(theta, only)
+        parts, hold = self.places, self.run.hold
 
         def one(first, inputs, time):
             x0 = self.start_states(machine, first) + shift
-            inputs = delayed_inputs(placed, self.clock_of(time), inputs)
-            out = motion(machine, placed, x0, inputs, step, self.parts)
+            fine = jnp.linspace(0.0, time[-1] - time[0], parts * (len(time) - 1) + 1)
+            inputs = delayed_inputs(placed, fine, inputs)
+            out = motion(machine, placed, x0, inputs, step, steps, parts, hold)
             return sensed(placed, time, {"position": out["position"]})["position"]
 
         return jax.vmap(one)(first, inputs, clock)
 
-    def clock_of(self, time):
-        """Times of the inputs' values within a window, s from its first sample."""
-        return jnp.linspace(0.0, time[-1] - time[0], 2 * self.parts * (len(time) - 1) + 1)
-
-    def start_bases(self, theta) -> list[tuple[np.ndarray, np.ndarray]]:
+    def start_bases(self, theta, steps: int) -> list[tuple[np.ndarray, np.ndarray]]:
         """By window: its rows, and an orthonormal basis of what its start changes there."""
         first = self.data[0]
         machine, _ = self.numbers.build(theta)
         one = jax.tree.map(lambda x: x[0], first)
         size = len(self.start_states(machine, one))
-        push = jax.jit(jax.jacfwd(lambda s: self.simulated(theta, self.data, s)))
+        push = jax.jit(jax.jacfwd(lambda s: self.simulated(theta, self.data, steps, s)))
         tangents = np.asarray(push(jnp.zeros(size)))[tuple(self.where)]
         out = []
         for w in range(len(self.begin)):
@@ -173,10 +172,29 @@ class FreeRun:
             out.append((rows, left[:, values > 1e-9 * values[0]]))
         return out
 
-    def rows(self, theta, data):
-        """(rows,) in the position's unit; traced."""
-        return data[5] - self.simulated(theta, data)[data[4]]
+    def rows(self, theta, data, steps=1, only=None):
+        """(windows * samples,) in the position's unit, those `picked` count; traced."""
+        return (data[4] - self.simulated(theta, data, steps, only=only)).ravel()
 
     def gain(self) -> float:
         """1-sigma of a row for white noise of 1-sigma 1 in the measured position."""
         return 1.0
+
+
+def batches(rows: Mapping[int, Balance | FreeRun]) -> list[tuple[list[int], tuple]]:
+    """(runs, their data) of what may run side by side: free runs of one shape, in windows."""
+    alike: dict[tuple, list[int]] = {}
+    for i, one in rows.items():
+        same = i if isinstance(one, Balance) else (one.kind, one.data[2].shape, one.data[3])
+        alike.setdefault((same,), []).append(i)
+    out = []
+    for members in alike.values():
+        parts = [rows[i].data for i in members]
+        if len(members) > 1:
+            first, inputs, clock, shown = (
+                jax.tree.map(lambda *x: jnp.concatenate(x), *(p[k] for p in parts))
+                for k in (0, 1, 2, 4)
+            )
+            parts = [(first, inputs, clock, parts[0][3], shown)]
+        out.append((members, parts[0]))
+    return out

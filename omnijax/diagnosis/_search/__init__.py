@@ -18,9 +18,12 @@ from .model import Free as Free
 from .model import Point as Point
 from .model import Prior as Prior
 from .model import free_numbers as free_numbers
+from .scan import Signatures as Signatures
 from .search import Found as Found
 from .search import Search as Search
 from .settings import SETTINGS as SETTINGS
 from .settings import SearchSettings as SearchSettings
+from .starts import at_finite_strength as at_finite_strength
+from .starts import by_tangent as by_tangent
 from .where import discovered as discovered
 from .where import locate as locate

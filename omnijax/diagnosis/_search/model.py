@@ -122,6 +122,14 @@ class AbstractModel(abc.ABC):
         """Whether a law among `effects` is stepped in time, so that all tangents change with it."""
         return any(self.laws[e.id].port in STEPPED for e in effects)
 
+    def bends(self, id: str) -> bool:
+        """Whether a law's signature bends with its strength, so that it is tried at finite ones."""
+        return self.laws[id].port in STEPPED
+
+    def remembered(self, point: Point) -> Point:
+        """A point at which a refit with the same laws ended before, or the point itself."""
+        return point
+
     @property
     def spent(self) -> bool:
         """Whether a search has used up its budget."""

@@ -47,7 +47,7 @@ class Refits:
         far by share, a law that is stepped in time is refitted to the runs' openings first.
         """
         point, enough, patience = (
-            self.tamed(start.point, fit.cost),
+            self.tamed(self.model.remembered(start.point), fit.cost),
             self.settings.hopeless * least,
             3,
         )

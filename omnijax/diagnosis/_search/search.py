@@ -11,7 +11,7 @@ import numpy as np
 
 from .fit import Fit, refit
 from .held_out import Trial
-from .model import STEPPED, AbstractModel, Point
+from .model import AbstractModel, Point
 from .refits import Refits, chi2_of, residual_of, total_cost
 from .review import Review, Rival
 from .scan import Scan, Score, Signatures, chance
@@ -242,11 +242,11 @@ class Search:
             first = [s for s in first if s.name not in real]
             first += [s for s in real.values() if s.name not in have]
         starts = worth(first, fit.cost, self.settings.worth)
-        ids = {k for k, law in self.model.laws.items() if law.port in STEPPED}
+        ids = {k for k in self.model.laws if self.model.bends(k)}
         plain = starts and not any(self.stepped(s) for s in starts[: self.settings.tried])
         if not strong or plain or not ids:
             return starts
-        self.tell("a strong effect: laws of contacts and mounts at finite strength")
+        self.tell("laws that bend with their strength, at finite ones")
         have = {e.name for e in fit.point.effects if e.id not in self.model.repeats}
         finite = at_finite_strength(self.model, fit, scan.scores, ids)
         others = [s for s in first if not self.stepped(s)]
@@ -255,7 +255,7 @@ class Search:
 
     def stepped(self, start: Start) -> bool:
         """Whether a start's new law is stepped in time, and so no multiple of its tangent."""
-        return self.model.needs_stepping(start.point.effects[-1:])
+        return self.model.bends(start.point.effects[-1].id)
 
     def floor_reached(self, fit: Fit, held: float) -> bool:
         """Whether what is left is noise, on all runs.

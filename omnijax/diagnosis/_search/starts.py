@@ -53,6 +53,8 @@ def at_finite_strength(
     _, without = foretold(model, anchor, here, J)
     share = fit.cost / without  # estimates are compared with that of no law, made alike
     best: dict[str, Start] = {}
+    have = {e.name for e in fit.point.effects if e.id not in model.repeats}
+    scores = [s for s in scores if s.candidate.name not in have]
     for id in sorted(ids):  # the points of a law run side by side
         effects = [
             e for s in scores if s.candidate.id == id
@@ -62,7 +64,7 @@ def at_finite_strength(
             continue
         points = [anchor.with_effects(*anchor.effects, e) for e in effects]
         for point, residual in zip(points, model.residuals(points, model.ranking), strict=True):
-            if not np.all(np.isfinite(residual)):
+            if not np.all(np.abs(residual) < 1e100):
                 continue
             there, cost = foretold(model, anchor, residual, J)
             full = there.with_effects(*there.effects, point.effects[-1])

@@ -1,0 +1,66 @@
+"""What no law of the library explains: the noise against which an effect must stand."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from .._search import AbstractModel, Fit, Signatures, at_finite_strength, by_tangent, refit
+
+STEPS = 2  # laws, one after the other
+TRIED = 2  # refits a step
+WORTH = 0.95  # of the misfit that is left at most, for a further law
+NOISE = 1.3  # chi2 a row from which a law is looked for
+
+
+def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None]) -> Fit:
+    """The refit with the laws that explain most of the train rows.
+
+    The first at finite strength, for a strong one bends its tangent; the next by their tangents.
+    """
+    for step in range(STEPS):
+        if fit.chi2 < NOISE * model.dof("train"):
+            break
+        have = {e.name for e in fit.point.effects}
+        candidates = [c for c in model.candidates(fit.point) if c.name not in have]
+        table = Signatures(candidates, model.columns(fit.point, candidates))
+        scan = table.scan(fit.residual, fit.jacobian, len(model.priors), fit.point.u)
+        if step == 0:
+            starts = at_finite_strength(model, fit, scan.scores, set(model.laws))
+        else:
+            starts = by_tangent(fit, scan.best_per_name())
+        starts = sorted(starts, key=lambda s: s.cost)[:TRIED]
+        starts = [s for s in starts if s.cost < WORTH * fit.cost]
+        fits = []
+        for start in starts:
+            fits.append(refit(model, start.point, rounds=10, relative=1e-3))
+            tell(f"{start.name}: {fits[-1].cost / fit.cost:.3g} of the misfit is left")
+        new = min(fits, key=lambda f: f.cost, default=fit)
+        if not new.cost < WORTH * fit.cost:
+            break
+        fit = new
+    return fit
+
+
+def beside(residual: np.ndarray, table: np.ndarray) -> tuple[np.ndarray, int]:
+    """A residual less what a table of tangents (k, rows) can make of it, and the table's rank."""
+    size = np.linalg.norm(table, axis=1)
+    table = table[size > 0] / size[size > 0, None]
+    values, vectors = np.linalg.eigh(table @ table.T)
+    good = values > 1e-6 * values[-1]
+    basis = (vectors[:, good] / np.sqrt(values[good])).T @ table
+    return residual - basis.T @ (basis @ residual), int(good.sum())
+
+
+def inflation(parts: Sequence[np.ndarray]) -> float:
+    """Rows that say as much as one independent row: 1 + 2 sum of the autocorrelation, at least 1.
+
+    The sum ends at the first correlation below 0.05.
+    """
+    power = sum(float(x @ x) for x in parts)
+    total, longest = 1.0, max(len(x) for x in parts) // 4
+    for lag in range(1, longest):
+        r = sum(float(x[lag:] @ x[:-lag]) for x in parts if len(x) > lag) / max(power, 1e-300)
+        if r < 0.05:
+            break
+        total += 2 * r
+    return total
