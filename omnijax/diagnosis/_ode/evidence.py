@@ -119,7 +119,9 @@ class OdeEvidence(AbstractEvidence):
             _, v, _ = smoothed(measured, run.step, run.cutoff)
             entry: dict[str, Any] = {"run": run.name, "role": run.role, "unit": self._position()}
             for word, point in points.items():
-                machine, placed = self.model.numbers.build(self.model.numbers.vector(point))
+                theta = self.model.numbers.vector(point)
+                only = self.model.numbers.active(theta[None])  # no other law is worth its time
+                machine, placed = self.model.numbers.build(theta, only)
                 start = {"position": (measured[0], v[0])}
                 got = free_run(machine, placed, start, run.inputs, run.step, run.hold)["position"]
                 error = measured - got
