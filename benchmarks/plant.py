@@ -37,7 +37,7 @@ def nothing(n: int = 3) -> dict[str, Any]:
         "bias": z(), "current": z(), "current_order": z(), "current_phase": z(), "radius": z(),
         "stribeck": z(), "stribeck_speed": np.ones(n), "load": z(), "asymmetry": z(),
         "cog": np.zeros((n, 2)), "cog_order": np.ones((n, 2)), "cog_phase": np.zeros((n, 2)),
-        "w0": W0, "v0": V0, "eps": EPS,
+        "w0": W0, "v0": V0, "eps": EPS, "delay": z(), "lag": z(), "limit": np.full(n, 1e9),
     }  # fmt: skip
 
 
@@ -54,7 +54,7 @@ def machine(rng, wheels: int = 3, **changes) -> dict[str, Any]:
         "g": np.array([0, 0, -9.81]), "normal": normal, "drive": drive,
         "r": 0.09, "m": rng.uniform(0.3, 0.6), "Iw": rng.uniform(1e-3, 2e-3),
         "n": float(rng.integers(10, 17)), "eta": rng.uniform(0.14, 0.2), "half": 0.0, "wave": 0.0,
-        "K": rng.uniform(1e5, 3.3e5) * each, "C": rng.uniform(200, 450) * each,
+        "pivot": 0.0, "K": rng.uniform(1e5, 3.3e5) * each, "C": rng.uniform(200, 450) * each,
         "k": rng.uniform(4.5e5, 1.5e6) * each, "c": rng.uniform(50, 180) * each,
         "Kc": rng.uniform(1.5e4, 4e4), "N0": rng.uniform(220, 380), "mu": 0.9,
     } | changes  # fmt: skip
@@ -62,14 +62,21 @@ def machine(rng, wheels: int = 3, **changes) -> dict[str, Any]:
 
 
 def profile(angle, rig):
-    """Gated sine; half a wave instead of a whole one where `half` is 1, no gate where `wave` is."""
+    """Gated sine; half a wave instead of a whole one where `half` is 1, no gate where `wave` is.
+
+    Where `pivot` is 1 the sphere rolls over the nearer edge of the gap.
+    """
     pitch = 2 * jnp.pi / rig["n"]
     width = rig["eta"] * pitch
     half = jnp.arcsin(rig["r"] / rig["R"] * jnp.sin(width / 2))
     depth = rig["R"] * (1 - jnp.cos(half)) + rig["r"] * (1 - jnp.cos(width / 2))
     into = jnp.mod(angle, pitch)
     gated = jnp.where(into < width, jnp.sin((2 - rig["half"]) * jnp.pi * into / width), 0.0)
-    return -depth * jnp.where(rig["wave"] > 0, jnp.sin(rig["n"] * angle / rig["eta"]), gated)
+    edge = jnp.clip(jnp.minimum(into, width - into), 0.0)
+    tilt = jnp.arcsin(rig["r"] / rig["R"] * jnp.sin(edge))
+    over = rig["R"] * (1 - jnp.cos(tilt)) + rig["r"] * (1 - jnp.cos(edge))
+    wave = -depth * jnp.where(rig["wave"] > 0, jnp.sin(rig["n"] * angle / rig["eta"]), gated)
+    return jnp.where(rig["pivot"] > 0, -over, wave)
 
 
 def shape(angle, rig, e):
@@ -116,6 +123,7 @@ def shaft(torque, theta, w, e):
     """Torque on the shafts: what the motors deliver, friction, lines."""
     given = torque * (1 + e["gain"])
     given = given * (1 + e["current"] * jnp.sin(e["current_order"] * theta + e["current_phase"]))
+    given = jnp.clip(given, -e["limit"], e["limit"])
     sign = jnp.tanh(w / e["w0"])
     dry = e["coulomb"] + e["stribeck"] * jnp.exp(-((w / e["stribeck_speed"]) ** 2))
     T = given + e["bias"] - (dry + e["load"] * jnp.abs(given)) * sign
@@ -126,7 +134,7 @@ def shaft(torque, theta, w, e):
 
 def field(y, time, torque, force, rig, e):
     """Rates of the state, and the platform's acceleration."""
-    x, D, p, pi, V, theta, omega, q, z = y
+    x, D, p, pi, V, theta, omega, q, z, late = y
     normal, drive = rig["normal"], rig["drive"]
     axes = jnp.cross(drive, normal)
     Q = turn_matrix(q)
@@ -152,19 +160,20 @@ def field(y, time, torque, force, rig, e):
     g = axes.T @ rolling - normal.T @ spin
     g = g + e["drag"] * jnp.linalg.norm(omega + 1e-30) * omega
     g = g - jnp.cross(Q @ e["offset"], rig["M"] * rig["g"])
-    T = shaft(torque, theta, w, e) - rolling
+    T = shaft(jnp.where(e["lag"] > 0, late, torque), theta, w, e) - rolling
     A = rig["R"] ** 2 * axes @ axes.T / rig["I"] + jnp.diag(radius**2 / rig["Iw"])
     f = jnp.linalg.solve(A, radius / rig["Iw"] * T + rig["R"] / rig["I"] * axes @ g)
     turn = (rig["R"] * axes.T @ f - g) / rig["I"]
     closing = rig["Kc"] * (normal @ x)
     across = jnp.eye(3) - normal[:, :, None] * normal[:, None, :]
-    Mp = rig["Ml"] * jnp.eye(3) + rig["m"] * jnp.sum(across, axis=0)
+    Mp = rig["Ml"] * jnp.eye(3) + jnp.einsum("i,iab->ab", rig["m"] + 0 * w, across)
     floor = e["floor"] * jnp.sin(2 * jnp.pi * e["floor_f"] * time + e["floor_phase"])
     push = normal.T @ (mount + closing) - drive.T @ f + force
     a = jnp.linalg.solve(Mp, push) + floor * e["floor_d"]
     quat = jnp.concatenate([-(omega @ q[1:])[None], q[0] * omega + jnp.cross(omega, q[1:])]) / 2
     rates = (Vs - V, rate, drive.T @ f - normal.T @ (tension + closing), tension - mount, a,
-             w, turn, quat, (d - z) / e["tau"])  # fmt: skip
+             w, turn, quat, (d - z) / e["tau"],
+             (torque - late) / jnp.where(e["lag"] > 0, e["lag"], 1.0))  # fmt: skip
     return rates, a
 
 
@@ -183,7 +192,7 @@ def at_rest(theta, rig, e):
 
     v = jnp.zeros(3 + len(normal))
     for _ in range(12):
-        v = v - jnp.linalg.solve(jax.jacfwd(balance)(v), balance(v))
+        v = v - jnp.linalg.lstsq(jax.jacfwd(balance)(v), balance(v))[0]
     x, D = v[:3], v[3:]
     pulled = rig["C"] * rho
     zero, d = jnp.zeros(3), normal @ x - D - rho
@@ -220,8 +229,8 @@ def _simulate(theta, torque, force, rig, e, rate=RATE, steps=STEPS):
             time = (k * count + j) * h
 
             def rates(y, s):
-                inputs = jax.tree.map(lambda a, b: a + (b - a) * (j + s) / count, start, end)
-                return field(y, time + s * h, *inputs, rig, e)[0]
+                push = start + (end - start) * (j + s) / count
+                return field(y, time + s * h, commanded(k + (j + s) / count), push, rig, e)[0]
 
             k1 = rates(y, 0.0)
             k2 = rates(add(y, k1, h / 2), 0.5)
@@ -230,20 +239,26 @@ def _simulate(theta, torque, force, rig, e, rate=RATE, steps=STEPS):
             mean = jax.tree.map(lambda a, b, c, d: (a + 2 * b + 2 * c + d) / 6, k1, k2, k3, k4)
             return add(y, mean, h), None
 
-        out = measure(y, k / rate, start)
+        out = measure(y, k, start)
         return jax.lax.scan(sub, y, jnp.arange(count))[0], out
 
-    def measure(y, time, inputs):
-        return jnp.concatenate([y[0], y[5], y[6], field(y, time, *inputs, rig, e)[1]])
+    def commanded(at):
+        """What acts after each wheel's delay, `at` samples into the run."""
+        at = jnp.maximum(at - e["delay"] * rate, 0.0)
+        before = jnp.minimum(jnp.floor(at).astype(int), samples - 2)
+        each = jnp.arange(torque.shape[1])
+        rise = torque[before + 1, each] - torque[before, each]
+        return torque[before, each] + rise * (at - before)
 
-    inputs, samples = (torque, force), len(torque)
-    pairs = (
-        jnp.arange(samples - 1),
-        jax.tree.map(lambda x: x[:-1], inputs),
-        jax.tree.map(lambda x: x[1:], inputs),
-    )
-    last, out = jax.lax.scan(sample, at_rest(theta, rig, e), pairs)
-    end = measure(last, (samples - 1) / rate, jax.tree.map(lambda x: x[-1], inputs))
+    def measure(y, k, push):
+        acceleration = field(y, k / rate, commanded(k), push, rig, e)[1]
+        return jnp.concatenate([y[0], y[5], y[6], acceleration])
+
+    samples = len(torque)
+    pairs = (jnp.arange(samples - 1), force[:-1], force[1:])
+    begun = (*at_rest(theta, rig, e), torque[0])
+    last, out = jax.lax.scan(sample, begun, pairs)
+    end = measure(last, samples - 1, force[-1])
     return jnp.concatenate([out, end[None]])
 
 
