@@ -46,8 +46,8 @@ def check_hold():
             third = t / (1 - t * (1 / first + 1 / second))
             rig = with_normals(np.sqrt([[first], [second], [third]]) * turn)
             assert bool(held(rig)) == holds, (share, first)
-    for axis in np.random.default_rng(1).normal(size=(20, 3)):  # parallel, but for rounding
-        axis = axis / np.linalg.norm(axis)
+    for drawn in np.random.default_rng(1).normal(size=(20, 3)):  # parallel, but for rounding
+        axis = drawn / np.linalg.norm(drawn)
         assert not held(with_normals([axis, -axis, axis * (1 + 1e-15)]))
     plane = [[1, 0, 0], [0, 1, 0], [0.6, 0.8, 0]]
     for normal, count in ((np.eye(3), 3), (plane, 2), ([[0, 1, 0]] * 3, 1)):

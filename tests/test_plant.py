@@ -48,8 +48,8 @@ def stated(rig) -> dict:
     words = {"R": s.radius, "M": s.mass, "I": np.asarray(s.inertia_matrix)[0, 0],
              "Ml": rig.platform.mass, "g": rig.platform.gravity, "normal": w.normal,
              "drive": w.drive, "r": w.radius, "m": w.mass, "Iw": w.inertia, "n": w.rollers[0],
-             "eta": w.roundness[0], "half": 0.0, "wave": 0.0, "pivot": 0.0, "K": w.contact.stiffness,
-             "C": w.contact.damping,
+             "eta": w.roundness[0], "half": 0.0, "wave": 0.0, "pivot": 0.0,
+             "K": w.contact.stiffness, "C": w.contact.damping,
              "k": w.mount.stiffness, "c": w.mount.damping, "Kc": w.closure.stiffness,
              "N0": w.closure.preload, "mu": w.contact.friction}  # fmt: skip
     return {k: np.asarray(v, float) for k, v in words.items()}
