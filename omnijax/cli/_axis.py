@@ -1,4 +1,4 @@
-"""What `check` and `simulate` do for a machine file."""
+"""What commands do for a machine file."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -47,20 +47,130 @@ def machine_lines(path: str, summary: dict[str, Any]) -> Iterator[str]:
     yield f"  {f'forgets its start in {forgets:.3g} s' if forgets < float('inf') else held}"
 
 
+def _run_of(file: Any, log: Path | None) -> Any:
+    """The log that a machine's study is made under."""
+    from .._errors import InputError
+    from ..machine import log_beside, read_log
+
+    if log is None:
+        raise InputError("a machine moves under the inputs of a log: --drive LOG.")
+    return read_log(log_beside(log), file.machine.inputs, file.machine.outputs)
+
+
+def refuse(given: dict[str, Any], command: str) -> None:
+    """`InputError` for options that a machine's study has not."""
+    from .._errors import InputError
+
+    wrong = [f"--{k} belongs to rigs: `{command}` of a machine file does not take it."
+             for k, v in given.items() if v]  # fmt: skip
+    if wrong:
+        raise InputError(wrong)
+
+
+def refuse_drive(drive: Path | None) -> None:
+    """`InputError` for a log where a rig is studied."""
+    from .._errors import InputError
+
+    if drive is not None:
+        raise InputError(
+            "--drive names the log of a machine file; a rig takes --speed or --torque."
+        )
+
+
+def sweep_axis(path: str, log: Path | None, vary: list[str], metric: str, sampling: Any,
+               out: Path | None, overwrite: bool, json: bool) -> int:  # fmt: skip
+    """Misfits of a machine's free run over its numbers; `out` is a netCDF file."""
+    from .._errors import InputError
+    from .._files import claim
+    from ..machine import load_machine
+    from ..study import sweep_machine
+
+    if out is not None and out.suffix != ".nc":
+        raise InputError(f"--out of a machine's sweep must end in .nc, but is {out.name}.")
+    file = load_machine(path)
+    run = _run_of(file, log)
+    claim([out], force=overwrite)
+    refuse({"gradient": sampling.gradient}, "sweep")
+    found = sweep_machine(file, run, vary, metric, sampler=sampling.sampler,
+                          samples=sampling.samples, seed=sampling.seed)  # fmt: skip
+    if out is not None:
+        found.save(out)
+    best = {}
+    for m, name in enumerate(found.metrics):
+        k = found.best(name)
+        if k is not None:
+            design = dict(zip(found.paths, map(float, found.values[k]), strict=True))
+            best[name] = {
+                "design": k,
+                "unit": found.unit,
+                name: float(found.figures[k, m]),
+            } | design
+    summary = {"designs": len(found.values), "method": "free-run", "failed": found.failed,
+               "best": best, "out": None if out is None else str(out)}  # fmt: skip
+    emit(json, summary, lambda: print("\n".join(found.sentences())))
+    return 0
+
+
+def sensitivity_axis(path: str, log: Path | None, metric: str, parameters: list[str]) -> tuple:
+    """(sensitivities of a machine's misfit, what makes its page again)."""
+    from ..machine import load_machine, machine_text
+    from ..report import provenance
+    from ..study import sensitivity_machine
+    from ._options import command_line
+
+    file = load_machine(path)
+    found = sensitivity_machine(file, _run_of(file, log), metric, parameters or None)
+    return found, lambda: provenance(command_line(), machine_text(file))
+
+
+def replay_axis(path: Path, log: Path | None, page: Path, title: str | None, force: bool,
+                json: bool) -> None:  # fmt: skip
+    """A page with the signals of a machine's free run under a log's inputs; no scene."""
+    from .._files import claim, write_text
+    from ..machine import load_machine, machine_text
+    from ..report import provenance, signals_page
+    from ._options import command_line
+
+    file = load_machine(path)
+    run = _run_of(file, log)
+    claim([page], force=force)
+    made = provenance(command_line(), machine_text(file))
+    text = signals_page(title or run.name, signals_of(file, run), made).html()
+    write_text(page, text)
+    size = len(text.encode())
+    emit(json, {"page": str(page), "bytes": size}, lambda: print(f"{page} ({size / 1e6:.2f} MB)"))
+
+
+def signals_of(file: Any, run: Any) -> list[tuple[str, str, dict[str, Any]]]:
+    """(word, unit, curves over time) of a free run under a log's inputs, beside what was measured.
+
+    A curve is (times, values).
+    """
+    from ..machine import field_units, free_run
+
+    q = run.outputs["position"]
+    first = {"position": (q[0], (q[1] - q[0]) / run.step)}
+    found = free_run(file.machine, file.placed, first, run.inputs, run.step, file.compare.hold)
+    unit = field_units(file.machine)["second_play"]
+    out = [("position", unit, {"simulated": found["position"], "measured": q}),
+           ("measured less simulated", unit, {"": q - found["position"]}),
+           ("velocity", f"{unit}/s", {"simulated": found["velocity"]})]  # fmt: skip
+    out += [(k, file.machine.inputs[k], {"": x}) for k, x in run.inputs.items() if x.std() > 0]
+    return [(w, u, {k: (run.time, x) for k, x in c.items()}) for w, u, c in out]
+
+
 def simulate_machine(path: str, log: Path | None, out: Path | None, json: bool) -> int:
     """A free run under the inputs of a log; CSV with t, input and outputs."""
     import numpy as np
 
     from .._errors import InputError
     from .._files import claim, write_text
-    from ..machine import free_run, load_machine, log_beside, read_log
+    from ..machine import free_run, load_machine
 
     file = load_machine(path)
-    if log is None:
-        raise InputError("a machine is simulated under the inputs of a log: --drive LOG.")
     if out is not None and out.suffix != ".csv":
         raise InputError(f"--out of a machine's run must end in .csv, but is {out.name}.")
-    run = read_log(log_beside(log), file.machine.inputs, file.machine.outputs)
+    run = _run_of(file, log)
     if out is not None:
         claim([out])
     q = run.outputs["position"]

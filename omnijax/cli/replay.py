@@ -7,6 +7,8 @@ from cyclopts import Parameter
 
 from .._files import claim
 from .._reading import existing
+from ._axis import replay_axis
+from ._kind import file_kind
 from ._options import Force, Json, emit
 
 
@@ -15,6 +17,7 @@ def replay(
     /,
     *,
     out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+    drive: Path | None = None,
     title: str | None = None,
     force: Force = False,
     json: Json = False,
@@ -26,15 +29,22 @@ def replay(
     Parameters
     ----------
     run
-        A run saved by `omnijax simulate --out RUN.nc`.
+        A run saved by `omnijax simulate --out RUN.nc`; or a machine file of an axis, whose signals
+        are shown.
     out
         The page; the run's name with .html where it is not given.
+    drive
+        Of a machine file: the log whose inputs move it.
     title
         Heading of the page; the run's name where it is not given.
     """
     from .._errors import InputError
 
     existing(run)
+    if file_kind(run) == "machine":
+        return replay_axis(run, drive, out or run.with_suffix(".html"), title, force, json)
+    if drive is not None:
+        raise InputError("--drive speaks of a machine file; a saved run has moved already.")
     from ..simulation import load_run
     from ..view import rig_of_run, write_replay
 

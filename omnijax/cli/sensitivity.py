@@ -6,6 +6,8 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from .._files import claim
+from ._axis import refuse, refuse_drive, sensitivity_axis
+from ._kind import file_kind
 from ._motion import Motion
 from ._options import Json, Overwrite
 from ._study_page import Switch, deliver, made_by_rig
@@ -16,7 +18,8 @@ def sensitivity(
     /,
     *,
     motion: Motion = Motion(),
-    metric: str = "rms,peak",
+    metric: str | None = None,
+    drive: Path | None = None,
     parameter: Annotated[list[str], Parameter(negative="")] = [],  # noqa: B006
     model: Literal["coupled", "paper"] = "coupled",
     check: Switch = False,
@@ -36,9 +39,12 @@ def sensitivity(
     Parameters
     ----------
     rig
-        A rig file, or the name of a bundled rig.
+        A rig file, or the name of a bundled rig; or a machine file of an axis.
     metric
-        Metrics, with commas between.
+        Metrics, with commas between; rms,peak where not given.
+    drive
+        Of a machine file: the log under whose inputs it moves; metrics are then rms, mae and peak
+        of measured less simulated position.
     parameter
         Only this parameter (may be given again); contact.stiffness means that of every wheel.
     model
@@ -59,19 +65,30 @@ def sensitivity(
 
     if top < 1:
         raise InputError(f"`top` must be at least 1, but is {top}.")
-    machine = load_rig(rig)
-    from ..study import sensitivity as run
+    metric = metric or "rms,peak"
+    if file_kind(rig) == "machine":
+        refuse({"model": model != "coupled", "check": check} | vars(motion), "sensitivity")
+        claim([out], [report], force=overwrite)
+        found, made = sensitivity_axis(rig, drive, metric, parameter)
+    else:
+        refuse_drive(drive)
+        machine = load_rig(rig)
+        from ..study import sensitivity as run
 
-    claim([out], [report], force=overwrite)
-    found = run(
-        machine, motion.drive(machine.size), metric, parameters=parameter or None,
-        duration=motion.seconds, rate=motion.hertz, model=model, check=check,
-    )  # fmt: skip
+        claim([out], [report], force=overwrite)
+        found = run(
+            machine, motion.drive(machine.size), metric, parameters=parameter or None,
+            duration=motion.seconds, rate=motion.hertz, model=model, check=check,
+        )  # fmt: skip
+
+        def made():
+            return made_by_rig(machine)
+
     deliver(
         found,
         out,
         report,
-        lambda: made_by_rig(machine),
+        made,
         json,
         _plain(found),
         lambda: _print(found, per_wheel, top),

@@ -7,6 +7,8 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from .._files import claim, writing
+from ._axis import refuse, refuse_drive, sweep_axis
+from ._kind import file_kind
 from ._motion import Motion, Numerics
 from ._options import Json, Overwrite, check_picture, command_line, emit
 from ._study_page import Switch
@@ -52,8 +54,9 @@ def sweep(
     /,
     *,
     vary: Annotated[list[str], Parameter(negative="")],
-    metric: str = "peak,rms",
+    metric: str | None = None,
     motion: Motion = Motion(),
+    drive: Path | None = None,
     sampling: Sampling = Sampling(),
     numerics: Numerics = Numerics(),
     place: Place = Place(),
@@ -73,23 +76,31 @@ def sweep(
     Parameters
     ----------
     rig
-        A rig file, or the name of a bundled rig.
+        A rig file, or the name of a bundled rig; or a machine file of an axis.
+    drive
+        Of a machine file: the log under whose inputs it moves; metrics are then rms, mae and peak
+        of measured less simulated position, and --out is a .nc file.
     vary
         PATH=low:high:count, PATH=log:low:high:count, PATH=a,b,c, or PATH=low:high for samples;
         once for each parameter. PATH is a rig parameter, speed.WHEEL, speed.scale or force.x.
     metric
-        Metrics, with commas between.
+        Metrics, with commas between; peak,rms where not given, of a machine rms.
     plot
         Picture of the first metric: a heat map, or lines (.svg, .png, .pdf).
     report
         Folder for a page of the sweep (index.html) with its figures and numbers.
     """
     check_picture(plot)
+    if file_kind(rig) == "machine":
+        kept = {k: getattr(place, k) for k in ("resume", "chunk", "workers", "scheduler")}
+        refuse({"plot": plot, "report": report} | kept | vars(motion), "sweep")
+        return sweep_axis(rig, drive, vary, metric or "rms", sampling, place.out, overwrite, json)
+    refuse_drive(drive)
     from ..rig import rig_tables
 
     rig_tables(rig)  # wrong files are told before anything slow is imported
     claim([plot], [report], force=overwrite)
-    result, seconds = _run(rig, vary, metric, motion, sampling, numerics, place)
+    result, seconds = _run(rig, vary, metric or "peak,rms", motion, sampling, numerics, place)
     summary = summarise(result) | {"seconds": seconds}
     if plot is not None:
         summary["plot"] = str(_plot(result, plot))

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ._orders import strongest_orders as strongest_orders
     from ._page import Page as Page
     from ._page import file_name as file_name
+    from ._signals import signals_page as signals_page
     from ._study import study_page as study_page
     from ._style import INK as INK
     from ._style import figure as figure

@@ -59,28 +59,28 @@ def raised(text: str) -> str:
 @contextmanager
 def wrapped(fig: Figure) -> Iterator[None]:
     """Titles and labels in lines that fit on a telephone, inside the figure, for the block."""
-    texts = [t for ax in fig.axes for t in (ax.title, ax._left_title, ax.xaxis.label)]  # pyright: ignore[reportAttributeAccessIssue]
-    before = [(text.get_text(), text.get_position()) for text in texts]
-    for text, (words, _) in zip(texts, before, strict=True):
+    texts = [(ax, t) for ax in fig.axes for t in (ax.title, ax._left_title, ax.xaxis.label)]  # pyright: ignore[reportAttributeAccessIssue]
+    before = [(text.get_text(), text.get_position()) for _, text in texts]
+    for (_, text), (words, _) in zip(texts, before, strict=True):
         text.set_text(textwrap.fill(words, NARROW_LETTERS))
     fig.draw_without_rendering()
-    for text in texts:
-        _pulled_in(fig, text)
+    for ax, text in texts:
+        _pulled_in(fig, ax, text)
     try:
         yield
     finally:
-        for text, (words, place) in zip(texts, before, strict=True):
+        for (_, text), (words, place) in zip(texts, before, strict=True):
             text.set_text(words)
             text.set_position(place)
 
 
-def _pulled_in(fig: Figure, text: Any) -> None:
-    """`text` moved to the left where it ends beyond the figure."""
+def _pulled_in(fig: Figure, ax: Axes, text: Any) -> None:
+    """`text` of `ax` moved to the left where it ends beyond the figure."""
     box = text.get_window_extent()
     over = box.x1 - 0.99 * fig.bbox.width
     if text.get_text() and over > 0:
         x, y = text.get_position()
-        text.set_position((x - min(over, box.x0) / text.axes.bbox.width, y))
+        text.set_position((x - min(over, box.x0) / ax.bbox.width, y))
 
 
 def superscript(number: int) -> str:

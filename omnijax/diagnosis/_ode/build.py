@@ -138,4 +138,5 @@ def _free(numbers: Numbers, run: OdeRun, memory: float, longest: int) -> FreeRun
     while filled >= 2 * n:
         filled = -(-filled // 2)
     length = filled if whole else max(LEADS * lead, longest // 16, 64)
-    return FreeRun(numbers, run, 0 if whole else lead, length, max(1, n // ROWS), free)
+    lead = 0 if whole else lead
+    return FreeRun(numbers, run, lead, length, max(1, n // ROWS), lead == 0)

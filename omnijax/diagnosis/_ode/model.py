@@ -27,6 +27,7 @@ from .orders import strongest_orders
 from .rows import Balance, FreeRun, OdeRun, batches, smoothed
 
 STEEP = 48  # steps between two samples above which a law is too steep to be followed
+VALUE, TANGENT, START = range(3)  # programs over the rows
 LANES = 16  # points that are evaluated side by side: one shape, one program
 OFTEN = 1e6  # samples stepped after which a set of laws has a program of its own: some seconds
 BOUND = 0.5  # a gain that is off by more is no torque constant any more
@@ -87,19 +88,19 @@ class OdeModel(AbstractModel):
 
     def raw(self, thetas: np.ndarray, which: Sequence[int]) -> np.ndarray:
         """Rows (points, rows) in physical units."""
-        return self._rows(0, which, thetas)
+        return self._rows(VALUE, which, thetas)
 
     def pushed(self, thetas: np.ndarray, ways: np.ndarray, which: Sequence[int]) -> np.ndarray:
         """Tangents (points, rows) of the rows at `thetas` along `ways`."""
-        return self._rows(1, which, thetas, ways)
+        return self._rows(TANGENT, which, thetas, ways)
 
     def _rows(self, program: int, which: Sequence[int], *tables: np.ndarray) -> np.ndarray:
-        """Values (0) or tangents (1) of all rows of some runs."""
+        """Values, tangents, or slopes along the windows' starts, of all rows of some runs."""
         key, steps = tuple(which), self.steps(tables[0])
         followed = np.where(steps > STEEP, 1, steps)
         if key not in self._batches:
             self._batches[key] = batches({i: self.rows[i] for i in which})
-        only, lanes = self._program_for(tables[0], followed, which)
+        only, lanes = self._program_for(tables[0], followed, which, program == START)
         found = {}
         for members, data in self._batches[key]:
             run = self._programs(self.rows[members[0]], only)[program]
@@ -110,15 +111,15 @@ class OdeModel(AbstractModel):
         out[steps > STEEP] = np.nan
         return out
 
-    def _program_for(self, thetas, steps, which) -> tuple[frozenset[int] | None, int]:
+    def _program_for(self, thetas, steps, which, own) -> tuple[frozenset[int] | None, int]:
         """(laws of the program, points side by side): often used laws have one of their own.
 
-        It compiles in a second and saves all other laws at every step.
+        It compiles in a second and saves all other laws at every step; `own` asks for it at once.
         """
         count, only = len(thetas), self.numbers.active(thetas)
         samples = sum(self.rows[i].count for i in which)
         self._asked[only] = self._asked.get(only, 0.0) + samples * float(np.sum(steps))
-        if self._asked[only] > OFTEN:
+        if own or self._asked[only] > OFTEN:
             return only, min(count, 2 * LANES)
         return None, 1 if count == 1 else LANES
 
@@ -167,12 +168,19 @@ class OdeModel(AbstractModel):
 
     def rebase(self, point):
         """What a free start changes in each window, at the point."""
+        which = [i for i, r in enumerate(self.rows) if isinstance(r, FreeRun) and r.free]
+        if not which:
+            return
         theta = self.numbers.vector(point)
-        for i, rows in enumerate(self.rows):
-            if isinstance(rows, FreeRun) and rows.free:
-                self._starts[i] = rows.start_bases(
-                    theta, min(STEEP, int(self.steps(theta[None])[0]))
-                )
+        machine, _ = self.numbers.build(theta, ())
+        size = len(machine.start({"position": (0.0, 0.0)}))
+        made = self._rows(START, which, np.tile(theta, (size, 1)), np.eye(size))
+        at = 0
+        for i in which:
+            rows = self.rows[i]
+            part, at = made[:, at : at + rows.count], at + rows.count
+            if np.all(np.abs(part) < 1e100):
+                self._starts[i] = rows.bases(part)
 
     def set_floor(self, fit: Fit, tell: Callable[[str], None] = lambda text: None) -> None:
         """Weigh rows by what no law of the library explains on the train runs, and its colour.
@@ -352,7 +360,17 @@ def _compiled(rows, only: frozenset[int] | None):
 
         return jax.vmap(one)(thetas, ways)
 
-    return value, tangent
+    @eqx.filter_jit
+    def start(data, steps, thetas, ways):
+        def one(t, w):
+            def moved(shift):
+                return rows.from_starts(t, data, steps, shift, only)
+
+            return jax.jvp(moved, (jnp.zeros_like(w),), (w,))[1]
+
+        return jax.vmap(one)(thetas, ways)
+
+    return value, tangent, start
 
 
 def _slopes_along(numbers: Numbers, runs: Sequence[OdeRun], count: int = 24):

@@ -155,20 +155,21 @@ class FreeRun:
 
         return jax.vmap(one)(first, inputs, clock)
 
-    def start_bases(self, theta, steps: int) -> list[tuple[np.ndarray, np.ndarray]]:
-        """By window: its rows, and an orthonormal basis of what its start changes there."""
-        first = self.data[0]
-        machine, _ = self.numbers.build(theta)
-        one = jax.tree.map(lambda x: x[0], first)
-        size = len(self.start_states(machine, one))
-        push = jax.jit(jax.jacfwd(lambda s: self.simulated(theta, self.data, steps, s)))
-        tangents = np.asarray(push(jnp.zeros(size)))[tuple(self.where)]
+    def from_starts(self, theta, data, steps, shift, only=None):
+        """(windows * samples,) positions where every window's start is moved by `shift`; traced."""
+        return self.simulated(theta, data, steps, shift, only).ravel()
+
+    def bases(self, tangents: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+        """By window: its rows, and an orthonormal basis of what its start changes there.
+
+        `tangents` (k, rows) are those of a start's k states.
+        """
         out = []
         for w in range(len(self.begin)):
             rows = np.flatnonzero(self.where[0] == w)
-            if len(rows) <= size:
+            if len(rows) <= len(tangents):
                 continue
-            left, values, _ = np.linalg.svd(tangents[rows], full_matrices=False)
+            left, values, _ = np.linalg.svd(tangents[:, rows].T, full_matrices=False)
             out.append((rows, left[:, values > 1e-9 * values[0]]))
         return out
 

@@ -31,6 +31,7 @@ METHODS = {
     "propagation": "exact propagation (linear model, prescribed speeds)",
     "fixed": "fixed exponential steps (motor torques, the step tried against its half)",
     "full": "full simulation (adaptive time stepping)",
+    "free-run": "free run of an axis under a log's inputs (Runge-Kutta steps)",
 }
 BULK = ("bulk", "steady-bulk")  # take rows of many designs at once
 STEADY_BULK = ("peak", "rms")  # metrics of steady states in bulk
