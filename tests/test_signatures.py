@@ -14,6 +14,7 @@ from omnijax.laws import EFFECTS
 # no strength that could be small, or an axis with fewer numbers than columns: judged at a size
 # (a late signal too: its candidates are delays and lags of samples, not multiples of a tangent)
 FINITE = {"lift-off", "contact-hertz", "mount-backlash", "sphere-out-of-round"}
+FINITE |= {"actuator-saturation", "sensor-saturation", "sensor-rectified"}
 FINITE |= {"sensor-delay", "sensor-lag", "actuator-delay", "actuator-lag"}
 EXACT = sorted(set(EFFECTS) - FINITE - UNTRIED)
 

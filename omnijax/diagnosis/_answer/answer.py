@@ -49,11 +49,42 @@ def named(evidence: AbstractEvidence, found: Found, judged: Judged) -> list[Name
                 Named(rival.id, rival.place, _parameters(evidence, rival, {}),
                       {**said, "margin": margin, "cosine": cosine}, _others(everyone, rival))
             )  # fmt: skip
-    return out
+    return together(out)
 
 
 def _others(everyone: list[Effect], effect: Effect) -> list[dict[str, str]]:
-    return [{"id": e.id, "place": e.place} for e in everyone if e.name != effect.name]
+    other = [{"id": e.id, "place": e.place} for e in everyone if e.name != effect.name]
+    twin = SAME.get(effect.id)
+    return other + ([{"id": twin, "place": effect.place}] if twin else [])
+
+
+SAME = {"creep": "wheel-radius"}  # what acts alike to first order in every channel
+
+
+def together(effects: list[Named]) -> list[Named]:
+    """Several lines of torque at one wheel as one effect, the strongest first."""
+    lines: dict[str, list[Named]] = {}
+    for e in effects:
+        if e.id == "motor-ripple":
+            lines.setdefault(e.place, []).append(e)
+    joined = {place: _cogging(some) for place, some in lines.items() if len(some) > 1}
+    out = [e for e in effects if not (e.id == "motor-ripple" and e.place in joined)]
+    return [*out, *joined.values()]
+
+
+def _cogging(lines: list[Named]) -> Named:
+    lines = sorted(lines, key=lambda e: -e.parameters["amplitude"]["value"])
+    parameters = {
+        f"{key}s": {
+            "value": [e.parameters[key]["value"] for e in lines],
+            "sigma": [e.parameters[key]["sigma"] for e in lines],
+            "unit": lines[0].parameters[key]["unit"],
+        }
+        for key in ("amplitude", "order", "phase")
+    }
+    weakest = min(lines, key=lambda e: e.evidence["held_out_chi2"])
+    rivals = [r for e in lines for r in e.indistinguishable_from]
+    return Named("cogging", lines[0].place, parameters, weakest.evidence, rivals)
 
 
 def _parameters(evidence: AbstractEvidence, effect: Effect, spread: dict) -> dict:

@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 
 from ...laws import AbstractLaw
+from ...recording import channels
 from ...rig import Placed, Rig
 from .._search import (
     AbstractModel,
@@ -23,6 +24,7 @@ from .._search import (
 from .._threads import each
 from .linearisation import base_of
 from .machine import Machine
+from .orders import strongest_orders
 from .runs import COARSE, FINE, STEPS, Run, with_noise
 from .tangents import signature
 from .tree_hash import digest
@@ -30,6 +32,7 @@ from .uncertain import rig_priors, with_parameters, with_sensors
 
 BUDGET = 400.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
 LINEAR = 0.3  # cost of an evaluation without laws stepped in time, relative to one with them
+WEAK = 1e-4  # rad, of an encoder's law whose signature is a difference
 LINES = 12  # spectral lines of `a` that are tried as floor vibrations
 
 
@@ -38,6 +41,8 @@ class RigModel(AbstractModel):
 
     budget = BUDGET
     ranking = "first train"
+    repeats = frozenset({"motor-ripple", "current-ripple"})
+    frozen_keys = frozenset({"roller", "exponent", "modulus"})
 
     def __init__(self, rig: Rig, runs: list[Run], noise: dict[str, float],
                  laws: dict[str, type[AbstractLaw]], window: float = 1.0):  # fmt: skip
@@ -165,8 +170,33 @@ class RigModel(AbstractModel):
             np.mean([np.mean(b.mount.deflection**2, axis=0) for b in self._bases], axis=0)
         )
         longest = max(self.machine.runs[i].samples for i in self.splits["train"])
-        context = Context(self.rig, self.groups, rms, self._lines(point), longest)
+        torques = np.max([np.abs(b.torque).max(axis=0) for b in self._bases], axis=0)
+        context = Context(self.rig, self.groups, rms, self._lines(point), longest,
+                          self._orders(point), torques, self._tops)  # fmt: skip
         return candidates(context, self.laws)
+
+    def _orders(self, point: Point) -> dict[str, dict[str, tuple[list[float], int]]]:
+        """By law and wheel the orders that stand out in what is left of the train runs."""
+        (rest,) = self.residuals([point], "train")
+        rows = [self.machine.rows[b.index] for b in self._bases]
+        parts = np.split(rest, np.cumsum([r.size for r in rows])[:-1])
+        left = [r.split(part)[1] for r, part in zip(rows, parts, strict=True)]
+        found = strongest_orders(self._bases, left, [r.rotation for r in rows])
+        return {k: dict(zip(self.rig.names, v, strict=True)) for k, v in found.items()}
+
+    @functools.cached_property
+    def _tops(self) -> dict[str, float]:
+        """By channel the size above which one reading in a hundred lies."""
+        out = {}
+        for group in self.groups:
+            values = np.concatenate([
+                self.machine.runs[i].outputs[group] for i in self.splits["train"]
+                if group in self.machine.runs[i].outputs
+            ] or [np.zeros((0, 0))])  # fmt: skip
+            for name, column in zip(channels(group, self.rig.size), values.T, strict=False):
+                seen = np.abs(column[np.isfinite(column)])
+                out[name] = float(np.quantile(seen, 0.99)) if len(seen) else 0.0
+        return out
 
     def _lines(self, point: Point) -> tuple[float, ...]:
         """Frequencies (Hz) of the strongest lines left in `a` (else dR) of the train runs."""
@@ -197,19 +227,36 @@ class RigModel(AbstractModel):
         placed = [cast(Placed, p) for c in candidates for p in c.columns]
         cut = np.cumsum([0] + [self.machine.rows[b.index].size for b in self._bases])
         table, sums = np.empty((len(placed), cut[-1])), sums_of(placed)
+        shifts = [j for j, p in enumerate(placed) if p.law.places == ("encoder",)]
 
         def fill(k: int) -> None:
             base, part = self._bases[k], table[:, cut[k] : cut[k + 1]]
             rows = self.machine.rows[base.index]
             for j, law in enumerate(placed):
-                if j not in sums:
+                if j not in sums and j not in shifts:
                     part[j] = rows.vector(*signature(base, law))
             for j, alone in sums.items():
                 part[j] = sum(part[i] for i in alone)
             rows.take_off(part)
 
         each(fill, range(len(self._bases)))
+        if shifts:
+            changed = self._by_differences(point, [placed[j] for j in shifts])
+            table[shifts] = changed
         return table
+
+    def _by_differences(self, point: Point, placed: Sequence[Placed]) -> np.ndarray:
+        """Signatures of encoders' laws (laws, rows): they move the very motion behind the runs."""
+        rig, which = self.rig_at(point), self.splits["train"]
+        rigs = [rig.add(weak(p.law, WEAK), p.place) for p in placed]
+        before, *after = self.machine.residuals([rig, *rigs], which, COARSE)
+        return (before - np.stack(after)) / WEAK
+
+
+def weak(law: AbstractLaw, factor: float) -> AbstractLaw:
+    """The law with its strengths times `factor`."""
+    strengths = [k for k, p in law.parameters.items() if p.linear]
+    return dataclasses.replace(law, **{k: factor * getattr(law, k) for k in strengths})
 
 
 def sums_of(placed: Sequence[Placed]) -> dict[int, list[int]]:

@@ -48,14 +48,18 @@ class Candidate:
 
 
 class Context:
-    """What enumerates candidates: the rig, the channels at hand, typical deflections, and lines.
+    """What enumerates candidates: the rig, the channels at hand, typical sizes, and lines.
 
     `samples` of the longest run is about how many lines (half a resolution apart) could be picked.
+    `orders` holds by law and wheel the orders that stand out and of how many they were picked,
+    `torques` the largest commanded torque of each wheel, `tops` what a channel hardly exceeds.
     """
 
-    def __init__(self, rig: Rig, groups, mount_rms, lines: tuple[float, ...], samples: int):
+    def __init__(self, rig: Rig, groups, mount_rms, lines: tuple[float, ...], samples: int,
+                 orders=None, torques=None, tops=None):  # fmt: skip
         self.rig, self.groups, self.mount_rms, self.lines = rig, groups, mount_rms, lines
-        self.samples = samples
+        self.samples, self.orders, self.tops = samples, orders or {}, tops or {}
+        self.torques = np.zeros(len(rig.names)) if torques is None else torques
 
 
 def number(x) -> Any:
@@ -162,21 +166,31 @@ def _product(ladders):
     return out
 
 
-def _waves(law, place, context, key="phase", **fixed) -> Candidate:
-    """A law of amplitude and phase as its cosine and sine parts."""
+def _waves(law, place, context, note: str = "", trials: int = 1, **fixed) -> Candidate:
+    """A law of one strength and a phase as its cosine and sine parts."""
+    (size,) = _strengths(law)
     columns = tuple(
-        build(law, place, context, amplitude=1.0, phase=p, **fixed) for p in (0.0, math.pi / 2)
+        build(law, place, context, **{size: 1.0}, phase=p, **fixed) for p in (0.0, math.pi / 2)
     )
     return Candidate(law.id, place, columns, lambda c: fixed | {
-        "amplitude": math.hypot(*c), "phase": math.atan2(c[1], c[0])})  # fmt: skip
+        size: math.hypot(*c), "phase": math.atan2(c[1], c[0])}, note, trials)  # fmt: skip
 
 
 def _runout(law, place, context):
     return [_waves(law, place, context)]
 
 
+WHOLE = range(1, 25)  # orders that are tried whatever stands out
+
+
 def _ripple(law, place, context):
-    return [_waves(law, place, context, order=float(n)) for n in range(1, 25)]
+    """Whole orders of a torque, and what stands out; of a current only what stands out."""
+    found, trials = context.orders.get(law.id, {}).get(place, ([], 1))
+    whole = WHOLE if law.id == "motor-ripple" else ()
+    broken = [n for n in found if all(abs(n - k) > 0.05 for k in whole)]
+    return [_waves(law, place, context, order=float(n)) for n in whole] + [
+        _waves(law, place, context, f"order {n:.3g}", trials, order=n) for n in broken
+    ]
 
 
 def _roller(law, place, context):
@@ -230,6 +244,33 @@ def _fixed_strength(law, place, context):
     return [Candidate(law.id, place, (build(law, place, context),), lambda c: {})]
 
 
+CLIPPED = (0.97, 0.9, 0.75, 0.5)  # shares of the largest torque
+
+
+def _limited(law, place, context):
+    """A drive at its limit: nothing follows from small limits, so some are tried."""
+    names = context.rig.names
+    top = float(context.torques[names.index(place)] if place in names else context.torques.max())
+    return [
+        Candidate(law.id, place, (build(law, place, context, limit=k * top),),
+                  lambda c, k=k: {"limit": k * top}, f"limit {k * top:.2g} N m")
+        for k in CLIPPED if top > 0
+    ]  # fmt: skip
+
+
+def _clipped(law, place, context):
+    """A sensor at its limit shows it: it hardly reads more."""
+    top = context.tops.get(place, 0.0)
+    if place.startswith("theta") or top <= 0:
+        return []
+    return [Candidate(law.id, place, (build(law, place, context, limit=top),),
+                      lambda c: {"limit": top}, f"limit {top:.2g}")]  # fmt: skip
+
+
+def _one_sided(law, place, context):
+    return [] if place.startswith("theta") else _fixed_strength(law, place, context)
+
+
 LATE = (0.001, 0.002, 0.004, 0.008, 0.016, 0.032)  # s
 LATEST = 0.1  # s
 
@@ -276,14 +317,9 @@ def _line(c, frequency):
     }  # fmt: skip
 
 
-# effects that simulate and may stand in a calibrated rig, but are not looked for
-# twins of creep and of a ripple's line, and limits, which have no small size to scan at
-# laws that simulate and are never proposed for a rig: no tangent that was held against differences
-# (that of an encoder's eccentricity is a tenth off: the smoothed angle takes part of it), or a twin
-UNTRIED = {
-    "encoder-eccentricity", "wheel-radius", "actuator-saturation", "cogging", "current-ripple",
-    "sensor-saturation", "sensor-rectified",
-}  # fmt: skip
+# never proposed for a rig: the twin of creep, which is said beside it, and several lines at one
+# place, which are found one by one and told as one effect
+UNTRIED = {"wheel-radius", "cogging"}
 _NEEDS_GRAVITY = {"unbalance"}
 _RECIPES = {
     "wheel-runout": _runout, "motor-ripple": _ripple, "damaged-roller": _roller,
@@ -291,6 +327,8 @@ _RECIPES = {
     "contact-relaxation": _relaxation, "contact-hertz": _fixed_strength,
     "lift-off": _fixed_strength, "sensor-delay": _late, "sensor-lag": _late,
     "actuator-delay": _late, "actuator-lag": _late, "stribeck": _stribeck,
-    "encoder-eccentricity": _runout, "floor-vibration": _floor,
+    "encoder-eccentricity": _runout, "floor-vibration": _floor, "current-ripple": _ripple,
+    "actuator-saturation": _limited, "sensor-saturation": _clipped,
+    "sensor-rectified": _one_sided,
 }  # fmt: skip
 LIBRARY = EFFECTS

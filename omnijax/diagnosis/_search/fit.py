@@ -31,14 +31,14 @@ class Fit:
 
 
 def steps_of(point: Point, free: Sequence[Free]) -> np.ndarray:
-    """Difference steps of the effects' numbers: 1e-4 of their size, or of a unit for angles."""
+    """Difference steps of the effects' numbers: 1e-4 of their size, or of a unit for waves."""
     out = []
     for f in free:
         size = abs(value_of(point, f))
         vector = point.effects[f.effect].values[f.key]
         if f.index is not None:
             size = float(np.linalg.norm(vector))
-        if f.key == "phase":
+        if f.key in ("phase", "order", "frequency"):  # they act times an angle or a time
             size = 1.0
         out.append(1e-4 * (size or 1e-6))
     return np.array(out)
