@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from omnijax.diagnosis import Diagnosis, Gap, Named
+from omnijax.diagnosis._answer.answer import together
+from omnijax.laws import EFFECTS
 
 
 @pytest.fixture
@@ -67,3 +69,20 @@ def test_the_dataset_holds_gap_parameters_and_scores(found):
     assert float(data.gap_before.sel(group="dR")) == 1e-5
     assert float(data.parameter_with_effects[0]) == 1.05e5
     assert float(data.score_gain.sel(candidate="wheel-runout@w2")) == 1e4
+
+
+def test_lines_at_one_wheel_are_one_effect():
+    def line(place, size, order):
+        values = {"amplitude": (size, "N m"), "order": (order, "1"), "phase": (0.3, "rad")}
+        parameters = {k: {"value": v, "sigma": 0.01 * v, "unit": u} for k, (v, u) in values.items()}
+        return Named("motor-ripple", place, parameters, {"held_out_chi2": 1e3 * size})
+
+    alone, *two = line("w1", 0.01, 7.0), line("w2", 0.01, 5.0), line("w2", 0.03, 8.3)
+    single, joined = together([two[0], alone, two[1]])
+    assert single is alone
+    assert (joined.id, joined.place) == ("cogging", "w2")
+    assert joined.parameters["amplitudes"]["value"] == [0.03, 0.01]
+    assert joined.parameters["orders"]["value"] == [8.3, 5.0]
+    assert joined.parameters["orders"]["sigma"] == pytest.approx([0.083, 0.05])
+    assert joined.evidence["held_out_chi2"] == 10.0
+    assert set(EFFECTS["cogging"].parameters) == set(joined.parameters)

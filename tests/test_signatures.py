@@ -5,6 +5,7 @@ import pytest
 from test_plant import load_plant
 
 from omnijax.diagnosis import diagnose
+from omnijax.diagnosis._machine.orders import strongest_orders
 from omnijax.diagnosis._machine.rig_model import sums_of
 from omnijax.diagnosis._machine.tangents import signature
 from omnijax.diagnosis._search.candidates import UNTRIED
@@ -84,3 +85,28 @@ def test_a_friction_saturates_within_the_speeds_of_the_runs(agreeing, id):
     assert low < begin <= high <= 30 * begin
     if law.port == "shaft":
         assert np.tanh(fastest / high) > 0.99
+
+
+@pytest.mark.parametrize("law", ["motor-ripple", "current-ripple"])
+def test_a_line_of_any_order_stands_out_at_its_wheel(agreeing, law):
+    model, point, _, _ = agreeing
+    rng, bases = np.random.default_rng(), model.bases(point)
+    rows = [model.machine.rows[b.index] for b in bases]
+    ways = [max(np.ptp(b.motion.theta[:, k]) for b in bases) for k in range(3)]
+    wheel, order = int(np.argmax(ways)), rng.uniform(3.0, 25.0)
+    values = {"order": order, "phase": rng.uniform(0, 6), STRENGTH[law]: 1.0}
+    effect = Effect(law, f"w{wheel + 1}", values)
+    placed = model.rig_at(point.with_effects(effect)).effects[-1]
+    left = []
+    for base, r in zip(bases, rows, strict=True):
+        table = r.vector(*signature(base, placed))[None]
+        r.take_off(table)
+        left.append(r.split(table[0])[1])
+    found = strongest_orders(bases, left, rows)
+    orders, trials = found[law][wheel]
+    travel = ways[wheel]
+    assert min(abs(n - order) for n in orders) < 2 * np.pi / travel  # the travel's resolution
+    assert trials > 20
+
+
+STRENGTH = {"motor-ripple": "amplitude", "current-ripple": "g"}

@@ -85,7 +85,7 @@ def compared(kind: str, hidden: list[tuple[Hidden, float]], found) -> dict[str, 
             continue
         for key, true in h.truth(x).items():
             given = e.parameters.get(key)
-            if given is None or given["sigma"] is None:
+            if given is None or None in np.ravel(given["sigma"]):
                 continue
             for k, (t, v, s) in enumerate(_numbers(key, true, given)):
                 out[f"{h.id} {key} {k}" if np.ndim(true) else f"{h.id} {key}"] = {

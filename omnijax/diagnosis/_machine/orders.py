@@ -1,76 +1,101 @@
 """Orders of a wheel's angle that stand out in what is left of the rotation: a fine scan.
 
 A line of order N in the torque on shaft k turns the sphere by the integral of its response times
-exp(i N theta_k).  Its inner product with the residual is a sum over the torque's times of the
-residual integrated backwards: one pass for all orders.
+exp(i N theta_k); a line in the current is one times the commanded torque.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
+from .data_vector import Rows
 from .linearisation import THIN, Base
 from .runs import FINE
 
-GRID = 4  # orders tried within one resolution of the travel
+GRID = 2  # orders tried within one resolution of the travel
+CLOSER = 4  # times as many about the best
 PEAKS = 3
-MOST = 4000  # orders of a wheel
+MOST = 600  # orders of a wheel
 LOWEST = 1.0  # windows take off what is slower
+FAST = 0.9  # quantile of the speed at which lines may not alias
+TOGETHER = 64  # orders computed at a time
+LAWS = ("motor-ripple", "current-ripple")
+
+Orders = dict[str, list[tuple[list[float], int]]]  # by law and wheel: orders, and of how many
 
 
 def strongest_orders(
-    bases: Sequence[Base], rests: Sequence[np.ndarray], weights: Sequence[np.ndarray]
-) -> dict[str, list[tuple[list[float], int]]]:
-    """By law and wheel the orders of the strongest lines, and how many were to choose from.
+    bases: Sequence[Base], rests: Sequence[np.ndarray], rows: Sequence[Rows]
+) -> Orders:
+    """The orders of the strongest lines, and how many there were to choose from.
 
-    `rests` are the whitened rotation rows (samples, 3 + n) left in each base's run, with `weights`.
+    `rests` are the whitened rotation rows (samples, 3 + n) left in each base's run.  Lines are
+    compared by what they would explain of these rows alone.
     """
-    pulls = [backwards(b, r, w) for b, r, w in zip(bases, rests, weights, strict=True)]
-    out: dict[str, list[tuple[list[float], int]]] = {"motor-ripple": [], "current-ripple": []}
+    out: Orders = {law: [] for law in LAWS}
     for k in range(bases[0].rig.size):
-        theta = np.concatenate([b.motion.theta[::FINE, k] for b in bases])
-        torque = np.concatenate([b.torque[::FINE, k] for b in bases])
-        pull = np.concatenate([p[:, k] for p in pulls])
-        grid, trials = _grid(bases, k)
-        for law, forcing in (("motor-ripple", pull), ("current-ripple", pull * torque)):
-            power = np.array([abs(np.exp(1j * n * theta) @ forcing) ** 2 for n in grid])
-            out[law].append((_peaks(grid, power * grid**2), trials))
+        grid = _grid(bases, k)
+        for law, found in out.items():
+            gains = _gains(bases, rests, rows, law, k, grid)
+            step = grid[1] - grid[0]
+            closer = np.arange(-CLOSER, CLOSER + 1) * step / CLOSER
+            best = []
+            for n in _peaks(grid, gains):
+                near = np.maximum(n + closer, LOWEST)
+                best.append(float(near[np.argmax(_gains(bases, rests, rows, law, k, near))]))
+            found.append((best, max(1, len(grid) // GRID)))
     return out
 
 
-def backwards(base: Base, rest: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """(samples, n): inner product of the residual with a pulse of torque on each shaft."""
-    h, parts = base.run.step, FINE // THIN
-    left = rest * weight
-    axes = base.response.axes
+def _gains(bases, rests, rows, law: str, k: int, orders: np.ndarray) -> np.ndarray:
+    """Fall of chi-square by a line of each order, its cosine and sine free."""
+    gram, right = np.zeros((len(orders), 2, 2)), np.zeros((len(orders), 2))
+    for base, rest, r in zip(bases, rests, rows, strict=True):
+        for first in range(0, len(orders), TOGETHER):
+            part = slice(first, first + TOGETHER)
+            waves = _waves(base, r, law, k, orders[part])
+            gram[part] += np.einsum("nar,nbr->nab", waves, waves)
+            right[part] += waves @ rest.ravel()
+    gram += 1e-9 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2) + 1e-300 * np.eye(2)
+    return np.einsum("na,na->n", right, np.linalg.solve(gram, right[:, :, None])[:, :, 0])
+
+
+def _waves(base: Base, rows: Rows, law: str, k: int, orders: np.ndarray) -> np.ndarray:
+    """Whitened rotation rows (orders, 2, ..) of cosine and sine in the torque of wheel `k`."""
+    h, parts, axes = base.run.step, FINE // THIN, base.response.axes
     axes = axes if len(axes) == 1 else axes[::parts]
-    later = h * _from_the_end(left[:, 3:])
-    turned = h * _from_the_end(left[:, :3] + np.einsum("tij,ti->tj", axes, later))
-    return np.einsum("tkj,tj->tk", base.response.rates[::parts, : base.rig.size], turned)
+    wave = np.exp(1j * orders[:, None] * base.motion.theta[::FINE, k])
+    if law == "current-ripple":
+        wave = wave * base.torque[::FINE, k]
+    turned = h * np.cumsum(wave[:, :, None] * base.response.rates[::parts, k], axis=1)
+    fixed = len(axes) == 1
+    rolled = turned @ axes[0].T if fixed else np.einsum("tij,ntj->nti", axes, turned)
+    table = np.concatenate([turned, h * np.cumsum(rolled, axis=1)], axis=2) * rows.rotation
+    flat = table.reshape(len(orders), -1)
+    out, first = np.stack([flat.real, flat.imag], axis=1), rows.elastic.size
+    for part, q in rows.nuisance:
+        if part.start >= first:
+            where = slice(part.start - first, part.stop - first)
+            out[:, :, where] -= (out[:, :, where] @ q) @ q.T
+    return out
 
 
-def _from_the_end(x: np.ndarray) -> np.ndarray:
-    return np.cumsum(x[::-1], axis=0)[::-1]
-
-
-def _grid(bases: Sequence[Base], k: int) -> tuple[np.ndarray, int]:
-    """Orders of wheel `k`: from `LOWEST` to half a sample at the typical speed."""
+def _grid(bases: Sequence[Base], k: int) -> np.ndarray:
+    """Orders of wheel `k`: from `LOWEST` to half a sample at a high speed."""
     travel = max(float(np.ptp(b.motion.theta[:, k])) for b in bases)
-    speed = np.median(np.abs(np.concatenate([b.motion.speed[:, k] for b in bases])))
-    resolution = 2 * np.pi / max(travel, 2 * np.pi)
+    speed = np.quantile(np.abs(np.concatenate([b.motion.speed[:, k] for b in bases])), FAST)
+    step = 2 * np.pi / max(travel, 2 * np.pi) / GRID
     top = np.pi / bases[0].run.step / max(float(speed), 1e-6)
-    top = min(top, LOWEST + MOST * resolution / GRID)
-    grid = np.arange(LOWEST, max(top, LOWEST + 2 * resolution), resolution / GRID)
-    return grid, max(1, round(len(grid) / GRID))
+    top = min(top, LOWEST + MOST * step)
+    return np.arange(LOWEST, max(top, LOWEST + 4 * step), step)
 
 
-def _peaks(grid: np.ndarray, power: np.ndarray) -> list[float]:
-    inner = (power[1:-1] > power[:-2]) & (power[1:-1] >= power[2:])
-    best = sorted(np.flatnonzero(inner) + 1, key=lambda j: -power[j])
+def _peaks(grid: np.ndarray, gains: np.ndarray) -> list[float]:
+    """The highest orders that lie a resolution apart."""
     kept: list[int] = []
-    for j in best:  # side lobes of a line are no lines
-        if all(abs(j - other) > 2 * GRID for other in kept):
-            kept.append(j)
+    for j in np.argsort(gains)[::-1]:
+        if all(abs(j - other) > GRID for other in kept):
+            kept.append(int(j))
         if len(kept) == PEAKS:
             break
     return [float(grid[j]) for j in kept]

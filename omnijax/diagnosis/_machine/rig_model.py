@@ -181,7 +181,7 @@ class RigModel(AbstractModel):
         rows = [self.machine.rows[b.index] for b in self._bases]
         parts = np.split(rest, np.cumsum([r.size for r in rows])[:-1])
         left = [r.split(part)[1] for r, part in zip(rows, parts, strict=True)]
-        found = strongest_orders(self._bases, left, [r.rotation for r in rows])
+        found = strongest_orders(self._bases, left, rows)
         return {k: dict(zip(self.rig.names, v, strict=True)) for k, v in found.items()}
 
     @functools.cached_property
