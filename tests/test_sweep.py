@@ -8,12 +8,14 @@ import jax
 import numpy as np
 import pytest
 from machines import ORTHOGONAL, SKEW, machine
+from rigs import tables
 
 import omnijax
 from omnijax import InputError, load_rig, load_sweep, set_parameter, sweep
 from omnijax._status import Status
 from omnijax.cli._frame import run
-from omnijax.laws import LiftOff
+from omnijax.laws import EFFECTS, LiftOff
+from omnijax.rig import parse_rig
 from omnijax.simulation import ramp, speeds, steady_state, torques
 from omnijax.study._axes import read_axis
 from omnijax.study._evaluation import Question
@@ -122,14 +124,33 @@ def test_statuses_of_full_runs_and_the_command_that_reruns_one(tmp_path, capsys)
     assert "design 6: step limit" in text and "raise `max_steps`" in text
 
 
+EVERYWHERE = [
+    ("contact-hertz", "all", {"exponent": 1.5}),
+    ("lift-off", "all", {}),
+    ("mount-backlash", "w1", {"gap": 4e-6}),
+    ("mount-friction", "w2", {"force": 2.0, "width": 1e-3}),
+    ("floor-vibration", "platform",
+     {"amplitude": 0.05, "frequency": 11.3, "phase": 0.4, "direction": (0.6, 0.0, 0.8)}),
+    ("bearing-coulomb", "all", {"torque": 0.02, "width": 0.05}),
+]  # fmt: skip
+
+
 def test_torque_driven_sweeps_by_fixed_steps_agree_with_adaptive_runs(tmp_path):
-    """The step is taken so that halving it changes no trial figure by more than 1e-4."""
+    """The step is taken so that halving it changes no trial figure by more than 1e-4.
+
+    Whatever acts at the ports: contacts that stiffen and part, play in a mount, friction, a floor.
+    """
+    rig = load_rig("atlas-tripod")
+    for name, place, parameters in EVERYWHERE:
+        rig = rig.add(
+            EFFECTS[name](**{k: jax.numpy.asarray(v, float) for k, v in parameters.items()}), place
+        )
     vary = {"wheel.roundness": [0.3, 0.5], "contact.damping": [120.0, 9e3]}
     given = {"drive": torques((0.1, 0.5, -0.25)), "duration": 0.2, "chunk": 2}
     metrics = ("peak", "rms", "slip_margin")
-    whole = sweep("atlas", vary, metrics, out=tmp_path / "whole.zarr", **given)
+    whole = sweep(rig, vary, metrics, out=tmp_path / "whole.zarr", **given)
     assert whole.spec.method == "fixed" and "halving the step" in whole.method
-    adaptive = sweep("atlas", vary, metrics, rtol=1e-8, **given)
+    adaptive = sweep(rig, vary, metrics, rtol=1e-8, **given)
     assert adaptive.spec.method == "full" and "tolerance is given" in adaptive.method
     for name in metrics:
         np.testing.assert_allclose(whole[name], adaptive[name], rtol=2e-4)
@@ -139,10 +160,16 @@ def test_torque_driven_sweeps_by_fixed_steps_agree_with_adaptive_runs(tmp_path):
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt, match="2 of 4"):
-        sweep("atlas", vary, metrics, out=tmp_path / "cut.zarr", report=stop, **given)
-    resumed = sweep("atlas", vary, metrics, out=tmp_path / "cut.zarr", resume=True, **given)
+        sweep(rig, vary, metrics, out=tmp_path / "cut.zarr", report=stop, **given)
+    resumed = sweep(rig, vary, metrics, out=tmp_path / "cut.zarr", resume=True, **given)
     for name in metrics:
         np.testing.assert_array_equal(resumed[name], whole[name])
+
+
+def dual_rows():
+    rows = {"profile": "dual-row", "row_spacing": 0.02, "roundness": 0.4}
+    data = tables(*((("wheel", 0, key), value) for key, value in rows.items()))
+    return parse_rig(data)
 
 
 @pytest.mark.parametrize(
@@ -150,7 +177,7 @@ def test_torque_driven_sweeps_by_fixed_steps_agree_with_adaptive_runs(tmp_path):
     [
         ({"drive": torques(ramp(0, 1, (0, 0, 0), (0.1, 0.2, 0.3)))}, "constant motor torques"),
         ({"solver": "tsit5"}, "solver or its tolerance"),
-        ({"rig": load_rig("atlas").add(LiftOff(), "all")}, "laws act at contacts"),
+        ({"rig": dual_rows()}, "contacts jump between two rows"),
     ],
 )
 def test_where_torque_driven_sweeps_keep_adaptive_steps(changes, message):

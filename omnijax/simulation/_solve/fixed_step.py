@@ -176,26 +176,24 @@ def _step(model: Model, drive, start, scale, tables: Tables, h, t, carry):
         )
         rate = ravel_pytree(rate._replace(position=state.drift))[0] / scale
         shape = position_input(rig, state.angle, state.attitude)
-        return rate[:m] - A @ y[:m], rate[m:], into @ shape
+        return rate[:m] - A @ y[:m] - into @ shape, rate[m:]
 
     e, z = y[:m], y[m:]
-    n1, z1, r1 = split(t, y, 0)
-    slope = A @ e + n1
-    mid = e + 0.5 * h * (half1 @ slope)
-    n2, z2, r2 = split(t + h / 2, jnp.concatenate([mid, z + 0.5 * h * z1]), 1)
-    y3 = jnp.concatenate([mid + h * (half2 @ (n2 - n1)), z + 0.5 * h * z2])
-    n3, z3, r3 = split(t + h / 2, y3, 1)
-    whole = e + h * (one @ slope)
-    y4 = jnp.concatenate([whole + 2 * h * (two @ (n3 - n1)), z + h * z3])
-    n4, z4, r4 = split(t + h, y4, 2)
+    d1, z1 = split(t, y, 0)
+    first = A @ e + d1
+    shaped = jnp.einsum("akn,kn->a", midway, rho[: len(rho) // 2])
+    mid = e + 0.5 * h * (half1 @ first) + shaped
+    d2, z2 = split(t + h / 2, jnp.concatenate([mid, z + 0.5 * h * z1]), 1)
+    y3 = jnp.concatenate([mid + h * (half2 @ (d2 - d1)), z + 0.5 * h * z2])
+    d3, z3 = split(t + h / 2, y3, 1)
+    passed = e + jnp.einsum("akn,kn->a", response, rho)
+    whole = passed + h * (one @ first + 2 * two @ (d3 - d1))
+    d4, z4 = split(t + h, jnp.concatenate([whole, z + h * z3]), 2)
     end = z + h / 6 * (z1 + 2 * z2 + 2 * z3 + z4)
 
-    d1, d2, d3, d4 = n1 - r1, n2 - r2, n3 - r3, n4 - r4
-    first, linear, square = A @ e + d1, 2 * (d2 + d3) - 3 * d1 - d4, 4 * (d1 + d4 - d2 - d3)
-    new = e + h * (one @ first + two @ linear + three @ square)
-    new = new + jnp.einsum("akn,kn->a", response, rho)
-    mid = e + h * (half1 @ first / 2 + half2 @ linear / 4 + half3 @ square / 8)
-    mid = mid + jnp.einsum("akn,kn->a", midway, rho[: len(rho) // 2])
+    linear, square = 2 * (d2 + d3) - 3 * d1 - d4, 4 * (d1 + d4 - d2 - d3)
+    new = passed + h * (one @ first + two @ linear + three @ square)
+    mid = e + shaped + h * (half1 @ first / 2 + half2 @ linear / 4 + half3 @ square / 8)
     halfway = (z + end) / 2 + h / 8 * (z1 - z4)
     size = rig.size
     turning = (z4 * scale[m:])[size : size + 3]

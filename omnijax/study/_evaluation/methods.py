@@ -111,8 +111,6 @@ def _no_fixed_steps(q: Question) -> str | None:
         return "fixed steps take constant motor torques and forces"
     if q.adaptive:
         return "a solver or its tolerance is given"
-    if any(q.rig.at(port) for port in ("contact", "mount", "separation", "platform")):
-        return "laws act at contacts, mounts or platform"
     dual = any(isinstance(profile, DualRow) for profile in q.rig.profiles)
     return "contacts jump between two rows" if dual else None
 
