@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from benchmarks.hidden_effects import thresholds
 from benchmarks.hidden_effects.answers import _numbers, right
 from benchmarks.hidden_effects.cases import drawn, planted
 from benchmarks.hidden_effects.effects import KNOWN, OUTSIDE
@@ -12,6 +13,8 @@ from benchmarks.hidden_effects.machines import drawn_machine
 from benchmarks.hidden_effects.report import holms, rate, report
 from omnijax.diagnosis import Diagnosis
 from omnijax.diagnosis._answer import Named
+from omnijax.diagnosis._search import SETTINGS
+from omnijax.diagnosis._search.model import AbstractModel
 from omnijax.laws import EFFECTS
 
 SEEDS = np.random.default_rng().integers(0, 10**6, 12).tolist()
@@ -77,3 +80,21 @@ def test_the_report_counts_each_answer_once_with_its_exact_interval():
     assert "| `none` kept | 1/2 (50 %) | 1 to 99 % |" in text
     assert rate("x", [True] * 10) == "| x | 10/10 (100 %) | 69 to 100 % |"
     np.testing.assert_allclose(holms(np.array([0.01, 0.04, 0.03])), [0.03, 0.06, 0.06])
+
+
+def test_a_threshold_is_varied_within_its_meaning_and_set_back():
+    for name in thresholds.VARIED:
+        before = getattr(SETTINGS, name)
+        for factor in (0.5, 2.0):
+            with thresholds.varied(name, factor) as value:
+                assert getattr(AbstractModel.settings, name) == value
+                inside = {1.05, 1.0, before * factor}
+                assert value in inside
+            assert AbstractModel.settings is SETTINGS
+    with pytest.raises(ZeroDivisionError), thresholds.varied("margin", 2.0):
+        _ = 1 / 0
+    assert AbstractModel.settings is SETTINGS
+    plain = {"seed": 1, "threshold": "", "factor": 1.0, "verdict": "none", "got": [], "right": True}
+    other = {**plain, "threshold": "margin", "factor": 2.0, "value": 50.0, "verdict": "named",
+             "right": False}  # fmt: skip
+    assert "| `margin` | 25 -> 50 | 1 | 1 | 0 | 1 |" in thresholds.table([plain, other])

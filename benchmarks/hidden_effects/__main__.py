@@ -1,7 +1,8 @@
-"""Run seeds, or report what is in a file of answers.
+"""Run seeds, report what is in a file of answers, or vary the thresholds.
 
     python -m benchmarks.hidden_effects run --seeds 0-99 [--kind none] [--out FILE]
     python -m benchmarks.hidden_effects report [--out FILE]
+    python -m benchmarks.hidden_effects thresholds --seeds 0-9 [--only margin,sure] [--out FILE]
 
 Seeds below 100 are for work; published figures come from seeds 100 and up.
 """
@@ -10,10 +11,11 @@ import argparse
 import json
 from pathlib import Path
 
+from . import thresholds
 from .answers import answered
 from .report import report
 
-RESULTS = Path(__file__).parents[1] / "results" / "hidden_effects.jsonl"
+RESULTS = Path(__file__).parents[1] / "results"
 
 
 def main() -> None:
@@ -22,15 +24,28 @@ def main() -> None:
         prog="python -m benchmarks.hidden_effects", description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    parser.add_argument("do", choices=["run", "report"])
+    parser.add_argument("do", choices=["run", "report", "thresholds"])
     parser.add_argument("--seeds", default="0-99", help="first-last, or one")
     parser.add_argument("--kind", help="hide this kind whatever the seed draws")
-    parser.add_argument("--out", type=Path, default=RESULTS)
+    parser.add_argument("--only", help="thresholds to vary, by comma")
+    parser.add_argument("--out", type=Path)
     options = parser.parse_args()
-    lines = read(options.out)
+    varying = options.do == "thresholds"
+    path = options.out or RESULTS / ("thresholds.jsonl" if varying else "hidden_effects.jsonl")
+    lines = read(path)
+    if varying:
+        names = options.only.split(",") if options.only else list(thresholds.VARIED)
+        print(thresholds.table(thresholds.run(path, lines, between(options.seeds), names)))
+        return
     if options.do == "run":
-        lines = run(options.out, lines, options.seeds, options.kind)
-    print(report(lines) if lines else f"no answers in {options.out}")
+        lines = run(path, lines, between(options.seeds), options.kind)
+    print(report(lines) if lines else f"no answers in {path}")
+
+
+def between(seeds: str) -> range:
+    """`7-9` or `7` as a range that holds its ends."""
+    first, _, last = seeds.partition("-")
+    return range(int(first), int(last or first) + 1)
 
 
 def read(path: Path) -> list[dict]:
@@ -38,12 +53,11 @@ def read(path: Path) -> list[dict]:
     return [json.loads(x) for x in path.read_text().splitlines()] if path.exists() else []
 
 
-def run(path: Path, lines: list[dict], seeds: str, kind: str | None) -> list[dict]:
+def run(path: Path, lines: list[dict], seeds: range, kind: str | None) -> list[dict]:
     """Answer what is not answered yet, one line each."""
-    first, _, last = seeds.partition("-")
     have = {x["seed"] for x in lines}
     path.parent.mkdir(parents=True, exist_ok=True)
-    for seed in range(int(first), int(last or first) + 1):
+    for seed in seeds:
         if seed in have:
             continue
         try:
