@@ -5,7 +5,7 @@ import dataclasses
 import json
 import tempfile
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from omnijax.diagnosis import diagnose
@@ -35,7 +35,7 @@ def varied(name: str, factor: float) -> Iterator[float]:
         AbstractModel.settings = SETTINGS
 
 
-def run(path: Path, lines: list[dict], seeds: range, names: list[str]) -> list[dict]:
+def run(path: Path, lines: list[dict], seeds: range, names: Sequence[str]) -> list[dict]:
     """Answers that are missing in `lines`: the case of every seed as it is, and varied."""
     have = {(x["seed"], x["threshold"], x["factor"]) for x in lines}
     wanted = [("", 1.0), *((name, factor) for name in names for factor in (0.5, 2.0))]
