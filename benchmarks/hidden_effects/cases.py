@@ -9,7 +9,7 @@ import numpy as np
 
 from .. import plant
 from .effects import FRICTION, KNOWN, OUTSIDE, RADIUS, Hidden
-from .machines import FINE, Machine, arrays, drawn_force, drawn_machine, drawn_motion
+from .machines import FINE, Machine, arrays, drawn_force, drawn_machine, drawn_motions
 from .sensors import GROUPS, columns_of, drawn_noise, noisy, shifted
 
 SECONDS = 3.0  # s a run
@@ -65,7 +65,7 @@ def drawn(seed: int, kind: str | None = None) -> Drawn:
     steady = chosen == "ambiguous" and draws[0] != "wheel-radius"
     runs = int(rng.choice([1, 2, 3], p=[0.1, 0.6, 0.3]))
     cut = 1.5 if steady else 1.0 if rng.random() < 0.12 else 0.0
-    motions = [drawn_motion(rng, machine.stated, SECONDS + 1.5, steady) for _ in range(runs)]
+    motions = drawn_motions(rng, machine.stated, SECONDS + 1.5, runs, steady)
     torque = np.stack([plant.torques(machine.stated, w, 0.0, FINE) for w in motions])
     forced = bool(rng.random() < 0.3)
     force = np.stack([drawn_force(rng, machine.stated, torque.shape[1]) for _ in range(runs)])

@@ -65,12 +65,17 @@ def arrays(rig: dict[str, Any]) -> dict[str, np.ndarray]:
     return {k: np.asarray(v * each if k in BY_WHEEL else v, float) for k, v in rig.items()}
 
 
-def drawn_motion(rng, stated: dict[str, Any], seconds: float, steady: bool = False) -> np.ndarray:
-    """Omega (samples, 3) of a run at `FINE` Hz: a random turning, or a steady one (`steady`)."""
+def drawn_motions(
+    rng, stated: dict[str, Any], seconds: float, runs: int, steady: bool
+) -> list[np.ndarray]:
+    """Omega (samples, 3) of every run at `FINE` Hz: random turnings, or all the same steady one.
+
+    Steady turns of two speeds would tell frictions apart.
+    """
     peak = 0.55 * 1.22 / stated["R"]
     if steady:
-        return plant.spin_up(seconds, peak * rng.uniform(0.7, 1.2), FINE)
-    return plant.wander(rng, seconds, peak, FINE)
+        return [plant.spin_up(seconds, peak * rng.uniform(0.7, 1.2), FINE)] * runs
+    return [plant.wander(rng, seconds, peak, FINE) for _ in range(runs)]
 
 
 def drawn_force(rng, stated: dict[str, Any], samples: int) -> np.ndarray:
