@@ -28,7 +28,7 @@ def nothing(n: int = 3) -> dict[str, Any]:
 
     return {
         "runout": z(), "runout_phase": z(), "roller": np.full(n, -1.0), "severity": z(),
-        "round": 0.0, "round_axis": np.array([0.0, 0.0, 1.0]), "K3": z(), "hertz": z(), "K1": z(),
+        "round": 0.0, "round_axis": np.array([0.0, 0.0, 1.0]), "K3": z(), "hertz": z(), "power": 1.5, "K1": z(),
         "tau": np.full(n, 0.01), "lift": z(), "k3": z(), "backlash": z(), "dry": z(),
         "coulomb": z(), "viscous": z(), "ripple": z(), "ripple_order": z(), "ripple_phase": z(),
         "gain": z(), "arm": 0.0, "lever": 0.0, "drag": 0.0, "offset": np.zeros(3), "floor": 0.0,
@@ -104,9 +104,9 @@ def turn_matrix(q):
 
 def contact_extra(d, z, rig, e, time):
     """Contact tension beside K d + C d'."""
-    reach = 1.5 * rig["N0"] / rig["K"]
+    reach = e["power"] * rig["N0"] / rig["K"]
     left = jnp.maximum(1 - d / reach, 0.0)
-    hertz = rig["N0"] * (1 - left**1.5) - rig["K"] * d
+    hertz = rig["N0"] * (1 - left ** e["power"]) - rig["K"] * d
     extra = e["K3"] * d**3 + e["K1"] * (d - z) + e["hertz"] * hertz + e["K2"] * d**2
     return extra + e["cross"] @ d + e["fade"] * rig["K"] * d * time
 
@@ -187,8 +187,9 @@ def at_rest(theta, rig, e):
         x, D = v[:3], v[3:]
         d = normal @ x - D - rho
         t = rig["K"] * d + contact_extra(d, d, rig, e, 0.0)
+        t = jnp.where(e["lift"] > 0, jnp.minimum(t, rig["N0"]), t)
         m = rig["k"] * D + mount_extra(D, 0 * D, rig, e)
-        return jnp.concatenate([normal.T @ (t + rig["Kc"] * normal @ x), t - m])
+        return jnp.concatenate([normal.T @ (t + rig["Kc"] * (normal @ x)), t - m])
 
     v = jnp.zeros(3 + len(normal))
     for _ in range(12):
@@ -199,7 +200,7 @@ def at_rest(theta, rig, e):
     return (x, D, -normal.T @ pulled, pulled, zero, theta, zero, q, d)
 
 
-@partial(jax.jit, static_argnames=("rate", "steps"))
+@partial(jax.jit, static_argnames="rate")
 def side_by_side(theta, torque, force, rig, e, rate=RATE, steps=STEPS):
     """As `simulate`, every run with a machine and effects of its own, in `steps` a second."""
     return jax.vmap(lambda *run: _simulate(*run, rate, steps))(theta, torque, force, rig, e)
@@ -216,7 +217,7 @@ def simulate(theta, torque, force, rig, e):
 
 
 def _simulate(theta, torque, force, rig, e, rate=RATE, steps=STEPS):
-    count = round(steps / rate)  # Runge-Kutta steps a sample
+    count = jnp.round(steps / rate).astype(int)  # Runge-Kutta steps a sample
     h = 1 / rate / count
 
     def add(y, k, s):
@@ -225,7 +226,7 @@ def _simulate(theta, torque, force, rig, e, rate=RATE, steps=STEPS):
     def sample(y, given):
         k, start, end = given
 
-        def sub(y, j):
+        def sub(j, y):
             time = (k * count + j) * h
 
             def rates(y, s):
@@ -237,10 +238,10 @@ def _simulate(theta, torque, force, rig, e, rate=RATE, steps=STEPS):
             k3 = rates(add(y, k2, h / 2), 0.5)
             k4 = rates(add(y, k3, h), 1.0)
             mean = jax.tree.map(lambda a, b, c, d: (a + 2 * b + 2 * c + d) / 6, k1, k2, k3, k4)
-            return add(y, mean, h), None
+            return add(y, mean, h)
 
         out = measure(y, k, start)
-        return jax.lax.scan(sub, y, jnp.arange(count))[0], out
+        return jax.lax.fori_loop(0, count, sub, y), out
 
     def commanded(at):
         """What acts after each wheel's delay, `at` samples into the run."""
