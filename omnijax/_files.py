@@ -96,6 +96,8 @@ def _file_problems(path: Path, force: bool, taken: set[Path]) -> Iterator[str]:
         yield f"{path}: is an input of this command, which is never written over."
     elif mode is not None and not stat.S_ISREG(mode):
         yield f"{path}: is a folder or a device, and not a file to be written."
+    elif any(t in target.parents or target in t.parents for t in taken):
+        yield f"{path}: two results cannot be a file and a file in a folder of that name."
     elif (mode is not None or os.path.islink(path)) and not force:
         yield f"{path}: exists already: choose another name, or write over it with --force."
     elif (reason := _obstacle(target.parent)) is not None:

@@ -5,7 +5,9 @@ from typing import Any, Literal
 
 from cyclopts import Parameter
 
-from ._options import number, numbers
+from ._options import MaybeWhole, number, numbers
+
+MOST_STEPS = 2**31 - 1
 
 
 @Parameter(name="*")
@@ -69,7 +71,7 @@ class Numerics:
     """`auto`: exact where speeds are constant and the rig linear, else what fits its stiffness."""
     rtol: float | None = None
     """Relative tolerance of the solvers."""
-    max_steps: int | None = None
+    max_steps: MaybeWhole = None
     """Most steps before a run stops with the status `step limit`."""
 
     def checked(self) -> "Numerics":
@@ -80,4 +82,6 @@ class Numerics:
             raise InputError(f"`rtol` must lie in (0, 0.01], but is {self.rtol:g}.")
         if self.max_steps is not None and self.max_steps < 1:
             raise InputError(f"`max-steps` must be at least 1, but is {self.max_steps}.")
+        if self.max_steps is not None and self.max_steps > MOST_STEPS:
+            raise InputError(f"`max-steps` must be at most {MOST_STEPS}, but is {self.max_steps}.")
         return self

@@ -4,11 +4,11 @@ import json
 import re
 import shlex
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-from cyclopts import Parameter
+from cyclopts import Parameter, Token
 
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print JSON for machines.")]
 _FORCE = "Write over files that exist; without it nothing is, and an input never."
@@ -27,6 +27,17 @@ def read_force(tokens: list[str]) -> list[str]:
     ]
 
 
+def _whole(_: type, tokens: Sequence[Token]) -> int:
+    """A whole number as it is typed; `1.5` is none."""
+    try:
+        return int(tokens[0].value)
+    except ValueError:
+        raise ValueError(f"{tokens[0].value!r} is no whole number") from None
+
+
+Whole = Annotated[int, Parameter(converter=_whole)]
+MaybeWhole = Annotated[int | None, Parameter(converter=_whole)]
+
 _NUMBERS = re.compile(r"\s*[+-]?\.?\d|.*,")
 
 
@@ -39,6 +50,14 @@ def check_picture(path: Path | None) -> None:
 
     if path is not None and path.suffix.lower() not in PICTURES:
         raise InputError(f"`{path.name}` must end in one of {', '.join(PICTURES)}.")
+
+
+def check_netcdf(path: Path | None) -> None:
+    """`InputError` for a result that is not to be a netCDF file."""
+    from .._errors import InputError
+
+    if path is not None and path.suffix.lower() != ".nc":
+        raise InputError(f"`{path.name}` must end in .nc.")
 
 
 def command_line(without: tuple[str, ...] = (), valued: tuple[str, ...] = ()) -> str:

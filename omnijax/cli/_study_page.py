@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from .._files import claim
 from .._interrupts import answer, saying
 from .._reading import existing
-from ._options import Force, Json, command_line, emit
+from ._options import Force, Json, check_netcdf, command_line, emit
 from ._progress import bar
 
 Switch = Annotated[bool, Parameter(negative="")]
@@ -43,6 +43,7 @@ def worked(
 ) -> tuple[Any, Any]:
     """The study of a file and its result; `files` are written beside, `parts` are counted."""
     existing(study)
+    check_netcdf(results.out)
     from ..study import load_study
 
     asked = load_study(study)

@@ -4,14 +4,14 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from ._options import number, numbers
+from ._options import Whole, number, numbers
 from ._starter import fitting_speeds
 
 
 def explore(
     *rigs: Annotated[str, Parameter(help="Rig files or names of bundled rigs, side by side.")],
     speed: str | None = None,
-    port: int = 8765,
+    port: Whole = 8765,
     host: str = "127.0.0.1",
     browser: bool = True,
 ) -> None:

@@ -9,8 +9,10 @@ from cyclopts import Parameter
 
 from .._errors import InputError
 from .._files import claim, write_bytes
-from ._options import Force, number
+from ._options import Force, MaybeWhole, number
 from ._starter import EXAMPLES, rig_text, starter
+
+MOST = 1000  # wheels, and rollers of a wheel
 
 
 @Parameter(name="*")
@@ -20,7 +22,7 @@ class Shape:
 
     example: Literal["ballbot", "platform", "four-wheel"] | None = None
     """A machine to start from."""
-    wheels: int | None = None
+    wheels: MaybeWhole = None
     """Number of wheels, spread evenly around the vertical."""
     zenith: str | None = None
     """Angle from the top of the sphere to the wheels (45 or 45deg)."""
@@ -28,7 +30,7 @@ class Shape:
     """Angle of the rim's direction to the horizontal; 0 where not given."""
     radius: str | None = None
     """Radius of the sphere (120mm)."""
-    rollers: int | None = None
+    rollers: MaybeWhole = None
     """Rollers of a wheel."""
 
     def text(self) -> str | None:
@@ -42,8 +44,8 @@ class Shape:
         if radius is not None and not 0 < radius < float("inf"):
             raise InputError(f"`radius` must lie in (0, inf) m, but is {radius:g}.")
         for name, value in (("wheels", self.wheels), ("rollers", self.rollers)):
-            if value is not None and value < 1:
-                raise InputError(f"`{name}` must be at least 1, but is {value}.")
+            if value is not None and not 1 <= value <= MOST:
+                raise InputError(f"`{name}` must lie in [1, {MOST}], but is {value}.")
         below = zenith is not None and zenith > 90
         base = EXAMPLES[self.example or ("platform" if below else "ballbot")]
         given = {"wheels": self.wheels, "zenith": zenith, "skew": skew, "radius": radius}
@@ -125,6 +127,9 @@ def _degrees(name: str, text: str | None) -> float | None:
     if text is None:
         return None
     try:
-        return float(text)
+        value = float(text)
     except ValueError:
-        return math.degrees(number(name, text, "rad"))
+        value = math.degrees(number(name, text, "rad"))
+    if not -360 <= value <= 360:
+        raise InputError(f"`{name}` must lie in [-360, 360] deg, but is {value:g}.")
+    return value

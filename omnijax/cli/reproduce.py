@@ -5,14 +5,14 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from ._options import Force, Json, emit
+from ._options import Force, Json, Whole, emit
 
 
 def reproduce(
     *,
     out: Annotated[Path, Parameter(name=["--out", "-o"])],
-    samples: int = 4,
-    seed: int = 0,
+    samples: Whole = 4,
+    seed: Whole = 0,
     force: Force = False,
     json: Json = False,
 ) -> int:

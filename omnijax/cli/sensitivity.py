@@ -9,7 +9,7 @@ from .._files import claim
 from ._axis import refuse, refuse_drive, sensitivity_axis
 from ._kind import file_kind
 from ._motion import Motion
-from ._options import Json, Overwrite
+from ._options import Json, Overwrite, Whole, check_netcdf
 from ._study_page import Switch, deliver, made_by_rig
 
 
@@ -24,7 +24,7 @@ def sensitivity(
     model: Literal["coupled", "paper"] = "coupled",
     check: Switch = False,
     per_wheel: Switch = False,
-    top: int = 12,
+    top: Whole = 12,
     out: Path | None = None,
     report: Path | None = None,
     overwrite: Overwrite = False,
@@ -65,6 +65,7 @@ def sensitivity(
 
     if top < 1:
         raise InputError(f"`top` must be at least 1, but is {top}.")
+    check_netcdf(out)
     metric = metric or "rms,peak"
     if file_kind(rig) == "machine":
         refuse({"model": model != "coupled", "check": check} | vars(motion), "sensitivity")

@@ -10,7 +10,7 @@ from .._files import claim, writing
 from ._axis import refuse, refuse_drive, sweep_axis
 from ._kind import file_kind
 from ._motion import Motion, Numerics
-from ._options import Json, Overwrite, check_picture, command_line, emit
+from ._options import Json, MaybeWhole, Overwrite, Whole, check_picture, command_line, emit
 from ._study_page import Switch
 from ._sweep_summary import show, summarise
 
@@ -22,9 +22,9 @@ class Sampling:
 
     sampler: Literal["grid", "lhs", "sobol"] = "grid"
     """Grid, Latin hypercube (lhs) or Sobol points."""
-    samples: int | None = None
+    samples: MaybeWhole = None
     """Number of designs of lhs and sobol."""
-    seed: int = 0
+    seed: Whole = 0
     """Seed of lhs and sobol."""
     gradient: Switch = False
     """Also store the derivative of each metric to each varied parameter."""
@@ -39,11 +39,11 @@ class Place:
     """Folder of the zarr store; without it nothing is kept."""
     resume: Switch = False
     """Continue the store in --out."""
-    chunk: int | None = None
+    chunk: MaybeWhole = None
     """Designs stored together: what a kill can lose."""
-    devices: int = 1
+    devices: Whole = 1
     """Local devices to spread each batch over."""
-    workers: int | None = None
+    workers: MaybeWhole = None
     """Processes of a local Dask cluster."""
     scheduler: str | None = None
     """Address of a running Dask scheduler (tcp://host:8786)."""

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 from .._reading import existing
-from ._options import Json, emit
+from ._options import Json, MaybeWhole, emit
 
 
-def sweep_status(store: Path, /, *, rerun: int | None = None, json: Json = False) -> int:
+def sweep_status(store: Path, /, *, rerun: MaybeWhole = None, json: Json = False) -> int:
     """Show how far a stored sweep is, what failed, and the time left.
 
     Example: omnijax sweep-status sweep.zarr

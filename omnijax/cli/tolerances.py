@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from ._options import Whole
 from ._study_page import Results, finish, worked
 
 
@@ -10,7 +11,7 @@ def tolerances(
     study: Path,
     /,
     *,
-    draws: int = 1024,
+    draws: Whole = 1024,
     results: Results = Results(),
 ) -> int:
     """Find tolerances of each wheel's parts that keep a metric below a limit.

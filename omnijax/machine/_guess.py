@@ -85,6 +85,11 @@ def describe(log: Path, time: str | None, given: str, position: str, rate: float
         if name not in table.columns:
             raise InputError(f"{log.name} has no column {name!r}; columns: "
                              f"{', '.join(table.columns)}.")  # fmt: skip
+    if len({time, given, position}) < 3:
+        raise InputError(
+            f"{log.name}: time, input and position must be three columns, but are {time!r}, "
+            f"{given!r} and {position!r}."
+        )
     units = {
         ours: u for ours, theirs in (("t", time), ("input", given), ("position", position))
         if theirs and (u := table.units.get(theirs) or _unit(theirs))

@@ -41,6 +41,11 @@ def speed_table(path: Path, names: Sequence[str]) -> SpeedTable | None:
             found[name] = values * _factor(path, head, unit or wanted, wanted)
     if not any(name.startswith("speed_") for name in found):
         return None
+    torque = next((head for head in table.columns if head.strip().startswith("torque")), None)
+    if torque is not None:
+        raise InputError(
+            f"has speeds and `{torque}`: leave out which of them does not drive.", path
+        )
     wheels = [
         next((c for c in (f"speed_{name}", f"speed_{i}") if c in found), None)
         for i, name in enumerate(names, 1)

@@ -1,6 +1,7 @@
 """Numbers as a person types them: `"30 rpm, 0, 10 rpm"`, `["30 rpm", 0, 10]`, `"2 s"`."""
 
 import re
+from contextlib import suppress
 from typing import Any
 
 from .._errors import InputError
@@ -11,12 +12,11 @@ _SEVERAL = re.compile(r"\s*[-+\d.eE]+(\s+[-+]?[\d.][-+\d.eE]*)+\s*\Z")
 
 def typed_number(name: str, text: str, unit: str) -> float:
     """A number in SI from text with or without a unit; `InputError` says `name`."""
+    found: str | float = text
+    with suppress(ValueError):  # text with a unit, or nothing that makes sense
+        found = float(text)
     try:
-        return as_number(float(text), unit)
-    except ValueError:
-        pass  # text with a unit, or nothing that makes sense
-    try:
-        return as_number(text, unit)
+        return as_number(found, unit)
     except ValueError as error:
         raise InputError(f"`{name}` {error}") from None
 

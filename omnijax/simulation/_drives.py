@@ -113,10 +113,10 @@ RATE = 500.0  # samples a second where none is given
 def sample_times(length: float, rate: float | None = None) -> np.ndarray:
     """Samples from 0 to `length` s, 500 a second where no `rate` (Hz) is given."""
     frequency = rate or RATE
-    count = round(length * frequency)
+    count = round(min(length * frequency, 1e18))
     if not 1 <= count <= LONGEST:
         raise InputError(
-            f"`duration` times `rate` must give 1 to {LONGEST} samples, but gives {count}."
+            f"`duration` times `rate` must give 1 to {LONGEST} samples, but gives {count:.15g}."
         )
     return np.arange(count + 1) / frequency
 

@@ -14,6 +14,7 @@ from omnijax.cli import run
 from omnijax.rig import bundled_rigs
 
 from .strange import GOOD, place, strange
+from .wrong import wrong
 
 LIMIT = 10.0  # s of processor time
 LONGEST = 12_000  # characters of an answer
@@ -90,7 +91,8 @@ class Case(NamedTuple):
 def cases(number: int | None = None, seed: int = 0) -> list[Case]:
     """All attacks, or `number` of them drawn at random."""
     every = [*_rigs(), *_files(), *_arguments(), *_recordings()]
-    every += [Case(name, words, None, files) for name, words, files in strange()]
+    more = [*strange(), *wrong(seed)]
+    every += [Case(name, words, None, files) for name, words, files in more]
     return every if number is None else random.Random(seed).sample(every, number)
 
 
@@ -188,7 +190,9 @@ def attack(case: Case) -> str | None:
     if name:
         Path(name).unlink(missing_ok=True)
         before.pop(name, None)
-    changed = _state() != before
+    changed = (after := _state()) != before
+    for path in set(after) - set(before):  # what it should not have written spoils no other attack
+        Path(path).unlink()
     for path in case.files:
         Path(path).unlink(missing_ok=True)
     wrong = [

@@ -68,8 +68,8 @@ STUDIES = {
 AXIS = """kind = "axis"
 [motor]
 input = "torque"
-[inertia]
-total = 0.01
+[axis]
+inertia = 0.01
 """
 COLUMNS = "t,torque_1,torque_2,torque_3,dR_x,dR_y,dR_z,theta_1,theta_2,theta_3"
 

@@ -15,6 +15,8 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ..._arrays import on_device
+from ..._errors import InputError
+from ..._memory import SHARE, available, in_words
 from ..._programs import kept
 from ...dynamics import TRANSLATIONS, Model, State, initial_memory
 from ...rig import Rig
@@ -144,6 +146,9 @@ def _traced(rig: Rig, drive: SpeedDrive, ts, model: str) -> Trajectory:
     return _varying(rig, drive, drive, ts, ts[0], begun, model, ahead.counts, ahead.levels)[0]
 
 
+BYTES_A_PERIOD = 8e3  # of what is prepared for a piece of a run
+
+
 class _Ahead(NamedTuple):
     """What holds for every piece of a run, so that one program serves all."""
 
@@ -162,6 +167,12 @@ def _ahead(rig: Rig, drive: SpeedDrive, ts, cuts, model: str) -> _Ahead:
     turned = (fastest * np.diff(knots)[:, None]).max(axis=0, initial=0.0)
     shapes = [[pieces for pieces, _ in wheel_pieces(rig, i)] for i in range(rig.size)]
     periods = [min(float(jnp.sum(p.width)) for p in some) for some in shapes]
+    passed = sum(a / p for a, p in zip(turned, periods, strict=True))
+    if not BYTES_A_PERIOD * passed < SHARE * available():
+        raise InputError(
+            f"the wheels pass {passed:.3g} roller pitches between two knots of their speeds, which "
+            f"needs {in_words(BYTES_A_PERIOD * passed)} of memory: turn slower, or add knots."
+        )
     counts = tuple(int(np.ceil(a / p)) + 3 for a, p in zip(turned, periods, strict=True))
     step = float(np.diff(np.asarray(ts)).max(initial=1e-6))
     still = jnp.zeros(rig.size)

@@ -112,6 +112,8 @@ def samples_of(duration: float | None, rate: float | None) -> np.ndarray | None:
     Raises `InputError` for a duration or rate that gives less than 2 of them after the start.
     """
     if duration is None:
+        if rate is not None:
+            raise InputError("`rate` is that of a run, which has a `duration`: give both.")
         return None
     rate = RATE if rate is None else rate
     wrong = [
