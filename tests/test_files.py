@@ -53,7 +53,7 @@ REFUSED = {
     "the run by its replay": ("replay run.nc --out run.nc", "never written over"),
     "a rig by a replay": ("replay run.nc --out rig.toml", "--force"),
     "the study by its design": ("design study.toml --rig study.toml", "never written over"),
-    "the study's rig": ("tolerances study.toml --out rig.toml", "never written over"),
+    "the study's rig": ("tolerances study.toml --out rig.toml", "must end in .nc"),
     "an older front": ("pareto study.toml --out run.nc", "--force"),
     "the paper's page": ("reproduce --out page", "--force"),
     "a file as a folder": ("reproduce --out rig.toml", "a folder is to be written"),

@@ -12,6 +12,7 @@ from .._errors import InputError, did_you_mean
 from .._problems import sentence
 from .._reading import read_toml
 from ..laws import EFFECTS
+from ..rig import law_quantity
 from ._axis import Axis
 from ._base import AbstractMachine
 from ._ports import PlacedLaw
@@ -107,8 +108,15 @@ def _effects(blocks) -> tuple[tuple[PlacedLaw, ...], list[str]]:
             problems.append(f"`effect.{block.id}.parameters` must be {', '.join(law.parameters)}, "
                             f"but {said}.")  # fmt: skip
             continue
-        values = {k: jnp.asarray(v, float) for k, v in block.parameters.items()}
-        placed.append(PlacedLaw(law(**values), block.place))
+        values = {}
+        for name, given in block.parameters.items():
+            try:
+                quantity = law_quantity(law.parameters[name], block.place, 1)
+                values[name] = jnp.asarray(quantity.read(given), float)
+            except ValueError as error:
+                problems.append(f"`effect.{block.id}.{name}` {error}")
+        if len(values) == len(block.parameters):
+            placed.append(PlacedLaw(law(**values), block.place))
     return tuple(placed), problems
 
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ._open import rig_tables as rig_tables
     from ._parameters import ParameterInfo as ParameterInfo
     from ._parameters import get_parameter as get_parameter
+    from ._parameters import law_quantity as law_quantity
     from ._parameters import parameter_info as parameter_info
     from ._parameters import parameter_paths as parameter_paths
     from ._parameters import put_parameter as put_parameter
