@@ -73,8 +73,11 @@ def changed(text: str, rng: random.Random) -> Iterator[tuple[str, str]]:
                 start = found.start(2)
                 for bad in rng.sample(NUMBERS, PICKED):
                     where = start + part.start(2), start + part.end(2)
-                    yield f"{key}.{part[1]} = {bad}", put(text, where, bad)
-            yield f"{key} twice in a table", put(text, found.span(2), "{ a = 1, a = 2 }")
+                    yield f"{key}.{part[1]} = {bad} (at {where[0]})", put(text, where, bad)
+            yield (
+                f"{key} twice in a table (at {found.start()})",
+                put(text, found.span(2), "{ a = 1, a = 2 }"),
+            )
         for bad in rng.sample(bads(key, value), PICKED):
             whole = f"{key} = {bad}"
             yield (
@@ -82,7 +85,10 @@ def changed(text: str, rng: random.Random) -> Iterator[tuple[str, str]]:
                 put(text, found.span(), whole),
             )
     for head in re.finditer(r"(?m)^\[.*\]", text):
-        yield f"a key more in {head[0]}", put(text, (head.end(), head.end()), "\nbogus = 1")
+        yield (
+            f"a key more in {head[0]} (at {head.start()})",
+            put(text, (head.end(), head.end()), "\nbogus = 1"),
+        )
     yield "a key more", "bogus = 1\n" + text
 
 
