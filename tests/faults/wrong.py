@@ -154,7 +154,7 @@ DRIVES = {
     "time in kilograms": SPEEDS.replace("t,", "t (kg),") + "0,1,1,1\n1,1,1,1\n",
     "a unit of two kinds": SPEEDS.replace("speed_1", "speed_1 (m/s)") + "0,1,1,1\n1,1,1,1\n",
     "only commas": ",,,\n,,,\n,,,\n",
-    "beyond numbers": SPEEDS + "0,1,1,1\n1e308,1,1,1\n",
+    "of an endless time": SPEEDS + "0,1,1,1\n1e308,1,1,1\n",
     "of infinite speeds": SPEEDS + "0,1,1,1\n1,1e308,1,1\n",
 }
 CLASS = "import omnijax\nfrom omnijax.laws import AbstractShaft, Parameter\n"
