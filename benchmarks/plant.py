@@ -28,7 +28,8 @@ def nothing(n: int = 3) -> dict[str, Any]:
 
     return {
         "runout": z(), "runout_phase": z(), "roller": np.full(n, -1.0), "severity": z(),
-        "round": 0.0, "round_axis": np.array([0.0, 0.0, 1.0]), "K3": z(), "hertz": z(), "power": 1.5, "K1": z(),
+        "round": 0.0, "round_axis": np.array([0.0, 0.0, 1.0]), "K3": z(), "hertz": z(), "K1": z(),
+        "power": 1.5,
         "tau": np.full(n, 0.01), "lift": z(), "k3": z(), "backlash": z(), "dry": z(),
         "coulomb": z(), "viscous": z(), "ripple": z(), "ripple_order": z(), "ripple_phase": z(),
         "gain": z(), "arm": 0.0, "lever": 0.0, "drag": 0.0, "offset": np.zeros(3), "floor": 0.0,

@@ -219,7 +219,7 @@ def drawn_machine(rng, kinds: tuple[str, ...], gaps: bool = True, light: bool = 
         "eta": rng.uniform(0.15, 0.45, n) if gaps else np.full(n, 1e-6),
         "K": rng.uniform(1e5, 3e5, n), "C": rng.uniform(100, 400, n),
         "k": rng.uniform(4e5, 1.5e6, n), "c": rng.uniform(50, 180, n),
-        "Kc": rng.uniform(1e4, 4e4, n), "N0": rng.uniform(1e3, 2e3, n) * (0.03 if light else 1),
+        "Kc": rng.uniform(1e4, 4e4, n), "N0": rng.uniform(1e3, 2e3, n) * (0.02 if light else 1),
         "mu": rng.uniform(0.5, 0.9, n),
     }  # fmt: skip
     plant["r"] = plant["R"] * rng.uniform(0.05, 0.4, n)

@@ -16,6 +16,7 @@ from omnijax.dynamics import (
     Pointwise,
     PortInputs,
     flatten,
+    free_directions,
     held,
     held_directions,
     linear_system,
@@ -54,6 +55,14 @@ def check_hold():
         rig = with_normals(normal)
         assert held_directions(rig) == count and bool(held(rig)) == (count == 3)
         assert bool(held(rig, "paper")) is True
+
+
+def check_free_directions():
+    """Across the normals of two wheels; two directions across the one of a single wheel."""
+    near(free_directions(with_normals([[1, 0, 0], [0.6, 0.8, 0]])), [[0, 0, 1]])
+    expected = np.array([[0, 0.8, -0.48], [-0.8704, 0.1728, 0.288]]) / np.sqrt(0.8704)
+    near(free_directions(with_normals([[0.36, 0.48, 0.8]])), expected)
+    assert free_directions(with_normals(np.eye(3))).shape == (0, 3)
 
 
 def check_mobility():
@@ -187,6 +196,7 @@ def check_numbers_of_a_rig():
 
 CHECKS = {
     "hold": check_hold,
+    "free directions": check_free_directions,
     "mobility": check_mobility,
     "weight": check_weight,
     "sliding": check_sliding,

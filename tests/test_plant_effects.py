@@ -81,7 +81,7 @@ def distance(found, expected, n):
 
 def test_the_plant_closes_in_on_every_effect():
     rng = drawn_anew("plant against effects")
-    n = int(rng.integers(3, 7))
+    n = int(rng.integers(2, 7))
     kinds, wheel = tuple(rng.choice([*PROFILES], n).tolist()), int(rng.integers(n))
     whole = os.environ.get("OMNIJAX_TEST_EFFECTS") == "all"
     alone = [(name,) for name in rng.permutation([*EFFECTS])[: None if whole else COUNT].tolist()]
@@ -102,6 +102,7 @@ def test_the_plant_closes_in_on_every_effect():
             assert after < 1e-5 and before > 7 * after, told
         else:  # what lies between two steps at an edge
             assert after < 5e-2 if "lift-off" in case.names else after < 2e-3, told
-        assert effect > 20 * after, told
+        flown = run.normal_force.min() <= 0
+        assert effect > 20 * after or (case.names == ("lift-off",) and not flown), told
         shrinks.append(before / after)
     assert np.median(shrinks) > 3

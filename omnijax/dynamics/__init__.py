@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from ._forces import rolling_torques as rolling_torques
     from ._forces import shaft_torques as shaft_torques
     from ._forces import torques as torques
+    from ._hold import free_directions as free_directions
     from ._hold import held as held
     from ._hold import held_directions as held_directions
     from ._hold import hold_obstacle as hold_obstacle

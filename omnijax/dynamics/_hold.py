@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float
 
 from ..rig import Rig
 
@@ -31,6 +31,19 @@ def held(rig: Rig, model: str = "coupled") -> Bool[Array, ""]:
 def hold_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     """Why a rig of known numbers has no steady state, in words; None where it has one."""
     return None if bool(held(rig, model)) else NOT_HELD
+
+
+def free_directions(rig: Rig) -> Float[Array, "k 3"]:
+    """Unit directions in which one or two wheels leave the sphere free, as rows; none for more."""
+    r = rig.wheels.normal
+    if rig.size > 2:
+        return jnp.zeros((0, 3))
+    if rig.size == 2:
+        across = jnp.cross(r[0], r[1])
+        return (across / jnp.sqrt(across @ across))[None]
+    aside = jnp.cross(r[0], jnp.eye(3)[jnp.argmin(jnp.abs(r[0]))])
+    aside = aside / jnp.sqrt(aside @ aside)
+    return jnp.stack([aside, jnp.cross(r[0], aside)])
 
 
 def held_directions(rig: Rig) -> int:

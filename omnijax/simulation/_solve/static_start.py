@@ -4,19 +4,29 @@ import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 
-from ...dynamics import Model, PortInputs, initial_memory, port_forces, position_input
+from ...dynamics import (
+    Coupled,
+    Model,
+    PortInputs,
+    free_directions,
+    initial_memory,
+    port_forces,
+    position_input,
+)
 
 
 def static_start(model: Model, angle, attitude):
     """Elastic state and law memories at static equilibrium with the wheels at `angle` (rad).
 
     The linear model is solved exactly; laws at contacts and mounts by Newton's method from there.
+    Where one or two wheels leave the sphere free, it stays where it is.
     """
     rig = model.rig
     shape = position_input(rig, angle, attitude)
     rest = model.translation.rest()
     memory = initial_memory(rig)
     start, unravel = ravel_pytree((rest.approach, rest.mount, memory))
+    free = free_directions(rig)
 
     def imbalance(unknown, laws=True):
         approach, mount, memory = unravel(unknown)
@@ -28,7 +38,10 @@ def static_start(model: Model, angle, attitude):
         if laws:
             inputs = inputs._replace(contact=contact, mount=tension)
         rate = model.translation.rate(state, inputs)
-        return ravel_pytree((rate.momentum, rate.wheel_momentum, rates))[0]
+        momentum = rate.momentum
+        if len(free) and isinstance(model.translation, Coupled):  # of no force along `free`
+            momentum = momentum - rig.wheels.contact.stiffness[0] * free.T @ (free @ approach)
+        return ravel_pytree((momentum, rate.wheel_momentum, rates))[0]
 
     if not (rig.at("contact") or rig.at("mount") or rig.at("separation")):
         jacobian = jax.jacfwd(imbalance)(start)
