@@ -36,7 +36,10 @@ def main(folder: Path = DATA, tell=print) -> dict:
     found = diagnose(MachineCase(folder, file, parts, False, []), tell=tell)
     errors = force_error(found, whole, log("DATA_EMPS_PULSES"))  # refitted on the whole file
     lines = [e.parameters["order"]["value"] for e in found.effects if e.id == "motor-ripple"]
-    return {"found": found, "names": [e.id for e in found.effects], "lines": lines, **errors}
+    free = {f"free run {k}, {r['role']}, mm": 1e3 * r[k]["rms"]
+            for r in found.free_runs for k in ("before", "after")}  # fmt: skip
+    names = [e.id for e in found.effects]
+    return {"found": found, "names": names, "lines": lines, **errors, **free}
 
 
 if __name__ == "__main__":
