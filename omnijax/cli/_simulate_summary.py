@@ -22,7 +22,9 @@ def summarise(run: Any, rig: Any) -> dict[str, Any]:
     from .._status import Status
 
     good = np.all(np.isfinite(np.asarray(run.dR)), axis=1)
-    kept = jax.tree.map(lambda x: x[good] if np.ndim(x) and len(x) == len(good) else x, run)
+    kept = run  # a copy of a long run is not made for nothing
+    if not good.all():
+        kept = jax.tree.map(lambda x: x[good] if np.ndim(x) and len(x) == len(good) else x, run)
     names = [name for name, _, _ in FIGURES]
     figures = _figures(kept, rig, names) if good.any() else dict.fromkeys(names)
     return {
