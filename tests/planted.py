@@ -1,6 +1,6 @@
 """Rigs and effects drawn at random, for the package and, in its own words, for the plant."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -245,10 +245,17 @@ def rig_of(plant: dict[str, Any], kinds: tuple[str, ...]) -> Rig:
     )  # fmt: skip
 
 
-def placed(machine: Machine, values: dict[str, dict[str, Any]], wheel: int) -> Rig:
-    """The machine with every effect of the table: those of `values` on, the others off."""
+ALWAYS = ("contact-hertz", "actuator-lag")  # as both machines know them off: see the table
+
+
+def placed(
+    machine: Machine, values: dict[str, dict[str, Any]], wheel: int, among: Collection[str]
+) -> Rig:
+    """The machine with the effects `among`: those of `values` on, the others off."""
     rig, any_size = machine.rig, np.random.default_rng(0)
     for name, effect in EFFECTS.items():
+        if name not in {*among, *ALWAYS}:
+            continue
         given = values.get(name, effect.draw(any_size) | effect.off)
         law = laws.EFFECTS[name](**{key: jnp.asarray(v, float) for key, v in given.items()})
         rig = rig.add(law, place_of(name, wheel))
