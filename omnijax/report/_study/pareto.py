@@ -36,4 +36,4 @@ def _table(found: Front) -> Table:
     parts += [(n, *readable(found.x[:, i], u)) for i, (n, u) in enumerate(variables)]
     columns = [*(Column(n, unit) for n, _, unit in parts), Column("status", text=True, minor=True)]
     rows = [[*(v[i] for _, v, _ in parts), s] for i, s in enumerate(found.status)]
-    return Table(columns, rows, "front-designs", "Designs on the front.")
+    return Table(columns, rows, "front-designs", "Designs on the front.", stacked=True)
