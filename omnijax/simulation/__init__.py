@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     from ._modal import Operating as Operating
     from ._modal import modal_figures as modal_figures
     from ._modal import modal_obstacle as modal_obstacle
+    from ._modal import modal_steady as modal_steady
+    from ._modal import modal_steady_obstacle as modal_steady_obstacle
     from ._padding import EXACT_PIECE as EXACT_PIECE
     from ._padding import STEPPED_PIECE as STEPPED_PIECE
     from ._padding import Gathered as Gathered

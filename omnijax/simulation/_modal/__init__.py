@@ -3,4 +3,6 @@
 from .bulk import Figures as Figures
 from .bulk import modal_figures as modal_figures
 from .bulk import modal_obstacle as modal_obstacle
+from .bulk import modal_steady as modal_steady
+from .bulk import modal_steady_obstacle as modal_steady_obstacle
 from .system import Operating as Operating

@@ -8,18 +8,20 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..._root import root
-from ...dynamics import hold_obstacle
-from ...laws import ContinuousSine, GatedSine, HalfSine, Rollers
+from ...dynamics import held, hold_obstacle
+from ...laws import ContinuousSine, DamagedRoller, GatedSine, HalfSine, Rollers
 from ...rig import Placed, Rig
 from .._exact import exact_obstacle
 from .decoupling import decoupled, turned_states
-from .gradient import peak_slopes, pull_back
+from .gradient import half_root, peak_slopes, pull_back
 from .mean_square import mean_square_slopes
+from .phases import longest_period
 from .poles import Eigen, eigen, modes_of
 from .signals import series_needed
+from .steady import steady_of
 from .system import Design, Layout, Operating, designs_of
 from .transient import LANES, Lanes, refined_peak, samples_of
 
@@ -33,6 +35,7 @@ class Figures(NamedTuple):
     slopes: Float[np.ndarray, "B m d"] | None
     normal: Float[np.ndarray, " B"]  # N, of the least normal force a bound of the same sign
     slip: Float[np.ndarray, " B"]  # N, the same of the least mu N - |f|; without lift-off
+    held: Bool[np.ndarray, " B"]  # whether the wheels hold the sphere
 
 
 def modal_obstacle(
@@ -48,6 +51,20 @@ def modal_obstacle(
     for name, profile in zip(rig.names, rig.profiles, strict=True):
         if not isinstance(profile, GatedSine | HalfSine | ContinuousSine | Rollers):
             return f"wheel {name}'s profile `{profile.id}` is no sum of sinusoids"
+    return None
+
+
+def modal_steady_obstacle(
+    rig: Rig, model: str = "coupled", metrics: Sequence[str] = METRICS
+) -> str | None:
+    """The same of steady states."""
+    reason = modal_obstacle(rig, model, metrics)
+    if reason is not None:
+        return reason
+    laws = [(placed.law, placed.wheels) for placed in rig.at("shape")]
+    for i, name in enumerate(rig.names):
+        if sum(i in wheels for law, wheels in laws if isinstance(law, DamagedRoller)) > 1:
+            return f"wheel {name} has more than one damaged roller"
     return None
 
 
@@ -72,14 +89,44 @@ def modal_figures(
     of wheels and laws, not on numbers, paths or the closure `make`.  Raises `ValueError` where
     `modal_obstacle` names a reason.
     """
-    count, parts, slopes = round(duration / step) + 1, [], []
+    count = float(round(duration / step) + 1)
+
+    def figures(design: Design, layout: Layout):
+        return _figures(design, layout, step, count, gradient)
+
+    return _batches(make, rows, metrics, model, gradient, modal_obstacle, figures)
+
+
+def modal_steady(
+    make: Callable[[Array], Operating],
+    rows: Float[Array, "B d"],
+    metrics: Sequence[str] = METRICS,
+    *,
+    model: str = "coupled",
+    gradient: bool = False,
+) -> Figures:
+    """Figures of the long run of the designs `make(row)`, as `steady_state` defines them.
+
+    RMS in closed form, suprema refined to 1e-6 or better; else as `modal_figures`.  Raises
+    `ValueError` where `modal_steady_obstacle` names a reason.
+    """
+
+    def figures(design: Design, layout: Layout):
+        return _long_run(design, layout, gradient)
+
+    return _batches(make, rows, metrics, model, gradient, modal_steady_obstacle, figures)
+
+
+def _batches(make, rows, metrics, model: str, gradient: bool, obstacle, figures) -> Figures:
+    """`figures(design, layout)` of all designs, batch by batch."""
+    parts, slopes = [], []
     size = SIZES[0] if len(rows) <= SIZES[0] else SIZES[-1]
     for i in range(0, len(rows), size):
         some = np.asarray(rows[i : i + size], float)
         some = jnp.asarray(np.concatenate([some, np.repeat(some[-1:], size - len(some), axis=0)]))
         points = _points(make, some)
         if i == 0:
-            reason = modal_obstacle(_one(points.rig), model, metrics)
+            reason = obstacle(_one(points.rig), model, metrics)
             if reason is not None:
                 raise ValueError(f"no figures from the modal form: {reason}.")
         force, series = bool(np.any(np.asarray(points.force))), _series(points.rig)
@@ -89,19 +136,25 @@ def modal_figures(
         if turn is not None:
             design, layout = _designs(plain, model, force, series, turn)
         layout = decoupled(design.system, layout)
-        values, bars = _figures(design, layout, step, float(count), gradient)
-        parts.append(np.asarray(values))
+        values, bars = figures(design, layout)
+        parts.append(np.concatenate([values, np.asarray(_held(plain.rig, model))[None]]))
         if gradient:
             back = _from_designs(plain, bars, model, force, series, turn)
             slopes.append(np.asarray(_from_points(make, some, _back_in(points, back))))
-    rms, peak, normal, slip = np.concatenate(parts, axis=1)[:, : len(rows)]
+    rms, peak, normal, slip, holds = np.concatenate(parts, axis=1)[:, : len(rows)]
     values, chosen = {"rms": rms, "peak": peak}, [METRICS.index(name) for name in metrics]
     return Figures(
         np.stack([values[name] for name in metrics], axis=1),
         np.concatenate(slopes, axis=1)[chosen, : len(rows)].swapaxes(0, 1) if gradient else None,
         normal,
         slip,
+        holds > 0,
     )
+
+
+@eqx.filter_jit
+def _held(rigs: Rig, model: str):
+    return jax.vmap(lambda rig: held(rig, model))(rigs)
 
 
 def _one(rigs: Rig) -> Rig:
@@ -210,9 +263,18 @@ def _figures(design: Design, layout: Layout, step, count, gradient: bool):
     return values, jax.vmap(lambda bar: pull_back(design, found, bar, layout, span))(bars)
 
 
-def half_root(square):
-    """d sqrt(x)/dx, zero where nothing moves."""
-    return jnp.where(square > 0, 0.5 / jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+@partial(jax.jit, static_argnames=("layout", "gradient"))
+def _long_run(design: Design, layout: Layout, gradient: bool):
+    """The same of the long run."""
+    found = eigen(design.system, layout.blocks)
+    groups = jax.tree.map(_grouped, lanes_of(design, found))
+    values, bars = jax.lax.map(lambda g: steady_of(g, layout, gradient), groups)
+    values = _flat(values)
+    if not gradient:
+        return values, None
+    span = longest_period(design.signals, layout)
+    bars = jax.tree.map(_flat, bars)
+    return values, jax.vmap(lambda bar: pull_back(design, found, bar, layout, span))(bars)
 
 
 def _flat(x):

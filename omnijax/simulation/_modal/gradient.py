@@ -39,6 +39,11 @@ class Slopes(NamedTuple):
     direct: Float[Array, "s o c"]
 
 
+def half_root(square):
+    """d sqrt(x)/dx, zero where nothing moves."""
+    return jnp.where(square > 0, 0.5 / jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+
+
 def along_poles(m: Modes, function):
     """function(m) and its derivative by every pole."""
     one = jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)

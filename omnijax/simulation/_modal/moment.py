@@ -34,7 +34,7 @@ class Moment(NamedTuple):
     piece: Float[Array, "s c"]
 
 
-def _exp(kind, a: Pair) -> Pair:
+def pair_exp(kind, a: Pair) -> Pair:
     k = kind > 0
     first, (s, c) = jnp.exp(a[0]), sincos(jnp.where(k, a[1], 0.0))
     second = jnp.exp(jnp.where(k, 0.0, a[1]))
@@ -42,7 +42,7 @@ def _exp(kind, a: Pair) -> Pair:
 
 
 @jax.custom_jvp
-def _exp_less_one(x):
+def _real_less_one(x):
     """e^x - 1, vectorised by XLA (its own is not)."""
     near = jnp.abs(x) < 0.3
     y, series = jnp.where(near, x, 0.0), 0.0
@@ -51,16 +51,16 @@ def _exp_less_one(x):
     return jnp.where(near, series, jnp.exp(jnp.where(near, 0.0, x)) - 1.0)
 
 
-@_exp_less_one.defjvp
+@_real_less_one.defjvp
 def _(primals, tangents):
-    found = _exp_less_one(*primals)
+    found = _real_less_one(*primals)
     return found, (found + 1.0) * tangents[0]
 
 
-def _less_one(kind, a: Pair) -> Pair:
+def exp_less_one(kind, a: Pair) -> Pair:
     """e^a - 1 without cancellation."""
     k = kind > 0
-    first, second = _exp_less_one(a[0]), _exp_less_one(jnp.where(k, 0.0, a[1]))
+    first, second = _real_less_one(a[0]), _real_less_one(jnp.where(k, 0.0, a[1]))
     s, c = sincos(jnp.where(k, a[1] / 2, 0.0))
     off = -2 * s * s
     return (
@@ -77,7 +77,9 @@ def _repeated(kind, a: Pair, count) -> Pair:
     size = jnp.where(k, jnp.abs(a[0]) + jnp.abs(a[1]), jnp.abs(a[0])) * count
     near = size < 1e-4, jnp.where(k, size < 1e-4, jnp.abs(a[1]) * count < 1e-4)
     safe = jnp.where(near[0], -1.0, a[0]), jnp.where(near[1], jnp.where(k, 0.0, -1.0), a[1])
-    far = quotient(kind, _less_one(kind, (count * safe[0], count * safe[1])), _less_one(kind, safe))
+    far = quotient(
+        kind, exp_less_one(kind, (count * safe[0], count * safe[1])), exp_less_one(kind, safe)
+    )
     one, square = (jnp.ones_like(a[0]), jnp.where(k, 0.0, 1.0)), product(kind, a, a)
     first, second = (count - 1) / 2, (count - 1) * (2 * count - 1) / 12
     series = [count * (o + first * x + second * y) for o, x, y in zip(one, a, square, strict=True)]
@@ -120,7 +122,7 @@ def _signals(m: Modes, waves: _Waves, duration, first, since, time):
     """Signals of one kind: every edge's passages so far, and the piece that each is on."""
     pole = m.l0[:, None], m.l1[:, None]  # (p, 1, c)
     kind = m.kind[:, None]
-    decay = _exp(kind, (pole[0] * time, pole[1] * time))
+    decay = pair_exp(kind, (pole[0] * time, pole[1] * time))
     begin = [_on(x, first, 0) for x in waves.ends(jnp.broadcast_to(since, duration.shape))]
     left = product(kind, begin, decay)
     pieces = len(duration)
@@ -136,7 +138,7 @@ def _signals(m: Modes, waves: _Waves, duration, first, since, time):
     last = jnp.where(alive, edge + (count - 1) * period, time)
     step, ago = jnp.where(alive, period, 0.0)[:, None], (time - last)[:, None]
     many = _repeated(kind, (pole[0] * step, pole[1] * step), jnp.maximum(count, 1.0)[:, None])
-    many = product(kind, _exp(kind, (pole[0] * ago, pole[1] * ago)), many)
+    many = product(kind, pair_exp(kind, (pole[0] * ago, pole[1] * ago)), many)
     ends, begins = waves.ends(duration), waves.ends(0.0 * duration)
     jump = [jnp.roll(x, 1, axis=0) - y for x, y in zip(ends, begins, strict=True)]
     jump = product(kind, jump, many)
@@ -179,7 +181,7 @@ def moment(m: Modes, signals: Signals, layout: Layout, time) -> Moment:
             known = none[None], none, none
         parts.append(_signals(m, waves, *known, time))
         first += count * size
-    decay = _exp(m.kind, (m.l0 * time, m.l1 * time))
+    decay = pair_exp(m.kind, (m.l0 * time, m.l1 * time))
 
     def pairs(n: int) -> Pair:
         first, second = (jnp.concatenate([part[n][i] for part in parts], axis=1) for i in (0, 1))

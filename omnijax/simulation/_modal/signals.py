@@ -22,6 +22,7 @@ from ...rig import Rig
 
 NODES = 64  # of the sum that gives the series of `rollers`
 FOREVER = 1e30  # s, length of a piece that no wheel leaves
+CONSTANT = -1
 
 
 class Kind(NamedTuple):
@@ -30,6 +31,7 @@ class Kind(NamedTuple):
     column: int
     pieces: int
     waves: int
+    phase: int  # number of the phase that it runs with; `CONSTANT` without one
 
 
 class Signals(NamedTuple):
@@ -146,7 +148,7 @@ def _gapped(rig: Rig, i: int, series: int):
 
 
 def _endless(rig: Rig, speeds, angles, force: bool):
-    """(column, rate, cosine, sine) of the signals without edges."""
+    """(column, rate, cosine, sine, phase) of the signals without edges."""
     for i in range(rig.size):
         gap, profile = jax.tree.map(lambda x, i=i: x[i], rig.gaps), rig.profiles[i]
         waves = []  # A cos(frequency angle + phase)
@@ -156,17 +158,19 @@ def _endless(rig: Rig, speeds, angles, force: bool):
         for placed in rig.at("shape"):
             if i in placed.wheels and isinstance(placed.law, WheelRunout):
                 waves.append((jnp.ones(()), placed.law.amplitude, -placed.law.phase))
-        for frequency, amplitude, phase in waves:
-            at = frequency * angles[i] + phase
-            yield i, frequency * speeds[i], amplitude * jnp.cos(at), -amplitude * jnp.sin(at)
+        alone = isinstance(profile, ContinuousSine)  # its period fits no turn
+        for number, (frequency, amplitude, phase) in enumerate(waves):
+            at, own = frequency * angles[i] + phase, CONSTANT - 1 - i if alone and number else i
+            wave = amplitude * jnp.cos(at), -amplitude * jnp.sin(at)
+            yield i, frequency * speeds[i], *wave, own
     column = rig.size
     for placed in rig.at("platform"):
         law: Any = placed.law
-        rate = 2 * math.pi * law.frequency
-        yield column, rate, law.amplitude * jnp.sin(law.phase), law.amplitude * jnp.cos(law.phase)
+        rate, at = 2 * math.pi * law.frequency, law.phase
+        yield column, rate, law.amplitude * jnp.sin(at), law.amplitude * jnp.cos(at), column
         column += 1
     if force:
-        yield column, jnp.zeros(()), jnp.ones(()), jnp.zeros(())
+        yield column, jnp.zeros(()), jnp.ones(()), jnp.zeros(()), CONSTANT
 
 
 def signals_of(
@@ -182,7 +186,7 @@ def signals_of(
         for shape, begin in _gapped(rig, i, series)
     ]
     endless = list(_endless(rig, speeds, angles, force))
-    kinds = [Kind(i, *shape[2].shape) for i, shape in gapped]
+    kinds = [Kind(i, *shape[2].shape, i) for i, shape in gapped]
     most = max([kind.pieces for kind in kinds], default=1)
 
     def padded(x):
@@ -191,7 +195,7 @@ def signals_of(
     def stacked(parts, shape):
         return jnp.concatenate(parts) if parts else jnp.zeros(shape)
 
-    alone = jnp.asarray([wave[1:] for wave in endless], float).reshape(-1, 3)
+    alone = jnp.asarray([wave[1:4] for wave in endless], float).reshape(-1, 3)
     return Signals(
         stacked([padded(shape[0][None]) for _, shape in gapped], (0, most)),
         jnp.asarray([shape[4] for _, shape in gapped]),
@@ -199,4 +203,4 @@ def signals_of(
         stacked([*(shape[1] for _, shape in gapped), alone[:, 0]], (0,)),
         stacked([*(padded(shape[2].T) for _, shape in gapped), padded(alone[:, 1:2])], (0, most)),
         stacked([*(padded(shape[3].T) for _, shape in gapped), padded(alone[:, 2:3])], (0, most)),
-    ), (*kinds, *(Kind(wave[0], 1, 1) for wave in endless))
+    ), (*kinds, *(Kind(wave[0], 1, 1, wave[4]) for wave in endless))

@@ -1,0 +1,159 @@
+"""Means over a period in closed form: of rho, of its square, and of rho times a pole's response."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .arithmetic import product, quotient, sincos
+from .moment import Pair, exp_less_one, pair_exp
+from .phases import Cycle, Wave, forced_parts, free_starts, ones, wide
+from .poles import Modes
+
+
+class Moments(NamedTuple):
+    """What the mean square asks of phases of like kinds."""
+
+    work: Pair  # (p, s, c), R: mean of rho phi
+    level: Float[Array, "s c"]  # mean of rho
+    square: Float[Array, "s c"]  # mean of rho^2
+
+
+def _sine_over(x, time):
+    """sin(x T)/x."""
+    near = jnp.abs(x * time) < 1e-4
+    safe = jnp.where(near, 1.0, x)
+    return jnp.where(near, time * (1 - (x * time) ** 2 / 6), sincos(safe * time)[0] / safe)
+
+
+def _versine_over(x, time):
+    """(1 - cos(x T))/x."""
+    half = _sine_over(x / 2, time) / 2
+    return 2 * x * half * half
+
+
+def _gram(nu, mu, time):
+    """Integrals over [0, T]: cos cos, cos(nu) sin(mu), sin(nu) cos(mu), sin sin."""
+    less, more = _sine_over(nu - mu, time), _sine_over(nu + mu, time)
+    low, high = _versine_over(nu - mu, time), _versine_over(nu + mu, time)
+    return (less + more) / 2, (high - low) / 2, (high + low) / 2, (less - more) / 2
+
+
+def _against(u: Wave, v: Wave):
+    """Integrals of u times every cosine and sine of v piece by piece, (w, k, s, c)."""
+    time = u.duration[None, None]
+    cc, cs, sc, ss = _gram(u.rate[:, None, None], v.rate[None, :, None], time)
+    A, B = u.cosine[:, None], u.sine[:, None]
+    return jnp.sum(A * cc + B * sc, axis=0), jnp.sum(A * cs + B * ss, axis=0)
+
+
+def _weighted(m: Modes, u: Wave) -> Pair:
+    """Integral of rho_u exp(lambda tau) over every piece, (k, p, s, c)."""
+    pole = m.l0, m.l1
+    time, rate = u.duration[:, None], u.rate[:, None, None]
+    E = [x[None] for x in pair_exp(m.kind, (pole[0] * time, pole[1] * time))]
+    less = [x[None] for x in exp_less_one(m.kind, (pole[0] * time, pole[1] * time))]
+    s, c = (x[:, :, None] for x in sincos(u.rate[:, None] * u.duration))
+    half = sincos(u.rate[:, None] * u.duration / 2)[0][:, :, None]
+    off = -2 * half * half  # cos - 1
+    unit, square = ones(m), product(m.kind, pole, pole)
+    below = square[0] + rate * rate, square[1] + jnp.where(m.kind > 0, 0.0, rate * rate)
+    near = [x + off * y for x, y in zip(less, E, strict=True)]  # E cos - 1
+    near = product(m.kind, near, pole)
+    over = [x + rate * s * y for x, y in zip(near, E, strict=True)]
+    cosine = quotient(m.kind, over, below)
+    lag = [rate * (y - x * c) for x, y in zip(E, unit, strict=True)]
+    lead = product(m.kind, E, pole)
+    sine = quotient(m.kind, [x + s * y for x, y in zip(lag, lead, strict=True)], below)
+    A, B = u.cosine[:, :, None], u.sine[:, :, None]
+    first, second = (jnp.sum(A * x + B * y, axis=0) for x, y in zip(cosine, sine, strict=True))
+    return first, second
+
+
+def _work(m: Modes, u: Wave, v: Wave) -> Pair:
+    """Mean of rho_u phi_v over their common period; their pieces are the same."""
+    a, b = forced_parts(m, v)
+    start = free_starts(m, v, (a, b))
+    free = product(m.kind, start, _weighted(m, u))
+    cosine, sine = (x[:, :, None] for x in _against(u, v))
+    found = []
+    for i in (0, 1):
+        forced = jnp.sum(cosine * a[i] + sine * b[i], axis=(0, 1))
+        found.append((jnp.sum(free[i], axis=0) + forced) / u.period)
+    return found[0], found[1]
+
+
+def _overlap(u: Wave, v: Wave):
+    """Mean of rho_u rho_v over their common period; their pieces are the same."""
+    cosine, sine = _against(u, v)
+    return jnp.sum(v.cosine * cosine + v.sine * sine, axis=(0, 1)) / u.period
+
+
+def _mean(u: Wave):
+    """Mean of rho over the period."""
+    time, rate = u.duration[None], u.rate[:, None]
+    one = u.cosine * _sine_over(rate, time) + u.sine * _versine_over(rate, time)
+    return jnp.sum(one, axis=(0, 1)) / u.period
+
+
+def _line(u: Wave, rate):
+    """Mean over the period of rho cos(rate t) and of rho sin(rate t); t as in the signals."""
+    still = Wave(u.duration, u.place, rate[None], u.cosine[:1], u.sine[:1])
+    cosine, sine = (x[0] for x in _against(u, still))
+    s, c = sincos(rate * (u.begin - u.place))
+    period = u.period
+    return (
+        jnp.sum(cosine * c - sine * s, axis=0) / period,
+        jnp.sum(cosine * s + sine * c, axis=0) / period,
+    )
+
+
+def moments_of(m: Modes, cycle: Cycle) -> Moments:
+    """Closed forms over the phases' periods; of plain modes."""
+    m = wide(m)
+    zero = jnp.zeros_like(cycle.period)
+    work, level, square = (0.0 * m.l0 + zero, 0.0 * m.l0 + zero), zero, zero
+    rest = jnp.max(cycle.period) * 0.0
+    for wave in cycle.edged:
+        work = _plus(work, _work(m, wave, wave))
+        level, square = level + _mean(wave), square + _overlap(wave, wave)
+    if len(cycle.edged) > 1:  # a damaged roller falls on one of the profile's gaps
+        pitch, turn = cycle.edged
+        folded = turn._replace(duration=pitch.duration)
+        share = pitch.period / turn.period
+        both = _plus(_work(m, pitch, folded), _work(m, folded, pitch))
+        work = _plus(work, _times(share, both))
+        square = square + 2 * share * _overlap(pitch, folded)
+    if cycle.endless:
+        rate = cycle.endless[0].rate[0]
+        cosine = sum(wave.cosine[0, 0] for wave in cycle.endless) + rest
+        sine = sum(wave.sine[0, 0] for wave in cycle.endless) + rest
+        lines = [_shared(wave, cycle.period, rate) for wave in cycle.edged]
+        own = cosine * cosine + sine * sine
+        across = sum((2 * (cosine * a + sine * b) for a, b in lines), zero)
+        still = rate == 0
+        half = jnp.where(still, cosine * cosine, own / 2)
+        level = level + jnp.where(still, cosine, 0.0)
+        across = jnp.where(still, 2 * cosine * sum((_mean(w) for w in cycle.edged), zero), across)
+        square = square + half + across
+        pole = m.l0, m.l1
+        below = product(m.kind, pole, pole)
+        below = below[0] + rate**2, below[1] + jnp.where(m.kind > 0, 0.0, rate**2)
+        gain = quotient(m.kind, (-m.l0, -m.l1), below)
+        work = _plus(work, _times(half + across, gain))
+    return Moments(work, level, square)
+
+
+def _shared(wave: Wave, period, rate):
+    """`_line` over a turn: nothing where the signal repeats more than once in it."""
+    once = wave.period > 0.6 * period
+    cosine, sine = _line(wave, rate)
+    return jnp.where(once, cosine, 0.0), jnp.where(once, sine, 0.0)
+
+
+def _plus(a: Pair, b: Pair) -> Pair:
+    return a[0] + b[0], a[1] + b[1]
+
+
+def _times(x, a: Pair) -> Pair:
+    return x * a[0], x * a[1]

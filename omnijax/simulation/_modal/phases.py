@@ -1,0 +1,227 @@
+"""Periodic signals at constant speeds: what runs together, and the response of each in closed form.
+
+In the long run every wheel and every floor has a phase of its own.  The signals of one wheel share
+its phase: a gap profile that repeats pitch by pitch, a damaged roller and a runout turn by turn.
+Phases of like kinds stand beside each other (s) and pass through every formula together; pairs of
+poles as in `poles`, batch last.
+"""
+
+import itertools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .arithmetic import product, quotient, sincos
+from .blocks import particular
+from .moment import Pair, exp_less_one, pair_exp
+from .poles import Modes
+from .signals import CONSTANT, FOREVER, Kind, Signals
+from .system import Layout
+
+TURN = 6.283185307179586
+
+
+class Phases(NamedTuple):
+    """What is static about phases of like kinds: the signals of each, with edges and without."""
+
+    edged: tuple[tuple[int, ...], ...]  # [signal of the phase][phase]: number of the signal
+    endless: tuple[tuple[int, ...], ...]
+
+    @property
+    def first(self) -> tuple[int, ...]:
+        """One signal of each phase."""
+        return (self.edged or self.endless)[0]
+
+
+def phases_of(layout: Layout) -> tuple[Phases, ...]:
+    """All phases of a design; a constant force has none."""
+    own: dict[int, list[int]] = {}
+    for number, kind in enumerate(layout.kinds):
+        if kind.phase != CONSTANT:
+            own.setdefault(kind.phase, []).append(number)
+
+    def shape(numbers: list[int]):
+        return tuple((layout.kinds[i].pieces, layout.kinds[i].waves) for i in numbers)
+
+    found = []
+    ordered = sorted(own.values(), key=shape)
+    for kinds, same in itertools.groupby(ordered, key=shape):
+        across = tuple(zip(*same, strict=True))
+        count = sum(pieces > 1 for pieces, _ in kinds)
+        found.append(Phases(across[:count], across[count:]))
+    return tuple(found)
+
+
+class Wave(NamedTuple):
+    """One signal of each phase, by its pieces (k) and sinusoids (w)."""
+
+    duration: Float[Array, "k s c"]
+    place: Float[Array, "s c"]  # s, at t = 0 since its period began
+    rate: Float[Array, "w s c"]
+    cosine: Float[Array, "w k s c"]
+    sine: Float[Array, "w k s c"]
+
+    @property
+    def period(self) -> Float[Array, "s c"]:
+        """s."""
+        return jnp.sum(self.duration, axis=0)
+
+    @property
+    def begin(self) -> Float[Array, "k s c"]:
+        """s, from the period's begin to that of each piece."""
+        return jnp.cumsum(self.duration, axis=0) - self.duration
+
+
+class Cycle(NamedTuple):
+    """The signals of phases of like kinds; `endless` has one piece, all of one rate."""
+
+    edged: tuple[Wave, ...]
+    endless: tuple[Wave, ...]
+    period: Float[Array, "s c"]  # s, of the phase
+
+
+def cycle_of(signals: Signals, layout: Layout, phases: Phases) -> Cycle:
+    """The phases' signals as arrays."""
+    first = np.cumsum([0, *(kind.waves for kind in layout.kinds)])
+
+    def wave(numbers: tuple[int, ...]) -> Wave:
+        kind: Kind = layout.kinds[numbers[0]]
+        rows = np.array([np.arange(first[i], first[i] + kind.waves) for i in numbers]).T
+        rate, cosine, sine = signals.rate[rows], signals.cosine[rows], signals.sine[rows]
+        cosine, sine = (jnp.swapaxes(x[:, :, : kind.pieces], 1, 2) for x in (cosine, sine))
+        if kind.pieces == 1:
+            still = rate[0] == 0
+            length = jnp.where(still, 1.0, TURN / jnp.where(still, 1.0, jnp.abs(rate[0])))
+            return Wave(length[None], 0.0 * length, rate, cosine, sine)
+        number = np.array(numbers)  # signals with edges come first
+        duration = jnp.swapaxes(signals.duration[number, : kind.pieces], 0, 1)
+        duration = jnp.where(duration >= FOREVER, 1.0, duration)
+        begin = jnp.cumsum(duration, axis=0) - duration
+        here = jnp.arange(kind.pieces)[:, None, None] == signals.piece[number]
+        place = jnp.sum(jnp.where(here, begin, 0.0), axis=0) + signals.since[number]
+        return Wave(duration, place, rate, cosine, sine)
+
+    edged, endless = ([wave(x) for x in numbers] for numbers in phases)
+    longest = edged[1] if len(edged) > 1 else (endless or edged)[0]
+    period = longest.period
+    if edged and endless and len(edged) == 1:  # at rest nothing repeats
+        period = jnp.where(endless[0].rate[0] == 0, edged[0].period, period)
+    return Cycle(tuple(edged), tuple(endless), period)
+
+
+def longest_period(signals: Signals, layout: Layout) -> Array:
+    """s, of all phases of a batch; signals batch first."""
+    last = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), signals)
+    cycles = [cycle_of(last, layout, phases) for phases in phases_of(layout)]
+    return jnp.max(jnp.concatenate([cycle.period.ravel() for cycle in cycles]))
+
+
+def wide(m: Modes) -> Modes:
+    """The poles alone, (p, 1, c)."""
+    return m._replace(kind=m.kind[:, None], l0=m.l0[:, None], l1=m.l1[:, None])
+
+
+def ones(m: Modes) -> Pair:
+    """The pair 1."""
+    return jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
+
+
+def forced_parts(m: Modes, wave: Wave) -> tuple[Pair, Pair]:
+    """The pairs' cosine and sine parts on every piece, (w, k, p, s, c), of wide modes."""
+    cosine, sine = wave.cosine[:, :, None], wave.sine[:, :, None]
+    a, b = particular(m, ones(m), wave.rate[:, None, None], cosine, sine)
+    return (a[0], a[1]), (b[0], b[1])
+
+
+def _sum_at(parts: tuple[Pair, Pair], angle) -> Pair:
+    """Sum over the sinusoids of a cos + b sin, the angle (w, k, s, c)."""
+    s, c = (x[:, :, None] for x in sincos(angle))
+    first, second = (jnp.sum(x * c + y * s, axis=0) for x, y in zip(*parts, strict=True))
+    return first, second
+
+
+def free_starts(m: Modes, wave: Wave, parts: tuple[Pair, Pair]) -> Pair:
+    """The free part at the begin of every piece of the periodic response, (k, p, s, c)."""
+    end = _sum_at(parts, wave.rate[:, None] * wave.duration)
+    begin = [jnp.sum(x, axis=0) for x in parts[0]]
+    jump = [jnp.roll(x, 1, axis=0) - y for x, y in zip(end, begin, strict=True)]
+    pole = m.l0, m.l1
+    decay = pair_exp(m.kind, tuple(x * wave.duration[:, None] for x in pole))
+    carried = jump[0][0], jump[1][0]  # what reaches the begin of piece 0
+    over = ones(m)
+    for k in range(len(wave.duration) - 1, 0, -1):
+        over = product(m.kind, over, (decay[0][k], decay[1][k]))
+        more = product(m.kind, over, (jump[0][k], jump[1][k]))
+        carried = carried[0] + more[0], carried[1] + more[1]
+    whole = exp_less_one(m.kind, tuple(x * wave.period for x in pole))
+    y = quotient(m.kind, carried, (-whole[0], -whole[1]))
+    found = [y]
+    for k in range(1, len(wave.duration)):
+        y = product(m.kind, y, (decay[0][k - 1], decay[1][k - 1]))
+        y = y[0] + jump[0][k], y[1] + jump[1][k]
+        found.append(y)
+    return jnp.stack([x[0] for x in found]), jnp.stack([x[1] for x in found])
+
+
+class Response(NamedTuple):
+    """The periodic response of every pair to one unit of a phase's column at one time."""
+
+    pole: Pair  # (p, s, c)
+    level: Float[Array, "s c"]  # rho
+    slope: Float[Array, "s c"]  # drho/dt
+
+
+def response(m: Modes, cycle: Cycle, time: Float[Array, "s c"]) -> Response:
+    """The response `time` s after t = 0, any time of the periodic motion; of plain modes."""
+    m, found = wide(m), []
+    for wave in (*cycle.edged, *cycle.endless):
+        parts = forced_parts(m, wave)
+        if len(wave.duration) == 1:
+            into, here = time, jnp.ones((1, *time.shape))
+            free = None
+        else:
+            local = jnp.mod(time + wave.place, wave.period)
+            begin = wave.begin
+            piece = jnp.sum(local >= begin[1:], axis=0)
+            here = jnp.where(jnp.arange(len(begin))[:, None, None] == piece, 1.0, 0.0)
+            into = local - jnp.sum(here * begin, axis=0)
+            start = [jnp.sum(here[:, None] * y, axis=0) for y in free_starts(m, wave, parts)]
+            free = product(m.kind, start, pair_exp(m.kind, (m.l0 * into, m.l1 * into)))
+        turn = wave.rate * into
+        now = [jnp.sum(here[:, None] * x, axis=0) for x in _sum_at(parts, turn[:, None])]
+        if free is not None:
+            now = [x + y for x, y in zip(now, free, strict=True)]
+        s, c = sincos(turn)
+        cosine, sine = (jnp.sum(here * x, axis=1) for x in (wave.cosine, wave.sine))
+        level = jnp.sum(cosine * c + sine * s, axis=0)
+        slope = jnp.sum(wave.rate * (sine * c - cosine * s), axis=0)
+        found.append((*now, level, slope))
+    first, second, level, slope = (sum(x) for x in zip(*found, strict=True))
+    return Response((first, second), level, slope)
+
+
+def columns_of(layout: Layout, phases: Phases) -> np.ndarray:
+    """The input column of each phase."""
+    return np.array([layout.kinds[i].column for i in phases.first])
+
+
+def given(m: Modes, columns: np.ndarray) -> Pair:
+    """What the phases' columns give to the pairs, (p, s, c)."""
+    return jnp.swapaxes(m.b0[columns], 0, 1), jnp.swapaxes(m.b1[columns], 0, 1)
+
+
+def constant_columns(layout: Layout) -> np.ndarray:
+    """The columns of what is constant."""
+    return np.array([kind.column for kind in layout.kinds if kind.phase == CONSTANT], int)
+
+
+def constant(m: Modes, layout: Layout, rows: slice, direct) -> Float[Array, "o c"]:
+    """The outputs `rows` that a constant force holds; `direct` (l, o, c)."""
+    number = constant_columns(layout)
+    z = quotient(m.kind, (m.b0[number], m.b1[number]), (-m.l0, -m.l1))
+    z = [jnp.sum(x, axis=0) for x in z]
+    seen = jnp.sum(m.c0[rows] * z[0] + m.c1[rows] * z[1], axis=1)
+    return seen + jnp.sum(direct[number][:, rows], axis=0)
