@@ -2,8 +2,6 @@
 
 import functools
 
-import numpy as np
-
 from . import _c
 from . import _problem as problem
 from ._clock import Tool
@@ -31,23 +29,21 @@ def tools(skip) -> list[Tool]:
         found.append(Tool(name, run, BATCH, error, 7, note))
     import jax.numpy as jnp
 
-    from omnijax.simulation._bulk.steady import plan_steady, steady_figures, steady_gradients
+    from omnijax.simulation import Operating, modal_steady
 
     from . import _omnijax as ours
 
     drive, values = jnp.asarray(problem.SPEEDS), jnp.asarray(rows)
 
     def make(row):
-        return ours.rig(row), drive, jnp.zeros(3)
-
-    plan = plan_steady(make, rows, "paper")
+        return Operating(ours.rig(row), drive, jnp.zeros(3), jnp.zeros(3))
 
     def figures():
-        return np.stack([np.asarray(x) for x in steady_figures(make, values, plan)], -1)
+        return modal_steady(make, values, model="paper").values
 
     def slopes():
-        return [np.asarray(x) for x in steady_gradients(make, values, plan)[1].values()]
+        return modal_steady(make, values, model="paper", gradient=True).slopes
 
-    found.append(Tool("omnijax", figures, BATCH, error, 7, "closed form"))
+    found.append(Tool("omnijax", figures, BATCH, error, 7, "with poles and statuses"))
     nothing = Tool("omnijax gradient", slopes, BATCH, lambda _: None, 5, "RMS and peak")
     return [*found, nothing]

@@ -7,8 +7,6 @@ import numpy as np
 import pytest
 from machines import ORTHOGONAL, SKEW, machine
 
-from omnijax.simulation._bulk.contact import Contact, approach, poles, residues
-from omnijax.simulation._bulk.pole_pair import exponential
 from omnijax.simulation._exact.constant import constant_response
 from omnijax.simulation._steady.steady import steady_state
 
@@ -72,33 +70,3 @@ def test_critical_damping_and_round_wheels_have_finite_gradients():
         changed, x = _figures(rig)
         slope = jax.jit(jax.jacrev(lambda x, c=changed: _run_figures(x, c)))(x)
         assert np.all(np.isfinite(slope))
-
-
-def test_pole_pairs_are_smooth_where_they_meet():
-    u, t = -30.0, 0.07
-    f = lambda D: jnp.stack(exponential(u, D, t))  # noqa: E731
-    slopes = [np.asarray(jax.jacfwd(f)(D)) for D in (-1e-6, 0.0, 1e-6)]
-    assert np.all(np.isfinite(slopes)) and np.ptp(slopes, axis=0).max() < 1e-9
-    for D in (-400.0, -2.0, 0.0, 3.0, 250.0):
-        h = 1e-4 * max(abs(D), 1.0)
-        want = (np.asarray(f(D + h)) - np.asarray(f(D - h))) / (2 * h)
-        assert np.allclose(jax.jacfwd(f)(D), want, rtol=1e-6, atol=1e-12)
-
-
-def test_residues_give_the_transfer_function():
-    """Sum over pole pairs of (weight)/(s - pole) is x/rho of the contact, at any damping."""
-    for damping in (0.0, 120.0, 423.0, 20000.0):
-        numbers = (0.2, 4.0, 0.1, 188208.0, damping, 1e6, 50.0, 1e4)
-        p = Contact(*(jnp.full((1, 1), v) for v in numbers))
-        roots = poles(p)
-        r = residues(roots, approach(p, jnp.ones((1, 1)), jnp.zeros((1, 1))))
-        s = 37.0 + 210.0j
-        a, b, g, K, C, k, c, Kc = numbers
-        kappa, sigma, h = K + C * s, k + c * s, a * b + a * g + b * g
-        one, two = s**2 + a * kappa + (a + g) * Kc, s**2 + b * kappa + (b + g) * sigma
-        want = kappa * (a * s**2 + h * sigma)
-        want = want / (one * two - (a * kappa - g * sigma) * (b * kappa - g * Kc))
-        u, D = np.asarray(roots.u)[:, 0, 0], np.asarray(roots.D)[:, 0, 0]
-        e, f = np.asarray(r.u)[:, 0, 0], np.asarray(r.v)[:, 0, 0]
-        have = np.sum((f * (s - u) + e) / ((s - u) ** 2 - D))
-        assert abs(have / want - 1) < 1e-10

@@ -19,7 +19,6 @@ from omnijax.study._evaluation import (
     Question,
     Rows,
     drive_quantities,
-    plan_rows,
     samples_of,
 )
 from omnijax.study._evaluation.methods import obstacle
@@ -127,8 +126,7 @@ def rows_of(how, rig, drive, rng):
 def compared(how, rig, drive, reference, rng, tolerance):
     """The quantities that move a figure; asserts that all rows have those of `reference`."""
     paths, rows, changed = rows_of(how, rig, drive, rng)
-    plan = plan_rows(how, rig, drive, paths, rows) if how.method == "steady-bulk" else None
-    figures, _, status = Rows(how, rig, drive, paths, plan=plan).all(rows, len(rows))
+    figures, _, status = Rows(how, rig, drive, paths).all(rows, len(rows))
     built = [design(rig, drive, paths, row, rows[0]) for row in rows]
     stacked = jax.tree.map(lambda *xs: jnp.stack([jnp.asarray(x, float) for x in xs]), *built)
     expected = np.asarray(jax.jit(jax.vmap(lambda both: reference(*both)))(stacked))
@@ -170,7 +168,7 @@ CASES = [  # method, layout, with effects
     ("bulk", "orthogonal", False),
     ("bulk", "four", True),
     ("steady", "tripod", True),
-    ("steady-bulk", "orthogonal", False),
+    ("steady-bulk", "tripod", True),
     ("fixed", "tripod", False),
 ]
 ACCURACY = {"steady-bulk": 1e-6, "fixed": 1e-6}  # else 1e-7
@@ -191,14 +189,12 @@ def test_figures_in_every_quantity(method, layout, effects):
     how = Evaluation(method, METRICS, times=ts, substeps=8 if method == "fixed" else 1)
     kind = "torque" if method == "fixed" else "speed"
     drive, reference = drawn_drive(rig, rng, kind), steady_figures if steady else run_figures(ts)
-    if method == "steady-bulk":  # takes no force, and says so: see `rows_of`
-        drive = speeds(drive.speed.values[0], initial_angle=drive.initial_angle)
     moved = compared(how, rig, drive, reference, rng, ACCURACY.get(method, 1e-7))
     wanted = {
         f"{kind}.w2", f"{kind}.scale", "wheel.w1.roundness", "wheel.w2.contact.stiffness",
         "wheel.w3.mount.damping",
     }  # fmt: skip
     wanted |= set() if steady else {"angle.w1", "sphere.mass"}
-    wanted |= set() if method == "steady-bulk" else {"force.x", "force.scale"}
+    wanted |= {"force.x", "force.scale"}
     assert wanted <= moved
     assert all(any(placed.law.id in path for path in moved) for placed in rig.effects)

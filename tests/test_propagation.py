@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 from machines import SKEW, machine
 from scipy.linalg import expm
 
-from omnijax import laws, load_rig
+from omnijax import laws
 from omnijax.dynamics import TRANSLATIONS, linear_system, wheel_shape
 from omnijax.simulation import propagate, ramp, simulate, speeds
-from omnijax.simulation._bulk.contact import Contact, _quartic, poles
-from omnijax.simulation._bulk.rig import contacts_of
 from omnijax.simulation._exact.system import exact_obstacle
 
 TS = jnp.linspace(0.2, 0.7, 11)
@@ -113,21 +111,3 @@ def test_obstacles_are_said():
         propagate(cubic, speeds(W), TS)
     drag = rig.add(laws.AirDrag(jnp.asarray(1e-3)), "sphere")
     assert "air-drag" in str(exact_obstacle(drag)) and exact_obstacle(drag, "paper") is None
-
-
-def test_poles_of_a_contact_are_the_roots_of_its_quartic():
-    """Random contacts, and one where Newton's method never reaches the resolvent's only root."""
-    random = np.random.default_rng(0)
-    low = np.array([0.02, 1.0, 0.0, 3e4, 0.0, 1e5, 0.0, 0.0])
-    high = np.array([0.3, 6.0, 0.3, 1e6, 2e4, 5e6, 200.0, 3e4])
-    rows = low + (high - low) * random.random((4000, 8))
-    rig = load_rig("atlas")
-    one = jax.tree.map(lambda x: float(x[0]), contacts_of(rig, "coupled"))
-    rows[0] = one._replace(stiffness=56314.844627744635, damping=999.2071062975458)
-    contact = Contact(*jnp.asarray(rows.T)[:, None])
-    found = poles(contact)
-    want = [_quartic(contact)[k] for k in (3, 2, 1, 0)]
-    (b, d), (c, e) = -2 * found.u, found.u**2 - found.D
-    product = [b + d, c + e + b * d, b * e + c * d, c * e]
-    for have, need in zip(product, want, strict=True):
-        np.testing.assert_allclose(have, need, rtol=1e-7)

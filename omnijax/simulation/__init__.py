@@ -5,12 +5,6 @@ from typing import TYPE_CHECKING
 from .._lazy import lazy_face
 
 if TYPE_CHECKING:
-    from ._bulk import SteadyPlan as SteadyPlan
-    from ._bulk import plan_steady as plan_steady
-    from ._bulk import steady_bulk_obstacle as steady_bulk_obstacle
-    from ._bulk import steady_figures as steady_figures
-    from ._bulk import steady_gradients as steady_gradients
-    from ._bulk import steady_margins as steady_margins
     from ._drives import AbstractDrive as AbstractDrive
     from ._drives import SpeedDrive as SpeedDrive
     from ._drives import TorqueDrive as TorqueDrive

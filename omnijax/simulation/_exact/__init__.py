@@ -19,7 +19,6 @@ from .propagate import propagate as propagate
 from .propagate import propagate_in_pieces as propagate_in_pieces
 from .propagate import propagation_obstacle as propagation_obstacle
 from .propagate import reached_like as reached_like
-from .rows import rows_of as rows_of
 from .system import Forced as Forced
 from .system import balanced as balanced
 from .system import drive_gain as drive_gain

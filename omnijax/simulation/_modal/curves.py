@@ -22,7 +22,7 @@ FEW = 4  # of them after each long step
 STEP = 0.4  # of a pole's 1/|lambda|: a sixteenth of an oscillation
 LOOSE = 6.0  # the same for a pole of which little is left
 COUNTS, NOTHING = 1e-3, 3e-7  # of the largest value: above, a pole is followed; below, forgotten
-MOST = 8192  # samples a piece
+MOST = 65536  # samples a piece
 
 
 class Rows(NamedTuple):
@@ -209,7 +209,7 @@ def _powers(kind, E: Pair, count: int) -> Pair:
     return flushed(first), flushed(second)
 
 
-def _samples(f: Curves, block: Block) -> list[Float[Array, "r s c"]]:
+def _samples(f: Curves, block: Block) -> Float[Array, "k r s c"]:
     """The outputs at all samples of a block.
 
     Sample `FEW` i + j is i long steps after the block's begin moved on by j short ones.
@@ -258,12 +258,12 @@ def _samples(f: Curves, block: Block) -> list[Float[Array, "r s c"]]:
         return x
 
     moved, waves = materialised(begins, block.w0, block.w1, block.f0, block.f1)
-    x = materialised(values, moved, waves, far, late)
-    return [x[j, :, i] for i in range(long) for j in range(FEW)]
+    x = materialised(values, moved, waves, far, late)  # (j, r, i, ...)
+    return jnp.moveaxis(x, (2, 0), (0, 1)).reshape(LENGTH, x.shape[1], *x.shape[3:])
 
 
 def along(f: Curves, gather, totals, largest):
-    """totals = gather(totals, samples [k] (r, s, c), begin, step) over one period of every phase.
+    """totals = gather(totals, samples (k, r, s, c), begin, step) over one period of every phase.
 
     `largest(totals)` (s, c): the largest value so far, which says what counts.
     """

@@ -64,4 +64,4 @@ def _supremum_slopes(g: Lanes, layout: Layout, found: Found) -> Slopes:
         return value
 
     (value, direct), (rate, _) = along_poles(m, psi)
-    return Slopes(value, rate, jax.grad(figure)(g.signals), direct)
+    return Slopes(value, rate, jax.grad(figure)(g.signals), jnp.swapaxes(direct, 0, 1))

@@ -31,20 +31,14 @@ def _least(f: Curves, friction: Float[Array, "n c"]) -> Float[Array, "m c"]:
 
     def gather(totals, x, _, __):
         least, size = totals
-        every = materialised(
-            lambda x: [jnp.concatenate([y[:n], mu * y[:n] - y[n:], mu * y[:n] + y[n:]]) for y in x],
-            x,
-        )
-        for before, y, after in zip(every, every[1:], every[2:], strict=False):
-            rise, bend = after - before, after + before - 2 * y
-            inside = jnp.abs(rise) < 2 * bend
-            less = jnp.where(inside, rise * rise / jnp.where(inside, 8 * bend, 1.0), 0.0)
-            least = jnp.minimum(least, y - less)
-        for y in (every[0], every[-1]):
-            least = jnp.minimum(least, y)
-        for y in x:
-            size = jnp.maximum(size, jnp.max(jnp.abs(y), axis=0))
-        return least, size
+        normal, drive = x[:, :n], x[:, n:]
+        y = jnp.concatenate([normal, mu * normal - drive, mu * normal + drive], axis=1)
+        y = materialised(lambda y: 1.0 * y, y)
+        rise, bend = y[2:] - y[:-2], y[2:] + y[:-2] - 2 * y[1:-1]
+        inside = jnp.abs(rise) < 2 * bend
+        less = jnp.where(inside, rise * rise / jnp.where(inside, 8 * bend, 1.0), 0.0)
+        low = jnp.minimum(jnp.minimum(y[0], y[-1]), jnp.min(y[1:-1] - less, axis=0))
+        return jnp.minimum(least, low), jnp.maximum(size, jnp.max(jnp.abs(x), axis=(0, 1)))
 
     none = jnp.full((3 * n, *f.cycle.period.shape), jnp.inf)
     start = none, jnp.zeros_like(f.cycle.period)

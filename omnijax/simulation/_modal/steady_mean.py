@@ -157,7 +157,7 @@ def steady_slopes(g: Lanes, layout: Layout, found: MeanSquare) -> Slopes:
             value += jnp.sum(square) + jnp.sum((kernel * _both(m, now.work)).real)
         return value
 
-    return Slopes(psi, rate, jax.grad(figure)(g.signals), direct)
+    return Slopes(psi, rate, jax.grad(figure)(g.signals), jnp.swapaxes(direct, 0, 1))
 
 
 def put(a: Pair, number: np.ndarray, b: Pair) -> Pair:

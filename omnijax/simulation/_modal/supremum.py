@@ -26,6 +26,7 @@ DIRECTIONS = np.array([d for d in sphere(AROUND, 3) if d[2] > 0])  # and their o
 KEPT = 8  # of them gone on from
 ASCENTS = 4
 AGAIN = 4  # sums in whose directions every phase is looked at once more
+REFINED = 2  # of them
 POINTS, ZOOMS = 33, 2
 ROUNDS = 10
 _MASK = LENGTH - 1
@@ -55,9 +56,10 @@ def all_curves(g: Lanes, layout: Layout, rows: slice) -> list[Curves]:
     return found
 
 
-def _tagged(x, number: int):
-    """x with its last bits replaced by a number: what a maximum brings along."""
+def _tagged(x):
+    """x (k, ...) with its last bits replaced by the sample's number, for a maximum to keep."""
     bits = jax.lax.bitcast_convert_type(x, jnp.int64)
+    number = jax.lax.broadcasted_iota(jnp.int64, x.shape, 0)
     return jax.lax.bitcast_convert_type((bits & ~_MASK) | number, jnp.float64)
 
 
@@ -74,10 +76,8 @@ def _tops(f: Curves) -> _Tops:
     d = jnp.asarray(DIRECTIONS)[:, :, None, None]
 
     def heights(x):
-        high = low = -jnp.inf
-        for i in range(LENGTH):
-            seen = _along(d, x[i])
-            high, low = jnp.maximum(high, _tagged(seen, i)), jnp.maximum(low, _tagged(-seen, i))
+        seen = _along(d, x)
+        high, low = (jnp.max(_tagged(y), axis=0) for y in (seen, -seen))
         return jnp.concatenate([high, low])
 
     return _pass(f, heights, 2 * len(DIRECTIONS))
@@ -88,21 +88,18 @@ def _tops_again(f: Curves, d) -> _Tops:
     d = d[:, :, None]
 
     def heights(x):
-        seen = materialised(lambda x: [_along(d, y) for y in x], x)
-        high = jnp.maximum(_tagged(seen[0], 0), _tagged(seen[-1], LENGTH - 1))
-        for i in range(1, LENGTH - 1):
-            rise, bend = seen[i + 1] - seen[i - 1], 2 * seen[i] - seen[i - 1] - seen[i + 1]
-            inside = jnp.abs(rise) < 2 * bend
-            more = jnp.where(inside, rise * rise / jnp.where(inside, 8 * bend, 1.0), 0.0)
-            high = jnp.maximum(high, _tagged(seen[i] + more, i))
-        return high
+        seen = materialised(lambda x: _along(d, x), x)
+        rise, bend = seen[2:] - seen[:-2], 2 * seen[1:-1] - seen[:-2] - seen[2:]
+        inside = jnp.abs(rise) < 2 * bend
+        more = jnp.where(inside, rise * rise / jnp.where(inside, 8 * bend, 1.0), 0.0)
+        return jnp.max(_tagged(seen + jnp.pad(more, ((1, 1), (0, 0), (0, 0), (0, 0)))), axis=0)
 
     return _pass(f, heights, len(d))
 
 
 def _along(d, x):
-    """d . x of directions (n, o, ...) and vectors (o, s, c)."""
-    return d[:, 0] * x[0] + d[:, 1] * x[1] + d[:, 2] * x[2]
+    """d . x of directions (n, o, ...) and samples (k, o, s, c), (k, n, s, c)."""
+    return d[:, 0] * x[:, None, 0] + d[:, 1] * x[:, None, 1] + d[:, 2] * x[:, None, 2]
 
 
 def _pass(f: Curves, heights, count: int) -> _Tops:
@@ -149,9 +146,17 @@ def _best_sums(tops: list[_Tops], points, held):
         return None, total
 
     totals = jax.lax.scan(follow, None, first)[1]  # (n, o, c)
-    best = jax.lax.top_k(jnp.sum(totals**2, axis=1).T, AGAIN)[1].T  # (AGAIN, c)
-    pick = jnp.arange(KEPT)[:, None, None] == best[:, None, None]
-    return jax.vmap(_unit)(jnp.sum(jnp.where(pick, totals, 0.0), axis=1))
+    pick = _longest(jnp.sum(totals**2, axis=1), AGAIN)
+    return jax.vmap(_unit)(jnp.sum(jnp.where(pick[:, :, None], totals, 0.0), axis=1))
+
+
+def _longest(size, count: int):
+    """Which (count, n, c) of sums (n, c) are the longest ones; equal ones count once."""
+    found, number = [], jnp.arange(len(size))[:, None]
+    for _ in range(count):
+        found.append(number == jnp.argmax(size, axis=0))
+        size = jnp.where(size > (1 - 1e-9) * jnp.max(size, axis=0), -1.0, size)
+    return jnp.stack(found)
 
 
 def _zoomed(f: Curves, d, time, step):
@@ -189,32 +194,44 @@ def supremum(g: Lanes, layout: Layout) -> Found:
     tops = [_tops_again(f, found) for f in every]
     height = sum(jnp.sum(top.height, axis=1) for top in tops)  # (n, c)
     height = height + jnp.sum(found * held, axis=1)
-    chosen = jnp.arange(AGAIN)[:, None] == jnp.argmax(height, axis=0)
-    d = jnp.sum(jnp.where(chosen[:, None], found, 0.0), axis=0)
+    pick = _longest(height, REFINED)
 
-    def picked(x):
-        return jnp.sum(jnp.where(chosen[:, None], x, 0.0), axis=0)
+    def picked(x):  # (n, ..., c) -> (REFINED, ..., c)
+        wide = pick.reshape(*pick.shape[:2], *(1,) * (x.ndim - 2), pick.shape[-1])
+        return jnp.sum(jnp.where(wide, x, 0.0), axis=1)
 
-    def together(times):
-        return held + sum(
-            jnp.sum(values_at(f, t)[0], axis=1) for f, t in zip(every, times, strict=True)
-        )
+    def refined(begin):
+        return _refined(every, held, *begin)
 
-    close = [
-        _zoomed(f, d, picked(top.time), picked(top.step))
-        for f, top in zip(every, tops, strict=True)
-    ]
-    times, steps = close, [picked(top.step) / 2 for top in tops]
+    starts = [(picked(top.time), picked(top.step)) for top in tops]
+    times, sizes = jax.lax.map(refined, (picked(found), starts))
+    best = jnp.arange(REFINED)[:, None] == jnp.argmax(sizes, axis=0)
+    times = [jnp.sum(jnp.where(best[:, None], t, 0.0), axis=0) for t in times]
+    return Found(times, _together(every, held, times))
+
+
+def _together(every: list[Curves], held, times):
+    """dR (o, c)."""
+    return held + sum(
+        jnp.sum(values_at(f, t)[0], axis=1) for f, t in zip(every, times, strict=True)
+    )
+
+
+def _refined(every: list[Curves], held, d, starts):
+    """Times of each phase near the `starts` (time, step), and |dR|^2 there; d (o, c) to begin."""
+    times = [_zoomed(f, d, *start) for f, start in zip(every, starts, strict=True)]
 
     def turn(carry, _):
         times, best, size = carry
-        d = _unit(together(times))
-        times = [_climbed(f, d, t, h) for f, t, h in zip(every, times, steps, strict=True)]
-        now = jnp.sum(together(times) ** 2, axis=0)
+        d = _unit(_together(every, held, times))
+        times = [
+            _climbed(f, d, t, step / 2)
+            for f, t, (_, step) in zip(every, times, starts, strict=True)
+        ]
+        now = jnp.sum(_together(every, held, times) ** 2, axis=0)
         better = now > size
         best = [jnp.where(better, t, b) for t, b in zip(times, best, strict=True)]
         return (times, best, jnp.maximum(now, size)), None
 
-    begin = times, times, jnp.sum(together(times) ** 2, axis=0)
-    times = jax.lax.scan(turn, begin, None, length=ROUNDS)[0][1]
-    return Found(times, together(times))
+    begin = times, times, jnp.sum(_together(every, held, times) ** 2, axis=0)
+    return jax.lax.scan(turn, begin, None, length=ROUNDS)[0][1:]

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from ..._lazy import lazy_face
 
 if TYPE_CHECKING:
-    from .bulk import plan_rows as plan_rows
     from .choice import evaluation_of as evaluation_of
     from .drives import Drive as Drive
     from .drives import apply as apply

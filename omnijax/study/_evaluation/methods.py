@@ -8,8 +8,6 @@ goes to the first method without one, and where none is left the question is ref
 from collections.abc import Callable
 from typing import NamedTuple
 
-import numpy as np
-
 from ..._errors import InputError
 from ...dynamics import hold_obstacle
 from ...laws import DualRow
@@ -19,13 +17,13 @@ from ...simulation import (
     TorqueDrive,
     exact_obstacle,
     modal_obstacle,
-    steady_bulk_obstacle,
+    modal_steady_obstacle,
 )
 from ...vibration import STEADY_METRICS
 from .drives import Drive, is_constant, turning
 
 METHODS = {
-    "steady-bulk": "steady state in bulk (closed form, figures of the displacement)",
+    "steady-bulk": "steady state in bulk (closed form, modal form)",
     "steady": "steady state (closed form, no time stepping)",
     "bulk": "exact propagation in bulk (linear model, constant speeds, modal form)",
     "propagation": "exact propagation (linear model, prescribed speeds)",
@@ -34,9 +32,8 @@ METHODS = {
     "free-run": "free run of an axis under a log's inputs (Runge-Kutta steps)",
 }
 BULK = ("bulk", "steady-bulk")  # take rows of many designs at once
-STEADY_BULK = ("peak", "rms")  # metrics of steady states in bulk
 WHY = {
-    "steady-bulk": "no duration is asked for; the contacts are linear and decoupled",
+    "steady-bulk": "no duration is asked for; the model is linear, modal form",
     "steady": "no duration is asked for",
     "bulk": "the model is linear, the speeds are constant",
     "propagation": "the model is linear and the speeds are given",
@@ -61,12 +58,6 @@ class Question(NamedTuple):
     def constant(self) -> bool:
         """Whether nothing of the drives changes in time."""
         return all(is_constant(turning(d)) and is_constant(d.force) for d in self.drives)
-
-    @property
-    def pushed(self) -> bool:
-        """Whether a force acts on the platform, given or varied."""
-        given = any(np.any(np.asarray(d.force.values)) for d in self.drives)
-        return given or any(path.startswith("force.") for path in self.varied)
 
 
 Obstacle = Callable[[Question], str | None]
@@ -96,13 +87,8 @@ def _no_modal_run(q: Question) -> str | None:
     return modal_obstacle(q.rig, q.model, q.metrics)
 
 
-def _no_steady_kernel(q: Question) -> str | None:
-    if q.pushed:
-        return "the kernel of steady states takes no force on the platform"
-    others = [name for name in q.metrics if name not in STEADY_BULK]
-    if others:
-        return f"the kernel of steady states does not give {', '.join(others)}"
-    return steady_bulk_obstacle(q.rig, q.model)
+def _no_modal_steady(q: Question) -> str | None:
+    return modal_steady_obstacle(q.rig, q.model, q.metrics)
 
 
 def _no_fixed_steps(q: Question) -> str | None:
@@ -117,7 +103,7 @@ def _no_fixed_steps(q: Question) -> str | None:
 
 OBSTACLES: dict[str, tuple[Obstacle, ...]] = {
     "steady": (_no_closed_form, _no_steady_metric, _nothing_holds),
-    "steady-bulk": (_no_rows, _no_steady_kernel),  # beside `steady`'s
+    "steady-bulk": (_no_rows, _no_modal_steady),  # beside `steady`'s
     "propagation": (_no_closed_form,),
     "bulk": (_no_rows, _no_modal_run),  # beside `propagation`'s
     "fixed": (_no_fixed_steps,),

@@ -12,7 +12,7 @@ from ..._errors import InputError
 from ..._programs import kept
 from ...rig import Rig
 from .._batches import in_batches
-from .bulk import bulk_runs, bulk_steady
+from .bulk import bulk
 from .drives import Drive, apply, with_few_knots
 from .evaluation import Evaluation
 from .methods import BULK
@@ -27,13 +27,13 @@ class Rows:
 
     def __init__(
         self, how: Evaluation, rig: Rig, drive: Drive, paths: tuple[str, ...],
-        gradient: bool = False, devices: int = 1, plan: Any = None,
+        gradient: bool = False, devices: int = 1,
     ):  # fmt: skip
         if devices > jax.local_device_count():
             raise InputError(
                 f"`devices` must lie in [1, {jax.local_device_count()}], but is {devices}."
             )
-        self.paths, self.gradient, self.devices, self.plan = paths, gradient, devices, plan
+        self.paths, self.gradient, self.devices = paths, gradient, devices
         self._arrays, self._static = eqx.partition((rig, with_few_knots(drive)), eqx.is_array)
         times = None if how.times is None else jnp.asarray(how.times)
         self._operands = times, jnp.asarray(how.substeps)
@@ -41,27 +41,24 @@ class Rows:
 
     def all(self, rows: np.ndarray, size: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Figures, gradients and status of all `rows`, `size` of them at a time."""
-        if self.how.method == "bulk":  # cuts the rows into batches by itself, on one device
+        if self.how.method in BULK:  # cuts the rows into batches by itself, on one device
             rig, drive = eqx.combine(self._arrays, self._static)
-            return bulk_runs(self._whole, rig, drive, self.paths, rows, self.gradient)
+            return bulk(self._whole, rig, drive, self.paths, rows, self.gradient)
         return in_batches(self, rows, size)
 
     def __call__(self, rows: np.ndarray) -> tuple[Any, Any, Any]:
         """Figures (b, m), gradients (b, m, d) (or (b, m, 0)) and status (b,) of `rows` (b, d)."""
-        program = _evaluate_bulk if self.how.method in BULK else _evaluate_kept
-        return program(
+        return _evaluate_kept(
             self._arrays, self._operands, jnp.asarray(rows), self._static, self.how, self.paths,
-            self.gradient, self.devices, self.plan,
+            self.gradient, self.devices,
         )  # fmt: skip
 
 
-def _evaluate(arrays, operands, rows, static, how: Evaluation, paths, gradient, devices, plan):
+def _evaluate(arrays, operands, rows, static, how: Evaluation, paths, gradient, devices):
     def batch(arrays, operands, rows):
         rig, drive = eqx.combine(arrays, static)
         times, substeps = operands
         whole = how._replace(times=times, substeps=substeps)
-        if how.method == "steady-bulk":
-            return bulk_steady(whole, rig, drive, paths, rows, plan, gradient)
 
         def one(x):
             figures, status = whole(*apply(rig, drive, paths, x))
@@ -84,4 +81,3 @@ def _evaluate(arrays, operands, rows, static, how: Evaluation, paths, gradient, 
 
 
 _evaluate_kept = kept(_evaluate)
-_evaluate_bulk = eqx.filter_jit(_evaluate)  # its loops are worth the compiler's full effort

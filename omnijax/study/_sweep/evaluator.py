@@ -1,10 +1,7 @@
 """Evaluation of designs in batches of one fixed shape, over the local devices."""
 
-import dataclasses
-import functools
 import os
 import tomllib
-from typing import Any
 
 import numpy as np
 
@@ -19,9 +16,7 @@ from .._evaluation import (
     Evaluation,
     Rows,
     drive_from_plain,
-    plan_rows,
     samples_of,
-    trial_designs,
 )
 from .spec import SweepSpec
 from .store import Quantity
@@ -35,7 +30,6 @@ BATCH = {
     "fixed": 256,
     "full": 32,
 }
-CORNERS, INSIDE = 256, 64  # designs that the kernel's plan is made from
 BATCHES_A_CHUNK = 8
 CHANNELS = 75  # numbers kept a sample of a run
 SHARE_OF_MEMORY = 0.25
@@ -89,15 +83,6 @@ def _machine(spec: SweepSpec) -> tuple[Rig, Drive]:
     return parse_rig(tomllib.loads(spec.rig)), drive_from_plain(spec.drive)
 
 
-@functools.lru_cache(maxsize=16)
-def _bulk_plan(text: str) -> Any:
-    """The plan of steady states of a spec (as JSON), the same for every number of designs."""
-    spec = SweepSpec.from_json(text)
-    paths = tuple(path for path, _, _ in spec.vary)
-    trial = trial_designs(spec.points.axes, CORNERS, INSIDE)
-    return plan_rows(evaluation_in(spec), *_machine(spec), paths, trial)
-
-
 def evaluation_in(spec: SweepSpec) -> Evaluation:
     """How a spec's designs are evaluated."""
     return Evaluation(
@@ -112,12 +97,7 @@ class Evaluator:
     def __init__(self, spec: SweepSpec, devices: int = 1):
         self.spec, self.points = spec, spec.points
         self._paths = tuple(path for path, _, _ in spec.vary)
-        size = None if spec.samples is None else 1
-        shape = dataclasses.replace(spec, samples=size, seed=0, batch=1, chunk=1)
-        plan = _bulk_plan(shape.to_json()) if spec.method == "steady-bulk" else None
-        self._rows = Rows(
-            evaluation_in(spec), *_machine(spec), self._paths, spec.gradient, devices, plan
-        )
+        self._rows = Rows(evaluation_in(spec), *_machine(spec), self._paths, spec.gradient, devices)
         few = 1 << (self.points.size - 1).bit_length()  # no more than there are designs
         self._batch = -(-min(spec.batch, few) // devices) * devices
 
