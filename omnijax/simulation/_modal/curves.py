@@ -21,8 +21,8 @@ LENGTH = 32  # samples a block
 FEW = 4  # of them after each long step
 STEP = 0.4  # of a pole's 1/|lambda|: a sixteenth of an oscillation
 LOOSE = 6.0  # the same for a pole of which little is left
-COUNTS, NOTHING = 1e-3, 3e-7  # of the largest value: above, a pole is followed; below, forgotten
-MOST = 65536  # samples a piece
+COUNTS, NOTHING = 1e-6, 1e-7  # of the largest value: above, a pole is followed; below, forgotten
+FEWEST, MOST = 62, 65536  # samples a piece
 
 
 class Rows(NamedTuple):
@@ -173,7 +173,7 @@ def _block(f: Curves, at: Place, largest) -> tuple[Block, Place]:
     length = jnp.where(jnp.isfinite(length), length, f.cycle.period)
     w0, w1 = weights(f, z)
     step = jnp.maximum(_fine(f, w0, w1, largest), length / MOST)
-    step = jnp.minimum(step, left / (LENGTH - 1))
+    step = jnp.minimum(jnp.minimum(step, length / FEWEST), left / (LENGTH - 1))
     done = step * (LENGTH - 1) >= left * (1 - 1e-12)
     time = jnp.where(done, end, at.time + step * (LENGTH - 1))
     close = end + 1e-12 * f.cycle.period
