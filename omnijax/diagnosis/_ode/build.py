@@ -25,11 +25,11 @@ def position_noise(logs: Sequence[Log]) -> tuple[float, str]:
     """1-sigma of the measured position, and where it is from."""
     declared = [log.noise["position"] for log in logs if "position" in log.noise]
     if declared:
-        return float(np.sqrt(np.mean(np.square(declared)))), "declared"
+        return float(np.sqrt(np.mean(np.array(declared) ** 2))), "declared"
     found = []
     for order in ORDERS:
         squares = [np.mean(np.diff(log.outputs["position"], order) ** 2) for log in logs]
-        found.append(np.sqrt(np.mean(squares) / math.comb(2 * order, order)))
+        found.append(np.sqrt(np.mean(np.array(squares, float)) / math.comb(2 * order, order)))
     return float(min(found)), "differences"
 
 

@@ -157,6 +157,7 @@ def balance_error(model: OdeModel, point: Point, split: str) -> float:
     torque = []
     for i in model.splits[split]:
         rows = model.rows[i]
+        assert isinstance(rows, Balance)  # asked for by those alone
         q, v = rows.filtered["position"], rows.filtered["velocity"]
         torque.append(rows.thinned(np.asarray(machine.motor(q, v, model.runs[i].inputs))))
     whole = np.concatenate(torque)

@@ -135,9 +135,10 @@ class OdeModel(AbstractModel):
 
         A law that is steep somewhere, as dry friction is at rest, sets them.
         """
-        if not any(isinstance(r, FreeRun) for r in self.rows):
+        runs = [r for r in self.rows if isinstance(r, FreeRun)]
+        if not runs:
             return np.ones(len(thetas), int)
-        step = self.runs[0].step / self.rows[0].places
+        step = self.runs[0].step / runs[0].places
         found, known = np.empty(len(thetas), int), {}
         for k, theta in enumerate(thetas):
             key = theta.tobytes()
@@ -179,7 +180,7 @@ class OdeModel(AbstractModel):
         for i in which:
             rows = self.rows[i]
             part, at = made[:, at : at + rows.count], at + rows.count
-            if np.all(np.abs(part) < 1e100):
+            if isinstance(rows, FreeRun) and np.all(np.abs(part) < 1e100):
                 self._starts[i] = rows.bases(part)
 
     def set_floor(self, fit: Fit, tell: Callable[[str], None] = lambda text: None) -> None:
