@@ -1,8 +1,8 @@
 """What does the linear baseline of a measured electronic oscillator lack?
 
 Silverbox: T. Wigren, J. Schoukens, "Three free data sets for development and benchmarking in
-nonlinear system identification", ECC 2013.  Baseline: m y'' + c y' + k y = u.  The multisine's first
-eighth trains, the next judges; its last quarter and the arrow are simulated once, at the end.
+nonlinear system identification", ECC 2013.  Baseline: m y'' + c y' + k y = u.  The multisine's
+first eighth trains, the next judges; its last quarter and the arrow are simulated once, at the end.
 """
 
 import sys

@@ -36,6 +36,6 @@ def test_the_springs_of_a_circuit_are_named_the_cubic_one_first(monkeypatch):
 
 def test_the_friction_of_a_servo_grows_with_the_load(monkeypatch):
     found, (before, after) = run("servo", shared("realdata", "servo"), monkeypatch)
-    assert [e.id for e in found.effects][0] == "load-friction"
+    assert found.effects[0].id == "load-friction"
     assert before == pytest.approx(62.5, abs=2)
     assert after <= 45  # mrad
