@@ -114,7 +114,7 @@ def rows_of(how, rig, drive, rng):
     rows, changed = [base], [""]
     for j, path in enumerate(paths):
         duration = None if how.times is None else 1.0
-        asked = Question(rig, (drive,), (path,), how.metrics, how.model, duration, rows=True)
+        asked = Question(rig, (drive,), (path,), how.metrics, how.model, duration, rows=1000)
         if how.method != "full" and obstacle(how.method, asked) is not None:
             continue
         for value in three(rig, path, base[j], rng, quantities):

@@ -6,7 +6,9 @@ Phases of like kinds stand beside each other (s) and pass through every formula 
 poles as in `poles`, batch last.
 """
 
+import functools
 import itertools
+import operator
 from typing import NamedTuple
 
 import jax
@@ -149,14 +151,14 @@ def free_starts(m: Modes, wave: Wave, parts: tuple[Pair, Pair]) -> Pair:
     begin = [jnp.sum(x, axis=0) for x in parts[0]]
     jump = [jnp.roll(x, 1, axis=0) - y for x, y in zip(end, begin, strict=True)]
     pole = m.l0, m.l1
-    decay = pair_exp(m.kind, tuple(x * wave.duration[:, None] for x in pole))
+    decay = pair_exp(m.kind, (pole[0] * wave.duration[:, None], pole[1] * wave.duration[:, None]))
     carried = jump[0][0], jump[1][0]  # what reaches the begin of piece 0
     over = ones(m)
     for k in range(len(wave.duration) - 1, 0, -1):
         over = product(m.kind, over, (decay[0][k], decay[1][k]))
         more = product(m.kind, over, (jump[0][k], jump[1][k]))
         carried = carried[0] + more[0], carried[1] + more[1]
-    whole = exp_less_one(m.kind, tuple(x * wave.period for x in pole))
+    whole = exp_less_one(m.kind, (pole[0] * wave.period, pole[1] * wave.period))
     y = quotient(m.kind, carried, (-whole[0], -whole[1]))
     found = [y]
     for k in range(1, len(wave.duration)):
@@ -199,7 +201,9 @@ def response(m: Modes, cycle: Cycle, time: Float[Array, "s c"]) -> Response:
         level = jnp.sum(cosine * c + sine * s, axis=0)
         slope = jnp.sum(wave.rate * (sine * c - cosine * s), axis=0)
         found.append((*now, level, slope))
-    first, second, level, slope = (sum(x) for x in zip(*found, strict=True))
+    first, second, level, slope = (
+        functools.reduce(operator.add, x) for x in zip(*found, strict=True)
+    )
     return Response((first, second), level, slope)
 
 

@@ -186,7 +186,7 @@ def signals_of(
         for shape, begin in _gapped(rig, i, series)
     ]
     endless = list(_endless(rig, speeds, angles, force))
-    kinds = [Kind(i, *shape[2].shape, i) for i, shape in gapped]
+    kinds = [Kind(i, shape[2].shape[0], shape[2].shape[1], i) for i, shape in gapped]
     most = max([kind.pieces for kind in kinds], default=1)
 
     def padded(x):

@@ -1,5 +1,8 @@
 """Least normal force and grip over all phases of the long run: bounds where those say enough."""
 
+import functools
+import operator
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -55,13 +58,13 @@ def steady_margins(g: Lanes, layout: Layout) -> tuple[Float[Array, " c"], Float[
     every = all_curves(g, layout, rows)
     held = constant(g.modes, layout, rows, g.direct)
     normal, drive = g.preload + held[:n], held[n:]
-    swing = sum(_bound(f) for f in every)
+    swing = functools.reduce(operator.add, map(_bound, every))
     low = normal - swing[:n]
     slip = g.friction * low - jnp.abs(drive) - swing[n:]
     bounds = jnp.min(low, axis=0), jnp.min(slip, axis=0)
 
     def exact(_):
-        part = sum(_least(f, g.friction) for f in every)
+        part = functools.reduce(operator.add, (_least(f, g.friction) for f in every))
         grip = jnp.minimum(part[n : 2 * n] - drive, part[2 * n :] + drive)
         return jnp.min(normal + part[:n], axis=0), jnp.min(g.friction * normal + grip, axis=0)
 

@@ -27,13 +27,13 @@ def bulk(
 
     The modal core compiles its programs by itself.
     """
-    make, rows = eqx.Partial(_operating, rig, drive, paths), jnp.asarray(rows)
+    make, designs = eqx.Partial(_operating, rig, drive, paths), jnp.asarray(rows)
     if how.times is None:
-        found = modal_steady(make, rows, how.metrics, model=how.model, gradient=gradient)
+        found = modal_steady(make, designs, how.metrics, model=how.model, gradient=gradient)
     else:
         duration = float(how.times[-1])
         found = modal_figures(
-            make, rows, how.metrics, duration=duration, step=duration / (len(how.times) - 1),
+            make, designs, how.metrics, duration=duration, step=duration / (len(how.times) - 1),
             model=how.model, gradient=gradient,
         )  # fmt: skip
     bad = ~np.all(np.isfinite(found.values), axis=1)
