@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from omnijax.diagnosis import Diagnosis, Gap, Named
-from omnijax.diagnosis._answer.answer import together
+from omnijax.diagnosis._answer.answer import _sigma, together
 from omnijax.laws import EFFECTS
 
 
@@ -86,3 +86,17 @@ def test_lines_at_one_wheel_are_one_effect():
     assert joined.parameters["orders"]["sigma"] == pytest.approx([0.083, 0.05])
     assert joined.evidence["held_out_chi2"] == 10.0
     assert set(EFFECTS["cogging"].parameters) == set(joined.parameters)
+
+
+def test_a_direction_is_as_sure_as_what_turns_it():
+    """Its length says nothing, however little is known of it."""
+    rng = np.random.default_rng(3)
+    value = rng.normal(size=3)
+    unit = value / np.linalg.norm(value)
+    turn = np.linalg.qr(np.stack([unit, *rng.normal(size=(2, 3))], axis=1))[0]
+    covariance = (turn * [1e8, 0.02**2, 0.03**2]) @ turn.T  # along it, and across
+    parameter = EFFECTS["floor-vibration"].parameters["direction"]
+    sigma = _sigma(parameter, unit, covariance)
+    assert np.linalg.norm(sigma) == pytest.approx(np.hypot(0.02, 0.03), rel=1e-6)
+    offset = EFFECTS["unbalance"].parameters["offset"]  # a length, not a direction
+    np.testing.assert_allclose(_sigma(offset, unit, covariance), np.sqrt(np.diag(covariance)))

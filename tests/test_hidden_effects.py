@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from seeds import drawn_anew
 
 from benchmarks.hidden_effects import thresholds
 from benchmarks.hidden_effects.answers import _numbers, right
@@ -17,11 +18,13 @@ from omnijax.diagnosis._search import SETTINGS
 from omnijax.diagnosis._search.model import AbstractModel
 from omnijax.laws import EFFECTS
 
-SEEDS = np.random.default_rng().integers(0, 10**6, 12).tolist()
+
+def test_equal_seeds_draw_equal_cases():
+    for seed in drawn_anew("cases").integers(0, 10**6, 12).tolist():
+        equal_cases(seed)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_equal_seeds_draw_equal_cases(seed):
+def equal_cases(seed):
     first, again = drawn(seed), drawn(seed)
     assert (first.kind, first.factors, first.noise) == (again.kind, again.factors, again.noise)
     np.testing.assert_array_equal(first.torque, again.torque)
@@ -32,7 +35,7 @@ def test_equal_seeds_draw_equal_cases(seed):
 
 @pytest.mark.parametrize("id", [*KNOWN, *OUTSIDE])
 def test_every_effect_changes_the_plant_and_tells_the_parameters_of_its_law(id):
-    rng = np.random.default_rng()
+    rng = drawn_anew("answers")
     machine = drawn_machine(rng)
     hidden = {**KNOWN, **OUTSIDE}[id](rng, machine)
     case = dataclasses.replace(drawn(1, "none"), machine=machine, hidden=[hidden])

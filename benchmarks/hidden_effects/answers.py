@@ -46,7 +46,7 @@ def answered(seed: int, kind: str | None = None) -> dict:
         "machine": [case.machine.wheels, case.rate, len(case.torque), case.forced, case.drop,
                     len(case.machine.uncertainty) > 4, case.cut],
         "verdict": found.verdict, "got": [[e.id, e.place] for e in found.effects],
-        "right": right(case, found), "compared": compared(case.kind, hidden, found),
+        "right": right(case, found), "compared": compared(case.kind, hidden, found, case.cut),
         "limits": limits(hidden, found), "p": picked(seed, found),
         "gap": {g: [_short(x.before / x.noise_floor), _short(x.after / x.noise_floor)]
                 for g, x in found.gap.items()},
@@ -76,14 +76,19 @@ def right(case: Drawn, found) -> bool:
     return found.verdict == verdict and got == wanted
 
 
-def compared(kind: str, hidden: list[tuple[Hidden, float]], found) -> dict[str, dict[str, Any]]:
-    """By parameter of the effects that were found: truth, value, and (value - truth)/sigma."""
+def compared(
+    kind: str, hidden: list[tuple[Hidden, float]], found, cut: float = 0.0
+) -> dict[str, dict[str, Any]]:
+    """By parameter of the effects that were found: truth, value, and (value - truth)/sigma.
+
+    `cut` s after the plant began, the recording does: what counts its time from there.
+    """
     out = {}
     for h, x in hidden:
         e = next((e for e in found.effects if (e.id, e.place) == (h.id, h.place)), None)
         if e is None or kind == "ambiguous":
             continue
-        for key, true in h.truth(x).items():
+        for key, true in _recorded(h.id, h.truth(x), cut).items():
             given = e.parameters.get(key)
             if given is None or None in np.ravel(given["sigma"]):
                 continue
@@ -93,6 +98,13 @@ def compared(kind: str, hidden: list[tuple[Hidden, float]], found) -> dict[str, 
                     "z": _short((v - t) / s) if s > 0 else None,
                 }  # fmt: skip
     return out
+
+
+def _recorded(id: str, truth: dict[str, Any], cut: float) -> dict[str, Any]:
+    """The parameters of a law of time, whose time begins `cut` s later."""
+    if id == "floor-vibration":
+        return truth | {"phase": truth["phase"] + 2 * math.pi * truth["frequency"] * cut}
+    return truth | {"a": truth["a"] + truth["b"] * cut} if id == "sensor-drift" else truth
 
 
 def _numbers(key: str, true, given) -> list[tuple[float, float, float]]:

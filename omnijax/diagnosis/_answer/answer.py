@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from ...laws import Parameter
 from .._search import Effect, Found, Point
 from .evidence import AbstractEvidence
 from .result import Named
@@ -16,15 +17,19 @@ def named(evidence: AbstractEvidence, found: Found, judged: Judged) -> list[Name
         return []
     model = evidence.model
     P, out = len(model.priors), []
-    sigma = np.sqrt(np.maximum(np.diag(found.fit.covariance), 0.0))
     floor = min(judged.floor, found.held_after)
     # what is left above the noise, or less than was assumed, is noise for the sizes too
-    sigma = sigma * np.sqrt(max(1.0, found.fit.chi2 / model.dof("train")))
+    covariance = found.fit.covariance * max(1.0, found.fit.chi2 / model.dof("train"))
     for i, effect in enumerate(found.fit.point.effects):
-        spread: dict[str, Any] = {}
+        places: dict[str, list[int]] = {}
         for k, free in enumerate(found.fit.free):
             if free.effect == i:
-                spread.setdefault(free.key, []).append(float(sigma[P + k]))
+                places.setdefault(free.key, []).append(P + k)
+        law = model.laws[effect.id]
+        spread = {
+            key: _sigma(law.parameters[key], effect.values[key], covariance[np.ix_(own, own)])
+            for key, own in places.items()
+        }
         near = judged.equals.get(i, [])
         less, held = found.alone.get(i, (found.baseline, found.held_before))
         count = sum(free.effect == i for free in found.fit.free)
@@ -50,6 +55,15 @@ def named(evidence: AbstractEvidence, found: Found, judged: Judged) -> list[Name
                       {**said, "margin": margin, "cosine": cosine}, _others(everyone, rival))
             )  # fmt: skip
     return together(out)
+
+
+def _sigma(parameter: Parameter, value: Any, covariance: np.ndarray) -> list[float]:
+    """1-sigma of a parameter's numbers; of a direction across it, for its length says nothing."""
+    if parameter.shape == 3 and parameter.unit == "1" and len(covariance) == 3:
+        size = float(np.linalg.norm(value))
+        across = (np.eye(3) - np.outer(value, value) / size**2) / size
+        covariance = across @ covariance @ across.T
+    return np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist()
 
 
 def _others(everyone: list[Effect], effect: Effect) -> list[dict[str, str]]:
