@@ -110,7 +110,7 @@ def test_sensitivity_of_a_nonlinear_rig_under_torques(hertz, engine):
         hertz, torques(TORQUE), "elastic_rms", duration=0.08, rate=250,
         parameters=["contact.damping", "closure.preload"],
     )  # fmt: skip
-    assert found.method == "full"
+    assert found.method == "fixed"
     share = np.log(120 / 50) / np.log(100)
     s = engine.figures.slopes(np.array([share]))
     together = found.together("elastic_rms")
