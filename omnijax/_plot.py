@@ -1,7 +1,7 @@
 """What all pictures share: colours, type, lines, units as people read them, axes of their own."""
 
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -96,3 +96,15 @@ def new_axes(ax: Any, height: float = 4.2, width: float = 7.2) -> Any:
 
         ax = Figure(figsize=(width, height), layout="constrained").subplots()
     return ax
+
+
+SPREAD = 30.0  # ratio of scores above which a linear axis would hide the small ones
+
+
+def bars_of_scores(ax: Any, scores: Sequence[Mapping[str, Any]], colour: str) -> None:
+    """Gains of candidates as bars from zero; on a logarithmic axis where they differ much."""
+    best = scores[::-1]
+    gain = [max(s["gain"], 0.0) for s in best]
+    far = max(gain, default=0.0) > SPREAD * max(min(gain, default=0.0), 1e-2)
+    ax.barh([f"{s['id']} at {s['place']}" for s in best], gain, color=colour)
+    ax.set(xscale="log" if far else "linear", xlabel="gain in χ²")

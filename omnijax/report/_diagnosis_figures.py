@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from .._plot import PALETTE
+from .._plot import PALETTE, bars_of_scores
 from ._content import Figure
 from ._style import figure, style
 
@@ -56,15 +56,13 @@ def _content_end(lines: list[dict[str, Any]]) -> float:
 def score_figure(first: list[dict[str, Any]]) -> Figure:
     """What each of the best candidates would explain, baseline parameters projected out."""
     names = [f"{s['id']} at {s['place']}" for s in first][::-1]
-    gain = np.array([max(s["gain"], 1e-2) for s in first])[::-1]
+    gain = [float(s["gain"]) for s in first][::-1]
     with style():
         fig, axes = figure(1, 1, height=3.6)
-        axes[0].barh(range(len(names)), gain, color=PALETTE["blue"])
-        axes[0].set_yticks(range(len(names)), names)
-        axes[0].set(xlabel="gain in χ²", xscale="log")
+        bars_of_scores(axes[0], first, PALETTE["blue"])
         axes[0].set_title("What each candidate would explain")
     note = "Score of the best candidates, baseline parameters projected out."
-    return Figure(fig, "scores", note, {"candidate": names, "gain / 1": gain.tolist()})
+    return Figure(fig, "scores", note, {"candidate": names, "gain / 1": gain})
 
 
 def limits_figure(known: list[dict[str, Any]]) -> Figure:

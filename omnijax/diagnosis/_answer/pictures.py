@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ..._html import html_table
-from ..._plot import PALETTE, new_axes, styled
+from ..._plot import PALETTE, bars_of_scores, new_axes, styled
 from .result import Diagnosis
 
 BLUE, ORANGE, GREY = PALETTE["blue"], PALETTE["vermillion"], "#777777"
@@ -39,12 +39,7 @@ def plot_scores(found: Diagnosis, *, step: int = 1, ax: Any = None) -> Any:
         steps = sorted({s["step"] for s in found.scores})
         raise ValueError(f"`step` must be one of {steps}, but is {step}.")
     ax = new_axes(ax, 0.9 + 0.26 * len(best))
-    ax.barh(
-        [f"{s['id']} at {s['place']}" for s in best[::-1]],
-        [max(s["gain"], 0.1) for s in best[::-1]],
-        color=BLUE,
-    )
-    ax.set(xscale="log", xlabel="gain in chi-square")
+    bars_of_scores(ax, best, BLUE)
     ax.set_title(f"What each candidate would explain, step {step}")
     return ax
 
