@@ -17,7 +17,7 @@ from omnijax.machine import (
     MachineCase,
     case_files,
     describe,
-    free_run,
+    free_run_of,
     parse_machine,
     read_log,
 )
@@ -47,10 +47,8 @@ def main(path: Path = DATA, tell=print):
 
 def error(file, run) -> float:
     """RMS of a free run from the first sample, less the first 50, in mV."""
-    y = run.outputs["position"]
-    first = {"position": (y[0], (y[1] - y[0]) * RATE)}
-    got = free_run(file.machine, file.placed, first, run.inputs, 1 / RATE, file.compare.hold)
-    return 1e3 * float(np.sqrt(np.mean((y - got["position"])[50:] ** 2)))
+    missed = run.outputs["position"] - free_run_of(file, run)["position"]
+    return 1e3 * float(np.sqrt(np.mean(missed[50:] ** 2)))
 
 
 if __name__ == "__main__":

@@ -4,26 +4,21 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from ._options import emit
+from .._errors import InputError
+from .._files import claim, write_text
+from ._options import command_line, emit
 
 
 def machine_summary(path: str) -> dict[str, Any]:
     """What a machine file says; `InputError` with every problem at once."""
-    from ..machine import KEYS, load_machine
+    from ..machine import load_machine, numbers_of
 
     file = load_machine(path)
     axis: Any = file.machine
-    numbers = {}
-    unused = {"servo"} if axis.drives != "goal" else set()
-    unused |= {"second"} if axis.second_inertia is None else set()
-    for table, keys in KEYS.items():
-        if table in unused:
-            continue
-        for name, key in keys.items():
-            value = getattr(axis, key.field)
-            if value is not None:
-                unit = key.quantity(axis.motion).unit
-                numbers[f"{table}.{name}"] = {"value": float(value), "unit": unit}
+    numbers = {
+        path: {"value": float(value), "unit": key.quantity(axis.motion).unit}
+        for path, key, value in numbers_of(axis)
+    }
     uncertain = {file.names[k]: v for k, v in file.uncertainty.items()}
     return {
         "kind": "axis", "motion": axis.motion, "input": axis.drives,
@@ -49,7 +44,6 @@ def machine_lines(path: str, summary: dict[str, Any]) -> Iterator[str]:
 
 def _run_of(file: Any, log: Path | None) -> Any:
     """The log that a machine's study is made under."""
-    from .._errors import InputError
     from ..machine import log_beside, read_log
 
     if log is None:
@@ -59,7 +53,6 @@ def _run_of(file: Any, log: Path | None) -> Any:
 
 def refuse(given: dict[str, Any], command: str) -> None:
     """`InputError` for options that a machine's study has not."""
-    from .._errors import InputError
 
     wrong = [f"--{k} belongs to rigs: `{command}` of a machine file does not take it."
              for k, v in given.items() if v]  # fmt: skip
@@ -69,7 +62,6 @@ def refuse(given: dict[str, Any], command: str) -> None:
 
 def refuse_drive(drive: Path | None) -> None:
     """`InputError` for a log where a rig is studied."""
-    from .._errors import InputError
 
     if drive is not None:
         raise InputError(
@@ -80,8 +72,6 @@ def refuse_drive(drive: Path | None) -> None:
 def sweep_axis(path: str, log: Path | None, vary: list[str], metric: str, sampling: Any,
                out: Path | None, overwrite: bool, json: bool) -> int:  # fmt: skip
     """Misfits of a machine's free run over its numbers; `out` is a netCDF file."""
-    from .._errors import InputError
-    from .._files import claim
     from ..machine import load_machine
     from ..study import sweep_machine
 
@@ -90,7 +80,6 @@ def sweep_axis(path: str, log: Path | None, vary: list[str], metric: str, sampli
     file = load_machine(path)
     run = _run_of(file, log)
     claim([out], force=overwrite)
-    refuse({"gradient": sampling.gradient}, "sweep")
     found = sweep_machine(file, run, vary, metric, sampler=sampling.sampler,
                           samples=sampling.samples, seed=sampling.seed)  # fmt: skip
     if out is not None:
@@ -116,7 +105,6 @@ def sensitivity_axis(path: str, log: Path | None, metric: str, parameters: list[
     from ..machine import load_machine, machine_text
     from ..report import provenance
     from ..study import sensitivity_machine
-    from ._options import command_line
 
     file = load_machine(path)
     found = sensitivity_machine(file, _run_of(file, log), metric, parameters or None)
@@ -126,10 +114,8 @@ def sensitivity_axis(path: str, log: Path | None, metric: str, parameters: list[
 def replay_axis(path: Path, log: Path | None, page: Path, title: str | None, force: bool,
                 json: bool) -> None:  # fmt: skip
     """A page with the signals of a machine's free run under a log's inputs; no scene."""
-    from .._files import claim, write_text
     from ..machine import load_machine, machine_text
     from ..report import provenance, signals_page
-    from ._options import command_line
 
     file = load_machine(path)
     run = _run_of(file, log)
@@ -146,12 +132,9 @@ def signals_of(file: Any, run: Any) -> list[tuple[str, str, dict[str, Any]]]:
 
     A curve is (times, values).
     """
-    from ..machine import field_units, free_run
+    from ..machine import free_run_of, position_unit
 
-    q = run.outputs["position"]
-    first = {"position": (q[0], (q[1] - q[0]) / run.step)}
-    found = free_run(file.machine, file.placed, first, run.inputs, run.step, file.compare.hold)
-    unit = field_units(file.machine)["second_play"]
+    q, found, unit = run.outputs["position"], free_run_of(file, run), position_unit(file.machine)
     out = [("position", unit, {"simulated": found["position"], "measured": q}),
            ("measured less simulated", unit, {"": q - found["position"]}),
            ("velocity", f"{unit}/s", {"simulated": found["velocity"]})]  # fmt: skip
@@ -163,9 +146,7 @@ def simulate_machine(path: str, log: Path | None, out: Path | None, json: bool) 
     """A free run under the inputs of a log; CSV with t, input and outputs."""
     import numpy as np
 
-    from .._errors import InputError
-    from .._files import claim, write_text
-    from ..machine import free_run, load_machine
+    from ..machine import free_run_of, load_machine, position_unit
 
     file = load_machine(path)
     if out is not None and out.suffix != ".csv":
@@ -173,22 +154,19 @@ def simulate_machine(path: str, log: Path | None, out: Path | None, json: bool) 
     run = _run_of(file, log)
     if out is not None:
         claim([out])
-    q = run.outputs["position"]
-    start = {"position": (q[0], (q[1] - q[0]) / run.step)}
-    hold = file.compare.hold
-    found = free_run(file.machine, file.placed, start, run.inputs, run.step, hold)
+    found = free_run_of(file, run)
     table = {"t": run.time, **run.inputs, **found}
     if out is not None:
         rows = [",".join(table), *(",".join(f"{x:.10g}" for x in row)
                                    for row in np.stack(list(table.values()), 1))]  # fmt: skip
         write_text(out, "\n".join(rows) + "\n")
-    error = q - found["position"]
+    error = run.outputs["position"] - found["position"]
     summary = {
         "samples": len(run.time), "step": run.step, "out": None if out is None else str(out),
         "rms": float(np.sqrt(np.mean(error**2))), "mae": float(np.mean(np.abs(error))),
         "faults": run.faults,
     }  # fmt: skip
-    unit = file.machine.outputs["position"]
+    unit = position_unit(file.machine)
     emit(json, summary, lambda: print(
         f"{len(run.time)} samples; measured less simulated: RMS {summary['rms']:.4g}, "
         f"MAE {summary['mae']:.4g} {unit}" + (f"; wrote {out}" if out else "")))  # fmt: skip

@@ -93,7 +93,8 @@ def sweep(
     check_picture(plot)
     if file_kind(rig) == "machine":
         kept = {k: getattr(place, k) for k in ("resume", "chunk", "workers", "scheduler")}
-        refuse({"plot": plot, "report": report} | kept | vars(motion), "sweep")
+        kept |= {"plot": plot, "report": report, "gradient": sampling.gradient}
+        refuse(kept | vars(motion), "sweep")
         return sweep_axis(rig, drive, vary, metric or "rms", sampling, place.out, overwrite, json)
     refuse_drive(drive)
     from ..rig import rig_tables

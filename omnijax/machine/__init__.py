@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ._file import MachineFile as MachineFile
     from ._file import load_machine as load_machine
     from ._file import machine_text as machine_text
+    from ._file import numbers_of as numbers_of
     from ._file import parse_machine as parse_machine
     from ._guess import Guess as Guess
     from ._guess import case_files as case_files
@@ -28,12 +29,15 @@ if TYPE_CHECKING:
     from ._ports import delayed_inputs as delayed_inputs
     from ._schema import KEYS as KEYS
     from ._schema import field_units as field_units
+    from ._schema import position_unit as position_unit
     from ._simulate import between as between
     from ._simulate import free_run as free_run
+    from ._simulate import free_run_of as free_run_of
     from ._simulate import motion as motion
     from ._simulate import places_of as places_of
     from ._simulate import sensed as sensed
     from ._simulate import slopes_of as slopes_of
+    from ._simulate import steps_between as steps_between
     from ._simulate import steps_for as steps_for
     from ._simulate import vector_field as vector_field
 

@@ -1,7 +1,7 @@
 """machine.toml in and out."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from ..rig import law_quantity
 from ._axis import Axis
 from ._base import AbstractMachine
 from ._ports import PlacedLaw
-from ._schema import KEYS, Compare, file_model
+from ._schema import KEYS, Compare, Key, file_model
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,6 +38,17 @@ class MachineFile:
 def field_names() -> dict[str, str]:
     """Field of `Axis` -> key of the file, `second_inertia` -> `second.inertia`."""
     return {k.field: f"{t}.{name}" for t, keys in KEYS.items() for name, k in keys.items()}
+
+
+def numbers_of(axis: Axis) -> Iterator[tuple[str, Key, Any]]:
+    """(`table.name`, key, value) of every number that an axis uses."""
+    unused = {"servo"} if axis.drives != "goal" else set()
+    unused |= {"second"} if axis.second_inertia is None else set()
+    for table, keys in KEYS.items():
+        for name, key in keys.items():
+            value = getattr(axis, key.field)
+            if table not in unused and value is not None:
+                yield f"{table}.{name}", key, value
 
 
 def load_machine(path: str | Path) -> MachineFile:

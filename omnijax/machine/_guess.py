@@ -158,10 +158,14 @@ def first_servo(q, u, step: float, others) -> dict[str, float]:
     return found
 
 
+def _low_passed(x):
+    b, a = butter(4, 0.2)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
+    return filtfilt(b, a, x)
+
+
 def _rates(q, step: float):
     """Position, speed and acceleration, low-passed."""
-    b, a = butter(4, 0.2)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
-    smooth = filtfilt(b, a, q)
+    smooth = _low_passed(q)
     v = np.gradient(smooth, step)
     return smooth, v, np.gradient(v, step)
 
@@ -169,17 +173,16 @@ def _rates(q, step: float):
 def first_numbers(q, u, step: float) -> dict[str, float]:
     """Inertia, damping, stiffness and offset by least squares: u = J a + d v + k q - offset."""
     smooth, v, acceleration = _rates(q, step)
-    one = np.ones(len(q))
-    b, a = butter(4, 0.2)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
+    one, given = np.ones(len(q)), _low_passed(u)
     keep = slice(10, -10)
     A = np.stack([acceleration, v, smooth, one], 1)[keep]
     size = np.linalg.norm(A, axis=0)
-    J, d, k, _ = np.linalg.lstsq(A / size, filtfilt(b, a, u)[keep], rcond=None)[0] / size
+    J, d, k, _ = np.linalg.lstsq(A / size, given[keep], rcond=None)[0] / size
     pulled = k > 0 and k * np.std(q) > 0.3 * np.std(u)
     if not pulled:
         A = np.delete(A, 2, axis=1)
         size = np.linalg.norm(A, axis=0)
-        J, d, _ = np.linalg.lstsq(A / size, filtfilt(b, a, u)[keep], rcond=None)[0] / size
+        J, d, _ = np.linalg.lstsq(A / size, given[keep], rcond=None)[0] / size
     if J <= 0:
         J = float(np.std(u) / max(np.std(acceleration), 1e-300))
     out = {"inertia": float(J), "damping": float(max(d, 1e-3 * np.std(u) / np.std(v)))}

@@ -37,6 +37,12 @@ class Log:
         """Sampling step, s."""
         return float(self.time[1] - self.time[0])
 
+    @property
+    def start(self) -> dict[str, tuple[float, float]]:
+        """Position and its rate at the first sample, by output: where a free run begins."""
+        q = self.outputs["position"]
+        return {"position": (float(q[0]), float(q[1] - q[0]) / self.step)}
+
 
 @dataclasses.dataclass
 class LogFile:

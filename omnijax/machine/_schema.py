@@ -67,6 +67,11 @@ def field_units(machine: Any) -> dict[str, str]:
     return {k.field: k.quantity(motion).unit for keys in KEYS.values() for k in keys.values()}
 
 
+def position_unit(machine: Any) -> str:
+    """SI unit of the position: of an axis by its motion, else as the machine states it."""
+    return field_units(machine).get("second_play") or machine.outputs["position"]
+
+
 Drive = Literal["torque", "current", "voltage", "command", "goal"]
 
 

@@ -13,6 +13,8 @@ from jaxtyping import Array, Float
 
 from ..laws import SensorSignal
 from ._base import AbstractMachine
+from ._file import MachineFile
+from ._log import Log
 from ._ports import PlacedLaw, Ports, delayed_inputs, resting
 
 STABLE = 2.2  # decay of a mode within a Runge-Kutta step that is surely stable
@@ -130,6 +132,11 @@ def between(values: np.ndarray, hold: str = "linear") -> np.ndarray:
     return resample_poly(values, count, 1)[: (len(values) - 1) * count + 1]
 
 
+def steps_between(slopes: np.ndarray, step: float) -> int:
+    """`steps_for`, no more than a free run takes between two places of its inputs."""
+    return min(MOST, steps_for(slopes, step))
+
+
 @eqx.filter_jit
 def _whole(machine, placed, first, inputs, step, steps, clock, hold):
     x0, parts = jnp.stack([jnp.asarray(v, float) for v in machine.start(first)]), places_of(hold)
@@ -153,8 +160,13 @@ def free_run(
     here = {k: jnp.asarray(x[some]) for k, x in inputs.items()}
     states = jnp.asarray(np.concatenate([[x0], np.zeros((len(some) - 1, len(x0)))]))
     slopes = np.asarray(_slopes(machine, placed, states, here))
-    steps = min(MOST, steps_for(slopes, step / places_of(hold)))
+    steps = steps_between(slopes, step / places_of(hold))
     fine = {k: jnp.asarray(between(np.asarray(x), hold)) for k, x in inputs.items()}
     first = {k: tuple(jnp.asarray(v, float) for v in pair) for k, pair in first.items()}
     out = _whole(machine, placed, first, fine, step, steps, jnp.arange(n) * step, hold)
     return {k: np.asarray(v) for k, v in out.items()}
+
+
+def free_run_of(file: MachineFile, log: Log) -> dict[str, np.ndarray]:
+    """Outputs (t,) of a file's machine under the inputs of a log, from the log's first sample."""
+    return free_run(file.machine, file.placed, log.start, log.inputs, log.step, file.compare.hold)

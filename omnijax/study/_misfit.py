@@ -12,7 +12,6 @@ import numpy as np
 from .._errors import InputError, RunError, did_you_mean
 from .._text import amount
 from ..machine import (
-    KEYS,
     Axis,
     Log,
     MachineFile,
@@ -20,10 +19,12 @@ from ..machine import (
     delayed_inputs,
     field_units,
     motion,
+    numbers_of,
     places_of,
+    position_unit,
     sensed,
     slopes_of,
-    steps_for,
+    steps_between,
 )
 from ._axes import read_axis, split_vary
 from ._points import build_points
@@ -32,7 +33,6 @@ from ._sensitivity import Sensitivity
 
 MISFITS = ("rms", "mae", "peak")  # of measured less simulated position
 LANES = 32  # designs side by side
-MOST = 256  # Runge-Kutta steps between two samples
 
 
 def checked_misfits(metric: str | Sequence[str]) -> tuple[str, ...]:
@@ -61,12 +61,7 @@ class Numbers:
         if not isinstance(machine, Axis):
             raise InputError(f"{file.source}: only an axis has numbers by name.")
         out: dict[str, tuple[int | None, str]] = {}
-        unused = {"servo"} if machine.drives != "goal" else set()
-        unused |= {"second"} if machine.second_inertia is None else set()
-        for table, keys in KEYS.items():
-            for name, key in keys.items():
-                if table not in unused and getattr(machine, key.field) is not None:
-                    out[f"{table}.{name}"] = (None, key.field)
+        out |= {path: (None, key.field) for path, key, _ in numbers_of(machine)}
         for k, one in enumerate(file.placed):
             out |= {f"effect.{one.law.id}.{key}": (k, key) for key in one.law.parameters}
         return Numbers(file, out)
@@ -116,7 +111,7 @@ class Misfit:
         self.parts = places_of(self.hold)
         fine = {k: jnp.asarray(between(np.asarray(x), self.hold)) for k, x in log.inputs.items()}
         clock = jnp.arange(n) * log.step
-        start = {"position": (jnp.asarray(q[0]), jnp.asarray((q[1] - q[0]) / log.step))}
+        start = {k: tuple(map(jnp.asarray, pair)) for k, pair in log.start.items()}
         some = np.linspace(0, n - 1, min(n, 20)).astype(int)
         few = {k: jnp.asarray(x[some]) for k, x in log.inputs.items()}
         there = (jnp.asarray(q[some]), jnp.zeros(len(some)))
@@ -147,13 +142,13 @@ class Misfit:
     @property
     def unit(self) -> str:
         """Unit of every metric."""
-        return field_units(self.numbers.file.machine)["second_play"]  # that of a position
+        return position_unit(self.numbers.file.machine)
 
     def steps(self, values: np.ndarray) -> int:
         """Runge-Kutta steps between two samples that all of some designs (m, d) can do with."""
         slopes = np.asarray(self._slopes(jnp.asarray(values, float)))
         step = self.log.step / self.parts
-        return min(MOST, max(steps_for(s, step) for s in slopes))
+        return max(steps_between(s, step) for s in slopes)
 
     def at(self, values: np.ndarray) -> np.ndarray:
         """Figures (m, metrics) of designs (m, d); NaN or inf where a run leaves all bounds."""

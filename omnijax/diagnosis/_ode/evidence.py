@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from ...machine import Axis, MachineFile, PlacedLaw, free_run, machine_text
+from ...machine import Axis, MachineFile, PlacedLaw, free_run, machine_text, position_unit
 from .._answer import AbstractEvidence
 from .._search import Point, discovered, number
 from .learned import learn_shaft
@@ -117,7 +117,11 @@ class OdeEvidence(AbstractEvidence):
         for run in self.model.runs:
             measured = run.outputs["position"]
             _, v, _ = smoothed(measured, run.step, run.cutoff)
-            entry: dict[str, Any] = {"run": run.name, "role": run.role, "unit": self._position()}
+            entry: dict[str, Any] = {
+                "run": run.name,
+                "role": run.role,
+                "unit": position_unit(self.file.machine),
+            }
             for word, point in points.items():
                 theta = self.model.numbers.vector(point)
                 only = self.model.numbers.active(theta[None])  # no other law is worth its time
@@ -133,12 +137,6 @@ class OdeEvidence(AbstractEvidence):
                 }
             out.append(entry)
         return out
-
-    def _position(self) -> str:
-        translation = (
-            isinstance(self.file.machine, Axis) and self.file.machine.motion == "translation"
-        )
-        return "m" if translation else self.file.machine.outputs["position"]
 
     def one_step(self, point: Point) -> float | None:
         """Per cent of the input that the balance misses on held-out runs; None without one."""

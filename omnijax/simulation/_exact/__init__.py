@@ -21,6 +21,5 @@ from .propagate import propagation_obstacle as propagation_obstacle
 from .propagate import reached_like as reached_like
 from .system import Forced as Forced
 from .system import balanced as balanced
-from .system import drive_gain as drive_gain
 from .system import exact_obstacle as exact_obstacle
 from .system import forced_system as forced_system
