@@ -9,6 +9,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from seeds import drawn_anew
+
 from benchmarks import __main__ as command
 from benchmarks import _c, _general
 from benchmarks import _problem as problem
@@ -65,7 +67,7 @@ def test_general_machines_are_the_rigs_they_are_measured_beside(count):
     from benchmarks import _omnijax as ours
     from omnijax import propagate, speeds
 
-    rng = np.random.default_rng()
+    rng = drawn_anew("general machines")
     row = np.array([rng.uniform(0.1, 0.9), 10 ** rng.uniform(4.5, 6), 1e6, rng.uniform(0, 9e3)])
     times = _general.TIMES[::10]
     drive = speeds(_general.SPEEDS[:count])

@@ -12,10 +12,10 @@ from .data_vector import Rows
 from .linearisation import THIN, Base
 from .runs import FINE
 
-GRID = 2  # orders tried within one resolution of the travel
-CLOSER = 4  # times as many about the best
+GRID = 4  # orders tried within one resolution of the travel: at most 4 % of a line lost between
+CLOSER = 2  # times as many about the best
 PEAKS = 3
-MOST = 600  # orders of a wheel
+MOST = 1200  # orders of a wheel
 LOWEST = 1.0  # windows take off what is slower
 FAST = 0.9  # quantile of the speed at which lines may not alias
 TOGETHER = 64  # orders computed at a time
