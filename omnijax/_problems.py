@@ -25,8 +25,10 @@ def sentence(entry: Any, path: str, file: str, keys: Iterable[str]) -> str:
     if kind == "missing":
         return f"`{path}` is missing."
     if kind == "extra_forbidden":
-        known = list(keys)
-        hint = did_you_mean(str(entry["loc"][-1]), known) or f" Known keys: {', '.join(known)}."
+        known, key = list(keys), str(entry["loc"][-1])
+        hint = did_you_mean(key, known) or f" Known keys: {', '.join(known)}."
+        if entry["loc"][0] == "effect" and "parameters" in known:
+            hint += f" A law's own numbers stand in `parameters = {{ {key} = ... }}`."
         return f"`{path}` is not a key of {file}.{hint}"
     if kind == "value_error":
         return f"`{path}` {context['error']}"

@@ -118,6 +118,7 @@ EFFECTS = [
     ({"id": "lift-off"}, "`effect.lift-off.place` is missing."),
     ({"id": "lift-off", "place": "all", "law": "no.py"}, "no.py: no such Python file of laws"),
     ({"id": "lift-off", "place": "all", "gain": 1}, "`effect.lift-off.gain` is not a key of a rig"),
+    ({"id": "lift-off", "place": "all", "k": 1}, "numbers stand in `parameters = { k = ... }`."),
 ]
 
 

@@ -16,7 +16,7 @@ from ..rig import law_quantity
 from ._axis import Axis
 from ._base import AbstractMachine
 from ._ports import PlacedLaw
-from ._schema import KEYS, Compare, Key, file_model
+from ._schema import KEYS, Compare, Effect, Key, file_model
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,7 +137,10 @@ def _sentence(entry: Any) -> str:
     keys = [*KEYS, "kind", "motion", "compare", "effect", "uncertainty"]
     if len(entry["loc"]) > 1:
         keys = [*KEYS.get(table, {}), *(["input"] if table == "motor" else [])]
-    return sentence(entry, ".".join(map(str, entry["loc"])), "a machine file", keys)
+    if table == "effect":
+        keys = list(Effect.model_fields)
+    path = ".".join(str(part + 1) if isinstance(part, int) else part for part in entry["loc"])
+    return sentence(entry, path, "a machine file", keys)
 
 
 def machine_text(file: MachineFile) -> str:
