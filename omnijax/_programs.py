@@ -32,7 +32,7 @@ from jax.core import Tracer
 from jax.experimental.compilation_cache import compilation_cache
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
-from ._compiling import QUICK
+from ._compiling import quick_options
 from ._config import cache_folder
 from ._private import config_folder, private_folder
 from ._waiting import told
@@ -224,10 +224,12 @@ def _make(function: Callable, leaves: list[Any], tree: Any, key: str) -> Callabl
 
     flat.__name__ = function.__name__
     lowered = jax.jit(flat).lower(*arrays)
-    kernels = set(re.findall(r"custom_call @(\w+)", lowered.as_text()))
+    text = lowered.as_text()
+    kernels = set(re.findall(r"custom_call @(\w+)", text))
+    options = quick_options(text.count("\n"))
     if not all(name.startswith("lapack_") for name in kernels):  # not XLA's own, nor registered
-        return _unflattened(lowered.compile(compiler_options=QUICK))
-    compiled = _compile_afresh(lowered)
+        return _unflattened(lowered.compile(compiler_options=options))
+    compiled = _compile_afresh(lowered, options)
     result = jax.tree.map(lambda _: 0, lowered.out_info)
     content = {"lapack": bool(kernels), "inputs": len(arrays), "result": result}
     try:
@@ -241,13 +243,13 @@ def _make(function: Callable, leaves: list[Any], tree: Any, key: str) -> Callabl
     return _unflattened(compiled)
 
 
-def _compile_afresh(lowered: Any) -> Any:
+def _compile_afresh(lowered: Any, options: Any) -> Any:
     """Compile without jax's cache: a program loaded from there cannot be stored again."""
     before = jax.config.jax_enable_compilation_cache  # pyright: ignore
     jax.config.update("jax_enable_compilation_cache", False)
     compilation_cache.reset_cache()  # it asks for the setting once
     try:
-        return lowered.compile(compiler_options=QUICK)
+        return lowered.compile(compiler_options=options)
     finally:
         jax.config.update("jax_enable_compilation_cache", before)
         compilation_cache.reset_cache()

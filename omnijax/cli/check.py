@@ -73,12 +73,13 @@ def _summary(rig: Any) -> dict[str, Any]:
     import numpy as np
 
     from ..dynamics import held_directions, mobility, weight
-    from ..rig import direction_angles, parameter_paths, wheel_facts
+    from ..rig import derived, direction_angles, parameter_paths, wheel_facts
     from ..vibration import modes
 
     wheels, found = rig.wheels, modes(rig)
     motion, pressed = mobility(rig), weight(rig)
     columns = wheel_facts(rig)
+    normal, drive = np.asarray(wheels.normal), np.asarray(wheels.drive)
     return {
         "sphere": {
             "radius": float(rig.sphere.radius),
@@ -86,13 +87,13 @@ def _summary(rig: Any) -> dict[str, Any]:
             "inertia": np.asarray(rig.sphere.inertia).tolist(),
         },
         "platform": {"mass": float(rig.platform.mass)},
-        "total_mass": float(rig.total_mass),
+        "total_mass": float(derived(rig)[1]),
         "gravity": np.asarray(rig.platform.gravity).tolist(),
         "wheels": [
             {"name": name, "profile": rig.profiles[i].id}
-            | {"angles": direction_angles(wheels.normal[i], wheels.drive[i])}
-            | {"normal": np.asarray(wheels.normal[i]).tolist()}
-            | {"drive": np.asarray(wheels.drive[i]).tolist()}
+            | {"angles": direction_angles(normal[i], drive[i])}
+            | {"normal": normal[i].tolist()}
+            | {"drive": drive[i].tolist()}
             | {key: float(value[i]) for key, value in columns.items()}
             for i, name in enumerate(rig.names)
         ],

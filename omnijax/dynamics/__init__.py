@@ -81,6 +81,7 @@ if TYPE_CHECKING:
     from ._translation import Paper as Paper
     from ._translation import PortInputs as PortInputs
     from ._translation import flatten as flatten
+    from ._translation import free_system as free_system
     from ._translation import linear_system as linear_system
     from ._translation import unflatten as unflatten
 

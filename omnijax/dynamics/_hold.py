@@ -1,5 +1,7 @@
 """Whether the wheels hold the sphere in every direction; works inside transformations too."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -21,10 +23,14 @@ def held(rig: Rig, model: str = "coupled") -> Bool[Array, ""]:
     """
     if model != "coupled":
         return jnp.asarray(True)
-    r = rig.wheels.normal
-    areas = jnp.cross(r[:, None], r[None])
-    pairs = jnp.sum(areas**2) / 2  # L1 L2 + L2 L3 + L3 L1
-    product = jnp.sum(jnp.einsum("ia,jka->ijk", r, areas) ** 2) / 6  # L1 L2 L3
+    return _span(rig.wheels.normal, jnp)
+
+
+def _span(r: Any, xp: Any) -> Any:
+    """Whether normals (n, 3) span space, computed by `xp`: numpy, or `jax.numpy`."""
+    areas = xp.cross(r[:, None], r[None])
+    pairs = xp.sum(areas**2) / 2  # L1 L2 + L2 L3 + L3 L1
+    product = xp.sum(xp.einsum("ia,jka->ijk", r, areas) ** 2) / 6  # L1 L2 L3
     return (pairs > PARALLEL) & (product > LOOSE**2 * pairs)
 
 
@@ -47,9 +53,10 @@ def free_directions(rig: Rig) -> Float[Array, "k 3"]:
 
 
 def held_directions(rig: Rig) -> int:
-    """In how many directions the contacts hold the sphere; 3 where `held`."""
-    values = np.linalg.svd(np.asarray(rig.wheels.normal), compute_uv=False)
-    return 3 if bool(held(rig)) else int(np.sum(values[:2] > LOOSE))
+    """In how many directions the contacts hold the sphere; 3 where `held`.  Known numbers alone."""
+    normal = np.asarray(rig.wheels.normal)
+    values = np.linalg.svd(normal, compute_uv=False)
+    return 3 if _span(normal, np) else int(np.sum(values[:2] > LOOSE))
 
 
 NOT_HELD = "the wheels do not hold the sphere in every direction"

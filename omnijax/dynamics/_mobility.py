@@ -79,7 +79,7 @@ def weight(rig: Rig) -> Weight | None:
         return None
     normal = np.asarray(rig.wheels.normal)
     above = float(np.mean(normal @ gravity)) > 0
-    mass = float(rig.platform.mass + np.sum(np.asarray(rig.wheels.mass))) if above else 0.0
+    mass = float(rig.platform.mass) + float(np.sum(np.asarray(rig.wheels.mass))) if above else 0.0
     needed = mass * gravity if above else -float(rig.sphere.mass) * gravity
     forces, *_ = np.linalg.lstsq(normal.T, needed, rcond=None)
     left = float(np.linalg.norm(normal.T @ forces - needed))

@@ -295,3 +295,17 @@ def linear_system(translation: AbstractTranslation) -> LinearSystem:
     return LinearSystem(
         A, B, C, D, _slices(inputs), outputs | {"acceleration": slice(end, end + 3)}
     )
+
+
+def free_system(
+    translation: AbstractTranslation,
+) -> tuple[Float[Array, "m m"], Float[Array, "3 m"]]:
+    """A of `linear_system` and its row of the displacement: a third of that program to compile."""
+    state, inputs = translation.rest(), PortInputs.zeros(translation.rig.size)
+
+    def both(y):
+        y = unflatten(state, y)
+        moved = translation.motion(y, inputs.shape).displacement
+        return flatten(translation.rate(y, inputs)), moved
+
+    return jax.jacfwd(both)(flatten(state))

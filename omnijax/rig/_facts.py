@@ -37,14 +37,15 @@ FACTS = {
 
 def wheel_facts(rig: Any) -> dict[str, np.ndarray]:
     """`FACTS` of every wheel in SI, (n,) each."""
-    depth = np.broadcast_to(np.asarray(_depth(rig)), rig.size)
+    depth = np.broadcast_to(np.asarray(derived(rig)[0]), rig.size)
     found = {key: fact.of(rig.wheels) for key, fact in FACTS.items()} | {"gap_depth": depth}
     return {key: np.asarray(value) for key, value in found.items()}
 
 
 @kept
-def _depth(rig: Any) -> Any:
-    return rig.gaps.depth
+def derived(rig: Any) -> tuple[Any, Any]:
+    """Gap depth of the wheels and the mass of the whole machine, by one program."""
+    return rig.gaps.depth, rig.total_mass
 
 
 def direction_angles(normal: Any, drive: Any) -> list[float]:
@@ -77,7 +78,7 @@ def _bodies(rig: Any) -> str:
     said = [
         f"sphere: radius {float(sphere.radius):g} m, mass {float(sphere.mass):.4g} kg, {kind}",
         f"platform: mass {float(rig.platform.mass):.4g} kg; "
-        f"the whole machine {float(rig.total_mass):.4g} kg",
+        f"the whole machine {float(derived(rig)[1]):.4g} kg",
     ]
     effects = [f"{placed.law.id} at {placed.place}" for placed in rig.effects]
     return "; ".join(said + ([f"effects: {', '.join(effects)}"] if effects else []))

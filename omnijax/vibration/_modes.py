@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from .._arrays import on_device
 from .._html import html_table
 from .._programs import kept
-from ..dynamics import TRANSLATIONS, linear_system
+from ..dynamics import TRANSLATIONS, free_system
 from ..rig import Rig
 
 
@@ -73,8 +73,7 @@ def modes(rig: Rig, model: str = "coupled") -> Modes:
 @kept
 def _matrices(rig: Rig, model: str):
     """A of the linear model and the row that reads dR: one program, which is kept."""
-    system = linear_system(TRANSLATIONS[model](rig))
-    return system.A, system.row("displacement")[0]
+    return free_system(TRANSLATIONS[model](rig))
 
 
 def natural_frequencies(rig: Rig, model: str = "coupled") -> Float[Array, " m"]:
@@ -86,10 +85,10 @@ def natural_frequencies(rig: Rig, model: str = "coupled") -> Float[Array, " m"]:
 
     The array (modes,).  Raises `KeyError` for another `model` than `coupled` and `paper`.
     """
-    system = linear_system(TRANSLATIONS[model](_undamped(rig)))
+    A, _ = free_system(TRANSLATIONS[model](_undamped(rig)))
     state = TRANSLATIONS[model](rig).rest()
     half = state.approach.size + state.mount.size
-    to_velocity, to_force = system.A[:half, half:], system.A[half:, :half]
+    to_velocity, to_force = A[:half, half:], A[half:, :half]
     # velocity = M^-1 p and p' = -S x, both symmetric: eigenvalues of M^-1/2 S M^-1/2
     flexibility = (to_velocity + to_velocity.T) / 2
     lower = jnp.linalg.cholesky(flexibility)
