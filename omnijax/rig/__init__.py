@@ -8,8 +8,8 @@ if TYPE_CHECKING:
     from .._errors import InputError as InputError
     from .._errors import did_you_mean as did_you_mean
     from ._facts import FACTS as FACTS
-    from ._facts import direction_angles as direction_angles
     from ._facts import derived as derived
+    from ._facts import direction_angles as direction_angles
     from ._facts import wheel_facts as wheel_facts
     from ._json_schema import json_schema as json_schema
     from ._load import parse_rig as parse_rig
