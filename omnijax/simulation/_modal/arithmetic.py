@@ -4,9 +4,11 @@ from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
 from .._sincos import sincos as sincos
 
+Pair = tuple[Array, Array]
 TINY = 1e-75
 
 
@@ -24,13 +26,12 @@ def materialised(f: Callable, *args):
     return jax.lax.cond(always, f, never, *args)
 
 
-def exponential(kind, l0, l1, t):
-    """exp of pairs over t, as one complex array: (Re, Im), or the two real exponentials."""
+def pair_exp(kind, a: Pair) -> Pair:
+    """exp of pairs: of the complex number, or of two real ones."""
     k = kind > 0
-    e = jnp.exp(l0 * t)
-    s, c = sincos(jnp.where(k, l1 * t, 0.0))
-    d = jnp.exp(jnp.where(k, 0.0, l1 * t))
-    return jax.lax.complex(jnp.where(k, e * c, e), jnp.where(k, e * s, d))
+    first, (s, c) = jnp.exp(a[0]), sincos(jnp.where(k, a[1], 0.0))
+    second = jnp.exp(jnp.where(k, 0.0, a[1]))
+    return jnp.where(k, first * c, first), jnp.where(k, first * s, second)
 
 
 def product(kind, a, b):

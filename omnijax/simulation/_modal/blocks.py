@@ -1,19 +1,17 @@
-"""Responses of many designs at their samples, block by block; batch last.
+"""Blocks of samples of many designs: what forces them and what their samples are; batch last.
 
-A block is up to `LENGTH` samples of one design before the next edge of any of its signals; a loop
-runs until every design of a group has all its samples.  Nothing about speeds, edges, step or
-duration is static.  Between edges a mode is a free part, which only decays, and the sinusoids'
-part; at an edge the free part jumps by the difference of the sinusoids' parts.
+Between edges a mode is a free part, which only decays, and the sinusoids' part; at an edge the free
+part jumps by the difference of the sinusoids' parts.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import exponential, flushed, materialised, product, quotient, sincos
+from .arithmetic import Pair, flushed, materialised, pair_exp, product, quotient, sincos
 from .poles import Modes
 from .signals import Signals
 from .system import Layout
@@ -91,22 +89,47 @@ def forced(m: Modes, signals: Signals, direct, slope, layout: Layout) -> Forced:
 
 
 class Tables(NamedTuple):
-    """Pairs and sinusoids over the samples of a block."""
+    """Poles (q, see `Layout.poles`) and sinusoids over the samples of a block."""
 
-    T0: Float[Array, "k p c"]
-    T1: Float[Array, "k p c"]
+    T0: Float[Array, "k q c"]
+    T1: Float[Array, "k q c"]
     cosine: Float[Array, "k v c"]
     sine: Float[Array, "k v c"]
 
 
-def tables(m: Modes, rate, step) -> Tables:
+def rows(x, index: Sequence[int]):
+    """x[index], without a copy where that is all of x in order."""
+    if tuple(index) == tuple(range(len(x))):
+        return x
+    return jnp.stack([x[i] for i in index]) if len(index) else x[:0]
+
+
+def pole_exp(m: Modes, layout: Layout, time) -> Pair:
+    """exp(lambda time) of every pair, (..., p, c); `time` (..., 1, c).
+
+    XLA stores it, and pairs of equal poles share theirs.
+    """
+    kind, l0, l1 = (rows(x, layout.poles) for x in (m.kind, m.l0, m.l1))
+    time = jnp.broadcast_to(time, (*time.shape[:-2], *kind.shape))
+
+    def exponential(time, kind, l0, l1):
+        kind, l0, l1 = (jnp.broadcast_to(x, time.shape) for x in (kind, l0, l1))
+        return jax.lax.complex(*pair_exp(kind, (l0 * time, l1 * time)))
+
+    E = jnp.moveaxis(materialised(exponential, time, kind, l0, l1), -2, 0)
+    E = jnp.moveaxis(rows(E, layout.pole), 0, -2)
+    return E.real, E.imag
+
+
+def tables(m: Modes, layout: Layout, rate, step) -> Tables:
     """exp and sinusoids at 0, step, ..."""
-    E = materialised(exponential, m.kind, m.l0, m.l1, jnp.broadcast_to(step, m.kind.shape))
+    E = [rows(x, layout.poles) for x in pole_exp(m, layout, jnp.broadcast_to(step, (1, 1)))]
+    kind = rows(m.kind, layout.poles)
 
     def on(row, _):
-        return product(m.kind, row, (E.real, E.imag)), row
+        return product(kind, row, E), row
 
-    one = jnp.ones_like(m.kind), jnp.where(m.kind > 0, 0.0, 1.0)
+    one = jnp.ones_like(kind), jnp.where(kind > 0, 0.0, 1.0)
     T0, T1 = (flushed(x) for x in jax.lax.scan(on, one, None, length=LENGTH)[1])
     s, c = sincos(rate * step)
 
@@ -127,115 +150,16 @@ class Operands(NamedTuple):
     f1: Float[Array, "o v c"]
 
 
-def row_signal(op: Operands, t: Tables, o, pairs=None) -> Array:
-    """Output number `o`, traced or not, at the samples of a block, (k, c); `pairs`: it shows."""
-    w0, w1, f0, f1 = (x[o] for x in (op.w0, op.w1, op.f0, op.f1))
-    x = jnp.zeros_like(t.T0[:, 0])
-    for p in range(t.T0.shape[1]) if pairs is None else pairs:
-        x = x + w0[p] * t.T0[:, p] + w1[p] * t.T1[:, p]
-    for v in range(t.cosine.shape[1]):
+def row_signal(op: Operands, t: Tables, layout: Layout, like: int, o=None) -> Array:
+    """Output number `o`, traced or not, at the samples of a block, (k, c).
+
+    It shows the pairs and sinusoids that the output `like` shows; without `o` it is that one.
+    """
+    w0, w1, f0, f1 = (x[like if o is None else o] for x in (op.w0, op.w1, op.f0, op.f1))
+    x = jnp.zeros_like(t.cosine[:, 0])
+    for p in layout.live[like]:
+        q = layout.pole[p]
+        x = x + w0[p] * t.T0[:, q] + w1[p] * t.T1[:, q]
+    for v in layout.waves[like]:
         x = x + f0[v] * t.cosine[:, v] + f1[v] * t.sine[:, v]
     return x
-
-
-class State(NamedTuple):
-    """Where a design is: samples done, free part, and the pieces its signals are on."""
-
-    done: Float[Array, " c"]
-    free: tuple[Array, Array]  # (p, c)
-    edge: Float[Array, "g c"]  # s, end of the piece
-    begun: Float[Array, "g c"]  # s, begin of the piece
-    piece: Float[Array, "g c"]
-    carried: Any  # what `follow` carries along
-
-
-class Onward(NamedTuple):
-    """From one block to the next: `span` seconds, then perhaps past an edge, `since` after it."""
-
-    span: Float[Array, " c"]
-    over: tuple[Array, Array]  # (p, c), exp(lambda span)
-    past: Float[Array, "g k c"]  # a one at the piece that begins
-    since: Float[Array, " c"]
-    after: tuple[Array, Array]  # (p, c), exp(lambda since)
-
-
-def run(
-    m: Modes, signals: Signals, F: Forced, layout: Layout, step, samples, gather, totals,
-    follow=lambda carried, onward: carried, carried=(),
-):  # fmt: skip
-    """totals = gather(totals, operands, tables, state) over all blocks of all designs.
-
-    carried = follow(carried, onward) goes from block to block in the state.
-    """
-    k, G = m.kind > 0, signals.duration.shape[0]
-    counts = np.array([kind.pieces for kind in layout.kinds[:G]])[:, None]
-    of = np.repeat(np.arange(len(layout.kinds)), [kind.waves for kind in layout.kinds])
-    edged = np.flatnonzero(of < G)  # sinusoids of signals with edges
-    t = tables(m, signals.rate, step)
-
-    def at_piece(values, piece):
-        """Rows (..., g, k, c) of each signal's piece."""
-        return sum(jnp.where(piece == j, values[..., j, :], 0.0) for j in range(values.shape[-2]))
-
-    def operands(s: State, count) -> Operands:
-        z0, z1 = s.free
-        w0 = m.c0 * z0 + jnp.where(k, m.c1 * z1, 0.0)
-        w1 = m.c1 * jnp.where(k, z0, z1) - jnp.where(k, m.c0 * z1, 0.0)
-        none = jnp.zeros((len(of) - len(edged), *s.done.shape))  # of signals without edges
-        piece, begun = (jnp.concatenate([x[of[edged]], none]) for x in (s.piece, s.begun))
-        fa, fb = at_piece(F.cosine, piece), at_piece(F.sine, piece)
-        phase = signals.rate * (s.done * step - begun)
-        sc = materialised(lambda a: jax.lax.complex(*sincos(a)), phase)
-        sn, cs = sc.real, sc.imag
-        return Operands(count, w0, w1, fa * cs + fb * sn, fb * cs - fa * sn)
-
-    def ahead(s: State):
-        last = jnp.min(jnp.floor(s.edge / step), axis=0, initial=jnp.inf)
-        return jnp.clip(jnp.minimum(last + 1, samples) - s.done, 0.0, LENGTH)
-
-    def onward(s: State, count) -> State:
-        done = s.done + count
-        now = jnp.min(s.edge, axis=0, initial=jnp.inf)
-        taken = jnp.floor(now / step) + 1 <= done
-        which = jnp.argmin(s.edge, axis=0) if G else jnp.zeros_like(done)
-        pick = (jnp.arange(G)[:, None] == which) & taken
-        later = jnp.where(s.piece + 1 >= counts, 0.0, s.piece + 1)
-        since = jnp.where(taken, done * step - now, 0.0)
-        spans = jnp.stack([jnp.broadcast_to(x, m.kind.shape) for x in (count * step, since)])
-        pairs = [jnp.stack([x, x]) for x in (m.kind, m.l0, m.l1)]
-        E = materialised(exponential, *pairs, spans)
-        jump = [
-            jnp.sum(jnp.where(pick[:, None], at_jump(j, later), 0.0), axis=0)
-            for j in (F.jump0, F.jump1)
-        ]
-        a = product(m.kind, s.free, (E[0].real, E[0].imag))
-        b = product(m.kind, jump, (E[1].real, E[1].imag))
-        length = at_piece(signals.duration, later)
-        begins = later[:, None] == jnp.arange(signals.duration.shape[1])[:, None]
-        move = Onward(
-            spans[0, 0], (E[0].real, E[0].imag), pick[:, None] & begins, since,
-            (E[1].real, E[1].imag),
-        )  # fmt: skip
-        return State(
-            done,
-            (flushed(a[0] + b[0]), flushed(a[1] + b[1])),
-            jnp.where(pick, s.edge + length, s.edge),
-            jnp.where(pick, s.edge, s.begun),
-            jnp.where(pick, later, s.piece),
-            follow(s.carried, move),
-        )
-
-    def at_jump(jump, piece):
-        return sum(jnp.where(piece[:, None] == j, jump[:, j], 0.0) for j in range(jump.shape[1]))
-
-    def body(carry):
-        totals, s, op = carry
-        totals = gather(totals, op, t, s)
-        s = onward(s, op.count)
-        return totals, s, operands(s, ahead(s))
-
-    zero = jnp.zeros(m.l0.shape[-1])
-    edge = at_piece(signals.duration, signals.piece) - signals.since
-    begin = State(zero, (F.free0, F.free1), edge, -signals.since, signals.piece, carried)
-    start: Any = (totals, begin, operands(begin, ahead(begin)))
-    return jax.lax.while_loop(lambda c: jnp.any(c[1].done < samples), body, start)[0]

@@ -23,7 +23,7 @@ from .poles import Eigen, eigen, modes_of
 from .signals import series_needed
 from .steady import steady_of
 from .system import Design, Layout, Operating, designs_of
-from .transient import LANES, Lanes, refined_peak, samples_of
+from .transient import LANES, Lanes, samples_of
 
 METRICS = ("rms", "peak")
 
@@ -235,16 +235,16 @@ def _from_points(make, rows, bars: Operating):
 @partial(jax.jit, static_argnames=("layout", "gradient"))
 def _figures(design: Design, layout: Layout, step, count, gradient: bool):
     """(4, B): figures and margins; and derivatives by systems and signals, one entry a metric."""
-    found = eigen(design.system, layout.blocks)
+    found = eigen(design.system, layout)
     groups = jax.tree.map(_grouped, lanes_of(design, found))
 
     def some(g: Lanes):
         samples = samples_of(g, layout, step, count)
         if not gradient:
-            squares = samples.total / count, refined_peak(g, layout, samples.best, step, count)
+            squares = samples.total / count, samples.near.peak(step)
             bars = None
         else:
-            peak, by_peak = peak_slopes(g, layout, samples.best, step, count)
+            peak, by_peak = peak_slopes(g, layout, samples.near, step)
             squares = samples.total / count, peak
             parts = mean_square_slopes(g, layout, step, count), by_peak
             bars = jax.tree.map(
@@ -266,7 +266,7 @@ def _figures(design: Design, layout: Layout, step, count, gradient: bool):
 @partial(jax.jit, static_argnames=("layout", "gradient"))
 def _long_run(design: Design, layout: Layout, gradient: bool):
     """The same of the long run."""
-    found = eigen(design.system, layout.blocks)
+    found = eigen(design.system, layout)
     groups = jax.tree.map(_grouped, lanes_of(design, found))
     values, bars = jax.lax.map(lambda g: steady_of(g, layout, gradient), groups)
     values = _flat(values)

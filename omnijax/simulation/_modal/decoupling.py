@@ -13,8 +13,6 @@ from .system import Layout, System
 
 NOISE = 1e-14  # of the largest entry: what rounding leaves of a zero
 
-Blocks = tuple[tuple[int, ...], ...]  # states, -1 for one that makes a block's number even
-
 
 def turned_states(rigs: Rig, system: System) -> np.ndarray | None:
     """Directions (m, m) of states that decouple a batch better than its own; None without."""
@@ -55,13 +53,38 @@ def _blocks(A: Array | np.ndarray) -> list[list[int]]:
 
 
 def decoupled(system: System, layout: Layout) -> Layout:
-    """The layout with the blocks of a batch, and the pairs of poles that each output shows."""
-    found = [tuple(block) + (-1,) * (len(block) % 2) for block in _blocks(system.A)]
-    C, live = np.abs(np.asarray(system.C)), []
-    for row in np.moveaxis(C, 1, 0):  # (c, m)
-        top = row.max(axis=1, keepdims=True)
-        seen = np.any(row > NOISE * top, axis=0)
-        pairs = np.repeat([bool(seen[[i for i in b if i >= 0]].any()) for b in found],
-                          [len(b) // 2 for b in found])  # fmt: skip
-        live.append(tuple(np.flatnonzero(pairs).tolist()))
-    return layout._replace(blocks=tuple(found), live=tuple(live))
+    """The layout with the blocks of a batch, and what each output shows of poles and sinusoids."""
+    A = np.asarray(system.A)
+    blocks = [tuple(block) + (-1,) * (len(block) % 2) for block in _blocks(A)]
+    member = np.repeat([[i in block for i in range(A.shape[1])] for block in blocks],
+                       [len(block) // 2 for block in blocks], axis=0)  # fmt: skip
+    shown, moved = (_present(x) @ member.T for x in (system.C, system.column))  # (o or l, p)
+    straight = _present(system.direct) | _present(system.rate)  # (l, o)
+    seen = straight.T | (shown @ moved.T)
+    columns = [layout.kinds[i].column for i in layout.signal_of]
+    return layout._replace(
+        blocks=tuple(blocks),
+        same=_equal(A, blocks),
+        live=tuple(tuple(np.flatnonzero(row).tolist()) for row in shown),
+        waves=tuple(tuple(np.flatnonzero(row).tolist()) for row in seen[:, columns]),
+    )
+
+
+def _present(x) -> np.ndarray:
+    """Which entries of the rows of a batch of matrices are more than rounding."""
+    x = np.abs(np.asarray(x))
+    return np.any(x > NOISE * x.max(axis=2, keepdims=True), axis=0)
+
+
+def _equal(A: np.ndarray, blocks: list[tuple[int, ...]]) -> tuple[int, ...]:
+    """Number of the first block that each block of a batch is equal to."""
+    padded, size = np.pad(A, ((0, 0), (0, 1), (0, 1))), NOISE * _size(A)
+    found: list[int] = []
+    for i, block in enumerate(blocks):
+        own, same = padded[:, block][:, :, block], i
+        for j in dict.fromkeys(found):
+            if len(blocks[j]) == len(block):
+                other = padded[:, blocks[j]][:, :, blocks[j]]
+                same = j if same == i and np.all(np.abs(own - other) <= size) else same
+        found.append(same)
+    return tuple(found)

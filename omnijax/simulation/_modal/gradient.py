@@ -25,9 +25,7 @@ from .moment import Pair, moment
 from .poles import Eigen, Modes
 from .signals import Signals
 from .system import Design, Layout, System
-from .transient import Lanes, hermite_peak, outputs_at
-
-ROWS = 3  # outputs that the figures are made of: dR
+from .transient import ROWS, Lanes, Near, hermite_peak, outputs_at
 
 
 class Slopes(NamedTuple):
@@ -56,15 +54,9 @@ def with_start(a: Pair, b: Pair) -> Pair:
     return first, second
 
 
-def peak_slopes(g: Lanes, layout: Layout, best, step, count) -> tuple[Array, Slopes]:
+def peak_slopes(g: Lanes, layout: Layout, near: Near, step) -> tuple[Array, Slopes]:
     """Square of the refined peak and its derivatives."""
-    times = jnp.stack([jnp.clip(best + i, 0, count - 1) for i in (-1, 0, 1)]) * step
-    m = g.modes
-
-    def seen(signals, time):
-        return outputs_at(g, layout, moment(m, signals, layout, time))
-
-    x, v = jax.lax.map(lambda t: seen(g.signals, t), times)
+    m, (times, x, v) = g.modes, near
     top, back = jax.vjp(lambda x, v: hermite_peak(x, v, times, step), x, v)
     gx, gv = back(jnp.ones_like(top))
     # one of the cubics is above: its two ends have all the weight

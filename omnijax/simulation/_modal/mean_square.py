@@ -16,14 +16,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .arithmetic import materialised, product, sincos
-from .blocks import LENGTH, Onward, Operands, State, Tables, forced, particular, row_signal, run
+from .blocks import LENGTH, Operands, Tables, forced, particular, row_signal, rows
 from .edges import edge_times, jumps
-from .gradient import ROWS, Slopes, along_poles
+from .gradient import Slopes, along_poles
 from .moment import Pair
 from .poles import Modes
 from .signals import Signals
 from .system import Layout
-from .transient import Lanes
+from .transient import ROWS, Lanes
+from .walk import Onward, State, Walk
 
 
 class _Passed(NamedTuple):
@@ -98,7 +99,7 @@ def _begin(m: Modes, g: int, pieces: int, waves: int) -> tuple[_Sums, _Passed]:
 def mean_square_slopes(g: Lanes, layout: Layout, step, count) -> Slopes:
     """Derivatives of the mean of |dR|^2 over the samples."""
     m, edged = g.modes, g.signals.duration.shape[0]
-    of = np.repeat(np.arange(len(layout.kinds)), [kind.waves for kind in layout.kinds])
+    of = layout.signal_of
     parts = materialised(
         lambda m, signals, direct, slope: forced(m, signals, direct, slope, layout),
         m,
@@ -112,10 +113,12 @@ def mean_square_slopes(g: Lanes, layout: Layout, step, count) -> Slopes:
 
     def sums_of(op: Operands, t: Tables):
         """Sums (o, p or v, c) of the outputs times each table, and of those times the time."""
-        rows = [row_signal(op, t, o, layout.live[o]) for o in range(ROWS)]
-        x = jnp.stack([jnp.where(number < op.count, row, 0.0) for row in rows])
+        x = [row_signal(op, t, layout, o) for o in range(ROWS)]
+        x = jnp.stack([jnp.where(number < op.count, row, 0.0) for row in x])
         x = materialised(lambda x: jnp.concatenate([x, x * number * step]), x)  # (2 o, k, c)
-        found = [jnp.stack([jnp.sum(y[:, None] * z, axis=0) for y in x]) for z in t]
+        found = [jnp.stack([jnp.sum(y[:, None] * z, axis=0) for y in x], axis=1) for z in t]
+        found[:2] = [rows(x, layout.pole) for x in found[:2]]
+        found = [jnp.swapaxes(x, 0, 1) for x in found]
         return [z[:ROWS] for z in found], [z[ROWS:] for z in found]
 
     def gather(total: _Sums, op: Operands, t: Tables, s: State) -> _Sums:
@@ -154,10 +157,8 @@ def mean_square_slopes(g: Lanes, layout: Layout, step, count) -> Slopes:
         )
 
     start, carried = _begin(m, edged, pieces, len(of))
-    sums = run(
-        m, g.signals, parts, layout, step, count, gather, start,
-        lambda past, move: _follow(kinds, past, move), carried,
-    )  # fmt: skip
+    walk = Walk(m, g.signals, parts, layout, step, count)
+    sums = walk.run(gather, start, lambda past, move: _follow(kinds, past, move), carried)
     return _slopes(g, layout, sums, of, 2 / count)
 
 

@@ -6,20 +6,20 @@ Everything is in pairs (`poles`), batch last.
 """
 
 import itertools
+import math
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import product, quotient, sincos
+from .arithmetic import Pair, pair_exp, product, quotient, sincos
 from .blocks import particular
 from .poles import Modes
 from .signals import Signals
 from .system import Layout
 
-Pair = tuple[Array, Array]
-TURN = 6.283185307179586
+TURN = 2 * math.pi
 
 
 class Moment(NamedTuple):
@@ -32,13 +32,6 @@ class Moment(NamedTuple):
     free: Pair  # (s, p, c), of `pole` what only decays
     into: Float[Array, "s c"]  # s, since the piece began
     piece: Float[Array, "s c"]
-
-
-def pair_exp(kind, a: Pair) -> Pair:
-    k = kind > 0
-    first, (s, c) = jnp.exp(a[0]), sincos(jnp.where(k, a[1], 0.0))
-    second = jnp.exp(jnp.where(k, 0.0, a[1]))
-    return jnp.where(k, first * c, first), jnp.where(k, first * s, second)
 
 
 @jax.custom_jvp

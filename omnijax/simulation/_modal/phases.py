@@ -8,6 +8,7 @@ poles as in `poles`, batch last.
 
 import functools
 import itertools
+import math
 import operator
 from typing import NamedTuple
 
@@ -23,7 +24,7 @@ from .poles import Modes
 from .signals import CONSTANT, FOREVER, Kind, Signals
 from .system import Layout
 
-TURN = 6.283185307179586
+TURN = 2 * math.pi
 
 
 class Phases(NamedTuple):

@@ -5,6 +5,7 @@ A pair is complex (`kind` 1: z = z0 + i z1 moves by exp((l0 + i l1) t)) or two r
 do.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -12,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
-from .system import System
+from .system import Layout, System
 
 
 class Modes(NamedTuple):
@@ -40,41 +41,43 @@ class Eigen(NamedTuple):
     second: Float[Array, "c p k"]
 
 
-def eigen(system: System, blocks: tuple[tuple[int, ...], ...]) -> Eigen:
+def eigen(system: System, layout: Layout) -> Eigen:
     """Eigenvalues, what the outputs see of their modes and what the inputs give to them.
 
-    `blocks` are groups of an even number of states that do not move each other; -1 stands for a
-    state that nothing moves and nothing shows.
+    The layout's blocks are groups of an even number of states that do not move each other; -1
+    stands for a state that nothing moves and nothing shows.
     """
-    m, A = system.A.shape[-1], jax.lax.stop_gradient(system.A)
+    blocks, A = layout.blocks, jax.lax.stop_gradient(system.A)
     A = jnp.pad(A, ((0, 0), (0, 1), (0, 1))).at[:, -1, -1].set(-1.0)
-    values, vectors, inverses = [jnp.zeros(0)] * len(blocks), {}, {}
-    for size in sorted({len(block) for block in blocks}):
-        number = [i for i, block in enumerate(blocks) if len(block) == size]
-        parts = [A[:, blocks[i]][:, :, blocks[i]] for i in number]
-        value, vector = jnp.linalg.eig(jnp.stack(parts, axis=1))
+    first, parts = sorted(set(layout.same)), {}
+    for size in sorted({len(blocks[i]) for i in first}):
+        number = [i for i in first if len(blocks[i]) == size]
+        value, vector = jnp.linalg.eig(jnp.stack([_part(A, blocks[i]) for i in number], axis=1))
         inverse = jnp.linalg.inv(vector)
         for j, i in enumerate(number):
-            values[i], vectors[i], inverses[i] = value[:, j], vector[:, j], inverse[:, j]
+            parts[i] = (value[:, j], vector[:, j], inverse[:, j], *_paired(value[:, j]))
+    values, vectors, inverses, *pairs = zip(*(parts[i] for i in layout.same), strict=True)
     order = np.concatenate(blocks)
-    place = [int(np.flatnonzero(order == i)[0]) for i in range(m)]
-    vector = _diagonal([vectors[i] for i in range(len(blocks))])[:, place]
-    inverse = _diagonal([inverses[i] for i in range(len(blocks))])[:, :, place]
+    place = [int(np.flatnonzero(order == i)[0]) for i in range(system.A.shape[-1])]
+    vector, inverse = _diagonal(vectors)[:, place], _diagonal(inverses)[:, :, place]
     right = jnp.concatenate([system.column, system.start[:, None]], axis=1)
-    pairs = [_paired(value) for value in values]
     return Eigen(
         jnp.concatenate(values, axis=1),
         vector,
         inverse,
         system.C @ vector,
         inverse @ jnp.swapaxes(right, 1, 2),
-        jnp.concatenate([pair[0] for pair in pairs], axis=1),
-        _diagonal([pair[1] for pair in pairs]),
-        _diagonal([pair[2] for pair in pairs]),
+        jnp.concatenate(pairs[0], axis=1),
+        _diagonal(pairs[1]),
+        _diagonal(pairs[2]),
     )
 
 
-def _diagonal(parts: list[Array]) -> Array:
+def _part(A, block: tuple[int, ...]):
+    return A[:, block][:, :, block]
+
+
+def _diagonal(parts: Sequence[Array]) -> Array:
     """Batches of matrices (c, i, j) along the diagonal of one batch."""
     rows, total, first = [], sum(part.shape[2] for part in parts), 0
     for part in parts:

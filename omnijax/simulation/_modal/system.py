@@ -4,6 +4,7 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ...rig import Rig
@@ -47,7 +48,31 @@ class Layout(NamedTuple):
     kinds: tuple[Kind, ...]
     outputs: tuple[str, ...]
     blocks: tuple[tuple[int, ...], ...] = ()  # see `decoupling`
+    same: tuple[int, ...] = ()  # number of the first block that each is equal to
     live: tuple[tuple[int, ...], ...] = ()  # pairs of poles that each row of the outputs shows
+    waves: tuple[tuple[int, ...], ...] = ()  # sinusoids that each row of the outputs shows
+
+    @property
+    def signal_of(self) -> np.ndarray:
+        """Number of the signal that each sinusoid belongs to."""
+        return np.repeat(np.arange(len(self.kinds)), [kind.waves for kind in self.kinds])
+
+    @property
+    def poles(self) -> tuple[int, ...]:
+        """One pair of each set of pairs that have their poles in common, as equal blocks do."""
+        return tuple(p for i, pairs in enumerate(self._pairs) if self.same[i] == i for p in pairs)
+
+    @property
+    def pole(self) -> tuple[int, ...]:
+        """Number in `poles` of each pair's poles."""
+        number = {p: q for q, p in enumerate(self.poles)}
+        return tuple(number[p] for i in self.same for p in self._pairs[i])
+
+    @property
+    def _pairs(self) -> list[range]:
+        """Pairs of each block."""
+        ends = np.cumsum([len(block) // 2 for block in self.blocks]).tolist()
+        return [range(b - len(x) // 2, b) for x, b in zip(self.blocks, ends, strict=True)]
 
 
 OUTPUTS = ("dR", "normal_force", "drive_force")

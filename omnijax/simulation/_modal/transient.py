@@ -7,13 +7,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import materialised, product
-from .blocks import LENGTH, Operands, State, Tables, forced, row_signal, run
-from .moment import Moment, moment
+from .arithmetic import materialised, product, sincos
+from .blocks import LENGTH, Operands, Tables, forced, pole_exp, row_signal
+from .moment import Moment
 from .poles import Modes
 from .signals import Signals
 from .system import Layout
+from .walk import State, Walk
 
+ROWS = 3  # outputs that the figures are made of: dR
 LANES = 64  # designs that pass through the loop together
 
 
@@ -28,13 +30,54 @@ class Lanes(NamedTuple):
     friction: Float[Array, "n c"]
 
 
+class Near(NamedTuple):
+    """dR and its rate at a run's largest sample and its neighbours."""
+
+    time: Float[Array, "3 c"]  # s
+    x: Float[Array, "3 o c"]  # m
+    v: Float[Array, "3 o c"]  # m/s
+
+    def peak(self, step):
+        """Largest |dR|^2, refined as `vibration.peak` does: the cubics beside the middle time."""
+        return hermite_peak(self.x, self.v, self.time, step)
+
+
 class Samples(NamedTuple):
     """What a run's samples say, one entry a design."""
 
     total: Float[Array, " c"]  # m^2, sum of |dR|^2
-    best: Float[Array, " c"]  # number of the sample with the largest |dR|
+    near: Near
     normal: Float[Array, " c"]  # N, of the least normal force a bound of the same sign
     slip: Float[Array, " c"]  # N, the same of the least mu N - |f|; without lift-off
+
+
+class _Largest(NamedTuple):
+    """The largest square so far, and states of runs around it."""
+
+    square: Array  # (c,)
+    block: Array  # (c,), samples before the block that holds it
+    before: State  # of the last block with samples before that one
+    last: State  # of the block before the present one, with its samples
+    count: Array
+    earlier: State  # of the last block with samples before `last`
+
+    def seen(self, top):
+        """With the square `top` that `last` has reached."""
+        larger = top > self.square
+        return self._replace(
+            square=jnp.maximum(top, self.square),
+            block=jnp.where(larger, self.last.done, self.block),
+            before=_chosen(larger, self.earlier, self.before),
+        )
+
+    def moved(self, s: State, count):
+        """On to the block that begins at `s`."""
+        earlier = _chosen(self.count > 0, self.last, self.earlier)
+        return self._replace(last=s, count=count, earlier=earlier)
+
+
+def _chosen(which, a, b):
+    return jax.tree.map(lambda x, y: jnp.where(which, x, y), a, b)
 
 
 def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
@@ -45,28 +88,54 @@ def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
         g.modes, g.signals, g.direct, g.slope,
     )  # fmt: skip
     bound = _bound(g, layout)
-
-    def seen(pair, best, at, block):
-        """The largest so far and its block, from totals that a loop has stored."""
-        top = jnp.max(pair.imag, axis=0)
-        return jnp.maximum(top, best), jnp.where(top > best, block, at)
+    walk = Walk(g.modes, g.signals, parts, layout, step, count)
 
     def gather(totals, op: Operands, t: Tables, s: State):
-        pair, best, at, block, low = totals
-        best, at = seen(pair, best, at, block)
-        x, y, z = (row_signal(op, t, o, layout.live[o]) for o in range(3))
+        pair, largest, low = totals
+        largest = largest.seen(jnp.max(pair.imag, axis=0))
+        x, y, z = (row_signal(op, t, layout, o) for o in range(ROWS))
         inside = number < op.count
         square = jnp.where(inside, x * x + y * y + z * z, 0.0)
         pair = jax.lax.complex(pair.real + square, jnp.maximum(pair.imag, square))
-        low = _lowest(low, bound(s.free, op), op, t, inside, g, layout.wheels)
-        return pair, best, at, s.done, low
+        low = _lowest(low, bound(s.free, op), op, t, inside, g, layout)
+        return pair, largest.moved(s, op.count), low
 
     lanes = g.modes.l0.shape[-1]
-    none, zero = jnp.zeros((LENGTH, lanes)), jnp.zeros(lanes)
-    start = jax.lax.complex(none, none), zero, zero, zero, (zero + jnp.inf, zero + jnp.inf)
-    pair, best, at, block, low = run(g.modes, g.signals, parts, layout, step, count, gather, start)
-    _, at = seen(pair, best, at, block)
-    return Samples(jnp.sum(pair.real, axis=0), at + jnp.argmax(pair.imag, axis=0), *low)
+    none, zero, begin = jnp.zeros((LENGTH, lanes)), jnp.zeros(lanes), walk.begin()
+    largest = _Largest(zero, zero, begin, begin, zero, begin)
+    start = jax.lax.complex(none, none), largest, (zero + jnp.inf, zero + jnp.inf)
+    pair, largest, low = walk.run(gather, start)
+    largest = largest.seen(jnp.max(pair.imag, axis=0))
+    best = largest.block + jnp.argmax(pair.imag, axis=0)
+    numbers = jnp.stack([jnp.clip(best + i, 0, count - 1) for i in (-1, 0, 1)])
+    near = Near(numbers * step, *_at_samples(walk, largest.before, numbers))
+    return Samples(jnp.sum(pair.real, axis=0), near, *low)
+
+
+def _at_samples(walk: Walk, begin: State, numbers: Float[Array, "3 c"]):
+    """dR and its rate at the samples of these numbers, all from the state `begin` on, (3, o, c)."""
+    m, rate = walk.modes, walk.signals.rate
+
+    def body(carry):
+        s, found = carry
+        op, local = walk.operands(s), numbers - s.done
+        E = pole_exp(m, walk.layout, (local * walk.step)[:, None])
+        sn, cs = sincos(rate * (local * walk.step)[:, None])
+        turned = product(m.kind, (m.l0, m.l1), E)
+
+        def seen(pairs, cosine, sine):  # (3, o, c)
+            free = jnp.einsum("opc,tpc->toc", op.w0[:ROWS], pairs[0])
+            free = free + jnp.einsum("opc,tpc->toc", op.w1[:ROWS], pairs[1])
+            forced = jnp.einsum("ovc,tvc->toc", op.f0[:ROWS], cosine)
+            return free + forced + jnp.einsum("ovc,tvc->toc", op.f1[:ROWS], sine)
+
+        inside = ((local >= 0) & (local < op.count))[:, None]
+        now = seen(E, cs, sn), seen(turned, -rate * sn, rate * cs)
+        return walk.onward(s, op.count), _chosen(inside, now, found)
+
+    none = jnp.zeros((3, ROWS, numbers.shape[-1]))
+    start = begin, (none, none)
+    return jax.lax.while_loop(lambda c: jnp.any(c[0].done <= numbers[2]), body, start)[1]
 
 
 def _bound(g: Lanes, layout: Layout):
@@ -87,7 +156,7 @@ def _bound(g: Lanes, layout: Layout):
     return low
 
 
-def _lowest(low, bounds, op: Operands, t: Tables, inside, g: Lanes, n: int):
+def _lowest(low, bounds, op: Operands, t: Tables, inside, g: Lanes, layout: Layout):
     """The least margins so far: by the bounds where those say enough, else sample by sample.
 
     Nothing more is asked of a design that has lifted off, nor of the grip of one that has slipped.
@@ -96,23 +165,39 @@ def _lowest(low, bounds, op: Operands, t: Tables, inside, g: Lanes, n: int):
     bounds = [jnp.where(some, jnp.min(b, axis=0), jnp.inf) for b in bounds]
     open_ = (bounds[0] <= 0) | ((bounds[1] < 0) & (low[1] >= 0))
     asked = jnp.any(open_ & (low[0] > 0))
-
-    def exact(op, t):
-        def wheel(i, least):
-            normal = row_signal(op, t, 3 + i) + g.preload[i]
-            slip = g.friction[i] * normal - jnp.abs(row_signal(op, t, 3 + n + i))
-            normal, slip = (jnp.where(inside, x, jnp.inf) for x in (normal, slip))
-            return jax.lax.complex(jnp.minimum(least.real, normal), jnp.minimum(least.imag, slip))
-
-        none = jnp.full(inside.shape, jnp.inf)
-        least = jax.lax.fori_loop(0, n, wheel, jax.lax.complex(none, none))
-        return jnp.min(least.real, axis=0), jnp.min(least.imag, axis=0)
-
-    found = jax.lax.cond(asked, exact, lambda *_: (bounds[0], bounds[1]), op, t)
+    found = jax.lax.cond(
+        asked,
+        lambda op, t: _margins(op, t, inside, g, layout),
+        lambda *_: (bounds[0], bounds[1]),
+        op,
+        t,
+    )
     return jnp.minimum(low[0], found[0]), jnp.minimum(low[1], found[1])
 
 
-def outputs_at(g: Lanes, layout: Layout, now: Moment, rows: int = 3):
+def _margins(op: Operands, t: Tables, inside, g: Lanes, layout: Layout):
+    """The least N and mu N - |f| of all wheels over the samples of a block."""
+    n = layout.wheels
+    shown = [(layout.live[o], layout.waves[o]) for o in range(3, 3 + 2 * n)]
+
+    def wheel(i, least, like):
+        normal = row_signal(op, t, layout, 3 + like, 3 + i) + g.preload[i]
+        drive = row_signal(op, t, layout, 3 + n + like, 3 + n + i)
+        slip = g.friction[i] * normal - jnp.abs(drive)
+        normal, slip = (jnp.where(inside, x, jnp.inf) for x in (normal, slip))
+        return jax.lax.complex(jnp.minimum(least.real, normal), jnp.minimum(least.imag, slip))
+
+    none = jnp.full(inside.shape, jnp.inf)
+    least = jax.lax.complex(none, none)
+    if len(set(shown[:n])) == len(set(shown[n:])) == 1:  # one wheel's program does for all
+        least = jax.lax.fori_loop(0, n, lambda i, least: wheel(i, least, 0), least)
+    else:
+        for i in range(n):
+            least = wheel(i, least, i)
+    return jnp.min(least.real, axis=0), jnp.min(least.imag, axis=0)
+
+
+def outputs_at(g: Lanes, layout: Layout, now: Moment, rows: int = ROWS):
     """The first outputs and their rates at a moment, (o, c) each; none has a drho/dt part."""
     m = g.modes
     columns = np.array([kind.column for kind in layout.kinds])
@@ -129,17 +214,6 @@ def outputs_at(g: Lanes, layout: Layout, now: Moment, rows: int = 3):
         return part + jnp.sum(direct * levels[:, None], axis=0)
 
     return seen(z, now.level), seen(rate, now.slope)
-
-
-def refined_peak(g: Lanes, layout: Layout, best, step, count):
-    """Largest |dR|^2, refined as `vibration.peak` does: the cubics beside the largest sample."""
-    times = jnp.stack([jnp.clip(best + i, 0, count - 1) for i in (-1, 0, 1)]) * step
-
-    def at(time):
-        return outputs_at(g, layout, moment(g.modes, g.signals, layout, time))
-
-    x, v = jax.lax.map(at, times)
-    return hermite_peak(x, v, times, step)
 
 
 def hermite_peak(x: Float[Array, "3 o c"], v: Float[Array, "3 o c"], times, step):
