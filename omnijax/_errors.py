@@ -57,13 +57,17 @@ class RunError(RuntimeError):
     """The input was right but the work failed; the command line exits with code 1."""
 
 
-def require(module: str, extra: str) -> Any:
-    """An optional module; where it is absent, an `InputError` with the command that installs it."""
+def require(module: str, extra: str, what: str = "this", package: str | None = None) -> Any:
+    """An optional module; where it is absent, an `InputError` with the command that installs it.
+
+    `what` needs it, in words; `package` is its name to the installer where that is another one.
+    """
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        if error.name != module.partition(".")[0]:
+        if error.name is None or not f"{module}.".startswith(f"{error.name}."):
             raise
+        package = package or module.partition(".")[0]
         raise InputError(
-            f"this needs `{module}`, which is not installed: pip install 'omnijax[{extra}]'."
+            f"{what} needs `{package}`, which is not installed: pip install 'omnijax[{extra}]'."
         ) from None

@@ -17,6 +17,7 @@ from pathlib import Path
 
 from ._errors import InputError
 
+PIECES = ".pieces"  # after a run's name: the folder of what there is of it
 _SPACE = 4096  # bytes written to learn whether a disk takes any
 _number = itertools.count()
 _parts: set[Path] = set()  # files under work, removed by whoever ends the process
@@ -42,6 +43,11 @@ def command() -> Iterator[None]:
         yield
     finally:
         _command.reset(token)
+
+
+def pieces_folder(out: Path) -> Path:
+    """Where the pieces of the run `out` lie until it is whole."""
+    return out.with_name(f"{out.name}{PIECES}")
 
 
 def note_input(path: str | Path) -> None:

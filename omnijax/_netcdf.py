@@ -1,16 +1,23 @@
 """netCDF files in and out: whole, synced, and of a size that memory can hold."""
 
-from collections.abc import Callable
+import gc
+import hashlib
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from . import _interrupts
-from ._errors import InputError
+from ._errors import InputError, tell
 from ._files import reserve, writing
 from ._memory import SHARE, available, in_words
 from ._reading import existing, regular
 
+SEAL = "words_sha256"  # attribute: digest of all the others
+_LINKS = {SEAL, "DIMENSION_LIST", "REFERENCE_LIST"}  # places in the file
 CHUNK = 1 << 16  # numbers that share a checksum
+_broken: list[Exception] = []
 OVERHEAD = 200_000  # bytes of names, attributes and tables in a file, at most
 
 
@@ -22,6 +29,7 @@ def write_netcdf(data: Any, path: str | Path) -> Path:
             _write(data, part)
         except (OSError, RuntimeError) as error:  # of the disk, while HDF5 closes the file
             _interrupts.end_hard()  # HDF5 closes it again as the process ends, and crashes
+            _broken.append(error)  # nor does h5netcdf close it before, and complain
             raise OSError(None, f"HDF5 says: {error}") from None
     return Path(path)
 
@@ -34,6 +42,40 @@ def _write(data: Any, part: Path) -> None:
     for name in data.data_vars:
         one = data[[name]].drop_vars(data.coords, errors="ignore")
         one.to_netcdf(part, mode="a", encoding=_checked(one), **how)
+    import h5py
+
+    with h5py.File(part, "a") as file:
+        file.attrs[SEAL] = _words_digest(file)
+
+
+def _words_digest(file: Any) -> str:
+    """Of all names, shapes, kinds and attributes of a file of HDF5: its arrays have their own."""
+    import numpy as np
+
+    digest = hashlib.sha256()
+
+    def add(name: str, item: Any) -> None:
+        digest.update(
+            repr((name, getattr(item, "shape", None), str(getattr(item, "dtype", "")))).encode()
+        )
+        for key in sorted(item.attrs):
+            if key not in _LINKS:
+                value = item.attrs[key]
+                digest.update(repr((key, np.asarray(value).tolist())).encode())
+
+    add("", file)
+    file.visititems(add)
+    return digest.hexdigest()
+
+
+def _check_words(path: Path) -> None:
+    """A warning where the words of a file of ours are not those that were written."""
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        sealed = file.attrs.get(SEAL)
+        if sealed is not None and sealed != _words_digest(file):
+            tell([f"{path}: its names or attributes have changed since it was written."])
 
 
 def _checked(data: Any) -> dict[str, dict[str, Any]]:
@@ -53,6 +95,7 @@ def load_netcdf(path: str | Path, kind: str = "a netCDF file", decode_times: boo
     def whole(opened: Any) -> Any:
         if opened.nbytes > SHARE * available():
             raise InputError(f"needs {in_words(opened.nbytes)} of memory, which is not free.")
+        opened.attrs.pop(SEAL, None)
         return opened.load()
 
     return _opened(path, kind, decode_times, whole)
@@ -67,11 +110,31 @@ def _opened(path: str | Path, kind: str, decode_times: bool, work: Callable[[Any
     import xarray
 
     path = regular(existing(path))
+    with _dropping_quietly():
+        try:
+            _check_words(path)
+            with xarray.open_dataset(path, engine="h5netcdf", decode_times=decode_times) as opened:
+                return work(opened)
+        except InputError as error:
+            problems: Sequence[str] = error.problems
+        except Exception as error:  # h5netcdf raises whatever it likes on a broken file
+            said = str(error).strip().rstrip(".") or type(error).__name__
+            problems = [f"is not {kind}: {said}."]
+        gc.collect()  # the half-opened file, which the exception held
+    raise InputError(problems, path)
+
+
+@contextmanager
+def _dropping_quietly() -> Iterator[None]:
+    """h5netcdf's destructor fails on a file that it could not open: nobody is told of that."""
+    before = sys.unraisablehook
+
+    def heard(found: Any) -> None:
+        if not str(getattr(found.object, "__module__", "")).startswith("h5netcdf"):
+            before(found)
+
+    sys.unraisablehook = heard
     try:
-        with xarray.open_dataset(path, engine="h5netcdf", decode_times=decode_times) as opened:
-            return work(opened)
-    except InputError as error:
-        raise InputError(error.problems, path) from None
-    except Exception as error:  # h5netcdf raises whatever it likes on a broken file
-        said = str(error).strip().rstrip(".") or type(error).__name__
-        raise InputError(f"is not {kind}: {said}.", path) from None
+        yield
+    finally:
+        sys.unraisablehook = before

@@ -13,6 +13,10 @@ from . import _files
 from ._errors import InputError, did_you_mean
 from ._memory import SHARE, available, in_words
 
+_UNFINISHED = (
+    "the run is not finished: what there is of it lies in {}. The command that began it goes on "
+    "from there with --resume, and then writes the file."
+)
 TEXT = 32e6  # bytes; a longer rig, study or NAME.toml is a mistake
 
 
@@ -43,6 +47,9 @@ def existing(path: str | Path, kind: str = "file") -> Path:
         beside = [x.name for x in path.parent.iterdir()] if not there else []
     except (OSError, ValueError):
         there, beside = False, []
+    pieces = path if path.name.endswith(_files.PIECES) else _files.pieces_folder(path)
+    if kind == "file" and pieces.is_dir() and (pieces == path or not there):
+        raise InputError(_UNFINISHED.format(pieces.name), path)
     if not there:
         raise InputError(f"there is no such {kind}.{did_you_mean(path.name, beside)}", path)
     return path

@@ -52,9 +52,10 @@ def test_study_files_fit_the_rig_that_they_name(kind, tmp_path, monkeypatch):
     ("tokens", "sentence"),
     [
         (["--zenith", "200"], "`zenith` must lie between 0 and 180 deg, but is 200."),
-        (["--wheels", "0"], "`wheels` must lie in [1, 1000], but is 0."),
+        (["--wheels", "0"], "`wheels` must lie in [1, 64], but is 0."),
         (["--radius", "-3mm"], "`radius` must lie in (0, inf) m, but is -0.003."),
         (["--study", "design", "--wheels", "3"], "a study file has no geometry"),
+        (["--rig", "y.toml"], "--rig names the machine of a study file: give --study KIND too."),
     ],
 )
 def test_what_is_no_geometry_is_said(tokens, sentence, tmp_path, capsys):

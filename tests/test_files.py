@@ -177,3 +177,11 @@ def test_a_killed_run_goes_on_and_another_machine_does_not(
     one, other = (getattr(found, "dR", found) for found in map(read, (killed, whole)))
     samples = 1 + round(1.2 * (1000 if asked is TORQUES else 9000))
     assert len(one) == samples and np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("words", ["replay run.nc", "orders run.nc", "replay run.nc.pieces"])
+def test_a_run_that_is_not_finished_says_how_to_go_on(tmp_path, monkeypatch, capsys, words):
+    monkeypatch.chdir(tmp_path)
+    Path("run.nc.pieces").mkdir()
+    assert run(words.split()) == 2
+    assert "lies in run.nc.pieces. The command that began it goes on" in capsys.readouterr().err

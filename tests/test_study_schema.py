@@ -113,3 +113,11 @@ def test_wrong_values_are_told_by_place_and_refused_by_the_schema(path, value, m
     assert not VALIDATOR.is_valid(wrong)
     with pytest.raises(InputError, match=message):
         parse_study(wrong)
+
+
+def test_a_study_names_its_machine():
+    wrong = {key: value for key, value in FULL.items() if key != "rig"}
+    with pytest.raises(InputError, match=r"`rig` is missing: name a rig file .*atlas-tripod"):
+        parse_study(wrong)
+    with pytest.raises(jsonschema.ValidationError, match="'rig' is a required property"):
+        VALIDATOR.validate(wrong)

@@ -6,7 +6,7 @@ from typing import Any
 
 from .._errors import InputError
 from .._files import claim, write_text
-from ._options import command_line, emit
+from ._options import check_netcdf, command_line, emit
 
 
 def machine_summary(path: str) -> dict[str, Any]:
@@ -75,8 +75,7 @@ def sweep_axis(path: str, log: Path | None, vary: list[str], metric: str, sampli
     from ..machine import load_machine
     from ..study import sweep_machine
 
-    if out is not None and out.suffix != ".nc":
-        raise InputError(f"--out of a machine's sweep must end in .nc, but is {out.name}.")
+    check_netcdf(out)
     file = load_machine(path)
     run = _run_of(file, log)
     claim([out], force=overwrite)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._errors import InputError
+from .._files import pieces_folder
 from .._interrupts import NOTHING, answer, check, saying
 from ._progress import bar
 
@@ -113,11 +114,6 @@ def check_resumed(out: Path | None, asked: dict[str, Any], force: bool) -> None:
             raise InputError("is whole already: there is nothing to go on with.", out)
     elif not begun:
         raise InputError(f"there is no interrupted run: {folder} is not there.", out)
-
-
-def pieces_folder(out: Path) -> Path:
-    """Where the pieces of a run lie until it is whole."""
-    return out.with_name(f"{out.name}.pieces")
 
 
 class Pieces:

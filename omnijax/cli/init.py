@@ -12,8 +12,6 @@ from .._files import claim, write_bytes
 from ._options import Force, MaybeWhole, number
 from ._starter import EXAMPLES, rig_text, starter
 
-MOST = 1000  # wheels, and rollers of a wheel
-
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
@@ -43,13 +41,18 @@ class Shape:
         radius = None if self.radius is None else number("radius", self.radius, "m")
         if radius is not None and not 0 < radius < float("inf"):
             raise InputError(f"`radius` must lie in (0, inf) m, but is {radius:g}.")
-        for name, value in (("wheels", self.wheels), ("rollers", self.rollers)):
-            if value is not None and not 1 <= value <= MOST:
-                raise InputError(f"`{name}` must lie in [1, {MOST}], but is {value}.")
+        for name, value, most in self._counts():
+            if value is not None and not 1 <= value <= most:
+                raise InputError(f"`{name}` must lie in [1, {most}], but is {value}.")
         below = zenith is not None and zenith > 90
         base = EXAMPLES[self.example or ("platform" if below else "ballbot")]
         given = {"wheels": self.wheels, "zenith": zenith, "skew": skew, "radius": radius}
         return rig_text(starter(base, **given, rollers=self.rollers))
+
+    def _counts(self) -> list[tuple[str, int | None, int]]:
+        from ..rig import MOST_ROLLERS, MOST_WHEELS
+
+        return [("wheels", self.wheels, MOST_WHEELS), ("rollers", self.rollers, MOST_ROLLERS)]
 
 
 def init(
@@ -58,7 +61,7 @@ def init(
     *,
     shape: Shape = Shape(),
     study: Literal["design", "pareto", "tolerances", "global-sensitivity"] | None = None,
-    rig: str = "rig.toml",
+    rig: str | None = None,
     axis: Annotated[bool, Parameter(negative="")] = False,
     force: Force = False,
 ) -> None:
@@ -77,12 +80,14 @@ def init(
     study
         Write a study file for this command instead.
     rig
-        The rig that the study file names.
+        The rig that the study file names; rig.toml where it is not given.
     axis
         Write a machine file of one axis (machine.toml) instead.
     """
     if axis and (study is not None or shape != Shape()):
         raise InputError("--axis writes a machine file: it goes with no study and no geometry.")
+    if rig is not None and study is None:
+        raise InputError("--rig names the machine of a study file: give --study KIND too.")
     usual = "machine.toml" if axis else "rig.toml" if study is None else "study.toml"
     file = file or Path(usual)
     claim([file], force=force)
@@ -93,7 +98,11 @@ def init(
         write_bytes(file, made.read_bytes())
         print(f"Wrote {file}. Fill in your numbers, then: omnijax check {file}")
         return
-    text = _study(study, rig) if study is not None else shape.text() or _template("rig.toml")
+    text = (
+        _study(study, rig or "rig.toml")
+        if study is not None
+        else shape.text() or _template("rig.toml")
+    )
     write_bytes(file, text.encode())
     then = "check" if study is None else study
     print(f"Wrote {file}. Fill in your numbers, then: omnijax {then} {file}")

@@ -6,9 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import InputError
+from .._errors import InputError, require
 from ._csv import Table
-from ._need import need
 from ._spread import spread
 
 BASE = 1e-9  # s, of a log's clock
@@ -20,7 +19,7 @@ def read_mcap(path: Path) -> Table:
     Messages are JSON, or ROS 2 (CDR) where `mcap-ros2-support` is installed; `t` is their log time
     from the first one.
     """
-    reader = need("mcap.reader", "mcap", ".mcap", "mcap")
+    reader = require("mcap.reader", "mcap", "reading `.mcap` files")
     topics: dict[str, list[tuple[int, dict[str, float]]]] = {}
     with path.open("rb") as file:
         made = reader.make_reader(file)
@@ -48,7 +47,9 @@ def _fields(schema: Any, channel: Any, message: Any) -> dict[str, float]:
     if channel.message_encoding == "json":
         return _numbers(json.loads(message.data))
     if channel.message_encoding == "cdr" and schema is not None:
-        support = need("mcap_ros2.decoder", "mcap-ros2-support", ".mcap (ROS 2)", "mcap")
+        support = require(
+            "mcap_ros2.decoder", "mcap", "reading `.mcap` files of ROS 2", "mcap-ros2-support"
+        )
         decode = support.DecoderFactory().decoder_for(channel.message_encoding, schema)
         return {} if decode is None else _numbers(decode(message.data))
     return {}

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import InputError
+from .._errors import InputError, require
 from .._memory import check_room
 from .._netcdf import load_netcdf
 from .._reading import regular
@@ -15,7 +15,6 @@ from ._csv import Table, read_csv
 from ._json import read_json
 from ._mat import mat_sizes
 from ._mcap import read_mcap
-from ._need import need
 from ._spread import spread
 
 
@@ -62,7 +61,7 @@ def read_table(path: Path) -> Table:
 
 
 def _parquet(path: Path) -> Table:
-    parquet = need("pyarrow.parquet", "pyarrow", ".parquet")
+    parquet = require("pyarrow.parquet", "measured", "reading `.parquet` files")
     about = parquet.read_metadata(path)
     check_room(path, 8 * about.num_rows * about.num_columns)
     table = parquet.read_table(path)
@@ -119,7 +118,7 @@ def _netcdf(path: Path) -> Table:
 
 
 def _tdms(path: Path) -> Table:
-    tdms = need("nptdms", "npTDMS", ".tdms")
+    tdms = require("nptdms", "measured", "reading `.tdms` files", "npTDMS")
     columns, units = {}, {}
     with tdms.TdmsFile.read(path) as file:
         for group in file.groups():
@@ -133,7 +132,7 @@ def _tdms(path: Path) -> Table:
 
 
 def _uff(path: Path) -> Table:
-    pyuff = need("pyuff", "pyuff", ".uff")
+    pyuff = require("pyuff", "measured", "reading `.uff` files")
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}
     sets = pyuff.UFF(str(path)).read_sets()
@@ -149,7 +148,7 @@ def _uff(path: Path) -> Table:
 
 
 def _mdf(path: Path) -> Table:
-    asammdf = need("asammdf", "asammdf", ".mf4")
+    asammdf = require("asammdf", "measured", "reading `.mf4` files")
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}
     with asammdf.MDF(path) as file:

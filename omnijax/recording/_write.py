@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from .._errors import InputError
+from .._errors import InputError, require
 from .._files import write_text, writing
 from .._reading import read_toml
 from ._columns import columns
@@ -48,10 +48,8 @@ def files_of_recording(path: str | Path) -> list[Path]:
 
 
 def _write_parquet(path: Path, table: dict[str, np.ndarray]) -> None:
-    from ._tables import need
-
-    arrow = need("pyarrow", "pyarrow", ".parquet")
-    parquet = need("pyarrow.parquet", "pyarrow", ".parquet")
+    arrow = require("pyarrow", "measured", "writing `.parquet` files")
+    parquet = require("pyarrow.parquet", "measured", "writing `.parquet` files")
     with writing(path) as part:
         parquet.write_table(arrow.table(table), part)
 

@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from ._save import rig_text as rig_text
     from ._save import save_rig as save_rig
     from ._schema import GROUPS as GROUPS
+    from ._schema import MOST_ROLLERS as MOST_ROLLERS
+    from ._schema import MOST_WHEELS as MOST_WHEELS
     from ._schema import channels as channels
     from ._typed import typed_number as typed_number
     from ._typed import typed_numbers as typed_numbers

@@ -14,7 +14,16 @@ from ._check_effects import effect_problems
 from ._directions import directed
 from ._parameters import scalar_paths
 from ._quantities import UNIT_TOLERANCE
-from ._schema import GROUPS, TABLES, RigTable, SphereTable, WheelTable, channels, quantities
+from ._schema import (
+    GROUPS,
+    MOST_WHEELS,
+    TABLES,
+    RigTable,
+    SphereTable,
+    WheelTable,
+    channels,
+    quantities,
+)
 from ._table_profile import read_profile
 
 _RESERVED = {"all", "sphere", "platform", *WheelTable.model_fields, *GROUPS}
@@ -65,6 +74,9 @@ def _sentence(entry: Any, data: Mapping) -> str:
     loc, kind = entry["loc"], entry["type"]
     if kind == "too_short" and loc == ("wheel",):
         return "`wheel`: a rig needs at least one [[wheel]] block, but has none."
+    if kind == "too_long" and loc == ("wheel",):
+        count = len(entry["input"])
+        return f"`wheel`: a rig has at most {MOST_WHEELS} [[wheel]] blocks, but there are {count}."
     table = tuple(part for part in loc[:-1] if isinstance(part, str))
     keys = TABLES.get(table, RigTable).model_fields
     told = sentence(entry, _path(loc, data), "a rig file", keys)

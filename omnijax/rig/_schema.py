@@ -6,6 +6,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from ._quantities import InertiaTensor, Quantity, Spread, Vector
 
+MOST_WHEELS, MOST_ROLLERS = 64, 1000
 Profile = Literal["gated-sine", "continuous-sine", "half-sine", "rollers", "dual-row", "table"]
 Triple = tuple[float, float, float]
 
@@ -51,7 +52,7 @@ class WheelTable(Table):
     radius: Annotated[float, Quantity("m", above=0)]
     mass: Annotated[float, Quantity("kg", above=0)]
     inertia: Annotated[float, Quantity("kg m^2", above=0)]
-    rollers: Annotated[float, Quantity("1", low=1, whole=True)]
+    rollers: Annotated[float, Quantity("1", low=1, high=MOST_ROLLERS, whole=True)]
     roundness: Annotated[float, Quantity("1", low=0, high=1)]
     profile: Profile
     row_spacing: Annotated[float | None, Quantity("m", above=0)] = None
@@ -73,7 +74,7 @@ class RigTable(Table):
 
     sphere: SphereTable
     platform: PlatformTable
-    wheel: Annotated[list[WheelTable], Field(min_length=1)]
+    wheel: Annotated[list[WheelTable], Field(min_length=1, max_length=MOST_WHEELS)]
     effect: list[EffectTable] = []
     uncertainty: dict[str, Annotated[float, Spread()]] = {}
 

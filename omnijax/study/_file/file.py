@@ -6,7 +6,7 @@ from typing import Any
 
 from ..._errors import InputError
 from ..._reading import read_toml
-from ...rig import Rig, load_rig
+from ...rig import Rig, bundled_rigs, load_rig
 from .._parameters import checked_parameters
 from .._problem import check_variables
 from .cases import cases, variables
@@ -14,6 +14,8 @@ from .goals import constraint, objective, search, tolerances
 from .problems import checked
 from .read import Reader
 from .study import Study
+
+NO_RIG = "`rig` is missing: name a rig file beside the study, or a bundled rig ({})."
 
 
 def load_study(path: str | Path) -> Study:
@@ -37,6 +39,9 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
         )
     read = Reader()
     top, read.problems = checked(data)
+    if not top.rig:  # its numbers speak of no machine
+        missing = [] if "rig" in data else [NO_RIG.format(", ".join(bundled_rigs()))]
+        raise InputError(missing + read.problems, path)
     rig = _rig(top.rig, path)
     fields: dict[str, Any] = {
         "rig": rig, "model": top.model, "duration": top.duration, "rate": top.rate,

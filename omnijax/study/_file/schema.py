@@ -163,8 +163,8 @@ class ToleranceTable(BaseModel):
 class StudyTable(_Table):
     """A study file."""
 
-    model_config = ConfigDict(extra="forbid", json_schema_extra={"required": ["drive"]})
-    rig: Text = "atlas"
+    model_config = ConfigDict(extra="forbid", json_schema_extra={"required": ["rig", "drive"]})
+    rig: Annotated[Text, Field(json_schema_extra=lambda found: found.pop("default", None))] = ""
     model: Literal["coupled", "paper"] = "coupled"
     duration: Annotated[float, Quantity("s", above=0)] | None = None
     rate: Annotated[float, Quantity("1/s", above=0)] | None = None
