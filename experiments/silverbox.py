@@ -31,7 +31,7 @@ PART = (END - SINE) // 8
 def main(path: Path = DATA, tell=print):
     """The diagnosis, and the simulation errors of the test parts in mV."""
     guess = describe(path, None, "V1", "V2", RATE)
-    text = tomllib.loads(case_files(guess)["machine.toml"])
+    text = tomllib.loads(case_files([guess])["machine.toml"])
     file = parse_machine(text | {"compare": {"hold": "band-limited"}})
 
     def log(first: int, end: int, role: str = "train"):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from omnijax import cli
-from omnijax.machine import Axis, free_run, guess, read_machine_case
+from omnijax.machine import Axis, free_run, guess, numbers_of_logs, read_machine_case
 from omnijax.recording import read_table
 from omnijax.rig import InputError
 
@@ -119,8 +119,10 @@ def test_a_servo_is_guessed_with_its_gain_and_gravity(tmp_path, seed, capsys):
     found = guess(tmp_path / "one.json")
     assert (found.drives, found.input, found.position) == ("goal", "goal_position", "position")
     assert found.beside == {"gain": "kp", "enable": "torque_enable"}
-    assert found.numbers["gravity"] == pytest.approx(gravity, rel=0.2)
-    assert found.numbers["gain"] == pytest.approx(gain, rel=0.2)
+    numbers = numbers_of_logs([found])
+    assert numbers["gravity"] == pytest.approx(gravity, rel=0.2)
+    assert numbers["gain"] == pytest.approx(gain, rel=0.2)
+    assert "coulomb" not in numbers and "limit" not in numbers
     logs = [str(tmp_path / x) for x in ("one.json", "two.json")]
     line = ["case", "new", *logs, "--held-out", logs[1], "--out", str(tmp_path / "case"), "--yes"]
     assert cli.run(line) == 0

@@ -131,9 +131,13 @@ def signals_of(file: Any, run: Any) -> list[tuple[str, str, dict[str, Any]]]:
 
     A curve is (times, values).
     """
-    from ..machine import free_run_of, position_unit
+    from ..machine import free_run_of
 
-    q, found, unit = run.outputs["position"], free_run_of(file, run), position_unit(file.machine)
+    q, found, unit = (
+        run.outputs["position"],
+        free_run_of(file, run),
+        file.machine.outputs["position"],
+    )
     out = [("position", unit, {"simulated": found["position"], "measured": q}),
            ("measured less simulated", unit, {"": q - found["position"]}),
            ("velocity", f"{unit}/s", {"simulated": found["velocity"]})]  # fmt: skip
@@ -145,7 +149,7 @@ def simulate_machine(path: str, log: Path | None, out: Path | None, json: bool) 
     """A free run under the inputs of a log; CSV with t, input and outputs."""
     import numpy as np
 
-    from ..machine import free_run_of, load_machine, position_unit
+    from ..machine import free_run_of, load_machine
 
     file = load_machine(path)
     if out is not None and out.suffix != ".csv":
@@ -165,7 +169,7 @@ def simulate_machine(path: str, log: Path | None, out: Path | None, json: bool) 
         "rms": float(np.sqrt(np.mean(error**2))), "mae": float(np.mean(np.abs(error))),
         "faults": run.faults,
     }  # fmt: skip
-    unit = position_unit(file.machine)
+    unit = file.machine.outputs["position"]
     emit(json, summary, lambda: print(
         f"{len(run.time)} samples; measured less simulated: RMS {summary['rms']:.4g}, "
         f"MAE {summary['mae']:.4g} {unit}" + (f"; wrote {out}" if out else "")))  # fmt: skip

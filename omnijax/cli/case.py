@@ -1,5 +1,6 @@
 """`omnijax case new`: a case from a stranger's log."""
 
+import textwrap
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -70,6 +71,8 @@ def case(
         print(f"{one.log.name}")
         for key, value in one.rows():
             print(f"  {key:<20} {value}")
+    files = case_files(found, [one.log for one in found if one.log.resolve() in held])
+    print(f"machine.toml, to begin with\n{textwrap.indent(files['machine.toml'], '  ')}")
     if not yes:
         try:
             answer = input_line(f"Write the case {folder}? [y/N] ")
@@ -79,10 +82,6 @@ def case(
             print("Nothing was written.")
             return 0
     claim(folders=[folder], force=force)
-    files: dict[str, str] = {}
-    for one in found:
-        role = "held-out" if one.log.resolve() in held else "train"
-        files = case_files(one, role) | files  # the machine is that of the first log
     for name, text in files.items():
         write_text(folder / name, text)
     print(f"Wrote {folder}: {', '.join(files)}. Now: omnijax diagnose {folder}")

@@ -123,8 +123,8 @@ def _print(found: Any) -> None:
         print(f"  {found.remainder}")
     for run in found.free_runs:
         said = [
-            f"{word} RMS {run[word]['rms']:.4g}, MAE {run[word]['mae']:.4g} {run['unit']} "
-            f"({run[word]['percent']:.3g} %)"
+            f"{word} RMS {run[word]['rms']:.4g}, MAE {run[word]['mae']:.4g} {run['unit']}"
+            + ("" if run[word]["percent"] is None else f" ({run[word]['percent']:.3g} %)")
             for word in ("before", "after") if word in run and run[word]["rms"] is not None
         ]  # fmt: skip
         print(f"  free run of {run['run']} ({run['role']}): {'; '.join(said) or 'left all bounds'}")

@@ -97,6 +97,7 @@ def init(
         made = resources.files("omnijax") / "machine" / "data" / "machine.toml"
         write_bytes(file, made.read_bytes())
         print(f"Wrote {file}. Fill in your numbers, then: omnijax check {file}")
+        print("For an editor that checks it: omnijax schema --machine > machine.schema.json")
         return
     text = (
         _study(study, rig or "rig.toml")

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from ._guess import case_files as case_files
     from ._guess import describe as describe
     from ._guess import guess as guess
+    from ._guess import numbers_of_logs as numbers_of_logs
+    from ._json_schema import machine_schema as machine_schema
     from ._log import Log as Log
     from ._log import LogFile as LogFile
     from ._log import read_log as read_log
@@ -28,8 +30,8 @@ if TYPE_CHECKING:
     from ._ports import Ports as Ports
     from ._ports import delayed_inputs as delayed_inputs
     from ._schema import KEYS as KEYS
+    from ._schema import axis_unit as axis_unit
     from ._schema import field_units as field_units
-    from ._schema import position_unit as position_unit
     from ._simulate import between as between
     from ._simulate import free_run as free_run
     from ._simulate import free_run_of as free_run_of
@@ -40,5 +42,7 @@ if TYPE_CHECKING:
     from ._simulate import steps_between as steps_between
     from ._simulate import steps_for as steps_for
     from ._simulate import vector_field as vector_field
+    from ._term import start_vector as start_vector
+    from ._term import term as term
 
 __getattr__, __dir__ = lazy_face(__name__)

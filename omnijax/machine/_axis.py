@@ -68,7 +68,6 @@ class Axis(AbstractMachine):
     drives: str = eqx.field(static=True, default="torque")
     motion: str = eqx.field(static=True, default="rotation")
 
-    outputs: ClassVar[Mapping[str, str]] = {"position": "rad", "velocity": "rad/s"}
     places: ClassVar[Mapping[str, tuple[str, ...]]] = {
         p: ("axis",) for p in ("shaft", "mount", "actuator", "command")
     }
@@ -78,6 +77,12 @@ class Axis(AbstractMachine):
         """Inputs with units; a servo may have its gain and whether it is on as inputs too."""
         unit = INPUTS[self.drives][self.motion == "translation"]
         return {"input": unit} | ({"gain": "1", "enable": "1"} if self.drives == "goal" else {})
+
+    @property
+    def outputs(self) -> dict[str, str]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Outputs with units."""
+        unit = "m" if self.motion == "translation" else "rad"
+        return {"position": unit, "velocity": f"{unit}/s"}
 
     def motor(self, q, v, u) -> Array:
         """Motor torque at the axis, N m."""

@@ -36,6 +36,12 @@ class AbstractMachine(eqx.Module):
     def start(self, first: Mapping[str, tuple[ArrayLike, ArrayLike]]) -> Any:
         """A state at which the outputs have the values and rates `first` (value, rate by name)."""
 
+    def term(self, inputs: Any, placed: Any = ()) -> Any:
+        """The vector field as a `diffrax.ODETerm` under `inputs`, with laws: see `machine.term`."""
+        from ._term import term
+
+        return term(self, inputs, placed)
+
     def memory(self) -> float:
         """Seconds after which the machine has forgotten its start; infinity where it never does."""
         return float("inf")

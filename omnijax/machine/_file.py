@@ -16,7 +16,7 @@ from ..rig import law_quantity
 from ._axis import Axis
 from ._base import AbstractMachine
 from ._ports import PlacedLaw
-from ._schema import KEYS, Compare, Effect, Key, file_model
+from ._schema import KEYS, Compare, Effect, Key, axis_unit, file_model
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,7 +93,7 @@ def parse_machine(data: Mapping[str, Any], source: str = "machine.toml") -> Mach
             )
         elif inverse[key] not in values:
             problems.append(f"`uncertainty.{key}`: the file gives no such number.")
-    placed, wrong = _effects(file.effect)
+    placed, wrong = _effects(file.effect, known)
     if problems or wrong:
         raise InputError(problems + wrong, source)
     machine = Axis(**{k: jnp.asarray(v, float) for k, v in values.items()},
@@ -102,7 +102,7 @@ def parse_machine(data: Mapping[str, Any], source: str = "machine.toml") -> Mach
     return MachineFile(machine, placed, uncertain, file.compare, names, source)
 
 
-def _effects(blocks) -> tuple[tuple[PlacedLaw, ...], list[str]]:
+def _effects(blocks, motion: str) -> tuple[tuple[PlacedLaw, ...], list[str]]:
     placed, problems = [], []
     for block in blocks:
         law = EFFECTS.get(block.id)
@@ -122,7 +122,9 @@ def _effects(blocks) -> tuple[tuple[PlacedLaw, ...], list[str]]:
         values = {}
         for name, given in block.parameters.items():
             try:
-                quantity = law_quantity(law.parameters[name], block.place, 1)
+                known = law.parameters[name]
+                unit = axis_unit(known.unit, motion)
+                quantity = law_quantity(known._replace(unit=unit), block.place, 1)
                 values[name] = jnp.asarray(quantity.read(given), float)
             except ValueError as error:
                 problems.append(f"`effect.{block.id}.{name}` {error}")

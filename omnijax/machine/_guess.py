@@ -3,14 +3,16 @@
 import dataclasses
 import math
 import re
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import butter, filtfilt
 
 from .._errors import InputError
 from ..recording import read_table, stem_of
 from ..rig import Quantity
+from ._file import field_names
+from ._first_numbers import Signals, driven_numbers, servo_numbers
 
 TIME = r"^(t|time|timestamp|zeit|stamp|seconds|sec|ms)\b|time"
 INPUT = (
@@ -23,7 +25,7 @@ KINDS = (  # pattern of a name -> how the motor is driven
     (r"goal|ref|setpoint", "goal"), (r"torque|force|moment", "torque"), (r"curr", "current"),
 )  # fmt: skip
 UNIT = re.compile(r"[\[(_ ]\s*(mm|cm|um|m|deg|rad|mrad|ms|us|s|N ?m|mNm|N|A|mA|V|mV)\s*[\])]?$")
-PULLS = 0.03  # share of what is left of the acceleration that gravity explains where it is there
+SERVO_UNSURE = ("damping", "gravity", "back_emf")  # by their own size
 SUPPLY = 0.2  # standard deviation of a voltage over its mean, below which it is a supply's
 ANGLES, LENGTHS = ("rad", "deg", "mrad"), ("m", "mm", "cm", "um")
 
@@ -42,7 +44,7 @@ class Guess:
     samples: int
     rate: float
     noise: float
-    numbers: dict[str, float]
+    signals: Signals
     beside: dict[str, str] = dataclasses.field(default_factory=dict)  # further inputs: column
 
     def rows(self) -> list[tuple[str, str]]:
@@ -55,7 +57,6 @@ class Guess:
             *self.beside.items(),
             ("motion", self.motion), ("samples", f"{self.samples} at {self.rate:.6g} Hz"),
             ("noise of position", f"{self.noise:.3g} {unit} (1 sigma)"),
-            *((f"axis.{k}", f"{v:.4g}") for k, v in self.numbers.items()),
         ]  # fmt: skip
 
 
@@ -119,9 +120,8 @@ def describe(log: Path, time: str | None, given: str, position: str, rate: float
     noise = min(
         float(np.sqrt(np.mean(np.diff(q, k) ** 2) / math.comb(2 * k, k))) for k in (3, 5, 7)
     )
-    numbers = first_servo(q, u, step, others) if drives == "goal" else first_numbers(q, u, step)
     return Guess(log, time, given, position, units, drives, motion, len(q), 1 / step, noise,
-                 numbers, beside)  # fmt: skip
+                 Signals(q, u, step, others), beside)  # fmt: skip
 
 
 def _beside(columns) -> dict[str, str]:
@@ -131,78 +131,54 @@ def _beside(columns) -> dict[str, str]:
     return {k: c for k, c in found.items() if c is not None}
 
 
-def first_servo(q, u, step: float, others) -> dict[str, float]:
-    """Gain, damping and gravity of a servo for an inertia of 1: a = p (u - q) - d v - g sin(q).
+def numbers_of_logs(found: Sequence[Guess]) -> dict[str, float]:
+    """Fields of `Axis` to begin with, from all logs of one machine; `gain` and more of a servo."""
+    logs = [one.signals for one in found]
+    if found[0].drives == "goal":
+        return servo_numbers(logs)
+    return driven_numbers(logs, found[0].motion == "rotation")
 
-    Gravity is there where it explains a part of the acceleration that the others do not.
+
+def case_files(found: Sequence[Guess], held_out: Collection[Path] = ()) -> dict[str, str]:
+    """machine.toml and a NAME.toml for each log of one machine, by file name.
+
+    The logs `held_out` judge: the machine's numbers are not from them.
     """
-    smooth, v, a = _rates(q, step)
-    gain, on = others.get("gain", np.ones(len(q))), others.get("enable", np.ones(len(q)))
-    both = on * gain * (u - q)
-    keep = (on > 0) & (np.arange(len(q)) > 10) & (np.arange(len(q)) < len(q) - 10)
-    found, left = {}, []
-    for gravity in (False, True):
-        A = np.stack([both, -v, *([-np.sin(smooth)] if gravity else [])], 1)[keep]
-        size = np.linalg.norm(A, axis=0)
-        size[size == 0] = 1.0
-        x = np.linalg.lstsq(A / size, a[keep], rcond=None)[0] / size
-        left.append(float(np.sum((a[keep] - A @ x) ** 2)))
-        if gravity and not (x[2] > 0 and left[1] < (1 - PULLS) * left[0]):
-            break
-        numbers = {
-            "inertia": 1.0,
-            "damping": max(float(x[1]), 1e-3),
-            "gain": max(float(x[0]), 1e-3),
-        }
-        found = numbers | ({"gravity": float(x[2])} if gravity else {})
-    return found
+    learned = [one for one in found if one.log not in held_out]
+    files = {"machine.toml": _machine_file(learned)}
+    for one in found:
+        role = "held-out" if one.log in held_out else "train"
+        files[f"{stem_of(one.log)}.toml"] = _log_file(one, role)
+    return files
 
 
-def _low_passed(x):
-    b, a = butter(4, 0.2)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
-    return filtfilt(b, a, x)
-
-
-def _rates(q, step: float):
-    """Position, speed and acceleration, low-passed."""
-    smooth = _low_passed(q)
-    v = np.gradient(smooth, step)
-    return smooth, v, np.gradient(v, step)
-
-
-def first_numbers(q, u, step: float) -> dict[str, float]:
-    """Inertia, damping, stiffness and offset by least squares: u = J a + d v + k q - offset."""
-    smooth, v, acceleration = _rates(q, step)
-    one, given = np.ones(len(q)), _low_passed(u)
-    keep = slice(10, -10)
-    A = np.stack([acceleration, v, smooth, one], 1)[keep]
-    size = np.linalg.norm(A, axis=0)
-    J, d, k, _ = np.linalg.lstsq(A / size, given[keep], rcond=None)[0] / size
-    pulled = k > 0 and k * np.std(q) > 0.3 * np.std(u)
-    if not pulled:
-        A = np.delete(A, 2, axis=1)
-        size = np.linalg.norm(A, axis=0)
-        J, d, _ = np.linalg.lstsq(A / size, given[keep], rcond=None)[0] / size
-    if J <= 0:
-        J = float(np.std(u) / max(np.std(acceleration), 1e-300))
-    out = {"inertia": float(J), "damping": float(max(d, 1e-3 * np.std(u) / np.std(v)))}
-    return out | ({"stiffness": float(k)} if pulled else {})
-
-
-def case_files(found: Guess, role: str = "train") -> dict[str, str]:
-    """machine.toml and NAME.toml of a guess, by file name; `role` is train or held-out."""
-    goal = found.drives == "goal"
-    numbers = {k: v for k, v in found.numbers.items() if k != "gain"}
-    lines = ['kind = "axis"', f'motion = "{found.motion}"', "", "[axis]",
-             *(f"{k} = {v:.6g}" for k, v in numbers.items()), "", "[motor]",
-             f'input = "{found.drives}"']  # fmt: skip
+def _machine_file(found: Sequence[Guess]) -> str:
+    first, numbers, names = found[0], numbers_of_logs(found), field_names()
+    goal = first.drives == "goal"
+    unsure: dict[str, float] = {}
     if goal:  # for an inertia of 1, what the data can tell
-        lines += ["resistance = 1.0", "back_emf = 0.0", "", "[servo]",
-                  f"gain = {found.numbers['gain']:.6g}", "supply = 1.0", "limit = 1e9"]  # fmt: skip
+        numbers = {"resistance": 1.0, "back_emf": 0.0, "supply": 1.0, "limit": 1e9} | numbers
+        unsure = dict.fromkeys(SERVO_UNSURE, 1.0) | {"gain": 0.5, "limit": 0.5}
+        unsure = {k: x for k, x in unsure.items() if 0 < numbers.get(k, 0.0) < 1e9}
+        unsure |= {"gravity_angle": 0.1} if "gravity" in numbers else {}
+        numbers |= {"gravity_angle": 0.0} if "gravity" in numbers else {}
+    else:
+        unsure = dict.fromkeys(numbers, 1.0) | {"offset": _offset(found)}
+    tables: dict[str, list[str]] = {"axis": [], "motor": [f'input = "{first.drives}"']}
+    for field, value in numbers.items():
+        table, _, key = names[field].partition(".")
+        tables.setdefault(table, []).append(f"{key} = {value:.6g}")
+    lines = ["#:schema ./machine.schema.json", 'kind = "axis"', f'motion = "{first.motion}"']
+    for table, rows in tables.items():
+        lines += ["", f"[{table}]", *rows]
+    if goal:
+        lines += ["", "[compare]", 'hold = "held"  # a controller takes a goal at every sample']
     lines += ["", "[uncertainty]  # 1-sigma: relative, or absolute for a number that is 0"]
-    lines += [f'"axis.{k}" = 1.0' for k in numbers if not (goal and k == "inertia")]
-    lines += ['"servo.gain" = 0.5'] if goal else [f'"axis.offset" = {_offset(found):.3g}']
-    name = stem_of(found.log)
+    lines += [f'"{names[k]}" = {x:.3g}' for k, x in unsure.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _log_file(found: Guess, role: str) -> str:
     side = [f'log = "{found.log.resolve()}"', 'machine = "machine.toml"', f'role = "{role}"']
     side += [] if found.time else [f'rate = "{found.rate!r} Hz"']
     side += ["", "[channels]"] + ([f't = "{found.time}"'] if found.time else [])
@@ -210,12 +186,12 @@ def case_files(found: Guess, role: str = "train") -> dict[str, str]:
     side += [f'{k} = "{c}"' for k, c in found.beside.items()]
     if found.units:
         side += ["", "[units]", *(f'{k} = "{v}"' for k, v in found.units.items())]
-    return {"machine.toml": "\n".join(lines) + "\n", f"{name}.toml": "\n".join(side) + "\n"}
+    return "\n".join(side) + "\n"
 
 
-def _offset(found: Guess) -> float:
-    values = np.asarray(read_table(found.log).columns[found.input], float)
-    return 0.3 * float(np.nanstd(values))
+def _offset(found: Sequence[Guess]) -> float:
+    """1-sigma of the torque that the model leaves out, in the input's unit."""
+    return 0.3 * float(np.std(np.concatenate([one.signals.input for one in found])))
 
 
 def _time(columns, moving, rate) -> str | None:

@@ -67,9 +67,23 @@ def field_units(machine: Any) -> dict[str, str]:
     return {k.field: k.quantity(motion).unit for keys in KEYS.values() for k in keys.values()}
 
 
-def position_unit(machine: Any) -> str:
-    """SI unit of the position: of an axis by its motion, else as the machine states it."""
-    return field_units(machine).get("second_play") or machine.outputs["position"]
+TURNED = {  # unit of a law of mounts -> of one that turns
+    "m": "rad", "m/s": "rad/s", "N": "N m", "N/m^2": "N m/rad^2", "N/m^3": "N m/rad^3",
+}  # fmt: skip
+SLID = {  # unit of a law of shafts -> of one that slides
+    "N m": "N", "N m s/rad": "N s/m", "N m/rad": "N/m", "rad/s": "m/s",
+    "N m s^2/rad^2": "N s^2/m^2",
+}  # fmt: skip
+
+
+def axis_unit(unit: str, motion: str) -> str:
+    """Unit of a law's number on an axis.
+
+    Laws state it for wheels, which turn, on mounts, which slide.  Phases are in rad whatever moves.
+    """
+    position = "m" if motion == "translation" else "rad"
+    unit = unit.replace("unit of the channel", position)
+    return (SLID if motion == "translation" else TURNED).get(unit, unit)
 
 
 Drive = Literal["torque", "current", "voltage", "command", "goal"]

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from ._facts import derived as derived
     from ._facts import direction_angles as direction_angles
     from ._facts import wheel_facts as wheel_facts
+    from ._json_schema import effect_schema as effect_schema
     from ._json_schema import json_schema as json_schema
     from ._load import parse_rig as parse_rig
     from ._machine import Closure as Closure

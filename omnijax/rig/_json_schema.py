@@ -23,12 +23,12 @@ def json_schema() -> dict[str, Any]:
     effect = schema["$defs"]["EffectTable"]
     effect["if"] = {"not": {"required": ["law"]}}
     effect["then"] = {"properties": {"id": {"enum": list(EFFECTS)}}}
-    effect["allOf"] = [_effect(law) for law in EFFECTS.values()]
+    effect["allOf"] = [effect_schema(law) for law in EFFECTS.values()]
     return schema
 
 
-def _effect(law: type[AbstractLaw]) -> dict[str, Any]:
-    """What a block with this law's id may hold."""
+def effect_schema(law: type[AbstractLaw]) -> dict[str, Any]:
+    """What a block of an effect with this law's id may hold, in rig and machine files."""
     keys = {name: law_quantity(p).json_schema() for name, p in law.parameters.items()}
     needed = [name for name, p in law.parameters.items() if not p.optional]
     parameters = {"properties": keys, "required": needed, "additionalProperties": False}

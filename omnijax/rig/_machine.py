@@ -139,6 +139,12 @@ class Rig(eqx.Module):
             is_leaf=lambda x: x is self.effects,
         )
 
+    def term(self, drive: Any, *, start: float = 0.0, model: str = "coupled") -> Any:
+        """The vector field under a drive as a `diffrax.ODETerm`: see `omnijax.simulation.term`."""
+        import omnijax  # drives stand above this package: on use only
+
+        return omnijax.simulation.term(self, drive, start=start, model=model)
+
 
 def place_law(
     law: AbstractLaw, place: str, names: tuple[str, ...], profiles: tuple[AbstractShape, ...]

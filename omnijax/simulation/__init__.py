@@ -51,6 +51,9 @@ if TYPE_CHECKING:
     from ._solve import simulate_fixed as simulate_fixed
     from ._solve import simulate_many as simulate_many
     from ._solve import solve_in_pieces as solve_in_pieces
+    from ._solve import start_vector as start_vector
+    from ._solve import state_of as state_of
+    from ._solve import term as term
     from ._steady import LongRun as LongRun
     from ._steady import SteadyState as SteadyState
     from ._steady import fourier as fourier

@@ -21,7 +21,6 @@ from ..machine import (
     motion,
     numbers_of,
     places_of,
-    position_unit,
     sensed,
     slopes_of,
     steps_between,
@@ -142,7 +141,7 @@ class Misfit:
     @property
     def unit(self) -> str:
         """Unit of every metric."""
-        return position_unit(self.numbers.file.machine)
+        return self.numbers.file.machine.outputs["position"]
 
     def steps(self, values: np.ndarray) -> int:
         """Runge-Kutta steps between two samples that all of some designs (m, d) can do with."""

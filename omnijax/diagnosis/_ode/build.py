@@ -18,6 +18,7 @@ CUTOFFS = (0.1, 0.07, 0.05, 0.035, 0.025, 0.015)  # Hz a sample a second, tried 
 NOISY = 0.1  # share of a measured acceleration that may be noise
 ROWS = 6000  # of a run's free run that are compared; more say nothing new
 LEADS = 4  # a window is at least so many times its lead
+AWAY = 0.05  # of the time that an axis is pushed away from rest, above which free runs say nothing
 MEMORYLESS = frozenset({"actuator-lag"})  # not in a balance: it has a state that nobody measures
 
 
@@ -72,7 +73,8 @@ def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, 
     memory = machine.memory()
     chosen = file.compare.criterion
     if chosen == "auto":
-        chosen = "balance" if single and not np.isfinite(memory) else "free-run"
+        free = not np.isfinite(memory) or (single and runs_away(machine, runs))
+        chosen = "balance" if single and free else "free-run"
     if chosen == "balance" and not single:
         raise InputError(f"{file.source}: `compare.criterion` balance needs one inertia only; "
                          "choose free-run.")  # fmt: skip
@@ -95,6 +97,19 @@ def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, 
         "Compared is the position of free runs, simulated from the inputs alone."
     )  # fmt: skip
     return model, table, [how]
+
+
+def runs_away(axis: Axis, runs: Sequence[OdeRun]) -> bool:
+    """Whether small errors of an axis grow for long: a pendulum that its motor turns over the top.
+
+    A free run says nothing then, however right the model.  A servo's controller holds its axis.
+    """
+    if axis.drives == "goal" or axis.motion == "translation":
+        return False
+    pulls = float(axis.stiffness) + float(axis.gravity) * np.cos(
+        np.concatenate([r.outputs["position"] for r in runs]) + float(axis.gravity_angle)
+    )
+    return bool(np.mean(pulls < 0) > AWAY)
 
 
 def _places(machine, library, criterion: str, uncertain) -> list[tuple[str, str]]:

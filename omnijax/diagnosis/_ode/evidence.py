@@ -5,16 +5,14 @@ from typing import Any
 
 import numpy as np
 
-from ...machine import Axis, MachineFile, PlacedLaw, free_run, machine_text, position_unit
+from ...machine import Axis, MachineFile, PlacedLaw, axis_unit, free_run, machine_text
 from .._answer import AbstractEvidence
 from .._search import Point, discovered, number
 from .learned import learn_shaft
 from .model import OdeModel
 from .rows import Balance, smoothed
 
-UNITS = {  # group -> unit for a rotation, for a translation
-    "position": ("rad", "m"), "acceleration": ("rad/s^2", "m/s^2"),
-}  # fmt: skip
+RESTS = 5.0  # times the noise: a run that moves less has no share of its motion to speak of
 
 
 class OdeEvidence(AbstractEvidence):
@@ -33,16 +31,11 @@ class OdeEvidence(AbstractEvidence):
         """The output group that is compared."""
         return self.model.rows[0].group
 
-    def _unit(self) -> str:
-        translation = isinstance(self.file.machine, Axis) and (
-            self.file.machine.motion == "translation"
-        )
-        if self.group == "position" and not isinstance(self.file.machine, Axis):
-            return self.file.machine.outputs["position"]
-        return UNITS[self.group][translation]
+    def _position(self) -> str:
+        return self.file.machine.outputs["position"]
 
     def unit_of(self, group):
-        return self._unit()
+        return self._position() + ("/s^2" if self.group == "acceleration" else "")
 
     def columns(self, residual, split):
         out, at = [], 0
@@ -103,13 +96,7 @@ class OdeEvidence(AbstractEvidence):
         return list(self.said)
 
     def unit(self, unit, place):
-        translation = (
-            isinstance(self.file.machine, Axis) and self.file.machine.motion == "translation"
-        )
-        unit = unit.replace("unit of the channel", "m" if translation else "rad")
-        if not translation:
-            return unit
-        return TRANSLATED.get(unit, unit)
+        return axis_unit(unit, "translation" if self._position() == "m" else "rotation")
 
     def free_runs(self, points: dict[str, Point]) -> list[dict[str, Any]]:
         """Simulation from the first sample of every run: RMS, MAE and share, by point."""
@@ -120,7 +107,7 @@ class OdeEvidence(AbstractEvidence):
             entry: dict[str, Any] = {
                 "run": run.name,
                 "role": run.role,
-                "unit": position_unit(self.file.machine),
+                "unit": self._position(),
             }
             for word, point in points.items():
                 theta = self.model.numbers.vector(point)
@@ -130,10 +117,13 @@ class OdeEvidence(AbstractEvidence):
                 got = free_run(machine, placed, start, run.inputs, run.step, run.hold)["position"]
                 error = measured - got
                 finite = bool(np.all(np.isfinite(error)))
+                moved = float(np.std(measured))
                 entry[word] = {
                     "rms": float(np.sqrt(np.mean(error**2))) if finite else None,
                     "mae": float(np.mean(np.abs(error))) if finite else None,
-                    "percent": 100 * float(np.std(error) / np.std(measured)) if finite else None,
+                    "percent": 100 * float(np.std(error)) / moved
+                    if finite and moved > RESTS * self.model.noise
+                    else None,
                 }
             out.append(entry)
         return out
@@ -161,9 +151,3 @@ def balance_error(model: OdeModel, point: Point, split: str) -> float:
     whole = np.concatenate(torque)
     inertia = float(np.asarray(machine.inertia))
     return 100 * inertia * float(np.sqrt(np.mean(rest**2) / np.mean(whole**2)))
-
-
-TRANSLATED = {
-    "N m": "N", "N m s/rad": "N s/m", "N m/rad": "N/m", "rad/s": "m/s", "rad": "rad",
-    "N m s^2/rad^2": "N s^2/m^2",
-}  # fmt: skip

@@ -44,7 +44,7 @@ class OdeModel(AbstractModel):
 
     budget = 4000.0
     repeats = frozenset({"motor-ripple", "current-ripple"})
-    settings = dataclasses.replace(SETTINGS, lead=0.1)
+    settings = dataclasses.replace(SETTINGS, lead=0.1, both=True)
     frozen_keys = frozenset({"roller", "exponent", "modulus"})
 
     def __init__(

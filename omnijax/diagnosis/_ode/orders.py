@@ -3,7 +3,7 @@
 import numpy as np
 
 FINE = 4  # orders tried within one resolution of the travel
-PERIODS = 4  # of a line over the travel: what does not repeat is none
+PERIODS = 2  # of a line over the travel: what does not repeat is none
 PEAKS = 8
 MOST = 6000
 

@@ -33,6 +33,9 @@ class SearchSettings:
     strong: float = 4.0  # chi2 a degree of freedom from which tangents do not rank: own cases
     ladder: tuple[float, ...] = (0.2, 0.6, 2.0)  # finite strengths tried: own cases
     ran_off: float = 2.0  # prior sigmas from which a calibration was bent: own cases
+    both: bool = (
+        False  # then finite strengths are tried about the calibrated machine too: own cases
+    )
     worth: float = 0.2  # share of the best promise below which nothing is refitted: time
     little: float = 0.02  # share of a strong gap that a law must close: own cases
     openings: tuple[float, ...] = (0.1, 0.2, 0.35, 0.6)  # shares of the motion: own cases

@@ -46,7 +46,19 @@ def at_finite_strength(
     """The best start of every (id, place) of the laws `ids`, over strengths of both signs."""
     u = fit.point.u
     kept = np.max(np.abs(u), initial=0.0) < model.settings.ran_off
-    anchor = fit.point if kept else Point(0 * u, fit.point.effects)
+    anchors = [] if kept else [Point(0 * u, fit.point.effects)]
+    if kept or model.settings.both:
+        anchors.append(fit.point)
+    best: dict[str, Start] = {}
+    for anchor in anchors:
+        for start in _about(anchor, model, fit, scores, ids):
+            if start.name not in best or start.cost < best[start.name].cost:
+                best[start.name] = start
+    return list(best.values())
+
+
+def _about(anchor: Point, model: AbstractModel, fit: Fit, scores, ids: set[str]) -> list[Start]:
+    """The best start of every (id, place), the baseline refitted to first order about `anchor`."""
     J = fit.jacobian if anchor is fit.point else tangents_at(model, anchor)
     (here,) = model.residuals([anchor], model.ranking)
     J, chi2 = J[: len(here)], float(fit.residual @ fit.residual)

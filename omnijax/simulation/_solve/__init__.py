@@ -16,4 +16,8 @@ def __getattr__(name: str) -> Any:
         from . import solve
 
         return getattr(solve, name)
+    if name in {"start_vector", "state_of", "term"}:
+        from . import diffrax_term
+
+        return getattr(diffrax_term, name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,127 @@
+"""Numbers of an axis to begin a calibration with: a regression of the accelerations of its logs."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.signal import butter, filtfilt
+
+EDGE = 10  # samples at both ends of a log that the low pass spoils
+PULLS = 0.03  # share of what is left of the acceleration that a term must explain to be there
+SPRING = 0.3  # of the input's size: what a spring or gravity takes of it where it is there
+CLIPPED = 0.85  # ratio of the limits of a controller that are tried, one to the next
+LIMITS = 14
+STEEP = 0.03  # width of dry friction over the typical speed
+LEAST = 0.05  # of the acceleration's size: damping of an axis of which the log shows none
+
+
+@dataclasses.dataclass(frozen=True)
+class Signals:
+    """One log in SI units: position and input (t,), step in s, a servo's gain and enable by name.
+
+    `rates` are position, speed and acceleration, low-passed.
+    """
+
+    position: np.ndarray
+    input: np.ndarray
+    step: float
+    beside: Mapping[str, np.ndarray]
+
+    @property
+    def rates(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        smooth = _low_passed(self.position)
+        v = np.gradient(smooth, self.step)
+        return smooth, v, np.gradient(v, self.step)
+
+
+def _low_passed(x):
+    b, a = butter(4, 0.2)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
+    return filtfilt(b, a, x)
+
+
+def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    return np.concatenate([x[EDGE:-EDGE] for x in parts])
+
+
+def servo_numbers(logs: Sequence[Signals]) -> dict[str, float]:
+    """Numbers of a servo for an inertia of 1, over all its logs at once.
+
+    a = on clip(p k (u - q), -L, L) - on e v - d v - g sin(q) - c tanh(v/w): a term is there where
+    it explains a part of the acceleration that the others do not.  The dry friction c is left to
+    the diagnosis, which tells it from its kin: here it only keeps the other numbers right.
+    """
+    rates = [log.rates for log in logs]
+    q, v, a = (_joined([r[k] for r in rates]) for k in range(3))
+    gain = _joined([log.beside.get("gain", np.ones(len(log.input))) for log in logs])
+    on = _joined([log.beside.get("enable", np.ones(len(log.input))) for log in logs]) > 0
+    error = gain * (_joined([log.input for log in logs]) - q)
+    width = STEEP * float(np.sqrt(np.mean(v**2)))
+    columns = {"gain": on * error, "damping": -v}
+    least = LEAST * float(np.std(a) / max(np.std(v), 1e-300))
+    extra = {"gravity": -np.sin(q), "coulomb": -np.tanh(v / width)}
+    if 0.05 < on.mean() < 0.95:  # else it is one with the damping
+        extra["back_emf"] = -(on * v)
+    numbers, left = _least(columns, a)
+    limits = np.abs(error[on]).max(initial=0.0) * CLIPPED ** np.arange(1, LIMITS)
+    clipped = None
+    while extra or clipped is None:
+        tried = [(_least(columns | {k: x}, a), k, x) for k, x in extra.items()]
+        for limit in limits if clipped is None else ():
+            held = on * np.clip(error, -limit, limit)
+            tried.append((_least(columns | {"gain": held}, a), "limit", held))
+        (new, less), name, column = min(tried, key=lambda t: t[0][1])
+        if not less < (1 - PULLS) * left:
+            break
+        numbers, left = new, less
+        columns["gain" if name == "limit" else name] = column
+        extra.pop(name, None)
+        if name == "limit":
+            clipped = float(np.max(np.abs(column)))
+    out = {"inertia": 1.0} | numbers
+    out["gain"] = max(out["gain"], 1e-3)
+    out["damping"] = max(out["damping"], least)
+    if clipped is not None:
+        out["limit"] = clipped * out["gain"]
+    out.pop("coulomb", None)
+    return out
+
+
+def _least(columns: Mapping[str, np.ndarray], wanted) -> tuple[dict[str, float], float]:
+    """Numbers not below 0 of the columns, and the squares that they leave."""
+    A = np.stack(list(columns.values()), 1)
+    size = np.linalg.norm(A, axis=0)
+    size[size == 0] = 1.0
+    x, left = nnls(A / size, wanted)
+    return dict(zip(columns, map(float, x / size), strict=True)), left**2
+
+
+def driven_numbers(logs: Sequence[Signals], turns: bool) -> dict[str, float]:
+    """Inertia, damping and what pulls the axis back, over all logs at once.
+
+    u = J a + d v + (k q or, where the axis `turns`, g sin(q)) - offset, a log each its offset.
+    """
+    rates = [log.rates for log in logs]
+    q, v, a = (_joined([r[k] for r in rates]) for k in range(3))
+    given = _joined([_low_passed(log.input) for log in logs])
+    which = np.repeat(np.arange(len(logs)), [len(log.input) - 2 * EDGE for log in logs])
+    ones = [(which == i).astype(float) for i in range(len(logs))]
+    pulls = {"": [], "stiffness": [q]} | ({"gravity": [np.sin(q)]} if turns else {})
+    found = {}
+    for name, column in pulls.items():
+        A = np.stack([a, v, *column, *ones], 1)
+        size = np.linalg.norm(A, axis=0)
+        size[size == 0] = 1.0
+        x = np.linalg.lstsq(A / size, given, rcond=None)[0] / size
+        found[name] = x, float(np.sum((given - A @ x) ** 2)), column
+    names = [
+        k for k, (x, _, column) in found.items()
+        if column and x[2] > 0 and x[2] * np.std(column[0]) > SPRING * np.std(given)
+    ]  # fmt: skip
+    best = min(names, key=lambda k: found[k][1], default="")
+    (J, d, *rest), _, _ = found[best]
+    if J <= 0:
+        J = np.std(given) / max(np.std(a), 1e-300)
+    out = {"inertia": float(J)}
+    out["damping"] = float(max(d, 1e-3 * np.std(given) / max(np.std(v), 1e-300)))
+    return out | ({best: float(rest[0])} if best else {})

@@ -1,0 +1,144 @@
+"""What `case new` guesses of an axis from all its logs, and the schema of what it writes."""
+
+import re
+import tomllib
+from importlib import resources
+
+import jsonschema
+import numpy as np
+import pytest
+
+from omnijax import cli
+from omnijax.machine import load_machine, machine_schema, machine_text, parse_machine
+from omnijax.rig import InputError
+from tests.seeds import drawn_anew
+
+STEP = 5e-3
+VALIDATOR = jsonschema.Draft202012Validator(machine_schema())
+
+
+def stepped(rate, start, inputs, fine=8):
+    """States (t, n) by Runge-Kutta steps, the inputs (t,) held: no code of the library."""
+    x, out, h = np.array(start, float), [], STEP / fine
+    for u in inputs:
+        out.append(x)
+        for _ in range(fine):
+            k1 = rate(x, u)
+            k2 = rate(x + h / 2 * k1, u)
+            k3 = rate(x + h / 2 * k2, u)
+            x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(x + h * k3, u))
+    return np.array(out)
+
+
+def written(path, columns):
+    """A log as CSV."""
+    names = ",".join(columns)
+    np.savetxt(path, np.stack(list(columns.values()), 1), delimiter=",", header=names, comments="")
+    return str(path)
+
+
+def new_case(folder, logs, *more):
+    """The machine file of `case new`."""
+    assert cli.run(["case", "new", *logs, "--out", str(folder / "case"), "--yes", *more]) == 0
+    text = (folder / "case" / "machine.toml").read_text()
+    assert text.startswith("#:schema ./machine.schema.json\n")
+    VALIDATOR.validate(tomllib.loads(text))
+    return load_machine(folder / "case" / "machine.toml").machine
+
+
+def test_a_servo_that_saturates_and_rubs_is_guessed_from_all_its_logs(tmp_path):
+    rng = drawn_anew("guessed servo")
+    w, d, g, c = rng.uniform(8, 14), rng.uniform(3, 6), rng.uniform(20, 50), rng.uniform(3, 6)
+    limit, t, logs = rng.uniform(40, 60), np.arange(1200) * STEP, []
+    for k, kp in enumerate((1.0, 2.0, 4.0)):
+        goal = rng.uniform(0.7, 1.2) * np.sin(2 * np.pi * rng.uniform(0.3, 0.5) * t + 0.25 * t**2)
+        goal = goal + 0.4 * np.sign(np.sin(2 * np.pi * rng.uniform(0.3, 0.5) * t))
+        if k == 0:  # a log in which next to nothing happens spoils nothing
+            goal = 0.02 * goal
+
+        def rate(x, u, kp=kp):
+            motor = np.clip(kp * w**2 * (u - x[0]), -limit, limit)
+            return np.array([x[1], motor - d * x[1] - g * np.sin(x[0]) - c * np.tanh(x[1] / 0.05)])
+
+        q = stepped(rate, [0.0, 0.0], goal)[:, 0] + 1e-4 * rng.normal(size=len(t))
+        columns = {"time": t, "goal_rad": goal, "angle_rad": q, "kp": np.full(len(t), 100 * kp)}
+        logs.append(written(tmp_path / f"{k}.csv", columns))
+    axis = new_case(tmp_path, logs)
+    for field, true in (("gain", w**2 / 100), ("limit", limit), ("gravity", g)):
+        assert float(getattr(axis, field)) == pytest.approx(true, rel=0.5), field
+    assert float(axis.coulomb) == 0  # the diagnosis names it
+
+
+def test_a_pendulum_is_told_from_a_spring(tmp_path):
+    rng = drawn_anew("guessed pendulum")
+    J, w, t = 10 ** rng.uniform(-3, 0), rng.uniform(4, 8), np.arange(2000) * STEP
+    u = J * w**2 * sum(0.4 * np.sin(2 * np.pi * f * t) for f in rng.uniform(0.2, 1.5, 3))
+    for name, pull in (("gravity", np.sin), ("stiffness", lambda q: q)):
+
+        def rate(x, u, pull=pull):
+            return np.array([x[1], u / J - w**2 * pull(x[0]) - 0.8 * x[1]])
+
+        q = stepped(rate, [0.0, 0.0], u)[:, 0] + 1e-4 * rng.normal(size=len(t))
+        folder = tmp_path / name
+        folder.mkdir()
+        axis = new_case(folder, [written(folder / "a.csv", {"t": t, "torque": u, "angle": q})])
+        other = {"gravity": "stiffness", "stiffness": "gravity"}[name]
+        assert float(getattr(axis, name)) == pytest.approx(J * w**2, rel=0.1)
+        assert float(getattr(axis, other)) == 0
+        assert float(axis.inertia) == pytest.approx(J, rel=0.1)
+
+
+def test_a_slide_in_millimetres_is_read_in_metres(tmp_path, capsys):
+    rng = drawn_anew("guessed slide")
+    M, d, t = 10 ** rng.uniform(0, 2), rng.uniform(0.5, 2), np.arange(800) * STEP
+    u = 4 * M * np.sin(rng.uniform(2, 4) * t)
+    q = stepped(lambda x, u: np.array([x[1], u / M - d * x[1]]), [0.0, 0.0], u)[:, 0]
+    log = written(tmp_path / "a.csv", {"time_ms": 1e3 * t, "force_N": u, "pos_mm": 1e3 * q})
+    axis = new_case(tmp_path, [log])
+    assert (axis.motion, axis.outputs["position"]) == ("translation", "m")
+    assert float(axis.inertia) == pytest.approx(M, rel=0.05)
+    capsys.readouterr()
+    machine = str(tmp_path / "case" / "machine.toml")
+    assert cli.run(["simulate", machine, "--drive", str(tmp_path / "case" / "a.toml")]) == 0
+    assert capsys.readouterr().out.strip().endswith(" m")
+
+
+def test_effects_of_a_slide_have_the_units_of_a_slide():
+    data = {"kind": "axis", "motion": "translation", "axis": {"inertia": 2.0},
+            "motor": {"input": "torque"}}  # fmt: skip
+    effect = {"id": "bearing-coulomb", "parameters": {"torque": "300 mN", "width": "2 mm/s"}}
+    law = parse_machine(data | {"effect": [effect]}).placed[0].law
+    assert (float(law.torque), float(law.width)) == pytest.approx((0.3, 2e-3))
+    with pytest.raises(InputError, match=r"effect.bearing-coulomb.torque.*N"):
+        parse_machine(data | {"motion": "rotation", "effect": [effect]})
+
+
+def test_the_schema_is_one_and_takes_what_the_reader_takes():
+    jsonschema.Draft202012Validator.check_schema(machine_schema())
+    text = (resources.files("omnijax") / "machine" / "data" / "machine.toml").read_text()
+    assert text.startswith("#:schema ./machine.schema.json\n")
+    every = "\n".join(re.sub(r"^# (?=\[|\w+ = )", "", x) for x in text.splitlines())
+    for whole in (text, every):
+        VALIDATOR.validate(tomllib.loads(whole))
+        VALIDATOR.validate(tomllib.loads(machine_text(parse_machine(tomllib.loads(whole)))))
+    assert set(tomllib.loads(every)) >= {"servo", "second"}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"axis": {"inertia": 0}}, {"axis": {}}, {"axis": {"inertia": 1, "mass": 2}},
+        {"motor": {"input": "volts"}}, {"motor": {"input": "voltage"}},
+        {"motor": {"input": "goal", "resistance": 1}}, {"uncertainty": {"axis.mass": 1}},
+        {"effect": [{"id": "no-such"}]}, {"effect": [{"id": "bearing-coulomb"}]},
+        {"effect": [{"id": "bearing-coulomb", "parameters": {"torque": 1, "speed": 1}}]},
+        {"compare": {"criterion": "eye"}}, {"motion": "both"},
+    ],
+)  # fmt: skip
+def test_what_the_reader_refuses_the_schema_refuses(change):
+    good = {"kind": "axis", "axis": {"inertia": 1.0}, "motor": {"input": "torque"}}
+    VALIDATOR.validate(good)
+    parse_machine(good)
+    assert not VALIDATOR.is_valid(good | change)
+    with pytest.raises(InputError):
+        parse_machine(good | change)

@@ -1,0 +1,76 @@
+"""The vector fields as diffrax terms move the machines as the library's own solvers do."""
+
+import re
+from pathlib import Path
+
+import diffrax as dfx
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from omnijax import simulate, torques
+from omnijax.machine import Axis, Log, free_run, machine_text, parse_machine, start_vector
+from omnijax.rig import InputError
+from tests.seeds import drawn_anew
+
+STEP = 2e-3
+PAGE = Path(__file__).parents[1] / "docs" / "howto" / "diffrax.md"
+
+
+def shown(part: int, **changed) -> dict:
+    """What a block of the page computes, some of its texts `changed`."""
+    text = re.findall(r"```python\n(.*?)```", PAGE.read_text(), re.S)[part]
+    for old, new in changed.values():
+        assert old in text
+        text = text.replace(old, new)
+    names: dict = {}
+    exec(text, names)
+    return names
+
+
+def test_the_term_of_a_rig_moves_as_simulate_does():
+    rng = drawn_anew("term of a rig")
+    drawn = repr(", ".join(f"{x:.4g} mNm" for x in rng.uniform(-20, 20, 3)))
+    found = shown(0, drive=('"10 mNm, 0, 5 mNm"', drawn))
+    run = simulate(found["rig"], torques(drawn[1:-1]), found["found"].ts)
+    states = found["states"]
+    for name, mine in (("Omega", states.angular_velocity), ("theta", states.angle),
+                       ("dR", states.elastic.approach)):  # fmt: skip
+        theirs = np.asarray(run[name])
+        np.testing.assert_allclose(mine, theirs, atol=1e-5 * max(np.ptp(theirs), 1e-9))
+
+
+def test_the_term_of_an_axis_moves_as_its_free_run_with_delay_and_memory(tmp_path):
+    rng = drawn_anew("term of an axis")
+    J, k, delay, tau = rng.uniform(0.5, 2), rng.uniform(10, 30), 4 * STEP, rng.uniform(0.01, 0.03)
+    data = {
+        "kind": "axis", "axis": {"inertia": J, "damping": 0.5 * J, "gravity": k * J},
+        "motor": {"input": "torque"},
+        "effect": [{"id": "actuator-lag", "parameters": {"tau": tau}},
+                   {"id": "actuator-delay", "parameters": {"delay": delay}},
+                   {"id": "load-friction", "parameters": {"mu": 0.2}}],
+    }  # fmt: skip
+    file = parse_machine(data)
+    time = np.arange(500) * STEP
+    u = 5 * J * np.sin(rng.uniform(3, 6) * time)
+    first = {"position": (float(rng.uniform(-0.3, 0.3)), 0.0)}
+    wanted = free_run(file.machine, file.placed, first, {"input": u}, STEP)["position"]
+    log = Log("a", "train", time, {"input": u}, {"position": wanted})
+    got = dfx.diffeqsolve(
+        file.machine.term(log, file.placed), dfx.Tsit5(), 0.0, time[-1], 1e-3,
+        start_vector(file.machine, first, file.placed), saveat=dfx.SaveAt(ts=jnp.asarray(time)),
+        stepsize_controller=dfx.PIDController(rtol=1e-7, atol=1e-9), max_steps=100_000,
+    ).ys  # fmt: skip
+    np.testing.assert_allclose(got[:, 0], wanted, atol=2e-5)
+    path = tmp_path / "machine.toml"
+    path.write_text(machine_text(file))
+    end = np.asarray(shown(1, file=("machine.toml", str(path)))["found"].ys[-1])
+    assert end.shape == (3,) and np.all(np.isfinite(end)) and abs(end[0]) > 1e-4
+
+
+def test_inputs_that_the_machine_has_not_are_one_sentence():
+    axis = Axis(1.0)
+    with pytest.raises(InputError, match=r"`inputs.imput` is no input.*Did you mean `input`"):
+        axis.term({"imput": 1.0})
+    with pytest.raises(InputError, match=r"`inputs.input` \(N m\) is missing"):
+        axis.term({})
