@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jaxtyping import Array, Float
+from seeds import drawn_anew
 
 from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, along
 from omnijax.diagnosis._search.fit import refit
@@ -133,6 +134,25 @@ def test_a_twin_is_reported_as_a_rival_without_margin():
     assert names == {"bearing-coulomb", "twin"}
     assert abs(rivals[0][1]) < 1.0
     assert rivals[0][2] == pytest.approx(1.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("fades", [True, False])
+def test_of_nested_laws_the_plain_one_is_named_unless_the_wider_gains(fades):
+    rng = drawn_anew(f"nested {fades}")
+    size, speed = rng.uniform(0.1, 0.4), rng.uniform(1.0, 3.0)
+    truth = (
+        EFFECTS["stribeck"](jnp.asarray(size), jnp.asarray(speed))
+        if fades
+        else law("bearing-coulomb", size)
+    )
+    laws = {**LAWS, "stribeck": EFFECTS["stribeck"]}
+    found = Search(balance([truth], laws, seed=int(rng.integers(1000)))).run()
+    (effect,) = found.fit.point.effects
+    assert effect.id == ("stribeck" if fades else "bearing-coulomb")
+    assert all(margin > SETTINGS.equal for _, margin, _ in found.rivals[0])
+    at = [f.key for f in found.fit.free].index("torque") + 2
+    sigma = np.sqrt(found.fit.covariance[at, at])
+    assert abs(effect.values["torque"] - size) < 4.5 * sigma
 
 
 def test_the_width_of_friction_decides_no_comparison():

@@ -6,6 +6,7 @@ from seeds import drawn_anew
 from test_plant import load_plant
 
 from omnijax.diagnosis import diagnose
+from omnijax.diagnosis._machine import orders
 from omnijax.diagnosis._machine.orders import strongest_orders
 from omnijax.diagnosis._machine.rig_model import sums_of
 from omnijax.diagnosis._machine.tangents import signature
@@ -104,10 +105,31 @@ def test_a_line_of_any_order_stands_out_at_its_wheel(agreeing, law):
         r.take_off(table)
         left.append(r.split(table[0])[1])
     found = strongest_orders(bases, left, rows)
-    orders, trials = found[law][wheel]
+    best, trials = found[law][wheel]
     travel = ways[wheel]
-    assert min(abs(n - order) for n in orders) < 2 * np.pi / travel  # the travel's resolution
+    assert min(abs(n - order) for n in best) < 2 * np.pi / travel  # the travel's resolution
     assert trials > 20
+
+
+@pytest.mark.parametrize("law", ["motor-ripple", "current-ripple"])
+def test_orders_are_ranked_as_by_their_full_gains(agreeing, law):
+    """Inner products by one Fourier sum are those of the lines themselves, whatever is left."""
+    model, point, _, _ = agreeing
+    rng, bases = drawn_anew(f"ranked {law}"), model.bases(point)
+    rows = [model.machine.rows[b.index] for b in bases]
+    left = [rng.normal(size=r.rotation.shape) for r in rows]
+    wheel = int(rng.integers(3))
+    grid = orders._grid(bases, wheel)[: rng.integers(70, 150)]
+    common = sum(
+        orders._in_common(b, x, r, law, wheel, grid)
+        for b, x, r in zip(bases, left, rows, strict=True)
+    )
+    _, right = orders._products(bases, left, rows, law, wheel, grid)
+    scale = np.abs(right).max()
+    np.testing.assert_allclose(common, right, atol=1e-9 * scale)
+    first = orders._estimated(bases, left, rows, law, wheel, grid)
+    full = orders._gains(bases, left, rows, law, wheel, grid)
+    assert first[np.argmax(full)] > np.sort(first)[-orders.BEST]
 
 
 STRENGTH = {"motor-ripple": "amplitude", "current-ripple": "g"}

@@ -1,8 +1,9 @@
-"""Run seeds, report what is in a file of answers, or vary the thresholds.
+"""Run seeds, report a file of answers, vary the thresholds, or measure the limits' coverage.
 
     python -m benchmarks.hidden_effects run --seeds 0-99 [--kind none] [--out FILE]
-    python -m benchmarks.hidden_effects report [--out FILE]
+    python -m benchmarks.hidden_effects report [--seeds 117-199] [--out FILE]
     python -m benchmarks.hidden_effects thresholds --seeds 0-9 [--only margin,sure] [--out FILE]
+    python -m benchmarks.hidden_effects coverage --seeds 1000-1003 [--count 150] [--out FILE]
 
 Seeds below 100 are for work; published figures come from seeds 100 and up.
 """
@@ -11,7 +12,7 @@ import argparse
 import json
 from pathlib import Path
 
-from . import thresholds
+from . import coverage, thresholds
 from .answers import answered
 from .report import report
 
@@ -24,21 +25,28 @@ def main() -> None:
         prog="python -m benchmarks.hidden_effects", description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
-    parser.add_argument("do", choices=["run", "report", "thresholds"])
-    parser.add_argument("--seeds", default="0-99", help="first-last, or one")
+    parser.add_argument("do", choices=["run", "report", "thresholds", "coverage"])
+    parser.add_argument("--seeds", help="first-last, or one; 0-99, of a report all")
     parser.add_argument("--kind", help="hide this kind whatever the seed draws")
     parser.add_argument("--only", help="thresholds to vary, by comma")
+    parser.add_argument("--count", type=int, default=150, help="plants into every machine")
     parser.add_argument("--out", type=Path)
     options = parser.parse_args()
-    varying = options.do == "thresholds"
-    path = options.out or RESULTS / ("thresholds.jsonl" if varying else "hidden_effects.jsonl")
-    lines = read(path)
-    if varying:
+    own = options.do in ("thresholds", "coverage")
+    path = options.out or RESULTS / (f"{options.do}.jsonl" if own else "hidden_effects.jsonl")
+    lines, seeds = read(path), between(options.seeds or "0-99")
+    if options.do == "coverage":
+        lines += coverage.run(path, seeds, options.count)
+        print(coverage.table(lines))
+        return
+    if options.do == "thresholds":
         names = options.only.split(",") if options.only else list(thresholds.VARIED)
-        print(thresholds.table(thresholds.run(path, lines, between(options.seeds), names)))
+        print(thresholds.table(thresholds.run(path, lines, seeds, names)))
         return
     if options.do == "run":
-        lines = run(path, lines, between(options.seeds), options.kind)
+        lines = run(path, lines, seeds, options.kind)
+    elif options.seeds:
+        lines = [x for x in lines if x["seed"] in seeds]
     print(report(lines) if lines else f"no answers in {path}")
 
 

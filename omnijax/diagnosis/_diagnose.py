@@ -41,7 +41,9 @@ from ._machine import (
 from ._noise import Assumed, assumed_noise, by_group, run_levels
 from ._ode import OdeEvidence, balance_error, build_model
 from ._room import check_room
-from ._search import Found, Level, Point, Search, refit, upper_limits
+from ._search import Explored, Found, Point, Search, Way, refit, upper_limits
+
+MOSTLY = 1.25  # RMS of a channel over its white part, below which all of it is noise
 
 
 def diagnose(
@@ -80,7 +82,7 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     model, start, wild = _model(case.rig, runs, by_group(noise), library, window)
     faults = [*(str(f) for f in case.all_faults), *said, *wild]
     evidence = RigEvidence(model, noise, faults, confirmed_on)
-    found = _mended(white_levels(evidence, start), noise)
+    found = mended(evidence, start, noise)
     if found is not None:
         tell("the noise is not as assumed: weighing the runs anew")
         evidence = evidence.renoised(found)
@@ -89,15 +91,21 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     return answered(evidence, start, tell)
 
 
-def _mended(levels: list[dict[str, Level]], noise: dict[str, Assumed]):
-    """The levels that are wrong, or None; what rest or repeats show is a misfit's upper bound."""
+def mended(evidence: AbstractEvidence, point: Point, noise: dict[str, Assumed]):
+    """The levels by run that are wrong before any effect is known, or None.
+
+    What rest or repeats show is an upper bound of a misfit's.  Else, where a channel holds more
+    than its noise, fast parts of that count in its level: it may then only be lower than assumed.
+    """
     out, any_wrong = [], False
-    for run in levels:
+    for run in white_levels(evidence, point):
         kept = {}
-        for channel, level in run.items():
+        for channel, (level, rms) in run.items():
             known = noise[channel]
-            bound = 1 + 4 * known.error + 0.05 if known.source not in ("declared", "unknown") else 2
-            if wrong(level) and level.ratio < bound:
+            measured = known.source not in ("declared", "unknown")
+            bound = 1 + 4 * known.error + 0.05 if measured else 2
+            fits = measured or level.ratio < 1 or rms < MOSTLY * level.ratio
+            if wrong(level) and level.ratio < bound and fits:
                 kept[channel], any_wrong = level, True
         out.append(kept)
     return out if any_wrong else None
@@ -148,31 +156,46 @@ def force_error(found: Diagnosis, train: Log, test: Log) -> dict[str, float]:
 
 def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis:
     """Search from `start`, judge, and say what was found: of any machine."""
-    found = Search(evidence.model, tell).run(start)
+    search = Search(evidence.model, tell)
+    explored = search.explore(start)
     tell("looking at what is left")
-    shown = shown_noise(evidence, found.fit.point)
+    shown = shown_noise(evidence, explored.way.fit.point)
+    found, limits = None, None
+    if not shown.matters:
+        found, limits, shown = _reviewed(search, evidence, explored, shown)
+    earlier = None
     other = evidence.renoised(shown.changes) if shown.matters else None
-    earlier, limits = None, None
     if other is not None:
-        limits = _limits(evidence.model, found)
-        found.signatures = None  # room for the next table
+        explored = explored.without_table()  # room for the next one
         names = sorted({c for run in shown.changes for c in run})
         tell(f"the noise of {', '.join(names)} is not as assumed: searching again")
-        again = Search(other.model, tell).run(found.baseline.point, found.fit.point)
-        if explained(other.model, again):
+        again = Search(other.model, tell)
+        anew = again.explore(explored.baseline.point, explored.way.fit.point)
+        if explained(other.model, anew.way):
             tell("what looked like noise is explained in part by candidates: it is none")
             shown = shown.refuted()
         else:
-            evidence, found, earlier, limits = other, again, shown, None
-            shown = shown_noise(evidence, found.fit.point)
-    limits = _limits(evidence.model, found) if limits is None else limits
+            evidence, search, explored, earlier, found = other, again, anew, shown, None
+            shown = shown_noise(evidence, explored.way.fit.point)
+    if found is None:
+        found, limits, shown = _reviewed(search, evidence, explored, shown)
     return _said(evidence, found, shown, noise_table(evidence, shown, earlier), limits, tell)
 
 
-def explained(model, found: Found) -> bool:
+def explained(model, way: Way) -> bool:
     """Whether some candidate explains what matters of what is left and was weighed as noise."""
     least = 0.5 * model.settings.material * model.dof("train")
-    return bool(found.trials) and any(t.gain > least for t in found.trials[-1])
+    return bool(way.trials) and any(t.gain > least for t in way.trials[-1])
+
+
+def _reviewed(search: Search, evidence: AbstractEvidence, explored: Explored, shown: Shown):
+    """(what was found, the limits, the noise shown): of a search whose noise is right."""
+    found = search.reviewed(explored)
+    limits = _limits(evidence.model, found)
+    names = {e.name for e in explored.way.fit.point.effects}
+    if {e.name for e in found.fit.point.effects} != names:
+        shown = shown_noise(evidence, found.fit.point)
+    return found, limits, shown
 
 
 def _said(evidence: AbstractEvidence, found: Found, shown: Shown, noise, limits, tell) -> Diagnosis:
@@ -181,7 +204,7 @@ def _said(evidence: AbstractEvidence, found: Found, shown: Shown, noise, limits,
     (before,) = model.residuals([found.baseline.point], "held-out")
     (after,) = model.residuals([found.fit.point], "held-out")
     first, last = evidence.columns(before, "held-out"), evidence.columns(after, "held-out")
-    judged = judge(found, shown, first, last, model.settings.margin, evidence.closing)
+    judged = judge(found, shown, first, last, model.settings.equal, evidence.closing)
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     known = judged.verdict in ("named", "ambiguous")
     point = found.fit.point if known else found.baseline.point

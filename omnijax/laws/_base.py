@@ -38,7 +38,8 @@ class AbstractLaw(eqx.Module):
 
     Class variables: `id` names the law in rig files, `port` is where it acts, `places` are the
     places a rig file may give it, `parameters` describes its fields, `formula` is the text of
-    `omnijax effects` and `words` what a mechanic calls it.
+    `omnijax effects` and `words` what a mechanic calls it; `widens` are the ids of laws that are a
+    limit of this one.
     """
 
     id: ClassVar[str] = ""
@@ -47,6 +48,7 @@ class AbstractLaw(eqx.Module):
     places: ClassVar[tuple[str, ...]] = ()
     formula: ClassVar[str] = ""
     source: ClassVar[str] = ""
+    widens: ClassVar[tuple[str, ...]] = ()
     parameters: ClassVar[dict[str, Parameter]] = {}
 
     def __call__(self, signal: Any, state: Any = None) -> Any:

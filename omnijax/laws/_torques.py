@@ -113,6 +113,7 @@ class Stribeck(AbstractShaft):
     words: ClassVar[str] = "friction that is larger at low speed"
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "shaft torque −τ exp(−(ω/ω_s)²) tanh(ω/ω₀)"
+    widens: ClassVar[tuple[str, ...]] = ("bearing-coulomb",)
     parameters: ClassVar[dict[str, Parameter]] = {
         "torque": Parameter("N m", low=0, linear=True),
         "speed": Parameter("rad/s", low=0, above=True),

@@ -90,10 +90,12 @@ def _runs(evidence: AbstractEvidence, point: Point) -> list[tuple[str, dict[str,
     ]  # fmt: skip
 
 
-def white_levels(evidence: AbstractEvidence, point: Point) -> list[dict[str, Level]]:
-    """Levels of the white part by run and channel: what needs no right model."""
-    runs = _runs(evidence, point)
-    return [{c: levels([x], False)[0] for c, x in run.items()} for _, run in runs]
+def white_levels(evidence: AbstractEvidence, point: Point) -> list[dict[str, tuple[Level, float]]]:
+    """By run and channel the level of the white part and the RMS: what needs no right model."""
+    return [
+        {c: (levels([x], False)[0], float(np.sqrt(np.nanmean(x**2)))) for c, x in run.items()}
+        for _, run in _runs(evidence, point)
+    ]  # fmt: skip
 
 
 def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:

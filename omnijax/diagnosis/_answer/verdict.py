@@ -40,7 +40,7 @@ def judge(
     shown: Shown,
     before: Columns,
     after: Columns,
-    rivals: float = SETTINGS.margin,
+    rivals: float = SETTINGS.equal,
     closing: float = AbstractEvidence.closing,
 ) -> Judged:
     """The verdict, from held-out residuals before and after and the noise that the data show.

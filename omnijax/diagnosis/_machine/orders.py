@@ -2,13 +2,17 @@
 
 A line of order N in the torque on shaft k turns the sphere by the integral of its response times
 exp(i N theta_k); a line in the current is one times the commanded torque.
+
+What a line has in common with the rows is a Fourier sum over one and the same series for all
+orders, the rows sent backwards through the response.  What it changes in all is computed at some
+of the samples, and in full for the best.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from .data_vector import Rows
+from .data_vector import Rows, orthonormal
 from .linearisation import THIN, Base
 from .runs import FINE
 
@@ -19,6 +23,8 @@ MOST = 1200  # orders of a wheel
 LOWEST = 1.0  # windows take off what is slower
 FAST = 0.9  # quantile of the speed at which lines may not alias
 TOGETHER = 64  # orders computed at a time
+THINNED = 8  # samples from one at which a line's size is computed to the next
+BEST = 24  # orders whose gain is computed in full, of a law and wheel
 LAWS = ("motor-ripple", "current-ripple")
 
 Orders = dict[str, list[tuple[list[float], int]]]  # by law and wheel: orders, and of how many
@@ -36,19 +42,107 @@ def strongest_orders(
     for k in range(bases[0].rig.size):
         grid = _grid(bases, k)
         for law, found in out.items():
-            gains = _gains(bases, rests, rows, law, k, grid)
+            first = _estimated(bases, rests, rows, law, k, grid)
             step = grid[1] - grid[0]
             closer = np.arange(-CLOSER, CLOSER + 1) * step / CLOSER
-            best = []
-            for n in _peaks(grid, gains):
+            best, some = [], np.array(_peaks(grid, first, BEST, CLOSER * step))
+            for n in _peaks(some, _gains(bases, rests, rows, law, k, some), PEAKS, GRID * step):
                 near = np.maximum(n + closer, LOWEST)
                 best.append(float(near[np.argmax(_gains(bases, rests, rows, law, k, near))]))
             found.append((best, max(1, len(grid) // GRID)))
     return out
 
 
+def _estimated(bases, rests, rows, law: str, k: int, grid: np.ndarray) -> np.ndarray:
+    """`_gains` over an even `grid`, the sizes of lines from `THINNED` samples."""
+    gram, right = np.zeros((len(grid), 2, 2)), np.zeros((len(grid), 2))
+    for base, rest, r in zip(bases, rests, rows, strict=True):
+        gram += _sizes(base, r, law, k, grid)
+        right += _in_common(base, rest, r, law, k, grid)
+    return _explained(gram, right)
+
+
+def _sizes(base: Base, rows: Rows, law: str, k: int, grid: np.ndarray) -> np.ndarray:
+    """Inner products (orders, 2, 2) of each line's cosine and sine, from `THINNED` samples."""
+    h, axes, rates, factor = base.run.step, _axes(base), _rates(base, k), _factor(base, law, k)
+    samples = rows.samples // THINNED * THINNED
+    if len(rates) > 1:
+        rates = rates[:samples].reshape(-1, THINNED, 3)
+    axes = axes if len(axes) == 1 else axes[THINNED - 1 : samples : THINNED]
+    theta = base.motion.theta[::FINE, k][:samples]
+    keep = np.arange(THINNED - 1, samples, THINNED)
+    weight = rows.rotation[keep] * np.sqrt(THINNED)
+    windows = _thinned_windows(rows, keep)
+    block = np.exp(1j * np.outer(np.arange(TOGETHER) * (grid[1] - grid[0]), theta))
+    out = np.zeros((len(grid), 2, 2))
+    for first in range(0, len(grid), TOGETHER):
+        count = min(TOGETHER, len(grid) - first)
+        wave = block[:count] * (factor[:samples] * np.exp(1j * grid[first] * theta))
+        wave = wave.reshape(count, -1, THINNED)
+        if len(rates) == 1:
+            pushed = wave.sum(axis=2)[:, :, None] * rates[0]
+        else:
+            pushed = np.swapaxes(np.swapaxes(wave, 0, 1) @ rates, 0, 1)
+        table = _turned(pushed, axes, h, h * THINNED) * weight
+        flat = table.reshape(count, -1)
+        flat = np.stack([np.real(flat), np.imag(flat)], axis=1)
+        for part, q in windows:
+            flat[:, :, part] -= (flat[:, :, part] @ q) @ q.T
+        out[first : first + count] = flat @ np.swapaxes(flat, 1, 2)
+    return out
+
+
+def _thinned_windows(rows: Rows, keep: np.ndarray) -> list[tuple[slice, np.ndarray]]:
+    """The nuisance directions of the rotation rows at the samples `keep` alone."""
+    width, first, out = rows.rotation.shape[1], rows.elastic.size, []
+    for part, q in rows.nuisance:
+        if part.start >= first:
+            begin, end = (part.start - first) // width, (part.stop - first) // width
+            inside = np.flatnonzero((keep >= begin) & (keep < end))
+            if len(inside):
+                some = q.reshape(end - begin, width, -1)[keep[inside] - begin]
+                where = slice(inside[0] * width, (inside[-1] + 1) * width)
+                out.append((where, orthonormal(some.reshape(len(inside) * width, -1))))
+    return out
+
+
+def _in_common(base: Base, rest, rows: Rows, law: str, k: int, grid: np.ndarray) -> np.ndarray:
+    """Inner products (orders, 2) of `rest` with lines, cosine and sine, of an even grid."""
+    h = base.run.step
+    left = rest.ravel().copy()
+    first = rows.elastic.size
+    for part, q in rows.nuisance:
+        if part.start >= first:
+            where = slice(part.start - first, part.stop - first)
+            left[where] -= q @ (left[where] @ q)
+    left = left.reshape(rest.shape) * rows.rotation
+    axes = _axes(base)
+    rolled = h * np.cumsum(left[::-1, 3:], axis=0)[::-1]
+    every = np.broadcast_to(axes, (len(left), *axes.shape[1:]))
+    turned = left[:, :3] + np.einsum("tij,ti->tj", every, rolled)
+    series = h * np.cumsum(turned[::-1], axis=0)[::-1]
+    series = np.sum(series * _rates(base, k), axis=1) * _factor(base, law, k)
+    theta = base.motion.theta[::FINE, k]
+    block = np.exp(1j * np.outer(np.arange(TOGETHER) * (grid[1] - grid[0]), theta))
+    begin = np.exp(1j * np.outer(theta, grid[::TOGETHER])) * series[:, None]
+    found = (block @ begin).T.ravel()[: len(grid)]
+    return np.stack([np.real(found), np.imag(found)], axis=1)
+
+
 def _gains(bases, rests, rows, law: str, k: int, orders: np.ndarray) -> np.ndarray:
     """Fall of chi-square by a line of each order, its cosine and sine free."""
+    return _explained(*_products(bases, rests, rows, law, k, orders))
+
+
+def _explained(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """right . gram^-1 . right of every order, (orders, 2, 2) and (orders, 2)."""
+    size = np.trace(gram, axis1=1, axis2=2)[:, None, None]
+    gram = gram + (1e-9 * size + 1e-300) * np.eye(2)
+    return np.einsum("na,na->n", right, np.linalg.solve(gram, right[:, :, None])[:, :, 0])
+
+
+def _products(bases, rests, rows, law: str, k: int, orders: np.ndarray):
+    """Inner products of every line's cosine and sine: (orders, 2, 2); with the rests (.., 2)."""
     gram, right = np.zeros((len(orders), 2, 2)), np.zeros((len(orders), 2))
     for base, rest, r in zip(bases, rests, rows, strict=True):
         for first in range(0, len(orders), TOGETHER):
@@ -56,23 +150,45 @@ def _gains(bases, rests, rows, law: str, k: int, orders: np.ndarray) -> np.ndarr
             waves = _waves(base, r, law, k, orders[part])
             gram[part] += np.einsum("nar,nbr->nab", waves, waves)
             right[part] += waves @ rest.ravel()
-    gram += 1e-9 * np.trace(gram, axis1=1, axis2=2)[:, None, None] * np.eye(2) + 1e-300 * np.eye(2)
-    return np.einsum("na,na->n", right, np.linalg.solve(gram, right[:, :, None])[:, :, 0])
+    return gram, right
+
+
+def _axes(base: Base) -> np.ndarray:
+    """Axes about which the sphere turns, (samples or 1, n, 3)."""
+    axes = base.response.axes
+    return axes if len(axes) == 1 else axes[:: FINE // THIN]
+
+
+def _rates(base: Base, k: int) -> np.ndarray:
+    """Acceleration of the sphere by a torque on shaft `k`, (samples or 1, 3) rad/s^2 a N m."""
+    rates = base.response.rates
+    return rates[:, k] if len(rates) == 1 else rates[:: FINE // THIN, k]
+
+
+def _factor(base: Base, law: str, k: int) -> np.ndarray:
+    """By what a line is multiplied at every sample."""
+    torque = base.torque[::FINE, k]
+    return torque if law == "current-ripple" else np.ones_like(torque)
+
+
+def _turned(pushed: np.ndarray, axes: np.ndarray, h: float, step: float) -> np.ndarray:
+    """Omega and rolled lengths (orders, t, 3 + n) of accelerations summed over steps of `step` s.
+
+    `pushed` holds their sums over samples, `h` s apart.
+    """
+    turned = h * np.cumsum(pushed, axis=1)
+    fixed = len(axes) == 1
+    rolled = turned @ axes[0].T if fixed else np.einsum("tij,ntj->nti", axes, turned)
+    return np.concatenate([turned, step * np.cumsum(rolled, axis=1)], axis=2)
 
 
 def _waves(base: Base, rows: Rows, law: str, k: int, orders: np.ndarray) -> np.ndarray:
     """Whitened rotation rows (orders, 2, ..) of cosine and sine in the torque of wheel `k`."""
-    h, parts, axes = base.run.step, FINE // THIN, base.response.axes
-    axes = axes if len(axes) == 1 else axes[::parts]
-    wave = np.exp(1j * orders[:, None] * base.motion.theta[::FINE, k])
-    if law == "current-ripple":
-        wave = wave * base.torque[::FINE, k]
-    turned = h * np.cumsum(wave[:, :, None] * base.response.rates[::parts, k], axis=1)
-    fixed = len(axes) == 1
-    rolled = turned @ axes[0].T if fixed else np.einsum("tij,ntj->nti", axes, turned)
-    table = np.concatenate([turned, h * np.cumsum(rolled, axis=1)], axis=2) * rows.rotation
+    h, wave = base.run.step, np.exp(1j * orders[:, None] * base.motion.theta[::FINE, k])
+    wave = wave * _factor(base, law, k)
+    table = _turned(wave[:, :, None] * _rates(base, k), _axes(base), h, h) * rows.rotation
     flat = table.reshape(len(orders), -1)
-    out, first = np.stack([flat.real, flat.imag], axis=1), rows.elastic.size
+    out, first = np.stack([np.real(flat), np.imag(flat)], axis=1), rows.elastic.size
     for part, q in rows.nuisance:
         if part.start >= first:
             where = slice(part.start - first, part.stop - first)
@@ -90,12 +206,12 @@ def _grid(bases: Sequence[Base], k: int) -> np.ndarray:
     return np.arange(LOWEST, max(top, LOWEST + 4 * step), step)
 
 
-def _peaks(grid: np.ndarray, gains: np.ndarray) -> list[float]:
-    """The highest orders that lie a resolution apart."""
-    kept: list[int] = []
+def _peaks(orders: np.ndarray, gains: np.ndarray, count: int, apart: float) -> list[float]:
+    """The `count` best orders that lie `apart`."""
+    kept: list[float] = []
     for j in np.argsort(gains)[::-1]:
-        if all(abs(j - other) > GRID for other in kept):
-            kept.append(int(j))
-        if len(kept) == PEAKS:
+        if all(abs(orders[j] - other) > apart for other in kept):
+            kept.append(float(orders[j]))
+        if len(kept) == count:
             break
-    return [float(grid[j]) for j in kept]
+    return kept

@@ -19,8 +19,10 @@ from .model import Point as Point
 from .model import Prior as Prior
 from .model import free_numbers as free_numbers
 from .scan import Signatures as Signatures
+from .search import Explored as Explored
 from .search import Found as Found
 from .search import Search as Search
+from .search import Way as Way
 from .settings import SETTINGS as SETTINGS
 from .settings import SearchSettings as SearchSettings
 from .starts import at_finite_strength as at_finite_strength

@@ -27,7 +27,10 @@ class Reviewed:
 
 
 class Review:
-    """Pruning and challenges on one model."""
+    """Pruning and challenges on one model.
+
+    Of two laws of which one is a limit of the other the plain one is kept, unless the wider gains.
+    """
 
     def __init__(self, refits: Refits, tell: Callable[[str], None]):
         self.refits, self.model, self.tell = refits, refits.model, tell
@@ -100,11 +103,22 @@ class Review:
             margin = new.cost - fit.cost
             self.tell(f"rival {c.name} of {effects[i].name}: margin {margin:.1f}")
             plainer = self.model.plainness(effects[i]) - self.model.plainness(rival)
-            if margin < -max(self.settings.margin, plainer * own):  # by train runs alone
+            least = -max(self.settings.margin, plainer * own)
+            if self._widens(rival, effects[i]):
+                least = -self.settings.equal
+            elif self._widens(effects[i], rival):  # what it is more than the rival has to show
+                least = self.settings.equal
+            if margin < least:  # by train runs alone
                 return new, []
+            if self._widens(rival, effects[i]):
+                continue  # a limit that explains as much is no other explanation
             cosine = again.cosine(mine[0].index, score.index) if mine else 0.0
             found.append((new.point.effects[i], margin, cosine))
         return None, sorted(found, key=lambda f: f[1])
+
+    def _widens(self, wide: Effect, plain: Effect) -> bool:
+        """Whether the one law is the other at a limit of its numbers, at the same place."""
+        return plain.id in self.model.laws[wide.id].widens and wide.place == plain.place
 
     def _near(self, scan: Scan, own: float, names: set[str]):
         """Candidates worth a refit beside an effect that gains `own`."""

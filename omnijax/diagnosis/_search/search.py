@@ -61,6 +61,19 @@ class Way:
     signatures: Signatures | None = None
 
 
+@dataclasses.dataclass(frozen=True)
+class Explored:
+    """Where a search led: the baseline, its chi2 on the held-out runs, and the way."""
+
+    baseline: Fit
+    held_before: float
+    way: Way
+
+    def without_table(self) -> "Explored":
+        """The same less the large table of signatures, which a review makes again."""
+        return dataclasses.replace(self, way=dataclasses.replace(self.way, signatures=None))
+
+
 def significant(scan: Scan, alpha: float) -> list[Score]:
     """The best variant of every (id, place) that stands out, best first.
 
@@ -83,8 +96,12 @@ class Search:
         self.settings = model.settings
         self.begun = 0.0, 0.0  # chi2 of the baseline on train and held-out runs
 
-    def run(self, start: Point | None = None, known: Point | None = None) -> Found:
-        """Search from a calibrated `start` until nothing is left that held-out runs accept.
+    def run(self, start: Point | None = None) -> Found:
+        """Search from a calibrated `start`, and review what was found."""
+        return self.reviewed(self.explore(start))
+
+    def explore(self, start: Point | None = None, known: Point | None = None) -> Explored:
+        """Search from `start` until nothing is left that held-out runs accept.
 
         `known` effects of an earlier search are taken in at once and judged like the others.
         """
@@ -99,14 +116,19 @@ class Search:
             way = self.follow(begun)
         else:
             way = self.best_way(baseline, self.follow(Way(baseline)))
-        assert way.signatures is not None  # `follow` scans at least once
-        reviewed = Review(self.refits, self.tell).run(way.fit, way.signatures, baseline)
+        return Explored(baseline, held_before, way)
+
+    def reviewed(self, explored: Explored) -> Found:
+        """All that was found out, once the effects of a way are challenged."""
+        model, way, baseline = self.model, explored.way, explored.baseline
+        signatures = way.signatures or self.scan(way.fit)[1]
+        reviewed = Review(self.refits, self.tell).run(way.fit, signatures, baseline)
         fit = reviewed.fit
         tried = [t for trials in way.trials for t in trials]
         return Found(
             baseline,
             fit,
-            held_before,
+            explored.held_before,
             chi2_of(model, fit.point, "held-out"),
             list(way.scans),
             list(way.trials),
@@ -118,7 +140,7 @@ class Search:
                 i: (less, chi2_of(model, less.point, "held-out"))
                 for i, less in reviewed.alone.items()
             },
-            way.signatures,
+            signatures,
         )
 
     def follow(self, way: Way) -> Way:

@@ -17,7 +17,9 @@ class SearchSettings:
     shuffles: int = 4  # shuffled residuals whose best candidate is to be beaten: chosen
     sure: float = 4.0  # standard deviations by which held-out runs confirm a change: chosen
     share: float = 1.5  # factor by which a change there may be off the foretold one: own cases
-    margin: float = 25.0  # chi2 between refits of rivals; e^-12.5 is their odds: prototype
+    margin: float = 25.0  # chi2 by which an effect has to be needed, and a width: prototype
+    equal: float = 12.0  # below it two rivals are equals; a wrong one leads by it by chance at most
+    # 3e-4 of the time: derived (the gap of two fits is normal, of mean d^2 and variance 4 d^2)
     material: float = 0.01  # least change of a group's RMS that is named: required of the project
     price: float = 12.0  # half of log N a column, N = 1e5 samples: derived (BIC)
     # how far a search goes

@@ -17,8 +17,8 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.stats import beta, false_discovery_control
-from scipy.stats import t as t_law
+from scipy.special import betaincc, stdtr
+from scipy.stats import false_discovery_control
 
 SHUFFLES = 60
 RATE = 0.01  # false discoveries that are accepted
@@ -118,15 +118,16 @@ def shares(
     for own, null in nulls:
         total = max(float(own @ own), 1e-300)
         table = asked.powers(np.concatenate([own[:, None], null], axis=1)) / total
-        chances.append([p_value(float(row[0]), row[1:]) for row in table])
+        chances.append(p_value(table[:, 0], table[:, 1:]))
     share = asked.powers(residual[:, None])[:, 0] / power
     out = [_answer(q, x, max(p)) for q, x, *p in zip(asked.plain, share, *chances, strict=True)]
     bands = asked.lines(np.concatenate([residual[:, None], shuffled], axis=1)) / power
     middle = np.array([q.value for q in asked.bands])
     beside = above_neighbours(middle, bands[:, 0])
+    shuffled_p = p_value(bands[:, 0], bands[:, 1:])
     out += [
-        _answer(q, row[0], max(p_value(float(row[0]), row[1:]), p))
-        for q, row, p in zip(asked.bands, bands, beside, strict=True)
+        _answer(q, own, p)
+        for q, own, p in zip(asked.bands, bands[:, 0], np.maximum(shuffled_p, beside), strict=True)
     ]
     return out
 
@@ -165,12 +166,12 @@ def above_neighbours(middle: np.ndarray, share: np.ndarray) -> np.ndarray:
         if len(near) < BESIDE:
             continue
         line = np.vander(x[near] - x[k], 2)
-        fit, *_ = np.linalg.lstsq(line, y[near], rcond=None)
+        inverse = np.linalg.inv(line.T @ line)
+        fit = inverse @ (line.T @ y[near])
         left = y[near] - line @ fit
         free = len(near) - 2
-        inverse = np.linalg.pinv(line.T @ line)
         spread = math.sqrt(left @ left / free * (1 + inverse[1, 1]))
-        out[k] = t_law.sf((y[k] - fit[1]) / max(spread, 1e-12), free)
+        out[k] = stdtr(free, (fit[1] - y[k]) / max(spread, 1e-12))
     return out
 
 
@@ -188,13 +189,17 @@ def shuffle(residual: np.ndarray, seed: int, block: int = 125, count: int = SHUF
     return out
 
 
-def p_value(share: float, null: np.ndarray) -> float:
-    """Probability of such a share under the null: a beta law of the null's mean and variance."""
-    mean, variance = float(np.mean(null)), float(np.var(null, ddof=1))
-    if not 0 < mean < 1 or variance <= 0:
-        return 1.0
-    size = max(mean * (1 - mean) / variance - 1, 1e-3)
-    return float(beta.sf(min(share, 1.0), mean * size, (1 - mean) * size))
+def p_value(share: np.ndarray | float, null: np.ndarray) -> np.ndarray:
+    """Probability (..) of shares (..) under nulls (.., draws); 1 where a null has no spread.
+
+    By a beta law of each null's mean and variance.
+    """
+    mean, variance = np.mean(null, axis=-1), np.var(null, axis=-1, ddof=1)
+    usual = (mean > 0) & (mean < 1) & (variance > 0)
+    mean, variance = np.where(usual, mean, 0.5), np.where(usual, variance, 1.0)
+    size = np.maximum(mean * (1 - mean) / variance - 1, 1e-3)
+    tail = betaincc(mean * size, (1 - mean) * size, np.clip(share, 0.0, 1.0))
+    return np.where(usual, tail, 1.0)
 
 
 def discoveries(found: list[dict[str, Any]], rate: float = RATE) -> list[dict[str, Any]]:
