@@ -26,6 +26,12 @@ def materialised(f: Callable, *args):
     return jax.lax.cond(always, f, never, *args)
 
 
+def stored(f: Callable, *args) -> Pair:
+    """The pair f(*args), `materialised`."""
+    found = materialised(lambda *a: jax.lax.complex(*f(*a)), *args)
+    return found.real, found.imag
+
+
 def pair_exp(kind, a: Pair) -> Pair:
     """exp of pairs: of the complex number, or of two real ones."""
     k = kind > 0
@@ -56,3 +62,11 @@ def quotient(kind, a, b):
 def flushed(x):
     """x with nothing smaller than `TINY`: products of two never become slow subnormal numbers."""
     return jnp.where(jnp.abs(x) > TINY, x, 0.0)
+
+
+def across(operator: Callable, x):
+    """x (k, c) reduced over k, a power of two; XLA's own reduction takes one number at a time."""
+    while len(x) > 1:
+        half = len(x) // 2
+        x = operator(x[:half], x[half:])
+    return x[0]

@@ -11,12 +11,24 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, flushed, materialised, pair_exp, product, quotient, sincos
+from .arithmetic import Pair, flushed, materialised, pair_exp, product, quotient, sincos, stored
 from .poles import Modes
 from .signals import Signals
 from .system import Layout
 
 LENGTH = 32  # samples a block at most
+
+
+def _stored_particular(m: Modes, b, rate, cosine, sine):
+    """`particular`, stored."""
+
+    def parts(kind, l0, l1, b0, b1, rate, cosine, sine):
+        own = m._replace(kind=kind, l0=l0, l1=l1)
+        a, s = particular(own, (b0, b1), rate, cosine, sine)
+        return jax.lax.complex(*a), jax.lax.complex(*s)
+
+    found = materialised(parts, m.kind, m.l0, m.l1, *b, rate, cosine, sine)
+    return [(x.real, x.imag) for x in found]
 
 
 class Forced(NamedTuple):
@@ -56,12 +68,11 @@ def forced(m: Modes, signals: Signals, direct, slope, layout: Layout) -> Forced:
         rate = signals.rate[v, None, None]  # (w, 1, 1, c)
         cosine, sine = signals.cosine[v, : kind.pieces, None], signals.sine[v, : kind.pieces, None]
         b = m.b0[kind.column], m.b1[kind.column]
-        a, s = particular(m, b, rate, cosine, sine)  # (w, k, p, c)
+        a, s = _stored_particular(m, b, rate, cosine, sine)  # (w, k, p, c)
         D, R = direct[kind.column][:, None, None], slope[kind.column][:, None, None]
 
         def shown(z):
-            first, second = (jnp.einsum("opc,wkpc->owkc", *x) for x in zip(m[3:5], z, strict=True))
-            return first + second
+            return _shown(m.c0, z[0]) + _shown(m.c1, z[1])
 
         cos_, sin_, nu = cosine[:, :, 0], sine[:, :, 0], rate[:, :, 0]
         room = ((0, 0), (0, 0), (0, pieces - kind.pieces), (0, 0))
@@ -69,12 +80,12 @@ def forced(m: Modes, signals: Signals, direct, slope, layout: Layout) -> Forced:
         sines.append(jnp.pad(shown(s) + D * sin_ - R * nu * cos_, room))
         if kind.pieces > 1:
             turn = signals.rate[v, None] * signals.duration[edged, None, : kind.pieces]
-            sn, cs = sincos(turn)  # (w, k, c)
+            sn, cs = stored(sincos, turn)  # (w, k, c)
             end = [jnp.sum(a[i] * cs[:, :, None] + s[i] * sn[:, :, None], 0) for i in (0, 1)]
             begin = [jnp.sum(a[i], 0) for i in (0, 1)]
             jump = [jnp.roll(e, 1, axis=0) - x for e, x in zip(end, begin, strict=True)]
             jumps.append([jnp.pad(x, ((0, pieces - kind.pieces), (0, 0), (0, 0))) for x in jump])
-            sn, cs = sincos(signals.rate[v] * signals.since[edged])
+            sn, cs = stored(sincos, signals.rate[v] * signals.since[edged])
             now = [a[i] * cs[:, None, None] + s[i] * sn[:, None, None] for i in (0, 1)]
             here = jnp.arange(kind.pieces)[:, None] == signals.piece[edged]
             now = [jnp.sum(jnp.where(here[:, None], x, 0.0), axis=(0, 1)) for x in now]
@@ -88,6 +99,11 @@ def forced(m: Modes, signals: Signals, direct, slope, layout: Layout) -> Forced:
     return Forced(jnp.concatenate(cosines, 1), jnp.concatenate(sines, 1), j0, j1, *free)
 
 
+def _shown(c, z):
+    """Sum over the pairs of c (o, p, c) times z (w, k, p, c), (o, w, k, c)."""
+    return sum(c[:, p][:, None, None] * z[None, :, :, p] for p in range(c.shape[1]))
+
+
 class Tables(NamedTuple):
     """Poles (q, see `Layout.poles`) and sinusoids over the samples of a block."""
 
@@ -97,11 +113,12 @@ class Tables(NamedTuple):
     sine: Float[Array, "k v c"]
 
 
-def rows(x, index: Sequence[int]):
-    """x[index], without a copy where that is all of x in order."""
-    if tuple(index) == tuple(range(len(x))):
-        return x
-    return jnp.stack([x[i] for i in index]) if len(index) else x[:0]
+def rows(x, index: Sequence[int], axis: int = 0):
+    """x[index] along an axis, without a copy where that is all of x in order."""
+    x = jnp.moveaxis(x, axis, 0)
+    if tuple(index) != tuple(range(len(x))):
+        x = jnp.stack([x[i] for i in index]) if len(index) else x[:0]
+    return jnp.moveaxis(x, 0, axis)
 
 
 def pole_exp(m: Modes, layout: Layout, time) -> Pair:
@@ -114,11 +131,10 @@ def pole_exp(m: Modes, layout: Layout, time) -> Pair:
 
     def exponential(time, kind, l0, l1):
         kind, l0, l1 = (jnp.broadcast_to(x, time.shape) for x in (kind, l0, l1))
-        return jax.lax.complex(*pair_exp(kind, (l0 * time, l1 * time)))
+        return pair_exp(kind, (l0 * time, l1 * time))
 
-    E = jnp.moveaxis(materialised(exponential, time, kind, l0, l1), -2, 0)
-    E = jnp.moveaxis(rows(E, layout.pole), 0, -2)
-    return E.real, E.imag
+    E = stored(exponential, time, kind, l0, l1)
+    return rows(E[0], layout.pole, -2), rows(E[1], layout.pole, -2)
 
 
 def tables(m: Modes, layout: Layout, rate, step) -> Tables:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import materialised, product, sincos
+from .arithmetic import across, materialised, product, sincos, stored
 from .blocks import LENGTH, Operands, Tables, forced, pole_exp, row_signal
 from .moment import Moment
 from .poles import Modes
@@ -52,32 +52,28 @@ class Samples(NamedTuple):
 
 
 class _Largest(NamedTuple):
-    """The largest square so far, and states of runs around it."""
+    """The largest square so far, and where runs are around it: states as `packed`, (r, c)."""
 
     square: Array  # (c,)
     block: Array  # (c,), samples before the block that holds it
-    before: State  # of the last block with samples before that one
-    last: State  # of the block before the present one, with its samples
+    before: Array  # the last block with samples before that one
+    last: Array  # the block before the present one, with its samples
     count: Array
-    earlier: State  # of the last block with samples before `last`
+    earlier: Array  # the last block with samples before `last`
 
     def seen(self, top):
         """With the square `top` that `last` has reached."""
         larger = top > self.square
         return self._replace(
             square=jnp.maximum(top, self.square),
-            block=jnp.where(larger, self.last.done, self.block),
-            before=_chosen(larger, self.earlier, self.before),
+            block=jnp.where(larger, self.last[0], self.block),
+            before=jnp.where(larger, self.earlier, self.before),
         )
 
     def moved(self, s: State, count):
         """On to the block that begins at `s`."""
-        earlier = _chosen(self.count > 0, self.last, self.earlier)
-        return self._replace(last=s, count=count, earlier=earlier)
-
-
-def _chosen(which, a, b):
-    return jax.tree.map(lambda x, y: jnp.where(which, x, y), a, b)
+        earlier = jnp.where(self.count > 0, self.last, self.earlier)
+        return self._replace(last=s.packed(), count=count, earlier=earlier)
 
 
 def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
@@ -92,7 +88,7 @@ def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
 
     def gather(totals, op: Operands, t: Tables, s: State):
         pair, largest, low = totals
-        largest = largest.seen(jnp.max(pair.imag, axis=0))
+        largest = largest.seen(across(jnp.maximum, pair.imag))
         x, y, z = (row_signal(op, t, layout, o) for o in range(ROWS))
         inside = number < op.count
         square = jnp.where(inside, x * x + y * y + z * z, 0.0)
@@ -102,13 +98,13 @@ def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
 
     lanes = g.modes.l0.shape[-1]
     none, zero, begin = jnp.zeros((LENGTH, lanes)), jnp.zeros(lanes), walk.begin()
-    largest = _Largest(zero, zero, begin, begin, zero, begin)
+    largest = _Largest(zero, zero, begin.packed(), begin.packed(), zero, begin.packed())
     start = jax.lax.complex(none, none), largest, (zero + jnp.inf, zero + jnp.inf)
     pair, largest, low = walk.run(gather, start)
-    largest = largest.seen(jnp.max(pair.imag, axis=0))
+    largest = largest.seen(across(jnp.maximum, pair.imag))
     best = largest.block + jnp.argmax(pair.imag, axis=0)
     numbers = jnp.stack([jnp.clip(best + i, 0, count - 1) for i in (-1, 0, 1)])
-    near = Near(numbers * step, *_at_samples(walk, largest.before, numbers))
+    near = Near(numbers * step, *_at_samples(walk, begin.unpacked(largest.before), numbers))
     return Samples(jnp.sum(pair.real, axis=0), near, *low)
 
 
@@ -117,25 +113,25 @@ def _at_samples(walk: Walk, begin: State, numbers: Float[Array, "3 c"]):
     m, rate = walk.modes, walk.signals.rate
 
     def body(carry):
-        s, found = carry
-        op, local = walk.operands(s), numbers - s.done
+        s, op, found = carry
+        local = numbers - s.done
         E = pole_exp(m, walk.layout, (local * walk.step)[:, None])
-        sn, cs = sincos(rate * (local * walk.step)[:, None])
-        turned = product(m.kind, (m.l0, m.l1), E)
+        sn, cs = stored(sincos, rate * (local * walk.step)[:, None])
+        turned = stored(lambda k, *x: product(k, x[:2], x[2:]), m.kind, m.l0, m.l1, *E)
 
         def seen(pairs, cosine, sine):  # (3, o, c)
-            free = jnp.einsum("opc,tpc->toc", op.w0[:ROWS], pairs[0])
-            free = free + jnp.einsum("opc,tpc->toc", op.w1[:ROWS], pairs[1])
-            forced = jnp.einsum("ovc,tvc->toc", op.f0[:ROWS], cosine)
-            return free + forced + jnp.einsum("ovc,tvc->toc", op.f1[:ROWS], sine)
+            parts = zip(op[1:], (*pairs, cosine, sine), strict=True)
+            return sum(x[:ROWS, i] * y[:, i][:, None] for x, y in parts for i in range(x.shape[1]))
 
         inside = ((local >= 0) & (local < op.count))[:, None]
         now = seen(E, cs, sn), seen(turned, -rate * sn, rate * cs)
-        return walk.onward(s, op.count), _chosen(inside, now, found)
+        s = walk.onward(s, op.count)
+        found = [jnp.where(inside, x, y) for x, y in zip(now, found, strict=True)]
+        return s, walk.operands(s), found
 
     none = jnp.zeros((3, ROWS, numbers.shape[-1]))
-    start = begin, (none, none)
-    return jax.lax.while_loop(lambda c: jnp.any(c[0].done <= numbers[2]), body, start)[1]
+    start = begin, walk.operands(begin), [none, none]
+    return jax.lax.while_loop(lambda c: jnp.any(c[0].done <= numbers[2]), body, start)[2]
 
 
 def _bound(g: Lanes, layout: Layout):
@@ -194,7 +190,7 @@ def _margins(op: Operands, t: Tables, inside, g: Lanes, layout: Layout):
     else:
         for i in range(n):
             least = wheel(i, least, i)
-    return jnp.min(least.real, axis=0), jnp.min(least.imag, axis=0)
+    return across(jnp.minimum, least.real), across(jnp.minimum, least.imag)
 
 
 def outputs_at(g: Lanes, layout: Layout, now: Moment, rows: int = ROWS):

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import flushed, materialised, product, sincos
+from .arithmetic import flushed, product, sincos, stored
 from .blocks import LENGTH, Forced, Operands, pole_exp, tables
 from .poles import Modes
 from .signals import Signals
@@ -28,6 +28,18 @@ class State(NamedTuple):
     begun: Float[Array, "g c"]  # s, begin of the piece
     piece: Float[Array, "g c"]
     carried: Any  # what `follow` carries along
+
+    def packed(self) -> Float[Array, "r c"]:
+        """All but what is carried, one row under the other; the first is `done`."""
+        parts = (self.done[None], *self.free, self.edge, self.begun, self.piece)
+        return jnp.concatenate(parts)
+
+    def unpacked(self, rows: Float[Array, "r c"]) -> "State":
+        """The state of these rows, shaped as this one."""
+        pairs, edges = len(self.free[0]), len(self.edge)
+        ends = np.cumsum([1, pairs, pairs, edges, edges])
+        done, first, second, edge, begun, piece = jnp.split(rows, ends)
+        return State(done[0], (first, second), edge, begun, piece, self.carried)
 
 
 class Onward(NamedTuple):
@@ -74,8 +86,7 @@ class Walk(NamedTuple):
         piece, begun = (jnp.concatenate([x[of[edged]], none]) for x in (s.piece, s.begun))
         fa, fb = (_at_piece(x, piece) for x in (self.parts.cosine, self.parts.sine))
         phase = self.signals.rate * (s.done * self.step - begun)
-        sc = materialised(lambda a: jax.lax.complex(*sincos(a)), phase)
-        sn, cs = sc.real, sc.imag
+        sn, cs = stored(sincos, phase)
         return Operands(self.count(s), w0, w1, fa * cs + fb * sn, fb * cs - fa * sn)
 
     def onward(self, s: State, count, follow=lambda carried, move: carried) -> State:
