@@ -142,3 +142,22 @@ def test_what_the_reader_refuses_the_schema_refuses(change):
     assert not VALIDATOR.is_valid(good | change)
     with pytest.raises(InputError):
         parse_machine(good | change)
+
+
+@pytest.mark.parametrize(
+    ("rows", "still", "said"),
+    [
+        (30, None, "30 usable rows, but at least 64"), (400, "angle", "'angle'.*never changes"),
+        (400, "torque", "'torque'.*never changes"), (400, "t", "looks like time.*--rate"),
+    ],
+)  # fmt: skip
+def test_logs_that_say_nothing_are_one_sentence(tmp_path, capsys, rows, still, said):
+    t = np.arange(rows) * STEP
+    columns = {"t": t, "torque": np.sin(t), "angle": np.cos(3 * t)}
+    if still is not None:
+        columns[still] = np.ones(rows)
+    log = written(tmp_path / "a.csv", columns)
+    assert cli.run(["case", "new", log, "--out", str(tmp_path / "case"), "--yes"]) == 2
+    shown = capsys.readouterr().err
+    assert re.search(said, shown) and len(shown.strip().splitlines()) == 1, shown
+    assert not (tmp_path / "case").exists()

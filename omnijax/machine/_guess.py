@@ -13,6 +13,7 @@ from ..recording import read_table, stem_of
 from ..rig import Quantity
 from ._file import field_names
 from ._first_numbers import Signals, driven_numbers, servo_numbers
+from ._log import LEAST
 
 TIME = r"^(t|time|timestamp|zeit|stamp|seconds|sec|ms)\b|time"
 INPUT = (
@@ -70,7 +71,12 @@ def guess(log: Path, rate: float | None = None) -> Guess:
     names = {"input": _best([k for k in rest if not _supplies(k, columns[k])], INPUT)}
     others = [k for k in rest if k != names["input"]]
     names["position"] = _best(others, POSITION, MEASURED)
+    patterns = {"input": INPUT, "position": POSITION}
     for word, found in names.items():
+        still = _best([k for k in columns if k not in moving], patterns[word])
+        if found is None and still is not None:
+            raise InputError(f"{log.name}: the column {still!r} looks like the {word}, but it "
+                             "never changes: all at rest.")  # fmt: skip
         if found is None:
             raise InputError(
                 f"{log.name}: no column looks like the {word}; columns: {', '.join(columns)}. "
@@ -117,6 +123,11 @@ def describe(log: Path, time: str | None, given: str, position: str, rate: float
     others = {k: np.asarray(table.columns[c], float) for k, c in beside.items()}
     good = np.all([np.isfinite(x) for x in (q, u, *others.values())], axis=0)
     q, u, others = q[good], u[good], {k: x[good] for k, x in others.items()}
+    if len(q) < LEAST:
+        raise InputError(f"{log.name} has {len(q)} usable rows, but at least {LEAST} are needed.")
+    for word, values in (("input", u), ("position", q)):
+        if np.ptp(values) == 0:
+            raise InputError(f"{log.name}: the {word} never changes: all at rest.")
     noise = min(
         float(np.sqrt(np.mean(np.diff(q, k) ** 2) / math.comb(2 * k, k))) for k in (3, 5, 7)
     )
