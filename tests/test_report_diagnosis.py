@@ -221,3 +221,25 @@ def test_the_slider_needs_no_other_file(tmp_path):
     traces = json.loads(model)["traces"]
     assert [len(t["values"]) for t in traces] == [13, 13]  # as found, six sizes of two effects
     assert len(text) < 400_000
+
+
+def test_rivals_that_are_all_alike_are_not_listed_once_more_for_each():
+    from types import SimpleNamespace
+
+    from omnijax.report._diagnosis import _rivals
+
+    names = ("bearing-viscous", "air-drag", "stribeck")
+
+    def effects(known):
+        others = [{"id": n, "place": "all"} for n in known]
+        return [
+            SimpleNamespace(
+                id=n, place="all", indistinguishable_from=[o for o in others if o["id"] != n]
+            )
+            for n in names
+        ]
+
+    alike, some = effects(names), effects(names[:2])
+    assert {_rivals(e, alike) for e in alike} == {"each of the others"}
+    assert _rivals(some[0], some) == "air-drag at all"
+    assert _rivals(alike[0], alike[:1]) == "air-drag at all, stribeck at all"

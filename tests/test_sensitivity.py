@@ -53,7 +53,7 @@ def test_without_influence_is_named(found):
     assert "wheel.w2.contact.stiffness" not in quiet
     assert "wheel.w3.closure.preload" not in found.without_influence()  # it moves the slip margin
     (said,) = found.sentences()
-    assert "`wheel.inertia` (of no wheel)" in said
+    assert "`wheel.inertia` (of every wheel)" in said
     assert said.endswith(" do not influence any of rms, peak, slip_margin.")
     assert "wheel.roundness" in repr(found) and "<td>wheel.roundness</td>" in found._repr_html_()
 

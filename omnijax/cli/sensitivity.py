@@ -119,10 +119,13 @@ def _print(found: Any, per_wheel: bool, top: int) -> None:
     from rich.console import Console
     from rich.table import Table
 
+    from .._text import amount
+    from ._table import paragraph
+
     console = Console(markup=False, highlight=False)
     console.print(f"{found.how}; change of the metric in % per % of the parameter")
     for m, name in enumerate(found.metrics):
-        console.print(f"\n{name} = {found.figures[m]:.6g} {found.metric_units[m]}")
+        console.print(f"\n{name} = {amount(float(found.figures[m]), found.metric_units[m])}")
         table = Table("parameter", "% per %", box=None, padding=(0, 2))
         pairs = found.column(name) if per_wheel else found.together(name)
         for path, value in list(pairs.items())[:top]:
@@ -130,6 +133,6 @@ def _print(found: Any, per_wheel: bool, top: int) -> None:
                 table.add_row(path, f"{value:+.4g}")
         console.print(table)
     for line in found.sentences():
-        console.print(line, soft_wrap=True)
+        console.print(f"\n{paragraph(line)}")
     if found.check is not None:
         console.print(f"worst relative error against finite differences: {found.check.worst:.2g}")

@@ -19,6 +19,10 @@ ANSWERS = {
     "ambiguous": "Several effects explain these runs equally well: the next experiment tells.",
     "unknown": "There is a significant gap that no known effect closes.",
 }
+NAMES = {
+    "none": "What was tried", "named": "The named effects", "unknown": "What was found",
+    "ambiguous": "The rivals; of each, the size that it would need",
+}  # fmt: skip
 CONFIRMED = {
     "held-out": "and held-out runs confirm it",
     "blocks": "and those parts of the only run confirm it that were kept out of the fit",
@@ -33,7 +37,8 @@ def diagnosis_page(found: Any, command: str = "omnijax diagnose") -> Page:
     sections = [*sizes_section(found), *_where(found), _which(found), *_learned(found)]
     sections += [gap_section(found), *free_runs(found), *parameters(found), *excluded(found)]
     facts = [Fact("verdict", found.verdict)]
-    facts += size_facts(found.effects)
+    rivals = found.verdict == "ambiguous"  # the sizes of some that are not there say little
+    facts += [Fact("rivals", len(found.effects))] if rivals else size_facts(found.effects)
     facts += [Fact(f"gap of {g} closed", closed(x), "%") for g, x in _worst(found)]
     question = "Where do simulation and data disagree, and why?"
     return Page("Diagnosis", question, _answer(found), [*sections, *notes(found)], made, facts)
@@ -106,14 +111,14 @@ def _which(found) -> Section:
     rows = [
         [f"{e.id} at {e.place}", effect_sizes(e), e.evidence.get("delta_bic"),
          e.evidence.get("margin_to_next"),
-         ", ".join(f"{a['id']} at {a['place']}" for a in e.indistinguishable_from) or "–"]
+         _rivals(e, found.effects)]
         for e in found.effects
     ]  # fmt: skip
     columns = [Column("effect", text=True), Column("parameters", text=True),
                Column("ΔBIC", minor=True),
                Column("margin to the next rival", minor=True),
                Column("not to be told from", text=True)]  # fmt: skip
-    tables = [Table(columns, rows, "effects", "The named effects.")] if rows else []
+    tables = [Table(columns, rows, "effects", f"{NAMES[found.verdict]}.")] if rows else []
     text = (
         "Every law of the library was tried at every place it may have, refitted with the baseline."
     )
@@ -125,6 +130,17 @@ def _which(found) -> Section:
         note = "Simulated: chi-square between the closest two rivals; 25 is needed."
         tables.append(Table(columns, compared, "next-experiment", note))
     return Section("Which", text, figures, tables)
+
+
+def _rivals(effect: Any, effects: Any) -> str:
+    """What an effect is not to be told from, in words where that is every other one."""
+    others = [f"{a['id']} at {a['place']}" for a in effect.indistinguishable_from]
+    every = {f"{e.id} at {e.place}" for e in effects if e is not effect}
+    return (
+        "each of the others"
+        if len(every) > 1 and every == set(others)
+        else ", ".join(others) or "–"
+    )
 
 
 def _learned(found) -> list[Section]:

@@ -40,7 +40,7 @@ def order_figure(found) -> Figure:
     return Figure(fig, "where-orders", f"Where the residual of {channel} lies.", data)
 
 
-CONTENT = 0.99  # of the power that a frequency axis has to show
+CONTENT = 0.9  # of the power that a frequency axis has to show
 
 
 def _content_end(lines: list[dict[str, Any]]) -> float:

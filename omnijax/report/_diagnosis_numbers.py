@@ -76,7 +76,7 @@ def parameters(found) -> list[Section]:
             amount(b["stated"], b["unit"]),
             amount(b["without_effects"], b["unit"]),
             estimate(b["with_effects"], b["sigma"], b["unit"]),
-            f"{100 * b['absorbed']:.2g} %",
+            f"{round(100 * b['absorbed'], 2) + 0.0:.2g} %",
             "yes" if b["determined"] else "no: it stays where it was stated",
         ]
         for b in found.baseline

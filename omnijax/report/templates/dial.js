@@ -40,7 +40,7 @@ document.querySelectorAll(".dial").forEach(function (dial) {
       return span / p >= 5 ? 2 * p : span / p >= 2 ? p : p / 2;
     };
     let out = "";
-    const every = step(last - first) * (w < 500 ? 2 : 1), rise = step(most);
+    const few = step(last - first), every = few * (w < 500 && (last - first) / few > 5 ? 2 : 1), rise = step(most);
     for (let v = Math.ceil(first / every) * every; v <= last + 1e-9; v += every)
       out += '<text x="' + x(v) + '" y="' + (h - bottom + 16) + '" text-anchor="middle">' + short(v) + "</text>";
     for (let v = -Math.floor(most / rise) * rise; v <= most * 1.0001; v += rise) {

@@ -113,7 +113,7 @@ class Sensitivity(AbstractResult):
         for group in dict.fromkeys(group_of(path) for path in self.parameters):
             members = [path for path in self.parameters if group_of(path) == group]
             if len(members) > 1 and quiet.issuperset(members):
-                silent.append(f"`{group}` (of no wheel)")
+                silent.append(f"`{group}` (of every wheel)")
             else:
                 silent += [f"`{path}`" for path in members if path in quiet]
         if not silent:
