@@ -12,6 +12,7 @@ from rigs import tables
 
 import omnijax
 from omnijax import InputError, load_rig, load_sweep, set_parameter, sweep
+from omnijax._errors import DataWarning
 from omnijax._status import Status
 from omnijax.cli._frame import run
 from omnijax.laws import EFFECTS, LiftOff
@@ -140,7 +141,7 @@ EVERYWHERE = [
 ]  # fmt: skip
 
 
-def test_torque_driven_sweeps_by_fixed_steps_agree_with_adaptive_runs(tmp_path):
+def test_torque_driven_sweeps_by_fixed_steps_agree_with_adaptive_runs(tmp_path, monkeypatch):
     """The step is taken so that halving it changes no trial figure by more than 1e-4.
 
     Whatever acts at the ports: contacts that stiffen and part, play in a mount, friction, a floor.
@@ -155,6 +156,9 @@ def test_torque_driven_sweeps_by_fixed_steps_agree_with_adaptive_runs(tmp_path):
     metrics = ("peak", "rms", "slip_margin")
     whole = sweep(rig, vary, metrics, out=tmp_path / "whole.zarr", **given)
     assert whole.spec.method == "fixed" and "halving the step" in whole.method
+    assert "half the step changes those of 4 designs of the answer by" in whole.method
+    assert "more than" not in whole.method
+    assert load_sweep(tmp_path / "whole.zarr").method == whole.method
     adaptive = sweep(rig, vary, metrics, rtol=1e-8, **given)
     assert adaptive.spec.method == "full" and "tolerance is given" in adaptive.method
     for name in metrics:
@@ -169,6 +173,18 @@ def test_torque_driven_sweeps_by_fixed_steps_agree_with_adaptive_runs(tmp_path):
     resumed = sweep(rig, vary, metrics, out=tmp_path / "cut.zarr", resume=True, **given)
     for name in metrics:
         np.testing.assert_array_equal(resumed[name], whole[name])
+    assert resumed.method == whole.method
+
+    def believed(*_):
+        return 1, "whoever believes it"
+
+    monkeypatch.setattr("omnijax.study._evaluation.choice.fine_enough", believed)
+    for out in (None, tmp_path / "coarse.zarr"):  # steps so coarse are found out afterwards
+        with pytest.warns(DataWarning, match=r"more than 0\.0001: give `rtol`"):
+            coarse = sweep(rig, vary, metrics, out=out, **given)
+        change = float(coarse.method.split("answer by ")[1].split()[0])
+        error = max(np.abs(coarse[n] / adaptive[n] - 1).max() for n in metrics)
+        assert 1e-4 < change < 2 * error
 
 
 def dual_rows():

@@ -1,5 +1,8 @@
 """How fine fixed exponential steps must be: the one test for sweeps, sensitivities and designs.
 
+The step is tried against its half on designs all over the ranges, and a sweep tries it once more on
+designs of its answer.
+
 Fixed steps cost in proportion to their number: with the derivatives of a 0.5 s run, sampled at
 250 Hz, in three variables a 75th of the adaptive solver at 1 substep, a tenth at 4, a quarter at
 16.  And figures by them are smooth in the parameters, which those of an adaptive solver are only to
@@ -16,6 +19,7 @@ from .._sobol import sobol_points
 TOLERANCE = 1e-4  # change of every figure when the step is halved
 FINEST = 64  # substeps
 CORNERS, INSIDE = 8, 8  # designs that the step is tried on
+SPREAD = 8  # designs of the answer that it is tried on again, beside the extreme ones
 
 
 def trial_designs(ranges: Sequence[Any], corners: int = CORNERS, inside: int = INSIDE):
@@ -55,6 +59,30 @@ def fine_enough(
             )
         coarse = fine
     return None
+
+
+def sample_to_check(found: np.ndarray) -> np.ndarray:
+    """Numbers of the designs (k,) whose step is tried again once all figures (b, m) are known.
+
+    Those with the least and the largest of every figure, and `SPREAD` evenly among the others.
+    """
+    good = np.flatnonzero(np.isfinite(found).all(axis=1))
+    if not len(good):
+        return good
+    ends = [good[pick(found[good], axis=0)] for pick in (np.argmin, np.argmax)]
+    even = good[np.linspace(0, len(good) - 1, min(SPREAD, len(good))).round().astype(int)]
+    return np.unique(np.concatenate([*ends, even]))
+
+
+def checked_after(found: np.ndarray, fine: np.ndarray) -> tuple[str, bool]:
+    """What half the step says of figures found (k, m), in words, and whether they are as good."""
+    change = largest_change(found, fine)
+    good = change <= TOLERANCE
+    verdict = "" if good else f", more than {TOLERANCE:g}"
+    return (
+        f"half the step changes those of {len(found)} designs of the answer by {change:.0e} at "
+        f"most{verdict}"
+    ), good
 
 
 def largest_change(coarse: np.ndarray, fine: np.ndarray) -> float:

@@ -29,6 +29,15 @@ def seal(folder: Path) -> None:
     write_bytes(top, json.dumps(described, indent=2).encode(), ours=True)
 
 
+def add_note(folder: Path, key: str, value: str) -> None:
+    """One more attribute of a store, among those that its digest covers."""
+    top = folder / "zarr.json"
+    described = json.loads(top.read_text(encoding="utf-8"))
+    described["attributes"][key] = value
+    described["attributes"][ITSELF] = _own_digest(described)
+    write_bytes(top, json.dumps(described, indent=2).encode(), ours=True)
+
+
 def check_description(folder: Path) -> None:
     """`InputError` names a file that no longer describes the store as it was written."""
     described = _read(folder / "zarr.json", folder)

@@ -44,7 +44,8 @@ class SweepResult:
         """How the designs were evaluated, and why so."""
         about = self.store.group.attrs
         why = about["method_reason"] if "method_reason" in about else about["path_reason"]
-        return f"{METHODS[self.spec.method]}: {why}"
+        after = f"; {about['checked_after']}" if "checked_after" in about else ""
+        return f"{METHODS[self.spec.method]}: {why}{after}"
 
     @property
     def shape(self) -> tuple[int, ...]:

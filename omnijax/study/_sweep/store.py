@@ -19,7 +19,7 @@ from ..._files import sync
 from ..._lock import Lock
 from ..._reading import existing
 from ..._status import Status
-from .damage import check_description, damaged_chunks, seal
+from .damage import add_note, check_description, damaged_chunks, seal
 from .spec import SweepSpec
 
 SCHEMA = "omnijax-sweep-1"
@@ -37,7 +37,8 @@ class Store:
     """A sweep on disk (or in memory, for a sweep without `out`)."""
 
     def __init__(self, group: Any, folder: Path | None):
-        self.group, self.folder = group, folder
+        self.group: Any = group
+        self.folder = folder
         if group.attrs.get("schema") != SCHEMA:
             raise InputError("is not the store of a sweep.", folder)
         self.spec = SweepSpec.from_json(group.attrs["spec"])
@@ -123,6 +124,16 @@ class Store:
             if self.folder is not None:
                 sync(self.folder / name / "c" / str(chunk))
         self.written(chunk)
+
+    def note(self, key: str, value: str) -> None:
+        """One more attribute."""
+        if self.folder is None:
+            self.group.attrs[key] = value
+            return
+        import zarr
+
+        add_note(self.folder, key, value)
+        self.group = zarr.open_group(str(self.folder), mode="r")
 
     def written(self, chunk: int) -> None:
         """A chunk has been written, by this process or by another one."""

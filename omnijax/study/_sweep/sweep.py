@@ -17,8 +17,9 @@ from ..._errors import InputError, tell
 from ..._interrupts import answer, check, end_children, interrupted, saying
 from ...rig import Rig, load_rig
 from ...simulation import AbstractDrive
+from .._evaluation import checked_after, sample_to_check
 from .dask import check_cluster, over_cluster
-from .evaluator import Evaluator, quantities
+from .evaluator import Evaluator, gradient_name, quantities
 from .plan import Numerics, Sampling, plan, read_drive
 from .result import SweepResult
 from .spec import SweepSpec, differences_of
@@ -94,6 +95,7 @@ def sweep(
         )
         with saying(lambda: kept(store)):
             _run(store, run or _local(store, devices), report)
+            _check_steps(store, devices)
     except InputError:  # nothing was computed: a store of nothing helps nobody
         if begun and folder is not None and not store.done().any():
             shutil.rmtree(folder, ignore_errors=True)
@@ -168,6 +170,28 @@ def _run(store: Store, finished: Iterator[tuple[int, np.ndarray]], report: Repor
         if close is not None:
             close()
         raise KeyboardInterrupt(kept(store)) from None
+
+
+def _check_steps(store: Store, devices: int) -> None:
+    """Try fixed steps against their half on designs of the answer; the store keeps what came out.
+
+    The designs checked before are others: what is stiff between them shows here.
+    """
+    spec = store.spec
+    if spec.method != "fixed" or "checked_after" in store.group.attrs:
+        return
+    slopes = [gradient_name(m, path) for m in spec.metrics for path, _, _ in spec.vary]
+    figures = [*spec.metrics, *(slopes if spec.gradient else ())]
+    found = np.stack([store.read(name) for name in figures], axis=1)
+    some = sample_to_check(found)
+    if not len(some):
+        return
+    finer = Evaluator(dataclasses.replace(spec, substeps=2 * (spec.substeps or 1)), devices)
+    fine = finer.designs(some)
+    told, good = checked_after(found[some], np.stack([fine[name] for name in figures], axis=1))
+    store.note("checked_after", told)
+    if not good:
+        tell([f"{told}: give `rtol` for runs by adaptive steps."])
 
 
 def kept(store: Store) -> str:
