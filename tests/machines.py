@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -65,3 +66,30 @@ def machine(layout=SKEW, *, profile=None, scale=1.0, **changes) -> Rig:
     )
     profiles = (profile or laws.GatedSine(),) * n
     return Rig(sphere, platform, wheels, profiles, (), tuple(f"w{i + 1}" for i in range(n)))
+
+
+SINES = (laws.HalfSine(), laws.GatedSine(), laws.ContinuousSine(), laws.Rollers())
+
+
+def drawn_machine(rng, n: int, first=None, **changes) -> Rig:
+    """`n` unlike wheels around the sphere in no symmetry, each with a profile of `SINES`.
+
+    `first`: the first wheel's profile, otherwise drawn as well.
+    """
+    around = 2 * np.pi * np.arange(n) / n + rng.uniform(-0.15, 0.15, n)
+    tilt = 0.8 + rng.uniform(-0.15, 0.15, n)
+    across = np.sin(tilt)[:, None] * np.stack([np.cos(around), np.sin(around)], axis=1)
+    normal = np.column_stack([-across, np.cos(tilt)])
+    drive = np.stack([-np.sin(around), np.cos(around), 0 * around], axis=1)
+    drawn = {
+        "contact_damping": rng.uniform(60, 400, n),
+        "contact_stiffness": rng.uniform(1e5, 8e5, n),
+        "mount_stiffness": rng.uniform(5e5, 3e6, n),
+        "mount_damping": rng.uniform(30, 200, n),
+        "roundness": rng.uniform(0.2, 0.6, n),
+        "radius": rng.uniform(0.06, 0.09, n),
+        "rollers": rng.integers(10, 18, n),
+    }
+    rig = machine((normal, drive), **(drawn | changes))
+    profiles = [SINES[i] for i in rng.integers(len(SINES), size=n)]
+    return eqx.tree_at(lambda r: r.profiles, rig, (first or profiles[0], *profiles[1:]))

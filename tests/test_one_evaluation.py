@@ -41,7 +41,8 @@ def linear_effects(rig):
         number(0.3), number(7.5), number(0.2), jnp.array([0.6, 0.0, 0.8])
     )  # fmt: skip
     relaxing = laws.ContactRelaxation(number(4e4), number(90.0))
-    return rig.add(relaxing, "w2").add(floor, "platform")
+    rig = rig.add(relaxing, "w2").add(floor, "platform")
+    return rig.add(laws.WheelRadius(number(0.01)), "w1").add(laws.Creep(number(0.02)), "w3")
 
 
 def columns_of(rig, drive):

@@ -322,7 +322,8 @@ def test_wrong_units_are_found_and_mended(tmp_path):
         run = Recording("run", good.path, good.time, spoilt, 3)
         mend_units(run, case.rig, set())
         assert [fault.kind for fault in run.faults] == ["unit"], (names, factor)
-        assert f"{factor:.3g} times too large" in run.faults[0].what or factor < 1
+        size, which = (factor, "large") if factor > 1 else (1 / factor, "small")
+        assert f"{size:.3g} times too {which}" in run.faults[0].what
         for column in names:
             np.testing.assert_allclose(run.channels[column], good.channels[column], rtol=1e-9)
 

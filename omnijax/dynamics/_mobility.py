@@ -48,7 +48,7 @@ class Mobility(NamedTuple):
 def mobility(rig: Rig) -> Mobility:
     """What the wheels of `rig` can drive."""
     axes = np.cross(np.asarray(rig.wheels.drive), np.asarray(rig.wheels.normal))
-    ratio = float(rig.sphere.radius) / np.asarray(rig.wheels.radius)
+    ratio = float(rig.sphere.radius) / np.asarray(rig.wheel_radius)
     left, values, right = np.linalg.svd(axes)
     strength = np.zeros(3)
     strength[: len(values)] = values / values.max()
@@ -93,6 +93,6 @@ def sliding(rig: Rig, speed: np.ndarray) -> np.ndarray:
     Zero where the speeds fit each other; with more than three wheels most do not.
     """
     found = mobility(rig)
-    rim = np.asarray(speed) * np.asarray(rig.wheels.radius)
+    rim = np.asarray(speed) * np.asarray(rig.wheel_radius)
     fitting = (np.asarray(speed) @ found.to_sphere.T) @ found.to_wheels.T
-    return fitting * np.asarray(rig.wheels.radius) - rim
+    return fitting * np.asarray(rig.wheel_radius) - rim

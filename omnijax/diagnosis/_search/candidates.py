@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from ...laws import EFFECTS, AbstractLaw
+from ...laws import AbstractLaw
 from ...machine import PlacedLaw
 from ...rig import Placed, Rig, place_law
 
@@ -331,4 +331,3 @@ _RECIPES = {
     "actuator-saturation": _limited, "sensor-saturation": _clipped,
     "sensor-rectified": _one_sided,
 }  # fmt: skip
-LIBRARY = EFFECTS

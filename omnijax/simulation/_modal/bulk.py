@@ -69,7 +69,8 @@ def modal_steady_obstacle(
 
 
 SIZES = (LANES, 8 * LANES)  # designs a call of the compiled programs
-_PORTS = ("shape", "contact", "platform", "kinematics")  # whose laws enter the linear model
+# whose laws enter the linear model and what it moves by
+_PORTS = ("radius", "shape", "contact", "platform", "kinematics")
 
 
 def modal_figures(
@@ -183,7 +184,8 @@ def _series(rig: Rig) -> int:
     """Terms that `rollers` need anywhere in the batch; 1 where no wheel has them."""
     if not any(isinstance(profile, Rollers) for profile in rig.profiles):
         return 1
-    return series_needed(float(jnp.max(rig.wheels.radius / rig.sphere.radius[:, None])))
+    share = jax.vmap(lambda one: one.wheel_radius / one.sphere.radius)(rig)
+    return series_needed(float(jnp.max(share)))
 
 
 @eqx.filter_jit

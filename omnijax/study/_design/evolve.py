@@ -7,6 +7,15 @@ and a search that follows slopes seldom leaves the piece it starts in.  A popula
 
 with x_p among the best fifth.  A trial replaces x_i where it violates less, or where both violate
 nothing and its objective is lower (Deb's rules).
+
+SciPy's `differential_evolution` (1.17, vectorised, the same 64 points to begin with, its default
+`best1bin`) was measured against this on thirteen kinds of limits in 3 to 8 variables, 12 seeds of
+each.  Until 8 designs are feasible it evaluates 2.7 to 4.2 times as many in a small box, and in one
+that is turned 3 times in four variables; of six half of its runs end without, of eight all, and
+none of ours.  In shells and between order lines both need the same.  In ripples, whose pieces stand
+in rows, it is the better one: 2 912 to our 5 472 in four variables, and in six 92 % of its runs
+reach 8 to 33 % of ours.  A crossover of 0.5 here needs 2 816 and 3 712 there, all runs reach 8, and
+a fifth more in boxes.  Its own time is 5 to 20 times ours.
 """
 
 from collections.abc import Callable
