@@ -86,8 +86,3 @@ def periodic_starts(cycles: Passages, m: int) -> Float[Array, "g k N"]:
         return with_terms(jnp.einsum("kab,b->ka", before, jnp.append(s, 1.0))[:, :m], pieces)
 
     return jax.vmap(one)(cycles.pieces)
-
-
-def at_place(cycles: Passages, g, k) -> Piece:
-    """Piece k of signal g."""
-    return jax.tree.map(lambda x: x[g, k], cycles.pieces)

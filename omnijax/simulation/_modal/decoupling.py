@@ -5,8 +5,10 @@ the normals themselves, and contacts of the `paper` variant always.  Poles of di
 coincide; inside its block a pole is then simple, so its eigenvectors are good ones.
 """
 
+import jax
+import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from ...rig import Rig
 from .system import Layout, System
@@ -18,7 +20,7 @@ def turned_states(rigs: Rig, system: System) -> np.ndarray | None:
     """Directions (m, m) of states that decouple a batch better than its own; None without."""
     normal = np.asarray(rigs.wheels.normal)
     m, n = system.A.shape[-1], normal.shape[1]
-    if m < 2 * (3 + n) or np.any(normal != normal[0]) or len(_blocks(system.A)) > 1:
+    if m < 2 * (3 + n) or np.any(normal != normal[0]) or _apart(system.A):
         return None
     sphere, wheels = _directions(normal[0])
     turn, first = np.eye(m), 0
@@ -26,7 +28,8 @@ def turned_states(rigs: Rig, system: System) -> np.ndarray | None:
         turn[first : first + len(part), first : first + len(part)] = part
         first += len(part)
     A = np.asarray(system.A)
-    return turn if len(_blocks(turn.T @ (A / _size(A)) @ turn)) > 1 else None
+    A = A / np.abs(A).max(axis=(1, 2), keepdims=True)
+    return turn if _apart(turn.T @ A @ turn) else None
 
 
 def _directions(normal: Float[np.ndarray, "n 3"]) -> tuple[np.ndarray, np.ndarray]:
@@ -38,53 +41,65 @@ def _directions(normal: Float[np.ndarray, "n 3"]) -> tuple[np.ndarray, np.ndarra
     return sphere.T, wheels
 
 
-def _size(A):
-    return np.abs(A).max(axis=(1, 2), keepdims=True)
-
-
-def _blocks(A: Array | np.ndarray) -> list[list[int]]:
-    """Groups of states, of a batch of matrices (c, m, m), between which nothing is coupled."""
-    A = np.abs(np.asarray(A))
-    pattern = np.any(NOISE * _size(A) < A, axis=0)
+def _blocks(pattern: np.ndarray) -> list[list[int]]:
+    """Groups of states between which nothing is coupled, by which entries of A are there."""
     reach = pattern | pattern.T | np.eye(len(pattern), dtype=bool)
     while np.any(further := (reach.astype(int) @ reach > 0) & ~reach):
         reach = reach | further
     return sorted({tuple(np.flatnonzero(row).tolist()) for row in reach})  # pyright: ignore
 
 
+def _apart(A) -> bool:
+    """Whether a batch of matrices has more than one block."""
+    return len(_blocks(np.asarray(_coupled(A)))) > 1
+
+
+@jax.jit
+def _coupled(A):
+    """Which entries of a batch of matrices (c, m, m) are more than rounding."""
+    return jnp.any(jnp.abs(A) > NOISE * jnp.abs(A).max(axis=(1, 2), keepdims=True), axis=0)
+
+
+@jax.jit
+def _present(matrices):
+    """Which entries of the rows of batches of matrices are more than rounding."""
+    sizes = [jnp.abs(x) for x in matrices]
+    return [jnp.any(x > NOISE * x.max(axis=2, keepdims=True), axis=0) for x in sizes]
+
+
 def decoupled(system: System, layout: Layout) -> Layout:
     """The layout with the blocks of a batch, and what each output shows of poles and sinusoids."""
-    A = np.asarray(system.A)
-    blocks = [tuple(block) + (-1,) * (len(block) % 2) for block in _blocks(A)]
-    member = np.repeat([[i in block for i in range(A.shape[1])] for block in blocks],
+    m = system.A.shape[-1]
+    blocks = [
+        tuple(block) + (-1,) * (len(block) % 2) for block in _blocks(np.asarray(_coupled(system.A)))
+    ]
+    member = np.repeat([[i in block for i in range(m)] for block in blocks],
                        [len(block) // 2 for block in blocks], axis=0)  # fmt: skip
-    shown, moved = (_present(x) @ member.T for x in (system.C, system.column))  # (o or l, p)
-    straight = _present(system.direct) | _present(system.rate)  # (l, o)
-    seen = straight.T | (shown @ moved.T)
+    found = _present((system.C, system.column, system.direct, system.rate))
+    C, column, direct, rate = (np.asarray(x) for x in found)
+    shown, moved = C @ member.T, column @ member.T  # (o or l, p)
+    seen = (direct | rate).T | (shown @ moved.T)
     columns = [layout.kinds[i].column for i in layout.signal_of]
     return layout._replace(
         blocks=tuple(blocks),
-        same=_equal(A, blocks),
+        same=_equal(np.asarray(system.A), blocks),
         live=tuple(tuple(np.flatnonzero(row).tolist()) for row in shown),
         waves=tuple(tuple(np.flatnonzero(row).tolist()) for row in seen[:, columns]),
     )
 
 
-def _present(x) -> np.ndarray:
-    """Which entries of the rows of a batch of matrices are more than rounding."""
-    x = np.abs(np.asarray(x))
-    return np.any(x > NOISE * x.max(axis=2, keepdims=True), axis=0)
-
-
 def _equal(A: np.ndarray, blocks: list[tuple[int, ...]]) -> tuple[int, ...]:
     """Number of the first block that each block of a batch is equal to."""
-    padded, size = np.pad(A, ((0, 0), (0, 1), (0, 1))), NOISE * _size(A)
+    states = [np.array([i for i in block if i >= 0]) for block in blocks]
+    parts = [A[:, own[:, None], own] for own in states] if len(blocks) > 1 else []
     found: list[int] = []
-    for i, block in enumerate(blocks):
-        own, same = padded[:, block][:, :, block], i
-        for j in dict.fromkeys(found):
-            if len(blocks[j]) == len(block):
-                other = padded[:, blocks[j]][:, :, blocks[j]]
-                same = j if same == i and np.all(np.abs(own - other) <= size) else same
-        found.append(same)
+    for i in range(len(blocks)):
+        like = (j for j in dict.fromkeys(found) if len(states[j]) == len(states[i]))
+        found.append(next((j for j in like if _alike(parts[i], parts[j])), i))
     return tuple(found)
+
+
+def _alike(a: np.ndarray, b: np.ndarray) -> bool:
+    """Whether two batches of matrices differ by rounding alone."""
+    size = np.abs(a).max(axis=(1, 2), keepdims=True)
+    return bool(np.all(np.abs(a - b) <= NOISE * size))

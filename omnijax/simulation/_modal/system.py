@@ -147,7 +147,8 @@ def _units(A: Float[Array, "m m"]) -> Float[Array, " m"]:
         scaled = size * unit[None, :] / unit[:, None]
         rows, cols = jnp.sum(scaled, axis=1), jnp.sum(scaled, axis=0)
         good = (rows > 0) & (cols > 0)
-        unit = unit * (jnp.where(good, rows, 1.0) / jnp.where(good, cols, 1.0)) ** 0.25
+        ratio = jnp.where(good, rows, 1.0) / jnp.where(good, cols, 1.0)
+        unit = unit * jnp.sqrt(jnp.sqrt(ratio))
     return unit
 
 
