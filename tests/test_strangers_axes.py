@@ -90,5 +90,6 @@ def test_what_the_axis_lacks_is_named_and_nothing_else(tmp_path, plant):
         x for e in found.effects for k, p in e.parameters.items() if k in ("order", "orders")
         for x in np.atleast_1d(p["value"])
     ]  # fmt: skip
-    for order in orders:
-        assert any(abs(x - order) < 5e-3 * order for x in seen), (seen, orders)
+    for x in seen:
+        assert min(abs(x / order - 1) for order in orders) < 5e-3, (seen, orders)
+    assert not orders or min(abs(x / orders[0] - 1) for x in seen) < 5e-3, (seen, orders)

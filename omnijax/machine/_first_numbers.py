@@ -118,7 +118,9 @@ def driven_numbers(logs: Sequence[Signals], turns: bool) -> dict[str, float]:
         k for k, (x, _, column) in found.items()
         if column and x[2] > 0 and x[2] * np.std(column[0]) > SPRING * np.std(given)
     ]  # fmt: skip
-    best = min(names, key=lambda k: found[k][1], default="")
+    best = names[0] if names else ""
+    if names == ["stiffness", "gravity"] and found["gravity"][1] < (1 - PULLS) * found[best][1]:
+        best = "gravity"
     (J, d, *rest), _, _ = found[best]
     if J <= 0:
         J = np.std(given) / max(np.std(a), 1e-300)
