@@ -47,14 +47,23 @@ def _plain(found: Any) -> dict[str, Any]:
 
 
 def _print(found: Any) -> None:
-    print("\n".join(found.sentences()))
-    variables = list(zip(found.variables, found.variable_units, strict=True))
-    names = [f"{n} ({u})" if u != "1" else n for n, u in _both(found) + variables]
-    print("  ".join(names))
-    for values, x in zip(found.values, found.x, strict=True):
-        cells = (f"{v:.5g}" for v in (*values, *x))
-        print("  ".join(c.rjust(len(n)) for c, n in zip(cells, names, strict=True)))
+    import numpy as np
+
+    from .._text import scaled
+    from ._table import columns, paragraph
+
+    for sentence in found.sentences():
+        print(paragraph(sentence))
+    heads, units, cells = ["design"], [""], [[str(k + 1) for k in range(len(found.values))]]
+    values = np.concatenate([found.values, found.x], axis=1)
+    for (name, unit), own in zip(_both(found), values.T, strict=True):
+        factor, written = scaled(float(np.max(np.abs(own))), unit)
+        heads.append(name)
+        units.append(written)
+        cells.append([f"{factor * x:.5g}" for x in own])
+    print("\n".join(columns([heads, units, *map(list, zip(*cells, strict=True))])))
 
 
 def _both(found: Any) -> list[tuple[str, str]]:
-    return list(zip(found.metrics, found.units, strict=True))
+    named = (*found.metrics, *found.variables), (*found.units, *found.variable_units)
+    return list(zip(*named, strict=True))
