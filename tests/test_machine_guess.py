@@ -3,6 +3,7 @@
 import re
 import tomllib
 from importlib import resources
+from typing import Any
 
 import jsonschema
 import numpy as np
@@ -37,7 +38,7 @@ def written(path, columns):
     return str(path)
 
 
-def new_case(folder, logs, *more):
+def new_case(folder, logs, *more) -> Any:
     """The machine file of `case new`."""
     assert cli.run(["case", "new", *logs, "--out", str(folder / "case"), "--yes", *more]) == 0
     text = (folder / "case" / "machine.toml").read_text()
@@ -107,7 +108,7 @@ def test_effects_of_a_slide_have_the_units_of_a_slide():
     data = {"kind": "axis", "motion": "translation", "axis": {"inertia": 2.0},
             "motor": {"input": "torque"}}  # fmt: skip
     effect = {"id": "bearing-coulomb", "parameters": {"torque": "300 mN", "width": "2 mm/s"}}
-    law = parse_machine(data | {"effect": [effect]}).placed[0].law
+    law: Any = parse_machine(data | {"effect": [effect]}).placed[0].law
     assert (float(law.torque), float(law.width)) == pytest.approx((0.3, 2e-3))
     with pytest.raises(InputError, match=r"effect.bearing-coulomb.torque.*N"):
         parse_machine(data | {"motion": "rotation", "effect": [effect]})

@@ -2,6 +2,7 @@
 
 import re
 from pathlib import Path
+from typing import Any
 
 import diffrax as dfx
 import jax.numpy as jnp
@@ -56,7 +57,7 @@ def test_the_term_of_an_axis_moves_as_its_free_run_with_delay_and_memory(tmp_pat
     first = {"position": (float(rng.uniform(-0.3, 0.3)), 0.0)}
     wanted = free_run(file.machine, file.placed, first, {"input": u}, STEP)["position"]
     log = Log("a", "train", time, {"input": u}, {"position": wanted})
-    got = dfx.diffeqsolve(
+    got: Any = dfx.diffeqsolve(
         file.machine.term(log, file.placed), dfx.Tsit5(), 0.0, time[-1], 1e-3,
         start_vector(file.machine, first, file.placed), saveat=dfx.SaveAt(ts=jnp.asarray(time)),
         stepsize_controller=dfx.PIDController(rtol=1e-7, atol=1e-9), max_steps=100_000,
@@ -69,7 +70,7 @@ def test_the_term_of_an_axis_moves_as_its_free_run_with_delay_and_memory(tmp_pat
 
 
 def test_inputs_that_the_machine_has_not_are_one_sentence():
-    axis = Axis(1.0)
+    axis = Axis(jnp.ones(()))
     with pytest.raises(InputError, match=r"`inputs.imput` is no input.*Did you mean `input`"):
         axis.term({"imput": 1.0})
     with pytest.raises(InputError, match=r"`inputs.input` \(N m\) is missing"):

@@ -61,7 +61,7 @@ def servo_numbers(logs: Sequence[Signals]) -> dict[str, float]:
     least = LEAST * float(np.std(a) / max(np.std(v), 1e-300))
     extra = {"gravity": -np.sin(q), "coulomb": -np.tanh(v / width)}
     if 0.05 < on.mean() < 0.95:  # else it is one with the damping
-        extra["back_emf"] = -(on * v)
+        extra["back_emf"] = -v * on
     numbers, left = _least(columns, a)
     limits = np.abs(error[on]).max(initial=0.0) * CLIPPED ** np.arange(1, LIMITS)
     clipped = None
