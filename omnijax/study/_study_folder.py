@@ -1,4 +1,9 @@
-"""Finished parts of a long study in a folder, and how an interrupted one is taken up again."""
+"""Finished parts of a long study in a folder, and how an interrupted one is taken up again.
+
+Designs, fronts, tolerances, global studies and the pieces of a long run are kept here: few parts,
+of whatever arrays they have.  A sweep has a store of its own, `_sweep/store.py`: there the parts
+are the result, arrays over up to millions of designs, read by slices and by several processes.
+"""
 
 import hashlib
 import json
