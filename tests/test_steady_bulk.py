@@ -83,12 +83,20 @@ def test_obstacles_are_said():
     assert "no sum of sinusoids" in str(modal_steady_obstacle(drawn))
 
 
+NEARLY_EQUAL = [732, 664, 761, 822, 561, 874, 992, 853]  # of the benchmark's 1024 designs
+
+
 def test_figures_agree_with_the_closed_form_in_c():
-    """The `paper` model of the benchmark: C's search on 8192 points a segment."""
+    """The `paper` model of the benchmark: C's search on 8192 points a segment.
+
+    Beside drawn designs those where the two signs of a phase's contribution are nearly as large.
+    """
     library = _c.compiled("elastic")
     if library is None:
         pytest.skip("no C compiler")
-    rows = problem.designs(6, 120.0)
+    rng = drawn_anew("designs of the benchmark")
+    number = np.concatenate([rng.choice(1024, 56, replace=False), NEARLY_EQUAL])
+    rows = problem.designs(1024, 120.0)[number]
 
     def make(row):
         return Operating(ours.rig(row), jnp.asarray(problem.SPEEDS), jnp.zeros(3), jnp.zeros(3))

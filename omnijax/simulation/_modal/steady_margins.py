@@ -8,44 +8,31 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .arithmetic import materialised
-from .curves import Curves, along, weights
+from .curves import Curves, recombined, size_of
 from .gradient import ROWS
+from .pass_along import Block, along, reach
 from .phases import constant
 from .supremum import all_curves
 from .system import Layout
 from .transient import Lanes
 
 
-def _bound(f: Curves) -> Float[Array, "r c"]:
-    """Above the size of every output, the phases' parts added up."""
-    total = 0.0
-    for y0, y1 in f.free:
-        size = [jnp.stack([jnp.abs(x) for x in weights(f, z)]) for z in zip(y0, y1, strict=True)]
-        total = total + jnp.max(jnp.sum(jnp.stack(size), axis=(1, 3)), axis=0)
-    for a, b in zip(f.cosine, f.sine, strict=True):
-        total = total + jnp.max(jnp.sum(jnp.sqrt(a * a + b * b), axis=1), axis=1)
-    return jnp.sum(total, axis=1)
+def _least(f: Curves) -> Float[Array, "r c"]:
+    """Least value of every output, the phases' own least values added up."""
 
-
-def _least(f: Curves, friction: Float[Array, "n c"]) -> Float[Array, "m c"]:
-    """Least N_i, mu_i N_i - f_i and mu_i N_i + f_i, the phases' own least values added up."""
-    n = len(friction)
-    mu = friction[:, None]
-
-    def gather(totals, x, _, __):
-        least, size = totals
-        normal, drive = x[:, :n], x[:, n:]
-        y = jnp.concatenate([normal, mu * normal - drive, mu * normal + drive], axis=1)
+    def gather(least, y, _, __):
         y = materialised(lambda y: 1.0 * y, y)
         rise, bend = y[2:] - y[:-2], y[2:] + y[:-2] - 2 * y[1:-1]
         inside = jnp.abs(rise) < 2 * bend
         less = jnp.where(inside, rise * rise / jnp.where(inside, 8 * bend, 1.0), 0.0)
         low = jnp.minimum(jnp.minimum(y[0], y[-1]), jnp.min(y[1:-1] - less, axis=0))
-        return jnp.minimum(least, low), jnp.maximum(size, jnp.max(jnp.abs(x), axis=(0, 1)))
+        return jnp.minimum(least, low)
 
-    none = jnp.full((3 * n, *f.cycle.period.shape), jnp.inf)
-    start = none, jnp.zeros_like(f.cycle.period)
-    return jnp.sum(along(f, gather, start, lambda t: t[1])[0], axis=1)
+    def idle(least, block: Block):
+        return jnp.all(reach(f, block) <= -least, axis=0)
+
+    start = jnp.full((len(f.rows.c0), *f.cycle.period.shape), jnp.inf)
+    return jnp.sum(along(f, gather, start, idle), axis=1)
 
 
 def steady_margins(g: Lanes, layout: Layout) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
@@ -58,13 +45,18 @@ def steady_margins(g: Lanes, layout: Layout) -> tuple[Float[Array, " c"], Float[
     every = all_curves(g, layout, rows)
     held = constant(g.modes, layout, rows, g.direct)
     normal, drive = g.preload + held[:n], held[n:]
-    swing = functools.reduce(operator.add, map(_bound, every))
+    swing = functools.reduce(operator.add, (jnp.sum(size_of(f), axis=1) for f in every))
     low = normal - swing[:n]
     slip = g.friction * low - jnp.abs(drive) - swing[n:]
     bounds = jnp.min(low, axis=0), jnp.min(slip, axis=0)
 
+    def grips(x):
+        """N, mu N - f and mu N + f."""
+        mu = g.friction.reshape(n, *(1,) * (x.ndim - 2), -1)
+        return jnp.concatenate([x[:n], mu * x[:n] - x[n:], mu * x[:n] + x[n:]])
+
     def exact(_):
-        part = functools.reduce(operator.add, (_least(f, g.friction) for f in every))
+        part = functools.reduce(operator.add, (_least(recombined(f, grips)) for f in every))
         grip = jnp.minimum(part[n : 2 * n] - drive, part[2 * n :] + drive)
         return jnp.min(normal + part[:n], axis=0), jnp.min(g.friction * normal + grip, axis=0)
 

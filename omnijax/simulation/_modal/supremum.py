@@ -1,9 +1,10 @@
 """The long run's supremum of |dR|: phases run independently of each other.
 
 sup |sum_g x_g(phi_g)| = max over unit d of sum_g max_phi d . x_g(phi).  One pass over each phase
-finds its largest value in directions all around; sums of such points give further directions;
-from the best sum the phases' times and the direction are refined in turn.  Nothing of the search is
-differentiated: by the envelope theorem derivatives are those of the formula at the times found.
+finds its largest value in directions all around; sums of such points give further directions, in
+which a second pass looks for each phase's two best maxima.  From there Newton's method climbs |dR|
+in all phases at once.  Nothing of the search is differentiated: by the envelope theorem derivatives
+are those of the formula at the times found.
 """
 
 from typing import NamedTuple
@@ -15,8 +16,10 @@ from jaxtyping import Array, Float
 
 from .._steady import sphere
 from .arithmetic import materialised
-from .curves import LENGTH, Curves, Rows, along, curves_of, values_at
+from .climb import ascended, climbed, together, unit
+from .curves import Curves, Rows, curves_of, towards, values_at
 from .gradient import ROWS
+from .pass_along import LENGTH, Block, along, reach
 from .phases import columns_of, constant, cycle_of, phases_of
 from .system import Layout
 from .transient import Lanes
@@ -26,9 +29,8 @@ DIRECTIONS = np.array([d for d in sphere(AROUND, 3) if d[2] > 0])  # and their o
 KEPT = 8  # of them gone on from
 ASCENTS = 4
 AGAIN = 4  # sums in whose directions every phase is looked at once more
-REFINED = 2  # of them
-POINTS, ZOOMS = 33, 2
-ROUNDS = 10
+CLOSE = 0.99  # of the largest value: a maximum below is not gone on from
+ASCENDS = 4  # rounds of Newton's method of a phase alone
 _MASK = LENGTH - 1
 
 
@@ -71,58 +73,81 @@ class _Tops(NamedTuple):
     step: Float[Array, "d s c"]
 
 
+def _none(f: Curves, count: int) -> _Tops:
+    shape = count, *f.cycle.period.shape
+    return _Tops(jnp.full(shape, -jnp.inf), jnp.zeros(shape), jnp.zeros(shape))
+
+
+def _tops_of(tagged, begin, step) -> _Tops:
+    """What maxima of tagged samples say of a block."""
+    number = jax.lax.bitcast_convert_type(tagged, jnp.int64) & _MASK
+    return _Tops(tagged, begin + number * step, jnp.broadcast_to(step, tagged.shape))
+
+
+def _higher(a: _Tops, b: _Tops) -> tuple[_Tops, _Tops]:
+    """The higher one of two and the other."""
+    better = b.height > a.height
+    return _Tops(*(jnp.where(better, y, x) for x, y in zip(a, b, strict=True))), _Tops(
+        *(jnp.where(better, x, y) for x, y in zip(a, b, strict=True))
+    )
+
+
 def _tops(f: Curves) -> _Tops:
     """In directions all around, by the samples."""
-    d = jnp.asarray(DIRECTIONS)[:, :, None, None]
+    d, n = jnp.asarray(DIRECTIONS), len(DIRECTIONS)
+    size = jnp.abs(d)
 
-    def heights(x):
-        seen = _along(d, x)
+    def gather(best: _Tops, x, begin, step) -> _Tops:
+        seen = _along(d[:, :, None, None], x)
         high, low = (jnp.max(_tagged(y), axis=0) for y in (seen, -seen))
-        return jnp.concatenate([high, low])
+        return _higher(best, _tops_of(jnp.concatenate([high, low]), begin, step))[0]
 
-    return _pass(f, heights, 2 * len(DIRECTIONS))
+    def idle(best: _Tops, block: Block):
+        known = jnp.minimum(best.height[:n], best.height[n:])
+        above = reach(f, block)  # along each axis
+        return jnp.all(sum(size[:, o, None, None] * above[o] for o in range(ROWS)) <= known, axis=0)
+
+    return along(f, gather, _none(f, 2 * n), idle)
 
 
-def _tops_again(f: Curves, d) -> _Tops:
-    """In directions (n, o, c) of each design, by parabolas through three samples."""
-    d = d[:, :, None]
+def _points(f: Curves, top: _Tops) -> Float[Array, "d o s c"]:
+    """The outputs at the maxima in directions all around, a step of Newton's method further."""
 
-    def heights(x):
-        seen = materialised(lambda x: _along(d, x), x)
+    def one(at):
+        d, time, step = at[0][:, None, None], *at[1:]
+        here, there = (values_at(f, t)[0] for t in (time, ascended(f, d, time, step)))
+        return jnp.where(jnp.sum(d * there, axis=0) > jnp.sum(d * here, axis=0), there, here)
+
+    every = jnp.concatenate([DIRECTIONS, -DIRECTIONS])
+    return jax.lax.map(one, (every, top.time, top.step))
+
+
+def _two_tops(f: Curves, d: Float[Array, "n o c"]) -> tuple[_Tops, _Tops]:
+    """In directions of each design, by parabolas through three samples: the best two maxima."""
+    f = towards(f, d)
+    half = LENGTH // 2
+
+    def gather(best, x, begin, step):
+        seen = materialised(lambda x: 1.0 * x, x)
         rise, bend = seen[2:] - seen[:-2], 2 * seen[1:-1] - seen[:-2] - seen[2:]
         inside = jnp.abs(rise) < 2 * bend
         more = jnp.where(inside, rise * rise / jnp.where(inside, 8 * bend, 1.0), 0.0)
-        return jnp.max(_tagged(seen + jnp.pad(more, ((1, 1), (0, 0), (0, 0), (0, 0)))), axis=0)
+        tagged = _tagged(seen + jnp.pad(more, ((1, 1), (0, 0), (0, 0), (0, 0))))
+        first, second = best
+        for part in (tagged[:half], tagged[half:]):
+            first, left = _higher(first, _tops_of(jnp.max(part, axis=0), begin, step))
+            second = _higher(second, left)[0]
+        return first, second
 
-    return _pass(f, heights, len(d))
+    def idle(best, block: Block):
+        return jnp.all(reach(f, block) <= CLOSE * best[0].height, axis=0)
+
+    return along(f, gather, (_none(f, d.shape[0]), _none(f, d.shape[0])), idle)
 
 
 def _along(d, x):
     """d . x of directions (n, o, ...) and samples (k, o, s, c), (k, n, s, c)."""
     return d[:, 0] * x[:, None, 0] + d[:, 1] * x[:, None, 1] + d[:, 2] * x[:, None, 2]
-
-
-def _pass(f: Curves, heights, count: int) -> _Tops:
-    """`heights` (n, s, c) of the samples of a block: largest values, tagged by their sample."""
-
-    def gather(best: _Tops, x, begin, step) -> _Tops:
-        top = heights(x)
-        number = jax.lax.bitcast_convert_type(top, jnp.int64) & _MASK
-        better = top > best.height
-        return _Tops(
-            jnp.where(better, top, best.height),
-            jnp.where(better, begin + number * step, best.time),
-            jnp.where(better, step, best.step),
-        )
-
-    shape = count, *f.cycle.period.shape
-    none = _Tops(jnp.full(shape, -jnp.inf), jnp.zeros(shape), jnp.zeros(shape))
-    return along(f, gather, none, lambda t: jnp.maximum(jnp.max(t.height, axis=0), 0.0))
-
-
-def _unit(total):
-    size = jnp.sqrt(jnp.sum(total**2, axis=0))
-    return total / jnp.where(size > 0, size, 1.0)
 
 
 def _best_sums(tops: list[_Tops], points, held):
@@ -140,14 +165,14 @@ def _best_sums(tops: list[_Tops], points, held):
     def follow(_, begin):
         total = sums(jnp.broadcast_to(number == begin, (*points.shape[:1], *points.shape[2:])))
         for _ in range(ASCENTS):
-            d = _unit(total)
+            d = unit(total)
             seen = sum(d[o] * points[:, o] for o in range(ROWS))  # (d, s, c)
             total = sums(number == jnp.argmax(seen, axis=0))
         return None, total
 
     totals = jax.lax.scan(follow, None, first)[1]  # (n, o, c)
     pick = _longest(jnp.sum(totals**2, axis=1), AGAIN)
-    return jax.vmap(_unit)(jnp.sum(jnp.where(pick[:, :, None], totals, 0.0), axis=1))
+    return jax.vmap(unit)(jnp.sum(jnp.where(pick[:, :, None], totals, 0.0), axis=1))
 
 
 def _longest(size, count: int):
@@ -159,79 +184,35 @@ def _longest(size, count: int):
     return jnp.stack(found)
 
 
-def _zoomed(f: Curves, d, time, step):
-    """The largest of d . x on points around `time`, ever closer."""
-    for _ in range(ZOOMS):
-        around = jnp.linspace(-1.0, 1.0, POINTS)[:, None, None] * step + time
-
-        def seen(t):
-            return jnp.sum(d[:, None] * values_at(f, t)[0], axis=0)
-
-        height = jax.vmap(seen)(around)
-        pick = jnp.arange(POINTS)[:, None, None] == jnp.argmax(height, axis=0)
-        time = jnp.sum(jnp.where(pick, around, 0.0), axis=0)
-        step = 2 * step / (POINTS - 1)
-    return time
-
-
-def _climbed(f: Curves, d, time, step):
-    """One step of Newton's method up d . x, and the outputs after it."""
-    _, rise, bend = (jnp.sum(d[:, None] * x, axis=0) for x in values_at(f, time, 3))
-    move = jnp.where(bend < 0, -rise / jnp.where(bend < 0, bend, -1.0), step * jnp.sign(rise))
-    return time + jnp.clip(move, -step, step)
-
-
 def supremum(g: Lanes, layout: Layout) -> Found:
     """Where the phases are at the largest |dR|, and dR there."""
     every = all_curves(g, layout, slice(0, ROWS))
     held = constant(g.modes, layout, slice(0, ROWS), g.direct)
     tops = [_tops(f) for f in every]
-    found = [
-        jax.vmap(lambda t, f=f: values_at(f, t)[0])(top.time)
-        for f, top in zip(every, tops, strict=True)
-    ]
-    found = _best_sums(tops, jnp.concatenate(found, axis=2), held)
-    tops = [_tops_again(f, found) for f in every]
-    height = sum(jnp.sum(top.height, axis=1) for top in tops)  # (n, c)
-    height = height + jnp.sum(found * held, axis=1)
-    pick = _longest(height, REFINED)
-
-    def picked(x):  # (n, ..., c) -> (REFINED, ..., c)
-        wide = pick.reshape(*pick.shape[:2], *(1,) * (x.ndim - 2), pick.shape[-1])
-        return jnp.sum(jnp.where(wide, x, 0.0), axis=1)
-
-    def refined(begin):
-        return _refined(every, held, *begin)
-
-    starts = [(picked(top.time), picked(top.step)) for top in tops]
-    times, sizes = jax.lax.map(refined, (picked(found), starts))
-    best = jnp.arange(REFINED)[:, None] == jnp.argmax(sizes, axis=0)
+    points = [_points(f, top) for f, top in zip(every, tops, strict=True)]
+    found = _best_sums(tops, jnp.concatenate(points, axis=2), held)
+    starts = [_two_tops(f, found) for f in every]
+    times, sizes = jax.lax.map(lambda begin: _refined(every, held, begin), starts)
+    best = jnp.arange(AGAIN)[:, None] == jnp.argmax(sizes, axis=0)
     times = [jnp.sum(jnp.where(best[:, None], t, 0.0), axis=0) for t in times]
-    return Found(times, _together(every, held, times))
+    return Found(times, together(every, held, times))
 
 
-def _together(every: list[Curves], held, times):
-    """dR (o, c)."""
-    return held + sum(
-        jnp.sum(values_at(f, t)[0], axis=1) for f, t in zip(every, times, strict=True)
-    )
+def _refined(every: list[Curves], held, starts: list[tuple[_Tops, _Tops]]):
+    """Times of each phase and |dR|^2 there, from its best maxima in one direction."""
+    steps = [first.step for first, _ in starts]
+    times, size = climbed(every, held, [first.time for first, _ in starts], steps)
+    d = unit(together(every, held, times))
 
+    def swapped(f: Curves, now, other: _Tops):
+        """The time of the higher maximum in the direction found."""
+        time = jax.lax.fori_loop(
+            0, ASCENDS, lambda _, t: ascended(f, d[:, None], t, other.step), other.time
+        )
+        height, rival = (jnp.sum(d[:, None] * values_at(f, t)[0], axis=0) for t in (now, time))
+        return jnp.where(rival > height, time, now)
 
-def _refined(every: list[Curves], held, d, starts):
-    """Times of each phase near the `starts` (time, step), and |dR|^2 there; d (o, c) to begin."""
-    times = [_zoomed(f, d, *start) for f, start in zip(every, starts, strict=True)]
-
-    def turn(carry, _):
-        times, best, size = carry
-        d = _unit(_together(every, held, times))
-        times = [
-            _climbed(f, d, t, step / 2)
-            for f, t, (_, step) in zip(every, times, starts, strict=True)
-        ]
-        now = jnp.sum(_together(every, held, times) ** 2, axis=0)
-        better = now > size
-        best = [jnp.where(better, t, b) for t, b in zip(times, best, strict=True)]
-        return (times, best, jnp.maximum(now, size)), None
-
-    begin = times, times, jnp.sum(_together(every, held, times) ** 2, axis=0)
-    return jax.lax.scan(turn, begin, None, length=ROUNDS)[0][1:]
+    others = [swapped(f, t, o) for f, t, (_, o) in zip(every, times, starts, strict=True)]
+    again, more = climbed(every, held, others, steps)
+    best = [jnp.where(more > size, x, t) for x, t in zip(again, times, strict=True)]
+    return best, jnp.maximum(size, more)
