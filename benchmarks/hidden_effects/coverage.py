@@ -26,7 +26,6 @@ from .answers import commit
 from .cases import drawn, recorded, written
 
 SIZES = (1.05, 2.5)  # times the limit of a recording of nothing but the prediction
-TOGETHER = 8  # plants simulated at a time
 
 
 def run(path: Path, seeds: range, count: int) -> list[dict]:
@@ -34,10 +33,10 @@ def run(path: Path, seeds: range, count: int) -> list[dict]:
     lines = []
     path.parent.mkdir(parents=True, exist_ok=True)
     for seed in seeds:
-        done = list(planted(seed, count))
-        lines += done
-        with path.open("a") as file:
-            file.writelines(json.dumps(x) + "\n" for x in done)
+        for line in planted(seed, count):
+            with path.open("a") as file:
+                file.write(json.dumps(line) + "\n")
+            lines.append(line)
     return lines
 
 
@@ -56,26 +55,19 @@ def planted(seed: int, count: int) -> Iterator[dict]:
     by_name = defaultdict(list)
     for c in (s.candidate for s in scan.scores):
         by_name[c.id, c.place].append(c)
-    some = [names[k] for k in rng.integers(len(names), size=count)]
-    here = commit()
-    for first in range(0, count, TOGETHER):
-        part = some[first : first + TOGETHER]
-        sizes = [floor[n][0] * rng.uniform(*SIZES) for n in part]
-        effects = [
-            _effect(rng, by_name[n], floor[n][1], x) for n, x in zip(part, sizes, strict=True)
-        ]
-        points = [fit.point.with_effects(e) for e in effects]
-        before, *after = model.residuals([fit.point, *points], "train")
-        for effect, size, r in zip(effects, sizes, after, strict=True):
-            if not np.all(np.isfinite(r)):
-                continue  # it runs away: not a case
-            shown = dataclasses.replace(fit, residual=_noise(rng, model) + before - r)
-            found = upper_limits(model, shown, signatures, set())
-            limit = next(x["limit_95"] for x in found
-                         if (x["id"], x["place"]) == (effect.id, effect.place))  # fmt: skip
-            yield {"seed": seed, "commit": here, "id": effect.id, "place": effect.place,
-                   "size": float(f"{size:.4g}"),
-                   "limit": None if limit is None else float(f"{limit:.4g}")}  # fmt: skip
+    (before,), here = model.residuals([fit.point], "train"), commit()
+    for name in (names[k] for k in rng.integers(len(names), size=count)):
+        size = floor[name][0] * rng.uniform(*SIZES)
+        effect = _effect(rng, by_name[name], floor[name][1], size)
+        (after,) = model.residuals([fit.point.with_effects(effect)], "train")
+        if not np.all(np.isfinite(after)):
+            continue  # it runs away: not a case
+        shown = dataclasses.replace(fit, residual=_noise(rng, model) + before - after)
+        found = upper_limits(model, shown, signatures, set())
+        limit = next(x["limit_95"] for x in found if (x["id"], x["place"]) == name)
+        yield {"seed": seed, "commit": here, "id": effect.id, "place": effect.place,
+               "size": float(f"{size:.4g}"),
+               "limit": None if limit is None else float(f"{limit:.4g}")}  # fmt: skip
 
 
 def _calibrated(seed: int) -> tuple:
@@ -95,9 +87,11 @@ def _effect(rng, variants: list, key: str, size: float) -> Effect:
     c = variants[rng.integers(len(variants))]
     way = rng.normal(size=len(c.columns))
     way = way if c.allowed(way) else -way
-    values = c.decode(way)
-    now = float(np.linalg.norm(values[key]))
-    return Effect(c.id, c.place, values | {key: np.asarray(values[key]) * size / now})
+    now = float(np.linalg.norm(c.decode(way)[key]))
+    values = c.decode(way * size / now)  # of an offset and a slope both, say
+    if not np.isclose(np.linalg.norm(values[key]), size):  # a threshold is no multiple of one
+        values = values | {key: np.asarray(values[key]) * size / now}
+    return Effect(c.id, c.place, values)
 
 
 def _noise(rng, model) -> np.ndarray:
