@@ -41,7 +41,7 @@ from ._machine import (
 from ._noise import Assumed, assumed_noise, by_group, run_levels
 from ._ode import OdeEvidence, balance_error, build_model
 from ._room import check_room
-from ._search import Explored, Found, Point, Search, Way, refit, upper_limits
+from ._search import Explored, Found, Point, Search, Way, calibrated, refit, upper_limits
 
 MOSTLY = 1.25  # RMS of a channel over its white part, below which all of it is noise
 
@@ -86,7 +86,7 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     if found is not None:
         tell("the noise is not as assumed: weighing the runs anew")
         evidence = evidence.renoised(found)
-        start = refit(evidence.model, start, relative=0.01).point
+        start = calibrated(evidence.model, start).point
     evidence.model.work = 0.0
     return answered(evidence, start, tell)
 
@@ -117,7 +117,7 @@ def _machine_diagnosed(case: MachineCase, laws, tell) -> Diagnosis:
     tell("calibrating the uncertain parameters")
     start = Point(np.zeros(len(model.priors)))
     model.rebase(start)
-    fit = refit(model, start, relative=0.01)
+    fit = calibrated(model, start)
     tell("looking for what no law explains")
     model.set_floor(fit, tell)
     start = fit.point
@@ -265,11 +265,11 @@ def _model(rig, runs, noise, library, window) -> tuple[RigModel, Point, list[str
         for _ in range(2):  # at the stated machine, and at the calibrated one
             runs = with_start_angles(model.machine, model.rig_at(start))
             model = RigModel(rig, runs, noise, library, window)
-            start = refit(model, start, relative=0.01).point
-    for groups, calibrated in ((("theta", "Omega"), False), (("dR", "a"), False),
+            start = calibrated(model, start).point
+    for groups, anew in ((("theta", "Omega"), False), (("dR", "a"), False),
                                (("dR", "a"), True)):  # fmt: skip
-        if calibrated:
-            start = refit(model, start, relative=0.01).point
+        if anew:
+            start = calibrated(model, start).point
         kept, said = without_outliers(model.machine, model.rig_at(start), groups)
         if said:
             model, wild = RigModel(rig, kept, noise, library, window), wild + said

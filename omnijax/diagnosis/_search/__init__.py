@@ -1,5 +1,6 @@
 """The search for what a model lacks: candidates, scans, refits, held-out tests."""
 
+from .calibration import calibrated as calibrated
 from .candidates import Candidate as Candidate
 from .candidates import Context as Context
 from .candidates import candidates as candidates

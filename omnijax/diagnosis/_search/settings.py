@@ -42,6 +42,9 @@ class SearchSettings:
     little: float = 0.02  # share of a strong gap that a law must close: own cases
     openings: tuple[float, ...] = (0.1, 0.2, 0.35, 0.6)  # shares of the motion: own cases
     promise: float = 0.2  # share of an opening's gap to be followed further: own cases
+    # calibration
+    caught: float = 0.2  # share of parameters at their bounds that no effect bends: own cases
+    restarts: int = 3  # other starts of one that is caught: time
     # refits and rivals
     settles: int = 5  # rounds of smoothing anew at most: own cases
     settled: float = 1.02  # chi2 a row at which they end: own cases

@@ -1,0 +1,41 @@
+"""The calibration of the uncertain parameters before any effect is known."""
+
+import numpy as np
+
+from .fit import Fit, refit
+from .model import AbstractModel, Point
+
+FAR = 10.0  # times the cost of mere noise
+SEED = 20
+
+
+def calibrated(model: AbstractModel, start: Point) -> Fit:
+    """The refit from `start`, or the best of others where that one is caught.
+
+    A resonance beside a line of the excitation makes the cost wavy: a fit may end on the wrong
+    side of it, far from the noise and with many parameters at their bounds.  An effect that is
+    missing bends a few of them.  So where a share of `settings.caught` is at its bounds, up to
+    `settings.restarts` others begin where the priors' sigmas draw them (with a fixed seed); the
+    first that lies far below ends the trials.
+    """
+    best = first = refit(model, start, relative=0.01)
+    if not caught(model, first):
+        return first
+    rng = np.random.default_rng(SEED)
+    hard = np.array([prior.hard for prior in model.priors])
+    for _ in range(model.settings.restarts):
+        u = np.clip(rng.normal(size=len(hard)), -hard, hard)
+        other = refit(model, Point(u), relative=0.01)
+        best = other if other.cost < best.cost else best
+        if best.cost < first.cost / FAR:
+            break
+    return best
+
+
+def caught(model: AbstractModel, fit: Fit) -> bool:
+    """Whether a misfit is left while many parameters are at their bounds."""
+    if fit.cost < FAR * model.dof("train"):
+        return False
+    hard = np.array([prior.hard for prior in model.priors])
+    ends = np.sum(np.abs(fit.point.u) > 0.999 * hard)
+    return bool(ends > 1 and ends >= model.settings.caught * len(hard))

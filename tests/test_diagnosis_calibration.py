@@ -1,0 +1,62 @@
+"""A calibration that is caught on the wrong side of a hill begins again elsewhere."""
+
+import numpy as np
+import pytest
+from seeds import drawn_anew
+
+from omnijax.diagnosis._search import Point, Prior, SmallModel, calibrated, refit
+
+PRIORS = [Prior(f"p{i}", 0.0, 1.0, False) for i in range(6)]
+
+
+def wavy(t: float, others: np.ndarray) -> SmallModel:
+    """Two parameters whose sum has a valley at `t` and falls again towards both upper bounds."""
+
+    def residual(values, _laws, _split):
+        u = np.array(list(values.values()))
+        s = (u[0] + u[1]) / np.sqrt(2)
+        trap = 3000 * (s - t) * np.exp(-s)
+        return np.concatenate([[trap, 30 * (u[0] - u[1])], 30 * (u[2:] - others), np.zeros(30)])
+
+    return SmallModel(residual, PRIORS, {}, "all")
+
+
+@pytest.mark.parametrize("place", range(4))
+def test_the_valley_is_found_from_the_wrong_side(place):
+    rng = drawn_anew(f"valley {place}")
+    t, others = rng.uniform(-1.5, -1.1), rng.normal(size=4)
+    model, start = wavy(t, others), Point(np.zeros(len(PRIORS)))
+    alone = refit(model, start, relative=0.01)
+    assert alone.cost > 1000 and np.sum(alone.point.u > 3.4) == 2  # the trap is one
+    best = calibrated(model, start)
+    assert best.cost < 20
+    assert np.allclose(best.point.u[:2].sum() / np.sqrt(2), t, atol=0.01)
+    assert np.allclose(best.point.u[2:], others, atol=0.01)
+
+
+def test_a_fit_that_is_not_caught_is_left_alone():
+    """A misfit that bends no parameter to its bound, and a bound without a misfit."""
+    rng = drawn_anew("not caught")
+    lines, asked = rng.normal(size=(40, 6)), []
+    missing = 100 * np.cos(np.arange(40))
+    missing -= lines @ np.linalg.lstsq(lines, missing, rcond=None)[0]
+
+    def bent(values, _laws, _split):
+        asked.append(values)
+        u = np.array(list(values.values()))
+        return lines @ (u - 0.5) + missing
+
+    def at_bounds(values, _laws, _split):
+        asked.append(values)
+        u = np.array(list(values.values()))
+        return np.concatenate([u - 50, np.zeros(2000)])
+
+    for residual in (bent, at_bounds):
+        model, start = SmallModel(residual, PRIORS, {}, "all"), Point(np.zeros(6))
+        asked.clear()
+        once = refit(model, start, relative=0.01)
+        count = len(asked)
+        asked.clear()
+        same = calibrated(model, start)
+        assert np.array_equal(same.point.u, once.point.u)
+        assert len(asked) <= count + 1
