@@ -7,7 +7,7 @@ import numpy as np
 
 from ..._errors import InputError
 from ...laws import EFFECTS, GENERIC
-from ...machine import Axis, Log, MachineCase, field_units
+from ...machine import AbstractMachine, Axis, Log, MachineCase, field_units
 from .._search import Prior
 from .model import OdeModel
 from .numbers import Numbers
@@ -69,13 +69,13 @@ def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, 
         OdeRun(log.name, log.role, log.time, log.inputs, log.outputs, cutoff, file.compare.hold)
         for log in case.logs
     ]
-    single = isinstance(machine, Axis) and machine.second_inertia is None
+    one = _one_inertia(machine)
     memory = machine.memory()
     chosen = file.compare.criterion
     if chosen == "auto":
-        free = not np.isfinite(memory) or (single and runs_away(machine, runs))
-        chosen = "balance" if single and free else "free-run"
-    if chosen == "balance" and not single:
+        free = not np.isfinite(memory) or (one is not None and runs_away(one, runs))
+        chosen = "balance" if one is not None and free else "free-run"
+    if chosen == "balance" and one is None:
         raise InputError(f"{file.source}: `compare.criterion` balance needs one inertia only; "
                          "choose free-run.")  # fmt: skip
     library = {**EFFECTS, **GENERIC, **(laws or {})}
@@ -97,6 +97,11 @@ def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, 
         "Compared is the position of free runs, simulated from the inputs alone."
     )  # fmt: skip
     return model, table, [how]
+
+
+def _one_inertia(machine: AbstractMachine) -> Axis | None:
+    """The machine where it is an axis of one inertia."""
+    return machine if isinstance(machine, Axis) and machine.second_inertia is None else None
 
 
 def runs_away(axis: Axis, runs: Sequence[OdeRun]) -> bool:
@@ -137,9 +142,8 @@ def _places(machine, library, criterion: str, uncertain) -> list[tuple[str, str]
 
 def _own_places(machine) -> dict[str, tuple[str, ...]]:
     """Ports of the machine with their places; an axis that no spring holds has no mount."""
-    own = dict(machine.places)
-    single = isinstance(machine, Axis) and machine.second_inertia is None
-    if single and float(machine.stiffness) == 0:
+    own, one = dict(machine.places), _one_inertia(machine)
+    if one is not None and float(one.stiffness) == 0:
         own.pop("mount")
     return own
 

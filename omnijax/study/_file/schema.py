@@ -7,6 +7,7 @@ unit of a bound) is checked afterwards, by the modules beside.
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field
+from pydantic.config import JsonDict
 from pydantic_core import core_schema
 
 from ...rig import Quantity
@@ -160,11 +161,15 @@ class ToleranceTable(BaseModel):
     draws: Annotated[int, Quantity("1", low=2, whole=True), AfterValidator(int)] = 16
 
 
+def _no_default(found: JsonDict) -> None:
+    found.pop("default", None)
+
+
 class StudyTable(_Table):
     """A study file."""
 
     model_config = ConfigDict(extra="forbid", json_schema_extra={"required": ["rig", "drive"]})
-    rig: Annotated[Text, Field(json_schema_extra=lambda found: found.pop("default", None))] = ""
+    rig: Annotated[Text, Field(json_schema_extra=_no_default)] = ""
     model: Literal["coupled", "paper"] = "coupled"
     duration: Annotated[float, Quantity("s", above=0)] | None = None
     rate: Annotated[float, Quantity("1/s", above=0)] | None = None
