@@ -47,7 +47,7 @@ def command() -> Iterator[None]:
 
 def pieces_folder(out: Path) -> Path:
     """Where the pieces of the run `out` lie until it is whole."""
-    return out.with_name(f"{out.name}{PIECES}")
+    return out.parent / f"{out.name}{PIECES}"
 
 
 def note_input(path: str | Path) -> None:

@@ -412,7 +412,8 @@ def test_wrong_study_files(change, message):
 
 def test_all_problems_of_a_study_at_once():
     with pytest.raises(InputError) as caught:
-        parse_study({"model": "x", "objective": {"metric": "rmss"}, "search": {"starts": 0}})
+        objective, search = {"metric": "rmss"}, {"starts": 0}
+        parse_study({"rig": "atlas", "model": "x", "objective": objective, "search": search})
     assert len(caught.value.problems) == 4
 
 

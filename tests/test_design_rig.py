@@ -184,7 +184,9 @@ def test_a_front_of_a_margin_and_a_resumption_from_nowhere_are_refused(tmp_path,
 
 def test_a_relative_tolerance_of_nothing_is_refused():
     rig = omnijax.set_parameter(omnijax.load_rig("atlas"), "wheel.w2.contact.damping", 0.0)
-    study = parse_study({"drive": [{"speed": SPEED}], "tolerance": {"contact.damping": 0.1}})
+    study = parse_study(
+        {"rig": "atlas", "drive": [{"speed": SPEED}], "tolerance": {"contact.damping": 0.1}}
+    )
     message = "`wheel.w2.contact.damping` is 0, so that a relative tolerance of it means nothing."
     with pytest.raises(InputError, match=message):
         RigCases(dataclasses.replace(study, rig=rig))
@@ -205,6 +207,7 @@ def test_a_design_beside_a_rig_that_is_none_of_the_designs():
 
 def test_separation_needs_constant_speeds():
     study = {
+        "rig": "atlas",
         "drive": [{"torque": [1, 2, 3]}],
         "duration": 0.1,
         "variable": [{"path": "contact.damping", "low": 60, "high": 600}],
@@ -217,6 +220,7 @@ def test_separation_needs_constant_speeds():
 def test_cases_are_every_drive_with_every_load():
     study = parse_study(
         {
+            "rig": "atlas",
             "drive": [{"name": "slow", "speed": [1, 2, 3]}, {"name": "fast", "speed": [4, 5, 6]}],
             "load": [
                 {"name": "light", "set": {"sphere.mass": 4.0}},

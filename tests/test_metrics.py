@@ -24,7 +24,7 @@ def test_an_old_word_for_an_acceleration_says_whose_is_meant(run, tmp_path):
     with pytest.raises(ValueError, match="does not say whose acceleration it is"):
         evaluate(run, load_rig("atlas"), "rms,acceleration_rms")
     (tmp_path / "s.toml").write_text(
-        "[objective]\nmetric = 'acceleration_rms'\n[[drive]]\nspeed=[1,2,3]"
+        "rig = 'atlas'\n[objective]\nmetric = 'acceleration_rms'\n[[drive]]\nspeed=[1,2,3]"
     )
     with pytest.raises(ValueError, match="write sphere_acceleration_rms"):
         load_study(tmp_path / "s.toml")

@@ -180,15 +180,22 @@ def supremum(curves: Curves, found: Places) -> Float[Array, " o"]:
         return _unit(jnp.sum(jax.vmap(lambda v, i: v[i])(values, index), axis=0), best), None
 
     best = jax.lax.scan(ascend, best, None, length=ASCENTS)[0]
-    index, height = support(best)
-    chosen = jnp.argmax(height)
+    index = support(best)[0].T
 
-    def turn(row, _):
-        total = jnp.sum(values_at(curves, climbed(curves, found, index[:, chosen], row)), axis=0)
-        return jax.lax.stop_gradient(_unit(total[None], row[None])[0]), None
+    def refined(row, i):
+        """The direction and the sum where the places `i` lead, between the places."""
 
-    row = jax.lax.scan(turn, best[chosen], None, length=ROUNDS)[0]
-    return jnp.sum(values_at(curves, climbed(curves, found, index[:, chosen], row)), axis=0)
+        def turn(row, _):
+            total = jnp.sum(values_at(curves, climbed(curves, found, i, row)), axis=0)
+            return jax.lax.stop_gradient(_unit(total[None], row[None])[0]), None
+
+        row = jax.lax.scan(turn, row, None, length=ROUNDS)[0]
+        return row, jnp.sum(values_at(curves, climbed(curves, found, i, row)), axis=0)
+
+    # sums that differ by less than their places' spacing change their order here
+    rows, sums = jax.lax.stop_gradient(jax.vmap(refined)(best, index))
+    chosen = jnp.argmax(jnp.sum(sums**2, axis=-1))
+    return jnp.sum(values_at(curves, climbed(curves, found, index[chosen], rows[chosen])), axis=0)
 
 
 def _unit(vectors: Float[Array, "d o"], otherwise):
