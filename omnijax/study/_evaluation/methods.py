@@ -5,6 +5,7 @@ steady ones: those of its long run).  What a method cannot honour is an obstacle
 goes to the first method without one, and where none is left the question is refused.
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ from ...simulation import (
     exact_obstacle,
     modal_obstacle,
     modal_steady_obstacle,
+    pieces_traced,
 )
 from ...vibration import STEADY_METRICS
 from .drives import Drive, is_constant, turning
@@ -32,6 +34,7 @@ METHODS = {
     "free-run": "free run of an axis under a log's inputs (Runge-Kutta steps)",
 }
 FEW = 128  # one by one costs 10 to 35 ms a design; a program in bulk compiles 10 to 20 s longer
+PIECES = 24  # of a closed form up to which that holds; the cost grows with them
 BULK = ("bulk", "steady-bulk")  # take rows of many designs at once
 WHY = {
     "steady-bulk": "no duration is asked for; the model is linear, modal form",
@@ -83,7 +86,10 @@ def _nothing_holds(q: Question) -> str | None:
 def _no_rows(q: Question) -> str | None:
     if not q.rows:
         return "more is read from a run than its metrics"
-    return None if q.rows >= FEW else f"less than {FEW} designs do not pay for a program in bulk"
+    enough = math.ceil(FEW * min(1.0, PIECES / pieces_traced(q.rig)))
+    return (
+        None if q.rows >= enough else f"less than {enough} designs do not pay for a program in bulk"
+    )
 
 
 def _no_modal_run(q: Question) -> str | None:

@@ -1,10 +1,10 @@
 """Evaluation of designs in batches of one fixed shape, over the local devices."""
 
-import os
 import tomllib
 
 import numpy as np
 
+from ..._memory import available
 from ..._status import FAILED, Status
 from ...rig import Rig, parse_rig
 from ...vibration import METRICS
@@ -42,16 +42,9 @@ def batch_size(method: str, samples: int, columns: int, devices: int = 1) -> int
     """
     need = 8.0 * max(samples, 1000) * CHANNELS * 2 * (1 + columns)
     need = 1e5 * (1 + columns) if method in BULK else need  # keeps no samples
-    fit = int(SHARE_OF_MEMORY * _free_memory() / need)
+    fit = int(SHARE_OF_MEMORY * available() / need)
     size = 1 << max(min(fit, BATCH[method]), 1).bit_length() - 1
     return max(size, devices)
-
-
-def _free_memory() -> float:
-    try:
-        return float(os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
-    except (AttributeError, ValueError, OSError):  # not every system says
-        return 2e9
 
 
 def gradient_name(metric: str, path: str) -> str:
