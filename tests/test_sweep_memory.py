@@ -1,13 +1,13 @@
 """Closed forms of a whole turn are large: designs side by side must fit into memory."""
 
 import jax.numpy as jnp
-import numpy as np
 
 import omnijax
 from omnijax import laws
 from omnijax.simulation import pieces_traced
-from omnijax.study._evaluation import Evaluation, Rows, rows
+from omnijax.study._evaluation import Rows
 from omnijax.study._evaluation.methods import Question, choose
+from omnijax.study._sweep import evaluator
 
 
 def damaged(rig):
@@ -20,26 +20,36 @@ def question(rig, count):
 
 
 def test_designs_side_by_side_fit_into_a_share_of_the_memory(monkeypatch):
-    """As many as fit; the rows are all evaluated, a batch after the other."""
-    plain, drive = omnijax.load_rig("atlas"), omnijax.speeds([1.0, 2.0, 3.0])
+    """As many as fit, a power of two, also with gradients; a plain rig's all at once."""
+    plain = omnijax.load_rig("atlas")
     rig = damaged(plain)
     assert pieces_traced(plain) == 6 and pieces_traced(rig) > 100
-    how = Evaluation("propagation", ("rms",), times=np.linspace(0, 0.1, 11))
+    need = evaluator.BYTES_A_PIECE * pieces_traced(rig) / evaluator.SHARE_OF_MEMORY
+    monkeypatch.setattr(evaluator, "available", lambda: 5.5 * need)
+    for method in ("propagation", "steady"):
+        sizes = [evaluator.batch_size(method, rig, 11, columns) for columns in (0, 1, 3, 9)]
+        assert sizes == [4, 2, 1, 1]
+        assert evaluator.batch_size(method, plain, 11, 0) == evaluator.BATCH[method]
+    assert evaluator.batch_size("propagation", rig, 11, 0, devices=2) == 4
+
+
+def test_a_sweep_evaluates_no_more_side_by_side(monkeypatch):
+    """The rows are all evaluated, a batch after the other."""
+    rig = damaged(omnijax.load_rig("atlas"))
+    need = evaluator.BYTES_A_PIECE * pieces_traced(rig) / evaluator.SHARE_OF_MEMORY
+    monkeypatch.setattr(evaluator, "available", lambda: 2.5 * need)
     asked = []
 
     def evaluated(self, part):
         asked.append(len(part))
-        return jnp.zeros((len(part), 1)), jnp.zeros((len(part), 1, 0)), jnp.zeros(len(part))
+        return jnp.ones((len(part), 1)), jnp.zeros((len(part), 1, 0)), jnp.zeros(len(part), int)
 
     monkeypatch.setattr(Rows, "__call__", evaluated)
-    design = np.linspace(0.1, 0.5, 20)[:, None]
-    for machine, most in ((rig, 5), (plain, 20)):
-        need = rows.BYTES_A_PIECE * pieces_traced(rig) / rows.SHARE
-        monkeypatch.setattr(rows, "available", lambda need=need: 5.5 * need)
-        asked.clear()
-        found = Rows(how, machine, drive, ("wheel.roundness",)).all(design, 32)
-        assert len(found[0]) == 20 and sum(asked) >= 20
-        assert max(asked) == (most if most < 20 else 32)
+    found = omnijax.sweep(
+        rig, {"wheel.roundness": [0.2, 0.3, 0.4]}, ["rms"], speeds=[1.0, 2.0, 3.0], duration=0.1
+    )
+    assert [found.status(i) for i in range(3)] == ["ok"] * 3
+    assert asked and max(asked) == 2 and sum(asked) >= 3
 
 
 def test_a_turn_of_many_pieces_pays_for_a_program_in_bulk_sooner():

@@ -133,11 +133,8 @@ def signals_of(file: Any, run: Any) -> list[tuple[str, str, dict[str, Any]]]:
     """
     from ..machine import free_run_of
 
-    q, found, unit = (
-        run.outputs["position"],
-        free_run_of(file, run),
-        file.machine.outputs["position"],
-    )
+    q, found = run.outputs["position"], free_run_of(file, run)
+    unit = file.machine.outputs["position"]
     out = [("position", unit, {"simulated": found["position"], "measured": q}),
            ("measured less simulated", unit, {"": q - found["position"]}),
            ("velocity", f"{unit}/s", {"simulated": found["velocity"]})]  # fmt: skip

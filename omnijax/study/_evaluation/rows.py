@@ -1,6 +1,5 @@
 """Designs as rows of numbers, a batch at a time, spread over the local devices."""
 
-import sys
 from typing import Any
 
 import equinox as eqx
@@ -10,18 +9,13 @@ import numpy as np
 from jax.sharding import AxisType, PartitionSpec
 
 from ..._errors import InputError
-from ..._memory import available
 from ..._programs import kept
 from ...rig import Rig
-from ...simulation import pieces_traced
 from .._batches import in_batches
 from .bulk import bulk
 from .drives import Drive, apply, with_few_knots
 from .evaluation import Evaluation
 from .methods import BULK
-
-SHARE = 0.25  # of the free memory that the designs side by side may need
-BYTES_A_PIECE = 1e6  # of a closed form and direction, as compiled programs state it: 0.6 to 0.9 MB
 
 
 class Rows:
@@ -50,16 +44,7 @@ class Rows:
         if self.how.method in BULK:  # cuts the rows into batches by itself, on one device
             rig, drive = eqx.combine(self._arrays, self._static)
             return bulk(self._whole, rig, drive, self.paths, rows, self.gradient)
-        return in_batches(self, rows, min(size, self._most()))
-
-    def _most(self) -> int:
-        """Designs side by side whose closed forms fit into a share of the free memory."""
-        if self.how.method not in ("steady", "propagation"):
-            return sys.maxsize
-        rig, _ = eqx.combine(self._arrays, self._static)
-        need = BYTES_A_PIECE * pieces_traced(rig) * (1 + len(self.paths) * self.gradient)
-        fit = int(SHARE * available() / need)
-        return max(fit // self.devices, 1) * self.devices
+        return in_batches(self, rows, size)
 
     def __call__(self, rows: np.ndarray) -> tuple[Any, Any, Any]:
         """Figures (b, m), gradients (b, m, d) (or (b, m, 0)) and status (b,) of `rows` (b, d)."""

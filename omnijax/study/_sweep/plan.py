@@ -123,7 +123,7 @@ def _spec(
 ) -> SweepSpec:  # fmt: skip
     chunk, columns = sampling.chunk, len(axes) if sampling.gradient else 0
     count = 1 if how.times is None else len(how.times)
-    batch = batch_size(how.method, count, columns, sampling.devices)
+    batch = batch_size(how.method, rig, count, columns, sampling.devices)
     batch = min(batch, chunk) if chunk else batch
     full = how.method == "full"
     return SweepSpec(
