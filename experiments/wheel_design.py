@@ -14,9 +14,9 @@ import numpy as np
 
 from omnijax.study import design, designed_rig, load_study
 from omnijax.study._design.engine import Engine
-from omnijax.study._design.judge import judge
+from omnijax.study._design.judge import check_optimality
 from omnijax.study._design.rig import rig_problem
-from omnijax.study._design.search import Lanes
+from omnijax.study._design.search import Starts
 from omnijax.vibration import contact_load, natural_frequencies, steady_metrics
 
 study = load_study(Path(__file__).parent / "studies" / "wheel.toml")
@@ -50,9 +50,9 @@ share = np.asarray(engine.search.scale.share(jnp.array(list(found.variables.valu
 free = np.array([[0.0 if v.whole else 1.0 for v in problem.variables]])
 limit = np.array([[limit.bound for limit in problem.limits]])
 limit[0, place] += 1.0
-lane = Lanes(share[None], free, limit)
+lane = Starts(share[None], free, limit)
 end, spent = engine.finish(lane, 0, share)
-(relaxed,) = judge(engine.figures, lane, end[None], [spent])
+(relaxed,) = check_optimality(engine.figures, lane, end[None], [spent])
 gain = found.objective - relaxed.value
 print(
     f"1 N more preload: {1e6 * price:.3f} µm by the multiplier, {1e6 * gain:.3f} µm searched again"

@@ -53,14 +53,14 @@ def trust(digest: str) -> None:
 
 
 def _allowed() -> set[str]:
-    found = set(os.environ.get(_ENVIRONMENT, "").split(","))
+    digests = set(os.environ.get(_ENVIRONMENT, "").split(","))
     file = _file()
     try:
         if open_to_others(file) is None:
-            found |= {line.partition(" ")[0] for line in file.read_text("utf-8").splitlines()}
+            digests |= {line.partition(" ")[0] for line in file.read_text("utf-8").splitlines()}
     except (OSError, ValueError):  # nothing was ever allowed
         pass
-    return found
+    return digests
 
 
 def _asked(path: Path, digest: str) -> bool:

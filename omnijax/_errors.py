@@ -2,10 +2,12 @@
 
 import difflib
 import importlib
+import traceback
 import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any
 
+USERS_MODULE = "omnijax_user_"  # begins the names of modules made of users' programs
 LONG = 700  # characters; the longest line that is said
 MOST = 100  # lines, and problems
 WORD = 200  # characters that two words are compared by
@@ -24,6 +26,16 @@ class InputError(ValueError):
         if len(sentences) > MOST:
             self.problems += (f"{where}and {len(sentences) - MOST} more.",)
         super().__init__("\n".join(self.problems))
+
+
+def in_users_program(error: BaseException) -> str | None:
+    """What went wrong in which line of a user's program (a law file, a machine); None elsewhere."""
+    places = [
+        f"{frame.f_code.co_filename}, line {line}"
+        for frame, line in traceback.walk_tb(error.__traceback__)
+        if str(frame.f_globals.get("__name__", "")).startswith(USERS_MODULE)
+    ]
+    return f"{places[-1]}: {type(error).__name__}: {error}" if places else None
 
 
 class DataWarning(UserWarning):

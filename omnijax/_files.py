@@ -244,8 +244,8 @@ def _is_input(target: Path) -> bool:
 
 
 def _identity(path: str | Path) -> tuple[int, int]:
-    found = os.stat(path)
-    return found.st_dev, found.st_ino
+    status = os.stat(path)
+    return status.st_dev, status.st_ino
 
 
 def sync(path: Path) -> None:

@@ -99,10 +99,10 @@ def _raise(_: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def _dropped(found: Any) -> None:
+def _dropped(unraisable: Any) -> None:
     """An exception that a callback could not pass on; of a Ctrl-C the thread takes care."""
-    if not issubclass(found.exc_type, KeyboardInterrupt):
-        sys.__unraisablehook__(found)
+    if not issubclass(unraisable.exc_type, KeyboardInterrupt):
+        sys.__unraisablehook__(unraisable)
 
 
 def _watch(reading: int, heard: _Heard) -> None:

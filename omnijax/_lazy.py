@@ -20,11 +20,11 @@ def lazy_face(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
         if name not in sources:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         module, original = sources[name]
-        found = getattr(importlib.import_module(module, package), original)
+        value = getattr(importlib.import_module(module, package), original)
         if "jax" in sys.modules:  # its settings stand before anything of ours runs
             from . import _config as _config
-        setattr(sys.modules[package], name, found)
-        return found
+        setattr(sys.modules[package], name, value)
+        return value
 
     def __dir__() -> list[str]:
         return sorted(sources)
@@ -34,11 +34,11 @@ def lazy_face(package: str) -> tuple[Callable[[str], Any], Callable[[], list[str
 
 def _sources(file: Path) -> dict[str, tuple[str, str]]:
     """Name in the face -> module (relative) and name there."""
-    found = {}
+    sources = {}
     for block in ast.parse(file.read_text(encoding="utf-8")).body:
         if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
             for node in block.body:
                 assert isinstance(node, ast.ImportFrom), f"{file}:{node.lineno}"
                 module = "." * node.level + (node.module or "")
-                found |= {name.asname or name.name: (module, name.name) for name in node.names}
-    return found
+                sources |= {name.asname or name.name: (module, name.name) for name in node.names}
+    return sources

@@ -80,13 +80,13 @@ def _check_words(path: Path) -> None:
 
 def _checked(data: Any) -> dict[str, dict[str, Any]]:
     """Checksums of all arrays of numbers: a flipped bit is noticed where they are read."""
-    found = {}
+    encoding = {}
     for name, values in data.variables.items():
         if values.dtype.kind in "fiu" and values.size > 1:
             rows = max(1, CHUNK // (values.size // values.shape[0]))
             sizes = (min(rows, values.shape[0]), *values.shape[1:])
-            found[name] = {"fletcher32": True, "chunksizes": sizes}
-    return found
+            encoding[name] = {"fletcher32": True, "chunksizes": sizes}
+    return encoding
 
 
 def load_netcdf(path: str | Path, kind: str = "a netCDF file", decode_times: bool = False) -> Any:
@@ -129,9 +129,9 @@ def _dropping_quietly() -> Iterator[None]:
     """h5netcdf's destructor fails on a file that it could not open: nobody is told of that."""
     before = sys.unraisablehook
 
-    def heard(found: Any) -> None:
-        if not str(getattr(found.object, "__module__", "")).startswith("h5netcdf"):
-            before(found)
+    def heard(unraisable: Any) -> None:
+        if not str(getattr(unraisable.object, "__module__", "")).startswith("h5netcdf"):
+            before(unraisable)
 
     sys.unraisablehook = heard
     try:

@@ -20,11 +20,11 @@ def open_to_others(path: Path) -> str | None:
         return None
     here = os.path.realpath(path)
     for place in (here, os.path.dirname(here)):
-        found = os.stat(place)
-        if found.st_uid not in (os.geteuid(), 0):
+        status = os.stat(place)
+        if status.st_uid not in (os.geteuid(), 0):
             return f"{place} belongs to another user"
-        sticky = found.st_mode & stat.S_ISVTX and place != here
-        if found.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not sticky:
+        sticky = status.st_mode & stat.S_ISVTX and place != here
+        if status.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and not sticky:
             return f"{place} can be written by others"
     return None
 

@@ -123,8 +123,8 @@ def _origin() -> str:
 
 def _processor() -> list[str]:
     """What the compiler asks of the processor before it chooses instructions."""
-    found = re.findall(r"^(?:model name|flags|Features|CPU \w+)\s*:.*", _cpuinfo(), re.MULTILINE)
-    return [platform.machine(), *sorted(set(found))]
+    features = re.findall(r"^(?:model name|flags|Features|CPU \w+)\s*:.*", _cpuinfo(), re.MULTILINE)
+    return [platform.machine(), *sorted(set(features))]
 
 
 def _cpuinfo() -> str:
@@ -184,10 +184,10 @@ def _secret() -> bytes:
             made.write(os.urandom(32))
         if stat.S_IMODE(file.stat().st_mode) & 0o077 or file.stat().st_uid != os.geteuid():
             return b""
-        found = file.read_bytes()
+        secret = file.read_bytes()
     except OSError:
         return b""
-    return found if len(found) == 32 else b""
+    return secret if len(secret) == 32 else b""
 
 
 def _mine(path: str, flags: int) -> int:

@@ -29,7 +29,7 @@ def written(unit: str) -> str:
     return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")
 
 
-def amount(value: float, unit: str) -> str:
+def quantity_text(value: float, unit: str) -> str:
     """A value with its unit, prefixed where that reads better."""
     factor, name = scaled(value, unit)
     return _with(f"{value * factor:.4g}", name)

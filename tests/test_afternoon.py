@@ -5,16 +5,21 @@ tests/help_texts.py` writes the golden help texts anew.
 """
 
 import csv
+import gzip
 import json
 import math
 import re
+from typing import get_args
 
 import help_texts
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from seeds import drawn_anew
 
 import omnijax
 from omnijax.cli import run
+from omnijax.cli.init import Studies
 
 MACHINES = {
     "ballbot": (["--wheels", "3", "--zenith", "45", "--radius", "120mm"], 3, 0.12),
@@ -120,25 +125,37 @@ def test_orders_and_replay_of_the_run(type_, machine):
 
 
 def test_a_sweep_and_its_figures(type_, machine):
+    """By a study file; the same asked by options takes up its finished store."""
     if machine[1] == 4:
         pytest.skip("one program is compiled for the ballbot, and would be for four wheels")
-    typed = ",".join(["1"] * machine[1])
-    line = f"--vary wheel.roundness=0,0.3,0.45 --speed {typed} --metric rms,peak --out s.zarr"
-    out, _ = type_(f"sweep rig.toml {line}")
+    type_("init grid.toml --study sweep --rig rig.toml")
+    text = (machine[0] / "grid.toml").read_text(encoding="utf-8")
+    first, _, last = re.sub("speed = .*", "omega = [0.2, 0, 0.5]", text, count=1).split(
+        "[[variable]]"
+    )
+    last = re.sub("low = .*", "low = 0", re.sub("high = .*", "high = 0.4", last))
+    last = last.replace("levels = 5", "levels = 3")
+    (machine[0] / "grid.toml").write_text(f"{first}[[variable]]{last}", encoding="utf-8")
+    out, _ = type_("sweep grid.toml --out s.zarr")
     assert "status: 3 ok" in out and "best rms: 0 m at wheel.roundness = 0 (design 0)" in out
     assert max(map(len, out.splitlines())) <= 80
     assert "finished: 3 of 3 designs" in type_("sweep-status s.zarr")[0]
+    line = "sweep rig.toml --vary wheel.roundness=0:0.4:3 --metric rms --out s.zarr --resume"
+    assert "best rms: 0 m" in type_(f"{line} --omega 0.2,0,0.5")[0]
+    assert "holds another sweep" in type_(f"{line} --omega 0.2,0,0.4", 2)[1]
     assert type_("export s.zarr s.csv")[0] == "s.csv: 3 designs\n"
     with open(machine[0] / "s.csv", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     column = next(key for key in rows[0] if key.startswith("rms"))
     figures = [float(row[column]) for row in rows]
     assert figures[0] == 0 < figures[1] < figures[2]
-    again = json.loads(type_("sweep-status s.zarr --rerun 2 --json")[0])
-    assert again["rms"] == pytest.approx(figures[2], rel=1e-9)
+    told = type_("sweep grid.toml --omega 0,0,1", 2)[1]
+    assert told == "grid.toml: --omega stands in the study file: give it there.\n"
+    told = type_("sweep rig.toml --omega 0,0,0..1 --vary wheel.roundness=0.3,0.45", 2)[1]
+    assert "`omega` is a ramp over a whole run: give its length by --duration." in told
 
 
-@pytest.mark.parametrize("kind", ["design", "pareto", "tolerances", "global-sensitivity"])
+@pytest.mark.parametrize("kind", get_args(Studies))
 def test_study_files_fit_the_rig(type_, machine, kind):
     type_(f"init {kind}.toml --study {kind} --rig rig.toml")
     found = json.loads(type_(f"check {kind}.toml --json")[0])
@@ -153,6 +170,98 @@ def test_study_files_fit_the_rig(type_, machine, kind):
         "speeds` is not a key of a study file. Did you mean `speed`?"
         in type_("check wrong.toml", 2)[1]
     )
+
+
+def test_a_design_brings_what_it_says(type_, machine):
+    if machine[1] == 4:
+        pytest.skip("one program is compiled for the ballbot, and would be for four wheels")
+    type_("init damping.toml --study design --rig rig.toml")
+    text = (machine[0] / "damping.toml").read_text(encoding="utf-8")
+    first, _, second = text.split("[[variable]]")
+    text = f"{first}[[variable]]{second}\n[search]\nstarts = 1\n"
+    (machine[0] / "damping.toml").write_text(text, encoding="utf-8")
+    out, _ = type_("design damping.toml --rig best.toml")
+    assert max(map(len, out.splitlines())) <= 80
+    told = " ".join(out.split())
+    found = re.search(r"Build it with contact damping (\S+) (k?)N s/m \(now (\S+) N s/m\)", told)
+    assert found is not None and float(found[1]) != float(found[3])
+    gain = re.search(r"That is (\S+) % less rms than your rig: from (\S+) to (\S+) ([µm]m)", told)
+    assert gain is not None and float(gain[3]) < float(gain[2])
+    assert float(gain[1]) == pytest.approx(100 * (1 - float(gain[3]) / float(gain[2])), abs=0.1)
+    speed = re.search(r"speed = \[(.*?)\]", text)
+    assert speed is not None
+    of = {
+        name: omnijax.steady_state(omnijax.load_rig(machine[0] / name), as_numbers(speed[1])).rms
+        for name in ("rig.toml", "best.toml")
+    }
+    unit = {"µm": 1e-6, "mm": 1e-3}[gain[4]]
+    assert float(of["rig.toml"]) == pytest.approx(unit * float(gain[2]), rel=1e-3)
+    assert float(of["best.toml"]) == pytest.approx(unit * float(gain[3]), rel=1e-3)
+
+
+def as_numbers(text):
+    return jnp.array([float(x) for x in text.split(",")])
+
+
+NOISE = {"dR": 2e-6, "theta": 1e-4, "Omega": 1e-3, "a": 2e-2}
+RUNOUT = """
+[[effect]]
+id = "wheel-runout"
+place = "w2"
+parameters = { amplitude = "60 um", phase = "40 deg" }
+"""
+
+
+def recorded(type_, folder, wheels, rig, rng, size):
+    """A case of three runs of `rig` under torques of slow sines, read by noisy sensors."""
+    case = folder / f"case-{rig}"
+    case.mkdir()
+    (case / "rig.toml").write_bytes((folder / "rig.toml").read_bytes())
+    time = np.arange(0, 2, 2e-3)
+    for k in (1, 2, 3):
+        rate, phase = rng.uniform(0.4, 2, (wheels, 3, 1)), rng.uniform(0, 6, (wheels, 3, 1))
+        torque = size * np.sum(np.sin(2 * np.pi * rate * time + phase), axis=1)
+        head = ",".join(["t", *(f"torque_{i + 1}" for i in range(wheels))])
+        drive = folder / "drive.csv"
+        np.savetxt(drive, np.column_stack([time, torque.T]), "%.9g", ",", header=head, comments="")
+        out = f"case-{rig}/run-{k}.csv.gz"
+        type_(f"simulate {rig}.toml --drive drive.csv --out {out}")
+        with gzip.open(folder / out, "rt", encoding="utf-8") as file:
+            names = file.readline().strip().split(",")
+            data = np.loadtxt(file, delimiter=",")
+        sigma = [NOISE.get(name.partition("_")[0], 0.0) for name in names]
+        data += sigma * rng.standard_normal(data.shape)
+        with gzip.open(folder / out, "wt", encoding="utf-8") as file:
+            np.savetxt(file, data, "%.9g", ",", header=",".join(names), comments="")
+        lines = ['rig = "rig.toml"', f'role = "{"held-out" if k == 3 else "train"}"', "[noise]"]
+        lines += [f"{name} = {value}" for name, value in NOISE.items()]
+        (case / f"run-{k}.toml").write_text("\n".join(lines), encoding="utf-8")
+    return case.name
+
+
+@pytest.mark.long
+def test_a_diagnosis_names_what_was_planted(type_, machine):
+    """A ballbot's runout with its size; of a platform that lacks nothing, nothing."""
+    folder, wheels, _ = machine
+    rng = drawn_anew("a_new_users_diagnosis")
+    text = (folder / "rig.toml").read_text(encoding="utf-8")
+    (folder / "true.toml").write_text(text + RUNOUT * (wheels == 3), encoding="utf-8")
+    case = recorded(type_, folder, wheels, "true", rng, {3: 0.05, 4: 1.0}[wheels])
+    out, _ = type_(f"diagnose {case} --out found")
+    assert max(map(len, out.splitlines())) <= 80
+    page = (folder / "found" / "index.html").read_text(encoding="utf-8")
+    if wheels == 4:
+        assert "verdict: none" in out and "none" in page
+        return
+    assert "verdict: named" in out and "wheel-runout at w2" in out
+    found = json.loads((folder / "found" / "diagnosis.json").read_text(encoding="utf-8"))
+    (effect,) = found["effects"]
+    size, phase = (effect["parameters"][key] for key in ("amplitude", "phase"))
+    assert size["value"] == pytest.approx(6e-5, abs=5 * size["sigma"]) and size["sigma"] < 2e-6
+    assert math.degrees(phase["value"]) == pytest.approx(40, abs=math.degrees(5 * phase["sigma"]))
+    assert all(gap["after"] < 1.1 * gap["noise_floor"] for gap in found["gap"].values())
+    assert "effects: wheel-runout at w2" in type_("check found/rig-diagnosed.toml")[0]
+    assert "How large is it" in page
 
 
 @pytest.mark.parametrize(

@@ -96,7 +96,7 @@ def test_help_breaks_where_the_terminal_ends(capsys, monkeypatch):
 
 def test_a_rig_and_a_study_are_told_apart(tmp_path, capsys):
     (tmp_path / "study.toml").write_text('rig = "atlas"\n[objective]\nmetric = "rms"\n')
-    code, _, err = call(capsys, "sensitivity", str(tmp_path / "study.toml"))
+    code, _, err = call(capsys, "simulate", str(tmp_path / "study.toml"), "--omega", "0,0,1")
     assert code == 2 and "is a study file, not a rig file" in err and err.count("\n") == 1
     call(capsys, "init", str(tmp_path / "rig.toml"))
     code, _, err = call(capsys, "design", str(tmp_path / "rig.toml"))

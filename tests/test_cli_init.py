@@ -1,11 +1,15 @@
 """`omnijax init`: machines from a geometry, and study files."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 
 from omnijax.cli import run
 from omnijax.cli._starter import EXAMPLES
-from omnijax.rig import load_rig
+from omnijax.cli.init import Studies
+from omnijax.dynamics import fitting_speeds, mobility
+from omnijax.rig import get_parameter, load_rig
 from omnijax.study import load_study
 
 
@@ -39,13 +43,35 @@ def test_every_example_is_a_rig_with_three_driven_axes(name, tmp_path, capsys):
     assert np.linalg.cond(np.asarray(load_rig(file).wheels.spin_axis)) < 3
 
 
-@pytest.mark.parametrize("kind", ["design", "pareto", "tolerances", "global-sensitivity"])
-def test_study_files_fit_the_rig_that_they_name(kind, tmp_path, monkeypatch):
+@pytest.mark.parametrize("name", EXAMPLES)
+@pytest.mark.parametrize("kind", get_args(Studies))
+def test_study_files_fit_the_rig_that_they_name(kind, name, tmp_path, monkeypatch):
+    """Speeds that fit each other, and ranges around the rig's own numbers."""
     monkeypatch.chdir(tmp_path)
-    assert run(["init", "four.toml", "--example", "four-wheel"]) == 0
-    assert run(["init", "--study", kind, "--rig", "four.toml"]) == 0
-    study = load_study("study.toml")
-    assert study.rig.size == 4
+    assert run(["init", "own.toml", "--example", name]) == 0
+    (tmp_path / "sub").mkdir()
+    assert run(["init", "sub/study.toml", "--study", kind, "--rig", "own.toml"]) == 0
+    study = load_study("sub/study.toml")
+    assert study.rig.size == EXAMPLES[name].wheels
+    speed = np.array(study.drives[0].values)
+    back = np.array(fitting_speeds(study.rig, np.asarray(mobility(study.rig).to_sphere) @ speed))
+    np.testing.assert_allclose(back, speed, rtol=1e-4)  # written with six figures
+    assert np.min(np.abs(speed)) > 0
+    for v in study.variables:
+        own = np.asarray(get_parameter(study.rig, v.name))
+        assert v.low < own.min() and own.max() < v.high < 20 * own.max()
+
+
+def test_a_study_names_a_rig_that_is_there(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert run(["init", "--study", "design", "--rig", "none.toml"]) == 2
+    assert "none.toml" in capsys.readouterr().err
+    assert run(["init", "--axis", "axis.toml"]) == 0
+    assert run(["init", "--study", "sweep", "--rig", "axis.toml"]) == 2
+    said = " ".join(capsys.readouterr().err.split())
+    assert "axis.toml: is a machine file of an axis: study files are for rigs" in said
+    assert "`omnijax sweep axis.toml --drive LOG`" in said
+    assert not (tmp_path / "study.toml").exists()
 
 
 @pytest.mark.parametrize(

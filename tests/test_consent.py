@@ -134,3 +134,18 @@ def test_a_wrong_law_file_is_one_sentence(here, monkeypatch, kind):
     Path("law.py").write_text(text)
     with pytest.raises(InputError, match=said.replace("(", r"\(")):
         load_laws("law.py")
+
+
+@pytest.mark.parametrize(
+    ("line", "said"),
+    [
+        ("return self.d * signal.speed", "law.py, line 15: AttributeError: 'MountSignal' object"),
+        ("return self.d * signal.rate, 0", "law `my-damper` must return one number at its port"),
+        ("return None", "law `my-damper` must return one number at its port `mount`"),
+    ],
+)
+def test_a_law_that_fails_in_the_run_is_one_sentence(here, capsys, line, said):
+    Path("law.py").write_text(LAW.replace("return self.d * signal.rate", line))
+    assert run(["simulate", "rig.toml", *SHORT, "--trust-laws"]) == 2
+    (error,) = capsys.readouterr().err.strip().splitlines()[-1:]
+    assert said in error

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from omnijax._text import amount, estimate
+from omnijax._text import estimate, quantity_text
 from omnijax.rig import InputError
 from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, parse_study, trade_off
 from omnijax.study._design.design import start_note
 from omnijax.study._design.engine import Engine
 from omnijax.study._design.evolve import Rank, evolve, far_apart
-from omnijax.study._design.judge import judge
+from omnijax.study._design.judge import check_optimality
 from omnijax.study._design.search import Adam
 from omnijax.study._study_folder import Folder
 from omnijax.vibration import peak, smooth_peak
@@ -69,7 +69,8 @@ def test_searches_are_ranked_best_first(bounded):
 def test_design_survives_saving(bounded, tmp_path):
     bounded.save(tmp_path / "design.nc")
     assert Design.load(tmp_path / "design.nc") == bounded
-    assert repr(bounded).startswith("objective = 6.5: optimal")
+    assert repr(bounded).startswith("Build it with x 1 and y 0.5 N.")
+    assert "objective = 6.5: optimal" in repr(bounded)
     assert "<td>y</td><td>0.5</td><td>N</td>" in bounded._repr_html_()
     assert list(bounded.to_xarray()["variable_unit"].values) == ["1", "N"]
     assert bounded.plot_searches().get_title(loc="left") == "3 searches: optimal"
@@ -169,16 +170,16 @@ def test_evolved_starts_are_feasible_and_apart():
     """cos(6 pi x) >= 0.9 in four variables and the fifth held: none of 64 designs is feasible,
     after evolution enough are; those taken lie apart, and the held variable has not moved."""
 
-    def judge(x):
+    def check_optimality(x):
         over = np.maximum(0.9 - np.cos(6 * np.pi * x[:, :4]), 0.0).sum(axis=1)
         return Rank(over, x.sum(axis=1))
 
     drawn = np.random.default_rng(3).random((64, 5))
     drawn[:, 4] = 0.3
-    assert judge(drawn).feasible == 0
-    moved, rank = evolve(drawn, np.array([1, 1, 1, 1, 0]), judge, 8, 100, 0)
+    assert check_optimality(drawn).feasible == 0
+    moved, rank = evolve(drawn, np.array([1, 1, 1, 1, 0]), check_optimality, 8, 100, 0)
     assert rank.feasible >= 8 and np.all(moved[:, 4] == 0.3)
-    assert np.array_equal(rank.violation, judge(moved).violation)
+    assert np.array_equal(rank.violation, check_optimality(moved).violation)
     chosen = far_apart(moved, rank, 3)
     assert np.all(rank.violation[chosen] == 0) and len(set(chosen)) == 3
     assert chosen[0] == rank.order()[0]
@@ -198,7 +199,7 @@ def test_a_maximum_is_not_called_optimal():
     """A start exactly on a hill's top is stationary, but a neighbour is better."""
     problem = Problem((Variable("x", -1.0, 1.0),), lambda x, _: ((2 - x[0] ** 2)[None], NO_LIMITS))
     engine = Engine(problem, 1, 0)
-    end = judge(engine.figures, engine.lanes, np.array([[0.5]]), [0])[0]
+    end = check_optimality(engine.figures, engine.lanes, np.array([[0.5]]), [0])[0]
     assert end.status == "not optimal" and "a neighbouring design is better" in end.reason
 
 
@@ -310,12 +311,15 @@ def test_a_front_prints_and_survives_saving(tmp_path):
     front.save(tmp_path / "f.nc")
     again = Front.load(tmp_path / "f.nc")
     assert np.array_equal(again.values, front.values) and again.variable_units == ("N/m", "N s/m")
-    assert "rms rises by 0.0 %" in repr(front) and "contact.stiffness / N/m" in front._repr_html_()
+    assert (
+        "rms and peak do not compete here" in repr(front)
+        and "contact.stiffness / N/m" in front._repr_html_()
+    )
     assert front.plot_front().get_xlabel() == "rms (mm)"
 
 
 def test_front_agrees_with_a_population_method():
-    """NSGA-II with 40 designs over 60 generations comes no nearer, with more evaluations."""
+    """NSGA-II finds the same front; with as many evaluations it comes no nearer to it."""
     pytest.importorskip("pymoo")
     from pymoo.algorithms.moo.nsga2 import NSGA2
     from pymoo.core.problem import Problem as Population
@@ -328,15 +332,21 @@ def test_front_agrees_with_a_population_method():
         def _evaluate(self, x, out, *args, **kwargs):
             out["F"] = np.stack([((x - 1) ** 2).sum(1), ((x + 1) ** 2).sum(1)], axis=1) + 1
 
-    theirs = minimize(Pair(), NSGA2(pop_size=40), ("n_gen", 60), seed=1, verbose=False)
+    def population(generations):
+        return minimize(Pair(), NSGA2(pop_size=40), ("n_gen", generations), seed=1, verbose=False).F
+
+    def off_the_front(values):  # which is sqrt(f1 - 1) + sqrt(f2 - 1) = 2 sqrt(2)
+        return np.abs(np.sqrt(values - 1).sum(axis=1) - 2 * math.sqrt(2))
+
     variables = (Variable("a", -2.0, 2.5), Variable("b", -2.0, 2.5))
-    ours = trade_off(Problem(variables, convex_pair), ("f1", "f2"), ("1", "1"), points=6, starts=2)
-    order = np.argsort(ours.values[:, 0])
-    level = np.interp(theirs.F[:, 0], ours.values[order, 0], ours.values[order, 1])
-    assert np.all(theirs.F[:, 1] > level - 0.6)  # chords lie above the front by at most that
-    gap = np.sqrt(np.maximum(theirs.F - 1, 0)).sum(axis=1) - 2 * math.sqrt(2)
-    assert np.all(gap > -1e-9) and gap.max() > 1e-4  # theirs are never better
-    assert 4 * ours.evaluations < 40 * 60  # 510 of ours: 4.7 times fewer
+    front = trade_off(Problem(variables, convex_pair), ("f1", "f2"), ("1", "1"), points=6, starts=2)
+    ours, long, equal = front.values, population(60), population(front.evaluations // 40)
+    assert off_the_front(ours).max() < 1e-6 < np.median(off_the_front(equal))
+    beaten = (equal[:, None] < ours - 1e-6).all(axis=2)
+    assert not beaten.any() and (ours[:, None] < equal).all(axis=2).any()
+    np.testing.assert_allclose(np.sort(ours, axis=0)[[0, -1]], [[1, 1], [9, 9]], atol=1e-6)
+    nearest = np.linalg.norm(ours[:, None] - long, axis=2).min(axis=1)
+    assert nearest.max() < 0.3 and np.median(off_the_front(long)) < 0.05  # theirs cover it all
 
 
 @pytest.mark.parametrize(
@@ -430,7 +440,7 @@ def test_all_problems_of_a_study_at_once():
     ],
 )
 def test_amounts_read_well(value, unit, text):
-    assert amount(value, unit) == text
+    assert quantity_text(value, unit) == text
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from omnijax.study._design.answer import make_design
 from omnijax.study._design.engine import Engine
 from omnijax.study._design.notes import Exact, as_it_was, before
 from omnijax.study._design.rig import RigCases, rig_problem
-from omnijax.study._design.search import Lanes
+from omnijax.study._design.search import Starts
 from omnijax.study._spread.tolerances import allocate, share_bounds, usual_parts
 
 SPEED = (3.0, 5.1, 7.3)
@@ -49,10 +49,10 @@ def engine():
     return Engine(rig_problem(parse_study(tomllib.loads(TEXT))), 3, 0)
 
 
-def lanes_from(engine, shares, limit=None) -> Lanes:
+def lanes_from(engine, shares, limit=None) -> Starts:
     shares = jnp.asarray(shares)
     bound = jnp.array([x.bound for x in engine.problem.limits]) if limit is None else limit
-    return Lanes(shares, jnp.ones_like(shares), jnp.tile(bound, (len(shares), 1)))
+    return Starts(shares, jnp.ones_like(shares), jnp.tile(bound, (len(shares), 1)))
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +131,7 @@ def test_an_interrupted_search_is_taken_up(engine, tmp_path, capsys, monkeypatch
     assert "continue with --resume" in capsys.readouterr().err
     assert run(["design", path, "--store", store, "--resume"]) == 0
     assert len(calls) == 5  # the second search and those after it
-    assert "4 searches end there" in capsys.readouterr().out
+    assert "4 searches end there" in " ".join(capsys.readouterr().out.split())
     calls[:] = [()]
     assert run(["design", path]) == 130
     assert "nothing was kept. With --store FOLDER" in capsys.readouterr().err

@@ -11,7 +11,7 @@ from omnijax import InputError
 from omnijax.diagnosis._answer import RigEvidence
 from omnijax.diagnosis._answer.shown import Shown, shown_noise
 from omnijax.diagnosis._answer.verdict import judge
-from omnijax.diagnosis._machine.data_vector import Rows, _filters
+from omnijax.diagnosis._machine.data_vector import DataRows, _filters
 from omnijax.diagnosis._machine.roles import with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._noise import step_of
@@ -65,7 +65,7 @@ def test_coloured_noise_is_whitened_by_its_own_spectrum():
     run = Run("r", "train", STEP * np.arange(N), np.zeros((N, 3)), np.zeros((N, 3)),
               {"a": np.zeros((N, 3))}, np.ones(N, bool))  # fmt: skip
     run = with_noise(run, {"a_x": found}, 3)
-    rows = Rows(N, np.ones((N, 6)), np.ones((N, 6)), [], filters=_filters(run))
+    rows = DataRows(N, np.ones((N, 6)), np.ones((N, 6)), [], filters=_filters(run))
     table = np.zeros((1, N, 6))
     table[0, :, 3] = x / found.ratio
     flat = table.reshape(1, -1)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from omnijax.diagnosis import Diagnosis, Gap, Named
+from omnijax.diagnosis import Diagnosis, Named, OutputGap
 from omnijax.diagnosis._answer.answer import _sigma, together
 from omnijax.laws import EFFECTS
 
@@ -19,7 +19,7 @@ def found():
               "p": 1e-9, "rms_over_noise": 5.0, "stands": True},
              {"channel": "dR_y", "domain": "phase", "value": float("nan"), "reference": "w2",
               "share": 0.2, "p": 0.4, "rms_over_noise": 5.0, "stands": False}]  # fmt: skip
-    gap = {"dR": Gap(2e-6, 1e-5, 2e-6, "m"), "a": Gap(5e-3, 5e-3, 5e-3, "m/s^2")}
+    gap = {"dR": OutputGap(2e-6, 1e-5, 2e-6, "m"), "a": OutputGap(5e-3, 5e-3, 5e-3, "m/s^2")}
     baseline = [{"parameter": "wheel.w1.contact.stiffness", "stated": 1e5, "without_effects": 1.1e5,
                  "with_effects": 1.05e5, "relative_sigma": 1e-3}]  # fmt: skip
     scores = [{"step": 1, "id": "wheel-runout", "place": "w2", "gain": 1e4, "p": 0.0},
@@ -37,7 +37,9 @@ def test_the_words_give_answer_and_gap(found):
 
 def test_what_a_named_effect_leaves_is_said(found):
     assert found.remainder == ""
-    found.gap["theta"] = Gap(1e-4, 5e-2, 1.1e-3, "rad")  # nearly all closed, yet far from noise
+    found.gap["theta"] = OutputGap(
+        1e-4, 5e-2, 1.1e-3, "rad"
+    )  # nearly all closed, yet far from noise
     assert "still differ by more than the noise (theta 11 times)" in found.remainder
     assert found.to_dict()["notes"][-1] == found.remainder
     found.verdict = "unknown"  # says as much itself

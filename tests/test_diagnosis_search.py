@@ -14,7 +14,7 @@ from omnijax.diagnosis._search.fit import refit
 from omnijax.diagnosis._search.refits import Refits
 from omnijax.diagnosis._search.review import Review
 from omnijax.diagnosis._search.scan import Signatures
-from omnijax.diagnosis._search.search import Way
+from omnijax.diagnosis._search.search import SearchPath
 from omnijax.diagnosis._search.settings import SETTINGS
 from omnijax.diagnosis._search.starts import at_finite_strength, by_tangent
 from omnijax.laws import (  # fmt: skip
@@ -190,9 +190,9 @@ def test_where_something_is_left_the_runner_up_is_followed():
         for start in by_tangent(fit, [scores[id] for id in ("bearing-coulomb", "soft")])
     )
     assert right.accepted and wrong.accepted
-    way = Way(search.refits.settle(wrong.fit), (scan,), ([wrong, right],))
+    way = SearchPath(search.refits.settle(wrong.fit), (scan,), ([wrong, right],))
 
-    def ends(way: Way) -> list[str]:
+    def ends(way: SearchPath) -> list[str]:
         return [e.id for e in search.best_way(fit, way).fit.point.effects]
 
     assert ends(way) == ["bearing-coulomb"]

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from omnijax.diagnosis._machine.elastic import OUTPUTS, rig_modes, signal_names
-from omnijax.diagnosis._machine.rotation import Turning
+from omnijax.diagnosis._machine.rotation import MeasuredTurning
 from omnijax.diagnosis._machine.runs import COARSE, STEPS, Run
 from omnijax.diagnosis._machine.stepped import Lane, law_changes, stepped_ports
 from omnijax.diagnosis._machine.wheels import wheel_tables
@@ -132,7 +132,7 @@ def test_responses_to_torques_are_those_of_the_whole_equations(atlas):
     radius = rng.uniform(0.5, 1.5, (t, n)) * np.asarray(w.radius)
     inverse = np.linalg.inv(np.asarray(atlas.sphere.inertia_matrix))
     unit = jax.vmap(lambda r: rotation_response(atlas, Rolling(r, axes), inverse), 0, 1)(radius)
-    response = Turning(np.asarray(unit), axes[None])
+    response = MeasuredTurning(np.asarray(unit), axes[None])
     shaft, opposing = rng.normal(size=(t, n)), rng.normal(size=(t, 3))
     shaft[:, 1] = 0.0
     for T, g in ((shaft, opposing), (shaft, None), (None, opposing)):

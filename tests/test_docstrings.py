@@ -33,6 +33,18 @@ def test_every_function_says_what_it_raises(name):
     assert "Raises" in text(name)
 
 
+COMPUTING = [
+    "simulate", "simulate_many", "propagate", "steady_state", "measured", "evaluate", "modes",
+    "natural_frequencies", "order_track", "rpm_order_map", "sensitivity", "global_sensitivity",
+    "design", "pareto", "tolerances", "diagnose", "noise_floor",
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", COMPUTING)
+def test_what_computes_names_its_source(name):
+    assert re.search(r"Source: (.|\n){20}|\w+ (19|20)\d\d\b", text(name)), text(name)
+
+
 def raised(function):
     """The exceptions that the function's own text raises."""
     tree = ast.parse(inspect.getsource(inspect.unwrap(function)).strip())

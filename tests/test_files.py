@@ -143,12 +143,12 @@ def test_a_killed_run_goes_on_and_another_machine_does_not(
     import numpy as np
 
     from omnijax import load_trajectory, read_recording
-    from omnijax.cli._simulate_run import Pieces
+    from omnijax.cli._simulate_run import StoredPieces
 
     class Killed(BaseException):
         """What no command can answer."""
 
-    def add(self, run, end, whole=Pieces.add):
+    def add(self, run, end, whole=StoredPieces.add):
         whole(self, run, end)
         if self.count == 2:
             raise Killed
@@ -159,7 +159,7 @@ def test_a_killed_run_goes_on_and_another_machine_does_not(
     killed, whole = f"killed{kind}", f"whole{kind}"
     words = ["simulate", "rig.toml", *asked, "--out", killed]
     with monkeypatch.context() as patch:
-        patch.setattr(Pieces, "add", add)
+        patch.setattr(StoredPieces, "add", add)
         with pytest.raises(Killed):
             run(words)
     kept = contents(tmp_path)

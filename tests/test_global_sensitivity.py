@@ -128,11 +128,11 @@ def test_the_rig_against_salib():
 
     from omnijax.study._design.rig import RigCases
     from omnijax.study._file.file import parse_study
-    from omnijax.study._spread.inputs import Inputs, run_all
+    from omnijax.study._spread.inputs import UncertainInputs, run_all
 
     study = parse_study(STUDY)
     cases = RigCases(study, ("rms",))
-    box = Inputs(
+    box = UncertainInputs(
         [Input(v.name, v.low, v.high, v.log, i == 2) for i, v in enumerate(study.variables)]
     )
     problem = {"num_vars": 3, "names": list(box.names), "bounds": [[0, 1]] * 3}

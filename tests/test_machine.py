@@ -6,12 +6,13 @@ import pytest
 from scipy.linalg import expm
 
 from omnijax.diagnosis import diagnose
-from omnijax.laws import EFFECTS
+from omnijax.laws import EFFECTS, LoadFriction, MotorRipple
 from omnijax.machine import (
     Axis,
     LogFile,
     MachineFile,
     PlacedLaw,
+    axis_unit,
     free_run,
     guess,
     load_machine,
@@ -88,8 +89,30 @@ def test_files_say_everything_that_is_wrong():
         assert text in said
     with pytest.raises(InputError, match=r"`motor.resistance` is missing"):
         parse_machine(drawn(0) | {"motor": {"input": "voltage"}})
+    wound = {"motor": {"input": "voltage", "resistance": 1}}
+    with pytest.raises(InputError, match=r"`motor.torque_constant` is missing.* in N m/A"):
+        parse_machine(drawn(0) | wound)
     with pytest.raises(InputError, match="`servo` is missing"):
         parse_machine(drawn(0) | {"motor": {"input": "goal", "resistance": 1}})
+    weight = {"motion": "translation", "axis": {"inertia": 1, "gravity": 9.81}}
+    with pytest.raises(InputError, match=r"`axis.gravity` is a pendulum's.*`axis.offset`, in N"):
+        parse_machine(drawn(0) | weight)
+
+
+def test_a_torque_constant_that_is_not_given_is_said():
+    given = parse_machine(drawn(0) | {"motor": {"input": "current", "torque_constant": 0.1}})
+    silent = parse_machine(drawn(0) | {"motor": {"input": "current"}})
+    assert given.assumed == () and float(given.machine.torque_constant) == 0.1
+    assert "taken for 1 N m/A" in silent.assumed[0]
+    assert float(silent.machine.torque_constant) == 1.0
+    assert parse_machine(drawn(0)).assumed == ()
+
+
+def test_orders_of_an_axis_that_slides_are_in_rad_a_metre():
+    order = MotorRipple.parameters["order"].unit
+    assert axis_unit(order, "translation", "order") == "rad/m"
+    assert axis_unit(order, "rotation", "order") == "1"
+    assert axis_unit(LoadFriction.parameters["mu"].unit, "translation", "mu") == "1"
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -10,8 +10,8 @@ from omnijax.dynamics import (
     Coupled,
     Inputs,
     Model,
-    Passage,
     State,
+    StepAverage,
     incompatibility,
     instant,
     prescribed_instant,
@@ -57,7 +57,7 @@ def check_torque_driven(n, with_effects, unilateral=False, seed=0, passage=None)
     if passage is None:
         check_instant(instant(model, state, inputs), expected)
     rate = torque_driven(
-        model, state, inputs, None if passage is None else Passage(*map(jnp.asarray, passage))
+        model, state, inputs, None if passage is None else StepAverage(*map(jnp.asarray, passage))
     )
     near(rate.angle, expected["speed"])
     near(rate.angular_velocity, expected["angular_acceleration"])

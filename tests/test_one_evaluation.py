@@ -5,6 +5,7 @@ row changes one of them, to three values, the others as drawn.  What a method dr
 equal the row of nothing changed, while `simulate` moves.
 """
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -34,6 +35,11 @@ FOUR = (
 LAYOUTS = {"orthogonal": ORTHOGONAL, "tripod": SKEW, "four": FOUR}
 
 
+def plain(rig):
+    """The rig as it is."""
+    return rig
+
+
 def linear_effects(rig):
     """What a closed form honours, of periods of one pitch."""
     number = jnp.asarray
@@ -43,6 +49,14 @@ def linear_effects(rig):
     relaxing = laws.ContactRelaxation(number(4e4), number(90.0))
     rig = rig.add(relaxing, "w2").add(floor, "platform")
     return rig.add(laws.WheelRadius(number(0.01)), "w1").add(laws.Creep(number(0.02)), "w3")
+
+
+def effects_of_a_turn(rig):
+    """What a closed form honours, of periods of one turn of a wheel."""
+    number = jnp.asarray
+    runout = laws.WheelRunout(number(6e-5), number(0.4))
+    damaged = laws.DamagedRoller(number(2.0), number(0.5))
+    return rig.add(runout, "w1").add(damaged, "w2")
 
 
 def columns_of(rig, drive):
@@ -108,8 +122,11 @@ def design(rig, drive, paths, row, base):
     return rig, {"speed": speeds, "torque": torques}[kind](turning, force, parts["angle"])
 
 
-def rows_of(how, rig, drive, rng):
-    """Rows (b, d): nothing changed, then three values of every quantity that the method takes."""
+def rows_of(how, rig, drive, rng, most=3):
+    """Rows (b, d): nothing changed, then values of every quantity that the method takes.
+
+    `most` of them, but three of an effect's own numbers.
+    """
     paths, base = columns_of(rig, drive)
     quantities = drive_quantities(drive, rig.names)
     rows, changed = [base], [""]
@@ -118,19 +135,25 @@ def rows_of(how, rig, drive, rng):
         asked = Question(rig, (drive,), (path,), how.metrics, how.model, duration, rows=1000)
         if how.method != "full" and obstacle(how.method, asked) is not None:
             continue
-        for value in three(rig, path, base[j], rng, quantities):
+        values = three(rig, path, base[j], rng, quantities)
+        for value in values[: 3 if path.startswith("effect.") else most]:
             rows.append(np.where(np.arange(len(base)) == j, value, base))
             changed.append(path)
     return paths, np.array(rows), changed
 
 
-def compared(how, rig, drive, reference, rng, tolerance):
-    """The quantities that move a figure; asserts that all rows have those of `reference`."""
-    paths, rows, changed = rows_of(how, rig, drive, rng)
+def compared(how, rig, drive, reference, rng, tolerance, turns=False):
+    """The quantities that move a figure; asserts that all rows have those of `reference`.
+
+    `turns`: signals last a whole turn, of as many rollers as a wheel may have; fewer rows then.
+    """
+    paths, rows, changed = rows_of(how, rig, drive, rng, most=1 if turns else 3)
     figures, _, status = Rows(how, rig, drive, paths).all(rows, len(rows))
     built = [design(rig, drive, paths, row, rows[0]) for row in rows]
     stacked = jax.tree.map(lambda *xs: jnp.stack([jnp.asarray(x, float) for x in xs]), *built)
-    expected = np.asarray(jax.jit(jax.vmap(lambda both: reference(*both)))(stacked))
+    size = 8 if turns else len(rows)
+    several = jax.jit(lambda all: jax.lax.map(lambda both: reference(*both), all, batch_size=size))
+    expected = np.asarray(several(stacked))
     assert np.isfinite(figures).all() and (status >= 0).all()
     error = np.abs(figures - expected) / np.abs(expected)
     worst = int(error.max(axis=1).argmax())
@@ -164,19 +187,20 @@ def steady_figures(rig, drive):
     return jnp.stack([getattr(state, name) for name in METRICS])
 
 
-CASES = [  # method, layout, with effects
-    ("bulk", "tripod", True),
-    ("bulk", "orthogonal", False),
-    ("bulk", "four", True),
-    ("steady", "tripod", True),
-    ("steady-bulk", "tripod", True),
-    ("fixed", "tripod", False),
+MIXED = (laws.Rollers(), laws.HalfSine(), laws.ContinuousSine())
+CASES = [  # method, layout, profiles (none: all gated), effects
+    ("bulk", "tripod", None, linear_effects),
+    ("bulk", "orthogonal", MIXED, effects_of_a_turn),
+    ("bulk", "four", None, linear_effects),
+    ("steady", "tripod", None, linear_effects),
+    ("steady-bulk", "tripod", None, linear_effects),
+    ("fixed", "tripod", None, plain),
 ]
 ACCURACY = {"steady-bulk": 1e-6, "fixed": 1e-6}  # else 1e-7
 
 
-@pytest.mark.parametrize(("method", "layout", "effects"), CASES)
-def test_figures_in_every_quantity(method, layout, effects):
+@pytest.mark.parametrize(("method", "layout", "profiles", "effects"), CASES)
+def test_figures_in_every_quantity(method, layout, profiles, effects):
     """The methods and `simulate` are closed forms of one model: to rounding of the forms.
 
     Steady states are compared with `steady_state`, in bulk to the accuracy of its suprema; fixed
@@ -184,13 +208,15 @@ def test_figures_in_every_quantity(method, layout, effects):
     """
     rng = np.random.default_rng(len(layout))
     rig = machine(LAYOUTS[layout])
-    rig = linear_effects(rig) if effects else rig
+    rig = effects(rig if profiles is None else eqx.tree_at(lambda r: r.profiles, rig, profiles))
     steady = method.startswith("steady")
-    ts = None if steady else samples_of(0.08, 500.0)
+    turns = effects is effects_of_a_turn
+    ts = None if steady else samples_of(*((0.3, 100.0) if turns else (0.08, 500.0)))
     how = Evaluation(method, METRICS, times=ts, substeps=8 if method == "fixed" else 1)
     kind = "torque" if method == "fixed" else "speed"
     drive, reference = drawn_drive(rig, rng, kind), steady_figures if steady else run_figures(ts)
-    moved = compared(how, rig, drive, reference, rng, ACCURACY.get(method, 1e-7))
+    accuracy = ACCURACY.get(method, 1e-7)
+    moved = compared(how, rig, drive, reference, rng, accuracy, turns)
     wanted = {
         f"{kind}.w2", f"{kind}.scale", "wheel.w1.roundness", "wheel.w2.contact.stiffness",
         "wheel.w3.mount.damping",

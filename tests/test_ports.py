@@ -152,6 +152,8 @@ def check_rest_memory():
     )
     near(np.array(found), [2.5, 3.0])
     assert rest_memory(lambda z: z, ()) == ()
+    creeping = rest_memory(lambda z: (0 * z[0], 3 - z[1]), (jnp.asarray(0.7), jnp.asarray(-7.0)))
+    near(np.array(creeping), [0.7, 3.0])  # nothing but turning changes the first
 
 
 def check_surface():

@@ -116,3 +116,15 @@ def test_obstacles_are_said():
         propagate(cubic, speeds(W), TS)
     drag = rig.add(laws.AirDrag(jnp.asarray(1e-3)), "sphere")
     assert "air-drag" in str(exact_obstacle(drag)) and exact_obstacle(drag, "paper") is None
+
+
+def test_samples_that_fall_on_the_starts_of_periods_are_like_their_neighbours():
+    """Rounding puts such a sample a hair before or behind the edge; nothing jumps there."""
+    rng = drawn_anew("samples on edges")
+    for _ in range(3):
+        rig = drawn_machine(rng, 3, laws.GatedSine())
+        turning = [float(rng.uniform(0.5, 6)), 0.0, 0.0]
+        passing = float(rig.gaps.pitch[0]) / turning[0] * np.arange(1, 300)
+        ts = np.sort(np.concatenate([[0.0], passing, passing + 1e-10]))
+        dR = np.asarray(propagate(rig, speeds(turning), ts).dR)[1:]
+        np.testing.assert_allclose(dR[::2], dR[1::2], atol=1e-6 * np.abs(dR).max())

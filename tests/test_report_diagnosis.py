@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from omnijax.diagnosis import Diagnosis, Effect, Gap, Named, Point, effect_sizes_on_held_out
+from omnijax.diagnosis import Diagnosis, Effect, Named, OutputGap, Point, effect_sizes_on_held_out
 from omnijax.laws import EFFECTS
 from omnijax.report import Page, diagnosis_page, provenance
 from omnijax.report._diagnosis_numbers import closed
@@ -58,7 +58,7 @@ class Plant:
     def assumed(self, channel):
         return {"sigma": SIGMA[channel], "unit": UNIT[channel.partition("_")[0]]}
 
-    def unit(self, unit, place):
+    def unit(self, unit, place, key=""):
         return unit
 
     def text(self, rig):
@@ -73,7 +73,7 @@ def diagnosis(seed=0, count=2, **more):
     point = Point(np.zeros(0), (runout, friction)[:count])
     sizes = {"amplitude": {"value": 4.07e-5, "sigma": 3.4e-8, "unit": "m"},
              "phase": {"value": 0.7, "sigma": 8e-4, "unit": "rad"}}  # fmt: skip
-    gap = {"dR": Gap(2e-6, 1.4e-5, 1.99e-6, "m"), "a": Gap(5e-3, 6e-3, 5e-3, "m/s^2")}
+    gap = {"dR": OutputGap(2e-6, 1.4e-5, 1.99e-6, "m"), "a": OutputGap(5e-3, 6e-3, 5e-3, "m/s^2")}
     found = Diagnosis("named", [Named("wheel-runout", "w2", sizes, {})], [], gap, None, [], {}, [])
     before, after = (r.ravel() for r in (plant.at(()), plant.at(point.effects)))
     found.details = {
@@ -86,13 +86,13 @@ def diagnosis(seed=0, count=2, **more):
 def mixed(kept, shares):
     """Weights of the stored residuals at shares of the sizes, as the page's script takes them."""
     c = np.zeros(len(kept.traces[0].values))
-    c[kept.found] = 1.0
+    c[kept.as_named] = 1.0
     for effect, share in zip(kept.effects, shares, strict=True):
         nodes = np.interp(share, effect.shares, range(len(effect.shares)))
         k = min(int(nodes), len(effect.shares) - 2)
         c[effect.column[k]] += 1 - (nodes - k)
         c[effect.column[k + 1]] += nodes - k
-        c[kept.found] -= 1.0
+        c[kept.as_named] -= 1.0
     return c
 
 
@@ -148,9 +148,9 @@ def test_numbers_of_the_page_are_for_engineers(tmp_path):
 @pytest.mark.parametrize("seed", range(5))
 def test_closed_is_never_more_than_all(seed):
     noise, before, after = np.random.default_rng(seed).uniform(1, 2, 3)
-    gap = Gap(noise, max(noise, before) * 1.1, after, "m")
+    gap = OutputGap(noise, max(noise, before) * 1.1, after, "m")
     assert closed(gap) <= 100.0
-    assert closed(Gap(1.0, 1.0, 0.9, "m")) is None  # nothing was above the noise
+    assert closed(OutputGap(1.0, 1.0, 0.9, "m")) is None  # nothing was above the noise
 
 
 WHERE = {
@@ -177,6 +177,13 @@ def test_where_is_said_in_a_mechanics_words(place):
     lead = "98 % of what the model misses of the sphere's displacement in y (`dR_y`)"
     assert said[0] == f"{lead} (and 50 % of `theta_2`) {WHERE[place]}"
     assert said[1] == "`dR_y` is missed by 5 times its noise."
+    small = {**one, "channel": "a_x", "rms_over_noise": 1.2}
+    found.where = [{**one, "stands": False}, {**small, "stands": False}]
+    said = where_sentences(found)
+    assert said[0].startswith("`dR_y` is missed by 5 times its noise, but these runs are too short")
+    assert said[1] == f"The likeliest: {lead} {WHERE[place]}"
+    found.where = [{**small, "stands": False}]
+    assert where_sentences(found) == ["Nothing stands out against chance in any channel."]
     found.where = [{**one, "reference": f"w{k}", "channel": f"a_{k}"} for k in range(9)]
     assert len(where_sentences(found)) == (2 if domain == "frequency" else 5)
 

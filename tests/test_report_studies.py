@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnijax._status import Status
-from omnijax._text import amount, path_words
+from omnijax._text import path_words, quantity_text
 from omnijax.report import provenance, study_page, sweep_page
 from omnijax.study import Design, SweepResult
 from omnijax.study._sweep.evaluator import quantities
@@ -59,7 +59,10 @@ def test_the_page_says_what_slips_and_what_lies_at_the_edge(seed):
     said = next(line for line in page.answer.split("\n\n") if "best rms" in line)
     assert said.count("the lowest tried") == ends.count("lowest")
     assert said.count("the highest tried") == ends.count("highest")
-    assert f"contact stiffness {amount(result.design(best)['contact.stiffness'], 'N/m')}" in said
+    assert (
+        f"contact stiffness {quantity_text(result.design(best)['contact.stiffness'], 'N/m')}"
+        in said
+    )
     tables = {t.name: t for s in page.sections for t in s.tables}
     assert {row[-1] for row in tables["best-rms"].rows} == {"ok"}
 

@@ -52,7 +52,8 @@ def test_without_influence_is_named(found):
     assert "wheel.w3.closure.preload" in quiet and "wheel.w1.contact.friction" in quiet
     assert "wheel.w2.contact.stiffness" not in quiet
     assert "wheel.w3.closure.preload" not in found.without_influence()  # it moves the slip margin
-    (said,) = found.sentences()
+    whole, said = found.sentences()
+    assert whole.startswith("`wheel.rollers` takes whole numbers")
     assert "`wheel.inertia` (of every wheel)" in said
     assert said.endswith(" do not influence any of rms, peak, slip_margin.")
     assert "wheel.roundness" in repr(found) and "<td>wheel.roundness</td>" in found._repr_html_()

@@ -43,7 +43,7 @@ def cogging_behind_a_gear(rng):
         lines = 5 * np.sin(first * q + phase[0]) + 3 * np.sin(second * q + phase[1])
         return K * i / J - v + lines
 
-    t, i, q = run(a, lambda t: 45 * J / K * g(t), 500.0, 10)
+    t, i, q = run(a, lambda t: 15 * J / K * g(t), 500.0, 10)
     table = {"t_s": t, "current_A": i, "theta_deg": np.rad2deg(q + 2e-5 * rng.normal(size=len(t)))}
     return table, {"cogging", "motor-ripple"}, (first, second)
 
@@ -92,4 +92,4 @@ def test_what_the_axis_lacks_is_named_and_nothing_else(tmp_path, plant):
     ]  # fmt: skip
     for x in seen:
         assert min(abs(x / order - 1) for order in orders) < 5e-3, (seen, orders)
-    assert not orders or min(abs(x / orders[0] - 1) for x in seen) < 5e-3, (seen, orders)
+    assert len(seen) == len(orders), (seen, orders)

@@ -121,7 +121,7 @@ def test_interrupted_tolerances_are_kept_and_a_changed_study_is_refused(
     monkeypatch.undo()
     before = parts(store)
     changes = [
-        ("0.57 mm", "0.58 mm", "limit: ['rms', 0.00057] -> ['rms', 0.00058]"),
+        ("0.57 mm", "0.58 mm", "limit: ['rms', 0.00057, None] -> ['rms', 0.00058, None]"),
         ("7.3]", "7.4]", "drives.drive 1.values: [3.0, 5.1, 7.3] -> [3.0, 5.1, 7.4]"),
     ]
     for old, new, difference in changes:

@@ -2,23 +2,25 @@
 
 import copy
 import tomllib
-from importlib import resources
+from pathlib import Path
+from typing import get_args
 
 import jsonschema
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from omnijax.cli._study_starter import study_text
+from omnijax.cli.init import Studies
 from omnijax.rig import InputError
 from omnijax.study import parse_study, study_schema
 
 VALIDATOR = jsonschema.Draft202012Validator(study_schema())
-KINDS = ("design", "pareto", "tolerances", "global-sensitivity")
+KINDS = get_args(Studies)
 
 
-def template(kind: str) -> str:
-    folder = resources.files("omnijax") / "rig" / "data" / "template"
-    return (folder / f"{kind}.toml").read_text(encoding="utf-8")
+def written(kind: str) -> str:
+    return study_text(kind, "atlas", Path("study.toml"))
 
 
 def test_it_is_a_schema():
@@ -27,7 +29,7 @@ def test_it_is_a_schema():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_init_writes_is_valid_and_names_its_schema(kind):
-    text = template(kind)
+    text = written(kind)
     assert text.startswith("#:schema ./study.schema.json\n")
     VALIDATOR.validate(tomllib.loads(text))
     assert parse_study(tomllib.loads(text)).drives

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from omnijax import InputError
-from omnijax.study._axes import Axis, read_axis, split_vary
+from omnijax.study._axes import SweepAxis, read_axis, split_vary
 from omnijax.study._points import Grid, build_points
 
 
-def axis(text, path="contact.stiffness", unit="N/m") -> Axis:
+def axis(text, path="contact.stiffness", unit="N/m") -> SweepAxis:
     return read_axis(path, text, unit)
 
 

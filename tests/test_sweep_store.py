@@ -15,7 +15,7 @@ import omnijax
 from omnijax import InputError, load_rig, load_sweep, sweep
 from omnijax.cli._frame import run
 from omnijax.report import sweep_page
-from omnijax.study import amount
+from omnijax.study import quantity_text
 from omnijax.study._sweep.evaluator import quantities
 from omnijax.study._sweep.store import Store, chunk_files, create_store
 
@@ -204,7 +204,7 @@ def test_page_answers_first_and_holds_what_makes_it_again(whole, tmp_path):
     page = sweep_page(whole).write(tmp_path)
     text = page.read_text(encoding="utf-8")
     best = whole.design(whole.best("peak"))
-    assert f"The best peak is {amount(best['peak'], 'm')}" in text
+    assert f"The best peak is {quantity_text(best['peak'], 'm')}" in text
     assert "[sphere]" in text and 'src="http' not in text and 'href="http' not in text
     assert {f.name for f in tmp_path.iterdir()} >= {"sweep-peak.png", "best-rms.csv", "index.html"}
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from machines import machine
 
-from omnijax._text import amount
+from omnijax._text import quantity_text
 from omnijax.cli.explore import start_speeds
 from omnijax.laws import ContactCubic
 from omnijax.rig import InputError, load_rig
@@ -119,7 +119,7 @@ def test_every_mode_is_in_the_diagram_and_every_contact_in_the_table():
     assert low < min(modes) and max(modes) < high
     load = contact_load(rig, jnp.asarray([0.6, 1.2, 0.9]))
     for row, least, margin in zip(answer["contacts"], load.least, load.slip_margin, strict=True):
-        assert row["normal"] == amount(float(least), "N")
+        assert row["normal"] == quantity_text(float(least), "N")
         assert row["status"] == ("lifts off" if least <= 0 else "slips" if margin <= 0 else "holds")
     loose = panel.evaluate({"closure.preload": panel.sliders[6].low})["contacts"]
     assert panel.sliders[6].path == "closure.preload"
@@ -139,15 +139,21 @@ def test_bars_stand_on_orders_that_matter():
 
 def test_start_speeds():
     rig = machine()
-    own = np.array(start_speeds(None, rig)) * np.asarray(rig.wheels.radius)
+    own = np.array(start_speeds(None, None, rig)) * np.asarray(rig.wheels.radius)
     turning = np.linalg.lstsq(np.asarray(rig.wheels.spin_axis), own, rcond=None)[0]
     np.testing.assert_allclose(np.asarray(rig.wheels.spin_axis) @ turning, own, atol=1e-12)
-    assert start_speeds("1.5", rig) == [1.5] * 3
-    assert start_speeds("60 rpm,1,0", rig) == pytest.approx([2 * np.pi, 1, 0])
+    assert start_speeds("1.5", None, rig) == [1.5] * 3
+    assert start_speeds("60 rpm,1,0", None, rig) == pytest.approx([2 * np.pi, 1, 0])
     with pytest.raises(InputError, match="`speed` has 2 values, but the rig has 3 wheels"):
-        start_speeds("1,2", rig)
+        start_speeds("1,2", None, rig)
     with pytest.raises(InputError, match="`speed` must be a number in rad/s"):
-        start_speeds("fast", rig)
+        start_speeds("fast", None, rig)
+    omega = np.array([0.2, -0.3, 0.4])
+    own = np.array(start_speeds(None, "0.2,-0.3,0.4", rig)) * np.asarray(rig.wheels.radius)
+    rim = np.asarray(rig.wheels.spin_axis) @ omega * float(rig.sphere.radius)
+    np.testing.assert_allclose(own, rim, rtol=1e-12)
+    with pytest.raises(InputError, match="one of --speed, --omega, but both"):
+        start_speeds("1,2,3", "0,0,1", rig)
 
 
 @pytest.mark.parametrize("width", [1280, 400])

@@ -60,15 +60,6 @@ def refuse(given: dict[str, Any], command: str) -> None:
         raise InputError(wrong)
 
 
-def refuse_drive(drive: Path | None) -> None:
-    """`InputError` for a log where a rig is studied."""
-
-    if drive is not None:
-        raise InputError(
-            "--drive names the log of a machine file; a rig takes --speed or --torque."
-        )
-
-
 def sweep_axis(path: str, log: Path | None, vary: list[str], metric: str, sampling: Any,
                out: Path | None, overwrite: bool, json: bool) -> int:  # fmt: skip
     """Misfits of a machine's free run over its numbers; `out` is a netCDF file."""
@@ -79,23 +70,23 @@ def sweep_axis(path: str, log: Path | None, vary: list[str], metric: str, sampli
     file = load_machine(path)
     run = _run_of(file, log)
     claim([out], force=overwrite)
-    found = sweep_machine(file, run, vary, metric, sampler=sampling.sampler,
+    result = sweep_machine(file, run, vary, metric, sampler=sampling.sampler,
                           samples=sampling.samples, seed=sampling.seed)  # fmt: skip
     if out is not None:
-        found.save(out)
+        result.save(out)
     best = {}
-    for m, name in enumerate(found.metrics):
-        k = found.best(name)
+    for m, name in enumerate(result.metrics):
+        k = result.best(name)
         if k is not None:
-            design = dict(zip(found.paths, map(float, found.values[k]), strict=True))
+            design = dict(zip(result.paths, map(float, result.values[k]), strict=True))
             best[name] = {
                 "design": k,
-                "unit": found.unit,
-                name: float(found.figures[k, m]),
+                "unit": result.unit,
+                name: float(result.figures[k, m]),
             } | design
-    summary = {"designs": len(found.values), "method": "free-run", "failed": found.failed,
+    summary = {"designs": len(result.values), "method": "free-run", "failed": result.failed,
                "best": best, "out": None if out is None else str(out)}  # fmt: skip
-    emit(json, summary, lambda: print("\n".join(found.sentences())))
+    emit(json, summary, lambda: print("\n".join(result.sentences())))
     return 0
 
 
@@ -106,8 +97,8 @@ def sensitivity_axis(path: str, log: Path | None, metric: str, parameters: list[
     from ..study import sensitivity_machine
 
     file = load_machine(path)
-    found = sensitivity_machine(file, _run_of(file, log), metric, parameters or None)
-    return found, lambda: provenance(command_line(), machine_text(file))
+    result = sensitivity_machine(file, _run_of(file, log), metric, parameters or None)
+    return result, lambda: provenance(command_line(), machine_text(file))
 
 
 def replay_axis(path: Path, log: Path | None, page: Path, title: str | None, force: bool,
@@ -133,11 +124,11 @@ def signals_of(file: Any, run: Any) -> list[tuple[str, str, dict[str, Any]]]:
     """
     from ..machine import free_run_of
 
-    q, found = run.outputs["position"], free_run_of(file, run)
+    q, simulated = run.outputs["position"], free_run_of(file, run)
     unit = file.machine.outputs["position"]
-    out = [("position", unit, {"simulated": found["position"], "measured": q}),
-           ("measured less simulated", unit, {"": q - found["position"]}),
-           ("velocity", f"{unit}/s", {"simulated": found["velocity"]})]  # fmt: skip
+    out = [("position", unit, {"simulated": simulated["position"], "measured": q}),
+           ("measured less simulated", unit, {"": q - simulated["position"]}),
+           ("velocity", f"{unit}/s", {"simulated": simulated["velocity"]})]  # fmt: skip
     out += [(k, file.machine.inputs[k], {"": x}) for k, x in run.inputs.items() if x.std() > 0]
     return [(w, u, {k: (run.time, x) for k, x in c.items()}) for w, u, c in out]
 
@@ -154,13 +145,13 @@ def simulate_machine(path: str, log: Path | None, out: Path | None, json: bool) 
     run = _run_of(file, log)
     if out is not None:
         claim([out])
-    found = free_run_of(file, run)
-    table = {"t": run.time, **run.inputs, **found}
+    simulated = free_run_of(file, run)
+    table = {"t": run.time, **run.inputs, **simulated}
     if out is not None:
         rows = [",".join(table), *(",".join(f"{x:.10g}" for x in row)
                                    for row in np.stack(list(table.values()), 1))]  # fmt: skip
         write_text(out, "\n".join(rows) + "\n")
-    error = run.outputs["position"] - found["position"]
+    error = run.outputs["position"] - simulated["position"]
     summary = {
         "samples": len(run.time), "step": run.step, "out": None if out is None else str(out),
         "rms": float(np.sqrt(np.mean(error**2))), "mae": float(np.mean(np.abs(error))),

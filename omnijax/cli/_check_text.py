@@ -151,10 +151,10 @@ def _weight(summary: dict[str, Any]) -> Iterator[str]:
 
 
 def _frequencies(summary: dict[str, Any]) -> Iterator[str]:
-    found: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for f, ratio in zip(summary["natural_frequencies"], summary["damping_ratios"], strict=True):
         if f > 1e-6:
             key = f"{f:.4g} Hz ({100 * ratio:.3g} %)"
-            found[key] = found.get(key, 0) + 1
-    told = (f"{count} × {key}" if count > 1 else key for key, count in found.items())
+            counts[key] = counts.get(key, 0) + 1
+    told = (f"{count} × {key}" if count > 1 else key for key, count in counts.items())
     yield paragraph(f"natural frequencies (damping): {', '.join(told)}", "  ")

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._errors import InputError
-from ._motion import Motion
+from ._motion import MotionOptions
 from ._options import numbers
 
 _UNIT = re.compile(r"[^\d.eE+\-\s].*\Z")
 
 
-class Asked(NamedTuple):
+class AskedDrive(NamedTuple):
     """The drive, the sample times in s, and what is wrong with the recording."""
 
     drive: Any
@@ -21,36 +21,62 @@ class Asked(NamedTuple):
     faults: list
 
 
-def asked(rig: Any, motion: Motion, omega: str | None, recording: Path | None) -> Asked:
+class Studied(NamedTuple):
+    """The drive of a study, the length of its runs in s (None: steady state), samples per s."""
+
+    drive: Any
+    duration: float | None
+    rate: float | None
+
+
+def asked(rig: Any, motion: MotionOptions, recording: Path | None) -> AskedDrive:
     """The drive that the options describe; `InputError` where they describe none or two."""
+    _one_of(motion, recording)
+    if recording is not None:
+        return _from_file(rig, motion, recording)
+    from ..simulation import sample_times
+
+    times = sample_times(motion.seconds or 8.0, motion.hertz)
+    return AskedDrive(_typed(rig, motion, float(times[-1])), times, [])
+
+
+def studied(rig: Any, motion: MotionOptions, recording: Path | None) -> Studied:
+    """The same for a study: without a length, of the steady state."""
+    _one_of(motion, recording)
+    if recording is None:
+        drive = _typed(rig, motion, motion.seconds)
+        return Studied(drive, motion.seconds, motion.hertz)
+    plan = _from_file(rig, motion, recording)
+    length = float(plan.times[-1] - plan.times[0])
+    return Studied(plan.drive, length, (len(plan.times) - 1) / length)
+
+
+def _one_of(motion: MotionOptions, recording: Path | None) -> None:
     given: dict[str, str | Path | None]
-    given = {"--speed": motion.speed, "--omega": omega, "--torque": motion.torque}
+    given = {"--speed": motion.speed, "--omega": motion.omega, "--torque": motion.torque}
     given["--drive"] = recording
     named = [option for option, value in given.items() if value is not None]
     if len(named) != 1:
         told = f", but {' and '.join(named)} are given" if named else ""
         raise InputError(f"give one of {', '.join(given)}{told}.")
-    if recording is not None:
-        return _from_file(rig, motion, recording)
-    from ..simulation import sample_times, speeds, torques
 
-    times = sample_times(motion.seconds or 8.0, motion.hertz)
-    end = float(times[-1])
+
+def _typed(rig: Any, motion: MotionOptions, end: float | None) -> Any:
+    """The drive by values on the command line; ramps go from 0 to `end` in s."""
+    from ..simulation import speeds, torques
+
     push = _signal("force", motion.force or "0,0,0", "N", 3, "components", end)
     if motion.torque is not None:
-        turn = _signal("torque", motion.torque, "N m", rig.size, "wheels", end)
-        return Asked(torques(turn, push), times, [])
+        return torques(_signal("torque", motion.torque, "N m", rig.size, "wheels", end), push)
     if motion.speed is not None:
-        turn = _signal("speed", motion.speed, "rad/s", rig.size, "wheels", end)
-    else:
-        turn = _turning(rig, str(omega), end)
-    return Asked(speeds(turn, push), times, [])
+        return speeds(_signal("speed", motion.speed, "rad/s", rig.size, "wheels", end), push)
+    return speeds(_turning(rig, str(motion.omega), end), push)
 
 
-def _signal(name: str, text: str, unit: str, count: int, what: str, end: float) -> Any:
+def _signal(name: str, text: str, unit: str, count: int, what: str, end: float | None) -> Any:
     """Constant values, or ramps `from..to` over the whole run."""
     before, after = _ends(name, text, unit, count, what)
-    return before if after is None else _ramp(end, before, after)
+    return before if after is None else _ramp(name, end, before, after)
 
 
 def _ends(
@@ -72,41 +98,42 @@ def _ends(
     )
 
 
-def _ramp(end: float, before: Sequence[float], after: Sequence[float]) -> Any:
+def _ramp(name: str, end: float | None, before: Sequence[float], after: Sequence[float]) -> Any:
     from ..simulation import ramp
 
+    if end is None:
+        raise InputError(f"`{name}` is a ramp over a whole run: give its length by --duration.")
     return ramp(0.0, end, before, after)
 
 
-def _turning(rig: Any, text: str, end: float) -> Any:
-    """Wheel speeds that turn the sphere with Ω, on round wheels of the largest radius."""
-    from ..dynamics import mobility
+def _turning(rig: Any, text: str, end: float | None) -> Any:
+    """Wheel speeds that turn the sphere with Ω, which may be a ramp."""
+    from ..dynamics import fitting_speeds
 
-    to_wheels = mobility(rig).to_wheels
     before, after = _ends("omega", text, "rad/s", 3, "components")
-    begin = (to_wheels @ before).tolist()
-    return begin if after is None else _ramp(end, begin, (to_wheels @ after).tolist())
+    begin = fitting_speeds(rig, before)
+    return begin if after is None else _ramp("omega", end, begin, fitting_speeds(rig, after))
 
 
-def _from_file(rig: Any, motion: Motion, file: Path) -> Asked:
+def _from_file(rig: Any, motion: MotionOptions, file: Path) -> AskedDrive:
     """A table of speeds, or a recording's torques, force and first wheel angles."""
     from ..recording import read_recording, speed_table
     from ..simulation import drive_from_recording, sample_times, speeds, table
 
     if motion.force is not None:
         raise InputError("--drive brings its own force: leave out --force.")
-    found = speed_table(file, rig.names)
-    if found is not None:
-        length = motion.seconds or float(found.time[-1])
-        push = (0.0, 0.0, 0.0) if found.force is None else table(found.time, found.force)
-        drive = speeds(table(found.time, found.speed), push)
-        return Asked(drive, sample_times(length, motion.hertz), [])
+    by_time = speed_table(file, rig.names)
+    if by_time is not None:
+        length = motion.seconds or float(by_time.time[-1])
+        push = (0.0, 0.0, 0.0) if by_time.force is None else table(by_time.time, by_time.force)
+        drive = speeds(table(by_time.time, by_time.speed), push)
+        return AskedDrive(drive, sample_times(length, motion.hertz), [])
     if motion.duration is not None or motion.rate is not None:
         raise InputError("a recording brings its own times: leave out --duration and --rate.")
     run = read_recording(file, rig)
     for fault in run.faults:
         print(f"warning: {fault}", file=sys.stderr)
-    return Asked(drive_from_recording(run), run.time, run.faults)
+    return AskedDrive(drive_from_recording(run), run.time, run.faults)
 
 
 def warnings(rig: Any, drive: Any, run: Any) -> list[str]:
@@ -117,11 +144,11 @@ def warnings(rig: Any, drive: Any, run: Any) -> list[str]:
 
     if not hasattr(drive, "speed"):
         return []
-    told, found = [], mobility(rig)
-    if len(found.weak()):
-        axis = ", ".join(f"{x + 0.0:.3g}" for x in np.round(found.weak()[0], 9))
+    told, driven = [], mobility(rig)
+    if len(driven.weak()):
+        axis = ", ".join(f"{x + 0.0:.3g}" for x in np.round(driven.weak()[0], 9))
         told.append(
-            f"the wheels hardly drive the axis ({axis}): condition {found.condition:.4g}; small "
+            f"the wheels hardly drive the axis ({axis}): condition {driven.condition:.4g}; small "
             "errors of the speeds turn the sphere fast about it."
         )
     speed = np.asarray(run.omega)

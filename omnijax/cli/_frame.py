@@ -15,7 +15,7 @@ from cyclopts import App, CycloptsError, Group
 
 from .. import __version__
 from .._consent import law_files
-from .._errors import DataWarning, InputError, RunError, brief
+from .._errors import DataWarning, InputError, RunError, brief, in_users_program
 from .._files import command
 from .._interrupts import NOTHING, answer, interrupted
 from ._options import read_force
@@ -132,7 +132,9 @@ def _told(error: Exception) -> tuple[str, int] | None:
         text = f"a result cannot be written: {error.strerror}."
     elif isinstance(error, MemoryError):
         text = "this needs more memory than there is: ask for less at a time."
-    return None if text is None else (text, BAD_INPUT)
+    else:
+        text = in_users_program(error)
+    return None if text is None else (brief(text), BAD_INPUT)
 
 
 def _plain_streams() -> None:

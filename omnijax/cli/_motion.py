@@ -1,22 +1,24 @@
 """Options that runs, sweeps and sensitivities share: drive, length, and how it is computed."""
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Literal
 
 from cyclopts import Parameter
 
-from ._options import MaybeWhole, number, numbers
+from ._options import MaybeWhole, number
 
 MOST_STEPS = 2**31 - 1
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Motion:
+class MotionOptions:
     """How the wheels are driven, and for how long."""
 
     speed: str | None = None
     """Wheel speeds in rad/s, one a wheel; or with units (30 rpm,0,10 rpm)."""
+    omega: str | None = None
+    """The sphere's angular velocity in rad/s: x,y,z (or 0,0,10 rpm), by wheel speeds that fit."""
     torque: str | None = None
     """Motor torques in N m, one a wheel, instead of speeds."""
     force: str | None = None
@@ -25,18 +27,6 @@ class Motion:
     """Length of a run (2, 2s, 500ms); else 8 s in `simulate`, the steady state in studies."""
     rate: str | None = None
     """Samples per s (1000, 1kHz); 500 where not given."""
-
-    def drive(self, wheels: int | None = None) -> Any:
-        """The drive by constant speeds or torques."""
-        from .._errors import InputError
-        from ..simulation import speeds, torques
-
-        if (self.speed is None) == (self.torque is None):
-            raise InputError("give either --speed or --torque, one value a wheel.")
-        push = numbers("force", self.force or "0,0,0", "N", 3, "components")
-        if self.speed is not None:
-            return speeds(numbers("speed", self.speed, "rad/s", wheels), push)
-        return torques(numbers("torque", self.torque or "", "N m", wheels), push)
 
     @property
     def seconds(self) -> float | None:
@@ -62,7 +52,7 @@ def _above_zero(name: str, text: str | None, unit: str) -> float | None:
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Numerics:
+class NumericsOptions:
     """How runs are computed."""
 
     model: Literal["coupled", "paper"] = "coupled"
@@ -74,7 +64,7 @@ class Numerics:
     max_steps: MaybeWhole = None
     """Most steps before a run stops with the status `step limit`."""
 
-    def checked(self) -> "Numerics":
+    def checked(self) -> "NumericsOptions":
         """Itself; `InputError` for figures that no solver takes."""
         from .._errors import InputError
 

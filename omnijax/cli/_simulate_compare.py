@@ -6,6 +6,7 @@ from typing import Any
 
 from .._errors import InputError
 
+DOTS = 1000  # of a channel, at most about twice as many
 PANELS = ("dR", None, "Omega", "a")  # what the panels of a run's picture show of a recording
 
 
@@ -33,7 +34,7 @@ def differences(run: Any, rig: Any, measured: Any) -> dict[str, Any]:
     own, time = readings(run, rig), np.asarray(run.t)
     at = measured.time - measured.time[0]
     inside = at <= time[-1]
-    found = {}
+    by_channel = {}
     for group in measured.groups:
         values = measured.group(group)
         for i, channel in enumerate(channels(group, rig.size)):
@@ -43,28 +44,30 @@ def differences(run: Any, rig: Any, measured: Any) -> dict[str, Any]:
             if len(left):
                 rms = {"rms": float(np.sqrt(np.mean(left**2)))}
                 rms["rms_measured"] = float(np.sqrt(np.nanmean(values[inside, i] ** 2)))
-                found[channel] = rms | {"unit": unit_of(channel)}
-    return found
+                by_channel[channel] = rms | {"unit": unit_of(channel)}
+    return by_channel
 
 
 def lay_over(axes: Any, run: Any, measured: Any) -> None:
-    """The measured channels as dots in the colour of the simulated line that they belong to."""
+    """The measured channels as dots in the colour of the simulated line, which is made pale."""
     import numpy as np
 
     from .._plot import COLOURS
     from ..simulation import channel_scale
 
     time = np.asarray(measured.time) - measured.time[0]
-    few = max(1, len(time) // 400)
+    few = max(1, len(time) // DOTS)
     for ax, group in zip(axes, PANELS, strict=True):
         if group is None or group not in measured.groups:
             continue
         factor, _ = channel_scale(run, group)
         values = factor * measured.group(group)
+        for line in ax.get_lines():
+            line.set(alpha=0.4, linewidth=0.9)
         for i in range(3):
             label = "measured" if i == 0 else None
             ax.plot(
-                time[::few], values[::few, i], ".", ms=2.5, alpha=0.6, color=COLOURS[i], label=label
+                time[::few], values[::few, i], ".", ms=2.2, color=COLOURS[i], label=label, zorder=3
             )
     shown = [ax for ax in axes if ax.get_legend() is not None][:1]
     for ax in shown:

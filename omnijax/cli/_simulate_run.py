@@ -26,9 +26,9 @@ def asked_of(rig: Any, drive: Any, times: Any, numerics: dict[str, Any]) -> dict
         jax.tree_util.keystr(path).strip("."): _shown(np.asarray(leaf))
         for path, leaf in jax.tree_util.tree_leaves_with_path(drive)
     }
-    found = {"rig": tomllib.loads(rig_text(rig)), "drive": {"kind": type(drive).__name__, **leaves}}
-    found |= {"times": _shown(np.asarray(times)), "numerics": numerics}
-    return json.loads(json.dumps(found))
+    asked = {"rig": tomllib.loads(rig_text(rig)), "drive": {"kind": type(drive).__name__, **leaves}}
+    asked |= {"times": _shown(np.asarray(times)), "numerics": numerics}
+    return json.loads(json.dumps(asked))
 
 
 def _shown(values: Any) -> Any:
@@ -106,9 +106,11 @@ def check_resumed(out: Path | None, asked: dict[str, Any], force: bool) -> None:
     begun, folder = pieces_folder(out).is_dir(), pieces_folder(out)
     if out.exists() and not force:
         stored = asked_in(out)
-        found = differences(json.loads(stored), asked) if stored else ["it does not say what of"]
-        if found:
-            keys = "\n  ".join(found)
+        differing = (
+            differences(json.loads(stored), asked) if stored else ["it does not say what of"]
+        )
+        if differing:
+            keys = "\n  ".join(differing)
             raise InputError(f"is another run and is left as it is. They differ in:\n  {keys}", out)
         if not begun:
             raise InputError("is whole already: there is nothing to go on with.", out)
@@ -116,7 +118,7 @@ def check_resumed(out: Path | None, asked: dict[str, Any], force: bool) -> None:
         raise InputError(f"there is no interrupted run: {folder} is not there.", out)
 
 
-class Pieces:
+class StoredPieces:
     """The samples of a run so far, piece by piece on the disk: what a kill leaves."""
 
     def __init__(self, out: Path, asked: dict[str, Any], resume: bool, force: bool):
@@ -135,11 +137,11 @@ class Pieces:
 
         from ..simulation import Trajectory
 
-        while (found := self._folder.read(f"piece-{self.count:06}")) is not None:
-            flat = found.pop("end")
-            about = json.loads(str(found.pop("about")))
+        while (stored := self._folder.read(f"piece-{self.count:06}")) is not None:
+            flat = stored.pop("end")
+            about = json.loads(str(stored.pop("about")))
             names = tuple(about["names"])
-            run = Trajectory(**found, method=about["method"], names=names)  # pyright: ignore
+            run = Trajectory(**stored, method=about["method"], names=names)  # pyright: ignore
             self.count += 1
             yield run, ravel_pytree(like)[1](jnp.asarray(flat))
 
@@ -163,7 +165,7 @@ class Pieces:
         shutil.rmtree(self.path, ignore_errors=True)
 
 
-def perform(plan: Plan, pieces: Pieces | None, command: str) -> Any:
+def perform(plan: Plan, pieces: StoredPieces | None, command: str) -> Any:
     """The run; `KeyboardInterrupt` says what of an interrupted one is kept.
 
     `pieces` have what a process computed that was interrupted or killed, and take what is new.

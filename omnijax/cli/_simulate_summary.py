@@ -52,15 +52,15 @@ def _figures(run: Any, rig: Any, names: list[str]) -> dict[str, Any]:
 def show(summary: dict[str, Any]) -> None:
     """The summary for people."""
     print(summary["message"])
-    from .._text import amount
+    from .._text import quantity_text
 
     for name, words, unit in FIGURES if summary["samples"] else ():
-        print(f"{words:33s} {amount(summary[name], unit)}")
+        print(f"{words:33s} {quantity_text(summary[name], unit)}")
     for loss in summary["contacts"]:
         print(f"{loss['wheel'] + ' ' + loss['kind']:33s} first at {loss['time']:.4g} s")
-    for channel, found in summary.get("differences", {}).items():
-        left, unit = amount(found["rms"], found["unit"]), found["unit"]
-        told = f"RMS {left} of {amount(found['rms_measured'], unit)}"
+    for channel, difference in summary.get("differences", {}).items():
+        left, unit = quantity_text(difference["rms"], difference["unit"]), difference["unit"]
+        told = f"RMS {left} of {quantity_text(difference['rms_measured'], unit)}"
         print(f"{'measured less simulated ' + channel:33s} {told}")
     for key in ("out", "plot"):
         if key in summary:

@@ -1,10 +1,9 @@
 """A rig file from a geometry: wheels spread evenly on one circle of latitude of the sphere."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 GRAVITY = 9.81  # m/s^2
-_TURNING = (0.31, 0.19, 0.45)  # rad/s of the sphere: a drive in which every wheel turns
 
 
 class Geometry(NamedTuple):
@@ -46,14 +45,6 @@ def starter(base: Geometry, **given: float | None) -> Geometry:
         wheel_mass=base.wheel_mass * min(size, 1.0) ** 2,
     )
     return scaled._replace(**{key: value for key, value in given.items() if value is not None})
-
-
-def fitting_speeds(rig: Any) -> list[float]:
-    """Wheel speeds in rad/s that fit each other: those of one turning of the sphere."""
-    import numpy as np
-
-    axes, radius = np.asarray(rig.wheels.spin_axis), np.asarray(rig.wheels.radius)
-    return (axes @ np.array(_TURNING) * float(rig.sphere.radius) / radius).tolist()
 
 
 def carried(geometry: Geometry) -> float:

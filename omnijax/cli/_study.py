@@ -1,9 +1,58 @@
-"""What `check` says of a study file; nothing is run."""
+"""Study files: what `check` says of them, and what a sweep or a sensitivity takes from one."""
 
 from collections.abc import Iterator
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
+from .._errors import InputError, tell
+from ._drive import Studied, studied
+from ._motion import MotionOptions
 from ._table import paragraph
+
+
+class AskedStudy(NamedTuple):
+    """Rig (a file where one was named), its drive, what varies over which levels, and metrics."""
+
+    rig: Any
+    motion: Studied
+    vary: Any
+    metrics: Any
+    model: str
+
+
+def asked_of_rig(
+    name: str, motion: MotionOptions, drive: Path | None, vary: Any, metric: str | None, model: str
+) -> AskedStudy:
+    """What options ask about a rig."""
+    from ..rig import load_rig
+
+    rig = load_rig(name)
+    return AskedStudy(rig, studied(rig, motion, drive), vary, metric, model)
+
+
+def asked_of_study(path: str, typed: dict[str, Any]) -> AskedStudy:
+    """What a study file asks of `sweep` or `sensitivity`.
+
+    Raises `InputError` where options were typed that stand in the file, and for what these two
+    commands have not.
+    """
+    wrong = [f"--{k} stands in the study file: give it there." for k, v in typed.items() if v]
+    if wrong:
+        raise InputError(wrong, path)
+    from ..study import load_study
+
+    study = load_study(path)
+    if study.drives[1:]:
+        raise InputError(f"takes one [[drive]] here, but has {len(study.drives)}.", path)
+    if any(load.values for load in study.loads):
+        raise InputError("takes no [[load]] here: put its numbers into the rig.", path)
+    if study.constraints or study.tolerances:
+        tell(["[[constraint]] and [tolerance] of the study are of `design`: left out here."])
+    pairs = zip(study.variables, study.levels, strict=True)
+    own = {v.name: f"{'log:' * v.log}{v.low!r}:{v.high!r}:{n}" for v, n in pairs}
+    drive_of = Studied(study.drives[0].drive, study.duration, study.rate)
+    metrics = tuple(name for name, _ in study.weights)
+    return AskedStudy(study.rig, drive_of, own, metrics, study.model)
 
 
 def study_summary(path: str) -> dict[str, Any]:
@@ -25,17 +74,18 @@ def study_summary(path: str) -> dict[str, Any]:
 
 def study_lines(path: str, summary: dict[str, Any]) -> Iterator[str]:
     """The same for people."""
-    from .._text import amount
+    from .._text import quantity_text
 
     wheels = len(summary["wheels"])
     yield f"{path}: right. A study of a rig with {wheels} wheel{'s' * (wheels > 1)}."
     for name, drive in summary["drives"].items():
         kind, values = next(iter(drive.items()))
         unit = "rad/s" if kind == "speed" else "N m"
-        told = ", ".join(amount(x, unit) for x in values)
-        yield paragraph(f"drive {name}: {kind} {told}", "  ")
+        told = ", ".join(quantity_text(x, unit) for x in values)
+        said = name if name.startswith("drive") else f"drive {name}"
+        yield paragraph(f"{said}: {kind} {told}", "  ")
     for name, v in summary["variables"].items():
-        low, high = (amount(v[key], v["unit"]) for key in ("low", "high"))
+        low, high = (quantity_text(v[key], v["unit"]) for key in ("low", "high"))
         yield paragraph(f"varies {name} from {low} to {high}", "  ")
     yield paragraph(f"judges by {', '.join(summary['weights'])}", "  ")
     if summary["constraints"]:

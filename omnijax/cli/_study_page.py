@@ -13,6 +13,7 @@ from .._interrupts import answer, saying
 from .._reading import existing
 from ._options import Force, Json, check_netcdf, command_line, emit
 from ._progress import bar
+from ._table import paragraph
 
 Switch = Annotated[bool, Parameter(negative="")]
 
@@ -56,13 +57,13 @@ def finish(
     study: Path,
     results: Results,
     asked: Any,
-    found: Any,
+    result: Any,
     plain: Any,
     text: Callable[[], None] | None = None,
 ) -> None:
     """The file, the page and the printed answer of a study."""
     deliver(
-        found,
+        result,
         results.out,
         results.report,
         lambda: _made_by(study, asked),
@@ -94,7 +95,7 @@ def _kept(store: Path | None) -> Iterator[None]:
 
 
 def deliver(
-    found: Any,
+    result: Any,
     out: Path | None,
     report: Path | None,
     made: Callable[[], Any],
@@ -104,12 +105,13 @@ def deliver(
 ) -> None:
     """What every study's command ends with: the file, the page and the printed answer."""
     if out is not None:
-        found.save(out)
+        result.save(out)
     if report is not None:
         from ..report import study_page
 
-        study_page(found, made()).write(report)
-    emit(as_json, plain, text or (lambda: print("\n".join(found.sentences()))))
+        study_page(result, made()).write(report)
+    told = (paragraph(line, "  ") for line in result.sentences())
+    emit(as_json, plain, text or (lambda: print("\n".join(told))))
 
 
 def _made_by(study: Path, asked: Any) -> Any:

@@ -30,16 +30,16 @@ def summarise(result: Any) -> dict[str, Any]:
 def show(result: Any, summary: dict[str, Any]) -> None:
     """The summary for people."""
     from .._status import FAILED
+    from .._text import quantity_text
     from ..study import status_text
 
     print(paragraph(f"{summary['designs']} designs by {summary['why']}."))
     print(f"status: {status_text(summary['status'])}")
-    for name, found in summary["best"].items():
+    for name, best in summary["best"].items():
         at = ", ".join(
-            f"{path} = {found[path]:.6g}{'' if unit == '1' else f' {unit}'}"
-            for path, unit, _ in result.spec.vary
+            f"{path} = {quantity_text(best[path], unit)}" for path, unit, _ in result.spec.vary
         )
-        print(paragraph(_best(name, found, at), "  "))
+        print(paragraph(_best(name, best, at), "  "))
     for entry in summary["failed"]:
         print(f"design {entry['design']} failed; again: {entry['rerun']}")
     more = sum(summary["status"].get(k, 0) for k in (x.text for x in FAILED))
@@ -53,13 +53,15 @@ def show(result: Any, summary: dict[str, Any]) -> None:
         print(f"store: {summary['out']}")
 
 
-def _best(name: str, found: dict[str, Any], at: str) -> str:
+def _best(name: str, best: dict[str, Any], at: str) -> str:
     """The best design in a sentence, and what it is worth."""
-    from .._text import amount
+    from .._text import quantity_text
 
-    told = f"best {name}: {amount(found[name], found['unit'])} at {at} (design {found['design']})"
-    if found["status"] != "ok":
-        return f"{told}: {found['status']}, as every design with a figure slips or lifts off"
-    if found["left_out"]:
-        return f"{told}; {found['left_out']} with a better figure slip or lift off: left out"
+    told = (
+        f"best {name}: {quantity_text(best[name], best['unit'])} at {at} (design {best['design']})"
+    )
+    if best["status"] != "ok":
+        return f"{told}: {best['status']}, as every design with a figure slips or lifts off"
+    if best["left_out"]:
+        return f"{told}; {best['left_out']} with a better figure slip or lift off: left out"
     return told

@@ -61,17 +61,17 @@ def case(
         raise InputError("every log is held out; at least one must be there to learn from.")
     for log in (*logs, *held):
         existing(log)
-    found = [_guessed(log, input, position, time, rate) for log in (*logs, *held)]
-    names = [stem_of(one.log) for one in found]
+    guesses = [_guessed(log, input, position, time, rate) for log in (*logs, *held)]
+    names = [stem_of(one.log) for one in guesses]
     if len(set(names)) < len(names):
         twice = next(x for x in names if names.count(x) > 1)
         raise InputError(f"two logs are named {twice}: rename one, a case has one NAME.toml each.")
     folder = out or Path(names[0])
-    for one in found:
+    for one in guesses:
         print(f"{one.log.name}")
         for key, value in one.rows():
             print(f"  {key:<20} {value}")
-    files = case_files(found, [one.log for one in found if one.log.resolve() in held])
+    files = case_files(guesses, [one.log for one in guesses if one.log.resolve() in held])
     print(f"machine.toml, to begin with\n{textwrap.indent(files['machine.toml'], '  ')}")
     if not yes:
         try:
@@ -96,5 +96,7 @@ def _guessed(log: Path, given: str | None, position: str | None, time: str | Non
 
     if given and position:
         return describe(log, time, given, position, rate)
-    found = guess(log, rate)
-    return describe(log, time or found.time, given or found.input, position or found.position, rate)
+    guessed = guess(log, rate)
+    return describe(
+        log, time or guessed.time, given or guessed.input, position or guessed.position, rate
+    )

@@ -76,7 +76,7 @@ def _summary(rig: Any) -> dict[str, Any]:
     from ..rig import derived, direction_angles, parameter_paths, wheel_facts
     from ..vibration import modes
 
-    wheels, found = rig.wheels, modes(rig)
+    wheels, elastic = rig.wheels, modes(rig)
     motion, pressed = mobility(rig), weight(rig)
     columns = wheel_facts(rig)
     normal, drive = np.asarray(wheels.normal), np.asarray(wheels.drive)
@@ -117,8 +117,8 @@ def _summary(rig: Any) -> dict[str, Any]:
             "normal": pressed.normal.tolist(),
             "missing": pressed.missing,
         },
-        "natural_frequencies": np.asarray(found.frequency).tolist(),
-        "damping_ratios": np.asarray(found.damping_ratio).tolist(),
+        "natural_frequencies": np.asarray(elastic.frequency).tolist(),
+        "damping_ratios": np.asarray(elastic.damping_ratio).tolist(),
         "effects": [{"id": placed.law.id, "place": placed.place} for placed in rig.effects],
         "uncertainty": dict(rig.uncertainty),
         "parameters": [info.path for info in parameter_paths(rig)],

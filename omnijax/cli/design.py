@@ -40,15 +40,15 @@ def design(
 
         return () if rig is None else files_of_rig(asked.rig, rig)
 
-    asked, found = worked(study, results, "searches", run, files)
-    if found.status == "infeasible":
+    asked, result = worked(study, results, "searches", run, files)
+    if result.status == "infeasible":
         from .._errors import InputError
 
-        raise InputError(f"{found.reason}.", study)
+        raise InputError(f"{result.reason}.", study)
     if rig is not None:
         from ..rig import save_rig
         from ..study import designed_rig
 
-        save_rig(designed_rig(asked, found), rig)
-    finish(study, results, asked, found, dataclasses.asdict(found))
-    return 0 if found.optimal else 1
+        save_rig(designed_rig(asked, result), rig)
+    finish(study, results, asked, result, dataclasses.asdict(result))
+    return 0 if result.optimal else 1

@@ -67,9 +67,9 @@ def diagnose(
     folder = out or Path(f"diagnosis-{case.resolve().name}")
     asked = _case(case, rig, model)
     claim(folders=[folder], force=force)
-    found = run(asked, laws=laws, window=window, tell=tell)
-    tell(f"wrote {folder}/index.html, diagnosis.json, {_write(found, folder)}")
-    emit(json, found.to_dict(), lambda: _print(found))
+    diagnosis = run(asked, laws=laws, window=window, tell=tell)
+    tell(f"wrote {folder}/index.html, diagnosis.json, {_write(diagnosis, folder)}")
+    emit(json, diagnosis.to_dict(), lambda: _print(diagnosis))
     return 0
 
 
@@ -86,55 +86,55 @@ def _case(folder: Path, rig: Path | None, model: Path | None) -> Any:
     return read_machine_case(folder, None if model is None else load_model(model))
 
 
-def _write(found: Any, folder: Path) -> str:
+def _write(diagnosis: Any, folder: Path) -> str:
     """The answer's files; the name of the machine's with the effects added."""
     from ..report import diagnosis_page
     from ..rig import Rig, save_rig
 
-    found.save(folder / "diagnosis.json")
-    made = "rig-diagnosed.toml" if isinstance(found.rig, Rig) else "machine-diagnosed.toml"
-    if isinstance(found.rig, Rig):
-        save_rig(found.rig, folder / made)
+    diagnosis.save(folder / "diagnosis.json")
+    made = "rig-diagnosed.toml" if isinstance(diagnosis.rig, Rig) else "machine-diagnosed.toml"
+    if isinstance(diagnosis.rig, Rig):
+        save_rig(diagnosis.rig, folder / made)
     else:
-        write_text(folder / made, found.details["evidence"].text(found.rig))
-    diagnosis_page(found, command_line()).write(folder)
+        write_text(folder / made, diagnosis.details["evidence"].text(diagnosis.rig))
+    diagnosis_page(diagnosis, command_line()).write(folder)
     return made
 
 
-def _print(found: Any) -> None:
+def _print(diagnosis: Any) -> None:
     """The answer in a few lines."""
     from .._text import scaled
     from ..laws import in_words
     from ..report import effect_sizes
 
-    print(f"verdict: {found.verdict}")
-    for fault in found.faults:
+    print(f"verdict: {diagnosis.verdict}")
+    for fault in diagnosis.faults:
         print(f"  data: {fault}")
-    for effect in found.effects:
+    for effect in diagnosis.effects:
         print(f"  {effect.id} at {effect.place}: {in_words(effect.id, effect.place)}")
         print(f"    {effect_sizes(effect)}")
-    for group, gap in found.gap.items():
+    for group, gap in diagnosis.gap.items():
         factor, unit = scaled(gap.before, gap.unit)
         print(
             f"  {group}: RMS {factor * gap.before:.3g} -> {factor * gap.after:.3g} {unit}, "
             f"noise {factor * gap.noise_floor:.3g}"
         )
-    if found.remainder:
-        print(f"  {found.remainder}")
-    for run in found.free_runs:
+    if diagnosis.remainder:
+        print(f"  {diagnosis.remainder}")
+    for run in diagnosis.free_runs:
         said = [
             f"{word} RMS {run[word]['rms']:.4g}, MAE {run[word]['mae']:.4g} {run['unit']}"
             + ("" if run[word]["percent"] is None else f" ({run[word]['percent']:.3g} %)")
             for word in ("before", "after") if word in run and run[word]["rms"] is not None
         ]  # fmt: skip
         print(f"  free run of {run['run']} ({run['role']}): {'; '.join(said) or 'left all bounds'}")
-    if found.one_step:
-        missed = " -> ".join(f"{x:.3g}" for x in found.one_step.values())
+    if diagnosis.one_step:
+        missed = " -> ".join(f"{x:.3g}" for x in diagnosis.one_step.values())
         print(f"  the balance misses on held-out runs: {missed} % of the motor's torque")
-    if found.learned:
+    if diagnosis.learned:
         print(
-            f"  learned, uninterpreted term at {found.learned['port']}: closes "
-            f"{100 * found.learned['closed']:.0f} % of the held-out gap"
+            f"  learned, uninterpreted term at {diagnosis.learned['port']}: closes "
+            f"{100 * diagnosis.learned['closed']:.0f} % of the held-out gap"
         )
-    if found.next_experiment:
-        print(f"  next experiment: {found.next_experiment['drive']}")
+    if diagnosis.next_experiment:
+        print(f"  next experiment: {diagnosis.next_experiment['drive']}")

@@ -5,12 +5,13 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from ._options import Whole, number, numbers
-from ._starter import fitting_speeds
+from ._study_starter import usual_speeds
 
 
 def explore(
     *rigs: Annotated[str, Parameter(help="Rig files or names of bundled rigs, side by side.")],
     speed: str | None = None,
+    omega: str | None = None,
     port: Whole = 8765,
     host: str = "127.0.0.1",
     browser: bool = True,
@@ -24,6 +25,9 @@ def explore(
     speed
         Wheel speeds to start from in rad/s, one a wheel or one for all; or with units (30 rpm).
         Without it the wheels roll together with the sphere.
+    omega
+        The sphere's angular velocity to start from in rad/s: x,y,z (or 0,0,10 rpm), in place of
+        --speed.
     port
         Port of the page; 0 takes a free one.
     host
@@ -42,14 +46,21 @@ def explore(
     machines = {name: load_rig(name) for name in rigs}
     from ..view import serve
 
-    speeds = {name: start_speeds(speed, machine) for name, machine in machines.items()}
+    speeds = {name: start_speeds(speed, omega, machine) for name, machine in machines.items()}
     serve(machines, speeds, host=host, port=port, browser=browser)
 
 
-def start_speeds(text: str | None, rig: Any) -> list[float]:
-    """Wheel speeds of `--speed` in rad/s: one a wheel, or one for all; None: some that fit."""
+def start_speeds(text: str | None, omega: str | None, rig: Any) -> list[float]:
+    """Wheel speeds of `--speed` (one a wheel, or one for all) or `--omega`; else some that fit."""
+    from .._errors import InputError
+    from ..dynamics import fitting_speeds
+
+    if text is not None and omega is not None:
+        raise InputError("give one of --speed, --omega, but both are given.")
+    if omega is not None:
+        return fitting_speeds(rig, numbers("omega", omega, "rad/s", 3, "components"))
     if text is None:
-        return fitting_speeds(rig)
+        return usual_speeds(rig)
     if "," not in text:
         return [number("speed", text, "rad/s")] * rig.size
     return numbers("speed", text, "rad/s", rig.size)

@@ -30,25 +30,25 @@ def global_sensitivity(
 
         return global_sensitivity(asked, None if metric is None else checked_metrics(metric), **how)
 
-    asked, found = worked(study, results, "runs", run)
-    finish(study, results, asked, found, _plain(found))
+    asked, result = worked(study, results, "runs", run)
+    finish(study, results, asked, result, _plain(result))
     return 0
 
 
-def _plain(found: Any) -> dict[str, Any]:
+def _plain(result: Any) -> dict[str, Any]:
     return {
-        "runs": found.runs,
-        "failed": list(found.failed),
+        "runs": result.runs,
+        "failed": list(result.failed),
         "metrics": {
             name: {
-                key: dict(zip(found.inputs, getattr(where, key)[m].tolist(), strict=True))
+                key: dict(zip(result.inputs, getattr(where, key)[m].tolist(), strict=True))
                 for where, keys in (
-                    (found.sobol, ("first", "first_half", "total", "total_half")),
-                    (found.morris, ("mu", "mu_star", "sigma")),
-                    (found, ("bound",)),
+                    (result.sobol, ("first", "first_half", "total", "total_half")),
+                    (result.morris, ("mu", "mu_star", "sigma")),
+                    (result, ("bound",)),
                 )
                 for key in keys
             }
-            for m, name in enumerate(found.metrics)
+            for m, name in enumerate(result.metrics)
         },
     }

@@ -11,11 +11,14 @@ from .._errors import InputError
 from .._files import claim, write_bytes
 from ._options import Force, MaybeWhole, number
 from ._starter import EXAMPLES, rig_text, starter
+from ._study_starter import study_text, template
+
+Studies = Literal["sweep", "sensitivity", "design", "pareto", "tolerances", "global-sensitivity"]
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Shape:
+class ShapeOptions:
     """Where the wheels sit."""
 
     example: Literal["ballbot", "platform", "four-wheel"] | None = None
@@ -59,8 +62,8 @@ def init(
     file: Path | None = None,
     /,
     *,
-    shape: Shape = Shape(),
-    study: Literal["design", "pareto", "tolerances", "global-sensitivity"] | None = None,
+    shape: ShapeOptions = ShapeOptions(),
+    study: Studies | None = None,
     rig: str | None = None,
     axis: Annotated[bool, Parameter(negative="")] = False,
     force: Force = False,
@@ -80,18 +83,19 @@ def init(
     study
         Write a study file for this command instead.
     rig
-        The rig that the study file names; rig.toml where it is not given.
+        The rig that the study file names, whose numbers its ranges are made from; rig.toml where
+        it is not given.
     axis
         Write a machine file of one axis (machine.toml) instead.
     """
-    if axis and (study is not None or shape != Shape()):
+    if axis and (study is not None or shape != ShapeOptions()):
         raise InputError("--axis writes a machine file: it goes with no study and no geometry.")
     if rig is not None and study is None:
         raise InputError("--rig names the machine of a study file: give --study KIND too.")
     usual = "machine.toml" if axis else "rig.toml" if study is None else "study.toml"
     file = file or Path(usual)
     claim([file], force=force)
-    if study is not None and (shape != Shape()):
+    if study is not None and (shape != ShapeOptions()):
         raise InputError("a study file has no geometry: write the rig file by a call of its own.")
     if axis:
         made = resources.files("omnijax") / "machine" / "data" / "machine.toml"
@@ -100,34 +104,15 @@ def init(
         print("For an editor that checks it: omnijax schema --machine > machine.schema.json")
         return
     text = (
-        _study(study, rig or "rig.toml")
+        study_text(study, rig or "rig.toml", file)
         if study is not None
-        else shape.text() or _template("rig.toml")
+        else shape.text() or template("rig.toml")
     )
     write_bytes(file, text.encode())
     then = "check" if study is None else study
     print(f"Wrote {file}. Fill in your numbers, then: omnijax {then} {file}")
     kind, option = ("rig", "") if study is None else ("study", " --study")
     print(f"For an editor that checks it: omnijax schema{option} > {kind}.schema.json")
-
-
-def _template(name: str) -> str:
-    folder = resources.files("omnijax") / "rig" / "data" / "template"
-    return (folder / name).read_text(encoding="utf-8")
-
-
-def _study(kind: str, rig: str) -> str:
-    """The study file of a kind, with speeds that fit the wheels of the rig where it is there."""
-    import json
-
-    text = _template(f"{kind}.toml").replace('rig = "atlas"', f"rig = {json.dumps(rig)}", 1)
-    if not Path(rig).is_file():
-        return text
-    from ..rig import load_rig
-    from ._starter import fitting_speeds
-
-    speeds = ", ".join(f"{speed:.6g}" for speed in fitting_speeds(load_rig(rig)))
-    return text.replace("[3.0, 5.1, 7.3]", f"[{speeds}]", 1)
 
 
 def _degrees(name: str, text: str | None) -> float | None:

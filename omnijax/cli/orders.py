@@ -7,6 +7,7 @@ from typing import Any, Literal
 from .._files import claim
 from .._reading import existing
 from ._options import Force, Json, command_line, emit
+from ._table import columns
 
 TRACKED = 4  # orders followed where none are asked for
 
@@ -64,20 +65,20 @@ def orders(
     measured, machine = _run(run, rig)
     claim(folders=[out], force=force)
     how = {"turns": turns, "amplitude": amplitude, "window": window}
-    found, followed = _analysed(run, measured, (channel, reference), max_order, track, how)
+    order_map, followed = _analysed(run, measured, (channel, reference), max_order, track, how)
     passing = _passing(measured, machine, reference)
-    table = strongest_orders(found, passing)
+    table = strongest_orders(order_map, passing)
     page = None
     if out is not None:
         from ..rig import rig_text
 
         text = "" if machine is None else rig_text(machine)
         made = provenance(command_line(), text)
-        page = str(orders_page(found, followed, made, passing).write(out))
+        page = str(orders_page(order_map, followed, made, passing).write(out))
     names = ("order", amplitude, "hz", "meaning")
-    data = {"reference": found.reference, "channel": channel, "page": page}
+    data = {"reference": order_map.reference, "channel": channel, "page": page}
     rows = [dict(zip(names, row, strict=True)) for row in table.rows]
-    emit(json, data | {"orders": rows}, lambda: _print(found, table, page))
+    emit(json, data | {"orders": rows}, lambda: _print(order_map, table, page))
 
 
 def _in_range(name: str, value: float | None, low: float, high: float) -> None:
@@ -115,12 +116,12 @@ def _analysed(
     from ..vibration import order_track, rpm_order_map
 
     try:
-        found = rpm_order_map(run, *what, max_order=max_order, **how)
-        chosen = _orders(track) or [order for order, _ in found.strongest(TRACKED)]
+        order_map = rpm_order_map(run, *what, max_order=max_order, **how)
+        chosen = _orders(track) or [order for order, _ in order_map.strongest(TRACKED)]
         if not chosen:
             raise ValueError(f"`{what[0]}` has no orders: it does not move.")
         how = {key: how[key] for key in ("turns", "amplitude")}
-        return found, order_track(run, chosen, *what, **how)
+        return order_map, order_track(run, chosen, *what, **how)
     except ValueError as error:
         raise InputError(f"{file.name}: {error}") from error
 
@@ -138,14 +139,17 @@ def _passing(run: Any, rig: Any, reference: str) -> dict[str, float]:
 
     if rig is None:
         return {}
-    found = roller_orders(run, [float(x) for x in rig.wheels.rollers], reference)
-    return {rig.names[int(number) - 1]: order for number, order in found.items()}
+    orders = roller_orders(run, [float(x) for x in rig.wheels.rollers], reference)
+    return {rig.names[int(number) - 1]: order for number, order in orders.items()}
 
 
-def _print(found: Any, table: Any, page: str | None) -> None:
+def _print(order_map: Any, table: Any, page: str | None) -> None:
     unit = table.columns[1].unit
-    print(f"{found.channel} over the orders of {found.reference}, {len(found.time)} windows")
-    for order, level, hz, meaning in table.rows:
-        print(f"order {order:7.2f}   {level:9.4g} {unit}   {hz:>16} Hz   {meaning}".rstrip())
+    count = len(order_map.time)
+    windows = f"{count} window{'s' * (count > 1)}"
+    print(f"{order_map.channel} over the orders of {order_map.reference}, {windows}")
+    rows = [["order", f"{order_map.kind} ({unit})", "frequency (Hz)", "what repeats so often"]]
+    rows += [[f"{order:5.2f}", f"{level:.4g}", hz, why] for order, level, hz, why in table.rows]
+    print("\n".join(columns(rows)))
     if page:
-        print(f"page            {page}")
+        print(f"page: {page}")

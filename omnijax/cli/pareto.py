@@ -30,33 +30,33 @@ def pareto(
 
         return pareto(asked, () if metric is None else checked_metrics(metric), **how)
 
-    asked, found = worked(study, results, "searches", run)
-    finish(study, results, asked, found, _plain(found), lambda: _print(found))
+    asked, front = worked(study, results, "searches", run)
+    finish(study, results, asked, front, _plain(front), lambda: _print(front))
     return 0
 
 
-def _plain(found: Any) -> dict[str, Any]:
+def _plain(front: Any) -> dict[str, Any]:
     return {
-        "metrics": dict(zip(found.metrics, found.units, strict=True)),
-        "variables": list(found.variables),
-        "values": found.values.tolist(),
-        "x": found.x.tolist(),
-        "status": list(found.status),
-        "evaluations": found.evaluations,
+        "metrics": dict(zip(front.metrics, front.units, strict=True)),
+        "variables": list(front.variables),
+        "values": front.values.tolist(),
+        "x": front.x.tolist(),
+        "status": list(front.status),
+        "evaluations": front.evaluations,
     }
 
 
-def _print(found: Any) -> None:
+def _print(front: Any) -> None:
     import numpy as np
 
     from .._text import scaled
     from ._table import columns, paragraph
 
-    for sentence in found.sentences():
+    for sentence in front.sentences():
         print(paragraph(sentence))
-    heads, units, cells = ["design"], [""], [[str(k + 1) for k in range(len(found.values))]]
-    values = np.concatenate([found.values, found.x], axis=1)
-    for (name, unit), own in zip(_both(found), values.T, strict=True):
+    heads, units, cells = ["design"], [""], [[str(k + 1) for k in range(len(front.values))]]
+    values = np.concatenate([front.values, front.x], axis=1)
+    for (name, unit), own in zip(_both(front), values.T, strict=True):
         factor, written = scaled(float(np.max(np.abs(own))), unit)
         heads.append(name)
         units.append(written)
@@ -64,6 +64,6 @@ def _print(found: Any) -> None:
     print("\n".join(columns([heads, units, *map(list, zip(*cells, strict=True))])))
 
 
-def _both(found: Any) -> list[tuple[str, str]]:
-    named = (*found.metrics, *found.variables), (*found.units, *found.variable_units)
+def _both(front: Any) -> list[tuple[str, str]]:
+    named = (*front.metrics, *front.variables), (*front.units, *front.variable_units)
     return list(zip(*named, strict=True))

@@ -49,9 +49,13 @@ def reproduce(
         def say(step: str) -> None:
             bar.update(task, description=step, advance=1)
 
-        found = remake(out, samples=samples, seed=seed, say=say)
+        reproduction = remake(out, samples=samples, seed=seed, say=say)
         bar.update(task, description="done", completed=STEPS)
-    emit(json, {**found.to_json(), "page": str(found.page)}, lambda: _print(found))
+    emit(
+        json,
+        {**reproduction.to_json(), "page": str(reproduction.page)},
+        lambda: _print(reproduction),
+    )
     return 0
 
 
@@ -70,9 +74,9 @@ def _progress() -> Any:
     )
 
 
-def _print(found: Any) -> None:
-    for claim in found.claims:
+def _print(reproduction: Any) -> None:
+    for claim in reproduction.claims:
         print(f"{claim.verdict:28} {claim.content}")
-    borne = sum(row.confirmed for row in found.errata)
-    print(f"{borne} of {len(found.errata)} errata of the paper are borne out by a number.")
-    print(f"page: {found.page}")
+    borne = sum(row.confirmed for row in reproduction.errata)
+    print(f"{borne} of {len(reproduction.errata)} errata of the paper are borne out by a number.")
+    print(f"page: {reproduction.page}")

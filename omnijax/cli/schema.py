@@ -32,5 +32,5 @@ def schema(*, study: Switch = False, machine: Switch = False) -> None:
 
     if study and machine:
         raise InputError("--study and --machine are two schemas: ask for one of them.")
-    found = study_schema() if study else machine_schema() if machine else json_schema()
-    print(json.dumps(found, indent=1, ensure_ascii=False))
+    document = study_schema() if study else machine_schema() if machine else json_schema()
+    print(json.dumps(document, indent=1, ensure_ascii=False))

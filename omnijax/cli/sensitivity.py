@@ -6,10 +6,11 @@ from typing import Annotated, Any, Literal
 from cyclopts import Parameter
 
 from .._files import claim
-from ._axis import refuse, refuse_drive, sensitivity_axis
+from ._axis import refuse, sensitivity_axis
 from ._kind import file_kind
-from ._motion import Motion
+from ._motion import MotionOptions
 from ._options import Json, Overwrite, Whole, check_netcdf
+from ._study import asked_of_rig, asked_of_study
 from ._study_page import Switch, deliver, made_by_rig
 
 
@@ -17,10 +18,10 @@ def sensitivity(
     rig: str,
     /,
     *,
-    motion: Motion = Motion(),
+    motion: MotionOptions = MotionOptions(),
     metric: str | None = None,
     drive: Path | None = None,
-    parameter: Annotated[list[str], Parameter(negative="")] = [],  # noqa: B006
+    parameter: Annotated[list[str], Parameter(negative="", show_default=False)] = [],  # noqa: B006
     model: Literal["coupled", "paper"] = "coupled",
     check: Switch = False,
     per_wheel: Switch = False,
@@ -39,12 +40,14 @@ def sensitivity(
     Parameters
     ----------
     rig
-        A rig file, or the name of a bundled rig; or a machine file of an axis.
+        A rig file, the name of a bundled rig, or a study file (its drive, metrics and, where it
+        has any, [[variable]] paths); or a machine file of an axis.
     metric
         Metrics, with commas between; rms,peak where not given.
     drive
-        Of a machine file: the log under whose inputs it moves; metrics are then rms, mae and peak
-        of measured less simulated position.
+        A table of wheel speeds or a recording, as for simulate. Of a machine file: the log under
+        whose inputs it moves; metrics are then rms, mae and peak of measured less simulated
+        position.
     parameter
         Only this parameter (may be given again); contact.stiffness means that of every wheel.
     model
@@ -61,78 +64,82 @@ def sensitivity(
         A folder for a page with the tornado figures.
     """
     from .._errors import InputError
-    from ..rig import load_rig
 
     if top < 1:
         raise InputError(f"`top` must be at least 1, but is {top}.")
     check_netcdf(out)
-    metric = metric or "rms,peak"
-    if file_kind(rig) == "machine":
+    kind = file_kind(rig)
+    if kind == "machine":
         refuse({"model": model != "coupled", "check": check} | vars(motion), "sensitivity")
         claim([out], [report], force=overwrite)
-        found, made = sensitivity_axis(rig, drive, metric, parameter)
+        result, made = sensitivity_axis(rig, drive, metric or "rms,peak", parameter)
     else:
-        refuse_drive(drive)
-        machine = load_rig(rig)
+        if kind == "study":
+            typed = {"parameter": parameter, "metric": metric, "drive": drive} | vars(motion)
+            asked = asked_of_study(rig, typed | {"model": model != "coupled"})
+        else:
+            asked = asked_of_rig(rig, motion, drive, parameter, metric, model)
         from ..study import sensitivity as run
 
         claim([out], [report], force=overwrite)
-        found = run(
-            machine, motion.drive(machine.size), metric, parameters=parameter or None,
-            duration=motion.seconds, rate=motion.hertz, model=model, check=check,
+        result = run(
+            asked.rig, metrics=asked.metrics or "rms,peak", parameters=list(asked.vary) or None,
+            model=asked.model, check=check, **asked.motion._asdict(),
         )  # fmt: skip
 
         def made():
-            return made_by_rig(machine)
+            return made_by_rig(asked.rig)
 
     deliver(
-        found,
+        result,
         out,
         report,
         made,
         json,
-        _plain(found),
-        lambda: _print(found, per_wheel, top),
+        _plain(result),
+        lambda: _print(result, per_wheel, top),
     )
     return 0
 
 
-def _plain(found: Any) -> dict[str, Any]:
+def _plain(result: Any) -> dict[str, Any]:
     return {
-        "method": found.method,
+        "method": result.method,
         "metrics": {
             name: {
-                "value": float(found.figures[m]),
-                "unit": found.metric_units[m],
-                "relative": found.column(name),
-                "together": found.together(name),
-                "raw": dict(zip(found.parameters, found.raw[m].tolist(), strict=True)),
+                "value": float(result.figures[m]),
+                "unit": result.metric_units[m],
+                "relative": result.column(name),
+                "together": result.together(name),
+                "raw": dict(zip(result.parameters, result.raw[m].tolist(), strict=True)),
             }
-            for m, name in enumerate(found.metrics)
+            for m, name in enumerate(result.metrics)
         },
-        "without_influence": list(found.without_influence()),
-        "check": None if found.check is None else found.check.worst,
+        "without_influence": list(result.without_influence()),
+        "check": None if result.check is None else result.check.worst,
     }
 
 
-def _print(found: Any, per_wheel: bool, top: int) -> None:
+def _print(result: Any, per_wheel: bool, top: int) -> None:
     from rich.console import Console
     from rich.table import Table
 
-    from .._text import amount
+    from .._text import quantity_text
     from ._table import paragraph
 
     console = Console(markup=False, highlight=False)
-    console.print(f"{found.how}; change of the metric in % per % of the parameter")
-    for m, name in enumerate(found.metrics):
-        console.print(f"\n{name} = {amount(float(found.figures[m]), found.metric_units[m])}")
+    console.print(f"{result.how}; change of the metric in % per % of the parameter")
+    for m, name in enumerate(result.metrics):
+        console.print(
+            f"\n{name} = {quantity_text(float(result.figures[m]), result.metric_units[m])}"
+        )
         table = Table("parameter", "% per %", box=None, padding=(0, 2))
-        pairs = found.column(name) if per_wheel else found.together(name)
+        pairs = result.column(name) if per_wheel else result.together(name)
         for path, value in list(pairs.items())[:top]:
             if value != 0:
                 table.add_row(path, f"{value:+.4g}")
         console.print(table)
-    for line in found.sentences():
+    for line in result.sentences():
         console.print(f"\n{paragraph(line)}")
-    if found.check is not None:
-        console.print(f"worst relative error against finite differences: {found.check.worst:.2g}")
+    if result.check is not None:
+        console.print(f"worst relative error against finite differences: {result.check.worst:.2g}")

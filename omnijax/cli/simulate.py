@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 from .._files import claim
 from .._reading import existing
-from ._axis import simulate_machine
-from ._drive import Asked, asked, warnings
+from ._axis import refuse, simulate_machine
+from ._drive import AskedDrive, asked, warnings
 from ._kind import file_kind
-from ._motion import Motion, Numerics
+from ._motion import MotionOptions, NumericsOptions
 from ._options import Json, Overwrite, check_picture, command_line, emit
 from ._simulate_compare import compared, differences, lay_over
 from ._simulate_summary import show, summarise
@@ -21,13 +21,12 @@ def simulate(
     rig: str,
     /,
     *,
-    motion: Motion = Motion(),
-    omega: str | None = None,
+    motion: MotionOptions = MotionOptions(),
     drive: Path | None = None,
     out: Path | None = None,
     plot: Path | None = None,
     compare: Path | None = None,
-    numerics: Numerics = Numerics(),
+    numerics: NumericsOptions = NumericsOptions(),
     resume: bool = False,
     overwrite: Overwrite = False,
     json: Json = False,
@@ -44,8 +43,6 @@ def simulate(
     ----------
     rig
         A rig file, the name of a bundled rig, or a machine file (an axis).
-    omega
-        The sphere's angular velocity in rad/s: x,y,z (or 0,0,10 rpm), by the wheel speeds that fit.
     drive
         A table of wheel speeds (columns t, speed_1, speed_2 ...; a header may say: speed_1 (rpm)),
         or a recording: its torques, force and first wheel angles, sampled at its times.
@@ -60,6 +57,7 @@ def simulate(
     """
     _keep_programs()
     if file_kind(rig) == "machine":
+        refuse(vars(motion) | {"plot": plot, "compare": compare, "resume": resume}, "simulate")
         return simulate_machine(rig, drive, out, json)
     _check_files(out, plot)
     for file in (drive, compare):
@@ -69,7 +67,7 @@ def simulate(
     from ..rig import load_rig
 
     machine = load_rig(rig)
-    wanted = asked(machine, motion, omega, drive)
+    wanted = asked(machine, motion, drive)
     measured = None if compare is None else compared(compare, machine, plot)
     _claim(rig, machine, out, plot, resume, overwrite)
     run, done = _run(machine, wanted, numerics, out, resume, overwrite)
@@ -102,10 +100,15 @@ class Done(NamedTuple):
 
 
 def _run(
-    rig: Any, asked: Asked, numerics: Numerics, out: Path | None, resume: bool, force: bool
+    rig: Any,
+    asked: AskedDrive,
+    numerics: NumericsOptions,
+    out: Path | None,
+    resume: bool,
+    force: bool,
 ) -> tuple[Any, Done]:
     """The run, and what is known of it."""
-    from ._simulate_run import Pieces, asked_of, check_resumed, perform, planned
+    from ._simulate_run import StoredPieces, asked_of, check_resumed, perform, planned
 
     plan = planned(rig, asked.drive, asked.times, numerics)
     _warn_of_memory(rig, len(asked.times))
@@ -113,7 +116,7 @@ def _run(
     if resume:
         check_resumed(out, identity, force)
     keep = out is not None and (plan.is_long() or resume)
-    pieces = Pieces(out, identity, resume, force) if keep and out is not None else None
+    pieces = StoredPieces(out, identity, resume, force) if keep and out is not None else None
     return perform(plan, pieces, _command()), Done(json_text(identity), pieces)
 
 

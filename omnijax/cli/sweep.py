@@ -6,18 +6,20 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from .._errors import InputError
 from .._files import claim, writing
-from ._axis import refuse, refuse_drive, sweep_axis
+from ._axis import refuse, sweep_axis
 from ._kind import file_kind
-from ._motion import Motion, Numerics
+from ._motion import MotionOptions, NumericsOptions
 from ._options import Json, MaybeWhole, Overwrite, Whole, check_picture, command_line, emit
+from ._study import AskedStudy, asked_of_rig, asked_of_study
 from ._study_page import Switch
 from ._sweep_summary import show, summarise
 
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Sampling:
+class SamplingOptions:
     """Which designs."""
 
     sampler: Literal["grid", "lhs", "sobol"] = "grid"
@@ -32,7 +34,7 @@ class Sampling:
 
 @Parameter(name="*")
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class PlaceOptions:
     """Where the designs are computed and kept."""
 
     out: Path | None = None
@@ -53,13 +55,13 @@ def sweep(
     rig: str,
     /,
     *,
-    vary: Annotated[list[str], Parameter(negative="")],
+    vary: Annotated[list[str], Parameter(negative="", show_default=False)] = [],  # noqa: B006
     metric: str | None = None,
-    motion: Motion = Motion(),
+    motion: MotionOptions = MotionOptions(),
     drive: Path | None = None,
-    sampling: Sampling = Sampling(),
-    numerics: Numerics = Numerics(),
-    place: Place = Place(),
+    sampling: SamplingOptions = SamplingOptions(),
+    numerics: NumericsOptions = NumericsOptions(),
+    place: PlaceOptions = PlaceOptions(),
     plot: Path | None = None,
     report: Path | None = None,
     overwrite: Overwrite = False,
@@ -70,16 +72,20 @@ def sweep(
     Example: omnijax sweep atlas --vary wheel.roundness=0.1:0.6:50 --vary
     contact.stiffness=log:5e4:1e6:40 --metric peak,rms --speed 0.1,1.2,0.3 --out sweep.zarr
 
+    Example: omnijax sweep study.toml --plot sweep.png
+
     Without --duration the figures are those of the steady state. A killed or interrupted sweep
     goes on with the same command and --resume; omnijax sweep-status shows it from elsewhere.
 
     Parameters
     ----------
     rig
-        A rig file, or the name of a bundled rig; or a machine file of an axis.
+        A rig file, the name of a bundled rig, or a study file (its drive, metrics and [[variable]]
+        with levels); or a machine file of an axis.
     drive
-        Of a machine file: the log under whose inputs it moves; metrics are then rms, mae and peak
-        of measured less simulated position, and --out is a .nc file.
+        A table of wheel speeds or a recording, as for simulate. Of a machine file: the log under
+        whose inputs it moves; metrics are then rms, mae and peak of measured less simulated
+        position, and --out is a .nc file.
     vary
         PATH=low:high:count, PATH=log:low:high:count, PATH=a,b,c, or PATH=low:high for samples;
         once for each parameter. PATH is a rig parameter, speed.WHEEL, speed.scale or force.x.
@@ -91,17 +97,25 @@ def sweep(
         Folder for a page of the sweep (index.html) with its figures and numbers.
     """
     check_picture(plot)
-    if file_kind(rig) == "machine":
+    kind = file_kind(rig)
+    if not vary and kind != "study":
+        raise InputError("give what varies: --vary PATH=low:high:count, once for each parameter.")
+    if kind == "machine":
         kept = {k: getattr(place, k) for k in ("resume", "chunk", "workers", "scheduler")}
         kept |= {"plot": plot, "report": report, "gradient": sampling.gradient}
         refuse(kept | vars(motion), "sweep")
         return sweep_axis(rig, drive, vary, metric or "rms", sampling, place.out, overwrite, json)
-    refuse_drive(drive)
-    from ..rig import rig_tables
+    if kind == "rig":
+        from ..rig import rig_tables
 
-    rig_tables(rig)  # wrong files are told before anything slow is imported
+        rig_tables(rig)  # wrong files are told before anything slow is imported
+    if kind == "study":
+        typed = {"vary": vary, "metric": metric, "drive": drive} | vars(motion)
+        asked = asked_of_study(rig, typed | {"model": numerics.model != "coupled"})
+    else:
+        asked = asked_of_rig(rig, motion, drive, vary, metric, numerics.model)
     claim([plot], [report], force=overwrite)
-    result, seconds = _run(rig, vary, metric or "peak,rms", motion, sampling, numerics, place)
+    result, seconds = _run(rig if kind == "rig" else asked.rig, asked, sampling, numerics, place)
     summary = summarise(result) | {"seconds": seconds}
     if plot is not None:
         summary["plot"] = str(_plot(result, plot))
@@ -114,9 +128,12 @@ def sweep(
 
 
 def _run(
-    rig: str, vary: list[str], metric: str, motion: Motion, sampling: Sampling,
-    numerics: Numerics, place: Place,
-) -> tuple[Any, float]:  # fmt: skip
+    rig: Any,
+    asked: AskedStudy,
+    sampling: SamplingOptions,
+    numerics: NumericsOptions,
+    place: PlaceOptions,
+) -> tuple[Any, float]:
     """The sweep, and how long it took in s."""
     import time
 
@@ -126,9 +143,9 @@ def _run(
     began = time.monotonic()
     with Bar() as advance:
         result = evaluate(
-            rig, vary, metric, drive=motion.drive(), duration=motion.seconds, rate=motion.hertz,
-            **vars(numerics.checked()), **vars(sampling), **vars(place), report=advance,
-            command=command_line(),
+            rig, asked.vary, asked.metrics or "peak,rms", **asked.motion._asdict(),
+            **vars(numerics.checked()) | {"model": asked.model}, **vars(sampling), **vars(place),
+            report=advance, command=command_line(),
         )  # fmt: skip
     return result, time.monotonic() - began
 

@@ -26,9 +26,9 @@ def sweep_status(store: Path, /, *, rerun: MaybeWhole = None, json: Json = False
 
     result = load_sweep(store)
     if rerun is not None:
-        found = _again(result, rerun)
-        emit(json, found, lambda: _print_design(result, found))
-        return 0 if found["status"] not in {x.text for x in FAILED} else 1
+        design = _again(result, rerun)
+        emit(json, design, lambda: _print_design(result, design))
+        return 0 if design["status"] not in {x.text for x in FAILED} else 1
     from ..study import progress
     from ._sweep_summary import summarise
 
@@ -46,17 +46,17 @@ def _again(result: Any, index: int) -> dict[str, Any]:
 
     result.design(index)  # refuses an index outside
     columns = Evaluator(result.spec).designs(np.array([index]))
-    found = {name: values[0].item() for name, values in columns.items()}
-    return {"design": index} | found | {"status": Status(int(found["status"])).text}
+    figures = {name: values[0].item() for name, values in columns.items()}
+    return {"design": index} | figures | {"status": Status(int(figures["status"])).text}
 
 
-def _print_design(result: Any, found: dict[str, Any]) -> None:
+def _print_design(result: Any, design: dict[str, Any]) -> None:
     from .._status import Status
 
-    print(f"design {found['design']}: {found['status']}")
+    print(f"design {design['design']}: {design['status']}")
     for name in result.store.names[:-1]:
-        print(f"  {name} = {found[name]:.9g} {result.unit(name)}")
-    remedy = Status.of(found["status"]).remedy
+        print(f"  {name} = {design[name]:.9g} {result.unit(name)}")
+    remedy = Status.of(design["status"]).remedy
     if remedy:
         print(remedy)
 

@@ -23,7 +23,7 @@ def tolerances(
     Parameters
     ----------
     study
-        A study file with [limit] metric and max.
+        A study file with [limit]: metric, and max or rise.
     draws
         Number of drawn machines.
     """
@@ -33,20 +33,20 @@ def tolerances(
 
         return tolerances(asked, draws=draws, **how)
 
-    asked, found = worked(study, results, "machines", run)
-    finish(study, results, asked, found, _plain(found))
-    return 0 if found.confirmed else 1
+    asked, result = worked(study, results, "machines", run)
+    finish(study, results, asked, result, _plain(result))
+    return 0 if result.confirmed else 1
 
 
-def _plain(found: Any) -> dict[str, Any]:
+def _plain(result: Any) -> dict[str, Any]:
     return {
-        "metric": found.metric,
-        "limit": found.limit,
-        "nominal": found.nominal,
-        "share": found.share,
-        "share_bounds": [found.share_low, found.share_high],
-        "failed": found.failed,
-        "linear": dict(zip(found.parts, found.linear.tolist(), strict=True)),
-        "widths": dict(zip(found.parts, found.widths.tolist(), strict=True)),
-        "confirmed": found.confirmed,
+        "metric": result.metric,
+        "limit": result.limit,
+        "nominal": result.nominal,
+        "share": result.share,
+        "share_bounds": [result.share_low, result.share_high],
+        "failed": result.failed,
+        "linear": dict(zip(result.parts, result.linear.tolist(), strict=True)),
+        "widths": dict(zip(result.parts, result.widths.tolist(), strict=True)),
+        "confirmed": result.confirmed,
     }

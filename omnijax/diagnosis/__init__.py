@@ -6,8 +6,8 @@ from .._lazy import lazy_face
 
 if TYPE_CHECKING:
     from ._answer import Diagnosis as Diagnosis
-    from ._answer import Gap as Gap
     from ._answer import Named as Named
+    from ._answer import OutputGap as OutputGap
     from ._answer import Sizes as Sizes
     from ._answer import effect_sizes_on_held_out as effect_sizes_on_held_out
     from ._diagnose import diagnose as diagnose

@@ -41,7 +41,16 @@ from ._machine import (
 from ._noise import Assumed, assumed_noise, by_group, run_levels
 from ._ode import OdeEvidence, balance_error, build_model
 from ._room import check_room
-from ._search import Explored, Found, Point, Search, Way, calibrated, refit, upper_limits
+from ._search import (
+    Explored,
+    Point,
+    Search,
+    SearchPath,
+    SearchResult,
+    calibrated,
+    refit,
+    upper_limits,
+)
 
 MOSTLY = 1.25  # RMS of a channel over its white part, below which all of it is noise
 
@@ -62,6 +71,9 @@ def diagnose(
 
     Figures are SI.  Raises `InputError` for a case that cannot be read, for one without a run
     to learn from, and for more samples than memory holds.
+
+    Source: score tests and refits on whitened residuals, effects of `docs/formats.md`
+    (`docs/limits.md`).
     """
     if isinstance(case, str | Path):
         case = read_machine_case(case) if is_machine_case(case) else read_case(case)
@@ -82,10 +94,10 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     model, start, wild = _model(case.rig, runs, by_group(noise), library, window)
     faults = [*(str(f) for f in case.all_faults), *said, *wild]
     evidence = RigEvidence(model, noise, faults, confirmed_on)
-    found = mended(evidence, start, noise)
-    if found is not None:
+    by_channel = mended(evidence, start, noise)
+    if by_channel is not None:
         tell("the noise is not as assumed: weighing the runs anew")
-        evidence = evidence.renoised(found)
+        evidence = evidence.renoised(by_channel)
         start = calibrated(evidence.model, start).point
     evidence.model.work = 0.0
     return answered(evidence, start, tell)
@@ -127,25 +139,25 @@ def _machine_diagnosed(case: MachineCase, laws, tell) -> Diagnosis:
     model.work = 0.0
     evidence = OdeEvidence(model, case.file, table, remarks, case.faults, case.blocks)
     result = answered(evidence, start, tell)
-    found, known = result.details["found"], result.verdict in ("named", "ambiguous")
+    outcome, known = result.details["found"], result.verdict in ("named", "ambiguous")
     tell("simulating every run from its first sample")
-    points = {"before": found.baseline.point}
-    points |= {"after": found.fit.point} if known else {}
+    points = {"before": outcome.baseline.point}
+    points |= {"after": outcome.fit.point} if known else {}
     result.free_runs = evidence.free_runs(points)
     missed = {k: evidence.one_step(p) for k, p in points.items()}
     result.one_step = {k: x for k, x in missed.items() if x is not None}
     return result
 
 
-def force_error(found: Diagnosis, train: Log, test: Log) -> dict[str, float]:
+def force_error(diagnosis: Diagnosis, train: Log, test: Log) -> dict[str, float]:
     """Of an axis: RMS of the missed force over that of the motor, %, on another split of the data.
 
     Baseline and named effects are refitted on `train`; `test` is predicted.
     """
-    case = found.details["evidence"].file
+    case = diagnosis.details["evidence"].file
     logs = [dataclasses.replace(train, role="train"), dataclasses.replace(test, role="held-out")]
     model, _, _ = build_model(MachineCase(Path(), case, logs, False, []))
-    point = found.details["found"].fit.point
+    point = diagnosis.details["found"].fit.point
     out = {}
     for word, start in (("baseline ", point.with_effects()), ("", point)):
         there = refit(model, start).point
@@ -160,9 +172,9 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
     explored = search.explore(start)
     tell("looking at what is left")
     shown = shown_noise(evidence, explored.way.fit.point)
-    found, limits = None, None
+    outcome, limits = None, None
     if not shown.matters:
-        found, limits, shown = _reviewed(search, evidence, explored, shown)
+        outcome, limits, shown = _reviewed(search, evidence, explored, shown)
     earlier = None
     other = evidence.renoised(shown.changes) if shown.matters else None
     if other is not None:
@@ -175,14 +187,14 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
             tell("what looked like noise is explained in part by candidates: it is none")
             shown = shown.refuted()
         else:
-            evidence, search, explored, earlier, found = other, again, anew, shown, None
+            evidence, search, explored, earlier, outcome = other, again, anew, shown, None
             shown = shown_noise(evidence, explored.way.fit.point)
-    if found is None:
-        found, limits, shown = _reviewed(search, evidence, explored, shown)
-    return _said(evidence, found, shown, noise_table(evidence, shown, earlier), limits, tell)
+    if outcome is None:
+        outcome, limits, shown = _reviewed(search, evidence, explored, shown)
+    return _said(evidence, outcome, shown, noise_table(evidence, shown, earlier), limits, tell)
 
 
-def explained(model, way: Way) -> bool:
+def explained(model, way: SearchPath) -> bool:
     """Whether some candidate explains what matters of what is left and was weighed as noise."""
     least = 0.5 * model.settings.material * model.dof("train")
     return bool(way.trials) and any(t.gain > least for t in way.trials[-1])
@@ -190,66 +202,70 @@ def explained(model, way: Way) -> bool:
 
 def _reviewed(search: Search, evidence: AbstractEvidence, explored: Explored, shown: Shown):
     """(what was found, the limits, the noise shown): of a search whose noise is right."""
-    found = search.reviewed(explored)
-    limits = _limits(evidence.model, found)
+    outcome = search.reviewed(explored)
+    limits = _limits(evidence.model, outcome)
     names = {e.name for e in explored.way.fit.point.effects}
-    if {e.name for e in found.fit.point.effects} != names:
-        shown = shown_noise(evidence, found.fit.point)
-    return found, limits, shown
+    if {e.name for e in outcome.fit.point.effects} != names:
+        shown = shown_noise(evidence, outcome.fit.point)
+    return outcome, limits, shown
 
 
-def _said(evidence: AbstractEvidence, found: Found, shown: Shown, noise, limits, tell) -> Diagnosis:
+def _said(
+    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, noise, limits, tell
+) -> Diagnosis:
     """The answer of a search."""
     model = evidence.model
-    (before,) = model.residuals([found.baseline.point], "held-out")
-    (after,) = model.residuals([found.fit.point], "held-out")
+    (before,) = model.residuals([outcome.baseline.point], "held-out")
+    (after,) = model.residuals([outcome.fit.point], "held-out")
     first, last = evidence.columns(before, "held-out"), evidence.columns(after, "held-out")
-    judged = judge(found, shown, first, last, model.settings.equal, evidence.closing)
+    judged = judge(outcome, shown, first, last, model.settings.equal, evidence.closing)
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     known = judged.verdict in ("named", "ambiguous")
-    point = found.fit.point if known else found.baseline.point
-    excluded = _excluded(limits, found, known)
+    point = outcome.fit.point if known else outcome.baseline.point
+    excluded = _excluded(limits, outcome, known)
     learned = None
     if judged.verdict == "unknown":
-        learned = evidence.learn(found.baseline, tell)
+        learned = evidence.learn(outcome.baseline, tell)
         after = after if learned is None else learned.residual
         last = evidence.columns(after, "held-out")
     where, everything = [], []
     if judged.verdict != "none":
         tell("looking where the gap is")
-        where, everything = evidence.locate(found.baseline.point)
+        where, everything = evidence.locate(outcome.baseline.point)
     result = Diagnosis(
         verdict=judged.verdict,
-        effects=named(evidence, found, judged),
+        effects=named(evidence, outcome, judged),
         where=plain_where(where),
         gap=gaps(evidence, shown, first, last),
-        next_experiment=separating(evidence, found, judged, tell),
-        baseline=baseline_table(found),
+        next_experiment=separating(evidence, outcome, judged, tell),
+        baseline=baseline_table(outcome),
         noise=noise,
-        scores=score_table(found),
+        scores=score_table(outcome),
         confirmed_on=evidence.confirmed_on,
         excluded=excluded,
         learned=None if learned is None else learned.table(),
-        notes=notes(evidence, found, judged, noise_remarks(noise)),
+        notes=notes(evidence, outcome, judged, noise_remarks(noise)),
         faults=evidence.faults,
         rig=evidence.described(point),
     )
-    result.details = {"model": model, "found": found, "judged": judged, "before": before,
+    result.details = {"model": model, "found": outcome, "judged": judged, "before": before,
                       "after": after, "where": everything, "learned": learned,
                       "evidence": evidence, "shown": shown}  # fmt: skip
     return result
 
 
-def _limits(model, found: Found) -> list[dict[str, Any]]:
+def _limits(model, outcome: SearchResult) -> list[dict[str, Any]]:
     """Upper limits of every effect and place."""
-    if found.signatures is None:
+    if outcome.signatures is None:
         return []
-    return upper_limits(model, found.fit, found.signatures, set())
+    return upper_limits(model, outcome.fit, outcome.signatures, set())
 
 
-def _excluded(limits: list[dict[str, Any]], found: Found, known: bool) -> list[dict[str, Any]]:
+def _excluded(
+    limits: list[dict[str, Any]], outcome: SearchResult, known: bool
+) -> list[dict[str, Any]]:
     """The limits beside what was named."""
-    names = {e.name for e in found.fit.point.effects} if known else set()
+    names = {e.name for e in outcome.fit.point.effects} if known else set()
     return [x for x in limits if f"{x['id']}@{x['place']}" not in names]
 
 

@@ -86,10 +86,10 @@ def _upper(values: list[np.ndarray]) -> float:
 
 def step_of(values: list[np.ndarray]) -> float:
     """The step of a quantised channel, 0 where its values lie on no grid."""
-    found = np.unique(np.concatenate(values))
-    if len(found) < 3 or len(found) > 0.5 * sum(map(len, values)):
+    levels = np.unique(np.concatenate(values))
+    if len(levels) < 3 or len(levels) > 0.5 * sum(map(len, values)):
         return 0.0
-    gaps = np.diff(found)
+    gaps = np.diff(levels)
     step = float(np.min(gaps[gaps > 1e-3 * np.median(gaps)]))
     off = np.abs(gaps / step - np.round(gaps / step))
     return step if np.mean(off < 0.02) > 0.95 else 0.0

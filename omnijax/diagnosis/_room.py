@@ -42,8 +42,8 @@ def memory_of(case: Case, laws: dict[str, Any]) -> float:
     lines = tuple(float(k) for k in range(1, LINES + 1))
     longest = max(len(run.time) for run in case.runs)
     typical = np.full(case.rig.size, DEFLECTION)
-    found = candidates(Context(case.rig, tuple(groups), typical, lines, longest), laws)
-    rows = sum(len(c.columns) for c in found)
+    considered = candidates(Context(case.rig, tuple(groups), typical, lines, longest), laws)
+    rows = sum(len(c.columns) for c in considered)
     values = [
         len(run.time) * sum(len(channels(g, case.rig.size)) for g in run.groups)
         for run in case.train or case.runs

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from ._field import Inputs as Inputs
     from ._field import Instant as Instant
     from ._field import Model as Model
-    from ._field import Passage as Passage
     from ._field import State as State
+    from ._field import StepAverage as StepAverage
     from ._field import floor as floor
     from ._field import instant as instant
     from ._field import port_forces as port_forces
@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from ._kinematics import wheel_speeds as wheel_speeds
     from ._mobility import Mobility as Mobility
     from ._mobility import Weight as Weight
+    from ._mobility import fitting_speeds as fitting_speeds
     from ._mobility import mobility as mobility
     from ._mobility import sliding as sliding
     from ._mobility import weight as weight

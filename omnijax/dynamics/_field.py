@@ -46,7 +46,7 @@ class State(NamedTuple):
     torque_memory: tuple[Any, ...] = ()  # states of actuator and shaft laws; (): at rest
 
 
-class Passage(NamedTuple):
+class StepAverage(NamedTuple):
     """What the wheels show on average over a step, in place of the values at one instant."""
 
     radius: Float[Array, " n"]  # m, rolling radius
@@ -168,7 +168,7 @@ def _instant(
     geometry: Rolling,
     speed,
     prescribed=None,
-    passage: Passage | None = None,
+    passage: StepAverage | None = None,
 ) -> tuple[Instant, tuple[Any, ...], tuple[Any, ...]]:
     """Forces, accelerations, and the rates of the elastic and of the torques' memories.
 
@@ -212,7 +212,7 @@ def instant(model: Model, state: State, inputs: Inputs) -> Instant:
 
 
 def torque_driven(
-    model: Model, state: State, inputs: Inputs, passage: Passage | None = None
+    model: Model, state: State, inputs: Inputs, passage: StepAverage | None = None
 ) -> State:
     """Time derivative of the state under motor torques.
 

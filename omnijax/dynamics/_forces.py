@@ -212,7 +212,10 @@ def torques(
 
 
 def rest_memory(rate: Any, memory: Any) -> Any:
-    """The memory at which `rate(memory)` is zero: one Newton step, exact for linear memories."""
+    """The memory at which `rate(memory)` is zero: one Newton step, exact for linear memories.
+
+    What has a rate that no memory changes (friction that creeps with the turning, at rest) stays.
+    """
     flat, unravel = ravel_pytree(memory)
     if not flat.size:
         return memory
@@ -220,4 +223,7 @@ def rest_memory(rate: Any, memory: Any) -> Any:
     def gap(z):
         return ravel_pytree(rate(unravel(z)))[0]
 
-    return unravel(flat - jnp.linalg.solve(jax.jacfwd(gap)(flat), gap(flat)))
+    slope, left = jax.jacfwd(gap)(flat), gap(flat)
+    stays = jnp.all(slope == 0, axis=1)
+    slope = jnp.where(stays[:, None], jnp.eye(flat.size), slope)
+    return unravel(flat - jnp.linalg.solve(slope, jnp.where(stays, 0.0, left)))

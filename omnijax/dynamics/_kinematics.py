@@ -17,8 +17,8 @@ def wheel_shape(rig: Rig, angle: Float[Array, " n"]) -> Float[Array, " n"]:
     gaps = rig.gaps
     rho = jnp.zeros(rig.size)
     for shape, wheels in grouped_profiles(rig):
-        found = shape(*take_wheels((angle, gaps), wheels, rig.size))
-        rho = rho.at[jnp.asarray(wheels)].set(found)
+        heights = shape(*take_wheels((angle, gaps), wheels, rig.size))
+        rho = rho.at[jnp.asarray(wheels)].set(heights)
     for placed in rig.at("shape"):
         for i in placed.wheels:
             gap = jax.tree.map(lambda x, i=i: x[i], gaps)

@@ -1,5 +1,6 @@
 """Which motions of the sphere the wheels can drive, on round wheels; outside of transformations."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -58,6 +59,11 @@ def mobility(rig: Rig) -> Mobility:
     return Mobility(ratio[:, None] * axes, back / ratio, strength, right, conflicts)
 
 
+def fitting_speeds(rig: Rig, omega: Sequence[float] | np.ndarray) -> list[float]:
+    """Wheel speeds in rad/s, one a wheel, that turn the sphere with Omega (3,), round wheels."""
+    return (mobility(rig).to_wheels @ np.asarray(omega, float)).tolist()
+
+
 class Weight(NamedTuple):
     """What the weight alone presses with, one entry a contact, N; `what` rests on the others."""
 
@@ -92,7 +98,7 @@ def sliding(rig: Rig, speed: np.ndarray) -> np.ndarray:
 
     Zero where the speeds fit each other; with more than three wheels most do not.
     """
-    found = mobility(rig)
+    driven = mobility(rig)
     rim = np.asarray(speed) * np.asarray(rig.wheel_radius)
-    fitting = (np.asarray(speed) @ found.to_sphere.T) @ found.to_wheels.T
+    fitting = (np.asarray(speed) @ driven.to_sphere.T) @ driven.to_wheels.T
     return fitting * np.asarray(rig.wheel_radius) - rim

@@ -1,25 +1,26 @@
 """What sensors make of a run: their laws one after the other, in the order of the rig."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from ..laws import AbstractLaw, SensorSignal
 from ..rig import GROUPS, Rig, channels
 
 
-def _reading(law: AbstractLaw, signal: SensorSignal) -> Float[Array, "t c"]:
+def _reading(law: AbstractLaw, signal: SensorSignal) -> Float[Any, "t c"]:
     return law(signal)
 
 
 def sensor_readings(
     rig: Rig,
     group: str,
-    time: Float[Array, " t"],
-    values: Float[Array, "t c"],
-    apply: Callable[..., Float[Array, "t c"]] = _reading,
-) -> Float[Array, "t c"]:
+    time: Float[Any, " t"],
+    values: Float[Any, "t c"],
+    apply: Callable[..., Float[Any, "t c"]] = _reading,
+) -> Float[Any, "t c"]:
     """What the sensors of an output group show of its `values`, in the group's unit.
 
     Laws act in the order of the rig, each on what the former left of its group or channel; `time`

@@ -247,7 +247,7 @@ class LinearSystem(NamedTuple):
         return self.C[self.outputs[output]], self.D[self.outputs[output]]
 
 
-def flatten(parts: NamedTuple) -> Float[Array, " m"]:
+def flatten(parts: tuple) -> Float[Array, " m"]:
     """The fields of a state or input one after the other."""
     return jnp.concatenate([jnp.atleast_1d(part) for part in parts])
 

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from .._errors import USERS_MODULE
 from .._reading import TEXT, read_bytes
 from . import _actuators, _measurement, _ports, _rolling, _shape_effects, _springs, _torques
 from ._base import AbstractLaw, Parameter, field_names
@@ -105,7 +106,7 @@ def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
 
 def laws_of(text: bytes, path: Path) -> dict[str, type[AbstractLaw]]:
     """The laws of a file's text, run as it is: no byte code that lies beside it is looked at."""
-    module = types.ModuleType(f"omnijax_user_{path.stem}")
+    module = types.ModuleType(f"{USERS_MODULE}{path.stem}")
     module.__file__ = str(path)
     try:
         with _limited(RUN_LIMIT):

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .._compiling import quick_jit
 from ..laws import BearingCoulomb, MountBacklash, MountSignal, ShaftSignal
 from ._base import AbstractMachine
 from ._ports import Ports
@@ -144,9 +145,14 @@ class Axis(AbstractMachine):
         """From the slowest mode at rest; infinity for an axis that nothing pulls back."""
         rest = jnp.zeros(2 if self.second_inertia is None else 4)
         u = {"input": jnp.zeros(()), "gain": jnp.ones(()), "enable": jnp.ones(())}
-        rate = jax.jacfwd(lambda x: jnp.stack(jax.tree.leaves(self.rate(x, u, Ports((), ())))))
-        slowest = float(np.max(np.linalg.eigvals(np.asarray(rate(rest))).real))
-        size = float(np.max(np.abs(np.linalg.eigvals(np.asarray(rate(rest))))))
+
+        def slopes(axis, x):
+            return jax.jacfwd(lambda x: jnp.stack(jax.tree.leaves(axis.rate(x, u, Ports((), ())))))(
+                x
+            )
+
+        poles = np.linalg.eigvals(np.asarray(quick_jit(slopes)(self, rest)))
+        slowest, size = float(np.max(poles.real)), float(np.max(np.abs(poles)))
         return FORGOTTEN / -slowest if slowest < -1e-6 * size else float("inf")
 
     def stated_laws(self, uncertain: Collection[str] = ()) -> set[str]:

@@ -16,7 +16,7 @@ from ..rig import law_quantity
 from ._axis import Axis
 from ._base import AbstractMachine
 from ._ports import PlacedLaw
-from ._schema import KEYS, Compare, Effect, Key, axis_unit, file_model
+from ._schema import KEYS, Compare, Key, MachineEffectTable, axis_unit, file_model
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,7 +24,7 @@ class MachineFile:
     """A machine with what its file says beside its numbers.
 
     `uncertainty` is the 1-sigma by field, relative or, of a field that is 0, absolute; `names`
-    gives the key of the file for each field.
+    gives the key of the file for each field, `assumed` says what the file leaves to be taken.
     """
 
     machine: AbstractMachine
@@ -33,6 +33,7 @@ class MachineFile:
     compare: Compare = dataclasses.field(default_factory=Compare)
     names: Mapping[str, str] = dataclasses.field(default_factory=dict)
     source: str = "machine.toml"
+    assumed: tuple[str, ...] = ()
 
 
 def field_names() -> dict[str, str]:
@@ -69,21 +70,14 @@ def parse_machine(data: Mapping[str, Any], source: str = "machine.toml") -> Mach
         file: Any = file_model(known).model_validate(dict(data))
     except ValidationError as error:
         raise InputError([_sentence(e) for e in error.errors()], source) from None
-    problems, values = [], {}
-    drives = file.motor.input
-    if drives == "goal" and file.servo is None:
-        problems.append("`servo` is missing: a motor with `input = \"goal\"` has a controller of "
-                        "its own; give its `gain` and `supply`.")  # fmt: skip
-    if drives in ("voltage", "goal") and file.motor.resistance is None:
-        problems.append(
-            f"`motor.resistance` is missing: a motor with `input = {drives!r}` needs it, in ohm."
-        )
+    drives, values = file.motor.input, {}
+    problems = _lacking(file, known)
     for table, keys in KEYS.items():
         part = getattr(file, table)
         for name, key in keys.items():
-            found = None if part is None else getattr(part, name)
-            if found is not None:
-                values[key.field] = found
+            value = None if part is None else getattr(part, name)
+            if value is not None:
+                values[key.field] = value
     names = field_names()
     inverse = {v: k for k, v in names.items()}
     for key in file.uncertainty:
@@ -99,7 +93,36 @@ def parse_machine(data: Mapping[str, Any], source: str = "machine.toml") -> Mach
     machine = Axis(**{k: jnp.asarray(v, float) for k, v in values.items()},
                    drives=drives, motion=known)  # fmt: skip
     uncertain = {inverse[k]: float(v) for k, v in file.uncertainty.items()}
-    return MachineFile(machine, placed, uncertain, file.compare, names, source)
+    assumed = ()
+    if drives in ("current", "goal") and file.motor.torque_constant is None:
+        assumed = (f"`motor.torque_constant` is not given and taken for 1 {_constant(known)}: "
+                   "inertia and torques are in units of it.",)  # fmt: skip
+    return MachineFile(machine, placed, uncertain, file.compare, names, source, assumed)
+
+
+def _constant(motion: str) -> str:
+    """Unit of a torque constant."""
+    return KEYS["motor"]["torque_constant"].quantity(motion).unit
+
+
+def _lacking(file, motion: str) -> list[str]:
+    """What a document's motor needs and it does not give, and what its motion has no place for."""
+    problems, drives = [], file.motor.input
+    if drives == "goal" and file.servo is None:
+        problems.append("`servo` is missing: a motor with `input = \"goal\"` has a controller of "
+                        "its own; give its `gain` and `supply`.")  # fmt: skip
+    if drives in ("voltage", "goal") and file.motor.resistance is None:
+        problems.append(
+            f"`motor.resistance` is missing: a motor with `input = {drives!r}` needs it, in ohm."
+        )
+    if drives == "voltage" and file.motor.torque_constant is None:
+        problems.append("`motor.torque_constant` is missing: a motor with `input = 'voltage'` "
+                        f"needs it, in {_constant(motion)}.")  # fmt: skip
+    for name in ("gravity", "gravity_angle") if motion == "translation" else ():
+        if getattr(file.axis, name):
+            problems.append(f"`axis.{name}` is a pendulum's: the weight of what slides is the "
+                            "constant force `axis.offset`, in N.")  # fmt: skip
+    return problems
 
 
 def _effects(blocks, motion: str) -> tuple[tuple[PlacedLaw, ...], list[str]]:
@@ -123,7 +146,7 @@ def _effects(blocks, motion: str) -> tuple[tuple[PlacedLaw, ...], list[str]]:
         for name, given in block.parameters.items():
             try:
                 known = law.parameters[name]
-                unit = axis_unit(known.unit, motion)
+                unit = axis_unit(known.unit, motion, name)
                 quantity = law_quantity(known._replace(unit=unit), block.place, 1)
                 values[name] = jnp.asarray(quantity.read(given), float)
             except ValueError as error:
@@ -140,7 +163,7 @@ def _sentence(entry: Any) -> str:
     if len(entry["loc"]) > 1:
         keys = [*KEYS.get(table, {}), *(["input"] if table == "motor" else [])]
     if table == "effect":
-        keys = list(Effect.model_fields)
+        keys = list(MachineEffectTable.model_fields)
     path = ".".join(str(part + 1) if isinstance(part, int) else part for part in entry["loc"])
     return sentence(entry, path, "a machine file", keys)
 
@@ -161,6 +184,7 @@ def machine_text(file: MachineFile) -> str:
             used = table != "servo" or axis.drives == "goal"
             used = used and (table != "second" or axis.second_inertia is not None)
             used = used and not (name == "resistance" and axis.drives not in ("voltage", "goal"))
+            used = used and not (name == "torque_constant" and axis.drives == "torque")
             if stated and used:
                 own.append(f"{name} = {float(value)!r}")
         if table == "motor":

@@ -17,7 +17,7 @@ LEAST = 0.05  # of the acceleration's size: damping of an axis of which the log 
 
 
 @dataclasses.dataclass(frozen=True)
-class Signals:
+class LogSignals:
     """One log in SI units: position and input (t,), step in s, a servo's gain and enable by name.
 
     `rates` are position, speed and acceleration, low-passed.
@@ -44,7 +44,7 @@ def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate([x[EDGE:-EDGE] for x in parts])
 
 
-def servo_numbers(logs: Sequence[Signals]) -> dict[str, float]:
+def servo_numbers(logs: Sequence[LogSignals]) -> dict[str, float]:
     """Numbers of a servo for an inertia of 1, over all its logs at once.
 
     a = on clip(p k (u - q), -L, L) - on e v - d v - g sin(q) - c tanh(v/w): a term is there where
@@ -96,7 +96,7 @@ def _least(columns: Mapping[str, np.ndarray], wanted) -> tuple[dict[str, float],
     return dict(zip(columns, map(float, x / size), strict=True)), left**2
 
 
-def driven_numbers(logs: Sequence[Signals], turns: bool) -> dict[str, float]:
+def driven_numbers(logs: Sequence[LogSignals], turns: bool) -> dict[str, float]:
     """Inertia, damping and what pulls the axis back, over all logs at once.
 
     u = J a + d v + (k q or, where the axis `turns`, g sin(q)) - offset, a log each its offset.
@@ -107,21 +107,21 @@ def driven_numbers(logs: Sequence[Signals], turns: bool) -> dict[str, float]:
     which = np.repeat(np.arange(len(logs)), [len(log.input) - 2 * EDGE for log in logs])
     ones = [(which == i).astype(float) for i in range(len(logs))]
     pulls = {"": [], "stiffness": [q]} | ({"gravity": [np.sin(q)]} if turns else {})
-    found = {}
+    fits = {}
     for name, column in pulls.items():
         A = np.stack([a, v, *column, *ones], 1)
         size = np.linalg.norm(A, axis=0)
         size[size == 0] = 1.0
         x = np.linalg.lstsq(A / size, given, rcond=None)[0] / size
-        found[name] = x, float(np.sum((given - A @ x) ** 2)), column
+        fits[name] = x, float(np.sum((given - A @ x) ** 2)), column
     names = [
-        k for k, (x, _, column) in found.items()
+        k for k, (x, _, column) in fits.items()
         if column and x[2] > 0 and x[2] * np.std(column[0]) > SPRING * np.std(given)
     ]  # fmt: skip
     best = names[0] if names else ""
-    if names == ["stiffness", "gravity"] and found["gravity"][1] < (1 - PULLS) * found[best][1]:
+    if names == ["stiffness", "gravity"] and fits["gravity"][1] < (1 - PULLS) * fits[best][1]:
         best = "gravity"
-    (J, d, *rest), _, _ = found[best]
+    (J, d, *rest), _, _ = fits[best]
     if J <= 0:
         J = np.std(given) / max(np.std(a), 1e-300)
     out = {"inertia": float(J)}

@@ -12,7 +12,7 @@ from .._errors import InputError
 from ..recording import read_table, stem_of
 from ..rig import Quantity
 from ._file import field_names
-from ._first_numbers import Signals, driven_numbers, servo_numbers
+from ._first_numbers import LogSignals, driven_numbers, servo_numbers
 from ._log import LEAST
 
 TIME = r"^(t|time|timestamp|zeit|stamp|seconds|sec|ms)\b|time"
@@ -45,7 +45,7 @@ class Guess:
     samples: int
     rate: float
     noise: float
-    signals: Signals
+    signals: LogSignals
     beside: dict[str, str] = dataclasses.field(default_factory=dict)  # further inputs: column
 
     def rows(self) -> list[tuple[str, str]]:
@@ -72,12 +72,12 @@ def guess(log: Path, rate: float | None = None) -> Guess:
     others = [k for k in rest if k != names["input"]]
     names["position"] = _best(others, POSITION, MEASURED)
     patterns = {"input": INPUT, "position": POSITION}
-    for word, found in names.items():
+    for word, column in names.items():
         still = _best([k for k in columns if k not in moving], patterns[word])
-        if found is None and still is not None:
+        if column is None and still is not None:
             raise InputError(f"{log.name}: the column {still!r} looks like the {word}, but it "
                              "never changes: all at rest.")  # fmt: skip
-        if found is None:
+        if column is None:
             raise InputError(
                 f"{log.name}: no column looks like the {word}; columns: {', '.join(columns)}. "
                 f"Name it: --{word} COLUMN."
@@ -132,39 +132,39 @@ def describe(log: Path, time: str | None, given: str, position: str, rate: float
         float(np.sqrt(np.mean(np.diff(q, k) ** 2) / math.comb(2 * k, k))) for k in (3, 5, 7)
     )
     return Guess(log, time, given, position, units, drives, motion, len(q), 1 / step, noise,
-                 Signals(q, u, step, others), beside)  # fmt: skip
+                 LogSignals(q, u, step, others), beside)  # fmt: skip
 
 
 def _beside(columns) -> dict[str, str]:
     """Columns of a servo's gain and of whether it is on, where they are there."""
     patterns = {"gain": r"^(k_?p|p_?gain|gain)$", "enable": r"enable|torque_on|^on$"}
-    found = {k: _best(list(columns), p) for k, p in patterns.items()}
-    return {k: c for k, c in found.items() if c is not None}
+    columns_of = {k: _best(list(columns), p) for k, p in patterns.items()}
+    return {k: c for k, c in columns_of.items() if c is not None}
 
 
-def numbers_of_logs(found: Sequence[Guess]) -> dict[str, float]:
+def numbers_of_logs(guesses: Sequence[Guess]) -> dict[str, float]:
     """Fields of `Axis` to begin with, from all logs of one machine; `gain` and more of a servo."""
-    logs = [one.signals for one in found]
-    if found[0].drives == "goal":
+    logs = [one.signals for one in guesses]
+    if guesses[0].drives == "goal":
         return servo_numbers(logs)
-    return driven_numbers(logs, found[0].motion == "rotation")
+    return driven_numbers(logs, guesses[0].motion == "rotation")
 
 
-def case_files(found: Sequence[Guess], held_out: Collection[Path] = ()) -> dict[str, str]:
+def case_files(guesses: Sequence[Guess], held_out: Collection[Path] = ()) -> dict[str, str]:
     """machine.toml and a NAME.toml for each log of one machine, by file name.
 
     The logs `held_out` judge: the machine's numbers are not from them.
     """
-    learned = [one for one in found if one.log not in held_out]
+    learned = [one for one in guesses if one.log not in held_out]
     files = {"machine.toml": _machine_file(learned)}
-    for one in found:
+    for one in guesses:
         role = "held-out" if one.log in held_out else "train"
         files[f"{stem_of(one.log)}.toml"] = _log_file(one, role)
     return files
 
 
-def _machine_file(found: Sequence[Guess]) -> str:
-    first, numbers, names = found[0], numbers_of_logs(found), field_names()
+def _machine_file(guesses: Sequence[Guess]) -> str:
+    first, numbers, names = guesses[0], numbers_of_logs(guesses), field_names()
     goal = first.drives == "goal"
     unsure: dict[str, float] = {}
     if goal:  # for an inertia of 1, what the data can tell
@@ -174,8 +174,10 @@ def _machine_file(found: Sequence[Guess]) -> str:
         unsure |= {"gravity_angle": 0.1} if "gravity" in numbers else {}
         numbers |= {"gravity_angle": 0.0} if "gravity" in numbers else {}
     else:
-        unsure = dict.fromkeys(numbers, 1.0) | {"offset": _offset(found)}
+        unsure = dict.fromkeys(numbers, 1.0) | {"offset": _offset(guesses)}
     tables: dict[str, list[str]] = {"axis": [], "motor": [f'input = "{first.drives}"']}
+    if first.drives in ("current", "goal"):  # in units of it: the log does not tell it
+        numbers["torque_constant"] = 1.0
     for field, value in numbers.items():
         table, _, key = names[field].partition(".")
         tables.setdefault(table, []).append(f"{key} = {value:.6g}")
@@ -189,20 +191,20 @@ def _machine_file(found: Sequence[Guess]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _log_file(found: Guess, role: str) -> str:
-    side = [f'log = "{found.log.resolve()}"', 'machine = "machine.toml"', f'role = "{role}"']
-    side += [] if found.time else [f'rate = "{found.rate!r} Hz"']
-    side += ["", "[channels]"] + ([f't = "{found.time}"'] if found.time else [])
-    side += [f'input = "{found.input}"', f'position = "{found.position}"']
-    side += [f'{k} = "{c}"' for k, c in found.beside.items()]
-    if found.units:
-        side += ["", "[units]", *(f'{k} = "{v}"' for k, v in found.units.items())]
+def _log_file(guess: Guess, role: str) -> str:
+    side = [f'log = "{guess.log.resolve()}"', 'machine = "machine.toml"', f'role = "{role}"']
+    side += [] if guess.time else [f'rate = "{guess.rate!r} Hz"']
+    side += ["", "[channels]"] + ([f't = "{guess.time}"'] if guess.time else [])
+    side += [f'input = "{guess.input}"', f'position = "{guess.position}"']
+    side += [f'{k} = "{c}"' for k, c in guess.beside.items()]
+    if guess.units:
+        side += ["", "[units]", *(f'{k} = "{v}"' for k, v in guess.units.items())]
     return "\n".join(side) + "\n"
 
 
-def _offset(found: Sequence[Guess]) -> float:
+def _offset(guesses: Sequence[Guess]) -> float:
     """1-sigma of the torque that the model leaves out, in the input's unit."""
-    return 0.3 * float(np.std(np.concatenate([one.signals.input for one in found])))
+    return 0.3 * float(np.std(np.concatenate([one.signals.input for one in guesses])))
 
 
 def _time(columns, moving, rate) -> str | None:
@@ -216,8 +218,8 @@ def _time(columns, moving, rate) -> str | None:
 
 
 def _best(names: list[str], pattern: str, better: str = "$^") -> str | None:
-    found = [k for k in names if re.search(pattern, k.lower())]
-    return next((k for k in found if re.search(better, k.lower())), next(iter(found), None))
+    matches = [k for k in names if re.search(pattern, k.lower())]
+    return next((k for k in matches if re.search(better, k.lower())), next(iter(matches), None))
 
 
 def _supplies(name: str, x: np.ndarray) -> bool:
@@ -227,8 +229,8 @@ def _supplies(name: str, x: np.ndarray) -> bool:
 
 
 def _unit(name: str) -> str | None:
-    found = UNIT.search(name)
-    return found[1] if found else None
+    match = UNIT.search(name)
+    return match[1] if match else None
 
 
 def _fitting(units: dict[str, str], motion: str, drives: str) -> dict[str, str]:

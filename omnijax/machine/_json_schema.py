@@ -4,7 +4,7 @@ from typing import Any
 
 from ..laws import EFFECTS
 from ..rig import effect_schema
-from ._schema import KEYS, file_model
+from ._schema import KEYS, MachineEffectTable, file_model
 
 
 def machine_schema() -> dict[str, Any]:
@@ -20,12 +20,13 @@ def machine_schema() -> dict[str, Any]:
             shown[name]["description"] = f"unit {turn.unit}{also}, range {turn.range}"
     paths = [f"{table}.{name}" for table, keys in KEYS.items() for name in keys]
     schema["properties"]["uncertainty"]["propertyNames"] = {"enum": paths}
-    effect = schema["$defs"]["Effect"]
+    effect = schema["$defs"][MachineEffectTable.__name__]
     effect["properties"]["id"] = {"enum": list(EFFECTS)}
     effect["allOf"] = [effect_schema(law) for law in EFFECTS.values()]
     wired = {"properties": {"motor": {"required": ["resistance"]}}}
+    known = {"properties": {"motor": {"required": ["resistance", "torque_constant"]}}}
     schema["allOf"] = [
-        {"if": _driven_by("voltage"), "then": wired},
+        {"if": _driven_by("voltage"), "then": known},
         {"if": _driven_by("goal"), "then": wired | {"required": ["servo"]}},
     ]
     return schema

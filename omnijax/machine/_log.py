@@ -110,28 +110,28 @@ def read_log(file: LogFile, inputs: Mapping[str, str], outputs: Mapping[str, str
     if wrong:
         raise InputError(wrong, file.path.name)
     faults: list[str] = []
-    found = {name: _column(file, table, name, units[name], faults) for name in units}
-    found = {k: x for k, x in found.items() if x is not None}
+    signals = {name: _column(file, table, name, units[name], faults) for name in units}
+    signals = {k: x for k, x in signals.items() if x is not None}
     if file.rate is not None:
-        found["t"] = np.arange(len(next(iter(table.columns.values())))) / file.rate
+        signals["t"] = np.arange(len(next(iter(table.columns.values())))) / file.rate
     where = file.log.name
     for name in ("t", next(iter(inputs))):
-        if name not in found:
+        if name not in signals:
             raise InputError(
                 f"{where} has no column `{name}` ({units[name]}). Say which one it is: [channels] "
                 f'{name} = "..." in {file.path.name}; columns: '
                 f"{', '.join(list(table.columns)[:12])}."
             )
-    if "position" in outputs and "position" not in found:
+    if "position" in outputs and "position" not in signals:
         raise InputError(
             f"{where} has no column `position` ({units['position']}). Say which one it is: "
             f'[channels] position = "..." in {file.path.name}.'
         )
     if file.rows is not None:
-        found = {k: x[slice(*file.rows)] for k, x in found.items()}
+        signals = {k: x[slice(*file.rows)] for k, x in signals.items()}
     for name in inputs:
-        found.setdefault(name, np.ones(len(found["t"])))
-    return _on_a_grid(file, found, inputs, outputs, faults)
+        signals.setdefault(name, np.ones(len(signals["t"])))
+    return _on_a_grid(file, signals, inputs, outputs, faults)
 
 
 def _column(file: LogFile, table, name: str, unit: str, faults) -> np.ndarray | None:
@@ -161,16 +161,16 @@ def _column(file: LogFile, table, name: str, unit: str, faults) -> np.ndarray | 
         return values
 
 
-def _on_a_grid(file: LogFile, found, inputs, outputs, faults) -> Log:
+def _on_a_grid(file: LogFile, signals, inputs, outputs, faults) -> Log:
     """Finite rows on a uniform grid from zero; short or resting logs are refused."""
     name = stem_of(file.log) if file.rows is None else file.path.stem
     needed = ["t", *inputs, *(["position"] if "position" in outputs else [])]
-    finite = np.all([np.isfinite(found[k]) for k in needed], axis=0)
+    finite = np.all([np.isfinite(signals[k]) for k in needed], axis=0)
     if not finite.all():
         faults.append(f"{file.log.name}: {int((~finite).sum())} rows have no number; they are left "
                       "out.")  # fmt: skip
-    found = {k: x[finite] for k, x in found.items()}
-    t = found["t"]
+    signals = {k: x[finite] for k, x in signals.items()}
+    t = signals["t"]
     if len(t) < LEAST:
         raise InputError(
             f"{file.log.name} has {len(t)} usable rows, but at least {LEAST} are needed."
@@ -181,9 +181,9 @@ def _on_a_grid(file: LogFile, found, inputs, outputs, faults) -> Log:
             raise InputError(f"{file.log.name}, column `t`: time does not increase.")
         faults.append(f"{file.log.name}, column `t`: {int((~keep).sum())} rows do not increase; "
                       "they are left out.")  # fmt: skip
-        found = {k: x[keep] for k, x in found.items()}
-        t = found["t"]
-    if "position" in outputs and np.ptp(found["position"]) == 0:
+        signals = {k: x[keep] for k, x in signals.items()}
+        t = signals["t"]
+    if "position" in outputs and np.ptp(signals["position"]) == 0:
         raise InputError(f"{file.log.name}: the position never changes: all at rest.")
     step = float(np.median(np.diff(t)))
     grid = np.arange(round((t[-1] - t[0]) / step) + 1) * step
@@ -191,11 +191,11 @@ def _on_a_grid(file: LogFile, found, inputs, outputs, faults) -> Log:
         faults.append(f"{file.log.name}, column `t`: the steps differ by up to "
                       f"{1e3 * np.max(np.abs(np.diff(t) - step)):.3g} ms from {1e3 * step:.4g} ms; "
                       "all channels are laid on an even grid.")  # fmt: skip
-        found = {k: np.interp(grid, t - t[0], x) for k, x in found.items()}
+        signals = {k: np.interp(grid, t - t[0], x) for k, x in signals.items()}
     else:
         grid = np.arange(len(t)) * step
-    return Log(name, file.role, grid, {k: found[k] for k in inputs},
-               {k: found[k] for k in outputs if k in found},
+    return Log(name, file.role, grid, {k: signals[k] for k in inputs},
+               {k: signals[k] for k in outputs if k in signals},
                {k: float(v) for k, v in file.noise.items()}, faults)  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 import importlib.util
 from pathlib import Path
 
-from .._errors import InputError
+from .._errors import USERS_MODULE, InputError
 from ._base import AbstractMachine
 from ._file import MachineFile
 
@@ -14,7 +14,7 @@ def load_model(path: str | Path) -> MachineFile:
     The file is run.  Raises `InputError` where it cannot be, or defines no machine.
     """
     path = Path(path)
-    spec = importlib.util.spec_from_file_location(f"omnijax_model_{path.stem}", path)
+    spec = importlib.util.spec_from_file_location(f"{USERS_MODULE}{path.stem}", path)
     if spec is None or spec.loader is None or not path.is_file():
         raise InputError(f"{path}: no such Python file of a machine.")
     module = importlib.util.module_from_spec(spec)

@@ -38,7 +38,7 @@ KEYS: dict[str, dict[str, Key]] = {
         "friction_width": Key("coulomb_width", "rad/s", "m/s", above=0, default=0.05),
     },
     "motor": {
-        "torque_constant": Key("torque_constant", "N m/A", "N/A", default=1.0),
+        "torque_constant": Key("torque_constant", "N m/A", "N/A", default=None),
         "gear": Key("gear", "1", "rad/m", default=1.0),
         "resistance": Key("resistance", "ohm", "ohm", above=0, default=None),
         "back_emf": Key("back_emf", "V s/rad", "V s/m", default=None),
@@ -76,11 +76,14 @@ SLID = {  # unit of a law of shafts -> of one that slides
 }  # fmt: skip
 
 
-def axis_unit(unit: str, motion: str) -> str:
-    """Unit of a law's number on an axis.
+def axis_unit(unit: str, motion: str, key: str = "") -> str:
+    """Unit of a law's number on an axis; `key` names the number.
 
-    Laws state it for wheels, which turn, on mounts, which slide.  Phases are in rad whatever moves.
+    Laws state it for wheels, which turn, on mounts, which slide.  Phases are in rad whatever moves,
+    so that the orders of an axis that slides are in rad/m.
     """
+    if key in ("order", "orders"):
+        return "rad/m" if motion == "translation" else unit
     position = "m" if motion == "translation" else "rad"
     unit = unit.replace("unit of the channel", position)
     return (SLID if motion == "translation" else TURNED).get(unit, unit)
@@ -89,13 +92,13 @@ def axis_unit(unit: str, motion: str) -> str:
 Drive = Literal["torque", "current", "voltage", "command", "goal"]
 
 
-class Table(BaseModel):
+class MachineTable(BaseModel):
     """A table of the file; a key that is no field is refused."""
 
     model_config = ConfigDict(extra="forbid")
 
 
-class Compare(Table):
+class Compare(MachineTable):
     """How a run is compared: `balance` of accelerations, or a `free-run` simulation."""
 
     criterion: Literal["auto", "balance", "free-run"] = "auto"
@@ -103,7 +106,7 @@ class Compare(Table):
     hold: Literal["linear", "held", "band-limited"] = "linear"
 
 
-class Effect(Table):
+class MachineEffectTable(MachineTable):
     """An effect that the model has already."""
 
     id: str
@@ -112,7 +115,7 @@ class Effect(Table):
 
 
 @functools.cache
-def file_model(motion: str) -> type[Table]:
+def file_model(motion: str) -> type[MachineTable]:
     """The model of a whole file for a kind of motion."""
     fields: dict[str, Any] = {}
     for table, keys in KEYS.items():
@@ -125,12 +128,12 @@ def file_model(motion: str) -> type[Table]:
         }
         if table == "motor":
             own["input"] = (Drive, "torque")
-        made = create_model(f"{table.title()}Table", __base__=Table, **own)
+        made = create_model(f"{table.title()}Table", __base__=MachineTable, **own)
         needed = table in ("axis", "motor")
         fields[table] = (made if needed else made | None, ... if needed else None)
     return create_model(
-        "MachineFile", __base__=Table, kind=(Literal["axis"], ...),
+        "MachineFile", __base__=MachineTable, kind=(Literal["axis"], ...),
         motion=(Literal["rotation", "translation"], "rotation"), compare=(Compare, Compare()),
-        effect=(list[Effect], []),
+        effect=(list[MachineEffectTable], []),
         uncertainty=(dict[str, Annotated[float, Quantity("1", above=0)]], {}), **fields,
     )  # fmt: skip

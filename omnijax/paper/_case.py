@@ -20,7 +20,7 @@ STIFFNESS = tuple(188208.0 * np.geomspace(0.1, 10.0, 7))  # N/m
 SENSITIVITY_DAMPING = (120.0, 8500.0, 20000.0)  # N s/m; the chosen one in place of 0
 
 
-class Range(NamedTuple):
+class PaperRange(NamedTuple):
     """The range of a parameter that the paper does not give, sampled on a logarithmic scale."""
 
     path: str
@@ -31,11 +31,11 @@ class Range(NamedTuple):
 
 
 RANGES = (
-    Range("wheel.mount.stiffness", "k", "N/m", 2e5, 2e7),
-    Range("wheel.mount.damping", "c", "N s/m", 10.0, 1000.0),
-    Range("wheel.closure.stiffness", "K'", "N/m", 1e3, 5e4),
-    Range("sphere.inertia", "I_s", "kg m²", 0.4 * 5 * 1.22**2, 2 / 3 * 5 * 1.22**2),
-    Range("wheel.inertia", "I_w", "kg m²", 2e-4, 2e-3),
+    PaperRange("wheel.mount.stiffness", "k", "N/m", 2e5, 2e7),
+    PaperRange("wheel.mount.damping", "c", "N s/m", 10.0, 1000.0),
+    PaperRange("wheel.closure.stiffness", "K'", "N/m", 1e3, 5e4),
+    PaperRange("sphere.inertia", "I_s", "kg m²", 0.4 * 5 * 1.22**2, 2 / 3 * 5 * 1.22**2),
+    PaperRange("wheel.inertia", "I_w", "kg m²", 2e-4, 2e-3),
 )
 
 

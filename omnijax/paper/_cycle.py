@@ -16,7 +16,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..dynamics import Pointwise, pointwise_shape_acceleration, wheel_shape
 from ..rig import Rig, get_parameter
-from ..simulation import Forced, forced_system, forcing, fourier
+from ..simulation import ForcedSystem, forced_system, forcing, fourier
 from ._case import MULTIPLES, SPEEDS, changed
 
 HARMONICS = 192
@@ -26,7 +26,7 @@ FASTEST = 1  # the wheel at 1.2 rad/s
 RIPPLE = 100.0  # rad/s: ripple is what lies above; the gaps pass at 37 rad/s and less
 
 
-class Trace(NamedTuple):
+class CycleTrace(NamedTuple):
     """One common period, from the start of every wheel's gap; leading axis the time."""
 
     t: np.ndarray  # (t,) s
@@ -35,7 +35,7 @@ class Trace(NamedTuple):
     elastic: np.ndarray  # (t, 3) m, sum of (Delta_i + delta_i) r_i
 
 
-class Cycle(NamedTuple):
+class PaperCycle(NamedTuple):
     """One common period, from the start of every wheel's gap; leading axis the time."""
 
     t: Float[Array, " t"]  # s
@@ -62,7 +62,7 @@ class Metrics(NamedTuple):
     lowest: Float[Array, ""]  # rad/s, the lowest line of the fastest wheel above 1 % of its largest
 
 
-def _responses(system: Forced, g: int, rate):
+def _responses(system: ForcedSystem, g: int, rate):
     """State and outputs per unit of rho_g at angular frequency `rate`."""
     matrix = 1j * rate * jnp.eye(len(system.A)) - system.A
     state = jnp.linalg.solve(matrix, system.column[g].astype(complex))
@@ -78,7 +78,7 @@ def _wheel_lines(rig: Rig, model: str, counts: tuple[int, ...]):
     speeds = jnp.asarray(SPEEDS)
     signals = forcing(rig, speeds, jnp.zeros(rig.size))
     system = forced_system(rig, model, speeds, signals.wheel)
-    found = []
+    by_wheel = []
     for g, count in enumerate(counts):
         harmonic = jnp.arange(count + 1)
         rates = 2 * math.pi * signals.cycle.speed[g] / signals.cycle.period[g] * harmonic
@@ -86,14 +86,14 @@ def _wheel_lines(rig: Rig, model: str, counts: tuple[int, ...]):
         shape = jnp.where(harmonic == 0, 1.0, 2.0) * fourier(pieces, count)
         gains = jax.vmap(lambda w, g=g: _responses(system, g, w))(rates)
         gains |= {"shape": jnp.broadcast_to(rig.wheels.normal[g], (count + 1, 3))}
-        found.append((rates, jax.tree.map(lambda gain, s=shape: s[:, None] * gain, gains)))
-    return system, found
+        by_wheel.append((rates, jax.tree.map(lambda gain, s=shape: s[:, None] * gain, gains)))
+    return system, by_wheel
 
 
 def _lines(rig: Rig, model: str, count: int):
     """The system, and lines of all wheels stacked: the same number of harmonics of each."""
-    system, found = _wheel_lines(rig, model, (count,) * rig.size)
-    rates, lines = jax.tree.map(lambda *x: jnp.stack(x), *found)
+    system, by_wheel = _wheel_lines(rig, model, (count,) * rig.size)
+    rates, lines = jax.tree.map(lambda *x: jnp.stack(x), *by_wheel)
     return system, rates, lines
 
 
@@ -121,15 +121,17 @@ def rigid_part(rig: Rig, t: Float[Array, " t"]) -> Float[Array, "t 3"]:
     return shape @ rig.wheels.normal
 
 
-def cycle(rig: Rig, model: str = "paper", count: int = HARMONICS, points: int = POINTS) -> Cycle:
+def cycle(
+    rig: Rig, model: str = "paper", count: int = HARMONICS, points: int = POINTS
+) -> PaperCycle:
     """The long-run cycle of `rig` at the paper's speeds."""
     _, rates, lines = _lines(rig, model, count)
     return _cycle(rig, rates, lines, points)
 
 
-def _cycle(rig: Rig, rates, lines, points: int) -> Cycle:
+def _cycle(rig: Rig, rates, lines, points: int) -> PaperCycle:
     t = _times(rig, points)
-    return Cycle(
+    return PaperCycle(
         t=t,
         dR=synthesis(lines["dR"], points),
         rigid=rigid_part(rig, t),
@@ -145,21 +147,21 @@ def _cycle(rig: Rig, rates, lines, points: int) -> Cycle:
 def _trace_parts(rig: Rig, points: int):
     """Lines of equal bandwidth of all wheels, the rigid part, and the free motion from rest."""
     counts = tuple(points // (4 * multiple) for multiple in MULTIPLES)
-    system, found = _wheel_lines(rig, "paper", counts)
+    system, by_wheel = _wheel_lines(rig, "paper", counts)
     t = _times(rig, points)
     step = jax.scipy.linalg.expm(system.A * t[1])
-    start = -sum(jnp.sum(jnp.real(lines["state"]), axis=0) for _, lines in found)
+    start = -sum(jnp.sum(jnp.real(lines["state"]), axis=0) for _, lines in by_wheel)
 
     def advance(state, _):
         return step @ state, state
 
     free = jax.lax.scan(advance, start, None, length=points)[1]
     outputs = {name: free @ system.state[name].T for name in ("dR", "dR_elastic")}
-    lines = {name: [wheel[name] for _, wheel in found] for name in outputs}
+    lines = {name: [wheel[name] for _, wheel in by_wheel] for name in outputs}
     return t, rigid_part(rig, t), lines, outputs
 
 
-def from_rest(rig: Rig, points: int = TRACE_POINTS) -> tuple[Trace, Trace]:
+def from_rest(rig: Rig, points: int = TRACE_POINTS) -> tuple[CycleTrace, CycleTrace]:
     """The long-run cycle, and the first period of a run from rest (every gap begins, rho = 0).
 
     Every wheel's lines go up to the same frequency, so that no kink rings.
@@ -167,7 +169,9 @@ def from_rest(rig: Rig, points: int = TRACE_POINTS) -> tuple[Trace, Trace]:
     t, rigid, lines, free = jax.tree.map(np.asarray, _trace_parts(rig, points))
     long_run = {name: _transform(lines[name], points) for name in lines}
     rest = {name: long_run[name] + free[name] for name in lines}
-    first, second = (Trace(t, part["dR"], rigid, part["dR_elastic"]) for part in (long_run, rest))
+    first, second = (
+        CycleTrace(t, part["dR"], rigid, part["dR_elastic"]) for part in (long_run, rest)
+    )
     return first, second
 
 
@@ -190,14 +194,14 @@ def _pointwise_states(rig: Rig, sign: int, count: int):
     factor = jnp.where(jnp.arange(count + 1) == 0, 1.0, 2.0)[:, None]
     waves = jnp.exp(-2j * math.pi * jnp.arange(count + 1)[:, None] * u)
     force = factor * (waves @ samples) / len(u)  # (h, n)
-    found = []
+    by_wheel = []
     for i in range(rig.size):
         rates = 2 * math.pi / pitch[i] * speeds[i] * jnp.arange(count + 1)
         gain = jax.vmap(
             lambda w, i=i: jnp.linalg.solve(1j * w * jnp.eye(4) - A[i], b[i].astype(complex))
         )(rates)
-        found.append((rates, force[:, i, None] * gain[:, :2]))
-    return found
+        by_wheel.append((rates, force[:, i, None] * gain[:, :2]))
+    return by_wheel
 
 
 @eqx.filter_jit
@@ -243,7 +247,7 @@ def _rms(vectors) -> Float[Array, ""]:
     return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
 
 
-def _ripple(c: Cycle) -> Float[Array, ""]:
+def _ripple(c: PaperCycle) -> Float[Array, ""]:
     """RMS of the lines of dR less the wheels' own shape above `RIPPLE`, m (Parseval)."""
     power = 0.5 * jnp.sum(jnp.abs(c.lines - c.shape_lines) ** 2, axis=-1)
     return jnp.sqrt(jnp.sum(jnp.where(c.rate > RIPPLE, power, 0.0)))
@@ -264,7 +268,7 @@ def _lowest(rate, lines) -> Float[Array, ""]:
     return rate[jnp.argmax(size > 1e-4 * jnp.max(size))]
 
 
-def metrics(c: Cycle) -> Metrics:
+def metrics(c: PaperCycle) -> Metrics:
     """The figures that the claims speak of."""
     return Metrics(
         peak=jnp.max(lengths(c.dR)),

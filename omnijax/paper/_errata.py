@@ -27,7 +27,7 @@ from ._case import SPEEDS, TORQUE, baseline
 from ._claim import Erratum
 from ._cycle import FASTEST, lengths, pointwise_lines, wheel_lines
 from ._judge_elastic import CLOSURE, METRICS, MOUNT, MOUNT_DAMPING, C, K
-from ._study import Study
+from ._study import PaperStudy
 
 
 class Row(NamedTuple):
@@ -39,13 +39,13 @@ class Row(NamedTuple):
     taken: str
     measure: str
     limit: float
-    check: Callable[[Study, Any], float]
+    check: Callable[[PaperStudy, Any], float]
     reading_printed: Any
     reading_taken: Any
     unit: str = "1"
 
 
-def pitch_mismatch(study: Study, profile: str) -> float:
+def pitch_mismatch(study: PaperStudy, profile: str) -> float:
     """Largest |rho(theta + pitch) - rho(theta)| over the depth, of a profile."""
     gap = jax.tree.map(lambda x: x[0], study.rig.gaps)
     angle = (jnp.arange(500) + 0.5) / 500 * gap.pitch
@@ -53,7 +53,7 @@ def pitch_mismatch(study: Study, profile: str) -> float:
     return float(jnp.max(jnp.abs(rho(angle + gap.pitch) - rho(angle))) / gap.depth)
 
 
-def momentum_residual(study: Study, form: str) -> float:
+def momentum_residual(study: PaperStudy, form: str) -> float:
     """What Newton's second law of the sphere is short of, harmonic by harmonic, impulses included.
 
     M_s x'' + K delta + C delta' + K' y with x = Delta + delta + rho; RMS over that of M_s x''.
@@ -70,7 +70,7 @@ def momentum_residual(study: Study, form: str) -> float:
     return float(jnp.linalg.norm(inertia + force) / jnp.linalg.norm(inertia))
 
 
-def resisting_power(study: Study, reading: tuple[str, int]) -> float:
+def resisting_power(study: PaperStudy, reading: tuple[str, int]) -> float:
     """Power in W that the resistance feeds into a sphere turning at 1 rad/s under 10 N."""
     kind, sign = reading
     size = jnp.asarray(sign * 1e-3)
@@ -80,7 +80,7 @@ def resisting_power(study: Study, reading: tuple[str, int]) -> float:
     return -float(torque.roll * signal.roll + torque.spin * signal.spin)
 
 
-def closure_softening(study: Study, sign: int) -> float:
+def closure_softening(study: PaperStudy, sign: int) -> float:
     """Relative loss of the lowest natural frequency squared by the closure spring."""
 
     def squared(rig: Rig) -> float:
@@ -93,7 +93,7 @@ def closure_softening(study: Study, sign: int) -> float:
     return 1 - squared(study.rig) / squared(loose)
 
 
-def wheel_balance(study: Study, model: str) -> float:
+def wheel_balance(study: PaperStudy, model: str) -> float:
     """|K delta - k Delta - m r.R_l''| / (m |r.R_l''|) of a wheel in steady acceleration by P."""
     translation = TRANSLATIONS[model](study.rig)
     system = linear_system(translation)
@@ -107,7 +107,7 @@ def wheel_balance(study: Study, model: str) -> float:
     return float(jnp.max(jnp.abs(net - needed)) / jnp.max(jnp.abs(needed)))
 
 
-def contact_mismatch(study: Study, how: str) -> float:
+def contact_mismatch(study: PaperStudy, how: str) -> float:
     """|r_i . dR - s_i| over |s|: whether dR meets the contacts, wheels on a tripod."""
     normal = np.asarray(baseline("atlas-tripod").wheels.normal)
     wanted = np.array([1.0, 0.5, 0.2])
@@ -124,7 +124,7 @@ def _no_slip_forces(rig: Rig):
     )  # fmt: skip
 
 
-def force_balance(study: Study, reading: str) -> float:
+def force_balance(study: PaperStudy, reading: str) -> float:
     """Relative acceleration of sphere and platform that the external force of eq. 45 leaves."""
     rig = study.rig
     wheels, M_s, M_T = rig.wheels, rig.sphere.mass, rig.total_mass
@@ -138,7 +138,7 @@ def force_balance(study: Study, reading: str) -> float:
     return float(jnp.linalg.norm(sphere - platform) / jnp.linalg.norm(platform))
 
 
-def unit_scaling(study: Study, reading: str) -> float:
+def unit_scaling(study: PaperStudy, reading: str) -> float:
     """How far the drive part of F, computed in mm and in m, is from one and the same force."""
     f = np.asarray(_no_slip_forces(study.rig))
     factor = (lambda R: R**2) if reading == "R²" else (lambda R: 1.0)
@@ -147,7 +147,7 @@ def unit_scaling(study: Study, reading: str) -> float:
     return float(np.max(np.abs(millimetres / 1e3 - metres) / np.abs(metres)))
 
 
-def anisotropic_forces(study: Study, order: str) -> float:
+def anisotropic_forces(study: PaperStudy, order: str) -> float:
     """Relative error of eq. 46's drive forces against eqs. 39, 40, 43 solved side by side."""
     wheels, R = study.rig.wheels, float(study.rig.sphere.radius)
     inertia = np.diag([4.0, 5.0, 6.5])
@@ -168,7 +168,7 @@ def anisotropic_forces(study: Study, order: str) -> float:
     return float(np.max(np.abs(f - expected)) / np.max(np.abs(expected)))
 
 
-def size_beside_rigid(study: Study, what: str) -> float:
+def size_beside_rigid(study: PaperStudy, what: str) -> float:
     """Peak of the total or of its elastic part over the rigid peak, largest over the dampings."""
     runs = [run.cycle for run in study.elastic.values()]
     rigid = np.max(lengths(runs[0].rigid))
@@ -176,7 +176,7 @@ def size_beside_rigid(study: Study, what: str) -> float:
     return float(max(np.max(lengths(x)) for x in part) / rigid)
 
 
-def statements_wrong(study: Study, reading: str) -> float:
+def statements_wrong(study: PaperStudy, reading: str) -> float:
     """Share of (metric, damping) cells in which not both statements of section 5 are true.
 
     The reading taken says of each cell what its derivative says: it errs where the exact derivative
@@ -256,7 +256,7 @@ ROWS = (
 )  # fmt: skip
 
 
-def judge(row: Row, study: Study) -> Erratum:
+def judge(row: Row, study: PaperStudy) -> Erratum:
     """The row with the measure of both readings."""
     return Erratum(
         row.equation, row.printed, row.problem, row.taken, row.measure,
@@ -265,7 +265,7 @@ def judge(row: Row, study: Study) -> Erratum:
     )  # fmt: skip
 
 
-def errata(study: Study) -> list[Erratum]:
+def errata(study: PaperStudy) -> list[Erratum]:
     """Every row, judged."""
     return [judge(row, study) for row in ROWS]
 

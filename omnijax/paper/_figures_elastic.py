@@ -7,12 +7,12 @@ import numpy as np
 from ..report import COLOURS, MUTED, Figure, SpeedAxis, figure, legend_above, style
 from ._case import DAMPING, ROUNDNESS, SPEEDS, STIFFNESS
 from ._cycle import FASTEST, lengths
-from ._study import Study
+from ._study import PaperStudy
 
 SHOWN = (0.2, 0.4485, 0.7, 0.9)  # roundness of the spectra
 
 
-def elastic(study: Study) -> Figure:
+def elastic(study: PaperStudy) -> Figure:
     """Fig. 11: the elastic part for the three dampings, from rest."""
     data: dict[str, Any] = {}
     largest = max(1e6 * np.max(lengths(run.rest.elastic)) for run in study.elastic.values())
@@ -38,7 +38,7 @@ def elastic(study: Study) -> Figure:
     return Figure(fig, "fig11", caption, data)
 
 
-def roundness(study: Study) -> Figure:
+def roundness(study: PaperStudy) -> Figure:
     """Fig. 12: peaks over the roundness ratio, with the band of the unknown parameters."""
     eta, scan = np.asarray(ROUNDNESS), study.roundness["paper"]
     data: dict[str, Any] = {"eta": eta}
@@ -70,13 +70,13 @@ def roundness(study: Study) -> Figure:
     return Figure(fig, "fig12", caption, data)
 
 
-def _rigid_bound(study: Study) -> np.ndarray:
+def _rigid_bound(study: PaperStudy) -> np.ndarray:
     from ._judge_elastic import _depth
 
     return np.sqrt(3) * np.array([_depth(study, eta) for eta in ROUNDNESS])
 
 
-def spectrum(study: Study, spectra: dict[float, tuple[np.ndarray, np.ndarray]]) -> Figure:
+def spectrum(study: PaperStudy, spectra: dict[float, tuple[np.ndarray, np.ndarray]]) -> Figure:
     """Fig. 13: the fastest wheel's lines of dR for several roundness ratios."""
     data: dict[str, Any] = {}
     with style():
@@ -100,7 +100,7 @@ def spectrum(study: Study, spectra: dict[float, tuple[np.ndarray, np.ndarray]]) 
     return Figure(fig, "fig13", caption, data, SpeedAxis("frequency", "rad/s", SPEEDS[FASTEST]))
 
 
-def stiffness(study: Study) -> Figure:
+def stiffness(study: PaperStudy) -> Figure:
     """Fig. 14: peaks over the contact stiffness."""
     K, scan = np.asarray(STIFFNESS), study.stiffness["paper"]
     data: dict[str, Any] = {"K / N/m": K}

@@ -4,12 +4,12 @@ import numpy as np
 
 from ..report import COLOURS, INK, MUTED, Figure, figure, legend_above, style
 from ._cycle import lengths
-from ._study import Study
+from ._study import PaperStudy
 
 AXES = "xyz"
 
 
-def velocity(study: Study) -> Figure:
+def velocity(study: PaperStudy) -> Figure:
     """Fig. 7: the sphere's angular velocity, with the straight lines it should follow."""
     t, omega = study.ideal.t, study.ideal.run.Omega[0]
     with style():
@@ -29,7 +29,7 @@ def velocity(study: Study) -> Figure:
     return Figure(fig, "fig07", caption, data)
 
 
-def path(study: Study) -> Figure:
+def path(study: PaperStudy) -> Figure:
     """Fig. 8: the platform's position."""
     t, place = study.ideal.t, study.ideal.run.R_l[0]
     with style():
@@ -49,7 +49,7 @@ def path(study: Study) -> Figure:
     return Figure(fig, "fig08", caption, data)
 
 
-def attitude(study: Study) -> Figure:
+def attitude(study: PaperStudy) -> Figure:
     """Fig. 9: the quaternion against time and against the turn angle."""
     t, q = study.ideal.t, study.ideal.run.attitude[0]
     omega = study.ideal.run.Omega[0]
@@ -75,7 +75,7 @@ def attitude(study: Study) -> Figure:
     return Figure(fig, "fig09", caption, data)
 
 
-def rigid(study: Study) -> Figure:
+def rigid(study: PaperStudy) -> Figure:
     """Fig. 10: the rigid part of dR and its size."""
     c = next(iter(study.elastic.values())).cycle
     depth = 1e3 * float(np.asarray(study.rig.gaps.depth)[0])

@@ -5,7 +5,7 @@ import numpy as np
 from ._case import DAMPING, RANGES, ROUNDNESS, SENSITIVITY_DAMPING, STIFFNESS
 from ._claim import Claim, Reading, at_least, at_most
 from ._cycle import FACTORS, lengths
-from ._study import Study
+from ._study import PaperStudy
 
 OWN = ROUNDNESS.index(0.4485)
 K, C, MOUNT, MOUNT_DAMPING, CLOSURE, ETA = range(len(FACTORS))
@@ -18,14 +18,14 @@ METRICS = {
 }
 
 
-def over(study: Study) -> str:
+def over(study: PaperStudy) -> str:
     """The range of the parameters that the paper does not give, in words."""
     ranges = ", ".join(f"{r.symbol} {r.low:.3g} … {r.high:.3g} {r.unit}" for r in RANGES)
     count = len(next(iter(study.samples.values())))
     return f"{ranges}; {count} points (the rig's own and a Sobol sequence, seed {study.seed})"
 
 
-def elastic_claims(study: Study) -> list[Claim]:
+def elastic_claims(study: PaperStudy) -> list[Claim]:
     """Every claim that the scans decide."""
     makers = (
         _grows, _frequency, _smaller, _orders, _slightly, _ripple, _dominant, _little, _mount,
@@ -33,7 +33,7 @@ def elastic_claims(study: Study) -> list[Claim]:
     return [make(study, over(study)) for make in makers]
 
 
-def _both(study: Study, name: str, damping) -> np.ndarray:
+def _both(study: PaperStudy, name: str, damping) -> np.ndarray:
     """One metric of both variants over roundness: (model, C, eta, s)."""
     scans = [getattr(study.roundness[model], name) for model in ("paper", "coupled")]
     return np.stack(scans)[:, damping]
@@ -44,7 +44,7 @@ def _steps(values: np.ndarray) -> np.ndarray:
     return np.diff(values, axis=-2) / values[..., :-1, :]
 
 
-def _grows(study: Study, ranges: str) -> Claim:
+def _grows(study: PaperStudy, ranges: str) -> Claim:
     damped, free = slice(1, None), slice(0, 1)
     depth = np.array([_depth(study, eta) for eta in ROUNDNESS])
     growth = "growth of the peak a step of η"
@@ -70,14 +70,14 @@ def _grows(study: Study, ranges: str) -> Claim:
     )
 
 
-def _depth(study: Study, eta: float) -> float:
+def _depth(study: PaperStudy, eta: float) -> float:
     import equinox as eqx
 
     gaps = eqx.tree_at(lambda g: g.roundness, study.rig.gaps, np.full(study.rig.size, eta))
     return float(np.asarray(gaps.depth)[0])
 
 
-def _frequency(study: Study, ranges: str) -> Claim:
+def _frequency(study: PaperStudy, ranges: str) -> Claim:
     def spread(name, damping):
         values = _both(study, name, damping)
         return values.max(axis=-2) / values.min(axis=-2)
@@ -118,7 +118,7 @@ def _frequency(study: Study, ranges: str) -> Claim:
     )
 
 
-def _ratios(study: Study) -> dict[str, np.ndarray]:
+def _ratios(study: PaperStudy) -> dict[str, np.ndarray]:
     """Peaks over the peak of the rigid part, for every damping and point."""
     rigid = np.max(lengths(study.elastic[0.0].cycle.rigid))
     printed = [
@@ -137,7 +137,7 @@ def _ratios(study: Study) -> dict[str, np.ndarray]:
 RATIO = "peak over the peak of the rigid part"
 
 
-def _smaller(study: Study, ranges: str) -> Claim:
+def _smaller(study: PaperStudy, ranges: str) -> Claim:
     ratios = _ratios(study)
     return Claim(
         "elastic-smaller",
@@ -162,7 +162,7 @@ def _smaller(study: Study, ranges: str) -> Claim:
     )
 
 
-def _orders(study: Study, ranges: str) -> Claim:
+def _orders(study: PaperStudy, ranges: str) -> Claim:
     ratios = _ratios(study)
     return Claim(
         "orders-of-magnitude",
@@ -179,7 +179,7 @@ def _orders(study: Study, ranges: str) -> Claim:
     )
 
 
-def _slightly(study: Study, ranges: str) -> Claim:
+def _slightly(study: PaperStudy, ranges: str) -> Claim:
     def change(name):
         values = _both(study, name, slice(None))[:, :, OWN]
         return values.max(axis=1) / values.min(axis=1) - 1
@@ -197,7 +197,7 @@ def _slightly(study: Study, ranges: str) -> Claim:
     )
 
 
-def _ripple(study: Study, ranges: str) -> Claim:
+def _ripple(study: PaperStudy, ranges: str) -> Claim:
     ripple = _both(study, "ripple", slice(None))[:, :, OWN]
     left = "RMS above 100 rad/s, over that at C = 0"
     return Claim(
@@ -215,7 +215,7 @@ def _ripple(study: Study, ranges: str) -> Claim:
     )
 
 
-def _slopes(study: Study, name: str) -> np.ndarray:
+def _slopes(study: PaperStudy, name: str) -> np.ndarray:
     """|d log metric / d log factor|, (C, s, factor)."""
     return np.abs(getattr(study.sensitivity, name))
 
@@ -224,7 +224,7 @@ def _damping_words() -> str:
     return ", ".join(f"{c:g}" for c in SENSITIVITY_DAMPING)
 
 
-def _dominant(study: Study, ranges: str) -> Claim:
+def _dominant(study: PaperStudy, ranges: str) -> Claim:
     readings: list[Reading] = []
     for name, words in METRICS.items():
         slopes = _slopes(study, name)
@@ -243,7 +243,7 @@ def _dominant(study: Study, ranges: str) -> Claim:
     )
 
 
-def _little(study: Study, ranges: str) -> Claim:
+def _little(study: PaperStudy, ranges: str) -> Claim:
     readings = []
     for name, words in METRICS.items():
         slopes = _slopes(study, name)[..., K]
@@ -267,7 +267,7 @@ def _little(study: Study, ranges: str) -> Claim:
     )
 
 
-def _mount(study: Study, ranges: str) -> Claim:
+def _mount(study: PaperStudy, ranges: str) -> Claim:
     return Claim(
         "mount-minor",
         "The stiffness k of the mounts is of minor influence.",
@@ -281,7 +281,7 @@ def _mount(study: Study, ranges: str) -> Claim:
     )
 
 
-def _table(study: Study, factor: int) -> dict[str, dict[str, float]]:
+def _table(study: PaperStudy, factor: int) -> dict[str, dict[str, float]]:
     return {
         words: {
             f"C = {c:g}": float(getattr(study.sensitivity, name)[i, 0, factor])

@@ -7,12 +7,12 @@ from ._case import TORQUE, baseline
 from ._claim import Claim, at_least, at_most
 from ._cycle import lengths
 from ._ideal import angle_residual, line_residual, parabola_residual, time_sinusoid_residual
-from ._study import Study
+from ._study import PaperStudy
 
 INERTIAS = "I_s from 2/5 to 2/3 M R², I_w from 2e-4 to 2e-3 kg m²"
 
 
-def ideal_claims(study: Study) -> list[Claim]:
+def ideal_claims(study: PaperStudy) -> list[Claim]:
     """Linear velocity, parabolic path, sinusoidal attitude, no coupling."""
     ideal, t = study.ideal, study.ideal.t
     runs = range(len(ideal.run.Omega))
@@ -67,7 +67,7 @@ def ideal_claims(study: Study) -> list[Claim]:
     ]
 
 
-def _coupling(study: Study) -> Claim:
+def _coupling(study: PaperStudy) -> Claim:
     ideal = study.ideal
     run, span = ideal.run, np.max(np.abs(ideal.run.R_l[0]))
     path = np.max(np.abs(ideal.no_torque.R_l - run.R_l[0])) / span
@@ -106,11 +106,11 @@ def _coupling(study: Study) -> Claim:
     )
 
 
-def _cross(axes, rig, study: Study) -> list[float]:
+def _cross(axes, rig, study: PaperStudy) -> list[float]:
     """Off-axis share of dOmega/dt under one torque at a time, for every sample of the inertias."""
     from ..dynamics import drive_forces
 
-    found = []
+    shares = []
     wheels, R, rows = rig.wheels, rig.sphere.radius, jnp.asarray(axes)
     inertias = zip(study.samples["sphere.inertia"], study.samples["wheel.inertia"], strict=True)
     for I_s, I_w in inertias:
@@ -120,11 +120,11 @@ def _cross(axes, rig, study: Study) -> list[float]:
             f = drive_forces(rows, wheels.radius, R, spin, inverse, torque, jnp.zeros(3))
             turning = np.asarray(R * inverse @ rows.T @ f)
             along = axes[i] @ turning
-            found.append(float(np.linalg.norm(turning - along * axes[i]) / abs(along)))
-    return found
+            shares.append(float(np.linalg.norm(turning - along * axes[i]) / abs(along)))
+    return shares
 
 
-def rigid_claim(study: Study) -> Claim:
+def rigid_claim(study: PaperStudy) -> Claim:
     """The rigid part is as large as the wheel is out of round."""
     depth = np.asarray(study.rig.gaps.depth)[0]
     peak = float(np.max(lengths(study.elastic[0.0].cycle.rigid)))

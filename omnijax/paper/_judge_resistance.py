@@ -8,7 +8,7 @@ from ..laws import HertzResistance, RollingSignal, effective_modulus, effective_
 from ..rig import Rig
 from ._case import TORQUE
 from ._claim import Claim, at_most
-from ._study import Study
+from ._study import PaperStudy
 
 RUBBER, POLYMER, STEEL = 1e6, 1e9, 2e11  # Pa
 POISSON = (0.3, 0.5)
@@ -50,7 +50,7 @@ def slowing(
     return float(np.linalg.norm(slowed - free) / np.linalg.norm(free))
 
 
-def resistance_claim(study: Study) -> Claim:
+def resistance_claim(study: PaperStudy) -> Claim:
     """Negligible: below 5 % of the sphere's angular acceleration."""
 
     def over(low: float, high: float, arm: float, preload: float | None) -> list[float]:

@@ -19,7 +19,7 @@ from ._errata import errata, recovered_radius
 from ._judge_elastic import METRICS, elastic_claims
 from ._judge_ideal import ideal_claims, rigid_claim
 from ._judge_resistance import resistance_claim
-from ._study import Study, make_study
+from ._study import PaperStudy, make_study
 
 STEPS = 8
 SYMBOLS = ("K", "C", "k", "c", "K'", "η")
@@ -65,25 +65,25 @@ def reproduce(
     say("figures and page")
     page = _page(study, claims, rows, f"omnijax reproduce --out {out} --seed {seed}")
     path = page.write(out)
-    found = Reproduction(claims, rows, path)
-    text = json.dumps(found.to_json(), indent=1, ensure_ascii=False)
+    reproduction = Reproduction(claims, rows, path)
+    text = json.dumps(reproduction.to_json(), indent=1, ensure_ascii=False)
     write_text(Path(out) / "claims.json", text + "\n")
-    return found
+    return reproduction
 
 
-def _spectra(study: Study) -> dict[float, tuple[np.ndarray, np.ndarray]]:
+def _spectra(study: PaperStudy) -> dict[float, tuple[np.ndarray, np.ndarray]]:
     """Angular frequencies and sizes of the fastest wheel's lines, by roundness."""
     run = eqx.filter_jit(lambda rig: cycle(rig, "paper", 64, 1536))
-    found = {}
+    by_roundness = {}
     for eta in _figures_elastic.SHOWN:
         machine = changed(study.rig, {"wheel.roundness": eta, "wheel.contact.damping": 8500.0})
         lines = run(machine)
         size = np.linalg.norm(np.abs(np.asarray(lines.lines[FASTEST])), axis=-1)
-        found[eta] = (np.asarray(lines.rate[FASTEST]), size)
-    return found
+        by_roundness[eta] = (np.asarray(lines.rate[FASTEST]), size)
+    return by_roundness
 
 
-def _page(study: Study, claims: list[Claim], rows: list[Erratum], command: str) -> Page:
+def _page(study: PaperStudy, claims: list[Claim], rows: list[Erratum], command: str) -> Page:
     tally = {v: sum(c.verdict == v for c in claims) for v in (HOLDS, PARTLY, FAILS)}
     confirmed = sum(row.confirmed for row in rows)
     rigid = next(c for c in claims if c.id == "rigid-size").evidence
@@ -153,7 +153,7 @@ _SENSITIVITY_TEXT = (
 _RANGES_TEXT = "Every claim is judged at the rig's own values and over these ranges."
 
 
-def _errata_text(study: Study) -> str:
+def _errata_text(study: PaperStudy) -> str:
     return (
         "One measure of wrongness for each row, for the printed form and for the reading taken. A "
         "row is borne out where the printed form lies above the limit and the reading does not.\n\n"
@@ -211,7 +211,7 @@ def _errata_table(rows: list[Erratum]) -> Table:
     )  # fmt: skip
 
 
-def _sensitivity_table(study: Study) -> Table:
+def _sensitivity_table(study: PaperStudy) -> Table:
     return Table(
         [
             Column("metric", text=True),

@@ -13,8 +13,8 @@ from ._case import DAMPING, ROUNDNESS, SENSITIVITY_DAMPING, STIFFNESS, baseline,
 from ._cycle import (
     HARMONICS,
     TRACE_POINTS,
+    CycleTrace,
     Metrics,
-    Trace,
     from_rest,
     metrics_over,
     pointwise_elastic,
@@ -26,13 +26,13 @@ from ._ideal import Ideal, ideal_runs
 class Elastic(NamedTuple):
     """One damping: the long-run cycle, the first period from rest, and the printed form."""
 
-    cycle: Trace
-    rest: Trace
+    cycle: CycleTrace
+    rest: CycleTrace
     printed: np.ndarray  # (t, 3) m, elastic part, r_w'' at points, the closure as it should be
     printed_closure: np.ndarray  # (t, 3) m, and the closure's sign as printed
 
 
-class Study(NamedTuple):
+class PaperStudy(NamedTuple):
     """Axes of the scans: damping, scanned value, sample of the parameters that are not given."""
 
     rig: Rig
@@ -50,7 +50,7 @@ def make_study(
     seed: int = 0,
     harmonics: int = HARMONICS,
     say: Callable[[str], None] = lambda _: None,
-) -> Study:
+) -> PaperStudy:
     """Compute everything; `count` samples beside the rig's own, `say` hears each step's name."""
     rig = baseline()
     drawn = samples(rig, count, seed)
@@ -66,7 +66,7 @@ def make_study(
     rows = _rows(drawn, "wheel.contact.damping", SENSITIVITY_DAMPING)
     slopes = sensitivities_over(rig, rows, "paper", harmonics)
     shape = (len(SENSITIVITY_DAMPING), count + 1, -1)
-    return Study(
+    return PaperStudy(
         rig,
         drawn,
         seed,
@@ -111,12 +111,12 @@ def _scans(rig: Rig, drawn, model: str, harmonics: int) -> tuple[Metrics, Metric
         )
         for path in by_eta | by_stiffness
     }
-    found = jax.tree.map(np.asarray, metrics_over(rig, rows, model, harmonics))
+    figures = jax.tree.map(np.asarray, metrics_over(rig, rows, model, harmonics))
     split, count = _length(by_eta), len(next(iter(drawn.values())))
 
     def part(index, scanned):
         shape = (len(DAMPING), len(scanned), count)
-        return jax.tree.map(lambda x: x[index].reshape(shape), found)
+        return jax.tree.map(lambda x: x[index].reshape(shape), figures)
 
     return part(slice(0, split), ROUNDNESS), part(slice(split, None), STIFFNESS)
 

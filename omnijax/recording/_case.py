@@ -79,24 +79,24 @@ def read_case(folder: str | Path, rig: Any = None) -> Case:
 
 def _tables(folder: Path, faults: list[Fault]) -> list[Path]:
     """The runs' files: those with a NAME.toml, and other tables that have a column `t`."""
-    found: dict[str, Path] = {}
+    files: dict[str, Path] = {}
     for path in sorted(folder.iterdir()):
         stem = stem_of(path)
-        if not may_be_run(path) or (stem in found and path.suffix == ".json"):
+        if not may_be_run(path) or (stem in files and path.suffix == ".json"):
             continue
-        if stem in found:
-            what = f"{found[stem].name} has the same name"
+        if stem in files:
+            what = f"{files[stem].name} has the same name"
             faults.append(Fault(path.name, "", (), "double file", what, "only that one is used"))
         elif (folder / f"{stem}.toml").exists() or _has_time(path):
-            found[stem] = path
+            files[stem] = path
         else:
             what = "the file has neither a NAME.toml nor a column `t`"
             faults.append(Fault(path.name, "", (), "not a run", what, "it is not used"))
     for path in sorted(folder.glob("*.toml")):
-        if path.stem not in found and _is_sidecar(path):
+        if path.stem not in files and _is_sidecar(path):
             what = "the run that belongs to it is not there"
             faults.append(Fault(path.name, "", (), "no run", what, "it is not used"))
-    return list(found.values())
+    return list(files.values())
 
 
 def _has_time(path: Path) -> bool:

@@ -40,5 +40,5 @@ def unit_of(column: str) -> str:
 
 def count_wheels(names) -> int:
     """Number of wheels that the columns `names` speak of: the highest number of a torque."""
-    found = (re.fullmatch(r"torque_(\d+)", name) for name in names)
-    return max((int(m.group(1)) for m in found if m), default=0)
+    matches = (re.fullmatch(r"torque_(\d+)", name) for name in names)
+    return max((int(m.group(1)) for m in matches if m), default=0)

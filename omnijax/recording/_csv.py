@@ -21,7 +21,7 @@ _MARK = re.compile(r"\s*\"?sep=(\\t|.)\"?\s*\Z", re.IGNORECASE)
 EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "#n/a", "nat"}
 
 
-class Table(NamedTuple):
+class CsvTable(NamedTuple):
     """Columns of a file as they stand there, with units and noise where the file states them."""
 
     columns: dict[str, np.ndarray]
@@ -30,7 +30,7 @@ class Table(NamedTuple):
     noise: dict[str, float]
 
 
-def read_csv(path: Path) -> Table:
+def read_csv(path: Path) -> CsvTable:
     """Read a CSV or CSV.gz file: comma, semicolon or tab, header row, UTF-8, `#` comments."""
     text, faults = _text(path)
     lines = [x for x in _LINE_END.split(text) if x.strip() and not x.lstrip().startswith("#")]
@@ -44,9 +44,9 @@ def read_csv(path: Path) -> Table:
         raise InputError(f"{path.name} has no header row: its first row is numbers.")
     values = _fast(lines[1:], mark, len(names))
     if values is None:
-        values, found = _careful(path.name, lines[1:], mark, names)
-        faults += found
-    return Table(_by_name(path.name, names, values, faults), {}, faults, {})
+        values, faulty = _careful(path.name, lines[1:], mark, names)
+        faults += faulty
+    return CsvTable(_by_name(path.name, names, values, faults), {}, faults, {})
 
 
 def write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
@@ -137,9 +137,9 @@ def _careful(file: str, lines: list[str], mark: str, names: list[str]):
                 text.setdefault(j, []).append((row + 1, cell.strip()))
             else:
                 values[row, j] = number
-    for j, found in text.items():
-        rows = tuple((row, row) for row, _ in found)
-        what = f"{found[0][1][:20]!r} is not a number"
+    for j, words in text.items():
+        rows = tuple((row, row) for row, _ in words)
+        what = f"{words[0][1][:20]!r} is not a number"
         faults.append(Fault(file, names[j], rows, "text", what, "these cells count as missing"))
     return values, faults
 

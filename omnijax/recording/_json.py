@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
-from ._csv import Table, unpacked
+from ._csv import CsvTable, unpacked
 from ._spread import spread
 
 
-def read_json(path: Path) -> Table:
+def read_json(path: Path) -> CsvTable:
     """Columns of a `.json` or `.json.gz` log.
 
     Read are the longest list of samples (`[{"t": 0, "q": 1}, ...]`), or the longest lists of one
@@ -23,10 +23,10 @@ def read_json(path: Path) -> Table:
         raise InputError("the packed file ends too early.", path)
     document = json.loads(raw.decode("utf-8-sig"))
     tables = _tables(document, {})
-    found = max(reversed(tables), key=lambda x: x[0], default=None)  # of equals the innermost
-    if found is None:
+    largest = max(reversed(tables), key=lambda x: x[0], default=None)  # of equals the innermost
+    if largest is None:
         raise InputError("holds no list of samples and no lists of numbers by name.", path)
-    length, columns, beside = found
+    length, columns, beside = largest
     constant = {k: np.full(length, float(v)) for k, v in beside.items() if k not in columns}
     return spread(columns | constant)
 

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError, require
-from ._csv import Table
+from ._csv import CsvTable
 from ._spread import spread
 
 BASE = 1e-9  # s, of a log's clock
 
 
-def read_mcap(path: Path) -> Table:
+def read_mcap(path: Path) -> CsvTable:
     """Columns `topic.field` of a log: the busiest topic's times, the others held between theirs.
 
     Messages are JSON, or ROS 2 (CDR) where `mcap-ros2-support` is installed; `t` is their log time

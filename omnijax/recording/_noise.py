@@ -55,6 +55,9 @@ def noise_floor(runs: Sequence[Recording], declared: bool = True) -> NoiseFloor:
     With `declared` what the runs declare comes first; else only what the data show counts.
 
     SI: m, rad, rad/s, m/s^2.  Raises `IndexError` where there is no run.
+
+    Source: variate differences (Anderson, The Statistical Analysis of Time Series, 1971,
+    chapter 3).
     """
     sigma: dict[str, float] = {}
     source: dict[str, str] = {}
@@ -68,10 +71,10 @@ def noise_floor(runs: Sequence[Recording], declared: bool = True) -> NoiseFloor:
         for how, estimate in _WAYS.items():
             if how == "declared" and not declared:
                 continue
-            found = estimate(measured, group)
-            if found is not None:
-                sigma |= dict(zip(names, map(float, found.sigma), strict=True))
-                source[group], error[group] = how, found.error
+            estimated = estimate(measured, group)
+            if estimated is not None:
+                sigma |= dict(zip(names, map(float, estimated.sigma), strict=True))
+                source[group], error[group] = how, estimated.error
                 break
         else:
             sigma |= dict.fromkeys(names, math.nan)
@@ -102,11 +105,11 @@ def _from_repeats(runs: Sequence[Recording], group: str) -> _Estimate | None:
     if not pairs:
         return None
     square = np.mean([_nanmean((a.group(group) - b.group(group)) ** 2) for a, b in pairs], axis=0)
-    found = np.sqrt(square / 2)
+    sigma = np.sqrt(square / 2)
     rest = _from_rest(runs, group)
-    true = rest is None or np.all(found[np.isfinite(found)] < 1.5 * np.nanmax(rest.sigma))
-    count = len(found) * sum(len(a) for a, _ in pairs)
-    return _Estimate(found, (2 * count) ** -0.5) if true and np.isfinite(found).all() else None
+    true = rest is None or np.all(sigma[np.isfinite(sigma)] < 1.5 * np.nanmax(rest.sigma))
+    count = len(sigma) * sum(len(a) for a, _ in pairs)
+    return _Estimate(sigma, (2 * count) ** -0.5) if true and np.isfinite(sigma).all() else None
 
 
 def _repeat(a: Recording, b: Recording) -> bool:
@@ -183,10 +186,10 @@ def _level(pieces: Sequence[np.ndarray]) -> _Estimate | None:
         squares = [np.diff(piece, order, axis=0) ** 2 for piece in pieces if len(piece) > 2 * order]
         if not squares:
             return None
-        found = np.concatenate(squares)
-        sigma = np.sqrt(_nanmean(found) / math.comb(2 * order, order))
+        squared = np.concatenate(squares)
+        sigma = np.sqrt(_nanmean(squared) / math.comb(2 * order, order))
         if best is None or _rms(sigma) < 0.9 * _rms(best.sigma):
-            best = _Estimate(sigma, _scatter(order, int(np.isfinite(found).sum())))
+            best = _Estimate(sigma, _scatter(order, int(np.isfinite(squared).sum())))
     return best if best is not None and np.isfinite(best.sigma).all() else None
 
 

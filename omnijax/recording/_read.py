@@ -10,7 +10,7 @@ import numpy as np
 
 from .._errors import InputError
 from ._columns import INPUTS, channels, columns, count_wheels, group_of, unit_of
-from ._csv import Table
+from ._csv import CsvTable
 from ._recording import Fault, Recording, spans
 from ._scales import mend_units
 from ._sidecar import Sidecar, hint, read_sidecar, to_si
@@ -45,7 +45,7 @@ def rig_of_recording(path: str | Path) -> Path | None:
     return read_sidecar(path.with_name(stem_of(path) + ".toml")).rig if path.is_file() else None
 
 
-def build_recording(path: Path, table: Table, sidecar: Sidecar, rig: Any = None) -> Recording:
+def build_recording(path: Path, table: CsvTable, sidecar: Sidecar, rig: Any = None) -> Recording:
     """A recording from a table as it stands in the file."""
     faults = list(table.faults)
     named = _renamed(path.name, table.columns, sidecar)
@@ -53,8 +53,8 @@ def build_recording(path: Path, table: Table, sidecar: Sidecar, rig: Any = None)
     named = _known(path.name, named, wheels, faults)
     _scale_units(path.name, named, table, sidecar, faults)
     _same_length(path.name, named, faults)
-    rows, found = usable_rows(path.name, named["t"])
-    faults += found
+    rows, row_faults = usable_rows(path.name, named["t"])
+    faults += row_faults
     values = {c: named[c][rows] for c in columns(wheels)[1:] if c in named}
     time = named["t"][rows]
     noise = {**table.noise, **sidecar.noise}
@@ -77,17 +77,17 @@ def _siblings(path: Path) -> list[str]:
     return [x.name for x in path.parent.iterdir()] if path.parent.is_dir() else []
 
 
-def _renamed(file: str, found: dict[str, np.ndarray], sidecar: Sidecar) -> dict[str, np.ndarray]:
+def _renamed(file: str, columns: dict[str, np.ndarray], sidecar: Sidecar) -> dict[str, np.ndarray]:
     """Columns by our names; `InputError` for a mapping to a column that is not there."""
-    named = dict(found)
+    named = dict(columns)
     for ours, theirs in sidecar.channels.items():
-        if theirs not in found:
+        if theirs not in columns:
             raise InputError(
                 f"{sidecar.path.name}: `channels.{ours}` names the column {theirs!r}, which "
-                f"{file} does not have{hint(theirs, found)}."
+                f"{file} does not have{hint(theirs, columns)}."
             )
         named.pop(theirs, None)
-    return named | {ours: found[theirs] for ours, theirs in sidecar.channels.items()}
+    return named | {ours: columns[theirs] for ours, theirs in sidecar.channels.items()}
 
 
 def _wheels(file: str, named: dict[str, np.ndarray], rig: Any) -> int:
@@ -136,7 +136,7 @@ def _known(file: str, named: dict[str, np.ndarray], wheels: int, faults: list[Fa
 
 
 def _scale_units(
-    file: str, named: dict[str, np.ndarray], table: Table, sidecar: Sidecar, faults: list[Fault]
+    file: str, named: dict[str, np.ndarray], table: CsvTable, sidecar: Sidecar, faults: list[Fault]
 ) -> None:
     """Bring every column to SI; units of NAME.toml count before those that the file states."""
     for column, values in list(named.items()):

@@ -208,19 +208,19 @@ def _torques(run: Recording, rig: Any):
     good = np.isfinite(gained).all(axis=1)
     columns, target = columns[good].reshape(-1, run.wheels + 6), gained[good].ravel()
     size = np.sqrt(np.sum(columns**2, axis=0)) + 1e-300
-    found, _, rank, _ = np.linalg.lstsq(columns / size, target, rcond=1e-9)
-    if rank < run.wheels or len(target) < 2 * len(found):
+    factors, _, rank, _ = np.linalg.lstsq(columns / size, target, rcond=1e-9)
+    if rank < run.wheels or len(target) < 2 * len(factors):
         return
-    scatter = np.std(target - columns / size @ found)
+    scatter = np.std(target - columns / size @ factors)
     sigma = scatter * np.sqrt(np.diag(np.linalg.pinv((columns / size).T @ (columns / size))))
-    found, sigma = ((x / size)[: run.wheels] for x in (found, sigma))
-    off = (found > 5 * sigma) & ((found < 1 / WRONG) | (found > WRONG))
+    factors, sigma = ((x / size)[: run.wheels] for x in (factors, sigma))
+    off = (factors > 5 * sigma) & ((factors < 1 / WRONG) | (factors > WRONG))
     names = channels("torque", run.wheels)
     if off.all():
-        yield names, 1e3 if found[0] < 1 else 1e-3
+        yield names, 1e3 if factors[0] < 1 else 1e-3
         return
     for i in np.flatnonzero(off):
-        yield (names[i],), 1e3 if found[i] < 1 else 1e-3
+        yield (names[i],), 1e3 if factors[i] < 1 else 1e-3
 
 
 def _given(run: Recording, rig: Any, stride: int) -> np.ndarray:

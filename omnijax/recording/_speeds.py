@@ -32,14 +32,14 @@ def speed_table(path: Path, names: Sequence[str]) -> SpeedTable | None:
         return None  # the reader of recordings says so, with the nearest name
     table = read_table(path)
     units = {"t": "s", "force": "N", "speed": "rad/s"}
-    found: dict[str, np.ndarray] = {}
+    columns: dict[str, np.ndarray] = {}
     for head, values in table.columns.items():
         match = _HEAD.fullmatch(head.strip())
         name, unit = (match[1], match[2] or table.units.get(head)) if match else (head, None)
         wanted = units.get(name.partition("_")[0])
         if wanted is not None:
-            found[name] = values * _factor(path, head, unit or wanted, wanted)
-    if not any(name.startswith("speed_") for name in found):
+            columns[name] = values * _factor(path, head, unit or wanted, wanted)
+    if not any(name.startswith("speed_") for name in columns):
         return None
     torque = next((head for head in table.columns if head.strip().startswith("torque")), None)
     if torque is not None:
@@ -47,19 +47,19 @@ def speed_table(path: Path, names: Sequence[str]) -> SpeedTable | None:
             f"has speeds and `{torque}`: leave out which of them does not drive.", path
         )
     wheels = [
-        next((c for c in (f"speed_{name}", f"speed_{i}") if c in found), None)
+        next((c for c in (f"speed_{name}", f"speed_{i}") if c in columns), None)
         for i, name in enumerate(names, 1)
     ]
-    more = [c for c in found if c.startswith("speed_") and c not in wheels]
+    more = [c for c in columns if c.startswith("speed_") and c not in wheels]
     if more and None not in wheels:
         raise InputError(
             f"has the column `{more[0]}`, but the rig has the wheels {', '.join(names)}.", path
         )
     missing = [f"`speed_{name}`" for name, c in zip(names, wheels, strict=True) if c is None]
-    if missing or "t" not in found:
-        lacks = ", ".join([*missing, *([] if "t" in found else ["`t`"])])
+    if missing or "t" not in columns:
+        lacks = ", ".join([*missing, *([] if "t" in columns else ["`t`"])])
         raise InputError(f"lacks the column {lacks} of a table of speeds.", path)
-    return _checked(path, found, [str(c) for c in wheels])
+    return _checked(path, columns, [str(c) for c in wheels])
 
 
 def _factor(path: Path, head: str, unit: str, wanted: str) -> float:
@@ -71,11 +71,11 @@ def _factor(path: Path, head: str, unit: str, wanted: str) -> float:
         ) from None
 
 
-def _checked(path: Path, found: dict[str, np.ndarray], wheels: list[str]) -> SpeedTable:
-    time = found["t"]
+def _checked(path: Path, columns: dict[str, np.ndarray], wheels: list[str]) -> SpeedTable:
+    time = columns["t"]
     push = [f"force_{axis}" for axis in "xyz"]
-    force = np.stack([found[c] for c in push], axis=1) if set(push) <= set(found) else None
-    speed = np.stack([found[c] for c in wheels], axis=1)
+    force = np.stack([columns[c] for c in push], axis=1) if set(push) <= set(columns) else None
+    speed = np.stack([columns[c] for c in wheels], axis=1)
     good = np.isfinite(time) & np.isfinite(speed).all(axis=1)
     if not good.all():
         row = int(np.argmin(good)) + 1

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from ._columns import AXES, PER_WHEEL, UNITS
-from ._csv import Table
+from ._csv import CsvTable
 
 
-def spread(columns: Mapping[str, Any], units: Mapping[str, str] | None = None) -> Table:
+def spread(columns: Mapping[str, Any], units: Mapping[str, str] | None = None) -> CsvTable:
     """Columns from named arrays; a matrix `dR` (samples, 3) becomes dR_x, dR_y, dR_z."""
     flat: dict[str, np.ndarray] = {}
     said: dict[str, str] = {}
@@ -23,7 +23,7 @@ def spread(columns: Mapping[str, Any], units: Mapping[str, str] | None = None) -
         flat |= parts
         if units and name in units:
             said |= dict.fromkeys(parts, units[name])
-    return Table(flat, said, [], {})
+    return CsvTable(flat, said, [], {})
 
 
 def _parts(name: str, value: np.ndarray, length: int) -> dict[str, np.ndarray]:

@@ -11,7 +11,7 @@ from .._memory import check_room
 from .._netcdf import load_netcdf
 from .._reading import regular
 from ._columns import OUTPUTS, UNITS
-from ._csv import Table, read_csv
+from ._csv import CsvTable, read_csv
 from ._json import read_json
 from ._mat import mat_sizes
 from ._mcap import read_mcap
@@ -40,7 +40,7 @@ def may_be_run(path: Path) -> bool:
     return path.is_file() and suffix in READERS and stated
 
 
-def read_table(path: Path) -> Table:
+def read_table(path: Path) -> CsvTable:
     """Columns of the file; `InputError` for a kind of file that is not known."""
     suffix = suffix_of(path)
     if suffix not in READERS:
@@ -60,7 +60,7 @@ def read_table(path: Path) -> Table:
         raise InputError(f"{path.name} cannot be read as {suffix}: {error}") from error
 
 
-def _parquet(path: Path) -> Table:
+def _parquet(path: Path) -> CsvTable:
     parquet = require("pyarrow.parquet", "measured", "reading `.parquet` files")
     about = parquet.read_metadata(path)
     check_room(path, 8 * about.num_rows * about.num_columns)
@@ -68,16 +68,16 @@ def _parquet(path: Path) -> Table:
     return spread({name: table[name].to_numpy() for name in table.column_names})
 
 
-def _mat(path: Path) -> Table:
+def _mat(path: Path) -> CsvTable:
     import scipy.io
 
     try:
         check_room(path, max(mat_sizes(path)))
-        found = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=True)
+        variables = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=True)
     except NotImplementedError:  # version 7.3 is HDF5
         return _hdf5(path)
     columns: dict[str, Any] = {}
-    for name, value in found.items():
+    for name, value in variables.items():
         if name.startswith("__"):
             continue
         if isinstance(value, np.ndarray) and value.dtype.names:  # a struct: its fields are columns
@@ -87,7 +87,7 @@ def _mat(path: Path) -> Table:
     return spread(columns)
 
 
-def _hdf5(path: Path) -> Table:
+def _hdf5(path: Path) -> CsvTable:
     import h5py
 
     columns: dict[str, np.ndarray] = {}
@@ -104,7 +104,7 @@ def _hdf5(path: Path) -> Table:
     return spread(columns)
 
 
-def _netcdf(path: Path) -> Table:
+def _netcdf(path: Path) -> CsvTable:
     data = load_netcdf(path)
     units = {str(k): str(v.attrs["units"]) for k, v in data.variables.items() if "units" in v.attrs}
     columns = {str(k): v.values for k, v in data.variables.items()}
@@ -117,7 +117,7 @@ def _netcdf(path: Path) -> Table:
     return spread(own if "t" in own else columns, units)._replace(noise=exact)
 
 
-def _tdms(path: Path) -> Table:
+def _tdms(path: Path) -> CsvTable:
     tdms = require("nptdms", "measured", "reading `.tdms` files", "npTDMS")
     columns, units = {}, {}
     with tdms.TdmsFile.read(path) as file:
@@ -131,7 +131,7 @@ def _tdms(path: Path) -> Table:
     return spread(columns, units)
 
 
-def _uff(path: Path) -> Table:
+def _uff(path: Path) -> CsvTable:
     pyuff = require("pyuff", "measured", "reading `.uff` files")
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}
@@ -147,7 +147,7 @@ def _uff(path: Path) -> Table:
     return spread(columns, units)
 
 
-def _mdf(path: Path) -> Table:
+def _mdf(path: Path) -> CsvTable:
     asammdf = require("asammdf", "measured", "reading `.mf4` files")
     columns: dict[str, Any] = {}
     units: dict[str, str] = {}

@@ -106,7 +106,7 @@ def _forget(values: np.ndarray, rows: np.ndarray, fault: Fault) -> None:
 
 def _clipped(values: np.ndarray, moving: np.ndarray) -> list[tuple[np.ndarray, float]]:
     """Extremes reached again and again, and far more often than the value next to them."""
-    found = []
+    clipped = []
     for extreme in (np.nanmax(values), np.nanmin(values)):
         bad = (values == extreme) & moving
         longest = max((b - a + 1 for a, b in spans(bad)), default=0)
@@ -115,8 +115,8 @@ def _clipped(values: np.ndarray, moving: np.ndarray) -> list[tuple[np.ndarray, f
         rest = values[np.isfinite(values) & (values != extreme)]
         near = rest.max() if extreme > rest.max() else rest.min()
         if bad.sum() > 5 * np.sum(values == near):
-            found.append((bad, float(extreme)))
-    return found
+            clipped.append((bad, float(extreme)))
+    return clipped
 
 
 def _stuck(values: np.ndarray, moving: np.ndarray) -> np.ndarray:

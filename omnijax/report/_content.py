@@ -120,13 +120,13 @@ class Provenance:
 
 def provenance(command: str, rig: str = "", seed: int | None = None, study: str = "") -> Provenance:
     """Provenance of a page made now, with this machine's versions."""
-    found = {"python": platform.python_version()}
+    versions = {"python": platform.python_version()}
     for name in VERSIONS_OF:
         try:
-            found[name] = metadata.version(name)
+            versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return Provenance(command, rig, seed, found, study)
+            versions[name] = "not installed"
+    return Provenance(command, rig, seed, versions, study)
 
 
 def shown(value: Any) -> str:

@@ -30,65 +30,77 @@ CONFIRMED = {
 }
 
 
-def diagnosis_page(found: Any, command: str = "omnijax diagnose") -> Page:
+def diagnosis_page(diagnosis: Any, command: str = "omnijax diagnose") -> Page:
     """A `Page` of a `Diagnosis`."""
-    text = found.details["evidence"].text(found.rig)
+    text = diagnosis.details["evidence"].text(diagnosis.rig)
     made: Provenance = provenance(command, text, 0)
-    sections = [*sizes_section(found), *_where(found), _which(found), *_learned(found)]
-    sections += [gap_section(found), *free_runs(found), *parameters(found), *excluded(found)]
-    facts = [Fact("verdict", found.verdict)]
-    rivals = found.verdict == "ambiguous"  # the sizes of some that are not there say little
-    facts += [Fact("rivals", len(found.effects))] if rivals else size_facts(found.effects)
-    facts += [Fact(f"gap of {g} closed", closed(x), "%") for g, x in _worst(found)]
+    sections = [
+        *sizes_section(diagnosis),
+        *_where(diagnosis),
+        _which(diagnosis),
+        *_learned(diagnosis),
+    ]
+    sections += [
+        gap_section(diagnosis),
+        *free_runs(diagnosis),
+        *parameters(diagnosis),
+        *excluded(diagnosis),
+    ]
+    facts = [Fact("verdict", diagnosis.verdict)]
+    rivals = diagnosis.verdict == "ambiguous"  # the sizes of some that are not there say little
+    facts += [Fact("rivals", len(diagnosis.effects))] if rivals else size_facts(diagnosis.effects)
+    facts += [Fact(f"gap of {g} closed", closed(x), "%") for g, x in _worst(diagnosis)]
     question = "Where do simulation and data disagree, and why?"
-    return Page("Diagnosis", question, _answer(found), [*sections, *notes(found)], made, facts)
+    return Page(
+        "Diagnosis", question, _answer(diagnosis), [*sections, *notes(diagnosis)], made, facts
+    )
 
 
-def _answer(found) -> str:
-    answer = ANSWERS[found.verdict]
-    if found.verdict == "named":
-        answer += f", {CONFIRMED[found.confirmed_on]}."
-    if found.effects:
-        joined = " and " if found.verdict == "named" else " or "
-        words = [in_words(e.id, e.place) for e in found.effects]
+def _answer(diagnosis) -> str:
+    answer = ANSWERS[diagnosis.verdict]
+    if diagnosis.verdict == "named":
+        answer += f", {CONFIRMED[diagnosis.confirmed_on]}."
+    if diagnosis.effects:
+        joined = " and " if diagnosis.verdict == "named" else " or "
+        words = [in_words(e.id, e.place) for e in diagnosis.effects]
         words = [
             said if f"`{e.id}`" in said else f"{said} (`{e.id}`)"
-            for e, said in zip(found.effects, words, strict=True)
+            for e, said in zip(diagnosis.effects, words, strict=True)
         ]
         answer += " It is " + joined.join(words) + "."
-    for group, gap in _worst(found):
+    for group, gap in _worst(diagnosis):
         factor, unit = scaled(gap.before, gap.unit)
         answer += (
             f" What the model misses of {group} on the held-out runs falls from "
             f"{gap.before * factor:.3g} to {gap.after * factor:.3g} {unit} RMS; the noise is "
             f"{gap.noise_floor * factor:.3g} {unit}."
         )
-    if found.remainder:
-        answer += f" {found.remainder}"
-    if found.learned:
+    if diagnosis.remainder:
+        answer += f" {diagnosis.remainder}"
+    if diagnosis.learned:
         answer += (
-            f" A learned, uninterpreted term at the {found.learned['port']} closes "
-            f"{100 * found.learned['closed']:.0f} % of it."
+            f" A learned, uninterpreted term at the {diagnosis.learned['port']} closes "
+            f"{100 * diagnosis.learned['closed']:.0f} % of it."
         )
     return answer
 
 
-def _worst(found) -> list:
+def _worst(diagnosis) -> list:
     """The output group highest above its noise, where something was added to close it."""
-    if found.verdict == "none" or not found.gap:
+    if diagnosis.verdict == "none" or not diagnosis.gap:
         return []
-    return [max(found.gap.items(), key=lambda item: item[1].before / item[1].noise_floor)]
+    return [max(diagnosis.gap.items(), key=lambda item: item[1].before / item[1].noise_floor)]
 
 
-def _where(found) -> list[Section]:
+def _where(diagnosis) -> list[Section]:
     """Where the gap is: sentences, a figure, and the table behind; none where nothing was asked."""
-    if not found.where:
+    if not diagnosis.where:
         return []
     rows = [
         [w["channel"], w["domain"], f"{w['value']:.4g}" if np.isfinite(w["value"]) else "–",
          {"Hz": "Hz", "s": "the run"}.get(w["reference"], w["reference"]), 100 * w["share"],
          w["rms_over_noise"], "yes" if w["stands"] else "no"]
-        for w in found.where
+        for w in diagnosis.where
     ]  # fmt: skip
     columns = [Column("channel", text=True), Column("hangs on", text=True),
                Column("value", text=True, minor=True), Column("of", text=True),
@@ -96,36 +108,36 @@ def _where(found) -> list[Section]:
                Column("beyond chance", text=True, minor=True)]  # fmt: skip
     note = "Every place, with its share of a channel's residual power"
     table = Table(columns, rows, "where", note, folded=True)
-    text = " ".join(where_sentences(found))
+    text = " ".join(where_sentences(diagnosis))
     text += (
         "\n\nBefore any effect is added, on a run that was not fitted. Beyond chance: against "
         "residuals whose blocks are shuffled, fewer than 1 % false discoveries."
     )
-    figures = [order_figure(found)] if found.details and found.details["where"] else []
+    figures = [order_figure(diagnosis)] if diagnosis.details and diagnosis.details["where"] else []
     return [Section("Where", text, figures, [table])]
 
 
-def _which(found) -> Section:
-    first = [s for s in found.scores if s["step"] == 1][:10]
+def _which(diagnosis) -> Section:
+    first = [s for s in diagnosis.scores if s["step"] == 1][:10]
     figures = [score_figure(first)] if first else []
     rows = [
         [f"{e.id} at {e.place}", effect_sizes(e), e.evidence.get("delta_bic"),
          e.evidence.get("margin_to_next"),
-         _rivals(e, found.effects)]
-        for e in found.effects
+         _rivals(e, diagnosis.effects)]
+        for e in diagnosis.effects
     ]  # fmt: skip
     columns = [Column("effect", text=True), Column("parameters", text=True),
                Column("ΔBIC", minor=True),
                Column("margin to the next rival", minor=True),
                Column("not to be told from", text=True)]  # fmt: skip
-    tables = [Table(columns, rows, "effects", f"{NAMES[found.verdict]}.")] if rows else []
+    tables = [Table(columns, rows, "effects", f"{NAMES[diagnosis.verdict]}.")] if rows else []
     text = (
         "Every law of the library was tried at every place it may have, refitted with the baseline."
     )
-    if found.next_experiment:
-        text += f"\n\nNext experiment: {found.next_experiment['drive']}."
-        figures.append(next_figure(found))
-        compared = [[x["drive"], x["separation"]] for x in found.next_experiment["compared"]]
+    if diagnosis.next_experiment:
+        text += f"\n\nNext experiment: {diagnosis.next_experiment['drive']}."
+        figures.append(next_figure(diagnosis))
+        compared = [[x["drive"], x["separation"]] for x in diagnosis.next_experiment["compared"]]
         columns = [Column("motion", text=True), Column("separation")]
         note = "Simulated: chi-square between the closest two rivals; 25 is needed."
         tables.append(Table(columns, compared, "next-experiment", note))
@@ -143,8 +155,8 @@ def _rivals(effect: Any, effects: Any) -> str:
     )
 
 
-def _learned(found) -> list[Section]:
-    if not found.details or found.details["learned"] is None:
+def _learned(diagnosis) -> list[Section]:
+    if not diagnosis.details or diagnosis.details["learned"] is None:
         return []
     text = "No known law fits. This is what one would have to do, drawn, not interpreted."
-    return [Section("What is missing", text, [learned_figure(found.details["learned"])])]
+    return [Section("What is missing", text, [learned_figure(diagnosis.details["learned"])])]

@@ -9,10 +9,10 @@ from ._content import Figure
 from ._style import figure, style
 
 
-def order_figure(found) -> Figure:
+def order_figure(diagnosis) -> Figure:
     """Shares of one channel's residual by order of every wheel and of the sphere, and by Hz."""
-    answers = found.details["where"]
-    channel = found.where[0]["channel"] if found.where else answers[0]["channel"]
+    answers = diagnosis.details["where"]
+    channel = diagnosis.where[0]["channel"] if diagnosis.where else answers[0]["channel"]
     with style():
         fig, axes = figure(2, 1, sharex=False)
         data: dict[str, Any] = {}
@@ -84,15 +84,15 @@ def limits_figure(known: list[dict[str, Any]]) -> Figure:
     return Figure(fig, "limits", "Upper limits by place, over the median of each effect.", data)
 
 
-def next_figure(found) -> Figure:
+def next_figure(diagnosis) -> Figure:
     """The torques of the proposed run."""
-    torque = found.next_experiment["torque"]
+    torque = diagnosis.next_experiment["torque"]
     values = np.asarray(torque["values"])
     time = np.arange(len(values)) * torque["step"]
     data: dict[str, Any] = {"time / s": time}
     with style():
         fig, axes = figure(1, 1, height=3.0)
-        names = getattr(found.rig, "names", None) or ["input"]
+        names = getattr(diagnosis.rig, "names", None) or ["input"]
         names = ["input"] if isinstance(names, dict) else names
         for name, x in zip(names, values.T, strict=True):
             axes[0].plot(time, x, label=name)
@@ -100,15 +100,15 @@ def next_figure(found) -> Figure:
         axes[0].set(xlabel="time (s)", ylabel="motor torque (N m)")
         axes[0].set_title("The run that tells the rivals apart")
         axes[0].legend(ncols=len(values.T))
-    return Figure(fig, "next-torque", f"Torques of: {found.next_experiment['drive']}.", data)
+    return Figure(fig, "next-torque", f"Torques of: {diagnosis.next_experiment['drive']}.", data)
 
 
-def gap_figure(found) -> Figure:
+def gap_figure(diagnosis) -> Figure:
     """The residual of the worst group before and after, over time and frequency."""
-    groups = list(found.gap)
-    worst = max(groups, key=lambda g: found.gap[g].before / found.gap[g].noise_floor)
-    series = found.details["evidence"].series
-    (name, time, first), (_, _, last) = (series(found.details[k]) for k in ("before", "after"))
+    groups = list(diagnosis.gap)
+    worst = max(groups, key=lambda g: diagnosis.gap[g].before / diagnosis.gap[g].noise_floor)
+    series = diagnosis.details["evidence"].series
+    (name, time, first), (_, _, last) = (series(diagnosis.details[k]) for k in ("before", "after"))
     own = {c: x for c, x in first.items() if c == worst or c.rpartition("_")[0] == worst}
     pick = max(own, key=lambda c: float(np.sum(own[c] ** 2)))
     before, after = first[pick], last[pick]

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from .._text import amount, estimate, scaled
+from .._text import estimate, quantity_text, scaled
 from ._content import Column, Section, Table
 from ._diagnosis_figures import gap_figure, limits_figure
 
@@ -22,36 +22,37 @@ def closed(gap: Any) -> float | None:
     return None if np.isnan(share) else float(f"{100 * min(1.0, share):.3g}")
 
 
-def gap_section(found) -> Section:
+def gap_section(diagnosis) -> Section:
     """What the model misses before and after, by output group."""
     rows = []
-    for group, gap in found.gap.items():
+    for group, gap in diagnosis.gap.items():
         factor, unit = scaled(gap.noise_floor, gap.unit)
         values = [factor * x for x in (gap.noise_floor, gap.before, gap.after)]
         above = gap.before > 1.02 * gap.noise_floor
         rows.append([group, unit, *values, closed(gap) if above else None])
-    windows = " (theta and Omega by windows)" if {"theta", "Omega"} & set(found.gap) else ""
+    windows = " (theta and Omega by windows)" if {"theta", "Omega"} & set(diagnosis.gap) else ""
     table = Table(
         [Column("group", text=True), Column("unit", text=True), Column("noise", minor=True),
          Column("before"), Column("after"), Column("closed", "%")],
         rows, "gap", f"RMS of measured less predicted, held-out runs{windows}; closed: what is "
         "gone of what was above the noise.",
     )  # fmt: skip
-    figures = [gap_figure(found)] if found.details else []
-    return Section("The gap", NEVER[found.confirmed_on], figures, [table])
+    figures = [gap_figure(diagnosis)] if diagnosis.details else []
+    return Section("The gap", NEVER[diagnosis.confirmed_on], figures, [table])
 
 
-def free_runs(found) -> list[Section]:
+def free_runs(diagnosis) -> list[Section]:
     """Of a machine: what a simulation from the first sample misses, run by run."""
-    if not found.free_runs:
+    if not diagnosis.free_runs:
         return []
     rows = []
-    for run in found.free_runs:
+    for run in diagnosis.free_runs:
         for word in ("before", "after"):
             if word in run:
                 own = run[word]
                 errors = [
-                    "–" if own[k] is None else amount(own[k], run["unit"]) for k in ("rms", "mae")
+                    "–" if own[k] is None else quantity_text(own[k], run["unit"])
+                    for k in ("rms", "mae")
                 ]
                 rows.append([run["run"], run["role"], word, *errors, own["percent"]])
     columns = [Column("run", text=True, minor=True), Column("role", text=True),
@@ -59,27 +60,27 @@ def free_runs(found) -> list[Section]:
                Column("mean absolute", text=True, unbroken=True, minor=True),
                Column("of the motion", "%")]  # fmt: skip
     text = "Position simulated from the inputs alone, from each run's first sample."
-    if found.one_step:
-        said = ", ".join(f"{k} {x:.3g} %" for k, x in found.one_step.items())
+    if diagnosis.one_step:
+        said = ", ".join(f"{k} {x:.3g} %" for k, x in diagnosis.one_step.items())
         text += f" The balance misses, in per cent of the motor's torque on held-out runs: {said}."
     table = Table(columns, rows, "free-runs", "Free runs.")
     return [Section("Free runs", text, tables=[table])]
 
 
-def parameters(found) -> list[Section]:
+def parameters(diagnosis) -> list[Section]:
     """Uncertain parameters, where the rig names any."""
-    if not found.baseline:
+    if not diagnosis.baseline:
         return []
     rows = [
         [
             b["parameter"],
-            amount(b["stated"], b["unit"]),
-            amount(b["without_effects"], b["unit"]),
+            quantity_text(b["stated"], b["unit"]),
+            quantity_text(b["without_effects"], b["unit"]),
             estimate(b["with_effects"], b["sigma"], b["unit"]),
             f"{round(100 * b['absorbed'], 2) + 0.0:.2g} %",
             "yes" if b["determined"] else "no: it stays where it was stated",
         ]
-        for b in found.baseline
+        for b in diagnosis.baseline
     ]
     columns = [
         Column("parameter", text=True),
@@ -97,18 +98,18 @@ def parameters(found) -> list[Section]:
     return [Section("Parameters", text, tables=[table])]
 
 
-def notes(found) -> list[Section]:
+def notes(diagnosis) -> list[Section]:
     """What else is to be known, and the noise."""
-    lines = [*found.notes, *(f"Data: {f}" for f in found.faults)]
+    lines = [*diagnosis.notes, *(f"Data: {f}" for f in diagnosis.faults)]
     text = "\n\n".join(line[:1].upper() + line[1:] for line in lines)
-    tables = [_noise(found)] if found.noise else []
+    tables = [_noise(diagnosis)] if diagnosis.noise else []
     return [Section("Notes", text, tables=tables)] if text or tables else []
 
 
-def _noise(found) -> Table:
+def _noise(diagnosis) -> Table:
     """The noise by channel: declared and shown."""
     rows = []
-    for channel, known in found.noise.items():
+    for channel, known in diagnosis.noise.items():
         factor, unit = scaled(known["declared"] or known["shown"], known["unit"])
         declared = known["declared"]
         rows.append(
@@ -121,9 +122,9 @@ def _noise(found) -> Table:
     return Table(columns, rows, "noise", "Measurement noise, 1-sigma, as the data show it.")
 
 
-def excluded(found) -> list[Section]:
+def excluded(diagnosis) -> list[Section]:
     """What the runs exclude: a limit for every effect and place that was not named."""
-    known = [x for x in found.excluded if x["limit_95"] is not None]
+    known = [x for x in diagnosis.excluded if x["limit_95"] is not None]
     if not known:
         return []
     rows = []
@@ -133,7 +134,7 @@ def excluded(found) -> list[Section]:
     columns = [Column("effect", text=True), Column("place", text=True),
                Column("size", text=True), Column("below"), Column("unit", text=True)]  # fmt: skip
     note = "Upper limits, 95 %: a larger effect would have been seen with that probability."
-    silent = sorted({x["id"] for x in found.excluded} - {x["id"] for x in known})
+    silent = sorted({x["id"] for x in diagnosis.excluded} - {x["id"] for x in known})
     text = "Every effect and place that was not named is smaller than its limit."
     if silent:
         text += f" These runs say nothing about {', '.join(silent)}."

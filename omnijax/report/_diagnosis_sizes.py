@@ -12,9 +12,9 @@ from ._content import Column, Dial, Section, Table
 DIGITS = 5  # of a stored number
 
 
-def sizes_section(found: Any) -> list[Section]:
+def sizes_section(diagnosis: Any) -> list[Section]:
     """The section with the sliders; none where nothing is named."""
-    kept = effect_sizes_on_held_out(found)
+    kept = effect_sizes_on_held_out(diagnosis)
     if kept is None:
         return []
     traces = []
@@ -41,7 +41,7 @@ def sizes_section(found: Any) -> list[Section]:
             "gram": _few(own**2 * gram),
         })  # fmt: skip
     model = {
-        "sliders": sliders, "groups": groups, "found": kept.found, "run": kept.run,
+        "sliders": sliders, "groups": groups, "named": kept.as_named, "run": kept.run,
         "count": len(kept.traces[0].values), "traces": traces,
     }  # fmt: skip
     text = (

@@ -11,6 +11,7 @@ from ..laws import EFFECTS
 from ._content import Fact
 
 MOST = 5  # sentences about where the gap is
+PLAIN = 2.0  # times the noise: a gap that anyone sees
 MINOR = 0.01  # of the largest discovery's power: below this a place is left to the table
 CHANNELS = {
     "dR": "the sphere's displacement in {}", "a": "the platform's acceleration in {}",
@@ -68,17 +69,17 @@ def channel_words(channel: str, wheels: tuple[str, ...] = ()) -> str:
     return f"{words} (`{channel}`)" if words else f"`{channel}`"
 
 
-def where_sentences(found: Any) -> list[str]:
+def where_sentences(diagnosis: Any) -> list[str]:
     """At most five sentences on where the gap is, the largest first."""
-    stand = [w for w in found.where if w["stands"]]
-    if not stand:
-        return ["Nothing stands out against chance in any channel."]
-    wheels = getattr(found.rig, "names", ())
+    stand = [w for w in diagnosis.where if w["stands"]]
+    wheels = getattr(diagnosis.rig, "names", ())
     wheels = tuple(wheels) if not isinstance(wheels, Mapping) else ()
     rollers = {}
-    if wheels and hasattr(found.rig, "wheels"):
-        each = np.asarray(found.rig.wheels.rollers)
+    if wheels and hasattr(diagnosis.rig, "wheels"):
+        each = np.asarray(diagnosis.rig.wheels.rollers)
         rollers = {name: round(float(n)) for name, n in zip(wheels, each, strict=True)}
+    if not stand:
+        return _nothing_stands(diagnosis.where, wheels, rollers)
     said, places, largest = [], {}, max(_power(w) for w in stand)
     for w in stand:
         if _power(w) >= MINOR * largest:
@@ -97,6 +98,21 @@ def where_sentences(found: Any) -> list[str]:
     head = f"`{first['channel']}` is missed by {over:.3g} times its noise."
     said = [said[0], head, *said[1:]] if said else [head]
     return said[:MOST]
+
+
+def _nothing_stands(where: Sequence[Mapping], wheels: tuple, rollers: Mapping) -> list[str]:
+    """That no place is sure; where the gap is plain, the likeliest all the same."""
+    plain = [w for w in where if w["rms_over_noise"] > PLAIN]
+    if not plain:
+        return ["Nothing stands out against chance in any channel."]
+    likely = max(plain, key=_power)
+    misses, over = channel_words(likely["channel"], wheels), likely["rms_over_noise"]
+    return [
+        f"`{likely['channel']}` is missed by {over:.3g} times its noise, but these runs are too "
+        "short to tell by themselves where that comes from.",
+        f"The likeliest: {_percent(likely)} of what the model misses of {misses} "
+        f"{_place(likely, rollers)}.",
+    ]
 
 
 def _power(w: Mapping[str, Any]) -> float:

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from .._text import amount
+from .._text import quantity_text
 from ._content import Figure, Provenance, Section
 from ._page import Page
 from ._style import figure, legend_above, raised, style
@@ -32,8 +32,10 @@ def signals_page(title: str, signals: Sequence[Signal], made: Provenance) -> Pag
         axes[-1].set_xlabel("time / s")
     word, unit, curves = signals[1]
     error = np.asarray(next(iter(curves.values()))[1])
-    answer = f"{word[0].upper()}{word[1:]}: RMS {amount(float(np.sqrt(np.mean(error**2))), unit)}"
-    answer += f", at most {amount(float(np.max(np.abs(error))), unit)}."
+    answer = (
+        f"{word[0].upper()}{word[1:]}: RMS {quantity_text(float(np.sqrt(np.mean(error**2))), unit)}"
+    )
+    answer += f", at most {quantity_text(float(np.max(np.abs(error))), unit)}."
     said = "Simulated from the first sample under the log's inputs, and measured."
     drawn = Figure(fig, "signals", said, data)
     return Page(title, "How does it move?", answer, [Section("Signals", figures=[drawn])], made)

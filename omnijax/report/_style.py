@@ -53,7 +53,7 @@ def fold_legends(fig: Figure, columns: int) -> None:
 
 def raised(text: str) -> str:
     """A unit's powers as people write them: m/s^2 is m/s²."""
-    return re.sub(r"(?<=[a-zA-Z)])\^(\d)", lambda found: superscript(int(found[1])), text)
+    return re.sub(r"(?<=[a-zA-Z)])\^(\d)", lambda match: superscript(int(match[1])), text)
 
 
 @contextmanager

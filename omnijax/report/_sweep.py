@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from .._text import amount, path_words
+from .._text import path_words, quantity_text
 from ..study import Grid, SweepResult
 from ._axis import SpeedAxis
 from ._content import Column, Fact, Figure, Provenance, Section, Table
@@ -20,7 +20,8 @@ def sweep_page(result: SweepResult) -> Page:
     varied = [path_words(path) for path, _, _ in result.spec.vary]
     return Page(
         title="Sweep",
-        question=f"How do {', '.join(result.spec.metrics)} depend on {' and '.join(varied)}?",
+        question=f"How {'do' if result.spec.metrics[1:] else 'does'} "
+        f"{' and '.join(result.spec.metrics)} depend on {' and '.join(varied)}?",
         answer=_answer(result),
         facts=[
             Fact("designs", result.size),
@@ -31,9 +32,10 @@ def sweep_page(result: SweepResult) -> Page:
     )
 
 
-def _place(result: SweepResult, found: dict[str, float]) -> str:
+def _place(result: SweepResult, design: dict[str, float]) -> str:
     return ", ".join(
-        f"{path_words(path)} {amount(found[path], unit)}" for path, unit, _ in result.spec.vary
+        f"{path_words(path)} {quantity_text(design[path], unit)}"
+        for path, unit, _ in result.spec.vary
     )
 
 
@@ -44,12 +46,12 @@ def _answer(result: SweepResult) -> str:
         if index is None:
             sentences.append(f"No design has a figure for {name}.")
             continue
-        found = result.design(index)
-        value = amount(found[name], result.unit(name))
+        design = result.design(index)
+        value = quantity_text(design[name], result.unit(name))
         status = result.status(index)
         doubt = "" if status == "ok" else f" (but {status})"
         edges = [f"{path_words(path)} is the {end} tried" for path, end in result.edges(index)]
-        said = f"The best {name} is {value} at {_place(result, found)}{doubt}."
+        said = f"The best {name} is {value} at {_place(result, design)}{doubt}."
         if edges:
             said += f" It lies at the edge: {' and '.join(edges)}; look further there."
         sentences.append(said)
@@ -95,9 +97,9 @@ def _best(result: SweepResult) -> Section:
     for name in result.spec.metrics:
         values = _goodness(result, name)
         order = [i for i in np.argsort(values)[:ROWS].tolist() if np.isfinite(values[i])]
-        found = [(i, result.design(i)) for i in order]
+        designs = [(i, result.design(i)) for i in order]
         rows = [
-            [i, *(factors * [d[n] for n in names]).tolist(), result.status(i)] for i, d in found
+            [i, *(factors * [d[n] for n in names]).tolist(), result.status(i)] for i, d in designs
         ]
         others = [n for n in result.spec.metrics if n != name]
         columns = [Column("design", minor=True)]
@@ -145,15 +147,26 @@ def _failures(result: SweepResult) -> list[Section]:
 def _how(result: SweepResult) -> Section:
     spec = result.spec
     rows = [["method of evaluation", result.method], ["translation model", spec.model]]
-    rows += [[f"`{path}`", f"{text} ({unit})"] for path, unit, text in spec.vary]
+    rows += [[f"`{axis.path}`", _levels(axis)] for axis in result.points.axes]
     rows.append(
         ["points", spec.sampler if spec.samples is None else f"{spec.samples} {spec.sampler}"]
     )
     if spec.duration is not None:
         rows.append(["runs", f"{spec.duration:g} s at {spec.rate:g} samples/s"])
-    rows.append(["device", str(result.store.group.attrs.get("device", ""))])
+    device = str(result.store.group.attrs.get("device", ""))
+    rows.append(["device", " ".join(dict.fromkeys(device.split()))])
     table = Table([Column("what", text=True), Column("value", text=True)], rows, "question")
     return Section("How it was computed", "", tables=[table])
+
+
+def _levels(axis: Any) -> str:
+    """What an axis of the sweep goes through, in words."""
+    if axis.values is not None:
+        return ", ".join(quantity_text(x, axis.unit) for x in axis.values)
+    count = "" if axis.count is None else f", {axis.count} levels"
+    scale = ", logarithmic" if axis.log else ""
+    low, high = (quantity_text(end, axis.unit) for end in (axis.low, axis.high))
+    return f"{low} to {high}{count}{scale}"
 
 
 def _provenance(result: SweepResult) -> Provenance:

@@ -35,21 +35,21 @@ def problems(data: Mapping[str, Any], folder: Path) -> list[str]:
     """What is wrong with the tables of a rig file; relative files are looked for in `folder`."""
     if _STUDY & set(data) and not _RIG & set(data):
         return ["is a study file, not a rig file: its machine stands under `rig`."]
-    data, _, found = directed(data)
+    data, _, sentences = directed(data)
     try:
         RigTable.model_validate(data)
     except ValidationError as error:
-        found += [_sentence(entry, data) for entry in error.errors() if not _nested(entry)]
+        sentences += [_sentence(entry, data) for entry in error.errors() if not _nested(entry)]
     wheels = [wheel for wheel in _blocks(data, "wheel") if isinstance(wheel, Mapping)]
     names = [wheel["name"] for wheel in wheels if isinstance(wheel.get("name"), str)]
-    found += _name_problems(names)
+    sentences += _name_problems(names)
     for i, wheel in enumerate(wheels):
         key = f"wheel.{_label(wheels, i)}"
-        found += [f"`{key}.{text}" for text in _wheel_problems(wheel, data, folder)]
-    found += _sphere_problems(data.get("sphere"))
-    found += effect_problems(_blocks(data, "effect"), wheels, folder)
-    found += _uncertainty_problems(data, names)
-    return list(dict.fromkeys(found))
+        sentences += [f"`{key}.{text}" for text in _wheel_problems(wheel, data, folder)]
+    sentences += _sphere_problems(data.get("sphere"))
+    sentences += effect_problems(_blocks(data, "effect"), wheels, folder)
+    sentences += _uncertainty_problems(data, names)
+    return list(dict.fromkeys(sentences))
 
 
 def _blocks(data: Mapping, key: str) -> list:
@@ -165,10 +165,10 @@ def _wheel_problems(wheel: Mapping, data: Mapping, folder: Path) -> Iterator[str
 
 def open_paths(names: list[str]) -> set[str]:
     """What beside numbers of the rig may be uncertain: directions, and the sensors' gain, delay."""
-    found = {f"sensor.{group}.{key}" for group in GROUPS for key in ("gain", "delay")}
+    paths = {f"sensor.{group}.{key}" for group in GROUPS for key in ("gain", "delay")}
     for key in ("normal", "drive"):
-        found |= {f"wheel.{key}", *(f"wheel.{name}.{key}" for name in names)}
-    return found
+        paths |= {f"wheel.{key}", *(f"wheel.{name}.{key}" for name in names)}
+    return paths
 
 
 def _sphere_problems(sphere: Any) -> Iterator[str]:

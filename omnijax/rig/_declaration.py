@@ -29,26 +29,26 @@ def declared_laws(path: Path) -> dict[str, Declared]:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         said = getattr(error, "msg", None) or "it is nested too deeply or holds zero bytes"
         raise InputError(f"{path} is not Python: {said}.") from None
-    found = {}
+    laws = {}
     for node in tree.body:
         if isinstance(node, ast.ClassDef):
             said = _attributes(node)
             name = _literal(said.get("id"), None)
             if isinstance(name, str) and name:
-                found[name] = _law(path, name, node, said)
-    if not found:
+                laws[name] = _law(path, name, node, said)
+    if not laws:
         raise InputError(f"{path}: declares no law: no class of it has an `id`.")
-    return found
+    return laws
 
 
 def _attributes(node: ast.ClassDef) -> dict[str, ast.expr]:
-    found: dict[str, ast.expr] = {}
+    attributes: dict[str, ast.expr] = {}
     for line in node.body:
         if isinstance(line, ast.AnnAssign) and isinstance(line.target, ast.Name) and line.value:
-            found[line.target.id] = line.value
+            attributes[line.target.id] = line.value
         elif isinstance(line, ast.Assign):
-            found |= {t.id: line.value for t in line.targets if isinstance(t, ast.Name)}
-    return found
+            attributes |= {t.id: line.value for t in line.targets if isinstance(t, ast.Name)}
+    return attributes
 
 
 def _law(path: Path, name: str, node: ast.ClassDef, said: dict[str, ast.expr]) -> Declared:
@@ -72,8 +72,8 @@ def _law(path: Path, name: str, node: ast.ClassDef, said: dict[str, ast.expr]) -
 
 def _base(node: ast.expr) -> type[laws.AbstractLaw] | None:
     name = node.attr if isinstance(node, ast.Attribute) else getattr(node, "id", "")
-    found = getattr(laws, name, None)
-    return found if isinstance(found, type) and issubclass(found, laws.AbstractLaw) else None
+    port = getattr(laws, name, None)
+    return port if isinstance(port, type) and issubclass(port, laws.AbstractLaw) else None
 
 
 def _parameter(path: Path, law: str, name: str, node: ast.expr) -> Parameter:

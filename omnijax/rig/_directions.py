@@ -62,16 +62,16 @@ def _from_angles(name: str, block: Mapping, problems: list[str]) -> dict[str, An
     rest = {key: value for key, value in block.items() if key not in ANGLES}
     both = [key for key in _VECTORS if key in block]
     missing = [key for key in ("zenith", "azimuth") if key not in block]
-    found = [f"`{name}` has angles and `{key}`: give one of the two." for key in both]
-    found += [f'`{name}.{key}` is missing. Give an angle such as "45 deg".' for key in missing]
+    wrong = [f"`{name}` has angles and `{key}`: give one of the two." for key in both]
+    wrong += [f'`{name}.{key}` is missing. Give an angle such as "45 deg".' for key in missing]
     angles = {}
     for key, quantity in ANGLES.items():
         try:
             angles[key] = quantity.read(block.get(key, 0.0))
         except ValueError as error:
-            found.append(f"`{name}.{key}` {error}")
-    problems += found
-    normal, drive = ([1, 0, 0], [0, 0, 1]) if found else unit_vectors(**angles)
+            wrong.append(f"`{name}.{key}` {error}")
+    problems += wrong
+    normal, drive = ([1, 0, 0], [0, 0, 1]) if wrong else unit_vectors(**angles)
     return rest | {"normal": normal, "drive": drive}
 
 

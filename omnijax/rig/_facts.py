@@ -11,7 +11,7 @@ from .._html import html_table
 from .._programs import kept
 
 
-class Fact(NamedTuple):
+class WheelFact(NamedTuple):
     """One number of each wheel: label, factor to the printed unit, that unit, and its value."""
 
     label: str
@@ -21,25 +21,31 @@ class Fact(NamedTuple):
 
 
 FACTS = {
-    "radius": Fact("radius r_b", 1e3, "mm", lambda w: w.radius),
-    "rollers": Fact("rollers n", 1, "", lambda w: w.rollers),
-    "roundness": Fact("roundness η (gap angle / pitch)", 1, "", lambda w: w.roundness),
-    "gap_depth": Fact("gap depth Δr_w", 1e3, "mm", lambda w: None),  # of the sphere's radius too
-    "contact_stiffness": Fact("contact stiffness K", 1e-3, "kN/m", lambda w: w.contact.stiffness),
-    "contact_damping": Fact("contact damping C", 1, "N s/m", lambda w: w.contact.damping),
-    "mount_stiffness": Fact("mount stiffness k", 1e-3, "kN/m", lambda w: w.mount.stiffness),
-    "mount_damping": Fact("mount damping c", 1, "N s/m", lambda w: w.mount.damping),
-    "closure_stiffness": Fact("closure stiffness K'", 1e-3, "kN/m", lambda w: w.closure.stiffness),
-    "preload": Fact("preload N0", 1, "N", lambda w: w.closure.preload),
-    "friction": Fact("friction μ", 1, "", lambda w: w.contact.friction),
+    "radius": WheelFact("radius r_b", 1e3, "mm", lambda w: w.radius),
+    "rollers": WheelFact("rollers n", 1, "", lambda w: w.rollers),
+    "roundness": WheelFact("roundness η (gap angle / pitch)", 1, "", lambda w: w.roundness),
+    "gap_depth": WheelFact(
+        "gap depth Δr_w", 1e3, "mm", lambda w: None
+    ),  # of the sphere's radius too
+    "contact_stiffness": WheelFact(
+        "contact stiffness K", 1e-3, "kN/m", lambda w: w.contact.stiffness
+    ),
+    "contact_damping": WheelFact("contact damping C", 1, "N s/m", lambda w: w.contact.damping),
+    "mount_stiffness": WheelFact("mount stiffness k", 1e-3, "kN/m", lambda w: w.mount.stiffness),
+    "mount_damping": WheelFact("mount damping c", 1, "N s/m", lambda w: w.mount.damping),
+    "closure_stiffness": WheelFact(
+        "closure stiffness K'", 1e-3, "kN/m", lambda w: w.closure.stiffness
+    ),
+    "preload": WheelFact("preload N0", 1, "N", lambda w: w.closure.preload),
+    "friction": WheelFact("friction μ", 1, "", lambda w: w.contact.friction),
 }
 
 
 def wheel_facts(rig: Any) -> dict[str, np.ndarray]:
     """`FACTS` of every wheel in SI, (n,) each."""
     depth = np.broadcast_to(np.asarray(derived(rig)[0]), rig.size)
-    found = {key: fact.of(rig.wheels) for key, fact in FACTS.items()} | {"gap_depth": depth}
-    return {key: np.asarray(value) for key, value in found.items()}
+    facts = {key: fact.of(rig.wheels) for key, fact in FACTS.items()} | {"gap_depth": depth}
+    return {key: np.asarray(value) for key, value in facts.items()}
 
 
 @kept

@@ -23,9 +23,9 @@ def parse_rig(data: Mapping[str, Any], path: str | Path | None = None) -> Rig:
     Numbers are SI where no unit stands.  Raises `InputError` with every problem at once.
     """
     folder = Path(".") if path is None else Path(path).parent
-    found = problems(data, folder)
-    if found:
-        raise InputError(found, path)
+    sentences = problems(data, folder)
+    if sentences:
+        raise InputError(sentences, path)
     return _build(RigTable.model_validate(directed(data).data), folder)
 
 

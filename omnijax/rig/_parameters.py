@@ -88,24 +88,24 @@ def _checked(quantity: Quantity | Vector | InertiaTensor, path: str, value: Any)
     leaves = jax.tree.leaves(value)
     if any(isinstance(x, Tracer) for x in leaves):
         return value
-    found = jax.tree.map(lambda x: x.tolist() if hasattr(x, "tolist") else x, value)
+    plain = jax.tree.map(lambda x: x.tolist() if hasattr(x, "tolist") else x, value)
     try:
-        read = _read(quantity, found)
+        read = _read(quantity, plain)
     except ValueError as error:
         raise InputError(f"`{path}` {error}") from None
     return read if any(isinstance(x, str) for x in leaves) else value
 
 
-def _read(quantity: Quantity | Vector | InertiaTensor, found: Any) -> Any:
+def _read(quantity: Quantity | Vector | InertiaTensor, given: Any) -> Any:
     """One value of `quantity`, or a list of them with one a wheel, in SI."""
-    listed = isinstance(found, list | tuple)
+    listed = isinstance(given, list | tuple)
     if isinstance(quantity, Quantity) and listed:
-        return [quantity.read(entry) for entry in found]
+        return [quantity.read(entry) for entry in given]
     if isinstance(quantity, Vector) and not listed:
-        return quantity.read([found] * (quantity.size or 1))[0]
-    if isinstance(quantity, Vector) and all(isinstance(row, list | tuple) for row in found):
-        return [quantity.read(row) for row in found]
-    return quantity.read(found)
+        return quantity.read([given] * (quantity.size or 1))[0]
+    if isinstance(quantity, Vector) and all(isinstance(row, list | tuple) for row in given):
+        return [quantity.read(row) for row in given]
+    return quantity.read(given)
 
 
 def put_parameter(rig: Rig, path: str, value: Any) -> Rig:
@@ -169,16 +169,16 @@ def parameter_paths(rig: Rig) -> list[ParameterInfo]:
 
 def scalar_paths(names: Iterable[str], effects: Iterable[Mapping]) -> set[str]:
     """Paths of one number (or one a wheel), every spelling; for the checks before a rig exists."""
-    found = {path for path, q in _BODIES.items() if not isinstance(q, Vector)}
+    paths = {path for path, q in _BODIES.items() if not isinstance(q, Vector)}
     numbers = {key for key, q in _WHEEL.items() if isinstance(q, Quantity) and not q.whole}
-    found |= {f"wheel.{key}" for key in numbers if key != _SPACING}
-    found |= {key for key in _PARTS if key in numbers}
-    found |= {f"wheel.{name}.{key}" for name in names for key in numbers}
+    paths |= {f"wheel.{key}" for key in numbers if key != _SPACING}
+    paths |= {key for key in _PARTS if key in numbers}
+    paths |= {f"wheel.{name}.{key}" for name in names for key in numbers}
     for block in effects:
         parameters = block.get("parameters", {})
         keys = parameters if isinstance(parameters, Mapping) else ()
-        found |= {f"effect.{block.get('id')}.{block.get('place')}.{key}" for key in keys}
-    return found
+        paths |= {f"effect.{block.get('id')}.{block.get('place')}.{key}" for key in keys}
+    return paths
 
 
 def law_quantity(parameter: Parameter, place: str = "", wheels: int = 0) -> Quantity | Vector:
@@ -221,9 +221,9 @@ def _locate(rig: Rig, path: str) -> _Place:
         if hasattr(rig.profiles[i], _SPACING):
             return _Place(lambda r: r.profiles[i].row_spacing, None, _WHEEL[key])
     if head == "effect":
-        found = _effect_place(rig, path)
-        if found:
-            return found
+        leaf = _effect_place(rig, path)
+        if leaf:
+            return leaf
     known = [info.path for info in parameter_paths(rig)]
     raise InputError(f"the rig has no parameter `{path}`.{did_you_mean(path, known)}")
 

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool
 
+from .._errors import InputError
 from ..laws import AbstractLaw
 
 
@@ -51,6 +52,8 @@ class Acting(eqx.Module):
         else:
             value, rate = jax.vmap(self.law)(signals), None
 
+        self._check(value, zero)
+
         def spread(z, v):
             if self.mask is not None:
                 return jnp.where(self.mask, v, 0.0 * z)
@@ -58,11 +61,26 @@ class Acting(eqx.Module):
 
         return jax.tree.map(spread, zero, value), rate
 
+    def _check(self, value: Any, zero: Any) -> None:
+        """`InputError` where a law gives something else than the numbers of its port."""
+        same = jax.tree.structure(value) == jax.tree.structure(zero)
+        if not same or any(jnp.ndim(v) != 1 for v in jax.tree.leaves(value)):
+            given = jax.tree.map(lambda v: jnp.shape(v)[1:], value)
+            raise InputError(
+                f"law `{self.law.id}` must return {_numbers(zero)} at its port `{self.law.port}`, "
+                f"but returns {given} (shapes)."
+            )
+
     def rest(self, size: int) -> Any:
         """Rest states of the law's memory, one entry a wheel on which it is evaluated."""
         count = len(self.wheels) if self.mask is None else size
         z = self.law.initial()
         return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), z)
+
+
+def _numbers(zero: Any) -> str:
+    fields = getattr(zero, "_fields", None)
+    return f"a {type(zero).__name__} of numbers" if fields else "one number"
 
 
 def acting(placed: Sequence[Placed], size: int, masked: bool = False) -> tuple[Acting, ...]:

@@ -34,10 +34,10 @@ class Quantity:
         left = "(-inf" if left == "[-inf" else left
         return f"{left}, {self.high:g}" + (")" if math.isinf(self.high) else "]")
 
-    def read(self, found: Any) -> float:
-        """`found` in SI units; raises `ValueError` where it is no number in the range."""
-        value = as_number(found, self.unit)
-        text = f"{found!r} ({value:g} {self.unit})" if isinstance(found, str) else f"{found!r}"
+    def read(self, given: Any) -> float:
+        """`given` in SI units; raises `ValueError` where it is no number in the range."""
+        value = as_number(given, self.unit)
+        text = f"{given!r} ({value:g} {self.unit})" if isinstance(given, str) else f"{given!r}"
         if self.whole and value != math.floor(value):
             raise ValueError(f"must be a whole number in {self.range}, but is {text}.")
         too_low = value < self.low if self.above is None else value <= self.above
@@ -68,14 +68,14 @@ class Spread:
 
     unit, low, high = "1", 0.0, math.inf
 
-    def read(self, found: Any) -> float:
-        """`found` as a number above 0 (rad, s); raises `ValueError` where it is none."""
+    def read(self, given: Any) -> float:
+        """`given` as a number above 0 (rad, s); raises `ValueError` where it is none."""
         try:
-            return Quantity("1", above=0).read(found)
+            return Quantity("1", above=0).read(given)
         except ValueError:
-            if not isinstance(found, str) or not found.strip().endswith("s"):
+            if not isinstance(given, str) or not given.strip().endswith("s"):
                 raise
-            return Quantity("s", above=0).read(found)
+            return Quantity("s", above=0).read(given)
 
     def __get_pydantic_core_schema__(self, source, handler):
         return core_schema.no_info_plain_validator_function(self.read)
@@ -101,18 +101,18 @@ class Vector:
     high = math.inf
     range = "(-inf, inf)"
 
-    def read(self, found: Any) -> tuple[float, ...]:
-        """`found` in SI units; raises `ValueError` where it is no such vector."""
-        fits = isinstance(found, list | tuple) and len(found) == (self.size or max(len(found), 1))
+    def read(self, given: Any) -> tuple[float, ...]:
+        """`given` in SI units; raises `ValueError` where it is no such vector."""
+        fits = isinstance(given, list | tuple) and len(given) == (self.size or max(len(given), 1))
         if not fits:
             count = "" if self.size is None else f"{self.size} "
-            raise ValueError(f"must be a list of {count}numbers, but is {found!r}.")
-        value = tuple(as_number(x, self.unit) for x in found)
+            raise ValueError(f"must be a list of {count}numbers, but is {given!r}.")
+        value = tuple(as_number(x, self.unit) for x in given)
         length = math.hypot(*value)
         if self.unit_length and abs(length - 1) > UNIT_TOLERANCE:
             raise ValueError(
                 f"must be a unit vector (length 1 within {100 * UNIT_TOLERANCE:g} %), but "
-                f"{found!r} has length {length:.7g}.{_unit(value, length)}"
+                f"{given!r} has length {length:.7g}.{_unit(value, length)}"
             )
         if self.nonzero and length == 0:
             raise ValueError("must not be the zero vector: it is a direction.")
@@ -156,20 +156,20 @@ class InertiaTensor:
     high = math.inf
     range = "(0, inf)"
 
-    def read(self, found: Any) -> float | tuple[tuple[float, ...], ...]:
-        """`found` in SI units; raises `ValueError` where it is no inertia."""
-        if not isinstance(found, list | tuple):
-            return Quantity(self.unit, above=0).read(found)
-        rows = [row for row in found if isinstance(row, list | tuple) and len(row) == 3]
-        if len(found) != 3 or len(rows) != 3:
-            raise ValueError(f"must be a number or 3 rows of 3 numbers, but is {found!r}.")
+    def read(self, given: Any) -> float | tuple[tuple[float, ...], ...]:
+        """`given` in SI units; raises `ValueError` where it is no inertia."""
+        if not isinstance(given, list | tuple):
+            return Quantity(self.unit, above=0).read(given)
+        rows = [row for row in given if isinstance(row, list | tuple) and len(row) == 3]
+        if len(given) != 3 or len(rows) != 3:
+            raise ValueError(f"must be a number or 3 rows of 3 numbers, but is {given!r}.")
         a = tuple(tuple(as_number(x, self.unit) for x in row) for row in rows)
         size = max(abs(x) for row in a for x in row)
         if any(abs(a[i][j] - a[j][i]) > 1e-9 * size for i in range(3) for j in range(i)):
-            raise ValueError(f"must be symmetric, but is {found!r}.")
+            raise ValueError(f"must be symmetric, but is {given!r}.")
         minors = (a[0][0], a[0][0] * a[1][1] - a[0][1] * a[1][0], _determinant(a))
         if min(minors) <= 0:
-            raise ValueError(f"must be positive definite, but is {found!r}.")
+            raise ValueError(f"must be positive definite, but is {given!r}.")
         return a
 
     def __get_pydantic_core_schema__(self, source, handler):
@@ -187,29 +187,29 @@ def _determinant(a) -> float:
     return sum(a[0][i] * (a[1][i - 2] * a[2][i - 1] - a[1][i - 1] * a[2][i - 2]) for i in range(3))
 
 
-def as_number(found: Any, unit: str) -> float:
+def as_number(given: Any, unit: str) -> float:
     """A finite number in the SI `unit`, from a number or from text with a unit."""
-    if isinstance(found, str):
-        return _from_text(found, unit)
-    if isinstance(found, bool) or not isinstance(found, int | float):
+    if isinstance(given, str):
+        return _from_text(given, unit)
+    if isinstance(given, bool) or not isinstance(given, int | float):
         kind = "a number" if unit == "1" else f"a number ({unit})"
-        raise ValueError(f"must be {kind}, but is {found!r}.")
+        raise ValueError(f"must be {kind}, but is {given!r}.")
     try:
-        value = float(found)
+        value = float(given)
     except OverflowError:
         value = math.inf
-    return _sized(value, found)
+    return _sized(value, given)
 
 
 SMALLEST, LARGEST = 1e-30, 1e30  # of any number in SI; beyond them sums of squares overflow
 
 
-def _sized(value: float, found: Any) -> float:
+def _sized(value: float, given: Any) -> float:
     """`value`, which is finite and of a size that arithmetic takes."""
     if not math.isfinite(value):
-        raise ValueError(f"must be finite, but is {found!r}.")
+        raise ValueError(f"must be finite, but is {given!r}.")
     if value != 0 and not SMALLEST <= abs(value) <= LARGEST:
-        raise ValueError(f"must be 0 or {SMALLEST:g} to {LARGEST:g} in size, but is {found!r}.")
+        raise ValueError(f"must be 0 or {SMALLEST:g} to {LARGEST:g} in size, but is {given!r}.")
     return value
 
 

@@ -11,41 +11,41 @@ Profile = Literal["gated-sine", "continuous-sine", "half-sine", "rollers", "dual
 Triple = tuple[float, float, float]
 
 
-class Table(BaseModel):
+class TomlTable(BaseModel):
     """A table of the file; a key that is not a field is refused."""
 
     model_config = ConfigDict(extra="forbid")
 
 
-class SphereTable(Table):
+class SphereTable(TomlTable):
     radius: Annotated[float, Quantity("m", above=0)]
     mass: Annotated[float, Quantity("kg", above=0)]
     inertia: Annotated[Any, InertiaTensor()]
     centre_of_mass: Annotated[Triple, Vector("m")] = (0.0, 0.0, 0.0)
 
 
-class PlatformTable(Table):
+class PlatformTable(TomlTable):
     mass: Annotated[float, Quantity("kg", above=0)]
     gravity: Annotated[Triple, Vector("m/s^2")] = (0.0, 0.0, 0.0)
 
 
-class ContactTable(Table):
+class ContactTable(TomlTable):
     stiffness: Annotated[float, Quantity("N/m", above=0)]
     damping: Annotated[float, Quantity("N s/m", low=0)]
     friction: Annotated[float, Quantity("1", above=0)]
 
 
-class MountTable(Table):
+class MountTable(TomlTable):
     stiffness: Annotated[float, Quantity("N/m", above=0)]
     damping: Annotated[float, Quantity("N s/m", low=0)]
 
 
-class ClosureTable(Table):
+class ClosureTable(TomlTable):
     stiffness: Annotated[float, Quantity("N/m", low=0)]
     preload: Annotated[float, Quantity("N", low=0)]
 
 
-class WheelTable(Table):
+class WheelTable(TomlTable):
     name: Annotated[str, Field(min_length=1, max_length=64)]
     normal: Annotated[Triple, Vector("1", unit_length=True)]
     drive: Annotated[Triple, Vector("1", unit_length=True)]
@@ -62,14 +62,14 @@ class WheelTable(Table):
     closure: ClosureTable
 
 
-class EffectTable(Table):
+class EffectTable(TomlTable):
     id: str
     place: str
     law: str | None = None
     parameters: dict[str, Any] = {}
 
 
-class RigTable(Table):
+class RigTable(TomlTable):
     """A rig file."""
 
     sphere: SphereTable
@@ -79,7 +79,7 @@ class RigTable(Table):
     uncertainty: dict[str, Annotated[float, Spread()]] = {}
 
 
-TABLES: dict[tuple[str, ...], type[Table]] = {
+TABLES: dict[tuple[str, ...], type[TomlTable]] = {
     (): RigTable,
     ("sphere",): SphereTable,
     ("platform",): PlatformTable,
@@ -98,7 +98,7 @@ GROUPS: dict[str, tuple[str, str]] = {  # output group -> (unit, axes or wheels)
 }
 
 
-def quantities(table: type[Table]) -> dict[str, Quantity | Vector | InertiaTensor]:
+def quantities(table: type[TomlTable]) -> dict[str, Quantity | Vector | InertiaTensor]:
     """The numeric keys of a table with their units and ranges."""
     return {
         name: mark

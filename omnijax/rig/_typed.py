@@ -12,29 +12,29 @@ _SEVERAL = re.compile(r"\s*[-+\d.eE]+(\s+[-+]?[\d.][-+\d.eE]*)+\s*\Z")
 
 def typed_number(name: str, text: str, unit: str) -> float:
     """A number in SI from text with or without a unit; `InputError` says `name`."""
-    found: str | float = text
+    number: str | float = text
     with suppress(ValueError):  # text with a unit, or nothing that makes sense
-        found = float(text)
+        number = float(text)
     try:
-        return as_number(found, unit)
+        return as_number(number, unit)
     except ValueError as error:
         raise InputError(f"`{name}` {error}") from None
 
 
-def typed_numbers(name: str, found: Any, unit: str) -> Any:
+def typed_numbers(name: str, given: Any, unit: str) -> Any:
     """Numbers in SI from text with commas between, or from a list in which texts may stand.
 
     What holds no text (arrays, traced values, plain lists) comes back as it is.  `InputError`
     names every entry that is no number.
     """
-    if isinstance(found, str):
-        if "," not in found and _SEVERAL.match(found):
-            raise InputError(f"`{name}` is {found!r}: write commas between the values, not spaces.")
-        found = [part.strip() for part in found.split(",")]
-    if not isinstance(found, list | tuple) or not any(isinstance(x, str) for x in found):
-        return found
+    if isinstance(given, str):
+        if "," not in given and _SEVERAL.match(given):
+            raise InputError(f"`{name}` is {given!r}: write commas between the values, not spaces.")
+        given = [part.strip() for part in given.split(",")]
+    if not isinstance(given, list | tuple) or not any(isinstance(x, str) for x in given):
+        return given
     values, problems = [], []
-    for entry in found:
+    for entry in given:
         try:
             values.append(typed_number(name, entry, unit) if isinstance(entry, str) else entry)
         except InputError as error:

@@ -45,16 +45,16 @@ def _run(path: Path, text: bytes) -> dict[str, type[AbstractLaw]]:
     digest = hashlib.sha256(text).hexdigest()
     if digest not in _LOADED:
         try:
-            found = laws.laws_of(text, path)
+            defined = laws.laws_of(text, path)
         except ValueError as error:
             raise InputError(str(error)) from None
-        taken = sorted(set(found) & set(EFFECTS))
+        taken = sorted(set(defined) & set(EFFECTS))
         if taken:
             raise InputError(
                 f"{path}: the id `{taken[0]}` is one of omnijax's own; choose another."
             )
-        _LOADED[digest] = found
-        _FILES.update({law: (path.name, text) for law in found.values()})
+        _LOADED[digest] = defined
+        _FILES.update({law: (path.name, text) for law in defined.values()})
         trust(digest)
     return _LOADED[digest]
 

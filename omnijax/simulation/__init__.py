@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ._drives import sample_times as sample_times
     from ._drives import speeds as speeds
     from ._drives import torques as torques
-    from ._exact import Forced as Forced
+    from ._exact import ForcedSystem as ForcedSystem
     from ._exact import exact_obstacle as exact_obstacle
     from ._exact import forced_system as forced_system
     from ._exact import forcing as forcing
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from ._files import load_run as load_trajectory  # noqa: F401  (its name in 0.1)
     from ._files import save_trajectory as save_trajectory
     from ._files import to_recording as to_recording
-    from ._modal import Figures as Figures
+    from ._modal import ModalFigures as ModalFigures
     from ._modal import Operating as Operating
     from ._modal import modal_figures as modal_figures
     from ._modal import modal_obstacle as modal_obstacle

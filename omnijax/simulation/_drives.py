@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from .._errors import InputError
 from ..rig import Rig, typed_number, typed_numbers
-from ._signals import Signal, constant
+from ._signals import Signal, Vector, constant
 
 
 class AbstractDrive(eqx.Module):
@@ -61,8 +61,8 @@ def _signal(name: str, value: Values, unit: str) -> Signal:
 def torques(
     torque: Values,
     force: Values = (0.0, 0.0, 0.0),
-    initial_angle: Sequence[float] | None = None,
-    initial_velocity: Sequence[float] | None = None,
+    initial_angle: Vector | None = None,
+    initial_velocity: Vector | None = None,
 ) -> TorqueDrive:
     """Drive by motor torques, one a wheel: numbers hold for the whole run, a `Signal` varies.
 
@@ -82,7 +82,7 @@ def torques(
 def speeds(
     speed: Values,
     force: Values = (0.0, 0.0, 0.0),
-    initial_angle: Sequence[float] | None = None,
+    initial_angle: Vector | None = None,
 ) -> SpeedDrive:
     """Drive by prescribed wheel speeds, one a wheel: numbers hold for the run, a `Signal` varies.
 

@@ -37,7 +37,7 @@ def bytes_a_sample(wheels: int) -> int:
 
 
 @dataclasses.dataclass(frozen=True)
-class Piece:
+class RunPiece:
     """Some samples of a run, and what it goes on from at the last of them."""
 
     run: Trajectory
@@ -69,9 +69,9 @@ class Gathered:
     def whole(self) -> Trajectory:
         """The run, which ends as the first piece that failed; asked for once."""
         names, columns = list(self._columns), self._columns
-        found = {name: on_device(columns.pop(name)[: self.count]) for name in names}
+        whole = {name: on_device(columns.pop(name)[: self.count]) for name in names}
         status = jnp.asarray(self._status)
-        return Trajectory(**found, **self._about, status=status, steps=jnp.asarray(self._steps))
+        return Trajectory(**whole, **self._about, status=status, steps=jnp.asarray(self._steps))
 
 
 def _channels(run: Trajectory) -> dict[str, jax.Array]:

@@ -65,6 +65,8 @@ def measured(trajectory: Trajectory, rig: Rig) -> dict[str, Any]:
     SI: m, rad, rad/s, m/s^2.
 
     Raises nothing: a sensor law that a rig cannot have is refused where it is read.
+
+    Source: the sensors of `docs/formats.md`, recordings.
     """
     time = trajectory.t - trajectory.t[0]
     return {g: sensor_readings(rig, g, time, getattr(trajectory, g)) for g in GROUPS}

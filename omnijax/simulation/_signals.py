@@ -12,6 +12,10 @@ from numpy.typing import ArrayLike
 
 from .._arrays import on_device
 
+Vector = (
+    Sequence[float | Array] | np.ndarray | Array
+)  # one number each of some directions or wheels
+
 
 class Signal(eqx.Module):
     """A vector in time: on [knot, next knot) value + slope (t - knot); constant before and after.
@@ -82,7 +86,7 @@ class Signal(eqx.Module):
         return Signal(knots, values, slopes)
 
 
-def constant(value: Sequence[float] | Array) -> Signal:
+def constant(value: Vector) -> Signal:
     """The same `value` at all times."""
     if any(isinstance(x, Tracer) for x in jax.tree.leaves(value)):
         values = jnp.atleast_1d(jnp.asarray(value, float))[None, :]

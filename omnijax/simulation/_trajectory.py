@@ -92,14 +92,14 @@ class Trajectory(eqx.Module):
         "force": "N",
     }
 
-    def __getitem__(self, name: str) -> Float[Array, "..."]:
+    def __getitem__(self, name: str | int) -> Float[Array, "..."]:
         """A channel (`run["dR"]`: (t, 3)) or one column of it (`run["dR_y"]`, `run["theta_2"]`).
 
         Columns are named as in recordings, wheels by number or name.  Raises `KeyError` with the
         nearest name for an unknown one.
         """
         if name in self.UNITS or name == "distance":
-            return getattr(self, name)
+            return getattr(self, str(name))
         channel, _, end = str(name).rpartition("_")
         if channel in self.UNITS and channel != "t":
             for ends in (self.ends(channel), self.names if channel in PER_WHEEL else ()):

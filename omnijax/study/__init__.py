@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from .._lazy import lazy_face
 
 if TYPE_CHECKING:
-    from .._text import amount as amount
     from .._text import estimate as estimate
+    from .._text import quantity_text as quantity_text
     from .._text import scaled as scaled
     from ._design import Design as Design
     from ._design import Front as Front

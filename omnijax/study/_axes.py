@@ -14,7 +14,7 @@ FORMS = "low:high:count, log:low:high:count, a list a,b,c, or low:high for lhs a
 
 
 @dataclasses.dataclass(frozen=True)
-class Axis:
+class SweepAxis:
     """A path, its unit and either levels (`values`, or `count` from `low` to `high`) or a range."""
 
     path: str
@@ -60,20 +60,20 @@ def split_vary(vary: Any) -> dict[str, Any]:
     """`{path: range}` from a mapping or from texts `path=range`."""
     if isinstance(vary, Mapping):
         return dict(vary)
-    found: dict[str, Any] = {}
+    ranges: dict[str, Any] = {}
     for text in [vary] if isinstance(vary, str) else vary:
         path, sign, rest = str(text).partition("=")
         if not sign or not path.strip() or not rest.strip():
             raise InputError(
                 f"`vary` must read path=range with a range of {FORMS}, but is {text!r}."
             )
-        if path.strip() in found:
+        if path.strip() in ranges:
             raise InputError(f"`{path.strip()}` is varied twice.")
-        found[path.strip()] = rest.strip()
-    return found
+        ranges[path.strip()] = rest.strip()
+    return ranges
 
 
-def read_axis(path: str, given: Any, unit: str) -> Axis:
+def read_axis(path: str, given: Any, unit: str) -> SweepAxis:
     """The axis that `given` (text, numbers, or (low, high, count)) asks for, in SI `unit`."""
     try:
         if isinstance(given, str):
@@ -99,15 +99,15 @@ def read_number(text: str, unit: str) -> float:
     return as_number(value, unit)
 
 
-def _from_list(path: str, values: Sequence[float], unit: str) -> Axis:
+def _from_list(path: str, values: Sequence[float], unit: str) -> SweepAxis:
     if not values:
         raise InputError(f"`{path}` has an empty list of values.")
     if len(set(values)) < len(values):
         raise InputError(f"`{path}` lists a value twice.")
-    return Axis(path, unit, min(values), max(values), len(values), values=tuple(values))
+    return SweepAxis(path, unit, min(values), max(values), len(values), values=tuple(values))
 
 
-def _from_text(path: str, text: str, unit: str) -> Axis:
+def _from_text(path: str, text: str, unit: str) -> SweepAxis:
     parts = [part.strip() for part in text.split(":")]
     log = parts[0] == "log"
     parts = parts[1:] if log else parts
@@ -126,7 +126,7 @@ def _from_text(path: str, text: str, unit: str) -> Axis:
     if log and low <= 0:
         raise InputError(f"`{path}` must start above 0 on a log range, but starts at {low:g}.")
     count = None if len(parts) == 2 else _count(path, parts[2])
-    return Axis(path, unit, low, high, count, log)
+    return SweepAxis(path, unit, low, high, count, log)
 
 
 def _count(path: str, text: str) -> int:

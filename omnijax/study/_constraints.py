@@ -17,7 +17,7 @@ from ._problem import Limit
 
 
 @dataclasses.dataclass(frozen=True)
-class Wanted:
+class Constraint:
     """One constraint of a study: a quantity of `QUANTITIES` or a metric, and its bounds (SI)."""
 
     quantity: str
@@ -29,12 +29,12 @@ class Wanted:
     def limits(self, names: tuple[str, ...], unit: str, case: str) -> list[Limit]:
         """The limits on the entries `names`, as g <= bound."""
         suffix = f" ({case})" if case else ""
-        found = []
+        limits = []
         for sense, bound in ((-1, self.low), (1, self.high)):
             if bound is not None:
                 scale = abs(bound) if bound else 1.0
-                found += [Limit(n + suffix, sense * bound, scale, unit, sense) for n in names]
-        return found
+                limits += [Limit(n + suffix, sense * bound, scale, unit, sense) for n in names]
+        return limits
 
     def signed(self, values: Float[Array, " e"]) -> Array:
         """The entries as `limits` has them: negated for a lower bound."""
@@ -42,7 +42,7 @@ class Wanted:
         return jnp.concatenate([*parts, *([values] if self.high is not None else [])])
 
 
-class Point(NamedTuple):
+class CaseResult(NamedTuple):
     """What a constraint may look at: the rig, its run, and constant speeds (rad/s) if any."""
 
     rig: Rig
@@ -55,8 +55,8 @@ class ConstraintKind(NamedTuple):
     """Unit, names of the entries, and the entries of a rig in one case."""
 
     unit: str
-    names: Callable[[Wanted, Rig], tuple[str, ...]]
-    of: Callable[[Wanted, Point], Array]
+    names: Callable[[Constraint, Rig], tuple[str, ...]]
+    of: Callable[[Constraint, CaseResult], Array]
     meaning: str
     per_case: bool = True  # whether it depends on drive and load
 
@@ -65,7 +65,7 @@ def _per_wheel(label: str):
     return lambda wanted, rig: tuple(f"{label} of {name}" for name in rig.names)
 
 
-def _separation_names(wanted: Wanted, rig: Rig) -> tuple[str, ...]:
+def _separation_names(wanted: Constraint, rig: Rig) -> tuple[str, ...]:
     return tuple(
         f"separation of mode {mode + 1} from order {order}n of {name}"
         for mode in range(3 + rig.size)
@@ -74,7 +74,7 @@ def _separation_names(wanted: Wanted, rig: Rig) -> tuple[str, ...]:
     )
 
 
-def _separation(wanted: Wanted, point: Point) -> Array:
+def _separation(wanted: Constraint, point: CaseResult) -> Array:
     """|f_mode / (h n |omega| / 2 pi) - 1| of every mode, wheel and order; a wheel at rest: none."""
     passing = point.rig.wheels.rollers * jnp.abs(point.speeds) / (2 * math.pi)
     lines = passing[:, None] * jnp.asarray(wanted.orders, float)
@@ -85,7 +85,7 @@ def _separation(wanted: Wanted, point: Point) -> Array:
     return jnp.where(moving, jnp.abs(ratio - 1), 1e3).reshape(-1)
 
 
-def _pressure(wanted: Wanted, point: Point) -> Array:
+def _pressure(wanted: Constraint, point: CaseResult) -> Array:
     """Hertz' greatest pressure at the greatest normal force of each contact, Pa."""
     sphere, wheel, sphere_ratio, wheel_ratio = wanted.materials
     run, rig = point.run, point.rig
@@ -95,7 +95,7 @@ def _pressure(wanted: Wanted, point: Point) -> Array:
     return peak_pressure(load, radius, modulus)
 
 
-def _preload(wanted: Wanted, point: Point) -> Array:
+def _preload(wanted: Constraint, point: CaseResult) -> Array:
     """The greatest preload where it is limited from above, else the least, N."""
     preload = point.rig.wheels.closure.preload
     return (jnp.min(preload) if wanted.high is None else jnp.max(preload))[None]
@@ -121,19 +121,19 @@ QUANTITIES: dict[str, ConstraintKind] = {
 }
 
 
-def metrics_of(constraints: tuple[Wanted, ...]) -> tuple[str, ...]:
+def metrics_of(constraints: tuple[Constraint, ...]) -> tuple[str, ...]:
     """Metrics among the constraints."""
     return tuple(dict.fromkeys(c.quantity for c in constraints if c.quantity not in QUANTITIES))
 
 
 def all_limits(
-    constraints: tuple[Wanted, ...], rig: Rig, cases: tuple[str, ...]
+    constraints: tuple[Constraint, ...], rig: Rig, cases: tuple[str, ...]
 ) -> tuple[list[Limit], np.ndarray]:
     """The limits of all cases, and where they stand in the stacked `all_values` (k c,).
 
     What does not depend on the case is held once.
     """
-    found, place, index = [], 0, []
+    limits_of_all, place, index = [], 0, []
     for k, case in enumerate(cases):
         for wanted in constraints:
             kind = QUANTITIES.get(wanted.quantity)
@@ -142,14 +142,14 @@ def all_limits(
             unit = kind.unit if kind else METRICS[wanted.quantity].unit
             limits = wanted.limits(names, unit, "" if common else case)
             if not (common and k):
-                found += limits
+                limits_of_all += limits
                 index += range(place, place + len(limits))
             place += len(limits)
-    return found, np.array(index, int)
+    return limits_of_all, np.array(index, int)
 
 
 def all_values(
-    constraints: tuple[Wanted, ...], point: Point, metrics: dict[str, Array]
+    constraints: tuple[Constraint, ...], point: CaseResult, metrics: dict[str, Array]
 ) -> Float[Array, " c"]:
     """g of one case; `metrics` holds those that are metrics."""
     parts = []

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._errors import InputError, RunError, did_you_mean
-from .._text import amount
+from .._text import quantity_text
 from ..machine import (
     Axis,
     Log,
@@ -47,14 +47,14 @@ def checked_misfits(metric: str | Sequence[str]) -> tuple[str, ...]:
 
 
 @dataclasses.dataclass(frozen=True)
-class Numbers:
+class VariedNumbers:
     """The numbers of a machine file that may be varied: path -> where it is."""
 
     file: MachineFile
     where: Mapping[str, tuple[int | None, str]]  # None: of the axis, else of an effect
 
     @staticmethod
-    def of(file: MachineFile) -> "Numbers":
+    def of(file: MachineFile) -> "VariedNumbers":
         """`axis.inertia`, `servo.gain`, ..., and `effect.ID.KEY` for every effect of the file."""
         machine = file.machine
         if not isinstance(machine, Axis):
@@ -63,7 +63,7 @@ class Numbers:
         out |= {path: (None, key.field) for path, key, _ in numbers_of(machine)}
         for k, one in enumerate(file.placed):
             out |= {f"effect.{one.law.id}.{key}": (k, key) for key in one.law.parameters}
-        return Numbers(file, out)
+        return VariedNumbers(file, out)
 
     def checked(self, paths: Sequence[str]) -> tuple[str, ...]:
         """The paths; `InputError` for one that the file does not have."""
@@ -104,7 +104,7 @@ class Misfit:
     """Figures of measured less simulated position over some numbers of a machine file."""
 
     def __init__(self, file: MachineFile, log: Log, paths: Sequence[str], metrics: Sequence[str]):
-        self.numbers, self.log, self.metrics = Numbers.of(file), log, tuple(metrics)
+        self.numbers, self.log, self.metrics = VariedNumbers.of(file), log, tuple(metrics)
         self.paths, self.hold = self.numbers.checked(paths), file.compare.hold
         q, n = log.outputs["position"], len(log.time)
         self.parts = places_of(self.hold)
@@ -155,8 +155,8 @@ class Misfit:
         for begin in range(0, len(values), LANES):
             part = values[begin : begin + LANES]
             filled = np.concatenate([part, np.repeat(part[-1:], LANES - len(part), 0)])
-            found = self._figures(jnp.asarray(filled, float), self.steps(filled))
-            out.append(np.asarray(found)[: len(part)])
+            figures = self._figures(jnp.asarray(filled, float), self.steps(filled))
+            out.append(np.asarray(figures)[: len(part)])
         return np.concatenate(out)
 
     def slopes(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -197,8 +197,8 @@ class MachineSweep(AbstractResult):
             k = self.best(name)
             if k is not None:
                 numbers = zip(self.paths, self.values[k], self.units, strict=True)
-                at = ", ".join(f"{p} = {amount(float(v), u)}" for p, v, u in numbers)
-                size = amount(float(self.figures[k, m]), self.unit)
+                at = ", ".join(f"{p} = {quantity_text(float(v), u)}" for p, v, u in numbers)
+                size = quantity_text(float(self.figures[k, m]), self.unit)
                 lines.append(f"least {name}: {size} at {at} (design {k})")
         return lines
 
@@ -242,7 +242,7 @@ def sweep_machine(
     (`axis.inertia`, `effect.bearing-coulomb.torque`).  Figures are in the position's unit.  Raises
     `InputError` for an unknown path or metric and for a range that cannot be read.
     """
-    numbers, given = Numbers.of(file), split_vary(vary)
+    numbers, given = VariedNumbers.of(file), split_vary(vary)
     paths = numbers.checked(list(given))
     axes = [read_axis(p, given[p], numbers.unit(p)) for p in paths]
     points = build_points(axes, sampler, samples, seed)
@@ -261,7 +261,7 @@ def sensitivity_machine(
     Exact derivatives; `raw` is in the position's unit by the parameter's.  Raises `InputError` for
     an unknown metric or parameter, `RunError` where the run leaves all bounds.
     """
-    numbers = Numbers.of(file)
+    numbers = VariedNumbers.of(file)
     paths = list(numbers.where) if parameters is None else parameters
     misfit = Misfit(file, log, numbers.checked(paths), checked_misfits(metrics))
     values = np.array([numbers.value(p) for p in misfit.paths])

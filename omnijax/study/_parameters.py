@@ -27,17 +27,17 @@ def speaks_of_all(rig: Rig, path: str) -> bool:
 
 def checked_parameters(rig: Rig, paths: Sequence[str]) -> tuple[str, ...]:
     """Paths of single numbers; a path that speaks of all wheels becomes one path a wheel."""
-    found: list[str] = []
+    single: list[str] = []
     for path in paths:
         info = parameter_info(rig, path)
         if info.shape == ():
-            found.append(path)
+            single.append(path)
         elif speaks_of_all(rig, path) and info.shape == (rig.size,):
             key = path.removeprefix("wheel.")
-            found += [f"wheel.{name}.{key}" for name in rig.names]
+            single += [f"wheel.{name}.{key}" for name in rig.names]
         else:
             raise InputError(f"`{path}` is no single number (shape {info.shape}).")
-    return tuple(dict.fromkeys(found))
+    return tuple(dict.fromkeys(single))
 
 
 def with_values(rig: Rig, paths: Sequence[str], values) -> Rig:

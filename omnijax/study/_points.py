@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
-from ._axes import Axis
+from ._axes import SweepAxis
 
 SAMPLERS = ("grid", "lhs", "sobol")
 SOBOL_LIMIT = 2**32  # bits of the direction numbers
@@ -18,7 +18,7 @@ SOBOL_LIMIT = 2**32  # bits of the direction numbers
 class Grid:
     """Every combination of the axes' levels; the last axis runs fastest."""
 
-    axes: tuple[Axis, ...]
+    axes: tuple[SweepAxis, ...]
 
     @property
     def size(self) -> int:
@@ -45,7 +45,7 @@ class LatinHypercube:
     so any design follows from (axes, size, seed, index) alone.
     """
 
-    axes: tuple[Axis, ...]
+    axes: tuple[SweepAxis, ...]
     size: int
     seed: int
 
@@ -65,7 +65,7 @@ class LatinHypercube:
 class Sobol:
     """The first `size` points of a scrambled Sobol sequence (Owen's scrambling, seeded)."""
 
-    axes: tuple[Axis, ...]
+    axes: tuple[SweepAxis, ...]
     size: int
     seed: int
     _engine: list = dataclasses.field(default_factory=list, repr=False, compare=False)
@@ -98,7 +98,9 @@ class Sobol:
 PointSet = Grid | LatinHypercube | Sobol
 
 
-def build_points(axes: Sequence[Axis], sampler: str, samples: int | None, seed: int) -> PointSet:
+def build_points(
+    axes: Sequence[SweepAxis], sampler: str, samples: int | None, seed: int
+) -> PointSet:
     """The point set that a sweep asks for; `InputError` where the request contradicts itself."""
     axes = tuple(axes)
     if sampler not in SAMPLERS:
@@ -124,7 +126,7 @@ def build_points(axes: Sequence[Axis], sampler: str, samples: int | None, seed: 
     return Sobol(axes, samples, seed)
 
 
-def _grid(axes: tuple[Axis, ...], samples: Any) -> Grid:
+def _grid(axes: tuple[SweepAxis, ...], samples: Any) -> Grid:
     if samples is not None:
         raise InputError("`samples` belongs to the samplers lhs and sobol; a grid's size follows.")
     open_ended = [axis.path for axis in axes if axis.count is None]
@@ -135,7 +137,7 @@ def _grid(axes: tuple[Axis, ...], samples: Any) -> Grid:
     return Grid(axes)
 
 
-def _hash(value, key) -> np.ndarray:
+def _hash(value, key) -> np.ndarray | np.uint64:
     """A 64-bit hash (the finaliser of splitmix64) of `value` under `key`."""
     with np.errstate(over="ignore"):
         z = np.asarray(value, np.uint64) + np.uint64(0x9E3779B97F4A7C15) * (key + np.uint64(1))

@@ -4,13 +4,14 @@ x = low + (high - low) s         or         x = low (high/low)^s,        s in [0
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 
+@runtime_checkable
 class Range(Protocol):
     """Anything with bounds and a scale: an axis of a sweep, a variable, an uncertain input."""
 

@@ -38,9 +38,9 @@ class Folder:
         if mark.exists():
             if not resume:
                 raise InputError(f"holds a {what} already: continue with --resume.", folder)
-            found = differences(_stored(mark), json.loads(json.dumps(asked)))
-            if found:
-                keys = "\n  ".join(found)
+            differing = differences(_stored(mark), json.loads(json.dumps(asked)))
+            if differing:
+                keys = "\n  ".join(differing)
                 raise InputError(
                     f"holds another {what} and is left as it is. They differ in:\n  {keys}", folder
                 )
@@ -58,13 +58,13 @@ class Folder:
             with zipfile.ZipFile(path) as file:
                 said = file.comment.decode("ascii")
             with np.load(path, allow_pickle=False) as file:
-                found = {name: file[name] for name in file.files}
+                arrays = {name: file[name] for name in file.files}
         except Exception:  # zipfile, zlib and numpy raise whatever they like on a broken file
-            found, said = {}, "broken"
-        if said and _digest(found) != said:
+            arrays, said = {}, "broken"
+        if said and _digest(arrays) != said:
             tell([f"{path}: is damaged: this part is computed again."])
             return None
-        return found
+        return arrays
 
     def write(self, key: str, arrays: dict[str, np.ndarray]) -> None:
         """Store arrays; a killed write leaves no half file."""
@@ -87,11 +87,11 @@ def _locked(mark: Path, what: str) -> Lock:
 
 def _digest(arrays: Mapping[str, np.ndarray]) -> str:
     """Of names, kinds, shapes and values."""
-    found = hashlib.sha256()
+    hashed = hashlib.sha256()
     for name in sorted(arrays):
         value = np.ascontiguousarray(arrays[name])
-        found.update(f"{name} {value.dtype.str} {value.shape} ".encode() + value.tobytes())
-    return found.hexdigest()
+        hashed.update(f"{name} {value.dtype.str} {value.shape} ".encode() + value.tobytes())
+    return hashed.hexdigest()
 
 
 def folder_of(out: str | Path | None, identity: Mapping[str, Any], resume: bool) -> Folder | None:
@@ -103,9 +103,9 @@ def folder_of(out: str | Path | None, identity: Mapping[str, Any], resume: bool)
 
 def _stored(mark: Path) -> Mapping[str, Any]:
     try:
-        found = json.loads(mark.read_text(encoding="utf-8"))
+        asked = json.loads(mark.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        found = None
-    if not isinstance(found, Mapping):
+        asked = None
+    if not isinstance(asked, Mapping):
         raise InputError("is no study that can be continued.", mark)
-    return found
+    return asked

@@ -5,13 +5,13 @@ from typing import Any
 
 from .._errors import InputError, did_you_mean
 from ..rig import Rig, parameter_info, parameter_paths, read_parameter
-from ._axes import Axis, read_axis
+from ._axes import SweepAxis, read_axis
 from ._evaluation import Drive, drive_quantities
 
 _WHOLE = ("sphere.", "platform.", "effect.")  # their vectors are no lists of wheels
 
 
-def read_axes(rig: Rig, drive: Drive, vary: Mapping[str, Any]) -> list[Axis]:
+def read_axes(rig: Rig, drive: Drive, vary: Mapping[str, Any]) -> list[SweepAxis]:
     """The axes that `vary` asks for, in SI units and checked against what `rig` allows."""
     problems, axes = [], []
     for path, given in vary.items():
@@ -24,7 +24,7 @@ def read_axes(rig: Rig, drive: Drive, vary: Mapping[str, Any]) -> list[Axis]:
     return axes
 
 
-def _read(rig: Rig, drive: Drive, path: str, given: Any) -> Axis:
+def _read(rig: Rig, drive: Drive, path: str, given: Any) -> SweepAxis:
     quantities = drive_quantities(drive, rig.names)
     if path in quantities:
         return read_axis(path, given, quantities[path][0])

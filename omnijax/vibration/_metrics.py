@@ -176,6 +176,8 @@ def evaluate(run: Trajectory, rig: Rig, names: str | Iterable[str]) -> dict[str,
     an unknown one.
 
     A dict of scalars by name, in the unit that `METRICS` gives.
+
+    Source: the definitions in `METRICS`; ISO 2631-1:1997 for the weighted ones.
     """
     listed = names.split(",") if isinstance(names, str) else names
     return {name: METRICS[known(name)].of_run(run, rig) for name in map(str.strip, listed)}

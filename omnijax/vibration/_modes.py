@@ -54,6 +54,8 @@ def modes(rig: Rig, model: str = "coupled") -> Modes:
 
     Raises `KeyError` for another `model` than `coupled`
     and `paper`.
+
+    Source: eigenvalues of the paper's eqs. 32-42 without shape (`docs/theory.md`, translation).
     """
     A, rows = (np.asarray(x) for x in _matrices(rig, model))
     values, vectors = np.linalg.eig(A)
@@ -84,6 +86,8 @@ def natural_frequencies(rig: Rig, model: str = "coupled") -> Float[Array, " m"]:
     directions is what is defined).
 
     The array (modes,).  Raises `KeyError` for another `model` than `coupled` and `paper`.
+
+    Source: as `modes`, without damping.
     """
     A, _ = free_system(TRANSLATIONS[model](_undamped(rig)))
     state = TRANSLATIONS[model](rig).rest()

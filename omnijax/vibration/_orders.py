@@ -43,6 +43,9 @@ def rpm_order_map(
 
     Amplitudes (windows, orders) in the channel's unit.  Raises `ValueError` for an unknown
     channel or reference, and for a run of less than a turn.
+
+    Source: the Fourier integral in the angle domain (Fyfe and Munck, Mech. Syst. Signal
+    Process. 11, 1997, resample for it).
     """
     _check(amplitude=(amplitude, KINDS), window=(window, tuple(WINDOWS)))
     _above_zero(turns=turns, max_order=max_order)
@@ -80,6 +83,8 @@ def order_track(
 
     Amplitudes (windows, orders) in the channel's unit, phases in rad.  Raises `ValueError` for an
     unknown channel or reference, and for less than a turn.
+
+    Source: least squares on all orders of a window together, in the angle domain.
     """
     _check(amplitude=(amplitude, KINDS))
     _above_zero(turns=turns)
@@ -110,7 +115,7 @@ def roller_orders(
     """
     angle, _ = _reference(run, reference)
     way = angle - angle[0]
-    found = {}
+    orders = {}
     for i, count in enumerate(rollers):
         try:
             turned = _reference(run, str(i + 1))[0]
@@ -119,8 +124,8 @@ def roller_orders(
         turned = turned - turned[0]
         ratio = float(way @ turned / (way @ way))
         if abs(ratio) > 1e-6 and np.ptp(turned - ratio * way) < 0.05 * np.ptp(turned):
-            found[str(i + 1)] = abs(ratio) * float(count)
-    return found
+            orders[str(i + 1)] = abs(ratio) * float(count)
+    return orders
 
 
 def _check(**options: tuple[str, tuple[str, ...]]) -> None:
@@ -152,7 +157,7 @@ def _channel(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, np.nda
         if name not in run.channels:
             known = ", ".join(run.channels)
             raise ValueError(f"`channel` must be distance or one of {known}, but is {name!r}.")
-        return run.time, run.channels[name], unit_of(name)
+        return run.time, np.asarray(run.channels[name]), unit_of(name)
     if name == "distance":
         return np.asarray(run.t), np.asarray(run.distance), "m"
     group, _, end = name.rpartition("_")
@@ -160,7 +165,8 @@ def _channel(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, np.nda
     ends |= {str(i + 1): i for i in range(len(run.names))}
     if group not in run.UNITS or end not in ends:
         raise ValueError(f"`channel` must be such as dR_x or normal_force_1, but is {name!r}.")
-    return np.asarray(run.t), np.asarray(getattr(run, group))[:, ends[end]], run.UNITS[group]
+    values = np.asarray(getattr(run, group))
+    return np.asarray(run.t), values[:, ends[end]], run.UNITS[group]
 
 
 def _reference(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, str]:
@@ -197,16 +203,16 @@ def _windows(time, angle, turns: float, name: str) -> tuple[list[slice], float]:
     if way[-1] < 1:
         raise ValueError(f"{name} turns {way[-1]:.2g} times in this run; orders need a whole turn.")
     length = min(turns, max(way[-1] / 2, 1.0))
-    found = []
+    windows = []
     for start in np.arange(0.0, way[-1] - length + 1e-9, length / OVERLAP):
         first, last = np.searchsorted(way, [start, start + length])
         here = slice(int(first), int(min(last + 1, len(way))))
         one_way = np.all(speed[here] > 0) or np.all(speed[here] < 0)
         if one_way and here.stop - here.start >= 16:
-            found.append(here)
-    if not found:
+            windows.append(here)
+    if not windows:
         raise ValueError(f"{name} never turns {length:.2g} times in one direction.")
-    return found, length
+    return windows, length
 
 
 def _speed(time: np.ndarray, angle: np.ndarray) -> float:
@@ -253,5 +259,5 @@ def _fit(time, values, angle, orders) -> np.ndarray:
     drift = np.stack([np.ones(good.sum()), time[good] - time.mean()], axis=1)
     columns = np.concatenate([np.cos(phase), -np.sin(phase), drift], axis=1)
     root = np.sqrt(_hann(angle)[good])
-    found, *_ = np.linalg.lstsq(root[:, None] * columns, root * values[good], rcond=None)
-    return found[: len(orders)] + 1j * found[len(orders) : 2 * len(orders)]
+    amplitudes, *_ = np.linalg.lstsq(root[:, None] * columns, root * values[good], rcond=None)
+    return amplitudes[: len(orders)] + 1j * amplitudes[len(orders) : 2 * len(orders)]

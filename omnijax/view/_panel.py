@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._errors import InputError
-from .._text import amount
+from .._text import quantity_text
 from ..dynamics import rolling, sphere_velocity
 from ..rig import Rig, parameter_info, put_parameter
 from ..simulation import steady_state
@@ -103,7 +103,7 @@ def _number(path: str, value: Any) -> float:
 def _figures(state) -> list[dict[str, str]]:
     """What the long run comes to, in words and units."""
     return [
-        {"label": label, "value": amount(float(value), unit)}
+        {"label": label, "value": quantity_text(float(value), unit)}
         for label, value, unit in (
             ("|ΔR| peak", state.peak, "m"),
             ("|ΔR| RMS", state.rms, "m"),
@@ -120,8 +120,8 @@ def _contacts(rig: Rig, speeds: list[float]) -> list[dict[str, Any]]:
     return [
         {
             "wheel": name,
-            "normal": amount(float(least), "N"),
-            "margin": amount(float(margin), "N"),
+            "normal": quantity_text(float(least), "N"),
+            "margin": quantity_text(float(margin), "N"),
             "status": "lifts off" if least <= 0 else "slips" if margin <= 0 else "holds",
         }
         for name, least, margin in rows
@@ -178,8 +178,8 @@ def _campbell(rig: Rig, speeds: list[float]) -> dict[str, Any]:
     Both axes are logarithmic: a multiple of the speed is a line of slope one, and modes far apart
     have room.  The speed runs until the fastest wheel's passing meets the highest mode.
     """
-    found = np.unique(np.round(np.asarray(_frequencies(rig)), 2))
-    modes = found[found > 0]
+    frequencies = np.unique(np.round(np.asarray(_frequencies(rig)), 2))
+    modes = frequencies[frequencies > 0]
     once = np.abs(speeds) * np.asarray(rig.wheels.rollers) / (2 * np.pi)
     fastest = once.max(initial=0.0)
     low, high = (modes.min(), modes.max()) if len(modes) else (1.0, 1.0)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from .._files import write_text
+from .._text import quantity_text
 from ..rig import Rig
 from ..simulation import Trajectory
 from ._scene import embedded_json, machine_scene, page
@@ -37,7 +38,7 @@ def write_replay(run: Trajectory, rig: Rig, path: str | Path, title: str = "Repl
         title=title,
         summary=run.message() + thinned,
         run=embedded_json(data),
-        peak=float(1e6 * np.max(np.linalg.norm(np.asarray(run.dR)[kept], axis=1))),
+        peak=quantity_text(float(np.max(np.linalg.norm(np.asarray(run.dR)[kept], axis=1))), "m"),
     )
     return write_text(path, text)
 

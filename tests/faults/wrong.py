@@ -26,7 +26,7 @@ NAMED = ("3", "true", "[]", "{}", '""', "[1]", "nan")  # of a key that takes any
 PICKED = 4  # wrong values a key
 KEY = re.compile(r'(?m)^(?:# )?("[\w.]+"|\w+) = ([^#\n]+?)[ \t]*(#.*)?$')
 INLINE = re.compile(r"(\w+) = ([^,{}]+?)(?=[,}]| })")
-STUDIES = ("design", "pareto", "tolerances", "global-sensitivity")
+STUDIES = ("sweep", "sensitivity", "design", "pareto", "tolerances", "global-sensitivity")
 
 
 def wrong(seed: int = 0) -> Iterator[Attack]:
@@ -36,7 +36,7 @@ def wrong(seed: int = 0) -> Iterator[Attack]:
     for name, text in changed(rig, rng):
         yield f"rig {name}", ["check", "case.toml"], {"case.toml": text}
     for kind in STUDIES:
-        for name, text in changed(written("--study", kind), rng):
+        for name, text in changed(written("--study", kind, "--rig", "atlas"), rng):
             yield f"{kind} {name}", [kind, "case.toml"], {"case.toml": text}
     for name, text in changed(written("--axis"), rng):
         files = {"bad/machine.toml": text, "bad/run.csv": AXIS_RUN}
@@ -175,7 +175,7 @@ init x.toml --wheels -3|init x.toml --wheels 1e3|init x.toml --wheels 1000000|in
 init x.toml --zenith 180|init x.toml --zenith nan|init x.toml --zenith 45m|init x.toml --skew inf
 init x.toml --radius 0|init x.toml --radius -1m|init x.toml --radius 1kg|init x.toml --rollers 0
 init x.toml --rollers -2|init x.toml --rollers 2.5|init x.toml --radius 1e300|init x.toml --skew a
-init x.toml --study sweep|init x.toml --study design --axis|init x.toml --axis --wheels 3
+init x.toml --study orders|init x.toml --study design --axis|init x.toml --axis --wheels 3
 init x.toml --example ballbot --study design|init x.toml y.toml
 init x.toml --radius 1e-300|init two.toml|init x.toml --rollers 100000000000
 check study.toml rig.toml|check --json|check ~nobody/rig.toml|effects a b|effects --jason

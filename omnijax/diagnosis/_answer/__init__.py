@@ -9,8 +9,8 @@ from .answer import separating as separating
 from .evidence import AbstractEvidence as AbstractEvidence
 from .gap import gaps as gaps
 from .result import Diagnosis as Diagnosis
-from .result import Gap as Gap
 from .result import Named as Named
+from .result import OutputGap as OutputGap
 from .rig_evidence import RigEvidence as RigEvidence
 from .shown import Shown as Shown
 from .shown import noise_remarks as noise_remarks

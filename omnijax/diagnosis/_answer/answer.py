@@ -5,24 +5,24 @@ from typing import Any
 import numpy as np
 
 from ...laws import Parameter
-from .._search import Effect, Found, Point
+from .._search import Effect, Point, SearchResult
 from .evidence import AbstractEvidence
 from .result import Named
-from .verdict import Judged
+from .verdict import Verdict
 
 
-def named(evidence: AbstractEvidence, found: Found, judged: Judged) -> list[Named]:
+def named(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) -> list[Named]:
     """The named effects with sigma from the joint refit; equals as entries of their own."""
     if judged.verdict not in ("named", "ambiguous"):
         return []
     model = evidence.model
     P, out = len(model.priors), []
-    floor = min(judged.floor, found.held_after)
+    floor = min(judged.floor, outcome.held_after)
     # what is left above the noise, or less than was assumed, is noise for the sizes too
-    covariance = found.fit.covariance * max(1.0, found.fit.chi2 / model.dof("train"))
-    for i, effect in enumerate(found.fit.point.effects):
+    covariance = outcome.fit.covariance * max(1.0, outcome.fit.chi2 / model.dof("train"))
+    for i, effect in enumerate(outcome.fit.point.effects):
         places: dict[str, list[int]] = {}
-        for k, free in enumerate(found.fit.free):
+        for k, free in enumerate(outcome.fit.free):
             if free.effect == i:
                 places.setdefault(free.key, []).append(P + k)
         law = model.laws[effect.id]
@@ -31,13 +31,13 @@ def named(evidence: AbstractEvidence, found: Found, judged: Judged) -> list[Name
             for key, own in places.items()
         }
         near = judged.equals.get(i, [])
-        less, held = found.alone.get(i, (found.baseline, found.held_before))
-        count = sum(free.effect == i for free in found.fit.free)
+        less, held = outcome.alone.get(i, (outcome.baseline, outcome.held_before))
+        count = sum(free.effect == i for free in outcome.fit.free)
         said = {
-            "delta_bic": found.fit.chi2 - less.chi2 + count * float(np.log(model.dof("train"))),
-            "held_out_gain": min(1.0, (held - found.held_after) / max(held - floor, 1e-300)),
-            "held_out_chi2": held - found.held_after,
-            "margin_to_next": min((m for _, m, _ in found.rivals.get(i, [])), default=None),
+            "delta_bic": outcome.fit.chi2 - less.chi2 + count * float(np.log(model.dof("train"))),
+            "held_out_gain": min(1.0, (held - outcome.held_after) / max(held - floor, 1e-300)),
+            "held_out_chi2": held - outcome.held_after,
+            "margin_to_next": min((m for _, m, _ in outcome.rivals.get(i, [])), default=None),
         }  # fmt: skip
         everyone = [effect, *(e for e, _, _ in near)]
         out.append(
@@ -109,18 +109,18 @@ def _parameters(evidence: AbstractEvidence, effect: Effect, spread: dict) -> dic
         out[key] = {
             "value": np.asarray(value).tolist() if vector else float(value),
             "sigma": None if own is None else own if vector else own[0],
-            "unit": evidence.unit(law.parameters[key].unit, effect.place),
+            "unit": evidence.unit(law.parameters[key].unit, effect.place, key),
         }
     return out | evidence.reported(effect)
 
 
-def baseline_table(found: Found) -> list[dict[str, Any]]:
+def baseline_table(outcome: SearchResult) -> list[dict[str, Any]]:
     """Uncertain parameters before, calibrated without and with the effects, and what is known."""
     out = []
-    priors = found.priors
-    sigma = np.sqrt(np.maximum(np.diag(found.fit.covariance), 0.0))
+    priors = outcome.priors
+    sigma = np.sqrt(np.maximum(np.diag(outcome.fit.covariance), 0.0))
     for k, prior in enumerate(priors):
-        first, last = prior.at(found.baseline.point.u[k]), prior.at(found.fit.point.u[k])
+        first, last = prior.at(outcome.baseline.point.u[k]), prior.at(outcome.fit.point.u[k])
         out.append({
             "parameter": prior.name, "unit": prior.unit, "stated": prior.value,
             "without_effects": first, "with_effects": last,
@@ -128,15 +128,15 @@ def baseline_table(found: Found) -> list[dict[str, Any]]:
             "sigma": float(sigma[k] * prior.sigma * (abs(last) if prior.relative else 1.0)),
             "absorbed": float(np.log(first / last)) if first * last > 0 else 0.0,
             "determined": bool(sigma[k] < 0.7),
-            "at_bound": bool(abs(found.fit.point.u[k]) > prior.hard - 1e-6),
+            "at_bound": bool(abs(outcome.fit.point.u[k]) > prior.hard - 1e-6),
         })  # fmt: skip
     return out
 
 
-def score_table(found: Found, most: int = 12) -> list[dict[str, Any]]:
+def score_table(outcome: SearchResult, most: int = 12) -> list[dict[str, Any]]:
     """The score plot's numbers: the best candidates of every step."""
     out = []
-    for step, scan in enumerate(found.scans):
+    for step, scan in enumerate(outcome.scans):
         best = scan.best_per_name()[:most]
         for s in best:
             out.append({
@@ -153,19 +153,21 @@ def plain_where(where: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return [{k: w[k] for k in keys} for w in where]
 
 
-def notes(evidence: AbstractEvidence, found: Found, judged: Judged, noise: list[str]) -> list[str]:
+def notes(
+    evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict, noise: list[str]
+) -> list[str]:
     """The verdict's reason first, then what a reader should know of how it was found."""
     model = evidence.model
     said = [judged.reason + ".", *noise, *evidence.remarks()]
-    said += twins(found, judged)
+    said += twins(outcome, judged)
     if model.spent:
         said.append(
             f"The search ended at its budget of {model.budget:g} evaluations of the model: further "
             "effects and some rivals have not been tried."
         )
-    if found.refused:
-        said.append(f"Held-out runs refused: {', '.join(found.refused)}.")
-    dead = sorted({s.candidate.name for scan in found.scans[:1] for s in scan.scores if s.dead})
+    if outcome.refused:
+        said.append(f"Held-out runs refused: {', '.join(outcome.refused)}.")
+    dead = sorted({s.candidate.name for scan in outcome.scans[:1] for s in scan.scores if s.dead})
     if dead:
         said.append(
             f"These candidates change no measured channel in these runs: {', '.join(dead)}."
@@ -180,25 +182,27 @@ TWINS = {  # effects that a part within its tolerance imitates, and what to list
 }
 
 
-def twins(found: Found, judged: Judged) -> list[str]:
+def twins(outcome: SearchResult, judged: Verdict) -> list[str]:
     """Which named effects could be parts within tolerance that the rig file takes for exact."""
     if judged.verdict not in ("named", "ambiguous"):
         return []
-    free = {p.name.rpartition(".")[2] for p in found.priors}
+    free = {p.name.rpartition(".")[2] for p in outcome.priors}
     return [
         f"{e.name} could also be {TWINS[e.id][0]}: if the drawing leaves that open, list "
         f'"{TWINS[e.id][1]}" under [uncertainty] and diagnose again.'
-        for e in found.fit.point.effects
+        for e in outcome.fit.point.effects
         if e.id in TWINS and TWINS[e.id][1].rpartition(".")[2] not in free
     ]
 
 
-def separating(evidence: AbstractEvidence, found: Found, judged: Judged, tell) -> dict | None:
+def separating(
+    evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict, tell
+) -> dict | None:
     """The experiment that tells the rivals of the first ambiguous effect apart."""
     if judged.verdict != "ambiguous":
         return None
     tell("simulating what would tell the rivals apart")
-    point = found.fit.point
+    point = outcome.fit.point
     i, near = next((i, near) for i, near in judged.equals.items() if near)
     effects = list(point.effects)
     others = [Point(point.u, (*effects[:i], e, *effects[i + 1 :])) for e, _, _ in near]

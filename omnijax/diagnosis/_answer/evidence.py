@@ -79,6 +79,6 @@ class AbstractEvidence(abc.ABC):
         """Further parameters of an effect that are no numbers of its law."""
         return {}
 
-    def unit(self, unit: str, place: str) -> str:
-        """A parameter's unit at a place."""
+    def unit(self, unit: str, place: str, key: str = "") -> str:
+        """Unit of the parameter `key` at a place."""
         return unit

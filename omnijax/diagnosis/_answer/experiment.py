@@ -21,17 +21,17 @@ def feasible_motions(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
     inside = np.clip(np.minimum(time, SECONDS - time) / SPIN_UP, 0, 1)
     inside = inside**2 * (3 - 2 * inside)
     level = np.interp(time, [0, 1.2, 1.5, 2.7, 3.2, 5], [0.25, 0.25, 0.5, 0.5, -1.0, -1.0])
-    found = {
+    motions = {
         f"turn about {axis} at a quarter, half and, backwards, full speed": top
         * np.outer(inside * level, unit)
         for axis, unit in zip("xyz", np.eye(3), strict=True)
     }
     for words, rates in (("slowly", (0.2, 0.3, 0.4)), ("fast", (0.7, 0.9, 1.2))):
         waves = np.sin(2 * np.pi * np.outer(time, rates) + [0.0, 1.0, 2.0])
-        found[f"turn about all axes at once, {words} reversed"] = (
+        motions[f"turn about all axes at once, {words} reversed"] = (
             top / np.sqrt(2) * inside[:, None] * waves
         )
-    return found
+    return motions
 
 
 def next_experiment(model: RigModel, rivals: list[Point]) -> dict:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .evidence import AbstractEvidence
-from .result import Gap
+from .result import OutputGap
 from .shown import Shown, by_group
 from .verdict import Columns, squares
 
@@ -19,7 +19,7 @@ def gaps(evidence: AbstractEvidence, shown: Shown, before: Columns, after: Colum
         floor = [sigma[c] * shown.ratio(c, "held-out") for c in channels]
         start = [sigma[c] * np.sqrt(first[c][0] / first[c][1]) for c in channels]
         end = [sigma[c] * np.sqrt(last[c][0] / last[c][1]) for c in channels]
-        out[group] = Gap(_rms(floor), _rms(start), _rms(end), evidence.unit_of(group))
+        out[group] = OutputGap(_rms(floor), _rms(start), _rms(end), evidence.unit_of(group))
     return out
 
 

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.flatten_util import ravel_pytree
 
-from .._machine import Base, RigModel
+from .._machine import Linearisation, RigModel
 from .._search import Fit, Point
 from .._threads import each
 from .learned_ports import ShaftPort, SpringPort
@@ -128,11 +128,11 @@ def learn(model: RigModel, fit: Fit, tell: Callable[[str], None]) -> Learned:
     """The port and the term that close most of the held-out gap beside `fit`'s baseline."""
     names = model.rig.names
     ports = [SpringPort("contact", names), SpringPort("mount", names), ShaftPort(names)]
-    around, found = Around.of(model, fit), []
+    around, fittings = Unexplained.of(model, fit), []
     for port in ports:
-        found.append(_Fitting(model, around, port).run())
-        tell(f"learned term at {port.port}: closes {100 * found[-1].closed:.0f} % of the gap")
-    best = max(found, key=lambda f: f.closed)
+        fittings.append(_Fitting(model, around, port).run())
+        tell(f"learned term at {port.port}: closes {100 * fittings[-1].closed:.0f} % of the gap")
+    best = max(fittings, key=lambda f: f.closed)
     kept, wide = best, None
     if best.closed < 1 - KEPT:  # else a network has too little to add
         wide = _Fitting(model, around, best.term.port).run(best)
@@ -146,19 +146,19 @@ def learn(model: RigModel, fit: Fit, tell: Callable[[str], None]) -> Learned:
 
 
 @dataclasses.dataclass(frozen=True)
-class Around:
+class Unexplained:
     """What every port's term is fitted around: the baseline's runs, residuals and tangents."""
 
     u: np.ndarray
-    bases: dict[str, list[Base]]
+    bases: dict[str, list[Linearisation]]
     rest: dict[str, np.ndarray]
     tangents: dict[str, np.ndarray]
 
     @staticmethod
-    def of(model: RigModel, fit: Fit) -> "Around":
+    def of(model: RigModel, fit: Fit) -> "Unexplained":
         """The baseline of a fit on train and held-out runs."""
         splits = ("train", "held-out")
-        return Around(
+        return Unexplained(
             fit.point.u,
             {s: model.bases(fit.point, s) for s in splits},
             {s: model.residuals([fit.point], s)[0] for s in splits},
@@ -170,7 +170,7 @@ class Around:
 class _Fitting:
     """Gauss-Newton of a term and the baseline's shift; the term feels what it does itself."""
 
-    def __init__(self, model: RigModel, around: Around, port: SpringPort | ShaftPort):
+    def __init__(self, model: RigModel, around: Unexplained, port: SpringPort | ShaftPort):
         self.model, self.around, self.port = model, around, port
         self.shift = np.zeros(len(model.priors))
         raw = np.concatenate([port.inputs(b) for b in around.bases["train"]])
@@ -196,7 +196,7 @@ class _Fitting:
     def left(self, term: Term, split: str, shift=None):
         """Residual rows beside the term and the shift, and the term's scaled inputs by run."""
 
-        def one(base: Base):
+        def one(base: Linearisation):
             felt, force, u = None, np.zeros(0), np.zeros(0)
             for _ in range(INNER):
                 u = np.clip(term.port.inputs(base, felt) / term.scales, -FAR, FAR)
@@ -216,7 +216,7 @@ class _Fitting:
         """One damped step; the share of the misfit that it takes away."""
         now, inputs = self.left(self.term, "train")
 
-        def one(run: tuple[Base, np.ndarray]) -> np.ndarray:
+        def one(run: tuple[Linearisation, np.ndarray]) -> np.ndarray:
             base, u = run
             rows = self.model.machine.rows[base.index]
             tables = [self.port.push(base, f) for f in self.term.tangents(u)]
@@ -257,8 +257,8 @@ def _tangents(model: RigModel, point: Point) -> np.ndarray:
     (residual,) = model.residuals([point], "held-out")
     P = len(point.u)
     points = [Point(point.u + 1e-3 * e, point.effects) for e in np.eye(P)]
-    found = model.residuals(points, "held-out") if P else []
-    return np.stack([(r - residual) / 1e-3 for r in found], 1) if P else residual[:, None][:, :0]
+    moved = model.residuals(points, "held-out") if P else []
+    return np.stack([(r - residual) / 1e-3 for r in moved], 1) if P else residual[:, None][:, :0]
 
 
 def _curves(term: Term) -> dict[str, tuple[np.ndarray, np.ndarray]]:
@@ -271,9 +271,9 @@ def _curves(term: Term) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     return curves
 
 
-def _map(found: _Fitting) -> dict:
+def _map(fitting: _Fitting) -> dict:
     """Force of the wheel with most of it, over the two inputs that it hangs on most."""
-    term, u = found.term, found.inputs[:: max(1, len(found.inputs) // 4000)]
+    term, u = fitting.term, fitting.inputs[:: max(1, len(fitting.inputs) // 4000)]
     force = term.force(u)
     i = int(np.argmax(np.sum(force**2, axis=0)))
     without = [term.force(u * (np.arange(u.shape[1]) != k))[:, i] for k in range(u.shape[1])]

@@ -12,7 +12,7 @@ from .._machine import (
     FINE,
     SIGNALS,
     THIN,
-    Base,
+    Linearisation,
     forced,
     observe,
     propagate,
@@ -54,7 +54,7 @@ class SpringPort:
         deflections = [f"{letter} of {w}" for w in self.wheels]
         return [*deflections, *(f"rate of {x}" for x in deflections), "time"]
 
-    def inputs(self, base: Base, felt=None) -> np.ndarray:
+    def inputs(self, base: Linearisation, felt=None) -> np.ndarray:
         """Inputs (FINE points, 2 n + 1), not scaled; `felt` is what the term itself adds."""
         signals = base.contact if self.port == "contact" else base.mount
         pair = (signals.deflection, signals.rate)
@@ -70,11 +70,11 @@ class SpringPort:
             out += [(i, label, x) for label, x in powers(u[:, i], u[:, -1]).items()]
         return out
 
-    def push(self, base: Base, force: np.ndarray):
+    def push(self, base: Linearisation, force: np.ndarray):
         """dR and a (samples, 6) of tensions (FINE points, n), from their static rest."""
         return transfer(base, **{self.port: force}), None
 
-    def felt(self, base: Base, force: np.ndarray):
+    def felt(self, base: Linearisation, force: np.ndarray):
         """What tensions change in the deflections and rates here, (FINE points, n) each."""
         m, step = base.modes, base.run.step / FINE
         pushed = {self.port: force}
@@ -101,7 +101,7 @@ class ShaftPort:
         kinds = ("ω", "command", "sin θ", "cos θ")
         return [*(f"{k} of {w}" for k in kinds for w in self.wheels), "time"]
 
-    def inputs(self, base: Base, felt=None) -> np.ndarray:
+    def inputs(self, base: Linearisation, felt=None) -> np.ndarray:
         """Inputs (thinned points, 4 n + 1), not scaled; the motion is the measured one."""
         s = base.slow
         assert s is not None
@@ -122,9 +122,9 @@ class ShaftPort:
             out += [(i, label, x) for label, x in own.items()]
         return out
 
-    def push(self, base: Base, force: np.ndarray):
+    def push(self, base: Linearisation, force: np.ndarray):
         """Both tables of shaft torques at thinned points."""
         return turned_by(base, shaft=force)
 
-    def felt(self, base: Base, force: np.ndarray) -> None:
+    def felt(self, base: Linearisation, force: np.ndarray) -> None:
         """Nothing: shafts feel the measured motion."""

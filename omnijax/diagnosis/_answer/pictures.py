@@ -1,4 +1,4 @@
-"""Pictures and tables of a diagnosis: `found.plot_gap()`, `.plot_scores()`, `.to_xarray()`."""
+"""Pictures and tables of a diagnosis: `diagnosis.plot_gap()`, `.plot_scores()`, `.to_xarray()`."""
 
 from typing import Any
 
@@ -13,30 +13,30 @@ ENDS = ("noise_floor", "before", "after")
 
 
 @styled
-def plot_gap(found: Diagnosis, *, ax: Any = None) -> Any:
+def plot_gap(diagnosis: Diagnosis, *, ax: Any = None) -> Any:
     """Held-out RMS of every output group before and after, over its noise; returns the axes."""
     ax = new_axes(ax, 3.0)
-    groups = list(found.gap)
+    groups = list(diagnosis.gap)
     at = np.arange(len(groups))
     for shift, end, colour in ((-0.2, "before", ORANGE), (0.2, "after", BLUE)):
-        values = [getattr(g, end) / g.noise_floor for g in found.gap.values()]
+        values = [getattr(g, end) / g.noise_floor for g in diagnosis.gap.values()]
         ax.bar(at + shift, values, 0.38, color=colour, label=end)
     ax.axhline(1.0, color=GREY, lw=1.0, ls="--", label="noise")
     ax.set_xticks(at, groups)
-    ax.set(yscale="log", ylabel="held-out RMS / noise", title=f"Gap: {found.verdict}")
+    ax.set(yscale="log", ylabel="held-out RMS / noise", title=f"Gap: {diagnosis.verdict}")
     ax.legend(frameon=False, ncols=3)
     return ax
 
 
 @styled
-def plot_scores(found: Diagnosis, *, step: int = 1, ax: Any = None) -> Any:
+def plot_scores(diagnosis: Diagnosis, *, step: int = 1, ax: Any = None) -> Any:
     """What the best candidates of a step would explain, as tangent scores; returns the axes.
 
     Raises `ValueError` where the search had no such step.
     """
-    best = [s for s in found.scores if s["step"] == step]
+    best = [s for s in diagnosis.scores if s["step"] == step]
     if not best:
-        steps = sorted({s["step"] for s in found.scores})
+        steps = sorted({s["step"] for s in diagnosis.scores})
         raise ValueError(f"`step` must be one of {steps}, but is {step}.")
     ax = new_axes(ax, 0.9 + 0.26 * len(best))
     bars_of_scores(ax, best, BLUE)
@@ -45,10 +45,10 @@ def plot_scores(found: Diagnosis, *, step: int = 1, ax: Any = None) -> Any:
 
 
 @styled
-def plot_where(found: Diagnosis, *, ax: Any = None) -> Any:
+def plot_where(diagnosis: Diagnosis, *, ax: Any = None) -> Any:
     """Shares of the residual's power by place, those that do not stand paler; returns the axes."""
-    ax = new_axes(ax, 0.9 + 0.26 * max(1, len(found.where)))
-    rows = found.where[::-1]
+    ax = new_axes(ax, 0.9 + 0.26 * max(1, len(diagnosis.where)))
+    rows = diagnosis.where[::-1]
     colours = [BLUE if w["stands"] else GREY for w in rows]
     names = [f"{k}  {place_text(w)}" for k, w in zip(range(len(rows), 0, -1), rows, strict=True)]
     ax.barh(names, [100 * w["share"] for w in rows], color=colours)
@@ -63,44 +63,46 @@ def place_text(where: dict[str, Any]) -> str:
     return f"{where['channel']}, {where['domain']}{value}{unit}"
 
 
-def html(found: Diagnosis) -> str:
+def html(diagnosis: Diagnosis) -> str:
     """The answer, the effects and the gap as tables."""
     effects = [
         (f"{e.id} at {e.place}", key, p["value"], "–" if p["sigma"] is None else p["sigma"],
          p["unit"])
-        for e in found.effects
+        for e in diagnosis.effects
         for key, p in (e.parameters or {"–": {"value": "–", "sigma": None, "unit": ""}}).items()
     ]  # fmt: skip
-    gap = [(g, x.unit, x.noise_floor, x.before, x.after) for g, x in found.gap.items()]
+    gap = [(g, x.unit, x.noise_floor, x.before, x.after) for g, x in diagnosis.gap.items()]
     parts = [html_table("Gap on held-out runs", gap, ("group", "unit", "noise", "before", "after"))]
     if effects:
         header = ("effect", "parameter", "value", "1-sigma", "unit")
-        parts.insert(0, html_table(f"Diagnosis: {found.verdict}", effects, header))
+        parts.insert(0, html_table(f"Diagnosis: {diagnosis.verdict}", effects, header))
     else:
-        parts.insert(0, html_table(f"Diagnosis: {found.verdict}", []))
+        parts.insert(0, html_table(f"Diagnosis: {diagnosis.verdict}", []))
     return "".join(parts)
 
 
-def dataset(found: Diagnosis) -> Any:
+def dataset(diagnosis: Diagnosis) -> Any:
     """Gap, calibrated parameters and scores as an `xarray.Dataset`."""
     import xarray
 
-    gap = {f"gap_{end}": ("group", [getattr(g, end) for g in found.gap.values()]) for end in ENDS}
-    base = found.baseline
+    gap = {
+        f"gap_{end}": ("group", [getattr(g, end) for g in diagnosis.gap.values()]) for end in ENDS
+    }
+    base = diagnosis.baseline
     keys = ("stated", "without_effects", "with_effects", "relative_sigma")
     parameters = {f"parameter_{k}": ("parameter", [b[k] for b in base]) for k in keys}
     scores = {
-        "score_gain": ("candidate", [s["gain"] for s in found.scores]),
-        "score_p": ("candidate", [s["p"] for s in found.scores]),
-        "score_step": ("candidate", [s["step"] for s in found.scores]),
+        "score_gain": ("candidate", [s["gain"] for s in diagnosis.scores]),
+        "score_p": ("candidate", [s["p"] for s in diagnosis.scores]),
+        "score_step": ("candidate", [s["step"] for s in diagnosis.scores]),
     }
     coords = {
-        "group": list(found.gap),
-        "unit": ("group", [g.unit for g in found.gap.values()]),
+        "group": list(diagnosis.gap),
+        "unit": ("group", [g.unit for g in diagnosis.gap.values()]),
         "parameter": [b["parameter"] for b in base],
-        "candidate": [f"{s['id']}@{s['place']}" for s in found.scores],
+        "candidate": [f"{s['id']}@{s['place']}" for s in diagnosis.scores],
     }
-    named = ", ".join(f"{e.id}@{e.place}" for e in found.effects)
+    named = ", ".join(f"{e.id}@{e.place}" for e in diagnosis.effects)
     return xarray.Dataset(
-        gap | parameters | scores, coords, {"verdict": found.verdict, "effects": named}
+        gap | parameters | scores, coords, {"verdict": diagnosis.verdict, "effects": named}
     )

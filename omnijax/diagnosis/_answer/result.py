@@ -25,7 +25,7 @@ class Named:
 
 
 @dataclasses.dataclass(frozen=True)
-class Gap:
+class OutputGap:
     """RMS of measured less predicted on the held-out runs, against the noise."""
 
     noise_floor: float
@@ -50,7 +50,7 @@ class Diagnosis:
     verdict: str
     effects: list[Named]
     where: list[dict[str, Any]]
-    gap: dict[str, Gap]
+    gap: dict[str, OutputGap]
     next_experiment: dict[str, Any] | None
     baseline: list[dict[str, Any]]
     noise: dict[str, dict[str, Any]]

@@ -139,6 +139,6 @@ class RigEvidence(AbstractEvidence):
             "modulus": {"value": float(chosen), "sigma": None, "unit": "Pa"},
         }
 
-    def unit(self, unit, place):
+    def unit(self, unit, place, key=""):
         """A parameter's unit; a sensor's is that of its channel."""
         return unit.replace("unit of the channel", UNITS.get(place.split("_", maxsplit=1)[0], "1"))

@@ -109,19 +109,19 @@ def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:
     names = list(dict.fromkeys(c for _, run in runs for c in run))
     structure = dict.fromkeys(names, 0.0)
     first = next((run for split, run in runs if split == "held-out"), runs[0][1])
-    for found in where[1]:
-        channel = found["channel"]
-        if found["stands"] and channel in first:
-            floor = min(levels([first[channel]], False)[0].ratio, found["rms_over_noise"])
-            power = found["share"] * (found["rms_over_noise"] / max(floor, 1e-12)) ** 2
+    for entry in where[1]:
+        channel = entry["channel"]
+        if entry["stands"] and channel in first:
+            floor = min(levels([first[channel]], False)[0].ratio, entry["rms_over_noise"])
+            power = entry["share"] * (entry["rms_over_noise"] / max(floor, 1e-12)) ** 2
             structure[channel] = max(structure[channel], power)
     moved = {evidence.subsystem(c) for c, power in structure.items() if power > STRUCTURE}
     table: list[dict[str, Level]] = [{} for _ in runs]
     for channel in names:
         have = [k for k, (_, run) in enumerate(runs) if channel in run]
         noise_only = evidence.subsystem(channel) not in moved
-        found = levels([runs[k][1][channel] for k in have], noise_only)
-        for k, level in zip(have, found, strict=True):
+        entry = levels([runs[k][1][channel] for k in have], noise_only)
+        for k, level in zip(have, entry, strict=True):
             table[k][channel] = level
     bounded = frozenset(c for c in names if evidence.subsystem(c) in moved)
     return Shown(tuple(table), tuple(split for split, _ in runs), structure, where, bounded)

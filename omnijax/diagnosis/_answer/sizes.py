@@ -31,7 +31,7 @@ class SizedEffect:
 
 
 @dataclasses.dataclass(frozen=True)
-class Trace:
+class ResidualTrace:
     """The residuals (k, n) of the channel that an effect changes most, at `time` (n,) in s."""
 
     channel: str
@@ -50,20 +50,20 @@ class Sizes:
     """
 
     effects: tuple[SizedEffect, ...]
-    found: int
+    as_named: int
     gram: dict[str, np.ndarray]
     units: dict[str, str]
     floor: dict[str, float]
     run: str
-    traces: tuple[Trace, ...]
+    traces: tuple[ResidualTrace, ...]
 
 
-def effect_sizes_on_held_out(found: Diagnosis) -> Sizes | None:
+def effect_sizes_on_held_out(diagnosis: Diagnosis) -> Sizes | None:
     """`Sizes` of a named diagnosis; None where nothing is named."""
-    if found.verdict != "named" or not found.details:
+    if diagnosis.verdict != "named" or not diagnosis.details:
         return None
-    evidence: AbstractEvidence = found.details["evidence"]
-    point: Point = found.details["found"].fit.point
+    evidence: AbstractEvidence = diagnosis.details["evidence"]
+    point: Point = diagnosis.details["found"].fit.point
     points, effects = [point], []
     for i, effect in enumerate(point.effects):
         size, unit, keys = _size(evidence, effect)
@@ -79,8 +79,8 @@ def effect_sizes_on_held_out(found: Diagnosis) -> Sizes | None:
     parts = [evidence.series(r) for r in residuals]
     traces = tuple(_trace(evidence, parts, e.column[0]) for e in effects)
     return Sizes(
-        tuple(effects), 0, gram, {g: found.gap[g].unit for g in gram},
-        {g: found.gap[g].noise_floor for g in gram}, parts[0][0], traces,
+        tuple(effects), 0, gram, {g: diagnosis.gap[g].unit for g in gram},
+        {g: diagnosis.gap[g].noise_floor for g in gram}, parts[0][0], traces,
     )  # fmt: skip
 
 
@@ -93,7 +93,7 @@ def _size(evidence: AbstractEvidence, effect: Effect) -> tuple[float | None, str
         return None, "", ()
     value = np.asarray(effect.values[keys[0]], float)
     size = float(value) if value.ndim == 0 else float(np.linalg.norm(value))
-    return size, evidence.unit(known[keys[0]].unit, effect.place), tuple(keys)
+    return size, evidence.unit(known[keys[0]].unit, effect.place, keys[0]), tuple(keys)
 
 
 def _resized(point: Point, i: int, keys: Sequence[str], share: float) -> Point:
@@ -129,7 +129,7 @@ POINTS = 700  # of the trace
 KEPT = 0.8  # of the difference's power that means over blocks have to keep
 
 
-def _trace(evidence: AbstractEvidence, parts: Sequence[Any], without: int) -> Trace:
+def _trace(evidence: AbstractEvidence, parts: Sequence[Any], without: int) -> ResidualTrace:
     """The channel that changes most from residual `without` to the found one, in few points.
 
     Means over blocks of samples where these still show what changes, else the stretch of samples
@@ -146,8 +146,8 @@ def _trace(evidence: AbstractEvidence, parts: Sequence[Any], without: int) -> Tr
     moved, kept = table[0] - table[without], block * np.sum((means[0] - means[without]) ** 2)
     if kept >= KEPT * float(moved @ moved):
         times = time[:whole].reshape(-1, block).mean(axis=1)
-        return Trace(channel, known["unit"], times, means)
+        return ResidualTrace(channel, known["unit"], times, means)
     power = np.concatenate([[0.0], np.cumsum(moved**2)])
     start = int(np.argmax(power[POINTS:] - power[:-POINTS])) if len(time) > POINTS else 0
     part = slice(start, start + POINTS)
-    return Trace(channel, known["unit"], time[part], table[:, part])
+    return ResidualTrace(channel, known["unit"], time[part], table[:, part])

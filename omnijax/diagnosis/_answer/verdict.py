@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from .._search import SETTINGS, Found
+from .._search import SETTINGS, SearchResult
 from .evidence import AbstractEvidence
 from .shown import Shown
 
@@ -15,7 +15,7 @@ Columns = list[dict[str, np.ndarray]]  # by held-out run and channel, in assumed
 
 
 @dataclasses.dataclass(frozen=True)
-class Judged:
+class Verdict:
     """The verdict, how much of the held-out gap is closed, and each effect's equals."""
 
     verdict: str
@@ -36,13 +36,13 @@ def squares(runs: Columns) -> dict[str, tuple[float, int]]:
 
 
 def judge(
-    found: Found,
+    outcome: SearchResult,
     shown: Shown,
     before: Columns,
     after: Columns,
     rivals: float = SETTINGS.equal,
     closing: float = AbstractEvidence.closing,
-) -> Judged:
+) -> Verdict:
     """The verdict, from held-out residuals before and after and the noise that the data show.
 
     Nothing is unknown but what hangs on the machine's state, at `where`'s own false-discovery rate.
@@ -56,20 +56,20 @@ def judge(
     noise = sum(floor[c] * n for c, (_, n) in last.items())
     closed = 1 - left / above if above > 0 else 1.0
     open_ = [c for c in shown.structured if _excess(last, floor, c) > EXCESS]
-    if not found.fit.point.effects:
-        return _without_effects(found, open_)
+    if not outcome.fit.point.effects:
+        return _without_effects(outcome, open_)
     equals = {
         i: [(e, margin, cosine) for e, margin, cosine in near if margin < rivals]
-        for i, near in found.rivals.items()
+        for i, near in outcome.rivals.items()
     }
     if open_ and closed < closing:
         text = f"the best known effects close {100 * closed:.0f} % of the held-out gap"
-        return Judged("unknown", closed, equals, text, noise)
+        return Verdict("unknown", closed, equals, text, noise)
     if any(equals.values()):
         text = "joint refits of rivals are equally good"
-        return Judged("ambiguous", closed, equals, text, noise)
+        return Verdict("ambiguous", closed, equals, text, noise)
     text = "held-out runs confirm the joint refit"
-    return Judged("named", closed, equals, text, noise)
+    return Verdict("named", closed, equals, text, noise)
 
 
 def _excess(squares: dict[str, tuple[float, int]], floor: dict[str, float], channel: str) -> float:
@@ -80,11 +80,11 @@ def _excess(squares: dict[str, tuple[float, int]], floor: dict[str, float], chan
     return math.sqrt(max(0.0, total / count / max(floor[channel], 1e-300) - 1))
 
 
-def _without_effects(found: Found, open_: list[str]) -> Judged:
+def _without_effects(outcome: SearchResult, open_: list[str]) -> Verdict:
     if open_:
         text = f"a gap in {', '.join(open_)} that no known effect closes on held-out runs"
-        return Judged("unknown", 0.0, {}, text)
-    if found.significant:
+        return Verdict("unknown", 0.0, {}, text)
+    if outcome.significant:
         text = "what is left hangs on no state of the machine, and held-out runs confirm no effect"
-        return Judged("none", 1.0, {}, text)
-    return Judged("none", 1.0, {}, "what is left is within the noise that the data show")
+        return Verdict("none", 1.0, {}, text)
+    return Verdict("none", 1.0, {}, "what is left is within the noise that the data show")

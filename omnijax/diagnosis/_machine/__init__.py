@@ -5,7 +5,7 @@ from .elastic import SIGNALS as SIGNALS
 from .elastic import rest_state as rest_state
 from .laws import along as along
 from .linearisation import THIN as THIN
-from .linearisation import Base as Base
+from .linearisation import Linearisation as Linearisation
 from .linearisation import transfer as transfer
 from .linearisation import turned_by as turned_by
 from .machine import Machine as Machine

@@ -11,7 +11,7 @@ SETTLE = 0.3  # s after an unknown input in which the elastic channels are not u
 
 
 @dataclasses.dataclass
-class Rows:
+class DataRows:
     """Rows of one run: elastic (samples, 6: dR, a), then rotation (samples, 3 + n: Omega, s).
 
     `weight` is 1/sigma, 0 where nothing usable was measured.  `nuisance` holds (slice, orthonormal
@@ -88,7 +88,7 @@ class Rows:
         return count - sum(q.shape[1] for _, q in self.nuisance)
 
 
-def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -> Rows:
+def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -> DataRows:
     """Weights and nuisance directions of one run; `length_noise` (n,) is sigma of s."""
     n = run.samples
     elastic = np.concatenate([_weights(run, g, noise, 3) for g in ("dR", "a")], axis=1)
@@ -102,7 +102,7 @@ def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -
     if run.counts is not None:
         elastic[~run.counts] = 0.0
         rotation[~run.counts] = 0.0
-    rows = Rows(n, elastic, rotation, [], filters=filters)
+    rows = DataRows(n, elastic, rotation, [], filters=filters)
     length = n if window <= 0 else max(20, round(window / run.step))
     starts = list(range(0, n, length))
     if len(starts) > 1 and n - starts[-1] < length // 2:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ...dynamics import Coupled, linear_system
 from ...rig import Rig
-from .modes import Modes, direct, forced, modes, observe, propagate, static_state
+from .modes import OutputModes, direct, forced, modes, observe, propagate, static_state
 from .runs import FINE, SHAPE, Run
 
 OUTPUTS = ("displacement", "acceleration")
@@ -23,7 +23,7 @@ def _system(rig: Rig):
     return system.A, system.B, system.C, system.D
 
 
-def rig_modes(rig: Rig) -> Modes:
+def rig_modes(rig: Rig) -> OutputModes:
     """Modes of a rig's linear part; its laws do not enter."""
     bare = eqx.tree_at(lambda r: r.effects, rig, (), is_leaf=lambda x: x is rig.effects)
     bare = eqx.tree_at(lambda r: r.profiles, bare, (), is_leaf=lambda x: x is bare.profiles)
@@ -31,7 +31,7 @@ def rig_modes(rig: Rig) -> Modes:
 
 
 @dataclasses.dataclass(frozen=True)
-class Ports:
+class ElasticPorts:
     """What goes into the elastic model of one run, besides what contacts and mounts add."""
 
     shape: np.ndarray  # (SHAPE points, n) m, rho and the sphere's surface
@@ -55,7 +55,7 @@ def refine(values: np.ndarray, parts: int) -> np.ndarray:
     return np.stack([np.interp(at, known, values[:, c]) for c in range(values.shape[1])], axis=1)
 
 
-def rest_state(m: Modes, **inputs: np.ndarray) -> np.ndarray:
+def rest_state(m: OutputModes, **inputs: np.ndarray) -> np.ndarray:
     """Modal state (k,) at rest under the first of inputs by name (points, c): `AT_REST` only."""
     u = np.zeros(m.B.shape[1])
     for part in AT_REST:
@@ -65,7 +65,7 @@ def rest_state(m: Modes, **inputs: np.ndarray) -> np.ndarray:
 
 
 def linear_states(
-    m: Modes, run: Run, ports: Ports, parts: int = 1, rolling: np.ndarray | None = None
+    m: OutputModes, run: Run, ports: ElasticPorts, parts: int = 1, rolling: np.ndarray | None = None
 ) -> np.ndarray:
     """Modal states (t, k) of the linear elastic model at `parts` points a sample.
 
@@ -78,7 +78,9 @@ def linear_states(
     return propagate(m, step, forced(m, step, (run.samples - 1) * parts, **inputs), start)
 
 
-def outputs_of(m: Modes, z: np.ndarray, ports: Ports, names, parts: int = 1) -> np.ndarray:
+def outputs_of(
+    m: OutputModes, z: np.ndarray, ports: ElasticPorts, names, parts: int = 1
+) -> np.ndarray:
     """Outputs (t, o) of the modal states `z` at `parts` points a sample."""
     out = observe(m, z, names)
     for part in INPUTS:
@@ -86,7 +88,9 @@ def outputs_of(m: Modes, z: np.ndarray, ports: Ports, names, parts: int = 1) -> 
     return out
 
 
-def felt(m: Modes, z: np.ndarray, ports: Ports, rate, where: Collection[str], parts: int):
+def felt(
+    m: OutputModes, z: np.ndarray, ports: ElasticPorts, rate, where: Collection[str], parts: int
+):
     """Deflections and rates (t, 2 n a port) of modal states `z` at the ports `where`.
 
     In the order of `SIGNALS`; `rate` (t, n) is d rho/dt of the wheels' shapes.
@@ -103,7 +107,7 @@ def signal_names(where: Collection[str]) -> tuple[str, ...]:
     return tuple(s for port, signals in SIGNALS.items() if port in where for s in signals)
 
 
-def driven(m: Modes, run: Run, start: np.ndarray, **inputs: np.ndarray) -> np.ndarray:
+def driven(m: OutputModes, run: Run, start: np.ndarray, **inputs: np.ndarray) -> np.ndarray:
     """dR and a (samples, 6) that inputs by name (points, c) cause, from the modal state `start`.
 
     Every input is linear between its points, a whole number of them a sample.

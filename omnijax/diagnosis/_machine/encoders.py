@@ -14,7 +14,7 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import lfilter
 
 from .elastic import OUTPUTS
-from .modes import Modes, hold_weights, real_rows
+from .modes import OutputModes, hold_weights, real_rows
 from .runs import Run
 from .smooth import penalty
 
@@ -52,7 +52,7 @@ def walk_modes(samples: int, step: float, scatter: float) -> tuple[np.ndarray, n
     return modes, (scatter * step * samples / (np.pi * k)) ** 2
 
 
-def shape_response(modes: Modes, step: float, wheel: int, signals: np.ndarray) -> np.ndarray:
+def shape_response(modes: OutputModes, step: float, wheel: int, signals: np.ndarray) -> np.ndarray:
     """dR and a (c, samples, 6) of shape inputs (c, PARTS points) under one wheel, from rest."""
     count, points = signals.shape
     samples = (points - 1) // PARTS + 1
@@ -76,7 +76,7 @@ def shape_response(modes: Modes, step: float, wheel: int, signals: np.ndarray) -
     return out + signals[:, ::PARTS, None] * modes.out(OUTPUTS)[1][:, column]
 
 
-def response_columns(modes: Modes, run: Run, slopes, errors, weights) -> np.ndarray:
+def response_columns(modes: OutputModes, run: Run, slopes, errors, weights) -> np.ndarray:
     """B: whitened dR and a (rows, k) of every wheel's error modes.
 
     `slopes` are rho'(theta) at the PARTS points, `errors` by wheel the modes (samples, k) of the

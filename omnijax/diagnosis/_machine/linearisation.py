@@ -11,27 +11,27 @@ from ...laws import ContactSignal, MountSignal
 from ...rig import Rig
 from .elastic import driven, rest_state
 from .machine import Machine
-from .modes import Modes
-from .motion import Motion, integrate, rolling_radius
-from .rotation import Turning, commanded, rotation_moments, run_torques
+from .modes import OutputModes
+from .motion import RunMotion, integrate, rolling_radius
+from .rotation import MeasuredTurning, commanded, rotation_moments, run_torques
 from .runs import FINE, Run
 from .settings import SETTINGS
-from .wheels import Places, WheelTables
+from .wheels import WheelPlaces, WheelTables
 
 THIN = SETTINGS.thin
 
 
 @dataclasses.dataclass(frozen=True)
-class Base:
+class Linearisation:
     """One run of the base rig with the signals that its ports hand out."""
 
     rig: Rig
     run: Run
     index: int
-    modes: Modes
-    motion: Motion
-    slow: Motion  # at thinned points
-    response: Turning  # at thinned points
+    modes: OutputModes
+    motion: RunMotion
+    slow: RunMotion  # at thinned points
+    response: MeasuredTurning  # at thinned points
     torque: np.ndarray  # (FINE points, n) N m, commanded, and now to act
     felt: RotationMoment  # (thinned points, ...) with the delivered torques
     drive: np.ndarray  # (thinned points, n) N
@@ -48,12 +48,12 @@ class Base:
         return rolling_radius(self.rig, self.motion)
 
     @functools.cached_property
-    def places(self) -> list[Places]:
+    def places(self) -> list[WheelPlaces]:
         """By wheel: where its angles at SHAPE points lie in the tables."""
         return [self.tables.places(theta) for theta in self.motion.theta_shape.T]
 
 
-def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
+def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Linearisation:
     """Base run `i` of `rig`; its own contact and mount laws enter the signals only linearly."""
     run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
     m = rotated.motion
@@ -68,7 +68,7 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
     slow, torque = thin(m), commanded(rig, run)
     moments = rotation_moments(rig, slow, torque[::THIN], normal[::THIN])
     moments, caused = run_torques(rig, moments, slow.step)
-    return Base(
+    return Linearisation(
         rig=rig,
         run=run,
         index=i,
@@ -88,19 +88,19 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Base:
     )
 
 
-def transfer(base: Base, **inputs: np.ndarray) -> np.ndarray:
+def transfer(base: Linearisation, **inputs: np.ndarray) -> np.ndarray:
     """dR and a (samples, 6) from inputs (points, c) of the elastic model, from static rest."""
     return driven(base.modes, base.run, rest_state(base.modes, **inputs), **inputs)
 
 
-def thin(m: Motion) -> Motion:
+def thin(m: RunMotion) -> RunMotion:
     """The motion at every `THIN`-th fine point."""
     short = {k: getattr(m, k)[::THIN] for k in ("theta", "speed", "turning")}
     axes = m.axes if len(m.axes) == 1 else m.axes[::THIN]
     return dataclasses.replace(m, axes=axes, step=m.step * THIN, **short)
 
 
-def turned_by(base: Base, shaft=None, opposing=None, **inputs: np.ndarray):
+def turned_by(base: Linearisation, shaft=None, opposing=None, **inputs: np.ndarray):
     """Both tables of a torque on the shafts and one that opposes the sphere, at thinned points.
 
     With what other `inputs` of the elastic model cause.

@@ -9,18 +9,27 @@ import numpy as np
 from ...dynamics import TURNING_PORTS
 from ...rig import Rig
 from .._threads import each
-from .data_vector import Rows
-from .elastic import OUTPUTS, SIGNALS, Ports, felt, linear_states, outputs_of, refine, rig_modes
+from .data_vector import DataRows
+from .elastic import (
+    OUTPUTS,
+    SIGNALS,
+    ElasticPorts,
+    felt,
+    linear_states,
+    outputs_of,
+    refine,
+    rig_modes,
+)
 from .laws import along, readings
-from .modes import Modes
-from .motion import Motion, contact_directions, integrate, measured_lengths, motion, tables_for
+from .modes import OutputModes
+from .motion import RunMotion, contact_directions, integrate, measured_lengths, motion, tables_for
 from .noise_model import rolling_state, rows_of
 from .observer import needs_observer, observed_turning, path_along
-from .rotation import Turning, commanded, rotation_moments, run_torques, turning
+from .rotation import MeasuredTurning, commanded, rotation_moments, run_torques, turning
 from .runs import FINE, SHAPE, STEPS, Run
 from .settings import SETTINGS
 from .smooth import likeliest, smooth
-from .stage_cache import Kept
+from .stage_cache import StageCache
 from .stepped import Lane, law_changes, stepped_ports
 from .tree_hash import digest
 from .wheels import WheelTables
@@ -30,8 +39,8 @@ from .wheels import WheelTables
 class Rotated:
     """Rotation of one run: drive forces, Omega and rolled lengths from the torques alone."""
 
-    motion: Motion
-    turning: Turning
+    motion: RunMotion
+    turning: MeasuredTurning
     drive: np.ndarray  # (FINE points, n) N
     acceleration: np.ndarray  # (FINE points, 3) rad/s^2
     Omega: np.ndarray  # (samples, 3) rad/s, from Omega = 0 at the start
@@ -60,9 +69,9 @@ class Machine:
         radius = np.asarray(rig.wheel_radius) / float(rig.sphere.radius)
         self.length_noise = noise.get("theta", 1e-4) * radius
         self.basis = Basis()
-        self._kept = Kept()
+        self._kept = StageCache()
         self.window = window
-        self.rows: list[Rows] = []
+        self.rows: list[DataRows] = []
         self.rebase(rig)
 
     def rebase(self, rig: Rig) -> None:
@@ -124,7 +133,7 @@ class Machine:
         return dict(zip(wanted, made, strict=True))
 
     # --- stages -------------------------------------------------------------------------------
-    def motions(self, rig: Rig, which=None) -> dict[int, Motion]:
+    def motions(self, rig: Rig, which=None) -> dict[int, RunMotion]:
         """Motion of every run behind the measured angles."""
         key = self._motion_key(rig)
         return self._by_run("motion", key, lambda i: self._motion(rig, i), which)
@@ -143,7 +152,7 @@ class Machine:
             tuple(p for p in rig.at("sensor") if p.place.startswith("theta")),
         )
 
-    def _motion(self, rig: Rig, i: int) -> Motion:
+    def _motion(self, rig: Rig, i: int) -> RunMotion:
         tables, run = self.tables_of(rig), self.runs[i]
         length = measured_lengths(rig, tables, run)
         about = self.basis.references[i]
@@ -151,7 +160,7 @@ class Machine:
         smoothed = about + smooth(length - about, sigma, self.basis.ratios[i])[0]
         return motion(rig, tables, run, length, smoothed)
 
-    def modes(self, rig: Rig) -> Modes:
+    def modes(self, rig: Rig) -> OutputModes:
         """The elastic model's modes."""
         key = digest(rig.sphere, rig.platform, rig.wheels)
         return self._kept.get("modes", key, lambda: rig_modes(rig))
@@ -194,7 +203,9 @@ class Machine:
                 normal = self.normal_force(rig, i, m, drive)
         return self._integrated(rig, run, m, response, drive, rate, normal)
 
-    def _integrated(self, rig, run, m: Motion, response: Turning, drive, rate, normal) -> Rotated:
+    def _integrated(
+        self, rig, run, m: RunMotion, response: MeasuredTurning, drive, rate, normal
+    ) -> Rotated:
         h = run.step / FINE
         Omega = integrate(rate, h)
         rolled = np.einsum("tij,tj->ti", m.axes, Omega)
@@ -203,12 +214,12 @@ class Machine:
         length = integrate(rolled - creep, h)[::FINE]
         return Rotated(m, response, drive, rate, Omega[::FINE], length, normal)
 
-    def ports(self, rig: Rig, run: Run, m: Motion, drive) -> Ports:
+    def ports(self, rig: Rig, run: Run, m: RunMotion, drive) -> ElasticPorts:
         """Inputs of the elastic model."""
         shape = self.tables_shape(rig, m)
-        return Ports(shape, drive, run.force, self._floor(rig, run))
+        return ElasticPorts(shape, drive, run.force, self._floor(rig, run))
 
-    def tables_shape(self, rig: Rig, m: Motion) -> np.ndarray:
+    def tables_shape(self, rig: Rig, m: RunMotion) -> np.ndarray:
         """rho and the sphere's surface at SHAPE points."""
         shape = m.rho
         if rig.at("surface"):
@@ -229,7 +240,7 @@ class Machine:
         )
         return self._kept.get("motion", key, lambda: tables_for(rig, self.runs))
 
-    def surface(self, rig: Rig, m: Motion) -> np.ndarray:
+    def surface(self, rig: Rig, m: RunMotion) -> np.ndarray:
         """What the laws at the sphere's surface add to rho, (FINE points, n) m."""
         directions = contact_directions(rig, m)
         total = np.zeros(m.theta.shape)
@@ -245,18 +256,18 @@ class Machine:
             floor += along(placed.law, time)
         return floor
 
-    def signals(self, rig: Rig, i: int, ports: Ports) -> np.ndarray:
+    def signals(self, rig: Rig, i: int, ports: ElasticPorts) -> np.ndarray:
         """Linear port signals (FINE points, 4 n): deflection and rate of contacts, of mounts."""
         m = self.modes(rig)
         z = linear_states(m, self.runs[i], ports, FINE, self.basis.rolling.get(i))
         return felt(m, z, ports, self.motions(rig, [i])[i].shape_rate, SIGNALS, FINE)
 
-    def shape_rate(self, rig: Rig, m: Motion, parts: int) -> np.ndarray:
+    def shape_rate(self, rig: Rig, m: RunMotion, parts: int) -> np.ndarray:
         """d rho/dt (t, n) of the wheels' shapes at `parts` points a sample."""
         slope = self.tables_of(rig).rho_slope(m.theta_shape[:: SHAPE // parts])
         return slope * refine(m.speed, parts // FINE)
 
-    def normal_force(self, rig: Rig, i: int, m: Motion, drive) -> np.ndarray:
+    def normal_force(self, rig: Rig, i: int, m: RunMotion, drive) -> np.ndarray:
         """N (FINE points, n) of the linear elastic model."""
         s = self.signals(rig, i, self.ports(rig, self.runs[i], m, drive))
         deflection, rate, _, _ = np.split(s, 4, axis=1)
@@ -267,8 +278,8 @@ class Machine:
     # --- predictions --------------------------------------------------------------------------
     def elastic(self, rigs: list[Rig], which: list[int]) -> list[list[np.ndarray]]:
         """dR and a (samples, 6) before the sensors: per rig, per run of `which`."""
-        found = each(lambda i: self._elastic(rigs, i, STEPS), which)
-        return [list(row) for row in zip(*found, strict=True)]
+        responses = each(lambda i: self._elastic(rigs, i, STEPS), which)
+        return [list(row) for row in zip(*responses, strict=True)]
 
     def _elastic(self, rigs: list[Rig], i: int, steps: int) -> list[np.ndarray]:
         """dR and a (samples, 6) of one run before the sensors, per rig; laws take `steps` each."""

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 
-class Modes(NamedTuple):
+class OutputModes(NamedTuple):
     """dz/dt = rates z + gains u, y = Re(shapes z): one of each complex pair is kept."""
 
     rates: np.ndarray  # (k,) 1/s
@@ -26,7 +26,7 @@ class Modes(NamedTuple):
         return self.C[rows], self.D[rows]
 
 
-def modes(A, B, C, D, size: int) -> Modes:
+def modes(A, B, C, D, size: int) -> OutputModes:
     """Eigenvalues and -vectors of the elastic model; a free direction gets a damping of 1e-9.
 
     Beside the outputs of the model there is `contact_rate`, approach less mount.
@@ -53,7 +53,7 @@ def modes(A, B, C, D, size: int) -> Modes:
     )
     approach, mount = outputs["approach_rate"], outputs["mount_rate"]
     C, D = (np.concatenate([x, x[approach] - x[mount]]) for x in (C, D))
-    return Modes(
+    return OutputModes(
         rates[keep],
         inverse[keep] @ B,
         shapes[:, keep] * twice,
@@ -95,7 +95,7 @@ def hold_weights(rates: np.ndarray, step: float, parts: int) -> np.ndarray:
     return weights
 
 
-def forced(m: Modes, step: float, intervals: int, **inputs: np.ndarray) -> np.ndarray:
+def forced(m: OutputModes, step: float, intervals: int, **inputs: np.ndarray) -> np.ndarray:
     """Modal forcing (intervals, k) of `inputs` by name, over intervals of `step` s.
 
     An input (points, c) is linear between its points; either an interval has several of them, or
@@ -132,7 +132,9 @@ def _real(weights: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(weights).view(float)
 
 
-def propagate(modes: Modes, step: float, forcing: np.ndarray, start: np.ndarray) -> np.ndarray:
+def propagate(
+    modes: OutputModes, step: float, forcing: np.ndarray, start: np.ndarray
+) -> np.ndarray:
     """Modal states (n, k) after per-interval forcing (n - 1, k), from `start` (k,)."""
     z = np.empty((len(forcing) + 1, len(modes.rates)), complex)
     z[0] = start
@@ -142,23 +144,23 @@ def propagate(modes: Modes, step: float, forcing: np.ndarray, start: np.ndarray)
     return z
 
 
-def static_state(modes: Modes, inputs: np.ndarray) -> np.ndarray:
+def static_state(modes: OutputModes, inputs: np.ndarray) -> np.ndarray:
     """Modal state in which nothing moves under constant `inputs` (u,)."""
     return -(modes.gains @ inputs) / modes.rates
 
 
-def observe(modes: Modes, z: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
+def observe(modes: OutputModes, z: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
     """Outputs (n, o) of modal states, less what inputs add directly."""
     return np.ascontiguousarray(z).view(float) @ real_rows(modes, names)
 
 
-def real_rows(modes: Modes, names: tuple[str, ...]) -> np.ndarray:
+def real_rows(modes: OutputModes, names: tuple[str, ...]) -> np.ndarray:
     """(2 k, o) from a modal state's real and imaginary parts in turn: the real part only."""
     shapes = (modes.out(names)[0] @ modes.shapes).T
     return np.stack([np.real(shapes), -np.imag(shapes)], axis=1).reshape(2 * len(shapes), -1)
 
 
-def direct(modes: Modes, names: tuple[str, ...], part: str, values) -> np.ndarray | float:
+def direct(modes: OutputModes, names: tuple[str, ...], part: str, values) -> np.ndarray | float:
     """What the input `part` adds directly to outputs (n, o); `values()` (n, c) where it does."""
     D = modes.out(names)[1][:, modes.inputs[part]]
     return values() @ D.T if D.any() else 0.0

@@ -18,7 +18,7 @@ from .wheels import WheelTables, wheel_tables
 
 
 @dataclasses.dataclass(frozen=True)
-class Motion:
+class RunMotion:
     """Motion of one run at `FINE` points a sample, from smoothed wheel angles.
 
     `length` is the measured rolled length S(theta) at the samples, `theta` the angle at `SHAPE`
@@ -82,7 +82,7 @@ def _scatter(values: np.ndarray) -> float:
     return float(np.sqrt(np.nanmean(np.diff(values, 3, axis=0) ** 2) / 20)) or 1e-12
 
 
-def motion(rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray) -> Motion:
+def motion(rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray) -> RunMotion:
     """Everything the elastic and the rotation model need, from smoothed rolled lengths."""
     radius = float(rig.sphere.radius)
     spline = CubicSpline(run.time, smoothed)
@@ -99,7 +99,7 @@ def motion(rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray) -> 
     axes = _axes(rig, theta)
     rim = factor * rate
     turning = np.einsum("tij,tj->ti", np.linalg.pinv(axes), rim)
-    return Motion(
+    return RunMotion(
         length=length,
         smoothed=smoothed,
         theta_shape=theta_shape,
@@ -160,12 +160,12 @@ def tables_for(rig: Rig, runs: list[Run]) -> WheelTables:
     return wheel_tables(rig, float(low), float(high))
 
 
-def rolling_radius(rig: Rig, m: Motion) -> np.ndarray:
+def rolling_radius(rig: Rig, m: RunMotion) -> np.ndarray:
     """Radius (FINE points, n) m at which every wheel rolls: with its shape and its creep."""
     return m.factor * (np.asarray(rig.wheel_radius) + m.shape)
 
 
-def contact_directions(rig: Rig, m: Motion) -> np.ndarray:
+def contact_directions(rig: Rig, m: RunMotion) -> np.ndarray:
     """Unit vectors to the contacts in the body frame, (t, n, 3)."""
     return np.einsum("tji,nj->tni", m.attitude, -np.asarray(rig.wheels.normal))
 

@@ -3,16 +3,16 @@
 import numpy as np
 
 from ...rig import Rig
-from .data_vector import Rows, make_rows, orthonormal
+from .data_vector import DataRows, make_rows, orthonormal
 from .elastic import OUTPUTS
 from .encoders import PARTS, response_columns, smoother_modes, walk_modes, whitener
-from .modes import Modes, observe, propagate
+from .modes import OutputModes, observe, propagate
 from .runs import SHAPE, Run
 
 START = 0.01  # rad, 1-sigma of the start angle of a wheel without encoder
 
 
-def rows_of(machine, rig: Rig, i: int) -> Rows:
+def rows_of(machine, rig: Rig, i: int) -> DataRows:
     """Weights, nuisance directions and the encoders' part of the covariance of one run.
 
     Omega and s are free at the start of every window (0 s: once).
@@ -52,13 +52,13 @@ def _angle_errors(machine, rig: Rig, i: int) -> list[np.ndarray]:
     return out
 
 
-def _free_elastic_start(m: Modes, run: Run, rows: Rows) -> None:
+def _free_elastic_start(m: OutputModes, run: Run, rows: DataRows) -> None:
     """A run that begins rolling: its elastic state at the first sample is free."""
     free = _start_columns(m, run, rows)
     rows.nuisance.append((slice(0, rows.elastic.size), orthonormal(free.T)))
 
 
-def _start_columns(m: Modes, run: Run, rows: Rows) -> np.ndarray:
+def _start_columns(m: OutputModes, run: Run, rows: DataRows) -> np.ndarray:
     """What each number of the elastic state at the first sample changes in the elastic rows."""
     zero = np.zeros((run.samples - 1, len(m.rates)), complex)
     columns = []

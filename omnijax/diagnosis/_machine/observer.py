@@ -14,9 +14,9 @@ from scipy.interpolate import CubicSpline
 
 from ...dynamics import RotationMoment, TurningLaws, combined, rest_memory, torques
 from ...rig import Rig
-from .motion import Motion, rolling_radius
+from .motion import RunMotion, rolling_radius
 from .ports import bare
-from .rotation import Turning
+from .rotation import MeasuredTurning
 from .runs import FINE, padded
 from .settings import SETTINGS
 
@@ -40,7 +40,7 @@ class Path(NamedTuple):
     measured: jax.Array  # (t, 3) rad/s
 
 
-def observed_turning(rig: Rig, motion: Motion, path: Path, normal, step: float, at_rest: bool):
+def observed_turning(rig: Rig, motion: RunMotion, path: Path, normal, step: float, at_rest: bool):
     """(Omega (t, 3), wheel speeds (t, n)) at the FINE points, from Omega at the samples.
 
     `path` is that of `path_along`, `normal` (t, n) the contacts' forces.  A run that begins at rest
@@ -57,7 +57,9 @@ def observed_turning(rig: Rig, motion: Motion, path: Path, normal, step: float, 
     return fine, speed
 
 
-def path_along(rig: Rig, motion: Motion, response: Turning, command, longest: int) -> Path:
+def path_along(
+    rig: Rig, motion: RunMotion, response: MeasuredTurning, command, longest: int
+) -> Path:
     """The path at two points a sample (starts, middles, ends of the steps), without normal forces.
 
     Runs are padded to `longest` samples, so that one program serves all.

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .data_vector import Rows, orthonormal
-from .linearisation import THIN, Base
+from .data_vector import DataRows, orthonormal
+from .linearisation import THIN, Linearisation
 from .runs import FINE
 
 GRID = 4  # orders tried within one resolution of the travel: at most 4 % of a line lost between
@@ -31,7 +31,7 @@ Orders = dict[str, list[tuple[list[float], int]]]  # by law and wheel: orders, a
 
 
 def strongest_orders(
-    bases: Sequence[Base], rests: Sequence[np.ndarray], rows: Sequence[Rows]
+    bases: Sequence[Linearisation], rests: Sequence[np.ndarray], rows: Sequence[DataRows]
 ) -> Orders:
     """The orders of the strongest lines, and how many there were to choose from.
 
@@ -41,7 +41,7 @@ def strongest_orders(
     out: Orders = {law: [] for law in LAWS}
     for k in range(bases[0].rig.size):
         grid = _grid(bases, k)
-        for law, found in out.items():
+        for law, lines in out.items():
             first = _estimated(bases, rests, rows, law, k, grid)
             step = grid[1] - grid[0]
             closer = np.arange(-CLOSER, CLOSER + 1) * step / CLOSER
@@ -49,7 +49,7 @@ def strongest_orders(
             for n in _peaks(some, _gains(bases, rests, rows, law, k, some), PEAKS, GRID * step):
                 near = np.maximum(n + closer, LOWEST)
                 best.append(float(near[np.argmax(_gains(bases, rests, rows, law, k, near))]))
-            found.append((best, max(1, len(grid) // GRID)))
+            lines.append((best, max(1, len(grid) // GRID)))
     return out
 
 
@@ -62,7 +62,7 @@ def _estimated(bases, rests, rows, law: str, k: int, grid: np.ndarray) -> np.nda
     return _explained(gram, right)
 
 
-def _sizes(base: Base, rows: Rows, law: str, k: int, grid: np.ndarray) -> np.ndarray:
+def _sizes(base: Linearisation, rows: DataRows, law: str, k: int, grid: np.ndarray) -> np.ndarray:
     """Inner products (orders, 2, 2) of each line's cosine and sine, from `THINNED` samples."""
     h, axes, rates, factor = base.run.step, _axes(base), _rates(base, k), _factor(base, law, k)
     samples = rows.samples // THINNED * THINNED
@@ -92,7 +92,7 @@ def _sizes(base: Base, rows: Rows, law: str, k: int, grid: np.ndarray) -> np.nda
     return out
 
 
-def _thinned_windows(rows: Rows, keep: np.ndarray) -> list[tuple[slice, np.ndarray]]:
+def _thinned_windows(rows: DataRows, keep: np.ndarray) -> list[tuple[slice, np.ndarray]]:
     """The nuisance directions of the rotation rows at the samples `keep` alone."""
     width, first, out = rows.rotation.shape[1], rows.elastic.size, []
     for part, q in rows.nuisance:
@@ -106,7 +106,9 @@ def _thinned_windows(rows: Rows, keep: np.ndarray) -> list[tuple[slice, np.ndarr
     return out
 
 
-def _in_common(base: Base, rest, rows: Rows, law: str, k: int, grid: np.ndarray) -> np.ndarray:
+def _in_common(
+    base: Linearisation, rest, rows: DataRows, law: str, k: int, grid: np.ndarray
+) -> np.ndarray:
     """Inner products (orders, 2) of `rest` with lines, cosine and sine, of an even grid."""
     h = base.run.step
     left = rest.ravel().copy()
@@ -125,8 +127,8 @@ def _in_common(base: Base, rest, rows: Rows, law: str, k: int, grid: np.ndarray)
     theta = base.motion.theta[::FINE, k]
     block = np.exp(1j * np.outer(np.arange(TOGETHER) * (grid[1] - grid[0]), theta))
     begin = np.exp(1j * np.outer(theta, grid[::TOGETHER])) * series[:, None]
-    found = (block @ begin).T.ravel()[: len(grid)]
-    return np.stack([np.real(found), np.imag(found)], axis=1)
+    products = (block @ begin).T.ravel()[: len(grid)]
+    return np.stack([np.real(products), np.imag(products)], axis=1)
 
 
 def _gains(bases, rests, rows, law: str, k: int, orders: np.ndarray) -> np.ndarray:
@@ -153,19 +155,19 @@ def _products(bases, rests, rows, law: str, k: int, orders: np.ndarray):
     return gram, right
 
 
-def _axes(base: Base) -> np.ndarray:
+def _axes(base: Linearisation) -> np.ndarray:
     """Axes about which the sphere turns, (samples or 1, n, 3)."""
     axes = base.response.axes
     return axes if len(axes) == 1 else axes[:: FINE // THIN]
 
 
-def _rates(base: Base, k: int) -> np.ndarray:
+def _rates(base: Linearisation, k: int) -> np.ndarray:
     """Acceleration of the sphere by a torque on shaft `k`, (samples or 1, 3) rad/s^2 a N m."""
     rates = base.response.rates
     return rates[:, k] if len(rates) == 1 else rates[:: FINE // THIN, k]
 
 
-def _factor(base: Base, law: str, k: int) -> np.ndarray:
+def _factor(base: Linearisation, law: str, k: int) -> np.ndarray:
     """By what a line is multiplied at every sample."""
     torque = base.torque[::FINE, k]
     return torque if law == "current-ripple" else np.ones_like(torque)
@@ -182,7 +184,7 @@ def _turned(pushed: np.ndarray, axes: np.ndarray, h: float, step: float) -> np.n
     return np.concatenate([turned, step * np.cumsum(rolled, axis=1)], axis=2)
 
 
-def _waves(base: Base, rows: Rows, law: str, k: int, orders: np.ndarray) -> np.ndarray:
+def _waves(base: Linearisation, rows: DataRows, law: str, k: int, orders: np.ndarray) -> np.ndarray:
     """Whitened rotation rows (orders, 2, ..) of cosine and sine in the torque of wheel `k`."""
     h, wave = base.run.step, np.exp(1j * orders[:, None] * base.motion.theta[::FINE, k])
     wave = wave * _factor(base, law, k)
@@ -196,7 +198,7 @@ def _waves(base: Base, rows: Rows, law: str, k: int, orders: np.ndarray) -> np.n
     return out
 
 
-def _grid(bases: Sequence[Base], k: int) -> np.ndarray:
+def _grid(bases: Sequence[Linearisation], k: int) -> np.ndarray:
     """Orders of wheel `k`: from `LOWEST` to half a sample at a high speed."""
     travel = max(float(np.ptp(b.motion.theta[:, k])) for b in bases)
     speed = np.quantile(np.abs(np.concatenate([b.motion.speed[:, k] for b in bases])), FAST)

@@ -56,7 +56,7 @@ def outliers(machine: Machine, rig: Rig, i: int, groups: Sequence[str]) -> dict[
     tables = {"dR": elastic[:, :3], "a": elastic[:, 3:]}
     tables |= {"Omega": rotation[:, :3], "theta": rotation[:, 3:]}
     noise = machine.noise | {"theta": float(np.mean(machine.length_noise))}
-    edges, found = near_edges(machine, rig, i), {}
+    edges, masks = near_edges(machine, rig, i), {}
     for group in groups:
         if group not in machine.runs[i].outputs:
             continue
@@ -66,8 +66,8 @@ def outliers(machine: Machine, rig: Rig, i: int, groups: Sequence[str]) -> dict[
             mask[edges] = False
         mask[:, mask.mean(axis=0) > MOST] = False
         if mask.any():
-            found[group] = mask
-    return found
+            masks[group] = mask
+    return masks
 
 
 def without_outliers(

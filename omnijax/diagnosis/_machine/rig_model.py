@@ -139,8 +139,8 @@ class RigModel(AbstractModel):
         """The same model weighed by other noise; `levels` by train and then held-out run."""
         runs = list(self.machine.runs)
         order = [*self.splits["train"], *self.splits["held-out"]]
-        for i, found in zip(order, levels, strict=True):
-            runs[i] = with_noise(runs[i], found, self.rig.size)
+        for i, level in zip(order, levels, strict=True):
+            runs[i] = with_noise(runs[i], level, self.rig.size)
         return RigModel(self.rig, runs, self.noise, self.laws, self.window)
 
     def rebase(self, point):
@@ -181,8 +181,8 @@ class RigModel(AbstractModel):
         rows = [self.machine.rows[b.index] for b in self._bases]
         parts = np.split(rest, np.cumsum([r.size for r in rows])[:-1])
         left = [r.split(part)[1] for r, part in zip(rows, parts, strict=True)]
-        found = strongest_orders(self._bases, left, rows)
-        return {k: dict(zip(self.rig.names, v, strict=True)) for k, v in found.items()}
+        orders = strongest_orders(self._bases, left, rows)
+        return {k: dict(zip(self.rig.names, v, strict=True)) for k, v in orders.items()}
 
     @functools.cached_property
     def _tops(self) -> dict[str, float]:

@@ -21,22 +21,22 @@ from ...dynamics import (
 from ...rig import Rig
 from .elastic import refine
 from .laws import follow
-from .motion import Motion, rolling_radius
+from .motion import RunMotion, rolling_radius
 from .ports import bare
 from .runs import FINE, Run
 
 
 @dataclasses.dataclass(frozen=True)
-class Turning:
+class MeasuredTurning:
     """Linear response of one run's rotation to torques (spec section 4)."""
 
     response: np.ndarray  # (n + 3, t, n + 3): of a unit torque on each shaft, opposing each axis
     axes: np.ndarray  # (t or 1, n, 3)
 
-    def thin(self, step: int) -> "Turning":
+    def thin(self, step: int) -> "MeasuredTurning":
         """The same at every `step`-th time."""
         axes = self.axes if len(self.axes) == 1 else self.axes[::step]
-        return Turning(self.response[:, ::step], axes)
+        return MeasuredTurning(self.response[:, ::step], axes)
 
     @functools.cached_property
     def rates(self) -> np.ndarray:
@@ -62,11 +62,11 @@ def isotropic(rig: Rig) -> bool:
     return bool(np.all(inertia == inertia[0, 0] * np.eye(3)))
 
 
-def turning(rig: Rig, motion: Motion) -> Turning:
+def turning(rig: Rig, motion: RunMotion) -> MeasuredTurning:
     """The response along one run's motion."""
     attitude = np.eye(3)[None] if isotropic(rig) else motion.attitude
     response = _responses(bare(rig), rolling_radius(rig, motion), motion.axes, attitude)
-    return Turning(np.asarray(response), motion.axes)
+    return MeasuredTurning(np.asarray(response), motion.axes)
 
 
 @jax.jit
@@ -94,7 +94,7 @@ def _command_times(placed, fine, size: int):
     return jax.vmap(lambda t: command_times(placed, t, size))(fine)
 
 
-def rotation_moments(rig: Rig, m: Motion, command: np.ndarray, normal: np.ndarray):
+def rotation_moments(rig: Rig, m: RunMotion, command: np.ndarray, normal: np.ndarray):
     """What laws that act on the rotation feel along a motion; one entry where nothing changes."""
     turns = not isotropic(rig) or rig.at("sphere") or np.any(np.asarray(rig.sphere.centre_of_mass))
     attitude = m.attitude if turns else np.eye(3)[None]

@@ -68,7 +68,7 @@ class Run:
         return bool(np.nanmax(np.abs(change)) > 5 * noise["theta"])
 
 
-def with_noise(run: Run, found: Mapping[str, Any], wheels: int) -> Run:
+def with_noise(run: Run, noise: Mapping[str, Any], wheels: int) -> Run:
     """The run with other noise: by channel a `ratio` to the old 1-sigma, and a `spectrum` or None.
 
     Omega and the rolled lengths are not whitened in time (their windows start anew): there noise of
@@ -77,12 +77,12 @@ def with_noise(run: Run, found: Mapping[str, Any], wheels: int) -> Run:
     levels, spectra = dict(run.levels), dict(run.spectra)
     for group in run.outputs:
         names = [f"{group}_{c}" for c in (range(1, wheels + 1) if group == "theta" else "xyz")]
-        ratio = np.array([_strength(run, found.get(n), group) for n in names])
+        ratio = np.array([_strength(run, noise.get(n), group) for n in names])
         if np.any(ratio != 1.0):
             levels[group] = run.level(group) * ratio
         for n in names:
-            if group in ELASTIC and n in found and found[n].spectrum is not None:
-                spectra[n] = found[n].spectrum
+            if group in ELASTIC and n in noise and noise[n].spectrum is not None:
+                spectra[n] = noise[n].spectrum
     return dataclasses.replace(run, levels=levels, spectra=spectra)
 
 

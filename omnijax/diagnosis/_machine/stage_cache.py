@@ -7,7 +7,7 @@ from typing import Any
 MOST = 12  # of a stage
 
 
-class Kept:
+class StageCache:
     """A small store a stage; threads may ask at once, and get the same object of one key."""
 
     def __init__(self):

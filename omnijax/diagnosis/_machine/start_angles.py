@@ -75,8 +75,8 @@ def _phases(machine: Machine, rig: Rig, i: int, missing) -> np.ndarray:
         for phase in np.arange(PHASES) * wide / PHASES:
             shape = np.zeros_like(m.theta_shape)
             shape[:, k] = tables.places(m.theta_shape[:, k] + phase).of(tables.shape[:, k])
-            found = driven(modes, run, rest_state(modes, shape=shape), shape=shape)
-            signals.append((found * w).ravel())
+            response = driven(modes, run, rest_state(modes, shape=shape), shape=shape)
+            signals.append((response * w).ravel())
     table = np.stack(signals)
     left = _left(machine, rig, i) + table[::PHASES].sum(axis=0)
     chosen = _least_squares(table @ table.T, table @ left, len(missing))

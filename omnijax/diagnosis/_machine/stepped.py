@@ -12,7 +12,7 @@ from ...rig import Rig
 from .._search import STEPPED
 from .._threads import cores, each
 from .elastic import SIGNALS, driven, signal_names
-from .modes import Modes
+from .modes import OutputModes
 from .ports import ElasticLaws
 from .runs import Run, padded
 
@@ -26,7 +26,7 @@ class Lane:
     """One run of one rig: what its `stepped_ports` feel of the linear run, (t, 2 n a port)."""
 
     rig: Rig
-    modes: Modes
+    modes: OutputModes
     run: Run
     signals: np.ndarray
 
@@ -42,8 +42,8 @@ def law_changes(lanes: list[Lane]) -> list[np.ndarray]:
         return []
     count = max(-(-len(lanes) // LANES), min(cores(), len(lanes) // FEW))
     parts = np.array_split(np.arange(len(lanes)), max(count, 1))
-    found = each(lambda some: _side_by_side([lanes[k] for k in some]), parts)
-    return [change for part in found for change in part]
+    changes = each(lambda some: _side_by_side([lanes[k] for k in some]), parts)
+    return [change for part in changes for change in part]
 
 
 def _side_by_side(lanes: list[Lane]) -> list[np.ndarray]:
@@ -62,9 +62,9 @@ def _side_by_side(lanes: list[Lane]) -> list[np.ndarray]:
     out = []
     for k, (lane, (start, _)) in enumerate(zip(lanes, starts, strict=True)):
         force = np.split(tensions[k, : len(lane.signals)], len(ports), axis=1)
-        found = dict(zip(ports, force, strict=True))
+        forces = dict(zip(ports, force, strict=True))
         begin = lane.modes.inverse @ np.asarray(start)
-        out.append(driven(lane.modes, lane.run, begin, **found))
+        out.append(driven(lane.modes, lane.run, begin, **forces))
     return out
 
 
@@ -120,7 +120,7 @@ def _static(laws: ElasticLaws, compliance, rows, signal):
     return unravel(x)
 
 
-def _static_deviation(laws: ElasticLaws, m: Modes, signal):
+def _static_deviation(laws: ElasticLaws, m: OutputModes, signal):
     """(d, memory) of the static start with the rig's contact and mount laws."""
     ports = laws.ports
     still = signal.reshape(len(ports), 2, -1) * np.array([1.0, 0.0])[:, None]
@@ -128,12 +128,12 @@ def _static_deviation(laws: ElasticLaws, m: Modes, signal):
     return _static(laws, compliance, m.out(signal_names(ports))[0], still.ravel())
 
 
-def _columns(m: Modes, ports: tuple[str, ...]) -> np.ndarray:
+def _columns(m: OutputModes, ports: tuple[str, ...]) -> np.ndarray:
     """What tensions (n a port) do to the state's rate."""
     return np.concatenate([m.B[:, m.inputs[port]] for port in ports], axis=1)
 
 
-def step_matrices(m: Modes, h: float, ports) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def step_matrices(m: OutputModes, h: float, ports) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(E, P, Q): d_next = E d + F P + F_next Q for tensions F linear over a step `h`.
 
     Full matrices, where `modes.hold_weights` has them by eigenvalue; a test holds the two and the

@@ -12,7 +12,7 @@ from ...dynamics import actuated, body_torques, rolling_torques, shaft_torques
 from ...rig import Placed, Rig, acting, over_wheels
 from .elastic import refine
 from .laws import along, follow, readings
-from .linearisation import THIN, Base, transfer, turned_by
+from .linearisation import THIN, Linearisation, transfer, turned_by
 from .motion import contact_directions, integrate
 from .ports import bare
 from .rotation import commanded, each_moment
@@ -20,12 +20,12 @@ from .runs import FINE, SHAPE
 from .wheels import shape_table
 
 
-def signature(base: Base, placed: Placed):
+def signature(base: Linearisation, placed: Placed):
     """(elastic (samples, 6) or None, rotation (samples, 3 + n) or None) of one placed law."""
     return _PORTS[placed.law.port](base, placed)
 
 
-def _shape(base: Base, placed: Placed):
+def _shape(base: Linearisation, placed: Placed):
     change = np.zeros((len(base.tables.angle), base.rig.size))
     gaps = base.rig.gaps
     for i in placed.wheels:
@@ -37,7 +37,7 @@ def _shape(base: Base, placed: Placed):
 SMALL = 1e-6  # of a wheel's radius: shapes are smooth in it
 
 
-def _radius(base: Base, placed: Placed):
+def _radius(base: Linearisation, placed: Placed):
     """Another wheel radius: longer levers and rolled lengths, deeper gaps."""
     rig, angle = base.rig, base.tables.angle
     change = np.asarray(over_wheels((placed,), rig.wheel_radius, rig.size))
@@ -46,7 +46,7 @@ def _radius(base: Base, placed: Placed):
     return _shaped(base, shape, shape + change)
 
 
-def _shaped(base: Base, rho: np.ndarray, radius: np.ndarray):
+def _shaped(base: Linearisation, rho: np.ndarray, radius: np.ndarray):
     """Both tables of changes of the wheels' shapes and rolling radii, over the tables' angles."""
     tables, m = base.tables, base.motion
     shape = np.zeros_like(m.theta_shape)
@@ -74,7 +74,7 @@ def _shape_law(law, angle, gap):
     return jax.vmap(lambda a: law(a, gap))(angle)
 
 
-def _surface(base: Base, placed: Placed):
+def _surface(base: Linearisation, placed: Placed):
     directions = contact_directions(base.rig, base.motion)
     value = np.stack(
         [along(placed.law, np.ascontiguousarray(directions[:, i])) for i in range(base.rig.size)], 1
@@ -82,15 +82,15 @@ def _surface(base: Base, placed: Placed):
     return transfer(base, shape=refine(value, SHAPE // FINE)), None
 
 
-def _contact(base: Base, placed: Placed):
+def _contact(base: Linearisation, placed: Placed):
     return transfer(base, contact=_per_wheel(base, placed, base.contact)), None
 
 
-def _mount(base: Base, placed: Placed):
+def _mount(base: Linearisation, placed: Placed):
     return transfer(base, mount=_per_wheel(base, placed, base.mount)), None
 
 
-def _per_wheel(base: Base, placed: Placed, signals) -> np.ndarray:
+def _per_wheel(base: Linearisation, placed: Placed, signals) -> np.ndarray:
     """Tensions (FINE points, n) of a law, with its memory followed from rest."""
     out = np.zeros(base.motion.theta.shape)
     for i in placed.wheels:
@@ -110,7 +110,7 @@ def _remember(law, signals, step):
     return follow(rule, signals, law.initial(), step)
 
 
-def _separation(base: Base, placed: Placed):
+def _separation(base: Linearisation, placed: Placed):
     out = np.zeros(base.motion.theta.shape)
     for i in placed.wheels:
         out[:, i] = -along(placed.law, np.ascontiguousarray(base.normal[:, i]))
@@ -119,42 +119,42 @@ def _separation(base: Base, placed: Placed):
     return transfer(base, contact=out), None
 
 
-def _port(base: Base, function, placed: Placed):
+def _port(base: Linearisation, function, placed: Placed):
     """What the port's `function` makes of a law at wheels, along the run."""
     (law,) = acting((placed,), base.rig.size, masked=True)
     memory = law.rest(base.rig.size)
     return each_moment(base.slow.step, function, bare(base.rig), law, base.felt, memory)[0]
 
 
-def _shaft(base: Base, placed: Placed):
+def _shaft(base: Linearisation, placed: Placed):
     return turned_by(base, *_port(base, shaft_torques, placed))
 
 
-def _actuator(base: Base, placed: Placed):
+def _actuator(base: Linearisation, placed: Placed):
     return turned_by(base, _port(base, actuated, placed))
 
 
-def _command(base: Base, placed: Placed):
+def _command(base: Linearisation, placed: Placed):
     moved = commanded(base.rig.add(placed.law, placed.place), base.run) - base.torque
     return turned_by(base, moved[::THIN])
 
 
-def _rolling(base: Base, placed: Placed):
+def _rolling(base: Linearisation, placed: Placed):
     return turned_by(base, *_port(base, rolling_torques, placed))
 
 
-def _body(base: Base, placed: Placed):
+def _body(base: Linearisation, placed: Placed):
     felt = base.felt._replace(rotation=base.slow.attitude)
     rig = bare(base.rig)
     caused, _ = each_moment(base.slow.step, body_torques, rig, placed.law, felt, None)
     return turned_by(base, opposing=caused.opposing)
 
 
-def _platform(base: Base, placed: Placed):
+def _platform(base: Linearisation, placed: Placed):
     return transfer(base, floor=along(placed.law, base.run.fine(FINE))), None
 
 
-def _kinematics(base: Base, placed: Placed):
+def _kinematics(base: Linearisation, placed: Placed):
     """The factor 1 + e of the rolling radius enters S(theta) and the drive forces."""
     m = base.motion
     change = np.zeros(m.theta.shape)
@@ -166,7 +166,7 @@ def _kinematics(base: Base, placed: Placed):
     return elastic, rotation
 
 
-def _longer_lever(base: Base, change: np.ndarray, **inputs: np.ndarray):
+def _longer_lever(base: Linearisation, change: np.ndarray, **inputs: np.ndarray):
     """Both tables of rolling radii r (1 + change), `change` (thinned points, n), at fixed S(theta).
 
     With what `inputs` of the elastic model cause.  In the drive forces' matrix and right-hand side
@@ -176,7 +176,7 @@ def _longer_lever(base: Base, change: np.ndarray, **inputs: np.ndarray):
     return turned_by(base, shaft=shaft, **inputs)
 
 
-def _sensor(base: Base, placed: Placed):
+def _sensor(base: Linearisation, placed: Placed):
     group = placed.place.split("_")[0]
     time, run = base.run.time, base.run
     if group == "theta":
@@ -199,7 +199,7 @@ def _alone(rig: Rig, placed: Placed) -> Rig:
     return eqx.tree_at(lambda r: r.effects, rig, (placed,), is_leaf=lambda x: x is rig.effects)
 
 
-def _encoder(base: Base, placed: Placed):
+def _encoder(base: Linearisation, placed: Placed):
     """An encoder's error shifts the angle of the shape's look-up, and the rolled length."""
     m, run = base.motion, base.run
     theta = m.theta[::FINE]

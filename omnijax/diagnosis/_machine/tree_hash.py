@@ -8,10 +8,10 @@ import numpy as np
 
 def digest(*parts) -> bytes:
     """A digest of the numbers and the structure of some trees."""
-    found = hashlib.blake2b(digest_size=16)
+    hashed = hashlib.blake2b(digest_size=16)
     for part in parts:
         leaves, structure = jax.tree.flatten(part)
-        found.update(repr(structure).encode())
+        hashed.update(repr(structure).encode())
         for leaf in leaves:
-            found.update(np.asarray(leaf).tobytes())
-    return found.digest()
+            hashed.update(np.asarray(leaf).tobytes())
+    return hashed.digest()

@@ -21,7 +21,7 @@ UNITS = {"gain": "1", "delay": "s"}
 
 def rig_priors(rig: Rig) -> list[Prior]:
     """The rig's uncertain parameters, one a wheel."""
-    found: dict[str, float] = {}
+    sigmas: dict[str, float] = {}
     for path, sigma in rig.uncertainty:
         parts = path.split(".")
         if parts[0] in ("contact", "mount", "closure"):
@@ -32,9 +32,9 @@ def rig_priors(rig: Rig) -> list[Prior]:
             keys = [path]
         explicit = len(keys) == 1
         for key in keys:
-            if explicit or key not in found:
-                found[key] = sigma
-    return [prior for key, sigma in found.items() for prior in _priors(rig, key, sigma)]
+            if explicit or key not in sigmas:
+                sigmas[key] = sigma
+    return [prior for key, sigma in sigmas.items() for prior in _priors(rig, key, sigma)]
 
 
 def _priors(rig: Rig, key: str, sigma: float) -> list[Prior]:

@@ -13,7 +13,7 @@ from .settings import SETTINGS
 POINTS = SETTINGS.table_points
 
 
-class Places(NamedTuple):
+class WheelPlaces(NamedTuple):
     """Where angles (t,) lie in a table: its point before each, and the share of the way on.
 
     `turns` counts how often the table was gone through before.
@@ -54,14 +54,14 @@ class WheelTables(NamedTuple):
         """d rho/d theta at angles (t, n)."""
         return self._look(self.slope, theta)
 
-    def places(self, theta: np.ndarray) -> Places:
+    def places(self, theta: np.ndarray) -> WheelPlaces:
         """Where angles (t,) of a wheel lie in the tables; those of NaN have a share of NaN."""
         count = len(self.angle) - 1
         at = (theta - self.first) * (count / self.span)
         turns = np.floor(at / count)
         at -= count * turns
         index = np.clip(np.nan_to_num(at), 0, count - 1).astype(np.intp)
-        return Places(index, at - index, turns)
+        return WheelPlaces(index, at - index, turns)
 
     def _look(self, table, theta):
         columns = zip(theta.T, table.T, strict=True)

@@ -27,11 +27,11 @@ def position_noise(logs: Sequence[Log]) -> tuple[float, str]:
     declared = [log.noise["position"] for log in logs if "position" in log.noise]
     if declared:
         return float(np.sqrt(np.mean(np.array(declared) ** 2))), "declared"
-    found = []
+    sigmas = []
     for order in ORDERS:
         squares = [np.mean(np.diff(log.outputs["position"], order) ** 2) for log in logs]
-        found.append(np.sqrt(np.mean(np.array(squares, float)) / math.comb(2 * order, order)))
-    return float(min(found)), "differences"
+        sigmas.append(np.sqrt(np.mean(np.array(squares, float)) / math.comb(2 * order, order)))
+    return float(min(sigmas)), "differences"
 
 
 def cutoff_of(logs: Sequence[Log], noise: float) -> float:
@@ -96,7 +96,7 @@ def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, 
         if chosen == "balance" else
         "Compared is the position of free runs, simulated from the inputs alone."
     )  # fmt: skip
-    return model, table, [how]
+    return model, table, [how, *file.assumed]
 
 
 def _one_inertia(machine: AbstractMachine) -> Axis | None:

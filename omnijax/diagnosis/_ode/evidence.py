@@ -95,8 +95,8 @@ class OdeEvidence(AbstractEvidence):
     def remarks(self):
         return list(self.said)
 
-    def unit(self, unit, place):
-        return axis_unit(unit, "translation" if self._position() == "m" else "rotation")
+    def unit(self, unit, place, key=""):
+        return axis_unit(unit, "translation" if self._position() == "m" else "rotation", key)
 
     def free_runs(self, points: dict[str, Point]) -> list[dict[str, Any]]:
         """Simulation from the first sample of every run: RMS, MAE and share, by point."""

@@ -101,13 +101,13 @@ class OdeModel(AbstractModel):
         if key not in self._batches:
             self._batches[key] = batches({i: self.rows[i] for i in which})
         only, lanes = self._program_for(tables[0], followed, which, program == START)
-        found = {}
+        by_run = {}
         for members, data in self._batches[key]:
             run = self._programs(self.rows[members[0]], only)[program]
             made = _lanes(run, data, followed, lanes, *tables)
             for i, part in zip(members, np.split(made, len(members), axis=1), strict=True):
-                found[i] = part[:, self.rows[i].picked]
-        out = np.concatenate([found[i] for i in which], axis=1)
+                by_run[i] = part[:, self.rows[i].picked]
+        out = np.concatenate([by_run[i] for i in which], axis=1)
         out[steps > STEEP] = np.nan
         return out
 
@@ -139,13 +139,13 @@ class OdeModel(AbstractModel):
         if not runs:
             return np.ones(len(thetas), int)
         step = self.runs[0].step / runs[0].places
-        found, known = np.empty(len(thetas), int), {}
+        counts, known = np.empty(len(thetas), int), {}
         for k, theta in enumerate(thetas):
             key = theta.tobytes()
             if key not in known:
                 known[key] = steps_for(np.asarray(self._slopes(jnp.asarray(theta))), step)
-            found[k] = known[key]
-        return found
+            counts[k] = known[key]
+        return counts
 
     def weights(self, split: str) -> np.ndarray:
         """1/sigma of every row of a split, as if `inflation` rows said as much as one."""
@@ -194,8 +194,8 @@ class OdeModel(AbstractModel):
             best = self.explained = best_known(self, fit, tell)
             left, used = best.residual, len(best.free)
         else:
-            found = self.candidates(fit.point)
-            table = np.concatenate([fit.jacobian.T, self.columns(fit.point, found)])
+            candidates = self.candidates(fit.point)
+            table = np.concatenate([fit.jacobian.T, self.columns(fit.point, candidates)])
             left, used = beside(fit.residual, table)
         independent = max(len(left) / inflation(self._by_run(left)) - used, 1.0)
         spread = float(left @ left) / len(left) * (1 + used / independent)
@@ -263,8 +263,8 @@ class OdeModel(AbstractModel):
         if any("order" in self.laws[i].parameters for i, _ in self.places):
             orders = strongest_orders(self, point)
         names = [e.name for e in point.effects]
-        found = machine_candidates(self, self.scales, orders)
-        return [c for c in found if names.count(c.name) < ROOM]
+        candidates = machine_candidates(self, self.scales, orders)
+        return [c for c in candidates if names.count(c.name) < ROOM]
 
     def balance(self, i: int) -> tuple[Balance, Callable]:
         """The balance of run `i`, and its values at a vector of numbers."""
@@ -410,7 +410,7 @@ def _lanes(program, data, steps: np.ndarray, lanes: int, *tables: np.ndarray) ->
         padded = [t[np.resize(here, lanes)] for t in tables]
         made = program(data, jnp.asarray(int(steps[here].max())), *map(jnp.asarray, padded))
         out.append(np.asarray(made)[: len(here)])
-    found = np.concatenate(out)
+    rows = np.concatenate(out)
     back = np.empty(count, int)
     back[order] = np.arange(count)
-    return found[back]
+    return rows[back]

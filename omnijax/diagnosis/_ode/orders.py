@@ -3,17 +3,21 @@
 import numpy as np
 
 FINE = 4  # orders tried within one resolution of the travel
+CLOSER = 8  # times as many beside a peak
 PERIODS = 2  # of a line over the travel: what does not repeat is none
 PEAKS = 8
 MOST = 6000
+SLOW = 0.25  # share of the rows that a line must pass slowly enough to be seen in them
+SEEN = 0.8  # of half the rows' sampling rate: what their low pass lets through
 
 
 def strongest_orders(model, point) -> dict[str, list[float]]:
     """By place the orders (events a radian times 1) whose lines close most of the balance.
 
     The residual is the balance of accelerations at the point, whatever the criterion; the grid has
-    `FINE` orders within one resolution, 2 pi over the travel, up to half a row's sampling at the
-    typical speed.
+    `FINE` orders within one resolution, 2 pi over the travel, and finer ones beside its peaks.  An
+    order is looked for in the rows whose speed keeps it within what they let through, up to where a
+    quarter of them does.
     """
     which, theta = model.splits["train"], model.numbers.vector(point)
     angle, left, speed, step = [], [], [], 0.0
@@ -30,17 +34,24 @@ def strongest_orders(model, point) -> dict[str, list[float]]:
     if travel <= 0:
         return {}
     fine = 2 * np.pi / travel / FINE
-    fastest = np.quantile(np.abs(speed), 0.5) or 1.0
-    top = min(np.pi / step / fastest, fine * MOST)
+    fastest = SEEN * np.pi / step  # rad/s, of a line
+    top = min(fastest / (np.quantile(np.abs(speed), SLOW) or 1.0), fine * MOST)
     grid = np.arange(PERIODS * FINE, max(PERIODS * FINE + 1, int(top / fine))) * fine
-    power = np.empty(len(grid))
-    for begin in range(0, len(grid), 256):
-        part = grid[begin : begin + 256]
-        wave = np.exp(1j * np.outer(part, angle))
-        power[begin : begin + 256] = np.abs(wave @ left) ** 2
+
+    def power(orders):
+        """Fall of the squares by a line of each order, over the rows in which it is seen."""
+        seen = np.outer(orders, np.abs(speed)) < fastest
+        wave = np.where(seen, np.exp(1j * np.outer(orders, angle)), 0.0)
+        return np.abs(wave @ left) ** 2 / np.maximum(seen.sum(axis=1), 1)
+
+    parts = np.split(grid, range(256, len(grid), 256))
+    powers = np.concatenate([power(part) for part in parts])
     peaks = [
         k for k in range(len(grid))
-        if power[k] >= power[max(0, k - 1)] and power[k] >= power[min(len(grid) - 1, k + 1)]
+        if powers[k] >= powers[max(0, k - 1)] and powers[k] >= powers[min(len(grid) - 1, k + 1)]
     ]  # fmt: skip
-    best = sorted(peaks, key=lambda k: -power[k])[:PEAKS]
-    return {place: [float(grid[k]) for k in best] for _, place in model.places}
+    best, closer = [], np.arange(-CLOSER, CLOSER + 1) * fine / CLOSER
+    for k in sorted(peaks, key=lambda k: -powers[k])[:PEAKS]:
+        near = grid[k] + closer
+        best.append(float(near[np.argmax(power(near))]))
+    return {place: best for _, place in model.places}

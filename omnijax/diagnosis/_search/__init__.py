@@ -21,9 +21,9 @@ from .model import Prior as Prior
 from .model import free_numbers as free_numbers
 from .scan import Signatures as Signatures
 from .search import Explored as Explored
-from .search import Found as Found
 from .search import Search as Search
-from .search import Way as Way
+from .search import SearchPath as SearchPath
+from .search import SearchResult as SearchResult
 from .settings import SETTINGS as SETTINGS
 from .settings import SearchSettings as SearchSettings
 from .starts import at_finite_strength as at_finite_strength

@@ -113,7 +113,7 @@ def _strengths(law) -> list[str]:
 def _generic(law, place, context) -> list[Candidate]:
     """A law by its table of parameters: a column a strength, shape constants from a ladder."""
     linear, shapes = _strengths(law), unknown_shapes(law)
-    ladders = [ladder(law.parameters[k]) for k in shapes]
+    ladders = [strengths_to_try(law.parameters[k]) for k in shapes]
     out = []
     for values in _product(ladders):
         fixed = dict(zip(shapes, values, strict=True))
@@ -151,7 +151,7 @@ def unknown_shapes(law) -> list[str]:
     ]  # fmt: skip
 
 
-def ladder(parameter) -> list[float]:
+def strengths_to_try(parameter) -> list[float]:
     """Values to try of an unknown shape constant: from its bounds, else a decade around 1."""
     low, high = parameter.low, parameter.high
     if math.isfinite(low) and math.isfinite(high):
@@ -161,8 +161,8 @@ def ladder(parameter) -> list[float]:
 
 def _product(ladders):
     out = [()]
-    for ladder in ladders:
-        out = [(*head, v) for head in out for v in ladder]
+    for strengths_to_try in ladders:
+        out = [(*head, v) for head in out for v in strengths_to_try]
     return out
 
 
@@ -185,9 +185,9 @@ WHOLE = range(1, 25)  # orders that are tried whatever stands out
 
 def _ripple(law, place, context):
     """Whole orders of a torque, and what stands out; of a current only what stands out."""
-    found, trials = context.orders.get(law.id, {}).get(place, ([], 1))
+    lines, trials = context.orders.get(law.id, {}).get(place, ([], 1))
     whole = WHOLE if law.id == "motor-ripple" else ()
-    broken = [n for n in found if all(abs(n - k) > 0.05 for k in whole)]
+    broken = [n for n in lines if all(abs(n - k) > 0.05 for k in whole)]
     return [_waves(law, place, context, order=float(n)) for n in whole] + [
         _waves(law, place, context, f"order {n:.3g}", trials, order=n) for n in broken
     ]

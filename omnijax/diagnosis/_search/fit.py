@@ -60,8 +60,8 @@ def tangent_rows(model: AbstractModel, point, free, residual, baseline=None):
         h = -step if values[k] + step > free[k].high else step
         points.append(moved(point, point.u, free, values + h * np.eye(len(free))[k]))
         steps.append(h)
-    found = model.residuals(points, "train") if points else []
-    columns = [(r - residual) / h for r, h in zip(found, steps, strict=True)]
+    residuals = model.residuals(points, "train") if points else []
+    columns = [(r - residual) / h for r, h in zip(residuals, steps, strict=True)]
     changed = np.stack(columns, axis=1) if columns else np.zeros((len(residual), 0))
     return changed if baseline is None else np.concatenate([baseline, changed], axis=1)
 
@@ -72,7 +72,7 @@ def tangents_at(model: AbstractModel, point: Point) -> np.ndarray:
     return tangent_rows(model, point, model.free(point), residual)
 
 
-def foretold(model: AbstractModel, point: Point, residual, J) -> tuple[Point, float]:
+def predicted(model: AbstractModel, point: Point, residual, J) -> tuple[Point, float]:
     """Where one bounded Gauss-Newton step leads from `point` with `residual`, and its cost."""
     state = _State(point, tuple(model.free(point)), residual, float(residual @ residual))
     gram, gradient, scale = _normal(state, J)
@@ -102,7 +102,7 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 20
             J = None
             break
         tangents = J[:, : len(point.u)]
-        new, damping, foretold = _step(model, state, J, damping)
+        new, damping, predicted = _step(model, state, J, damping)
         fall = 0.0 if new is None else state.cost - new.cost
         state = new or state
         far = state.cost > 10 * floor
@@ -111,7 +111,7 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 20
             break
         if ended and state.cost < floor:  # nothing but noise is left
             break
-        fresh = ended or fall < 0.8 * foretold or fall > RENEW
+        fresh = ended or fall < 0.8 * predicted or fall > RENEW
         tangents = None if fresh else tangents
     return _finished(model, state, J)
 
@@ -147,11 +147,11 @@ def _step(model: AbstractModel, state: _State, J: np.ndarray, damping: float):
     for _ in range(6):
         x, trial = _trial(model, state, gram, gradient, scale, damping)
         d = trial - x
-        foretold = float(-2 * gradient @ d - d @ gram @ d)
+        predicted = float(-2 * gradient @ d - d @ gram @ d)
         new = _State.at(model, moved(point, trial[:P], state.free, trial[P:]), state.free)
         if np.isfinite(new.cost) and new.cost <= state.cost + 1e-9:
-            return new, damping / 30, foretold
-        if foretold < ENOUGH:
+            return new, damping / 30, predicted
+        if predicted < ENOUGH:
             break
         damping = max(damping * 30, 1e-3)
     return None, damping, 0.0

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...laws import AbstractLaw
 from ...rig import Placed
-from .candidates import Candidate, ladder, number, unknown_shapes
+from .candidates import Candidate, number, strengths_to_try, unknown_shapes
 from .model import AbstractModel, Point, Prior
 
 Residual = Callable[[dict[str, float], list[AbstractLaw], str], np.ndarray]
@@ -52,7 +52,9 @@ class SmallModel(AbstractModel):
         out = []
         for id, law in self.laws.items():
             keys = dict.fromkeys([*unknown_shapes(law), *(k for i, k in self.constants if i == id)])
-            ladders = [self.constants.get((id, k), ladder(law.parameters[k])) for k in keys]
+            ladders = [
+                self.constants.get((id, k), strengths_to_try(law.parameters[k])) for k in keys
+            ]
             for values in itertools.product(*ladders):
                 out.append(self._candidate(law, dict(zip(keys, map(float, values), strict=True))))
         return out

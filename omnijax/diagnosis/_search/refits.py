@@ -117,9 +117,9 @@ class Refits:
             effects = (*others, Effect(last.id, last.place, values))
             for u in (point.u, 0 * point.u):
                 there = Point(u, effects)
-                found = chi2_of(self.model, there, "train") + float(u @ u)
-                if np.isfinite(found) and found < least:
-                    best, least = there, found
+                chi2 = chi2_of(self.model, there, "train") + float(u @ u)
+                if np.isfinite(chi2) and chi2 < least:
+                    best, least = there, chi2
             if least < cost:
                 break
         return best

@@ -88,7 +88,7 @@ class Review:
         again = self._scan_without(fit, i, signatures)
         mine = [s for s in again.order if s.candidate.name == effects[i].name]
         own = max((s.gain for s in mine), default=0.0)
-        found = []
+        rivals = []
         for score in self._near(again, own, {e.name for e in effects}):
             if self.model.spent:
                 break
@@ -113,8 +113,8 @@ class Review:
             if self._widens(rival, effects[i]):
                 continue  # a limit that explains as much is no other explanation
             cosine = again.cosine(mine[0].index, score.index) if mine else 0.0
-            found.append((new.point.effects[i], margin, cosine))
-        return None, sorted(found, key=lambda f: f[1])
+            rivals.append((new.point.effects[i], margin, cosine))
+        return None, sorted(rivals, key=lambda f: f[1])
 
     def _widens(self, wide: Effect, plain: Effect) -> bool:
         """Whether the one law is the other at a limit of its numbers, at the same place."""

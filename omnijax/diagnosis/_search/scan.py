@@ -50,7 +50,7 @@ class Score:
 
 
 @dataclasses.dataclass(frozen=True)
-class Layout:
+class SignatureLayout:
     """Which columns of a table of signatures are whose, and how long they were."""
 
     candidates: list
@@ -77,7 +77,7 @@ class Signatures:
     def __init__(self, candidates: Sequence, table: np.ndarray):
         self.table = table
         size = np.sqrt(np.einsum("kr,kr->k", self.table, self.table))
-        self.layout = Layout(list(candidates), np.where(size > 0, size, 1.0))
+        self.layout = SignatureLayout(list(candidates), np.where(size > 0, size, 1.0))
         self.table /= self.layout.scale[:, None]
         parts = map(self.layout.part, range(len(self.layout.candidates)))
         self.blocks = [self.table[p] @ self.table[p].T for p in parts]
@@ -126,7 +126,9 @@ class Scan:
     those of its columns with all columns.
     """
 
-    def __init__(self, layout: Layout, blocks, right, decoy: float = 0.0, spread: float = 1.0):
+    def __init__(
+        self, layout: SignatureLayout, blocks, right, decoy: float = 0.0, spread: float = 1.0
+    ):
         self.layout, self.blocks, self.right, self.decoy = layout, blocks, right, decoy
         self.spread = spread
         self.towards: dict[int, np.ndarray] = {}

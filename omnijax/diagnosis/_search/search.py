@@ -26,7 +26,7 @@ from .starts import (
 
 
 @dataclasses.dataclass
-class Found:
+class SearchResult:
     """All that the search found out.
 
     `alone` holds by effect the fit without it and that fit's chi2 on the held-out runs,
@@ -48,7 +48,7 @@ class Found:
 
 
 @dataclasses.dataclass(frozen=True)
-class Way:
+class SearchPath:
     """A way through the search: its fit, what was scored and tried, and whether noise is left.
 
     The large table of `signatures` is the last scan's.
@@ -67,7 +67,7 @@ class Explored:
 
     baseline: Fit
     held_before: float
-    way: Way
+    way: SearchPath
 
     def without_table(self) -> "Explored":
         """The same less the large table of signatures, which a review makes again."""
@@ -96,7 +96,7 @@ class Search:
         self.settings = model.settings
         self.begun = 0.0, 0.0  # chi2 of the baseline on train and held-out runs
 
-    def run(self, start: Point | None = None) -> Found:
+    def run(self, start: Point | None = None) -> SearchResult:
         """Search from a calibrated `start`, and review what was found."""
         return self.reviewed(self.explore(start))
 
@@ -112,20 +112,20 @@ class Search:
         held_before = chi2_of(model, baseline.point, "held-out")
         self.begun = baseline.chi2, held_before
         if known is not None and known.effects:
-            begun = Way(self.refits.settle(refit(model, known, relative=1e-3)))
+            begun = SearchPath(self.refits.settle(refit(model, known, relative=1e-3)))
             way = self.follow(begun)
         else:
-            way = self.best_way(baseline, self.follow(Way(baseline)))
+            way = self.best_way(baseline, self.follow(SearchPath(baseline)))
         return Explored(baseline, held_before, way)
 
-    def reviewed(self, explored: Explored) -> Found:
+    def reviewed(self, explored: Explored) -> SearchResult:
         """All that was found out, once the effects of a way are challenged."""
         model, way, baseline = self.model, explored.way, explored.baseline
         signatures = way.signatures or self.scan(way.fit)[1]
         reviewed = Review(self.refits, self.tell).run(way.fit, signatures, baseline)
         fit = reviewed.fit
         tried = [t for trials in way.trials for t in trials]
-        return Found(
+        return SearchResult(
             baseline,
             fit,
             explored.held_before,
@@ -143,7 +143,7 @@ class Search:
             signatures,
         )
 
-    def follow(self, way: Way) -> Way:
+    def follow(self, way: SearchPath) -> SearchPath:
         """Go on greedily until nothing stands out, or nothing that held-out runs accept.
 
         Also where chi2 is that of noise: a scan sees an effect that chi2 of all rows does not.
@@ -173,7 +173,7 @@ class Search:
             fit.chi2 - dof
         )
 
-    def with_effect(self, way: Way, trial: Trial) -> Way:
+    def with_effect(self, way: SearchPath, trial: Trial) -> SearchPath:
         """The way with an accepted effect."""
         self.tell(
             f"accepted {trial.effect.name}: held-out runs show "
@@ -183,7 +183,7 @@ class Search:
         held = chi2_of(self.model, fit.point, "held-out")
         return dataclasses.replace(way, fit=fit, noise_only=self.floor_reached(fit, held))
 
-    def best_way(self, baseline: Fit, way: Way) -> Way:
+    def best_way(self, baseline: Fit, way: SearchPath) -> SearchPath:
         """The way itself, or a better one from a runner-up of its first step."""
         start = way
         accepted = self.promising(baseline, way.trials[0]) if way.trials else []
@@ -194,7 +194,7 @@ class Search:
             left = way.fit.chi2 / self.model.dof("train")
             name = trial.effect.name
             self.tell(f"something is left (chi2 {left:.3f} a row): going on from {name} instead")
-            first = Way(baseline, start.scans[:1], start.trials[:1])
+            first = SearchPath(baseline, start.scans[:1], start.trials[:1])
             other = self.follow(self.with_effect(first, trial))
             less = (1 - self.settings.lead) * total_cost(way.fit)
             if total_cost(other.fit) < less:  # by train runs alone

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .fit import Fit, foretold, tangents_at
+from .fit import Fit, predicted, tangents_at
 from .model import STEPPED, AbstractModel, Effect, Point
 from .scan import PRICE, Scan, Score
 
@@ -62,7 +62,7 @@ def _about(anchor: Point, model: AbstractModel, fit: Fit, scores, ids: set[str])
     J = fit.jacobian if anchor is fit.point else tangents_at(model, anchor)
     (here,) = model.residuals([anchor], model.ranking)
     J, chi2 = J[: len(here)], float(fit.residual @ fit.residual)
-    _, without = foretold(model, anchor, here, J)
+    _, without = predicted(model, anchor, here, J)
     share = fit.cost / without  # estimates are compared with that of no law, made alike
     best: dict[str, Start] = {}
     have = {e.name for e in fit.point.effects if e.id not in model.repeats}
@@ -78,7 +78,7 @@ def _about(anchor: Point, model: AbstractModel, fit: Fit, scores, ids: set[str])
         for point, residual in zip(points, model.residuals(points, model.ranking), strict=True):
             if not np.all(np.abs(residual) < 1e100):
                 continue
-            there, cost = foretold(model, anchor, residual, J)
+            there, cost = predicted(model, anchor, residual, J)
             full = there.with_effects(*there.effects, point.effects[-1])
             start = Start(full, share * cost + PRICE * len(point.effects[-1].values))
             if start.name not in best or start.cost < best[start.name].cost:
@@ -119,9 +119,9 @@ def _strengths(model: AbstractModel, score: Score, chi2: float) -> list[Effect]:
         return []
     unit = np.sqrt(chi2 / max(score.gain, 1e-300))  # the tangent's change: as the residual
     factors = [1.0, *(sign * x * unit for x in model.settings.ladder for sign in (1, -1))]
-    found = [Effect(c.id, c.place, c.decode(k * score.coefficients)) for k in factors]
+    effects = [Effect(c.id, c.place, c.decode(k * score.coefficients)) for k in factors]
     return [
-        e for e in found
+        e for e in effects
         if all(known[k].low <= v <= known[k].high for k, v in e.values.items() if np.ndim(v) == 0)
     ]  # fmt: skip
 

@@ -28,7 +28,7 @@ WIDTH = 0.5  # Hz, of a band: a line that stays put stays in it
 
 
 @dataclasses.dataclass(frozen=True)
-class Question:
+class WhereQuestion:
     """One place to look: domain, value, what it refers to.
 
     `columns` (samples, k) are orthonormal; a band of lines in Hz has none, but `band`, its indices
@@ -47,7 +47,9 @@ class Question:
         return 2 * (self.band[1] - self.band[0]) if self.columns is None else self.columns.shape[1]
 
 
-def questions(time, angles: dict[str, np.ndarray], states: dict[str, np.ndarray]) -> list[Question]:
+def questions(
+    time, angles: dict[str, np.ndarray], states: dict[str, np.ndarray]
+) -> list[WhereQuestion]:
     """Bands up to half the sampling rate, orders of every angle, and bins of every state."""
     count, step = len(time), time[1] - time[0]
     width = max(1, round(WIDTH * count * step))
@@ -55,15 +57,17 @@ def questions(time, angles: dict[str, np.ndarray], states: dict[str, np.ndarray]
     for k in range(1, (count - 1) // 2, width):
         end = min(k + width, (count - 1) // 2 + 1)
         middle = (k + end - 1) / 2 / (count * step)
-        out.append(Question("frequency", middle, "Hz", band=(k, end)))
+        out.append(WhereQuestion("frequency", middle, "Hz", band=(k, end)))
     orders = np.arange(1, ORDERS + 1)
     for name, angle in angles.items():
         phase = np.outer(orders, angle)
         pairs = np.linalg.qr(np.stack([np.cos(phase), np.sin(phase)], axis=2))[0]
-        out += [Question("order", float(k), name, q) for k, q in zip(orders, pairs, strict=True)]
+        out += [
+            WhereQuestion("order", float(k), name, q) for k, q in zip(orders, pairs, strict=True)
+        ]
     for name, values in states.items():
         domain, _, reference = name.partition(" ")
-        out.append(Question(domain, float("nan"), reference, _bins(values)))
+        out.append(WhereQuestion(domain, float("nan"), reference, _bins(values)))
     return out
 
 
@@ -78,7 +82,7 @@ def _bins(values: np.ndarray, count: int = 12) -> np.ndarray:
 class Asked:
     """Questions gathered for many residuals: one product and one Fourier transform answer all."""
 
-    def __init__(self, asked: Sequence[Question]):
+    def __init__(self, asked: Sequence[WhereQuestion]):
         self.questions = list(asked)
         self.plain = [q for q in asked if q.columns is not None]
         self.bands = [q for q in asked if q.columns is None]
@@ -104,7 +108,7 @@ class Asked:
 
 
 def shares(
-    residual: np.ndarray, asked: Sequence[Question] | Asked, seed: int = 0
+    residual: np.ndarray, asked: Sequence[WhereQuestion] | Asked, seed: int = 0
 ) -> list[dict[str, Any]]:
     """Share of the residual's power and its p-value for every question (1-D residual)."""
     power = float(residual @ residual)
@@ -132,7 +136,7 @@ def shares(
     return out
 
 
-def _answer(q: Question, share: float, p: float) -> dict[str, Any]:
+def _answer(q: WhereQuestion, share: float, p: float) -> dict[str, Any]:
     return {"domain": q.domain, "value": q.value, "reference": q.reference,
             "share": float(share), "p": float(p)}  # fmt: skip
 
@@ -202,29 +206,29 @@ def p_value(share: np.ndarray | float, null: np.ndarray) -> np.ndarray:
     return np.where(usual, tail, 1.0)
 
 
-def discoveries(found: list[dict[str, Any]], rate: float = RATE) -> list[dict[str, Any]]:
+def discoveries(shares: list[dict[str, Any]], rate: float = RATE) -> list[dict[str, Any]]:
     """Those that stand, with the rate of false discoveries shared by lines, orders and states.
 
     There are far more lines than states: asked together they would drown what hangs on a state.
     """
     kinds: dict[str, list[dict[str, Any]]] = {}
-    for f in found:
+    for f in shares:
         kind = f["domain"] if f["domain"] in ("frequency", "order") else "state"
         kinds.setdefault(kind, []).append(f)
     return [f for asked in kinds.values() for f in _standing(asked, rate / len(kinds))]
 
 
-def _standing(found: list[dict[str, Any]], rate: float) -> list[dict[str, Any]]:
+def _standing(shares: list[dict[str, Any]], rate: float) -> list[dict[str, Any]]:
     """Those that stand after Benjamini and Yekutieli's control of the false-discovery rate.
 
     The questions overlap (an order is a line where the speed is steady), so they depend on each
     other in any way.
     """
-    found = [f for f in found if np.isfinite(f["p"])]  # a column that is still has no chance
-    if not found:
+    shares = [f for f in shares if np.isfinite(f["p"])]  # a column that is still has no chance
+    if not shares:
         return []
-    adjusted = false_discovery_control([f["p"] for f in found], method="by")
-    kept = [f for f, p in zip(found, adjusted, strict=True) if p <= rate]
+    adjusted = false_discovery_control([f["p"] for f in shares], method="by")
+    kept = [f for f, p in zip(shares, adjusted, strict=True) if p <= rate]
     return sorted(kept, key=lambda f: f["p"])
 
 

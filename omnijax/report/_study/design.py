@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from ..._text import amount, path_words, scaled
+from ..._text import quantity_text, scaled
 from ...study import Design
 from .._content import Column, Fact, Figure, Provenance, Section, Table
 from .._page import Page
@@ -10,111 +10,87 @@ from .._style import style
 from .page import as_sentence, readable
 
 
-def design_page(found: Design, made: Provenance) -> Page:
+def design_page(design: Design, made: Provenance) -> Page:
     """The page of the result; `made` says what makes it again."""
-    rest = found.sentences()[1 + len(found.variables) :]
+    rest = design.sentences()[1:-1]
     what = Section(
-        "What it brings", "\n\n".join(map(as_sentence, rest)), _gain(found), _limits(found)
+        "What it brings", "\n\n".join(map(as_sentence, rest)), _gain(design), _limits(design)
     )
     return Page(
-        "Design", "What to build, and what does it bring?", _answer(found),
-        [Section("What to build", tables=[_parts(found)]), what, _search(found)], made,
-        _facts(found),
+        "Design", "What to build, and what does it bring?", design.headline(),
+        [Section("What to build", tables=[_parts(design)]), what, _search(design)], made,
+        _facts(design),
     )  # fmt: skip
 
 
-def _answer(found: Design) -> str:
-    """What to build, what it brings, and whether something better may exist."""
-    given = []
-    for name, value in found.variables.items():
-        said = f"{path_words(name)} {amount(value, found.units[name])}"
-        old = found.was.get("variables", {}).get(name)
-        given.append(said if old is None else f"{said} (now {amount(old, found.units[name])})")
-    if found.status == "infeasible":
-        return f"Nothing to build: {found.reason}."
-    answer = f"Build it with {', '.join(given[:-1])}{' and ' if given[1:] else ''}{given[-1]}."
-    if found.was:
-        old, new = found.was["old"], found.was["new"]
-        factor, unit = scaled(new, found.unit)
-        ends = f"from {factor * old:.4g} to {factor * new:.4g} {unit}".strip()
-        change = 100 * (new / old - 1) if old else 0.0
-        way = "less" if change < 0 else "more"
-        answer += (
-            f" That is {abs(change):.3g} % {way} {found.objective_name} than your rig: {ends}."
-        )
-    if not found.optimal:
-        answer += f" A better one may exist: {found.reason}."
-    return answer
-
-
-def _facts(found: Design) -> list[Fact]:
+def _facts(design: Design) -> list[Fact]:
     """The objective, and what each limited quantity comes to."""
-    value = found.was.get("new", found.objective)
-    factor, unit = scaled(value, found.unit)
-    facts = [Fact(found.objective_name, f"{factor * value:.4g}", unit)]
-    for text, (reached, own) in found.limits.items():
+    value = design.was.get("new", design.objective)
+    factor, unit = scaled(value, design.unit)
+    facts = [Fact(design.objective_name, f"{factor * value:.4g}", unit)]
+    for text, (reached, own) in design.limits.items():
         factor, unit = scaled(reached, own)
         facts.append(Fact(text.replace("<=", "at most").replace(">=", "at least"),
                           f"{factor * reached:.4g}", unit))  # fmt: skip
     return facts
 
 
-def _parts(found: Design) -> Table:
+def _parts(design: Design) -> Table:
     """The variables of the design beside those of the rig."""
-    was = found.was.get("variables", {})
+    was = design.was.get("variables", {})
     rows = [
-        [n, amount(v, found.units[n]),
-         amount(was[n], found.units[n]) if n in was else "–"]
-        for n, v in found.variables.items()
+        [n, quantity_text(v, design.units[n]),
+         quantity_text(was[n], design.units[n]) if n in was else "–"]
+        for n, v in design.variables.items()
     ]  # fmt: skip
     columns = [Column("parameter", text=True), Column("build", text=True, unbroken=True),
                Column("your rig", text=True, unbroken=True)]  # fmt: skip
     return Table(columns, rows, "design", "The design.")
 
 
-def _gain(found: Design) -> list[Figure]:
-    if not found.was:
+def _gain(design: Design) -> list[Figure]:
+    if not design.was:
         return []
-    factor, unit = scaled(found.was["new"], found.unit)
-    ends = np.array(list(found.was["cases"].values()))
-    name = f"{found.case_name} / {unit}"
-    data = {"case": list(found.was["cases"]), f"your rig: {name}": factor * ends[:, 0],
+    factor, unit = scaled(design.was["new"], design.unit)
+    ends = np.array(list(design.was["cases"].values()))
+    name = f"{design.case_name} / {unit}"
+    data = {"case": list(design.was["cases"]), f"your rig: {name}": factor * ends[:, 0],
             f"the design: {name}": factor * ends[:, 1]}  # fmt: skip
     with style():
-        fig = found.plot_gain().figure
+        fig = design.plot_gain().figure
     return [Figure(fig, "gain", "Your rig and the design, parts at their nominal values.", data)]
 
 
-def _limits(found: Design) -> list[Table]:
-    if not found.limits:
+def _limits(design: Design) -> list[Table]:
+    if not design.limits:
         return []
-    rows = [[text, amount(*reached)] for text, reached in found.limits.items()]
+    rows = [[text, quantity_text(*reached)] for text, reached in design.limits.items()]
     columns = [Column("limit", text=True), Column("reached", text=True, unbroken=True)]
     return [Table(columns, rows, "limits", "What must hold, and what the design reaches.")]
 
 
-def _search(found: Design) -> Section:
+def _search(design: Design) -> Section:
     """How sure it is: where every search ended."""
-    same, total = found.agreement
-    text = f"{same} of {total} searches ended at this design: {found.status} ({found.reason})."
+    same, total = design.agreement
+    text = design.sentences()[-1]
     figures = []
     if same < total:  # equal dots on a line would say nothing
-        order = found.ranking
+        order = design.ranking
         data = {"search / 1": list(range(1, len(order) + 1)),
-                f"objective / {found.unit}": [found.ends["objective"][i] for i in order],
-                "status": [found.ends["status"][i] for i in order]}  # fmt: skip
+                f"objective / {design.unit}": [design.ends["objective"][i] for i in order],
+                "status": [design.ends["status"][i] for i in order]}  # fmt: skip
         with style():
-            fig = found.plot_searches().figure
+            fig = design.plot_searches().figure
         figures = [Figure(fig, "searches", "Where every search ended, best first.", data)]
-    return Section("How it was searched", text, figures, [_ends(found)])
+    return Section("How it was searched", text, figures, [_ends(design)])
 
 
-def _ends(found: Design) -> Table:
+def _ends(design: Design) -> Table:
     """Where every search ended."""
-    ends, order = found.ends, found.ranking
+    ends, order = design.ends, design.ranking
     x = np.array(ends["x"])
-    parts = [(found.objective_name, *readable(ends["objective"], found.unit))]
-    parts += [(n, *readable(x[:, i], u)) for i, (n, u) in enumerate(found.units.items())]
+    parts = [(design.objective_name, *readable(ends["objective"], design.unit))]
+    parts += [(n, *readable(x[:, i], u)) for i, (n, u) in enumerate(design.units.items())]
     parts += [("KKT residual", ends["kkt_residual"], "")]
     if "infeasible" in ends["status"]:
         parts += [("violation", ends["violation"], "")]

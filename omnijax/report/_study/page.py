@@ -17,10 +17,10 @@ Drawing = tuple[str, str, Callable[[], Any], dict[str, Any]]  # name, caption, d
 def readable(values: Any, unit: str) -> tuple[Any, str]:
     """Values in the unit that their middle one reads well in, and that unit."""
 
-    found = np.asarray(values, float)
-    finite = np.abs(found[np.isfinite(found)])
+    values_si = np.asarray(values, float)
+    finite = np.abs(values_si[np.isfinite(values_si)])
     factor, name = scaled(float(np.median(finite)) if len(finite) else 0.0, unit)
-    return factor * found, name
+    return factor * values_si, name
 
 
 def answer_page(

@@ -1,6 +1,6 @@
 """The page of local sensitivities."""
 
-from ..._text import amount
+from ..._text import quantity_text
 from ...study import Sensitivity
 from .._content import Column, Fact, Provenance, Table, shown
 from .._page import Page
@@ -9,37 +9,38 @@ from .page import answer_page
 ROUNDING = 1e-9  # % per %: less is none
 
 
-def sensitivity_page(found: Sensitivity, made: Provenance) -> Page:
+def sensitivity_page(result: Sensitivity, made: Provenance) -> Page:
     """The page of the result; `made` says what makes it again."""
-    first = found.metrics[0]
-    lead, value = next(iter(found.together(first).items()))
+    first = result.metrics[0]
+    bars = result.together(first)
+    lead = next((path for path in bars if path not in result.whole), next(iter(bars)))
     lines = [
-        f"`{lead}` matters most for {first}: {shown(value)} % per %.",
-        f"Exact derivatives by {found.how}. Parameters of the same kind are changed on all "
+        f"`{lead}` matters most for {first}: {shown(bars[lead])} % per %.",
+        f"Exact derivatives by {result.how}. Parameters of the same kind are changed on all "
         "wheels at once in the figures; the table has every wheel by itself.",
-        *found.sentences(),
+        *result.sentences(),
     ]
     figures = []
-    for name in found.metrics:
-        bars = found.together(name)
+    for name in result.metrics:
+        bars = result.together(name)
         data = {"parameter": list(bars), f"{name} / % per %": list(bars.values())}
         figures.append(
             (f"tornado-{name}", f"What each parameter does to {name}.",
-             lambda name=name: found.plot_tornado(name, together=True), data)
+             lambda name=name: result.plot_tornado(name, together=True), data)
         )  # fmt: skip
     columns = [Column("parameter", text=True), Column("value", text=True, minor=True)]
-    columns += [Column(f"{name}", "% per %") for name in found.metrics]
+    columns += [Column(f"{name}", "% per %") for name in result.metrics]
     rows = [
         [
             path,
-            amount(found.values[i], found.units[i]),
-            *(float(x) if abs(x) > ROUNDING else 0.0 for x in found.relative[:, i]),
+            quantity_text(result.values[i], result.units[i]),
+            *(float(x) if abs(x) > ROUNDING else 0.0 for x in result.relative[:, i]),
         ]
-        for i, path in enumerate(found.parameters)
+        for i, path in enumerate(result.parameters)
     ]
     facts = [
-        Fact(name, amount(found.figures[m], found.metric_units[m]))
-        for m, name in enumerate(found.metrics)
+        Fact(name, quantity_text(result.figures[m], result.metric_units[m]))
+        for m, name in enumerate(result.metrics)
     ]
     table = Table(columns, rows, "sensitivities", "Change of each metric in % per %.")
     return answer_page(

@@ -1,6 +1,6 @@
 // Sliders of effects' sizes: stored residuals are mixed, nothing is asked for and nothing simulated.
 document.querySelectorAll(".dial").forEach(function (dial) {
-  const model = JSON.parse(dial.dataset.model), found = model.found, count = model.count;
+  const model = JSON.parse(dial.dataset.model), named = model.named, count = model.count;
   const svg = dial.querySelector("svg"), inputs = Array.from(dial.querySelectorAll("input"));
   let moved = 0;  // the slider whose effect's channel is drawn
   const short = function (x) { return Number(x.toPrecision(3)).toString(); };
@@ -8,7 +8,7 @@ document.querySelectorAll(".dial").forEach(function (dial) {
   // weights of the stored residuals: linear between the two sizes beside each slider's
   function mix() {
     const c = new Array(count).fill(0);
-    c[found] = 1;
+    c[named] = 1;
     inputs.forEach(function (input, i) {
       const s = model.sliders[i], share = Number(input.value) / 100;
       let k = 0;
@@ -16,7 +16,7 @@ document.querySelectorAll(".dial").forEach(function (dial) {
       const f = (share - s.shares[k]) / (s.shares[k + 1] - s.shares[k]);
       c[s.columns[k]] += 1 - f;
       c[s.columns[k + 1]] += f;
-      c[found] -= 1;
+      c[named] -= 1;
     });
     return c;
   }

@@ -12,20 +12,20 @@ from .._drives import SpeedDrive
 from .constant import Response
 
 
-class Turning(NamedTuple):
+class TurningSteps(NamedTuple):
     """Integrals of r_w omega of every wheel between samples."""
 
     whole: Float[Array, "t n"]  # m rad
     moment: Float[Array, "t n"]  # m rad s, about the middle of each interval
 
 
-def _turning(rig: Rig, speeds, ts, response: Response) -> Turning:
+def _turning(rig: Rig, speeds, ts, response: Response) -> TurningSteps:
     h = jnp.diff(ts)[:, None]
     L, LL = response.integral, response.second
     gained = L[1:] - L[:-1]
     # integral of (t - t_k) rho = h L(t_k+1) - (LL(t_k+1) - LL(t_k)), both from the run's start
     moment = h * L[1:] - (LL[1:] - LL[:-1]) - h / 2 * gained
-    return Turning((rig.wheel_radius * h + gained) * speeds, moment * speeds)
+    return TurningSteps((rig.wheel_radius * h + gained) * speeds, moment * speeds)
 
 
 def attitudes(rig: Rig, drive: SpeedDrive, ts, response: Response, first) -> Float[Array, "t 4"]:

@@ -18,10 +18,10 @@ from jaxtyping import Array, Float, Int
 
 from ...laws import piece_at, value
 from ...rig import Rig
-from .expm import advance_all, advance_pieces, ladder, points
-from .forcing import Cycle, Forcing, forcing
+from .expm import advance_all, advance_pieces, points, squarings
+from .forcing import Forcing, PeriodicSignal, forcing
 from .period_map import Passages, passages, piece_maps, prefix_maps, with_terms
-from .system import Forced, balanced, forced_system, with_integrals
+from .system import ForcedSystem, balanced, forced_system, with_integrals
 
 GRID_BITS = 7  # of the forced curves' grid
 PERIODS = 24  # bits of the number of periods
@@ -51,7 +51,7 @@ def _powers(period: Float[Array, "a a"], count: Array, most: Array) -> Float[Arr
     return jax.lax.scan(climb, (period, rest), jnp.arange(PERIODS))[0][1]
 
 
-def _places(cycle: Cycle, elapsed):
+def _places(cycle: PeriodicSignal, elapsed):
     """Number of the period, piece, v and angle in the period at times since the start."""
     angle = cycle.start + cycle.speed * elapsed
     period = cycle.period
@@ -69,10 +69,10 @@ class Decay(NamedTuple):
     scale: Int[Array, " g"]
 
 
-def _decays(system: Forced, levels: int, cycle: Cycle) -> Decay:
+def _decays(system: ForcedSystem, levels: int, cycle: PeriodicSignal) -> Decay:
     duration = (cycle.period / cycle.speed)[:, None, None]
     F = system.A * duration
-    return Decay(F, *jax.vmap(lambda F: ladder(F, len(system.A), 0, levels))(F))
+    return Decay(F, *jax.vmap(lambda F: squarings(F, len(system.A), 0, levels))(F))
 
 
 def _top(scale) -> Int[Array, ""]:
@@ -80,7 +80,7 @@ def _top(scale) -> Int[Array, ""]:
     return jnp.max(scale) + 1
 
 
-def _signal(tops, m: int, cycle: Cycle, cycles: Passages, decay: Decay, places):
+def _signal(tops, m: int, cycle: PeriodicSignal, cycles: Passages, decay: Decay, places):
     """Forced response of one signal from a virtual rest at its period's start; rho beside it."""
     before, period = prefix_maps(piece_maps(cycles.pieces, m))
     starts = with_terms(before[:, :m, m], cycles.pieces)
@@ -93,12 +93,12 @@ def _signal(tops, m: int, cycle: Cycle, cycles: Passages, decay: Decay, places):
     return curve + free, shape
 
 
-def _free(system: Forced, levels: int, start, force, elapsed, until):
+def _free(system: ForcedSystem, levels: int, start, force, elapsed, until):
     """exp(A t) start and the response to a constant force from rest."""
     m = len(system.A)
     top = jnp.concatenate([system.A, (system.force @ force)[:, None]], axis=1) * until
     F = jnp.concatenate([top, jnp.zeros((1, m + 1))])
-    rungs, scale = ladder(F, m, 0, levels)
+    rungs, scale = squarings(F, m, 0, levels)
     z = jnp.broadcast_to(jnp.append(start, 1.0), (len(elapsed), m + 1))
     return advance_all(F, rungs, scale, _top(scale), z, elapsed / until)[:, :m]
 

@@ -95,7 +95,7 @@ def levels_needed(passage, least: int = 0) -> int:
     return int(min(-(-need // 8) * 8, LEVELS))  # few lengths: few programs to compile
 
 
-def ladder(F, m: int, least: int, levels: int = LEVELS) -> tuple[Array, Array]:
+def squarings(F, m: int, least: int, levels: int = LEVELS) -> tuple[Array, Array]:
     """Levels and scale; the scale is at least `least`, so that v = 2^-least is on the ladder."""
     norm = jax.lax.stop_gradient(_norm(F, m))
     safe = jnp.maximum(norm, 1e-300)
@@ -111,7 +111,7 @@ def ladder(F, m: int, least: int, levels: int = LEVELS) -> tuple[Array, Array]:
 def make_piece(A, column, pieces: Pieces, duration, least: int, levels: int = LEVELS) -> Piece:
     """One piece of a signal that enters ds/dt = A s + column rho."""
     F = generator(A, column, pieces, duration)
-    rungs, scale = ladder(F, A.shape[0], least, levels)
+    rungs, scale = squarings(F, A.shape[0], least, levels)
     return Piece(F, rungs, scale, basis_row(pieces), basis_start(pieces))
 
 
@@ -123,7 +123,7 @@ def whole(piece: Piece) -> Float[Array, "N N"]:
 def advance(piece: Piece, z: Float[Array, " N"], v: Float[Array, ""]) -> Float[Array, " N"]:
     """z after the part v in [0, 1] of the piece; differentiable in v too."""
     unit = 2.0 ** piece.scale.astype(float)
-    steps = jax.lax.stop_gradient(jnp.floor(v * unit)).astype(int)
+    steps = _steps(v, unit)
 
     def climb(z, level):
         j, E = level
@@ -160,10 +160,15 @@ def second_moments(piece: Piece, z: Float[Array, " N"]) -> Float[Array, "N N"]:
     return jax.lax.scan(double, S, (jnp.arange(len(piece.levels)), piece.levels))[0]
 
 
+def _steps(v, unit) -> Array:
+    """Whole steps of 1/unit up to a place v, which rounding may put a hair outside of [0, 1]."""
+    return jax.lax.stop_gradient(jnp.clip(jnp.floor(v * unit), 0.0, unit)).astype(int)
+
+
 def advance_all(F, levels, scale, top, z: Float[Array, "t N"], v: Float[Array, " t"]):
     """exp(F v) z for many places v in [0, 1] with one generator; `top` as in `_climb`."""
     unit = 2.0 ** scale.astype(float)
-    steps = jax.lax.stop_gradient(jnp.floor(v * unit)).astype(int)
+    steps = _steps(v, unit)
     z = _climb(lambda E, z: z @ E.T, levels, top, steps, z)
     rest = (v - steps / unit)[:, None]
 
@@ -183,7 +188,7 @@ def advance_pieces(pieces: Piece, top, Z: Float[Array, "k N P"], index, v) -> Fl
     node = jnp.clip(jax.lax.stop_gradient(jnp.floor(v * count)), 0, count - 1).astype(int)
     z, rest = Z[index, :, node], v - node / count
     unit = 2.0 ** pieces.scale[index].astype(float)
-    steps = jax.lax.stop_gradient(jnp.floor(rest * unit)).astype(int)
+    steps = _steps(rest, unit)
     levels = jnp.swapaxes(pieces.levels, 0, 1)[: pieces.levels.shape[1] - bits]
     z = _climb(lambda E, z: _each(E, index, z), levels, top - bits, steps, z)
     last = (rest - steps / unit)[:, None]

@@ -28,7 +28,7 @@ from ...rig import Rig
 MAX_ROLLERS = 40  # room for the rollers of a turn where their number is not known ahead
 
 
-class Cycle(NamedTuple):
+class PeriodicSignal(NamedTuple):
     """One periodic signal in the direction in which it is passed through.
 
     `speed` is the rate of its angle (rad/s, positive) and `start` the angle at the run's start,
@@ -40,12 +40,12 @@ class Cycle(NamedTuple):
     start: Float[Array, ""]
 
     @property
-    def period(self) -> Float[Array, ""]:
+    def period(self) -> Float[Array, "*signals"]:
         """Angle of one period, rad."""
         return jnp.sum(self.pieces.width, axis=-1)
 
     @property
-    def duration(self) -> Float[Array, " k"]:
+    def duration(self) -> Float[Array, "*signals k"]:
         """Time in each piece, s."""
         return self.pieces.width / self.speed[..., None]
 
@@ -53,7 +53,7 @@ class Cycle(NamedTuple):
 class Forcing(NamedTuple):
     """All signals stacked on the leading axis, and which wheel each belongs to (-1: the floor)."""
 
-    cycle: Cycle
+    cycle: PeriodicSignal
     wheel: tuple[int, ...]
     base: Float[Array, " g"]  # order of the first harmonic, in multiples of the wheel's rotation
 
@@ -68,7 +68,7 @@ def number(x) -> float | None:
     return None if is_traced(x) else float(np.asarray(x))
 
 
-def directed(pieces: Pieces, speed, angle) -> Cycle:
+def directed(pieces: Pieces, speed, angle) -> PeriodicSignal:
     """The signal as the wheel passes through it: mirrored backwards, constant at rest."""
     back = mirrored(pieces)
     forward = speed >= 0
@@ -77,7 +77,7 @@ def directed(pieces: Pieces, speed, angle) -> Cycle:
     here = value(pieces, *piece_at(pieces, start))
     rest = speed == 0
     constant = jnp.zeros_like(pieces.polynomial).at[:, 0].set(here)
-    return Cycle(
+    return PeriodicSignal(
         pieces._replace(
             polynomial=jnp.where(rest, constant, pieces.polynomial),
             cosine=jnp.where(rest, 0.0, pieces.cosine),
@@ -186,20 +186,20 @@ def _floor_pieces(law: FloorVibration) -> tuple[Pieces, Array, Array]:
 
 def forcing(rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"]) -> Forcing:
     """Every signal that forces the rig at constant `speeds` (rad/s) from `angles` (rad)."""
-    found, wheel, base = [], [], []
+    signals, wheel, base = [], [], []
     for i in range(rig.size):
         for pieces, order in wheel_pieces(rig, i):
-            found.append((pieces, speeds[i], angles[i]))
+            signals.append((pieces, speeds[i], angles[i]))
             wheel.append(i)
             base.append(order)
     floors: list[Any] = [placed.law for placed in rig.at("platform")]
     for law in floors:
-        found.append(_floor_pieces(law))
+        signals.append(_floor_pieces(law))
         wheel.append(-1)
         base.append(jnp.ones(()))
-    count = max(len(p.width) for p, _, _ in found)
-    degree = max(p.polynomial.shape[1] for p, _, _ in found) - 1
-    waves = max(p.sine.shape[1] for p, _, _ in found)
-    cycles = [directed(padded(p, count, degree, waves), w, a) for p, w, a in found]
+    count = max(len(p.width) for p, _, _ in signals)
+    degree = max(p.polynomial.shape[1] for p, _, _ in signals) - 1
+    waves = max(p.sine.shape[1] for p, _, _ in signals)
+    cycles = [directed(padded(p, count, degree, waves), w, a) for p, w, a in signals]
     stacked = jax.tree.map(lambda *xs: jnp.stack(xs), *cycles)
     return Forcing(stacked, tuple(wheel), jnp.stack([jnp.asarray(b, float) for b in base]))

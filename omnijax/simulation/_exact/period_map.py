@@ -4,13 +4,13 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ..._programs import kept
 from ...rig import Rig
 from .expm import Piece, make_piece
 from .forcing import Forcing, forcing
-from .system import Forced, balanced, forced_system
+from .system import ForcedSystem, balanced, forced_system
 
 
 class Passages(NamedTuple):
@@ -21,7 +21,7 @@ class Passages(NamedTuple):
     width: Float[Array, "g k"]  # rad
 
 
-def passages(system: Forced, forcing: Forcing, least: int, levels: int) -> Passages:
+def passages(system: ForcedSystem, forcing: Forcing, least: int, levels: int) -> Passages:
     """Generators and ladders of all pieces."""
     cycle = forcing.cycle
     duration = cycle.duration
@@ -35,7 +35,7 @@ def passages(system: Forced, forcing: Forcing, least: int, levels: int) -> Passa
 
 
 @kept
-def longest_passage(rig: Rig, speeds, angles, model: str, least: float = 0.0):
+def longest_passage(rig: Rig, speeds, angles, model: str, least: ArrayLike = 0.0):
     """The system's matrix A times the duration of its longest piece (or `least` s), (m, m).
 
     Sizes are counted from it: what is not finite counts as 0, the figures tell.
@@ -46,7 +46,7 @@ def longest_passage(rig: Rig, speeds, angles, model: str, least: float = 0.0):
     return jnp.where(jnp.isfinite(passage), passage, 0.0)
 
 
-def piece_maps(pieces: Piece, m: int) -> Float[Array, "... m+1 m+1"]:
+def piece_maps(pieces: Piece, m: int) -> Float[Array, "... size size"]:
     """Affine maps of (s, 1) over whole pieces: s -> exp(F)_ss s + exp(F)_sw w(0)."""
     E = whole_all(pieces)
     top = jnp.concatenate(

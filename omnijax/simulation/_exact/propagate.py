@@ -22,7 +22,7 @@ from ...dynamics import TRANSLATIONS, Model, State, initial_memory
 from ...rig import Rig
 from .._channels import trajectory
 from .._drives import SpeedDrive
-from .._padding import EXACT_PIECE, Gathered, Piece, padded, room, samples_of
+from .._padding import EXACT_PIECE, Gathered, RunPiece, padded, room, samples_of
 from .._signals import Signal
 from .._trajectory import Trajectory
 from .attitude import attitudes, compose
@@ -54,13 +54,16 @@ def propagation_obstacle(rig: Rig, drive: SpeedDrive, ts, model: str = "coupled"
 
 
 def propagate(
-    rig: Rig, drive: SpeedDrive, ts: Float[Array, " t"], *, model: str = "coupled"
+    rig: Rig, drive: SpeedDrive, ts: Float[Array | np.ndarray, " t"], *, model: str = "coupled"
 ) -> Trajectory:
     """Trajectory of `rig` at prescribed wheel speeds, in closed form; samples at `ts` (s).
 
     Starts at ts[0] in static equilibrium, as `simulate` does, with the same channels.  The cost
     does not depend on the contact's damping or stiffness.  Raises `ValueError` for a rig that the
     closed form does not cover (`exact_obstacle` says why).
+
+    Source: the paper's eqs. 32-42 at known speeds (`docs/theory.md`, prescribed speeds); Van
+    Loan, IEEE Trans. Autom. Control 23 (1978).
     """
     ts = jnp.asarray(ts, float)
     if any(is_traced(x) for x in jax.tree.leaves((rig, drive, ts))):
@@ -88,7 +91,7 @@ def propagate_in_pieces(
     begun: Reached | None = None,
     origin: float | None = None,
     samples: int = EXACT_PIECE,
-) -> Iterator[Piece]:
+) -> Iterator[RunPiece]:
     """The run of `propagate` in pieces of `samples`, each handed out as soon as it is there.
 
     The pieces' samples together are `ts`.  A run that goes on begins with `begun` at ts[0], which
@@ -118,7 +121,7 @@ def propagate_in_pieces(
             run, end = _varying(
                 rig, drive, here, grid, start, reached, model, ahead.counts, ahead.levels
             )
-        yield Piece(samples_of(run, 0 if done == 0 else 1, len(part)), end)
+        yield RunPiece(samples_of(run, 0 if done == 0 else 1, len(part)), end)
         reached, done = end, first + len(part)
 
 

@@ -33,7 +33,7 @@ from .forcing import _period_kind, is_traced
 OUTPUTS = ("dR", "dR_elastic", "approach", "a_sphere")
 
 
-class Forced(NamedTuple):
+class ForcedSystem(NamedTuple):
     """A, the input columns and the outputs, one row a signal of the forcing."""
 
     A: Float[Array, "m m"]
@@ -126,7 +126,7 @@ def _responses(translation: AbstractTranslation, gain):
     return respond
 
 
-def forced_system(rig: Rig, model: str, speeds, wheel: tuple[int, ...]) -> Forced:
+def forced_system(rig: Rig, model: str, speeds, wheel: tuple[int, ...]) -> ForcedSystem:
     """The system behind the signals of `wheel` (-1: the floor), at constant `speeds` (rad/s)."""
     translation = TRANSLATIONS[model](rig)
     respond = _responses(translation, drive_gain(rig, speeds))
@@ -143,7 +143,7 @@ def forced_system(rig: Rig, model: str, speeds, wheel: tuple[int, ...]) -> Force
 
     column = columns(A @ B1 + B0, floor_in)
     shift = columns(B1, 0 * floor_in)
-    return Forced(
+    return ForcedSystem(
         A,
         column,
         shift,
@@ -168,7 +168,7 @@ def _floor_directions(rig: Rig) -> list[Array]:
     return [law.direction / jnp.sqrt(law.direction @ law.direction) for law in laws]
 
 
-def balanced(system: Forced) -> tuple[Forced, Float[Array, " m"]]:
+def balanced(system: ForcedSystem) -> tuple[ForcedSystem, Float[Array, " m"]]:
     """The same system in state units that make A's rows and columns of equal size; the units."""
     unit = state_units(system.A)
     scaled = system._replace(
@@ -197,7 +197,7 @@ def state_units(A: Float[Array, "m m"]) -> Float[Array, " m"]:
     return jax.lax.stop_gradient(unit)
 
 
-def with_integrals(system: Forced) -> Forced:
+def with_integrals(system: ForcedSystem) -> ForcedSystem:
     """The system with the platform's place X, drift U and each signal's integrals L, LL as states.
 
     dX/dt = U + platform, dU/dt = drift, dL/dt = rho, dLL/dt = L; only A, the columns, `shift` and

@@ -22,14 +22,14 @@ from ...laws import Pieces, chebyshev_nodes, piece_at, to_powers, value
 from ...rig import Rig, over_wheels
 from .._drives import SpeedDrive
 from .._signals import Signal
-from .expm import ladder
+from .expm import squarings
 from .forcing import wheel_pieces
 from .system import _responses, _solve, drive_gain, state_units
 
 DEGREE = 20  # of the inputs on one interval: exact to rounding over a whole gap's sinusoid
 
 
-class Inputs(NamedTuple):
+class VaryingInputs(NamedTuple):
     """A, and B of every input: rho, r_w omega (by A B1), floor acceleration, platform force."""
 
     A: Float[Array, "m m"]
@@ -39,7 +39,7 @@ class Inputs(NamedTuple):
     rest: Float[Array, "m n"]  # y at static equilibrium per rho
 
 
-def _inputs(rig: Rig, model: str) -> Inputs:
+def _inputs(rig: Rig, model: str) -> VaryingInputs:
     """The elastic model with the platform's place X and drift U as six more states."""
     translation = TRANSLATIONS[model](rig)
     respond = _responses(translation, drive_gain(rig, jnp.ones(rig.size), creep=False))
@@ -61,7 +61,7 @@ def _inputs(rig: Rig, model: str) -> Inputs:
     unit = state_units(whole)
     low = unit[:, None]
     columns = jnp.concatenate(columns, axis=1)
-    return Inputs(whole * unit / low, columns / low, shift / low, unit, rest / low)
+    return VaryingInputs(whole * unit / low, columns / low, shift / low, unit, rest / low)
 
 
 class Legs(NamedTuple):
@@ -238,7 +238,7 @@ def varying_response(rig: Rig, span: Span, model: str, counts, levels, compose) 
         edge = read(ends)[:, n : 2 * n] @ system.shift.T
         F = jnp.zeros((size + DEGREE + 1,) * 2).at[:size, :size].set(h * system.A)
         F = F.at[:size, size:].set(h * system.B @ coefficients.T).at[size:, size:].set(powers)
-        rungs, _ = ladder(F, size, 0, levels)
+        rungs, _ = squarings(F, size, 0, levels)
         z = rungs[-1] @ jnp.concatenate([y - edge[0], terms])
         y = z[:size] + edge[1]
         spin = read(jnp.asarray(gauss))[:, n : 2 * n] @ to_sphere.T

@@ -1,5 +1,7 @@
 """Arithmetic of pairs of poles (see `poles`) in a form that XLA vectorises."""
 
+import functools
+import operator
 from collections.abc import Callable
 
 import jax
@@ -15,7 +17,8 @@ TINY = 1e-75
 def materialised(f: Callable, *args):
     """f(*args) in a branch that is always taken: XLA stores the result for all its consumers.
 
-    Without it XLA computes f anew inside every consumer.
+    Without it XLA computes f anew inside every consumer.  Under `vmap` the first argument must have
+    no axis of it, or both branches are taken.
     """
     probe = jax.tree.leaves(args)[0].reshape(-1)[0]
     always = jnp.isnan(probe) | ~jnp.isnan(probe)
@@ -28,8 +31,8 @@ def materialised(f: Callable, *args):
 
 def stored(f: Callable, *args) -> Pair:
     """The pair f(*args), `materialised`."""
-    found = materialised(lambda *a: jax.lax.complex(*f(*a)), *args)
-    return found.real, found.imag
+    pair = materialised(lambda *a: jax.lax.complex(*f(*a)), *args)
+    return pair.real, pair.imag
 
 
 def pair_exp(kind, a: Pair) -> Pair:
@@ -64,9 +67,17 @@ def flushed(x):
     return jnp.where(jnp.abs(x) > TINY, x, 0.0)
 
 
-def across(operator: Callable, x):
-    """x (k, c) reduced over k, a power of two; XLA's own reduction takes one number at a time."""
+def summed(x, axis: int = 0):
+    """Sum over a short axis, term by term; XLA's own reduction takes one number at a time."""
+    rows = [jax.lax.index_in_dim(x, i, axis, keepdims=False) for i in range(x.shape[axis])]
+    return functools.reduce(operator.add, rows)
+
+
+def across(better: Callable, x):
+    """x (k, ...) reduced over k; XLA's own reduction takes one number at a time."""
     while len(x) > 1:
-        half = len(x) // 2
-        x = operator(x[:half], x[half:])
+        half, odd = divmod(len(x), 2)
+        rest = x[2 * half :]
+        x = better(x[:half], x[half : 2 * half])
+        x = jnp.concatenate([x, rest]) if odd else x
     return x[0]

@@ -12,14 +12,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .arithmetic import Pair, flushed, materialised, pair_exp, product, quotient, sincos, stored
-from .poles import Modes
+from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
 
 LENGTH = 32  # samples a block at most
 
 
-def _stored_particular(m: Modes, b, rate, cosine, sine):
+def _stored_particular(m: PolePairs, b, rate, cosine, sine):
     """`particular`, stored."""
 
     def parts(kind, l0, l1, b0, b1, rate, cosine, sine):
@@ -27,11 +27,11 @@ def _stored_particular(m: Modes, b, rate, cosine, sine):
         a, s = particular(own, (b0, b1), rate, cosine, sine)
         return jax.lax.complex(*a), jax.lax.complex(*s)
 
-    found = materialised(parts, m.kind, m.l0, m.l1, *b, rate, cosine, sine)
-    return [(x.real, x.imag) for x in found]
+    solution = materialised(parts, m.kind, m.l0, m.l1, *b, rate, cosine, sine)
+    return [(x.real, x.imag) for x in solution]
 
 
-class Forced(NamedTuple):
+class ForcedPart(NamedTuple):
     """Sinusoids' parts by piece, and the jumps of the free part where pieces begin."""
 
     cosine: Float[Array, "o v k c"]
@@ -42,7 +42,7 @@ class Forced(NamedTuple):
     free1: Float[Array, "p c"]
 
 
-def particular(m: Modes, b, rate, cosine, sine):
+def particular(m: PolePairs, b, rate, cosine, sine):
     """z = (a cos + s sin)(rate t) of every pair, moved by b (cosine cos + sine sin)(rate t).
 
     a = -b (lambda cosine + rate sine)/(lambda^2 + rate^2),
@@ -57,7 +57,7 @@ def particular(m: Modes, b, rate, cosine, sine):
     return a, [y * rate * cosine - x * sine for x, y in zip(turned, r, strict=True)]
 
 
-def forced(m: Modes, signals: Signals, direct, slope, layout: Layout) -> Forced:
+def forced(m: PolePairs, signals: Signals, direct, slope, layout: Layout) -> ForcedPart:
     """What does not change during a run; `direct`, `slope` (l, o, c): outputs of rho, drho/dt."""
     pieces = max([kind.pieces for kind in layout.kinds])
     cosines, sines, jumps = [], [], []
@@ -96,7 +96,7 @@ def forced(m: Modes, signals: Signals, direct, slope, layout: Layout) -> Forced:
         first += kind.waves
     none = jnp.zeros((0, pieces, *m.l0.shape))
     j0, j1 = (jnp.stack([j[i] for j in jumps]) if jumps else none for i in (0, 1))
-    return Forced(jnp.concatenate(cosines, 1), jnp.concatenate(sines, 1), j0, j1, *free)
+    return ForcedPart(jnp.concatenate(cosines, 1), jnp.concatenate(sines, 1), j0, j1, *free)
 
 
 def _shown(c, z):
@@ -104,7 +104,7 @@ def _shown(c, z):
     return sum(c[:, p][:, None, None] * z[None, :, :, p] for p in range(c.shape[1]))
 
 
-class Tables(NamedTuple):
+class BlockTables(NamedTuple):
     """Poles (q, see `Layout.poles`) and sinusoids over the samples of a block."""
 
     T0: Float[Array, "k q c"]
@@ -121,7 +121,7 @@ def rows(x, index: Sequence[int], axis: int = 0):
     return jnp.moveaxis(x, 0, axis)
 
 
-def pole_exp(m: Modes, layout: Layout, time) -> Pair:
+def pole_exp(m: PolePairs, layout: Layout, time) -> Pair:
     """exp(lambda time) of every pair, (..., p, c); `time` (..., 1, c).
 
     XLA stores it, and pairs of equal poles share theirs.
@@ -137,7 +137,7 @@ def pole_exp(m: Modes, layout: Layout, time) -> Pair:
     return rows(E[0], layout.pole, -2), rows(E[1], layout.pole, -2)
 
 
-def tables(m: Modes, layout: Layout, rate, step) -> Tables:
+def tables(m: PolePairs, layout: Layout, rate, step) -> BlockTables:
     """exp and sinusoids at 0, step, ..."""
     E = [rows(x, layout.poles) for x in pole_exp(m, layout, jnp.broadcast_to(step, (1, 1)))]
     kind = rows(m.kind, layout.poles)
@@ -153,7 +153,7 @@ def tables(m: Modes, layout: Layout, rate, step) -> Tables:
         return (row[0] * c - row[1] * s, row[1] * c + row[0] * s), row
 
     begin = jnp.ones_like(rate), jnp.zeros_like(rate)
-    return Tables(T0, T1, *jax.lax.scan(turn, begin, None, length=LENGTH)[1])
+    return BlockTables(T0, T1, *jax.lax.scan(turn, begin, None, length=LENGTH)[1])
 
 
 class Operands(NamedTuple):
@@ -166,7 +166,7 @@ class Operands(NamedTuple):
     f1: Float[Array, "o v c"]
 
 
-def row_signal(op: Operands, t: Tables, layout: Layout, like: int, o=None) -> Array:
+def row_signal(op: Operands, t: BlockTables, layout: Layout, like: int, o=None) -> Array:
     """Output number `o`, traced or not, at the samples of a block, (k, c).
 
     It shows the pairs and sinusoids that the output `like` shows; without `o` it is that one.

@@ -22,13 +22,13 @@ from .phases import longest_period
 from .poles import Eigen, eigen, modes_of
 from .signals import series_needed
 from .steady import steady_of
-from .system import Design, Layout, Operating, designs_of
+from .system import Layout, LinearDesign, Operating, designs_of
 from .transient import LANES, Lanes, samples_of
 
 METRICS = ("rms", "peak")
 
 
-class Figures(NamedTuple):
+class ModalFigures(NamedTuple):
     """Figures of a batch, and what says how a run would have ended."""
 
     values: Float[np.ndarray, "B m"]
@@ -75,14 +75,14 @@ _PORTS = ("radius", "shape", "contact", "platform", "kinematics")
 
 def modal_figures(
     make: Callable[[Array], Operating],
-    rows: Float[Array, "B d"],
+    rows: Float[Array | np.ndarray, "B d"],
     metrics: Sequence[str] = METRICS,
     *,
     duration: float,
     step: float,
     model: str = "coupled",
     gradient: bool = False,
-) -> Figures:
+) -> ModalFigures:
     """Figures of the designs `make(row)` over the samples t = 0, step, ... , duration (s).
 
     `metrics` may hold `rms` and `peak`, as `vibration.METRICS` defines them; with `gradient` also
@@ -92,7 +92,7 @@ def modal_figures(
     """
     count = float(round(duration / step) + 1)
 
-    def figures(design: Design, layout: Layout):
+    def figures(design: LinearDesign, layout: Layout):
         return _figures(design, layout, step, count, gradient)
 
     return _batches(make, rows, metrics, model, gradient, modal_obstacle, figures)
@@ -100,25 +100,25 @@ def modal_figures(
 
 def modal_steady(
     make: Callable[[Array], Operating],
-    rows: Float[Array, "B d"],
+    rows: Float[Array | np.ndarray, "B d"],
     metrics: Sequence[str] = METRICS,
     *,
     model: str = "coupled",
     gradient: bool = False,
-) -> Figures:
+) -> ModalFigures:
     """Figures of the long run of the designs `make(row)`, as `steady_state` defines them.
 
     RMS in closed form, suprema refined to 1e-6 or better; else as `modal_figures`.  Raises
     `ValueError` where `modal_steady_obstacle` names a reason.
     """
 
-    def figures(design: Design, layout: Layout):
+    def figures(design: LinearDesign, layout: Layout):
         return _long_run(design, layout, gradient)
 
     return _batches(make, rows, metrics, model, gradient, modal_steady_obstacle, figures)
 
 
-def _batches(make, rows, metrics, model: str, gradient: bool, obstacle, figures) -> Figures:
+def _batches(make, rows, metrics, model: str, gradient: bool, obstacle, figures) -> ModalFigures:
     """`figures(design, layout)` of all designs, batch by batch."""
     parts, slopes = [], []
     size = SIZES[0] if len(rows) <= SIZES[0] else SIZES[-1]
@@ -144,7 +144,7 @@ def _batches(make, rows, metrics, model: str, gradient: bool, obstacle, figures)
             slopes.append(np.asarray(_from_points(make, some, _back_in(points, back))))
     rms, peak, normal, slip, holds = np.concatenate(parts, axis=1)[:, : len(rows)]
     values, chosen = {"rms": rms, "peak": peak}, [METRICS.index(name) for name in metrics]
-    return Figures(
+    return ModalFigures(
         np.stack([values[name] for name in metrics], axis=1),
         np.concatenate(slopes, axis=1)[chosen, : len(rows)].swapaxes(0, 1) if gradient else None,
         normal,
@@ -191,7 +191,7 @@ def _series(rig: Rig) -> int:
 @eqx.filter_jit
 def _designs(
     points: Operating, model: str, force: bool, series: int, turn: Any = None
-) -> tuple[Design, Layout]:
+) -> tuple[LinearDesign, Layout]:
     return designs_of(points, model, force, series, turn)
 
 
@@ -203,8 +203,8 @@ def _from_designs(
     moving, still = eqx.partition(points, eqx.is_inexact_array)
 
     def designs(moving):
-        found = designs_of(eqx.combine(moving, still), model, force, series, turn)[0]
-        return found.system, found.signals
+        design = designs_of(eqx.combine(moving, still), model, force, series, turn)[0]
+        return design.system, design.signals
 
     back = jax.vjp(designs, moving)[1]
     return jax.vmap(lambda bar: back(bar)[0])(bars)
@@ -235,10 +235,10 @@ def _from_points(make, rows, bars: Operating):
 
 
 @partial(jax.jit, static_argnames=("layout", "gradient"))
-def _figures(design: Design, layout: Layout, step, count, gradient: bool):
+def _figures(design: LinearDesign, layout: Layout, step, count, gradient: bool):
     """(4, B): figures and margins; and derivatives by systems and signals, one entry a metric."""
-    found = eigen(design.system, layout)
-    groups = jax.tree.map(_grouped, lanes_of(design, found))
+    pairs = eigen(design.system, layout)
+    groups = jax.tree.map(_grouped, lanes_of(design, pairs))
 
     def some(g: Lanes):
         samples = samples_of(g, layout, step, count)
@@ -262,21 +262,21 @@ def _figures(design: Design, layout: Layout, step, count, gradient: bool):
         return values, None
     bars = jax.tree.map(_flat, bars)
     span = step * count
-    return values, jax.vmap(lambda bar: pull_back(design, found, bar, layout, span))(bars)
+    return values, jax.vmap(lambda bar: pull_back(design, pairs, bar, layout, span))(bars)
 
 
 @partial(jax.jit, static_argnames=("layout", "gradient"))
-def _long_run(design: Design, layout: Layout, gradient: bool):
+def _long_run(design: LinearDesign, layout: Layout, gradient: bool):
     """The same of the long run."""
-    found = eigen(design.system, layout)
-    groups = jax.tree.map(_grouped, lanes_of(design, found))
+    pairs = eigen(design.system, layout)
+    groups = jax.tree.map(_grouped, lanes_of(design, pairs))
     values, bars = jax.lax.map(lambda g: steady_of(g, layout, gradient), groups)
     values = _flat(values)
     if not gradient:
         return values, None
     span = longest_period(design.signals, layout)
     bars = jax.tree.map(_flat, bars)
-    return values, jax.vmap(lambda bar: pull_back(design, found, bar, layout, span))(bars)
+    return values, jax.vmap(lambda bar: pull_back(design, pairs, bar, layout, span))(bars)
 
 
 def _flat(x):
@@ -285,12 +285,12 @@ def _flat(x):
     return x.reshape(*x.shape[:-2], -1)
 
 
-def lanes_of(design: Design, found: Eigen) -> Lanes:
+def lanes_of(design: LinearDesign, pairs: Eigen) -> Lanes:
     """Designs as the kernel takes them: batch last."""
     last = partial(jax.tree.map, lambda x: jnp.moveaxis(x, 0, -1))
     system = design.system
     return Lanes(
-        modes_of(found),
+        modes_of(pairs),
         last(design.signals),
         *last((system.direct, system.rate, design.preload, design.friction)),
     )

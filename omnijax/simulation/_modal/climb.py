@@ -8,32 +8,31 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .curves import Curves, values_at
+from .arithmetic import summed
+from .curves import ModalCurves, values_at
 from .gradient import ROWS
 
-ROUNDS = 6
 LESS = 0.25  # of a step that went too far
 
 
 def unit(total):
-    size = jnp.sqrt(jnp.sum(total**2, axis=0))
+    size = jnp.sqrt(summed(total**2))
     return total / jnp.where(size > 0, size, 1.0)
 
 
-def together(every: list[Curves], held, times):
+def together(every: list[ModalCurves], held, times):
     """dR (o, c)."""
-    return held + sum(
-        jnp.sum(values_at(f, t)[0], axis=1) for f, t in zip(every, times, strict=True)
-    )
+    return held + sum(summed(values_at(f, t)[0], 1) for f, t in zip(every, times, strict=True))
 
 
-def ascended(f: Curves, d, time, step):
+def ascended(f: ModalCurves, d, time, step):
     """One step of Newton's method up d . x of each phase, d (o, 1, c)."""
-    _, rise, bend = (jnp.sum(d * x, axis=0) for x in values_at(f, time, 3))
-    return time + _move(rise, bend, step)
+    _, rise, bend = (summed(d * x) for x in values_at(f, time, 3))
+    return time + move_up(rise, bend, step)
 
 
-def _move(rise, bend, step):
+def move_up(rise, bend, step):
+    """To the maximum of a parabola in time, or up by `step` where there is none so near."""
     move = jnp.where(bend < 0, -rise / jnp.where(bend < 0, bend, -1.0), step * jnp.sign(rise))
     return jnp.clip(move, -step, step)
 
@@ -47,14 +46,17 @@ class _Climb(NamedTuple):
     share: Float[Array, " c"]  # of the moves
 
 
-def climbed(every: list[Curves], held, times, steps):
-    """Times and |dR|^2 after Newton's method in all times together, never lower than at first."""
+def climbed(every: list[ModalCurves], held, times, steps, rounds: int):
+    """Times and |dR|^2 after `rounds` of Newton's method in all times together.
+
+    Never lower than at first.
+    """
 
     def turn(_, now: _Climb) -> _Climb:
         tried = [t + now.share * move for t, move in zip(now.times, now.moves, strict=True)]
         parts = [values_at(f, t, 3) for f, t in zip(every, tried, strict=True)]
-        total = held + sum(jnp.sum(part[0], axis=1) for part in parts)
-        square = jnp.sum(total**2, axis=0)
+        total = held + sum(summed(part[0], 1) for part in parts)
+        square = summed(total**2)
         better = square > now.square
         moves = _newton(total, parts, steps)
         return _Climb(
@@ -67,8 +69,8 @@ def climbed(every: list[Curves], held, times, steps):
     still = [0.0 * t for t in times]
     lanes = times[0].shape[-1]
     begin = _Climb(times, jnp.full(lanes, -1.0), still, jnp.ones(lanes))
-    found = jax.lax.fori_loop(0, ROUNDS, turn, begin)
-    return found.times, found.square
+    top = jax.lax.fori_loop(0, rounds, turn, begin)
+    return top.times, top.square
 
 
 def _newton(total, parts: list[list[Array]], steps):
@@ -78,25 +80,25 @@ def _newton(total, parts: list[list[Array]], steps):
     by Woodbury's identity; phase by phase where they are not those of a maximum.
     """
     t = total[:, None]
-    rise = [jnp.sum(t * v, axis=0) for _, v, _ in parts]  # (s, c)
-    bend = [jnp.sum(t * a, axis=0) for *_, a in parts]
-    alone = [_move(r, b, h) for r, b, h in zip(rise, bend, steps, strict=True)]
+    rise = [summed(t * v) for _, v, _ in parts]  # (s, c)
+    bend = [summed(t * a) for *_, a in parts]
+    alone = [move_up(r, b, h) for r, b, h in zip(rise, bend, steps, strict=True)]
     over = [jnp.where(b < 0, 1 / jnp.where(b < 0, b, -1.0), 0.0) for b in bend]
 
-    def summed(terms):
-        return functools.reduce(operator.add, (jnp.sum(x, axis=-2) for x in terms))
+    def gathered(terms):
+        return functools.reduce(operator.add, (summed(x, x.ndim - 2) for x in terms))
 
     rates = [v for _, v, _ in parts]  # (o, s, c)
-    S = summed([v[:, None] * v * w for v, w in zip(rates, over, strict=True)])  # (o, o, c)
+    S = gathered([v[:, None] * v * w for v, w in zip(rates, over, strict=True)])  # (o, o, c)
     S = S + jnp.eye(ROWS)[:, :, None]
-    r = summed([v * w * x for v, w, x in zip(rates, over, rise, strict=True)])  # (o, c)
+    r = gathered([v * w * x for v, w, x in zip(rates, over, rise, strict=True)])  # (o, c)
     cofactor = jnp.stack([jnp.cross(S[1], S[2], axis=0), jnp.cross(S[2], S[0], axis=0),
                           jnp.cross(S[0], S[1], axis=0)])  # fmt: skip
-    det = jnp.sum(S[0] * cofactor[0], axis=0)
+    det = summed(S[0] * cofactor[0])
     peak = (S[0, 0] > 0) & (cofactor[2, 2] > 0) & (det > 0)
-    y = jnp.sum(cofactor * r, axis=1) / jnp.where(peak, det, 1.0)
+    y = summed(cofactor * r, 1) / jnp.where(peak, det, 1.0)
     moves = []
     for v, w, x, b, h, own in zip(rates, over, rise, bend, steps, alone, strict=True):
-        joint = jnp.clip(-w * (x - jnp.sum(v * y[:, None], axis=0)), -h, h)
+        joint = jnp.clip(-w * (x - summed(v * y[:, None])), -h, h)
         moves.append(jnp.where(peak & (b < 0), joint, own))
     return moves

@@ -8,13 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import flushed, product, sincos
+from .arithmetic import flushed, product, sincos, stored, summed
 from .moment import Pair, pair_exp
-from .phases import Cycle, Wave, forced_parts, free_starts, given, wide
-from .poles import Modes
+from .phases import PhaseCycle, Wave, forced_parts, free_starts, given, wide
+from .poles import PolePairs
 
 
-class Rows(NamedTuple):
+class OutputRows(NamedTuple):
     """What some outputs show: of pairs, of each phase's rho and of its rate."""
 
     c0: Float[Array, "r p c"]
@@ -23,13 +23,13 @@ class Rows(NamedTuple):
     slope: Float[Array, "r s c"]
 
 
-class Curves(NamedTuple):
+class ModalCurves(NamedTuple):
     """Some outputs of phases of like kinds."""
 
     kind: Float[Array, "p 1 c"]
     pole: Pair  # (p, 1, c)
-    rows: Rows
-    cycle: Cycle
+    rows: OutputRows
+    cycle: PhaseCycle
     free: tuple[Pair, ...]  # of each signal with edges: (k, p, s, c) at the begin of its pieces
     cosine: tuple[Array, ...]  # of each signal: (r, w, k, s, c)
     sine: tuple[Array, ...]
@@ -40,7 +40,9 @@ class Curves(NamedTuple):
         return *self.cycle.edged, *self.cycle.endless
 
 
-def curves_of(m: Modes, cycle: Cycle, columns: np.ndarray, rows: Rows) -> Curves:
+def curves_of(
+    m: PolePairs, cycle: PhaseCycle, columns: np.ndarray, rows: OutputRows
+) -> ModalCurves:
     """The outputs `rows` of the phases of a cycle."""
     b, m = given(m, columns), wide(m)
     c = rows.c0[:, None, None, :, None], rows.c1[:, None, None, :, None]
@@ -63,10 +65,10 @@ def curves_of(m: Modes, cycle: Cycle, columns: np.ndarray, rows: Rows) -> Curves
             + D * wave.sine
             - R * nu * wave.cosine
         )
-    return Curves(m.kind, (m.l0, m.l1), rows, cycle, tuple(free), tuple(cosines), tuple(sines))
+    return ModalCurves(m.kind, (m.l0, m.l1), rows, cycle, tuple(free), tuple(cosines), tuple(sines))
 
 
-def weights(f: Curves, z: Pair) -> Pair:
+def weights(f: ModalCurves, z: Pair) -> Pair:
     """What the outputs show of states that move on from z (p, s, c): (r, p, s, c) each."""
     k, c0, c1 = f.kind > 0, f.rows.c0[:, :, None], f.rows.c1[:, :, None]
     return (
@@ -75,41 +77,51 @@ def weights(f: Curves, z: Pair) -> Pair:
     )
 
 
-def values_at(f: Curves, time: Float[Array, "s c"], orders: int = 1) -> list[Array]:
+def values_at(f: ModalCurves, time: Float[Array, "s c"], orders: int = 1) -> list[Array]:
     """The outputs (r, s, c) at a time and their first `orders - 1` derivatives."""
-    found = [jnp.zeros((len(f.rows.c0), *time.shape)) for _ in range(orders)]
+    values = [jnp.zeros((len(f.rows.c0), *time.shape)) for _ in range(orders)]
     for i, wave in enumerate(f.waves):
-        local = jnp.mod(time + wave.place, wave.period)
-        begin = wave.begin
-        piece = jnp.sum(local >= begin[1:], axis=0)
-        here = jnp.where(jnp.arange(len(begin))[:, None, None] == piece, 1.0, 0.0)
-        into = local - jnp.sum(here * begin, axis=0)
-        if len(begin) == 1:
-            into = time
-        s, c = sincos(wave.rate * into)
-        a, b = (jnp.sum(here * x[i], axis=2) for x in (f.cosine, f.sine))
+        here, into = _piece_at(wave, time)
+        s, c = stored(lambda rate, into: sincos(rate * into), wave.rate, into)
+        a, b = (summed(here * x[i], 2) for x in (f.cosine, f.sine))
         swing = [a * c + b * s, (b * c - a * s) * wave.rate]
         swing.append(-swing[0] * wave.rate**2)
         for n in range(orders):
-            found[n] = found[n] + jnp.sum(swing[n], axis=1)
+            values[n] = values[n] + summed(swing[n], 1)
         if i < len(f.free):
-            start = [jnp.sum(here[:, None] * y, axis=0) for y in f.free[i]]
-            z = product(f.kind, start, pair_exp(f.kind, (f.pole[0] * into, f.pole[1] * into)))
+            start = [summed(here[:, None] * y) for y in f.free[i]]
+            z = stored(_moved, f.kind, f.pole, into, *start)
             for n in range(orders):
                 seen = f.rows.c0[:, :, None] * z[0] + f.rows.c1[:, :, None] * z[1]
-                found[n] = found[n] + jnp.sum(seen, axis=1)
+                values[n] = values[n] + summed(seen, 1)
                 z = product(f.kind, z, f.pole)
-    return found
+    return values
 
 
-def recombined(f: Curves, rows: Callable) -> Curves:
+def _moved(kind, pole: Pair, into, *start) -> Pair:
+    kind = jnp.broadcast_to(kind, start[0].shape)
+    return product(kind, start, pair_exp(kind, (pole[0] * into, pole[1] * into)))
+
+
+def _piece_at(wave: Wave, time):
+    """A one at the piece (k, s, c) that each signal is on, and the time since it began."""
+    begin = wave.begin
+    if len(begin) == 1:
+        return jnp.ones_like(begin), time
+    local = jnp.mod(time + wave.place, wave.period)
+    piece = summed(jnp.where(local >= begin[1:], 1, 0))
+    here = jnp.where(jnp.arange(len(begin))[:, None, None] == piece, 1.0, 0.0)
+    return here, local - summed(here * begin)
+
+
+def recombined(f: ModalCurves, rows: Callable) -> ModalCurves:
     """Outputs linear in those of f: `rows(x)` of x (r, ..., c)."""
     own = f.rows._replace(c0=rows(f.rows.c0), c1=rows(f.rows.c1))
     cosine, sine = (tuple(rows(x) for x in each) for each in (f.cosine, f.sine))
     return f._replace(rows=own, cosine=cosine, sine=sine)
 
 
-def towards(f: Curves, d: Float[Array, "n o c"]) -> Curves:
+def towards(f: ModalCurves, d: Float[Array, "n o c"]) -> ModalCurves:
     """The outputs along directions d."""
 
     def rows(x):
@@ -119,13 +131,13 @@ def towards(f: Curves, d: Float[Array, "n o c"]) -> Curves:
     return recombined(f, rows)
 
 
-def free_size(f: Curves, w: Pair) -> Float[Array, "r p s c"]:
+def free_size(f: ModalCurves, w: Pair) -> Float[Array, "r p s c"]:
     """What the free parts of weights w never exceed from there on."""
     a, b = (jnp.abs(x) for x in w)
     return jnp.where(f.kind > 0, jnp.sqrt(a * a + b * b), a + b)
 
 
-def size_of(f: Curves) -> Float[Array, "r s c"]:
+def size_of(f: ModalCurves) -> Float[Array, "r s c"]:
     """Above the size of every output."""
     total = jnp.zeros((1, 1, 1))
     for y in f.free:

@@ -41,7 +41,7 @@ def _directions(normal: Float[np.ndarray, "n 3"]) -> tuple[np.ndarray, np.ndarra
     return sphere.T, wheels
 
 
-def _blocks(pattern: np.ndarray) -> list[list[int]]:
+def _blocks(pattern: np.ndarray) -> list[tuple[int, ...]]:
     """Groups of states between which nothing is coupled, by which entries of A are there."""
     reach = pattern | pattern.T | np.eye(len(pattern), dtype=bool)
     while np.any(further := (reach.astype(int) @ reach > 0) & ~reach):
@@ -75,8 +75,8 @@ def decoupled(system: System, layout: Layout) -> Layout:
     ]
     member = np.repeat([[i in block for i in range(m)] for block in blocks],
                        [len(block) // 2 for block in blocks], axis=0)  # fmt: skip
-    found = _present((system.C, system.column, system.direct, system.rate))
-    C, column, direct, rate = (np.asarray(x) for x in found)
+    present = _present((system.C, system.column, system.direct, system.rate))
+    C, column, direct, rate = (np.asarray(x) for x in present)
     shown, moved = C @ member.T, column @ member.T  # (o or l, p)
     seen = (direct | rate).T | (shown @ moved.T)
     columns = [layout.kinds[i].column for i in layout.signal_of]
@@ -92,11 +92,11 @@ def _equal(A: np.ndarray, blocks: list[tuple[int, ...]]) -> tuple[int, ...]:
     """Number of the first block that each block of a batch is equal to."""
     states = [np.array([i for i in block if i >= 0]) for block in blocks]
     parts = [A[:, own[:, None], own] for own in states] if len(blocks) > 1 else []
-    found: list[int] = []
+    firsts: list[int] = []
     for i in range(len(blocks)):
-        like = (j for j in dict.fromkeys(found) if len(states[j]) == len(states[i]))
-        found.append(next((j for j in like if _alike(parts[i], parts[j])), i))
-    return tuple(found)
+        like = (j for j in dict.fromkeys(firsts) if len(states[j]) == len(states[i]))
+        firsts.append(next((j for j in like if _alike(parts[i], parts[j])), i))
+    return tuple(firsts)
 
 
 def _alike(a: np.ndarray, b: np.ndarray) -> bool:

@@ -6,12 +6,12 @@ from jaxtyping import Array
 from .arithmetic import sincos
 from .blocks import particular
 from .moment import Pair
-from .poles import Modes
+from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
 
 
-def jumps(m: Modes, signals: Signals, layout: Layout) -> tuple[Pair, Pair]:
+def jumps(m: PolePairs, signals: Signals, layout: Layout) -> tuple[Pair, Pair]:
     """What edges leave (g, k, p, c) and begins take (s, p, c), for a unit of a signal's column."""
     one = jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
     jumps, begins, first = [], [], 0

@@ -22,9 +22,9 @@ from jaxtyping import Array, Float
 
 from .arithmetic import product
 from .moment import Pair, moment
-from .poles import Eigen, Modes
+from .poles import Eigen, PolePairs
 from .signals import Signals
-from .system import Design, Layout, System
+from .system import Layout, LinearDesign, System
 from .transient import ROWS, Lanes, Near, hermite_peak, outputs_at
 
 
@@ -42,7 +42,7 @@ def half_root(square):
     return jnp.where(square > 0, 0.5 / jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
 
 
-def along_poles(m: Modes, function):
+def along_poles(m: PolePairs, function):
     """function(m) and its derivative by every pole."""
     one = jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
     return jax.jvp(lambda x, y: function(m._replace(l0=x, l1=y)), (m.l0, m.l1), one)
@@ -67,30 +67,30 @@ def peak_slopes(g: Lanes, layout: Layout, near: Near, step) -> tuple[Array, Slop
     both = jax.tree.map(lambda x: jnp.concatenate([x, x], axis=-1), g)  # a lane for each end
     time, gx, gv = (jnp.concatenate([x[0], x[1]], axis=-1) for x in (ends, *weights))
 
-    def psi(m: Modes):
+    def psi(m: PolePairs):
         now = moment(m, both.signals, layout, time)
         pole = with_start(now.pole, now.decay)
         turned = product(m.kind, (m.l0, m.l1), pole)
         level = jnp.concatenate([now.level, 0.0 * now.level[:1]])[:, None]
         level = level, jnp.where(m.kind > 0, 0.0, level)
-        found = [
+        slopes = [
             gx[:, None, None] * p + gv[:, None, None] * (t + r)
             for p, t, r in zip(pole, turned, level, strict=True)
         ]
-        return tuple(found), gx * now.level[:, None] + gv * now.slope[:, None]
+        return tuple(slopes), gx * now.level[:, None] + gv * now.slope[:, None]
 
     def along(signals):
         x, v = outputs_at(both, layout, moment(both.modes, signals, layout, time))
         return jnp.sum(gx * x + gv * v)
 
     (value, direct), (rate, _) = along_poles(both.modes, psi)
-    found = Slopes(value, rate, jax.grad(along)(both.signals), direct)
+    slopes = Slopes(value, rate, jax.grad(along)(both.signals), direct)
     lanes = m.l0.shape[-1]
-    return top, jax.tree.map(lambda x: x[..., :lanes] + x[..., lanes:], found)
+    return top, jax.tree.map(lambda x: x[..., :lanes] + x[..., lanes:], slopes)
 
 
 def pull_back(
-    design: Design, found: Eigen, slopes: Slopes, layout: Layout, span
+    design: LinearDesign, pairs: Eigen, slopes: Slopes, layout: Layout, span
 ) -> tuple[System, Signals]:
     """Derivatives by the matrices and the signals of a batch, from those by poles and residues."""
     system = design.system
@@ -100,23 +100,23 @@ def pull_back(
 
     def whole(pair: Pair):  # (o, s, p, c) -> (c, o, l, m) of every eigenvalue
         first, second = (jax.ops.segment_sum(jnp.moveaxis(x, 1, 0), place, total + 1) for x in pair)
-        k = found.kind.T
+        k = pairs.kind.T
         one = jax.lax.complex(first, jnp.where(k, second, 0.0))
         two = jax.lax.complex(jnp.where(k, first, second), jnp.where(k, -second, 0.0))
-        one = jnp.einsum("lopc,cpm->colm", one, found.first)
-        return one + jnp.einsum("lopc,cpm->colm", two, found.second)
+        one = jnp.einsum("lopc,cpm->colm", one, pairs.first)
+        return one + jnp.einsum("lopc,cpm->colm", two, pairs.second)
 
     psi, rate = whole(slopes.psi), whole(slopes.rate)
-    c, b, V = found.output[:, :ROWS], found.input, found.vector
+    c, b, V = pairs.output[:, :ROWS], pairs.input, pairs.vector
     left = jnp.einsum("coi,coli,cjl->cij", c, psi, b)
     right = jnp.einsum("coi,colj,cjl->cij", c, psi, b)
     flat = jnp.einsum("coi,coli,cjl->cij", c, rate, b)
     flat = 0.5 * (flat + jnp.einsum("coi,colj,cjl->cij", c, rate, b))
-    gap = found.value[:, :, None] - found.value[:, None, :]
-    damping = jnp.abs(found.value.real)
+    gap = pairs.value[:, :, None] - pairs.value[:, None, :]
+    damping = jnp.abs(pairs.value.real)
     near = jnp.abs(gap) < 1e-5 * (1 / span + jnp.maximum(damping[:, :, None], damping[:, None]))
     M = jnp.where(near, flat, (left - right) / jnp.where(near, 1.0, gap))
-    back = found.inverse
+    back = pairs.inverse
     A = jnp.einsum("cia,cij,cbj->cab", back, M, V).real
     inputs = jnp.einsum("cia,coi,coli->cla", back, c, psi).real
     shown = jnp.einsum("cbi,cil,coli->cob", V, b, psi).real

@@ -15,16 +15,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import materialised, product, sincos
-from .blocks import LENGTH, Operands, Tables, forced, particular, row_signal, rows
+from .arithmetic import across, materialised, product, sincos, summed
+from .blocks import LENGTH, BlockTables, Operands, forced, particular, row_signal, rows
 from .edges import edge_times, jumps
 from .gradient import Slopes, along_poles
 from .moment import Pair
-from .poles import Modes
+from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
 from .transient import ROWS, Lanes
-from .walk import Onward, State, Walk
+from .walk import Onward, Walk, WalkState
 
 
 class _Passed(NamedTuple):
@@ -80,7 +80,7 @@ def _follow(kind, carried: _Passed, move: Onward) -> _Passed:
     )
 
 
-def _begin(m: Modes, g: int, pieces: int, waves: int) -> tuple[_Sums, _Passed]:
+def _begin(m: PolePairs, g: int, pieces: int, waves: int) -> tuple[_Sums, _Passed]:
     pairs, lanes = m.l0.shape
 
     def none(*shape):
@@ -111,31 +111,31 @@ def mean_square_slopes(g: Lanes, layout: Layout, step, count) -> Slopes:
     kinds, pieces = m.kind, parts.cosine.shape[2]
     shown = _seen(kinds, (m.c0[:ROWS], m.c1[:ROWS]))
 
-    def sums_of(op: Operands, t: Tables):
+    def sums_of(op: Operands, t: BlockTables):
         """Sums (o, p or v, c) of the outputs times each table, and of those times the time."""
         x = [row_signal(op, t, layout, o) for o in range(ROWS)]
         x = jnp.stack([jnp.where(number < op.count, row, 0.0) for row in x])
         x = materialised(lambda x: jnp.concatenate([x, x * number * step]), x)  # (2 o, k, c)
-        found = [jnp.stack([jnp.sum(y[:, None] * z, axis=0) for y in x], axis=1) for z in t]
-        found[:2] = [rows(x, layout.pole) for x in found[:2]]
-        found = [jnp.swapaxes(x, 0, 1) for x in found]
-        return [z[:ROWS] for z in found], [z[ROWS:] for z in found]
+        products = [jnp.stack([across(jnp.add, y[:, None] * z) for y in x], axis=1) for z in t]
+        products[:2] = [rows(x, layout.pole) for x in products[:2]]
+        products = [jnp.swapaxes(x, 0, 1) for x in products]
+        return [z[:ROWS] for z in products], [z[ROWS:] for z in products]
 
-    def gather(total: _Sums, op: Operands, t: Tables, s: State) -> _Sums:
+    def gather(total: _Sums, op: Operands, t: BlockTables, s: WalkState) -> _Sums:
         (u0, u1, *w), (d0, d1, *dw) = materialised(sums_of, op, t)
         u, du, past = (u0, u1), (d0, d1), s.carried
         wide, more = ([x[:, None, None] for x in y] for y in (u, du))
         edge = product(kinds, wide, past.edge)
         rate = _plus(product(kinds, more, past.edge), product(kinds, wide, past.late))
-        q = [jnp.sum(x, axis=0) for x in product(kinds, shown, u)]
+        q = [summed(x) for x in product(kinds, shown, u)]
         now = s.done * step
         since = now - s.begun
         into = _of_waves(since, of, edged, now) * g.signals.rate
         sn, cs = sincos(into)
         waves = w[0] * cs - w[1] * sn, w[1] * cs + w[0] * sn
         f0, f1 = op.f0[:ROWS], op.f1[:ROWS]
-        swing = jnp.sum(f1 * w[0] - f0 * w[1], axis=0)  # by the phases at the block's begin
-        late = jnp.sum(f1 * dw[0] - f0 * dw[1], axis=0)
+        swing = summed(f1 * w[0] - f0 * w[1])  # by the phases at the block's begin
+        late = summed(f1 * dw[0] - f0 * dw[1])
         late = late + swing * _of_waves(since, of, edged, now)
         by_into = _by_signal(swing * g.signals.rate, of, edged)
         on = s.piece[:, None] == jnp.arange(pieces)[:, None]
@@ -173,7 +173,7 @@ def _by_signal(x, of, count: int):
     return jnp.stack(sums) if sums else jnp.zeros((0, *x.shape[1:]))
 
 
-def _psi(m: Modes, signals: Signals, layout: Layout, edge: Pair, start: Pair):
+def _psi(m: PolePairs, signals: Signals, layout: Layout, edge: Pair, start: Pair):
     """(o, s, p, c): sums of the outputs times the free parts, from those over the passages."""
     jump, begin = jumps(m, signals, layout)
     left = product(m.kind, begin, [x[:, None] for x in start])
@@ -211,9 +211,9 @@ def _by_signals(g: Lanes, layout: Layout, sums: _Sums) -> Signals:
         seen = product(m.kind, [x[:, None] for x in shown], product(m.kind, b, psi))
         times, period = edge_times(signals)
         moved = jnp.sum(by_time * times) + jnp.sum(by_turn * period[:, None])
-        found = forced(m, signals, g.direct, g.slope, layout)
-        waves = jnp.sum(found.cosine[:ROWS] * sums.wave[0])
-        waves = waves + jnp.sum(found.sine[:ROWS] * sums.wave[1])
+        response = forced(m, signals, g.direct, g.slope, layout)
+        waves = jnp.sum(response.cosine[:ROWS] * sums.wave[0])
+        waves = waves + jnp.sum(response.sine[:ROWS] * sums.wave[1])
         rates = jnp.sum(sums.late * signals.rate) + jnp.sum(sums.since * signals.since)
         return jnp.sum(summed(seen, 2)) + moved + waves + rates
 
@@ -225,28 +225,28 @@ def _slopes(g: Lanes, layout: Layout, sums: _Sums, of, factor) -> Slopes:
     m, signals, count = g.modes, g.signals, len(layout.kinds)
     one = jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
 
-    def own(m: Modes):
+    def own(m: PolePairs):
         unit = m._replace(b0=one[0][None], b1=one[1][None], c0=m.c0[:0], c1=m.c1[:0])
         rate = signals.rate[:, None, None]
         parts = signals.cosine[:, :, None], signals.sine[:, :, None]
-        found = []
+        by_signal = []
         for x, y in zip(*particular(unit, one, rate, *parts), strict=True):
             each = jnp.einsum("ovkc,vkpc->vopc", sums.wave[0], x)
             each = each + jnp.einsum("ovkc,vkpc->vopc", sums.wave[1], y)
-            found.append(jnp.swapaxes(_by_signal(each, of, count), 0, 1))
-        return found[0], found[1]
+            by_signal.append(jnp.swapaxes(_by_signal(each, of, count), 0, 1))
+        return by_signal[0], by_signal[1]
 
-    def psi(m: Modes):
+    def psi(m: PolePairs):
         return _plus(own(m), _psi(m, signals, layout, sums.edge, sums.start))
 
     value, rate = along_poles(m, psi)
     rate = _plus(rate, _psi(m, signals, layout, sums.edge_rate, sums.start_rate))
     level = sums.wave[0] * signals.cosine + sums.wave[1] * signals.sine  # (o, v, k, c)
     direct = _by_signal(jnp.swapaxes(jnp.sum(level, axis=2), 0, 1), of, count)
-    found = Slopes(
+    by_signal = Slopes(
         _ending(value, sums.start),
         _ending(rate, sums.start_rate),
         _by_signals(g, layout, sums),
         direct,
     )
-    return jax.tree.map(lambda x: factor * x, found)
+    return jax.tree.map(lambda x: factor * x, by_signal)

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 
 from .arithmetic import Pair, pair_exp, product, quotient, sincos
 from .blocks import particular
-from .poles import Modes
+from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
 
@@ -46,8 +46,8 @@ def _real_less_one(x):
 
 @_real_less_one.defjvp
 def _(primals, tangents):
-    found = _real_less_one(*primals)
-    return found, (found + 1.0) * tangents[0]
+    value = _real_less_one(*primals)
+    return value, (value + 1.0) * tangents[0]
 
 
 def exp_less_one(kind, a: Pair) -> Pair:
@@ -111,7 +111,7 @@ def _on(values, piece, axis: int):
     return sum(jnp.where(piece == j, rows[j], 0.0) for j in range(len(rows)))
 
 
-def _signals(m: Modes, waves: _Waves, duration, first, since, time):
+def _signals(m: PolePairs, waves: _Waves, duration, first, since, time):
     """Signals of one kind: every edge's passages so far, and the piece that each is on."""
     pole = m.l0[:, None], m.l1[:, None]  # (p, 1, c)
     kind = m.kind[:, None]
@@ -146,7 +146,7 @@ def _signals(m: Modes, waves: _Waves, duration, first, since, time):
     return (total[0], total[1]), (free[0], free[1]), *waves.level(piece, into), into, piece
 
 
-def moment(m: Modes, signals: Signals, layout: Layout, time) -> Moment:
+def moment(m: PolePairs, signals: Signals, layout: Layout, time) -> Moment:
     """The response of every pair to one unit of every signal's column at `time` (c,), s."""
     one = jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
     parts, first, edged = [], 0, 0

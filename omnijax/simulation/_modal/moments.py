@@ -7,8 +7,8 @@ from jaxtyping import Array, Float
 
 from .arithmetic import product, quotient, sincos
 from .moment import Pair, exp_less_one, pair_exp
-from .phases import Cycle, Wave, forced_parts, free_starts, ones, wide
-from .poles import Modes
+from .phases import PhaseCycle, Wave, forced_parts, free_starts, ones, wide
+from .poles import PolePairs
 
 
 class Moments(NamedTuple):
@@ -47,7 +47,7 @@ def _against(u: Wave, v: Wave):
     return jnp.sum(A * cc + B * sc, axis=0), jnp.sum(A * cs + B * ss, axis=0)
 
 
-def _weighted(m: Modes, u: Wave) -> Pair:
+def _weighted(m: PolePairs, u: Wave) -> Pair:
     """Integral of rho_u exp(lambda tau) over every piece, (k, p, s, c)."""
     pole = m.l0, m.l1
     time, rate = u.duration[:, None], u.rate[:, None, None]
@@ -70,17 +70,17 @@ def _weighted(m: Modes, u: Wave) -> Pair:
     return first, second
 
 
-def _work(m: Modes, u: Wave, v: Wave) -> Pair:
+def _work(m: PolePairs, u: Wave, v: Wave) -> Pair:
     """Mean of rho_u phi_v over their common period; their pieces are the same."""
     a, b = forced_parts(m, v)
     start = free_starts(m, v, (a, b))
     free = product(m.kind, start, _weighted(m, u))
     cosine, sine = (x[:, :, None] for x in _against(u, v))
-    found = []
+    works = []
     for i in (0, 1):
         forced = jnp.sum(cosine * a[i] + sine * b[i], axis=(0, 1))
-        found.append((jnp.sum(free[i], axis=0) + forced) / u.period)
-    return found[0], found[1]
+        works.append((jnp.sum(free[i], axis=0) + forced) / u.period)
+    return works[0], works[1]
 
 
 def _overlap(u: Wave, v: Wave):
@@ -108,7 +108,7 @@ def _line(u: Wave, rate):
     )
 
 
-def moments_of(m: Modes, cycle: Cycle) -> Moments:
+def moments_of(m: PolePairs, cycle: PhaseCycle) -> Moments:
     """Closed forms over the phases' periods; of plain modes."""
     m = wide(m)
     zero = jnp.zeros_like(cycle.period)

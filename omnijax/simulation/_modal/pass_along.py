@@ -12,19 +12,20 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import flushed, materialised, product, sincos
-from .curves import Curves, free_size, size_of, weights
+from .arithmetic import flushed, materialised, product, sincos, summed
+from .curves import ModalCurves, free_size, size_of, weights
 from .moment import Pair, pair_exp
 
 LENGTH = 32  # samples a block
 FEW = 4  # of them after each long step
 STEP = 0.4  # of a pole's 1/|lambda|: a sixteenth of an oscillation
+COARSE = 0.8  # where directions are looked for, not times
 BENDS = 0.1  # of the largest bend: what bends less makes no maximum of its own beside that one's
 NOTHING = 1e-7  # of an output's size: not asked for
 FEWEST, MOST = 62, 65536  # samples a piece
 
 
-class Place(NamedTuple):
+class GapPlace(NamedTuple):
     """Where the phases of a cycle are between two edges."""
 
     time: Float[Array, "s c"]
@@ -32,7 +33,7 @@ class Place(NamedTuple):
     begun: tuple[Array, ...]  # s, when its piece began
 
 
-def _start(f: Curves) -> Place:
+def _start(f: ModalCurves) -> GapPlace:
     """t = 0."""
     pieces, begun = [], []
     for wave in f.cycle.edged:
@@ -40,7 +41,7 @@ def _start(f: Curves) -> Place:
         here = jnp.arange(len(wave.begin))[:, None, None] == piece
         pieces.append(piece.astype(float))
         begun.append(jnp.sum(jnp.where(here, wave.begin, 0.0), axis=0) - wave.place)
-    return Place(0.0 * f.cycle.period, tuple(pieces), tuple(begun))
+    return GapPlace(0.0 * f.cycle.period, tuple(pieces), tuple(begun))
 
 
 class Block(NamedTuple):
@@ -53,15 +54,15 @@ class Block(NamedTuple):
     f1: tuple[Array, ...]
 
 
-def reach(f: Curves, block: Block) -> Float[Array, "r s c"]:
+def reach(f: ModalCurves, block: Block) -> Float[Array, "r s c"]:
     """What no output exceeds from a block's begin to the next edge."""
-    total = jnp.sum(free_size(f, (block.w0, block.w1)), axis=1)
+    total = summed(free_size(f, (block.w0, block.w1)), 1)
     for a, b in zip(block.f0, block.f1, strict=True):
-        total = total + jnp.sum(jnp.sqrt(a * a + b * b), axis=1)
+        total = total + summed(jnp.sqrt(a * a + b * b), 1)
     return total
 
 
-def _block(f: Curves, at: Place, size, idle) -> tuple[Block, Place]:
+def _block(f: ModalCurves, at: GapPlace, size, idle, share) -> tuple[Block, GapPlace]:
     """The block that begins at a place, and where it ends; see `along`."""
     zero = 0.0 * f.pole[0] + 0.0 * at.time
     z, end, f0, f1 = (zero, zero), f.cycle.period, [], []
@@ -71,27 +72,27 @@ def _block(f: Curves, at: Place, size, idle) -> tuple[Block, Place]:
             here = jnp.arange(len(wave.duration))[:, None, None] == at.piece[i]
             here = jnp.where(here, 1.0, 0.0)
             into = at.time - at.begun[i]
-            start = [jnp.sum(here[:, None] * y, axis=0) for y in f.free[i]]
+            start = [summed(here[:, None] * y) for y in f.free[i]]
             E = materialised(
                 lambda a, b, kind=f.kind: jax.lax.complex(*pair_exp(kind + 0 * a, (a, b))),
                 f.pole[0] * into, f.pole[1] * into,
             )  # fmt: skip
             now = product(f.kind, start, (E.real, E.imag))
             z = z[0] + now[0], z[1] + now[1]
-            own = jnp.sum(here * wave.duration, axis=0)
+            own = summed(here * wave.duration)
             length = jnp.minimum(length, jnp.where(own > 0, own, jnp.inf))
             ends.append(at.begun[i] + own)
             end = jnp.minimum(end, ends[-1])
         else:
             here, into = jnp.ones((1, *at.time.shape)), at.time
         s, c = sincos(wave.rate * into)
-        a, b = (jnp.sum(here * x[i], axis=2) for x in (f.cosine, f.sine))
+        a, b = (summed(here * x[i], 2) for x in (f.cosine, f.sine))
         f0.append(a * c + b * s)
         f1.append(b * c - a * s)
     left = jnp.maximum(end - at.time, 0.0)
     length = jnp.where(jnp.isfinite(length), length, f.cycle.period)
     block = Block(left / (LENGTH - 1), *weights(f, z), tuple(f0), tuple(f1))
-    step = jnp.maximum(_fine(f, block, size), length / MOST)
+    step = jnp.maximum(share * _fine(f, block, size), length / MOST)
     step = jnp.minimum(jnp.minimum(step, length / FEWEST), block.step)
     none = idle(block)
     step = jnp.where(none, block.step, step)
@@ -105,14 +106,14 @@ def _block(f: Curves, at: Place, size, idle) -> tuple[Block, Place]:
         later = jnp.where(at.piece[i] + 1 >= len(wave.duration), 0.0, at.piece[i] + 1)
         pieces.append(jnp.where(past, later, at.piece[i]))
         begun.append(jnp.where(past, ends[i], at.begun[i]))
-    return block._replace(step=step), Place(time, tuple(pieces), tuple(begun))
+    return block._replace(step=step), GapPlace(time, tuple(pieces), tuple(begun))
 
 
-def _fine(f: Curves, block: Block, size):
-    """The step that follows every pole that bends an output of that size."""
+def _fine(f: ModalCurves, block: Block, size):
+    """1/|lambda| of the fastest pole that bends an output of that size."""
     k, bend, parts = f.kind > 0, jnp.zeros((1, 1, 1)), []
     for wave, a, b in zip(f.waves, block.f0, block.f1, strict=True):
-        bend = bend + jnp.sum((jnp.abs(a) + jnp.abs(b)) * wave.rate**2, axis=1)
+        bend = bend + summed((jnp.abs(a) + jnp.abs(b)) * wave.rate**2, 1)
     first, second = jnp.abs(block.w0), jnp.abs(block.w1)  # (r, p, s, c)
     square = jnp.where(k, f.pole[0] ** 2 + f.pole[1] ** 2, f.pole[0] ** 2)
     parts.append((jnp.where(k, first + second, first), square))
@@ -123,19 +124,19 @@ def _fine(f: Curves, block: Block, size):
     for shown, own in parts:
         much = (shown * own > BENDS * bend[:, None]) & (shown > NOTHING * size[:, None])
         fastest = jnp.maximum(fastest, jnp.max(jnp.where(much, own, 0.0), axis=(0, 1)))
-    return STEP / jnp.maximum(jnp.sqrt(fastest), 1e-30)
+    return 1 / jnp.maximum(jnp.sqrt(fastest), 1e-30)
 
 
 def _powers(kind, E: Pair, count: int) -> Pair:
     """1, E, ..., E^(count - 1)."""
-    found = [(jnp.ones_like(E[0]), jnp.where(kind > 0, 0.0, jnp.ones_like(E[0])))]
+    powers = [(jnp.ones_like(E[0]), jnp.where(kind > 0, 0.0, jnp.ones_like(E[0])))]
     for _ in range(count - 1):
-        found.append(product(kind, found[-1], E))
-    first, second = (jnp.stack([x[i] for x in found]) for i in (0, 1))
+        powers.append(product(kind, powers[-1], E))
+    first, second = (jnp.stack([x[i] for x in powers]) for i in (0, 1))
     return flushed(first), flushed(second)
 
 
-def _samples(f: Curves, block: Block) -> Float[Array, "k r s c"]:
+def _samples(f: ModalCurves, block: Block) -> Float[Array, "k r s c"]:
     """The outputs at all samples of a block.
 
     Sample `FEW` i + j is i long steps after the block's begin moved on by j short ones.
@@ -188,7 +189,7 @@ def _samples(f: Curves, block: Block) -> Float[Array, "k r s c"]:
     return jnp.moveaxis(x, (2, 0), (0, 1)).reshape(LENGTH, x.shape[1], *x.shape[3:])
 
 
-def along(f: Curves, gather, totals, idle):
+def along(f: ModalCurves, gather, totals, idle, share: float = STEP):
     """totals = gather(totals, samples (k, r, s, c), begin, step) over one period of every phase.
 
     `idle(totals, block)` (s, c): whether nothing counts from a block's begin to the next edge;
@@ -199,7 +200,7 @@ def along(f: Curves, gather, totals, idle):
 
     def body(carry):
         totals, place = carry
-        block, after = _block(f, place, size, lambda block: idle(totals, block))
+        block, after = _block(f, place, size, lambda block: idle(totals, block), share)
         return gather(totals, _samples(f, block), place.time, block.step), after
 
     start = totals, _start(f)

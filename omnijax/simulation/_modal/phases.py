@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from .arithmetic import product, quotient, sincos
 from .blocks import particular
 from .moment import Pair, exp_less_one, pair_exp
-from .poles import Modes
+from .poles import PolePairs
 from .signals import CONSTANT, FOREVER, Kind, Signals
 from .system import Layout
 
@@ -49,13 +49,13 @@ def phases_of(layout: Layout) -> tuple[Phases, ...]:
     def shape(numbers: list[int]):
         return tuple((layout.kinds[i].pieces, layout.kinds[i].waves) for i in numbers)
 
-    found = []
+    phases = []
     ordered = sorted(own.values(), key=shape)
     for kinds, same in itertools.groupby(ordered, key=shape):
         across = tuple(zip(*same, strict=True))
         count = sum(pieces > 1 for pieces, _ in kinds)
-        found.append(Phases(across[:count], across[count:]))
-    return tuple(found)
+        phases.append(Phases(across[:count], across[count:]))
+    return tuple(phases)
 
 
 class Wave(NamedTuple):
@@ -78,7 +78,7 @@ class Wave(NamedTuple):
         return jnp.cumsum(self.duration, axis=0) - self.duration
 
 
-class Cycle(NamedTuple):
+class PhaseCycle(NamedTuple):
     """The signals of phases of like kinds; `endless` has one piece, all of one rate."""
 
     edged: tuple[Wave, ...]
@@ -86,7 +86,7 @@ class Cycle(NamedTuple):
     period: Float[Array, "s c"]  # s, of the phase
 
 
-def cycle_of(signals: Signals, layout: Layout, phases: Phases) -> Cycle:
+def cycle_of(signals: Signals, layout: Layout, phases: Phases) -> PhaseCycle:
     """The phases' signals as arrays."""
     first = np.cumsum([0, *(kind.waves for kind in layout.kinds)])
 
@@ -112,7 +112,7 @@ def cycle_of(signals: Signals, layout: Layout, phases: Phases) -> Cycle:
     period = longest.period
     if edged and endless and len(edged) == 1:  # at rest nothing repeats
         period = jnp.where(endless[0].rate[0] == 0, edged[0].period, period)
-    return Cycle(tuple(edged), tuple(endless), period)
+    return PhaseCycle(tuple(edged), tuple(endless), period)
 
 
 def longest_period(signals: Signals, layout: Layout) -> Array:
@@ -122,17 +122,17 @@ def longest_period(signals: Signals, layout: Layout) -> Array:
     return jnp.max(jnp.concatenate([cycle.period.ravel() for cycle in cycles]))
 
 
-def wide(m: Modes) -> Modes:
+def wide(m: PolePairs) -> PolePairs:
     """The poles alone, (p, 1, c)."""
     return m._replace(kind=m.kind[:, None], l0=m.l0[:, None], l1=m.l1[:, None])
 
 
-def ones(m: Modes) -> Pair:
+def ones(m: PolePairs) -> Pair:
     """The pair 1."""
     return jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
 
 
-def forced_parts(m: Modes, wave: Wave) -> tuple[Pair, Pair]:
+def forced_parts(m: PolePairs, wave: Wave) -> tuple[Pair, Pair]:
     """The pairs' cosine and sine parts on every piece, (w, k, p, s, c), of wide modes."""
     cosine, sine = wave.cosine[:, :, None], wave.sine[:, :, None]
     a, b = particular(m, ones(m), wave.rate[:, None, None], cosine, sine)
@@ -146,7 +146,7 @@ def _sum_at(parts: tuple[Pair, Pair], angle) -> Pair:
     return first, second
 
 
-def free_starts(m: Modes, wave: Wave, parts: tuple[Pair, Pair]) -> Pair:
+def free_starts(m: PolePairs, wave: Wave, parts: tuple[Pair, Pair]) -> Pair:
     """The free part at the begin of every piece of the periodic response, (k, p, s, c)."""
     end = _sum_at(parts, wave.rate[:, None] * wave.duration)
     begin = [jnp.sum(x, axis=0) for x in parts[0]]
@@ -161,15 +161,15 @@ def free_starts(m: Modes, wave: Wave, parts: tuple[Pair, Pair]) -> Pair:
         carried = carried[0] + more[0], carried[1] + more[1]
     whole = exp_less_one(m.kind, (pole[0] * wave.period, pole[1] * wave.period))
     y = quotient(m.kind, carried, (-whole[0], -whole[1]))
-    found = [y]
+    starts = [y]
     for k in range(1, len(wave.duration)):
         y = product(m.kind, y, (decay[0][k - 1], decay[1][k - 1]))
         y = y[0] + jump[0][k], y[1] + jump[1][k]
-        found.append(y)
-    return jnp.stack([x[0] for x in found]), jnp.stack([x[1] for x in found])
+        starts.append(y)
+    return jnp.stack([x[0] for x in starts]), jnp.stack([x[1] for x in starts])
 
 
-class Response(NamedTuple):
+class PeriodicResponse(NamedTuple):
     """The periodic response of every pair to one unit of a phase's column at one time."""
 
     pole: Pair  # (p, s, c)
@@ -177,9 +177,9 @@ class Response(NamedTuple):
     slope: Float[Array, "s c"]  # drho/dt
 
 
-def response(m: Modes, cycle: Cycle, time: Float[Array, "s c"]) -> Response:
+def response(m: PolePairs, cycle: PhaseCycle, time: Float[Array, "s c"]) -> PeriodicResponse:
     """The response `time` s after t = 0, any time of the periodic motion; of plain modes."""
-    m, found = wide(m), []
+    m, of_phases = wide(m), []
     for wave in (*cycle.edged, *cycle.endless):
         parts = forced_parts(m, wave)
         if len(wave.duration) == 1:
@@ -201,11 +201,11 @@ def response(m: Modes, cycle: Cycle, time: Float[Array, "s c"]) -> Response:
         cosine, sine = (jnp.sum(here * x, axis=1) for x in (wave.cosine, wave.sine))
         level = jnp.sum(cosine * c + sine * s, axis=0)
         slope = jnp.sum(wave.rate * (sine * c - cosine * s), axis=0)
-        found.append((*now, level, slope))
+        of_phases.append((*now, level, slope))
     first, second, level, slope = (
-        functools.reduce(operator.add, x) for x in zip(*found, strict=True)
+        functools.reduce(operator.add, x) for x in zip(*of_phases, strict=True)
     )
-    return Response((first, second), level, slope)
+    return PeriodicResponse((first, second), level, slope)
 
 
 def columns_of(layout: Layout, phases: Phases) -> np.ndarray:
@@ -213,7 +213,7 @@ def columns_of(layout: Layout, phases: Phases) -> np.ndarray:
     return np.array([layout.kinds[i].column for i in phases.first])
 
 
-def given(m: Modes, columns: np.ndarray) -> Pair:
+def given(m: PolePairs, columns: np.ndarray) -> Pair:
     """What the phases' columns give to the pairs, (p, s, c)."""
     return jnp.swapaxes(m.b0[columns], 0, 1), jnp.swapaxes(m.b1[columns], 0, 1)
 
@@ -223,7 +223,7 @@ def constant_columns(layout: Layout) -> np.ndarray:
     return np.array([kind.column for kind in layout.kinds if kind.phase == CONSTANT], int)
 
 
-def constant(m: Modes, layout: Layout, rows: slice, direct) -> Float[Array, "o c"]:
+def constant(m: PolePairs, layout: Layout, rows: slice, direct) -> Float[Array, "o c"]:
     """The outputs `rows` that a constant force holds; `direct` (l, o, c)."""
     number = constant_columns(layout)
     z = quotient(m.kind, (m.b0[number], m.b1[number]), (-m.l0, -m.l1))

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Complex, Float
 from .system import Layout, System
 
 
-class Modes(NamedTuple):
+class PolePairs(NamedTuple):
     """Pole pairs (p), what they show (o) and what moves them (l: columns, then the start)."""
 
     kind: Float[Array, "p c"]
@@ -108,19 +108,19 @@ def _paired(value):
     )
 
 
-def modes_of(found: Eigen) -> Modes:
+def modes_of(pairs: Eigen) -> PolePairs:
     """The pairs in real arithmetic."""
 
     def picked(x, one):  # (c, ..., m) -> (..., p, c)
         real = jnp.einsum("c...m,cpm->...pc", x.real, one)
         return real, jnp.einsum("c...m,cpm->...pc", x.imag, one)
 
-    kind = found.kind.T
-    (a, b), (d, _) = picked(found.value, found.first), picked(found.value, found.second)
-    (ca, cb), (cd, _) = picked(found.output, found.first), picked(found.output, found.second)
-    inputs = jnp.swapaxes(found.input, 1, 2)
-    (ba, bb), (bd, _) = picked(inputs, found.first), picked(inputs, found.second)
-    return Modes(
+    kind = pairs.kind.T
+    (a, b), (d, _) = picked(pairs.value, pairs.first), picked(pairs.value, pairs.second)
+    (ca, cb), (cd, _) = picked(pairs.output, pairs.first), picked(pairs.output, pairs.second)
+    inputs = jnp.swapaxes(pairs.input, 1, 2)
+    (ba, bb), (bd, _) = picked(inputs, pairs.first), picked(inputs, pairs.second)
+    return PolePairs(
         jnp.where(kind, 1.0, 0.0),
         a,
         jnp.where(kind, b, d),

@@ -45,7 +45,7 @@ class Signals(NamedTuple):
     sine: Float[Array, "v k *c"]
 
 
-class Shape(NamedTuple):
+class SignalShape(NamedTuple):
     """One period over the angle: widths (k), frequencies (w) in waves' rad a rad, amplitudes."""
 
     width: Float[Array, " k"]
@@ -59,7 +59,7 @@ def series_needed(ratio: float) -> int:
     return 1 + math.ceil(26 / -math.log(min(ratio, 0.99) ** 2 / 4))
 
 
-def _gap_shape(profile, gap, period, series: int) -> Shape:
+def _gap_shape(profile, gap, period, series: int) -> SignalShape:
     """Active pieces of a gap and the silent rest of `period`."""
     width = gap.width
     safe, zero = jnp.where(width > 0, width, 1.0), jnp.zeros(())
@@ -68,7 +68,7 @@ def _gap_shape(profile, gap, period, series: int) -> Shape:
         return _rollers(gap, rest, series)
     turns = 2 * math.pi if isinstance(profile, GatedSine) else math.pi
     depth = jnp.where(width > 0, gap.depth, 0.0)
-    return Shape(
+    return SignalShape(
         jnp.stack([width, rest]),
         (turns / safe)[None],
         jnp.zeros((2, 1)),
@@ -76,7 +76,7 @@ def _gap_shape(profile, gap, period, series: int) -> Shape:
     )
 
 
-def _rollers(gap, rest, terms: int) -> Shape:
+def _rollers(gap, rest, terms: int) -> SignalShape:
     """r_b (cos a - 1) + R (sqrt(1 - q^2) - 1), q = (r_b/R) sin a, to mid-gap and back."""
     a = math.pi * np.arange(NODES) / NODES
     q = gap.wheel_radius / gap.sphere_radius * np.sin(a)
@@ -89,7 +89,7 @@ def _rollers(gap, rest, terms: int) -> Shape:
     half = gap.width / 2
     up = down * jnp.cos(frequency * half), down * jnp.sin(frequency * half)
     none = jnp.zeros_like(down)
-    return Shape(
+    return SignalShape(
         jnp.stack([half, half, rest]),
         frequency,
         jnp.stack([down, up[0], none]),
@@ -97,16 +97,16 @@ def _rollers(gap, rest, terms: int) -> Shape:
     )
 
 
-def _mirrored(shape: Shape) -> Shape:
+def _mirrored(shape: SignalShape) -> SignalShape:
     """The shape for a wheel that turns backwards."""
     phase = shape.width[:, None] * shape.frequency
     cos, sin = jnp.cos(phase), jnp.sin(phase)
     cosine = shape.cosine * cos + shape.sine * sin
     sine = shape.cosine * sin - shape.sine * cos
-    return Shape(shape.width[::-1], shape.frequency, cosine[::-1], sine[::-1])
+    return SignalShape(shape.width[::-1], shape.frequency, cosine[::-1], sine[::-1])
 
 
-def _place(shape: Shape, angle):
+def _place(shape: SignalShape, angle):
     """Number of the piece at `angle` and the angle since it began."""
     place = jnp.mod(angle, jnp.sum(shape.width))
     ends = jnp.cumsum(shape.width)
@@ -114,7 +114,7 @@ def _place(shape: Shape, angle):
     return number, place - (ends[number] - shape.width[number])
 
 
-def _passed(shape: Shape, speed, angle):
+def _passed(shape: SignalShape, speed, angle):
     """Durations, rates, amplitudes, piece and time since its begin, as the wheel passes it."""
     forward, rest = speed >= 0, speed == 0
     shape = jax.tree.map(lambda a, b: jnp.where(forward, a, b), shape, _mirrored(shape))

@@ -10,11 +10,11 @@ from .arithmetic import product, quotient
 from .gradient import ROWS, Slopes, along_poles, half_root
 from .moment import Pair
 from .phases import columns_of, cycle_of, given, ones, phases_of, response
-from .poles import Modes
+from .poles import PolePairs
 from .signals import CONSTANT, Signals
 from .steady_margins import steady_margins
 from .steady_mean import mean_square, put, steady_slopes
-from .supremum import Found, supremum
+from .supremum import Supremum, supremum
 from .system import Layout
 from .transient import Lanes
 
@@ -32,15 +32,15 @@ def steady_of(g: Lanes, layout: Layout, gradient: bool) -> tuple[Array, Slopes |
     )
 
 
-def _supremum_slopes(g: Lanes, layout: Layout, found: Found) -> Slopes:
+def _supremum_slopes(g: Lanes, layout: Layout, top: Supremum) -> Slopes:
     """Derivatives of the square of the supremum, by the envelope theorem."""
-    m, groups, weight = g.modes, phases_of(layout), 2 * found.total
+    m, groups, weight = g.modes, phases_of(layout), 2 * top.total
     count, lanes = len(layout.kinds), m.l0.shape[-1]
 
-    def psi(m: Modes) -> tuple[Pair, Array]:
+    def psi(m: PolePairs) -> tuple[Pair, Array]:
         none = jnp.zeros((ROWS, count + 1, len(m.kind), lanes))
         total, direct = (none, none), jnp.zeros((ROWS, count, lanes))
-        for phases, time in zip(groups, found.times, strict=True):
+        for phases, time in zip(groups, top.times, strict=True):
             now = response(m, cycle_of(g.signals, layout, phases), time)
             number = np.array(phases.first)
             each = [weight[:, None, None] * jnp.swapaxes(x, 0, 1) for x in now.pole]
@@ -54,7 +54,7 @@ def _supremum_slopes(g: Lanes, layout: Layout, found: Found) -> Slopes:
 
     def figure(signals: Signals):
         value = 0.0
-        for phases, time in zip(groups, found.times, strict=True):
+        for phases, time in zip(groups, top.times, strict=True):
             now = response(m, cycle_of(signals, layout, phases), time)
             columns = columns_of(layout, phases)
             z = product(m.kind[:, None], given(m, columns), now.pole)

@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import materialised
-from .curves import Curves, recombined, size_of
+from .arithmetic import across, materialised
+from .curves import ModalCurves, recombined, size_of
 from .gradient import ROWS
 from .pass_along import Block, along, reach
 from .phases import constant
@@ -17,7 +17,7 @@ from .system import Layout
 from .transient import Lanes
 
 
-def _least(f: Curves) -> Float[Array, "r c"]:
+def _least(f: ModalCurves) -> Float[Array, "r c"]:
     """Least value of every output, the phases' own least values added up."""
 
     def gather(least, y, _, __):
@@ -25,8 +25,8 @@ def _least(f: Curves) -> Float[Array, "r c"]:
         rise, bend = y[2:] - y[:-2], y[2:] + y[:-2] - 2 * y[1:-1]
         inside = jnp.abs(rise) < 2 * bend
         less = jnp.where(inside, rise * rise / jnp.where(inside, 8 * bend, 1.0), 0.0)
-        low = jnp.minimum(jnp.minimum(y[0], y[-1]), jnp.min(y[1:-1] - less, axis=0))
-        return jnp.minimum(least, low)
+        low = y - jnp.pad(less, ((1, 1), (0, 0), (0, 0), (0, 0)))
+        return jnp.minimum(least, across(jnp.minimum, low))
 
     def idle(least, block: Block):
         return jnp.all(reach(f, block) <= -least, axis=0)

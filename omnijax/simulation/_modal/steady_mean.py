@@ -19,8 +19,8 @@ from jaxtyping import Array, Complex, Float
 from .gradient import ROWS, Slopes, along_poles
 from .moment import Pair
 from .moments import Moments, moments_of
-from .phases import Cycle, columns_of, constant, cycle_of, phases_of
-from .poles import Modes
+from .phases import PhaseCycle, columns_of, constant, cycle_of, phases_of
+from .poles import PolePairs
 from .signals import CONSTANT, Signals
 from .system import Layout
 from .transient import Lanes
@@ -38,7 +38,7 @@ class _Phase(NamedTuple):
     mean: Float[Array, "o s c"]
 
 
-def _both(m: Modes, a: Pair) -> Complex[Array, "... q c"]:
+def _both(m: PolePairs, a: Pair) -> Complex[Array, "... q c"]:
     """Values at all eigenvalues from those of pairs, the pairs' first ones before the second."""
     k = m.kind > 0 if a[0].ndim == m.kind.ndim else m.kind[:, None] > 0
     one = jax.lax.complex(a[0], jnp.where(k, a[1], 0.0))
@@ -46,14 +46,14 @@ def _both(m: Modes, a: Pair) -> Complex[Array, "... q c"]:
     return jnp.concatenate([one, two])
 
 
-def pairs_of(m: Modes, x: Complex[Array, "o q s c"]) -> Pair:
+def pairs_of(m: PolePairs, x: Complex[Array, "o q s c"]) -> Pair:
     """Values of pairs, (o, s, p, c), from those at all eigenvalues."""
     count = len(m.kind)
     k, x = m.kind > 0, jnp.moveaxis(x, 1, 2)
     return x[:, :, :count].real, jnp.where(k, x[:, :, :count].imag, x[:, :, count:].real)
 
 
-def _damped(m: Modes, cycles: list[Cycle]) -> Modes:
+def _damped(m: PolePairs, cycles: list[PhaseCycle]) -> PolePairs:
     """Poles that decay a little over every period."""
     longest = jnp.max(jnp.concatenate([cycle.period for cycle in cycles]), axis=0)
     least = -LEAST_DECAY / longest
@@ -61,7 +61,7 @@ def _damped(m: Modes, cycles: list[Cycle]) -> Modes:
     return m._replace(l0=jnp.minimum(m.l0, least), l1=second)
 
 
-def _phase(m: Modes, pole, layout: Layout, cycle: Cycle, columns, direct) -> _Phase:
+def _phase(m: PolePairs, pole, layout: Layout, cycle: PhaseCycle, columns, direct) -> _Phase:
     """`pole` (q, c): all eigenvalues."""
     moments = moments_of(m, cycle)
     k = m.kind > 0
@@ -90,16 +90,16 @@ def mean_square(g: Lanes, layout: Layout) -> MeanSquare:
     cycles = [cycle_of(g.signals, layout, phases) for phases in groups]
     m, direct = _damped(g.modes, cycles), g.direct[:, :ROWS]
     pole = _both(m, (m.l0, m.l1))
-    found = [
+    parts = [
         _phase(m, pole, layout, cycle, columns_of(layout, phases), direct)
         for cycle, phases in zip(cycles, groups, strict=True)
     ]
     total = constant(m, layout, slice(0, ROWS), direct) + sum(
-        jnp.sum(part.mean, axis=1) for part in found
+        jnp.sum(part.mean, axis=1) for part in parts
     )
     value, kernels = jnp.sum(total * total, axis=0), []
     between = 1 / (pole[:, None] + pole)  # (q, q, c)
-    for part in found:
+    for part in parts:
         w = part.shown
         together = sum(w[o][:, None] * w[o][None] for o in range(ROWS))  # (q, q, s, c)
         kernel = -2 * jnp.sum(together * between[:, :, None], axis=1)
@@ -108,23 +108,23 @@ def mean_square(g: Lanes, layout: Layout) -> MeanSquare:
         square = square + jnp.sum(kernel * part.work, axis=0).real
         value = value + jnp.sum(square - jnp.sum(part.mean**2, axis=0), axis=0)
         kernels.append(kernel)
-    return MeanSquare(jnp.maximum(value, 0.0), found, kernels, total, pole)
+    return MeanSquare(jnp.maximum(value, 0.0), parts, kernels, total, pole)
 
 
-def steady_slopes(g: Lanes, layout: Layout, found: MeanSquare) -> Slopes:
+def steady_slopes(g: Lanes, layout: Layout, mean: MeanSquare) -> Slopes:
     """Derivatives of the long run's mean of |dR|^2."""
     groups = phases_of(layout)
     cycles = [cycle_of(g.signals, layout, phases) for phases in groups]
     m = _damped(g.modes, cycles)
-    pole, lanes = found.pole, g.modes.l0.shape[-1]
+    pole, lanes = mean.pole, g.modes.l0.shape[-1]
     count, pairs = len(layout.kinds), len(m.kind)
     none = jnp.zeros((ROWS, count + 1, pairs, lanes))
     psi, rate, direct = (none, none), (none, none), jnp.zeros((ROWS, count, lanes))
     between = 1 / (pole[:, None] + pole)
-    for phases, cycle, part in zip(groups, cycles, found.phases, strict=True):
+    for phases, cycle, part in zip(groups, cycles, mean.phases, strict=True):
         R = part.work
         slope = _both(m, along_poles(m, lambda m, cycle=cycle: moments_of(m, cycle).work)[1])
-        more = 2 * (found.total[:, None] - part.mean)  # (o, s, c)
+        more = 2 * (mean.total[:, None] - part.mean)  # (o, s, c)
         w = part.shown[:, None]  # by pole z (q), then j
         sums = R[:, None] + R[None]  # (z, j, s, c)
         b = between[:, :, None]
@@ -141,18 +141,18 @@ def steady_slopes(g: Lanes, layout: Layout, found: MeanSquare) -> Slopes:
         direct = direct.at[:, number].set(2 * seen + more * part.moments.level)
     for i, kind in enumerate(layout.kinds):
         if kind.phase == CONSTANT:
-            held = (-2 * found.total[:, None] / pole)[:, :, None]
-            moved = (2 * found.total[:, None] / pole**2)[:, :, None]
+            held = (-2 * mean.total[:, None] / pole)[:, :, None]
+            moved = (2 * mean.total[:, None] / pole**2)[:, :, None]
             psi = put(psi, np.array([i]), pairs_of(m, held))
             rate = put(rate, np.array([i]), pairs_of(m, moved))
-            direct = direct.at[:, i].set(2 * found.total)
+            direct = direct.at[:, i].set(2 * mean.total)
 
     def figure(signals: Signals):
         value = 0.0
-        for phases, part, kernel in zip(groups, found.phases, found.kernels, strict=True):
+        for phases, part, kernel in zip(groups, mean.phases, mean.kernels, strict=True):
             now = moments_of(m, cycle_of(signals, layout, phases))
             gain = part.direct - jnp.sum(part.shown / pole[:, None], axis=1).real
-            more = 2 * jnp.sum((found.total[:, None] - part.mean) * gain, axis=0)
+            more = 2 * jnp.sum((mean.total[:, None] - part.mean) * gain, axis=0)
             square = jnp.sum(part.direct**2, axis=0) * now.square + more * now.level
             value += jnp.sum(square) + jnp.sum((kernel * _both(m, now.work)).real)
         return value

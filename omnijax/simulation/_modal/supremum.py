@@ -15,11 +15,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._steady import sphere
-from .arithmetic import materialised
-from .climb import ascended, climbed, together, unit
-from .curves import Curves, Rows, curves_of, towards, values_at
+from .arithmetic import across, materialised, summed
+from .climb import ascended, climbed, move_up, together, unit
+from .curves import ModalCurves, OutputRows, curves_of, towards, values_at
 from .gradient import ROWS
-from .pass_along import LENGTH, Block, along, reach
+from .pass_along import COARSE, LENGTH, Block, along, reach
 from .phases import columns_of, constant, cycle_of, phases_of
 from .system import Layout
 from .transient import Lanes
@@ -30,11 +30,13 @@ KEPT = 8  # of them gone on from
 ASCENTS = 4
 AGAIN = 4  # sums in whose directions every phase is looked at once more
 CLOSE = 0.99  # of the largest value: a maximum below is not gone on from
-ASCENDS = 4  # rounds of Newton's method of a phase alone
-_MASK = LENGTH - 1
+ASCENDS = 3  # rounds of Newton's method of a phase alone
+NEARER, NEAREST = 3, 5  # and of all phases: in every sum, then in the longest
+LOOKED = 8  # points looked at together
+_MASK = 63  # of the bits that tell which of up to 64 values a maximum is
 
 
-class Found(NamedTuple):
+class Supremum(NamedTuple):
     """The supremum: where each phase is, and what their outputs add up to."""
 
     times: list[Float[Array, "s c"]]  # of phases of like kinds
@@ -46,20 +48,20 @@ class Found(NamedTuple):
         return jnp.sum(self.total**2, axis=0)
 
 
-def all_curves(g: Lanes, layout: Layout, rows: slice) -> list[Curves]:
+def all_curves(g: Lanes, layout: Layout, rows: slice) -> list[ModalCurves]:
     """The outputs `rows` of every phase."""
-    found = []
+    curves = []
     for phases in phases_of(layout):
         columns = columns_of(layout, phases)
         direct, slope = (jnp.moveaxis(x[columns][:, rows], 1, 0) for x in (g.direct, g.slope))
         cycle = cycle_of(g.signals, layout, phases)
-        shown = Rows(g.modes.c0[rows], g.modes.c1[rows], direct, slope)
-        found.append(curves_of(g.modes, cycle, columns, shown))
-    return found
+        shown = OutputRows(g.modes.c0[rows], g.modes.c1[rows], direct, slope)
+        curves.append(curves_of(g.modes, cycle, columns, shown))
+    return curves
 
 
 def _tagged(x):
-    """x (k, ...) with its last bits replaced by the sample's number, for a maximum to keep."""
+    """x (k, ...) with its last bits replaced by its number of k, for a maximum to keep."""
     bits = jax.lax.bitcast_convert_type(x, jnp.int64)
     number = jax.lax.broadcasted_iota(jnp.int64, x.shape, 0)
     return jax.lax.bitcast_convert_type((bits & ~_MASK) | number, jnp.float64)
@@ -73,7 +75,7 @@ class _Tops(NamedTuple):
     step: Float[Array, "d s c"]
 
 
-def _none(f: Curves, count: int) -> _Tops:
+def _none(f: ModalCurves, count: int) -> _Tops:
     shape = count, *f.cycle.period.shape
     return _Tops(jnp.full(shape, -jnp.inf), jnp.zeros(shape), jnp.zeros(shape))
 
@@ -92,14 +94,14 @@ def _higher(a: _Tops, b: _Tops) -> tuple[_Tops, _Tops]:
     )
 
 
-def _tops(f: Curves) -> _Tops:
+def _tops(f: ModalCurves) -> _Tops:
     """In directions all around, by the samples."""
     d, n = jnp.asarray(DIRECTIONS), len(DIRECTIONS)
     size = jnp.abs(d)
 
     def gather(best: _Tops, x, begin, step) -> _Tops:
         seen = _along(d[:, :, None, None], x)
-        high, low = (jnp.max(_tagged(y), axis=0) for y in (seen, -seen))
+        high, low = (across(jnp.maximum, _tagged(y)) for y in (seen, -seen))
         return _higher(best, _tops_of(jnp.concatenate([high, low]), begin, step))[0]
 
     def idle(best: _Tops, block: Block):
@@ -107,22 +109,24 @@ def _tops(f: Curves) -> _Tops:
         above = reach(f, block)  # along each axis
         return jnp.all(sum(size[:, o, None, None] * above[o] for o in range(ROWS)) <= known, axis=0)
 
-    return along(f, gather, _none(f, 2 * n), idle)
+    return along(f, gather, _none(f, 2 * n), idle, COARSE)
 
 
-def _points(f: Curves, top: _Tops) -> Float[Array, "d o s c"]:
-    """The outputs at the maxima in directions all around, a step of Newton's method further."""
+def _points(f: ModalCurves, top: _Tops) -> Float[Array, "d o s c"]:
+    """The outputs at the maxima in directions all around, moved on by a parabola in time."""
 
     def one(at):
         d, time, step = at[0][:, None, None], *at[1:]
-        here, there = (values_at(f, t)[0] for t in (time, ascended(f, d, time, step)))
-        return jnp.where(jnp.sum(d * there, axis=0) > jnp.sum(d * here, axis=0), there, here)
+        x, v, a = values_at(f, time, 3)
+        on = move_up(summed(d * v), summed(d * a), step)
+        further = x + on * (v + 0.5 * on * a)
+        return jnp.where(summed(d * further) > summed(d * x), further, x)
 
     every = jnp.concatenate([DIRECTIONS, -DIRECTIONS])
-    return jax.lax.map(one, (every, top.time, top.step))
+    return jax.lax.map(one, (every, top.time, top.step), batch_size=LOOKED)
 
 
-def _two_tops(f: Curves, d: Float[Array, "n o c"]) -> tuple[_Tops, _Tops]:
+def _two_tops(f: ModalCurves, d: Float[Array, "n o c"]) -> tuple[_Tops, _Tops]:
     """In directions of each design, by parabolas through three samples: the best two maxima."""
     f = towards(f, d)
     half = LENGTH // 2
@@ -135,7 +139,7 @@ def _two_tops(f: Curves, d: Float[Array, "n o c"]) -> tuple[_Tops, _Tops]:
         tagged = _tagged(seen + jnp.pad(more, ((1, 1), (0, 0), (0, 0), (0, 0))))
         first, second = best
         for part in (tagged[:half], tagged[half:]):
-            first, left = _higher(first, _tops_of(jnp.max(part, axis=0), begin, step))
+            first, left = _higher(first, _tops_of(across(jnp.maximum, part), begin, step))
             second = _higher(second, left)[0]
         return first, second
 
@@ -160,14 +164,14 @@ def _best_sums(tops: list[_Tops], points, held):
 
     def sums(pick):
         """Total (o, c) of the points picked (d, s, c)."""
-        return jnp.sum(jnp.where(pick[:, None], points, 0.0), axis=(0, 2)) + held
+        return summed(across(jnp.add, jnp.where(pick[:, None], points, 0.0)), 1) + held
 
     def follow(_, begin):
         total = sums(jnp.broadcast_to(number == begin, (*points.shape[:1], *points.shape[2:])))
         for _ in range(ASCENTS):
             d = unit(total)
-            seen = sum(d[o] * points[:, o] for o in range(ROWS))  # (d, s, c)
-            total = sums(number == jnp.argmax(seen, axis=0))
+            seen = _tagged(sum(d[o] * points[:, o] for o in range(ROWS)))  # (d, s, c)
+            total = sums(seen == across(jnp.maximum, seen))
         return None, total
 
     totals = jax.lax.scan(follow, None, first)[1]  # (n, o, c)
@@ -177,42 +181,46 @@ def _best_sums(tops: list[_Tops], points, held):
 
 def _longest(size, count: int):
     """Which (count, n, c) of sums (n, c) are the longest ones; equal ones count once."""
-    found, number = [], jnp.arange(len(size))[:, None]
+    longest, number = [], jnp.arange(len(size))[:, None]
     for _ in range(count):
-        found.append(number == jnp.argmax(size, axis=0))
+        longest.append(number == jnp.argmax(size, axis=0))
         size = jnp.where(size > (1 - 1e-9) * jnp.max(size, axis=0), -1.0, size)
-    return jnp.stack(found)
+    return jnp.stack(longest)
 
 
-def supremum(g: Lanes, layout: Layout) -> Found:
+def supremum(g: Lanes, layout: Layout) -> Supremum:
     """Where the phases are at the largest |dR|, and dR there."""
     every = all_curves(g, layout, slice(0, ROWS))
     held = constant(g.modes, layout, slice(0, ROWS), g.direct)
     tops = [_tops(f) for f in every]
     points = [_points(f, top) for f, top in zip(every, tops, strict=True)]
-    found = _best_sums(tops, jnp.concatenate(points, axis=2), held)
-    starts = [_two_tops(f, found) for f in every]
-    times, sizes = jax.lax.map(lambda begin: _refined(every, held, begin), starts)
+    longest = _best_sums(tops, jnp.concatenate(points, axis=2), held)
+    starts = [_two_tops(f, longest) for f in every]
+    times, sizes = jax.vmap(lambda begin: _refined(every, held, begin))(starts)
     best = jnp.arange(AGAIN)[:, None] == jnp.argmax(sizes, axis=0)
-    times = [jnp.sum(jnp.where(best[:, None], t, 0.0), axis=0) for t in times]
-    return Found(times, together(every, held, times))
+    times, steps = (
+        [jnp.sum(jnp.where(best[:, None], t, 0.0), axis=0) for t in x]
+        for x in (times, [first.step for first, _ in starts])
+    )
+    times = climbed(every, held, times, steps, NEAREST)[0]
+    return Supremum(times, together(every, held, times))
 
 
-def _refined(every: list[Curves], held, starts: list[tuple[_Tops, _Tops]]):
+def _refined(every: list[ModalCurves], held, starts: list[tuple[_Tops, _Tops]]):
     """Times of each phase and |dR|^2 there, from its best maxima in one direction."""
     steps = [first.step for first, _ in starts]
-    times, size = climbed(every, held, [first.time for first, _ in starts], steps)
+    times, size = climbed(every, held, [first.time for first, _ in starts], steps, NEARER)
     d = unit(together(every, held, times))
 
-    def swapped(f: Curves, now, other: _Tops):
+    def swapped(f: ModalCurves, now, other: _Tops):
         """The time of the higher maximum in the direction found."""
         time = jax.lax.fori_loop(
             0, ASCENDS, lambda _, t: ascended(f, d[:, None], t, other.step), other.time
         )
-        height, rival = (jnp.sum(d[:, None] * values_at(f, t)[0], axis=0) for t in (now, time))
+        height, rival = (summed(d[:, None] * values_at(f, t)[0]) for t in (now, time))
         return jnp.where(rival > height, time, now)
 
     others = [swapped(f, t, o) for f, t, (_, o) in zip(every, times, starts, strict=True)]
-    again, more = climbed(every, held, others, steps)
+    again, more = climbed(every, held, others, steps, NEARER)
     best = [jnp.where(more > size, x, t) for x, t in zip(again, times, strict=True)]
     return best, jnp.maximum(size, more)

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...rig import Rig
-from .._exact import Forced, forced_system
+from .._exact import ForcedSystem, forced_system
 from .signals import Kind, Signals, signals_of
 
 
@@ -32,7 +32,7 @@ class System(NamedTuple):
     start: Float[Array, " m"]
 
 
-class Design(NamedTuple):
+class LinearDesign(NamedTuple):
     """What the kernel needs to know of a design."""
 
     system: System
@@ -80,7 +80,7 @@ OUTPUTS = ("dR", "normal_force", "drive_force")
 
 def design_of(
     point: Operating, model: str, force: bool, series: int, turn: Array | None = None
-) -> tuple[Design, Layout]:
+) -> tuple[LinearDesign, Layout]:
     """Arrays and layout of one design; see `signals_of` for `force` and `series`.
 
     `turn`: directions of the states in the columns, where those are not the model's own.
@@ -89,7 +89,7 @@ def design_of(
     signals, kinds = signals_of(rig, speeds, angles, force, series)
     floors = len(rig.at("platform"))
     sources = (*range(rig.size), *(-1 for _ in range(floors)))
-    found = _turned(forced_system(rig, model, speeds, sources), turn)
+    forced = _turned(forced_system(rig, model, speeds, sources), turn)
     level = jnp.zeros(len(sources))  # rho at the start; a floor does not deflect a rig at rest
     first = 0
     for g, kind in enumerate(kinds):
@@ -101,40 +101,40 @@ def design_of(
         value = jnp.sum(cosine * jnp.cos(phase) + sine * jnp.sin(phase))
         level = level.at[kind.column].add(value) if kind.column < rig.size else level
         first += kind.waves
-    start = found.rest @ level - found.shift.T @ level
-    unit = _units(found.A)
+    start = forced.rest @ level - forced.shift.T @ level
+    unit = _units(forced.A)
 
     def rows(parts: dict[str, Any], axis: int):
         return jnp.concatenate([parts[name] for name in OUTPUTS], axis=axis)
 
-    column, direct, rate = found.column, rows(found.direct, 1), rows(found.rate, 1)
+    column, direct, rate = forced.column, rows(forced.direct, 1), rows(forced.rate, 1)
     if force:
-        column = jnp.concatenate([column, (found.force @ push)[None]])
+        column = jnp.concatenate([column, (forced.force @ push)[None]])
         direct, rate = (jnp.pad(x, ((0, 1), (0, 0))) for x in (direct, rate))
     system = System(
-        found.A * unit[None, :] / unit[:, None],
+        forced.A * unit[None, :] / unit[:, None],
         column / unit,
-        rows(found.state, 0) * unit,
+        rows(forced.state, 0) * unit,
         direct,
         rate,
         start / unit,
     )
     wheels = rig.wheels
-    design = Design(system, signals, wheels.closure.preload, wheels.contact.friction)
+    design = LinearDesign(system, signals, wheels.closure.preload, wheels.contact.friction)
     return design, Layout(rig.size, kinds, OUTPUTS)
 
 
-def _turned(found: Forced, turn: Array | None) -> Forced:
+def _turned(system: ForcedSystem, turn: Array | None) -> ForcedSystem:
     """The same system with its states along the columns of `turn`, orthonormal."""
     if turn is None:
-        return found
-    return found._replace(
-        A=turn.T @ found.A @ turn,
-        column=found.column @ turn,
-        shift=found.shift @ turn,
-        state={name: rows @ turn for name, rows in found.state.items()},
-        force=turn.T @ found.force,
-        rest=turn.T @ found.rest,
+        return system
+    return system._replace(
+        A=turn.T @ system.A @ turn,
+        column=system.column @ turn,
+        shift=system.shift @ turn,
+        state={name: rows @ turn for name, rows in system.state.items()},
+        force=turn.T @ system.force,
+        rest=turn.T @ system.rest,
     )
 
 
@@ -154,13 +154,13 @@ def _units(A: Float[Array, "m m"]) -> Float[Array, " m"]:
 
 def designs_of(
     points: Operating, model: str, force: bool, series: int, turn: Array | None = None
-) -> tuple[Design, Layout]:
+) -> tuple[LinearDesign, Layout]:
     """Designs of many operating points, batch first."""
     layout: list[Layout] = []
 
     def one(point):
-        design, found = design_of(point, model, force, series, turn)
-        layout.append(found)
+        design, kinds = design_of(point, model, force, series, turn)
+        layout.append(kinds)
         return design
 
     return jax.vmap(one)(points), layout[0]

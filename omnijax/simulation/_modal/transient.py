@@ -8,12 +8,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .arithmetic import across, materialised, product, sincos, stored
-from .blocks import LENGTH, Operands, Tables, forced, pole_exp, row_signal
+from .blocks import LENGTH, BlockTables, Operands, forced, pole_exp, row_signal
 from .moment import Moment
-from .poles import Modes
+from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
-from .walk import State, Walk
+from .walk import Walk, WalkState
 
 ROWS = 3  # outputs that the figures are made of: dR
 LANES = 64  # designs that pass through the loop together
@@ -22,7 +22,7 @@ LANES = 64  # designs that pass through the loop together
 class Lanes(NamedTuple):
     """A group of designs, batch last."""
 
-    modes: Modes
+    modes: PolePairs
     signals: Signals
     direct: Float[Array, "l o c"]
     slope: Float[Array, "l o c"]
@@ -70,7 +70,7 @@ class _Largest(NamedTuple):
             before=jnp.where(larger, self.earlier, self.before),
         )
 
-    def moved(self, s: State, count):
+    def moved(self, s: WalkState, count):
         """On to the block that begins at `s`."""
         earlier = jnp.where(self.count > 0, self.last, self.earlier)
         return self._replace(last=s.packed(), count=count, earlier=earlier)
@@ -86,7 +86,7 @@ def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
     bound = _bound(g, layout)
     walk = Walk(g.modes, g.signals, parts, layout, step, count)
 
-    def gather(totals, op: Operands, t: Tables, s: State):
+    def gather(totals, op: Operands, t: BlockTables, s: WalkState):
         pair, largest, low = totals
         largest = largest.seen(across(jnp.maximum, pair.imag))
         x, y, z = (row_signal(op, t, layout, o) for o in range(ROWS))
@@ -108,12 +108,12 @@ def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
     return Samples(jnp.sum(pair.real, axis=0), near, *low)
 
 
-def _at_samples(walk: Walk, begin: State, numbers: Float[Array, "3 c"]):
+def _at_samples(walk: Walk, begin: WalkState, numbers: Float[Array, "3 c"]):
     """dR and its rate at the samples of these numbers, all from the state `begin` on, (3, o, c)."""
     m, rate = walk.modes, walk.signals.rate
 
     def body(carry):
-        s, op, found = carry
+        s, op, samples = carry
         local = numbers - s.done
         E = pole_exp(m, walk.layout, (local * walk.step)[:, None])
         sn, cs = stored(sincos, rate * (local * walk.step)[:, None])
@@ -126,8 +126,8 @@ def _at_samples(walk: Walk, begin: State, numbers: Float[Array, "3 c"]):
         inside = ((local >= 0) & (local < op.count))[:, None]
         now = seen(E, cs, sn), seen(turned, -rate * sn, rate * cs)
         s = walk.onward(s, op.count)
-        found = [jnp.where(inside, x, y) for x, y in zip(now, found, strict=True)]
-        return s, walk.operands(s), found
+        samples = [jnp.where(inside, x, y) for x, y in zip(now, samples, strict=True)]
+        return s, walk.operands(s), samples
 
     none = jnp.zeros((3, ROWS, numbers.shape[-1]))
     start = begin, walk.operands(begin), [none, none]
@@ -152,7 +152,7 @@ def _bound(g: Lanes, layout: Layout):
     return low
 
 
-def _lowest(low, bounds, op: Operands, t: Tables, inside, g: Lanes, layout: Layout):
+def _lowest(low, bounds, op: Operands, t: BlockTables, inside, g: Lanes, layout: Layout):
     """The least margins so far: by the bounds where those say enough, else sample by sample.
 
     Nothing more is asked of a design that has lifted off, nor of the grip of one that has slipped.
@@ -161,17 +161,17 @@ def _lowest(low, bounds, op: Operands, t: Tables, inside, g: Lanes, layout: Layo
     bounds = [jnp.where(some, jnp.min(b, axis=0), jnp.inf) for b in bounds]
     open_ = (bounds[0] <= 0) | ((bounds[1] < 0) & (low[1] >= 0))
     asked = jnp.any(open_ & (low[0] > 0))
-    found = jax.lax.cond(
+    margins = jax.lax.cond(
         asked,
         lambda op, t: _margins(op, t, inside, g, layout),
         lambda *_: (bounds[0], bounds[1]),
         op,
         t,
     )
-    return jnp.minimum(low[0], found[0]), jnp.minimum(low[1], found[1])
+    return jnp.minimum(low[0], margins[0]), jnp.minimum(low[1], margins[1])
 
 
-def _margins(op: Operands, t: Tables, inside, g: Lanes, layout: Layout):
+def _margins(op: Operands, t: BlockTables, inside, g: Lanes, layout: Layout):
     """The least N and mu N - |f| of all wheels over the samples of a block."""
     n = layout.wheels
     shown = [(layout.live[o], layout.waves[o]) for o in range(3, 3 + 2 * n)]

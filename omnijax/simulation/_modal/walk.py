@@ -13,13 +13,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .arithmetic import flushed, product, sincos, stored
-from .blocks import LENGTH, Forced, Operands, pole_exp, tables
-from .poles import Modes
+from .blocks import LENGTH, ForcedPart, Operands, pole_exp, tables
+from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
 
 
-class State(NamedTuple):
+class WalkState(NamedTuple):
     """Where a design is: samples done, free part, and the pieces its signals are on."""
 
     done: Float[Array, " c"]
@@ -34,12 +34,12 @@ class State(NamedTuple):
         parts = (self.done[None], *self.free, self.edge, self.begun, self.piece)
         return jnp.concatenate(parts)
 
-    def unpacked(self, rows: Float[Array, "r c"]) -> "State":
+    def unpacked(self, rows: Float[Array, "r c"]) -> "WalkState":
         """The state of these rows, shaped as this one."""
         pairs, edges = len(self.free[0]), len(self.edge)
         ends = np.cumsum([1, pairs, pairs, edges, edges])
         done, first, second, edge, begun, piece = jnp.split(rows, ends)
-        return State(done[0], (first, second), edge, begun, piece, self.carried)
+        return WalkState(done[0], (first, second), edge, begun, piece, self.carried)
 
 
 class Onward(NamedTuple):
@@ -55,26 +55,26 @@ class Onward(NamedTuple):
 class Walk(NamedTuple):
     """The runs of a group of designs, `samples` at t = 0, step, ..."""
 
-    modes: Modes
+    modes: PolePairs
     signals: Signals
-    parts: Forced
+    parts: ForcedPart
     layout: Layout
     step: Array
     samples: Array
 
-    def begin(self, carried: Any = ()) -> State:
+    def begin(self, carried: Any = ()) -> WalkState:
         """The start of all runs."""
         signals, free = self.signals, (self.parts.free0, self.parts.free1)
         edge = _at_piece(signals.duration, signals.piece) - signals.since
         zero = jnp.zeros(self.modes.l0.shape[-1])
-        return State(zero, free, edge, -signals.since, signals.piece, carried)
+        return WalkState(zero, free, edge, -signals.since, signals.piece, carried)
 
-    def count(self, s: State) -> Float[Array, " c"]:
+    def count(self, s: WalkState) -> Float[Array, " c"]:
         """Samples of the block that begins here."""
         last = jnp.min(jnp.floor(s.edge / self.step), axis=0, initial=jnp.inf)
         return jnp.clip(jnp.minimum(last + 1, self.samples) - s.done, 0.0, LENGTH)
 
-    def operands(self, s: State) -> Operands:
+    def operands(self, s: WalkState) -> Operands:
         """What the samples of the block that begins here are made of."""
         m, (z0, z1) = self.modes, s.free
         k = m.kind > 0
@@ -89,7 +89,7 @@ class Walk(NamedTuple):
         sn, cs = stored(sincos, phase)
         return Operands(self.count(s), w0, w1, fa * cs + fb * sn, fb * cs - fa * sn)
 
-    def onward(self, s: State, count, follow=lambda carried, move: carried) -> State:
+    def onward(self, s: WalkState, count, follow=lambda carried, move: carried) -> WalkState:
         """The begin of the next block, `count` samples later."""
         m, signals, edges = self.modes, self.signals, self.signals.duration.shape[0]
         pieces = np.array([kind.pieces for kind in self.layout.kinds[:edges]])[:, None]
@@ -109,7 +109,7 @@ class Walk(NamedTuple):
         ]
         a, b = product(m.kind, s.free, over), product(m.kind, jump, after)
         begins = later[:, None] == jnp.arange(signals.duration.shape[1])[:, None]
-        return State(
+        return WalkState(
             done,
             (flushed(a[0] + b[0]), flushed(a[1] + b[1])),
             jnp.where(pick, s.edge + _at_piece(signals.duration, later), s.edge),

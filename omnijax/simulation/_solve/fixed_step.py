@@ -22,8 +22,8 @@ from jaxtyping import Array, Float, Int
 
 from ...dynamics import (
     Model,
-    Passage,
     State,
+    StepAverage,
     attitude_rate,
     linear_system,
     position_input,
@@ -92,7 +92,7 @@ def _nodes(pieces: int, panels: int) -> Nodes:
 NODES, COARSE = _nodes(PIECES, PANELS), _nodes(PIECES, PANELS // 2)
 
 
-class Tables(NamedTuple):
+class StepTables(NamedTuple):
     """Matrices of one rig for one step size; elastic part in natural units."""
 
     A: Float[Array, "m m"]
@@ -103,7 +103,7 @@ class Tables(NamedTuple):
     response: Float[Array, "m k n"]  # the same after a step
 
 
-def _tables(model: Model, scale, step) -> Tables:
+def _tables(model: Model, scale, step) -> StepTables:
     system = linear_system(model.translation)
     m = system.A.shape[0]
     A = system.A * scale[:m] / scale[:m, None]
@@ -116,7 +116,9 @@ def _tables(model: Model, scale, step) -> Tables:
     for _ in range(PIECES - 1):
         pieces.insert(0, jnp.einsum("ab,kbn->kan", after, pieces[0]))
     response, midway = jnp.concatenate(pieces), jnp.concatenate(pieces[PIECES // 2 :])
-    return Tables(A, half, whole, into, jnp.swapaxes(midway, 0, 1), jnp.swapaxes(response, 0, 1))
+    return StepTables(
+        A, half, whole, into, jnp.swapaxes(midway, 0, 1), jnp.swapaxes(response, 0, 1)
+    )
 
 
 def _shapes(rig: Rig, angle: Float[Array, "n k"]) -> Float[Array, "n k"]:
@@ -154,7 +156,7 @@ def _surface_ahead(rig: Rig, state: State, turning, h) -> Float[Array, "n k"]:
     return jax.vmap(at, out_axes=-1)(h * NODES.share)
 
 
-def _step(model: Model, drive, start, scale, tables: Tables, h, t, carry):
+def _step(model: Model, drive, start, scale, tables: StepTables, h, t, carry):
     """The states half a step and one step later, and what the next step begins with."""
     A, (half1, half2, half3), (one, two, three), into, midway, response = tables
     m = A.shape[0]
@@ -172,7 +174,7 @@ def _step(model: Model, drive, start, scale, tables: Tables, h, t, carry):
         state = unpack(model, y, scale)
         inputs = torque_inputs(model.rig, drive, t, start)
         rate = torque_driven(
-            model, state, inputs, Passage(jnp.asarray(radius)[i], jnp.asarray(change)[i])
+            model, state, inputs, StepAverage(jnp.asarray(radius)[i], jnp.asarray(change)[i])
         )
         rate = ravel_pytree(rate._replace(position=state.drift))[0] / scale
         shape = position_input(rig, state.angle, state.attitude)
@@ -214,9 +216,9 @@ def simulate_fixed(
     start = pack(built, begun, scale)
 
     def pair(carry, t):
-        def one(i, found):
-            mid, carry = _step(built, drive, ts[0], scale, tables, h, t + i * h, found[0])
-            halfway = jnp.where(2 * i + 1 == substeps, mid, found[1])
+        def one(i, reached):
+            mid, carry = _step(built, drive, ts[0], scale, tables, h, t + i * h, reached[0])
+            halfway = jnp.where(2 * i + 1 == substeps, mid, reached[1])
             return carry, jnp.where(2 * i + 2 == substeps, carry[0], halfway)
 
         carry, halfway = jax.lax.fori_loop(0, substeps, one, (carry, carry[0]))
@@ -248,6 +250,8 @@ def simulate_many(
     cost anything that are used.
 
     Arrays (rigs, samples, ...) in SI.  Raises nothing: a run that diverges has status non-finite.
+
+    Source: as `simulate`; Krogstad, J. Comput. Phys. 203 (2005).
     """
     ts = jnp.asarray(ts, float)
     return jax.vmap(lambda rig: simulate_fixed(rig, drive, ts, model, substeps))(rigs)

@@ -19,10 +19,10 @@ def series_weights() -> np.ndarray:
 
 def powers(z: Float[Array, "m m"]) -> Float[Array, "p m m"]:
     """z^0 ... z^TAYLOR."""
-    found = [jnp.eye(z.shape[0]), z]
+    powers_of = [jnp.eye(z.shape[0]), z]
     for _ in range(TAYLOR - 1):
-        found.append(found[-1] @ z)
-    return jnp.stack(found)
+        powers_of.append(powers_of[-1] @ z)
+    return jnp.stack(powers_of)
 
 
 def doubled(carry: tuple[jax.Array, jax.Array], _):
@@ -39,8 +39,8 @@ def phi_functions(A: Float[Array, "m m"], step, halvings: int) -> list[Float[Arr
     z = step * 2.0**-14 * A
     phi = jnp.tensordot(series_weights()[:3], powers(z), 1)
     pair = jax.lax.fori_loop(0, 14 - halvings, lambda _, x: doubled(x, None)[0], (z @ phi[0], phi))
-    found = [pair[1]]
+    halves = [pair[1]]
     for _ in range(halvings):
         pair = doubled(pair, None)[0]
-        found.append(pair[1])
-    return found[::-1]
+        halves.append(pair[1])
+    return halves[::-1]

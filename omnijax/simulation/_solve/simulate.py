@@ -3,12 +3,11 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from jaxtyping import Array, Float
-
 from ..._errors import InputError
 from ...rig import Rig, load_rig
 from .._drives import AbstractDrive, SpeedDrive, Values, as_drive, as_times, check_drive
 from .._exact import propagate, propagation_obstacle
+from .._signals import Vector
 from .._trajectory import Trajectory
 from .state_vector import build_model
 
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 def simulate(
     rig: Rig | str | Path,
     drive: AbstractDrive | Values,
-    ts: Float[Array, " t"] | float | str,
+    ts: Vector | float | str,
     *,
     model: str = "coupled",
     solver: str = "auto",
@@ -40,6 +39,9 @@ def simulate(
     relative tolerance per step (absolute: the same in units of the gap's depth), `adjoint`
     diffrax's way to differentiate them; giving one asks for a solver.  Raises `InputError` for
     input that does not fit; never for a failed run: see `Trajectory.status`.
+
+    Source: the paper's eqs. 1-11 and 32-46 with the errata of `docs/theory.md`; Hochbruck and
+    Ostermann, Acta Numerica 2010 (exponential methods).
     """
     rig = rig if isinstance(rig, Rig) else load_rig(rig)
     drive, ts = as_drive(drive), as_times(ts)

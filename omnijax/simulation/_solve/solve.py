@@ -14,7 +14,7 @@ from ...dynamics import Model, State, linear_system
 from ...rig import Rig
 from .._channels import trajectory
 from .._drives import AbstractDrive, check_drive
-from .._padding import STEPPED_PIECE, Piece, padded, room, samples_of
+from .._padding import STEPPED_PIECE, RunPiece, padded, room, samples_of
 from .._trajectory import Trajectory
 from .integrate import SOLVERS, integrate
 from .state_vector import build_model, initial_state
@@ -72,7 +72,7 @@ def solve_in_pieces(
     samples: int = STEPPED_PIECE,
     begun: State | None = None,
     origin: float | None = None,
-) -> Iterator[Piece]:
+) -> Iterator[RunPiece]:
     """The run of `simulate` in pieces of `samples`, each handed out as soon as it is there.
 
     The pieces' samples together are `ts`.  A run that goes on begins with the state `begun` at
@@ -92,7 +92,7 @@ def solve_in_pieces(
         numbers = jnp.asarray(rtol, float)
         run, end = _run(built, drive, grid, numbers, name, max_steps, None, begun, start)
         run = samples_of(run, 0 if done == 0 else 1, len(part))
-        yield Piece(run, end)
+        yield RunPiece(run, end)
         if not run.ok:
             return
         begun, done = end, last

@@ -16,7 +16,7 @@ from ..._status import Status
 from ...dynamics import held, solve_all
 from ...rig import Rig
 from .._exact import (
-    Forced,
+    ForcedSystem,
     Forcing,
     Passages,
     balanced,
@@ -29,7 +29,7 @@ from .._exact import (
     points,
     second_moments,
 )
-from .peak_search import Curves, Places, largest, places, supremum
+from .peak_search import Curves, PeakPlaces, largest, places, supremum
 
 BITS = 7  # of the even places a piece where extremes are looked for
 LEVELS = 24  # of the ladder: up to 2^22 time constants a piece
@@ -93,7 +93,7 @@ class LongRun:
         """Mean square of each component, over all phases."""
         return self.statistics(name)[1]
 
-    def places(self) -> Places:
+    def places(self) -> PeakPlaces:
         """Where extremes are looked for."""
         if self._places is None:
             self._places = places(self.cycles, self.starts, self.bits)
@@ -111,10 +111,10 @@ class LongRun:
 
     def suprema(self, *names: str) -> list[Float[Array, ""]]:
         """Largest length of outputs that are vectors, each by itself."""
-        rows, found = jnp.stack([self.curves(name).rows for name in names]), self.places()
+        rows, places = jnp.stack([self.curves(name).rows for name in names]), self.places()
 
         def one(rows):
-            return supremum(Curves(self.cycles, self.starts, rows), found)
+            return supremum(Curves(self.cycles, self.starts, rows), places)
 
         return [root(total @ total) for total in jax.vmap(one)(rows)]
 
@@ -139,7 +139,7 @@ class LongRun:
         return jnp.sum(soft) * size / sharpness
 
 
-def output_rows(system: Forced, signals: Forcing, cycles: Passages, name: str):
+def output_rows(system: ForcedSystem, signals: Forcing, cycles: Passages, name: str):
     """One output as rows over z = (s, w): (C, direct row + rate row G/duration), (g, k, o, N)."""
 
     def one(direct, rate, pieces, duration):

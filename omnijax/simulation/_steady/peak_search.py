@@ -36,14 +36,14 @@ class Curves(NamedTuple):
     rows: Float[Array, "g k o N"]
 
 
-class Spots(NamedTuple):
+class Extrema(NamedTuple):
     """One place per signal: the piece and v in it."""
 
     piece: Int[Array, " g"]
     v: Float[Array, " g"]
 
 
-class Places(NamedTuple):
+class PeakPlaces(NamedTuple):
     """Places on every piece of each signal, and z there."""
 
     seen: Bool[Array, "g k"]  # whether the piece has a width
@@ -75,14 +75,14 @@ def bits_needed(passage) -> int:
     return int(np.clip(np.ceil(np.log2(max(count, 1.0))), FEWEST, MOST))
 
 
-def places(cycles: Passages, starts: Float[Array, "g k N"], bits: int) -> Places:
+def places(cycles: Passages, starts: Float[Array, "g k N"], bits: int) -> PeakPlaces:
     """Every place where an extreme may be near, 2^bits of them even over each piece."""
     cycles, starts = jax.lax.stop_gradient((cycles, starts))
 
     def one(piece, z):
         return _on_piece(piece, z, bits)
 
-    return Places(cycles.width > 0, *jax.vmap(jax.vmap(one))(cycles.pieces, starts))
+    return PeakPlaces(cycles.width > 0, *jax.vmap(jax.vmap(one))(cycles.pieces, starts))
 
 
 def _on_piece(piece: Piece, z: Float[Array, " N"], bits: int):
@@ -113,7 +113,7 @@ def _on_piece(piece: Piece, z: Float[Array, " N"], bits: int):
     return jnp.concatenate(v), jnp.concatenate(step), jnp.concatenate(values)
 
 
-def values_at(curves: Curves, spots: Spots) -> Float[Array, "g o"]:
+def values_at(curves: Curves, spots: Extrema) -> Float[Array, "g o"]:
     """The output of each signal at its spot."""
 
     def one(pieces, starts, rows, k, v):
@@ -123,15 +123,15 @@ def values_at(curves: Curves, spots: Spots) -> Float[Array, "g o"]:
     return jax.vmap(one)(curves.cycles.pieces, curves.starts, curves.rows, spots.piece, spots.v)
 
 
-def climbed(curves: Curves, found: Places, index: Int[Array, " g"], row) -> Spots:
+def climbed(curves: Curves, places: PeakPlaces, index: Int[Array, " g"], row) -> Extrema:
     """Spots near places `index` at which row . output of each signal is largest."""
 
-    def one(pieces, starts, rows, at: Places, i):
+    def one(pieces, starts, rows, at: PeakPlaces, i):
         k, p = i // at.v.shape[1], i % at.v.shape[1]
         piece, start, C = jax.tree.map(lambda x: x[k], (pieces, starts, rows))
-        return Spots(k, _climbed(piece, start, row @ C, at.v[k, p], at.z[k, p], at.step[k, p]))
+        return Extrema(k, _climbed(piece, start, row @ C, at.v[k, p], at.z[k, p], at.step[k, p]))
 
-    whole = (curves.cycles.pieces, curves.starts, curves.rows, found)
+    whole = (curves.cycles.pieces, curves.starts, curves.rows, places)
     return jax.lax.stop_gradient(jax.vmap(one)(*jax.lax.stop_gradient(whole), index))
 
 
@@ -153,22 +153,22 @@ def _climbed(piece: Piece, start, along, begin, z, step):
     return jax.lax.scan(newton, first, None, length=NEWTON)[0][2]
 
 
-def largest(curves: Curves, found: Places, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
+def largest(curves: Curves, places: PeakPlaces, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
     """The largest value of each combination `rows` of the outputs, the signals summed."""
-    index = jnp.argmax(found.along(found.outputs(curves.rows), rows), axis=1).T
+    index = jnp.argmax(places.along(places.outputs(curves.rows), rows), axis=1).T
 
     def one(row, i):
-        return jnp.sum(values_at(curves, climbed(curves, found, i, row)) @ row)
+        return jnp.sum(values_at(curves, climbed(curves, places, i, row)) @ row)
 
     return jax.vmap(one)(rows, index)
 
 
-def supremum(curves: Curves, found: Places) -> Float[Array, " o"]:
+def supremum(curves: Curves, places: PeakPlaces) -> Float[Array, " o"]:
     """The longest sum of the signals' outputs, as a vector."""
-    values = found.outputs(curves.rows)
+    values = places.outputs(curves.rows)
 
     def support(d):
-        along = found.along(values, d)
+        along = places.along(values, d)
         return jnp.argmax(along, axis=1), jnp.sum(jnp.max(along, axis=1), axis=0)
 
     directions = jnp.asarray(sphere(DIRECTIONS, values.shape[-1]))
@@ -186,16 +186,16 @@ def supremum(curves: Curves, found: Places) -> Float[Array, " o"]:
         """The direction and the sum where the places `i` lead, between the places."""
 
         def turn(row, _):
-            total = jnp.sum(values_at(curves, climbed(curves, found, i, row)), axis=0)
+            total = jnp.sum(values_at(curves, climbed(curves, places, i, row)), axis=0)
             return jax.lax.stop_gradient(_unit(total[None], row[None])[0]), None
 
         row = jax.lax.scan(turn, row, None, length=ROUNDS)[0]
-        return row, jnp.sum(values_at(curves, climbed(curves, found, i, row)), axis=0)
+        return row, jnp.sum(values_at(curves, climbed(curves, places, i, row)), axis=0)
 
     # sums that differ by less than their places' spacing change their order here
     rows, sums = jax.lax.stop_gradient(jax.vmap(refined)(best, index))
     chosen = jnp.argmax(jnp.sum(sums**2, axis=-1))
-    return jnp.sum(values_at(curves, climbed(curves, found, index[chosen], rows[chosen])), axis=0)
+    return jnp.sum(values_at(curves, climbed(curves, places, index[chosen], rows[chosen])), axis=0)
 
 
 def _unit(vectors: Float[Array, "d o"], otherwise):

@@ -9,7 +9,7 @@ from jaxtyping import Array, Complex, Float
 
 from ..._root import root
 from ...laws import Pieces
-from .._exact import Forced, Forcing
+from .._exact import ForcedSystem, Forcing
 
 
 def _segment(a):
@@ -51,14 +51,14 @@ def line_rates(signals: Forcing, count: int) -> Float[Array, "g h"]:
     return first[:, None] * jnp.arange(count + 1)
 
 
-def line_response(system: Forced, g: int, rate, name: str) -> Complex[Array, " o"]:
+def line_response(system: ForcedSystem, g: int, rate, name: str) -> Complex[Array, " o"]:
     """Output per unit of rho_g at an angular frequency: C (i w - A)^-1 b + D0 + i w D1."""
     matrix = 1j * rate * jnp.eye(len(system.A)) - system.A
     state = jnp.linalg.solve(matrix, system.column[g].astype(complex))
     return system.state[name] @ state + system.direct[name][g] + 1j * rate * system.rate[name][g]
 
 
-def harmonics(system: Forced, signals: Forcing, count: int) -> dict[str, Array]:
+def harmonics(system: ForcedSystem, signals: Forcing, count: int) -> dict[str, Array]:
     """Amplitudes of dR at the harmonics of every signal (the mean, then twice the coefficient)."""
     rates, lines = line_rates(signals, count), []
     for g in range(len(signals.wheel)):
@@ -70,7 +70,7 @@ def harmonics(system: Forced, signals: Forcing, count: int) -> dict[str, Array]:
     return {"dR": jnp.stack(lines)}
 
 
-def transfer(system: Forced, signals: Forcing, count: int) -> Float[Array, "g h"]:
+def transfer(system: ForcedSystem, signals: Forcing, count: int) -> Float[Array, "g h"]:
     """|x_i/rho_i| of the signal's own contact at its harmonics (the floor's signal: zero)."""
     rates, gains = line_rates(signals, count), []
     for g, wheel in enumerate(signals.wheel):

@@ -12,6 +12,7 @@ from ..._root import root
 from ..._status import Status
 from ...rig import Rig
 from .._exact import exact_obstacle, is_traced, levels_needed, longest_passage
+from .._signals import Vector
 from .long_run import LongRun
 from .peak_search import bits_needed
 from .show import html, plot_orders, to_xarray
@@ -94,14 +95,14 @@ def _text(x) -> str:
 
 def steady_state(
     rig: Rig,
-    speeds: Float[Array, " n"],
+    speeds: Vector,
     *,
     model: str = "coupled",
-    angles: Float[Array, " n"] | None = None,
+    angles: Vector | None = None,
     harmonics: int = 32,
     grid_bits: int | None = None,
     sharpness: float | None = None,
-    force: Float[Array, "3"] | None = None,
+    force: Vector | None = None,
 ) -> SteadyState:
     """Long-run vibration of `rig` at constant wheel `speeds` (rad/s, any sign, zero too).
 
@@ -115,6 +116,8 @@ def steady_state(
     wheels do not hold the sphere in every direction, or figures are not finite, `status` says so
     and all figures are NaN, inside transformations too.  Raises `ValueError` for a rig with laws
     that are not linear in the elastic state.
+
+    Source: the paper's eqs. 32-42, periodic (`docs/theory.md`, prescribed speeds).
     """
     reason = exact_obstacle(rig, model)
     if reason is not None:

@@ -2,9 +2,9 @@
 
 import math
 
-from ..._text import amount
+from ..._text import quantity_text
 from .._problem import Problem
-from .judge import End, best_of
+from .judge import SearchEnd, best_of
 from .kkt import ACTIVE, FEASIBLE, ON_BOUND, STATIONARY
 from .result import Design
 
@@ -12,7 +12,7 @@ NAMED = 4  # limits in a sentence
 SLIGHT = 1e-3  # of a bound in the least violation
 
 
-def make_design(problem: Problem, ends: list[End], notes: tuple[str, ...] = ()) -> Design:
+def make_design(problem: Problem, ends: list[SearchEnd], notes: tuple[str, ...] = ()) -> Design:
     """The result from the ends of all searches."""
     best = best_of(ends)
     kkt, names = best.kkt, [v.name for v in problem.variables]
@@ -56,7 +56,7 @@ def make_design(problem: Problem, ends: list[End], notes: tuple[str, ...] = ()) 
     )
 
 
-def _dead_ends(problem: Problem, ends: list[End], best: End) -> list[str]:
+def _dead_ends(problem: Problem, ends: list[SearchEnd], best: SearchEnd) -> list[str]:
     """Which limits stopped searches short of a feasible design, where there is one."""
     short = [e for e in ends if e.status == "infeasible"]
     if not short or best.status == "infeasible":
@@ -77,13 +77,13 @@ def _dead_ends(problem: Problem, ends: list[End], best: End) -> list[str]:
 def missed(problem: Problem, over) -> list[str]:
     """The limits that g - limit (c,) misses, and by how much."""
     return [
-        f"`{limit.text}` is missed by {amount(float(more), limit.unit)}"
+        f"`{limit.text}` is missed by {quantity_text(float(more), limit.unit)}"
         for limit, more in zip(problem.limits, over, strict=True)
         if more / limit.scale > FEASIBLE
     ]
 
 
-def conflict(problem: Problem, end: End) -> str:
+def conflict(problem: Problem, end: SearchEnd) -> str:
     """Which constraints cannot be met together: those that the least violation balances."""
     held = [
         f"`{v.name}` at its {'lower' if price < 0 else 'upper'} bound"
@@ -96,31 +96,31 @@ def conflict(problem: Problem, end: End) -> str:
     return f"{head}; {least}: {' and '.join(missed(problem, end.g))}{beside}"
 
 
-def _active(problem: Problem, end: End) -> list[str]:
+def _active(problem: Problem, end: SearchEnd) -> list[str]:
     lines = []
     for v, share, free in zip(problem.variables, end.share, end.free, strict=True):
         if free and min(share, 1 - share) <= ON_BOUND:
             side, bound = ("lower", v.low) if share < 0.5 else ("upper", v.high)
-            lines.append(f"`{v.name}` is at its {side} bound {amount(bound, v.unit)}.")
+            lines.append(f"`{v.name}` is at its {side} bound {quantity_text(bound, v.unit)}.")
     for limit, g in zip(problem.limits, end.g, strict=True):
         if abs(g) / limit.scale <= ACTIVE:
             lines.append(f"`{limit.text}` is active.")
     return lines
 
 
-def _prices(problem: Problem, end: End) -> list[str]:
+def _prices(problem: Problem, end: SearchEnd) -> list[str]:
     """What relaxing each active limit or bound buys, from its multiplier."""
     lines, name = [], problem.name
     for limit, price in zip(problem.limits, end.kkt.limits, strict=True):
         if price > 0:
-            gain = amount(price / limit.scale * _unit_step(limit), problem.unit)
-            step = amount(_unit_step(limit), limit.unit)
+            gain = quantity_text(price / limit.scale * _unit_step(limit), problem.unit)
+            step = quantity_text(_unit_step(limit), limit.unit)
             lines.append(f"relaxing `{limit.text}` by {step} buys {gain} of {name}.")
     for v, price in zip(problem.variables, end.kkt.bounds, strict=True):
         if price != 0:
             bound = v.low if price < 0 else v.high
             span = math.log(v.high / v.low) if v.log else (v.high - v.low) / (abs(bound) or 1.0)
-            gain = amount(abs(price) * 0.01 / span, problem.unit)
+            gain = quantity_text(abs(price) * 0.01 / span, problem.unit)
             verb = "lowering" if price < 0 else "raising"
             what = "1 %" if bound else f"0.01 {v.unit}"
             side = "lower" if price < 0 else "upper"

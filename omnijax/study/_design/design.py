@@ -33,6 +33,9 @@ def design(
 
     Figures are SI.  Raises `InputError` for a wrong study and for a variable that nothing
     depends on, `RunError` where runs fail.
+
+    Source: augmented Lagrangian around BFGS and SQP (Nocedal and Wright, Numerical
+    Optimization, chapters 17, 18).
     """
     asked = study_of(study)
     if not asked.variables:
@@ -45,14 +48,14 @@ def design(
     engine = Engine(problem, asked.starts, asked.seed, store)
     drawn = Adam(asked.stochastic, seed=asked.seed) if asked.stochastic else None
     ends = engine.all_ends(asked.batch, report, drawn)
-    found = make_design(problem, ends)
-    more, was = noted(asked, cases, found)
-    said = (*found.notes, *start_note(engine), *more)
-    return dataclasses.replace(found, notes=said, was=was)
+    best = make_design(problem, ends)
+    more, was = noted(asked, cases, best)
+    said = (*best.notes, *start_note(engine), *more)
+    return dataclasses.replace(best, notes=said, was=was)
 
 
-def designed_rig(study: str | Path | Mapping | Study, found: Design) -> Rig:
+def designed_rig(study: str | Path | Mapping | Study, best: Design) -> Rig:
     """The study's rig with the design's values (under its first load)."""
     asked = study_of(study)
     plain = dataclasses.replace(asked, loads=asked.loads[:1])
-    return RigCases(plain).rig(jnp.array(list(found.variables.values())))
+    return RigCases(plain).rig(jnp.array(list(best.variables.values())))

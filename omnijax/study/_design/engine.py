@@ -7,11 +7,11 @@ import numpy as np
 
 from .._problem import Problem, check_variables
 from .._study_folder import Folder, Report
-from .feasibility import mend
-from .figures import Figures
-from .judge import End, judge
+from .feasibility import restore_feasibility
+from .figures import ProblemFigures
+from .judge import SearchEnd, check_optimality
 from .kkt import FEASIBLE
-from .search import Adam, Lanes, Search
+from .search import Adam, DesignSearch, Starts
 from .starts import first_lanes, relaxed, rounded_lanes
 
 
@@ -21,21 +21,21 @@ class Engine:
     def __init__(self, problem: Problem, starts: int, seed: int, store: Folder | None = None):
         check_variables(problem.variables)
         self.problem, self.starts, self.seed, self.store = problem, starts, seed, store
-        self.figures = Figures(problem, seed)
-        self.search = Search(problem, self.figures.size)
+        self.figures = ProblemFigures(problem, seed)
+        self.search = DesignSearch(problem, self.figures.size)
 
     @cached_property
-    def lanes(self) -> Lanes:
+    def lanes(self) -> Starts:
         """Where the searches start; from the store if it knows."""
         stored = None if self.store is None else self.store.read("starts")
         if stored is not None:
-            return Lanes(*(jnp.asarray(stored[name]) for name in Lanes._fields))
+            return Starts(*(jnp.asarray(stored[name]) for name in Starts._fields))
         lanes = first_lanes(self.problem, self.starts, self.seed, self.figures.rank)
         if self.store is not None:
             self.store.write("starts", {k: np.asarray(x) for k, x in lanes._asdict().items()})
         return lanes
 
-    def near(self, lanes: Lanes, drawn: Adam | None) -> tuple[np.ndarray, np.ndarray]:
+    def near(self, lanes: Starts, drawn: Adam | None) -> tuple[np.ndarray, np.ndarray]:
         """Shares (l, d) near the ends of searches side by side, and their evaluations (l,).
 
         Over integrated runs these are the starts: a program of the whole search takes longer to
@@ -46,15 +46,17 @@ class Engine:
             lanes, spent = self.search.stochastic(lanes, self.figures.values, drawn), drawn.steps
         if self.problem.costly:
             return np.asarray(lanes.share), np.full(len(lanes.share), spent)
-        found = self.search.run(lanes, self.figures.values)
-        return found.share, found.evaluations + spent
+        ends = self.search.run(lanes, self.figures.values)
+        return ends.share, ends.evaluations + spent
 
-    def finish(self, lanes: Lanes, i: int, near: np.ndarray) -> tuple[np.ndarray, int]:
+    def finish(self, lanes: Starts, i: int, near: np.ndarray) -> tuple[np.ndarray, int]:
         """Where search `i` ends that has come to `near` (d,), and the evaluations it still took."""
         scaled = self.figures.scaled(np.asarray(lanes.limit[i]))
-        return mend(scaled, near, np.asarray(lanes.share[i]), np.asarray(lanes.free[i]) > 0)
+        return restore_feasibility(
+            scaled, near, np.asarray(lanes.share[i]), np.asarray(lanes.free[i]) > 0
+        )
 
-    def all_ends(self, batch: int, report: Report | None, drawn: Adam | None) -> list[End]:
+    def all_ends(self, batch: int, report: Report | None, drawn: Adam | None) -> list[SearchEnd]:
         """Every search; finished ones come from the store."""
         ends = self.batches(self.lanes, batch, "first", report, drawn)
         if not relaxed(self.problem):
@@ -65,16 +67,16 @@ class Engine:
         return self.batches(lanes, batch, "rounded", report)
 
     def batches(
-        self, lanes: Lanes, batch: int, stage: str,
+        self, lanes: Starts, batch: int, stage: str,
         report: Report | None = None, drawn: Adam | None = None,
-    ) -> list[End]:  # fmt: skip
+    ) -> list[SearchEnd]:  # fmt: skip
         """The ends of `lanes`, `batch` of them side by side, each kept in the store as it ends."""
         total, shares, spent = len(lanes.share), [], []
         if report is not None:
             report(0, total)
         for first in range(0, total, batch):
             index = np.minimum(np.arange(first, first + batch), total - 1)  # one shape: one program
-            part = Lanes(*(x[index] for x in lanes))
+            part = Starts(*(x[index] for x in lanes))
             keys = [f"{stage}-{i}" for i in range(first, min(first + batch, total))]
             known = [self._stored(key) for key in keys]
             near, before = (None, None) if all(known) else self.near(part, drawn)
@@ -91,7 +93,7 @@ class Engine:
                 spent.append(more)
                 if report is not None:
                     report(first + i + 1, total)
-        return judge(self.figures, lanes, np.array(shares), spent)
+        return check_optimality(self.figures, lanes, np.array(shares), spent)
 
     def _stored(self, key: str) -> dict[str, np.ndarray] | None:
         return None if self.store is None else self.store.read(key)

@@ -70,10 +70,10 @@ def evolve(
         crossed = rng.random((count, size)) < CROSSOVER
         crossed[np.arange(count), rng.integers(size, size=count)] = True
         trial = np.where(crossed & (free > 0), moved, shares)
-        found = judge(trial)
-        better = found.beats(rank)
+        judged = judge(trial)
+        better = judged.beats(rank)
         shares = np.where(better[:, None], trial, shares)
-        rank = Rank(*(np.where(better, new, old) for new, old in zip(found, rank, strict=True)))
+        rank = Rank(*(np.where(better, new, old) for new, old in zip(judged, rank, strict=True)))
     return shares, rank
 
 

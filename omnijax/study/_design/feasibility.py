@@ -13,7 +13,7 @@ that meets every limit, shorter ones are tried.
 import numpy as np
 
 from .kkt import FEASIBLE
-from .polish import Scaled, Slopes, polish
+from .polish import Scaled, SqpSlopes, refined_by_sqp
 
 REACHES = (1.0, 0.1, 0.02)  # of a range
 LEGS = 8  # at most, one after the other where each goes as far as it may
@@ -22,15 +22,15 @@ LEGS = 8  # at most, one after the other where each goes as far as it may
 def violations(problem: Scaled) -> Scaled:
     """The problem of least violation: each limit is a case, the worst of which counts."""
 
-    def at(share: np.ndarray) -> Slopes:
+    def at(share: np.ndarray) -> SqpSlopes:
         s = problem.at(share)
         over, slopes = (s.g - problem.limit) / problem.unit, s.dg / problem.unit[:, None]
-        return Slopes(over, np.zeros(0), slopes, np.zeros((0, len(share))))
+        return SqpSlopes(over, np.zeros(0), slopes, np.zeros((0, len(share))))
 
     return Scaled(at, np.zeros(0), np.zeros(0), 1.0, True)
 
 
-def mend(
+def restore_feasibility(
     problem: Scaled, near: np.ndarray, begin: np.ndarray, free: np.ndarray
 ) -> tuple[np.ndarray, int]:
     """Where the search from `begin` (d,) ends that has come to `near`, and the evaluations."""
@@ -45,7 +45,7 @@ def mend(
         end, more = nearest(problem, begin, free)
         over, spent = problem.merit(problem.at(end))[0], spent + more
     if over > FEASIBLE:
-        least, more = polish(violations(problem), end, free)
+        least, more = refined_by_sqp(violations(problem), end, free)
         again, further = nearest(problem, least, free)
         spent += more + further
         mended = problem.merit(problem.at(again))[0] <= FEASIBLE
@@ -61,7 +61,7 @@ def nearest(problem: Scaled, begin: np.ndarray, free: np.ndarray) -> tuple[np.nd
         end = begin
         for _ in range(LEGS):
             at = end
-            end, more = polish(problem, at, free, reach)
+            end, more = refined_by_sqp(problem, at, free, reach)
             spent += more
             if np.max(np.abs(end - at)) < 0.99 * reach:
                 break

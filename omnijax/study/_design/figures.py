@@ -10,14 +10,14 @@ from .._batches import in_batches, value_and_jacobian
 from .._problem import Problem
 from .._range import Ranges
 from .evolve import Rank
-from .polish import Scaled, Slopes
+from .polish import Scaled, SqpSlopes
 from .starts import start_shares
 
 SILENT = 1e-12
 WIDTH = 16  # designs evaluated side by side
 
 
-class Figures:
+class ProblemFigures:
     """f and g of a problem with their slopes; `size` is what f is measured in, `unit` the g."""
 
     def __init__(self, problem: Problem, seed: int):
@@ -42,9 +42,9 @@ class Figures:
         (f, g), (df, dg) = value_and_jacobian(self._parts)(share)
         return f, g, df, dg
 
-    def slopes(self, share: np.ndarray) -> Slopes:
+    def slopes(self, share: np.ndarray) -> SqpSlopes:
         """Figures and slopes of one design."""
-        return Slopes(*(np.asarray(x) for x in self._slopes(jnp.asarray(share))))
+        return SqpSlopes(*(np.asarray(x) for x in self._slopes(jnp.asarray(share))))
 
     def scaled(self, limit: np.ndarray) -> Scaled:
         """The problem under `limit` (c,), as the polish takes it."""
@@ -54,7 +54,7 @@ class Figures:
         """Figures f (n, k) and g (n, c) of designs, in pieces of one compiled shape."""
         return in_batches(self._values, shares, WIDTH)
 
-    def combined(self, f: np.ndarray) -> np.ndarray:
+    def combined(self, f: np.ndarray) -> np.ndarray | np.floating:
         """The objective of f (..., k)."""
         return f.max(axis=-1) if self.problem.worst else f.mean(axis=-1)
 
@@ -66,7 +66,7 @@ class Figures:
         over = np.where(np.isfinite(over) & np.isfinite(value), over, np.inf)
         return Rank(over, np.where(np.isfinite(value), value, np.inf))
 
-    def _check_influence(self, seen: list[Slopes]) -> None:
+    def _check_influence(self, seen: list[SqpSlopes]) -> None:
         """`InputError` for variables that nothing depends on."""
         moved = np.max([np.abs(s.df).max(axis=0) for s in seen], axis=0) / self.size
         for s in seen:

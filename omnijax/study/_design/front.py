@@ -6,8 +6,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..._plot import PALETTE, new_axes, styled
-from ..._text import amount, label, scaled
+from ..._text import label, quantity_text, scaled
 from .._result import AbstractResult, texts
+
+ALIKE = 0.1  # %: a front that spans less is one design
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -57,6 +59,9 @@ class Front(AbstractResult):
             lines.append(
                 f"from the design best in {one} to the one best in {other}, {one} rises by "
                 f"{up:.1f} % and {other} falls by {down:.1f} %"
+                if max(up, down) > ALIKE
+                else f"{one} and {other} do not compete here: one design is best in both, within "
+                f"{ALIKE:g} %"
             )
         lines = [
             f"{lines[0]}; {len(self.x)} designs on the front, {good} of them optimal (KKT "
@@ -65,7 +70,7 @@ class Front(AbstractResult):
         ]
         for m, (name, unit) in enumerate(zip(self.metrics, self.units, strict=True)):
             low, high = self.values[:, m].min(), self.values[:, m].max()
-            lines.append(f"{name} from {amount(low, unit)} to {amount(high, unit)}.")
+            lines.append(f"{name} from {quantity_text(low, unit)} to {quantity_text(high, unit)}.")
         return lines
 
     def to_xarray(self) -> Any:

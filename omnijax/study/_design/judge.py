@@ -5,15 +5,15 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from .figures import Figures
-from .kkt import FEASIBLE, Kkt, Point, conditions, verdict
-from .polish import Slopes
-from .search import Lanes
+from .figures import ProblemFigures
+from .kkt import FEASIBLE, DualPoint, Kkt, conditions, verdict
+from .polish import SqpSlopes
+from .search import Starts
 
 PROBES = (1e-3, 2e-2)  # of the range: steps to neighbours that must not be better
 
 
-class End(NamedTuple):
+class SearchEnd(NamedTuple):
     """Where one search ended, and what that is."""
 
     start: np.ndarray  # (d,) values of the variables
@@ -30,7 +30,9 @@ class End(NamedTuple):
     evaluations: int
 
 
-def judge(figures: Figures, lanes: Lanes, share: np.ndarray, evaluations) -> list[End]:
+def check_optimality(
+    figures: ProblemFigures, lanes: Starts, share: np.ndarray, evaluations
+) -> list[SearchEnd]:
     """The ends of searches: figures, multipliers, status."""
     limit, free = np.asarray(lanes.limit), np.asarray(lanes.free) > 0
     better = _neighbours(figures, share, free[: len(share)], limit[: len(share)])
@@ -43,27 +45,27 @@ def judge(figures: Figures, lanes: Lanes, share: np.ndarray, evaluations) -> lis
         x = np.asarray(figures.scale.value(jnp.asarray(share[i])))
         start = np.asarray(figures.scale.value(lanes.share[i]))
         ends.append(
-            End(start, x, share[i], free[i], value, s.f, s.g - limit[i], limit[i], kkt,
+            SearchEnd(start, x, share[i], free[i], value, s.f, s.g - limit[i], limit[i], kkt,
                 status, reason, int(evaluations[i]))
         )  # fmt: skip
     return ends
 
 
-def _conditions(figures: Figures, share, s: Slopes, limit, free) -> Kkt:
+def _conditions(figures: ProblemFigures, share, s: SqpSlopes, limit, free) -> Kkt:
     """Multipliers of the objective's optimum, or of the least violation where one is left."""
     if not s.finite:
         nothing = np.zeros(len(s.f)), np.zeros(len(figures.unit)), np.zeros(len(share))
         return Kkt(np.inf, np.inf, *nothing)
     over, slopes = (s.g - limit) / figures.unit, s.dg / figures.unit[:, None]
     if np.max(over, initial=0.0) <= FEASIBLE:
-        point = Point(share, s.f, over, s.df, slopes)
+        point = DualPoint(share, s.f, over, s.df, slopes)
         return conditions(point, free, figures.problem.epigraph, figures.size)
-    point = Point(share, over, np.zeros(0), slopes, np.zeros((0, len(share))))
+    point = DualPoint(share, over, np.zeros(0), slopes, np.zeros((0, len(share))))
     least = conditions(point, free, True, 1.0)
     return least._replace(violation=float(over.max()), limits=least.cases, cases=np.zeros(len(s.f)))
 
 
-def _neighbours(figures: Figures, share, free, limit) -> np.ndarray:
+def _neighbours(figures: ProblemFigures, share, free, limit) -> np.ndarray:
     """The best feasible value among steps of `PROBES` along each variable, (l,)."""
     d = share.shape[1]
     moves = np.concatenate([sign * size * np.eye(d) for size in PROBES for sign in (1, -1)])
@@ -76,11 +78,11 @@ def _neighbours(figures: Figures, share, free, limit) -> np.ndarray:
     return np.min(np.where(allowed, value, np.inf), axis=1)
 
 
-def best_of(ends: list[End]) -> End:
+def best_of(ends: list[SearchEnd]) -> SearchEnd:
     """The best end: optimal ones before feasible ones before the least violated."""
     order = {"optimal": 0, "not optimal": 1, "infeasible": 2, "failed": 3}
 
-    def rank(end: End):
+    def rank(end: SearchEnd):
         infeasible = end.status == "infeasible"
         return (order[end.status], end.kkt.violation if infeasible else end.value)
 

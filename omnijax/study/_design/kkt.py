@@ -15,7 +15,7 @@ STATIONARY, FEASIBLE = 1e-4, 1e-5
 ON_BOUND, ACTIVE = 1e-4, 1e-4
 
 
-class Point(NamedTuple):
+class DualPoint(NamedTuple):
     """Figures and their slopes over the shares at one design."""
 
     share: np.ndarray  # (d,)
@@ -35,7 +35,7 @@ class Kkt(NamedTuple):
     bounds: np.ndarray  # (d,) objective per range
 
 
-def conditions(point: Point, free: np.ndarray, worst: bool, size: float) -> Kkt:
+def conditions(point: DualPoint, free: np.ndarray, worst: bool, size: float) -> Kkt:
     """The best multipliers for a design, and what they leave over."""
     k, c, d = len(point.f), len(point.g), len(point.share)
     violation = float(np.max(point.g, initial=0.0))

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..._compiling import quick_jit
 from ..._errors import InputError
-from ..._text import amount
+from ..._text import quantity_text
 from ...rig import get_parameter
 from .._file import Study
 from .answer import missed
@@ -24,12 +24,12 @@ def before(study: Study) -> np.ndarray | None:
     values = []
     for v in study.variables:
         try:
-            found = np.unique(np.asarray(get_parameter(study.rig, v.name)))
+            values_there = np.unique(np.asarray(get_parameter(study.rig, v.name)))
         except InputError:
             return None
-        if len(found) != 1:
+        if len(values_there) != 1:
             return None
-        values.append(found[0])
+        values.append(values_there[0])
     return np.array(values)
 
 
@@ -65,43 +65,40 @@ class Exact:
         return values.max(axis=0) if self.study.over == "worst" else values.mean(axis=0)
 
 
-def noted(study: Study, cases: RigCases, found: Design) -> tuple[list[str], dict]:
+def noted(study: Study, cases: RigCases, best: Design) -> tuple[list[str], dict]:
     """The exact figures at the design in words, and `Design.was`: the rig as it was."""
-    exact, unit = Exact(study, cases), found.unit
-    x = jnp.array(list(found.variables.values()))
+    exact, unit = Exact(study, cases), best.unit
+    x = jnp.array(list(best.variables.values()))
     values = exact(x)
     nominal, lines = values[:, 0], [cases.note] if cases.note else []
-    lines += _by_solver(study, cases, x, found)
+    lines += _by_solver(study, cases, x, best)
     if len(nominal) > 1:
         worst = int(np.argmax(nominal))
         lines.append(
-            f"exact over {len(nominal)} cases: worst {amount(nominal[worst], unit)} "
-            f"({cases.cases[worst]}), mean {amount(nominal.mean(), unit)}."
+            f"exact over {len(nominal)} cases: worst {quantity_text(nominal[worst], unit)} "
+            f"({cases.cases[worst]}), mean {quantity_text(nominal.mean(), unit)}."
         )
     if exact.parted:
         fresh = exact.over_cases(values[:, 1:])
         spread = fresh.std(ddof=1)
         lines.append(
             f"{FRESH} draws of the parts that the search did not see: mean "
-            f"{amount(fresh.mean(), unit)} ± {amount(spread / np.sqrt(FRESH), unit)}, greatest "
-            f"{amount(fresh.max(), unit)}, deviation {amount(spread, unit)}."
+            f"{quantity_text(fresh.mean(), unit)} ± "
+            f"{quantity_text(spread / np.sqrt(FRESH), unit)}, greatest "
+            f"{quantity_text(fresh.max(), unit)}, deviation {quantity_text(spread, unit)}."
         )
     own = as_it_was(study, exact)
     old, new = (float(exact.over_cases(y)) for y in (own, nominal))
-    lines.append(
-        f"the rig as it was: {amount(old, unit)}; the design, parts at their nominal values: "
-        f"{amount(new, unit)} ({100 * (new / old - 1):+.1f} %)."
-    )
     start = before(study)
     was = {
         "old": old,
         "new": new,
         "cases": {
-            name: (float(a), float(b)) for name, a, b in zip(found.cases, own, nominal, strict=True)
+            name: (float(a), float(b)) for name, a, b in zip(best.cases, own, nominal, strict=True)
         },
         "variables": {}
         if start is None
-        else dict(zip(found.variables, start.tolist(), strict=True)),
+        else dict(zip(best.variables, start.tolist(), strict=True)),
     }
     return lines, was
 
@@ -115,7 +112,7 @@ def as_it_was(study: Study, exact: Exact) -> np.ndarray:
     return Exact(plain, RigCases(plain))(jnp.zeros(0))[:, 0]
 
 
-def _by_solver(study: Study, cases: RigCases, x, found: Design) -> list[str]:
+def _by_solver(study: Study, cases: RigCases, x, best: Design) -> list[str]:
     """What the adaptive solver says of a design that fixed steps found."""
     if cases.how.method != "fixed":
         return []
@@ -127,6 +124,6 @@ def _by_solver(study: Study, cases: RigCases, x, found: Design) -> list[str]:
     bound = np.array([limit.bound for limit in problem.limits])
     lines = missed(problem, g - bound) or ["it meets every limit"]
     return [
-        f"the adaptive solver gives {amount(value, found.unit)} for this design "
-        f"({100 * (value / found.objective - 1):+.1g} %); {' and '.join(lines)}."
+        f"the adaptive solver gives {quantity_text(value, best.unit)} for this design "
+        f"({100 * (value / best.objective - 1):+.1g} %); {' and '.join(lines)}."
     ]

@@ -25,22 +25,22 @@ from .._study_folder import Folder, Report, folder_of
 from .answer import conflict
 from .engine import Engine
 from .front import Front
-from .judge import End, best_of
+from .judge import SearchEnd, best_of
 from .rig import RigCases
-from .search import Lanes
+from .search import Starts
 from .starts import start_shares
 
 FREE = 1e6  # of a metric's size: a limit that never holds
 
 
-class Trace(NamedTuple):
+class FrontTrace(NamedTuple):
     """How the searches of a front are run and kept."""
 
     engine: Engine
     batch: int
     report: Report | None
 
-    def solve(self, lanes: Lanes, stage: str) -> list[End]:
+    def solve(self, lanes: Starts, stage: str) -> list[SearchEnd]:
         """The ends of one stage."""
         return self.engine.batches(lanes, self.batch, stage, self.report)
 
@@ -66,7 +66,7 @@ def trade_off(
     sizes = _sizes(problem, seed)
     engine = Engine(_with_weights(problem, metrics, sizes), starts, seed, store)
     most = max(count * starts, points ** (count - 1))
-    trace = Trace(engine, min(batch, most), report)
+    trace = FrontTrace(engine, min(batch, most), report)
     shares = np.asarray(engine.lanes.share)[:, : len(problem.variables)]
     alone = _pack(engine, np.tile(shares, (count, 1)), np.repeat(np.eye(count), starts, axis=0))
     ends = trace.solve(alone, "alone")
@@ -79,11 +79,11 @@ def trade_off(
         raise RunError(f"{', '.join(metrics)} do not conflict: one design is best in all of them.")
     mesh = _mesh(low, high, points, count)
     lanes = _between(engine, best, mesh, low, high)
-    found = trace.solve(lanes, "between")
-    again = _again(trace, lanes, found, (mesh - low[1:]) / (high - low)[1:])
-    total = sum(e.evaluations for e in [*ends, *found, *again.values()])
-    found = [again.get(i, e) for i, e in enumerate(found)]
-    kept = [e for e in [*best, *found] if e.status in {"optimal", "not optimal"}]
+    between = trace.solve(lanes, "between")
+    again = _again(trace, lanes, between, (mesh - low[1:]) / (high - low)[1:])
+    total = sum(e.evaluations for e in [*ends, *between, *again.values()])
+    between = [again.get(i, e) for i, e in enumerate(between)]
+    kept = [e for e in [*best, *between] if e.status in {"optimal", "not optimal"}]
     values = _metrics(kept, count)
     front = undominated(values)
     names = tuple(v.name for v in problem.variables)
@@ -94,16 +94,18 @@ def trade_off(
     )  # fmt: skip
 
 
-def _again(trace: Trace, lanes: Lanes, found: list[End], place: np.ndarray) -> dict[int, End]:
+def _again(
+    trace: FrontTrace, lanes: Starts, ends: list[SearchEnd], place: np.ndarray
+) -> dict[int, SearchEnd]:
     """Searches that ended short of an optimum, from the end of their nearest good neighbour."""
-    good = [i for i, e in enumerate(found) if e.status == "optimal"]
-    short = [i for i, e in enumerate(found) if e.status != "optimal"]
+    good = [i for i, e in enumerate(ends) if e.status == "optimal"]
+    short = [i for i, e in enumerate(ends) if e.status != "optimal"]
     if not good or not short:
         return {}
     near = [good[int(np.argmin(np.linalg.norm(place[good] - place[i], axis=1)))] for i in short]
-    share = jnp.asarray(np.array([found[i].share for i in near]))
+    share = jnp.asarray(np.array([ends[i].share for i in near]))
     index = np.array(short)
-    part = Lanes(share, lanes.free[index], lanes.limit[index])
+    part = Starts(share, lanes.free[index], lanes.limit[index])
     return dict(zip(short, trace.solve(part, "again"), strict=True))
 
 
@@ -134,7 +136,7 @@ def _with_weights(problem: Problem, metrics: tuple[str, ...], sizes: np.ndarray)
     )  # fmt: skip
 
 
-def _pack(engine: Engine, shares: np.ndarray, weights: np.ndarray, limits=None) -> Lanes:
+def _pack(engine: Engine, shares: np.ndarray, weights: np.ndarray, limits=None) -> Starts:
     """Lanes from shares (l, d), weights (l, m) and limits on the metrics (l, m)."""
     bound = np.array([x.bound for x in engine.problem.limits])
     limit = np.tile(bound, (len(shares), 1))
@@ -142,10 +144,10 @@ def _pack(engine: Engine, shares: np.ndarray, weights: np.ndarray, limits=None) 
         limit[:, : weights.shape[1]] = limits
     free = np.concatenate([np.ones_like(shares), np.zeros_like(weights)], axis=1)
     share = np.concatenate([shares, weights], axis=1)
-    return Lanes(jnp.asarray(share), jnp.asarray(free), jnp.asarray(limit))
+    return Starts(jnp.asarray(share), jnp.asarray(free), jnp.asarray(limit))
 
 
-def _metrics(ends: list[End], count: int) -> np.ndarray:
+def _metrics(ends: list[SearchEnd], count: int) -> np.ndarray:
     """The metrics (l, m): the first limits less what the searches held them to."""
     return np.array([e.g[:count] + e.limit[:count] for e in ends])
 
@@ -156,7 +158,7 @@ def _mesh(low, high, points: int, count: int) -> np.ndarray:
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, count - 1)
 
 
-def _between(engine: Engine, best: list[End], mesh, low, high) -> Lanes:
+def _between(engine: Engine, best: list[SearchEnd], mesh, low, high) -> Starts:
     """Searches between the ends of the front, from designs interpolated between them."""
     count = len(best)
     d = len(best[0].share) - count
@@ -195,6 +197,8 @@ def pareto(
 
     Figures are SI.  Raises `InputError` for a wrong study and for one metric or more than three,
     `RunError` where the metrics do not conflict or nothing is feasible.
+
+    Source: epsilon-constraints (Haimes, Lasdon and Wismer 1971), each solved as `design` does.
     """
     asked = study_of(study)
     names = tuple(metrics) or asked.pareto

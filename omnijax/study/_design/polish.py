@@ -16,7 +16,7 @@ STEPS = 40
 ROOM = 1e-6  # of a limit's scale: a smaller violation is no reason to go on
 
 
-class Slopes(NamedTuple):
+class SqpSlopes(NamedTuple):
     """Figures at one design and their slopes over the shares."""
 
     f: np.ndarray  # (k,)
@@ -33,20 +33,20 @@ class Slopes(NamedTuple):
 class Scaled(NamedTuple):
     """One problem in scaled figures: the objective in units of `size`, limits in their scales."""
 
-    at: Callable[[np.ndarray], Slopes]
+    at: Callable[[np.ndarray], SqpSlopes]
     limit: np.ndarray  # (c,)
     unit: np.ndarray  # (c,)
     size: float
     epigraph: bool
 
-    def merit(self, s: Slopes) -> tuple[float, float]:
+    def merit(self, s: SqpSlopes) -> tuple[float, float]:
         """(violation, objective) of a point."""
         violation = float(np.max((s.g - self.limit) / self.unit, initial=0.0))
         f = s.f.max() if self.epigraph else s.f.mean()
         return violation, float(f) / self.size
 
 
-def polish(
+def refined_by_sqp(
     problem: Scaled, share: np.ndarray, free: np.ndarray, reach: float = 1.0
 ) -> tuple[np.ndarray, int]:
     """A better design near `share` (d,), or `share` itself; and the number of evaluations.
@@ -55,7 +55,7 @@ def polish(
     """
     moving, seen = np.flatnonzero(free), {}
 
-    def at(y: np.ndarray) -> Slopes:
+    def at(y: np.ndarray) -> SqpSlopes:
         whole = share.copy()
         whole[moving] = np.clip(y[: len(moving)], 0.0, 1.0)
         key = whole.tobytes()
@@ -90,7 +90,7 @@ def polish(
     return share, len(seen)
 
 
-def _objective(problem: Scaled, s: Slopes, y, moving) -> tuple[float, np.ndarray]:
+def _objective(problem: Scaled, s: SqpSlopes, y, moving) -> tuple[float, np.ndarray]:
     if problem.epigraph:
         return y[-1], np.append(np.zeros(len(y) - 1), 1.0)
     if not s.finite:

@@ -6,7 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from ..._text import amount
+from ..._text import path_words, quantity_text, scaled
 from .._result import AbstractResult
 
 
@@ -89,14 +89,36 @@ class Design(AbstractResult):
     def sentences(self) -> list[str]:
         """The answer in words."""
         same, total = self.agreement
-        head = f"{self.objective_name} = {amount(self.objective, self.unit)}: {self.status}"
+        objective = (
+            f"{self.objective_name} = {quantity_text(self.objective, self.unit)}: {self.status}"
+        )
         whole = " and ".join(f"{n} = {self.variables[n]:g}" for n in self.whole)
         which = f"searches with {whole}" if whole else "searches"
-        lines = [f"{head} ({self.reason}); {same} of {total} {which} end there."]
-        lines += [
-            f"{path} = {amount(value, self.units[path])}" for path, value in self.variables.items()
-        ]
-        return [*lines, *self.active, *self.multipliers, *self.notes]
+        searched = f"{objective} ({self.reason}); {same} of {total} {which} end there."
+        return [self.headline(), *self.active, *self.multipliers, *self.notes, searched]
+
+    def headline(self) -> str:
+        """What to build, what it brings, and whether something better may exist."""
+        if self.status == "infeasible":
+            return f"Nothing to build: {self.reason}."
+        given, old = [], self.was.get("variables", {})
+        for name, value in self.variables.items():
+            unit = self.units[name]
+            now = f" (now {quantity_text(old[name], unit)})" if name in old else ""
+            given.append(f"{path_words(name)} {quantity_text(value, unit)}{now}")
+        told = f"Build it with {', '.join(given[:-1])}{' and ' if given[1:] else ''}{given[-1]}."
+        if self.was:
+            told += f" {self._gain()}"
+        return told if self.optimal else f"{told} A better one may exist: {self.reason}."
+
+    def _gain(self) -> str:
+        """The objective against that of the rig as it was."""
+        before, after = self.was["old"], self.was["new"]
+        factor, unit = scaled(after, self.unit)
+        ends = f"from {factor * before:.4g} to {factor * after:.4g} {unit}".strip()
+        change = 100 * (after / before - 1) if before else 0.0
+        way = "less" if change < 0 else "more"
+        return f"That is {abs(change):.3g} % {way} {self.objective_name} than your rig: {ends}."
 
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` of all searches, with the best design as attributes."""
@@ -121,11 +143,11 @@ class Design(AbstractResult):
     @classmethod
     def from_xarray(cls, data: Any) -> "Design":
         """The design of which `to_xarray` made `data`."""
-        found = json.loads(data.attrs["design"])
+        fields = json.loads(data.attrs["design"])
         for key in ("active", "multipliers", "whole", "notes"):
-            found[key] = tuple(found[key])
-        found["limits"] = {name: tuple(x) for name, x in found.get("limits", {}).items()}
-        return cls(**found)
+            fields[key] = tuple(fields[key])
+        fields["limits"] = {name: tuple(x) for name, x in fields.get("limits", {}).items()}
+        return cls(**fields)
 
     def plot_gain(self, ax: Any = None) -> Any:
         """The rig as it was against the design, in every case."""

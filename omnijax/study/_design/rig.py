@@ -10,7 +10,7 @@ from ..._errors import InputError
 from ...rig import Rig, get_parameter, put_parameter
 from ...simulation import SpeedDrive, TorqueDrive
 from ...vibration import METRICS
-from .._constraints import Point, all_limits, all_values, metrics_of
+from .._constraints import CaseResult, all_limits, all_values, metrics_of
 from .._evaluation import (
     METHODS,
     Drive,
@@ -89,9 +89,9 @@ class RigCases:
     def _tolerances(self) -> tuple[tuple[str, ...], Array]:
         paths, width = [], []
         for path, half in self.study.tolerances:
-            found = checked_parameters(self.study.rig, [path])
-            paths += found
-            width += [half] * len(found)
+            each = checked_parameters(self.study.rig, [path])
+            paths += each
+            width += [half] * len(each)
         values = values_of(self.study.rig, tuple(paths))
         nothing = [p for p, v in zip(paths, values, strict=True) if v == 0]
         if nothing:
@@ -129,7 +129,7 @@ class RigCases:
                 rig = put_parameter(rig, path, get_parameter(rig, path) * (1 + draw[i]))
         return rig
 
-    def drive(self, x, values: Float[Array, " n+3"]) -> Drive:
+    def drive(self, x, values: Float[Array, " variables"]) -> Drive:
         """The drive of speeds or torques and force, with the variables that belong to it."""
         kind = self.study.drives[0].kind
         moved, force = values[:-3], values[-3:]
@@ -148,7 +148,7 @@ class RigCases:
         metrics = how.of(run, rig)
         now = drive.speed.values[0] if isinstance(drive, SpeedDrive) else None
         named = dict(zip(self.metrics, metrics, strict=True))
-        point = Point(rig, run, now, self.study.model)
+        point = CaseResult(rig, run, now, self.study.model)
         return metrics, all_values(self.study.constraints, point, named)
 
     def every(

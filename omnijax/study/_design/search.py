@@ -25,7 +25,7 @@ PENALTY, GROWTH = 30.0, 5.0
 NEAR = 1e-4  # of a limit's scale: what is left to the polish
 
 
-class Lanes(NamedTuple):
+class Starts(NamedTuple):
     """Searches side by side: where they start, which variables they may move, their limits."""
 
     share: Float[Array, "l d"]
@@ -36,14 +36,14 @@ class Lanes(NamedTuple):
 Values = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]  # shares to f (l, k), g (l, c)
 
 
-class Found(NamedTuple):
+class SearchRun(NamedTuple):
     """Where the searches ended."""
 
     share: np.ndarray  # (l, d)
     evaluations: np.ndarray  # (l,) of the objective with its gradient
 
 
-class Sizes(NamedTuple):
+class SearchSizes(NamedTuple):
     """What the objective and the limits are measured in; data, so that one program serves all."""
 
     objective: Float[Array, ""]
@@ -58,21 +58,21 @@ class Adam(NamedTuple):
     seed: int = 0
 
 
-class Search:
+class DesignSearch:
     """The compiled pieces of one problem."""
 
     def __init__(self, problem: Problem, size: float):
         self.problem, self.size = problem, size
         self.scale = Ranges.of(problem.variables)
         unit = jnp.array([limit.scale for limit in problem.limits], float)
-        self.sizes = Sizes(jnp.asarray(size, float), unit)
+        self.sizes = SearchSizes(jnp.asarray(size, float), unit)
         self._inner = quick_jit(jax.vmap(self._minimise, in_axes=(0, 0, 0, 0, None, None)))
 
     def parts(self, share, extra) -> tuple[Array, Array]:
         """f and g at a share of the ranges."""
         return self.problem.figures(self.scale.value(share), extra)
 
-    def _split(self, y, lane: Lanes, sizes: Sizes, extra):
+    def _split(self, y, lane: Starts, sizes: SearchSizes, extra):
         """F and the scaled constraints c of one lane at y = (z, t)."""
         moved = jnp.where(lane.free > 0, from_angle(y[0]), lane.share)
         f, g = self.parts(moved, extra)
@@ -102,7 +102,7 @@ class Search:
         )
         return solution.value, solution.stats["num_steps"]
 
-    def begin(self, lanes: Lanes, values: Values):
+    def begin(self, lanes: Starts, values: Values):
         """(y, multipliers) at the start."""
         first = values(np.asarray(lanes.share))[0]
         z = to_angle(jnp.clip(lanes.share, 1e-3, 1 - 1e-3))
@@ -116,7 +116,7 @@ class Search:
         count = len(self.problem.cases) if self.problem.epigraph else 0
         return jnp.full(count, 1.0 / max(count, 1))
 
-    def run(self, lanes: Lanes, values: Values) -> Found:
+    def run(self, lanes: Starts, values: Values) -> SearchRun:
         """All lanes to the neighbourhood of their ends."""
         y, multiplier = self.begin(lanes, values)
         count = len(lanes.share)
@@ -139,9 +139,9 @@ class Search:
             slow = gap > 0.25 * previous
             penalty = jnp.where(slow, jnp.minimum(penalty * GROWTH, 1e6), penalty)
             previous = gap
-        return Found(share, evaluations)
+        return SearchRun(share, evaluations)
 
-    def stochastic(self, lanes: Lanes, values: Values, drawn: Adam) -> Lanes:
+    def stochastic(self, lanes: Starts, values: Values, drawn: Adam) -> Starts:
         """Lanes moved by optax's Adam on draws that are new at every step."""
         draw = self.problem.draw
         assert draw is not None

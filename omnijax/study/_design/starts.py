@@ -17,7 +17,7 @@ from .._problem import Problem
 from .._range import Ranges
 from .._sobol import sobol_points
 from .evolve import Judge, evolve, far_apart
-from .search import Lanes
+from .search import Starts
 
 ENUMERATED = 12
 SCREENED = 64  # for each combination of whole numbers
@@ -46,7 +46,7 @@ def whole_values(problem: Problem) -> list[np.ndarray]:
     ]
 
 
-def make_lanes(problem: Problem, starts: np.ndarray, combinations) -> Lanes:
+def make_lanes(problem: Problem, starts: np.ndarray, combinations) -> Starts:
     """Every start with every combination of fixed values {index: value}."""
     scale, shares, free = Ranges.of(problem.variables), [], []
     limit = jnp.array([x.bound for x in problem.limits])
@@ -60,7 +60,7 @@ def make_lanes(problem: Problem, starts: np.ndarray, combinations) -> Lanes:
             shares.append(share)
             free.append(mask)
     limits = jnp.broadcast_to(limit, (len(shares), len(limit)))
-    return Lanes(jnp.asarray(np.array(shares)), jnp.asarray(np.array(free)), limits)
+    return Starts(jnp.asarray(np.array(shares)), jnp.asarray(np.array(free)), limits)
 
 
 def combinations(problem: Problem) -> int:
@@ -73,7 +73,7 @@ def relaxed(problem: Problem) -> bool:
     return combinations(problem) > ENUMERATED
 
 
-def first_lanes(problem: Problem, count: int, seed: int, judge: Judge) -> Lanes:
+def first_lanes(problem: Problem, count: int, seed: int, judge: Judge) -> Starts:
     """The searches side by side: `count` for each combination of whole numbers."""
     values = whole_values(problem)
     index = [] if relaxed(problem) else [i for i, v in enumerate(values) if len(v)]
@@ -88,11 +88,11 @@ def first_lanes(problem: Problem, count: int, seed: int, judge: Judge) -> Lanes:
         if any(v.start is not None for v in problem.variables):
             chosen = np.concatenate([shares[:1], chosen])[:count]
         rest = (x[: len(chosen)] for x in (drawn.free, drawn.limit))
-        parts.append(Lanes(jnp.asarray(chosen), *rest))
-    return Lanes(*(jnp.concatenate(xs) for xs in zip(*parts, strict=True)))
+        parts.append(Starts(jnp.asarray(chosen), *rest))
+    return Starts(*(jnp.concatenate(xs) for xs in zip(*parts, strict=True)))
 
 
-def rounded_lanes(problem: Problem, relaxed: np.ndarray) -> Lanes:
+def rounded_lanes(problem: Problem, relaxed: np.ndarray) -> Starts:
     """Both neighbours of every whole variable at relaxed shares (m, d), to be searched again."""
     scale, values = Ranges.of(problem.variables), whole_values(problem)
     index = [i for i, v in enumerate(values) if len(v)]
@@ -106,4 +106,4 @@ def rounded_lanes(problem: Problem, relaxed: np.ndarray) -> Lanes:
         every = itertools.product(*sides)
         fixed = [dict(zip(index, c, strict=True)) for c in every]
         parts.append(make_lanes(problem, share[None], fixed))
-    return Lanes(*(jnp.concatenate(xs) for xs in zip(*parts, strict=True)))
+    return Starts(*(jnp.concatenate(xs) for xs in zip(*parts, strict=True)))

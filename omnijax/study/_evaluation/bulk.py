@@ -29,17 +29,17 @@ def bulk(
     """
     make, designs = eqx.Partial(_operating, rig, drive, paths), jnp.asarray(rows)
     if how.times is None:
-        found = modal_steady(make, designs, how.metrics, model=how.model, gradient=gradient)
+        result = modal_steady(make, designs, how.metrics, model=how.model, gradient=gradient)
     else:
         duration = float(how.times[-1])
-        found = modal_figures(
+        result = modal_figures(
             make, designs, how.metrics, duration=duration, step=duration / (len(how.times) - 1),
             model=how.model, gradient=gradient,
         )  # fmt: skip
-    bad = ~np.all(np.isfinite(found.values), axis=1)
-    status = np.where(bad, Status.NON_FINITE, margin_status(found.normal, found.slip))
+    bad = ~np.all(np.isfinite(result.values), axis=1)
+    status = np.where(bad, Status.NON_FINITE, margin_status(result.normal, result.slip))
     if how.times is None:  # nothing settles where the sphere drifts off
-        bad, status = bad | ~found.held, np.where(found.held, status, Status.UNHELD)
-    values = np.where(bad[:, None], np.nan, found.values)
-    slopes = np.zeros((*values.shape, 0)) if found.slopes is None else found.slopes
+        bad, status = bad | ~result.held, np.where(result.held, status, Status.UNHELD)
+    values = np.where(bad[:, None], np.nan, result.values)
+    slopes = np.zeros((*values.shape, 0)) if result.slopes is None else result.slopes
     return values, slopes, status

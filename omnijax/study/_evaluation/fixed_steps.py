@@ -61,26 +61,26 @@ def fine_enough(
     return None
 
 
-def sample_to_check(found: np.ndarray) -> np.ndarray:
+def sample_to_check(figures: np.ndarray) -> np.ndarray:
     """Numbers of the designs (k,) whose step is tried again once all figures (b, m) are known.
 
     Those with the least and the largest of every figure, and `SPREAD` evenly among the others.
     """
-    good = np.flatnonzero(np.isfinite(found).all(axis=1))
+    good = np.flatnonzero(np.isfinite(figures).all(axis=1))
     if not len(good):
         return good
-    ends = [good[pick(found[good], axis=0)] for pick in (np.argmin, np.argmax)]
+    ends = [good[pick(figures[good], axis=0)] for pick in (np.argmin, np.argmax)]
     even = good[np.linspace(0, len(good) - 1, min(SPREAD, len(good))).round().astype(int)]
     return np.unique(np.concatenate([*ends, even]))
 
 
-def checked_after(found: np.ndarray, fine: np.ndarray) -> tuple[str, bool]:
+def checked_after(figures: np.ndarray, fine: np.ndarray) -> tuple[str, bool]:
     """What half the step says of figures found (k, m), in words, and whether they are as good."""
-    change = largest_change(found, fine)
+    change = largest_change(figures, fine)
     good = change <= TOLERANCE
     verdict = "" if good else f", more than {TOLERANCE:g}"
     return (
-        f"half the step changes those of {len(found)} designs of the answer by {change:.0e} at "
+        f"half the step changes those of {len(figures)} designs of the answer by {change:.0e} at "
         f"most{verdict}"
     ), good
 

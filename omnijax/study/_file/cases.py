@@ -3,13 +3,14 @@
 from typing import Any
 
 from ..._errors import InputError, did_you_mean
+from ...dynamics import fitting_speeds
 from ...rig import Quantity, Rig, parameter_info, parameter_paths
 from .._evaluation import drive_quantities
 from .._parameters import speaks_of_all
 from .._problem import Variable
 from .read import Reader
 from .schema import DriveTable, StudyTable
-from .study import Case, Load
+from .study import Load, LoadCase
 
 
 def cases(read: Reader, rig: Rig, top: StudyTable) -> dict[str, Any]:
@@ -22,23 +23,29 @@ def cases(read: Reader, rig: Rig, top: StudyTable) -> dict[str, Any]:
         name, values = block.name or f"load {i + 1}", block.set.items()
         pairs = [(p, _parameter(read, rig, p, v, f"load.{name}.set")) for p, v in values]
         loads.append(Load(name, tuple(pairs)))
-    for kind, found in (("drive", drives), ("load", loads)):
-        names = [x.name for x in found]
+    for kind, entries in (("drive", drives), ("load", loads)):
+        names = [x.name for x in entries]
         twice = dict.fromkeys(n for n in names if names.count(n) > 1)
         for n in twice:
             read.say(f"two [[{kind}]] tables are named `{n}`: give each a name of its own.")
     if not drives and not any("drive" in text for text in read.problems):
-        read.say("a study needs at least one [[drive]] with `speed`, one number a wheel.")
+        read.say(
+            "a study needs at least one [[drive]] with `speed`, one number a wheel, or `omega`."
+        )
     return {"drives": drives, "loads": tuple(loads) or (Load("as built"),)}
 
 
-def _drive(read: Reader, rig: Rig, block: DriveTable, i: int) -> Case:
+def _drive(read: Reader, rig: Rig, block: DriveTable, i: int) -> LoadCase:
     name, given = block.name or f"drive {i + 1}", block.model_fields_set
-    kind = "torque" if "torque" in given and "speed" not in given else "speed"
-    if {"torque", "speed"} <= given:
-        read.say(f"`drive.{name}` takes either `speed` or `torque`, not both.")
+    named = [key for key in ("speed", "omega", "torque") if key in given]
+    if len(named) > 1:
+        read.say(f"`drive.{name}` takes one of `speed`, `omega`, `torque`, but has {len(named)}.")
+    kind = "torque" if named == ["torque"] else "speed"
     unit = {"speed": "rad/s", "torque": "N m"}[kind]
-    values = _numbers(read, getattr(block, kind), f"drive.{name}.{kind}", unit)
+    if named == ["omega"]:
+        values = _of_sphere(read, rig, block.omega, f"drive.{name}.omega")
+    else:
+        values = _numbers(read, getattr(block, kind), f"drive.{name}.{kind}", unit)
     if len(values) != rig.size:
         read.say(
             f"`drive.{name}.{kind}` must have one value a wheel ({rig.size}), but has "
@@ -49,7 +56,16 @@ def _drive(read: Reader, rig: Rig, block: DriveTable, i: int) -> Case:
     if len(force) != 3:
         read.say(f"`drive.{name}.force` must have 3 components, but has {len(force)}.")
         force = (0.0,) * 3
-    return Case(name, kind, values, force)
+    return LoadCase(name, kind, values, force)
+
+
+def _of_sphere(read: Reader, rig: Rig, given: Any, where: str) -> tuple[float, ...]:
+    """Wheel speeds that turn the sphere at the angular velocity given."""
+    omega = _numbers(read, given, where, "rad/s")
+    if len(omega) != 3:
+        read.say(f"`{where}` must have 3 components, but has {len(omega)}.")
+        omega = (0.0,) * 3
+    return tuple(fitting_speeds(rig, omega))
 
 
 def _numbers(read: Reader, given: Any, where: str, unit: str) -> tuple[float, ...]:
@@ -80,7 +96,7 @@ def quantity_of(read: Reader, rig: Rig, path: str, where: str, more=()) -> Quant
 
 def variables(read: Reader, rig: Rig, drives, top: StudyTable) -> dict[str, Any]:
     """The variables, and how each is distributed."""
-    found, kinds = [], []
+    read_ones, kinds, levels = [], [], []
     for block in top.variable:
         path, given = block.path, block.model_fields_set
         where = f"variable.{path}"
@@ -96,6 +112,9 @@ def variables(read: Reader, rig: Rig, drives, top: StudyTable) -> dict[str, Any]
         log = stiff or block.scale == "log"
         if low is not None and high is not None:
             kinds.append(block.distribution)
+            levels.append(block.levels)
             whole = quantity.whole
-            found.append(Variable(path, low, high, log, whole, quantity.unit, start))
-    return {"variables": tuple(found), "distributions": tuple(kinds)}
+            read_ones.append(Variable(path, low, high, log, whole, quantity.unit, start))
+    return {
+        "variables": tuple(read_ones), "distributions": tuple(kinds), "levels": tuple(levels),
+    }  # fmt: skip

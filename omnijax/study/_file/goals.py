@@ -4,7 +4,7 @@ from typing import Any
 
 from ...rig import Quantity, Rig
 from ...vibration import METRICS, metric_problem
-from .._constraints import QUANTITIES, Wanted
+from .._constraints import QUANTITIES, Constraint
 from .cases import quantity_of
 from .read import Reader
 from .schema import ConstraintTable, Objective, StudyTable, ToleranceTable
@@ -50,8 +50,13 @@ def search(read: Reader, top: StudyTable) -> dict[str, Any]:
     bound = None
     if top.limit is not None:
         name = _metric(read, top.limit.metric, "limit.metric")
+        given = {"max", "rise"} & top.limit.model_fields_set
+        if len(given) != 1:
+            told = "both are given" if given else "neither is given"
+            read.say(f"`limit` takes `max` or `rise` (0.1: 10 % over the nominal), but {told}.")
         unit = Quantity(METRICS[name].unit, above=0)
-        bound = (name, read.value(top.limit.max, "limit.max", unit))
+        most = read.value(top.limit.max, "limit.max", unit) if "max" in given else None
+        bound = (name, most, top.limit.rise)
     return {
         "starts": top.search.starts,
         "seed": top.search.seed,
@@ -65,7 +70,7 @@ def search(read: Reader, top: StudyTable) -> dict[str, Any]:
     }
 
 
-def constraint(read: Reader, block: ConstraintTable) -> Wanted | None:
+def constraint(read: Reader, block: ConstraintTable) -> Constraint | None:
     """One limit; None where it says of what is not known."""
     name, given = block.quantity, block.model_fields_set
     where = f"constraint.{name}"
@@ -96,4 +101,4 @@ def constraint(read: Reader, block: ConstraintTable) -> Wanted | None:
                 pair = [1.0, 1.0]
             above = Quantity(unit, above=0)
             materials += [read.value(x, f"{where}.{key}", above, 1.0) for x in pair]
-    return Wanted(name, bounds.get("min"), bounds.get("max"), tuple(orders), tuple(materials))
+    return Constraint(name, bounds.get("min"), bounds.get("max"), tuple(orders), tuple(materials))

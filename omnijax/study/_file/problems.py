@@ -19,11 +19,11 @@ def checked(data: Mapping[str, Any]) -> tuple[StudyTable, list[str]]:
         try:
             return StudyTable.model_validate(kept), list(dict.fromkeys(problems))
         except ValidationError as error:
-            found = error.errors()
+            wrong = error.errors()
         # what is taken away can leave something else incomplete: that is not the user's
-        told = (x for x in found if not (again and x["type"] == "missing"))
+        told = (x for x in wrong if not (again and x["type"] == "missing"))
         problems += [_sentence(kept, x) for x in told]
-        for x in sorted(found, key=lambda x: _order(x["loc"]), reverse=True):
+        for x in sorted(wrong, key=lambda x: _order(x["loc"]), reverse=True):
             _remove(kept, x)
         again = True
 

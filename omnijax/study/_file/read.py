@@ -15,10 +15,10 @@ class Reader:
         """Note a problem."""
         self.problems.append(sentence)
 
-    def value(self, found: Any, where: str, quantity: Quantity, default: Any = None) -> Any:
-        """`found` in SI units."""
+    def value(self, given: Any, where: str, quantity: Quantity, default: Any = None) -> Any:
+        """`given` in SI units."""
         try:
-            return quantity.read(found)
+            return quantity.read(given)
         except ValueError as error:
             self.say(f"`{where}` {error}")
             return default

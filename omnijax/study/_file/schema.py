@@ -32,10 +32,10 @@ class _Text:
     """Printable text of some length."""
 
     def __get_pydantic_core_schema__(self, source, handler):
-        def read(found: Any) -> str:
-            if not isinstance(found, str) or not found.strip() or not found.isprintable():
-                raise ValueError(f"must be printable text, but is {found!r}.")
-            return found
+        def read(given: Any) -> str:
+            if not isinstance(given, str) or not given.strip() or not given.isprintable():
+                raise ValueError(f"must be printable text, but is {given!r}.")
+            return given
 
         return core_schema.no_info_plain_validator_function(read)
 
@@ -80,10 +80,14 @@ class Objective(_Table):
 
 
 class DriveTable(_Table):
-    """Constant wheel speeds (rad/s) or motor torques (N m), and a force on the platform (N)."""
+    """Constant wheel speeds (rad/s) or motor torques (N m), and a force on the platform (N).
+
+    `omega` is the sphere's angular velocity (rad/s), in place of the wheel speeds that fit it.
+    """
 
     name: Text | None = None  # else its number
     speed: Numbers = []
+    omega: Numbers = []
     torque: Numbers = []
     force: Numbers = [0.0, 0.0, 0.0]
 
@@ -104,6 +108,7 @@ class VariableTable(_Table):
     scale: Literal["linear", "log"] = "linear"
     start: OfPath = None
     distribution: Literal["uniform", "normal"] = "uniform"
+    levels: Annotated[int, Quantity("1", low=2, whole=True), AfterValidator(int)] = 10  # of a sweep
 
 
 class ConstraintTable(_Table):
@@ -140,7 +145,8 @@ class LimitTable(_Table):
     """What tolerances must hold, and for what share of machines."""
 
     metric: Vibration
-    max: OfPath
+    max: OfPath = None
+    rise: Annotated[float, Quantity("1", above=0)] | None = None  # over the nominal machine's
     confidence: Annotated[float, Quantity("1", above=0, high=0.9999)] = 0.99
 
 
@@ -161,8 +167,8 @@ class ToleranceTable(BaseModel):
     draws: Annotated[int, Quantity("1", low=2, whole=True), AfterValidator(int)] = 16
 
 
-def _no_default(found: JsonDict) -> None:
-    found.pop("default", None)
+def _no_default(schema: JsonDict) -> None:
+    schema.pop("default", None)
 
 
 class StudyTable(_Table):

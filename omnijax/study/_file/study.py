@@ -6,7 +6,7 @@ from typing import Any
 
 from ...rig import Rig, rig_text
 from ...simulation import SpeedDrive, TorqueDrive, speeds, torques
-from .._constraints import Wanted
+from .._constraints import Constraint
 from .._differences import plain
 from .._problem import Variable
 
@@ -20,7 +20,7 @@ class Load:
 
 
 @dataclasses.dataclass(frozen=True)
-class Case:
+class LoadCase:
     """A named drive: constant wheel speeds (rad/s) or motor torques (N m), and a force (N)."""
 
     name: str
@@ -40,15 +40,16 @@ class Study:
     """A checked study; numbers are SI."""
 
     rig: Rig
-    drives: tuple[Case, ...]  # all of one kind
+    drives: tuple[LoadCase, ...]  # all of one kind
     loads: tuple[Load, ...]
     variables: tuple[Variable, ...] = ()
     distributions: tuple[str, ...] = ()
+    levels: tuple[int, ...] = ()  # of each variable, in a sweep
     weights: tuple[tuple[str, float], ...] = (("rms", 1.0),)
     over: str = "worst"
     spread: str = "worst"
     sigmas: float = 3.0
-    constraints: tuple[Wanted, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
     tolerances: tuple[tuple[str, float], ...] = ()  # path, relative half width
     draws: int = 16
     model: str = "coupled"
@@ -61,12 +62,12 @@ class Study:
     stochastic: int = 0
     pareto: tuple[str, ...] = ()
     points: int = 12
-    limit: tuple[str, float] | None = None
+    limit: tuple[str, float | None, float | None] | None = None  # metric, max, or rise over nominal
     confidence: float = 0.99
     samples: int = 256
 
     def identity(self, question: str, **more: Any) -> dict[str, Any]:
         """Everything that decides the numbers of a command, as tables."""
-        found = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
+        settings = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         rig = tomllib.loads(rig_text(self.rig))
-        return plain({"question": question, **more, **found, "rig": rig})
+        return plain({"question": question, **more, **settings, "rig": rig})

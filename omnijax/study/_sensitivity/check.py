@@ -46,8 +46,8 @@ def compare(function, rig: Rig, paths: tuple[str, ...], values, raw, precision: 
     first = np.where(side == 0, 1.0, side)  # offsets in steps: +-1, or 1 and 2 to one side
     second = np.where(side == 0, -1.0, 2 * side)
     points = np.concatenate([values + np.diag(first * h), values + np.diag(second * h)])
-    found = np.asarray(jax.jit(lambda x: jax.lax.map(function, x))(jnp.asarray(points)))
-    one, two = found[: len(paths)].T, found[len(paths) :].T
+    figures = np.asarray(jax.jit(lambda x: jax.lax.map(function, x))(jnp.asarray(points)))
+    one, two = figures[: len(paths)].T, figures[len(paths) :].T
     zero = np.asarray(function(jnp.asarray(values)))[:, None]
     central = (one - two) / (2 * h)
     sided = side * (4 * one - two - 3 * zero) / (2 * h)

@@ -13,7 +13,7 @@ LEAST = 1e-3  # of the longest bar: shorter ones are left out
 @styled
 def tornado(result: Any, metric: str, together: bool = False, ax: Any = None) -> Any:
     """Relative sensitivities as bars, largest on top; what has next to none is left out."""
-    from ..._text import amount
+    from ..._text import quantity_text
 
     pairs = result.together(metric) if together else result.column(metric)
     least = LEAST * max(map(abs, pairs.values()), default=0.0)
@@ -35,6 +35,6 @@ def tornado(result: Any, metric: str, together: bool = False, ax: Any = None) ->
     ax.grid(axis="y", visible=False)
     figure = result.figures[result.metrics.index(metric)]
     unit = result.metric_units[result.metrics.index(metric)]
-    ax.set_title(f"{metric} = {amount(figure, unit)}")
+    ax.set_title(f"{metric} = {quantity_text(figure, unit)}")
     ax.set_xlabel(f"change of {metric} in % per % of the parameter")
     return ax

@@ -11,7 +11,7 @@ import numpy as np
 
 from ..._errors import InputError, RunError
 from ..._programs import kept
-from ..._text import amount
+from ..._text import quantity_text
 from ...rig import Rig, load_rig, parameter_info
 from ...simulation import SpeedDrive, TorqueDrive
 from ...vibration import METRICS
@@ -35,6 +35,7 @@ from .._result import AbstractResult, texts
 from .check import Check, compare
 
 SHOWN = 6  # parameters in a printed result
+COUNTS = ("rollers",)  # last word of parameters that take whole numbers
 NOTHING = 1e-12  # of the metric, per relative change: rounding, not influence
 
 
@@ -64,7 +65,9 @@ class Sensitivity(AbstractResult):
         for m, name in enumerate(self.metrics):
             first = list(self.together(name).items())[:SHOWN]
             parts = ", ".join(f"{path} {value:+.3g}" for path, value in first)
-            lines.append(f"{name} = {amount(self.figures[m], self.metric_units[m])}: {parts}")
+            lines.append(
+                f"{name} = {quantity_text(self.figures[m], self.metric_units[m])}: {parts}"
+            )
         return "\n".join(lines)
 
     @property
@@ -107,7 +110,7 @@ class Sensitivity(AbstractResult):
         return tuple(path for path, q in zip(self.parameters, quiet, strict=True) if q)
 
     def sentences(self) -> list[str]:
-        """Which parameters have no influence, in one sentence; nothing where all have."""
+        """Which parameters take whole numbers, and which have no influence; one sentence each."""
         metrics = self.metrics[0] if len(self.metrics) == 1 else "any of " + ", ".join(self.metrics)
         quiet, silent = set(self.without_influence()), []
         for group in dict.fromkeys(group_of(path) for path in self.parameters):
@@ -116,11 +119,21 @@ class Sensitivity(AbstractResult):
                 silent.append(f"`{group}` (of every wheel)")
             else:
                 silent += [f"`{path}`" for path in members if path in quiet]
+        told = [
+            f"`{path}` takes whole numbers: its derivative says which way to go, a sweep how far."
+            for path in self.whole
+        ]
         if not silent:
-            return []
+            return told
         *others, last = silent
         listed = f"{', '.join(others)} and {last}" if others else last
-        return [f"{listed} {'do' if others else 'does'} not influence {metrics}."]
+        return [*told, f"{listed} {'do' if others else 'does'} not influence {metrics}."]
+
+    @property
+    def whole(self) -> tuple[str, ...]:
+        """Parameters that count something, as `together` names them."""
+        groups = dict.fromkeys(group_of(path) for path in self.parameters)
+        return tuple(group for group in groups if group.rpartition(".")[2] in COUNTS)
 
     def _index(self, metric: str) -> int:
         if metric not in self.metrics:
@@ -195,6 +208,9 @@ def sensitivity(
 
     `raw` (metrics, parameters) is in the metric's unit by the parameter's, `relative` in % per %.
     Raises `InputError` for an unknown metric or parameter, `RunError` where the run fails.
+
+    Source: derivatives of `evaluate`'s and `steady_state`'s figures by JAX, checked by central
+    differences.
     """
     machine = load_rig(rig) if isinstance(rig, str | Path) else rig
     chosen = (
@@ -210,8 +226,8 @@ def sensitivity(
     def function(x):
         return how.values(with_values(machine, paths, x), chosen)
 
-    found = _figures_and_slopes(how, machine, chosen, paths, jnp.asarray(values, float))
-    figures, raw = jax.tree.map(np.asarray, found)
+    evaluated = _figures_and_slopes(how, machine, chosen, paths, jnp.asarray(values, float))
+    figures, raw = jax.tree.map(np.asarray, evaluated)
     if not np.all(np.isfinite(figures)):
         raise RunError("the run of this rig and drive failed, so that it has no sensitivities.")
     return Sensitivity(

@@ -104,7 +104,7 @@ class SpeedSensitivity(AbstractResult):
 def sensitivity_over_speeds(
     rig: Rig | str | Path,
     speeds: Sequence[float],
-    scale: Sequence[float],
+    scale: Sequence[float] | np.ndarray,
     metrics: Sequence[str] | str = ("rms",),
     parameters: Sequence[str] = ("contact.stiffness", "mount.stiffness", "wheel.roundness"),
     model: str = "coupled",

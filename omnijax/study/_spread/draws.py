@@ -44,15 +44,15 @@ class Machines:
         At least `left` more sets will be asked for.
         """
         drawn = width * np.random.default_rng(seed).uniform(-1, 1, (self.draws, self.parts))
-        self._begun, found = self._begun + 1, []
+        self._begun, chunks = self._begun + 1, []
         self._sets = self._begun + left
         for first, rows, count in batches(drawn, CHUNK):
             (values,) = self._kept(
                 f"{key}-{first}", lambda rows=rows, count=count: (self._many(rows)[:count],)
             )
-            found.append(values)
+            chunks.append(values)
             self._tell(count)
-        return np.concatenate(found)
+        return np.concatenate(chunks)
 
     def _kept(self, key: str, compute: Callable[[], tuple]) -> list[np.ndarray]:
         """What `compute` gives, from the store where it is there."""

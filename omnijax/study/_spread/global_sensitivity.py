@@ -14,7 +14,7 @@ from .._design import RigCases
 from .._file import Study, study_of
 from .._sobol import sobol_points
 from .._study_folder import Folder, folder_of
-from .inputs import Input, Inputs, run_all
+from .inputs import Input, UncertainInputs, run_all
 from .morris import morris_design, morris_effects
 from .result import GlobalSensitivity
 from .sobol import sobol_design, sobol_indices
@@ -40,12 +40,12 @@ def analyse(
     """
     if samples < 16:
         raise InputError(f"`samples` must be at least 16, but is {samples}.")
-    box = Inputs(inputs)
+    box = UncertainInputs(inputs)
     unit = sobol_design(box.size, samples, seed)
     paths = morris_design(box.size, max(8, samples // 16), seed + 1)
     drawn = sobol_points(box.size, 1 << min(samples, 256).bit_length() - 1, seed + 2)
     tasks = (("sobol", unit, False), ("morris", paths, False), ("slopes", drawn, True))
-    total, before, found = sum(len(x) for _, x, _ in tasks), 0, {}
+    total, before, runs = sum(len(x) for _, x, _ in tasks), 0, {}
     for key, points, slopes in tasks:
 
         def tell(done, _, before=before):
@@ -53,27 +53,25 @@ def analyse(
                 report(before + done, total)
 
         clipped = np.clip(points, 1e-3, 1 - 1e-3) if key == "morris" else points
-        found[key] = run_all(
+        runs[key] = run_all(
             function, box, box.standard(clipped), slopes=slopes, report=tell, store=store, key=key
         )
         before += len(points)
     try:
-        sobol = sobol_indices(found["sobol"].values, found["sobol"].failed, box.size, seed)
-        morris = morris_effects(paths, found["morris"].values, found["morris"].failed)
+        sobol = sobol_indices(runs["sobol"].values, runs["sobol"].failed, box.size, seed)
+        morris = morris_effects(paths, runs["morris"].values, runs["morris"].failed)
     except ValueError as error:
         raise RunError(f"too many runs failed: {error}") from None
-    bound, half = _bounds(box, found["slopes"])
+    bound, half = _bounds(box, runs["slopes"])
     failed = [
-        _named(box, points[i])
-        for key, points, _ in tasks
-        for i in np.flatnonzero(found[key].failed)
+        _named(box, points[i]) for key, points, _ in tasks for i in np.flatnonzero(runs[key].failed)
     ]
     return GlobalSensitivity(
         box.names, tuple(metrics), tuple(units), sobol, morris, bound, half, total, tuple(failed)
     )
 
 
-def _bounds(box: Inputs, runs) -> tuple[np.ndarray, np.ndarray]:
+def _bounds(box: UncertainInputs, runs) -> tuple[np.ndarray, np.ndarray]:
     """C E[(df/ds)^2]/V of the runs without failure, and 95 % half widths."""
     good = ~runs.failed
     square, values = runs.slopes[good] ** 2, runs.values[good]
@@ -83,7 +81,7 @@ def _bounds(box: Inputs, runs) -> tuple[np.ndarray, np.ndarray]:
     return factor * square.mean(axis=0), factor * half
 
 
-def _named(box: Inputs, unit: np.ndarray) -> str:
+def _named(box: UncertainInputs, unit: np.ndarray) -> str:
     values = np.asarray(box.values(jnp.asarray(box.standard(unit))))
     return ", ".join(f"{n} = {v:.6g}" for n, v in zip(box.names, values, strict=True))
 

@@ -29,7 +29,7 @@ class Input(NamedTuple):
     normal: bool = False
 
 
-class Inputs:
+class UncertainInputs:
     """Standard points (n, d) to values (n, d), differentiably."""
 
     def __init__(self, inputs: Sequence[Input]):
@@ -78,7 +78,7 @@ CHUNK = 256
 
 def run_all(
     function: Callable[[Float[Array, " d"]], Float[Array, " m"]],
-    inputs: Inputs,
+    inputs: UncertainInputs,
     standard: np.ndarray,
     *,
     slopes: bool = False,
@@ -98,9 +98,9 @@ def run_all(
         name = f"{key}-{first}"
         stored = None if store is None else store.read(name)
         if stored is None:
-            found = batched(jnp.asarray(rows))
-            found = found if slopes else (found,)
-            stored = {str(i): np.asarray(x)[:count] for i, x in enumerate(found)}
+            results = batched(jnp.asarray(rows))
+            results = results if slopes else (results,)
+            stored = {str(i): np.asarray(x)[:count] for i, x in enumerate(results)}
             if store is not None:
                 store.write(name, stored)
         parts.append([stored[str(i)] for i in range(1 + slopes)])

@@ -36,9 +36,9 @@ class GlobalSensitivity(AbstractResult):
 
     def table(self):
         """One row an input of a metric."""
-        found = self.sobol.first, self.sobol.total, self.sobol.total_half, self.bound
+        columns = self.sobol.first, self.sobol.total, self.sobol.total_half, self.bound
         rows = [
-            (metric, name, *(float(x[m, i]) for x in found))
+            (metric, name, *(float(x[m, i]) for x in columns))
             for m, metric in enumerate(self.metrics)
             for i, name in enumerate(self.inputs)
         ]

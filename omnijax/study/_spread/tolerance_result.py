@@ -6,10 +6,11 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..._plot import PALETTE, new_axes, styled
-from ..._text import amount
+from ..._text import quantity_text
 from .._result import AbstractResult, texts
 
 WIDEST = 0.2  # relative
+SILENT = 1e-9  # of the largest derivative: rounding
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -60,10 +61,10 @@ class Tolerances(AbstractResult):
     def sentences(self) -> list[str]:
         """The tolerances in words."""
         lines = [
-            f"{self.metric} is {amount(self.nominal, self.unit)} with nominal parts and stays "
-            f"below {amount(self.limit, self.unit)} for {100 * self.share:.2f} % of {self.draws} "
-            f"new machines (95 %: {100 * self.share_low:.2f} to {100 * self.share_high:.2f} %); "
-            f"asked for: {100 * self.confidence:g} %."
+            f"{self.metric} is {quantity_text(self.nominal, self.unit)} with nominal parts and "
+            f"stays below {quantity_text(self.limit, self.unit)} for {100 * self.share:.2f} % of "
+            f"{self.draws} new machines (95 %: {100 * self.share_low:.2f} to "
+            f"{100 * self.share_high:.2f} %); asked for: {100 * self.confidence:g} %."
             + (f" {self.failed} of them failed and keep nothing." if self.failed else "")
             + ("" if self.confirmed else " The tolerances are NOT confirmed.")
         ]
@@ -72,16 +73,29 @@ class Tolerances(AbstractResult):
             lines.append(f"`{part}` {self.width_text(i)}{', capped' if capped[i] else ''}")
         if capped.any():
             lines.append(
-                f"capped: by the derivatives these parts may be off by more than "
-                f"± {100 * WIDEST:g} %, the widest that is given to any part."
+                f"Capped: the derivatives would allow more than ± {100 * WIDEST:g} %, the widest "
+                "that they give to any part."
             )
         ratio = float(np.min(self.widths / self.linear))
         if ratio < 1 - 1e-9:
             lines.append(
-                f"the derivatives alone allow {1 / ratio:.3g} times as much, but then only "
-                f"{100 * self.linear_share:.2f} % stay below the limit: the metric is curved."
+                f"All parts are held {1 / ratio:.3g} times as closely as the derivatives alone "
+                f"allow: with those only {100 * self.linear_share:.2f} % stay below the limit, "
+                "because the metric is curved."
+            )
+        quiet = [f"`{part}`" for part, q in zip(self.parts, self.silent, strict=True) if q]
+        if quiet:
+            lines.append(
+                f"{', '.join(quiet)} {'do' if quiet[1:] else 'does'} not change {self.metric} in "
+                "this drive: it says nothing of them. Turn every wheel."
             )
         return lines
+
+    @property
+    def silent(self) -> np.ndarray:
+        """Which parts the drive does not put to the test."""
+        size = np.abs(self.slopes)
+        return size <= SILENT * np.max(size, initial=0.0)
 
     @property
     def capped(self) -> np.ndarray:
@@ -94,7 +108,7 @@ class Tolerances(AbstractResult):
 
     def own_width(self, i: int) -> str:
         """The tolerance of part `i` in its unit."""
-        return amount(float(self.widths[i] * abs(self.values[i])), self.units[i])
+        return quantity_text(float(self.widths[i] * abs(self.values[i])), self.units[i])
 
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` over the parts."""
@@ -120,12 +134,12 @@ class Tolerances(AbstractResult):
         numbers = {k: v if k in {"metric", "unit"} else float(v) for k, v in a.items()}
         numbers |= {k: int(a[k]) for k in ("draws", "failed")}
         parts, units = (texts(data, k) for k in ("part", "part_unit"))
-        found = {
+        arrays = {
             "values": data["value"].values,
             "slopes": data["slope"].values,
             "linear": data["linear"].values,
         }
-        return cls(parts=parts, units=units, widths=data["width"].values, **found, **numbers)  # pyright: ignore
+        return cls(parts=parts, units=units, widths=data["width"].values, **arrays, **numbers)  # pyright: ignore
 
     @styled
     def plot_widths(self, ax: Any = None) -> Any:
@@ -138,5 +152,5 @@ class Tolerances(AbstractResult):
         ax.set_yticks(np.arange(len(order)), [self.parts[i] for i in order])
         ax.grid(axis="y", visible=False)
         ax.set_xlabel("tolerance (± %)")
-        ax.set_title(f"{self.metric} below {amount(self.limit, self.unit)}")
+        ax.set_title(f"{self.metric} below {quantity_text(self.limit, self.unit)}")
         return ax

@@ -16,7 +16,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from ..._errors import InputError, RunError
-from ..._text import amount
+from ..._text import quantity_text
 from ...rig import Rig, parameter_info
 from ...vibration import METRICS
 from .._design import RigCases
@@ -37,8 +37,8 @@ def share_bounds(good: int, total: int) -> tuple[float, float]:
     """Wilson's 95 % interval of a share."""
     from scipy.stats import binomtest
 
-    found = binomtest(good, total).proportion_ci(0.95, "wilson")
-    return float(found.low), float(found.high)
+    interval = binomtest(good, total).proportion_ci(0.95, "wilson")
+    return float(interval.low), float(interval.high)
 
 
 def allocate(slopes: np.ndarray, room: float, confidence: float) -> np.ndarray:
@@ -72,7 +72,7 @@ def tolerances(
     resume: bool = False,
     report: Report | None = None,
 ) -> Tolerances:
-    """Tolerances of each wheel's parts that keep a metric below `[limit] max`.
+    """Tolerances of each wheel's parts that keep a metric below `[limit]`: `max`, or a `rise`.
 
     The parts are `parts`, or those of `[tolerance]`, or all of `PARTS` that are not 0; deviations
     are independent and uniform.  Over several cases the metric is its worst.  With `out` finished
@@ -80,12 +80,14 @@ def tolerances(
 
     Widths are relative, figures SI.  Raises `InputError` for a wrong study and for one without
     `[limit]`, `RunError` where the nominal machine is above it.
+
+    Source: first-order propagation with equal shares, then drawn machines.
     """
     asked = study_of(study)
     if asked.limit is None:
-        raise InputError("tolerances need a [limit] with `metric` and `max`.")
+        raise InputError("tolerances need a [limit] with `metric` and `max` or `rise`.")
     _check(draws, asked.confidence)
-    metric, limit = asked.limit
+    metric, limit, rise = asked.limit
     chosen = parts or tuple(p for p, _ in asked.tolerances) or usual_parts(asked.rig)
     plain = dataclasses.replace(
         asked, variables=(), constraints=(), tolerances=tuple((p, 1.0) for p in chosen)
@@ -98,11 +100,12 @@ def tolerances(
 
     machines = Machines(worst, len(cases.parts), draws, store, report)
     nominal, slopes = machines.slopes()
+    limit = (1 + (rise or 0.0)) * nominal if limit is None else limit
     if not nominal < limit:
         unit = METRICS[metric].unit
         raise RunError(
-            f"no tolerance keeps {metric} below {amount(limit, unit)}: with nominal parts it is "
-            f"{amount(nominal, unit)} already."
+            f"no tolerance keeps {metric} below {quantity_text(limit, unit)}: with nominal parts "
+            f"it is {quantity_text(nominal, unit)} already."
         )
     linear = allocate(slopes, limit - nominal, asked.confidence)
     fresh = asked.seed + 1
@@ -122,8 +125,8 @@ def tolerances(
 
 def usual_parts(rig: Rig) -> tuple[str, ...]:
     """`PARTS` of every wheel, less those that are 0."""
-    found = checked_parameters(rig, PARTS)
-    return tuple(p for p, v in zip(found, values_of(rig, found), strict=True) if v != 0)
+    paths = checked_parameters(rig, PARTS)
+    return tuple(p for p, v in zip(paths, values_of(rig, paths), strict=True) if v != 0)
 
 
 def _check(draws: int, confidence: float) -> None:

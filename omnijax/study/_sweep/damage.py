@@ -56,16 +56,16 @@ def check_description(folder: Path) -> None:
 
 def _read(file: Path, folder: Path) -> dict[str, Any]:
     try:
-        found = json.loads(read_bytes(file))
+        document = json.loads(read_bytes(file))
     except FileNotFoundError:
         raise InputError("is not the store of a sweep.", folder) from None
     except (ValueError, RecursionError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(_CHANGED, file) from None
-    if not isinstance(found, dict):
+    if not isinstance(document, dict):
         raise InputError("is not the store of a sweep.", folder)
-    return found
+    return document
 
 
 def _own_digest(described: dict[str, Any]) -> str:
@@ -79,14 +79,14 @@ def _digest(content: bytes) -> str:
 
 def damaged_chunks(folder: Path, arrays: dict[str, Any], done: Iterable[int]) -> dict[int, str]:
     """The chunks of `done` that cannot be used, with the file and what is wrong with it."""
-    found: dict[int, str] = {}
+    damaged: dict[int, str] = {}
     for chunk in sorted(done):
         for name, array in arrays.items():
             wrong = _wrong(folder / name / "c" / str(chunk), array, chunk)
             if wrong:
-                found[chunk] = f"{name}/c/{chunk} {wrong}"
+                damaged[chunk] = f"{name}/c/{chunk} {wrong}"
                 break
-    return found
+    return damaged
 
 
 def _wrong(file: Path, array: Any, chunk: int) -> str | None:

@@ -99,17 +99,17 @@ def _deaf_to_interrupts(make: Callable[[], Any]) -> Any:
     if not hasattr(signal, "pthread_sigmask"):
         return make()
     resource_tracker.ensure_running()  # its start would take the mask off again
-    found: Future[Any] = Future()
+    future: Future[Any] = Future()
 
     def masked() -> None:
         signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
         try:
-            found.set_result(make())
+            future.set_result(make())
         except BaseException as error:
-            found.set_exception(error)
+            future.set_exception(error)
 
     threading.Thread(target=masked, daemon=True).start()
-    return found.result()
+    return future.result()
 
 
 class _Owned:

@@ -20,7 +20,7 @@ from .._evaluation import (
     samples_of,
 )
 from .spec import SweepSpec
-from .store import Quantity
+from .store import StoredQuantity
 
 # designs at a time where memory allows
 BATCH = {
@@ -57,18 +57,20 @@ def gradient_name(metric: str, path: str) -> str:
     return f"d_{metric}.{path}"
 
 
-def quantities(spec: SweepSpec) -> list[Quantity]:
+def quantities(spec: SweepSpec) -> list[StoredQuantity]:
     """The arrays that a sweep stores: varied values, metrics, gradients, status last."""
-    found = [Quantity(path, unit, path) for path, unit, _ in spec.vary]
+    stored = [StoredQuantity(path, unit, path) for path, unit, _ in spec.vary]
     for name in spec.metrics:
         metric = METRICS[name]
-        found.append(Quantity(name, metric.unit, metric.meaning))
+        stored.append(StoredQuantity(name, metric.unit, metric.meaning))
         if spec.gradient:
-            found += [
-                Quantity(gradient_name(name, path), _per(metric.unit, unit), f"d {name} / d {path}")
+            stored += [
+                StoredQuantity(
+                    gradient_name(name, path), _per(metric.unit, unit), f"d {name} / d {path}"
+                )
                 for path, unit, _ in spec.vary
             ]
-    return [*found, Quantity("status", "1", "how the design's evaluation ended")]
+    return [*stored, StoredQuantity("status", "1", "how the design's evaluation ended")]
 
 
 def _per(unit: str, other: str) -> str:

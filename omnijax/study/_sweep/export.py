@@ -19,10 +19,10 @@ FORMATS = (".nc", ".csv", ".parquet")
 def attributes(result: Any) -> dict[str, str]:
     """What a file of this sweep must say: rig, specification, seed, versions, command."""
     stored = dict(result.store.group.attrs)
-    found = {k: v if isinstance(v, str) else json.dumps(v) for k, v in stored.items()}
+    texts = {k: v if isinstance(v, str) else json.dumps(v) for k, v in stored.items()}
     for key in ("order", "files", "sha256"):  # of the store, not of the sweep
-        found.pop(key, None)
-    return found | {"rig": result.spec.rig, "seed": str(result.spec.seed), "method": result.method}
+        texts.pop(key, None)
+    return texts | {"rig": result.spec.rig, "seed": str(result.spec.seed), "method": result.method}
 
 
 def dataset(result: Any):

@@ -9,7 +9,7 @@ from ..._errors import InputError
 from ...dynamics import Model
 from ...rig import Rig, rig_text
 from ...simulation import AbstractDrive, SpeedDrive, TorqueDrive, build_model
-from .._axes import Axis, split_vary
+from .._axes import SweepAxis, split_vary
 from .._evaluation import (
     RATE,
     Drive,
@@ -118,7 +118,7 @@ def _solver(rig: Rig, numerics: Numerics) -> str:
 
 
 def _spec(
-    rig: Rig, drive: Drive, axes: list[Axis], sampling: Sampling, numerics: Numerics,
+    rig: Rig, drive: Drive, axes: list[SweepAxis], sampling: Sampling, numerics: Numerics,
     how: Evaluation,
 ) -> SweepSpec:  # fmt: skip
     chunk, columns = sampling.chunk, len(axes) if sampling.gradient else 0

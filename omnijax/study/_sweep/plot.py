@@ -8,7 +8,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormat
 
 from ..._errors import InputError
 from ..._plot import PALETTE, new_axes, styled
-from ..._text import amount, label, path_words
+from ..._text import label, path_words, quantity_text
 from .._points import Grid
 
 MARKS = ("-", "--", "-.", ":")
@@ -40,7 +40,7 @@ def _slice(result: Any, metric: str, kept: tuple[int, ...]) -> tuple[np.ndarray,
     values = np.moveaxis(values, kept, range(len(kept)))
     values = values[(..., *(0 for _ in others))] if others else values
     held = ", ".join(
-        f"{path_words(axes[i].path)} {amount(float(axes[i].level(0)), axes[i].unit)}"
+        f"{path_words(axes[i].path)} {quantity_text(float(axes[i].level(0)), axes[i].unit)}"
         for i in others
     )
     return values, held

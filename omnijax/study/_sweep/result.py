@@ -86,13 +86,13 @@ class SweepResult:
 
     def failed(self, limit: int | None = None) -> list[int]:
         """Designs that ended without figures, the first `limit`."""
-        found: list[int] = []
+        designs: list[int] = []
         for start in range(0, self.size, BLOCK):
             status = self.store.read("status", start, min(start + BLOCK, self.size))
-            found += (start + np.flatnonzero(np.isin(status, FAILED))).tolist()
-            if limit is not None and len(found) >= limit:
-                return found[:limit]
-        return found
+            designs += (start + np.flatnonzero(np.isin(status, FAILED))).tolist()
+            if limit is not None and len(designs) >= limit:
+                return designs[:limit]
+        return designs
 
     def design(self, index: int) -> dict[str, float]:
         """Every stored quantity of one design."""
@@ -205,8 +205,8 @@ class SweepResult:
         rows += [(f"status {name}", count) for name, count in self.counts().items()]
         for metric in self.spec.metrics:
             best = self.best(metric)
-            found = "none" if best is None else f"{self[metric].ravel()[best]:.4g} (design {best})"
-            rows.append((f"least {metric}, {self.unit(metric)}", found))
+            least = "none" if best is None else f"{self[metric].ravel()[best]:.4g} (design {best})"
+            rows.append((f"least {metric}, {self.unit(metric)}", least))
         return html_table("Sweep", rows)
 
     def __repr__(self) -> str:

@@ -53,12 +53,12 @@ class SweepSpec:
     def from_json(cls, text: str) -> "SweepSpec":
         """The spec that `to_json` wrote; `InputError` where `text` is no spec of this version."""
         try:
-            found = json.loads(text)
-            found["vary"] = tuple(tuple(axis) for axis in found["vary"])
-            found["metrics"] = tuple(found["metrics"])
-            if "path" in found:  # what version 0.1 called the method
-                found["method"] = found.pop("path")
-            return cls(**found)
+            fields = json.loads(text)
+            fields["vary"] = tuple(tuple(axis) for axis in fields["vary"])
+            fields["metrics"] = tuple(fields["metrics"])
+            if "path" in fields:  # what version 0.1 called the method
+                fields["method"] = fields.pop("path")
+            return cls(**fields)
         except (ValueError, KeyError, TypeError) as error:
             raise InputError(f"the store's sweep specification cannot be read: {error}") from None
 
@@ -69,9 +69,9 @@ def differences_of(stored: SweepSpec, asked: SweepSpec) -> list[str]:
 
 
 def _tree(spec: SweepSpec) -> dict[str, Any]:
-    found = dataclasses.asdict(spec)
-    found["vary"] = {path: text for path, _, text in spec.vary}
-    found["order of vary"] = ", ".join(path for path, _, _ in spec.vary)
-    found["metrics"] = ", ".join(spec.metrics)
-    found["rig"] = tomllib.loads(spec.rig)
-    return found
+    fields = dataclasses.asdict(spec)
+    fields["vary"] = {path: text for path, _, text in spec.vary}
+    fields["order of vary"] = ", ".join(path for path, _, _ in spec.vary)
+    fields["metrics"] = ", ".join(spec.metrics)
+    fields["rig"] = tomllib.loads(spec.rig)
+    return fields

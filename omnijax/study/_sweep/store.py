@@ -25,7 +25,7 @@ from .spec import SweepSpec
 SCHEMA = "omnijax-sweep-1"
 
 
-class Quantity(NamedTuple):
+class StoredQuantity(NamedTuple):
     """One stored array: name, unit and meaning."""
 
     name: str
@@ -72,9 +72,9 @@ class Store:
     def damaged(self) -> dict[int, str]:
         """Chunks that were done and cannot be used, each with the file and what is wrong."""
         if self._damaged is None:
-            found = [] if self.folder is None else chunk_files(self.folder)
+            written = [] if self.folder is None else chunk_files(self.folder)
             folder = self.folder or Path(".")
-            self._damaged = damaged_chunks(folder, self._arrays, set(found) - self._here)
+            self._damaged = damaged_chunks(folder, self._arrays, set(written) - self._here)
         return self._damaged
 
     def damage(self) -> list[str]:
@@ -91,12 +91,12 @@ class Store:
         lost = [i for i in self.damaged if i * size < stop and (i + 1) * size > start]
         if not lost:
             return np.asarray(array[start:stop])
-        found = np.full(max(stop - start, 0), array.fill_value, array.dtype)
+        values = np.full(max(stop - start, 0), array.fill_value, array.dtype)
         for chunk in range(start // size, -(-stop // size)):
             if chunk not in self.damaged:
                 a, b = max(chunk * size, start), min((chunk + 1) * size, stop)
-                found[a - start : b - start] = array[a:b]
-        return found
+                values[a - start : b - start] = array[a:b]
+        return values
 
     def bounds(self, chunk: int) -> tuple[int, int]:
         """First design of a chunk and the one after its last."""
@@ -109,12 +109,12 @@ class Store:
 
     def done(self) -> np.ndarray:
         """Which chunks are complete, (chunks,)."""
-        found = np.zeros(self.chunks, bool)
-        found[sorted(self._here)] = True
+        complete = np.zeros(self.chunks, bool)
+        complete[sorted(self._here)] = True
         if self.folder is not None:
-            found[[i for i in chunk_files(self.folder) if i < len(found)]] = True
-            found[[i for i in self.damaged if i < len(found)]] = False
-        return found
+            complete[[i for i in chunk_files(self.folder) if i < len(complete)]] = True
+            complete[[i for i in self.damaged if i < len(complete)]] = False
+        return complete
 
     def write(self, chunk: int, columns: Mapping[str, np.ndarray]) -> None:
         """Write one chunk, `status` last."""
@@ -151,7 +151,7 @@ def chunk_files(folder: Path) -> dict[int, float]:
 
 
 def create_store(
-    folder: Path | None, spec: SweepSpec, quantities: list[Quantity], about: Mapping[str, Any]
+    folder: Path | None, spec: SweepSpec, quantities: list[StoredQuantity], about: Mapping[str, Any]
 ) -> Store:
     """An empty store; the folder appears complete, by renaming."""
     from zarr.storage import MemoryStore
@@ -174,7 +174,7 @@ def create_store(
 
 
 def _empty_group(
-    where: Any, spec: SweepSpec, quantities: list[Quantity], about: Mapping[str, Any]
+    where: Any, spec: SweepSpec, quantities: list[StoredQuantity], about: Mapping[str, Any]
 ) -> Any:
     import zarr
     from zarr.codecs import Crc32cCodec, ZstdCodec

@@ -133,9 +133,9 @@ def _store(
     if not fixed_chunk:  # from the memory free at the time, so the store's own count
         stored = store.spec
         asked = dataclasses.replace(asked, batch=stored.batch, chunk=stored.chunk)
-    found = differences_of(store.spec, asked)
-    if found:
-        keys = "\n  ".join(found)
+    differing = differences_of(store.spec, asked)
+    if differing:
+        keys = "\n  ".join(differing)
         raise InputError(
             f"holds another sweep and is left as it is. They differ in:\n  {keys}", folder
         )
@@ -182,13 +182,13 @@ def _check_steps(store: Store, devices: int) -> None:
         return
     slopes = [gradient_name(m, path) for m in spec.metrics for path, _, _ in spec.vary]
     figures = [*spec.metrics, *(slopes if spec.gradient else ())]
-    found = np.stack([store.read(name) for name in figures], axis=1)
-    some = sample_to_check(found)
+    columns = np.stack([store.read(name) for name in figures], axis=1)
+    some = sample_to_check(columns)
     if not len(some):
         return
     finer = Evaluator(dataclasses.replace(spec, substeps=2 * (spec.substeps or 1)), devices)
     fine = finer.designs(some)
-    told, good = checked_after(found[some], np.stack([fine[name] for name in figures], axis=1))
+    told, good = checked_after(columns[some], np.stack([fine[name] for name in figures], axis=1))
     store.note("checked_after", told)
     if not good:
         tell([f"{told}: give `rtol` for runs by adaptive steps."])

@@ -46,7 +46,7 @@ function pitch(u, x) {
   return least * (u.valToPos(1, "x", true) - u.valToPos(0, "x", true));
 }
 
-const PAUSE = "nothing to show: no vibration at these settings";
+const PAUSE = "nothing to show: no vibration at these settings", FIRST = "computing the first answer …";
 
 // series: [{label, colour, dash?, width?, named?}]; named: the label stands at the line's end
 // stack: bars on top of each other; log: both axes; range(): of y
@@ -72,7 +72,8 @@ export function chart(element, options) {
       points: { show: false }, paths: stack ? stacked : undefined, fill: stack ? s.colour : undefined,
     }))],
     hooks: { draw: [(u) => decorate(u, series, lines())] },
-  }, [[1], ...series.map(() => [1])], element);
+  }, [[1], ...series.map(() => [null])], element);
+  plot.first = plot.data;
   if (series.length > 1) legend(element, options.legend || series.map((s) => ({ ...s, block: stack })));
   new ResizeObserver(() => plot.setSize({ width: element.clientWidth, height })).observe(element);
   return plot;
@@ -104,12 +105,13 @@ function decorate(u, series, lines) {
     side.push(at);
     ctx.fillStyle = s.colour;
     ctx.textAlign = side === left ? "left" : "right";
-    ctx.fillText(s.label, side === left ? bbox.left + 5 * scale : edge - 5 * scale, at - 4 * scale);
+    const above = at - 16 * scale > bbox.top ? at - 4 * scale : at + 13 * scale;
+    ctx.fillText(s.label, side === left ? bbox.left + 5 * scale : edge - 5 * scale, above);
   });
   if (u.data.slice(1).every((row) => row.every((v) => !v))) {
     ctx.fillStyle = "#57606a";
     ctx.textAlign = "center";
-    ctx.fillText(PAUSE, bbox.left + bbox.width / 2, bbox.top + bbox.height / 2);
+    ctx.fillText(u.first === u.data ? FIRST : PAUSE, bbox.left + bbox.width / 2, bbox.top + bbox.height / 2);
   }
   ctx.restore();
 }

@@ -96,6 +96,8 @@ export class MachineScene {
     this.controls.update();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.resize();
+    const still = machine.wheels.map(() => 0);  // until the first frame comes
+    this.update({ dR: [0, 0, 0], attitude: [1, 0, 0, 0], theta: still, mount: still }, 1);
   }
 
   setMachine(machine) {
