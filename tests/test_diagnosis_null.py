@@ -57,18 +57,18 @@ def p_values(quiet) -> np.ndarray:
     Of candidates with columns of their own: a line that is picked for its size counts all lines.
     """
     rig, noise, tables = quiet
-    point, signatures, out = Point(np.zeros(12)), None, []
+    point, signatures, out = None, None, []
     for draw in range(DRAWS):
         runs = noisy(tables, noise, np.random.default_rng([5, draw]))
         model = RigModel(rig, runs, noise, dict(EFFECTS))
         if draw == 0:
-            point = refit(model, point).point
+            point = refit(model, Point(np.zeros(len(model.priors)))).point
         model.rebase(point)
         fit = refit(model, point)
         if signatures is None:
             candidates = [c for c in model.candidates(point) if c.trials == 1]
             signatures = Signatures(candidates, model.columns(point, candidates))
-        scan = signatures.scan(fit.residual, fit.jacobian, 12, fit.point.u)
+        scan = signatures.scan(fit.residual, fit.jacobian, len(fit.point.u), fit.point.u)
         out.append([s.p for s in scan.scores if not s.dead])
     return np.array(out)
 

@@ -126,7 +126,7 @@ def baseline_table(outcome: SearchResult) -> list[dict[str, Any]]:
             "without_effects": first, "with_effects": last,
             "relative_sigma": float(sigma[k] * prior.sigma),
             "sigma": float(sigma[k] * prior.sigma * (abs(last) if prior.relative else 1.0)),
-            "absorbed": float(np.log(first / last)) if first * last > 0 else 0.0,
+            "absorbed": float(np.log(first / last)) if prior.relative else 0.0,
             "determined": bool(sigma[k] < 0.7),
             "at_bound": bool(abs(outcome.fit.point.u[k]) > prior.hard - 1e-6),
         })  # fmt: skip
@@ -158,7 +158,9 @@ def notes(
 ) -> list[str]:
     """The verdict's reason first, then what a reader should know of how it was found."""
     model = evidence.model
-    said = [judged.reason + ".", *noise, *evidence.remarks()]
+    known = judged.verdict in ("named", "ambiguous")
+    clocks = evidence.clocks(outcome.fit if known else outcome.baseline)
+    said = [judged.reason + ".", *noise, *clocks, *evidence.remarks()]
     said += twins(outcome, judged)
     if model.spent:
         said.append(

@@ -47,6 +47,10 @@ class AbstractEvidence(abc.ABC):
     def remarks(self) -> list[str]:
         """How the prediction was made, in sentences."""
 
+    def clocks(self, fit: Fit) -> list[str]:
+        """How far the loggers' clocks are apart at a fit, in sentences."""
+        return []
+
     @abc.abstractmethod
     def series(self, residual: np.ndarray) -> tuple[str, np.ndarray, dict[str, np.ndarray]]:
         """Of the first held-out run: its name, times in s, and a residual by channel in sigma."""

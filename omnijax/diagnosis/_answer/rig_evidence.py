@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from ...rig import rig_text
-from .._machine import RigModel
+from .._machine import CLOCK, RigModel
 from .._search import locate
 from .evidence import AbstractEvidence
 from .gap import UNITS
+
+CLEARLY = 4.0  # 1-sigma by which a clock has to be off to be spoken of
 
 
 def channel_names(wheels: int) -> list[str]:
@@ -99,7 +101,7 @@ class RigEvidence(AbstractEvidence):
         return next_experiment(self.model, rivals)
 
     def described(self, point):
-        return self.model.rig_at(point)
+        return self.model.rig_at(point, clocks=False)
 
     def text(self, described):
         return rig_text(described)
@@ -110,6 +112,23 @@ class RigEvidence(AbstractEvidence):
             f"predicted from the torques in windows of {self.model.machine.window:g} s, each with "
             "a free start."
         ]
+
+    def clocks(self, fit):
+        model, said = self.model, []
+        spread = np.sqrt(np.diag(fit.covariance) * max(1.0, fit.chi2 / model.dof("train")))
+        for k, prior in enumerate(model.priors):
+            late, sigma = prior.at(fit.point.u[k]), prior.sigma * spread[k]
+            head, _, group = prior.name.partition(".")
+            if head != CLOCK or abs(late) < CLEARLY * sigma:
+                continue
+            way = "late" if late > 0 else "early"
+            end = abs(fit.point.u[k]) > prior.hard * (1 - 1e-6)
+            said.append(
+                f"{group} was read {1e3 * abs(late):.3g} ± {1e3 * sigma:.1g} ms {way} against "
+                f"angles and torques{', as far as clocks may be off' if end else ''}: its "
+                "logger's clock, calibrated."
+            )
+        return said
 
     def series(self, residual):
         rows = self.rows[0]

@@ -10,6 +10,7 @@ import numpy as np
 from ...dynamics import rest_memory, sensor_readings
 from ...laws import SensorSignal
 from ...rig import Rig
+from .clocks import LATE_LAWS, LoggerClock, read_late
 
 
 @eqx.filter_jit
@@ -33,9 +34,18 @@ def sensed(law, signal: SensorSignal):
     return law(signal)
 
 
-def readings(rig: Rig, group: str, time: np.ndarray, values: np.ndarray) -> np.ndarray:
+def _read(law, signal: SensorSignal):
+    return read_late(law, signal) if isinstance(law, LoggerClock) else sensed(law, signal)
+
+
+def on_time(law, signal: SensorSignal):
+    """What a sensor's law adds to values that are read as late as clock and sensor make them."""
+    return 0.0 if isinstance(law, LATE_LAWS) else sensed(law, signal)
+
+
+def readings(rig: Rig, group: str, time: np.ndarray, values: np.ndarray, apply=_read) -> np.ndarray:
     """What the rig's sensors of one output group show of its `values` (t, c)."""
-    shown = sensor_readings(rig, group, time, values, sensed)  # pyright: ignore[reportArgumentType]
+    shown = sensor_readings(rig, group, time, values, apply)  # pyright: ignore[reportArgumentType]
     return np.asarray(shown)
 
 

@@ -2,13 +2,14 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ...dynamics import TURNING_PORTS
 from ...rig import Rig
 from .._threads import each
+from .clocks import late_by, offset_of
 from .data_vector import DataRows
 from .elastic import (
     OUTPUTS,
@@ -20,7 +21,8 @@ from .elastic import (
     refine,
     rig_modes,
 )
-from .laws import along, readings
+from .late import late_outputs
+from .laws import along, on_time, readings
 from .modes import OutputModes
 from .motion import RunMotion, contact_directions, integrate, measured_lengths, motion, tables_for
 from .noise_model import rolling_state, rows_of
@@ -46,6 +48,32 @@ class Rotated:
     Omega: np.ndarray  # (samples, 3) rad/s, from Omega = 0 at the start
     length: np.ndarray  # (samples, n) rad, what S(theta) should be
     normal: np.ndarray  # (FINE points, n) N under which laws at the contact patches acted
+
+
+class Predicted(NamedTuple):
+    """What a rig foretells of one run before its sensors: small enough to be kept for many rigs."""
+
+    elastic: np.ndarray  # (samples, 6) dR, a
+    Omega: np.ndarray  # (samples, 3) rad/s, from the torques
+    turning: np.ndarray  # (samples, 3) rad/s, from the angles
+    missed: np.ndarray  # (samples, n) rad, rolled lengths measured less foretold
+    linear: Callable[[float], np.ndarray] | None = None  # `a` (samples, 3) so many s late ...
+    stepped: np.ndarray | None = None  # ... without what stepped laws change in dR and a
+
+    @staticmethod
+    def of(elastic: np.ndarray, rotated: Rotated, linear=None) -> "Predicted":
+        """From dR and a, and the rotation."""
+        m = rotated.motion
+        turning = np.array(m.turning[::FINE])  # not a view of the fine one
+        return Predicted(elastic, rotated.Omega, turning, m.length - rotated.length, linear)
+
+    def read(self, group: str, late: float, step: float) -> np.ndarray:
+        """dR or a (samples, 3), `late` s after it was; splines where samples tell it."""
+        if late == 0 or group == "dR" or self.linear is None:
+            part = self.elastic[:, :3] if group == "dR" else self.elastic[:, 3:]
+            return late_by(part.T, late / step).T if late else part
+        out = self.linear(late)
+        return out if self.stepped is None else out + late_by(self.stepped[:, 3:].T, late / step).T
 
 
 @dataclasses.dataclass(frozen=True)
@@ -278,11 +306,30 @@ class Machine:
     # --- predictions --------------------------------------------------------------------------
     def elastic(self, rigs: list[Rig], which: list[int]) -> list[list[np.ndarray]]:
         """dR and a (samples, 6) before the sensors: per rig, per run of `which`."""
-        responses = each(lambda i: self._elastic(rigs, i, STEPS), which)
-        return [list(row) for row in zip(*responses, strict=True)]
+        rows = each(lambda i: [p.elastic for p in self.predicted(rigs, i)], which)
+        return [list(row) for row in zip(*rows, strict=True)]
 
-    def _elastic(self, rigs: list[Rig], i: int, steps: int) -> list[np.ndarray]:
-        """dR and a (samples, 6) of one run before the sensors, per rig; laws take `steps` each."""
+    def predicted(self, rigs: list[Rig], i: int, steps: int = STEPS) -> list[Predicted]:
+        """What every rig foretells of run `i`; laws at contacts and mounts take `steps` a sample.
+
+        Rigs that differ in what reads the outputs alone share one prediction.
+        """
+        names = [self._name_before_sensors(rig) + bytes([i, steps]) for rig in rigs]
+        known = {name: self._kept.peek("predicted", name) for name in names}
+        open_ = {name: rig for name, rig in zip(names, rigs, strict=True) if known[name] is None}
+        for name, made in zip(open_, self._predicted([*open_.values()], i, steps), strict=True):
+            known[name] = self._kept.get("predicted", name, lambda made=made: made)
+        return [known[name] for name in names]
+
+    def _name_before_sensors(self, rig: Rig) -> bytes:
+        """A digest of all of a rig that its outputs hang on before they are read."""
+        laws = [
+            (p.law, p.wheels, p.place) for p in rig.effects
+            if p.law.port != "sensor" or p.place.startswith("theta")
+        ]  # fmt: skip
+        return digest(rig.sphere, rig.platform, rig.wheels, rig.profiles, laws)
+
+    def _predicted(self, rigs: list[Rig], i: int, steps: int) -> list[Predicted]:
         out, lanes, places = [], [], []
         linear: dict[tuple, tuple] = {}  # rigs that differ in stepped laws only share the rest
         for rig in rigs:
@@ -290,25 +337,33 @@ class Machine:
             key = (id(m), id(rotated), digest(rig.at("surface"), rig.at("platform")), stepped)
             if key not in linear:  # with what the key names, so that it stays alive
                 linear[key] = (m, rotated, self._linear(rig, i, rotated, stepped, steps))
-            *_, (outputs, signals) = linear[key]
+            *_, (outputs, signals, late) = linear[key]
             if stepped:
                 lanes.append(Lane(rig, m, self.runs[i], signals))
                 places.append(len(out))
-            out.append(outputs)
+            out.append(Predicted.of(outputs, rotated, late))
         for at, change in zip(places, law_changes(lanes), strict=True):
-            out[at] = out[at] + change
+            out[at] = out[at]._replace(elastic=out[at].elastic + change, stepped=change)
         return out
 
     def _linear(self, rig: Rig, i: int, rotated: Rotated, stepped: tuple[str, ...], steps: int):
-        """dR and a (samples, 6) of the linear model; what the ports `stepped` feel at the steps."""
+        """dR and a (samples, 6) of the linear model; what the ports `stepped` feel at the steps.
+
+        And what gives `a` (samples, 3) so many s late.
+        """
         ports, m = self.ports(rig, self.runs[i], rotated.motion, rotated.drive), self.modes(rig)
-        parts = steps if stepped else 1
-        z = linear_states(m, self.runs[i], ports, parts, self.basis.rolling.get(i))
-        out = outputs_of(m, z[::parts], ports, OUTPUTS)
+        run, parts = self.runs[i], steps if stepped else 1
+        z = linear_states(m, run, ports, parts, self.basis.rolling.get(i))
+        samples = np.ascontiguousarray(z[::parts])
+        out = outputs_of(m, samples, ports, OUTPUTS)
+
+        def late(seconds: float) -> np.ndarray:
+            return late_outputs(m, run, samples, ports, OUTPUTS[1:], seconds)
+
         if not stepped:
-            return out, np.zeros((0, 0))
+            return out, np.zeros((0, 0)), late
         rate = self.shape_rate(rig, rotated.motion, parts)
-        return out, felt(m, z, ports, rate, stepped, parts)
+        return out, felt(m, z, ports, rate, stepped, parts), late
 
     def residuals(self, rigs: list[Rig], which: list[int], steps: int = STEPS) -> list[np.ndarray]:
         """Whitened rows of measured less predicted, per rig, over the runs of `which`.
@@ -325,30 +380,29 @@ class Machine:
 
     def _run_residuals(self, rigs: list[Rig], i: int, steps: int) -> np.ndarray:
         """Whitened rows (rigs, rows) of one run."""
-        rows = self.rows[i]
+        rows, predicted = self.rows[i], self.predicted(rigs, i, steps)
 
-        def one(rig: Rig, predicted: np.ndarray) -> np.ndarray:
-            rotated = self.rotated(rig, [i])[i]
-            return rows.vector(*self.residual_tables(rig, i, predicted, rotated))
+        def one(k: int) -> np.ndarray:
+            return rows.vector(*self._left(rigs[k], i, predicted[k]))
 
-        predictions = self._elastic(rigs, i, steps)
-        table = np.stack(each(lambda k: one(rigs[k], predictions[k]), range(len(rigs))))
+        table = np.stack(each(one, range(len(rigs))))
         rows.take_off(table)
         return table
 
     def residual_tables(self, rig: Rig, i: int, pred, rotated: Rotated):
         """(elastic (t, 6), rotation (t, 3 + n)): measured less predicted, not whitened."""
+        return self._left(rig, i, Predicted.of(pred, rotated))
+
+    def _left(self, rig: Rig, i: int, predicted: Predicted):
         run = self.runs[i]
         missing = np.full((run.samples, 3), np.nan)
         elastic = []
-        for group, part in (("dR", pred[:, :3]), ("a", pred[:, 3:])):
-            predicted = readings(rig, group, run.time, part)
-            elastic.append(run.outputs.get(group, missing) - predicted)
+        for group in ("dR", "a"):
+            part = predicted.read(group, offset_of(rig, group), run.step)
+            read = readings(rig, group, run.time, part, on_time)
+            elastic.append(run.outputs.get(group, missing) - read)
         # Omega from the torques drifts; what sensors change is that of the measured motion
-        measured = rotated.motion.turning[::FINE]
-        Omega = rotated.Omega + readings(rig, "Omega", run.time, measured) - measured
-        rotation = [
-            run.outputs.get("Omega", missing) - Omega,
-            rotated.motion.length - rotated.length,
-        ]
+        turning = predicted.turning
+        Omega = predicted.Omega + readings(rig, "Omega", run.time, turning) - turning
+        rotation = [run.outputs.get("Omega", missing) - Omega, predicted.missed]
         return np.concatenate(elastic, axis=1), np.concatenate(rotation, axis=1)

@@ -116,18 +116,18 @@ def _pushed(rates, gains, values, step: float, intervals: int) -> np.ndarray:
     spans, c = len(values) - 1, len(gains)
     if spans >= intervals:
         parts = spans // intervals
-        weights = _real(hold_weights(rates, step, parts)[:, None] * gains)
+        weights = real_pairs(hold_weights(rates, step, parts)[:, None] * gains)
         inner = values[:-1].reshape(intervals, parts * c) @ weights[:-1].reshape(parts * c, -1)
         return inner + values[parts::parts] @ weights[-1]
     begin, end = hold_weights(rates, step, 1)
     at = np.linspace(0.0, 1.0, intervals // spans + 1)[:, None]
     before = begin * (1 - at[:-1]) + end * (1 - at[1:])  # of the point before every interval
     after = begin * at[:-1] + end * at[1:]
-    before, after = (_real(w * gains[:, None]).reshape(c, -1) for w in (before, after))
+    before, after = (real_pairs(w * gains[:, None]).reshape(c, -1) for w in (before, after))
     return (values[:-1] @ before + values[1:] @ after).reshape(intervals, -1)
 
 
-def _real(weights: np.ndarray) -> np.ndarray:
+def real_pairs(weights: np.ndarray) -> np.ndarray:
     """Complex weights as pairs of numbers: a real signal needs no complex product."""
     return np.ascontiguousarray(weights).view(float)
 

@@ -22,6 +22,7 @@ from .._search import (
     number,
 )
 from .._threads import each
+from .clocks import CLOCK, READ_LATE, clock_priors, with_clocks
 from .linearisation import base_of
 from .machine import Machine
 from .orders import strongest_orders
@@ -47,19 +48,31 @@ class RigModel(AbstractModel):
     def __init__(self, rig: Rig, runs: list[Run], noise: dict[str, float],
                  laws: dict[str, type[AbstractLaw]], window: float = 1.0):  # fmt: skip
         self.rig, self.laws, self.noise, self.window = rig, laws, noise, window
-        self.priors = rig_priors(rig)
-        self.splits = split_runs(runs)
-        self.splits["first train"] = self.splits["train"][:1]
-        self.machine = Machine(rig, runs, noise, window)
         self.groups = tuple(
             g for g in ("dR", "theta", "Omega", "a") if any(g in r.outputs for r in runs)
         )
+        stated = rig_priors(rig)
+        clocks = clock_priors(self.groups, {p.name for p in stated})
+        self.priors, self._clocks = [*clocks, *stated], len(clocks)
+        self.splits = split_runs(runs)
+        self.splits["first train"] = self.splits["train"][:1]
+        self.machine = Machine(rig, runs, noise, window)
 
-    def rig_at(self, point: Point) -> Rig:
-        """The rig with calibrated parameters and the point's effects."""
-        paths = tuple(prior.name for prior in self.priors)
-        values = [p.at(float(u)) for p, u in zip(self.priors, point.u, strict=True)]
+    def rig_at(self, point: Point, clocks: bool = True) -> Rig:
+        """The rig with calibrated parameters and the point's effects, read by its loggers' clocks.
+
+        A group whose delay is among the effects has no offset beside it.
+        """
+        known = {p.name: p.at(float(u)) for p, u in zip(self.priors, point.u, strict=True)}
+        late = {e.place for e in point.effects if e.id == "sensor-delay"}
+        offsets = {
+            group: known.pop(f"{CLOCK}.{group}") for group in READ_LATE
+            if f"{CLOCK}.{group}" in known
+        }  # fmt: skip
+        paths, values = tuple(known), [*known.values()]
         rig = with_sensors(with_parameters(self.rig, paths, np.array(values)), paths, values)
+        if clocks:
+            rig = with_clocks(rig, {g: d for g, d in offsets.items() if g not in late})
         for effect in point.effects:
             law = self.laws[effect.id](**{k: number(v) for k, v in effect.values.items()})
             rig = rig.add(law, effect.place)
@@ -94,9 +107,11 @@ class RigModel(AbstractModel):
         return {"shaft": shaft, "rolling": shaft * ratio}
 
     def residuals(self, points, split):
-        stepped = sum(self.needs_stepping(p.effects) for p in points)
         share = len(self.splits[split]) / len(self.splits["train"])
-        self.work += share * (stepped + LINEAR * (len(points) - stepped))
+        unlike = {(p.u[self._clocks :].tobytes(), repr(p.effects)): p for p in points}
+        self.work += share * sum(
+            1.0 if self.needs_stepping(p.effects) else LINEAR for p in unlike.values()
+        )
         steps = COARSE if split == self.ranking else STEPS
         return self.machine.residuals([self.rig_at(p) for p in points], self.splits[split], steps)
 

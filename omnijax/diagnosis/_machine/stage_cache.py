@@ -26,6 +26,11 @@ class StageCache:
                 kept.pop(next(iter(kept)))
             return kept.setdefault(key, made)
 
+    def peek(self, stage: str, key: bytes) -> Any:
+        """What is kept of a stage under `key`, or None."""
+        with self._lock:
+            return self._stages.get(stage, {}).get(key)
+
     def forget(self) -> None:
         """Keep nothing; what is being made meanwhile is not kept either."""
         with self._lock:

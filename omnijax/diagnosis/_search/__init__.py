@@ -19,6 +19,7 @@ from .model import Free as Free
 from .model import Point as Point
 from .model import Prior as Prior
 from .model import free_numbers as free_numbers
+from .model import to_project as to_project
 from .scan import Signatures as Signatures
 from .search import Explored as Explored
 from .search import Search as Search

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from .fit import Fit
-from .model import AbstractModel
+from .model import AbstractModel, to_project
 from .scan import Scan, Score, Signatures
 
 SURE, ONE_SIDED = 0.95, 1.6449  # the normal law's 95 % point
@@ -33,8 +33,8 @@ def upper_limits(
 
     `limit_95` is None where the runs say nothing about the effect.
     """
-    priors = len(model.priors)
-    scan = signatures.scan(fit.residual, fit.jacobian, priors, fit.point.u)
+    J, u = to_project(model, fit.jacobian, fit.point.u)
+    scan = signatures.scan(fit.residual, J, len(u), u)
     spread = inflation(signatures, scan, fit.residual)
     best: dict[str, dict[str, Any]] = {}
     for score in scan.scores:

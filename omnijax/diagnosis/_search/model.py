@@ -17,7 +17,11 @@ HARD = 3.5  # prior sigmas: Gaussian priors have no force against 1e5 samples, b
 
 @dataclasses.dataclass(frozen=True)
 class Prior:
-    """One uncertain parameter: value exp(sigma u) where `relative`, else value + sigma u."""
+    """One uncertain parameter: value exp(sigma u) where `relative`, else value + sigma u.
+
+    The bounds of a `limited` one are no matter of doubt: what it cannot take up beyond them is left
+    to candidates.
+    """
 
     name: str
     value: float
@@ -25,6 +29,7 @@ class Prior:
     relative: bool = True
     hard: float = HARD
     unit: str = ""
+    limited: bool = False
 
     def at(self, u: float) -> float:
         """The parameter's value at the unit coordinate `u`."""
@@ -147,6 +152,14 @@ class AbstractModel(abc.ABC):
     def free(self, point: Point) -> list[Free]:
         """The numbers of the point's effects that a refit may change."""
         return free_numbers(self, point)
+
+
+def to_project(model: AbstractModel, J: np.ndarray, u: np.ndarray):
+    """(tangents, coordinates) that are projected out of scores: all but limited ones at bounds."""
+    at_bound = [
+        k for k, p in enumerate(model.priors) if p.limited and abs(u[k]) > p.hard * (1 - 1e-6)
+    ]
+    return np.delete(J, at_bound, axis=1), np.delete(u, at_bound)
 
 
 def free_numbers(model: AbstractModel, point: Point) -> list[Free]:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from .fit import Fit, refit
-from .model import Effect
+from .model import Effect, to_project
 from .refits import Refits
 from .scan import Scan, Signatures
 
@@ -137,5 +137,5 @@ class Review:
         (residual,) = self.model.residuals([without], "train")
         P, columns = len(self.model.priors), range(fit.jacobian.shape[1])
         keep = [k for k in columns if k < P or fit.free[k - P].effect != i]
-        return signatures.scan(residual, fit.jacobian[:, np.array(keep, int)], P, without.u,
-                               about=effects[i].name)  # fmt: skip
+        J, u = to_project(self.model, fit.jacobian[:, np.array(keep, int)], without.u)
+        return signatures.scan(residual, J, len(u), u, about=effects[i].name)

@@ -11,7 +11,7 @@ import numpy as np
 
 from .fit import Fit, refit
 from .held_out import Trial
-from .model import AbstractModel, Point
+from .model import AbstractModel, Point, to_project
 from .refits import Refits, chi2_of, residual_of, total_cost
 from .review import Review, Rival
 from .scan import Scan, Score, Signatures, chance
@@ -210,9 +210,9 @@ class Search:
         self.tell(f"{len(candidates)} candidates")
         signatures = Signatures(candidates, model.columns(fit.point, candidates))
         scrambled = [model.shuffled(fit.residual, seed) for seed in range(self.settings.shuffles)]
-        priors = len(model.priors)
         spread = fit.chi2 / model.dof("train")
-        scan = signatures.scan(fit.residual, fit.jacobian, priors, fit.point.u, scrambled, spread)
+        J, u = to_project(model, fit.jacobian, fit.point.u)
+        scan = signatures.scan(fit.residual, J, len(u), u, scrambled, spread)
         return scan, signatures
 
     def trials(self, fit: Fit, scan: Scan) -> list[Trial]:

@@ -1,0 +1,93 @@
+"""Clocks of loggers: an output group may be read a little before or after angles and torques.
+
+Loggers that are started together are off by parts of a millisecond.  Every group but theta has an
+offset d of its own, y(t) = y(t - d), among the calibrated unknowns, with bounds: what is later than
+they allow is a sensor's delay.  It reads what a run foretells, and so costs no run.
+"""
+
+import math
+from typing import ClassVar
+
+import equinox as eqx
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.interpolate import BSpline
+from scipy.ndimage import spline_filter1d
+
+from ...laws import EFFECTS, AbstractSensor, SensorSignal
+from ...rig import Rig, place_law
+from .._search import Prior, number
+from .settings import SETTINGS
+
+CLOCK = "clock"  # head of the unknowns' names
+READ_LATE = ("dR", "Omega", "a")  # against theta and the torques
+DEGREE = 5  # of the splines between samples
+B_SPLINE = BSpline.basis_element(np.arange(-3.0, 4.0), extrapolate=False)
+BEYOND = 16  # further samples to which a run is continued at its ends
+
+
+class LoggerClock(AbstractSensor):
+    """y(t) = y(t - d), d of either sign: a nuisance and no effect, so that no rig file knows it."""
+
+    delay: Float[Array, ""]
+
+    id: ClassVar[str] = "logger-clock"
+
+
+LATE_LAWS = (LoggerClock, EFFECTS["sensor-delay"])
+
+
+def clock_priors(groups, stated: set[str]) -> list[Prior]:
+    """The offset of every group at hand whose delay the rig file does not speak of."""
+    sigma, most = SETTINGS.clock, SETTINGS.clock_most / SETTINGS.clock
+    return [
+        Prior(f"{CLOCK}.{g}", 0.0, sigma, relative=False, hard=most, unit="s", limited=True)
+        for g in READ_LATE if g in groups and f"sensor.{g}.delay" not in stated
+    ]  # fmt: skip
+
+
+def with_clocks(rig: Rig, offsets: dict[str, float]) -> Rig:
+    """The rig whose output groups are read `offsets` s late."""
+    laws = [
+        place_law(LoggerClock(number(d)), group, rig.names, rig.profiles)
+        for group, d in offsets.items() if d != 0
+    ]  # fmt: skip
+    return eqx.tree_at(
+        lambda r: r.effects, rig, (*laws, *rig.effects), is_leaf=lambda x: x is rig.effects
+    )
+
+
+def offset_of(rig: Rig, group: str) -> float:
+    """How late, in s, a group of the rig's outputs is read, by its logger's clock and its sensor.
+
+    A delay may be taken first of all sensors' laws, which do not ask for the time: but a drift's.
+    """
+    laws = [p.law for p in rig.at("sensor") if p.place == group]
+    return sum(float(law.delay) for law in laws if isinstance(law, LATE_LAWS))
+
+
+def read_late(law: LoggerClock, signal: SensorSignal) -> np.ndarray:
+    """What the offset adds to the values (t, c) of its signal: splines on the even time grid."""
+    values, step = np.asarray(signal.values), float(signal.time[1] - signal.time[0])
+    if not np.all(np.isfinite(values)):
+        return np.zeros_like(values)
+    return late_by(values.T, float(law.delay) / step).T - values
+
+
+def late_by(rows: np.ndarray, samples: float) -> np.ndarray:
+    """Rows (c, t) so many samples late: before the start as at the first sample.
+
+    Behind the end they go on as their point reflection.  All samples lie equally far from a knot,
+    so that a few weights of B-splines serve all.
+    """
+    beyond = BEYOND + math.ceil(abs(samples))
+    wide = np.pad(rows, ((0, 0), (beyond, beyond)), mode="reflect", reflect_type="odd")
+    knots = spline_filter1d(wide, DEGREE, axis=1, mode="mirror")
+    first = math.floor(-samples)
+    near = np.arange(first - DEGREE // 2, first + DEGREE // 2 + 2)
+    weights = B_SPLINE(-samples - near)
+    count = rows.shape[1]
+    parts = [knots[:, beyond + k : beyond + k + count] for k in near]
+    late = np.tensordot(weights, np.stack(parts), 1)
+    late[:, : max(0, math.ceil(samples))] = rows[:, :1]
+    return late

@@ -1,0 +1,97 @@
+"""An elastic run between its samples: what a logger reads whose clock is off.
+
+Wheels ring on their mounts faster than half of many sampling rates, so no spline through samples
+knows their acceleration in between.  The modes' states at the samples and the finer inputs do.
+"""
+
+import math
+
+import numpy as np
+
+from .elastic import INPUTS, ElasticPorts
+from .modes import OutputModes, direct, forced, hold_weights, observe, propagate, real_pairs
+from .runs import Run
+
+
+def late_outputs(
+    m: OutputModes, run: Run, z: np.ndarray, ports: ElasticPorts, names, late: float
+) -> np.ndarray:
+    """Outputs (samples, o) `late` s, of either sign, before every sample; `z` (samples, k).
+
+    Before the start all is as at the first sample; behind the end inputs go on evenly.
+    """
+    back = math.ceil(late / run.step)
+    part = back - late / run.step  # of a sample, on from the one that is `back` before
+    count = run.samples - 1 + max(0, 1 - back)
+    inputs = {name: _continued(getattr(ports, name), run.samples - 1, count) for name in INPUTS}
+    z = _led_on(m, run, z, inputs, count)
+    pushed, added = np.zeros((count, 2 * len(m.rates))), np.zeros(1)
+    for name, values in inputs.items():
+        if values.any():
+            pushed += _pushed(m, name, values, run.step, count, part)
+        added = added + direct(m, names, name, lambda values=values: _between(values, count, part))
+    there = np.exp(m.rates * part * run.step) * z + pushed.view(complex)
+    out = observe(m, there, names) + added
+    first = np.repeat(_first(m, z, inputs, names), max(0, back), axis=0)
+    return np.concatenate([first, out[max(0, -back) :]])[: run.samples]
+
+
+def _continued(values: np.ndarray, intervals: int, count: int) -> np.ndarray:
+    """An input (points, c) over `intervals` samples led on evenly to `count`."""
+    more = (len(values) - 1) // intervals * (count - intervals)
+    slope = values[-1] - values[-2]
+    return np.concatenate([values, values[-1] + slope * np.arange(1, more + 1)[:, None]])
+
+
+def _led_on(m: OutputModes, run: Run, z, inputs, count: int) -> np.ndarray:
+    """The states (count, k) at the samples that begin an interval."""
+    more = count - len(z)
+    if more <= 0:
+        return z[:count]
+    last = {k: v[-1 - (more + 1) * ((len(v) - 1) // count) :] for k, v in inputs.items()}
+    last = {k: v[: 1 + more * ((len(v) - 1) // (more + 1))] for k, v in last.items()}
+    return np.concatenate([z, propagate(m, run.step, forced(m, run.step, more, **last), z[-1])[1:]])
+
+
+def _pushed(m: OutputModes, name: str, values, step: float, count: int, part: float):
+    """What an input (points, c) pushes (count, 2 k) over the first `part` of every sample.
+
+    Exact for inputs that are linear between their points, as `forced` is over whole samples.
+    """
+    points, c = (len(values) - 1) // count, values.shape[1]
+    whole, share = _place(part, points)
+    weights = np.zeros((whole + 2, len(m.rates)), complex)
+    rest = share * step / points  # s, of the span in which the part ends
+    if whole:
+        inside = hold_weights(m.rates, whole * step / points, whole)
+        weights[: whole + 1] = np.exp(m.rates * rest) * inside
+    begin, end = hold_weights(m.rates, rest, 1)
+    weights[whole] += begin + (1 - share) * end
+    weights[whole + 1] += share * end
+    gains = real_pairs(weights[:, None] * m.gains[:, m.inputs[name]].T)
+    near = min(whole + 2, points)  # the last may be the next sample's first
+    inner = values[:-1].reshape(count, points * c)[:, : near * c]
+    pushed = inner @ gains[:near].reshape(near * c, -1)
+    return pushed if near == whole + 2 else pushed + values[points::points] @ gains[-1]
+
+
+def _place(part: float, points: int) -> tuple[int, float]:
+    """(whole spans, share of the next one) in a part of a sample of so many points."""
+    whole = min(int(part * points), points - 1)
+    return whole, part * points - whole
+
+
+def _between(values: np.ndarray, count: int, part: float) -> np.ndarray:
+    """An input (points, c) at a part of a sample behind each of `count` samples."""
+    points = (len(values) - 1) // count
+    at, share = _place(part, points)
+    before, after = values[at::points][:count], values[at + 1 :: points][:count]
+    return before + share * (after - before)
+
+
+def _first(m: OutputModes, z, inputs, names) -> np.ndarray:
+    """Outputs (1, o) at the first sample."""
+    out = observe(m, z[:1], names)
+    for name, values in inputs.items():
+        out = out + direct(m, names, name, lambda begin=values[:1]: begin)
+    return out

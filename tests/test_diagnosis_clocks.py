@@ -1,0 +1,162 @@
+"""Clocks of loggers: a group read a little late is calibrated, a delay beyond that is named."""
+
+import numpy as np
+import pytest
+from scipy.interpolate import CubicSpline
+from seeds import drawn_anew
+from test_plant import load_plant
+
+from benchmarks.hidden_effects import cases
+from omnijax.diagnosis import Point, RigModel, diagnose
+from omnijax.diagnosis._machine.clocks import LoggerClock, clock_priors, read_late, with_clocks
+from omnijax.diagnosis._machine.elastic import OUTPUTS, linear_states, outputs_of
+from omnijax.diagnosis._machine.late import late_outputs
+from omnijax.diagnosis._machine.runs import Run
+from omnijax.diagnosis._machine.settings import SETTINGS
+from omnijax.diagnosis._search import Effect, tangent_rows, to_project
+from omnijax.laws import EFFECTS, SensorSignal
+from omnijax.rig import load_rig, rig_text
+
+GROUPS = ("dR", "theta", "Omega", "a")
+MACHINE = 3  # the benchmark's seed
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory):
+    """Noise-free short runs of the stated machine, as a model of it."""
+    plant, rng = load_plant(), np.random.default_rng(70)
+    machine = plant.machine(rng)
+    torque = np.stack([plant.torques(machine, plant.wander(rng, 1.5)) for _ in range(2)])
+    tables = plant.record(machine, machine, {}, torque, rng, noise=0.0)
+    folder = tmp_path_factory.mktemp("clocks")
+    plant.write_case(folder, machine, tables)
+    runs = []
+    for k, (table, role) in enumerate(zip(tables, ("train", "held-out"), strict=True)):
+        outputs = {
+            g: np.stack([v for c, v in table.items() if c.startswith(f"{g}_")], 1) for g in GROUPS
+        }
+        torques = np.stack([table[f"torque_{i}"] for i in (1, 2, 3)], 1)
+        n = len(torques)
+        runs.append(Run(f"run-{k}", role, table["t"], torques, np.zeros((n, 3)), outputs,
+                        np.ones(n, bool)))  # fmt: skip
+    return RigModel(load_rig(folder / "rig.toml"), runs, plant.NOISE, dict(EFFECTS))
+
+
+def test_a_clock_shifts_a_motion_either_way():
+    rng, time = drawn_anew("clock"), 4e-3 * np.arange(800)
+    late, f, phase = rng.uniform(-9e-4, 9e-4), rng.uniform(1, 60, 5), rng.uniform(0, 6, 5)
+
+    def wave(t):
+        return np.sin(2 * np.pi * np.outer(t, f) + phase)
+
+    law = LoggerClock(np.asarray(late))
+    values = wave(time) * [1, 2, 1, 1, 1]
+    read = values + read_late(law, SensorSignal(time, values))
+    wanted = wave(time - late) * [1, 2, 1, 1, 1]
+    assert read[20:-20] == pytest.approx(wanted[20:-20], abs=0.005)  # at 60 Hz of 125
+    slow = np.cos(3 * time)[:, None]
+    read = slow + read_late(law, SensorSignal(time, slow))
+    wanted = np.cos(3 * np.maximum(time - late, 0))
+    assert read[:, 0] == pytest.approx(wanted, abs=2e-5)  # the ends too
+
+
+def test_every_group_but_theta_has_a_clock_unless_the_file_speaks_of_it():
+    names = [p.name for p in clock_priors(GROUPS, {"sensor.a.delay"})]
+    assert names == ["clock.dR", "clock.Omega"]
+    (prior,) = clock_priors(("dR", "theta"), set())
+    assert prior.at(prior.hard) == pytest.approx(SETTINGS.clock_most)
+    assert prior.at(-prior.hard) == pytest.approx(-SETTINGS.clock_most)
+
+
+def test_a_clocks_tangent_is_the_rate_of_its_group_and_needs_no_run(model, monkeypatch):
+    point = Point(np.zeros(len(model.priors)))
+    (here,) = model.residuals([point], "train")
+    made = []
+    monkeypatch.setattr(model.machine, "_linear", lambda *a: made.append(a))
+    clocks = [k for k, p in enumerate(model.priors) if p.limited]
+    assert [model.priors[k].name for k in clocks] == ["clock.dR", "clock.Omega", "clock.a"]
+    moved = [Point(point.u + 1e-3 * np.eye(len(point.u))[k]) for k in clocks]
+    changed = [(r - here) / 1e-3 for r in model.residuals(moved, "train")]
+    monkeypatch.undo()
+    assert made == []  # a reading differs, not the machine
+    ((elastic,),) = model.machine.elastic([model.rig_at(point)], [0])
+    rows, time = model.machine.rows[0], model.machine.runs[0].time
+    rate = CubicSpline(time, elastic, axis=0).derivative()(time)
+    rate[:, 3:] = 0.0
+    wanted = SETTINGS.clock * rows.project(rows.vector(rate, None))
+    assert np.linalg.norm(changed[0] - wanted) < 0.03 * np.linalg.norm(wanted)
+
+
+def test_a_run_is_known_between_its_samples(model):
+    """Exactly in the modes: as a run that is sampled more finely, beside both ends too."""
+    machine, run = model.machine, model.machine.runs[0]
+    rig = model.rig_at(Point(np.zeros(len(model.priors))))
+    ports = machine.ports(rig, run, (rotated := machine.rotated(rig, [0])[0]).motion, rotated.drive)
+    modes, fine = machine.modes(rig), 8
+    z = linear_states(modes, run, ports, fine)
+    wanted = outputs_of(modes, z, ports, OUTPUTS, fine)
+    for k in (1, 5, 8, 19, -1, -7, -8, -13):
+        late = late_outputs(modes, run, z[::fine], ports, OUTPUTS, k * run.step / fine)
+        at = fine * np.arange(run.samples) - k
+        known = (at >= 0) & (at < len(wanted))
+        error = np.abs(late[known] - wanted[at[known]]).max(axis=0)
+        assert np.all(error < 1e-8 * np.abs(wanted).max(axis=0))
+        assert np.allclose(late[at < 0], wanted[0], 1e-9, 1e-12)
+
+
+def test_a_named_delay_stands_alone_and_the_diagnosed_rig_has_no_clock(model):
+    u = np.zeros(len(model.priors))
+    u[:3] = 1.0
+    late = Effect("sensor-delay", "a", {"delay": 4e-3})
+    laws = [(p.law.id, p.place) for p in model.rig_at(Point(u, (late,))).at("sensor")]
+    assert laws == [("logger-clock", "dR"), ("logger-clock", "Omega"), ("sensor-delay", "a")]
+    assert "logger" not in rig_text(model.rig_at(Point(u), clocks=False))
+    J = tangent_rows(model, Point(u, (late,)), [], *model.residuals([Point(u, (late,))], "train"))
+    size = np.linalg.norm(J[:, :3], axis=0)
+    assert size[2] < 1e-5 * size[0]
+
+
+def test_a_clock_at_its_bound_leaves_what_is_later_to_candidates(model):
+    u = np.zeros(len(model.priors))
+    u[0], u[5] = model.priors[0].hard, model.priors[5].hard
+    J, left = to_project(model, np.ones((4, len(u))), u)
+    assert J.shape == (4, len(u) - 1) and len(left) == len(u) - 1
+    assert left[4] == model.priors[5].hard  # a part's tolerance is free all the same
+
+
+def test_rigs_that_are_only_read_otherwise_share_a_prediction(model):
+    rig = model.rig_at(Point(np.zeros(len(model.priors))))
+    first, second = model.machine.predicted([rig, with_clocks(rig, {"a": 3e-4})], 0)
+    assert first is second
+    stiffer = model.rig_at(Point(np.eye(len(model.priors))[3]))
+    assert model.machine.predicted([stiffer], 0)[0] is not first
+
+
+def diagnosed(folder, group: str, late: float):
+    """A healthy machine whose `group` is read `late` s late."""
+    case = cases.drawn(MACHINE, "none")
+    case.noise |= {"how": "right", "fault": "clock", "at": group, "size": late}
+    tables, _ = cases.recorded(case, [])
+    cases.written(folder, case, [], tables)
+    return diagnose(folder)
+
+
+@pytest.mark.long
+def test_a_clock_that_is_off_is_no_effect_and_is_told(tmp_path):
+    rng = drawn_anew("whose clock")
+    for group in ("dR", "Omega", "a"):
+        late = rng.uniform(2e-4, 7e-4) * rng.choice([-1, 1])
+        answer = diagnosed(tmp_path / group, group, late)
+        assert answer.verdict == "none", (group, late)
+        clock = next(b for b in answer.baseline if b["parameter"] == f"clock.{group}")
+        assert abs(clock["with_effects"] - late) < 5 * clock["sigma"] + 1e-5
+        assert any(n.startswith(f"{group} was read") for n in answer.notes)
+
+
+@pytest.mark.long
+def test_a_delay_beyond_what_clocks_may_be_off_is_named(tmp_path):
+    late = drawn_anew("late").uniform(3e-3, 6e-3)
+    answer = diagnosed(tmp_path, "dR", late)
+    assert [(e.id, e.place) for e in answer.effects] == [("sensor-delay", "dR")]
+    delay = answer.effects[0].parameters["delay"]
+    assert abs(delay["value"] - late) < 5 * delay["sigma"] + 2e-5
