@@ -1,5 +1,6 @@
 """Clocks of loggers: a group read a little late is calibrated, a delay beyond that is named."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
@@ -49,13 +50,13 @@ def test_a_clock_shifts_a_motion_either_way():
     def wave(t):
         return np.sin(2 * np.pi * np.outer(t, f) + phase)
 
-    law = LoggerClock(np.asarray(late))
+    law = LoggerClock(jnp.asarray(late))
     values = wave(time) * [1, 2, 1, 1, 1]
-    read = values + read_late(law, SensorSignal(time, values))
+    read = values + read_late(law, SensorSignal(jnp.asarray(time), jnp.asarray(values)))
     wanted = wave(time - late) * [1, 2, 1, 1, 1]
     assert read[20:-20] == pytest.approx(wanted[20:-20], abs=0.005)  # at 60 Hz of 125
     slow = np.cos(3 * time)[:, None]
-    read = slow + read_late(law, SensorSignal(time, slow))
+    read = slow + read_late(law, SensorSignal(jnp.asarray(time), jnp.asarray(slow)))
     wanted = np.cos(3 * np.maximum(time - late, 0))
     assert read[:, 0] == pytest.approx(wanted, abs=2e-5)  # the ends too
 

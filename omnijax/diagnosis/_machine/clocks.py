@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from scipy.interpolate import BSpline
 from scipy.ndimage import spline_filter1d
 
-from ...laws import EFFECTS, AbstractSensor, SensorSignal
+from ...laws import AbstractSensor, SensorDelay, SensorSignal
 from ...rig import Rig, place_law
 from .._search import Prior, number
 from .settings import SETTINGS
@@ -34,7 +34,7 @@ class LoggerClock(AbstractSensor):
     id: ClassVar[str] = "logger-clock"
 
 
-LATE_LAWS = (LoggerClock, EFFECTS["sensor-delay"])
+LATE_LAWS = (LoggerClock, SensorDelay)
 
 
 def clock_priors(groups, stated: set[str]) -> list[Prior]:
