@@ -6,7 +6,7 @@ import pytest
 from scipy.linalg import expm
 
 from omnijax.diagnosis import diagnose
-from omnijax.laws import EFFECTS, LoadFriction, MotorRipple
+from omnijax.laws import EFFECTS, GENERIC, LoadFriction, MotorRipple
 from omnijax.machine import (
     Axis,
     LogFile,
@@ -120,13 +120,15 @@ def test_what_is_written_is_read_back(tmp_path, seed):
     data = drawn(seed)
     data["axis"]["stiffness"] = 0.7
     data["effect"] = [{"id": "motor-ripple", "place": "axis",
-                       "parameters": {"amplitude": 0.1, "order": 7.5, "phase": 0.2}}]  # fmt: skip
+                       "parameters": {"amplitude": 0.1, "order": 7.5, "phase": 0.2}},
+                      *({"id": k, "place": "axis", "parameters": dict.fromkeys(v.parameters, 0.3)}
+                        for k, v in GENERIC.items())]  # fmt: skip
     path = tmp_path / "machine.toml"
     path.write_text(machine_text(parse_machine(data)))
     again = load_machine(path)
     assert machine_text(again) == path.read_text()
     assert float(again.machine.inertia) == data["axis"]["inertia"]
-    assert again.placed[0].law.id == "motor-ripple"
+    assert [x.law.id for x in again.placed] == ["motor-ripple", *GENERIC]
 
 
 def test_logs_with_strange_names_and_units_come_in_si(tmp_path):

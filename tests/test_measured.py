@@ -29,6 +29,7 @@ def test_dry_friction_of_a_motor_axis_is_named_then_its_asymmetry(monkeypatch):
     assert found["baseline train"] == pytest.approx(17.4, abs=0.5)
     assert found["train"] <= 3.2
     assert found["cross-test"] <= 5.4
+    assert found["free run"] < 0.7 * found["baseline free run"] < 0.014  # m, of the pulses
 
 
 @LONG

@@ -18,11 +18,12 @@ def effects(name: str | None = None, /, *, json: Json = False) -> None:
         Show only effects whose id contains this text.
     """
     from .._errors import InputError, did_you_mean
-    from ..laws import EFFECTS
+    from ..laws import EFFECTS, GENERIC
 
-    chosen = [law for key, law in EFFECTS.items() if name is None or name in key]
+    known = EFFECTS if name is None else {**EFFECTS, **GENERIC}  # those of axes where asked for
+    chosen = [law for key, law in known.items() if name is None or name in key]
     if not chosen:
-        hint = did_you_mean(str(name), EFFECTS) or " `omnijax effects` lists all."
+        hint = did_you_mean(str(name), known) or " `omnijax effects` lists all."
         raise InputError(f"no effect's id contains {name!r}.{hint}")
     rows = [_describe(law) for law in chosen]
     emit(json, rows, lambda: _print(rows))

@@ -12,6 +12,7 @@ from .._errors import USERS_MODULE
 from .._reading import TEXT, read_bytes
 from . import _actuators, _measurement, _ports, _rolling, _shape_effects, _springs, _torques
 from ._base import AbstractLaw, Parameter, field_names
+from ._generic import GENERIC
 
 EFFECTS: dict[str, type[AbstractLaw]] = {
     law.id: law
@@ -60,7 +61,7 @@ EFFECTS: dict[str, type[AbstractLaw]] = {
 
 def in_words(effect: str, place: str) -> str:
     """An effect as a mechanic says it, "play in the mount at w2"; its id where it has no words."""
-    law = EFFECTS.get(effect)
+    law = EFFECTS.get(effect) or GENERIC.get(effect)
     words = law.words if law is not None and law.words else f"`{effect}`"
     if place in ("sphere", "platform", "axis"):
         return words

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..laws import EFFECTS
+from ..laws import EFFECTS, GENERIC
 from ..rig import effect_schema
 from ._schema import KEYS, MachineEffectTable, file_model
 
@@ -21,8 +21,9 @@ def machine_schema() -> dict[str, Any]:
     paths = [f"{table}.{name}" for table, keys in KEYS.items() for name in keys]
     schema["properties"]["uncertainty"]["propertyNames"] = {"enum": paths}
     effect = schema["$defs"][MachineEffectTable.__name__]
-    effect["properties"]["id"] = {"enum": list(EFFECTS)}
-    effect["allOf"] = [effect_schema(law) for law in EFFECTS.values()]
+    library = {**EFFECTS, **GENERIC}
+    effect["properties"]["id"] = {"enum": list(library)}
+    effect["allOf"] = [effect_schema(law) for law in library.values()]
     wired = {"properties": {"motor": {"required": ["resistance"]}}}
     known = {"properties": {"motor": {"required": ["resistance", "torque_constant"]}}}
     schema["allOf"] = [

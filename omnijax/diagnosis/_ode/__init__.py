@@ -3,6 +3,7 @@
 from .build import build_model as build_model
 from .evidence import OdeEvidence as OdeEvidence
 from .evidence import balance_error as balance_error
+from .evidence import missed_position as missed_position
 from .model import OdeModel as OdeModel
 from .numbers import Numbers as Numbers
 from .rows import Balance as Balance

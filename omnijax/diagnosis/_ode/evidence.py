@@ -10,7 +10,7 @@ from .._answer import AbstractEvidence
 from .._search import Point, discovered, number
 from .learned import learn_shaft
 from .model import OdeModel
-from .rows import Balance, smoothed
+from .rows import Balance, OdeRun, smoothed
 
 RESTS = 5.0  # times the noise: a run that moves less has no share of its motion to speak of
 
@@ -102,22 +102,11 @@ class OdeEvidence(AbstractEvidence):
         """Simulation from the first sample of every run: RMS, MAE and share, by point."""
         out = []
         for run in self.model.runs:
-            measured = run.outputs["position"]
-            _, v, _ = smoothed(measured, run.step, run.cutoff)
-            entry: dict[str, Any] = {
-                "run": run.name,
-                "role": run.role,
-                "unit": self._position(),
-            }
+            entry: dict[str, Any] = {"run": run.name, "role": run.role, "unit": self._position()}
+            moved = float(np.std(run.outputs["position"]))
             for word, point in points.items():
-                theta = self.model.numbers.vector(point)
-                only = self.model.numbers.active(theta[None])  # no other law is worth its time
-                machine, placed = self.model.numbers.build(theta, only)
-                start = {"position": (measured[0], v[0])}
-                got = free_run(machine, placed, start, run.inputs, run.step, run.hold)["position"]
-                error = measured - got
+                error = missed_position(self.model, point, run)
                 finite = bool(np.all(np.isfinite(error)))
-                moved = float(np.std(measured))
                 entry[word] = {
                     "rms": float(np.sqrt(np.mean(error**2))) if finite else None,
                     "mae": float(np.mean(np.abs(error))) if finite else None,
@@ -134,6 +123,16 @@ class OdeEvidence(AbstractEvidence):
         if not all(isinstance(r, Balance) for r in model.rows):
             return None
         return balance_error(model, point, "held-out")
+
+
+def missed_position(model: OdeModel, point: Point, run: OdeRun) -> np.ndarray:
+    """Measured less simulated position (t,) of a run, from its first sample and inputs alone."""
+    measured, theta = run.outputs["position"], model.numbers.vector(point)
+    _, v, _ = smoothed(measured, run.step, run.cutoff)
+    only = model.numbers.active(theta[None])  # no other law is worth its time
+    machine, placed = model.numbers.build(theta, only)
+    start = {"position": (measured[0], v[0])}
+    return measured - free_run(machine, placed, start, run.inputs, run.step, run.hold)["position"]
 
 
 def balance_error(model: OdeModel, point: Point, split: str) -> float:
