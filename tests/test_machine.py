@@ -168,8 +168,12 @@ def test_dry_friction_and_a_line_are_named(tmp_path, seed):
     assert {r["role"] for r in found.free_runs} == {"train", "held-out"}
 
 
-def test_nothing_is_named_where_nothing_is_missing(tmp_path):
-    found = diagnose(recorded(tmp_path, drawn(5), (), 5))
+@pytest.mark.parametrize("sure", [False, True])
+def test_nothing_is_named_where_nothing_is_missing(tmp_path, sure):
+    data = drawn(5)
+    if sure:  # a file that calls no number uncertain
+        data.pop("uncertainty")
+    found = diagnose(recorded(tmp_path, data, (), 5))
     assert (found.verdict, found.effects) == ("none", []), found
 
 

@@ -84,11 +84,11 @@ def learn_shaft(model: OdeModel, fit, tell) -> LearnedShaft | None:
     term = dataclasses.replace(term, weights=w[:k])
     (before,) = model.residuals([fit.point], "held-out")
     theta, slopes = model.numbers.vector(fit.point), model.numbers.slopes(fit.point)
-    ways = np.stack([s * np.eye(model.numbers.size)[i] for i, s in enumerate(slopes)])
-    which = model.splits["held-out"]
-    tangents = model.whitened(
-        model.pushed(np.tile(theta, (len(ways), 1)), ways, which), "held-out"
-    ).T  # fmt: skip
+    ways = slopes[:, None] * np.eye(model.numbers.size)[: len(slopes)]
+    which, tangents = model.splits["held-out"], np.zeros((len(before), 0))
+    if len(ways):
+        pushed = model.pushed(np.tile(theta, (len(ways), 1)), ways, which)
+        tangents = model.whitened(pushed, "held-out").T
     shift = term.columns(signals["held-out"]) @ w[:k] * model.weights("held-out")
     after = before - shift - tangents @ w[k:]
     above = float(before @ before) - model.dof("held-out")

@@ -250,6 +250,8 @@ class OdeModel(AbstractModel):
             way[slots[f.effect].part(f.key).start + (f.index or 0)] = 1.0
             ways.append(way)
         self.work += len(ways)
+        if not ways:  # nothing is uncertain and no effect is there
+            return np.zeros((sum(self.rows[i].count for i in self.splits["train"]), 0))
         table = self.pushed(np.tile(theta, (len(ways), 1)), np.stack(ways), self.splits["train"])
         return self.whitened(table, "train").T
 
