@@ -2,9 +2,19 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from scipy.stats import kstest
+from seeds import drawn_anew
 
-from omnijax.diagnosis._search.where import discoveries, p_value, questions, shares, shuffle
+from omnijax.diagnosis._search.where import (
+    Asked,
+    above_neighbours,
+    discoveries,
+    p_value,
+    questions,
+    shares,
+    shuffle,
+)
 
 N, STEP = 3000, 2e-3
 TIME = STEP * np.arange(N)
@@ -86,3 +96,17 @@ def test_noise_alone_gives_no_discoveries_and_a_line_does():
         assert discoveries(shares(rng.normal(size=N), asked, seed)) == []
     noise = rng.normal(size=N)
     assert discoveries(shares(noise + np.cos(3 * angles["w1"]), asked))[0]["value"] == 3.0
+
+
+def test_a_band_over_its_neighbours_is_an_f_law_in_noise_of_any_smooth_colour():
+    rng = drawn_anew("bands")
+    asked = Asked(questions(TIME, {}, {}))
+    middle = np.array([q.value for q in asked.bands])
+    lines = np.array([q.size / 2 for q in asked.bands])
+    white = rng.normal(size=(N, 8))
+    for noise in (white, white + lfilter([0.8], [1, -0.9], rng.normal(size=(N, 8)), axis=0)):
+        powers = asked.lines(noise)
+        p = [above_neighbours(middle, x, lines)[20:-20:5] for x in powers.T]  # apart: independent
+        assert kstest(np.ravel(p), "uniform").pvalue > 1e-4
+        powers[60] = 40 * powers[55:66].mean(axis=0)  # a line
+        assert all(above_neighbours(middle, x, lines)[60] < 1e-12 for x in powers.T)

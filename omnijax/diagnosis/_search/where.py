@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.special import betaincc, stdtr
+from scipy.special import betaincc, fdtrc, stdtr
 from scipy.stats import false_discovery_control
 
 SHUFFLES = 60
@@ -127,7 +127,8 @@ def shares(
     out = [_answer(q, x, max(p)) for q, x, *p in zip(asked.plain, share, *chances, strict=True)]
     bands = asked.lines(np.concatenate([residual[:, None], shuffled], axis=1)) / power
     middle = np.array([q.value for q in asked.bands])
-    beside = above_neighbours(middle, bands[:, 0])
+    size = np.array([q.size / 2 for q in asked.bands])
+    beside = above_neighbours(middle, bands[:, 0], size)
     shuffled_p = p_value(bands[:, 0], bands[:, 1:])
     out += [
         _answer(q, own, p)
@@ -157,16 +158,20 @@ def surrogates(residual: np.ndarray, seed: int, count: int = SHUFFLES) -> np.nda
     return np.fft.irfft(lines * phases, len(residual), axis=0)
 
 
-def above_neighbours(middle: np.ndarray, share: np.ndarray) -> np.ndarray:
+def above_neighbours(middle: np.ndarray, power: np.ndarray, lines: np.ndarray) -> np.ndarray:
     """Chance that a band stands as far above a power law through the bands beside it.
 
-    `middle` (bands,) Hz; the band's direct neighbours, into which a line leaks, are left out.
+    `middle` (bands,) Hz, `power` (bands,), `lines` (bands,): how many Fourier lines a band has.
+    The band's direct neighbours, into which a line leaks, are left out.  Powers of noise with a
+    spectrum that is smooth there are chi-square laws of two degrees a line, so that a band over
+    what its neighbours lead to is an F law; of the slope's error the spread of a Student law is
+    asked too where neighbours stand on one side alone.
     """
-    x, y = np.log(middle), np.log(np.maximum(share, 1e-300))
-    out = np.ones(len(share))
-    for k in range(len(share)):
+    x, y = np.log(middle), np.log(np.maximum(power / lines, 1e-300))
+    out = np.ones(len(power))
+    for k in range(len(power)):
         near = [j for j in range(k - BESIDE - 1, k + BESIDE + 2) if 0 <= j < len(y)]
-        near = [j for j in near if abs(j - k) > 1]
+        near = np.array([j for j in near if abs(j - k) > 1])
         if len(near) < BESIDE:
             continue
         line = np.vander(x[near] - x[k], 2)
@@ -175,7 +180,12 @@ def above_neighbours(middle: np.ndarray, share: np.ndarray) -> np.ndarray:
         left = y[near] - line @ fit
         free = len(near) - 2
         spread = math.sqrt(left @ left / free * (1 + inverse[1, 1]))
-        out[k] = stdtr(free, (fit[1] - y[k]) / max(spread, 1e-12))
+        student = stdtr(free, (fit[1] - y[k]) / max(spread, 1e-12))
+        level = np.average(np.exp(y[near] - fit[0] * (x[near] - x[k])), weights=lines[near])
+        ratio = math.exp(y[k]) / max(level, 1e-300)
+        exact = fdtrc(2 * lines[k], 2 * lines[near].sum(), ratio)
+        both = np.sum(near < k) >= BESIDE and np.sum(near > k) >= BESIDE
+        out[k] = exact if both else max(exact, student)
     return out
 
 
