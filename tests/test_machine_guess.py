@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from omnijax import cli
-from omnijax.machine import load_machine, machine_schema, machine_text, parse_machine
+from omnijax.machine import guess, load_machine, machine_schema, machine_text, parse_machine
 from omnijax.rig import InputError
 from tests.seeds import drawn_anew
 
@@ -162,3 +162,13 @@ def test_logs_that_say_nothing_are_one_sentence(tmp_path, capsys, rows, still, s
     shown = capsys.readouterr().err
     assert re.search(said, shown) and len(shown.strip().splitlines()) == 1, shown
     assert not (tmp_path / "case").exists()
+
+
+@pytest.mark.parametrize("names", [("t_s", "u_V", "x_mm"), ("t [s]", "u [V]", "q [deg]")])
+def test_short_names_with_units_are_known(tmp_path, names):
+    rng, path = drawn_anew("short names"), tmp_path / "log.csv"
+    t = np.arange(200) * 0.01
+    table = np.stack([t, rng.normal(size=200), np.cumsum(rng.normal(size=200))], 1)
+    np.savetxt(path, table, delimiter=",", header=",".join(names), comments="")
+    one = guess(path)
+    assert (one.time, one.input, one.position) == names

@@ -218,7 +218,8 @@ def _time(columns, moving, rate) -> str | None:
 
 
 def _best(names: list[str], pattern: str, better: str = "$^") -> str | None:
-    matches = [k for k in names if re.search(pattern, k.lower())]
+    bare = {k: UNIT.sub("", k).strip().lower() for k in names}  # `x_mm` is as good as `x`
+    matches = [k for k in names if re.search(pattern, k.lower()) or re.search(pattern, bare[k])]
     return next((k for k in matches if re.search(better, k.lower())), next(iter(matches), None))
 
 
