@@ -34,7 +34,7 @@ class LoggerClock(AbstractSensor):
     id: ClassVar[str] = "logger-clock"
 
 
-LATE_LAWS = (LoggerClock, SensorDelay)
+LATE_LAWS = {"dR": (LoggerClock,), "a": (LoggerClock, SensorDelay)}  # `a` has no spline
 
 
 def clock_priors(groups, stated: set[str]) -> list[Prior]:
@@ -63,7 +63,7 @@ def offset_of(rig: Rig, group: str) -> float:
     A delay may be taken first of all sensors' laws, which do not ask for the time: but a drift's.
     """
     laws = [p.law for p in rig.at("sensor") if p.place == group]
-    return sum(float(law.delay) for law in laws if isinstance(law, LATE_LAWS))
+    return sum(float(law.delay) for law in laws if isinstance(law, LATE_LAWS[group]))
 
 
 def read_late(law: LoggerClock, signal: SensorSignal) -> np.ndarray:

@@ -38,9 +38,9 @@ def _read(law, signal: SensorSignal):
     return read_late(law, signal) if isinstance(law, LoggerClock) else sensed(law, signal)
 
 
-def on_time(law, signal: SensorSignal):
-    """What a sensor's law adds to values that are read as late as clock and sensor make them."""
-    return 0.0 if isinstance(law, LATE_LAWS) else sensed(law, signal)
+def on_time(group: str):
+    """What a sensor's law adds to values of a group that are as late as `offset_of` says."""
+    return lambda law, signal: 0.0 if isinstance(law, LATE_LAWS[group]) else sensed(law, signal)
 
 
 def readings(rig: Rig, group: str, time: np.ndarray, values: np.ndarray, apply=_read) -> np.ndarray:

@@ -399,7 +399,7 @@ class Machine:
         elastic = []
         for group in ("dR", "a"):
             part = predicted.read(group, offset_of(rig, group), run.step)
-            read = readings(rig, group, run.time, part, on_time)
+            read = readings(rig, group, run.time, part, on_time(group))
             elastic.append(run.outputs.get(group, missing) - read)
         # Omega from the torques drifts; what sensors change is that of the measured motion
         turning = predicted.turning
