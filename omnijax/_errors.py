@@ -58,11 +58,17 @@ def brief(text: str) -> str:
     return "\n".join([*cut, f"and {len(lines) - MOST} more."] if len(lines) > MOST else cut)
 
 
-def did_you_mean(word: str, options: Iterable[str]) -> str:
-    """` Did you mean ...?` for the option closest to `word`; empty where none is close."""
+def nearest(word: str, options: Iterable[str]) -> str | None:
+    """The option closest to `word`; None where none is close."""
     near = {option.lower()[:WORD]: option for option in options}
     close = difflib.get_close_matches(str(word).lower()[:WORD], list(near), n=1, cutoff=0.6)
-    return f" Did you mean `{near[close[0]]}`?" if close else ""
+    return near[close[0]] if close else None
+
+
+def did_you_mean(word: str, options: Iterable[str]) -> str:
+    """` Did you mean ...?` for the option closest to `word`; empty where none is close."""
+    close = nearest(word, options)
+    return f" Did you mean `{close}`?" if close else ""
 
 
 class RunError(RuntimeError):

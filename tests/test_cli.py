@@ -59,7 +59,8 @@ def test_the_first_help_is_fast():
     ("tokens", "sentence"),
     [
         (["chek", "atlas"], 'Unknown command "chek". Did you mean "check"?'),
-        (["check", "atlas", "--jsn"], "Unknown option: --jsn. Did you mean --json?"),
+        (["check", "atlas", "--jsn"], "Unknown option: --jsn. Did you mean `--json`?"),
+        (["simulate", "atlas", "--bogus"], "Unknown option: --bogus.\nSee: omnijax simulate"),
         (["check"], "requires an argument"),
         (["check", "atlas", "--jsn"], "See: omnijax check --help"),
         (["simulate", "atlas", "--speed", "1 2 3"], "write commas between the values"),

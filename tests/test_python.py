@@ -26,6 +26,8 @@ def test_names_units_and_a_duration_give_the_same_run(run):
     same = omnijax.simulate(RIG, drive, np.arange(101) / 500)
     np.testing.assert_array_equal(run.dR, same.dR)
     np.testing.assert_array_equal(omnijax.simulate(RIG, drive, 0.2).t, same.t)
+    named = omnijax.simulate(RIG, drive, duration="200 ms", rate="1 kHz")
+    np.testing.assert_array_equal(named.t, np.arange(201) / 1000)
 
 
 @pytest.mark.parametrize(
@@ -57,6 +59,22 @@ def test_traced_speeds_stay_traced():
 def test_what_cannot_be_simulated_is_said(arguments, match):
     with pytest.raises(InputError, match=match):
         omnijax.simulate(*arguments)
+
+
+@pytest.mark.parametrize(
+    "given, match",
+    [
+        ({}, "either sample times `ts` or a `duration`"),
+        ({"ts": 1.0, "duration": 1.0}, "either sample times `ts` or a `duration`"),
+        ({"ts": [0.0, 0.1], "rate": 100}, "`rate` goes with a duration"),
+        ({"duration": [0.0, 0.1]}, "`duration` must be one number"),
+        ({"duration": 1.0, "rate": 0}, "`rate` must be above 0 Hz, but is 0"),
+        ({"duration": 1.0, "rate": "3 s"}, "`rate` must be a number in Hz"),
+    ],
+)
+def test_what_are_no_sample_times_is_said(given, match):
+    with pytest.raises(InputError, match=match):
+        omnijax.simulate(RIG, [1, 0, 0], **given)
 
 
 def test_a_parameter_takes_units_as_a_file():

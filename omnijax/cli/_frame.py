@@ -12,10 +12,18 @@ import sys
 import warnings
 
 from cyclopts import App, CycloptsError, Group
+from cyclopts.exceptions import UnknownOptionError
 
 from .. import __version__
 from .._consent import law_files
-from .._errors import DataWarning, InputError, RunError, brief, in_users_program
+from .._errors import (
+    DataWarning,
+    InputError,
+    RunError,
+    brief,
+    in_users_program,
+    nearest,
+)
 from .._files import command
 from .._interrupts import NOTHING, answer, interrupted
 from ._options import read_force
@@ -120,7 +128,7 @@ def _told(error: Exception) -> tuple[str, int] | None:
     """What to tell the user, and the exit code; None for a fault of the program."""
     if isinstance(error, CycloptsError):
         command = " ".join(["omnijax", *(error.command_chain or ())])
-        return f"{brief(str(error).strip())}\nSee: {command} --help", BAD_INPUT
+        return f"{brief(_misread(error))}\nSee: {command} --help", BAD_INPUT
     if isinstance(error, RunError):
         return str(error), FAILED
     text = None
@@ -135,6 +143,23 @@ def _told(error: Exception) -> tuple[str, int] | None:
     else:
         text = in_users_program(error)
     return None if text is None else (brief(text), BAD_INPUT)
+
+
+def _misread(error: CycloptsError) -> str:
+    """The parser's sentence; what it takes for the nearest option only where it is near."""
+    text = str(error).strip()
+    if not isinstance(error, UnknownOptionError) or error.token is None:
+        return text
+    options = {
+        name.removeprefix("--"): name
+        for argument in error.argument_collection or ()
+        for name in argument.names
+    }
+    typed = (error.token.keyword or error.token.value).partition("=")[0].removeprefix("--")
+    near = nearest(typed, options)
+    return text.partition(" Did you mean")[0] + (
+        f" Did you mean `{options[near]}`?" if near else ""
+    )
 
 
 def _plain_streams() -> None:

@@ -121,16 +121,34 @@ def sample_times(length: float, rate: float | None = None) -> np.ndarray:
     return np.arange(count + 1) / frequency
 
 
-def as_times(given: Any) -> Float[Array, " t"]:
-    """Sample times in s: an array as it is, a duration (2.0, "2 s") at 500 samples a second."""
+def as_times(given: Any, duration: Any = None, rate: Any = None) -> Float[Array, " t"]:
+    """Sample times in s: an array as it is, or a duration (2.0, "2 s") at `rate` samples a second.
+
+    The duration is `given` or named; `rate` (Hz, "1 kHz") is 500 where none is given.
+    """
+    if (given is None) == (duration is None):
+        raise InputError(
+            "a run takes either sample times `ts` or a `duration` (s, as in 2.0 or '2 s')."
+        )
+    given = duration if given is None else given
     if isinstance(given, str):
         given = typed_number("duration", given, "s")
     if isinstance(given, Tracer) or np.ndim(given) > 0:
+        if duration is not None:
+            raise InputError("`duration` must be one number of seconds; sample times are `ts`.")
+        if rate is not None:
+            raise InputError("`rate` goes with a duration; `ts` are sample times already.")
         return jnp.asarray(given, float)
-    duration = float(given)
-    if not 0 < duration < float("inf"):
-        raise InputError(f"`duration` must be above 0 s, but is {duration:g}.")
-    return jnp.asarray(sample_times(duration))
+    length, frequency = (
+        float(given),
+        typed_number("rate", rate, "Hz") if isinstance(rate, str) else rate,
+    )
+    for name, value in (("duration", length), ("rate", frequency)):
+        if value is not None and not 0 < value < float("inf"):
+            raise InputError(
+                f"`{name}` must be above 0 {'s' if name == 'duration' else 'Hz'}, but is {value:g}."
+            )
+    return jnp.asarray(sample_times(length, frequency))
 
 
 def check_drive(rig: Rig, drive: AbstractDrive) -> None:

@@ -18,8 +18,10 @@ if TYPE_CHECKING:
 def simulate(
     rig: Rig | str | Path,
     drive: AbstractDrive | Values,
-    ts: Vector | float | str,
+    ts: Vector | float | str | None = None,
     *,
+    duration: float | str | None = None,
+    rate: float | str | None = None,
     model: str = "coupled",
     solver: str = "auto",
     rtol: float = 1e-8,
@@ -31,7 +33,8 @@ def simulate(
 
     `rig` may be a rig file or the name of a bundled rig, `drive` wheel speeds (n,) as `speeds`
     takes them, and `ts` sample times (t,) in s (increasing; the run starts at `ts[0]`) or a
-    duration, sampled 500 times a second.  Starts at static equilibrium, q = identity.
+    duration (2.0, "2 s"), which may be named: `duration="2 s", rate="1 kHz"` (500 Hz where no rate
+    is given).  Starts at static equilibrium, q = identity.
 
     `model` is `coupled` or `paper`.  `solver` `auto` takes the closed form (`exact`, see
     `propagate`) where prescribed speeds drive a linear rig, else the exponential method for a stiff
@@ -44,7 +47,7 @@ def simulate(
     Ostermann, Acta Numerica 2010 (exponential methods).
     """
     rig = rig if isinstance(rig, Rig) else load_rig(rig)
-    drive, ts = as_drive(drive), as_times(ts)
+    drive, ts = as_drive(drive), as_times(ts, duration, rate)
     check_drive(rig, drive)
     built = build_model(rig, model, keep_radius_rate)
     if solver in ("auto", "exact"):
