@@ -15,16 +15,17 @@ os.environ.setdefault("JAX_PLATFORMS", "cpu")
 from jaxtyping import install_import_hook
 
 CHECKED = ("laws", "rig", "recording", "dynamics", "simulation", "vibration", "study")
-install_import_hook([f"omnijax.{name}" for name in CHECKED], "shapes.checked")
+if __name__ == "__main__":
+    install_import_hook([f"omnijax.{name}" for name in CHECKED], "shapes.checked")
 
-import jax
-import numpy as np
+import jax  # noqa: E402
+import numpy as np  # noqa: E402
 
-import omnijax
-from omnijax.cli._frame import run
-from omnijax.rig import InputError
-from omnijax.simulation import simulate_many
-from omnijax.vibration import METRICS, modes, natural_frequencies
+import omnijax  # noqa: E402
+from omnijax.cli._frame import run  # noqa: E402
+from omnijax.rig import InputError  # noqa: E402
+from omnijax.simulation import simulate_many  # noqa: E402
+from omnijax.vibration import METRICS, modes, natural_frequencies  # noqa: E402
 
 SPEEDS = {"ballbot": [3.0, -2.0, 1.0], "four-wheel": [3.0, 1.0, -2.0, 0.5]}
 
@@ -45,20 +46,21 @@ def runs(folder):
     """A run by speeds and one by torques: figures, files, orders."""
     for example, values in SPEEDS.items():
         rig = omnijax.load_rig(rig_file(folder, example))
-        run = omnijax.simulate(rig, values, "0.3 s")
+        run = omnijax.simulate(rig, values, "8 s")
         omnijax.evaluate(run, rig, tuple(METRICS))
         assert run.summary()
-        run.save(folder / f"{example}.nc")
+        run.save(folder / f"{example}.nc", rig)
         again = omnijax.load_run(folder / f"{example}.nc")
         np.testing.assert_array_equal(again.dR, run.dR)
         omnijax.evaluate(again, rig, "rms")
         again.to_xarray()
-        omnijax.order_track(again)
-        omnijax.rpm_order_map(again)
+        omnijax.order_track(again, [9, 18], reference="w1")
+        omnijax.rpm_order_map(again, reference="w1")
+        command("orders", folder / f"{example}.nc", "--out", folder / f"{example}-orders")
 
 
 def torques(folder):
-    """Runs under motor torques, one by one and in bulk, and their slopes."""
+    """Runs under motor torques, one by one and in bulk."""
     rig = omnijax.load_rig(rig_file(folder, "ballbot"))
     drive = omnijax.torques([0.02, 0.01, 0.0])
     ts = np.arange(21) / 500
@@ -67,12 +69,6 @@ def torques(folder):
     stiffer = omnijax.set_parameter(rig, "contact.stiffness", "300 kN/m")
     both = jax.tree.map(lambda *leaves: np.stack(leaves), rig, stiffer)
     simulate_many(both, drive, ts)
-
-    def rms(mass):
-        moved = omnijax.set_parameter(rig, "sphere.mass", mass)
-        return omnijax.evaluate(omnijax.simulate(moved, drive, ts), moved, "rms")["rms"]
-
-    assert np.isfinite(jax.grad(rms)(float(rig.sphere.mass)))
 
 
 def steady(folder):
@@ -85,8 +81,6 @@ def steady(folder):
         modes(rig)
         natural_frequencies(rig)
         command("check", path)
-        words = ",".join(str(x) for x in values)
-        command("orders", path, f"--speed={words}", "--out", folder / f"{example}-orders.html")
 
 
 def sweeps(folder):
@@ -94,28 +88,27 @@ def sweeps(folder):
     path = rig_file(folder, "ballbot")
     vary = ["--vary", "contact.stiffness=1e5,2e5,4e5", "--metric", "rms,peak"]
     command("sweep", path, *vary, "--speed", "3,-2,1", "--duration", "0.2s",
-            "--out", folder / "swept", "--gradient")  # fmt: skip
+            "--out", folder / "swept")  # fmt: skip
     command("sweep-status", folder / "swept")
     command("export", folder / "swept", folder / "swept.csv")
-    command("sweep", path, *vary, "--speed", "3,-2,1", "--steady")
+    command("sweep", path, *vary, "--speed", "3,-2,1", "--gradient")
     command("sweep", path, *vary, "--torque", "0.02,0.01,0", "--duration", "0.04s")
     command("sensitivity", path, "--speed", "3,-2,1", "--metric", "rms,peak", "--check")
 
 
 def studies(folder):
-    """Designs, fronts, tolerances and global studies, from the templates."""
+    """Designs, tolerances and global studies, from the templates."""
     path = rig_file(folder, "ballbot")
     for kind, short in {
         "design": [],
-        "tolerances": ["--draws", "64"],
+        "tolerances": ["--draws", "80"],
         "global-sensitivity": ["--metric", "rms"],
-        "pareto": [],
     }.items():
         study = folder / f"{kind}.toml"
         command("init", study, "--study", kind, "--rig", path)
-        text = study.read_text().replace("points = 6", "points = 1").replace("64 ", "8 ")
+        text = study.read_text().replace("64 ", "16 ")
         study.write_text(text)
-        command(kind, study, *short, "--report", folder / f"{kind}.html")
+        command(kind, study, *short, "--report", folder / f"{kind}.html", "--overwrite")
 
 
 def refusals(folder):
