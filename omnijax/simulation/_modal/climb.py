@@ -20,11 +20,6 @@ def unit(total):
     return total / jnp.where(size > 0, size, 1.0)
 
 
-def together(every: list[ModalCurves], held, times):
-    """dR (o, c)."""
-    return held + sum(summed(values_at(f, t)[0], 1) for f, t in zip(every, times, strict=True))
-
-
 def ascended(f: ModalCurves, d, time, step):
     """One step of Newton's method up d . x of each phase, d (o, 1, c)."""
     _, rise, bend = (summed(d * x) for x in values_at(f, time, 3))
@@ -38,16 +33,17 @@ def move_up(rise, bend, step):
 
 
 class _Climb(NamedTuple):
-    """The highest times so far, |dR|^2 there, and the step to try next."""
+    """The highest times so far, dR and |dR|^2 there, and the step to try next."""
 
     times: list[Array]
+    total: Float[Array, "o c"]
     square: Float[Array, " c"]
     moves: list[Array]
     share: Float[Array, " c"]  # of the moves
 
 
 def climbed(every: list[ModalCurves], held, times, steps, rounds: int):
-    """Times and |dR|^2 after `rounds` of Newton's method in all times together.
+    """Times, dR (o, c) and |dR|^2 after `rounds` of Newton's method in all times together.
 
     Never lower than at first.
     """
@@ -61,6 +57,7 @@ def climbed(every: list[ModalCurves], held, times, steps, rounds: int):
         moves = _newton(total, parts, steps)
         return _Climb(
             [jnp.where(better, x, t) for x, t in zip(tried, now.times, strict=True)],
+            jnp.where(better, total, now.total),
             jnp.where(better, square, now.square),
             [jnp.where(better, x, m) for x, m in zip(moves, now.moves, strict=True)],
             jnp.where(better, 1.0, LESS * now.share),
@@ -68,9 +65,9 @@ def climbed(every: list[ModalCurves], held, times, steps, rounds: int):
 
     still = [0.0 * t for t in times]
     lanes = times[0].shape[-1]
-    begin = _Climb(times, jnp.full(lanes, -1.0), still, jnp.ones(lanes))
+    begin = _Climb(times, jnp.zeros((ROWS, lanes)), jnp.full(lanes, -1.0), still, jnp.ones(lanes))
     top = jax.lax.fori_loop(0, rounds, turn, begin)
-    return top.times, top.square
+    return top.times, top.total, top.square
 
 
 def _newton(total, parts: list[list[Array]], steps):

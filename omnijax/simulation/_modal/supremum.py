@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 
 from .._steady import sphere
 from .arithmetic import across, materialised, summed
-from .climb import ascended, climbed, move_up, together, unit
+from .climb import ascended, climbed, move_up, unit
 from .curves import ModalCurves, OutputRows, curves_of, towards, values_at
 from .gradient import ROWS
 from .pass_along import COARSE, LENGTH, Block, along, reach
@@ -202,17 +202,18 @@ def supremum(g: Lanes, layout: Layout) -> Supremum:
         [jnp.sum(jnp.where(best[:, None], t, 0.0), axis=0) for t in x]
         for x in (times, [first.step for first, _ in starts])
     )
-    times = climbed(every, held, times, steps, NEAREST)[0]
-    return Supremum(times, together(every, held, times))
+    return Supremum(*climbed(every, held, times, steps, NEAREST)[:2])
 
 
 def _refined(every: list[ModalCurves], held, starts: list[tuple[_Tops, _Tops]]):
-    """Times of each phase and |dR|^2 there, from its best maxima in one direction."""
-    steps = [first.step for first, _ in starts]
-    times, size = climbed(every, held, [first.time for first, _ in starts], steps, NEARER)
-    d = unit(together(every, held, times))
+    """Times of each phase and |dR|^2 there, from its best maxima in one direction.
 
-    def swapped(f: ModalCurves, now, other: _Tops):
+    Up from the best ones; then once more, from the other of a phase's two where that is higher in
+    the direction found.
+    """
+    steps = [first.step for first, _ in starts]
+
+    def swapped(f: ModalCurves, d, now, other: _Tops):
         """The time of the higher maximum in the direction found."""
         time = jax.lax.fori_loop(
             0, ASCENDS, lambda _, t: ascended(f, d[:, None], t, other.step), other.time
@@ -220,7 +221,18 @@ def _refined(every: list[ModalCurves], held, starts: list[tuple[_Tops, _Tops]]):
         height, rival = (summed(d[:, None] * values_at(f, t)[0]) for t in (now, time))
         return jnp.where(rival > height, time, now)
 
-    others = [swapped(f, t, o) for f, t, (_, o) in zip(every, times, starts, strict=True)]
-    again, more = climbed(every, held, others, steps, NEARER)
-    best = [jnp.where(more > size, x, t) for x, t in zip(again, times, strict=True)]
-    return best, jnp.maximum(size, more)
+    def climb(turn, carry):
+        begin, best, size = carry
+        times, total, square = climbed(every, held, begin, steps, NEARER)
+        best = [jnp.where(square > size, x, t) for x, t in zip(times, best, strict=True)]
+
+        def others():
+            d = unit(total)
+            each = zip(every, times, starts, strict=True)
+            return [swapped(f, d, t, other) for f, t, (_, other) in each]
+
+        return jax.lax.cond(turn == 0, others, lambda: times), best, jnp.maximum(size, square)
+
+    begin = [first.time for first, _ in starts]
+    lowest = jnp.full(begin[0].shape[-1], -1.0)
+    return jax.lax.fori_loop(0, 2, climb, (begin, begin, lowest))[1:]

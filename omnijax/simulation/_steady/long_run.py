@@ -114,7 +114,7 @@ class LongRun:
         rows, places = jnp.stack([self.curves(name).rows for name in names]), self.places()
 
         def one(rows):
-            return supremum(Curves(self.cycles, self.starts, rows), places)
+            return supremum(Curves(self.cycles, self.starts, rows), places, self.bits)
 
         return [root(total @ total) for total in jax.vmap(one)(rows)]
 
@@ -124,7 +124,7 @@ class LongRun:
         Below the supremum; its gradient is smooth.
         """
         curves = self.curves(name)
-        total = jax.lax.stop_gradient(supremum(curves, self.places()))
+        total = jax.lax.stop_gradient(supremum(curves, self.places(), self.bits))
         size = root(total @ total)
         scale = jnp.where(size > 0, size, 1.0)
         Z = jax.vmap(jax.vmap(lambda piece, z: points(piece, z, self.bits)))(

@@ -23,9 +23,11 @@ FINE = 4  # 2^FINE places an octave
 NEWTON = 6
 DIRECTIONS = 400  # to begin with
 TOGETHER = 20  # directions looked at together: bounds the memory
-CANDIDATES = 8  # directions gone on from
+CANDIDATES = 8  # directions gone on from, neighbours mostly
+DISTINCT = 8  # of the sums where they lead, looked at between the places
 ASCENTS = 8  # from the sum found in a direction to the next direction, on the places
 ROUNDS = 6  # and between the places
+SWAPPED = 3  # and again, where the second highest maximum of a signal is the higher one
 
 
 class Curves(NamedTuple):
@@ -55,6 +57,21 @@ class PeakPlaces(NamedTuple):
         """Outputs at all places of a signal; not differentiated."""
         values = jnp.einsum("gkoN,gkpN->gkpo", jax.lax.stop_gradient(rows), self.z)
         return values.reshape(len(values), -1, values.shape[-1])
+
+    def rivals(self, along: Float[Array, "g kp"], index: Int[Array, " g"], bits: int):
+        """The highest maxima (g,) on the even places but for those at `index`."""
+        count = self.v.shape[-1]
+        even = along.reshape(*self.v.shape)[..., : 2**bits]
+        beside = jnp.pad(even, ((0, 0), (0, 0), (1, 1)), constant_values=-jnp.inf)
+        top = (even >= beside[..., :-2]) & (even >= beside[..., 2:])
+
+        def one(even, top, v, i):
+            own = (jnp.arange(len(v)) == i // count)[:, None]
+            near = own & (jnp.abs(v[:, : 2**bits] - v.ravel()[i]) < 2 * 2.0**-bits)
+            highest = jnp.argmax(jnp.where(top & ~near, even, -jnp.inf))
+            return highest // 2**bits * count + highest % 2**bits
+
+        return jax.vmap(one)(even, top, self.v, index)
 
     def along(self, values: Float[Array, "g kp o"], rows: Float[Array, "r o"]):
         """Combinations of outputs, (g, kp, r); -inf on pieces without width."""
@@ -163,8 +180,8 @@ def largest(curves: Curves, places: PeakPlaces, rows: Float[Array, "r o"]) -> Fl
     return jax.vmap(one)(rows, index)
 
 
-def supremum(curves: Curves, places: PeakPlaces) -> Float[Array, " o"]:
-    """The longest sum of the signals' outputs, as a vector."""
+def supremum(curves: Curves, places: PeakPlaces, bits: int) -> Float[Array, " o"]:
+    """The longest sum of the signals' outputs, as a vector; 2^bits places a piece are even."""
     values = places.outputs(curves.rows)
 
     def support(d):
@@ -180,22 +197,44 @@ def supremum(curves: Curves, places: PeakPlaces) -> Float[Array, " o"]:
         return _unit(jnp.sum(jax.vmap(lambda v, i: v[i])(values, index), axis=0), best), None
 
     best = jax.lax.scan(ascend, best, None, length=ASCENTS)[0]
-    index = support(best)[0].T
+    index, heights = support(best)
+    chosen = _different(heights)
+    best, index = best[chosen], index.T[chosen]
 
-    def refined(row, i):
-        """The direction and the sum where the places `i` lead, between the places."""
+    def there(index, row):
+        return values_at(curves, climbed(curves, places, index, row))
+
+    def turned(row, index, rounds: int):
+        """The direction to which the sum turns, between the places."""
 
         def turn(row, _):
-            total = jnp.sum(values_at(curves, climbed(curves, places, i, row)), axis=0)
+            total = jnp.sum(there(index, row), axis=0)
             return jax.lax.stop_gradient(_unit(total[None], row[None])[0]), None
 
-        row = jax.lax.scan(turn, row, None, length=ROUNDS)[0]
-        return row, jnp.sum(values_at(curves, climbed(curves, places, i, row)), axis=0)
+        return jax.lax.scan(turn, row, None, length=rounds)[0]
+
+    def refined(row, index):
+        row = turned(row, index, ROUNDS)
+        return row, jnp.sum(there(index, row), axis=0)
 
     # sums that differ by less than their places' spacing change their order here
     rows, sums = jax.lax.stop_gradient(jax.vmap(refined)(best, index))
-    chosen = jnp.argmax(jnp.sum(sums**2, axis=-1))
-    return jnp.sum(values_at(curves, climbed(curves, places, index[chosen], rows[chosen])), axis=0)
+    top = jnp.argmax(jnp.sum(sums**2, axis=-1))
+    row, index = rows[top], index[top]
+    # and so do two maxima of a signal
+    rival = places.rivals(places.along(values, row[None])[..., 0], index, bits)
+    higher = there(rival, row) @ row > there(index, row) @ row
+    swapped = jnp.where(higher, rival, index)
+    row = turned(row, swapped, SWAPPED)
+    return jnp.sum(there(swapped, row), axis=0)
+
+
+def _different(heights: Float[Array, " r"]) -> Int[Array, " n"]:
+    """The numbers of the highest; equal ones, which are one sum, count once while others are."""
+    order = jnp.argsort(-heights)
+    sorted_ = heights[order]
+    again = jnp.concatenate([jnp.zeros(1, bool), sorted_[1:] > (1 - 1e-9) * sorted_[:-1]])
+    return order[jnp.argsort(again, stable=True)[:DISTINCT]]
 
 
 def _unit(vectors: Float[Array, "d o"], otherwise):
