@@ -1,10 +1,11 @@
 """The product's flows with every annotated shape checked at every call; a program of its own.
 
-`python tests/every_shape.py FOLDER [FLOW ...]`: the check has to stand before omnijax is imported,
-and slows what is traced, so that it does not stand over the whole suite.
+`python tests/every_shape.py FOLDER [FLOW ...]`, a flow being one of those below or a worked study
+of `experiments/`: the check has to stand before omnijax is imported.
 """
 
 import os
+import runpy
 import sys
 import time
 from pathlib import Path
@@ -84,31 +85,14 @@ def steady(folder):
 
 
 def sweeps(folder):
-    """Sweeps by closed forms and by steps, in a store and in memory, with gradients."""
+    """A sweep in a store, and slopes of a steady state."""
     path = rig_file(folder, "ballbot")
     vary = ["--vary", "contact.stiffness=1e5,2e5,4e5", "--metric", "rms,peak"]
     command("sweep", path, *vary, "--speed", "3,-2,1", "--duration", "0.2s",
             "--out", folder / "swept")  # fmt: skip
     command("sweep-status", folder / "swept")
     command("export", folder / "swept", folder / "swept.csv")
-    command("sweep", path, *vary, "--speed", "3,-2,1", "--gradient")
-    command("sweep", path, *vary, "--torque", "0.02,0.01,0", "--duration", "0.04s")
     command("sensitivity", path, "--speed", "3,-2,1", "--metric", "rms,peak", "--check")
-
-
-def studies(folder):
-    """Designs, tolerances and global studies, from the templates."""
-    path = rig_file(folder, "ballbot")
-    for kind, short in {
-        "design": [],
-        "tolerances": ["--draws", "80"],
-        "global-sensitivity": ["--metric", "rms"],
-    }.items():
-        study = folder / f"{kind}.toml"
-        command("init", study, "--study", kind, "--rig", path)
-        text = study.read_text().replace("64 ", "16 ")
-        study.write_text(text)
-        command(kind, study, *short, "--report", folder / f"{kind}.html", "--overwrite")
 
 
 def refusals(folder):
@@ -124,10 +108,23 @@ def refusals(folder):
     raise AssertionError("sample times of two axes were taken")
 
 
-FLOWS = {f.__name__: f for f in (runs, torques, steady, sweeps, studies, refusals)}
+FLOWS = {f.__name__: f for f in (runs, torques, steady, sweeps, refusals)}
+
+
+def worked_study(name):
+    """A study of `experiments/`, which asserts its own answers."""
+
+    def flow(folder):
+        sys.argv = [name, str(folder)]
+        file = Path(__file__).parents[1] / "experiments" / f"{name}.py"
+        runpy.run_path(str(file), run_name="__main__")
+
+    return flow
+
 
 if __name__ == "__main__":
     for name in sys.argv[2:] or FLOWS:
-        begun = time.process_time()
-        FLOWS[name](Path(sys.argv[1]))
+        begun, folder = time.process_time(), Path(sys.argv[1])
+        flow = FLOWS.get(name) or worked_study(name)
+        flow(folder)
         print(f"shapes hold: {name}, {time.process_time() - begun:.0f} CPU s", flush=True)

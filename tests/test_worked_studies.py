@@ -1,10 +1,9 @@
 """The worked studies of experiments/ run as they stand and assert their own answers."""
 
-import runpy
 from pathlib import Path
 
-import matplotlib as mpl
 import pytest
+from test_shapes import holds
 
 pytestmark = pytest.mark.long
 
@@ -20,10 +19,9 @@ STUDIES = (
 
 
 @pytest.mark.parametrize("name", STUDIES)
-def test_worked_study(name, tmp_path, monkeypatch):
-    monkeypatch.setattr("sys.argv", [name, str(tmp_path)])
-    with mpl.rc_context():
-        runpy.run_path(str(FOLDER / f"{name}.py"), run_name="__main__")
+def test_worked_study(name, tmp_path):
+    """With every annotated shape checked on the way."""
+    holds(name, tmp_path)
 
 
 def test_every_study_file_belongs_to_an_experiment():
