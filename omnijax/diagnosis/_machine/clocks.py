@@ -34,7 +34,11 @@ class LoggerClock(AbstractSensor):
     id: ClassVar[str] = "logger-clock"
 
 
-LATE_LAWS = {"dR": (LoggerClock,), "a": (LoggerClock, SensorDelay)}  # `a` has no spline
+LateLaw = type[LoggerClock] | type[SensorDelay]
+LATE_LAWS: dict[str, tuple[LateLaw, ...]] = {
+    "dR": (LoggerClock,),
+    "a": (LoggerClock, SensorDelay),  # `a` has no spline
+}
 
 
 def clock_priors(groups, stated: set[str]) -> list[Prior]:
