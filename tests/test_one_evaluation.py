@@ -210,7 +210,9 @@ CASES = [  # methods, layout, profiles (none: all gated), effects
 ACCURACY = {"steady-bulk": 1e-6, "fixed": 1e-6}  # else 1e-7
 
 
-@pytest.mark.parametrize(("methods", "layout", "profiles", "effects"), CASES)
+@pytest.mark.parametrize(
+    ("methods", "layout", "profiles", "effects"), CASES, ids=[f"{m[0]}-{at}" for m, at, *_ in CASES]
+)
 def test_figures_in_every_quantity(methods, layout, profiles, effects):
     """The methods and `simulate` are closed forms of one model: to rounding of the forms.
 
