@@ -110,6 +110,9 @@ def _file_problems(path: Path, force: bool, taken: set[Path]) -> Iterator[str]:
         yield f"{path}: cannot be written: {reason}."
 
 
+_OF_FILES = {".html", ".htm", ".pdf", ".png", ".svg", ".csv", ".json", ".nc", ".toml"}
+
+
 def _folder_problems(folder: Path, force: bool, taken: set[Path]) -> Iterator[str]:
     try:
         target = real(folder)
@@ -125,6 +128,11 @@ def _folder_problems(folder: Path, force: bool, taken: set[Path]) -> Iterator[st
             )
         elif (reason := _obstacle(target)) is not None:
             yield f"{folder}: cannot be written: {reason}."
+        elif not target.exists() and folder.suffix.lower() in _OF_FILES:
+            yield (
+                f"{folder}: a folder with a page and its figures is written here, but the name is "
+                f"a file's: take {folder.with_suffix('')}, whose page is index.html in it."
+            )
     except (OSError, ValueError) as error:
         yield f"{str(folder)!r} cannot be written: {_reason(error)}."
 

@@ -57,6 +57,7 @@ REFUSED = {
     "an older front": ("pareto study.toml --out run.nc", "--force"),
     "the paper's page": ("reproduce --out page", "--force"),
     "a file as a folder": ("reproduce --out rig.toml", "a folder is to be written"),
+    "a page as a folder": ("reproduce --out page.html", "take page, whose page is index.html"),
     "a folder as a file": ("replay run.nc --out page", "is a folder or a device"),
     "a device": ("init /dev/full --force", "is a folder or a device"),
     "below a file": ("simulate rig.toml -S --out rig.toml/run.nc", "cannot be written"),
