@@ -6,6 +6,7 @@ the basis, fitted by Gauss-Newton through the same transfer; it is kept where he
 it.  Either is a drawing, not a law.
 """
 
+import copy
 import dataclasses
 from collections.abc import Callable
 from typing import Any
@@ -17,7 +18,7 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 
 from .._machine import Linearisation, RigModel
-from .._search import Fit, Point
+from .._search import Fit, Point, refit
 from .._threads import each
 from .learned_ports import ShaftPort, SpringPort
 
@@ -153,18 +154,25 @@ class Unexplained:
     bases: dict[str, list[Linearisation]]
     rest: dict[str, np.ndarray]
     tangents: dict[str, np.ndarray]
+    before: np.ndarray  # held-out rows of the fit itself
 
     @staticmethod
     def of(model: RigModel, fit: Fit) -> "Unexplained":
-        """The baseline of a fit on train and held-out runs."""
+        """The baseline of a fit on train and held-out runs.
+
+        What is `limited` (the offsets of clocks, driven about by what is unexplained) is held at
+        what is stated, where the ports' responses are, the rest fitted beside it; it shifts with
+        the term.
+        """
         splits = ("train", "held-out")
+        point = _with_limited_held(model, fit.point)
         return Unexplained(
-            fit.point.u,
-            {s: model.bases(fit.point, s) for s in splits},
-            {s: model.residuals([fit.point], s)[0] for s in splits},
-            {"train": fit.jacobian[:, : len(model.priors)],
-             "held-out": _tangents(model, fit.point)},
-        )  # fmt: skip
+            point.u,
+            {s: model.bases(point, s) for s in splits},
+            {s: model.residuals([point], s)[0] for s in splits},
+            {s: _tangents(model, point, s) for s in splits},
+            model.residuals([fit.point], "held-out")[0],
+        )
 
 
 class _Fitting:
@@ -180,8 +188,7 @@ class _Fitting:
 
     def run(self, start: "_Fitting | None" = None) -> "_Fitting":
         """Fit; from a `start` with a network beside its basis."""
-        rest = self.around.rest["held-out"]
-        before = float(rest @ rest)
+        before = float(self.around.before @ self.around.before)
         if start is not None:
             self.term, self.shift = _with_network(start.term, start.inputs), start.shift
         for _ in range(ROUNDS):
@@ -252,12 +259,22 @@ def _with_network(term: Term, inputs: np.ndarray) -> Term:
     return dataclasses.replace(term, network=network, size=size)
 
 
-def _tangents(model: RigModel, point: Point) -> np.ndarray:
-    """d residual / du on the held-out runs."""
-    (residual,) = model.residuals([point], "held-out")
+def _with_limited_held(model: RigModel, point: Point) -> Point:
+    """The point fitted again with what is `limited` at what is stated."""
+    limited = [p.limited for p in model.priors]
+    if not np.any(point.u[limited]):
+        return point
+    held = copy.copy(model)
+    held.priors = [dataclasses.replace(p, hard=0.0) if p.limited else p for p in model.priors]
+    return refit(held, Point(np.where(limited, 0.0, point.u), point.effects)).point
+
+
+def _tangents(model: RigModel, point: Point, split: str) -> np.ndarray:
+    """d residual / du on the runs of a split."""
+    (residual,) = model.residuals([point], split)
     P = len(point.u)
     points = [Point(point.u + 1e-3 * e, point.effects) for e in np.eye(P)]
-    moved = model.residuals(points, "held-out") if P else []
+    moved = model.residuals(points, split) if P else []
     return np.stack([(r - residual) / 1e-3 for r in moved], 1) if P else residual[:, None][:, :0]
 
 
