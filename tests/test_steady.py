@@ -70,6 +70,13 @@ def test_suprema_among_a_thousand_hardly_damped_oscillations():
         assert np.max(np.abs(getattr(coarse, name) / want - 1)) > 1e-5  # 512 places miss it
 
 
+def _top(size):
+    """The maximum of a period's samples, by a parabola: they may lie beside it by half a step."""
+    k = int(np.argmax(size))
+    left, mid, right = size[k - 1], size[k], size[(k + 1) % len(size)]
+    return mid + (right - left) ** 2 / (8 * (2 * mid - left - right))
+
+
 def test_one_turning_wheel_reaches_its_supremum():
     """With one wheel in motion the motion is periodic: every figure is reached exactly."""
     rng = drawn_anew("one turning wheel")
@@ -82,7 +89,7 @@ def test_one_turning_wheel_reaches_its_supremum():
     dR = np.asarray(propagate(rig, speeds(w), ts).dR)[1:]
     size = np.linalg.norm(dR, axis=1)
     assert abs(np.sqrt(np.mean(size**2)) / float(state.rms) - 1) < 1e-6
-    assert abs(size.max() / float(state.peak) - 1) < 1e-6
+    assert abs(_top(size) / float(state.peak) - 1) < 1e-6
     assert np.allclose(np.ptp(dR, axis=0), state.peak_to_peak, rtol=2e-6)
     assert np.allclose(dR.mean(axis=0), state.mean, atol=1e-6 * size.max())
     lines = np.fft.fft(dR, axis=0)[:8] * 2 / len(dR)
