@@ -16,14 +16,7 @@ from cyclopts.exceptions import UnknownOptionError
 
 from .. import __version__
 from .._consent import law_files
-from .._errors import (
-    DataWarning,
-    InputError,
-    RunError,
-    brief,
-    in_users_program,
-    nearest,
-)
+from .._errors import DataWarning, InputError, RunError, brief, in_users_program, nearest
 from .._files import command
 from .._interrupts import NOTHING, answer, interrupted
 from ._options import read_force

@@ -20,22 +20,26 @@ class AskedStudy(NamedTuple):
     model: str
 
 
-def asked_of_rig(
-    name: str, motion: MotionOptions, drive: Path | None, vary: Any, metric: str | None, model: str
-) -> AskedStudy:
-    """What options ask about a rig."""
+def asked_of(
+    kind: str, name: str, motion: MotionOptions, drive: Path | None, varied: tuple[str, list[str]],
+    metric: str | None, model: str,
+) -> AskedStudy:  # fmt: skip
+    """What the options of `sweep` or `sensitivity` ask about a rig, or what a study file asks.
+
+    `varied` is the option that says what varies, and its values.  Raises `InputError` where options
+    were typed that stand in the study file, and for what these two commands have not.
+    """
+    option, vary = varied
+    if kind == "study":
+        typed = {option: vary, "metric": metric, "drive": drive} | vars(motion)
+        return _of_study(name, typed | {"model": model != "coupled"})
     from ..rig import load_rig
 
     rig = load_rig(name)
     return AskedStudy(rig, studied(rig, motion, drive), vary, metric, model)
 
 
-def asked_of_study(path: str, typed: dict[str, Any]) -> AskedStudy:
-    """What a study file asks of `sweep` or `sensitivity`.
-
-    Raises `InputError` where options were typed that stand in the file, and for what these two
-    commands have not.
-    """
+def _of_study(path: str, typed: dict[str, Any]) -> AskedStudy:
     wrong = [f"--{k} stands in the study file: give it there." for k, v in typed.items() if v]
     if wrong:
         raise InputError(wrong, path)

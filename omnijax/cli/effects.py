@@ -18,9 +18,9 @@ def effects(name: str | None = None, /, *, json: Json = False) -> None:
         Show only effects whose id contains this text.
     """
     from .._errors import InputError, did_you_mean
-    from ..laws import EFFECTS, GENERIC
+    from ..laws import AXIS_EFFECTS, EFFECTS
 
-    known = EFFECTS if name is None else {**EFFECTS, **GENERIC}  # those of axes where asked for
+    known = EFFECTS if name is None else AXIS_EFFECTS  # those of axes alone where asked for
     chosen = [law for key, law in known.items() if name is None or name in key]
     if not chosen:
         hint = did_you_mean(str(name), known) or " `omnijax effects` lists all."

@@ -10,7 +10,7 @@ from ._axis import refuse, sensitivity_axis
 from ._kind import file_kind
 from ._motion import MotionOptions
 from ._options import Json, Overwrite, Whole, check_netcdf
-from ._study import asked_of_rig, asked_of_study
+from ._study import asked_of
 from ._study_page import Switch, deliver, made_by_rig
 
 
@@ -74,11 +74,7 @@ def sensitivity(
         claim([out], [report], force=overwrite)
         result, made = sensitivity_axis(rig, drive, metric or "rms,peak", parameter)
     else:
-        if kind == "study":
-            typed = {"parameter": parameter, "metric": metric, "drive": drive} | vars(motion)
-            asked = asked_of_study(rig, typed | {"model": model != "coupled"})
-        else:
-            asked = asked_of_rig(rig, motion, drive, parameter, metric, model)
+        asked = asked_of(kind, rig, motion, drive, ("parameter", parameter), metric, model)
         from ..study import sensitivity as run
 
         claim([out], [report], force=overwrite)

@@ -12,7 +12,7 @@ from ._axis import refuse, sweep_axis
 from ._kind import file_kind
 from ._motion import MotionOptions, NumericsOptions
 from ._options import Json, MaybeWhole, Overwrite, Whole, check_picture, command_line, emit
-from ._study import AskedStudy, asked_of_rig, asked_of_study
+from ._study import AskedStudy, asked_of
 from ._study_page import Switch
 from ._sweep_summary import show, summarise
 
@@ -105,15 +105,7 @@ def sweep(
         kept |= {"plot": plot, "report": report, "gradient": sampling.gradient}
         refuse(kept | vars(motion), "sweep")
         return sweep_axis(rig, drive, vary, metric or "rms", sampling, place.out, overwrite, json)
-    if kind == "rig":
-        from ..rig import rig_tables
-
-        rig_tables(rig)  # wrong files are told before anything slow is imported
-    if kind == "study":
-        typed = {"vary": vary, "metric": metric, "drive": drive} | vars(motion)
-        asked = asked_of_study(rig, typed | {"model": numerics.model != "coupled"})
-    else:
-        asked = asked_of_rig(rig, motion, drive, vary, metric, numerics.model)
+    asked = asked_of(kind, rig, motion, drive, ("vary", vary), metric, numerics.model)
     claim([plot], [report], force=overwrite)
     result, seconds = _run(rig if kind == "rig" else asked.rig, asked, sampling, numerics, place)
     summary = summarise(result) | {"seconds": seconds}

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from ._hertz import effective_modulus as effective_modulus
     from ._hertz import effective_radius as effective_radius
     from ._hertz import peak_pressure as peak_pressure
+    from ._library import AXIS_EFFECTS as AXIS_EFFECTS
     from ._library import EFFECTS as EFFECTS
     from ._library import PORTS as PORTS
     from ._library import in_words as in_words

@@ -58,10 +58,12 @@ EFFECTS: dict[str, type[AbstractLaw]] = {
     )
 }
 
+AXIS_EFFECTS = {**EFFECTS, **GENERIC}  # that an axis, or a model of the user's own, may have
+
 
 def in_words(effect: str, place: str) -> str:
     """An effect as a mechanic says it, "play in the mount at w2"; its id where it has no words."""
-    law = EFFECTS.get(effect) or GENERIC.get(effect)
+    law = AXIS_EFFECTS.get(effect)
     words = law.words if law is not None and law.words else f"`{effect}`"
     if place in ("sphere", "platform", "axis"):
         return words

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from .._errors import InputError, did_you_mean
 from .._problems import sentence
 from .._reading import read_toml
-from ..laws import EFFECTS, GENERIC
+from ..laws import AXIS_EFFECTS
 from ..rig import law_quantity
 from ._axis import Axis
 from ._base import AbstractMachine
@@ -126,12 +126,12 @@ def _lacking(file, motion: str) -> list[str]:
 
 
 def _effects(blocks, motion: str) -> tuple[tuple[PlacedLaw, ...], list[str]]:
-    placed, problems, library = [], [], {**EFFECTS, **GENERIC}
+    placed, problems = [], []
     for block in blocks:
-        law = library.get(block.id)
+        law = AXIS_EFFECTS.get(block.id)
         if law is None:
             problems.append(f"`effect.id` must be one of the effects, but is {block.id!r}."
-                            f"{did_you_mean(block.id, library)}")  # fmt: skip
+                            f"{did_you_mean(block.id, AXIS_EFFECTS)}")  # fmt: skip
             continue
         needed = {k for k, p in law.parameters.items() if not p.optional}
         wrong = sorted(set(block.parameters) - set(law.parameters))

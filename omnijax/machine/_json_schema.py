@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from ..laws import EFFECTS, GENERIC
+from ..laws import AXIS_EFFECTS
 from ..rig import effect_schema
 from ._schema import KEYS, MachineEffectTable, file_model
 
@@ -21,9 +21,8 @@ def machine_schema() -> dict[str, Any]:
     paths = [f"{table}.{name}" for table, keys in KEYS.items() for name in keys]
     schema["properties"]["uncertainty"]["propertyNames"] = {"enum": paths}
     effect = schema["$defs"][MachineEffectTable.__name__]
-    library = {**EFFECTS, **GENERIC}
-    effect["properties"]["id"] = {"enum": list(library)}
-    effect["allOf"] = [effect_schema(law) for law in library.values()]
+    effect["properties"]["id"] = {"enum": list(AXIS_EFFECTS)}
+    effect["allOf"] = [effect_schema(law) for law in AXIS_EFFECTS.values()]
     wired = {"properties": {"motor": {"required": ["resistance"]}}}
     known = {"properties": {"motor": {"required": ["resistance", "torque_constant"]}}}
     schema["allOf"] = [

@@ -7,7 +7,7 @@ import numpy as np
 
 from .._text import estimate, estimated
 from ..diagnosis import Named
-from ..laws import EFFECTS, GENERIC
+from ..laws import AXIS_EFFECTS
 from ._content import Fact
 
 MOST = 5  # sentences about where the gap is
@@ -34,7 +34,7 @@ def size_facts(effects: Sequence[Named]) -> list[Fact]:
     facts = []
     for effect in effects:
         of = f"{effect.id} at {effect.place}" if effect.place != "axis" else effect.id
-        law = EFFECTS.get(effect.id) or GENERIC.get(effect.id)
+        law = AXIS_EFFECTS.get(effect.id)
         strengths = [k for k, p in law.parameters.items() if p.linear] if law else []
         keep = set(strengths) if strengths and len(effects) > 1 else set(effect.parameters)
         for key, p in effect.parameters.items():

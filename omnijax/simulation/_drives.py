@@ -130,25 +130,23 @@ def as_times(given: Any, duration: Any = None, rate: Any = None) -> Float[Array,
         raise InputError(
             "a run takes either sample times `ts` or a `duration` (s, as in 2.0 or '2 s')."
         )
-    given = duration if given is None else given
-    if isinstance(given, str):
-        given = typed_number("duration", given, "s")
-    if isinstance(given, Tracer) or np.ndim(given) > 0:
-        if duration is not None:
+    times = duration if given is None else given
+    if isinstance(times, Tracer) or (not isinstance(times, str) and np.ndim(times) > 0):
+        if given is None:
             raise InputError("`duration` must be one number of seconds; sample times are `ts`.")
         if rate is not None:
             raise InputError("`rate` goes with a duration; `ts` are sample times already.")
-        return jnp.asarray(given, float)
-    length, frequency = (
-        float(given),
-        typed_number("rate", rate, "Hz") if isinstance(rate, str) else rate,
-    )
-    for name, value in (("duration", length), ("rate", frequency)):
-        if value is not None and not 0 < value < float("inf"):
-            raise InputError(
-                f"`{name}` must be above 0 {'s' if name == 'duration' else 'Hz'}, but is {value:g}."
-            )
-    return jnp.asarray(sample_times(length, frequency))
+        return jnp.asarray(times, float)
+    frequency = None if rate is None else _positive("rate", rate, "Hz")
+    return jnp.asarray(sample_times(_positive("duration", times, "s"), frequency))
+
+
+def _positive(name: str, given: Any, unit: str) -> float:
+    """A number above 0, from text with a unit too."""
+    value = typed_number(name, given, unit) if isinstance(given, str) else float(given)
+    if not 0 < value < float("inf"):
+        raise InputError(f"`{name}` must be above 0 {unit}, but is {value:g}.")
+    return value
 
 
 def check_drive(rig: Rig, drive: AbstractDrive) -> None:

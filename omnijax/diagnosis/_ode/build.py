@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..._errors import InputError
-from ...laws import EFFECTS, GENERIC
+from ...laws import AXIS_EFFECTS
 from ...machine import AbstractMachine, Axis, Log, MachineCase, field_units
 from .._search import Prior
 from .model import OdeModel
@@ -78,7 +78,7 @@ def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, 
     if chosen == "balance" and one is None:
         raise InputError(f"{file.source}: `compare.criterion` balance needs one inertia only; "
                          "choose free-run.")  # fmt: skip
-    library = {**EFFECTS, **GENERIC, **(laws or {})}
+    library = {**AXIS_EFFECTS, **(laws or {})}
     places = _places(machine, library, chosen, file.uncertainty)
     used = {i: library[i] for i, _ in places}
 

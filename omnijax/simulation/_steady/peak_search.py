@@ -23,8 +23,7 @@ FINE = 4  # 2^FINE places an octave
 NEWTON = 6
 DIRECTIONS = 400  # to begin with
 TOGETHER = 20  # directions looked at together: bounds the memory
-CANDIDATES = 8  # directions gone on from, neighbours mostly
-DISTINCT = 8  # of the sums where they lead, looked at between the places
+CANDIDATES = 8  # directions gone on from
 ASCENTS = 8  # from the sum found in a direction to the next direction, on the places
 ROUNDS = 6  # and between the places
 SWAPPED = 3  # and again, where the second highest maximum of a signal is the higher one
@@ -197,9 +196,7 @@ def supremum(curves: Curves, places: PeakPlaces, bits: int) -> Float[Array, " o"
         return _unit(jnp.sum(jax.vmap(lambda v, i: v[i])(values, index), axis=0), best), None
 
     best = jax.lax.scan(ascend, best, None, length=ASCENTS)[0]
-    index, heights = support(best)
-    chosen = _different(heights)
-    best, index = best[chosen], index.T[chosen]
+    index = support(best)[0].T
 
     def there(index, row):
         return values_at(curves, climbed(curves, places, index, row))
@@ -227,14 +224,6 @@ def supremum(curves: Curves, places: PeakPlaces, bits: int) -> Float[Array, " o"
     swapped = jnp.where(higher, rival, index)
     row = turned(row, swapped, SWAPPED)
     return jnp.sum(there(swapped, row), axis=0)
-
-
-def _different(heights: Float[Array, " r"]) -> Int[Array, " n"]:
-    """The numbers of the highest; equal ones, which are one sum, count once while others are."""
-    order = jnp.argsort(-heights)
-    sorted_ = heights[order]
-    again = jnp.concatenate([jnp.zeros(1, bool), sorted_[1:] > (1 - 1e-9) * sorted_[:-1]])
-    return order[jnp.argsort(again, stable=True)[:DISTINCT]]
 
 
 def _unit(vectors: Float[Array, "d o"], otherwise):
