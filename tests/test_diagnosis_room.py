@@ -24,11 +24,11 @@ def case(tmp_path_factory):
     return read_case(folder)
 
 
-def longer(case, factor):
+def longer(case, factor, step=2e-3):
     """The same runs, over and over."""
     runs = [
         dataclasses.replace(
-            run, time=2e-3 * np.arange(factor * len(run.time)),
+            run, time=step * np.arange(factor * len(run.time)),
             channels={k: np.tile(x, factor) for k, x in run.channels.items()},
         )
         for run in case.runs
@@ -42,13 +42,14 @@ def test_the_memory_needed_grows_with_the_samples_and_the_refusal_says_how_to_th
     one, three = (_room.memory_of(longer(case, k), dict(EFFECTS)) for k in (1, 3))
     assert three == pytest.approx(3 * one, rel=0.2)  # longer runs have a few more lines
     monkeypatch.setattr(_room, "available", lambda: 0.9 * three)
-    with pytest.raises(InputError, match="keep one sample in 3, or 1/3 of their length") as found:
+    too_few = r"`--first \S+s` uses .*one sample in 3 is too few"
+    with pytest.raises(InputError, match=too_few) as found:
         diagnose(longer(case, 3))
     said = re.search(r"needs about (\S+) MB", str(found.value))
     assert said is not None and float(said[1]) == pytest.approx(three / 1e6, rel=0.01)
     monkeypatch.setattr(_room, "available", lambda: 1.5 * three)
-    with pytest.warns(DataWarning, match="keep one sample in 2"):
-        _room.check_room(longer(case, 3), dict(EFFECTS))
+    with pytest.warns(DataWarning, match=r"`--thin 2` keeps one sample in 2, `--first \S+s`"):
+        _room.check_room(longer(case, 3, step=2e-4), dict(EFFECTS))
     _room.check_room(case, dict(EFFECTS))
 
 

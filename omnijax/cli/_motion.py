@@ -5,7 +5,7 @@ from typing import Literal
 
 from cyclopts import Parameter
 
-from ._options import MaybeWhole, number
+from ._options import MaybeWhole, above_zero
 
 MOST_STEPS = 2**31 - 1
 
@@ -31,23 +31,12 @@ class MotionOptions:
     @property
     def seconds(self) -> float | None:
         """The duration in s."""
-        return _above_zero("duration", self.duration, "s")
+        return above_zero("duration", self.duration, "s")
 
     @property
     def hertz(self) -> float | None:
         """The rate in samples per s."""
-        return _above_zero("rate", self.rate, "Hz")
-
-
-def _above_zero(name: str, text: str | None, unit: str) -> float | None:
-    from .._errors import InputError
-
-    if text is None:
-        return None
-    value = number(name, text, unit)
-    if not 0 < value < float("inf"):
-        raise InputError(f"`{name}` must lie in (0, inf) {unit}, but is {value:g}.")
-    return value
+        return above_zero("rate", self.rate, "Hz")
 
 
 @Parameter(name="*")

@@ -103,3 +103,15 @@ def number(name: str, text: str, unit: str) -> float:
     from ..rig import typed_number
 
     return typed_number(name, text, unit)
+
+
+def above_zero(name: str, text: str | None, unit: str) -> float | None:
+    """The same of a number that must be above 0; None where nothing was typed."""
+    from .._errors import InputError
+
+    if text is None:
+        return None
+    value = number(name, text, unit)
+    if not 0 < value < float("inf"):
+        raise InputError(f"`{name}` must lie in (0, inf) {unit}, but is {value:g}.")
+    return value

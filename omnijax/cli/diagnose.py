@@ -6,7 +6,7 @@ from typing import Any
 from .._files import claim, write_text
 from .._reading import existing
 from ._heap import keep_freed_memory
-from ._options import Force, Json, command_line, emit
+from ._options import Force, Json, Whole, above_zero, command_line, emit
 
 
 def diagnose(
@@ -18,6 +18,8 @@ def diagnose(
     law: list[Path] | None = None,
     model: Path | None = None,
     window: float = 1.0,
+    thin: Whole = 1,
+    first: str | None = None,
     force: Force = False,
     json: Json = False,
 ) -> int:
@@ -43,6 +45,10 @@ def diagnose(
         file is run.
     window
         Seconds after which Omega and the rolled lengths start anew.
+    thin
+        Compare one sample in so many, of runs that are too many for memory.
+    first
+        Use the first so much of every run (15s).
     """
     import sys
     import time
@@ -65,7 +71,7 @@ def diagnose(
     for file in law or []:
         laws |= load_laws(file)
     folder = out or Path(f"diagnosis-{case.resolve().name}")
-    asked = _case(case, rig, model)
+    asked = _less(_case(case, rig, model), thin, above_zero("first", first, "s"))
     claim(folders=[folder], force=force)
     diagnosis = run(asked, laws=laws, window=window, tell=tell)
     tell(f"wrote {folder}/index.html, diagnosis.json, {_write(diagnosis, folder)}")
@@ -84,6 +90,22 @@ def _case(folder: Path, rig: Path | None, model: Path | None) -> Any:
     if rig is not None:
         raise InputError("--rig speaks of a rig, but the case is that of a machine.")
     return read_machine_case(folder, None if model is None else load_model(model))
+
+
+def _less(case: Any, thin: int, seconds: float | None) -> Any:
+    """The case with what `--thin` and `--first` leave of its runs."""
+    from .._errors import InputError
+    from ..recording import Case
+
+    if not isinstance(case, Case):
+        if thin != 1 or seconds is not None:
+            raise InputError(
+                "--thin and --first speak of a rig's runs: of a machine's log, `rows = [first, "
+                "end]` in its NAME.toml chooses a part."
+            )
+        return case
+    case = case if seconds is None else case.first(seconds)
+    return case if thin == 1 else case.thinned(thin)
 
 
 def _write(diagnosis: Any, folder: Path) -> str:

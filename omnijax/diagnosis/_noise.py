@@ -28,17 +28,18 @@ class Assumed:
 
 def assumed_noise(case: Case) -> dict[str, Assumed]:
     """By measured channel of a case, pooled over its runs."""
-    shown = noise_floor(case.runs, declared=False)
+    runs = case.noise_runs
+    shown = noise_floor(runs, declared=False)
     out = {}
     for group, source in shown.source.items():
-        names = channels(group, case.runs[0].wheels)
+        names = channels(group, runs[0].wheels)
         error = shown.error[group] * np.sqrt(len(names))
         for name in names:
-            values = [r.channels[name] for r in case.runs if name in r.channels]
+            values = [r.channels[name] for r in runs if name in r.channels]
             values = [v[np.isfinite(v)] for v in values]
             if sum(map(len, values)) < 2:
                 continue
-            said = [r.declared_noise(name) for r in case.runs]
+            said = [r.declared_noise(name) for r in runs]
             told = [s for s in said if s is not None and s > 0]
             declared = float(np.sqrt(np.mean(np.square(told)))) if told else None
             out[name] = _one(name, values, shown.sigma[name], error, source, declared)

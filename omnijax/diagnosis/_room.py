@@ -8,9 +8,11 @@ import numpy as np
 from .._errors import InputError, tell
 from .._memory import SHARE, available, in_words
 from ..recording import Case, channels
+from ..vibration import natural_frequencies
 from ._machine import LINES
 from ._search import Context, candidates
 
+PERIOD = 10  # samples that a period of the slowest mode, at which the sphere shakes, must keep
 LEAST = 100  # samples of a run; fewer tell nothing of a machine's frequencies
 TABLES = 7  # arrays with a row a candidate that a search holds at once: measured, at most
 DEFLECTION = 1e-6  # m; the number of candidates does not hang on it
@@ -24,16 +26,25 @@ def check_room(case: Case, laws: dict[str, Any]) -> None:
     need, free = memory_of(case, laws), available()
     if need <= SHARE * free:
         return
-    few = math.ceil(need / (SHARE * free))
     samples = sum(len(run.time) for run in case.runs)
     said = (
         f"{case.path}: a diagnosis of {samples} samples needs about {in_words(need)} of memory, "
-        f"and {in_words(free)} are free: filter the runs and keep one sample in {few}, or "
-        f"1/{few} of their length."
+        f"and {in_words(free)} are free: {_less(case, math.ceil(need / (SHARE * free)))}."
     )
     if need > free:
         raise InputError(said)
     tell([said])
+
+
+def _less(case: Case, few: int) -> str:
+    """How to ask for one sample in `few`: by the rate where the machine's modes allow it."""
+    longest = max(run.duration for run in case.runs) / few
+    step = max(run.step for run in case.runs)
+    short = f"`--first {longest:.3g}s` uses so much of every run"
+    slowest = float(np.min(natural_frequencies(case.rig)))
+    if few * step * slowest * PERIOD > 1:
+        return f"{short} (one sample in {few} is too few for the sphere's mode at {slowest:.3g} Hz)"
+    return f"`--thin {few}` keeps one sample in {few}, {short}"
 
 
 def memory_of(case: Case, laws: dict[str, Any]) -> float:

@@ -10,6 +10,7 @@ from .._errors import InputError
 from .._reading import existing
 from ._read import read_recording
 from ._recording import Fault, Recording
+from ._shorten import first, thinned
 from ._sidecar import read_sidecar
 from ._tables import may_be_run, read_table, stem_of
 
@@ -18,7 +19,7 @@ from ._tables import may_be_run, read_table, stem_of
 class Case:
     """One rig and its runs; `faults` are the folder's, `all_faults` those of the runs too.
 
-    Figures of its runs are SI.
+    `measured` holds the whole runs where `runs` are parts of them.  Figures are SI.
     """
 
     path: Path
@@ -26,6 +27,7 @@ class Case:
     runs: list[Recording]
     rig_path: Path
     faults: list[Fault] = dataclasses.field(default_factory=list)
+    measured: list[Recording] = dataclasses.field(default_factory=list)
 
     @property
     def train(self) -> list[Recording]:
@@ -41,6 +43,28 @@ class Case:
     def all_faults(self) -> list[Fault]:
         """Everything wrong with the folder and its runs."""
         return [*self.faults, *(fault for run in self.runs for fault in run.faults)]
+
+    @property
+    def noise_runs(self) -> list[Recording]:
+        """The runs that say most about the noise: the whole ones."""
+        return self.measured or self.runs
+
+    def thinned(self, every: int) -> "Case":
+        """The case with one sample in `every` of each run, for runs that are too many for memory.
+
+        Outputs stay as measured, inputs are averaged onto the kept times.  Raises `InputError`
+        where `every` is below 1 or leaves less than two samples.
+        """
+        runs = [thinned(run, every) for run in self.runs]
+        return dataclasses.replace(self, runs=runs, measured=self.noise_runs)
+
+    def first(self, seconds: float) -> "Case":
+        """The case with the first `seconds` of each run.
+
+        Raises `InputError` where less than two samples lie in them.
+        """
+        runs = [first(run, seconds) for run in self.runs]
+        return dataclasses.replace(self, runs=runs, measured=self.noise_runs)
 
     def __repr__(self) -> str:
         runs = "\n  ".join(map(repr, self.runs))

@@ -1,0 +1,72 @@
+"""Less of a run: one sample in so many, or its first seconds."""
+
+import dataclasses
+
+import numpy as np
+from scipy.interpolate import make_lsq_spline
+
+from .._errors import InputError
+from ._columns import INPUTS, group_of
+from ._recording import Fault, Recording
+
+
+def thinned(run: Recording, every: int) -> Recording:
+    """One sample in `every` of a run's grid.
+
+    Outputs stay as they were measured: a filter would smear what a model predicts at one moment.
+    Inputs become the broken line through the kept times that is nearest to the measured one (least
+    squares), so that no impulse is lost.
+
+    Raises `InputError` where `every` is below 1 or leaves less than two samples.
+    """
+    if every == 1:
+        return run
+    since = run.time - run.time[0]
+    place = np.rint(since / run.step).astype(int)
+    kept = np.flatnonzero(place % max(every, 1) == 0)
+    if every < 1 or len(kept) < 2:
+        raise InputError(
+            f"{run.path.name}: one sample in {every} cannot be kept: 1 to {int(place[-1])} is "
+            "allowed."
+        )
+    grid = run.step * np.arange(place[kept[-1]] + 1)
+    knots = grid[::every]
+    knots = np.concatenate([knots[:1], knots, knots[-1:]])
+
+    def column(name: str, values: np.ndarray) -> np.ndarray:
+        if group_of(name) not in INPUTS:
+            return values[kept]
+        line = make_lsq_spline(grid, np.interp(grid, since, values), knots, k=1)
+        return line(grid[place[kept]])
+
+    what = f"{len(run)} samples at {1 / run.step:g} Hz"
+    use = f"one in {every} is compared; the inputs between are averaged"
+    return dataclasses.replace(
+        _part(run, kept, Fault(run.path.name, "", (), "thinned", what, use)),
+        channels={name: column(name, values) for name, values in run.channels.items()},
+    )
+
+
+def first(run: Recording, seconds: float) -> Recording:
+    """The first `seconds` of a run.
+
+    Raises `InputError` where less than two samples lie in them.
+    """
+    kept = np.flatnonzero(run.time - run.time[0] <= seconds * (1 + 1e-9))
+    if len(kept) == len(run):
+        return run
+    if len(kept) < 2:
+        raise InputError(
+            f"{run.path.name}: the first {seconds:g} s hold no two samples: more than "
+            f"{run.step:g} s are needed."
+        )
+    what, use = f"{run.duration:g} s long", f"its first {seconds:g} s are used"
+    return _part(run, kept, Fault(run.path.name, "", (), "first part", what, use))
+
+
+def _part(run: Recording, kept: np.ndarray, said: Fault) -> Recording:
+    """The samples `kept` of a run, and what is to be said of it."""
+    return dataclasses.replace(
+        run, time=run.time[kept], rows=run.rows[kept], faults=[*run.faults, said],
+        channels={name: values[kept] for name, values in run.channels.items()},
+    )  # fmt: skip
