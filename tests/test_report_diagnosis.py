@@ -139,7 +139,7 @@ def test_numbers_of_the_page_are_for_engineers(tmp_path):
     facts = {f.label: (f.value, f.unit) for f in page.facts}
     assert facts["amplitude, wheel-runout at w2"] == ("40.70 ± 0.03", "µm")
     assert facts["phase, wheel-runout at w2"] == ("40.11 ± 0.05°", "")
-    assert facts["gap of dR closed"] == (100.0, "%")
+    assert facts["gap of the sphere's displacement closed"] == (100.0, "%")
     titles = [s.title for s in page.sections]
     assert "Parameters" not in titles and "Where" not in titles and "Notes" not in titles
     assert all(s.text or s.figures or s.tables for s in page.sections)

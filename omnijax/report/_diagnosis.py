@@ -10,7 +10,7 @@ from ._content import Column, Fact, Provenance, Section, Table, provenance
 from ._diagnosis_figures import learned_figure, next_figure, order_figure, score_figure
 from ._diagnosis_numbers import closed, excluded, free_runs, gap_section, notes, parameters
 from ._diagnosis_sizes import sizes_section
-from ._diagnosis_words import effect_sizes, size_facts, where_sentences
+from ._diagnosis_words import GROUPS, channel_words, effect_sizes, size_facts, where_sentences
 from ._page import Page
 
 ANSWERS = {
@@ -49,11 +49,14 @@ def diagnosis_page(diagnosis: Any, command: str = "omnijax diagnose") -> Page:
     facts = [Fact("verdict", diagnosis.verdict)]
     rivals = diagnosis.verdict == "ambiguous"  # the sizes of some that are not there say little
     facts += [Fact("rivals", len(diagnosis.effects))] if rivals else size_facts(diagnosis.effects)
-    facts += [Fact(f"gap of {g} closed", closed(x), "%") for g, x in _worst(diagnosis)]
+    facts += [
+        Fact(f"gap of {GROUPS.get(g, g)} closed", closed(x), "%") for g, x in _worst(diagnosis)
+    ]
     question = "Where do simulation and data disagree, and why?"
     return Page(
-        "Diagnosis", question, _answer(diagnosis), [*sections, *notes(diagnosis)], made, facts
-    )
+        "Diagnosis", question, _answer(diagnosis), [*sections, *notes(diagnosis)], made, facts,
+        {group: GROUPS[group] for group in diagnosis.gap if group in GROUPS},
+    )  # fmt: skip
 
 
 def _answer(diagnosis) -> str:
@@ -71,7 +74,7 @@ def _answer(diagnosis) -> str:
     for group, gap in _worst(diagnosis):
         factor, unit = scaled(gap.before, gap.unit)
         answer += (
-            f" What the model misses of {group} on the held-out runs falls from "
+            f" What the model misses of {channel_words(group)} on the held-out runs falls from "
             f"{gap.before * factor:.3g} to {gap.after * factor:.3g} {unit} RMS; the noise is "
             f"{gap.noise_floor * factor:.3g} {unit}."
         )

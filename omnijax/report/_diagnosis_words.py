@@ -13,11 +13,12 @@ from ._content import Fact
 MOST = 5  # sentences about where the gap is
 PLAIN = 2.0  # times the noise: a gap that anyone sees
 MINOR = 0.01  # of the largest discovery's power: below this a place is left to the table
-CHANNELS = {
-    "dR": "the sphere's displacement in {}", "a": "the platform's acceleration in {}",
-    "Omega": "the sphere's turning about {}", "theta": "the angle of {}",
+GROUPS = {
+    "dR": "the sphere's displacement", "a": "the platform's acceleration",
+    "Omega": "the sphere's turning", "theta": "the wheels' angles",
     "position": "the position", "acceleration": "the acceleration",
 }  # fmt: skip
+_CHANNELS = {"dR": "{} in {}", "a": "{} in {}", "Omega": "{} about {}", "theta": "the angle of {1}"}
 
 
 def effect_sizes(effect: Named) -> str:
@@ -61,11 +62,12 @@ def _each(parameter: Mapping[str, Any]) -> list[tuple[float, float]]:
 
 
 def channel_words(channel: str, wheels: tuple[str, ...] = ()) -> str:
-    """A channel in words: "the sphere's displacement in x (`dR_x`)"."""
+    """A channel or a group in words: "the sphere's displacement in x (`dR_x`)"."""
     group, _, which = channel.partition("_")
     if group == "theta" and which.isdigit() and int(which) <= len(wheels):
         which = f"wheel {wheels[int(which) - 1]}"
-    words = CHANNELS.get(group, "").format(which)
+    words = GROUPS.get(group, "")
+    words = _CHANNELS.get(group, "{}").format(words, which) if which else words
     return f"{words} (`{channel}`)" if words else f"`{channel}`"
 
 

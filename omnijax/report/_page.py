@@ -5,7 +5,7 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from urllib.parse import quote
 
@@ -23,7 +23,10 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 @dataclass(frozen=True)
 class Page:
-    """A page: a question, its answer first, then sections; `write` makes the files."""
+    """A page: a question, its answer first, then sections; `write` makes the files.
+
+    `terms` says what names of the answer mean.
+    """
 
     title: str
     question: str
@@ -31,6 +34,7 @@ class Page:
     sections: Sequence[Section]
     provenance: Provenance
     facts: Sequence[Fact] = ()
+    terms: Mapping[str, str] = field(default_factory=dict)
 
     def write(self, folder: str | Path, name: str = "index.html") -> Path:
         """Page, PNGs and CSVs in `folder`; the page also holds the others, so it travels alone."""

@@ -10,6 +10,7 @@ from ._axis import SpeedAxis
 from ._content import Column, Fact, Figure, Provenance, Section, Table
 from ._page import Page
 from ._style import figure, style
+from ._terms import meanings
 
 ROWS = 10  # designs of a table
 POINTS = 4000  # of a picture of samples, and rows of its CSV
@@ -29,6 +30,7 @@ def sweep_page(result: SweepResult) -> Page:
         ],
         sections=[*_pictures(result), _best(result), *_failures(result), _how(result)],
         provenance=_provenance(result),
+        terms=meanings(*result.spec.metrics),
     )
 
 

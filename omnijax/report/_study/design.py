@@ -7,6 +7,7 @@ from ...study import Design
 from .._content import Column, Fact, Figure, Provenance, Section, Table
 from .._page import Page
 from .._style import style
+from .._terms import meanings
 from .page import as_sentence, readable
 
 
@@ -16,10 +17,11 @@ def design_page(design: Design, made: Provenance) -> Page:
     what = Section(
         "What it brings", "\n\n".join(map(as_sentence, rest)), _gain(design), _limits(design)
     )
+    facts = _facts(design)
     return Page(
         "Design", "What to build, and what does it bring?", design.headline(),
         [Section("What to build", tables=[_parts(design)]), what, _search(design)], made,
-        _facts(design),
+        facts, meanings(*(fact.label for fact in facts)),
     )  # fmt: skip
 
 

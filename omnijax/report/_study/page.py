@@ -10,6 +10,7 @@ from ...vibration import METRICS
 from .._content import Fact, Figure, Provenance, Section, Table
 from .._page import Page
 from .._style import style
+from .._terms import meanings
 
 Drawing = tuple[str, str, Callable[[], Any], dict[str, Any]]  # name, caption, draw, data
 
@@ -43,7 +44,8 @@ def answer_page(
     told = [as_sentence(line) for line in lines]
     sections = [Section("Result", "\n\n".join(told[1:]), drawn)]
     sections += [Section("Numbers", tables=tables)] if tables else []
-    return Page(title, question, told[0], sections, made, facts)
+    terms = meanings(question, told[0], *(fact.label for fact in facts))
+    return Page(title, question, told[0], sections, made, facts, terms)
 
 
 def as_sentence(line: str) -> str:
