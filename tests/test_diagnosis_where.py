@@ -6,14 +6,18 @@ from scipy.signal import lfilter
 from scipy.stats import kstest
 from seeds import drawn_anew
 
+from omnijax.diagnosis._machine.locate import changing
 from omnijax.diagnosis._search.where import (
     Asked,
     above_neighbours,
+    bins,
+    discovered,
     discoveries,
     p_value,
     questions,
     shares,
     shuffle,
+    state,
 )
 
 N, STEP = 3000, 2e-3
@@ -110,3 +114,24 @@ def test_a_band_over_its_neighbours_is_an_f_law_in_noise_of_any_smooth_colour():
         assert kstest(np.ravel(p), "uniform").pvalue > 1e-4
         powers[60] = 40 * powers[55:66].mean(axis=0)  # a line
         assert all(above_neighbours(middle, x, lines)[60] < 1e-12 for x in powers.T)
+
+
+def test_a_number_that_fades_over_a_run_is_found_and_one_that_is_off_is_not():
+    rng = drawn_anew("fading")
+    stiff, soft = np.cos(9 * sweep()), np.cos(7 * sweep(2.0))
+    asked = changing({"contact.stiffness": np.c_[stiff, soft], "effect": np.ones((N, 1))})
+    noise = rng.normal(size=N)
+    assert discoveries(shares(noise + 0.2 * stiff, (), own=asked)) == []
+    fading = shares(noise + 0.5 * (2 * TIME / TIME[-1] - 1) * soft, (), own=asked)
+    best = discoveries(fading)[0]
+    assert (best["domain"], best["reference"]) == ("change", "contact.stiffness")
+
+
+def test_what_hangs_on_a_reading_is_asked_of_its_channel_alone():
+    rng = drawn_anew("reading")
+    read = np.cos(9 * sweep())
+    columns = {"dR_x": rng.normal(size=N) - 0.6 * read**3, "dR_y": rng.normal(size=N)}
+    own = {c: [state(f"reading {c}", bins(read))] for c in columns}
+    _, answers = discovered(TIME, columns, {}, {}, own=own)
+    asked = {a["channel"]: a["stands"] for a in answers if a["domain"] == "reading"}
+    assert asked == {"dR_x": True, "dR_y": False}

@@ -116,14 +116,24 @@ def outputs(lanes: list[Lane], steps: float = plant.STEPS) -> list[np.ndarray]:
         given.append((case.start[k], torque[k], case.force[k], rig, e))
     stacked = jax.tree.map(lambda *x: np.stack(x), *given)
     made = np.array(plant.side_by_side(*stacked, rate=FINE, steps=steps))
-    return [sensed(case, out, sizes) for out, (case, _, sizes) in zip(made, lanes, strict=True)]
+    tops: dict[tuple, np.ndarray] = {}  # by case and sizes: a sensor's range is one in all runs
+    for out, (case, _, sizes) in zip(made, lanes, strict=True):
+        key, peak = (id(case), *sizes), np.abs(out).max(axis=0)
+        tops[key] = np.maximum(tops.get(key, peak), peak)
+    return [sensed(case, out, sizes, tops[id(case), *sizes])
+            for out, (case, _, sizes) in zip(made, lanes, strict=True)]  # fmt: skip
 
 
-def sensed(case: Drawn, out: np.ndarray, sizes: list[float]) -> np.ndarray:
-    """The readings: hidden effects of sensors, then a logger's clock."""
+def sensed(case: Drawn, out: np.ndarray, sizes: list[float], tops: np.ndarray) -> np.ndarray:
+    """The readings: hidden effects of sensors, then a logger's clock.
+
+    `tops` (columns,) are the largest outputs of all runs.
+    """
     for h, x in zip(case.hidden, sizes, strict=True):
         if h.sensor is not None:
             out = h.sensor(out, x)
+        if h.limit is not None:
+            out = h.limit(out, x, tops)
     if case.noise["fault"] == "clock":
         columns = columns_of(case.noise["at"], case.machine.wheels)
         out = shifted(out, columns, case.noise["size"])
@@ -159,7 +169,7 @@ def _detrended(part: np.ndarray, window: int) -> np.ndarray:
 
 def silent(case: Drawn) -> Drawn:
     """The case with the machine of its effects, without the effects themselves."""
-    bare = [dataclasses.replace(h, physics=lambda x: [], command=None, sensor=None)
+    bare = [dataclasses.replace(h, physics=lambda x: [], command=None, sensor=None, limit=None)
             for h in case.hidden]  # fmt: skip
     return dataclasses.replace(case, hidden=bare)
 

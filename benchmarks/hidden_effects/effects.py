@@ -41,12 +41,13 @@ class Hidden:
     machine: Callable[[float], dict[str, float]] | None = None  # factors of stated numbers
     command: Callable[[np.ndarray, float], np.ndarray] | None = None
     sensor: Callable[[np.ndarray, float], np.ndarray] | None = None
+    limit: Callable[[np.ndarray, float, np.ndarray], np.ndarray] | None = None  # and tops of runs
     start: tuple[int, int] | None = None  # wheel and gap over which the runs begin
 
     @property
     def seen(self) -> tuple[str, ...]:
         """Output groups in which it shows first: a motion that differs shifts every roller."""
-        if self.sensor is not None:
+        if self.sensor is not None or self.limit is not None:
             return ("dR", "a", "theta", "Omega")
         return ("Omega", "theta") if self.id in ROTATION else ("dR", "a")
 
@@ -285,15 +286,15 @@ def _crosstalk(rng, m):
 
 
 def _clipped(rng, m):
-    """A channel at its limit: size x cuts what is above the share 1 - x of a usual peak."""
+    """A channel at its limit: size x cuts what is above the share 1 - x of its peak in all runs."""
     j, name = _channel(rng, m, ("dR",))
 
-    def clipped(out, x):
-        out, limit = out.copy(), (1 - x) * np.abs(out[:, j]).max()
+    def clipped(out, x, tops):
+        out, limit = out.copy(), (1 - x) * tops[j]
         out[:, j] = np.clip(out[:, j], -limit, limit)
         return out
 
-    return Hidden("sensor-saturation", name, lambda x: {}, 0.3, 0.8, 0.02, sensor=clipped)
+    return Hidden("sensor-saturation", name, lambda x: {}, 0.3, 0.8, 0.02, limit=clipped)
 
 
 def _rectified(rng, m):
@@ -381,12 +382,12 @@ def _fading(rng, m):
 def _soft(rng, m):
     j, name = _channel(rng, m, ("dR",))
 
-    def soft(out, x):
-        out, limit = out.copy(), np.abs(out[:, j]).max() / x
+    def soft(out, x, tops):
+        out, limit = out.copy(), tops[j] / x
         out[:, j] = limit * np.tanh(out[:, j] / limit)
         return out
 
-    return Hidden("soft-saturation", name, lambda x: {}, 0.7, 5.0, sensor=soft)
+    return Hidden("soft-saturation", name, lambda x: {}, 0.7, 5.0, limit=soft)
 
 
 OUTSIDE = {

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...rig import rig_text
-from .._machine import CLOCK, RigModel
-from .._search import locate
+from .._machine import CLOCK, RigModel, locate
 from .evidence import AbstractEvidence
 from .gap import UNITS
 

@@ -9,6 +9,7 @@ from .linearisation import THIN as THIN
 from .linearisation import Linearisation as Linearisation
 from .linearisation import transfer as transfer
 from .linearisation import turned_by as turned_by
+from .locate import locate as locate
 from .machine import Machine as Machine
 from .modes import forced as forced
 from .modes import observe as observe

@@ -7,6 +7,7 @@ from .candidates import candidates as candidates
 from .candidates import number as number
 from .fit import Fit as Fit
 from .fit import refit as refit
+from .fit import steps_of as steps_of
 from .fit import tangent_rows as tangent_rows
 from .function_model import SmallModel as SmallModel
 from .levels import Level as Level
@@ -19,7 +20,9 @@ from .model import Free as Free
 from .model import Point as Point
 from .model import Prior as Prior
 from .model import free_numbers as free_numbers
+from .model import moved as moved
 from .model import to_project as to_project
+from .model import value_of as value_of
 from .scan import Signatures as Signatures
 from .search import Explored as Explored
 from .search import Search as Search
@@ -29,5 +32,7 @@ from .settings import SETTINGS as SETTINGS
 from .settings import SearchSettings as SearchSettings
 from .starts import at_finite_strength as at_finite_strength
 from .starts import by_tangent as by_tangent
+from .where import WhereQuestion as WhereQuestion
+from .where import bins as bins
 from .where import discovered as discovered
-from .where import locate as locate
+from .where import state as state

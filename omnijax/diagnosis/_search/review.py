@@ -99,6 +99,8 @@ class Review:
             tangents = fit.jacobian[:, : len(fit.point.u)]
             new = refit(self.model, point, baseline=tangents, rounds=4,
                         give_up=self.settings.far * fit.cost, patience=1)  # fmt: skip
+            if new.cost - fit.cost < self.settings.near:  # too near to hang on another's tangents
+                new = refit(self.model, new.point)
             new = self.refits.widened(new, fit.cost)
             margin = new.cost - fit.cost
             self.tell(f"rival {c.name} of {effects[i].name}: margin {margin:.1f}")

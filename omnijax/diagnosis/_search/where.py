@@ -13,7 +13,7 @@ any colour is smooth over frequencies, a line is not.
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -66,12 +66,17 @@ def questions(
             WhereQuestion("order", float(k), name, q) for k, q in zip(orders, pairs, strict=True)
         ]
     for name, values in states.items():
-        domain, _, reference = name.partition(" ")
-        out.append(WhereQuestion(domain, float("nan"), reference, _bins(values)))
+        out.append(state(name, bins(values)))
     return out
 
 
-def _bins(values: np.ndarray, count: int = 12) -> np.ndarray:
+def state(name: str, columns: np.ndarray) -> WhereQuestion:
+    """The question of a state, "speed w1" say, by orthonormal columns."""
+    domain, _, reference = name.partition(" ")
+    return WhereQuestion(domain, float("nan"), reference, columns)
+
+
+def bins(values: np.ndarray, count: int = 12) -> np.ndarray:
     """Membership of `count` equally filled bins, orthonormal."""
     edges = np.unique(np.quantile(values, np.linspace(0, 1, count + 1)[1:-1]))
     member = np.eye(len(edges) + 1)[np.searchsorted(edges, values)]
@@ -108,31 +113,42 @@ class Asked:
 
 
 def shares(
-    residual: np.ndarray, asked: Sequence[WhereQuestion] | Asked, seed: int = 0
+    residual: np.ndarray,
+    asked: Sequence[WhereQuestion] | Asked,
+    seed: int = 0,
+    own: Sequence[WhereQuestion] = (),
 ) -> list[dict[str, Any]]:
-    """Share of the residual's power and its p-value for every question (1-D residual)."""
+    """Share of the residual's power and its p-value for every question (1-D residual).
+
+    `own` questions are asked of this residual alone.
+    """
     power = float(residual @ residual)
     if power == 0:
         return []
-    asked = asked if isinstance(asked, Asked) else Asked(asked)
+    asked, further = asked if isinstance(asked, Asked) else Asked(asked), Asked(own)
+    plain = [*asked.plain, *further.plain]
+
+    def answers(x: np.ndarray) -> np.ndarray:
+        return np.concatenate([asked.powers(x), further.powers(x)])
+
     shuffled = shuffle(residual, seed)
     level = levelled(residual)
     nulls = [(residual, shuffled), (level, surrogates(level, seed))]
     chances = []
-    for own, null in nulls:
-        total = max(float(own @ own), 1e-300)
-        table = asked.powers(np.concatenate([own[:, None], null], axis=1)) / total
+    for first, null in nulls:
+        total = max(float(first @ first), 1e-300)
+        table = answers(np.concatenate([first[:, None], null], axis=1)) / total
         chances.append(p_value(table[:, 0], table[:, 1:]))
-    share = asked.powers(residual[:, None])[:, 0] / power
-    out = [_answer(q, x, max(p)) for q, x, *p in zip(asked.plain, share, *chances, strict=True)]
+    share = answers(residual[:, None])[:, 0] / power
+    out = [_answer(q, x, max(p)) for q, x, *p in zip(plain, share, *chances, strict=True)]
     bands = asked.lines(np.concatenate([residual[:, None], shuffled], axis=1)) / power
     middle = np.array([q.value for q in asked.bands])
     size = np.array([q.size / 2 for q in asked.bands])
     beside = above_neighbours(middle, bands[:, 0], size)
     shuffled_p = p_value(bands[:, 0], bands[:, 1:])
     out += [
-        _answer(q, own, p)
-        for q, own, p in zip(asked.bands, bands[:, 0], np.maximum(shuffled_p, beside), strict=True)
+        _answer(q, x, p)
+        for q, x, p in zip(asked.bands, bands[:, 0], np.maximum(shuffled_p, beside), strict=True)
     ]
     return out
 
@@ -242,27 +258,17 @@ def _standing(shares: list[dict[str, Any]], rate: float) -> list[dict[str, Any]]
     return sorted(kept, key=lambda f: f["p"])
 
 
-def locate(model, point, top: int = 12) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """`discovered` of the residual of a rig's model at `point` on a held-out run."""
-    i = model.splits["held-out"][0]
-    machine, rig = model.machine, model.rig_at(point)
-    (vector,) = machine.residuals([rig], [i])
-    tables = np.concatenate(machine.rows[i].split(vector), axis=1)
-    labels = [f"dR_{c}" for c in "xyz"] + [f"a_{c}" for c in "xyz"]
-    labels += [f"Omega_{c}" for c in "xyz"] + [f"theta_{k + 1}" for k in range(rig.size)]
-    columns = dict(zip(labels, tables.T, strict=True))
-    return discovered(machine.runs[i].time, columns, *_signals(machine, rig, i), top=top)
-
-
 def discovered(
     time: np.ndarray,
     columns: dict[str, np.ndarray],
     angles: dict[str, np.ndarray],
     states: dict[str, np.ndarray],
     top: int = 12,
+    own: Mapping[str, Sequence[WhereQuestion]] | None = None,
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """(the strongest discoveries, all answers) of residuals by channel, in sigma.
 
+    `own` holds by channel the questions that are asked of it alone.
     Every answer says whether it `stands`; where none does, the likeliest three are returned so
     marked.
     """
@@ -271,7 +277,8 @@ def discovered(
         if not column.any():
             continue
         rms = float(np.sqrt(np.mean(column**2)))
-        for answer in shares(column, asked, seed=len(everything)):
+        further = () if own is None else own.get(label, ())
+        for answer in shares(column, asked, len(everything), further):
             mirror = 1 / step - answer["value"] if answer["domain"] == "frequency" else None
             everything.append(
                 {"channel": label, "rms_over_noise": rms, **answer, "mirror": mirror,
@@ -282,23 +289,3 @@ def discovered(
         answer["stands"] = True
     stand.sort(key=lambda f: -f["share"] * max(0.0, f["rms_over_noise"] ** 2 - 1))
     return (stand or sorted(everything, key=lambda f: f["p"])[:3])[:top], everything
-
-
-def _signals(machine, rig, i: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-    """Angles of the wheels and of the sphere, and the states, at the samples of run `i`."""
-    run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
-    m = rotated.motion
-    fine = (len(m.theta) - 1) // (run.samples - 1)
-    theta, speed, turning = m.theta[::fine], m.speed[::fine], m.turning[::fine]
-    angles = {n: theta[:, k] for k, n in enumerate(rig.names)}
-    size = np.linalg.norm(turning, axis=1)
-    angles["sphere"] = np.concatenate([[0.0], np.cumsum((size[1:] + size[:-1]) / 2) * run.step])
-    felt = machine.signals(rig, i, machine.ports(rig, run, m, rotated.drive))
-    states: dict[str, np.ndarray] = {"time s": run.time}
-    for k, n in enumerate(rig.names):
-        states[f"phase {n}"] = np.mod(theta[:, k], 2 * np.pi)
-        states[f"speed {n}"] = np.abs(speed[:, k])
-        states[f"direction {n}"] = np.sign(np.round(speed[:, k], 3))
-        states[f"load {n}"] = rotated.drive[::fine, k]
-        states[f"deflection {n}"] = felt[::fine, k]
-    return angles, states

@@ -1,0 +1,114 @@
+"""Where a rig's prediction and a run disagree: what its residual is asked.
+
+Beside lines, orders and the states of wheels and sphere: the reading of the channel itself, on
+which hangs what its sensor does to it, and a change over the run of what the model takes as
+constant, calibrated numbers and the strengths of effects alike.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from .._search import Point, WhereQuestion, bins, discovered, moved, state, steps_of, value_of
+from .clocks import CLOCK
+
+DRIFTS = "sensor-drift"  # a law of the time itself: noise that wanders changes its numbers
+STEP = 1e-3  # prior sigmas of a difference
+ALIKE = 1e-3  # share of a change that is left beside constant numbers, below which it is theirs
+
+
+def locate(model, point: Point, top: int = 12) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+    """`discovered` of the residual of a rig's model at `point` on a held-out run."""
+    i = model.splits["held-out"][0]
+    machine, rig = model.machine, model.rig_at(point)
+    vector, tangents = _tangents(model, point, i)
+    labels = [f"dR_{c}" for c in "xyz"] + [f"a_{c}" for c in "xyz"]
+    labels += [f"Omega_{c}" for c in "xyz"] + [f"theta_{k + 1}" for k in range(rig.size)]
+    columns = dict(zip(labels, _table(machine, i, vector).T, strict=True))
+    changes = {k: [_table(machine, i, x) for x in own] for k, own in tangents.items()}
+    own = {label: changing({k: np.stack([x[:, c] for x in tables], axis=1)
+                            for k, tables in changes.items()})
+           for c, label in enumerate(labels)}  # fmt: skip
+    ((read,),) = machine.elastic([rig], [i])  # before the sensors, whose laws hang on it
+    for c, label in enumerate(labels[:6]):
+        own[label] += [state(f"reading {label}", bins(read[:, c]))] if np.ptp(read[:, c]) else []
+    return discovered(machine.runs[i].time, columns, *_signals(machine, rig, i), top, own)
+
+
+def _table(machine, i: int, vector: np.ndarray) -> np.ndarray:
+    """A vector of run `i` as (samples, channels)."""
+    return np.concatenate(machine.rows[i].split(vector), axis=1)
+
+
+def _tangents(model, point: Point, i: int) -> tuple[np.ndarray, dict[str, list[np.ndarray]]]:
+    """The residual of run `i`, and by what is taken as constant its changes with those numbers.
+
+    One quantity of all wheels is one entry, and so is every effect.
+    """
+    free = [f for f in model.free(point) if point.effects[f.effect].id != DRIFTS]
+    values = np.array([value_of(point, f) for f in free])
+    names, points, steps = [], [point], []
+    for k, prior in enumerate(model.priors):
+        head, *middle, last = prior.name.split(".")
+        if head == CLOCK:
+            continue
+        names.append(".".join([*middle[1:], last] if head == "wheel" else [head, *middle, last]))
+        steps.append(STEP if point.u[k] < 0 else -STEP)
+        points.append(moved(point, point.u + steps[-1] * np.eye(len(point.u))[k], (), ()))
+    for k, (f, step) in enumerate(zip(free, steps_of(point, free), strict=True)):
+        names.append(point.effects[f.effect].name)
+        steps.append(-step if values[k] + step > f.high else step)
+        points.append(moved(point, point.u, free, values + steps[-1] * np.eye(len(free))[k]))
+    here, *there = model.machine.residuals([model.rig_at(p) for p in points], [i])
+    out: dict[str, list[np.ndarray]] = {}
+    for name, residual, step in zip(names, there, steps, strict=True):
+        if np.all(np.isfinite(residual)):
+            out.setdefault(name, []).append((residual - here) / step)
+    return here, out
+
+
+def changing(tangents: dict[str, np.ndarray]) -> list[WhereQuestion]:
+    """Whether numbers grow or fade over the run: their tangents (samples, k) times the time.
+
+    Without what constant numbers explain of it.
+    """
+    if not tangents:
+        return []
+    kept = _orthonormal(np.concatenate([*tangents.values()], axis=1), 1e-9)
+    out = []
+    for name, columns in tangents.items():
+        ramp = np.linspace(-1, 1, len(columns))[:, None] * columns
+        size = np.linalg.norm(ramp, axis=0)
+        ramp = ramp[:, size > 0] / size[size > 0]
+        left = _orthonormal(ramp - kept @ (kept.T @ ramp), ALIKE)
+        if left.shape[1]:
+            out.append(state(f"change {name}", left))
+    return out
+
+
+def _orthonormal(columns: np.ndarray, least: float) -> np.ndarray:
+    """A basis of columns of length 1 or less, without directions shorter than `least`."""
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns / np.maximum(size, 1.0)
+    u, s, _ = np.linalg.svd(columns, full_matrices=False)
+    return u[:, s > least]
+
+
+def _signals(machine, rig, i: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Angles of the wheels and of the sphere, and the states, at the samples of run `i`."""
+    run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
+    m = rotated.motion
+    fine = (len(m.theta) - 1) // (run.samples - 1)
+    theta, speed, turning = m.theta[::fine], m.speed[::fine], m.turning[::fine]
+    angles = {n: theta[:, k] for k, n in enumerate(rig.names)}
+    size = np.linalg.norm(turning, axis=1)
+    angles["sphere"] = np.concatenate([[0.0], np.cumsum((size[1:] + size[:-1]) / 2) * run.step])
+    felt = machine.signals(rig, i, machine.ports(rig, run, m, rotated.drive))
+    states: dict[str, np.ndarray] = {"time s": run.time}
+    for k, n in enumerate(rig.names):
+        states[f"phase {n}"] = np.mod(theta[:, k], 2 * np.pi)
+        states[f"speed {n}"] = np.abs(speed[:, k])
+        states[f"direction {n}"] = np.sign(np.round(speed[:, k], 3))
+        states[f"load {n}"] = rotated.drive[::fine, k]
+        states[f"deflection {n}"] = felt[::fine, k]
+    return angles, states
