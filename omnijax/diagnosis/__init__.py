@@ -10,8 +10,8 @@ if TYPE_CHECKING:
     from ._answer import OutputGap as OutputGap
     from ._answer import Sizes as Sizes
     from ._answer import effect_sizes_on_held_out as effect_sizes_on_held_out
+    from ._axis_case import force_error as force_error
     from ._diagnose import diagnose as diagnose
-    from ._diagnose import force_error as force_error
     from ._machine import RigModel as RigModel
     from ._machine import along as along
     from ._search import AbstractModel as AbstractModel

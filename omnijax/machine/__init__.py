@@ -16,11 +16,15 @@ if TYPE_CHECKING:
     from ._file import machine_text as machine_text
     from ._file import numbers_of as numbers_of
     from ._file import parse_machine as parse_machine
+    from ._first_numbers import LogSignals as LogSignals
     from ._guess import Guess as Guess
     from ._guess import case_files as case_files
     from ._guess import describe as describe
     from ._guess import guess as guess
     from ._guess import numbers_of_logs as numbers_of_logs
+    from ._hold import InputHold as InputHold
+    from ._hold import acting as acting
+    from ._hold import input_hold as input_hold
     from ._json_schema import machine_schema as machine_schema
     from ._log import Log as Log
     from ._log import LogFile as LogFile

@@ -13,6 +13,7 @@ from ..recording import read_table, stem_of
 from ..rig import Quantity
 from ._file import field_names
 from ._first_numbers import LogSignals, driven_numbers, servo_numbers
+from ._hold import input_hold
 from ._log import LEAST
 
 TIME = r"^(t|time|timestamp|zeit|stamp|seconds|sec|ms)\b|time"
@@ -48,12 +49,18 @@ class Guess:
     signals: LogSignals
     beside: dict[str, str] = dataclasses.field(default_factory=dict)  # further inputs: column
 
+    def held(self) -> str:
+        """How the input is read between its samples, in words."""
+        told = input_hold([self.signals], self.motion == "rotation")
+        return told.sentence if told.sure else "held or linear: the diagnosis looks"
+
     def rows(self) -> list[tuple[str, str]]:
         """The guess as pairs to be shown."""
         unit = "m" if self.motion == "translation" else "rad"
         return [
             ("time", self.time or "none: from the rate"),
             ("input", f"{self.input} ({self.drives}, {self.units.get('input', 'as it is')})"),
+            *([("input is read as", self.held())] if self.drives != "goal" else []),
             ("position", f"{self.position} ({self.units.get('position', unit)})"),
             *self.beside.items(),
             ("motion", self.motion), ("samples", f"{self.samples} at {self.rate:.6g} Hz"),

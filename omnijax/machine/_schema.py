@@ -99,11 +99,15 @@ class MachineTable(BaseModel):
 
 
 class Compare(MachineTable):
-    """How a run is compared: `balance` of accelerations, or a `free-run` simulation."""
+    """How a run is compared: `balance` of accelerations, or a `free-run` simulation.
+
+    `hold` is the input's course between its samples; `auto`: a diagnosis looks, a simulation takes
+    it for linear.
+    """
 
     criterion: Literal["auto", "balance", "free-run"] = "auto"
     cutoff: Annotated[float | None, Quantity("Hz", above=0)] = None
-    hold: Literal["linear", "held", "band-limited"] = "linear"
+    hold: Literal["auto", "linear", "held", "band-limited"] = "auto"
 
 
 class MachineEffectTable(MachineTable):

@@ -19,7 +19,8 @@ NOISY = 0.1  # share of a measured acceleration that may be noise
 ROWS = 6000  # of a run's free run that are compared; more say nothing new
 LEADS = 4  # a window is at least so many times its lead
 AWAY = 0.05  # of the time that an axis is pushed away from rest, above which free runs say nothing
-MEMORYLESS = frozenset({"actuator-lag"})  # not in a balance: it has a state that nobody measures
+KNOWN = frozenset({"bearing-viscous", "sensor-gain"})  # an axis has its own
+INVERTED = frozenset({"encoder-eccentricity"})  # sensors' laws of which a balance finds the input
 
 
 def position_noise(logs: Sequence[Log]) -> tuple[float, str]:
@@ -120,15 +121,14 @@ def runs_away(axis: Axis, runs: Sequence[OdeRun]) -> bool:
 def _places(machine, library, criterion: str, uncertain) -> list[tuple[str, str]]:
     """(id, place) of every law that may act on the machine."""
     own, out = _own_places(machine), []
-    known = {"bearing-viscous", "sensor-gain", "encoder-eccentricity"}
     for id, law in library.items():
         if any(p.shape for p in law.parameters.values()) or law.places == ("dR",):
             continue
         if law.port == "sensor":
-            if criterion != "balance" and id not in known - {"encoder-eccentricity"}:
+            seen = id in INVERTED if criterion == "balance" else id not in KNOWN
+            turns = getattr(machine, "motion", "rotation") == "rotation"
+            if seen and (turns or id not in INVERTED):
                 out.append((id, "position"))
-            continue
-        if criterion == "balance" and id in MEMORYLESS:
             continue
         out += [(id, place) for place in own.get(law.port, ())]
     stated: set[str] = set()

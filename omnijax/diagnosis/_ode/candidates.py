@@ -7,11 +7,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ...machine import PlacedLaw
+from ...machine import Axis, PlacedLaw
 from .._search import Candidate, number
 from .rows import OdeRun, smoothed
 
 SHARES = (0.02, 0.07, 0.2, 0.6)
+CLIPPED = (0.95, 0.85, 0.7, 0.5)  # shares of the largest torque that a drive may be limited to
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,20 +22,28 @@ class Scales:
     speed: float
     position: float
     step: float
+    torque: float  # the largest commanded one
+    reach: float  # the largest measured position
 
     @staticmethod
-    def of(runs: Sequence[OdeRun], cutoff: float) -> "Scales":
-        """RMS of speed and of position about its mean."""
+    def of(machine, runs: Sequence[OdeRun], cutoff: float) -> "Scales":
+        """RMS of speed and of position about its mean, largest torque and position."""
         parts = [smoothed(r.outputs["position"], r.step, cutoff) for r in runs]
         speed = np.sqrt(np.mean(np.concatenate([v**2 for _, v, _ in parts])))
         position = np.sqrt(np.mean(np.concatenate([(q - q.mean()) ** 2 for q, _, _ in parts])))
-        return Scales(float(speed), float(position), runs[0].step)
+        torque = max(
+            float(np.max(np.abs(_commanded(machine, q, v, r.inputs))))
+            for r, (q, v, _) in zip(runs, parts, strict=True)
+        )
+        reach = max(float(np.max(np.abs(r.outputs["position"]))) for r in runs)
+        return Scales(float(speed), float(position), runs[0].step, torque, reach)
 
-    def ladder(self, key: str, parameter) -> list[float]:
-        """Values to try of a shape constant."""
+    def ladder(self, port: str, key: str, parameter) -> list[float]:
+        """Values to try of a shape constant of a law at a port."""
+        limits = [x * self.torque for x in CLIPPED] if port == "actuator" else [self.reach]
         known = {
             "width": [x * self.speed for x in SHARES], "speed": [x * self.speed for x in SHARES],
-            "gap": [x * self.position for x in SHARES], "limit": [],
+            "gap": [x * self.position for x in SHARES], "limit": limits,
             "tau": [self.step * x for x in (0.5, 2, 8, 32)],
             "delay": [self.step * x for x in (0.25, 1, 4)],
         }  # fmt: skip
@@ -43,6 +52,11 @@ class Scales:
         if math.isfinite(parameter.low) and math.isfinite(parameter.high):
             return list(np.linspace(parameter.low, parameter.high, 6)[1:-1])
         return [0.1, 1.0, 10.0]
+
+
+def _commanded(machine, q, v, inputs) -> np.ndarray:
+    """Torque (t,) that the motor of an axis is to deliver; else the input as it is."""
+    return np.asarray(machine.motor(q, v, inputs) if isinstance(machine, Axis) else inputs["input"])
 
 
 def machine_candidates(model, scales: Scales, orders: Mapping[str, Sequence[float]]) -> list:
@@ -63,7 +77,7 @@ def _of_law(law, place, scales: Scales, orders) -> list[Candidate]:
             k == "width" or fields[k].default is dataclasses.MISSING)
     ]  # fmt: skip
     wave = "phase" in law.parameters
-    ladders = [scales.ladder(k, law.parameters[k]) for k in shapes]
+    ladders = [scales.ladder(law.port, k, law.parameters[k]) for k in shapes]
     ladders += [list(orders)] if "order" in law.parameters else []
     keys = [*shapes, *(["order"] if "order" in law.parameters else [])]
     out = []

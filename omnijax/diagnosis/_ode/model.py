@@ -71,7 +71,7 @@ class OdeModel(AbstractModel):
         splits["ranking"] = splits["train"][::apart]  # the first of train's rows
         splits["train"] = [i for k in range(apart) for i in splits["train"][k::apart]]
         self.splits, self.ranking = splits, "ranking"
-        self.scales = Scales.of([runs[i] for i in splits["train"]], runs[0].cutoff)
+        self.scales = Scales.of(machine, [runs[i] for i in splits["train"]], runs[0].cutoff)
         self.scale = np.array([max(noise, 1e-300) * r.gain() for r in self.rows])
         self.inflation, self.floor = 1.0, 1.0
         self.explained: Fit | None = None  # the refit by which the floor was set
@@ -343,6 +343,8 @@ class OdeModel(AbstractModel):
                 low, high = 0.97 * float(value), 1.03 * float(value)
             if f.key in ("width", "speed"):  # as narrow as shows, as wide as the speeds
                 low, high = 0.005 * self.scales.speed, 2.0 * self.scales.speed
+            if f.key == "limit":
+                low, high = float(value) / 2, float(value) * 2
             if f.key in ("tau", "delay"):
                 low, high = max(low, float(value) / 30), min(high, float(value) * 30)
             out.append(type(f)(f.effect, f.key, f.index, low, high))

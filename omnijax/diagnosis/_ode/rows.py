@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.signal import butter, filtfilt, firwin
 
-from ...machine import between, delayed_inputs, motion, places_of, sensed, vector_field
+from ...machine import acting, between, delayed_inputs, motion, places_of, sensed, vector_field
+from .known import before_sensors, memories
 from .numbers import Numbers
 
 WIDE = 10  # taps of the thinning filter to each side, in thinned samples
@@ -36,8 +37,15 @@ def smoothed(x: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, ...
     """A signal, its rate and acceleration: low-passed both ways (4th order), differences."""
     b, a = butter(4, min(0.99, 2 * cutoff * step))  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
     x = filtfilt(b, a, x)
+    v = rate_of(x, step)
+    return x, v, rate_of(v, step)
+
+
+def rate_of(x: np.ndarray, step: float) -> np.ndarray:
+    """Time derivative of a sampled signal (t,): central differences, of fourth order inside."""
     v = np.gradient(x, step)
-    return x, v, np.gradient(v, step)
+    v[2:-2] = (8 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) / (12 * step)
+    return v
 
 
 class Balance:
@@ -62,7 +70,8 @@ class Balance:
         wide = 2 * WIDE * self.thin + 1
         self.taps = np.asarray(firwin(wide, 0.8 / self.thin) if self.thin > 1 else np.ones(1))
         self.edge = len(self.taps) // 2
-        inputs = {k: jnp.asarray(x) for k, x in run.inputs.items()}
+        given = {"input": acting(np.asarray(run.inputs["input"]), run.hold)}
+        inputs = {k: jnp.asarray(x) for k, x in (dict(run.inputs) | given).items()}
         time = jnp.asarray(run.time)
         self.data = (jnp.asarray(q), jnp.asarray(v), jnp.asarray(a), inputs, time)
         self.count = len(self.thinned(np.asarray(q)))
@@ -78,12 +87,15 @@ class Balance:
         q, v, a, inputs, time = data
         machine, placed = self.numbers.build(theta, only)
         inputs = delayed_inputs(placed, time, inputs)
-        rate, join, _ = vector_field(machine, placed)
+        rate, _, _ = vector_field(machine, placed)
+        q, v, a = before_sensors(placed, time, (q, v, a))
+        memory = memories(machine, placed, time, q, v, inputs)
 
-        def error(q, v, a, u):
-            return a - rate(join(machine.start({"position": (q, v)})), u)[1]
+        def error(q, v, a, u, z):
+            state = jnp.stack([jnp.asarray(x, float) for x in machine.start({"position": (q, v)})])
+            return a - rate(jnp.concatenate([state, z]), u)[1]
 
-        raw = jax.vmap(error)(q, v, a, inputs)
+        raw = jax.vmap(error)(q, v, a, inputs, memory)
         return jnp.convolve(raw, jnp.asarray(self.taps), "valid")[:: self.thin]
 
     def gain(self) -> float:

@@ -23,6 +23,7 @@ from .model import free_numbers as free_numbers
 from .model import moved as moved
 from .model import to_project as to_project
 from .model import value_of as value_of
+from .refits import total_cost as total_cost
 from .scan import Signatures as Signatures
 from .search import Explored as Explored
 from .search import Search as Search

@@ -1,0 +1,124 @@
+"""From a calibrated model to what is said: search, noise, judgement; of any machine."""
+
+from typing import Any
+
+from ._answer import (
+    AbstractEvidence,
+    Diagnosis,
+    Shown,
+    baseline_table,
+    gaps,
+    judge,
+    named,
+    noise_remarks,
+    noise_table,
+    notes,
+    plain_where,
+    score_table,
+    separating,
+    shown_noise,
+)
+from ._search import Explored, Point, Search, SearchPath, SearchResult, upper_limits
+
+
+def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis:
+    """Search from `start`, judge, and say what was found: of any machine."""
+    search = Search(evidence.model, tell)
+    explored = search.explore(start)
+    tell("looking at what is left")
+    shown = shown_noise(evidence, explored.way.fit.point)
+    outcome, limits = None, None
+    if not shown.matters:
+        outcome, limits, shown = _reviewed(search, evidence, explored, shown)
+    earlier = None
+    other = evidence.renoised(shown.changes) if shown.matters else None
+    if other is not None:
+        explored = explored.without_table()  # room for the next one
+        names = sorted({c for run in shown.changes for c in run})
+        tell(f"the noise of {', '.join(names)} is not as assumed: searching again")
+        again = Search(other.model, tell)
+        anew = again.explore(explored.baseline.point, explored.way.fit.point)
+        if explained(other.model, anew.way):
+            tell("what looked like noise is explained in part by candidates: it is none")
+            shown = shown.refuted()
+        else:
+            evidence, search, explored, earlier, outcome = other, again, anew, shown, None
+            shown = shown_noise(evidence, explored.way.fit.point)
+    if outcome is None:
+        outcome, limits, shown = _reviewed(search, evidence, explored, shown)
+    return _said(evidence, outcome, shown, noise_table(evidence, shown, earlier), limits, tell)
+
+
+def explained(model, way: SearchPath) -> bool:
+    """Whether some candidate explains what matters of what is left and was weighed as noise."""
+    least = 0.5 * model.settings.material * model.dof("train")
+    return bool(way.trials) and any(t.gain > least for t in way.trials[-1])
+
+
+def _reviewed(search: Search, evidence: AbstractEvidence, explored: Explored, shown: Shown):
+    """(what was found, the limits, the noise shown): of a search whose noise is right."""
+    outcome = search.reviewed(explored)
+    limits = _limits(evidence.model, outcome)
+    names = {e.name for e in explored.way.fit.point.effects}
+    if {e.name for e in outcome.fit.point.effects} != names:
+        shown = shown_noise(evidence, outcome.fit.point)
+    return outcome, limits, shown
+
+
+def _said(
+    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, noise, limits, tell
+) -> Diagnosis:
+    """The answer of a search."""
+    model = evidence.model
+    (before,) = model.residuals([outcome.baseline.point], "held-out")
+    (after,) = model.residuals([outcome.fit.point], "held-out")
+    first, last = evidence.columns(before, "held-out"), evidence.columns(after, "held-out")
+    judged = judge(outcome, shown, first, last, model.settings.equal, evidence.closing)
+    tell(f"verdict: {judged.verdict} ({judged.reason})")
+    known = judged.verdict in ("named", "ambiguous")
+    point = outcome.fit.point if known else outcome.baseline.point
+    excluded = _excluded(limits, outcome, known)
+    learned = None
+    if judged.verdict == "unknown":
+        learned = evidence.learn(outcome.baseline, tell)
+        after = after if learned is None else learned.residual
+        last = evidence.columns(after, "held-out")
+    where, everything = [], []
+    if judged.verdict != "none":
+        tell("looking where the gap is")
+        where, everything = evidence.locate(outcome.baseline.point)
+    result = Diagnosis(
+        verdict=judged.verdict,
+        effects=named(evidence, outcome, judged),
+        where=plain_where(where),
+        gap=gaps(evidence, shown, first, last),
+        next_experiment=separating(evidence, outcome, judged, tell),
+        baseline=baseline_table(outcome),
+        noise=noise,
+        scores=score_table(outcome),
+        confirmed_on=evidence.confirmed_on,
+        excluded=excluded,
+        learned=None if learned is None else learned.table(),
+        notes=notes(evidence, outcome, judged, noise_remarks(noise)),
+        faults=evidence.faults,
+        rig=evidence.described(point),
+    )
+    result.details = {"model": model, "found": outcome, "judged": judged, "before": before,
+                      "after": after, "where": everything, "learned": learned,
+                      "evidence": evidence, "shown": shown}  # fmt: skip
+    return result
+
+
+def _limits(model, outcome: SearchResult) -> list[dict[str, Any]]:
+    """Upper limits of every effect and place."""
+    if outcome.signatures is None:
+        return []
+    return upper_limits(model, outcome.fit, outcome.signatures, set())
+
+
+def _excluded(
+    limits: list[dict[str, Any]], outcome: SearchResult, known: bool
+) -> list[dict[str, Any]]:
+    """The limits beside what was named."""
+    names = {e.name for e in outcome.fit.point.effects} if known else set()
+    return [x for x in limits if f"{x['id']}@{x['place']}" not in names]

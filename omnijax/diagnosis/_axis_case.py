@@ -1,0 +1,86 @@
+"""`diagnose` of an axis or of a machine of the user's."""
+
+import dataclasses
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ..machine import Log, MachineCase
+from ._answer import Diagnosis
+from ._answered import answered
+from ._ode import (
+    OdeEvidence,
+    Reading,
+    balance_error,
+    better_reading,
+    build_model,
+    first_reading,
+    missed_position,
+)
+from ._search import Point, calibrated, refit
+
+STARTED = 20  # samples that the benchmark of EMPS gives to a start
+
+
+def machine_diagnosed(case: MachineCase, laws: dict, tell: Callable[[str], None]) -> Diagnosis:
+    """The answer with the input read as it fits better: held between its samples, or linear."""
+    reading = first_reading(case)
+    result = _read(reading, laws, tell)
+    evidence, fit = result.details["evidence"], result.details["found"].fit
+    if evidence.file.compare.hold != reading.hold:
+        return result
+    other = better_reading(reading, laws, evidence.model, fit, tell)
+    return result if other is None else _read(other, laws, tell)
+
+
+def _read(reading: Reading, laws: dict, tell) -> Diagnosis:
+    """The floor first, then as any model; free runs beside it."""
+    case = reading.case
+    model, table, remarks = build_model(case, laws)
+    tell("calibrating the uncertain parameters")
+    start = Point(np.zeros(len(model.priors)))
+    model.rebase(start)
+    fit = calibrated(model, start)
+    other = better_reading(reading, laws, model, fit, tell) if model.steps_in_time else None
+    if other is not None:
+        return _read(other, laws, tell)
+    remarks += [reading.said] if reading.said else []
+    tell("looking for what no law explains")
+    model.set_floor(fit, tell)
+    start = fit.point
+    table[model.rows[0].group]["sigma"] = float(model.scale[0])
+    if model.floor > 1:
+        remarks.append(model.floor_said())
+    model.work = 0.0
+    evidence = OdeEvidence(model, case.file, table, remarks, case.faults, case.blocks)
+    result = answered(evidence, start, tell)
+    outcome, known = result.details["found"], result.verdict in ("named", "ambiguous")
+    tell("simulating every run from its first sample")
+    points = {"before": outcome.baseline.point}
+    points |= {"after": outcome.fit.point} if known else {}
+    result.free_runs = evidence.free_runs(points)
+    missed = {k: evidence.one_step(p) for k, p in points.items()}
+    result.one_step = {k: x for k, x in missed.items() if x is not None}
+    return result
+
+
+def force_error(diagnosis: Diagnosis, train: Log, test: Log) -> dict[str, float]:
+    """Of an axis: RMS of the missed force over that of the motor, %, on another split of the data.
+
+    Baseline and named effects are refitted on `train`; `test` is predicted.  `free run` is the RMS
+    in m or rad of its position, simulated from the first sample, without the first 20 samples
+    (nonlinearbenchmark.org's measure).
+    """
+    case = diagnosis.details["evidence"].file
+    logs = [dataclasses.replace(train, role="train"), dataclasses.replace(test, role="held-out")]
+    model, _, _ = build_model(MachineCase(Path(), case, logs, False, []))
+    point = diagnosis.details["found"].fit.point
+    out = {}
+    for word, start in (("baseline ", point.with_effects()), ("", point)):
+        there = refit(model, start).point
+        out[f"{word}train"] = balance_error(model, there, "train")
+        out[f"{word}cross-test"] = balance_error(model, there, "held-out")
+        missed = missed_position(model, there, model.runs[model.splits["held-out"][0]])
+        out[f"{word}free run"] = float(np.sqrt(np.mean(missed[STARTED:] ** 2)))
+    return out

@@ -1,0 +1,84 @@
+"""How a machine's input is read between its samples: held, or linear."""
+
+import dataclasses
+from collections.abc import Callable
+
+from ...machine import Axis, LogSignals, MachineCase, input_hold
+from .._search import Fit, refit, total_cost
+from .build import build_model
+from .model import OdeModel
+
+LATE = frozenset({"actuator-delay", "actuator-lag", "sensor-delay", "sensor-lag"})
+READ = ("linear", "held")
+
+
+@dataclasses.dataclass(frozen=True)
+class Reading:
+    """A case whose file says how its input is held, why so, and whether that may be wrong."""
+
+    case: MachineCase
+    said: str = ""
+    open: bool = False
+
+    @property
+    def hold(self) -> str:
+        """`linear`, `held` or `band-limited`."""
+        return self.case.file.compare.hold
+
+    def otherwise(self) -> "Reading":
+        """The case with the other reading."""
+        (hold,) = (h for h in READ if h != self.hold)
+        said = f"The input is read as {hold} between its samples: so it fits better."
+        return Reading(_read_as(self.case, hold), said)
+
+
+def first_reading(case: MachineCase) -> Reading:
+    """As the file states it; else as the logs of an axis of one inertia show it, else linear."""
+    machine = case.file.machine
+    if case.file.compare.hold != "auto":
+        return Reading(case)
+    if isinstance(machine, Axis) and machine.drives == "goal":
+        return Reading(_read_as(case, "held"),
+                       "A servo's controller takes a goal at every sample.")  # fmt: skip
+    if not isinstance(machine, Axis) or machine.second_inertia is not None:
+        return Reading(_read_as(case, "linear"), open=True)
+    logs = [
+        LogSignals(log.outputs["position"], log.inputs["input"], log.step, {})
+        for log in case.logs if log.role == "train"
+    ]  # fmt: skip
+    told = input_hold(logs, machine.motion == "rotation")
+    return Reading(_read_as(case, told.hold), f"The input is read as {told.sentence}.",
+                   not told.sure)  # fmt: skip
+
+
+def better_reading(
+    reading: Reading, laws: dict, model: OdeModel, fit: Fit, tell: Callable[[str], None]
+) -> Reading | None:
+    """The other reading where it explains the train runs better than a fit, or None.
+
+    Also where it does as well without a delay or lag that this one needs: half a sample late is
+    what a held input is.
+    """
+    if not reading.open:
+        return None
+    other = reading.otherwise()
+    tell(f"reading the input as {other.hold} between its samples")
+    twin, _, _ = build_model(other.case, laws)
+    twin.scale, twin.inflation = model.scale, model.inflation
+    twin.rebase(fit.point)
+    here, margin, effects = total_cost(fit), model.settings.margin, fit.point.effects
+    late = [e for e in effects if e.id in LATE]
+    sets = [[e for e in effects if e is not one] for one in late]
+    sets += [[e for e in effects if e.id not in LATE]] if len(late) > 1 else []
+    for some in (*sets, effects):
+        there = refit(twin, fit.point.with_effects(*some), rounds=8, relative=1e-3)
+        needed = -margin if len(some) == len(effects) else margin
+        if total_cost(there) < here + needed:
+            return other
+    return None
+
+
+def _read_as(case: MachineCase, hold: str) -> MachineCase:
+    """The case with its hold stated."""
+    compare = case.file.compare.model_copy(update={"hold": hold})
+    return dataclasses.replace(case, file=dataclasses.replace(case.file, compare=compare))
