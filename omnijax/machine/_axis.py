@@ -17,6 +17,10 @@ from ._ports import Ports
 OWN = {  # field -> the effect that it is
     "damping": "bearing-viscous", "coulomb": "bearing-coulomb", "offset": "torque-offset",
 }  # fmt: skip
+SCALED = (  # fields that all together are a torque constant: the motion tells their ratios alone
+    "inertia", "damping", "stiffness", "gravity", "coulomb", "second_inertia", "second_stiffness",
+    "second_damping",
+)  # fmt: skip
 FORGOTTEN = 7.0  # time constants after which a start has died away to a thousandth
 INPUTS = {  # input -> unit for a rotation, for a translation
     "torque": ("N m", "N"), "current": ("A", "A"), "voltage": ("V", "V"), "command": ("1", "1"),
@@ -157,4 +161,7 @@ class Axis(AbstractMachine):
 
     def stated_laws(self, uncertain: Collection[str] = ()) -> set[str]:
         """Effects that the axis has among its own numbers, stated or `uncertain`."""
-        return {i for k, i in OWN.items() if k in uncertain or float(getattr(self, k)) != 0}
+        own = {i for k, i in OWN.items() if k in uncertain or float(getattr(self, k)) != 0}
+        used = {k for k in SCALED if getattr(self, k) is not None and float(getattr(self, k)) != 0}
+        free = used <= set(uncertain) or "torque_constant" in uncertain
+        return own | {"motor-gain"} if free else own

@@ -12,7 +12,8 @@ from .._search import Candidate, number
 from .rows import OdeRun, smoothed
 
 SHARES = (0.02, 0.07, 0.2, 0.6)
-CLIPPED = (0.95, 0.85, 0.7, 0.5)  # shares of the largest torque that a drive may be limited to
+CLIPPED = (0.97, 0.9, 0.75, 0.5)  # of the time that the command is below a limit of the drive
+RARELY = 0.98  # of it, for a limit that shows: what is seen at a few peaks may be their dynamics
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,25 +23,26 @@ class Scales:
     speed: float
     position: float
     step: float
-    torque: float  # the largest commanded one
+    torques: np.ndarray  # sizes of the commanded torque below which it is for `CLIPPED`, `RARELY`
     reach: float  # the largest measured position
 
     @staticmethod
     def of(machine, runs: Sequence[OdeRun], cutoff: float) -> "Scales":
-        """RMS of speed and of position about its mean, largest torque and position."""
+        """RMS of speed and of position about its mean, sizes of the torque, largest position."""
         parts = [smoothed(r.outputs["position"], r.step, cutoff) for r in runs]
         speed = np.sqrt(np.mean(np.concatenate([v**2 for _, v, _ in parts])))
         position = np.sqrt(np.mean(np.concatenate([(q - q.mean()) ** 2 for q, _, _ in parts])))
-        torque = max(
-            float(np.max(np.abs(_commanded(machine, q, v, r.inputs))))
+        torque = np.concatenate([
+            np.abs(_commanded(machine, q, v, r.inputs))
             for r, (q, v, _) in zip(runs, parts, strict=True)
-        )
+        ])  # fmt: skip
+        torques = np.quantile(torque, (*CLIPPED, RARELY))
         reach = max(float(np.max(np.abs(r.outputs["position"]))) for r in runs)
-        return Scales(float(speed), float(position), runs[0].step, torque, reach)
+        return Scales(float(speed), float(position), runs[0].step, torques, reach)
 
     def ladder(self, port: str, key: str, parameter) -> list[float]:
         """Values to try of a shape constant of a law at a port."""
-        limits = [x * self.torque for x in CLIPPED] if port == "actuator" else [self.reach]
+        limits = list(self.torques[:-1]) if port == "actuator" else [self.reach]
         known = {
             "width": [x * self.speed for x in SHARES], "speed": [x * self.speed for x in SHARES],
             "gap": [x * self.position for x in SHARES], "limit": limits,

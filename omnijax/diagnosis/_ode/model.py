@@ -345,6 +345,8 @@ class OdeModel(AbstractModel):
                 low, high = 0.005 * self.scales.speed, 2.0 * self.scales.speed
             if f.key == "limit":
                 low, high = float(value) / 2, float(value) * 2
+                if self.laws[point.effects[f.effect].id].port == "actuator":
+                    high = max(float(self.scales.torques[-1]), float(value))
             if f.key in ("tau", "delay"):
                 low, high = max(low, float(value) / 30), min(high, float(value) * 30)
             out.append(type(f)(f.effect, f.key, f.index, low, high))
