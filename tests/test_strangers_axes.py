@@ -14,16 +14,20 @@ def sines(rng, low, high):
     return lambda t: sum(np.sin(2 * np.pi * a * t + b) for a, b in zip(f, p, strict=True)) / 2
 
 
-def run(acceleration, drive, rate, seconds, fine=4):
-    """(t, drive, position), Runge-Kutta steps from rest; nothing of the library."""
+def run(acceleration, drive, rate, seconds, fine=4, held=False):
+    """(t, drive, position), Runge-Kutta steps from rest; nothing of the library.
+
+    The acceleration is of (position, speed, drive); a drive that is `held` changes at samples only.
+    """
     t, h = np.arange(round(seconds * rate)) / rate, 1 / rate / fine
     x, out = np.zeros(2), []
 
     def slope(x, s):
-        return np.array([x[1], acceleration(x[0], x[1], drive(s))])
+        return np.array([x[1], acceleration(x[0], x[1], now if held else drive(s))])
 
     for s in t:
         out.append(x[0])
+        now = drive(s)
         for j in range(fine):
             a = s + j * h
             k1 = slope(x, a)
@@ -69,6 +73,19 @@ def slide(rng):
     return {"time": t, "force_N": u, "position_mm": q}, {"bearing-coulomb"}, ()
 
 
+def behind_a_controller(rng):
+    """A controller holds the torque; the motor has a limit, an encoder off its centre, neither."""
+    J, g, rate = 10 ** rng.uniform(-4, -2), sines(rng, 0.15, 0.9), rng.uniform(150, 400)
+    which = rng.choice(["actuator-saturation", "encoder-eccentricity", ""])
+    top = 16 if which == "actuator-saturation" else np.inf
+    t, u, q = run(lambda q, v, u: np.clip(u / J, -top, top) - v, lambda t: 25 * J * g(t), rate, 10,
+                  fine=2, held=True)  # fmt: skip
+    if which == "encoder-eccentricity":
+        q = q + 0.01 * (np.sin(q + 1) - np.sin(q[0] + 1))
+    table = {"t": t, "torque": u, "angle": q + 1e-5 * rng.normal(size=len(t))}
+    return table, {which} - {""}, ()
+
+
 def nothing(rng):
     """A motor with viscous friction alone."""
     J, g = 10 ** rng.uniform(-4, -2), sines(rng, 0.15, 0.9)
@@ -76,7 +93,9 @@ def nothing(rng):
     return {"time": t, "torque": u, "angle": q + 1e-4 * rng.normal(size=len(t))}, set(), ()
 
 
-@pytest.mark.parametrize("plant", [cogging_behind_a_gear, disc_over_the_top, slide, nothing])
+@pytest.mark.parametrize(
+    "plant", [cogging_behind_a_gear, disc_over_the_top, slide, behind_a_controller, nothing]
+)
 def test_what_the_axis_lacks_is_named_and_nothing_else(tmp_path, plant):
     table, truth, orders = plant(drawn_anew(plant.__name__))
     log = tmp_path / "log.csv"

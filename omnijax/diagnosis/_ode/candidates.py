@@ -13,6 +13,7 @@ from .rows import OdeRun, smoothed
 
 SHARES = (0.02, 0.07, 0.2, 0.6)
 CLIPPED = (0.97, 0.9, 0.75, 0.5)  # of the time that the command is below a limit of the drive
+SLOW = (4e-3, 0.016, 0.064)  # s, delays and lags of drives beside those of few samples
 RARELY = 0.98  # of it, for a limit that shows: what is seen at a few peaks may be their dynamics
 
 
@@ -46,14 +47,18 @@ class Scales:
         known = {
             "width": [x * self.speed for x in SHARES], "speed": [x * self.speed for x in SHARES],
             "gap": [x * self.position for x in SHARES], "limit": limits,
-            "tau": [self.step * x for x in (0.5, 2, 8, 32)],
-            "delay": [self.step * x for x in (0.25, 1, 4)],
+            "tau": self._times((0.5, 2, 8)), "delay": self._times((0.25, 1, 4)),
         }  # fmt: skip
         if key in known:
             return known[key]
         if math.isfinite(parameter.low) and math.isfinite(parameter.high):
             return list(np.linspace(parameter.low, parameter.high, 6)[1:-1])
         return [0.1, 1.0, 10.0]
+
+    def _times(self, samples: Sequence[float]) -> list[float]:
+        """Times to try, s: some samples, and longer ones of `SLOW`."""
+        short = [self.step * x for x in samples]
+        return short + [t for t in SLOW if t > 2 * short[-1]]
 
 
 def _commanded(machine, q, v, inputs) -> np.ndarray:
@@ -95,9 +100,16 @@ def _of_law(law, place, scales: Scales, orders) -> list[Candidate]:
         )
         note = ", ".join(f"{k} {v:.3g}" for k, v in fixed.items())
         trials = len(orders) if "order" in fixed else 1
-        out.append(Candidate(law.id, place, columns, _decoder(linear, strength, fixed), note,
-                             max(1, trials)))  # fmt: skip
+        decode = _decoder(linear, strength, fixed)
+        if not linear and shapes in (["tau"], ["delay"]):
+            decode = _time_of(shapes[0], fixed[shapes[0]])
+        out.append(Candidate(law.id, place, columns, decode, note, max(1, trials)))
     return out
+
+
+def _time_of(key: str, tried: float):
+    """A time from its column at the one that was tried: what it changes grows with it."""
+    return lambda c: {key: tried * min(max(float(c[0]), 0.05), 1 / 0.05)}
 
 
 def _decoder(linear, strength, fixed):
