@@ -10,8 +10,8 @@ from ..machine import Log, MachineCase
 from ._answer import Diagnosis
 from ._answered import answered
 from ._ode import (
+    HoldReading,
     OdeEvidence,
-    Reading,
     balance_error,
     better_reading,
     build_model,
@@ -34,7 +34,7 @@ def machine_diagnosed(case: MachineCase, laws: dict, tell: Callable[[str], None]
     return result if other is None else _read(other, laws, tell)
 
 
-def _read(reading: Reading, laws: dict, tell) -> Diagnosis:
+def _read(reading: HoldReading, laws: dict, tell) -> Diagnosis:
     """The floor first, then as any model; free runs beside it."""
     case = reading.case
     model, table, remarks = build_model(case, laws)

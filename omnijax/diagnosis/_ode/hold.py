@@ -13,7 +13,7 @@ READ = ("linear", "held")
 
 
 @dataclasses.dataclass(frozen=True)
-class Reading:
+class HoldReading:
     """A case whose file says how its input is held, why so, and whether that may be wrong."""
 
     case: MachineCase
@@ -25,35 +25,35 @@ class Reading:
         """`linear`, `held` or `band-limited`."""
         return self.case.file.compare.hold
 
-    def otherwise(self) -> "Reading":
+    def otherwise(self) -> "HoldReading":
         """The case with the other reading."""
         (hold,) = (h for h in READ if h != self.hold)
         said = f"The input is read as {hold} between its samples: so it fits better."
-        return Reading(_read_as(self.case, hold), said)
+        return HoldReading(_read_as(self.case, hold), said)
 
 
-def first_reading(case: MachineCase) -> Reading:
+def first_reading(case: MachineCase) -> HoldReading:
     """As the file states it; else as the logs of an axis of one inertia show it, else linear."""
     machine = case.file.machine
     if case.file.compare.hold != "auto":
-        return Reading(case)
+        return HoldReading(case)
     if isinstance(machine, Axis) and machine.drives == "goal":
-        return Reading(_read_as(case, "held"),
+        return HoldReading(_read_as(case, "held"),
                        "A servo's controller takes a goal at every sample.")  # fmt: skip
     if not isinstance(machine, Axis) or machine.second_inertia is not None:
-        return Reading(_read_as(case, "linear"), open=True)
+        return HoldReading(_read_as(case, "linear"), open=True)
     logs = [
         LogSignals(log.outputs["position"], log.inputs["input"], log.step, {})
         for log in case.logs if log.role == "train"
     ]  # fmt: skip
     told = input_hold(logs, machine.motion == "rotation")
-    return Reading(_read_as(case, told.hold), f"The input is read as {told.sentence}.",
+    return HoldReading(_read_as(case, told.hold), f"The input is read as {told.sentence}.",
                    not told.sure)  # fmt: skip
 
 
 def better_reading(
-    reading: Reading, laws: dict, model: OdeModel, fit: Fit, tell: Callable[[str], None]
-) -> Reading | None:
+    reading: HoldReading, laws: dict, model: OdeModel, fit: Fit, tell: Callable[[str], None]
+) -> HoldReading | None:
     """The other reading where it explains the train runs better than a fit, or None.
 
     Also where it does as well without a delay or lag that this one needs: half a sample late is

@@ -1,13 +1,15 @@
-"""What a balance knows of states that nobody measures: behind the sensor, and of a slow drive."""
+"""What a balance knows of states that nobody measures: behind a sensor or a drive, in it."""
 
 from collections.abc import Mapping, Sequence
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...laws import ActuatorLag, ActuatorSignal, low_passed
-from ...machine import AbstractMachine, Axis, PlacedLaw, sensed
+from ...machine import AbstractMachine, Axis, PlacedLaw, Ports, sensed
 
+FINE = 4  # steps a sample of a second inertia: stable up to its mode at 1.7 times the rate
 ROUNDS = 3  # of finding what a sensor was shown: errors of 1 % are left at 1e-6 then
 
 
@@ -30,6 +32,40 @@ def _rate_of(x: Float[Array, " t"], step) -> Float[Array, " t"]:
     """Time derivative: central differences, of fourth order inside; traced."""
     fine = (8 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) / (12 * step)
     return (jnp.gradient(x) / step).at[2:-2].set(fine)
+
+
+def states(machine: AbstractMachine, q, v, step) -> Float[Array, "t n"]:
+    """State at every sample of a machine whose position was measured.
+
+    The second inertia of an axis is what the measured motion of the first makes of it.
+    """
+    if isinstance(machine, Axis) and machine.second_inertia is not None:
+        return jnp.concatenate([jnp.stack([q, v], axis=1), _dragged(machine, q, v, step)], axis=1)
+    start = jax.vmap(lambda q, v: machine.start({"position": (q, v)}))(q, v)
+    return jnp.stack([jnp.asarray(x, float) for x in start], axis=1)
+
+
+def _dragged(axis: Axis, q, v, step) -> Float[Array, "t 2"]:
+    """Position and speed of the second inertia, `FINE` Runge-Kutta steps a sample."""
+    none, first = Ports((), ()), {"input": jnp.zeros(()), "gain": jnp.ones(()), "enable": 1.0}
+
+    def rate(z, at):
+        return jnp.stack(axis.rate(jnp.concatenate([at, z]), first, none)[2:])
+
+    def after(z, ends):
+        a, change = ends[0], (ends[1] - ends[0]) / FINE
+        h = step / FINE
+        for k in range(FINE):
+            begin, middle, end = a + k * change, a + (k + 0.5) * change, a + (k + 1) * change
+            k1 = rate(z, begin)
+            k2 = rate(z + h / 2 * k1, middle)
+            k3 = rate(z + h / 2 * k2, middle)
+            z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(z + h * k3, end))
+        return z, z
+
+    measured = jnp.stack([q, v], axis=1)
+    _, path = jax.lax.scan(after, measured[0], (measured[:-1], measured[1:]))
+    return jnp.concatenate([measured[:1], path])
 
 
 def memories(

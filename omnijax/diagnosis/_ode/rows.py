@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import butter, filtfilt, firwin
 
 from ...machine import acting, between, delayed_inputs, motion, places_of, sensed, vector_field
-from .known import before_sensors, memories
+from .known import before_sensors, memories, states
 from .numbers import Numbers
 
 WIDE = 10  # taps of the thinning filter to each side, in thinned samples
@@ -91,11 +91,8 @@ class Balance:
         q, v, a = before_sensors(placed, time, (q, v, a))
         memory = memories(machine, placed, time, q, v, inputs)
 
-        def error(q, v, a, u, z):
-            state = jnp.stack([jnp.asarray(x, float) for x in machine.start({"position": (q, v)})])
-            return a - rate(jnp.concatenate([state, z]), u)[1]
-
-        raw = jax.vmap(error)(q, v, a, inputs, memory)
+        whole = jnp.concatenate([states(machine, q, v, time[1] - time[0]), memory], axis=1)
+        raw = a - jax.vmap(rate)(whole, inputs)[:, 1]
         return jnp.convolve(raw, jnp.asarray(self.taps), "valid")[:: self.thin]
 
     def gain(self) -> float:
