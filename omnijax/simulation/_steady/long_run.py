@@ -101,7 +101,7 @@ class LongRun:
 
     def largest(self, curves: Curves, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
         """The largest value of each combination `rows` of the outputs."""
-        return largest(curves, self.places(), rows)
+        return largest(curves, self.places(), rows, self.bits)
 
     def extremes(self, name: str) -> Float[Array, "2 o"]:
         """Largest value of each component, and of its negative."""

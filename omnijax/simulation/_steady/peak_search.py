@@ -23,10 +23,9 @@ FINE = 4  # 2^FINE places an octave
 NEWTON = 6
 DIRECTIONS = 400  # to begin with
 TOGETHER = 20  # directions looked at together: bounds the memory
-CANDIDATES = 8  # directions gone on from
-ASCENTS = 8  # from the sum found in a direction to the next direction, on the places
-ROUNDS = 6  # and between the places
-SWAPPED = 3  # and again, where the second highest maximum of a signal is the higher one
+CANDIDATES = 4  # directions gone on from
+ASCENTS = 6  # from the sum found in a direction to the next direction, on the places
+ROUNDS = 5  # and between the places
 
 
 class Curves(NamedTuple):
@@ -147,8 +146,7 @@ def climbed(curves: Curves, places: PeakPlaces, index: Int[Array, " g"], row) ->
         piece, start, C = jax.tree.map(lambda x: x[k], (pieces, starts, rows))
         return Extrema(k, _climbed(piece, start, row @ C, at.v[k, p], at.z[k, p], at.step[k, p]))
 
-    whole = (curves.cycles.pieces, curves.starts, curves.rows, places)
-    return jax.lax.stop_gradient(jax.vmap(one)(*jax.lax.stop_gradient(whole), index))
+    return jax.vmap(one)(curves.cycles.pieces, curves.starts, curves.rows, places, index)
 
 
 def _climbed(piece: Piece, start, along, begin, z, step):
@@ -169,14 +167,34 @@ def _climbed(piece: Piece, start, along, begin, z, step):
     return jax.lax.scan(newton, first, None, length=NEWTON)[0][2]
 
 
-def largest(curves: Curves, places: PeakPlaces, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
+def highest(curves: Curves, places: PeakPlaces, values, row, bits: int):
+    """Where row . output of each signal is largest, and the outputs there, (g, o).
+
+    Two maxima that differ by less than their places' spacing change their order between them: the
+    second one is looked at as well.  `values` are the outputs at all places, 2^bits of them even.
+    """
+    curves, row = jax.lax.stop_gradient((curves, row))
+    along = places.along(values, row[None])[..., 0]
+    index = jnp.argmax(along, axis=1)
+    both = jnp.stack([index, places.rivals(along, index, bits)])
+    spots = jax.vmap(lambda i: climbed(curves, places, i, row))(both)
+    first, second = jax.vmap(lambda s: values_at(curves, s))(spots)
+    better = first @ row >= second @ row
+    spots = jax.tree.map(lambda x: jnp.where(better, x[0], x[1]), spots)
+    return spots, jnp.where(better[:, None], first, second)
+
+
+def largest(
+    curves: Curves, places: PeakPlaces, rows: Float[Array, "r o"], bits: int
+) -> Float[Array, " r"]:
     """The largest value of each combination `rows` of the outputs, the signals summed."""
-    index = jnp.argmax(places.along(places.outputs(curves.rows), rows), axis=1).T
+    values = places.outputs(curves.rows)
 
-    def one(row, i):
-        return jnp.sum(values_at(curves, climbed(curves, places, i, row)) @ row)
+    def one(row):
+        spots, _ = highest(curves, places, values, row, bits)
+        return jnp.sum(values_at(curves, spots) @ row)
 
-    return jax.vmap(one)(rows, index)
+    return jax.vmap(one)(rows)
 
 
 def supremum(curves: Curves, places: PeakPlaces, bits: int) -> Float[Array, " o"]:
@@ -196,34 +214,18 @@ def supremum(curves: Curves, places: PeakPlaces, bits: int) -> Float[Array, " o"
         return _unit(jnp.sum(jax.vmap(lambda v, i: v[i])(values, index), axis=0), best), None
 
     best = jax.lax.scan(ascend, best, None, length=ASCENTS)[0]
-    index = support(best)[0].T
 
-    def there(index, row):
-        return values_at(curves, climbed(curves, places, index, row))
+    def turn(carry, _):
+        rows = carry[0]
+        spots, outputs = jax.vmap(lambda row: highest(curves, places, values, row, bits))(rows)
+        totals = jnp.sum(outputs, axis=1)
+        return (_unit(totals, rows), spots, jnp.sum(totals**2, axis=1)), None
 
-    def turned(row, index, rounds: int):
-        """The direction to which the sum turns, between the places."""
-
-        def turn(row, _):
-            total = jnp.sum(there(index, row), axis=0)
-            return jax.lax.stop_gradient(_unit(total[None], row[None])[0]), None
-
-        return jax.lax.scan(turn, row, None, length=rounds)[0]
-
-    def refined(row, index):
-        row = turned(row, index, ROUNDS)
-        return row, jnp.sum(there(index, row), axis=0)
-
-    # sums that differ by less than their places' spacing change their order here
-    rows, sums = jax.lax.stop_gradient(jax.vmap(refined)(best, index))
-    top = jnp.argmax(jnp.sum(sums**2, axis=-1))
-    row, index = rows[top], index[top]
-    # and so do two maxima of a signal
-    rival = places.rivals(places.along(values, row[None])[..., 0], index, bits)
-    higher = there(rival, row) @ row > there(index, row) @ row
-    swapped = jnp.where(higher, rival, index)
-    row = turned(row, swapped, SWAPPED)
-    return jnp.sum(there(swapped, row), axis=0)
+    none = jnp.zeros((CANDIDATES, len(values)))
+    start = best, Extrema(none.astype(int), none), none[:, 0]
+    _, spots, squares = jax.lax.scan(turn, start, None, length=ROUNDS)[0]
+    top = jnp.argmax(squares)
+    return jnp.sum(values_at(curves, jax.tree.map(lambda x: x[top], spots)), axis=0)
 
 
 def _unit(vectors: Float[Array, "d o"], otherwise):
