@@ -1,5 +1,7 @@
 """Runs that begin while the sphere turns: laws feel the elastic state that the data show."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from test_diagnosis_null import noisy
@@ -40,3 +42,19 @@ def test_a_law_is_fitted_from_the_state_in_which_a_run_begins(model):
     sigma = np.sqrt(fit.covariance[-1, -1])
     assert fit.chi2 < 1.02 * model.dof("train")
     assert abs(found.values["k3"] - TRUE) < 3 * sigma < 0.1 * TRUE
+
+
+def test_a_start_is_taken_up_as_the_sensors_read_it(model):
+    """Taken up as it is before a rectifier: chi2 450 a degree of freedom, more with each turn."""
+    runs = []
+    for run in model.machine.runs:
+        a = run.outputs["a"] * np.ones(3)
+        a[:, 0] = np.abs(a[:, 0])
+        runs.append(dataclasses.replace(run, outputs={**run.outputs, "a": a}))
+    rectified = RigModel(model.rig, runs, model.noise, model.laws)
+    effects = Effect("mount-cubic", "w2", {"k3": TRUE}), Effect("sensor-rectified", "a_x", {})
+    truth = Point(np.zeros(len(model.priors)), effects)
+    for _ in range(4):
+        rectified.rebase(truth)
+    (residual,) = rectified.residuals([truth], "train")
+    assert residual @ residual < 1.05 * rectified.dof("train")

@@ -1,15 +1,20 @@
 """The data vector of one run of a machine: weights, free starts, and the encoders' covariance."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ...rig import Rig
+from .clocks import LoggerClock
 from .data_vector import DataRows, make_rows, orthonormal
 from .elastic import OUTPUTS
 from .encoders import PARTS, response_columns, smoother_modes, walk_modes, whitener
-from .modes import OutputModes, observe, propagate
-from .runs import SHAPE, Run
+from .laws import on_time, readings
+from .modes import observe, propagate
+from .runs import SHAPE
 
 START = 0.01  # rad, 1-sigma of the start angle of a wheel without encoder
+SMALL = 1e-4  # of the readings' spread: a change over which sensors' laws count as straight
 
 
 def rows_of(machine, rig: Rig, i: int) -> DataRows:
@@ -30,7 +35,7 @@ def rows_of(machine, rig: Rig, i: int) -> DataRows:
     if columns.any():
         rows.coloured = whitener(columns)
     if run.rolling_start(machine.noise):
-        _free_elastic_start(machine.modes(rig), run, rows)
+        _free_elastic_start(machine, rig, i, rows)
     return rows
 
 
@@ -52,22 +57,50 @@ def _angle_errors(machine, rig: Rig, i: int) -> list[np.ndarray]:
     return out
 
 
-def _free_elastic_start(m: OutputModes, run: Run, rows: DataRows) -> None:
+def _free_elastic_start(machine, rig: Rig, i: int, rows: DataRows) -> None:
     """A run that begins rolling: its elastic state at the first sample is free."""
-    free = _start_columns(m, run, rows)
+    free = _start_columns(machine, rig, i, rows)
     rows.nuisance.append((slice(0, rows.elastic.size), orthonormal(free.T)))
 
 
-def _start_columns(m: OutputModes, run: Run, rows: DataRows) -> np.ndarray:
+def _start_columns(machine, rig: Rig, i: int, rows: DataRows) -> np.ndarray:
     """What each number of the elastic state at the first sample changes in the elastic rows."""
+    m, run = machine.modes(rig), machine.runs[i]
     zero = np.zeros((run.samples - 1, len(m.rates)), complex)
+    read = _as_read(machine, rig, i)
     columns = []
     for k in range(len(m.A)):
         z = propagate(m, run.step, zero, m.inverse @ np.eye(len(m.A))[k])
-        columns.append((observe(m, z, OUTPUTS) * rows.elastic).ravel())
+        columns.append((read(observe(m, z, OUTPUTS)) * rows.elastic).ravel())
     free = np.stack(columns)
     rows.whiten(free)
     return free
+
+
+def _as_read(machine, rig: Rig, i: int) -> Callable[[np.ndarray], np.ndarray]:
+    """By how much the readings of dR and a change with a small change (samples, 6) of these.
+
+    A sensor that loses the sign turns its change round, one at its limit shows none.
+    """
+    elastic = [p.law for p in rig.at("sensor") if p.place.split("_")[0] in ("dR", "a")]
+    if all(isinstance(law, LoggerClock) for law in elastic):
+        return lambda change: change
+    run = machine.runs[i]
+    ((base,),) = machine.elastic([rig], [i])
+
+    def readings_of(values: np.ndarray) -> np.ndarray:
+        parts = zip(("dR", "a"), np.split(values, 2, axis=1), strict=True)
+        return np.concatenate(
+            [readings(rig, group, run.time, part, on_time(group)) for group, part in parts], axis=1
+        )
+
+    here = readings_of(base)
+
+    def changed(change: np.ndarray) -> np.ndarray:
+        small = SMALL / np.max(np.abs(change / np.std(base, axis=0).clip(1e-300)))
+        return (readings_of(base + small * change) - here) / small
+
+    return changed
 
 
 def rolling_state(machine, rig: Rig, i: int) -> np.ndarray:
@@ -75,12 +108,12 @@ def rolling_state(machine, rig: Rig, i: int) -> np.ndarray:
 
     The free start takes up what it changes linearly; laws at contacts and mounts have to feel it.
     """
-    run, rows, m = machine.runs[i], machine.rows[i], machine.modes(rig)
+    rows = machine.rows[i]
     ((predicted,),) = machine.elastic([rig], [i])
     tables = machine.residual_tables(rig, i, predicted, machine.rotated(rig, [i])[i])
     rest = rows.vector(tables[0], None)[None, : rows.elastic.size]
     rows.whiten(rest)
-    columns = _start_columns(m, run, rows)
+    columns = _start_columns(machine, rig, i, rows)
     size = np.linalg.norm(columns, axis=1)
     size[size == 0] = 1.0
     return np.linalg.lstsq((columns / size[:, None]).T, rest[0], rcond=1e-6)[0] / size

@@ -26,6 +26,7 @@ from .clocks import CLOCK, READ_LATE, clock_priors, with_clocks
 from .linearisation import base_of
 from .machine import Machine
 from .orders import strongest_orders
+from .roles import split_runs
 from .runs import COARSE, FINE, STEPS, Run, with_noise
 from .tangents import signature
 from .tree_hash import digest
@@ -162,8 +163,16 @@ class RigModel(AbstractModel):
         self.machine.rebase(self.rig_at(point))
 
     def unsettled(self, point):
-        """Laws at contacts and mounts change the elastic state in which a run begins rolling."""
-        return self.machine.rolls and self.needs_stepping(point.effects)
+        """Laws at contacts and mounts change the elastic state in which a run begins rolling.
+
+        Sensors that bend what they read change what the readings say of it.
+        """
+        bent = any(
+            self.laws[e.id].port == "sensor"
+            and not any(p.linear for p in self.laws[e.id].parameters.values())
+            for e in point.effects
+        )
+        return self.machine.rolls and (bent or self.needs_stepping(point.effects))
 
     def opening(self, share):
         """Every run up to the moment at which its wheels have rolled `share` of their way."""
@@ -289,12 +298,3 @@ def sums_of(placed: Sequence[Placed]) -> dict[int, list[int]]:
         if parts and None not in parts:
             out[j] = parts
     return out
-
-
-def split_runs(runs: list[Run]) -> dict[str, list[int]]:
-    """Indices of train and held-out runs; of one run alone both are that run (see `with_roles`)."""
-    held = [i for i, r in enumerate(runs) if r.role == "held-out"]
-    train = [i for i, r in enumerate(runs) if r.role != "held-out"]
-    if not held and len(train) > 1:
-        train, held = train[:-1], train[-1:]
-    return {"train": train or held, "held-out": held or train}

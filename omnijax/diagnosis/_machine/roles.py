@@ -49,3 +49,12 @@ def _parted(run: Run) -> tuple[list[Run], str, list[str]]:
     )
     parts = (("train", teaches), ("held-out", ~teaches))
     return [dataclasses.replace(run, role=r, counts=c) for r, c in parts], "blocks", [said]
+
+
+def split_runs(runs: list[Run]) -> dict[str, list[int]]:
+    """Indices of train and held-out runs; of one run alone both are that run (see `with_roles`)."""
+    held = [i for i, r in enumerate(runs) if r.role == "held-out"]
+    train = [i for i, r in enumerate(runs) if r.role != "held-out"]
+    if not held and len(train) > 1:
+        train, held = train[:-1], train[-1:]
+    return {"train": train or held, "held-out": held or train}
