@@ -1,14 +1,12 @@
 """Values with units as people read them: 0.4 µm, 188 kN/m."""
 
 import math
+import re
 
 import numpy as np
 
 _PREFIX = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
-_PREFIXED = {
-    "m", "m/s", "m/s^2", "N", "N m", "s", "N/m", "N m/rad", "Pa", "Hz", "N s/m", "N m s/rad", "rad",
-    "rad/s",
-}  # fmt: skip
+_PREFIXED = re.compile(r"(m|s|N|Pa|Hz|rad|A|V|W)([ /]|$)")  # a prefix stands before such a unit
 DEGREES = 0.01  # rad; angles from here on are said in degrees, smaller ones in mrad
 
 
@@ -17,7 +15,7 @@ def scaled(value: float, unit: str) -> tuple[float, str]:
     unit = "" if unit == "1" else unit
     if unit == "rad" and abs(value) >= DEGREES:
         return 180 / math.pi, "°"
-    if value == 0 or not math.isfinite(value) or unit not in _PREFIXED:
+    if value == 0 or not math.isfinite(value) or not _PREFIXED.match(unit):
         return 1.0, written(unit)
     digits = math.log10(abs(value)) + (1 if abs(value) < 1 else 0)  # 0.4 µm, but 188 kN/m
     power = int(np.clip(3 * math.floor(digits / 3), -9, 9))

@@ -10,6 +10,7 @@ import pytest
 import scipy.io
 from machines import machine, shared
 from recordings import STEP, columns, write
+from seeds import drawn_anew
 
 from omnijax import InputError, Recording, read_case, read_recording, write_recording
 from omnijax.recording._csv import read_csv
@@ -326,6 +327,30 @@ def test_wrong_units_are_found_and_mended(tmp_path):
         assert f"{size:.3g} times too {which}" in run.faults[0].what
         for column in names:
             np.testing.assert_allclose(run.channels[column], good.channels[column], rtol=1e-9)
+
+
+def test_wheels_that_roll_on_without_torque_are_in_no_wrong_unit():
+    """Their factors, of nothing that causes a drift, come out at any size."""
+    from omnijax.recording._scales import mend_units
+    from omnijax.rig import load_rig
+
+    rig, rng = load_rig("atlas"), drawn_anew("rolling without torque")
+    axes, ratio = np.asarray(rig.wheels.spin_axis), float(rig.wheel_radius[0] / rig.sphere.radius)
+    t = 4e-3 * np.arange(800)
+    for _ in range(40):
+        turning = rng.uniform(-0.5, 0.5, 3) + np.cumsum(rng.normal(0, 1e-5, (800, 3)), axis=0)
+        torque = 10.0 ** rng.uniform(-9, -4, 3) * rng.standard_normal((800, 3))
+        torque[:, rng.random(3) < 0.5] = 0.0
+        turned = np.cumsum(turning @ axes.T / ratio, axis=0) * 4e-3
+        values = {f"torque_{i + 1}": torque[:, i] for i in range(3)}
+        values |= {f"theta_{i + 1}": turned[:, i] for i in range(3)}
+        values |= {f"Omega_{c}": turning[:, i] + rng.normal(0, 1e-4, 800)
+                   for i, c in enumerate("xyz")}  # fmt: skip
+        values |= {f"force_{c}": np.zeros(800) for c in "xyz"}
+        run = Recording("run", Path("run.csv"), t, dict(values), 3)
+        mend_units(run, rig, set())
+        assert run.faults == []
+        assert all(run.channels[c] is x for c, x in values.items())
 
 
 def test_a_group_in_a_wrong_unit_is_mended_where_a_column_is_missing():

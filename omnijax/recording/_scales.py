@@ -21,6 +21,7 @@ FACTORS = {  # what a column may be in -> values in that unit over values in SI
     "force": {"mN": 1e3, "kN": 1e-3},
 }
 WRONG = 50.0  # times too large or too small: beyond every effect of a real machine
+UNIT_NEAR = 5.0  # times off a thousand that torques may be, since friction is fitted beside them
 CLOSE = 0.1  # relative misfit of the rolling relation that a real machine stays below
 
 
@@ -199,7 +200,10 @@ def _slope(run: Recording, mass: float) -> tuple[float, float]:
 
 
 def _torques(run: Recording, rig: Any):
-    """Torques against the turning of the sphere that they cause, friction and drag left free."""
+    """Torques against the turning of the sphere that they cause, friction and drag left free.
+
+    A wheel without torque says nothing.
+    """
     if "Omega" not in run.groups:
         return
     stride = max(int(0.5 / run.step), 2)
@@ -208,16 +212,21 @@ def _torques(run: Recording, rig: Any):
     good = np.isfinite(gained).all(axis=1)
     columns, target = columns[good].reshape(-1, run.wheels + 6), gained[good].ravel()
     size = np.sqrt(np.sum(columns**2, axis=0)) + 1e-300
-    factors, _, rank, _ = np.linalg.lstsq(columns / size, target, rcond=1e-9)
-    if rank < run.wheels or len(target) < 2 * len(factors):
+    left, strength, right = np.linalg.svd(columns / size, full_matrices=False)
+    rank = int(np.sum(strength > 1e-9 * strength[0]))
+    if rank < run.wheels or len(target) < 2 * len(size):
         return
+    inverse = right[:rank].T / strength[:rank]
+    factors = inverse @ (left[:, :rank].T @ target)
     scatter = np.std(target - columns / size @ factors)
-    sigma = scatter * np.sqrt(np.diag(np.linalg.pinv((columns / size).T @ (columns / size))))
+    sigma = scatter * np.linalg.norm(inverse, axis=1)
     factors, sigma = ((x / size)[: run.wheels] for x in (factors, sigma))
-    off = (factors > 5 * sigma) & ((factors < 1 / WRONG) | (factors > WRONG))
+    given = np.any(run.torque != 0, axis=0)
+    sure = np.where(given & (factors > 5 * sigma), factors, 1.0)
+    off = np.abs(np.abs(np.log10(sure)) - 3) < np.log10(UNIT_NEAR)
     names = channels("torque", run.wheels)
-    if off.all():
-        yield names, 1e3 if factors[0] < 1 else 1e-3
+    if given.any() and off[given].all():
+        yield names, 1e3 if factors[given][0] < 1 else 1e-3
         return
     for i in np.flatnonzero(off):
         yield (names[i],), 1e3 if factors[i] < 1 else 1e-3
