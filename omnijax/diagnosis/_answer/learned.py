@@ -165,16 +165,14 @@ class Unexplained:
         the term.
         """
         splits = ("train", "held-out")
-        still = _with_limited_held(model, fit)
-        point = still.point
+        point = _with_limited_held(model, fit.point)
         return Unexplained(
             point.u,
             {s: model.bases(point, s) for s in splits},
             {s: model.residuals([point], s)[0] for s in splits},
-            {"train": still.jacobian[:, : len(model.priors)],
-             "held-out": _tangents(model, point)},
+            {s: _tangents(model, point, s) for s in splits},
             model.residuals([fit.point], "held-out")[0],
-        )  # fmt: skip
+        )
 
 
 class _Fitting:
@@ -261,22 +259,22 @@ def _with_network(term: Term, inputs: np.ndarray) -> Term:
     return dataclasses.replace(term, network=network, size=size)
 
 
-def _with_limited_held(model: RigModel, fit: Fit) -> Fit:
-    """The fit made again with what is `limited` at what is stated."""
+def _with_limited_held(model: RigModel, point: Point) -> Point:
+    """The point fitted again with what is `limited` at what is stated."""
     limited = [p.limited for p in model.priors]
-    if not np.any(fit.point.u[limited]):
-        return fit
+    if not np.any(point.u[limited]):
+        return point
     held = copy.copy(model)
     held.priors = [dataclasses.replace(p, hard=0.0) if p.limited else p for p in model.priors]
-    return refit(held, Point(np.where(limited, 0.0, fit.point.u), fit.point.effects))
+    return refit(held, Point(np.where(limited, 0.0, point.u), point.effects)).point
 
 
-def _tangents(model: RigModel, point: Point) -> np.ndarray:
-    """d residual / du on the held-out runs."""
-    (residual,) = model.residuals([point], "held-out")
+def _tangents(model: RigModel, point: Point, split: str) -> np.ndarray:
+    """d residual / du on the runs of a split."""
+    (residual,) = model.residuals([point], split)
     P = len(point.u)
     points = [Point(point.u + 1e-3 * e, point.effects) for e in np.eye(P)]
-    moved = model.residuals(points, "held-out") if P else []
+    moved = model.residuals(points, split) if P else []
     return np.stack([(r - residual) / 1e-3 for r in moved], 1) if P else residual[:, None][:, :0]
 
 
