@@ -452,7 +452,7 @@ def test_amounts_read_well(value, unit, text):
         (-0.0123, 0.0004, "1", "-0.01230 ± 0.00040"),
         (12.0, None, "1", "12"),
         (3.0, 12.0, "N/m", "3 ± 12 N/m"),
-        (2.5e9, 3e7, "N/m^3", "2.5e+09 ± 3e+07 N/m³"),
+        (2.5e9, 3e7, "N/m^3", "2.500 ± 0.030 GN/m³"),
     ],
 )
 def test_estimates_show_as_many_places_as_their_sigma(value, sigma, unit, text):

@@ -212,9 +212,11 @@ def _torques(run: Recording, rig: Any):
     good = np.isfinite(gained).all(axis=1)
     columns, target = columns[good].reshape(-1, run.wheels + 6), gained[good].ravel()
     size = np.sqrt(np.sum(columns**2, axis=0)) + 1e-300
+    if len(target) < 2 * len(size):
+        return
     left, strength, right = np.linalg.svd(columns / size, full_matrices=False)
     rank = int(np.sum(strength > 1e-9 * strength[0]))
-    if rank < run.wheels or len(target) < 2 * len(size):
+    if rank < run.wheels:
         return
     inverse = right[:rank].T / strength[:rank]
     factors = inverse @ (left[:, :rank].T @ target)
