@@ -1,7 +1,10 @@
 """Differentiable simulation, design and diagnosis of a sphere on omnidirectional wheels."""
 
 import importlib
-from typing import Any
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:  # the command line hears Ctrl-C as soon as this is loaded
+    from typing import Any
 
 __version__ = "0.2.0"
 
@@ -48,7 +51,7 @@ _EXPORTS = {  # package -> its names here; nothing is imported before it is aske
 _WHERE = {name: package for package, names in _EXPORTS.items() for name in names.split()}
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     if name in _WHERE:
         return getattr(importlib.import_module(f".{_WHERE[name]}", __name__), name)
     if name in _PACKAGES:

@@ -16,6 +16,7 @@ from contextvars import ContextVar
 from pathlib import Path
 
 from ._errors import InputError
+from ._interrupts import at_end
 
 PIECES = ".pieces"  # after a run's name: the folder of what there is of it
 _SPACE = 4096  # bytes written to learn whether a disk takes any
@@ -218,6 +219,7 @@ def write_text(path: str | Path, text: str) -> Path:
     return write_bytes(path, text.encode("utf-8"))
 
 
+@at_end
 def drop_parts() -> None:
     """Remove the files under work: the process ends now."""
     for part in list(_parts):

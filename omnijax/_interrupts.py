@@ -1,23 +1,32 @@
 """Ctrl-C: heard at once, answered by the work, and obeyed whatever the work is doing.
 
 Python raises `KeyboardInterrupt` between two of its own steps.  While XLA compiles there is none,
-and inside a callback of C++ the exception is dropped.  So a thread hears the signal as well: work
+inside a callback of C++ the exception is dropped, and a library may break that is half loaded.  So
+a thread hears the signal as well: it asks again where the exception was held back or dropped, work
 that does not answer within `PATIENCE` is ended where it stands, and so is everything at a second
 Ctrl-C.  Nothing that is finished is lost by that: it is on the disk already.
+
+What this imports is loaded before Ctrl-C can be heard: it is little.
 """
+
+from __future__ import annotations
 
 import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+import time
+from _thread import interrupt_main
 from contextlib import contextmanager, suppress
-from types import FrameType
-from typing import Any
 
-from . import _files
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from types import FrameType
+    from typing import Any, NoReturn
 
 PATIENCE = 1.5  # s
+AGAIN = 0.05  # s between two tries to raise what was lost
 CODE = 130
 NOTHING = "Interrupted. Nothing more was written."
 
@@ -25,11 +34,21 @@ NOTHING = "Interrupted. Nothing more was written."
 class _Heard:
     def __init__(self) -> None:
         self.count = 0
+        self.own = 0  # of the signals in the pipe, those of `_insist`
+        self.lost = False  # the exception was held back, or dropped
         self.answered = threading.Event()
+        self.asking = threading.Lock()  # no `_insist` while the command ends
         self.said: Callable[[], str] = lambda: NOTHING
 
 
 _now: list[_Heard] = []  # of the running command, if any
+_last: list[Callable[[], None]] = []  # what has to be done before the process ends
+
+
+def at_end(clean: Callable[[], None]) -> Callable[[], None]:
+    """Call `clean` where Ctrl-C ends the process, from whatever thread; a decorator."""
+    _last.append(clean)
+    return clean
 
 
 @contextmanager
@@ -51,10 +70,11 @@ def listening() -> Iterator[None]:
     try:
         yield
     finally:
+        with heard.asking:
+            heard.answered.set()
         sys.unraisablehook = hook
         signal.set_wakeup_fd(wakeup)
         signal.signal(signal.SIGINT, before)
-        heard.answered.set()
         os.close(writing)  # the thread reads the end, and ends
         _now.clear()
 
@@ -70,7 +90,7 @@ def answer() -> None:
         heard.answered.set()
 
 
-def check() -> None:
+def raise_lost() -> None:
     """Raise `KeyboardInterrupt` where one was pressed and has been lost on its way."""
     if any(heard.count and not heard.answered.is_set() for heard in _now):
         raise KeyboardInterrupt
@@ -90,41 +110,60 @@ def saying(text: Callable[[], str]) -> Iterator[None]:
 
 
 def _raise(_: int, frame: FrameType | None) -> None:
+    loading = _loading(frame)  # a library that is half loaded may crash
     for heard in _now:
         heard.count = max(heard.count, 1)
-    while frame is not None:  # a library that is half loaded may crash: the thread ends it
+        heard.lost = loading
+    if not loading and not any(heard.answered.is_set() for heard in _now):
+        raise KeyboardInterrupt
+
+
+def _loading(frame: FrameType | None) -> bool:
+    while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
-            return
+            return True
         frame = frame.f_back
-    raise KeyboardInterrupt
+    return False
 
 
 def _dropped(unraisable: Any) -> None:
     """An exception that a callback could not pass on; of a Ctrl-C the thread takes care."""
     if not issubclass(unraisable.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(unraisable)
+        return
+    for heard in _now:
+        heard.lost = True
 
 
 def _watch(reading: int, heard: _Heard) -> None:
     """Hear the signals that the system writes into the pipe."""
-    presses = 0
+    signals, insisting = 0, False
     while content := os.read(reading, 64):
-        presses += content.count(bytes([signal.SIGINT]))
-        if not presses:
-            continue
-        heard.count = presses
+        signals += content.count(bytes([signal.SIGINT]))
+        presses = signals - heard.own
+        heard.count = max(heard.count, presses)
         if presses > 1:
             _end("Interrupted again: ended at once.")
-        threading.Thread(target=_insist, args=(heard,), daemon=True).start()
+        if presses and not insisting:
+            insisting = True
+            threading.Thread(target=_insist, args=(heard,), daemon=True).start()
     os.close(reading)
 
 
 def _insist(heard: _Heard) -> None:
-    if not heard.answered.wait(PATIENCE):
-        text = NOTHING
-        with suppress(Exception):
-            text = heard.said()
-        _end(text)
+    """Raise again what was lost, until the work answers; end it where it does not."""
+    latest = time.monotonic() + PATIENCE
+    while not heard.answered.wait(AGAIN):
+        if time.monotonic() > latest:
+            text = NOTHING
+            with suppress(Exception):
+                text = heard.said()
+            _end(text)
+        with heard.asking:
+            if heard.lost and not heard.answered.is_set():
+                heard.lost = False
+                heard.own += 1
+                interrupt_main()  # `_raise` runs in the main thread, and looks where that is now
 
 
 _hard: list[bool] = []
@@ -140,7 +179,7 @@ def ends_hard() -> bool:
     return bool(_hard) or interrupted()
 
 
-def leave(code: int) -> None:
+def leave(code: int) -> NoReturn:
     """End the process with what was said, and without the libraries' own ends."""
     for stream in (sys.stdout, sys.stderr):
         with suppress(Exception):
@@ -151,7 +190,9 @@ def leave(code: int) -> None:
 
 def _end(text: str) -> None:
     """End the process now: no destructor of a library runs into a dying interpreter."""
-    _files.drop_parts()
+    for clean in _last:
+        with suppress(Exception):
+            clean()
     with suppress(Exception):
         os.write(2, f"{text}\n".encode())
     end_children()

@@ -7,9 +7,12 @@ import atexit
 import importlib
 import signal
 import sys
-from typing import Any
 
-from .._interrupts import CODE, NOTHING, answer, ends_hard, leave, listening
+from .._interrupts import CODE, NOTHING, ends_hard, leave, listening, raise_lost
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from typing import Any
 
 _LAZY: dict[str, str] = {name: "._frame" for name in ("run", "build_app", "COMMANDS")}
 _LAZY |= {name: "._options" for name in ("Json", "emit")}
@@ -17,15 +20,15 @@ _LAZY |= {name: "._options" for name in ("Json", "emit")}
 
 def main(tokens: list[str] | None = None) -> None:
     """Run the command line and exit with its code."""
-    with listening():
-        try:
+    try:
+        with listening():
             code = __getattr__("run")(tokens)
-        except KeyboardInterrupt:  # before the command began
-            answer()
-            print(NOTHING, file=sys.stderr)
-            code = CODE
-        if ends_hard():
-            leave(code)
+            raise_lost()
+            if ends_hard():
+                leave(code)
+    except KeyboardInterrupt:  # before the command began, or as it ended
+        print(NOTHING, file=sys.stderr)
+        leave(CODE)
     atexit.register(_deaf)
     sys.exit(code)
 
@@ -35,7 +38,7 @@ def _deaf() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     """What the commands' frame and options have, loaded when it is asked for."""
     if name in _LAZY:
         return getattr(importlib.import_module(_LAZY[name], __name__), name)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from .._errors import InputError
 from .._files import pieces_folder
-from .._interrupts import NOTHING, answer, check, saying
+from .._interrupts import NOTHING, answer, raise_lost, saying
 from ._progress import bar
 
 
@@ -192,7 +192,7 @@ def perform(plan: Plan, pieces: StoredPieces | None, command: str) -> Any:
             report(runs.count, len(times))
             parts = plan.parts(end, max(runs.count - 1, 0)) if runs.count < len(times) else ()
             for piece in parts:
-                check()
+                raise_lost()
                 runs.add(piece.run)
                 if pieces is not None:
                     pieces.add(piece.run, piece.end)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ... import __version__
 from ..._errors import InputError, tell
-from ..._interrupts import answer, check, end_children, interrupted, saying
+from ..._interrupts import answer, end_children, interrupted, raise_lost, saying
 from ...rig import Rig, load_rig
 from ...simulation import AbstractDrive
 from .._evaluation import checked_after, sample_to_check
@@ -157,7 +157,7 @@ def _run(store: Store, finished: Iterator[tuple[int, np.ndarray]], report: Repor
     """Drive the evaluation; an interruption keeps what is done and says how to go on."""
     try:
         for chunk, status in finished:
-            check()
+            raise_lost()
             store.written(chunk)
             if report is not None:
                 report(store, chunk, status)
