@@ -145,6 +145,36 @@ def test_ctrl_c_in_a_real_process():
     assert (process.returncode, err) == (130, "Interrupted. Nothing more was written.\n")
 
 
+@pytest.mark.parametrize(
+    "lost",
+    ["import pressed", "Pressed()"],
+    ids=["held back while a library is loaded", "dropped by a callback"],
+)
+def test_a_lost_ctrl_c_is_raised_again(tmp_path, lost):
+    press = "import os, signal; os.kill(os.getpid(), signal.SIGINT)"
+    (tmp_path / "pressed.py").write_text(press)
+    code = f"""
+import signal, time
+signal.signal(signal.SIGINT, signal.default_int_handler)
+from omnijax import cli
+from omnijax.cli import _frame
+class Pressed:
+    def __del__(self):
+        {press}
+def work(tokens):
+    {lost}
+    for _ in range(10):
+        time.sleep(0.05)
+    print("worked on")
+_frame.build_app = lambda: work
+cli.main()
+"""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    assert (done.returncode, done.stdout) == (130, "")
+    assert done.stderr == "Interrupted. Nothing more was written.\n"
+
+
 def test_init_then_check(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert call(capsys, "init")[0] == 0
