@@ -71,6 +71,15 @@ def did_you_mean(word: str, options: Iterable[str]) -> str:
     return f" Did you mean `{close}`?" if close else ""
 
 
+def not_above_zero(unit: str = "", /, **numbers: float | None) -> list[str]:
+    """A sentence for each number that is not finite and above 0; None is no number."""
+    return [
+        f"`{name}` must lie in (0, inf){unit and f' {unit}'}, but is {value:g}."
+        for name, value in numbers.items()
+        if value is not None and not 0 < value < float("inf")
+    ]
+
+
 class RunError(RuntimeError):
     """The input was right but the work failed; the command line exits with code 1."""
 

@@ -170,7 +170,9 @@ _frame.build_app = lambda: work
 cli.main()
 """
     command = [sys.executable, "-c", code]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False
+    )
     assert (done.returncode, done.stdout) == (130, "")
     assert done.stderr == "Interrupted. Nothing more was written.\n"
 

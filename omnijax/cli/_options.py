@@ -107,11 +107,9 @@ def number(name: str, text: str, unit: str) -> float:
 
 def above_zero(name: str, text: str | None, unit: str) -> float | None:
     """The same of a number that must be above 0; None where nothing was typed."""
-    from .._errors import InputError
+    from .._errors import InputError, not_above_zero
 
-    if text is None:
-        return None
-    value = number(name, text, unit)
-    if not 0 < value < float("inf"):
-        raise InputError(f"`{name}` must lie in (0, inf) {unit}, but is {value:g}.")
+    value = None if text is None else number(name, text, unit)
+    if wrong := not_above_zero(unit, **{name: value}):
+        raise InputError(wrong)
     return value

@@ -104,8 +104,7 @@ def _less(case: Any, thin: int, seconds: float | None) -> Any:
                 "end]` in its NAME.toml chooses a part."
             )
         return case
-    case = case if seconds is None else case.first(seconds)
-    return case if thin == 1 else case.thinned(thin)
+    return (case if seconds is None else case.first(seconds)).thinned(thin)
 
 
 def _write(diagnosis: Any, folder: Path) -> str:

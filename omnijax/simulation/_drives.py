@@ -10,7 +10,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from .._errors import InputError
+from .._errors import InputError, not_above_zero
 from ..rig import Rig, typed_number, typed_numbers
 from ._signals import Signal, Vector, constant
 
@@ -144,8 +144,8 @@ def as_times(given: Any, duration: Any = None, rate: Any = None) -> Float[Array,
 def _positive(name: str, given: Any, unit: str) -> float:
     """A number above 0, from text with a unit too."""
     value = typed_number(name, given, unit) if isinstance(given, str) else float(given)
-    if not 0 < value < float("inf"):
-        raise InputError(f"`{name}` must be above 0 {unit}, but is {value:g}.")
+    if wrong := not_above_zero(unit, **{name: value}):
+        raise InputError(wrong)
     return value
 
 

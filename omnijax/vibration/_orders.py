@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .._errors import not_above_zero
 from ..recording import Recording, unit_of
 from ..simulation import Trajectory
 from ._order_results import OrderMap, OrderTrack
@@ -135,9 +136,8 @@ def _check(**options: tuple[str, tuple[str, ...]]) -> None:
 
 
 def _above_zero(**options: float | None) -> None:
-    for name, value in options.items():
-        if value is not None and not value > 0:
-            raise ValueError(f"`{name}` must be above 0, but is {value:g}.")
+    if wrong := not_above_zero(**options):
+        raise ValueError(" ".join(wrong))
 
 
 def _as(kind: str, peak: np.ndarray) -> np.ndarray:

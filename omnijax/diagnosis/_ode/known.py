@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ...laws import ActuatorLag, ActuatorSignal, low_passed
@@ -24,14 +25,16 @@ def before_sensors(
     for _ in range(ROUNDS):
         true = q - added
         added = sensed(tuple(placed), time, {"position": true})["position"] - true
-    rate = _rate_of(added, step)
-    return q - added, v - rate, a - _rate_of(rate, step)
+    rate = rate_of(added, step)
+    return q - added, v - rate, a - rate_of(rate, step)
 
 
-def _rate_of(x: Float[Array, " t"], step) -> Float[Array, " t"]:
-    """Time derivative: central differences, of fourth order inside; traced."""
+def rate_of(x, step):
+    """Time derivative (t,): central differences, of fourth order inside; NumPy's or traced."""
+    xp = jnp if isinstance(x, jax.Array) else np
     fine = (8 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) / (12 * step)
-    return (jnp.gradient(x) / step).at[2:-2].set(fine)
+    coarse = xp.gradient(x) / step
+    return xp.concatenate([coarse[:2], fine, coarse[-2:]])
 
 
 def states(machine: AbstractMachine, q, v, step) -> Float[Array, "t n"]:

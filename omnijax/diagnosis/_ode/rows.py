@@ -9,7 +9,7 @@ import numpy as np
 from scipy.signal import butter, filtfilt, firwin
 
 from ...machine import acting, between, delayed_inputs, motion, places_of, sensed, vector_field
-from .known import before_sensors, memories, states
+from .known import before_sensors, memories, rate_of, states
 from .numbers import Numbers
 
 WIDE = 10  # taps of the thinning filter to each side, in thinned samples
@@ -39,13 +39,6 @@ def smoothed(x: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, ...
     x = filtfilt(b, a, x)
     v = rate_of(x, step)
     return x, v, rate_of(v, step)
-
-
-def rate_of(x: np.ndarray, step: float) -> np.ndarray:
-    """Time derivative of a sampled signal (t,): central differences, of fourth order inside."""
-    v = np.gradient(x, step)
-    v[2:-2] = (8 * (x[3:-1] - x[1:-3]) - (x[4:] - x[:-4])) / (12 * step)
-    return v
 
 
 class Balance:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..._errors import InputError
+from ..._errors import InputError, not_above_zero
 from ..._status import FAILED, Status
 from ...rig import Rig
 from ...simulation import Trajectory, propagate, simulate, simulate_fixed
@@ -116,12 +116,7 @@ def samples_of(duration: float | None, rate: float | None) -> np.ndarray | None:
             raise InputError("`rate` is that of a run, which has a `duration`: give both.")
         return None
     rate = RATE if rate is None else rate
-    wrong = [
-        f"`{name}` must be above 0, but is {x:g}."
-        for name, x in (("duration", duration), ("rate", rate))
-        if not x > 0
-    ]
-    if wrong:
+    if wrong := not_above_zero(duration=duration, rate=rate):
         raise InputError(wrong)
     count = round(duration * rate)
     if count < 2:

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..._errors import InputError
+from ..._errors import InputError, not_above_zero
 from ...dynamics import Model
 from ...rig import Rig, rig_text
 from ...simulation import AbstractDrive, SpeedDrive, TorqueDrive, build_model
@@ -164,11 +164,7 @@ def read_drive(rig: Rig, speeds: Any, drive: AbstractDrive | None) -> Drive:
 def _check(sampling: Sampling, numerics: Numerics) -> None:
     numbers = {"chunk": sampling.chunk, "devices": sampling.devices}
     numbers |= {k: getattr(numerics, k) for k in ("duration", "rate", "rtol", "max_steps")}
-    problems = [
-        f"`{name}` must be above 0, but is {value:g}."
-        for name, value in numbers.items()
-        if value is not None and not value > 0
-    ]
+    problems = not_above_zero(**numbers)
     if sampling.seed < 0:
         problems.append(f"`seed` must not be below 0, but is {sampling.seed}.")
     if problems:
