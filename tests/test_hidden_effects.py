@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from seeds import drawn_anew
 
+from benchmarks._lines import rate
 from benchmarks.hidden_effects import thresholds
 from benchmarks.hidden_effects.answers import _numbers, right
 from benchmarks.hidden_effects.cases import drawn, planted
 from benchmarks.hidden_effects.effects import KNOWN, OUTSIDE
 from benchmarks.hidden_effects.machines import drawn_machine
-from benchmarks.hidden_effects.report import holms, rate, report
+from benchmarks.hidden_effects.report import holms, report
 from omnijax.diagnosis import Diagnosis
 from omnijax.diagnosis._answer import Named
 from omnijax.diagnosis._search import SETTINGS

@@ -9,14 +9,12 @@ Seeds below 100 are for work; published figures come from seeds 100 and up.
 """
 
 import argparse
-import json
 from pathlib import Path
 
+from .._lines import RESULTS, between, read, run
 from . import coverage, thresholds
 from .answers import answered
 from .report import report
-
-RESULTS = Path(__file__).parents[1] / "results"
 
 
 def main() -> None:
@@ -44,40 +42,10 @@ def main() -> None:
         print(thresholds.table(thresholds.run(path, lines, seeds, names)))
         return
     if options.do == "run":
-        lines = run(path, lines, seeds, options.kind)
+        lines = run(path, lines, seeds, lambda seed: answered(seed, options.kind))
     elif options.seeds:
         lines = [x for x in lines if x["seed"] in seeds]
     print(report(lines) if lines else f"no answers in {path}")
-
-
-def between(seeds: str) -> range:
-    """`7-9` or `7` as a range that holds its ends."""
-    first, _, last = seeds.partition("-")
-    return range(int(first), int(last or first) + 1)
-
-
-def read(path: Path) -> list[dict]:
-    """The answers in a file."""
-    return [json.loads(x) for x in path.read_text().splitlines()] if path.exists() else []
-
-
-def run(path: Path, lines: list[dict], seeds: range, kind: str | None) -> list[dict]:
-    """Answer what is not answered yet, one line each."""
-    have = {x["seed"] for x in lines}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    for seed in seeds:
-        if seed in have:
-            continue
-        try:
-            line = answered(seed, kind)
-        except RuntimeError as error:  # the plant, not the diagnosis
-            print(f"seed {seed}: {error}", flush=True)
-            continue
-        print(json.dumps(line), flush=True)
-        with path.open("a") as file:
-            file.write(json.dumps(line) + "\n")
-        lines.append(line)
-    return lines
 
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """One line per answer: what was hidden, what was said, and how the figures of both compare."""
 
 import math
-import subprocess
 import tempfile
 import time
 import traceback
@@ -13,6 +12,7 @@ from scipy.stats import norm
 
 from omnijax.diagnosis import Diagnosis, diagnose
 
+from .._lines import commit
 from .cases import Drawn, drawn, recorded, sized, written
 from .effects import Hidden
 
@@ -52,15 +52,6 @@ def answered(seed: int, kind: str | None = None) -> dict:
                 for g, x in found.gap.items()},
         "why": found.notes[0][:160],
     }  # fmt: skip
-
-
-def commit() -> str:
-    """Short hash of the tree that answers, with + where it was changed."""
-    run = lambda *words: subprocess.run(  # noqa: E731
-        ["git", *words], capture_output=True, text=True, check=True, cwd=Path(__file__).parent
-    ).stdout.strip()
-    changed = run("status", "--porcelain", "--", "../../omnijax", "../../benchmarks/*.py")
-    return run("rev-parse", "--short", "HEAD") + ("+" if changed else "")
 
 
 def right(case: Drawn, found) -> bool:

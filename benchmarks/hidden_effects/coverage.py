@@ -22,7 +22,7 @@ from omnijax.diagnosis import diagnose
 from omnijax.diagnosis._search import Search, refit, upper_limits
 from omnijax.diagnosis._search.model import Effect, Point
 
-from .answers import commit
+from .._lines import commit
 from .cases import drawn, recorded, written
 
 SIZES = (1.05, 2.5)  # times the limit of a recording of nothing but the prediction

@@ -1,26 +1,15 @@
 """Tables of the answers: rates with exact intervals, detection curve, calibration."""
 
 from collections import defaultdict
-from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import binomtest, kstest
+from scipy.stats import kstest
 
+from .._lines import rate
 from .answers import rank
 
 BINS = (0.0, 0.18, 0.35, 0.7, 1.4, 2.8, np.inf)  # of what shows, in sigma, about the sizes drawn
-
-
-def rate(words: str, hits: Iterable[bool]) -> str:
-    """A row: how many of how many, with the exact (Clopper and Pearson) 95 % interval."""
-    hits = list(hits)
-    if not hits:
-        return f"| {words} | 0/0 | |"
-    low, high = binomtest(sum(hits), len(hits)).proportion_ci(0.95, "exact")
-    percent = 100 * sum(hits) / len(hits)
-    return (f"| {words} | {sum(hits)}/{len(hits)} ({percent:.0f} %) "
-            f"| {100 * low:.0f} to {100 * high:.0f} % |")  # fmt: skip
 
 
 def report(lines: list[dict]) -> str:

@@ -12,7 +12,8 @@ from omnijax.diagnosis import diagnose
 from omnijax.diagnosis._search import SETTINGS
 from omnijax.diagnosis._search.model import AbstractModel
 
-from .answers import commit, right
+from .._lines import commit
+from .answers import right
 from .cases import drawn, recorded, sized, written
 
 VARIED = ("alpha", "sure", "share", "margin", "material", "price", "close", "nearly", "hopeless",

@@ -154,6 +154,7 @@ class FrictionAsymmetry(AbstractShaft):
     words: ClassVar[str] = "dry friction that differs by direction"
     places: ClassVar[tuple[str, ...]] = _WHEELS
     formula: ClassVar[str] = "shaft torque −τ |tanh(ω/ω₀)|"
+    widens: ClassVar[tuple[str, ...]] = ("torque-offset",)
     parameters: ClassVar[dict[str, Parameter]] = {
         "torque": Parameter("N m", linear=True),
         "width": Parameter("rad/s", low=0, above=True, optional=True),

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...machine import Axis, PlacedLaw
 from .._search import Candidate, number
+from .known import states
 from .rows import OdeRun, smoothed
 
 SHARES = (0.02, 0.07, 0.2, 0.6)
@@ -22,31 +23,32 @@ class Scales:
     """Typical sizes of the data, for the ladders of shape constants."""
 
     speed: float
-    position: float
+    twist: float  # of what a spring of the drive, or the one that holds the axis, is bent by
     step: float
     torques: np.ndarray  # sizes of the commanded torque below which it is for `CLIPPED`, `RARELY`
     reach: float  # the largest measured position
 
     @staticmethod
     def of(machine, runs: Sequence[OdeRun], cutoff: float) -> "Scales":
-        """RMS of speed and of position about its mean, sizes of the torque, largest position."""
+        """RMS of speed and of the springs' twist, sizes of the torque, largest position."""
         parts = [smoothed(r.outputs["position"], r.step, cutoff) for r in runs]
         speed = np.sqrt(np.mean(np.concatenate([v**2 for _, v, _ in parts])))
-        position = np.sqrt(np.mean(np.concatenate([(q - q.mean()) ** 2 for q, _, _ in parts])))
+        twists = [_twist(machine, q, v, r.step) for r, (q, v, _) in zip(runs, parts, strict=True)]
+        twist = np.sqrt(np.mean(np.concatenate([(x - x.mean()) ** 2 for x in twists])))
         torque = np.concatenate([
             np.abs(_commanded(machine, q, v, r.inputs))
             for r, (q, v, _) in zip(runs, parts, strict=True)
         ])  # fmt: skip
         torques = np.quantile(torque, (*CLIPPED, RARELY))
         reach = max(float(np.max(np.abs(r.outputs["position"]))) for r in runs)
-        return Scales(float(speed), float(position), runs[0].step, torques, reach)
+        return Scales(float(speed), float(twist), runs[0].step, torques, reach)
 
     def ladder(self, port: str, key: str, parameter) -> list[float]:
         """Values to try of a shape constant of a law at a port."""
         limits = list(self.torques[:-1]) if port == "actuator" else [self.reach]
         known = {
             "width": [x * self.speed for x in SHARES], "speed": [x * self.speed for x in SHARES],
-            "gap": [x * self.position for x in SHARES], "limit": limits,
+            "gap": [x * self.twist for x in SHARES], "limit": limits,
             "tau": self._times((0.5, 2, 8)), "delay": self._times((0.25, 1, 4)),
         }  # fmt: skip
         if key in known:
@@ -59,6 +61,13 @@ class Scales:
         """Times to try, s: some samples, and longer ones of `SLOW`."""
         short = [self.step * x for x in samples]
         return short + [t for t in SLOW if t > 2 * short[-1]]
+
+
+def _twist(machine, q, v, step) -> np.ndarray:
+    """Deflection (t,) of the drive to a second inertia, as the stated axis has it; else q."""
+    if not isinstance(machine, Axis) or machine.second_inertia is None:
+        return q
+    return q - np.asarray(states(machine, q, v, step))[:, 2]
 
 
 def _commanded(machine, q, v, inputs) -> np.ndarray:

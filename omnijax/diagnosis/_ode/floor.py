@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from .._search import AbstractModel, Fit, Signatures, at_finite_strength, by_tangent, refit
+from .._search import AbstractModel, Fit, Point, Signatures, at_finite_strength, by_tangent, refit
 
 STEPS = 2  # laws, one after the other
 TRIED = 2  # refits a step
@@ -32,13 +32,22 @@ def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None]) -> F
         starts = [s for s in starts if s.cost < WORTH * fit.cost]
         fits = []
         for start in starts:
-            fits.append(refit(model, start.point, rounds=10, relative=1e-3))
+            fits.append(_settled(model, start.point))
             tell(f"{start.name}: {fits[-1].cost / fit.cost:.3g} of the misfit is left")
         new = min(fits, key=lambda f: f.cost, default=fit)
         if not new.cost < WORTH * fit.cost:
             break
         fit = new
     return fit
+
+
+def _settled(model: AbstractModel, point: Point) -> Fit:
+    """The refit from a point, once more about what `rebase` makes of the data with its laws."""
+    fit = refit(model, point, rounds=10, relative=1e-3)
+    if not model.unsettled(fit.point):
+        return fit
+    model.rebase(fit.point)
+    return refit(model, fit.point, rounds=10, relative=1e-3)
 
 
 def beside(residual: np.ndarray, table: np.ndarray) -> tuple[np.ndarray, int]:

@@ -33,6 +33,9 @@ OFTEN = 1e6  # samples stepped after which a set of laws has a program of its ow
 BOUND = 0.5  # a gain that is off by more is no torque constant any more
 RANKING = 4  # train runs, far apart in their order, that rank laws at finite strength
 SIMPLER = 0.01  # share of its gain that each number of a law must be worth
+RESTARTS = 6  # steps of Gauss and Newton of the windows' starts at a point
+PARTS = (1.0, 0.3)  # of such a step, that are tried
+ENOUGH = 0.01  # of the squares, that a further one must gain
 ROOM = 3  # of one law with an order at one place
 
 
@@ -168,20 +171,68 @@ class OdeModel(AbstractModel):
         return out
 
     def rebase(self, point):
-        """What a free start changes in each window, at the point."""
+        """Free starts as the point's laws have them, and what each start changes in its window.
+
+        A start that is off bends all that hangs on the state nonlinearly: a play, a line of the
+        angle.  So starts are refitted, not only projected out.
+        """
         which = [i for i, r in enumerate(self.rows) if isinstance(r, FreeRun) and r.free]
         if not which:
             return
         theta = self.numbers.vector(point)
+        for _ in range(RESTARTS):
+            if not self._moved_starts(theta, which):
+                break
+        for i, part in self._start_slopes(theta, which).items():
+            if np.all(np.abs(part) < 1e100):
+                self._starts[i] = self.rows[i].bases(part)
+
+    def unsettled(self, point):
+        return any(isinstance(r, FreeRun) and r.free for r in self.rows)
+
+    def _start_slopes(self, theta, which: Sequence[int]) -> dict[int, np.ndarray]:
+        """By run what each state (states, rows) of its windows' starts changes."""
         machine, _ = self.numbers.build(theta, ())
         size = len(machine.start({"position": (0.0, 0.0)}))
-        made = self._rows(START, which, np.tile(theta, (size, 1)), np.eye(size))
-        at = 0
-        for i in which:
-            rows = self.rows[i]
-            part, at = made[:, at : at + rows.count], at + rows.count
-            if isinstance(rows, FreeRun) and np.all(np.abs(part) < 1e100):
-                self._starts[i] = rows.bases(part)
+        return self._split(self._rows(START, which, np.tile(theta, (size, 1)), np.eye(size)), which)
+
+    def _split(self, rows: np.ndarray, which: Sequence[int]) -> dict[int, np.ndarray]:
+        """Rows (k, rows) by run."""
+        ends = np.cumsum([self.rows[i].count for i in which])[:-1]
+        return dict(zip(which, np.split(rows, ends, axis=1), strict=True))
+
+    def _moved_starts(self, theta, which: Sequence[int]) -> bool:
+        """Move the starts by one step of Gauss and Newton; False where next to nothing is gained.
+
+        A window whose squares grow by it takes a part of the step, or keeps its start.
+        """
+        runs = {i: r for i in which if isinstance(r := self.rows[i], FreeRun)}
+        slopes, first = self._start_slopes(theta, which), self._left(theta, which)
+        least = {i: r.squares(first[i]) for i, r in runs.items()}
+        known = {i: r.starts for i, r in runs.items()}
+        steps = {
+            i: r.better_starts(slopes[i], first[i]) - r.starts for i, r in runs.items()
+            if np.all(np.abs(slopes[i]) < 1e100) and np.all(np.abs(first[i]) < 1e100)
+        }  # fmt: skip
+        best, total = {i: x.copy() for i, x in known.items()}, sum(x.sum() for x in least.values())
+        for part in PARTS:
+            for i, step in steps.items():
+                runs[i].start_at(known[i] + part * step)
+            self._batches.clear()
+            left = self._left(theta, which)
+            for i in steps:
+                squares = runs[i].squares(left[i])
+                better = squares < least[i]
+                best[i][better] = runs[i].starts[better]
+                least[i] = np.minimum(squares, least[i])
+        for i, r in runs.items():
+            r.start_at(best[i])
+        self._batches.clear()
+        return sum(x.sum() for x in least.values()) < (1 - ENOUGH) * total
+
+    def _left(self, theta, which: Sequence[int]) -> dict[int, np.ndarray]:
+        """By run what its rows (rows,) are at a vector of numbers."""
+        return {i: x[0] for i, x in self._split(self.raw(theta[None], which), which).items()}
 
     def set_floor(self, fit: Fit, tell: Callable[[str], None] = lambda text: None) -> None:
         """Weigh rows by what no law of the library explains on the train runs, and its colour.

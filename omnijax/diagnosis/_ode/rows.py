@@ -12,6 +12,7 @@ from ...machine import acting, between, delayed_inputs, motion, places_of, sense
 from .known import before_sensors, memories, rate_of, states
 from .numbers import Numbers
 
+SEEN = 1e-6  # of the best seen part of a start, what must be seen of another one
 WIDE = 10  # taps of the thinning filter to each side, in thinned samples
 
 
@@ -135,7 +136,8 @@ class FreeRun:
         clock = self.begin[:, None] + np.arange(total)
         clock = jnp.asarray(clock * run.step)
         shown = jnp.asarray(np.asarray(run.outputs["position"])[take])
-        self.data = (first, inputs, clock, run.step, shown)
+        states = len(numbers.machine.start({"position": (0.0, 0.0)}))
+        self.data = (first, inputs, clock, run.step, shown, jnp.zeros((count, states)))
         self.count, self.time = where.shape[1], run.time[take[tuple(where)]]
 
     def start_states(self, machine, first):
@@ -144,22 +146,48 @@ class FreeRun:
 
     def simulated(self, theta, data, steps, shift=0.0, only=None):
         """Position (windows, samples), the starts moved by `shift`; traced."""
-        first, inputs, clock, step, _ = data
+        first, inputs, clock, step, _, moved = data
         machine, placed = self.numbers.build(theta, only)
         parts, hold = self.places, self.run.hold
 
-        def one(first, inputs, time):
-            x0 = self.start_states(machine, first) + shift
+        def one(first, inputs, time, moved):
+            x0 = self.start_states(machine, first) + moved + shift
             fine = jnp.linspace(0.0, time[-1] - time[0], parts * (len(time) - 1) + 1)
             inputs = delayed_inputs(placed, fine, inputs)
             out = motion(machine, placed, x0, inputs, step, steps, parts, hold)
             return sensed(placed, time, {"position": out["position"]})["position"]
 
-        return jax.vmap(one)(first, inputs, clock)
+        return jax.vmap(one)(first, inputs, clock, moved)
 
     def from_starts(self, theta, data, steps, shift, only=None):
         """(windows * samples,) positions where every window's start is moved by `shift`; traced."""
         return self.simulated(theta, data, steps, shift, only).ravel()
+
+    @property
+    def starts(self) -> np.ndarray:
+        """By how much the windows' starts (windows, states) are moved from what was measured."""
+        return np.asarray(self.data[5])
+
+    def start_at(self, moved: np.ndarray) -> None:
+        """Begin the windows elsewhere: `moved` (windows, states) from what was measured."""
+        self.data = (*self.data[:5], jnp.asarray(moved))
+
+    def better_starts(self, tangents: np.ndarray, left: np.ndarray) -> np.ndarray:
+        """Starts (windows, states) that explain most of what is `left` (rows,), to first order."""
+        moved = self.starts.copy()
+        for w, rows in self._windows():
+            if len(rows) > len(tangents):
+                size = np.linalg.norm(tangents[:, rows], axis=1) + 1e-300
+                A = (tangents[:, rows] / size[:, None]).T
+                moved[w] += np.linalg.lstsq(A, left[rows], rcond=SEEN)[0] / size
+        return moved
+
+    def squares(self, left: np.ndarray) -> np.ndarray:
+        """Sum of squares (windows,) of what is `left` (rows,)."""
+        return np.array([left[rows] @ left[rows] for _, rows in self._windows()])
+
+    def _windows(self) -> list[tuple[int, np.ndarray]]:
+        return [(w, np.flatnonzero(self.where[0] == w)) for w in range(len(self.begin))]
 
     def bases(self, tangents: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """By window: its rows, and an orthonormal basis of what its start changes there.
@@ -167,8 +195,7 @@ class FreeRun:
         `tangents` (k, rows) are those of a start's k states.
         """
         out = []
-        for w in range(len(self.begin)):
-            rows = np.flatnonzero(self.where[0] == w)
+        for _, rows in self._windows():
             if len(rows) <= len(tangents):
                 continue
             left, values, _ = np.linalg.svd(tangents[:, rows].T, full_matrices=False)
@@ -194,10 +221,10 @@ def batches(rows: Mapping[int, Balance | FreeRun]) -> list[tuple[list[int], tupl
     for members in alike.values():
         parts = [rows[i].data for i in members]
         if len(members) > 1:
-            first, inputs, clock, shown = (
+            first, inputs, clock, shown, moved = (
                 jax.tree.map(lambda *x: jnp.concatenate(x), *(p[k] for p in parts))
-                for k in (0, 1, 2, 4)
+                for k in (0, 1, 2, 4, 5)
             )
-            parts = [(first, inputs, clock, parts[0][3], shown)]
+            parts = [(first, inputs, clock, parts[0][3], shown, moved)]
         out.append((members, parts[0]))
     return out

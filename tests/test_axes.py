@@ -1,0 +1,75 @@
+"""The benchmark of axes: equal seeds, equal cases; what is hidden is there; its plants are right."""
+
+import numpy as np
+import pytest
+
+from benchmarks.axes.cases import HIDDEN, IDS, _effect, _plant, drawn
+from benchmarks.axes.plants import Plant, moved, shown
+from omnijax.diagnosis._ode import build_model
+from omnijax.diagnosis._search import Effect, Point
+from omnijax.laws import AXIS_EFFECTS
+from omnijax.machine import Axis, Log, MachineCase, load_machine
+from omnijax.machine._simulate import free_run
+from tests.seeds import drawn_anew
+
+
+def test_equal_seeds_draw_equal_axes():
+    seed = int(drawn_anew("axes").integers(0, 10**6))
+    first, again = drawn(seed), drawn(seed)
+    assert (first.effect, first.machine, first.shows) == (again.effect, again.machine, again.shows)
+    for a, b in zip(first.tables, again.tables, strict=True):
+        assert all(np.array_equal(a[k], b[k]) for k in a)
+
+
+@pytest.mark.parametrize("kind", HIDDEN)
+def test_every_hidden_effect_moves_its_axis_and_has_an_id(kind):
+    rng = drawn_anew(kind)
+    plant, size, _ = _plant(rng, kind)
+    u, step = size * np.sin(np.arange(60) / 6), 5e-3
+    bare = np.stack(moved(plant, {}, u, step, True))
+    for hidden in HIDDEN[kind]:
+        effect = _effect(rng, hidden, plant, bare, 1 / step)
+        q = moved(plant, effect, u, step, True)[0]
+        assert not np.array_equal(shown(effect, q, step), bare[0]), hidden
+        assert all(names & set(AXIS_EFFECTS) for names in IDS[hidden])
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_two_masses_of_the_plant_move_as_those_of_the_library(held):
+    rng = drawn_anew("two masses")
+    plant, size, _ = _plant(rng, "two-mass")
+    u, step = size * np.cumsum(rng.normal(size=200)) / 10, 2e-3
+    q = moved(plant, {}, u, step, held)[0]
+    axis = Axis(inertia=plant.J, damping=plant.d, torque_constant=plant.K, drives="command",
+                second_inertia=plant.J2, second_stiffness=plant.k, second_damping=plant.c)  # fmt: skip
+    hold = "held" if held else "linear"
+    out = free_run(axis, (), {"position": (0.0, 0.0)}, {"input": u}, step, hold)
+    assert np.max(np.abs(out["position"] - q)) < 1e-5 * np.max(np.abs(q))
+
+
+def test_windows_of_two_masses_with_play_begin_where_they_were(tmp_path):
+    rng = drawn_anew("play")
+    J, J2, step = 10 ** rng.uniform(-5, -2), rng.uniform(0.5, 2.0), 0.01
+    J2, k = J * J2, J * J2 / (1 + J2) * (2 * np.pi * rng.uniform(7, 12)) ** 2
+    c = 0.1 * np.sqrt(k * J * J2 / (J + J2))
+    plant = Plant("two-mass", "torque", J, J, J2=J2, k=k, c=c)
+    t = np.arange(500) * step
+    u = 40 * J * sum(np.sin(2 * np.pi * f * t + 6 * rng.random()) for f in (0.4, 1.3, 3.1))
+    gap = 0.4 * float(np.std(u)) * J2 / (J + J2) / k
+    q, *_ = moved(plant, {"gap": gap}, u, step, False)
+    sigma = 0.05 * gap
+    (tmp_path / "machine.toml").write_text(
+        f'kind = "axis"\n[axis]\ninertia = {J}\ndamping = {J}\n[motor]\ninput = "torque"\n[second]\n'
+        f'inertia = {J2}\nstiffness = {k}\ndamping = {c}\n[uncertainty]\n"second.damping" = 0.1\n'
+    )
+    log = Log("log", "train", t, {"input": u}, {"position": q + sigma * rng.normal(size=len(q))})
+    case = MachineCase(tmp_path, load_machine(tmp_path / "machine.toml"), [log], False, [])
+    model, _, _ = build_model(case)
+    tried = model.scales.ladder("mount", "gap", None)
+    assert min(tried) < gap < max(tried)
+    true = Point(np.zeros(1)).with_effects(Effect("mount-backlash", "axis", {"gap": gap}))
+    model.rebase(true)
+    (left,) = model.residuals([true], "train")
+    squares = model.rows[0].squares(left)  # a window or two may be caught by the play's corners
+    noise = len(left) / len(squares) * (sigma / model.noise) ** 2
+    assert np.quantile(squares, 0.7) < 2 * noise
