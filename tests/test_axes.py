@@ -1,4 +1,4 @@
-"""The benchmark of axes: equal seeds, equal cases; what is hidden is there; its plants are right."""
+"""The benchmark of axes: equal seeds, equal cases, true plants; and what its cases brought up."""
 
 import numpy as np
 import pytest
@@ -40,8 +40,10 @@ def test_two_masses_of_the_plant_move_as_those_of_the_library(held):
     plant, size, _ = _plant(rng, "two-mass")
     u, step = size * np.cumsum(rng.normal(size=200)) / 10, 2e-3
     q = moved(plant, {}, u, step, held)[0]
-    axis = Axis(inertia=plant.J, damping=plant.d, torque_constant=plant.K, drives="command",
-                second_inertia=plant.J2, second_stiffness=plant.k, second_damping=plant.c)  # fmt: skip
+    second = {"second_inertia": plant.J2, "second_stiffness": plant.k, "second_damping": plant.c}
+    axis = Axis(
+        inertia=plant.J, damping=plant.d, torque_constant=plant.K, drives="command", **second
+    )
     hold = "held" if held else "linear"
     out = free_run(axis, (), {"position": (0.0, 0.0)}, {"input": u}, step, hold)
     assert np.max(np.abs(out["position"] - q)) < 1e-5 * np.max(np.abs(q))
@@ -59,8 +61,9 @@ def test_windows_of_two_masses_with_play_begin_where_they_were(tmp_path):
     q, *_ = moved(plant, {"gap": gap}, u, step, False)
     sigma = 0.05 * gap
     (tmp_path / "machine.toml").write_text(
-        f'kind = "axis"\n[axis]\ninertia = {J}\ndamping = {J}\n[motor]\ninput = "torque"\n[second]\n'
-        f'inertia = {J2}\nstiffness = {k}\ndamping = {c}\n[uncertainty]\n"second.damping" = 0.1\n'
+        f'kind = "axis"\n[axis]\ninertia = {J}\ndamping = {J}\n[motor]\ninput = "torque"\n'
+        f"[second]\ninertia = {J2}\nstiffness = {k}\ndamping = {c}\n"
+        '[uncertainty]\n"second.damping" = 0.1\n'
     )
     log = Log("log", "train", t, {"input": u}, {"position": q + sigma * rng.normal(size=len(q))})
     case = MachineCase(tmp_path, load_machine(tmp_path / "machine.toml"), [log], False, [])

@@ -104,6 +104,19 @@ def test_a_slide_in_millimetres_is_read_in_metres(tmp_path, capsys):
     assert capsys.readouterr().out.strip().endswith(" m")
 
 
+def test_numbers_of_a_log_in_milliamperes_are_those_of_one_in_amperes(tmp_path):
+    rng = drawn_anew("milliamperes")
+    t, current = np.arange(800) * STEP, np.cumsum(rng.normal(size=800)) / 10
+    q = stepped(lambda x, u: np.array([x[1], 20 * u - x[1]]), (0.0, 0.0), current)[:, 0]
+    found = []
+    for column, factor in (("current_A", 1.0), ("current_mA", 1e3)):
+        folder = tmp_path / column
+        folder.mkdir()
+        log = written(folder / "log.csv", {"t": t, column: factor * current, "angle": q})
+        found.append(float(new_case(folder, [log]).inertia))
+    assert found[1] == pytest.approx(found[0])
+
+
 def test_effects_of_a_slide_have_the_units_of_a_slide():
     data = {"kind": "axis", "motion": "translation", "axis": {"inertia": 2.0},
             "motor": {"input": "torque"}}  # fmt: skip

@@ -42,12 +42,15 @@ def _read(reading: HoldReading, laws: dict, tell) -> Diagnosis:
     start = Point(np.zeros(len(model.priors)))
     model.rebase(start)
     fit = calibrated(model, start)
-    other = better_reading(reading, laws, model, fit, tell) if model.steps_in_time else None
-    if other is not None:
-        return _read(other, laws, tell)
     remarks += [reading.said] if reading.said else []
     tell("looking for what no law explains")
     model.set_floor(fit, tell)
+    if reading.open and model.explained is not None:  # what is missing would hide half a sample
+        model.rebase(model.explained.point)
+        known = refit(model, model.explained.point, rounds=4, relative=1e-3)
+        other = better_reading(reading, laws, model, known, tell)
+        if other is not None:
+            return _read(other, laws, tell)
     start = fit.point
     table[model.rows[0].group]["sigma"] = float(model.scale[0])
     if model.floor > 1:
@@ -55,10 +58,10 @@ def _read(reading: HoldReading, laws: dict, tell) -> Diagnosis:
     model.work = 0.0
     evidence = OdeEvidence(model, case.file, table, remarks, case.faults, case.blocks)
     result = answered(evidence, start, tell)
-    outcome, known = result.details["found"], result.verdict in ("named", "ambiguous")
+    outcome, sure = result.details["found"], result.verdict in ("named", "ambiguous")
     tell("simulating every run from its first sample")
     points = {"before": outcome.baseline.point}
-    points |= {"after": outcome.fit.point} if known else {}
+    points |= {"after": outcome.fit.point} if sure else {}
     result.free_runs = evidence.free_runs(points)
     missed = {k: evidence.one_step(p) for k, p in points.items()}
     result.one_step = {k: x for k, x in missed.items() if x is not None}

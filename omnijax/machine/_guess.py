@@ -11,6 +11,7 @@ import numpy as np
 from .._errors import InputError
 from ..recording import read_table, stem_of
 from ..rig import Quantity
+from ._axis import INPUTS
 from ._file import field_names
 from ._first_numbers import LogSignals, driven_numbers, servo_numbers
 from ._hold import input_hold
@@ -120,12 +121,8 @@ def describe(log: Path, time: str | None, given: str, position: str, rate: float
         step = float(np.median(np.diff(t)))
         if step > 0.2 and "t" not in units:
             step, units["t"] = step / 1000, "ms"
-    si = "m" if motion == "translation" else "rad"
-    if units.get("position", si) != si:
-        q = q * Quantity(si).read(f"1 {units['position']}")
-    u = np.asarray(table.columns[given], float)
-    if drives == "goal" and units.get("input", si) != si:
-        u = u * Quantity(si).read(f"1 {units['input']}")
+    q = _in_si(q, units.get("position"), "m" if motion == "translation" else "rad")
+    u = _in_si(table.columns[given], units.get("input"), _input_unit(motion, drives))
     beside = _beside(table.columns) if drives == "goal" else {}
     others = {k: np.asarray(table.columns[c], float) for k, c in beside.items()}
     good = np.all([np.isfinite(x) for x in (q, u, *others.values())], axis=0)
@@ -241,11 +238,21 @@ def _unit(name: str) -> str | None:
     return match[1] if match else None
 
 
+def _in_si(values, unit: str | None, si: str) -> np.ndarray:
+    """A channel (t,) in SI, as a log of these units is read."""
+    values = np.asarray(values, float)
+    return values if unit in (None, si) else values * Quantity(si).read(f"1 {unit}")
+
+
+def _input_unit(motion: str, drives: str) -> str:
+    """SI unit of a guessed input."""
+    return INPUTS[drives][motion == "translation"]
+
+
 def _fitting(units: dict[str, str], motion: str, drives: str) -> dict[str, str]:
     """Only units of the quantity that a channel has."""
     wanted = {"t": "s", "position": "m" if motion == "translation" else "rad"}
-    force = "N" if motion == "translation" else "N m"
-    wanted["input"] = {"torque": force, "current": "A", "goal": wanted["position"]}.get(drives, "1")
+    wanted["input"] = _input_unit(motion, drives)
     out = {}
     for k, u in units.items():
         try:

@@ -184,8 +184,9 @@ class OdeModel(AbstractModel):
             if not self._moved_starts(theta, which):
                 break
         for i, part in self._start_slopes(theta, which).items():
-            if np.all(np.abs(part) < 1e100):
-                self._starts[i] = self.rows[i].bases(part)
+            rows = self.rows[i]
+            if isinstance(rows, FreeRun) and np.all(np.abs(part) < 1e100):
+                self._starts[i] = rows.bases(part)
 
     def unsettled(self, point):
         return any(isinstance(r, FreeRun) and r.free for r in self.rows)

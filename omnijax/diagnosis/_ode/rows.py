@@ -38,8 +38,8 @@ def smoothed(x: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, ...
     """A signal, its rate and acceleration: low-passed both ways (4th order), differences."""
     b, a = butter(4, min(0.99, 2 * cutoff * step))  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
     x = filtfilt(b, a, x)
-    v = rate_of(x, step)
-    return x, v, rate_of(v, step)
+    v = np.asarray(rate_of(x, step))
+    return x, v, np.asarray(rate_of(v, step))
 
 
 class Balance:
