@@ -98,7 +98,10 @@ def table(lines: list[dict]) -> str:
         rate("an effect hidden: named, nothing else", (x["right"] for x in hidden)),
         rate("... that shows 1 sigma or more", (x["right"] for x in hidden if x["shows"] >= 1)),
         rate("nothing hidden: `none`", (x["right"] for x in lines if x["hidden"] == "none")),
-        rate("something false named", (bool(x["false"]) for x in lines)),
+        rate("named, and something of it false",
+             (x["verdict"] == "named" and bool(x["false"]) for x in lines)),
+        rate("ambiguous, what is hidden among the rivals",
+             (x["verdict"] == "ambiguous" and not x["missed"] for x in hidden)),
     ]  # fmt: skip
     kinds = sorted({x["kind"] for x in lines})
     rows += [rate(f"{k}: right", (x["right"] for x in lines if x["kind"] == k)) for k in kinds]
