@@ -76,3 +76,24 @@ def test_windows_of_two_masses_with_play_begin_where_they_were(tmp_path):
     squares = model.rows[0].squares(left)  # a window or two may be caught by the play's corners
     noise = len(left) / len(squares) * (sigma / model.noise) ** 2
     assert np.quantile(squares, 0.7) < 2 * noise
+
+
+def test_a_ripple_of_a_torque_that_changes_its_sign_is_looked_for_at_its_order(tmp_path):
+    rng = drawn_anew("ripple")
+    J, n, step = 10 ** rng.uniform(-4, -2), float(rng.integers(3, 9)), 4e-3
+    t = np.arange(1500) * step
+    u = 20 * J * np.sin(2 * np.pi * rng.uniform(0.3, 0.5) * t + rng.uniform(0, 6))
+    effect = {"ripple": (0.15, n, rng.uniform(0, 6))}
+    q, *_ = moved(Plant("motor", "torque", J, J), effect, u, step, False)
+    (tmp_path / "machine.toml").write_text(
+        f'kind = "axis"\n[axis]\ninertia = {J}\ndamping = {J}\n[motor]\ninput = "torque"\n'
+        '[compare]\nhold = "linear"\n[uncertainty]\n"axis.inertia" = 0.1\n"axis.damping" = 0.5\n'
+    )
+    log = Log("log", "train", t, {"input": u}, {"position": q + 1e-5 * rng.normal(size=len(q))})
+    case = MachineCase(tmp_path, load_machine(tmp_path / "machine.toml"), [log], False, [])
+    model, _, _ = build_model(case)
+    tried = [
+        float(c.columns[0].law.order)
+        for c in model.candidates(Point(np.zeros(2))) if c.id == "current-ripple"
+    ]  # fmt: skip
+    assert min(abs(x / n - 1) for x in tried) < 0.01

@@ -36,7 +36,7 @@ class Scales:
         twists = [_twist(machine, q, v, r.step) for r, (q, v, _) in zip(runs, parts, strict=True)]
         twist = np.sqrt(np.mean(np.concatenate([(x - x.mean()) ** 2 for x in twists])))
         torque = np.concatenate([
-            np.abs(_commanded(machine, q, v, r.inputs))
+            np.abs(commanded(machine, q, v, r.inputs))
             for r, (q, v, _) in zip(runs, parts, strict=True)
         ])  # fmt: skip
         torques = np.quantile(torque, (*CLIPPED, RARELY))
@@ -70,17 +70,19 @@ def _twist(machine, q, v, step) -> np.ndarray:
     return q - np.asarray(states(machine, q, v, step))[:, 2]
 
 
-def _commanded(machine, q, v, inputs) -> np.ndarray:
+def commanded(machine, q, v, inputs) -> np.ndarray:
     """Torque (t,) that the motor of an axis is to deliver; else the input as it is."""
     return np.asarray(machine.motor(q, v, inputs) if isinstance(machine, Axis) else inputs["input"])
 
 
-def machine_candidates(model, scales: Scales, orders: Mapping[str, Sequence[float]]) -> list:
-    """Every candidate; `orders` gives by place the orders that stand out."""
+def machine_candidates(
+    model, scales: Scales, orders: Mapping[tuple[str, str], Sequence[float]]
+) -> list:
+    """Every candidate; `orders` gives by port and place the orders that stand out."""
     out = []
     for id, place in model.places:
         law = model.laws[id]
-        out += _of_law(law, place, scales, orders.get(place, ()))
+        out += _of_law(law, place, scales, orders.get((law.port, place), ()))
     return out
 
 

@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from .candidates import commanded
+
 FINE = 4  # orders tried within one resolution of the travel
 CLOSER = 8  # times as many beside a peak
 PERIODS = 2  # of a line over the travel: what does not repeat is none
@@ -11,8 +13,11 @@ SLOW = 0.25  # share of the rows that a line must pass slowly enough to be seen 
 SEEN = 0.8  # of half the rows' sampling rate: what their low pass lets through
 
 
-def strongest_orders(model, point) -> dict[str, list[float]]:
-    """By place the orders (events a radian times 1) whose lines close most of the balance.
+def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
+    """By port and place the orders (events a radian times 1) whose lines close most of the balance.
+
+    A line of an actuator multiplies the motor's torque, which changes its sign: the balance itself
+    has no line there, but the balance beside the torque has.
 
     The residual is the balance of accelerations at the point, whatever the criterion; the grid has
     `FINE` orders within one resolution, 2 pi over the travel, and finer ones beside its peaks.  An
@@ -20,7 +25,7 @@ def strongest_orders(model, point) -> dict[str, list[float]]:
     quarter of them does.
     """
     which, theta = model.splits["train"], model.numbers.vector(point)
-    angle, left, speed, step = [], [], [], 0.0
+    angle, left, speed, torque, step = [], [], [], [], 0.0
     for i in which:
         balance, value = model.balance(i)
         rest = value(theta)
@@ -28,8 +33,11 @@ def strongest_orders(model, point) -> dict[str, list[float]]:
         angle.append(q)
         left.append(rest - rest.mean())
         speed.append(v)
+        at = balance.filtered
+        u = commanded(model.machine, at["position"], at["velocity"], balance.run.inputs)
+        torque.append(balance.thinned(u))
         step = balance.run.step * balance.thin
-    angle, left, speed = map(np.concatenate, (angle, left, speed))
+    angle, left, speed, torque = map(np.concatenate, (angle, left, speed, torque))
     travel = float(np.ptp(angle))
     if travel <= 0:
         return {}
@@ -38,11 +46,22 @@ def strongest_orders(model, point) -> dict[str, list[float]]:
     top = min(fastest / (np.quantile(np.abs(speed), SLOW) or 1.0), fine * MOST)
     grid = np.arange(PERIODS * FINE, max(PERIODS * FINE + 1, int(top / fine))) * fine
 
+    weights = {"shaft": np.ones_like(torque), "actuator": torque}
+    found = {k: _peaks(grid, fine, fastest, angle, left, speed, x) for k, x in weights.items()}
+    return {
+        (port, place): found.get(port, found["shaft"])
+        for port, place in {(model.laws[i].port, p) for i, p in model.places}
+    }
+
+
+def _peaks(grid, fine: float, fastest: float, angle, left, speed, weight) -> list[float]:
+    """Orders of `grid` whose lines, times a `weight` (rows,), close most of what is `left`."""
+
     def power(orders):
         """Fall of the squares by a line of each order, over the rows in which it is seen."""
         seen = np.outer(orders, np.abs(speed)) < fastest
         wave = np.where(seen, np.exp(1j * np.outer(orders, angle)), 0.0)
-        return np.abs(wave @ left) ** 2 / np.maximum(seen.sum(axis=1), 1)
+        return np.abs(wave @ (left * weight)) ** 2 / np.maximum(seen @ weight**2, 1e-300)
 
     parts = np.split(grid, range(256, len(grid), 256))
     powers = np.concatenate([power(part) for part in parts])
@@ -54,4 +73,4 @@ def strongest_orders(model, point) -> dict[str, list[float]]:
     for k in sorted(peaks, key=lambda k: -powers[k])[:PEAKS]:
         near = grid[k] + closer
         best.append(float(near[np.argmax(power(near))]))
-    return {place: best for _, place in model.places}
+    return best
