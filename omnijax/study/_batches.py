@@ -1,6 +1,6 @@
 """Many designs by one compiled program: batches of one shape, and derivatives forwards."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import jax
@@ -26,6 +26,18 @@ def in_batches(function: Callable[[Any], Any], rows: np.ndarray, size: int) -> A
         for _, some, count in batches(rows, size)
     ]
     return jax.tree.map(lambda *xs: np.concatenate(xs), *parts)
+
+
+def each(function: Callable[..., Any], rows: Sequence[Any], together: bool) -> Any:
+    """`function(*row)` of every row of `rows` (trees of arrays, leading axis: row).
+
+    What takes the same steps for every row goes side by side (`together`).  A closed form looks for
+    its maxima in loops that end when they are found: side by side, each row would wait for the
+    slowest, and take both sides of every choice.
+    """
+    if together:
+        return jax.vmap(function)(*rows)
+    return jax.lax.map(lambda row: function(*row), tuple(rows))
 
 
 def value_and_jacobian(function: Callable[[Any], Any]) -> Callable[[Any], tuple[Any, Any]]:

@@ -56,6 +56,7 @@ class Problem(NamedTuple):
 
     `extra` is data that `draw(key)` may replace (tolerances drawn anew), for stochastic searches.
     `costly`: every figure is an integrated run, so that fewer are spent and programs kept small.
+    `together`: evaluations take much the same steps and go side by side (`_batches.each`).
     """
 
     variables: tuple[Variable, ...]
@@ -68,6 +69,7 @@ class Problem(NamedTuple):
     extra: Any = None
     draw: Callable[[Array], Any] | None = None
     costly: bool = False
+    together: bool = False
 
     @property
     def epigraph(self) -> bool:

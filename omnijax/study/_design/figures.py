@@ -1,12 +1,11 @@
 """The figures of a problem at shares of its ranges: compiled once, in one scale, checked."""
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..._compiling import quick_jit
 from ..._errors import InputError
-from .._batches import in_batches, value_and_jacobian
+from .._batches import each, in_batches, value_and_jacobian
 from .._problem import Problem
 from .._range import Ranges
 from .evolve import Rank
@@ -25,7 +24,7 @@ class ProblemFigures:
         self.unit = np.array([x.scale for x in problem.limits])
         self.bound = np.array([x.bound for x in problem.limits])
         self._slopes = quick_jit(self._with_slopes)
-        self._values = quick_jit(jax.vmap(self._parts))
+        self._values = quick_jit(lambda shares: each(self._parts, [shares], problem.together))
         seen = [self.slopes(s) for s in start_shares(problem, 8, seed)]
         seen = [s for s in seen if np.isfinite(s.f).all()]
         if not seen:

@@ -17,6 +17,7 @@ import numpy as np
 
 from ..._errors import InputError, RunError
 from ...vibration import METRICS
+from .._batches import each
 from .._constraints import all_limits
 from .._file import Study, study_of
 from .._problem import Limit, Problem, Variable, check_variables
@@ -112,7 +113,11 @@ def _again(
 def _sizes(problem: Problem, seed: int) -> np.ndarray:
     scale = Ranges.of(problem.variables)
     shares = jnp.asarray(start_shares(problem, 4, seed))
-    f = jax.jit(jax.vmap(lambda s: problem.figures(scale.value(s), problem.extra)[0]))(shares)
+    f = jax.jit(
+        lambda shares: each(
+            lambda s: problem.figures(scale.value(s), problem.extra)[0], [shares], problem.together
+        )
+    )(shares)
     sizes = np.nanmedian(np.abs(np.asarray(f)), axis=0)
     return np.where(sizes > 0, sizes, 1.0)
 
@@ -219,7 +224,13 @@ def pareto(
         values, g = cases.every(x, draws)
         return jnp.mean(values[:, 0, : len(names)], axis=0), g[:, 0].reshape(-1)[held]
 
-    problem = Problem(asked.variables, figures, tuple(limits), extra=cases.draws())
+    problem = Problem(
+        asked.variables,
+        figures,
+        tuple(limits),
+        extra=cases.draws(),
+        together=cases.integrated,
+    )
     units = tuple(METRICS[n].unit for n in names)
     store = folder_of(out, asked.identity("pareto", metrics=names), resume)
     return trade_off(

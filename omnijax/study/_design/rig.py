@@ -10,6 +10,7 @@ from ..._errors import InputError
 from ...rig import Rig, get_parameter, put_parameter
 from ...simulation import SpeedDrive, TorqueDrive
 from ...vibration import METRICS
+from .._batches import each
 from .._constraints import CaseResult, all_limits, all_values, metrics_of
 from .._evaluation import (
     METHODS,
@@ -64,6 +65,11 @@ class RigCases:
             how = how._replace(rtol=RTOL)
         how = how._replace(forward=True)
         return how, f"runs by {METHODS[how.method]}: {why}." if how.method in RUNS else ""
+
+    @property
+    def integrated(self) -> bool:
+        """Whether every figure is an integrated run."""
+        return self.how.method in RUNS
 
     def _tried(self, how: Evaluation, designs: np.ndarray) -> np.ndarray:
         """Every figure of designs in every case, (t, ...); one program for any substeps."""
@@ -155,14 +161,15 @@ class RigCases:
         self, x, draws: Float[Array, "t p"], how: Evaluation | None = None
     ) -> tuple[Array, Array]:
         """Metrics (k, t, m) and constraints (k, t, c) of every case and every draw."""
+        together = (self.how if how is None else how).method in RUNS
 
         def case(values, load):
-            return jax.vmap(lambda draw: self.one(x, values, load, draw, how))(draws)
+            return each(lambda draw: self.one(x, values, load, draw, how), [draws], together)
 
         # drives first, loads second, as in `cases`
         values = jnp.repeat(self.inputs, len(self.loads), axis=0)
         loads = jnp.tile(self.loads, (len(self.inputs), 1))
-        return jax.vmap(case)(values, loads)
+        return each(case, [values, loads], together)
 
     def draws(self) -> Float[Array, "t p"]:
         """The parts' relative deviations: corners for the worst case, uniform for the spread."""
@@ -243,5 +250,6 @@ def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
         unit=unit,
         extra=draws,
         draw=cases.draw if cases.parts else None,
-        costly=cases.how.method in RUNS,
+        costly=cases.integrated,
+        together=cases.integrated,
     )

@@ -17,6 +17,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..._compiling import quick_jit
+from .._batches import each
 from .._problem import Problem, from_angle, to_angle
 from .._range import Ranges
 
@@ -66,7 +67,7 @@ class DesignSearch:
         self.scale = Ranges.of(problem.variables)
         unit = jnp.array([limit.scale for limit in problem.limits], float)
         self.sizes = SearchSizes(jnp.asarray(size, float), unit)
-        self._inner = quick_jit(jax.vmap(self._minimise, in_axes=(0, 0, 0, 0, None, None)))
+        self._inner = quick_jit(self._minimise_each)
 
     def parts(self, share, extra) -> tuple[Array, Array]:
         """f and g at a share of the ranges."""
@@ -86,6 +87,12 @@ class DesignSearch:
         F, c = self._split(y, lane, sizes, extra)
         pushed = jnp.maximum(0.0, multiplier + penalty * c)
         return F + jnp.sum(pushed**2 - multiplier**2) / (2 * penalty)
+
+    def _minimise_each(self, y, lanes, multiplier, penalty, sizes, extra):
+        def one(y, lane, multiplier, penalty):
+            return self._minimise(y, lane, multiplier, penalty, sizes, extra)
+
+        return each(one, [y, lanes, multiplier, penalty], self.problem.together)
 
     def _minimise(self, y, lane, multiplier, penalty, sizes, extra):
         """The next y and the number of steps."""
