@@ -18,6 +18,7 @@ import omnijax
 from omnijax._consent import law_files
 from omnijax.laws import EFFECTS, TableShape
 from omnijax.rig import InputError, load_rig, parse_rig, rig_text, save_rig
+from omnijax.rig._check import RESERVED
 
 positive = st.floats(1e-12, 1e12, allow_subnormal=False)
 number = st.floats(-1e6, 1e6).map(lambda x: x if abs(x) >= 1e-12 else 0.0)
@@ -78,7 +79,7 @@ def wheels(draw, name):
 @st.composite
 def rig_tables(draw):
     chosen = draw(st.lists(fine_names, min_size=1, max_size=4, unique=True))
-    chosen = [name for name in chosen if name not in omnijax.rig.GROUPS] or ["w1"]
+    chosen = [name for name in chosen if name not in RESERVED] or ["w1"]
     size, radius, part = draw(positive), draw(st.floats(0.5, 10)), st.floats(-1, 1)
     inertia = size if draw(st.booleans()) else [[size, 0, 0], [0, 2 * size, 0], [0, 0, size]]
     effects = [

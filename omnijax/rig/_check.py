@@ -26,7 +26,7 @@ from ._schema import (
 )
 from ._table_profile import read_profile
 
-_RESERVED = {"all", "sphere", "platform", *WheelTable.model_fields, *GROUPS}
+RESERVED = {"all", "sphere", "platform", *WheelTable.model_fields, *GROUPS}
 _RIG = {"sphere", "platform", "wheel"}
 _STUDY = {"rig", "objective", "variable", "constraint", "search", "pareto", "limit", "drive"}
 
@@ -107,7 +107,7 @@ def _purpose(loc: tuple) -> str:
 
 def _name_problems(names: list[str]) -> Iterator[str]:
     """Names that are not unique, mean something else, or would break a parameter's path."""
-    reserved = _RESERVED | set(channels(len(names)))
+    reserved = RESERVED | set(channels(len(names)))
     for name in dict.fromkeys(names):
         if names.count(name) > 1:
             yield f"`wheel.{name}.name` must be unique, but {names.count(name)} wheels have it."

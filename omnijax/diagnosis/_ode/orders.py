@@ -47,9 +47,9 @@ def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
     grid = np.arange(PERIODS * FINE, max(PERIODS * FINE + 1, int(top / fine))) * fine
 
     weights = {"shaft": np.ones_like(torque), "actuator": torque}
-    found = {k: _peaks(grid, fine, fastest, angle, left, speed, x) for k, x in weights.items()}
+    lines = {k: _peaks(grid, fine, fastest, angle, left, speed, x) for k, x in weights.items()}
     return {
-        (port, place): found.get(port, found["shaft"])
+        (port, place): lines.get(port, lines["shaft"])
         for port, place in {(model.laws[i].port, p) for i, p in model.places}
     }
 
