@@ -22,10 +22,10 @@ robust = design(study)
 print(robust)
 
 problem = rig_problem(study)
-figures = jax.jit(jax.vmap(lambda x: problem.figures(x, problem.extra)))
+figures = jax.jit(lambda grid: jax.lax.map(lambda x: problem.figures(x, problem.extra), grid))
 
 # a fine grid of the same two variables, every case of it
-stiffness, damping = np.geomspace(1.5e5, 3e6, 36), np.array([100.0, 200.0])
+stiffness, damping = np.geomspace(1.5e5, 3e6, 36), np.linspace(50, 200, 4)
 grid = np.stack(np.meshgrid(stiffness, damping, indexing="ij"), axis=-1).reshape(-1, 2)
 f, g = (np.asarray(x) for x in figures(jnp.asarray(grid)))
 limits = np.array([limit.bound for limit in problem.limits])

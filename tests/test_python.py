@@ -52,7 +52,7 @@ def test_traced_speeds_stay_traced():
         ((RIG, "1 2 3", 1.0), "write commas between the values"),
         ((RIG, "1 m, 0, 2 kg", 1.0), "`speed` must be a number in rad/s.*(?s:.)*2 kg"),
         ((RIG, [1, 0], 1.0), "the drive has 2 wheels, but the rig has 3"),
-        ((RIG, [1, 0, 0], -1.0), "`duration` must lie in .0, inf. s, but is -1"),
+        ((RIG, [1, 0, 0], -1.0), r"`duration` must lie in \(0, inf\) s, but is -1"),
         ((RIG, [1, 0, 0], "2 m"), "`duration` must be a number in s"),
     ],
 )
@@ -68,7 +68,7 @@ def test_what_cannot_be_simulated_is_said(arguments, match):
         ({"ts": 1.0, "duration": 1.0}, "either sample times `ts` or a `duration`"),
         ({"ts": [0.0, 0.1], "rate": 100}, "`rate` goes with a duration"),
         ({"duration": [0.0, 0.1]}, "`duration` must be one number"),
-        ({"duration": 1.0, "rate": 0}, "`rate` must lie in .0, inf. Hz, but is 0"),
+        ({"duration": 1.0, "rate": 0}, r"`rate` must lie in \(0, inf\) Hz, but is 0"),
         ({"duration": 1.0, "rate": "3 s"}, "`rate` must be a number in Hz"),
     ],
 )

@@ -107,9 +107,6 @@ def number(name: str, text: str, unit: str) -> float:
 
 def above_zero(name: str, text: str | None, unit: str) -> float | None:
     """The same of a number that must be above 0; None where nothing was typed."""
-    from .._errors import InputError, not_above_zero
+    from ..rig import typed_above_zero
 
-    value = None if text is None else number(name, text, unit)
-    if wrong := not_above_zero(unit, **{name: value}):
-        raise InputError(wrong)
-    return value
+    return None if text is None else typed_above_zero(name, text, unit)

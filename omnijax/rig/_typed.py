@@ -4,7 +4,7 @@ import re
 from contextlib import suppress
 from typing import Any
 
-from .._errors import InputError
+from .._errors import InputError, not_above_zero
 from ._quantities import as_number
 
 _SEVERAL = re.compile(r"\s*[-+\d.eE]+(\s+[-+]?[\d.][-+\d.eE]*)+\s*\Z")
@@ -19,6 +19,14 @@ def typed_number(name: str, text: str, unit: str) -> float:
         return as_number(number, unit)
     except ValueError as error:
         raise InputError(f"`{name}` {error}") from None
+
+
+def typed_above_zero(name: str, given: str | float, unit: str) -> float:
+    """A finite number above 0 in SI, from text as `typed_number` or as it is."""
+    value = typed_number(name, given, unit) if isinstance(given, str) else float(given)
+    if wrong := not_above_zero(unit, **{name: value}):
+        raise InputError(wrong)
+    return value
 
 
 def typed_numbers(name: str, given: Any, unit: str) -> Any:

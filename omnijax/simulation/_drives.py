@@ -10,8 +10,8 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from .._errors import InputError, not_above_zero
-from ..rig import Rig, typed_number, typed_numbers
+from .._errors import InputError
+from ..rig import Rig, typed_above_zero, typed_numbers
 from ._signals import Signal, Vector, constant
 
 
@@ -137,16 +137,8 @@ def as_times(given: Any, duration: Any = None, rate: Any = None) -> Float[Array,
         if rate is not None:
             raise InputError("`rate` goes with a duration; `ts` are sample times already.")
         return jnp.asarray(times, float)
-    frequency = None if rate is None else _positive("rate", rate, "Hz")
-    return jnp.asarray(sample_times(_positive("duration", times, "s"), frequency))
-
-
-def _positive(name: str, given: Any, unit: str) -> float:
-    """A number above 0, from text with a unit too."""
-    value = typed_number(name, given, unit) if isinstance(given, str) else float(given)
-    if wrong := not_above_zero(unit, **{name: value}):
-        raise InputError(wrong)
-    return value
+    frequency = None if rate is None else typed_above_zero("rate", rate, "Hz")
+    return jnp.asarray(sample_times(typed_above_zero("duration", times, "s"), frequency))
 
 
 def check_drive(rig: Rig, drive: AbstractDrive) -> None:

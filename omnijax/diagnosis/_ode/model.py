@@ -176,7 +176,7 @@ class OdeModel(AbstractModel):
         A start that is off bends all that hangs on the state nonlinearly: a play, a line of the
         angle.  So starts are refitted, not only projected out.
         """
-        which = [i for i, r in enumerate(self.rows) if isinstance(r, FreeRun) and r.free]
+        which = self._begun_freely()
         if not which:
             return
         theta = self.numbers.vector(point)
@@ -189,7 +189,11 @@ class OdeModel(AbstractModel):
                 self._starts[i] = rows.bases(part)
 
     def unsettled(self, point):
-        return any(isinstance(r, FreeRun) and r.free for r in self.rows)
+        return bool(self._begun_freely())
+
+    def _begun_freely(self) -> list[int]:
+        """Runs in windows whose starts are free."""
+        return [i for i, r in enumerate(self.rows) if isinstance(r, FreeRun) and r.free]
 
     def _start_slopes(self, theta, which: Sequence[int]) -> dict[int, np.ndarray]:
         """By run what each state (states, rows) of its windows' starts changes."""

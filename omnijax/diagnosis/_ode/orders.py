@@ -46,25 +46,26 @@ def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
     top = min(fastest / (np.quantile(np.abs(speed), SLOW) or 1.0), fine * MOST)
     grid = np.arange(PERIODS * FINE, max(PERIODS * FINE + 1, int(top / fine))) * fine
 
-    weights = {"shaft": np.ones_like(torque), "actuator": torque}
-    lines = {k: _peaks(grid, fine, fastest, angle, left, speed, x) for k, x in weights.items()}
-    return {
-        (port, place): lines.get(port, lines["shaft"])
-        for port, place in {(model.laws[i].port, p) for i, p in model.places}
-    }
-
-
-def _peaks(grid, fine: float, fastest: float, angle, left, speed, weight) -> list[float]:
-    """Orders of `grid` whose lines, times a `weight` (rows,), close most of what is `left`."""
+    weights = np.stack([np.ones_like(torque), torque], axis=1)
 
     def power(orders):
-        """Fall of the squares by a line of each order, over the rows in which it is seen."""
+        """Fall of the squares (orders, 2) by a line, and by one times the torque, where seen."""
         seen = np.outer(orders, np.abs(speed)) < fastest
         wave = np.where(seen, np.exp(1j * np.outer(orders, angle)), 0.0)
-        return np.abs(wave @ (left * weight)) ** 2 / np.maximum(seen @ weight**2, 1e-300)
+        fall = np.abs(wave @ (left[:, None] * weights)) ** 2
+        return fall / np.maximum(seen @ weights**2, 1e-300)
 
     parts = np.split(grid, range(256, len(grid), 256))
     powers = np.concatenate([power(part) for part in parts])
+    bare, times = (
+        _highest(grid, fine, powers[:, k], lambda x, k=k: power(x)[:, k]) for k in (0, 1)
+    )
+    ports = {(model.laws[i].port, place) for i, place in model.places}
+    return {(port, at): times if port == "actuator" else bare for port, at in ports}
+
+
+def _highest(grid, fine: float, powers, power) -> list[float]:
+    """Orders of the highest peaks of `powers` on `grid`, more finely looked for by `power`."""
     peaks = [
         k for k in range(len(grid))
         if powers[k] >= powers[max(0, k - 1)] and powers[k] >= powers[min(len(grid) - 1, k + 1)]

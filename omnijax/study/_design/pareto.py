@@ -113,11 +113,11 @@ def _again(
 def _sizes(problem: Problem, seed: int) -> np.ndarray:
     scale = Ranges.of(problem.variables)
     shares = jnp.asarray(start_shares(problem, 4, seed))
-    f = jax.jit(
-        lambda shares: each(
-            lambda s: problem.figures(scale.value(s), problem.extra)[0], [shares], problem.together
-        )
-    )(shares)
+
+    def objectives(share):
+        return problem.figures(scale.value(share), problem.extra)[0]
+
+    f = jax.jit(lambda shares: each(objectives, [shares], problem.together))(shares)
     sizes = np.nanmedian(np.abs(np.asarray(f)), axis=0)
     return np.where(sizes > 0, sizes, 1.0)
 
@@ -229,7 +229,7 @@ def pareto(
         figures,
         tuple(limits),
         extra=cases.draws(),
-        together=cases.integrated,
+        together=cases.how.integrated,
     )
     units = tuple(METRICS[n].unit for n in names)
     store = folder_of(out, asked.identity("pareto", metrics=names), resume)

@@ -27,7 +27,6 @@ from .._problem import Problem
 from .._sobol import sobol_points
 
 RTOL = 1e-6  # of the adaptive solver, unless the study says
-RUNS = ("fixed", "full")  # methods whose every figure is an integrated run
 
 
 class RigCases:
@@ -64,12 +63,7 @@ class RigCases:
         if study.rtol is None:
             how = how._replace(rtol=RTOL)
         how = how._replace(forward=True)
-        return how, f"runs by {METHODS[how.method]}: {why}." if how.method in RUNS else ""
-
-    @property
-    def integrated(self) -> bool:
-        """Whether every figure is an integrated run."""
-        return self.how.method in RUNS
+        return how, f"runs by {METHODS[how.method]}: {why}." if how.integrated else ""
 
     def _tried(self, how: Evaluation, designs: np.ndarray) -> np.ndarray:
         """Every figure of designs in every case, (t, ...); one program for any substeps."""
@@ -161,7 +155,7 @@ class RigCases:
         self, x, draws: Float[Array, "t p"], how: Evaluation | None = None
     ) -> tuple[Array, Array]:
         """Metrics (k, t, m) and constraints (k, t, c) of every case and every draw."""
-        together = (self.how if how is None else how).method in RUNS
+        together = (self.how if how is None else how).integrated
 
         def case(values, load):
             return each(lambda draw: self.one(x, values, load, draw, how), [draws], together)
@@ -250,6 +244,6 @@ def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
         unit=unit,
         extra=draws,
         draw=cases.draw if cases.parts else None,
-        costly=cases.integrated,
-        together=cases.integrated,
+        costly=cases.how.integrated,
+        together=cases.how.integrated,
     )

@@ -87,6 +87,11 @@ class Evaluation(NamedTuple):
         return jnp.where(run.status == Status.OK, margin, run.status)
 
     @property
+    def integrated(self) -> bool:
+        """Whether every figure is an integrated run."""
+        return self.method in ("fixed", "full")
+
+    @property
     def precision(self) -> float:
         """Relative precision of the figures: rounding of the closed forms, or the solver's."""
         return 10 * self.rtol if self.method == "full" else 1e-12
