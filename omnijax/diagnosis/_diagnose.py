@@ -114,6 +114,7 @@ def _model(rig, runs, noise, library, window) -> tuple[RigModel, Point, list[str
                                (("dR", "a"), True)):  # fmt: skip
         if anew:
             start = calibrated(model, start).point
+            model.rebase(start)  # a rolling start hangs on the calibrated contacts
         kept, said = without_outliers(model.machine, model.rig_at(start), groups)
         if said:
             model, wild = RigModel(rig, kept, noise, library, window), wild + said

@@ -5,12 +5,26 @@ knows their acceleration in between.  The modes' states at the samples and the f
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
+from .clocks import late_by
 from .elastic import INPUTS, ElasticPorts
 from .modes import OutputModes, direct, forced, hold_weights, observe, propagate, real_pairs
 from .runs import Run
+
+
+def as_late(
+    values: np.ndarray,
+    late: float,
+    step: float,
+    exactly: Callable[[float], np.ndarray] | None = None,
+) -> np.ndarray:
+    """Values (t, c) `late` s after they were: of the modes where these tell, else of splines."""
+    if late == 0:
+        return values
+    return late_by(values.T, late / step).T if exactly is None else exactly(late)
 
 
 def late_outputs(

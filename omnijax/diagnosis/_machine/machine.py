@@ -9,7 +9,7 @@ import numpy as np
 from ...dynamics import TURNING_PORTS
 from ...rig import Rig
 from .._threads import each
-from .clocks import late_by, offset_of
+from .clocks import offset_of
 from .data_vector import DataRows
 from .elastic import (
     OUTPUTS,
@@ -21,7 +21,7 @@ from .elastic import (
     refine,
     rig_modes,
 )
-from .late import late_outputs
+from .late import as_late, late_outputs
 from .laws import along, on_time, readings
 from .modes import OutputModes
 from .motion import RunMotion, contact_directions, integrate, measured_lengths, motion, tables_for
@@ -69,11 +69,12 @@ class Predicted(NamedTuple):
 
     def read(self, group: str, late: float, step: float) -> np.ndarray:
         """dR or a (samples, 3), `late` s after it was; splines where samples tell it."""
-        if late == 0 or group == "dR" or self.linear is None:
-            part = self.elastic[:, :3] if group == "dR" else self.elastic[:, 3:]
-            return late_by(part.T, late / step).T if late else part
-        out = self.linear(late)
-        return out if self.stepped is None else out + late_by(self.stepped[:, 3:].T, late / step).T
+        if group == "dR":
+            return as_late(self.elastic[:, :3], late, step)
+        out = as_late(self.elastic[:, 3:], late, step, self.linear)
+        if late == 0 or self.linear is None or self.stepped is None:
+            return out
+        return out + as_late(self.stepped[:, 3:], late, step)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -389,9 +390,9 @@ class Machine:
         rows.take_off(table)
         return table
 
-    def residual_tables(self, rig: Rig, i: int, pred, rotated: Rotated):
+    def residual_tables(self, rig: Rig, i: int):
         """(elastic (t, 6), rotation (t, 3 + n)): measured less predicted, not whitened."""
-        return self._left(rig, i, Predicted.of(pred, rotated))
+        return self._left(rig, i, self.predicted([rig], i)[0])
 
     def _left(self, rig: Rig, i: int, predicted: Predicted):
         run = self.runs[i]

@@ -5,10 +5,11 @@ from collections.abc import Callable
 import numpy as np
 
 from ...rig import Rig
-from .clocks import LoggerClock
+from .clocks import LoggerClock, offset_of
 from .data_vector import DataRows, make_rows, orthonormal
-from .elastic import OUTPUTS
+from .elastic import OUTPUTS, ElasticPorts
 from .encoders import PARTS, response_columns, smoother_modes, walk_modes, whitener
+from .late import as_late, late_outputs
 from .laws import on_time, readings
 from .modes import observe, propagate
 from .runs import SHAPE
@@ -64,14 +65,24 @@ def _free_elastic_start(machine, rig: Rig, i: int, rows: DataRows) -> None:
 
 
 def _start_columns(machine, rig: Rig, i: int, rows: DataRows) -> np.ndarray:
-    """What each number of the elastic state at the first sample changes in the elastic rows."""
+    """What each number of the elastic state at the first sample changes in the elastic rows.
+
+    Read as late as the prediction is: a wheel rings far on its mount in half a millisecond.
+    """
     m, run = machine.modes(rig), machine.runs[i]
     zero = np.zeros((run.samples - 1, len(m.rates)), complex)
     read = _as_read(machine, rig, i)
-    columns = []
+    late, late_a = offset_of(rig, "dR"), offset_of(rig, "a")
+    none = ElasticPorts(*(np.zeros((run.samples, c)) for c in (rig.size, rig.size, 3, 3)))
+    names, columns = OUTPUTS[1:], []
     for k in range(len(m.A)):
         z = propagate(m, run.step, zero, m.inverse @ np.eye(len(m.A))[k])
-        columns.append((read(observe(m, z, OUTPUTS)) * rows.elastic).ravel())
+        change = observe(m, z, OUTPUTS)
+        change[:, :3] = as_late(change[:, :3], late, run.step)
+        change[:, 3:] = as_late(
+            change[:, 3:], late_a, run.step, lambda s, z=z: late_outputs(m, run, z, none, names, s)
+        )
+        columns.append((read(change) * rows.elastic).ravel())
     free = np.stack(columns)
     rows.whiten(free)
     return free
@@ -109,9 +120,7 @@ def rolling_state(machine, rig: Rig, i: int) -> np.ndarray:
     The free start takes up what it changes linearly; laws at contacts and mounts have to feel it.
     """
     rows = machine.rows[i]
-    ((predicted,),) = machine.elastic([rig], [i])
-    tables = machine.residual_tables(rig, i, predicted, machine.rotated(rig, [i])[i])
-    rest = rows.vector(tables[0], None)[None, : rows.elastic.size]
+    rest = rows.vector(machine.residual_tables(rig, i)[0], None)[None, : rows.elastic.size]
     rows.whiten(rest)
     columns = _start_columns(machine, rig, i, rows)
     size = np.linalg.norm(columns, axis=1)

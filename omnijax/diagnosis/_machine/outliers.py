@@ -51,8 +51,7 @@ def near_edges(machine: Machine, rig: Rig, i: int) -> np.ndarray:
 
 def outliers(machine: Machine, rig: Rig, i: int, groups: Sequence[str]) -> dict[str, np.ndarray]:
     """Masks (n, c) of the outliers of run `i` by output group, at a rig not yet calibrated."""
-    predicted = machine.elastic([rig], [i])[0][0]
-    elastic, rotation = machine.residual_tables(rig, i, predicted, machine.rotated(rig, [i])[i])
+    elastic, rotation = machine.residual_tables(rig, i)
     tables = {"dR": elastic[:, :3], "a": elastic[:, 3:]}
     tables |= {"Omega": rotation[:, :3], "theta": rotation[:, 3:]}
     noise = machine.noise | {"theta": float(np.mean(machine.length_noise))}

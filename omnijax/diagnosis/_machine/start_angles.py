@@ -60,8 +60,7 @@ def _weights(machine: Machine, i: int) -> np.ndarray:
 
 def _left(machine: Machine, rig: Rig, i: int) -> np.ndarray:
     """Measured less predicted dR and a (rows,), weighed."""
-    ((predicted,),) = machine.elastic([rig], [i])
-    elastic, _ = machine.residual_tables(rig, i, predicted, machine.rotated(rig, [i])[i])
+    elastic, _ = machine.residual_tables(rig, i)
     return (np.nan_to_num(elastic) * _weights(machine, i)).ravel()
 
 
