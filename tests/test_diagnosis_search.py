@@ -63,15 +63,15 @@ class Soft(AbstractShaft):
         return -self.strength * jnp.tanh(signal.speed / 0.4)
 
 
-def balance(truth, laws=LAWS, seed=0, scramble=False):
-    """J w' + b w = T + laws, with `truth` in the data."""
+def balance(truth, laws=LAWS, seed=0, scramble=False, noise=0.01):
+    """J w' + b w = T + laws, with `truth` in the data and `noise` N m in the torque."""
     rng, sets = np.random.default_rng(seed), {}
     for split, n in (("train", 1500), ("held-out", 800)):
         t = 0.01 * np.arange(n)
         w = 3 * np.sin(0.9 * t + rng.uniform()) + 2 * np.sin(2.3 * t + rng.uniform())
         signal = ShaftSignal(0 * t, w, 0 * t)
         torque = 0.5 * np.gradient(w, 0.01) + 0.1 * w - sum(along(x, signal) for x in truth)
-        torque = torque + 0.01 * rng.normal(size=n)
+        torque = torque + noise * rng.normal(size=n)
         if scramble:
             torque = (
                 rng.permutation(torque - torque.mean()) * 0.01
@@ -134,6 +134,36 @@ def test_a_twin_is_reported_as_a_rival_without_margin():
     assert names == {"bearing-coulomb", "twin"}
     assert abs(rivals[0][1]) < 1.0
     assert rivals[0][2] == pytest.approx(1.0, abs=1e-6)
+
+
+def challenged(truth, named, size):
+    """(a better fit or None, near rivals) of `named`, with `truth` in data without noise."""
+    model = balance([truth], {**LAWS, "soft": Soft}, noise=0.0)
+    fit = refit(model, Point(np.zeros(2), (Effect(named, "shaft", size),)))
+    signatures = Search(model).scan(fit)[1]
+    return Review(Refits(model), lambda text: None).challenge(fit, 0, signatures)
+
+
+def test_held_out_runs_tell_laws_apart_that_the_train_runs_alone_do_not():
+    """Without noise a margin is its own mean: 10 by the train runs, and as much a sample beyond."""
+    truth = law("bearing-coulomb", 0.005)
+    better, rivals = challenged(truth, "bearing-coulomb", {"torque": 0.005})
+    margin = next(margin for effect, margin, _ in rivals if effect.id == "soft")
+    assert better is None
+    assert margin > 1.2 * SETTINGS.equal
+    model = balance([truth], {**LAWS, "soft": Soft}, noise=0.0)
+    costs = [
+        refit(model, Point(np.zeros(2), (Effect(id, "shaft", {key: 0.005}),))).cost
+        for id, key in (("bearing-coulomb", "torque"), ("soft", "strength"))
+    ]
+    assert 0.5 * SETTINGS.equal < costs[1] - costs[0] < SETTINGS.equal
+
+
+def test_a_rival_that_leads_by_more_than_chance_takes_the_place():
+    """By 17: more than equals differ by, less than an effect has to gain."""
+    better, _ = challenged(Soft(jnp.asarray(0.007)), "bearing-coulomb", {"torque": 0.007})
+    assert better is not None
+    assert [e.id for e in better.point.effects] == ["soft"]
 
 
 @pytest.mark.parametrize("fades", [True, False])

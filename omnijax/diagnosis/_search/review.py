@@ -10,11 +10,13 @@ from collections.abc import Callable
 import numpy as np
 
 from .fit import Fit, refit
+from .held_out import HeldOut
 from .model import Effect, to_project
-from .refits import Refits
+from .refits import Refits, residual_of
 from .scan import Scan, Signatures
 
-Rival = tuple[Effect, float, float]  # the effect, its margin, the cosine of the signatures
+# the effect, its margin (what held-out runs add counts), the cosine of the signatures
+Rival = tuple[Effect, float, float]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,7 +107,7 @@ class Review:
             margin = new.cost - fit.cost
             self.tell(f"rival {c.name} of {effects[i].name}: margin {margin:.1f}")
             plainer = self.model.plainness(effects[i]) - self.model.plainness(rival)
-            least = -max(self.settings.margin, plainer * own)
+            least = -max(self.settings.equal, plainer * own)
             if self._widens(rival, effects[i]):
                 least = -self.settings.equal
             elif self._widens(effects[i], rival):  # what it is more than the rival has to show
@@ -115,8 +117,21 @@ class Review:
             if self._widens(rival, effects[i]):
                 continue  # a limit that explains as much is no other explanation
             cosine = again.cosine(mine[0].index, score.index) if mine else 0.0
+            if margin < self.settings.near:
+                margin += self._held_margin(new, fit)
             rivals.append((new.point.effects[i], margin, cosine))
         return None, sorted(rivals, key=lambda f: f[1])
+
+    def _held_margin(self, rival: Fit, fit: Fit) -> float:
+        """chi2 by which held-out runs speak against a rival's refit, whose margin is near.
+
+        Two laws that differ in little are told apart by all runs better than by some: fitted to
+        the train runs, both foretell the others.  Where what is left there has a colour, it counts
+        for less.
+        """
+        rival_left, left = (residual_of(self.model, f.point, "held-out") for f in (rival, fit))
+        held = HeldOut.of(rival_left, left)
+        return held.gain / held.spread if np.isfinite(held.gain) else np.inf
 
     def _widens(self, wide: Effect, plain: Effect) -> bool:
         """Whether the one law is the other at a limit of its numbers, at the same place."""
