@@ -1,10 +1,12 @@
 """The benchmark of hidden effects: equal seeds, equal cases; answers compared as they should be."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from seeds import drawn_anew
+from test_diagnosis_search import LAWS, Soft, balance, law
 
 from benchmarks._lines import rate
 from benchmarks.hidden_effects import thresholds
@@ -12,10 +14,11 @@ from benchmarks.hidden_effects.answers import _numbers, right
 from benchmarks.hidden_effects.cases import drawn, planted
 from benchmarks.hidden_effects.effects import KNOWN, OUTSIDE
 from benchmarks.hidden_effects.machines import drawn_machine
+from benchmarks.hidden_effects.oracle import TELLS, honest, told_apart
 from benchmarks.hidden_effects.report import holms, report
 from omnijax.diagnosis import Diagnosis
 from omnijax.diagnosis._answer import Named
-from omnijax.diagnosis._search import SETTINGS
+from omnijax.diagnosis._search import SETTINGS, Effect, Point, refit
 from omnijax.diagnosis._search.model import AbstractModel
 from omnijax.laws import EFFECTS
 
@@ -74,6 +77,32 @@ def test_an_extra_name_and_a_wrong_verdict_are_wrong():
     assert not says("named", good, extra)
     assert not says("ambiguous", good, extra)
     assert not says("none")
+
+
+def ambiguous(size, noise):
+    """An answer: a soft friction, with the dry one of `size` that is there as its equal."""
+    model = balance([law("bearing-coulomb", size)], {**LAWS, "soft": Soft}, noise=noise)
+    dry = Effect("bearing-coulomb", "shaft", {"torque": 2 * size})
+    fit = refit(model, Point(np.zeros(2), (Effect("soft", "shaft", {"strength": size}),)))
+    judged = SimpleNamespace(equals={0: [(dry, 0.0, 1.0)]})
+    details = {"model": model, "found": SimpleNamespace(fit=fit), "judged": judged}
+    return SimpleNamespace(verdict="ambiguous", details=details)
+
+
+def test_an_ambiguous_answer_is_right_where_the_data_cannot_tell():
+    case = next(c for c in map(drawn, range(100)) if c.kind == "one")
+    silent = Diagnosis("ambiguous", [], [], {}, None, [], {}, [])
+    for size, cannot_tell in ((0.003, True), (0.01, False)):
+        true: dict = {("bearing-coulomb", "shaft"): {"torque": size}}
+        for noise in (0.0, 0.01):
+            (apart,) = told_apart(ambiguous(size, noise), true) or ()
+            assert apart["rival"] == "soft@shaft"
+            assert (apart["expected"] < TELLS) == cannot_tell
+            # of two fits whose predictions are d apart the gap is normal: d^2, variance 4 d^2
+            off = abs(apart["margin"] - apart["expected"])
+            assert off < 0.2 + 10 * bool(noise) * np.sqrt(apart["expected"])
+            assert honest([apart]) == right(case, silent, [apart]) == (apart["margin"] < TELLS)
+    assert told_apart(ambiguous(0.01, 0.0), {("creep", "shaft"): {}}) is None
 
 
 def test_the_report_counts_each_answer_once_with_its_exact_interval():

@@ -15,6 +15,7 @@ from omnijax.diagnosis import Diagnosis, diagnose
 from .._lines import commit
 from .cases import Drawn, drawn, recorded, sized, written
 from .effects import Hidden
+from .oracle import honest, told_apart
 
 ANGLES = ("phase", "phases")
 DIRECTIONS = ("axis", "direction")
@@ -37,6 +38,8 @@ def answered(seed: int, kind: str | None = None) -> dict:
             found.details = {"found": None}
         seconds = time.process_time() - started
     hidden = list(zip(case.hidden, sizes, strict=True))
+    true = {(h.id, h.place): h.truth(x) for h, x in hidden}
+    apart = told_apart(found, true) if case.kind in ("one", "several") else None
     return {
         "seed": seed, "kind": case.kind, "commit": commit(), "cpu": round(seconds, 1),
         "shows": _short(shows), "factors": case.factors,
@@ -46,7 +49,8 @@ def answered(seed: int, kind: str | None = None) -> dict:
         "machine": [case.machine.wheels, case.rate, len(case.torque), case.forced, case.drop,
                     len(case.machine.uncertainty) > 4, case.cut],
         "verdict": found.verdict, "got": [[e.id, e.place] for e in found.effects],
-        "right": right(case, found), "compared": compared(case.kind, hidden, found, case.cut),
+        "right": right(case, found, apart), "apart": apart,
+        "compared": compared(case.kind, hidden, found, case.cut),
         "limits": limits(hidden, found), "p": picked(seed, found),
         "gap": {g: [_short(x.before / x.noise_floor), _short(x.after / x.noise_floor)]
                 for g, x in found.gap.items()},
@@ -54,8 +58,11 @@ def answered(seed: int, kind: str | None = None) -> dict:
     }  # fmt: skip
 
 
-def right(case: Drawn, found) -> bool:
-    """Verdict, all ids and places, nothing extra."""
+def right(case: Drawn, found, apart: list[dict] | None = None) -> bool:
+    """Verdict, all ids and places, nothing extra.
+
+    `ambiguous` is right too where it holds what is hidden, and no rival is told `apart` from that.
+    """
     wanted = {(h.id, h.place) for h in case.hidden}
     got = {(e.id, e.place) for e in found.effects}
     if case.kind == "ambiguous":
@@ -64,7 +71,7 @@ def right(case: Drawn, found) -> bool:
     if case.kind == "unknown":
         return found.verdict == "unknown"
     verdict = "named" if wanted else "none"
-    return found.verdict == verdict and got == wanted
+    return (found.verdict == verdict and got == wanted) or honest(apart)
 
 
 def compared(

@@ -25,6 +25,9 @@ def _rates(lines: list[dict]) -> list[str]:
     def least(x):
         return min(x["factors"], default=0.0)
 
+    def alone(x):
+        return x["right"] and x["verdict"] == "named"
+
     named = ("one", "several")
     quiet = [x for x in lines if x["kind"] == "none" and x["noise"] == ["right", "none"]]
     wrong = [x["verdict"] in ("named", "ambiguous") for x in of("unknown")]
@@ -37,13 +40,15 @@ def _rates(lines: list[dict]) -> list[str]:
         rate("`none` kept", (x["right"] for x in of("none"))),
         rate("`none` kept, right noise, no sensor fault", (x["right"] for x in quiet)),
         rate("false alarms (something named)", false),
-        rate("named right, every size", (x["right"] for x in of(*named))),
+        rate("named right, every size", map(alone, of(*named))),
         rate("named right, visible size and above",
+             map(alone, of(*named, test=lambda x: least(x) >= 1))),
+        rate("... or ambiguous, where the data cannot tell",
              (x["right"] for x in of(*named, test=lambda x: least(x) >= 1))),
         rate("named right, half the visible size",
-             (x["right"] for x in of(*named, test=lambda x: least(x) == 0.5))),
+             map(alone, of(*named, test=lambda x: least(x) == 0.5))),
         rate("named right, one effect at the visible size and above",
-             (x["right"] for x in of("one", test=lambda x: least(x) >= 1))),
+             map(alone, of("one", test=lambda x: least(x) >= 1))),
         rate("a wrong name among the answers, whatever was hidden",
              ([e for e in x["got"] if e not in _pairs(x)] != [] for x in of(*named, "none"))),
         rate("`unknown` kept", (x["right"] for x in of("unknown"))),
