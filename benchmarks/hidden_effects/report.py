@@ -22,8 +22,8 @@ def _rates(lines: list[dict]) -> list[str]:
     def of(*kinds, test=lambda x: True):
         return [x for x in lines if x["kind"] in kinds and test(x)]
 
-    def least(x):
-        return min(x["factors"], default=0.0)
+    def least(x):  # a size that was cut off at what is sensible shows less than was drawn
+        return min([*x["factors"], 1.05 * x["shows"]])
 
     def alone(x):
         return x["right"] and x["verdict"] == "named"
