@@ -45,6 +45,7 @@ COLUMNS = {  # quantity -> (column, SI units a unit of it)
 class Case:
     """A drawn axis with its tables of runs (column -> values) and what is hidden in it.
 
+    `inputs` and the position's noise `sigma` are in SI units.
     `share` is the hidden torque over the motor's, `shows` the position that the effect moves within
     a second, beside a straight line, in sigma of the noise (RMS each); `machine` the user's file,
     or "" where the file of `case new` is left as it is.
@@ -54,6 +55,8 @@ class Case:
     hidden: str
     effect: dict[str, Any]
     tables: list[dict[str, np.ndarray]]
+    inputs: list[np.ndarray]
+    sigma: float
     share: float
     shows: float
     rate: float
@@ -95,11 +98,13 @@ def drawn(seed: int) -> Case:
         measured = np.round(y / coarse) * coarse if coarse else y + sigma * rng.normal(size=len(y))
         values = (np.arange(count) / rate, u, measured)
         tables.append({k: x / unit for (k, unit), x in zip(names, values, strict=True)})
-    shows = _beside_lines(seen, rate) / (coarse / math.sqrt(12) if coarse else sigma)
-    stated = hidden in ("motor", "offset") or kind == "two-mass" or rng.random() < 0.4
-    return Case(plant, hidden, effect, tables, _rms(added) / _rms(torque), shows, rate,
-                held, "quantised" if coarse else "white",
-                _machine(rng, plant, hidden, float(np.std(torque))) if stated else "")  # fmt: skip
+    shaken = coarse / math.sqrt(12) if coarse else sigma
+    shows = _beside_lines(seen, rate) / shaken
+    share, file = _rms(added) / _rms(torque), ""
+    if hidden in ("motor", "offset") or kind == "two-mass" or rng.random() < 0.4:
+        file = _machine(rng, plant, hidden, float(np.std(torque)))
+    white = "quantised" if coarse else "white"
+    return Case(plant, hidden, effect, tables, runs, shaken, share, shows, rate, held, white, file)
 
 
 def _log(rng, low: float, high: float) -> float:

@@ -48,8 +48,8 @@ def shaft(e: Mapping, q: float, v: float, load: float) -> float:
     return e.get("offset", 0.0) + lines - dry * sign - e.get("asymmetry", 0.0) * abs(sign)
 
 
-def moved(plant: Plant, e: Mapping, u: np.ndarray, step: float, held: bool):
-    """(position, speed, motor's torque, torque that is hidden) (t,) from rest, Runge-Kutta steps.
+def moved(plant: Plant, e: Mapping, u: np.ndarray, step: float, held: bool, start=(0.0, 0.0)):
+    """(position, speed, motor's torque, torque that is hidden) (t,) from `start`, by Runge-Kutta.
 
     The input (t,) is held between its samples or runs linear; `e` holds the hidden effects.
     """
@@ -84,7 +84,7 @@ def moved(plant: Plant, e: Mapping, u: np.ndarray, step: float, held: bool):
         return torque - plant.wanted(prompt(t), q, v) + play + shaft(e, q, v, passed or torque)
 
     fine = math.ceil(step / _longest(plant, e))
-    h, x, out = step / fine, (0.0,) * 5, []
+    h, x, out = step / fine, (*start, *start, 0.0), []
     for i in range(len(u)):
         out.append((x[0], x[1], delivered(x, i * step), hidden(x, i * step)))
         for j in range(fine):
