@@ -20,6 +20,7 @@ ROWS = 6000  # of a run's free run that are compared; more say nothing new
 LEADS = 4  # a window is at least so many times its lead
 AWAY = 0.05  # of the time that an axis is pushed away from rest, above which free runs say nothing
 KNOWN = frozenset({"bearing-viscous", "sensor-gain"})  # an axis has its own
+ABSENT = frozenset({"gravity", "stiffness"})  # what an axis may not have at all: not as a factor
 INVERTED = frozenset({"encoder-eccentricity"})  # sensors' laws of which a balance finds the input
 
 
@@ -48,11 +49,13 @@ def cutoff_of(logs: Sequence[Log], noise: float) -> float:
 
 
 def priors_of(machine, uncertainty) -> list[Prior]:
-    """Priors of the uncertain fields: relative, or absolute where a field is 0."""
+    """Priors of the uncertain fields: relative, or absolute where a field is or may be 0."""
     out, units = [], field_units(machine)
     for name, sigma in uncertainty.items():
         value, unit = float(getattr(machine, name)), units.get(name, "")
-        out.append(Prior(name, value, float(sigma), relative=value != 0, unit=unit))
+        factor = value != 0 and not (isinstance(machine, Axis) and name in ABSENT)
+        size = float(sigma) * (1.0 if factor or value == 0 else abs(value))
+        out.append(Prior(name, value, size, relative=factor, unit=unit))
     return out
 
 
