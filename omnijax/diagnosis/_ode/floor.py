@@ -32,7 +32,7 @@ def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None]) -> F
         starts = [s for s in starts if s.cost < WORTH * fit.cost]
         fits = []
         for start in starts:
-            fits.append(_settled(model, start.point))
+            fits.append(settled(model, start.point))
             tell(f"{start.name}: {fits[-1].cost / fit.cost:.3g} of the misfit is left")
         new = min(fits, key=lambda f: f.cost, default=fit)
         if not new.cost < WORTH * fit.cost:
@@ -41,7 +41,7 @@ def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None]) -> F
     return fit
 
 
-def _settled(model: AbstractModel, point: Point) -> Fit:
+def settled(model: AbstractModel, point: Point) -> Fit:
     """The refit from a point, once more about what `rebase` makes of the data with its laws."""
     fit = refit(model, point, rounds=10, relative=1e-3)
     if not model.unsettled(fit.point):

@@ -1,14 +1,18 @@
 """How a machine's input is read between its samples: held, or linear."""
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from ...machine import Axis, LogSignals, MachineCase, input_hold
-from .._search import Fit, refit, total_cost
+from .._search import Effect, Fit, total_cost
 from .build import build_model
+from .colour import in_colour
+from .floor import settled
 from .model import OdeModel
 
 LATE = frozenset({"actuator-delay", "actuator-lag", "sensor-delay", "sensor-lag"})
+TIMES = {"actuator-delay": "delay", "actuator-lag": "tau"}  # one for the other: half a sample
+# on a delay looks like a lag where it is not known
 READ = ("linear", "held")
 
 
@@ -57,7 +61,7 @@ def better_reading(
     """The other reading where it explains the train runs better than a fit, or None.
 
     Also where it does as well without a delay or lag that this one needs: half a sample late is
-    what a held input is.
+    what a held input is.  There a lag may be what is a delay here, or the other way round.
     """
     if not reading.open:
         return None
@@ -65,17 +69,38 @@ def better_reading(
     tell(f"reading the input as {other.hold} between its samples")
     twin, _, _ = build_model(other.case, laws)
     twin.scale, twin.inflation = model.scale, model.inflation
-    twin.rebase(fit.point)
-    here, margin, effects = total_cost(fit), model.settings.margin, fit.point.effects
-    late = [e for e in effects if e.id in LATE]
-    sets = [[e for e in effects if e is not one] for one in late]
-    sets += [[e for e in effects if e.id not in LATE]] if len(late) > 1 else []
-    for some in (*sets, effects):
-        there = refit(twin, fit.point.with_effects(*some), rounds=8, relative=1e-3)
+    margin, effects = model.settings.margin, fit.point.effects
+    for some in _otherwise(effects, set(model.laws)):
+        point = fit.point.with_effects(*some)
+        twin.rebase(point)
+        there = settled(twin, point)
         needed = -margin if len(some) == len(effects) else margin
-        if total_cost(there) < here + needed:
+        if _above(model, fit, twin, there) < needed:
             return other
     return None
+
+
+def _otherwise(effects: Sequence[Effect], known: set[str]) -> list[list[Effect]]:
+    """Sets to try with the other reading: less of what is late first."""
+    late = [e for e in effects if e.id in LATE]
+    sets = [[e for e in effects if e.id not in LATE]] if len(late) > 1 else []
+    sets += [[e for e in effects if e is not one] for one in late]
+    sets.append(list(effects))
+    for one in late:
+        for id in set(TIMES) & known - {e.id for e in effects}:
+            if one.id in TIMES:
+                twin = Effect(id, one.place, {TIMES[id]: one.values[TIMES[one.id]]})
+                sets.append([twin if e is one else e for e in effects])
+    return sets
+
+
+def _above(model: OdeModel, fit: Fit, twin: OdeModel, there: Fit) -> float:
+    """By how much more another reading costs, with log N a number; a balance by its colour."""
+    more = total_cost(there) - total_cost(fit)
+    if model.steps_in_time:
+        return more
+    likely, _ = in_colour(twin, there).above(in_colour(model, fit))
+    return likely + more - (there.cost - fit.cost)
 
 
 def _read_as(case: MachineCase, hold: str) -> MachineCase:

@@ -21,10 +21,12 @@ from .._search import (
     free_numbers,
 )
 from .candidates import Scales, machine_candidates
+from .colour import Colour, in_colour
 from .floor import beside, best_known, inflation
 from .numbers import Numbers
 from .orders import strongest_orders
 from .rows import Balance, FreeRun, OdeRun, batches, smoothed
+from .undecided import undecided
 
 STEEP = 48  # steps between two samples above which a law is too steep to be followed
 VALUE, TANGENT, START = range(3)  # programs over the rows
@@ -78,6 +80,7 @@ class OdeModel(AbstractModel):
         self.scale = np.array([max(noise, 1e-300) * r.gain() for r in self.rows])
         self.inflation, self.floor = 1.0, 1.0
         self.explained: Fit | None = None  # the refit by which the floor was set
+        self.colour: Colour | None = None  # of the rows of a balance, where they are not white
         if self.steps_in_time:
             self.settings = dataclasses.replace(self.settings, strong=0.0)
         self._compiled: dict[tuple, tuple] = {}
@@ -85,6 +88,7 @@ class OdeModel(AbstractModel):
         self._slopes = _slopes_along(self.numbers, self.runs)
         self._batches: dict[tuple[int, ...], list] = {}
         self._starts: dict[int, list] = {}
+        self._undecided: tuple[np.ndarray, np.ndarray] | None = None
         self._balances: dict[int, tuple[Balance, Callable]] = {}
 
     # rows ---------------------------------------------------------------------------------------
@@ -158,7 +162,12 @@ class OdeModel(AbstractModel):
         ])  # fmt: skip
 
     def whitened(self, table: np.ndarray, split: str) -> np.ndarray:
-        """Rows (k, rows) in sigma, less what the windows' free starts can make."""
+        """Rows (k, rows) in sigma, less what the windows' free starts can make.
+
+        Held-out rows also less what numbers can make that the train runs leave undecided.
+        """
+        if self.colour is not None:
+            return np.concatenate([self.colour.whitened(x) for x in self.by_run(table, split)], 1)
         out, at = table * self.weights(split), 0
         for i in self.splits[split]:
             basis = self._starts.get(i)
@@ -168,6 +177,9 @@ class OdeModel(AbstractModel):
                     where = np.arange(part.start, part.stop)[rows]
                     out[:, where] -= (out[:, where] @ q) @ q.T
             at = part.stop
+        if split == "held-out" and self._undecided is not None:
+            ways, less = self._undecided
+            out -= ((out @ ways) * less) @ ways.T
         return out
 
     def rebase(self, point):
@@ -176,9 +188,14 @@ class OdeModel(AbstractModel):
         A start that is off bends all that hangs on the state nonlinearly: a play, a line of the
         angle.  So starts are refitted, not only projected out.
         """
+        if self._begun_freely():
+            self._begin(point)
+        self._undecided = None
+        self._undecided = undecided(self, point)
+
+    def _begin(self, point: Point) -> None:
+        """Free starts and their tangents."""
         which = self._begun_freely()
-        if not which:
-            return
         theta = self.numbers.vector(point)
         for _ in range(RESTARTS):
             if not self._moved_starts(theta, which):
@@ -253,16 +270,35 @@ class OdeModel(AbstractModel):
             candidates = self.candidates(fit.point)
             table = np.concatenate([fit.jacobian.T, self.columns(fit.point, candidates)])
             left, used = beside(fit.residual, table)
-        independent = max(len(left) / inflation(self._by_run(left)) - used, 1.0)
+        independent = max(len(left) / inflation(self.by_run(left)) - used, 1.0)
         spread = float(left @ left) / len(left) * (1 + used / independent)
         self.floor = max(1.0, float(np.sqrt(spread)))
         self.scale = self.scale * self.floor
-        self.inflation = inflation(self._by_run(left))
+        self.inflation = inflation(self.by_run(left))
 
-    def _by_run(self, rows: np.ndarray) -> list[np.ndarray]:
-        """Train rows by run."""
-        counts = [self.rows[i].count for i in self.splits["train"]]
-        return np.split(rows, np.cumsum(counts)[:-1])
+    def by_run(self, rows: np.ndarray, split: str = "train") -> list[np.ndarray]:
+        """Rows (..., rows) of a split by run."""
+        counts = [self.rows[i].count for i in self.splits[split]]
+        return np.split(rows, np.cumsum(counts)[:-1], axis=-1)
+
+    def left(self, point: Point, split: str) -> list[np.ndarray]:
+        """By run of a split its rows (rows,) at a point, in physical units."""
+        return self.by_run(self.raw(self.numbers.vector(point)[None], self.splits[split])[0], split)
+
+    def slopes(self, point: Point) -> np.ndarray:
+        """Slopes (m, n, n) of the rate at states that the runs pass."""
+        return np.asarray(self._slopes(jnp.asarray(self.numbers.vector(point))))
+
+    def margin(self, fit, rival):
+        """Of a balance that leaves two laws equal: as its rows say with their noise's colour.
+
+        Where the held-out rows say so too.
+        """
+        margin = rival.cost - fit.cost
+        if self.steps_in_time or abs(margin) > self.settings.equal:
+            return margin
+        train, held = in_colour(self, rival).above(in_colour(self, fit))
+        return train if train * held > 0 else margin
 
     @property
     def steps_in_time(self) -> bool:

@@ -131,6 +131,10 @@ class AbstractModel(abc.ABC):
         """Whether a law's signature bends with its strength, so that it is tried at finite ones."""
         return self.laws[id].port in STEPPED
 
+    def margin(self, fit, rival) -> float:
+        """By how much more a `rival` fit costs than a fit: -2 log of their likelihoods' ratio."""
+        return rival.cost - fit.cost
+
     def remembered(self, point: Point) -> Point:
         """A point at which a refit with the same laws ended before, or the point itself."""
         return point

@@ -104,7 +104,7 @@ class Review:
             if new.cost - fit.cost < self.settings.near:  # too near to hang on another's tangents
                 new = refit(self.model, new.point)
             new = self.refits.widened(new, fit.cost)
-            margin = new.cost - fit.cost
+            margin = self.model.margin(fit, new)
             self.tell(f"rival {c.name} of {effects[i].name}: margin {margin:.1f}")
             plainer = self.model.plainness(effects[i]) - self.model.plainness(rival)
             least = -max(self.settings.equal, plainer * own)
