@@ -185,3 +185,20 @@ def test_short_names_with_units_are_known(tmp_path, names):
     np.savetxt(path, table, delimiter=",", header=",".join(names), comments="")
     one = guess(path)
     assert (one.time, one.input, one.position) == names
+
+
+def test_an_inertia_is_guessed_right_from_a_coarse_encoder_at_a_high_rate(tmp_path):
+    rng = drawn_anew("coarse")
+    J, step = 10 ** rng.uniform(-4, -1), 5e-4
+    t = np.arange(12000) * step
+    w, p = 2 * np.pi * rng.uniform(0.2, 1.0, 3), rng.uniform(0, 6, 3)
+    u, q, v = 30 * J * np.sin(np.outer(t, w) + p).sum(axis=1), [0.0], 0.0
+    for k in range(len(t) - 1):  # held inputs and a damping of 1/s, exactly
+        f, fade = u[k] / J, np.exp(-step)
+        q.append(q[-1] + (v - f) * (1 - fade) + f * step)
+        v = f + (v - f) * fade
+    coarse = 2e-3 * np.std(q)
+    log = written(tmp_path / "a.csv", {"t": t, "torque": u, "angle": np.round(q / coarse) * coarse})
+    machine = new_case(tmp_path, [log])
+    assert machine.inertia == pytest.approx(J, rel=0.1)
+    assert machine.damping == pytest.approx(J, rel=0.2)

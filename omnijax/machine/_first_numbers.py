@@ -13,6 +13,9 @@ SPRING = 0.3  # of the input's size: what a spring or gravity takes of it where 
 CLIPPED = 0.85  # ratio of the limits of a controller that are tried, one to the next
 LIMITS = 14
 STEEP = 0.03  # width of dry friction over the typical speed
+CUTOFFS = (0.2, 0.14, 0.1, 0.07, 0.05, 0.03, 0.02, 0.01)  # of half the sampling rate
+NOISY = 0.1  # share of a low-passed acceleration that may be noise
+SPOILT = 20  # time constants of a low pass at both ends of a log
 LEAST = 0.05  # of the acceleration's size: damping of an axis of which the log shows none
 
 
@@ -38,6 +41,25 @@ class LogSignals:
 def _low_passed(x):
     b, a = butter(4, 0.2)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
     return filtfilt(b, a, x)
+
+
+def cutoff_of(log: LogSignals) -> float:
+    """The widest low pass, of half the sampling rate, that leaves little noise of acceleration."""
+    noise = float(np.sqrt(np.mean(np.diff(log.position, 5) ** 2) / 252))
+    for share in CUTOFFS:
+        b, a = butter(4, share)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
+        size = np.std(acceleration(filtfilt(b, a, log.position), log.step))
+        if noise * (np.pi * share / log.step) ** 2 * np.sqrt(share / 5) < NOISY * size:
+            return share
+    return CUTOFFS[-1]
+
+
+def acceleration(q: np.ndarray, step: float) -> np.ndarray:
+    """Second difference to fourth order of the step."""
+    a = np.gradient(np.gradient(q, step), step)
+    two, one = q[:-4] + q[4:], q[1:-3] + q[3:-1]
+    a[2:-2] = (16 * one - two - 30 * q[2:-2]) / (12 * step**2)
+    return a
 
 
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
@@ -100,11 +122,12 @@ def driven_numbers(logs: Sequence[LogSignals], turns: bool) -> dict[str, float]:
     """Inertia, damping and what pulls the axis back, over all logs at once.
 
     u = J a + d v + (k q or, where the axis `turns`, g sin(q)) - offset, a log each its offset.
+    Both sides are low-passed as far as the acceleration asks for: noise in it makes J too small.
     """
-    rates = [log.rates for log in logs]
-    q, v, a = (_joined([r[k] for r in rates]) for k in range(3))
-    given = _joined([_low_passed(log.input) for log in logs])
-    which = np.repeat(np.arange(len(logs)), [len(log.input) - 2 * EDGE for log in logs])
+    share = min(cutoff_of(log) for log in logs)
+    parts = [_driven(log, share) for log in logs]
+    q, v, a, given = (np.concatenate([p[k] for p in parts]) for k in range(4))
+    which = np.repeat(np.arange(len(logs)), [len(p[0]) for p in parts])
     ones = [(which == i).astype(float) for i in range(len(logs))]
     pulls = {"": [], "stiffness": [q]} | ({"gravity": [np.sin(q)]} if turns else {})
     fits = {}
@@ -127,3 +150,12 @@ def driven_numbers(logs: Sequence[LogSignals], turns: bool) -> dict[str, float]:
     out = {"inertia": float(J)}
     out["damping"] = float(max(d, 1e-3 * np.std(given) / max(np.std(v), 1e-300)))
     return out | ({best: float(rest[0])} if best else {})
+
+
+def _driven(log: LogSignals, share: float) -> tuple[np.ndarray, ...]:
+    """Position, speed, acceleration and input of a log, low-passed; its spoilt ends cut off."""
+    b, a = butter(4, share)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
+    q, given = filtfilt(b, a, log.position), filtfilt(b, a, log.input)
+    edge = min(len(q) // 8, max(EDGE, int(SPOILT / (np.pi * share))))
+    parts = q, np.gradient(q, log.step), acceleration(q, log.step), given
+    return tuple(x[edge:-edge] for x in parts)

@@ -6,15 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.signal import butter, filtfilt
 
-from ._first_numbers import LogSignals
+from ._first_numbers import LogSignals, acceleration, cutoff_of
 
 HELD_FROM = 0.5  # of the half sample by which a held input acts late: nearer to it than to linear
 SURE, CLOSE = 0.12, 0.05  # half samples: error at most, and distance beside three errors
 KNOTS = 7  # of the course of the acceleration over speed and over position
 SHARP = 0.02  # width of dry friction over the typical speed
 BLOCKS = 8  # parts of the rows, whose estimates scatter by the error of one
-CUTOFFS = (0.2, 0.14, 0.1, 0.07, 0.05, 0.03, 0.02, 0.01)  # of half the sampling rate
-NOISY = 0.1  # share of a low-passed acceleration that may be noise
 EDGE = 20  # time constants of the low pass at both ends of a log, which it spoils
 
 
@@ -97,7 +95,7 @@ def _late(table: np.ndarray, wanted: np.ndarray) -> tuple[float, np.ndarray, np.
 
 def _rows(log: LogSignals, turns: bool) -> tuple[np.ndarray, np.ndarray]:
     """The table of one log, its first columns the input and what holding adds, and a (rows,)."""
-    share = _cutoff(log)
+    share = cutoff_of(log)
     b, a = butter(4, share)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
     q = filtfilt(b, a, log.position)
     v = np.gradient(q, log.step)
@@ -111,26 +109,7 @@ def _rows(log: LogSignals, turns: bool) -> tuple[np.ndarray, np.ndarray]:
     columns += list(_hats(v).T)
     edge = min(len(q) // 8, int(EDGE / (np.pi * share)))
     inside = slice(edge, len(q) - edge)
-    return np.stack(columns, 1)[inside], _acceleration(q, log.step)[inside]
-
-
-def _cutoff(log: LogSignals) -> float:
-    """The widest low pass, of half the sampling rate, that leaves little noise of acceleration."""
-    noise = float(np.sqrt(np.mean(np.diff(log.position, 5) ** 2) / 252))
-    for share in CUTOFFS:
-        b, a = butter(4, share)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
-        size = np.std(_acceleration(filtfilt(b, a, log.position), log.step))
-        if noise * (np.pi * share / log.step) ** 2 * np.sqrt(share / 5) < NOISY * size:
-            return share
-    return CUTOFFS[-1]
-
-
-def _acceleration(q: np.ndarray, step: float) -> np.ndarray:
-    """Second difference to fourth order of the step."""
-    a = np.gradient(np.gradient(q, step), step)
-    two, one = q[:-4] + q[4:], q[1:-3] + q[3:-1]
-    a[2:-2] = (16 * one - two - 30 * q[2:-2]) / (12 * step**2)
-    return a
+    return np.stack(columns, 1)[inside], acceleration(q, log.step)[inside]
 
 
 def _hats(x: np.ndarray) -> np.ndarray:
