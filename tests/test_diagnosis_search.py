@@ -276,6 +276,18 @@ def test_a_refit_keeps_bounds():
     assert fit.point.effects[0].values["torque"] == 0.0
 
 
+def test_candidates_are_picked_beside_what_the_models_own_numbers_take_up():
+    model, given = balance([law("bearing-coulomb", 0.2)]), []
+    pick = model.candidates
+    model.candidates_beside = lambda point, taken: given.append(taken) or pick(point)
+    fit = refit(model, Point(np.zeros(2)))
+    Search(model).scan(fit)
+    (taken,) = given
+    assert taken.shape == (len(fit.residual), 2)
+    np.testing.assert_allclose(taken.T @ taken, np.eye(2), atol=1e-3)  # less the priors' rows
+    assert np.abs(taken.T @ fit.residual).max() < 0.1
+
+
 def test_scores_do_not_hang_on_the_size_of_a_column():
     model = balance([law("bearing-coulomb", 0.2)])
     fit = refit(model, Point(np.zeros(2)))

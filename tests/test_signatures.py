@@ -7,6 +7,7 @@ from test_plant import load_plant
 
 from omnijax.diagnosis import diagnose
 from omnijax.diagnosis._machine import orders
+from omnijax.diagnosis._machine.data_vector import orthonormal
 from omnijax.diagnosis._machine.orders import strongest_orders
 from omnijax.diagnosis._machine.rig_model import sums_of
 from omnijax.diagnosis._machine.tangents import signature
@@ -124,12 +125,47 @@ def test_orders_are_ranked_as_by_their_full_gains(agreeing, law):
         orders._in_common(b, x, r, law, wheel, grid)
         for b, x, r in zip(bases, left, rows, strict=True)
     )
-    _, right = orders._products(bases, left, rows, law, wheel, grid)
+    taken = [np.zeros((x.size, 0)) for x in left]
+    _, right, _ = orders._products(bases, left, rows, taken, law, wheel, grid)
     scale = np.abs(right).max()
     np.testing.assert_allclose(common, right, atol=1e-9 * scale)
-    first = orders._estimated(bases, left, rows, law, wheel, grid)
-    full = orders._gains(bases, left, rows, law, wheel, grid)
+    first = orders._estimated(bases, left, rows, taken, law, wheel, grid)
+    full = orders._gains(bases, left, rows, taken, law, wheel, grid)
     assert first[np.argmax(full)] > np.sort(first)[-orders.BEST]
+
+
+@pytest.mark.parametrize("law", ["motor-ripple", "current-ripple"])
+def test_a_line_of_which_the_model_takes_up_most_is_ranked_by_what_is_left(agreeing, law):
+    """Beside what is taken up the true order explains all that is left, and no other one more."""
+    model, point, _, _ = agreeing
+    rng, bases = drawn_anew(f"taken {law}"), model.bases(point)
+    rows = [model.machine.rows[b.index] for b in bases]
+    ways = [max(np.ptp(b.motion.theta[:, k]) for b in bases) for k in range(3)]
+    wheel, phase = int(np.argmax(ways)), rng.uniform(0, 6)
+    grid = orders._grid(bases, wheel)
+    n = float(rng.choice(grid[20:200]))
+
+    def line(order):
+        pairs = [orders._waves(b, r, law, wheel, np.array([order]))[0]
+                 for b, r in zip(bases, rows, strict=True)]  # fmt: skip
+        return np.concatenate([np.array([np.cos(phase), np.sin(phase)]) @ x for x in pairs])
+
+    true, others = line(n), [line(m) for m in rng.choice(grid, 3)]
+    unit = [x / np.linalg.norm(x) for x in (true, *others)]
+    beside = orthonormal(np.stack([unit[0] + 0.6 * unit[1], *unit[2:]], axis=1))
+    left = true - beside @ (beside.T @ true)
+    whole = float(left @ left)
+    assert whole < 0.6 * (true @ true)
+    ends = np.cumsum([r.rotation.size for r in rows])[:-1]
+    rests = [x.reshape(r.rotation.shape) for x, r in zip(np.split(left, ends), rows, strict=True)]
+    taken, nothing = np.split(beside, ends), [np.zeros((x.size, 0)) for x in rests]
+    own = int(np.argmin(np.abs(grid - n)))
+    plain, full = (orders._gains(bases, rests, rows, x, law, wheel, grid) for x in (nothing, taken))
+    assert plain[own] < 0.7 * whole
+    assert full[own] == pytest.approx(whole, rel=0.03)
+    assert full.max() < 1.001 * full[own]
+    few = orders._estimated(bases, rests, rows, taken, law, wheel, grid)
+    assert few.max() < 2 * few[own]
 
 
 STRENGTH = {"motor-ripple": "amplitude", "current-ripple": "g"}

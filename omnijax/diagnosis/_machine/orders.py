@@ -5,7 +5,9 @@ exp(i N theta_k); a line in the current is one times the commanded torque.
 
 What a line has in common with the rows is a Fourier sum over one and the same series for all
 orders, the rows sent backwards through the response.  What it changes in all is computed at some
-of the samples, and in full for the best.
+of the samples, and in full for the best.  It counts less what the model's own numbers would take
+up of it: where a wheel turns little or slowly they take up most of many a line, and a wrong order
+had stood above the right one.
 """
 
 from collections.abc import Sequence
@@ -24,6 +26,7 @@ LOWEST = 1.0  # windows take off what is slower
 FAST = 0.9  # quantile of the speed at which lines may not alias
 TOGETHER = 64  # orders computed at a time
 THINNED = 8  # samples from one at which a line's size is computed to the next
+LEFT, ROUGHLY = 1e-6, 1e-3  # of a line, what counts as left of it at least; from `THINNED` samples
 BEST = 24  # orders whose gain is computed in full, of a law and wheel
 LAWS = ("motor-ripple", "current-ripple")
 
@@ -31,50 +34,77 @@ Orders = dict[str, list[tuple[list[float], int]]]  # by law and wheel: orders, a
 
 
 def strongest_orders(
-    bases: Sequence[Linearisation], rests: Sequence[np.ndarray], rows: Sequence[DataRows]
-) -> Orders:
+    bases: Sequence[Linearisation], rests: Sequence[np.ndarray], rows: Sequence[DataRows],
+    taken: Sequence[np.ndarray] | None = None,
+) -> Orders:  # fmt: skip
     """The orders of the strongest lines, and how many there were to choose from.
 
-    `rests` are the whitened rotation rows (samples, 3 + n) left in each base's run.  Lines are
-    compared by what they would explain of these rows alone.
+    `rests` are the whitened rotation rows (samples, 3 + n) left in each base's run, `taken` by run
+    the directions (rows, k), orthonormal with those of the other rows, along which the model's own
+    numbers have taken up all they can.  Lines are compared by what they would explain of these
+    rows beside that.
     """
     out: Orders = {law: [] for law in LAWS}
+    taken = [np.zeros((x.size, 0)) for x in rests] if taken is None else taken
+    given = bases, rests, rows, taken
     for k in range(bases[0].rig.size):
         grid = _grid(bases, k)
         for law, lines in out.items():
-            first = _estimated(bases, rests, rows, law, k, grid)
+            first = _estimated(*given, law, k, grid)
             step = grid[1] - grid[0]
             closer = np.arange(-CLOSER, CLOSER + 1) * step / CLOSER
             best, some = [], np.array(_peaks(grid, first, BEST, CLOSER * step))
-            for n in _peaks(some, _gains(bases, rests, rows, law, k, some), PEAKS, GRID * step):
+            for n in _peaks(some, _gains(*given, law, k, some), PEAKS, GRID * step):
                 near = np.maximum(n + closer, LOWEST)
-                best.append(float(near[np.argmax(_gains(bases, rests, rows, law, k, near))]))
+                best.append(float(near[np.argmax(_gains(*given, law, k, near))]))
             lines.append((best, max(1, len(grid) // GRID)))
     return out
 
 
-def _estimated(bases, rests, rows, law: str, k: int, grid: np.ndarray) -> np.ndarray:
+def _estimated(bases, rests, rows, taken, law: str, k: int, grid: np.ndarray) -> np.ndarray:
     """`_gains` over an even `grid`, the sizes of lines from `THINNED` samples."""
     gram, right = np.zeros((len(grid), 2, 2)), np.zeros((len(grid), 2))
-    for base, rest, r in zip(bases, rests, rows, strict=True):
-        gram += _sizes(base, r, law, k, grid)
+    inside = np.zeros((len(grid), 2, taken[0].shape[1]))
+    own = np.eye(inside.shape[2])  # of the directions with each other, all other rows as they are
+    for base, rest, r, way in zip(bases, rests, rows, taken, strict=True):
+        few = _thinned(r, way)
+        size, part = _sizes(base, r, few, law, k, grid)
+        gram, inside = gram + size, inside + part
+        own += few.T @ few - way.T @ way
         right += _in_common(base, rest, r, law, k, grid)
-    return _explained(gram, right)
+    inside = np.swapaxes(np.linalg.solve(np.linalg.cholesky(own), np.swapaxes(inside, 1, 2)), 1, 2)
+    return _explained(gram, right, inside, ROUGHLY)
 
 
-def _sizes(base: Linearisation, rows: DataRows, law: str, k: int, grid: np.ndarray) -> np.ndarray:
-    """Inner products (orders, 2, 2) of each line's cosine and sine, from `THINNED` samples."""
+def _thinned(rows: DataRows, taken: np.ndarray) -> np.ndarray:
+    """Directions (rotation rows, k) at `THINNED` samples, (fewer rows, k)."""
+    keep = _kept(rows)
+    few = taken.reshape(*rows.rotation.shape, taken.shape[1])[keep] * np.sqrt(THINNED)
+    few = few.reshape(len(keep) * rows.rotation.shape[1], taken.shape[1])
+    for part, q in _thinned_windows(rows, keep):
+        few[part] -= q @ (q.T @ few[part])
+    return few
+
+
+def _kept(rows: DataRows) -> np.ndarray:
+    """The samples that stand for `THINNED` ones."""
+    return np.arange(THINNED - 1, rows.samples // THINNED * THINNED, THINNED)
+
+
+def _sizes(base: Linearisation, rows: DataRows, taken, law: str, k: int, grid: np.ndarray):
+    """Of each line's cosine and sine, from `THINNED` samples: inner products (orders, 2, 2) with
+    each other and (orders, 2, k) with the directions `taken`."""
     h, axes, rates, factor = base.run.step, _axes(base), _rates(base, k), _factor(base, law, k)
     samples = rows.samples // THINNED * THINNED
     if len(rates) > 1:
         rates = rates[:samples].reshape(-1, THINNED, 3)
     axes = axes if len(axes) == 1 else axes[THINNED - 1 : samples : THINNED]
     theta = base.motion.theta[::FINE, k][:samples]
-    keep = np.arange(THINNED - 1, samples, THINNED)
+    keep = _kept(rows)
     weight = rows.rotation[keep] * np.sqrt(THINNED)
     windows = _thinned_windows(rows, keep)
     block = np.exp(1j * np.outer(np.arange(TOGETHER) * (grid[1] - grid[0]), theta))
-    out = np.zeros((len(grid), 2, 2))
+    out, inside = np.zeros((len(grid), 2, 2)), np.zeros((len(grid), 2, taken.shape[1]))
     for first in range(0, len(grid), TOGETHER):
         count = min(TOGETHER, len(grid) - first)
         wave = block[:count] * (factor[:samples] * np.exp(1j * grid[first] * theta))
@@ -89,7 +119,8 @@ def _sizes(base: Linearisation, rows: DataRows, law: str, k: int, grid: np.ndarr
         for part, q in windows:
             flat[:, :, part] -= (flat[:, :, part] @ q) @ q.T
         out[first : first + count] = flat @ np.swapaxes(flat, 1, 2)
-    return out
+        inside[first : first + count] = flat @ taken
+    return out, inside
 
 
 def _thinned_windows(rows: DataRows, keep: np.ndarray) -> list[tuple[slice, np.ndarray]]:
@@ -131,28 +162,35 @@ def _in_common(
     return np.stack([np.real(products), np.imag(products)], axis=1)
 
 
-def _gains(bases, rests, rows, law: str, k: int, orders: np.ndarray) -> np.ndarray:
+def _gains(bases, rests, rows, taken, law: str, k: int, orders: np.ndarray) -> np.ndarray:
     """Fall of chi-square by a line of each order, its cosine and sine free."""
-    return _explained(*_products(bases, rests, rows, law, k, orders))
+    return _explained(*_products(bases, rests, rows, taken, law, k, orders))
 
 
-def _explained(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """right . gram^-1 . right of every order, (orders, 2, 2) and (orders, 2)."""
+def _explained(gram, right, inside, least: float = LEFT) -> np.ndarray:
+    """right . left^-1 . right of every order, with what is left of gram beside `inside`.
+
+    gram is (orders, 2, 2), right (orders, 2), inside (orders, 2, k); the share `least` is left.
+    """
     size = np.trace(gram, axis1=1, axis2=2)[:, None, None]
-    gram = gram + (1e-9 * size + 1e-300) * np.eye(2)
-    return np.einsum("na,na->n", right, np.linalg.solve(gram, right[:, :, None])[:, :, 0])
+    left = (1 + least) * gram - inside @ np.swapaxes(inside, 1, 2)
+    left += (1e-9 * size + 1e-300) * np.eye(2)
+    return np.einsum("na,na->n", right, np.linalg.solve(left, right[:, :, None])[:, :, 0])
 
 
-def _products(bases, rests, rows, law: str, k: int, orders: np.ndarray):
-    """Inner products of every line's cosine and sine: (orders, 2, 2); with the rests (.., 2)."""
+def _products(bases, rests, rows, taken, law: str, k: int, orders: np.ndarray):
+    """Inner products of every line's cosine and sine: (orders, 2, 2); with the rests (.., 2); with
+    the directions taken (.., 2, k)."""
     gram, right = np.zeros((len(orders), 2, 2)), np.zeros((len(orders), 2))
-    for base, rest, r in zip(bases, rests, rows, strict=True):
+    inside = np.zeros((len(orders), 2, taken[0].shape[1]))
+    for base, rest, r, own in zip(bases, rests, rows, taken, strict=True):
         for first in range(0, len(orders), TOGETHER):
             part = slice(first, first + TOGETHER)
             waves = _waves(base, r, law, k, orders[part])
             gram[part] += np.einsum("nar,nbr->nab", waves, waves)
             right[part] += waves @ rest.ravel()
-    return gram, right
+            inside[part] += waves @ own
+    return gram, right, inside
 
 
 def _axes(base: Linearisation) -> np.ndarray:

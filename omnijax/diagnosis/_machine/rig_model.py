@@ -189,6 +189,9 @@ class RigModel(AbstractModel):
         return [base_of(self.machine, rig, i, p) for i, p in zip(which, predicted, strict=True)]
 
     def candidates(self, point):
+        return self.candidates_beside(point, np.zeros((0, 0)))
+
+    def candidates_beside(self, point, taken):
         self._bases = self.bases(point)
         rms = np.sqrt(
             np.mean([np.mean(b.mount.deflection**2, axis=0) for b in self._bases], axis=0)
@@ -196,16 +199,22 @@ class RigModel(AbstractModel):
         longest = max(self.machine.runs[i].samples for i in self.splits["train"])
         torques = np.max([np.abs(b.torque).max(axis=0) for b in self._bases], axis=0)
         context = Context(self.rig, self.groups, rms, self._lines(point), longest,
-                          self._orders(point), torques, self._tops)  # fmt: skip
+                          self._orders(point, taken), torques, self._tops)  # fmt: skip
         return candidates(context, self.laws)
 
-    def _orders(self, point: Point) -> dict[str, dict[str, tuple[list[float], int]]]:
+    def _orders(
+        self, point: Point, taken: np.ndarray
+    ) -> dict[str, dict[str, tuple[list[float], int]]]:
         """By law and wheel the orders that stand out in what is left of the train runs."""
         (rest,) = self.residuals([point], "train")
         rows = [self.machine.rows[b.index] for b in self._bases]
-        parts = np.split(rest, np.cumsum([r.size for r in rows])[:-1])
-        left = [r.split(part)[1] for r, part in zip(rows, parts, strict=True)]
-        orders = strongest_orders(self._bases, left, rows)
+        ends = np.cumsum([r.size for r in rows])[:-1]
+        left = [r.split(part)[1] for r, part in zip(rows, np.split(rest, ends), strict=True)]
+        beside = None
+        if taken.size:
+            parts = np.split(taken, ends)
+            beside = [part[r.elastic.size :] for r, part in zip(rows, parts, strict=True)]
+        orders = strongest_orders(self._bases, left, rows, beside)
         return {k: dict(zip(self.rig.names, v, strict=True)) for k, v in orders.items()}
 
     @functools.cached_property

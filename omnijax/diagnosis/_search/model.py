@@ -103,6 +103,13 @@ class AbstractModel(abc.ABC):
     def candidates(self, point: Point) -> list:
         """Candidates that may be added at `point`."""
 
+    def candidates_beside(self, point: Point, taken: np.ndarray) -> list:
+        """`candidates`, picked beside what the model's own numbers take up.
+
+        `taken` (train rows, k) are the directions of that.
+        """
+        return self.candidates(point)
+
     @abc.abstractmethod
     def columns(self, point: Point, candidates: Sequence) -> np.ndarray:
         """Signatures of the candidates on the train runs (columns of all candidates, rows)."""

@@ -90,12 +90,7 @@ class Signatures:
         residuals score the decoys.  Angles are known between all candidates and the best one, and
         the best one named `about`.
         """
-        k = J.shape[1]
-        prior = np.zeros((priors, k))
-        prior[:, :priors] = np.eye(priors)
-        tall = np.concatenate([J, prior])
-        scale = np.linalg.norm(tall, axis=0)
-        q = _basis(tall / np.where(scale > 0, scale, 1.0)) if k else tall
+        q = taken_up(J, priors)
         top = q[: len(residual)]
         rest = np.concatenate([residual, u])
         with threadpool_limits(cores(), "blas"):
@@ -114,8 +109,19 @@ class Signatures:
         return scan
 
 
-def _basis(tall):
-    left, values, _ = np.linalg.svd(tall, full_matrices=False)
+def taken_up(J: np.ndarray, priors: int) -> np.ndarray:
+    """Orthonormal directions (rows + priors, k) along which the tangents `J` take up what is left.
+
+    The first `priors` tangents have a unit prior: a row each, below those of the data.
+    """
+    k = J.shape[1]
+    prior = np.zeros((priors, k))
+    prior[:, :priors] = np.eye(priors)
+    tall = np.concatenate([J, prior])
+    if k == 0:
+        return tall
+    scale = np.linalg.norm(tall, axis=0)
+    left, values, _ = np.linalg.svd(tall / np.where(scale > 0, scale, 1.0), full_matrices=False)
     return left[:, values > 1e-9 * values[0]]
 
 

@@ -14,7 +14,7 @@ from .held_out import Trial
 from .model import AbstractModel, Point, to_project
 from .refits import Refits, chi2_of, residual_of, total_cost
 from .review import Review, Rival
-from .scan import Scan, Score, Signatures, chance
+from .scan import Scan, Score, Signatures, chance, taken_up
 from .starts import (
     Start,
     at_finite_strength,
@@ -206,12 +206,13 @@ class Search:
     def scan(self, fit: Fit) -> tuple[Scan, Signatures]:
         """Scores of all candidates at a fit, and their signatures."""
         model = self.model
-        candidates = model.candidates(fit.point)
+        J, u = to_project(model, fit.jacobian, fit.point.u)
+        taken = taken_up(J, len(u))[: len(fit.residual)]
+        candidates = model.candidates_beside(fit.point, taken)
         self.tell(f"{len(candidates)} candidates")
         signatures = Signatures(candidates, model.columns(fit.point, candidates))
         scrambled = [model.shuffled(fit.residual, seed) for seed in range(self.settings.shuffles)]
         spread = fit.chi2 / model.dof("train")
-        J, u = to_project(model, fit.jacobian, fit.point.u)
         scan = signatures.scan(fit.residual, J, len(u), u, scrambled, spread)
         return scan, signatures
 
