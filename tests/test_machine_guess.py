@@ -202,3 +202,18 @@ def test_an_inertia_is_guessed_right_from_a_coarse_encoder_at_a_high_rate(tmp_pa
     machine = new_case(tmp_path, [log])
     assert machine.inertia == pytest.approx(J, rel=0.1)
     assert machine.damping == pytest.approx(J, rel=0.2)
+
+
+def test_a_controller_that_shows_no_limit_may_have_one(tmp_path):
+    rng = drawn_anew("no limit")
+    w, t = rng.uniform(8, 14), np.arange(1200) * STEP
+    goal = rng.uniform(0.5, 1.0) * np.sin(2 * np.pi * (0.4 * t + 0.1 * t**2))
+    q = stepped(lambda x, u: np.array([x[1], w**2 * (u - x[0]) - 1.4 * w * x[1]]), (0, 0), goal)[
+        :, 0
+    ]
+    q = q + 1e-5 * rng.normal(size=len(q))
+    table = {"t": t, "goal": goal, "angle": q}
+    machine = new_case(tmp_path, [written(tmp_path / "a.csv", table)])
+    file = load_machine(tmp_path / "case" / "machine.toml")
+    most = float(machine.gain) * np.max(np.abs(goal - q))
+    assert 0.8 * most < float(machine.limit) < 1.01 * most and file.uncertainty["limit"] > 0.1

@@ -122,7 +122,9 @@ def test_a_servo_is_guessed_with_its_gain_and_gravity(tmp_path, seed, capsys):
     numbers = numbers_of_logs([found])
     assert numbers["gravity"] == pytest.approx(gravity, rel=0.2)
     assert numbers["gain"] == pytest.approx(gain, rel=0.2)
-    assert "coulomb" not in numbers and "limit" not in numbers
+    assert (
+        "coulomb" not in numbers
+    )  # left to the diagnosis; a limit that does not show is left open
     logs = [str(tmp_path / x) for x in ("one.json", "two.json")]
     line = ["case", "new", *logs, "--held-out", logs[1], "--out", str(tmp_path / "case"), "--yes"]
     assert cli.run(line) == 0

@@ -10,6 +10,8 @@ from scipy.signal import butter, filtfilt
 EDGE = 10  # samples at both ends of a log that the low pass spoils
 PULLS = 0.03  # share of what is left of the acceleration that a term must explain to be there
 SPRING = 0.3  # of the input's size: what a spring or gravity takes of it where it is there
+BOUNDLESS = 1e9  # limit of a controller that had nothing to do
+REACHED = 0.95  # of the largest error of a controller that shows no limit: where one may begin
 CLIPPED = 0.85  # ratio of the limits of a controller that are tried, one to the next
 LIMITS = 14
 STEEP = 0.03  # width of dry friction over the typical speed
@@ -103,8 +105,9 @@ def servo_numbers(logs: Sequence[LogSignals]) -> dict[str, float]:
     out = {"inertia": 1.0} | numbers
     out["gain"] = max(out["gain"], 1e-3)
     out["damping"] = max(out["damping"], least)
-    if clipped is not None:
-        out["limit"] = clipped * out["gain"]
+    if clipped is None:  # reached at the top of a jump or two it is not seen here: left open
+        clipped = REACHED * float(np.abs(error[on]).max(initial=0.0))
+    out["limit"] = clipped * out["gain"] or BOUNDLESS
     out.pop("coulomb", None)
     return out
 
