@@ -105,13 +105,14 @@ def test_a_ripple_of_a_torque_that_changes_its_sign_is_looked_for_at_its_order(t
 def test_what_no_log_tells_apart_is_known_by_the_plants_themselves():
     rng = drawn_anew("oracle")
     plant, size, _ = _plant(rng, "motor")
-    u = size * np.sin(2 * np.pi * rng.uniform(0.5, 1.0) * np.arange(300) / 100)
+    t = 2 * np.pi * rng.uniform(0.5, 0.7) * np.arange(300) / 100
+    u = size * (np.sin(t) + np.sin(2.7 * t))
     seen = {"inputs": [u], "rate": 100.0, "held": False, "plant": plant, "hidden": "lag"}
     case = drawn(3)
-    for lag, told in ((1e-4, False), (3e-2, True)):
+    for lag, told in ((1e-3, False), (3e-2, True)):
         position = moved(plant, {"lag": lag}, u, 1e-2, False)[0]
         some = dataclasses.replace(
-            case, **seen, effect={"lag": lag}, sigma=1e-3 * float(np.std(position))
+            case, **seen, effect={"lag": lag}, sigma=1e-4 * float(np.std(position))
         )
         assert bool(untold(some, {"actuator-delay"})) != told
     assert untold(dataclasses.replace(some, hidden="coulomb"), {"actuator-delay"}) == {}

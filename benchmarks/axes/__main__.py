@@ -101,7 +101,7 @@ def table(lines: list[dict]) -> str:
     rows = [
         "| figure | cases | 95 % interval |", "| --- | --- | --- |",
         rate("right", (x["right"] for x in lines)),
-        rate("an effect hidden: named, nothing else", (x["right"] for x in hidden)),
+        rate("an effect hidden: right", (x["right"] for x in hidden)),
         rate("... that shows 1 sigma or more", (x["right"] for x in hidden if x["shows"] >= 1)),
         rate("nothing hidden: `none`", (x["right"] for x in lines if x["hidden"] == "none")),
         rate("named, and something of it false",
