@@ -159,8 +159,7 @@ def compared(hows, rig, drive, reference, rng, turns=False):
     paths, rows, changed = rows_of(hows[0], rig, drive, rng, most=1 if turns else 3)
     built = [design(rig, drive, paths, row, rows[0]) for row in rows]
     stacked = jax.tree.map(lambda *xs: jnp.stack([jnp.asarray(x, float) for x in xs]), *built)
-    size = 8 if turns else len(rows)
-    several = jax.jit(lambda all: jax.lax.map(lambda both: reference(*both), all, batch_size=size))
+    several = jax.jit(lambda all: jax.lax.map(lambda both: reference(*both), all))
     expected = np.asarray(several(stacked))
     for how in hows:
         assert taken(how, rig, drive, paths) == taken(hows[0], rig, drive, paths)

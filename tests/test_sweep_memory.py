@@ -1,13 +1,11 @@
-"""Closed forms of a whole turn are large: designs side by side must fit into memory."""
+"""Designs side by side must fit into memory; closed forms of a whole turn are large programs."""
 
 import jax.numpy as jnp
 
 import omnijax
 from omnijax import laws
-from omnijax.simulation import pieces_traced
-from omnijax.study._evaluation import Rows
+from omnijax.study._evaluation import Rows, batching
 from omnijax.study._evaluation.methods import Question, choose
-from omnijax.study._sweep import evaluator
 
 
 def damaged(rig):
@@ -20,24 +18,20 @@ def question(rig, count):
 
 
 def test_designs_side_by_side_fit_into_a_share_of_the_memory(monkeypatch):
-    """As many as fit, a power of two, also with gradients; a plain rig's all at once."""
-    plain = omnijax.load_rig("atlas")
-    rig = damaged(plain)
-    assert pieces_traced(plain) == 6 and pieces_traced(rig) > 100
-    need = evaluator.BYTES_A_PIECE * pieces_traced(rig) / evaluator.SHARE_OF_MEMORY
-    monkeypatch.setattr(evaluator, "available", lambda: 5.5 * need)
+    """As many as fit, a power of two, also with gradients; closed forms go one by one anyway."""
+    need = 8.0 * 1000 * batching.CHANNELS * 2 / batching.SHARE_OF_MEMORY
+    monkeypatch.setattr(batching, "available", lambda: 5.5 * need)
+    sizes = [batching.batch_size("fixed", 11, columns) for columns in (0, 1, 3, 9)]
+    assert sizes == [4, 2, 1, 1]
+    assert batching.batch_size("full", 11, 0, devices=8) == 8
     for method in ("propagation", "steady"):
-        sizes = [evaluator.batch_size(method, rig, 11, columns) for columns in (0, 1, 3, 9)]
-        assert sizes == [4, 2, 1, 1]
-        assert evaluator.batch_size(method, plain, 11, 0) == evaluator.BATCH[method]
-    assert evaluator.batch_size("propagation", rig, 11, 0, devices=2) == 4
+        assert batching.batch_size(method, 11, 9) == batching.BATCH[method]
 
 
 def test_a_sweep_evaluates_no_more_side_by_side(monkeypatch):
     """The rows are all evaluated, a batch after the other."""
     rig = damaged(omnijax.load_rig("atlas"))
-    need = evaluator.BYTES_A_PIECE * pieces_traced(rig) / evaluator.SHARE_OF_MEMORY
-    monkeypatch.setattr(evaluator, "available", lambda: 2.5 * need)
+    monkeypatch.setitem(batching.BATCH, "propagation", 2)
     asked = []
 
     def evaluated(self, part):

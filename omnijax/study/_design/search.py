@@ -166,5 +166,6 @@ class DesignSearch:
             end: Any = jax.lax.scan(step, (y, method.init(y)), keys)[0]
             return end[0][0]
 
-        z = jax.jit(jax.vmap(one))((z, t), lanes, multiplier)
+        moved = jax.jit(lambda *rows: each(one, rows, self.problem.together))
+        z = moved((z, t), lanes, multiplier)
         return lanes._replace(share=jnp.where(lanes.free > 0, from_angle(z), lanes.share))

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from ..._lazy import lazy_face
 
 if TYPE_CHECKING:
+    from .batching import batch_size as batch_size
     from .choice import evaluation_of as evaluation_of
     from .drives import Drive as Drive
     from .drives import apply as apply

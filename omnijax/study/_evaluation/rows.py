@@ -11,7 +11,7 @@ from jax.sharding import AxisType, PartitionSpec
 from ..._errors import InputError
 from ..._programs import kept
 from ...rig import Rig
-from .._batches import in_batches
+from .._batches import each, in_batches
 from .bulk import bulk
 from .drives import Drive, apply, with_few_knots
 from .evaluation import Evaluation
@@ -65,9 +65,9 @@ def _evaluate(arrays, operands, rows, static, how: Evaluation, paths, gradient, 
             return figures, (figures, status)
 
         if gradient:
-            slopes, (figures, status) = jax.vmap(jax.jacfwd(one, has_aux=True))(rows)
+            slopes, (figures, status) = each(jax.jacfwd(one, has_aux=True), [rows], how.integrated)
             return figures, slopes, status
-        figures, status = jax.vmap(lambda x: one(x)[1])(rows)
+        figures, status = each(lambda x: one(x)[1], [rows], how.integrated)
         return figures, jnp.zeros((*figures.shape, 0)), status
 
     if devices == 1:

@@ -13,7 +13,7 @@ from ..._plot import MUTED, new_axes
 from ...rig import Rig, get_parameter, load_rig, put_parameter
 from ...simulation import speeds as speed_drive
 from ...vibration import METRICS
-from .._batches import value_and_jacobian
+from .._batches import each, value_and_jacobian
 from .._evaluation import Question, checked_metrics, evaluation_of
 from .._result import AbstractResult, texts
 
@@ -130,7 +130,7 @@ def sensitivity_over_speeds(
 
             return value_and_jacobian(figures)(jnp.zeros(len(paths)))
 
-        return jax.lax.map(one, scale, batch_size=16)
+        return each(one, [scale], how.integrated)
 
     value, slope = (np.asarray(x) for x in all_of(jnp.asarray(scale, float)))
     size = np.where(value == 0, 1.0, value)[..., None]

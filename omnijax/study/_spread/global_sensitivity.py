@@ -32,11 +32,13 @@ def analyse(
     seed: int = 0,
     report: Report | None = None,
     store: Folder | None = None,
+    together: bool = True,
 ) -> GlobalSensitivity:
     """Global sensitivities of any pure function of `inputs` (d,) to metrics (m,).
 
     `samples` blocks for Sobol (d + 2 runs each), a sixteenth as many trajectories for Morris and as
-    many points with gradients as blocks, up to 256.  A run that is not finite has failed.
+    many points with gradients as blocks, up to 256.  A run that is not finite has failed.  Without
+    `together` runs go one after the other: for functions whose loops end when they are done.
     """
     if samples < 16:
         raise InputError(f"`samples` must be at least 16, but is {samples}.")
@@ -54,8 +56,9 @@ def analyse(
 
         clipped = np.clip(points, 1e-3, 1 - 1e-3) if key == "morris" else points
         runs[key] = run_all(
-            function, box, box.standard(clipped), slopes=slopes, report=tell, store=store, key=key
-        )
+            function, box, box.standard(clipped), slopes=slopes, report=tell, store=store, key=key,
+            together=together,
+        )  # fmt: skip
         before += len(points)
     try:
         sobol = sobol_indices(runs["sobol"].values, runs["sobol"].failed, box.size, seed)
@@ -125,5 +128,5 @@ def global_sensitivity(
     units = [METRICS[name].unit for name in names]
     return analyse(
         function, inputs, names, units, samples=asked.samples, seed=asked.seed, report=report,
-        store=store,
+        store=store, together=cases.how.integrated,
     )  # fmt: skip

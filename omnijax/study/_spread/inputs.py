@@ -7,7 +7,6 @@ standard normal (mean at the middle of the range, which is then +-3 standard dev
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -15,7 +14,7 @@ from scipy.special import ndtri
 
 from ..._compiling import quick_jit
 from ..._errors import RunError
-from .._batches import batches, value_and_jacobian
+from .._batches import batches, each, value_and_jacobian
 from .._range import Ranges
 
 
@@ -85,14 +84,19 @@ def run_all(
     report: Callable[[int, int], None] | None = None,
     store=None,
     key: str = "",
+    together: bool = True,
 ) -> Runs:
-    """`function` of every point, in chunks of one compiled shape; finished ones may be stored."""
+    """`function` of every point, in chunks of one compiled shape; finished ones may be stored.
+
+    `together`: as `each` takes it.
+    """
 
     def one(s):
         return function(inputs.values(s))
 
     size = min(CHUNK // (4 if slopes else 1), len(standard))
-    batched = quick_jit(jax.vmap(value_and_jacobian(one) if slopes else one))
+    wanted = value_and_jacobian(one) if slopes else one
+    batched = quick_jit(lambda rows: each(wanted, [rows], together))
     parts = []
     for first, rows, count in batches(standard, size):
         name = f"{key}-{first}"

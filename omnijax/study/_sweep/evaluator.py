@@ -4,13 +4,10 @@ import tomllib
 
 import numpy as np
 
-from ..._memory import available
 from ..._status import FAILED, Status
 from ...rig import Rig, parse_rig
-from ...simulation import pieces_traced
 from ...vibration import METRICS
 from .._evaluation import (
-    BULK,
     MAX_STEPS,
     RTOL,
     Drive,
@@ -22,34 +19,7 @@ from .._evaluation import (
 from .spec import SweepSpec
 from .store import StoredQuantity
 
-# designs at a time where memory allows
-BATCH = {
-    "steady": 64,
-    "bulk": 2048,
-    "steady-bulk": 2048,
-    "propagation": 32,
-    "fixed": 256,
-    "full": 32,
-}
 BATCHES_A_CHUNK = 8
-CHANNELS = 75  # numbers kept a sample of a run
-BYTES_A_PIECE = 1e6  # of a closed form and direction, as compiled programs state it: 0.6 to 0.9 MB
-SHARE_OF_MEMORY = 0.25
-
-
-def batch_size(method: str, rig: Rig, samples: int, columns: int, devices: int = 1) -> int:
-    """Designs at a time: a power of two from the free memory, never above `BATCH`.
-
-    A design needs about 8 bytes x samples x channels and what its closed form does, once more for
-    each gradient's direction.
-    """
-    need = 8.0 * max(samples, 1000) * CHANNELS * 2 * (1 + columns)
-    if method in ("steady", "propagation"):
-        need += BYTES_A_PIECE * pieces_traced(rig) * (1 + columns)
-    need = 1e5 * (1 + columns) if method in BULK else need  # keeps no samples
-    fit = int(SHARE_OF_MEMORY * available() / need)
-    size = 1 << max(min(fit, BATCH[method]), 1).bit_length() - 1
-    return max(size, devices)
 
 
 def gradient_name(metric: str, path: str) -> str:

@@ -16,6 +16,7 @@ from .._evaluation import (
     Evaluation,
     Question,
     apply,
+    batch_size,
     checked_metrics,
     drive_to_plain,
     evaluation_of,
@@ -25,7 +26,7 @@ from .._evaluation import (
 )
 from .._points import build_points
 from .._target import read_axes
-from .evaluator import BATCHES_A_CHUNK, Evaluator, batch_size
+from .evaluator import BATCHES_A_CHUNK, Evaluator
 from .spec import SweepSpec
 
 MOST = 1e9  # designs; a millisecond each would take eleven days
@@ -123,7 +124,7 @@ def _spec(
 ) -> SweepSpec:  # fmt: skip
     chunk, columns = sampling.chunk, len(axes) if sampling.gradient else 0
     count = 1 if how.times is None else len(how.times)
-    batch = batch_size(how.method, rig, count, columns, sampling.devices)
+    batch = batch_size(how.method, count, columns, sampling.devices)
     batch = min(batch, chunk) if chunk else batch
     full = how.method == "full"
     return SweepSpec(

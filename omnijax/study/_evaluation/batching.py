@@ -1,0 +1,30 @@
+"""How many designs are evaluated at a time."""
+
+from ..._memory import available
+from .methods import BULK
+
+# designs at a time where memory allows
+BATCH = {
+    "steady": 64,
+    "bulk": 2048,
+    "steady-bulk": 2048,
+    "propagation": 32,
+    "fixed": 256,
+    "full": 32,
+}
+CHANNELS = 75  # numbers kept a sample of a run
+SHARE_OF_MEMORY = 0.25
+
+
+def batch_size(method: str, samples: int, columns: int, devices: int = 1) -> int:
+    """Designs at a time: a power of two from the free memory, never above `BATCH`.
+
+    Side by side a design needs about 8 bytes x samples x channels, once more for each gradient's
+    direction; in bulk no samples are kept.  Closed forms go one after the other.
+    """
+    need = 8.0 * max(samples, 1000) * CHANNELS * 2 * (1 + columns)
+    need = 1e5 * (1 + columns) if method in BULK else need
+    alone = method in ("steady", "propagation")
+    fit = BATCH[method] if alone else int(SHARE_OF_MEMORY * available() / need)
+    size = 1 << max(min(fit, BATCH[method]), 1).bit_length() - 1
+    return max(size, devices)
