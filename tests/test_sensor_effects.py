@@ -1,10 +1,13 @@
 """Every sensor law on a signal drawn anew, against a closed form; sampled ones at three rates."""
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from formulas import sensor
 from seeds import drawn_anew
 from test_formulas import applied, made
+
+from omnijax.laws._measurement import delayed
 
 STATIC = {  # law: (parameters at random, what it shows of y at t)
     "sensor-gain": (lambda r: {"g": r.uniform(-0.5, 0.5)}, lambda p, t, y: (1 + p["g"]) * y),
@@ -83,3 +86,16 @@ def test_a_law_between_samples_closes_in_by_its_order(name, key, order):
         since = t > 2 * size  # the kink at the end of a delay is no cubic
         errors.append(np.sqrt(np.mean((shown - expected)[since] ** 2)))
     assert errors[2] < 1e-4 and errors[0] / errors[2] > 0.7 * 4**order, errors
+
+
+def test_a_delay_reads_a_parabola_to_the_last_sample():
+    """Where a signal ends, what comes behind it is not known; half its slope had been taken."""
+    rng = drawn_anew("parabola")
+    rate, share = rng.uniform(100, 1000), rng.uniform(0.1, 0.9)
+    t = np.arange(40) / rate
+    a, b, c = rng.normal(size=(3, 3)) * [[1.0], [rate], [rate**2]]
+    late = share / rate  # between the last two
+    values = a + b * t[:, None] + c * t[:, None] ** 2
+    read = np.asarray(delayed(jnp.asarray(t), jnp.asarray(values), late))
+    at = (t - late)[:, None]
+    np.testing.assert_allclose(read[5:], (a + b * at + c * at**2)[5:], rtol=1e-9, atol=1e-9)

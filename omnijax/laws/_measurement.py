@@ -180,7 +180,10 @@ class EncoderEccentricity(AbstractSensor):
 
 
 def delayed(time: Float[Array, " t"], values: Float[Array, "t c"], delay) -> Float[Array, "t c"]:
-    """`values` at `time - delay`: Catmull-Rom between samples, the first sample before them."""
+    """`values` at `time - delay`: Catmull-Rom between samples, the first sample before them.
+
+    Behind the last one they go on as the parabola through the last three.
+    """
     at = time - delay
     i = jnp.clip(jnp.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
     step = time[i + 1] - time[i]
@@ -188,6 +191,7 @@ def delayed(time: Float[Array, " t"], values: Float[Array, "t c"], delay) -> Flo
     last = len(time) - 1
     p0, p1 = values[jnp.clip(i - 1, 0, last)], values[i]
     p2, p3 = values[i + 1], values[jnp.clip(i + 2, 0, last)]
+    p3 = jnp.where((i + 2 > last)[:, None], 3 * (p2 - p1) + p0, p3)
     tangent, next_tangent = (p2 - p0) / 2, (p3 - p1) / 2
     cubic = u * u * (3 - 2 * u) * (p2 - p1) + u * (1 - u) ** 2 * tangent
     return p1 + cubic - u * u * (1 - u) * next_tangent
