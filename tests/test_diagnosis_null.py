@@ -13,7 +13,7 @@ from omnijax.diagnosis._machine.smooth import smooth
 from omnijax.diagnosis._machine.start_angles import with_start_angles
 from omnijax.diagnosis._search.fit import refit
 from omnijax.diagnosis._search.held_out import HeldOut
-from omnijax.diagnosis._search.scan import Signatures
+from omnijax.diagnosis._search.scan import Signatures, taken_up
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig
 
@@ -73,7 +73,8 @@ def scans(machines) -> list[list]:
             if signatures is None:  # the noise does not move them, but for lines that it picks
                 candidates = model.candidates(point)
                 signatures = Signatures(candidates, model.columns(point, candidates))
-            scan = signatures.scan(fit.residual, fit.jacobian, len(fit.point.u), fit.point.u)
+            taken = taken_up(fit.jacobian, len(fit.point.u))
+            scan = signatures.scan(fit.residual, taken, fit.point.u)
             out.append([score for score in scan.scores if not score.dead])
     return out
 

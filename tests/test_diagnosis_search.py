@@ -13,7 +13,7 @@ from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, along
 from omnijax.diagnosis._search.fit import refit
 from omnijax.diagnosis._search.refits import Refits
 from omnijax.diagnosis._search.review import Review
-from omnijax.diagnosis._search.scan import Signatures
+from omnijax.diagnosis._search.scan import Signatures, taken_up
 from omnijax.diagnosis._search.search import SearchPath
 from omnijax.diagnosis._search.settings import SETTINGS
 from omnijax.diagnosis._search.starts import at_finite_strength, by_tangent
@@ -295,7 +295,7 @@ def test_scores_do_not_hang_on_the_size_of_a_column():
     columns = model.columns(fit.point, candidates)
     gains = [
         [s.gain for s in Signatures(candidates, k * columns)
-         .scan(fit.residual, fit.jacobian, 2, fit.point.u).scores]
+         .scan(fit.residual, taken_up(fit.jacobian, 2), fit.point.u).scores]
         for k in (1.0, 1e-9)
     ]  # fmt: skip
     np.testing.assert_allclose(gains[0], gains[1], rtol=1e-6)

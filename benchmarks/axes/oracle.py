@@ -4,12 +4,12 @@ import dataclasses
 
 import numpy as np
 
+from .._lines import TELLS
 from .cases import Case
 from .plants import Plant, moved, shown
 
 TIMES = {"delay": "actuator-delay", "lag": "actuator-lag", "late": "sensor-delay",
          "slow": "sensor-lag"}  # fmt: skip
-EQUAL = 12.0  # chi2 below which two laws are equals: the diagnosis' own measure
 STEP, ROUNDS = 1e-4, 2
 FREE = ("J", "d", "gravity", "gain", "k", "c", "J2")
 
@@ -23,7 +23,7 @@ def untold(case: Case, names: set[str]) -> dict[str, float]:
         return {}
     rivals = {TIMES[k]: k for k in TIMES if k != case.hidden and TIMES[k] in names}
     chi2 = {name: apart(case, key) for name, key in rivals.items()}
-    return {name: x for name, x in chi2.items() if x < EQUAL}
+    return {name: x for name, x in chi2.items() if x < TELLS}
 
 
 def apart(case: Case, rival: str) -> float:

@@ -9,9 +9,9 @@ from typing import Any
 
 from omnijax.diagnosis._search import AbstractModel, Effect, Point, refit
 
+from .._lines import TELLS
+
 Name = tuple[str, str]  # id and place
-TELLS = 12.0  # chi2 by which a wrong law leads by chance at most 3e-4 of the time (two fits' gap is
-# normal, of mean d^2 and variance 4 d^2)
 
 
 class Noiseless(AbstractModel):

@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.optimize import nnls
-from scipy.signal import butter, filtfilt
+
+from ._low_pass import acceleration, cutoff_of, low_passed, unspoilt
 
 EDGE = 10  # samples at both ends of a log that the low pass spoils
 PULLS = 0.03  # share of what is left of the acceleration that a term must explain to be there
@@ -15,9 +16,7 @@ REACHED = 0.95  # of the largest error of a controller that shows no limit: wher
 CLIPPED = 0.85  # ratio of the limits of a controller that are tried, one to the next
 LIMITS = 14
 STEEP = 0.03  # width of dry friction over the typical speed
-CUTOFFS = (0.2, 0.14, 0.1, 0.07, 0.05, 0.03, 0.02, 0.01)  # of half the sampling rate
-NOISY = 0.1  # share of a low-passed acceleration that may be noise
-SPOILT = 20  # time constants of a low pass at both ends of a log
+WIDE = 0.2  # of half the sampling rate: low pass of a servo's log
 LEAST = 0.05  # of the acceleration's size: damping of an axis of which the log shows none
 
 
@@ -35,33 +34,9 @@ class LogSignals:
 
     @property
     def rates(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        smooth = _low_passed(self.position)
+        smooth = low_passed(self.position, WIDE)
         v = np.gradient(smooth, self.step)
         return smooth, v, np.gradient(v, self.step)
-
-
-def _low_passed(x):
-    b, a = butter(4, 0.2)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
-    return filtfilt(b, a, x)
-
-
-def cutoff_of(log: LogSignals) -> float:
-    """The widest low pass, of half the sampling rate, that leaves little noise of acceleration."""
-    noise = float(np.sqrt(np.mean(np.diff(log.position, 5) ** 2) / 252))
-    for share in CUTOFFS:
-        b, a = butter(4, share)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
-        size = np.std(acceleration(filtfilt(b, a, log.position), log.step))
-        if noise * (np.pi * share / log.step) ** 2 * np.sqrt(share / 5) < NOISY * size:
-            return share
-    return CUTOFFS[-1]
-
-
-def acceleration(q: np.ndarray, step: float) -> np.ndarray:
-    """Second difference to fourth order of the step."""
-    a = np.gradient(np.gradient(q, step), step)
-    two, one = q[:-4] + q[4:], q[1:-3] + q[3:-1]
-    a[2:-2] = (16 * one - two - 30 * q[2:-2]) / (12 * step**2)
-    return a
 
 
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
@@ -127,7 +102,7 @@ def driven_numbers(logs: Sequence[LogSignals], turns: bool) -> dict[str, float]:
     u = J a + d v + (k q or, where the axis `turns`, g sin(q)) - offset, a log each its offset.
     Both sides are low-passed as far as the acceleration asks for: noise in it makes J too small.
     """
-    share = min(cutoff_of(log) for log in logs)
+    share = min(cutoff_of(log.position, log.step) for log in logs)
     parts = [_driven(log, share) for log in logs]
     q, v, a, given = (np.concatenate([p[k] for p in parts]) for k in range(4))
     which = np.repeat(np.arange(len(logs)), [len(p[0]) for p in parts])
@@ -157,8 +132,6 @@ def driven_numbers(logs: Sequence[LogSignals], turns: bool) -> dict[str, float]:
 
 def _driven(log: LogSignals, share: float) -> tuple[np.ndarray, ...]:
     """Position, speed, acceleration and input of a log, low-passed; its spoilt ends cut off."""
-    b, a = butter(4, share)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
-    q, given = filtfilt(b, a, log.position), filtfilt(b, a, log.input)
-    edge = min(len(q) // 8, max(EDGE, int(SPOILT / (np.pi * share))))
+    q, given = low_passed(log.position, share), low_passed(log.input, share)
     parts = q, np.gradient(q, log.step), acceleration(q, log.step), given
-    return tuple(x[edge:-edge] for x in parts)
+    return tuple(x[unspoilt(len(q), share)] for x in parts)

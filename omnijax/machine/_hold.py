@@ -4,16 +4,15 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.signal import butter, filtfilt
 
-from ._first_numbers import LogSignals, acceleration, cutoff_of
+from ._first_numbers import LogSignals
+from ._low_pass import acceleration, cutoff_of, low_passed, unspoilt
 
 HELD_FROM = 0.5  # of the half sample by which a held input acts late: nearer to it than to linear
 SURE, CLOSE = 0.12, 0.05  # half samples: error at most, and distance beside three errors
 KNOTS = 7  # of the course of the acceleration over speed and over position
 SHARP = 0.02  # width of dry friction over the typical speed
 BLOCKS = 8  # parts of the rows, whose estimates scatter by the error of one
-EDGE = 20  # time constants of the low pass at both ends of a log, which it spoils
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,20 +94,18 @@ def _late(table: np.ndarray, wanted: np.ndarray) -> tuple[float, np.ndarray, np.
 
 def _rows(log: LogSignals, turns: bool) -> tuple[np.ndarray, np.ndarray]:
     """The table of one log, its first columns the input and what holding adds, and a (rows,)."""
-    share = cutoff_of(log)
-    b, a = butter(4, share)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
-    q = filtfilt(b, a, log.position)
+    share = cutoff_of(log.position, log.step)
+    q = low_passed(log.position, share)
     v = np.gradient(q, log.step)
     linear, held = (acting(log.input, hold) for hold in ("linear", "held"))
-    plain, more = filtfilt(b, a, linear), filtfilt(b, a, held - linear)
+    plain, more = low_passed(linear, share), low_passed(held - linear, share)
     speed = float(np.sqrt(np.mean(v**2))) or 1.0
     travel = float(np.std(q)) or 1.0
     about = (q - q.mean()) / travel
     columns = [plain, more, v, np.tanh(v / (SHARP * speed)), q, about**2, about**3]
     columns += [np.sin(q), np.cos(q)] if turns else []
     columns += list(_hats(v).T)
-    edge = min(len(q) // 8, int(EDGE / (np.pi * share)))
-    inside = slice(edge, len(q) - edge)
+    inside = unspoilt(len(q), share)
     return np.stack(columns, 1)[inside], acceleration(q, log.step)[inside]
 
 

@@ -189,7 +189,7 @@ class RigModel(AbstractModel):
         return [base_of(self.machine, rig, i, p) for i, p in zip(which, predicted, strict=True)]
 
     def candidates(self, point):
-        return self.candidates_beside(point, np.zeros((0, 0)))
+        return self.candidates_beside(point, None)
 
     def candidates_beside(self, point, taken):
         self._bases = self.bases(point)
@@ -203,7 +203,7 @@ class RigModel(AbstractModel):
         return candidates(context, self.laws)
 
     def _orders(
-        self, point: Point, taken: np.ndarray
+        self, point: Point, taken: np.ndarray | None
     ) -> dict[str, dict[str, tuple[list[float], int]]]:
         """By law and wheel the orders that stand out in what is left of the train runs."""
         (rest,) = self.residuals([point], "train")
@@ -211,7 +211,7 @@ class RigModel(AbstractModel):
         ends = np.cumsum([r.size for r in rows])[:-1]
         left = [r.split(part)[1] for r, part in zip(rows, np.split(rest, ends), strict=True)]
         beside = None
-        if taken.size:
+        if taken is not None:
             parts = np.split(taken, ends)
             beside = [part[r.elastic.size :] for r, part in zip(rows, parts, strict=True)]
         orders = strongest_orders(self._bases, left, rows, beside)

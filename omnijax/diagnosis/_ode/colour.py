@@ -43,19 +43,16 @@ class Colour:
         """Rows (k, n) of one run as independent ones of 1-sigma 1."""
         return _whitened(self.lags, self.share, rows)[0] / self.sigma
 
-    def resized(self, left: Sequence[np.ndarray]) -> "Colour":
-        """The colour of the size of what is `left`, by run."""
-        squares = sum(
-            float(np.sum(_whitened(self.lags, self.share, x[None])[0] ** 2)) for x in left
-        )
-        return dataclasses.replace(self, sigma=float(np.sqrt(squares / sum(map(len, left)))))
+    def resized(self, left: Sequence[np.ndarray]) -> tuple["Colour", float]:
+        """The colour of the size of what is `left`, by run, and -2 log likelihood of that.
 
-    def unlikely(self, left: Sequence[np.ndarray]) -> float:
-        """-2 log likelihood of what is `left`, by run, but for a constant a row."""
+        But for a constant a row.
+        """
         parts = [_whitened(self.lags, self.share, x[None]) for x in left]
-        squares = sum(float(np.sum(x**2)) for x, _ in parts)
-        count = sum(map(len, left))
-        return squares / self.sigma**2 + 2 * (count * np.log(self.sigma) + sum(x for _, x in parts))
+        squares, count = sum(float(np.sum(x**2)) for x, _ in parts), sum(map(len, left))
+        sigma = float(np.sqrt(squares / count))
+        unlikely = count + 2 * (count * np.log(sigma) + sum(x for _, x in parts))
+        return dataclasses.replace(self, sigma=sigma), unlikely
 
 
 def of_sensor(model: "OdeModel", fit: Fit) -> np.ndarray:
@@ -77,10 +74,10 @@ def of_sensor(model: "OdeModel", fit: Fit) -> np.ndarray:
     return several[:count] / several[0]
 
 
-def likeliest(lags: np.ndarray, left: Sequence[np.ndarray]) -> Colour:
-    """The colour of what is `left`, by run, with the likeliest share of what is no sensor noise."""
+def likeliest(lags: np.ndarray, left: Sequence[np.ndarray]) -> tuple[Colour, float]:
+    """`Colour.resized` with the likeliest share of what is no sensor noise."""
     tried = [Colour(lags, float(share), 1.0).resized(left) for share in SHARES]
-    return min(tried, key=lambda c: c.unlikely(left))
+    return min(tried, key=lambda both: both[1])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,13 +105,12 @@ def in_colour(model: "OdeModel", fit: Fit) -> Likelihood:
     """
     lags, twin = of_sensor(model, fit), copy.copy(model)
     for _ in range(ROUNDS):
-        twin.colour = likeliest(lags, model.left(fit.point, "train"))
+        twin.colour, _ = likeliest(lags, model.left(fit.point, "train"))
         fit = refit(twin, fit.point, relative=1e-4)
     left, held = (model.left(fit.point, split) for split in ("train", "held-out"))
-    colour = likeliest(lags, left)
+    colour, unlikely = likeliest(lags, left)
     repeated = inflation([colour.whitened(x[None])[0] for x in left])
-    train = colour.unlikely(left) + fit.penalty
-    return Likelihood(train, colour.resized(held).unlikely(held), repeated)
+    return Likelihood(unlikely + fit.penalty, colour.resized(held)[1], repeated)
 
 
 def _whitened(lags: np.ndarray, share: float, rows: np.ndarray) -> tuple[np.ndarray, float]:

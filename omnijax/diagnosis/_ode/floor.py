@@ -4,7 +4,16 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from .._search import AbstractModel, Fit, Point, Signatures, at_finite_strength, by_tangent, refit
+from .._search import (
+    AbstractModel,
+    Fit,
+    Point,
+    Signatures,
+    at_finite_strength,
+    by_tangent,
+    refit,
+    taken_up,
+)
 
 STEPS = 2  # laws, one after the other
 TRIED = 2  # refits a step
@@ -23,7 +32,8 @@ def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None]) -> F
         have = {e.name for e in fit.point.effects}
         candidates = [c for c in model.candidates(fit.point) if c.name not in have]
         table = Signatures(candidates, model.columns(fit.point, candidates))
-        scan = table.scan(fit.residual, fit.jacobian, len(model.priors), fit.point.u)
+        taken = taken_up(fit.jacobian, len(model.priors))
+        scan = table.scan(fit.residual, taken, fit.point.u)
         if step == 0:
             starts = at_finite_strength(model, fit, scan.scores, set(model.laws))
         else:

@@ -1,6 +1,7 @@
 """How a machine's input is read between its samples: held, or linear."""
 
 import dataclasses
+import itertools
 from collections.abc import Callable, Sequence
 
 from ...machine import Axis, LogSignals, MachineCase, input_hold
@@ -11,8 +12,8 @@ from .floor import settled
 from .model import OdeModel
 
 LATE = frozenset({"actuator-delay", "actuator-lag", "sensor-delay", "sensor-lag"})
-TIMES = {"actuator-delay": "delay", "actuator-lag": "tau"}  # one for the other: half a sample
-# on a delay looks like a lag where it is not known
+# half a sample more on the one looks like the other, where the reading is not known
+TIMES = {"actuator-delay": "delay", "actuator-lag": "tau"}
 READ = ("linear", "held")
 
 
@@ -86,11 +87,10 @@ def _otherwise(effects: Sequence[Effect], known: set[str]) -> list[list[Effect]]
     sets = [[e for e in effects if e.id not in LATE]] if len(late) > 1 else []
     sets += [[e for e in effects if e is not one] for one in late]
     sets.append(list(effects))
-    for one in late:
-        for id in set(TIMES) & known - {e.id for e in effects}:
-            if one.id in TIMES:
-                twin = Effect(id, one.place, {TIMES[id]: one.values[TIMES[one.id]]})
-                sets.append([twin if e is one else e for e in effects])
+    others = set(TIMES) & known - {e.id for e in effects}
+    for one, id in itertools.product((e for e in late if e.id in TIMES), others):
+        twin = Effect(id, one.place, {TIMES[id]: one.values[TIMES[one.id]]})
+        sets.append([twin if e is one else e for e in effects])
     return sets
 
 

@@ -188,14 +188,13 @@ class OdeModel(AbstractModel):
         A start that is off bends all that hangs on the state nonlinearly: a play, a line of the
         angle.  So starts are refitted, not only projected out.
         """
-        if self._begun_freely():
-            self._begin(point)
+        if which := self._begun_freely():
+            self._begin(point, which)
         self._undecided = None
         self._undecided = undecided(self, point)
 
-    def _begin(self, point: Point) -> None:
-        """Free starts and their tangents."""
-        which = self._begun_freely()
+    def _begin(self, point: Point, which: Sequence[int]) -> None:
+        """Free starts of some runs, and their tangents."""
         theta = self.numbers.vector(point)
         for _ in range(RESTARTS):
             if not self._moved_starts(theta, which):

@@ -25,6 +25,7 @@ from .model import to_project as to_project
 from .model import value_of as value_of
 from .refits import total_cost as total_cost
 from .scan import Signatures as Signatures
+from .scan import taken_up as taken_up
 from .search import Explored as Explored
 from .search import Search as Search
 from .search import SearchPath as SearchPath

@@ -14,7 +14,7 @@ import numpy as np
 
 from .fit import Fit
 from .model import AbstractModel, to_project
-from .scan import Scan, Score, Signatures
+from .scan import Scan, Score, Signatures, taken_up
 
 SURE, ONE_SIDED = 0.95, 1.6449  # the normal law's 95 % point
 DRAWS = 400  # of strengths with several columns: the limit is then known to 3 %
@@ -34,7 +34,7 @@ def upper_limits(
     `limit_95` is None where the runs say nothing about the effect.
     """
     J, u = to_project(model, fit.jacobian, fit.point.u)
-    scan = signatures.scan(fit.residual, J, len(u), u)
+    scan = signatures.scan(fit.residual, taken_up(J, len(u)), u)
     spread = inflation(signatures, scan, fit.residual)
     best: dict[str, dict[str, Any]] = {}
     for score in scan.scores:

@@ -103,10 +103,10 @@ class AbstractModel(abc.ABC):
     def candidates(self, point: Point) -> list:
         """Candidates that may be added at `point`."""
 
-    def candidates_beside(self, point: Point, taken: np.ndarray) -> list:
+    def candidates_beside(self, point: Point, taken: np.ndarray | None) -> list:
         """`candidates`, picked beside what the model's own numbers take up.
 
-        `taken` (train rows, k) are the directions of that.
+        `taken` (train rows, k) are the directions of that; none: nothing is.
         """
         return self.candidates(point)
 

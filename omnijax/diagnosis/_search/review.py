@@ -13,7 +13,7 @@ from .fit import Fit, refit
 from .held_out import HeldOut
 from .model import Effect, to_project
 from .refits import Refits, residual_of
-from .scan import Scan, Signatures
+from .scan import Scan, Signatures, taken_up
 
 # the effect, its margin (what held-out runs add counts), the cosine of the signatures
 Rival = tuple[Effect, float, float]
@@ -155,4 +155,4 @@ class Review:
         P, columns = len(self.model.priors), range(fit.jacobian.shape[1])
         keep = [k for k in columns if k < P or fit.free[k - P].effect != i]
         J, u = to_project(self.model, fit.jacobian[:, np.array(keep, int)], without.u)
-        return signatures.scan(residual, J, len(u), u, about=effects[i].name)
+        return signatures.scan(residual, taken_up(J, len(u)), u, about=effects[i].name)

@@ -82,20 +82,18 @@ class Signatures:
         parts = map(self.layout.part, range(len(self.layout.candidates)))
         self.blocks = [self.table[p] @ self.table[p].T for p in parts]
 
-    def scan(self, residual, J, priors: int, u, scrambled=(), spread: float = 1.0,
+    def scan(self, residual, taken, u, scrambled=(), spread: float = 1.0,
              about: str | None = None) -> "Scan":  # fmt: skip
-        """Score every candidate against `residual` with the tangents `J` projected out.
+        """Score every candidate against `residual` beside what the tangents have `taken_up`.
 
-        The first `priors` tangents have a unit prior about 0 and stand at `u`.  `scrambled`
-        residuals score the decoys.  Angles are known between all candidates and the best one, and
-        the best one named `about`.
+        The tangents with priors stand at `u`.  `scrambled` residuals score the decoys.  Angles are
+        known between all candidates and the best one, and the best one named `about`.
         """
-        q = taken_up(J, priors)
-        top = q[: len(residual)]
+        top = taken[: len(residual)]
         rest = np.concatenate([residual, u])
         with threadpool_limits(cores(), "blas"):
             inside = self.table @ top
-            right = self.table @ residual - inside @ (q.T @ rest)
+            right = self.table @ residual - inside @ (taken.T @ rest)
             wrong = [self.table @ x - inside @ (top.T @ x) for x in scrambled]
         own = [inside[self.layout.part(i)] for i in range(len(self.blocks))]
         blocks = [block - x @ x.T for block, x in zip(self.blocks, own, strict=True)]

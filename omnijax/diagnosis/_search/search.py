@@ -207,13 +207,13 @@ class Search:
         """Scores of all candidates at a fit, and their signatures."""
         model = self.model
         J, u = to_project(model, fit.jacobian, fit.point.u)
-        taken = taken_up(J, len(u))[: len(fit.residual)]
-        candidates = model.candidates_beside(fit.point, taken)
+        taken = taken_up(J, len(u))
+        candidates = model.candidates_beside(fit.point, taken[: len(fit.residual)])
         self.tell(f"{len(candidates)} candidates")
         signatures = Signatures(candidates, model.columns(fit.point, candidates))
         scrambled = [model.shuffled(fit.residual, seed) for seed in range(self.settings.shuffles)]
         spread = fit.chi2 / model.dof("train")
-        scan = signatures.scan(fit.residual, J, len(u), u, scrambled, spread)
+        scan = signatures.scan(fit.residual, taken, u, scrambled, spread)
         return scan, signatures
 
     def trials(self, fit: Fit, scan: Scan) -> list[Trial]:

@@ -22,9 +22,8 @@ def batch_size(method: str, samples: int, columns: int, devices: int = 1) -> int
     Side by side a design needs about 8 bytes x samples x channels, once more for each gradient's
     direction; in bulk no samples are kept.  Closed forms go one after the other.
     """
-    need = 8.0 * max(samples, 1000) * CHANNELS * 2 * (1 + columns)
-    need = 1e5 * (1 + columns) if method in BULK else need
-    alone = method in ("steady", "propagation")
-    fit = BATCH[method] if alone else int(SHARE_OF_MEMORY * available() / need)
-    size = 1 << max(min(fit, BATCH[method]), 1).bit_length() - 1
-    return max(size, devices)
+    most = BATCH[method]
+    if method not in ("steady", "propagation"):
+        need = 1e5 if method in BULK else 8.0 * max(samples, 1000) * CHANNELS * 2
+        most = min(most, int(SHARE_OF_MEMORY * available() / (need * (1 + columns))))
+    return max(1 << max(most, 1).bit_length() - 1, devices)

@@ -1,0 +1,38 @@
+"""Low passes of logs before differences are taken, as wide as the noise allows."""
+
+import numpy as np
+from scipy.signal import butter, filtfilt
+
+CUTOFFS = (0.2, 0.14, 0.1, 0.07, 0.05, 0.03, 0.02, 0.01)  # of half the sampling rate
+NOISY = 0.1  # share of a low-passed acceleration that may be noise
+SPOILT = 20  # time constants of a low pass at both ends of a log
+
+
+def low_passed(x: np.ndarray, share: float) -> np.ndarray:
+    """x (t,) without what is quicker than a `share` of half the sampling rate, without lag."""
+    b, a = butter(4, share)  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
+    return filtfilt(b, a, x)
+
+
+def cutoff_of(q: np.ndarray, step: float) -> float:
+    """The widest low pass, of half the sampling rate, that leaves little noise of acceleration."""
+    noise = float(np.sqrt(np.mean(np.diff(q, 5) ** 2) / 252))
+    for share in CUTOFFS:
+        size = np.std(acceleration(low_passed(q, share), step))
+        if noise * (np.pi * share / step) ** 2 * np.sqrt(share / 5) < NOISY * size:
+            return share
+    return CUTOFFS[-1]
+
+
+def acceleration(q: np.ndarray, step: float) -> np.ndarray:
+    """Second difference to fourth order of the step."""
+    a = np.gradient(np.gradient(q, step), step)
+    two, one = q[:-4] + q[4:], q[1:-3] + q[3:-1]
+    a[2:-2] = (16 * one - two - 30 * q[2:-2]) / (12 * step**2)
+    return a
+
+
+def unspoilt(count: int, share: float) -> slice:
+    """The samples of a log that a low pass leaves right."""
+    edge = min(count // 8, int(SPOILT / (np.pi * share)))
+    return slice(edge, count - edge)
