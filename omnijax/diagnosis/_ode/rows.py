@@ -1,7 +1,6 @@
 """Measured less predicted, one run: over a free run, or in the balance of accelerations."""
 
 import dataclasses
-import math
 from collections.abc import Mapping
 
 import jax
@@ -14,7 +13,6 @@ from .known import before_sensors, memories, rate_of, states
 from .numbers import Numbers
 
 SEEN = 1e-6  # of the best seen part of a start, what must be seen of another one
-PAST, SPARED = 0.1, 10  # s of a window, and its part at most, that hang on what was before it
 WIDE = 10  # taps of the thinning filter to each side, in thinned samples
 
 
@@ -103,8 +101,7 @@ class Balance:
 class FreeRun:
     """Measured outputs less those simulated from the inputs, in windows.
 
-    A window begins at the measured state; its first `lead` samples do not count, nor, where it
-    begins freely, those in which a late or slow sensor still shows what was before.  A run that is
+    A window begins at the measured state; its first `lead` samples do not count.  A run that is
     shorter than its window is filled up, so that runs of about one length share a program.
     """
 
@@ -126,10 +123,7 @@ class FreeRun:
         total = length + lead
         self.begin = np.maximum(0, begins - lead)
         take = self.begin[:, None] + np.arange(total)
-        past = min(math.ceil(PAST / run.step), length // SPARED) if free else 0
-        self.used = (take >= begins[:, None] + past) & (
-            take < np.minimum(begins + length, n)[:, None]
-        )
+        self.used = (take >= begins[:, None]) & (take < np.minimum(begins + length, n)[:, None])
         take = np.minimum(take, n - 1)
         fine = {k: between(x, run.hold) for k, x in run.inputs.items()}
         spot = self.begin[:, None] * self.places + np.arange(self.places * (total - 1) + 1)
