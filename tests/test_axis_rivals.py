@@ -155,7 +155,7 @@ def test_held_out_runs_judge_no_number_that_train_runs_leave_open(tmp_path):
     assert HeldOut.of(before, after).confirms(fit.cost - found.cost)
 
 
-def test_a_window_does_not_count_what_a_late_sensor_shows_of_before(tmp_path):
+def test_a_window_begins_with_what_a_late_sensor_shows_of_before(tmp_path):
     rng = drawn_anew("before")
     text, (log,) = servo(rng, {"train": 0.1}, 0.01)
     u, q = log.inputs["input"][215:], log.outputs["position"][215:]
@@ -163,7 +163,25 @@ def test_a_window_does_not_count_what_a_late_sensor_shows_of_before(tmp_path):
     true = Point(np.zeros(3), (Effect("sensor-delay", "position", {"delay": 0.01}),))
     model.rebase(true)
     (left,) = model.residuals([true], "train")
-    assert np.mean(left**2) < 20  # the first samples alone come to hundreds
+    assert np.mean(left**2) < 4  # the first samples alone come to hundreds
+
+
+@pytest.mark.parametrize("begin", [0, 215], ids=["at rest", "moving"])
+def test_a_late_servo_shows_not_whether_its_sensor_or_its_goal_is_late(tmp_path, begin):
+    rng = drawn_anew("late servo")
+    text, (log,) = servo(rng, {"train": 0.1}, rng.uniform(0.006, 0.012))
+    u, q = log.inputs["input"][begin:], log.outputs["position"][begin:]
+    half = len(u) // 2
+    logs = logged("train", u[:half], q[:half]), logged("held-out", u[half:], q[half:])
+    model, _, _ = build_model(case(tmp_path, text, *logs))
+    model.places = [("actuator-delay", "axis"), ("sensor-delay", "position")]
+    fit = Refits(model).settle(refitted(model, "actuator-delay", delay=0.008))
+    candidates = model.candidates(fit.point)
+    signatures = Signatures(candidates, model.columns(fit.point, candidates))
+    better, rivals = Review(Refits(model), str).challenge(fit, 0, signatures)
+    assert better is None and rivals[0][1] < model.settings.near
+    wrong, true = rivals[0][0].values["delay"], fit.point.effects[0].values["delay"]
+    assert wrong == pytest.approx(true, rel=0.03)
 
 
 def test_a_guessed_gravity_may_not_be_there():

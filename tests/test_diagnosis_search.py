@@ -16,7 +16,7 @@ from omnijax.diagnosis._search.review import Review
 from omnijax.diagnosis._search.scan import Signatures, taken_up
 from omnijax.diagnosis._search.search import SearchPath
 from omnijax.diagnosis._search.settings import SETTINGS
-from omnijax.diagnosis._search.starts import at_finite_strength, by_tangent
+from omnijax.diagnosis._search.starts import Start, at_finite_strength, by_tangent
 from omnijax.laws import (  # fmt: skip
     EFFECTS,
     GENERIC,
@@ -386,8 +386,24 @@ def test_openings_lead_to_numbers_that_whole_runs_do_not_show():
     model, start = Clock(100.0), Point(np.zeros(1))
     assert refit(model, start).cost > 1e3 * model.dof("train")
     point = Refits(model).opened(start, start, {})
+    assert point is not None
     assert refit(model, point).cost < 1.2 * model.dof("train")
     hopeless = Refits(model).opened(start, start, {0.1: 1.0})  # another law is far better
-    assert hopeless is start
+    assert hopeless is None
     little = Refits(model).opened(point, start, {})  # the opening fits as well without
-    assert little is start
+    assert little is None
+
+
+def test_a_law_that_begins_near_the_noise_is_given_its_rounds(monkeypatch):
+    model, rounds = Clock(10.0), []
+    near = Point(np.log([1.25]) / 0.1, (Effect("mount-cubic", "tone", {"k3": 0.0}),))
+
+    def once(model, point, **options):
+        rounds.append(options.get("patience"))
+        return refit(model, point)
+
+    fit = refit(model, near.with_effects())
+    monkeypatch.setattr("omnijax.diagnosis._search.refits.refit", once)
+    (before,) = model.residuals([fit.point], "held-out")
+    Refits(model).try_out(fit, Start(near, fit.cost), before, np.inf, {})
+    assert rounds == [3]  # its openings tell nothing: that is no sign against it

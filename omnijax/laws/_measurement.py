@@ -56,6 +56,7 @@ class SensorDelay(AbstractSensor):
     delay: Float[Array, ""]
 
     id: ClassVar[str] = "sensor-delay"
+    remembers: ClassVar[bool] = True
     words: ClassVar[str] = "a delay of the sensor"
     places: ClassVar[tuple[str, ...]] = ("group",)
     formula: ClassVar[str] = "y(t) = y(t − d), rest before the start"
@@ -122,6 +123,7 @@ class SensorLag(AbstractSensor):
     tau: Float[Array, ""]
 
     id: ClassVar[str] = "sensor-lag"
+    remembers: ClassVar[bool] = True
     words: ClassVar[str] = "a slow sensor"
     places: ClassVar[tuple[str, ...]] = ("group",)
     formula: ClassVar[str] = "ẏ = (x − y)/τ, rest before the start"

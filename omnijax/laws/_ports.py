@@ -162,6 +162,10 @@ class AbstractKinematics(AbstractLaw):
 
 
 class AbstractSensor(AbstractLaw):
-    """Sensor: `SensorSignal` -> change of the measured values, (samples, channels)."""
+    """Sensor: `SensorSignal` -> change of the measured values, (samples, channels).
+
+    One that `remembers` shows what was before the first sample.
+    """
 
     port: ClassVar[str] = "sensor"
+    remembers: ClassVar[bool] = False

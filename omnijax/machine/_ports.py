@@ -53,13 +53,16 @@ class Ports:
         return torque
 
 
-def delayed_inputs(placed: tuple[PlacedLaw, ...], time, inputs: Mapping[str, Array]):
-    """Inputs as delays of the command let them act; the first value before the start."""
+def delayed_inputs(
+    placed: tuple[PlacedLaw, ...], time, inputs: Mapping[str, Array], jump: Any = 0.0
+):
+    """Inputs as delays of the command let them act; before the start the first plus a `jump`."""
     out = dict(inputs)
     for one in placed:
         if one.port == "command":
             late = -one.gate * one.law(jnp.zeros(()), None)
-            out["input"] = delayed(time, out["input"][:, None], late)[:, 0]
+            acts = delayed(time, out["input"][:, None], late)[:, 0]
+            out["input"] = acts + jnp.where(time - late < time[0], jump, 0.0)
     return out
 
 

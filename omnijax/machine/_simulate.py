@@ -50,13 +50,14 @@ def motion(
     steps: Any,
     parts: int,
     hold: str = "linear",
+    memory: tuple[Any, ...] | None = None,
 ) -> dict[str, Float[Array, " t"]]:
-    """Outputs at the samples of one window, before the sensors.
+    """Outputs at the samples of one window, before the sensors; the laws' memories begin at rest.
 
     `inputs` stand at `parts` places a sample, f = parts (t - 1) + 1, linear between them, or held
     at their first value; `steps`, which may be traced, Runge-Kutta steps lead from one to the next.
     """
-    rate, join, split = vector_field(machine, placed)
+    rate, _, split = vector_field(machine, placed)
     h, names = step / parts / steps, tuple(inputs)
     fine = jnp.stack([inputs[k] for k in names], axis=1)
     left, right = fine[:-1], fine[:-1] if hold == "held" else fine[1:]
@@ -80,7 +81,8 @@ def motion(
         z = jax.lax.fori_loop(0, steps, forth, z)
         return z, z
 
-    first = join(start)
+    memory = resting(placed) if memory is None else memory
+    first = jnp.concatenate([jnp.asarray(start, float), ravel_pytree(memory)[0]])
     _, path = jax.lax.scan(body, first, (left, right))
     path = jnp.concatenate([first[None], path[parts - 1 :: parts]])
     return dict(jax.vmap(lambda z, u: machine.read(split(z)[0], at(u)))(path, fine[::parts]))

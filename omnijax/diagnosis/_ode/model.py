@@ -19,7 +19,9 @@ from .._search import (
     Point,
     Prior,
     free_numbers,
+    refit,
 )
+from .before import matters
 from .candidates import Scales, machine_candidates
 from .colour import Colour, in_colour
 from .floor import beside, best_known, inflation
@@ -212,10 +214,13 @@ class OdeModel(AbstractModel):
         return [i for i, r in enumerate(self.rows) if isinstance(r, FreeRun) and r.free]
 
     def _start_slopes(self, theta, which: Sequence[int]) -> dict[int, np.ndarray]:
-        """By run what each state (states, rows) of its windows' starts changes."""
-        machine, _ = self.numbers.build(theta, ())
-        size = len(machine.start({"position": (0.0, 0.0)}))
-        return self._split(self._rows(START, which, np.tile(theta, (size, 1)), np.eye(size)), which)
+        """By run what each number (numbers, rows) of its windows' starts and pasts changes."""
+        placed = self.numbers.build(theta, self.numbers.active(theta[None]))[1]
+        states = len(self.machine.start({"position": (0.0, 0.0)}))
+        free = np.array([True] * states + list(matters([one.law for one in placed])))
+        ways = np.eye(len(free))[free]
+        made = self._rows(START, which, np.tile(theta, (len(ways), 1)), ways)
+        return self._split(ways.T @ made, which)
 
     def _split(self, rows: np.ndarray, which: Sequence[int]) -> dict[int, np.ndarray]:
         """Rows (k, rows) by run."""
@@ -298,6 +303,21 @@ class OdeModel(AbstractModel):
             return margin
         train, held = in_colour(self, rival).above(in_colour(self, fit))
         return train if train * held > 0 else margin
+
+    def on_its_own(self, fit):
+        """With its own starts: what a late sensor shows of the past is free only there."""
+        runs = [r for i in self._begun_freely() if isinstance(r := self.rows[i], FreeRun)]
+        if not runs:
+            return super().on_its_own(fit)
+        starts = [r.starts for r in runs]
+        bases, open_ = dict(self._starts), self._undecided
+        self.rebase(fit.point)
+        made = super().on_its_own(refit(self, fit.point, relative=1e-3))
+        for r, moved in zip(runs, starts, strict=True):
+            r.start_at(moved)
+        self._starts, self._undecided = bases, open_
+        self._batches.clear()
+        return made
 
     @property
     def steps_in_time(self) -> bool:

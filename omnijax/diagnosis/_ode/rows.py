@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.signal import butter, filtfilt, firwin
 
-from ...machine import acting, between, delayed_inputs, motion, places_of, sensed, vector_field
+from ...machine import acting, between, delayed_inputs, motion, places_of, vector_field
+from .before import Before, memories_at, seen
 from .known import before_sensors, memories, rate_of, states
 from .numbers import Numbers
 
@@ -101,7 +102,8 @@ class Balance:
 class FreeRun:
     """Measured outputs less those simulated from the inputs, in windows.
 
-    A window begins at the measured state; its first `lead` samples do not count.  A run that is
+    A window begins at the measured state, moved by what is free of its start and of its past
+    (`before`); its first `lead` samples do not count.  A run that is
     shorter than its window is filled up, so that runs of about one length share a program.
     """
 
@@ -137,7 +139,9 @@ class FreeRun:
         clock = jnp.asarray(clock * run.step)
         shown = jnp.asarray(np.asarray(run.outputs["position"])[take])
         states = len(numbers.machine.start({"position": (0.0, 0.0)}))
-        self.data = (first, inputs, clock, run.step, shown, jnp.zeros((count, states)))
+        self.states = states
+        moved = jnp.zeros((count, states + len(Before._fields)))
+        self.data = (first, inputs, clock, run.step, shown, moved)
         self.count, self.time = where.shape[1], run.time[take[tuple(where)]]
 
     def start_states(self, machine, first):
@@ -145,35 +149,41 @@ class FreeRun:
         return jnp.stack([jnp.asarray(v, float) for v in machine.start(first)])
 
     def simulated(self, theta, data, steps, shift=0.0, only=None):
-        """Position (windows, samples), the starts moved by `shift`; traced."""
+        """Position (windows, samples), the starts and pasts moved by `shift`; traced."""
         first, inputs, clock, step, _, moved = data
         machine, placed = self.numbers.build(theta, only)
         parts, hold = self.places, self.run.hold
 
         def one(first, inputs, time, moved):
-            x0 = self.start_states(machine, first) + moved + shift
+            moved = moved + shift
+            x0 = self.start_states(machine, first) + moved[: self.states]
+            before = Before(*moved[self.states :])
+            memory = memories_at(machine, placed, x0, inputs, before)
             fine = jnp.linspace(0.0, time[-1] - time[0], parts * (len(time) - 1) + 1)
-            inputs = delayed_inputs(placed, fine, inputs)
-            out = motion(machine, placed, x0, inputs, step, steps, parts, hold)
-            return sensed(placed, time, {"position": out["position"]})["position"]
+            inputs = delayed_inputs(placed, fine, inputs, before.jump)
+            out = motion(machine, placed, x0, inputs, step, steps, parts, hold, memory)
+            return seen(placed, time, out["position"], step, before)
 
         return jax.vmap(one)(first, inputs, clock, moved)
 
     def from_starts(self, theta, data, steps, shift, only=None):
-        """(windows * samples,) positions where every window's start is moved by `shift`; traced."""
+        """(windows * samples,) positions, all starts and pasts moved by `shift`; traced."""
         return self.simulated(theta, data, steps, shift, only).ravel()
 
     @property
     def starts(self) -> np.ndarray:
-        """By how much the windows' starts (windows, states) are moved from what was measured."""
+        """By how much starts and pasts (windows, states + 2) are moved from what was measured."""
         return np.asarray(self.data[5])
 
     def start_at(self, moved: np.ndarray) -> None:
-        """Begin the windows elsewhere: `moved` (windows, states) from what was measured."""
+        """Begin the windows elsewhere: `moved` (windows, states + 2) from what was measured."""
         self.data = (*self.data[:5], jnp.asarray(moved))
 
     def better_starts(self, tangents: np.ndarray, left: np.ndarray) -> np.ndarray:
-        """Starts (windows, states) that explain most of what is `left` (rows,), to first order."""
+        """Starts (windows, states + 2) that explain most of what is `left` (rows,) by tangents.
+
+        Those of numbers that change nothing are zero.
+        """
         moved = self.starts.copy()
         for w, rows in self._windows():
             if len(rows) > len(tangents):
@@ -192,13 +202,15 @@ class FreeRun:
     def bases(self, tangents: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """By window: its rows, and an orthonormal basis of what its start changes there.
 
-        `tangents` (k, rows) are those of a start's k states.
+        `tangents` (k, rows) are those of the k numbers of a start and its past.
         """
         out = []
         for _, rows in self._windows():
             if len(rows) <= len(tangents):
                 continue
-            left, values, _ = np.linalg.svd(tangents[:, rows].T, full_matrices=False)
+            size = np.linalg.norm(tangents[:, rows], axis=1)
+            ways = tangents[size > 0][:, rows] / size[size > 0, None]
+            left, values, _ = np.linalg.svd(ways.T, full_matrices=False)
             out.append((rows, left[:, values > 1e-9 * values[0]]))
         return out
 

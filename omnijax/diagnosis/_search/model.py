@@ -142,6 +142,13 @@ class AbstractModel(abc.ABC):
         """By how much more a `rival` fit costs than a fit: -2 log of their likelihoods' ratio."""
         return rival.cost - fit.cost
 
+    def on_its_own(self, fit):
+        """(the refit of a fit, what it leaves on the held-out runs) as it is with its own `rebase`.
+
+        The data stay prepared as they are.
+        """
+        return fit, self.residuals([fit.point], "held-out")[0]
+
     def remembered(self, point: Point) -> Point:
         """A point at which a refit with the same laws ended before, or the point itself."""
         return point

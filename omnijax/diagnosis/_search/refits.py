@@ -47,29 +47,33 @@ class Refits:
         far by share, a law that is stepped in time is refitted to the runs' openings first.
         """
         point, enough, patience = (
-            self.tamed(self.model.remembered(start.point), fit.cost),
+            self.tamed(self.model.remembered(start.point), fit),
             self.settings.hopeless * least,
             3,
         )
         if openings is not None and self.model.needs_stepping(point.effects[-1:]):
             followed = self.opened(fit.point, point, openings)
             enough = min(enough, (1 - self.settings.little) * fit.cost)
-            point, patience = followed, 1 if followed is point else patience
+            patience = patience if followed else 1
+            point = followed or point
         tangents = self.tangents(fit, point.effects)
         new = refit(self.model, point, baseline=tangents, rounds=8, relative=1e-3,
                     give_up=enough, patience=patience)  # fmt: skip
         return self.trial(fit, new, before)
 
-    def opened(self, without: Point, point: Point, least: dict[float, float]) -> Point:
+    def opened(self, without: Point, point: Point, least: dict[float, float]) -> Point | None:
         """`point` refitted to the runs' openings, the short ones first, while it has a chance.
+
+        None where the first of them leaves it none.
 
         Where contacts part and strike, what comes late in a run hangs so strongly on every number
         that no way leads to the right ones from afar; the opening tells them well enough.  A law
         that closes little of an opening's gap, as it is at the point `without` it, is left.
         """
+        followed = None
         for share in self.settings.openings:
             if chi2_of(self.model, point, "train") < self.settings.nearly * self.model.dof("train"):
-                break
+                return point
             if share not in self.openings:
                 self.openings[share] = self.model.opening(share)
             part = self.openings[share]
@@ -84,8 +88,9 @@ class Refits:
                 share, np.inf
             ):
                 break
-            point, least[share] = fit.point, min(fit.cost, least.get(share, np.inf))
-        return point
+            followed, least[share] = fit.point, min(fit.cost, least.get(share, np.inf))
+            point = followed
+        return followed
 
     def trial(self, fit: Fit, new: Fit, before: np.ndarray) -> Trial:
         """A refit with one more effect than `fit`, as the held-out runs see it."""
@@ -101,8 +106,8 @@ class Refits:
             out.append(t if wide is t.fit else self.trial(fit, wide, before))
         return out
 
-    def tamed(self, point: Point, cost: float) -> Point:
-        """Where to begin a refit: calibrated as before, or as stated where that is better.
+    def tamed(self, point: Point, fit: Fit) -> Point:
+        """Where to begin a refit: as foretold, as `fit` is calibrated or as stated, what is best.
 
         A wrong model drives the calibration to its bounds.  A law that is stepped in time is
         weakened until the point is no worse than without it.
@@ -115,12 +120,12 @@ class Refits:
         for factor in (1.0, 0.5, 0.2, 0.05) if stepped else (1.0,):
             values = last.values | {k: factor * last.values[k] for k in strong}
             effects = (*others, Effect(last.id, last.place, values))
-            for u in (point.u, 0 * point.u):
+            for u in (point.u, fit.point.u, 0 * point.u):
                 there = Point(u, effects)
                 chi2 = chi2_of(self.model, there, "train") + float(u @ u)
                 if np.isfinite(chi2) and chi2 < least:
                     best, least = there, chi2
-            if least < cost:
+            if least < fit.cost:
                 break
         return best
 

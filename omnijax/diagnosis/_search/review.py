@@ -11,9 +11,9 @@ import numpy as np
 
 from .fit import Fit, refit
 from .held_out import HeldOut
-from .model import Effect, to_project
-from .refits import Refits, residual_of
-from .scan import Scan, Signatures, taken_up
+from .model import Effect, Point, to_project
+from .refits import Refits, chi2_of
+from .scan import Scan, Score, Signatures, taken_up
 
 # the effect, its margin (what held-out runs add counts), the cosine of the signatures
 Rival = tuple[Effect, float, float]
@@ -85,27 +85,21 @@ class Review:
 
     def challenge(self, fit: Fit, i: int, signatures: Signatures) -> tuple[Fit | None, list[Rival]]:
         """(a refit that is better with another effect in place of effect i, or None; rivals)."""
-        effects, others = fit.point.effects, list(fit.point.effects)
-        others.pop(i)
+        effects = fit.point.effects
         again = self._scan_without(fit, i, signatures)
         mine = [s for s in again.order if s.candidate.name == effects[i].name]
         own = max((s.gain for s in mine), default=0.0)
-        rivals = []
+        rivals, alone = [], None
         for score in self._near(again, own, {e.name for e in effects}):
             if self.model.spent:
                 break
-            c = score.candidate
-            rival = Effect(c.id, c.place, c.decode(score.coefficients))
-            point = fit.point.with_effects(*effects[:i], rival, *effects[i + 1 :])
-            # the tangents of the effect that a rival imitates, until they prove wrong
-            tangents = fit.jacobian[:, : len(fit.point.u)]
-            new = refit(self.model, point, baseline=tangents, rounds=4,
-                        give_up=self.settings.far * fit.cost, patience=1)  # fmt: skip
-            if new.cost - fit.cost < self.settings.near:  # too near to hang on another's tangents
-                new = refit(self.model, new.point)
-            new = self.refits.widened(new, fit.cost)
-            margin = self.model.margin(fit, new)
-            self.tell(f"rival {c.name} of {effects[i].name}: margin {margin:.1f}")
+            new, best, held = self._refitted(fit, i, score), fit, 0.0
+            if new.cost - fit.cost < max(self.settings.near, self.settings.little * own):
+                alone = alone or self.model.on_its_own(fit)
+                (best, left), (new, rival_left) = alone, self.model.on_its_own(new)
+                held = self._held_margin(rival_left, left)
+            rival, margin = new.point.effects[i], self.model.margin(best, new)
+            self.tell(f"rival {rival.name} of {effects[i].name}: margin {margin:.1f}")
             plainer = self.model.plainness(effects[i]) - self.model.plainness(rival)
             least = -max(self.settings.equal, plainer * own)
             if self._widens(rival, effects[i]):
@@ -118,18 +112,54 @@ class Review:
                 continue  # a limit that explains as much is no other explanation
             cosine = again.cosine(mine[0].index, score.index) if mine else 0.0
             if margin < self.settings.near:
-                margin += self._held_margin(new, fit)
-            rivals.append((new.point.effects[i], margin, cosine))
+                margin += held
+            rivals.append((rival, margin, cosine))
         return None, sorted(rivals, key=lambda f: f[1])
 
-    def _held_margin(self, rival: Fit, fit: Fit) -> float:
-        """chi2 by which held-out runs speak against a rival's refit, whose margin is near.
+    def _refitted(self, fit: Fit, i: int, score: Score) -> Fit:
+        """The refit with a scored candidate in place of effect i."""
+        # the tangents of the effect that a rival imitates, until they prove wrong
+        tangents = fit.jacobian[:, : len(fit.point.u)]
+        new = refit(self.model, self._in_place(fit, i, score), baseline=tangents, rounds=4,
+                    give_up=self.settings.far * fit.cost, patience=1)  # fmt: skip
+        if new.cost - fit.cost < self.settings.near:  # too near to hang on another's tangents
+            new = refit(self.model, new.point)
+        return self.refits.widened(new, fit.cost)
+
+    def _in_place(self, fit: Fit, i: int, score: Score) -> Point:
+        """The fit with a scored candidate in place of effect i, where its refit may begin.
+
+        At the strength of its tangent; a law of one time begins at that of another one, where this
+        is better: a delay's tangents do not tell how long it is.
+        """
+        c, effects = score.candidate, fit.point.effects
+        values = [c.decode(score.coefficients), *self._alike(effects[i], c.id)]
+        points = [
+            fit.point.with_effects(*effects[:i], Effect(c.id, c.place, x), *effects[i + 1 :])
+            for x in values
+        ]
+        if len(points) == 1:
+            return points[0]
+        costs = [chi2_of(self.model, p, "train") for p in points]
+        return points[int(np.nanargmin(np.nan_to_num(costs, nan=np.inf)))]
+
+    def _alike(self, effect: Effect, id: str) -> list[dict[str, float]]:
+        """Numbers of a law `id` that has only one, as large as an effect's only one; or none."""
+        mine, other = (self.model.laws[k].parameters for k in (effect.id, id))
+        if len(mine) != 1 or len(other) != 1:
+            return []
+        ((key, a),), ((to, b),) = mine.items(), other.items()
+        one = a.unit == b.unit and not (a.linear or b.linear or a.shape or b.shape)
+        return [{to: float(effect.values[key])}] if one else []
+
+    @staticmethod
+    def _held_margin(rival_left: np.ndarray, left: np.ndarray) -> float:
+        """chi2 by which held-out runs speak against what a near rival leaves there.
 
         Two laws that differ in little are told apart by all runs better than by some: fitted to
         the train runs, both foretell the others.  Where what is left there has a colour, it counts
         for less.
         """
-        rival_left, left = (residual_of(self.model, f.point, "held-out") for f in (rival, fit))
         held = HeldOut.of(rival_left, left)
         return held.gain / held.spread if np.isfinite(held.gain) else np.inf
 
