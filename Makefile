@@ -1,6 +1,7 @@
 # Two commands on a fresh machine with Python >= 3.11 and make:
 #   make demo    environment, installation, the paper's results remade on the bundled Atlas rig
 #   make test    the same environment with the test extras, then the test-suite
+#   make test-all    the same with the long studies and the measured machines, half as long again
 # PYTHON=python3.12 chooses the interpreter, VENV=folder the environment, WORKERS=4 the test processes.
 
 PYTHON ?= python3
@@ -8,14 +9,19 @@ VENV ?= .venv
 WORKERS ?= 2
 BIN := $(VENV)/bin
 
-.PHONY: demo test clean
+.PHONY: demo test test-all clean
 
 demo: $(VENV)/.installed
 	$(BIN)/omnijax reproduce --out demo
 	@echo "The page: $(CURDIR)/demo/index.html"
 
+SUITE := -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=20
+
 test: $(VENV)/.test-installed
-	$(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=20
+	$(BIN)/python -m pytest $(SUITE)
+
+test-all: $(VENV)/.test-installed
+	$(BIN)/python -m pytest $(SUITE) -m ""
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)

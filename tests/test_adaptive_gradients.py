@@ -34,7 +34,10 @@ def deflection(factors, drive, adjoint=None, rtol=1e-9):
     return 1e4 * jnp.sqrt(jnp.mean(run.distance**2))
 
 
-@pytest.mark.parametrize("drive", [TORQUE, SPEED], ids=["torque", "speed"])
+@pytest.mark.parametrize(
+    "drive",
+    [pytest.param(TORQUE, id="torque"), pytest.param(SPEED, id="speed", marks=pytest.mark.full)],
+)
 def test_forward_reverse_and_differences_agree(drive):
     at = jnp.array([1.0, 1.1, 0.9, 1.2])
     forward = jax.jit(jax.jacfwd(lambda p: deflection(p, drive, dfx.ForwardMode())))(at)

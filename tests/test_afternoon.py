@@ -240,6 +240,9 @@ def recorded(type_, folder, wheels, rig, rng, size):
 
 
 @pytest.mark.long
+@pytest.mark.parametrize(
+    "machine", [pytest.param("ballbot", marks=pytest.mark.full), "four-wheel"], indirect=True
+)
 def test_a_diagnosis_names_what_was_planted(type_, machine):
     """A ballbot's runout with its size; of a platform that lacks nothing, nothing."""
     folder, wheels, _ = machine

@@ -125,6 +125,7 @@ def test_a_few_wild_samples_are_left_out_and_name_nothing(cases):
     }
 
 
+@pytest.mark.full
 def test_two_per_cent_of_outliers_and_a_dropout_change_no_answer(cases, tmp_path):
     """Every channel has outliers of 10 to 50 sigma; one reads zero for a while."""
     rng, folder = np.random.default_rng(9), tmp_path / "wild"
@@ -176,6 +177,7 @@ def test_a_coupling_of_two_contacts_is_unknown_and_learned_at_the_contacts(cases
     assert found.where
 
 
+@pytest.mark.full
 @pytest.mark.skipif(not RECORDINGS.is_dir(), reason="the shared recordings are absent")
 def test_a_shared_recording_with_a_damaged_roller_is_named():
     truth = json.loads((RECORDINGS / "case-06" / "truth.json").read_text())

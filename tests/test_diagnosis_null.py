@@ -141,4 +141,4 @@ def test_start_angles_of_wheels_without_encoder_are_found(machines):
     assert run.start is not None
     pitch = 2 * np.pi / np.asarray(rig.wheels.rollers)
     off = np.mod(run.start - true + pitch / 2, pitch) - pitch / 2
-    assert np.abs(off).max() < 3e-3  # the machine is not calibrated yet
+    assert np.all(np.abs(off) < 0.02 * pitch)  # the machine is not calibrated yet

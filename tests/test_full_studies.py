@@ -83,6 +83,7 @@ def test_a_design_of_a_nonlinear_rig_under_torques(engine):
     assert end.value <= f[allowed].min() * (1 + 1e-6)
 
 
+@pytest.mark.full
 def test_a_design_of_two_variables_with_a_limit_on_its_runs():
     """Least elastic vibration of runs under torques while their acceleration stays in the lowest
     quarter of what the range gives: the limit is active and has a price, and no drawn design that
@@ -104,6 +105,7 @@ def test_a_design_of_two_variables_with_a_limit_on_its_runs():
     assert end.value < 0.95 * f[g[:, 0] <= limit].min()
 
 
+@pytest.mark.full
 def test_sensitivity_of_a_nonlinear_rig_under_torques(hertz, engine):
     """The same derivative as the design's: per ln C there, in % per % here."""
     found = sensitivity(

@@ -10,12 +10,8 @@ from pathlib import Path
 import pytest
 from machines import shared
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.full]
 
-LONG = pytest.mark.skipif(
-    os.environ.get("OMNIJAX_TEST_MEASURED") != "all",
-    reason="takes minutes: OMNIJAX_TEST_MEASURED=all runs it, as does its script in experiments/",
-)
 EXPERIMENTS = Path(__file__).parents[1] / "experiments"
 
 
@@ -49,7 +45,6 @@ def test_dry_friction_of_a_motor_axis_is_named_then_its_asymmetry():
     assert found["free run"] < 0.7 * found["baseline free run"] < 0.014  # m, of the pulses
 
 
-@LONG
 def test_the_springs_of_a_circuit_are_named_the_cubic_one_first(monkeypatch):
     found, errors = run("silverbox", shared("realdata", "silverbox", "SNLS80mV.csv"), monkeypatch)
     names = [e.id for e in found.effects]
@@ -58,7 +53,6 @@ def test_the_springs_of_a_circuit_are_named_the_cubic_one_first(monkeypatch):
     assert errors["arrow"] <= 0.52
 
 
-@LONG
 def test_the_friction_of_a_servo_grows_with_the_load(monkeypatch):
     found, (before, after) = run("servo", shared("realdata", "servo"), monkeypatch)
     assert found.effects[0].id == "load-friction"

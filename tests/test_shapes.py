@@ -18,6 +18,12 @@ def holds(flow, folder):
     assert f"shapes hold: {flow}" in run.stdout
 
 
-@pytest.mark.parametrize("flow", FLOWS)
+LONG_FLOWS = ("sweeps", "torques")
+
+
+@pytest.mark.parametrize(
+    "flow",
+    [pytest.param(flow, marks=[pytest.mark.full] * (flow in LONG_FLOWS)) for flow in FLOWS],
+)
 def test_every_annotated_shape_holds(flow, tmp_path):
     holds(flow, tmp_path)

@@ -40,6 +40,7 @@ def test_figures_and_margins_are_those_of_each_design():
             assert bound[i] < least + 1e-3 * (1 + abs(least))
 
 
+@pytest.mark.full
 @pytest.mark.parametrize("name", ["tripod, alike"])
 def test_gradients_are_the_slopes_between_designs(name):
     """Six numbers, at equal wheels too, whose poles are exactly degenerate; sixth order."""

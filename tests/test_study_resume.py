@@ -74,7 +74,10 @@ def parts(folder) -> dict[str, float]:
     return {p.name: p.stat().st_mtime_ns for p in folder.glob("[!.]*.npz")}
 
 
-@pytest.mark.parametrize("command", COMMANDS)
+@pytest.mark.parametrize(
+    "command",
+    [pytest.param(c, marks=[pytest.mark.full] * (c != "tolerances")) for c in COMMANDS],
+)
 def test_a_killed_study_is_taken_up(command, tmp_path, capsys, monkeypatch):
     path, store = tmp_path / "study.toml", tmp_path / "store"
     text, more = COMMANDS[command]

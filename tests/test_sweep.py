@@ -73,6 +73,7 @@ def test_runs_with_a_duration_agree_with_one_run(in_bulk):
     assert result["rms"][1, 1] == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.full
 def test_gradients_of_runs_are_slopes_between_designs(in_bulk):
     """By quantities of the rig, of all wheels and of the drive."""
     h, rig = 1e-5, machine(SKEW)
@@ -264,6 +265,7 @@ def test_another_size_of_sweep_does_not_compile_again():
     assert compiled
 
 
+@pytest.mark.full
 def test_two_devices_give_the_numbers_of_one(tmp_path):
     code = """
 import os, sys

@@ -41,6 +41,7 @@ def test_killed_worker_costs_only_its_chunk(tmp_path):
         assert np.array_equal(load_sweep(out)[name], alone[name])
 
 
+@pytest.mark.full
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_killed_worker_of_a_local_cluster_costs_only_its_chunk(tmp_path):

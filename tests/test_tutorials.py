@@ -11,7 +11,14 @@ pytestmark = pytest.mark.long
 TUTORIALS = sorted((Path(__file__).parents[1] / "experiments").glob("tutorial_*.py"))
 
 
-@pytest.mark.parametrize("path", TUTORIALS, ids=lambda path: path.stem)
+def full(path):
+    """The diagnosis belongs to the whole suite: `test_diagnosis` asks for less of the same."""
+    return [pytest.mark.full] if path.stem.startswith("tutorial_5") else []
+
+
+@pytest.mark.parametrize(
+    "path", [pytest.param(path, marks=full(path), id=path.stem) for path in TUTORIALS]
+)
 def test_tutorial(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with mpl.rc_context():

@@ -8,14 +8,9 @@ from test_shapes import holds
 pytestmark = pytest.mark.long
 
 FOLDER = Path(__file__).parents[1] / "experiments"
-STUDIES = (
-    "wheel_design",
-    "robust_design",
-    "spread_design",
-    "pareto_front3",
-    "part_tolerances",
-    "stiffness_claim",
-)
+LONG_STUDIES = ("wheel_design", "robust_design", "spread_design", "pareto_front3")
+SHORT_STUDIES = ("part_tolerances", "stiffness_claim")
+STUDIES = [*SHORT_STUDIES, *(pytest.param(name, marks=pytest.mark.full) for name in LONG_STUDIES)]
 
 
 @pytest.mark.parametrize("name", STUDIES)
