@@ -22,6 +22,7 @@ import re
 import stat
 import sys
 import tempfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -44,12 +45,13 @@ _STATIC = (str, int, float, bool)  # leaves beside arrays
 _log = logging.getLogger("omnijax")
 
 
-def kept(function: Callable) -> Callable:
+def kept(function: Callable, quick: bool = True) -> Callable:
     """`function` as a compiled program that is kept across processes.
 
     Like `equinox.filter_jit`, which takes every call that has no such program: under a
     transformation, with laws from outside this package, or not on one ordinary CPU.  Results
-    must be pytrees of arrays whose classes belong to this package.
+    must be pytrees of arrays, words and Python's numbers whose classes belong to this package.
+    `quick`: whether it should be compiled fast rather than run fast on very many designs.
     """
     jitted = eqx.filter_jit(function)
 
@@ -66,7 +68,7 @@ def kept(function: Callable) -> Callable:
                 return jitted(*args)
             name = f"{function.__module__}.{function.__qualname__}"
             key = "\n".join(map(str, (name, tree, shapes, settings, _origin())))
-            _held[known] = _load(key) or _made(function, leaves, tree, key)
+            _held[known] = _load(key) or _made(function, leaves, tree, key, quick)
         _held[known] = program = _held.pop(known)  # the last used are the last
         while len(_held) > HELD:
             del _held[next(iter(_held))]
@@ -156,12 +158,13 @@ def _load(key: str) -> Callable | None:
 
 def _read(body: bytes) -> Callable:
     """The program of a file's content, whose seal was right."""
-    content = pickle.loads(body)
+    content = pickle.loads(zlib.decompress(body))
     if content["lapack"]:
         _register_lapack()
     tree = jax.tree.structure(content["result"])
     inputs = jax.tree.structure(((0,) * content["inputs"], {}))
-    return _unflattened(deserialize_and_load(content["program"], inputs, tree))
+    program = deserialize_and_load(content["program"], inputs, tree)
+    return _unflattened(program, content["static"])
 
 
 @functools.cache
@@ -199,8 +202,9 @@ def _seal(key: str, body: bytes) -> bytes:
     return hmac.new(_secret(), digest, hashlib.sha256).hexdigest().encode()
 
 
-def _unflattened(program: Callable) -> Callable:
-    return lambda arrays: program(*arrays)
+def _unflattened(program: Callable, static: Any) -> Callable:
+    """`static`: what of the result no array holds."""
+    return lambda arrays: eqx.combine(program(*arrays), static)
 
 
 def _register_lapack() -> None:
@@ -208,39 +212,42 @@ def _register_lapack() -> None:
     jax.jit(jax.lax.linalg.cholesky).lower(jax.ShapeDtypeStruct((1, 1), float))
 
 
-def _made(function: Callable, leaves: list[Any], tree: Any, key: str) -> Callable:
+def _made(*asked) -> Callable:
     with told():
-        return _make(function, leaves, tree, key)
+        return _make(*asked)
 
 
-def _make(function: Callable, leaves: list[Any], tree: Any, key: str) -> Callable:
+def _make(function: Callable, leaves: list[Any], tree: Any, key: str, quick: bool) -> Callable:
     """Trace, lower and compile; keep the program where it can be."""
-    arrays = [x for x in leaves if isinstance(x, jax.Array)]
+    arrays, static = [x for x in leaves if isinstance(x, jax.Array)], []
 
     def flat(*arrays):
         given = iter(arrays)
         full = [next(given) if isinstance(x, jax.Array) else x for x in leaves]
-        return function(*jax.tree.unflatten(tree, full))
+        result = function(*jax.tree.unflatten(tree, full))
+        static.append(eqx.filter(result, lambda x: isinstance(x, _STATIC)))
+        return eqx.filter(result, lambda x: not isinstance(x, _STATIC))
 
     flat.__name__ = function.__name__
     lowered = jax.jit(flat).lower(*arrays)
     text = lowered.as_text()
     kernels = set(re.findall(r"custom_call @(\w+)", text))
-    options = quick_options(text.count("\n"))
+    options = quick_options(text.count("\n")) if quick else {}
     if not all(name.startswith("lapack_") for name in kernels):  # not XLA's own, nor registered
-        return _unflattened(lowered.compile(compiler_options=options))
+        return _unflattened(lowered.compile(compiler_options=options), static[0])
     compiled = _compile_afresh(lowered, options)
     result = jax.tree.map(lambda _: 0, lowered.out_info)
-    content = {"lapack": bool(kernels), "inputs": len(arrays), "result": result}
+    content: dict[str, Any] = {"lapack": bool(kernels), "inputs": len(arrays), "result": result}
+    content["static"] = static[0]
     try:
         content["program"] = serialize(compiled)[0]
-        body = pickle.dumps(content)
+        body = zlib.compress(pickle.dumps(content), 1)
         jax.block_until_ready(_read(body)(arrays))  # only what has run from there is kept
         if _safe(cache_folder()):
             _store(_file(key), _seal(key, body), body)
     except (OSError, NotImplementedError, RuntimeError) as error:
         _log.info("the program %s is not kept: %s", function.__name__, error)
-    return _unflattened(compiled)
+    return _unflattened(compiled, static[0])
 
 
 def _compile_afresh(lowered: Any, options: Any) -> Any:

@@ -62,6 +62,18 @@ def test_a_kept_program_is_not_traced_again(folder):
     assert again.traced == 1
 
 
+def test_words_and_numbers_of_a_result_are_kept_beside_its_arrays(folder):
+    def described(right, count):
+        return {"twice": 2 * right, "kind": ("wave", count), "last": right[-1]}
+
+    for given in (RIGHT, 3 * RIGHT):  # the second by what the first has stored
+        found = kept(described)(given, 4)
+        assert found["kind"] == ("wave", 4)
+        assert np.array_equal(found["twice"], 2 * given)
+        assert found["last"] == given[-1]
+    assert len(list(folder.iterdir())) == 1
+
+
 @pytest.mark.parametrize("harm", ["cut", "bit", "empty", "text"])
 def test_a_damaged_file_is_made_again(folder, harm):
     values = _first(folder)
@@ -161,16 +173,28 @@ def test_classes_from_outside_take_the_ordinary_path(folder):
     assert not folder.exists()
 
 
-def test_a_second_process_gives_the_same_bits_without_tracing(folder):
-    text = """
-import hashlib, jax, numpy as np, omnijax
-rig = omnijax.load_rig("atlas")
+RUN = """
 run = omnijax.simulate(rig, omnijax.speeds([0.1, 1.2, 0.3]), np.linspace(0, 0.2, 50))
 values = [np.asarray(getattr(run, name)).tobytes() for name in run.UNITS]
+"""
+BULK = """
+found = omnijax.sweep(rig, {"wheel.roundness": np.linspace(0.1, 0.4, 40)}, duration=2.0,
+    drive=omnijax.speeds([0.1, 1.2, 0.3]), metrics=["rms", "peak"])
+values = [found[name].tobytes() for name in ("rms", "peak")]
+"""
+
+
+@pytest.mark.parametrize("work", [RUN, BULK], ids=["run", "sweep"])
+def test_a_second_process_gives_the_same_bits_without_tracing(folder, work):
+    text = f"""
+import hashlib, jax, numpy as np, omnijax
+rig = omnijax.load_rig("atlas")
+{work}
 from omnijax import _programs, _waiting
 print(hashlib.sha256(b"".join(values)).hexdigest())
 """
     refuse = "import omnijax._programs\nomnijax._programs._make = None\n"
+    refuse += "from omnijax.simulation._modal import bulk\nbulk.samples_of = None\n"
 
     def process(text, **more):
         environment = {**os.environ, **more}

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..._programs import kept
 from ..._root import root
 from ...dynamics import held, hold_obstacle
 from ...laws import ContinuousSine, DamagedRoller, GatedSine, HalfSine, Rollers
@@ -26,6 +27,7 @@ from .system import Layout, LinearDesign, Operating, designs_of
 from .transient import LANES, Lanes, samples_of
 
 METRICS = ("rms", "peak")
+kept_bulk = partial(kept, quick=False)
 
 
 class ModalFigures(NamedTuple):
@@ -90,10 +92,10 @@ def modal_figures(
     of wheels and laws, not on numbers, paths or the closure `make`.  Raises `ValueError` where
     `modal_obstacle` names a reason.
     """
-    count = float(round(duration / step) + 1)
+    count = jnp.asarray(float(round(duration / step) + 1))
 
     def figures(design: LinearDesign, layout: Layout):
-        return _figures(design, layout, step, count, gradient)
+        return _figures(design, layout, jnp.asarray(step, float), count, gradient)
 
     return _batches(make, rows, metrics, model, gradient, modal_obstacle, figures)
 
@@ -153,7 +155,7 @@ def _batches(make, rows, metrics, model: str, gradient: bool, obstacle, figures)
     )
 
 
-@eqx.filter_jit
+@kept_bulk
 def _held(rigs: Rig, model: str):
     return jax.vmap(lambda rig: held(rig, model))(rigs)
 
@@ -188,14 +190,14 @@ def _series(rig: Rig) -> int:
     return series_needed(float(jnp.max(share)))
 
 
-@eqx.filter_jit
+@kept_bulk
 def _designs(
     points: Operating, model: str, force: bool, series: int, turn: Any = None
 ) -> tuple[LinearDesign, Layout]:
     return designs_of(points, model, force, series, turn)
 
 
-@eqx.filter_jit
+@kept_bulk
 def _from_designs(
     points: Operating, bars, model: str, force: bool, series: int, turn: Any = None
 ) -> Operating:
@@ -234,7 +236,7 @@ def _from_points(make, rows, bars: Operating):
     return jax.vmap(lambda bar: back(bar)[0])(bars)
 
 
-@partial(jax.jit, static_argnames=("layout", "gradient"))
+@kept_bulk
 def _figures(design: LinearDesign, layout: Layout, step, count, gradient: bool):
     """(4, B): figures and margins; and derivatives by systems and signals, one entry a metric."""
     pairs = eigen(design.system, layout)
@@ -265,7 +267,7 @@ def _figures(design: LinearDesign, layout: Layout, step, count, gradient: bool):
     return values, jax.vmap(lambda bar: pull_back(design, pairs, bar, layout, span))(bars)
 
 
-@partial(jax.jit, static_argnames=("layout", "gradient"))
+@kept_bulk
 def _long_run(design: LinearDesign, layout: Layout, gradient: bool):
     """The same of the long run."""
     pairs = eigen(design.system, layout)
