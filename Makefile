@@ -1,13 +1,14 @@
 # Two commands on a fresh machine with Python >= 3.11 and make:
 #   make demo    environment, installation, the paper's results remade on the bundled Atlas rig
 #   make test    the same environment with the test extras, then the test-suite
-#   make test-all    the same with the long studies and the measured machines, half as long again
+#   make test-all    the same with the long studies, the measured machines and repeats at full size
 # PYTHON=python3.12 chooses the interpreter, VENV=folder the environment, WORKERS=4 the test processes.
 
 PYTHON ?= python3
 VENV ?= .venv
 WORKERS ?= 2
 BIN := $(VENV)/bin
+SUITE := $(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=20
 
 .PHONY: demo test test-all clean
 
@@ -15,13 +16,11 @@ demo: $(VENV)/.installed
 	$(BIN)/omnijax reproduce --out demo
 	@echo "The page: $(CURDIR)/demo/index.html"
 
-SUITE := -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=20
-
 test: $(VENV)/.test-installed
-	$(BIN)/python -m pytest $(SUITE)
+	$(SUITE)
 
 test-all: $(VENV)/.test-installed
-	$(BIN)/python -m pytest $(SUITE) -m ""
+	$(SUITE) -m ""
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)

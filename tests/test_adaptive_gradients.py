@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from machines import ORTHOGONAL, machine
+from tiers import tiered
 
 from omnijax.simulation import simulate, speeds, torques
 
@@ -35,8 +36,7 @@ def deflection(factors, drive, adjoint=None, rtol=1e-9):
 
 
 @pytest.mark.parametrize(
-    "drive",
-    [pytest.param(TORQUE, id="torque"), pytest.param(SPEED, id="speed", marks=pytest.mark.full)],
+    "drive", tiered([TORQUE, SPEED], lambda drive: drive is SPEED), ids=["torque", "speed"]
 )
 def test_forward_reverse_and_differences_agree(drive):
     at = jnp.array([1.0, 1.1, 0.9, 1.2])

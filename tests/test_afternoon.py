@@ -16,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from seeds import drawn_anew
+from tiers import tiered
 
 import omnijax
 from omnijax.cli import run
@@ -240,9 +241,7 @@ def recorded(type_, folder, wheels, rig, rng, size):
 
 
 @pytest.mark.long
-@pytest.mark.parametrize(
-    "machine", [pytest.param("ballbot", marks=pytest.mark.full), "four-wheel"], indirect=True
-)
+@pytest.mark.parametrize("machine", tiered(MACHINES, "ballbot".__eq__), indirect=True)
 def test_a_diagnosis_names_what_was_planted(type_, machine):
     """A ballbot's runout with its size; of a platform that lacks nothing, nothing."""
     folder, wheels, _ = machine

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from every_shape import FLOWS
+from tiers import tiered
 
 pytestmark = pytest.mark.long
 
@@ -18,12 +19,6 @@ def holds(flow, folder):
     assert f"shapes hold: {flow}" in run.stdout
 
 
-LONG_FLOWS = ("sweeps", "torques")
-
-
-@pytest.mark.parametrize(
-    "flow",
-    [pytest.param(flow, marks=[pytest.mark.full] * (flow in LONG_FLOWS)) for flow in FLOWS],
-)
+@pytest.mark.parametrize("flow", tiered(FLOWS, ("sweeps", "torques").__contains__))
 def test_every_annotated_shape_holds(flow, tmp_path):
     holds(flow, tmp_path)

@@ -12,6 +12,7 @@ import time
 import tomllib
 
 import pytest
+from tiers import tiered
 
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
@@ -74,10 +75,7 @@ def parts(folder) -> dict[str, float]:
     return {p.name: p.stat().st_mtime_ns for p in folder.glob("[!.]*.npz")}
 
 
-@pytest.mark.parametrize(
-    "command",
-    [pytest.param(c, marks=[pytest.mark.full] * (c != "tolerances")) for c in COMMANDS],
-)
+@pytest.mark.parametrize("command", tiered(COMMANDS, lambda command: command != "tolerances"))
 def test_a_killed_study_is_taken_up(command, tmp_path, capsys, monkeypatch):
     path, store = tmp_path / "study.toml", tmp_path / "store"
     text, more = COMMANDS[command]

@@ -5,20 +5,19 @@ from pathlib import Path
 
 import matplotlib as mpl
 import pytest
+from tiers import tiered
 
 pytestmark = pytest.mark.long
 
 TUTORIALS = sorted((Path(__file__).parents[1] / "experiments").glob("tutorial_*.py"))
 
 
-def full(path):
-    """The diagnosis belongs to the whole suite: `test_diagnosis` asks for less of the same."""
-    return [pytest.mark.full] if path.stem.startswith("tutorial_5") else []
+def diagnoses(path):
+    """Whether it is the tutorial of which `test_diagnosis` asks for less of the same."""
+    return path.stem == "tutorial_5_diagnosis"
 
 
-@pytest.mark.parametrize(
-    "path", [pytest.param(path, marks=full(path), id=path.stem) for path in TUTORIALS]
-)
+@pytest.mark.parametrize("path", tiered(TUTORIALS, diagnoses), ids=lambda path: path.stem)
 def test_tutorial(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with mpl.rc_context():

@@ -4,16 +4,16 @@ from pathlib import Path
 
 import pytest
 from test_shapes import holds
+from tiers import tiered
 
 pytestmark = pytest.mark.long
 
 FOLDER = Path(__file__).parents[1] / "experiments"
 LONG_STUDIES = ("wheel_design", "robust_design", "spread_design", "pareto_front3")
-SHORT_STUDIES = ("part_tolerances", "stiffness_claim")
-STUDIES = [*SHORT_STUDIES, *(pytest.param(name, marks=pytest.mark.full) for name in LONG_STUDIES)]
+STUDIES = (*LONG_STUDIES, "part_tolerances", "stiffness_claim")
 
 
-@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize("name", tiered(STUDIES, LONG_STUDIES.__contains__))
 def test_worked_study(name, tmp_path):
     """With every annotated shape checked on the way."""
     holds(name, tmp_path)
