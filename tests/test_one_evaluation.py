@@ -210,13 +210,7 @@ ACCURACY = {"steady-bulk": 1e-6, "fixed": 1e-6}  # else 1e-7
 
 
 @pytest.mark.parametrize(
-    ("methods", "layout", "profiles", "effects"),
-    [
-        pytest.param(
-            *case, id=f"{case[0][0]}-{case[1]}", marks=[pytest.mark.full] * (case[1] == "four")
-        )
-        for case in CASES
-    ],
+    ("methods", "layout", "profiles", "effects"), CASES, ids=[f"{m[0]}-{at}" for m, at, *_ in CASES]
 )
 def test_figures_in_every_quantity(methods, layout, profiles, effects):
     """The methods and `simulate` are closed forms of one model: to rounding of the forms.
