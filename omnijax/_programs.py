@@ -29,6 +29,8 @@ from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jax.experimental.compilation_cache import compilation_cache
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
@@ -41,6 +43,7 @@ from ._waiting import told
 FILES = 64  # the most that are kept, the last used
 HELD = 32  # the most in memory
 _held: dict[Any, Callable] = {}
+_NUMPY = (np.ndarray, np.generic)
 _STATIC = (str, int, float, bool)  # leaves beside arrays
 _log = logging.getLogger("omnijax")
 
@@ -58,6 +61,7 @@ def kept(function: Callable, quick: bool = True) -> Callable:
     @functools.wraps(function)
     def run(*args):
         leaves, tree = jax.tree.flatten(args)
+        leaves = [jnp.asarray(x) if isinstance(x, _NUMPY) else x for x in leaves]
         if not _suits(leaves):
             return jitted(*args)
         shapes = tuple(_shape(x) for x in leaves)
@@ -68,7 +72,7 @@ def kept(function: Callable, quick: bool = True) -> Callable:
                 return jitted(*args)
             name = f"{function.__module__}.{function.__qualname__}"
             key = "\n".join(map(str, (name, tree, shapes, settings, _origin())))
-            _held[known] = _load(key) or _made(function, leaves, tree, key, quick)
+            _held[known] = _load(key) or _make(function, leaves, tree, key, quick)
         _held[known] = program = _held.pop(known)  # the last used are the last
         while len(_held) > HELD:
             del _held[next(iter(_held))]
@@ -108,7 +112,7 @@ def _package_only(args: Any) -> bool:
     classes: set[type] = set()
     jax.tree.flatten(args, is_leaf=lambda x: bool(classes.add(type(x))))
     here = __name__.split(".")[0]
-    return all(c.__module__.split(".")[0] in (here, "builtins", "jaxlib") for c in classes)
+    return all(c.__module__.split(".")[0] in (here, "builtins", "jaxlib", "numpy") for c in classes)
 
 
 @functools.cache
@@ -212,42 +216,38 @@ def _register_lapack() -> None:
     jax.jit(jax.lax.linalg.cholesky).lower(jax.ShapeDtypeStruct((1, 1), float))
 
 
-def _made(*asked) -> Callable:
-    with told():
-        return _make(*asked)
-
-
+@told()
 def _make(function: Callable, leaves: list[Any], tree: Any, key: str, quick: bool) -> Callable:
     """Trace, lower and compile; keep the program where it can be."""
-    arrays, static = [x for x in leaves if isinstance(x, jax.Array)], []
+    arrays, words = [x for x in leaves if isinstance(x, jax.Array)], []
 
     def flat(*arrays):
         given = iter(arrays)
         full = [next(given) if isinstance(x, jax.Array) else x for x in leaves]
         result = function(*jax.tree.unflatten(tree, full))
-        static.append(eqx.filter(result, lambda x: isinstance(x, _STATIC)))
-        return eqx.filter(result, lambda x: not isinstance(x, _STATIC))
+        static, moving = eqx.partition(result, lambda x: isinstance(x, _STATIC))
+        words.append(static)
+        return moving
 
     flat.__name__ = function.__name__
     lowered = jax.jit(flat).lower(*arrays)
+    (static,) = words
     text = lowered.as_text()
     kernels = set(re.findall(r"custom_call @(\w+)", text))
     options = quick_options(text.count("\n")) if quick else {}
     if not all(name.startswith("lapack_") for name in kernels):  # not XLA's own, nor registered
-        return _unflattened(lowered.compile(compiler_options=options), static[0])
+        return _unflattened(lowered.compile(compiler_options=options), static)
     compiled = _compile_afresh(lowered, options)
     result = jax.tree.map(lambda _: 0, lowered.out_info)
-    content: dict[str, Any] = {"lapack": bool(kernels), "inputs": len(arrays), "result": result}
-    content["static"] = static[0]
+    content = {"lapack": bool(kernels), "inputs": len(arrays), "result": result, "static": static}
     try:
-        content["program"] = serialize(compiled)[0]
-        body = zlib.compress(pickle.dumps(content), 1)
+        body = zlib.compress(pickle.dumps(content | {"program": serialize(compiled)[0]}), 1)
         jax.block_until_ready(_read(body)(arrays))  # only what has run from there is kept
         if _safe(cache_folder()):
             _store(_file(key), _seal(key, body), body)
     except (OSError, NotImplementedError, RuntimeError) as error:
         _log.info("the program %s is not kept: %s", function.__name__, error)
-    return _unflattened(compiled, static[0])
+    return _unflattened(compiled, static)
 
 
 def _compile_afresh(lowered: Any, options: Any) -> Any:

@@ -66,7 +66,7 @@ def test_words_and_numbers_of_a_result_are_kept_beside_its_arrays(folder):
     def described(right, count):
         return {"twice": 2 * right, "kind": ("wave", count), "last": right[-1]}
 
-    for given in (RIGHT, 3 * RIGHT):  # the second by what the first has stored
+    for given in (RIGHT, 3 * np.asarray(RIGHT)):  # the second by what the first has stored
         found = kept(described)(given, 4)
         assert found["kind"] == ("wave", 4)
         assert np.array_equal(found["twice"], 2 * given)

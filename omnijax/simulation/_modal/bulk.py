@@ -92,10 +92,10 @@ def modal_figures(
     of wheels and laws, not on numbers, paths or the closure `make`.  Raises `ValueError` where
     `modal_obstacle` names a reason.
     """
-    count = jnp.asarray(float(round(duration / step) + 1))
+    every, count = jnp.asarray(step, float), jnp.asarray(round(duration / step) + 1, float)
 
     def figures(design: LinearDesign, layout: Layout):
-        return _figures(design, layout, jnp.asarray(step, float), count, gradient)
+        return _figures(design, layout, every, count, gradient)
 
     return _batches(make, rows, metrics, model, gradient, modal_obstacle, figures)
 

@@ -8,7 +8,7 @@ coincide; inside its block a pole is then simple, so its eigenvectors are good o
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from ...rig import Rig
 from .system import Layout, System
@@ -16,7 +16,7 @@ from .system import Layout, System
 NOISE = 1e-14  # of the largest entry: what rounding leaves of a zero
 
 
-def turned_states(rigs: Rig, system: System) -> Array | None:
+def turned_states(rigs: Rig, system: System) -> np.ndarray | None:
     """Directions (m, m) of states that decouple a batch better than its own; None without."""
     normal = np.asarray(rigs.wheels.normal)
     m, n = system.A.shape[-1], normal.shape[1]
@@ -29,7 +29,7 @@ def turned_states(rigs: Rig, system: System) -> Array | None:
         first += len(part)
     A = np.asarray(system.A)
     A = A / np.abs(A).max(axis=(1, 2), keepdims=True)
-    return jnp.asarray(turn) if _apart(turn.T @ A @ turn) else None
+    return turn if _apart(turn.T @ A @ turn) else None
 
 
 def _directions(normal: Float[np.ndarray, "n 3"]) -> tuple[np.ndarray, np.ndarray]:
