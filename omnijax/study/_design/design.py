@@ -34,8 +34,8 @@ def design(
     Figures are SI.  Raises `InputError` for a wrong study and for a variable that nothing
     depends on, `RunError` where runs fail.
 
-    Source: augmented Lagrangian around BFGS and SQP (Nocedal and Wright, Numerical
-    Optimization, chapters 17, 18).
+    Source: BFGS, SQP and, where that ends outside of the limits, the augmented Lagrangian
+    (Nocedal and Wright, Numerical Optimization, chapters 6, 17, 18).
     """
     asked = study_of(study)
     if not asked.variables:

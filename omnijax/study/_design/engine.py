@@ -38,23 +38,37 @@ class Engine:
     def near(self, lanes: Starts, drawn: Adam | None) -> tuple[np.ndarray, np.ndarray]:
         """Shares (l, d) near the ends of searches side by side, and their evaluations (l,).
 
-        Over integrated runs these are the starts: a program of the whole search takes longer to
-        compile than the searches themselves.
+        With limits or a worst case, and over integrated runs, these are the starts: there a
+        program of the whole search takes longer to compile than quadratic programs from them.
         """
         spent = 0
         if drawn is not None:
             lanes, spent = self.search.stochastic(lanes, self.figures.values, drawn), drawn.steps
-        if self.problem.costly:
+        if self.problem.costly or self.problem.limits or self.problem.epigraph:
             return np.asarray(lanes.share), np.full(len(lanes.share), spent)
         ends = self.search.run(lanes, self.figures.values)
         return ends.share, ends.evaluations + spent
 
     def finish(self, lanes: Starts, i: int, near: np.ndarray) -> tuple[np.ndarray, int]:
-        """Where search `i` ends that has come to `near` (d,), and the evaluations it still took."""
+        """Where search `i` ends that has come to `near` (d,), and the evaluations it still took.
+
+        Where that breaks a limit, once more by way of the augmented Lagrangian's end.
+        """
         scaled = self.figures.scaled(np.asarray(lanes.limit[i]))
-        return restore_feasibility(
-            scaled, near, np.asarray(lanes.share[i]), np.asarray(lanes.free[i]) > 0
-        )
+        begin, free = np.asarray(lanes.share[i]), np.asarray(lanes.free[i]) > 0
+        end, spent = restore_feasibility(scaled, near, begin, free)
+        left = scaled.merit(scaled.at(end))
+        if self.problem.costly or left[0] <= FEASIBLE:
+            return end, spent
+        other = self.search.run(Starts(*(x[i : i + 1] for x in lanes)), self._one)
+        again, more = restore_feasibility(scaled, other.share[0], begin, free)
+        better = scaled.merit(scaled.at(again)) < left
+        return (again if better else end), spent + more + int(other.evaluations[0])
+
+    def _one(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Figures f (1, k) and g (1, c) of one design, by the program of its slopes."""
+        s = self.figures.slopes(shares[0])
+        return s.f[None], s.g[None]
 
     def all_ends(self, batch: int, report: Report | None, drawn: Adam | None) -> list[SearchEnd]:
         """Every search; finished ones come from the store."""

@@ -1,7 +1,7 @@
-"""A search's last part: the nearest optimum, or, where limits conflict, the least violation.
+"""A search's main part: the nearest optimum, or, where limits conflict, the least violation.
 
-An augmented Lagrangian may leave the piece of the design space it began in and end in one without a
-feasible design.  Then the search is led to the least violation,
+A search may leave the piece of the design space it began in and end in one without a feasible
+design.  Then it is led to the least violation,
 
     minimise max_j (g_j - limit_j)/scale_j    over 0 <= s <= 1,
 
@@ -13,7 +13,7 @@ that meets every limit, shorter ones are tried.
 import numpy as np
 
 from .kkt import FEASIBLE
-from .polish import Scaled, SqpSlopes, refined_by_sqp
+from .sqp import Scaled, SqpSlopes, refined_by_sqp
 
 REACHES = (1.0, 0.1, 0.02)  # of a range
 LEGS = 8  # at most, one after the other where each goes as far as it may

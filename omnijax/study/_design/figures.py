@@ -9,7 +9,7 @@ from .._batches import each, in_batches, value_and_jacobian
 from .._problem import Problem
 from .._range import Ranges
 from .evolve import Rank
-from .polish import Scaled, SqpSlopes
+from .sqp import Scaled, SqpSlopes
 from .starts import start_shares
 
 SILENT = 1e-12
@@ -46,7 +46,7 @@ class ProblemFigures:
         return SqpSlopes(*(np.asarray(x) for x in self._slopes(jnp.asarray(share))))
 
     def scaled(self, limit: np.ndarray) -> Scaled:
-        """The problem under `limit` (c,), as the polish takes it."""
+        """The problem under `limit` (c,), as quadratic programs take it."""
         return Scaled(self.slopes, limit, self.unit, self.size, self.problem.epigraph)
 
     def values(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

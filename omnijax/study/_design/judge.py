@@ -7,8 +7,8 @@ import numpy as np
 
 from .figures import ProblemFigures
 from .kkt import FEASIBLE, DualPoint, Kkt, conditions, verdict
-from .polish import SqpSlopes
 from .search import Starts
+from .sqp import SqpSlopes
 
 PROBES = (1e-3, 2e-2)  # of the range: steps to neighbours that must not be better
 

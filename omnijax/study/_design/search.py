@@ -1,4 +1,7 @@
-"""Augmented Lagrangian around BFGS, many starts at once; `_design_polish` takes it from there.
+"""Augmented Lagrangian around BFGS, many starts at once; quadratic programs take it from there.
+
+Searches without limits begin with it, and those that quadratic programs alone leave outside of
+their limits go back to it: a penalty leads across where the limits' slopes lead nowhere.
 
     L = F + 1/(2 mu) sum (max(0, lambda + mu c)^2 - lambda^2),    c = (g - limit)/scale
 
@@ -23,7 +26,7 @@ from .._range import Ranges
 
 ROUNDS, INNER = 5, 15
 PENALTY, GROWTH = 30.0, 5.0
-NEAR = 1e-4  # of a limit's scale: what is left to the polish
+NEAR = 1e-4  # of a limit's scale: what is left to quadratic programs
 
 
 class Starts(NamedTuple):

@@ -1,9 +1,9 @@
-"""The last digits of a search, by sequential quadratic programming (SciPy's SLSQP).
+"""A search from its start to its optimum, by sequential quadratic programming (SciPy's SLSQP).
 
     minimise t    subject to    f_k/size <= t,    (g_j - limit_j)/scale_j <= 0,    0 <= s <= 1
 
-From a point near the optimum this takes a few evaluations where the augmented Lagrangian takes
-hundreds: with several cases and limits active at once the optimum is nearly a corner.
+This takes some ten evaluations where the augmented Lagrangian takes hundreds: with several cases
+and limits active at once the optimum is nearly a corner.
 """
 
 from collections.abc import Callable
