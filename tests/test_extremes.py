@@ -38,15 +38,17 @@ def _cases(layout):
 
 def _dense(run: LongRun) -> list[np.ndarray]:
     """dR of every signal on 2^BITS even places a piece, and at the pieces' ends."""
-    curves, out = run.curves("dR"), []
-    for g in range(len(run.signals.wheel)):
-        values = []
-        for k in np.flatnonzero(np.asarray(run.cycles.width[g]) > 0):
-            piece, start, rows = jax.tree.map(
-                lambda x, g=g, k=k: x[g, k], (run.cycles.pieces, run.starts, curves.rows)
-            )
-            values += [_grid(piece, start, rows), rows @ whole(piece) @ start[:, None]]
-        out.append(np.concatenate([np.asarray(v).T.reshape(-1, 3) for v in values]))
+    out = []
+    for curves in run.curves("dR"):
+        for g in range(len(curves.starts)):
+            values = []
+            for k in np.flatnonzero(np.asarray(curves.cycles.width[g]) > 0):
+                piece, start, rows = jax.tree.map(
+                    lambda x, g=g, k=k: x[g, k],
+                    (curves.cycles.pieces, curves.starts, curves.rows),
+                )
+                values += [_grid(piece, start, rows), rows @ whole(piece) @ start[:, None]]
+            out.append(np.concatenate([np.asarray(v).T.reshape(-1, 3) for v in values]))
     return out
 
 

@@ -89,7 +89,8 @@ def _pressure(wanted: Constraint, point: CaseResult) -> Array:
     """Hertz' greatest pressure at the greatest normal force of each contact, Pa."""
     sphere, wheel, sphere_ratio, wheel_ratio = wanted.materials
     run, rig = point.run, point.rig
-    load = run.load().greatest if isinstance(run, SteadyRun) else jnp.max(run.normal_force, axis=0)
+    steady = isinstance(run, SteadyRun)
+    load = run.greatest_normal_force() if steady else jnp.max(run.normal_force, axis=0)
     radius = effective_radius(rig.sphere.radius, rig.wheel_radius)
     modulus = effective_modulus(sphere, sphere_ratio, wheel, wheel_ratio)
     return peak_pressure(load, radius, modulus)

@@ -127,14 +127,14 @@ METRICS: dict[str, Metric] = {
         "N",
         "least μN − |f| of all contacts",
         lambda r, _: jnp.min(r.slip_margin),
-        lambda s: jnp.min(s.load().slip_margin),
+        lambda s: jnp.min(s.slip_margin()),
         False,
     ),
     "lift_off_margin": Metric(
         "N",
         "least normal force of all contacts",
         lambda r, _: jnp.min(r.normal_force),
-        lambda s: jnp.min(s.load().least),
+        lambda s: jnp.min(s.least_normal_force()),
         False,
     ),
 }

@@ -47,19 +47,51 @@ class SteadyRun(LongRun):
     def load(self) -> ContactLoad:
         """Extremes of the contacts' forces."""
         if self._load is None:
-            self._load = self._extreme_load()
+            (least, greatest), slip = self._rows_of_load()
+            largest = self._largest_force(jnp.concatenate([least, greatest, slip]))
+            low, high = largest[: 2 * self.rig.size].reshape(2, -1)
+            preload = self.rig.wheels.closure.preload
+            figures = preload - low, preload + high, self._grip(largest[2 * self.rig.size :])
+            self._load = ContactLoad(*map(self._if_ok, figures))
         return self._load
 
-    def _extreme_load(self) -> ContactLoad:
+    def least_normal_force(self) -> Float[Array, " n"]:
+        """Least normal force of each contact, N: a part of `load` that costs a quarter of it."""
+        if self._load is not None:
+            return self._load.least
+        low = self._largest_force(self._rows_of_load()[0][0])
+        return self._if_ok(self.rig.wheels.closure.preload - low)
+
+    def greatest_normal_force(self) -> Float[Array, " n"]:
+        """Greatest normal force of each contact, N: another quarter."""
+        if self._load is not None:
+            return self._load.greatest
+        high = self._largest_force(self._rows_of_load()[0][1])
+        return self._if_ok(self.rig.wheels.closure.preload + high)
+
+    def slip_margin(self) -> Float[Array, " n"]:
+        """Least mu N - |f| of each contact, N: the other half."""
+        if self._load is not None:
+            return self._load.slip_margin
+        return self._if_ok(self._grip(self._largest_force(self._rows_of_load()[1])))
+
+    def _rows_of_load(self):
+        """-N and N; f - mu N and -f - mu N: rows over (N, f) of all contacts."""
         n = self.rig.size
         eye, zero = jnp.eye(n), jnp.zeros((n, n))
-        friction, preload = self.rig.wheels.contact.friction, self.rig.wheels.closure.preload
-        mu = jnp.diag(friction)
-        rows = jnp.block([[eye, zero], [-eye, zero], [-mu, eye], [-mu, -eye]])
-        curves = self.curves("normal_force", "drive_force")
-        high, low, forth, back = self.largest(curves, rows).reshape(4, n)
-        slip = friction * preload - jnp.maximum(forth, back)
-        return ContactLoad(*map(self._if_ok, (preload - low, preload + high, slip)))
+        mu = jnp.diag(self.rig.wheels.contact.friction)
+        normal = jnp.hstack([-eye, zero]), jnp.hstack([eye, zero])
+        return normal, jnp.block([[-mu, eye], [-mu, -eye]])
+
+    def _largest_force(self, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
+        return self.largest(self.curves("normal_force", "drive_force"), rows)
+
+    def _grip(self, largest: Float[Array, " 2n"]) -> Float[Array, " n"]:
+        """mu N0 less the larger of what `f - mu N` and `-f - mu N` reach."""
+        wheels = self.rig.wheels
+        return wheels.contact.friction * wheels.closure.preload - jnp.max(
+            largest.reshape(2, -1), axis=0
+        )
 
     def _if_ok(self, figure: Array) -> Array:
         return jnp.where(self.status == Status.OK, figure, jnp.nan)

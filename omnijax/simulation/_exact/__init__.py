@@ -11,6 +11,7 @@ from .forcing import Forcing as Forcing
 from .forcing import directed as directed
 from .forcing import forcing as forcing
 from .forcing import is_traced as is_traced
+from .forcing import like_forcings as like_forcings
 from .forcing import pieces_traced as pieces_traced
 from .period_map import Passages as Passages
 from .period_map import longest_passage as longest_passage

@@ -25,6 +25,7 @@ from ...laws import (
 )
 from ...rig import Rig
 
+ROOM = 2.0  # times the work, where signals of unlike sizes go together
 MAX_ROLLERS = 40  # room for the rollers of a turn where their number is not known ahead
 
 
@@ -184,22 +185,62 @@ def _floor_pieces(law: FloorVibration) -> tuple[Pieces, Array, Array]:
     return pieces, 2 * math.pi * law.frequency, jnp.asarray(law.phase, float)
 
 
+class _Signal(NamedTuple):
+    """One signal as the wheel passes it, or the floor's."""
+
+    pieces: Pieces
+    speed: Array
+    angle: Array
+    wheel: int
+    base: Array
+
+    @property
+    def size(self) -> tuple[int, int, int]:
+        """Pieces, powers and waves."""
+        return len(self.pieces.width), self.pieces.polynomial.shape[1], self.pieces.sine.shape[1]
+
+
+def _signals(rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"]) -> list[_Signal]:
+    signals = [
+        _Signal(pieces, speeds[i], angles[i], i, order)
+        for i in range(rig.size)
+        for pieces, order in wheel_pieces(rig, i)
+    ]
+    floors: list[Any] = [placed.law for placed in rig.at("platform")]
+    return signals + [_Signal(*_floor_pieces(law), -1, jnp.ones(())) for law in floors]
+
+
+def _stacked(signals: list[_Signal]) -> Forcing:
+    count, powers, waves = np.max([signal.size for signal in signals], axis=0)
+    cycles = [directed(padded(s.pieces, count, powers - 1, waves), s.speed, s.angle)
+              for s in signals]  # fmt: skip
+    stacked = jax.tree.map(lambda *xs: jnp.stack(xs), *cycles)
+    base = jnp.stack([jnp.asarray(s.base, float) for s in signals])
+    return Forcing(stacked, tuple(s.wheel for s in signals), base)
+
+
 def forcing(rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"]) -> Forcing:
     """Every signal that forces the rig at constant `speeds` (rad/s) from `angles` (rad)."""
-    signals, wheel, base = [], [], []
-    for i in range(rig.size):
-        for pieces, order in wheel_pieces(rig, i):
-            signals.append((pieces, speeds[i], angles[i]))
-            wheel.append(i)
-            base.append(order)
-    floors: list[Any] = [placed.law for placed in rig.at("platform")]
-    for law in floors:
-        signals.append(_floor_pieces(law))
-        wheel.append(-1)
-        base.append(jnp.ones(()))
-    count = max(len(p.width) for p, _, _ in signals)
-    degree = max(p.polynomial.shape[1] for p, _, _ in signals) - 1
-    waves = max(p.sine.shape[1] for p, _, _ in signals)
-    cycles = [directed(padded(p, count, degree, waves), w, a) for p, w, a in signals]
-    stacked = jax.tree.map(lambda *xs: jnp.stack(xs), *cycles)
-    return Forcing(stacked, tuple(wheel), jnp.stack([jnp.asarray(b, float) for b in base]))
+    return _stacked(_signals(rig, speeds, angles))
+
+
+def like_forcings(
+    rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"], states: int
+) -> list[tuple[np.ndarray, Forcing]]:
+    """The same in groups of like sizes, each with the numbers of its signals; the first has 0.
+
+    Work on a piece grows with the cube of its terms beside `states` of the elastic model.  One
+    group does where the room for the largest signal costs the others less than `ROOM` times that.
+    """
+    signals = _signals(rig, speeds, angles)
+    sizes = [signal.size for signal in signals]
+
+    def work(size) -> float:
+        pieces, powers, waves = size
+        return float(pieces * (states + powers + 2 * waves) ** 3)
+
+    if len(signals) * work(np.max(sizes, axis=0)) <= ROOM * sum(map(work, sizes)):
+        return [(np.arange(len(signals)), _stacked(signals))]
+    numbers = [np.array([i for i, s in enumerate(sizes) if s == size])
+               for size in dict.fromkeys(sizes)]  # fmt: skip
+    return [(own, _stacked([signals[i] for i in own])) for own in numbers]

@@ -46,6 +46,16 @@ class ForcedSystem(NamedTuple):
     drift: Float[Array, "3 3"]  # into dU/dt, of that force
     rest: Float[Array, "m g"]  # -A^-1 B0: y at static equilibrium per unit of rho
 
+    def of_signals(self, index: np.ndarray) -> "ForcedSystem":
+        """The system under some of its signals alone."""
+        return self._replace(
+            column=self.column[index],
+            shift=self.shift[index],
+            direct={name: x[index] for name, x in self.direct.items()},
+            rate={name: x[index] for name, x in self.rate.items()},
+            rest=self.rest[:, index],
+        )
+
 
 def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     """Why the exact path does not take this rig, in words; None where it does."""

@@ -7,8 +7,11 @@ A constant force P on the platform moves the stationary state in the frame of th
 y_P = -A^-1 (dA y/dP) P; it stands in the constant term of the first signal.
 """
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..._root import root
@@ -24,6 +27,7 @@ from .._exact import (
     basis_row,
     forced_system,
     forcing,
+    like_forcings,
     passages,
     periodic_starts,
     points,
@@ -33,6 +37,20 @@ from .peak_search import Curves, PeakPlaces, largest, places, supremum
 
 BITS = 7  # of the even places a piece where extremes are looked for
 LEVELS = 24  # of the ladder: up to 2^22 time constants a piece
+
+
+class Part(NamedTuple):
+    """The periodic solutions of signals of like sizes."""
+
+    system: ForcedSystem  # under these signals alone
+    signals: Forcing
+    cycles: Passages
+    starts: Float[Array, "g k N"]
+
+    @property
+    def weight(self) -> Float[Array, "g k"]:
+        """Share of every piece in its signal's phases."""
+        return self.cycles.width / jnp.sum(self.cycles.width, axis=1, keepdims=True)
 
 
 class LongRun:
@@ -47,74 +65,79 @@ class LongRun:
         self.rig, self.speeds, self.angles, self.model, self.bits = rig, speeds, angles, model, bits
         self.signals = forcing(rig, speeds, angles)
         self.system, _ = balanced(forced_system(rig, model, speeds, self.signals.wheel))
-        self.cycles = passages(self.system, self.signals, bits, levels)
         self.states = self.system.A.shape[0]
-        self.starts = periodic_starts(self.cycles, self.states)
+        groups = like_forcings(rig, speeds, angles, self.states)
+        self.parts = tuple(self._part(index, like, levels) for index, like in groups)
         self._moments = self._places = None
         self.pushed = None if force is None else self._constant(force)
+
+    def _part(self, index: np.ndarray, signals: Forcing, levels: int) -> Part:
+        system = self.system.of_signals(index)
+        cycles = passages(system, signals, self.bits, levels)
+        return Part(system, signals, cycles, periodic_starts(cycles, self.states))
 
     def _constant(self, force: Float[Array, "3"]) -> Float[Array, " m"]:
         """y_P: the state that a constant force on the platform (N) holds."""
         return -solve_all(self.system.A, (self.system.force @ force)[:, None])[:, 0]
 
-    def curves(self, *names: str) -> Curves:
-        """Outputs beside each other."""
-        rows = [self._rows(name) for name in names]
-        return Curves(self.cycles, self.starts, jnp.concatenate(rows, axis=-2))
+    def curves(self, *names: str) -> tuple[Curves, ...]:
+        """Outputs beside each other, of each part's signals."""
+        rows = [jnp.concatenate(x, axis=-2) for x in zip(*map(self._rows, names), strict=True)]
+        return tuple(Curves(p.cycles, p.starts, x) for p, x in zip(self.parts, rows, strict=True))
 
-    def _rows(self, name: str) -> Float[Array, "g k o N"]:
-        """One output over z, with what the force on the platform adds to it."""
-        rows = output_rows(self.system, self.signals, self.cycles, name)
-        if self.pushed is None:
-            return rows
-        return rows.at[0, :, :, self.states].add(self.system.state[name] @ self.pushed)
+    def _rows(self, name: str) -> list[Float[Array, "g k o N"]]:
+        """One output over z, with what the force on the platform adds to the first signal's."""
+        rows = [output_rows(part, name) for part in self.parts]
+        if self.pushed is not None:
+            held = self.system.state[name] @ self.pushed
+            rows[0] = rows[0].at[0, :, :, self.states].add(held)
+        return rows
 
     @property
     def status(self) -> Int[Array, ""]:
         """`OK`, or `UNHELD` where the sphere drifts off and no periodic solution exists."""
         return jnp.where(held(self.rig, self.model), Status.OK, Status.UNHELD)
 
-    @property
-    def weight(self) -> Float[Array, "g k"]:
-        """Share of every piece in its signal's phases."""
-        return self.cycles.width / jnp.sum(self.cycles.width, axis=1, keepdims=True)
-
     def statistics(self, name: str) -> tuple[Float[Array, " o"], Float[Array, " o"]]:
         """Mean and mean square of each component, over all phases."""
         if self._moments is None:
-            self._moments = jax.vmap(jax.vmap(second_moments))(self.cycles.pieces, self.starts)
-        rows, moments, weight = self.curves(name).rows, self._moments, self.weight
-        means = jnp.einsum("gk,gkoN,gkN->go", weight, rows, moments[..., self.states])
-        squares = jnp.einsum("gk,gkoN,gkNM,gkoM->go", weight, rows, moments, rows)
-        mean = jnp.sum(means, axis=0)
-        return mean, jnp.sum(squares - means**2, axis=0) + mean**2
+            each = jax.vmap(jax.vmap(second_moments))
+            self._moments = [each(part.cycles.pieces, part.starts) for part in self.parts]
+        mean = square = jnp.zeros(())
+        for part, rows, moments in zip(self.parts, self._rows(name), self._moments, strict=True):
+            own = jnp.einsum("gk,gkoN,gkN->go", part.weight, rows, moments[..., self.states])
+            whole = jnp.einsum("gk,gkoN,gkNM,gkoM->go", part.weight, rows, moments, rows)
+            mean, square = mean + jnp.sum(own, axis=0), square + jnp.sum(whole - own**2, axis=0)
+        return mean, square + mean**2
 
     def mean_square(self, name: str) -> Float[Array, " o"]:
         """Mean square of each component, over all phases."""
         return self.statistics(name)[1]
 
-    def places(self) -> PeakPlaces:
-        """Where extremes are looked for."""
+    def places(self) -> tuple[PeakPlaces, ...]:
+        """Where extremes are looked for, in each part."""
         if self._places is None:
-            self._places = places(self.cycles, self.starts, self.bits)
+            self._places = tuple(places(p.cycles, p.starts, self.bits) for p in self.parts)
         return self._places
 
-    def largest(self, curves: Curves, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
+    def largest(self, curves: tuple[Curves, ...], rows: Float[Array, "r o"]) -> Float[Array, " r"]:
         """The largest value of each combination `rows` of the outputs."""
         return largest(curves, self.places(), rows, self.bits)
 
     def extremes(self, name: str) -> Float[Array, "2 o"]:
         """Largest value of each component, and of its negative."""
         curves = self.curves(name)
-        eye = jnp.eye(curves.rows.shape[-2])
+        eye = jnp.eye(curves[0].rows.shape[-2])
         return self.largest(curves, jnp.concatenate([eye, -eye])).reshape(2, -1)
 
     def suprema(self, *names: str) -> list[Float[Array, ""]]:
         """Largest length of outputs that are vectors, each by itself."""
-        rows, places = jnp.stack([self.curves(name).rows for name in names]), self.places()
+        rows = [jnp.stack(x) for x in zip(*map(self._rows, names), strict=True)]
 
         def one(rows):
-            return supremum(Curves(self.cycles, self.starts, rows), places, self.bits)
+            parts = zip(self.parts, rows, strict=True)
+            curves = tuple(Curves(part.cycles, part.starts, x) for part, x in parts)
+            return supremum(curves, self.places(), self.bits)
 
         return [root(total @ total) for total in jax.vmap(one)(rows)]
 
@@ -126,21 +149,22 @@ class LongRun:
         curves = self.curves(name)
         total = jax.lax.stop_gradient(supremum(curves, self.places(), self.bits))
         size = root(total @ total)
-        scale = jnp.where(size > 0, size, 1.0)
-        Z = jax.vmap(jax.vmap(lambda piece, z: points(piece, z, self.bits)))(
-            self.cycles.pieces, self.starts
-        )
-        along = jnp.einsum("gkoN,gkNp,o->gkp", curves.rows, Z, total / scale)
-        weight = jnp.broadcast_to(self.weight[..., None], along.shape) / 2**self.bits
-        g = len(along)
-        soft = jax.scipy.special.logsumexp(
-            along.reshape(g, -1) * (sharpness / scale), axis=1, b=weight.reshape(g, -1)
-        )
-        return jnp.sum(soft) * size / sharpness
+        scale, peak = jnp.where(size > 0, size, 1.0), jnp.zeros(())
+        each = jax.vmap(jax.vmap(lambda piece, z: points(piece, z, self.bits)))
+        for part, own in zip(self.parts, curves, strict=True):
+            Z = each(part.cycles.pieces, part.starts)
+            along = jnp.einsum("gkoN,gkNp,o->gkp", own.rows, Z, total / scale)
+            weight = jnp.broadcast_to(part.weight[..., None], along.shape) / 2**self.bits
+            g = len(along)
+            peak += jnp.sum(jax.scipy.special.logsumexp(
+                along.reshape(g, -1) * (sharpness / scale), axis=1, b=weight.reshape(g, -1)
+            ))  # fmt: skip
+        return peak * size / sharpness
 
 
-def output_rows(system: ForcedSystem, signals: Forcing, cycles: Passages, name: str):
-    """One output as rows over z = (s, w): (C, direct row + rate row G/duration), (g, k, o, N)."""
+def output_rows(part: Part, name: str) -> Float[Array, "g k o N"]:
+    """One output as rows over z = (s, w): (C, direct row + rate row G/duration)."""
+    system = part.system
 
     def one(direct, rate, pieces, duration):
         row, G = basis_row(pieces), basis_generator(pieces)
@@ -151,5 +175,5 @@ def output_rows(system: ForcedSystem, signals: Forcing, cycles: Passages, name: 
 
     per_signal = jax.vmap(one, in_axes=(None, None, 0, 0))
     return jax.vmap(per_signal)(
-        system.direct[name], system.rate[name], signals.cycle.pieces, cycles.duration
+        system.direct[name], system.rate[name], part.signals.cycle.pieces, part.cycles.duration
     )

@@ -8,7 +8,8 @@ search runs over directions and places.  Neither search nor refinement is differ
 envelope theorem the gradient is that of the formula at the places found.
 """
 
-from typing import NamedTuple
+import functools
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -185,47 +186,63 @@ def highest(curves: Curves, places: PeakPlaces, values, row, bits: int):
 
 
 def largest(
-    curves: Curves, places: PeakPlaces, rows: Float[Array, "r o"], bits: int
+    parts: tuple[Curves, ...], places: tuple[PeakPlaces, ...], rows: Float[Array, "r o"], bits: int
 ) -> Float[Array, " r"]:
     """The largest value of each combination `rows` of the outputs, the signals summed."""
-    values = places.outputs(curves.rows)
+    total = jnp.zeros(len(rows))
+    for curves, at in zip(parts, places, strict=True):
+        values = at.outputs(curves.rows)
 
-    def one(row):
-        spots, _ = highest(curves, places, values, row, bits)
-        return jnp.sum(values_at(curves, spots) @ row)
+        def one(row, curves=curves, at=at, values=values):
+            spots, _ = highest(curves, at, values, row, bits)
+            return jnp.sum(values_at(curves, spots) @ row)
 
-    return jax.vmap(one)(rows)
+        total = total + jax.vmap(one)(rows)
+    return total
 
 
-def supremum(curves: Curves, places: PeakPlaces, bits: int) -> Float[Array, " o"]:
+def supremum(
+    parts: tuple[Curves, ...], places: tuple[PeakPlaces, ...], bits: int
+) -> Float[Array, " o"]:
     """The longest sum of the signals' outputs, as a vector; 2^bits places a piece are even."""
-    values = places.outputs(curves.rows)
+    values = [at.outputs(curves.rows) for curves, at in zip(parts, places, strict=True)]
 
     def support(d):
-        along = places.along(values, d)
-        return jnp.argmax(along, axis=1), jnp.sum(jnp.max(along, axis=1), axis=0)
+        """Places (g, d) of each part, and what all signals reach together (d,)."""
+        along = [at.along(x, d) for at, x in zip(places, values, strict=True)]
+        reached = [jnp.sum(jnp.max(x, axis=1), axis=0) for x in along]
+        return [jnp.argmax(x, axis=1) for x in along], functools.reduce(jnp.add, reached)
 
-    directions = jnp.asarray(sphere(DIRECTIONS, values.shape[-1]))
-    heights = jax.lax.map(lambda d: support(d[None])[1][0], directions, batch_size=TOGETHER)
+    directions = jnp.asarray(sphere(DIRECTIONS, values[0].shape[-1]))
+    heights: Any = jax.lax.map(
+        lambda d: support(d[None])[1][0], directions, batch_size=TOGETHER
+    )  # fmt: skip
     best = directions[jnp.argsort(-heights)[:CANDIDATES]]
 
     def ascend(best, _):
         index = support(best)[0]
-        return _unit(jnp.sum(jax.vmap(lambda v, i: v[i])(values, index), axis=0), best), None
+        each = zip(values, index, strict=True)
+        chosen = [jnp.sum(jax.vmap(lambda v, i: v[i])(*part), axis=0) for part in each]
+        return _unit(functools.reduce(jnp.add, chosen), best), None
 
     best = jax.lax.scan(ascend, best, None, length=ASCENTS)[0]
 
+    def all_highest(row):
+        each = zip(parts, places, values, strict=True)
+        spots, outputs = zip(*(highest(*part, row, bits) for part in each), strict=True)
+        return spots, functools.reduce(jnp.add, [jnp.sum(x, axis=0) for x in outputs])
+
     def turn(carry, _):
         rows = carry[0]
-        spots, outputs = jax.vmap(lambda row: highest(curves, places, values, row, bits))(rows)
-        totals = jnp.sum(outputs, axis=1)
+        spots, totals = jax.vmap(all_highest)(rows)
         return (_unit(totals, rows), spots, jnp.sum(totals**2, axis=1)), None
 
-    none = jnp.zeros((CANDIDATES, len(values)))
-    start = best, Extrema(none.astype(int), none), none[:, 0]
+    none = [jnp.zeros((CANDIDATES, len(x))) for x in values]
+    start = best, tuple(Extrema(x.astype(int), x) for x in none), jnp.zeros(CANDIDATES)
     _, spots, squares = jax.lax.scan(turn, start, None, length=ROUNDS)[0]
-    top = jnp.argmax(squares)
-    return jnp.sum(values_at(curves, jax.tree.map(lambda x: x[top], spots)), axis=0)
+    top = jax.tree.map(lambda x: x[jnp.argmax(squares)], spots)
+    each = zip(parts, top, strict=True)
+    return functools.reduce(jnp.add, [jnp.sum(values_at(*part), axis=0) for part in each])
 
 
 def _unit(vectors: Float[Array, "d o"], otherwise):

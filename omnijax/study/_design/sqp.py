@@ -13,7 +13,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 STEPS = 40
+ENOUGH = (
+    20  # evaluations, times one more than there are variables: a kink's rounding takes the rest
+)
 ROOM = 1e-6  # of a limit's scale: a smaller violation is no reason to go on
+
+
+class _EnoughError(Exception):
+    """All evaluations are spent."""
 
 
 class SqpSlopes(NamedTuple):
@@ -60,8 +67,10 @@ def refined_by_sqp(
         whole[moving] = np.clip(y[: len(moving)], 0.0, 1.0)
         key = whole.tobytes()
         if key not in seen:
-            seen[key] = problem.at(whole)
-        return seen[key]
+            if len(seen) == ENOUGH * (1 + len(moving)):
+                raise _EnoughError
+            seen[key] = whole, problem.at(whole)
+        return seen[key][1]
 
     begin = share[moving]
     start = at(begin)
@@ -71,23 +80,34 @@ def refined_by_sqp(
     if problem.epigraph:
         begin = np.append(begin, start.f.max() / problem.size)
     try:
-        end = minimize(
+        last = minimize(
             lambda y: _objective(problem, at(y), y, moving), begin, jac=True, method="SLSQP",
             bounds=[*box, *[(None, None)] * problem.epigraph],
             constraints=_constraints(problem, at, moving),
-            options={"maxiter": STEPS, "ftol": 1e-12},
+            options={"maxiter": STEPS, "ftol": 1e-10},
         ).x  # fmt: skip
     except FloatingPointError:  # a step into designs without figures
         return share, len(seen)
-    if not np.isfinite(end).all() or not at(end).finite:
-        return share, len(seen)
-    (over, value), (before, old) = problem.merit(at(end)), problem.merit(start)
+    except _EnoughError:
+        finite = [(whole, s) for whole, s in seen.values() if s.finite]
+        best, end = min(finite, key=lambda x: _rank(problem, x[1]))
+    else:
+        if not np.isfinite(last).all():
+            return share, len(seen)
+        best = share.copy()
+        best[moving] = np.clip(last[: len(moving)], 0.0, 1.0)
+        end = problem.at(best)
+        if not end.finite:
+            return share, len(seen)
+    (over, value), (before, old) = problem.merit(end), problem.merit(start)
     better = value <= old or before > ROOM
-    if over <= max(ROOM, 0.99 * before) and better:
-        whole = share.copy()
-        whole[moving] = np.clip(end[: len(moving)], 0.0, 1.0)
-        return whole, len(seen)
-    return share, len(seen)
+    return (best if over <= max(ROOM, 0.99 * before) and better else share), len(seen)
+
+
+def _rank(problem: Scaled, s: SqpSlopes) -> tuple[float, float]:
+    """The better of two designs has the lower one; violations within `ROOM` count as none."""
+    over, value = problem.merit(s)
+    return max(over, ROOM), value
 
 
 def _objective(problem: Scaled, s: SqpSlopes, y, moving) -> tuple[float, np.ndarray]:
