@@ -1,12 +1,18 @@
 """Extremes of the steady state against a dense search that shares no search with them."""
 
+import importlib
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from machines import ORTHOGONAL, SKEW, machine
+from seeds import drawn_anew
 
+from omnijax._compiling import quick_jit
+from omnijax._root import root
+from omnijax.laws import WheelRunout
 from omnijax.simulation import steady_state
 from omnijax.simulation._exact.expm import points, whole
 from omnijax.simulation._steady.long_run import LongRun
@@ -112,3 +118,32 @@ def test_gradients_of_a_stiff_slow_rig_are_those_of_differences():
     value = jax.jit(peak)
     difference = (value(1 + 1e-4) - value(1 - 1e-4)) / 2e-4
     assert np.isclose(jax.jit(jax.grad(peak))(1.0), difference, rtol=1e-5)
+
+
+@pytest.mark.parametrize("room", [0.0, np.inf])
+def test_groups_of_like_signals_say_what_one_group_says(room, monkeypatch):
+    """A runout gives one wheel pieces all around the turn; alone or with room for as many."""
+    random = drawn_anew("groups of like signals")
+    rig = eqx.tree_at(
+        lambda r: (r.wheels.roundness, r.wheels.rollers),
+        machine(SKEW),
+        (jnp.asarray(random.uniform(0.2, 0.8, 3)), jnp.array([6.0, 8.0, 7.0])),
+    )
+    law = WheelRunout(jnp.asarray(2e-5), jnp.asarray(random.uniform(0, 6)))
+    rig = rig.add(law, "w2")
+    speeds, force = jnp.asarray(random.uniform(2, 9, 3)), jnp.asarray(random.normal(size=3))
+    want = steady_state(rig, speeds, force=force)
+    module = importlib.import_module("omnijax.simulation._exact.forcing")
+    monkeypatch.setattr(module, "ROOM", room)
+
+    @quick_jit
+    def figures(speeds):
+        run = LongRun(rig, speeds, jnp.zeros(3), "coupled", force=force)
+        peak = run.suprema("dR")[0]
+        return jnp.asarray(len(run.parts)), jnp.concatenate(
+            [root(run.mean_square("dR")), peak[None]]
+        )
+
+    parts, now = figures(speeds)
+    assert parts == (2 if room == 0 else 1)
+    assert np.allclose(now, jnp.append(want.rms_component, want.peak), rtol=1e-6)
