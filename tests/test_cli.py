@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tomllib
 
 import pytest
 
@@ -12,6 +13,8 @@ from omnijax import __version__
 from omnijax._errors import InputError, RunError, require
 from omnijax.cli import COMMANDS, _frame, build_app, run
 from omnijax.cli._tokens import understood
+from omnijax.laws import EFFECTS
+from omnijax.rig import load_rig, parse_rig, rig_text
 
 NAMES = [name for names in COMMANDS.values() for name in names]
 
@@ -229,8 +232,6 @@ def test_two_wheels_leave_an_axis_free(tmp_path, capsys):
 
 
 def test_effects_lists_every_law(capsys):
-    from omnijax.laws import EFFECTS
-
     code, out, _ = call(capsys, "effects", "--json")
     rows = {row["id"]: row for row in json.loads(out)}
     assert code == 0 and list(rows) == list(EFFECTS)
@@ -241,6 +242,14 @@ def test_effects_lists_every_law(capsys):
     assert code == 0 and all(name in out for name in EFFECTS)
     told = " ".join(out.split())
     assert all(" ".join(law.formula.split()) in told for law in EFFECTS.values())
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_the_block_that_an_effect_prints_can_be_pasted(name, capsys):
+    """At its first place and numbers it is an effect of a rig file, and `check` finds no fault."""
+    code, out, _ = call(capsys, "effects", name)
+    text = rig_text(load_rig("atlas")) + out[out.index("[[effect]]") :]
+    assert code == 0 and parse_rig(tomllib.loads(text)).effects[0].law.id == name
 
 
 def test_schema_is_json(capsys):

@@ -120,10 +120,19 @@ EFFECTS = [
     (block("air-drag", "w1", D=1), "`effect.air-drag.place` must be one of sphere, but is 'w1'."),
     ({"place": "w1"}, "`effect.1.id` is missing."),
     ({"id": "lift-off"}, "`effect.lift-off.place` is missing."),
+    (block("creep", "w1"), "`effect.creep.w1.creepage` is missing."),
     ({"id": "lift-off", "place": "all", "law": "no.py"}, "no.py: no such Python file of laws"),
     ({"id": "lift-off", "place": "all", "gain": 1}, "`effect.lift-off.gain` is not a key of a rig"),
     ({"id": "lift-off", "place": "all", "k": 1}, "numbers stand in `parameters = { k = ... }`."),
 ]
+
+
+def test_an_effect_without_a_place_is_called_by_its_id():
+    with pytest.raises(InputError) as caught:
+        parse_rig(with_effects({"id": "creep"}))
+    first, second = caught.value.problems
+    assert first.endswith("`effect.creep.place` is missing.")
+    assert "`effect.creep.creepage` is missing." in second
 
 
 @pytest.mark.parametrize(("effect", "sentence"), EFFECTS)

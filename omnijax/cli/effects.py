@@ -15,7 +15,7 @@ def effects(name: str | None = None, /, *, json: Json = False) -> None:
     Parameters
     ----------
     name
-        Show only effects whose id contains this text.
+        Show only effects whose id contains this text; of a whole id, its block of a rig file too.
     """
     from .._errors import InputError, did_you_mean
     from ..laws import AXIS_EFFECTS, EFFECTS
@@ -26,7 +26,7 @@ def effects(name: str | None = None, /, *, json: Json = False) -> None:
         hint = did_you_mean(str(name), known) or " `omnijax effects` lists all."
         raise InputError(f"no effect's id contains {name!r}.{hint}")
     rows = [_describe(law) for law in chosen]
-    emit(json, rows, lambda: _print(rows))
+    emit(json, rows, lambda: _print(rows, name))
 
 
 def _describe(law: Any) -> dict[str, Any]:
@@ -50,10 +50,42 @@ def _describe(law: Any) -> dict[str, Any]:
         "places": list(law.places),
         "parameters": parameters,
         "source": law.source,
+        "block": _block(law),
     }
 
 
-def _print(rows: list[dict[str, Any]]) -> None:
+_EXAMPLES = {"wheel": "w1", "group": "theta", "channel": "dR_x", "encoder": "theta_1"}
+
+
+def _block(law: Any) -> str:
+    """What a rig file holds of the law: numbers that do nothing, or as little as they may."""
+    needed = {key: known for key, known in law.parameters.items() if not known.optional}
+    values = ", ".join(f"{key} = {_smallest(known)}" for key, known in needed.items())
+    units = ", ".join(f"{key} in {known.unit}" for key, known in needed.items())
+    places = ", ".join(law.places)
+    lines = [
+        "[[effect]]",
+        f'id = "{law.id}"',
+        f'place = "{_EXAMPLES.get(law.places[0], law.places[0])}"  # one of: {places}',
+    ]
+    if needed:
+        lines.append(f"parameters = {{ {values} }}  # {units}")
+    return "\n".join(lines)
+
+
+def _smallest(known: Any) -> str:
+    from ..laws import ANY_LENGTH
+
+    if known.shape == ANY_LENGTH:
+        return "[1.0]"
+    if known.shape:  # a direction, which is not zero, or a vector
+        first = 1.0 if known.unit == "1" else 0.0
+        return str([first] + [0.0] * (known.shape - 1))
+    nothing = known.low < 0 or (known.low == 0 and not known.above)
+    return "0.0" if nothing and known.high >= 0 else str(min(max(1.0, known.low), known.high))
+
+
+def _print(rows: list[dict[str, Any]], name: str | None = None) -> None:
     """A paragraph an effect, of 80 columns on a terminal and in a pipe."""
     for row in rows:
         print(paragraph(f"{row['words']}: {row['formula']}", "    ", f"{row['id']}  "))
@@ -64,3 +96,5 @@ def _print(rows: list[dict[str, Any]]) -> None:
         )
         told = f"at {', '.join(row['places'])}; {', '.join(keys) or 'no parameters'}"
         print(paragraph(f"{told}; port {row['port']}", "      ", "    "))
+        if row["id"] == name:
+            print(f"\n{row['block']}")

@@ -72,10 +72,10 @@ def places(law: Any, names: Sequence[str]) -> list[str]:
 
 
 def _parameter_problems(law: Any, block: Mapping, wheels) -> Iterator[str]:
-    given, place = block.get("parameters", {}), str(block.get("place"))
+    given, place = block.get("parameters", {}), str(block.get("place", ""))
     if not isinstance(given, Mapping):
         return
-    key = f"effect.{law.id}.{place}"
+    key = ".".join(filter(None, ("effect", law.id, place)))
     for name in given:
         if name not in law.parameters:
             known = ", ".join(law.parameters) or "none"
