@@ -86,7 +86,7 @@ class SteadyRun(LongRun):
     def _largest_force(self, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
         return self.largest(self.curves("normal_force", "drive_force"), rows)
 
-    def _grip(self, largest: Float[Array, " 2n"]) -> Float[Array, " n"]:
+    def _grip(self, largest: Float[Array, " r"]) -> Float[Array, " n"]:
         """mu N0 less the larger of what `f - mu N` and `-f - mu N` reach."""
         wheels = self.rig.wheels
         return wheels.contact.friction * wheels.closure.preload - jnp.max(
