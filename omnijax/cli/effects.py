@@ -54,20 +54,16 @@ def _describe(law: Any) -> dict[str, Any]:
     }
 
 
-_EXAMPLES = {"wheel": "w1", "group": "theta", "channel": "dR_x", "encoder": "theta_1"}
-
-
 def _block(law: Any) -> str:
     """What a rig file holds of the law: numbers that do nothing, or as little as they may."""
+    from ..rig import law_places, law_quantity
+
     needed = {key: known for key, known in law.parameters.items() if not known.optional}
+    place = law_places(law, ["w1"])[0]
     values = ", ".join(f"{key} = {_smallest(known)}" for key, known in needed.items())
-    units = ", ".join(f"{key} in {known.unit}" for key, known in needed.items())
-    places = ", ".join(law.places)
-    lines = [
-        "[[effect]]",
-        f'id = "{law.id}"',
-        f'place = "{_EXAMPLES.get(law.places[0], law.places[0])}"  # one of: {places}',
-    ]
+    units = ", ".join(f"{k} in {law_quantity(known, place, 1).unit}" for k, known in needed.items())
+    kinds = ", ".join(law.places)
+    lines = ["[[effect]]", f'id = "{law.id}"', f'place = "{place}"  # one of: {kinds}']
     if needed:
         lines.append(f"parameters = {{ {values} }}  # {units}")
     return "\n".join(lines)

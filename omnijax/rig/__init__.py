@@ -7,6 +7,7 @@ from .._lazy import lazy_face
 if TYPE_CHECKING:
     from .._errors import InputError as InputError
     from .._errors import did_you_mean as did_you_mean
+    from ._check_effects import law_places as law_places
     from ._facts import FACTS as FACTS
     from ._facts import derived as derived
     from ._facts import direction_angles as direction_angles

@@ -53,14 +53,14 @@ def effect_problems(
             if (block["id"], place) in seen:
                 yield f"`{key}.{place}` stands twice in the file: one block an effect and place."
             seen.add((block["id"], place))
-            allowed = places(law, [str(wheel.get("name")) for wheel in wheels])
+            allowed = law_places(law, [str(wheel.get("name")) for wheel in wheels])
             if place not in allowed:
                 hint = did_you_mean(place, allowed)
                 yield f"`{key}.place` must be one of {', '.join(allowed)}, but is {place!r}.{hint}"
         yield from _parameter_problems(law, block, wheels)
 
 
-def places(law: Any, names: Sequence[str]) -> list[str]:
+def law_places(law: Any, names: Sequence[str]) -> list[str]:
     """The places that a rig with wheels `names` offers a law."""
     kinds = {
         "wheel": list(dict.fromkeys(names)),
