@@ -24,6 +24,7 @@ class ProblemFigures:
         self.unit = np.array([x.scale for x in problem.limits])
         self.bound = np.array([x.bound for x in problem.limits])
         self._slopes = quick_jit(self._with_slopes)
+        self._known: dict[bytes, SqpSlopes] = {}
         self._values = quick_jit(lambda shares: each(self._parts, [shares], problem.together))
         seen = [self.slopes(s) for s in start_shares(problem, 8, seed)]
         seen = [s for s in seen if np.isfinite(s.f).all()]
@@ -42,8 +43,12 @@ class ProblemFigures:
         return f, g, df, dg
 
     def slopes(self, share: np.ndarray) -> SqpSlopes:
-        """Figures and slopes of one design."""
-        return SqpSlopes(*(np.asarray(x) for x in self._slopes(jnp.asarray(share))))
+        """Figures and slopes of one design (d,), worked out once."""
+        key = share.tobytes()
+        if key not in self._known:
+            slopes = self._slopes(jnp.asarray(share))
+            self._known[key] = SqpSlopes(*(np.asarray(x) for x in slopes))
+        return self._known[key]
 
     def scaled(self, limit: np.ndarray) -> Scaled:
         """The problem under `limit` (c,), as quadratic programs take it."""

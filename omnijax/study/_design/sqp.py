@@ -13,9 +13,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 STEPS = 40
-ENOUGH = (
-    20  # evaluations, times one more than there are variables: a kink's rounding takes the rest
-)
+ENOUGH = 20  # evaluations a variable, and 20 more: rounding at a kink takes the rest
 ROOM = 1e-6  # of a limit's scale: a smaller violation is no reason to go on
 
 
@@ -62,9 +60,13 @@ def refined_by_sqp(
     """
     moving, seen = np.flatnonzero(free), {}
 
-    def at(y: np.ndarray) -> SqpSlopes:
+    def placed(y: np.ndarray) -> np.ndarray:
         whole = share.copy()
         whole[moving] = np.clip(y[: len(moving)], 0.0, 1.0)
+        return whole
+
+    def at(y: np.ndarray) -> SqpSlopes:
+        whole = placed(y)
         key = whole.tobytes()
         if key not in seen:
             if len(seen) == ENOUGH * (1 + len(moving)):
@@ -80,28 +82,22 @@ def refined_by_sqp(
     if problem.epigraph:
         begin = np.append(begin, start.f.max() / problem.size)
     try:
-        last = minimize(
+        end = placed(minimize(
             lambda y: _objective(problem, at(y), y, moving), begin, jac=True, method="SLSQP",
             bounds=[*box, *[(None, None)] * problem.epigraph],
             constraints=_constraints(problem, at, moving),
             options={"maxiter": STEPS, "ftol": 1e-10},
-        ).x  # fmt: skip
+        ).x)  # fmt: skip
     except FloatingPointError:  # a step into designs without figures
         return share, len(seen)
     except _EnoughError:
-        finite = [(whole, s) for whole, s in seen.values() if s.finite]
-        best, end = min(finite, key=lambda x: _rank(problem, x[1]))
-    else:
-        if not np.isfinite(last).all():
-            return share, len(seen)
-        best = share.copy()
-        best[moving] = np.clip(last[: len(moving)], 0.0, 1.0)
-        end = problem.at(best)
-        if not end.finite:
-            return share, len(seen)
-    (over, value), (before, old) = problem.merit(end), problem.merit(start)
+        finite = [known for known in seen.values() if known[1].finite]
+        end = min(finite, key=lambda known: _rank(problem, known[1]))[0]
+    if not np.isfinite(end).all() or not problem.at(end).finite:
+        return share, len(seen)
+    (over, value), (before, old) = problem.merit(problem.at(end)), problem.merit(start)
     better = value <= old or before > ROOM
-    return (best if over <= max(ROOM, 0.99 * before) and better else share), len(seen)
+    return (end if over <= max(ROOM, 0.99 * before) and better else share), len(seen)
 
 
 def _rank(problem: Scaled, s: SqpSlopes) -> tuple[float, float]:
