@@ -10,6 +10,7 @@ from typing import NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._root import root
@@ -47,51 +48,43 @@ class SteadyRun(LongRun):
     def load(self) -> ContactLoad:
         """Extremes of the contacts' forces."""
         if self._load is None:
-            (least, greatest), slip = self._rows_of_load()
-            largest = self._largest_force(jnp.concatenate([least, greatest, slip]))
-            low, high = largest[: 2 * self.rig.size].reshape(2, -1)
-            preload = self.rig.wheels.closure.preload
-            figures = preload - low, preload + high, self._grip(largest[2 * self.rig.size :])
-            self._load = ContactLoad(*map(self._if_ok, figures))
+            self._load = ContactLoad(*self._extremes(*ContactLoad._fields))
         return self._load
 
     def least_normal_force(self) -> Float[Array, " n"]:
         """Least normal force of each contact, N: a part of `load` that costs a quarter of it."""
-        if self._load is not None:
-            return self._load.least
-        low = self._largest_force(self._rows_of_load()[0][0])
-        return self._if_ok(self.rig.wheels.closure.preload - low)
+        return self._extreme("least")
 
     def greatest_normal_force(self) -> Float[Array, " n"]:
         """Greatest normal force of each contact, N: another quarter."""
-        if self._load is not None:
-            return self._load.greatest
-        high = self._largest_force(self._rows_of_load()[0][1])
-        return self._if_ok(self.rig.wheels.closure.preload + high)
+        return self._extreme("greatest")
 
     def slip_margin(self) -> Float[Array, " n"]:
         """Least mu N - |f| of each contact, N: the other half."""
-        if self._load is not None:
-            return self._load.slip_margin
-        return self._if_ok(self._grip(self._largest_force(self._rows_of_load()[1])))
+        return self._extreme("slip_margin")
 
-    def _rows_of_load(self):
-        """-N and N; f - mu N and -f - mu N: rows over (N, f) of all contacts."""
-        n = self.rig.size
-        eye, zero = jnp.eye(n), jnp.zeros((n, n))
-        mu = jnp.diag(self.rig.wheels.contact.friction)
-        normal = jnp.hstack([-eye, zero]), jnp.hstack([eye, zero])
-        return normal, jnp.block([[-mu, eye], [-mu, -eye]])
+    def _extreme(self, name: str) -> Float[Array, " n"]:
+        return self._extremes(name)[0] if self._load is None else getattr(self._load, name)
 
-    def _largest_force(self, rows: Float[Array, "r o"]) -> Float[Array, " r"]:
-        return self.largest(self.curves("normal_force", "drive_force"), rows)
-
-    def _grip(self, largest: Float[Array, " r"]) -> Float[Array, " n"]:
-        """mu N0 less the larger of what `f - mu N` and `-f - mu N` reach."""
-        wheels = self.rig.wheels
-        return wheels.contact.friction * wheels.closure.preload - jnp.max(
-            largest.reshape(2, -1), axis=0
-        )
+    def _extremes(self, *names: str) -> list[Float[Array, " n"]]:
+        """Figures of `ContactLoad`, all by one search over rows of (N, f)."""
+        n, wheels = self.rig.size, self.rig.wheels
+        eye, zero, preload = jnp.eye(n), jnp.zeros((n, n)), wheels.closure.preload
+        friction = wheels.contact.friction
+        mu = jnp.diag(friction)
+        known = {
+            "least": (jnp.hstack([-eye, zero]), lambda x: preload - x),
+            "greatest": (jnp.hstack([eye, zero]), lambda x: preload + x),
+            "slip_margin": (
+                jnp.block([[-mu, eye], [-mu, -eye]]),
+                lambda x: friction * preload - jnp.maximum(x[:n], x[n:]),
+            ),
+        }
+        rows = [known[name][0] for name in names]
+        curves = self.curves("normal_force", "drive_force")
+        reached = self.largest(curves, jnp.concatenate(rows))
+        each = jnp.split(reached, np.cumsum([len(x) for x in rows])[:-1])
+        return [self._if_ok(known[name][1](x)) for name, x in zip(names, each, strict=True)]
 
     def _if_ok(self, figure: Array) -> Array:
         return jnp.where(self.status == Status.OK, figure, jnp.nan)

@@ -10,9 +10,11 @@ from .expm import second_moments as second_moments
 from .forcing import Forcing as Forcing
 from .forcing import directed as directed
 from .forcing import forcing as forcing
+from .forcing import forcing_signals as forcing_signals
 from .forcing import is_traced as is_traced
-from .forcing import like_forcings as like_forcings
+from .forcing import like_groups as like_groups
 from .forcing import pieces_traced as pieces_traced
+from .forcing import stacked as stacked
 from .period_map import Passages as Passages
 from .period_map import longest_passage as longest_passage
 from .period_map import passages as passages

@@ -1,6 +1,7 @@
 """What forces the elastic model: periodic signals, each with its rate, its pieces and its start."""
 
 import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -185,14 +186,14 @@ def _floor_pieces(law: FloorVibration) -> tuple[Pieces, Array, Array]:
     return pieces, 2 * math.pi * law.frequency, jnp.asarray(law.phase, float)
 
 
-class _Signal(NamedTuple):
-    """One signal as the wheel passes it, or the floor's."""
+class ForcingSignal(NamedTuple):
+    """One signal as the wheel passes it, or the floor's (wheel -1)."""
 
     pieces: Pieces
     speed: Array
     angle: Array
     wheel: int
-    base: Array
+    base: Array  # order of its first harmonic
 
     @property
     def size(self) -> tuple[int, int, int]:
@@ -200,39 +201,41 @@ class _Signal(NamedTuple):
         return len(self.pieces.width), self.pieces.polynomial.shape[1], self.pieces.sine.shape[1]
 
 
-def _signals(rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"]) -> list[_Signal]:
+def forcing_signals(
+    rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"]
+) -> list[ForcingSignal]:
+    """Every signal that forces the rig at constant `speeds` (rad/s) from `angles` (rad)."""
     signals = [
-        _Signal(pieces, speeds[i], angles[i], i, order)
+        ForcingSignal(pieces, speeds[i], angles[i], i, order)
         for i in range(rig.size)
         for pieces, order in wheel_pieces(rig, i)
     ]
     floors: list[Any] = [placed.law for placed in rig.at("platform")]
-    return signals + [_Signal(*_floor_pieces(law), -1, jnp.ones(())) for law in floors]
+    return signals + [ForcingSignal(*_floor_pieces(law), -1, jnp.ones(())) for law in floors]
 
 
-def _stacked(signals: list[_Signal]) -> Forcing:
+def stacked(signals: Sequence[ForcingSignal]) -> Forcing:
+    """Signals beside each other, each with room for as much as any of them has."""
     count, powers, waves = np.max([signal.size for signal in signals], axis=0)
-    cycles = [directed(padded(s.pieces, count, powers - 1, waves), s.speed, s.angle)
-              for s in signals]  # fmt: skip
-    stacked = jax.tree.map(lambda *xs: jnp.stack(xs), *cycles)
+    cycles = [
+        directed(padded(s.pieces, count, powers - 1, waves), s.speed, s.angle) for s in signals
+    ]
+    together = jax.tree.map(lambda *xs: jnp.stack(xs), *cycles)
     base = jnp.stack([jnp.asarray(s.base, float) for s in signals])
-    return Forcing(stacked, tuple(s.wheel for s in signals), base)
+    return Forcing(together, tuple(s.wheel for s in signals), base)
 
 
 def forcing(rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"]) -> Forcing:
-    """Every signal that forces the rig at constant `speeds` (rad/s) from `angles` (rad)."""
-    return _stacked(_signals(rig, speeds, angles))
+    """`forcing_signals` the rig, stacked."""
+    return stacked(forcing_signals(rig, speeds, angles))
 
 
-def like_forcings(
-    rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"], states: int
-) -> list[tuple[np.ndarray, Forcing]]:
-    """The same in groups of like sizes, each with the numbers of its signals; the first has 0.
+def like_groups(signals: Sequence[ForcingSignal], states: int) -> list[np.ndarray]:
+    """Numbers of signals in groups of like sizes; the first group has the first one.
 
     Work on a piece grows with the cube of its terms beside `states` of the elastic model.  One
     group does where the room for the largest signal costs the others less than `ROOM` times that.
     """
-    signals = _signals(rig, speeds, angles)
     sizes = [signal.size for signal in signals]
 
     def work(size) -> float:
@@ -240,7 +243,5 @@ def like_forcings(
         return float(pieces * (states + powers + 2 * waves) ** 3)
 
     if len(signals) * work(np.max(sizes, axis=0)) <= ROOM * sum(map(work, sizes)):
-        return [(np.arange(len(signals)), _stacked(signals))]
-    numbers = [np.array([i for i, s in enumerate(sizes) if s == size])
-               for size in dict.fromkeys(sizes)]  # fmt: skip
-    return [(own, _stacked([signals[i] for i in own])) for own in numbers]
+        return [np.arange(len(signals))]
+    return [np.flatnonzero([s == size for s in sizes]) for size in dict.fromkeys(sizes)]

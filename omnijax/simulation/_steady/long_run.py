@@ -26,12 +26,13 @@ from .._exact import (
     basis_generator,
     basis_row,
     forced_system,
-    forcing,
-    like_forcings,
+    forcing_signals,
+    like_groups,
     passages,
     periodic_starts,
     points,
     second_moments,
+    stacked,
 )
 from .peak_search import Curves, PeakPlaces, largest, places, supremum
 
@@ -63,18 +64,24 @@ class LongRun:
     def __init__(self, rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"], model: str,
                  bits: int = BITS, levels: int = LEVELS, force=None):  # fmt: skip
         self.rig, self.speeds, self.angles, self.model, self.bits = rig, speeds, angles, model, bits
-        self.signals = forcing(rig, speeds, angles)
-        self.system, _ = balanced(forced_system(rig, model, speeds, self.signals.wheel))
+        self._each = forcing_signals(rig, speeds, angles)
+        wheel = tuple(signal.wheel for signal in self._each)
+        self.system, _ = balanced(forced_system(rig, model, speeds, wheel))
         self.states = self.system.A.shape[0]
-        groups = like_forcings(rig, speeds, angles, self.states)
-        self.parts = tuple(self._part(index, like, levels) for index, like in groups)
+        groups = like_groups(self._each, self.states)
+        self.parts = tuple(self._part(index, levels) for index in groups)
         self._moments = self._places = None
         self.pushed = None if force is None else self._constant(force)
 
-    def _part(self, index: np.ndarray, signals: Forcing, levels: int) -> Part:
-        system = self.system.of_signals(index)
+    def _part(self, index: np.ndarray, levels: int) -> Part:
+        system, signals = self.system.of_signals(index), stacked([self._each[i] for i in index])
         cycles = passages(system, signals, self.bits, levels)
         return Part(system, signals, cycles, periodic_starts(cycles, self.states))
+
+    @property
+    def signals(self) -> Forcing:
+        """All signals, beside each other."""
+        return self.parts[0].signals if len(self.parts) == 1 else stacked(self._each)
 
     def _constant(self, force: Float[Array, "3"]) -> Float[Array, " m"]:
         """y_P: the state that a constant force on the platform (N) holds."""

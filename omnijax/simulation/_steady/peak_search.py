@@ -214,10 +214,8 @@ def supremum(
         return [jnp.argmax(x, axis=1) for x in along], functools.reduce(jnp.add, reached)
 
     directions = jnp.asarray(sphere(DIRECTIONS, values[0].shape[-1]))
-    heights: Any = jax.lax.map(
-        lambda d: support(d[None])[1][0], directions, batch_size=TOGETHER
-    )  # fmt: skip
-    best = directions[jnp.argsort(-heights)[:CANDIDATES]]
+    reach: Any = jax.lax.map(lambda d: support(d[None])[1][0], directions, batch_size=TOGETHER)
+    best = directions[jnp.argsort(-reach)[:CANDIDATES]]
 
     def ascend(best, _):
         index = support(best)[0]
