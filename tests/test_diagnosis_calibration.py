@@ -59,4 +59,27 @@ def test_a_fit_that_is_not_caught_is_left_alone():
         asked.clear()
         same = calibrated(model, start)
         assert np.array_equal(same.point.u, once.point.u)
-        assert len(asked) <= count + 1
+        assert len(asked) <= count + 3 + 2 * len(PRIORS)  # looked at once for waves
+
+
+@pytest.mark.parametrize("place", range(3))
+def test_numbers_of_waves_are_scanned(place):
+    """Two wave numbers off by many radians beside plain numbers: no tangent leads there."""
+    rng = drawn_anew(f"waves {place}")
+    at, true = (
+        np.linspace(0, 4, 400),
+        np.append(rng.choice([-1, 1], 2) * rng.uniform(1, 2.5, 2), rng.normal(size=4)),
+    )
+    shapes = rng.normal(size=(4, 400))
+
+    def residual(values, _laws, _split):
+        u = np.array(list(values.values()))
+        waves = [np.sin((n + v) * at) for n, v in zip((70, 45), (3 * u[0], 2 * u[1]), strict=True)]
+        return 30 * (waves[0] + 0.5 * waves[1]) + shapes.T @ u[2:] - measured
+
+    measured = 0.0
+    measured = residual({str(k): x for k, x in enumerate(true)}, None, None)
+    model, start = SmallModel(residual, PRIORS, {}, "all"), Point(np.zeros(6))
+    assert refit(model, start, relative=0.01).cost > 1e4
+    best = calibrated(model, start)
+    assert np.allclose(best.point.u, true, atol=0.05)

@@ -4,6 +4,7 @@ import numpy as np
 
 from .fit import Fit, refit
 from .model import AbstractModel, Point
+from .waves import scanned
 
 FAR = 10.0  # times the cost of mere noise
 SEED = 20
@@ -12,13 +13,18 @@ SEED = 20
 def calibrated(model: AbstractModel, start: Point) -> Fit:
     """The refit from `start`, or the best of others where that one is caught.
 
-    A resonance beside a line of the excitation makes the cost wavy: a fit may end on the wrong
-    side of it, far from the noise and with many parameters at their bounds.  An effect that is
-    missing bends a few of them.  So where a share of `settings.caught` is at its bounds, up to
-    `settings.restarts` others begin where the priors' sigmas draw them (with a fixed seed); the
-    first that lies far below ends the trials.
+    Far from the noise, numbers in which the prediction is wavy are scanned over their range.  A
+    resonance beside a line of the excitation makes the cost wavy too: a fit may end on the wrong
+    side of it, with many parameters at their bounds.  An effect that is missing bends a few of
+    them.  So where a share of `settings.caught` is at its bounds, up to `settings.restarts` others
+    begin where the priors' sigmas draw them (with a fixed seed); the first that lies far below ends
+    the trials.
     """
     best = first = refit(model, start, relative=0.01)
+    if first.cost > FAR * model.dof("train"):
+        waves = scanned(model, start)
+        other = first if waves is None else refit(model, waves, relative=0.01)
+        best = first = other if other.cost < first.cost else first
     if not caught(model, first):
         return first
     rng = np.random.default_rng(SEED)

@@ -1,0 +1,113 @@
+"""Numbers in which a prediction is wavy: scanned over their range, where no tangent leads.
+
+The number of a wave (so many periods a turn, so many a second) moves its phase by as much as the
+angle or the time is long: a tangent tells a radian of that, and beside the right number lie many
+wrong ones with a misfit that is least there.  What several such numbers change adds up, as the
+prediction is linear in shapes and forces: each is scanned alone, and their best values are sought
+together, all other numbers free to first order.
+"""
+
+import itertools
+from collections.abc import Sequence
+
+import numpy as np
+
+from .fit import tangents_at
+from .model import AbstractModel, Point
+from .scan import taken_up
+
+WAVY = 0.5  # even over odd part of a change at +- 1 sigma: tan(phi/2) of a phase phi of 0.9 rad
+FINEST = 1 / 16  # sigma, of a scan's steps
+STARTS = 32  # of the search over the scans, each drawn with a fixed seed
+SEED = 21
+
+
+def scanned(model: AbstractModel, point: Point) -> Point | None:
+    """Where a refit may begin that knows the waves' numbers; None where no number is wavy."""
+    (here,) = model.residuals([point], "train")
+    ladders = {k: _ladder(model, point, k, step) for k, step in _steps(model, point, here).items()}
+    ladders = {k: u for k, u in ladders.items() if len(u) > 1}
+    if not ladders:
+        return None
+    J, P = tangents_at(model, point), len(point.u)
+    others = [k for k in range(P) if k not in ladders]
+    way = taken_up(J[:, [*others, *range(P, J.shape[1])]], len(others))
+
+    def beside(rows: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Rows with the other numbers' priors at `u`, less what these take up."""
+        whole = np.concatenate([rows, u[others]])
+        return whole - way @ (way.T @ whole)
+
+    changes = [
+        np.stack([beside(r - here, 0 * point.u) for r in model.residuals(_along(point, k, u),
+                                                                         "train")])
+        for k, u in ladders.items()
+    ]  # fmt: skip
+    picked = _together(beside(here, point.u), changes, list(ladders.values()))
+    best = point.u.copy()
+    best[list(ladders)] = picked
+    return Point(best, point.effects)
+
+
+def _steps(model: AbstractModel, point: Point, here: np.ndarray) -> dict[int, float]:
+    """By wavy number the step in sigma over which a tangent still tells its change."""
+    wavy = {k: 1.0 for k, p in enumerate(model.priors) if not p.limited}
+    out: dict[int, float] = {}
+    while wavy:
+        for k, step in list(wavy.items()):
+            ends = _along(point, k, point.u[k] + np.array([step, -step]))
+            up, down = (r - here for r in model.residuals(ends, "train"))
+            if np.linalg.norm(up + down) < WAVY * np.linalg.norm(up - down) or step <= FINEST:
+                del wavy[k]
+                if step < 1:
+                    out[k] = step
+            else:
+                wavy[k] = step / 2
+    return out
+
+
+def _ladder(model: AbstractModel, point: Point, k: int, step: float) -> np.ndarray:
+    """The values of a number over its range, the point's own among them."""
+    hard = model.priors[k].hard
+    low, high = np.ceil((-hard - point.u[k]) / step), np.floor((hard - point.u[k]) / step)
+    return point.u[k] + step * np.arange(low, high + 1)
+
+
+def _along(point: Point, k: int, values: np.ndarray) -> list[Point]:
+    """The point with other values of its number `k`."""
+    many = np.tile(point.u, (len(values), 1))
+    many[:, k] = values
+    return [Point(u, point.effects) for u in many]
+
+
+def _together(rest: np.ndarray, changes: Sequence[np.ndarray], ladders: Sequence[np.ndarray]):
+    """The ladders' values at which |rest + sum of changes|^2 and the priors' part are least.
+
+    From `STARTS` drawn ones on number after number is moved to its best until none moves.
+    """
+    table = np.concatenate(changes)
+    gram, right = table @ table.T, table @ rest
+    ends = np.cumsum([0, *map(len, changes)])
+    own = np.diag(gram) + 2 * right + np.concatenate(ladders) ** 2
+    rng, best, least = np.random.default_rng(SEED), np.zeros(len(changes), int), np.inf
+    for turn in range(STARTS):
+        at = rng.integers(0, np.diff(ends)) if turn else _nearest(own, ends)
+        moved = True
+        while moved:
+            before = at.copy()
+            for j in range(len(at)):
+                others = np.delete(ends[:-1] + at, j)
+                part = slice(ends[j], ends[j + 1])
+                at[j] = np.argmin(own[part] + 2 * gram[part, others].sum(axis=1))
+            moved = bool(np.any(at != before))
+        rows = ends[:-1] + at
+        inner = gram[np.ix_(rows, rows)]
+        cost = own[rows].sum() + inner.sum() - np.trace(inner)
+        if cost < least:
+            best, least = at.copy(), cost
+    return np.array([u[k] for u, k in zip(ladders, best, strict=True)])
+
+
+def _nearest(own: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """By ladder the value that is best alone."""
+    return np.array([np.argmin(own[a:b]) for a, b in itertools.pairwise(ends)])
