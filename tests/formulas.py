@@ -55,6 +55,7 @@ TANH_HALF = 0.46211715726000973
 # quarter turn about z: body x points along y
 QUARTER = ((0, -1, 0), (1, 0, 0), (0, 0, 1))
 RAMP = [0.0, 0.1, 0.2, 0.3, 0.4], [3.0, 3.0, 3.0, 5.0, 7.0]
+SQUARES = [0.0, 0.1, 0.2, 0.3, 0.4], [0.0, 1.0, 4.0, 9.0, 16.0]
 
 # effect: [(parameters, (port, signal), value), ...]
 TABLE = {
@@ -178,6 +179,9 @@ TABLE = {
         ({"delay": 0.0}, sensor(*RAMP), [[0.0]] * 5),
         # cubic at the middle of 3 -> 3 and of 3 -> 5: mean + (tangent before - after)/8
         ({"delay": 0.15}, sensor(*RAMP), [[0], [0], [0], [2.875 - 5], [3.875 - 7]]),
+        # squares, half a sample later; the first sample stands before them: 1/2 + (1/2 - 2)/8;
+        # the parabola goes on behind the last one: 3.5^2
+        ({"delay": 0.05}, sensor(*SQUARES), [[0], [-0.6875], [-1.75], [-2.75], [-3.75]]),
     ],
     "sensor-drift": [
         ({"a": 2e-5, "b": -1e-6}, sensor([0, 4], [[1.0], [1.0]]), [[2e-5], [1.6e-5]]),

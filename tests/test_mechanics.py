@@ -15,8 +15,10 @@ from omnijax.dynamics import (
     Paper,
     Pointwise,
     PortInputs,
+    fitting_speeds,
     flatten,
     free_directions,
+    free_system,
     held,
     held_directions,
     linear_system,
@@ -73,6 +75,8 @@ def check_mobility():
     near(found.to_wheels, 1.22 / radius[:, None] * axes)
     near(found.to_sphere, (axes * radius[:, None] / 1.22).T)
     near(found.strength, [1, 1, 1])
+    turned = fitting_speeds(machine(ORTHOGONAL, radius=radius), [0.3, -0.2, 0.5])
+    near(turned, 1.22 * np.array([-0.2, 0.5, 0.3]) / radius)
     assert found.driven == 3 and found.condition == pytest.approx(1) and not len(found.conflicts)
     unlike = mobility(machine((SKEW4[0], SKEW4[1]), radius=[0.05, 0.06, 0.08, 0.07]))
     spins = -np.cross(*map(np.array, SKEW4))
@@ -168,6 +172,8 @@ def check_outputs():
     for name, value in expected.items():
         C, D = system.row(name)
         near(C @ y + D @ u, value, 1e-9)
+    near(free_system(coupled)[0], system.A)
+    near(free_system(coupled)[1], system.row("displacement")[0])
     assert (
         system.outputs["acceleration"].stop
         == len(system.C)

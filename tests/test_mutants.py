@@ -1,6 +1,6 @@
 """A sample of `python -m tests.mutants`, drawn anew: changed laws that the formulas must notice."""
 
-from mutants.equations import all_mutants
+from mutants.equations import all_mutants, outdated
 from mutants.killing import prepare, tried
 from seeds import drawn_anew
 from test_formulas import CHECKS
@@ -16,3 +16,8 @@ def test_slips_of_the_pen_in_laws_are_noticed():
     assert len(results) > COUNT / 2
     survivors = [(r.mutant.where, r.mutant.text) for r in results if r.killer is None]
     assert not survivors
+
+
+def test_what_is_not_tried_still_stands_in_an_equation():
+    """An equation that was rewritten is tried again, whatever its old form was excused for."""
+    assert not outdated()

@@ -238,3 +238,12 @@ def test_figures_in_every_quantity(methods, layout, profiles, effects):
         wanted |= {"force.x", "force.scale"}
         assert wanted <= moved
         assert all(any(placed.law.id in path for path in moved) for placed in rig.effects)
+
+
+@pytest.mark.parametrize("method", ["bulk", "steady-bulk", "free-run", "propagated"])
+def test_a_method_that_evaluates_no_single_design_is_refused(method):
+    """It had been run as a full simulation, whatever it was called."""
+    rig = machine()
+    how = Evaluation(method, METRICS, times=samples_of(0.01, 500.0))
+    with pytest.raises(ValueError, match=f"`{method}` evaluates no single design"):
+        how.run(rig, speeds([1.0, 2.0, 3.0]))

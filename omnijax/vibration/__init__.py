@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ._metrics import evaluate as evaluate
     from ._metrics import known as known
     from ._metrics import metric_problem as metric_problem
+    from ._metrics import steady_metric as steady_metric
     from ._metrics import steady_metrics as steady_metrics
     from ._modes import Modes as Modes
     from ._modes import modes as modes

@@ -203,4 +203,11 @@ def steady_metrics(
             raise ValueError(f"`{name}` has no steady-state form; give a `duration`.")
     angles = jnp.zeros(rig.size) if angles is None else angles
     run = SteadyRun(rig, jnp.asarray(speeds, float), angles, model, force=force)
-    return {name: run.metric(name) for name in names}
+    return {name: steady_metric(run, name) for name in names}
+
+
+def steady_metric(run: SteadyRun, name: str) -> Float[Array, ""]:
+    """One of `STEADY_METRICS`, in the unit that `METRICS` gives; NaN without a steady state."""
+    of_steady = METRICS[name].of_steady
+    assert of_steady is not None  # who asks has refused the others
+    return run.if_settled(of_steady(run))

@@ -1,4 +1,4 @@
-"""A rig in the long run at constant speeds, as the table of metrics asks for it; contacts' load.
+"""A rig in the long run at constant speeds, as the table of metrics reads it; contacts' load.
 
 The contacts' forces too are linear in the elastic state and the forcing's terms, so their extremes
 over all phases are sums, N_i = N0_i + sum_g N_ig(phi_g).
@@ -33,17 +33,9 @@ class ContactLoad(NamedTuple):
 
 
 class SteadyRun(LongRun):
-    """A rig at constant speeds in the long run, with the metrics that runs have."""
+    """A rig at constant speeds in the long run; `steady_metric` reads its metrics."""
 
     _load: ContactLoad | None = None
-
-    def metric(self, name: str) -> Float[Array, ""]:
-        """One of `STEADY_METRICS`; NaN where there is no steady state."""
-        from ._metrics import METRICS
-
-        of_steady = METRICS[name].of_steady
-        assert of_steady is not None  # `steady_metrics` refuses the others
-        return self._if_ok(of_steady(self))
 
     def load(self) -> ContactLoad:
         """Extremes of the contacts' forces."""
@@ -84,9 +76,10 @@ class SteadyRun(LongRun):
         curves = self.curves("normal_force", "drive_force")
         reached = self.largest(curves, jnp.concatenate(rows))
         each = jnp.split(reached, np.cumsum([len(x) for x in rows])[:-1])
-        return [self._if_ok(known[name][1](x)) for name, x in zip(names, each, strict=True)]
+        return [self.if_settled(known[name][1](x)) for name, x in zip(names, each, strict=True)]
 
-    def _if_ok(self, figure: Array) -> Array:
+    def if_settled(self, figure: Array) -> Array:
+        """`figure`, or NaN where there is no steady state."""
         return jnp.where(self.status == Status.OK, figure, jnp.nan)
 
     def weighted(self) -> Float[Array, ""]:

@@ -10,8 +10,15 @@ from jaxtyping import Array, Float, Int
 from ..._errors import InputError, not_above_zero
 from ..._status import FAILED, Status
 from ...rig import Rig
-from ...simulation import Trajectory, propagate, simulate, simulate_fixed
-from ...vibration import SteadyRun, evaluate, metric_problem
+from ...simulation import (
+    SpeedDrive,
+    TorqueDrive,
+    Trajectory,
+    propagate,
+    simulate,
+    simulate_fixed,
+)
+from ...vibration import SteadyRun, evaluate, metric_problem, steady_metric
 from .drives import Drive
 
 RATE = 500.0  # samples per s of a run
@@ -52,28 +59,42 @@ class Evaluation(NamedTuple):
         return without_failed(self._read(run, rig), run.status)[0]
 
     def run(self, rig: Rig, drive: Drive) -> SteadyRun | Trajectory:
-        """What the metrics are read from: the periodic solution, or a run."""
-        if self.method == "steady":
-            given = drive.initial_angle
-            angles = jnp.zeros(rig.size) if given is None else given
-            speeds, force = drive.speed.values[0], drive.force.values[0]  # pyright: ignore
-            return SteadyRun(rig, speeds, angles, self.model, force=force)
-        ts = jnp.asarray(self.times)
-        if self.method == "propagation":
-            return propagate(rig, drive, ts, model=self.model)  # pyright: ignore
-        if self.method == "fixed":
-            return simulate_fixed(rig, drive, ts, self.model, self.substeps)  # pyright: ignore
+        """What the metrics are read from: the periodic solution, or a run.
+
+        Raises `ValueError` for a method that evaluates no single design.
+        """
+        runs = {
+            "steady": self._steady, "propagation": self._propagated, "fixed": self._by_fixed_steps,
+            "full": self._in_full,
+        }  # fmt: skip
+        if self.method not in runs:
+            raise ValueError(f"`{self.method}` evaluates no single design, but {', '.join(runs)}.")
+        return runs[self.method](rig, drive)
+
+    def _steady(self, rig: Rig, drive: SpeedDrive) -> SteadyRun:
+        given = drive.initial_angle
+        angles = jnp.zeros(rig.size) if given is None else given
+        speeds, force = drive.speed.values[0], drive.force.values[0]
+        return SteadyRun(rig, speeds, angles, self.model, force=force)
+
+    def _propagated(self, rig: Rig, drive: SpeedDrive) -> Trajectory:
+        return propagate(rig, drive, jnp.asarray(self.times), model=self.model)
+
+    def _by_fixed_steps(self, rig: Rig, drive: TorqueDrive) -> Trajectory:
+        return simulate_fixed(rig, drive, jnp.asarray(self.times), self.model, self.substeps)
+
+    def _in_full(self, rig: Rig, drive: Drive) -> Trajectory:
         from diffrax import ForwardMode  # slow to import: only where time is stepped
 
         adjoint = ForwardMode() if self.forward else None
         return simulate(
-            rig, drive, ts, model=self.model, solver=self.solver, rtol=self.rtol,
-            max_steps=self.max_steps, adjoint=adjoint,
+            rig, drive, jnp.asarray(self.times), model=self.model, solver=self.solver,
+            rtol=self.rtol, max_steps=self.max_steps, adjoint=adjoint,
         )  # fmt: skip
 
     def _read(self, run: SteadyRun | Trajectory, rig: Rig) -> Float[Array, " m"]:
         if isinstance(run, SteadyRun):
-            return jnp.stack([run.metric(name) for name in self.metrics])
+            return jnp.stack([steady_metric(run, name) for name in self.metrics])
         by_name = evaluate(run, rig, self.metrics)
         return jnp.stack([by_name[name] for name in self.metrics])
 
