@@ -120,12 +120,11 @@ class FreeRun:
         n, self.places = len(run.time), places_of(run.hold)
         q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
         q = np.where(np.arange(n) < 3, run.outputs["position"], q)
-        count = max(1, -(-n // length))
-        begins = np.arange(count) * length
-        total = length + lead
+        ends = windows(n, length)
+        begins, count, total = np.append(0, ends[:-1]), len(ends), length + lead
         self.begin = np.maximum(0, begins - lead)
         take = self.begin[:, None] + np.arange(total)
-        self.used = (take >= begins[:, None]) & (take < np.minimum(begins + length, n)[:, None])
+        self.used = (take >= begins[:, None]) & (take < ends[:, None])
         take = np.minimum(take, n - 1)
         fine = {k: between(x, run.hold) for k, x in run.inputs.items()}
         spot = self.begin[:, None] * self.places + np.arange(self.places * (total - 1) + 1)
@@ -221,6 +220,15 @@ class FreeRun:
     def gain(self) -> float:
         """1-sigma of a row for white noise of 1-sigma 1 in the measured position."""
         return 1.0
+
+
+def windows(count: int, length: int) -> np.ndarray:
+    """Ends (windows,) of the fewest windows of at most `length` samples that share `count` evenly.
+
+    A rest of a few samples would not tell its own start, and the error of that is read as misfit.
+    """
+    some = max(1, -(-count // length))
+    return np.arange(1, some + 1) * count // some
 
 
 def batches(rows: Mapping[int, Balance | FreeRun]) -> list[tuple[list[int], tuple]]:

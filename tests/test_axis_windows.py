@@ -1,0 +1,45 @@
+"""Windows of free runs: what the right machine leaves of an axis without noise is nothing."""
+
+import numpy as np
+import pytest
+
+from benchmarks.axes.plants import Plant, moved
+from omnijax.diagnosis._ode.model import OdeModel
+from omnijax.diagnosis._ode.rows import FreeRun, OdeRun, windows
+from omnijax.diagnosis._search import Point
+from omnijax.machine import Axis
+from tests.seeds import drawn_anew
+
+STEP, NOISE = 4e-3, 1e-3
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_two_masses_leave_nothing_in_any_window(held):
+    """Whatever is over when a run is cut into windows: a rest of four samples told no start."""
+    rng = drawn_anew("windows")
+    J, second, w = 10 ** rng.uniform(-4, -1), rng.uniform(0.3, 3.0), rng.uniform(40.0, 120.0)
+    both = J * second / (1 + second)
+    plant = Plant("two-mass", "torque", J, J, J2=second * J, k=both * w**2, c=0.1 * both * w)
+    axis = Axis(plant.J, plant.d, second_inertia=plant.J2, second_stiffness=plant.k,
+                second_damping=plant.c)  # fmt: skip
+    length, count = 64, 64 * 8 + 4
+    u = 20 * J * np.interp(np.arange(count), np.arange(0, count + 9, 9), rng.normal(size=59))
+    q, *_ = moved(plant, {}, u, STEP, held)
+    time, on = np.arange(count) * STEP, np.ones(count)
+    run = OdeRun("log", "train", time, {"input": u, "gain": on, "enable": on}, {"position": q},
+                 20.0, "held" if held else "linear")  # fmt: skip
+    model = OdeModel(axis, [], [run], {}, [], lambda n, r: FreeRun(n, r, 0, length, 1, True), NOISE)
+    start = Point(np.zeros(0))
+    model.rebase(start)
+    (left,) = model.residuals([start], "train")
+    assert len(left) == count
+    assert np.max(np.abs(left)) < 1e-4 * np.std(q) / NOISE
+
+
+@pytest.mark.parametrize("count", [1, 63, 64, 65, 1956, 2935])
+def test_windows_share_a_run_evenly(count):
+    """All samples, none twice, none in a rest: they differ by one."""
+    sizes = np.diff(windows(count, 64), prepend=0)
+    assert sizes.sum() == count
+    assert sizes.max() <= 64
+    assert np.ptp(sizes) <= 1
