@@ -113,8 +113,38 @@ def test_a_line_of_any_order_stands_out_at_its_wheel(agreeing, law):
 
 
 @pytest.mark.parametrize("law", ["motor-ripple", "current-ripple"])
+def test_a_line_may_pass_half_the_sampling_rate_where_the_wheel_is_fast(agreeing, law):
+    """Its torque is taken as its mean between moments, in the scan and in the signature."""
+    model, point, residual, _ = agreeing
+    rng, bases = drawn_anew(f"fast {law}"), model.bases(point)
+    rows = [model.machine.rows[b.index] for b in bases]
+    wheel = int(np.argmax([max(np.ptp(b.motion.theta[:, k]) for b in bases) for k in range(3)]))
+    fastest = max(np.abs(b.motion.speed[:, wheel]).max() for b in bases)
+    order = rng.uniform(1.2, 1.5) * np.pi / (bases[0].run.step * fastest)
+    values = {"order": order, "phase": rng.uniform(0, 6), STRENGTH[law]: 1.0}
+    placed = model.rig_at(point.with_effects(Effect(law, f"w{wheel + 1}", values))).effects[-1]
+    foretold, left = [], []
+    for base, r in zip(bases, rows, strict=True):
+        table = r.vector(*signature(base, placed))[None]
+        r.take_off(table)
+        foretold.append(table[0])
+        left.append(r.split(table[0])[1])
+    size = 1 / np.linalg.norm(np.concatenate(foretold))
+    weak = Effect(law, f"w{wheel + 1}", values | {STRENGTH[law]: size})
+    (after,) = model.residuals([point.with_effects(weak)], "train")
+    change = residual - after
+    assert np.linalg.norm(change - size * np.concatenate(foretold)) < 0.05
+    taken = [np.zeros((x.size, 0)) for x in left]
+    (gain,) = orders._gains(bases, left, rows, taken, law, wheel, np.array([order]))
+    assert gain > 0.98 * sum(np.sum(x**2) for x in left)
+
+
+@pytest.mark.parametrize("law", ["motor-ripple", "current-ripple"])
 def test_orders_are_ranked_as_by_their_full_gains(agreeing, law):
-    """Inner products by one Fourier sum are those of the lines themselves, whatever is left."""
+    """Inner products by one Fourier sum are those of the lines themselves, whatever is left.
+
+    But for the means between samples, which are those of the middle of some neighbouring orders.
+    """
     model, point, _, _ = agreeing
     rng, bases = drawn_anew(f"ranked {law}"), model.bases(point)
     rows = [model.machine.rows[b.index] for b in bases]
@@ -128,7 +158,7 @@ def test_orders_are_ranked_as_by_their_full_gains(agreeing, law):
     taken = [np.zeros((x.size, 0)) for x in left]
     _, right, _ = orders._products(bases, left, rows, taken, law, wheel, grid)
     scale = np.abs(right).max()
-    np.testing.assert_allclose(common, right, atol=1e-9 * scale)
+    np.testing.assert_allclose(common, right, atol=0.01 * scale)
     first = orders._estimated(bases, left, rows, taken, law, wheel, grid)
     full = orders._gains(bases, left, rows, taken, law, wheel, grid)
     assert first[np.argmax(full)] > np.sort(first)[-orders.BEST]
@@ -163,7 +193,7 @@ def test_a_line_of_which_the_model_takes_up_most_is_ranked_by_what_is_left(agree
     plain, full = (orders._gains(bases, rests, rows, x, law, wheel, grid) for x in (nothing, taken))
     assert plain[own] < 0.7 * whole
     assert full[own] == pytest.approx(whole, rel=0.03)
-    assert full.max() < 1.01 * full[own]  # a neighbour may win by what the gains are off
+    assert full.max() < 1.02 * full[own]  # a neighbour may win by what the gains are off
     few = orders._estimated(bases, rests, rows, taken, law, wheel, grid)
     apart = orders.CLOSER * (grid[1] - grid[0])
     some = orders._peaks(grid, few, orders.BEST, apart)

@@ -10,11 +10,11 @@ from ...dynamics import RotationMoment, contact_signals, mount_signals
 from ...laws import ContactSignal, MountSignal
 from ...rig import Rig
 from .elastic import driven, rest_state
-from .machine import Machine
+from .machine import Machine, Rotated
 from .modes import OutputModes
 from .motion import RunMotion, integrate, rolling_radius
 from .rotation import MeasuredTurning, commanded, rotation_moments, run_torques
-from .runs import FINE, Run
+from .runs import Run
 from .settings import SETTINGS
 from .wheels import WheelPlaces, WheelTables
 
@@ -31,6 +31,7 @@ class Linearisation:
     modes: OutputModes
     motion: RunMotion
     slow: RunMotion  # at thinned points
+    rotated: Rotated
     response: MeasuredTurning  # at thinned points
     torque: np.ndarray  # (FINE points, n) N m, commanded, and now to act
     felt: RotationMoment  # (thinned points, ...) with the delivered torques
@@ -41,6 +42,16 @@ class Linearisation:
     normal: np.ndarray  # (FINE points, n) N
     predicted: np.ndarray  # (samples, 6) dR, a before the sensors
     tables: WheelTables
+
+    @functools.cached_property
+    def fine(self) -> "Linearisation":
+        """The same with torques at all fine points, in place of the thinned ones."""
+        moments = rotation_moments(self.rig, self.motion, self.torque, self.normal)
+        moments, caused = run_torques(self.rig, moments, self.motion.step)
+        return dataclasses.replace(
+            self, slow=self.motion, response=self.rotated.turning, felt=moments,
+            drive=self.rotated.drive, shaft=caused.shaft,
+        )  # fmt: skip
 
     @functools.cached_property
     def lever(self) -> np.ndarray:
@@ -75,6 +86,7 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Linear
         modes=machine.modes(rig),
         motion=m,
         slow=slow,
+        rotated=rotated,
         response=rotated.turning.thin(THIN),
         torque=torque,
         felt=moments,
@@ -101,13 +113,13 @@ def thin(m: RunMotion) -> RunMotion:
 
 
 def turned_by(base: Linearisation, shaft=None, opposing=None, **inputs: np.ndarray):
-    """Both tables of a torque on the shafts and one that opposes the sphere, at thinned points.
+    """Both tables of a torque on the shafts and one that opposes the sphere, at the slow points.
 
     With what other `inputs` of the elastic model cause.
     """
     response = base.response
     drive, rate = response.respond(shaft, opposing)
-    parts = FINE // THIN
+    parts = (len(rate) - 1) // (base.run.samples - 1)
     h = base.run.step / parts
     turned = integrate(rate, h)
     length = integrate(np.einsum("tij,tj->ti", response.axes, turned), h)

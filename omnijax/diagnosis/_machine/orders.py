@@ -4,10 +4,11 @@ A line of order N in the torque on shaft k turns the sphere by the integral of i
 exp(i N theta_k); a line in the current is one times the commanded torque.
 
 What a line has in common with the rows is a Fourier sum over one and the same series for all
-orders, the rows sent backwards through the response.  What it changes in all is computed at some
-of the samples, and in full for the best.  It counts less what the model's own numbers would take
-up of it: where a wheel turns little or slowly they take up most of many a line, and a wrong order
-had stood above the right one.
+orders, the rows sent backwards through the response.  Between two samples the torque is the mean
+of the wave over the angle in between: a line may pass half the sampling rate where the wheel is
+fast.  What it changes in all is computed at some of the samples, and in full for the best.  It
+counts less what the model's own numbers would take up of it: where a wheel turns little or slowly
+they take up most of many a line, and a wrong order had stood above the right one.
 """
 
 from collections.abc import Sequence
@@ -23,11 +24,11 @@ CLOSER = 2  # times as many about the best
 PEAKS = 3
 MOST = 1200  # orders of a wheel
 LOWEST = 1.0  # windows take off what is slower
-FAST = 0.9  # quantile of the speed at which lines may not alias
+FAST = 0.5  # quantile of the speed at which lines may not pass half the sampling rate
 TOGETHER = 64  # orders computed at a time
 THINNED = 8  # samples from one at which a line's size is computed to the next
 LEFT, ROUGHLY = 1e-6, 1e-3  # of a line, what counts as left of it at least; from `THINNED` samples
-BEST = 24  # orders whose gain is computed in full, of a law and wheel
+BEST = 64  # orders whose gain is computed in full, of a law and wheel
 LAWS = ("motor-ripple", "current-ripple")
 
 Orders = dict[str, list[tuple[list[float], int]]]  # by law and wheel: orders, and of how many
@@ -99,7 +100,7 @@ def _sizes(base: Linearisation, rows: DataRows, taken, law: str, k: int, grid: n
     if len(rates) > 1:
         rates = rates[:samples].reshape(-1, THINNED, 3)
     axes = axes if len(axes) == 1 else axes[THINNED - 1 : samples : THINNED]
-    theta = base.motion.theta[::FINE, k][:samples]
+    theta, passed = (x[:samples] for x in _passing(base, k))
     keep = _kept(rows)
     weight = rows.rotation[keep] * np.sqrt(THINNED)
     windows = _thinned_windows(rows, keep)
@@ -107,7 +108,8 @@ def _sizes(base: Linearisation, rows: DataRows, taken, law: str, k: int, grid: n
     out, inside = np.zeros((len(grid), 2, 2)), np.zeros((len(grid), 2, taken.shape[1]))
     for first in range(0, len(grid), TOGETHER):
         count = min(TOGETHER, len(grid) - first)
-        wave = block[:count] * (factor[:samples] * np.exp(1j * grid[first] * theta))
+        mean = np.sinc(grid[first + count // 2] * passed) * factor[:samples]
+        wave = block[:count] * (mean * np.exp(1j * grid[first] * theta))
         wave = wave.reshape(count, -1, THINNED)
         if len(rates) == 1:
             pushed = wave.sum(axis=2)[:, :, None] * rates[0]
@@ -155,9 +157,11 @@ def _in_common(
     turned = left[:, :3] + np.einsum("tij,ti->tj", every, rolled)
     series = h * np.cumsum(turned[::-1], axis=0)[::-1]
     series = np.sum(series * _rates(base, k), axis=1) * _factor(base, law, k)
-    theta = base.motion.theta[::FINE, k]
+    theta, passed = _passing(base, k)
     block = np.exp(1j * np.outer(np.arange(TOGETHER) * (grid[1] - grid[0]), theta))
+    middle = grid[np.minimum(np.arange(0, len(grid), TOGETHER) + TOGETHER // 2, len(grid) - 1)]
     begin = np.exp(1j * np.outer(theta, grid[::TOGETHER])) * series[:, None]
+    begin *= np.sinc(np.outer(passed, middle))
     products = (block @ begin).T.ravel()[: len(grid)]
     return np.stack([np.real(products), np.imag(products)], axis=1)
 
@@ -206,9 +210,25 @@ def _rates(base: Linearisation, k: int) -> np.ndarray:
 
 
 def _factor(base: Linearisation, law: str, k: int) -> np.ndarray:
-    """By what a line is multiplied at every sample."""
-    torque = base.torque[::FINE, k]
+    """By what a line is multiplied before every sample."""
+    torque = _before(base.torque[:, k])
     return torque if law == "current-ripple" else np.ones_like(torque)
+
+
+def _passing(base: Linearisation, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """(angle (samples,) rad of wheel `k` half a sample before each one, turns a sample there).
+
+    The mean of exp(i N theta) over the time between two samples is that of its middle times
+    sinc(N turns).
+    """
+    return _before(base.motion.theta[:, k]), (
+        _before(base.motion.speed[:, k]) * base.run.step / (2 * np.pi)
+    )
+
+
+def _before(values: np.ndarray) -> np.ndarray:
+    """Values (FINE points,) half a sample before each sample; the first as it is."""
+    return np.concatenate([values[:1], values[FINE // 2 :: FINE]])
 
 
 def _turned(pushed: np.ndarray, axes: np.ndarray, h: float, step: float) -> np.ndarray:
@@ -224,7 +244,8 @@ def _turned(pushed: np.ndarray, axes: np.ndarray, h: float, step: float) -> np.n
 
 def _waves(base: Linearisation, rows: DataRows, law: str, k: int, orders: np.ndarray) -> np.ndarray:
     """Whitened rotation rows (orders, 2, ..) of cosine and sine in the torque of wheel `k`."""
-    h, wave = base.run.step, np.exp(1j * orders[:, None] * base.motion.theta[::FINE, k])
+    h, (theta, passed) = base.run.step, _passing(base, k)
+    wave = np.exp(1j * orders[:, None] * theta) * np.sinc(orders[:, None] * passed)
     wave = wave * _factor(base, law, k)
     table = _turned(wave[:, :, None] * _rates(base, k), _axes(base), h, h) * rows.rotation
     flat = table.reshape(len(orders), -1)
@@ -237,7 +258,7 @@ def _waves(base: Linearisation, rows: DataRows, law: str, k: int, orders: np.nda
 
 
 def _grid(bases: Sequence[Linearisation], k: int) -> np.ndarray:
-    """Orders of wheel `k`: from `LOWEST` to half a sample at a high speed."""
+    """Orders of wheel `k`: from `LOWEST` to half a turn of the wave a sample at a usual speed."""
     travel = max(float(np.ptp(b.motion.theta[:, k])) for b in bases)
     speed = np.quantile(np.abs(np.concatenate([b.motion.speed[:, k] for b in bases])), FAST)
     step = 2 * np.pi / max(travel, 2 * np.pi) / GRID

@@ -34,6 +34,7 @@ def _shape(base: Linearisation, placed: Placed):
     return _shaped(base, change, change)
 
 
+ORDERS = ("order", "orders")  # parameters that count waves a turn
 SMALL = 1e-6  # of a wheel's radius: shapes are smooth in it
 
 
@@ -119,6 +120,16 @@ def _separation(base: Linearisation, placed: Placed):
     return transfer(base, contact=out), None
 
 
+RADIAN = 0.5  # of a wave between moments, above which its torque is taken at all fine points
+
+
+def _moments(base: Linearisation, law) -> Linearisation:
+    """The run at moments between which the law's waves over the angle are slow."""
+    highest = max(float(np.max(getattr(law, key, 0.0))) for key in ORDERS)
+    fast = highest * np.abs(base.slow.speed).max() * base.slow.step > RADIAN
+    return base.fine if fast else base
+
+
 def _port(base: Linearisation, function, placed: Placed):
     """What the port's `function` makes of a law at wheels, along the run."""
     (law,) = acting((placed,), base.rig.size, masked=True)
@@ -127,11 +138,13 @@ def _port(base: Linearisation, function, placed: Placed):
 
 
 def _shaft(base: Linearisation, placed: Placed):
-    return turned_by(base, *_port(base, shaft_torques, placed))
+    at = _moments(base, placed.law)
+    return turned_by(at, *_port(at, shaft_torques, placed))
 
 
 def _actuator(base: Linearisation, placed: Placed):
-    return turned_by(base, _port(base, actuated, placed))
+    at = _moments(base, placed.law)
+    return turned_by(at, _port(at, actuated, placed))
 
 
 def _command(base: Linearisation, placed: Placed):
