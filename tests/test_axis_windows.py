@@ -1,5 +1,8 @@
 """Windows of free runs: what the right machine leaves of an axis without noise is nothing."""
 
+import gc
+import weakref
+
 import numpy as np
 import pytest
 
@@ -43,3 +46,20 @@ def test_windows_share_a_run_evenly(count):
     assert sizes.sum() == count
     assert sizes.max() <= 64
     assert np.ptp(sizes) <= 1
+
+
+def test_programs_go_with_their_model():
+    """A process that diagnoses often keeps no program of a diagnosis that has ended."""
+    count = 200
+    run = OdeRun("log", "train", np.arange(count) * STEP, {"input": np.sin(np.arange(count) / 9)},
+                 {"position": np.zeros(count)}, 20.0)  # fmt: skip
+    model = OdeModel(Axis(1.0, 0.3), [], [run], {}, [],
+                     lambda n, r: FreeRun(n, r, 0, count, 1, True), NOISE)  # fmt: skip
+    start = Point(np.zeros(0))
+    model.rebase(start)
+    model.residuals([start], "train")
+    model.tangents(start, ())
+    kept = weakref.ref(model.numbers)
+    del model
+    gc.collect()
+    assert kept() is None

@@ -3,7 +3,6 @@
 import dataclasses
 from collections.abc import Callable, Sequence
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -465,20 +464,24 @@ class OdeModel(AbstractModel):
 
 
 def _compiled(rows, only: frozenset[int] | None):
-    """(values, tangents) of many points of one run with the laws of the slots `only`."""
+    """(values, tangents, those along starts) of many points of one run, laws of the slots `only`.
 
-    @eqx.filter_jit
+    They go with the model: `equinox.filter_jit` would keep them, and all that they hold, for good;
+    a process has room for some 65 000 memory maps, which a dozen of diagnoses fill.
+    """
+
+    @jax.jit
     def value(data, steps, thetas):
         return jax.vmap(lambda t: rows.rows(t, data, steps, only))(thetas)
 
-    @eqx.filter_jit
+    @jax.jit
     def tangent(data, steps, thetas, ways):
         def one(t, w):
             return jax.jvp(lambda x: rows.rows(x, data, steps, only), (t,), (w,))[1]
 
         return jax.vmap(one)(thetas, ways)
 
-    @eqx.filter_jit
+    @jax.jit
     def start(data, steps, thetas, ways):
         def one(t, w):
             def moved(shift):

@@ -112,7 +112,7 @@ class FreeRun:
     @property
     def kind(self) -> tuple:
         """What a program of such rows hangs on beside the shapes of the data."""
-        return ("free-run", self.run.hold)
+        return ("free-run", self.run.hold, self.run.step)
 
     def __init__(self, numbers: Numbers, run: OdeRun, lead: int, length: int,
                  thin: int = 1, free: bool = False):  # fmt: skip
@@ -140,7 +140,7 @@ class FreeRun:
         states = len(numbers.machine.start({"position": (0.0, 0.0)}))
         self.states = states
         moved = jnp.zeros((count, states + len(Before._fields)))
-        self.data = (first, inputs, clock, run.step, shown, moved)
+        self.data = (first, inputs, clock, shown, moved)
         self.count, self.time = where.shape[1], run.time[take[tuple(where)]]
 
     def start_states(self, machine, first):
@@ -149,9 +149,9 @@ class FreeRun:
 
     def simulated(self, theta, data, steps, shift=0.0, only=None):
         """Position (windows, samples), the starts and pasts moved by `shift`; traced."""
-        first, inputs, clock, step, _, moved = data
+        first, inputs, clock, _, moved = data
         machine, placed = self.numbers.build(theta, only)
-        parts, hold = self.places, self.run.hold
+        parts, hold, step = self.places, self.run.hold, self.run.step
 
         def one(first, inputs, time, moved):
             moved = moved + shift
@@ -172,11 +172,11 @@ class FreeRun:
     @property
     def starts(self) -> np.ndarray:
         """By how much starts and pasts (windows, states + 2) are moved from what was measured."""
-        return np.asarray(self.data[5])
+        return np.asarray(self.data[4])
 
     def start_at(self, moved: np.ndarray) -> None:
         """Begin the windows elsewhere: `moved` (windows, states + 2) from what was measured."""
-        self.data = (*self.data[:5], jnp.asarray(moved))
+        self.data = (*self.data[:4], jnp.asarray(moved))
 
     def better_starts(self, tangents: np.ndarray, left: np.ndarray) -> np.ndarray:
         """Starts (windows, states + 2) that explain most of what is `left` (rows,) by tangents.
@@ -215,7 +215,7 @@ class FreeRun:
 
     def rows(self, theta, data, steps=1, only=None):
         """(windows * samples,) in the position's unit, those `picked` count; traced."""
-        return (data[4] - self.simulated(theta, data, steps, only=only)).ravel()
+        return (data[3] - self.simulated(theta, data, steps, only=only)).ravel()
 
     def gain(self) -> float:
         """1-sigma of a row for white noise of 1-sigma 1 in the measured position."""
@@ -235,16 +235,12 @@ def batches(rows: Mapping[int, Balance | FreeRun]) -> list[tuple[list[int], tupl
     """(runs, their data) of what may run side by side: free runs of one shape, in windows."""
     alike: dict[tuple, list[int]] = {}
     for i, one in rows.items():
-        same = i if isinstance(one, Balance) else (one.kind, one.data[2].shape, one.data[3])
+        same = i if isinstance(one, Balance) else (one.kind, one.data[2].shape)
         alike.setdefault((same,), []).append(i)
     out = []
     for members in alike.values():
         parts = [rows[i].data for i in members]
         if len(members) > 1:
-            first, inputs, clock, shown, moved = (
-                jax.tree.map(lambda *x: jnp.concatenate(x), *(p[k] for p in parts))
-                for k in (0, 1, 2, 4, 5)
-            )
-            parts = [(first, inputs, clock, parts[0][3], shown, moved)]
+            parts = [jax.tree.map(lambda *x: jnp.concatenate(x), *parts)]
         out.append((members, parts[0]))
     return out
