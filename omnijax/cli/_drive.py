@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from .._errors import InputError
+from .._errors import InputError, tell
 from ._motion import MotionOptions
 from ._options import numbers
 
 _UNIT = re.compile(r"[^\d.eE+\-\s].*\Z")
+EVEN = 1e-3  # of a step, up to which steps differ by the digits of a file
 
 
 class AskedDrive(NamedTuple):
@@ -34,21 +35,32 @@ def asked(rig: Any, motion: MotionOptions, recording: Path | None) -> AskedDrive
     _one_of(motion, recording)
     if recording is not None:
         return _from_file(rig, motion, recording)
-    from ..simulation import sample_times
-
-    times = sample_times(motion.seconds or 8.0, motion.hertz)
+    times = _times(motion)
     return AskedDrive(_typed(rig, motion, float(times[-1])), times, [])
 
 
 def studied(rig: Any, motion: MotionOptions, recording: Path | None) -> Studied:
-    """The same for a study: without a length, of the steady state."""
+    """The same for a study, whose runs begin at 0; without a length, of the steady state."""
+    import numpy as np
+
     _one_of(motion, recording)
     if recording is None:
-        drive = _typed(rig, motion, motion.seconds)
-        return Studied(drive, motion.seconds, motion.hertz)
+        end = None if motion.seconds is None else float(_times(motion)[-1])
+        return Studied(_typed(rig, motion, end), motion.seconds, motion.hertz)
     plan = _from_file(rig, motion, recording)
-    length = float(plan.times[-1] - plan.times[0])
-    return Studied(plan.drive, length, (len(plan.times) - 1) / length)
+    start, steps = float(plan.times[0]), np.diff(plan.times)
+    length = float(plan.times[-1]) - start
+    if np.ptp(steps) > EVEN * length / len(steps):
+        told = "is not sampled evenly: a study takes as many samples at even times."
+        tell([f"{recording.name} {told}"])
+    return Studied(plan.drive.since(start), length, len(steps) / length)
+
+
+def _times(motion: MotionOptions) -> Any:
+    """Samples of a run of the length that is asked for, s."""
+    from ..simulation import sample_times
+
+    return sample_times(motion.seconds or 8.0, motion.hertz)
 
 
 def _one_of(motion: MotionOptions, recording: Path | None) -> None:

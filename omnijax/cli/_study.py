@@ -11,13 +11,17 @@ from ._table import paragraph
 
 
 class AskedStudy(NamedTuple):
-    """Rig (a file where one was named), its drive, what varies over which levels, and metrics."""
+    """Rig (a file where one was named), its drive, what varies over which levels, and metrics.
+
+    `rtol` is that of a study file; None where it has none, and where options say all.
+    """
 
     rig: Any
     motion: Studied
     vary: Any
     metrics: Any
     model: str
+    rtol: float | None = None
 
 
 def asked_of(
@@ -52,11 +56,13 @@ def _of_study(path: str, typed: dict[str, Any]) -> AskedStudy:
         raise InputError("takes no [[load]] here: put its numbers into the rig.", path)
     if study.constraints or study.tolerances:
         tell(["[[constraint]] and [tolerance] of the study are of `design`: left out here."])
+    if any(kind != "uniform" for kind in study.distributions):
+        tell(["`distribution` is of `global-sensitivity`: left out here."])
     pairs = zip(study.variables, study.levels, strict=True)
     own = {v.name: f"{'log:' * v.log}{v.low!r}:{v.high!r}:{n}" for v, n in pairs}
     drive_of = Studied(study.drives[0].drive, study.duration, study.rate)
     metrics = tuple(name for name, _ in study.weights)
-    return AskedStudy(study.rig, drive_of, own, metrics, study.model)
+    return AskedStudy(study.rig, drive_of, own, metrics, study.model, study.rtol)
 
 
 def study_summary(path: str) -> dict[str, Any]:

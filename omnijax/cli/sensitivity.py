@@ -80,7 +80,7 @@ def sensitivity(
         claim([out], [report], force=overwrite)
         result = run(
             asked.rig, metrics=asked.metrics or "rms,peak", parameters=list(asked.vary) or None,
-            model=asked.model, check=check, **asked.motion._asdict(),
+            model=asked.model, rtol=asked.rtol, check=check, **asked.motion._asdict(),
         )  # fmt: skip
 
         def made():

@@ -106,6 +106,8 @@ def sweep(
         refuse(kept | vars(motion), "sweep")
         return sweep_axis(rig, drive, vary, metric or "rms", sampling, place.out, overwrite, json)
     asked = asked_of(kind, rig, motion, drive, ("vary", vary), metric, numerics.model)
+    if asked.rtol is not None and numerics.rtol is not None:
+        raise InputError("--rtol stands in the study file: give it there.", rig)
     claim([plot], [report], force=overwrite)
     result, seconds = _run(rig if kind == "rig" else asked.rig, asked, sampling, numerics, place)
     summary = summarise(result) | {"seconds": seconds}
@@ -127,16 +129,18 @@ def _run(
     place: PlaceOptions,
 ) -> tuple[Any, float]:
     """The sweep, and how long it took in s."""
+    import dataclasses
     import time
 
     from ..study import Bar
     from ..study import sweep as evaluate
 
-    began = time.monotonic()
+    began, own = time.monotonic(), {"model": asked.model, "rtol": asked.rtol or numerics.rtol}
+    numerics = dataclasses.replace(numerics.checked(), **own)
     with Bar() as advance:
         result = evaluate(
             rig, asked.vary, asked.metrics or "peak,rms", **asked.motion._asdict(),
-            **vars(numerics.checked()) | {"model": asked.model}, **vars(sampling), **vars(place),
+            **vars(numerics), **vars(sampling), **vars(place),
             report=advance, command=command_line(),
         )  # fmt: skip
     return result, time.monotonic() - began

@@ -1,9 +1,10 @@
 """Drives: what the user imposes on the machine in time."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Self
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
@@ -24,6 +25,14 @@ class AbstractDrive(eqx.Module):
 
     force: eqx.AbstractVar[Signal]
     initial_angle: eqx.AbstractVar[Float[Array, " n"] | None]
+
+    def since(self, start: float) -> Self:
+        """The drive with times counted from `start` (s), as runs of studies count theirs."""
+
+        def moved(part):
+            return part.later(-start) if isinstance(part, Signal) else part
+
+        return jax.tree.map(moved, self, is_leaf=lambda part: isinstance(part, Signal))
 
 
 class TorqueDrive(AbstractDrive):
@@ -111,7 +120,11 @@ RATE = 500.0  # samples a second where none is given
 
 
 def sample_times(length: float, rate: float | None = None) -> np.ndarray:
-    """Samples from 0 to `length` s, 500 a second where no `rate` (Hz) is given."""
+    """Samples from 0 to `length` s, 500 a second where no `rate` (Hz) is given.
+
+    Every run that counts from 0 has these, in studies too: the last one is the multiple of 1/`rate`
+    that is nearest to `length`.
+    """
     frequency = rate or RATE
     count = round(min(length * frequency, 1e18))
     if not 1 <= count <= LONGEST:

@@ -22,6 +22,8 @@ def drive_from_recording(recording: Recording) -> TorqueDrive:
 
     The wheels start at the angles of the first row (zero where theta was not measured).  If the
     first samples say that the sphere turns already, their smooth course gives its velocity.
+    Times are the recording's own: `.since(recording.time[0])` is the drive of a study, whose runs
+    begin at 0.
 
     Torques (t, n) in N m, force (t, 3) in N, angles (n,) in rad, Omega (3,) in rad/s.  Raises
     nothing: a recording that was read has torques.

@@ -74,6 +74,10 @@ class Signal(eqx.Module):
         """Times of the knots without a jump, s; inf at the others."""
         return jnp.where(jnp.isfinite(self.jumps()), jnp.inf, self.knots)
 
+    def later(self, by: float) -> "Signal":
+        """The same `by` s later."""
+        return Signal(self.knots + by, self.values, self.slopes)
+
     @property
     def size(self) -> int:
         """Length of the vector."""

@@ -15,6 +15,7 @@ from ...simulation import (
     TorqueDrive,
     Trajectory,
     propagate,
+    sample_times,
     simulate,
     simulate_fixed,
 )
@@ -133,7 +134,7 @@ def margin_status(normal_force, slip_margin):
 
 
 def samples_of(duration: float | None, rate: float | None) -> np.ndarray | None:
-    """Times (s) of a run's samples, its start and its end among them; None for steady states.
+    """Times (s) of a run's samples, those of `simulate`; None for steady states.
 
     Raises `InputError` for a duration or rate that gives less than 2 of them after the start.
     """
@@ -144,10 +145,9 @@ def samples_of(duration: float | None, rate: float | None) -> np.ndarray | None:
     rate = RATE if rate is None else rate
     if wrong := not_above_zero(duration=duration, rate=rate):
         raise InputError(wrong)
-    count = round(duration * rate)
-    if count < 2:
+    if round(duration * rate) < 2:
         raise InputError(f"`duration` {duration:g} s at `rate` {rate:g}/s gives under 2 samples.")
-    return np.linspace(0.0, duration, count + 1)
+    return sample_times(duration, rate)
 
 
 def checked_metrics(metrics: Sequence[str] | str) -> tuple[str, ...]:

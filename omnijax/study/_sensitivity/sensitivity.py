@@ -197,6 +197,7 @@ def sensitivity(
     duration: float | None = None,
     rate: float | None = None,
     model: str = "coupled",
+    rtol: float | None = None,
     check: bool = False,
 ) -> Sensitivity:
     """Exact derivatives of `metrics` with respect to every parameter of `rig` that is one number.
@@ -204,7 +205,8 @@ def sensitivity(
     `drive` is a drive or constant wheel speeds (rad/s).  Without `duration` (s) the metrics are
     those of the steady state, else of a run sampled at `rate` (1/s).  Forward mode over the vector
     of parameters, one compiled function.  `check` adds finite differences.  Directions (normal,
-    drive, gravity) and inertia tensors are not numbers and stay out.
+    drive, gravity) and inertia tensors are not numbers and stay out.  An `rtol` asks for runs by
+    the adaptive solver where there is no closed form.
 
     `raw` (metrics, parameters) is in the metric's unit by the parameter's, `relative` in % per %.
     Raises `InputError` for an unknown metric or parameter, `RunError` where the run fails.
@@ -220,7 +222,7 @@ def sensitivity(
     paths = paths if parameters is None else checked_parameters(machine, parameters)
     names = checked_metrics(metrics)
     asked = Question(machine, (chosen,), paths, names, model, duration, gradient=True)
-    how, _ = evaluation_of(asked, rate)
+    how, _ = evaluation_of(asked, rate, rtol=rtol)
     values = values_of(machine, paths)
 
     def function(x):
