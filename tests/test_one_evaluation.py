@@ -10,15 +10,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from machines import ORTHOGONAL, SKEW, machine
+from machines import ORTHOGONAL, SKEW, drawn_machine, machine
+from seeds import drawn_anew
 
-from omnijax import laws, set_parameter
+from omnijax import laws, set_parameter, sweep
 from omnijax.rig import get_parameter, parameter_info
-from omnijax.simulation import TorqueDrive, simulate, speeds, steady_state, torques
+from omnijax.simulation import TorqueDrive, ramp, simulate, speeds, steady_state, torques
 from omnijax.study._evaluation import (
     Evaluation,
     Question,
     Rows,
+    apply,
     drive_quantities,
     samples_of,
 )
@@ -247,3 +249,22 @@ def test_a_method_that_evaluates_no_single_design_is_refused(method):
     how = Evaluation(method, METRICS, times=samples_of(0.01, 500.0))
     with pytest.raises(ValueError, match=f"`{method}` evaluates no single design"):
         how.run(rig, speeds([1.0, 2.0, 3.0]))
+
+
+@pytest.mark.full
+def test_ramps_of_unlike_wheels_give_the_figures_of_the_closed_form():
+    """A sweep steps them in time, where the speeds are traced; `simulate` has a closed form."""
+    rng = drawn_anew("ramps")
+    rig = linear_effects(drawn_machine(rng, 5))
+    turning = ramp(0.02, 0.06, rng.uniform(-6, 9, 5), rng.uniform(-6, 9, 5))
+    force = ramp(0.0, 0.08, rng.uniform(-30, 30, 3), rng.uniform(-30, 30, 3))
+    drive = speeds(turning, force, rng.uniform(0.0, 0.3, 5))
+    values = {"speed.scale": 1.3, "force.y": 12.0, "angle.w4": 0.15, "wheel.w5.roundness": 0.35}
+    changed = apply(rig, drive, tuple(values), list(values.values()))
+    run = simulate(*changed, duration=0.08)
+    assert run.method == "exact"
+    expected = evaluate(run, changed[0], METRICS)
+    asked = {path: [value] for path, value in values.items()}
+    swept = sweep(rig, asked, METRICS, drive=drive, duration=0.08)
+    for name in METRICS:
+        assert np.ravel(swept[name])[0] == pytest.approx(float(expected[name]), rel=1e-6)

@@ -73,13 +73,10 @@ def _summary(rig: Any) -> dict[str, Any]:
     import numpy as np
 
     from ..dynamics import held_directions, mobility, weight
-    from ..rig import derived, direction_angles, parameter_paths, wheel_facts
+    from ..rig import derived, parameter_paths
     from ..vibration import modes
 
-    wheels, elastic = rig.wheels, modes(rig)
-    motion, pressed = mobility(rig), weight(rig)
-    columns = wheel_facts(rig)
-    normal, drive = np.asarray(wheels.normal), np.asarray(wheels.drive)
+    elastic, motion, pressed = modes(rig), mobility(rig), weight(rig)
     return {
         "sphere": {
             "radius": float(rig.sphere.radius),
@@ -89,39 +86,50 @@ def _summary(rig: Any) -> dict[str, Any]:
         "platform": {"mass": float(rig.platform.mass)},
         "total_mass": float(derived(rig)[1]),
         "gravity": np.asarray(rig.platform.gravity).tolist(),
-        "wheels": [
-            {"name": name, "profile": rig.profiles[i].id}
-            | {"angles": direction_angles(normal[i], drive[i])}
-            | {"normal": normal[i].tolist()}
-            | {"drive": drive[i].tolist()}
-            | {key: float(value[i]) for key, value in columns.items()}
-            for i, name in enumerate(rig.names)
-        ],
+        "wheels": _wheels(rig),
         "driven_axes": motion.driven,
         "held_directions": held_directions(rig),
-        "kinematics": {
-            "wheels_from_sphere": _exact(motion.to_wheels),
-            "sphere_from_wheels": _exact(motion.to_sphere),
-            "condition": motion.condition,
-            "undriven": _exact(motion.undriven()),
-            "weak": _exact(motion.weak()),
-            "conflicts": _exact(
-                motion.conflicts / np.abs(motion.conflicts).max(1, keepdims=True, initial=1e-300)
-            ),
-        },
+        "kinematics": _kinematics(motion),
         "weight": None
         if pressed is None
-        else {
-            "what": pressed.what,
-            "force": pressed.force,
-            "normal": pressed.normal.tolist(),
-            "missing": pressed.missing,
-        },
+        else pressed._asdict() | {"normal": pressed.normal.tolist()},
         "natural_frequencies": np.asarray(elastic.frequency).tolist(),
         "damping_ratios": np.asarray(elastic.damping_ratio).tolist(),
         "effects": [{"id": placed.law.id, "place": placed.place} for placed in rig.effects],
         "uncertainty": dict(rig.uncertainty),
         "parameters": [info.path for info in parameter_paths(rig)],
+    }
+
+
+def _wheels(rig: Any) -> list[dict[str, Any]]:
+    """Name, profile, directions and numbers of each wheel."""
+    import numpy as np
+
+    from ..rig import direction_angles, wheel_facts
+
+    normal, drive = np.asarray(rig.wheels.normal), np.asarray(rig.wheels.drive)
+    return [
+        {"name": name, "profile": rig.profiles[i].id}
+        | {"angles": direction_angles(normal[i], drive[i])}
+        | {"normal": normal[i].tolist()}
+        | {"drive": drive[i].tolist()}
+        | {key: float(value[i]) for key, value in wheel_facts(rig).items()}
+        for i, name in enumerate(rig.names)
+    ]
+
+
+def _kinematics(motion: Any) -> dict[str, Any]:
+    """How wheels and sphere turn each other; a conflict's largest speed is 1."""
+    import numpy as np
+
+    largest = np.abs(motion.conflicts).max(1, keepdims=True, initial=1e-300)
+    return {
+        "wheels_from_sphere": _exact(motion.to_wheels),
+        "sphere_from_wheels": _exact(motion.to_sphere),
+        "condition": motion.condition,
+        "undriven": _exact(motion.undriven()),
+        "weak": _exact(motion.weak()),
+        "conflicts": _exact(motion.conflicts / largest),
     }
 
 
