@@ -11,11 +11,13 @@ from omnijax import InputError
 from omnijax.diagnosis._answer import RigEvidence
 from omnijax.diagnosis._answer.shown import Shown, shown_noise
 from omnijax.diagnosis._answer.verdict import judge
+from omnijax.diagnosis._answered import explained
 from omnijax.diagnosis._machine.data_vector import DataRows, _filters
 from omnijax.diagnosis._machine.roles import with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._noise import step_of
 from omnijax.diagnosis._search import SETTINGS, Search
+from omnijax.diagnosis._search.held_out import HeldOut
 from omnijax.diagnosis._search.levels import Level, levels, white_level
 from omnijax.diagnosis._search.where import questions, shares
 
@@ -176,3 +178,15 @@ def test_next_to_nothing_of_a_strong_gap_is_noise(before, left, noise_only):
     search.begun = before * rows, before * rows
     assert search.floor_reached(SimpleNamespace(chi2=left * rows), left * rows) == noise_only
     assert not search.floor_reached(SimpleNamespace(chi2=left * rows), 50.0 * before * rows)
+
+
+@pytest.mark.parametrize("everywhere", [True, False])
+def test_noise_is_explained_by_what_held_out_runs_show_too(everywhere):
+    """What wanders leaves a drift in every run, but in each another one: that explains nothing."""
+    rng = np.random.default_rng(7)
+    change, white = 0.5 * np.linspace(-1, 1, N), rng.normal(size=N)
+    before = white + (change if everywhere else -0.3 * change)
+    trial = SimpleNamespace(gain=300.0, held=HeldOut.of(before, before - change))
+    model = SimpleNamespace(settings=SETTINGS, dof=lambda split: N)
+    way = SimpleNamespace(trials=[[trial]])
+    assert explained(model, way) == everywhere  # pyright: ignore[reportArgumentType]
