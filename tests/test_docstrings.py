@@ -60,6 +60,27 @@ def test_what_a_function_raises_itself_is_named(name):
     assert all(kind in text(name) for kind in raised(CALLED[name]))
 
 
+UNSAID = {  # functions of the axis that do not name them yet
+    "machine": {"describe", "guess", "log_beside", "parse_machine", "read_log"}
+}
+
+
+@pytest.mark.parametrize("package", omnijax._PACKAGES)
+def test_every_name_of_a_face_says_what_it_is_and_what_it_raises(package):
+    module = importlib.import_module(f"omnijax.{package}")
+    silent, unsaid = set(), set()
+    for name in (name for name in dir(module) if not name.startswith("_")):
+        value = getattr(module, name)
+        if inspect.isclass(value) or inspect.isroutine(value):
+            said = vars(value).get("__doc__") if inspect.isclass(value) else inspect.getdoc(value)
+            if not said or said.startswith(f"{name}("):  # a tuple's own words name its fields
+                silent.add(name)
+            if inspect.isfunction(inspect.unwrap(value)):
+                unsaid |= {name for kind in raised(value) if kind not in (said or "")}
+    assert not silent
+    assert unsaid == UNSAID.get(package, set())
+
+
 def test_the_page_lists_every_name_of_the_root():
     page = (Path(__file__).parents[1] / "docs" / "api.md").read_text(encoding="utf-8")
     table = page[: page.index("## Laws")]

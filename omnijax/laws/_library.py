@@ -108,7 +108,10 @@ def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
 
 
 def laws_of(text: bytes, path: Path) -> dict[str, type[AbstractLaw]]:
-    """The laws of a file's text, run as it is: no byte code that lies beside it is looked at."""
+    """The laws of a file's text, run as it is: no byte code that lies beside it is looked at.
+
+    Raises `ValueError` where the text cannot be run or declares no law as laws are declared.
+    """
     module = types.ModuleType(f"{USERS_MODULE}{path.stem}")
     module.__file__ = str(path)
     try:

@@ -149,7 +149,10 @@ class Rig(eqx.Module):
 def place_law(
     law: AbstractLaw, place: str, names: tuple[str, ...], profiles: tuple[AbstractShape, ...]
 ) -> Placed:
-    """`law` at `place` of a rig with wheels `names`; a damaged roller takes its wheel's profile."""
+    """`law` at `place` of a rig with wheels `names`; a damaged roller takes its wheel's profile.
+
+    Raises `InputError` for a place that the rig has not.
+    """
     places = [*names, "all", "sphere", "platform", *GROUPS, *channels(len(names))]
     if place not in places:
         hint = did_you_mean(place, places)

@@ -50,7 +50,10 @@ def rig_notes(path: str | Path) -> list[str]:
 
 
 def rig_tables(path: str | Path) -> dict[str, Any]:
-    """The tables of a rig file as they stand; nothing is checked, and nothing slow imported."""
+    """The tables of a rig file as they stand; nothing is checked, and nothing slow imported.
+
+    Raises `InputError` for a file that cannot be read.
+    """
     file = rig_path(path)
     try:
         return read_toml(file)

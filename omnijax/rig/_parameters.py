@@ -109,7 +109,10 @@ def _read(quantity: Quantity | Vector | InertiaTensor, given: Any) -> Any:
 
 
 def put_parameter(rig: Rig, path: str, value: Any) -> Rig:
-    """`set_parameter` for numbers in SI whose range is known to hold: nothing is looked at."""
+    """`set_parameter` for numbers in SI whose range is known to hold: nothing is looked at.
+
+    Differentiable in `value`.  Raises `InputError` for an unknown path and for another shape.
+    """
     place = _locate(rig, path)
     old, new = jnp.asarray(place.leaf(rig)), jnp.asarray(value, float)
     shape = old.shape if place.index is None else old.shape[1:]
@@ -124,7 +127,10 @@ def put_parameter(rig: Rig, path: str, value: Any) -> Rig:
 
 
 def read_parameter(rig: Rig, path: str, value: Any) -> Any:
-    """A user's `value` for `path` in SI, from a number or text with a unit; checks its range."""
+    """A user's `value` for `path` in SI, from a number or text with a unit; checks its range.
+
+    Raises `InputError` for an unknown path, and for a value of another kind, unit or range.
+    """
     quantity = _locate(rig, path).quantity
     try:
         return quantity.read(value)

@@ -188,7 +188,10 @@ def _determinant(a) -> float:
 
 
 def as_number(given: Any, unit: str) -> float:
-    """A finite number in the SI `unit`, from a number or from text with a unit."""
+    """A finite number in the SI `unit`, from a number or from text with a unit.
+
+    Raises `ValueError` with what the value must be.
+    """
     if isinstance(given, str):
         return _from_text(given, unit)
     if isinstance(given, bool) or not isinstance(given, int | float):

@@ -22,7 +22,10 @@ def typed_number(name: str, text: str, unit: str) -> float:
 
 
 def typed_above_zero(name: str, given: str | float, unit: str) -> float:
-    """A finite number above 0 in SI, from text as `typed_number` or as it is."""
+    """A finite number above 0 in SI, from text as `typed_number` or as it is.
+
+    Raises `InputError`, in which the value is called `name`.
+    """
     value = typed_number(name, given, unit) if isinstance(given, str) else float(given)
     if wrong := not_above_zero(unit, **{name: value}):
         raise InputError(wrong)

@@ -123,7 +123,7 @@ def sample_times(length: float, rate: float | None = None) -> np.ndarray:
     """Samples from 0 to `length` s, 500 a second where no `rate` (Hz) is given.
 
     Every run that counts from 0 has these, in studies too: the last one is the multiple of 1/`rate`
-    that is nearest to `length`.
+    that is nearest to `length`.  Raises `InputError` for less than one step and for too many.
     """
     frequency = rate or RATE
     count = round(min(length * frequency, 1e18))

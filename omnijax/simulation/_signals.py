@@ -127,7 +127,10 @@ def step(time: float, before: ArrayLike, after: ArrayLike) -> Signal:
 
 
 def ramp(start: float, end: float, before: ArrayLike, after: ArrayLike) -> Signal:
-    """`before` until `start` (s), linear to `after` at `end`, held then."""
+    """`before` (d,) until `start` (s), linear to `after` (d,) at `end`, held then.
+
+    Raises `ValueError` where it does not end after it starts.
+    """
     if not end > start:
         raise ValueError(f"a ramp must end after it starts, but runs {start:g} s to {end:g} s.")
     return table([start, end], np.stack(_vectors(before, after)))

@@ -23,7 +23,10 @@ EXPLICIT_RATE = 300.0  # 1/s: above this fastest rate of the linear part the exp
 
 
 def choose_solver(model: Model, solver: str) -> str:
-    """Name of the solver: `auto` takes the exponential one unless the linear part is slow."""
+    """Name of the solver: `auto` takes the exponential one unless the linear part is slow.
+
+    Raises `ValueError` for an unknown one.
+    """
     if solver != "auto":
         if solver not in SOLVERS:
             allowed = f"{sorted(SOLVERS)}, auto or exact"

@@ -60,7 +60,8 @@ def trade_off(
 ) -> Front:
     """The front of `problem`, whose figures f (m,) are the metrics; its own limits hold too.
 
-    `report(done, total)` is called after each batch of searches of the stage at hand.
+    `report(done, total)` is called after each batch of searches of the stage at hand.  Raises
+    `RunError` where no search ends inside the limits, and where one design is best in all metrics.
     """
     count = len(metrics)
     check_variables(problem.variables)

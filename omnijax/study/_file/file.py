@@ -32,7 +32,10 @@ def load_study(path: str | Path) -> Study:
 
 
 def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Study:
-    """The study of tables as `tomllib` gives them; `rig` is relative to the folder of `path`."""
+    """The study of tables as `tomllib` gives them; `rig` is relative to the folder of `path`.
+
+    Its numbers are SI.  Raises `InputError` with every problem of the tables at once.
+    """
     if {"sphere", "wheel"} <= set(data):
         raise InputError(
             f'is a rig file, not a study file: a study names it with rig = "{path}".', path

@@ -39,6 +39,8 @@ def analyse(
     `samples` blocks for Sobol (d + 2 runs each), a sixteenth as many trajectories for Morris and as
     many points with gradients as blocks, up to 256.  A run that is not finite has failed.  Without
     `together` runs go one after the other: for functions whose loops end when they are done.
+
+    Raises `InputError` for less than 16 samples, `RunError` where too few runs are left.
     """
     if samples < 16:
         raise InputError(f"`samples` must be at least 16, but is {samples}.")
