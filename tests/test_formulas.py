@@ -128,13 +128,16 @@ def check_sums():
 
 def check_generic():
     """The further laws of other machines' shafts and mounts."""
-    quadratic, uneven, drag, spring = laws.GENERIC.values()
+    quadratic, uneven, drag, spring, loaded = laws.GENERIC.values()
     near(quadratic(k2=jnp.asarray(3e9))(mount(-2e-5, 0.4)[1]), 1.2)
     near(uneven(b=jnp.asarray(0.2))(shaft(0.7, -3.0, 0.9)[1]), -0.6)
     near(uneven(b=jnp.asarray(0.2))(shaft(0.7, 3.0, 0.9)[1]), -0.6)
     near(drag(D=jnp.asarray(0.2))(shaft(0.7, -3.0, 0.9)[1]), 1.8)
     near(drag(D=jnp.asarray(0.2))(shaft(0.7, 3.0, 0.9)[1]), -1.8)
     near(spring(k=jnp.asarray(0.2))(shaft(0.7, -3.0, 0.9)[1]), -0.14)
+    loaded, half = loaded(kappa=jnp.asarray(0.2), width=jnp.asarray(6.0)), math.tanh(0.5)
+    for speed, load, friction in ((-3.0, 0.9, 0.162), (3.0, -0.9, -0.162)):
+        near(loaded(laws.ShaftSignal(0.7, speed, 2.0, load)), friction * half)
 
 
 def near(found, expected, rtol=1e-12):

@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from omnijax.diagnosis import diagnose
-from omnijax.laws import EFFECTS
+from omnijax.laws import AXIS_EFFECTS
 from omnijax.machine import Axis, Log, MachineCase, PlacedLaw, free_run, parse_machine
 
 STEP, COUNT, CUT = 5e-3, 2400, 1600
@@ -14,7 +14,9 @@ STEP, COUNT, CUT = 5e-3, 2400, 1600
 
 def law(id: str, **values) -> PlacedLaw:
     """An effect at the axis."""
-    return PlacedLaw(EFFECTS[id](**{k: jnp.asarray(v, float) for k, v in values.items()}), "axis")
+    return PlacedLaw(
+        AXIS_EFFECTS[id](**{k: jnp.asarray(v, float) for k, v in values.items()}), "axis"
+    )
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -65,12 +67,19 @@ def case(folder, seed: int, placed=(), noise: float = 2e-4) -> MachineCase:
     return MachineCase(folder, file, logs, False, [])
 
 
-def test_friction_that_grows_with_the_load_is_named_not_what_its_tangent_looks_like(tmp_path):
+QUADRATIC = pytest.param("load-friction-quadratic", "kappa", 1.0, marks=pytest.mark.full)
+
+
+@pytest.mark.parametrize(("id", "key", "power"), [("load-friction", "mu", 0.0), QUADRATIC])
+def test_friction_that_grows_with_the_load_is_named_not_what_its_tangent_looks_like(
+    tmp_path, id, key, power
+):
     rng = np.random.default_rng(7)
-    mu = float(rng.uniform(0.15, 0.3))
-    found = diagnose(case(tmp_path, 3, (law("load-friction", mu=mu, width=0.02),)))
-    assert [e.id for e in found.effects] == ["load-friction"], found
-    assert found.effects[0].parameters["mu"]["value"] == pytest.approx(mu, rel=0.05)
+    mu, plain = float(rng.uniform(0.15, 0.3)), case(tmp_path, 3)
+    size = mu / float(np.std(plain.logs[0].inputs["input"])) ** power
+    found = diagnose(case(tmp_path, 3, (law(id, **{key: size}, width=0.02),)))
+    assert [e.id for e in found.effects] == [id], found
+    assert found.effects[0].parameters[key]["value"] == pytest.approx(size, rel=0.05)
 
 
 def test_a_run_that_begins_in_motion_is_no_evidence(tmp_path):

@@ -92,5 +92,6 @@ def _print(rows: list[dict[str, Any]], name: str | None = None) -> None:
         )
         told = f"at {', '.join(row['places'])}; {', '.join(keys) or 'no parameters'}"
         print(paragraph(f"{told}; port {row['port']}", "      ", "    "))
+    for row in rows:  # below all, whatever other ids hold the text
         if row["id"] == name:
             print(f"\n{row['block']}")

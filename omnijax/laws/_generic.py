@@ -71,6 +71,30 @@ class StiffShaft(AbstractShaft):
         return -self.k * signal.angle
 
 
+class LoadFrictionQuadratic(AbstractShaft):
+    """Shaft torque -kappa tau_g^2 tanh(omega/omega0), tau_g the torque that the gear passes on.
+
+    Source: M. Duclusaud et al., "Extended Friction Models for the Physics Simulation of Servo
+    Actuators", ICRA 2025 (the quadratic term of its last model).
+    """
+
+    kappa: Float[Array, ""]
+    width: Float[Array, ""] = 0.05  # pyright: ignore[reportAssignmentType]
+
+    id: ClassVar[str] = "load-friction-quadratic"
+    words: ClassVar[str] = "friction that grows with the square of the load on the gear"
+    places: ClassVar[tuple[str, ...]] = ("wheel", "all")
+    formula: ClassVar[str] = "shaft torque −κ τ_g² tanh(ω/ω₀)"
+    parameters: ClassVar[dict[str, Parameter]] = {
+        "kappa": Parameter("1/(N m)", low=0, linear=True),
+        "width": Parameter("rad/s", low=0, above=True, optional=True),
+    }
+
+    def __call__(self, signal, state=None):
+        return -self.kappa * signal.load**2 * jnp.tanh(signal.speed / self.width)
+
+
 GENERIC: dict[str, type[AbstractMount | AbstractShaft]] = {
-    law.id: law for law in (MountQuadratic, ViscousAsymmetry, DragTorque, StiffShaft)
+    law.id: law
+    for law in (MountQuadratic, ViscousAsymmetry, DragTorque, StiffShaft, LoadFrictionQuadratic)
 }
