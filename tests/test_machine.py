@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from omnijax import cli
 from omnijax.diagnosis import diagnose
 from omnijax.laws import EFFECTS, GENERIC, LoadFriction, MotorRipple
 from omnijax.machine import (
@@ -106,6 +107,13 @@ def test_a_torque_constant_that_is_not_given_is_said():
     assert "taken for 1 N m/A" in silent.assumed[0]
     assert float(silent.machine.torque_constant) == 1.0
     assert parse_machine(drawn(0)).assumed == ()
+
+
+def test_check_says_that_a_torque_constant_is_taken_for_one(tmp_path, capsys):
+    path = tmp_path / "machine.toml"
+    path.write_text('kind = "axis"\n[axis]\ninertia = 1\n[motor]\ninput = "current"\n')
+    assert cli.run(["check", str(path)]) == 0
+    assert "taken for 1 N m/A" in capsys.readouterr().out
 
 
 def test_orders_of_an_axis_that_slides_are_in_rad_a_metre():

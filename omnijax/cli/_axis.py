@@ -24,6 +24,7 @@ def machine_summary(path: str) -> dict[str, Any]:
         "kind": "axis", "motion": axis.motion, "input": axis.drives,
         "inputs": axis.inputs, "numbers": numbers, "uncertainty": uncertain,
         "memory": axis.memory(), "effects": [x.law.id for x in file.placed],
+        "assumed": list(file.assumed),
     }  # fmt: skip
 
 
@@ -37,6 +38,7 @@ def machine_lines(path: str, summary: dict[str, Any]) -> Iterator[str]:
         yield f"  {key:<22} uncertain"
     if summary["effects"]:
         yield f"  effects: {', '.join(summary['effects'])}"
+    yield from (f"  {said}" for said in summary["assumed"])
     forgets = summary["memory"]
     held = "nothing pulls it back: it is compared by the balance of accelerations"
     yield f"  {f'forgets its start in {forgets:.3g} s' if forgets < float('inf') else held}"
