@@ -66,12 +66,12 @@ def kept(function: Callable, quick: bool = True) -> Callable:
             return jitted(*args)
         shapes = tuple(_shape(x) for x in leaves)
         settings = _settings()
-        known = (function, tree, shapes, settings)
+        known = (function, quick, tree, shapes, settings)
         if known not in _held:
             if not _package_only(args):
                 return jitted(*args)
             name = f"{function.__module__}.{function.__qualname__}"
-            key = "\n".join(map(str, (name, tree, shapes, settings, _origin())))
+            key = "\n".join(map(str, (name, quick, tree, shapes, settings, _origin())))
             _held[known] = _load(key) or _make(function, leaves, tree, key, quick)
         _held[known] = program = _held.pop(known)  # the last used are the last
         while len(_held) > HELD:

@@ -74,6 +74,17 @@ def test_words_and_numbers_of_a_result_are_kept_beside_its_arrays(folder):
     assert len(list(folder.iterdir())) == 1
 
 
+def test_quick_code_and_fast_code_are_kept_apart(folder):
+    """A sweep of a million designs is not given what was compiled in a hurry for a few."""
+
+    def solution(right):
+        return jnp.sin(right)
+
+    for quick in (True, False, True, False):
+        assert np.array_equal(kept(solution, quick)(RIGHT), np.asarray(jnp.sin(RIGHT)))
+    assert len(list(folder.iterdir())) == 2
+
+
 @pytest.mark.parametrize("harm", ["cut", "bit", "empty", "text"])
 def test_a_damaged_file_is_made_again(folder, harm):
     values = _first(folder)

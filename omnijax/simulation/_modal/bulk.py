@@ -1,5 +1,6 @@
 """Figures of many designs by the modal core: programs depend on kinds of input alone."""
 
+import functools
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -27,7 +28,19 @@ from .system import Layout, LinearDesign, Operating, designs_of
 from .transient import LANES, Lanes, samples_of
 
 METRICS = ("rms", "peak")
-kept_bulk = partial(kept, quick=False)
+MANY = 500_000  # designs that repay the best code: a tenth faster, or a fifth with gradients, and
+# compiled in 5 or 35 s more of CPU time on one machine (three unlike wheels)
+
+
+def kept_bulk(function: Callable) -> Callable:
+    """`function` as two kept programs: compiled quickly, or, called with `many`, for speed."""
+    programs = {many: kept(function, quick=not many) for many in (False, True)}
+
+    @functools.wraps(function)
+    def run(*args, many: bool, **named):
+        return programs[many](*args, **named)
+
+    return run
 
 
 class ModalFigures(NamedTuple):
@@ -84,20 +97,22 @@ def modal_figures(
     step: float,
     model: str = "coupled",
     gradient: bool = False,
+    total: int = 0,
 ) -> ModalFigures:
     """Figures of the designs `make(row)` over the samples t = 0, step, ... , duration (s).
 
     `metrics` may hold `rms` and `peak`, as `vibration.METRICS` defines them; with `gradient` also
     their derivatives by the numbers in the rows.  The compiled programs depend on the rig's kinds
-    of wheels and laws, not on numbers, paths or the closure `make`.  Raises `ValueError` where
-    `modal_obstacle` names a reason.
+    of wheels and laws, not on numbers, paths or the closure `make`; they are compiled quickly, or,
+    where the rows are some of `total` designs and those are many, for speed.  Raises `ValueError`
+    where `modal_obstacle` names a reason.
     """
     every, count = jnp.asarray(step, float), jnp.asarray(round(duration / step) + 1, float)
 
-    def figures(design: LinearDesign, layout: Layout):
-        return _figures(design, layout, every, count, gradient)
+    def figures(design: LinearDesign, layout: Layout, many: bool):
+        return _figures(design, layout, every, count, gradient, many=many)
 
-    return _batches(make, rows, metrics, model, gradient, modal_obstacle, figures)
+    return _batches(make, rows, metrics, model, gradient, modal_obstacle, figures, total)
 
 
 def modal_steady(
@@ -107,6 +122,7 @@ def modal_steady(
     *,
     model: str = "coupled",
     gradient: bool = False,
+    total: int = 0,
 ) -> ModalFigures:
     """Figures of the long run of the designs `make(row)`, as `steady_state` defines them.
 
@@ -114,14 +130,17 @@ def modal_steady(
     `ValueError` where `modal_steady_obstacle` names a reason.
     """
 
-    def figures(design: LinearDesign, layout: Layout):
-        return _long_run(design, layout, gradient)
+    def figures(design: LinearDesign, layout: Layout, many: bool):
+        return _long_run(design, layout, gradient, many=many)
 
-    return _batches(make, rows, metrics, model, gradient, modal_steady_obstacle, figures)
+    return _batches(make, rows, metrics, model, gradient, modal_steady_obstacle, figures, total)
 
 
-def _batches(make, rows, metrics, model: str, gradient: bool, obstacle, figures) -> ModalFigures:
-    """`figures(design, layout)` of all designs, batch by batch."""
+def _batches(
+    make, rows, metrics, model: str, gradient: bool, obstacle, figures, total: int
+) -> ModalFigures:
+    """`figures(design, layout, many)` of all designs, batch by batch."""
+    many = max(len(rows), total) >= MANY
     parts, slopes = [], []
     size = SIZES[0] if len(rows) <= SIZES[0] else SIZES[-1]
     for i in range(0, len(rows), size):
@@ -134,15 +153,15 @@ def _batches(make, rows, metrics, model: str, gradient: bool, obstacle, figures)
                 raise ValueError(f"no figures from the modal form: {reason}.")
         force, series = bool(np.any(np.asarray(points.force))), _series(points.rig)
         plain = _plain(points)
-        design, layout = _designs(plain, model, force, series)
+        design, layout = _designs(plain, model, force, series, many=many)
         turn = turned_states(plain.rig, design.system)
         if turn is not None:
-            design, layout = _designs(plain, model, force, series, turn)
+            design, layout = _designs(plain, model, force, series, turn, many=many)
         layout = decoupled(design.system, layout)
-        values, bars = figures(design, layout)
-        parts.append(np.concatenate([values, np.asarray(_held(plain.rig, model))[None]]))
+        values, bars = figures(design, layout, many)
+        parts.append(np.concatenate([values, np.asarray(_held(plain.rig, model, many=many))[None]]))
         if gradient:
-            back = _from_designs(plain, bars, model, force, series, turn)
+            back = _from_designs(plain, bars, model, force, series, turn, many=many)
             slopes.append(np.asarray(_from_points(make, some, _back_in(points, back))))
     rms, peak, normal, slip, holds = np.concatenate(parts, axis=1)[:, : len(rows)]
     values, chosen = {"rms": rms, "peak": peak}, [METRICS.index(name) for name in metrics]

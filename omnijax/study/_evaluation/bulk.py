@@ -21,20 +21,22 @@ def _operating(rig: Rig, drive: SpeedDrive, paths: tuple[str, ...], values) -> O
 
 def bulk(
     how: Evaluation, rig: Rig, drive: Drive, paths: tuple[str, ...], rows: np.ndarray,
-    gradient: bool,
+    gradient: bool, total: int = 0,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
     """Figures (b, m), gradients (b, m, d) or (b, m, 0) and status (b,) of runs or steady states.
 
-    The modal core compiles its programs by itself.
+    The modal core compiles its programs by itself, for `total` designs in all.
     """
     make, designs = eqx.Partial(_operating, rig, drive, paths), jnp.asarray(rows)
     if how.times is None:
-        result = modal_steady(make, designs, how.metrics, model=how.model, gradient=gradient)
+        result = modal_steady(
+            make, designs, how.metrics, model=how.model, gradient=gradient, total=total
+        )
     else:
         duration = float(how.times[-1])
         result = modal_figures(
             make, designs, how.metrics, duration=duration, step=duration / (len(how.times) - 1),
-            model=how.model, gradient=gradient,
+            model=how.model, gradient=gradient, total=total,
         )  # fmt: skip
     bad = ~np.all(np.isfinite(result.values), axis=1)
     status = np.where(bad, Status.NON_FINITE, margin_status(result.normal, result.slip))

@@ -22,18 +22,19 @@ class Rows:
     """Figures, gradients and status of the designs with a row's numbers at `paths`.
 
     One compiled program serves all batches of a shape; the numbers of rig and drive, the samples'
-    times and the substeps are its operands.
+    times and the substeps are its operands.  `total` designs are asked for in all, where more than
+    are known here.
     """
 
     def __init__(
         self, how: Evaluation, rig: Rig, drive: Drive, paths: tuple[str, ...],
-        gradient: bool = False, devices: int = 1,
+        gradient: bool = False, devices: int = 1, total: int = 0,
     ):  # fmt: skip
         if devices > jax.local_device_count():
             raise InputError(
                 f"`devices` must lie in [1, {jax.local_device_count()}], but is {devices}."
             )
-        self.paths, self.gradient, self.devices = paths, gradient, devices
+        self.paths, self.gradient, self.devices, self.total = paths, gradient, devices, total
         self._arrays, self._static = eqx.partition((rig, with_few_knots(drive)), eqx.is_array)
         times = None if how.times is None else jnp.asarray(how.times)
         self._operands = times, jnp.asarray(how.substeps)
@@ -43,7 +44,7 @@ class Rows:
         """Figures, gradients and status of all `rows`, `size` of them at a time."""
         if self.how.method in BULK:  # cuts the rows into batches by itself, on one device
             rig, drive = eqx.combine(self._arrays, self._static)
-            return bulk(self._whole, rig, drive, self.paths, rows, self.gradient)
+            return bulk(self._whole, rig, drive, self.paths, rows, self.gradient, self.total)
         return in_batches(self, rows, size)
 
     def __call__(self, rows: np.ndarray) -> tuple[Any, Any, Any]:

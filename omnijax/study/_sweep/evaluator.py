@@ -67,7 +67,10 @@ class Evaluator:
     def __init__(self, spec: SweepSpec, devices: int = 1):
         self.spec, self.points = spec, spec.points
         self._paths = tuple(path for path, _, _ in spec.vary)
-        self._rows = Rows(evaluation_in(spec), *_machine(spec), self._paths, spec.gradient, devices)
+        self._rows = Rows(
+            evaluation_in(spec), *_machine(spec), self._paths, spec.gradient, devices,
+            total=self.points.size,
+        )  # fmt: skip
         few = 1 << (self.points.size - 1).bit_length()  # no more than there are designs
         self._batch = -(-min(spec.batch, few) // devices) * devices
 
