@@ -20,6 +20,8 @@ TASKS = {
     "transient-gradient": ("gradient", (), 1e-4),
     "steady": ("steady", (), 1e-6),
     "dynamics": ("dynamics", (), 1e-4),
+    "machine tripod": ("machine", (3, 0.0), 1e-4),
+    "machine four, play": ("machine", (4, 2e-6), 1e-4),
     "cold": ("cold", (), 1e-4),
 }
 PAGE = Path(__file__).parent / "README.md"

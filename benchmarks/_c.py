@@ -35,10 +35,13 @@ def pointer(array: np.ndarray):
     return array.ctypes.data_as(ctypes.c_void_p)
 
 
+number = ctypes.c_double
+
+
 def elastic(library, name: str, rows: np.ndarray, samples: int, step: float, *substeps: int):
     """RMS and peak of `rows` by one of the functions of `elastic.c`."""
     out = np.zeros((len(rows), 2))
-    arguments = [samples, ctypes.c_double(step), *substeps]
+    arguments = [samples, number(step), *substeps]
     getattr(library, name)(len(rows), pointer(rows), *arguments, pointer(out))
     return out
 
@@ -55,7 +58,5 @@ def dynamics(library, rows: np.ndarray, torque, samples: int, step: float, subst
     out = np.zeros((len(rows), 2))
     torque = np.ascontiguousarray(torque, float)
     where = pointer(torque)
-    library.dynamics(
-        len(rows), pointer(rows), where, samples, ctypes.c_double(step), substeps, pointer(out)
-    )
+    library.dynamics(len(rows), pointer(rows), where, samples, number(step), substeps, pointer(out))
     return out

@@ -7,6 +7,7 @@ SPEEDS = np.array([0.1, 1.2, 0.3])  # rad/s
 TORQUE = np.array([0.02, 0.1, 0.05])  # N m
 DURATION, SAMPLES = 2.0, 1000
 STEP = DURATION / SAMPLES
+MANY = 1_000_000  # designs in all, for which ours compiles its programs
 DAMPINGS = {"transient C=120": 120.0, "transient C=8500": 8500.0, "transient C=20000": 20000.0}
 
 

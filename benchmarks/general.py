@@ -66,7 +66,7 @@ def _ours(count: int, rows, effects: bool = False):
     def run():
         metrics = ("rms", "peak")
         return modal_figures(
-            make, rows, metrics, duration=problem.DURATION, step=problem.STEP
+            make, rows, metrics, duration=problem.DURATION, step=problem.STEP, total=problem.MANY
         ).values
 
     return run

@@ -52,7 +52,7 @@ def tools(skip) -> list[Tool]:
     def figures(gradient: bool):
         return modal_figures(
             make, rows, duration=problem.DURATION, step=problem.STEP, model="paper",
-            gradient=gradient,
+            gradient=gradient, total=problem.MANY,
         )  # fmt: skip
 
     def rms_error(slopes):  # its samples count the start, where nothing moves

@@ -39,10 +39,10 @@ def tools(skip) -> list[Tool]:
         return Operating(ours.rig(row), drive, jnp.zeros(3), jnp.zeros(3))
 
     def figures():
-        return modal_steady(make, values, model="paper").values
+        return modal_steady(make, values, model="paper", total=problem.MANY).values
 
     def slopes():
-        return modal_steady(make, values, model="paper", gradient=True).slopes
+        return modal_steady(make, values, model="paper", gradient=True, total=problem.MANY).slopes
 
     found.append(Tool("omnijax", figures, BATCH, error, 7, "with poles and statuses"))
     nothing = Tool("omnijax gradient", slopes, BATCH, lambda _: None, 5, "RMS and peak")

@@ -70,8 +70,9 @@ def _ours(rows, some, expected, few) -> list[Tool]:
 
     def bulk():
         return modal_figures(
-            make, rows, duration=problem.DURATION, step=problem.STEP, model="paper"
-        ).values
+            make, rows, duration=problem.DURATION, step=problem.STEP, model="paper",
+            total=problem.MANY,
+        ).values  # fmt: skip
 
     def rms_error(values):  # its samples count the start, where nothing moves
         count = problem.SAMPLES

@@ -4,17 +4,20 @@ import shutil
 import sys
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from seeds import drawn_anew
+from tiers import tiered
 
 from benchmarks import __main__ as command
-from benchmarks import _c, _general
+from benchmarks import _c, _general, machine
 from benchmarks import _problem as problem
 from benchmarks._clock import Tool, loosest, measure, table
+from omnijax.simulation import simulate, torques
 
 needs_compiler = pytest.mark.skipif(
     not (shutil.which("cc") or shutil.which("gcc")), reason="no C compiler"
@@ -41,6 +44,23 @@ def test_runge_kutta_programs_converge_to_the_references():
         _c.dynamics(library, rows, problem.TORQUE, 200, problem.STEP, n) for n in (32, 8)
     )
     assert 0 < problem.error(coarse, fine) < 1e-3
+
+
+@needs_compiler
+@pytest.mark.parametrize("case", tiered([(3, 0.0), (4, 2e-6)], lambda case: case[0] == 3))
+def test_the_machine_program_is_the_rig(case):
+    """Hertz contacts, unlike wheels: the C program against adaptive steps of the package's rig."""
+    (count, play), rows, samples = case, problem.designs(8, 120.0)[5:6], 60
+    ts = problem.STEP * jnp.arange(samples + 1)
+    drive = torques(machine.TORQUE[:count])
+    run = simulate(
+        machine.rig(count, play, jnp.asarray(rows[0])), drive, ts, solver="tsit5", rtol=1e-9
+    )
+    expected = problem.figures(np.asarray(run.dR[1:]).T)
+    library = _c.compiled("machine")
+    found = machine.runge_kutta(library, count, rows, play, 64, samples)[0]
+    np.testing.assert_allclose(found, expected, rtol=1e-5)
+    assert expected[0] > 1e-6
 
 
 @needs_compiler
