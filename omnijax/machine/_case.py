@@ -70,7 +70,10 @@ def _log_files(folder: Path) -> list[LogFile]:
 
 
 def log_beside(path: str | Path) -> LogFile:
-    """A log with the NAME.toml beside it: either of both may be named."""
+    """A log with the NAME.toml beside it: either of both may be named.
+
+    Raises `InputError` where there is no such file.
+    """
     path = Path(path)
     if path.suffix == ".toml":
         table = tables_of(path.parent).get(path.stem)

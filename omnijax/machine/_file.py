@@ -63,7 +63,11 @@ def load_machine(path: str | Path) -> MachineFile:
 
 
 def parse_machine(data: Mapping[str, Any], source: str = "machine.toml") -> MachineFile:
-    """The machine of a document."""
+    """The machine of a document, in SI.
+
+    Raises `InputError` with every problem at once: unknown keys, wrong types, units or ranges, and
+    numbers that its drive needs and the document lacks.
+    """
     motion = data.get("motion", "rotation")
     known = motion if motion in ("rotation", "translation") else "rotation"
     try:

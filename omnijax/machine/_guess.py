@@ -70,7 +70,11 @@ class Guess:
 
 
 def guess(log: Path, rate: float | None = None) -> Guess:
-    """Look at a log.  `rate` in Hz where it has no column of time."""
+    """Look at a log.  `rate` in Hz where it has no column of time.
+
+    Raises `InputError` where no column looks like the input or the position, or where the one that
+    does never changes; else as `describe`.
+    """
     table = read_table(log)
     columns = {k: np.asarray(x, float) for k, x in table.columns.items() if np.ndim(x) == 1}
     moving = [k for k, x in columns.items() if np.ptp(x[np.isfinite(x)]) > 0]
@@ -94,7 +98,10 @@ def guess(log: Path, rate: float | None = None) -> Guess:
 
 
 def describe(log: Path, time: str | None, given: str, position: str, rate: float | None) -> Guess:
-    """The guess with its channels known."""
+    """The guess with its channels known; `rate` in Hz where no column is the time.
+
+    Raises `InputError` for a column that the log lacks, or one that is named twice.
+    """
     table = read_table(log)
     for name in filter(None, (time, given, position)):
         if name not in table.columns:

@@ -96,7 +96,11 @@ def read_log_file(path: Path, data: Mapping[str, Any], log: Path | None = None) 
 
 
 def read_log(file: LogFile, inputs: Mapping[str, str], outputs: Mapping[str, str]) -> Log:
-    """The run that a `LogFile` speaks of; `inputs` and `outputs` are the machine's, with units."""
+    """The run that a `LogFile` speaks of; `inputs` and `outputs` are the machine's, with units.
+
+    Raises `InputError` for a log that is no file, for channels that machine or log lack, and for
+    what in its columns cannot be used.
+    """
     if not file.log.is_file():
         raise InputError(f"{file.path.name}: `log` names {file.log}, which is not a file.")
     table = read_table(file.log)
