@@ -356,6 +356,45 @@ def test_a_strong_effect_is_ranked_at_finite_strength():
     assert found.fit.point.effects[0].values["k3"] == pytest.approx(8.0, rel=0.02)
 
 
+class Lines(SmallModel):
+    """A torque of two lines in an angle that turns by 20 rad, orders free."""
+
+    frozen_keys = frozenset()
+
+    def __init__(self, found):
+        rng, laws = np.random.default_rng(0), {"motor-ripple": EFFECTS["motor-ripple"]}
+        t = np.linspace(0, 20, 1200)
+        signal = ShaftSignal(t + 0.3 * np.sin(0.7 * t), 1 + 0 * t, 0 * t)
+
+        def line(amplitude, order):
+            law = laws["motor-ripple"](*map(jnp.asarray, (amplitude, order, 0.4)))
+            return np.asarray(along(law, signal))
+
+        torque = line(0.2, 7.3) + line(0.19, 11.0)
+        sets = {split: torque + 0.01 * rng.normal(size=len(t)) for split in ("train", "held-out")}
+        super().__init__(
+            lambda p, laws, split: (
+                (sets[split] - p["c"] - sum(along(x, signal) for x in laws)) / 0.01
+            ),
+            [Prior("c", 1e-3, 0.1)],
+            laws,
+            "shaft",
+            {("motor-ripple", "order"): found, ("motor-ripple", "phase"): (0.4,)},
+        )
+
+
+def test_of_nearly_equal_lines_of_a_name_each_is_refitted():
+    """An order a little off loses of its line what another one does not: the refits rank them."""
+    search = Search(Lines((7.33, 11.0)))
+    fit = refit(search.model, Point(np.zeros(1)), relative=0.01)
+    scan, _ = search.scan(fit)
+    best, other = scan.order
+    assert best.candidate.decode(best.coefficients)["order"] == 11.0
+    assert other.gain > 0.9 * best.gain
+    (trial,) = search.trials(fit, scan)
+    assert trial.effect.values["order"] == pytest.approx(7.3, abs=0.01)
+
+
 def test_a_search_ends_at_its_budget():
     model = balance([law("bearing-coulomb", 0.2), law("shaft-drag", 0.03)])
     assert len(Search(model).run().fit.point.effects) == 2

@@ -19,6 +19,7 @@ from .starts import (
     Start,
     at_finite_strength,
     by_tangent,
+    other_lines,
     promising,
     without_strength,
     worth,
@@ -224,12 +225,15 @@ class Search:
         scores = [s for s in significant(scan, self.settings.alpha) if s.candidate.name not in have]
         starts = self.starts(fit, scan, scores, spread > self.settings.strong)
         before = residual_of(self.model, fit.point, "held-out")
+        lines = other_lines(self.model, fit, scan, scores)
         trials, openings = [], {} if spread > self.settings.strong else None
         for start in starts[: self.settings.tried]:
             if trials and self.model.spent:
                 break
             least = min((t.fit.cost for t in trials), default=np.inf)
-            trial = self.refits.try_out(fit, start, before, least, openings)
+            every = (start, *lines.get(start.name, ()))
+            alike = [self.refits.try_out(fit, s, before, least, openings) for s in every]
+            trial = min(alike, key=lambda t: t.fit.cost)
             self.tell(
                 f"{trial.effect.name}: gain {trial.gain:.0f}, held-out {trial.held.gain:.0f}, "
                 f"share {trial.held.multiplier:.2f}"

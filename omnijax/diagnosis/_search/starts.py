@@ -14,6 +14,9 @@ from .fit import Fit, predicted, tangents_at
 from .model import STEPPED, AbstractModel, Effect, Point
 from .scan import PRICE, Scan, Score
 
+LINES = {"order", "frequency"}  # numbers of a line
+OTHERS = 2  # lines beside the best one of a name that are refitted: time
+
 
 @dataclasses.dataclass(frozen=True)
 class Start:
@@ -37,6 +40,29 @@ def by_tangent(fit: Fit, scores: Sequence[Score]) -> list[Start]:
     for s in scores:
         effect = Effect(s.candidate.id, s.candidate.place, s.candidate.decode(s.coefficients))
         out.append(Start(fit.point.with_effects(*fit.point.effects, effect), fit.cost - s.merit))
+    return out
+
+
+def other_lines(
+    model: AbstractModel, fit: Fit, scan: Scan, scores: Sequence[Score]
+) -> dict[str, list[Start]]:
+    """By name the starts of lines that explain nearly as much as the best one of `scores` does.
+
+    The number of a line, so many waves a turn or a second, leads no refit from one to another, and
+    its tangent is less than the line where the number is a little off: which is right, shows once
+    each is refitted.
+    """
+    out = {}
+    for best in scores:
+        c = best.candidate
+        if not LINES & set(model.laws[c.id].parameters):
+            continue
+        near = [
+            s for s in scan.order
+            if s.candidate.name == c.name and s is not best and s.allowed
+            and s.gain > model.settings.like * best.gain
+        ]  # fmt: skip
+        out[c.name] = by_tangent(fit, near[:OTHERS])
     return out
 
 
