@@ -4,6 +4,7 @@ import ast
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -128,3 +129,42 @@ def test_editors_see_every_public_name():
     table = {(package, name, name) for name, package in omnijax._WHERE.items()}
     assert seen == table | {(None, package, package) for package in ORDER}
     assert others == ["__version__: str"]
+
+
+def _files_of(file: Path) -> set[Path]:
+    """Files of omnijax that `file` imports anywhere in it: in functions and for types too."""
+    own, out = list(file.relative_to(ROOT).parent.parts), set()
+    for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        if not isinstance(node, ast.ImportFrom):
+            continue
+        module = (node.module or "").split(".") if node.module else []
+        if node.level:
+            base = [*own[: len(own) - node.level + 1], *module]
+        elif module and module[0] == "omnijax":
+            base = module[1:]
+        else:
+            continue
+        for name in node.names:
+            place = ROOT.joinpath(*base)
+            names = (place / f"{name.name}.py", place / name.name / "__init__.py")
+            places = (*names, place.with_suffix(".py"), place / "__init__.py")
+            out |= {next(p for p in places if p.exists())}
+    return out - {file}
+
+
+def in_circles(imports: dict[Any, set]) -> set:
+    """Who reaches itself, or lies between such: what is left when both ends are taken off."""
+    left = dict(imports)
+    while True:
+        needed = set().union(*left.values())
+        ends = {k for k, uses in left.items() if not uses & left.keys() or k not in needed}
+        if not ends:
+            return {*left}
+        left = {k: uses for k, uses in left.items() if k not in ends}
+
+
+def test_no_file_imports_itself_by_way_of_others():
+    imports = {file: _files_of(file) for file in ROOT.rglob("*.py")}
+    assert sum(map(len, imports.values())) > 1000
+    assert not in_circles(imports)
+    assert in_circles({1: {2}, 2: {3}, 3: {2, 4}, 4: set()}) == {2, 3}

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from ._case import is_machine_case as is_machine_case
     from ._case import log_beside as log_beside
     from ._case import read_machine_case as read_machine_case
+    from ._field import vector_field as vector_field
     from ._file import MachineFile as MachineFile
     from ._file import load_machine as load_machine
     from ._file import machine_text as machine_text
@@ -45,7 +46,6 @@ if TYPE_CHECKING:
     from ._simulate import slopes_of as slopes_of
     from ._simulate import steps_between as steps_between
     from ._simulate import steps_for as steps_for
-    from ._simulate import vector_field as vector_field
     from ._term import start_vector as start_vector
     from ._term import term as term
 

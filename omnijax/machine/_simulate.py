@@ -13,32 +13,16 @@ from jaxtyping import Array, Float
 
 from ..laws import SensorSignal
 from ._base import AbstractMachine
+from ._field import vector_field
 from ._file import MachineFile
 from ._log import Log
-from ._ports import PlacedLaw, Ports, delayed_inputs, resting
+from ._ports import PlacedLaw, delayed_inputs, resting
 
 STABLE = 2.2  # decay of a mode within a Runge-Kutta step that is surely stable
 EXACT = 0.3  # rad of a mode within a step: its frequency is right to 1e-4
 MOST = 256  # steps between two samples of a free run
 STAGES = np.array([0.0, 0.5, 0.5, 1.0]), np.array([1.0, 2.0, 2.0, 1.0])  # ahead, weight
 OVERSAMPLED = 4  # places a sample of a band-limited input
-
-
-def vector_field(machine: AbstractMachine, placed: tuple[PlacedLaw, ...]):
-    """(rate(z, u) of the state with the laws' memories as one vector, join(x), split(z))."""
-    rest, unravel = ravel_pytree(resting(placed))
-    size = len(rest)
-
-    def split(z):
-        return z[: len(z) - size], unravel(z[len(z) - size :])
-
-    def rate(z, u):
-        x, memory = split(z)
-        ports = Ports(placed, memory)
-        dx = jnp.stack([jnp.asarray(v, float) for v in machine.rate(x, u, ports)])
-        return jnp.concatenate([dx, ravel_pytree(tuple(ports.rates))[0]])
-
-    return rate, lambda x: jnp.concatenate([jnp.asarray(x, float), rest]), split
 
 
 def motion(

@@ -7,10 +7,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from .._errors import InputError, did_you_mean
-from ._base import AbstractMachine
+from ._field import Moving, vector_field
 from ._log import Log
 from ._ports import PlacedLaw
-from ._simulate import vector_field
 
 if TYPE_CHECKING:
     import diffrax as dfx
@@ -19,7 +18,7 @@ Given = Callable[[Array], Array] | ArrayLike  # an input: of the time in s, or a
 
 
 def term(
-    machine: AbstractMachine, inputs: Log | Mapping[str, Given], placed: tuple[PlacedLaw, ...] = ()
+    machine: Moving, inputs: Log | Mapping[str, Given], placed: tuple[PlacedLaw, ...] = ()
 ) -> "dfx.ODETerm":
     """`diffrax.ODETerm` of dz/dt, z (n,) the machine's state and then the memories of its laws.
 
@@ -54,7 +53,7 @@ def term(
 
 
 def start_vector(
-    machine: AbstractMachine,
+    machine: Moving,
     first: Mapping[str, tuple[ArrayLike, ArrayLike]],
     placed: tuple[PlacedLaw, ...] = (),
 ) -> Float[Array, " n"]:

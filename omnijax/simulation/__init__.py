@@ -21,8 +21,6 @@ if TYPE_CHECKING:
     from ._exact import reached_like as reached_like
     from ._files import asked_in as asked_in
     from ._files import check_suffix as check_suffix
-    from ._files import load_run as load_run
-    from ._files import load_run as load_trajectory  # noqa: F401  (its name in 0.1)
     from ._files import save_trajectory as save_trajectory
     from ._files import to_recording as to_recording
     from ._modal import ModalFigures as ModalFigures
@@ -62,5 +60,7 @@ if TYPE_CHECKING:
     from ._steady import line_response as line_response
     from ._steady import steady_state as steady_state
     from ._trajectory import Trajectory as Trajectory
+    from ._trajectory import load_run as load_run
+    from ._trajectory import load_run as load_trajectory  # noqa: F401  (its name in 0.1)
 
 __getattr__, __dir__ = lazy_face(__name__)

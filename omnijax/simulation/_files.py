@@ -3,7 +3,7 @@
 import dataclasses
 import importlib.metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,15 +15,16 @@ from .._status import Status
 from ..recording import Recording, write_recording
 from ..recording import channels as channel_names
 from ..rig import Rig, rig_text
+from ._run import AbstractRun
 from ._sensors import GROUPS, measured
-from ._trajectory import Trajectory
 
+Run = TypeVar("Run", bound=AbstractRun)
 SUFFIXES = (".nc", ".csv", ".csv.gz", ".parquet")
 _AXES = {"axis": ["x", "y", "z"], "quaternion": ["w", "x", "y", "z"]}
 
 
 def save_trajectory(
-    trajectory: Trajectory,
+    trajectory: AbstractRun,
     path: str | Path,
     rig: Rig | None = None,
     rig_path: str | Path | None = None,
@@ -54,13 +55,8 @@ def check_suffix(path: Path) -> str:
     raise InputError(f"`{path.name}` must end in one of {', '.join(SUFFIXES)}.")
 
 
-def load_run(path: str | Path) -> Trajectory:
-    """The run that `run.save("run.nc")` wrote, to the last bit.
-
-    Raises `InputError` for another file: recordings (`.csv`, `.parquet`) by `read_recording`.
-
-    Channels are SI.
-    """
+def read_run(path: str | Path, kind: type[Run]) -> Run:
+    """The run in a `.nc` file, as a `kind` of run; `InputError` for another file."""
     path = Path(path)
     if check_suffix(path) != ".nc":
         raise InputError(
@@ -69,7 +65,7 @@ def load_run(path: str | Path) -> Trajectory:
         )
     data = load_netcdf(path, "a run of omnijax")
     try:
-        return _from_dataset(data)
+        return _from_dataset(data, kind)
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"is not a run of omnijax: {error}.", path) from None
 
@@ -82,7 +78,7 @@ def asked_in(path: str | Path) -> str:
     return str(netcdf_attributes(path, "a run of omnijax").get("asked", ""))
 
 
-def to_xarray(trajectory: Trajectory, rig: Rig | None = None, command: str = "") -> Any:
+def to_xarray(trajectory: AbstractRun, rig: Rig | None = None, command: str = "") -> Any:
     """The run as an `xarray.Dataset`: every channel with its unit; rig, versions and status aside.
 
     Where `rig` has sensors' laws, `measured_dR` and so on stand beside the true values.
@@ -108,7 +104,7 @@ def to_xarray(trajectory: Trajectory, rig: Rig | None = None, command: str = "")
 
 
 def to_recording(
-    trajectory: Trajectory,
+    trajectory: AbstractRun,
     path: str | Path = "run.csv",
     rig: Rig | None = None,
     rig_path: str | Path | None = None,
@@ -131,7 +127,7 @@ def to_recording(
     return Recording(path.name.split(".")[0], path, time, columns, wheels, "train", exact, where)
 
 
-def _channels(trajectory: Trajectory) -> dict[str, Any]:
+def _channels(trajectory: AbstractRun) -> dict[str, Any]:
     """Fields that hold numbers in time."""
     return {
         field.name: getattr(trajectory, field.name)
@@ -141,7 +137,7 @@ def _channels(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _unit(name: str) -> dict[str, str]:
-    return {"units": Trajectory.UNITS[name]} if name in Trajectory.UNITS else {}
+    return {"units": AbstractRun.UNITS[name]} if name in AbstractRun.UNITS else {}
 
 
 def _dims(name: str, shape: tuple[int, ...], wheels: int) -> tuple[str, ...]:
@@ -151,7 +147,7 @@ def _dims(name: str, shape: tuple[int, ...], wheels: int) -> tuple[str, ...]:
     return ("t", "axis") if name in vectors else ("t", "wheel")[: len(shape)]
 
 
-def _attributes(trajectory: Trajectory, rig: Rig | None, command: str) -> dict[str, Any]:
+def _attributes(trajectory: AbstractRun, rig: Rig | None, command: str) -> dict[str, Any]:
     code = int(trajectory.status)
     versions = [f"omnijax {__version__}"]
     versions += [f"{p} {importlib.metadata.version(p)}" for p in ("jax", "diffrax", "numpy")]
@@ -168,10 +164,10 @@ def _attributes(trajectory: Trajectory, rig: Rig | None, command: str) -> dict[s
     }
 
 
-def _from_dataset(data: Any) -> Trajectory:
-    own = {field.name for field in dataclasses.fields(Trajectory)}
+def _from_dataset(data: Any, kind: type[Run]) -> Run:
+    own = {field.name for field in dataclasses.fields(kind)}
     arrays = {name: jnp.asarray(data[name].values) for name in own if name in data.variables}
-    return Trajectory(
+    return kind(
         **arrays,
         status=jnp.asarray(int(Status.of(data.attrs["status"])), int),
         steps=jnp.asarray(data.attrs["steps"], int),

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._arrays import on_device
-from ._trajectory import PER_WHEEL, Trajectory
+from ._run import PER_WHEEL
+from ._trajectory import Trajectory
 
 EXACT_PIECE = 4096  # samples of a piece in closed form
 STEPPED_PIECE = 500  # of one in steps

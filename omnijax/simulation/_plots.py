@@ -5,14 +5,14 @@ from typing import Any
 import numpy as np
 
 from .._plot import COLOURS, SCALES, new_axes, styled
-from ._trajectory import PER_WHEEL, Trajectory
+from ._run import PER_WHEEL, AbstractRun
 
 LABELS = {"dR": "ΔR", "dR_elastic": "elastic ΔR", "theta": "θ", "Omega": "Ω", "omega": "ω"}
 LARGE = ("R_l", "V_l")  # the platform's way is metres, not micrometres
 
 
 @styled
-def plot_displacement(trajectory: Trajectory, *, ax: Any = None) -> Any:
+def plot_displacement(trajectory: AbstractRun, *, ax: Any = None) -> Any:
     """Components and length of ΔR in µm over time; returns the axes."""
     ax = plot_channel(trajectory, "dR", ax=ax)
     factor, _ = channel_scale(trajectory, "dR")
@@ -23,7 +23,7 @@ def plot_displacement(trajectory: Trajectory, *, ax: Any = None) -> Any:
 
 
 @styled
-def plot_channel(trajectory: Trajectory, name: str, *, ax: Any = None) -> Any:
+def plot_channel(trajectory: AbstractRun, name: str, *, ax: Any = None) -> Any:
     """One channel over time, one line a component or wheel; returns the axes.
 
     Raises `ValueError` where the run has no such channel.
@@ -51,7 +51,7 @@ def plot_channel(trajectory: Trajectory, name: str, *, ax: Any = None) -> Any:
     return ax
 
 
-def channel_scale(trajectory: Trajectory, name: str) -> tuple[float, str]:
+def channel_scale(trajectory: AbstractRun, name: str) -> tuple[float, str]:
     """Factor and unit of a channel's axis: micrometres, but what is larger in mm or m."""
     unit, values = trajectory.UNITS[name], getattr(trajectory, name)
     if name in LARGE:
@@ -72,7 +72,7 @@ def _legend(ax: Any) -> None:
 
 
 @styled
-def figure_of_run(trajectory: Trajectory) -> Any:
+def figure_of_run(trajectory: AbstractRun) -> Any:
     """A figure with the four panels of `plot_run`."""
     from matplotlib.figure import Figure
 
@@ -81,7 +81,7 @@ def figure_of_run(trajectory: Trajectory) -> Any:
     return figure
 
 
-def plot_run(trajectory: Trajectory, axes: Any) -> None:
+def plot_run(trajectory: AbstractRun, axes: Any) -> None:
     """ΔR, its elastic part, Ω and the platform's acceleration, one below the other."""
     plot_displacement(trajectory, ax=axes[0])
     for name, ax in zip(("dR_elastic", "Omega", "a"), axes[1:], strict=True):

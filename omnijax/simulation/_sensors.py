@@ -9,8 +9,8 @@ from ..dynamics import sensor_readings
 from ..recording import Recording
 from ..rig import Rig
 from ._drives import TorqueDrive
+from ._run import AbstractRun
 from ._signals import table
-from ._trajectory import Trajectory
 
 GROUPS = ("dR", "theta", "Omega", "a")  # what a recording holds of a run
 FIRST = 25  # samples that say whether a run begins already rolling
@@ -58,7 +58,7 @@ def _initial_velocity(recording: Recording):
     return jnp.asarray(fit[0]) if rolls.any() else None
 
 
-def measured(trajectory: Trajectory, rig: Rig) -> dict[str, Any]:
+def measured(trajectory: AbstractRun, rig: Rig) -> dict[str, Any]:
     """What the rig's sensors make of a run: dR, theta, Omega and a, (samples, channels).
 
     The laws at the sensors act one after the other, in the order of the rig, on their group or

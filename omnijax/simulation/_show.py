@@ -7,7 +7,7 @@ import numpy as np
 
 from .._html import html_table
 from .._text import scaled
-from ._trajectory import Trajectory
+from ._run import AbstractRun
 
 
 class ChannelRange(NamedTuple):
@@ -49,7 +49,7 @@ class RunSummary(NamedTuple):
         return html_table(self.message, [row.cells() for row in self.channels], self.HEADER)
 
 
-def summary(run: Trajectory) -> RunSummary:
+def summary(run: AbstractRun) -> RunSummary:
     """The range of every channel and column of `run`."""
     ranges = []
     for name, values in columns(run):
@@ -60,7 +60,7 @@ def summary(run: Trajectory) -> RunSummary:
     return RunSummary(run.message(), tuple(ranges))
 
 
-def columns(run: Trajectory) -> Iterator[tuple[str, np.ndarray]]:
+def columns(run: AbstractRun) -> Iterator[tuple[str, np.ndarray]]:
     """Every column of every channel: dR_x, theta_1, as recordings name them, and `distance`."""
     for channel in run.UNITS:
         values = np.asarray(getattr(run, channel))
@@ -69,7 +69,7 @@ def columns(run: Trajectory) -> Iterator[tuple[str, np.ndarray]]:
     yield "distance", np.asarray(run.distance)
 
 
-def to_dataframe(run: Trajectory) -> Any:
+def to_dataframe(run: AbstractRun) -> Any:
     """A `pandas.DataFrame` with the time as index."""
     import pandas
 

@@ -8,9 +8,9 @@ from .answer import score_table as score_table
 from .answer import separating as separating
 from .evidence import AbstractEvidence as AbstractEvidence
 from .gap import gaps as gaps
+from .named import Named as Named
+from .named import OutputGap as OutputGap
 from .result import Diagnosis as Diagnosis
-from .result import Named as Named
-from .result import OutputGap as OutputGap
 from .rig_evidence import RigEvidence as RigEvidence
 from .shown import Shown as Shown
 from .shown import noise_remarks as noise_remarks

@@ -7,7 +7,7 @@ import numpy as np
 from ...laws import Parameter
 from .._search import Effect, Point, SearchResult
 from .evidence import AbstractEvidence
-from .result import Named
+from .named import Named
 from .verdict import Verdict
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .evidence import AbstractEvidence
-from .result import OutputGap
+from .named import OutputGap
 from .shown import Shown, by_group
 from .verdict import Columns, squares
 

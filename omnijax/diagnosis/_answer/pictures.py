@@ -1,42 +1,43 @@
 """Pictures and tables of a diagnosis: `diagnosis.plot_gap()`, `.plot_scores()`, `.to_xarray()`."""
 
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from ..._html import html_table
 from ..._plot import PALETTE, bars_of_scores, new_axes, styled
-from .result import Diagnosis
+from .named import Named, OutputGap
 
 BLUE, ORANGE, GREY = PALETTE["blue"], PALETTE["vermillion"], "#777777"
 ENDS = ("noise_floor", "before", "after")
 
 
 @styled
-def plot_gap(diagnosis: Diagnosis, *, ax: Any = None) -> Any:
+def plot_gap(verdict: str, gap: Mapping[str, OutputGap], *, ax: Any = None) -> Any:
     """Held-out RMS of every output group before and after, over its noise; returns the axes."""
     ax = new_axes(ax, 3.0)
-    groups = list(diagnosis.gap)
+    groups = list(gap)
     at = np.arange(len(groups))
     for shift, end, colour in ((-0.2, "before", ORANGE), (0.2, "after", BLUE)):
-        values = [getattr(g, end) / g.noise_floor for g in diagnosis.gap.values()]
+        values = [getattr(g, end) / g.noise_floor for g in gap.values()]
         ax.bar(at + shift, values, 0.38, color=colour, label=end)
     ax.axhline(1.0, color=GREY, lw=1.0, ls="--", label="noise")
     ax.set_xticks(at, groups)
-    ax.set(yscale="log", ylabel="held-out RMS / noise", title=f"Gap: {diagnosis.verdict}")
+    ax.set(yscale="log", ylabel="held-out RMS / noise", title=f"Gap: {verdict}")
     ax.legend(frameon=False, ncols=3)
     return ax
 
 
 @styled
-def plot_scores(diagnosis: Diagnosis, *, step: int = 1, ax: Any = None) -> Any:
+def plot_scores(scores: Sequence[dict[str, Any]], *, step: int = 1, ax: Any = None) -> Any:
     """What the best candidates of a step would explain, as tangent scores; returns the axes.
 
     Raises `ValueError` where the search had no such step.
     """
-    best = [s for s in diagnosis.scores if s["step"] == step]
+    best = [s for s in scores if s["step"] == step]
     if not best:
-        steps = sorted({s["step"] for s in diagnosis.scores})
+        steps = sorted({s["step"] for s in scores})
         raise ValueError(f"`step` must be one of {steps}, but is {step}.")
     ax = new_axes(ax, 0.9 + 0.26 * len(best))
     bars_of_scores(ax, best, BLUE)
@@ -45,10 +46,10 @@ def plot_scores(diagnosis: Diagnosis, *, step: int = 1, ax: Any = None) -> Any:
 
 
 @styled
-def plot_where(diagnosis: Diagnosis, *, ax: Any = None) -> Any:
+def plot_where(where: Sequence[dict[str, Any]], *, ax: Any = None) -> Any:
     """Shares of the residual's power by place, those that do not stand paler; returns the axes."""
-    ax = new_axes(ax, 0.9 + 0.26 * max(1, len(diagnosis.where)))
-    rows = diagnosis.where[::-1]
+    ax = new_axes(ax, 0.9 + 0.26 * max(1, len(where)))
+    rows = where[::-1]
     colours = [BLUE if w["stands"] else GREY for w in rows]
     names = [f"{k}  {place_text(w)}" for k, w in zip(range(len(rows), 0, -1), rows, strict=True)]
     ax.barh(names, [100 * w["share"] for w in rows], color=colours)
@@ -63,46 +64,47 @@ def place_text(where: dict[str, Any]) -> str:
     return f"{where['channel']}, {where['domain']}{value}{unit}"
 
 
-def html(diagnosis: Diagnosis) -> str:
+def html(verdict: str, effects: Sequence[Named], gap: Mapping[str, OutputGap]) -> str:
     """The answer, the effects and the gap as tables."""
-    effects = [
+    sizes = [
         (f"{e.id} at {e.place}", key, p["value"], "–" if p["sigma"] is None else p["sigma"],
          p["unit"])
-        for e in diagnosis.effects
+        for e in effects
         for key, p in (e.parameters or {"–": {"value": "–", "sigma": None, "unit": ""}}).items()
     ]  # fmt: skip
-    gap = [(g, x.unit, x.noise_floor, x.before, x.after) for g, x in diagnosis.gap.items()]
-    parts = [html_table("Gap on held-out runs", gap, ("group", "unit", "noise", "before", "after"))]
-    if effects:
+    rows = [(g, x.unit, x.noise_floor, x.before, x.after) for g, x in gap.items()]
+    parts = [
+        html_table("Gap on held-out runs", rows, ("group", "unit", "noise", "before", "after"))
+    ]
+    if sizes:
         header = ("effect", "parameter", "value", "1-sigma", "unit")
-        parts.insert(0, html_table(f"Diagnosis: {diagnosis.verdict}", effects, header))
+        parts.insert(0, html_table(f"Diagnosis: {verdict}", sizes, header))
     else:
-        parts.insert(0, html_table(f"Diagnosis: {diagnosis.verdict}", []))
+        parts.insert(0, html_table(f"Diagnosis: {verdict}", []))
     return "".join(parts)
 
 
-def dataset(diagnosis: Diagnosis) -> Any:
+def dataset(
+    verdict: str,
+    effects: Sequence[Named],
+    gap: Mapping[str, OutputGap],
+    base: Sequence[dict[str, Any]],
+    scores: Sequence[dict[str, Any]],
+) -> Any:
     """Gap, calibrated parameters and scores as an `xarray.Dataset`."""
     import xarray
 
-    gap = {
-        f"gap_{end}": ("group", [getattr(g, end) for g in diagnosis.gap.values()]) for end in ENDS
-    }
-    base = diagnosis.baseline
+    ends = {f"gap_{end}": ("group", [getattr(g, end) for g in gap.values()]) for end in ENDS}
     keys = ("stated", "without_effects", "with_effects", "relative_sigma")
     parameters = {f"parameter_{k}": ("parameter", [b[k] for b in base]) for k in keys}
-    scores = {
-        "score_gain": ("candidate", [s["gain"] for s in diagnosis.scores]),
-        "score_p": ("candidate", [s["p"] for s in diagnosis.scores]),
-        "score_step": ("candidate", [s["step"] for s in diagnosis.scores]),
-    }
+    columns = {f"score_{k}": ("candidate", [s[k] for s in scores]) for k in ("gain", "p", "step")}
     coords = {
-        "group": list(diagnosis.gap),
-        "unit": ("group", [g.unit for g in diagnosis.gap.values()]),
+        "group": list(gap),
+        "unit": ("group", [g.unit for g in gap.values()]),
         "parameter": [b["parameter"] for b in base],
-        "candidate": [f"{s['id']}@{s['place']}" for s in diagnosis.scores],
+        "candidate": [f"{s['id']}@{s['place']}" for s in scores],
     }
-    named = ", ".join(f"{e.id}@{e.place}" for e in diagnosis.effects)
+    named = ", ".join(f"{e.id}@{e.place}" for e in effects)
     return xarray.Dataset(
-        gap | parameters | scores, coords, {"verdict": diagnosis.verdict, "effects": named}
+        ends | parameters | columns, coords, {"verdict": verdict, "effects": named}
     )

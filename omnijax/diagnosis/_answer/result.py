@@ -9,35 +9,9 @@ from typing import Any
 import numpy as np
 
 from ..._files import write_text
+from .named import Named, OutputGap
 
 REMAINS = 1.4  # times the noise (1 sigma beside it): above this something else is missing too
-
-
-@dataclasses.dataclass(frozen=True)
-class Named:
-    """One named effect: parameters as {name: {value, sigma, unit}}, evidence, near rivals."""
-
-    id: str
-    place: str
-    parameters: dict[str, dict[str, Any]]
-    evidence: dict[str, float]
-    indistinguishable_from: list[dict[str, str]] = dataclasses.field(default_factory=list)
-
-
-@dataclasses.dataclass(frozen=True)
-class OutputGap:
-    """RMS of measured less predicted on the held-out runs, against the noise."""
-
-    noise_floor: float
-    before: float
-    after: float
-    unit: str
-
-    @property
-    def closed(self) -> float:
-        """Share of what was above the noise that is gone; NaN where nothing was."""
-        above = self.before - self.noise_floor
-        return (self.before - self.after) / above if above > 0 else math.nan
 
 
 @dataclasses.dataclass
@@ -111,30 +85,30 @@ class Diagnosis:
         """Held-out RMS before and after over the noise, by output group; returns the axes."""
         from .pictures import plot_gap
 
-        return plot_gap(self, ax=ax)
+        return plot_gap(self.verdict, self.gap, ax=ax)
 
     def plot_scores(self, *, step: int = 1, ax: Any = None) -> Any:
         """What the best candidates of a step would explain; returns the axes."""
         from .pictures import plot_scores
 
-        return plot_scores(self, step=step, ax=ax)
+        return plot_scores(self.scores, step=step, ax=ax)
 
     def plot_where(self, *, ax: Any = None) -> Any:
         """Where the gap is, by share of the residual's power; returns the axes."""
         from .pictures import plot_where
 
-        return plot_where(self, ax=ax)
+        return plot_where(self.where, ax=ax)
 
     def to_xarray(self) -> Any:
         """Gap, calibrated parameters and scores as an `xarray.Dataset`."""
         from .pictures import dataset
 
-        return dataset(self)
+        return dataset(self.verdict, self.effects, self.gap, self.baseline, self.scores)
 
     def _repr_html_(self) -> str:
         from .pictures import html
 
-        return html(self)
+        return html(self.verdict, self.effects, self.gap)
 
     def __repr__(self) -> str:
         joined = " or " if self.verdict == "ambiguous" else " and "

@@ -10,20 +10,17 @@ with R the autocovariance of the rows under white position noise of 1-sigma 1, a
 likelihood; rows are whitened by the inverse of its banded Cholesky factor (Aitken 1935).
 """
 
+import abc
 import copy
 import dataclasses
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cholesky_banded, solve_banded
 
-from .._search import Fit, refit
+from .._search import AbstractModel, Fit, Point, refit
 from .floor import inflation
-from .rows import Balance, smoothed
-
-if TYPE_CHECKING:
-    from .model import OdeModel
+from .rows import Balance, FreeRun, smoothed
 
 SHARES = 10.0 ** np.arange(-7.0, 2.1, 0.5)  # r: of the rows' variance that is no sensor noise
 LOCAL = 1e-9  # of the autocovariance, below which rows share no noise
@@ -55,7 +52,22 @@ class Colour:
         return dataclasses.replace(self, sigma=sigma), unlikely
 
 
-def of_sensor(model: "OdeModel", fit: Fit) -> np.ndarray:
+class AbstractColoured(AbstractModel):
+    """A model of rows by run that may be weighed by the colour of their noise."""
+
+    rows: Sequence[Balance | FreeRun]
+    colour: Colour | None
+
+    @abc.abstractmethod
+    def slopes(self, point: Point) -> np.ndarray:
+        """Slopes (m, n, n) of the rate at states that the runs pass."""
+
+    @abc.abstractmethod
+    def left(self, point: Point, split: str) -> list[np.ndarray]:
+        """By run of a split its rows (rows,) at a point, in physical units."""
+
+
+def of_sensor(model: AbstractColoured, fit: Fit) -> np.ndarray:
     """Autocovariance (b,), over its first value, of a balance's rows under white position noise.
 
     A row is a + damping v + stiffness q, low-passed, with the typical damping (1/s) and stiffness
@@ -97,7 +109,7 @@ class Likelihood:
         return (self.train - other.train) / repeated, (self.held - other.held) / repeated
 
 
-def in_colour(model: "OdeModel", fit: Fit) -> Likelihood:
+def in_colour(model: AbstractColoured, fit: Fit) -> Likelihood:
     """How likely a fit's laws are once all numbers are refitted, weighed by what they leave.
 
     The noise has the colour and size of what the fit itself leaves, on the held-out rows a size of

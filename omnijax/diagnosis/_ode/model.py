@@ -11,7 +11,6 @@ from ...laws import EFFECTS, AbstractLaw
 from ...machine import AbstractMachine, PlacedLaw, slopes_of, steps_for
 from .._search import (
     SETTINGS,
-    AbstractModel,
     Candidate,
     Effect,
     Fit,
@@ -22,7 +21,7 @@ from .._search import (
 )
 from .before import matters
 from .candidates import Scales, machine_candidates
-from .colour import Colour, in_colour
+from .colour import AbstractColoured, Colour, in_colour
 from .floor import beside, best_known, inflation
 from .numbers import Numbers
 from .orders import strongest_orders
@@ -39,10 +38,11 @@ SIMPLER = 0.01  # share of its gain that each number of a law must be worth
 RESTARTS = 6  # steps of Gauss and Newton of the windows' starts at a point
 PARTS = (1.0, 0.3)  # of such a step, that are tried
 ENOUGH = 0.01  # of the squares, that a further one must gain
+STEP = 1e-3  # prior sigmas, of a difference
 ROOM = 3  # of one law with an order at one place
 
 
-class OdeModel(AbstractModel):
+class OdeModel(AbstractColoured):
     """A machine, its runs, the laws that may be missing; rows by one criterion a run.
 
     `criterion(numbers, run)` gives the rows of a run; `noise` is the sensor's 1-sigma of position.
@@ -192,7 +192,16 @@ class OdeModel(AbstractModel):
         if which := self._begun_freely():
             self._begin(point, which)
         self._undecided = None
-        self._undecided = undecided(self, point)
+        if len(point.u) and self.splits["held-out"]:
+            self._undecided = undecided(self.tangents(point, ()), self._held_out_slopes(point))
+
+    def _held_out_slopes(self, point: Point) -> np.ndarray:
+        """Changes (rows, numbers) of the held-out rows, in sigma, by the numbers' prior sigmas."""
+        steps = [np.zeros_like(point.u), *(STEP * np.eye(len(point.u)))]
+        points = [Point(point.u + step, point.effects) for step in steps]
+        thetas = np.stack([self.numbers.vector(p) for p in points])
+        rows = self.whitened(self.raw(thetas, self.splits["held-out"]), "held-out")
+        return ((rows[1:] - rows[0]) / STEP).T
 
     def _begin(self, point: Point, which: Sequence[int]) -> None:
         """Free starts of some runs, and their tangents."""
