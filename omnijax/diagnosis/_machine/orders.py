@@ -11,7 +11,8 @@ counts less what the model's own numbers would take up of it: where a wheel turn
 they take up most of many a line, and a wrong order had stood above the right one.
 """
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -29,6 +30,7 @@ TOGETHER = 64  # orders computed at a time
 THINNED = 8  # samples from one at which a line's size is computed to the next
 LEFT, ROUGHLY = 1e-6, 1e-3  # of a line, what counts as left of it at least; from `THINNED` samples
 BEST = 64  # orders whose gain is computed in full, of a law and wheel
+NEARLY, MANY = 0.9, 16  # share of the best one's gain from which they are refined, so many at most
 LAWS = ("motor-ripple", "current-ripple")
 
 Orders = dict[str, list[tuple[list[float], int]]]  # by law and wheel: orders, and of how many
@@ -53,13 +55,32 @@ def strongest_orders(
         for law, lines in out.items():
             first = _estimated(*given, law, k, grid)
             step = grid[1] - grid[0]
-            closer = np.arange(-CLOSER, CLOSER + 1) * step / CLOSER
-            best, some = [], np.array(_peaks(grid, first, BEST, CLOSER * step))
-            for n in _peaks(some, _gains(*given, law, k, some), PEAKS, GRID * step):
-                near = np.maximum(n + closer, LOWEST)
-                best.append(float(near[np.argmax(_gains(*given, law, k, near))]))
-            lines.append((best, max(1, len(grid) // GRID)))
+            some = np.array(_peaks(grid, first, BEST, CLOSER * step))
+            gains = _gains(*given, law, k, some)
+            order = np.argsort(gains)[::-1]
+            nearly = np.count_nonzero(gains > NEARLY * gains.max())
+            some = some[order[: min(max(PEAKS, nearly), MANY)]]
+            fine = _refined(some, step, functools.partial(_gains, *given, law, k))
+            lines.append((_peaks(*fine, PEAKS, GRID * step), max(1, len(grid) // GRID)))
     return out
+
+
+def _refined(
+    orders: np.ndarray, step: float, gains_of: Callable[[np.ndarray], np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The best order about each of `orders`, within a `step`, and its gain: of a parabola.
+
+    The right line may stand lower on a grid than a wrong one that lies on it.
+    """
+    near = orders[:, None] + np.arange(-CLOSER, CLOSER + 1) * step / CLOSER
+    gains = gains_of(np.maximum(near, LOWEST).ravel()).reshape(near.shape)
+    top = np.clip(np.argmax(gains, axis=1), 1, 2 * CLOSER - 1)
+    left, here, right = (gains[np.arange(len(gains)), top + k] for k in (-1, 0, 1))
+    bent = left + right - 2 * here
+    way = np.clip(np.where(bent < 0, (left - right) / 2 / np.where(bent < 0, bent, 1), 0.0), -1, 1)
+    way = np.where(bent < 0, way, np.sign(right - left))
+    best = near[np.arange(len(near)), top] + way * step / CLOSER
+    return np.maximum(best, LOWEST), here + way * (right - left) / 2 + way**2 * bent / 2
 
 
 def _estimated(bases, rests, rows, taken, law: str, k: int, grid: np.ndarray) -> np.ndarray:
@@ -259,7 +280,8 @@ def _waves(base: Linearisation, rows: DataRows, law: str, k: int, orders: np.nda
 
 def _grid(bases: Sequence[Linearisation], k: int) -> np.ndarray:
     """Orders of wheel `k`: from `LOWEST` to half a turn of the wave a sample at a usual speed."""
-    travel = max(float(np.ptp(b.motion.theta[:, k])) for b in bases)
+    theta = [b.motion.theta[:, k] for b in bases]  # a wave has one phase in all runs
+    travel = float(max(map(np.max, theta)) - min(map(np.min, theta)))
     speed = np.quantile(np.abs(np.concatenate([b.motion.speed[:, k] for b in bases])), FAST)
     step = 2 * np.pi / max(travel, 2 * np.pi) / GRID
     top = np.pi / bases[0].run.step / max(float(speed), 1e-6)
