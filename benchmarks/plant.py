@@ -5,7 +5,6 @@ formulas, other friction widths, other profiles' code.  Every effect is a number
 is no effect.  One compiled function simulates every case.
 """
 
-from functools import partial
 from typing import Any
 
 import jax
@@ -16,6 +15,8 @@ jax.config.update("jax_enable_x64", True)
 
 RATE = 500.0  # Hz, of the recording
 STEPS = 1e4  # Runge-Kutta steps a second
+STAGES = np.array([0.0, 0.5, 0.5, 1.0]), np.array([1.0, 2.0, 2.0, 1.0]) / 6  # ahead, weight
+ROOM = 4096  # samples: runs are padded to multiples of it, so that one program serves all lengths
 W0, V0, EPS = 0.07, 1.4e-3, 4e-3  # friction widths; the package's candidates start from others
 NOISE = {"dR": 2e-6, "theta": 1e-4, "Omega": 1e-4, "a": 5e-3}
 
@@ -192,56 +193,71 @@ def at_rest(theta, rig, e):
         m = rig["k"] * D + mount_extra(D, 0 * D, rig, e)
         return jnp.concatenate([normal.T @ (t + rig["Kc"] * (normal @ x)), t - m])
 
-    v = jnp.zeros(3 + len(normal))
-    for _ in range(12):
-        v = v - jnp.linalg.lstsq(jax.jacfwd(balance)(v), balance(v))[0]
+    def newton(_, v):
+        return v - jnp.linalg.lstsq(jax.jacfwd(balance)(v), balance(v))[0]
+
+    v = jax.lax.fori_loop(0, 12, newton, jnp.zeros(3 + len(normal)))
     x, D = v[:3], v[3:]
     pulled = rig["C"] * rho
     zero, d = jnp.zeros(3), normal @ x - D - rho
     return (x, D, -normal.T @ pulled, pulled, zero, theta, zero, q, d)
 
 
-@partial(jax.jit, static_argnames="rate")
 def side_by_side(theta, torque, force, rig, e, rate=RATE, steps=STEPS):
     """As `simulate`, every run with a machine and effects of its own, in `steps` a second."""
-    return jax.vmap(lambda *run: _simulate(*run, rate, steps))(theta, torque, force, rig, e)
+    samples = torque.shape[1]
+    room = ROOM * -(-samples // ROOM)
+    wide = [np.pad(x, ((0, 0), (0, room - samples), (0, 0)), mode="edge") for x in (torque, force)]
+    made = _side_by_side(theta, *wide, samples, rig, e, float(rate), float(steps))
+    return np.asarray(made)[:, :samples]
 
 
-@jax.jit
 def simulate(theta, torque, force, rig, e):
     """Noise-free outputs (runs, samples, ..): dR, theta, Omega, a of runs side by side.
 
     `theta` (runs, n) at the start; `torque` (runs, samples, n) and `force` (runs, samples, 3) on
     the platform are linear between samples.
     """
-    return jax.vmap(lambda *run: _simulate(*run, rig, e))(theta, torque, force)
+    runs = len(torque)
+    every = jax.tree.map(lambda x: np.stack([np.asarray(x, float)] * runs), (rig, e))
+    return side_by_side(theta, torque, force, *every)
 
 
-def _simulate(theta, torque, force, rig, e, rate=RATE, steps=STEPS):
+@jax.jit
+def _side_by_side(theta, torque, force, samples, rig, e, rate, steps):
+    """Runs of `samples` in as much room as `torque` has: one program for all lengths and rates."""
+
+    def one(theta, torque, force, rig, e):
+        return _simulate(theta, torque, force, samples, rig, e, rate, steps)
+
+    return jax.vmap(one)(theta, torque, force, rig, e)
+
+
+def _simulate(theta, torque, force, samples, rig, e, rate, steps):
     count = jnp.round(steps / rate).astype(int)  # Runge-Kutta steps a sample
     h = 1 / rate / count
 
     def add(y, k, s):
         return jax.tree.map(lambda a, b: a + s * b, y, k)
 
-    def sample(y, given):
-        k, start, end = given
+    def sample(k, reached):
+        y, out = reached
+        start, end = force[k], force[jnp.minimum(k + 1, samples - 1)]
 
         def sub(j, y):
-            time = (k * count + j) * h
+            def stage(reached, of):  # one body for four stages: a quarter of the program
+                slope, mean = reached
+                ahead, weight = of
+                push = start + (end - start) * (j + ahead) / count
+                time, given = (k * count + j + ahead) * h, commanded(k + (j + ahead) / count)
+                slope = field(add(y, slope, ahead * h), time, given, push, rig, e)[0]
+                return (slope, add(mean, slope, weight)), None
 
-            def rates(y, s):
-                push = start + (end - start) * (j + s) / count
-                return field(y, time + s * h, commanded(k + (j + s) / count), push, rig, e)[0]
-
-            k1 = rates(y, 0.0)
-            k2 = rates(add(y, k1, h / 2), 0.5)
-            k3 = rates(add(y, k2, h / 2), 0.5)
-            k4 = rates(add(y, k3, h), 1.0)
-            mean = jax.tree.map(lambda a, b, c, d: (a + 2 * b + 2 * c + d) / 6, k1, k2, k3, k4)
+            rest = jax.tree.map(jnp.zeros_like, y)
+            (_, mean), _ = jax.lax.scan(stage, (rest, rest), STAGES)
             return add(y, mean, h)
 
-        out = measure(y, k, start)
+        out = out.at[k].set(measure(y, k, start))
         return jax.lax.fori_loop(0, count, sub, y), out
 
     def commanded(at):
@@ -256,12 +272,9 @@ def _simulate(theta, torque, force, rig, e, rate=RATE, steps=STEPS):
         acceleration = field(y, k / rate, commanded(k), push, rig, e)[1]
         return jnp.concatenate([y[0], y[5], y[6], acceleration])
 
-    samples = len(torque)
-    pairs = (jnp.arange(samples - 1), force[:-1], force[1:])
     begun = (*at_rest(theta, rig, e), torque[0])
-    last, out = jax.lax.scan(sample, begun, pairs)
-    end = measure(last, samples - 1, force[-1])
-    return jnp.concatenate([out, end[None]])
+    out = jnp.zeros((len(torque), 9 + len(theta)))
+    return jax.lax.fori_loop(0, samples, sample, (begun, out))[1]
 
 
 def wander(rng, seconds: float, peak: float = 0.55, rate: float = RATE) -> np.ndarray:
