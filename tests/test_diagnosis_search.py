@@ -256,6 +256,17 @@ def test_an_effect_that_moves_nothing_by_one_per_cent_is_not_named():
     assert len(review.prune(fit, baseline)[0].point.effects) == 2
 
 
+@pytest.mark.parametrize(("strong", "named"), [(0.2, 2), (200.0, 1)])
+def test_what_is_within_the_error_of_a_strong_effects_prediction_is_not_named(strong, named):
+    """Torques are linear between samples: of 20 000 sigma some are left that look like friction."""
+    model = balance([law("bearing-coulomb", strong), law("shaft-drag", 2e-3)])
+    effects = (Effect("bearing-coulomb", "shaft", {"torque": strong}),
+               Effect("shaft-drag", "shaft", {"D": 2e-3}))  # fmt: skip
+    fit, baseline = refit(model, Point(np.zeros(2), effects)), refit(model, Point(np.zeros(2)))
+    assert len(fit.point.effects) == 2
+    assert len(Review(Refits(model), print).prune(fit, baseline)[0].point.effects) == named
+
+
 def test_what_stood_for_the_misfit_of_a_wrong_effect_goes_with_it():
     model = balance([law("bearing-coulomb", 0.2)], {**LAWS, "soft": Soft})
     _, signatures = Search(model).scan(refit(model, Point(np.zeros(2))))

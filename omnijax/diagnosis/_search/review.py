@@ -60,8 +60,9 @@ class Review:
     def prune(self, fit: Fit, baseline: Fit) -> tuple[Fit, dict[int, Fit]]:
         """Leave out effects without which the refit is as good; the refits without the others.
 
-        As good: chi2 within the margin of rivals, or every group's RMS within one per cent.  Such
-        an effect stands among the limits, however significant.
+        As good: chi2 within the margin of rivals, or every group's RMS within one per cent, or
+        within what a prediction may be wrong by.  Such an effect stands among the limits, however
+        significant.
         """
         k, alone = 0, {}
         while k < len(fit.point.effects):
@@ -69,7 +70,9 @@ class Review:
             without = fit.point.with_effects(*effects[:k], *effects[k + 1 :])
             start = without if without.effects else baseline.point
             less = refit(self.model, start, rounds=2)
-            if less.cost - fit.cost < self.settings.margin or not self._matters(less, fit):
+            if less.cost - fit.cost < self.settings.margin or not self._matters(
+                less, fit, baseline
+            ):
                 self.tell(f"{effects[k].name} is not needed")
                 fit, k, alone = less, 0, {}
             else:
@@ -77,11 +80,20 @@ class Review:
                 k += 1
         return fit, alone
 
-    def _matters(self, less: Fit, fit: Fit) -> bool:
-        """Whether leaving an effect out raises some group's RMS by more than one per cent."""
-        without = self.model.group_rms(less.residual, "train")
-        with_it = self.model.group_rms(fit.residual, "train")
-        return any(without[g] > (1 + self.settings.material) * x for g, x in with_it.items())
+    def _matters(self, less: Fit, fit: Fit, baseline: Fit) -> bool:
+        """Whether leaving an effect out raises some group's RMS by more than one per cent.
+
+        And by more than the part by which the prediction of all effects' change may be wrong.
+        """
+        first, without, with_it = (
+            self.model.group_rms(f.residual, "train") for f in (baseline, less, fit)
+        )
+        settings = self.settings
+        return any(
+            without[g] > (1 + settings.material) * x
+            and without[g] ** 2 - x**2 > settings.exact**2 * (first[g] ** 2 - x**2)
+            for g, x in with_it.items()
+        )
 
     def challenge(self, fit: Fit, i: int, signatures: Signatures) -> tuple[Fit | None, list[Rival]]:
         """(a refit that is better with another effect in place of effect i, or None; rivals)."""

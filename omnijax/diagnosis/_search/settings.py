@@ -21,6 +21,10 @@ class SearchSettings:
     equal: float = 12.0  # below it two rivals are equals; a wrong one leads by it by chance at most
     # 3e-4 of the time: derived (the gap of two fits is normal, of mean d^2 and variance 4 d^2)
     material: float = 0.01  # least change of a group's RMS that is named: required of the project
+    exact: float = (
+        5e-4  # share of all effects' change by which its prediction may be wrong: what is
+    )
+    # linear between samples misses (2 pi f h)^2 / 12 of a line, 3 Hz at 250 Hz: derived
     price: float = 12.0  # half of log N a column, N = 1e5 samples: derived (BIC)
     # how far a search goes
     most: int = 8  # effects: required of the project
