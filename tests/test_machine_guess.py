@@ -70,6 +70,21 @@ def test_a_servo_that_saturates_and_rubs_is_guessed_from_all_its_logs(tmp_path):
     assert float(axis.coulomb) == 0  # the diagnosis names it
 
 
+def test_a_servo_that_is_always_on_may_lose_its_speed_in_motor_or_bearing(tmp_path):
+    """A back EMF lessens the load of the gear, a damping does not: both are left open."""
+    rng = drawn_anew("guessed back EMF")
+    w, e, t = rng.uniform(10, 16), rng.uniform(10, 20), np.arange(1500) * STEP
+    goal = 0.8 * np.sign(np.sin(2 * np.pi * rng.uniform(0.3, 0.5) * t))
+    q = stepped(lambda x, u: np.array([x[1], w**2 * (u - x[0]) - e * x[1]]), [0.0, 0.0], goal)[:, 0]
+    q = q + 1e-5 * rng.normal(size=len(t))
+    log = written(tmp_path / "a.csv", {"time": t, "goal_rad": goal, "angle_rad": q})
+    axis = new_case(tmp_path, [log])
+    assert float(axis.damping) + float(axis.back_emf) == pytest.approx(e, rel=0.2)
+    assert min(float(axis.damping), float(axis.back_emf)) > 0.3 * e
+    unsure = load_machine(tmp_path / "case" / "machine.toml").uncertainty
+    assert {"damping", "back_emf"} <= set(unsure)
+
+
 def test_a_pendulum_is_told_from_a_spring(tmp_path):
     rng = drawn_anew("guessed pendulum")
     J, w, t = 10 ** rng.uniform(-3, 0), rng.uniform(4, 8), np.arange(2000) * STEP

@@ -49,6 +49,8 @@ def servo_numbers(logs: Sequence[LogSignals]) -> dict[str, float]:
     a = on clip(p k (u - q), -L, L) - on e v - d v - g sin(q) - c tanh(v/w): a term is there where
     it explains a part of the acceleration that the others do not.  The dry friction c is left to
     the diagnosis, which tells it from its kin: here it only keeps the other numbers right.
+    Of a servo that is always on, e and d are told apart only by what grows with its torque, as
+    friction of a loaded gear does: each takes half of their sum.
     """
     rates = [log.rates for log in logs]
     q, v, a = (_joined([r[k] for r in rates]) for k in range(3))
@@ -59,7 +61,8 @@ def servo_numbers(logs: Sequence[LogSignals]) -> dict[str, float]:
     columns = {"gain": on * error, "damping": -v}
     least = LEAST * float(np.std(a) / max(np.std(v), 1e-300))
     extra = {"gravity": -np.sin(q), "coulomb": -np.tanh(v / width)}
-    if 0.05 < on.mean() < 0.95:  # else it is one with the damping
+    switched = 0.05 < on.mean() < 0.95  # else the back EMF is one with the damping
+    if switched:
         extra["back_emf"] = -v * on
     numbers, left = _least(columns, a)
     limits = np.abs(error[on]).max(initial=0.0) * CLIPPED ** np.arange(1, LIMITS)
@@ -80,6 +83,8 @@ def servo_numbers(logs: Sequence[LogSignals]) -> dict[str, float]:
     out = {"inertia": 1.0} | numbers
     out["gain"] = max(out["gain"], 1e-3)
     out["damping"] = max(out["damping"], least)
+    if not switched:
+        out["damping"] = out["back_emf"] = out["damping"] / 2
     if clipped is None:  # reached at the top of a jump or two it is not seen here: left open
         clipped = REACHED * float(np.abs(error[on]).max(initial=0.0))
     out["limit"] = clipped * out["gain"] or BOUNDLESS

@@ -161,4 +161,4 @@ def _free(numbers: Numbers, run: OdeRun, memory: float, longest: int) -> FreeRun
         filled = -(-filled // 2)
     length = filled if whole else max(LEADS * lead, longest // 16, 64)
     lead = 0 if whole else lead
-    return FreeRun(numbers, run, lead, length, max(1, n // ROWS), lead == 0)
+    return FreeRun(numbers, run, lead, length, max(1, n // ROWS))

@@ -218,8 +218,8 @@ class OdeModel(AbstractColoured):
         return bool(self._begun_freely())
 
     def _begun_freely(self) -> list[int]:
-        """Runs in windows whose starts are free."""
-        return [i for i, r in enumerate(self.rows) if isinstance(r, FreeRun) and r.free]
+        """Runs with windows whose starts are free: of free runs all."""
+        return [i for i, r in enumerate(self.rows) if isinstance(r, FreeRun)]
 
     def _start_slopes(self, theta, which: Sequence[int]) -> dict[int, np.ndarray]:
         """By run what each number (numbers, rows) of its windows' starts and pasts changes."""

@@ -102,9 +102,11 @@ class Balance:
 class FreeRun:
     """Measured outputs less those simulated from the inputs, in windows.
 
-    A window begins at the measured state, moved by what is free of its start and of its past
-    (`before`); its first `lead` samples do not count.  A run that is
-    shorter than its window is filled up, so that runs of about one length share a program.
+    A window begins at the measured state, `lead` samples before the first that counts: by then an
+    axis that forgets has forgotten its start.  Before a run's own first sample nothing was
+    measured, so that its first window begins where it counts: as for windows without a lead, start
+    and past (`before`) are free there.  A run that is shorter than its window is filled up, so that
+    runs of about one length share a program.
     """
 
     group = "position"
@@ -114,15 +116,16 @@ class FreeRun:
         """What a program of such rows hangs on beside the shapes of the data."""
         return ("free-run", self.run.hold, self.run.step)
 
-    def __init__(self, numbers: Numbers, run: OdeRun, lead: int, length: int,
-                 thin: int = 1, free: bool = False):  # fmt: skip
-        self.numbers, self.run, self.thin, self.free = numbers, run, thin, free
+    def __init__(self, numbers: Numbers, run: OdeRun, lead: int, length: int, thin: int = 1):
+        self.numbers, self.run, self.thin = numbers, run, thin
         n, self.places = len(run.time), places_of(run.hold)
         q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
         q = np.where(np.arange(n) < 3, run.outputs["position"], q)
         ends = windows(n, length)
         begins, count, total = np.append(0, ends[:-1]), len(ends), length + lead
         self.begin = np.maximum(0, begins - lead)
+        short = begins - self.begin < max(lead, 1)
+        self.free = [w for w in range(count) if short[w]]  # windows of free starts
         take = self.begin[:, None] + np.arange(total)
         self.used = (take >= begins[:, None]) & (take < ends[:, None])
         take = np.minimum(take, n - 1)
@@ -192,11 +195,15 @@ class FreeRun:
         return moved
 
     def squares(self, left: np.ndarray) -> np.ndarray:
-        """Sum of squares (windows,) of what is `left` (rows,)."""
-        return np.array([left[rows] @ left[rows] for _, rows in self._windows()])
+        """Sum of squares (windows,) of what is `left` (rows,); 0 where the start is not free."""
+        out = np.zeros(len(self.begin))
+        for w, rows in self._windows():
+            out[w] = left[rows] @ left[rows]
+        return out
 
     def _windows(self) -> list[tuple[int, np.ndarray]]:
-        return [(w, np.flatnonzero(self.where[0] == w)) for w in range(len(self.begin))]
+        """Windows of free starts with their rows."""
+        return [(w, np.flatnonzero(self.where[0] == w)) for w in self.free]
 
     def bases(self, tangents: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
         """By window: its rows, and an orthonormal basis of what its start changes there.
