@@ -18,7 +18,7 @@ from omnijax.diagnosis._search.scan import Signatures, taken_up
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig
 
-MACHINES, REPEATS, SECONDS = 4, 3, 3.5
+MACHINES, REPEATS, SECONDS = 3, 4, 2.5
 DRAWS = MACHINES * REPEATS
 
 

@@ -108,18 +108,25 @@ def test_drawn_rigs_have_finite_and_ordered_figures():
     """2 to 5 unlike wheels, contacts undamped or overdamped; round or resting ones rest."""
     rng = drawn_anew("steady figures")
     n = int(rng.integers(2, 6))
-    base = drawn_machine(rng, n)
-    for damping, round_, still in ((0.0, 0, 0), (20000.0, 0, 0), (300.0, 1, 0), (0.0, 0, 1)):
+    base, model = drawn_machine(rng, n), "paper" if n < 3 else "coupled"
+    cases = ((0.0, 0, 0), (20000.0, 0, 0), (300.0, 1, 0), (0.0, 0, 1))
+    rigs, turning = [], []
+    for damping, round_, still in cases:
         rig = eqx.tree_at(
             lambda r: (r.wheels.contact.damping, r.wheels.roundness),
             base,
             (jnp.full(n, damping), (1.0 - round_) * base.wheels.roundness),
         )
-        w = np.zeros(n) if still else rng.uniform(0.3, 7, n) * rng.choice([-1, 1], n)
-        state = steady_state(rig, w, model="paper" if n < 3 else "coupled")
-        assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(state))
-        rms, peak = float(state.rms), float(state.peak)
-        assert np.all(np.asarray(state.peak_component) <= peak * (1 + 1e-9))
+        rigs.append(rig)
+        turning.append((1 - still) * rng.uniform(0.3, 7, n) * rng.choice([-1, 1], n))
+    stacked = jax.tree.map(lambda *x: jnp.stack(x), *rigs), jnp.asarray(turning)
+    alike = eqx.filter_jit(  # one program: with numbers known ahead each case would have its own
+        lambda several: jax.lax.map(lambda one: steady_state(*one, model=model), several)
+    )
+    states = alike(stacked)
+    assert all(np.all(np.isfinite(leaf)) for leaf in jax.tree.leaves(states))
+    assert np.all(np.asarray(states.peak_component) <= states.peak[:, None] * (1 + 1e-9))
+    for rms, peak, (_, round_, still) in zip(states.rms, states.peak, cases, strict=True):
         if still or round_:
             assert peak < 1e-15
         else:
