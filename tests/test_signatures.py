@@ -133,7 +133,7 @@ def test_a_line_between_orders_of_the_grid_is_ranked_by_its_top():
 
     grid = np.array([10.25, 14.0])
     assert gains(grid)[0] < gains(grid)[1]
-    best, tops = orders._refined(grid, 0.25, gains)
+    best, tops = orders._refined(grid, gains(grid), 0.125, gains)
     assert best == pytest.approx([10.37, 14.0], abs=0.02)
     assert tops[0] > tops[1]
 

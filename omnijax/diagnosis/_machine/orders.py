@@ -21,7 +21,7 @@ from .linearisation import THIN, Linearisation
 from .runs import FINE
 
 GRID = 4  # orders tried within one resolution of the travel: at most 4 % of a line lost between
-CLOSER = 2  # times as many about the best
+CLOSER = 2  # steps apart are the best; times as many neighbours are looked at
 PEAKS = 3
 MOST = 1200  # orders of a wheel
 LOWEST = 1.0  # windows take off what is slower
@@ -56,31 +56,31 @@ def strongest_orders(
             first = _estimated(*given, law, k, grid)
             step = grid[1] - grid[0]
             some = np.array(_peaks(grid, first, BEST, CLOSER * step))
-            gains = _gains(*given, law, k, some)
+            gains_of = functools.partial(_gains, *given, law, k)
+            gains = gains_of(some)
             order = np.argsort(gains)[::-1]
             nearly = np.count_nonzero(gains > NEARLY * gains.max())
-            some = some[order[: min(max(PEAKS, nearly), MANY)]]
-            fine = _refined(some, step, functools.partial(_gains, *given, law, k))
+            picked = order[: min(max(PEAKS, nearly), MANY)]
+            fine = _refined(some[picked], gains[picked], step / CLOSER, gains_of)
             lines.append((_peaks(*fine, PEAKS, GRID * step), max(1, len(grid) // GRID)))
     return out
 
 
 def _refined(
-    orders: np.ndarray, step: float, gains_of: Callable[[np.ndarray], np.ndarray]
+    orders: np.ndarray, gains: np.ndarray, step: float, gains_of: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The best order about each of `orders`, within a `step`, and its gain: of a parabola.
+    """The best order about each of `orders`, and its gain: of a parabola through neighbours.
 
-    The right line may stand lower on a grid than a wrong one that lies on it.
+    The right line may stand lower on a grid than a wrong one that lies on it.  A top is looked for
+    within two steps.
     """
-    near = orders[:, None] + np.arange(-CLOSER, CLOSER + 1) * step / CLOSER
-    gains = gains_of(np.maximum(near, LOWEST).ravel()).reshape(near.shape)
-    top = np.clip(np.argmax(gains, axis=1), 1, 2 * CLOSER - 1)
-    left, here, right = (gains[np.arange(len(gains)), top + k] for k in (-1, 0, 1))
-    bent = left + right - 2 * here
-    way = np.clip(np.where(bent < 0, (left - right) / 2 / np.where(bent < 0, bent, 1), 0.0), -1, 1)
-    way = np.where(bent < 0, way, np.sign(right - left))
-    best = near[np.arange(len(near)), top] + way * step / CLOSER
-    return np.maximum(best, LOWEST), here + way * (right - left) / 2 + way**2 * bent / 2
+    near = np.maximum(orders[:, None] + np.array([-step, step]), LOWEST)
+    left, right = gains_of(near.ravel()).reshape(near.shape).T
+    rise, bent = (right - left) / 2, left + right - 2 * gains
+    hollow = bent >= 0
+    way = np.where(hollow, np.sign(rise), -rise / np.where(hollow, 1.0, bent))
+    way = np.clip(way, -2, 2)
+    return np.maximum(orders + way * step, LOWEST), gains + way * rise + way**2 * bent / 2
 
 
 def _estimated(bases, rests, rows, taken, law: str, k: int, grid: np.ndarray) -> np.ndarray:

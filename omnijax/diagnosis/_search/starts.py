@@ -15,7 +15,7 @@ from .model import STEPPED, AbstractModel, Effect, Point
 from .scan import PRICE, Scan, Score
 
 LINES = {"order", "frequency"}  # numbers of a line
-OTHERS = 2  # lines beside the best one of a name that are refitted: time
+EQUALS, OTHERS = 0.97, 2  # share of the best line's gain from which so many more are refitted: time
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +60,7 @@ def other_lines(
         near = [
             s for s in scan.order
             if s.candidate.name == c.name and s is not best and s.allowed
-            and s.gain > model.settings.like * best.gain
+            and s.gain > EQUALS * best.gain
         ]  # fmt: skip
         out[c.name] = by_tangent(fit, near[:OTHERS])
     return out
