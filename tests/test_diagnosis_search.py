@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 from seeds import drawn_anew
 
 from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, along
-from omnijax.diagnosis._search.fit import refit
+from omnijax.diagnosis._search.fit import Fit, refit
 from omnijax.diagnosis._search.refits import Refits
 from omnijax.diagnosis._search.review import Review
 from omnijax.diagnosis._search.scan import Signatures, taken_up
@@ -457,3 +457,46 @@ def test_a_law_that_begins_near_the_noise_is_given_its_rounds(monkeypatch):
     (before,) = model.residuals([fit.point], "held-out")
     Refits(model).try_out(fit, Start(near, fit.cost), before, np.inf, {})
     assert rounds == [3]  # its openings tell nothing: that is no sign against it
+
+
+class BegunElsewhere:
+    """Runs whose starts stand for an effect of 1 a row as long as the data are not prepared anew.
+
+    The starts of a point without it take up nine tenths of what it changes, and all that it
+    changes on the held-out rows in the wrong place.
+    """
+
+    settings = SETTINGS
+
+    def __init__(self, there: float, freeing: bool):
+        self.there, self.freeing = there, freeing
+        self.wrong = np.resize([1.0, -1.0], 400)
+
+    def residuals(self, points, split):
+        return [0.1 * self.wrong - self.there]
+
+    def unsettled(self, point):
+        return True
+
+    def frees(self, effect):
+        return self.freeing
+
+    def on_its_own(self, fit):
+        lower = dataclasses.replace(fit, chi2=fit.chi2 - 360 * self.there)
+        return lower, np.zeros(400)
+
+
+@pytest.mark.parametrize(("there", "freeing"), [(1.0, False), (1.0, True), (0.0, False)])
+def test_held_out_runs_refuse_no_effect_by_starts_that_stand_for_its_absence(there, freeing):
+    """A play of a drive of 60 in chi-square was refused; where nothing is, nothing is accepted.
+
+    Nor what freed starts take up of held-out noise.
+    """
+    point = Point(np.zeros(0), (Effect("soft", "w1", {"strength": 1.0}),))
+    empty = np.zeros((0, 0))
+    fit = Fit(Point(np.zeros(0)), 800.0, 0.0, (), empty, empty, np.zeros(400))
+    new = dataclasses.replace(fit, point=point, chi2=800.0 - 40 * there)
+    before = np.full(400, there)
+    trial = Refits(BegunElsewhere(there, freeing)).trial(fit, new, before)  # pyright: ignore
+    assert trial.accepted == (there > 0 and not freeing)
+    assert trial.gain == pytest.approx((40 if freeing else 400) * there)

@@ -217,6 +217,10 @@ class OdeModel(AbstractColoured):
     def unsettled(self, point):
         return bool(self._begun_freely())
 
+    def frees(self, effect):
+        """A late sensor or drive: of the time before a window."""
+        return any(matters([self.laws[effect.id]]))
+
     def _begun_freely(self) -> list[int]:
         """Runs with windows whose starts are free: of free runs all."""
         return [i for i, r in enumerate(self.rows) if isinstance(r, FreeRun)]

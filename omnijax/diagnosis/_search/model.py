@@ -126,6 +126,10 @@ class AbstractModel(abc.ABC):
         """Whether what `rebase` takes from the data hangs on the point's laws: then again."""
         return False
 
+    def frees(self, effect: Effect) -> bool:
+        """Whether what `rebase` takes from the data has more free numbers with a law."""
+        return False
+
     def opening(self, share: float) -> "AbstractModel":
         """This model of the runs' beginnings, up to `share` of the motion; all of it by default."""
         return self
