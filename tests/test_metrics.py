@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from omnijax import METRICS, evaluate, load_rig, simulate, speeds
+from omnijax._status import Status
 from omnijax.cli._simulate_summary import summarise
 from omnijax.study import load_study
+from omnijax.study._evaluation.evaluation import margin_status
 from omnijax.vibration import STEADY_METRICS, metric_problem
 
 
@@ -58,3 +60,20 @@ def test_a_run_says_which_wheel_lifts_off_and_slips_and_when(run):
         "w2 lifts off at 0.07 s",
     ]
     assert lost.message().startswith("ok, but w3 slips at 0.05 s (1 more of slip or lift-off): 21")
+
+
+@pytest.mark.parametrize("normal", [12.0, 0.0, -3.0])
+@pytest.mark.parametrize("slip", [5.0, -1.0])
+def test_a_run_and_a_sweep_call_the_same_contacts_lost(run, normal, slip):
+    """A contact that parts by the law `lift-off` has no load, and a run had said nothing of it."""
+    given = dataclasses.replace(
+        run,
+        normal_force=run.normal_force.at[7, 1].set(normal),
+        slip_margin=jnp.asarray(run.slip_margin).at[5, 2].set(slip),
+    )
+    least = jnp.min(given.normal_force), jnp.min(given.slip_margin)
+    status = Status(int(margin_status(*least)))
+    kinds = {loss.kind for loss in given.contact_losses()}
+    assert (status == Status.LIFT_OFF) == given.lift_off == ("lifts off" in kinds)
+    assert given.slip == ("slips" in kinds)
+    assert (status == Status.SLIP) == (given.slip and not given.lift_off)

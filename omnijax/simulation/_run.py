@@ -19,7 +19,7 @@ PER_WHEEL = {  # channels with one column a wheel
 
 
 class ContactLoss(NamedTuple):
-    """A contact that opens or slips: the model has no law for it; do not believe what follows."""
+    """A contact that opens or slips: without a law for it do not believe what follows."""
 
     kind: str  # "lifts off" or "slips"
     wheel: str
@@ -135,8 +135,11 @@ class AbstractRun(eqx.Module):
 
     @property
     def lift_off(self) -> bool:
-        """Whether a normal force went below zero at a sample."""
-        return bool(jnp.any(self.normal_force < 0))
+        """Whether a contact was without load at a sample: its normal force zero, or below.
+
+        With the law `lift-off` a contact that parts has none.
+        """
+        return bool(jnp.any(self.normal_force <= 0))
 
     @property
     def slip(self) -> bool:
@@ -146,9 +149,8 @@ class AbstractRun(eqx.Module):
     def contact_losses(self) -> list[ContactLoss]:
         """Where each wheel first lifts off and first slips, earliest first."""
         time, losses = np.asarray(self.t), []
-        channels = {"lifts off": self.normal_force, "slips": self.slip_margin}
-        for kind, values in channels.items():
-            lost = np.asarray(values) < 0
+        off, slips = np.asarray(self.normal_force) <= 0, np.asarray(self.slip_margin) < 0
+        for kind, lost in {"lifts off": off, "slips": slips}.items():
             for wheel in np.flatnonzero(lost.any(axis=0)):
                 first = float(time[np.argmax(lost[:, wheel])])
                 name = self.names[wheel] if self.names else f"wheel {wheel + 1}"

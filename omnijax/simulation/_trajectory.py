@@ -13,8 +13,8 @@ class Trajectory(AbstractRun):
     """A run: one row a sample; `UNITS` names every channel's unit.
 
     `status` is a code of `Status`; samples after the failure of a run are not finite, and
-    `time_reached` is the last good one.  `lift_off` and `slip` say whether a contact's normal
-    force went below 0 or |f| above mu N at a sample.
+    `time_reached` is the last good one.  `lift_off` and `slip` say whether a contact was
+    without load (N <= 0) or |f| above mu N at a sample.
     """
 
     def save(self, path, rig=None, rig_path=None, command: str = "") -> Path:
