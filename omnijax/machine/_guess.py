@@ -102,16 +102,7 @@ def describe(log: Path, time: str | None, given: str, position: str, rate: float
 
     Raises `InputError` for a column that the log lacks, or one that is named twice.
     """
-    table = read_table(log)
-    for name in filter(None, (time, given, position)):
-        if name not in table.columns:
-            raise InputError(f"{log.name} has no column {name!r}; columns: "
-                             f"{', '.join(table.columns)}.")  # fmt: skip
-    if len({time, given, position}) < 3:
-        raise InputError(
-            f"{log.name}: time, input and position must be three columns, but are {time!r}, "
-            f"{given!r} and {position!r}."
-        )
+    table = _table_of(log, time, given, position)
     units = {
         ours: u for ours, theirs in (("t", time), ("input", given), ("position", position))
         if theirs and (u := table.units.get(theirs) or _unit(theirs))
@@ -120,14 +111,7 @@ def describe(log: Path, time: str | None, given: str, position: str, rate: float
     drives = next((d for p, d in KINDS if re.search(p, given.lower())), "command")
     units = _fitting(units, motion, drives)
     q = np.asarray(table.columns[position], float)
-    if time is None:
-        step = 1 / float(rate or 1.0)
-    else:
-        t = np.asarray(table.columns[time], float)
-        t = t * (Quantity("s").read(f"1 {units['t']}") if "t" in units else 1.0)
-        step = float(np.median(np.diff(t)))
-        if step > 0.2 and "t" not in units:
-            step, units["t"] = step / 1000, "ms"
+    step = 1 / float(rate or 1.0) if time is None else _step_of(table.columns[time], units)
     q = _in_si(q, units.get("position"), "m" if motion == "translation" else "rad")
     u = _in_si(table.columns[given], units.get("input"), _input_unit(motion, drives))
     beside = _beside(table.columns) if drives == "goal" else {}
@@ -139,11 +123,38 @@ def describe(log: Path, time: str | None, given: str, position: str, rate: float
     for word, values in (("input", u), ("position", q)):
         if np.ptp(values) == 0:
             raise InputError(f"{log.name}: the {word} never changes: all at rest.")
-    noise = min(
-        float(np.sqrt(np.mean(np.diff(q, k) ** 2) / math.comb(2 * k, k))) for k in (3, 5, 7)
-    )
-    return Guess(log, time, given, position, units, drives, motion, len(q), 1 / step, noise,
+    return Guess(log, time, given, position, units, drives, motion, len(q), 1 / step, _noise(q),
                  LogSignals(q, u, step, others), beside)  # fmt: skip
+
+
+def _table_of(log: Path, time: str | None, given: str, position: str):
+    """The log's table; `InputError` for a column that it lacks, or one that is named twice."""
+    table = read_table(log)
+    for name in filter(None, (time, given, position)):
+        if name not in table.columns:
+            raise InputError(f"{log.name} has no column {name!r}; columns: "
+                             f"{', '.join(table.columns)}.")  # fmt: skip
+    if len({time, given, position}) < 3:
+        raise InputError(
+            f"{log.name}: time, input and position must be three columns, but are {time!r}, "
+            f"{given!r} and {position!r}."
+        )
+    return table
+
+
+def _step_of(column, units: dict[str, str]) -> float:
+    """Median step of a column of times, s; milliseconds where they are not said but likely."""
+    t = np.asarray(column, float)
+    t = t * (Quantity("s").read(f"1 {units['t']}") if "t" in units else 1.0)
+    step = float(np.median(np.diff(t)))
+    if step > 0.2 and "t" not in units:
+        step, units["t"] = step / 1000, "ms"
+    return step
+
+
+def _noise(q: np.ndarray) -> float:
+    """1-sigma of white noise on a smooth signal: of its third to seventh differences the least."""
+    return min(float(np.sqrt(np.mean(np.diff(q, k) ** 2) / math.comb(2 * k, k))) for k in (3, 5, 7))
 
 
 def _beside(columns) -> dict[str, str]:
