@@ -16,8 +16,8 @@ from omnijax.diagnosis._machine.data_vector import DataRows, _filters
 from omnijax.diagnosis._machine.roles import with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._noise import step_of
-from omnijax.diagnosis._search import SETTINGS, Search
-from omnijax.diagnosis._search.held_out import HeldOut
+from omnijax.diagnosis._search import SETTINGS, Effect, Search
+from omnijax.diagnosis._search.held_out import HeldOut, Trial
 from omnijax.diagnosis._search.levels import Level, levels, white_level
 from omnijax.diagnosis._search.where import questions, shares
 
@@ -96,10 +96,10 @@ def test_noise_that_wanders_hangs_on_no_state_and_an_order_does():
     assert (best["domain"], best["value"]) == ("order", 7.0) and best["p"] < 1e-6
 
 
-def answer(ratio: float, structure: float, after: float, effects=()) -> str:
+def answer(ratio: float, structure: float, after: float, effects=(), trials=()) -> str:
     """Verdict where held-out RMS are 5 before and `after`, the noise shown `ratio`, all assumed."""
     fit = SimpleNamespace(point=SimpleNamespace(effects=effects))
-    found = SimpleNamespace(fit=fit, rivals={}, significant=True)
+    found = SimpleNamespace(fit=fit, rivals={}, significant=True, trials=[list(trials)])
     level = Level(ratio, 0.01, ratio)
     shown = Shown(({"a_x": level},), ("held-out",), {"a_x": structure}, ([], []))
     first, last = ([{"a_x": np.full(1000, x)}] for x in (5.0 if effects else after, after))
@@ -112,6 +112,19 @@ def test_a_gap_that_hangs_on_nothing_is_noise_and_never_unknown():
     assert answer(ratio=1.4, structure=0.0, after=1.4, effects=("x",)) == "named"
     assert answer(ratio=1.0, structure=3.0, after=2.5, effects=("x",)) == "unknown"
     assert answer(ratio=1.0, structure=0.2, after=1.1, effects=("x",)) == "named"
+
+
+@pytest.mark.parametrize(
+    "share, size, verdict",
+    [(2.5, 100.0, "unknown"),  # surely there, larger than foretold: another law
+     (0.3, 100.0, "none"),  # three standard deviations: chance
+     (2.5, 4.0, "none"),  # sure, but it moves nothing by one per cent
+     (-2.5, 100.0, "none")],
+)  # fmt: skip
+def test_what_held_out_runs_surely_show_is_never_none(share, size, verdict):
+    held = HeldOut((2 * share - 1) * size, size)
+    trial = Trial(Effect("drag", "w1", {}), None, 300.0, held)  # pyright: ignore
+    assert answer(ratio=1.4, structure=0.0, after=1.4, trials=[trial]) == verdict
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from .fit import refit as refit
 from .fit import steps_of as steps_of
 from .fit import tangent_rows as tangent_rows
 from .function_model import SmallModel as SmallModel
+from .held_out import Trial as Trial
 from .levels import Level as Level
 from .levels import levels as levels
 from .limits import upper_limits as upper_limits
