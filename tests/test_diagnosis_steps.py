@@ -130,8 +130,10 @@ def test_responses_to_torques_are_those_of_the_whole_equations(atlas):
     t, n, R = 20, 3, float(atlas.sphere.radius)
     w, axes = atlas.wheels, np.asarray(atlas.wheels.spin_axis)
     radius = rng.uniform(0.5, 1.5, (t, n)) * np.asarray(w.radius)
-    inverse = np.linalg.inv(np.asarray(atlas.sphere.inertia_matrix))
-    unit = jax.vmap(lambda r: rotation_response(atlas, Rolling(r, axes), inverse), 0, 1)(radius)
+    inertia = np.asarray(atlas.sphere.inertia_matrix)
+    unit = jax.vmap(
+        lambda r: rotation_response(atlas, Rolling(r, jnp.asarray(axes)), inertia), 0, 1
+    )(radius)
     response = MeasuredTurning(np.asarray(unit), axes[None])
     shaft, opposing = rng.normal(size=(t, n)), rng.normal(size=(t, 3))
     shaft[:, 1] = 0.0
@@ -139,9 +141,9 @@ def test_responses_to_torques_are_those_of_the_whole_equations(atlas):
         torque = 0 * shaft if T is None else T
         against = 0 * opposing if g is None else g
         drive = np.stack([
-            drive_forces(axes, r, R, w.inertia, inverse, *x)
+            drive_forces(axes, r, R, w.inertia, inertia, *x)
             for r, *x in zip(radius, torque, against, strict=True)
         ])  # fmt: skip
         found = response.respond(T, g)
         assert found[0] == pytest.approx(drive)
-        assert found[1] == pytest.approx((R * drive @ axes - against) @ inverse.T)
+        assert found[1] == pytest.approx((R * drive @ axes - against) @ np.linalg.inv(inertia))

@@ -1,5 +1,6 @@
 """The exponential method: its phi functions, its order, its accuracy at every stiffness, kinks."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,8 +8,9 @@ import pytest
 from machines import ORTHOGONAL, machine
 from scipy.linalg import expm
 
+from omnijax import laws
 from omnijax.laws import Gap
-from omnijax.simulation import simulate, simulate_many, speeds, torques
+from omnijax.simulation import fixed_methods, simulate, simulate_many, speeds, torques
 from omnijax.simulation._solve.exponential import FRACTIONS, Exponential, LinearPart
 from omnijax.simulation._solve.phi import phi_functions
 from omnijax.simulation._solve.steps import angle_to_edge, time_to_edge
@@ -174,3 +176,33 @@ def test_fixed_steps_agree_with_adaptive_ones():
             max(worst(run, single, ("theta", "Omega", "dR")).values()) < 1e-3
         )  # no sample is spared the kinks inside its step
         assert int(run.status) == 0
+
+
+def test_runge_kutta_steps_of_many_rigs_agree_with_single_adaptive_runs():
+    """Four unlike wheels, contacts that stiffen, play and a wheel out of true: drawn designs."""
+    rng = np.random.default_rng(7)
+    ts, drive = jnp.linspace(0, 0.1, 51), torques([0.1, 0.3, -0.2, 0.05])
+    turn = np.pi / 2 * np.arange(4) + rng.uniform(-0.2, 0.2, 4)
+    low = rng.uniform(0.5, 0.9, 4)
+    normals = np.stack([np.cos(turn) * np.cos(low), np.sin(turn) * np.cos(low), np.sin(low)], 1)
+    layout = normals, np.stack([-np.sin(turn), np.cos(turn), 0 * turn], 1)
+
+    def made(eta, stiffness):
+        rig = machine(layout, roundness=eta, contact_stiffness=stiffness)
+        rig = rig.add(laws.ContactHertz(), "all").add(laws.MountBacklash(jnp.asarray(1e-6)), "w2")
+        return rig.add(laws.WheelRunout(jnp.asarray(3e-5), jnp.asarray(0.4)), "w3")
+
+    rigs = [made(eta, K) for eta, K in rng.uniform((0.3, 1e5), (0.5, 2e5), (9, 2))]
+    arrays, static = eqx.partition(rigs, eqx.is_array)
+    stacked = eqx.combine(jax.tree.map(lambda *x: jnp.stack(x), *arrays), static[0])
+    many = simulate_many(stacked, drive, ts, substeps=32)
+    assert many.method == "fixed runge-kutta"  # a quarter of a radian of the fastest mode a step
+    assert fixed_methods(rigs, 2e-3) == ("runge-kutta", "exponential")
+    assert fixed_methods([rigs[0], machine(contact_damping=9e3)], 2e-3) == ("exponential",)
+    for i in (0, 4, 8):
+        single = simulate(rigs[i], drive, ts)
+        run = jax.tree.map(lambda x, i=i: x[i], many)
+        assert max(worst(run, single, ("theta", "Omega", "dR")).values()) < 1e-4
+        assert int(run.status) == 0
+    with pytest.raises(ValueError, match=r"must be one of .*runge-kutta"):
+        simulate_many(stacked, drive, ts, method="euler")

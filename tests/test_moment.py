@@ -56,9 +56,10 @@ def check_torque_driven(n, with_effects, unilateral=False, seed=0, passage=None)
     inputs = Inputs(jnp.asarray(now.torque), jnp.asarray(now.force), jnp.asarray(TIME))
     if passage is None:
         check_instant(instant(model, state, inputs), expected)
-    rate = torque_driven(
-        model, state, inputs, None if passage is None else StepAverage(*map(jnp.asarray, passage))
-    )
+    average = None
+    if passage is not None:
+        average = StepAverage(*map(jnp.asarray, passage))
+    rate = torque_driven(model, state, inputs, average)
     near(rate.angle, expected["speed"])
     near(rate.angular_velocity, expected["angular_acceleration"])
     check_rates(rig, now, rate, expected)

@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from ._rotation import inertia_at as inertia_at
     from ._rotation import minimum_normal_force as minimum_normal_force
     from ._rotation import rotation_response as rotation_response
+    from ._rotation import turned as turned
     from ._sensors import sensor_readings as sensor_readings
     from ._small import pseudoinverse as pseudoinverse
     from ._small import solve_all as solve_all

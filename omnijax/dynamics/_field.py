@@ -51,6 +51,7 @@ class StepAverage(NamedTuple):
 
     radius: Float[Array, " n"]  # m, rolling radius
     shape_rate: Float[Array, " n"]  # m/s
+    shape: Float[Array, " n"] | None = None  # m, rho with the sphere's surface; None: the instant's
 
 
 class Inputs(NamedTuple):
@@ -138,8 +139,8 @@ def _turning(model: Model, state: State, inputs: Inputs, geometry: Rolling, spee
     term = 0.0
     if model.keep_radius_rate:
         term = jax.jvp(lambda a: wheel_shape(rig, a), (state.angle,), (speed,))[1] * speed
-    inverse = inertia_at(rig.sphere.inertia_matrix, rotation).inverse
-    turned = rotation_under(rig, geometry, inverse, caused, term)
+    inertia = inertia_at(rig.sphere.inertia_matrix, rotation)
+    turned = rotation_under(rig, geometry, inertia, caused, term)
     return Turning(*turned, caused.shaft, rates if memory else ())
 
 
@@ -153,7 +154,7 @@ def _turned(model: Model, state: State, inputs: Inputs, geometry: Rolling, speed
     )
     laws = TurningLaws.of(rig)._replace(actuator=(), shaft=())
     opposing = torques(rig, laws, at, ())[1].opposing
-    inertia = inertia_at(rig.sphere.inertia_matrix, rotation).matrix
+    inertia = inertia_at(rig.sphere.inertia_matrix, rotation)
     needed = (inertia @ acceleration + opposing) / rig.sphere.radius
     drive = least_squares(geometry.axes.T, needed)
     torque = rig.wheels.inertia * spin_up + geometry.radius * drive
@@ -178,7 +179,9 @@ def _instant(
     if passage is None:
         shape, shape_rate = _shape_and_rate(rig, state.angle, speed, state.attitude, omega)
     else:
-        shape, shape_rate = position_input(rig, state.angle, state.attitude), passage.shape_rate
+        shape, shape_rate = passage.shape, passage.shape_rate
+        if shape is None:
+            shape = position_input(rig, state.angle, state.attitude)
     motion = translation.motion(state.elastic, shape)
     contact, mount, normal, rates = port_forces(rig, motion, shape_rate, state.memory)
     if prescribed is None:

@@ -1,6 +1,6 @@
 """Rotation of the sphere: inertia, no-slip drive forces, response (eqs. 39, 40, 46)."""
 
-from typing import NamedTuple
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -9,62 +9,57 @@ from jaxtyping import Array, Float
 from ..rig import Rig
 from ._forces import Torques
 from ._kinematics import Rolling
-from ._small import inverse, solve
+from ._small import solve
 
 
-class Inertia(NamedTuple):
-    """Sphere's inertia in the inertial frame and its inverse."""
-
-    matrix: Float[Array, "3 3"]  # kg m^2
-    inverse: Float[Array, "3 3"]
+def inertia_at(body_inertia: Float[Array, "3 3"], rotation: Float[Array, "3 3"]):
+    """Q I Q^T: the sphere's inertia (3, 3) in the inertial frame, kg m^2."""
+    return rotation @ body_inertia @ rotation.T
 
 
-def inertia_at(body_inertia: Float[Array, "3 3"], rotation: Float[Array, "3 3"]) -> Inertia:
-    """Q I Q^T and its inverse."""
-    body_inverse = inverse(body_inertia)
-    return Inertia(rotation @ body_inertia @ rotation.T, rotation @ body_inverse @ rotation.T)
-
-
-def drive_forces(
+def turned(
     axes: Float[Array, "n 3"],
     radius: Float[Array, " n"],
     sphere_radius: Float[Array, ""],
     wheel_inertia: Float[Array, " n"],
-    inverse_inertia: Float[Array, "3 3"],
+    inertia: Float[Array, "3 3"],
     shaft_torque: Float[Array, " n"],
     opposing: Float[Array, "3"],
     radius_term: Float[Array, " n"] | float = 0.0,
-) -> Float[Array, " n"]:
-    """Drive forces f_i in N on the sphere along `drive` that keep the wheels from slipping.
+) -> tuple[Float[Array, " n"], Float[Array, "3"]]:
+    """Drive forces f_i in N on the sphere along `drive` without slip, and dOmega/dt in rad/s^2.
 
-    (R^2 A I^-1 A^T + diag(r^2/I_w)) f = (r/I_w) torque + R A I^-1 g   (eqs. 39, 40, 43, 46)
+    With A the rows of driven axes, g = Omega x I Omega + resistances (eqs. 39, 40, 43):
 
-    with A the rows of driven axes, g = Omega x I Omega + resistances; `radius_term` is
-    (dr_w/dt) omega where that term is kept.
+    r f = torque - I_w domega/dt,  domega/dt = (R A dOmega/dt - radius_term)/r,
+    I dOmega/dt = R A^T f - g
+
+    The forces taken out, the wheels' inertias go to the sphere's, three equations for any number of
+    wheels: (I + R^2 A^T diag(I_w/r^2) A) dOmega/dt = R A^T (torque/r + I_w/r^2 radius_term) - g.
+    Eq. 46 takes out dOmega/dt in their place.  `radius_term` is (dr_w/dt) omega where it is kept.
     """
-    gain = sphere_radius * axes @ inverse_inertia
-    matrix = sphere_radius * gain @ axes.T + jnp.diag(radius**2 / wheel_inertia)
-    right = radius / wheel_inertia * shaft_torque + gain @ opposing + radius_term
-    return solve(matrix, right)
+    arms = sphere_radius * axes
+    carried = wheel_inertia / radius**2
+    pushed = shaft_torque / radius + carried * radius_term
+    whole = inertia + (arms.T * carried) @ arms
+    acceleration = solve(whole, arms.T @ pushed - opposing)
+    return pushed - carried * (arms @ acceleration), acceleration
 
 
-def angular_acceleration(axes, sphere_radius, inverse_inertia, forces, opposing):
-    """dOmega/dt = I^-1 (R A^T f - g) in rad/s^2 (eq. 40)."""
-    return inverse_inertia @ (sphere_radius * axes.T @ forces - opposing)
+def drive_forces(*arguments: Any, **named: Any) -> Float[Array, " n"]:
+    """The forces of `turned` alone, N."""
+    return turned(*arguments, **named)[0]
 
 
 def rotation_under(
-    rig: Rig, geometry: Rolling, inverse_inertia, caused: Torques, radius_term=0.0
+    rig: Rig, geometry: Rolling, inertia, caused: Torques, radius_term=0.0
 ) -> tuple[Float[Array, " n"], Float[Array, "3"]]:
     """(drive forces in N, dOmega/dt in rad/s^2) under torques; linear in them."""
-    R, axes = rig.sphere.radius, geometry.axes
-    drive = drive_forces(
-        axes, geometry.radius, R, rig.wheels.inertia, inverse_inertia, *caused, radius_term
-    )
-    return drive, angular_acceleration(axes, R, inverse_inertia, drive, caused.opposing)
+    R, spin = rig.sphere.radius, rig.wheels.inertia
+    return turned(geometry.axes, geometry.radius, R, spin, inertia, *caused, radius_term)
 
 
-def rotation_response(rig: Rig, geometry: Rolling, inverse_inertia) -> Float[Array, "k m"]:
+def rotation_response(rig: Rig, geometry: Rolling, inertia) -> Float[Array, "k m"]:
     """Rows: torque on each shaft (n), then opposing the sphere about each axis (3).
 
     Columns: the drive forces (n) and dOmega/dt (3) that a unit of it causes; read off
@@ -74,7 +69,7 @@ def rotation_response(rig: Rig, geometry: Rolling, inverse_inertia) -> Float[Arr
 
     def turned(torque):
         caused = Torques(torque[:n], torque[n:])
-        return jnp.concatenate(rotation_under(rig, geometry, inverse_inertia, caused))
+        return jnp.concatenate(rotation_under(rig, geometry, inertia, caused))
 
     return jax.jacfwd(turned)(jnp.zeros(n + 3)).T
 

@@ -50,7 +50,9 @@ class ContactHertz(AbstractContact):
         reach = self.exponent * signal.preload / signal.stiffness
         left = 1 - signal.deflection / reach
         touching = left > 0
-        force = signal.preload * jnp.where(touching, left, 1.0) ** self.exponent
+        # exp and log are vectorised where a power calls libm once per number
+        power = jnp.exp(self.exponent * jnp.log(jnp.where(touching, left, 1.0)))
+        force = signal.preload * power
         nonlinear = signal.preload - jnp.where(touching, force, 0.0)
         return nonlinear - signal.stiffness * signal.deflection
 

@@ -117,10 +117,9 @@ def contact_mismatch(study: PaperStudy, how: str) -> float:
 
 def _no_slip_forces(rig: Rig):
     wheels = rig.wheels
-    inverse = jnp.linalg.inv(rig.sphere.inertia_matrix)
     return drive_forces(
-        wheels.spin_axis, wheels.radius, rig.sphere.radius, wheels.inertia, inverse,
-        jnp.asarray(TORQUE), jnp.zeros(3),
+        wheels.spin_axis, wheels.radius, rig.sphere.radius, wheels.inertia,
+        rig.sphere.inertia_matrix, jnp.asarray(TORQUE), jnp.zeros(3),
     )  # fmt: skip
 
 

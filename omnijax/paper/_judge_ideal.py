@@ -108,17 +108,18 @@ def _coupling(study: PaperStudy) -> Claim:
 
 def _cross(axes, rig, study: PaperStudy) -> list[float]:
     """Off-axis share of dOmega/dt under one torque at a time, for every sample of the inertias."""
-    from ..dynamics import drive_forces
+    from ..dynamics import turned
 
     shares = []
     wheels, R, rows = rig.wheels, rig.sphere.radius, jnp.asarray(axes)
     inertias = zip(study.samples["sphere.inertia"], study.samples["wheel.inertia"], strict=True)
     for I_s, I_w in inertias:
-        inverse, spin = jnp.eye(3) / I_s, jnp.full(3, I_w)
+        inertia, spin = I_s * jnp.eye(3), jnp.full(3, I_w)
         for i in range(3):
             torque = TORQUE[i] * jnp.eye(3)[i]
-            f = drive_forces(rows, wheels.radius, R, spin, inverse, torque, jnp.zeros(3))
-            turning = np.asarray(R * inverse @ rows.T @ f)
+            turning = np.asarray(
+                turned(rows, wheels.radius, R, spin, inertia, torque, jnp.zeros(3))[1]
+            )
             along = axes[i] @ turning
             shares.append(float(np.linalg.norm(turning - along * axes[i]) / abs(along)))
     return shares

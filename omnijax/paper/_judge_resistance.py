@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 import numpy as np
 
-from ..dynamics import drive_forces
+from ..dynamics import turned
 from ..laws import HertzResistance, RollingSignal, effective_modulus, effective_radius
 from ..rig import Rig
 from ._case import TORQUE
@@ -16,11 +16,12 @@ POISSON = (0.3, 0.5)
 
 def _turning(rig: Rig, torque, opposing) -> tuple[np.ndarray, np.ndarray]:
     """dOmega/dt of round wheels, and f, under shaft torques and a torque against the sphere."""
-    wheels, R = rig.wheels, rig.sphere.radius
-    inverse = jnp.linalg.inv(rig.sphere.inertia_matrix)
-    axes = wheels.spin_axis
-    force = drive_forces(axes, wheels.radius, R, wheels.inertia, inverse, torque, opposing)
-    return np.asarray(inverse @ (R * axes.T @ force - opposing)), np.asarray(force)
+    wheels, sphere = rig.wheels, rig.sphere
+    force, turning = turned(
+        wheels.spin_axis, wheels.radius, sphere.radius, wheels.inertia, sphere.inertia_matrix,
+        torque, opposing,
+    )  # fmt: skip
+    return np.asarray(turning), np.asarray(force)
 
 
 def slowing(

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from .._lazy import lazy_face
 
 if TYPE_CHECKING:
+    from ._batch_last import side_by_side as side_by_side
     from ._drives import AbstractDrive as AbstractDrive
     from ._drives import SpeedDrive as SpeedDrive
     from ._drives import TorqueDrive as TorqueDrive
@@ -42,9 +43,12 @@ if TYPE_CHECKING:
     from ._signals import ramp as ramp
     from ._signals import step as step
     from ._signals import table as table
+    from ._solve import EXPONENTIAL as EXPONENTIAL
+    from ._solve import RUNGE_KUTTA as RUNGE_KUTTA
     from ._solve import build_model as build_model
     from ._solve import choose_solver as choose_solver
     from ._solve import exact_run_obstacle as exact_run_obstacle
+    from ._solve import fixed_methods as fixed_methods
     from ._solve import initial_state_like as initial_state_like
     from ._solve import simulate as simulate
     from ._solve import simulate_fixed as simulate_fixed

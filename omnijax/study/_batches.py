@@ -1,11 +1,16 @@
 """Many designs by one compiled program: batches of one shape, and derivatives forwards."""
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import Any, Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+
+from ..simulation import side_by_side
+
+MANY = 8  # numbers that a processor works on at once
+Order = Literal["in turn", "side by side", "batch last"]
 
 
 def batches(rows: np.ndarray, size: int) -> Iterator[tuple[int, np.ndarray, int]]:
@@ -28,14 +33,18 @@ def in_batches(function: Callable[[Any], Any], rows: np.ndarray, size: int) -> A
     return jax.tree.map(lambda *xs: np.concatenate(xs), *parts)
 
 
-def each(function: Callable[..., Any], rows: Sequence[Any], together: bool) -> Any:
+def each(function: Callable[..., Any], rows: Sequence[Any], order: Order) -> Any:
     """`function(*row)` of every row of `rows` (trees of arrays, leading axis: row).
 
-    What takes the same steps for every row goes side by side (`together`).  A closed form looks for
-    its maxima in loops that end when they are found: side by side, each row would wait for the
-    slowest, and take both sides of every choice.
+    What takes the same steps for every row goes `side by side`; with the `batch last`
+    (`side_by_side`) where many small steps make up the time, and there are `MANY` rows.  A closed
+    form looks for its maxima in loops that end when they are found: side by side, each row would
+    wait for the slowest, and take both sides of every choice; so rows go `in turn`.
     """
-    if together:
+    count = jax.tree.leaves(rows[0])[0].shape[0]
+    if order == "batch last" and count >= MANY:
+        return side_by_side(function)(*rows)
+    if order != "in turn":
         return jax.vmap(function)(*rows)
     return jax.lax.map(lambda row: function(*row), tuple(rows))
 

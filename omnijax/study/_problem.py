@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._errors import InputError
+from ._batches import Order
 from ._range import Ranges
 
 
@@ -56,7 +57,7 @@ class Problem(NamedTuple):
 
     `extra` is data that `draw(key)` may replace (tolerances drawn anew), for stochastic searches.
     `costly`: every figure is an integrated run, so that fewer are spent and programs kept small.
-    `together`: evaluations take much the same steps and go side by side (`_batches.each`).
+    `order`: how many evaluations are made (`_batches.each`).
     """
 
     variables: tuple[Variable, ...]
@@ -69,7 +70,7 @@ class Problem(NamedTuple):
     extra: Any = None
     draw: Callable[[Array], Any] | None = None
     costly: bool = False
-    together: bool = False
+    order: Order = "in turn"
 
     @property
     def epigraph(self) -> bool:

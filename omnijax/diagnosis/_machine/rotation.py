@@ -72,8 +72,8 @@ def turning(rig: Rig, motion: RunMotion) -> MeasuredTurning:
 @jax.jit
 def _responses(rig: Rig, radius, axes, attitude):
     def at(radius, axes, attitude):
-        inverse = inertia_at(rig.sphere.inertia_matrix, attitude).inverse
-        return rotation_response(rig, Rolling(radius, axes), inverse)
+        inertia = inertia_at(rig.sphere.inertia_matrix, attitude)
+        return rotation_response(rig, Rolling(radius, axes), inertia)
 
     (axes, axes_in), (attitude, attitude_in) = _held(axes), _held(attitude)
     return jax.vmap(at, (0, axes_in, attitude_in), 1)(radius, axes, attitude)

@@ -2,6 +2,9 @@
 
 from typing import Any
 
+from .fixed_step import EXPONENTIAL as EXPONENTIAL
+from .fixed_step import RUNGE_KUTTA as RUNGE_KUTTA
+from .fixed_step import fixed_methods as fixed_methods
 from .fixed_step import simulate_fixed as simulate_fixed
 from .fixed_step import simulate_many as simulate_many
 from .simulate import exact_run_obstacle as exact_run_obstacle

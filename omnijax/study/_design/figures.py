@@ -25,7 +25,7 @@ class ProblemFigures:
         self.bound = np.array([x.bound for x in problem.limits])
         self._slopes = quick_jit(self._with_slopes)
         self._known: dict[bytes, SqpSlopes] = {}
-        self._values = quick_jit(lambda shares: each(self._parts, [shares], problem.together))
+        self._values = quick_jit(lambda shares: each(self._parts, [shares], problem.order))
         seen = [self.slopes(s) for s in start_shares(problem, 8, seed)]
         seen = [s for s in seen if np.isfinite(s.f).all()]
         if not seen:

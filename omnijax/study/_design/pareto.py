@@ -118,7 +118,7 @@ def _sizes(problem: Problem, seed: int) -> np.ndarray:
     def objectives(share):
         return problem.figures(scale.value(share), problem.extra)[0]
 
-    f = jax.jit(lambda shares: each(objectives, [shares], problem.together))(shares)
+    f = jax.jit(lambda shares: each(objectives, [shares], problem.order))(shares)
     sizes = np.nanmedian(np.abs(np.asarray(f)), axis=0)
     return np.where(sizes > 0, sizes, 1.0)
 
@@ -230,7 +230,7 @@ def pareto(
         figures,
         tuple(limits),
         extra=cases.draws(),
-        together=cases.how.integrated,
+        order=cases.how.order,
     )
     units = tuple(METRICS[n].unit for n in names)
     store = folder_of(out, asked.identity("pareto", metrics=names), resume)

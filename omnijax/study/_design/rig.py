@@ -39,7 +39,7 @@ class RigCases:
         self.metrics = tuple(dict.fromkeys((*wanted, *metrics_of(study.constraints))))
         self.start = study.drives[0].drive
         self._check_constraints()
-        self._figures = None
+        self._figures, self._tried_by = None, ""
         self.inputs = jnp.asarray(np.array([(*d.values, *d.force) for d in study.drives]))
         self.paths = tuple(v.name for v in study.variables)
         self.parts, self.width = self._tolerances()
@@ -67,7 +67,8 @@ class RigCases:
 
     def _tried(self, how: Evaluation, designs: np.ndarray) -> np.ndarray:
         """Every figure of designs in every case, (t, ...); one program for any substeps."""
-        if self._figures is None:
+        if self._figures is None or self._tried_by != how.solver:
+            self._tried_by = how.solver
             nominal = jnp.zeros((1, len(self.parts)))
 
             def figures(x, substeps):
@@ -155,15 +156,15 @@ class RigCases:
         self, x, draws: Float[Array, "t p"], how: Evaluation | None = None
     ) -> tuple[Array, Array]:
         """Metrics (k, t, m) and constraints (k, t, c) of every case and every draw."""
-        together = (self.how if how is None else how).integrated
+        order = (self.how if how is None else how).order
 
         def case(values, load):
-            return each(lambda draw: self.one(x, values, load, draw, how), [draws], together)
+            return each(lambda draw: self.one(x, values, load, draw, how), [draws], order)
 
         # drives first, loads second, as in `cases`
         values = jnp.repeat(self.inputs, len(self.loads), axis=0)
         loads = jnp.tile(self.loads, (len(self.inputs), 1))
-        return each(case, [values, loads], together)
+        return each(case, [values, loads], order)
 
     def draws(self) -> Float[Array, "t p"]:
         """The parts' relative deviations: corners for the worst case, uniform for the spread."""
@@ -245,5 +246,5 @@ def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
         extra=draws,
         draw=cases.draw if cases.parts else None,
         costly=cases.how.integrated,
-        together=cases.how.integrated,
+        order=cases.how.order,
     )

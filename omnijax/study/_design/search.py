@@ -20,13 +20,18 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..._compiling import quick_jit
-from .._batches import each
+from .._batches import Order, each
 from .._problem import Problem, from_angle, to_angle
 from .._range import Ranges
 
 ROUNDS, INNER = 5, 15
 PENALTY, GROWTH = 30.0, 5.0
 NEAR = 1e-4  # of a limit's scale: what is left to quadratic programs
+
+
+def _searches(problem: Problem) -> Order:
+    """How many searches go: their loops end at different times, which a batch has first for."""
+    return "in turn" if problem.order == "in turn" else "side by side"
 
 
 class Starts(NamedTuple):
@@ -95,7 +100,7 @@ class DesignSearch:
         def one(y, lane, multiplier, penalty):
             return self._minimise(y, lane, multiplier, penalty, sizes, extra)
 
-        return each(one, [y, lanes, multiplier, penalty], self.problem.together)
+        return each(one, [y, lanes, multiplier, penalty], _searches(self.problem))
 
     def _minimise(self, y, lane, multiplier, penalty, sizes, extra):
         """The next y and the number of steps."""
@@ -169,6 +174,6 @@ class DesignSearch:
             end: Any = jax.lax.scan(step, (y, method.init(y)), keys)[0]
             return end[0][0]
 
-        moved = jax.jit(lambda *rows: each(one, rows, self.problem.together))
+        moved = jax.jit(lambda *rows: each(one, rows, _searches(self.problem)))
         z = moved((z, t), lanes, multiplier)
         return lanes._replace(share=jnp.where(lanes.free > 0, from_angle(z), lanes.share))

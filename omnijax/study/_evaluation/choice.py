@@ -6,6 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ...simulation import EXPONENTIAL, fixed_methods
+from .drives import apply
 from .evaluation import MAX_STEPS, RTOL, Evaluation, samples_of
 from .fixed_steps import fine_enough
 from .methods import Question, choose
@@ -45,12 +47,23 @@ def evaluation_of(
         return how, why
     tried = _own(question) if trial is None else trial
     designs = np.zeros((1, 0)) if designs is None else designs
-    step = 2 * float(how.times[1] - how.times[0])
-    fine = fine_enough(lambda x, n: tried(how._replace(substeps=n), x), designs, step)
-    if fine is None:
-        coarse = "fixed steps are too coarse for a trial design"
-        return how._replace(method="full"), f"{why}; {coarse}"
-    return how._replace(substeps=fine[0]), f"{why}; {fine[1]}"
+    sample = float(how.times[1] - how.times[0])
+    for steps in _steps(question, sample, designs):
+        fixed = how._replace(solver=steps)
+        fine = fine_enough(
+            lambda x, n, fixed=fixed: tried(fixed._replace(substeps=n), x), designs, 2 * sample
+        )
+        if fine is not None:
+            return fixed._replace(substeps=fine[0]), f"{why}; {steps}, {fine[1]}"
+    return how._replace(method="full"), f"{why}; fixed steps are too coarse for a trial design"
+
+
+def _steps(question: Question, sample: float, designs: np.ndarray) -> tuple[str, ...]:
+    """Methods of fixed steps to try; samples follow each other by `sample` s."""
+    if question.gradient or not question.rows:  # slopes feel how finely a step sees the shapes
+        return (EXPONENTIAL,)
+    rigs = [apply(question.rig, question.drives[0], question.varied, x)[0] for x in designs]
+    return fixed_methods(rigs, sample, question.model)
 
 
 def _own(question: Question) -> Trial:

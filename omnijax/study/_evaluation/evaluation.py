@@ -11,6 +11,8 @@ from ..._errors import InputError, not_above_zero
 from ..._status import FAILED, Status
 from ...rig import Rig
 from ...simulation import (
+    EXPONENTIAL,
+    RUNGE_KUTTA,
     SpeedDrive,
     TorqueDrive,
     Trajectory,
@@ -20,6 +22,7 @@ from ...simulation import (
     simulate_fixed,
 )
 from ...vibration import SteadyRun, evaluate, metric_problem, steady_metric
+from .._batches import Order
 from .drives import Drive
 
 RATE = 500.0  # samples per s of a run
@@ -40,7 +43,8 @@ class Evaluation(NamedTuple):
     metrics: tuple[str, ...]
     model: str = "coupled"
     times: Any = None  # s, of the samples; none for the steady state
-    solver: str = "auto"  # of full simulations, as are the tolerance and the limit of steps
+    solver: str = "auto"  # of full simulations, as are the tolerance and the limit of steps; or
+    # of fixed steps, one of `fixed_methods`: exponential where it is auto
     rtol: float = RTOL
     max_steps: int = MAX_STEPS
     forward: bool = True  # whether a full simulation is differentiated, forwards
@@ -82,7 +86,8 @@ class Evaluation(NamedTuple):
         return propagate(rig, drive, jnp.asarray(self.times), model=self.model)
 
     def _by_fixed_steps(self, rig: Rig, drive: TorqueDrive) -> Trajectory:
-        return simulate_fixed(rig, drive, jnp.asarray(self.times), self.model, self.substeps)
+        ts, how = jnp.asarray(self.times), EXPONENTIAL if self.solver == "auto" else self.solver
+        return simulate_fixed(rig, drive, ts, self.model, self.substeps, how)
 
     def _in_full(self, rig: Rig, drive: Drive) -> Trajectory:
         from diffrax import ForwardMode  # slow to import: only where time is stepped
@@ -112,6 +117,13 @@ class Evaluation(NamedTuple):
     def integrated(self) -> bool:
         """Whether every figure is an integrated run."""
         return self.method in ("fixed", "full")
+
+    @property
+    def order(self) -> Order:
+        """How many designs are evaluated: see `each`."""
+        if self.method == "fixed" and self.solver == RUNGE_KUTTA:
+            return "batch last"
+        return "side by side" if self.integrated else "in turn"
 
     @property
     def precision(self) -> float:

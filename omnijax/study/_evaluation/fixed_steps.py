@@ -1,10 +1,10 @@
-"""How fine fixed exponential steps must be: the one test for sweeps, sensitivities and designs.
+"""How fine fixed steps must be: the one test for sweeps, sensitivities and designs.
 
 The step is tried against its half on designs all over the ranges, and a sweep tries it once more on
 designs of its answer.
 
-Fixed steps cost in proportion to their number: with the derivatives of a 0.5 s run, sampled at
-250 Hz, in three variables a 75th of the adaptive solver at 1 substep, a tenth at 4, a quarter at
+Exponential steps cost in proportion to their number: with the derivatives of a 0.5 s run, sampled
+at 250 Hz, in three variables a 75th of the adaptive solver at 1 substep, a tenth at 4, a quarter at
 16.  And figures by them are smooth in the parameters, which those of an adaptive solver are only to
 its tolerance.
 """

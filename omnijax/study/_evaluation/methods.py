@@ -29,7 +29,7 @@ METHODS = {
     "steady": "steady state (closed form, no time stepping)",
     "bulk": "exact propagation in bulk (linear model, constant speeds, modal form)",
     "propagation": "exact propagation (linear model, prescribed speeds)",
-    "fixed": "fixed exponential steps (motor torques, the step tried against its half)",
+    "fixed": "fixed steps (motor torques, the step tried against its half)",
     "full": "full simulation (adaptive time stepping)",
     "free-run": "free run of an axis under a log's inputs (Runge-Kutta steps)",
 }

@@ -66,9 +66,9 @@ def _evaluate(arrays, operands, rows, static, how: Evaluation, paths, gradient, 
             return figures, (figures, status)
 
         if gradient:
-            slopes, (figures, status) = each(jax.jacfwd(one, has_aux=True), [rows], how.integrated)
+            slopes, (figures, status) = each(jax.jacfwd(one, has_aux=True), [rows], how.order)
             return figures, slopes, status
-        figures, status = each(lambda x: one(x)[1], [rows], how.integrated)
+        figures, status = each(lambda x: one(x)[1], [rows], how.order)
         return figures, jnp.zeros((*figures.shape, 0)), status
 
     if devices == 1:

@@ -130,7 +130,7 @@ def sensitivity_over_speeds(
 
             return value_and_jacobian(figures)(jnp.zeros(len(paths)))
 
-        return each(one, [scale], how.integrated)
+        return each(one, [scale], how.order)
 
     value, slope = (np.asarray(x) for x in all_of(jnp.asarray(scale, float)))
     size = np.where(value == 0, 1.0, value)[..., None]

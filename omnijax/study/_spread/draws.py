@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..._compiling import quick_jit
-from .._batches import batches, each
+from .._batches import Order, batches, each
 from .._study_folder import Folder, Report
 
 CHUNK = 64  # machines at a time
@@ -24,11 +24,11 @@ class Machines:
         draws: int,
         store: Folder | None = None,
         report: Report | None = None,
-        together: bool = True,  # see `each`
+        order: Order = "side by side",  # see `each`
     ):
         self.parts, self.draws, self.store, self.report = parts, draws, store, report
         self._slope = quick_jit(lambda push: jax.jvp(metric, (jnp.zeros(parts),), (push,)))
-        self._many = quick_jit(lambda rows: each(metric, [rows], together))
+        self._many = quick_jit(lambda rows: each(metric, [rows], order))
         self._done, self._begun, self._sets = 0, 0, 1
 
     def slopes(self) -> tuple[float, np.ndarray]:

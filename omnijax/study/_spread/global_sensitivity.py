@@ -10,6 +10,7 @@ from jaxtyping import Array
 
 from ..._errors import InputError, RunError
 from ...vibration import METRICS
+from .._batches import Order
 from .._design import RigCases
 from .._file import Study, study_of
 from .._sobol import sobol_points
@@ -32,13 +33,13 @@ def analyse(
     seed: int = 0,
     report: Report | None = None,
     store: Folder | None = None,
-    together: bool = True,
+    order: Order = "side by side",
 ) -> GlobalSensitivity:
     """Global sensitivities of any pure function of `inputs` (d,) to metrics (m,).
 
     `samples` blocks for Sobol (d + 2 runs each), a sixteenth as many trajectories for Morris and as
-    many points with gradients as blocks, up to 256.  A run that is not finite has failed.  Without
-    `together` runs go one after the other: for functions whose loops end when they are done.
+    many points with gradients as blocks, up to 256.  A run that is not finite has failed.  Runs go
+    one after the other where `order` is `in turn`: for functions whose loops end when done.
 
     Raises `InputError` for less than 16 samples, `RunError` where too few runs are left.
     """
@@ -59,7 +60,7 @@ def analyse(
         clipped = np.clip(points, 1e-3, 1 - 1e-3) if key == "morris" else points
         runs[key] = run_all(
             function, box, box.standard(clipped), slopes=slopes, report=tell, store=store, key=key,
-            together=together,
+            order=order,
         )  # fmt: skip
         before += len(points)
     try:
@@ -130,5 +131,5 @@ def global_sensitivity(
     units = [METRICS[name].unit for name in names]
     return analyse(
         function, inputs, names, units, samples=asked.samples, seed=asked.seed, report=report,
-        store=store, together=cases.how.integrated,
+        store=store, order=cases.how.order,
     )  # fmt: skip

@@ -14,7 +14,7 @@ from scipy.special import ndtri
 
 from ..._compiling import quick_jit
 from ..._errors import RunError
-from .._batches import batches, each, value_and_jacobian
+from .._batches import Order, batches, each, value_and_jacobian
 from .._range import Ranges
 
 
@@ -84,11 +84,11 @@ def run_all(
     report: Callable[[int, int], None] | None = None,
     store=None,
     key: str = "",
-    together: bool = True,
+    order: Order = "side by side",
 ) -> Runs:
     """`function` of every point, in chunks of one compiled shape; finished ones may be stored.
 
-    `together`: as `each` takes it.
+    `order`: as `each` takes it.
     """
 
     def one(s):
@@ -96,7 +96,7 @@ def run_all(
 
     size = min(CHUNK // (4 if slopes else 1), len(standard))
     wanted = value_and_jacobian(one) if slopes else one
-    batched = quick_jit(lambda rows: each(wanted, [rows], together))
+    batched = quick_jit(lambda rows: each(wanted, [rows], order))
     parts = []
     for first, rows, count in batches(standard, size):
         name = f"{key}-{first}"

@@ -98,7 +98,7 @@ def tolerances(
     def worst(deviation):
         return jnp.max(cases.every(jnp.zeros(0), deviation[None])[0])
 
-    machines = Machines(worst, len(cases.parts), draws, store, report, cases.how.integrated)
+    machines = Machines(worst, len(cases.parts), draws, store, report, cases.how.order)
     nominal, slopes = machines.slopes()
     limit = (1 + (rise or 0.0)) * nominal if limit is None else limit
     if not nominal < limit:

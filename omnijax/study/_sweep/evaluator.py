@@ -56,7 +56,8 @@ def _machine(spec: SweepSpec) -> tuple[Rig, Drive]:
 def evaluation_in(spec: SweepSpec) -> Evaluation:
     """How a spec's designs are evaluated."""
     return Evaluation(
-        spec.method, spec.metrics, spec.model, samples_of(spec.duration, spec.rate), spec.solver,
+        spec.method, spec.metrics, spec.model, samples_of(spec.duration, spec.rate),
+        spec.solver or "auto",
         spec.rtol or RTOL, spec.max_steps or MAX_STEPS, spec.gradient, spec.substeps or 1,
     )  # fmt: skip
 

@@ -126,7 +126,7 @@ def _spec(
     count = 1 if how.times is None else len(how.times)
     batch = batch_size(how.method, count, columns, sampling.devices)
     batch = min(batch, chunk) if chunk else batch
-    full = how.method == "full"
+    full, fixed = how.method == "full", how.method == "fixed"
     return SweepSpec(
         rig=rig_text(rig),
         vary=tuple((axis.path, axis.unit, axis.text) for axis in axes),
@@ -134,12 +134,12 @@ def _spec(
         drive=drive_to_plain(drive),
         method=how.method,
         model=how.model,
-        solver=how.solver if full else "",
+        solver=how.solver if how.integrated else "",
         duration=numerics.duration,
         rate=None if numerics.duration is None else numerics.rate or RATE,
         rtol=how.rtol if full else None,
         max_steps=how.max_steps if full else None,
-        substeps=how.substeps if how.method == "fixed" else None,
+        substeps=how.substeps if fixed else None,
         gradient=sampling.gradient,
         sampler=sampling.sampler,
         samples=sampling.samples,

@@ -1,0 +1,84 @@
+"""One step h of dy/dt = A y + N(t, y) by Krogstad's exponential Runge-Kutta method (order 4).
+
+The wheel's shape is taken out of N, since its kinks at gap edges fall inside steps: the elastic
+response to it, int_0^h exp((h - s) A) B rho(theta(s)) ds, is exact for parabolas on `PIECES` parts
+of the step that have rho's moments.  So the elastic state follows the shape itself, and what is
+not linear in their difference sees it at each stage's angle; the rest sees it as `Passage` says.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...dynamics import Model, linear_system
+from .passage import StepGrid
+from .phi import phi_functions
+
+HALVINGS = 2
+PIECES = 2**HALVINGS  # parts of a step, each with a parabola for the shape
+GRID = StepGrid.of(PIECES, 6)
+
+
+class StepTables(NamedTuple):
+    """Matrices of one rig for one step size; elastic part in natural units."""
+
+    A: Float[Array, "m m"]
+    half: Float[Array, "3 m m"]  # phi_1 ... phi_3 of half a step
+    whole: Float[Array, "3 m m"]  # phi_1 ... phi_3 of a step
+    into: Float[Array, "m n"]  # from the shape
+    midway: Float[Array, "m k n"]  # elastic state after half a step, to the shape at its nodes
+    response: Float[Array, "m k n"]  # the same after a step
+
+
+def step_tables(model: Model, scale, step) -> StepTables:
+    """The matrices for steps of `step` s, the solver's vector in natural units `scale`."""
+    system = linear_system(model.translation)
+    m = system.A.shape[0]
+    A = system.A * scale[:m] / scale[:m, None]
+    into = system.into("shape") / scale[:m, None]
+    width = step / PIECES
+    whole, half, *_, part = phi_functions(A, step, HALVINGS)
+    parabola = width * part * np.array([1, 1, 2])[:, None, None] @ into  # to 1, u, u^2
+    after = jnp.eye(m) + width * A @ part[0]
+    pieces = [parabola]
+    for _ in range(PIECES - 1):
+        pieces.insert(0, jnp.einsum("ab,kbn->kan", after, pieces[0]))
+    response, midway = jnp.concatenate(pieces), jnp.concatenate(pieces[PIECES // 2 :])
+    return StepTables(
+        A, half, whole, into, jnp.swapaxes(midway, 0, 1), jnp.swapaxes(response, 0, 1)
+    )
+
+
+def exponential_step(field, shape, tables: StepTables, rho: Float[Array, "c n"], h, t, y):
+    """(state half a step later, state a step later, rate of all rows but the elastic ones there).
+
+    `field(t, y, i)` is the rate of the scaled state y at the step's start (i = 0), middle or end,
+    `shape(y)` the shape (n) in m that it sees, `rho` the parabolas' coefficients over the step.
+    """
+    A, (half1, half2, half3), (one, two, three), into, midway, response = tables
+    m = A.shape[0]
+
+    def split(t, y, i):  # elastic rows' remainder without the shape, and the other rows
+        rate = field(t, y, i)
+        return rate[:m] - A @ y[:m] - into @ shape(y), rate[m:]
+
+    e, z = y[:m], y[m:]
+    d1, z1 = split(t, y, 0)
+    first = A @ e + d1
+    shaped = jnp.einsum("akn,kn->a", midway, rho[: len(rho) // 2])
+    mid = e + 0.5 * h * (half1 @ first) + shaped
+    d2, z2 = split(t + h / 2, jnp.concatenate([mid, z + 0.5 * h * z1]), 1)
+    y3 = jnp.concatenate([mid + h * (half2 @ (d2 - d1)), z + 0.5 * h * z2])
+    d3, z3 = split(t + h / 2, y3, 1)
+    passed = e + jnp.einsum("akn,kn->a", response, rho)
+    whole = passed + h * (one @ first + 2 * two @ (d3 - d1))
+    d4, z4 = split(t + h, jnp.concatenate([whole, z + h * z3]), 2)
+    end = z + h / 6 * (z1 + 2 * z2 + 2 * z3 + z4)
+
+    linear, square = 2 * (d2 + d3) - 3 * d1 - d4, 4 * (d1 + d4 - d2 - d3)
+    new = passed + h * (one @ first + two @ linear + three @ square)
+    mid = e + shaped + h * (half1 @ first / 2 + half2 @ linear / 4 + half3 @ square / 8)
+    halfway = (z + end) / 2 + h / 8 * (z1 - z4)
+    return jnp.concatenate([mid, halfway]), jnp.concatenate([new, end]), z4

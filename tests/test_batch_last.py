@@ -1,0 +1,88 @@
+"""`vmap_last` against `jax.vmap`: every rule, loops, choices, derivatives, a whole run."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from omnijax.simulation import side_by_side
+
+TABLE = jnp.asarray(np.random.default_rng(0).normal(size=(5, 3)))
+
+
+def products(x, m):
+    """Matrices by vectors and by matrices, either side, one of them alike for all designs."""
+    many = jnp.einsum("tij,tj->ti", jnp.stack([m, 2 * m]), jnp.stack([x, x**2]))
+    long = jnp.sin(jnp.arange(60.0)).reshape(20, 3)
+    return m @ x, x @ m, m.T @ m, TABLE @ m, m @ TABLE.T, jnp.outer(x, x), many, long @ x, x @ x
+
+
+def shapes(x, m):
+    """Slices, gathers, scatters, stacks, reductions and orders along an axis."""
+    at = jnp.asarray([2, 0, 2])
+    return (
+        m[1], m[:, ::2], m[at], m.at[at].add(x[:, None]), m.at[1].set(x), jnp.stack([x, x], 1),
+        jnp.concatenate([m, TABLE]), jnp.sum(m, 0), jnp.max(m, 1), jnp.argmax(m, 0),
+        jnp.cumsum(m, 0), jnp.sort(m, 1), m.T.reshape(-1), jnp.where(x > 0, x, TABLE[0]),
+        jnp.linalg.solve(m + 4 * jnp.eye(3), x), jnp.cross(x, m[0]), x[::-1], jnp.pad(x, 1),
+        jax.lax.dynamic_slice(m, (1, 0), (2, 3)), jax.lax.dynamic_update_slice(m, m[:1], (1, 0)),
+    )  # fmt: skip
+
+
+def functions(x, m):
+    """Functions of one number."""
+    one = jnp.abs(x) + 0.1
+    return [
+        f(one)
+        for f in (jnp.sin, jnp.cos, jnp.exp, jnp.log, jnp.sqrt, jnp.tanh, jnp.floor, jnp.sign,
+                  jnp.cbrt, lambda v: v**3, lambda v: v**1.7, lambda v: jnp.arctan2(v, 2.0))
+    ]  # fmt: skip
+
+
+def loops(x, m):
+    """Steps counted alike and by each design, a scan with rows of either kind, a choice."""
+    walked = jax.lax.fori_loop(0, 5, lambda i, y: jnp.tanh(m @ y) + i * x, x)
+    until = jax.lax.while_loop(lambda y: y[0] < 30.0, lambda y: 1.5 * y, jnp.abs(x) + 0.1)
+
+    def step(carry, row):
+        count, y = carry
+        return (count + 1, y * row[1] + TABLE[count]), (y + row[0], count)
+
+    (count, end), rows = jax.lax.scan(step, (0, x), (TABLE[:3], m))
+    chosen = jax.lax.cond(jnp.sum(TABLE) > 0, lambda v: v + 1, lambda v: v - 1, x)
+    by_design = jax.lax.cond(x[0] > 0, lambda v: v * 2, lambda v: v + m[0], x)
+    return walked, until, count, end, rows, chosen, by_design
+
+
+def slopes(x, m):
+    """Derivatives taken inside."""
+    return jax.jacfwd(lambda v: jnp.stack(functions(v, m)) @ (m @ v))(x), jax.grad(
+        lambda v: jnp.sum(jnp.sin(m @ v) ** 2)
+    )(x)
+
+
+@pytest.mark.parametrize("function", [products, shapes, functions, loops, slopes])
+@pytest.mark.parametrize("size", [1, 7])
+def test_the_batch_last_gives_what_the_batch_first_gives(function, size):
+    rng = np.random.default_rng(size)
+    x, m = (jnp.asarray(rng.normal(size=s)) for s in ((size, 3), (size, 3, 3)))
+    wanted, found = jax.vmap(function)(x, m), side_by_side(function)(x, m)
+    assert jax.tree.structure(wanted) == jax.tree.structure(found)
+    for a, b in zip(jax.tree.leaves(wanted), jax.tree.leaves(found), strict=True):
+        assert a.shape == b.shape and a.dtype == b.dtype
+        np.testing.assert_allclose(b, a, rtol=1e-12, atol=1e-12)
+
+
+def test_several_arrays_of_one_design_and_none_of_its_own():
+    """A tree of arguments; an output that no design changes; whole numbers."""
+
+    def function(tree, count):
+        return {"same": TABLE, "sum": tree["a"] + tree["b"][0], "count": count // 2 + 1}
+
+    tree = {"a": jnp.arange(12.0).reshape(4, 3), "b": jnp.ones((4, 2, 3))}
+    count = jnp.arange(4)
+    wanted, found = jax.vmap(function)(tree, count), side_by_side(function)(tree, count)
+    assert set(found) == set(wanted)
+    for key, value in wanted.items():
+        np.testing.assert_array_equal(found[key], value)
+        assert found[key].dtype == value.dtype
