@@ -24,7 +24,7 @@ from .._commands import torque_inputs
 from .._drives import TorqueDrive
 from .._trajectory import Trajectory
 from . import exponential_step as exponential
-from .passage import StepGrid, Passage, shapes_ahead
+from .passage import Passage, StepGrid, shapes_ahead
 from .state_vector import (
     build_model,
     initial_state,
