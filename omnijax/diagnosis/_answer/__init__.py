@@ -8,8 +8,8 @@ from .answer import score_table as score_table
 from .answer import separating as separating
 from .evidence import AbstractEvidence as AbstractEvidence
 from .gap import gaps as gaps
-from .named import Named as Named
-from .named import OutputGap as OutputGap
+from .named_effect import Named as Named
+from .named_effect import OutputGap as OutputGap
 from .result import Diagnosis as Diagnosis
 from .rig_evidence import RigEvidence as RigEvidence
 from .shown import Shown as Shown

@@ -7,7 +7,7 @@ import numpy as np
 from ...laws import Parameter
 from .._search import Effect, Point, SearchResult
 from .evidence import AbstractEvidence
-from .named import Named
+from .named_effect import Named
 from .verdict import Verdict
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from .evidence import AbstractEvidence
-from .named import OutputGap
+from .named_effect import OutputGap
 from .shown import Shown, by_group
 from .verdict import Columns, squares
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..._html import html_table
 from ..._plot import PALETTE, bars_of_scores, new_axes, styled
-from .named import Named, OutputGap
+from .named_effect import Named, OutputGap
 
 BLUE, ORANGE, GREY = PALETTE["blue"], PALETTE["vermillion"], "#777777"
 ENDS = ("noise_floor", "before", "after")

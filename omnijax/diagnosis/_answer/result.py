@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..._files import write_text
-from .named import Named, OutputGap
+from .named_effect import Named, OutputGap
 
 REMAINS = 1.4  # times the noise (1 sigma beside it): above this something else is missing too
 
