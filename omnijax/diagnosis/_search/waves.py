@@ -18,6 +18,7 @@ from .scan import taken_up
 
 WAVY = 0.5  # even over odd part of a change at +- 1 sigma: tan(phi/2) of a phase phi of 0.9 rad
 FINEST = 1 / 16  # sigma, of a scan's steps
+FAR = 1e100  # sigma; its square is a number still
 STARTS = 32  # of the search over the scans, each drawn with a fixed seed
 SEED = 21
 
@@ -39,10 +40,9 @@ def scanned(model: AbstractModel, point: Point) -> Point | None:
         return whole - way @ (way.T @ whole)
 
     changes = [
-        np.stack([beside(r - here, 0 * point.u) for r in model.residuals(_along(point, k, u),
-                                                                         "train")])
+        np.stack([beside(change, 0 * point.u) for change in _changes(model, point, k, u, here)])
         for k, u in ladders.items()
-    ]  # fmt: skip
+    ]
     picked = _together(beside(here, point.u), changes, list(ladders.values()))
     best = point.u.copy()
     best[list(ladders)] = picked
@@ -55,8 +55,7 @@ def _steps(model: AbstractModel, point: Point, here: np.ndarray) -> dict[int, fl
     out: dict[int, float] = {}
     while wavy:
         for k, step in list(wavy.items()):
-            ends = _along(point, k, point.u[k] + np.array([step, -step]))
-            up, down = (r - here for r in model.residuals(ends, "train"))
+            up, down = _changes(model, point, k, point.u[k] + np.array([step, -step]), here)
             if np.linalg.norm(up + down) < WAVY * np.linalg.norm(up - down) or step <= FINEST:
                 del wavy[k]
                 if step < 1:
@@ -73,11 +72,16 @@ def _ladder(model: AbstractModel, point: Point, k: int, step: float) -> np.ndarr
     return point.u[k] + step * np.arange(low, high + 1)
 
 
-def _along(point: Point, k: int, values: np.ndarray) -> list[Point]:
-    """The point with other values of its number `k`."""
+def _changes(model: AbstractModel, point: Point, k: int, values: np.ndarray, here: np.ndarray):
+    """What other values of the point's number `k` change of its residuals `here`, at most `FAR`.
+
+    A run may run away there: it is far from every record, and no more need be known of it.
+    """
     many = np.tile(point.u, (len(values), 1))
     many[:, k] = values
-    return [Point(u, point.effects) for u in many]
+    rows = model.residuals([Point(u, point.effects) for u in many], "train")
+    with np.errstate(over="ignore", invalid="ignore"):
+        return [np.clip(np.nan_to_num(r - here, nan=FAR), -FAR, FAR) for r in rows]
 
 
 def _together(rest: np.ndarray, changes: Sequence[np.ndarray], ladders: Sequence[np.ndarray]):
