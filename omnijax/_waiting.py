@@ -8,8 +8,8 @@ PATIENCE = 2.0  # s before a compilation is told
 listeners: list[Callable[[], None]] = []  # called at the first long compilation, and never again
 
 
-class Patience:
-    """Calls `listeners` where `stop` does not follow `start` within `PATIENCE`."""
+class Patience(threading.local):
+    """Calls `listeners` where `stop` does not follow `start` in the same thread in `PATIENCE`."""
 
     def __init__(self) -> None:
         self._timer: threading.Timer | None = None

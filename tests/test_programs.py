@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import threading
 import time
 from typing import NamedTuple
 
@@ -244,3 +245,16 @@ def test_a_long_compilation_is_told_once(monkeypatch, length, told):
         with _waiting.told():
             time.sleep(length)
     assert len(said) == told
+
+
+def test_the_end_of_one_threads_compilation_silences_no_other(monkeypatch):
+    said = threading.Event()
+    monkeypatch.setattr(_waiting, "PATIENCE", 0.2)
+    monkeypatch.setattr(_waiting, "listeners", [said.set])
+    patience = _waiting.Patience()
+    patience.start()
+    other = threading.Thread(target=lambda: (patience.start(), patience.stop()))
+    other.start()
+    other.join()
+    assert said.wait(10)
+    patience.stop()
