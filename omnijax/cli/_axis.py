@@ -126,11 +126,11 @@ def signals_of(file: Any, run: Any) -> list[tuple[str, str, dict[str, Any]]]:
     """
     from ..machine import free_run_of
 
-    q, simulated = run.outputs["position"], free_run_of(file, run)
-    unit = file.machine.outputs["position"]
-    out = [("position", unit, {"simulated": simulated["position"], "measured": q}),
-           ("measured less simulated", unit, {"": q - simulated["position"]}),
-           ("velocity", f"{unit}/s", {"simulated": simulated["velocity"]})]  # fmt: skip
+    simulated, units, name = free_run_of(file, run), file.machine.outputs, run.measured
+    other = "velocity" if name == "position" else "position"
+    out = [(name, units[name], {"simulated": simulated[name], "measured": run.shown}),
+           ("measured less simulated", units[name], {"": run.shown - simulated[name]}),
+           (other, units[other], {"simulated": simulated[other]})]  # fmt: skip
     out += [(k, file.machine.inputs[k], {"": x}) for k, x in run.inputs.items() if x.std() > 0]
     return [(w, u, {k: (run.time, x) for k, x in c.items()}) for w, u, c in out]
 
@@ -153,13 +153,13 @@ def simulate_machine(path: str, log: Path | None, out: Path | None, json: bool) 
         rows = [",".join(table), *(",".join(f"{x:.10g}" for x in row)
                                    for row in np.stack(list(table.values()), 1))]  # fmt: skip
         write_text(out, "\n".join(rows) + "\n")
-    error = run.outputs["position"] - simulated["position"]
+    error = run.shown - simulated[run.measured]
     summary = {
         "samples": len(run.time), "step": run.step, "out": None if out is None else str(out),
         "rms": float(np.sqrt(np.mean(error**2))), "mae": float(np.mean(np.abs(error))),
         "faults": run.faults,
     }  # fmt: skip
-    unit = file.machine.outputs["position"]
+    unit = file.machine.outputs[run.measured]
     emit(json, summary, lambda: print(
         f"{len(run.time)} samples; measured less simulated: RMS {summary['rms']:.4g}, "
         f"MAE {summary['mae']:.4g} {unit}" + (f"; wrote {out}" if out else "")))  # fmt: skip

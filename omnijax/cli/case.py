@@ -2,7 +2,7 @@
 
 import textwrap
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
@@ -17,6 +17,7 @@ def case(
     out: Path | None = None,
     input: str | None = None,  # the option's name
     position: str | None = None,
+    velocity: str | None = None,
     time: str | None = None,
     rate: float | None = None,
     held_out: Annotated[list[Path] | None, Parameter(negative="")] = None,
@@ -39,6 +40,8 @@ def case(
         Column of the input, where the guess is wrong.
     position
         Column of the measured position.
+    velocity
+        Column of the measured velocity, of logs that have no position.
     time
         Column of the time.
     rate
@@ -52,7 +55,7 @@ def case(
     from .._errors import InputError
     from .._files import claim, write_text
     from .._reading import existing
-    from ..machine import case_files
+    from ..machine import case_files, guess
     from ..recording import stem_of
 
     held = [log.resolve() for log in held_out or []]
@@ -61,7 +64,13 @@ def case(
         raise InputError("every log is held out; at least one must be there to learn from.")
     for log in (*logs, *held):
         existing(log)
-    guesses = [_guessed(log, input, position, time, rate) for log in (*logs, *held)]
+    if position and velocity:
+        raise InputError("give --position or --velocity: an axis is compared by one of both.")
+    columns = {"time": time, "given": input, "position": position, "velocity": velocity}
+    guesses = [guess(log, rate, **columns) for log in (*logs, *held)]
+    if len({one.measured for one in guesses}) > 1:
+        raise InputError("some logs give a position, others a velocity alone: name one of both "
+                         "with --position or --velocity.")  # fmt: skip
     names = [stem_of(one.log) for one in guesses]
     if len(set(names)) < len(names):
         twice = next(x for x in names if names.count(x) > 1)
@@ -89,14 +98,3 @@ def case(
 
 
 input_line = input
-
-
-def _guessed(log: Path, given: str | None, position: str | None, time: str | None, rate) -> Any:
-    from ..machine import describe, guess
-
-    if given and position:
-        return describe(log, time, given, position, rate)
-    guessed = guess(log, rate)
-    return describe(
-        log, time or guessed.time, given or guessed.input, position or guessed.position, rate
-    )

@@ -16,7 +16,7 @@ from ._ode import (
     better_reading,
     build_model,
     first_reading,
-    missed_position,
+    missed_output,
 )
 from ._search import Point, calibrated, refit
 
@@ -84,6 +84,6 @@ def force_error(diagnosis: Diagnosis, train: Log, test: Log) -> dict[str, float]
         there = refit(model, start).point
         out[f"{word}train"] = balance_error(model, there, "train")
         out[f"{word}cross-test"] = balance_error(model, there, "held-out")
-        missed = missed_position(model, there, model.runs[model.splits["held-out"][0]])
+        missed = missed_output(model, there, model.runs[model.splits["held-out"][0]])
         out[f"{word}free run"] = float(np.sqrt(np.mean(missed[STARTED:] ** 2)))
     return out

@@ -29,7 +29,9 @@ if TYPE_CHECKING:
     from ._json_schema import machine_schema as machine_schema
     from ._log import Log as Log
     from ._log import LogFile as LogFile
+    from ._log import measured_of as measured_of
     from ._log import read_log as read_log
+    from ._log import travelled as travelled
     from ._model_file import load_model as load_model
     from ._ports import PlacedLaw as PlacedLaw
     from ._ports import Ports as Ports

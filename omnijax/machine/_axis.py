@@ -147,6 +147,20 @@ class Axis(AbstractMachine):
 
     def memory(self):
         """From the slowest mode at rest; infinity for an axis that nothing pulls back."""
+        return _forgotten(self._poles())
+
+    def speed_memory(self) -> float:
+        """The same for the speed alone: where nothing pulls back, the position itself is left out.
+
+        Seconds after which the speed has forgotten its start.
+        """
+        poles = self._poles()
+        if not float(self.stiffness) and not float(self.gravity) and self.drives != "goal":
+            poles = np.delete(poles, np.argmin(np.abs(poles)))
+        return _forgotten(poles)
+
+    def _poles(self) -> np.ndarray:
+        """Modes (n,) at rest, 1/s."""
         rest = jnp.zeros(2 if self.second_inertia is None else 4)
         u = {"input": jnp.zeros(()), "gain": jnp.ones(()), "enable": jnp.ones(())}
 
@@ -155,9 +169,7 @@ class Axis(AbstractMachine):
                 x
             )
 
-        poles = np.linalg.eigvals(np.asarray(quick_jit(slopes)(self, rest)))
-        slowest, size = float(np.max(poles.real)), float(np.max(np.abs(poles)))
-        return FORGOTTEN / -slowest if slowest < -1e-6 * size else float("inf")
+        return np.linalg.eigvals(np.asarray(quick_jit(slopes)(self, rest)))
 
     def stated_laws(self, uncertain: Collection[str] = ()) -> set[str]:
         """Effects that the axis has among its own numbers, stated or `uncertain`."""
@@ -165,3 +177,9 @@ class Axis(AbstractMachine):
         used = {k for k in SCALED if getattr(self, k) is not None and float(getattr(self, k)) != 0}
         free = used <= set(uncertain) or "torque_constant" in uncertain
         return own | {"motor-gain"} if free else own
+
+
+def _forgotten(poles: np.ndarray) -> float:
+    """Seconds after which modes have died away; infinity where one does not."""
+    slowest, size = float(np.max(np.real(poles))), float(np.max(np.abs(poles)))
+    return FORGOTTEN / -slowest if slowest < -1e-6 * size else float("inf")

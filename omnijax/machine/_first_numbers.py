@@ -24,13 +24,20 @@ LEAST = 0.05  # of the acceleration's size: damping of an axis of which the log 
 class LogSignals:
     """One log in SI units: position and input (t,), step in s, a servo's gain and enable by name.
 
-    `rates` are position, speed and acceleration, low-passed.
+    `rates` are position, speed and acceleration, low-passed.  Where the `velocity` (t,) was
+    measured, the position is its integral.
     """
 
     position: np.ndarray
     input: np.ndarray
     step: float
     beside: Mapping[str, np.ndarray]
+    velocity: np.ndarray | None = None
+
+    @property
+    def cutoff(self) -> float:
+        """The low pass, of half the sampling rate, that leaves little noise of acceleration."""
+        return cutoff_of(self.position, self.step, self.velocity)
 
     @property
     def rates(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -107,7 +114,7 @@ def driven_numbers(logs: Sequence[LogSignals], turns: bool) -> dict[str, float]:
     u = J a + d v + (k q or, where the axis `turns`, g sin(q)) - offset, a log each its offset.
     Both sides are low-passed as far as the acceleration asks for: noise in it makes J too small.
     """
-    share = min(cutoff_of(log.position, log.step) for log in logs)
+    share = min(log.cutoff for log in logs)
     parts = [_driven(log, share) for log in logs]
     q, v, a, given = (np.concatenate([p[k] for p in parts]) for k in range(4))
     which = np.repeat(np.arange(len(logs)), [len(p[0]) for p in parts])

@@ -15,32 +15,42 @@ from ._axis import INPUTS
 from ._file import field_names
 from ._first_numbers import LogSignals, driven_numbers, servo_numbers
 from ._hold import input_hold
-from ._log import LEAST
+from ._log import LEAST, travelled
+from ._log import MEASURED as MEASURABLE
 
 TIME = r"^(t|time|timestamp|zeit|stamp|seconds|sec|ms)\b|time"
 INPUT = (
-    r"^(u|vir|v1|in|input)$|^tau|cmd|torque|force|volt|curr|command|goal|ref|setpoint|moment"
+    r"^(u\d*|vir|v1|in|input)$|^tau|cmd|torque|force|volt|curr|command|goal|ref|setpoint|moment"
     r"|duty|pwm"
 )
 POSITION = r"^(y|q|qm|x|v2|out)$|pos|angle|theta|encoder|deg|winkel|weg|displ"
+SPEED = r"speed|veloc|(^|_)vel|rpm|omega|drehzahl|geschw|tacho|dot$|^(w|v|n|z\d*)$|/ ?s\b"
 MEASURED = r"meas|act|enc|fb"
 KINDS = (  # pattern of a name -> how the motor is driven
     (r"goal|ref|setpoint", "goal"), (r"torque|force|moment", "torque"), (r"curr", "current"),
 )  # fmt: skip
-UNIT = re.compile(r"[\[(_ ]\s*(mm|cm|um|m|deg|rad|mrad|ms|us|s|N ?m|mNm|N|A|mA|V|mV)\s*[\])]?$")
+UNIT = re.compile(
+    r"[\[(_ ]\s*(mm|cm|um|m|deg|rad|mrad|ms|us|s|N ?m|mNm|N|A|mA|V|mV"
+    r"|rpm|rev/min|U/min|(?:rad|mrad|deg|mm|cm|m)/s)\s*[\])]?$"
+)
 SERVO_UNSURE = ("damping", "gravity", "back_emf")  # by their own size
 SUPPLY = 0.2  # standard deviation of a voltage over its mean, below which it is a supply's
-ANGLES, LENGTHS = ("rad", "deg", "mrad"), ("m", "mm", "cm", "um")
+RISING = 0.5  # of a clock's steps: stamps of a coarse clock repeat, and their rows are left out
+LENGTHS = ("m", "mm", "cm", "um")
+LENGTHS += tuple(f"{u}/s" for u in LENGTHS)
 
 
 @dataclasses.dataclass(frozen=True)
 class Guess:
-    """A log's channels with units, the sampling, the noise, and a machine to begin with."""
+    """A log's channels with units, the sampling, the noise, and a machine to begin with.
+
+    The column of the position is None where a velocity alone was measured.
+    """
 
     log: Path
     time: str | None
     input: str
-    position: str
+    position: str | None
     units: dict[str, str]
     drives: str
     motion: str
@@ -49,6 +59,12 @@ class Guess:
     noise: float
     signals: LogSignals
     beside: dict[str, str] = dataclasses.field(default_factory=dict)  # further inputs: column
+    velocity: str | None = None
+
+    @property
+    def measured(self) -> str:
+        """The output that is compared: position or velocity."""
+        return "velocity" if self.position is None else "position"
 
     def held(self) -> str:
         """How the input is read between its samples, in words."""
@@ -57,62 +73,91 @@ class Guess:
 
     def rows(self) -> list[tuple[str, str]]:
         """The guess as pairs to be shown."""
-        unit = "m" if self.motion == "translation" else "rad"
+        unit, shown = output_unit(self.motion, self.measured), self.position or self.velocity
         return [
             ("time", self.time or "none: from the rate"),
             ("input", f"{self.input} ({self.drives}, {self.units.get('input', 'as it is')})"),
             *([("input is read as", self.held())] if self.drives != "goal" else []),
-            ("position", f"{self.position} ({self.units.get('position', unit)})"),
+            (self.measured, f"{shown} ({self.units.get(self.measured, unit)})"),
             *self.beside.items(),
             ("motion", self.motion), ("samples", f"{self.samples} at {self.rate:.6g} Hz"),
-            ("noise of position", f"{self.noise:.3g} {unit} (1 sigma)"),
+            (f"noise of {self.measured}", f"{self.noise:.3g} {unit} (1 sigma)"),
         ]  # fmt: skip
 
 
-def guess(log: Path, rate: float | None = None) -> Guess:
-    """Look at a log.  `rate` in Hz where it has no column of time.
+def guess(
+    log: Path,
+    rate: float | None = None,
+    *,
+    time: str | None = None,
+    given: str | None = None,
+    position: str | None = None,
+    velocity: str | None = None,
+) -> Guess:
+    """Look at a log for the columns that are not named.  `rate` in Hz where it has none of time.
 
-    Raises `InputError` where no column looks like the input or the position, or where the one that
+    Raises `InputError` where no column looks like the input or the output, or where the one that
     does never changes; else as `describe`.
     """
     table = read_table(log)
     columns = {k: np.asarray(x, float) for k, x in table.columns.items() if np.ndim(x) == 1}
     moving = [k for k, x in columns.items() if np.ptp(x[np.isfinite(x)]) > 0]
-    time = _time(columns, moving, rate)
-    rest = [k for k in moving if k != time]
-    names = {"input": _best([k for k in rest if not _supplies(k, columns[k])], INPUT)}
-    others = [k for k in rest if k != names["input"]]
-    names["position"] = _best(others, POSITION, MEASURED)
-    patterns = {"input": INPUT, "position": POSITION}
-    for word, column in names.items():
-        still = _best([k for k in columns if k not in moving], patterns[word])
-        if column is None and still is not None:
-            raise InputError(f"{log.name}: the column {still!r} looks like the {word}, but it "
-                             "never changes: all at rest.")  # fmt: skip
-        if column is None:
-            raise InputError(
-                f"{log.name}: no column looks like the {word}; columns: {', '.join(columns)}. "
-                f"Name it: --{word} COLUMN."
-            )
-    return describe(log, time, str(names["input"]), str(names["position"]), rate)
+    time = time or _time(columns, moving, rate)
+    named = (time, given, position, velocity)
+    rest, still = ([k for k in some if k not in named]
+                   for some in (moving, [k for k in columns if k not in moving]))  # fmt: skip
+    if given is None:
+        given = _best([k for k in rest if not _supplies(k, columns[k])], INPUT)
+        if given is None:
+            raise _not_found(log, "input", "--input COLUMN", columns, _best(still, INPUT))
+    if not (position or velocity):
+        position, velocity = _output([k for k in rest if k != given])
+        if not (position or velocity):
+            raise _not_found(
+                log, "position or the speed", "--position COLUMN or --velocity COLUMN",
+                columns, _best(still, f"{POSITION}|{SPEED}"),
+            )  # fmt: skip
+    return describe(log, time, given, position, rate, velocity)
 
 
-def describe(log: Path, time: str | None, given: str, position: str, rate: float | None) -> Guess:
+def _not_found(log: Path, word: str, option: str, columns, still: str | None) -> InputError:
+    """What is said where no column looks like a `word`; `still` does, but never changes."""
+    if still is not None:
+        return InputError(
+            f"{log.name}: the column {still!r} looks like the {word}, but it never changes: all "
+            "at rest."
+        )
+    return InputError(f"{log.name}: no column looks like the {word}; columns: "
+                      f"{', '.join(columns)}. Name it: {option}.")  # fmt: skip
+
+
+def _output(names: list[str]) -> tuple[str | None, str | None]:
+    """(column of the position, or None and that of the speed) among some names."""
+    speeds = [k for k in names if _best([k], SPEED)]
+    position = _best([k for k in names if k not in speeds], POSITION, MEASURED)
+    return position, None if position else _best(speeds, SPEED, MEASURED)
+
+
+def describe(log: Path, time: str | None, given: str, position: str | None, rate: float | None,
+             velocity: str | None = None) -> Guess:  # fmt: skip
     """The guess with its channels known; `rate` in Hz where no column is the time.
 
-    Raises `InputError` for a column that the log lacks, or one that is named twice.
+    The `velocity` is read where there is no position.  Raises `InputError` for a column that the
+    log lacks, or one that is named twice.
     """
-    table = _table_of(log, time, given, position)
+    shown, measured = (velocity, "velocity") if position is None else (position, "position")
+    assert shown is not None  # one of both is given
+    table = _table_of(log, time, given, shown)
     units = {
-        ours: u for ours, theirs in (("t", time), ("input", given), ("position", position))
+        ours: u for ours, theirs in (("t", time), ("input", given), (measured, shown))
         if theirs and (u := table.units.get(theirs) or _unit(theirs))
     }  # fmt: skip
-    motion = "translation" if units.get("position") in LENGTHS else "rotation"
+    motion = "translation" if units.get(measured) in LENGTHS else "rotation"
     drives = next((d for p, d in KINDS if re.search(p, given.lower())), "command")
     units = _fitting(units, motion, drives)
-    q = np.asarray(table.columns[position], float)
+    q = np.asarray(table.columns[shown], float)
     step = 1 / float(rate or 1.0) if time is None else _step_of(table.columns[time], units)
-    q = _in_si(q, units.get("position"), "m" if motion == "translation" else "rad")
+    q = _in_si(q, units.get(measured), output_unit(motion, measured))
     u = _in_si(table.columns[given], units.get("input"), _input_unit(motion, drives))
     beside = _beside(table.columns) if drives == "goal" else {}
     others = {k: np.asarray(table.columns[c], float) for k, c in beside.items()}
@@ -120,24 +165,33 @@ def describe(log: Path, time: str | None, given: str, position: str, rate: float
     q, u, others = q[good], u[good], {k: x[good] for k, x in others.items()}
     if len(q) < LEAST:
         raise InputError(f"{log.name} has {len(q)} usable rows, but at least {LEAST} are needed.")
-    for word, values in (("input", u), ("position", q)):
+    for word, values in (("input", u), (measured, q)):
         if np.ptp(values) == 0:
             raise InputError(f"{log.name}: the {word} never changes: all at rest.")
+    signals = LogSignals(q, u, step, others)
+    if measured == "velocity":
+        signals = LogSignals(travelled(q, step), u, step, others, q)
     return Guess(log, time, given, position, units, drives, motion, len(q), 1 / step, _noise(q),
-                 LogSignals(q, u, step, others), beside)  # fmt: skip
+                 signals, beside, None if position else velocity)  # fmt: skip
 
 
-def _table_of(log: Path, time: str | None, given: str, position: str):
+def output_unit(motion: str, measured: str) -> str:
+    """SI unit of a position or velocity."""
+    unit = "m" if motion == "translation" else "rad"
+    return unit if measured == "position" else f"{unit}/s"
+
+
+def _table_of(log: Path, time: str | None, given: str, shown: str):
     """The log's table; `InputError` for a column that it lacks, or one that is named twice."""
     table = read_table(log)
-    for name in filter(None, (time, given, position)):
+    for name in filter(None, (time, given, shown)):
         if name not in table.columns:
             raise InputError(f"{log.name} has no column {name!r}; columns: "
                              f"{', '.join(table.columns)}.")  # fmt: skip
-    if len({time, given, position}) < 3:
+    if len({time, given, shown}) < 3:
         raise InputError(
-            f"{log.name}: time, input and position must be three columns, but are {time!r}, "
-            f"{given!r} and {position!r}."
+            f"{log.name}: time, input and position or velocity must be three columns, but are "
+            f"{time!r}, {given!r} and {shown!r}."
         )
     return table
 
@@ -146,7 +200,8 @@ def _step_of(column, units: dict[str, str]) -> float:
     """Median step of a column of times, s; milliseconds where they are not said but likely."""
     t = np.asarray(column, float)
     t = t * (Quantity("s").read(f"1 {units['t']}") if "t" in units else 1.0)
-    step = float(np.median(np.diff(t)))
+    steps = np.diff(t)
+    step = float(np.median(steps[steps > 0]))
     if step > 0.2 and "t" not in units:
         step, units["t"] = step / 1000, "ms"
     return step
@@ -217,7 +272,8 @@ def _log_file(guess: Guess, role: str) -> str:
     side = [f'log = "{guess.log.resolve()}"', 'machine = "machine.toml"', f'role = "{role}"']
     side += [] if guess.time else [f'rate = "{guess.rate!r} Hz"']
     side += ["", "[channels]"] + ([f't = "{guess.time}"'] if guess.time else [])
-    side += [f'input = "{guess.input}"', f'position = "{guess.position}"']
+    shown = guess.position or guess.velocity
+    side += [f'input = "{guess.input}"', f'{guess.measured} = "{shown}"']
     side += [f'{k} = "{c}"' for k, c in guess.beside.items()]
     if guess.units:
         side += ["", "[units]", *(f'{k} = "{v}"' for k, v in guess.units.items())]
@@ -231,9 +287,15 @@ def _offset(guesses: Sequence[Guess]) -> float:
 
 def _time(columns, moving, rate) -> str | None:
     rising = [k for k in moving if np.all(np.diff(columns[k]) > 0)]
-    named = [k for k in rising if re.search(TIME, k.lower())]
-    if named or (rising and rate is None):
-        return (named or rising)[0]
+    named = [k for k in moving if re.search(TIME, k.lower())]
+    usual = [k for k in named if np.mean(np.diff(columns[k]) > 0) > RISING]
+    if usual or (rising and rate is None):
+        return ([k for k in usual if k in rising] or usual or rising)[0]
+    if rate is None and named:
+        raise InputError(
+            f"the column {named[0]!r} of the log looks like time, but does not increase from row "
+            "to row; give the sampling rate: --rate HZ."
+        )
     if rate is None:
         raise InputError("no column of the log looks like time; give its sampling rate: --rate HZ.")
     return None
@@ -269,8 +331,8 @@ def _input_unit(motion: str, drives: str) -> str:
 
 def _fitting(units: dict[str, str], motion: str, drives: str) -> dict[str, str]:
     """Only units of the quantity that a channel has."""
-    wanted = {"t": "s", "position": "m" if motion == "translation" else "rad"}
-    wanted["input"] = _input_unit(motion, drives)
+    wanted = {k: output_unit(motion, k) for k in MEASURABLE}
+    wanted |= {"t": "s", "input": _input_unit(motion, drives)}
     out = {}
     for k, u in units.items():
         try:

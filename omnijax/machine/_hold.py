@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ._first_numbers import LogSignals
-from ._low_pass import acceleration, cutoff_of, low_passed, unspoilt
+from ._low_pass import acceleration, low_passed, unspoilt
 
 HELD_FROM = 0.5  # of the half sample by which a held input acts late: nearer to it than to linear
 SURE, CLOSE = 0.12, 0.05  # half samples: error at most, and distance beside three errors
@@ -94,7 +94,7 @@ def _late(table: np.ndarray, wanted: np.ndarray) -> tuple[float, np.ndarray, np.
 
 def _rows(log: LogSignals, turns: bool) -> tuple[np.ndarray, np.ndarray]:
     """The table of one log, its first columns the input and what holding adds, and a (rows,)."""
-    share = cutoff_of(log.position, log.step)
+    share = log.cutoff
     q = low_passed(log.position, share)
     v = np.gradient(q, log.step)
     linear, held = (acting(log.input, hold) for hold in ("linear", "held"))

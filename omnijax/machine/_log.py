@@ -1,7 +1,7 @@
 """Logs of a machine: any table, any column names and units, and the NAME.toml beside it."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +15,15 @@ from ..rig import Quantity
 KEYS = ("machine", "log", "role", "rows", "rate", "channels", "units", "noise")
 ROLES = ("train", "held-out")
 LEAST = 64  # samples
+MEASURED = ("position", "velocity")  # what a machine is compared by, the first that a log has
 
 
 @dataclasses.dataclass
 class Log:
     """One run: uniform time in s, inputs and outputs in SI units by name.
 
-    `noise` is the declared 1-sigma by output; `faults` are sentences about what was wrong.
+    `noise` is the declared 1-sigma by output; `faults` are sentences about what was wrong.  Where
+    `measured` is the velocity, the position is its integral from 0.
     """
 
     name: str
@@ -31,6 +33,7 @@ class Log:
     outputs: dict[str, np.ndarray]
     noise: dict[str, float] = dataclasses.field(default_factory=dict)
     faults: list[str] = dataclasses.field(default_factory=list)
+    measured: str = "position"  # or velocity
 
     @property
     def step(self) -> float:
@@ -38,10 +41,16 @@ class Log:
         return float(self.time[1] - self.time[0])
 
     @property
+    def shown(self) -> np.ndarray:
+        """What was measured (t,): positions, or velocities."""
+        return self.outputs[self.measured]
+
+    @property
     def start(self) -> dict[str, tuple[float, float]]:
         """Position and its rate at the first sample, by output: where a free run begins."""
         q = self.outputs["position"]
-        return {"position": (float(q[0]), float(q[1] - q[0]) / self.step)}
+        v = self.shown[0] if self.measured == "velocity" else (q[1] - q[0]) / self.step
+        return {"position": (float(q[0]), float(v))}
 
 
 @dataclasses.dataclass
@@ -126,16 +135,30 @@ def read_log(file: LogFile, inputs: Mapping[str, str], outputs: Mapping[str, str
                 f'{name} = "..." in {file.path.name}; columns: '
                 f"{', '.join(list(table.columns)[:12])}."
             )
-    if "position" in outputs and "position" not in signals:
+    measured = measured_of(signals)
+    if measured is None and measured_of(outputs) is not None:
+        said = " or ".join(f"`{k}` ({units[k]})" for k in MEASURED if k in outputs)
         raise InputError(
-            f"{where} has no column `position` ({units['position']}). Say which one it is: "
-            f'[channels] position = "..." in {file.path.name}.'
+            f"{where} has no column {said}. Say which one it is: "
+            f'[channels] {measured_of(outputs)} = "..." in {file.path.name}; columns: '
+            f"{', '.join(list(table.columns)[:12])}."
         )
     if file.rows is not None:
         signals = {k: x[slice(*file.rows)] for k, x in signals.items()}
     for name in inputs:
         signals.setdefault(name, np.ones(len(signals["t"])))
-    return _on_a_grid(file, signals, inputs, outputs, faults)
+    return _on_a_grid(file, signals, inputs, outputs, measured, faults)
+
+
+def measured_of(names: Collection[str]) -> str | None:
+    """Which of some outputs is compared: the position where it is there, else the velocity."""
+    return next((k for k in MEASURED if k in names), None)
+
+
+def travelled(velocity: np.ndarray, step: float) -> np.ndarray:
+    """Position (t,) from 0 of a sampled velocity."""
+    steps = (velocity[1:] + velocity[:-1]) * step / 2
+    return np.concatenate([[0.0], np.cumsum(steps)])
 
 
 def _column(file: LogFile, table, name: str, unit: str, faults) -> np.ndarray | None:
@@ -165,10 +188,10 @@ def _column(file: LogFile, table, name: str, unit: str, faults) -> np.ndarray | 
         return values
 
 
-def _on_a_grid(file: LogFile, signals, inputs, outputs, faults) -> Log:
+def _on_a_grid(file: LogFile, signals, inputs, outputs, measured: str | None, faults) -> Log:
     """Finite rows on a uniform grid from zero; short or resting logs are refused."""
     name = stem_of(file.log) if file.rows is None else file.path.stem
-    needed = ["t", *inputs, *(["position"] if "position" in outputs else [])]
+    needed = ["t", *inputs, *([measured] if measured else [])]
     finite = np.all([np.isfinite(signals[k]) for k in needed], axis=0)
     if not finite.all():
         faults.append(f"{file.log.name}: {int((~finite).sum())} rows have no number; they are left "
@@ -187,8 +210,8 @@ def _on_a_grid(file: LogFile, signals, inputs, outputs, faults) -> Log:
                       "they are left out.")  # fmt: skip
         signals = {k: x[keep] for k, x in signals.items()}
         t = signals["t"]
-    if "position" in outputs and np.ptp(signals["position"]) == 0:
-        raise InputError(f"{file.log.name}: the position never changes: all at rest.")
+    if measured and np.ptp(signals[measured]) == 0:
+        raise InputError(f"{file.log.name}: the {measured} never changes: all at rest.")
     step = float(np.median(np.diff(t)))
     grid = np.arange(round((t[-1] - t[0]) / step) + 1) * step
     if np.max(np.abs(np.diff(t) - step)) > 0.02 * step:
@@ -198,9 +221,12 @@ def _on_a_grid(file: LogFile, signals, inputs, outputs, faults) -> Log:
         signals = {k: np.interp(grid, t - t[0], x) for k, x in signals.items()}
     else:
         grid = np.arange(len(t)) * step
-    return Log(name, file.role, grid, {k: signals[k] for k in inputs},
-               {k: signals[k] for k in outputs if k in signals},
-               {k: float(v) for k, v in file.noise.items()}, faults)  # fmt: skip
+    shown = {k: signals[k] for k in outputs if k in signals}
+    if measured == "velocity":
+        shown["position"] = travelled(shown["velocity"], step)
+    return Log(name, file.role, grid, {k: signals[k] for k in inputs}, shown,
+               {k: float(v) for k, v in file.noise.items()}, faults,
+               measured or "position")  # fmt: skip
 
 
 def tables_of(folder: Path) -> dict[str, Path]:

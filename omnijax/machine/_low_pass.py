@@ -14,12 +14,17 @@ def low_passed(x: np.ndarray, share: float) -> np.ndarray:
     return filtfilt(b, a, x)
 
 
-def cutoff_of(q: np.ndarray, step: float) -> float:
-    """The widest low pass, of half the sampling rate, that leaves little noise of acceleration."""
-    noise = float(np.sqrt(np.mean(np.diff(q, 5) ** 2) / 252))
+def cutoff_of(q: np.ndarray, step: float, velocity: np.ndarray | None = None) -> float:
+    """The widest low pass, of half the sampling rate, that leaves little noise of acceleration.
+
+    Positions q (t,) are measured, or, where given, the `velocity` (t,) whose integral they are.
+    """
+    measured, order = (q, 2) if velocity is None else (velocity, 1)
+    noise = float(np.sqrt(np.mean(np.diff(measured, 5) ** 2) / 252))
     for share in CUTOFFS:
         size = np.std(acceleration(low_passed(q, share), step))
-        if noise * (np.pi * share / step) ** 2 * np.sqrt(share / 5) < NOISY * size:
+        shaken = noise * (np.pi * share / step) ** order * np.sqrt(share / (2 * order + 1))
+        if shaken < NOISY * size:
             return share
     return CUTOFFS[-1]
 

@@ -101,7 +101,7 @@ class VariedNumbers:
 
 
 class Misfit:
-    """Figures of measured less simulated position over some numbers of a machine file."""
+    """Figures of measured less simulated output over some numbers of a machine file."""
 
     def __init__(self, file: MachineFile, log: Log, paths: Sequence[str], metrics: Sequence[str]):
         self.numbers, self.log, self.metrics = VariedNumbers.of(file), log, tuple(metrics)
@@ -129,7 +129,7 @@ class Misfit:
             late = delayed_inputs(placed, times, fine)
             out = motion(machine, placed, state(machine, start), late, log.step, steps,
                          self.parts, self.hold)  # fmt: skip
-            error = jnp.asarray(q) - sensed(placed, clock, out)["position"]
+            error = jnp.asarray(log.shown) - sensed(placed, clock, out)[log.measured]
             size = {"rms": jnp.sqrt(jnp.mean(error**2)), "mae": jnp.mean(jnp.abs(error)),
                     "peak": jnp.max(jnp.abs(error))}  # fmt: skip
             return jnp.stack([size[m] for m in self.metrics])
@@ -141,7 +141,7 @@ class Misfit:
     @property
     def unit(self) -> str:
         """Unit of every metric."""
-        return self.numbers.file.machine.outputs["position"]
+        return self.numbers.file.machine.outputs[self.log.measured]
 
     def steps(self, values: np.ndarray) -> int:
         """Runge-Kutta steps between two samples that all of some designs (m, d) can do with."""

@@ -3,7 +3,7 @@
 from .build import build_model as build_model
 from .evidence import OdeEvidence as OdeEvidence
 from .evidence import balance_error as balance_error
-from .evidence import missed_position as missed_position
+from .evidence import missed_output as missed_output
 from .hold import HoldReading as HoldReading
 from .hold import better_reading as better_reading
 from .hold import first_reading as first_reading

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..._errors import InputError
 from ...laws import AXIS_EFFECTS
-from ...machine import AbstractMachine, Axis, Log, MachineCase, field_units
+from ...machine import AbstractMachine, Axis, Log, MachineCase, field_units, measured_of
 from .._search import Prior
 from .model import OdeModel
 from .numbers import Numbers
@@ -19,30 +19,31 @@ NOISY = 0.1  # share of a measured acceleration that may be noise
 ROWS = 6000  # of a run's free run that are compared; more say nothing new
 LEADS = 4  # a window is at least so many times its lead
 AWAY = 0.05  # of the time that an axis is pushed away from rest, above which free runs say nothing
+RESTED = 0.05  # of the largest speed, below which one counts as none
 KNOWN = frozenset({"bearing-viscous", "sensor-gain"})  # an axis has its own
 ABSENT = frozenset({"gravity", "stiffness"})  # what an axis may not have at all: not as a factor
 INVERTED = frozenset({"encoder-eccentricity"})  # sensors' laws of which a balance finds the input
 
 
-def position_noise(logs: Sequence[Log]) -> tuple[float, str]:
-    """1-sigma of the measured position, and where it is from."""
-    declared = [log.noise["position"] for log in logs if "position" in log.noise]
+def sensor_noise(logs: Sequence[Log]) -> tuple[float, str]:
+    """1-sigma of what was measured, and where it is from."""
+    declared = [log.noise[log.measured] for log in logs if log.measured in log.noise]
     if declared:
         return float(np.sqrt(np.mean(np.array(declared) ** 2))), "declared"
     sigmas = []
     for order in ORDERS:
-        squares = [np.mean(np.diff(log.outputs["position"], order) ** 2) for log in logs]
+        squares = [np.mean(np.diff(log.shown, order) ** 2) for log in logs]
         sigmas.append(np.sqrt(np.mean(np.array(squares, float)) / math.comb(2 * order, order)))
     return float(min(sigmas)), "differences"
 
 
 def cutoff_of(logs: Sequence[Log], noise: float) -> float:
     """Hz: the widest low pass at which noise is a small part of the measured acceleration."""
-    step = logs[0].step
+    step, order = logs[0].step, 1 if logs[0].measured == "velocity" else 2
     for share in CUTOFFS:
         f = share / step
         a = np.concatenate([smoothed(log.outputs["position"], step, f)[2] for log in logs])
-        shaken = noise * (2 * np.pi * f) ** 2 * np.sqrt(2 * share / 5)
+        shaken = noise * (2 * np.pi * f) ** order * np.sqrt(2 * share / (2 * order + 1))
         if shaken < NOISY * np.std(a):
             return f
     return CUTOFFS[-1] / step
@@ -62,28 +63,29 @@ def priors_of(machine, uncertainty) -> list[Prior]:
 def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, dict, list[str]]:
     """(model, noise table, remarks) of a case; `laws` are users' own by id."""
     file, machine = case.file, case.file.machine
-    if "position" not in machine.outputs:
-        raise InputError(f"{file.source}: the machine has no output `position`.")
-    noise, source = position_noise(case.logs)
+    if measured_of(machine.outputs) is None:
+        raise InputError(f"{file.source}: the machine has no output `position` or `velocity`.")
+    measured = _measured(case.logs)
+    noise, source = sensor_noise(case.logs)
     if noise <= 0:
-        noise = 1e-6 * float(np.std(case.logs[0].outputs["position"]))
+        noise = 1e-6 * float(np.std(case.logs[0].shown))
         source = "noise-free"
     cutoff = file.compare.cutoff or cutoff_of(case.logs, noise)
     runs = [
-        OdeRun(log.name, log.role, log.time, log.inputs, log.outputs, cutoff, file.compare.hold)
+        OdeRun(log.name, log.role, log.time, log.inputs, log.outputs, cutoff, file.compare.hold,
+               measured)
         for log in case.logs
-    ]
+    ]  # fmt: skip
     one = _one_inertia(machine)
-    memory = machine.memory()
+    memory = speed_memory(machine) if measured == "velocity" else machine.memory()
     chosen = file.compare.criterion
     if chosen == "auto":
-        free = not np.isfinite(memory) or (one is not None and runs_away(one, runs))
-        chosen = "balance" if one is not None and free else "free-run"
+        chosen = _criterion(one, runs, memory)
     if chosen == "balance" and one is None:
         raise InputError(f"{file.source}: `compare.criterion` balance needs one inertia only; "
                          "choose free-run.")  # fmt: skip
     library = {**AXIS_EFFECTS, **(laws or {})}
-    places = _places(machine, library, chosen, file.uncertainty)
+    places = _places(machine, library, chosen, file.uncertainty, measured)
     used = {i: library[i] for i, _ in places}
 
     def criterion(numbers: Numbers, run: OdeRun):
@@ -95,12 +97,47 @@ def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, 
                      noise, file.placed)  # fmt: skip
     table = {model.rows[0].group: {"sigma": float(model.scale[0]), "source": source, "error": 0.05}}
     how = (
-        f"Compared is the balance of accelerations: position low-passed at {cutoff:.4g} Hz, rows "
+        f"Compared is the balance of accelerations: {measured} low-passed at {cutoff:.4g} Hz, rows "
         f"every {1e3 * model.rows[0].thin * runs[0].step:.4g} ms."
         if chosen == "balance" else
-        "Compared is the position of free runs, simulated from the inputs alone."
+        f"Compared is the {measured} of free runs, simulated from the inputs alone."
     )  # fmt: skip
     return model, table, [how, *file.assumed]
+
+
+def _measured(logs: Sequence[Log]) -> str:
+    """What all logs of a case measured."""
+    kinds = {log.measured for log in logs}
+    if len(kinds) > 1:
+        raise InputError(
+            "some logs give the position, others the velocity alone: a case needs one of both in "
+            "all of its logs."
+        )
+    return kinds.pop()
+
+
+def _criterion(one: Axis | None, runs: Sequence[OdeRun], memory: float) -> str:
+    """How runs are compared: by the balance where a free run says nothing or needs no start."""
+    if one is None:
+        return "free-run"
+    if runs[0].measured == "velocity":  # a balance cannot undo a sensor that loses the sign
+        lost = all(loses_sign(r) for r in runs)
+        return "free-run" if lost and np.isfinite(memory) else "balance"
+    free = not np.isfinite(memory) or runs_away(one, runs)
+    return "balance" if free else "free-run"
+
+
+def loses_sign(run: OdeRun) -> bool:
+    """Whether a speed keeps one sign, and comes to rest, under an input that changes its own."""
+    v, u = run.shown, np.asarray(run.inputs["input"])
+    rests = np.min(np.abs(v)) < RESTED * np.max(np.abs(v))
+    one_sided = min(abs(float(v.min())), abs(float(v.max()))) < RESTED * np.max(np.abs(v))
+    return bool(rests and one_sided and u.min() < 0 < u.max())
+
+
+def speed_memory(machine: AbstractMachine) -> float:
+    """Seconds after which a machine's speed has forgotten its start."""
+    return machine.speed_memory() if isinstance(machine, Axis) else machine.memory()
 
 
 def _one_inertia(machine: AbstractMachine) -> Axis | None:
@@ -121,7 +158,7 @@ def runs_away(axis: Axis, runs: Sequence[OdeRun]) -> bool:
     return bool(np.mean(pulls < 0) > AWAY)
 
 
-def _places(machine, library, criterion: str, uncertain) -> list[tuple[str, str]]:
+def _places(machine, library, criterion: str, uncertain, measured: str) -> list[tuple[str, str]]:
     """(id, place) of every law that may act on the machine."""
     own, out = _own_places(machine), []
     for id, law in library.items():
@@ -129,9 +166,9 @@ def _places(machine, library, criterion: str, uncertain) -> list[tuple[str, str]
             continue
         if law.port == "sensor":
             seen = id in INVERTED if criterion == "balance" else id not in KNOWN
-            turns = getattr(machine, "motion", "rotation") == "rotation"
-            if seen and (turns or id not in INVERTED):
-                out.append((id, "position"))
+            angle = getattr(machine, "motion", "rotation") == "rotation" and measured == "position"
+            if seen and (angle or id not in INVERTED):
+                out.append((id, measured))
             continue
         out += [(id, place) for place in own.get(law.port, ())]
     stated: set[str] = set()

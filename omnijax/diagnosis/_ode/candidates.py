@@ -26,11 +26,11 @@ class Scales:
     twist: float  # of what a spring of the drive, or the one that holds the axis, is bent by
     step: float
     torques: np.ndarray  # sizes of the commanded torque below which it is for `CLIPPED`, `RARELY`
-    reach: float  # the largest measured position
+    reach: float  # the largest that was measured
 
     @staticmethod
     def of(machine, runs: Sequence[OdeRun], cutoff: float) -> "Scales":
-        """RMS of speed and of the springs' twist, sizes of the torque, largest position."""
+        """RMS of speed and of the springs' twist, sizes of the torque, largest value."""
         parts = [smoothed(r.outputs["position"], r.step, cutoff) for r in runs]
         speed = np.sqrt(np.mean(np.concatenate([v**2 for _, v, _ in parts])))
         twists = [_twist(machine, q, v, r.step) for r, (q, v, _) in zip(runs, parts, strict=True)]
@@ -40,7 +40,7 @@ class Scales:
             for r, (q, v, _) in zip(runs, parts, strict=True)
         ])  # fmt: skip
         torques = np.quantile(torque, (*CLIPPED, RARELY))
-        reach = max(float(np.max(np.abs(r.outputs["position"]))) for r in runs)
+        reach = max(float(np.max(np.abs(r.shown))) for r in runs)
         return Scales(float(speed), float(twist), runs[0].step, torques, reach)
 
     def ladder(self, port: str, key: str, parameter) -> list[float]:

@@ -31,11 +31,16 @@ class OdeEvidence(AbstractEvidence):
         """The output group that is compared."""
         return self.model.rows[0].group
 
-    def _position(self) -> str:
-        return self.file.machine.outputs["position"]
+    @property
+    def measured(self) -> str:
+        """The output that was measured: position or velocity."""
+        return self.model.runs[0].measured
 
     def unit_of(self, group):
-        return self._position() + ("/s^2" if self.group == "acceleration" else "")
+        unit, rated = self.file.machine.outputs[self.measured], self.group == "acceleration"
+        if self.measured == "velocity":
+            return unit + ("^2" if rated else "")
+        return unit + ("/s^2" if rated else "")
 
     def columns(self, residual, split):
         out, at = [], 0
@@ -96,16 +101,18 @@ class OdeEvidence(AbstractEvidence):
         return list(self.said)
 
     def unit(self, unit, place, key=""):
-        return axis_unit(unit, "translation" if self._position() == "m" else "rotation", key)
+        slides = self.file.machine.outputs[self.measured] in ("m", "m/s")
+        return axis_unit(unit, "translation" if slides else "rotation", key)
 
     def free_runs(self, points: dict[str, Point]) -> list[dict[str, Any]]:
         """Simulation from the first sample of every run: RMS, MAE and share, by point."""
         out = []
         for run in self.model.runs:
-            entry: dict[str, Any] = {"run": run.name, "role": run.role, "unit": self._position()}
-            moved = float(np.std(run.outputs["position"]))
+            unit = self.file.machine.outputs[run.measured]
+            entry: dict[str, Any] = {"run": run.name, "role": run.role, "unit": unit}
+            moved = float(np.std(run.shown))
             for word, point in points.items():
-                error = missed_position(self.model, point, run)
+                error = missed_output(self.model, point, run)
                 finite = bool(np.all(np.isfinite(error)))
                 entry[word] = {
                     "rms": float(np.sqrt(np.mean(error**2))) if finite else None,
@@ -125,14 +132,15 @@ class OdeEvidence(AbstractEvidence):
         return balance_error(model, point, "held-out")
 
 
-def missed_position(model: OdeModel, point: Point, run: OdeRun) -> np.ndarray:
-    """Measured less simulated position (t,) of a run, from its first sample and inputs alone."""
-    measured, theta = run.outputs["position"], model.numbers.vector(point)
-    _, v, _ = smoothed(measured, run.step, run.cutoff)
+def missed_output(model: OdeModel, point: Point, run: OdeRun) -> np.ndarray:
+    """Measured less simulated output (t,) of a run, from its first sample and inputs alone."""
+    q, theta = run.outputs["position"], model.numbers.vector(point)
+    _, v, _ = smoothed(q, run.step, run.cutoff)
     only = model.numbers.active(theta[None])  # no other law is worth its time
     machine, placed = model.numbers.build(theta, only)
-    start = {"position": (measured[0], v[0])}
-    return measured - free_run(machine, placed, start, run.inputs, run.step, run.hold)["position"]
+    start = {"position": (q[0], v[0])}
+    made = free_run(machine, placed, start, run.inputs, run.step, run.hold)
+    return run.shown - made[run.measured]
 
 
 def balance_error(model: OdeModel, point: Point, split: str) -> float:

@@ -24,7 +24,7 @@ def inputs_of(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
 
 
 def next_run(model: OdeModel, rivals) -> dict:
-    """The input whose worst pair of rivals lies farthest apart, in sigma of the position."""
+    """The input whose worst pair of rivals lies farthest apart, in sigma of what is measured."""
     run = model.runs[model.splits["train"][0]]
     time = np.arange(0.0, SECONDS, run.step)
     top = max(float(np.max(np.abs(model.runs[i].inputs["input"]))) for i in model.splits["train"])
@@ -34,7 +34,7 @@ def next_run(model: OdeModel, rivals) -> dict:
     rows, tried = [], inputs_of(top, time)
     for words, values in tried.items():
         seen = [
-            free_run(m, placed, rest, {"input": values, **others}, run.step, run.hold)["position"]
+            free_run(m, placed, rest, {"input": values, **others}, run.step, run.hold)[run.measured]
             for m, placed in built
         ]
         apart = [

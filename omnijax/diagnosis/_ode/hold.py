@@ -48,7 +48,8 @@ def first_reading(case: MachineCase) -> HoldReading:
     if not isinstance(machine, Axis) or machine.second_inertia is not None:
         return HoldReading(_read_as(case, "linear"), open=True)
     logs = [
-        LogSignals(log.outputs["position"], log.inputs["input"], log.step, {})
+        LogSignals(log.outputs["position"], log.inputs["input"], log.step, {},
+                   log.shown if log.measured == "velocity" else None)
         for log in case.logs if log.role == "train"
     ]  # fmt: skip
     told = input_hold(logs, machine.motion == "rotation")

@@ -8,7 +8,15 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.signal import butter, filtfilt, firwin
 
-from ...machine import acting, between, delayed_inputs, motion, places_of, vector_field
+from ...machine import (
+    acting,
+    between,
+    delayed_inputs,
+    motion,
+    places_of,
+    travelled,
+    vector_field,
+)
 from .before import Before, memories_at, seen
 from .known import before_sensors, memories, rate_of, states
 from .numbers import Numbers
@@ -28,11 +36,17 @@ class OdeRun:
     outputs: Mapping[str, np.ndarray]
     cutoff: float  # Hz, of the low pass that gives measured speed and acceleration
     hold: str = "linear"
+    measured: str = "position"  # or velocity: the position is its integral then
 
     @property
     def step(self) -> float:
         """Sampling step, s."""
         return float(self.time[1] - self.time[0])
+
+    @property
+    def shown(self) -> np.ndarray:
+        """What was measured (t,)."""
+        return np.asarray(self.outputs[self.measured])
 
 
 def smoothed(x: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, ...]:
@@ -91,10 +105,12 @@ class Balance:
         return jnp.convolve(raw, jnp.asarray(self.taps), "valid")[:: self.thin]
 
     def gain(self) -> float:
-        """1-sigma of a row for white noise of 1-sigma 1 in the measured position."""
+        """1-sigma of a row for white noise of 1-sigma 1 in what is measured."""
         n = max(2001, 8 * self.edge + 1)
         impulse = np.zeros(n)
         impulse[n // 2] = 1.0
+        if self.run.measured == "velocity":
+            impulse = travelled(impulse, self.run.step)
         _, _, a = smoothed(impulse, self.run.step, 1 / (self.thin * self.run.step))
         return float(np.linalg.norm(np.convolve(a, self.taps, "same")))
 
@@ -109,7 +125,10 @@ class FreeRun:
     runs of about one length share a program.
     """
 
-    group = "position"
+    @property
+    def group(self) -> str:
+        """The output that is compared: position or velocity."""
+        return self.run.measured
 
     @property
     def kind(self) -> tuple:
@@ -120,7 +139,8 @@ class FreeRun:
         self.numbers, self.run, self.thin = numbers, run, thin
         n, self.places = len(run.time), places_of(run.hold)
         q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
-        q = np.where(np.arange(n) < 3, run.outputs["position"], q)
+        if run.measured == "position":
+            q = np.where(np.arange(n) < 3, run.outputs["position"], q)
         ends = windows(n, length)
         begins, count, total = np.append(0, ends[:-1]), len(ends), length + lead
         self.begin = np.maximum(0, begins - lead)
@@ -139,7 +159,7 @@ class FreeRun:
         self.picked = np.ravel_multi_index(tuple(where), take.shape)
         clock = self.begin[:, None] + np.arange(total)
         clock = jnp.asarray(clock * run.step)
-        shown = jnp.asarray(np.asarray(run.outputs["position"])[take])
+        shown = jnp.asarray(run.shown[take])
         states = len(numbers.machine.start({"position": (0.0, 0.0)}))
         self.states = states
         moved = jnp.zeros((count, states + len(Before._fields)))
@@ -151,7 +171,7 @@ class FreeRun:
         return jnp.stack([jnp.asarray(v, float) for v in machine.start(first)])
 
     def simulated(self, theta, data, steps, shift=0.0, only=None):
-        """Position (windows, samples), the starts and pasts moved by `shift`; traced."""
+        """What is measured (windows, samples), starts and pasts moved by `shift`; traced."""
         first, inputs, clock, _, moved = data
         machine, placed = self.numbers.build(theta, only)
         parts, hold, step = self.places, self.run.hold, self.run.step
@@ -164,7 +184,7 @@ class FreeRun:
             fine = jnp.linspace(0.0, time[-1] - time[0], parts * (len(time) - 1) + 1)
             inputs = delayed_inputs(placed, fine, inputs, before.jump)
             out = motion(machine, placed, x0, inputs, step, steps, parts, hold, memory)
-            return seen(placed, time, out["position"], step, before)
+            return seen(placed, time, out[self.run.measured], step, before)
 
         return jax.vmap(one)(first, inputs, clock, moved)
 
@@ -221,11 +241,11 @@ class FreeRun:
         return out
 
     def rows(self, theta, data, steps=1, only=None):
-        """(windows * samples,) in the position's unit, those `picked` count; traced."""
+        """(windows * samples,) in the unit of what is measured, those `picked` count; traced."""
         return (data[3] - self.simulated(theta, data, steps, only=only)).ravel()
 
     def gain(self) -> float:
-        """1-sigma of a row for white noise of 1-sigma 1 in the measured position."""
+        """1-sigma of a row for white noise of 1-sigma 1 in what is measured."""
         return 1.0
 
 

@@ -1,0 +1,112 @@
+"""Axes whose log has a speed and no position: tachometers, rates of a drive's controller."""
+
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from omnijax import cli
+from omnijax.diagnosis import diagnose
+from omnijax.machine import Axis, guess, read_machine_case, travelled
+from omnijax.rig import InputError
+from tests.seeds import drawn_anew
+
+STEP = 4e-3
+NOISE = 0.02  # rad/s
+
+
+def rubbing_motor(rng, coulomb=0.12, count=2500):
+    """(t, input, speed): v' = (u - v/2)/J less dry friction, J = 0.04, exactly by small steps."""
+    t = np.arange(count) * STEP
+    f, p = np.exp(rng.uniform(np.log(0.15), np.log(1.2), 5)), rng.uniform(0, 6, 5)
+    u, v, out = np.sin(2 * np.pi * np.outer(t, f) + p).sum(1) / 2, 0.0, []
+    for k in range(count):
+        out.append(v)
+        for j in range(8):  # linear between samples
+            now = u[k] + (u[min(k + 1, count - 1)] - u[k]) * j / 8
+            v += STEP / 8 * (now - v / 2 - coulomb * np.tanh(v / 0.02)) / 0.04
+    return t, u, np.array(out)
+
+
+def written(path, t, u, speed_rpm):
+    """A log with milliseconds and revolutions a minute."""
+    table = np.stack([1e3 * t, u, speed_rpm], 1)
+    np.savetxt(path, table, delimiter=",", header="Time [ms],Voltage [V],Motor speed [rpm]",
+               comments="", fmt="%.9g")  # fmt: skip
+    return path
+
+
+def new_case(tmp_path, *more):
+    rng = drawn_anew("speed alone")
+    t, u, v = rubbing_motor(rng)
+    rpm = (v + NOISE * rng.normal(size=len(v))) * 60 / (2 * np.pi)
+    log = written(tmp_path / "motor.csv", t, u, rpm)
+    out = tmp_path / "case"
+    assert cli.run(["case", "new", str(log), "--out", str(out), "--yes", *more]) == 0
+    return out, v
+
+
+def test_a_log_of_a_speed_alone_is_guessed(tmp_path):
+    folder, v = new_case(tmp_path)
+    one = guess(tmp_path / "motor.csv")
+    assert (one.position, one.velocity, one.units["velocity"]) == (None, "Motor speed [rpm]", "rpm")
+    assert one.noise == pytest.approx(NOISE, rel=0.1)
+    case = read_machine_case(folder)
+    axis: Any = case.file.machine
+    assert float(axis.inertia) == pytest.approx(0.04, rel=0.3)
+    log = case.logs[0]
+    assert log.measured == "velocity"
+    shown = log.shown
+    assert np.std(shown - v[: len(shown)]) == pytest.approx(NOISE, rel=0.1)
+    np.testing.assert_allclose(log.outputs["position"], travelled(shown, STEP))
+    assert log.start["position"] == (0.0, shown[0])
+
+
+def test_dry_friction_is_named_from_a_speed_alone(tmp_path):
+    found = diagnose(new_case(tmp_path)[0])
+    assert [e.id for e in found.effects] == ["bearing-coulomb"], found
+    torque = found.effects[0].parameters["torque"]
+    assert abs(torque["value"] - 0.12) < 4 * torque["sigma"] + 0.004
+    runs = found.free_runs
+    assert {r["unit"] for r in runs} == {"rad/s"}
+    assert runs[0]["after"]["rms"] < 2 * NOISE < runs[0]["before"]["rms"] / 2
+
+
+def test_a_speed_forgets_its_start_where_the_position_does_not():
+    numbers: Any = {"inertia": 2.0, "damping": 0.5}
+    axis = Axis(**numbers)
+    assert axis.memory() == np.inf
+    assert axis.speed_memory() == pytest.approx(7 * 4.0)
+    pulled = Axis(**numbers, stiffness=jnp.asarray(3.0))
+    assert pulled.speed_memory() == pytest.approx(pulled.memory())
+
+
+def test_columns_that_are_named_leave_the_others_to_be_looked_for(tmp_path):
+    """The time is still found where input and output are named: it was taken for 1 s a row."""
+    folder, _ = new_case(tmp_path, "--input", "Voltage [V]", "--velocity", "Motor speed [rpm]")
+    assert read_machine_case(folder).logs[0].step == pytest.approx(STEP)
+
+
+def test_stamps_of_a_coarse_clock_repeat(tmp_path):
+    t = np.round(np.arange(800) * 1.6e-3, 3)
+    t[300] = t[299]
+    table = np.stack([t, np.sin(t), np.cos(3 * t)], 1)
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="stamp,u,angle", comments="")
+    assert guess(tmp_path / "a.csv").time == "stamp"
+    table[:, 0] = np.floor(t)
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header="stamp,u,angle", comments="")
+    with pytest.raises(InputError, match=r"'stamp'.*does not increase.*--rate"):
+        guess(tmp_path / "a.csv")
+
+
+def test_one_case_has_positions_or_speeds(tmp_path, capsys):
+    folder, v = new_case(tmp_path)
+    t = np.arange(len(v)) * STEP
+    table = np.stack([t, np.sin(t), travelled(v, STEP)], 1)
+    np.savetxt(folder / "b.csv", table, delimiter=",", header="t,input,position", comments="")
+    with pytest.raises(InputError, match="some logs give the position"):
+        diagnose(folder)
+    logs = [str(tmp_path / "motor.csv"), str(folder / "b.csv")]
+    assert cli.run(["case", "new", *logs, "--out", str(tmp_path / "c"), "--yes"]) == 2
+    assert "some logs give a position" in capsys.readouterr().err
