@@ -287,6 +287,18 @@ def test_a_refit_keeps_bounds():
     assert fit.point.effects[0].values["torque"] == 0.0
 
 
+def test_a_refit_follows_a_valley_that_bends():
+    """Rosenbrock's valley; straight damped steps creep along it for 40 rounds."""
+
+    def valley(p, laws, split):
+        return np.array([1e3 * (p["y"] - p["x"] ** 2), 100 * (p["x"] - 1.2)])
+
+    flat = {"relative": False, "hard": 9.0}
+    model = SmallModel(valley, [Prior("x", 0, 1, **flat), Prior("y", 0, 1, **flat)], LAWS, "shaft")
+    fit = refit(model, Point(np.array([-1.0, 1.0])), rounds=10)
+    np.testing.assert_allclose(fit.point.u, [1.2, 1.44], rtol=1e-3)
+
+
 def test_candidates_are_picked_beside_what_the_models_own_numbers_take_up():
     model, given = balance([law("bearing-coulomb", 0.2)]), []
     pick = model.candidates

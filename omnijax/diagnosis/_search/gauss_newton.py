@@ -1,0 +1,128 @@
+"""One step of a refit: damped Gauss-Newton within bounds, along a parabola where a valley bends.
+
+In a valley that bends a straight step d leads up its wall, and damping makes it creep.  Two more
+points of the step tell how the residual r bends along it, r'' = d^2 r/ds^2 of r(x + s d), and the
+parabola x + s d + s^2 a/2 follows the valley, with a = -(J'J + damping)^-1 J' r''.
+
+Source: Transtrum, Sethna, Improvements to the Levenberg-Marquardt algorithm for nonlinear
+least-squares minimization (2012): geodesic acceleration, with its bound |a| < 3/4 |2 d|.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from .model import AbstractModel, Free, Point, moved, value_of
+
+ENOUGH = 0.02  # fall of chi2 that is not worth another round
+KEPT = 0.8  # share of its foretold fall that a straight step has to bring
+BENT = 1.0  # foretold fall of chi2 that is worth a look at the valley's bend
+LONGEST = 1.5  # |a| over |d| above which a parabola says nothing
+
+
+@dataclasses.dataclass(frozen=True)
+class FitState:
+    """A point with its residual and cost (chi2 and the priors' part)."""
+
+    point: Point
+    free: tuple[Free, ...]
+    residual: np.ndarray
+    cost: float
+
+    @staticmethod
+    def at(model: AbstractModel, point: Point, free: Sequence[Free]) -> "FitState":
+        (r,) = model.residuals([point], "train")
+        return FitState(point, tuple(free), r, float(r @ r + point.u @ point.u))
+
+
+def normal(state: FitState, J: np.ndarray):
+    """Gram matrix and gradient with the priors, and the columns' sizes."""
+    P = len(state.point.u)
+    gram, gradient = J.T @ J, J.T @ state.residual
+    gram[:P, :P] += np.eye(P)
+    gradient[:P] += state.point.u
+    return gram, gradient, np.sqrt(np.maximum(np.diag(gram), 1e-300))
+
+
+def stepped(
+    model: AbstractModel, state: FitState, J: np.ndarray, damping: float, exact: bool = True
+):
+    """(the state after one damped step or None, the next damping, the fall foretold).
+
+    `exact`: the tangents `J` are those at the state, so that what a step does not keep is its bend.
+    """
+    gram, gradient, scale = normal(state, J)
+    for _ in range(6):
+        x, end = trial(model, state, gram, gradient, scale, damping)
+        d = end - x
+        predicted = float(-2 * gradient @ d - d @ gram @ d)
+        (new,) = _states(model, state, [end])
+        better = new.cost <= state.cost + 1e-9
+        kept = state.cost - new.cost >= KEPT * predicted or not exact
+        if better and (kept or predicted < BENT):
+            return new, damping / 30, predicted
+        if predicted < ENOUGH:
+            break
+        best = min([new, *_bent(model, state, J, x, d, damping)], key=lambda s: s.cost)
+        if best.cost <= state.cost + 1e-9:
+            return best, damping / 30 if best is new else damping, predicted
+        damping = max(damping * 30, 1e-3)
+    return None, damping, 0.0
+
+
+def _bent(model: AbstractModel, state: FitState, J, x, d, damping: float) -> list[FitState]:
+    """States within a straight step `d` from the numbers `x`, and on its parabola."""
+    straight = _states(model, state, [x + d / 2, x + d / 4])
+    half, quarter = straight
+    if not np.isfinite(half.cost + quarter.cost):
+        return straight
+    second = 16 * (half.residual - 2 * quarter.residual + state.residual)
+    gram, _, scale = normal(state, J)
+    damped = gram / np.outer(scale, scale) + damping * np.eye(len(d))
+    a = -np.linalg.lstsq(damped, J.T @ second / scale, rcond=1e-13)[0] / scale
+    if np.linalg.norm(scale * a) > LONGEST * np.linalg.norm(scale * d):
+        return straight
+    low, high = _bounds(model, state.free)
+    ends = [np.clip(x + s * d + s * s * a / 2, low, high) for s in (1.0, 0.5)]
+    return [*straight, *_states(model, state, ends)]
+
+
+def _states(model: AbstractModel, state: FitState, ends: Sequence[np.ndarray]) -> list[FitState]:
+    """The states at other numbers; one that cannot be evaluated costs infinity."""
+    P = len(state.point.u)
+    points = [moved(state.point, x[:P], state.free, x[P:]) for x in ends]
+    return [
+        FitState(p, state.free, r, float(np.nan_to_num(r @ r + p.u @ p.u, nan=np.inf)))
+        for p, r in zip(points, model.residuals(points, "train"), strict=True)
+    ]
+
+
+def trial(model: AbstractModel, state: FitState, gram, gradient, scale, damping: float):
+    """(the state's numbers, those after one damped step within the bounds)."""
+    x = np.concatenate([state.point.u, [value_of(state.point, f) for f in state.free]])
+    low, high = _bounds(model, state.free)
+    return x, _bounded_step(gram, gradient, scale, damping, x, low, high)
+
+
+def _bounds(model: AbstractModel, free: Sequence[Free]) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest numbers of a refit."""
+    hard = np.array([prior.hard for prior in model.priors])
+    low = np.concatenate([-hard, [f.low for f in free]])
+    return low, np.concatenate([hard, [f.high for f in free]])
+
+
+def _bounded_step(gram, gradient, scale, damping, x, low, high):
+    """x plus the damped step: the quadratic's least value within the bounds."""
+    if len(x) == 0:
+        return x
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale) + damping * np.eye(len(x)))
+    root = np.sqrt(np.maximum(values, 1e-13 * values[-1]))
+    right = -(vectors.T @ (gradient / scale)) / root
+    step = vectors @ (right / root)
+    inside = (low - x) * scale, (high - x) * scale
+    if np.any((step < inside[0]) | (step > inside[1])):
+        bounds = np.minimum(inside[0], -1e-300), np.maximum(inside[1], 1e-300)
+        step = lsq_linear(root[:, None] * vectors.T, right, bounds, "bvls").x
+    return np.clip(x + step / scale, low, high)
