@@ -1,5 +1,7 @@
 """Clocks of loggers: a group read a little late is calibrated, a delay beyond that is named."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from omnijax.diagnosis import Point, RigModel, diagnose
 from omnijax.diagnosis._machine.clocks import LoggerClock, clock_priors, read_late, with_clocks
 from omnijax.diagnosis._machine.elastic import OUTPUTS, linear_states, outputs_of
 from omnijax.diagnosis._machine.late import late_outputs
+from omnijax.diagnosis._machine.machine import Predicted
 from omnijax.diagnosis._machine.runs import Run
 from omnijax.diagnosis._machine.settings import SETTINGS
 from omnijax.diagnosis._search import Effect, tangent_rows, to_project
@@ -104,6 +107,34 @@ def test_a_run_is_known_between_its_samples(model):
         error = np.abs(late[known] - wanted[at[known]]).max(axis=0)
         assert np.all(error < 1e-8 * np.abs(wanted).max(axis=0))
         assert np.allclose(late[at < 0], wanted[0], 1e-9, 1e-12)
+
+
+def test_a_sensor_that_remembers_has_seen_what_rings_between_the_samples(model):
+    """A low pass of a tone of 0.37 of the sampling rate is that of the tone, not of its samples."""
+    machine, run = model.machine, model.machine.runs[0]
+    tone, tau = 2 * np.pi * 0.37 / run.step, 0.8 * run.step
+    known = dataclasses.replace(run, outputs={g: 0 * x for g, x in run.outputs.items()})
+    machine.replace(0, known)
+
+    def late(seconds):
+        return np.cos(tone * (run.time - seconds))[:, None] * np.ones(3)
+
+    still = np.zeros((run.samples, 3))
+    foretold = Predicted(np.concatenate([still, late(0.0)], axis=1), still, still, still, late)
+    rig = model.rig_at(
+        Point(np.zeros(len(model.priors)), (Effect("sensor-lag", "a", {"tau": tau}),))
+    )
+    elastic, _ = machine._left(rig, 0, foretold)
+    machine.replace(0, run)
+    wanted = np.real(np.exp(1j * tone * run.time) / (1 + 1j * tone * tau))
+    assert -elastic[40:, 3] == pytest.approx(wanted[40:], abs=0.03)  # by its samples 0.15 off
+
+
+def test_a_run_that_runs_away_is_far_and_no_error(model):
+    """Friction of any size: where Omega cannot be followed its rows are not finite."""
+    law = Effect("load-friction", "w1", {"mu": 1e200, "width": 0.01})
+    (left,) = model.residuals([Point(np.zeros(len(model.priors)), (law,))], "train")
+    assert not np.any(np.isfinite(left[left != 0])) or not np.isfinite(left @ left)
 
 
 def test_a_named_delay_stands_alone_and_the_diagnosed_rig_has_no_clock(model):

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...dynamics import rest_memory, sensor_readings
-from ...laws import SensorSignal
+from ...laws import AbstractSensor, SensorSignal
 from ...rig import Rig
 from .clocks import LATE_LAWS, LoggerClock, read_late
 
@@ -41,6 +41,15 @@ def _read(law, signal: SensorSignal):
 def on_time(group: str):
     """What a sensor's law adds to values of a group that are as late as `offset_of` says."""
     return lambda law, signal: 0.0 if isinstance(law, LATE_LAWS[group]) else sensed(law, signal)
+
+
+def remembers(rig: Rig, group: str) -> bool:
+    """Whether a sensor of the group shows what was before, other than by `offset_of`."""
+    own = [p.law for p in rig.at("sensor") if p.place.split("_")[0] == group]
+    return any(
+        isinstance(law, AbstractSensor) and law.remembers and not isinstance(law, LATE_LAWS[group])
+        for law in own
+    )
 
 
 def readings(rig: Rig, group: str, time: np.ndarray, values: np.ndarray, apply=_read) -> np.ndarray:

@@ -51,7 +51,9 @@ def observed_turning(rig: Rig, motion: RunMotion, path: Path, normal, step: floa
     first = np.zeros(3) if at_rest else motion.turning[0]
     laws = TurningLaws.of(rig, masked=True)
     omega = np.asarray(_integrate(bare(rig), laws, path, step, first))[:samples]
-    fine = CubicSpline(np.arange(samples), omega)(np.arange(len(normal)) / FINE)
+    fine = np.full((len(normal), 3), np.nan)  # of a run that runs away
+    if np.all(np.isfinite(omega)):
+        fine = CubicSpline(np.arange(samples), omega)(np.arange(len(normal)) / FINE)
     radius = rolling_radius(rig, motion)
     speed = float(rig.sphere.radius) * np.einsum("tij,tj->ti", motion.axes, fine) / radius
     return fine, speed
