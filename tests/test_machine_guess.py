@@ -192,7 +192,10 @@ def test_logs_that_say_nothing_are_one_sentence(tmp_path, capsys, rows, still, s
     assert not (tmp_path / "case").exists()
 
 
-@pytest.mark.parametrize("names", [("t_s", "u_V", "x_mm"), ("t [s]", "u [V]", "q [deg]")])
+@pytest.mark.parametrize(
+    "names",
+    [("t_s", "u_V", "x_mm"), ("t [s]", "u [V]", "q [deg]"), ("t[s]", "Vin", "encoder_counts")],
+)
 def test_short_names_with_units_are_known(tmp_path, names):
     rng, path = drawn_anew("short names"), tmp_path / "log.csv"
     t = np.arange(200) * 0.01

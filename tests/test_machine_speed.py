@@ -1,14 +1,25 @@
 """Axes whose log has a speed and no position: tachometers, rates of a drive's controller."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from omnijax import cli
 from omnijax.diagnosis import diagnose
-from omnijax.machine import Axis, guess, read_machine_case, travelled
+from omnijax.diagnosis._search.starts import promising, without_strength
+from omnijax.laws import BearingCoulomb, SensorRectified
+from omnijax.machine import (
+    Axis,
+    guess,
+    loses_sign,
+    numbers_of_logs,
+    read_machine_case,
+    travelled,
+)
 from omnijax.rig import InputError
 from tests.seeds import drawn_anew
 
@@ -110,3 +121,49 @@ def test_one_case_has_positions_or_speeds(tmp_path, capsys):
     logs = [str(tmp_path / "motor.csv"), str(folder / "b.csv")]
     assert cli.run(["case", "new", *logs, "--out", str(tmp_path / "c"), "--yes"]) == 2
     assert "some logs give a position" in capsys.readouterr().err
+
+
+def counted(path, rng):
+    """A log of a counter of pulses, 600 samples at 50 Hz: |v| of J v' + d v = u, J = 0.5, d = 1."""
+    t = np.arange(600) * 0.02
+    u = np.repeat(rng.uniform(-1, 1, 60), 10)  # held: exact from sample to sample
+    v = np.asarray(lfilter([0, 1 - np.exp(-0.04)], [1, -np.exp(-0.04)], u))
+    z = np.abs(v) + 2e-3 * rng.normal(size=len(v))
+    header = "time,Vin,z1"
+    np.savetxt(path, np.stack([t, u, z], 1), delimiter=",", header=header, comments="")
+    return u, v, z
+
+
+def test_a_counter_that_loses_the_sign_is_told_and_still_gives_numbers(tmp_path):
+    rng = drawn_anew("counter")
+    u, v, z = counted(tmp_path / "a.csv", rng)
+    assert loses_sign(z, u) and not loses_sign(v, u)
+    assert not loses_sign(np.abs(v) + 1, u)  # turned one way by something else: never at rest
+    assert not loses_sign(z, np.abs(u))
+    numbers = numbers_of_logs([guess(tmp_path / "a.csv")])
+    assert numbers["inertia"] == pytest.approx(0.5, rel=0.1)
+    assert numbers["damping"] == pytest.approx(1.0, rel=0.1)
+
+
+def test_what_has_no_strength_and_changes_nothing_where_a_fit_ends_is_tried_all_the_same():
+    def scored(id, dead, gain):
+        candidate = SimpleNamespace(id=id, name=id)
+        return SimpleNamespace(dead=dead, allowed=not dead, gain=gain, candidate=candidate)
+
+    model: Any = SimpleNamespace(
+        laws={"sensor-rectified": SensorRectified, "bearing-coulomb": BearingCoulomb}
+    )
+    ids = without_strength(model)
+    assert ids == {"sensor-rectified"}
+    scores = [scored("sensor-rectified", True, 0.0), scored("bearing-coulomb", False, 9.0)]
+    scan: Any = SimpleNamespace(scores=scores)
+    assert promising(scan, ids, 0.5) == scores[:1]
+
+
+@pytest.mark.full
+def test_a_sensor_that_loses_the_sign_is_named(tmp_path):
+    counted(tmp_path / "a.csv", drawn_anew("counter named"))
+    out = tmp_path / "case"
+    assert cli.run(["case", "new", str(tmp_path / "a.csv"), "--out", str(out), "--yes"]) == 0
+    found = diagnose(out)
+    assert [(e.id, e.place) for e in found.effects] == [("sensor-rectified", "velocity")], found

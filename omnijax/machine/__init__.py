@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from ._ports import PlacedLaw as PlacedLaw
     from ._ports import Ports as Ports
     from ._ports import delayed_inputs as delayed_inputs
+    from ._rectified import loses_sign as loses_sign
     from ._schema import KEYS as KEYS
     from ._schema import axis_unit as axis_unit
     from ._schema import field_units as field_units

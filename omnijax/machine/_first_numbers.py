@@ -7,6 +7,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from ._low_pass import acceleration, cutoff_of, low_passed, unspoilt
+from ._rectified import loses_sign, rectified_numbers
 
 EDGE = 10  # samples at both ends of a log that the low pass spoils
 PULLS = 0.03  # share of what is left of the acceleration that a term must explain to be there
@@ -113,7 +114,12 @@ def driven_numbers(logs: Sequence[LogSignals], turns: bool) -> dict[str, float]:
 
     u = J a + d v + (k q or, where the axis `turns`, g sin(q)) - offset, a log each its offset.
     Both sides are low-passed as far as the acceleration asks for: noise in it makes J too small.
+    Speeds that have lost their sign tell J and d alone.
     """
+    speeds = [log.velocity for log in logs if log.velocity is not None]
+    inputs = [log.input for log in logs]
+    if speeds and all(map(loses_sign, speeds, inputs)):
+        return rectified_numbers(speeds, inputs, logs[0].step)
     share = min(log.cutoff for log in logs)
     parts = [_driven(log, share) for log in logs]
     q, v, a, given = (np.concatenate([p[k] for p in parts]) for k in range(4))

@@ -20,14 +20,15 @@ from ._log import MEASURED as MEASURABLE
 
 TIME = r"^(t|time|timestamp|zeit|stamp|seconds|sec|ms)\b|time"
 INPUT = (
-    r"^(u\d*|vir|v1|in|input)$|^tau|cmd|torque|force|volt|curr|command|goal|ref|setpoint|moment"
+    r"^(u\d*|vir|v1|v_?(in|m|a)|i|i_?[qam]|amps?|in|input)$|^tau|cmd|torque|force|volt|curr|command|goal|ref|setpoint|moment"
     r"|duty|pwm"
 )
 POSITION = r"^(y|q|qm|x|v2|out)$|pos|angle|theta|encoder|deg|winkel|weg|displ"
 SPEED = r"speed|veloc|(^|_)vel|rpm|omega|drehzahl|geschw|tacho|dot$|^(w|v|n|z\d*)$|/ ?s\b"
 MEASURED = r"meas|act|enc|fb"
 KINDS = (  # pattern of a name -> how the motor is driven
-    (r"goal|ref|setpoint", "goal"), (r"torque|force|moment", "torque"), (r"curr", "current"),
+    (r"goal|ref|setpoint", "goal"), (r"torque|force|moment", "torque"),
+    (r"curr|^amps?\b|^i(_?[qam])?($|[ _(\[])", "current"),
 )  # fmt: skip
 UNIT = re.compile(
     r"[\[(_ ]\s*(mm|cm|um|m|deg|rad|mrad|ms|us|s|N ?m|mNm|N|A|mA|V|mV"

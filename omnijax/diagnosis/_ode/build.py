@@ -7,7 +7,7 @@ import numpy as np
 
 from ..._errors import InputError
 from ...laws import AXIS_EFFECTS
-from ...machine import AbstractMachine, Axis, Log, MachineCase, field_units, measured_of
+from ...machine import AbstractMachine, Axis, Log, MachineCase, field_units, loses_sign, measured_of
 from .._search import Prior
 from .model import OdeModel
 from .numbers import Numbers
@@ -19,7 +19,6 @@ NOISY = 0.1  # share of a measured acceleration that may be noise
 ROWS = 6000  # of a run's free run that are compared; more say nothing new
 LEADS = 4  # a window is at least so many times its lead
 AWAY = 0.05  # of the time that an axis is pushed away from rest, above which free runs say nothing
-RESTED = 0.05  # of the largest speed, below which one counts as none
 KNOWN = frozenset({"bearing-viscous", "sensor-gain"})  # an axis has its own
 ABSENT = frozenset({"gravity", "stiffness"})  # what an axis may not have at all: not as a factor
 INVERTED = frozenset({"encoder-eccentricity"})  # sensors' laws of which a balance finds the input
@@ -121,18 +120,10 @@ def _criterion(one: Axis | None, runs: Sequence[OdeRun], memory: float) -> str:
     if one is None:
         return "free-run"
     if runs[0].measured == "velocity":  # a balance cannot undo a sensor that loses the sign
-        lost = all(loses_sign(r) for r in runs)
+        lost = all(loses_sign(r.shown, np.asarray(r.inputs["input"])) for r in runs)
         return "free-run" if lost and np.isfinite(memory) else "balance"
     free = not np.isfinite(memory) or runs_away(one, runs)
     return "balance" if free else "free-run"
-
-
-def loses_sign(run: OdeRun) -> bool:
-    """Whether a speed keeps one sign, and comes to rest, under an input that changes its own."""
-    v, u = run.shown, np.asarray(run.inputs["input"])
-    rests = np.min(np.abs(v)) < RESTED * np.max(np.abs(v))
-    one_sided = min(abs(float(v.min())), abs(float(v.max()))) < RESTED * np.max(np.abs(v))
-    return bool(rests and one_sided and u.min() < 0 < u.max())
 
 
 def speed_memory(machine: AbstractMachine) -> float:

@@ -113,23 +113,27 @@ def _about(anchor: Point, model: AbstractModel, fit: Fit, scores, ids: set[str])
 
 
 def promising(scan: Scan, ids: set[str], share: float) -> list[Score]:
-    """Every variant of the names of `ids` whose best one explains a `share` of what any does."""
+    """Every variant of the names of `ids` whose best one explains a `share` of what any does.
+
+    And all that change nothing where the model without them ends: a calibration to a speed that
+    lost its sign foretells one sign alone, and losing it changes all about the stated machine.
+    """
     best: dict[str, float] = {}
     for s in scan.scores:
         best[s.candidate.name] = max(best.get(s.candidate.name, 0.0), s.gain)
     least = share * max(best.values(), default=0.0)
     return [
         s for s in scan.scores
-        if s.candidate.id in ids and s.allowed and best[s.candidate.name] > least
+        if s.candidate.id in ids
+        and (s.dead or (s.allowed and best[s.candidate.name] > least))
     ]  # fmt: skip
 
 
 def without_strength(model: AbstractModel) -> set[str]:
-    """Laws of one time or threshold, which no multiple of a signature is, and quickly tried."""
+    """Laws without a strength, which no multiple of a signature is, and quickly tried."""
     return {
         k for k, law in model.laws.items()
-        if law.port not in STEPPED and law.parameters
-        and not any(p.linear for p in law.parameters.values())
+        if law.port not in STEPPED and not any(p.linear for p in law.parameters.values())
     }  # fmt: skip
 
 
