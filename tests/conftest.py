@@ -21,6 +21,8 @@ if version("jaxlib").startswith("0.10."):  # XLA aborts at a flag that it does n
     FLAGS += " --xla_llvm_disable_expensive_passes=true"
     FLAGS += " --xla_backend_extra_options=xla_cpu_disable_loop_unrolling,"
     FLAGS += "xla_cpu_disable_slp_vectorizer,xla_cpu_optimize_for_size"
+    # a worker has one core: parting a program's code for several threads only copies it
+    FLAGS += " --xla_cpu_parallel_codegen_split_count=1"
 os.environ.setdefault("XLA_FLAGS", FLAGS)
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("JAX_PLATFORMS", "cpu")

@@ -1,9 +1,11 @@
 """A method gives, for everything that may be varied, the figures of `simulate` on each design.
 
 All quantities of a rig, of its effects and of its drive are columns of one program for a method: a
-row changes one of them, to three values, the others as drawn.  What a method drops makes its row
-equal the row of nothing changed, while `simulate` moves.
+row changes one of them, to one value or three, the others as drawn.  What a method drops makes its
+row equal the row of nothing changed, while `simulate` moves.
 """
+
+import dataclasses
 
 import equinox as eqx
 import jax
@@ -16,6 +18,8 @@ from seeds import drawn_anew
 from omnijax import laws, set_parameter, sweep
 from omnijax.rig import get_parameter, parameter_info
 from omnijax.simulation import TorqueDrive, ramp, simulate, speeds, steady_state, torques
+from omnijax.study import Variable, parse_study
+from omnijax.study._design.rig import RigCases
 from omnijax.study._evaluation import (
     Evaluation,
     Question,
@@ -25,16 +29,26 @@ from omnijax.study._evaluation import (
     samples_of,
 )
 from omnijax.study._evaluation.methods import obstacle
+from omnijax.study._file.study import LoadCase
 from omnijax.study._parameters import scalar_parameters
 from omnijax.vibration import evaluate
 
 METRICS = ("rms", "peak")
-AROUND = np.deg2rad([10.0, 95.0, 190.0, 280.0])
-FOUR = (
-    [[-0.7 * np.cos(a), -0.7 * np.sin(a), np.sqrt(0.51)] for a in AROUND],
-    [[-np.sin(a), np.cos(a), 0.0] for a in AROUND],
-)
-LAYOUTS = {"orthogonal": ORTHOGONAL, "tripod": SKEW, "four": FOUR}
+
+
+def around(*degrees):
+    """Normals and drive directions of wheels around the sphere."""
+    angles = np.deg2rad(degrees)
+    normals = [[-0.7 * np.cos(a), -0.7 * np.sin(a), np.sqrt(0.51)] for a in angles]
+    return normals, [[-np.sin(a), np.cos(a), 0.0] for a in angles]
+
+
+LAYOUTS = {
+    "orthogonal": ORTHOGONAL,
+    "tripod": SKEW,
+    "four": around(10.0, 95.0, 190.0, 280.0),
+    "five": around(10.0, 80.0, 155.0, 220.0, 290.0),
+}
 
 
 def plain(rig):
@@ -125,16 +139,18 @@ def design(rig, drive, paths, row, base):
 
 
 def taken(how, rig, drive, paths):
-    """The quantities that a method takes."""
+    """The quantities that a method takes: halves of what it refuses, down to single ones."""
     duration = None if how.times is None else 1.0
+    question = Question(rig, (drive,), tuple(paths), how.metrics, how.model, duration, rows=1000)
+    if how.method == "full" or obstacle(how.method, question) is None:
+        return list(paths)
+    if len(paths) == 1:
+        return []
+    half = len(paths) // 2
+    return [p for part in (paths[:half], paths[half:]) for p in taken(how, rig, drive, part)]
 
-    def asked(path):
-        return Question(rig, (drive,), (path,), how.metrics, how.model, duration, rows=1000)
 
-    return [p for p in paths if how.method == "full" or obstacle(how.method, asked(p)) is None]
-
-
-def rows_of(how, rig, drive, rng, most=3):
+def rows_of(how, rig, drive, rng, most):
     """Rows (b, d): nothing changed, then values of every quantity that the method takes.
 
     `most` of them, but three of an effect's own numbers.
@@ -152,13 +168,46 @@ def rows_of(how, rig, drive, rng, most=3):
     return paths, np.array(rows), changed
 
 
-def compared(hows, rig, drive, reference, rng, turns=False):
+def designed(rig, drive, paths, rows):
+    """What `design` says of rows (b, d), and `tolerances` where the same changes are deviations.
+
+    Both (b, metrics) and by one program; the second is NaN where a row changes no part, or one
+    that is 0.  The first row is the nominal design.
+    """
+    given = {kind: tuple(values) for kind, values in _values(drive).items()}
+    case = LoadCase("", kind_of(drive), given[kind_of(drive)], given["force"])
+    base, own = rows[0], scalar_parameters(rig)
+    parts = tuple(p for p, b in zip(paths, base, strict=True) if p in own and b != 0)
+    study = dataclasses.replace(
+        parse_study({"rig": "atlas", "drive": [{"speed": [1, 2, 3]}]}),
+        rig=rig,
+        drives=(case,),
+        variables=tuple(Variable(p, b - 1, b + 1) for p, b in zip(paths, base, strict=True)),
+        tolerances=tuple((part, 0.1) for part in parts),
+    )
+    cases = RigCases(study, METRICS)
+    assert cases.parts == parts
+    column = [paths.index(part) for part in parts]
+    off = rows[:, column] / base[column] - 1
+    asked = jnp.concatenate([rows, np.tile(base, (len(rows), 1))])
+    draws = jnp.concatenate([np.zeros_like(off), off])
+
+    def one(both):
+        return cases.every(both[0], both[1][None])[0][0, 0]
+
+    figures = np.asarray(jax.jit(lambda all: jax.lax.map(one, all))((asked, draws)))
+    found, again = np.split(figures, 2)
+    no_part = (rows != base).any(axis=1) & (off == 0).all(axis=1)
+    return found, np.where(no_part[:, None], np.nan, again)
+
+
+def compared(hows, rig, drive, reference, rng, most, designs=False):
     """The quantities that move a figure, of each way; asserts that all rows are `reference`'s.
 
-    The ways take the same quantities.  `turns`: signals last a whole turn, of as many rollers as a
-    wheel may have; fewer rows then.
+    The ways take the same quantities, `most` values of each, but three of an effect's numbers.
+    `designs`: `design` and `tolerances` say the same of a row of each quantity.
     """
-    paths, rows, changed = rows_of(hows[0], rig, drive, rng, most=1 if turns else 3)
+    paths, rows, changed = rows_of(hows[0], rig, drive, rng, most)
     built = [design(rig, drive, paths, row, rows[0]) for row in rows]
     stacked = jax.tree.map(lambda *xs: jnp.stack([jnp.asarray(x, float) for x in xs]), *built)
     several = jax.jit(lambda all: jax.lax.map(lambda both: reference(*both), all))
@@ -173,6 +222,13 @@ def compared(hows, rig, drive, reference, rng, turns=False):
         assert error.max() < tolerance, (changed[worst], figures[worst], expected[worst])
         moved = np.abs(expected / expected[0] - 1).max(axis=1) > 10 * tolerance
         yield {path for path, by in zip(changed, moved, strict=True) if by}
+    if designs:
+        first = [i for i, path in enumerate(changed) if path != changed[i - 1]]
+        figures, again = designed(rig, drive, paths, rows[first])
+        np.testing.assert_allclose(figures, expected[first], rtol=1e-7)
+        same = np.isfinite(again[:, 0])
+        assert sum(changed[i].startswith("wheel.") for i in np.array(first)[same]) > 30
+        np.testing.assert_allclose(again[same], expected[first][same], rtol=1e-7)
 
 
 def run_figures(ts):
@@ -201,20 +257,31 @@ def steady_figures(rig, drive):
 
 
 MIXED = (laws.Rollers(), laws.HalfSine(), laws.ContinuousSine())
-CASES = [  # methods, layout, profiles (none: all gated), effects
-    (("bulk",), "tripod", None, linear_effects),
-    (("bulk",), "orthogonal", MIXED, effects_of_a_turn),
-    (("bulk",), "four", None, linear_effects),
-    (("steady", "steady-bulk"), "tripod", None, linear_effects),
-    (("fixed",), "tripod", None, plain),
+CASES = [  # methods, layout, profiles (none: all gated), effects, values of a quantity
+    (("bulk",), "tripod", None, linear_effects, 3),
+    (("bulk",), "orthogonal", MIXED, effects_of_a_turn, 1),
+    (("bulk",), "four", None, linear_effects, 1),
+    (("steady", "steady-bulk"), "tripod", None, linear_effects, 1),
+    (("fixed",), "tripod", None, plain, 3),
+]
+MORE = [
+    (("bulk",), "four", None, linear_effects, 3),
+    (("bulk",), "five", None, linear_effects, 3),
+    (("steady", "steady-bulk"), "tripod", None, linear_effects, 3),
 ]
 ACCURACY = {"steady-bulk": 1e-6, "fixed": 1e-6}  # else 1e-7
 
 
+def named(case, marks=()):
+    """The case under a name such as `bulk-tripod-3`."""
+    return pytest.param(*case, id=f"{case[0][0]}-{case[1]}-{case[-1]}", marks=marks)
+
+
 @pytest.mark.parametrize(
-    ("methods", "layout", "profiles", "effects"), CASES, ids=[f"{m[0]}-{at}" for m, at, *_ in CASES]
+    ("methods", "layout", "profiles", "effects", "values"),
+    [*map(named, CASES), *(named(case, pytest.mark.full) for case in MORE)],
 )
-def test_figures_in_every_quantity(methods, layout, profiles, effects):
+def test_figures_in_every_quantity(methods, layout, profiles, effects, values):
     """The methods and `simulate` are closed forms of one model: to rounding of the forms.
 
     Steady states are compared with `steady_state`, in bulk to the accuracy of its suprema; fixed
@@ -225,13 +292,13 @@ def test_figures_in_every_quantity(methods, layout, profiles, effects):
     rig = effects(rig if profiles is None else eqx.tree_at(lambda r: r.profiles, rig, profiles))
     steady, kind = "steady" in methods, "torque" if "fixed" in methods else "speed"
     turns = effects is effects_of_a_turn
-    ts = None if steady else samples_of(*((0.3, 100.0) if turns else (0.08, 500.0)))
+    ts = None if steady else samples_of(*((0.3, 50.0) if turns else (0.08, 500.0)))
     hows = [
         Evaluation(method, METRICS, times=ts, substeps=8 if method == "fixed" else 1)
         for method in methods
     ]
     drive, reference = drawn_drive(rig, rng, kind), steady_figures if steady else run_figures(ts)
-    for moved in compared(hows, rig, drive, reference, rng, turns):
+    for moved in compared(hows, rig, drive, reference, rng, values, designs=steady):
         wanted = {
             f"{kind}.w2", f"{kind}.scale", "wheel.w1.roundness", "wheel.w2.contact.stiffness",
             "wheel.w3.mount.damping",
