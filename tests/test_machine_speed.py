@@ -123,6 +123,16 @@ def test_one_case_has_positions_or_speeds(tmp_path, capsys):
     assert "some logs give a position" in capsys.readouterr().err
 
 
+def test_a_goal_of_a_speed_is_no_goal_of_a_position(tmp_path, capsys):
+    t = np.arange(200) * STEP
+    table = np.stack([t, np.sin(t), np.cos(t)], 1)
+    for header in ("t,speed_ref,speed", "t,omega_setpoint,angle"):
+        np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=header, comments="")
+        assert cli.run(["case", "new", str(tmp_path / "a.csv"), "--yes"]) == 2
+        shown = capsys.readouterr().err
+        assert "not for a speed" in shown and len(shown.strip().splitlines()) == 1
+
+
 def counted(path, rng):
     """A log of a counter of pulses, 600 samples at 50 Hz: |v| of J v' + d v = u, J = 0.5, d = 1."""
     t = np.arange(600) * 0.02

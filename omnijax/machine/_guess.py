@@ -155,6 +155,12 @@ def describe(log: Path, time: str | None, given: str, position: str | None, rate
     }  # fmt: skip
     motion = "translation" if units.get(measured) in LENGTHS else "rotation"
     drives = next((d for p, d in KINDS if re.search(p, given.lower())), "command")
+    if drives == "goal" and (measured == "velocity" or _best([given], SPEED)):
+        raise InputError(
+            f"{log.name}: the input {given!r} looks like the goal of a controller, which an axis "
+            "has for its position alone, not for a speed. Name the motor's torque, current or "
+            "voltage: --input COLUMN."
+        )
     units = _fitting(units, motion, drives)
     q = np.asarray(table.columns[shown], float)
     step = 1 / float(rate or 1.0) if time is None else _step_of(table.columns[time], units)
