@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 from scipy.stats import kstest
 from seeds import drawn_anew
 
-from omnijax.diagnosis._machine.locate import changing
+from omnijax.diagnosis._machine.locate import accelerating, changing
 from omnijax.diagnosis._search.where import (
     Asked,
     above_neighbours,
@@ -125,6 +125,23 @@ def test_a_number_that_fades_over_a_run_is_found_and_one_that_is_off_is_not():
     fading = shares(noise + 0.5 * (2 * TIME / TIME[-1] - 1) * soft, (), own=asked)
     best = discoveries(fading)[0]
     assert (best["domain"], best["reference"]) == ("change", "contact.stiffness")
+
+
+def test_a_motion_shows_in_both_of_its_sensors_and_their_noise_does_not():
+    """Coloured noises that are each other's like in power, and a hidden resonance beside them."""
+    rng = np.random.default_rng(31)
+    ringing = lfilter([1.0], [1, -1.9, 0.98], rng.normal(size=N))  # hangs on no state
+    away = ringing / ringing.std()
+    pull = np.gradient(np.gradient(away, STEP), STEP)
+    noises = [lfilter([1.0], [1, -1.9, 0.98], rng.normal(size=(2, N)), axis=1) for _ in range(6)]
+    for displacement, felt in noises:
+        own = accelerating("dR_x", displacement + rng.normal(size=N), STEP)
+        (answer,) = shares(felt + rng.normal(size=N), (), own=own)
+        assert answer["p"] > 1e-3
+    own = accelerating("dR_x", away + rng.normal(size=N), STEP)
+    (best,) = discoveries(shares(pull / pull.std() + rng.normal(size=N), (), own=own))
+    assert (best["domain"], best["reference"]) == ("motion", "dR_x")
+    assert best["share"] > 0.3  # a half is noise
 
 
 def test_what_hangs_on_a_reading_is_asked_of_its_channel_alone():

@@ -147,6 +147,7 @@ def _place(w: Mapping[str, Any], rollers: Mapping[str, int]) -> str:
         "position": f"hangs on the position {of}",
         "load": f"follows the load {of}",
         "deflection": f"follows how far the contact {of} is pressed",
+        "motion": f"is the acceleration of what is left of {name}: a body moves otherwise",
         "reading": "hangs on the reading itself: the sensor or a stiffness is not linear",
         "change": f"grows or fades over the run as a change {of} would, which is taken as constant",
     }

@@ -5,6 +5,7 @@ which hangs what its sensor does to it, and a change over the run of what the mo
 constant, calibrated numbers and the strengths of effects alike.
 """
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,9 @@ def locate(model, point: Point, top: int = 12) -> tuple[list[dict[str, Any]], li
                             for k, tables in changes.items()})
            for c, label in enumerate(labels)}  # fmt: skip
     ((read,),) = machine.elastic([rig], [i])  # before the sensors, whose laws hang on it
+    step = machine.runs[i].step
+    for c in "xyz":
+        own[f"a_{c}"] += accelerating(f"dR_{c}", columns[f"dR_{c}"], step)
     for c, label in enumerate(labels[:6]):
         own[label] += [state(f"reading {label}", bins(read[:, c]))] if np.ptp(read[:, c]) else []
     return discovered(machine.runs[i].time, columns, *_signals(machine, rig, i), top, own)
@@ -84,6 +88,26 @@ def changing(tangents: dict[str, np.ndarray]) -> list[WhereQuestion]:
         if left.shape[1]:
             out.append(state(f"change {name}", left))
     return out
+
+
+def accelerating(name: str, displacement: np.ndarray, step: float) -> list[WhereQuestion]:
+    """Whether a channel is the acceleration of what is left of `displacement` (samples,).
+
+    A body that moves otherwise shows in both of its sensors, whose noises know nothing of each
+    other, of whatever colour they are.  Its second derivative, by bands of a third of an octave:
+    each has its own share of noise.
+    """
+    count = len(displacement)
+    lines = np.fft.rfft(displacement - displacement.mean())
+    rate = 2 * np.pi * np.fft.rfftfreq(count, step)
+    edges = np.unique(np.round(2.0 ** np.arange(0, np.log2(len(lines)), 1 / 3)).astype(int))
+    parts = np.zeros((len(edges), len(lines)), complex)
+    for k, (first, last) in enumerate(itertools.pairwise([*edges, len(lines)])):
+        parts[k, first:last] = (-(rate**2) * lines)[first:last]
+    columns = np.fft.irfft(parts, count, axis=1).T
+    size = np.linalg.norm(columns, axis=0)
+    columns = columns[:, size > 0] / size[size > 0]
+    return [state(f"motion {name}", columns)] if columns.shape[1] else []
 
 
 def _orthonormal(columns: np.ndarray, least: float) -> np.ndarray:
