@@ -153,15 +153,19 @@ class Search:
             if way.signatures is not None and self.model.spent:
                 break
             way = dataclasses.replace(way, signatures=None)  # room for the next table
-            scan, signatures = self.scan(way.fit)
-            trials = self.trials(way.fit, scan)
-            way = dataclasses.replace(way, scans=(*way.scans, scan), trials=(*way.trials, trials),
-                                      signatures=signatures)  # fmt: skip
-            promising = self.promising(way.fit, trials)
+            way = self.looked(way)
+            promising = self.promising(way.fit, way.trials[-1])
             if not promising:
                 break
             way = self.with_effect(way, promising[0])
         return way
+
+    def looked(self, way: SearchPath) -> SearchPath:
+        """The way with one scan more, and with what it led to try."""
+        scan, signatures = self.scan(way.fit)
+        trials = self.trials(way.fit, scan)
+        return dataclasses.replace(way, scans=(*way.scans, scan), trials=(*way.trials, trials),
+                                   signatures=signatures)  # fmt: skip
 
     def promising(self, fit: Fit, trials: list[Trial]) -> list[Trial]:
         """Trials that held-out runs accept and that close more than a little, best first."""
