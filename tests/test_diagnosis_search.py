@@ -256,6 +256,26 @@ def test_an_effect_that_moves_nothing_by_one_per_cent_is_not_named():
     assert len(review.prune(fit, baseline)[0].point.effects) == 2
 
 
+def test_an_effect_without_which_held_out_runs_are_better_foretold_is_not_named():
+    """Whatever it gains on the train runs."""
+    model = balance([law("bearing-coulomb", 0.2), law("shaft-drag", 2e-3)])
+    train, held = model, balance([law("bearing-coulomb", 0.2), law("shaft-drag", -4e-3)])
+    effects = (Effect("bearing-coulomb", "shaft", {"torque": 0.2}),
+               Effect("shaft-drag", "shaft", {"D": 2e-3}))  # fmt: skip
+
+    def named(other):
+        both = SmallModel(
+            lambda p, laws, split: (train if split == "train" else other).residual(p, laws, split),
+            model.priors, LAWS, "shaft",
+        )  # fmt: skip
+        fit, baseline = refit(both, Point(np.zeros(2), effects)), refit(both, Point(np.zeros(2)))
+        kept, _ = Review(Refits(both), print).prune(fit, baseline)
+        return [e.id for e in kept.point.effects]
+
+    assert named(model) == ["bearing-coulomb", "shaft-drag"]
+    assert named(held) == ["bearing-coulomb"]
+
+
 @pytest.mark.parametrize(("strong", "named"), [(0.2, 2), (200.0, 1)])
 def test_what_is_within_the_error_of_a_strong_effects_prediction_is_not_named(strong, named):
     """Torques are linear between samples: of 20 000 sigma some are left that look like friction."""

@@ -127,10 +127,24 @@ def test_a_number_that_fades_over_a_run_is_found_and_one_that_is_off_is_not():
     assert (best["domain"], best["reference"]) == ("change", "contact.stiffness")
 
 
+def test_noise_of_the_angles_that_enters_the_tangents_is_no_change_of_a_number():
+    """Measured angles enter the prediction, and what is left in theta is their noise."""
+    rng = drawn_anew("noisy tangents")
+    smooth, noise = 40 * np.cos(9 * sweep()), rng.normal(size=N)
+    ramp = 2 * TIME / TIME[-1] - 1
+    tangents = {"inertia": smooth[:, None], "radius": (ramp * smooth + noise)[:, None]}
+    least = 3 * float(np.linalg.norm(noise))
+    best = discoveries(shares(noise, (), own=changing(tangents)))[0]
+    assert best["share"] > 0.5  # it is the noise itself
+    assert discoveries(shares(noise, (), own=changing(tangents, least))) == []
+    fading = shares(noise + 0.02 * ramp**2 * smooth, (), own=changing(tangents, least))
+    assert discoveries(fading)[0]["reference"] == "radius"
+
+
 def test_a_motion_shows_in_both_of_its_sensors_and_their_noise_does_not():
     """Coloured noises that are each other's like in power, and a hidden resonance beside them."""
     rng = np.random.default_rng(31)
-    ringing = lfilter([1.0], [1, -1.9, 0.98], rng.normal(size=N))  # hangs on no state
+    ringing = np.asarray(lfilter([1.0], [1, -1.9, 0.98], rng.normal(size=N)))  # of no state
     away = ringing / ringing.std()
     pull = np.gradient(np.gradient(away, STEP), STEP)
     noises = [lfilter([1.0], [1, -1.9, 0.98], rng.normal(size=(2, N)), axis=1) for _ in range(6)]

@@ -35,7 +35,7 @@ def named(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) ->
         count = sum(free.effect == i for free in outcome.fit.free)
         said = {
             "delta_bic": outcome.fit.chi2 - less.chi2 + count * float(np.log(model.dof("train"))),
-            "held_out_gain": min(1.0, (held - outcome.held_after) / max(held - floor, 1e-300)),
+            "held_out_gain": _closed(held - outcome.held_after, held - floor),
             "held_out_chi2": held - outcome.held_after,
             "margin_to_next": min((m for _, m, _ in outcome.rivals.get(i, [])), default=None),
         }  # fmt: skip
@@ -55,6 +55,11 @@ def named(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) ->
                       {**said, "margin": margin, "cosine": cosine}, _others(everyone, rival))
             )  # fmt: skip
     return together(out)
+
+
+def _closed(gain: float, gap: float) -> float:
+    """Share of a gap in chi2 that a gain closes, from -1 to 1; 0 where there is no gap."""
+    return float(np.clip(gain / gap, -1.0, 1.0)) if gap > 0 else 0.0
 
 
 def _sigma(parameter: Parameter, value: Any, covariance: np.ndarray) -> list[float]:

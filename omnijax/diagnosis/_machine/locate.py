@@ -16,6 +16,7 @@ from .clocks import CLOCK
 DRIFTS = "sensor-drift"  # a law of the time itself: noise that wanders changes its numbers
 STEP = 1e-3  # prior sigmas of a difference
 ALIKE = 1e-3  # share of a change that is left beside constant numbers, below which it is theirs
+SMALL = 3.0  # times what is left: what changes by less where a number changes by all of itself
 
 
 def locate(model, point: Point, top: int = 12) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -28,7 +29,8 @@ def locate(model, point: Point, top: int = 12) -> tuple[list[dict[str, Any]], li
     columns = dict(zip(labels, _table(machine, i, vector).T, strict=True))
     changes = {k: [_table(machine, i, x) for x in own] for k, own in tangents.items()}
     own = {label: changing({k: np.stack([x[:, c] for x in tables], axis=1)
-                            for k, tables in changes.items()})
+                            for k, tables in changes.items()},
+                           SMALL * float(np.linalg.norm(columns[label])))
            for c, label in enumerate(labels)}  # fmt: skip
     ((read,),) = machine.elastic([rig], [i])  # before the sensors, whose laws hang on it
     step = machine.runs[i].step
@@ -47,46 +49,50 @@ def _table(machine, i: int, vector: np.ndarray) -> np.ndarray:
 def _tangents(model, point: Point, i: int) -> tuple[np.ndarray, dict[str, list[np.ndarray]]]:
     """The residual of run `i`, and by what is taken as constant its changes with those numbers.
 
-    One quantity of all wheels is one entry, and so is every effect.
+    They are those of a number's own size, of an angle's radian where it is zero.  One quantity of
+    all wheels is one entry, and so is every effect.
     """
     free = [f for f in model.free(point) if point.effects[f.effect].id != DRIFTS]
     values = np.array([value_of(point, f) for f in free])
-    names, points, steps = [], [point], []
+    names, points, steps, sizes = [], [point], [], []
     for k, prior in enumerate(model.priors):
         head, *middle, last = prior.name.split(".")
         if head == CLOCK:
             continue
         names.append(".".join([*middle[1:], last] if head == "wheel" else [head, *middle, last]))
         steps.append(STEP if point.u[k] < 0 else -STEP)
+        sizes.append((1.0 if prior.relative else abs(prior.value) or 1.0) / prior.sigma)
         points.append(moved(point, point.u + steps[-1] * np.eye(len(point.u))[k], (), ()))
     for k, (f, step) in enumerate(zip(free, steps_of(point, free), strict=True)):
         names.append(point.effects[f.effect].name)
         steps.append(-step if values[k] + step > f.high else step)
+        sizes.append(abs(values[k]) or 1.0)
         points.append(moved(point, point.u, free, values + steps[-1] * np.eye(len(free))[k]))
     here, *there = model.machine.residuals([model.rig_at(p) for p in points], [i])
     out: dict[str, list[np.ndarray]] = {}
-    for name, residual, step in zip(names, there, steps, strict=True):
+    for name, residual, step, size in zip(names, there, steps, sizes, strict=True):
         if np.all(np.isfinite(residual)):
-            out.setdefault(name, []).append((residual - here) / step)
+            out.setdefault(name, []).append((residual - here) / step * size)
     return here, out
 
 
-def changing(tangents: dict[str, np.ndarray]) -> list[WhereQuestion]:
+def changing(tangents: dict[str, np.ndarray], least: float = 0.0) -> list[WhereQuestion]:
     """Whether numbers grow or fade over the run: their tangents (samples, k) times the time.
 
-    Without what constant numbers explain of it.
+    Without what constant numbers explain of it.  Directions shorter than `least` are left out:
+    measured angles enter the tangents, so noise of theirs does, and is what is left in theta.
     """
     if not tangents:
         return []
-    kept = _orthonormal(np.concatenate([*tangents.values()], axis=1), 1e-9)
+    every = np.concatenate([*tangents.values()], axis=1)
+    kept = _orthonormal(every, max(least, 1e-9 * _longest(every)))
     out = []
     for name, columns in tangents.items():
         ramp = np.linspace(-1, 1, len(columns))[:, None] * columns
-        size = np.linalg.norm(ramp, axis=0)
-        ramp = ramp[:, size > 0] / size[size > 0]
-        left = _orthonormal(ramp - kept @ (kept.T @ ramp), ALIKE)
-        if left.shape[1]:
-            out.append(state(f"change {name}", left))
+        left = ramp - kept @ (kept.T @ ramp)
+        own = _orthonormal(left, max(least, ALIKE * _longest(ramp)))
+        if own.shape[1]:
+            out.append(state(f"change {name}", own))
     return out
 
 
@@ -111,11 +117,14 @@ def accelerating(name: str, displacement: np.ndarray, step: float) -> list[Where
 
 
 def _orthonormal(columns: np.ndarray, least: float) -> np.ndarray:
-    """A basis of columns of length 1 or less, without directions shorter than `least`."""
-    size = np.linalg.norm(columns, axis=0)
-    columns = columns / np.maximum(size, 1.0)
+    """A basis of columns, without directions of no more than the length `least`."""
     u, s, _ = np.linalg.svd(columns, full_matrices=False)
     return u[:, s > least]
+
+
+def _longest(columns: np.ndarray) -> float:
+    """Length of the longest column."""
+    return float(np.linalg.norm(columns, axis=0).max())
 
 
 def _signals(machine, rig, i: int) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:

@@ -12,7 +12,7 @@ import numpy as np
 from .fit import Fit, refit
 from .held_out import HeldOut
 from .model import Effect, Point, to_project
-from .refits import Refits, chi2_of
+from .refits import Refits, chi2_of, residual_of
 from .scan import Scan, Score, Signatures, taken_up
 
 # the effect, its margin (what held-out runs add counts), the cosine of the signatures
@@ -62,7 +62,8 @@ class Review:
 
         As good: chi2 within the margin of rivals, or every group's RMS within one per cent, or
         within what a prediction may be wrong by.  Such an effect stands among the limits, however
-        significant.
+        significant.  So does one without which held-out runs are better foretold: what an earlier
+        search named beside other noise was confirmed beside that.
         """
         k, alone = 0, {}
         while k < len(fit.point.effects):
@@ -70,8 +71,10 @@ class Review:
             without = fit.point.with_effects(*effects[:k], *effects[k + 1 :])
             start = without if without.effects else baseline.point
             less = refit(self.model, start, rounds=2)
-            if less.cost - fit.cost < self.settings.margin or not self._matters(
-                less, fit, baseline
+            if not (
+                less.cost - fit.cost >= self.settings.margin
+                and self._matters(less, fit, baseline)
+                and not self._refused(less, fit)
             ):
                 self.tell(f"{effects[k].name} is not needed")
                 fit, k, alone = less, 0, {}
@@ -79,6 +82,11 @@ class Review:
                 alone[k] = less
                 k += 1
         return fit, alone
+
+    def _refused(self, less: Fit, fit: Fit) -> bool:
+        """Whether held-out runs are better foretold by `less`, which has an effect less."""
+        before, after = (residual_of(self.model, f.point, "held-out") for f in (less, fit))
+        return HeldOut.of(before, after).gain < 0
 
     def _matters(self, less: Fit, fit: Fit, baseline: Fit) -> bool:
         """Whether leaving an effect out raises some group's RMS by more than one per cent.
