@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from ._first_numbers import LogSignals as LogSignals
     from ._guess import Guess as Guess
     from ._guess import case_files as case_files
-    from ._guess import describe as describe
     from ._guess import guess as guess
     from ._guess import numbers_of_logs as numbers_of_logs
     from ._hold import InputHold as InputHold
@@ -32,6 +31,8 @@ if TYPE_CHECKING:
     from ._log import measured_of as measured_of
     from ._log import read_log as read_log
     from ._log import travelled as travelled
+    from ._low_pass import NOISY as NOISY
+    from ._low_pass import acceleration_noise as acceleration_noise
     from ._model_file import load_model as load_model
     from ._ports import PlacedLaw as PlacedLaw
     from ._ports import Ports as Ports

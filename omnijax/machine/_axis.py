@@ -149,11 +149,8 @@ class Axis(AbstractMachine):
         """From the slowest mode at rest; infinity for an axis that nothing pulls back."""
         return _forgotten(self._poles())
 
-    def speed_memory(self) -> float:
-        """The same for the speed alone: where nothing pulls back, the position itself is left out.
-
-        Seconds after which the speed has forgotten its start.
-        """
+    def speed_memory(self):
+        """The same for the speed alone: where nothing pulls back, the position is left out."""
         poles = self._poles()
         if not float(self.stiffness) and not float(self.gravity) and self.drives != "goal":
             poles = np.delete(poles, np.argmin(np.abs(poles)))

@@ -45,3 +45,7 @@ class AbstractMachine(eqx.Module):
     def memory(self) -> float:
         """Seconds after which the machine has forgotten its start; infinity where it never does."""
         return float("inf")
+
+    def speed_memory(self) -> float:
+        """Seconds after which its speed has forgotten its start; a position may stay for ever."""
+        return self.memory()

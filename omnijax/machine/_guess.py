@@ -97,8 +97,8 @@ def guess(
 ) -> Guess:
     """Look at a log for the columns that are not named.  `rate` in Hz where it has none of time.
 
-    Raises `InputError` where no column looks like the input or the output, or where the one that
-    does never changes; else as `describe`.
+    Raises `InputError` where no column looks like the input or the output, where the one that does
+    never changes, for a column that the log lacks, or one that is named twice.
     """
     table = read_table(log)
     columns = {k: np.asarray(x, float) for k, x in table.columns.items() if np.ndim(x) == 1}
@@ -118,7 +118,7 @@ def guess(
                 log, "position or the speed", "--position COLUMN or --velocity COLUMN",
                 columns, _best(still, f"{POSITION}|{SPEED}"),
             )  # fmt: skip
-    return describe(log, time, given, position, rate, velocity)
+    return _described(log, table, time, given, position, rate, velocity)
 
 
 def _not_found(log: Path, word: str, option: str, columns, still: str | None) -> InputError:
@@ -139,16 +139,12 @@ def _output(names: list[str]) -> tuple[str | None, str | None]:
     return position, None if position else _best(speeds, SPEED, MEASURED)
 
 
-def describe(log: Path, time: str | None, given: str, position: str | None, rate: float | None,
-             velocity: str | None = None) -> Guess:  # fmt: skip
-    """The guess with its channels known; `rate` in Hz where no column is the time.
-
-    The `velocity` is read where there is no position.  Raises `InputError` for a column that the
-    log lacks, or one that is named twice.
-    """
+def _described(log: Path, table, time: str | None, given: str, position: str | None,
+               rate: float | None, velocity: str | None) -> Guess:  # fmt: skip
+    """The guess with its channels known; the `velocity` is read where there is no position."""
     shown, measured = (velocity, "velocity") if position is None else (position, "position")
     assert shown is not None  # one of both is given
-    table = _table_of(log, time, given, shown)
+    _check_columns(log, table, time, given, shown)
     units = {
         ours: u for ours, theirs in (("t", time), ("input", given), (measured, shown))
         if theirs and (u := table.units.get(theirs) or _unit(theirs))
@@ -188,9 +184,8 @@ def output_unit(motion: str, measured: str) -> str:
     return unit if measured == "position" else f"{unit}/s"
 
 
-def _table_of(log: Path, time: str | None, given: str, shown: str):
-    """The log's table; `InputError` for a column that it lacks, or one that is named twice."""
-    table = read_table(log)
+def _check_columns(log: Path, table, time: str | None, given: str, shown: str) -> None:
+    """`InputError` for a column that a log's table lacks, or one that is named twice."""
     for name in filter(None, (time, given, shown)):
         if name not in table.columns:
             raise InputError(f"{log.name} has no column {name!r}; columns: "
@@ -200,7 +195,6 @@ def _table_of(log: Path, time: str | None, given: str, shown: str):
             f"{log.name}: time, input and position or velocity must be three columns, but are "
             f"{time!r}, {given!r} and {shown!r}."
         )
-    return table
 
 
 def _step_of(column, units: dict[str, str]) -> float:

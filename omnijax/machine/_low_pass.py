@@ -19,14 +19,23 @@ def cutoff_of(q: np.ndarray, step: float, velocity: np.ndarray | None = None) ->
 
     Positions q (t,) are measured, or, where given, the `velocity` (t,) whose integral they are.
     """
-    measured, order = (q, 2) if velocity is None else (velocity, 1)
-    noise = float(np.sqrt(np.mean(np.diff(measured, 5) ** 2) / 252))
+    shown, measured = (q, "position") if velocity is None else (velocity, "velocity")
+    noise = float(np.sqrt(np.mean(np.diff(shown, 5) ** 2) / 252))
     for share in CUTOFFS:
         size = np.std(acceleration(low_passed(q, share), step))
-        shaken = noise * (np.pi * share / step) ** order * np.sqrt(share / (2 * order + 1))
-        if shaken < NOISY * size:
+        if acceleration_noise(noise, measured, share / (2 * step), step) < NOISY * size:
             return share
     return CUTOFFS[-1]
+
+
+def acceleration_noise(noise: float, measured: str, cutoff: float, step: float) -> float:
+    """1-sigma of an acceleration low-passed at `cutoff` Hz, of white noise sampled every `step` s.
+
+    `noise` is 1-sigma of the position or velocity that was `measured`: its spectrum times the
+    frequency to the power 4 or 2, up to the cutoff.
+    """
+    order = 1 if measured == "velocity" else 2
+    return noise * (2 * np.pi * cutoff) ** order * np.sqrt(2 * cutoff * step / (2 * order + 1))
 
 
 def acceleration(q: np.ndarray, step: float) -> np.ndarray:

@@ -27,7 +27,7 @@ def as_late(
     return late_by(values.T, late / step).T if exactly is None else exactly(late)
 
 
-def between(late: Callable[[float], np.ndarray], step: float, parts: int) -> np.ndarray:
+def finer(late: Callable[[float], np.ndarray], step: float, parts: int) -> np.ndarray:
     """Values at `parts` points a sample, of what gives them (t, c) so many s `late`."""
     now = late(0.0)
     out = np.empty((parts * (len(now) - 1) + 1, now.shape[1]))

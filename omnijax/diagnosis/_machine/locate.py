@@ -16,7 +16,9 @@ from .clocks import CLOCK
 DRIFTS = "sensor-drift"  # a law of the time itself: noise that wanders changes its numbers
 STEP = 1e-3  # prior sigmas of a difference
 ALIKE = 1e-3  # share of a change that is left beside constant numbers, below which it is theirs
-SMALL = 3.0  # times what is left: what changes by less where a number changes by all of itself
+SMALL = (
+    3.0  # times what is left of a channel: the least change by 100 % of a number that is asked for
+)
 
 
 def locate(model, point: Point, top: int = 12) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -54,25 +56,25 @@ def _tangents(model, point: Point, i: int) -> tuple[np.ndarray, dict[str, list[n
     """
     free = [f for f in model.free(point) if point.effects[f.effect].id != DRIFTS]
     values = np.array([value_of(point, f) for f in free])
-    names, points, steps, sizes = [], [point], [], []
+    names, points, steps = [], [point], []  # steps in units of the numbers' sizes
     for k, prior in enumerate(model.priors):
         head, *middle, last = prior.name.split(".")
         if head == CLOCK:
             continue
         names.append(".".join([*middle[1:], last] if head == "wheel" else [head, *middle, last]))
-        steps.append(STEP if point.u[k] < 0 else -STEP)
-        sizes.append((1.0 if prior.relative else abs(prior.value) or 1.0) / prior.sigma)
-        points.append(moved(point, point.u + steps[-1] * np.eye(len(point.u))[k], (), ()))
+        h = STEP if point.u[k] < 0 else -STEP
+        points.append(moved(point, point.u + h * np.eye(len(point.u))[k], (), ()))
+        steps.append(h * prior.sigma / (1.0 if prior.relative else abs(prior.value) or 1.0))
     for k, (f, step) in enumerate(zip(free, steps_of(point, free), strict=True)):
         names.append(point.effects[f.effect].name)
-        steps.append(-step if values[k] + step > f.high else step)
-        sizes.append(abs(values[k]) or 1.0)
-        points.append(moved(point, point.u, free, values + steps[-1] * np.eye(len(free))[k]))
+        h = -step if values[k] + step > f.high else step
+        points.append(moved(point, point.u, free, values + h * np.eye(len(free))[k]))
+        steps.append(h / (abs(values[k]) or 1.0))
     here, *there = model.machine.residuals([model.rig_at(p) for p in points], [i])
     out: dict[str, list[np.ndarray]] = {}
-    for name, residual, step, size in zip(names, there, steps, sizes, strict=True):
+    for name, residual, step in zip(names, there, steps, strict=True):
         if np.all(np.isfinite(residual)):
-            out.setdefault(name, []).append((residual - here) / step * size)
+            out.setdefault(name, []).append((residual - here) / step)
     return here, out
 
 

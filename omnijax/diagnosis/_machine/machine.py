@@ -21,7 +21,7 @@ from .elastic import (
     refine,
     rig_modes,
 )
-from .late import as_late, between, late_outputs
+from .late import as_late, finer, late_outputs
 from .laws import along, on_time, readings, remembers
 from .modes import OutputModes
 from .motion import RunMotion, contact_directions, integrate, measured_lengths, motion, tables_for
@@ -417,5 +417,5 @@ def _read(rig: Rig, run: Run, predicted: Predicted, group: str) -> np.ndarray:
     def late(seconds: float) -> np.ndarray:
         return predicted.read(group, offset + seconds, run.step)
 
-    values = between(late, run.step, parts)
+    values = finer(late, run.step, parts)
     return readings(rig, group, run.fine(parts), values, on_time(group))[::parts]

@@ -7,7 +7,17 @@ import numpy as np
 
 from ..._errors import InputError
 from ...laws import AXIS_EFFECTS
-from ...machine import AbstractMachine, Axis, Log, MachineCase, field_units, loses_sign, measured_of
+from ...machine import (
+    NOISY,
+    AbstractMachine,
+    Axis,
+    Log,
+    MachineCase,
+    acceleration_noise,
+    field_units,
+    loses_sign,
+    measured_of,
+)
 from .._search import Prior
 from .model import OdeModel
 from .numbers import Numbers
@@ -15,7 +25,6 @@ from .rows import Balance, FreeRun, OdeRun, smoothed
 
 ORDERS = (3, 5, 7)  # differences that leave of a position its noise
 CUTOFFS = (0.1, 0.07, 0.05, 0.035, 0.025, 0.015)  # Hz a sample a second, tried from the widest
-NOISY = 0.1  # share of a measured acceleration that may be noise
 ROWS = 6000  # of a run's free run that are compared; more say nothing new
 LEADS = 4  # a window is at least so many times its lead
 AWAY = 0.05  # of the time that an axis is pushed away from rest, above which free runs say nothing
@@ -38,12 +47,11 @@ def sensor_noise(logs: Sequence[Log]) -> tuple[float, str]:
 
 def cutoff_of(logs: Sequence[Log], noise: float) -> float:
     """Hz: the widest low pass at which noise is a small part of the measured acceleration."""
-    step, order = logs[0].step, 1 if logs[0].measured == "velocity" else 2
+    step, measured = logs[0].step, logs[0].measured
     for share in CUTOFFS:
         f = share / step
         a = np.concatenate([smoothed(log.outputs["position"], step, f)[2] for log in logs])
-        shaken = noise * (2 * np.pi * f) ** order * np.sqrt(2 * share / (2 * order + 1))
-        if shaken < NOISY * np.std(a):
+        if acceleration_noise(noise, measured, f, step) < NOISY * np.std(a):
             return f
     return CUTOFFS[-1] / step
 
@@ -76,7 +84,7 @@ def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, 
         for log in case.logs
     ]  # fmt: skip
     one = _one_inertia(machine)
-    memory = speed_memory(machine) if measured == "velocity" else machine.memory()
+    memory = machine.speed_memory() if measured == "velocity" else machine.memory()
     chosen = file.compare.criterion
     if chosen == "auto":
         chosen = _criterion(one, runs, memory)
@@ -124,11 +132,6 @@ def _criterion(one: Axis | None, runs: Sequence[OdeRun], memory: float) -> str:
         return "free-run" if lost and np.isfinite(memory) else "balance"
     free = not np.isfinite(memory) or runs_away(one, runs)
     return "balance" if free else "free-run"
-
-
-def speed_memory(machine: AbstractMachine) -> float:
-    """Seconds after which a machine's speed has forgotten its start."""
-    return machine.speed_memory() if isinstance(machine, Axis) else machine.memory()
 
 
 def _one_inertia(machine: AbstractMachine) -> Axis | None:

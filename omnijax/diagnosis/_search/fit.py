@@ -90,7 +90,7 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 20
     steps end where the cost falls by less than 0.02, or, where it is far from the noise, by less
     than the `relative` part of itself.  Above a cost of `give_up` round `patience` is the last.
     """
-    state = FitState.at(model, point, model.free(point))
+    (state,) = FitState.at(model, [point], model.free(point))
     tangents, fresh, damping = baseline, baseline is None, 1e-6
     J, floor = None, 1.2 * model.dof("train")
     for turn in range(rounds):

@@ -24,7 +24,10 @@ LONGEST = 1.5  # |a| over |d| above which a parabola says nothing
 
 @dataclasses.dataclass(frozen=True)
 class FitState:
-    """A point with its residual and cost (chi2 and the priors' part)."""
+    """A point with its residual and cost (chi2 and the priors' part).
+
+    One that cannot be evaluated costs infinity.
+    """
 
     point: Point
     free: tuple[Free, ...]
@@ -32,9 +35,11 @@ class FitState:
     cost: float
 
     @staticmethod
-    def at(model: AbstractModel, point: Point, free: Sequence[Free]) -> "FitState":
-        (r,) = model.residuals([point], "train")
-        return FitState(point, tuple(free), r, float(r @ r + point.u @ point.u))
+    def at(model: AbstractModel, points: Sequence[Point], free: Sequence[Free]) -> list["FitState"]:
+        return [
+            FitState(p, tuple(free), r, float(np.nan_to_num(r @ r + p.u @ p.u, nan=np.inf)))
+            for p, r in zip(points, model.residuals(points, "train"), strict=True)
+        ]
 
 
 def normal(state: FitState, J: np.ndarray):
@@ -65,21 +70,23 @@ def stepped(
             return new, damping / 30, predicted
         if predicted < ENOUGH:
             break
-        best = min([new, *_bent(model, state, J, x, d, damping)], key=lambda s: s.cost)
+        others = _bent(model, state, J, x, d, gram, scale, damping)
+        best = min([new, *others], key=lambda s: s.cost)
         if best.cost <= state.cost + 1e-9:
             return best, damping / 30 if best is new else damping, predicted
         damping = max(damping * 30, 1e-3)
     return None, damping, 0.0
 
 
-def _bent(model: AbstractModel, state: FitState, J, x, d, damping: float) -> list[FitState]:
+def _bent(
+    model: AbstractModel, state: FitState, J, x, d, gram, scale, damping: float
+) -> list[FitState]:
     """States within a straight step `d` from the numbers `x`, and on its parabola."""
     straight = _states(model, state, [x + d / 2, x + d / 4])
     half, quarter = straight
     if not np.isfinite(half.cost + quarter.cost):
         return straight
     second = 16 * (half.residual - 2 * quarter.residual + state.residual)
-    gram, _, scale = normal(state, J)
     damped = gram / np.outer(scale, scale) + damping * np.eye(len(d))
     a = -np.linalg.lstsq(damped, J.T @ second / scale, rcond=1e-13)[0] / scale
     if np.linalg.norm(scale * a) > LONGEST * np.linalg.norm(scale * d):
@@ -90,13 +97,10 @@ def _bent(model: AbstractModel, state: FitState, J, x, d, damping: float) -> lis
 
 
 def _states(model: AbstractModel, state: FitState, ends: Sequence[np.ndarray]) -> list[FitState]:
-    """The states at other numbers; one that cannot be evaluated costs infinity."""
+    """The states at other numbers."""
     P = len(state.point.u)
     points = [moved(state.point, x[:P], state.free, x[P:]) for x in ends]
-    return [
-        FitState(p, state.free, r, float(np.nan_to_num(r @ r + p.u @ p.u, nan=np.inf)))
-        for p, r in zip(points, model.residuals(points, "train"), strict=True)
-    ]
+    return FitState.at(model, points, state.free)
 
 
 def trial(model: AbstractModel, state: FitState, gram, gradient, scale, damping: float):

@@ -12,7 +12,7 @@ import numpy as np
 from .fit import Fit, refit
 from .held_out import HeldOut
 from .model import Effect, Point, to_project
-from .refits import Refits, chi2_of, residual_of
+from .refits import Refits, chi2_of
 from .scan import Scan, Score, Signatures, taken_up
 
 # the effect, its margin (what held-out runs add counts), the cosine of the signatures
@@ -71,10 +71,10 @@ class Review:
             without = fit.point.with_effects(*effects[:k], *effects[k + 1 :])
             start = without if without.effects else baseline.point
             less = refit(self.model, start, rounds=2)
-            if not (
-                less.cost - fit.cost >= self.settings.margin
-                and self._matters(less, fit, baseline)
-                and not self._refused(less, fit)
+            if (
+                less.cost - fit.cost < self.settings.margin
+                or not self._matters(less, fit, baseline)
+                or self._refused(less, fit)
             ):
                 self.tell(f"{effects[k].name} is not needed")
                 fit, k, alone = less, 0, {}
@@ -85,8 +85,8 @@ class Review:
 
     def _refused(self, less: Fit, fit: Fit) -> bool:
         """Whether held-out runs are better foretold by `less`, which has an effect less."""
-        before, after = (residual_of(self.model, f.point, "held-out") for f in (less, fit))
-        return HeldOut.of(before, after).gain < 0
+        without, with_it = (chi2_of(self.model, f.point, "held-out") for f in (less, fit))
+        return without < with_it
 
     def _matters(self, less: Fit, fit: Fit, baseline: Fit) -> bool:
         """Whether leaving an effect out raises some group's RMS by more than one per cent.
