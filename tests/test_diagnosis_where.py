@@ -6,7 +6,10 @@ from scipy.signal import lfilter
 from scipy.stats import kstest
 from seeds import drawn_anew
 
+from omnijax.diagnosis._answer.shown import _beside
 from omnijax.diagnosis._machine.locate import accelerating, changing
+from omnijax.diagnosis._search.levels import levels
+from omnijax.diagnosis._search.readings import on_reading
 from omnijax.diagnosis._search.where import (
     Asked,
     above_neighbours,
@@ -166,3 +169,67 @@ def test_what_hangs_on_a_reading_is_asked_of_its_channel_alone():
     _, answers = discovered(TIME, columns, {}, {}, own=own)
     asked = {a["channel"]: a["stands"] for a in answers if a["domain"] == "reading"}
     assert asked == {"dR_x": True, "dR_y": False}
+
+
+def slow(rng, count):
+    """A motion below 4 Hz of RMS 1, at 250 Hz."""
+    frequency = np.fft.rfftfreq(count, 4e-3)
+    size = np.where((frequency > 0.3) & (frequency < 4), 1 / np.maximum(frequency, 0.3), 0.0)
+    out = np.fft.irfft(size * np.exp(2j * np.pi * rng.random(len(frequency))), count)
+    return out / out.std()
+
+
+def wandering(rng, count, memory):
+    """Noise of RMS 1.8 that remembers, beside some that does not."""
+    out = np.asarray(lfilter([1.0], [1, -memory], rng.normal(size=count)))
+    return 1.8 * out / out.std() + 0.3 * rng.normal(size=count)
+
+
+def bent(x):
+    """What a straight line leaves of a sensor's soft limit, RMS 2.5."""
+    out = np.tanh(0.7 * x) - np.polyval(np.polyfit(x, np.tanh(0.7 * x), 1), x)
+    return 2.5 * out / out.std()
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.5])
+def test_a_function_of_the_reading_stands_beside_noise_of_its_colour(memory):
+    """By its steps at the samples of one run it did not: both are slow."""
+    rng = np.random.default_rng(170)
+    for _ in range(3):
+        read = [slow(rng, 750) for _ in range(2)]
+        left = [bent(x) + wandering(rng, 750, memory) for x in read]
+        answer = on_reading("dR_x", left, read)
+        assert answer is not None
+        assert (answer["domain"], answer["reference"]) == ("reading", "dR_x")
+        assert answer["p"] < 1e-6
+        truth = np.mean(np.square([bent(x) for x in read])) / np.var(left)
+        assert answer["share"] == pytest.approx(truth, abs=0.2)  # beside what was weighed as noise
+
+
+@pytest.mark.parametrize("memory", [0.5, 0.97])
+def test_noise_of_any_colour_is_no_function_of_the_reading(memory):
+    rng = np.random.default_rng(171)
+    p = []
+    for k in range(16):
+        read = [slow(rng, 750) for _ in range(2)]
+        answer = on_reading("dR_x", [wandering(rng, 750, memory) for _ in read], read, k)
+        assert answer is not None
+        p.append(answer["p"])
+    assert min(p) > 1e-3
+    assert np.median(p) > 0.2
+
+
+def test_a_channel_that_is_not_there_is_asked_nothing():
+    rng = np.random.default_rng(172)
+    read, missing = [slow(rng, 750)], [np.full(750, np.nan)]
+    assert on_reading("dR_x", missing, read) is None
+    assert on_reading("dR_x", [rng.normal(size=750)], [np.ones(750)]) is None
+
+
+def test_what_a_discovery_leaves_is_the_most_that_noise_can_be():
+    """Weighed by a spectrum that holds the discovery, a channel looks as loud as white noise."""
+    rng = np.random.default_rng(173)
+    left = rng.normal(size=750)
+    (level,) = levels([left], False)
+    assert _beside(level, left, 1.0).ratio == pytest.approx(1, rel=0.1)
+    assert _beside(level, left, 0.36).ratio == pytest.approx(0.6, rel=0.1)

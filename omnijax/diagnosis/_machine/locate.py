@@ -10,7 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from .._search import Point, WhereQuestion, bins, discovered, moved, state, steps_of, value_of
+from .._search import (
+    Point,
+    WhereQuestion,
+    discovered,
+    moved,
+    on_reading,
+    state,
+    steps_of,
+    value_of,
+)
 from .clocks import CLOCK
 
 DRIFTS = "sensor-drift"  # a law of the time itself: noise that wanders changes its numbers
@@ -34,13 +43,36 @@ def locate(model, point: Point, top: int = 12) -> tuple[list[dict[str, Any]], li
                             for k, tables in changes.items()},
                            SMALL * float(np.linalg.norm(columns[label])))
            for c, label in enumerate(labels)}  # fmt: skip
-    ((read,),) = machine.elastic([rig], [i])  # before the sensors, whose laws hang on it
     step = machine.runs[i].step
     for c in "xyz":
         own[f"a_{c}"] += accelerating(f"dR_{c}", columns[f"dR_{c}"], step)
-    for c, label in enumerate(labels[:6]):
-        own[label] += [state(f"reading {label}", bins(read[:, c]))] if np.ptp(read[:, c]) else []
-    return discovered(machine.runs[i].time, columns, *_signals(machine, rig, i), top, own)
+    answers = _on_readings(model, rig, labels[:6])
+    return discovered(machine.runs[i].time, columns, *_signals(machine, rig, i), top, own, answers)
+
+
+def _on_readings(model, rig, labels: list[str]) -> list[dict[str, Any]]:
+    """By elastic channel whether what is left of it in all runs is a function of its reading."""
+    machine, every = model.machine, sorted({i for runs in model.splits.values() for i in runs})
+    vectors = [machine.residuals([rig], [i])[0] for i in every]
+    (read,) = machine.elastic([rig], every)  # before the sensors, whose laws hang on it
+    left = [_unwhitened(machine.rows[i], x) for i, x in zip(every, vectors, strict=True)]
+    out = []
+    for c, label in enumerate(labels):
+        answer = on_reading(label, [x[:, c] for x in left], [x[:, c] for x in read], c)
+        if answer is not None:
+            rms = answer.pop("rms")
+            out.append({"channel": label, "rms_over_noise": rms, **answer})
+    return out
+
+
+def _unwhitened(rows, vector: np.ndarray) -> np.ndarray:
+    """The elastic table (samples, 6) of a run's vector, in sigma, not whitened in time; NaN where
+    nothing counts."""
+    table = np.array(rows.split(vector)[0])
+    if rows.filters is not None:
+        over = np.divide(1.0, rows.filters.T, where=rows.filters.T > 0, out=0 * rows.filters.T)
+        table = np.fft.irfft(np.fft.rfft(table, axis=0) * over, len(table), axis=0)
+    return np.where(rows.elastic > 0, table, np.nan)
 
 
 def _table(machine, i: int, vector: np.ndarray) -> np.ndarray:

@@ -24,6 +24,7 @@ from .model import free_numbers as free_numbers
 from .model import moved as moved
 from .model import to_project as to_project
 from .model import value_of as value_of
+from .readings import on_reading as on_reading
 from .refits import total_cost as total_cost
 from .scan import Signatures as Signatures
 from .scan import taken_up as taken_up
@@ -36,6 +37,5 @@ from .settings import SearchSettings as SearchSettings
 from .starts import at_finite_strength as at_finite_strength
 from .starts import by_tangent as by_tangent
 from .where import WhereQuestion as WhereQuestion
-from .where import bins as bins
 from .where import discovered as discovered
 from .where import state as state

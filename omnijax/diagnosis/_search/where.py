@@ -265,10 +265,12 @@ def discovered(
     states: dict[str, np.ndarray],
     top: int = 12,
     own: Mapping[str, Sequence[WhereQuestion]] | None = None,
+    answers: Sequence[dict[str, Any]] = (),
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """(the strongest discoveries, all answers) of residuals by channel, in sigma.
 
-    `own` holds by channel the questions that are asked of it alone.
+    `own` holds by channel the questions that are asked of it alone, `answers` what was asked
+    elsewhere and stands or falls with the others.
     Every answer says whether it `stands`; where none does, the likeliest three are returned so
     marked.
     """
@@ -284,6 +286,7 @@ def discovered(
                 {"channel": label, "rms_over_noise": rms, **answer, "mirror": mirror,
                  "stands": False}
             )  # fmt: skip
+    everything += [{**answer, "mirror": None, "stands": False} for answer in answers]
     stand = discoveries(everything)
     for answer in stand:
         answer["stands"] = True
