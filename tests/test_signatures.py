@@ -7,15 +7,17 @@ import pytest
 from seeds import drawn_anew
 from test_plant import load_plant
 
-from omnijax.diagnosis import diagnose
-from omnijax.diagnosis._machine import orders
+from omnijax.diagnosis import Point, RigModel
+from omnijax.diagnosis._machine import orders, to_run, with_roles
 from omnijax.diagnosis._machine.data_vector import orthonormal
 from omnijax.diagnosis._machine.orders import strongest_orders
 from omnijax.diagnosis._machine.rig_model import sums_of
 from omnijax.diagnosis._machine.tangents import signature
+from omnijax.diagnosis._search import calibrated
 from omnijax.diagnosis._search.candidates import UNTRIED
 from omnijax.diagnosis._search.model import Effect
 from omnijax.laws import EFFECTS
+from omnijax.recording import read_case
 
 # no strength that could be small, or an axis with fewer numbers than columns: judged at a size
 # (a late signal too: its candidates are delays and lags of samples, not multiples of a tangent)
@@ -34,8 +36,10 @@ def agreeing(tmp_path_factory):
     tables = plant.record(machine, machine, {}, np.stack(drives), rng)
     folder = tmp_path_factory.mktemp("agreeing") / "case"
     plant.write_case(folder, machine, tables)
-    details = diagnose(folder).details
-    model, point = details["model"], details["found"].baseline.point
+    case = read_case(folder)
+    runs, *_ = with_roles([to_run(run) for run in case.runs])
+    model = RigModel(case.rig, runs, plant.NOISE, dict(EFFECTS))
+    point = calibrated(model, Point(np.zeros(len(model.priors)))).point
     model.rebase(point)
     candidates = model.candidates(point)
     ends = np.cumsum([len(c.columns) for c in candidates])
