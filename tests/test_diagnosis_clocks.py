@@ -101,7 +101,7 @@ def test_a_run_is_known_between_its_samples(model):
     z = linear_states(modes, run, ports, fine)
     wanted = outputs_of(modes, z, ports, OUTPUTS, fine)
     for k in (1, 5, 8, 19, -1, -7, -8, -13):
-        late = late_outputs(modes, run, z[::fine], ports, OUTPUTS, k * run.step / fine)
+        late = late_outputs(modes, run, z[::fine], ports.by_name(), k * run.step / fine)
         at = fine * np.arange(run.samples) - k
         known = (at >= 0) & (at < len(wanted))
         error = np.abs(late[known] - wanted[at[known]]).max(axis=0)
@@ -117,10 +117,10 @@ def test_a_sensor_that_remembers_has_seen_what_rings_between_the_samples(model):
     machine.replace(0, known)
 
     def late(seconds):
-        return np.cos(tone * (run.time - seconds))[:, None] * np.ones(3)
+        return np.cos(tone * (run.time - seconds))[:, None] * np.repeat([0.0, 1.0], 3)
 
     still = np.zeros((run.samples, 3))
-    foretold = Predicted(np.concatenate([still, late(0.0)], axis=1), still, still, still, late)
+    foretold = Predicted(late(0.0), still, still, still, late)
     rig = model.rig_at(
         Point(np.zeros(len(model.priors)), (Effect("sensor-lag", "a", {"tau": tau}),))
     )

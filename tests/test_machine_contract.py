@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from omnijax.diagnosis._machine.machine import Machine
-from omnijax.diagnosis._machine.runs import FINE, Run
+from omnijax.diagnosis._machine.runs import Run
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig
 from omnijax.simulation import measured, simulate, table, torques
@@ -95,13 +95,13 @@ def simulated(laws, seed):
         2 * np.pi * time[:, None] * rng.uniform(0.6, 2, (3, 1, 3)) + rng.uniform(0, 6, 3)
     )
     torque = 0.3 * waves.sum(axis=0) + rng.uniform(-0.2, 0.2, 3)
-    return rig, torque, followed(rig, torque, 1)
+    return rig, torque, followed(rig, torque)
 
 
-def followed(rig, torque, parts):
-    """The run under those torques, with `parts` points a sample."""
-    fine = np.linspace(0, TIME[-1], parts * (len(TIME) - 1) + 1)
-    return simulate(rig, torques(table(TIME, torque)), jnp.asarray(fine))
+def followed(rig, torque):
+    """The rig's run under those torques, with what slow sensors would see between its samples."""
+    slow = with_laws(rig, SENSORS)
+    return simulate(slow, torques(table(TIME, torque)), jnp.asarray(TIME))
 
 
 def machine_of(rig, torque, run):
@@ -123,6 +123,12 @@ def in_sigmas(machine, rig):
 def turning():
     """The laws that act on torques and rolling."""
     return simulated(TURNING, 0)
+
+
+@pytest.fixture(scope="module")
+def ringing():
+    """The laws at contacts and mounts."""
+    return simulated(ELASTIC, 1)
 
 
 def check_every_law(simulation, laws, bound):
@@ -147,9 +153,26 @@ def test_every_law_of_the_rotation_is_predicted(turning):
     check_every_law(turning, TURNING, 0.12)
 
 
-def test_every_law_of_the_elastic_machine_is_predicted():
+def test_every_law_of_the_elastic_machine_is_predicted(ringing):
     """The steps at the edges of the play and of the gaps leave half a sigma."""
-    check_every_law(simulated(ELASTIC, 1), ELASTIC, 0.6)
+    check_every_law(ringing, ELASTIC, 0.6)
+
+
+@pytest.mark.parametrize(
+    ("name", "group", "value"),
+    [("sensor-lag", "dR", 4e-3), ("sensor-lag", "a", 2e-3), ("sensor-delay", "a", 1.2e-3)],
+)
+def test_slow_sensors_see_what_nonlinear_laws_ring_between_the_samples(ringing, name, group, value):
+    """Half a sample of a delay by splines through the samples is 2.6 m/s^2 RMS off, noise 0.02."""
+    rig, torque, run = ringing
+    (key,) = EFFECTS[name].parameters
+    sensed = with_laws(rig, [(name, group, {key: value})])
+
+    def left(rig):
+        elastic, _ = machine_of(rig, torque, run).residual_tables(rig, 0)
+        return np.sqrt(np.mean(np.split(elastic, 2, axis=1)[group == "a"] ** 2))
+
+    assert left(sensed) < 1.5 * left(rig)
 
 
 def test_the_tables_name_every_law():
@@ -158,17 +181,16 @@ def test_the_tables_name_every_law():
 
 
 def test_every_pair_of_sensor_laws_is_predicted_in_its_order(turning):
-    """The second acts on what the first left: no pair leaves more than its laws alone do.
-
-    A sensor that remembers has seen what rings between the samples, which `simulate` shows it only
-    where it is asked for finer ones.
-    """
-    rig, torque, run = turning
+    """The second acts on what the first left: no pair leaves more than its laws alone do."""
+    rig, torque, _ = turning
+    run = followed(
+        with_laws(rig, SENSORS), torque
+    )  # those that remember see it between its samples
     machine = machine_of(rig, torque, run)
-    (record,), fine = machine.runs, followed(rig, torque, FINE)
+    (record,) = machine.runs
 
     def left(sensed, shown):
-        outputs = {g: np.asarray(x)[::FINE] for g, x in measured(fine, shown).items()}
+        outputs = {g: np.asarray(x) for g, x in measured(run, shown).items()}
         machine.replace(0, Run("run", "train", record.time, torque, record.force, outputs,
                                record.known))  # fmt: skip
         elastic, _ = machine.residual_tables(sensed, 0)
@@ -178,8 +200,7 @@ def test_every_pair_of_sensor_laws_is_predicted_in_its_order(turning):
     for law in SENSORS:
         sensed = with_laws(rig, [law])
         alone[law[0]] = left(sensed, sensed)
-        reads_between = law[0] in ("sensor-delay", "sensor-lag")
-        assert alone[law[0]] < (5 if reads_between else 1.1) * bare, law
+        assert alone[law[0]] < 1.1 * bare, law
     for pair in itertools.permutations(SENSORS, 2):
         sensed = with_laws(rig, pair)
         assert left(sensed, sensed) < 1.2 * max(alone[name] for name, _, _ in pair), pair

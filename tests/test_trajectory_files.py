@@ -1,6 +1,7 @@
 """Runs in files: everything back from NetCDF, recordings from CSV, sensors, recorded drives."""
 
 import warnings
+from types import SimpleNamespace
 
 import equinox as eqx
 import jax
@@ -25,6 +26,7 @@ from omnijax import (
 )
 from omnijax._errors import DataWarning
 from omnijax._netcdf import load_netcdf
+from omnijax.cli._simulate_run import perform, planned
 from omnijax.simulation import to_recording
 
 
@@ -98,6 +100,47 @@ def test_sensors_act_on_their_group_or_channel_one_after_the_other(run, rig):
     np.testing.assert_allclose(seen["theta"][3:], run.theta[:-3], atol=1e-12)
     np.testing.assert_array_equal(seen["Omega"], run.Omega)
     np.testing.assert_array_equal(measured(run, rig)["dR"], run.dR)
+
+
+@pytest.fixture(scope="module")
+def slow(rig):
+    """A rig with sensors that remember."""
+    return (
+        rig.add(laws.SensorLag(jnp.array(2e-3)), "a")
+        .add(laws.SensorSaturation(jnp.array(2e-5)), "dR_y")
+        .add(laws.SensorDelay(jnp.array(1.3e-3)), "dR")
+    )
+
+
+def test_sensors_that_remember_have_seen_the_run_between_its_samples(slow, rig, tmp_path):
+    """As the same run at eight times the rate; from a file too, and as the command makes it."""
+    speed, times = [0.7, 2.1, -0.4], np.arange(60) * 2e-3
+    run, fine = simulate(slow, speeds(speed), times), np.arange(8 * 59 + 1) * 2.5e-4
+    np.testing.assert_allclose(run.t, times, atol=1e-15)
+    wanted, seen = measured(propagate(rig, speeds(speed), fine), slow), measured(run, slow)
+    for group in ("dR", "a", "theta", "Omega"):
+        largest = np.abs(wanted[group]).max()
+        np.testing.assert_allclose(seen[group], wanted[group][::8], atol=1e-7 * largest)
+    by_samples = measured(propagate(rig, speeds(speed), times), slow)
+    assert np.abs(by_samples["a"] - seen["a"]).max() > 0.02 * np.abs(seen["a"]).max()
+    assert np.abs(by_samples["dR"] - seen["dR"]).max() > 1e-7  # m, more than any tolerance above
+    again = Trajectory.load(run.save(tmp_path / "run.nc", slow))
+    assert eqx.tree_equal(again, run)
+    numerics = SimpleNamespace(model="coupled", solver="auto", rtol=None, max_steps=None)
+    commanded = perform(planned(slow, speeds(speed), times, numerics), None, "")
+    for group, values in measured(commanded, slow).items():
+        np.testing.assert_array_equal(values, seen[group])
+
+
+def test_a_delay_behind_a_lost_sign_has_no_corner_in_it(run, rig):
+    """|y| of half a sample before, not the curve through |y| of the samples."""
+    late = laws.SensorDelay(jnp.array(1e-3))
+    behind = measured(run, rig.add(laws.SensorRectified(), "dR_x").add(late, "dR"))["dR"]
+    delayed = measured(run, rig.add(late, "dR"))["dR"]
+    np.testing.assert_array_equal(behind[:, 0], np.abs(delayed[:, 0]))
+    drifting = rig.add(laws.SensorDrift(jnp.array(0.0), jnp.array(2.0)), "dR_x").add(late, "dR")
+    moved = measured(run, drifting)["dR"] - delayed
+    np.testing.assert_allclose(moved[5:, 0], 2.0 * (run.t[5:] - 1e-3), rtol=1e-9)
 
 
 def test_readings_of_sensors_are_differentiable(run, rig):

@@ -1,6 +1,5 @@
 """The run behind `omnijax simulate`: in closed form, or in pieces that outlive their process."""
 
-import dataclasses
 import json
 import shutil
 from collections.abc import Iterator
@@ -47,7 +46,8 @@ class Plan(NamedTuple):
 
     rig: Any
     drive: Any
-    times: Any
+    times: Any  # of the samples, and of the points between them where a sensor remembers
+    points: int  # a sample
     exact: bool
     how: dict[str, Any]  # numerics
 
@@ -80,8 +80,12 @@ class Plan(NamedTuple):
 
 def planned(rig: Any, drive: Any, times: Any, numerics: Any) -> Plan:
     """In closed form where there is one; else by the solver."""
-    from ..simulation import exact_run_obstacle
+    import numpy as np
 
+    from ..simulation import exact_run_obstacle, finer_times, points_of, without_sensors
+
+    points, rig = points_of(rig), without_sensors(rig)
+    times = np.asarray(finer_times(times, points))
     how: dict[str, Any] = {"model": numerics.model, "solver": numerics.solver}
     exact = numerics.solver in ("auto", "exact")
     if exact:
@@ -90,7 +94,7 @@ def planned(rig: Any, drive: Any, times: Any, numerics: Any) -> Plan:
             raise InputError(f"`solver` cannot be exact: {obstacle}; take auto.")
         exact = not obstacle
     how |= {"rtol": numerics.rtol or 1e-8, "max_steps": numerics.max_steps or 200_000}
-    return Plan(rig, drive, times, exact, how)
+    return Plan(rig, drive, times, points, exact, how)
 
 
 def check_resumed(out: Path | None, asked: dict[str, Any], force: bool) -> None:
@@ -150,11 +154,8 @@ class StoredPieces:
         import numpy as np
         from jax.flatten_util import ravel_pytree
 
-        arrays = {
-            field.name: np.asarray(getattr(run, field.name))
-            for field in dataclasses.fields(run)
-            if field.name not in ("method", "names")
-        }
+        names = (*run.UNITS, "status", "steps")
+        arrays = {name: np.asarray(getattr(run, name)) for name in names}
         about = json.dumps({"method": run.method, "names": run.names})
         arrays |= {"end": np.asarray(ravel_pytree(end)[0]), "about": np.asarray(about)}
         self._folder.write(f"piece-{self.count:06}", arrays)
@@ -170,7 +171,7 @@ def perform(plan: Plan, pieces: StoredPieces | None, command: str) -> Any:
 
     `pieces` have what a process computed that was interrupted or killed, and take what is new.
     """
-    from ..simulation import Gathered
+    from ..simulation import Gathered, at_samples
 
     runs, end, times = Gathered(len(plan.times)), None, plan.times
     if pieces is not None:
@@ -202,4 +203,4 @@ def perform(plan: Plan, pieces: StoredPieces | None, command: str) -> Any:
     except KeyboardInterrupt:
         answer()
         raise KeyboardInterrupt(kept()) from None
-    return runs.whole()
+    return at_samples(runs.whole(), plan.points)

@@ -111,7 +111,7 @@ def _run(
     from ._simulate_run import StoredPieces, asked_of, check_resumed, perform, planned
 
     plan = planned(rig, asked.drive, asked.times, numerics)
-    _warn_of_memory(rig, len(asked.times))
+    _warn_of_memory(rig, len(asked.times), plan.points)
     identity = asked_of(rig, asked.drive, asked.times, plan.how)
     if resume:
         check_resumed(out, identity, force)
@@ -120,13 +120,14 @@ def _run(
     return perform(plan, pieces, _command()), Done(json_text(identity), pieces)
 
 
-def _warn_of_memory(rig: Any, samples: int) -> None:
+def _warn_of_memory(rig: Any, samples: int, points: int) -> None:
     """Tell where a run needs more than half of the memory that is free."""
     from .._errors import tell
     from .._memory import SHARE, available, in_words
     from ..simulation import bytes_a_sample
 
-    need = 2 * bytes_a_sample(rig.size) * samples  # the run, and what its figures and files take
+    # the run, and what its figures and files take
+    need = 2 * bytes_a_sample(rig.size) * samples * points
     if need > SHARE * available():
         tell([
             f"{samples} samples need about {in_words(need)} of memory, and {in_words(available())} "

@@ -6,12 +6,33 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from ..laws import AbstractLaw, SensorSignal
-from ..rig import GROUPS, Rig, channels
+from ..laws import AbstractLaw, AbstractSensor, SensorDelay, SensorSignal
+from ..rig import GROUPS, Placed, Rig, channels
 
 
 def _reading(law: AbstractLaw, signal: SensorSignal) -> Float[Any, "t c"]:
     return law(signal)
+
+
+def _acting(rig: Rig, group: str) -> list[Placed]:
+    """The laws at an output group and its channels, in the order in which they are worked out.
+
+    That of the rig, but a delay comes before momentary laws, which is the same and sees no corner
+    between two points that a limit or a lost sign makes.
+    """
+    out: list[Placed] = []
+    for placed in rig.at("sensor"):
+        if (placed.place if placed.place in GROUPS else placed.place.rsplit("_", 1)[0]) != group:
+            continue
+        at = len(out)
+        while isinstance(placed.law, SensorDelay) and at and _momentary(out[at - 1].law):
+            at -= 1
+        out.insert(at, placed)
+    return out
+
+
+def _momentary(law: AbstractLaw) -> bool:
+    return isinstance(law, AbstractSensor) and law.momentary
 
 
 def sensor_readings(
@@ -27,10 +48,8 @@ def sensor_readings(
     counts from the run's first sample (s).  `apply` calls a law on a `SensorSignal`.
     """
     names = list(channels(rig.size))
-    for placed in rig.at("sensor"):
+    for placed in _acting(rig, group):
         place = placed.place
-        if (place if place in GROUPS else place.rsplit("_", 1)[0]) != group:
-            continue
         if place == group:
             values = values + apply(placed.law, SensorSignal(time, values))
             continue

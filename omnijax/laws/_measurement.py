@@ -41,6 +41,7 @@ class SensorGain(AbstractSensor):
     g: Float[Array, ""]
 
     id: ClassVar[str] = "sensor-gain"
+    momentary: ClassVar[bool] = True
     words: ClassVar[str] = "a wrong gain of the sensor"
     places: ClassVar[tuple[str, ...]] = ("group",)
     formula: ClassVar[str] = "y = (1 + g) y"
@@ -97,6 +98,7 @@ class SensorCrosstalk(AbstractSensor):
     X_zy: Float[Array, ""] = 0.0  # pyright: ignore[reportAssignmentType]
 
     id: ClassVar[str] = "sensor-crosstalk"
+    momentary: ClassVar[bool] = True
     words: ClassVar[str] = "crosstalk between the sensor's axes"
     places: ClassVar[tuple[str, ...]] = ("dR",)
     formula: ClassVar[str] = "measured dR_a += X_ab dR_b"
@@ -139,6 +141,7 @@ class SensorSaturation(AbstractSensor):
     limit: Float[Array, ""]
 
     id: ClassVar[str] = "sensor-saturation"
+    momentary: ClassVar[bool] = True
     words: ClassVar[str] = "a sensor at its limit"
     places: ClassVar[tuple[str, ...]] = ("group", "channel")
     formula: ClassVar[str] = "y limited to ±L"
@@ -152,6 +155,7 @@ class SensorRectified(AbstractSensor):
     """y = |y|."""
 
     id: ClassVar[str] = "sensor-rectified"
+    momentary: ClassVar[bool] = True
     words: ClassVar[str] = "a sensor that loses the sign"
     places: ClassVar[tuple[str, ...]] = ("channel",)
     formula: ClassVar[str] = "y = |y|"

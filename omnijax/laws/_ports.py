@@ -164,8 +164,10 @@ class AbstractKinematics(AbstractLaw):
 class AbstractSensor(AbstractLaw):
     """Sensor: `SensorSignal` -> change of the measured values, (samples, channels).
 
-    One that `remembers` shows what was before the first sample.
+    One that `remembers` shows what was before; the change of a `momentary` one hangs on the values
+    of its moment alone, neither on the time nor on other moments.
     """
 
     port: ClassVar[str] = "sensor"
     remembers: ClassVar[bool] = False
+    momentary: ClassVar[bool] = False

@@ -1,5 +1,7 @@
 """Every channel of a run from its states."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
@@ -19,7 +21,7 @@ def trajectory(
     def channels(t, state):
         return sample(model, drive, start, t, state)
 
-    values = jax.vmap(channels)(ts, states)
+    values: dict[str, Any] = jax.vmap(channels)(ts, states)
     finite = jnp.all(jnp.array([jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(values)]))
     status = jnp.where((status == Status.OK) & ~finite, int(Status.NON_FINITE), status)
     return Trajectory(

@@ -1,6 +1,5 @@
 """Trajectories in files: NetCDF with everything, or CSV and Parquet that are recordings."""
 
-import dataclasses
 import importlib.metadata
 from pathlib import Path
 from typing import Any, TypeVar
@@ -15,11 +14,12 @@ from .._status import Status
 from ..recording import Recording, write_recording
 from ..recording import channels as channel_names
 from ..rig import Rig, rig_text
-from ._run import AbstractRun
+from ._run import PER_WHEEL, AbstractRun, Between
 from ._sensors import GROUPS, measured
 
 Run = TypeVar("Run", bound=AbstractRun)
 SUFFIXES = (".nc", ".csv", ".csv.gz", ".parquet")
+BETWEEN = "between_"  # of the names of what a run knows between its samples
 _AXES = {"axis": ["x", "y", "z"], "quaternion": ["w", "x", "y", "z"]}
 
 
@@ -87,14 +87,13 @@ def to_xarray(trajectory: AbstractRun, rig: Rig | None = None, command: str = ""
 
     names = list(trajectory.names)
     variables = {
-        name: (_dims(name, np.shape(value), len(names)), np.asarray(value), _unit(name))
+        name: (_dims(name), np.asarray(value), _unit(name))
         for name, value in _channels(trajectory).items()
         if name != "t"
     }
     if rig is not None and rig.at("sensor"):
         for group, value in measured(trajectory, rig).items():
-            dims = _dims(group, np.shape(value), len(names))
-            variables[f"measured_{group}"] = (dims, np.asarray(value), _unit(group))
+            variables[f"measured_{group}"] = (_dims(group), np.asarray(value), _unit(group))
     time = ("t", np.asarray(trajectory.t), {"units": "s", "long_name": "time"})
     return xarray.Dataset(
         variables,
@@ -128,23 +127,26 @@ def to_recording(
 
 
 def _channels(trajectory: AbstractRun) -> dict[str, Any]:
-    """Fields that hold numbers in time."""
-    return {
-        field.name: getattr(trajectory, field.name)
-        for field in dataclasses.fields(trajectory)
-        if np.ndim(getattr(trajectory, field.name)) > 0 and field.name != "names"
-    }
+    """Fields that hold numbers in time, at the samples and between them."""
+    channels = {name: getattr(trajectory, name) for name in trajectory.UNITS}
+    if trajectory.between is not None:
+        channels |= {f"{BETWEEN}{g}": x for g, x in trajectory.between._asdict().items()}
+    return channels
 
 
 def _unit(name: str) -> dict[str, str]:
-    return {"units": AbstractRun.UNITS[name]} if name in AbstractRun.UNITS else {}
+    return {"units": AbstractRun.UNITS[name.removeprefix(BETWEEN)]}
 
 
-def _dims(name: str, shape: tuple[int, ...], wheels: int) -> tuple[str, ...]:
-    if name == "attitude":
-        return ("t", "quaternion")
-    vectors = {"Omega", "dR", "dR_rate", "dR_elastic", "R_l", "V_l", "a", "a_sphere", "force"}
-    return ("t", "axis") if name in vectors else ("t", "wheel")[: len(shape)]
+def _dims(name: str) -> tuple[str, ...]:
+    """The dimensions of a channel."""
+    channel = name.removeprefix(BETWEEN)
+    time = "t" if channel == name else f"{BETWEEN}t"
+    if channel == "t":
+        return (time,)
+    if channel == "attitude":
+        return (time, "quaternion")
+    return (time, "wheel" if channel in PER_WHEEL else "axis")
 
 
 def _attributes(trajectory: AbstractRun, rig: Rig | None, command: str) -> dict[str, Any]:
@@ -165,10 +167,12 @@ def _attributes(trajectory: AbstractRun, rig: Rig | None, command: str) -> dict[
 
 
 def _from_dataset(data: Any, kind: type[Run]) -> Run:
-    own = {field.name for field in dataclasses.fields(kind)}
-    arrays = {name: jnp.asarray(data[name].values) for name in own if name in data.variables}
+    arrays = {n: jnp.asarray(data[n].values) for n in kind.UNITS if n in data.variables}
+    seen = [f"{BETWEEN}{field}" for field in Between._fields]
+    known = all(name in data.variables for name in seen)
     return kind(
         **arrays,
+        between=Between(*(jnp.asarray(data[n].values) for n in seen)) if known else None,
         status=jnp.asarray(int(Status.of(data.attrs["status"])), int),
         steps=jnp.asarray(data.attrs["steps"], int),
         method=str(data.attrs["method"]),

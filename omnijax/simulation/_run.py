@@ -29,6 +29,16 @@ class ContactLoss(NamedTuple):
         return f"{self.wheel} {self.kind} at {self.time:.4g} s"
 
 
+class Between(NamedTuple):
+    """What sensors read of a run, at even points between its samples too."""
+
+    t: Float[Array, " p"]
+    dR: Float[Array, "p 3"]
+    theta: Float[Array, "p n"]
+    Omega: Float[Array, "p 3"]
+    a: Float[Array, "p 3"]
+
+
 class AbstractRun(eqx.Module):
     """The numbers of a run, as its pictures, tables, files and sensors know them."""
 
@@ -59,6 +69,7 @@ class AbstractRun(eqx.Module):
     steps: Int[Array, ""]
     method: str = eqx.field(static=True, default="")
     names: tuple[str, ...] = eqx.field(static=True, default=())
+    between: Between | None = None
 
     UNITS: ClassVar[dict[str, str]] = {
         "t": "s",

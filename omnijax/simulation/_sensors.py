@@ -8,6 +8,7 @@ import numpy as np
 from ..dynamics import sensor_readings
 from ..recording import Recording
 from ..rig import Rig
+from ._between import SENSOR_POINTS
 from ._drives import TorqueDrive
 from ._run import AbstractRun
 from ._signals import table
@@ -62,7 +63,9 @@ def measured(trajectory: AbstractRun, rig: Rig) -> dict[str, Any]:
     """What the rig's sensors make of a run: dR, theta, Omega and a, (samples, channels).
 
     The laws at the sensors act one after the other, in the order of the rig, on their group or
-    channel; without any the run's own values come back.  Differentiable.
+    channel; without any the run's own values come back.  Differentiable.  One that remembers has
+    seen the run between its samples where this was simulated for a rig with such sensors
+    (`trajectory.between`), else the samples alone.
 
     SI: m, rad, rad/s, m/s^2.
 
@@ -70,5 +73,7 @@ def measured(trajectory: AbstractRun, rig: Rig) -> dict[str, Any]:
 
     Source: the sensors of `docs/formats.md`, recordings.
     """
-    time = trajectory.t - trajectory.t[0]
-    return {g: sensor_readings(rig, g, time, getattr(trajectory, g)) for g in GROUPS}
+    seen = trajectory if trajectory.between is None else trajectory.between
+    points = 1 if trajectory.between is None else SENSOR_POINTS
+    time = seen.t - seen.t[0]
+    return {g: sensor_readings(rig, g, time, getattr(seen, g))[::points] for g in GROUPS}

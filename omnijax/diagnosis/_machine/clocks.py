@@ -34,11 +34,7 @@ class LoggerClock(AbstractSensor):
     id: ClassVar[str] = "logger-clock"
 
 
-LateLaw = type[LoggerClock] | type[SensorDelay]
-LATE_LAWS: dict[str, tuple[LateLaw, ...]] = {
-    "dR": (LoggerClock,),
-    "a": (LoggerClock, SensorDelay),  # `a` has no spline
-}
+LATE_LAWS = (LoggerClock, SensorDelay)  # by which dR and a are read as late as they say
 
 
 def clock_priors(groups, stated: set[str]) -> list[Prior]:
@@ -67,7 +63,7 @@ def offset_of(rig: Rig, group: str) -> float:
     A delay may be taken first of all sensors' laws, which do not ask for the time: but a drift's.
     """
     laws = [p.law for p in rig.at("sensor") if p.place == group]
-    return sum(float(law.delay) for law in laws if isinstance(law, LATE_LAWS[group]))
+    return sum(float(law.delay) for law in laws if isinstance(law, LATE_LAWS))
 
 
 def read_late(law: LoggerClock, signal: SensorSignal) -> np.ndarray:

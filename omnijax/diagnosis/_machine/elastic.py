@@ -39,6 +39,10 @@ class ElasticPorts:
     force: np.ndarray  # (samples, 3) N
     floor: np.ndarray  # (FINE points, 3) m/s^2
 
+    def by_name(self) -> dict[str, np.ndarray]:
+        """The inputs by their names."""
+        return {name: getattr(self, name) for name in INPUTS}
+
     def at(self, part: str, parts: int) -> np.ndarray:
         """One input at `parts` points a sample; taking every k-th point or linear between."""
         values = getattr(self, part)
@@ -74,8 +78,8 @@ def linear_states(
     start = rest_state(m, shape=ports.shape)
     start = start if rolling is None else start + m.inverse @ rolling
     step = run.step / parts
-    inputs = {name: getattr(ports, name) for name in INPUTS}
-    return propagate(m, step, forced(m, step, (run.samples - 1) * parts, **inputs), start)
+    total = forced(m, step, (run.samples - 1) * parts, **ports.by_name())
+    return propagate(m, step, total, start)
 
 
 def outputs_of(
@@ -112,8 +116,17 @@ def driven(m: OutputModes, run: Run, start: np.ndarray, **inputs: np.ndarray) ->
 
     Every input is linear between its points, a whole number of them a sample.
     """
-    total = forced(m, run.step, run.samples - 1, **inputs)
-    out = observe(m, propagate(m, run.step, total, start), OUTPUTS)
+    return caused(m, run, driven_states(m, run, start, **inputs), **inputs)
+
+
+def driven_states(m: OutputModes, run: Run, start: np.ndarray, **inputs: np.ndarray) -> np.ndarray:
+    """The modal states (samples, k) of the run that inputs drive from the state `start`."""
+    return propagate(m, run.step, forced(m, run.step, run.samples - 1, **inputs), start)
+
+
+def caused(m: OutputModes, run: Run, z: np.ndarray, **inputs: np.ndarray) -> np.ndarray:
+    """dR and a (samples, 6) of the modal states `z` at the samples, under those inputs."""
+    out = observe(m, z, OUTPUTS)
     for part, values in inputs.items():
         parts = (len(values) - 1) // (run.samples - 1)
         out += direct(m, OUTPUTS, part, lambda values=values, parts=parts: values[::parts])

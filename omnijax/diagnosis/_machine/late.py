@@ -1,30 +1,17 @@
 """An elastic run between its samples: what a logger reads whose clock is off.
 
 Wheels ring on their mounts faster than half of many sampling rates, so no spline through samples
-knows their acceleration in between.  The modes' states at the samples and the finer inputs do.
+knows their course in between.  The modes' states at the samples and the finer inputs do.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from .clocks import late_by
-from .elastic import INPUTS, ElasticPorts
+from .elastic import OUTPUTS
 from .modes import OutputModes, direct, forced, hold_weights, observe, propagate, real_pairs
 from .runs import Run
-
-
-def as_late(
-    values: np.ndarray,
-    late: float,
-    step: float,
-    exactly: Callable[[float], np.ndarray] | None = None,
-) -> np.ndarray:
-    """Values (t, c) `late` s after they were: of the modes where these tell, else of splines."""
-    if late == 0:
-        return values
-    return late_by(values.T, late / step).T if exactly is None else exactly(late)
 
 
 def finer(late: Callable[[float], np.ndarray], step: float, parts: int) -> np.ndarray:
@@ -38,25 +25,28 @@ def finer(late: Callable[[float], np.ndarray], step: float, parts: int) -> np.nd
 
 
 def late_outputs(
-    m: OutputModes, run: Run, z: np.ndarray, ports: ElasticPorts, names, late: float
+    m: OutputModes, run: Run, z: np.ndarray, inputs: Mapping[str, np.ndarray], late: float
 ) -> np.ndarray:
-    """Outputs (samples, o) `late` s, of either sign, before every sample; `z` (samples, k).
+    """dR and a (samples, 6) `late` s, of either sign, before every sample; `z` (samples, k).
 
+    `inputs` by name (points, c) are linear between their points, a whole number of them a sample.
     Before the start all is as at the first sample; behind the end inputs go on evenly.
     """
     back = math.ceil(late / run.step)
     part = back - late / run.step  # of a sample, on from the one that is `back` before
     count = run.samples - 1 + max(0, 1 - back)
-    inputs = {name: _continued(getattr(ports, name), run.samples - 1, count) for name in INPUTS}
+    inputs = {k: _continued(values, run.samples - 1, count) for k, values in inputs.items()}
     z = _led_on(m, run, z, inputs, count)
     pushed, added = np.zeros((count, 2 * len(m.rates))), np.zeros(1)
     for name, values in inputs.items():
         if values.any():
             pushed += _pushed(m, name, values, run.step, count, part)
-        added = added + direct(m, names, name, lambda values=values: _between(values, count, part))
+        added = added + direct(
+            m, OUTPUTS, name, lambda values=values: _between(values, count, part)
+        )
     there = np.exp(m.rates * part * run.step) * z + pushed.view(complex)
-    out = observe(m, there, names) + added
-    first = np.repeat(_first(m, z, inputs, names), max(0, back), axis=0)
+    out = observe(m, there, OUTPUTS) + added
+    first = np.repeat(_first(m, z, inputs), max(0, back), axis=0)
     return np.concatenate([first, out[max(0, -back) :]])[: run.samples]
 
 
@@ -113,9 +103,9 @@ def _between(values: np.ndarray, count: int, part: float) -> np.ndarray:
     return before + share * (after - before)
 
 
-def _first(m: OutputModes, z, inputs, names) -> np.ndarray:
-    """Outputs (1, o) at the first sample."""
-    out = observe(m, z[:1], names)
+def _first(m: OutputModes, z, inputs) -> np.ndarray:
+    """dR and a (1, 6) at the first sample."""
+    out = observe(m, z[:1], OUTPUTS)
     for name, values in inputs.items():
-        out = out + direct(m, names, name, lambda begin=values[:1]: begin)
+        out = out + direct(m, OUTPUTS, name, lambda begin=values[:1]: begin)
     return out

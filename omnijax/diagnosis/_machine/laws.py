@@ -38,16 +38,16 @@ def _read(law, signal: SensorSignal):
     return read_late(law, signal) if isinstance(law, LoggerClock) else sensed(law, signal)
 
 
-def on_time(group: str):
-    """What a sensor's law adds to values of a group that are as late as `offset_of` says."""
-    return lambda law, signal: 0.0 if isinstance(law, LATE_LAWS[group]) else sensed(law, signal)
+def on_time(law, signal: SensorSignal):
+    """What a sensor's law adds to values of dR or a that are as late as `offset_of` says."""
+    return 0.0 if isinstance(law, LATE_LAWS) else sensed(law, signal)
 
 
 def remembers(rig: Rig, group: str) -> bool:
     """Whether a sensor of the group shows what was before, other than by `offset_of`."""
     own = [p.law for p in rig.at("sensor") if p.place.split("_")[0] == group]
     return any(
-        isinstance(law, AbstractSensor) and law.remembers and not isinstance(law, LATE_LAWS[group])
+        isinstance(law, AbstractSensor) and law.remembers and not isinstance(law, LATE_LAWS)
         for law in own
     )
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ...dynamics import TURNING_PORTS
 from ...rig import Rig
+from ...simulation import SENSOR_POINTS
 from .._threads import each
 from .clocks import offset_of
 from .data_vector import DataRows
@@ -21,7 +22,7 @@ from .elastic import (
     refine,
     rig_modes,
 )
-from .late import as_late, finer, late_outputs
+from .late import finer, late_outputs
 from .laws import along, on_time, readings, remembers
 from .modes import OutputModes
 from .motion import RunMotion, contact_directions, integrate, measured_lengths, motion, tables_for
@@ -32,7 +33,7 @@ from .runs import FINE, SHAPE, STEPS, Run
 from .settings import SETTINGS
 from .smooth import likeliest, smooth
 from .stage_cache import StageCache
-from .stepped import Lane, law_changes, stepped_ports
+from .stepped import Change, Lane, law_changes, stepped_ports
 from .tree_hash import digest
 from .wheels import WheelTables
 
@@ -57,24 +58,26 @@ class Predicted(NamedTuple):
     Omega: np.ndarray  # (samples, 3) rad/s, from the torques
     turning: np.ndarray  # (samples, 3) rad/s, from the angles
     missed: np.ndarray  # (samples, n) rad, rolled lengths measured less foretold
-    linear: Callable[[float], np.ndarray] | None = None  # `a` (samples, 3) so many s late ...
-    stepped: np.ndarray | None = None  # ... without what stepped laws change in dR and a
+    late: Callable[[float], np.ndarray]  # dR, a (samples, 6) so many s late
 
     @staticmethod
-    def of(elastic: np.ndarray, rotated: Rotated, linear=None) -> "Predicted":
+    def of(elastic: np.ndarray, rotated: Rotated, late) -> "Predicted":
         """From dR and a, and the rotation."""
         m = rotated.motion
         turning = np.array(m.turning[::FINE])  # not a view of the fine one
-        return Predicted(elastic, rotated.Omega, turning, m.length - rotated.length, linear)
+        return Predicted(elastic, rotated.Omega, turning, m.length - rotated.length, late)
 
-    def read(self, group: str, late: float, step: float) -> np.ndarray:
-        """dR or a (samples, 3), `late` s after it was; splines where samples tell it."""
-        if group == "dR":
-            return as_late(self.elastic[:, :3], late, step)
-        out = as_late(self.elastic[:, 3:], late, step, self.linear)
-        if late == 0 or self.linear is None or self.stepped is None:
-            return out
-        return out + as_late(self.stepped[:, 3:], late, step)
+    def changed(self, change: Change) -> "Predicted":
+        """With what stepped laws add."""
+        late = self.late
+        return self._replace(
+            elastic=self.elastic + change.now, late=lambda s: late(s) + change.late(s)
+        )
+
+    def read(self, group: str, late: float) -> np.ndarray:
+        """dR or a (samples, 3), `late` s after it was."""
+        out = self.elastic if late == 0 else self.late(late)
+        return out[:, :3] if group == "dR" else out[:, 3:]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -344,13 +347,13 @@ class Machine:
                 places.append(len(out))
             out.append(Predicted.of(outputs, rotated, late))
         for at, change in zip(places, law_changes(lanes), strict=True):
-            out[at] = out[at]._replace(elastic=out[at].elastic + change, stepped=change)
+            out[at] = out[at].changed(change)
         return out
 
     def _linear(self, rig: Rig, i: int, rotated: Rotated, stepped: tuple[str, ...], steps: int):
         """dR and a (samples, 6) of the linear model; what the ports `stepped` feel at the steps.
 
-        And what gives `a` (samples, 3) so many s late.
+        And what gives dR and a (samples, 6) so many s late.
         """
         ports, m = self.ports(rig, self.runs[i], rotated.motion, rotated.drive), self.modes(rig)
         run, parts = self.runs[i], steps if stepped else 1
@@ -359,7 +362,7 @@ class Machine:
         out = outputs_of(m, samples, ports, OUTPUTS)
 
         def late(seconds: float) -> np.ndarray:
-            return late_outputs(m, run, samples, ports, OUTPUTS[1:], seconds)
+            return late_outputs(m, run, samples, ports.by_name(), seconds)
 
         if not stepped:
             return out, np.zeros((0, 0)), late
@@ -412,10 +415,10 @@ def _read(rig: Rig, run: Run, predicted: Predicted, group: str) -> np.ndarray:
 
     Those that remember have seen it between the samples too, where it rings faster than these tell.
     """
-    offset, parts = offset_of(rig, group), FINE if remembers(rig, group) else 1
+    offset, parts = offset_of(rig, group), SENSOR_POINTS if remembers(rig, group) else 1
 
     def late(seconds: float) -> np.ndarray:
-        return predicted.read(group, offset + seconds, run.step)
+        return predicted.read(group, offset + seconds)
 
     values = finer(late, run.step, parts)
-    return readings(rig, group, run.fine(parts), values, on_time(group))[::parts]
+    return readings(rig, group, run.fine(parts), values, on_time)[::parts]

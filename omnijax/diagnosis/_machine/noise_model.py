@@ -7,11 +7,10 @@ import numpy as np
 from ...rig import Rig
 from .clocks import LoggerClock, offset_of
 from .data_vector import DataRows, make_rows, orthonormal
-from .elastic import OUTPUTS, ElasticPorts
 from .encoders import PARTS, response_columns, smoother_modes, walk_modes, whitener
-from .late import as_late, late_outputs
+from .late import late_outputs
 from .laws import on_time, readings
-from .modes import observe, propagate
+from .modes import propagate
 from .runs import SHAPE
 
 START = 0.01  # rad, 1-sigma of the start angle of a wheel without encoder
@@ -72,16 +71,12 @@ def _start_columns(machine, rig: Rig, i: int, rows: DataRows) -> np.ndarray:
     m, run = machine.modes(rig), machine.runs[i]
     zero = np.zeros((run.samples - 1, len(m.rates)), complex)
     read = _as_read(machine, rig, i)
-    late, late_a = offset_of(rig, "dR"), offset_of(rig, "a")
-    none = ElasticPorts(*(np.zeros((run.samples, c)) for c in (rig.size, rig.size, 3, 3)))
-    names, columns = OUTPUTS[1:], []
+    groups = [offset_of(rig, group) for group in ("dR", "a")]
+    columns = []
     for k in range(len(m.A)):
         z = propagate(m, run.step, zero, m.inverse @ np.eye(len(m.A))[k])
-        change = observe(m, z, OUTPUTS)
-        change[:, :3] = as_late(change[:, :3], late, run.step)
-        change[:, 3:] = as_late(
-            change[:, 3:], late_a, run.step, lambda s, z=z: late_outputs(m, run, z, none, names, s)
-        )
+        late = [late_outputs(m, run, z, {}, s) for s in groups]
+        change = np.concatenate([late[0][:, :3], late[1][:, 3:]], axis=1)
         columns.append((read(change) * rows.elastic).ravel())
     free = np.stack(columns)
     rows.whiten(free)
@@ -102,7 +97,7 @@ def _as_read(machine, rig: Rig, i: int) -> Callable[[np.ndarray], np.ndarray]:
     def readings_of(values: np.ndarray) -> np.ndarray:
         parts = zip(("dR", "a"), np.split(values, 2, axis=1), strict=True)
         return np.concatenate(
-            [readings(rig, group, run.time, part, on_time(group)) for group, part in parts], axis=1
+            [readings(rig, group, run.time, part, on_time) for group, part in parts], axis=1
         )
 
     here = readings_of(base)

@@ -1,6 +1,8 @@
 """Laws at contacts and mounts, stepped in time: what they change in a linear elastic run."""
 
 import dataclasses
+from collections.abc import Callable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,7 +13,8 @@ from scipy.linalg import expm
 from ...rig import Rig
 from .._search import STEPPED
 from .._threads import cores, each
-from .elastic import SIGNALS, driven, signal_names
+from .elastic import SIGNALS, caused, driven_states, signal_names
+from .late import late_outputs
 from .modes import OutputModes
 from .ports import ElasticLaws
 from .runs import Run, padded
@@ -36,8 +39,15 @@ class Lane:
         return self.run.step * (self.run.samples - 1) / (len(self.signals) - 1)
 
 
-def law_changes(lanes: list[Lane]) -> list[np.ndarray]:
-    """What contact and mount laws change in dR and a (samples, 6) of every lane."""
+class Change(NamedTuple):
+    """What contact and mount laws change in dR and a of a run."""
+
+    now: np.ndarray  # (samples, 6)
+    late: Callable[[float], np.ndarray]  # the same so many s late
+
+
+def law_changes(lanes: list[Lane]) -> list[Change]:
+    """What contact and mount laws change in every lane."""
     if not lanes:
         return []
     count = max(-(-len(lanes) // LANES), min(cores(), len(lanes) // FEW))
@@ -46,7 +56,7 @@ def law_changes(lanes: list[Lane]) -> list[np.ndarray]:
     return [change for part in changes for change in part]
 
 
-def _side_by_side(lanes: list[Lane]) -> list[np.ndarray]:
+def _side_by_side(lanes: list[Lane]) -> list[Change]:
     laws = [ElasticLaws.of(x.rig) for x in lanes]
     ports = laws[0].ports
     starts = [
@@ -64,8 +74,13 @@ def _side_by_side(lanes: list[Lane]) -> list[np.ndarray]:
         force = np.split(tensions[k, : len(lane.signals)], len(ports), axis=1)
         forces = dict(zip(ports, force, strict=True))
         begin = lane.modes.inverse @ np.asarray(start)
-        out.append(driven(lane.modes, lane.run, begin, **forces))
+        out.append(_change(lane.modes, lane.run, begin, forces))
     return out
+
+
+def _change(m: OutputModes, run: Run, start: np.ndarray, forces: dict[str, np.ndarray]) -> Change:
+    z = driven_states(m, run, start, **forces)
+    return Change(caused(m, run, z, **forces), lambda late: late_outputs(m, run, z, forces, late))
 
 
 def _stepped(lanes: list[Lane], laws, matrices, rows, start) -> np.ndarray:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 from ..._errors import InputError
 from ...rig import Rig, load_rig
+from .._between import at_samples, finer_times, points_of, without_sensors
 from .._drives import AbstractDrive, SpeedDrive, Values, as_drive, as_times, check_drive
 from .._exact import propagate, propagation_obstacle
 from .._signals import Vector
@@ -40,8 +41,9 @@ def simulate(
     `propagate`) where prescribed speeds drive a linear rig, else the exponential method for a stiff
     rig and `dopri8` for others; or name one of them, `tsit5` or `kvaerno5`.  `rtol` is the solvers'
     relative tolerance per step (absolute: the same in units of the gap's depth), `adjoint`
-    diffrax's way to differentiate them; giving one asks for a solver.  Raises `InputError` for
-    input that does not fit; never for a failed run: see `Trajectory.status`.
+    diffrax's way to differentiate them; giving one asks for a solver.  For sensors that remember (a
+    delay, a lag) the run knows points between its samples too (see `measured`).  Raises
+    `InputError` for input that does not fit; never for a failed run: see `Trajectory.status`.
 
     Source: the paper's eqs. 1-11 and 32-46 with the errata of `docs/theory.md`; Hochbruck and
     Ostermann, Acta Numerica 2010 (exponential methods).
@@ -49,17 +51,18 @@ def simulate(
     rig = rig if isinstance(rig, Rig) else load_rig(rig)
     drive, ts = as_drive(drive), as_times(ts, duration, rate)
     check_drive(rig, drive)
-    built = build_model(rig, model, keep_radius_rate)
+    points, rig = points_of(rig), without_sensors(rig)  # which change no run, but would a program
+    built, fine = build_model(rig, model, keep_radius_rate), finer_times(ts, points)
     if solver in ("auto", "exact"):
-        obstacle = exact_run_obstacle(rig, drive, ts, model, keep_radius_rate)
+        obstacle = exact_run_obstacle(rig, drive, fine, model, keep_radius_rate)
         if solver == "exact" and obstacle is not None:
             raise InputError(f"`solver` cannot be exact: {obstacle}; take auto.")
         if obstacle is None and (solver == "exact" or adjoint is None):
             assert isinstance(drive, SpeedDrive)  # other drives are an obstacle
-            return propagate(rig, drive, ts, model=model)
+            return at_samples(propagate(rig, drive, fine, model=model), points)
     from .solve import solve  # diffrax takes as long to import as an exact run takes
 
-    return solve(built, drive, ts, solver, rtol, max_steps, adjoint)
+    return at_samples(solve(built, drive, fine, solver, rtol, max_steps, adjoint), points)
 
 
 def exact_run_obstacle(
