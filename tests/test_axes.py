@@ -14,6 +14,7 @@ from omnijax.laws import AXIS_EFFECTS
 from omnijax.machine import Axis, Log, MachineCase, load_machine
 from omnijax.machine._simulate import free_run
 from tests.seeds import drawn_anew
+from tests.test_strangers_axes import run, sines
 
 
 def test_equal_seeds_draw_equal_axes():
@@ -100,6 +101,35 @@ def test_a_ripple_of_a_torque_that_changes_its_sign_is_looked_for_at_its_order(t
         for c in model.candidates(Point(np.zeros(2))) if c.id == "current-ripple"
     ]  # fmt: skip
     assert min(abs(x / n - 1) for x in tried) < 0.03  # a refit may move it so far
+
+
+def test_lines_of_a_motor_are_found_beside_each_other(tmp_path):
+    """Slots, then twice the slots, which only the slow rows show, and once a turn."""
+    rng = drawn_anew("lines of a motor")
+    J, step = 10 ** rng.uniform(-4, -2), 2e-3
+    slots = float(rng.integers(8, 12))
+    g, (a, b, c) = sines(rng, 0.2, 1.0), rng.uniform(0, 6, 3)
+
+    def moved_by(q, v, u):
+        lines = 60 * np.sin(slots * q + a) + 30 * np.sin(2 * slots * q + b) + 25 * np.sin(q + c)
+        return u / J - 2 * v + lines
+
+    t, u, q = run(moved_by, lambda t: 150 * J * g(t), 1 / step, 8)
+    (tmp_path / "machine.toml").write_text(
+        f'kind = "axis"\n[axis]\ninertia = {J}\ndamping = {2 * J}\n[motor]\ninput = "torque"\n'
+        '[compare]\nhold = "linear"\ncriterion = "balance"\n'
+    )
+    log = Log("log", "train", t, {"input": u}, {"position": q + 1e-5 * rng.normal(size=len(q))})
+    case = MachineCase(tmp_path, load_machine(tmp_path / "machine.toml"), [log], False, [])
+    model, _, _ = build_model(case)
+    first = Effect("motor-ripple", "axis", {"order": slots, "amplitude": 60 * J, "phase": a})
+    once = Effect("motor-ripple", "axis", {"order": 1.0, "amplitude": 25 * J, "phase": c})
+    for known, n in ((), slots), ((first,), 1.0), ((first, once), 2 * slots):
+        tried = np.array([
+            float(c.columns[0].law.order)
+            for c in model.candidates(Point(np.zeros(0), known)) if c.id == "motor-ripple"
+        ])  # fmt: skip
+        assert np.min(np.abs(tried / n - 1)) < 0.03, (n, tried)  # a refit may move it so far
 
 
 def test_what_no_log_tells_apart_is_known_by_the_plants_themselves():

@@ -70,6 +70,49 @@ def test_a_servo_that_saturates_and_rubs_is_guessed_from_all_its_logs(tmp_path):
     assert float(axis.coulomb) == 0  # the diagnosis names it
 
 
+def coupled_drive(rng, ratio):
+    """(columns, J, J2, k): motor and load of an elastic drive, the load by a gear `ratio`."""
+    J, d = 10 ** rng.uniform(-3, -2), rng.uniform(0.5, 2)
+    J2, k = J * rng.uniform(0.7, 3), J * (2 * np.pi * rng.uniform(6, 12)) ** 2
+    t = np.arange(2400) * STEP
+    f, p = rng.uniform(0.2, 2.5, 5), rng.uniform(0, 6, 5)
+    u = 40 * J * np.sin(2 * np.pi * np.outer(t, f) + p).sum(1)
+
+    def rate(x, u):
+        drive = k * (x[0] - x[2]) + 1e-3 * k * (x[1] - x[3])
+        return np.array([x[1], (u - d * J * x[1] - drive) / J, x[3], drive / J2])
+
+    q, _, q2, _ = stepped(rate, np.zeros(4), u).T
+    q, q2 = (np.round(x / 1e-4) * 1e-4 for x in (q, 0.3 + q2 / ratio))
+    return {"t": t, "torque": u, "pos_load": q2, "pos_motor": q}, J, J2, k
+
+
+@pytest.mark.parametrize("ratio", [1.0, 4.0])
+def test_motor_and_load_of_one_log_are_a_coupled_drive(tmp_path, capsys, ratio):
+    columns, J, J2, k = coupled_drive(drawn_anew("guessed drive"), ratio)
+    log = written(tmp_path / "drive.csv", columns)
+    axis = new_case(tmp_path, [log])
+    assert "load behind a drive  pos_load" in capsys.readouterr().out
+    one = guess(tmp_path / "drive.csv")
+    assert (one.position, one.second) == ("pos_motor", "pos_load")  # the load's came first
+    for field, true, some in (
+        ("inertia", J, 0.5), ("second_inertia", J2, 0.3), ("second_stiffness", k, 0.3)
+    ):  # fmt: skip
+        assert float(getattr(axis, field)) == pytest.approx(true, rel=some), field
+
+
+def test_a_second_reading_of_one_shaft_is_no_drive(tmp_path):
+    """A coarse encoder beside a fine one moves against it, but by nothing that a torque does."""
+    rng = drawn_anew("two encoders")
+    columns, *_ = coupled_drive(rng, 1.0)
+    coarse = np.round(columns["pos_motor"] / 5e-3) * 5e-3
+    also = 1.003 * columns["pos_motor"] + 1e-3 * rng.normal(size=len(coarse))
+    for name, second in (("coarse", coarse), ("also", also)):
+        table = {k: columns[k] for k in ("t", "torque", "pos_motor")} | {"pos_2": second}
+        written(tmp_path / f"{name}.csv", table)
+        assert guess(tmp_path / f"{name}.csv").second is None, name
+
+
 def test_a_servo_that_is_always_on_may_lose_its_speed_in_motor_or_bearing(tmp_path):
     """A back EMF lessens the load of the gear, a damping does not: both are left open."""
     rng = drawn_anew("guessed back EMF")

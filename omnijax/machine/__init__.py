@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from ._file import parse_machine as parse_machine
     from ._first_numbers import LogSignals as LogSignals
     from ._guess import Guess as Guess
-    from ._guess import case_files as case_files
     from ._guess import guess as guess
-    from ._guess import numbers_of_logs as numbers_of_logs
+    from ._guessed_case import case_files as case_files
+    from ._guessed_case import numbers_of_logs as numbers_of_logs
     from ._hold import InputHold as InputHold
     from ._hold import acting as acting
     from ._hold import input_hold as input_hold

@@ -26,7 +26,7 @@ class LogSignals:
     """One log in SI units: position and input (t,), step in s, a servo's gain and enable by name.
 
     `rates` are position, speed and acceleration, low-passed.  Where the `velocity` (t,) was
-    measured, the position is its integral.
+    measured, the position is its integral.  `second` (t,) is the position of a load behind a drive.
     """
 
     position: np.ndarray
@@ -34,6 +34,7 @@ class LogSignals:
     step: float
     beside: Mapping[str, np.ndarray]
     velocity: np.ndarray | None = None
+    second: np.ndarray | None = None
 
     @property
     def cutoff(self) -> float:
@@ -121,26 +122,10 @@ def driven_numbers(logs: Sequence[LogSignals], turns: bool) -> dict[str, float]:
     if speeds and all(map(loses_sign, speeds, inputs)):
         return rectified_numbers(speeds, inputs, logs[0].step)
     share = min(log.cutoff for log in logs)
-    parts = [_driven(log, share) for log in logs]
+    parts = [driven(log, share) for log in logs]
     q, v, a, given = (np.concatenate([p[k] for p in parts]) for k in range(4))
-    which = np.repeat(np.arange(len(logs)), [len(p[0]) for p in parts])
-    ones = [(which == i).astype(float) for i in range(len(logs))]
-    pulls = {"": [], "stiffness": [q]} | ({"gravity": [np.sin(q)]} if turns else {})
-    fits = {}
-    for name, column in pulls.items():
-        A = np.stack([a, v, *column, *ones], 1)
-        size = np.linalg.norm(A, axis=0)
-        size[size == 0] = 1.0
-        x = np.linalg.lstsq(A / size, given, rcond=None)[0] / size
-        fits[name] = x, float(np.sum((given - A @ x) ** 2)), column
-    names = [
-        k for k, (x, _, column) in fits.items()
-        if column and x[2] > 0 and x[2] * np.std(column[0]) > SPRING * np.std(given)
-    ]  # fmt: skip
-    best = names[0] if names else ""
-    if names == ["stiffness", "gravity"] and fits["gravity"][1] < (1 - PULLS) * fits[best][1]:
-        best = "gravity"
-    (J, d, *rest), _, _ = fits[best]
+    ones = ones_of([len(p[0]) for p in parts])
+    (J, d, *rest), best = pulled([a, v], q, given, ones, turns)
     if J <= 0:
         J = np.std(given) / max(np.std(a), 1e-300)
     out = {"inertia": float(J)}
@@ -148,7 +133,45 @@ def driven_numbers(logs: Sequence[LogSignals], turns: bool) -> dict[str, float]:
     return out | ({best: float(rest[0])} if best else {})
 
 
-def _driven(log: LogSignals, share: float) -> tuple[np.ndarray, ...]:
+def pulled(
+    columns: Sequence[np.ndarray], q, given, ones: Sequence[np.ndarray], turns: bool
+) -> tuple[np.ndarray, str]:
+    """(numbers of the columns and of what pulls back, its field or nothing): the torque `given`.
+
+    What pulls an axis back at q, a spring or, where it `turns`, gravity, is there where it takes a
+    large part of the torque.  The last numbers are the offsets of the logs, 1 in their `ones`.
+    """
+    pulls = {"": [], "stiffness": [q]} | ({"gravity": [np.sin(q)]} if turns else {})
+    fits, at = {}, len(columns)
+    for name, column in pulls.items():
+        x, left = solved([*columns, *column, *ones], given)
+        fits[name] = x, float(left @ left), column
+    names = [
+        k for k, (x, _, column) in fits.items()
+        if column and x[at] > 0 and x[at] * np.std(column[0]) > SPRING * np.std(given)
+    ]  # fmt: skip
+    best = names[0] if names else ""
+    if names == ["stiffness", "gravity"] and fits["gravity"][1] < (1 - PULLS) * fits[best][1]:
+        best = "gravity"
+    return fits[best][0], best
+
+
+def ones_of(counts: Sequence[int]) -> list[np.ndarray]:
+    """A column of ones for the samples of each log."""
+    which = np.repeat(np.arange(len(counts)), counts)
+    return [(which == i).astype(float) for i in range(len(counts))]
+
+
+def solved(columns: Sequence[np.ndarray], wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(numbers of the columns, what they leave of what is wanted): least squares, scaled."""
+    A = np.stack(columns, 1)
+    size = np.linalg.norm(A, axis=0)
+    size[size == 0] = 1.0
+    x = np.linalg.lstsq(A / size, wanted, rcond=None)[0] / size
+    return x, wanted - A @ x
+
+
+def driven(log: LogSignals, share: float) -> tuple[np.ndarray, ...]:
     """Position, speed, acceleration and input of a log, low-passed; its spoilt ends cut off."""
     q, given = low_passed(log.position, share), low_passed(log.input, share)
     parts = q, np.gradient(q, log.step), acceleration(q, log.step), given

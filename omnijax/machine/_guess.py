@@ -3,20 +3,20 @@
 import dataclasses
 import math
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from .._errors import InputError
-from ..recording import read_table, stem_of
+from ..recording import read_table
 from ..rig import Quantity
 from ._axis import INPUTS
-from ._file import field_names
-from ._first_numbers import LogSignals, driven_numbers, servo_numbers
+from ._first_numbers import LogSignals
 from ._hold import input_hold
 from ._log import LEAST, travelled
 from ._log import MEASURED as MEASURABLE
+from ._second_numbers import coupled
 
 TIME = r"^(t|time|timestamp|zeit|stamp|seconds|sec|ms)\b|time"
 INPUT = (
@@ -34,7 +34,6 @@ UNIT = re.compile(
     r"[\[(_ ]\s*(mm|cm|um|m|deg|rad|mrad|ms|us|s|N ?m|mNm|N|A|mA|V|mV"
     r"|rpm|rev/min|U/min|(?:rad|mrad|deg|mm|cm|m)/s)\s*[\])]?$"
 )
-SERVO_UNSURE = ("damping", "gravity", "back_emf")  # by their own size
 SUPPLY = 0.2  # standard deviation of a voltage over its mean, below which it is a supply's
 RISING = 0.5  # of a clock's steps: stamps of a coarse clock repeat, and their rows are left out
 LENGTHS = ("m", "mm", "cm", "um")
@@ -61,6 +60,7 @@ class Guess:
     signals: LogSignals
     beside: dict[str, str] = dataclasses.field(default_factory=dict)  # further inputs: column
     velocity: str | None = None
+    second: str | None = None  # column of a load behind an elastic drive
 
     @property
     def measured(self) -> str:
@@ -72,6 +72,16 @@ class Guess:
         told = input_hold([self.signals], self.motion == "rotation")
         return told.sentence if told.sure else "held or linear: the diagnosis looks"
 
+    def turns(self) -> bool:
+        """Whether it is a rotation."""
+        return self.motion == "rotation"
+
+    def load(self) -> str:
+        """The load of a coupled drive, in words."""
+        known = coupled([self.signals], self.turns())
+        ratio = 1.0 if known is None else known.ratio
+        return f"{self.second}" + (f", {ratio:.4g} times slower" if ratio != 1 else "")
+
     def rows(self) -> list[tuple[str, str]]:
         """The guess as pairs to be shown."""
         unit, shown = output_unit(self.motion, self.measured), self.position or self.velocity
@@ -80,6 +90,7 @@ class Guess:
             ("input", f"{self.input} ({self.drives}, {self.units.get('input', 'as it is')})"),
             *([("input is read as", self.held())] if self.drives != "goal" else []),
             (self.measured, f"{shown} ({self.units.get(self.measured, unit)})"),
+            *([("load behind a drive", self.load())] if self.second else []),
             *self.beside.items(),
             ("motion", self.motion), ("samples", f"{self.samples} at {self.rate:.6g} Hz"),
             (f"noise of {self.measured}", f"{self.noise:.3g} {unit} (1 sigma)"),
@@ -118,7 +129,34 @@ def guess(
                 log, "position or the speed", "--position COLUMN or --velocity COLUMN",
                 columns, _best(still, f"{POSITION}|{SPEED}"),
             )  # fmt: skip
-    return _described(log, table, time, given, position, rate, velocity)
+    one = _described(log, table, time, given, position, rate, velocity)
+    others = [k for k in rest if k not in (given, position, velocity) and not _best([k], INPUT)]
+    same = [k for k in others if bool(_best([k], SPEED)) == (one.measured == "velocity")]
+    free = (position or velocity) not in named
+    return one if one.drives == "goal" else _with_load(one, table, same, rate, free)
+
+
+def _with_load(one: Guess, table, others: Sequence[str], rate, free: bool) -> Guess:
+    """The guess with the column of a load, where the relative motion is that of an elastic drive.
+
+    What was taken for the motor may be the load where it is `free`, not named by the user.
+    """
+    best, told = one, 0.0
+    for name in others:
+        columns = (name, rate, None) if one.measured == "position" else (None, rate, name)
+        try:
+            other = _described(one.log, table, one.time, one.input, *columns)
+        except InputError:
+            continue
+        if other.motion != one.motion or other.samples != one.samples:
+            continue
+        for motor, load in ((one, other), (other, one))[: 1 + free]:
+            signals = dataclasses.replace(motor.signals, second=load.signals.position)
+            known = coupled([signals], one.turns())
+            if known is not None and known.told > told:
+                told, column = known.told, load.position or load.velocity
+                best = dataclasses.replace(motor, signals=signals, second=column)
+    return best
 
 
 def _not_found(log: Path, word: str, option: str, columns, still: str | None) -> InputError:
@@ -218,72 +256,6 @@ def _beside(columns) -> dict[str, str]:
     patterns = {"gain": r"^(k_?p|p_?gain|gain)$", "enable": r"enable|torque_on|^on$"}
     columns_of = {k: _best(list(columns), p) for k, p in patterns.items()}
     return {k: c for k, c in columns_of.items() if c is not None}
-
-
-def numbers_of_logs(guesses: Sequence[Guess]) -> dict[str, float]:
-    """Fields of `Axis` to begin with, from all logs of one machine; `gain` and more of a servo."""
-    logs = [one.signals for one in guesses]
-    if guesses[0].drives == "goal":
-        return servo_numbers(logs)
-    return driven_numbers(logs, guesses[0].motion == "rotation")
-
-
-def case_files(guesses: Sequence[Guess], held_out: Collection[Path] = ()) -> dict[str, str]:
-    """machine.toml and a NAME.toml for each log of one machine, by file name.
-
-    The logs `held_out` judge: the machine's numbers are not from them.
-    """
-    learned = [one for one in guesses if one.log not in held_out]
-    files = {"machine.toml": _machine_file(learned)}
-    for one in guesses:
-        role = "held-out" if one.log in held_out else "train"
-        files[f"{stem_of(one.log)}.toml"] = _log_file(one, role)
-    return files
-
-
-def _machine_file(guesses: Sequence[Guess]) -> str:
-    first, numbers, names = guesses[0], numbers_of_logs(guesses), field_names()
-    goal = first.drives == "goal"
-    unsure: dict[str, float] = {}
-    if goal:  # for an inertia of 1, what the data can tell
-        numbers = {"resistance": 1.0, "back_emf": 0.0, "supply": 1.0, "limit": 1e9} | numbers
-        unsure = dict.fromkeys(SERVO_UNSURE, 1.0) | {"gain": 0.5, "limit": 0.5}
-        unsure = {k: x for k, x in unsure.items() if 0 < numbers.get(k, 0.0) < 1e9}
-        unsure |= {"gravity_angle": 0.1} if "gravity" in numbers else {}
-        numbers |= {"gravity_angle": 0.0} if "gravity" in numbers else {}
-    else:
-        unsure = dict.fromkeys(numbers, 1.0) | {"offset": _offset(guesses)}
-    tables: dict[str, list[str]] = {"axis": [], "motor": [f'input = "{first.drives}"']}
-    if first.drives in ("current", "goal"):  # in units of it: the log does not tell it
-        numbers["torque_constant"] = 1.0
-    for field, value in numbers.items():
-        table, _, key = names[field].partition(".")
-        tables.setdefault(table, []).append(f"{key} = {value:.6g}")
-    lines = ["#:schema ./machine.schema.json", 'kind = "axis"', f'motion = "{first.motion}"']
-    for table, rows in tables.items():
-        lines += ["", f"[{table}]", *rows]
-    if goal:
-        lines += ["", "[compare]", 'hold = "held"  # a controller takes a goal at every sample']
-    lines += ["", "[uncertainty]  # 1-sigma: relative, or absolute for a number that is 0"]
-    lines += [f'"{names[k]}" = {x:.3g}' for k, x in unsure.items()]
-    return "\n".join(lines) + "\n"
-
-
-def _log_file(guess: Guess, role: str) -> str:
-    side = [f'log = "{guess.log.resolve()}"', 'machine = "machine.toml"', f'role = "{role}"']
-    side += [] if guess.time else [f'rate = "{guess.rate!r} Hz"']
-    side += ["", "[channels]"] + ([f't = "{guess.time}"'] if guess.time else [])
-    shown = guess.position or guess.velocity
-    side += [f'input = "{guess.input}"', f'{guess.measured} = "{shown}"']
-    side += [f'{k} = "{c}"' for k, c in guess.beside.items()]
-    if guess.units:
-        side += ["", "[units]", *(f'{k} = "{v}"' for k, v in guess.units.items())]
-    return "\n".join(side) + "\n"
-
-
-def _offset(guesses: Sequence[Guess]) -> float:
-    """1-sigma of the torque that the model leaves out, in the input's unit."""
-    return 0.3 * float(np.std(np.concatenate([one.signals.input for one in guesses])))
 
 
 def _time(columns, moving, rate) -> str | None:

@@ -1,5 +1,7 @@
 """Orders that stand out in what is left: a fine scan over the measured position."""
 
+import dataclasses
+
 import numpy as np
 
 from .candidates import commanded
@@ -8,8 +10,10 @@ FINE = 4  # orders tried within one resolution of the travel
 CLOSER = 8  # times as many beside a peak
 PERIODS = 2  # of a line over the travel: what does not repeat is none
 PEAKS = 8
+HIGHEST = 3  # of them, whatever line they belong to: which neighbour is right shows in a refit
+LOOKED = 256  # peaks among which further lines are looked for beside the strongest
 MOST = 6000
-SLOW = 0.25  # share of the rows that a line must pass slowly enough to be seen in them
+SLOW = 0.05  # share of the rows that a line must pass slowly enough to be seen in them
 SEEN = 0.8  # of half the rows' sampling rate: what their low pass lets through
 
 
@@ -21,8 +25,10 @@ def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
 
     The residual is the balance of accelerations at the point, whatever the criterion; the grid has
     `FINE` orders within one resolution, 2 pi over the travel, and finer ones beside its peaks.  An
-    order is looked for in the rows whose speed keeps it within what they let through, up to where a
-    quarter of them does.
+    order is looked for in the rows whose speed keeps it within what they let through, up to where
+    one in twenty of them does.  A line that is passed unevenly has many side lobes: beside the
+    `HIGHEST` peaks stand those that are left once the lines before them are taken away, so that
+    a second cogging of the same motor is among them.
     """
     which, theta = model.splits["train"], model.numbers.vector(point)
     angle, left, speed, torque, step = [], [], [], [], 0.0
@@ -46,32 +52,66 @@ def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
     top = min(fastest / (np.quantile(np.abs(speed), SLOW) or 1.0), fine * MOST)
     grid = np.arange(PERIODS * FINE, max(PERIODS * FINE + 1, int(top / fine))) * fine
 
-    weights = np.stack([np.ones_like(torque), torque], axis=1)
-
-    def power(orders):
-        """Fall of the squares (orders, 2) by a line, and by one times the torque, where seen."""
-        seen = np.outer(orders, np.abs(speed)) < fastest
-        wave = np.where(seen, np.exp(1j * np.outer(orders, angle)), 0.0)
-        fall = np.abs(wave @ (left[:, None] * weights)) ** 2
-        return fall / np.maximum(seen @ weights**2, 1e-300)
-
-    parts = np.split(grid, range(256, len(grid), 256))
-    powers = np.concatenate([power(part) for part in parts])
-    bare, times = (
-        _highest(grid, fine, powers[:, k], lambda x, k=k: power(x)[:, k]) for k in (0, 1)
-    )
     ports = {(model.laws[i].port, place) for i, place in model.places}
+    bare, times = (
+        _Lines(angle, speed, left, weight, fastest).strongest(grid, fine)
+        for weight in (np.ones_like(torque), torque)
+    )
     return {(port, at): times if port == "actuator" else bare for port, at in ports}
 
 
-def _highest(grid, fine: float, powers, power) -> list[float]:
-    """Orders of the highest peaks of `powers` on `grid`, more finely looked for by `power`."""
-    peaks = [
-        k for k in range(len(grid))
-        if powers[k] >= powers[max(0, k - 1)] and powers[k] >= powers[min(len(grid) - 1, k + 1)]
-    ]  # fmt: skip
-    best, closer = [], np.arange(-CLOSER, CLOSER + 1) * fine / CLOSER
-    for k in sorted(peaks, key=lambda k: -powers[k])[:PEAKS]:
-        near = grid[k] + closer
-        best.append(float(near[np.argmax(power(near))]))
-    return best
+@dataclasses.dataclass(frozen=True)
+class _Lines:
+    """Lines of an `angle` (rows,) in what is `left`, times a `weight`, at orders.
+
+    A row sees the orders that its `speed` keeps below `fastest`, rad/s.
+    """
+
+    angle: np.ndarray
+    speed: np.ndarray
+    left: np.ndarray
+    weight: np.ndarray
+    fastest: float
+
+    def waves(self, orders) -> np.ndarray:
+        """Waves (orders, rows) exp(i n angle), 0 in rows that do not see the order."""
+        seen = np.outer(orders, np.abs(self.speed)) < self.fastest
+        turned = 1j * np.outer(orders, self.angle)
+        return np.exp(turned, where=seen, out=np.zeros(seen.shape, complex))
+
+    def power(self, orders, waves=None) -> np.ndarray:
+        """Fall of the squares (orders,) by a line each."""
+        waves = self.waves(orders) if waves is None else waves
+        size = (waves != 0) @ self.weight**2
+        return np.abs(waves @ (self.weight * self.left)) ** 2 / np.maximum(size, 1e-300)
+
+    def without(self, orders) -> "_Lines":
+        """The same less the best lines of some orders together."""
+        waves = self.waves(orders) * self.weight
+        table = np.concatenate([np.real(waves), np.imag(waves)]).T
+        size = np.linalg.lstsq(table, self.left, rcond=1e-6)[0]
+        return dataclasses.replace(self, left=self.left - table @ size)
+
+    def strongest(self, grid, fine: float) -> list[float]:
+        """`PEAKS` orders on a `grid` with steps `fine`, more finely looked for beside each."""
+        parts = np.split(grid, range(256, len(grid), 256))
+        powers = np.concatenate([self.power(part) for part in parts])
+        peaks = grid[_peaks(powers)[:LOOKED]]
+        highest = [self.closer(x, fine) for x in peaks[:HIGHEST]]
+        waves, lines = self.waves(peaks), highest[:1]
+        while lines and len(lines) < min(PEAKS, len(peaks)):
+            rest = self.without(lines)
+            lines.append(rest.closer(peaks[np.argmax(rest.power(peaks, waves))], fine))
+        return list(dict.fromkeys([*highest, *lines]))[:PEAKS]
+
+    def closer(self, order: float, fine: float) -> float:
+        """The best order within a step of the grid."""
+        near = order + np.arange(-CLOSER, CLOSER + 1) * fine / CLOSER
+        return float(near[np.argmax(self.power(near))])
+
+
+def _peaks(powers) -> np.ndarray:
+    """Indices of the local maxima, highest first."""
+    wide = np.pad(powers, 1, mode="edge")
+    peaks = np.flatnonzero((powers >= wide[:-2]) & (powers >= wide[2:]))
+    return peaks[np.argsort(-powers[peaks], kind="stable")]
