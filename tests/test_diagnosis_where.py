@@ -7,9 +7,10 @@ from scipy.stats import kstest
 from seeds import drawn_anew
 
 from omnijax.diagnosis._answer.shown import _beside
-from omnijax.diagnosis._machine.locate import accelerating, changing
-from omnijax.diagnosis._search.levels import levels
-from omnijax.diagnosis._search.readings import on_reading
+from omnijax.diagnosis._machine.left_motion import accelerating, rolled
+from omnijax.diagnosis._machine.locate import changing
+from omnijax.diagnosis._search.levels import Level
+from omnijax.diagnosis._search.readings import in_all_runs, on_reading
 from omnijax.diagnosis._search.where import (
     Asked,
     above_neighbours,
@@ -228,8 +229,28 @@ def test_a_channel_that_is_not_there_is_asked_nothing():
 
 def test_what_a_discovery_leaves_is_the_most_that_noise_can_be():
     """Weighed by a spectrum that holds the discovery, a channel looks as loud as white noise."""
-    rng = np.random.default_rng(173)
-    left = rng.normal(size=750)
-    (level,) = levels([left], False)
-    assert _beside(level, left, 1.0).ratio == pytest.approx(1, rel=0.1)
-    assert _beside(level, left, 0.36).ratio == pytest.approx(0.6, rel=0.1)
+    level = Level(1.0, 0.02, 1.0)
+    assert _beside(level, 0.6).ratio == 0.6
+    assert _beside(level, 0.97) is level  # within what it is known to
+    assert _beside(level, np.inf) is level
+
+
+def test_a_motion_that_wheels_and_the_sphere_show_is_no_noise():
+    """A torque that is missed leaves both slow; each alone looks like noise that wanders."""
+    rng = np.random.default_rng(174)
+    axis, windows = np.array([[0.6, 0.0, 0.8]]), [slice(k, k + 250) for k in (0, 250, 500)]
+    answers = []
+    for truth in (1.0, 0.0):
+        lengths, shapes = [], []
+        for _ in range(3):
+            turning, other = (0.02 * slow(rng, 750)[:, None] for _ in range(2))
+            speed = axis * turning + 0.01 * rng.normal(size=(750, 3))
+            moved = rolled(axis * (truth * turning + (1 - truth) * other), axis, STEP, windows)
+            lengths.append(moved[:, 0] + 3e-5 * rng.normal(size=750))
+            shapes.append(rolled(speed, axis, STEP, windows))
+        answers.append(in_all_runs("motion Omega", lengths, shapes))
+    real, chance = answers
+    assert real is not None and chance is not None
+    assert (real["domain"], real["reference"]) == ("motion", "Omega")
+    assert real["p"] < 1e-6 and real["share"] > 0.7
+    assert chance["p"] > 1e-3

@@ -107,7 +107,7 @@ def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:
     where = evidence.locate(point)
     runs = _runs(evidence, point)
     names = list(dict.fromkeys(c for _, run in runs for c in run))
-    structure, beside = dict.fromkeys(names, 0.0), dict.fromkeys(names, 1.0)
+    structure, beside = dict.fromkeys(names, 0.0), dict.fromkeys(names, np.inf)
     first = next((run for split, run in runs if split == "held-out"), runs[0][1])
     for entry in where[1]:
         channel = entry["channel"]
@@ -115,28 +115,29 @@ def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:
             floor = min(levels([first[channel]], False)[0].ratio, entry["rms_over_noise"])
             power = entry["share"] * (entry["rms_over_noise"] / max(floor, 1e-12)) ** 2
             structure[channel] = max(structure[channel], power)
-            beside[channel] = min(beside[channel], max(0.0, 1 - entry["share"]))
+            left = entry["rms_over_noise"] * np.sqrt(max(0.0, 1 - entry["share"]))
+            beside[channel] = min(beside[channel], float(left))
     moved = {evidence.subsystem(c) for c, power in structure.items() if power > STRUCTURE}
     table: list[dict[str, Level]] = [{} for _ in runs]
     for channel in names:
         have = [k for k, (_, run) in enumerate(runs) if channel in run]
         noise_only = evidence.subsystem(channel) not in moved
-        own = [runs[k][1][channel] for k in have]
-        entry = levels(own, noise_only)
-        for k, level, x in zip(have, entry, own, strict=True):
-            table[k][channel] = level if noise_only else _beside(level, x, beside[channel])
+        entry = levels([runs[k][1][channel] for k in have], noise_only)
+        for k, level in zip(have, entry, strict=True):
+            table[k][channel] = level if noise_only else _beside(level, beside[channel])
     bounded = frozenset(c for c in names if evidence.subsystem(c) in moved)
     return Shown(tuple(table), tuple(split for split, _ in runs), structure, where, bounded)
 
 
-def _beside(level: Level, left: np.ndarray, share: float) -> Level:
-    """The level of a white part, but no more than what a discovery leaves of a channel.
+def _beside(level: Level, most: float) -> Level:
+    """The level of a white part, but no more than what a discovery leaves of a channel, `most`.
 
-    `share` is that of its power: where noise was weighed by a spectrum that holds the discovery,
-    differences of a high order see no less than that.
+    Where noise was weighed by a spectrum that holds the discovery, differences of a high order see
+    no less than that.
     """
-    most = float(np.sqrt(share * np.nanmean(left**2)))
-    return level if not level.ratio > most > 0 else Level(most, level.error, most)
+    if not 0 < most < level.ratio / (1 + MATTERS):
+        return level
+    return Level(most, level.error, most)
 
 
 def noise_table(

@@ -84,6 +84,13 @@ class DataRows:
         return x[:cut].reshape(self.elastic.shape), x[cut:].reshape(self.rotation.shape)
 
     @property
+    def windows(self) -> list[slice]:
+        """Samples after whose first one Omega and the rolled lengths start anew."""
+        cut, wide = self.elastic.size, self.rotation.shape[1]
+        parts = [part for part, _ in self.nuisance if part.start >= cut]
+        return [slice((p.start - cut) // wide, (p.stop - cut) // wide) for p in parts]
+
+    @property
     def used(self) -> int:
         """Rows with weight, less the nuisance directions."""
         count = int(np.sum(self.elastic > 0) + np.sum(self.rotation > 0))

@@ -5,7 +5,6 @@ which hangs what its sensor does to it, and a change over the run of what the mo
 constant, calibrated numbers and the strengths of effects alike.
 """
 
-import itertools
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from .._search import (
     Point,
     WhereQuestion,
     discovered,
+    in_all_runs,
     moved,
     on_reading,
     state,
@@ -21,6 +21,7 @@ from .._search import (
     value_of,
 )
 from .clocks import CLOCK
+from .left_motion import accelerating, rolled
 
 DRIFTS = "sensor-drift"  # a law of the time itself: noise that wanders changes its numbers
 STEP = 1e-3  # prior sigmas of a difference
@@ -46,23 +47,38 @@ def locate(model, point: Point, top: int = 12) -> tuple[list[dict[str, Any]], li
     step = machine.runs[i].step
     for c in "xyz":
         own[f"a_{c}"] += accelerating(f"dR_{c}", columns[f"dR_{c}"], step)
-    answers = _on_readings(model, rig, labels[:6])
+    answers = _in_all_runs(model, rig, labels)
     return discovered(machine.runs[i].time, columns, *_signals(machine, rig, i), top, own, answers)
 
 
-def _on_readings(model, rig, labels: list[str]) -> list[dict[str, Any]]:
-    """By elastic channel whether what is left of it in all runs is a function of its reading."""
+def _in_all_runs(model, rig, labels: list[str]) -> list[dict[str, Any]]:
+    """Answers of all runs: by elastic channel what is a function of its reading, by wheel what
+    of its rolled length is left of Omega too."""
     machine, every = model.machine, sorted({i for runs in model.splits.values() for i in runs})
     vectors = [machine.residuals([rig], [i])[0] for i in every]
     (read,) = machine.elastic([rig], every)  # before the sensors, whose laws hang on it
     left = [_unwhitened(machine.rows[i], x) for i, x in zip(every, vectors, strict=True)]
-    out = []
-    for c, label in enumerate(labels):
-        answer = on_reading(label, [x[:, c] for x in left], [x[:, c] for x in read], c)
-        if answer is not None:
-            rms = answer.pop("rms")
-            out.append({"channel": label, "rms_over_noise": rms, **answer})
-    return out
+    out = {
+        label: on_reading(label, [x[:, c] for x in left], [x[:, c] for x in read], c)
+        for c, label in enumerate(labels[:6])
+    }
+    turned = [_turned(machine, rig, i, x) for i, x in zip(every, vectors, strict=True)]
+    for k, label in enumerate(labels[9:]):
+        lengths, shapes = zip(*((x[:, k], y[:, k : k + 1]) for x, y in turned), strict=True)
+        out[label] = in_all_runs("motion Omega", lengths, shapes, k)
+    return [{"channel": c, **answer} for c, answer in out.items() if answer is not None]
+
+
+def _turned(machine, rig, i: int, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What is left of the rolled lengths of run `i` in sigma (samples, n), NaN where nothing
+    counts; and what they would be left by what is left of Omega."""
+    rows, run = machine.rows[i], machine.runs[i]
+    table, weight = rows.split(vector)[1], rows.rotation
+    speed = np.divide(table, weight, out=np.zeros_like(table), where=weight > 0)[:, :3]
+    axes = machine.motions(rig, [i])[i].axes
+    axes = axes[:: max(1, (len(axes) - 1) // (run.samples - 1))]
+    lengths = [rolled(speed, axes[:, k], run.step, rows.windows) for k in range(rig.size)]
+    return np.where(weight > 0, table, np.nan)[:, 3:], np.concatenate(lengths, axis=1)
 
 
 def _unwhitened(rows, vector: np.ndarray) -> np.ndarray:
@@ -128,26 +144,6 @@ def changing(tangents: dict[str, np.ndarray], least: float = 0.0) -> list[WhereQ
         if own.shape[1]:
             out.append(state(f"change {name}", own))
     return out
-
-
-def accelerating(name: str, displacement: np.ndarray, step: float) -> list[WhereQuestion]:
-    """Whether a channel is the acceleration of what is left of `displacement` (samples,).
-
-    A body that moves otherwise shows in both of its sensors, whose noises know nothing of each
-    other, of whatever colour they are.  Its second derivative, by bands of a third of an octave:
-    each has its own share of noise.
-    """
-    count = len(displacement)
-    lines = np.fft.rfft(displacement - displacement.mean())
-    rate = 2 * np.pi * np.fft.rfftfreq(count, step)
-    edges = np.unique(np.round(2.0 ** np.arange(0, np.log2(len(lines)), 1 / 3)).astype(int))
-    parts = np.zeros((len(edges), len(lines)), complex)
-    for k, (first, last) in enumerate(itertools.pairwise([*edges, len(lines)])):
-        parts[k, first:last] = (-(rate**2) * lines)[first:last]
-    columns = np.fft.irfft(parts, count, axis=1).T
-    size = np.linalg.norm(columns, axis=0)
-    columns = columns[:, size > 0] / size[size > 0]
-    return [state(f"motion {name}", columns)] if columns.shape[1] else []
 
 
 def _orthonormal(columns: np.ndarray, least: float) -> np.ndarray:

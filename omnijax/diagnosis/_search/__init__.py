@@ -24,6 +24,7 @@ from .model import free_numbers as free_numbers
 from .model import moved as moved
 from .model import to_project as to_project
 from .model import value_of as value_of
+from .readings import in_all_runs as in_all_runs
 from .readings import on_reading as on_reading
 from .refits import total_cost as total_cost
 from .scan import Signatures as Signatures

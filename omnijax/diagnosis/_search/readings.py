@@ -1,4 +1,4 @@
-"""Whether what is left of a channel is a function of its own reading, over all runs at once."""
+"""What is left of a channel held against shapes, over all runs at once and whatever its colour."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -18,37 +18,48 @@ def on_reading(
     """Share of what is `left` of a channel that one function of its reading is, and its p-value.
 
     `left` and `read` (samples,) by run, in any unit, NaN where nothing counts.  None where nothing
-    is left.  A sensor's function is one in all runs, and slow where the machine is: noise of a
-    colour looks like it.  So both are whitened by the spectrum of what is left, and the function is
-    piecewise straight, since a step would be seen as noise of high frequency.  `rms` and `share`
-    are those of what is left itself.
+    is left.  The function is piecewise straight: a step would be seen as noise of high frequency.
+    """
+    values = np.concatenate([x[np.isfinite(r + x)] for r, x in zip(left, read, strict=True)])
+    if len(values) == 0 or np.ptp(values) == 0:
+        return None
+    knots = np.unique(np.quantile(values, np.linspace(0, 1, KNOTS + 1)))
+    shapes = [_straight(np.nan_to_num(x), knots) for x in read]
+    return in_all_runs(f"reading {label}", left, shapes, seed)
+
+
+def in_all_runs(
+    name: str, left: Sequence[np.ndarray], shapes: Sequence[np.ndarray], seed: int = 0
+) -> dict[str, Any] | None:
+    """Answer of the question `name`: share of what is `left` that lies in some shapes; p-value.
+
+    `left` (samples,) by run, NaN where nothing counts, `shapes` (samples, k); their strengths are
+    one in all runs.  What hangs on a slow motion is slow, and noise of a colour looks like it: both
+    are whitened by the spectrum of what is left.  `share` and `rms` are those of what is left
+    itself.  None where nothing is.
 
     Source: score test by generalised least squares (Aitken, 1935).
     """
-    kept = [(r, x) for r, x in zip(left, read, strict=True) if (np.isfinite(r + x)).sum() > KNOTS]
-    left, read = [r for r, _ in kept], [x for _, x in kept]
-    whole = [np.isfinite(r + x) for r, x in kept]
-    values = np.concatenate([x[k] for x, k in zip(read, whole, strict=True)] or [np.zeros(1)])
-    if np.ptp(values) == 0 or not any(np.any(r[k]) for r, k in zip(left, whole, strict=True)):
+    kept = [(r, x) for r, x in zip(left, shapes, strict=True) if np.isfinite(r).sum() > KNOTS]
+    if not any(np.nan_to_num(r).any() and x.any() for r, x in kept):
         return None
-    noise = levels([np.where(k, r - r[k].mean(), np.nan)
-                    for r, k in zip(left, whole, strict=True)], True)  # fmt: skip
-    knots = np.unique(np.quantile(values, np.linspace(0, 1, KNOTS + 1)))
-    raw = [_without_mean(np.nan_to_num(r)[:, None], k) for r, k in zip(left, whole, strict=True)]
-    shapes = [_without_mean(_straight(np.nan_to_num(x), knots), k)
-              for x, k in zip(read, whole, strict=True)]  # fmt: skip
+    counted = [np.isfinite(r) for r, _ in kept]
+    raw = [
+        _without_mean(np.nan_to_num(r)[:, None], k) for (r, _), k in zip(kept, counted, strict=True)
+    ]
+    columns = [_without_mean(x, k) for (_, x), k in zip(kept, counted, strict=True)]
+    noise = levels([np.where(k, r[:, 0], np.nan) for r, k in zip(raw, counted, strict=True)], True)
     y = _whitened(raw, noise)[:, 0]
-    u, s, v = np.linalg.svd(_whitened(shapes, noise), full_matrices=False)
-    if not s[0] > 0 or not y.any():
-        return None
+    u, s, v = np.linalg.svd(_whitened(columns, noise), full_matrices=False)
     u, s, v = u[:, s > LEAST * s[0]], s[s > LEAST * s[0]], v[s > LEAST * s[0]]
-    (answer,) = shares(y, (), seed, [state(f"reading {label}", u)])
-    strengths = v.T @ ((u.T @ y) / s)
+    if not len(s) or not y.any():
+        return None
+    (answer,) = shares(y, (), seed, [state(name, u)])
     before = np.concatenate(raw)[:, 0]
-    after = before - np.concatenate(shapes) @ strengths
+    after = before - np.concatenate(columns) @ (v.T @ ((u.T @ y) / s))
     share = max(0.0, 1 - float(after @ after) / float(before @ before))
-    counted = sum(int(k.sum()) for k in whole)
-    return answer | {"share": share, "rms": float(np.sqrt(before @ before / counted))}
+    rms = float(np.sqrt(before @ before / sum(k.sum() for k in counted)))
+    return answer | {"share": share, "rms_over_noise": rms}
 
 
 def _straight(values: np.ndarray, knots: np.ndarray) -> np.ndarray:
