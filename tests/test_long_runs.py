@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from machines import ORTHOGONAL, SKEW, machine
 
-from omnijax.simulation import Gathered, propagate, propagate_in_pieces, ramp, speeds, table
+from omnijax.simulation import Gathered, propagate, propagate_in_pieces, speeds, table
 
 PIECE = 64
 
@@ -15,13 +15,12 @@ def rng():
 
 
 def drives(rng, size):
-    """Constant speeds, a ramp, and a table with a jump."""
-    knots = np.sort(np.append(rng.uniform(0, 0.5, 4), [0.0, 0.2, 0.2, 3.0]))
+    """Constant speeds, and a table with a jump, ramps and a value held at its end (as `ramp`)."""
+    knots = np.sort(np.append(rng.uniform(0.05, 0.4, 4), [0.05, 0.2, 0.2, 0.4]))
     draw = 2 * rng.standard_normal((len(knots), size))
     angles = rng.uniform(0, 6, size).tolist()
     yield speeds(draw[0].tolist(), rng.standard_normal(3).tolist(), angles)
-    yield speeds(ramp(0.05, 0.4, draw[0].tolist(), draw[1].tolist()), initial_angle=angles)
-    yield speeds(table(knots, draw))
+    yield speeds(table(knots, draw), initial_angle=angles)
 
 
 def gathered(parts, length, runs=None):
