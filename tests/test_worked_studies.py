@@ -20,7 +20,7 @@ def test_worked_study(name, tmp_path):
     """With every annotated shape checked on the way."""
     if name == "pareto_front":
         pytest.importorskip("pymoo")  # the method that it compares with
-    holds(name, tmp_path)
+    holds([name], tmp_path)
 
 
 def test_every_study_file_belongs_to_an_experiment():
