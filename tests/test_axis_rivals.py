@@ -15,6 +15,8 @@ from omnijax.diagnosis._search.review import Review
 from omnijax.machine import Axis, Log, MachineCase, load_machine
 from tests.seeds import drawn_anew
 
+pytestmark = pytest.mark.long
+
 STEP = 4e-3
 MOTOR = """kind = "axis"
 [axis]

@@ -33,6 +33,8 @@ from omnijax.study._file.study import LoadCase
 from omnijax.study._parameters import scalar_parameters
 from omnijax.vibration import evaluate
 
+pytestmark = pytest.mark.long
+
 METRICS = ("rms", "peak")
 
 

@@ -16,6 +16,8 @@ from omnijax.paper._reproduce import _page
 from omnijax.paper._study import make_study
 from omnijax.simulation import simulate, speeds
 
+pytestmark = pytest.mark.long
+
 WANTED = {
     "linear-velocity", "parabolic-path", "sinusoidal-quaternion", "no-coupling", "rigid-size",
     "peak-grows", "peak-frequency", "elastic-smaller", "orders-of-magnitude", "damping-magnitude",

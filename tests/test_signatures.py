@@ -19,6 +19,8 @@ from omnijax.diagnosis._search.model import Effect
 from omnijax.laws import EFFECTS
 from omnijax.recording import read_case
 
+pytestmark = pytest.mark.long
+
 # no strength that could be small, or an axis with fewer numbers than columns: judged at a size
 # (a late signal too: its candidates are delays and lags of samples, not multiples of a tangent)
 FINITE = {"lift-off", "contact-hertz", "mount-backlash", "sphere-out-of-round"}
