@@ -17,6 +17,8 @@ from omnijax.simulation import (
 )
 from omnijax.vibration import evaluate
 
+pytestmark = pytest.mark.long
+
 DURATION, STEP = 0.4, 0.002
 
 
@@ -174,13 +176,13 @@ def test_gradients_are_the_slopes_between_designs(name):
     rows[1] = [0.9, 1.1, 0.7, 1.2, 0.9, 1.1]
     shifts = np.array([-3, -2, -1, 1, 2, 3])
     near = (rows[:, None, None] + h * shifts[:, None] * np.eye(6)[:, None]).reshape(-1, 6)
-    settings = {"duration": DURATION, "step": STEP, "model": model}
-    values = modal_figures(varied(rig), near, **settings).values.reshape(2, 6, 6, 2)
+    settings = {"duration": DURATION, "step": STEP, "model": model, "gradient": True}
+    found = modal_figures(varied(rig), np.concatenate([rows, near]), **settings)
+    values = found.values[2:].reshape(2, 6, 6, 2)
     weights = np.array([-1, 9, -45, 45, -9, 1]) / (60 * h)
     expected = np.einsum("idkm,k->imd", values, weights)
-    found = modal_figures(varied(rig), rows, gradient=True, **settings)
     scale = np.abs(expected).max(axis=2, keepdims=True)
-    np.testing.assert_allclose(found.slopes / scale, expected / scale, rtol=0, atol=1e-5)
+    np.testing.assert_allclose(found.slopes[:2] / scale, expected / scale, rtol=0, atol=1e-5)
 
 
 def test_obstacles_are_said():

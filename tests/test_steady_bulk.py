@@ -20,6 +20,8 @@ from omnijax import laws
 from omnijax.simulation import Operating, modal_steady, modal_steady_obstacle, steady_state
 from omnijax.vibration import contact_load
 
+pytestmark = pytest.mark.long
+
 
 def test_figures_and_margins_are_those_of_each_design():
     """Drawn designs: a wheel at rest, wheels backwards, a force, a damaged roller, runout."""
