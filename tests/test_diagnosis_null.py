@@ -18,6 +18,8 @@ from omnijax.diagnosis._search.scan import Signatures, taken_up
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig
 
+pytestmark = pytest.mark.long
+
 MACHINES, REPEATS, SECONDS = 3, 4, 2.5
 DRAWS = MACHINES * REPEATS
 
