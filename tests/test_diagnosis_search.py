@@ -532,3 +532,22 @@ def test_held_out_runs_refuse_no_effect_by_starts_that_stand_for_its_absence(the
     trial = Refits(BegunElsewhere(there, freeing)).trial(fit, new, before)  # pyright: ignore
     assert trial.accepted == (there > 0 and not freeing)
     assert trial.gain == pytest.approx((40 if freeing else 400) * there)
+
+
+def test_a_law_without_a_free_number_is_at_no_wheel_twice():
+    """Hertz at all contacts and at one of them once more had been named together."""
+    model = balance([])
+    model.laws, model.repeats = {**EFFECTS, **LAWS}, frozenset({"cogging"})
+
+    def has(known: list[str], new: str) -> bool:
+        effects = [Effect(id, place, {}) for id, _, place in (x.partition("@") for x in known)]
+        id, _, place = new.partition("@")
+        return model.has(effects, id, place)
+
+    assert has(["contact-hertz@all"], "contact-hertz@w3")
+    assert has(["lift-off@w3"], "lift-off@all")
+    assert not has(["contact-hertz@w1"], "contact-hertz@w3")
+    assert not has(["contact-hertz@all"], "lift-off@w3")
+    assert not has(["bearing-viscous@all"], "bearing-viscous@w3")  # more of it at one wheel
+    assert has(["bearing-viscous@all"], "bearing-viscous@all")
+    assert not has(["cogging@w1"], "cogging@w1")  # of another order

@@ -87,6 +87,20 @@ class AbstractModel(abc.ABC):
     repeats: frozenset[str] = frozenset()  # laws that may act several times at one place
     frozen_keys: frozenset[str] = frozenset({"roller", "order", "exponent", "modulus"})
 
+    def has(self, effects: Sequence[Effect], id: str, place: str) -> bool:
+        """Whether effects hold a law at a place already, so that it is no candidate there.
+
+        A law without a free number is there or is not: at all wheels and at one of them it would
+        be there twice.
+        """
+        alike = [e.place for e in effects if e.id == id]
+        if not alike:
+            return False
+        whole = not set(self.laws[id].parameters) - self.frozen_keys
+        if whole and "all" in (*alike, place):
+            return True
+        return place in alike and id not in self.repeats
+
     @abc.abstractmethod
     def residuals(self, points: Sequence[Point], split: str) -> list[np.ndarray]:
         """Measured less predicted on the runs of `split` (train, held-out), a vector a point."""

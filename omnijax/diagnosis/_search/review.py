@@ -110,7 +110,7 @@ class Review:
         mine = [s for s in again.order if s.candidate.name == effects[i].name]
         own = max((s.gain for s in mine), default=0.0)
         rivals, alone = [], None
-        for score in self._near(again, own, {e.name for e in effects}):
+        for score in self._near(again, own, fit, i):
             if self.model.spent:
                 break
             new, best, held = self._refitted(fit, i, score), fit, 0.0
@@ -187,9 +187,12 @@ class Review:
         """Whether the one law is the other at a limit of its numbers, at the same place."""
         return plain.id in self.model.laws[wide.id].widens and wide.place == plain.place
 
-    def _near(self, scan: Scan, own: float, names: set[str]):
-        """Candidates worth a refit beside an effect that gains `own`."""
-        best = [s for s in scan.best_per_name() if s.candidate.name not in names]
+    def _near(self, scan: Scan, own: float, fit: Fit, i: int):
+        """Candidates worth a refit in place of effect i, which gains `own`."""
+        effects = fit.point.effects
+        names, others = {e.name for e in effects}, (*effects[:i], *effects[i + 1 :])
+        best = [s for s in scan.best_per_name() if s.candidate.name not in names
+                and not self.model.has(others, s.candidate.id, s.candidate.place)]  # fmt: skip
         near = [s for s in best[: self.settings.rivals] if own - s.gain < self.settings.near]
         return near + [
             s

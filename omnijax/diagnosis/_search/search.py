@@ -9,9 +9,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .candidates import Candidate
 from .fit import Fit, refit
 from .held_out import Trial
-from .model import AbstractModel, Point, to_project
+from .model import AbstractModel, Effect, Point, to_project
 from .refits import Refits, chi2_of, residual_of, total_cost
 from .review import Review, Rival
 from .scan import Scan, Score, Signatures, chance, taken_up
@@ -223,10 +224,10 @@ class Search:
 
     def trials(self, fit: Fit, scan: Scan) -> list[Trial]:
         """Joint refits of the best significant candidates, best first."""
-        have = {e.name for e in fit.point.effects if e.id not in self.model.repeats}
         train, held = self.model.dof("train"), self.model.dof("held-out")
         spread = max(1.0, fit.chi2 / train)
-        scores = [s for s in significant(scan, self.settings.alpha) if s.candidate.name not in have]
+        scores = [s for s in significant(scan, self.settings.alpha)
+                  if not self.has(fit, s.candidate)]  # fmt: skip
         starts = self.starts(fit, scan, scores, spread > self.settings.strong)
         before = residual_of(self.model, fit.point, "held-out")
         lines = other_lines(self.model, fit, scan, scores)
@@ -252,6 +253,10 @@ class Search:
             trials = self.refits.with_widths(fit, trials, before)
         return self.ranked(fit, trials)
 
+    def has(self, fit: Fit, new: Candidate | Effect) -> bool:
+        """Whether a fit holds what is new already."""
+        return self.model.has(fit.point.effects, new.id, new.place)
+
     def ranked(self, fit: Fit, trials: list[Trial]) -> list[Trial]:
         """Trials by what they gain, less where the model prefers plainer laws; best first."""
         before = total_cost(fit)
@@ -269,20 +274,18 @@ class Search:
             late = without_strength(self.model)
             some = promising(scan, late, self.settings.worth / 2)
             real = {s.name: s for s in at_finite_strength(self.model, fit, some, late)}
-            have = {e.name for e in fit.point.effects if e.id not in self.model.repeats}
             first = [s for s in first if s.name not in real]
-            first += [s for s in real.values() if s.name not in have]
+            first += [s for s in real.values() if not self.has(fit, s.point.effects[-1])]
         starts = worth(first, fit.cost, self.settings.worth)
         ids = {k for k in self.model.laws if self.model.bends(k)}
         plain = starts and not any(self.stepped(s) for s in starts[: self.settings.tried])
         if not strong or plain or not ids:
             return starts
         self.tell("laws that bend with their strength, at finite ones")
-        have = {e.name for e in fit.point.effects if e.id not in self.model.repeats}
         finite = at_finite_strength(self.model, fit, scan.scores, ids)
         others = [s for s in first if not self.stepped(s)]
-        return worth([*(s for s in finite if s.name not in have), *others], fit.cost,
-                     self.settings.worth)  # fmt: skip
+        new = [s for s in finite if not self.has(fit, s.point.effects[-1])]
+        return worth([*new, *others], fit.cost, self.settings.worth)
 
     def stepped(self, start: Start) -> bool:
         """Whether a start's new law is stepped in time, and so no multiple of its tangent."""

@@ -91,8 +91,8 @@ def _about(anchor: Point, model: AbstractModel, fit: Fit, scores, ids: set[str])
     _, without = predicted(model, anchor, here, J)
     share = fit.cost / without  # estimates are compared with that of no law, made alike
     best: dict[str, Start] = {}
-    have = {e.name for e in fit.point.effects if e.id not in model.repeats}
-    scores = [s for s in scores if s.candidate.name not in have]
+    known = fit.point.effects
+    scores = [s for s in scores if not model.has(known, s.candidate.id, s.candidate.place)]
     for id in sorted(ids):  # the points of a law run side by side
         effects = [
             e for s in scores if s.candidate.id == id
