@@ -132,6 +132,18 @@ def test_lines_of_a_motor_are_found_beside_each_other(tmp_path):
         assert np.min(np.abs(tried / n - 1)) < 0.03, (n, tried)  # a refit may move it so far
 
 
+def test_a_second_inertia_may_start_apart_from_the_first():
+    """What a log may begin with, and so free where the oracle asks what a log can tell."""
+    plant, size, _ = _plant(drawn_anew("apart"), "two-mass")
+    u = size * np.ones(40)
+    both, same, other = (
+        moved(plant, {}, u, 5e-3, True, start)[0]
+        for start in ((0.3, 0.1), (0.3, 0.1, 0.3, 0.1), (0.3, 0.1, 0.2, 0.1))
+    )
+    assert np.array_equal(both, same)
+    assert other[0] == same[0] and np.ptp(other - same) > 1e-3
+
+
 def test_what_no_log_tells_apart_is_known_by_the_plants_themselves():
     rng = drawn_anew("oracle")
     plant, size, _ = _plant(rng, "motor")

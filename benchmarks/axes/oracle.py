@@ -10,7 +10,8 @@ from .plants import Plant, moved, shown
 
 TIMES = {"delay": "actuator-delay", "lag": "actuator-lag", "late": "sensor-delay",
          "slow": "sensor-lag"}  # fmt: skip
-STEP, ROUNDS = 1e-4, 2
+STEP, ROUNDS = 1e-4, 8
+ENOUGH = 0.05  # of the chi2, that a further round must gain
 FREE = ("J", "d", "gravity", "gain", "k", "c", "J2")
 
 
@@ -29,29 +30,33 @@ def untold(case: Case, names: set[str]) -> dict[str, float]:
 def apart(case: Case, rival: str) -> float:
     """chi2 by which a `rival` time at its best misses what the hidden one makes of all logs.
 
-    The plant's own numbers, the time and where every log starts are free; the noise, white or of
+    The plant's own numbers, the time and the state in which every log starts are free, that of a
+    second inertia too: nobody but the plant knows that both start together.  The noise, white or of
     steps, is not drawn: of what is drawn the chi2 has this mean beside that of the noise.
     """
     if case.plant.kind == "servo" and {case.hidden, rival} == {"late", "delay"}:
         return 0.0  # a controller moves as late as its goal comes: a position that is shown late
     numbers = [k for k in FREE if getattr(case.plant, k)]
-    true = _positions(case, case.plant, case.effect, np.zeros((len(case.inputs), 2)))
-    x = np.zeros(len(numbers) + 1 + 2 * len(case.inputs))
-    size = float(np.std(true))
+    states = 4 if case.plant.J2 else 2
+    true = _positions(case, case.plant, case.effect, np.zeros((len(case.inputs), states)))
+    x = np.zeros(len(numbers) + 1 + states * len(case.inputs))
+    size = np.tile([np.std(true), np.std(np.diff(true)) * case.rate], states // 2)
 
     def missed(x):
         plant, (time,) = _scaled(case.plant, numbers, x), case.effect.values()
         effect = {rival: time * np.exp(x[len(numbers)])}
-        starts = size * x[len(numbers) + 1 :].reshape(-1, 2)
+        starts = size * x[len(numbers) + 1 :].reshape(-1, states)
         return (true - _positions(case, plant, effect, starts)) / case.sigma
 
+    left = missed(x)
     for _ in range(ROUNDS):
-        left = missed(x)
         slopes = np.stack([(missed(x + STEP * way) - left) / STEP for way in np.eye(len(x))], 1)
         step = np.linalg.lstsq(slopes, -left, rcond=1e-12)[0]
-        x = x + np.clip(step, -0.5, 0.5)
-    left = missed(x)
-    return float(left @ left)
+        x, before = x + np.clip(step, -0.5, 0.5), left
+        left = missed(x)
+        if not left @ left < (1 - ENOUGH) * (before @ before):
+            break
+    return float(min(left @ left, before @ before))
 
 
 def _scaled(plant: Plant, numbers: list[str], x: np.ndarray) -> Plant:

@@ -51,6 +51,7 @@ def shaft(e: Mapping, q: float, v: float, load: float) -> float:
 def moved(plant: Plant, e: Mapping, u: np.ndarray, step: float, held: bool, start=(0.0, 0.0)):
     """(position, speed, motor's torque, torque that is hidden) (t,) from `start`, by Runge-Kutta.
 
+    The start is position and speed, of a second inertia too where it has four numbers, else of both.
     The input (t,) is held between its samples or runs linear; `e` holds the hidden effects.
     """
     command = _between(u.tolist(), step, held, e.get("delay", 0.0))
@@ -84,7 +85,7 @@ def moved(plant: Plant, e: Mapping, u: np.ndarray, step: float, held: bool, star
         return torque - plant.wanted(prompt(t), q, v) + play + shaft(e, q, v, passed or torque)
 
     fine = math.ceil(step / _longest(plant, e))
-    h, x, out = step / fine, (*start, *start, 0.0), []
+    h, x, out = step / fine, (*(*start, *start)[:4], 0.0), []
     for i in range(len(u)):
         out.append((x[0], x[1], delivered(x, i * step), hidden(x, i * step)))
         for j in range(fine):
