@@ -49,14 +49,16 @@ def apart(case: Case, rival: str) -> float:
         return (true - _positions(case, plant, effect, starts)) / case.sigma
 
     left = missed(x)
+    least = float(left @ left)
     for _ in range(ROUNDS):
         slopes = np.stack([(missed(x + STEP * way) - left) / STEP for way in np.eye(len(x))], 1)
         step = np.linalg.lstsq(slopes, -left, rcond=1e-12)[0]
-        x, before = x + np.clip(step, -0.5, 0.5), left
-        left = missed(x)
-        if not left @ left < (1 - ENOUGH) * (before @ before):
+        x = x + np.clip(step, -0.5, 0.5)
+        left, before = missed(x), least
+        least = min(least, float(left @ left))
+        if not least < (1 - ENOUGH) * before:
             break
-    return float(min(left @ left, before @ before))
+    return least
 
 
 def _scaled(plant: Plant, numbers: list[str], x: np.ndarray) -> Plant:

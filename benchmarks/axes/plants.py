@@ -51,7 +51,7 @@ def shaft(e: Mapping, q: float, v: float, load: float) -> float:
 def moved(plant: Plant, e: Mapping, u: np.ndarray, step: float, held: bool, start=(0.0, 0.0)):
     """(position, speed, motor's torque, torque that is hidden) (t,) from `start`, by Runge-Kutta.
 
-    The start is position and speed, of a second inertia too where it has four numbers, else of both.
+    The start is position and speed, of four numbers those of a second inertia too, else of both.
     The input (t,) is held between its samples or runs linear; `e` holds the hidden effects.
     """
     command = _between(u.tolist(), step, held, e.get("delay", 0.0))
