@@ -1,9 +1,8 @@
 """What does the baseline of a measured motor-and-screw axis lack?
 
-EMPS: A. Janot, M. Gautier, M. Brunot, "Data Set and Reference Models of EMPS", Nonlinear System
-Identification Benchmarks workshop, 2019.  Two thirds of the estimation file train, the last third
-accepts; the pulses are read once.  nonlinearbenchmark.org's measure is the RMS of their position
-in m here, mm there, simulated from the voltage alone (`free run`); docs/real_machines.md.
+EMPS: A. Janot, M. Gautier, M. Brunot, "Data Set and Reference Models of EMPS", workshop on
+Nonlinear System Identification Benchmarks, 2019.  Two thirds of the estimation file train, the last
+accepts; the pulses are read once, their `free run` (nonlinearbenchmark.org) from the voltage alone.
 """
 
 from pathlib import Path
@@ -28,7 +27,8 @@ def main(folder: Path = DATA, tell=print) -> dict:
     parts = [log("DATA_EMPS", (0, CUT)), log("DATA_EMPS", (CUT, len(whole.time)), "held-out")]
     found = diagnose(MachineCase(folder, file, parts, False, []), tell=tell)
     errors = force_error(found, whole, log("DATA_EMPS_PULSES"))  # refitted on the whole file
-    lines = [e.parameters["order"]["value"] for e in found.effects if "order" in e.parameters]
+    lines = [x for e in found.effects for x in e.parameters.get("orders", {"value": []})["value"]]
+    lines += [e.parameters["order"]["value"] for e in found.effects if "order" in e.parameters]
     return {"found": found, "names": [e.id for e in found.effects], "lines": lines, **errors}
 
 

@@ -11,12 +11,13 @@ from omnijax import diagnosis, machine
 
 DATA = Path(__file__).parents[1] / ".." / "shared" / "realdata" / "silverbox" / "SNLS80mV.csv"
 RATE = 1e7 / 2**14  # Hz
+SHOWN = {"given": "V1", "position": "V2"}
 TEST = {"multisine": (105708, 127400), "arrow": (100, 40575), "inner": (100, 32100)}  # rows
 
 
 def main(path: Path = DATA, tell=print):
     """The diagnosis, and the simulation errors of the test parts in mV."""
-    guess = machine.case_files([machine.describe(path, None, "V1", "V2", RATE)])["machine.toml"]
+    guess = machine.case_files([machine.guess(path, RATE, **SHOWN)])["machine.toml"]
     file = machine.parse_machine(tomllib.loads(guess) | {"compare": {"hold": "band-limited"}})
 
     def log(rows, role: str = "held-out"):

@@ -1,6 +1,8 @@
 """One-way imports, and a package and a help text that do not wait for jax."""
 
 import ast
+import importlib
+import inspect
 import subprocess
 import sys
 from pathlib import Path
@@ -168,3 +170,24 @@ def test_no_file_imports_itself_by_way_of_others():
     assert sum(map(len, imports.values())) > 1000
     assert not in_circles(imports)
     assert in_circles({1: {2}, 2: {3}, 3: {2, 4}, 4: set()}) == {2, 3}
+
+
+@pytest.mark.parametrize("folder", ["experiments", "benchmarks"])
+def test_what_the_studies_call_of_a_package_is_there(folder):
+    """Most of them run in the full suite alone: a name that has gone would be noticed late."""
+    known = 0
+    for file in (ROOT.parent / folder).rglob("*.py"):
+        tree, modules = ast.parse(file.read_text(encoding="utf-8")), {"omnijax": omnijax}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("omnijax"):
+                home = importlib.import_module(str(node.module))
+                for one in node.names:
+                    assert hasattr(home, one.name), f"{file}:{node.lineno} {one.name}"
+                    if inspect.ismodule(value := getattr(home, one.name)):
+                        modules[one.asname or one.name] = value
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+                home = modules.get(node.value.id)
+                known += home is not None
+                assert home is None or hasattr(home, node.attr), f"{file}:{node.lineno} {node.attr}"
+    assert known
