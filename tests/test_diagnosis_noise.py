@@ -97,13 +97,18 @@ def test_noise_that_wanders_hangs_on_no_state_and_an_order_does():
 
 
 def answer(ratio: float, structure: float, after: float, effects=(), trials=()) -> str:
-    """Verdict where held-out RMS are 5 before and `after`, the noise shown `ratio`, all assumed."""
+    """The verdict of `judged`."""
+    return judged(ratio, structure, after, effects, trials).verdict
+
+
+def judged(ratio, structure, after, effects=(), trials=(), confirmed_on="held-out"):
+    """Judged where held-out RMS are 5 before and `after`, the noise shown `ratio`, all assumed."""
     fit = SimpleNamespace(point=SimpleNamespace(effects=effects))
     found = SimpleNamespace(fit=fit, rivals={}, significant=True, trials=[list(trials)])
     level = Level(ratio, 0.01, ratio)
     shown = Shown(({"a_x": level},), ("held-out",), {"a_x": structure}, ([], []))
     first, last = ([{"a_x": np.full(1000, x)}] for x in (5.0 if effects else after, after))
-    return judge(found, shown, first, last).verdict
+    return judge(found, shown, first, last, confirmed_on=confirmed_on)
 
 
 def test_a_gap_that_hangs_on_nothing_is_noise_and_never_unknown():
@@ -112,6 +117,17 @@ def test_a_gap_that_hangs_on_nothing_is_noise_and_never_unknown():
     assert answer(ratio=1.4, structure=0.0, after=1.4, effects=("x",)) == "named"
     assert answer(ratio=1.0, structure=3.0, after=2.5, effects=("x",)) == "unknown"
     assert answer(ratio=1.0, structure=0.2, after=1.1, effects=("x",)) == "named"
+
+
+@pytest.mark.parametrize("effects", [(), ("x",)])
+def test_no_run_is_said_to_be_held_out_where_none_was(effects):
+    who = {"held-out": "held-out runs", "blocks": "kept out of the fit", "nothing": "fitted runs"}
+    for on, words in who.items():
+        for structure in (0.0, 3.0):
+            reason = judged(1.0, structure, 2.5, effects, confirmed_on=on).reason
+            assert ("held-out" in reason) == (on == "held-out")
+            assert words in reason or "none is left to confirm it" in reason
+            assert not (on == "nothing" and "runs confirm" in reason and effects)
 
 
 @pytest.mark.parametrize(

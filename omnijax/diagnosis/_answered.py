@@ -77,7 +77,10 @@ def _said(
     (before,) = model.residuals([outcome.baseline.point], "held-out")
     (after,) = model.residuals([outcome.fit.point], "held-out")
     first, last = evidence.columns(before, "held-out"), evidence.columns(after, "held-out")
-    judged = judge(outcome, shown, first, last, model.settings.equal, evidence.closing)
+    confirmed_on = evidence.confirmed_on
+    judged = judge(
+        outcome, shown, first, last, model.settings.equal, evidence.closing, confirmed_on
+    )
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     known = judged.verdict in ("named", "ambiguous")
     point = outcome.fit.point if known else outcome.baseline.point
@@ -100,7 +103,7 @@ def _said(
         baseline=baseline_table(outcome),
         noise=noise,
         scores=score_table(outcome),
-        confirmed_on=evidence.confirmed_on,
+        confirmed_on=confirmed_on,
         excluded=excluded,
         learned=None if learned is None else learned.table(),
         notes=notes(evidence, outcome, judged, noise_remarks(noise)),

@@ -9,6 +9,11 @@ from .._search import SETTINGS, SearchResult, Trial
 from .evidence import AbstractEvidence
 from .shown import Shown
 
+JUDGES = {  # who confirms, by `confirmed_on`
+    "held-out": "held-out runs",
+    "blocks": "the parts of the run that were kept out of the fit",
+    "nothing": "the fitted runs themselves",
+}
 EXCESS = 0.3  # sigma: below this in every channel, simulation and data agree
 
 Columns = list[dict[str, np.ndarray]]  # by held-out run and channel, in assumed sigma
@@ -42,8 +47,11 @@ def judge(
     after: Columns,
     rivals: float = SETTINGS.equal,
     closing: float = AbstractEvidence.closing,
+    confirmed_on: str = "held-out",
 ) -> Verdict:
     """The verdict, from held-out residuals before and after and the noise that the data show.
+
+    `confirmed_on` says what they are residuals of, where no run was held out.
 
     Nothing is unknown but what hangs on the machine's state, at `where`'s own false-discovery rate.
     `rivals` is the margin below which two effects explain the runs equally well, `closing` the
@@ -56,19 +64,22 @@ def judge(
     noise = sum(floor[c] * n for c, (_, n) in last.items())
     closed = 1 - left / above if above > 0 else 1.0
     open_ = [c for c in shown.structured if _excess(last, floor, c) > EXCESS]
+    who = JUDGES[confirmed_on]
     if not outcome.fit.point.effects:
-        return _without_effects(outcome, open_, sum(s for s, _ in first.values()))
+        return _without_effects(outcome, open_, sum(s for s, _ in first.values()), who)
     equals = {
         i: [(e, margin, cosine) for e, margin, cosine in near if margin < rivals]
         for i, near in outcome.rivals.items()
     }
     if open_ and closed < closing:
-        text = f"the best known effects close {100 * closed:.0f} % of the held-out gap"
+        text = f"the best known effects close {100 * closed:.0f} % of the gap on {who}"
         return Verdict("unknown", closed, equals, text, noise)
     if any(equals.values()):
         text = "joint refits of rivals are equally good"
         return Verdict("ambiguous", closed, equals, text, noise)
-    text = "held-out runs confirm the joint refit"
+    text = f"{who} confirm the joint refit"
+    if confirmed_on == "nothing":
+        text = "the joint refit explains the runs, and none is left to confirm it"
     return Verdict("named", closed, equals, text, noise)
 
 
@@ -80,23 +91,23 @@ def _excess(squares: dict[str, tuple[float, int]], floor: dict[str, float], chan
     return math.sqrt(max(0.0, total / count / max(floor[channel], 1e-300) - 1))
 
 
-def _without_effects(outcome: SearchResult, open_: list[str], total: float) -> Verdict:
-    """The verdict where nothing is named; `total` is chi2 of the held-out runs.
+def _without_effects(outcome: SearchResult, open_: list[str], total: float, who: str) -> Verdict:
+    """The verdict where nothing is named; `total` is chi2 of those `who` confirm.
 
     What some law foretells and held-out runs surely show, though not of its size, is no noise.
     """
     if open_:
-        text = f"a gap in {', '.join(open_)} that no known effect closes on held-out runs"
+        text = f"a gap in {', '.join(open_)} that no known effect closes on {who}"
         return Verdict("unknown", 0.0, {}, text)
     tried = [t for trials in outcome.trials for t in trials]
     like = max((t for t in tried if _shows(t, total)), key=lambda t: t.held.gain, default=None)
     if like is not None:
         share, name = like.held.multiplier, like.effect.name
-        text = (f"held-out runs surely show what {name} foretells, but {share:.2f} times its size: "
+        text = (f"{who} surely show what {name} foretells, but {share:.2f} times its size: "
                 "a missing effect that no known law describes")  # fmt: skip
         return Verdict("unknown", 0.0, {}, text)
     if outcome.significant:
-        text = "what is left hangs on no state of the machine, and held-out runs confirm no effect"
+        text = f"what is left hangs on no state of the machine, and {who} confirm no effect"
         return Verdict("none", 1.0, {}, text)
     return Verdict("none", 1.0, {}, "what is left is within the noise that the data show")
 
