@@ -44,6 +44,11 @@ def lane_of(rig, steps=STEPS):
     return Lane(rig, modes, run, signals.reshape(len(fine), -1)), fine
 
 
+def changes(lanes):
+    """What the laws change in dR and a (samples, 6) of every lane."""
+    return [change.now for change in law_changes(lanes)]
+
+
 def integrated(lane, fine, force):
     """dR and a by an adaptive solver, `force(signals)` being the tensions (3 a port)."""
     m, ports = lane.modes, stepped_ports(lane.rig)
@@ -82,7 +87,7 @@ def test_stepped_laws_agree_with_an_adaptive_solver_to_second_order(atlas):
             lane, fine,
             lambda s: np.r_[cubic(2e12, s[:3]), cubic(1e12, s[6:9]) * [0, 1, 0]],
         )  # fmt: skip
-        (found,) = law_changes([lane])
+        (found,) = changes([lane])
         scale = np.abs(expected).max(axis=0)
         error.append(np.max(np.abs(found - expected) / scale))
     assert error[1] < 5e-4
@@ -96,7 +101,7 @@ def test_a_port_whose_laws_do_nothing_changes_nothing(atlas):
     assert stepped_ports(one.rig) == ("contact",)
     assert stepped_ports(other.rig) == ("contact", "mount")
     other = dataclasses.replace(other, signals=np.hstack([one.signals, 0 * one.signals]))
-    (alone,), (beside,) = law_changes([one]), law_changes([other])
+    (alone,), (beside,) = changes([one]), changes([other])
     assert np.abs(alone).max() > 0
     assert beside == pytest.approx(alone, rel=1e-9, abs=1e-12 * np.abs(alone).max())
 
@@ -104,8 +109,8 @@ def test_a_port_whose_laws_do_nothing_changes_nothing(atlas):
 def test_lanes_that_share_their_signals_are_stepped_as_alone(atlas):
     lanes = [lane_of(add(atlas, "contact-cubic", "all", K3=k * 1e12))[0] for k in (1.0, 2.0, 3.0)]
     shared = [dataclasses.replace(x, signals=lanes[0].signals) for x in lanes]
-    alone = [law_changes([x])[0] for x in lanes]
-    for found in (law_changes(shared), law_changes(lanes)):
+    alone = [changes([x])[0] for x in lanes]
+    for found in (changes(shared), changes(lanes)):
         assert np.stack(found) == pytest.approx(np.stack(alone), rel=1e-9, abs=1e-15)
 
 
