@@ -82,6 +82,21 @@ def test_windows_of_two_masses_with_play_begin_where_they_were(tmp_path):
     assert np.quantile(squares, 0.7) < 2 * noise
 
 
+def logged(folder, t, u, q, rng):
+    """The model of machine.toml in a folder, with a log of torques and of positions with noise."""
+    log = Log("log", "train", t, {"input": u}, {"position": q + 1e-5 * rng.normal(size=len(q))})
+    case = MachineCase(folder, load_machine(folder / "machine.toml"), [log], False, [])
+    model, _, _ = build_model(case)
+    return model
+
+
+def orders_tried(model, point, law):
+    """Orders at which the candidates of a law are tried."""
+    return np.array([
+        float(c.columns[0].law.order) for c in model.candidates(point) if c.id == law
+    ])  # fmt: skip
+
+
 def test_a_ripple_of_a_torque_that_changes_its_sign_is_looked_for_at_its_order(tmp_path):
     rng = drawn_anew("ripple")
     J, n, step = 10 ** rng.uniform(-4, -2), float(rng.integers(3, 9)), 4e-3
@@ -93,14 +108,9 @@ def test_a_ripple_of_a_torque_that_changes_its_sign_is_looked_for_at_its_order(t
         f'kind = "axis"\n[axis]\ninertia = {J}\ndamping = {J}\n[motor]\ninput = "torque"\n'
         '[compare]\nhold = "linear"\n[uncertainty]\n"axis.inertia" = 0.1\n"axis.damping" = 0.5\n'
     )
-    log = Log("log", "train", t, {"input": u}, {"position": q + 1e-5 * rng.normal(size=len(q))})
-    case = MachineCase(tmp_path, load_machine(tmp_path / "machine.toml"), [log], False, [])
-    model, _, _ = build_model(case)
-    tried = [
-        float(c.columns[0].law.order)
-        for c in model.candidates(Point(np.zeros(2))) if c.id == "current-ripple"
-    ]  # fmt: skip
-    assert min(abs(x / n - 1) for x in tried) < 0.03  # a refit may move it so far
+    model = logged(tmp_path, t, u, q, rng)
+    tried = orders_tried(model, Point(np.zeros(2)), "current-ripple")
+    assert np.min(np.abs(tried / n - 1)) < 0.03  # a refit may move it so far
 
 
 def test_lines_of_a_motor_are_found_beside_each_other(tmp_path):
@@ -119,16 +129,11 @@ def test_lines_of_a_motor_are_found_beside_each_other(tmp_path):
         f'kind = "axis"\n[axis]\ninertia = {J}\ndamping = {2 * J}\n[motor]\ninput = "torque"\n'
         '[compare]\nhold = "linear"\ncriterion = "balance"\n'
     )
-    log = Log("log", "train", t, {"input": u}, {"position": q + 1e-5 * rng.normal(size=len(q))})
-    case = MachineCase(tmp_path, load_machine(tmp_path / "machine.toml"), [log], False, [])
-    model, _, _ = build_model(case)
+    model = logged(tmp_path, t, u, q, rng)
     first = Effect("motor-ripple", "axis", {"order": slots, "amplitude": 60 * J, "phase": a})
     once = Effect("motor-ripple", "axis", {"order": 1.0, "amplitude": 25 * J, "phase": c})
     for known, n in ((), slots), ((first,), 1.0), ((first, once), 2 * slots):
-        tried = np.array([
-            float(c.columns[0].law.order)
-            for c in model.candidates(Point(np.zeros(0), known)) if c.id == "motor-ripple"
-        ])  # fmt: skip
+        tried = orders_tried(model, Point(np.zeros(0), known), "motor-ripple")
         assert np.min(np.abs(tried / n - 1)) < 0.03, (n, tried)  # a refit may move it so far
 
 

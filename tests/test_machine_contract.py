@@ -137,7 +137,7 @@ def check_every_law(simulation, laws, bound):
     machine = machine_of(rig, torque, run)
     at_truth = in_sigmas(machine, rig)
     assert at_truth < bound
-    bare = eqx.tree_at(lambda r: r.effects, rig, (), is_leaf=lambda x: x is rig.effects)
+    bare = rig.with_effects(())
     for k, (name, place, values) in enumerate(laws):
         if not values:  # lift-off has no size, and no contact loses its sphere in this run
             continue

@@ -82,10 +82,10 @@ def planned(rig: Any, drive: Any, times: Any, numerics: Any) -> Plan:
     """In closed form where there is one; else by the solver."""
     import numpy as np
 
-    from ..simulation import exact_run_obstacle, finer_times, points_of, without_sensors
+    from ..simulation import exact_run_obstacle, to_be_seen
 
-    points, rig = points_of(rig), without_sensors(rig)
-    times = np.asarray(finer_times(times, points))
+    rig, times, points = to_be_seen(rig, times)
+    times = np.asarray(times)
     how: dict[str, Any] = {"model": numerics.model, "solver": numerics.solver}
     exact = numerics.solver in ("auto", "exact")
     if exact:

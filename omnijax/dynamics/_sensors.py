@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 from ..laws import AbstractLaw, AbstractSensor, SensorDelay, SensorSignal
-from ..rig import GROUPS, Placed, Rig, channels
+from ..rig import Placed, Rig, channels
 
 
 def _reading(law: AbstractLaw, signal: SensorSignal) -> Float[Any, "t c"]:
@@ -22,7 +22,7 @@ def _acting(rig: Rig, group: str) -> list[Placed]:
     """
     out: list[Placed] = []
     for placed in rig.at("sensor"):
-        if (placed.place if placed.place in GROUPS else placed.place.rsplit("_", 1)[0]) != group:
+        if placed.group != group:
             continue
         at = len(out)
         while isinstance(placed.law, SensorDelay) and at and _momentary(out[at - 1].law):

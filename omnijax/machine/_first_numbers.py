@@ -128,9 +128,13 @@ def driven_numbers(logs: Sequence[LogSignals], turns: bool) -> dict[str, float]:
     (J, d, *rest), best = pulled([a, v], q, given, ones, turns)
     if J <= 0:
         J = np.std(given) / max(np.std(a), 1e-300)
-    out = {"inertia": float(J)}
-    out["damping"] = float(max(d, 1e-3 * np.std(given) / max(np.std(v), 1e-300)))
+    out = {"inertia": float(J), "damping": float(at_least_damped(d, v, given))}
     return out | ({best: float(rest[0])} if best else {})
+
+
+def at_least_damped(damping, v, given):
+    """A damping, no less than takes a thousandth of the torque `given` at the speeds `v`."""
+    return max(damping, 1e-3 * np.std(given) / max(np.std(v), 1e-300))
 
 
 def pulled(

@@ -69,7 +69,7 @@ class Guess:
 
     def held(self) -> str:
         """How the input is read between its samples, in words."""
-        told = input_hold([self.signals], self.motion == "rotation")
+        told = input_hold([self.signals], self.turns())
         return told.sentence if told.sure else "held or linear: the diagnosis looks"
 
     def turns(self) -> bool:

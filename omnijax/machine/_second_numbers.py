@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ._first_numbers import LogSignals, driven, ones_of, pulled, solved
+from ._first_numbers import LogSignals, at_least_damped, driven, ones_of, pulled, solved
 from ._low_pass import cutoff_of
 
 TOLD = 0.5  # share of the twist's squares that the motor's equation must explain
@@ -65,7 +65,7 @@ def coupled(logs: Sequence[LogSignals], turns: bool) -> CoupledDrive | None:
     if J2 <= 0 or J < LIGHT * (J + J2):
         return None
     numbers = {
-        "inertia": J, "damping": max(d, 1e-3 * np.std(given) / max(np.std(v), 1e-300)),
+        "inertia": J, "damping": at_least_damped(d, v, given),
         "second_inertia": J2, "second_stiffness": k,
         "second_damping": max(c, 2 * DAMPED * np.sqrt(k * J * J2 / (J + J2))),
     } | ({name: pull[0]} if name else {})  # fmt: skip

@@ -1,6 +1,6 @@
 """What the machine is: sphere, platform, wheels, and the laws placed on them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -132,11 +132,12 @@ class Rig(eqx.Module):
 
     def add(self, law: AbstractLaw, place: str) -> "Rig":
         """This rig with one more law: a wheel's name, `all`, `sphere`, `platform`, or a channel."""
+        return self.with_effects((*self.effects, place_law(law, place, self.names, self.profiles)))
+
+    def with_effects(self, effects: Sequence[Placed]) -> "Rig":
+        """This rig with these laws, each where it acts, in place of its own."""
         return eqx.tree_at(
-            lambda rig: rig.effects,
-            self,
-            (*self.effects, place_law(law, place, self.names, self.profiles)),
-            is_leaf=lambda x: x is self.effects,
+            lambda rig: rig.effects, self, tuple(effects), is_leaf=lambda x: x is self.effects
         )
 
     def term(self, drive: Any, *, start: float = 0.0, model: str = "coupled") -> Any:

@@ -20,6 +20,11 @@ class Placed(eqx.Module):
     place: str = eqx.field(static=True)
     wheels: tuple[int, ...] = eqx.field(static=True, default=())
 
+    @property
+    def group(self) -> str:
+        """The output group that a law at a sensor reads, whole or a channel of it: dR, theta..."""
+        return self.place.split("_")[0]
+
 
 def take_wheels(values: Any, wheels: Sequence[int], size: int) -> Any:
     """Rows of `values` (leading axis the wheel) at `wheels`; all of them cost no gather."""

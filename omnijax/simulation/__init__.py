@@ -8,8 +8,7 @@ if TYPE_CHECKING:
     from ._batch_last import side_by_side as side_by_side
     from ._between import SENSOR_POINTS as SENSOR_POINTS
     from ._between import at_samples as at_samples
-    from ._between import finer_times as finer_times
-    from ._between import points_of as points_of
+    from ._between import to_be_seen as to_be_seen
     from ._between import without_sensors as without_sensors
     from ._drives import AbstractDrive as AbstractDrive
     from ._drives import SpeedDrive as SpeedDrive

@@ -1,10 +1,8 @@
 """A run between its samples, where it may ring faster than these tell, for slow sensors."""
 
 import dataclasses
-from collections.abc import Sequence
 from typing import TypeVar
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -17,15 +15,19 @@ Run = TypeVar("Run", bound=AbstractRun)
 SENSOR_POINTS = 8  # a sample, of a run that sensors remember
 
 
-def points_of(rig: Rig) -> int:
-    """How many points a sample a run needs for the rig's sensors: 1 where none remembers."""
+def to_be_seen(rig: Rig, ts) -> tuple[Rig, Float[Array, " p"], int]:
+    """What to simulate so that the rig's sensors see the run: `at_samples` makes it one of `ts`.
+
+    The rig without sensors, whose laws change no run but would a program; the sample times (t,) in
+    s, with even points between them where a sensor remembers; the points a sample.
+    """
     laws = [p.law for p in rig.at("sensor")]
     slow = any(isinstance(law, AbstractSensor) and law.remembers for law in laws)
-    return SENSOR_POINTS if slow else 1
+    points = SENSOR_POINTS if slow else 1
+    return without_sensors(rig), _finer(ts, points), points
 
 
-def finer_times(ts, points: int) -> Float[Array, " p"]:
-    """Sample times (t,) in s with `points` even points a sample; every sample as it is."""
+def _finer(ts, points: int) -> Float[Array, " p"]:
     if points == 1 or np.shape(ts)[0] < 2:
         return ts
     ts = jnp.asarray(ts)
@@ -44,7 +46,5 @@ def at_samples(run: Run, points: int) -> Run:
 
 def without_sensors(rig: Rig) -> Rig:
     """The rig as it moves: no law of a sensor changes a run."""
-    kept: Sequence = tuple(p for p in rig.effects if p.law.port != "sensor")
-    if len(kept) == len(rig.effects):
-        return rig
-    return eqx.tree_at(lambda r: r.effects, rig, kept, is_leaf=lambda x: x is rig.effects)
+    kept = [p for p in rig.effects if p.law.port != "sensor"]
+    return rig if len(kept) == len(rig.effects) else rig.with_effects(kept)

@@ -8,7 +8,6 @@ they allow is a sensor's delay.  It reads what a run foretells, and so costs no 
 import math
 from typing import ClassVar
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.interpolate import BSpline
@@ -52,9 +51,7 @@ def with_clocks(rig: Rig, offsets: dict[str, float]) -> Rig:
         place_law(LoggerClock(number(d)), group, rig.names, rig.profiles)
         for group, d in offsets.items() if d != 0
     ]  # fmt: skip
-    return eqx.tree_at(
-        lambda r: r.effects, rig, (*laws, *rig.effects), is_leaf=lambda x: x is rig.effects
-    )
+    return rig.with_effects((*laws, *rig.effects))
 
 
 def offset_of(rig: Rig, group: str) -> float:

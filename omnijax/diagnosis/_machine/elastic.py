@@ -25,7 +25,7 @@ def _system(rig: Rig):
 
 def rig_modes(rig: Rig) -> OutputModes:
     """Modes of a rig's linear part; its laws do not enter."""
-    bare = eqx.tree_at(lambda r: r.effects, rig, (), is_leaf=lambda x: x is rig.effects)
+    bare = rig.with_effects(())
     bare = eqx.tree_at(lambda r: r.profiles, bare, (), is_leaf=lambda x: x is bare.profiles)
     return modes(*_system(bare), size=rig.size)
 

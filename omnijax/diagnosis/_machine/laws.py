@@ -45,7 +45,7 @@ def on_time(law, signal: SensorSignal):
 
 def remembers(rig: Rig, group: str) -> bool:
     """Whether a sensor of the group shows what was before, other than by `offset_of`."""
-    own = [p.law for p in rig.at("sensor") if p.place.split("_")[0] == group]
+    own = [p.law for p in rig.at("sensor") if p.group == group]
     return any(
         isinstance(law, AbstractSensor) and law.remembers and not isinstance(law, LATE_LAWS)
         for law in own

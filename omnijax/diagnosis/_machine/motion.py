@@ -49,7 +49,7 @@ def true_angles(rig: Rig, run: Run, wheels: int) -> np.ndarray:
     measured = run.outputs.get("theta")
     if measured is None:
         return np.full((run.samples, wheels), np.nan)
-    if not any(p.place.split("_")[0] == "theta" for p in rig.at("sensor")):
+    if not any(p.group == "theta" for p in rig.at("sensor")):
         return measured
     known = filled(measured)  # a law with memory must not carry a gap on
     angle = known

@@ -88,7 +88,7 @@ def _as_read(machine, rig: Rig, i: int) -> Callable[[np.ndarray], np.ndarray]:
 
     A sensor that loses the sign turns its change round, one at its limit shows none.
     """
-    elastic = [p.law for p in rig.at("sensor") if p.place.split("_")[0] in ("dR", "a")]
+    elastic = [p.law for p in rig.at("sensor") if p.group in ("dR", "a")]
     if all(isinstance(law, LoggerClock) for law in elastic):
         return lambda change: change
     run = machine.runs[i]

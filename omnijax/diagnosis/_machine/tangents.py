@@ -190,8 +190,7 @@ def _longer_lever(base: Linearisation, change: np.ndarray, **inputs: np.ndarray)
 
 
 def _sensor(base: Linearisation, placed: Placed):
-    group = placed.place.split("_")[0]
-    time, run = base.run.time, base.run
+    group, time, run = placed.group, base.run.time, base.run
     if group == "theta":
         return _encoder(base, placed)
     values = {
@@ -209,7 +208,7 @@ def _sensor(base: Linearisation, placed: Placed):
 
 def _alone(rig: Rig, placed: Placed) -> Rig:
     """The rig with this one law."""
-    return eqx.tree_at(lambda r: r.effects, rig, (placed,), is_leaf=lambda x: x is rig.effects)
+    return rig.with_effects((placed,))
 
 
 def _encoder(base: Linearisation, placed: Placed):

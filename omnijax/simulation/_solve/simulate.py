@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 from ..._errors import InputError
 from ...rig import Rig, load_rig
-from .._between import at_samples, finer_times, points_of, without_sensors
+from .._between import at_samples, to_be_seen
 from .._drives import AbstractDrive, SpeedDrive, Values, as_drive, as_times, check_drive
 from .._exact import propagate, propagation_obstacle
 from .._signals import Vector
@@ -51,8 +51,8 @@ def simulate(
     rig = rig if isinstance(rig, Rig) else load_rig(rig)
     drive, ts = as_drive(drive), as_times(ts, duration, rate)
     check_drive(rig, drive)
-    points, rig = points_of(rig), without_sensors(rig)  # which change no run, but would a program
-    built, fine = build_model(rig, model, keep_radius_rate), finer_times(ts, points)
+    rig, fine, points = to_be_seen(rig, ts)
+    built = build_model(rig, model, keep_radius_rate)
     if solver in ("auto", "exact"):
         obstacle = exact_run_obstacle(rig, drive, fine, model, keep_radius_rate)
         if solver == "exact" and obstacle is not None:
