@@ -1,5 +1,6 @@
 """The page of a diagnosis: a mechanic's words, readable numbers, and sliders that mix residuals."""
 
+import html
 import json
 import re
 from types import SimpleNamespace
@@ -218,6 +219,23 @@ def test_the_slider_shrinks_the_residual(open_page, tmp_path, width):
     assert shown() == pytest.approx(rms(1.0), rel=0.01)
     assert tab.evaluate("document.documentElement.scrollWidth") <= width
     assert seen["errors"] == [] and all(u.startswith(("file:", "data:")) for u in seen["requests"])
+
+
+def test_ticks_of_the_residual_are_round(open_page, tmp_path):
+    """0.2 four times up from -0.8 is no 0 to the last bit."""
+    found, _ = diagnosis(4)
+    page = Page("Diagnosis", "Why?", "So.", sizes_section(found), provenance("omnijax diagnose"))
+    path = page.write(tmp_path)
+    text = path.read_text(encoding="utf-8")
+    (stored,) = re.findall(r'data-model="(.*?)"', text, re.S)
+    model = json.loads(html.unescape(stored))
+    for trace in model["traces"]:
+        most = max(abs(y) for row in trace["values"] for y in row)
+        trace["values"] = [[0.87 / most * y for y in row] for row in trace["values"]]
+    path.write_text(text.replace(stored, html.escape(json.dumps(model))), encoding="utf-8")
+    tab, _ = open_page(path.as_uri(), 1280)
+    shown = tab.locator('.dial svg text[text-anchor="end"]').all_text_contents()
+    assert [x.replace("\u2212", "-") for x in shown] == [f"{k / 5:g}" for k in range(-4, 5)]
 
 
 def test_the_slider_needs_no_other_file(tmp_path):

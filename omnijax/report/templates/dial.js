@@ -41,9 +41,12 @@ document.querySelectorAll(".dial").forEach(function (dial) {
     };
     let out = "";
     const few = step(last - first), every = few * (w < 500 && (last - first) / few > 5 ? 2 : 1), rise = step(most);
-    for (let v = Math.ceil(first / every) * every; v <= last + 1e-9; v += every)
+    for (let k = Math.ceil(first / every); k * every <= last + 1e-9; k++) {
+      const v = k * every;  // no sum of steps: that is no round number
       out += '<text x="' + x(v) + '" y="' + (h - bottom + 16) + '" text-anchor="middle">' + short(v) + "</text>";
-    for (let v = -Math.floor(most / rise) * rise; v <= most * 1.0001; v += rise) {
+    }
+    for (let k = -Math.floor(most / rise); k * rise <= most * 1.0001; k++) {
+      const v = k * rise;
       out += '<line x1="' + left + '" x2="' + (w - 8) + '" y1="' + y(v) + '" y2="' + y(v) + '"/>';
       out += '<text x="' + (left - 6) + '" y="' + (y(v) + 4) + '" text-anchor="end">' +
         short(v + 0).replace("-", "\u2212") + "</text>";
