@@ -3,6 +3,7 @@
 import re
 import tomllib
 from importlib import resources
+from pathlib import Path
 from typing import Any
 
 import jsonschema
@@ -10,7 +11,14 @@ import numpy as np
 import pytest
 
 from omnijax import cli
-from omnijax.machine import guess, load_machine, machine_schema, machine_text, parse_machine
+from omnijax.machine import (
+    guess,
+    load_machine,
+    machine_schema,
+    machine_text,
+    parse_machine,
+    read_machine_case,
+)
 from omnijax.rig import InputError
 from tests.seeds import drawn_anew
 
@@ -70,12 +78,15 @@ def test_a_servo_that_saturates_and_rubs_is_guessed_from_all_its_logs(tmp_path):
     assert float(axis.coulomb) == 0  # the diagnosis names it
 
 
-def coupled_drive(rng, ratio):
-    """(columns, J, J2, k): motor and load of an elastic drive, the load by a gear `ratio`."""
+def coupled_drive(rng, ratio, fastest=2.5):
+    """(columns, J, J2, k): motor and load of an elastic drive, the load by a gear `ratio`.
+
+    The torque's sines have up to `fastest` Hz.
+    """
     J, d = 10 ** rng.uniform(-3, -2), rng.uniform(0.5, 2)
     J2, k = J * rng.uniform(0.7, 3), J * (2 * np.pi * rng.uniform(6, 12)) ** 2
     t = np.arange(2400) * STEP
-    f, p = rng.uniform(0.2, 2.5, 5), rng.uniform(0, 6, 5)
+    f, p = rng.uniform(0.2, fastest, 5), rng.uniform(0, 6, 5)
     u = 40 * J * np.sin(2 * np.pi * np.outer(t, f) + p).sum(1)
 
     def rate(x, u):
@@ -278,3 +289,68 @@ def test_a_controller_that_shows_no_limit_may_have_one(tmp_path):
     file = load_machine(tmp_path / "case" / "machine.toml")
     most = float(machine.gain) * np.max(np.abs(goal - q))
     assert 0.8 * most < float(machine.limit) < 1.01 * most and file.uncertainty["limit"] > 0.1
+
+
+@pytest.mark.parametrize(
+    ("names", "drives"),
+    [
+        (("timestamp_us", "vel_ref_rpm", "iq_A", "rotor_angle_deg"), "current"),
+        (("t", "torque_ref", "target_deg", "phi_mrad"), "torque"),
+        (("t", "speed", "position_cmd_mm", "position_mm"), "goal"),
+        (("Zeit [ms]", "Drehzahl_soll", "Spannung [mV]", "th"), "command"),
+        (("t", "temperature", "F_N", "s_mm"), "torque"),
+    ],
+)
+def test_what_drives_a_motor_is_told_by_unit_and_name(tmp_path, names, drives):
+    """A goal of a speed is no input of an axis where there is another, nor a goal an output."""
+    rng, path = drawn_anew("drives"), tmp_path / "log.csv"
+    t = np.arange(200) * {"timestamp_us": 1e4, "Zeit [ms]": 10}.get(names[0], 0.01)
+    table = np.stack([t, *rng.normal(size=(2, 200)), np.cumsum(rng.normal(size=200))], 1)
+    np.savetxt(path, table, delimiter=",", header=",".join(names), comments="")
+    one = guess(path)
+    assert one.drives == drives
+    assert one.input == next(k for k in names if k.split("_")[0] in (
+        "iq", "torque", "position", "Spannung [mV]", "F"))  # fmt: skip
+    assert one.position == names[-1]
+    assert one.rate == pytest.approx(100)
+
+
+@pytest.mark.parametrize("unit", [1e3, 1e6, 1e9])
+def test_a_clock_of_a_smaller_unit_is_known_by_its_steps(tmp_path, unit):
+    t, rng = np.arange(200) * 0.004, drawn_anew("clock")
+    table = {
+        "t": 7 * unit + t * unit,
+        "torque": rng.normal(size=200),
+        "angle": rng.normal(size=200),
+    }
+    one = guess(Path(written(tmp_path / "a.csv", table)))
+    assert one.rate == pytest.approx(250, rel=1e-3)
+
+
+def test_an_angle_within_one_turn_goes_on_and_missing_samples_are_bridged(tmp_path):
+    rng, t = drawn_anew("wrapped"), np.arange(4000) * STEP
+    J, f, p = 10 ** rng.uniform(-3, -1), rng.uniform(0.1, 0.6, 3), rng.uniform(0, 6, 3)
+    u = 12 * J * np.sin(2 * np.pi * np.outer(t, f) + p).sum(axis=1)
+    q = stepped(lambda x, u: np.array([x[1], u / J - x[1]]), [0.0, 0.0], u, 2)[:, 0]
+    assert np.ptp(q) > 4 * np.pi
+    degrees = (np.rad2deg(q) + 1e-2 * rng.normal(size=len(t))) % 360
+    kept = rng.random(len(t)) > 0.03
+    table = {"t": t, "torque": u, "angle_deg": degrees}
+    log = written(tmp_path / "a.csv", {k: x[kept] for k, x in table.items()})
+    assert float(new_case(tmp_path, [log]).inertia) == pytest.approx(J, rel=0.1)
+    for read in read_machine_case(tmp_path / "case").logs:
+        assert np.max(np.abs(np.diff(read.outputs["position"]))) < 1
+
+
+def test_one_log_in_which_a_drive_is_bent_tells_that_all_are_of_a_coupled_drive(tmp_path):
+    seed = drawn_anew("coupled logs").integers(2**32)
+    columns, J, J2, _ = coupled_drive(np.random.default_rng(seed), 1.0)
+    slow = coupled_drive(np.random.default_rng(seed), 1.0, fastest=0.25)[0]
+    dry = np.std(slow["torque"]) * np.sign(np.gradient(slow["pos_motor"]))
+    slow |= {"torque": slow["torque"] + dry}
+    slow |= {k: 0.01 * slow[k] for k in ("torque", "pos_load", "pos_motor")}
+    logs = [written(tmp_path / f"{k}.csv", x) for k, x in (("slow", slow), ("fast", columns))]
+    assert guess(tmp_path / "slow.csv").second is None
+    axis = new_case(tmp_path, logs)
+    assert float(axis.inertia) == pytest.approx(J, rel=0.5)
+    assert float(axis.second_inertia) == pytest.approx(J2, rel=0.5)

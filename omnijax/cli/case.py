@@ -55,7 +55,7 @@ def case(
     from .._errors import InputError
     from .._files import claim, write_text
     from .._reading import existing
-    from ..machine import case_files, guess
+    from ..machine import case_files, guess, of_one_machine
     from ..recording import stem_of
 
     held = [log.resolve() for log in held_out or []]
@@ -67,7 +67,7 @@ def case(
     if position and velocity:
         raise InputError("give --position or --velocity: an axis is compared by one of both.")
     columns = {"time": time, "given": input, "position": position, "velocity": velocity}
-    guesses = [guess(log, rate, **columns) for log in (*logs, *held)]
+    guesses = of_one_machine([guess(log, rate, **columns) for log in (*logs, *held)])
     if len({one.measured for one in guesses}) > 1:
         raise InputError("some logs give a position, others a velocity alone: name one of both "
                          "with --position or --velocity.")  # fmt: skip

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ._first_numbers import LogSignals as LogSignals
     from ._guess import Guess as Guess
     from ._guess import guess as guess
+    from ._guess import of_one_machine as of_one_machine
     from ._guessed_case import case_files as case_files
     from ._guessed_case import numbers_of_logs as numbers_of_logs
     from ._hold import InputHold as InputHold

@@ -14,28 +14,37 @@ from ..rig import Quantity
 from ._axis import INPUTS
 from ._first_numbers import LogSignals
 from ._hold import input_hold
-from ._log import LEAST, travelled
+from ._log import LEAST, evenly, travelled, unwound
 from ._log import MEASURED as MEASURABLE
 from ._second_numbers import coupled
 
 TIME = r"^(t|time|timestamp|zeit|stamp|seconds|sec|ms)\b|time"
+GOAL = r"goal|ref|set_?-?point|target|desired|_des$|soll"
 INPUT = (
-    r"^(u\d*|vir|v1|v_?(in|m|a)|i|i_?[qam]|amps?|in|input)$|^tau|cmd|torque|force|volt|curr|command|goal|ref|setpoint|moment"
-    r"|duty|pwm"
+    r"^(u\d*|vir|v1|v_?(in|m|a)|i|i_?[qam]|amps?|in|input)$|^tau|cmd|torque|force|volt|curr|command"
+    rf"|moment|duty|pwm|spannung|strom|kraft|{GOAL}"
 )
-POSITION = r"^(y|q|qm|x|v2|out)$|pos|angle|theta|encoder|deg|winkel|weg|displ"
+POSITION = r"^(y|q|qm|x|v2|out|th)$|pos|angle|theta|phi|encoder|deg|winkel|weg|displ|counts?$|ticks"
 SPEED = r"speed|veloc|(^|_)vel|rpm|omega|drehzahl|geschw|tacho|dot$|^(w|v|n|z\d*)$|/ ?s\b"
 MEASURED = r"meas|act|enc|fb"
-KINDS = (  # pattern of a name -> how the motor is driven
-    (r"goal|ref|setpoint", "goal"), (r"torque|force|moment", "torque"),
-    (r"curr|^amps?\b|^i(_?[qam])?($|[ _(\[])", "current"),
+KINDS = (  # pattern of a name -> how the motor is driven, where its unit does not say it
+    (r"torque|force|moment|kraft", "torque"),
+    (r"curr|strom|^amps?\b|^i(_?[qam])?($|[ _(\[])", "current"), (r"volt|spannung", "command"),
+    (GOAL, "goal"),
 )  # fmt: skip
+DRIVES = {  # unit of an input -> how the motor is driven
+    "N": "torque", "Nm": "torque", "N m": "torque", "mNm": "torque", "A": "current",
+    "mA": "current", "V": "command", "mV": "command", "deg": "goal", "rad": "goal",
+    "mrad": "goal", "mm": "goal",
+}  # fmt: skip
 UNIT = re.compile(
     r"[\[(_ ]\s*(mm|cm|um|m|deg|rad|mrad|ms|us|s|N ?m|mNm|N|A|mA|V|mV"
     r"|rpm|rev/min|U/min|(?:rad|mrad|deg|mm|cm|m)/s)\s*[\])]?$"
 )
 SUPPLY = 0.2  # standard deviation of a voltage over its mean, below which it is a supply's
 RISING = 0.5  # of a clock's steps: stamps of a coarse clock repeat, and their rows are left out
+LONGEST = 0.2  # s, of a step; one that is longer is in a smaller unit
+SMALLER = ("ms", "us", "ns")
 LENGTHS = ("m", "mm", "cm", "um")
 LENGTHS += tuple(f"{u}/s" for u in LENGTHS)
 
@@ -119,11 +128,12 @@ def guess(
     rest, still = ([k for k in some if k not in named]
                    for some in (moving, [k for k in columns if k not in moving]))  # fmt: skip
     if given is None:
-        given = _best([k for k in rest if not _supplies(k, columns[k])], INPUT)
+        given = _input([k for k in rest if not _supplies(k, columns[k])])
         if given is None:
             raise _not_found(log, "input", "--input COLUMN", columns, _best(still, INPUT))
     if not (position or velocity):
-        position, velocity = _output([k for k in rest if k != given])
+        others = [k for k in rest if k != given]
+        position, velocity = _output([k for k in others if not _matches(k, INPUT)] or others)
         if not (position or velocity):
             raise _not_found(
                 log, "position or the speed", "--position COLUMN or --velocity COLUMN",
@@ -159,6 +169,43 @@ def _with_load(one: Guess, table, others: Sequence[str], rate, free: bool) -> Gu
     return best
 
 
+def of_one_machine(guesses: Sequence[Guess]) -> list[Guess]:
+    """The guesses of one machine's logs, with one answer to whether it has a load behind a drive.
+
+    A log in which the drive is hardly bent does not show one: all logs together tell.
+    """
+    told = next((one for one in guesses if one.second), None)
+    if told is None or all(one.second for one in guesses):
+        return list(guesses)
+    assert told.second is not None
+    columns = (told.position or told.velocity, told.second)
+    pairs = [[_of_column(one, k, told.measured) for k in columns] for one in guesses]
+    if any(m is None or x is None or m.samples != x.samples for m, x in pairs):
+        return [_alone(one) for one in guesses]
+    loaded = [
+        dataclasses.replace(m, second=told.second,
+                            signals=dataclasses.replace(m.signals, second=x.signals.position))
+        for m, x in pairs if m and x
+    ]  # fmt: skip
+    known = coupled([one.signals for one in loaded], told.turns())
+    return loaded if known else [_alone(one) for one in guesses]
+
+
+def _of_column(one: Guess, column: str | None, measured: str) -> Guess | None:
+    """The guess of the same log with another column as what was measured, or None."""
+    table, rate = read_table(one.log), None if one.time else one.rate
+    if column not in table.columns:
+        return None
+    position, velocity = (column, None) if measured == "position" else (None, column)
+    return _described(one.log, table, one.time, one.input, position, rate, velocity)
+
+
+def _alone(one: Guess) -> Guess:
+    """The guess without a load."""
+    signals = dataclasses.replace(one.signals, second=None)
+    return dataclasses.replace(one, second=None, signals=signals)
+
+
 def _not_found(log: Path, word: str, option: str, columns, still: str | None) -> InputError:
     """What is said where no column looks like a `word`; `still` does, but never changes."""
     if still is not None:
@@ -170,10 +217,36 @@ def _not_found(log: Path, word: str, option: str, columns, still: str | None) ->
                       f"{', '.join(columns)}. Name it: {option}.")  # fmt: skip
 
 
+def _input(names: list[str]) -> str | None:
+    """Column of the input among some names: of a goal of a speed only where there is no other."""
+    inputs = [
+        k for k in names if _matches(k, INPUT) or DRIVES.get(_unit(k) or "", "goal") != "goal"
+    ]
+    motors = [k for k in inputs if not (_drives(k, _unit(k)) == "goal" and _matches(k, SPEED))]
+    return next(iter(motors or inputs), None)
+
+
+def _drives(name: str, unit: str | None) -> str:
+    """How an input drives the motor, by its unit, else by its name."""
+    if unit in DRIVES:
+        return DRIVES[unit]
+    if _matches(name, "cmd|command") and _matches(name, POSITION):
+        return "goal"
+    return next((d for p, d in KINDS if _matches(name, p)), "command")
+
+
+def _matches(name: str, pattern: str) -> bool:
+    """Whether a column's name matches, as it is or without its unit: `x_mm` is as good as `x`."""
+    bare = UNIT.sub("", name).strip().lower()
+    return bool(re.search(pattern, name.lower()) or re.search(pattern, bare))
+
+
 def _output(names: list[str]) -> tuple[str | None, str | None]:
     """(column of the position, or None and that of the speed) among some names."""
     speeds = [k for k in names if _best([k], SPEED)]
-    position = _best([k for k in names if k not in speeds], POSITION, MEASURED)
+    others = [k for k in names if k not in speeds]
+    by_unit = [k for k in others if DRIVES.get(_unit(k) or "") == "goal"]
+    position = _best(others, POSITION, MEASURED) or next(iter(by_unit), None)
     return position, None if position else _best(speeds, SPEED, MEASURED)
 
 
@@ -188,7 +261,7 @@ def _described(log: Path, table, time: str | None, given: str, position: str | N
         if theirs and (u := table.units.get(theirs) or _unit(theirs))
     }  # fmt: skip
     motion = "translation" if units.get(measured) in LENGTHS else "rotation"
-    drives = next((d for p, d in KINDS if re.search(p, given.lower())), "command")
+    drives = _drives(given, units.get("input"))
     if drives == "goal" and (measured == "velocity" or _best([given], SPEED)):
         raise InputError(
             f"{log.name}: the input {given!r} looks like the goal of a controller, which an axis "
@@ -204,6 +277,12 @@ def _described(log: Path, table, time: str | None, given: str, position: str | N
     others = {k: np.asarray(table.columns[c], float) for k, c in beside.items()}
     good = np.all([np.isfinite(x) for x in (q, u, *others.values())], axis=0)
     q, u, others = q[good], u[good], {k: x[good] for k, x in others.items()}
+    if output_unit(motion, measured) == "rad":
+        q = unwound(q)
+    if time is not None:
+        t = _in_si(np.asarray(table.columns[time], float)[good], units.get("t"), "s")
+        q, u, *rest = evenly(t, step, q, u, *others.values())
+        others = dict(zip(others, rest, strict=True))
     if len(q) < LEAST:
         raise InputError(f"{log.name} has {len(q)} usable rows, but at least {LEAST} are needed.")
     for word, values in (("input", u), (measured, q)):
@@ -236,13 +315,14 @@ def _check_columns(log: Path, table, time: str | None, given: str, shown: str) -
 
 
 def _step_of(column, units: dict[str, str]) -> float:
-    """Median step of a column of times, s; milliseconds where they are not said but likely."""
+    """Median step of a column of times, s; milli- or microseconds where not said but likely."""
     t = np.asarray(column, float)
     t = t * (Quantity("s").read(f"1 {units['t']}") if "t" in units else 1.0)
     steps = np.diff(t)
     step = float(np.median(steps[steps > 0]))
-    if step > 0.2 and "t" not in units:
-        step, units["t"] = step / 1000, "ms"
+    for unit in SMALLER if "t" not in units else ():
+        if step > LONGEST:
+            step, units["t"] = step / 1000, unit
     return step
 
 
@@ -275,8 +355,7 @@ def _time(columns, moving, rate) -> str | None:
 
 
 def _best(names: list[str], pattern: str, better: str = "$^") -> str | None:
-    bare = {k: UNIT.sub("", k).strip().lower() for k in names}  # `x_mm` is as good as `x`
-    matches = [k for k in names if re.search(pattern, k.lower()) or re.search(pattern, bare[k])]
+    matches = [k for k in names if _matches(k, pattern)]
     return next((k for k in matches if re.search(better, k.lower())), next(iter(matches), None))
 
 

@@ -161,6 +161,27 @@ def travelled(velocity: np.ndarray, step: float) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
+def jitters(t: np.ndarray, step: float) -> bool:
+    """Whether times (t,) differ from an even grid: samples are missing, or a clock is coarse."""
+    return bool(np.max(np.abs(np.diff(t) - step)) > 0.02 * step)
+
+
+def evenly(t: np.ndarray, step: float, *channels: np.ndarray) -> list[np.ndarray]:
+    """Channels (t,) at rising times laid on an even grid; as they are where it is even already."""
+    if np.any(np.diff(t) <= 0) or not jitters(t, step):
+        return list(channels)
+    grid = np.arange(round((t[-1] - t[0]) / step) + 1) * step
+    return [np.interp(grid, t - t[0], x) for x in channels]
+
+
+def unwound(angle: np.ndarray) -> np.ndarray:
+    """An angle (t,) in rad that is told within one turn as one that goes on; others as they are."""
+    within = np.ptp(angle) < 2 * np.pi * (1 + 1e-6)
+    if not within or np.max(np.abs(np.diff(angle)), initial=0.0) < np.pi:
+        return angle
+    return np.unwrap(angle)
+
+
 def _column(file: LogFile, table, name: str, unit: str, faults) -> np.ndarray | None:
     """One channel in SI; a number in [channels] is a constant."""
     theirs = file.channels.get(name, name)
@@ -210,17 +231,21 @@ def _on_a_grid(file: LogFile, signals, inputs, outputs, measured: str | None, fa
                       "they are left out.")  # fmt: skip
         signals = {k: x[keep] for k, x in signals.items()}
         t = signals["t"]
+    for name in [k for k, unit in outputs.items() if unit == "rad" and k in signals]:
+        told = unwound(signals[name])
+        if told is not signals[name]:
+            faults.append(f"{file.log.name}: the {name} is told within one turn; it is read as one "
+                          "that goes on.")  # fmt: skip
+            signals[name] = told
     if measured and np.ptp(signals[measured]) == 0:
         raise InputError(f"{file.log.name}: the {measured} never changes: all at rest.")
     step = float(np.median(np.diff(t)))
-    grid = np.arange(round((t[-1] - t[0]) / step) + 1) * step
-    if np.max(np.abs(np.diff(t) - step)) > 0.02 * step:
+    if jitters(t, step):
         faults.append(f"{file.log.name}, column `t`: the steps differ by up to "
                       f"{1e3 * np.max(np.abs(np.diff(t) - step)):.3g} ms from {1e3 * step:.4g} ms; "
                       "all channels are laid on an even grid.")  # fmt: skip
-        signals = {k: np.interp(grid, t - t[0], x) for k, x in signals.items()}
-    else:
-        grid = np.arange(len(t)) * step
+        signals = dict(zip(signals, evenly(t, step, *signals.values()), strict=True))
+    grid = np.arange(len(signals["t"])) * step
     shown = {k: signals[k] for k in outputs if k in signals}
     if measured == "velocity":
         shown["position"] = travelled(shown["velocity"], step)

@@ -57,7 +57,7 @@ def coupled(logs: Sequence[LogSignals], turns: bool) -> CoupledDrive | None:
     (soft, light, *rest), left = solved([given, -a, -v, v2 - v, *ones], twist)
     bent = solved(ones, twist)[1]
     told = 1 - float(left @ left) / max(float(bent @ bent), 1e-300)
-    if told < TOLD or soft <= 0 or soft * np.std(given) < BENT * np.std(twist):
+    if told < TOLD or soft <= 0 or soft * np.std(given) < BENT * np.std(bent):
         return None
     k, J = 1 / soft, light / soft
     d, c = (max(0.0, x / soft) for x in rest[:2])

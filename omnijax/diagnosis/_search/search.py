@@ -279,6 +279,7 @@ class Search:
         starts = worth(first, fit.cost, self.settings.worth)
         ids = {k for k in self.model.laws if self.model.bends(k)}
         plain = starts and not any(self.stepped(s) for s in starts[: self.settings.tried])
+        plain = plain and self.settings.strong > 0  # else no tangent ranks what is stepped
         if not strong or plain or not ids:
             return starts
         self.tell("laws that bend with their strength, at finite ones")

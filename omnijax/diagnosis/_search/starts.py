@@ -13,6 +13,7 @@ import numpy as np
 from .fit import Fit, predicted, tangents_at
 from .model import STEPPED, AbstractModel, Effect, Point
 from .scan import PRICE, Scan, Score
+from .valley import ends_of_valleys
 
 LINES = {"order", "frequency"}  # numbers of a line
 EQUALS, OTHERS = 0.97, 2  # share of the best line's gain from which so many more are refitted: time
@@ -69,12 +70,17 @@ def other_lines(
 def at_finite_strength(
     model: AbstractModel, fit: Fit, scores: Sequence[Score], ids: set[str]
 ) -> list[Start]:
-    """The best start of every (id, place) of the laws `ids`, over strengths of both signs."""
+    """The best start of every (id, place) of the laws `ids`, over strengths of both signs.
+
+    Numbers of which the runs tell one combination are tried at the ends of their valley too.
+    """
     u = fit.point.u
     kept = np.max(np.abs(u), initial=0.0) < model.settings.ran_off
     anchors = [] if kept else [Point(0 * u, fit.point.effects)]
     if kept or model.settings.both:
         anchors.append(fit.point)
+    if model.settings.both:
+        anchors += ends_of_valleys(model, fit)
     best: dict[str, Start] = {}
     for anchor in anchors:
         for start in _about(anchor, model, fit, scores, ids):
