@@ -113,8 +113,8 @@ def test_modes_of_the_smoother_are_the_smoother():
 def test_whitening_turns_a_low_rank_covariance_into_white_noise():
     rng = np.random.default_rng(1)
     B = rng.normal(size=(60, 3))
-    U, shrink = whitener(B)
-    W = np.eye(60) - U @ (shrink[:, None] * U.T)
+    U, shrink = whitener(B.T)
+    W = np.eye(60) - U.T @ (shrink[:, None] * U)
     np.testing.assert_allclose(W @ (np.eye(60) + B @ B.T) @ W, np.eye(60), atol=1e-10)
 
 

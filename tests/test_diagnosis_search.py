@@ -1,6 +1,7 @@
 """The search on a small model: names, rivals, decoys, pruning, bounds."""
 
 import dataclasses
+from types import SimpleNamespace
 from typing import ClassVar
 
 import jax.numpy as jnp
@@ -342,6 +343,28 @@ def test_scores_do_not_hang_on_the_size_of_a_column():
         for k in (1.0, 1e-9)
     ]  # fmt: skip
     np.testing.assert_allclose(gains[0], gains[1], rtol=1e-6)
+
+
+def test_a_table_of_single_precision_scores_like_one_of_double():
+    """Columns of which all but a thousandth is taken up: what is left decides, to 1e-4."""
+    rng = drawn_anew("a table of single precision")
+    taken = np.linalg.qr(rng.normal(size=(20_000, 8)))[0]
+    table = rng.normal(size=(70, 8)) @ taken.T + 1e-3 * rng.normal(size=(70, 20_000)) / 20_000**0.5
+    residual = rng.normal(size=20_000) + 1e4 * taken[:, 0] + 1e5 * (table[5] + table[40])
+    candidates = [
+        SimpleNamespace(name=f"law@w{k}", columns=(k, k), allowed=lambda c: True, trials=1)
+        for k in range(35)
+    ]
+    exact, short = (
+        Signatures(candidates, table.astype(kind)).scan(residual, taken, np.zeros(0), [residual])
+        for kind in (float, np.float32)
+    )
+    gains = [[s.gain for s in scan.scores] for scan in (exact, short)]
+    np.testing.assert_allclose(gains[1], gains[0], rtol=1e-4, atol=1e-4 * max(gains[0]))
+    best = [scan.best_per_name()[0].index for scan in (exact, short)]
+    assert best[0] == best[1]
+    near = [scan.cosine(best[0], k) for scan in (exact, short) for k in range(35)]
+    np.testing.assert_allclose(near[35:], near[:35], atol=1e-3)
 
 
 class Square(AbstractMount):

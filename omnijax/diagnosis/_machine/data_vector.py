@@ -69,7 +69,7 @@ class DataRows:
         if self.coloured is not None:
             U, shrink = self.coloured
             elastic = x[:, : self.elastic.size]
-            elastic -= (elastic @ U * shrink) @ U.T
+            elastic -= (elastic @ U.T * shrink) @ U
 
     def bleach(self, x: np.ndarray) -> None:
         """Whiten elastic rows (k, elastic) in time, in place: amplitudes over Fourier lines."""

@@ -20,7 +20,7 @@ from .smooth import penalty
 
 MOST = 100  # modes a wheel; a rougher smoother's are cut off
 LEAST = 0.05  # gain of the smoother below which a mode does not count
-CHUNK = 32  # columns pushed through the elastic model at once
+CHUNK = 16  # modes pushed through the elastic model at once
 PARTS = 4  # points a sample: a covariance needs no more
 
 
@@ -76,27 +76,28 @@ def shape_response(modes: OutputModes, step: float, wheel: int, signals: np.ndar
     return out + signals[:, ::PARTS, None] * modes.out(OUTPUTS)[1][:, column]
 
 
-def response_columns(modes: OutputModes, run: Run, slopes, errors, weights) -> np.ndarray:
-    """B: whitened dR and a (rows, k) of every wheel's error modes.
+def response_rows(modes: OutputModes, run: Run, slopes, errors, weights) -> np.ndarray:
+    """B^T: whitened dR and a (k, rows) of every wheel's error modes.
 
     `slopes` are rho'(theta) at the PARTS points, `errors` by wheel the modes (samples, k) of the
     angle's error in rad with their size, `weights` (samples, 6) 1/sigma.
     """
-    out = []
-    share = np.arange(PARTS) / PARTS
+    out = np.empty((sum(error.shape[1] for error in errors), weights.size))
+    share, row = np.arange(PARTS) / PARTS, 0
     for i, error in enumerate(errors):
         for at in range(0, error.shape[1], CHUNK):
             e = np.ascontiguousarray(error[:, at : at + CHUNK].T)
             fine = (e[:, :-1, None] * (1 - share) + e[:, 1:, None] * share).reshape(len(e), -1)
             fine = np.concatenate([fine, e[:, -1:]], axis=1) * slopes[:, i]
             change = shape_response(modes, run.step, i, fine) * weights
-            out.append(change.reshape(len(e), -1))
-    return np.concatenate(out).T if out else np.zeros((weights.size, 0))
+            out[row : row + len(e)] = change.reshape(len(e), -1)
+            row += len(e)
+    return out
 
 
-def whitener(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(U, shrink) with (I + B B^T)^(-1/2) = I - U diag(shrink) U^T for `columns` B."""
-    values, vectors = np.linalg.eigh(columns.T @ columns)
+def whitener(across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(U, shrink) with (I + B B^T)^(-1/2) = I - U^T diag(shrink) U for `across` = B^T (k, rows)."""
+    values, vectors = np.linalg.eigh(across @ across.T)
     kept = values > 0.01  # a change of the variance below 1 % is left alone
-    U = columns @ (vectors[:, kept] / np.sqrt(values[kept]))
+    U = (vectors[:, kept] / np.sqrt(values[kept])).T @ across
     return U, 1 - 1 / np.sqrt(1 + values[kept])

@@ -7,7 +7,7 @@ import numpy as np
 from ...rig import Rig
 from .clocks import LoggerClock, offset_of
 from .data_vector import DataRows, make_rows, orthonormal
-from .encoders import PARTS, response_columns, smoother_modes, walk_modes, whitener
+from .encoders import PARTS, response_rows, smoother_modes, walk_modes, whitener
 from .late import late_outputs
 from .laws import on_time, readings
 from .modes import propagate
@@ -24,16 +24,13 @@ def rows_of(machine, rig: Rig, i: int) -> DataRows:
     """
     run, m = machine.runs[i], machine.motions(rig, [i])[i]
     rows = make_rows(run, machine.noise, machine.length_noise, m.axes, machine.window, rig.size)
-    columns = response_columns(
+    across = response_rows(
         machine.modes(rig), run, machine.tables_of(rig).rho_slope(m.theta_shape[:: SHAPE // PARTS]),
         _angle_errors(machine, rig, i), rows.elastic,
     )  # fmt: skip
-    if rows.filters is not None:
-        across = np.ascontiguousarray(columns.T)
-        rows.bleach(across)
-        columns = across.T
-    if columns.any():
-        rows.coloured = whitener(columns)
+    rows.bleach(across)
+    if across.any():
+        rows.coloured = whitener(across)
     if run.rolling_start(machine.noise):
         _free_elastic_start(machine, rig, i, rows)
     return rows

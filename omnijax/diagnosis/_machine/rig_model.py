@@ -35,6 +35,7 @@ from .uncertain import rig_priors, with_parameters, with_sensors
 BUDGET = 400.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
 LINEAR = 0.3  # cost of an evaluation without laws stepped in time, relative to one with them
 WEAK = 1e-4  # rad, of an encoder's law whose signature is a difference
+TOGETHER = 32  # signatures that are whitened together
 LINES = 12  # spectral lines of `a` that are tried as floor vibrations
 
 
@@ -257,25 +258,27 @@ class RigModel(AbstractModel):
         return tuple(kept)
 
     def columns(self, point, candidates: Sequence[Candidate]):
+        """In single precision, for they are many; what hangs on the start is taken off before."""
         placed = [cast(Placed, p) for c in candidates for p in c.columns]
         cut = np.cumsum([0] + [self.machine.rows[b.index].size for b in self._bases])
-        table, sums = np.empty((len(placed), cut[-1])), sums_of(placed)
+        table, sums = np.empty((len(placed), cut[-1]), np.float32), sums_of(placed)
         shifts = [j for j, p in enumerate(placed) if p.law.places == ("encoder",)]
+        alone = [j for j in range(len(placed)) if j not in sums and j not in shifts]
 
         def fill(k: int) -> None:
             base, part = self._bases[k], table[:, cut[k] : cut[k + 1]]
             rows = self.machine.rows[base.index]
-            for j, law in enumerate(placed):
-                if j not in sums and j not in shifts:
-                    part[j] = rows.vector(*signature(base, law))
-            for j, alone in sums.items():
-                part[j] = sum(part[i] for i in alone)
-            rows.take_off(part)
+            for first in range(0, len(alone), TOGETHER):
+                few = alone[first : first + TOGETHER]
+                exact = np.stack([rows.vector(*signature(base, placed[j])) for j in few])
+                rows.take_off(exact)
+                part[few] = exact
+            for j, ones in sums.items():
+                part[j] = np.sum(part[ones], axis=0, dtype=float)
 
         each(fill, range(len(self._bases)))
         if shifts:
-            changed = self._by_differences(point, [placed[j] for j in shifts])
-            table[shifts] = changed
+            table[shifts] = self._by_differences(point, [placed[j] for j in shifts])
         return table
 
     def _by_differences(self, point: Point, placed: Sequence[Placed]) -> np.ndarray:

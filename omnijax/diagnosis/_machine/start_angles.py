@@ -13,7 +13,7 @@ import numpy as np
 
 from ...rig import Rig
 from .elastic import driven, rest_state
-from .encoders import PARTS, response_columns
+from .encoders import PARTS, response_rows
 from .machine import Machine
 from .runs import ELASTIC, SHAPE, Run
 
@@ -104,5 +104,5 @@ def _step(machine: Machine, rig: Rig, i: int, missing) -> np.ndarray:
     run, m = machine.runs[i], machine.motions(rig, [i])[i]
     slopes = machine.tables_of(rig).rho_slope(m.theta_shape[:: SHAPE // PARTS])
     one = [np.full((run.samples, int(k in missing)), 1.0) for k in range(rig.size)]
-    columns = response_columns(machine.modes(rig), run, slopes, one, _weights(machine, i))
-    return np.linalg.lstsq(columns, _left(machine, rig, i), rcond=1e-10)[0]
+    across = response_rows(machine.modes(rig), run, slopes, one, _weights(machine, i))
+    return np.linalg.lstsq(across.T, _left(machine, rig, i), rcond=1e-10)[0]

@@ -71,12 +71,11 @@ def inflation(signatures: Signatures, scan: Scan, residual: np.ndarray) -> np.nd
     From the scatter of the blocks of (signature x residual), so that colour and misfit count.
     """
     starts = np.unique(np.linspace(0, len(residual), BLOCKS, endpoint=False).astype(int))
-    blocks = np.stack([
-        signatures.table[:, a:b] @ residual[a:b]
-        for a, b in zip(starts, [*starts[1:], len(residual)], strict=True)
-    ])  # fmt: skip
-    left = blocks - blocks.mean(axis=0)
-    ratio = np.sum(left**2, axis=0)  # the columns have length 1
+    blocks = np.concatenate(
+        [np.add.reduceat(piece * residual, starts, axis=1) for piece in signatures.pieces()]
+    )
+    left = blocks - blocks.mean(axis=1, keepdims=True)
+    ratio = np.sum(left**2, axis=1)  # the columns have length 1
     ends = signatures.layout.ends
     each = [ratio[a:b].max() if b > a else 1.0 for a, b in itertools.pairwise(ends)]
     return np.sqrt(np.maximum(1.0, each))

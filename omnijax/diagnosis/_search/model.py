@@ -126,7 +126,10 @@ class AbstractModel(abc.ABC):
 
     @abc.abstractmethod
     def columns(self, point: Point, candidates: Sequence) -> np.ndarray:
-        """Signatures of the candidates on the train runs (columns of all candidates, rows)."""
+        """Signatures of the candidates on the train runs (columns of all candidates, rows).
+
+        In double precision, or, where there are many, in single.
+        """
 
     def plainness(self, effect: Effect) -> float:
         """Factor of an effect's gain where trials are ranked: below 1 for laws of many numbers."""

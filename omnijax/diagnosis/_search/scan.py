@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from .._threads import cores
 from .settings import SETTINGS
 
 PRICE = SETTINGS.price
+PIECE = 32  # columns that are worked on together
 
 
 def chance(gain: float, columns: int) -> float:
@@ -69,18 +70,32 @@ class SignatureLayout:
 class Signatures:
     """Signature columns of all candidates, scaled to length 1.
 
-    The table (columns, rows) is kept and scaled in place: it is large.  Its scans do not hold it,
-    but the inner products of every candidate's own columns (all with all would cost more than the
+    The table (columns, rows) is kept and scaled in place: it is large, and may be of single
+    precision.  All products with it are of double precision.  Its scans do not hold it, but the
+    inner products of every candidate's own columns (all with all would cost more than the
     signatures themselves).
     """
 
     def __init__(self, candidates: Sequence, table: np.ndarray):
         self.table = table
-        size = np.sqrt(np.einsum("kr,kr->k", self.table, self.table))
+        size = np.sqrt(np.concatenate([np.einsum("kr,kr->k", x, x) for x in self.pieces()]))
         self.layout = SignatureLayout(list(candidates), np.where(size > 0, size, 1.0))
         self.table /= self.layout.scale[:, None]
         parts = map(self.layout.part, range(len(self.layout.candidates)))
-        self.blocks = [self.table[p] @ self.table[p].T for p in parts]
+        self.blocks = [x @ x.T for x in map(self.columns, parts)]
+
+    def columns(self, part: slice) -> np.ndarray:
+        """Some columns (k, rows) in double precision."""
+        return self.table[part].astype(float, copy=False)
+
+    def pieces(self) -> Iterator[np.ndarray]:
+        """The columns in double precision, few at a time."""
+        count = max(1, len(self.table))
+        return (self.columns(slice(a, a + PIECE)) for a in range(0, count, PIECE))
+
+    def times(self, x: np.ndarray) -> np.ndarray:
+        """Inner products (columns, k) with the columns of `x` (rows, k)."""
+        return np.concatenate([piece @ x for piece in self.pieces()])
 
     def scan(self, residual, taken, u, scrambled=(), spread: float = 1.0,
              about: str | None = None) -> "Scan":  # fmt: skip
@@ -92,9 +107,10 @@ class Signatures:
         top = taken[: len(residual)]
         rest = np.concatenate([residual, u])
         with threadpool_limits(cores(), "blas"):
-            inside = self.table @ top
-            right = self.table @ residual - inside @ (taken.T @ rest)
-            wrong = [self.table @ x - inside @ (top.T @ x) for x in scrambled]
+            inner = self.times(np.column_stack([top, residual, *scrambled]))
+            inside, plain, *mixed = np.split(inner, np.arange(top.shape[1], inner.shape[1]), axis=1)
+            right = plain[:, 0] - inside @ (taken.T @ rest)
+            wrong = [m[:, 0] - inside @ (top.T @ x) for m, x in zip(mixed, scrambled, strict=True)]
         own = [inside[self.layout.part(i)] for i in range(len(self.blocks))]
         blocks = [block - x @ x.T for block, x in zip(self.blocks, own, strict=True)]
         decoys = [Scan(self.layout, blocks, x) for x in wrong]
@@ -103,7 +119,8 @@ class Signatures:
         named = [s for s in scan.order if s.candidate.name == about]
         for score in (*scan.best_per_name()[:1], *named[:1]):
             part = self.layout.part(score.index)
-            scan.towards[score.index] = self.table[part] @ self.table.T - inside[part] @ inside.T
+            with_all = self.times(self.columns(part).T).T
+            scan.towards[score.index] = with_all - inside[part] @ inside.T
         return scan
 
 
