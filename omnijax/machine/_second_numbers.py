@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ._first_numbers import LogSignals, at_least_damped, driven, ones_of, pulled, solved
+from ._first_numbers import STEEP, LogSignals, at_least_damped, driven, ones_of, pulled, solved
 from ._low_pass import cutoff_of
 
 TOLD = 0.5  # share of the twist's squares that the motor's equation must explain
@@ -31,9 +31,10 @@ def coupled(logs: Sequence[LogSignals], turns: bool) -> CoupledDrive | None:
     """A coupled drive over all logs at once; None where the relative motion is that of no drive.
 
     Motor q and load q2, by the `ratio` in the motor's turns, with the twist w = q - q2:
-    k w = u - J q'' - d q' - c w' + offset (a log each), and J2 q2'' = k w + c w' less what pulls
-    the load back.  The first is solved for the twist, which its encoders' noise is in; taken for
-    one of the causes, noise would make the drive too soft.
+    k w = u - J q'' - d q' - c w' - dry friction + offset (a log each), and J2 q2'' = k w + c w'
+    less what pulls the load back.  The first is solved for the twist, which its encoders' noise is
+    in; taken for one of the causes, noise would make the drive too soft.  Dry friction is left to
+    the diagnosis: here it only keeps the other numbers right.
     """
     if any(log.second is None for log in logs):
         return None
@@ -54,14 +55,15 @@ def coupled(logs: Sequence[LogSignals], turns: bool) -> CoupledDrive | None:
         ratio = 1.0
     q2, v2, a2 = ratio * q2, ratio * v2, ratio * a2
     twist = q - q2
-    (soft, light, *rest), left = solved([given, -a, -v, v2 - v, *ones], twist)
+    dry = np.tanh(v / (STEEP * np.sqrt(np.mean(v**2)) or 1.0))
+    (soft, light, *rest), left = solved([given, -a, -v, v2 - v, -dry, *ones], twist)
     bent = solved(ones, twist)[1]
     told = 1 - float(left @ left) / max(float(bent @ bent), 1e-300)
     if told < TOLD or soft <= 0 or soft * np.std(given) < BENT * np.std(bent):
         return None
     k, J = 1 / soft, light / soft
-    d, c = (max(0.0, x / soft) for x in rest[:2])
-    (J2, *pull), name = pulled([a2], q2, given - J * a - d * v, ones, turns)
+    d, c, rubs = (max(0.0, x / soft) for x in rest[:3])
+    (J2, *pull), name = pulled([a2], q2, given - J * a - d * v - rubs * dry, ones, turns)
     if J2 <= 0 or J < LIGHT * (J + J2):
         return None
     numbers = {
