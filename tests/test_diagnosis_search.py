@@ -110,6 +110,16 @@ def test_estimates_about_the_stated_machine_are_compared_with_that_of_no_law():
     assert cost["friction-asymmetry@shaft"] == pytest.approx(fit.cost, rel=0.05)
 
 
+@pytest.mark.parametrize("who", ["the fitted runs themselves", "held-out runs"])
+def test_progress_says_who_confirms(who):
+    said: list[str] = []
+    Search(balance([law("bearing-coulomb", 0.2)]), said.append, who).run()
+    told = [line for line in said if "share" in line or "accepted" in line]
+    assert len(told) > 1
+    assert all(who in line for line in told)
+    assert any("held-out" in line for line in said) == ("held-out" in who)
+
+
 def test_two_planted_laws_are_both_named():
     truth = [law("bearing-coulomb", 0.2), law("friction-asymmetry", 0.05)]
     found = Search(balance(truth)).run()

@@ -3,6 +3,7 @@
 from typing import Any
 
 from ._answer import (
+    JUDGES,
     AbstractEvidence,
     Diagnosis,
     Shown,
@@ -23,7 +24,8 @@ from ._search import Explored, Point, Search, SearchPath, SearchResult, upper_li
 
 def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis:
     """Search from `start`, judge, and say what was found: of any machine."""
-    search = Search(evidence.model, tell)
+    who = JUDGES[evidence.confirmed_on]
+    search = Search(evidence.model, tell, who)
     explored = search.explore(start)
     tell("looking at what is left")
     shown = shown_noise(evidence, explored.way.fit.point)
@@ -36,7 +38,7 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
         explored = explored.without_table()  # room for the next one
         names = sorted({c for run in shown.changes for c in run})
         tell(f"the noise of {', '.join(names)} is not as assumed: searching again")
-        again = Search(other.model, tell)
+        again = Search(other.model, tell, who)
         anew = again.explore(explored.baseline.point, explored.way.fit.point)
         if explained(other.model, anew.way):
             tell("what looked like noise is explained in part by candidates: it is none")

@@ -28,7 +28,6 @@ CONFIRMED = {
     "blocks": "and those parts of the only run confirm it that were kept out of the fit",
     "nothing": "and no run is left to confirm it",
 }
-JUDGED_ON = {"held-out": "the held-out runs", "blocks": "those parts", "nothing": "the runs"}
 
 
 def diagnosis_page(diagnosis: Any, command: str = "omnijax diagnose") -> Page:
@@ -76,7 +75,7 @@ def _answer(diagnosis) -> str:
         factor, unit = scaled(gap.before, gap.unit)
         answer += (
             f" What the model misses of {channel_words(group)} on "
-            f"{JUDGED_ON[diagnosis.confirmed_on]} falls from "
+            f"{diagnosis.judges} falls from "
             f"{gap.before * factor:.3g} to {gap.after * factor:.3g} {unit} RMS; the noise is "
             f"{gap.noise_floor * factor:.3g} {unit}."
         )

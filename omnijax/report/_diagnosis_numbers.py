@@ -34,8 +34,8 @@ def gap_section(diagnosis) -> Section:
     table = Table(
         [Column("group", text=True), Column("unit", text=True), Column("noise", minor=True),
          Column("before"), Column("after"), Column("closed", "%")],
-        rows, "gap", f"RMS of measured less predicted, held-out runs{windows}; closed: what is "
-        "gone of what was above the noise.",
+        rows, "gap", f"RMS of measured less predicted, {diagnosis.judges}{windows}; closed: what "
+        "is gone of what was above the noise.",
     )  # fmt: skip
     figures = [gap_figure(diagnosis)] if diagnosis.details else []
     return Section("The gap", NEVER[diagnosis.confirmed_on], figures, [table])
@@ -62,7 +62,9 @@ def free_runs(diagnosis) -> list[Section]:
     text = "Position simulated from the inputs alone, from each run's first sample."
     if diagnosis.one_step:
         said = ", ".join(f"{k} {x:.3g} %" for k, x in diagnosis.one_step.items())
-        text += f" The balance misses, in per cent of the motor's torque on held-out runs: {said}."
+        text += (
+            f" The balance misses, in per cent of the motor's torque on {diagnosis.judges}: {said}."
+        )
     table = Table(columns, rows, "free-runs", "Free runs.")
     return [Section("Free runs", text, tables=[table])]
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..._files import write_text
 from .named_effect import Named, OutputGap
+from .verdict import JUDGES
 
 REMAINS = 1.4  # times the noise (1 sigma beside it): above this something else is missing too
 
@@ -40,8 +41,13 @@ class Diagnosis:
     details: Any = None  # what figures are drawn from; not written
 
     @property
+    def judges(self) -> str:
+        """The runs, or parts of one, that the gap is of, in words."""
+        return JUDGES[self.confirmed_on]
+
+    @property
     def remainder(self) -> str:
-        """What the named effects leave above the noise on the held-out runs, in words, or nothing.
+        """What the named effects leave above the noise of what judges them, in words.
 
         Named effects close most of the gap, not always all of it: something smaller may hide
         beside them that no known effect explains.
@@ -51,8 +57,8 @@ class Diagnosis:
         if self.verdict not in ("named", "ambiguous") or not open_:
             return ""
         return (
-            f"With it the held-out runs still differ by more than the noise ({', '.join(open_)} "
-            "times): something else is missing too."
+            f"With it {self.judges} still differ by more than the noise "
+            f"({', '.join(open_)} times): something else is missing too."
         )
 
     def to_dict(self) -> dict[str, Any]:

@@ -91,10 +91,18 @@ def significant(scan: Scan, alpha: float) -> list[Score]:
 
 
 class Search:
-    """The search over one model; `tell(text)` reports progress."""
+    """The search over one model; `tell(text)` reports progress.
 
-    def __init__(self, model: AbstractModel, tell: Callable[[str], None] = lambda text: None):
-        self.model, self.tell, self.refits = model, tell, Refits(model)
+    `who` says in words what the split "held-out" is, which confirms effects.
+    """
+
+    def __init__(
+        self,
+        model: AbstractModel,
+        tell: Callable[[str], None] = lambda text: None,
+        who: str = "held-out runs",
+    ):
+        self.model, self.tell, self.who, self.refits = model, tell, who, Refits(model)
         self.settings = model.settings
         self.begun = 0.0, 0.0  # chi2 of the baseline on train and held-out runs
 
@@ -182,7 +190,7 @@ class Search:
     def with_effect(self, way: SearchPath, trial: Trial) -> SearchPath:
         """The way with an accepted effect."""
         self.tell(
-            f"accepted {trial.effect.name}: held-out runs show "
+            f"accepted {trial.effect.name}: {self.who} show "
             f"{trial.held.multiplier:.2f} ± {1 / np.sqrt(trial.held.size):.2g} of the change"
         )
         fit = self.refits.settle(trial.fit)
@@ -240,8 +248,8 @@ class Search:
             alike = [self.refits.try_out(fit, s, before, least, openings) for s in every]
             trial = min(alike, key=lambda t: t.fit.cost)
             self.tell(
-                f"{trial.effect.name}: gain {trial.gain:.0f}, held-out {trial.held.gain:.0f}, "
-                f"share {trial.held.multiplier:.2f}"
+                f"{trial.effect.name}: gain {trial.gain:.0f}; {self.who} gain "
+                f"{trial.held.gain:.0f}, share {trial.held.multiplier:.2f}"
             )
             trials.append(trial)
             if all(self.little(fit, t) for t in trials) and len(trials) > 1:
