@@ -51,6 +51,23 @@ def agreeing(tmp_path_factory):
     )  # fmt: skip
 
 
+def test_a_gap_far_below_a_mount_s_deflection_is_seen(agreeing):
+    """Its force is a sign's, in proportion to the gap, which a signature of a large one is not."""
+    model, point, residual, _ = agreeing
+    gap = 0.02 * max(np.sqrt(np.mean(b.mount.deflection**2)) for b in model.bases(point))
+    effects = (Effect("mount-backlash", "all", {"gap": gap}),)
+    change = residual - model.residuals([Point(point.u, effects)], "train")[0]
+    tried = [c for c in model.candidates(point) if c.name == "mount-backlash@all"]
+    left = {}
+    for candidate, x in zip(tried, model.columns(point, tried), strict=True):
+        c = np.atleast_1d(x @ change / (x @ x))
+        if candidate.allowed(c):
+            share = float(np.sum((change - c * x) ** 2) / (change @ change))
+            left[share] = candidate.decode(c)["gap"]
+    assert min(left) < 0.1
+    assert left[min(left)] == pytest.approx(gap, rel=0.1)
+
+
 @pytest.mark.parametrize("id", EXACT)
 def test_a_signature_is_what_a_weak_law_changes(agreeing, id):
     """A change of one standard deviation in all rows together: within 3 % of it."""

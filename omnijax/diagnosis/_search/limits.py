@@ -104,10 +104,10 @@ def _scaled(score: Score, key: str, strength: float) -> float | None:
     """A strength as a size; a threshold's strength is that of one fixed size."""
     if key == "share":
         return strength
-    values = score.candidate.decode(np.array([strength]))
     if key == "gap":  # small gaps act in proportion; nothing follows above the one that was tried
-        return strength * float(values[key]) if strength < 1 else None
-    return float(np.linalg.norm(values[key]))
+        tried = float(score.candidate.decode(np.ones(1))[key])
+        return strength * tried if strength < 1 else None
+    return float(np.linalg.norm(score.candidate.decode(np.array([strength]))[key]))
 
 
 def one_sign(c: float, sigma: float) -> float:
