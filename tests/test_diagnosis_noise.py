@@ -104,7 +104,7 @@ def answer(ratio: float, structure: float, after: float, effects=(), trials=()) 
 def judged(ratio, structure, after, effects=(), trials=(), confirmed_on="held-out"):
     """Judged where held-out RMS are 5 before and `after`, the noise shown `ratio`, all assumed."""
     fit = SimpleNamespace(point=SimpleNamespace(effects=effects))
-    found = SimpleNamespace(fit=fit, rivals={}, significant=True, trials=[list(trials)])
+    found = SimpleNamespace(fit=fit, rivals={}, significant=True, trials=[list(trials)], alone={})
     level = Level(ratio, 0.01, ratio)
     shown = Shown(({"a_x": level},), ("held-out",), {"a_x": structure}, ([], []))
     first, last = ([{"a_x": np.full(1000, x)}] for x in (5.0 if effects else after, after))
@@ -128,6 +128,32 @@ def test_no_run_is_said_to_be_held_out_where_none_was(effects):
             assert ("held-out" in reason) == (on == "held-out")
             assert words in reason or "none is left to confirm it" in reason
             assert not (on == "nothing" and "runs confirm" in reason and effects)
+
+
+@pytest.mark.parametrize(
+    "times, noise, other",
+    [(1.4, 1.0, True),  # the fitted runs gave it another size than it has elsewhere
+     (0.6, 1.0, True),
+     (1.05, 1.0, False),  # sure, but within what a prediction may be off
+     (1.4, 30.0, False),  # no more than the noise leaves open
+     (1.0, 1.0, False)],
+)  # fmt: skip
+def test_what_held_out_runs_show_at_another_size_is_not_named(times, noise, other):
+    rng = np.random.default_rng(9)
+    change = np.cos(0.01 * np.arange(N))
+    before = times * change + noise * rng.normal(size=N)
+    fit = SimpleNamespace(cost=0.0, point=SimpleNamespace(effects=(Effect("x", "w1", {}),)))
+    less = SimpleNamespace(cost=float(change @ change) / noise**2)
+    found = SimpleNamespace(
+        fit=fit, alone={0: (less, 0.0)}, rivals={}, significant=True, trials=[],
+        shows={0: HeldOut.of(before / noise, (before - change) / noise)},
+    )  # fmt: skip
+    level = Level(1.0, 0.01, 1.0)
+    shown = Shown(({"a_x": level},), ("held-out",), {"a_x": 0.0}, ([], []))
+    columns = [{"a_x": before}]
+    verdict = judge(found, shown, columns, columns)  # pyright: ignore[reportArgumentType]
+    assert verdict.verdict == ("unknown" if other else "named")
+    assert ("times what x@w1 foretells" in verdict.reason) == other
 
 
 @pytest.mark.parametrize(
@@ -186,7 +212,10 @@ def test_one_run_teaches_and_confirms_by_parts_or_not_at_all():
     assert (teaches.role, confirms.role) == ("train", "held-out")
     assert np.all(teaches.counts ^ confirms.counts)
     assert np.mean(confirms.counts) == pytest.approx(1 / 3, abs=0.1)
-    (only,), confirmed, (said,) = with_roles([run("a", "train", 900)])
+    (teaches, confirms), confirmed, (said,) = with_roles([run("a", "train", 1200)])
+    assert confirmed == "blocks" and "part of 0.4 s" in said  # a sixth of a short run
+    assert np.mean(confirms.counts) == pytest.approx(1 / 3, abs=0.01)
+    (only,), confirmed, (said,) = with_roles([run("a", "train", 700)])
     assert confirmed == "nothing" and only.counts is None and "nothing is kept out" in said
 
 

@@ -11,7 +11,7 @@ from ._diagnosis_figures import gap_figure, limits_figure
 NEVER = {
     "held-out": "Held-out runs are never fitted, but for their start: where wheels without encoder "
     "stand, and the motion there.",
-    "blocks": "On the seconds of the only run that were kept out of the fit.",
+    "blocks": "On the parts of the only run that were kept out of the fit.",
     "nothing": "On the only run, which was fitted: nothing was kept out.",
 }
 

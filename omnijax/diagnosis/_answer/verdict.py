@@ -15,6 +15,7 @@ JUDGES = {  # who confirms, by `confirmed_on`
     "nothing": "the fitted runs themselves",
 }
 EXCESS = 0.3  # sigma: below this in every channel, simulation and data agree
+OFF, SURELY = 0.1, 5.0  # share, and 1-sigma, by which held-out runs may show another size: chosen
 
 Columns = list[dict[str, np.ndarray]]  # by held-out run and channel, in assumed sigma
 
@@ -74,6 +75,10 @@ def judge(
     if open_ and closed < closing:
         text = f"the best known effects close {100 * closed:.0f} % of the gap on {who}"
         return Verdict("unknown", closed, equals, text, noise)
+    other = of_another_size(outcome)
+    if other:
+        text = f"{who} show {other}: a missing effect that no known law describes"
+        return Verdict("unknown", closed, equals, text, noise)
     if any(equals.values()):
         text = "joint refits of rivals are equally good"
         return Verdict("ambiguous", closed, equals, text, noise)
@@ -81,6 +86,26 @@ def judge(
     if confirmed_on == "nothing":
         text = "the joint refit explains the runs, and none is left to confirm it"
     return Verdict("named", closed, equals, text, noise)
+
+
+def of_another_size(outcome: SearchResult) -> str:
+    """Of the named effect that held-out runs contradict most, what they show; or nothing.
+
+    Beside the right law what is left there is noise, and the change d that the effect makes is
+    there 1 time, with the variances of noise on both splits over d.d.  A law that stands for
+    another one has the size that the fitted runs gave it, and elsewhere another.
+    """
+    worst, said = SURELY, ""
+    for i, (less, _) in outcome.alone.items():
+        held, gain = outcome.shows[i], less.cost - outcome.fit.cost
+        if not (gain > 0 and np.isfinite(held.gain) and held.size > 0):
+            continue
+        off = held.multiplier - 1
+        sigmas = abs(off) / math.sqrt(held.spread / held.size + held.spread / gain)
+        if abs(off) > OFF and sigmas > worst:
+            name = outcome.fit.point.effects[i].name
+            worst, said = sigmas, f"{held.multiplier:.2f} times what {name} foretells"
+    return said
 
 
 def _excess(squares: dict[str, tuple[float, int]], floor: dict[str, float], channel: str) -> float:

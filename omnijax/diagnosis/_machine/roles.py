@@ -8,6 +8,7 @@ from ..._errors import InputError
 from .runs import Run
 
 BLOCK = 1.0  # s, of the only run that teach or confirm in turn
+SHORTEST = 0.25  # s, of such a block: some turns of the slowest ring of a machine of 10 Hz
 TEACH = 2  # blocks that teach for one that confirms
 FEWEST = 6  # blocks below which nothing is confirmed
 
@@ -33,19 +34,22 @@ def with_roles(runs: list[Run]) -> tuple[list[Run], str, list[str]]:
 
 
 def _parted(run: Run) -> tuple[list[Run], str, list[str]]:
-    """The only run twice: in one copy two seconds of three count, in the other the third."""
-    length = max(1, round(BLOCK / run.step))
-    block = np.arange(run.samples) // length
-    if block[-1] + 1 < FEWEST:
+    """The only run twice: in one copy two blocks of three count, in the other the third.
+
+    A block is a second; of a short run a sixth of it.
+    """
+    seconds = min(BLOCK, run.samples * run.step / FEWEST)
+    if seconds < SHORTEST:
         said = (
-            f"{run.name}: the only run is shorter than {FEWEST * BLOCK:g} s, so nothing is kept "
+            f"{run.name}: the only run is shorter than {FEWEST * SHORTEST:g} s, so nothing is kept "
             "out of the fit, and no run confirms what is named."
         )
         return [run], "nothing", [said]
+    block = np.arange(run.samples) // max(1, round(seconds / run.step))
     teaches = block % (TEACH + 1) < TEACH
     said = (
-        f"{run.name}: the only run; every third second of it is kept out of the fit and confirms "
-        "what is named."
+        f"{run.name}: the only run; every third part of {seconds:.2g} s of it is kept out of the "
+        "fit and confirms what is named."
     )
     parts = (("train", teaches), ("held-out", ~teaches))
     return [dataclasses.replace(run, role=r, counts=c) for r, c in parts], "blocks", [said]

@@ -11,7 +11,7 @@ import numpy as np
 
 from .candidates import Candidate
 from .fit import Fit, refit
-from .held_out import Trial
+from .held_out import HeldOut, Trial
 from .model import AbstractModel, Effect, Point, to_project
 from .refits import Refits, chi2_of, residual_of, total_cost
 from .review import Review, Rival
@@ -31,8 +31,8 @@ from .starts import (
 class SearchResult:
     """All that the search found out.
 
-    `alone` holds by effect the fit without it and that fit's chi2 on the held-out runs,
-    `signatures` those of the last scan.
+    `alone` holds by effect the fit without it and that fit's chi2 on the held-out runs, `shows`
+    what these show of the change that the effect makes, `signatures` those of the last scan.
     """
 
     baseline: Fit
@@ -47,6 +47,7 @@ class SearchResult:
     priors: tuple = ()
     alone: dict[int, tuple[Fit, float]] = dataclasses.field(default_factory=dict)
     signatures: Signatures | None = None
+    shows: dict[int, HeldOut] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -135,22 +136,24 @@ class Search:
         reviewed = Review(self.refits, self.tell).run(way.fit, signatures, baseline)
         fit = reviewed.fit
         tried = [t for trials in way.trials for t in trials]
+        after = residual_of(model, fit.point, "held-out")
+        without = {
+            i: residual_of(model, less.point, "held-out") for i, less in reviewed.alone.items()
+        }
         return SearchResult(
             baseline,
             fit,
             explored.held_before,
-            chi2_of(model, fit.point, "held-out"),
+            float(after @ after),
             list(way.scans),
             list(way.trials),
             reviewed.rivals,
             [t.effect.name for t in tried if not t.accepted],
             bool(tried),
             tuple(model.priors),
-            {
-                i: (less, chi2_of(model, less.point, "held-out"))
-                for i, less in reviewed.alone.items()
-            },
+            {i: (less, float(without[i] @ without[i])) for i, less in reviewed.alone.items()},
             signatures,
+            {i: HeldOut.of(before, after) for i, before in without.items()},
         )
 
     def follow(self, way: SearchPath) -> SearchPath:
