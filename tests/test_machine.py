@@ -106,6 +106,8 @@ def test_a_torque_constant_that_is_not_given_is_said():
     assert given.assumed == () and float(given.machine.torque_constant) == 0.1
     assert "taken for 1 N m/A" in silent.assumed[0]
     assert float(silent.machine.torque_constant) == 1.0
+    (said,) = parse_machine(drawn(0) | {"motor": {"input": "command"}}).assumed
+    assert "taken for 1 N m a unit of the command" in said
     assert parse_machine(drawn(0)).assumed == ()
 
 

@@ -105,6 +105,8 @@ def test_what_the_axis_lacks_is_named_and_nothing_else(tmp_path, plant):
     found = diagnose(tmp_path / "case")
     named = {e.id for e in found.effects}
     assert named <= truth and bool(named) == bool(truth), found
+    said = any("torque_constant` is not given" in x for x in found.faults)
+    assert said == ("current_A" in table), found.faults  # else N m are those of the input
     seen = [
         x for e in found.effects for k, p in e.parameters.items() if k in ("order", "orders")
         for x in np.atleast_1d(p["value"])

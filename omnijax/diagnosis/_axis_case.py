@@ -56,7 +56,8 @@ def _read(reading: HoldReading, laws: dict, tell) -> Diagnosis:
     if model.floor > 1:
         remarks.append(model.floor_said())
     model.work = 0.0
-    evidence = OdeEvidence(model, case.file, table, remarks, case.faults, case.blocks)
+    faults = [*case.faults, *case.file.assumed]
+    evidence = OdeEvidence(model, case.file, table, remarks, faults, case.blocks)
     result = answered(evidence, start, tell)
     outcome, sure = result.details["found"], result.verdict in ("named", "ambiguous")
     tell("simulating every run from its first sample")

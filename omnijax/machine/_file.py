@@ -98,8 +98,10 @@ def parse_machine(data: Mapping[str, Any], source: str = "machine.toml") -> Mach
                    drives=drives, motion=known)  # fmt: skip
     uncertain = {inverse[k]: float(v) for k, v in file.uncertainty.items()}
     assumed = ()
-    if drives in ("current", "goal") and file.motor.torque_constant is None:
-        assumed = (f"`motor.torque_constant` is not given and taken for 1 {_constant(known)}: "
+    if drives in ("current", "goal", "command") and file.motor.torque_constant is None:
+        unit = _constant(known)
+        unit = f"{unit.split('/')[0]} a unit of the command" if drives == "command" else unit
+        assumed = (f"`motor.torque_constant` is not given and taken for 1 {unit}: "
                    "inertia and torques are in units of it.",)  # fmt: skip
     return MachineFile(machine, placed, uncertain, file.compare, names, source, assumed)
 

@@ -28,6 +28,7 @@ def numbers_of_logs(guesses: Sequence[Guess]) -> dict[str, float]:
 def case_files(guesses: Sequence[Guess], held_out: Collection[Path] = ()) -> dict[str, str]:
     """machine.toml and a NAME.toml for each log of one machine, by file name.
 
+    No log tells a torque constant: it is left out, and numbers are in units of it.
     The logs `held_out` judge: the machine's numbers are not from them.
     """
     learned = [one for one in guesses if one.log not in held_out]
@@ -51,8 +52,6 @@ def _machine_file(guesses: Sequence[Guess]) -> str:
     else:
         unsure = dict.fromkeys(numbers, 1.0) | {"offset": _offset(guesses)}
     tables: dict[str, list[str]] = {"axis": [], "motor": [f'input = "{first.drives}"']}
-    if first.drives in ("current", "goal"):  # in units of it: the log does not tell it
-        numbers["torque_constant"] = 1.0
     for field, value in numbers.items():
         table, _, key = names[field].partition(".")
         tables.setdefault(table, []).append(f"{key} = {value:.6g}")

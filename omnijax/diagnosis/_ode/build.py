@@ -109,7 +109,7 @@ def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, 
         if chosen == "balance" else
         f"Compared is the {measured} of free runs, simulated from the inputs alone."
     )  # fmt: skip
-    return model, table, [how, *file.assumed]
+    return model, table, [how]
 
 
 def _measured(logs: Sequence[Log]) -> str:
