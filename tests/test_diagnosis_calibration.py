@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 from seeds import drawn_anew
 
-from omnijax.diagnosis._search import Point, Prior, SmallModel, calibrated, refit
+from omnijax.diagnosis._search import (
+    Point,
+    Prior,
+    SmallModel,
+    calibrated,
+    refit,
+    within_doubt,
+)
 
 PRIORS = [Prior(f"p{i}", 0.0, 1.0, False) for i in range(6)]
 
@@ -87,3 +94,33 @@ def test_numbers_of_waves_are_scanned(place, far):
     assert refit(model, start, relative=0.01).cost > 1e4
     best = calibrated(model, start)
     assert np.allclose(best.point.u, true, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    "train, off, granted",
+    [(0.01, 1.5, True),  # a mode that the fitted runs hardly excite: 1.5 of its sigmas off
+     (0.01, 8.0, False),  # more than they leave open
+     (1.0, 8.0, False)],
+)  # fmt: skip
+def test_what_the_calibration_leaves_open_is_granted_to_held_out_runs(train, off, granted):
+    rng, rows = drawn_anew("left open"), 800
+    shape, noise = np.cos(0.1 * np.arange(rows)), {k: rng.normal(size=rows) for k in "th"}
+    length = float(np.linalg.norm(shape))
+    noise["t"] -= shape * (noise["t"] @ shape) / length**2
+    true = off / (train * length)  # the fit ends at 0: so many of its own sigmas below
+
+    def residual(values, _laws, split):
+        if split == "train":
+            return train * shape * (0.0 - values["p"]) + noise["t"]
+        return shape * (true - values["p"]) + noise["h"]
+
+    model = SmallModel(residual, [Prior("p", 0.0, 1e3, False)], {}, "all")
+    fit = refit(model, Point(np.zeros(1)))
+    (left,) = model.residuals([fit.point], "held-out")
+    assert left @ left > rows + 0.5 * off**2
+    point = within_doubt(model, fit)
+    assert (point is not None) == granted
+    if point is not None:
+        (left,) = model.residuals([point], "held-out")
+        assert left @ left < rows + 5 * np.sqrt(2 * rows)
+        assert point.u[0] * 1e3 == pytest.approx(true, rel=0.1)

@@ -1,5 +1,6 @@
 """From a calibrated model to what is said: search, noise, judgement; of any machine."""
 
+import dataclasses
 from typing import Any
 
 from ._answer import (
@@ -7,6 +8,7 @@ from ._answer import (
     AbstractEvidence,
     Diagnosis,
     Shown,
+    Verdict,
     baseline_table,
     gaps,
     judge,
@@ -19,7 +21,15 @@ from ._answer import (
     separating,
     shown_noise,
 )
-from ._search import Explored, Point, Search, SearchPath, SearchResult, upper_limits
+from ._search import (
+    Explored,
+    Point,
+    Search,
+    SearchPath,
+    SearchResult,
+    upper_limits,
+    within_doubt,
+)
 
 
 def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis:
@@ -83,6 +93,8 @@ def _said(
     judged = judge(
         outcome, shown, first, last, model.settings.equal, evidence.closing, confirmed_on
     )
+    if judged.verdict == "unknown":
+        judged = _beside_doubt(evidence, outcome, first, judged)
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     known = judged.verdict in ("named", "ambiguous")
     point = outcome.fit.point if known else outcome.baseline.point
@@ -116,6 +128,25 @@ def _said(
                       "after": after, "where": everything, "learned": learned,
                       "evidence": evidence, "shown": shown}  # fmt: skip
     return result
+
+
+def _beside_doubt(
+    evidence: AbstractEvidence, outcome: SearchResult, first, judged: Verdict
+) -> Verdict:
+    """The verdict once what the calibration leaves open is granted to the held-out runs."""
+    model = evidence.model
+    point = within_doubt(model, outcome.fit)
+    if point is None:
+        return judged
+    (left,) = model.residuals([point], "held-out")
+    again = judge(
+        outcome, shown_noise(evidence, point), first, evidence.columns(left, "held-out"),
+        model.settings.equal, evidence.closing, evidence.confirmed_on,
+    )  # fmt: skip
+    if again.verdict == "unknown":
+        return judged
+    text = f"{again.reason}, where that which the calibration leaves open is granted"
+    return dataclasses.replace(again, reason=text)
 
 
 def _limits(model, outcome: SearchResult) -> list[dict[str, Any]]:

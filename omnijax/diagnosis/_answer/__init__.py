@@ -21,4 +21,5 @@ from .shown import wrong as wrong
 from .sizes import Sizes as Sizes
 from .sizes import effect_sizes_on_held_out as effect_sizes_on_held_out
 from .verdict import JUDGES as JUDGES
+from .verdict import Verdict as Verdict
 from .verdict import judge as judge

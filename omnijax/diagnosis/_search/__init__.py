@@ -5,6 +5,7 @@ from .candidates import Candidate as Candidate
 from .candidates import Context as Context
 from .candidates import candidates as candidates
 from .candidates import number as number
+from .doubt import within_doubt as within_doubt
 from .fit import Fit as Fit
 from .fit import refit as refit
 from .fit import steps_of as steps_of
