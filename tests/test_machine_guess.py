@@ -339,7 +339,9 @@ def test_an_angle_within_one_turn_goes_on_and_missing_samples_are_bridged(tmp_pa
     table = {"t": t, "torque": u, "angle_deg": degrees}
     log = written(tmp_path / "a.csv", {k: x[kept] for k, x in table.items()})
     assert float(new_case(tmp_path, [log]).inertia) == pytest.approx(J, rel=0.1)
-    for read in read_machine_case(tmp_path / "case").logs:
+    logs = read_machine_case(tmp_path / "case").logs
+    assert [read.name for read in logs] == ["a train", "a held-out"]
+    for read in logs:
         assert np.max(np.abs(np.diff(read.outputs["position"]))) < 1
 
 

@@ -231,12 +231,12 @@ def _on_a_grid(file: LogFile, signals, inputs, outputs, measured: str | None, fa
                       "they are left out.")  # fmt: skip
         signals = {k: x[keep] for k, x in signals.items()}
         t = signals["t"]
-    for name in [k for k, unit in outputs.items() if unit == "rad" and k in signals]:
-        told = unwound(signals[name])
-        if told is not signals[name]:
-            faults.append(f"{file.log.name}: the {name} is told within one turn; it is read as one "
-                          "that goes on.")  # fmt: skip
-            signals[name] = told
+    for angle in [k for k, unit in outputs.items() if unit == "rad" and k in signals]:
+        told = unwound(signals[angle])
+        if told is not signals[angle]:
+            faults.append(f"{file.log.name}: the {angle} is told within one turn; it is read as "
+                          "one that goes on.")  # fmt: skip
+            signals[angle] = told
     if measured and np.ptp(signals[measured]) == 0:
         raise InputError(f"{file.log.name}: the {measured} never changes: all at rest.")
     step = float(np.median(np.diff(t)))
