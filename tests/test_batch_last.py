@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from omnijax.simulation import side_by_side
+from omnijax.simulation._batch_last import in_parts
+from omnijax.simulation._batch_last.transform import LANES
 
 TABLE = jnp.asarray(np.random.default_rng(0).normal(size=(5, 3)))
 
@@ -71,6 +73,28 @@ def test_the_batch_last_gives_what_the_batch_first_gives(function, size):
     for a, b in zip(jax.tree.leaves(wanted), jax.tree.leaves(found), strict=True):
         assert a.shape == b.shape and a.dtype == b.dtype
         np.testing.assert_allclose(b, a, rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [LANES, LANES + 1, 3 * LANES - 5])
+@pytest.mark.parametrize("mapped", [side_by_side, lambda f: in_parts(jax.vmap(f))])
+def test_a_large_batch_is_worked_out_in_parts_and_in_order(mapped, size):
+    widths = []
+
+    def function(tree):
+        return {"power": tree["a"] ** 2 @ tree["b"], "same": TABLE, "count": jnp.argmax(tree["a"])}
+
+    def seen(x):  # how many rows a part has
+        widths.append(len(x["a"]))
+        return jax.vmap(function)(x)
+
+    rng = np.random.default_rng(size)
+    tree = {"a": rng.normal(size=(size, 3)), "b": rng.normal(size=(size, 3, 2))}
+    wanted, found = jax.vmap(function)(tree), jax.jit(mapped(function))(tree)
+    for a, b in zip(jax.tree.leaves(wanted), jax.tree.leaves(found), strict=True):
+        assert a.shape == b.shape and a.dtype == b.dtype
+        np.testing.assert_allclose(b, a, rtol=1e-12, atol=1e-12)
+    in_parts(lambda x: seen({"a": x, "b": jnp.ones((*x.shape, 2))}))(tree["a"])
+    assert max(widths) <= LANES
 
 
 def test_several_arrays_of_one_design_and_none_of_its_own():

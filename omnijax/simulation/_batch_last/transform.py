@@ -23,6 +23,8 @@ from .products import dot_general
 from .rules import RULES
 from .values import Call, Rule, Value
 
+LANES = 128  # of a batch worked out together
+WIDTH = 8  # numbers that a processor works on at once
 ALL: dict[str, Rule] = {**RULES, **LOOPS, "dot_general": dot_general}
 
 
@@ -47,13 +49,38 @@ def vmap_last(function: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def side_by_side(function: Callable[..., Any]) -> Callable[..., Any]:
-    """`jax.vmap(function)`, the batch in front of its arrays, worked out with the batch last."""
+    """`jax.vmap(function)`, the batch in front of its arrays, worked out with the batch last.
+
+    In parts, as `in_parts` says.
+    """
     last = vmap_last(function)
 
     def moved(tree, start, end):
         return jax.tree.map(lambda x: jnp.moveaxis(jnp.asarray(x), start, end), tree)
 
-    return lambda *arguments: moved(last(*moved(arguments, 0, -1)), -1, 0)
+    return in_parts(lambda *arguments: moved(last(*moved(arguments, 0, -1)), -1, 0))
+
+
+def in_parts(mapped: Callable[..., Any]) -> Callable[..., Any]:
+    """A mapped function of arrays (b, ...), no more than `LANES` at a time.
+
+    What one step of so many needs stays in a processor's caches.  Parts are alike, a multiple of
+    `WIDTH` each; the last row fills up the last one.
+    """
+
+    @functools.wraps(mapped)
+    def parted(*arguments: Any) -> Any:
+        count = jax.tree.leaves(arguments)[0].shape[0]
+        if count <= LANES:
+            return mapped(*arguments)
+        parts = -(-count // LANES)
+        lanes = -(-count // (parts * WIDTH)) * WIDTH
+        rows = jnp.minimum(jnp.arange(parts * lanes), count - 1).reshape(parts, lanes)
+        cut = jax.tree.map(lambda x: jnp.asarray(x)[rows], arguments)
+        found = jax.lax.map(lambda some: mapped(*some), cut)
+        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], found)
+
+    return parted
 
 
 def _evaluated(closed: ClosedJaxpr, arguments: Sequence[Value], size: int) -> list[Value]:

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int
 
 from ...dynamics import Model, linear_system, position_input, torque_driven
 from ...rig import Rig
-from .._batch_last import side_by_side
+from .._batch_last import in_parts, side_by_side
 from .._channels import trajectory
 from .._commands import torque_inputs
 from .._drives import TorqueDrive
@@ -206,5 +206,4 @@ def _simulate_many(rigs, drive, ts, model: str, substeps, method: str) -> Trajec
     def one(arrays):
         return simulate_fixed(eqx.combine(arrays, static), drive, ts, model, substeps, method)
 
-    spread = side_by_side if method == RUNGE_KUTTA else jax.vmap
-    return spread(one)(arrays)
+    return (side_by_side(one) if method == RUNGE_KUTTA else in_parts(jax.vmap(one)))(arrays)

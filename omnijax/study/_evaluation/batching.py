@@ -9,7 +9,7 @@ BATCH = {
     "bulk": 2048,
     "steady-bulk": 2048,
     "propagation": 32,
-    "fixed": 256,
+    "fixed": 128,
     "full": 32,
 }
 CHANNELS = 75  # numbers kept a sample of a run
