@@ -74,6 +74,7 @@ def test_what_the_runs_cannot_tell_apart_is_ambiguous_with_every_rival(ambiguous
         assert effect.evidence.get("margin", 0.0) < 25
 
 
+@pytest.mark.full
 def test_the_next_experiment_tells_them_apart(ambiguous, turning, plant, tmp_path):
     proposed = ambiguous.next_experiment
     separations = [x["separation"] for x in proposed["compared"]]

@@ -23,6 +23,7 @@ from omnijax.vibration import contact_load
 pytestmark = pytest.mark.long
 
 
+@pytest.mark.full
 def test_figures_and_margins_are_those_of_each_design():
     """Drawn designs: a wheel at rest, wheels backwards, a force, a damaged roller, runout."""
     rng = drawn_anew("wheels and operating points")
