@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from omnijax import InputError
-from omnijax.diagnosis._answer import RigEvidence
+from omnijax.diagnosis._answer import AbstractEvidence, RigEvidence
 from omnijax.diagnosis._answer.shown import Shown, shown_noise
 from omnijax.diagnosis._answer.verdict import judge
 from omnijax.diagnosis._answered import explained
@@ -16,6 +16,7 @@ from omnijax.diagnosis._machine.data_vector import DataRows, _filters
 from omnijax.diagnosis._machine.roles import with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._noise import step_of
+from omnijax.diagnosis._ode.evidence import OdeEvidence
 from omnijax.diagnosis._search import SETTINGS, Effect, Search
 from omnijax.diagnosis._search.held_out import HeldOut, Trial
 from omnijax.diagnosis._search.levels import Level, levels, white_level
@@ -130,15 +131,20 @@ def test_no_run_is_said_to_be_held_out_where_none_was(effects):
             assert not (on == "nothing" and "runs confirm" in reason and effects)
 
 
+RIG, AXIS = AbstractEvidence.alike, OdeEvidence.alike
+
+
 @pytest.mark.parametrize(
-    "times, noise, other",
-    [(1.4, 1.0, True),  # the fitted runs gave it another size than it has elsewhere
-     (0.6, 1.0, True),
-     (1.05, 1.0, False),  # sure, but within what a prediction may be off
-     (1.4, 30.0, False),  # no more than the noise leaves open
-     (1.0, 1.0, False)],
+    "times, noise, alike, other",
+    [(1.4, 1.0, RIG, True),  # the fitted runs gave it another size than it has elsewhere
+     (0.6, 1.0, RIG, True),
+     (1.05, 1.0, RIG, False),  # sure, but within what a prediction may be off
+     (1.4, 30.0, RIG, False),  # no more than the noise leaves open
+     (1.0, 1.0, RIG, False),
+     (0.7, 1.0, AXIS, False),  # grease warms from log to log
+     (0.4, 1.0, AXIS, True)],
 )  # fmt: skip
-def test_what_held_out_runs_show_at_another_size_is_not_named(times, noise, other):
+def test_what_held_out_runs_show_at_another_size_is_not_named(times, noise, alike, other):
     rng = np.random.default_rng(9)
     change = np.cos(0.01 * np.arange(N))
     before = times * change + noise * rng.normal(size=N)
@@ -151,7 +157,7 @@ def test_what_held_out_runs_show_at_another_size_is_not_named(times, noise, othe
     level = Level(1.0, 0.01, 1.0)
     shown = Shown(({"a_x": level},), ("held-out",), {"a_x": 0.0}, ([], []))
     columns = [{"a_x": before}]
-    verdict = judge(found, shown, columns, columns)  # pyright: ignore[reportArgumentType]
+    verdict = judge(found, shown, columns, columns, alike=alike)  # pyright: ignore
     assert verdict.verdict == ("unknown" if other else "named")
     assert ("times what x@w1 foretells" in verdict.reason) == other
 

@@ -90,9 +90,7 @@ def _said(
     (after,) = model.residuals([outcome.fit.point], "held-out")
     first, last = evidence.columns(before, "held-out"), evidence.columns(after, "held-out")
     confirmed_on = evidence.confirmed_on
-    judged = judge(
-        outcome, shown, first, last, model.settings.equal, evidence.closing, confirmed_on
-    )
+    judged = _judged(evidence, outcome, shown, first, last)
     if judged.verdict == "unknown":
         judged = _beside_doubt(evidence, outcome, first, judged)
     tell(f"verdict: {judged.verdict} ({judged.reason})")
@@ -130,6 +128,16 @@ def _said(
     return result
 
 
+def _judged(
+    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, first, last
+) -> Verdict:
+    """The verdict, by what this kind of machine is held to."""
+    return judge(
+        outcome, shown, first, last, evidence.model.settings.equal, evidence.closing,
+        evidence.alike, evidence.confirmed_on,
+    )  # fmt: skip
+
+
 def _beside_doubt(
     evidence: AbstractEvidence, outcome: SearchResult, first, judged: Verdict
 ) -> Verdict:
@@ -139,10 +147,8 @@ def _beside_doubt(
     if point is None:
         return judged
     (left,) = model.residuals([point], "held-out")
-    again = judge(
-        outcome, shown_noise(evidence, point), first, evidence.columns(left, "held-out"),
-        model.settings.equal, evidence.closing, evidence.confirmed_on,
-    )  # fmt: skip
+    last = evidence.columns(left, "held-out")
+    again = _judged(evidence, outcome, shown_noise(evidence, point), first, last)
     if again.verdict == "unknown":
         return judged
     text = f"{again.reason}, where that which the calibration leaves open is granted"

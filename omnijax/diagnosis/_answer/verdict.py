@@ -15,7 +15,7 @@ JUDGES = {  # who confirms, by `confirmed_on`
     "nothing": "the fitted runs themselves",
 }
 EXCESS = 0.3  # sigma: below this in every channel, simulation and data agree
-OFF, SURELY = 0.1, 5.0  # share, and 1-sigma, by which held-out runs may show another size: chosen
+SURELY = 5.0  # 1-sigma, by which held-out runs may show another size: chosen
 
 Columns = list[dict[str, np.ndarray]]  # by held-out run and channel, in assumed sigma
 
@@ -48,6 +48,7 @@ def judge(
     after: Columns,
     rivals: float = SETTINGS.equal,
     closing: float = AbstractEvidence.closing,
+    alike: float = AbstractEvidence.alike,
     confirmed_on: str = "held-out",
 ) -> Verdict:
     """The verdict, from held-out residuals before and after and the noise that the data show.
@@ -56,7 +57,8 @@ def judge(
 
     Nothing is unknown but what hangs on the machine's state, at `where`'s own false-discovery rate.
     `rivals` is the margin below which two effects explain the runs equally well, `closing` the
-    share of the held-out gap that a named set has to close.
+    share of the held-out gap that a named set has to close, `alike` the one by which held-out runs
+    may show an effect at another size.
     """
     first, last = squares(before), squares(after)
     floor = {c: shown.ratio(c, "held-out") ** 2 for c in last}
@@ -75,7 +77,7 @@ def judge(
     if open_ and closed < closing:
         text = f"the best known effects close {100 * closed:.0f} % of the gap on {who}"
         return Verdict("unknown", closed, equals, text, noise)
-    other = of_another_size(outcome)
+    other = of_another_size(outcome, alike)
     if other:
         text = f"{who} show {other}: a missing effect that no known law describes"
         return Verdict("unknown", closed, equals, text, noise)
@@ -88,7 +90,7 @@ def judge(
     return Verdict("named", closed, equals, text, noise)
 
 
-def of_another_size(outcome: SearchResult) -> str:
+def of_another_size(outcome: SearchResult, alike: float) -> str:
     """Of the named effect that held-out runs contradict most, what they show; or nothing.
 
     Beside the right law what is left there is noise, and the change d that the effect makes is
@@ -102,7 +104,7 @@ def of_another_size(outcome: SearchResult) -> str:
             continue
         off = held.multiplier - 1
         sigmas = abs(off) / math.sqrt(held.spread / held.size + held.spread / gain)
-        if abs(off) > OFF and sigmas > worst:
+        if abs(off) > alike and sigmas > worst:
             name = outcome.fit.point.effects[i].name
             worst, said = sigmas, f"{held.multiplier:.2f} times what {name} foretells"
     return said
