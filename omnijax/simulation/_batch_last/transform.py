@@ -77,8 +77,8 @@ def in_parts(mapped: Callable[..., Any]) -> Callable[..., Any]:
         lanes = -(-count // (parts * WIDTH)) * WIDTH
         rows = jnp.minimum(jnp.arange(parts * lanes), count - 1).reshape(parts, lanes)
         cut = jax.tree.map(lambda x: jnp.asarray(x)[rows], arguments)
-        found = jax.lax.map(lambda some: mapped(*some), cut)
-        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], found)
+        joined = jax.lax.map(lambda some: mapped(*some), cut)
+        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], joined)
 
     return parted
 
