@@ -1,5 +1,6 @@
 """Signatures against differences of the whole prediction, law by law."""
 
+import dataclasses
 from types import SimpleNamespace
 
 import numpy as np
@@ -248,6 +249,37 @@ def test_a_line_of_which_the_model_takes_up_most_is_ranked_by_what_is_left(agree
     some = orders._peaks(grid, few, orders.BEST, apart)
     best = max(float(full[np.abs(grid - m) <= apart].max()) for m in some)
     assert best > 0.99 * whole, "neither it nor one that explains as much is weighed in full"
+
+
+@pytest.mark.parametrize("law", ["motor-ripple", "current-ripple"])
+def test_a_high_order_is_found_where_few_lines_are_weighed(agreeing, law, monkeypatch):
+    """Of high orders one in `SPARSE` tells how large lines are; what they have in common, each."""
+    monkeypatch.setattr(orders, "DENSE", orders.TOGETHER)
+    model, point, _, _ = agreeing
+    rng, bases = drawn_anew(f"sparse {law}"), model.bases(point)
+    rows, wheel, rate = [model.machine.rows[b.index] for b in bases], int(rng.integers(3)), 6.0
+    turning = []
+    for base in bases:  # a wheel that never rests: there all waves are alike
+        time = np.arange(len(base.motion.theta)) * base.motion.step
+        speed = np.tile(rate + rng.uniform(0.5, 1.5) * np.cos(time)[:, None], 3)
+        theta = base.motion.step * np.cumsum(speed, axis=0)
+        motion = dataclasses.replace(base.motion, theta=theta, speed=speed)
+        turning.append(dataclasses.replace(base, motion=motion))
+    grid = orders._grid(turning, wheel)
+    assert len(grid) > 4 * orders.TOGETHER
+    order = float(rng.uniform(grid[orders.TOGETHER], grid[-1]))
+    line = [orders._waves(b, r, law, wheel, np.array([order]))[0, 0]
+            for b, r in zip(turning, rows, strict=True)]  # fmt: skip
+    size = np.linalg.norm(np.concatenate(line))
+    left = [
+        (20 * x / size + rng.normal(size=x.size)).reshape(r.rotation.shape)
+        for x, r in zip(line, rows, strict=True)
+    ]
+    taken = [np.zeros((x.size, 0)) for x in left]
+    gains = orders._estimated(turning, left, rows, taken, law, wheel, grid)
+    step = grid[1] - grid[0]
+    best = orders._peaks(grid, gains, 8, orders.CLOSER * step)
+    assert min(abs(n - order) for n in best) < 2 * step
 
 
 STRENGTH = {"motor-ripple": "amplitude", "current-ripple": "g"}

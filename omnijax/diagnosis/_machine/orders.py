@@ -23,9 +23,10 @@ from .runs import FINE
 GRID = 4  # orders tried within one resolution of the travel: at most 4 % of a line lost between
 CLOSER = 2  # steps apart are the best; times as many neighbours are looked at
 PEAKS = 3
-MOST = 1200  # orders of a wheel
+MOST = 6000  # orders of a wheel
+DENSE, SPARSE = 1216, 8  # so many are weighed each, of those above one in so many
 LOWEST = 1.0  # windows take off what is slower
-FAST = 0.5  # quantile of the speed at which lines may not pass half the sampling rate
+USUAL, NEARLY_ANY = 0.5, 0.9  # quantiles of the speed at which lines lie below half the sampling
 TOGETHER = 64  # orders computed at a time
 THINNED = 8  # samples from one at which a line's size is computed to the next
 LEFT, ROUGHLY = 1e-6, 1e-3  # of a line, what counts as left of it at least; from `THINNED` samples
@@ -84,18 +85,42 @@ def _refined(
 
 
 def _estimated(bases, rests, rows, taken, law: str, k: int, grid: np.ndarray) -> np.ndarray:
-    """`_gains` over an even `grid`, the sizes of lines from `THINNED` samples."""
-    gram, right = np.zeros((len(grid), 2, 2)), np.zeros((len(grid), 2))
+    """`_gains` over an even `grid`, the sizes of lines from `THINNED` samples.
+
+    The higher an order, the less of it the model's own numbers take up: what is left of a line
+    changes slowly there, and is the same of its cosine and its sine.
+    """
+    right = np.zeros((len(grid), 2))
+    for base, rest, r in zip(bases, rests, rows, strict=True):
+        right += _in_common(base, rest, r, law, k, grid)
+    dense = DENSE if len(grid) > DENSE + SPARSE else len(grid)
+    gains = _explained(_thinly_left(bases, rows, taken, law, k, grid[:dense]), right[:dense])
+    if dense == len(grid):
+        return gains
+    few = grid[dense::SPARSE]
+    left = _thinly_left(bases, rows, taken, law, k, few, TOGETHER // SPARSE)
+    sizes = np.trace(left, axis1=1, axis2=2) / 2
+    sizes = np.maximum(np.interp(grid[dense:], few, sizes), 1e-300)
+    return np.concatenate([gains, np.sum(right[dense:] ** 2, axis=1) / sizes])
+
+
+def _thinly_left(
+    bases, rows, taken, law: str, k: int, grid: np.ndarray, together: int = TOGETHER
+) -> np.ndarray:
+    """`_left` (orders, 2, 2) of lines over an even `grid`, from `THINNED` samples.
+
+    The mean between samples is that of the middle of orders `together`.
+    """
+    gram = np.zeros((len(grid), 2, 2))
     inside = np.zeros((len(grid), 2, taken[0].shape[1]))
     own = np.eye(inside.shape[2])  # of the directions with each other, all other rows as they are
-    for base, rest, r, way in zip(bases, rests, rows, taken, strict=True):
+    for base, r, way in zip(bases, rows, taken, strict=True):
         few = _thinned(r, way)
-        size, part = _sizes(base, r, few, law, k, grid)
+        size, part = _sizes(base, r, few, law, k, grid, together)
         gram, inside = gram + size, inside + part
         own += few.T @ few - way.T @ way
-        right += _in_common(base, rest, r, law, k, grid)
     inside = np.swapaxes(np.linalg.solve(np.linalg.cholesky(own), np.swapaxes(inside, 1, 2)), 1, 2)
-    return _explained(gram, right, inside, ROUGHLY)
+    return _left(gram, inside, ROUGHLY)
 
 
 def _thinned(rows: DataRows, taken: np.ndarray) -> np.ndarray:
@@ -113,7 +138,9 @@ def _kept(rows: DataRows) -> np.ndarray:
     return np.arange(THINNED - 1, rows.samples // THINNED * THINNED, THINNED)
 
 
-def _sizes(base: Linearisation, rows: DataRows, taken, law: str, k: int, grid: np.ndarray):
+def _sizes(
+    base: Linearisation, rows: DataRows, taken, law: str, k: int, grid: np.ndarray, together: int
+):
     """Of each line's cosine and sine, from `THINNED` samples: inner products (orders, 2, 2) with
     each other and (orders, 2, k) with the directions `taken`."""
     h, axes, rates, factor = base.run.step, _axes(base), _rates(base, k), _factor(base, law, k)
@@ -125,10 +152,10 @@ def _sizes(base: Linearisation, rows: DataRows, taken, law: str, k: int, grid: n
     keep = _kept(rows)
     weight = rows.rotation[keep] * np.sqrt(THINNED)
     windows = _thinned_windows(rows, keep)
-    block = np.exp(1j * np.outer(np.arange(TOGETHER) * (grid[1] - grid[0]), theta))
+    block = np.exp(1j * np.outer(np.arange(together) * (grid[1] - grid[0]), theta))
     out, inside = np.zeros((len(grid), 2, 2)), np.zeros((len(grid), 2, taken.shape[1]))
-    for first in range(0, len(grid), TOGETHER):
-        count = min(TOGETHER, len(grid) - first)
+    for first in range(0, len(grid), together):
+        count = min(together, len(grid) - first)
         mean = np.sinc(grid[first + count // 2] * passed) * factor[:samples]
         wave = block[:count] * (mean * np.exp(1j * grid[first] * theta))
         wave = wave.reshape(count, -1, THINNED)
@@ -189,17 +216,19 @@ def _in_common(
 
 def _gains(bases, rests, rows, taken, law: str, k: int, orders: np.ndarray) -> np.ndarray:
     """Fall of chi-square by a line of each order, its cosine and sine free."""
-    return _explained(*_products(bases, rests, rows, taken, law, k, orders))
+    gram, right, inside = _products(bases, rests, rows, taken, law, k, orders)
+    return _explained(_left(gram, inside), right)
 
 
-def _explained(gram, right, inside, least: float = LEFT) -> np.ndarray:
-    """right . left^-1 . right of every order, with what is left of gram beside `inside`.
-
-    gram is (orders, 2, 2), right (orders, 2), inside (orders, 2, k); the share `least` is left.
-    """
+def _left(gram, inside, least: float = LEFT) -> np.ndarray:
+    """What is left of gram (orders, 2, 2) beside `inside` (orders, 2, k); `least` of it always."""
     size = np.trace(gram, axis1=1, axis2=2)[:, None, None]
     left = (1 + least) * gram - inside @ np.swapaxes(inside, 1, 2)
-    left += (1e-9 * size + 1e-300) * np.eye(2)
+    return left + (1e-9 * size + 1e-300) * np.eye(2)
+
+
+def _explained(left, right) -> np.ndarray:
+    """right . left^-1 . right of every order, `left` (orders, 2, 2) and `right` (orders, 2)."""
     return np.einsum("na,na->n", right, np.linalg.solve(left, right[:, :, None])[:, :, 0])
 
 
@@ -279,13 +308,17 @@ def _waves(base: Linearisation, rows: DataRows, law: str, k: int, orders: np.nda
 
 
 def _grid(bases: Sequence[Linearisation], k: int) -> np.ndarray:
-    """Orders of wheel `k`: from `LOWEST` to half a turn of the wave a sample at a usual speed."""
+    """Orders of wheel `k`: from `LOWEST` to half a turn of the wave a sample at a usual speed.
+
+    Of the sparsely weighed ones, at nearly any speed: they are alike only where samples tell them.
+    """
     theta = [b.motion.theta[:, k] for b in bases]  # a wave has one phase in all runs
     travel = float(max(map(np.max, theta)) - min(map(np.min, theta)))
-    speed = np.quantile(np.abs(np.concatenate([b.motion.speed[:, k] for b in bases])), FAST)
+    speed = np.abs(np.concatenate([b.motion.speed[:, k] for b in bases]))
+    usual, nearly_any = np.maximum(np.quantile(speed, (USUAL, NEARLY_ANY)), 1e-6)
     step = 2 * np.pi / max(travel, 2 * np.pi) / GRID
-    top = np.pi / bases[0].run.step / max(float(speed), 1e-6)
-    top = min(top, LOWEST + MOST * step)
+    half = np.pi / bases[0].run.step
+    top = min(half / usual, max(LOWEST + DENSE * step, half / nearly_any), LOWEST + MOST * step)
     return np.arange(LOWEST, max(top, LOWEST + 4 * step), step)
 
 
