@@ -153,20 +153,24 @@ def _with_load(one: Guess, table, others: Sequence[str], rate, free: bool) -> Gu
     """
     best, told = one, 0.0
     for name in others:
-        columns = (name, rate, None) if one.measured == "position" else (None, rate, name)
         try:
-            other = _described(one.log, table, one.time, one.input, *columns)
+            other = _of_column(one, table, name, one.measured, rate)
         except InputError:
             continue
         if other.motion != one.motion or other.samples != one.samples:
             continue
         for motor, load in ((one, other), (other, one))[: 1 + free]:
-            signals = dataclasses.replace(motor.signals, second=load.signals.position)
-            known = coupled([signals], one.turns())
+            both = _loaded(motor, load)
+            known = coupled([both.signals], one.turns())
             if known is not None and known.told > told:
-                told, column = known.told, load.position or load.velocity
-                best = dataclasses.replace(motor, signals=signals, second=column)
+                best, told = both, known.told
     return best
+
+
+def _loaded(motor: Guess, load: Guess) -> Guess:
+    """The guess of a motor, with the column of another guess as its load's."""
+    signals = dataclasses.replace(motor.signals, second=load.signals.position)
+    return dataclasses.replace(motor, signals=signals, second=load.position or load.velocity)
 
 
 def of_one_machine(guesses: Sequence[Guess]) -> list[Guess]:
@@ -177,25 +181,23 @@ def of_one_machine(guesses: Sequence[Guess]) -> list[Guess]:
     told = next((one for one in guesses if one.second), None)
     if told is None or all(one.second for one in guesses):
         return list(guesses)
-    assert told.second is not None
-    columns = (told.position or told.velocity, told.second)
-    pairs = [[_of_column(one, k, told.measured) for k in columns] for one in guesses]
-    if any(m is None or x is None or m.samples != x.samples for m, x in pairs):
-        return [_alone(one) for one in guesses]
-    loaded = [
-        dataclasses.replace(m, second=told.second,
-                            signals=dataclasses.replace(m.signals, second=x.signals.position))
-        for m, x in pairs if m and x
-    ]  # fmt: skip
-    known = coupled([one.signals for one in loaded], told.turns())
-    return loaded if known else [_alone(one) for one in guesses]
+    columns = [k for k in (told.position, told.velocity, told.second) if k]
+    tables = [read_table(one.log) for one in guesses]
+    if all(k in table.columns for table in tables for k in columns):
+        pairs = [
+            [_of_column(one, table, k, told.measured, None if one.time else one.rate)
+             for k in columns]
+            for one, table in zip(guesses, tables, strict=True)
+        ]  # fmt: skip
+        if all(motor.samples == load.samples for motor, load in pairs):
+            loaded = [_loaded(motor, load) for motor, load in pairs]
+            if coupled([one.signals for one in loaded], told.turns()):
+                return loaded
+    return [_alone(one) for one in guesses]
 
 
-def _of_column(one: Guess, column: str | None, measured: str) -> Guess | None:
-    """The guess of the same log with another column as what was measured, or None."""
-    table, rate = read_table(one.log), None if one.time else one.rate
-    if column not in table.columns:
-        return None
+def _of_column(one: Guess, table, column: str, measured: str, rate: float | None) -> Guess:
+    """The guess of the same log with another column as what was measured."""
     position, velocity = (column, None) if measured == "position" else (None, column)
     return _described(one.log, table, one.time, one.input, position, rate, velocity)
 

@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 from .._lazy import lazy_face
 
 if TYPE_CHECKING:
+    from ._batch_last import LANES as LANES
+    from ._batch_last import WIDTH as WIDTH
     from ._batch_last import side_by_side as side_by_side
     from ._between import SENSOR_POINTS as SENSOR_POINTS
     from ._between import at_samples as at_samples

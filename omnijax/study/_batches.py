@@ -7,9 +7,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..simulation import side_by_side
+from ..simulation import WIDTH, side_by_side
 
-MANY = 8  # numbers that a processor works on at once
 Order = Literal["in turn", "side by side", "batch last"]
 
 
@@ -37,12 +36,12 @@ def each(function: Callable[..., Any], rows: Sequence[Any], order: Order) -> Any
     """`function(*row)` of every row of `rows` (trees of arrays, leading axis: row).
 
     What takes the same steps for every row goes `side by side`; with the `batch last`
-    (`side_by_side`) where many small steps make up the time, and there are `MANY` rows.  A closed
+    (`side_by_side`) where many small steps make up the time, and there are `WIDTH` rows.  A closed
     form looks for its maxima in loops that end when they are found: side by side, each row would
     wait for the slowest, and take both sides of every choice; so rows go `in turn`.
     """
     count = jax.tree.leaves(rows[0])[0].shape[0]
-    if order == "batch last" and count >= MANY:
+    if order == "batch last" and count >= WIDTH:
         return side_by_side(function)(*rows)
     if order != "in turn":
         return jax.vmap(function)(*rows)

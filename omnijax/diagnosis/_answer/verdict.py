@@ -103,7 +103,7 @@ def of_another_size(outcome: SearchResult, alike: float) -> str:
         if not (gain > 0 and np.isfinite(held.gain) and held.size > 0):
             continue
         off = held.multiplier - 1
-        sigmas = abs(off) / math.sqrt(held.spread / held.size + held.spread / gain)
+        sigmas = abs(off) / held.error(gain)
         if abs(off) > alike and sigmas > worst:
             name = outcome.fit.point.effects[i].name
             worst, said = sigmas, f"{held.multiplier:.2f} times what {name} foretells"

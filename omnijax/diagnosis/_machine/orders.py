@@ -93,33 +93,33 @@ def _estimated(bases, rests, rows, taken, law: str, k: int, grid: np.ndarray) ->
     right = np.zeros((len(grid), 2))
     for base, rest, r in zip(bases, rests, rows, strict=True):
         right += _in_common(base, rest, r, law, k, grid)
+    thinned = [_thinned(r, way) for r, way in zip(rows, taken, strict=True)]
+    own = np.eye(taken[0].shape[1])  # of the directions with each other, all other rows as they are
+    own += sum(few.T @ few - way.T @ way for few, way in zip(thinned, taken, strict=True))
+    left = functools.partial(_thinly_left, bases, rows, thinned, np.linalg.cholesky(own), law, k)
     dense = DENSE if len(grid) > DENSE + SPARSE else len(grid)
-    gains = _explained(_thinly_left(bases, rows, taken, law, k, grid[:dense]), right[:dense])
+    gains = _explained(left(grid[:dense]), right[:dense])
     if dense == len(grid):
         return gains
-    few = grid[dense::SPARSE]
-    left = _thinly_left(bases, rows, taken, law, k, few, TOGETHER // SPARSE)
-    sizes = np.trace(left, axis1=1, axis2=2) / 2
-    sizes = np.maximum(np.interp(grid[dense:], few, sizes), 1e-300)
+    some = grid[dense::SPARSE]
+    sizes = np.trace(left(some, TOGETHER // SPARSE), axis1=1, axis2=2) / 2
+    sizes = np.maximum(np.interp(grid[dense:], some, sizes), 1e-300)
     return np.concatenate([gains, np.sum(right[dense:] ** 2, axis=1) / sizes])
 
 
 def _thinly_left(
-    bases, rows, taken, law: str, k: int, grid: np.ndarray, together: int = TOGETHER
+    bases, rows, thinned, root, law: str, k: int, grid: np.ndarray, together: int = TOGETHER
 ) -> np.ndarray:
     """`_left` (orders, 2, 2) of lines over an even `grid`, from `THINNED` samples.
 
-    The mean between samples is that of the middle of orders `together`.
+    `thinned` are the directions there, `root` the Cholesky factor of their inner products.  The
+    mean between samples is that of the middle of orders `together`.
     """
-    gram = np.zeros((len(grid), 2, 2))
-    inside = np.zeros((len(grid), 2, taken[0].shape[1]))
-    own = np.eye(inside.shape[2])  # of the directions with each other, all other rows as they are
-    for base, r, way in zip(bases, rows, taken, strict=True):
-        few = _thinned(r, way)
+    gram, inside = np.zeros((len(grid), 2, 2)), np.zeros((len(grid), 2, len(root)))
+    for base, r, few in zip(bases, rows, thinned, strict=True):
         size, part = _sizes(base, r, few, law, k, grid, together)
         gram, inside = gram + size, inside + part
-        own += few.T @ few - way.T @ way
-    inside = np.swapaxes(np.linalg.solve(np.linalg.cholesky(own), np.swapaxes(inside, 1, 2)), 1, 2)
+    inside = np.swapaxes(np.linalg.solve(root, np.swapaxes(inside, 1, 2)), 1, 2)
     return _left(gram, inside, ROUGHLY)
 
 

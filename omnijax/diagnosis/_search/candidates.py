@@ -222,8 +222,9 @@ def _out_of_round(law, place, context):
     return [Candidate(law.id, place, columns, decode)]
 
 
-GAPS = (0.01, 0.05, 0.3, 0.5, 1.0, 1.5, 2.5, 4.0, 7.0)  # times the RMS of a mount's deflection
-SMALL = (1e-4, 0.1)  # times that RMS: mounts rest for most of a run, so that small ones show too
+# times the RMS of a mount's deflection: mounts rest for most of a run, so that small gaps show too
+LEAST_GAP, SMALL_GAPS = 1e-4, (0.01, 0.05)
+GAPS = (0.3, 0.5, 1.0, 1.5, 2.5, 4.0, 7.0)
 
 
 def _backlash(law, place, context):
@@ -232,13 +233,13 @@ def _backlash(law, place, context):
     rms = context.mount_rms[names.index(place)] if place in names else context.mount_rms.mean()
 
     def decode(c, k):
-        small = k < SMALL[1]
-        return {"gap": rms * (float(np.clip(k * c[0], SMALL[0], GAPS[2])) if small else k)}
+        share = float(np.clip(k * c[0], LEAST_GAP, GAPS[0])) if k in SMALL_GAPS else k
+        return {"gap": rms * share}
 
     return [
         Candidate(law.id, place, (build(law, place, context, gap=k * rms),),
                   lambda c, k=k: decode(c, k), f"gap {k * rms:.2g} m")
-        for k in GAPS
+        for k in (*SMALL_GAPS, *GAPS)
     ]  # fmt: skip
 
 

@@ -50,12 +50,15 @@ class HeldOut:
         """Standard deviations of the multiplier from zero."""
         return self.multiplier * float(np.sqrt(self.size / self.spread))
 
+    def error(self, gain: float) -> float:
+        """1-sigma of the multiplier, the change having gained `gain` on the train runs."""
+        return float(np.sqrt(sum(self.spread / max(x, 1e-300) for x in (self.size, gain))))
+
     def confirms(self, gain: float, settings: SearchSettings = SETTINGS) -> bool:
         """Whether it is the effect that gained `gain` on the train runs."""
         if not np.isfinite(self.gain):
             return False
-        error = self.spread / max(self.size, 1e-300) + self.spread / max(gain, 1e-300)
-        slack = min(3 * np.sqrt(error), 0.15)
+        slack = min(3 * self.error(gain), 0.15)
         same = 1 / settings.share - slack < self.multiplier < settings.share + slack
         return same and self.sure > settings.sure
 

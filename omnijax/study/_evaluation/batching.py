@@ -1,6 +1,7 @@
 """How many designs are evaluated at a time."""
 
 from ..._memory import available
+from ...simulation import LANES
 from .methods import BULK
 
 # designs at a time where memory allows
@@ -9,7 +10,7 @@ BATCH = {
     "bulk": 2048,
     "steady-bulk": 2048,
     "propagation": 32,
-    "fixed": 128,
+    "fixed": LANES,
     "full": 32,
 }
 CHANNELS = 75  # numbers kept a sample of a run
