@@ -20,6 +20,7 @@ def case(
     velocity: str | None = None,
     time: str | None = None,
     rate: float | None = None,
+    unit: Annotated[list[str] | None, Parameter(negative="")] = None,
     held_out: Annotated[list[Path] | None, Parameter(negative="")] = None,
     yes: Annotated[bool, Parameter(negative="")] = False,
     force: Force = False,
@@ -33,7 +34,7 @@ def case(
     action
         `new`: a new case.
     logs
-        Tables of runs: CSV, Parquet, MAT, NetCDF, TDMS, UFF, MDF4, JSON, MCAP.
+        Tables of runs: CSV and other text, Parquet, MAT, NetCDF, TDMS, UFF, MDF4, JSON, MCAP.
     out
         Folder of the case; default: the first log's name.
     input
@@ -46,6 +47,9 @@ def case(
         Column of the time.
     rate
         Sampling rate in Hz of logs without a time.
+    unit
+        Unit of a channel (time, input, position, velocity) that the log does not say, as
+        `position="360/4096 deg"`; may be given several times.
     held_out
         A further log that is never fitted but judges; may be given several times. Without one the
         last third of every log plays it.
@@ -67,7 +71,8 @@ def case(
     if position and velocity:
         raise InputError("give --position or --velocity: an axis is compared by one of both.")
     columns = {"time": time, "given": input, "position": position, "velocity": velocity}
-    guesses = of_one_machine([guess(log, rate, **columns) for log in (*logs, *held)])
+    units = _units(unit or [])
+    guesses = of_one_machine([guess(log, rate, **columns, units=units) for log in (*logs, *held)])
     if len({one.measured for one in guesses}) > 1:
         raise InputError("some logs give a position, others a velocity alone: name one of both "
                          "with --position or --velocity.")  # fmt: skip
@@ -95,6 +100,23 @@ def case(
         write_text(folder / name, text)
     print(f"Wrote {folder}: {', '.join(files)}. Now: omnijax diagnose {folder}")
     return 0
+
+
+def _units(said: list[str]) -> dict[str, str]:
+    """Units by channel of `CHANNEL=UNIT`."""
+    from .._errors import InputError
+
+    out = {}
+    for one in said:
+        channel, mark, unit = one.partition("=")
+        channel = {"time": "t"}.get(channel.strip(), channel.strip())
+        if not mark or channel not in ("t", "input", "position", "velocity"):
+            raise InputError(
+                "--unit must be time, input, position or velocity with its unit, as "
+                f'position="360/4096 deg", but is {one!r}.'
+            )
+        out[channel] = unit.strip()
+    return out
 
 
 input_line = input

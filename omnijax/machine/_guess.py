@@ -3,20 +3,20 @@
 import dataclasses
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from .._errors import InputError
 from ..recording import read_table
-from ..rig import Quantity
 from ._axis import INPUTS
 from ._first_numbers import LogSignals
 from ._hold import input_hold
 from ._log import LEAST, evenly, travelled, unwound
 from ._log import MEASURED as MEASURABLE
 from ._second_numbers import coupled
+from ._unit_of_channel import factor_of
 
 TIME = r"^(t|time|timestamp|zeit|stamp|seconds|sec|ms)\b|time"
 GOAL = r"goal|ref|set_?-?point|target|desired|_des$|soll"
@@ -33,20 +33,22 @@ KINDS = (  # pattern of a name -> how the motor is driven, where its unit does n
     (GOAL, "goal"),
 )  # fmt: skip
 DRIVES = {  # unit of an input -> how the motor is driven
-    "N": "torque", "Nm": "torque", "N m": "torque", "mNm": "torque", "A": "current",
-    "mA": "current", "V": "command", "mV": "command", "deg": "goal", "rad": "goal",
-    "mrad": "goal", "mm": "goal",
-}  # fmt: skip
+    unit: drives for drives, units in (
+        ("torque", "N kN mN Nm Ncm Nmm mNm kNm N·m N*m"), ("current", "A mA µA uA"),
+        ("command", "V mV kV"), ("goal", "° deg degrees rad radians mrad mm"),
+    ) for unit in units.split()
+} | dict.fromkeys(("N m", "N cm", "N mm", "mN m", "kN m"), "torque")  # fmt: skip
 UNIT = re.compile(
-    r"[\[(_ ]\s*(mm|cm|um|m|deg|rad|mrad|ms|us|s|N ?m|mNm|N|A|mA|V|mV"
-    r"|rpm|rev/min|U/min|(?:rad|mrad|deg|mm|cm|m)/s)\s*[\])]?$"
+    r"(?:[\[(_ ]|,|\s*/)\s*(mm|cm|um|µm|m|deg|degrees|°|rad|radians|mrad|ns|us|µs|ms|s"
+    r"|[mk]?N[ ·*]?m|N ?[cm]m|[mk]?N|[muµ]?A|[mk]?V"
+    r"|rpm|rev/min|U/min|1/min|(?:rad|mrad|deg|°|mm|cm|m)/s)\s*[\])]?$"
 )
+WORDS = {"degrees": "deg", "radians": "rad"}
+COUNTS = r"counts?$|ticks|incr?(ement)?s?$"  # of an encoder, whose lines a turn no log tells
 SUPPLY = 0.2  # standard deviation of a voltage over its mean, below which it is a supply's
 RISING = 0.5  # of a clock's steps: stamps of a coarse clock repeat, and their rows are left out
 LONGEST = 0.2  # s, of a step; one that is longer is in a smaller unit
 SMALLER = ("ms", "us", "ns")
-LENGTHS = ("m", "mm", "cm", "um")
-LENGTHS += tuple(f"{u}/s" for u in LENGTHS)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,6 +72,7 @@ class Guess:
     beside: dict[str, str] = dataclasses.field(default_factory=dict)  # further inputs: column
     velocity: str | None = None
     second: str | None = None  # column of a load behind an elastic drive
+    stated: dict[str, str] = dataclasses.field(default_factory=dict)  # units that the user says
 
     @property
     def measured(self) -> str:
@@ -80,6 +83,12 @@ class Guess:
         """How the input is read between its samples, in words."""
         told = input_hold([self.signals], self.turns())
         return told.sentence if told.sure else "held or linear: the diagnosis looks"
+
+    def _read_as(self, unit: str) -> str:
+        """The unit of what was measured where none is said: counts are taken for it as they are."""
+        if not _best([self.position or self.velocity or ""], COUNTS):
+            return unit
+        return f'counts, read as {unit}; say what one is: --unit {self.measured}="360/4096 deg"'
 
     def turns(self) -> bool:
         """Whether it is a rotation."""
@@ -98,7 +107,7 @@ class Guess:
             ("time", self.time or "none: from the rate"),
             ("input", f"{self.input} ({self.drives}, {self.units.get('input', 'as it is')})"),
             *([("input is read as", self.held())] if self.drives != "goal" else []),
-            (self.measured, f"{shown} ({self.units.get(self.measured, unit)})"),
+            (self.measured, f"{shown} ({self.units.get(self.measured, self._read_as(unit))})"),
             *([("load behind a drive", self.load())] if self.second else []),
             *self.beside.items(),
             ("motion", self.motion), ("samples", f"{self.samples} at {self.rate:.6g} Hz"),
@@ -114,9 +123,11 @@ def guess(
     given: str | None = None,
     position: str | None = None,
     velocity: str | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Guess:
     """Look at a log for the columns that are not named.  `rate` in Hz where it has none of time.
 
+    `units` are those of `t`, `input`, `position` or `velocity` that are known: `360/4096 deg`.
     Raises `InputError` where no column looks like the input or the output, where the one that does
     never changes, for a column that the log lacks, or one that is named twice.
     """
@@ -127,23 +138,46 @@ def guess(
     named = (time, given, position, velocity)
     rest, still = ([k for k in some if k not in named]
                    for some in (moving, [k for k in columns if k not in moving]))  # fmt: skip
+    words = _with_units(table)
     if given is None:
-        given = _input([k for k in rest if not _supplies(k, columns[k])])
+        driving = [k for k in rest if not _supplies(k, columns[k])]
+        given = words.column(_input(words.of(driving)))
         if given is None:
             raise _not_found(log, "input", "--input COLUMN", columns, _best(still, INPUT))
     if not (position or velocity):
-        others = [k for k in rest if k != given]
-        position, velocity = _output([k for k in others if not _matches(k, INPUT)] or others)
+        others = words.of([k for k in rest if k != given])
+        shown = _output([k for k in others if not _matches(k, INPUT)] or others)
+        position, velocity = map(words.column, shown)
         if not (position or velocity):
             raise _not_found(
                 log, "position or the speed", "--position COLUMN or --velocity COLUMN",
                 columns, _best(still, f"{POSITION}|{SPEED}"),
             )  # fmt: skip
-    one = _described(log, table, time, given, position, rate, velocity)
-    others = [k for k in rest if k not in (given, position, velocity) and not _best([k], INPUT)]
-    same = [k for k in others if bool(_best([k], SPEED)) == (one.measured == "velocity")]
+    one = _described(log, table, time, given, position, rate, velocity, units)
+    others = [k for k in rest if k not in (given, position, velocity)
+              and not _best(words.of([k]), INPUT)]  # fmt: skip
+    same = [k for k in others
+            if bool(_best(words.of([k]), SPEED)) == (one.measured == "velocity")]  # fmt: skip
     free = (position or velocity) not in named
     return one if one.drives == "goal" else _with_load(one, table, same, rate, free)
+
+
+class _Words(dict[str, str]):
+    """By column its name with the unit that its table says, as names are looked at."""
+
+    def of(self, columns: Sequence[str]) -> list[str]:
+        """The names of some columns."""
+        return [self[k] for k in columns]
+
+    def column(self, word: str | None) -> str | None:
+        """The column of a name."""
+        return next((k for k, x in self.items() if x == word), None)
+
+
+def _with_units(table) -> _Words:
+    """The names of a table's columns, with units that stand apart from them."""
+    apart = {k: u for k, u in table.units.items() if not UNIT.search(k)}
+    return _Words((k, f"{k} [{apart[k]}]" if k in apart else k) for k in table.columns)
 
 
 def _with_load(one: Guess, table, others: Sequence[str], rate, free: bool) -> Guess:
@@ -199,7 +233,10 @@ def of_one_machine(guesses: Sequence[Guess]) -> list[Guess]:
 def _of_column(one: Guess, table, column: str, measured: str, rate: float | None) -> Guess:
     """The guess of the same log with another column as what was measured."""
     position, velocity = (column, None) if measured == "position" else (None, column)
-    return _described(one.log, table, one.time, one.input, position, rate, velocity)
+    known = one.stated if UNIT.search(column) is None else {
+        k: x for k, x in one.stated.items() if k != measured
+    }  # fmt: skip
+    return _described(one.log, table, one.time, one.input, position, rate, velocity, known)
 
 
 def _alone(one: Guess) -> Guess:
@@ -253,7 +290,8 @@ def _output(names: list[str]) -> tuple[str | None, str | None]:
 
 
 def _described(log: Path, table, time: str | None, given: str, position: str | None,
-               rate: float | None, velocity: str | None) -> Guess:  # fmt: skip
+               rate: float | None, velocity: str | None,
+               stated: Mapping[str, str] | None = None) -> Guess:  # fmt: skip
     """The guess with its channels known; the `velocity` is read where there is no position."""
     shown, measured = (velocity, "velocity") if position is None else (position, "position")
     assert shown is not None  # one of both is given
@@ -261,8 +299,9 @@ def _described(log: Path, table, time: str | None, given: str, position: str | N
     units = {
         ours: u for ours, theirs in (("t", time), ("input", given), (measured, shown))
         if theirs and (u := table.units.get(theirs) or _unit(theirs))
-    }  # fmt: skip
-    motion = "translation" if units.get(measured) in LENGTHS else "rotation"
+    } | dict(stated or {})  # fmt: skip
+    lengths = output_unit("translation", measured)
+    motion = "translation" if _is_unit(units.get(measured), lengths) else "rotation"
     drives = _drives(given, units.get("input"))
     if drives == "goal" and (measured == "velocity" or _best([given], SPEED)):
         raise InputError(
@@ -271,6 +310,9 @@ def _described(log: Path, table, time: str | None, given: str, position: str | N
             "voltage: --input COLUMN."
         )
     units = _fitting(units, motion, drives)
+    for channel, unit in (stated or {}).items():
+        if channel not in units:
+            raise InputError(f"{log.name}: {unit!r} is no unit of the {channel}.")
     q = np.asarray(table.columns[shown], float)
     step = 1 / float(rate or 1.0) if time is None else _step_of(table.columns[time], units)
     q = _in_si(q, units.get(measured), output_unit(motion, measured))
@@ -294,7 +336,8 @@ def _described(log: Path, table, time: str | None, given: str, position: str | N
     if measured == "velocity":
         signals = LogSignals(travelled(q, step), u, step, others, q)
     return Guess(log, time, given, position, units, drives, motion, len(q), 1 / step, _noise(q),
-                 signals, beside, None if position else velocity)  # fmt: skip
+                 signals, beside, None if position else velocity,
+                 stated=dict(stated or {}))  # fmt: skip
 
 
 def output_unit(motion: str, measured: str) -> str:
@@ -319,7 +362,7 @@ def _check_columns(log: Path, table, time: str | None, given: str, shown: str) -
 def _step_of(column, units: dict[str, str]) -> float:
     """Median step of a column of times, s; milli- or microseconds where not said but likely."""
     t = np.asarray(column, float)
-    t = t * (Quantity("s").read(f"1 {units['t']}") if "t" in units else 1.0)
+    t = t * (factor_of(units["t"], "s") if "t" in units else 1.0)
     steps = np.diff(t)
     step = float(np.median(steps[steps > 0]))
     for unit in SMALLER if "t" not in units else ():
@@ -369,13 +412,21 @@ def _supplies(name: str, x: np.ndarray) -> bool:
 
 def _unit(name: str) -> str | None:
     match = UNIT.search(name)
-    return match[1] if match else None
+    return WORDS.get(match[1], match[1]) if match else None
+
+
+def _is_unit(said: str | None, si: str) -> bool:
+    """Whether a text is a unit of the quantity whose SI unit is `si`."""
+    try:
+        return said is not None and factor_of(said, si) > 0
+    except ValueError:
+        return False
 
 
 def _in_si(values, unit: str | None, si: str) -> np.ndarray:
     """A channel (t,) in SI, as a log of these units is read."""
     values = np.asarray(values, float)
-    return values if unit in (None, si) else values * Quantity(si).read(f"1 {unit}")
+    return values if unit is None else values * factor_of(unit, si)
 
 
 def _input_unit(motion: str, drives: str) -> str:
@@ -387,11 +438,4 @@ def _fitting(units: dict[str, str], motion: str, drives: str) -> dict[str, str]:
     """Only units of the quantity that a channel has."""
     wanted = {k: output_unit(motion, k) for k in MEASURABLE}
     wanted |= {"t": "s", "input": _input_unit(motion, drives)}
-    out = {}
-    for k, u in units.items():
-        try:
-            Quantity(wanted[k]).read(f"1 {u}")
-        except ValueError:
-            continue
-        out[k] = u
-    return out
+    return {k: u for k, u in units.items() if _is_unit(u, wanted[k])}

@@ -11,6 +11,7 @@ from .._errors import InputError, did_you_mean
 from .._reading import read_toml
 from ..recording import may_be_run, read_table, stem_of
 from ..rig import Quantity
+from ._unit_of_channel import factor_of
 
 KEYS = ("machine", "log", "role", "rows", "rate", "channels", "units", "noise")
 ROLES = ("train", "held-out")
@@ -195,11 +196,11 @@ def _column(file: LogFile, table, name: str, unit: str, faults) -> np.ndarray | 
             )
         return None
     values = np.asarray(table.columns[theirs], float)
-    said = file.units.get(name, table.units.get(theirs, unit))
+    said = file.units.get(name) or table.units.get(theirs) or unit
     if said == unit:
         return values
     try:
-        return values * Quantity(unit).read(f"1 {said}")
+        return values * factor_of(said, unit)
     except ValueError:
         if name in file.units:
             raise InputError(f"{file.path.name}: `units.{name}` must be a unit of {unit}, but is "

@@ -14,11 +14,12 @@ from .._errors import InputError
 from .._files import write_bytes
 from .._memory import SHARE, available, in_words
 from .._reading import read_bytes
+from ._dates import is_stamp, seconds_of
+from ._header import BLANK, cells_of, header_of, number_of
 from ._recording import Fault
 
 _LINE_END = re.compile(r"\r\n?|\n")
-_MARK = re.compile(r"\s*\"?sep=(\\t|.)\"?\s*\Z", re.IGNORECASE)
-EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "#n/a", "nat"}
+_WIDE = (b"\xff\xfe", b"\xfe\xff")  # first bytes of UTF-16
 
 
 class CsvTable(NamedTuple):
@@ -31,22 +32,29 @@ class CsvTable(NamedTuple):
 
 
 def read_csv(path: Path) -> CsvTable:
-    """Read a CSV or CSV.gz file: comma, semicolon or tab, header row, UTF-8, `#` comments."""
+    """Read a text table: comma, semicolon, tab or blanks, `#` comments, text above the header.
+
+    Dates and times of day are seconds from the first one; a row of units below the header is read.
+    """
     text, faults = _text(path)
     lines = [x for x in _LINE_END.split(text) if x.strip() and not x.lstrip().startswith("#")]
-    said = _MARK.match(lines[0]) if lines else None  # Excel's own first line
-    lines = lines[1:] if said else lines
     if len(lines) < 2:
         raise InputError(f"{path.name} holds no data: it needs a header row and samples below it.")
-    mark = said[1].replace("\\t", "\t") if said else max(",;\t", key=lines[0].count)
-    names = [name.strip().strip("\"'") for name in lines[0].split(mark)]
-    if all(_number(name) is not None for name in names):
+    header = header_of(lines)
+    names, rows = header.names, lines[header.begin :]
+    if not rows:
+        raise InputError(f"{path.name} holds no data: it needs a header row and samples below it.")
+    if all(number_of(name) is not None for name in names):
         raise InputError(f"{path.name} has no header row: its first row is numbers.")
-    values = _fast(lines[1:], mark, len(names))
+    if header.before:
+        what = f"{header.before} lines of text stand above the header"
+        faults.append(Fault(path.name, "", (), "preamble", what, "they are not used"))
+    values, units = _fast(rows, header.mark, len(names)), header.units
     if values is None:
-        values, faulty = _careful(path.name, lines[1:], mark, names)
+        values, stamped, faulty = _careful(path.name, rows, header.mark, names)
         faults += faulty
-    return CsvTable(_by_name(path.name, names, values, faults), {}, faults, {})
+        units = units | dict.fromkeys(stamped, "s")
+    return CsvTable(_by_name(path.name, names, values, faults), units, faults, {})
 
 
 def write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
@@ -69,7 +77,17 @@ def _text(path: Path) -> tuple[str, list[Fault]]:
         use = "the rows before are used"
         faults.append(Fault(path.name, "", (), "truncated", what, use))
         raw = raw[: raw.rfind(b"\n") + 1]
-    return raw.decode("utf-8-sig", errors="replace"), faults
+    return _decoded(raw), faults
+
+
+def _decoded(raw: bytes) -> str:
+    """Text of UTF-8, of UTF-16 with its mark, or of what Windows writes in the west."""
+    if raw.startswith(_WIDE):
+        return raw.decode("utf-16", errors="replace")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return raw.decode("cp1252", errors="replace")
 
 
 def unpacked(path: Path) -> tuple[bytes, bool]:
@@ -101,30 +119,25 @@ def _unpacked(path: Path, raw: bytes, most: int) -> tuple[bytes, bool]:
 
 def _fast(lines: list[str], mark: str, width: int) -> np.ndarray | None:
     try:
-        values = np.loadtxt(io.StringIO("\n".join(lines)), delimiter=mark, ndmin=2)
+        between = None if mark == BLANK else mark
+        values = np.loadtxt(io.StringIO("\n".join(lines)), delimiter=between, ndmin=2)
     except ValueError:
         return None
     return values if values.shape[1] == width else None
 
 
-def _number(cell: str, decimal_comma: bool = False) -> float | None:
-    """The number in a cell, NaN for an empty one, None where it is something else."""
-    cell = cell.strip().strip("\"'")
-    if cell.lower() in EMPTY:
-        return float("nan")
-    try:
-        return float(cell.replace(",", ".") if decimal_comma else cell)
-    except ValueError:
-        return None
-
-
 def _careful(file: str, lines: list[str], mark: str, names: list[str]):
-    """Every cell for itself: text becomes NaN, short rows are filled up, and both are said."""
+    """Every cell for itself: text becomes NaN, short rows are filled up, and both are said.
+
+    Returns values, names of columns that are stamps of time, and faults.
+    """
+    rows = [cells_of(line, mark) for line in lines]
+    first = next((row for row in rows if len(row) == len(names)), [])
+    stamped = [j for j, cell in enumerate(first) if is_stamp(cell)]
     values = np.full((len(lines), len(names)), np.nan)
     text: dict[int, list[tuple[int, str]]] = {}
     faults = []
-    for row, line in enumerate(lines):
-        cells = line.split(mark)
+    for row, cells in enumerate(rows):
         if len(cells) != len(names):
             what = f"the row has {len(cells)} cells, but the header {len(names)}"
             use = (
@@ -132,16 +145,20 @@ def _careful(file: str, lines: list[str], mark: str, names: list[str]):
             )
             faults.append(Fault(file, "", ((row + 1, row + 1),), "ragged", what, use))
         for j, cell in enumerate(cells[: len(names)]):
-            number = _number(cell, mark == ";")
+            if j in stamped:
+                continue
+            number = number_of(cell, mark != ",")
             if number is None:
                 text.setdefault(j, []).append((row + 1, cell.strip()))
             else:
                 values[row, j] = number
+    for j in stamped:
+        values[:, j] = seconds_of([row[j] if j < len(row) else "" for row in rows])
     for j, words in text.items():
-        rows = tuple((row, row) for row, _ in words)
+        spans = tuple((row, row) for row, _ in words)
         what = f"{words[0][1][:20]!r} is not a number"
-        faults.append(Fault(file, names[j], rows, "text", what, "these cells count as missing"))
-    return values, faults
+        faults.append(Fault(file, names[j], spans, "text", what, "these cells count as missing"))
+    return values, [names[j] for j in stamped], faults
 
 
 def _by_name(file: str, names: list[str], values, faults: list[Fault]) -> dict[str, np.ndarray]:

@@ -8,6 +8,7 @@ import numpy as np
 
 from .._errors import InputError
 from ._csv import CsvTable, unpacked
+from ._dates import is_stamp, seconds_of
 from ._spread import spread
 
 
@@ -16,19 +17,34 @@ def read_json(path: Path) -> CsvTable:
 
     Read are the longest list of samples (`[{"t": 0, "q": 1}, ...]`), or the longest lists of one
     length by name (`{"t": [...], "q": [...]}`), and the numbers beside them as constant columns.
-    A nested name is `motor.position`; what is no number (a word, null) is NaN in its row.
+    A nested name is `motor.position`; what is no number (a word, null) is NaN in its row, and dates
+    are seconds from the first.  One sample a line, columns as tables by row (`{"q": {"0": 0.1}}`)
+    and `columns` beside rows of `data`, as pandas writes them, are read too.
     """
     raw, whole = unpacked(path)
     if not whole:
         raise InputError("the packed file ends too early.", path)
-    document = json.loads(raw.decode("utf-8-sig"))
+    document = _document(raw.decode("utf-8-sig"))
     tables = _tables(document, {})
     largest = max(reversed(tables), key=lambda x: x[0], default=None)  # of equals the innermost
     if largest is None:
         raise InputError("holds no list of samples and no lists of numbers by name.", path)
     length, columns, beside = largest
+    stamped = [k for k, x in columns.items() if not isinstance(x, np.ndarray)]
+    columns = {k: seconds_of(x) if k in stamped else x for k, x in columns.items()}
     constant = {k: np.full(length, float(v)) for k, v in beside.items() if k not in columns}
-    return spread(columns | constant)
+    return spread(columns | constant, dict.fromkeys(stamped, "s"))
+
+
+def _document(text: str) -> Any:
+    """The document of a text, a list where each of its lines is one."""
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError as error:
+        lines = [line for line in text.splitlines() if line.strip()]
+        if error.msg != "Extra data" or len(lines) < 2:
+            raise
+        return [json.loads(line) for line in lines]
 
 
 def _tables(node: Any, beside: dict[str, float]) -> list[tuple[int, dict, dict]]:
@@ -39,6 +55,7 @@ def _tables(node: Any, beside: dict[str, float]) -> list[tuple[int, dict, dict]]
         return [x for one in node if isinstance(one, dict | list) for x in _tables(one, beside)]
     if not isinstance(node, dict):
         return []
+    node = _by_column(node)
     beside = beside | {k: v for k, v in node.items() if isinstance(v, int | float)}
     columns = {k: v for k, v in _flat(node).items() if _is_column(v)}
     longest = max(map(len, columns.values()), default=0)
@@ -48,11 +65,27 @@ def _tables(node: Any, beside: dict[str, float]) -> list[tuple[int, dict, dict]]
                   for x in _tables(v, beside)]  # fmt: skip
 
 
-def _of_samples(rows: list[dict]) -> dict[str, np.ndarray]:
+def _by_column(node: dict) -> dict:
+    """A table of pandas by column: rows of `data` with `columns`, or numbered rows by name."""
+    names, rows = node.get("columns"), node.get("data")
+    if isinstance(names, list) and isinstance(rows, list) and len(rows) > 0:
+        square = all(isinstance(row, list) and len(row) == len(names) for row in rows)
+        columns = zip(*rows, strict=True) if square else []
+        return {str(k): list(x) for k, x in zip(names, columns, strict=True)} if square else node
+    numbered = [x for x in node.values() if isinstance(x, dict) and len(x) > 1]
+    if not numbered or any(not isinstance(x, dict) for x in node.values()):
+        return node
+    first = list(numbered[0])
+    if all(k.isdigit() for k in first) and all(list(x) == first for x in node.values()):
+        return {k: list(x.values()) for k, x in node.items()}
+    return node
+
+
+def _of_samples(rows: list[dict]) -> dict[str, Any]:
     flat = [_flat(row) for row in rows]
     names = dict.fromkeys(k for row in flat for k in row)
     columns = {k: _numbers([row.get(k) for row in flat]) for k in names}
-    return {k: x for k, x in columns.items() if np.isfinite(x).any()}
+    return {k: x for k, x in columns.items() if isinstance(x, list) or np.isfinite(x).any()}
 
 
 def _flat(node: dict, before: str = "") -> dict[str, Any]:
@@ -65,12 +98,20 @@ def _flat(node: dict, before: str = "") -> dict[str, Any]:
 
 
 def _is_column(value: Any) -> bool:
-    return isinstance(value, list) and all(
-        x is None or isinstance(x, int | float | bool) for x in value
-    )
+    if not isinstance(value, list):
+        return False
+    return _is_stamped(value) or all(x is None or isinstance(x, int | float) for x in value)
 
 
-def _numbers(values: list) -> np.ndarray:
+def _is_stamped(values: Any) -> bool:
+    """Whether a list holds dates or times of day."""
+    return len(values) > 1 and all(isinstance(x, str) and is_stamp(x) for x in values)
+
+
+def _numbers(values: list) -> np.ndarray | list[str]:
+    """Numbers (t,), or the stamps as they stand there."""
+    if _is_stamped(values):
+        return values
     return np.array([
         float(x) if isinstance(x, int | float | bool) else np.nan for x in values
     ])  # fmt: skip

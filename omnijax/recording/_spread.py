@@ -7,15 +7,22 @@ import numpy as np
 
 from ._columns import AXES, PER_WHEEL, UNITS
 from ._csv import CsvTable
+from ._dates import seconds_from
 
 
 def spread(columns: Mapping[str, Any], units: Mapping[str, str] | None = None) -> CsvTable:
-    """Columns from named arrays; a matrix `dR` (samples, 3) becomes dR_x, dR_y, dR_z."""
+    """Columns from named arrays; a matrix `dR` (samples, 3) becomes dR_x, dR_y, dR_z.
+
+    Dates and durations are seconds, dates from the first one.
+    """
     flat: dict[str, np.ndarray] = {}
     said: dict[str, str] = {}
     length = max((np.shape(v)[0] for v in columns.values() if np.ndim(v) > 0), default=0)
     for name, raw in columns.items():
         value = np.asarray(raw)
+        if value.dtype.kind in "mM" and value.ndim == 1 and len(value):
+            flat[name], said[name] = seconds_from(value), "s"
+            continue
         if value.dtype.kind not in "fiub" or value.size < 1 or value.size == 1 < length:
             continue
         value = np.asarray(value.squeeze() if value.size == max(value.shape) else value, float)

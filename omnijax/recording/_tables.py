@@ -31,12 +31,12 @@ def stem_of(path: Path) -> str:
 
 
 def may_be_run(path: Path) -> bool:
-    """Whether a file of a folder may be a run; of JSON only one with a NAME.toml beside it.
+    """Whether a file of a folder may be a run; of JSON and text only with a NAME.toml beside it.
 
-    JSON holds anything, settings and reports too.
+    They hold anything, settings, reports and notes too.
     """
     suffix = suffix_of(path)
-    stated = suffix not in (".json", ".json.gz") or path.with_name(f"{stem_of(path)}.toml").exists()
+    stated = suffix not in ANYTHING or path.with_name(f"{stem_of(path)}.toml").exists()
     return path.is_file() and suffix in READERS and stated
 
 
@@ -80,11 +80,26 @@ def _mat(path: Path) -> CsvTable:
     for name, value in variables.items():
         if name.startswith("__"):
             continue
-        if isinstance(value, np.ndarray) and value.dtype.names:  # a struct: its fields are columns
-            columns |= {field: value[field].item() for field in value.dtype.names}
-        else:
-            columns[name] = value
+        columns |= _fields(name, value)
     return spread(columns)
+
+
+def _fields(name: str, value: Any) -> dict[str, Any]:
+    """A variable; of a struct its fields, of one in it its own; of a list of samples columns."""
+    if not (isinstance(value, np.ndarray | np.void) and value.dtype.names):
+        return {name: value}
+    if np.size(value) > 1:
+        numbers = {k: [np.asarray(x) for x in np.ravel(value[k])] for k in value.dtype.names}
+        return {
+            k: np.array([float(x.item()) for x in column]) for k, column in numbers.items()
+            if all(x.size == 1 and x.dtype.kind in "fiub" for x in column)
+        }  # fmt: skip
+    out: dict[str, Any] = {}
+    for field in value.dtype.names:
+        inner = value[field]
+        inner = inner.item() if isinstance(inner, np.ndarray) and inner.dtype == object else inner
+        out |= _fields(field, inner)
+    return out
 
 
 def _hdf5(path: Path) -> CsvTable:
@@ -161,9 +176,14 @@ def _mdf(path: Path) -> CsvTable:
     return spread(columns, units)
 
 
+ANYTHING = (".json", ".json.gz", ".txt", ".dat", ".log")
 READERS = {
     ".csv": read_csv,
     ".csv.gz": read_csv,
+    ".tsv": read_csv,
+    ".txt": read_csv,
+    ".dat": read_csv,
+    ".log": read_csv,
     ".parquet": _parquet,
     ".mat": _mat,
     ".nc": _netcdf,

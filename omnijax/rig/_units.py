@@ -10,7 +10,7 @@ from .._strange import strange_unit
 _GLUED = re.compile(  # N or kg with what is written against it: "mNm" is mN m, "Ns/m" is N s/m
     r"(?<![^\W\d_])([kMmµμuc]?N|k?g)(mm|cm|m)?(s)?(?=[\^²³/*·⋅\s\d)]|$)"
 )
-_WORDS = {"U/min": "rpm", "rev/min": "rpm", "r/min": "rpm", "°": "deg"}
+_WORDS = {"U/min": "rpm", "rev/min": "rpm", "r/min": "rpm", "°": "deg", "°/s": "deg/s"}
 
 SPELLINGS = {  # SI unit -> spellings of it that are understood, for a refusal
     "m": "m, mm, µm",

@@ -1,0 +1,117 @@
+"""Tables as strangers' programs write them: text above a header, units, dates, decimal commas."""
+
+import datetime
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+import scipy.io
+
+from omnijax import cli
+from omnijax.machine import guess, read_machine_case
+from omnijax.recording import read_table
+
+COUNT, STEP = 120, 0.01
+BEGIN = datetime.datetime(2024, 5, 31, 23, 59, 59, 500000)  # a month ends in the log
+
+
+@pytest.fixture
+def signals():
+    """Time, torque and angle (t,)."""
+    t = np.arange(COUNT) * STEP
+    rng = np.random.default_rng(4)
+    u, q = rng.normal(size=(2, COUNT))
+    return t, np.round(u, 6), np.round(np.cumsum(q), 6)
+
+
+def rows(signals, mark=",", comma=False, stamp=None):
+    """The lines of a table; `stamp` writes the time of a date."""
+    out = []
+    for k, values in enumerate(zip(*signals, strict=True)):
+        cells = [f"{x:.9g}".replace(".", "," if comma else ".") for x in values]
+        if stamp is not None:
+            cells[0] = stamp(BEGIN + datetime.timedelta(milliseconds=10 * k))
+        out.append(mark.join(cells))
+    return "\n".join(out)
+
+
+def german(t):
+    return f"{t:%d.%m.%Y %H:%M:%S},{t.microsecond // 1000:03d}"
+
+
+def american(t):
+    return f"{t:%m/%d/%Y %I:%M:%S.%f} {t:%p}"
+
+
+TEXTS = {
+    "preamble.csv": lambda s: "Bench 3\nMade: 1 May, by me\n\nt,u,q\ns,Nm,deg\n" + rows(s),
+    "units.csv": lambda s: "t;u;q\n[s];[Nm];[°]\n" + rows(s, ";", True),
+    "tabs.txt": lambda s: "t\tu\tq\n" + rows(s, "\t", True),
+    "blanks.dat": lambda s: "  t   u   q\n" + rows(s, "   "),
+    "iso.csv": lambda s: "t,u,q\n" + rows(s, stamp=lambda t: t.isoformat() + "Z"),
+    "german.csv": lambda s: "t;u;q\n" + rows(s, ";", True, german),
+    "american.csv": lambda s: "t,u,q\n" + rows(s, stamp=american),
+    "midnight.csv": lambda s: "t;u;q\n" + rows(s, ";", True, lambda t: f"{t:%H:%M:%S.%f}"),
+}
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "cp1252", "utf-16"])
+@pytest.mark.parametrize("name", TEXTS)
+def test_text_tables_of_any_shape_are_columns(tmp_path, signals, name, encoding):
+    path = tmp_path / name
+    path.write_bytes(TEXTS[name](signals).encode(encoding))
+    found = read_table(path)
+    for key, values in zip("tuq", signals, strict=True):
+        np.testing.assert_allclose(found.columns[key], values, atol=2e-6)
+    if "Nm" in TEXTS[name](signals):
+        assert found.units == {"t": "s", "u": "Nm", "q": "°" if name == "units.csv" else "deg"}
+
+
+def test_columns_of_pandas_and_matlab(tmp_path, signals):
+    t, u, q = signals
+    stamps = pd.Timestamp(BEGIN) + pd.to_timedelta(np.round(1e3 * t), unit="ms")
+    table = pd.DataFrame({"t": stamps, "u": u, "q": q})
+    table.set_index("t").to_parquet(tmp_path / "index.parquet")
+    seconds = table.assign(t=t)
+    seconds.to_json(tmp_path / "columns.json")
+    seconds.to_json(tmp_path / "split.json", orient="split")
+    table.to_json(tmp_path / "lines.json", orient="records", lines=True, date_format="iso")
+    scipy.io.savemat(tmp_path / "struct.mat", {"run": {"t": t, "motor": {"u": u}, "q": q}})
+    for path in tmp_path.iterdir():
+        found = read_table(path).columns
+        for key, values in zip("tuq", signals, strict=True):
+            np.testing.assert_allclose(found[key], values, atol=2e-6, err_msg=path.name)
+
+
+def test_a_first_row_without_numbers_is_no_row_of_units(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("t,u\nnan,\n" + "\n".join(f"{k},{k}" for k in range(5)))
+    found = read_table(path)
+    assert (found.units, len(found.columns["t"])) == ({}, 6)
+
+
+def test_counts_of_an_encoder_have_a_unit_of_their_own(tmp_path, signals, capsys):
+    t, u, q = signals
+    log = tmp_path / "m.csv"
+    table = pd.DataFrame({"zeit": t, "strom": 1e3 * u, "enc_counts": np.round(100 * q)})
+    log.write_text("zeit,strom,enc_counts\ns,mA,\n" + table.to_csv(index=False, header=False))
+    assert '--unit position="360/4096 deg"' in dict(guess(log).rows())["position"]
+    here = str(tmp_path / "case")
+    said = ["--unit", "position=360/4096 deg"]
+    assert cli.run(["case", "new", str(log), "--out", here, "--yes", *said]) == 0
+    (one, _) = read_machine_case(here).logs
+    np.testing.assert_allclose(
+        one.outputs["position"], np.round(100 * q[: len(one.time)]) * 2 * np.pi / 4096, atol=1e-9
+    )
+    np.testing.assert_allclose(one.inputs["input"], u[: len(one.time)], rtol=1e-9)
+    for wrong in ("position=360/4096 kg", "position=1/0 deg", "speed=rpm", "position"):
+        assert cli.run(["case", "new", str(log), "--out", here, "--yes", "--unit", wrong]) == 2
+        assert capsys.readouterr().err.count("\n") <= 2
+
+
+def test_lines_of_json_that_end_too_early_are_refused_in_words(tmp_path, capsys):
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({"t": 1}) + "\n" + '{"t": ')
+    assert cli.run(["case", "new", str(path), "--yes"]) == 2
+    assert "cannot be read" in capsys.readouterr().err
