@@ -30,6 +30,7 @@ from omnijax.dynamics import (
 from omnijax.dynamics._kinematics import Rolling
 from omnijax.dynamics._rotation import rotation_response
 from omnijax.dynamics._small import inverse, pseudoinverse, solve, solve_all
+from omnijax.simulation import speeds, table
 
 
 def with_normals(normal):
@@ -200,6 +201,18 @@ def check_numbers_of_a_rig():
     near(rig.wheel_radius, [0.05, 0.0612, 0.08])
 
 
+def check_times_from_a_start():
+    """Speeds with a ramp and a jump, and a force, counted from 0.3 s on: read 0.3 s earlier."""
+    turning = table([0.1, 0.5, 0.5], [[1.0, -2.0], [3.0, 6.0], [-1.0, 0.5]])
+    drive = speeds(turning, table([0.2, 0.9], [[1.0, 2.0, 3.0], [4.0, -1.0, 0.0]]), [0.4, -0.7])
+    moved = drive.since(0.3)
+    near(moved.speed(0.1), [2.5, 4.0])  # three quarters up the ramp
+    for t in (-0.35, -0.1, 0.1, 0.25, 0.7):
+        near(moved.speed(t), drive.speed(t + 0.3))
+        near(moved.force(t), drive.force(t + 0.3))
+    near(moved.initial_angle, [0.4, -0.7])
+
+
 CHECKS = {
     "hold": check_hold,
     "free directions": check_free_directions,
@@ -213,6 +226,7 @@ CHECKS = {
     "outputs": check_outputs,
     "matrices as printed": check_printed_matrices,
     "numbers of a rig": check_numbers_of_a_rig,
+    "times from a start": check_times_from_a_start,
 }
 
 
