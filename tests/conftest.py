@@ -41,6 +41,8 @@ install_import_hook(["omnijax.laws", "omnijax.rig"], "shapes.checked")
 # a trace makes millions of objects and drops few: by default a fifth of its time is looking
 gc.set_threshold(100_000, 20, 50)
 MAPS = Path("/proc/self/maps")
+GARBAGE = 2**30  # bytes by which a process may grow before garbage is looked for
+_swept = {"size": 0}
 
 
 def pytest_collection_modifyitems(items):
@@ -48,17 +50,29 @@ def pytest_collection_modifyitems(items):
     items.sort(key=lambda item: item.get_closest_marker("long") is None)
 
 
+def resident() -> int:
+    """Bytes of this process in memory; 0 where the system does not say."""
+    sizes = Path("/proc/self/statm")
+    return int(sizes.read_text().split()[1]) * 4096 if sizes.exists() else 0
+
+
 @pytest.fixture(autouse=True, scope="module")
 def _programs_end_before_there_are_too_many():
-    """Every compiled program maps memory; a process may hold 65 530 maps, then XLA aborts."""
+    """Every compiled program maps memory; a process may hold 65 530 maps, then XLA aborts.
+
+    Garbage is looked for where it may be much: a look takes 2 s of CPU once a few files have run.
+    """
     yield
     import equinox as eqx
     import jax
 
-    if not MAPS.exists() or MAPS.read_bytes().count(b"\n") > 15_000:
+    many = not MAPS.exists() or MAPS.read_bytes().count(b"\n") > 15_000
+    if many:
         eqx.clear_caches()
         jax.clear_caches()
-    gc.collect()
+    if many or resident() > _swept["size"] + GARBAGE:
+        gc.collect()
+        _swept["size"] = resident()
 
 
 @pytest.fixture(autouse=True)
