@@ -73,28 +73,28 @@ def _responses(system: ForcedSystem, g: int, rate):
     return outputs | {"state": state}
 
 
-def _wheel_lines(rig: Rig, model: str, counts: tuple[int, ...]):
-    """Per wheel: angular frequencies and amplitudes of every output; and the system."""
+def _system(rig: Rig, model: str):
+    """The rig at the paper's speeds, and its wheels' shapes as signals beside each other."""
     speeds = jnp.asarray(SPEEDS)
     signals = forcing(rig, speeds, jnp.zeros(rig.size))
-    system = forced_system(rig, model, speeds, signals.wheel)
-    by_wheel = []
-    for g, count in enumerate(counts):
-        harmonic = jnp.arange(count + 1)
-        rates = 2 * math.pi * signals.cycle.speed[g] / signals.cycle.period[g] * harmonic
-        pieces = jax.tree.map(lambda x, g=g: x[g], signals.cycle.pieces)
-        shape = jnp.where(harmonic == 0, 1.0, 2.0) * fourier(pieces, count)
-        gains = jax.vmap(lambda w, g=g: _responses(system, g, w))(rates)
-        gains |= {"shape": jnp.broadcast_to(rig.wheels.normal[g], (count + 1, 3))}
-        by_wheel.append((rates, jax.tree.map(lambda gain, s=shape: s[:, None] * gain, gains)))
-    return system, by_wheel
+    return forced_system(rig, model, speeds, signals.wheel), signals
+
+
+def _lines_of(rig: Rig, system: ForcedSystem, signals, g, count: int):
+    """Angular frequencies (h) and amplitudes (h, o) of every output under wheel `g` alone."""
+    harmonic = jnp.arange(count + 1)
+    rates = 2 * math.pi * signals.cycle.speed[g] / signals.cycle.period[g] * harmonic
+    pieces = jax.tree.map(lambda x: x[g], signals.cycle.pieces)
+    shape = jnp.where(harmonic == 0, 1.0, 2.0) * fourier(pieces, count)
+    gains = jax.vmap(lambda w: _responses(system, g, w))(rates)
+    gains |= {"shape": jnp.broadcast_to(rig.wheels.normal[g], (count + 1, 3))}
+    return rates, jax.tree.map(lambda gain: shape[:, None] * gain, gains)
 
 
 def _lines(rig: Rig, model: str, count: int):
-    """The system, and lines of all wheels stacked: the same number of harmonics of each."""
-    system, by_wheel = _wheel_lines(rig, model, (count,) * rig.size)
-    rates, lines = jax.tree.map(lambda *x: jnp.stack(x), *by_wheel)
-    return system, rates, lines
+    """Lines of all wheels beside each other, the same number of harmonics of each."""
+    system, signals = _system(rig, model)
+    return jax.vmap(lambda g: _lines_of(rig, system, signals, g, count))(jnp.arange(rig.size))
 
 
 def synthesis(lines: Complex[Array, "g h o"], points: int) -> Float[Array, "t o"]:
@@ -125,7 +125,7 @@ def cycle(
     rig: Rig, model: str = "paper", count: int = HARMONICS, points: int = POINTS
 ) -> PaperCycle:
     """The long-run cycle of `rig` at the paper's speeds."""
-    _, rates, lines = _lines(rig, model, count)
+    rates, lines = _lines(rig, model, count)
     return _cycle(rig, rates, lines, points)
 
 
@@ -147,7 +147,8 @@ def _cycle(rig: Rig, rates, lines, points: int) -> PaperCycle:
 def _trace_parts(rig: Rig, points: int):
     """Lines of equal bandwidth of all wheels, the rigid part, and the free motion from rest."""
     counts = tuple(points // (4 * multiple) for multiple in MULTIPLES)
-    system, by_wheel = _wheel_lines(rig, "paper", counts)
+    system, signals = _system(rig, "paper")
+    by_wheel = [_lines_of(rig, system, signals, g, count) for g, count in enumerate(counts)]
     t = _times(rig, points)
     step = jax.scipy.linalg.expm(system.A * t[1])
     start = -sum(jnp.sum(jnp.real(lines["state"]), axis=0) for _, lines in by_wheel)
@@ -185,7 +186,7 @@ def _transform(lines: list[np.ndarray], points: int) -> np.ndarray:
 
 
 def _pointwise_states(rig: Rig, sign: int, count: int):
-    """Per wheel: angular frequencies, lines of rho and of the state (delta, Delta) as printed."""
+    """By wheel: angular frequencies (n, h), lines of (delta, Delta) as printed (n, h, 2)."""
     A, b = Pointwise(rig, sign).matrices()
     pitch = 2 * math.pi / rig.wheels.rollers
     u = (jnp.arange(2048) + 0.5) / 2048
@@ -194,14 +195,13 @@ def _pointwise_states(rig: Rig, sign: int, count: int):
     factor = jnp.where(jnp.arange(count + 1) == 0, 1.0, 2.0)[:, None]
     waves = jnp.exp(-2j * math.pi * jnp.arange(count + 1)[:, None] * u)
     force = factor * (waves @ samples) / len(u)  # (h, n)
-    by_wheel = []
-    for i in range(rig.size):
-        rates = 2 * math.pi / pitch[i] * speeds[i] * jnp.arange(count + 1)
-        gain = jax.vmap(
-            lambda w, i=i: jnp.linalg.solve(1j * w * jnp.eye(4) - A[i], b[i].astype(complex))
-        )(rates)
-        by_wheel.append((rates, force[:, i, None] * gain[:, :2]))
-    return by_wheel
+    rates = (2 * math.pi / pitch * speeds)[:, None] * jnp.arange(count + 1)
+
+    def gain(A, b, rate):
+        return jnp.linalg.solve(1j * rate * jnp.eye(4) - A, b.astype(complex))[:2]
+
+    gains = jax.vmap(jax.vmap(gain, (None, None, 0)))(A, b, rates)
+    return rates, force.T[..., None] * gains
 
 
 @eqx.filter_jit
@@ -209,17 +209,14 @@ def pointwise_elastic(
     rig: Rig, closure_sign: int = 1, count: int = HARMONICS, points: int = POINTS
 ):
     """Elastic part of the printed form, r_w'' at points, over the long-run cycle, (t, 3) m."""
-    lines = [
-        jnp.sum(state, axis=1)[:, None] * rig.wheels.normal[i]
-        for i, (_, state) in enumerate(_pointwise_states(rig, closure_sign, count))
-    ]
-    return synthesis(jnp.stack(lines), points)
+    _, states = _pointwise_states(rig, closure_sign, count)
+    return synthesis(jnp.sum(states, axis=2)[..., None] * rig.wheels.normal[:, None], points)
 
 
 @eqx.filter_jit
 def wheel_lines(rig: Rig, i: int, count: int = HARMONICS):
     """Lines of wheel i alone: angular frequency, rho, delta and Delta, m."""
-    _, rates, lines = _lines(rig, "paper", count)
+    rates, lines = _lines(rig, "paper", count)
     n = rig.size
     state = lines["state"][i]
     shape = lines["shape"][i] @ rig.wheels.normal[i]
@@ -230,10 +227,10 @@ def wheel_lines(rig: Rig, i: int, count: int = HARMONICS):
 @eqx.filter_jit
 def pointwise_lines(rig: Rig, i: int, count: int = HARMONICS):
     """Lines of wheel i alone as printed: angular frequency, rho, delta and Delta, m."""
-    rates, state = _pointwise_states(rig, 1, count)[i]
-    _, _, lines = _lines(rig, "paper", count)
+    rates, states = _pointwise_states(rig, 1, count)
+    _, lines = _lines(rig, "paper", count)
     shape = lines["shape"][i] @ rig.wheels.normal[i]
-    return rates, shape, state[:, 0], state[:, 1]
+    return rates[i], shape, states[i, :, 0], states[i, :, 1]
 
 
 def lengths(vectors) -> Float[Array, " t"]:
