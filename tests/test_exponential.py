@@ -112,7 +112,7 @@ def worst(run, reference, channels=CHANNELS):
     "drive",
     [
         torques([0.2, 0.5, -0.3], (0.1, 0.2, 0.3), initial_velocity=(0.2, -0.3, 0.1)),
-        speeds([0.7, 5.2, 2.3]),
+        pytest.param(speeds([0.7, 5.2, 2.3]), marks=pytest.mark.full),
     ],
     ids=["torque", "speed"],
 )

@@ -1,5 +1,7 @@
 """Gradients of the exact paths: forward, reverse and differences, at kinks and moving edges."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -49,15 +51,21 @@ def _run_figures(x, changed):
 @pytest.mark.parametrize("figures", [_steady_figures, _run_figures])
 def test_forward_reverse_and_differences_agree(figures):
     changed, x = _figures(machine(SKEW))
-    f = jax.jit(lambda x: figures(x, changed))
-    forward = np.asarray(jax.jit(jax.jacfwd(lambda x: figures(x, changed)))(x))
+
+    @jax.jit  # one program for values and slopes
+    @functools.partial(jax.jacfwd, has_aux=True)
+    def both(x):
+        found = figures(x, changed)
+        return found, found
+
+    forward = np.asarray(both(x)[0])
     reverse = np.asarray(jax.jit(jax.jacrev(lambda x: figures(x, changed)))(x))
     scale = np.abs(forward).max(axis=1, keepdims=True)
     assert np.all(np.abs(forward - reverse) < 1e-9 * scale)
     h = 2e-5  # error h^4 f^(5)/30 of the five-point rule against rounding 1e-15/h
     for i in (0, 1, 3, 7, 9, 12, 13):
         step = jnp.zeros_like(x).at[i].set(h)
-        four = [np.asarray(f(x + k * step)) for k in (-2, -1, 1, 2)]
+        four = [np.asarray(both(x + k * step)[1]) for k in (-2, -1, 1, 2)]
         difference = (four[0] - 8 * four[1] + 8 * four[2] - four[3]) / (12 * h)
         assert np.all(np.abs(difference - forward[:, i]) < 2e-6 * scale[:, 0]), i
 
@@ -65,8 +73,12 @@ def test_forward_reverse_and_differences_agree(figures):
 def test_critical_damping_and_round_wheels_have_finite_gradients():
     """C such that two poles of the isolated contact meet; equal wheels make poles coincide."""
     meets = 2 * np.sqrt(188208.0 / (1 / 5.0 + 1 / 0.25))
+
+    @eqx.filter_jit
+    def slope(rig):
+        changed, x = _figures(rig)
+        return jax.jacrev(lambda x: _run_figures(x, changed))(x)
+
     for damping, eta in ((meets, 0.4), (0.0, 0.0)):
         rig = machine(ORTHOGONAL, scale=0.0, contact_damping=damping, roundness=eta)
-        changed, x = _figures(rig)
-        slope = jax.jit(jax.jacrev(lambda x, c=changed: _run_figures(x, c)))(x)
-        assert np.all(np.isfinite(slope))
+        assert np.all(np.isfinite(slope(rig)))

@@ -18,6 +18,7 @@ from omnijax.vibration import steady_metrics
 from omnijax.view._panel import Panel
 
 W = np.array([0.6, 1.2, 0.9])
+SIZES = {"harmonics": 96, "grid_bits": 7}  # as the panel asks for: one program
 
 
 def layout(rng, kind, wheels=3):
@@ -83,7 +84,7 @@ def _moved(rig, normal, drive, stiffer=0.0):
 
 def test_steady_states_under_jit_vmap_and_grad_have_a_status():
     rig, (normal, drive, expected) = machine(SKEW), _layouts()
-    one = partial(steady_state, speeds=W, harmonics=2, grid_bits=9)
+    one = partial(steady_state, speeds=W, **SIZES)
 
     @jax.jit
     def many(normal, drive):
@@ -131,7 +132,7 @@ def test_a_rig_that_no_wheel_drives_about_an_axis_ends_without_figures():
     """w2 opposite w1 with parallel rims: Omega is not finite, and the sizes are still counted."""
     E = np.eye(3)
     rig = machine(([E[0], -E[0], E[2]], [E[2], E[2], E[1]]))
-    state = steady_state(rig, W, harmonics=2, grid_bits=9)
+    state = steady_state(rig, jnp.asarray(W), **SIZES)
     assert int(state.status) == Status.UNHELD and np.isnan(state.peak)
     run = propagate(rig, speeds(W), jnp.linspace(0, 0.1, 6))
     assert int(run.status) == Status.NON_FINITE and "no wheel drives" in run.message()
@@ -142,5 +143,5 @@ def test_a_rig_that_no_wheel_drives_about_an_axis_ends_without_figures():
 def test_speeds_beyond_all_measure_are_not_ok():
     run = propagate(machine(SKEW), speeds([1e300, 1, 1]), jnp.linspace(0, 0.1, 6))
     assert int(run.status) == Status.NON_FINITE
-    state = steady_state(machine(SKEW), [1e300, 1, 1], harmonics=2, grid_bits=9)
+    state = steady_state(machine(SKEW), [1e300, 1, 1], **SIZES)
     assert state.ok == bool(np.isfinite(state.rms_acceleration))

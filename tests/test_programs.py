@@ -196,7 +196,9 @@ values = [found[name].tobytes() for name in ("rms", "peak")]
 """
 
 
-@pytest.mark.parametrize("work", [RUN, BULK], ids=["run", "sweep"])
+@pytest.mark.parametrize(
+    "work", [RUN, pytest.param(BULK, marks=pytest.mark.full)], ids=["run", "sweep"]
+)
 def test_a_second_process_gives_the_same_bits_without_tracing(folder, work):
     text = f"""
 import hashlib, jax, numpy as np, omnijax

@@ -121,8 +121,9 @@ def test_obstacles_are_said():
 def test_samples_that_fall_on_the_starts_of_periods_are_like_their_neighbours():
     """Rounding puts such a sample a hair before or behind the edge; nothing jumps there."""
     rng = drawn_anew("samples on edges")
+    profiles = (laws.GatedSine(), laws.HalfSine(), laws.ContinuousSine())  # one program
     for _ in range(3):
-        rig = drawn_machine(rng, 3, laws.GatedSine())
+        rig = eqx.tree_at(lambda r: r.profiles, drawn_machine(rng, 3), profiles)
         turning = [float(rng.uniform(0.5, 6)), 0.0, 0.0]
         passing = float(rig.gaps.pitch[0]) / turning[0] * np.arange(1, 300)
         ts = np.sort(np.concatenate([[0.0], passing, passing + 1e-10]))

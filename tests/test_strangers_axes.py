@@ -93,8 +93,11 @@ def nothing(rng):
     return {"time": t, "torque": u, "angle": q + 1e-4 * rng.normal(size=len(t))}, set(), ()
 
 
+HEALTHY = pytest.param(nothing, marks=pytest.mark.full)  # as in test_machine, from a log alone
+
+
 @pytest.mark.parametrize(
-    "plant", [cogging_behind_a_gear, disc_over_the_top, slide, behind_a_controller, nothing]
+    "plant", [cogging_behind_a_gear, disc_over_the_top, slide, behind_a_controller, HEALTHY]
 )
 def test_what_the_axis_lacks_is_named_and_nothing_else(tmp_path, plant):
     table, truth, orders = plant(drawn_anew(plant.__name__))
