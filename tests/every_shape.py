@@ -44,21 +44,37 @@ def rig_file(folder, example):
     return path
 
 
+def run_of(folder, example):
+    """A run at constant speeds: figures, files, orders."""
+    rig = omnijax.load_rig(rig_file(folder, example))
+    run = omnijax.simulate(rig, SPEEDS[example], "8 s")
+    omnijax.evaluate(run, rig, tuple(METRICS))
+    assert run.summary()
+    run.save(folder / f"{example}.nc", rig)
+    again = omnijax.load_run(folder / f"{example}.nc")
+    np.testing.assert_array_equal(again.dR, run.dR)
+    omnijax.evaluate(again, rig, "rms")
+    again.to_xarray()
+    omnijax.order_track(again, [9, 18], reference="w1")
+    omnijax.rpm_order_map(again, reference="w1")
+    command("orders", folder / f"{example}.nc", "--out", folder / f"{example}-orders")
+
+
 def runs(folder):
-    """A run by speeds and one by torques: figures, files, orders."""
-    for example, values in SPEEDS.items():
-        rig = omnijax.load_rig(rig_file(folder, example))
-        run = omnijax.simulate(rig, values, "8 s")
-        omnijax.evaluate(run, rig, tuple(METRICS))
-        assert run.summary()
-        run.save(folder / f"{example}.nc", rig)
-        again = omnijax.load_run(folder / f"{example}.nc")
-        np.testing.assert_array_equal(again.dR, run.dR)
-        omnijax.evaluate(again, rig, "rms")
-        again.to_xarray()
-        omnijax.order_track(again, [9, 18], reference="w1")
-        omnijax.rpm_order_map(again, reference="w1")
-        command("orders", folder / f"{example}.nc", "--out", folder / f"{example}-orders")
+    """Three wheels, and four: the latter traced alone, as shapes are checked while it is."""
+    run_of(folder, "ballbot")
+    rig, ts = omnijax.load_rig(rig_file(folder, "four-wheel")), np.arange(101) / 500
+
+    def figures(values):
+        return omnijax.evaluate(omnijax.simulate(rig, values, ts), rig, tuple(METRICS))
+
+    traced = jax.eval_shape(figures, np.array(SPEEDS["four-wheel"]))
+    assert traced and all(figure.shape == () for figure in traced.values())
+
+
+def four_wheels(folder):
+    """The run of four wheels worked out, its files and orders."""
+    run_of(folder, "four-wheel")
 
 
 def torques(folder):
@@ -112,7 +128,7 @@ def refusals(folder):
     raise AssertionError("sample times of two axes were taken")
 
 
-FLOWS = {f.__name__: f for f in (runs, torques, steady, sweeps, refusals)}
+FLOWS = {f.__name__: f for f in (runs, four_wheels, torques, steady, sweeps, refusals)}
 
 
 def worked_study(name):

@@ -11,7 +11,7 @@ from tiers import tiered
 pytestmark = pytest.mark.long
 
 
-DEAR = ("sweeps", "torques")
+DEAR = ("sweeps", "torques", "four_wheels")
 
 
 def holds(flows, folder):

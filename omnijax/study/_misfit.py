@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._errors import InputError, RunError, did_you_mean
+from .._result import AbstractResult, texts
 from .._text import quantity_text
 from ..machine import (
     Axis,
@@ -27,7 +28,6 @@ from ..machine import (
 )
 from ._axes import read_axis, split_vary
 from ._points import build_points
-from ._result import AbstractResult, texts
 from ._sensitivity import Sensitivity
 
 MISFITS = ("rms", "mae", "peak")  # of measured less simulated position
@@ -177,7 +177,7 @@ class MachineSweep(AbstractResult):
     unit: str
     figures: np.ndarray
 
-    kind = "omnijax sweep of an axis"
+    file_kind = "omnijax sweep of an axis"
     what = "sweep of an axis"
 
     def best(self, metric: str) -> int | None:

@@ -1,6 +1,7 @@
 """Natural frequencies and damping of the elastic model."""
 
-from typing import Any, NamedTuple
+import dataclasses
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -8,13 +9,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._arrays import on_device
-from .._html import html_table
+from .._plot import COLOURS, new_axes, styled
 from .._programs import kept
+from .._result import AbstractResult
 from ..dynamics import TRANSLATIONS, free_system
 from ..rig import Rig
 
 
-class Modes(NamedTuple):
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
+class Modes(AbstractResult):
     """Modes of the elastic model in order of frequency; an overdamped pole is a mode of its own.
 
     `frequency` (m,) in Hz, `damping_ratio` (m,), `shape` (m, d) of unit length.
@@ -24,14 +27,24 @@ class Modes(NamedTuple):
     damping_ratio: Float[Array, " m"]  # -Re(lambda) / |lambda|; 1 for a real pole
     shape: Float[Array, "m d"]  # dR part (coupled) of each mode, unit length, real part
 
-    def _repr_html_(self) -> str:
+    file_kind: ClassVar[str] = "omnijax modes"
+    what: ClassVar[str] = "modes"
+
+    def sentences(self) -> list[str]:
+        """Every mode's frequency and damping."""
+        each = zip(np.asarray(self.frequency), np.asarray(self.damping_ratio), strict=True)
+        modes = ", ".join(f"{f:.4g} Hz ({100 * ratio:.3g} %)" for f, ratio in each)
+        return [f"Modes(frequency (damping ratio): {modes})"]
+
+    def table(self):
+        """A mode a row."""
         rows = zip(
             np.asarray(self.frequency).tolist(),
             np.asarray(self.damping_ratio).tolist(),
             (", ".join(f"{x:.2f}" for x in row) for row in np.asarray(self.shape)),
             strict=True,
         )
-        return html_table("Modes", rows, ("frequency (Hz)", "damping ratio", "shape of ΔR"))
+        return "Modes", list(rows), ("frequency (Hz)", "damping ratio", "shape of ΔR")
 
     def to_xarray(self) -> Any:
         """Frequencies, damping ratios and shapes as an `xarray.Dataset`."""
@@ -45,6 +58,21 @@ class Modes(NamedTuple):
             },
             coords={"axis": ["x", "y", "z"]},
         )
+
+    @classmethod
+    def from_xarray(cls, data):
+        """The modes of which `to_xarray` made `data`."""
+        names = [field.name for field in dataclasses.fields(cls)]
+        return cls(*(on_device(data[name].values) for name in names))
+
+    @styled
+    def plot(self, *, ax: Any = None) -> Any:
+        """Damping ratio over frequency in Hz; returns the axes."""
+        ax = new_axes(ax, 3.0)
+        ax.semilogx(self.frequency, self.damping_ratio, "o", color=COLOURS[0])
+        ax.set_xlabel("natural frequency (Hz)")
+        ax.set_ylabel("damping ratio")
+        return ax
 
 
 def modes(rig: Rig, model: str = "coupled") -> Modes:

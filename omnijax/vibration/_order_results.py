@@ -1,15 +1,15 @@
 """What an order analysis returns: the map over orders and time, and single orders over time."""
 
 import dataclasses
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from .._html import html_table
+from .._result import AbstractResult
 
 
-@dataclasses.dataclass(frozen=True)
-class OrderMap:
+@dataclasses.dataclass(frozen=True, repr=False)
+class OrderMap(AbstractResult):
     """Amplitude of every order in every window; `aliased` marks what the sampling cannot tell.
 
     Aliased cells are NaN: there the line of another order would show, folded back.
@@ -26,6 +26,9 @@ class OrderMap:
     amplitude: np.ndarray  # of the kind, in `unit`, (m, k)
     aliased: np.ndarray  # (m, k)
     kind: str = "peak"  # of the sine: its peak, its rms, or its power (mean square)
+
+    file_kind: ClassVar[str] = "omnijax order map"
+    what: ClassVar[str] = "map of orders"
 
     def spectrum(self) -> np.ndarray:
         """The whole run's amplitude at each order (k,): the root mean square over the windows.
@@ -63,23 +66,30 @@ class OrderMap:
 
         return plot_waterfall(self, ax=ax)
 
-    def __repr__(self) -> str:
+    def sentences(self) -> list[str]:
+        """How large the map is, and the strongest orders."""
         top = ", ".join(f"{order:.3g}" for order, _ in self.strongest(3))
         shape = f"{len(self.time)} windows, {len(self.orders)} orders of {self.reference}"
-        return f"OrderMap({self.channel}: {shape}; strongest {top})"
+        return [f"OrderMap({self.channel}: {shape}; strongest {top})"]
 
-    def _repr_html_(self) -> str:
+    def table(self):
+        """The strongest orders."""
         rows = [(order, level) for order, level in self.strongest(8)]
         title = f"{self.channel} over the orders of {self.reference}"
-        return html_table(title, rows, ("order", f"{self.kind} amplitude ({self.unit})"))
+        return title, rows, ("order", f"{self.kind} amplitude ({self.unit})")
 
     def to_xarray(self) -> Any:
         """Amplitude over time and order as an `xarray.Dataset`, with the speed beside."""
         return _dataset(self, {"amplitude": (self.amplitude, self.unit)})
 
+    @classmethod
+    def from_xarray(cls, data):
+        """The map of which `to_xarray` made `data`."""
+        return _of_dataset(cls, data)
 
-@dataclasses.dataclass(frozen=True)
-class OrderTrack:
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class OrderTrack(AbstractResult):
     """Amplitude and phase of chosen orders in every window, fitted together.
 
     `amplitude` (windows, orders) is in the channel's unit, `phase` in rad, `time` in s.
@@ -96,29 +106,39 @@ class OrderTrack:
     aliased: np.ndarray  # (m, k): a lower order would fit as well if the speed stayed the same
     kind: str = "peak"  # as in `OrderMap`
 
+    file_kind: ClassVar[str] = "omnijax order track"
+    what: ClassVar[str] = "track of orders"
+
     def plot(self, *, ax: Any = None, over: str = "time") -> Any:
         """One curve an order, over `time` or `speed`; returns the axes."""
         from ._waterfall import plot_track
 
         return plot_track(self, ax=ax, over=over)
 
-    def __repr__(self) -> str:
+    def sentences(self) -> list[str]:
+        """Which orders, of what, in how many windows."""
         names = ", ".join(f"{order:g}" for order in self.orders)
         about = f"orders {names} of {self.reference}, {len(self.time)} windows"
-        return f"OrderTrack({self.channel}: {about})"
+        return [f"OrderTrack({self.channel}: {about})"]
 
-    def _repr_html_(self) -> str:
+    def table(self):
+        """Mean and largest amplitude of each order."""
         rows = [
             (order, float(np.nanmean(level)), float(np.nanmax(level)))
             for order, level in zip(self.orders.tolist(), self.amplitude.T, strict=True)
         ]
         title = f"Orders of {self.reference} in {self.channel}"
-        return html_table(title, rows, ("order", f"mean ({self.unit})", f"largest ({self.unit})"))
+        return title, rows, ("order", f"mean ({self.unit})", f"largest ({self.unit})")
 
     def to_xarray(self) -> Any:
         """Amplitude and phase over time and order as an `xarray.Dataset`."""
         figures = {"amplitude": (self.amplitude, self.unit), "phase": (self.phase, "rad")}
         return _dataset(self, figures)
+
+    @classmethod
+    def from_xarray(cls, data):
+        """The track of which `to_xarray` made `data`."""
+        return _of_dataset(cls, data)
 
 
 def _dataset(result: "OrderMap | OrderTrack", figures: dict[str, tuple[np.ndarray, str]]) -> Any:
@@ -133,5 +153,14 @@ def _dataset(result: "OrderMap | OrderTrack", figures: dict[str, tuple[np.ndarra
     return xarray.Dataset(
         variables,
         coords={"time": ("time", result.time, {"units": "s"}), "order": result.orders},
-        attrs={"channel": result.channel, "reference": result.reference},
+        attrs={name: getattr(result, name) for name in ("channel", "reference", "unit")}
+        | {"amplitude_kind": result.kind},
     )
+
+
+def _of_dataset(cls: Any, data: Any) -> Any:
+    fields = {field.name for field in dataclasses.fields(cls)}
+    arrays = {name: data[name].values for name in fields & {*data.data_vars, "time"}}
+    words = {name: str(data.attrs[name]) for name in ("channel", "reference", "unit")}
+    kind = str(data.attrs["amplitude_kind"])
+    return cls(**words, **arrays, orders=data["order"].values, kind=kind)

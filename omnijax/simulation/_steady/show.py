@@ -2,11 +2,13 @@
 
 from typing import Any
 
+import jax
 import numpy as np
 
-from ..._html import html_table
 from ..._plot import COLOURS, new_axes, styled
 from ..._status import Status
+
+HEADER = ("figure", "value", "unit")
 
 
 def summary_rows(state: Any) -> list[tuple[str, float, str]]:
@@ -22,11 +24,6 @@ def summary_rows(state: Any) -> list[tuple[str, float, str]]:
             for axis, v in zip("xyz", values, strict=True)
         ]
     return rows
-
-
-def html(state: Any) -> str:
-    """Table of the scalar figures."""
-    return html_table("Steady state", summary_rows(state), ("figure", "value", "unit"))
 
 
 @styled
@@ -72,5 +69,18 @@ def to_xarray(state: Any) -> Any:
         else:
             data[name] = (dims.get(name, ()), value, attributes)
     names = [state.names[wheel] for wheel in state.wheel]
-    ended = {"status": Status(int(state.status)).text}
-    return xr.Dataset(data, {"component": list("xyz"), "signal": names}, ended)
+    coords = {"component": list("xyz"), "signal": names, "wheel": list(state.names),
+              "index": ("signal", np.asarray(state.wheel, int))}  # fmt: skip
+    return xr.Dataset(data, coords, {"status": Status(int(state.status)).text})
+
+
+def from_xarray(cls: Any, data: Any) -> Any:
+    """The steady state of which `to_xarray` made `data`."""
+    arrays = {name: data[name].values for name in cls.UNITS if name != "spectrum"}
+    arrays["spectrum"] = data["spectrum_real"].values + 1j * data["spectrum_imag"].values
+    return cls(
+        **{name: jax.device_put(value) for name, value in arrays.items()},
+        status=jax.device_put(np.asarray(Status.of(data.attrs["status"]), int)),
+        wheel=tuple(int(i) for i in data["index"].values),
+        names=tuple(str(name) for name in data["wheel"].values),
+    )

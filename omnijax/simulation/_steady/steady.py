@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
 from ..._programs import kept
+from ..._result import AbstractResult
 from ..._root import root
 from ..._status import Status
 from ...rig import Rig
@@ -15,11 +16,11 @@ from .._exact import exact_obstacle, is_traced, levels_needed, longest_passage
 from .._signals import Vector
 from .long_run import LongRun
 from .peak_search import bits_needed
-from .show import html, plot_orders, to_xarray
+from .show import HEADER, from_xarray, plot_orders, summary_rows, to_xarray
 from .spectrum import harmonics, transfer
 
 
-class SteadyState(eqx.Module):
+class SteadyState(eqx.Module, AbstractResult):
     """Long-run vibration at constant speeds.
 
     The signals of the wheels run independently of each other (incommensurate speeds, or start
@@ -69,16 +70,24 @@ class SteadyState(eqx.Module):
         ended = Status(int(self.status))
         return "ok" if self.ok else f"{ended.text}: {ended.remedy}"
 
-    def __repr__(self) -> str:
+    file_kind: ClassVar[str] = "omnijax steady state"
+    what: ClassVar[str] = "steady state"
+
+    def sentences(self) -> list[str]:
+        """RMS and peak, or why there is no steady state."""
         if not is_traced(self.status) and not self.ok:
-            return f"SteadyState({self.message()})"
-        return (
+            return [f"SteadyState({self.message()})"]
+        return [
             f"SteadyState(rms={_text(self.rms)} m, peak={_text(self.peak)} m, "
             f"{len(self.wheel)} signals, {self.order.shape[1] - 1} harmonics)"
-        )
+        ]
 
-    def _repr_html_(self) -> str:
-        return html(self)
+    def __repr__(self) -> str:
+        return AbstractResult.__repr__(self)
+
+    def table(self):
+        """The scalar figures and those of each component."""
+        return "Steady state", summary_rows(self), HEADER
 
     def plot_orders(self, *, ax=None):
         """Order spectrum of |dR| in micrometres; draws on `ax` or on a figure of its own."""
@@ -87,6 +96,11 @@ class SteadyState(eqx.Module):
     def to_xarray(self):
         """Every figure with its unit as an `xarray.Dataset`."""
         return to_xarray(self)
+
+    @classmethod
+    def from_xarray(cls, data):
+        """The steady state of which `to_xarray` made `data`."""
+        return from_xarray(cls, data)
 
 
 def _text(x) -> str:

@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..._plot import PALETTE, new_axes, styled
+from ..._result import AbstractResult, texts
 from ..._text import label, quantity_text, scaled
-from .._result import AbstractResult, texts
 
 ALIKE = 0.1  # %: a front that spans less is one design
 
@@ -29,7 +29,7 @@ class Front(AbstractResult):
     status: tuple[str, ...]
     evaluations: int
 
-    kind: ClassVar[str] = "omnijax front"
+    file_kind: ClassVar[str] = "omnijax front"
     what: ClassVar[str] = "front"
 
     def table(self):

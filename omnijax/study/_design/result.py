@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from ..._result import AbstractResult
 from ..._text import path_words, quantity_text, scaled
-from .._result import AbstractResult
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -41,7 +41,7 @@ class Design(AbstractResult):
     limits: dict[str, tuple[float, str]] = dataclasses.field(default_factory=dict)
     was: dict[str, Any] = dataclasses.field(default_factory=dict)
 
-    kind: ClassVar[str] = "omnijax design"
+    file_kind: ClassVar[str] = "omnijax design"
     what: ClassVar[str] = "design"
 
     def table(self):

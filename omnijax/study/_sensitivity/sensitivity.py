@@ -11,6 +11,7 @@ import numpy as np
 
 from ..._errors import InputError, RunError
 from ..._programs import kept
+from ..._result import AbstractResult, texts
 from ..._text import quantity_text
 from ...rig import Rig, load_rig, parameter_info
 from ...simulation import SpeedDrive, TorqueDrive
@@ -31,7 +32,6 @@ from .._parameters import (
     values_of,
     with_values,
 )
-from .._result import AbstractResult, texts
 from .check import Check, compare
 
 SHOWN = 6  # parameters in a printed result
@@ -57,7 +57,7 @@ class Sensitivity(AbstractResult):
     method: str
     check: Check | None = None
 
-    kind: ClassVar[str] = "omnijax sensitivity"
+    file_kind: ClassVar[str] = "omnijax sensitivity"
     what: ClassVar[str] = "sensitivities"
 
     def __repr__(self) -> str:

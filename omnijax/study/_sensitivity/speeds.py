@@ -10,12 +10,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._plot import MUTED, new_axes
+from ..._result import AbstractResult, texts
 from ...rig import Rig, get_parameter, load_rig, put_parameter
 from ...simulation import speeds as speed_drive
 from ...vibration import METRICS
 from .._batches import each, value_and_jacobian
 from .._evaluation import Question, checked_metrics, evaluation_of
-from .._result import AbstractResult, texts
 
 
 @dataclasses.dataclass(frozen=True, repr=False, eq=False)
@@ -29,7 +29,7 @@ class SpeedSensitivity(AbstractResult):
     figures: np.ndarray
     relative: np.ndarray
 
-    kind: ClassVar[str] = "omnijax sensitivity over speeds"
+    file_kind: ClassVar[str] = "omnijax sensitivity over speeds"
     what: ClassVar[str] = "sensitivities over speeds"
 
     def sentences(self) -> list[str]:

@@ -5,7 +5,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from .._result import AbstractResult, texts
+from ..._result import AbstractResult, texts
 from .morris import MorrisEffects
 from .sobol import SobolIndices
 
@@ -31,7 +31,7 @@ class GlobalSensitivity(AbstractResult):
     runs: int
     failed: tuple[str, ...]
 
-    kind: ClassVar[str] = "omnijax global sensitivity"
+    file_kind: ClassVar[str] = "omnijax global sensitivity"
     what: ClassVar[str] = "global sensitivities"
 
     def table(self):

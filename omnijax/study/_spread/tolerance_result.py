@@ -6,8 +6,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..._plot import PALETTE, new_axes, styled
+from ..._result import AbstractResult, texts
 from ..._text import quantity_text
-from .._result import AbstractResult, texts
 
 WIDEST = 0.2  # relative
 SILENT = 1e-9  # of the largest derivative: rounding
@@ -49,7 +49,7 @@ class Tolerances(AbstractResult):
         """Whether the new machines keep the limit as often as asked for."""
         return self.share >= self.confidence
 
-    kind: ClassVar[str] = "omnijax tolerances"
+    file_kind: ClassVar[str] = "omnijax tolerances"
     what: ClassVar[str] = "tolerances"
 
     def table(self):

@@ -181,6 +181,11 @@ class SweepResult:
 
         return export(self, file)
 
+    @staticmethod
+    def load(folder: str | Path) -> "SweepResult":
+        """The sweep stored in `folder`, as `load_sweep` opens it."""
+        return load_sweep(folder)
+
     def save(self, folder: str | Path) -> "SweepResult":
         """Copy to a store of its own."""
         from .evaluator import quantities

@@ -1,22 +1,24 @@
-"""What the results of studies share: words, a table for notebooks, arrays with units, a file."""
+"""What results share: words, a table for notebooks, arrays with units, a file."""
 
 import abc
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar, Self
 
-from .._html import html_table
-from ._netcdf import read_result, write_result
+from ._errors import InputError
+from ._html import html_table
+from ._netcdf import load_netcdf, write_netcdf
 
 
 class AbstractResult(abc.ABC):
     """A result that says itself, shows itself, and survives saving: `load(save(x)) == x`.
 
     A result gives its `sentences`, its `table`, and its arrays out (`to_xarray`) and back in
-    (`from_xarray`).  `kind` is what its files are marked with, `what` the word for it in messages.
+    (`from_xarray`).  `file_kind` is what its files are marked with, `what` the word for it in
+    messages.
     """
 
-    kind: ClassVar[str]
+    file_kind: ClassVar[str]
     what: ClassVar[str]
 
     @abc.abstractmethod
@@ -42,17 +44,20 @@ class AbstractResult(abc.ABC):
     def _repr_html_(self) -> str:
         return html_table(*self.table())
 
-    def save(self, path: str | Path) -> None:
-        """Write a netCDF file that `load` reads back equal.
+    def save(self, path: str | Path) -> Path:
+        """Write a netCDF file that `load` reads back equal; its path.
 
         Raises `InputError` where the file cannot be written.
         """
-        write_result(self.to_xarray().assign_attrs(kind=self.kind), path)
+        return write_netcdf(self.to_xarray().assign_attrs(kind=self.file_kind), path)
 
     @classmethod
     def load(cls, path: str | Path) -> Self:
         """The result that `save` wrote; `InputError` for a file that holds none of its kind."""
-        return cls.from_xarray(read_result(path, cls.kind, cls.what))
+        data = load_netcdf(path, decode_times=True)
+        if data.attrs.get("kind") != cls.file_kind:
+            raise InputError(f"holds no {cls.what}.", path)
+        return cls.from_xarray(data)
 
 
 def texts(data: Any, name: str) -> tuple[str, ...]:
