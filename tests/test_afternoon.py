@@ -16,7 +16,6 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from seeds import drawn_anew
-from tiers import tiered
 
 import omnijax
 from omnijax.cli import run
@@ -240,8 +239,7 @@ def recorded(type_, folder, wheels, rig, rng, size):
     return case.name
 
 
-@pytest.mark.long
-@pytest.mark.parametrize("machine", tiered(MACHINES, "ballbot".__eq__), indirect=True)
+@pytest.mark.full  # of test_diagnosis the same answers, of test_diagnosis_answers the command
 def test_a_diagnosis_names_what_was_planted(type_, machine):
     """A ballbot's runout with its size; of a platform that lacks nothing, nothing."""
     folder, wheels, _ = machine

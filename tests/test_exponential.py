@@ -161,6 +161,7 @@ def test_steps_end_at_the_next_kink():
     assert np.isfinite(jax.grad(lambda v: time_to_edge(one(0.3), v, one(0.0)))(0.7))
 
 
+@pytest.mark.full  # in sweeps: test_sweep, test_one_evaluation
 def test_fixed_steps_agree_with_adaptive_ones():
     ts = jnp.linspace(0, 0.1, 51)
     drive = torques([0.1, 0.5, -0.25])

@@ -6,6 +6,7 @@ import pytest
 from omnijax import cli
 from omnijax.diagnosis import diagnose
 from tests.seeds import drawn_anew
+from tests.tiers import tiered
 
 
 def sines(rng, low, high):
@@ -93,12 +94,10 @@ def nothing(rng):
     return {"time": t, "torque": u, "angle": q + 1e-4 * rng.normal(size=len(t))}, set(), ()
 
 
-HEALTHY = pytest.param(nothing, marks=pytest.mark.full)  # as in test_machine, from a log alone
+PLANTS = (cogging_behind_a_gear, disc_over_the_top, behind_a_controller, slide, nothing)
 
 
-@pytest.mark.parametrize(
-    "plant", [cogging_behind_a_gear, disc_over_the_top, slide, behind_a_controller, HEALTHY]
-)
+@pytest.mark.parametrize("plant", tiered(PLANTS, (slide, nothing).__contains__))
 def test_what_the_axis_lacks_is_named_and_nothing_else(tmp_path, plant):
     table, truth, orders = plant(drawn_anew(plant.__name__))
     log = tmp_path / "log.csv"
