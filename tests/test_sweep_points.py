@@ -5,8 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from omnijax import InputError
+from omnijax import InputError, load_rig
 from omnijax.study._axes import SweepAxis, read_axis, split_vary
+from omnijax.study._parameters import checked_parameters
 from omnijax.study._points import Grid, build_points
 
 
@@ -108,3 +109,13 @@ def test_a_billion_points_cost_no_memory():
 def test_contradictions_are_refused(text, sampler, samples, words):
     with pytest.raises(InputError, match=words):
         build_points([axis(text)], sampler, samples, 0)
+
+
+def test_paths_may_be_words_of_numpy():
+    """Taken from an array of names, a path had been refused by jax as no number."""
+    path = np.array(["wheel.w2.roundness", "sphere.mass"])[0]
+    rig = load_rig("atlas")
+    assert {type(p) for p in (*split_vary({path: [0.1]}), *checked_parameters(rig, [path]))} == {
+        str
+    }
+    assert checked_parameters(rig, [path]) == ("wheel.w2.roundness",)

@@ -59,7 +59,7 @@ class SweepAxis:
 def split_vary(vary: Any) -> dict[str, Any]:
     """`{path: range}` from a mapping or from texts `path=range`."""
     if isinstance(vary, Mapping):
-        return dict(vary)
+        return {str(path): given for path, given in vary.items()}  # of NumPy's words too
     ranges: dict[str, Any] = {}
     for text in [vary] if isinstance(vary, str) else vary:
         path, sign, rest = str(text).partition("=")

@@ -28,7 +28,7 @@ def speaks_of_all(rig: Rig, path: str) -> bool:
 def checked_parameters(rig: Rig, paths: Sequence[str]) -> tuple[str, ...]:
     """Paths of single numbers; a path that speaks of all wheels becomes one path a wheel."""
     single: list[str] = []
-    for path in paths:
+    for path in map(str, paths):  # NumPy's words are arrays to jax
         info = parameter_info(rig, path)
         if info.shape == ():
             single.append(path)
