@@ -110,6 +110,27 @@ def test_counts_of_an_encoder_have_a_unit_of_their_own(tmp_path, signals, capsys
         assert capsys.readouterr().err.count("\n") <= 2
 
 
+def test_a_goal_and_what_follows_it_have_one_unit(tmp_path):
+    """Of angles in degrees whose unit stands at one alone the other was read as rad."""
+    t = np.arange(200) * STEP
+    goal = 20 * np.sign(np.sin(3 * t)) + np.sin(t)
+    for names in (("goal.deg", "present.position"), ("target", "pos_deg")):
+        table = pd.DataFrame(dict(zip(("t", *names), (t, goal, 0.8 * goal), strict=True)))
+        table.to_json(tmp_path / "s.json", orient="records")
+        one = guess(tmp_path / "s.json")
+        assert one.drives == "goal"
+        assert {k: one.units.get(k) for k in ("input", "position")} == dict.fromkeys(
+            ("input", "position"), "deg"
+        ), names
+
+
+@pytest.mark.parametrize("name", ["enc_counts", "Inkremente", "ticks", "increments"])
+def test_counts_by_any_name_are_a_position(tmp_path, signals, name):
+    t, u, q = signals
+    pd.DataFrame({"Zeit": t, "PWM": u, name: np.round(100 * q)}).to_csv(tmp_path / "a.csv")
+    assert "counts, read as rad" in dict(guess(tmp_path / "a.csv").rows())["position"]
+
+
 def test_lines_of_json_that_end_too_early_are_refused_in_words(tmp_path, capsys):
     path = tmp_path / "a.json"
     path.write_text(json.dumps({"t": 1}) + "\n" + '{"t": ')

@@ -24,7 +24,8 @@ INPUT = (
     r"^(u\d*|vir|v1|v_?(in|m|a)|i|i_?[qam]|amps?|in|input)$|^tau|cmd|torque|force|volt|curr|command"
     rf"|moment|duty|pwm|spannung|strom|kraft|{GOAL}"
 )
-POSITION = r"^(y|q|qm|x|v2|out|th)$|pos|angle|theta|phi|encoder|deg|winkel|weg|displ|counts?$|ticks"
+COUNTS = r"counts?$|ticks|incr|inkr"  # of an encoder, whose lines a turn no log tells
+POSITION = rf"^(y|q|qm|x|v2|out|th)$|pos|angle|theta|phi|encoder|deg|winkel|weg|displ|{COUNTS}"
 SPEED = r"speed|veloc|(^|_)vel|rpm|omega|drehzahl|geschw|tacho|dot$|^(w|v|n|z\d*)$|/ ?s\b"
 MEASURED = r"meas|act|enc|fb"
 KINDS = (  # pattern of a name -> how the motor is driven, where its unit does not say it
@@ -39,14 +40,14 @@ DRIVES = {  # unit of an input -> how the motor is driven
     ) for unit in units.split()
 } | dict.fromkeys(("N m", "N cm", "N mm", "mN m", "kN m"), "torque")  # fmt: skip
 UNIT = re.compile(
-    r"(?:[\[(_ ]|,|\s*/)\s*(mm|cm|um|µm|m|deg|degrees|°|rad|radians|mrad|ns|us|µs|ms|s"
+    r"(?:[\[(_ .]|,|\s*/)\s*(mm|cm|um|µm|m|deg|degrees|°|rad|radians|mrad|ns|us|µs|ms|s"
     r"|[mk]?N[ ·*]?m|N ?[cm]m|[mk]?N|[muµ]?A|[mk]?V"
     r"|rpm|rev/min|U/min|1/min|(?:rad|mrad|deg|°|mm|cm|m)/s)\s*[\])]?$"
 )
 WORDS = {"degrees": "deg", "radians": "rad"}
-COUNTS = r"counts?$|ticks|incr?(ement)?s?$"  # of an encoder, whose lines a turn no log tells
 SUPPLY = 0.2  # standard deviation of a voltage over its mean, below which it is a supply's
 RISING = 0.5  # of a clock's steps: stamps of a coarse clock repeat, and their rows are left out
+ALIKE = 4.0  # sizes of a goal and of what follows it, one over the other, in one unit
 LONGEST = 0.2  # s, of a step; one that is longer is in a smaller unit
 SMALLER = ("ms", "us", "ns")
 
@@ -309,6 +310,8 @@ def _described(log: Path, table, time: str | None, given: str, position: str | N
             "has for its position alone, not for a speed. Name the motor's torque, current or "
             "voltage: --input COLUMN."
         )
+    if drives == "goal":
+        units = _unit_of_both(units, table.columns[given], table.columns[shown])
     units = _fitting(units, motion, drives)
     for channel, unit in (stated or {}).items():
         if channel not in units:
@@ -338,6 +341,18 @@ def _described(log: Path, table, time: str | None, given: str, position: str | N
     return Guess(log, time, given, position, units, drives, motion, len(q), 1 / step, _noise(q),
                  signals, beside, None if position else velocity,
                  stated=dict(stated or {}))  # fmt: skip
+
+
+def _unit_of_both(units: dict[str, str], goal, position) -> dict[str, str]:
+    """Units with that of a goal or position for the other one too, where only one has any.
+
+    A controller compares them as they are; so where their sizes are alike, their units are.
+    """
+    known = {units[k] for k in ("input", "position") if k in units}
+    sizes = np.nanstd(np.asarray(goal, float)), np.nanstd(np.asarray(position, float))
+    if len(known) == 1 and max(sizes) < ALIKE * min(sizes):
+        units = units | dict.fromkeys(("input", "position"), known.pop())
+    return units
 
 
 def output_unit(motion: str, measured: str) -> str:
