@@ -27,6 +27,7 @@ from ._search import (
     Search,
     SearchPath,
     SearchResult,
+    unsteady,
     upper_limits,
     within_doubt,
 )
@@ -43,7 +44,10 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
     if not shown.matters:
         outcome, limits, shown = _reviewed(search, evidence, explored, shown)
     earlier = None
-    other = evidence.renoised(shown.changes) if shown.matters else None
+    if shown.coloured and unsteady(evidence.model, explored.way.fit, evidence.alike):
+        tell("what looked like noise is an effect that changes over the runs: it is none")
+        outcome, limits, shown = _reviewed(search, evidence, explored, shown.refuted())
+    other = evidence.renoised(shown.changes) if outcome is None and shown.matters else None
     if other is not None:
         explored = explored.without_table()  # room for the next one
         names = sorted({c for run in shown.changes for c in run})
@@ -90,9 +94,10 @@ def _said(
     (after,) = model.residuals([outcome.fit.point], "held-out")
     first, last = evidence.columns(before, "held-out"), evidence.columns(after, "held-out")
     confirmed_on = evidence.confirmed_on
-    judged = _judged(evidence, outcome, shown, first, last)
+    changing = unsteady(model, outcome.fit, evidence.alike)
+    judged = _judged(evidence, outcome, shown, first, last, changing)
     if judged.verdict == "unknown":
-        judged = _beside_doubt(evidence, outcome, first, judged)
+        judged = _beside_doubt(evidence, outcome, first, judged, changing)
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     known = judged.verdict in ("named", "ambiguous")
     point = outcome.fit.point if known else outcome.baseline.point
@@ -129,17 +134,17 @@ def _said(
 
 
 def _judged(
-    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, first, last
+    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, first, last, changing
 ) -> Verdict:
     """The verdict, by what this kind of machine is held to."""
     return judge(
         outcome, shown, first, last, evidence.model.settings.equal, evidence.closing,
-        evidence.alike, evidence.confirmed_on,
+        evidence.alike, evidence.confirmed_on, changing,
     )  # fmt: skip
 
 
 def _beside_doubt(
-    evidence: AbstractEvidence, outcome: SearchResult, first, judged: Verdict
+    evidence: AbstractEvidence, outcome: SearchResult, first, judged: Verdict, changing
 ) -> Verdict:
     """The verdict once what the calibration leaves open is granted to the held-out runs."""
     model = evidence.model
@@ -148,7 +153,7 @@ def _beside_doubt(
         return judged
     (left,) = model.residuals([point], "held-out")
     last = evidence.columns(left, "held-out")
-    again = _judged(evidence, outcome, shown_noise(evidence, point), first, last)
+    again = _judged(evidence, outcome, shown_noise(evidence, point), first, last, changing)
     if again.verdict == "unknown":
         return judged
     text = f"{again.reason}, where that which the calibration leaves open is granted"

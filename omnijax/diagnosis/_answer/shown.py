@@ -59,6 +59,11 @@ class Shown:
             for run in self.changes for x in run.values()
         )  # fmt: skip
 
+    @property
+    def coloured(self) -> bool:
+        """Whether some channel's noise would have a colour."""
+        return any(x.colour != "white" for run in self.changes for x in run.values())
+
     def refuted(self) -> "Shown":
         """The same where what looked like noise of a colour is none: there only the white part is.
 

@@ -6,13 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from .._search import Effect, Point
+from .._search import Effect, Point, size_keys
 from .evidence import AbstractEvidence
 from .result import Diagnosis
 from .shown import by_group
 
 SHARES = (0.25, 0.5, 0.75, 1.25, 1.5)  # of the found size, beside 0 and 1
-THRESHOLDS = ("gap", "delay", "tau")  # sizes of laws without a linear strength
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,13 +86,12 @@ def effect_sizes_on_held_out(diagnosis: Diagnosis) -> Sizes | None:
 def _size(evidence: AbstractEvidence, effect: Effect) -> tuple[float | None, str, tuple[str, ...]]:
     """An effect's size, its unit, and the numbers that grow with it."""
     known = evidence.model.laws[effect.id].parameters
-    keys = [k for k, p in known.items() if p.linear and k in effect.values]
-    keys = keys or [k for k in THRESHOLDS if k in effect.values][:1]
+    keys = size_keys(evidence.model.laws, effect)
     if not keys:
         return None, "", ()
     value = np.asarray(effect.values[keys[0]], float)
     size = float(value) if value.ndim == 0 else float(np.linalg.norm(value))
-    return size, evidence.unit(known[keys[0]].unit, effect.place, keys[0]), tuple(keys)
+    return size, evidence.unit(known[keys[0]].unit, effect.place, keys[0]), keys
 
 
 def _resized(point: Point, i: int, keys: Sequence[str], share: float) -> Point:

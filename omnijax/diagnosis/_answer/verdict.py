@@ -2,10 +2,11 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
-from .._search import SETTINGS, SearchResult, Trial
+from .._search import SETTINGS, SearchResult, Trial, Unsteady
 from .evidence import AbstractEvidence
 from .shown import Shown
 
@@ -50,6 +51,7 @@ def judge(
     closing: float = AbstractEvidence.closing,
     alike: float = AbstractEvidence.alike,
     confirmed_on: str = "held-out",
+    unsteady: Sequence[Unsteady] = (),
 ) -> Verdict:
     """The verdict, from held-out residuals before and after and the noise that the data show.
 
@@ -58,7 +60,7 @@ def judge(
     Nothing is unknown but what hangs on the machine's state, at `where`'s own false-discovery rate.
     `rivals` is the margin below which two effects explain the runs equally well, `closing` the
     share of the held-out gap that a named set has to close, `alike` the one by which held-out runs
-    may show an effect at another size.
+    may show an effect at another size; `unsteady` effects change over the runs or between them.
     """
     first, last = squares(before), squares(after)
     floor = {c: shown.ratio(c, "held-out") ** 2 for c in last}
@@ -80,6 +82,11 @@ def judge(
     other = of_another_size(outcome, alike)
     if other:
         text = f"{who} show {other}: a missing effect that no known law describes"
+        return Verdict("unknown", closed, equals, text, noise)
+    if unsteady:
+        most = unsteady[0]
+        text = (f"{100 * most.share:.0f} % of {most.name} change over the runs or between them: "
+                "a missing effect that no known law describes")  # fmt: skip
         return Verdict("unknown", closed, equals, text, noise)
     if any(equals.values()):
         text = "joint refits of rivals are equally good"

@@ -135,6 +135,15 @@ class RigModel(AbstractModel):
             out += [(signs * elastic[order]).ravel(), (signs * rotation[order]).ravel()]
         return np.concatenate(out)
 
+    def moments(self, split):
+        runs, times = [], []
+        for i in self.splits[split]:
+            rows, time = self.machine.rows[i], self.machine.runs[i].time
+            wide = rows.elastic.shape[1], rows.rotation.shape[1]
+            runs.append(np.full(rows.size, i))
+            times += [np.repeat(time - time[0], n) for n in wide]
+        return np.concatenate(runs), np.concatenate(times)
+
     def group_rms(self, residual, split):
         squares: dict[str, list[float]] = {}
         at = 0

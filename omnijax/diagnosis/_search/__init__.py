@@ -23,6 +23,7 @@ from .model import Point as Point
 from .model import Prior as Prior
 from .model import free_numbers as free_numbers
 from .model import moved as moved
+from .model import size_keys as size_keys
 from .model import to_project as to_project
 from .model import value_of as value_of
 from .readings import in_all_runs as in_all_runs
@@ -38,6 +39,8 @@ from .settings import SETTINGS as SETTINGS
 from .settings import SearchSettings as SearchSettings
 from .starts import at_finite_strength as at_finite_strength
 from .starts import by_tangent as by_tangent
+from .steadiness import Unsteady as Unsteady
+from .steadiness import unsteady as unsteady
 from .where import WhereQuestion as WhereQuestion
 from .where import discovered as discovered
 from .where import state as state

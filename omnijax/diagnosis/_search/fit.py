@@ -43,9 +43,9 @@ def steps_of(point: Point, free: Sequence[Free]) -> np.ndarray:
     return np.array(out)
 
 
-def tangent_rows(model: AbstractModel, point, free, residual, baseline=None):
+def tangent_rows(model: AbstractModel, point, free, residual, baseline=None, split="train"):
     """d residual / d (u, free); the baseline's part may be given where tangents are differences."""
-    exact = model.tangents(point, free)
+    exact = model.tangents(point, free) if split == "train" else None
     if exact is not None:
         return exact
     P, points, steps = len(point.u), [], []
@@ -59,7 +59,7 @@ def tangent_rows(model: AbstractModel, point, free, residual, baseline=None):
         h = -step if values[k] + step > free[k].high else step
         points.append(moved(point, point.u, free, values + h * np.eye(len(free))[k]))
         steps.append(h)
-    residuals = model.residuals(points, "train") if points else []
+    residuals = model.residuals(points, split) if points else []
     columns = [(r - residual) / h for r, h in zip(residuals, steps, strict=True)]
     changed = np.stack(columns, axis=1) if columns else np.zeros((len(residual), 0))
     return changed if baseline is None else np.concatenate([baseline, changed], axis=1)

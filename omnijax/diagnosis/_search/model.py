@@ -12,6 +12,7 @@ from ...laws import AbstractLaw
 from .settings import SETTINGS, SearchSettings
 
 STEPPED = ("contact", "mount", "separation")  # ports whose laws change a run's every tangent
+THRESHOLDS = ("gap", "delay", "tau")  # sizes of laws without a linear strength
 HARD = 3.5  # prior sigmas: Gaussian priors have no force against 1e5 samples, bounds have
 
 
@@ -108,6 +109,13 @@ class AbstractModel(abc.ABC):
     @abc.abstractmethod
     def dof(self, split: str) -> int:
         """Rows that carry information."""
+
+    def moments(self, split: str) -> tuple[np.ndarray, np.ndarray] | None:
+        """By row of a split which run it is of, and its time there in s.
+
+        None where an effect may change from run to run and over them.
+        """
+        return None
 
     def group_rms(self, residual: np.ndarray, split: str) -> dict[str, float]:
         """RMS of a residual by output group, in sigma; one group by default."""
@@ -221,6 +229,13 @@ def free_numbers(model: AbstractModel, point: Point) -> list[Free]:
             else:
                 out.append(Free(i, key, None, p.low, p.high))
     return out
+
+
+def size_keys(laws: dict[str, type[AbstractLaw]], effect: Effect) -> tuple[str, ...]:
+    """The numbers that grow with an effect: its strengths, else its threshold or time."""
+    known = laws[effect.id].parameters
+    keys = [k for k, p in known.items() if p.linear and k in effect.values]
+    return tuple(keys or [k for k in THRESHOLDS if k in effect.values][:1])
 
 
 def value_of(point: Point, free: Free) -> float:

@@ -1,0 +1,90 @@
+"""Whether effects are as strong at all times and in all runs: asked of all runs at once.
+
+A law of the library acts at one size.  One that grows or fades, as a motor warms say, is none of
+them, though each run alone is told well by a size of its own: what is left of all runs together
+then holds the change that the effect makes times the time, or in some runs more of it than in
+others, beside what constant numbers can explain.
+"""
+
+import dataclasses
+
+import numpy as np
+from numpy.polynomial.legendre import legvander
+
+from .fit import Fit, tangent_rows
+from .held_out import HeldOut
+from .model import AbstractModel, size_keys, value_of
+from .scan import chance
+
+DEGREE = 3  # of the course over a run: 2 % of what warms within a third of it is left
+SURELY = 5.7e-7  # chance of a part that is not constant: five standard deviations, as of sizes
+
+
+@dataclasses.dataclass(frozen=True)
+class Unsteady:
+    """An effect of which the `share` (RMS over what it changes) is not constant."""
+
+    name: str
+    share: float
+    chance: float
+
+
+def unsteady(model: AbstractModel, fit: Fit, alike: float) -> list[Unsteady]:
+    """The effects of a fit that surely change by more than the share `alike`, the most first.
+
+    By effect the change s of all rows with its size is multiplied by courses over the time and by
+    which run it is; r' is what is left beside all constant numbers, M' likewise.  The gain of r'
+    over M' is chi-square of as many degrees as M' has columns, times the spread where what is left
+    has a colour; over |s|^2 it is no more than the square of the share.
+    """
+    fitted, others = model.moments("train"), model.moments("held-out")
+    if fitted is None or others is None or not fit.point.effects:
+        return []
+    (run, time), J, left = fitted, fit.jacobian, fit.residual
+    if not np.isin(others[0], run).any():  # a short run alone plays both roles
+        (held,) = model.residuals([fit.point], "held-out")
+        there = tangent_rows(model, fit.point, fit.free, held, split="held-out")
+        J, left = np.concatenate([J, there]), np.concatenate([left, held])
+        run, time = (np.concatenate(x) for x in zip(fitted, others, strict=True))
+    if not (np.all(np.isfinite(J)) and np.all(np.isfinite(left))):
+        return []
+    every = _basis(J)
+    left = left - every @ (every.T @ left)
+    shapes = [np.where(run == r, 1.0, 0.0) for r in np.unique(run)]
+    course = legvander(2 * time / max(time.max(), 1e-300) - 1, DEGREE)[:, 1:]
+    shapes = np.concatenate([np.stack(shapes, axis=1), course], axis=1)
+    out, P = [], len(fit.point.u)
+    for i, effect in enumerate(fit.point.effects):
+        keys = size_keys(model.laws, effect)
+        own = [P + k for k, f in enumerate(fit.free) if f.effect == i and f.key in keys]
+        if not own:
+            continue
+        sizes = np.array([value_of(fit.point, fit.free[k - P]) for k in own])
+        change = J[:, own] @ sizes
+        size = float(change @ change)
+        varied = shapes * change[:, None]
+        varied = varied - every @ (every.T @ varied)
+        part = _basis(varied, 1e-3 * float(np.linalg.norm(change)))
+        d = part @ (part.T @ left)
+        shown = HeldOut.of(left, left - d)
+        gain = max(0.0, shown.gain) / shown.spread
+        share = np.sqrt(max(0.0, shown.gain - part.shape[1] * shown.spread) / max(size, 1e-300))
+        p = chance(gain, part.shape[1])
+        if p < SURELY and share > alike:
+            out.append(Unsteady(effect.name, float(share), p))
+    return sorted(out, key=lambda x: -x.share)
+
+
+def _basis(columns: np.ndarray, least: float = 0.0) -> np.ndarray:
+    """Orthonormal columns; directions shorter than `least` are left out.
+
+    By default those of which scaled columns hold less than 1e-7.
+    """
+    if not least:
+        scale = np.linalg.norm(columns, axis=0)
+        columns = columns[:, scale > 0] / scale[scale > 0]
+    if not columns.shape[1]:
+        return columns
+    values, vectors = np.linalg.eigh(columns.T @ columns)
+    kept = values > max(least**2, 1e-14 * values[-1])
+    return columns @ (vectors[:, kept] / np.sqrt(values[kept]))
