@@ -13,6 +13,7 @@ from omnijax.diagnosis._answer.shown import Shown, shown_noise
 from omnijax.diagnosis._answer.verdict import judge
 from omnijax.diagnosis._answered import explained
 from omnijax.diagnosis._machine.data_vector import DataRows, _filters
+from omnijax.diagnosis._machine.rig_model import RigModel
 from omnijax.diagnosis._machine.roles import with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._noise import step_of
@@ -254,3 +255,49 @@ def test_noise_is_explained_by_what_held_out_runs_show_too(everywhere):
     model = SimpleNamespace(settings=SETTINGS, dof=lambda split: N)
     way = SimpleNamespace(trials=[[trial]])
     assert explained(model, way) == everywhere  # pyright: ignore[reportArgumentType]
+
+
+def drifting(walks: bool, seed: int, runs: int, gain: float, n: int = 1500) -> list[np.ndarray]:
+    """Columns of white noise with a straight drift, the same in all runs, or with random walks."""
+    rng, t = np.random.default_rng([11, seed]), np.linspace(-1, 1, n)
+    if not walks:
+        return [rng.normal(size=n) + t * np.sqrt(gain / runs / (t @ t)) for _ in range(runs)]
+    steps = np.cumsum(rng.normal(size=(runs, n)), axis=1) * np.sqrt(6 * gain / runs) / n
+    return [*(rng.normal(size=(runs, n)) + steps - steps.mean(axis=1, keepdims=True))]
+
+
+@pytest.mark.parametrize("runs, gain", [(1, 1000.0), (3, 300.0)])
+def test_a_channel_that_wanders_is_no_drift_and_a_drift_is_one(runs, gain):
+    kept = {}
+    for walks in (False, True):
+        each = []
+        for seed in range(20):
+            columns = drifting(walks, seed, runs, gain)
+            t = np.linspace(-1, 1, len(columns[0]))
+            b = sum(t @ x for x in columns) / (runs * t @ t)
+            left = {"less": columns, "fit": columns - b * t}
+            whole = SimpleNamespace(
+                _whole=lambda p, c, left=left: left[p], settings=SETTINGS
+            )  # fmt: skip
+            less, fit = (SimpleNamespace(point=k) for k in ("less", "fit"))
+            drift = Effect("sensor-drift", "a_y", {})
+            each.append(not RigModel.as_noise(whole, less, fit, drift))  # pyright: ignore
+        kept[walks] = np.mean(each)
+    assert kept[True] == 0.0
+    assert kept[False] >= 0.9
+
+
+def test_the_parts_of_the_only_run_make_one_column_again():
+    run = Run("run", "train", np.arange(9.0), *[np.zeros((9, 3))] * 2, {}, np.ones(9, bool))
+    parts = [dataclasses.replace(run, counts=np.arange(9) % 3 < 2),
+             dataclasses.replace(run, counts=np.arange(9) % 3 == 2)]  # fmt: skip
+    column = np.arange(54.0).reshape(9, 6)
+    rows = [
+        DataRows(9, np.ones((9, 6)) * p.counts[:, None], np.zeros((9, 0)), []) for p in parts
+    ]  # fmt: skip
+    machine = SimpleNamespace(rows=rows, runs=parts, residuals=lambda rigs, which: [column.ravel()])
+    model = SimpleNamespace(
+        machine=machine, splits={"train": [0], "held-out": [1]}, rig_at=lambda point: None
+    )
+    (whole,) = RigModel._whole(model, None, 4)  # pyright: ignore
+    assert whole == pytest.approx(column[:, 4])

@@ -83,6 +83,18 @@ class DataRows:
         cut = self.elastic.size
         return x[:cut].reshape(self.elastic.shape), x[cut:].reshape(self.rotation.shape)
 
+    def unwhitened(self, x: np.ndarray) -> np.ndarray:
+        """The elastic table (samples, 6) of a row vector, in sigma, not whitened in time.
+
+        NaN where nothing counts.
+        """
+        table = np.array(self.split(x)[0])
+        if self.filters is not None:
+            lines = self.filters.T
+            over = np.divide(1.0, lines, where=lines > 0, out=0 * lines)
+            table = np.fft.irfft(np.fft.rfft(table, axis=0) * over, len(table), axis=0)
+        return np.where(self.elastic > 0, table, np.nan)
+
     @property
     def windows(self) -> list[slice]:
         """Samples after whose first one Omega and the rolled lengths start anew."""

@@ -55,7 +55,7 @@ def _in_all_runs(model, rig, labels: list[str]) -> list[dict[str, Any]]:
     machine, every = model.machine, sorted({i for runs in model.splits.values() for i in runs})
     vectors = [machine.residuals([rig], [i])[0] for i in every]
     (read,) = machine.elastic([rig], every)  # before the sensors, whose laws hang on it
-    left = [_unwhitened(machine.rows[i], x) for i, x in zip(every, vectors, strict=True)]
+    left = [machine.rows[i].unwhitened(x) for i, x in zip(every, vectors, strict=True)]
     out = {
         label: on_reading(label, [x[:, c] for x in left], [x[:, c] for x in read], c)
         for c, label in enumerate(labels[:6])
@@ -77,16 +77,6 @@ def _turned(machine, rig, i: int, vector: np.ndarray) -> tuple[np.ndarray, np.nd
     axes = axes[:: max(1, (len(axes) - 1) // (run.samples - 1))]
     lengths = [rolled(speed, axes[:, k], run.step, rows.windows) for k in range(rig.size)]
     return np.where(weight > 0, table, np.nan)[:, 3:], np.concatenate(lengths, axis=1)
-
-
-def _unwhitened(rows, vector: np.ndarray) -> np.ndarray:
-    """The elastic table (samples, 6) of a run's vector, in sigma, not whitened in time; NaN where
-    nothing counts."""
-    table = np.array(rows.split(vector)[0])
-    if rows.filters is not None:
-        over = np.divide(1.0, rows.filters.T, where=rows.filters.T > 0, out=0 * rows.filters.T)
-        table = np.fft.irfft(np.fft.rfft(table, axis=0) * over, len(table), axis=0)
-    return np.where(rows.elastic > 0, table, np.nan)
 
 
 def _table(machine, i: int, vector: np.ndarray) -> np.ndarray:

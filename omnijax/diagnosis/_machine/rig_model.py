@@ -20,9 +20,12 @@ from .._search import (
     candidates,
     free_numbers,
     number,
+    wandering_gain,
+    white_level,
 )
 from .._threads import each
 from .clocks import CLOCK, READ_LATE, clock_priors, with_clocks
+from .data_vector import ELASTIC_CHANNELS
 from .linearisation import base_of
 from .machine import Machine
 from .orders import strongest_orders
@@ -183,6 +186,35 @@ class RigModel(AbstractModel):
             for e in point.effects
         )
         return self.machine.rolls and (bent or self.needs_stepping(point.effects))
+
+    def as_noise(self, less, fit, effect):
+        """A drift is straight and alike in all runs; a channel that wanders looks so in one."""
+        if effect.id != "sensor-drift" or effect.place not in ELASTIC_CHANNELS:
+            return False
+        channel = ELASTIC_CHANNELS.index(effect.place)
+        drifting, straight = (self._whole(f.point, channel) for f in (less, fit))
+        level = float(np.median([white_level(x)[0] for x in straight]))
+        drifting, straight = ([x / level for x in part] for part in (drifting, straight))
+        gain = sum(
+            len(x) * (np.var(x) - np.var(y)) for x, y in zip(drifting, straight, strict=True)
+        )
+        return gain - wandering_gain(drifting) < self.settings.equal
+
+    def _whole(self, point: Point, channel: int) -> list[np.ndarray]:
+        """What is left of an elastic channel by run, one that plays both roles put together.
+
+        In assumed sigma, not whitened in time; zero where nothing counts.
+        """
+        out: dict[object, np.ndarray] = {}
+        for split in dict.fromkeys(map(tuple, (self.splits["train"], self.splits["held-out"]))):
+            at, (residual,) = 0, self.machine.residuals([self.rig_at(point)], [*split])
+            for i in split:
+                rows, run = self.machine.rows[i], self.machine.runs[i]
+                column = rows.unwhitened(residual[at : at + rows.size])[:, channel]
+                at += rows.size
+                key = i if run.counts is None else run.name
+                out[key] = out.get(key, 0.0) + np.nan_to_num(column)
+        return [*out.values()]
 
     def opening(self, share):
         """Every run up to the moment at which its wheels have rolled `share` of their way."""

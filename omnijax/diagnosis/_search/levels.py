@@ -9,6 +9,7 @@ import dataclasses
 import math
 
 import numpy as np
+from scipy.fft import dct
 from scipy.stats import chi2, gamma
 
 ORDERS = (3, 5, 7)
@@ -121,6 +122,26 @@ def levels(columns: list[np.ndarray], noise_only: bool) -> list[Level]:
         free = used * np.mean(dense) ** 2 / np.mean(dense**2)  # a few strong lines say less
         out.append(Level(ratio, 1 / math.sqrt(max(free, 4)), floor, colour, (at, own)))
     return out
+
+
+WANDERS = 10.0 ** np.arange(-4, 5.1, 0.25)  # power at a run's slowest wave over white noise's
+
+
+def wandering_gain(columns: list[np.ndarray]) -> float:
+    """Twice the log likelihood of noise that wanders over that of white noise of level 1.
+
+    `columns` by run are one channel's residual in sigma (zero where missing).  A random walk's
+    waves of half a period over k have a power that falls with k squared; their level is free, the
+    same in all runs, and the mean says nothing.
+    """
+    total = np.zeros(len(WANDERS))
+    longest = max(len(x) for x in columns)
+    for x in columns:
+        power = np.asarray(dct(x, norm="ortho"))[1:] ** 2
+        k = np.arange(1, len(x)) * (longest / len(x))
+        wander = WANDERS[:, None] / k**2
+        total += np.sum(power * wander / (1 + wander) - np.log1p(wander), axis=1)
+    return max(0.0, float(total.max()))
 
 
 def over(at: np.ndarray, power: np.ndarray, samples: int) -> np.ndarray:

@@ -155,6 +155,10 @@ class AbstractModel(abc.ABC):
         """Whether what `rebase` takes from the data has more free numbers with a law."""
         return False
 
+    def as_noise(self, less, fit, effect: Effect) -> bool:
+        """Whether noise explains as well as an effect of `fit` what it closes of `less`."""
+        return False
+
     def opening(self, share: float) -> "AbstractModel":
         """This model of the runs' beginnings, up to `share` of the motion; all of it by default."""
         return self

@@ -63,7 +63,8 @@ class Review:
         As good: chi2 within the margin of rivals, or every group's RMS within one per cent, or
         within what a prediction may be wrong by.  Such an effect stands among the limits, however
         significant.  So does one without which held-out runs are better foretold: what an earlier
-        search named beside other noise was confirmed beside that.
+        search named beside other noise was confirmed beside that; and one that noise of a channel
+        explains as well.
         """
         k, alone = 0, {}
         while k < len(fit.point.effects):
@@ -75,6 +76,7 @@ class Review:
                 less.cost - fit.cost < self.settings.margin
                 or not self._matters(less, fit, baseline)
                 or self._refused(less, fit)
+                or self.model.as_noise(less, fit, effects[k])
             ):
                 self.tell(f"{effects[k].name} is not needed")
                 fit, k, alone = less, 0, {}

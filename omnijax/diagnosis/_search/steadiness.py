@@ -17,6 +17,7 @@ from .model import AbstractModel, size_keys, value_of
 from .scan import chance
 
 DEGREE = 3  # of the course over a run: 2 % of what warms within a third of it is left
+OF_TIME = ("sensor-drift",)  # laws of the time itself, which noise that wanders makes unsteady
 SURELY = 5.7e-7  # chance of a part that is not constant: five standard deviations, as of sizes
 
 
@@ -57,7 +58,7 @@ def unsteady(model: AbstractModel, fit: Fit, alike: float) -> list[Unsteady]:
     for i, effect in enumerate(fit.point.effects):
         keys = size_keys(model.laws, effect)
         own = [P + k for k, f in enumerate(fit.free) if f.effect == i and f.key in keys]
-        if not own:
+        if not own or effect.id in OF_TIME:
             continue
         sizes = np.array([value_of(fit.point, fit.free[k - P]) for k in own])
         change = J[:, own] @ sizes
