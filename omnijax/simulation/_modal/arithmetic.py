@@ -2,7 +2,7 @@
 
 import functools
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -43,6 +43,16 @@ def pair_exp(kind, a: Pair) -> Pair:
     return jnp.where(k, first * c, first), jnp.where(k, first * s, second)
 
 
+def plus(a: Pair, b: Pair) -> Pair:
+    """a + b."""
+    return a[0] + b[0], a[1] + b[1]
+
+
+def times(x, a: Pair) -> Pair:
+    """x a, of a number x."""
+    return x * a[0], x * a[1]
+
+
 def product(kind, a, b):
     """a b of pairs: of complex numbers, or number by number."""
     k = kind > 0
@@ -81,3 +91,39 @@ def across(better: Callable, x):
         x = better(x[:half], x[half : 2 * half])
         x = jnp.concatenate([x, rest]) if odd else x
     return x[0]
+
+
+def rows(x, index: Sequence[int], axis: int = 0):
+    """x[index] along an axis, without a copy where that is all of x in order."""
+    x = jnp.moveaxis(x, axis, 0)
+    if tuple(index) != tuple(range(len(x))):
+        x = jnp.stack([x[i] for i in index]) if len(index) else x[:0]
+    return jnp.moveaxis(x, 0, axis)
+
+
+@jax.custom_jvp
+def _real_less_one(x):
+    """e^x - 1, vectorised by XLA (its own is not)."""
+    near = jnp.abs(x) < 0.3
+    y, series = jnp.where(near, x, 0.0), 0.0
+    for n in range(13, 0, -1):
+        series = (1.0 + series) * y / n
+    return jnp.where(near, series, jnp.exp(jnp.where(near, 0.0, x)) - 1.0)
+
+
+@_real_less_one.defjvp
+def _(primals, tangents):
+    value = _real_less_one(*primals)
+    return value, (value + 1.0) * tangents[0]
+
+
+def exp_less_one(kind, a: Pair) -> Pair:
+    """e^a - 1 without cancellation."""
+    k = kind > 0
+    first, second = _real_less_one(a[0]), _real_less_one(jnp.where(k, 0.0, a[1]))
+    s, c = sincos(jnp.where(k, a[1] / 2, 0.0))
+    off = -2 * s * s
+    return (
+        jnp.where(k, first + off + first * off, first),
+        jnp.where(k, (1 + first) * 2 * s * c, second),
+    )

@@ -4,31 +4,20 @@ Between edges a mode is a free part, which only decays, and the sinusoids' part;
 part jumps by the difference of the sinusoids' parts.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, flushed, materialised, pair_exp, product, quotient, sincos, stored
+from .arithmetic import Pair, flushed, pair_exp, product, rows, sincos, stored, summed
+from .edges import at_start, edges_of, jumps
 from .poles import PolePairs
+from .resonance import resonance
 from .signals import Signals
 from .system import Layout
 
 LENGTH = 32  # samples a block at most
-
-
-def _stored_particular(m: PolePairs, b, rate, cosine, sine):
-    """`particular`, stored."""
-
-    def parts(kind, l0, l1, b0, b1, rate, cosine, sine):
-        own = m._replace(kind=kind, l0=l0, l1=l1)
-        a, s = particular(own, (b0, b1), rate, cosine, sine)
-        return jax.lax.complex(*a), jax.lax.complex(*s)
-
-    solution = materialised(parts, m.kind, m.l0, m.l1, *b, rate, cosine, sine)
-    return [(x.real, x.imag) for x in solution]
 
 
 class ForcedPart(NamedTuple):
@@ -42,66 +31,30 @@ class ForcedPart(NamedTuple):
     free1: Float[Array, "p c"]
 
 
-def particular(m: PolePairs, b, rate, cosine, sine):
-    """z = (a cos + s sin)(rate t) of every pair, moved by b (cosine cos + sine sin)(rate t).
-
-    a = -b (lambda cosine + rate sine)/(lambda^2 + rate^2),
-    s = b (rate cosine - lambda sine)/(lambda^2 + rate^2).
-    """
-    pole = m.l0, m.l1
-    square = product(m.kind, pole, pole)
-    flat = jnp.where(m.kind > 0, 0.0, rate * rate)
-    r = quotient(m.kind, b, (square[0] + rate * rate, square[1] + flat))
-    turned = product(m.kind, r, pole)
-    a = [-(x * cosine + y * rate * sine) for x, y in zip(turned, r, strict=True)]
-    return a, [y * rate * cosine - x * sine for x, y in zip(turned, r, strict=True)]
-
-
 def forced(m: PolePairs, signals: Signals, direct, slope, layout: Layout) -> ForcedPart:
     """What does not change during a run; `direct`, `slope` (l, o, c): outputs of rho, drho/dt."""
-    pieces = max([kind.pieces for kind in layout.kinds])
-    cosines, sines, jumps = [], [], []
-    free = m.b0[-1], m.b1[-1]
-    first, edged = 0, 0
-    for kind in layout.kinds:
-        v = slice(first, first + kind.waves)
-        rate = signals.rate[v, None, None]  # (w, 1, 1, c)
-        cosine, sine = signals.cosine[v, : kind.pieces, None], signals.sine[v, : kind.pieces, None]
-        b = m.b0[kind.column], m.b1[kind.column]
-        a, s = _stored_particular(m, b, rate, cosine, sine)  # (w, k, p, c)
-        D, R = direct[kind.column][:, None, None], slope[kind.column][:, None, None]
-
-        def shown(z):
-            return _shown(m.c0, z[0]) + _shown(m.c1, z[1])
-
-        cos_, sin_, nu = cosine[:, :, 0], sine[:, :, 0], rate[:, :, 0]
-        room = ((0, 0), (0, 0), (0, pieces - kind.pieces), (0, 0))
-        cosines.append(jnp.pad(shown(a) + D * cos_ + R * nu * sin_, room))
-        sines.append(jnp.pad(shown(s) + D * sin_ - R * nu * cos_, room))
-        if kind.pieces > 1:
-            turn = signals.rate[v, None] * signals.duration[edged, None, : kind.pieces]
-            sn, cs = stored(sincos, turn)  # (w, k, c)
-            end = [jnp.sum(a[i] * cs[:, :, None] + s[i] * sn[:, :, None], 0) for i in (0, 1)]
-            begin = [jnp.sum(a[i], 0) for i in (0, 1)]
-            jump = [jnp.roll(e, 1, axis=0) - x for e, x in zip(end, begin, strict=True)]
-            jumps.append([jnp.pad(x, ((0, pieces - kind.pieces), (0, 0), (0, 0))) for x in jump])
-            sn, cs = stored(sincos, signals.rate[v] * signals.since[edged])
-            now = [a[i] * cs[:, None, None] + s[i] * sn[:, None, None] for i in (0, 1)]
-            here = jnp.arange(kind.pieces)[:, None] == signals.piece[edged]
-            now = [jnp.sum(jnp.where(here[:, None], x, 0.0), axis=(0, 1)) for x in now]
-            edged += 1
-        else:
-            now = [jnp.sum(a[i], axis=(0, 1)) for i in (0, 1)]
-        free = free[0] - now[0], free[1] - now[1]
-        first += kind.waves
-    none = jnp.zeros((0, pieces, *m.l0.shape))
-    j0, j1 = (jnp.stack([j[i] for j in jumps]) if jumps else none for i in (0, 1))
-    return ForcedPart(jnp.concatenate(cosines, 1), jnp.concatenate(sines, 1), j0, j1, *free)
+    columns = [layout.kinds[i].column for i in layout.signal_of]
+    edges, rate = edges_of(signals, layout), signals.rate[:, None]  # (v, 1, c)
+    r = resonance(m, rate, (rows(m.b0, columns), rows(m.b1, columns)))
+    level, turn = (
+        jnp.swapaxes(rows(x, columns), 0, 1) - shown(m, z)
+        for x, z in zip((direct, slope), r, strict=True)
+    )
+    level, turn = level[:, :, None], (rate[:, 0] * turn)[:, :, None]  # (o, v, 1, c)
+    start = [b[-1] + summed(z) for b, z in zip((m.b0, m.b1), at_start(r, edges), strict=True)]
+    cosine, sine = signals.cosine, signals.sine
+    return ForcedPart(
+        level * cosine + turn * sine,
+        level * sine - turn * cosine,
+        *jumps(r, edges, layout),
+        *start,
+    )
 
 
-def _shown(c, z):
-    """Sum over the pairs of c (o, p, c) times z (w, k, p, c), (o, w, k, c)."""
-    return sum(c[:, p][:, None, None] * z[None, :, :, p] for p in range(c.shape[1]))
+def shown(m: PolePairs, z: Pair, outputs: int | None = None):
+    """What the first outputs, or all, show of the pairs z (v, p, c): (o, v, c)."""
+    each = zip(m.c0[:outputs], m.c1[:outputs], strict=True)
+    return jnp.stack([summed(a * z[0] + b * z[1], 1) for a, b in each])
 
 
 class BlockTables(NamedTuple):
@@ -111,14 +64,6 @@ class BlockTables(NamedTuple):
     T1: Float[Array, "k q c"]
     cosine: Float[Array, "k v c"]
     sine: Float[Array, "k v c"]
-
-
-def rows(x, index: Sequence[int], axis: int = 0):
-    """x[index] along an axis, without a copy where that is all of x in order."""
-    x = jnp.moveaxis(x, axis, 0)
-    if tuple(index) != tuple(range(len(x))):
-        x = jnp.stack([x[i] for i in index]) if len(index) else x[:0]
-    return jnp.moveaxis(x, 0, axis)
 
 
 def pole_exp(m: PolePairs, layout: Layout, time) -> Pair:

@@ -18,8 +18,10 @@ from ...laws import ContinuousSine, DamagedRoller, GatedSine, HalfSine, Rollers
 from ...rig import Placed, Rig
 from .._exact import exact_obstacle
 from .decoupling import decoupled, turned_states
-from .gradient import half_root, peak_slopes, pull_back
-from .mean_square import mean_square_slopes
+from .gradient import half_root, pull_back
+from .mean_square import square_sums
+from .output_sums import slopes_of
+from .peak import peak_sums
 from .phases import longest_period
 from .poles import Eigen, eigen, modes_of
 from .signals import series_needed
@@ -262,18 +264,17 @@ def _figures(design: LinearDesign, layout: Layout, step, count, gradient: bool):
     groups = jax.tree.map(_grouped, lanes_of(design, pairs))
 
     def some(g: Lanes):
-        samples = samples_of(g, layout, step, count)
+        also = square_sums(g, layout, step) if gradient else None
+        samples, by_square = samples_of(g, layout, step, count, also)
         if not gradient:
-            squares = samples.total / count, samples.near.peak(step)
-            bars = None
+            squares, bars = (samples.total / count, samples.near.peak(step)), None
         else:
-            peak, by_peak = peak_slopes(g, layout, samples.near, step)
+            peak, by_peak = peak_sums(g, layout, samples.near, step)
             squares = samples.total / count, peak
-            parts = mean_square_slopes(g, layout, step, count), by_peak
-            bars = jax.tree.map(
-                lambda *x: jnp.stack([y * half_root(s) for y, s in zip(x, squares, strict=True)]),
-                *parts,
-            )
+            both = jax.tree.map(lambda *x: jnp.concatenate(x, axis=-1), by_square, by_peak)
+            bars = slopes_of(jax.tree.map(lambda x: jnp.concatenate([x, x], -1), g), layout, both)
+            scale = jnp.concatenate([2 / count * half_root(squares[0]), half_root(peak)])
+            bars = jax.tree.map(lambda x: jnp.stack(jnp.split(scale * x, 2, axis=-1)), bars)
         figures = [root(square) for square in squares]
         return jnp.stack([*figures, samples.normal, samples.slip]), bars
 

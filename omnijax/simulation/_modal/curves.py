@@ -8,9 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import flushed, product, sincos, stored, summed
-from .moment import Pair, pair_exp
-from .phases import PhaseCycle, Wave, forced_parts, free_starts, given, wide
+from .arithmetic import Pair, flushed, pair_exp, product, sincos, stored, summed
+from .phases import PhaseCycle, Wave, follows, free_starts, given, wide
 from .poles import PolePairs
 
 
@@ -45,26 +44,22 @@ def curves_of(
 ) -> ModalCurves:
     """The outputs `rows` of the phases of a cycle."""
     b, m = given(m, columns), wide(m)
-    c = rows.c0[:, None, None, :, None], rows.c1[:, None, None, :, None]
+    c = rows.c0[:, None, :, None], rows.c1[:, None, :, None]
     free, cosines, sines = [], [], []
     for wave in (*cycle.edged, *cycle.endless):
-        parts = forced_parts(m, wave)
+        r = follows(m, wave)
         if len(wave.duration) > 1:
-            y = product(m.kind, free_starts(m, wave, parts), b)
+            y = product(m.kind, free_starts(m, wave, r), b)
             free.append((flushed(y[0]), flushed(y[1])))
-        across, along = (product(m.kind, x, b) for x in parts)
-        D, R = rows.direct[:, None, None], rows.slope[:, None, None]
-        nu = wave.rate[:, None]
-        cosines.append(
-            jnp.sum(c[0] * across[0] + c[1] * across[1], axis=3)
-            + D * wave.cosine
-            + R * nu * wave.sine
+        level, turn = (
+            gain[:, None] - summed(c[0] * z[0] + c[1] * z[1], 2)
+            for gain, z in zip(
+                (rows.direct, rows.slope), (product(m.kind, x, b) for x in r), strict=True
+            )
         )
-        sines.append(
-            jnp.sum(c[0] * along[0] + c[1] * along[1], axis=3)
-            + D * wave.sine
-            - R * nu * wave.cosine
-        )
+        level, turn = level[:, :, None], (wave.rate * turn)[:, :, None]  # (r, w, 1, s, c)
+        cosines.append(level * wave.cosine + turn * wave.sine)
+        sines.append(level * wave.sine - turn * wave.cosine)
     return ModalCurves(m.kind, (m.l0, m.l1), rows, cycle, tuple(free), tuple(cosines), tuple(sines))
 
 

@@ -20,12 +20,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import product
-from .moment import Pair, moment
+from .arithmetic import Pair
 from .poles import Eigen, PolePairs
 from .signals import Signals
 from .system import Layout, LinearDesign, System
-from .transient import ROWS, Lanes, Near, hermite_peak, outputs_at
+from .transient import ROWS
 
 
 class Slopes(NamedTuple):
@@ -46,47 +45,6 @@ def along_poles(m: PolePairs, function):
     """function(m) and its derivative by every pole."""
     one = jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
     return jax.jvp(lambda x, y: function(m._replace(l0=x, l1=y)), (m.l0, m.l1), one)
-
-
-def with_start(a: Pair, b: Pair) -> Pair:
-    """Rows of a, then the one row b."""
-    first, second = (jnp.concatenate([x, y[None]]) for x, y in zip(a, b, strict=True))
-    return first, second
-
-
-def peak_slopes(g: Lanes, layout: Layout, near: Near, step) -> tuple[Array, Slopes]:
-    """Square of the refined peak and its derivatives."""
-    m, (times, x, v) = g.modes, near
-    top, back = jax.vjp(lambda x, v: hermite_peak(x, v, times, step), x, v)
-    gx, gv = back(jnp.ones_like(top))
-    # one of the cubics is above: its two ends have all the weight
-    late = jnp.any((gx[2] != 0) | (gv[2] != 0), axis=0)
-    ends = jnp.where(late, times[1:], times[:2])
-    weights = (jnp.where(late, x[1:], x[:2]) for x in (gx, gv))
-
-    both = jax.tree.map(lambda x: jnp.concatenate([x, x], axis=-1), g)  # a lane for each end
-    time, gx, gv = (jnp.concatenate([x[0], x[1]], axis=-1) for x in (ends, *weights))
-
-    def psi(m: PolePairs):
-        now = moment(m, both.signals, layout, time)
-        pole = with_start(now.pole, now.decay)
-        turned = product(m.kind, (m.l0, m.l1), pole)
-        level = jnp.concatenate([now.level, 0.0 * now.level[:1]])[:, None]
-        level = level, jnp.where(m.kind > 0, 0.0, level)
-        slopes = [
-            gx[:, None, None] * p + gv[:, None, None] * (t + r)
-            for p, t, r in zip(pole, turned, level, strict=True)
-        ]
-        return tuple(slopes), gx * now.level[:, None] + gv * now.slope[:, None]
-
-    def along(signals):
-        x, v = outputs_at(both, layout, moment(both.modes, signals, layout, time))
-        return jnp.sum(gx * x + gv * v)
-
-    (value, direct), (rate, _) = along_poles(both.modes, psi)
-    slopes = Slopes(value, rate, jax.grad(along)(both.signals), direct)
-    lanes = m.l0.shape[-1]
-    return top, jax.tree.map(lambda x: x[..., :lanes] + x[..., lanes:], slopes)
 
 
 def pull_back(

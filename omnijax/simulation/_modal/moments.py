@@ -5,9 +5,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import product, quotient, sincos
-from .moment import Pair, exp_less_one, pair_exp
-from .phases import PhaseCycle, Wave, forced_parts, free_starts, ones, wide
+from .arithmetic import Pair, exp_less_one, pair_exp, plus, product, quotient, sincos, summed, times
+from .phases import PhaseCycle, Wave, follows, free_starts, ones, wide
 from .poles import PolePairs
 
 
@@ -72,14 +71,15 @@ def _weighted(m: PolePairs, u: Wave) -> Pair:
 
 def _work(m: PolePairs, u: Wave, v: Wave) -> Pair:
     """Mean of rho_u phi_v over their common period; their pieces are the same."""
-    a, b = forced_parts(m, v)
-    start = free_starts(m, v, (a, b))
-    free = product(m.kind, start, _weighted(m, u))
-    cosine, sine = (x[:, :, None] for x in _against(u, v))
-    works = []
-    for i in (0, 1):
-        forced = jnp.sum(cosine * a[i] + sine * b[i], axis=(0, 1))
-        works.append((jnp.sum(free[i], axis=0) + forced) / u.period)
+    r = follows(m, v)
+    free = product(m.kind, free_starts(m, v, r), _weighted(m, u))
+    cosine, sine = _against(u, v)
+    # rho_u times level and slope of v's sinusoids, all pieces
+    level = jnp.sum(cosine * v.cosine + sine * v.sine, axis=1)[:, None]
+    slope = v.rate[:, None] * jnp.sum(cosine * v.sine - sine * v.cosine, axis=1)[:, None]
+    works = [
+        (summed(x) - summed(y)) / u.period for x, y in zip(free, r.lag(level, slope), strict=True)
+    ]
     return works[0], works[1]
 
 
@@ -115,14 +115,14 @@ def moments_of(m: PolePairs, cycle: PhaseCycle) -> Moments:
     work, level, square = (0.0 * m.l0 + zero, 0.0 * m.l0 + zero), zero, zero
     rest = jnp.max(cycle.period) * 0.0
     for wave in cycle.edged:
-        work = _plus(work, _work(m, wave, wave))
+        work = plus(work, _work(m, wave, wave))
         level, square = level + _mean(wave), square + _overlap(wave, wave)
     if len(cycle.edged) > 1:  # a damaged roller falls on one of the profile's gaps
         pitch, turn = cycle.edged
         folded = turn._replace(duration=pitch.duration)
         share = pitch.period / turn.period
-        both = _plus(_work(m, pitch, folded), _work(m, folded, pitch))
-        work = _plus(work, _times(share, both))
+        both = plus(_work(m, pitch, folded), _work(m, folded, pitch))
+        work = plus(work, times(share, both))
         square = square + 2 * share * _overlap(pitch, folded)
     if cycle.endless:
         rate = cycle.endless[0].rate[0]
@@ -140,7 +140,7 @@ def moments_of(m: PolePairs, cycle: PhaseCycle) -> Moments:
         below = product(m.kind, pole, pole)
         below = below[0] + rate**2, below[1] + jnp.where(m.kind > 0, 0.0, rate**2)
         gain = quotient(m.kind, (-m.l0, -m.l1), below)
-        work = _plus(work, _times(half + across, gain))
+        work = plus(work, times(half + across, gain))
     return Moments(work, level, square)
 
 
@@ -149,11 +149,3 @@ def _shared(wave: Wave, period, rate):
     once = wave.period > 0.6 * period
     cosine, sine = _line(wave, rate)
     return jnp.where(once, cosine, 0.0), jnp.where(once, sine, 0.0)
-
-
-def _plus(a: Pair, b: Pair) -> Pair:
-    return a[0] + b[0], a[1] + b[1]
-
-
-def _times(x, a: Pair) -> Pair:
-    return x * a[0], x * a[1]

@@ -12,9 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import flushed, materialised, product, sincos, summed
+from .arithmetic import Pair, flushed, materialised, pair_exp, product, sincos, summed
 from .curves import ModalCurves, free_size, size_of, weights
-from .moment import Pair, pair_exp
 
 LENGTH = 32  # samples a block
 FEW = 4  # of them after each long step

@@ -17,10 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import product, quotient, sincos
-from .blocks import particular
-from .moment import Pair, exp_less_one, pair_exp
+from .arithmetic import Pair, exp_less_one, pair_exp, product, quotient, sincos, summed
 from .poles import PolePairs
+from .resonance import Resonance, resonance
 from .signals import CONSTANT, FOREVER, Kind, Signals
 from .system import Layout
 
@@ -132,25 +131,26 @@ def ones(m: PolePairs) -> Pair:
     return jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
 
 
-def forced_parts(m: PolePairs, wave: Wave) -> tuple[Pair, Pair]:
-    """The pairs' cosine and sine parts on every piece, (w, k, p, s, c), of wide modes."""
-    cosine, sine = wave.cosine[:, :, None], wave.sine[:, :, None]
-    a, b = particular(m, ones(m), wave.rate[:, None, None], cosine, sine)
-    return (a[0], a[1]), (b[0], b[1])
+def follows(m: PolePairs, wave: Wave) -> Resonance:
+    """What a unit of the phases' column gives to the pairs by every sinusoid, (w, p, s, c)."""
+    return resonance(m, wave.rate[:, None])
 
 
-def _sum_at(parts: tuple[Pair, Pair], angle) -> Pair:
-    """Sum over the sinusoids of a cos + b sin, the angle (w, k, s, c)."""
-    s, c = (x[:, :, None] for x in sincos(angle))
-    first, second = (jnp.sum(x * c + y * s, axis=0) for x, y in zip(*parts, strict=True))
-    return first, second
+def _levels(wave: Wave, angle) -> Pair:
+    """Levels and slopes of the sinusoids of every piece at an angle, (w, k, s, c)."""
+    s, c = sincos(angle)
+    rate = wave.rate[:, None]
+    slope = rate * (wave.sine * c - wave.cosine * s)
+    return wave.cosine * c + wave.sine * s, slope
 
 
-def free_starts(m: PolePairs, wave: Wave, parts: tuple[Pair, Pair]) -> Pair:
+def free_starts(m: PolePairs, wave: Wave, r: Resonance) -> Pair:
     """The free part at the begin of every piece of the periodic response, (k, p, s, c)."""
-    end = _sum_at(parts, wave.rate[:, None] * wave.duration)
-    begin = [jnp.sum(x, axis=0) for x in parts[0]]
-    jump = [jnp.roll(x, 1, axis=0) - y for x, y in zip(end, begin, strict=True)]
+    end = _levels(wave, wave.rate[:, None] * wave.duration)
+    begin = wave.cosine, wave.rate[:, None] * wave.sine
+    jump = [(x - jnp.roll(y, 1, axis=1))[:, :, None] for x, y in zip(begin, end, strict=True)]
+    wide_ = Resonance(*((x[:, None], y[:, None]) for x, y in r))
+    jump = [summed(x) for x in wide_.lag(*jump)]  # (k, p, s, c)
     pole = m.l0, m.l1
     decay = pair_exp(m.kind, (pole[0] * wave.duration[:, None], pole[1] * wave.duration[:, None]))
     carried = jump[0][0], jump[1][0]  # what reaches the begin of piece 0
@@ -181,7 +181,7 @@ def response(m: PolePairs, cycle: PhaseCycle, time: Float[Array, "s c"]) -> Peri
     """The response `time` s after t = 0, any time of the periodic motion; of plain modes."""
     m, of_phases = wide(m), []
     for wave in (*cycle.edged, *cycle.endless):
-        parts = forced_parts(m, wave)
+        r = follows(m, wave)
         if len(wave.duration) == 1:
             into, here = time, jnp.ones((1, *time.shape))
             free = None
@@ -191,16 +191,14 @@ def response(m: PolePairs, cycle: PhaseCycle, time: Float[Array, "s c"]) -> Peri
             piece = jnp.sum(local >= begin[1:], axis=0)
             here = jnp.where(jnp.arange(len(begin))[:, None, None] == piece, 1.0, 0.0)
             into = local - jnp.sum(here * begin, axis=0)
-            start = [jnp.sum(here[:, None] * y, axis=0) for y in free_starts(m, wave, parts)]
+            start = [jnp.sum(here[:, None] * y, axis=0) for y in free_starts(m, wave, r)]
             free = product(m.kind, start, pair_exp(m.kind, (m.l0 * into, m.l1 * into)))
-        turn = wave.rate * into
-        now = [jnp.sum(here[:, None] * x, axis=0) for x in _sum_at(parts, turn[:, None])]
+        levels = _levels(wave, (wave.rate * into)[:, None])
+        level, slope = (jnp.sum(here * x, axis=1) for x in levels)  # (w, s, c)
+        now = [-summed(x) for x in r.lag(level[:, None], slope[:, None])]
         if free is not None:
             now = [x + y for x, y in zip(now, free, strict=True)]
-        s, c = sincos(turn)
-        cosine, sine = (jnp.sum(here * x, axis=1) for x in (wave.cosine, wave.sine))
-        level = jnp.sum(cosine * c + sine * s, axis=0)
-        slope = jnp.sum(wave.rate * (sine * c - cosine * s), axis=0)
+        level, slope = jnp.sum(level, axis=0), jnp.sum(slope, axis=0)
         of_phases.append((*now, level, slope))
     first, second, level, slope = (
         functools.reduce(operator.add, x) for x in zip(*of_phases, strict=True)

@@ -6,9 +6,8 @@ import numpy as np
 from jaxtyping import Array
 
 from ..._root import root
-from .arithmetic import product, quotient
+from .arithmetic import Pair, product, quotient
 from .gradient import ROWS, Slopes, along_poles, half_root
-from .moment import Pair
 from .phases import columns_of, cycle_of, given, ones, phases_of, response
 from .poles import PolePairs
 from .signals import CONSTANT, Signals

@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
+from .arithmetic import Pair
 from .gradient import ROWS, Slopes, along_poles
-from .moment import Pair
 from .moments import Moments, moments_of
 from .phases import PhaseCycle, columns_of, constant, cycle_of, phases_of
 from .poles import PolePairs

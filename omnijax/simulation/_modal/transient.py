@@ -1,15 +1,14 @@
 """RMS, refined peak and margins of many runs from the samples t = 0, step, ... , duration."""
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import across, materialised, product, sincos, stored
+from .arithmetic import across, materialised, product, sincos, stored, summed
 from .blocks import LENGTH, BlockTables, Operands, forced, pole_exp, row_signal
-from .moment import Moment
 from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
@@ -51,6 +50,15 @@ class Samples(NamedTuple):
     slip: Float[Array, " c"]  # N, the same of the least mu N - |f|; without lift-off
 
 
+class Along(NamedTuple):
+    """What else is gathered on the pass over the samples."""
+
+    gather: Callable  # (totals, dR (o, k, c), operands, tables, state) -> totals
+    totals: Any
+    follow: Callable = lambda carried, move: carried  # see `Walk.run`
+    carried: Any = ()
+
+
 class _Largest(NamedTuple):
     """The largest square so far, and where runs are around it: states as `packed`, (r, c)."""
 
@@ -76,8 +84,10 @@ class _Largest(NamedTuple):
         return self._replace(last=s.packed(), count=count, earlier=earlier)
 
 
-def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
-    """One pass over all samples of a group."""
+def samples_of(
+    g: Lanes, layout: Layout, step, count, also: Along | None = None
+) -> tuple[Samples, Any]:
+    """One pass over all samples of a group, and the totals of what else it gathers."""
     number = jnp.arange(LENGTH, dtype=float)[:, None]
     parts = materialised(
         lambda m, signals, direct, slope: forced(m, signals, direct, slope, layout),
@@ -86,26 +96,37 @@ def samples_of(g: Lanes, layout: Layout, step, count) -> Samples:
     bound = _bound(g, layout)
     walk = Walk(g.modes, g.signals, parts, layout, step, count)
 
+    def outputs(op: Operands, t: BlockTables):
+        x = jnp.stack([row_signal(op, t, layout, o) for o in range(ROWS)])
+        return jnp.where(number < op.count, x, 0.0)
+
     def gather(totals, op: Operands, t: BlockTables, s: WalkState):
-        pair, largest, low = totals
+        (pair, largest, low), more = totals
         largest = largest.seen(across(jnp.maximum, pair.imag))
-        x, y, z = (row_signal(op, t, layout, o) for o in range(ROWS))
-        inside = number < op.count
-        square = jnp.where(inside, x * x + y * y + z * z, 0.0)
+        if also is None:
+            x = outputs(op, t)
+        else:
+            x = materialised(outputs, op, t)
+            more = also.gather(more, x, op, t, s)
+        square = summed(x * x)
         pair = jax.lax.complex(pair.real + square, jnp.maximum(pair.imag, square))
-        low = _lowest(low, bound(s.free, op), op, t, inside, g, layout)
-        return pair, largest.moved(s, op.count), low
+        low = _lowest(low, bound(s.free, op), op, t, number < op.count, g, layout)
+        return (pair, largest.moved(s, op.count), low), more
 
     lanes = g.modes.l0.shape[-1]
     none, zero, begin = jnp.zeros((LENGTH, lanes)), jnp.zeros(lanes), walk.begin()
     largest = _Largest(zero, zero, begin.packed(), begin.packed(), zero, begin.packed())
     start = jax.lax.complex(none, none), largest, (zero + jnp.inf, zero + jnp.inf)
-    pair, largest, low = walk.run(gather, start)
+    own = start, also and also.totals
+    if also is None:
+        (pair, largest, low), more = walk.run(gather, own)
+    else:
+        (pair, largest, low), more = walk.run(gather, own, also.follow, also.carried)
     largest = largest.seen(across(jnp.maximum, pair.imag))
     best = largest.block + jnp.argmax(pair.imag, axis=0)
     numbers = jnp.stack([jnp.clip(best + i, 0, count - 1) for i in (-1, 0, 1)])
     near = Near(numbers * step, *_at_samples(walk, begin.unpacked(largest.before), numbers))
-    return Samples(jnp.sum(pair.real, axis=0), near, *low)
+    return Samples(jnp.sum(pair.real, axis=0), near, *low), more
 
 
 def _at_samples(walk: Walk, begin: WalkState, numbers: Float[Array, "3 c"]):
@@ -191,25 +212,6 @@ def _margins(op: Operands, t: BlockTables, inside, g: Lanes, layout: Layout):
         for i in range(n):
             least = wheel(i, least, i)
     return across(jnp.minimum, least.real), across(jnp.minimum, least.imag)
-
-
-def outputs_at(g: Lanes, layout: Layout, now: Moment, rows: int = ROWS):
-    """The first outputs and their rates at a moment, (o, c) each; none has a drho/dt part."""
-    m = g.modes
-    columns = np.array([kind.column for kind in layout.kinds])
-    b = m.b0[columns], m.b1[columns]
-    start = product(m.kind, (m.b0[-1], m.b1[-1]), now.decay)
-    parts = product(m.kind, b, now.pole)
-    z = [jnp.sum(x, axis=0) + y for x, y in zip(parts, start, strict=True)]
-    turned = product(m.kind, (m.l0, m.l1), z)
-    rate = [x + jnp.sum(y * now.level[:, None], axis=0) for x, y in zip(turned, b, strict=True)]
-    direct = g.direct[columns][:, :rows]
-
-    def seen(z, levels):
-        part = jnp.sum(m.c0[:rows] * z[0] + m.c1[:rows] * z[1], axis=1)
-        return part + jnp.sum(direct * levels[:, None], axis=0)
-
-    return seen(z, now.level), seen(rate, now.slope)
 
 
 def hermite_peak(x: Float[Array, "3 o c"], v: Float[Array, "3 o c"], times, step):

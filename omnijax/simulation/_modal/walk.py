@@ -14,6 +14,7 @@ from jaxtyping import Array, Float
 
 from .arithmetic import flushed, product, sincos, stored
 from .blocks import LENGTH, ForcedPart, Operands, pole_exp, tables
+from .edges import at_piece
 from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
@@ -65,7 +66,7 @@ class Walk(NamedTuple):
     def begin(self, carried: Any = ()) -> WalkState:
         """The start of all runs."""
         signals, free = self.signals, (self.parts.free0, self.parts.free1)
-        edge = _at_piece(signals.duration, signals.piece) - signals.since
+        edge = at_piece(signals.duration, signals.piece) - signals.since
         zero = jnp.zeros(self.modes.l0.shape[-1])
         return WalkState(zero, free, edge, -signals.since, signals.piece, carried)
 
@@ -84,7 +85,7 @@ class Walk(NamedTuple):
         edged = np.flatnonzero(of < edges)  # sinusoids of signals with edges
         none = jnp.zeros((len(of) - len(edged), *s.done.shape))
         piece, begun = (jnp.concatenate([x[of[edged]], none]) for x in (s.piece, s.begun))
-        fa, fb = (_at_piece(x, piece) for x in (self.parts.cosine, self.parts.sine))
+        fa, fb = (at_piece(x, piece) for x in (self.parts.cosine, self.parts.sine))
         phase = self.signals.rate * (s.done * self.step - begun)
         sn, cs = stored(sincos, phase)
         return Operands(self.count(s), w0, w1, fa * cs + fb * sn, fb * cs - fa * sn)
@@ -112,7 +113,7 @@ class Walk(NamedTuple):
         return WalkState(
             done,
             (flushed(a[0] + b[0]), flushed(a[1] + b[1])),
-            jnp.where(pick, s.edge + _at_piece(signals.duration, later), s.edge),
+            jnp.where(pick, s.edge + at_piece(signals.duration, later), s.edge),
             jnp.where(pick, s.edge, s.begun),
             jnp.where(pick, later, s.piece),
             follow(s.carried, Onward(span, over, pick[:, None] & begins, since, after)),
@@ -134,11 +135,6 @@ class Walk(NamedTuple):
         begin = self.begin(carried)
         start: Any = (totals, begin, self.operands(begin))
         return jax.lax.while_loop(lambda c: jnp.any(c[1].done < self.samples), body, start)[0]
-
-
-def _at_piece(values, piece):
-    """Rows (..., g, k, c) of each signal's piece."""
-    return sum(jnp.where(piece == j, values[..., j, :], 0.0) for j in range(values.shape[-2]))
 
 
 def _at_jump(jump, piece):

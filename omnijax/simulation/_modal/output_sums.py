@@ -1,0 +1,167 @@
+"""Derivatives of a figure from sums of its derivatives by dR along a run.
+
+A figure whose derivatives by the outputs at the times t are the weights g_o(t) has derivatives by
+poles, residues and signals that follow from sums of g_o against what a run is made of.  With the
+edges k that a signal passes at t_e = t_k + n period, a unit of its column leaves free
+
+    sum_k jump_k sum_n exp(lambda (t - t_e)) + lag exp(lambda t)
+
+where jumps, the lag at the start and what moves with the sinusoids are a resonance times levels and
+slopes (`resonance`, `edges`).
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .arithmetic import Pair, plus, product, rows, summed, times
+from .blocks import shown
+from .edges import Edges, by_signal, edge_times, edges_of
+from .gradient import ROWS, Slopes
+from .resonance import Resonance, by_pole, by_rate, resonance
+from .signals import Signals
+from .system import Layout
+from .transient import Lanes
+
+
+class OutputSums(NamedTuple):
+    """Sums of the weights g_o(t) over all times t."""
+
+    edge: Pair  # (g, k, o, p, c): times exp(lambda (t - t_e)) of all passages
+    edge_rate: Pair  # derivative of `edge` by the poles
+    edge_time: Pair  # (g, k, p, c): `edge` times t_e, as the outputs show it
+    start: Pair  # (o, p, c): times exp(lambda t)
+    start_rate: Pair
+    wave: tuple[Array, Array]  # (o, v, k, c): times cos and sin over each piece
+    late: Float[Array, "v c"]  # derivative by the rates, at fixed begins of the pieces
+    begin: Float[Array, "g k c"]  # derivative by the begin of each piece
+    begin_time: Float[Array, "g k c"]  # the same times those begins, s
+    since: Float[Array, "g c"]  # derivative by `Signals.since` before the first edge
+
+
+class _Known(NamedTuple):
+    """What the figure is linear in; or its derivatives by that."""
+
+    edges: Edges
+    wave: tuple[Array, Array]  # (v, o, c): the weights times level and slope of the sinusoids
+    time: Float[Array, "g k c"]  # s, first passage of each edge
+    period: Float[Array, "g c"]  # s
+
+
+def seen(kind, c: Pair) -> Pair:
+    """Pairs whose product with z has in its `total` the output c0 z0 + c1 z1."""
+    return c[0], jnp.where(kind > 0, -c[1], c[1])
+
+
+def total(kind, z: Pair, axis: int = -2):
+    """Sum over an axis and what an output shows of the pairs."""
+    return summed(jnp.where(kind > 0, z[0], z[0] + z[1]), axis)
+
+
+def slopes_of(g: Lanes, layout: Layout, sums: OutputSums) -> Slopes:
+    """Derivatives by poles, signals and what goes straight to the outputs."""
+    kind, signals, of = g.modes.kind, g.signals, layout.signal_of
+    r, known = resonance(g.modes, signals.rate[:, None]), _known(signals, layout, sums)
+    own = [x[:, :, None] for x in known.wave]
+    unit = jnp.where(kind > 0, 0.0, 1.0)
+    free = [_against(known, layout, n, sums.edge, sums.start) for n in (0, 1)]
+    free = Resonance(*((x[0] - y, x[1] - unit * y) for x, y in zip(free, own, strict=True)))
+    moved = [_against(known, layout, n, sums.edge_rate, sums.start_rate) for n in (0, 1)]
+
+    def psi(r: Resonance, by: Resonance) -> Pair:  # (v, o, p, c)
+        parts = (product(kind, [y[:, None] for y in x], z) for x, z in zip(r, by, strict=True))
+        return plus(*parts)
+
+    value = psi(r, free)
+    slope = plus(psi(r, Resonance(*moved)), psi(by_pole(kind, r), free))
+
+    def signalled(x: Pair, start: Pair) -> Pair:  # (o, s + 1, p, c)
+        first, second = (
+            jnp.swapaxes(jnp.concatenate([by_signal(y, of), z[None]]), 0, 1)
+            for y, z in zip(x, start, strict=True)
+        )
+        return first, second
+
+    return Slopes(
+        signalled(value, sums.start),
+        signalled(slope, sums.start_rate),
+        _by_signals(g, layout, sums, r, known, free),
+        by_signal(known.wave[0], of),
+    )
+
+
+def _known(signals: Signals, layout: Layout, sums: OutputSums) -> _Known:
+    w, rate = sums.wave, signals.rate[:, None]
+    level = jnp.sum(w[0] * signals.cosine + w[1] * signals.sine, axis=2)
+    slope = rate[:, 0] * jnp.sum(w[0] * signals.sine - w[1] * signals.cosine, axis=2)
+    wave = jnp.swapaxes(level, 0, 1), jnp.swapaxes(slope, 0, 1)
+    return _Known(edges_of(signals, layout), wave, *edge_times(signals))
+
+
+def _against(known: _Known, layout: Layout, n: int, edge: Pair, start: Pair) -> Pair:
+    """The sums over levels (n = 0) or slopes (1) that jump or lag at the start, (v, o, p, c)."""
+    jump, now = (x[n] for x in known.edges)
+    count = len(jump)
+    each = [now[:, None, None] * x for x in start]
+    if count:
+        signal, size = layout.signal_of[:count], jump[:, :, None, None]
+        more = [summed(size * rows(x, signal), 1) for x in edge]
+        none = ((0, len(now) - count), *((0, 0) for _ in more[0].shape[1:]))
+        each = [x + jnp.pad(y, none) for x, y in zip(each, more, strict=True)]
+    return each[0], each[1]
+
+
+def _by_signals(
+    g: Lanes, layout: Layout, sums: OutputSums, r: Resonance, known: _Known, free: Resonance
+) -> Signals:
+    """Derivatives by what the signals are made of."""
+    m, signals, of = g.modes, g.signals, layout.signal_of
+    kind, rate, e = m.kind, signals.rate[:, None], len(known.edges.jump[0])
+    columns = [layout.kinds[i].column for i in of]
+    b = rows(m.b0, columns), rows(m.b1, columns)
+    own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
+    given = Resonance(*(product(kind, b, x) for x in r))
+
+    def outputs(x: Pair) -> Pair:  # (..., o, p, c) -> (..., p, c)
+        first, second = (summed(y, -3) for y in product(kind, own, x))
+        return first, second
+
+    def met(edge: Pair):
+        """Of the passages of sinusoids with edges: all, and what their resonance gives."""
+        edge = rows(edge[0], of[:e]), rows(edge[1], of[:e])
+        parts = (b, *given)
+        return [total(kind, product(kind, [y[:e, None] for y in x], edge)) for x in parts]
+
+    def late(whole, level, slope):
+        """Derivative by the times of the passages."""
+        jump, square = known.edges.jump, rate[:e] * rate[:e]
+        return by_signal(jump[0] * (whole - square * slope) + jump[1] * level, of[:e])
+
+    passed = outputs(sums.edge)
+    period = known.period[:, None]
+    more = plus(sums.edge_time, times(-known.time[:, :, None], passed))  # n period
+    edge, turn = met(passed), met(times(1 / period[:, :, None], more))
+    start = outputs(sums.start)
+    now = [total(kind, product(kind, x, start)) for x in given]
+    straight = g.direct, g.slope
+    wave = [
+        rows(x[:, :ROWS], columns) - jnp.swapaxes(shown(m, z, ROWS), 0, 1)
+        for x, z in zip(straight, given, strict=True)
+    ]
+    by_turn = (sums.begin_time - known.time * sums.begin) / period - late(*turn)
+    bar = _Known(
+        Edges((edge[1], edge[2]), (now[0], now[1])),
+        (wave[0], wave[1]),
+        sums.begin - late(*edge),
+        jnp.sum(by_turn, axis=1),
+    )
+    (back,) = jax.vjp(lambda x: _known(x, layout, sums), signals)[1](bar)
+    turned = (
+        product(kind, product(kind, b, x), outputs(y))
+        for x, y in zip(by_rate(kind, r, rate), free, strict=True)
+    )
+    return back._replace(
+        rate=back.rate + sums.late + total(kind, plus(*turned)), since=back.since + sums.since
+    )

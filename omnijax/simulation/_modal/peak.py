@@ -1,0 +1,154 @@
+"""Sums from which the derivatives of a run's refined peak follow, in closed form.
+
+With q = exp(lambda period) the n passages of an edge add up to (1 - q^n)/(1 - q).
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .arithmetic import (
+    Pair,
+    exp_less_one,
+    materialised,
+    pair_exp,
+    plus,
+    product,
+    quotient,
+    rows,
+    sincos,
+    summed,
+    times,
+)
+from .blocks import forced
+from .edges import at_piece, by_signal, edge_times
+from .output_sums import OutputSums, seen
+from .poles import PolePairs
+from .signals import Signals
+from .system import Layout
+from .transient import ROWS, Lanes, Near, hermite_peak
+
+TURN = 2 * math.pi
+
+
+def _repeated(kind, a: Pair, count) -> Pair:
+    """1 + e^a + ... + e^((count - 1) a) for a whole `count` above 0."""
+    k = kind > 0
+    turns = jax.lax.stop_gradient(jnp.round(jnp.where(k, a[1], 0.0) / TURN))
+    a = a[0], a[1] - TURN * turns
+    size = jnp.where(k, jnp.abs(a[0]) + jnp.abs(a[1]), jnp.abs(a[0])) * count
+    near = size < 1e-4, jnp.where(k, size < 1e-4, jnp.abs(a[1]) * count < 1e-4)
+    safe = jnp.where(near[0], -1.0, a[0]), jnp.where(near[1], jnp.where(k, 0.0, -1.0), a[1])
+    far = quotient(
+        kind, exp_less_one(kind, (count * safe[0], count * safe[1])), exp_less_one(kind, safe)
+    )
+    one, square = (jnp.ones_like(a[0]), jnp.where(k, 0.0, 1.0)), product(kind, a, a)
+    first, second = (count - 1) / 2, (count - 1) * (2 * count - 1) / 12
+    series = [count * (o + first * x + second * y) for o, x, y in zip(one, a, square, strict=True)]
+    return jnp.where(near[0], series[0], far[0]), jnp.where(near[1], series[1], far[1])
+
+
+class _Passages(NamedTuple):
+    """What signals have passed until a time."""
+
+    edge: Pair  # (g, k, p, c): sum over the passages of exp(lambda (t - t_e))
+    rate: Pair  # derivative of `edge` by the poles
+    piece: Float[Array, "g c"]  # the one that each signal is on
+    begun: Float[Array, "g c"]  # s, when it began
+
+
+def _passages(m: PolePairs, signals: Signals, layout: Layout, time) -> _Passages:
+    first, period = edge_times(signals)
+    period = period[:, None]
+    count = jnp.maximum(jnp.floor((time - first) / period) + 1, 0.0)
+    alive = count > 0
+    last = first + (count - 1) * period
+    many = jnp.maximum(count, 1.0)[:, :, None]
+    step, ago = (jnp.where(alive, x, 0.0)[:, :, None] for x in (period, time - last))
+
+    def passed(kind, pole: Pair) -> Pair:
+        sums = _repeated(kind, times(step, pole), many)
+        return product(kind, sums, pair_exp(kind, times(ago, pole)))
+
+    def both(kind, l0, l1):
+        one = jnp.ones_like(l0), jnp.where(kind > 0, 0.0, 1.0)
+        value, rate = jax.jvp(lambda *pole: passed(kind, pole), (l0, l1), one)
+        return jax.lax.complex(*value), jax.lax.complex(*rate)
+
+    wide = (*first.shape[:2], *m.l0.shape)
+    edge, rate = materialised(both, *(jnp.broadcast_to(x, wide) for x in (m.kind, m.l0, m.l1)))
+    edge, rate = (jnp.where(alive[:, :, None], x, 0.0) for x in (edge, rate))
+    begun = jnp.max(jnp.where(alive, last, -signals.since[:, None]), axis=1)
+    pieces = np.array([kind.pieces for kind in layout.kinds[: len(first)]])[:, None]
+    piece = jnp.mod(signals.piece + jnp.sum(count, axis=1), pieces)
+    return _Passages((edge.real, edge.imag), (rate.real, rate.imag), piece, begun)
+
+
+def peak_sums(g: Lanes, layout: Layout, near: Near, step) -> tuple[Array, OutputSums]:
+    """Square of the refined peak, and the sums of its derivatives by dR near there."""
+    times_, x, v = near
+    top, back = jax.vjp(lambda x, v: hermite_peak(x, v, times_, step), x, v)
+    gx, gv = back(jnp.ones_like(top))
+    # one of the cubics is above: its two ends have all the weight
+    late = jnp.any((gx[2] != 0) | (gv[2] != 0), axis=0)
+    ends = jnp.where(late, times_[1:], times_[:2])
+    weights = (jnp.where(late, y[1:], y[:2]) for y in (gx, gv))
+
+    both = jax.tree.map(lambda y: jnp.concatenate([y, y], axis=-1), g)  # a lane for each end
+    sums = _sums_at(
+        both, layout, *(jnp.concatenate([y[0], y[1]], axis=-1) for y in (ends, *weights))
+    )
+    lanes = top.shape[-1]
+    return top, jax.tree.map(lambda y: y[..., :lanes] + y[..., lanes:], sums)
+
+
+def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
+    """Sums of a figure whose derivatives are gx by dR and gv by its rate (o, c) at one time."""
+    m, signals, of = g.modes, g.signals, layout.signal_of
+    kind, pole = m.kind, (m.l0, m.l1)
+    passed = _passages(m, signals, layout, time)
+    gx_, gv_ = gx[:, None], gv[:, None]  # (o, 1, c)
+
+    def weighed(a: Pair, rate: Pair) -> tuple[Pair, Pair]:
+        """The weights times functions of the poles (..., p, c), and the derivative by the poles."""
+        a, rate = ([y[..., None, :, :] for y in z] for z in (a, rate))
+        turned = product(kind, pole, a)
+        slope = plus(a, product(kind, pole, rate))
+        return tuple(plus(times(gx_, y), times(gv_, z)) for y, z in ((a, turned), (rate, slope)))
+
+    edge, edge_rate = weighed(passed.edge, passed.rate)
+    timed = plus(times(time, passed.edge), times(-1.0, passed.rate))  # t_e exp(lambda (t - t_e))
+    own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
+    shown = product(kind, own, weighed(timed, timed)[0])
+    decay = pair_exp(kind, times(time, pole))
+    start, start_rate = weighed(decay, times(time, decay))
+
+    e = int(np.sum(of < len(passed.begun)))
+    rest = jnp.zeros((len(of) - e, *time.shape))
+    piece, begun = (jnp.concatenate([rows(y, of[:e]), rest]) for y in passed[2:])
+    into, rate = time - begun, signals.rate
+    sn, cs = sincos(rate * into)  # (v, c)
+    cos, sin, rated = cs[None], sn[None], rate[None]
+    wave = gx_ * cos - gv_ * rated * sin, gx_ * sin + gv_ * rated * cos  # (o, v, c)
+    here = piece[:, None] == jnp.arange(signals.cosine.shape[1])[:, None]  # (v, k, c)
+    parts = materialised(
+        lambda m, signals, direct, slope: forced(m, signals, direct, slope, layout),
+        m._replace(c0=m.c0[:ROWS], c1=m.c1[:ROWS]), signals, g.direct[:, :ROWS], g.slope[:, :ROWS],
+    )  # fmt: skip
+    a, b = (at_piece(y, piece) for y in (parts.cosine, parts.sine))  # (o, v, c)
+    level, turned = a * cos + b * sin, b * cos - a * sin
+    late = summed(into * (gx_ * turned - gv_ * rate * level) + gv_ * turned)
+    by_into = summed(gx_ * rate * turned - gv_ * rate * rate * level)
+    by_into = by_signal(by_into[:e], of[:e])
+    on = passed.piece[:, None] == jnp.arange(signals.duration.shape[1])[:, None]
+    later = passed.begun > 0
+    begin = jnp.where(on, jnp.where(later, by_into, 0.0)[:, None], 0.0)
+    return OutputSums(
+        edge, edge_rate, (summed(shown[0], 2), summed(shown[1], 2)), start, start_rate,
+        tuple(jnp.where(here, y[:, :, None], 0.0) for y in wave),
+        late, -begin, -begin * passed.begun[:, None], jnp.where(later, 0.0, by_into),
+    )  # fmt: skip
