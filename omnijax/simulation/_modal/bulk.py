@@ -17,7 +17,7 @@ from ...dynamics import held, hold_obstacle
 from ...laws import ContinuousSine, DamagedRoller, GatedSine, HalfSine, Rollers
 from ...rig import Placed, Rig
 from .._exact import exact_obstacle
-from .decoupling import decoupled, turned_states
+from .decoupling import blocks_of, coupled, decoupled, turned_states
 from .gradient import half_root, pull_back
 from .mean_square import square_sums
 from .output_sums import slopes_of
@@ -143,7 +143,7 @@ def _batches(
 ) -> ModalFigures:
     """`figures(design, layout, many)` of all designs, batch by batch."""
     many = max(len(rows), total) >= MANY
-    parts, slopes = [], []
+    parts, slopes, turn = [], [], None
     size = SIZES[0] if len(rows) <= SIZES[0] else SIZES[-1]
     for i in range(0, len(rows), size):
         some = np.asarray(rows[i : i + size], float)
@@ -155,11 +155,7 @@ def _batches(
                 raise ValueError(f"no figures from the modal form: {reason}.")
         force, series = bool(np.any(np.asarray(points.force))), _series(points.rig)
         plain = _plain(points)
-        design, layout = _designs(plain, model, force, series, many=many)
-        turn = turned_states(plain.rig, design.system)
-        if turn is not None:
-            design, layout = _designs(plain, model, force, series, turn, many=many)
-        layout = decoupled(design.system, layout)
+        design, layout, turn = _apart(plain, turn, (model, force, series), many)
         values, bars = figures(design, layout, many)
         parts.append(np.concatenate([values, np.asarray(_held(plain.rig, model, many=many))[None]]))
         if gradient:
@@ -174,6 +170,24 @@ def _batches(
         slip,
         holds > 0,
     )
+
+
+def _apart(points: Operating, turn: np.ndarray | None, how: tuple, many: bool):
+    """Designs with their states along directions that decouple them, where any do, and those.
+
+    `turn`: the directions of the batch before, which mostly do for this one too.
+    """
+    design, layout = _designs(points, *how, turn, many=many)
+    coupling = coupled(design.system)
+    if turn is not None and len(blocks_of(coupling)) == 1:
+        design, turn = _designs(points, *how, many=many)[0], None
+        coupling = coupled(design.system)
+    if turn is None and len(blocks_of(coupling)) == 1:
+        turn = turned_states(points.rig, design.system)
+        if turn is not None:
+            design, layout = _designs(points, *how, turn, many=many)
+            coupling = coupled(design.system)
+    return design, decoupled(design.system, layout, coupling), turn
 
 
 @kept_bulk

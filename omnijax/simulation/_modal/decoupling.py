@@ -17,10 +17,10 @@ NOISE = 1e-14  # of the largest entry: what rounding leaves of a zero
 
 
 def turned_states(rigs: Rig, system: System) -> np.ndarray | None:
-    """Directions (m, m) of states that decouple a batch better than its own; None without."""
+    """Directions (m, m) of states that decouple a batch whose own do not; None without."""
     normal = np.asarray(rigs.wheels.normal)
     m, n = system.A.shape[-1], normal.shape[1]
-    if m < 2 * (3 + n) or np.any(normal != normal[0]) or _apart(system.A):
+    if m < 2 * (3 + n) or np.any(normal != normal[0]):
         return None
     sphere, wheels = _directions(normal[0])
     turn, first = np.eye(m), 0
@@ -29,7 +29,7 @@ def turned_states(rigs: Rig, system: System) -> np.ndarray | None:
         first += len(part)
     A = np.asarray(system.A)
     A = A / np.abs(A).max(axis=(1, 2), keepdims=True)
-    return turn if _apart(turn.T @ A @ turn) else None
+    return turn if len(blocks_of(np.asarray(_coupled(turn.T @ A @ turn)))) > 1 else None
 
 
 def _directions(normal: Float[np.ndarray, "n 3"]) -> tuple[np.ndarray, np.ndarray]:
@@ -41,7 +41,7 @@ def _directions(normal: Float[np.ndarray, "n 3"]) -> tuple[np.ndarray, np.ndarra
     return sphere.T, wheels
 
 
-def _blocks(pattern: np.ndarray) -> list[tuple[int, ...]]:
+def blocks_of(pattern: np.ndarray) -> list[tuple[int, ...]]:
     """Groups of states between which nothing is coupled, by which entries of A are there."""
     reach = pattern | pattern.T | np.eye(len(pattern), dtype=bool)
     while np.any(further := (reach.astype(int) @ reach > 0) & ~reach):
@@ -49,9 +49,9 @@ def _blocks(pattern: np.ndarray) -> list[tuple[int, ...]]:
     return sorted({tuple(np.flatnonzero(row).tolist()) for row in reach})  # pyright: ignore
 
 
-def _apart(A) -> bool:
-    """Whether a batch of matrices has more than one block."""
-    return len(_blocks(np.asarray(_coupled(A)))) > 1
+def coupled(system: System) -> np.ndarray:
+    """Which states of a batch (m, m) move each other."""
+    return np.asarray(_coupled(system.A))
 
 
 @jax.jit
@@ -67,12 +67,10 @@ def _present(matrices):
     return [jnp.any(x > NOISE * x.max(axis=2, keepdims=True), axis=0) for x in sizes]
 
 
-def decoupled(system: System, layout: Layout) -> Layout:
+def decoupled(system: System, layout: Layout, coupling: np.ndarray) -> Layout:
     """The layout with the blocks of a batch, and what each output shows of poles and sinusoids."""
     m = system.A.shape[-1]
-    blocks = [
-        tuple(block) + (-1,) * (len(block) % 2) for block in _blocks(np.asarray(_coupled(system.A)))
-    ]
+    blocks = [tuple(block) + (-1,) * (len(block) % 2) for block in blocks_of(coupling)]
     member = np.repeat([[i in block for i in range(m)] for block in blocks],
                        [len(block) // 2 for block in blocks], axis=0)  # fmt: skip
     present = _present((system.C, system.column, system.direct, system.rate))
