@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from .._sincos import sincos as sincos
@@ -93,7 +94,7 @@ def across(better: Callable, x):
     return x[0]
 
 
-def rows(x, index: Sequence[int], axis: int = 0):
+def rows(x, index: Sequence[int] | np.ndarray, axis: int = 0):
     """x[index] along an axis, without a copy where that is all of x in order."""
     x = jnp.moveaxis(x, axis, 0)
     if tuple(index) != tuple(range(len(x))):

@@ -274,45 +274,50 @@ def _from_points(make, rows, bars: Operating):
 @kept_bulk
 def _figures(design: LinearDesign, layout: Layout, step, count, gradient: bool):
     """(4, B): figures and margins; and derivatives by systems and signals, one entry a metric."""
-    pairs = eigen(design.system, layout)
-    groups = jax.tree.map(_grouped, lanes_of(design, pairs))
 
     def some(g: Lanes):
         also = square_sums(g, layout, step) if gradient else None
         samples, by_square = samples_of(g, layout, step, count, also)
         if not gradient:
-            squares, bars = (samples.total / count, samples.near.peak(step)), None
+            squares, slopes = (samples.total / count, samples.near.peak(step)), None
         else:
             peak, by_peak = peak_sums(g, layout, samples.near, step)
             squares = samples.total / count, peak
             both = jax.tree.map(lambda *x: jnp.concatenate(x, axis=-1), by_square, by_peak)
-            bars = slopes_of(jax.tree.map(lambda x: jnp.concatenate([x, x], -1), g), layout, both)
+            slopes = slopes_of(jax.tree.map(lambda x: jnp.concatenate([x, x], -1), g), layout, both)
             scale = jnp.concatenate([2 / count * half_root(squares[0]), half_root(peak)])
-            bars = jax.tree.map(lambda x: jnp.stack(jnp.split(scale * x, 2, axis=-1)), bars)
+            slopes = jax.tree.map(lambda x: jnp.stack(jnp.split(scale * x, 2, axis=-1)), slopes)
         figures = [root(square) for square in squares]
-        return jnp.stack([*figures, samples.normal, samples.slip]), bars
+        return jnp.stack([*figures, samples.normal, samples.slip]), slopes
 
-    values, bars = jax.lax.map(some, groups)
-    values = _flat(values)
-    if not gradient:
-        return values, None
-    bars = jax.tree.map(_flat, bars)
-    span = step * count
-    return values, jax.vmap(lambda bar: pull_back(design, pairs, bar, layout, span))(bars)
+    return _of_groups(some, design, layout, step * count)
 
 
 @kept_bulk
 def _long_run(design: LinearDesign, layout: Layout, gradient: bool):
     """The same of the long run."""
+    span = longest_period(design.signals, layout) if gradient else None
+    return _of_groups(lambda g: steady_of(g, layout, gradient), design, layout, span)
+
+
+def _of_groups(some: Callable, design: LinearDesign, layout: Layout, span):
+    """Figures of `some(lanes)` for all designs, and what its slopes give by systems and signals.
+
+    `span` (s): over which two poles are as good as equal or not.
+    """
     pairs = eigen(design.system, layout)
-    groups = jax.tree.map(_grouped, lanes_of(design, pairs))
-    values, bars = jax.lax.map(lambda g: steady_of(g, layout, gradient), groups)
-    values = _flat(values)
-    if not gradient:
-        return values, None
-    span = longest_period(design.signals, layout)
-    bars = jax.tree.map(_flat, bars)
-    return values, jax.vmap(lambda bar: pull_back(design, pairs, bar, layout, span))(bars)
+    last = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), pairs)
+    groups = jax.tree.map(_grouped, (lanes_of(design, pairs), last))
+
+    def one(group: tuple[Lanes, Eigen]):
+        values, slopes = some(group[0])
+        if slopes is None:
+            return values, None
+        system = jax.lax.map(lambda slope: pull_back(*group, slope, layout, span), slopes)
+        return values, (system, slopes.signals)
+
+    values, bars = jax.lax.map(one, groups)
+    return _flat(values), jax.tree.map(lambda x: jnp.moveaxis(_flat(x), -1, 1), bars)
 
 
 def _flat(x):

@@ -20,11 +20,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair
+from .arithmetic import Pair, stored, summed
 from .poles import Eigen, PolePairs
 from .signals import Signals
-from .system import Layout, LinearDesign, System
-from .transient import ROWS
+from .system import Layout, System
+from .transient import ROWS, Lanes
 
 
 class Slopes(NamedTuple):
@@ -47,46 +47,95 @@ def along_poles(m: PolePairs, function):
     return jax.jvp(lambda x, y: function(m._replace(l0=x, l1=y)), (m.l0, m.l1), one)
 
 
-def pull_back(
-    design: LinearDesign, pairs: Eigen, slopes: Slopes, layout: Layout, span
-) -> tuple[System, Signals]:
-    """Derivatives by the matrices and the signals of a batch, from those by poles and residues."""
-    system = design.system
+def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> System:
+    """Derivatives by the matrices from those by poles and residues; batch last, `pairs` too."""
+    total = len(g.direct)
     columns = np.array([kind.column for kind in layout.kinds])
-    total = system.column.shape[1]
     place = np.append(columns, total)  # the start comes last
+    ones = pairs.first, pairs.second
 
-    def whole(pair: Pair):  # (o, s, p, c) -> (c, o, l, m) of every eigenvalue
+    def whole(pair: Pair) -> Pair:  # (o, s, p, c) -> (l, o, k, c) of every eigenvalue
         first, second = (jax.ops.segment_sum(jnp.moveaxis(x, 1, 0), place, total + 1) for x in pair)
-        k = pairs.kind.T
-        one = jax.lax.complex(first, jnp.where(k, second, 0.0))
-        two = jax.lax.complex(jnp.where(k, first, second), jnp.where(k, -second, 0.0))
-        one = jnp.einsum("lopc,cpm->colm", one, pairs.first)
-        return one + jnp.einsum("lopc,cpm->colm", two, pairs.second)
+        k = pairs.kind
+        one = first, jnp.where(k, second, 0.0)
+        two = jnp.where(k, first, second), jnp.where(k, -second, 0.0)
+        real, imaginary = (
+            summed(x[:, :, :, None] * ones[0] + y[:, :, :, None] * ones[1], 2)
+            for x, y in zip(one, two, strict=True)
+        )
+        return real, imaginary
 
+    V, back = _parts(pairs.vector), _parts(pairs.inverse)  # (m, k, c), (k, m, c)
+    c, b = _parts(pairs.output[:ROWS]), _parts(jnp.swapaxes(pairs.input, 0, 1))  # (l, k, c)
     psi, rate = whole(slopes.psi), whole(slopes.rate)
-    c, b, V = pairs.output[:, :ROWS], pairs.input, pairs.vector
-    left = jnp.einsum("coi,coli,cjl->cij", c, psi, b)
-    right = jnp.einsum("coi,colj,cjl->cij", c, psi, b)
-    flat = jnp.einsum("coi,coli,cjl->cij", c, rate, b)
-    flat = 0.5 * (flat + jnp.einsum("coi,colj,cjl->cij", c, rate, b))
-    gap = pairs.value[:, :, None] - pairs.value[:, None, :]
-    damping = jnp.abs(pairs.value.real)
-    near = jnp.abs(gap) < 1e-5 * (1 / span + jnp.maximum(damping[:, :, None], damping[:, None]))
-    M = jnp.where(near, flat, (left - right) / jnp.where(near, 1.0, gap))
-    back = pairs.inverse
-    A = jnp.einsum("cia,cij,cbj->cab", back, M, V).real
-    inputs = jnp.einsum("cia,coi,coli->cla", back, c, psi).real
-    shown = jnp.einsum("cbi,cil,coli->cob", V, b, psi).real
-    outputs = system.C.shape[1]
+
+    def across(psi: Pair) -> tuple[Pair, Pair, Pair, Pair]:
+        """Psi_ol(l_i) or Psi_ol(l_j) of all i, j, and the sums over o and over l they are from."""
+        of_outputs = _dot(psi, c, 1)  # (l, k, c)
+        of_inputs = _dot(psi, _with_axis(b, 1), 0)  # (o, k, c)
+        first = _dot(_with_axis(of_outputs, 2), _with_axis(b, 1), 0)
+        second = _dot(_with_axis(c, 2), _with_axis(of_inputs, 1), 0)
+        return first, second, of_outputs, of_inputs
+
+    left, right, given, shown = across(psi)
+    flat = across(rate)
+    value = _parts(pairs.value)
+    gap = value[0][:, None] - value[0], value[1][:, None] - value[1]
+    size, damping = gap[0] * gap[0] + gap[1] * gap[1], jnp.abs(value[0])
+    least = 1e-5 * (1 / span + jnp.maximum(damping[:, None], damping))
+    near = size < least * least
+
+    def divided(left, right, first, second, gap, near) -> Pair:
+        difference = left[0] - right[0], left[1] - right[1]
+        turned = _times(difference, (gap[0], -gap[1]))
+        square = jnp.where(near, 1.0, gap[0] * gap[0] + gap[1] * gap[1])
+        real, imaginary = (
+            jnp.where(near, 0.5 * (x + y), z / square)
+            for x, y, z in zip(first, second, turned, strict=True)
+        )
+        return real, imaginary
+
+    M = stored(divided, left, right, *flat[:2], gap, near)
+    moved = _dot(_with_axis(M, 2), _with_axis(_swapped(V), 0), 1)  # (i, b, c)
+    A = _real(_with_axis(back, 2), _with_axis(moved, 1), 0)
+    inputs = _real(_with_axis(given, 2), back, 1)  # (l, m, c)
+    outputs = _real(_with_axis(shown, 2), _swapped(V), 1)
+    room = ((0, len(g.modes.c0) - ROWS), (0, 0), (0, 0))
     direct = jax.ops.segment_sum(slopes.direct, columns, total)  # (l, o, c)
-    direct = jnp.pad(jnp.moveaxis(direct, -1, 0), ((0, 0), (0, 0), (0, outputs - ROWS)))
-    matrices = System(
-        A,
-        inputs[:, :total],
-        jnp.pad(shown, ((0, 0), (0, outputs - ROWS), (0, 0))),
-        direct,
-        jnp.zeros_like(system.rate),
-        inputs[:, total],
+    direct = jnp.pad(direct, ((0, 0), *room[:1], (0, 0)))
+    return System(
+        A, inputs[:total], jnp.pad(outputs, room), direct, jnp.zeros_like(g.slope), inputs[total]
     )
-    return matrices, jax.tree.map(lambda x: jnp.moveaxis(x, -1, 0), slopes.signals)
+
+
+def _parts(z) -> Pair:
+    """Real and imaginary part."""
+    return z.real, z.imag
+
+
+def _with_axis(a: Pair, axis: int) -> Pair:
+    return jnp.expand_dims(a[0], axis), jnp.expand_dims(a[1], axis)
+
+
+def _swapped(a: Pair) -> Pair:
+    return jnp.swapaxes(a[0], 0, 1), jnp.swapaxes(a[1], 0, 1)
+
+
+def _times(a: Pair, b: Pair) -> Pair:
+    """Product of complex numbers."""
+    return a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]
+
+
+def _dot(a: Pair, b: Pair, axis: int) -> Pair:
+    """Sum of a b over an axis, stored."""
+
+    def terms(a0, a1, b0, b1) -> Pair:
+        real, imaginary = (summed(x, axis) for x in _times((a0, a1), (b0, b1)))
+        return real, imaginary
+
+    return stored(terms, *a, *b)
+
+
+def _real(a: Pair, b: Pair, axis: int) -> Array:
+    """Real part of the same."""
+    return summed(a[0] * b[0] - a[1] * b[1], axis)

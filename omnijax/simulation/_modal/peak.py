@@ -90,12 +90,12 @@ def _passages(m: PolePairs, signals: Signals, layout: Layout, time) -> _Passages
 
 def peak_sums(g: Lanes, layout: Layout, near: Near, step) -> tuple[Array, OutputSums]:
     """Square of the refined peak, and the sums of its derivatives by dR near there."""
-    times_, x, v = near
-    top, back = jax.vjp(lambda x, v: hermite_peak(x, v, times_, step), x, v)
+    moments, x, v = near
+    top, back = jax.vjp(lambda x, v: hermite_peak(x, v, moments, step), x, v)
     gx, gv = back(jnp.ones_like(top))
     # one of the cubics is above: its two ends have all the weight
     late = jnp.any((gx[2] != 0) | (gv[2] != 0), axis=0)
-    ends = jnp.where(late, times_[1:], times_[:2])
+    ends = jnp.where(late, moments[1:], moments[:2])
     weights = (jnp.where(late, y[1:], y[:2]) for y in (gx, gv))
 
     both = jax.tree.map(lambda y: jnp.concatenate([y, y], axis=-1), g)  # a lane for each end
@@ -111,14 +111,15 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     m, signals, of = g.modes, g.signals, layout.signal_of
     kind, pole = m.kind, (m.l0, m.l1)
     passed = _passages(m, signals, layout, time)
-    gx_, gv_ = gx[:, None], gv[:, None]  # (o, 1, c)
+    by_x, by_v = gx[:, None], gv[:, None]  # (o, 1, c)
 
     def weighed(a: Pair, rate: Pair) -> tuple[Pair, Pair]:
         """The weights times functions of the poles (..., p, c), and the derivative by the poles."""
-        a, rate = ([y[..., None, :, :] for y in z] for z in (a, rate))
+        a, rate = ((x[..., None, :, :], y[..., None, :, :]) for x, y in (a, rate))
         turned = product(kind, pole, a)
         slope = plus(a, product(kind, pole, rate))
-        return tuple(plus(times(gx_, y), times(gv_, z)) for y, z in ((a, turned), (rate, slope)))
+        value = plus(times(by_x, a), times(by_v, turned))
+        return value, plus(times(by_x, rate), times(by_v, slope))
 
     edge, edge_rate = weighed(passed.edge, passed.rate)
     timed = plus(times(time, passed.edge), times(-1.0, passed.rate))  # t_e exp(lambda (t - t_e))
@@ -133,7 +134,7 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     into, rate = time - begun, signals.rate
     sn, cs = sincos(rate * into)  # (v, c)
     cos, sin, rated = cs[None], sn[None], rate[None]
-    wave = gx_ * cos - gv_ * rated * sin, gx_ * sin + gv_ * rated * cos  # (o, v, c)
+    wave = by_x * cos - by_v * rated * sin, by_x * sin + by_v * rated * cos  # (o, v, c)
     here = piece[:, None] == jnp.arange(signals.cosine.shape[1])[:, None]  # (v, k, c)
     parts = materialised(
         lambda m, signals, direct, slope: forced(m, signals, direct, slope, layout),
@@ -141,14 +142,14 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     )  # fmt: skip
     a, b = (at_piece(y, piece) for y in (parts.cosine, parts.sine))  # (o, v, c)
     level, turned = a * cos + b * sin, b * cos - a * sin
-    late = summed(into * (gx_ * turned - gv_ * rate * level) + gv_ * turned)
-    by_into = summed(gx_ * rate * turned - gv_ * rate * rate * level)
+    late = summed(into * (by_x * turned - by_v * rate * level) + by_v * turned)
+    by_into = summed(by_x * rate * turned - by_v * rate * rate * level)
     by_into = by_signal(by_into[:e], of[:e])
     on = passed.piece[:, None] == jnp.arange(signals.duration.shape[1])[:, None]
     later = passed.begun > 0
     begin = jnp.where(on, jnp.where(later, by_into, 0.0)[:, None], 0.0)
     return OutputSums(
         edge, edge_rate, (summed(shown[0], 2), summed(shown[1], 2)), start, start_rate,
-        tuple(jnp.where(here, y[:, :, None], 0.0) for y in wave),
+        (jnp.where(here, wave[0][:, :, None], 0.0), jnp.where(here, wave[1][:, :, None], 0.0)),
         late, -begin, -begin * passed.begun[:, None], jnp.where(later, 0.0, by_into),
     )  # fmt: skip
