@@ -16,8 +16,8 @@ from omnijax.diagnosis._machine.elastic import OUTPUTS, linear_states, outputs_o
 from omnijax.diagnosis._machine.late import late_outputs
 from omnijax.diagnosis._machine.machine import Predicted
 from omnijax.diagnosis._machine.runs import Run
-from omnijax.diagnosis._machine.settings import SETTINGS
 from omnijax.diagnosis._search import Effect, tangent_rows, to_project
+from omnijax.diagnosis._settings import SETTINGS
 from omnijax.laws import EFFECTS, SensorSignal
 from omnijax.rig import load_rig, rig_text
 
@@ -68,8 +68,8 @@ def test_every_group_but_theta_has_a_clock_unless_the_file_speaks_of_it():
     names = [p.name for p in clock_priors(GROUPS, {"sensor.a.delay"})]
     assert names == ["clock.dR", "clock.Omega"]
     (prior,) = clock_priors(("dR", "theta"), set())
-    assert prior.at(prior.hard) == pytest.approx(SETTINGS.clock_most)
-    assert prior.at(-prior.hard) == pytest.approx(-SETTINGS.clock_most)
+    assert prior.at(prior.hard) == pytest.approx(SETTINGS.prediction.clock_most)
+    assert prior.at(-prior.hard) == pytest.approx(-SETTINGS.prediction.clock_most)
 
 
 def test_a_clocks_tangent_is_the_rate_of_its_group_and_needs_no_run(model, monkeypatch):
@@ -87,7 +87,7 @@ def test_a_clocks_tangent_is_the_rate_of_its_group_and_needs_no_run(model, monke
     rows, time = model.machine.rows[0], model.machine.runs[0].time
     rate = CubicSpline(time, elastic, axis=0).derivative()(time)
     rate[:, 3:] = 0.0
-    wanted = SETTINGS.clock * rows.project(rows.vector(rate, None))
+    wanted = SETTINGS.prediction.clock * rows.project(rows.vector(rate, None))
     assert np.linalg.norm(changed[0] - wanted) < 0.03 * np.linalg.norm(wanted)
 
 

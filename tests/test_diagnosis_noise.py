@@ -18,10 +18,11 @@ from omnijax.diagnosis._machine.roles import with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._noise import step_of
 from omnijax.diagnosis._ode.evidence import OdeEvidence
-from omnijax.diagnosis._search import SETTINGS, Effect, Search
+from omnijax.diagnosis._search import Effect, Search
 from omnijax.diagnosis._search.held_out import HeldOut, Trial
 from omnijax.diagnosis._search.levels import Level, levels, white_level
 from omnijax.diagnosis._search.where import questions, shares
+from omnijax.diagnosis._settings import SETTINGS
 
 N, STEP = 4000, 2e-3
 
@@ -239,7 +240,7 @@ def test_one_run_teaches_and_confirms_by_parts_or_not_at_all():
 def test_next_to_nothing_of_a_strong_gap_is_noise(before, left, noise_only):
     """Noise assumed two per cent too small is no reason to search again from a runner-up."""
     rows = 20_000
-    search = Search(SimpleNamespace(dof=lambda split: rows, settings=SETTINGS))
+    search = Search(SimpleNamespace(dof=lambda split: rows, settings=SETTINGS.search))
     search.begun = before * rows, before * rows
     assert search.floor_reached(SimpleNamespace(chi2=left * rows), left * rows) == noise_only
     assert not search.floor_reached(SimpleNamespace(chi2=left * rows), 50.0 * before * rows)
@@ -252,7 +253,7 @@ def test_noise_is_explained_by_what_held_out_runs_show_too(everywhere):
     change, white = 0.5 * np.linspace(-1, 1, N), rng.normal(size=N)
     before = white + (change if everywhere else -0.3 * change)
     trial = SimpleNamespace(gain=300.0, held=HeldOut.of(before, before - change))
-    model = SimpleNamespace(settings=SETTINGS, dof=lambda split: N)
+    model = SimpleNamespace(settings=SETTINGS.search, dof=lambda split: N)
     way = SimpleNamespace(trials=[[trial]])
     assert explained(model, way) == everywhere  # pyright: ignore[reportArgumentType]
 
@@ -277,7 +278,7 @@ def test_a_channel_that_wanders_is_no_drift_and_a_drift_is_one(runs, gain):
             b = sum(t @ x for x in columns) / (runs * t @ t)
             left = {"less": columns, "fit": columns - b * t}
             whole = SimpleNamespace(
-                _whole=lambda p, c, left=left: left[p], settings=SETTINGS
+                _whole=lambda p, c, left=left: left[p], settings=SETTINGS.search
             )  # fmt: skip
             less, fit = (SimpleNamespace(point=k) for k in ("less", "fit"))
             drift = Effect("sensor-drift", "a_y", {})

@@ -16,8 +16,8 @@ from omnijax.diagnosis._search.refits import Refits
 from omnijax.diagnosis._search.review import Review
 from omnijax.diagnosis._search.scan import Signatures, taken_up
 from omnijax.diagnosis._search.search import SearchPath
-from omnijax.diagnosis._search.settings import SETTINGS
 from omnijax.diagnosis._search.starts import EQUALS, Start, at_finite_strength, by_tangent
+from omnijax.diagnosis._settings import SETTINGS
 from omnijax.laws import (  # fmt: skip
     EFFECTS,
     GENERIC,
@@ -103,7 +103,7 @@ def test_estimates_about_the_stated_machine_are_compared_with_that_of_no_law():
     """A calibration that ran off hides what a law does; a law that does nothing must promise so."""
     model = balance([law("bearing-coulomb", 3.0)])
     fit = refit(model, Point(np.zeros(2)))
-    assert np.max(np.abs(fit.point.u)) > SETTINGS.ran_off
+    assert np.max(np.abs(fit.point.u)) > SETTINGS.search.ran_off
     scan, _ = Search(model).scan(fit)
     cost = {s.name: s.cost for s in at_finite_strength(model, fit, scan.scores, set(model.laws))}
     assert cost["bearing-coulomb@shaft"] < 1e-3 * fit.cost
@@ -161,13 +161,13 @@ def test_held_out_runs_tell_laws_apart_that_the_train_runs_alone_do_not():
     better, rivals = challenged(truth, "bearing-coulomb", {"torque": 0.005})
     margin = next(margin for effect, margin, _ in rivals if effect.id == "soft")
     assert better is None
-    assert margin > 1.2 * SETTINGS.equal
+    assert margin > 1.2 * SETTINGS.search.equal
     model = balance([truth], {**LAWS, "soft": Soft}, noise=0.0)
     costs = [
         refit(model, Point(np.zeros(2), (Effect(id, "shaft", {key: 0.005}),))).cost
         for id, key in (("bearing-coulomb", "torque"), ("soft", "strength"))
     ]
-    assert 0.5 * SETTINGS.equal < costs[1] - costs[0] < SETTINGS.equal
+    assert 0.5 * SETTINGS.search.equal < costs[1] - costs[0] < SETTINGS.search.equal
 
 
 def test_a_rival_that_leads_by_more_than_chance_takes_the_place():
@@ -190,7 +190,7 @@ def test_of_nested_laws_the_plain_one_is_named_unless_the_wider_gains(fades):
     found = Search(balance([truth], laws, seed=int(rng.integers(1000)))).run()
     (effect,) = found.fit.point.effects
     assert effect.id == ("stribeck" if fades else "bearing-coulomb")
-    assert all(margin > SETTINGS.equal for _, margin, _ in found.rivals[0])
+    assert all(margin > SETTINGS.search.equal for _, margin, _ in found.rivals[0])
     at = [f.key for f in found.fit.free].index("torque") + 2
     sigma = np.sqrt(found.fit.covariance[at, at])
     assert abs(effect.values["torque"] - size) < 4.5 * sigma
@@ -238,9 +238,9 @@ def test_where_something_is_left_the_runner_up_is_followed():
 
     assert ends(way) == ["bearing-coulomb"]
     little = dataclasses.replace(right, gain=0.0)  # of a strong gap: something else's shadow
-    assert fit.chi2 > SETTINGS.strong * model.dof("train")
+    assert fit.chi2 > SETTINGS.search.strong * model.dof("train")
     assert ends(dataclasses.replace(way, trials=([wrong, little],))) == ["soft"]
-    search.settings = dataclasses.replace(SETTINGS, runners_up=0)
+    search.settings = dataclasses.replace(SETTINGS.search, runners_up=0)
     assert ends(way) == ["soft"]
 
 
@@ -261,9 +261,9 @@ def test_an_effect_that_moves_nothing_by_one_per_cent_is_not_named():
                Effect("shaft-drag", "shaft", {"D": 2e-4}))  # fmt: skip
     fit, baseline = refit(model, Point(np.zeros(2), effects)), refit(model, Point(np.zeros(2)))
     review = Review(Refits(model), print)
-    review.settings = dataclasses.replace(SETTINGS, margin=1.0)
+    review.settings = dataclasses.replace(SETTINGS.search, margin=1.0)
     assert len(review.prune(fit, baseline)[0].point.effects) == 1
-    review.settings = dataclasses.replace(SETTINGS, margin=1.0, material=0.0)
+    review.settings = dataclasses.replace(SETTINGS.search, margin=1.0, material=0.0)
     assert len(review.prune(fit, baseline)[0].point.effects) == 2
 
 
@@ -531,7 +531,7 @@ class BegunElsewhere:
     changes on the held-out rows in the wrong place.
     """
 
-    settings = SETTINGS
+    settings = SETTINGS.search
 
     def __init__(self, there: float, freeing: bool):
         self.there, self.freeing = there, freeing

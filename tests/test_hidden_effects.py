@@ -18,8 +18,9 @@ from benchmarks.hidden_effects.oracle import TELLS, honest, told_apart
 from benchmarks.hidden_effects.report import holms, report
 from omnijax.diagnosis import Diagnosis
 from omnijax.diagnosis._answer import Named
-from omnijax.diagnosis._search import SETTINGS, Effect, Point, refit
+from omnijax.diagnosis._search import Effect, Point, refit
 from omnijax.diagnosis._search.model import AbstractModel
+from omnijax.diagnosis._settings import SETTINGS
 from omnijax.laws import EFFECTS
 
 
@@ -117,16 +118,16 @@ def test_the_report_counts_each_answer_once_with_its_exact_interval():
 
 def test_a_threshold_is_varied_within_its_meaning_and_set_back():
     for name in thresholds.VARIED:
-        before = getattr(SETTINGS, name)
+        before = getattr(SETTINGS.search, name)
         for factor in (0.5, 2.0):
             with thresholds.varied(name, factor) as value:
                 assert getattr(AbstractModel.settings, name) == value
                 inside = {1.05, 1.0, before * factor}
                 assert value in inside
-            assert AbstractModel.settings is SETTINGS
+            assert AbstractModel.settings is SETTINGS.search
     with pytest.raises(ZeroDivisionError), thresholds.varied("margin", 2.0):
         _ = 1 / 0
-    assert AbstractModel.settings is SETTINGS
+    assert AbstractModel.settings is SETTINGS.search
     plain = {"seed": 1, "threshold": "", "factor": 1.0, "verdict": "none", "got": [], "right": True}
     other = {**plain, "threshold": "margin", "factor": 2.0, "value": 50.0, "verdict": "named",
              "right": False}  # fmt: skip

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from omnijax.diagnosis import diagnose
-from omnijax.diagnosis._search import SETTINGS
 from omnijax.diagnosis._search.model import AbstractModel
+from omnijax.diagnosis._settings import SETTINGS
 
 from .._lines import commit
 from .answers import right
@@ -26,14 +26,14 @@ BOUNDED = {"share": (1.05, None), "close": (1.0, None), "nearly": (1.0, None),
 def varied(name: str, factor: float) -> Iterator[float]:
     """Every model's settings with one of them times `factor`, within where it has a meaning."""
     low, high = BOUNDED.get(name, (None, None))
-    value = getattr(SETTINGS, name) * factor
+    value = getattr(SETTINGS.search, name) * factor
     value = value if low is None else max(low, value)
     value = value if high is None else min(high, value)
-    AbstractModel.settings = dataclasses.replace(SETTINGS, **{name: value})
+    AbstractModel.settings = dataclasses.replace(SETTINGS.search, **{name: value})
     try:
         yield value
     finally:
-        AbstractModel.settings = SETTINGS
+        AbstractModel.settings = SETTINGS.search
 
 
 def run(path: Path, lines: list[dict], seeds: range, names: Sequence[str]) -> list[dict]:
@@ -78,6 +78,6 @@ def table(lines: list[dict]) -> str:
         moved = sum((a["verdict"], a["got"]) != (b["verdict"], b["got"])
                     for a, b in zip(some, before, strict=True))  # fmt: skip
         was, now = sum(b["right"] for b in before), sum(x["right"] for x in some)
-        value = f"{getattr(SETTINGS, name):g} -> {some[0]['value']:g}"
+        value = f"{getattr(SETTINGS.search, name):g} -> {some[0]['value']:g}"
         out.append(f"| `{name}` | {value} | {len(some)} | {was} | {now} | {moved} |")
     return "\n".join(out)

@@ -19,8 +19,9 @@ from ._ode import (
     missed_output,
 )
 from ._search import Point, calibrated, refit
+from ._settings import SETTINGS
 
-STARTED = 20  # samples that the benchmark of EMPS gives to a start
+STARTED = SETTINGS.axis_case.started
 
 
 def machine_diagnosed(case: MachineCase, laws: dict, tell: Callable[[str], None]) -> Diagnosis:

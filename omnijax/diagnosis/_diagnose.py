@@ -25,8 +25,9 @@ from ._machine import (
 from ._noise import Assumed, assumed_noise, by_group, run_levels
 from ._room import check_room
 from ._search import Point, calibrated
+from ._settings import SETTINGS
 
-MOSTLY = 1.25  # RMS of a channel over its white part, below which all of it is noise
+MOSTLY = SETTINGS.diagnose.mostly
 
 
 def diagnose(

@@ -6,13 +6,14 @@ from typing import Any
 import numpy as np
 
 from ..recording import Case, channels, noise_floor
+from ._settings import SETTINGS
 
 # relative to a group's RMS; the fit's own numerics stay a tenth below it
 NOISE_FREE = {"dR": 0.02, "a": 0.02, "Omega": 2e-4, "theta": 3e-6}
-DATA_SHEET = 0.3  # relative 1-sigma of a declared noise: "to some ten per cent, or to a factor"
-AGREES = 4.0  # standard errors within which a declaration is kept as it is
-UNKNOWN = 1.0  # relative 1-sigma of a noise of which nothing is known but an upper bound
-FINEST = 0.3  # steps of a quantised channel, in sigma, below which they are part of the noise
+DATA_SHEET = SETTINGS.noise.data_sheet
+AGREES = SETTINGS.noise.agrees
+UNKNOWN = SETTINGS.noise.unknown
+FINEST = SETTINGS.noise.finest
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,11 +11,12 @@ from ..recording import Case, channels
 from ..vibration import natural_frequencies
 from ._machine import LINES
 from ._search import Context, candidates
+from ._settings import SETTINGS
 
-PERIOD = 10  # samples that a period of the slowest mode, at which the sphere shakes, must keep
-LEAST = 100  # samples of a run; fewer tell nothing of a machine's frequencies
+PERIOD = SETTINGS.room.period
+LEAST = SETTINGS.room.least
 TABLES = 7  # arrays with a row a candidate that a search holds at once: measured, at most
-DEFLECTION = 1e-6  # m; the number of candidates does not hang on it
+DEFLECTION = SETTINGS.room.deflection
 
 
 def check_room(case: Case, laws: dict[str, Any]) -> None:

@@ -12,8 +12,10 @@ import numpy as np
 
 from .._machine import FINE, Machine, RigModel, Run, orthonormal, wheel_tables
 from .._search import Effect, Point, tangent_rows
+from .._settings import SETTINGS
 
-SECONDS, SPIN_UP = 5.0, 0.5  # s
+SECONDS = SETTINGS.experiment.seconds
+SPIN_UP = SETTINGS.experiment.spin_up
 
 
 def feasible_motions(top: float, time: np.ndarray) -> dict[str, np.ndarray]:

@@ -19,13 +19,16 @@ from jax.flatten_util import ravel_pytree
 
 from .._machine import Linearisation, RigModel
 from .._search import Fit, Point, refit
+from .._settings import SETTINGS
 from .._threads import each
 from .learned_ports import ShaftPort, SpringPort
 
-ROUNDS, INNER, HIDDEN = 5, 5, 6
-FAR = 10.0  # RMS: beyond that a term is not followed
-KEPT = 0.01  # share of the held-out gap that the network has to add
-ENOUGH = 1e-3  # share of the misfit that a round must take away to be followed by another
+ROUNDS = SETTINGS.answer_learned.rounds
+INNER = SETTINGS.answer_learned.inner
+HIDDEN = SETTINGS.answer_learned.hidden
+FAR = SETTINGS.answer_learned.far
+KEPT = SETTINGS.answer_learned.kept
+ENOUGH = SETTINGS.answer_learned.enough
 RIDGE = {"basis": 1e-6, "network": 1e-3}  # on columns of length 1
 
 

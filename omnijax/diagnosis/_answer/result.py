@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from ..._files import write_text
+from .._settings import SETTINGS
 from .named_effect import Named, OutputGap
 from .verdict import JUDGES
 
-REMAINS = 1.4  # times the noise (1 sigma beside it): above this something else is missing too
+REMAINS = SETTINGS.answer_result.remains
 
 
 @dataclasses.dataclass

@@ -8,10 +8,11 @@ import numpy as np
 
 from ...rig import rig_text
 from .._machine import CLOCK, RigModel, locate
+from .._settings import SETTINGS
 from .evidence import AbstractEvidence
 from .gap import UNITS
 
-CLEARLY = 4.0  # 1-sigma by which a clock has to be off to be spoken of
+CLEARLY = SETTINGS.rig_evidence.clearly
 
 
 def channel_names(wheels: int) -> list[str]:

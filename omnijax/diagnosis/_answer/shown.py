@@ -7,11 +7,13 @@ from typing import Any
 import numpy as np
 
 from .._search import Level, Point, levels
+from .._settings import SETTINGS
 from .evidence import AbstractEvidence
 
-MATTERS = 0.1  # share by which a level may be off before the search is made again
-STRUCTURE = 0.09  # power over the noise's, by what hangs on a state: 0.3 sigma
-OFF, SURELY = 0.03, 4.0  # share, and standard errors, by which a level has to be off to be mended
+MATTERS = SETTINGS.shown.matters
+STRUCTURE = SETTINGS.shown.structure
+OFF = SETTINGS.shown.off
+SURELY = SETTINGS.shown.surely
 
 
 @dataclasses.dataclass(frozen=True)

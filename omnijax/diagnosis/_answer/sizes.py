@@ -7,11 +7,12 @@ from typing import Any
 import numpy as np
 
 from .._search import Effect, Point, size_keys
+from .._settings import SETTINGS
 from .evidence import AbstractEvidence
 from .result import Diagnosis
 from .shown import by_group
 
-SHARES = (0.25, 0.5, 0.75, 1.25, 1.5)  # of the found size, beside 0 and 1
+SHARES = SETTINGS.sizes.shares
 
 
 @dataclasses.dataclass(frozen=True)
@@ -124,7 +125,7 @@ def _gram(evidence: AbstractEvidence, residuals: Sequence[np.ndarray]) -> dict[s
 
 
 POINTS = 700  # of the trace
-KEPT = 0.8  # of the difference's power that means over blocks have to keep
+KEPT = SETTINGS.sizes.kept
 
 
 def _trace(evidence: AbstractEvidence, parts: Sequence[Any], without: int) -> ResidualTrace:

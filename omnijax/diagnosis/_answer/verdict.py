@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .._search import SETTINGS, SearchResult, Trial, Unsteady
+from .._search import SearchResult, Trial, Unsteady
+from .._settings import SETTINGS
 from .evidence import AbstractEvidence
 from .shown import Shown
 
@@ -15,8 +16,8 @@ JUDGES = {  # who confirms, by `confirmed_on`
     "blocks": "the parts of the run that were kept out of the fit",
     "nothing": "the fitted runs themselves",
 }
-EXCESS = 0.3  # sigma: below this in every channel, simulation and data agree
-SURELY = 5.0  # 1-sigma, by which held-out runs may show another size: chosen
+EXCESS = SETTINGS.verdict.excess
+SURELY = SETTINGS.verdict.surely
 
 Columns = list[dict[str, np.ndarray]]  # by held-out run and channel, in assumed sigma
 
@@ -47,7 +48,7 @@ def judge(
     shown: Shown,
     before: Columns,
     after: Columns,
-    rivals: float = SETTINGS.equal,
+    rivals: float = SETTINGS.search.equal,
     closing: float = AbstractEvidence.closing,
     alike: float = AbstractEvidence.alike,
     confirmed_on: str = "held-out",

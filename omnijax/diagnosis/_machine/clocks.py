@@ -16,13 +16,13 @@ from scipy.ndimage import spline_filter1d
 from ...laws import AbstractSensor, SensorDelay, SensorSignal
 from ...rig import Rig, place_law
 from .._search import Prior, number
-from .settings import SETTINGS
+from .._settings import SETTINGS
 
 CLOCK = "clock"  # head of the unknowns' names
 READ_LATE = ("dR", "Omega", "a")  # against theta and the torques
-DEGREE = 5  # of the splines between samples
+DEGREE = SETTINGS.clocks.degree
 B_SPLINE = BSpline.basis_element(np.arange(-3.0, 4.0), extrapolate=False)
-BEYOND = 16  # further samples to which a run is continued at its ends
+BEYOND = SETTINGS.clocks.beyond
 
 
 class LoggerClock(AbstractSensor):
@@ -38,7 +38,10 @@ LATE_LAWS = (LoggerClock, SensorDelay)  # by which dR and a are read as late as 
 
 def clock_priors(groups, stated: set[str]) -> list[Prior]:
     """The offset of every group at hand whose delay the rig file does not speak of."""
-    sigma, most = SETTINGS.clock, SETTINGS.clock_most / SETTINGS.clock
+    sigma, most = (
+        SETTINGS.prediction.clock,
+        SETTINGS.prediction.clock_most / SETTINGS.prediction.clock,
+    )
     return [
         Prior(f"{CLOCK}.{g}", 0.0, sigma, relative=False, hard=most, unit="s", limited=True)
         for g in READ_LATE if g in groups and f"sensor.{g}.delay" not in stated

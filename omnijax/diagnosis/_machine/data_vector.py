@@ -5,11 +5,11 @@ import math
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .runs import Run
-from .settings import SETTINGS as MACHINE
 
 ELASTIC_CHANNELS = tuple(f"{g}_{axis}" for g in ("dR", "a") for axis in "xyz")
-SETTLE = 0.3  # s after an unknown input in which the elastic channels are not used
+SETTLE = SETTINGS.data_vector.settle
 
 
 @dataclasses.dataclass
@@ -121,7 +121,7 @@ def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -
         for i in bad:
             elastic[max(0, i - 1) : i + int(SETTLE / run.step)] = 0.0
     if run.rolling_start(noise):  # before the start nobody knows what a late clock reads
-        elastic[: math.ceil(MACHINE.clock_most / run.step)] = 0.0
+        elastic[: math.ceil(SETTINGS.prediction.clock_most / run.step)] = 0.0
     if run.counts is not None:
         elastic[~run.counts] = 0.0
         rotation[~run.counts] = 0.0

@@ -13,15 +13,16 @@ import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 from scipy.signal import lfilter
 
+from .._settings import SETTINGS
 from .elastic import OUTPUTS
 from .modes import OutputModes, hold_weights, real_rows
 from .runs import Run
 from .smooth import penalty
 
-MOST = 100  # modes a wheel; a rougher smoother's are cut off
-LEAST = 0.05  # gain of the smoother below which a mode does not count
+MOST = SETTINGS.encoders.most
+LEAST = SETTINGS.encoders.least
 CHUNK = 16  # modes pushed through the elastic model at once
-PARTS = 4  # points a sample: a covariance needs no more
+PARTS = SETTINGS.encoders.parts
 
 
 @functools.lru_cache(maxsize=16)

@@ -9,16 +9,16 @@ import numpy as np
 from ...dynamics import RotationMoment, contact_signals, mount_signals
 from ...laws import ContactSignal, MountSignal
 from ...rig import Rig
+from .._settings import SETTINGS
 from .elastic import driven, rest_state
 from .machine import Machine, Rotated
 from .modes import OutputModes
 from .motion import RunMotion, integrate, rolling_radius
 from .rotation import MeasuredTurning, commanded, rotation_moments, run_torques
 from .runs import Run
-from .settings import SETTINGS
 from .wheels import WheelPlaces, WheelTables
 
-THIN = SETTINGS.thin
+THIN = SETTINGS.prediction.thin
 
 
 @dataclasses.dataclass(frozen=True)

@@ -20,13 +20,14 @@ from .._search import (
     steps_of,
     value_of,
 )
+from .._settings import SETTINGS
 from .clocks import CLOCK
 from .left_motion import accelerating, rolled
 
 DRIFTS = "sensor-drift"  # a law of the time itself: noise that wanders changes its numbers
-STEP = 1e-3  # prior sigmas of a difference
-ALIKE = 1e-3  # share of a change that is left beside constant numbers, below which it is theirs
-SMALL = 3.0  # times what is left: a number whose own size changes a channel by less is not asked
+STEP = SETTINGS.locate.step
+ALIKE = SETTINGS.locate.alike
+SMALL = SETTINGS.locate.small
 
 
 def locate(model, point: Point, top: int = 12) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:

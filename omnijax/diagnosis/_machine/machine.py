@@ -9,6 +9,7 @@ import numpy as np
 from ...dynamics import TURNING_PORTS
 from ...rig import Rig
 from ...simulation import SENSOR_POINTS
+from .._settings import SETTINGS
 from .._threads import each
 from .clocks import offset_of
 from .data_vector import DataRows
@@ -30,7 +31,6 @@ from .noise_model import rolling_state, rows_of
 from .observer import needs_observer, observed_turning, path_along
 from .rotation import MeasuredTurning, commanded, rotation_moments, run_torques, turning
 from .runs import FINE, SHAPE, STEPS, Run
-from .settings import SETTINGS
 from .smooth import likeliest, smooth
 from .stage_cache import StageCache
 from .stepped import Change, Lane, law_changes, stepped_ports
@@ -113,7 +113,7 @@ class Machine:
         """
         rolling = self.basis.rolling
         basis = self._basis(rig, None, rolling)
-        for _ in range(SETTINGS.rebase_turns if needs_observer(rig) else 1):
+        for _ in range(SETTINGS.prediction.rebase_turns if needs_observer(rig) else 1):
             self._begin(basis)
             lengths = tuple(r.length for r in self.rotated(rig).values())
             change = [
@@ -121,10 +121,12 @@ class Machine:
                 for new, old in zip(lengths, basis.references, strict=True)
             ]
             basis = self._basis(rig, lengths, rolling)
-            if max(change) < SETTINGS.settled * self.length_noise.min():
+            if max(change) < SETTINGS.prediction.settled * self.length_noise.min():
                 break
         self._begin(basis)
-        normal = tuple(r.normal for r in self.rotated(rig, turns=SETTINGS.rebase_turns).values())
+        normal = tuple(
+            r.normal for r in self.rotated(rig, turns=SETTINGS.prediction.rebase_turns).values()
+        )
         self._begin(dataclasses.replace(basis, normal=normal))
         self.rows = each(lambda i: rows_of(self, rig, i), range(len(self.runs)))
         begin = [i for i, run in enumerate(self.runs) if run.rolling_start(self.noise)]
@@ -197,7 +199,7 @@ class Machine:
         key = digest(rig.sphere, rig.platform, rig.wheels)
         return self._kept.get("modes", key, lambda: rig_modes(rig))
 
-    def rotated(self, rig: Rig, which=None, turns: int = SETTINGS.normal_turns):
+    def rotated(self, rig: Rig, which=None, turns: int = SETTINGS.prediction.normal_turns):
         """Rotation of every run under the torques; `turns` of N and f where N enters."""
         w = rig.wheels
         parts = [self._motion_key(rig), rig.platform, w.inertia]

@@ -10,9 +10,9 @@ from ..._errors import InputError
 from ...dynamics import spin_axes
 from ...laws import DualRow
 from ...rig import Rig
+from .._settings import SETTINGS
 from .laws import along, readings
 from .runs import FINE, SHAPE, Run, filled
-from .settings import SETTINGS
 from .smooth import smooth_by_likelihood
 from .wheels import WheelTables, wheel_tables
 
@@ -53,7 +53,7 @@ def true_angles(rig: Rig, run: Run, wheels: int) -> np.ndarray:
         return measured
     known = filled(measured)  # a law with memory must not carry a gap on
     angle = known
-    for _ in range(SETTINGS.angle_turns):
+    for _ in range(SETTINGS.prediction.angle_turns):
         angle = angle + known - readings(rig, "theta", run.time, angle)
     return np.where(np.isfinite(measured), angle, np.nan)
 

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...rig import Rig
+from .._settings import SETTINGS
 from .clocks import LoggerClock, offset_of
 from .data_vector import DataRows, make_rows, orthonormal
 from .encoders import PARTS, response_rows, smoother_modes, walk_modes, whitener
@@ -13,8 +14,8 @@ from .laws import on_time, readings
 from .modes import propagate
 from .runs import SHAPE
 
-START = 0.01  # rad, 1-sigma of the start angle of a wheel without encoder
-SMALL = 1e-4  # of the readings' spread: a change over which sensors' laws count as straight
+START = SETTINGS.noise_model.start
+SMALL = SETTINGS.noise_model.small
 
 
 def rows_of(machine, rig: Rig, i: int) -> DataRows:

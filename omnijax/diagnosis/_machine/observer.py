@@ -14,11 +14,11 @@ from scipy.interpolate import CubicSpline
 
 from ...dynamics import RotationMoment, TurningLaws, combined, rest_memory, torques
 from ...rig import Rig
+from .._settings import SETTINGS
 from .motion import RunMotion, rolling_radius
 from .ports import bare
 from .rotation import MeasuredTurning
 from .runs import FINE, padded
-from .settings import SETTINGS
 
 
 def needs_observer(rig: Rig) -> bool:
@@ -115,4 +115,4 @@ def _rate(rig: Rig, laws: TurningLaws, omega, memory, at: Path) -> tuple[jax.Arr
     )
     _, caused, rates = torques(rig, laws, moment, memory)
     turned = combined(jnp.concatenate(caused), at.response)
-    return turned + SETTINGS.pull * (at.measured - omega), rates
+    return turned + SETTINGS.prediction.pull * (at.measured - omega), rates

@@ -16,22 +16,27 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .data_vector import DataRows, orthonormal
 from .linearisation import THIN, Linearisation
 from .runs import FINE
 
-GRID = 4  # orders tried within one resolution of the travel: at most 4 % of a line lost between
-CLOSER = 2  # steps apart are the best; times as many neighbours are looked at
-PEAKS = 3
-MOST = 6000  # orders of a wheel
-DENSE, SPARSE = 1216, 8  # so many are weighed each, of those above one in so many
-LOWEST = 1.0  # windows take off what is slower
-USUAL, NEARLY_ANY = 0.5, 0.9  # quantiles of the speed at which lines lie below half the sampling
+GRID = SETTINGS.rig_orders.grid
+CLOSER = SETTINGS.rig_orders.closer
+PEAKS = SETTINGS.rig_orders.peaks
+MOST = SETTINGS.rig_orders.most
+DENSE = SETTINGS.rig_orders.dense
+SPARSE = SETTINGS.rig_orders.sparse
+LOWEST = SETTINGS.rig_orders.lowest
+USUAL = SETTINGS.rig_orders.usual
+NEARLY_ANY = SETTINGS.rig_orders.nearly_any
 TOGETHER = 64  # orders computed at a time
-THINNED = 8  # samples from one at which a line's size is computed to the next
-LEFT, ROUGHLY = 1e-6, 1e-3  # of a line, what counts as left of it at least; from `THINNED` samples
-BEST = 64  # orders whose gain is computed in full, of a law and wheel
-NEARLY, MANY = 0.9, 16  # share of the best one's gain from which they are refined, so many at most
+THINNED = SETTINGS.rig_orders.thinned
+LEFT = SETTINGS.rig_orders.left
+ROUGHLY = SETTINGS.rig_orders.roughly
+BEST = SETTINGS.rig_orders.best
+NEARLY = SETTINGS.rig_orders.nearly
+MANY = SETTINGS.rig_orders.many
 LAWS = ("motor-ripple", "current-ripple")
 
 Orders = dict[str, list[tuple[list[float], int]]]  # by law and wheel: orders, and of how many

@@ -10,12 +10,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from ...rig import Rig
+from .._settings import SETTINGS
 from .machine import Machine
 from .runs import Run
 
-WILD = 8.0  # sigma above the samples on both sides
-MOST = 0.06  # share of a channel's samples above which they are no outliers but a misfit
-EDGE = 3  # samples beside a gap's edge, where a mistimed prediction makes spikes too
+WILD = SETTINGS.outliers.wild
+MOST = SETTINGS.outliers.most
+EDGE = SETTINGS.outliers.edge
 
 
 def spikes(values: np.ndarray, sigma: float) -> np.ndarray:

@@ -23,6 +23,7 @@ from .._search import (
     wandering_gain,
     white_level,
 )
+from .._settings import SETTINGS
 from .._threads import each
 from .clocks import CLOCK, READ_LATE, clock_priors, with_clocks
 from .data_vector import ELASTIC_CHANNELS
@@ -35,11 +36,11 @@ from .tangents import signature
 from .tree_hash import digest
 from .uncertain import rig_priors, with_parameters, with_sensors
 
-BUDGET = 400.0  # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
-LINEAR = 0.3  # cost of an evaluation without laws stepped in time, relative to one with them
-WEAK = 1e-4  # rad, of an encoder's law whose signature is a difference
+BUDGET = SETTINGS.rig_model.budget
+LINEAR = SETTINGS.rig_model.linear
+WEAK = SETTINGS.rig_model.weak
 TOGETHER = 32  # signatures that are whitened together
-LINES = 12  # spectral lines of `a` that are tried as floor vibrations
+LINES = SETTINGS.rig_model.lines
 
 
 class RigModel(AbstractModel):

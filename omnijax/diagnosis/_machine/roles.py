@@ -5,12 +5,13 @@ import dataclasses
 import numpy as np
 
 from ..._errors import InputError
+from .._settings import SETTINGS
 from .runs import Run
 
-BLOCK = 1.0  # s, of the only run that teach or confirm in turn
-SHORTEST = 0.25  # s, of such a block: some turns of the slowest ring of a machine of 10 Hz
-TEACH = 2  # blocks that teach for one that confirms
-FEWEST = 6  # blocks below which nothing is confirmed
+BLOCK = SETTINGS.roles.block
+SHORTEST = SETTINGS.roles.shortest
+TEACH = SETTINGS.roles.teach
+FEWEST = SETTINGS.roles.fewest
 
 
 def with_roles(runs: list[Run]) -> tuple[list[Run], str, list[str]]:

@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
-from .settings import SETTINGS
+from .._settings import SETTINGS
 
-FINE = SETTINGS.force_points
-STEPS = SETTINGS.steps
-COARSE = SETTINGS.coarse_steps
-SHAPE = SETTINGS.shape_points
+FINE = SETTINGS.prediction.force_points
+STEPS = SETTINGS.prediction.steps
+COARSE = SETTINGS.prediction.coarse_steps
+SHAPE = SETTINGS.prediction.shape_points
 ELASTIC = ("dR", "a")
 
 

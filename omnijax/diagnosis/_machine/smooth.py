@@ -3,7 +3,9 @@
 import numpy as np
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-LEAST = 1e-13  # of the ratio: weight of missing samples, which keeps long gaps solvable
+from .._settings import SETTINGS
+
+LEAST = SETTINGS.smooth.least
 THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
 
 

@@ -12,14 +12,15 @@ import itertools
 import numpy as np
 
 from ...rig import Rig
+from .._settings import SETTINGS
 from .elastic import driven, rest_state
 from .encoders import PARTS, response_rows
 from .machine import Machine
 from .runs import ELASTIC, SHAPE, Run
 
-PHASES = 28  # a pitch
-STEPS = 3  # of Gauss-Newton
-ROUNDS = 6  # of wheel by wheel descent from the best of the coarse combinations
+PHASES = SETTINGS.start_angles.phases
+STEPS = SETTINGS.start_angles.steps
+ROUNDS = SETTINGS.start_angles.rounds
 
 
 def without_encoder(run: Run, wheels: int) -> np.ndarray:

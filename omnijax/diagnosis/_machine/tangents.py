@@ -10,6 +10,7 @@ import numpy as np
 
 from ...dynamics import actuated, body_torques, rolling_torques, shaft_torques
 from ...rig import Placed, Rig, acting, over_wheels
+from .._settings import SETTINGS
 from .elastic import refine
 from .laws import along, follow, readings
 from .linearisation import THIN, Linearisation, transfer, turned_by
@@ -35,7 +36,7 @@ def _shape(base: Linearisation, placed: Placed):
 
 
 ORDERS = ("order", "orders")  # parameters that count waves a turn
-SMALL = 1e-6  # of a wheel's radius: shapes are smooth in it
+SMALL = SETTINGS.tangents.small
 
 
 def _radius(base: Linearisation, placed: Placed):
@@ -120,7 +121,7 @@ def _separation(base: Linearisation, placed: Placed):
     return transfer(base, contact=out), None
 
 
-RADIAN = 0.5  # of a wave between moments, above which its torque is taken at all fine points
+RADIAN = SETTINGS.tangents.radian
 
 
 def _moments(base: Linearisation, law) -> Linearisation:

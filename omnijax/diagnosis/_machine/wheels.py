@@ -8,9 +8,9 @@ import numpy as np
 
 from ...dynamics import wheel_shape
 from ...rig import Rig
-from .settings import SETTINGS
+from .._settings import SETTINGS
 
-POINTS = SETTINGS.table_points
+POINTS = SETTINGS.prediction.table_points
 
 
 class WheelPlaces(NamedTuple):

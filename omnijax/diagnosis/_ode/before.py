@@ -13,8 +13,9 @@ from jaxtyping import Array, Float
 
 from ...laws import ActuatorLag, SensorSignal
 from ...machine import AbstractMachine, Axis, PlacedLaw
+from .._settings import SETTINGS
 
-SECONDS = 0.3  # of the past that sensors see: several times the longest lag that is tried
+SECONDS = SETTINGS.free_before.seconds
 
 
 class Before(NamedTuple):

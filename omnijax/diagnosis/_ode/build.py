@@ -19,15 +19,16 @@ from ...machine import (
     measured_of,
 )
 from .._search import Prior
+from .._settings import SETTINGS
 from .model import OdeModel
 from .numbers import Numbers
 from .rows import Balance, FreeRun, OdeRun, smoothed
 
-ORDERS = (3, 5, 7)  # differences that leave of a position its noise
-CUTOFFS = (0.1, 0.07, 0.05, 0.035, 0.025, 0.015)  # Hz a sample a second, tried from the widest
-ROWS = 6000  # of a run's free run that are compared; more say nothing new
-LEADS = 4  # a window is at least so many times its lead
-AWAY = 0.05  # of the time that an axis is pushed away from rest, above which free runs say nothing
+ORDERS = SETTINGS.free_build.orders
+CUTOFFS = SETTINGS.free_build.cutoffs
+ROWS = SETTINGS.free_build.rows
+LEADS = SETTINGS.free_build.leads
+AWAY = SETTINGS.free_build.away
 KNOWN = frozenset({"bearing-viscous", "sensor-gain"})  # an axis has its own
 ABSENT = frozenset({"gravity", "stiffness"})  # what an axis may not have at all: not as a factor
 INVERTED = frozenset({"encoder-eccentricity"})  # sensors' laws of which a balance finds the input

@@ -9,13 +9,14 @@ import numpy as np
 
 from ...machine import Axis, PlacedLaw
 from .._search import Candidate, number
+from .._settings import SETTINGS
 from .known import states
 from .rows import OdeRun, smoothed
 
-SHARES = (0.02, 0.07, 0.2, 0.6)
-CLIPPED = (0.97, 0.9, 0.75, 0.5)  # of the time that the command is below a limit of the drive
-SLOW = (4e-3, 0.016, 0.064)  # s, delays and lags of drives beside those of few samples
-RARELY = 0.98  # of it, for a limit that shows: what is seen at a few peaks may be their dynamics
+SHARES = SETTINGS.free_candidates.shares
+CLIPPED = SETTINGS.free_candidates.clipped
+SLOW = SETTINGS.free_candidates.slow
+RARELY = SETTINGS.free_candidates.rarely
 
 
 @dataclasses.dataclass(frozen=True)

@@ -19,13 +19,14 @@ import numpy as np
 from scipy.linalg import cholesky_banded, solve_banded
 
 from .._search import AbstractModel, Fit, Point, refit
+from .._settings import SETTINGS
 from .floor import inflation
 from .rows import Balance, FreeRun, smoothed
 
 SHARES = 10.0 ** np.arange(-7.0, 2.1, 0.5)  # r: of the rows' variance that is no sensor noise
-LOCAL = 1e-9  # of the autocovariance, below which rows share no noise
-ROUNDS = 3  # of a refit weighed by a colour and the colour of what it leaves
-SPAN = 3  # lengths of the thinning filter on either side that an impulse is followed
+LOCAL = SETTINGS.free_colour.local
+ROUNDS = SETTINGS.free_colour.rounds
+SPAN = SETTINGS.free_colour.span
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,11 +8,12 @@ import numpy as np
 from ...machine import Axis, MachineFile, PlacedLaw, axis_unit, free_run, machine_text
 from .._answer import AbstractEvidence
 from .._search import Point, discovered, number
+from .._settings import SETTINGS
 from .learned import learn_shaft
 from .model import OdeModel
 from .rows import Balance, OdeRun, smoothed
 
-RESTS = 5.0  # times the noise: a run that moves less has no share of its motion to speak of
+RESTS = SETTINGS.free_evidence.rests
 
 
 class OdeEvidence(AbstractEvidence):

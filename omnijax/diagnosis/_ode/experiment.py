@@ -5,9 +5,10 @@ import itertools
 import numpy as np
 
 from ...machine import free_run
+from .._settings import SETTINGS
 from .model import OdeModel
 
-SECONDS = 10.0
+SECONDS = SETTINGS.free_experiment.seconds
 
 
 def inputs_of(top: float, time: np.ndarray) -> dict[str, np.ndarray]:

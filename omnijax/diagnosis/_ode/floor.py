@@ -14,11 +14,12 @@ from .._search import (
     refit,
     taken_up,
 )
+from .._settings import SETTINGS
 
-STEPS = 2  # laws, one after the other
-TRIED = 2  # refits a step
-WORTH = 0.95  # of the misfit that is left at most, for a further law
-NOISE = 1.3  # chi2 a row from which a law is looked for
+STEPS = SETTINGS.free_floor.steps
+TRIED = SETTINGS.free_floor.tried
+WORTH = SETTINGS.free_floor.worth
+NOISE = SETTINGS.free_floor.noise
 
 
 def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None]) -> Fit:

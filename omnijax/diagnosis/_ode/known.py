@@ -9,9 +9,10 @@ from jaxtyping import Array, Float
 
 from ...laws import ActuatorLag, ActuatorSignal, low_passed
 from ...machine import AbstractMachine, Axis, PlacedLaw, Ports, sensed
+from .._settings import SETTINGS
 
-FINE = 4  # steps a sample of a second inertia: stable up to its mode at 1.7 times the rate
-ROUNDS = 3  # of finding what a sensor was shown: errors of 1 % are left at 1e-6 then
+FINE = SETTINGS.free_known.fine
+ROUNDS = SETTINGS.free_known.rounds
 
 
 def before_sensors(

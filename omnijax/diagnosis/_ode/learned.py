@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .model import OdeModel
 from .rows import Balance, smoothed
 
-KNOTS = 7  # of each input's piecewise-linear basis
-RIDGE = 1e-3
+KNOTS = SETTINGS.free_learned.knots
+RIDGE = SETTINGS.free_learned.ridge
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,7 +10,6 @@ import numpy as np
 from ...laws import EFFECTS, AbstractLaw
 from ...machine import AbstractMachine, PlacedLaw, slopes_of, steps_for
 from .._search import (
-    SETTINGS,
     Candidate,
     Effect,
     Fit,
@@ -19,6 +18,7 @@ from .._search import (
     free_numbers,
     refit,
 )
+from .._settings import SETTINGS
 from .before import matters
 from .candidates import Scales, machine_candidates
 from .colour import AbstractColoured, Colour, in_colour
@@ -28,18 +28,18 @@ from .orders import strongest_orders
 from .rows import Balance, FreeRun, OdeRun, batches, smoothed
 from .undecided import undecided
 
-STEEP = 48  # steps between two samples above which a law is too steep to be followed
+STEEP = SETTINGS.free_model.steep
 VALUE, TANGENT, START = range(3)  # programs over the rows
 LANES = 16  # points that are evaluated side by side: one shape, one program
 OFTEN = 1e6  # samples stepped after which a set of laws has a program of its own: some seconds
-BOUND = 0.5  # a gain that is off by more is no torque constant any more
-RANKING = 4  # train runs, far apart in their order, that rank laws at finite strength
-SIMPLER = 0.01  # share of its gain that each number of a law must be worth
-RESTARTS = 6  # steps of Gauss and Newton of the windows' starts at a point
-PARTS = (1.0, 0.3)  # of such a step, that are tried
-ENOUGH = 0.01  # of the squares, that a further one must gain
-STEP = 1e-3  # prior sigmas, of a difference
-ROOM = 3  # of one law with an order at one place
+BOUND = SETTINGS.free_model.bound
+RANKING = SETTINGS.free_model.ranking
+SIMPLER = SETTINGS.free_model.simpler
+RESTARTS = SETTINGS.free_model.restarts
+PARTS = SETTINGS.free_model.parts
+ENOUGH = SETTINGS.free_model.enough
+STEP = SETTINGS.free_model.step
+ROOM = SETTINGS.free_model.room
 
 
 class OdeModel(AbstractColoured):
@@ -50,7 +50,7 @@ class OdeModel(AbstractColoured):
 
     budget = 4000.0
     repeats = frozenset({"motor-ripple", "current-ripple"})
-    settings = dataclasses.replace(SETTINGS, lead=0.1, both=True)
+    settings = dataclasses.replace(SETTINGS.search, lead=0.1, both=True)
     frozen_keys = frozenset({"roller", "exponent", "modulus"})
 
     def __init__(

@@ -4,17 +4,18 @@ import dataclasses
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .candidates import commanded
 
-FINE = 4  # orders tried within one resolution of the travel
-CLOSER = 8  # times as many beside a peak
-PERIODS = 2  # of a line over the travel: what does not repeat is none
-PEAKS = 8
-HIGHEST = 3  # of them, whatever line they belong to: which neighbour is right shows in a refit
-LOOKED = 256  # peaks among which further lines are looked for beside the strongest
-MOST = 6000
-SLOW = 0.05  # share of the rows that a line must pass slowly enough to be seen in them
-SEEN = 0.8  # of half the rows' sampling rate: what their low pass lets through
+FINE = SETTINGS.free_orders.fine
+CLOSER = SETTINGS.free_orders.closer
+PERIODS = SETTINGS.free_orders.periods
+PEAKS = SETTINGS.free_orders.peaks
+HIGHEST = SETTINGS.free_orders.highest
+LOOKED = SETTINGS.free_orders.looked
+MOST = SETTINGS.free_orders.most
+SLOW = SETTINGS.free_orders.slow
+SEEN = SETTINGS.free_orders.seen
 
 
 def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:

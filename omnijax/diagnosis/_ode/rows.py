@@ -17,12 +17,13 @@ from ...machine import (
     travelled,
     vector_field,
 )
+from .._settings import SETTINGS
 from .before import Before, memories_at, seen
 from .known import before_sensors, memories, rate_of, states
 from .numbers import Numbers
 
-SEEN = 1e-6  # of the best seen part of a start, what must be seen of another one
-WIDE = 10  # taps of the thinning filter to each side, in thinned samples
+SEEN = SETTINGS.free_rows.seen
+WIDE = SETTINGS.free_rows.wide
 
 
 @dataclasses.dataclass(frozen=True)

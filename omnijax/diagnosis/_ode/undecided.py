@@ -7,7 +7,9 @@ tangents on the held-out rows these have the covariance I + H S H', and are whit
 
 import numpy as np
 
-LEAST = 0.1  # 1-sigma over the noise, from which a direction counts
+from .._settings import SETTINGS
+
+LEAST = SETTINGS.free_undecided.least
 
 
 def undecided(train: np.ndarray, held_out: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:

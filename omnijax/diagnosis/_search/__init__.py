@@ -37,8 +37,6 @@ from .search import Explored as Explored
 from .search import Search as Search
 from .search import SearchPath as SearchPath
 from .search import SearchResult as SearchResult
-from .settings import SETTINGS as SETTINGS
-from .settings import SearchSettings as SearchSettings
 from .starts import at_finite_strength as at_finite_strength
 from .starts import by_tangent as by_tangent
 from .steadiness import Unsteady as Unsteady

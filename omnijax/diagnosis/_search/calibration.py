@@ -2,11 +2,12 @@
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .fit import Fit, refit
 from .model import AbstractModel, Point
 from .waves import scanned
 
-FAR = 10.0  # times the cost of mere noise
+FAR = SETTINGS.calibration.far
 SEED = 20
 
 

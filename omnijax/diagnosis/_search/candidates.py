@@ -11,6 +11,7 @@ import numpy as np
 from ...laws import AbstractLaw
 from ...machine import PlacedLaw
 from ...rig import Placed, Rig, place_law
+from .._settings import SETTINGS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -223,8 +224,9 @@ def _out_of_round(law, place, context):
 
 
 # times the RMS of a mount's deflection: mounts rest for most of a run, so that small gaps show too
-LEAST_GAP, SMALL_GAPS = 1e-4, (0.01, 0.05)
-GAPS = (0.3, 0.5, 1.0, 1.5, 2.5, 4.0, 7.0)
+LEAST_GAP = SETTINGS.candidates.least_gap
+SMALL_GAPS = SETTINGS.candidates.small_gaps
+GAPS = SETTINGS.candidates.gaps
 
 
 def _backlash(law, place, context):
@@ -255,7 +257,7 @@ def _fixed_strength(law, place, context):
     return [Candidate(law.id, place, (build(law, place, context),), lambda c: {})]
 
 
-CLIPPED = (0.97, 0.9, 0.75, 0.5)  # shares of the largest torque
+CLIPPED = SETTINGS.candidates.clipped
 
 
 def _limited(law, place, context):
@@ -282,8 +284,8 @@ def _one_sided(law, place, context):
     return [] if place.startswith("theta") else _fixed_strength(law, place, context)
 
 
-LATE = (0.001, 0.002, 0.004, 0.008, 0.016, 0.032)  # s
-LATEST = 0.1  # s
+LATE = SETTINGS.candidates.late
+LATEST = SETTINGS.candidates.latest
 
 
 def _late(law, place, context):

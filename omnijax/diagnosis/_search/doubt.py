@@ -10,11 +10,12 @@ Source: the normal law's predictive distribution (Gelman and others, Bayesian Da
 import numpy as np
 from scipy.stats import chi2
 
+from .._settings import SETTINGS
 from .fit import Fit
 from .model import AbstractModel, Point
 
-STEP = 1e-3  # prior sigmas of a difference
-CHANCE = 1e-3  # of as much along its tangents, below which it does not leave it open: chosen
+STEP = SETTINGS.doubt.step
+CHANCE = SETTINGS.doubt.chance
 
 
 def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:

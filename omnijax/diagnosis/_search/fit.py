@@ -5,10 +5,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .gauss_newton import ENOUGH, KEPT, FitState, normal, stepped, trial
 from .model import AbstractModel, Free, Point, moved, value_of
 
-RENEW = 200.0  # a fall of chi2 after which the baseline's tangents are taken anew
+RENEW = SETTINGS.fit.renew
 
 
 @dataclasses.dataclass(frozen=True)

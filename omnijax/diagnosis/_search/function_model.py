@@ -9,11 +9,12 @@ import numpy as np
 
 from ...laws import AbstractLaw
 from ...rig import Placed
+from .._settings import SETTINGS
 from .candidates import Candidate, number, strengths_to_try, unknown_shapes
 from .model import AbstractModel, Point, Prior
 
 Residual = Callable[[dict[str, float], list[AbstractLaw], str], np.ndarray]
-TINY = 1e-6  # strength of a tangent, relative to what changes the residual by its own size
+TINY = SETTINGS.function_model.tiny
 
 
 class SmallModel(AbstractModel):

@@ -14,12 +14,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from .._settings import SETTINGS
 from .model import AbstractModel, Free, Point, moved, value_of
 
-ENOUGH = 0.02  # fall of chi2 that is not worth another round
-KEPT = 0.8  # share of its foretold fall that a straight step has to bring
-BENT = 1.0  # foretold fall of chi2 that is worth a look at the valley's bend
-LONGEST = 1.5  # |a| over |d| above which a parabola says nothing
+ENOUGH = SETTINGS.gauss_newton.enough
+KEPT = SETTINGS.gauss_newton.kept
+BENT = SETTINGS.gauss_newton.bent
+LONGEST = SETTINGS.gauss_newton.longest
 
 
 @dataclasses.dataclass(frozen=True)

@@ -4,11 +4,11 @@ import dataclasses
 
 import numpy as np
 
+from .._settings import SETTINGS, SearchSettings
 from .fit import Fit
 from .model import Effect
-from .settings import SETTINGS, SearchSettings
 
-BLOCKS = 64  # of the rows, by which the spread is estimated
+BLOCKS = SETTINGS.held_out.blocks
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,7 +54,7 @@ class HeldOut:
         """1-sigma of the multiplier, the change having gained `gain` on the train runs."""
         return float(np.sqrt(sum(self.spread / max(x, 1e-300) for x in (self.size, gain))))
 
-    def confirms(self, gain: float, settings: SearchSettings = SETTINGS) -> bool:
+    def confirms(self, gain: float, settings: SearchSettings = SETTINGS.search) -> bool:
         """Whether it is the effect that gained `gain` on the train runs."""
         if not np.isfinite(self.gain):
             return False
@@ -71,7 +71,7 @@ class Trial:
     fit: Fit
     gain: float
     held: HeldOut
-    settings: SearchSettings = SETTINGS
+    settings: SearchSettings = SETTINGS.search
 
     @property
     def accepted(self) -> bool:

@@ -12,11 +12,14 @@ import numpy as np
 from scipy.fft import dct
 from scipy.stats import chi2, gamma
 
-ORDERS = (3, 5, 7)
-WINDOW = 64  # samples of one stretch
-FLAT = 1e-7  # chance, among all bins of white noise, below which a spectrum is not flat
-BROAD, FEWEST = 1.35, 8  # width of a spectrum's bins, and the least number of lines in one
-LEANS = 1.25  # ratio of powers below which a spectrum that is not flat is weighed as white
+from .._settings import SETTINGS
+
+ORDERS = SETTINGS.levels.orders
+WINDOW = SETTINGS.levels.window
+FLAT = SETTINGS.levels.flat
+BROAD = SETTINGS.levels.broad
+FEWEST = SETTINGS.levels.fewest
+LEANS = SETTINGS.levels.leans
 
 
 @dataclasses.dataclass(frozen=True)

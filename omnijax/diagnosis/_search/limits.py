@@ -12,13 +12,14 @@ from typing import Any
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .fit import Fit
 from .model import AbstractModel, to_project
 from .scan import Scan, Score, Signatures, taken_up
 
 SURE, ONE_SIDED = 0.95, 1.6449  # the normal law's 95 % point
-DRAWS = 400  # of strengths with several columns: the limit is then known to 3 %
-BLOCKS = 64
+DRAWS = SETTINGS.limits.draws
+BLOCKS = SETTINGS.limits.blocks
 SMALLEST = (
     "gap",
     "delay",

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from ...laws import AbstractLaw
-from .settings import SETTINGS, SearchSettings
+from .._settings import SETTINGS, SearchSettings
 
 STEPPED = ("contact", "mount", "separation")  # ports whose laws change a run's every tangent
 THRESHOLDS = ("gap", "delay", "tau")  # sizes of laws without a linear strength
-HARD = 3.5  # prior sigmas: Gaussian priors have no force against 1e5 samples, bounds have
+HARD = SETTINGS.model.hard
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,7 +83,7 @@ class AbstractModel(abc.ABC):
     laws: dict[str, type[AbstractLaw]]
     work: float = 0.0  # evaluations so far, in those of all train runs with laws stepped in time
     ranking: str = "train"  # split whose rows, the first of train's, rank laws at finite strength
-    settings: SearchSettings = SETTINGS
+    settings: SearchSettings = SETTINGS.search
     budget: float = math.inf  # of `work`: what a search may take before it ends
     repeats: frozenset[str] = frozenset()  # laws that may act several times at one place
     frozen_keys: frozenset[str] = frozenset({"roller", "order", "exponent", "modulus"})

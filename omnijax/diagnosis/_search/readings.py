@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .levels import Level, levels, over
 from .where import shares, state
 
-KNOTS = 12  # equally filled stretches of the reading, between which the function is straight
-LEAST = 1e-6  # of the longest direction: a shorter one is none
+KNOTS = SETTINGS.readings.knots
+LEAST = SETTINGS.readings.least
 
 
 def on_reading(

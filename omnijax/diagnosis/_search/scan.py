@@ -9,10 +9,10 @@ import numpy as np
 from scipy.stats import chi2 as chi2_law
 from threadpoolctl import threadpool_limits
 
+from .._settings import SETTINGS
 from .._threads import cores
-from .settings import SETTINGS
 
-PRICE = SETTINGS.price
+PRICE = SETTINGS.search.price
 PIECE = 32  # columns that are worked on together
 
 

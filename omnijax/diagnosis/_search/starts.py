@@ -10,13 +10,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .fit import Fit, predicted, tangents_at
 from .model import STEPPED, AbstractModel, Effect, Point
 from .scan import PRICE, Scan, Score
 from .valley import ends_of_valleys
 
 LINES = {"order", "frequency"}  # numbers of a line
-EQUALS, OTHERS = 0.97, 2  # share of the best line's gain from which so many more are refitted: time
+EQUALS = SETTINGS.starts.equals
+OTHERS = SETTINGS.starts.others
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,14 +11,15 @@ import dataclasses
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
+from .._settings import SETTINGS
 from .fit import Fit, tangent_rows
 from .held_out import HeldOut
 from .model import AbstractModel, size_keys, value_of
 from .scan import chance
 
-DEGREE = 3  # of the course over a run: 2 % of what warms within a third of it is left
+DEGREE = SETTINGS.steadiness.degree
 OF_TIME = ("sensor-drift",)  # laws of the time itself, which noise that wanders makes unsteady
-SURELY = 5.7e-7  # chance of a part that is not constant: five standard deviations, as of sizes
+SURELY = SETTINGS.steadiness.surely
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,14 +12,15 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .fit import Fit, tangent_rows
 from .model import AbstractModel, Point
 
-FLAT = 0.1  # sigma of all rows a prior sigma, below which priors alone tell a direction
-STEP = 0.5  # prior sigmas
-CORRECTIONS = 2
-ONWARD = 0.5  # least cosine from one step to the next
-DEEP = 1.2  # times the fit's chi2, up to which a point still lies in its valley
+FLAT = SETTINGS.valley.flat
+STEP = SETTINGS.valley.step
+CORRECTIONS = SETTINGS.valley.corrections
+ONWARD = SETTINGS.valley.onward
+DEEP = SETTINGS.valley.deep
 
 
 def ends_of_valleys(model: AbstractModel, fit: Fit) -> list[Point]:

@@ -12,14 +12,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .fit import tangents_at
 from .model import AbstractModel, Point
 from .scan import taken_up
 
-WAVY = 0.5  # even over odd part of a change at +- 1 sigma: tan(phi/2) of a phase phi of 0.9 rad
-FINEST = 1 / 16  # sigma, of a scan's steps
+WAVY = SETTINGS.waves.wavy
+FINEST = SETTINGS.waves.finest
 FAR = 1e100  # sigma; its square is a number still
-STARTS = 32  # of the search over the scans, each drawn with a fixed seed
+STARTS = SETTINGS.waves.starts
 SEED = 21
 
 

@@ -20,11 +20,13 @@ import numpy as np
 from scipy.special import betaincc, fdtrc, stdtr
 from scipy.stats import false_discovery_control
 
-SHUFFLES = 60
-RATE = 0.01  # false discoveries that are accepted
-ORDERS = 40
-BESIDE = 8  # bands on either side that a line is compared with
-WIDTH = 0.5  # Hz, of a band: a line that stays put stays in it
+from .._settings import SETTINGS
+
+SHUFFLES = SETTINGS.where.shuffles
+RATE = SETTINGS.where.rate
+ORDERS = SETTINGS.where.orders
+BESIDE = SETTINGS.where.beside
+WIDTH = SETTINGS.where.width
 
 
 @dataclasses.dataclass(frozen=True)
