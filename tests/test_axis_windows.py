@@ -1,5 +1,6 @@
 """Windows of free runs: what the right machine leaves of an axis without noise is nothing."""
 
+import dataclasses
 import gc
 import weakref
 
@@ -83,3 +84,24 @@ def test_programs_go_with_their_model():
     del model
     gc.collect()
     assert kept() is None
+
+
+def test_all_splits_share_a_program_and_no_run_hangs_on_its_neighbours():
+    """Runs of 3, 5 and 4 windows: a program a split was traced anew, a second or two each."""
+    rng = drawn_anew("programs")
+    axis, length, runs = Axis(1e-3, 2e-2, stiffness=0.5), 64, []
+    for k, (count, role) in enumerate(((150, "train"), (300, "train"), (220, "held-out"))):
+        signals = rng.normal(size=(2, count))
+        time = np.arange(count) * STEP
+        runs.append(OdeRun(f"{k}", role, time, {"input": signals[0]}, {"position": signals[1]},
+                           25.0))  # fmt: skip
+
+    def model_of(some):
+        return OdeModel(axis, [], some, {}, [], lambda n, r: FreeRun(n, r, 0, length, 1), NOISE)
+
+    model, start = model_of(runs), Point(np.zeros(0))
+    rows = np.concatenate([model.residuals([start], s)[0] for s in ("train", "held-out")])
+    single = [model_of([dataclasses.replace(r, role="train")]) for r in runs]
+    alone = [one.residuals([start], "train")[0] for one in single]
+    np.testing.assert_allclose(rows, np.concatenate(alone), rtol=1e-9, atol=1e-9)
+    assert [programs[0]._cache_size() for programs in model._compiled.values()] == [1]

@@ -120,6 +120,16 @@ def test_progress_says_who_confirms(who):
     assert any("held-out" in line for line in said) == ("held-out" in who)
 
 
+def test_what_a_refit_found_before_is_tried_though_no_tangent_promises_it(monkeypatch):
+    """A calibration that a strong law drove off ranks the right one nowhere."""
+    model = balance([law("bearing-coulomb", 0.2)])
+    monkeypatch.setattr(Search, "starts", lambda *_: [])
+    weak = Effect("bearing-coulomb", "shaft", {"torque": 0.05})
+    model.foretold = lambda point: [] if point.effects else [point.with_effects(weak)]
+    (effect,) = Search(model).run().fit.point.effects
+    assert effect.values["torque"] == pytest.approx(0.2, abs=0.02)
+
+
 def test_two_planted_laws_are_both_named():
     truth = [law("bearing-coulomb", 0.2), law("friction-asymmetry", 0.05)]
     found = Search(balance(truth)).run()

@@ -19,6 +19,7 @@ ELSEWHERE = {  # numbers that change no answer: time, memory, seeds, pictures; a
     "_machine/stage_cache.py": {"MOST"},
     "_machine/stepped.py": {"BLOCK", "LANES", "FEW"},
     "_ode/model.py": {"LANES", "OFTEN"},
+    "_ode/rows.py": {"PARTS"},
     "_room.py": {"TABLES"},
     "_search/calibration.py": {"SEED"},
     "_search/limits.py": {"SURE", "ONE_SIDED"},  # the normal law's

@@ -25,13 +25,13 @@ from .colour import AbstractColoured, Colour, in_colour
 from .floor import beside, best_known, inflation
 from .numbers import Numbers
 from .orders import strongest_orders
-from .rows import Balance, FreeRun, OdeRun, batches, smoothed
+from .rows import Balance, Batch, FreeRun, OdeRun, batches, smoothed, widths
 from .undecided import undecided
 
 STEEP = SETTINGS.free_model.steep
 VALUE, TANGENT, START = range(3)  # programs over the rows
 LANES = 16  # points that are evaluated side by side: one shape, one program
-OFTEN = 1e6  # samples stepped after which a set of laws has a program of its own: some seconds
+OFTEN = (5e5, 1e6, 0.0)  # samples stepped by these, after which a set of laws has one of its own
 BOUND = SETTINGS.free_model.bound
 RANKING = SETTINGS.free_model.ranking
 SIMPLER = SETTINGS.free_model.simpler
@@ -85,9 +85,10 @@ class OdeModel(AbstractColoured):
         if self.steps_in_time:
             self.settings = dataclasses.replace(self.settings, strong=0.0)
         self._compiled: dict[tuple, tuple] = {}
-        self._asked: dict[frozenset[int], float] = {}  # samples stepped so far by laws
+        self._asked: dict[tuple, float] = {}  # samples stepped so far by laws, program and lanes
         self._slopes = _slopes_along(self.numbers, self.runs)
-        self._batches: dict[tuple[int, ...], list] = {}
+        self._batches: dict[tuple[int, ...], list[Batch]] = {}
+        self._widths = widths(self.rows, (splits["train"], splits["held-out"]))
         self._starts: dict[int, list] = {}
         self._undecided: tuple[np.ndarray, np.ndarray] | None = None
         self._balances: dict[int, tuple[Balance, Callable]] = {}
@@ -107,29 +108,30 @@ class OdeModel(AbstractColoured):
         key, steps = tuple(which), self.steps(tables[0])
         followed = np.where(steps > STEEP, 1, steps)
         if key not in self._batches:
-            self._batches[key] = batches({i: self.rows[i] for i in which})
-        only, lanes = self._program_for(tables[0], followed, which, program == START)
-        by_run = {}
-        for members, data in self._batches[key]:
-            run = self._programs(self.rows[members[0]], only)[program]
-            made = _lanes(run, data, followed, lanes, *tables)
-            for i, part in zip(members, np.split(made, len(members), axis=1), strict=True):
-                by_run[i] = part[:, self.rows[i].picked]
-        out = np.concatenate([by_run[i] for i in which], axis=1)
+            self._batches[key] = batches({i: self.rows[i] for i in which}, self._widths)
+        only, lanes = self._program_for(tables[0], followed, which, program)
+        by_run: dict[int, np.ndarray] = {}
+        for batch in self._batches[key]:
+            run = self._programs(self.rows[batch.members[0]], only)[program]
+            by_run |= batch.by_run([
+                _lanes(run, data, followed, lanes, *tables) for data in batch.parts
+            ])  # fmt: skip
+        out = np.concatenate([by_run[i][:, self.rows[i].picked] for i in which], axis=1)
         out[steps > STEEP] = np.nan
         return out
 
-    def _program_for(self, thetas, steps, which, own) -> tuple[frozenset[int] | None, int]:
+    def _program_for(self, thetas, steps, which, program) -> tuple[frozenset[int] | None, int]:
         """(laws of the program, points side by side): often used laws have one of their own.
 
-        It compiles in a second and saves all other laws at every step; `own` asks for it at once.
+        To write it takes a second, and it saves all other laws at every step.  Points are one or
+        `LANES`, for every other number of them would be a program more.
         """
-        count, only = len(thetas), self.numbers.active(thetas)
-        samples = sum(self.rows[i].count for i in which)
-        self._asked[only] = self._asked.get(only, 0.0) + samples * float(np.sum(steps))
-        if own or self._asked[only] > OFTEN:
-            return only, min(count, 2 * LANES)
-        return None, 1 if count == 1 else LANES
+        lanes, only = 1 if len(thetas) == 1 else LANES, self.numbers.active(thetas)
+        key = (only, program, lanes)
+        stepped = float(np.sum(steps)) * max(1.0, lanes / len(thetas))
+        samples = sum(self.rows[i].count for i in which) * stepped
+        self._asked[key] = self._asked.get(key, 0.0) + samples
+        return only if self._asked[key] > OFTEN[program] else None, lanes
 
     def _programs(self, rows, only: frozenset[int] | None = None):
         """(values, tangents) of rows like these, compiled once."""
@@ -348,6 +350,13 @@ class OdeModel(AbstractColoured):
         }
         return known.point if known is not None and same else point
 
+    def foretold(self, point):
+        """The first law of the floor's refit, beside no other effect."""
+        known = self.explained
+        if known is None or point.effects or not known.point.effects:
+            return []
+        return [known.point.with_effects(known.point.effects[0])]
+
     def floor_said(self) -> str:
         """The floor in words."""
         return (
@@ -485,24 +494,24 @@ def _compiled(rows, only: frozenset[int] | None):
 
     @jax.jit
     def value(data, steps, thetas):
-        return jax.vmap(lambda t: rows.rows(t, data, steps, only))(thetas)
+        return rows.each(lambda d, t: rows.rows(t, d, steps, only), data, thetas)
 
     @jax.jit
     def tangent(data, steps, thetas, ways):
-        def one(t, w):
-            return jax.jvp(lambda x: rows.rows(x, data, steps, only), (t,), (w,))[1]
+        def one(d, t, w):
+            return jax.jvp(lambda x: rows.rows(x, d, steps, only), (t,), (w,))[1]
 
-        return jax.vmap(one)(thetas, ways)
+        return rows.each(one, data, thetas, ways)
 
     @jax.jit
     def start(data, steps, thetas, ways):
-        def one(t, w):
+        def one(d, t, w):
             def moved(shift):
-                return rows.from_starts(t, data, steps, shift, only)
+                return rows.from_starts(t, d, steps, shift, only)
 
             return jax.jvp(moved, (jnp.zeros_like(w),), (w,))[1]
 
-        return jax.vmap(one)(thetas, ways)
+        return rows.each(one, data, thetas, ways)
 
     return value, tangent, start
 

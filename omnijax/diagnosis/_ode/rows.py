@@ -1,7 +1,7 @@
 """Measured less predicted, one run: over a free run, or in the balance of accelerations."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -24,6 +24,7 @@ from .numbers import Numbers
 
 SEEN = SETTINGS.free_rows.seen
 WIDE = SETTINGS.free_rows.wide
+PARTS = 4  # of the windows of a split, which run one after the other, at most
 
 
 @dataclasses.dataclass(frozen=True)
@@ -105,6 +106,10 @@ class Balance:
         raw = a - jax.vmap(rate)(whole, inputs)[:, 1]
         return jnp.convolve(raw, jnp.asarray(self.taps), "valid")[:: self.thin]
 
+    def each(self, one, data, *tables):
+        """`one(data, row, ...)` of all rows (points, ...) of some tables: (points, rows)."""
+        return jax.vmap(lambda *row: one(data, *row))(*tables)
+
     def gain(self) -> float:
         """1-sigma of a row for white noise of 1-sigma 1 in what is measured."""
         n = max(2001, 8 * self.edge + 1)
@@ -172,26 +177,25 @@ class FreeRun:
         return jnp.stack([jnp.asarray(v, float) for v in machine.start(first)])
 
     def simulated(self, theta, data, steps, shift=0.0, only=None):
-        """What is measured (windows, samples), starts and pasts moved by `shift`; traced."""
-        first, inputs, clock, _, moved = data
+        """What is measured (samples,) in one window of the data, its start and past moved; traced.
+
+        `data` are those of one window, `shift` (states + 2,) what its start is moved by.
+        """
+        first, inputs, time, _, moved = data
         machine, placed = self.numbers.build(theta, only)
         parts, hold, step = self.places, self.run.hold, self.run.step
-
-        def one(first, inputs, time, moved):
-            moved = moved + shift
-            x0 = self.start_states(machine, first) + moved[: self.states]
-            before = Before(*moved[self.states :])
-            memory = memories_at(machine, placed, x0, inputs, before)
-            fine = jnp.linspace(0.0, time[-1] - time[0], parts * (len(time) - 1) + 1)
-            inputs = delayed_inputs(placed, fine, inputs, before.jump)
-            out = motion(machine, placed, x0, inputs, step, steps, parts, hold, memory)
-            return seen(placed, time, out[self.run.measured], step, before)
-
-        return jax.vmap(one)(first, inputs, clock, moved)
+        moved = moved + shift
+        x0 = self.start_states(machine, first) + moved[: self.states]
+        before = Before(*moved[self.states :])
+        memory = memories_at(machine, placed, x0, inputs, before)
+        fine = jnp.linspace(0.0, time[-1] - time[0], parts * (len(time) - 1) + 1)
+        inputs = delayed_inputs(placed, fine, inputs, before.jump)
+        out = motion(machine, placed, x0, inputs, step, steps, parts, hold, memory)
+        return seen(placed, time, out[self.run.measured], step, before)
 
     def from_starts(self, theta, data, steps, shift, only=None):
-        """(windows * samples,) positions, all starts and pasts moved by `shift`; traced."""
-        return self.simulated(theta, data, steps, shift, only).ravel()
+        """What is measured (samples,) in one window, start and past moved by `shift`; traced."""
+        return self.simulated(theta, data, steps, shift, only)
 
     @property
     def starts(self) -> np.ndarray:
@@ -242,8 +246,18 @@ class FreeRun:
         return out
 
     def rows(self, theta, data, steps=1, only=None):
-        """(windows * samples,) in the unit of what is measured, those `picked` count; traced."""
-        return (data[3] - self.simulated(theta, data, steps, only=only)).ravel()
+        """(samples,) of one window in the unit of what is measured; traced."""
+        return data[3] - self.simulated(theta, data, steps, only=only)
+
+    def each(self, one, data, *tables):
+        """`one(data, row, ...)` of all windows and rows (points, ...): (points, windows * samples).
+
+        By a single `vmap`: two of them, one in the other, take a third longer to be traced.
+        """
+        points, windows = len(tables[0]), len(data[2])
+        pairs = [jnp.repeat(table, windows, axis=0) for table in tables]
+        data = jax.tree.map(lambda x: jnp.tile(x, (points, *[1] * (x.ndim - 1))), data)
+        return jax.vmap(one)(data, *pairs).reshape(points, -1)
 
     def gain(self) -> float:
         """1-sigma of a row for white noise of 1-sigma 1 in what is measured."""
@@ -259,16 +273,60 @@ def windows(count: int, length: int) -> np.ndarray:
     return np.arange(1, some + 1) * count // some
 
 
-def batches(rows: Mapping[int, Balance | FreeRun]) -> list[tuple[list[int], tuple]]:
-    """(runs, their data) of what may run side by side: free runs of one shape, in windows."""
-    alike: dict[tuple, list[int]] = {}
+@dataclasses.dataclass(frozen=True)
+class Batch:
+    """Runs whose rows one program gives: their data in parts of one shape, each run's values.
+
+    The last part of free runs is filled up by its last window.
+    """
+
+    members: list[int]
+    parts: list[tuple]
+    values: list[int]
+
+    def by_run(self, made: Sequence[np.ndarray]) -> dict[int, np.ndarray]:
+        """Values (points, values) by run of those of the parts."""
+        ends = np.cumsum(self.values)
+        table = np.concatenate(made, axis=1)[:, : ends[-1]]
+        return dict(zip(self.members, np.split(table, ends[:-1], axis=1), strict=True))
+
+
+def alike(rows: Balance | FreeRun) -> tuple:
+    """What free runs share whose windows may run side by side."""
+    return (*rows.kind, rows.data[2].shape[1]) if isinstance(rows, FreeRun) else ("", id(rows))
+
+
+def widths(rows: Sequence[Balance | FreeRun], splits: Iterable[Sequence[int]]) -> dict[tuple, int]:
+    """Windows that run side by side, by what free runs share: one program for all splits.
+
+    As many as the smallest split has, but no split has more than `PARTS` parts.
+    """
+    totals: dict[tuple, list[int]] = {}
+    for split in splits:
+        counts: dict[tuple, int] = {}
+        for one in (rows[i] for i in split):
+            if isinstance(one, FreeRun):
+                counts[alike(one)] = counts.get(alike(one), 0) + len(one.begin)
+        for key, count in counts.items():
+            totals.setdefault(key, []).append(count)
+    return {key: max(min(x), -(-max(x) // PARTS)) for key, x in totals.items()}
+
+
+def batches(rows: Mapping[int, Balance | FreeRun], widths: Mapping[tuple, int]) -> list[Batch]:
+    """What may run side by side, of free runs `widths` windows at a time."""
+    groups: dict[tuple, list[int]] = {}
     for i, one in rows.items():
-        same = i if isinstance(one, Balance) else (one.kind, one.data[2].shape)
-        alike.setdefault((same,), []).append(i)
+        groups.setdefault(alike(one), []).append(i)
     out = []
-    for members in alike.values():
-        parts = [rows[i].data for i in members]
-        if len(members) > 1:
-            parts = [jax.tree.map(lambda *x: jnp.concatenate(x), *parts)]
-        out.append((members, parts[0]))
+    for key, members in groups.items():
+        some = [rows[i] for i in members]
+        if key not in widths:  # a balance: each run by itself
+            out.append(Batch(members, [some[0].data], [some[0].count]))
+            continue
+        counts, samples, width = [len(r.data[2]) for r in some], key[-1], widths[key]
+        data = jax.tree.map(lambda *x: np.concatenate(x), *[r.data for r in some])
+        ends = range(0, sum(counts), width)
+        takes = [np.minimum(np.arange(k, k + width), sum(counts) - 1) for k in ends]
+        parts = [jax.tree.map(lambda x, take=take: jnp.asarray(x[take]), data) for take in takes]
+        out.append(Batch(members, parts, [n * samples for n in counts]))
     return out

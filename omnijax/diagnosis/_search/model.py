@@ -186,6 +186,10 @@ class AbstractModel(abc.ABC):
         """A point at which a refit with the same laws ended before, or the point itself."""
         return point
 
+    def foretold(self, point: Point) -> list[Point]:
+        """Points with one effect more at which refits ended before, which are tried first."""
+        return []
+
     @property
     def spent(self) -> bool:
         """Whether a search has used up its budget."""

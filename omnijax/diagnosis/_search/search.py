@@ -239,7 +239,10 @@ class Search:
         spread = max(1.0, fit.chi2 / train)
         scores = [s for s in significant(scan, self.settings.alpha)
                   if not self.has(fit, s.candidate)]  # fmt: skip
-        starts = self.starts(fit, scan, scores, spread > self.settings.strong)
+        starts = [Start(p, 0.0) for p in self.model.foretold(fit.point)]
+        names = {start.name for start in starts}
+        others = self.starts(fit, scan, scores, spread > self.settings.strong)
+        starts += [start for start in others if start.name not in names]
         before = residual_of(self.model, fit.point, "held-out")
         lines = other_lines(self.model, fit, scan, scores)
         trials, openings = [], {} if spread > self.settings.strong else None
