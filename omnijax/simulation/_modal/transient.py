@@ -97,20 +97,23 @@ def samples_of(
     walk = Walk(g.modes, g.signals, parts, layout, step, count)
 
     def outputs(op: Operands, t: BlockTables):
-        x = jnp.stack([row_signal(op, t, layout, o) for o in range(ROWS)])
-        return jnp.where(number < op.count, x, 0.0)
+        return [row_signal(op, t, layout, o) for o in range(ROWS)]
+
+    def kept(op: Operands, t: BlockTables):
+        return jnp.where(number < op.count, jnp.stack(outputs(op, t)), 0.0)
 
     def gather(totals, op: Operands, t: BlockTables, s: WalkState):
         (pair, largest, low), more = totals
         largest = largest.seen(across(jnp.maximum, pair.imag))
+        inside = number < op.count
         if also is None:
-            x = outputs(op, t)
+            x, y, z = outputs(op, t)
+            square = jnp.where(inside, x * x + y * y + z * z, 0.0)
         else:
-            x = materialised(outputs, op, t)
-            more = also.gather(more, x, op, t, s)
-        square = summed(x * x)
+            x = materialised(kept, op, t)
+            more, square = also.gather(more, x, op, t, s), summed(x * x)
         pair = jax.lax.complex(pair.real + square, jnp.maximum(pair.imag, square))
-        low = _lowest(low, bound(s.free, op), op, t, number < op.count, g, layout)
+        low = _lowest(low, bound(s.free, op), op, t, inside, g, layout)
         return (pair, largest.moved(s, op.count), low), more
 
     lanes = g.modes.l0.shape[-1]
