@@ -122,7 +122,6 @@ class CandidatesSettings:
 class DoubtSettings:
     """What held-out runs may show of a calibration that the fitted runs left open."""
 
-    step: float = 1e-3  # prior sigmas of a difference
     # of as much along its tangents, below which it does not leave it open: chosen
     chance: float = 1e-3
 

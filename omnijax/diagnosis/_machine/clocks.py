@@ -38,10 +38,8 @@ LATE_LAWS = (LoggerClock, SensorDelay)  # by which dR and a are read as late as 
 
 def clock_priors(groups, stated: set[str]) -> list[Prior]:
     """The offset of every group at hand whose delay the rig file does not speak of."""
-    sigma, most = (
-        SETTINGS.prediction.clock,
-        SETTINGS.prediction.clock_most / SETTINGS.prediction.clock,
-    )
+    sigma = SETTINGS.prediction.clock
+    most = SETTINGS.prediction.clock_most / sigma
     return [
         Prior(f"{CLOCK}.{g}", 0.0, sigma, relative=False, hard=most, unit="s", limited=True)
         for g in READ_LATE if g in groups and f"sensor.{g}.delay" not in stated

@@ -11,10 +11,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from .._settings import SETTINGS
-from .fit import Fit
+from .fit import Fit, tangent_rows
 from .model import AbstractModel, Point
 
-STEP = SETTINGS.doubt.step
 CHANCE = SETTINGS.doubt.chance
 
 
@@ -30,9 +29,8 @@ def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
         return None
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     u, effects = fit.point.u, fit.point.effects
-    points = [Point(u + STEP * e, effects) for e in np.eye(count)]
-    here, *there = model.residuals([fit.point, *points], "held-out")
-    J = (np.stack(there, axis=1) - here[:, None]) / STEP @ root
+    (here,) = model.residuals([fit.point], "held-out")
+    J = tangent_rows(model, fit.point, (), here, split="held-out") @ root
     if not np.all(np.isfinite(J)):
         return None
     left, s, right = np.linalg.svd(J, full_matrices=False)

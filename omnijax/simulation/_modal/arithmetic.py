@@ -73,6 +73,11 @@ def quotient(kind, a, b):
     )
 
 
+def turned(a, b, c, s):
+    """a cos + b sin moved on by an angle of the cosine c and the sine s: a c + b s, b c - a s."""
+    return a * c + b * s, b * c - a * s
+
+
 def flushed(x):
     """x with nothing smaller than `TINY`: products of two never become slow subnormal numbers."""
     return jnp.where(jnp.abs(x) > TINY, x, 0.0)

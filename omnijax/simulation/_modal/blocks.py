@@ -10,7 +10,18 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, flushed, pair_exp, product, rows, sincos, stored, summed
+from .arithmetic import (
+    Pair,
+    flushed,
+    materialised,
+    pair_exp,
+    product,
+    rows,
+    sincos,
+    stored,
+    summed,
+    turned,
+)
 from .edges import at_start, edges_of, jumps
 from .poles import PolePairs
 from .resonance import resonance
@@ -42,13 +53,17 @@ def forced(m: PolePairs, signals: Signals, direct, slope, layout: Layout) -> For
     )
     level, turn = level[:, :, None], (rate[:, 0] * turn)[:, :, None]  # (o, v, 1, c)
     start = [b[-1] + summed(z) for b, z in zip((m.b0, m.b1), at_start(r, edges), strict=True)]
-    cosine, sine = signals.cosine, signals.sine
     return ForcedPart(
-        level * cosine + turn * sine,
-        level * sine - turn * cosine,
-        *jumps(r, edges, layout),
-        *start,
+        *turned(signals.cosine, signals.sine, level, turn), *jumps(r, edges, layout), *start
     )
+
+
+def stored_forced(m: PolePairs, signals: Signals, direct, slope, layout: Layout) -> ForcedPart:
+    """`forced`, stored."""
+    return materialised(
+        lambda m, signals, direct, slope: forced(m, signals, direct, slope, layout),
+        m, signals, direct, slope,
+    )  # fmt: skip
 
 
 def shown(m: PolePairs, z: Pair, outputs: int | None = None):

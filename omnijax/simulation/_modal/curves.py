@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, flushed, pair_exp, product, sincos, stored, summed
+from .arithmetic import Pair, flushed, pair_exp, product, sincos, stored, summed, turned
 from .phases import PhaseCycle, Wave, follows, free_starts, given, wide
 from .poles import PolePairs
 
@@ -58,8 +58,9 @@ def curves_of(
             )
         )
         level, turn = level[:, :, None], (wave.rate * turn)[:, :, None]  # (r, w, 1, s, c)
-        cosines.append(level * wave.cosine + turn * wave.sine)
-        sines.append(level * wave.sine - turn * wave.cosine)
+        cosine, sine = turned(wave.cosine, wave.sine, level, turn)
+        cosines.append(cosine)
+        sines.append(sine)
     return ModalCurves(m.kind, (m.l0, m.l1), rows, cycle, tuple(free), tuple(cosines), tuple(sines))
 
 
@@ -79,8 +80,8 @@ def values_at(f: ModalCurves, time: Float[Array, "s c"], orders: int = 1) -> lis
         here, into = _piece_at(wave, time)
         s, c = stored(lambda rate, into: sincos(rate * into), wave.rate, into)
         a, b = (summed(here * x[i], 2) for x in (f.cosine, f.sine))
-        swing = [a * c + b * s, (b * c - a * s) * wave.rate]
-        swing.append(-swing[0] * wave.rate**2)
+        value, slope = turned(a, b, c, s)
+        swing = [value, slope * wave.rate, -value * wave.rate**2]
         for n in range(orders):
             values[n] = values[n] + summed(swing[n], 1)
         if i < len(f.free):

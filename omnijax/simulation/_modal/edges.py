@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, rows, sincos, stored, summed
+from .arithmetic import Pair, rows, sincos, stored, summed, turned
 from .resonance import Resonance
 from .signals import Signals
 from .system import Layout
@@ -39,7 +39,8 @@ def edges_of(signals: Signals, layout: Layout) -> Edges:
 def _at(angle, rate, cosine, sine) -> Pair:
     """Level and slope of sinusoids."""
     s, c = stored(sincos, angle)
-    return cosine * c + sine * s, rate * (sine * c - cosine * s)
+    level, slope = turned(cosine, sine, c, s)
+    return level, rate * slope
 
 
 def _before(x: Float[Array, "e k c"], layout: Layout):

@@ -12,7 +12,7 @@ import numpy as np
 from .arithmetic import Pair, materialised, plus, product, rows, sincos, summed, times
 from .blocks import LENGTH, BlockTables, Operands
 from .edges import by_signal
-from .output_sums import OutputSums, seen
+from .output_sums import OutputSums, by_begins, seen
 from .poles import PolePairs
 from .system import Layout
 from .transient import ROWS, Along, Lanes
@@ -78,12 +78,11 @@ def square_sums(g: Lanes, layout: Layout, step) -> Along:
         waves = w[0] * cs - w[1] * sn, w[1] * cs + w[0] * sn
         f0, f1 = op.f0[:ROWS], op.f1[:ROWS]
         swing = summed(f1 * w[0] - f0 * w[1])  # by the phases at the block's begin
-        turned = summed(f1 * dw[0] - f0 * dw[1]) + swing * ago
+        moved = summed(f1 * dw[0] - f0 * dw[1]) + swing * ago
         e = int(np.sum(of < edged))
         by_into = by_signal((swing * g.signals.rate)[:e], of[:e])
+        begin, begin_time, first = by_begins(by_into, s.piece, s.begun, pieces)
         on = s.piece[:, None] == jnp.arange(pieces)[:, None]
-        passed = s.begun > 0
-        begin = jnp.where(on, jnp.where(passed, by_into, 0.0)[:, None], 0.0)
         here = _of_waves(on, of, edged, jnp.arange(pieces)[:, None] + 0 * now == 0)
         return OutputSums(
             plus(total.edge, product(kind, u, edge)),
@@ -92,10 +91,10 @@ def square_sums(g: Lanes, layout: Layout, step) -> Along:
             plus(total.start, product(kind, u, past.decay)),
             plus(total.start_rate, product(kind, plus(du, times(now, u)), past.decay)),
             plus(total.wave, (here * waves[0][:, :, None], here * waves[1][:, :, None])),
-            total.late + turned,
-            total.begin - begin,
-            total.begin_time - begin * s.begun[:, None],
-            total.since + jnp.where(passed, 0.0, by_into),
+            total.late + moved,
+            total.begin + begin,
+            total.begin_time + begin_time,
+            total.since + first,
         )
 
     start, carried = _begin(m, edged, pieces, len(of))

@@ -5,9 +5,10 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, exp_less_one, pair_exp, plus, product, quotient, sincos, summed, times
+from .arithmetic import Pair, exp_less_one, pair_exp, plus, product, sincos, summed, times, turned
 from .phases import PhaseCycle, Wave, follows, free_starts, ones, wide
 from .poles import PolePairs
+from .resonance import resonance
 
 
 class Moments(NamedTuple):
@@ -55,15 +56,14 @@ def _weighted(m: PolePairs, u: Wave) -> Pair:
     s, c = (x[:, :, None] for x in sincos(u.rate[:, None] * u.duration))
     half = sincos(u.rate[:, None] * u.duration / 2)[0][:, :, None]
     off = -2 * half * half  # cos - 1
-    unit, square = ones(m), product(m.kind, pole, pole)
-    below = square[0] + rate * rate, square[1] + jnp.where(m.kind > 0, 0.0, rate * rate)
+    unit, share = ones(m), [x[:, None] for x in follows(m, u).slope]  # (w, 1, p, s, c)
     near = [x + off * y for x, y in zip(less, E, strict=True)]  # E cos - 1
     near = product(m.kind, near, pole)
     over = [x + rate * s * y for x, y in zip(near, E, strict=True)]
-    cosine = quotient(m.kind, over, below)
+    cosine = product(m.kind, over, share)
     lag = [rate * (y - x * c) for x, y in zip(E, unit, strict=True)]
     lead = product(m.kind, E, pole)
-    sine = quotient(m.kind, [x + s * y for x, y in zip(lag, lead, strict=True)], below)
+    sine = product(m.kind, [x + s * y for x, y in zip(lag, lead, strict=True)], share)
     A, B = u.cosine[:, :, None], u.sine[:, :, None]
     first, second = (jnp.sum(A * x + B * y, axis=0) for x, y in zip(cosine, sine, strict=True))
     return first, second
@@ -75,8 +75,8 @@ def _work(m: PolePairs, u: Wave, v: Wave) -> Pair:
     free = product(m.kind, free_starts(m, v, r), _weighted(m, u))
     cosine, sine = _against(u, v)
     # rho_u times level and slope of v's sinusoids, all pieces
-    level = jnp.sum(cosine * v.cosine + sine * v.sine, axis=1)[:, None]
-    slope = v.rate[:, None] * jnp.sum(cosine * v.sine - sine * v.cosine, axis=1)[:, None]
+    level, slope = (jnp.sum(x, axis=1)[:, None] for x in turned(v.cosine, v.sine, cosine, sine))
+    slope = v.rate[:, None] * slope
     works = [
         (summed(x) - summed(y)) / u.period for x, y in zip(free, r.lag(level, slope), strict=True)
     ]
@@ -136,10 +136,7 @@ def moments_of(m: PolePairs, cycle: PhaseCycle) -> Moments:
         level = level + jnp.where(still, cosine, 0.0)
         across = jnp.where(still, 2 * cosine * sum((_mean(w) for w in cycle.edged), zero), across)
         square = square + half + across
-        pole = m.l0, m.l1
-        below = product(m.kind, pole, pole)
-        below = below[0] + rate**2, below[1] + jnp.where(m.kind > 0, 0.0, rate**2)
-        gain = quotient(m.kind, (-m.l0, -m.l1), below)
+        gain = times(-1.0, resonance(m, rate).level)
         work = plus(work, times(half + across, gain))
     return Moments(work, level, square)
 

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, plus, product, rows, summed, times
+from .arithmetic import Pair, plus, product, rows, summed, times, turned
 from .blocks import shown
 from .edges import Edges, by_signal, edge_times, edges_of
 from .gradient import ROWS, Slopes
@@ -60,6 +60,18 @@ def total(kind, z: Pair, axis: int = -2):
     return summed(jnp.where(kind > 0, z[0], z[0] + z[1]), axis)
 
 
+def by_begins(by_into, piece, begun, pieces: int):
+    """`begin`, `begin_time` and `since` from derivatives (g, c) by the time since pieces began.
+
+    `piece` is the one that each signal is on, `begun` (s) when it began; the first one's begin is
+    none that passes.
+    """
+    passed = begun > 0
+    on = piece[:, None] == jnp.arange(pieces)[:, None]
+    begin = jnp.where(on, -jnp.where(passed, by_into, 0.0)[:, None], 0.0)
+    return begin, begin * begun[:, None], jnp.where(passed, 0.0, by_into)
+
+
 def slopes_of(g: Lanes, layout: Layout, sums: OutputSums) -> Slopes:
     """Derivatives by poles, signals and what goes straight to the outputs."""
     kind, signals, of = g.modes.kind, g.signals, layout.signal_of
@@ -93,10 +105,9 @@ def slopes_of(g: Lanes, layout: Layout, sums: OutputSums) -> Slopes:
 
 
 def _known(signals: Signals, layout: Layout, sums: OutputSums) -> _Known:
-    w, rate = sums.wave, signals.rate[:, None]
-    level = jnp.sum(w[0] * signals.cosine + w[1] * signals.sine, axis=2)
-    slope = rate[:, 0] * jnp.sum(w[0] * signals.sine - w[1] * signals.cosine, axis=2)
-    wave = jnp.swapaxes(level, 0, 1), jnp.swapaxes(slope, 0, 1)
+    parts = turned(signals.cosine, signals.sine, *sums.wave)  # (o, v, k, c)
+    level, slope = (jnp.swapaxes(jnp.sum(x, axis=2), 0, 1) for x in parts)
+    wave = level, signals.rate[:, None] * slope
     return _Known(edges_of(signals, layout), wave, *edge_times(signals))
 
 

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, flushed, materialised, pair_exp, product, sincos, summed
+from .arithmetic import Pair, flushed, materialised, pair_exp, product, sincos, summed, turned
 from .curves import ModalCurves, free_size, size_of, weights
 
 LENGTH = 32  # samples a block
@@ -86,8 +86,9 @@ def _block(f: ModalCurves, at: GapPlace, size, idle, share) -> tuple[Block, GapP
             here, into = jnp.ones((1, *at.time.shape)), at.time
         s, c = sincos(wave.rate * into)
         a, b = (summed(here * x[i], 2) for x in (f.cosine, f.sine))
-        f0.append(a * c + b * s)
-        f1.append(b * c - a * s)
+        first, second = turned(a, b, c, s)
+        f0.append(first)
+        f1.append(second)
     left = jnp.maximum(end - at.time, 0.0)
     length = jnp.where(jnp.isfinite(length), length, f.cycle.period)
     block = Block(left / (LENGTH - 1), *weights(f, z), tuple(f0), tuple(f1))

@@ -23,10 +23,11 @@ from .arithmetic import (
     sincos,
     summed,
     times,
+    turned,
 )
-from .blocks import forced
+from .blocks import stored_forced
 from .edges import at_piece, by_signal, edge_times
-from .output_sums import OutputSums, seen
+from .output_sums import OutputSums, by_begins, seen
 from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
@@ -116,9 +117,9 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     def weighed(a: Pair, rate: Pair) -> tuple[Pair, Pair]:
         """The weights times functions of the poles (..., p, c), and the derivative by the poles."""
         a, rate = ((x[..., None, :, :], y[..., None, :, :]) for x, y in (a, rate))
-        turned = product(kind, pole, a)
+        rated = product(kind, pole, a)
         slope = plus(a, product(kind, pole, rate))
-        value = plus(times(by_x, a), times(by_v, turned))
+        value = plus(times(by_x, a), times(by_v, rated))
         return value, plus(times(by_x, rate), times(by_v, slope))
 
     edge, edge_rate = weighed(passed.edge, passed.rate)
@@ -136,20 +137,15 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     cos, sin, rated = cs[None], sn[None], rate[None]
     wave = by_x * cos - by_v * rated * sin, by_x * sin + by_v * rated * cos  # (o, v, c)
     here = piece[:, None] == jnp.arange(signals.cosine.shape[1])[:, None]  # (v, k, c)
-    parts = materialised(
-        lambda m, signals, direct, slope: forced(m, signals, direct, slope, layout),
-        m._replace(c0=m.c0[:ROWS], c1=m.c1[:ROWS]), signals, g.direct[:, :ROWS], g.slope[:, :ROWS],
-    )  # fmt: skip
+    few = m._replace(c0=m.c0[:ROWS], c1=m.c1[:ROWS])
+    parts = stored_forced(few, signals, g.direct[:, :ROWS], g.slope[:, :ROWS], layout)
     a, b = (at_piece(y, piece) for y in (parts.cosine, parts.sine))  # (o, v, c)
-    level, turned = a * cos + b * sin, b * cos - a * sin
-    late = summed(into * (by_x * turned - by_v * rate * level) + by_v * turned)
-    by_into = summed(by_x * rate * turned - by_v * rate * rate * level)
+    level, slope = turned(a, b, cos, sin)
+    late = summed(into * (by_x * slope - by_v * rate * level) + by_v * slope)
+    by_into = summed(by_x * rate * slope - by_v * rate * rate * level)
     by_into = by_signal(by_into[:e], of[:e])
-    on = passed.piece[:, None] == jnp.arange(signals.duration.shape[1])[:, None]
-    later = passed.begun > 0
-    begin = jnp.where(on, jnp.where(later, by_into, 0.0)[:, None], 0.0)
     return OutputSums(
         edge, edge_rate, (summed(shown[0], 2), summed(shown[1], 2)), start, start_rate,
         (jnp.where(here, wave[0][:, :, None], 0.0), jnp.where(here, wave[1][:, :, None], 0.0)),
-        late, -begin, -begin * passed.begun[:, None], jnp.where(later, 0.0, by_into),
+        late, *by_begins(by_into, passed.piece, passed.begun, signals.duration.shape[1]),
     )  # fmt: skip

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, exp_less_one, pair_exp, product, quotient, sincos, summed
+from .arithmetic import Pair, exp_less_one, pair_exp, product, quotient, sincos, summed, turned
 from .poles import PolePairs
 from .resonance import Resonance, resonance
 from .signals import CONSTANT, FOREVER, Kind, Signals
@@ -139,9 +139,8 @@ def follows(m: PolePairs, wave: Wave) -> Resonance:
 def _levels(wave: Wave, angle) -> Pair:
     """Levels and slopes of the sinusoids of every piece at an angle, (w, k, s, c)."""
     s, c = sincos(angle)
-    rate = wave.rate[:, None]
-    slope = rate * (wave.sine * c - wave.cosine * s)
-    return wave.cosine * c + wave.sine * s, slope
+    level, slope = turned(wave.cosine, wave.sine, c, s)
+    return level, wave.rate[:, None] * slope
 
 
 def free_starts(m: PolePairs, wave: Wave, r: Resonance) -> Pair:

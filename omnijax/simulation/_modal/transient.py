@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .arithmetic import across, materialised, product, sincos, stored, summed
-from .blocks import LENGTH, BlockTables, Operands, forced, pole_exp, row_signal
+from .blocks import LENGTH, BlockTables, Operands, pole_exp, row_signal, stored_forced
 from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
@@ -89,10 +89,7 @@ def samples_of(
 ) -> tuple[Samples, Any]:
     """One pass over all samples of a group, and the totals of what else it gathers."""
     number = jnp.arange(LENGTH, dtype=float)[:, None]
-    parts = materialised(
-        lambda m, signals, direct, slope: forced(m, signals, direct, slope, layout),
-        g.modes, g.signals, g.direct, g.slope,
-    )  # fmt: skip
+    parts = stored_forced(g.modes, g.signals, g.direct, g.slope, layout)
     bound = _bound(g, layout)
     walk = Walk(g.modes, g.signals, parts, layout, step, count)
 

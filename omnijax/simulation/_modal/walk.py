@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import flushed, product, sincos, stored
+from .arithmetic import flushed, product, sincos, stored, turned
 from .blocks import LENGTH, ForcedPart, Operands, pole_exp, tables
 from .edges import at_piece
 from .poles import PolePairs
@@ -88,7 +88,7 @@ class Walk(NamedTuple):
         fa, fb = (at_piece(x, piece) for x in (self.parts.cosine, self.parts.sine))
         phase = self.signals.rate * (s.done * self.step - begun)
         sn, cs = stored(sincos, phase)
-        return Operands(self.count(s), w0, w1, fa * cs + fb * sn, fb * cs - fa * sn)
+        return Operands(self.count(s), w0, w1, *turned(fa, fb, cs, sn))
 
     def onward(self, s: WalkState, count, follow=lambda carried, move: carried) -> WalkState:
         """The begin of the next block, `count` samples later."""
