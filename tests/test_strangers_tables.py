@@ -136,3 +136,13 @@ def test_lines_of_json_that_end_too_early_are_refused_in_words(tmp_path, capsys)
     path.write_text(json.dumps({"t": 1}) + "\n" + '{"t": ')
     assert cli.run(["case", "new", str(path), "--yes"]) == 2
     assert "cannot be read" in capsys.readouterr().err
+
+
+def test_a_column_of_words_is_none_that_moves(tmp_path, signals, capsys):
+    log = tmp_path / "log.csv"
+    lines = [f"{line},idle" for line in rows(signals).splitlines()]
+    log.write_text("\n".join(["t,torque,angle,state", *lines]))
+    assert guess(log).input == "torque"
+    log.write_text("t,torque,angle\ns,Nm,deg\nx,y,z\n")
+    assert cli.run(["case", "new", str(log), "--yes"]) == 2
+    assert "log.csv" in capsys.readouterr().err

@@ -134,8 +134,8 @@ def guess(
     """
     table = read_table(log)
     columns = {k: np.asarray(x, float) for k, x in table.columns.items() if np.ndim(x) == 1}
-    moving = [k for k, x in columns.items() if np.ptp(x[np.isfinite(x)]) > 0]
-    time = time or _time(columns, moving, rate)
+    moving = [k for k, x in columns.items() if len(np.unique(x[np.isfinite(x)])) > 1]
+    time = time or _time(log, columns, moving, rate)
     named = (time, given, position, velocity)
     rest, still = ([k for k in some if k not in named]
                    for some in (moving, [k for k in columns if k not in moving]))  # fmt: skip
@@ -398,7 +398,7 @@ def _beside(columns) -> dict[str, str]:
     return {k: c for k, c in columns_of.items() if c is not None}
 
 
-def _time(columns, moving, rate) -> str | None:
+def _time(log: Path, columns, moving, rate) -> str | None:
     rising = [k for k in moving if np.all(np.diff(columns[k]) > 0)]
     named = [k for k in moving if re.search(TIME, k.lower())]
     usual = [k for k in named if np.mean(np.diff(columns[k]) > 0) > RISING]
@@ -406,11 +406,13 @@ def _time(columns, moving, rate) -> str | None:
         return ([k for k in usual if k in rising] or usual or rising)[0]
     if rate is None and named:
         raise InputError(
-            f"the column {named[0]!r} of the log looks like time, but does not increase from row "
+            f"{log.name}: the column {named[0]!r} looks like time, but does not increase from row "
             "to row; give the sampling rate: --rate HZ."
         )
     if rate is None:
-        raise InputError("no column of the log looks like time; give its sampling rate: --rate HZ.")
+        raise InputError(
+            f"{log.name}: no column looks like time; give the sampling rate: --rate HZ."
+        )
     return None
 
 
