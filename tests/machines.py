@@ -5,12 +5,12 @@ from pathlib import Path
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-import pytest
 
 from omnijax import laws
 from omnijax.rig import Closure, Contact, Mount, Platform, Rig, Sphere, Wheels
 
-SHARED = Path(__file__).parents[2] / "shared"
+DATA = Path(__file__).parent / "data"
+RECORDINGS = DATA / "recordings"  # of an independent program
 
 ORTHOGONAL = ([[1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 0, 1], [1, 0, 0], [0, 1, 0]])
 _S, _C = np.sin(0.8), np.cos(0.8)
@@ -19,14 +19,6 @@ SKEW = (
     [[-_S * np.cos(a), -_S * np.sin(a), _C] for a in _AROUND],
     [[-np.sin(a), np.cos(a), 0.0] for a in _AROUND],
 )
-
-
-def shared(*parts: str) -> Path:
-    """A path in the shared reference data, or a skipped test that says what is missing."""
-    path = SHARED.joinpath(*parts)
-    if not path.exists():
-        pytest.skip(f"shared data {'/'.join(parts)} is not beside the project")
-    return path
 
 
 def machine(layout=SKEW, *, profile=None, scale=1.0, **changes) -> Rig:

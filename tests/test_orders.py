@@ -5,7 +5,7 @@ import json
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from machines import machine, shared
+from machines import RECORDINGS, machine
 
 from omnijax import Recording, cli, propagate, read_recording, speeds, write_recording
 from omnijax.vibration import modes, order_track, rpm_order_map
@@ -105,7 +105,7 @@ def test_rollers_of_a_simulated_wheel_are_its_orders():
 
 def test_a_measured_run_shows_its_roller_orders_and_the_runout_that_hides_in_it():
     """Wheel 1 of twelve rollers shakes the sphere along x; 40.75 µm of runout are order 1."""
-    run = read_recording(shared("recordings", "case-07", "run-1.csv.gz"))
+    run = read_recording(RECORDINGS / "case-07" / "run-1.csv.gz")
     found = dict(rpm_order_map(run, "dR_x", "1", turns=3, max_order=30).strongest(4))
     assert {1.0, 12.0, 24.0} <= set(found)
     assert found[1.0] == max(found.values()) == pytest.approx(4.075e-5, rel=0.1)

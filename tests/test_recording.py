@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.io
-from machines import machine, shared
+from machines import RECORDINGS, machine
 from recordings import STEP, columns, write
 from seeds import drawn_anew
 
@@ -315,8 +315,9 @@ WRONG_UNITS = [
 def test_wrong_units_are_found_and_mended(tmp_path):
     from omnijax.recording._scales import mend_units
 
-    case = read_case(shared("recordings", "case-03"))
-    assert case.all_faults == []  # heavy rolling resistance is no wrong unit
+    case = read_case(RECORDINGS / "case-03")
+    faults = [fault.kind for fault in case.all_faults]
+    assert faults == ["roles"]  # of one run; heavy rolling resistance is no wrong unit
     good = case.runs[0]
     for names, factor in WRONG_UNITS:
         spoilt = {c: x * (factor if c in names else 1) for c, x in good.channels.items()}
@@ -356,7 +357,7 @@ def test_wheels_that_roll_on_without_torque_are_in_no_wrong_unit():
 def test_a_group_in_a_wrong_unit_is_mended_where_a_column_is_missing():
     from omnijax.recording._scales import mend_units
 
-    case = read_case(shared("recordings", "case-03"))
+    case = read_case(RECORDINGS / "case-03")
     good = case.runs[0]
     kept = {c: x * (1e3 if c.startswith("dR") else 1) for c, x in good.channels.items()}
     del kept["dR_x"]
@@ -369,7 +370,7 @@ def test_a_group_in_a_wrong_unit_is_mended_where_a_column_is_missing():
 def test_a_unit_that_the_user_states_is_kept(tmp_path):
     from omnijax.recording._scales import mend_units
 
-    case = read_case(shared("recordings", "case-03"))
+    case = read_case(RECORDINGS / "case-03")
     run = case.runs[0]
     run.channels["dR_x"] *= 1e3
     mend_units(run, case.rig, {"dR"})
@@ -377,8 +378,8 @@ def test_a_unit_that_the_user_states_is_kept(tmp_path):
     assert np.nanstd(run.channels["dR_x"]) > 1e-3
 
 
-def test_a_real_recording_is_read_fast_and_without_fault():
-    path = shared("recordings", "case-02", "run-2.csv.gz")
+def test_a_long_recording_is_read_fast_and_without_fault():
+    path = RECORDINGS / "case-09" / "run-1.csv.gz"
     spent = []
     for _ in range(6):  # the least of them: another process' load costs CPU time too
         start = time.process_time()

@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from machines import shared
+from machines import RECORDINGS
 from recordings import columns, write
 
 from omnijax import Recording, read_case, read_recording
@@ -91,8 +91,8 @@ def test_quiet_stretches_serve_a_run_without_rest_and_busy_ones_do_not():
 
 
 @pytest.mark.parametrize("case", ["case-04", "case-09", "case-11"])
-def test_undeclared_noise_of_the_shared_recordings(case):
-    truth = json.loads(shared("recordings", case, "truth.json").read_text())["noise"]
-    floor = noise_floor(read_case(shared("recordings", case)).runs)
+def test_undeclared_noise_of_an_independent_program(case):
+    truth = json.loads((RECORDINGS / case / "truth.json").read_text())["noise"]
+    floor = noise_floor(read_case(RECORDINGS / case).runs)
     for group, sigma in truth.items():
         assert floor.group(group) == pytest.approx(sigma, rel=0.08), (case, group, floor.source)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from machines import shared
+from machines import RECORDINGS
 from references import REFERENCES
 from rigs import effect, tables, with_effects
 
@@ -244,9 +244,8 @@ def test_a_table_that_no_longer_fits_its_wheel_is_not_saved(tmp_path):
         save_rig(rig, tmp_path / "x.toml")
 
 
-@pytest.mark.parametrize("where", ["references", "recordings"])
-def test_rigs_that_others_wrote_load_and_survive_writing(where):
-    folder = REFERENCES if where == "references" else shared("recordings")
+@pytest.mark.parametrize("folder", [REFERENCES, RECORDINGS], ids=["references", "recordings"])
+def test_rigs_that_others_wrote_load_and_survive_writing(folder):
     files = list(folder.glob("*/rig.toml"))
     assert len(files) >= 2
     for file in files:
