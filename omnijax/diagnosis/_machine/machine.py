@@ -137,7 +137,7 @@ class Machine:
 
     def _begin(self, basis: Basis) -> None:
         self.basis = basis
-        self._kept.forget()
+        self.forget()
 
     def _basis(self, rig: Rig, references, rolling) -> Basis:
         """Smoothing about `references` (None: zero) as the data ask for it, N at the preload."""
@@ -158,6 +158,10 @@ class Machine:
     def replace(self, i: int, run: Run) -> None:
         """Put another record in the place of run `i`, its angles about the same reference."""
         self.runs = [*self.runs[:i], run, *self.runs[i + 1 :]]
+        self.forget()
+
+    def forget(self) -> None:
+        """Work every stage out anew at the next question, about the same basis."""
         self._kept.forget()
 
     def _by_run(self, stage: str, key: bytes, make: Callable[[int], Any], which) -> dict[int, Any]:
@@ -204,8 +208,8 @@ class Machine:
         w = rig.wheels
         parts = [self._motion_key(rig), rig.platform, w.inertia]
         parts += [rig.at(port) for port in ("command", *TURNING_PORTS)]
-        if rig.at("rolling"):  # N enters
-            parts += [w.contact, w.mount, w.closure, rig.at("surface"), turns]
+        if rig.at("rolling"):  # N enters, and with it the elastic model and all that moves it
+            parts += [w, rig.at("surface"), rig.at("platform"), turns]
         else:
             turns = 1
         key = digest(*parts)
