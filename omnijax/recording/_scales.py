@@ -8,6 +8,7 @@ and the platform's mean acceleration is that of the force on the whole machine.
 from typing import Any
 
 import numpy as np
+from scipy import special
 
 from ._columns import channels, group_of, unit_of
 from ._recording import Fault, Recording
@@ -22,6 +23,7 @@ FACTORS = {  # what a column may be in -> values in that unit over values in SI
 }
 WRONG = 50.0  # times too large or too small: beyond every effect of a real machine
 UNIT_NEAR = 5.0  # times off a thousand that torques may be, since friction is fitted beside them
+SURE = 5.0  # sigma by which a torque's factor stands out
 CLOSE = 0.1  # relative misfit of the rolling relation that a real machine stays below
 
 
@@ -220,11 +222,13 @@ def _torques(run: Recording, rig: Any):
         return
     inverse = right[:rank].T / strength[:rank]
     factors = inverse @ (left[:, :rank].T @ target)
-    scatter = np.std(target - columns / size @ factors)
+    free = len(target) - rank
+    scatter = np.linalg.norm(target - columns / size @ factors) / np.sqrt(free)
     sigma = scatter * np.linalg.norm(inverse, axis=1)
+    surely = special.stdtrit(free, special.ndtr(SURE))  # few rows tell their own scatter badly
     factors, sigma = ((x / size)[: run.wheels] for x in (factors, sigma))
     given = np.any(run.torque != 0, axis=0)
-    sure = np.where(given & (factors > 5 * sigma), factors, 1.0)
+    sure = np.where(given & (factors > surely * sigma), factors, 1.0)
     off = np.abs(np.abs(np.log10(sure)) - 3) < np.log10(UNIT_NEAR)
     names = channels("torque", run.wheels)
     if given.any() and off[given].all():
