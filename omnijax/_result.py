@@ -9,40 +9,53 @@ from ._errors import InputError
 from ._html import html_table
 from ._netcdf import load_netcdf, write_netcdf
 
+TitledTable = tuple[str, Sequence[tuple], Sequence[str]]  # title, rows, header
 
-class AbstractResult(abc.ABC):
-    """A result that says itself, shows itself, and survives saving: `load(save(x)) == x`.
 
-    A result gives its `sentences`, its `table`, and its arrays out (`to_xarray`) and back in
-    (`from_xarray`).  `file_kind` is what its files are marked with, `what` the word for it in
-    messages.
-    """
-
-    file_kind: ClassVar[str]
-    what: ClassVar[str]
+class AbstractShown(abc.ABC):
+    """A result that says itself in words, shows itself in a notebook, and gives its arrays out."""
 
     @abc.abstractmethod
     def sentences(self) -> list[str]:
         """The result in words, the answer first."""
 
     @abc.abstractmethod
-    def table(self) -> tuple[str, Sequence[tuple], Sequence[str]]:
-        """Title, rows and header of the table that a notebook shows."""
+    def tables(self) -> list[TitledTable]:
+        """The tables that a notebook shows."""
 
     @abc.abstractmethod
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` with a unit on every array."""
+
+    def __repr__(self) -> str:
+        return "\n".join(self.sentences())
+
+    def _repr_html_(self) -> str:
+        return "".join(html_table(*table) for table in self.tables())
+
+
+class AbstractResult(AbstractShown):
+    """A result of one table that survives saving in a netCDF file: `load(save(x)) == x`.
+
+    It gives its arrays out (`to_xarray`) and takes them back in (`from_xarray`).  `file_kind` is
+    what its files are marked with, `what` the word for it in messages.
+    """
+
+    file_kind: ClassVar[str]
+    what: ClassVar[str]
+
+    @abc.abstractmethod
+    def table(self) -> TitledTable:
+        """Title, rows and header of the table that a notebook shows."""
 
     @classmethod
     @abc.abstractmethod
     def from_xarray(cls, data: Any) -> Self:
         """The result of which `to_xarray` made `data`."""
 
-    def __repr__(self) -> str:
-        return "\n".join(self.sentences())
-
-    def _repr_html_(self) -> str:
-        return html_table(*self.table())
+    def tables(self) -> list[TitledTable]:
+        """The one table."""
+        return [self.table()]
 
     def save(self, path: str | Path) -> Path:
         """Write a netCDF file that `load` reads back equal; its path.

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from omnijax import InputError
 from omnijax.diagnosis import Diagnosis, Named, OutputGap
 from omnijax.diagnosis._answer.answer import _sigma, together
 from omnijax.laws import EFFECTS
@@ -44,6 +45,22 @@ def test_what_a_named_effect_leaves_is_said(found):
     assert found.to_dict()["notes"][-1] == found.remainder
     found.verdict = "unknown"  # says as much itself
     assert found.remainder == ""
+
+
+def test_a_diagnosis_comes_back_from_its_file(found, tmp_path):
+    found.gap["theta"] = OutputGap(1e-4, 5e-2, float("nan"), "rad")
+    found.notes, found.confirmed_on = ["one", "two"], "blocks"
+    file = found.save(tmp_path / "diagnosis.json")
+    again = Diagnosis.load(file)
+    assert again.to_dict() == found.to_dict() and again.notes == found.notes
+    assert repr(again) == repr(found) and again._repr_html_() == found._repr_html_()
+    assert "kept out of the fit" in again._repr_html_()
+    assert again.to_xarray().identical(found.to_xarray())
+    again.plot_gap(), again.plot_where(), again.plot_scores()
+    for text in ("{}", "[]", "no JSON", '{"verdict": "none", "effects": [{"id": 1}], "gap": {}}'):
+        file.write_text(text)
+        with pytest.raises(InputError, match="holds no diagnosis"):
+            Diagnosis.load(file)
 
 
 def test_the_table_shows_effects_and_escapes_names(found):

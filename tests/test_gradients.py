@@ -38,7 +38,7 @@ def _figures(rig):
 
 def _steady_figures(x, changed):
     s = steady_state(changed(x), W, harmonics=4, grid_bits=7)
-    return jnp.stack([s.rms, s.peak, s.rms_elastic, s.peak_elastic, s.rms_acceleration])
+    return jnp.stack([s.rms, s.peak, s.elastic_rms, s.elastic_peak, s.sphere_acceleration_rms])
 
 
 def _run_figures(x, changed):

@@ -144,4 +144,4 @@ def test_speeds_beyond_all_measure_are_not_ok():
     run = propagate(machine(SKEW), speeds([1e300, 1, 1]), jnp.linspace(0, 0.1, 6))
     assert int(run.status) == Status.NON_FINITE
     state = steady_state(machine(SKEW), [1e300, 1, 1], **SIZES)
-    assert state.ok == bool(np.isfinite(state.rms_acceleration))
+    assert state.ok == bool(np.isfinite(state.sphere_acceleration_rms))

@@ -59,6 +59,13 @@ def test_figures_and_derivatives_are_those_of_single_runs(tmp_path, seed):
         assert figures[0] == pytest.approx(rms(one, log), rel=1e-3)
     again = MachineSweep.from_xarray(found.to_xarray())
     assert repr(again) == repr(found)
+    axes = found.plot("peak", "axis.inertia")
+    drawn = axes.lines[0].get_xydata()
+    given = np.stack([found.values[:, 0], found.figures[:, 1]], axis=1)
+    np.testing.assert_allclose(drawn / drawn[0], given / given[0])
+    assert "inertia" in axes.get_xlabel() and axes.get_ylabel().startswith("peak")
+    with pytest.raises(ValueError, match=r"`axis\.mass` must be one of axis\.inertia"):
+        found.plot(path="axis.mass")
     # beside the optimum, where the misfit is smooth
     other = parse_machine({"kind": "axis", "motor": {"input": "torque"},
                            "axis": {"inertia": 1.2 * J, "damping": 3 * J,

@@ -8,19 +8,25 @@ import pytest
 from machines import machine
 
 import omnijax
+import omnijax.diagnosis
 from omnijax import InputError, laws
 from omnijax.simulation import propagate, speeds, steady_state
 from omnijax.vibration import modes, order_track, rpm_order_map
 
 RESULTS = [
     "Trajectory", "SteadyState", "Modes", "OrderMap", "OrderTrack", "SweepResult", "Sensitivity",
-    "SpeedSensitivity", "GlobalSensitivity", "Design", "Front", "Tolerances",
+    "SpeedSensitivity", "GlobalSensitivity", "Design", "Front", "Tolerances", "MachineSweep",
+    "Diagnosis",
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", RESULTS)
 def test_every_result_of_the_root_shows_saves_and_loads_itself(name):
-    result = getattr(omnijax, name, None) or getattr(omnijax.study, name)
+    result = next(
+        getattr(face, name)
+        for face in (omnijax, omnijax.study, omnijax.diagnosis)
+        if hasattr(face, name)
+    )
     for method in ("to_xarray", "save", "load", "__repr__", "_repr_html_"):
         assert callable(getattr(result, method)), (name, method)
     assert any(method.startswith("plot") for method in dir(result))

@@ -151,11 +151,11 @@ def _print(diagnosis: Any) -> None:
         print(f"  free run of {run['run']} ({run['role']}): {'; '.join(said) or 'left all bounds'}")
     if diagnosis.one_step:
         missed = " -> ".join(f"{x:.3g}" for x in diagnosis.one_step.values())
-        print(f"  the balance misses on {diagnosis.judges}: {missed} % of the motor's torque")
+        print(f"  the balance misses on {diagnosis.judges.name}: {missed} % of the motor's torque")
     if diagnosis.learned:
         print(
             f"  learned, uninterpreted term at {diagnosis.learned['port']}: closes "
-            f"{100 * diagnosis.learned['closed']:.0f} % of the gap on {diagnosis.judges}"
+            f"{100 * diagnosis.learned['closed']:.0f} % of the gap on {diagnosis.judges.name}"
         )
     if diagnosis.next_experiment:
         print(f"  next experiment: {diagnosis.next_experiment['drive']}")

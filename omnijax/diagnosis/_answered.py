@@ -35,7 +35,7 @@ from ._search import (
 
 def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis:
     """Search from `start`, judge, and say what was found: of any machine."""
-    who = JUDGES[evidence.confirmed_on]
+    who = JUDGES[evidence.confirmed_on].name
     search = Search(evidence.model, tell, who)
     explored = search.explore(start)
     tell("looking at what is left")

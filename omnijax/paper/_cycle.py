@@ -53,10 +53,10 @@ class Metrics(NamedTuple):
 
     peak: Float[Array, ""]
     rms: Float[Array, ""]
-    peak_elastic: Float[Array, ""]
-    rms_elastic: Float[Array, ""]
+    elastic_peak: Float[Array, ""]
+    elastic_rms: Float[Array, ""]
     ripple: Float[Array, ""]
-    rms_acceleration: Float[Array, ""]
+    sphere_acceleration_rms: Float[Array, ""]
     strongest: Float[Array, ""]  # rad/s, the fastest wheel's strongest line of dR
     strongest_rigid: Float[Array, ""]  # rad/s, of the rigid part
     lowest: Float[Array, ""]  # rad/s, the lowest line of the fastest wheel above 1 % of its largest
@@ -270,10 +270,10 @@ def metrics(c: PaperCycle) -> Metrics:
     return Metrics(
         peak=jnp.max(lengths(c.dR)),
         rms=_rms(c.dR),
-        peak_elastic=jnp.max(lengths(c.elastic)),
-        rms_elastic=_rms(c.elastic),
+        elastic_peak=jnp.max(lengths(c.elastic)),
+        elastic_rms=_rms(c.elastic),
         ripple=_ripple(c),
-        rms_acceleration=_rms(c.acceleration),
+        sphere_acceleration_rms=_rms(c.acceleration),
         strongest=_strongest(c.rate[FASTEST], c.lines[FASTEST]),
         strongest_rigid=_strongest(c.rate[FASTEST], c.shape_lines[FASTEST]),
         lowest=_lowest(c.rate[FASTEST], c.lines[FASTEST]),

@@ -26,7 +26,7 @@ from ..rig import Rig
 from ._case import SPEEDS, TORQUE, baseline
 from ._claim import Erratum
 from ._cycle import FASTEST, lengths, pointwise_lines, wheel_lines
-from ._judge_elastic import CLOSURE, METRICS, MOUNT, MOUNT_DAMPING, C, K
+from ._judge_elastic import CLOSURE, MOUNT, MOUNT_DAMPING, SCANNED, C, K
 from ._study import PaperStudy
 
 
@@ -181,7 +181,7 @@ def statements_wrong(study: PaperStudy, reading: str) -> float:
     The reading taken says of each cell what its derivative says: it errs where the exact derivative
     disagrees in sign of (dominant, little) with the finite scan, which is no cell by construction.
     """
-    slopes = np.stack([np.abs(getattr(study.sensitivity, name))[:, 0] for name in METRICS])
+    slopes = np.stack([np.abs(getattr(study.sensitivity, name))[:, 0] for name in SCANNED])
     others = slopes[..., [C, MOUNT, MOUNT_DAMPING, CLOSURE]].max(axis=-1)
     dominant, little = slopes[..., K] >= others, slopes[..., K] <= 0.1
     if reading == "both, of every metric":

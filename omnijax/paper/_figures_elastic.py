@@ -46,7 +46,7 @@ def roundness(study: PaperStudy) -> Figure:
     with style():
         fig, (top, bottom) = figure(2, height=5.8)
         for i, damping in enumerate(DAMPING):
-            for ax, values in ((top, scan.peak[i]), (bottom, scan.peak_elastic[i])):
+            for ax, values in ((top, scan.peak[i]), (bottom, scan.elastic_peak[i])):
                 scaled = 1e6 * values
                 ax.fill_between(
                     eta, scaled.min(1), scaled.max(1), color=COLOURS[i], alpha=0.15, linewidth=0
@@ -56,7 +56,7 @@ def roundness(study: PaperStudy) -> Figure:
                     label=f"C = {damping:g} N s/m",
                 )  # fmt: skip
             data[f"peak C={damping:g} / m"] = scan.peak[i][:, 0]
-            data[f"elastic peak C={damping:g} / m"] = scan.peak_elastic[i][:, 0]
+            data[f"elastic peak C={damping:g} / m"] = scan.elastic_peak[i][:, 0]
         top.plot(eta, 1e6 * rigid, color=MUTED, linestyle="--", label="√3 Δr_w")
         top.set(ylabel="peak |ΔR| (µm)", ylim=(0, None))
         bottom.set(ylabel="peak elastic part (µm)", xlabel="roundness ratio η", ylim=(0, None))
@@ -108,7 +108,7 @@ def stiffness(study: PaperStudy) -> Figure:
     with style():
         fig, (top, bottom) = figure(2, height=5.8)
         for i, damping in enumerate(DAMPING):
-            for ax, values in ((top, scan.peak[i]), (bottom, scan.peak_elastic[i])):
+            for ax, values in ((top, scan.peak[i]), (bottom, scan.elastic_peak[i])):
                 scaled = 1e6 * values
                 ax.fill_between(
                     K / 1e3, scaled.min(1), scaled.max(1), color=COLOURS[i], alpha=0.15, linewidth=0
@@ -118,7 +118,7 @@ def stiffness(study: PaperStudy) -> Figure:
                     label=f"C = {damping:g} N s/m",
                 )  # fmt: skip
             data[f"peak C={damping:g} / m"] = scan.peak[i][:, 0]
-            data[f"elastic peak C={damping:g} / m"] = scan.peak_elastic[i][:, 0]
+            data[f"elastic peak C={damping:g} / m"] = scan.elastic_peak[i][:, 0]
         for ax in (top, bottom):
             ax.axvline(own, color=MUTED, linestyle="--", linewidth=1)
         top.set(ylabel="peak |ΔR| (µm)", xscale="log", ylim=(0, None))

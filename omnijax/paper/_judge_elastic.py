@@ -9,12 +9,12 @@ from ._study import PaperStudy
 
 OWN = ROUNDNESS.index(0.4485)
 K, C, MOUNT, MOUNT_DAMPING, CLOSURE, ETA = range(len(FACTORS))
-METRICS = {
+SCANNED = {  # metrics of the scans, in the words of the claims
     "peak": "peak |ΔR|",
     "rms": "RMS |ΔR|",
-    "peak_elastic": "peak elastic part",
-    "rms_elastic": "RMS elastic part",
-    "rms_acceleration": "RMS acceleration of the sphere",
+    "elastic_peak": "peak elastic part",
+    "elastic_rms": "RMS elastic part",
+    "sphere_acceleration_rms": "RMS acceleration of the sphere",
 }
 
 
@@ -59,11 +59,11 @@ def _grows(study: PaperStudy, ranges: str) -> Claim:
             at_least(
                 "elastic part, C = 8500 and 20000",
                 growth,
-                _steps(_both(study, "peak_elastic", damped)),
+                _steps(_both(study, "elastic_peak", damped)),
                 0.0,
             ),
             at_least(
-                "elastic part, C = 0", growth, _steps(_both(study, "peak_elastic", free)), 0.0
+                "elastic part, C = 0", growth, _steps(_both(study, "elastic_peak", free)), 0.0
             ),
         ],
         f"η from {ROUNDNESS[0]} to {ROUNDNESS[-1]}; {ranges}",
@@ -129,7 +129,7 @@ def _ratios(study: PaperStudy) -> dict[str, np.ndarray]:
     every = slice(None)
     return {
         "printed": np.asarray(printed),
-        "elastic": _both(study, "peak_elastic", every)[:, :, OWN] / rigid,
+        "elastic": _both(study, "elastic_peak", every)[:, :, OWN] / rigid,
         "total": _both(study, "peak", every)[:, :, OWN] / rigid,
     }
 
@@ -191,7 +191,7 @@ def _slightly(study: PaperStudy, ranges: str) -> Claim:
         [
             at_most("own rig: peak |ΔR|", "relative change", change("peak")[:, 0], 0.1),
             at_most("whole range: peak |ΔR|", "relative change", change("peak"), 0.1),
-            at_most("own rig: elastic part", "relative change", change("peak_elastic")[:, 0], 0.1),
+            at_most("own rig: elastic part", "relative change", change("elastic_peak")[:, 0], 0.1),
         ],
         f"C from 0 to 20000 N s/m; {ranges}",
     )
@@ -226,7 +226,7 @@ def _damping_words() -> str:
 
 def _dominant(study: PaperStudy, ranges: str) -> Claim:
     readings: list[Reading] = []
-    for name, words in METRICS.items():
+    for name, words in SCANNED.items():
         slopes = _slopes(study, name)
         alone = slopes[..., K] / np.max(slopes[..., [C, MOUNT, MOUNT_DAMPING]], axis=-1)
         every = slopes[..., K] / np.max(slopes[..., [C, MOUNT, MOUNT_DAMPING, CLOSURE]], axis=-1)
@@ -245,7 +245,7 @@ def _dominant(study: PaperStudy, ranges: str) -> Claim:
 
 def _little(study: PaperStudy, ranges: str) -> Claim:
     readings = []
-    for name, words in METRICS.items():
+    for name, words in SCANNED.items():
         slopes = _slopes(study, name)[..., K]
         text = f"{words}: C = 8500 and 20000"
         readings.append(at_most(f"{text}, whole range", "|d log/d log K|", slopes[1:], 0.1))
@@ -274,7 +274,7 @@ def _mount(study: PaperStudy, ranges: str) -> Claim:
         "fig14",
         [
             at_most(words, "|d log/d log k|", _slopes(study, name)[..., MOUNT], 0.1)
-            for name, words in METRICS.items()
+            for name, words in SCANNED.items()
         ],
         f"C = {_damping_words()} N s/m; {ranges}",
         {"d log/d log k, own rig": _table(study, MOUNT)},
@@ -287,5 +287,5 @@ def _table(study: PaperStudy, factor: int) -> dict[str, dict[str, float]]:
             f"C = {c:g}": float(getattr(study.sensitivity, name)[i, 0, factor])
             for i, c in enumerate(SENSITIVITY_DAMPING)
         }
-        for name, words in METRICS.items()
+        for name, words in SCANNED.items()
     }

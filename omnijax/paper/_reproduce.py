@@ -16,7 +16,7 @@ from ._case import RANGES, SENSITIVITY_DAMPING, changed
 from ._claim import FAILS, HOLDS, PARTLY, TONES, Claim, Erratum
 from ._cycle import FACTORS, FASTEST, HARMONICS, cycle
 from ._errata import errata, recovered_radius
-from ._judge_elastic import METRICS, elastic_claims
+from ._judge_elastic import SCANNED, elastic_claims
 from ._judge_ideal import ideal_claims, rigid_claim
 from ._judge_resistance import resistance_claim
 from ._study import PaperStudy, make_study
@@ -220,7 +220,7 @@ def _sensitivity_table(study: PaperStudy) -> Table:
         ],
         [
             [words, f"{damping:g}", *(float(f"{x:.3g}") for x in rates)]
-            for name, words in METRICS.items()
+            for name, words in SCANNED.items()
             for damping, rates in zip(
                 SENSITIVITY_DAMPING, getattr(study.sensitivity, name)[:, 0], strict=True
             )

@@ -23,11 +23,6 @@ NAMES = {
     "none": "What was tried", "named": "The named effects", "unknown": "What was found",
     "ambiguous": "The rivals; of each, the size that it would need",
 }  # fmt: skip
-CONFIRMED = {
-    "held-out": "and held-out runs confirm it",
-    "blocks": "and those parts of the only run confirm it that were kept out of the fit",
-    "nothing": "and no run is left to confirm it",
-}
 
 
 def diagnosis_page(diagnosis: Any, command: str = "omnijax diagnose") -> Page:
@@ -62,7 +57,7 @@ def diagnosis_page(diagnosis: Any, command: str = "omnijax diagnose") -> Page:
 def _answer(diagnosis) -> str:
     answer = ANSWERS[diagnosis.verdict]
     if diagnosis.verdict == "named":
-        answer += f", {CONFIRMED[diagnosis.confirmed_on]}."
+        answer += f", {diagnosis.judges.confirm}."
     if diagnosis.effects:
         joined = " and " if diagnosis.verdict == "named" else " or "
         words = [in_words(e.id, e.place) for e in diagnosis.effects]
@@ -75,7 +70,7 @@ def _answer(diagnosis) -> str:
         factor, unit = scaled(gap.before, gap.unit)
         answer += (
             f" What the model misses of {channel_words(group)} on "
-            f"{diagnosis.judges} falls from "
+            f"{diagnosis.judges.name} falls from "
             f"{gap.before * factor:.3g} to {gap.after * factor:.3g} {unit} RMS; the noise is "
             f"{gap.noise_floor * factor:.3g} {unit}."
         )

@@ -8,13 +8,6 @@ from .._text import estimate, quantity_text, scaled
 from ._content import Column, Section, Table
 from ._diagnosis_figures import gap_figure, limits_figure
 
-NEVER = {
-    "held-out": "Held-out runs are never fitted, but for their start: where wheels without encoder "
-    "stand, and the motion there.",
-    "blocks": "On the parts of the only run that were kept out of the fit.",
-    "nothing": "On the only run, which was fitted: nothing was kept out.",
-}
-
 
 def closed(gap: Any) -> float | None:
     """How much of a gap is closed, %; 100 at most, since what is below the noise is chance."""
@@ -34,11 +27,11 @@ def gap_section(diagnosis) -> Section:
     table = Table(
         [Column("group", text=True), Column("unit", text=True), Column("noise", minor=True),
          Column("before"), Column("after"), Column("closed", "%")],
-        rows, "gap", f"RMS of measured less predicted, {diagnosis.judges}{windows}; closed: what "
-        "is gone of what was above the noise.",
+        rows, "gap", f"RMS of measured less predicted, {diagnosis.judges.name}{windows}; closed: "
+        "what is gone of what was above the noise.",
     )  # fmt: skip
     figures = [gap_figure(diagnosis)] if diagnosis.details else []
-    return Section("The gap", NEVER[diagnosis.confirmed_on], figures, [table])
+    return Section("The gap", diagnosis.judges.fitted, figures, [table])
 
 
 def free_runs(diagnosis) -> list[Section]:
@@ -62,9 +55,8 @@ def free_runs(diagnosis) -> list[Section]:
     text = "Position simulated from the inputs alone, from each run's first sample."
     if diagnosis.one_step:
         said = ", ".join(f"{k} {x:.3g} %" for k, x in diagnosis.one_step.items())
-        text += (
-            f" The balance misses, in per cent of the motor's torque on {diagnosis.judges}: {said}."
-        )
+        who = diagnosis.judges.name
+        text += f" The balance misses, in per cent of the motor's torque on {who}: {said}."
     table = Table(columns, rows, "free-runs", "Free runs.")
     return [Section("Free runs", text, tables=[table])]
 

@@ -190,6 +190,22 @@ class MachineSweep(AbstractResult):
         """Designs whose run left all bounds."""
         return int((~np.all(np.isfinite(self.figures), axis=1)).sum())
 
+    def plot(self, metric: str | None = None, path: str | None = None, *, ax: Any = None) -> Any:
+        """A metric (default: the first) over one varied number, a point a design; the axes.
+
+        Raises `ValueError` for a metric or a path that the sweep has not.
+        """
+        from ._misfit_plot import plot_designs
+
+        metric, path = metric or self.metrics[0], path or self.paths[0]
+        for name, known in ((metric, self.metrics), (path, self.paths)):
+            if name not in known:
+                raise ValueError(f"`{name}` must be one of {', '.join(known)}.")
+        k, figures = self.paths.index(path), self.figures[:, self.metrics.index(metric)]
+        return plot_designs(
+            path, self.values[:, k], self.units[k], metric, figures, self.unit, ax=ax
+        )
+
     def sentences(self):
         """How many designs, and the best one by each metric."""
         lines = [f"{len(self.values)} designs by free runs of the log; {self.failed} failed."]

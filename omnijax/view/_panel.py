@@ -107,8 +107,8 @@ def _figures(state) -> list[dict[str, str]]:
         for label, value, unit in (
             ("|ΔR| peak", state.peak, "m"),
             ("|ΔR| RMS", state.rms, "m"),
-            ("elastic part, RMS", state.rms_elastic, "m"),
-            ("sphere's acceleration, RMS", state.rms_acceleration, "m/s^2"),
+            ("elastic part, RMS", state.elastic_rms, "m"),
+            ("sphere's acceleration, RMS", state.sphere_acceleration_rms, "m/s^2"),
         )
     ]
 

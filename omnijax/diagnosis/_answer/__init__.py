@@ -8,6 +8,7 @@ from .answer import score_table as score_table
 from .answer import separating as separating
 from .evidence import AbstractEvidence as AbstractEvidence
 from .gap import gaps as gaps
+from .judges import JUDGES as JUDGES
 from .named_effect import Named as Named
 from .named_effect import OutputGap as OutputGap
 from .result import Diagnosis as Diagnosis
@@ -20,6 +21,5 @@ from .shown import white_levels as white_levels
 from .shown import wrong as wrong
 from .sizes import Sizes as Sizes
 from .sizes import effect_sizes_on_held_out as effect_sizes_on_held_out
-from .verdict import JUDGES as JUDGES
 from .verdict import Verdict as Verdict
 from .verdict import judge as judge

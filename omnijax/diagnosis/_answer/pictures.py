@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from ..._html import html_table
 from ..._plot import PALETTE, bars_of_scores, new_axes, styled
+from ..._result import TitledTable
 from .named_effect import Named, OutputGap
 
 BLUE, ORANGE, GREY = PALETTE["blue"], PALETTE["vermillion"], "#777777"
@@ -14,8 +14,8 @@ ENDS = ("noise_floor", "before", "after")
 
 
 @styled
-def plot_gap(verdict: str, gap: Mapping[str, OutputGap], *, ax: Any = None) -> Any:
-    """Held-out RMS of every output group before and after, over its noise; returns the axes."""
+def plot_gap(verdict: str, gap: Mapping[str, OutputGap], judges: str, *, ax: Any = None) -> Any:
+    """RMS of every output group before and after, over its noise, on `judges`; returns the axes."""
     ax = new_axes(ax, 3.0)
     groups = list(gap)
     at = np.arange(len(groups))
@@ -24,7 +24,7 @@ def plot_gap(verdict: str, gap: Mapping[str, OutputGap], *, ax: Any = None) -> A
         ax.bar(at + shift, values, 0.38, color=colour, label=end)
     ax.axhline(1.0, color=GREY, lw=1.0, ls="--", label="noise")
     ax.set_xticks(at, groups)
-    ax.set(yscale="log", ylabel="held-out RMS / noise", title=f"Gap: {verdict}")
+    ax.set(yscale="log", ylabel="RMS / noise", title=f"{verdict}: gap on {judges}")
     ax.legend(frameon=False, ncols=3)
     return ax
 
@@ -64,8 +64,10 @@ def place_text(where: dict[str, Any]) -> str:
     return f"{where['channel']}, {where['domain']}{value}{unit}"
 
 
-def html(verdict: str, effects: Sequence[Named], gap: Mapping[str, OutputGap]) -> str:
-    """The answer, the effects and the gap as tables."""
+def tables(
+    verdict: str, effects: Sequence[Named], gap: Mapping[str, OutputGap], judges: str
+) -> list[TitledTable]:
+    """The answer with sizes of the effects, and the gap of the runs that judge it."""
     sizes = [
         (f"{e.id} at {e.place}", key, p["value"], "–" if p["sigma"] is None else p["sigma"],
          p["unit"])
@@ -73,15 +75,9 @@ def html(verdict: str, effects: Sequence[Named], gap: Mapping[str, OutputGap]) -
         for key, p in (e.parameters or {"–": {"value": "–", "sigma": None, "unit": ""}}).items()
     ]  # fmt: skip
     rows = [(g, x.unit, x.noise_floor, x.before, x.after) for g, x in gap.items()]
-    parts = [
-        html_table("Gap on held-out runs", rows, ("group", "unit", "noise", "before", "after"))
-    ]
-    if sizes:
-        header = ("effect", "parameter", "value", "1-sigma", "unit")
-        parts.insert(0, html_table(f"Diagnosis: {verdict}", sizes, header))
-    else:
-        parts.insert(0, html_table(f"Diagnosis: {verdict}", []))
-    return "".join(parts)
+    header = ("effect", "parameter", "value", "1-sigma", "unit") if sizes else ()
+    ends = ("group", "unit", "noise", "before", "after")
+    return [(f"Diagnosis: {verdict}", sizes, header), (f"Gap on {judges}", rows, ends)]
 
 
 def dataset(
@@ -96,8 +92,8 @@ def dataset(
 
     ends = {f"gap_{end}": ("group", [getattr(g, end) for g in gap.values()]) for end in ENDS}
     keys = ("stated", "without_effects", "with_effects", "relative_sigma")
-    parameters = {f"parameter_{k}": ("parameter", [b[k] for b in base]) for k in keys}
-    columns = {f"score_{k}": ("candidate", [s[k] for s in scores]) for k in ("gain", "p", "step")}
+    parameters = {f"parameter_{k}": ("parameter", _numbers(base, k)) for k in keys}
+    columns = {f"score_{k}": ("candidate", _numbers(scores, k)) for k in ("gain", "p", "step")}
     coords = {
         "group": list(gap),
         "unit": ("group", [g.unit for g in gap.values()]),
@@ -108,3 +104,8 @@ def dataset(
     return xarray.Dataset(
         ends | parameters | columns, coords, {"verdict": verdict, "effects": named}
     )
+
+
+def _numbers(rows: Sequence[dict[str, Any]], key: str) -> np.ndarray:
+    """A column (rows,); what is not known (None) is NaN."""
+    return np.array([row[key] for row in rows], float)

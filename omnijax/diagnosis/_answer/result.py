@@ -8,16 +8,19 @@ from typing import Any
 
 import numpy as np
 
+from ..._errors import InputError
 from ..._files import write_text
+from ..._reading import read_bytes
+from ..._result import AbstractShown
 from .._settings import SETTINGS
+from .judges import JUDGES, Judges
 from .named_effect import Named, OutputGap
-from .verdict import JUDGES
 
 REMAINS = SETTINGS.answer_result.remains
 
 
-@dataclasses.dataclass
-class Diagnosis:
+@dataclasses.dataclass(repr=False)
+class Diagnosis(AbstractShown):
     """A verdict (none, named, ambiguous, unknown) with everything that speaks for it.
 
     `effects` hold sizes and their sigma in SI, `gap` the RMS before and after each group's repair.
@@ -42,8 +45,8 @@ class Diagnosis:
     details: Any = None  # what figures are drawn from; not written
 
     @property
-    def judges(self) -> str:
-        """The runs, or parts of one, that the gap is of, in words."""
+    def judges(self) -> Judges:
+        """The runs, or parts of one, that the gap is of."""
         return JUDGES[self.confirmed_on]
 
     @property
@@ -58,7 +61,7 @@ class Diagnosis:
         if self.verdict not in ("named", "ambiguous") or not open_:
             return ""
         return (
-            f"With it {self.judges} still differ by more than the noise "
+            f"With it {self.judges.name} still differ by more than the noise "
             f"({', '.join(open_)} times): something else is missing too."
         )
 
@@ -88,11 +91,28 @@ class Diagnosis:
         """Write `diagnosis.json`."""
         return write_text(path, json.dumps(self.to_dict(), indent=1, ensure_ascii=False) + "\n")
 
+    @classmethod
+    def load(cls, path: str | Path) -> "Diagnosis":
+        """The diagnosis that `save` wrote, but for the machine itself and what pages are drawn of.
+
+        `rig` and `details` are None; `load_rig` reads the `rig-diagnosed.toml` beside the file.
+        Raises `InputError` for a file that holds no diagnosis.
+        """
+        try:
+            written = json.loads(read_bytes(path))
+            effects = [Named(**effect) for effect in written["effects"]]
+            gap = {k: OutputGap(**_numbers_again(g)) for k, g in written["gap"].items()}
+            diagnosis = cls(**(written | {"effects": effects, "gap": gap}))
+        except (KeyError, TypeError, ValueError, AttributeError) as error:
+            raise InputError("holds no diagnosis.", path) from error
+        diagnosis.notes = [note for note in diagnosis.notes if note != diagnosis.remainder]
+        return diagnosis
+
     def plot_gap(self, *, ax: Any = None) -> Any:
-        """Held-out RMS before and after over the noise, by output group; returns the axes."""
+        """RMS before and after over the noise, by output group; returns the axes."""
         from .pictures import plot_gap
 
-        return plot_gap(self.verdict, self.gap, ax=ax)
+        return plot_gap(self.verdict, self.gap, self.judges.name, ax=ax)
 
     def plot_scores(self, *, step: int = 1, ax: Any = None) -> Any:
         """What the best candidates of a step would explain; returns the axes."""
@@ -112,12 +132,14 @@ class Diagnosis:
 
         return dataset(self.verdict, self.effects, self.gap, self.baseline, self.scores)
 
-    def _repr_html_(self) -> str:
-        from .pictures import html
+    def tables(self):
+        """The answer with the sizes of its effects, and the gap before and after."""
+        from .pictures import tables
 
-        return html(self.verdict, self.effects, self.gap)
+        return tables(self.verdict, self.effects, self.gap, self.judges.name)
 
-    def __repr__(self) -> str:
+    def sentences(self) -> list[str]:
+        """The verdict with its effects, and the gap of each output over its noise."""
         joined = " or " if self.verdict == "ambiguous" else " and "
         answer = self.verdict
         if self.effects:
@@ -126,7 +148,12 @@ class Diagnosis:
             f"{k} {g.before / g.noise_floor:.3g} -> {g.after / g.noise_floor:.3g}"
             for k, g in self.gap.items()
         )
-        return f"Diagnosis({answer}; gap over noise {gaps})"
+        return [f"Diagnosis({answer}; gap over noise {gaps})"]
+
+
+def _numbers_again(gap: dict[str, Any]) -> dict[str, Any]:
+    """Numbers that were not finite are written as null."""
+    return {k: math.nan if v is None else v for k, v in gap.items()}
 
 
 def _plain(value: Any) -> Any:

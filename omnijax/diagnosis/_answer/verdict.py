@@ -9,13 +9,9 @@ import numpy as np
 from .._search import SearchResult, Trial, Unsteady
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence
+from .judges import JUDGES
 from .shown import Shown
 
-JUDGES = {  # who confirms, by `confirmed_on`
-    "held-out": "held-out runs",
-    "blocks": "the parts of the run that were kept out of the fit",
-    "nothing": "the fitted runs themselves",
-}
 EXCESS = SETTINGS.verdict.excess
 SURELY = SETTINGS.verdict.surely
 
@@ -70,7 +66,7 @@ def judge(
     noise = sum(floor[c] * n for c, (_, n) in last.items())
     closed = 1 - left / above if above > 0 else 1.0
     open_ = [c for c in shown.structured if _excess(last, floor, c) > EXCESS]
-    who = JUDGES[confirmed_on]
+    who = JUDGES[confirmed_on].name
     if not outcome.fit.point.effects:
         return _without_effects(outcome, open_, sum(s for s, _ in first.values()), who)
     equals = {

@@ -29,7 +29,7 @@ from .steady import steady_of
 from .system import Layout, LinearDesign, Operating, designs_of
 from .transient import LANES, Lanes, samples_of
 
-METRICS = ("rms", "peak")
+BULK_METRICS = ("rms", "peak")
 MANY = 500_000  # designs that repay the best code: a tenth faster, or a fifth with gradients, and
 # compiled in 5 or 35 s more of CPU time on one machine (three unlike wheels)
 
@@ -56,13 +56,13 @@ class ModalFigures(NamedTuple):
 
 
 def modal_obstacle(
-    rig: Rig, model: str = "coupled", metrics: Sequence[str] = METRICS
+    rig: Rig, model: str = "coupled", metrics: Sequence[str] = BULK_METRICS
 ) -> str | None:
     """Why the modal core does not give these figures of the rig, in words; None where it does."""
     reason = exact_obstacle(rig, model) or hold_obstacle(rig, model)
     if reason is not None:
         return reason
-    others = [name for name in metrics if name not in METRICS]
+    others = [name for name in metrics if name not in BULK_METRICS]
     if others:
         return f"the modal core does not give {', '.join(others)}"
     for name, profile in zip(rig.names, rig.profiles, strict=True):
@@ -72,7 +72,7 @@ def modal_obstacle(
 
 
 def modal_steady_obstacle(
-    rig: Rig, model: str = "coupled", metrics: Sequence[str] = METRICS
+    rig: Rig, model: str = "coupled", metrics: Sequence[str] = BULK_METRICS
 ) -> str | None:
     """The same of steady states."""
     reason = modal_obstacle(rig, model, metrics)
@@ -93,7 +93,7 @@ _PORTS = ("radius", "shape", "contact", "platform", "kinematics")
 def modal_figures(
     make: Callable[[Array], Operating],
     rows: Float[Array | np.ndarray, "B d"],
-    metrics: Sequence[str] = METRICS,
+    metrics: Sequence[str] = BULK_METRICS,
     *,
     duration: float,
     step: float,
@@ -120,7 +120,7 @@ def modal_figures(
 def modal_steady(
     make: Callable[[Array], Operating],
     rows: Float[Array | np.ndarray, "B d"],
-    metrics: Sequence[str] = METRICS,
+    metrics: Sequence[str] = BULK_METRICS,
     *,
     model: str = "coupled",
     gradient: bool = False,
@@ -162,7 +162,7 @@ def _batches(
             back = _from_designs(plain, bars, model, force, series, turn, many=many)
             slopes.append(np.asarray(_from_points(make, some, _back_in(points, back))))
     rms, peak, normal, slip, holds = np.concatenate(parts, axis=1)[:, : len(rows)]
-    values, chosen = {"rms": rms, "peak": peak}, [METRICS.index(name) for name in metrics]
+    values, chosen = {"rms": rms, "peak": peak}, [BULK_METRICS.index(name) for name in metrics]
     return ModalFigures(
         np.stack([values[name] for name in metrics], axis=1),
         np.concatenate(slopes, axis=1)[chosen, : len(rows)].swapaxes(0, 1) if gradient else None,

@@ -15,7 +15,7 @@ def summary_rows(state: Any) -> list[tuple[str, float, str]]:
     """(name, value, unit) of the scalar figures and of each component."""
     rows = [
         (name, float(getattr(state, name)), state.UNITS[name])
-        for name in ("rms", "peak", "rms_elastic", "peak_elastic", "rms_acceleration")
+        for name in ("rms", "peak", "elastic_rms", "elastic_peak", "sphere_acceleration_rms")
     ]
     for name in ("rms_component", "peak_component", "peak_to_peak", "mean"):
         values = np.asarray(getattr(state, name))

@@ -35,9 +35,9 @@ class SteadyState(eqx.Module, AbstractResult):
     peak_component: Float[Array, "3"]  # m, of the absolute value
     peak_to_peak: Float[Array, "3"]  # m
     mean: Float[Array, "3"]  # m
-    rms_elastic: Float[Array, ""]  # m, of |sum (mount + contact deflection) normal|
-    peak_elastic: Float[Array, ""]  # m
-    rms_acceleration: Float[Array, ""]  # m/s^2, of the sphere's centre
+    elastic_rms: Float[Array, ""]  # m, of |sum (mount + contact deflection) normal|
+    elastic_peak: Float[Array, ""]  # m
+    sphere_acceleration_rms: Float[Array, ""]  # m/s^2, of the sphere's centre
     order: Float[Array, "g h"]
     spectrum: Complex[Array, "g h 3"]  # m
     transmissibility: Float[Array, "g h"]  # |x_i| / |rho_i| at these orders
@@ -52,9 +52,9 @@ class SteadyState(eqx.Module, AbstractResult):
         "peak_component": "m",
         "peak_to_peak": "m",
         "mean": "m",
-        "rms_elastic": "m",
-        "peak_elastic": "m",
-        "rms_acceleration": "m/s^2",
+        "elastic_rms": "m",
+        "elastic_peak": "m",
+        "sphere_acceleration_rms": "m/s^2",
         "order": "1",
         "spectrum": "m",
         "transmissibility": "1",
@@ -152,7 +152,7 @@ def _steady(rig, speeds, angles, model, count, bits, sharpness, levels, force) -
     run = LongRun(rig, speeds, angles, model, bits, levels, force)
     mean, square = run.statistics("dR")
     high, low = run.extremes("dR")
-    peak, peak_elastic = run.suprema("dR", "dR_elastic")
+    peak, elastic_peak = run.suprema("dR", "dR_elastic")
     system, signals = run.system, run.signals
     figures = dict(
         rms=root(jnp.sum(square)),
@@ -161,9 +161,9 @@ def _steady(rig, speeds, angles, model, count, bits, sharpness, levels, force) -
         peak_component=jnp.maximum(high, low),
         peak_to_peak=high + low,
         mean=mean,
-        rms_elastic=root(jnp.sum(run.mean_square("dR_elastic"))),
-        peak_elastic=peak_elastic,
-        rms_acceleration=root(jnp.sum(run.mean_square("a_sphere"))),
+        elastic_rms=root(jnp.sum(run.mean_square("dR_elastic"))),
+        elastic_peak=elastic_peak,
+        sphere_acceleration_rms=root(jnp.sum(run.mean_square("a_sphere"))),
         spectrum=harmonics(system, signals, count)["dR"],
         transmissibility=transfer(system, signals, count),
     )

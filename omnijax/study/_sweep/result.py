@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import InputError, did_you_mean, tell
-from ..._html import html_table
+from ..._result import AbstractShown
 from ..._status import FAILED, Status
 from ..._text import scaled
 from .._evaluation import METHODS
@@ -18,7 +18,7 @@ from .store import Store, create_store, open_store
 BLOCK = 262_144  # designs read at a time
 
 
-class SweepResult:
+class SweepResult(AbstractShown):
     """The designs of a sweep; values stay in the store until asked for.
 
     `result["peak"]` has the grid's shape (or one entry a design for samples), as `to_xarray()` with
@@ -205,22 +205,24 @@ class SweepResult:
             store.write(chunk, {n: self.store.read(n, start, stop) for n in self.store.names})
         return SweepResult(store)
 
-    def _repr_html_(self) -> str:
+    def tables(self):
+        """The method, and how many designs ended how; the least of each metric."""
         rows = [("method", self.method), ("designs", self.size)]
         rows += [(f"status {name}", count) for name, count in self.counts().items()]
         for metric in self.spec.metrics:
             best = self.best(metric)
             least = "none" if best is None else f"{self[metric].ravel()[best]:.4g} (design {best})"
             rows.append((f"least {metric}, {self.unit(metric)}", least))
-        return html_table("Sweep", rows)
+        return [("Sweep", rows, ())]
 
-    def __repr__(self) -> str:
+    def sentences(self) -> list[str]:
+        """What was varied, the metrics, the method, and how many designs ended how."""
         counts = ", ".join(f"{n} {name}" for name, n in self.counts().items())
         varied = ", ".join(path for path, _, _ in self.spec.vary)
-        return (
+        return [
             f"SweepResult({self.size} designs over {varied}; {', '.join(self.spec.metrics)}; "
             f"{self.spec.method}; {counts})"
-        )
+        ]
 
 
 def load_sweep(folder: str | Path) -> SweepResult:

@@ -1,0 +1,31 @@
+"""Who confirms an answer, in the words of each place that says so."""
+
+from typing import NamedTuple
+
+
+class Judges(NamedTuple):
+    """The runs that judge an answer, or parts of one."""
+
+    name: str
+    confirm: str  # the end of a sentence that names effects
+    fitted: str  # how far they were fitted, as a sentence
+
+
+JUDGES = {  # by `Diagnosis.confirmed_on`
+    "held-out": Judges(
+        "held-out runs",
+        "and held-out runs confirm it",
+        "Held-out runs are never fitted, but for their start: where wheels without encoder stand, "
+        "and the motion there.",
+    ),
+    "blocks": Judges(
+        "the parts of the run that were kept out of the fit",
+        "and those parts of the only run confirm it that were kept out of the fit",
+        "On the parts of the only run that were kept out of the fit.",
+    ),
+    "nothing": Judges(
+        "the fitted runs themselves",
+        "and no run is left to confirm it",
+        "On the only run, which was fitted: nothing was kept out.",
+    ),
+}
