@@ -12,6 +12,7 @@ from ._answered import answered
 from ._ode import (
     HoldReading,
     OdeEvidence,
+    Programs,
     balance_error,
     better_reading,
     build_model,
@@ -26,19 +27,19 @@ STARTED = SETTINGS.axis_case.started
 
 def machine_diagnosed(case: MachineCase, laws: dict, tell: Callable[[str], None]) -> Diagnosis:
     """The answer with the input read as it fits better: held between its samples, or linear."""
-    reading = first_reading(case)
-    result = _read(reading, laws, tell)
+    reading, programs = first_reading(case), Programs()
+    result = _read(reading, laws, tell, programs)
     evidence, fit = result.details["evidence"], result.details["found"].fit
     if evidence.file.compare.hold != reading.hold:
         return result
-    other = better_reading(reading, laws, evidence.model, fit, tell)
-    return result if other is None else _read(other, laws, tell)
+    other = better_reading(reading, laws, evidence.model, fit, tell, programs)
+    return result if other is None else _read(other, laws, tell, programs)
 
 
-def _read(reading: HoldReading, laws: dict, tell) -> Diagnosis:
+def _read(reading: HoldReading, laws: dict, tell, programs: Programs) -> Diagnosis:
     """The floor first, then as any model; free runs beside it."""
     case = reading.case
-    model, table, remarks = build_model(case, laws)
+    model, table, remarks = build_model(case, laws, programs)
     tell("calibrating the uncertain parameters")
     start = Point(np.zeros(len(model.priors)))
     model.rebase(start)
@@ -49,9 +50,9 @@ def _read(reading: HoldReading, laws: dict, tell) -> Diagnosis:
     if reading.open and model.explained is not None:  # what is missing would hide half a sample
         model.rebase(model.explained.point)
         known = refit(model, model.explained.point, rounds=4, relative=1e-3)
-        other = better_reading(reading, laws, model, known, tell)
+        other = better_reading(reading, laws, model, known, tell, programs)
         if other is not None:
-            return _read(other, laws, tell)
+            return _read(other, laws, tell, programs)
     start = fit.point
     table[model.rows[0].group]["sigma"] = float(model.scale[0])
     if model.floor > 1:

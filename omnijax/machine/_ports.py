@@ -1,26 +1,46 @@
 """Laws at the places of a machine, and what collects their sums and their memories' rates."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..laws import AbstractLaw, ActuatorSignal, delayed
 
 
 class PlacedLaw(eqx.Module):
-    """One law at one place; `gate` 0 switches it off."""
+    """One law at one place; `gate` 0 switches it off.
+
+    Of points that run side by side `on` says whether any has it: where not, it is not evaluated.
+    """
 
     law: AbstractLaw
     place: str = eqx.field(static=True)
     gate: Float[Array, ""] = 1.0  # pyright: ignore[reportAssignmentType]
+    on: Bool[Array, ""] | None = None
 
     @property
     def port(self) -> str:
         """Where the law acts."""
         return self.law.port
+
+    def where_on(self, made: Callable[[], Any], otherwise: Any) -> Any:
+        """`made()`, or, where no point that runs beside has the law, what is `otherwise`."""
+        if self.on is None:
+            return made()
+        return jax.lax.cond(self.on, made, lambda: otherwise)
+
+    def added(self, signal: NamedTuple, memory: Any) -> tuple[Any, Any]:
+        """What the law adds at its place, and the rate of its memory, None without one."""
+
+        def made():
+            rate = None if memory is None else self.law.rate(signal, memory)
+            return jnp.asarray(self.gate * self.law(signal, memory), float), rate
+
+        return self.where_on(made, (jnp.zeros(()), jax.tree.map(jnp.zeros_like, memory)))
 
 
 class Ports:
@@ -37,19 +57,16 @@ class Ports:
         total = jnp.zeros(())
         for k, (one, z) in enumerate(zip(self.placed, self.memory, strict=True)):
             if one.port == port and one.place == place:
-                total = total + one.gate * one.law(signal, z)
-                if z is not None:
-                    self.rates[k] = one.law.rate(signal, z)
+                added, self.rates[k] = one.added(signal, z)
+                total = total + added
         return total
 
     def delivered(self, place: str, torque: Any, angle: Any, speed: Any) -> Any:
         """A commanded torque as the actuator's laws deliver it, one after the other."""
         for k, (one, z) in enumerate(zip(self.placed, self.memory, strict=True)):
             if one.port == "actuator" and one.place == place:
-                signal = ActuatorSignal(torque, angle, speed)
-                torque = torque + one.gate * one.law(signal, z)
-                if z is not None:
-                    self.rates[k] = one.law.rate(signal, z)
+                added, self.rates[k] = one.added(ActuatorSignal(torque, angle, speed), z)
+                torque = torque + added
         return torque
 
 

@@ -20,7 +20,7 @@ from ...machine import (
 )
 from .._search import Prior
 from .._settings import SETTINGS
-from .model import OdeModel
+from .model import OdeModel, Programs
 from .numbers import Numbers
 from .rows import Balance, FreeRun, OdeRun, smoothed
 
@@ -68,8 +68,13 @@ def priors_of(machine, uncertainty) -> list[Prior]:
     return out
 
 
-def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, dict, list[str]]:
-    """(model, noise table, remarks) of a case; `laws` are users' own by id."""
+def build_model(
+    case: MachineCase, laws: dict | None = None, programs: Programs | None = None
+) -> tuple[OdeModel, dict, list[str]]:
+    """(model, noise table, remarks) of a case; `laws` are users' own by id.
+
+    `programs` keeps what is compiled, for the same case with its input read otherwise.
+    """
     file, machine = case.file, case.file.machine
     if measured_of(machine.outputs) is None:
         raise InputError(f"{file.source}: the machine has no output `position` or `velocity`.")
@@ -102,7 +107,7 @@ def build_model(case: MachineCase, laws: dict | None = None) -> tuple[OdeModel, 
         return _free(numbers, run, memory, max(len(r.time) for r in runs))
 
     model = OdeModel(machine, priors_of(machine, file.uncertainty), runs, used, places, criterion,
-                     noise, file.placed)  # fmt: skip
+                     noise, file.placed, programs)  # fmt: skip
     table = {model.rows[0].group: {"sigma": float(model.scale[0]), "source": source, "error": 0.05}}
     how = (
         f"Compared is the balance of accelerations: {measured} low-passed at {cutoff:.4g} Hz, rows "

@@ -9,7 +9,7 @@ from .._search import Effect, Fit, total_cost
 from .build import build_model
 from .colour import in_colour
 from .floor import settled
-from .model import OdeModel
+from .model import OdeModel, Programs
 
 LATE = frozenset({"actuator-delay", "actuator-lag", "sensor-delay", "sensor-lag"})
 # half a sample more on the one looks like the other, where the reading is not known
@@ -58,18 +58,24 @@ def first_reading(case: MachineCase) -> HoldReading:
 
 
 def better_reading(
-    reading: HoldReading, laws: dict, model: OdeModel, fit: Fit, tell: Callable[[str], None]
+    reading: HoldReading,
+    laws: dict,
+    model: OdeModel,
+    fit: Fit,
+    tell: Callable[[str], None],
+    programs: Programs | None = None,
 ) -> HoldReading | None:
     """The other reading where it explains the train runs better than a fit, or None.
 
     Also where it does as well without a delay or lag that this one needs: half a sample late is
     what a held input is.  There a lag may be what is a delay here, or the other way round.
+    `programs` are those of the models of this case (`build_model`).
     """
     if not reading.open:
         return None
     other = reading.otherwise()
     tell(f"reading the input as {other.hold} between its samples")
-    twin, _, _ = build_model(other.case, laws)
+    twin, _, _ = build_model(other.case, laws, programs)
     twin.scale, twin.inflation = model.scale, model.inflation
     margin, effects = model.settings.margin, fit.point.effects
     for some in _otherwise(effects, set(model.laws)):

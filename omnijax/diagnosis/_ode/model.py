@@ -30,8 +30,9 @@ from .undecided import undecided
 
 STEEP = SETTINGS.free_model.steep
 VALUE, TANGENT, START = range(3)  # programs over the rows
-LANES = 16  # points that are evaluated side by side: one shape, one program
-OFTEN = (5e5, 1e6, 0.0)  # samples stepped by these, after which a set of laws has one of its own
+LANES = 16, 8, 4  # points side by side, by program: as many as mostly come; one shape, one program
+OFTEN = (1.5e6, 1.5e6, 5e5)  # samples stepped by these, after which a set of laws has its own
+FEW = 4  # laws of such a set, at most
 BOUND = SETTINGS.free_model.bound
 RANKING = SETTINGS.free_model.ranking
 SIMPLER = SETTINGS.free_model.simpler
@@ -42,10 +43,19 @@ STEP = SETTINGS.free_model.step
 ROOM = SETTINGS.free_model.room
 
 
+@dataclasses.dataclass
+class Programs:
+    """What is compiled for a machine, its laws and its runs, however their input is held."""
+
+    rows: dict[tuple, tuple] = dataclasses.field(default_factory=dict)
+    slopes: Callable | None = None
+
+
 class OdeModel(AbstractColoured):
     """A machine, its runs, the laws that may be missing; rows by one criterion a run.
 
     `criterion(numbers, run)` gives the rows of a run; `noise` is the sensor's 1-sigma of position.
+    `programs` are those of models of the same case, if there are any.
     """
 
     budget = 4000.0
@@ -63,6 +73,7 @@ class OdeModel(AbstractColoured):
         criterion: Callable[[Numbers, OdeRun], Balance | FreeRun],
         noise: float,
         stated: tuple[PlacedLaw, ...] = (),
+        programs: Programs | None = None,
     ):
         self.machine, self.priors, self.laws, self.noise = machine, list(priors), laws, noise
         room = [(laws[i], p) for i, p in places]
@@ -84,9 +95,11 @@ class OdeModel(AbstractColoured):
         self.colour: Colour | None = None  # of the rows of a balance, where they are not white
         if self.steps_in_time:
             self.settings = dataclasses.replace(self.settings, strong=0.0)
-        self._compiled: dict[tuple, tuple] = {}
+        programs = programs or Programs()
+        self._compiled = programs.rows
         self._asked: dict[tuple, float] = {}  # samples stepped so far by laws, program and lanes
-        self._slopes = _slopes_along(self.numbers, self.runs)
+        programs.slopes = programs.slopes or _slopes_along(self.numbers, self.runs)
+        self._slopes = programs.slopes
         self._batches: dict[tuple[int, ...], list[Batch]] = {}
         self._widths = widths(self.rows, (splits["train"], splits["held-out"]))
         self._starts: dict[int, list] = {}
@@ -114,7 +127,7 @@ class OdeModel(AbstractColoured):
         for batch in self._batches[key]:
             run = self._programs(self.rows[batch.members[0]], only)[program]
             by_run |= batch.by_run([
-                _lanes(run, data, followed, lanes, *tables) for data in batch.parts
+                _lanes(run, self.numbers, data, followed, lanes, *tables) for data in batch.parts
             ])  # fmt: skip
         out = np.concatenate([by_run[i][:, self.rows[i].picked] for i in which], axis=1)
         out[steps > STEEP] = np.nan
@@ -123,15 +136,17 @@ class OdeModel(AbstractColoured):
     def _program_for(self, thetas, steps, which, program) -> tuple[frozenset[int] | None, int]:
         """(laws of the program, points side by side): often used laws have one of their own.
 
-        To write it takes a second, and it saves all other laws at every step.  Points are one or
-        `LANES`, for every other number of them would be a program more.
+        To write it takes a second, and it saves to ask for all other laws at every step, which is
+        little, as none is evaluated that no point has.  Points are one or `LANES`, for every other
+        number of them would be a program more.
         """
-        lanes, only = 1 if len(thetas) == 1 else LANES, self.numbers.active(thetas)
+        lanes, only = 1 if len(thetas) == 1 else LANES[program], self.numbers.active(thetas)
         key = (only, program, lanes)
         stepped = float(np.sum(steps)) * max(1.0, lanes / len(thetas))
         samples = sum(self.rows[i].count for i in which) * stepped
         self._asked[key] = self._asked.get(key, 0.0) + samples
-        return only if self._asked[key] > OFTEN[program] else None, lanes
+        own = len(only) <= FEW and self._asked[key] > OFTEN[program]
+        return only if own else None, lanes
 
     def _programs(self, rows, only: frozenset[int] | None = None):
         """(values, tangents) of rows like these, compiled once."""
@@ -407,7 +422,10 @@ class OdeModel(AbstractColoured):
             if not isinstance(rows, Balance):
                 rows = Balance(self.numbers, self.runs[i])
             program, one = self._programs(rows)[0], np.ones(1, int)
-            self._balances[i] = rows, lambda t: _lanes(program, rows.data, one, 1, t[None])[0]
+            self._balances[i] = (
+                rows,
+                lambda t: _lanes(program, self.numbers, rows.data, one, 1, t[None])[0],
+            )
         return self._balances[i]
 
     @property
@@ -488,26 +506,31 @@ class OdeModel(AbstractColoured):
 def _compiled(rows, only: frozenset[int] | None):
     """(values, tangents, those along starts) of many points of one run, laws of the slots `only`.
 
+    Without those, of all slots; the laws of those that are `on` (slots,) are evaluated.
+
     They go with the model: `equinox.filter_jit` would keep them, and all that they hold, for good;
     a process has room for some 65 000 memory maps, which a dozen of diagnoses fill.
     """
 
-    @jax.jit
-    def value(data, steps, thetas):
-        return rows.each(lambda d, t: rows.rows(t, d, steps, only), data, thetas)
+    def used(on):
+        return on if only is None else None
 
     @jax.jit
-    def tangent(data, steps, thetas, ways):
+    def value(data, steps, on, thetas):
+        return rows.each(lambda d, t: rows.rows(t, d, steps, only, used(on)), data, thetas)
+
+    @jax.jit
+    def tangent(data, steps, on, thetas, ways):
         def one(d, t, w):
-            return jax.jvp(lambda x: rows.rows(x, d, steps, only), (t,), (w,))[1]
+            return jax.jvp(lambda x: rows.rows(x, d, steps, only, used(on)), (t,), (w,))[1]
 
         return rows.each(one, data, thetas, ways)
 
     @jax.jit
-    def start(data, steps, thetas, ways):
+    def start(data, steps, on, thetas, ways):
         def one(d, t, w):
             def moved(shift):
-                return rows.from_starts(t, d, steps, shift, only)
+                return rows.from_starts(t, d, steps, shift, only, used(on))
 
             return jax.jvp(moved, (jnp.zeros_like(w),), (w,))[1]
 
@@ -540,7 +563,9 @@ def _slopes_along(numbers: Numbers, runs: Sequence[OdeRun], count: int = 24):
     return slopes
 
 
-def _lanes(program, data, steps: np.ndarray, lanes: int, *tables: np.ndarray) -> np.ndarray:
+def _lanes(
+    program, numbers: Numbers, data, steps: np.ndarray, lanes: int, *tables: np.ndarray
+) -> np.ndarray:
     """A program over tables (points, ...) in chunks of `lanes` points.
 
     Points that need about as many `steps` run side by side.
@@ -550,7 +575,8 @@ def _lanes(program, data, steps: np.ndarray, lanes: int, *tables: np.ndarray) ->
     for begin in range(0, count, lanes):
         here = order[begin : begin + lanes]
         padded = [t[np.resize(here, lanes)] for t in tables]
-        made = program(data, jnp.asarray(int(steps[here].max())), *map(jnp.asarray, padded))
+        on, most = jnp.asarray(numbers.on(padded[0])), jnp.asarray(int(steps[here].max()))
+        made = program(data, most, on, *map(jnp.asarray, padded))
         out.append(np.asarray(made)[: len(here)])
     rows = np.concatenate(out)
     back = np.empty(count, int)

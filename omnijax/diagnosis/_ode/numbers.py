@@ -111,11 +111,18 @@ class Numbers:
 
     def active(self, thetas: np.ndarray) -> frozenset[int]:
         """Slots that are switched on in any of some vectors (points, numbers)."""
-        gates = thetas[:, [slot.begin for slot in self.slots]]
-        return frozenset(np.flatnonzero(np.any(gates != 0, axis=0)).tolist())
+        return frozenset(np.flatnonzero(self.on(thetas)).tolist())
 
-    def build(self, theta, only=None) -> tuple[AbstractMachine, tuple[PlacedLaw, ...]]:
-        """Machine and laws of a vector, those of the slots `only` if given; may be traced."""
+    def on(self, thetas: np.ndarray) -> np.ndarray:
+        """Whether each slot (slots,) is switched on in any of some vectors (points, numbers)."""
+        gates = thetas[:, [slot.begin for slot in self.slots]]
+        return np.any(gates != 0, axis=0)
+
+    def build(self, theta, only=None, on=None) -> tuple[AbstractMachine, tuple[PlacedLaw, ...]]:
+        """Machine and laws of a vector, those of the slots `only` if given; may be traced.
+
+        Laws of slots that are not `on` (slots,), if given, are not evaluated.
+        """
         machine, theta = self.machine, jnp.asarray(theta)
         for k, prior in enumerate(self.priors):
             machine = eqx.tree_at(
@@ -130,5 +137,6 @@ class Numbers:
             for key, p in slot.law.parameters.items():
                 part = theta[slot.part(key)]
                 values[key] = part if p.shape else part[0]
-            placed.append(PlacedLaw(slot.law(**values), slot.place, jnp.asarray(theta[slot.begin])))
+            gate, used = jnp.asarray(theta[slot.begin]), None if on is None else on[k]
+            placed.append(PlacedLaw(slot.law(**values), slot.place, gate, used))
         return machine, (*self.stated, *placed)

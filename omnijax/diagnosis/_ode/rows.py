@@ -42,8 +42,8 @@ class OdeRun:
 
     @property
     def step(self) -> float:
-        """Sampling step, s."""
-        return float(self.time[1] - self.time[0])
+        """Sampling step, s: one number in all parts of a log, for programs are written for it."""
+        return float(f"{(self.time[-1] - self.time[0]) / (len(self.time) - 1):.10g}")
 
     @property
     def shown(self) -> np.ndarray:
@@ -93,10 +93,10 @@ class Balance:
         """A sampled signal through the thinning low pass."""
         return np.convolve(np.asarray(x), self.taps, "valid")[:: self.thin]
 
-    def rows(self, theta, data, steps=1, only=None):
+    def rows(self, theta, data, steps=1, only=None, on=None):
         """(rows,) m/s^2 or rad/s^2; traced.  Nothing is stepped in time."""
         q, v, a, inputs, time = data
-        machine, placed = self.numbers.build(theta, only)
+        machine, placed = self.numbers.build(theta, only, on)
         inputs = delayed_inputs(placed, time, inputs)
         rate, _, _ = vector_field(machine, placed)
         q, v, a = before_sensors(placed, time, (q, v, a))
@@ -176,13 +176,13 @@ class FreeRun:
         """State (n,) at a window's first sample."""
         return jnp.stack([jnp.asarray(v, float) for v in machine.start(first)])
 
-    def simulated(self, theta, data, steps, shift=0.0, only=None):
+    def simulated(self, theta, data, steps, shift=0.0, only=None, on=None):
         """What is measured (samples,) in one window of the data, its start and past moved; traced.
 
         `data` are those of one window, `shift` (states + 2,) what its start is moved by.
         """
         first, inputs, time, _, moved = data
-        machine, placed = self.numbers.build(theta, only)
+        machine, placed = self.numbers.build(theta, only, on)
         parts, hold, step = self.places, self.run.hold, self.run.step
         moved = moved + shift
         x0 = self.start_states(machine, first) + moved[: self.states]
@@ -193,9 +193,9 @@ class FreeRun:
         out = motion(machine, placed, x0, inputs, step, steps, parts, hold, memory)
         return seen(placed, time, out[self.run.measured], step, before)
 
-    def from_starts(self, theta, data, steps, shift, only=None):
+    def from_starts(self, theta, data, steps, shift, only=None, on=None):
         """What is measured (samples,) in one window, start and past moved by `shift`; traced."""
-        return self.simulated(theta, data, steps, shift, only)
+        return self.simulated(theta, data, steps, shift, only, on)
 
     @property
     def starts(self) -> np.ndarray:
@@ -245,9 +245,9 @@ class FreeRun:
             out.append((rows, left[:, values > 1e-9 * values[0]]))
         return out
 
-    def rows(self, theta, data, steps=1, only=None):
+    def rows(self, theta, data, steps=1, only=None, on=None):
         """(samples,) of one window in the unit of what is measured; traced."""
-        return data[3] - self.simulated(theta, data, steps, only=only)
+        return data[3] - self.simulated(theta, data, steps, only=only, on=on)
 
     def each(self, one, data, *tables):
         """`one(data, row, ...)` of all windows and rows (points, ...): (points, windows * samples).
