@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 
 from benchmarks.axes.plants import Plant, moved
+from omnijax.diagnosis._ode.build import cutoff_of
 from omnijax.diagnosis._ode.model import OdeModel, Programs
 from omnijax.diagnosis._ode.numbers import Numbers
 from omnijax.diagnosis._ode.rows import FreeRun, OdeRun, windows
 from omnijax.diagnosis._search import Point
 from omnijax.laws import AbstractLaw, ShaftSignal
-from omnijax.machine import Axis, Ports
+from omnijax.machine import Axis, Log, Ports
+from omnijax.machine._simulate import EXACT
 from tests.seeds import drawn_anew
 
 STEP, NOISE = 4e-3, 1e-3
@@ -138,6 +140,25 @@ def test_models_of_one_case_share_their_programs():
     for rows, hold in zip(together, ("linear", "held") * 2, strict=True):
         np.testing.assert_array_equal(rows, left(hold))
     assert not np.allclose(together[0], together[1])
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_logs_of_several_rates_are_followed_by_the_coarsest(order):
+    """The first log alone gave the cutoff and the steps: a slow one after it ran too coarsely."""
+    rng, w, logs = drawn_anew("rates"), 60.0, []
+    for step in (1e-3, 8e-3):
+        time = np.arange(0.0, 4.0, step)
+        q, noise = np.sin(3 * time), 1e-4 * rng.normal(size=len(time))
+        logs.append(Log("log", "train", time, {"input": q}, {"position": q + noise}))
+    logs = [logs[k] for k in order]
+    cutoff = cutoff_of(logs, 1e-4)
+    assert cutoff == cutoff_of(logs[1:] if order[0] == 0 else logs[:1], 1e-4) < 0.5 / 8e-3
+    runs = [OdeRun("log", "train", x.time, x.inputs, x.outputs, cutoff) for x in logs]
+    model = OdeModel(Axis(1.0, 0.3, stiffness=w**2), [], runs, {}, [],
+                     lambda n, r: FreeRun(n, r, 0, 400, 1), NOISE)  # fmt: skip
+    steps = model.steps(model.numbers.rest_vector()[None])
+    assert steps == [np.ceil(w * 8e-3 / EXACT)]
+    assert model.scales.step == 1e-3
 
 
 @pytest.mark.parametrize("drawn", [True, False])

@@ -47,11 +47,14 @@ def sensor_noise(logs: Sequence[Log]) -> tuple[float, str]:
 
 
 def cutoff_of(logs: Sequence[Log], noise: float) -> float:
-    """Hz: the widest low pass at which noise is a small part of the measured acceleration."""
-    step, measured = logs[0].step, logs[0].measured
+    """Hz: the widest low pass at which noise is a small part of the measured acceleration.
+
+    One for all logs, by the one that is sampled most coarsely.
+    """
+    step, measured = max(log.step for log in logs), logs[0].measured
     for share in CUTOFFS:
         f = share / step
-        a = np.concatenate([smoothed(log.outputs["position"], step, f)[2] for log in logs])
+        a = np.concatenate([smoothed(log.outputs["position"], log.step, f)[2] for log in logs])
         if acceleration_noise(noise, measured, f, step) < NOISY * np.std(a):
             return f
     return CUTOFFS[-1] / step

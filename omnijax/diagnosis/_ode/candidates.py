@@ -25,7 +25,7 @@ class Scales:
 
     speed: float
     twist: float  # of what a spring of the drive, or the one that holds the axis, is bent by
-    step: float
+    step: float  # the least
     torques: np.ndarray  # sizes of the commanded torque below which it is for `CLIPPED`, `RARELY`
     reach: float  # the largest that was measured
 
@@ -42,7 +42,8 @@ class Scales:
         ])  # fmt: skip
         torques = np.quantile(torque, (*CLIPPED, RARELY))
         reach = max(float(np.max(np.abs(r.shown))) for r in runs)
-        return Scales(float(speed), float(twist), runs[0].step, torques, reach)
+        step = min(r.step for r in runs)
+        return Scales(float(speed), float(twist), step, torques, reach)
 
     def ladder(self, port: str, key: str, parameter) -> list[float]:
         """Values to try of a shape constant of a law at a port."""

@@ -163,7 +163,7 @@ class OdeModel(AbstractColoured):
         runs = [r for r in self.rows if isinstance(r, FreeRun)]
         if not runs:
             return np.ones(len(thetas), int)
-        step = self.runs[0].step / runs[0].places
+        step = max(r.run.step / r.places for r in runs)
         counts, known = np.empty(len(thetas), int), {}
         for k, theta in enumerate(thetas):
             key = theta.tobytes()
