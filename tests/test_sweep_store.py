@@ -8,15 +8,20 @@ import subprocess
 import sys
 import time
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import omnijax
 from omnijax import InputError, load_rig, load_sweep, sweep
 from omnijax.cli._frame import run
+from omnijax.laws import MountSignal
 from omnijax.report import sweep_page
+from omnijax.rig import law_texts, rig_identity
 from omnijax.study import quantity_text
-from omnijax.study._sweep.evaluator import quantities
+from omnijax.study._sweep.evaluator import machine_in, quantities
+from omnijax.study._sweep.plan import Numerics, Sampling, plan
+from omnijax.study._sweep.spec import SweepSpec, differences_of
 from omnijax.study._sweep.store import Store, chunk_files, create_store
 
 VARY = {"wheel.roundness": "0.2:0.6:4", "contact.stiffness": "log:5e4:1e6:5"}
@@ -282,3 +287,56 @@ def test_no_flipped_bit_goes_unnoticed(whole, tmp_path):
             load_sweep(copy)
         file.write_bytes(raw)
     assert same(load_sweep(copy), whole)
+
+
+LAW = '''
+from omnijax.laws import AbstractMount, Parameter
+
+
+class Damper(AbstractMount):
+    """Mount tension += d |rate| rate."""
+
+    d: object
+    id = "quadratic-damper"
+    places = ("wheel", "all")
+    formula = "mount tension += d |rate| rate"
+    parameters = {"d": Parameter("N s^2/m^2", low=0, linear=True)}
+
+    def __call__(self, signal, state=None):
+        return self.d * abs(signal.rate) * signal.rate
+'''
+
+
+def test_a_sweep_carries_the_texts_of_its_users_laws(tmp_path, monkeypatch):
+    """A law file had been looked for in the working folder, and only its name been compared."""
+    monkeypatch.setenv("OMNIJAX_TRUSTED_LAWS", "")
+    specs, machines = [], []
+    for folder, text in (("one", LAW), ("other", LAW.replace("abs(signal.rate)", "0.5"))):
+        file = tmp_path / folder / "damper.py"
+        file.parent.mkdir()
+        file.write_text(text, encoding="utf-8")
+        law = omnijax.load_laws(file)["quadratic-damper"]
+        rig = load_rig("atlas").add(law(np.asarray(4e5)), "w1")
+        sampling, numerics = Sampling("grid", None, 0, False, None, 1), Numerics(
+            "coupled", "auto", 0.1, 500.0, 1e-6, None
+        )  # fmt: skip
+        drive = omnijax.speeds(SPEEDS)
+        specs.append(plan(rig, {"wheel.radius": "0.07,0.08"}, "rms", drive, sampling, numerics)[0])
+        machines.append(rig)
+        file.unlink()
+    for spec, rig in zip(specs, machines, strict=True):
+        again, _ = machine_in(SweepSpec.from_json(spec.to_json()))
+        assert type(again.effects[0].law) is type(rig.effects[0].law)
+    (difference,) = differences_of(*specs)
+    assert difference.startswith("laws.damper.py: ")
+    assert rig_identity(machines[0]) != rig_identity(machines[1])
+    allowed = os.environ["OMNIJAX_TRUSTED_LAWS"]
+    monkeypatch.setattr("omnijax.rig._user_laws._LOADED", {})  # as in another process
+    monkeypatch.setenv("OMNIJAX_TRUSTED_LAWS", "")  # a store from elsewhere runs nothing unasked
+    with pytest.raises(InputError, match="is run only after you have allowed it"):
+        machine_in(specs[0])
+    monkeypatch.setenv("OMNIJAX_TRUSTED_LAWS", allowed)  # what a worker inherits
+    (placed,) = machine_in(specs[0])[0].effects
+    assert float(placed.law(MountSignal(0.0, jnp.asarray(-2.0), 0.0, 0.0))) == -1.6e6
+    with pytest.raises(InputError, match=r"two law files are called damper\.py"):
+        law_texts(machines[0].add(machines[1].effects[0].law, "w2"))

@@ -14,18 +14,16 @@ from ._progress import bar
 
 def asked_of(rig: Any, drive: Any, times: Any, numerics: dict[str, Any]) -> dict[str, Any]:
     """All that decides a run's numbers, as JSON has it."""
-    import tomllib
-
     import jax
     import numpy as np
 
-    from ..rig import rig_text
+    from ..rig import rig_identity
 
     leaves = {
         jax.tree_util.keystr(path).strip("."): _shown(np.asarray(leaf))
         for path, leaf in jax.tree_util.tree_leaves_with_path(drive)
     }
-    asked = {"rig": tomllib.loads(rig_text(rig)), "drive": {"kind": type(drive).__name__, **leaves}}
+    asked = {"rig": rig_identity(rig), "drive": {"kind": type(drive).__name__, **leaves}}
     asked |= {"times": _shown(np.asarray(times)), "numerics": numerics}
     return json.loads(json.dumps(asked))
 

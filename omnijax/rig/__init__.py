@@ -46,6 +46,8 @@ if TYPE_CHECKING:
     from ._quantities import Quantity as Quantity
     from ._quantities import as_number as as_number
     from ._save import files_of_rig as files_of_rig
+    from ._save import law_texts as law_texts
+    from ._save import rig_identity as rig_identity
     from ._save import rig_text as rig_text
     from ._save import save_rig as save_rig
     from ._schema import GROUPS as GROUPS
@@ -56,6 +58,7 @@ if TYPE_CHECKING:
     from ._typed import typed_number as typed_number
     from ._typed import typed_numbers as typed_numbers
     from ._units import converted as converted
+    from ._user_laws import carried_laws as carried_laws
     from ._user_laws import load_laws as load_laws
 
 __getattr__, __dir__ = lazy_face(__name__)

@@ -1,7 +1,9 @@
 """Rig files out: `Rig` -> TOML, so that reading it back gives the same rig to the last bit."""
 
+import hashlib
 import json
 import math
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +23,7 @@ from ._schema import (
     WheelTable,
     quantities,
 )
-from ._user_laws import file_of
+from ._user_laws import AS_BYTES, file_of, texts_of_laws
 
 
 def save_rig(rig: Rig, path: str | Path) -> Path:
@@ -52,11 +54,29 @@ def files_of_rig(rig: Rig, path: str | Path) -> list[Path]:
 
 
 def rig_text(rig: Rig) -> str:
-    """The rig as TOML text that needs no file beside it, measured profiles included.
+    """The rig as TOML text, measured profiles included; laws of a user's file by its name alone.
 
     Numbers are SI.  Raises `InputError` for a measured profile that fits no pitch of its wheel.
     """
     return _text(rig, None, "")
+
+
+def law_texts(rig: Rig) -> dict[str, str]:
+    """Texts of the law files that the rig's effects come from, by file name.
+
+    They belong to `rig_text` where the laws' formulas decide a number.  Raises `InputError` for two
+    files of one name with different texts, and for a law that came from no file.
+    """
+    return texts_of_laws(placed.law for placed in rig.effects)
+
+
+def rig_identity(rig: Rig) -> dict[str, Any]:
+    """All of a rig that decides its numbers, as JSON has it: its tables, digests of its laws."""
+    digests = {
+        name: hashlib.sha256(text.encode("utf-8", AS_BYTES)).hexdigest()
+        for name, text in law_texts(rig).items()
+    }
+    return tomllib.loads(rig_text(rig)) | ({"laws": digests} if digests else {})
 
 
 def _text(rig: Rig, files: dict[str, bytes] | None, stem: str) -> str:

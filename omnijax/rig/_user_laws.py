@@ -1,6 +1,9 @@
 """Users' own laws: loaded once a text, and kept so that a saved rig carries its file."""
 
 import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from contextvars import ContextVar
 from pathlib import Path
 
 from .. import laws
@@ -11,6 +14,8 @@ from ..laws import EFFECTS, AbstractLaw
 
 _LOADED: dict[str, dict[str, type[AbstractLaw]]] = {}  # digest of the file -> its laws
 _FILES: dict[type[AbstractLaw], tuple[str, bytes]] = {}  # law -> name and text of its file
+_CARRIED: ContextVar[Mapping[str, str]] = ContextVar("carried_laws")
+AS_BYTES = "surrogateescape"  # a text of any bytes, which gives them back
 
 
 def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
@@ -27,11 +32,38 @@ def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
 
 def rigs_laws(path: Path) -> dict[str, type[AbstractLaw]]:
     """The laws of a file that a rig names: it runs only where the user has allowed its content."""
-    text = _text(path)
+    carried = _CARRIED.get({})
+    text = carried[path.name].encode("utf-8", AS_BYTES) if path.name in carried else _text(path)
     digest = hashlib.sha256(text).hexdigest()
     if digest not in _LOADED:
         consent(path, digest)
     return _run(path, text)
+
+
+@contextmanager
+def carried_laws(texts: Mapping[str, str]) -> Iterator[None]:
+    """Inside, a law file that a rig names is one of `texts` (by file name), where it is there."""
+    token = _CARRIED.set(texts)
+    try:
+        yield
+    finally:
+        _CARRIED.reset(token)
+
+
+def texts_of_laws(used: Iterable[AbstractLaw]) -> dict[str, str]:
+    """Texts of the files that users' laws come from, by file name.
+
+    Raises `InputError` where two files of one name hold different texts.
+    """
+    texts: dict[str, str] = {}
+    for law in used:
+        if EFFECTS.get(law.id) is type(law):
+            continue
+        name, content = file_of(type(law))
+        text = content.decode("utf-8", AS_BYTES)
+        if texts.setdefault(name, text) != text:
+            raise InputError(f"two law files are called {name}: give one of them another name.")
+    return texts
 
 
 def _text(path: Path) -> bytes:

@@ -1,10 +1,9 @@
 """A checked study: what to vary, what to judge by, under which drives and loads."""
 
 import dataclasses
-import tomllib
 from typing import Any
 
-from ...rig import Rig, rig_text
+from ...rig import Rig, rig_identity
 from ...simulation import SpeedDrive, TorqueDrive, speeds, torques
 from .._constraints import Constraint
 from .._differences import plain
@@ -69,5 +68,4 @@ class Study:
     def identity(self, question: str, **more: Any) -> dict[str, Any]:
         """Everything that decides the numbers of a command, as tables."""
         settings = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        rig = tomllib.loads(rig_text(self.rig))
-        return plain({"question": question, **more, **settings, "rig": rig})
+        return plain({"question": question, **more, **settings, "rig": rig_identity(self.rig)})

@@ -5,7 +5,7 @@ import tomllib
 import numpy as np
 
 from ..._status import FAILED, Status
-from ...rig import Rig, parse_rig
+from ...rig import Rig, carried_laws, parse_rig
 from ...vibration import METRICS
 from .._evaluation import (
     MAX_STEPS,
@@ -49,8 +49,11 @@ def _per(unit: str, other: str) -> str:
     return f"{unit}/({other})" if " " in other or "/" in other else f"{unit}/{other}"
 
 
-def _machine(spec: SweepSpec) -> tuple[Rig, Drive]:
-    return parse_rig(tomllib.loads(spec.rig)), drive_from_plain(spec.drive)
+def machine_in(spec: SweepSpec) -> tuple[Rig, Drive]:
+    """A spec's rig, its users' laws from the texts that the spec carries, and its drive."""
+    with carried_laws(dict(spec.laws)):
+        rig = parse_rig(tomllib.loads(spec.rig))
+    return rig, drive_from_plain(spec.drive)
 
 
 def evaluation_in(spec: SweepSpec) -> Evaluation:
@@ -69,7 +72,7 @@ class Evaluator:
         self.spec, self.points = spec, spec.points
         self._paths = tuple(path for path, _, _ in spec.vary)
         self._rows = Rows(
-            evaluation_in(spec), *_machine(spec), self._paths, spec.gradient, devices,
+            evaluation_in(spec), *machine_in(spec), self._paths, spec.gradient, devices,
             total=self.points.size,
         )  # fmt: skip
         few = 1 << (self.points.size - 1).bit_length()  # no more than there are designs

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..._errors import InputError, not_above_zero
 from ...dynamics import Model
-from ...rig import Rig, rig_text
+from ...rig import Rig, law_texts, rig_text
 from ...simulation import AbstractDrive, SpeedDrive, TorqueDrive, build_model
 from .._axes import SweepAxis, split_vary
 from .._evaluation import (
@@ -129,6 +129,7 @@ def _spec(
     full, fixed = how.method == "full", how.method == "fixed"
     return SweepSpec(
         rig=rig_text(rig),
+        laws=tuple(law_texts(rig).items()),
         vary=tuple((axis.path, axis.unit, axis.text) for axis in axes),
         metrics=how.metrics,
         drive=drive_to_plain(drive),

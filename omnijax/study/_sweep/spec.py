@@ -1,6 +1,7 @@
 """What a sweep is: everything that decides its numbers, as one JSON text."""
 
 import dataclasses
+import hashlib
 import json
 import tomllib
 from typing import Any
@@ -15,9 +16,10 @@ from .._points import PointSet, build_points
 class SweepSpec:
     """Rig, drive, points, metrics and numerics of one sweep; equal specs give equal numbers.
 
-    `rig` is the text of the rig file, `vary` pairs of (path, unit, range in SI units), `drive` the
-    drive as plain numbers, `duration` in s (none: steady state), `rate` samples per s,
-    `substeps` the fixed steps that pass two samples, `method` one of `METHODS`.
+    `rig` is the text of the rig file, `laws` names and texts of the law files that it names, `vary`
+    pairs of (path, unit, range in SI units), `drive` the drive as plain numbers, `duration` in s
+    (none: steady state), `rate` samples per s, `substeps` the fixed steps that pass two samples,
+    `method` one of `METHODS`.
     """
 
     rig: str
@@ -38,6 +40,7 @@ class SweepSpec:
     seed: int = 0
     batch: int = 1024
     chunk: int = 8192
+    laws: tuple[tuple[str, str], ...] = ()
 
     @property
     def points(self) -> PointSet:
@@ -56,6 +59,7 @@ class SweepSpec:
             fields = json.loads(text)
             fields["vary"] = tuple(tuple(axis) for axis in fields["vary"])
             fields["metrics"] = tuple(fields["metrics"])
+            fields["laws"] = tuple(map(tuple, fields.get("laws", ())))
             if "path" in fields:  # what version 0.1 called the method
                 fields["method"] = fields.pop("path")
             return cls(**fields)
@@ -68,10 +72,15 @@ def differences_of(stored: SweepSpec, asked: SweepSpec) -> list[str]:
     return differences(_tree(stored), _tree(asked))
 
 
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogateescape")).hexdigest()[:16]
+
+
 def _tree(spec: SweepSpec) -> dict[str, Any]:
     fields = dataclasses.asdict(spec)
     fields["vary"] = {path: text for path, _, text in spec.vary}
     fields["order of vary"] = ", ".join(path for path, _, _ in spec.vary)
     fields["metrics"] = ", ".join(spec.metrics)
     fields["rig"] = tomllib.loads(spec.rig)
+    fields["laws"] = {name: _digest(text) for name, text in spec.laws}
     return fields

@@ -4,6 +4,8 @@ Every array runs over `design` in chunks of the sweep's chunk.  A chunk file app
 it is whole or absent, and `status` is written last: its chunk files are the done-mask.  A killed
 run therefore loses the chunk it was in, and nothing else.  Every chunk has a checksum; one that is
 lost or damaged counts as not done, and is computed again by `--resume`.
+
+Other studies keep parts of unlike arrays in a `Folder` of `_study_folder.py`, which says why.
 """
 
 import os
