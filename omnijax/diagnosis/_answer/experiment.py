@@ -10,7 +10,8 @@ import itertools
 
 import numpy as np
 
-from .._machine import FINE, Machine, RigModel, Run, orthonormal, wheel_tables
+from .._machine import FINE, Machine, RigModel, Run, wheel_tables
+from .._orthonormal import orthonormal
 from .._search import Effect, Point, tangent_rows
 from .._settings import SETTINGS
 

@@ -1,7 +1,6 @@
 """The sphere on its wheels as a model of the diagnosis: what its runs should show."""
 
 from .clocks import CLOCK as CLOCK
-from .data_vector import orthonormal as orthonormal
 from .elastic import SIGNALS as SIGNALS
 from .elastic import rest_state as rest_state
 from .laws import along as along

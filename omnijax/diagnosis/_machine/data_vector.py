@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 
+from .._orthonormal import orthonormal
 from .._settings import SETTINGS
 from .runs import Run
 
@@ -178,12 +179,3 @@ def _start_columns(first, last, run: Run, axes, weight) -> np.ndarray:
         columns[:, 3:, :3] = np.cumsum(here, axis=0) * run.step - here[:1] * run.step
     columns[:, 3:, 3:] = np.eye(wheels)
     return (columns * weight[:, :, None]).reshape(-1, 3 + wheels)
-
-
-def orthonormal(columns: np.ndarray) -> np.ndarray:
-    scale = np.linalg.norm(columns, axis=0)
-    columns = columns[:, scale > 0] / scale[scale > 0]
-    if columns.shape[1] == 0:
-        return columns
-    u, s, _ = np.linalg.svd(columns, full_matrices=False)
-    return u[:, s > 1e-9 * s[0]]

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from .._orthonormal import orthonormal
 from .._search import (
     Point,
     WhereQuestion,
@@ -124,21 +125,15 @@ def changing(tangents: dict[str, np.ndarray], least: float = 0.0) -> list[WhereQ
     if not tangents:
         return []
     every = np.concatenate([*tangents.values()], axis=1)
-    kept = _orthonormal(every, max(least, 1e-9 * _longest(every)))
+    kept = orthonormal(every, max(least, 1e-9 * _longest(every)))
     out = []
     for name, columns in tangents.items():
         ramp = np.linspace(-1, 1, len(columns))[:, None] * columns
         left = ramp - kept @ (kept.T @ ramp)
-        own = _orthonormal(left, max(least, ALIKE * _longest(ramp)))
+        own = orthonormal(left, max(least, ALIKE * _longest(ramp)))
         if own.shape[1]:
             out.append(state(f"change {name}", own))
     return out
-
-
-def _orthonormal(columns: np.ndarray, least: float) -> np.ndarray:
-    """A basis of columns, without directions of no more than the length `least`."""
-    u, s, _ = np.linalg.svd(columns, full_matrices=False)
-    return u[:, s > least]
 
 
 def _longest(columns: np.ndarray) -> float:

@@ -5,9 +5,10 @@ from collections.abc import Callable
 import numpy as np
 
 from ...rig import Rig
+from .._orthonormal import orthonormal
 from .._settings import SETTINGS
 from .clocks import LoggerClock, offset_of
-from .data_vector import DataRows, make_rows, orthonormal
+from .data_vector import DataRows, make_rows
 from .encoders import PARTS, response_rows, smoother_modes, walk_modes, whitener
 from .late import late_outputs
 from .laws import on_time, readings

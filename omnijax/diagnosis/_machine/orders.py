@@ -16,8 +16,9 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from .._orthonormal import orthonormal
 from .._settings import SETTINGS
-from .data_vector import DataRows, orthonormal
+from .data_vector import DataRows
 from .linearisation import THIN, Linearisation
 from .runs import FINE
 

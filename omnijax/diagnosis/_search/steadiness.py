@@ -11,6 +11,7 @@ import dataclasses
 import numpy as np
 from numpy.polynomial.legendre import legvander
 
+from .._orthonormal import orthonormal_of_many_rows
 from .._settings import SETTINGS
 from .fit import Fit, tangent_rows
 from .held_out import HeldOut
@@ -50,7 +51,7 @@ def unsteady(model: AbstractModel, fit: Fit, alike: float) -> list[Unsteady]:
         run, time = (np.concatenate(x) for x in zip(fitted, others, strict=True))
     if not (np.all(np.isfinite(J)) and np.all(np.isfinite(left))):
         return []
-    every = _basis(J)
+    every = orthonormal_of_many_rows(J)
     left = left - every @ (every.T @ left)
     shapes = [np.where(run == r, 1.0, 0.0) for r in np.unique(run)]
     course = legvander(2 * time / max(time.max(), 1e-300) - 1, DEGREE)[:, 1:]
@@ -66,7 +67,7 @@ def unsteady(model: AbstractModel, fit: Fit, alike: float) -> list[Unsteady]:
         size = float(change @ change)
         varied = shapes * change[:, None]
         varied = varied - every @ (every.T @ varied)
-        part = _basis(varied, 1e-3 * float(np.linalg.norm(change)))
+        part = orthonormal_of_many_rows(varied, 1e-3 * float(np.linalg.norm(change)))
         d = part @ (part.T @ left)
         shown = HeldOut.of(left, left - d)
         gain = max(0.0, shown.gain) / shown.spread
@@ -75,18 +76,3 @@ def unsteady(model: AbstractModel, fit: Fit, alike: float) -> list[Unsteady]:
         if p < SURELY and share > alike:
             out.append(Unsteady(effect.name, float(share), p))
     return sorted(out, key=lambda x: -x.share)
-
-
-def _basis(columns: np.ndarray, least: float = 0.0) -> np.ndarray:
-    """Orthonormal columns; directions shorter than `least` are left out.
-
-    By default those of which scaled columns hold less than 1e-7.
-    """
-    if not least:
-        scale = np.linalg.norm(columns, axis=0)
-        columns = columns[:, scale > 0] / scale[scale > 0]
-    if not columns.shape[1]:
-        return columns
-    values, vectors = np.linalg.eigh(columns.T @ columns)
-    kept = values > max(least**2, 1e-14 * values[-1])
-    return columns @ (vectors[:, kept] / np.sqrt(values[kept]))
