@@ -14,6 +14,8 @@ from omnijax.paper._claim import FAILS, HOLDS, PARTLY, Claim, at_least, at_most
 from omnijax.paper._cycle import cycle, from_rest, lengths, metrics
 from omnijax.paper._errata import ROWS, judge, recovered_radius
 from omnijax.paper._study import make_study
+from omnijax.report import _svg
+from omnijax.report._svg import Drawing
 from omnijax.simulation import simulate, speeds
 
 pytestmark = pytest.mark.long
@@ -32,14 +34,22 @@ def study():
     return make_study(count=1, harmonics=48)
 
 
+def one_width(fig, name, unit):
+    """A drawing for wide screens alone."""
+    return Drawing(unit, _svg._svg(fig, name), "")
+
+
 @pytest.fixture(scope="module")
 def written(study, tmp_path_factory):
-    """The reduced page, through the same parts as the command."""
+    """The reduced page, through the same parts as the command, figures in one width."""
     from omnijax.paper import _reproduce
 
     folder = tmp_path_factory.mktemp("paper") / HOSTILE
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_reproduce, "make_study", lambda *_: study)
+        patch.setattr(
+            _svg, "_both", lambda fig, name, unit: Drawing(unit, _svg._svg(fig, name), "")
+        )
         found = _reproduce.reproduce(folder, samples=1)
     return folder, found
 

@@ -9,18 +9,25 @@ from ._study import PaperStudy
 AXES = "xyz"
 
 
-def velocity(study: PaperStudy) -> Figure:
-    """Fig. 7: the sphere's angular velocity, with the straight lines it should follow."""
-    t, omega = study.ideal.t, study.ideal.run.Omega[0]
+def _with_powers(t, values, symbol: str, power: int, curve: str, label: str):
+    """Components of `values` (t, 3) over t (s), with the multiples of t^power nearest to them."""
+    wanted = t**power
     with style():
         fig, (ax,) = figure(1, height=3.6)
         for i, axis in enumerate(AXES):
-            ax.plot(t, omega[:, i], color=COLOURS[i], label=f"Ω_{axis}")
-            slope = (t @ omega[:, i]) / (t @ t)
-            ax.plot(t[::20], slope * t[::20], "o", color=COLOURS[i], markersize=4)
-        ax.plot([], [], "o", color=MUTED, markersize=4, label="straight line")
-        ax.set(xlabel="time (s)", ylabel="angular velocity (rad/s)", xlim=(0, t[-1]))
+            ax.plot(t, values[:, i], color=COLOURS[i], label=f"{symbol}{axis}")
+            factor = (wanted @ values[:, i]) / (wanted @ wanted)
+            ax.plot(t[::20], factor * wanted[::20], "o", color=COLOURS[i], markersize=4)
+        ax.plot([], [], "o", color=MUTED, markersize=4, label=curve)
+        ax.set(xlabel="time (s)", ylabel=label, xlim=(0, t[-1]))
         legend_above(ax)
+    return fig
+
+
+def velocity(study: PaperStudy) -> Figure:
+    """Fig. 7: the sphere's angular velocity, with the straight lines it should follow."""
+    t, omega = study.ideal.t, study.ideal.run.Omega[0]
+    fig = _with_powers(t, omega, "Ω_", 1, "straight line", "angular velocity (rad/s)")
     data = {"t / s": t} | {f"Omega_{a} / rad/s": omega[:, i] for i, a in enumerate(AXES)}
     caption = (
         "Figure 7. Angular velocity of the sphere in the ideal case: round wheels, constant motor "
@@ -32,15 +39,7 @@ def velocity(study: PaperStudy) -> Figure:
 def path(study: PaperStudy) -> Figure:
     """Fig. 8: the platform's position."""
     t, place = study.ideal.t, study.ideal.run.R_l[0]
-    with style():
-        fig, (ax,) = figure(1, height=3.6)
-        for i, axis in enumerate(AXES):
-            ax.plot(t, place[:, i], color=COLOURS[i], label=f"R_l,{axis}")
-            factor = (t**2 @ place[:, i]) / (t**2 @ t**2)
-            ax.plot(t[::20], factor * t[::20] ** 2, "o", color=COLOURS[i], markersize=4)
-        ax.plot([], [], "o", color=MUTED, markersize=4, label="parabola")
-        ax.set(xlabel="time (s)", ylabel="position (m)", xlim=(0, t[-1]))
-        legend_above(ax)
+    fig = _with_powers(t, place, "R_l,", 2, "parabola", "position (m)")
     data = {"t / s": t} | {f"R_l_{a} / m": place[:, i] for i, a in enumerate(AXES)}
     caption = (
         "Figure 8. Position of the platform in the ideal case under the constant force "
