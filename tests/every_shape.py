@@ -20,6 +20,7 @@ CHECKED = ("laws", "rig", "recording", "dynamics", "simulation", "vibration", "s
 if __name__ == "__main__":
     install_import_hook([f"omnijax.{name}" for name in CHECKED], "shapes.checked")
 
+import equinox as eqx  # noqa: E402
 import jax  # noqa: E402
 import numpy as np  # noqa: E402
 
@@ -104,6 +105,39 @@ def steady(folder):
         command("check", path)
 
 
+def drawn_wheels(folder):
+    """Faces of a rig of 2, 5 or 6 drawn wheels and of a batch of such rigs, traced alone."""
+    from machines import drawn_machine
+    from seeds import drawn_anew
+
+    from omnijax.dynamics import TRANSLATIONS, linear_system, wheel_shape
+
+    rng, ts = drawn_anew("wheels of shapes"), np.arange(21) / 500
+    n, batch = int(rng.choice([2, 5, 6])), int(rng.integers(2, 5))
+    first, *others = (drawn_machine(rng, n) for _ in range(batch))
+    rigs = [first, *(eqx.tree_at(lambda r: r.profiles, rig, first.profiles) for rig in others)]
+    turning = rng.uniform(-5, 5, (batch, n))
+
+    def run(rig, values):
+        given = omnijax.speeds(values, [1.0, 2.0, 3.0])
+        found = omnijax.propagate(rig, given, ts)
+        figures = omnijax.evaluate(found, rig, ("rms", "peak", "sphere_weighted_acceleration"))
+        return found.dR, found.theta, found.normal_force, figures
+
+    def long_run(rig, values):
+        return omnijax.steady_state(rig, values, harmonics=8, grid_bits=6).peak_component
+
+    def of_the_rig(rig, values):
+        system = linear_system(TRANSLATIONS["coupled"](rig))
+        matrices = eqx.filter(system, eqx.is_array)
+        return wheel_shape(rig, values), matrices, natural_frequencies(rig)
+
+    for function in (run, long_run, of_the_rig):
+        stacked = jax.tree.map(lambda *leaves: np.stack(leaves), *rigs)
+        several = jax.eval_shape(jax.vmap(function), stacked, turning)
+        assert all(leaf.shape[0] == batch for leaf in jax.tree.leaves(several)), function
+
+
 def sweeps(folder):
     """A sweep in a store, and slopes of a steady state."""
     path = rig_file(folder, "ballbot")
@@ -128,7 +162,8 @@ def refusals(folder):
     raise AssertionError("sample times of two axes were taken")
 
 
-FLOWS = {f.__name__: f for f in (runs, four_wheels, torques, steady, sweeps, refusals)}
+EVERY = (runs, four_wheels, torques, steady, drawn_wheels, sweeps, refusals)
+FLOWS = {f.__name__: f for f in EVERY}
 
 
 def worked_study(name):
