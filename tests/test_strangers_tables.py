@@ -146,3 +146,17 @@ def test_a_column_of_words_is_none_that_moves(tmp_path, signals, capsys):
     log.write_text("t,torque,angle\ns,Nm,deg\nx,y,z\n")
     assert cli.run(["case", "new", str(log), "--yes"]) == 2
     assert "log.csv" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("damaged, left", [(slice(30, 31), 1), (slice(0, 20), 20)])
+def test_a_damaged_stamp_costs_no_more_rows_than_need_be(tmp_path, signals, damaged, left):
+    """One stamp far ahead had cost all rows up to it, a clock set back all rows after that."""
+    t, torque, angle = signals
+    stamps = t.copy()
+    stamps[damaged] += 0.9 * t[-1]
+    path = tmp_path / "log.csv"
+    table = np.stack([stamps, torque, angle], 1)
+    np.savetxt(path, table, delimiter=",", header="t,torque,angle", comments="")
+    assert cli.run(["case", "new", str(path), "--out", str(tmp_path / "case"), "--yes"]) == 0
+    (fault,) = (x for x in read_machine_case(tmp_path / "case").faults if "increase" in x)
+    assert f" {left} rows do not increase" in fault

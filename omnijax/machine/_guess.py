@@ -13,7 +13,7 @@ from ..recording import read_table
 from ._axis import INPUTS
 from ._first_numbers import LogSignals
 from ._hold import input_hold
-from ._log import LEAST, evenly, travelled, unwound
+from ._log import LEAST, evenly, increasing, travelled, unwound
 from ._log import MEASURED as MEASURABLE
 from ._second_numbers import coupled
 from ._unit_of_channel import factor_of
@@ -328,7 +328,10 @@ def _described(log: Path, table, time: str | None, given: str, position: str | N
         q = unwound(q)
     if time is not None:
         t = _in_si(np.asarray(table.columns[time], float)[good], units.get("t"), "s")
-        q, u, *rest = evenly(t, step, q, u, *others.values())
+        kept = np.flatnonzero(np.isfinite(t))
+        kept = kept[increasing(t[kept])]
+        rows = [x[kept] for x in (t, q, u, *others.values())]
+        q, u, *rest = evenly(rows[0], step, *rows[1:])
         others = dict(zip(others, rest, strict=True))
     if len(q) < LEAST:
         raise InputError(f"{log.name} has {len(q)} usable rows, but at least {LEAST} are needed.")

@@ -1,5 +1,6 @@
 """Logs of a machine: any table, any column names and units, and the NAME.toml beside it."""
 
+import bisect
 import dataclasses
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -162,6 +163,27 @@ def travelled(velocity: np.ndarray, step: float) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
+def increasing(t: np.ndarray) -> np.ndarray:
+    """Which rows (t,) to keep so that times increase: as many as can be, so that one damaged time
+    stamp far ahead does not cost all rows up to it.
+
+    Source: Fredman, On computing the length of longest increasing subsequences (1975).
+    """
+    if np.all(np.diff(t) > 0):
+        return np.ones(len(t), bool)
+    ends: list[float] = []  # the least time at which k + 1 rows that increase can end
+    rows: list[int] = []  # and its row
+    before = np.full(len(t), -1)
+    for i, x in enumerate(t.tolist()):
+        k = bisect.bisect_left(ends, x)
+        before[i] = rows[k - 1] if k else -1
+        ends[k : k + 1], rows[k : k + 1] = [x], [i]
+    keep, i = np.zeros(len(t), bool), rows[-1]
+    while i >= 0:
+        keep[i], i = True, before[i]
+    return keep
+
+
 def jitters(t: np.ndarray, step: float) -> bool:
     """Whether times (t,) differ from an even grid: samples are missing, or a clock is coarse."""
     return bool(np.max(np.abs(np.diff(t) - step)) > 0.02 * step)
@@ -224,8 +246,8 @@ def _on_a_grid(file: LogFile, signals, inputs, outputs, measured: str | None, fa
         raise InputError(
             f"{file.log.name} has {len(t)} usable rows, but at least {LEAST} are needed."
         )
-    if not np.all(np.diff(t) > 0):
-        keep = np.concatenate([[True], np.diff(np.maximum.accumulate(t)) > 0])
+    keep = increasing(t)
+    if not keep.all():
         if keep.sum() < LEAST:
             raise InputError(f"{file.log.name}, column `t`: time does not increase.")
         faults.append(f"{file.log.name}, column `t`: {int((~keep).sum())} rows do not increase; "
