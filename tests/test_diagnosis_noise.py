@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from omnijax import InputError
-from omnijax.diagnosis._answer import AbstractEvidence, RigEvidence
+from omnijax.diagnosis._answer import JUDGES, AbstractEvidence, RigEvidence
 from omnijax.diagnosis._answer.shown import Shown, shown_noise
 from omnijax.diagnosis._answer.verdict import judge
 from omnijax.diagnosis._answered import explained
@@ -130,6 +130,7 @@ def test_no_run_is_said_to_be_held_out_where_none_was(effects):
             reason = judged(1.0, structure, 2.5, effects, confirmed_on=on).reason
             assert ("held-out" in reason) == (on == "held-out")
             assert words in reason or "none is left to confirm it" in reason
+            assert (on == "nothing") == ("only" in JUDGES[on].fitted)  # there may be several
             assert not (on == "nothing" and "runs confirm" in reason and effects)
 
 

@@ -160,3 +160,15 @@ def test_a_damaged_stamp_costs_no_more_rows_than_need_be(tmp_path, signals, dama
     assert cli.run(["case", "new", str(path), "--out", str(tmp_path / "case"), "--yes"]) == 0
     (fault,) = (x for x in read_machine_case(tmp_path / "case").faults if "increase" in x)
     assert f" {left} rows do not increase" in fault
+
+
+def test_a_command_has_any_unit(tmp_path, signals):
+    """A voltage of a motor whose resistance nobody states: "the file says 'V', no unit of 1"."""
+    path = tmp_path / "log.csv"
+    path.write_text("\n".join(["Zeit;Spannung;Winkel", "s;V;rad", *rows(signals, ";", True)
+                               .splitlines()]))  # fmt: skip
+    assert guess(path).drives == "command"
+    assert cli.run(["case", "new", str(path), "--out", str(tmp_path / "case"), "--yes"]) == 0
+    case = read_machine_case(tmp_path / "case")
+    assert not [x for x in case.faults if "Spannung" in x]
+    np.testing.assert_allclose(case.logs[0].inputs["input"], signals[1][: len(case.logs[0].time)])

@@ -227,6 +227,8 @@ def _column(file: LogFile, table, name: str, unit: str, faults) -> np.ndarray | 
         if name in file.units:
             raise InputError(f"{file.path.name}: `units.{name}` must be a unit of {unit}, but is "
                              f"{said!r}.") from None  # fmt: skip
+        if unit == "1":  # a command has any unit: what one of it is says the motor's constant
+            return values
         faults.append(f"{file.log.name}, column `{theirs}`: the file says {said!r}, which is no "
                       f"unit of {unit}; it is read as {unit}.")  # fmt: skip
         return values

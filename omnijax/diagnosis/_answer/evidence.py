@@ -23,7 +23,7 @@ class AbstractEvidence(abc.ABC):
     closing: float = 0.99  # share of the held-out gap that a named set has to close: right ones
     # closed 0.998 and more (prototype), a hard limit in place of a soft one 0.977 (own cases)
     alike: float = 0.05  # share by which held-out runs may show a named effect at another size
-    confirmed_on: str = "held-out"  # held-out, blocks (parts of the only run) or nothing
+    confirmed_on: str = "held-out"  # held-out, blocks (parts of the runs) or nothing
 
     @abc.abstractmethod
     def locate(self, point: Point) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:

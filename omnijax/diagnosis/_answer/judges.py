@@ -19,9 +19,9 @@ JUDGES = {  # by `Diagnosis.confirmed_on`
         "and the motion there.",
     ),
     "blocks": Judges(
-        "the parts of the run that were kept out of the fit",
-        "and those parts of the only run confirm it that were kept out of the fit",
-        "On the parts of the only run that were kept out of the fit.",
+        "the parts that were kept out of the fit",
+        "and the parts that were kept out of the fit confirm it",
+        "On the parts of the runs that were kept out of the fit.",
     ),
     "nothing": Judges(
         "the fitted runs themselves",
