@@ -72,6 +72,8 @@ def test_what_the_runs_cannot_tell_apart_is_ambiguous_with_every_rival(ambiguous
         others = {(o["id"], o["place"]) for o in effect.indistinguishable_from}
         assert others == names - {(effect.id, effect.place)}
         assert effect.evidence.get("margin", 0.0) < 25
+    excluded = {(x["id"], x["place"]) for x in ambiguous.excluded}
+    assert excluded and not excluded & names
 
 
 @pytest.mark.full

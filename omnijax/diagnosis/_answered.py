@@ -7,6 +7,7 @@ from ._answer import (
     JUDGES,
     AbstractEvidence,
     Diagnosis,
+    Named,
     Shown,
     Verdict,
     baseline_table,
@@ -101,7 +102,7 @@ def _said(
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     known = judged.verdict in ("named", "ambiguous")
     point = outcome.fit.point if known else outcome.baseline.point
-    excluded = _excluded(limits, outcome, known)
+    effects = named(evidence, outcome, judged)
     learned = None
     if judged.verdict == "unknown":
         learned = evidence.learn(outcome.baseline, tell)
@@ -113,7 +114,7 @@ def _said(
         where, everything = evidence.locate(outcome.baseline.point)
     result = Diagnosis(
         verdict=judged.verdict,
-        effects=named(evidence, outcome, judged),
+        effects=effects,
         where=plain_where(where),
         gap=gaps(evidence, shown, first, last),
         next_experiment=separating(evidence, outcome, judged, tell),
@@ -121,7 +122,7 @@ def _said(
         noise=noise,
         scores=score_table(outcome),
         confirmed_on=confirmed_on,
-        excluded=excluded,
+        excluded=_excluded(limits, outcome, effects),
         learned=None if learned is None else learned.table(),
         notes=notes(evidence, outcome, judged, noise_remarks(noise)),
         faults=evidence.faults,
@@ -168,8 +169,12 @@ def _limits(model, outcome: SearchResult) -> list[dict[str, Any]]:
 
 
 def _excluded(
-    limits: list[dict[str, Any]], outcome: SearchResult, known: bool
+    limits: list[dict[str, Any]], outcome: SearchResult, effects: list[Named]
 ) -> list[dict[str, Any]]:
-    """The limits beside what was named."""
-    names = {e.name for e in outcome.fit.point.effects} if known else set()
-    return [x for x in limits if f"{x['id']}@{x['place']}" not in names]
+    """The limits of what may be missing: of none that stands in the fit, nor of a rival of one.
+
+    Beside one of them a second one is small, which says nothing of how large it is in its place.
+    """
+    standing = {(e.id, e.place) for e in (*outcome.fit.point.effects, *effects)}
+    standing |= {(x["id"], x["place"]) for e in effects for x in e.indistinguishable_from}
+    return [x for x in limits if (x["id"], x["place"]) not in standing]
