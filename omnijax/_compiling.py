@@ -14,13 +14,16 @@ from ._waiting import told
 # new one, and its programs of one run or of a few dozen designs are as fast.
 OLDER = version("jaxlib").startswith("0.10.")
 QUICK: Any = {"xla_cpu_use_fusion_emitters": False} if OLDER else {}
+# Where a machine has vectors of 512 bits, loops over designs use them whole: 10 to 15 % faster in
+# bulk (values and gradients), compiled in the same time.  XLA's own choice is half of that.
+WIDE: Any = {"xla_cpu_prefer_vector_width": 512}
 # A short program costs a quarter less where its code is not parted for several threads.
 SHORT = 1000  # lines of StableHLO
 
 
 def quick_options(lines: int) -> Any:
     """Options of the compiler for a program of so many lines."""
-    return QUICK | ({"xla_cpu_parallel_codegen_split_count": 1} if lines < SHORT else {})
+    return WIDE | QUICK | ({"xla_cpu_parallel_codegen_split_count": 1} if lines < SHORT else {})
 
 
 def quick_jit(function: Callable) -> Callable:

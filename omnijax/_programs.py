@@ -35,7 +35,7 @@ from jax.core import Tracer
 from jax.experimental.compilation_cache import compilation_cache
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
-from ._compiling import quick_options
+from ._compiling import WIDE, quick_options
 from ._config import cache_folder
 from ._private import config_folder, private_folder
 from ._waiting import told
@@ -234,7 +234,7 @@ def _make(function: Callable, leaves: list[Any], tree: Any, key: str, quick: boo
     (static,) = words
     text = lowered.as_text()
     kernels = set(re.findall(r"custom_call @(\w+)", text))
-    options = quick_options(text.count("\n")) if quick else {}
+    options = quick_options(text.count("\n")) if quick else WIDE
     if not all(name.startswith("lapack_") for name in kernels):  # not XLA's own, nor registered
         return _unflattened(lowered.compile(compiler_options=options), static)
     compiled = _compile_afresh(lowered, options)

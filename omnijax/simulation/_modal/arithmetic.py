@@ -63,6 +63,23 @@ def product(kind, a, b):
     )
 
 
+def powers(kind, a: Pair, count: int) -> Pair:
+    """1, a, ..., a^(count - 1) of pairs, one below the other, by doubling; `flushed`."""
+    one = jnp.ones((1, *a[0].shape))
+    first, second = one, jnp.where(kind > 0, 0.0, one)
+    while len(first) < count:
+        further = stored(_product, kind, first, second, *a)
+        first, second = (
+            flushed(jnp.concatenate(x)) for x in zip((first, second), further, strict=True)
+        )
+        a = stored(_product, kind, *a, *a)
+    return first[:count], second[:count]
+
+
+def _product(kind, a0, a1, b0, b1) -> Pair:
+    return product(kind, (a0, a1), (b0, b1))
+
+
 def quotient(kind, a, b):
     """a / b of pairs."""
     k = kind > 0

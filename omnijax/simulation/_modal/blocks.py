@@ -6,16 +6,14 @@ part jumps by the difference of the sinusoids' parts.
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .arithmetic import (
     Pair,
-    flushed,
     materialised,
     pair_exp,
-    product,
+    powers,
     rows,
     sincos,
     stored,
@@ -100,20 +98,9 @@ def pole_exp(m: PolePairs, layout: Layout, time) -> Pair:
 def tables(m: PolePairs, layout: Layout, rate, step) -> BlockTables:
     """exp and sinusoids at 0, step, ..."""
     E = [rows(x, layout.poles) for x in pole_exp(m, layout, jnp.broadcast_to(step, (1, 1)))]
-    kind = rows(m.kind, layout.poles)
-
-    def on(row, _):
-        return product(kind, row, E), row
-
-    one = jnp.ones_like(kind), jnp.where(kind > 0, 0.0, 1.0)
-    T0, T1 = (flushed(x) for x in jax.lax.scan(on, one, None, length=LENGTH)[1])
-    s, c = sincos(rate * step)
-
-    def turn(row, _):
-        return (row[0] * c - row[1] * s, row[1] * c + row[0] * s), row
-
-    begin = jnp.ones_like(rate), jnp.zeros_like(rate)
-    return BlockTables(T0, T1, *jax.lax.scan(turn, begin, None, length=LENGTH)[1])
+    s, c = stored(sincos, rate * step)
+    turns = powers(jnp.ones_like(rate), (c, s), LENGTH)
+    return BlockTables(*powers(rows(m.kind, layout.poles), (E[0], E[1]), LENGTH), *turns)
 
 
 class Operands(NamedTuple):

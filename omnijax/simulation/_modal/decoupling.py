@@ -29,7 +29,10 @@ def turned_states(rigs: Rig, system: System) -> np.ndarray | None:
         first += len(part)
     A = np.asarray(system.A)
     A = A / np.abs(A).max(axis=(1, 2), keepdims=True)
-    return turn if len(blocks_of(np.asarray(_coupled(turn.T @ A @ turn)))) > 1 else None
+    for some in (A[:1], A):  # mostly the first design tells
+        if len(blocks_of(np.asarray(_coupled(turn.T @ some @ turn)))) == 1:
+            return None
+    return turn
 
 
 def _directions(normal: Float[np.ndarray, "n 3"]) -> tuple[np.ndarray, np.ndarray]:

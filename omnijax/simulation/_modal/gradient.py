@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .arithmetic import Pair, stored, summed
-from .poles import Eigen, PolePairs
+from .poles import Eigen, PolePairs, unpacked, unpacked_inverse
 from .signals import Signals
 from .system import Layout, System
 from .transient import ROWS, Lanes
@@ -65,8 +65,11 @@ def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> S
         )
         return real, imaginary
 
-    V, back = _parts(pairs.vector), _parts(pairs.inverse)  # (m, k, c), (k, m, c)
-    c, b = _parts(pairs.output[:ROWS]), _parts(jnp.swapaxes(pairs.input, 0, 1))  # (l, k, c)
+    value = pairs.value.real, pairs.value.imag
+    V = unpacked(pairs.vector, value[1])  # (m, k, c)
+    back = _swapped(unpacked_inverse(jnp.swapaxes(pairs.inverse, 0, 1), value[1]))  # (k, m, c)
+    c = unpacked(pairs.output[:ROWS], value[1])  # (o, k, c)
+    b = unpacked_inverse(jnp.swapaxes(pairs.input, 0, 1), value[1])  # (l, k, c)
     psi, rate = whole(slopes.psi), whole(slopes.rate)
 
     def across(psi: Pair) -> tuple[Pair, Pair, Pair, Pair]:
@@ -79,7 +82,6 @@ def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> S
 
     left, right, given, shown = across(psi)
     flat = across(rate)
-    value = _parts(pairs.value)
     gap = value[0][:, None] - value[0], value[1][:, None] - value[1]
     size, damping = gap[0] * gap[0] + gap[1] * gap[1], jnp.abs(value[0])
     least = 1e-5 * (1 / span + jnp.maximum(damping[:, None], damping))
@@ -106,11 +108,6 @@ def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> S
     return System(
         A, inputs[:total], jnp.pad(outputs, room), direct, jnp.zeros_like(g.slope), inputs[total]
     )
-
-
-def _parts(z) -> Pair:
-    """Real and imaginary part."""
-    return z.real, z.imag
 
 
 def _with_axis(a: Pair, axis: int) -> Pair:

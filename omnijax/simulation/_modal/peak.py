@@ -1,24 +1,16 @@
-"""Sums from which the derivatives of a run's refined peak follow, in closed form.
-
-With q = exp(lambda period) the n passages of an edge add up to (1 - q^n)/(1 - q).
-"""
-
-import math
-from typing import NamedTuple
+"""Sums from which the derivatives of a run's refined peak follow, in closed form."""
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from .arithmetic import (
     Pair,
-    exp_less_one,
     materialised,
     pair_exp,
     plus,
     product,
-    quotient,
     rows,
     sincos,
     summed,
@@ -26,67 +18,12 @@ from .arithmetic import (
     turned,
 )
 from .blocks import stored_forced
-from .edges import at_piece, by_signal, edge_times
+from .edges import at_piece, by_signal
 from .output_sums import OutputSums, by_begins, seen
+from .passages import PassedEdges, edge_sums, passages
 from .poles import PolePairs
-from .signals import Signals
 from .system import Layout
 from .transient import ROWS, Lanes, Near, hermite_peak
-
-TURN = 2 * math.pi
-
-
-def _repeated(kind, a: Pair, count) -> Pair:
-    """1 + e^a + ... + e^((count - 1) a) for a whole `count` above 0."""
-    k = kind > 0
-    turns = jax.lax.stop_gradient(jnp.round(jnp.where(k, a[1], 0.0) / TURN))
-    a = a[0], a[1] - TURN * turns
-    size = jnp.where(k, jnp.abs(a[0]) + jnp.abs(a[1]), jnp.abs(a[0])) * count
-    near = size < 1e-4, jnp.where(k, size < 1e-4, jnp.abs(a[1]) * count < 1e-4)
-    safe = jnp.where(near[0], -1.0, a[0]), jnp.where(near[1], jnp.where(k, 0.0, -1.0), a[1])
-    far = quotient(
-        kind, exp_less_one(kind, (count * safe[0], count * safe[1])), exp_less_one(kind, safe)
-    )
-    one, square = (jnp.ones_like(a[0]), jnp.where(k, 0.0, 1.0)), product(kind, a, a)
-    first, second = (count - 1) / 2, (count - 1) * (2 * count - 1) / 12
-    series = [count * (o + first * x + second * y) for o, x, y in zip(one, a, square, strict=True)]
-    return jnp.where(near[0], series[0], far[0]), jnp.where(near[1], series[1], far[1])
-
-
-class _Passages(NamedTuple):
-    """What signals have passed until a time."""
-
-    edge: Pair  # (g, k, p, c): sum over the passages of exp(lambda (t - t_e))
-    rate: Pair  # derivative of `edge` by the poles
-    piece: Float[Array, "g c"]  # the one that each signal is on
-    begun: Float[Array, "g c"]  # s, when it began
-
-
-def _passages(m: PolePairs, signals: Signals, layout: Layout, time) -> _Passages:
-    first, period = edge_times(signals)
-    period = period[:, None]
-    count = jnp.maximum(jnp.floor((time - first) / period) + 1, 0.0)
-    alive = count > 0
-    last = first + (count - 1) * period
-    many = jnp.maximum(count, 1.0)[:, :, None]
-    step, ago = (jnp.where(alive, x, 0.0)[:, :, None] for x in (period, time - last))
-
-    def passed(kind, pole: Pair) -> Pair:
-        sums = _repeated(kind, times(step, pole), many)
-        return product(kind, sums, pair_exp(kind, times(ago, pole)))
-
-    def both(kind, l0, l1):
-        one = jnp.ones_like(l0), jnp.where(kind > 0, 0.0, 1.0)
-        value, rate = jax.jvp(lambda *pole: passed(kind, pole), (l0, l1), one)
-        return jax.lax.complex(*value), jax.lax.complex(*rate)
-
-    wide = (*first.shape[:2], *m.l0.shape)
-    edge, rate = materialised(both, *(jnp.broadcast_to(x, wide) for x in (m.kind, m.l0, m.l1)))
-    edge, rate = (jnp.where(alive[:, :, None], x, 0.0) for x in (edge, rate))
-    begun = jnp.max(jnp.where(alive, last, -signals.since[:, None]), axis=1)
-    pieces = np.array([kind.pieces for kind in layout.kinds[: len(first)]])[:, None]
-    piece = jnp.mod(signals.piece + jnp.sum(count, axis=1), pieces)
-    return _Passages((edge.real, edge.imag), (rate.real, rate.imag), piece, begun)
 
 
 def peak_sums(g: Lanes, layout: Layout, near: Near, step) -> tuple[Array, OutputSums]:
@@ -111,7 +48,8 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     """Sums of a figure whose derivatives are gx by dR and gv by its rate (o, c) at one time."""
     m, signals, of = g.modes, g.signals, layout.signal_of
     kind, pole = m.kind, (m.l0, m.l1)
-    passed = _passages(m, signals, layout, time)
+    passed = passages(signals, layout, time)
+    edge, by_poles = _edge_sums(m, passed)
     by_x, by_v = gx[:, None], gv[:, None]  # (o, 1, c)
 
     def weighed(a: Pair, rate: Pair) -> tuple[Pair, Pair]:
@@ -122,16 +60,17 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
         value = plus(times(by_x, a), times(by_v, rated))
         return value, plus(times(by_x, rate), times(by_v, slope))
 
-    edge, edge_rate = weighed(passed.edge, passed.rate)
-    timed = plus(times(time, passed.edge), times(-1.0, passed.rate))  # t_e exp(lambda (t - t_e))
+    timed = plus(times(time, edge), times(-1.0, by_poles))  # t_e exp(lambda (t - t_e))
     own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
     shown = product(kind, own, weighed(timed, timed)[0])
+    edge, edge_rate = weighed(edge, by_poles)
     decay = pair_exp(kind, times(time, pole))
     start, start_rate = weighed(decay, times(time, decay))
 
     e = int(np.sum(of < len(passed.begun)))
     rest = jnp.zeros((len(of) - e, *time.shape))
-    piece, begun = (jnp.concatenate([rows(y, of[:e]), rest]) for y in passed[2:])
+    on = passed.piece, passed.begun
+    piece, begun = (jnp.concatenate([rows(y, of[:e]), rest]) for y in on)
     into, rate = time - begun, signals.rate
     sn, cs = sincos(rate * into)  # (v, c)
     cos, sin, rated = cs[None], sn[None], rate[None]
@@ -149,3 +88,16 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
         (jnp.where(here, wave[0][:, :, None], 0.0), jnp.where(here, wave[1][:, :, None], 0.0)),
         late, *by_begins(by_into, passed.piece, passed.begun, signals.duration.shape[1]),
     )  # fmt: skip
+
+
+def _edge_sums(m: PolePairs, passed: PassedEdges) -> tuple[Pair, Pair]:
+    """`edge_sums` and their derivatives by the poles."""
+
+    def both(kind, l0, l1):
+        one = jnp.ones_like(l0), jnp.where(kind > 0, 0.0, 1.0)
+        value, rate = jax.jvp(lambda *pole: edge_sums(kind, pole, passed), (l0, l1), one)
+        return jax.lax.complex(*value), jax.lax.complex(*rate)
+
+    wide = (*passed.many.shape[:2], *m.l0.shape)
+    edge, rate = materialised(both, *(jnp.broadcast_to(x, wide) for x in (m.kind, m.l0, m.l1)))
+    return (edge.real, edge.imag), (rate.real, rate.imag)

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from .arithmetic import Pair
 from .system import Layout, System
 
 
@@ -29,13 +30,17 @@ class PolePairs(NamedTuple):
 
 
 class Eigen(NamedTuple):
-    """Eigenvalues and eigenvectors of a batch, and which two of them each pair is; batch first."""
+    """Eigenvalues and eigenvectors of a batch, and which two of them each pair is; batch first.
+
+    Vectors and what belongs to them are real, as LAPACK packs them: at the first of two conjugate
+    eigenvalues stands the real part of its vector, at the second the imaginary part of the same.
+    """
 
     value: Complex[Array, "c k"]
-    vector: Complex[Array, "c m k"]
-    inverse: Complex[Array, "c k m"]
-    output: Complex[Array, "c o k"]
-    input: Complex[Array, "c k l"]
+    vector: Float[Array, "c m k"]
+    inverse: Float[Array, "c k m"]  # of `vector`
+    output: Float[Array, "c o k"]  # C vector
+    input: Float[Array, "c k l"]  # inverse column, then the start
     kind: Bool[Array, "c p"]
     first: Float[Array, "c p k"]  # a one at the pair's first eigenvalue
     second: Float[Array, "c p k"]
@@ -49,28 +54,46 @@ def eigen(system: System, layout: Layout) -> Eigen:
     """
     blocks, A = layout.blocks, jax.lax.stop_gradient(system.A)
     A = jnp.pad(A, ((0, 0), (0, 1), (0, 1))).at[:, -1, -1].set(-1.0)
+    right = jnp.concatenate([system.column, system.start[:, None]], axis=1)
+    C, right = (jnp.pad(x, ((0, 0), (0, 0), (0, 1))) for x in (system.C, right))
     first, parts = sorted(set(layout.same)), {}
     for size in sorted({len(blocks[i]) for i in first}):
         number = [i for i in first if len(blocks[i]) == size]
         value, vector = jnp.linalg.eig(jnp.stack([_part(A, blocks[i]) for i in number], axis=1))
+        vector = jnp.where(value.imag[:, :, None] < 0, -vector.imag, vector.real)
         inverse = jnp.linalg.inv(vector)
         for j, i in enumerate(number):
             parts[i] = (value[:, j], vector[:, j], inverse[:, j], *_paired(value[:, j]))
     values, vectors, inverses, *pairs = zip(*(parts[i] for i in layout.same), strict=True)
     order = np.concatenate(blocks)
     place = [int(np.flatnonzero(order == i)[0]) for i in range(system.A.shape[-1])]
-    vector, inverse = _diagonal(vectors)[:, place], _diagonal(inverses)[:, :, place]
-    right = jnp.concatenate([system.column, system.start[:, None]], axis=1)
+    own = [np.array(block) for block in blocks]
+    output = [C[:, :, i] @ x for i, x in zip(own, vectors, strict=True)]
+    given = [x @ jnp.swapaxes(right[:, :, i], 1, 2) for i, x in zip(own, inverses, strict=True)]
     return Eigen(
         jnp.concatenate(values, axis=1),
-        vector,
-        inverse,
-        system.C @ vector,
-        inverse @ jnp.swapaxes(right, 1, 2),
+        _diagonal(vectors)[:, place],
+        _diagonal(inverses)[:, :, place],
+        jnp.concatenate(output, axis=2),
+        jnp.concatenate(given, axis=1),
         jnp.concatenate(pairs[0], axis=1),
         _diagonal(pairs[1]),
         _diagonal(pairs[2]),
     )
+
+
+def unpacked(x: Float[Array, "... k c"], imaginary: Float[Array, "k c"]) -> Pair:
+    """What belongs to every eigenvalue of `imaginary` part, of vectors as `Eigen` packs them."""
+    upper, lower = imaginary > 0, imaginary < 0
+    real = jnp.where(lower, jnp.roll(x, 1, axis=-2), x)
+    return real, jnp.where(upper, jnp.roll(x, -1, axis=-2), jnp.where(lower, -x, 0.0))
+
+
+def unpacked_inverse(x: Float[Array, "... k c"], imaginary: Float[Array, "k c"]) -> Pair:
+    """The same of the rows of the inverse."""
+    real, other = unpacked(x, imaginary)
+    share = jnp.where(imaginary == 0, 1.0, 0.5)
+    return share * real, -share * other
 
 
 def _part(A, block: tuple[int, ...]):
@@ -111,21 +134,18 @@ def _paired(value):
 def modes_of(pairs: Eigen) -> PolePairs:
     """The pairs in real arithmetic."""
 
-    def picked(x, one):  # (c, ..., m) -> (..., p, c)
-        real = jnp.einsum("c...m,cpm->...pc", x.real, one)
-        return real, jnp.einsum("c...m,cpm->...pc", x.imag, one)
+    def picked(x):  # (c, ..., k) -> (..., p, c), of the first and of the second of each pair
+        return (jnp.einsum("c...k,cpk->...pc", x, one) for one in (pairs.first, pairs.second))
 
     kind = pairs.kind.T
-    (a, b), (d, _) = picked(pairs.value, pairs.first), picked(pairs.value, pairs.second)
-    (ca, cb), (cd, _) = picked(pairs.output, pairs.first), picked(pairs.output, pairs.second)
-    inputs = jnp.swapaxes(pairs.input, 1, 2)
-    (ba, bb), (bd, _) = picked(inputs, pairs.first), picked(inputs, pairs.second)
+    (a, d), (b, _) = picked(pairs.value.real), picked(pairs.value.imag)
+    (c0, c1), (b0, b1) = picked(pairs.output), picked(jnp.swapaxes(pairs.input, 1, 2))
     return PolePairs(
         jnp.where(kind, 1.0, 0.0),
         a,
         jnp.where(kind, b, d),
-        jnp.where(kind, 2 * ca, ca),
-        jnp.where(kind, -2 * cb, cd),
-        ba,
-        jnp.where(kind, bb, bd),
+        jnp.where(kind, 2.0, 1.0) * c0,
+        jnp.where(kind, -2.0, 1.0) * c1,
+        jnp.where(kind, 0.5, 1.0) * b0,
+        jnp.where(kind, -0.5, 1.0) * b1,
     )

@@ -1,5 +1,6 @@
 """RMS, refined peak and margins of many runs from the samples t = 0, step, ... , duration."""
 
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -7,8 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import across, materialised, product, sincos, stored, summed
-from .blocks import LENGTH, BlockTables, Operands, pole_exp, row_signal, stored_forced
+from .arithmetic import across, materialised, summed
+from .blocks import LENGTH, BlockTables, ForcedPart, Operands, row_signal, stored_forced
+from .passages import outputs_at
 from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
@@ -60,28 +62,16 @@ class Along(NamedTuple):
 
 
 class _Largest(NamedTuple):
-    """The largest square so far, and where runs are around it: states as `packed`, (r, c)."""
+    """The largest square so far and the samples before the block that holds it."""
 
-    square: Array  # (c,)
-    block: Array  # (c,), samples before the block that holds it
-    before: Array  # the last block with samples before that one
-    last: Array  # the block before the present one, with its samples
-    count: Array
-    earlier: Array  # the last block with samples before `last`
+    square: Float[Array, " c"]
+    begin: Float[Array, " c"]
+    last: Float[Array, " c"]  # samples before the last block
 
     def seen(self, top):
-        """With the square `top` that `last` has reached."""
-        larger = top > self.square
-        return self._replace(
-            square=jnp.maximum(top, self.square),
-            block=jnp.where(larger, self.last[0], self.block),
-            before=jnp.where(larger, self.earlier, self.before),
-        )
-
-    def moved(self, s: WalkState, count):
-        """On to the block that begins at `s`."""
-        earlier = jnp.where(self.count > 0, self.last, self.earlier)
-        return self._replace(last=s.packed(), count=count, earlier=earlier)
+        """With the square `top` that the blocks so far have reached."""
+        begin = jnp.where(top > self.square, self.last, self.begin)
+        return _Largest(jnp.maximum(top, self.square), begin, self.last)
 
 
 def samples_of(
@@ -111,48 +101,32 @@ def samples_of(
             more, square = also.gather(more, x, op, t, s), summed(x * x)
         pair = jax.lax.complex(pair.real + square, jnp.maximum(pair.imag, square))
         low = _lowest(low, bound(s.free, op), op, t, inside, g, layout)
-        return (pair, largest.moved(s, op.count), low), more
+        return (pair, largest._replace(last=s.done), low), more
 
     lanes = g.modes.l0.shape[-1]
-    none, zero, begin = jnp.zeros((LENGTH, lanes)), jnp.zeros(lanes), walk.begin()
-    largest = _Largest(zero, zero, begin.packed(), begin.packed(), zero, begin.packed())
-    start = jax.lax.complex(none, none), largest, (zero + jnp.inf, zero + jnp.inf)
+    none, zero = jnp.zeros((LENGTH, lanes)), jnp.zeros(lanes)
+    lowest = (zero + jnp.inf, zero + jnp.inf)
+    start = jax.lax.complex(none, none), _Largest(zero, zero, zero), lowest
     own = start, also and also.totals
     if also is None:
         (pair, largest, low), more = walk.run(gather, own)
     else:
         (pair, largest, low), more = walk.run(gather, own, also.follow, also.carried)
     largest = largest.seen(across(jnp.maximum, pair.imag))
-    best = largest.block + jnp.argmax(pair.imag, axis=0)
-    numbers = jnp.stack([jnp.clip(best + i, 0, count - 1) for i in (-1, 0, 1)])
-    near = Near(numbers * step, *_at_samples(walk, begin.unpacked(largest.before), numbers))
+    middle = largest.begin + jnp.argmax(pair.imag, axis=0)
+    near = _near(g, parts, layout, middle, step, count)
     return Samples(jnp.sum(pair.real, axis=0), near, *low), more
 
 
-def _at_samples(walk: Walk, begin: WalkState, numbers: Float[Array, "3 c"]):
-    """dR and its rate at the samples of these numbers, all from the state `begin` on, (3, o, c)."""
-    m, rate = walk.modes, walk.signals.rate
-
-    def body(carry):
-        s, op, samples = carry
-        local = numbers - s.done
-        E = pole_exp(m, walk.layout, (local * walk.step)[:, None])
-        sn, cs = stored(sincos, rate * (local * walk.step)[:, None])
-        turned = stored(lambda k, *x: product(k, x[:2], x[2:]), m.kind, m.l0, m.l1, *E)
-
-        def seen(pairs, cosine, sine):  # (3, o, c)
-            parts = zip(op[1:], (*pairs, cosine, sine), strict=True)
-            return sum(x[:ROWS, i] * y[:, i][:, None] for x, y in parts for i in range(x.shape[1]))
-
-        inside = ((local >= 0) & (local < op.count))[:, None]
-        now = seen(E, cs, sn), seen(turned, -rate * sn, rate * cs)
-        s = walk.onward(s, op.count)
-        samples = [jnp.where(inside, x, y) for x, y in zip(now, samples, strict=True)]
-        return s, walk.operands(s), samples
-
-    none = jnp.zeros((3, ROWS, numbers.shape[-1]))
-    start = begin, walk.operands(begin), [none, none]
-    return jax.lax.while_loop(lambda c: jnp.any(c[0].done <= numbers[2]), body, start)[2]
+def _near(g: Lanes, parts: ForcedPart, layout: Layout, middle, step, count) -> Near:
+    """dR and its rate at a sample of each run and its neighbours."""
+    time = step * jnp.concatenate([jnp.clip(middle + i, 0, count - 1) for i in (-1, 0, 1)])
+    m, signals, parts = jax.tree.map(
+        lambda y: jnp.concatenate([y] * 3, axis=-1), (g.modes, g.signals, parts)
+    )
+    x, v = outputs_at(m, signals, parts, layout, time, ROWS)
+    x, v = (jnp.stack(jnp.split(y, 3, axis=-1)) for y in (x, v))
+    return Near(time.reshape(3, -1), x, v)
 
 
 def _bound(g: Lanes, layout: Layout):
@@ -197,20 +171,28 @@ def _margins(op: Operands, t: BlockTables, inside, g: Lanes, layout: Layout):
     n = layout.wheels
     shown = [(layout.live[o], layout.waves[o]) for o in range(3, 3 + 2 * n)]
 
-    def wheel(i, least, like):
+    def wheel(i, like, op, t):
         normal = row_signal(op, t, layout, 3 + like, 3 + i) + g.preload[i]
         drive = row_signal(op, t, layout, 3 + n + like, 3 + n + i)
-        slip = g.friction[i] * normal - jnp.abs(drive)
-        normal, slip = (jnp.where(inside, x, jnp.inf) for x in (normal, slip))
-        return jax.lax.complex(jnp.minimum(least.real, normal), jnp.minimum(least.imag, slip))
+        return normal, g.friction[i] * normal - jnp.abs(drive)
 
-    none = jnp.full(inside.shape, jnp.inf)
-    least = jax.lax.complex(none, none)
+    def pair(normal, slip):
+        normal, slip = (jnp.where(inside, x, jnp.inf) for x in (normal, slip))
+        return jax.lax.complex(normal, slip)
+
+    def lower(i, least):
+        normal, slip = wheel(i, 0, op, t)
+        return pair(jnp.minimum(least.real, normal), jnp.minimum(least.imag, slip))
+
+    def every(op, t):
+        each = zip(*(wheel(i, i, op, t) for i in range(n)), strict=True)
+        return pair(*(functools.reduce(jnp.minimum, x) for x in each))
+
     if len(set(shown[:n])) == len(set(shown[n:])) == 1:  # one wheel's program does for all
-        least = jax.lax.fori_loop(0, n, lambda i, least: wheel(i, least, 0), least)
+        none = jnp.full(inside.shape, jnp.inf)
+        least = jax.lax.fori_loop(0, n, lower, jax.lax.complex(none, none))
     else:
-        for i in range(n):
-            least = wheel(i, least, i)
+        least = materialised(every, op, t)
     return across(jnp.minimum, least.real), across(jnp.minimum, least.imag)
 
 

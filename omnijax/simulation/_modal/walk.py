@@ -30,18 +30,6 @@ class WalkState(NamedTuple):
     piece: Float[Array, "g c"]
     carried: Any  # what `follow` carries along
 
-    def packed(self) -> Float[Array, "r c"]:
-        """All but what is carried, one row under the other; the first is `done`."""
-        parts = (self.done[None], *self.free, self.edge, self.begun, self.piece)
-        return jnp.concatenate(parts)
-
-    def unpacked(self, rows: Float[Array, "r c"]) -> "WalkState":
-        """The state of these rows, shaped as this one."""
-        pairs, edges = len(self.free[0]), len(self.edge)
-        ends = np.cumsum([1, pairs, pairs, edges, edges])
-        done, first, second, edge, begun, piece = jnp.split(rows, ends)
-        return WalkState(done[0], (first, second), edge, begun, piece, self.carried)
-
 
 class Onward(NamedTuple):
     """From one block to the next: `span` seconds, then perhaps past an edge, `since` after it."""

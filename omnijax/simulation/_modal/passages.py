@@ -1,0 +1,116 @@
+"""A run at any time in closed form: what every passage of an edge so far has left.
+
+With q = exp(lambda period) the n passages of an edge add up to (1 - q^n)/(1 - q).
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .arithmetic import (
+    Pair,
+    exp_less_one,
+    materialised,
+    pair_exp,
+    product,
+    quotient,
+    rows,
+    sincos,
+    stored,
+    summed,
+    times,
+    turned,
+)
+from .blocks import ForcedPart, pole_exp, shown
+from .edges import at_piece, edge_times
+from .poles import PolePairs
+from .signals import Signals
+from .system import Layout
+
+TURN = 2 * math.pi
+
+
+class PassedEdges(NamedTuple):
+    """Which edges signals have passed until a time."""
+
+    many: Float[Array, "g k c"]  # passages of each edge
+    period: Float[Array, "g c"]  # s
+    ago: Float[Array, "g k c"]  # s, since the last of them; 0 without one
+    piece: Float[Array, "g c"]  # the one that each signal is on
+    begun: Float[Array, "g c"]  # s, when it began
+
+
+def passages(signals: Signals, layout: Layout, time: Float[Array, " c"]) -> PassedEdges:
+    """The passages until a time (s); batch last."""
+    first, period = edge_times(signals)
+    pieces = np.array([kind.pieces for kind in layout.kinds[: len(first)]])[:, None]
+    own = (np.arange(first.shape[1]) < pieces)[:, :, None]  # others' pieces are more
+    many = jnp.maximum(jnp.floor((time - first) / period[:, None]) + 1, 0.0)
+    many = jnp.where(own, many, 0.0)
+    last = first + (many - 1) * period[:, None]
+    begun = jnp.max(jnp.where(many > 0, last, -signals.since[:, None]), axis=1)
+    piece = jnp.mod(signals.piece + jnp.sum(many, axis=1), pieces)
+    return PassedEdges(many, period, jnp.where(many > 0, time - last, 0.0), piece, begun)
+
+
+def edge_sums(kind, pole: Pair, p: PassedEdges) -> Pair:
+    """Sum of exp(lambda (t - t_e)) over the passages of every edge, (g, k, p, c)."""
+    many, ago = p.many[:, :, None], p.ago[:, :, None]
+    step = jnp.where(many > 0, p.period[:, None, None], 0.0)
+    sums = _repeated(kind, times(step, pole), jnp.maximum(many, 1.0))
+    first, second = product(kind, sums, pair_exp(kind, times(ago, pole)))
+    return jnp.where(many > 0, first, 0.0), jnp.where(many > 0, second, 0.0)
+
+
+def _repeated(kind, a: Pair, count) -> Pair:
+    """1 + e^a + ... + e^((count - 1) a) for a whole `count` above 0."""
+    k = kind > 0
+    turns = jax.lax.stop_gradient(jnp.round(jnp.where(k, a[1], 0.0) / TURN))
+    a = a[0], a[1] - TURN * turns
+    size = jnp.where(k, jnp.abs(a[0]) + jnp.abs(a[1]), jnp.abs(a[0])) * count
+    near = size < 1e-4, jnp.where(k, size < 1e-4, jnp.abs(a[1]) * count < 1e-4)
+    safe = jnp.where(near[0], -1.0, a[0]), jnp.where(near[1], jnp.where(k, 0.0, -1.0), a[1])
+    far = quotient(
+        kind, exp_less_one(kind, (count * safe[0], count * safe[1])), exp_less_one(kind, safe)
+    )
+    one, square = (jnp.ones_like(a[0]), jnp.where(k, 0.0, 1.0)), product(kind, a, a)
+    first, second = (count - 1) / 2, (count - 1) * (2 * count - 1) / 12
+    series = [count * (o + first * x + second * y) for o, x, y in zip(one, a, square, strict=True)]
+    return jnp.where(near[0], series[0], far[0]), jnp.where(near[1], series[1], far[1])
+
+
+def outputs_at(
+    m: PolePairs, signals: Signals, parts: ForcedPart, layout: Layout, time, outputs: int
+) -> tuple[Array, Array]:
+    """The first outputs at a time (c,) and their rates, (o, c)."""
+    p = passages(signals, layout, time)
+    poles = [rows(x, layout.poles) for x in (m.kind, m.l0, m.l1)]
+    wide = (*p.many.shape[:2], *poles[0].shape)
+    edge = stored(
+        lambda kind, *pole: edge_sums(kind, pole, p), *(jnp.broadcast_to(x, wide) for x in poles)
+    )
+    edge = rows(edge[0], layout.pole, -2), rows(edge[1], layout.pole, -2)
+
+    def moved(kind, l0, l1, *x):
+        decay, left, start, jump = (x[i : i + 2] for i in range(0, 8, 2))
+        each, own = product(kind, jump, left), product(kind, start, decay)
+        z = own[0] + jnp.sum(each[0], axis=(0, 1)), own[1] + jnp.sum(each[1], axis=(0, 1))
+        return [jax.lax.complex(*y) for y in (z, product(kind, z, (l0, l1)))]
+
+    z = materialised(
+        moved, m.kind, m.l0, m.l1, *pole_exp(m, layout, time[None]), *edge,
+        parts.free0, parts.free1, parts.jump0, parts.jump1,
+    )  # fmt: skip
+    of, edges = layout.signal_of, len(p.piece)
+    edged = np.flatnonzero(of < edges)
+    none = jnp.zeros((len(of) - len(edged), *time.shape))
+    piece, begun = (jnp.concatenate([x[of[edged]], none]) for x in (p.piece, p.begun))
+    s, c = stored(sincos, signals.rate * (time - begun))
+    a, b = (at_piece(x[:outputs], piece) for x in (parts.cosine, parts.sine))
+    level, slope = turned(a, b, c, s)
+    value, rate = (shown(m, (x.real[None], x.imag[None]), outputs)[:, 0] for x in z)
+    return value + summed(level, 1), rate + summed(signals.rate * slope, 1)
