@@ -8,7 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, flushed, pair_exp, product, sincos, stored, summed, turned
+from .arithmetic import (
+    Pair,
+    flushed,
+    materialised,
+    pair_exp,
+    product,
+    sincos,
+    stored,
+    summed,
+    turned,
+)
 from .phases import PhaseCycle, Wave, follows, free_starts, given, wide
 from .poles import PolePairs
 
@@ -74,7 +84,11 @@ def weights(f: ModalCurves, z: Pair) -> Pair:
 
 
 def values_at(f: ModalCurves, time: Float[Array, "s c"], orders: int = 1) -> list[Array]:
-    """The outputs (r, s, c) at a time and their first `orders - 1` derivatives."""
+    """The outputs (r, s, c) at a time and their first `orders - 1` derivatives, stored."""
+    return materialised(lambda f, time: _values_at(f, time, orders), f, time)
+
+
+def _values_at(f: ModalCurves, time, orders: int) -> list[Array]:
     values = [jnp.zeros((len(f.rows.c0), *time.shape)) for _ in range(orders)]
     for i, wave in enumerate(f.waves):
         here, into = _piece_at(wave, time)

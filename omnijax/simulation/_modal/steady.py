@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..._root import root
-from .arithmetic import Pair, product, quotient
+from .arithmetic import Pair, materialised, product, quotient
 from .gradient import ROWS, Slopes, along_poles, half_root
 from .phases import columns_of, cycle_of, given, ones, phases_of, response
 from .poles import PolePairs
@@ -22,7 +22,8 @@ def steady_of(g: Lanes, layout: Layout, gradient: bool) -> tuple[Array, Slopes |
     """RMS, supremum, normal force and grip (4, c); derivatives of the first two, stacked."""
     mean, top = mean_square(g, layout), supremum(g, layout)
     squares = mean.value, top.square
-    values = jnp.stack([*(root(x) for x in squares), *steady_margins(g, layout)])
+    figures = (materialised(root, x) for x in squares)
+    values = jnp.stack([*figures, *steady_margins(g, layout)])
     if not gradient:
         return values, None
     slopes = steady_slopes(g, layout, mean), _supremum_slopes(g, layout, top)

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .arithmetic import Pair
+from .arithmetic import Pair, materialised, stored
 from .gradient import ROWS, Slopes, along_poles
 from .moments import Moments, moments_of
 from .phases import PhaseCycle, columns_of, constant, cycle_of, phases_of
@@ -63,7 +63,7 @@ def _damped(m: PolePairs, cycles: list[PhaseCycle]) -> PolePairs:
 
 def _phase(m: PolePairs, pole, layout: Layout, cycle: PhaseCycle, columns, direct) -> _Phase:
     """`pole` (q, c): all eigenvalues."""
-    moments = moments_of(m, cycle)
+    moments = materialised(moments_of, m, cycle)
     k = m.kind > 0
     c0, c1 = m.c0[:ROWS], m.c1[:ROWS]
     c = jnp.where(k, 0.5, 1.0) * c0, jnp.where(k, -0.5, 1.0) * c1
@@ -123,7 +123,7 @@ def steady_slopes(g: Lanes, layout: Layout, mean: MeanSquare) -> Slopes:
     between = 1 / (pole[:, None] + pole)
     for phases, cycle, part in zip(groups, cycles, mean.phases, strict=True):
         R = part.work
-        slope = _both(m, along_poles(m, lambda m, cycle=cycle: moments_of(m, cycle).work)[1])
+        slope = _both(m, stored(_by_poles, m, cycle))
         more = 2 * (mean.total[:, None] - part.mean)  # (o, s, c)
         w = part.shown[:, None]  # by pole z (q), then j
         sums = R[:, None] + R[None]  # (z, j, s, c)
@@ -158,6 +158,11 @@ def steady_slopes(g: Lanes, layout: Layout, mean: MeanSquare) -> Slopes:
         return value
 
     return Slopes(psi, rate, jax.grad(figure)(g.signals), jnp.swapaxes(direct, 0, 1))
+
+
+def _by_poles(m: PolePairs, cycle: PhaseCycle) -> Pair:
+    """Derivative of `Moments.work` by the poles."""
+    return along_poles(m, lambda m: moments_of(m, cycle).work)[1]
 
 
 def put(a: Pair, number: np.ndarray, b: Pair) -> Pair:
