@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, flushed, materialised, pair_exp, product, sincos, summed, turned
+from .arithmetic import Pair, materialised, pair_exp, powers, product, sincos, summed, turned
 from .curves import ModalCurves, free_size, size_of, weights
 
 LENGTH = 32  # samples a block
@@ -127,15 +127,6 @@ def _fine(f: ModalCurves, block: Block, size):
     return 1 / jnp.maximum(jnp.sqrt(fastest), 1e-30)
 
 
-def _powers(kind, E: Pair, count: int) -> Pair:
-    """1, E, ..., E^(count - 1)."""
-    powers = [(jnp.ones_like(E[0]), jnp.where(kind > 0, 0.0, jnp.ones_like(E[0])))]
-    for _ in range(count - 1):
-        powers.append(product(kind, powers[-1], E))
-    first, second = (jnp.stack([x[i] for x in powers]) for i in (0, 1))
-    return flushed(first), flushed(second)
-
-
 def _samples(f: ModalCurves, block: Block) -> Float[Array, "k r s c"]:
     """The outputs at all samples of a block.
 
@@ -150,7 +141,7 @@ def _samples(f: ModalCurves, block: Block) -> Float[Array, "k r s c"]:
 
     def swings(E, count: int) -> Pair:
         """Cosines and sines of 0, 1, ... angles."""
-        return _powers(jnp.ones_like(E.real), (E.real, E.imag), count)
+        return powers(jnp.ones_like(E.real), (E.real, E.imag), count)
 
     h, k, long = block.step, f.kind + 0 * block.step, LENGTH // FEW
     parts = []
@@ -158,7 +149,7 @@ def _samples(f: ModalCurves, block: Block) -> Float[Array, "k r s c"]:
         E = materialised(exponentials, f.pole[0] * step, f.pole[1] * step, k)
         turns = [materialised(turned, wave.rate * step) for wave in f.waves]
         count = (FEW, long)[i]
-        parts.append((_powers(k, (E.real, E.imag), count), [swings(x, count) for x in turns]))
+        parts.append((powers(k, (E.real, E.imag), count), [swings(x, count) for x in turns]))
     (short, early), (far, late) = parts
 
     def begins(w0, w1, f0, f1):
