@@ -11,7 +11,7 @@ from omnijax import InputError
 from omnijax.diagnosis._answer import JUDGES, AbstractEvidence, RigEvidence
 from omnijax.diagnosis._answer.shown import Shown, shown_noise
 from omnijax.diagnosis._answer.verdict import judge
-from omnijax.diagnosis._answered import explained
+from omnijax.diagnosis._answered import _judged, explained
 from omnijax.diagnosis._machine.data_vector import DataRows, _filters
 from omnijax.diagnosis._machine.rig_model import RigModel
 from omnijax.diagnosis._machine.roles import with_roles
@@ -132,6 +132,56 @@ def test_no_run_is_said_to_be_held_out_where_none_was(effects):
             assert words in reason or "none is left to confirm it" in reason
             assert (on == "nothing") == ("only" in JUDGES[on].fitted)  # there may be several
             assert not (on == "nothing" and "runs confirm" in reason and effects)
+
+
+def held_out_verdict(columns, structure: float):
+    """The verdict where nothing is named and `columns` by held-out run are left, `a_x` whitened."""
+    evidence = SimpleNamespace(
+        model=SimpleNamespace(settings=SETTINGS.search), closing=0.99, alike=0.05,
+        confirmed_on="held-out", assumed=lambda c: {"sigma": 2e-3, "unit": "m/s^2"},
+        recorded=lambda: [(f"run {k}", STEP * np.arange(N)) for k in range(len(columns))],
+    )  # fmt: skip
+    fit = SimpleNamespace(point=SimpleNamespace(effects=()))
+    found = SimpleNamespace(fit=fit, rivals={}, significant=False, trials=[], alone={})
+    shown = Shown(tuple({c: Level(1.0, 0.01, 1.0) for c in run} for run in columns),
+                  ("held-out",) * len(columns), {"a_x": structure}, ([], []))  # fmt: skip
+    return _judged(evidence, found, shown, columns, columns, ())  # pyright: ignore
+
+
+PEAK = np.array([5.0, 6.4, 8.9, 9.7, 7.7, 4.7, 3.9])  # sigma that a sensor at its limit leaves
+
+
+@pytest.mark.parametrize(
+    "added, structure, verdict",
+    [(PEAK, 0.06, "unknown"),  # 0.3 sigma RMS at most, as many samples are near nothing
+     (-PEAK, 0.06, "unknown"),
+     (PEAK, 0.0, "none"),  # it hangs on nothing that was asked: a shock
+     (PEAK[2:4], 0.06, "none"),  # two samples are a bad reading
+     (PEAK / 3, 0.06, "none"),  # what noise of four thousand samples does
+     (0 * PEAK, 0.06, "none")],
+)  # fmt: skip
+def test_a_stretch_of_a_held_out_run_that_no_noise_explains_is_never_none(
+    added, structure, verdict
+):
+    """Seven samples at a sensor's limit were noise: they move no channel's RMS by 0.3 sigma."""
+    rng = np.random.default_rng(209)
+    columns = [{"a_x": rng.normal(size=N), "a_y": rng.normal(size=N)} for _ in range(2)]
+    columns[1]["a_x"][[5, 6]] = np.nan
+    columns[1]["a_x"][1000 : 1000 + len(added)] = added
+    judged = held_out_verdict(columns, structure)
+    assert judged.verdict == verdict
+    if verdict == "unknown":
+        assert judged.reason.startswith("held-out runs leave a_x up to ")
+        assert "off in run 1, for " in judged.reason and "from 2.002 to 2.008 s" in judged.reason
+
+
+@pytest.mark.parametrize("colour", ["white", "low-pass", "wandering", "of a fat tail", "steps"])
+def test_noise_of_any_colour_leaves_no_stretch(colour):
+    rng = np.random.default_rng(210)
+    for _ in range(10):
+        noise = kinds(rng) | {"of a fat tail": rng.standard_t(4, size=N),
+                              "steps": 0.5 * np.round(2 * rng.normal(size=N))}  # fmt: skip
+        assert held_out_verdict([{"a_x": noise[colour]}], 0.06).verdict == "none"
 
 
 RIG, AXIS = AbstractEvidence.alike, OdeEvidence.alike

@@ -9,7 +9,7 @@ from seeds import drawn_anew
 from test_diagnosis_search import LAWS, Soft, balance, law
 
 from benchmarks._lines import rate
-from benchmarks.hidden_effects import thresholds
+from benchmarks.hidden_effects import cases, thresholds
 from benchmarks.hidden_effects.answers import _numbers, right
 from benchmarks.hidden_effects.cases import drawn, planted
 from benchmarks.hidden_effects.effects import KNOWN, OUTSIDE
@@ -132,3 +132,22 @@ def test_a_threshold_is_varied_within_its_meaning_and_set_back():
     other = {**plain, "threshold": "margin", "factor": 2.0, "value": 50.0, "verdict": "named",
              "right": False}  # fmt: skip
     assert "| `margin` | 25 -> 50 | 1 | 1 | 0 | 1 |" in thresholds.table([plain, other])
+
+
+def test_what_is_hidden_shows_by_the_run_that_shows_it_most(monkeypatch):
+    """A sensor's limit that the second run alone reaches had shown nothing."""
+    case = drawn(209)
+    assert len(case.torque) == 2
+    sigma = case.noise["sigma"][case.hidden[0].place]
+    column = list(case.noise["sigma"]).index(case.hidden[0].place)
+
+    def reached(lanes):
+        out = np.zeros((len(lanes), case.torque.shape[1], len(case.noise["sigma"])))
+        for made, (one, k, _) in zip(out, lanes, strict=True):
+            made[:, column] = sigma * (k == 1 and one.hidden[0].limit is not None)
+        return list(out)
+
+    monkeypatch.setattr(cases, "outputs", reached)
+    tables, shows = cases.recorded(case, [0.1])
+    assert len(tables) == 2
+    assert shows == pytest.approx(1 / np.sqrt(3))  # of the group's three channels one

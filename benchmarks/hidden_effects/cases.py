@@ -13,7 +13,7 @@ from .machines import FINE, Machine, arrays, drawn_force, drawn_machine, drawn_m
 from .sensors import GROUPS, columns_of, drawn_noise, noisy, shifted
 
 SECONDS = 3.0  # s a run
-LANES = 6  # runs side by side that find a size
+LANES = 6  # runs side by side: those that find a size, or three with what is hidden and without
 COARSE = 2000.0  # steps a second there
 KINDS = {"none": 0.3, "one": 0.4, "several": 0.1, "ambiguous": 0.08, "unknown": 0.12}
 SIZES = (0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 16.0)  # times the visible size: 1 sigma RMS
@@ -206,10 +206,15 @@ def _interpolated(case: Drawn, h: Hidden, tried: np.ndarray, factor: float) -> f
 
 
 def recorded(case: Drawn, sizes: list[float]) -> tuple[list[dict[str, np.ndarray]], float]:
-    """Tables of the runs at the recording's rate, with noise; how much of it is the effects'."""
+    """Tables of the runs at the recording's rate, with noise; how much of it is the effects'.
+
+    That is what they add in the run that shows them most.
+    """
     runs, every = len(case.torque), round(FINE / case.rate)
-    lanes = [(case, k % runs, sizes) for k in range(3)] + [(silent(case), 0, sizes)]
-    *made, without = outputs(lanes)
+    bare = silent(case)
+    lanes = [(one, k % runs, sizes) for one in (case, bare) for k in range(LANES // 2)]
+    both = outputs(lanes)
+    made, without = both[: LANES // 2], both[LANES // 2 :]
     if not all(np.all(np.isfinite(x)) for x in made):
         raise RuntimeError("the plant runs away: what is hidden is too strong for this machine.")
     rng, tables = np.random.default_rng([18, case.seed]), []
@@ -226,7 +231,7 @@ def recorded(case: Drawn, sizes: list[float]) -> tuple[list[dict[str, np.ndarray
         table |= {c: out[:, j] for j, c in enumerate(names) if c.split("_")[0] != case.drop}
         tables.append(table)
     seen = tuple({g for h in case.hidden for g in h.seen}) or GROUPS
-    return tables, shown(case, made[0], without, seen)
+    return tables, max(shown(case, a, b, seen) for a, b in zip(made, without, strict=True))
 
 
 def written(folder: Path, case: Drawn, sizes: list[float], tables) -> None:

@@ -21,6 +21,7 @@ from ._answer import (
     score_table,
     separating,
     shown_noise,
+    stretches,
 )
 from ._search import (
     Explored,
@@ -140,7 +141,7 @@ def _judged(
     """The verdict, by what this kind of machine is held to."""
     return judge(
         outcome, shown, first, last, evidence.model.settings.equal, evidence.closing,
-        evidence.alike, evidence.confirmed_on, changing,
+        evidence.alike, evidence.confirmed_on, changing, stretches(evidence, last),
     )  # fmt: skip
 
 

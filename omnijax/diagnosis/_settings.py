@@ -550,6 +550,14 @@ class SizesSettings:
 
 
 @dataclasses.dataclass(frozen=True)
+class StretchesSettings:
+    """Stretches of a held-out run that lie farther off than any noise of their channel."""
+
+    rate: float = 0.01  # false discoveries that are accepted, as in `where`
+    fewest: int = 3  # samples: one or two beside each other are a shock or a bad reading
+
+
+@dataclasses.dataclass(frozen=True)
 class VerdictSettings:
     """The four answers: none, named, ambiguous, unknown."""
 
@@ -620,6 +628,7 @@ class Settings:
     rig_evidence: RigEvidenceSettings = RigEvidenceSettings()
     shown: ShownSettings = ShownSettings()
     sizes: SizesSettings = SizesSettings()
+    stretches: StretchesSettings = StretchesSettings()
     verdict: VerdictSettings = VerdictSettings()
     experiment: ExperimentSettings = ExperimentSettings()
     starts: StartsSettings = StartsSettings()

@@ -21,5 +21,7 @@ from .shown import white_levels as white_levels
 from .shown import wrong as wrong
 from .sizes import Sizes as Sizes
 from .sizes import effect_sizes_on_held_out as effect_sizes_on_held_out
+from .stretches import Stretch as Stretch
+from .stretches import stretches as stretches
 from .verdict import Verdict as Verdict
 from .verdict import judge as judge

@@ -62,6 +62,11 @@ class AbstractEvidence(abc.ABC):
         counts.  By default the first held-out run."""
         return [self.series(residual)[2]] if split == "held-out" else []
 
+    def recorded(self) -> list[tuple[str, np.ndarray]]:
+        """Of every held-out run its name and the times in s of its samples, as in `columns`; empty
+        where residuals are none of samples."""
+        return []
+
     def assumed(self, channel: str) -> dict[str, Any]:
         """What the noise of a channel was taken for: sigma, declared, source, unit, colour."""
         group = channel if channel in self.noise else channel.rpartition("_")[0]

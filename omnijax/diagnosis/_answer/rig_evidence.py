@@ -51,6 +51,10 @@ class RigEvidence(AbstractEvidence):
             at += size
         return out
 
+    def recorded(self):
+        runs = [self.model.machine.runs[i] for i in self.model.splits["held-out"]]
+        return [(run.name, run.time) for run in runs]
+
     def _channels(self, i: int, residual: np.ndarray) -> dict[str, np.ndarray]:
         """Whitened residuals of run `i` by channel; what was fitted to every window counts."""
         rows = self.model.machine.rows[i]
@@ -133,12 +137,8 @@ class RigEvidence(AbstractEvidence):
     def series(self, residual):
         rows = self.rows[0]
         table = np.concatenate(rows.split(residual[: rows.size]), axis=1)
-        run = self.model.machine.runs[self.model.splits["held-out"][0]]
-        return (
-            run.name,
-            run.time,
-            dict(zip(channel_names(table.shape[1] - 9), table.T, strict=True)),
-        )
+        names = channel_names(table.shape[1] - 9)
+        return (*self.recorded()[0], dict(zip(names, table.T, strict=True)))
 
     def reported(self, effect):
         """Of a Hertz contact the modulus E' = 0.75 c / sqrt(R') that its tangent stands for."""

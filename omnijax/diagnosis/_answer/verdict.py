@@ -11,6 +11,7 @@ from .._settings import SETTINGS
 from .evidence import AbstractEvidence
 from .judges import JUDGES
 from .shown import Shown
+from .stretches import Stretch
 
 EXCESS = SETTINGS.verdict.excess
 SURELY = SETTINGS.verdict.surely
@@ -49,6 +50,7 @@ def judge(
     alike: float = AbstractEvidence.alike,
     confirmed_on: str = "held-out",
     unsteady: Sequence[Unsteady] = (),
+    far: Sequence[Stretch] = (),
 ) -> Verdict:
     """The verdict, from held-out residuals before and after and the noise that the data show.
 
@@ -58,6 +60,9 @@ def judge(
     `rivals` is the margin below which two effects explain the runs equally well, `closing` the
     share of the held-out gap that a named set has to close, `alike` the one by which held-out runs
     may show an effect at another size; `unsteady` effects change over the runs or between them.
+    `far` are stretches of the held-out runs that no noise of their channel explains: where nothing
+    is named and one function of the machine's state is left there too, the answer is no `none`,
+    however short they are against the run.
     """
     first, last = squares(before), squares(after)
     floor = {c: shown.ratio(c, "held-out") ** 2 for c in last}
@@ -68,7 +73,8 @@ def judge(
     open_ = [c for c in shown.structured if _excess(last, floor, c) > EXCESS]
     who = JUDGES[confirmed_on].name
     if not outcome.fit.point.effects:
-        return _without_effects(outcome, open_, sum(s for s, _ in first.values()), who)
+        off = next((s for s in far if shown.structure.get(s.channel, 0.0) > 0), None)
+        return _without_effects(outcome, open_, sum(s for s, _ in first.values()), who, off)
     equals = {
         i: [(e, margin, cosine) for e, margin, cosine in near if margin < rivals]
         for i, near in outcome.rivals.items()
@@ -122,8 +128,12 @@ def _excess(squares: dict[str, tuple[float, int]], floor: dict[str, float], chan
     return math.sqrt(max(0.0, total / count / max(floor[channel], 1e-300) - 1))
 
 
-def _without_effects(outcome: SearchResult, open_: list[str], total: float, who: str) -> Verdict:
+def _without_effects(
+    outcome: SearchResult, open_: list[str], total: float, who: str, off: Stretch | None
+) -> Verdict:
     """The verdict where nothing is named; `total` is chi2 of those `who` confirm.
+
+    `off` is a stretch there that is no noise.
 
     What some law foretells and held-out runs surely show, though not of its size, is no noise.
     """
@@ -136,6 +146,9 @@ def _without_effects(outcome: SearchResult, open_: list[str], total: float, who:
         share, name = like.held.multiplier, like.effect.name
         text = (f"{who} surely show what {name} foretells, but {share:.2f} times its size: "
                 "a missing effect that no known law describes")  # fmt: skip
+        return Verdict("unknown", 0.0, {}, text)
+    if off is not None:
+        text = f"{who} leave {off}, which no noise explains: a missing effect that cannot be named"
         return Verdict("unknown", 0.0, {}, text)
     if outcome.significant:
         text = f"what is left hangs on no state of the machine, and {who} confirm no effect"
