@@ -161,16 +161,11 @@ def _answer(q: WhereQuestion, share: float, p: float) -> dict[str, Any]:
 
 
 def levelled(residual: np.ndarray) -> np.ndarray:
-    """The residual less the straight line through its ends: noise that wanders is then periodic.
-
-    Its mean is taken out too: a line through noisy ends leaves one, which lies in the bins of every
-    state, and no phase that is drawn takes it out of there.
-    """
+    """The residual less the straight line through its ends: noise that wanders is then periodic."""
     n = len(residual)
     end = max(1, min(50, n // 10))
     first, last = residual[:end].mean(), residual[-end:].mean()
-    level = residual - np.linspace(first, last, n)
-    return level - level.mean()
+    return residual - np.linspace(first, last, n)
 
 
 def surrogates(residual: np.ndarray, seed: int, count: int = SHUFFLES) -> np.ndarray:
