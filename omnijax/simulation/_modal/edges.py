@@ -76,6 +76,11 @@ def by_signal(x: Float[Array, "v ..."], of: np.ndarray):
     return jnp.stack(sums) if sums else x
 
 
+def of_sinusoids(x: Float[Array, "g ..."], of: np.ndarray, endless):
+    """Rows of x for the signal of each sinusoid, (v, ...); `endless` for signals without edges."""
+    return jnp.stack([x[i] if i < len(x) else endless for i in of])
+
+
 def at_piece(values: Float[Array, "... k c"], piece):
     """Rows of the piece that each is on."""
     return sum(jnp.where(piece == j, values[..., j, :], 0.0) for j in range(values.shape[-2]))

@@ -11,7 +11,7 @@ import numpy as np
 
 from .arithmetic import Pair, materialised, plus, product, rows, sincos, summed, times
 from .blocks import LENGTH, BlockTables, Operands
-from .edges import by_signal
+from .edges import by_signal, of_sinusoids
 from .output_sums import OutputSums, by_begins, seen
 from .poles import PolePairs
 from .system import Layout
@@ -73,7 +73,7 @@ def square_sums(g: Lanes, layout: Layout, step) -> Along:
         timed = plus(times(now, past.edge), times(-1.0, past.late))  # t_e exp(lambda (t - t_e))
         q = [summed(x) for x in product(kind, own, u)]
         since = now - s.begun
-        ago = _of_waves(since, of, edged, now)
+        ago = of_sinusoids(since, of, now)
         sn, cs = sincos(ago * g.signals.rate)
         waves = w[0] * cs - w[1] * sn, w[1] * cs + w[0] * sn
         f0, f1 = op.f0[:ROWS], op.f1[:ROWS]
@@ -83,7 +83,7 @@ def square_sums(g: Lanes, layout: Layout, step) -> Along:
         by_into = by_signal((swing * g.signals.rate)[:e], of[:e])
         begin, begin_time, first = by_begins(by_into, s.piece, s.begun, pieces)
         on = s.piece[:, None] == jnp.arange(pieces)[:, None]
-        here = _of_waves(on, of, edged, jnp.arange(pieces)[:, None] + 0 * now == 0)
+        here = of_sinusoids(on, of, jnp.arange(pieces)[:, None] + 0 * now == 0)
         return OutputSums(
             plus(total.edge, product(kind, u, edge)),
             plus(total.edge_rate, plus(product(kind, du, edge), product(kind, u, late))),
@@ -99,8 +99,3 @@ def square_sums(g: Lanes, layout: Layout, step) -> Along:
 
     start, carried = _begin(m, edged, pieces, len(of))
     return Along(gather, start, lambda past, move: _follow(kind, past, move), carried)
-
-
-def _of_waves(x, of, edged: int, endless):
-    """Rows of x (g, ...) for each sinusoid's signal; `endless` for signals without edges."""
-    return jnp.stack([x[i] if i < edged else endless for i in of])

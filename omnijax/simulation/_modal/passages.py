@@ -26,7 +26,7 @@ from .arithmetic import (
     turned,
 )
 from .blocks import ForcedPart, pole_exp, shown
-from .edges import at_piece, edge_times
+from .edges import at_piece, edge_times, of_sinusoids
 from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
@@ -105,10 +105,8 @@ def outputs_at(
         moved, m.kind, m.l0, m.l1, *pole_exp(m, layout, time[None]), *edge,
         parts.free0, parts.free1, parts.jump0, parts.jump1,
     )  # fmt: skip
-    of, edges = layout.signal_of, len(p.piece)
-    edged = np.flatnonzero(of < edges)
-    none = jnp.zeros((len(of) - len(edged), *time.shape))
-    piece, begun = (jnp.concatenate([x[of[edged]], none]) for x in (p.piece, p.begun))
+    of, none = layout.signal_of, jnp.zeros_like(time)
+    piece, begun = (of_sinusoids(x, of, none) for x in (p.piece, p.begun))
     s, c = stored(sincos, signals.rate * (time - begun))
     a, b = (at_piece(x[:outputs], piece) for x in (parts.cosine, parts.sine))
     level, slope = turned(a, b, c, s)

@@ -11,14 +11,13 @@ from .arithmetic import (
     pair_exp,
     plus,
     product,
-    rows,
     sincos,
     summed,
     times,
     turned,
 )
 from .blocks import stored_forced
-from .edges import at_piece, by_signal
+from .edges import at_piece, by_signal, of_sinusoids
 from .output_sums import OutputSums, by_begins, seen
 from .passages import PassedEdges, edge_sums, passages
 from .poles import PolePairs
@@ -68,9 +67,8 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     start, start_rate = weighed(decay, times(time, decay))
 
     e = int(np.sum(of < len(passed.begun)))
-    rest = jnp.zeros((len(of) - e, *time.shape))
-    on = passed.piece, passed.begun
-    piece, begun = (jnp.concatenate([rows(y, of[:e]), rest]) for y in on)
+    none = jnp.zeros_like(time)
+    piece, begun = (of_sinusoids(y, of, none) for y in (passed.piece, passed.begun))
     into, rate = time - begun, signals.rate
     sn, cs = sincos(rate * into)  # (v, c)
     cos, sin, rated = cs[None], sn[None], rate[None]

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from .arithmetic import flushed, product, sincos, stored, turned
 from .blocks import LENGTH, ForcedPart, Operands, pole_exp, tables
-from .edges import at_piece
+from .edges import at_piece, of_sinusoids
 from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
@@ -69,10 +69,8 @@ class Walk(NamedTuple):
         k = m.kind > 0
         w0 = m.c0 * z0 + jnp.where(k, m.c1 * z1, 0.0)
         w1 = m.c1 * jnp.where(k, z0, z1) - jnp.where(k, m.c0 * z1, 0.0)
-        of, edges = self.layout.signal_of, self.signals.duration.shape[0]
-        edged = np.flatnonzero(of < edges)  # sinusoids of signals with edges
-        none = jnp.zeros((len(of) - len(edged), *s.done.shape))
-        piece, begun = (jnp.concatenate([x[of[edged]], none]) for x in (s.piece, s.begun))
+        of, none = self.layout.signal_of, jnp.zeros_like(s.done)
+        piece, begun = (of_sinusoids(x, of, none) for x in (s.piece, s.begun))
         fa, fb = (at_piece(x, piece) for x in (self.parts.cosine, self.parts.sine))
         phase = self.signals.rate * (s.done * self.step - begun)
         sn, cs = stored(sincos, phase)
