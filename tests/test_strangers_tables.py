@@ -1,16 +1,20 @@
 """Tables as strangers' programs write them: text above a header, units, dates, decimal commas."""
 
 import datetime
+import io
 import json
 
 import numpy as np
 import pandas as pd
+import pyarrow
+import pyarrow.parquet
 import pytest
 import scipy.io
+from scipy.io.matlab._mio5 import MatFile5Writer
 
-from omnijax import cli
+from omnijax import InputError, cli
 from omnijax.machine import guess, read_machine_case
-from omnijax.recording import read_table
+from omnijax.recording import read_recording, read_table
 
 COUNT, STEP = 120, 0.01
 BEGIN = datetime.datetime(2024, 5, 31, 23, 59, 59, 500000)  # a month ends in the log
@@ -172,3 +176,128 @@ def test_a_command_has_any_unit(tmp_path, signals):
     case = read_machine_case(tmp_path / "case")
     assert not [x for x in case.faults if "Spannung" in x]
     np.testing.assert_allclose(case.logs[0].inputs["input"], signals[1][: len(case.logs[0].time)])
+
+
+def as_mcap(path, columns):
+    file = io.BytesIO()
+    out = pytest.importorskip("mcap.writer").Writer(file)
+    out.start()
+    schema = out.register_schema(name="s", encoding="jsonschema", data=b"{}")
+    topic = out.register_channel(topic="/m", message_encoding="json", schema_id=schema)
+    for k, values in enumerate(zip(*(x for _, x in columns), strict=True)):
+        pairs = ", ".join(f'"{name}": {x}' for (name, _), x in zip(columns, values, strict=True))
+        data = f"{{{pairs}}}".encode()
+        out.add_message(topic, log_time=k * 10_000_000, publish_time=0, data=data)
+    out.finish()
+    path.write_bytes(file.getvalue())
+
+
+def as_mat(path, columns):
+    with path.open("wb") as file:
+        writer = MatFile5Writer(file)
+        for k, (name, x) in enumerate(columns):
+            writer.put_variables({name: x}, write_header=k == 0)
+
+
+def as_parquet(path, columns):
+    names, values = zip(*columns, strict=True)
+    pyarrow.parquet.write_table(pyarrow.Table.from_arrays([*values], [*names]), path)
+
+
+def as_json(path, columns):
+    path.write_text("{" + ", ".join(f'"{k}": {x.tolist()}' for k, x in columns) + "}")
+
+
+def as_csv(path, columns):
+    table = np.stack([x for _, x in columns], 1)
+    header = ",".join(k for k, _ in columns)
+    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.9g")
+
+
+WRITERS = {"a.csv": as_csv, "a.parquet": as_parquet, "a.mat": as_mat, "a.json": as_json,
+           "a.mcap": as_mcap}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_two_columns_of_one_name_are_one_sentence(tmp_path, signals, capsys, name):
+    """Of two columns `q` one was taken, the first or the last, and nothing was said."""
+    (t, u, q), path = signals, tmp_path / name
+    WRITERS[name](path, [("t", t), ("torque_1", u), ("q", q), ("q", 2 * q)])
+    assert cli.run(["case", "new", str(path), "--out", str(tmp_path / "case"), "--yes"]) == 2
+    said = capsys.readouterr().err
+    assert "two columns are named 'q'" in said and name in said and said.count("\n") == 1, said
+    with pytest.raises(InputError, match=f"{name}: two columns are named 'q'"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize("name", [x for x in WRITERS if x not in ("a.mat", "a.mcap")])
+def test_copies_of_a_column_are_that_column(tmp_path, signals, name):
+    """Recorders write the time beside every channel."""
+    t, u, q = signals
+    WRITERS[name](tmp_path / name, [("t", t), ("u", u), ("t", t), ("q", q)])
+    found = read_table(tmp_path / name).columns
+    assert set(found) == {"t", "u", "q"}
+    np.testing.assert_allclose(found["q"], q, rtol=1e-8)
+
+
+def test_fields_of_one_name_in_two_structs_are_told_by_their_structs(tmp_path, signals):
+    """Of a motor's and a load's position the last one was read as `q`."""
+    t, u, q = signals
+    both = {"motor": {"t": t, "q": q, "u": u}, "load": {"t": t, "q": 0.5 * q}}
+    scipy.io.savemat(tmp_path / "a.mat", both)
+    found = read_table(tmp_path / "a.mat").columns
+    assert set(found) == {"t", "u", "motor.q", "load.q"}
+    np.testing.assert_allclose(found["load.q"], 0.5 * q)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["t,u,q\n" + "\n".join(f"0,{k:02d},1,5,2,{k}" for k in range(80)),  # commas for points
+     "t,u,q\n" + "\n".join(f"r{k},{0.01 * k},{k},5" for k in range(80))],  # names of rows
+)  # fmt: skip
+def test_rows_that_are_wider_than_their_header_are_one_sentence(tmp_path, capsys, text):
+    """The surplus was not used: the time 0,01 was 0, and its hundredths were the input."""
+    (tmp_path / "a.csv").write_text(text)
+    assert cli.run(["case", "new", str(tmp_path / "a.csv"), "--yes"]) == 2
+    said = capsys.readouterr().err
+    assert "a.csv: rows have up to" in said and said.count("\n") == 1, said
+
+
+def new_case(folder):
+    """What `case new` makes of a.csv."""
+    log, out = str(folder / "a.csv"), str(folder / "case")
+    assert cli.run(["case", "new", log, "--out", out, "--yes"]) == 0
+    return read_machine_case(out)
+
+
+def test_a_log_is_not_bridged_over_what_is_missing_for_long(tmp_path, signals):
+    """Half a second without numbers was a straight line, and a misfit of the machine."""
+    u, q = (np.tile(x, 4) for x in signals[1:])
+    t, q = np.arange(len(u)) * STEP, 0.1 * q
+    q[100:150] = np.nan
+    q[300:302] = np.nan
+    as_csv(tmp_path / "a.csv", [("t", t), ("torque", u), ("angle", q)])
+    assert (
+        cli.run(["case", "new", str(tmp_path / "a.csv"), "--out", str(tmp_path / "c"), "--yes"])
+        == 0
+    )
+    case = read_machine_case(tmp_path / "c")
+    assert [round(float(log.time[-1]) / STEP) for log in case.logs] == [219, 329]
+    np.testing.assert_allclose(case.logs[0].outputs["position"][:150], q[150:300], rtol=1e-8)
+    (said,) = (x for x in case.faults if "longest stretch" in x)
+    assert "from 1.5 s to 4.79 s, 328 rows" in said
+
+
+def test_names_with_quotes_and_what_a_table_lacks_reach_the_case(tmp_path, signals):
+    t, u, q = signals
+    as_csv(tmp_path / "a.csv", [('t "s"', t), ("torque \\ shaft", u), ("angle", q)])
+    lines = (tmp_path / "a.csv").read_text().splitlines()
+    lines[50] = "0.49,much,1"
+    (tmp_path / "a.csv").write_text("\n".join(lines))
+    assert (
+        cli.run(["case", "new", str(tmp_path / "a.csv"), "--out", str(tmp_path / "c"), "--yes"])
+        == 0
+    )
+    case = read_machine_case(tmp_path / "c")
+    np.testing.assert_allclose(case.logs[0].inputs["input"][:49], u[:49], rtol=1e-8)
+    assert any("row 50: 'much' is not a number" in x for x in case.faults)

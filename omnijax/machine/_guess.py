@@ -13,7 +13,7 @@ from ..recording import read_table
 from ._axis import INPUTS
 from ._first_numbers import LogSignals
 from ._hold import input_hold
-from ._log import LEAST, evenly, increasing, travelled, unwound
+from ._log import LEAST, evenly, increasing, travelled, unbroken, unwound
 from ._log import MEASURED as MEASURABLE
 from ._second_numbers import coupled
 from ._unit_of_channel import factor_of
@@ -322,19 +322,21 @@ def _described(log: Path, table, time: str | None, given: str, position: str | N
     u = _in_si(table.columns[given], units.get("input"), _input_unit(motion, drives))
     beside = _beside(table.columns) if drives == "goal" else {}
     others = {k: np.asarray(table.columns[c], float) for k, c in beside.items()}
-    good = np.all([np.isfinite(x) for x in (q, u, *others.values())], axis=0)
-    q, u, others = q[good], u[good], {k: x[good] for k, x in others.items()}
+    t = np.arange(len(q)) * step
+    if time is not None:
+        t = _in_si(np.asarray(table.columns[time], float), units.get("t"), "s")
+    good = np.all([np.isfinite(x) for x in (t, q, u, *others.values())], axis=0)
+    t, q, u, others = t[good], q[good], u[good], {k: x[good] for k, x in others.items()}
     if output_unit(motion, measured) == "rad":
         q = unwound(q)
-    if time is not None:
-        t = _in_si(np.asarray(table.columns[time], float)[good], units.get("t"), "s")
-        kept = np.flatnonzero(np.isfinite(t))
-        kept = kept[increasing(t[kept])]
-        rows = [x[kept] for x in (t, q, u, *others.values())]
-        q, u, *rest = evenly(rows[0], step, *rows[1:])
-        others = dict(zip(others, rest, strict=True))
-    if len(q) < LEAST:
-        raise InputError(f"{log.name} has {len(q)} usable rows, but at least {LEAST} are needed.")
+    kept = np.flatnonzero(increasing(t))
+    kept = kept[unbroken(t[kept])] if len(kept) > 1 else kept
+    if len(kept) < LEAST:
+        raise InputError(
+            f"{log.name} has {len(kept)} usable rows, but at least {LEAST} are needed."
+        )
+    q, u, *rest = evenly(t[kept], step, *(x[kept] for x in (q, u, *others.values())))
+    others = dict(zip(others, rest, strict=True))
     for word, values in (("input", u), (measured, q)):
         if np.ptp(values) == 0:
             raise InputError(f"{log.name}: the {word} never changes: all at rest.")
@@ -370,6 +372,11 @@ def _check_columns(log: Path, table, time: str | None, given: str, shown: str) -
         if name not in table.columns:
             raise InputError(f"{log.name} has no column {name!r}; columns: "
                              f"{', '.join(table.columns)}.")  # fmt: skip
+    lengths = {k: len(table.columns[k]) for k in (time, given, shown) if k}
+    if len(set(lengths.values())) > 1:
+        said = ", ".join(f"{k!r} {n}" for k, n in lengths.items())
+        raise InputError(f"{log.name}: columns of other lengths ({said} values): all need the same "
+                         "times.")  # fmt: skip
     if len({time, given, shown}) < 3:
         raise InputError(
             f"{log.name}: time, input and position or velocity must be three columns, but are "

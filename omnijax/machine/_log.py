@@ -18,6 +18,7 @@ KEYS = ("machine", "log", "role", "rows", "rate", "channels", "units", "noise")
 ROLES = ("train", "held-out")
 LEAST = 64  # samples
 MEASURED = ("position", "velocity")  # what a machine is compared by, the first that a log has
+BRIDGED = 5  # steps, of a gap that a straight line bridges; a signal bends over a longer one
 
 
 @dataclasses.dataclass
@@ -130,6 +131,7 @@ def read_log(file: LogFile, inputs: Mapping[str, str], outputs: Mapping[str, str
     if file.rate is not None:
         signals["t"] = np.arange(len(next(iter(table.columns.values())))) / file.rate
     where = file.log.name
+    _check_lengths(where, signals)
     for name in ("t", next(iter(inputs))):
         if name not in signals:
             raise InputError(
@@ -149,7 +151,18 @@ def read_log(file: LogFile, inputs: Mapping[str, str], outputs: Mapping[str, str
         signals = {k: x[slice(*file.rows)] for k, x in signals.items()}
     for name in inputs:
         signals.setdefault(name, np.ones(len(signals["t"])))
+    used = {str(file.channels.get(k, k)) for k in signals}
+    faults[:0] = [str(x) for x in table.faults if not x.column or x.column in used]
     return _on_a_grid(file, signals, inputs, outputs, measured, faults)
+
+
+def _check_lengths(where: str, signals: Mapping[str, np.ndarray]) -> None:
+    """`InputError` for channels that are not as long as the first one: loggers of two rates."""
+    first, length = next(((k, len(x)) for k, x in signals.items()), ("", 0))
+    for name, x in signals.items():
+        if len(x) != length:
+            raise InputError(f"{where}: `{name}` has {len(x)} values, but `{first}` {length}: all "
+                             "channels of a log need the same times.")  # fmt: skip
 
 
 def measured_of(names: Collection[str]) -> str | None:
@@ -195,6 +208,17 @@ def evenly(t: np.ndarray, step: float, *channels: np.ndarray) -> list[np.ndarray
         return list(channels)
     grid = np.arange(round((t[-1] - t[0]) / step) + 1) * step
     return [np.interp(grid, t - t[0], x) for x in channels]
+
+
+def unbroken(t: np.ndarray) -> slice:
+    """Rows of the longest stretch of rising times (t,) without a gap that no straight line bridges.
+
+    In a log of uneven steps a gap is three times as long as nearly all of them.
+    """
+    steps = np.diff(t)
+    longest = max(BRIDGED * np.median(steps), 3 * np.quantile(steps, 0.99))
+    cuts = [0, *(np.flatnonzero(steps > longest) + 1).tolist(), len(t)]
+    return max(map(slice, cuts[:-1], cuts[1:]), key=lambda part: part.stop - part.start)
 
 
 def unwound(angle: np.ndarray) -> np.ndarray:
@@ -256,6 +280,15 @@ def _on_a_grid(file: LogFile, signals, inputs, outputs, measured: str | None, fa
                       "they are left out.")  # fmt: skip
         signals = {k: x[keep] for k, x in signals.items()}
         t = signals["t"]
+    part = unbroken(t)
+    if part.stop - part.start < len(t):
+        faults.append(f"{file.log.name}: nothing can be used for some time; of {len(t)} rows the "
+                      f"longest stretch without such a gap is used: from {t[part][0]:.6g} s to "
+                      f"{t[part][-1]:.6g} s, {part.stop - part.start} rows.")  # fmt: skip
+        signals = {k: x[part] for k, x in signals.items()}
+        t = signals["t"]
+        if len(t) < LEAST:
+            raise InputError(faults[-1])
     for angle in [k for k, unit in outputs.items() if unit == "rad" and k in signals]:
         told = unwound(signals[angle])
         if told is not signals[angle]:

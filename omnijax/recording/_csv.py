@@ -16,7 +16,8 @@ from .._memory import SHARE, available, in_words
 from .._reading import read_bytes
 from ._dates import is_stamp, seconds_of
 from ._header import BLANK, cells_of, header_of, number_of
-from ._recording import Fault
+from ._names import once
+from ._recording import Fault, spans
 
 _LINE_END = re.compile(r"\r\n?|\n")
 _WIDE = (b"\xff\xfe", b"\xfe\xff")  # first bytes of UTF-16
@@ -54,7 +55,7 @@ def read_csv(path: Path) -> CsvTable:
         values, stamped, faulty = _careful(path.name, rows, header.mark, names)
         faults += faulty
         units = units | dict.fromkeys(stamped, "s")
-    return CsvTable(_by_name(path.name, names, values, faults), units, faults, {})
+    return CsvTable(_by_name(path.name, names, values), units, faults, {})
 
 
 def write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
@@ -132,18 +133,13 @@ def _careful(file: str, lines: list[str], mark: str, names: list[str]):
     Returns values, names of columns that are stamps of time, and faults.
     """
     rows = [cells_of(line, mark) for line in lines]
+    _check_width(file, rows, len(names))
+    faults = _ragged(file, rows, len(names))
     first = next((row for row in rows if len(row) == len(names)), [])
     stamped = [j for j, cell in enumerate(first) if is_stamp(cell)]
     values = np.full((len(lines), len(names)), np.nan)
     text: dict[int, list[tuple[int, str]]] = {}
-    faults = []
     for row, cells in enumerate(rows):
-        if len(cells) != len(names):
-            what = f"the row has {len(cells)} cells, but the header {len(names)}"
-            use = (
-                "its first cells are used" if len(cells) < len(names) else "the surplus is not used"
-            )
-            faults.append(Fault(file, "", ((row + 1, row + 1),), "ragged", what, use))
         for j, cell in enumerate(cells[: len(names)]):
             if j in stamped:
                 continue
@@ -161,12 +157,30 @@ def _careful(file: str, lines: list[str], mark: str, names: list[str]):
     return values, [names[j] for j in stamped], faults
 
 
-def _by_name(file: str, names: list[str], values, faults: list[Fault]) -> dict[str, np.ndarray]:
-    columns: dict[str, np.ndarray] = {}
-    for j, name in enumerate(names):
-        if name in columns:
-            what = "the column stands twice in the header"
-            faults.append(Fault(file, name, (), "double column", what, "the first one is used"))
-        elif name:
-            columns[name] = np.ascontiguousarray(values[:, j])
-    return columns
+def _by_name(file: str, names: list[str], values) -> dict[str, np.ndarray]:
+    named = [(name, j) for j, name in enumerate(names) if name]
+    return once(file, ((name, np.ascontiguousarray(values[:, j])) for name, j in named))
+
+
+def _ragged(file: str, rows: list[list[str]], width: int) -> list[Fault]:
+    """What is said of rows that are not as wide as the header, all of one width together."""
+    counts = np.array([len(cells) for cells in rows])
+    faults = []
+    for count in sorted({*counts.tolist()} - {width}):
+        where = spans(counts == count)
+        one = where[0][0] == where[-1][1]
+        what = f"{'the row has' if one else 'rows have'} {count} cells, but the header {width}"
+        use = "the first cells are used" if count < width else "the surplus is not used"
+        faults.append(Fault(file, "", where, "ragged", what, use))
+    return faults
+
+
+def _check_width(file: str, rows: list[list[str]], width: int) -> None:
+    """`InputError` where most rows hold more than the header names: whose they are is not known."""
+    wider = sum(any(cells[width:]) for cells in rows)
+    if wider > len(rows) / 2:
+        most = max(map(len, rows))
+        raise InputError(
+            f"{file}: rows have up to {most} cells, but the header {width}. Columns that are "
+            "separated by commas need numbers with a point, or rows have names of their own."
+        )

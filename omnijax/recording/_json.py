@@ -1,6 +1,7 @@
 """JSON logs: columns by name, or a list of samples, wherever it stands in the document."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +10,7 @@ import numpy as np
 from .._errors import InputError
 from ._csv import CsvTable, unpacked
 from ._dates import is_stamp, seconds_of
+from ._names import once
 from ._spread import spread
 
 
@@ -24,7 +26,7 @@ def read_json(path: Path) -> CsvTable:
     raw, whole = unpacked(path)
     if not whole:
         raise InputError("the packed file ends too early.", path)
-    document = _document(raw.decode("utf-8-sig"))
+    document = _document(raw.decode("utf-8-sig"), path.name)
     tables = _tables(document, {})
     largest = max(reversed(tables), key=lambda x: x[0], default=None)  # of equals the innermost
     if largest is None:
@@ -36,15 +38,16 @@ def read_json(path: Path) -> CsvTable:
     return spread(columns | constant, dict.fromkeys(stamped, "s"))
 
 
-def _document(text: str) -> Any:
+def _document(text: str, file: str) -> Any:
     """The document of a text, a list where each of its lines is one."""
+    load = partial(json.loads, object_pairs_hook=partial(once, file))
     try:
-        return json.loads(text)
+        return load(text)
     except json.JSONDecodeError as error:
         lines = [line for line in text.splitlines() if line.strip()]
         if error.msg != "Extra data" or len(lines) < 2:
             raise
-        return [json.loads(line) for line in lines]
+        return [load(line) for line in lines]
 
 
 def _tables(node: Any, beside: dict[str, float]) -> list[tuple[int, dict, dict]]:

@@ -1,6 +1,7 @@
 """MCAP logs: JSON and ROS 2 messages of all topics on one clock."""
 
 import json
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import numpy as np
 
 from .._errors import InputError, require
 from ._csv import CsvTable
+from ._names import once
 from ._spread import spread
 
 BASE = 1e-9  # s, of a log's clock
@@ -24,7 +26,7 @@ def read_mcap(path: Path) -> CsvTable:
     with path.open("rb") as file:
         made = reader.make_reader(file)
         for schema, channel, message in made.iter_messages():
-            fields = _fields(schema, channel, message)
+            fields = _fields(path.name, schema, channel, message)
             if fields:
                 topics.setdefault(channel.topic.strip("/"), []).append((message.log_time, fields))
     if not topics:
@@ -42,10 +44,11 @@ def read_mcap(path: Path) -> CsvTable:
     return spread(columns)
 
 
-def _fields(schema: Any, channel: Any, message: Any) -> dict[str, float]:
+def _fields(file: str, schema: Any, channel: Any, message: Any) -> dict[str, float]:
     """Numbers of one message by dotted name; none of a message in another encoding."""
     if channel.message_encoding == "json":
-        return _numbers(json.loads(message.data))
+        hook = partial(once, file)
+        return _numbers(json.loads(message.data, object_pairs_hook=hook))
     if channel.message_encoding == "cdr" and schema is not None:
         support = require(
             "mcap_ros2.decoder", "mcap", "reading `.mcap` files of ROS 2", "mcap-ros2-support"

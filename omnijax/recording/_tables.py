@@ -1,6 +1,7 @@
 """Files of every kind into columns of numbers: CSV, Parquet, MAT, JSON, NetCDF, TDMS, UFF, ..."""
 
 import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from ._csv import CsvTable, read_csv
 from ._json import read_json
 from ._mat import mat_sizes
 from ._mcap import read_mcap
+from ._names import doubled, leaves, once
 from ._spread import spread
 
 
@@ -62,10 +64,12 @@ def read_table(path: Path) -> CsvTable:
 
 def _parquet(path: Path) -> CsvTable:
     parquet = require("pyarrow.parquet", "measured", "reading `.parquet` files")
-    about = parquet.read_metadata(path)
-    check_room(path, 8 * about.num_rows * about.num_columns)
-    table = parquet.read_table(path)
-    return spread({name: table[name].to_numpy() for name in table.column_names})
+    with parquet.ParquetFile(path) as file:
+        about = file.metadata
+        check_room(path, 8 * about.num_rows * about.num_columns)
+        table = file.read()
+    columns = zip(table.column_names, (x.to_numpy() for x in table.columns), strict=True)
+    return spread(once(path.name, columns))
 
 
 def _mat(path: Path) -> CsvTable:
@@ -73,50 +77,56 @@ def _mat(path: Path) -> CsvTable:
 
     try:
         check_room(path, max(mat_sizes(path)))
+        _check_variables(path)
         variables = scipy.io.loadmat(path, squeeze_me=True, struct_as_record=True)
     except NotImplementedError:  # version 7.3 is HDF5
         return _hdf5(path)
-    columns: dict[str, Any] = {}
-    for name, value in variables.items():
-        if name.startswith("__"):
-            continue
-        columns |= _fields(name, value)
-    return spread(columns)
+    named = [(k, x) for k, x in variables.items() if not k.startswith("__")]
+    return spread(leaves(one for k, x in named for one in _fields((k,), x)))
 
 
-def _fields(name: str, value: Any) -> dict[str, Any]:
+def _check_variables(path: Path) -> None:
+    """`InputError` for a variable that a MAT file holds twice: `loadmat` gives the last one."""
+    import scipy.io
+
+    names = [name for name, _, _ in scipy.io.whosmat(path)]
+    twice = next((x for k, x in enumerate(names) if x in names[:k]), None)
+    if twice is not None:
+        raise doubled(path.name, twice)
+
+
+def _fields(path: tuple[str, ...], value: Any) -> Iterator[tuple[tuple[str, ...], Any]]:
     """A variable; of a struct its fields, of one in it its own; of a list of samples columns."""
     if not (isinstance(value, np.ndarray | np.void) and value.dtype.names):
-        return {name: value}
+        yield path, value
+        return
     if np.size(value) > 1:
         numbers = {k: [np.asarray(x) for x in np.ravel(value[k])] for k in value.dtype.names}
-        return {
-            k: np.array([float(x.item()) for x in column]) for k, column in numbers.items()
-            if all(x.size == 1 and x.dtype.kind in "fiub" for x in column)
-        }  # fmt: skip
-    out: dict[str, Any] = {}
+        for k, column in numbers.items():
+            if all(x.size == 1 and x.dtype.kind in "fiub" for x in column):
+                yield (*path, k), np.array([float(x.item()) for x in column])
+        return
     for field in value.dtype.names:
         inner = value[field]
         inner = inner.item() if isinstance(inner, np.ndarray) and inner.dtype == object else inner
-        out |= _fields(field, inner)
-    return out
+        yield from _fields((*path, field), inner)
 
 
 def _hdf5(path: Path) -> CsvTable:
     import h5py
 
-    columns: dict[str, np.ndarray] = {}
+    columns: list[tuple[list[str], np.ndarray]] = []
     sizes = [0]
 
     def keep(name, item):
         if isinstance(item, h5py.Dataset) and not name.startswith("#"):
             sizes.append(8 * (item.size or 0))
             check_room(path, sum(sizes))
-            columns[name.rsplit("/", 1)[-1]] = np.asarray(item[()]).T  # MATLAB counts columns first
+            columns.append((name.split("/"), np.asarray(item[()]).T))  # MATLAB: columns first
 
     with h5py.File(path, "r") as file:
         file.visititems(keep)
-    return spread(columns)
+    return spread(leaves(columns))
 
 
 def _netcdf(path: Path) -> CsvTable:
@@ -134,46 +144,50 @@ def _netcdf(path: Path) -> CsvTable:
 
 def _tdms(path: Path) -> CsvTable:
     tdms = require("nptdms", "measured", "reading `.tdms` files", "npTDMS")
-    columns, units = {}, {}
+    columns: list[tuple[tuple[str, ...], Any]] = []
+    units: dict[str, str] = {}
     with tdms.TdmsFile.read(path) as file:
-        for group in file.groups():
-            for channel in group.channels():
-                columns[channel.name] = channel[:]
-                unit = channel.properties.get("unit_string")
-                units |= {channel.name: unit} if unit else {}
-                if "t" not in columns and "wf_increment" in channel.properties:
-                    columns["t"] = channel.time_track()
-    return spread(columns, units)
+        some = [(group.name, x) for group in file.groups() for x in group.channels()]
+        for group, channel in some:
+            columns.append(((group, channel.name), channel[:]))
+            unit = channel.properties.get("unit_string")
+            units |= dict.fromkeys((channel.name, f"{group}.{channel.name}"), unit) if unit else {}
+        clock = next((x for _, x in some if "wf_increment" in x.properties), None)
+        if clock is not None and all(x.name != "t" for _, x in some):
+            columns.append((("t",), clock.time_track()))
+    return spread(leaves(columns), units)
 
 
 def _uff(path: Path) -> CsvTable:
     pyuff = require("pyuff", "measured", "reading `.uff` files")
-    columns: dict[str, Any] = {}
+    columns: list[tuple[str, Any]] = []
     units: dict[str, str] = {}
     sets = pyuff.UFF(str(path)).read_sets()
     for one in sets if isinstance(sets, list) else [sets]:
         if one.get("type") != 58:
             continue
         name = (one.get("id1") or one.get("id2") or "").strip()
-        columns[name] = np.real(np.asarray(one["data"]))
-        columns.setdefault("t", np.asarray(one["x"]))
+        columns += [] if columns else [("t", np.asarray(one["x"]))]
+        columns.append((name, np.real(np.asarray(one["data"]))))
         unit = str(one.get("ordinate_axis_units_lab", "")).strip()
         units |= {name: unit} if unit and unit.upper() not in ("NONE", "0") else {}
-    return spread(columns, units)
+    return spread(once(path.name, columns), units)
 
 
 def _mdf(path: Path) -> CsvTable:
     asammdf = require("asammdf", "measured", "reading `.mf4` files")
-    columns: dict[str, Any] = {}
+    columns: list[tuple[tuple[str, ...], Any]] = []
     units: dict[str, str] = {}
     with asammdf.MDF(path) as file:
         groups = [(one.channel_group.cycles_nr, len(one.channels)) for one in file.groups]
         check_room(path, 8 * sum(rows * columns for rows, columns in groups))
         for signal in file.iter_channels():
-            columns.setdefault("t", np.asarray(signal.timestamps))
-            columns[signal.name] = np.asarray(signal.samples)
-            units |= {signal.name: signal.unit} if signal.unit else {}
-    return spread(columns, units)
+            columns += [] if columns else [(("t",), np.asarray(signal.timestamps))]
+            where = (f"group {signal.group_index}", signal.name)
+            columns.append((where, np.asarray(signal.samples)))
+            said = dict.fromkeys((where[1], ".".join(where)), signal.unit)
+            units |= said if signal.unit else {}
+    return spread(leaves(columns), units)
 
 
 ANYTHING = (".json", ".json.gz", ".txt", ".dat", ".log")
