@@ -86,6 +86,21 @@ class _Lines:
         size = (waves != 0) @ self.weight**2
         return np.abs(waves @ (self.weight * self.left)) ** 2 / np.maximum(size, 1e-300)
 
+    def along(self, grid, fine: float) -> np.ndarray:
+        """`power` of a grid with steps `fine`: exp(i (m + n) q) = exp(i m q) exp(i n q).
+
+        So blocks of 8 by 8 orders take 8 waves of their own and a product of matrices.  A row
+        counts in the blocks of which it sees all orders.
+        """
+        near = np.exp(1j * np.outer(np.arange(8) * fine, self.angle))
+        out, weighed, speed = [], self.weight * self.left, np.abs(self.speed)
+        for block in np.split(grid, range(64, len(grid), 64)):
+            seen = block[-1] * speed < self.fastest
+            waves = np.exp(1j * np.outer(block[::8], self.angle[seen])) * weighed[seen]
+            size = max(float(np.sum(self.weight[seen] ** 2)), 1e-300)
+            out.append(np.abs(waves @ near[:, seen].T).ravel()[: len(block)] ** 2 / size)
+        return np.concatenate(out)
+
     def without(self, orders) -> "_Lines":
         """The same less the best lines of some orders together."""
         waves = self.waves(orders) * self.weight
@@ -95,8 +110,7 @@ class _Lines:
 
     def strongest(self, grid, fine: float) -> list[float]:
         """`PEAKS` orders on a `grid` with steps `fine`, more finely looked for beside each."""
-        parts = np.split(grid, range(256, len(grid), 256))
-        powers = np.concatenate([self.power(part) for part in parts])
+        powers = self.along(grid, fine)
         peaks = grid[_peaks(powers)[:LOOKED]]
         highest = [self.closer(x, fine) for x in peaks[:HIGHEST]]
         waves, lines = self.waves(peaks), highest[:1]
