@@ -301,3 +301,38 @@ def test_names_with_quotes_and_what_a_table_lacks_reach_the_case(tmp_path, signa
     case = read_machine_case(tmp_path / "c")
     np.testing.assert_allclose(case.logs[0].inputs["input"][:49], u[:49], rtol=1e-8)
     assert any("row 50: 'much' is not a number" in x for x in case.faults)
+
+
+def test_a_clock_that_was_set_back_leaves_no_jump(tmp_path, signals):
+    """Rows whose times came twice were left out, and those after them followed on those before."""
+    u, q = (np.tile(x, 4) for x in signals[1:])
+    t, q = np.arange(len(u)) * STEP, np.cumsum(0.1 * q) * STEP
+    clock = np.where(t < 2, t, t - 1)
+    as_csv(tmp_path / "a.csv", [("t", clock), ("torque", u), ("angle", q)])
+    case = new_case(tmp_path)
+    both = np.concatenate([log.outputs["position"] for log in case.logs])
+    np.testing.assert_allclose(both, q[200:][: len(both)], rtol=1e-7)
+    assert any("longest stretch" in x for x in case.faults)
+
+
+def test_marks_between_quotes_separate_nothing(tmp_path, signals):
+    """Of the header "t, s","torque, Nm" six columns were read, and the torque as `s`."""
+    (tmp_path / "a.csv").write_text('"t, s","torque, Nm","angle, rad"\n' + rows(signals))
+    found = read_table(tmp_path / "a.csv").columns
+    assert list(found) == ["t, s", "torque, Nm", "angle, rad"]
+    np.testing.assert_allclose(found["angle, rad"], signals[2], rtol=1e-8)
+
+
+@pytest.mark.parametrize("text", ["t,torque,angle\ns,Nm,rad\n", "a\x00b\n\x01\x02\x03\n"])
+def test_a_table_without_numbers_is_one_sentence(tmp_path, capsys, text):
+    (tmp_path / "a.csv").write_text(text)
+    assert cli.run(["case", "new", str(tmp_path / "a.csv"), "--yes"]) == 2
+    said = capsys.readouterr().err
+    assert "a.csv holds no" in said and said.count("\n") == 1, said
+
+
+def test_infinite_numbers_are_none(tmp_path, signals):
+    t, u, q = signals
+    q = np.where(np.arange(COUNT) % 40 == 7, np.inf, 0.1 * q)
+    as_csv(tmp_path / "a.csv", [("t", t), ("torque", u), ("angle", q)])
+    assert any("3 rows have no number" in x for x in new_case(tmp_path).faults)

@@ -133,7 +133,9 @@ def guess(
     never changes, for a column that the log lacks, or one that is named twice.
     """
     table = read_table(log)
-    columns = {k: np.asarray(x, float) for k, x in table.columns.items() if np.ndim(x) == 1}
+    flat = {k: np.asarray(x, float) for k, x in table.columns.items() if np.ndim(x) == 1}
+    columns = {k: np.where(np.isfinite(x), x, np.nan) for k, x in flat.items()}
+    table = table._replace(columns=columns)
     moving = [k for k, x in columns.items() if len(np.unique(x[np.isfinite(x)])) > 1]
     time = time or _time(log, columns, moving, rate)
     named = (time, given, position, velocity)
@@ -249,10 +251,9 @@ def _alone(one: Guess) -> Guess:
 def _not_found(log: Path, word: str, option: str, columns, still: str | None) -> InputError:
     """What is said where no column looks like a `word`; `still` does, but never changes."""
     if still is not None:
-        return InputError(
-            f"{log.name}: the column {still!r} looks like the {word}, but it never changes: all "
-            "at rest."
-        )
+        why = "it never changes: all at rest"
+        why = why if np.isfinite(columns[still]).any() else "it holds no numbers"
+        return InputError(f"{log.name}: the column {still!r} looks like the {word}, but {why}.")
     return InputError(f"{log.name}: no column looks like the {word}; columns: "
                       f"{', '.join(columns)}. Name it: {option}.")  # fmt: skip
 
@@ -330,7 +331,7 @@ def _described(log: Path, table, time: str | None, given: str, position: str | N
     if output_unit(motion, measured) == "rad":
         q = unwound(q)
     kept = np.flatnonzero(increasing(t))
-    kept = kept[unbroken(t[kept])] if len(kept) > 1 else kept
+    kept = kept[unbroken(t[kept], np.flatnonzero(good)[kept])] if len(kept) > 1 else kept
     if len(kept) < LEAST:
         raise InputError(
             f"{log.name} has {len(kept)} usable rows, but at least {LEAST} are needed."

@@ -210,14 +210,16 @@ def evenly(t: np.ndarray, step: float, *channels: np.ndarray) -> list[np.ndarray
     return [np.interp(grid, t - t[0], x) for x in channels]
 
 
-def unbroken(t: np.ndarray) -> slice:
-    """Rows of the longest stretch of rising times (t,) without a gap that no straight line bridges.
+def unbroken(t: np.ndarray, rows: np.ndarray) -> slice:
+    """The longest stretch of rising times (t,) without a gap that no straight line bridges.
 
-    In a log of uneven steps a gap is three times as long as nearly all of them.
+    Of a clock that was set back times go on where the log's `rows` (t,) do not: a gap too.  In a
+    log of uneven steps a gap is three times as long as nearly all of them.
     """
-    steps = np.diff(t)
-    longest = max(BRIDGED * np.median(steps), 3 * np.quantile(steps, 0.99))
-    cuts = [0, *(np.flatnonzero(steps > longest) + 1).tolist(), len(t)]
+    far = np.zeros(len(t) - 1, bool)
+    for steps in (np.diff(t), np.diff(rows)):
+        far |= steps > max(BRIDGED * np.median(steps), 3 * np.quantile(steps, 0.99))
+    cuts = [0, *(np.flatnonzero(far) + 1).tolist(), len(t)]
     return max(map(slice, cuts[:-1], cuts[1:]), key=lambda part: part.stop - part.start)
 
 
@@ -266,6 +268,7 @@ def _on_a_grid(file: LogFile, signals, inputs, outputs, measured: str | None, fa
     if not finite.all():
         faults.append(f"{file.log.name}: {int((~finite).sum())} rows have no number; they are left "
                       "out.")  # fmt: skip
+    rows = np.flatnonzero(finite)
     signals = {k: x[finite] for k, x in signals.items()}
     t = signals["t"]
     if len(t) < LEAST:
@@ -279,8 +282,8 @@ def _on_a_grid(file: LogFile, signals, inputs, outputs, measured: str | None, fa
         faults.append(f"{file.log.name}, column `t`: {int((~keep).sum())} rows do not increase; "
                       "they are left out.")  # fmt: skip
         signals = {k: x[keep] for k, x in signals.items()}
-        t = signals["t"]
-    part = unbroken(t)
+        t, rows = signals["t"], rows[keep]
+    part = unbroken(t, rows)
     if part.stop - part.start < len(t):
         faults.append(f"{file.log.name}: nothing can be used for some time; of {len(t)} rows the "
                       f"longest stretch without such a gap is used: from {t[part][0]:.6g} s to "

@@ -55,6 +55,8 @@ def read_csv(path: Path) -> CsvTable:
         values, stamped, faulty = _careful(path.name, rows, header.mark, names)
         faults += faulty
         units = units | dict.fromkeys(stamped, "s")
+    if not np.isfinite(values).any():
+        raise InputError(f"{path.name} holds no numbers: it needs samples below its header row.")
     return CsvTable(_by_name(path.name, names, values), units, faults, {})
 
 

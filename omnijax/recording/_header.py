@@ -1,6 +1,7 @@
 """Where a text table begins: its header, a row of units, what separates its cells."""
 
 import collections
+import csv
 import re
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -9,6 +10,7 @@ MARKS = ";\t,"
 LOOKED = 200  # last lines of a file, by which its shape is known
 USUAL = 0.9  # share of them that have as many cells
 BLANK = " "  # any white space separates
+QUOTED = re.compile(r'"[^"]*"')
 EXCEL = re.compile(r"\s*\"?sep=(\\t|.)\"?\s*\Z", re.IGNORECASE)
 UNIT = re.compile(r"[\[(]?\s*([A-Za-zµμ°%][\wµμ°%/^*·⋅²³ -]{0,11})\s*[\])]?\Z")
 EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "#n/a", "nat"}
@@ -48,7 +50,12 @@ def header_of(lines: Sequence[str]) -> Header:
 
 def cells_of(line: str, mark: str) -> list[str]:
     """The cells of a line."""
-    return line.split() if mark == BLANK else [cell.strip() for cell in line.split(mark)]
+    if mark == BLANK:
+        return line.split()
+    if '"' in line:  # a mark between quotes separates nothing
+        (parts,) = csv.reader([line], delimiter=mark, skipinitialspace=True)
+        return [cell.strip() for cell in parts]
+    return [cell.strip() for cell in line.split(mark)]
 
 
 def number_of(cell: str, decimal_comma: bool = False) -> float | None:
@@ -63,8 +70,8 @@ def number_of(cell: str, decimal_comma: bool = False) -> float | None:
 
 
 def _most(line: str) -> str:
-    """The mark that stands in a line most often."""
-    return max(",;\t", key=line.count)
+    """The mark that stands in a line most often, not between quotes."""
+    return max(",;\t", key=QUOTED.sub("", line).count)
 
 
 def _usual(lines: Sequence[str], mark: str) -> tuple[int, float]:
