@@ -9,6 +9,8 @@ from benchmarks.axes.cases import HIDDEN, IDS, _effect, _plant, drawn
 from benchmarks.axes.oracle import untold
 from benchmarks.axes.plants import Plant, moved, shown
 from omnijax.diagnosis._ode import build_model
+from omnijax.diagnosis._ode.together import lines_together
+from omnijax.diagnosis._ode.undecided import undecided
 from omnijax.diagnosis._search import Effect, Point
 from omnijax.laws import AXIS_EFFECTS
 from omnijax.machine import Axis, Log, MachineCase, load_machine
@@ -135,6 +137,9 @@ def test_lines_of_a_motor_are_found_beside_each_other(tmp_path):
     for known, n in ((), slots), ((first,), 1.0), ((first, once), 2 * slots):
         tried = orders_tried(model, Point(np.zeros(0), known), "motor-ripple")
         assert np.min(np.abs(tried / n - 1)) < 0.03, (n, tried)  # a refit may move it so far
+    three = lines_together(model.balanced(), Point(np.zeros(0)))
+    lines = sorted((e.values["order"], abs(e.values["amplitude"]) / J) for e in three.effects)
+    np.testing.assert_allclose(lines, [(1, 25), (slots, 60), (2 * slots, 30)], rtol=0.02)
 
 
 def test_a_second_inertia_may_start_apart_from_the_first():
@@ -163,3 +168,16 @@ def test_what_no_log_tells_apart_is_known_by_the_plants_themselves():
         )
         assert bool(untold(some, {"actuator-delay"})) != told
     assert untold(dataclasses.replace(some, hidden="coulomb"), {"actuator-delay"}) == {}
+
+
+def test_what_is_undecided_is_known_beside_tangents_of_any_size():
+    """Squares of tangents that span decades lost what is small, and no root was left."""
+    rng = np.random.default_rng(4)
+    train, held = rng.normal(size=(60, 3)), rng.normal(size=(40, 3)) @ np.diag([30.0, 1.0, 0.1])
+    ways, less = undecided(train, held)
+    whole = held @ np.linalg.inv(train.T @ train + np.eye(3)) @ held.T
+    sizes, turns = np.linalg.eigh(whole)
+    np.testing.assert_allclose(np.sort(less), 1 - 1 / np.sqrt(1 + sizes[-len(less) :]), rtol=1e-9)
+    np.testing.assert_allclose(np.abs(ways.T @ turns[:, -1]).max(), 1.0, rtol=1e-9)
+    ways, less = undecided(train @ np.diag([1e40, 1.0, 1.0]), held)
+    assert np.all(np.isfinite(ways)) and np.all(less > 0)

@@ -18,6 +18,7 @@ from omnijax.diagnosis._machine.roles import with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._noise import step_of
 from omnijax.diagnosis._ode.evidence import OdeEvidence
+from omnijax.diagnosis._ode.model import OdeModel
 from omnijax.diagnosis._search import Effect, Search
 from omnijax.diagnosis._search.held_out import HeldOut, Trial
 from omnijax.diagnosis._search.levels import Level, levels, white_level
@@ -212,12 +213,29 @@ def test_what_held_out_runs_show_at_another_size_is_not_named(times, noise, alik
     columns = [{"a_x": before}]
     verdict = judge(found, shown, columns, columns, alike=alike)  # pyright: ignore
     assert verdict.verdict == ("unknown" if other else "named")
-    assert ("times what x@w1 foretells" in verdict.reason) == other
+    said = "times what x@w1 foretells" in verdict.reason
+    assert said == (other or alike == AXIS), "what is named at another size says so"
+
+
+@pytest.mark.parametrize(
+    "times, size, there",
+    [(0.65, 1e5, True),  # friction of a warm gear, a third less than in the fitted logs
+     (1.8, 1e5, True),
+     (0.35, 1e5, False),  # that is another law
+     (0.45, 700.0, False),  # whatever the noise leaves open
+     (2.5, 1e5, False),
+     (0.65, 25.0, False)],  # 3.3 standard deviations from nothing
+)  # fmt: skip
+def test_an_axis_may_show_an_effect_at_up_to_twice_its_size(times, size, there):
+    held = HeldOut((2 * times - 1) * size, size)
+    assert held.confirms(1e5, OdeModel.settings) == there
+    assert not held.confirms(1e5), "a rig's prediction is no factor of 1.5 off"
 
 
 @pytest.mark.parametrize(
     "share, size, verdict",
     [(2.5, 100.0, "unknown"),  # surely there, larger than foretold: another law
+     (0.3, 1600.0, "unknown"),  # surely there, at a third of its size: that is not nothing
      (0.3, 100.0, "none"),  # three standard deviations: chance
      (2.5, 4.0, "none"),  # sure, but it moves nothing by one per cent
      (-2.5, 100.0, "none")],

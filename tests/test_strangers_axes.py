@@ -65,6 +65,20 @@ def disc_over_the_top(rng):
     return {"time_ms": 1e3 * t, "torque_Nm": u, "pos_rad": q}, {"bearing-coulomb"}, ()
 
 
+def swinging_disc(rng):
+    """A disc with a mass that swings, two cogging torques that bend its motion far together."""
+    J, w, n = 10 ** rng.uniform(-4, -2), rng.uniform(4, 6), float(rng.integers(20, 26))
+    g, phase = sines(rng, 0.3, 1.2), rng.uniform(0, 6, 2)
+
+    def a(q, v, u):
+        lines = 0.3 * np.sin(n * q + phase[0]) + 0.18 * np.sin(13 / 6 * n * q + phase[1])
+        return u / J - w**2 * (np.sin(q) + 0.03 * v / w - 0.06 * lines)
+
+    t, u, q = run(a, lambda t: 0.5 * J * w**2 * g(t), 500.0, 9)
+    q = q + 1e-5 * rng.normal(size=len(t))
+    return {"t": t, "torque": u, "angle": q}, {"cogging", "motor-ripple"}, (n, 13 / 6 * n)
+
+
 def slide(rng):
     """A linear drive in millimetres with dry friction."""
     M, c, g = 10 ** rng.uniform(0, 2), rng.uniform(0.3, 0.6), sines(rng, 0.2, 1.0)
@@ -94,10 +108,11 @@ def nothing(rng):
     return {"time": t, "torque": u, "angle": q + 1e-4 * rng.normal(size=len(t))}, set(), ()
 
 
-PLANTS = (cogging_behind_a_gear, disc_over_the_top, behind_a_controller, slide, nothing)
+PLANTS = (cogging_behind_a_gear, disc_over_the_top, behind_a_controller, slide, swinging_disc,
+          nothing)  # fmt: skip
 
 
-@pytest.mark.parametrize("plant", tiered(PLANTS, (slide, nothing).__contains__))
+@pytest.mark.parametrize("plant", tiered(PLANTS, (slide, swinging_disc, nothing).__contains__))
 def test_what_the_axis_lacks_is_named_and_nothing_else(tmp_path, plant):
     table, truth, orders = plant(drawn_anew(plant.__name__))
     log = tmp_path / "log.csv"

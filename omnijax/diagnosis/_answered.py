@@ -81,8 +81,8 @@ def _reviewed(search: Search, evidence: AbstractEvidence, explored: Explored, sh
     """(what was found, the limits, the noise shown): of a search whose noise is right."""
     outcome = search.reviewed(explored)
     limits = _limits(evidence.model, outcome)
-    names = {e.name for e in explored.way.fit.point.effects}
-    if {e.name for e in outcome.fit.point.effects} != names:
+    names = sorted(e.name for e in explored.way.fit.point.effects)
+    if sorted(e.name for e in outcome.fit.point.effects) != names:  # of several lines one may go
         shown = shown_noise(evidence, outcome.fit.point)
     return outcome, limits, shown
 

@@ -18,17 +18,20 @@ def orthonormal(columns: np.ndarray, least: float | None = None) -> np.ndarray:
     return u[:, s > (1e-9 * s[0] if least is None else least)]
 
 
-def orthonormal_of_many_rows(columns: np.ndarray, least: float | None = None) -> np.ndarray:
+def orthonormal_of_many_rows(
+    columns: np.ndarray, least: float | None = None, short: float = 1e-7
+) -> np.ndarray:
     """The same for 1e5 rows of few columns: by the eigenvalues of their products, a pass over them.
 
-    These are squares, so that rounding hides directions shorter than 1e-7 of the longest one.
+    Directions shorter than `short` of the longest one are left out: below 1e-7 they are rounding,
+    for the eigenvalues are squares of lengths.
     """
     if least is None:
         columns = _scaled(columns)
     if columns.shape[1] == 0:
         return columns
     values, vectors = np.linalg.eigh(columns.T @ columns)
-    kept = values > max(0.0 if least is None else least**2, 1e-14 * values[-1])
+    kept = values > max(0.0 if least is None else least**2, short**2 * values[-1])
     return columns @ (vectors[:, kept] / np.sqrt(values[kept]))
 
 

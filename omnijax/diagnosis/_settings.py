@@ -58,6 +58,7 @@ class SearchSettings:
     shuffles: int = 4  # shuffled residuals whose best candidate is to be beaten: chosen
     sure: float = 4.0  # standard deviations by which held-out runs confirm a change: chosen
     share: float = 1.5  # factor by which a change there may be off the foretold one: own cases
+    slack: float = 0.15  # share of it that noise may add to that factor at most: own cases
     margin: float = 25.0  # chi2 by which an effect has to be needed, and a width: prototype
     equal: float = 12.0  # below it two rivals are equals; a wrong one leads by it by chance at most
     # 3e-4 of the time: derived (the gap of two fits is normal, of mean d^2 and variance 4 d^2)
@@ -439,6 +440,7 @@ class FreeFloorSettings:
     tried: int = 2  # refits a step
     worth: float = 0.95  # of the misfit that is left at most, for a further law
     noise: float = 1.3  # chi2 a row from which a law is looked for
+    alike: float = 1e-3  # of the longest direction of all tangents; a shorter one is none
 
 
 @dataclasses.dataclass(frozen=True)

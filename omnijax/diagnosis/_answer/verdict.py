@@ -59,7 +59,8 @@ def judge(
     Nothing is unknown but what hangs on the machine's state, at `where`'s own false-discovery rate.
     `rivals` is the margin below which two effects explain the runs equally well, `closing` the
     share of the held-out gap that a named set has to close, `alike` the one by which held-out runs
-    may show an effect at another size; `unsteady` effects change over the runs or between them.
+    may show an effect at another size (what is more than a rig's prediction may be off is said);
+    `unsteady` effects change over the runs or between them.
     `far` are stretches of the held-out runs that no noise of their channel explains: where nothing
     is named and one function of the machine's state is left there too, the answer is no `none`,
     however short they are against the run.
@@ -94,7 +95,8 @@ def judge(
     if any(equals.values()):
         text = "joint refits of rivals are equally good"
         return Verdict("ambiguous", closed, equals, text, noise)
-    text = f"{who} confirm the joint refit"
+    sized = of_another_size(outcome, AbstractEvidence.alike)
+    text = f"{who} confirm the joint refit" + (f"; {who} show {sized}" if sized else "")
     if confirmed_on == "nothing":
         text = "the joint refit explains the runs, and none is left to confirm it"
     return Verdict("named", closed, equals, text, noise)
@@ -141,7 +143,7 @@ def _without_effects(
         text = f"a gap in {', '.join(open_)} that no known effect closes on {who}"
         return Verdict("unknown", 0.0, {}, text)
     tried = [t for trials in outcome.trials for t in trials]
-    like = max((t for t in tried if _shows(t, total)), key=lambda t: t.held.gain, default=None)
+    like = max((t for t in tried if _shows(t, total)), key=lambda t: t.held.there, default=None)
     if like is not None:
         share, name = like.held.multiplier, like.effect.name
         text = (f"{who} surely show what {name} foretells, but {share:.2f} times its size: "
@@ -159,8 +161,9 @@ def _without_effects(
 def _shows(trial: Trial, total: float) -> bool:
     """Whether held-out runs show the change of a refused trial: surely, and enough to matter.
 
-    It matters where it moves their RMS by one per cent, as an effect that is named does.
+    It matters where it moves their RMS by one per cent, at the size that it has there, as an effect
+    that is named does.
     """
     known, least = trial.settings, (1 - (1 + trial.settings.material) ** -2) * total
     sure = trial.held.sure > known.sure and trial.gain > known.margin
-    return not trial.accepted and sure and trial.held.gain > least
+    return not trial.accepted and sure and trial.held.there > least

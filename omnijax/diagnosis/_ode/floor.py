@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from .._orthonormal import orthonormal_of_many_rows
 from .._search import (
     AbstractModel,
     Fit,
@@ -15,23 +16,27 @@ from .._search import (
     taken_up,
 )
 from .._settings import SETTINGS
+from .together import lines_together
 
+ALIKE = SETTINGS.free_floor.alike
 STEPS = SETTINGS.free_floor.steps
 TRIED = SETTINGS.free_floor.tried
 WORTH = SETTINGS.free_floor.worth
 NOISE = SETTINGS.free_floor.noise
 
 
-def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None]) -> Fit:
+def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None],
+               balance: Callable[[], AbstractModel] | None = None) -> Fit:  # fmt: skip
     """The refit with the laws that explain most of the train rows.
 
-    The first at finite strength, for a strong one bends its tangent; the next by their tangents.
+    The first at finite strength, for a strong one bends its tangent, and where none explains all,
+    several lines of one place as the `balance` of accelerations has them; the next by tangents.
     """
     for step in range(STEPS):
         if fit.chi2 < NOISE * model.dof("train"):
             break
-        have = {e.name for e in fit.point.effects}
-        candidates = [c for c in model.candidates(fit.point) if c.name not in have]
+        known = fit.point.effects
+        candidates = [c for c in model.candidates(fit.point) if not model.has(known, c.id, c.place)]
         table = Signatures(candidates, model.columns(fit.point, candidates))
         taken = taken_up(fit.jacobian, len(model.priors))
         scan = table.scan(fit.residual, taken, fit.point.u)
@@ -45,6 +50,14 @@ def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None]) -> F
         for start in starts:
             fits.append(settled(model, start.point))
             tell(f"{start.name}: {fits[-1].cost / fit.cost:.3g} of the misfit is left")
+        least = min((f.chi2 for f in fits), default=np.inf)
+        if step == 0 and balance is not None and not least < NOISE * model.dof("train"):
+            point = lines_together(balance(), Point(0 * fit.point.u))
+            if point is not None:
+                model.rebase(point)  # a window's start had stood for them
+                fits.append(settled(model, point))
+                said = f"{len(point.effects)} lines, {point.effects[-1].name}"
+                tell(f"{said}: {fits[-1].cost / fit.cost:.3g} of the misfit is left")
         new = min(fits, key=lambda f: f.cost, default=fit)
         if not new.cost < WORTH * fit.cost:
             break
@@ -62,13 +75,12 @@ def settled(model: AbstractModel, point: Point) -> Fit:
 
 
 def beside(residual: np.ndarray, table: np.ndarray) -> tuple[np.ndarray, int]:
-    """A residual less what a table of tangents (k, rows) can make of it, and the table's rank."""
-    size = np.linalg.norm(table, axis=1)
-    table = table[size > 0] / size[size > 0, None]
-    values, vectors = np.linalg.eigh(table @ table.T)
-    good = values > 1e-6 * values[-1]
-    basis = (vectors[:, good] / np.sqrt(values[good])).T @ table
-    return residual - basis.T @ (basis @ residual), int(good.sum())
+    """A residual less what a table of tangents (k, rows) can make of it, and the table's rank.
+
+    Laws whose shapes differ in little are one direction of it.
+    """
+    basis = orthonormal_of_many_rows(table.T, short=ALIKE)
+    return residual - basis @ (basis.T @ residual), basis.shape[1]
 
 
 def inflation(parts: Sequence[np.ndarray]) -> float:

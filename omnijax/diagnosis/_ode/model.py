@@ -60,7 +60,7 @@ class OdeModel(AbstractColoured):
 
     budget = 4000.0
     repeats = frozenset({"motor-ripple", "current-ripple"})
-    settings = dataclasses.replace(SETTINGS.search, lead=0.1, both=True)
+    settings = dataclasses.replace(SETTINGS.search, lead=0.1, both=True, share=2.0, slack=0.0)
     frozen_keys = frozenset({"roller", "exponent", "modulus"})
 
     def __init__(
@@ -297,7 +297,7 @@ class OdeModel(AbstractColoured):
         all tangents together say it; of free runs, laws refitted at finite strength do.
         """
         if self.steps_in_time:
-            best = self.explained = best_known(self, fit, tell)
+            best = self.explained = best_known(self, fit, tell, self.balanced)
             left, used = best.residual, len(best.free)
         else:
             candidates = self.candidates(fit.point)
@@ -360,17 +360,17 @@ class OdeModel(AbstractColoured):
     def remembered(self, point):
         """Where the floor's refit of the same laws ended, or the point itself."""
         known = self.explained
-        same = known is not None and {e.name for e in known.point.effects} == {
-            e.name for e in point.effects
-        }
-        return known.point if known is not None and same else point
+        if known is None or _names(known.point) != _names(point):
+            return point
+        return known.point
 
     def foretold(self, point):
-        """The first law of the floor's refit, beside no other effect."""
+        """The first law of the floor's refit with all its lines, beside no other effect."""
         known = self.explained
         if known is None or point.effects or not known.point.effects:
             return []
-        return [known.point.with_effects(known.point.effects[0])]
+        effects = known.point.effects
+        return [known.point.with_effects(*(e for e in effects if e.name == effects[0].name))]
 
     def floor_said(self) -> str:
         """The floor in words."""
@@ -414,6 +414,19 @@ class OdeModel(AbstractColoured):
         names = [e.name for e in point.effects]
         candidates = machine_candidates(self, self.scales, orders)
         return [c for c in candidates if names.count(c.name) < ROOM]
+
+    def balanced(self) -> "OdeModel":
+        """The same machine and runs by the balance of accelerations, with the laws of lines alone.
+
+        Its rows weigh as much as what the machine without effects leaves there.
+        """
+        laws = {i: x for i, x in self.laws.items() if i in self.repeats}
+        places = [(i, place) for i, place in self.places if i in laws]
+        made = OdeModel(self.machine, self.priors, self.runs, laws, places, Balance, self.noise,
+                        self.numbers.stated)  # fmt: skip
+        fit = refit(made, Point(np.zeros(len(self.priors))))
+        made.scale = made.scale * max(1.0, float(np.sqrt(fit.chi2 / made.dof("train"))))
+        return made
 
     def balance(self, i: int) -> tuple[Balance, Callable]:
         """The balance of run `i`, and its values at a vector of numbers."""
@@ -501,6 +514,11 @@ class OdeModel(AbstractColoured):
                 low, high = max(low, float(value) / 30), min(high, float(value) * 30)
             out.append(type(f)(f.effect, f.key, f.index, low, high))
         return out
+
+
+def _names(point: Point) -> list[str]:
+    """Names of the effects of a point, those of several lines as often as there are lines."""
+    return sorted(e.name for e in point.effects)
 
 
 def _compiled(rows, only: frozenset[int] | None):

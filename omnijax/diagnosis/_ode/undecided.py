@@ -20,7 +20,9 @@ def undecided(train: np.ndarray, held_out: np.ndarray) -> tuple[np.ndarray, np.n
     """
     if not np.all(np.abs(held_out) < 1e100) or not np.all(np.abs(train) < 1e100):
         return None
-    root = np.linalg.cholesky(np.linalg.inv(train.T @ train + np.eye(train.shape[1])))
+    # S = (T'T + I)^-1 = R^-1 R^-T: squares of tangents that span decades would lose what is small
+    upper = np.linalg.qr(np.concatenate([train, np.eye(train.shape[1])]), mode="r")
+    root = np.linalg.inv(upper)
     left, sizes, _ = np.linalg.svd(held_out @ root, full_matrices=False)
     open_ = sizes > LEAST
     return (left[:, open_], 1 - 1 / np.sqrt(1 + sizes[open_] ** 2)) if open_.any() else None

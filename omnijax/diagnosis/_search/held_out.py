@@ -46,6 +46,11 @@ class HeldOut:
         return 0.5 * (self.gain / self.size + 1) if self.size > 0 else 0.0
 
     @property
+    def there(self) -> float:
+        """Fall of chi2 by the change at the size that it has there, m^2 d.d."""
+        return self.multiplier**2 * self.size
+
+    @property
     def sure(self) -> float:
         """Standard deviations of the multiplier from zero."""
         return self.multiplier * float(np.sqrt(self.size / self.spread))
@@ -58,7 +63,7 @@ class HeldOut:
         """Whether it is the effect that gained `gain` on the train runs."""
         if not np.isfinite(self.gain):
             return False
-        slack = min(3 * self.error(gain), 0.15)
+        slack = min(3 * self.error(gain), settings.slack)
         same = 1 / settings.share - slack < self.multiplier < settings.share + slack
         return same and self.sure > settings.sure
 

@@ -1,0 +1,47 @@
+"""Several lines of one place at once, as the balance of accelerations has them.
+
+Two cogging torques bend a free run so far that neither alone leads towards it, and a machine that
+is calibrated without them is far off.  With the measured position q in place of the simulated one
+nothing is bent: what is left of the acceleration is the sum of a_k cos(N_k q) + b_k sin(N_k q),
+linear in the lines' sizes and nearly so in the machine's own numbers, so that one line after the
+other is found, all refitted together.  The free run begins at what this equation error gives.
+"""
+
+import numpy as np
+
+from .._search import AbstractModel, Fit, Point, Signatures, by_tangent, refit, taken_up
+from .._settings import SETTINGS
+
+ROOM = SETTINGS.free_model.room
+WORTH = SETTINGS.free_floor.worth
+
+
+def lines_together(balance: AbstractModel, point: Point) -> Point | None:
+    """A point with several new lines of a law at one place, the machine refitted with them.
+
+    `balance` is the model by its balance of accelerations, with laws of lines.  A further line has
+    to take a share of the squares that those before leave.  None where no law has two such lines.
+    """
+    first, several = refit(balance, point), []
+    names = {c.name for c in balance.candidates(point)}
+    for name in sorted(names):
+        fit = first
+        for _ in range(ROOM):
+            new = _with_line(balance, fit, name)
+            if new is None or not new.cost < WORTH * fit.cost:
+                break
+            fit = new
+        if len(fit.point.effects) > len(point.effects) + 1:
+            several.append(fit)
+    return min(several, key=lambda f: f.cost).point if several else None
+
+
+def _with_line(balance: AbstractModel, fit: Fit, name: str) -> Fit | None:
+    """The refit with the best further line of a name; None where there is none."""
+    candidates = [c for c in balance.candidates(fit.point) if c.name == name]
+    if not candidates or not np.isfinite(fit.cost):
+        return None
+    table = Signatures(candidates, balance.columns(fit.point, candidates))
+    scan = table.scan(fit.residual, taken_up(fit.jacobian, len(balance.priors)), fit.point.u)
+    starts = by_tangent(fit, scan.best_per_name())
+    return refit(balance, starts[0].point, rounds=8) if starts else None
