@@ -151,7 +151,8 @@ def _tdms(path: Path) -> CsvTable:
         for group, channel in some:
             columns.append(((group, channel.name), channel[:]))
             unit = channel.properties.get("unit_string")
-            units |= dict.fromkeys((channel.name, f"{group}.{channel.name}"), unit) if unit else {}
+            if unit:
+                units |= dict.fromkeys((channel.name, f"{group}.{channel.name}"), str(unit))
         clock = next((x for _, x in some if "wf_increment" in x.properties), None)
         if clock is not None and all(x.name != "t" for _, x in some):
             columns.append((("t",), clock.time_track()))
@@ -183,10 +184,10 @@ def _mdf(path: Path) -> CsvTable:
         check_room(path, 8 * sum(rows * columns for rows, columns in groups))
         for signal in file.iter_channels():
             columns += [] if columns else [(("t",), np.asarray(signal.timestamps))]
-            where = (f"group {signal.group_index}", signal.name)
+            where = (f"group {signal.group_index}", str(signal.name))
             columns.append((where, np.asarray(signal.samples)))
-            said = dict.fromkeys((where[1], ".".join(where)), signal.unit)
-            units |= said if signal.unit else {}
+            if signal.unit:
+                units |= dict.fromkeys((where[1], ".".join(where)), str(signal.unit))
     return spread(leaves(columns), units)
 
 
