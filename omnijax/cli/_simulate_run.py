@@ -80,18 +80,13 @@ def planned(rig: Any, drive: Any, times: Any, numerics: Any) -> Plan:
     """In closed form where there is one; else by the solver."""
     import numpy as np
 
-    from ..simulation import exact_run_obstacle, to_be_seen
+    from ..simulation import MAX_STEPS, RTOL, goes_exactly, to_be_seen
 
     rig, times, points = to_be_seen(rig, times)
     times = np.asarray(times)
     how: dict[str, Any] = {"model": numerics.model, "solver": numerics.solver}
-    exact = numerics.solver in ("auto", "exact")
-    if exact:
-        obstacle = exact_run_obstacle(rig, drive, times, numerics.model)
-        if obstacle and numerics.solver == "exact":
-            raise InputError(f"`solver` cannot be exact: {obstacle}; take auto.")
-        exact = not obstacle
-    how |= {"rtol": numerics.rtol or 1e-8, "max_steps": numerics.max_steps or 200_000}
+    exact = goes_exactly(rig, drive, times, numerics.model, numerics.solver)
+    how |= {"rtol": numerics.rtol or RTOL, "max_steps": numerics.max_steps or MAX_STEPS}
     return Plan(rig, drive, times, points, exact, how)
 
 

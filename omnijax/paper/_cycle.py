@@ -16,7 +16,16 @@ from jaxtyping import Array, Complex, Float
 
 from ..dynamics import Pointwise, pointwise_shape_acceleration, wheel_shape
 from ..rig import Rig, get_parameter
-from ..simulation import ForcedSystem, forced_system, forcing, fourier
+from ..simulation import (
+    ForcedSystem,
+    forced_system,
+    forcing,
+    fourier,
+    line_output,
+    line_rates,
+    line_state,
+)
+from ..vibration import norm, rms
 from ._case import MULTIPLES, SPEEDS, changed
 
 HARMONICS = 192
@@ -62,15 +71,13 @@ class Metrics(NamedTuple):
     lowest: Float[Array, ""]  # rad/s, the lowest line of the fastest wheel above 1 % of its largest
 
 
+READ = ("dR", "dR_elastic", "a_sphere")  # outputs of which lines are taken
+
+
 def _responses(system: ForcedSystem, g: int, rate):
     """State and outputs per unit of rho_g at angular frequency `rate`."""
-    matrix = 1j * rate * jnp.eye(len(system.A)) - system.A
-    state = jnp.linalg.solve(matrix, system.column[g].astype(complex))
-    outputs = {
-        name: system.state[name] @ state + system.direct[name][g] + 1j * rate * system.rate[name][g]
-        for name in ("dR", "dR_elastic", "a_sphere")
-    }
-    return outputs | {"state": state}
+    state = line_state(system, g, rate)
+    return {name: line_output(system, g, rate, state, name) for name in READ} | {"state": state}
 
 
 def _system(rig: Rig, model: str):
@@ -82,8 +89,7 @@ def _system(rig: Rig, model: str):
 
 def _lines_of(rig: Rig, system: ForcedSystem, signals, g, count: int):
     """Angular frequencies (h) and amplitudes (h, o) of every output under wheel `g` alone."""
-    harmonic = jnp.arange(count + 1)
-    rates = 2 * math.pi * signals.cycle.speed[g] / signals.cycle.period[g] * harmonic
+    rates, harmonic = line_rates(signals, count)[g], jnp.arange(count + 1)
     pieces = jax.tree.map(lambda x: x[g], signals.cycle.pieces)
     shape = jnp.where(harmonic == 0, 1.0, 2.0) * fourier(pieces, count)
     gains = jax.vmap(lambda w: _responses(system, g, w))(rates)
@@ -233,17 +239,6 @@ def pointwise_lines(rig: Rig, i: int, count: int = HARMONICS):
     return rates[i], shape, states[i, :, 0], states[i, :, 1]
 
 
-def lengths(vectors) -> Float[Array, " t"]:
-    """Length of every row, with a zero gradient at zero."""
-    square = jnp.sum(vectors**2, axis=-1)
-    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
-
-
-def _rms(vectors) -> Float[Array, ""]:
-    square = jnp.mean(jnp.sum(vectors**2, axis=-1))
-    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
-
-
 def _ripple(c: PaperCycle) -> Float[Array, ""]:
     """RMS of the lines of dR less the wheels' own shape above `RIPPLE`, m (Parseval)."""
     power = 0.5 * jnp.sum(jnp.abs(c.lines - c.shape_lines) ** 2, axis=-1)
@@ -268,12 +263,12 @@ def _lowest(rate, lines) -> Float[Array, ""]:
 def metrics(c: PaperCycle) -> Metrics:
     """The figures that the claims speak of."""
     return Metrics(
-        peak=jnp.max(lengths(c.dR)),
-        rms=_rms(c.dR),
-        elastic_peak=jnp.max(lengths(c.elastic)),
-        elastic_rms=_rms(c.elastic),
+        peak=jnp.max(norm(c.dR)),
+        rms=rms(c.dR),
+        elastic_peak=jnp.max(norm(c.elastic)),
+        elastic_rms=rms(c.elastic),
         ripple=_ripple(c),
-        sphere_acceleration_rms=_rms(c.acceleration),
+        sphere_acceleration_rms=rms(c.acceleration),
         strongest=_strongest(c.rate[FASTEST], c.lines[FASTEST]),
         strongest_rigid=_strongest(c.rate[FASTEST], c.shape_lines[FASTEST]),
         lowest=_lowest(c.rate[FASTEST], c.lines[FASTEST]),

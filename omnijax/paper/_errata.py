@@ -23,9 +23,10 @@ from ..dynamics import (
 )
 from ..laws import PROFILES, RollingResistance, RollingSignal, SpinResistance
 from ..rig import Rig
+from ..vibration import norm
 from ._case import SPEEDS, TORQUE, baseline
 from ._claim import Erratum
-from ._cycle import FASTEST, lengths, pointwise_lines, wheel_lines
+from ._cycle import FASTEST, pointwise_lines, wheel_lines
 from ._judge_elastic import CLOSURE, MOUNT, MOUNT_DAMPING, SCANNED, C, K
 from ._study import PaperStudy
 
@@ -170,9 +171,9 @@ def anisotropic_forces(study: PaperStudy, order: str) -> float:
 def size_beside_rigid(study: PaperStudy, what: str) -> float:
     """Peak of the total or of its elastic part over the rigid peak, largest over the dampings."""
     runs = [run.cycle for run in study.elastic.values()]
-    rigid = np.max(lengths(runs[0].rigid))
+    rigid = np.max(norm(runs[0].rigid))
     part = {"total": [c.dR for c in runs], "elastic": [c.elastic for c in runs]}[what]
-    return float(max(np.max(lengths(x)) for x in part) / rigid)
+    return float(max(np.max(norm(x)) for x in part) / rigid)
 
 
 def statements_wrong(study: PaperStudy, reading: str) -> float:

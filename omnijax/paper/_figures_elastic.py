@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 
 from ..report import COLOURS, MUTED, Figure, SpeedAxis, figure, legend_above, style
+from ..vibration import norm
 from ._case import DAMPING, ROUNDNESS, SPEEDS, STIFFNESS
-from ._cycle import FASTEST, lengths
+from ._cycle import FASTEST
 from ._study import PaperStudy
 
 SHOWN = (0.2, 0.4485, 0.7, 0.9)  # roundness of the spectra
@@ -15,12 +16,12 @@ SHOWN = (0.2, 0.4485, 0.7, 0.9)  # roundness of the spectra
 def elastic(study: PaperStudy) -> Figure:
     """Fig. 11: the elastic part for the three dampings, from rest."""
     data: dict[str, Any] = {}
-    largest = max(1e6 * np.max(lengths(run.rest.elastic)) for run in study.elastic.values())
+    largest = max(1e6 * np.max(norm(run.rest.elastic)) for run in study.elastic.values())
     with style():
         fig, axes = figure(3, height=6.4)
         for ax, (damping, run) in zip(axes, study.elastic.items(), strict=True):
-            t, size = run.cycle.t, 1e6 * np.asarray(lengths(run.rest.elastic))
-            printed = 1e6 * np.asarray(lengths(run.printed))
+            t, size = run.cycle.t, 1e6 * np.asarray(norm(run.rest.elastic))
+            printed = 1e6 * np.asarray(norm(run.printed))
             ax.plot(t, size, color=COLOURS[0], linewidth=0.8, label="impulses kept")
             ax.plot(t, printed, color=COLOURS[1], linewidth=1.0, label="as printed")
             ax.set(ylabel="elastic part (µm)", xlim=(0, t[-1]), ylim=(0, 1.08 * largest))

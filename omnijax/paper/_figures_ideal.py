@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..report import COLOURS, INK, MUTED, Figure, figure, legend_above, style
-from ._cycle import lengths
+from ..vibration import norm
 from ._study import PaperStudy
 
 AXES = "xyz"
@@ -79,7 +79,7 @@ def rigid(study: PaperStudy) -> Figure:
     c = next(iter(study.elastic.values())).cycle
     depth = 1e3 * float(np.asarray(study.rig.gaps.depth)[0])
     end = float(c.t[-1])
-    size = 1e3 * np.asarray(lengths(c.rigid))
+    size = 1e3 * np.asarray(norm(c.rigid))
     with style():
         fig, axes = figure(4, height=7.2)
         for i, (axis, ax) in enumerate(zip(AXES, axes, strict=False)):

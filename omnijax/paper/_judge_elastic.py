@@ -2,9 +2,10 @@
 
 import numpy as np
 
+from ..vibration import norm
 from ._case import DAMPING, RANGES, ROUNDNESS, SENSITIVITY_DAMPING, STIFFNESS
 from ._claim import Claim, Reading, at_least, at_most
-from ._cycle import FACTORS, lengths
+from ._cycle import FACTORS
 from ._study import PaperStudy
 
 OWN = ROUNDNESS.index(0.4485)
@@ -120,9 +121,9 @@ def _frequency(study: PaperStudy, ranges: str) -> Claim:
 
 def _ratios(study: PaperStudy) -> dict[str, np.ndarray]:
     """Peaks over the peak of the rigid part, for every damping and point."""
-    rigid = np.max(lengths(study.elastic[0.0].cycle.rigid))
+    rigid = np.max(norm(study.elastic[0.0].cycle.rigid))
     printed = [
-        np.max(lengths(part)) / rigid
+        np.max(norm(part)) / rigid
         for run in study.elastic.values()
         for part in (run.printed, run.printed_closure)
     ]
@@ -151,11 +152,9 @@ def _smaller(study: PaperStudy, ranges: str) -> Claim:
         f"C = 0, 8500, 20000 N s/m; {ranges}",
         {
             f"elastic peak / m, C = {c:g} N s/m": {
-                "impulses kept": float(np.max(lengths(study.elastic[c].cycle.elastic))),
-                "as printed": float(np.max(lengths(study.elastic[c].printed))),
-                "as printed, closure repels": float(
-                    np.max(lengths(study.elastic[c].printed_closure))
-                ),
+                "impulses kept": float(np.max(norm(study.elastic[c].cycle.elastic))),
+                "as printed": float(np.max(norm(study.elastic[c].printed))),
+                "as printed, closure repels": float(np.max(norm(study.elastic[c].printed_closure))),
             }
             for c in DAMPING
         },

@@ -3,9 +3,9 @@
 import jax.numpy as jnp
 import numpy as np
 
+from ..vibration import norm
 from ._case import TORQUE, baseline
 from ._claim import Claim, at_least, at_most
-from ._cycle import lengths
 from ._ideal import angle_residual, line_residual, parabola_residual, time_sinusoid_residual
 from ._study import PaperStudy
 
@@ -128,7 +128,7 @@ def _cross(axes, rig, study: PaperStudy) -> list[float]:
 def rigid_claim(study: PaperStudy) -> Claim:
     """The rigid part is as large as the wheel is out of round."""
     depth = np.asarray(study.rig.gaps.depth)[0]
-    peak = float(np.max(lengths(study.elastic[0.0].cycle.rigid)))
+    peak = float(np.max(norm(study.elastic[0.0].cycle.rigid)))
     radius = float(study.rig.wheels.radius[0])
     return Claim(
         "rigid-size",

@@ -3,9 +3,9 @@
 import jax.numpy as jnp
 import numpy as np
 
-from ..dynamics import turned
-from ..laws import HertzResistance, RollingSignal, effective_modulus, effective_radius
-from ..rig import Rig
+from ..dynamics import RotationMoment, minimum_normal_force, rolling_torques, turned
+from ..laws import HertzResistance, effective_modulus, effective_radius
+from ..rig import Rig, acting
 from ._case import TORQUE
 from ._claim import Claim, at_most
 from ._study import PaperStudy
@@ -28,26 +28,22 @@ def slowing(
     rig: Rig, modulus: float, ratio: float, arm_ratio: float, preload: float | None
 ) -> float:
     """Relative change of dOmega/dt by the resistances; no `preload`: the least N without slip."""
-    wheels, torque = rig.wheels, jnp.asarray(TORQUE)
+    wheels, torque, zero = rig.wheels, jnp.asarray(TORQUE), jnp.zeros(rig.size)
     free, force = _turning(rig, torque, jnp.zeros(3))
-    pressed = np.abs(force) / np.asarray(wheels.contact.friction) if preload is None else preload
-    curvature = effective_radius(rig.sphere.radius, wheels.radius[0])
+    least = minimum_normal_force(jnp.asarray(force), wheels.contact.friction)
     law = HertzResistance(
-        jnp.asarray(curvature),
+        jnp.asarray(effective_radius(rig.sphere.radius, wheels.radius[0])),
         jnp.asarray(effective_modulus(modulus, ratio, modulus, ratio)),
         jnp.asarray(arm_ratio),
         jnp.asarray(1e-6),
     )
-    moving = free / np.linalg.norm(free)
-    signal = RollingSignal(
-        wheels.spin_axis @ moving,
-        -wheels.normal @ moving,
-        jnp.broadcast_to(jnp.asarray(pressed), (rig.size,)),
-        wheels.contact.friction,
-    )
-    resisted = law(signal)
-    opposing = wheels.spin_axis.T @ resisted.roll - wheels.normal.T @ resisted.spin
-    slowed, _ = _turning(rig, torque - resisted.shaft, opposing)
+    at = RotationMoment(
+        wheels.spin_axis, jnp.eye(3), jnp.asarray(free / np.linalg.norm(free)), zero, zero, torque,
+        torque, least if preload is None else zero + preload,
+    )  # fmt: skip
+    (resisting,) = acting(rig.add(law, "all").at("rolling"), rig.size)
+    resisted, _ = rolling_torques(rig, resisting, at)
+    slowed, _ = _turning(rig, torque + resisted.shaft, resisted.opposing)
     return float(np.linalg.norm(slowed - free) / np.linalg.norm(free))
 
 

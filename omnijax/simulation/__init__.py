@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from ._between import at_samples as at_samples
     from ._between import to_be_seen as to_be_seen
     from ._between import without_sensors as without_sensors
+    from ._drives import RATE as RATE
     from ._drives import AbstractDrive as AbstractDrive
     from ._drives import SpeedDrive as SpeedDrive
     from ._drives import TorqueDrive as TorqueDrive
@@ -50,11 +51,13 @@ if TYPE_CHECKING:
     from ._signals import step as step
     from ._signals import table as table
     from ._solve import EXPONENTIAL as EXPONENTIAL
+    from ._solve import MAX_STEPS as MAX_STEPS
+    from ._solve import RTOL as RTOL
     from ._solve import RUNGE_KUTTA as RUNGE_KUTTA
     from ._solve import build_model as build_model
     from ._solve import choose_solver as choose_solver
-    from ._solve import exact_run_obstacle as exact_run_obstacle
     from ._solve import fixed_methods as fixed_methods
+    from ._solve import goes_exactly as goes_exactly
     from ._solve import initial_state_like as initial_state_like
     from ._solve import simulate as simulate
     from ._solve import simulate_fixed as simulate_fixed
@@ -63,11 +66,14 @@ if TYPE_CHECKING:
     from ._solve import start_vector as start_vector
     from ._solve import state_of as state_of
     from ._solve import term as term
+    from ._steady import LinearFilter as LinearFilter
     from ._steady import LongRun as LongRun
     from ._steady import SteadyState as SteadyState
     from ._steady import fourier as fourier
+    from ._steady import line_output as line_output
     from ._steady import line_rates as line_rates
     from ._steady import line_response as line_response
+    from ._steady import line_state as line_state
     from ._steady import steady_state as steady_state
     from ._trajectory import Trajectory as Trajectory
     from ._trajectory import load_run as load_run

@@ -1,5 +1,7 @@
 """Sizes of a vibration: RMS, peak, peak-to-peak, each with an exact gradient."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -7,7 +9,7 @@ from jaxtyping import Array, Float
 from .._root import root
 
 
-def norm(vectors: Float[Array, "t 3"]) -> Float[Array, " t"]:
+def norm(vectors: Float[Any, "t 3"]) -> Float[Array, " t"]:
     """Lengths; the gradient at zero length is zero, not NaN."""
     return root(jnp.sum(vectors**2, axis=-1))
 

@@ -1,11 +1,14 @@
 """Whole-body vibration after ISO 2631-1: a person sits in the sphere."""
 
 import math
+from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._root import root
+from ..simulation import LinearFilter
 
 # corner frequencies in Hz and quality factors of ISO 2631-1:1997, table A.1
 _BAND = (0.4, 100.0)
@@ -15,22 +18,59 @@ _WEIGHTINGS = {
 }
 
 
-def weighting(frequency: Float[Array, " f"], direction: str) -> Float[Array, " f"]:
-    """|W_d| (`horizontal`) or |W_k| (`vertical`) at `frequency` in Hz (ISO 2631-1, annex A)."""
+class Biquad(NamedTuple):
+    """(b0 w^2 + b1 w s + b2 s^2) / (w^2 + w s/q + s^2)."""
+
+    w: float  # rad/s
+    q: float
+    b: tuple[float, float, float]
+
+
+def sections(direction: str) -> list[Biquad]:
+    """W_d (`horizontal`) or W_k (`vertical`) as sections of second order (ISO 2631-1, annex A)."""
     filters = _WEIGHTINGS[direction]
-    s = 2j * math.pi * jnp.asarray(frequency)
     low, high = (2 * math.pi * f for f in _BAND)
-    response = s**2 / (s**2 + math.sqrt(2) * low * s + low**2)
-    response = response * high**2 / (s**2 + math.sqrt(2) * high * s + high**2)
+    butterworth = math.sqrt(0.5)
     f3, f4, q4 = filters["transition"]
-    w3, w4 = 2 * math.pi * f3, 2 * math.pi * f4
-    response = response * (1 + s / w3) / (1 + s / (q4 * w4) + (s / w4) ** 2)
+    out = [
+        Biquad(low, butterworth, (0.0, 0.0, 1.0)),
+        Biquad(high, butterworth, (1.0, 0.0, 0.0)),
+        Biquad(2 * math.pi * f4, q4, (1.0, f4 / f3, 0.0)),
+    ]
     if filters["step"] is not None:
         f5, q5, f6, q6 = filters["step"]
-        w5, w6 = 2 * math.pi * f5, 2 * math.pi * f6
-        ratio = (1 + s / (q5 * w5) + (s / w5) ** 2) / (1 + s / (q6 * w6) + (s / w6) ** 2)
-        response = response * ratio * (w5 / w6) ** 2
+        ratio = f5 / f6
+        out.append(Biquad(2 * math.pi * f6, q6, (ratio**2, ratio / q5, 1.0)))
+    return out
+
+
+def weighting(frequency: Float[Array, " f"], direction: str) -> Float[Array, " f"]:
+    """|W_d| (`horizontal`) or |W_k| (`vertical`) at `frequency` in Hz (ISO 2631-1, annex A)."""
+    s = 2j * math.pi * jnp.asarray(frequency)
+    response = jnp.ones_like(s)
+    for w, q, (b0, b1, b2) in sections(direction):
+        response = response * (b0 * w**2 + b1 * w * s + b2 * s**2) / (w**2 + w * s / q + s**2)
     return jnp.abs(response)
+
+
+def weighting_filter(direction: str) -> LinearFilter:
+    """The filter of `weighting`: sections one behind the other, each with two states.
+
+    dx1/dt = w x2, dx2/dt = w (u - x1) - w x2/q, y = b0 x1 + b1 x2 + b2 (u - x1 - x2/q).
+    """
+    parts = sections(direction)
+    size = 2 * len(parts)
+    F, b, c, d = np.zeros((size, size)), np.zeros(size), np.zeros(size), 1.0
+    for i, (w, q, (b0, b1, b2)) in enumerate(parts):  # c, d: the input of this section
+        first, second = 2 * i, 2 * i + 1
+        F[first, second] = w
+        F[second], b[second] = w * c, w * d
+        F[second, first] -= w
+        F[second, second] -= w / q
+        c, d = b2 * c, b2 * d
+        c[first] += b0 - b2
+        c[second] += b1 - b2 / q
+    return LinearFilter(jnp.asarray(F), jnp.asarray(b), jnp.asarray(c), d)
 
 
 def weighted_acceleration(

@@ -4,11 +4,9 @@ The contacts' forces too are linear in the elastic state and the forcing's terms
 over all phases are sums, N_i = N0_i + sum_g N_ig(phi_g).
 """
 
-import math
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -16,11 +14,10 @@ from jaxtyping import Array, Float
 from .._root import root
 from .._status import Status
 from ..rig import Rig
-from ..simulation import LongRun, fourier, line_rates, line_response
-from ._comfort import weighting
+from ..simulation import LongRun
+from ._comfort import weighting_filter
 from ._gravity import up
 
-LINES = 64  # harmonics of the weighted acceleration
 SHARPNESS = 64.0
 
 
@@ -83,24 +80,13 @@ class SteadyRun(LongRun):
         return jnp.where(self.status == Status.OK, figure, jnp.nan)
 
     def weighted(self) -> Float[Array, ""]:
-        """sqrt(sum over signals, harmonics, directions of |a|^2 W^2 / 2), W as in ISO 2631-1."""
-        rates, vertical, total = line_rates(self.signals, LINES), up(self.rig), jnp.zeros(())
-        for g in range(len(self.signals.wheel)):
-            pieces = jax.tree.map(lambda x, g=g: x[g], self.signals.cycle.pieces)
-            rate = rates[g, 1:]
-            lines = jax.vmap(lambda w, g=g: line_response(self.system, g, w, "a_sphere"))(rate)
-            lines = 2 * fourier(pieces, LINES)[1:, None] * lines
-            along = lines @ vertical
-            across = lines - along[:, None] * vertical
-            hertz = rate / (2 * math.pi)
-            total += jnp.sum(_square(along) * weighting(hertz, "vertical") ** 2) / 2
-            level = weighting(hertz, "horizontal")[:, None]
-            total += jnp.sum(_square(across) * level**2) / 2
-        return root(total)
-
-
-def _square(x):
-    return jnp.real(x) ** 2 + jnp.imag(x) ** 2
+        """RMS of the sphere's acceleration behind the filters of ISO 2631-1, m/s^2."""
+        vertical = up(self.rig)
+        aside = jnp.cross(vertical, jnp.eye(3)[jnp.argmin(jnp.abs(vertical))])
+        aside = aside / jnp.sqrt(aside @ aside)
+        directions = jnp.stack([vertical, aside, jnp.cross(vertical, aside)])
+        filters = [weighting_filter(way) for way in ("vertical", "horizontal", "horizontal")]
+        return root(jnp.sum(self.filtered("a_sphere", directions, filters)))
 
 
 @eqx.filter_jit

@@ -2,12 +2,14 @@
 
 from typing import Any
 
+from .defaults import MAX_STEPS as MAX_STEPS
+from .defaults import RTOL as RTOL
 from .fixed_step import EXPONENTIAL as EXPONENTIAL
 from .fixed_step import RUNGE_KUTTA as RUNGE_KUTTA
 from .fixed_step import fixed_methods as fixed_methods
 from .fixed_step import simulate_fixed as simulate_fixed
 from .fixed_step import simulate_many as simulate_many
-from .simulate import exact_run_obstacle as exact_run_obstacle
+from .simulate import goes_exactly as goes_exactly
 from .simulate import simulate as simulate
 from .state_vector import build_model as build_model
 from .state_vector import initial_state_like as initial_state_like

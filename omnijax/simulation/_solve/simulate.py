@@ -10,6 +10,7 @@ from .._drives import AbstractDrive, SpeedDrive, Values, as_drive, as_times, che
 from .._exact import propagate, propagation_obstacle
 from .._signals import Vector
 from .._trajectory import Trajectory
+from .defaults import MAX_STEPS, RTOL
 from .state_vector import build_model
 
 if TYPE_CHECKING:
@@ -25,8 +26,8 @@ def simulate(
     rate: float | str | None = None,
     model: str = "coupled",
     solver: str = "auto",
-    rtol: float = 1e-8,
-    max_steps: int = 200_000,
+    rtol: float = RTOL,
+    max_steps: int = MAX_STEPS,
     keep_radius_rate: bool = False,
     adjoint: "dfx.AbstractAdjoint | None" = None,
 ) -> Trajectory:
@@ -53,16 +54,28 @@ def simulate(
     check_drive(rig, drive)
     rig, fine, points = to_be_seen(rig, ts)
     built = build_model(rig, model, keep_radius_rate)
-    if solver in ("auto", "exact"):
-        obstacle = exact_run_obstacle(rig, drive, fine, model, keep_radius_rate)
-        if solver == "exact" and obstacle is not None:
-            raise InputError(f"`solver` cannot be exact: {obstacle}; take auto.")
-        if obstacle is None and (solver == "exact" or adjoint is None):
-            assert isinstance(drive, SpeedDrive)  # other drives are an obstacle
-            return at_samples(propagate(rig, drive, fine, model=model), points)
+    exact = goes_exactly(rig, drive, fine, model, solver, keep_radius_rate)
+    if exact and (solver == "exact" or adjoint is None):
+        assert isinstance(drive, SpeedDrive)  # other drives are an obstacle
+        return at_samples(propagate(rig, drive, fine, model=model), points)
     from .solve import solve  # diffrax takes as long to import as an exact run takes
 
     return at_samples(solve(built, drive, fine, solver, rtol, max_steps, adjoint), points)
+
+
+def goes_exactly(
+    rig: Rig, drive: AbstractDrive, ts, model: str, solver: str, keep_radius_rate: bool = False
+) -> bool:
+    """Whether `solver` and the run let the closed form be taken.
+
+    Raises `InputError` where `exact` is asked for and the run has none.
+    """
+    if solver not in ("auto", "exact"):
+        return False
+    obstacle = exact_run_obstacle(rig, drive, ts, model, keep_radius_rate)
+    if solver == "exact" and obstacle is not None:
+        raise InputError(f"`solver` cannot be exact: {obstacle}; take auto.")
+    return obstacle is None
 
 
 def exact_run_obstacle(

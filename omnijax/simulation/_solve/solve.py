@@ -16,6 +16,7 @@ from .._channels import trajectory
 from .._drives import AbstractDrive, check_drive
 from .._padding import STEPPED_PIECE, RunPiece, padded, room, samples_of
 from .._trajectory import Trajectory
+from .defaults import MAX_STEPS, RTOL
 from .integrate import SOLVERS, integrate
 from .state_vector import build_model, initial_state
 
@@ -70,8 +71,8 @@ def solve_in_pieces(
     *,
     model: str = "coupled",
     solver: str = "auto",
-    rtol: float = 1e-8,
-    max_steps: int = 200_000,
+    rtol: float = RTOL,
+    max_steps: int = MAX_STEPS,
     samples: int = STEPPED_PIECE,
     begun: State | None = None,
     origin: float | None = None,

@@ -7,6 +7,8 @@ A constant force P on the platform moves the stationary state in the frame of th
 y_P = -A^-1 (dA y/dP) P; it stands in the constant term of the first signal.
 """
 
+import copy
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -34,6 +36,7 @@ from .._exact import (
     second_moments,
     stacked,
 )
+from .filtered import OUTPUT, LinearFilter, with_filters
 from .peak_search import Curves, PeakPlaces, largest, places, supremum
 
 BITS = 7  # of the even places a piece where extremes are looked for
@@ -64,14 +67,27 @@ class LongRun:
     def __init__(self, rig: Rig, speeds: Float[Array, " n"], angles: Float[Array, " n"], model: str,
                  bits: int = BITS, levels: int = LEVELS, force=None):  # fmt: skip
         self.rig, self.speeds, self.angles, self.model, self.bits = rig, speeds, angles, model, bits
-        self._each = forcing_signals(rig, speeds, angles)
+        self._each, self.levels = forcing_signals(rig, speeds, angles), levels
         wheel = tuple(signal.wheel for signal in self._each)
-        self.system, _ = balanced(forced_system(rig, model, speeds, wheel))
+        self._solve(forced_system(rig, model, speeds, wheel))
+        self.pushed = None if force is None else self._constant(force)
+
+    def _solve(self, system: ForcedSystem) -> None:
+        """The periodic solutions of `system` under every signal."""
+        self.system, _ = balanced(system)
         self.states = self.system.A.shape[0]
         groups = like_groups(self._each, self.states)
-        self.parts = tuple(self._part(index, levels) for index in groups)
+        self.parts = tuple(self._part(index, self.levels) for index in groups)
         self._moments = self._places = None
-        self.pushed = None if force is None else self._constant(force)
+
+    def filtered(
+        self, name: str, directions: Float[Array, "o 3"], filters: Sequence[LinearFilter]
+    ) -> Float[Array, " o"]:
+        """Mean square of an output along each direction behind a filter, over all phases."""
+        behind = copy.copy(self)
+        behind._solve(with_filters(self.system, name, directions, filters))
+        behind.pushed = None
+        return behind.mean_square(OUTPUT)
 
     def _part(self, index: np.ndarray, levels: int) -> Part:
         system, signals = self.system.of_signals(index), stacked([self._each[i] for i in index])

@@ -51,11 +51,22 @@ def line_rates(signals: Forcing, count: int) -> Float[Array, "g h"]:
     return first[:, None] * jnp.arange(count + 1)
 
 
-def line_response(system: ForcedSystem, g: int, rate, name: str) -> Complex[Array, " o"]:
-    """Output per unit of rho_g at an angular frequency: C (i w - A)^-1 b + D0 + i w D1."""
+def line_state(system: ForcedSystem, g: int, rate) -> Complex[Array, " N"]:
+    """State per unit of rho_g at an angular frequency w (rad/s): (i w - A)^-1 b."""
     matrix = 1j * rate * jnp.eye(len(system.A)) - system.A
-    state = jnp.linalg.solve(matrix, system.column[g].astype(complex))
+    return jnp.linalg.solve(matrix, system.column[g].astype(complex))
+
+
+def line_output(
+    system: ForcedSystem, g: int, rate, state: Complex[Array, " N"], name: str
+) -> Complex[Array, " o"]:
+    """An output per unit of rho_g, of its `line_state`: C state + D0 + i w D1."""
     return system.state[name] @ state + system.direct[name][g] + 1j * rate * system.rate[name][g]
+
+
+def line_response(system: ForcedSystem, g: int, rate, name: str) -> Complex[Array, " o"]:
+    """An output per unit of rho_g at an angular frequency w (rad/s)."""
+    return line_output(system, g, rate, line_state(system, g, rate), name)
 
 
 def harmonics(system: ForcedSystem, signals: Forcing, count: int) -> dict[str, Array]:

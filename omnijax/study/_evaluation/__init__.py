@@ -15,9 +15,6 @@ if TYPE_CHECKING:
     from .drives import is_constant as is_constant
     from .drives import read_speeds as read_speeds
     from .drives import turning as turning
-    from .evaluation import MAX_STEPS as MAX_STEPS
-    from .evaluation import RATE as RATE
-    from .evaluation import RTOL as RTOL
     from .evaluation import Evaluation as Evaluation
     from .evaluation import checked_metrics as checked_metrics
     from .evaluation import samples_of as samples_of

@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...simulation import EXPONENTIAL, fixed_methods
+from ...simulation import EXPONENTIAL, MAX_STEPS, RTOL, fixed_methods
 from .drives import apply
-from .evaluation import MAX_STEPS, RTOL, Evaluation, samples_of
+from .evaluation import Evaluation, samples_of
 from .fixed_steps import fine_enough
 from .methods import Question, choose
 

@@ -12,6 +12,9 @@ from ..._status import FAILED, Status
 from ...rig import Rig
 from ...simulation import (
     EXPONENTIAL,
+    MAX_STEPS,
+    RATE,
+    RTOL,
     RUNGE_KUTTA,
     SpeedDrive,
     TorqueDrive,
@@ -25,9 +28,6 @@ from ...simulation import (
 from ...vibration import SteadyRun, evaluate, metric_problem, steady_metric
 from .._batches import Order
 from .drives import Drive
-
-RATE = 500.0  # samples per s of a run
-RTOL, MAX_STEPS = 1e-8, 200_000  # of full simulations
 
 
 class Figures(NamedTuple):

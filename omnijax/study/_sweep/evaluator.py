@@ -6,10 +6,9 @@ import numpy as np
 
 from ..._status import FAILED, Status
 from ...rig import Rig, carried_laws, parse_rig
+from ...simulation import MAX_STEPS, RTOL
 from ...vibration import METRICS
 from .._evaluation import (
-    MAX_STEPS,
-    RTOL,
     Drive,
     Evaluation,
     Rows,

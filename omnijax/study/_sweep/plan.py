@@ -8,10 +8,9 @@ import numpy as np
 from ..._errors import InputError, not_above_zero
 from ...dynamics import Model
 from ...rig import Rig, law_texts, rig_text
-from ...simulation import AbstractDrive, SpeedDrive, TorqueDrive, build_model
+from ...simulation import RATE, AbstractDrive, SpeedDrive, TorqueDrive, build_model
 from .._axes import SweepAxis, split_vary
 from .._evaluation import (
-    RATE,
     Drive,
     Evaluation,
     Question,
