@@ -3,10 +3,11 @@
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.special import ndtri
 
 from omnijax.rig import InputError
 from omnijax.study import GlobalSensitivity, Input, analyse, global_sensitivity
-from omnijax.study._spread.morris import morris_design, morris_effects
+from omnijax.study._spread.morris import TAIL, morris_design, morris_effects
 from omnijax.study._spread.sobol import sobol_design, sobol_indices
 
 A, B = 7.0, 0.1
@@ -73,6 +74,23 @@ def test_morris_of_a_plane():
     effects = morris_effects(unit, (unit @ [3.0, -2.0, 0.0])[:, None], np.zeros(len(unit), bool))
     assert np.allclose(effects.mu, [[3, -2, 0]]) and np.allclose(effects.mu_star, [[3, 2, 0]])
     assert np.allclose(effects.sigma, 0, atol=1e-12) and list(effects.used) == [20, 20, 20]
+
+
+def test_morris_of_a_plane_by_way_of_the_study():
+    """Steps are as long as the runs' points say, at the ends of a range and in a normal's tails."""
+    inputs = [Input("a", 2.0, 5.0), Input("b", 1.0, 3.0, normal=True)]
+    effects = analyse(lambda x: (4 * x[0])[None], inputs, ["y"], ["m"], samples=16).morris
+    np.testing.assert_allclose(effects.mu, [[12.0, 0.0]], atol=1e-9)
+    np.testing.assert_allclose(effects.sigma, 0.0, atol=1e-9)
+    # of a normal input a step is one of two, x = 2 + z/3 at the shares of eight levels
+    effects = analyse(lambda x: x[1:], inputs, ["y"], ["m"], samples=16, seed=2).morris
+    outer, inner = (
+        float(ndtri(high) - ndtri(low)) / 3 / (high - low)
+        for low, high in ((TAIL, 4 / 7), (1 / 7, 5 / 7))
+    )
+    mean, scatter, used = effects.mu_star[0, 1], effects.sigma[0, 1], effects.used[1]
+    assert inner < mean < outer
+    assert scatter**2 == pytest.approx((outer - mean) * (mean - inner) * used / (used - 1))
 
 
 def test_failed_runs_are_named_and_left_out(tmp_path):

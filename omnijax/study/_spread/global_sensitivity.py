@@ -47,7 +47,7 @@ def analyse(
         raise InputError(f"`samples` must be at least 16, but is {samples}.")
     box = UncertainInputs(inputs)
     unit = sobol_design(box.size, samples, seed)
-    paths = morris_design(box.size, max(8, samples // 16), seed + 1)
+    paths = morris_design(box.size, max(8, samples // 16), seed + 1, box.normal)
     drawn = sobol_points(box.size, 1 << min(samples, 256).bit_length() - 1, seed + 2)
     tasks = (("sobol", unit, False), ("morris", paths, False), ("slopes", drawn, True))
     total, before, runs = sum(len(x) for _, x, _ in tasks), 0, {}
@@ -57,9 +57,8 @@ def analyse(
             if report is not None:
                 report(before + done, total)
 
-        clipped = np.clip(points, 1e-3, 1 - 1e-3) if key == "morris" else points
         runs[key] = run_all(
-            function, box, box.standard(clipped), slopes=slopes, report=tell, store=store, key=key,
+            function, box, box.standard(points), slopes=slopes, report=tell, store=store, key=key,
             order=order,
         )  # fmt: skip
         before += len(points)

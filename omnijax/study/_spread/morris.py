@@ -2,7 +2,7 @@
 
     EE_i = (f(x + D e_i) - f(x)) / D over the unit cube;  mu* = mean |EE_i|,  sigma = deviation
 
-A step with a failed end is left out and counted.
+A step with a failed end is left out and counted.  Source: M. D. Morris, Technometrics 33 (1991).
 """
 
 from typing import NamedTuple
@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 LEVELS = 8
+TAIL = 1e-3  # share beyond the ends of a normal input, whose ends lie at infinity
 
 
 class MorrisEffects(NamedTuple):
@@ -22,8 +23,13 @@ class MorrisEffects(NamedTuple):
     dropped: int
 
 
-def morris_design(size: int, trajectories: int, seed: int) -> np.ndarray:
-    """Points of the unit cube (r (d + 1), d); steps of half the range on `LEVELS` levels."""
+def morris_design(
+    size: int, trajectories: int, seed: int, normal: np.ndarray | bool = False
+) -> np.ndarray:
+    """Points of the unit cube (r (d + 1), d); steps of half the range on `LEVELS` levels.
+
+    Inputs that are `normal` (d,) keep `TAIL` off the ends of [0, 1].
+    """
     rng, jump = np.random.default_rng(seed), LEVELS / (2 * (LEVELS - 1))
     rows = []
     for _ in range(trajectories):
@@ -34,7 +40,8 @@ def morris_design(size: int, trajectories: int, seed: int) -> np.ndarray:
         for i in rng.permutation(size):
             x[i] += jump if up[i] else -jump
             rows.append(x.copy())
-    return np.clip(np.array(rows), 0.0, 1.0)
+    tail = np.where(normal, TAIL, 0.0)
+    return np.clip(np.array(rows), tail, 1 - tail)
 
 
 def morris_effects(unit: np.ndarray, values: np.ndarray, failed: np.ndarray) -> MorrisEffects:
