@@ -22,6 +22,7 @@ from ..laws import (
     RollingSignal,
     RollingTorque,
     ShaftSignal,
+    effective_radius,
 )
 from ..rig import Acting, Placed, Rig, acting, over_wheels, total_over_wheels
 
@@ -40,12 +41,9 @@ def initial_memory(rig: Rig, ports: Sequence[str] = ELASTIC_PORTS) -> Memory:
 
 def contact_signals(rig: Rig, deflection, rate) -> ContactSignal:
     """Signals of the contacts from delta and its rate, one entry a wheel (last axis)."""
-    wheels, radius = rig.wheels, rig.wheel_radius
-    curvature = rig.sphere.radius * radius / (rig.sphere.radius + radius)
-    contact = wheels.contact
-    return ContactSignal(
-        deflection, rate, contact.stiffness, contact.damping, wheels.closure.preload, curvature
-    )
+    contact, preload = rig.wheels.contact, rig.wheels.closure.preload
+    curvature = jnp.asarray(effective_radius(rig.sphere.radius, rig.wheel_radius))
+    return ContactSignal(deflection, rate, contact.stiffness, contact.damping, preload, curvature)
 
 
 def mount_signals(rig: Rig, deflection, rate) -> MountSignal:

@@ -156,7 +156,10 @@ class AbstractPlatform(AbstractLaw):
 
 
 class AbstractKinematics(AbstractLaw):
-    """Rolling kinematics: wheel speed in rad/s -> change of the factor r_w omega / (R Omega)."""
+    """Rolling kinematics: wheel speed in rad/s -> change of the factor R Omega / (r_w omega).
+
+    Omega is that about the wheel's spin axis; a wheel that slips back has a negative change.
+    """
 
     port: ClassVar[str] = "kinematics"
 

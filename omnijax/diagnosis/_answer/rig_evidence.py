@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from ...dynamics import contact_signals
+from ...laws import ContactHertz
 from ...rig import rig_text
 from .._machine import CLOCK, RigModel, locate
 from .._settings import SETTINGS
@@ -144,17 +146,13 @@ class RigEvidence(AbstractEvidence):
         """Of a Hertz contact the modulus E' = 0.75 c / sqrt(R') that its tangent stands for."""
         if effect.id != "contact-hertz":
             return {}
-        rig = self.model.rig
-        w, sphere = rig.wheels, rig.sphere
-        K, N0 = np.asarray(w.contact.stiffness), np.asarray(w.closure.preload)
-        reach = 1.5 * N0 / K
-        radius = rig.wheel_radius
-        curvature = np.asarray(sphere.radius * radius / (sphere.radius + radius))
-        modulus = 0.75 * N0 / reach**1.5 / np.sqrt(curvature)
+        rig, rest = self.model.rig, np.zeros(self.model.rig.size)
+        law, signals = ContactHertz(), contact_signals(rig, rest, rest)
+        modulus = np.asarray(law.effective_modulus(signals))
         here = effect.place in rig.names
         chosen = modulus[rig.names.index(effect.place)] if here else modulus.mean()
         return {
-            "exponent": {"value": 1.5, "sigma": None, "unit": "1"},
+            "exponent": {"value": float(law.exponent), "sigma": None, "unit": "1"},
             "modulus": {"value": float(chosen), "sigma": None, "unit": "Pa"},
         }
 
