@@ -172,6 +172,38 @@ def test_what_hangs_on_a_reading_is_asked_of_its_channel_alone():
     assert asked == {"dR_x": True, "dR_y": False}
 
 
+def test_where_a_residual_begins_and_ends_says_nothing_of_what_it_hangs_on():
+    """The line that takes its ends away leaves a mean, which lies in the bins of every state."""
+    rng = np.random.default_rng(173)
+    reading = np.cos(9 * sweep())
+    asked = [state("reading dR_x", bins(reading)), state("position w1", bins(sweep()))]
+    for offset in (0.0, 0.4):  # of the samples at the ends
+        left = 0.4 * reading**3 + rng.normal(size=N)
+        left[:50] += offset
+        left[-50:] += offset
+        assert shares(left, (), own=asked)[0]["p"] < 1e-9
+    walks = np.cumsum(rng.normal(size=(30, N)), axis=1)
+    p = np.array([[a["p"] for a in shares(x, (), own=asked)] for x in walks])
+    assert np.all(np.median(p, axis=0) > 0.2)
+    assert np.mean(p < 0.05) < 0.2
+
+
+@pytest.mark.parametrize("phase", [0.4, 1.9, 3.5, 5.0])
+def test_a_wave_of_few_turns_is_its_wheels_though_its_ends_are_taken_away(phase):
+    """What a residual loses with its level is lost to the wave that is asked for too.
+
+    Else p of its order was 1e-6 to 4e-8.
+    """
+    rng = np.random.default_rng(7)
+    angle = sweep()  # nine turns
+    left = 4 * np.cos(angle + phase) + rng.normal(size=N)
+    answers = shares(left, questions(TIME, {"w2": angle}, {"phase w2": np.mod(angle, 2 * np.pi)}))
+    own = {a["domain"]: a for a in answers if a["domain"] == "phase" or a["value"] == 1.0}
+    assert own["order"]["share"] > 0.85
+    assert own["order"]["p"] < 1e-9
+    assert own["phase"]["p"] < 1e-13
+
+
 def slow(rng, count):
     """A motion below 4 Hz of RMS 1, at 250 Hz."""
     frequency = np.fft.rfftfreq(count, 4e-3)

@@ -27,6 +27,7 @@ RATE = SETTINGS.where.rate
 ORDERS = SETTINGS.where.orders
 BESIDE = SETTINGS.where.beside
 WIDTH = SETTINGS.where.width
+LEAST = 1e-8  # share of a column that levelling must leave of it: less is rounding
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,13 +96,18 @@ class Asked:
         self.bands = [q for q in asked if q.columns is None]
         columns = [q.columns for q in asked if q.columns is not None]
         self.columns = np.concatenate(columns, 1).astype(np.float32) if columns else None
+        self.levelled = (
+            np.concatenate([of_levelled(c) for c in columns], 1).astype(np.float32)
+            if columns else None
+        )  # fmt: skip
         self.starts = np.cumsum([0, *(q.size for q in self.plain)])[:-1]
 
-    def powers(self, residuals: np.ndarray) -> np.ndarray:
-        """Power (plain questions, m) of residuals (samples, m)."""
-        if self.columns is None:
+    def powers(self, residuals: np.ndarray, level: bool = False) -> np.ndarray:
+        """Power (plain questions, m) of residuals (samples, m); `level`: of levelled ones."""
+        columns = self.levelled if level else self.columns
+        if columns is None:
             return np.zeros((0, residuals.shape[1]))
-        inside = self.columns.T @ residuals.astype(np.float32)
+        inside = columns.T @ residuals.astype(np.float32)
         return np.add.reduceat(inside.astype(float) ** 2, self.starts, axis=0)
 
     def lines(self, residuals: np.ndarray) -> np.ndarray:
@@ -130,16 +136,16 @@ def shares(
     asked, further = asked if isinstance(asked, Asked) else Asked(asked), Asked(own)
     plain = [*asked.plain, *further.plain]
 
-    def answers(x: np.ndarray) -> np.ndarray:
-        return np.concatenate([asked.powers(x), further.powers(x)])
+    def answers(x: np.ndarray, level: bool = False) -> np.ndarray:
+        return np.concatenate([asked.powers(x, level), further.powers(x, level)])
 
     shuffled = shuffle(residual, seed)
     level = levelled(residual)
-    nulls = [(residual, shuffled), (level, surrogates(level, seed))]
+    nulls = [(residual, shuffled, False), (level, surrogates(level, seed), True)]
     chances = []
-    for first, null in nulls:
+    for first, null, without_level in nulls:
         total = max(float(first @ first), 1e-300)
-        table = answers(np.concatenate([first[:, None], null], axis=1)) / total
+        table = answers(np.concatenate([first[:, None], null], axis=1), without_level) / total
         chances.append(p_value(table[:, 0], table[:, 1:]))
     share = answers(residual[:, None])[:, 0] / power
     out = [_answer(q, x, max(p)) for q, x, *p in zip(plain, share, *chances, strict=True)]
@@ -160,12 +166,30 @@ def _answer(q: WhereQuestion, share: float, p: float) -> dict[str, Any]:
             "share": float(share), "p": float(p)}  # fmt: skip
 
 
-def levelled(residual: np.ndarray) -> np.ndarray:
-    """The residual less the straight line through its ends: noise that wanders is then periodic."""
-    n = len(residual)
+def levelled(columns: np.ndarray) -> np.ndarray:
+    """Columns (samples, ..) less the straight line through their ends, and less their mean.
+
+    Noise that wanders is then periodic.  A level says nothing: random phases leave it to chance.
+    """
+    n = len(columns)
     end = max(1, min(50, n // 10))
-    first, last = residual[:end].mean(), residual[-end:].mean()
-    return residual - np.linspace(first, last, n)
+    first, last = columns[:end].mean(axis=0), columns[-end:].mean(axis=0)
+    level = columns - np.linspace(first, last, n)
+    return level - level.mean(axis=0)
+
+
+def of_levelled(columns: np.ndarray) -> np.ndarray:
+    """Orthonormal columns (samples, k) of what levelling leaves of some; zero where it leaves none.
+
+    Line and mean are nuisances of every question: what a residual loses with them its question has
+    to lose too, or little of a slow wave would seem to lie in its own column.
+
+    Source: regression beside nuisances (Frisch, Waugh, 1933; Lovell, 1963).
+    """
+    left = levelled(columns)
+    size, turned = np.linalg.eigh(left.T @ left)
+    kept = size > LEAST
+    return left @ (turned * np.where(kept, 1 / np.sqrt(np.where(kept, size, 1.0)), 0.0))
 
 
 def surrogates(residual: np.ndarray, seed: int, count: int = SHUFFLES) -> np.ndarray:
