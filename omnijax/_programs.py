@@ -35,7 +35,7 @@ from jax.core import Tracer
 from jax.experimental.compilation_cache import compilation_cache
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
-from ._compiling import WIDE, quick_options
+from ._compiling import Effort, compiler_options
 from ._config import cache_folder
 from ._private import config_folder, private_folder
 from ._waiting import told
@@ -48,13 +48,13 @@ _STATIC = (str, int, float, bool)  # leaves beside arrays
 _log = logging.getLogger("omnijax")
 
 
-def kept(function: Callable, quick: bool = True) -> Callable:
+def kept(function: Callable, effort: Effort = Effort.QUICK) -> Callable:
     """`function` as a compiled program that is kept across processes.
 
     Like `equinox.filter_jit`, which takes every call that has no such program: under a
     transformation, with laws from outside this package, or not on one ordinary CPU.  Results
     must be pytrees of arrays, words and Python's numbers whose classes belong to this package.
-    `quick`: whether it should be compiled fast rather than run fast on very many designs.
+    `effort`: what it is worth to the compiler; each kind is kept by itself.
     """
     jitted = eqx.filter_jit(function)
 
@@ -66,13 +66,13 @@ def kept(function: Callable, quick: bool = True) -> Callable:
             return jitted(*args)
         shapes = tuple(_shape(x) for x in leaves)
         settings = _settings()
-        known = (function, quick, tree, shapes, settings)
+        known = (function, effort, tree, shapes, settings)
         if known not in _held:
             if not _package_only(args):
                 return jitted(*args)
             name = f"{function.__module__}.{function.__qualname__}"
-            key = "\n".join(map(str, (name, quick, tree, shapes, settings, _origin())))
-            _held[known] = _load(key) or _make(function, leaves, tree, key, quick)
+            key = "\n".join(map(str, (name, effort, tree, shapes, settings, _origin())))
+            _held[known] = _load(key) or _make(function, leaves, tree, key, effort)
         _held[known] = program = _held.pop(known)  # the last used are the last
         while len(_held) > HELD:
             del _held[next(iter(_held))]
@@ -217,7 +217,7 @@ def _register_lapack() -> None:
 
 
 @told()
-def _make(function: Callable, leaves: list[Any], tree: Any, key: str, quick: bool) -> Callable:
+def _make(function: Callable, leaves: list[Any], tree: Any, key: str, effort: Effort) -> Callable:
     """Trace, lower and compile; keep the program where it can be."""
     arrays, words = [x for x in leaves if isinstance(x, jax.Array)], []
 
@@ -234,7 +234,7 @@ def _make(function: Callable, leaves: list[Any], tree: Any, key: str, quick: boo
     (static,) = words
     text = lowered.as_text()
     kernels = set(re.findall(r"custom_call @(\w+)", text))
-    options = quick_options(text.count("\n")) if quick else WIDE
+    options = compiler_options(effort, text.count("\n"))
     if not all(name.startswith("lapack_") for name in kernels):  # not XLA's own, nor registered
         return _unflattened(lowered.compile(compiler_options=options), static)
     compiled = _compile_afresh(lowered, options)

@@ -3,6 +3,7 @@
 import dataclasses
 import tomllib
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from omnijax.study._design.engine import Engine
 from omnijax.study._design.notes import Exact, as_it_was, before
 from omnijax.study._design.rig import RigCases, rig_problem
 from omnijax.study._design.search import Starts
+from omnijax.study._evaluation import evaluate_in_bulk
 from omnijax.study._spread.tolerances import allocate, share_bounds, usual_parts
 
 SPEED = (3.0, 5.1, 7.3)
@@ -272,3 +274,50 @@ def test_tolerances_print_and_say_where_they_fail(tmp_path):
     assert np.array_equal(again.widths, found.widths) and again.share_low == found.share_low
     assert repr(again) == repr(found) and again.failed == 3
     assert again.to_xarray()["slope"].attrs["units"] == "m"
+
+
+def test_rows_in_bulk_are_the_cases_one_by_one():
+    """Global studies and tolerances take them in bulk, designs one by one: the same figures.
+
+    Two drives, one with a force, two loads, parts that are off; slopes by variables and parts.
+    """
+    study = parse_study(
+        {
+            "rig": "atlas-tripod",
+            "objective": {"metric": "rms"},
+            "drive": [{"speed": [1.0, 2.0, 3.3]}, {"speed": [2.0, -1.3, 0.7], "force": [0, 9, 4]}],
+            "load": [{"set": {"sphere.mass": 5.0}}, {"set": {"sphere.mass": 6.0}}],
+            "variable": [
+                {"path": "contact.stiffness", "low": 1e5, "high": 3e5},
+                {"path": "wheel.roundness", "low": 0.4, "high": 0.5},
+            ],
+            "tolerance": {"wheel.radius": 0.01, "contact.damping": 0.2},
+        }
+    )
+    cases = RigCases(study, ("rms",))
+    how, rng, size = cases.in_bulk(), np.random.default_rng(), len(cases.parts)
+    assert how is not None and how.method == "steady-bulk" and cases.how.method == "steady"
+    x = rng.uniform([1e5, 0.4], [3e5, 0.5], (3, 2))
+    draws = rng.uniform(-0.1, 0.1, (3, size))
+    rows = cases.rows(x, draws)
+    values, slopes, _ = evaluate_in_bulk(
+        how, cases.case, rows.reshape(-1, rows.shape[2]), gradient=True
+    )
+    values, slopes = values.reshape(3, 4), slopes.reshape(3, 4, -1)
+
+    @jax.jit
+    def alone(both):
+        return cases.every(both[:2], both[None, 2:])[0][:, 0, 0]
+
+    both = np.concatenate([x, draws], axis=1)
+    expected = np.array([alone(row) for row in both])
+    np.testing.assert_allclose(values, expected, rtol=1e-9)
+    assert np.ptp(values[0]) > 1e-3 * values[0].max()  # every case is one of its own
+    for i, scale in ((0, 2e5), (1, 0.45), (2, 1.0), (1 + size, 1.0)):
+        step = 1e-5 * scale * np.eye(2 + size)[i]
+        ends = (np.array(alone(both[1] + sign * step)) for sign in (1, -1))
+        rise = np.subtract(*ends) / (2e-5 * scale)
+        place = i if i < 2 else rows.shape[2] - size + i - 2
+        np.testing.assert_allclose(
+            slopes[1, :, place], rise, rtol=1e-4, atol=1e-6 * np.abs(rise).max()
+        )

@@ -216,6 +216,20 @@ def test_other_numbers_and_another_rig_of_as_many_wheels_compile_nothing():
     assert compiled
 
 
+@pytest.mark.parametrize("total", [2000, 1_000_000])
+def test_programs_for_many_designs_give_the_figures_of_those_for_few(total):
+    """They are other code of one formula."""
+    rig = KINDS["round"][0]
+    rows = points_of(rig, np.random.default_rng(total), count=3)
+    few, many = (
+        modal_figures(maker(rig), rows, duration=DURATION, step=STEP, total=count)
+        for count in (3, total)
+    )
+    for a, b in zip(few, many, strict=True):
+        if a is not None:
+            np.testing.assert_allclose(a, b, rtol=1e-11, atol=1e-15)
+
+
 def test_wheels_that_leave_a_direction_free_are_an_obstacle():
     normal = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
     rig = machine((normal, np.cross([[0.0, 0.0, 1.0]] * 3, normal)))

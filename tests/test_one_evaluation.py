@@ -143,7 +143,7 @@ def design(rig, drive, paths, row, base):
 def taken(how, rig, drive, paths):
     """The quantities that a method takes: halves of what it refuses, down to single ones."""
     duration = None if how.times is None else 1.0
-    question = Question(rig, (drive,), tuple(paths), how.metrics, how.model, duration, rows=1000)
+    question = Question(rig, (drive,), tuple(paths), how.metrics, how.model, duration, rows=True)
     if how.method == "full" or obstacle(how.method, question) is None:
         return list(paths)
     if len(paths) == 1:

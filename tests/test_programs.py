@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from omnijax import _programs, _waiting
+from omnijax._compiling import Effort
 from omnijax._programs import kept
 
 RIGHT = jnp.array([3.0, -1.0, 0.5])
@@ -81,9 +82,9 @@ def test_quick_code_and_fast_code_are_kept_apart(folder):
     def solution(right):
         return jnp.sin(right)
 
-    for quick in (True, False, True, False):
-        assert np.array_equal(kept(solution, quick)(RIGHT), np.asarray(jnp.sin(RIGHT)))
-    assert len(list(folder.iterdir())) == 2
+    for effort in (*Effort, *Effort):
+        assert np.array_equal(kept(solution, effort)(RIGHT), np.asarray(jnp.sin(RIGHT)))
+    assert len(list(folder.iterdir())) == 3
 
 
 @pytest.mark.parametrize("harm", ["cut", "bit", "empty", "text"])

@@ -19,7 +19,7 @@ from omnijax.laws import EFFECTS, LiftOff
 from omnijax.rig import parse_rig
 from omnijax.simulation import ramp, speeds, steady_state, torques
 from omnijax.study._axes import read_axis
-from omnijax.study._evaluation import Question, methods
+from omnijax.study._evaluation import Question
 from omnijax.study._evaluation.evaluation import without_failed
 from omnijax.study._evaluation.methods import choose
 from omnijax.vibration import evaluate
@@ -31,13 +31,7 @@ SPEEDS = (0.1, 1.2, 0.3)
 AXIS = read_axis("sphere.mass", "5,6", "kg")
 
 
-@pytest.fixture
-def in_bulk(monkeypatch):
-    """Few designs go in bulk too."""
-    monkeypatch.setattr(methods, "FEW", 1)
-
-
-def test_steady_sweep_is_the_steady_state_of_each_design(in_bulk):
+def test_steady_sweep_is_the_steady_state_of_each_design():
     result = sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
     assert result.spec.method == "steady-bulk" and result["peak"].shape == (4, 5)
     rig = set_parameter(load_rig("atlas"), "wheel.roundness", 0.6)
@@ -63,7 +57,7 @@ def test_gradient_is_the_slope_between_designs():
     assert (result["d_rms.speed.w2"] != 0).all()
 
 
-def test_runs_with_a_duration_agree_with_one_run(in_bulk):
+def test_runs_with_a_duration_agree_with_one_run():
     """In bulk the same 21 samples count, the start among them."""
     vary = {"speed.scale": [0.5, 2.0], "wheel.w2.contact.stiffness": [1e5, 2e5]}
     numerics = {"speeds": SPEEDS, "duration": 0.2, "rate": 100, "chunk": 2}
@@ -76,7 +70,7 @@ def test_runs_with_a_duration_agree_with_one_run(in_bulk):
 
 
 @pytest.mark.full
-def test_gradients_of_runs_are_slopes_between_designs(in_bulk):
+def test_gradients_of_runs_are_slopes_between_designs():
     """By quantities of the rig, of all wheels and of the drive."""
     h, rig = 1e-5, machine(SKEW)
     base = {"wheel.roundness": 0.45, "contact.damping": 130.0, "speed.scale": 1.1}
@@ -91,7 +85,7 @@ def test_gradients_of_runs_are_slopes_between_designs(in_bulk):
             assert result[f"d_{metric}.{path}"][1, 1, 1] == pytest.approx(slope, rel=1e-4)
 
 
-def test_a_force_on_the_platform_counts_in_every_row(in_bulk):
+def test_a_force_on_the_platform_counts_in_every_row():
     """Given or varied; in steady states too by the contract of `test_one_evaluation`."""
     at, varied = (0.0, 30.0, 0.0), {"force.x": [0.0, 50.0, 100.0]}
     drive, rig = speeds(SPEEDS, at), load_rig("atlas")
@@ -226,18 +220,18 @@ def test_figures_that_are_not_finite_make_a_design_failed():
 def test_method_follows_from_rig_and_drive():
     rig = load_rig("atlas")
 
-    def method(rig, drive, duration, metrics=("rms",), varied=(), rows=1000):
+    def method(rig, drive, duration, metrics=("rms",), varied=(), rows=True):
         return choose(Question(rig, (drive,), varied, metrics, "coupled", duration, rows))[0]
 
     constant, moving = speeds(SPEEDS), speeds(ramp(0, 1, (0, 0, 0), SPEEDS))
     pushed = speeds(SPEEDS, (0.0, 0.0, 9.0))
     assert method(rig, constant, None) == "steady-bulk"
-    assert method(rig, constant, None, rows=0) == "steady"
+    assert method(rig, constant, None, rows=False) == "steady"
     for drive, varied in ((pushed, ()), (constant, ("force.x",))):
         assert method(rig, drive, None, varied=varied) == "steady-bulk"
     assert method(rig, constant, 2.0) == "bulk"
     assert method(rig, pushed, 2.0) == method(rig, constant, 2.0, varied=("force.x",)) == "bulk"
-    assert method(rig, constant, 2.0, rows=0) == "propagation"
+    assert method(rig, constant, 2.0, rows=False) == "propagation"
     assert method(rig, constant, 2.0, ("slip_margin",)) == "propagation"
     assert method(load_rig("atlas-tripod"), constant, 2.0) == "bulk"
     assert method(rig, moving, 2.0) == "full"
@@ -325,7 +319,7 @@ def test_command_prints_what_a_machine_reads(capsys, tmp_path):
         words += ["--vary", f"{path}={text}"]
     assert run([*words, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert found["designs"] == 20 and found["method"] == "steady"
+    assert found["designs"] == 20 and found["method"] == "steady-bulk"
     assert found["status"] == {"ok": 20}
     assert found["best"]["peak"]["unit"] == "m" and picture.stat().st_size > 1000
     assert run(words) == 2  # the picture is there

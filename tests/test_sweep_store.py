@@ -162,7 +162,7 @@ def test_rerun_and_status_as_json(whole, capsys):
     assert run(["sweep-status", folder, "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
     assert found["done"] == found["designs"] == 20 and found["running"] is False
-    assert found["status"] == {"ok": 20} and found["method"] == "steady"
+    assert found["status"] == {"ok": 20} and found["method"] == "steady-bulk"
     assert run(["sweep-status", folder, "--rerun", "13", "--json"]) == 0
     again = json.loads(capsys.readouterr().out)
     assert again["peak"] == whole.store.read("peak")[13]

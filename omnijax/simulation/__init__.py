@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from ._exact import exact_obstacle as exact_obstacle
     from ._exact import forced_system as forced_system
     from ._exact import forcing as forcing
-    from ._exact import pieces_traced as pieces_traced
     from ._exact import propagate as propagate
     from ._exact import propagate_in_pieces as propagate_in_pieces
     from ._exact import reached_like as reached_like

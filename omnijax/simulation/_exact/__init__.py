@@ -13,7 +13,6 @@ from .forcing import forcing as forcing
 from .forcing import forcing_signals as forcing_signals
 from .forcing import is_traced as is_traced
 from .forcing import like_groups as like_groups
-from .forcing import pieces_traced as pieces_traced
 from .forcing import stacked as stacked
 from .period_map import Passages as Passages
 from .period_map import longest_passage as longest_passage

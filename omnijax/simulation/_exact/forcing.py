@@ -4,7 +4,6 @@ import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -160,22 +159,6 @@ def wheel_pieces(rig: Rig, i: int) -> list[tuple[Pieces, Array]]:
         ]
     repeats = 1 if kind == "turn" else 0
     return [(_turn(pieces, gap, repeats, damage, runouts), jnp.ones(()))]
-
-
-def pieces_traced(rig: Rig) -> int:
-    """Pieces of all signals' periods, each with as many as the longest, in a program for any rig.
-
-    Time and memory of a closed form grow with them.  Runout and damage last a whole turn, of as
-    many rollers as there may be, since a program does not know their number.
-    """
-    arrays, static = eqx.partition(rig, eqx.is_array)
-
-    def widths(arrays):
-        traced = eqx.combine(arrays, static)
-        return [p.width for i in range(rig.size) for p, _ in wheel_pieces(traced, i)]
-
-    counts = [w.shape[0] for w in jax.eval_shape(widths, arrays)]
-    return len(counts) * max(counts)
 
 
 def _floor_pieces(law: FloorVibration) -> tuple[Pieces, Array, Array]:

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from ..._compiling import Effort
 from ..._programs import kept
 from ..._root import root
 from ...dynamics import held, hold_obstacle
@@ -30,17 +31,26 @@ from .system import Layout, LinearDesign, Operating, designs_of
 from .transient import LANES, Lanes, samples_of
 
 BULK_METRICS = ("rms", "peak")
+FEW = 1024  # designs up to which the slowest code costs less than the second that compiling better
+# code takes (see `PLAIN`): 0.15 s more for values, 0.8 s with gradients, at every call
 MANY = 500_000  # designs that repay the best code: a tenth faster, or a fifth with gradients, and
 # compiled in 5 or 35 s more of CPU time on one machine (three unlike wheels)
 
 
+def effort_for(designs: int) -> Effort:
+    """What programs that run on so many designs are worth to the compiler."""
+    if designs <= FEW:
+        return Effort.LEAST
+    return Effort.QUICK if designs < MANY else Effort.MOST
+
+
 def kept_bulk(function: Callable) -> Callable:
-    """`function` as two kept programs: compiled quickly, or, called with `many`, for speed."""
-    programs = {many: kept(function, quick=not many) for many in (False, True)}
+    """`function` as kept programs, one for each `effort` that it is called with."""
+    programs = {effort: kept(function, effort) for effort in Effort}
 
     @functools.wraps(function)
-    def run(*args, many: bool, **named):
-        return programs[many](*args, **named)
+    def run(*args, effort: Effort):
+        return programs[effort](*args)
 
     return run
 
@@ -105,14 +115,14 @@ def modal_figures(
 
     `metrics` may hold `rms` and `peak`, as `vibration.METRICS` defines them; with `gradient` also
     their derivatives by the numbers in the rows.  The compiled programs depend on the rig's kinds
-    of wheels and laws, not on numbers, paths or the closure `make`; they are compiled quickly, or,
-    where the rows are some of `total` designs and those are many, for speed.  Raises `ValueError`
-    where `modal_obstacle` names a reason.
+    of wheels and laws, not on numbers, paths or the closure `make`; the more designs there are in
+    all (the rows, or `total` that they belong to), the more the compiler does for the programs.
+    Raises `ValueError` where `modal_obstacle` names a reason.
     """
     every, count = jnp.asarray(step, float), jnp.asarray(round(duration / step) + 1, float)
 
-    def figures(design: LinearDesign, layout: Layout, many: bool):
-        return _figures(design, layout, every, count, gradient, many=many)
+    def figures(design: LinearDesign, layout: Layout, effort: Effort):
+        return _figures(design, layout, every, count, gradient, effort=effort)
 
     return _batches(make, rows, metrics, model, gradient, modal_obstacle, figures, total)
 
@@ -132,8 +142,8 @@ def modal_steady(
     `ValueError` where `modal_steady_obstacle` names a reason.
     """
 
-    def figures(design: LinearDesign, layout: Layout, many: bool):
-        return _long_run(design, layout, gradient, many=many)
+    def figures(design: LinearDesign, layout: Layout, effort: Effort):
+        return _long_run(design, layout, gradient, effort=effort)
 
     return _batches(make, rows, metrics, model, gradient, modal_steady_obstacle, figures, total)
 
@@ -141,12 +151,13 @@ def modal_steady(
 def _batches(
     make, rows, metrics, model: str, gradient: bool, obstacle, figures, total: int
 ) -> ModalFigures:
-    """`figures(design, layout, many)` of all designs, batch by batch."""
-    many = max(len(rows), total) >= MANY
+    """`figures(design, layout, effort)` of all designs, batch by batch."""
+    effort = effort_for(max(len(rows), total))
     parts, slopes, turn = [], [], None
     size = SIZES[0] if len(rows) <= SIZES[0] else SIZES[-1]
+    rows = np.asarray(rows, float)  # slices of jax's arrays are programs
     for i in range(0, len(rows), size):
-        some = np.asarray(rows[i : i + size], float)
+        some = rows[i : i + size]
         some = jnp.asarray(np.concatenate([some, np.repeat(some[-1:], size - len(some), axis=0)]))
         points = _points(make, some)
         if i == 0:
@@ -155,11 +166,12 @@ def _batches(
                 raise ValueError(f"no figures from the modal form: {reason}.")
         force, series = bool(np.any(np.asarray(points.force))), _series(points.rig)
         plain = _plain(points)
-        design, layout, turn = _apart(plain, turn, (model, force, series), many)
-        values, bars = figures(design, layout, many)
-        parts.append(np.concatenate([values, np.asarray(_held(plain.rig, model, many=many))[None]]))
+        design, layout, turn = _apart(plain, turn, (model, force, series), effort)
+        values, bars = figures(design, layout, effort)
+        holds = np.asarray(_held(plain.rig, model, effort=effort))
+        parts.append(np.concatenate([values, holds[None]]))
         if gradient:
-            back = _from_designs(plain, bars, model, force, series, turn, many=many)
+            back = _from_designs(plain, bars, model, force, series, turn, effort=effort)
             slopes.append(np.asarray(_from_points(make, some, _back_in(points, back))))
     rms, peak, normal, slip, holds = np.concatenate(parts, axis=1)[:, : len(rows)]
     values, chosen = {"rms": rms, "peak": peak}, [BULK_METRICS.index(name) for name in metrics]
@@ -172,20 +184,20 @@ def _batches(
     )
 
 
-def _apart(points: Operating, turn: np.ndarray | None, how: tuple, many: bool):
+def _apart(points: Operating, turn: np.ndarray | None, how: tuple, effort: Effort):
     """Designs with their states along directions that decouple them, where any do, and those.
 
     `turn`: the directions of the batch before, which mostly do for this one too.
     """
-    design, layout = _designs(points, *how, turn, many=many)
+    design, layout = _designs(points, *how, turn, effort=effort)
     coupling = coupled(design.system)
     if turn is not None and len(blocks_of(coupling)) == 1:
-        design, turn = _designs(points, *how, many=many)[0], None
+        design, turn = _designs(points, *how, effort=effort)[0], None
         coupling = coupled(design.system)
     if turn is None and len(blocks_of(coupling)) == 1:
         turn = turned_states(points.rig, design.system)
         if turn is not None:
-            design, layout = _designs(points, *how, turn, many=many)
+            design, layout = _designs(points, *how, turn, effort=effort)
             coupling = coupled(design.system)
     return design, decoupled(design.system, layout, coupling), turn
 

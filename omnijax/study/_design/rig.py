@@ -13,11 +13,13 @@ from ...vibration import METRICS
 from .._batches import each
 from .._constraints import CaseResult, all_limits, all_values, metrics_of
 from .._evaluation import (
+    BULK,
     METHODS,
     Drive,
     Evaluation,
     Question,
     apply,
+    choose,
     evaluation_of,
     trial_designs,
 )
@@ -53,8 +55,11 @@ class RigCases:
         study = self.study
         drives = tuple(case.drive for case in study.drives)
         varied = (*self.paths, *self.load_paths, *self.parts)
+        self.question = Question(
+            study.rig, drives, varied, self.metrics, study.model, study.duration
+        )
         how, why = evaluation_of(
-            Question(study.rig, drives, varied, self.metrics, study.model, study.duration),
+            self.question,
             study.rate,
             rtol=study.rtol,
             trial=self._tried,
@@ -161,10 +166,31 @@ class RigCases:
         def case(values, load):
             return each(lambda draw: self.one(x, values, load, draw, how), [draws], order)
 
-        # drives first, loads second, as in `cases`
+        return each(case, list(self._case_values()), order)
+
+    def in_bulk(self) -> Evaluation | None:
+        """How rows of metrics alone are evaluated in bulk; None where they cannot be."""
+        method, _ = choose(self.question._replace(rows=True))
+        return self.how._replace(method=method) if method in BULK else None
+
+    def case(self, row: Float[Array, " row"]) -> tuple[Rig, Drive]:
+        """Rig and drive of one case: variables, speeds and force, load and draw side by side."""
+        ends = np.cumsum([len(self.paths), self.inputs.shape[1], self.loads.shape[1]])
+        x, values, load, draw = jnp.split(row, ends)
+        return self.rig(x, load, draw), self.drive(x, values)
+
+    def rows(self, x: np.ndarray, draws: np.ndarray) -> np.ndarray:
+        """Points (n, d) with their draws (n, p) as rows of `case`, (n, k, row)."""
+        values, loads = self._case_values()
+        own = np.concatenate([values, loads], axis=1)  # (k, ...)
+        shape = len(x), len(own)
+        parts = (x[:, None], own[None], draws[:, None])
+        return np.concatenate([np.broadcast_to(p, (*shape, p.shape[2])) for p in parts], axis=2)
+
+    def _case_values(self) -> tuple[Array, Array]:
+        """Speeds with force, and load, of every case: drives first, loads second, as in `cases`."""
         values = jnp.repeat(self.inputs, len(self.loads), axis=0)
-        loads = jnp.tile(self.loads, (len(self.inputs), 1))
-        return each(case, [values, loads], order)
+        return values, jnp.tile(self.loads, (len(self.inputs), 1))
 
     def draws(self) -> Float[Array, "t p"]:
         """The parts' relative deviations: corners for the worst case, uniform for the spread."""

@@ -6,6 +6,7 @@ from ..._lazy import lazy_face
 
 if TYPE_CHECKING:
     from .batching import batch_size as batch_size
+    from .bulk import evaluate_in_bulk as evaluate_in_bulk
     from .choice import evaluation_of as evaluation_of
     from .drives import Drive as Drive
     from .drives import apply as apply
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from .methods import BULK as BULK
     from .methods import METHODS as METHODS
     from .methods import Question as Question
+    from .methods import choose as choose
     from .rows import Rows as Rows
 
 __getattr__, __dir__ = lazy_face(__name__)

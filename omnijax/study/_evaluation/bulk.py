@@ -1,41 +1,45 @@
 """Rows of designs in bulk, by the modal core."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..._status import Status
 from ...rig import Rig
 from ...simulation import Operating, SpeedDrive, modal_figures, modal_steady
-from .drives import Drive, apply
+from .drives import Drive
 from .evaluation import Evaluation, margin_status
 
-
-def _operating(rig: Rig, drive: SpeedDrive, paths: tuple[str, ...], values) -> Operating:
-    """Rig, speeds, force and start angles of the design with `values` at `paths`."""
-    rig, moved = apply(rig, drive, paths, values)
-    assert isinstance(moved, SpeedDrive)
-    angles = jnp.zeros(rig.size) if moved.initial_angle is None else moved.initial_angle
-    return Operating(rig, moved.speed.values[0], moved.force.values[0], angles)
+Machine = Callable[[Float[Array, " d"]], tuple[Rig, Drive]]  # of a row of numbers
 
 
-def bulk(
-    how: Evaluation, rig: Rig, drive: Drive, paths: tuple[str, ...], rows: np.ndarray,
-    gradient: bool, total: int = 0,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:  # fmt: skip
+def _operating(machine: Machine, row) -> Operating:
+    """Rig, speeds, force and start angles of the design of a row."""
+    rig, drive = machine(row)
+    assert isinstance(drive, SpeedDrive)
+    angles = jnp.zeros(rig.size) if drive.initial_angle is None else drive.initial_angle
+    return Operating(rig, drive.speed.values[0], drive.force.values[0], angles)
+
+
+def evaluate_in_bulk(
+    how: Evaluation, machine: Machine, rows: np.ndarray, gradient: bool, total: int = 0
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Figures (b, m), gradients (b, m, d) or (b, m, 0) and status (b,) of runs or steady states.
 
     The modal core compiles its programs by itself, for `total` designs in all.
     """
-    make, designs = eqx.Partial(_operating, rig, drive, paths), jnp.asarray(rows)
+    make = eqx.Partial(_operating, machine)
     if how.times is None:
         result = modal_steady(
-            make, designs, how.metrics, model=how.model, gradient=gradient, total=total
+            make, rows, how.metrics, model=how.model, gradient=gradient, total=total
         )
     else:
         duration = float(how.times[-1])
         result = modal_figures(
-            make, designs, how.metrics, duration=duration, step=duration / (len(how.times) - 1),
+            make, rows, how.metrics, duration=duration, step=duration / (len(how.times) - 1),
             model=how.model, gradient=gradient, total=total,
         )  # fmt: skip
     bad = ~np.all(np.isfinite(result.values), axis=1)

@@ -142,9 +142,13 @@ def without_failed(values: Float[Array, " m"], status):
 
 
 def margin_status(normal_force, slip_margin):
-    """Lift-off where a contact is without load, else slip, from the least of both (N)."""
-    slips = jnp.where(slip_margin < 0, Status.SLIP, Status.OK)
-    return jnp.where(normal_force <= 0, Status.LIFT_OFF, slips)
+    """Lift-off where a contact is without load, else slip, from the least of both (N).
+
+    NumPy's arrays stay such: jax would compile for every number of designs.
+    """
+    xp = np if isinstance(normal_force, np.ndarray) else jnp
+    slips = xp.where(slip_margin < 0, Status.SLIP, Status.OK)
+    return xp.where(normal_force <= 0, Status.LIFT_OFF, slips)
 
 
 def samples_of(duration: float | None, rate: float | None) -> np.ndarray | None:

@@ -5,7 +5,6 @@ steady ones: those of its long run).  What a method cannot honour is an obstacle
 goes to the first method without one, and where none is left the question is refused.
 """
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -19,7 +18,6 @@ from ...simulation import (
     exact_obstacle,
     modal_obstacle,
     modal_steady_obstacle,
-    pieces_traced,
 )
 from ...vibration import STEADY_METRICS
 from .drives import Drive, is_constant, turning
@@ -33,8 +31,6 @@ METHODS = {
     "full": "full simulation (adaptive time stepping)",
     "free-run": "free run of an axis under a log's inputs (Runge-Kutta steps)",
 }
-FEW = 128  # one by one costs 10 to 35 ms a design; a program in bulk compiles 10 to 20 s longer
-PIECES = 24  # of a closed form up to which that holds; the cost grows with them
 BULK = ("bulk", "steady-bulk")  # take rows of many designs at once
 WHY = {
     "steady-bulk": "no duration is asked for; the model is linear, modal form",
@@ -54,7 +50,7 @@ class Question(NamedTuple):
     metrics: tuple[str, ...]
     model: str
     duration: float | None  # s; none: the steady state
-    rows: float = 0  # designs that come as rows of numbers, many at a time, for metrics alone
+    rows: bool = False  # whether designs come as rows of numbers, for their metrics alone
     gradient: bool = False
     adaptive: bool = False  # a solver or its tolerance is given
 
@@ -84,12 +80,7 @@ def _nothing_holds(q: Question) -> str | None:
 
 
 def _no_rows(q: Question) -> str | None:
-    if not q.rows:
-        return "more is read from a run than its metrics"
-    enough = math.ceil(FEW * min(1.0, PIECES / pieces_traced(q.rig)))
-    return (
-        None if q.rows >= enough else f"less than {enough} designs do not pay for a program in bulk"
-    )
+    return None if q.rows else "more is read from a run than its metrics"
 
 
 def _no_modal_run(q: Question) -> str | None:

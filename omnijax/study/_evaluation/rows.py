@@ -12,7 +12,7 @@ from ..._errors import InputError
 from ..._programs import kept
 from ...rig import Rig
 from .._batches import each, in_batches
-from .bulk import bulk
+from .bulk import evaluate_in_bulk
 from .drives import Drive, apply, with_few_knots
 from .evaluation import Evaluation
 from .methods import BULK
@@ -44,7 +44,8 @@ class Rows:
         """Figures, gradients and status of all `rows`, `size` of them at a time."""
         if self.how.method in BULK:  # cuts the rows into batches by itself, on one device
             rig, drive = eqx.combine(self._arrays, self._static)
-            return bulk(self._whole, rig, drive, self.paths, rows, self.gradient, self.total)
+            machine = eqx.Partial(apply, rig, drive, self.paths)
+            return evaluate_in_bulk(self._whole, machine, rows, self.gradient, self.total)
         return in_batches(self, rows, size)
 
     def __call__(self, rows: np.ndarray) -> tuple[Any, Any, Any]:

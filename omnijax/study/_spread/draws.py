@@ -2,40 +2,36 @@
 
 from collections.abc import Callable
 
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
-from ..._compiling import quick_jit
-from .._batches import Order, batches, each
+from .._batches import batches
 from .._study_folder import Folder, Report
 
 CHUNK = 64  # machines at a time
 
 
 class Machines:
-    """`metric` of the parts' relative deviations (p,), its slopes, and its values when drawn."""
+    """A metric of the parts' relative deviations (p,), its slopes, and its values when drawn."""
 
     def __init__(
         self,
-        metric: Callable[[Float[Array, " p"]], Float[Array, ""]],
+        several: Callable[[np.ndarray], Array | np.ndarray],  # deviations (n, p) -> metric (n,)
+        slope: Callable[[int], tuple],  # of a part: the nominal metric, its derivative
         parts: int,
         draws: int,
         store: Folder | None = None,
         report: Report | None = None,
-        order: Order = "side by side",  # see `each`
     ):
         self.parts, self.draws, self.store, self.report = parts, draws, store, report
-        self._slope = quick_jit(lambda push: jax.jvp(metric, (jnp.zeros(parts),), (push,)))
-        self._many = quick_jit(lambda rows: each(metric, [rows], order))
+        self._slope, self._many = slope, several
         self._done, self._begun, self._sets = 0, 0, 1
 
     def slopes(self) -> tuple[float, np.ndarray]:
         """The metric of nominal parts, and its slopes (p,)."""
         pairs = []
-        for i, push in enumerate(np.eye(self.parts)):
-            pairs.append(self._kept(f"slope-{i}", lambda push=push: self._slope(push)))
+        for i in range(self.parts):
+            pairs.append(self._kept(f"slope-{i}", lambda i=i: self._slope(i)))
             self._tell(1)
         return float(pairs[0][0]), np.array([float(slope) for _, slope in pairs])
 

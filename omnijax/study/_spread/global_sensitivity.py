@@ -2,8 +2,10 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -12,10 +14,11 @@ from ..._errors import InputError, RunError
 from ...vibration import METRICS
 from .._batches import Order
 from .._design import RigCases
+from .._evaluation import Evaluation, evaluate_in_bulk
 from .._file import Study, study_of
 from .._sobol import sobol_points
 from .._study_folder import Folder, folder_of
-from .inputs import Input, UncertainInputs, run_all
+from .inputs import Batch, Input, UncertainInputs, one_by_one, run_all
 from .morris import morris_design, morris_effects
 from .result import GlobalSensitivity
 from .sobol import sobol_design, sobol_indices
@@ -43,9 +46,16 @@ def analyse(
 
     Raises `InputError` for less than 16 samples, `RunError` where too few runs are left.
     """
+    box = UncertainInputs(inputs)
+    batch = one_by_one(function, box, order)
+    return _analyse(batch, box, metrics, units, samples, seed, report, store)
+
+
+def _analyse(
+    batch: Batch, box: UncertainInputs, metrics, units, samples: int, seed: int, report, store
+) -> GlobalSensitivity:
     if samples < 16:
         raise InputError(f"`samples` must be at least 16, but is {samples}.")
-    box = UncertainInputs(inputs)
     unit = sobol_design(box.size, samples, seed)
     paths = morris_design(box.size, max(8, samples // 16), seed + 1, box.normal)
     drawn = sobol_points(box.size, 1 << min(samples, 256).bit_length() - 1, seed + 2)
@@ -58,9 +68,8 @@ def analyse(
                 report(before + done, total)
 
         runs[key] = run_all(
-            function, box, box.standard(points), slopes=slopes, report=tell, store=store, key=key,
-            order=order,
-        )  # fmt: skip
+            batch, box.standard(points), slopes=slopes, report=tell, store=store, key=key
+        )
         before += len(points)
     try:
         sobol = sobol_indices(runs["sobol"].values, runs["sobol"].failed, box.size, seed)
@@ -121,14 +130,37 @@ def global_sensitivity(
         for v, kind in zip(asked.variables, kinds, strict=True)
     ]
 
-    sign = jnp.array([1.0 if METRICS[name].smaller_is_better else -1.0 for name in names])
+    box = UncertainInputs(inputs)
+    sign = np.array([1.0 if METRICS[name].smaller_is_better else -1.0 for name in names])
 
-    def function(x):
-        return sign * jnp.max(sign * cases.every(x, jnp.zeros((1, 0)))[0][:, 0], axis=0)
+    def worst(x):
+        s = jnp.asarray(sign)
+        return s * jnp.max(s * cases.every(x, jnp.zeros((1, 0)))[0][:, 0], axis=0)
 
+    how = cases.in_bulk()
+    if how is None:
+        batch = one_by_one(worst, box, cases.how.order)
+    else:
+        batch = partial(_in_bulk, cases, how, box, sign, asked.samples * (box.size + 2))
     store = folder_of(out, asked.identity("global", metrics=names), resume)
     units = [METRICS[name].unit for name in names]
-    return analyse(
-        function, inputs, names, units, samples=asked.samples, seed=asked.seed, report=report,
-        store=store, order=cases.how.order,
-    )  # fmt: skip
+    return _analyse(batch, box, names, units, asked.samples, asked.seed, report, store)
+
+
+def _in_bulk(cases: RigCases, how: Evaluation, box: UncertainInputs, sign, total: int,
+             standard: np.ndarray, slopes: bool):  # fmt: skip
+    """Each metric's worst over the cases at standard points, and its slopes over these."""
+    moved, rate = jax.jvp(box.values, (jnp.asarray(standard),), (jnp.ones(standard.shape),))
+    rows = cases.rows(np.asarray(moved), np.zeros((len(standard), 0)))
+    count = len(rows) * rows.shape[1] if slopes else total * rows.shape[1]
+    values, by_rows, _ = evaluate_in_bulk(
+        how, cases.case, rows.reshape(-1, rows.shape[2]), slopes, count
+    )
+    values = values.reshape(*rows.shape[:2], -1)  # (n, k, m)
+    worst = np.argmax(sign * values, axis=1)[:, None]  # NaN counts as the worst
+    figures = np.take_along_axis(values, worst, axis=1)[:, 0]
+    if not slopes:
+        return (figures,)
+    by_rows = by_rows.reshape(*values.shape, -1)[..., : box.size]
+    by_inputs = np.take_along_axis(by_rows, worst[..., None], axis=1)[:, 0]
+    return figures, by_inputs * np.asarray(rate)[:, None]

@@ -73,37 +73,42 @@ class Runs(NamedTuple):
 
 
 CHUNK = 256
+# Figures (n, m) of standard points (n, d), and where asked for their slopes (n, m, d)
+Batch = Callable[[np.ndarray, bool], Sequence[Array | np.ndarray]]
+
+
+def one_by_one(
+    function: Callable[[Float[Array, " d"]], Float[Array, " m"]],
+    inputs: UncertainInputs,
+    order: Order = "side by side",
+) -> Batch:
+    """`function` of every point's inputs by one program; `order` as `each` takes it."""
+
+    def one(s):
+        return function(inputs.values(s))
+
+    values = quick_jit(lambda rows: (each(one, [rows], order),))
+    both = quick_jit(lambda rows: each(value_and_jacobian(one), [rows], order))
+    return lambda standard, slopes: (both if slopes else values)(jnp.asarray(standard))
 
 
 def run_all(
-    function: Callable[[Float[Array, " d"]], Float[Array, " m"]],
-    inputs: UncertainInputs,
+    batch: Batch,
     standard: np.ndarray,
     *,
     slopes: bool = False,
     report: Callable[[int, int], None] | None = None,
     store=None,
     key: str = "",
-    order: Order = "side by side",
 ) -> Runs:
-    """`function` of every point, in chunks of one compiled shape; finished ones may be stored.
-
-    `order`: as `each` takes it.
-    """
-
-    def one(s):
-        return function(inputs.values(s))
-
+    """`batch` of all standard points, in chunks of one shape; finished ones may be stored."""
     size = min(CHUNK // (4 if slopes else 1), len(standard))
-    wanted = value_and_jacobian(one) if slopes else one
-    batched = quick_jit(lambda rows: each(wanted, [rows], order))
     parts = []
     for first, rows, count in batches(standard, size):
         name = f"{key}-{first}"
         stored = None if store is None else store.read(name)
         if stored is None:
-            results = batched(jnp.asarray(rows))
-            results = results if slopes else (results,)
+            results = batch(rows, slopes)
             stored = {str(i): np.asarray(x)[:count] for i, x in enumerate(results)}
             if store is not None:
                 store.write(name, stored)

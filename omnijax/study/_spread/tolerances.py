@@ -8,18 +8,23 @@ New machines, drawn after the tolerances are set, then say what share these keep
 """
 
 import dataclasses
-from collections.abc import Mapping
+import functools
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.special import ndtri
 
+from ..._compiling import quick_jit
 from ..._errors import InputError, RunError
 from ..._text import quantity_text
 from ...rig import Rig, parameter_info
 from ...vibration import METRICS
+from .._batches import each
 from .._design import RigCases
+from .._evaluation import evaluate_in_bulk
 from .._file import Study, study_of
 from .._parameters import checked_parameters, values_of
 from .._study_folder import Report, folder_of
@@ -95,10 +100,7 @@ def tolerances(
     cases = RigCases(plain, (metric,))
     store = folder_of(out, plain.identity("tolerances", machines=draws), resume)
 
-    def worst(deviation):
-        return jnp.max(cases.every(jnp.zeros(0), deviation[None])[0])
-
-    machines = Machines(worst, len(cases.parts), draws, store, report, cases.how.order)
+    machines = Machines(*_worst(cases, draws), len(cases.parts), draws, store, report)
     nominal, slopes = machines.slopes()
     limit = (1 + (rise or 0.0)) * nominal if limit is None else limit
     if not nominal < limit:
@@ -121,6 +123,37 @@ def tolerances(
         slopes, linear, width, good / draws, low, high, float(np.mean(untouched < limit)), draws,
         int(np.sum(~np.isfinite(new))),
     )  # fmt: skip
+
+
+def _worst(cases: RigCases, draws: int) -> tuple[Callable, Callable]:
+    """The metric's worst over the cases: of machines (n, p), and with its slope by a part."""
+    how, size = cases.in_bulk(), len(cases.parts)
+    if how is None:
+
+        def worst(deviation):
+            return jnp.max(cases.every(jnp.zeros(0), deviation[None])[0])
+
+        slope = quick_jit(lambda push: jax.jvp(worst, (jnp.zeros(size),), (push,)))
+        several = quick_jit(lambda rows: each(worst, [rows], cases.how.order))
+        return several, lambda part: slope(np.eye(size)[part])
+
+    def figures(deviations: np.ndarray, gradient: bool = False):
+        rows = cases.rows(np.zeros((len(deviations), 0)), deviations)
+        flat, total = rows.reshape(-1, rows.shape[2]), draws * rows.shape[1]
+        values, slopes, _ = evaluate_in_bulk(
+            how, cases.case, flat, gradient, 0 if gradient else total
+        )
+        return values.reshape(rows.shape[:2]), slopes
+
+    @functools.cache
+    def nominal() -> tuple[float, np.ndarray]:
+        values, slopes = figures(np.zeros((1, size)), gradient=True)
+        return values.max(), slopes[np.argmax(values[0]), 0, -size:]
+
+    return lambda rows: figures(rows)[0].max(axis=1), lambda part: (
+        nominal()[0],
+        nominal()[1][part],
+    )
 
 
 def usual_parts(rig: Rig) -> tuple[str, ...]:

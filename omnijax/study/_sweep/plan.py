@@ -81,8 +81,7 @@ def plan(
         return Evaluator(spec(how), sampling.devices).figures(designs)
 
     asked = Question(
-        rig, (drive,), paths, names, numerics.model, numerics.duration, points.size,
-        sampling.gradient,
+        rig, (drive,), paths, names, numerics.model, numerics.duration, True, sampling.gradient,
     )  # fmt: skip
     how, why = evaluation_of(
         asked,
