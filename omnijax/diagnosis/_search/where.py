@@ -27,7 +27,7 @@ RATE = SETTINGS.where.rate
 ORDERS = SETTINGS.where.orders
 BESIDE = SETTINGS.where.beside
 WIDTH = SETTINGS.where.width
-LEAST = 1e-8  # share of a column that levelling must leave of it: less is rounding
+LEAST = SETTINGS.where.least
 
 
 @dataclasses.dataclass(frozen=True)
