@@ -220,7 +220,7 @@ class WhereSettings:
     orders: int = 40
     beside: int = 8  # bands on either side that a line is compared with
     width: float = 0.5  # Hz, of a band: a line that stays put stays in it
-    least: float = 1e-8  # share of a column that levelling must leave: less is rounding
+    least: float = 1e-4  # length that levelling must leave of a column of 1: less is rounding
 
 
 @dataclasses.dataclass(frozen=True)

@@ -20,6 +20,7 @@ import numpy as np
 from scipy.special import betaincc, fdtrc, stdtr
 from scipy.stats import false_discovery_control
 
+from .._orthonormal import orthonormal_of_many_rows
 from .._settings import SETTINGS
 
 SHUFFLES = SETTINGS.where.shuffles
@@ -186,10 +187,8 @@ def of_levelled(columns: np.ndarray) -> np.ndarray:
 
     Source: regression beside nuisances (Frisch, Waugh, 1933; Lovell, 1963).
     """
-    left = levelled(columns)
-    size, turned = np.linalg.eigh(left.T @ left)
-    kept = size > LEAST
-    return left @ (turned * np.where(kept, 1 / np.sqrt(np.where(kept, size, 1.0)), 0.0))
+    basis = orthonormal_of_many_rows(levelled(columns), LEAST)
+    return np.pad(basis, ((0, 0), (0, columns.shape[1] - basis.shape[1])))
 
 
 def surrogates(residual: np.ndarray, seed: int, count: int = SHUFFLES) -> np.ndarray:
