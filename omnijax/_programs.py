@@ -48,18 +48,18 @@ _STATIC = (str, int, float, bool)  # leaves beside arrays
 _log = logging.getLogger("omnijax")
 
 
-def kept(function: Callable, effort: Effort = Effort.QUICK) -> Callable:
+def kept(function: Callable) -> Callable:
     """`function` as a compiled program that is kept across processes.
 
     Like `equinox.filter_jit`, which takes every call that has no such program: under a
     transformation, with laws from outside this package, or not on one ordinary CPU.  Results
     must be pytrees of arrays, words and Python's numbers whose classes belong to this package.
-    `effort`: what it is worth to the compiler; each kind is kept by itself.
+    A call may say what `effort` its program is worth; each kind is kept by itself.
     """
     jitted = eqx.filter_jit(function)
 
     @functools.wraps(function)
-    def run(*args):
+    def run(*args, effort: Effort = Effort.QUICK):
         leaves, tree = jax.tree.flatten(args)
         leaves = [jnp.asarray(x) if isinstance(x, _NUMPY) else x for x in leaves]
         if not _suits(leaves):

@@ -83,7 +83,7 @@ def test_quick_code_and_fast_code_are_kept_apart(folder):
         return jnp.sin(right)
 
     for effort in (*Effort, *Effort):
-        assert np.array_equal(kept(solution, effort)(RIGHT), np.asarray(jnp.sin(RIGHT)))
+        assert np.array_equal(kept(solution)(RIGHT, effort=effort), np.asarray(jnp.sin(RIGHT)))
     assert len(list(folder.iterdir())) == 3
 
 

@@ -1,6 +1,5 @@
 """Figures of many designs by the modal core: programs depend on kinds of input alone."""
 
-import functools
 from collections.abc import Callable, Sequence
 from functools import partial
 from typing import Any, NamedTuple
@@ -42,17 +41,6 @@ def effort_for(designs: int) -> Effort:
     if designs <= FEW:
         return Effort.LEAST
     return Effort.QUICK if designs < MANY else Effort.MOST
-
-
-def kept_bulk(function: Callable) -> Callable:
-    """`function` as kept programs, one for each `effort` that it is called with."""
-    programs = {effort: kept(function, effort) for effort in Effort}
-
-    @functools.wraps(function)
-    def run(*args, effort: Effort):
-        return programs[effort](*args)
-
-    return run
 
 
 class ModalFigures(NamedTuple):
@@ -202,7 +190,7 @@ def _apart(points: Operating, turn: np.ndarray | None, how: tuple, effort: Effor
     return design, decoupled(design.system, layout, coupling), turn
 
 
-@kept_bulk
+@kept
 def _held(rigs: Rig, model: str):
     return jax.vmap(lambda rig: held(rig, model))(rigs)
 
@@ -237,14 +225,14 @@ def _series(rig: Rig) -> int:
     return series_needed(float(jnp.max(share)))
 
 
-@kept_bulk
+@kept
 def _designs(
     points: Operating, model: str, force: bool, series: int, turn: Any = None
 ) -> tuple[LinearDesign, Layout]:
     return designs_of(points, model, force, series, turn)
 
 
-@kept_bulk
+@kept
 def _from_designs(
     points: Operating, bars, model: str, force: bool, series: int, turn: Any = None
 ) -> Operating:
@@ -283,7 +271,7 @@ def _from_points(make, rows, bars: Operating):
     return jax.vmap(lambda bar: back(bar)[0])(bars)
 
 
-@kept_bulk
+@kept
 def _figures(design: LinearDesign, layout: Layout, step, count, gradient: bool):
     """(4, B): figures and margins; and derivatives by systems and signals, one entry a metric."""
 
@@ -305,7 +293,7 @@ def _figures(design: LinearDesign, layout: Layout, step, count, gradient: bool):
     return _of_groups(some, design, layout, step * count)
 
 
-@kept_bulk
+@kept
 def _long_run(design: LinearDesign, layout: Layout, gradient: bool):
     """The same of the long run."""
     span = longest_period(design.signals, layout) if gradient else None
