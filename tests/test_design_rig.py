@@ -18,7 +18,6 @@ from omnijax.study._design.engine import Engine
 from omnijax.study._design.notes import Exact, as_it_was, before
 from omnijax.study._design.rig import RigCases, rig_problem
 from omnijax.study._design.search import Starts
-from omnijax.study._evaluation import evaluate_in_bulk
 from omnijax.study._spread.tolerances import allocate, share_bounds, usual_parts
 
 SPEED = (3.0, 5.1, 7.3)
@@ -295,15 +294,11 @@ def test_rows_in_bulk_are_the_cases_one_by_one():
         }
     )
     cases = RigCases(study, ("rms",))
-    how, rng, size = cases.in_bulk(), np.random.default_rng(), len(cases.parts)
+    how, rng, size = cases.in_bulk, np.random.default_rng(), len(cases.parts)
     assert how is not None and how.method == "steady-bulk" and cases.how.method == "steady"
     x = rng.uniform([1e5, 0.4], [3e5, 0.5], (3, 2))
     draws = rng.uniform(-0.1, 0.1, (3, size))
-    rows = cases.rows(x, draws)
-    values, slopes, _ = evaluate_in_bulk(
-        how, cases.case, rows.reshape(-1, rows.shape[2]), gradient=True
-    )
-    values, slopes = values.reshape(3, 4), slopes.reshape(3, 4, -1)
+    values, slopes = (y[:, :, 0] for y in cases.many(x, draws, gradient=True))
 
     @jax.jit
     def alone(both):
@@ -317,7 +312,7 @@ def test_rows_in_bulk_are_the_cases_one_by_one():
         step = 1e-5 * scale * np.eye(2 + size)[i]
         ends = (np.array(alone(both[1] + sign * step)) for sign in (1, -1))
         rise = np.subtract(*ends) / (2e-5 * scale)
-        place = i if i < 2 else rows.shape[2] - size + i - 2
+        place = i if i < 2 else slopes.shape[2] - size + i - 2
         np.testing.assert_allclose(
             slopes[1, :, place], rise, rtol=1e-4, atol=1e-6 * np.abs(rise).max()
         )

@@ -1,5 +1,7 @@
 """The problem that a study of a rig poses: objective and constraints over drives, loads, parts."""
 
+import functools
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -20,6 +22,7 @@ from .._evaluation import (
     Question,
     apply,
     choose,
+    evaluate_in_bulk,
     evaluation_of,
     trial_designs,
 )
@@ -168,24 +171,35 @@ class RigCases:
 
         return each(case, list(self._case_values()), order)
 
+    @functools.cached_property
     def in_bulk(self) -> Evaluation | None:
-        """How rows of metrics alone are evaluated in bulk; None where they cannot be."""
+        """How `many` are evaluated; None where they cannot be."""
         method, _ = choose(self.question._replace(rows=True))
         return self.how._replace(method=method) if method in BULK else None
+
+    def many(
+        self, x: np.ndarray, draws: np.ndarray, gradient: bool = False, total: int = 0
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Metrics (n, k, m) of points (n, d) with their draws (n, p) in every case, in bulk.
+
+        And slopes (n, k, m, row) by rows as `case` takes them, of no columns without `gradient`.
+        `total` points are asked for in all, where more than these.
+        """
+        assert self.in_bulk is not None
+        values, loads = self._case_values()
+        own = np.concatenate([values, loads], axis=1)  # (k, ...)
+        shape, parts = (len(x), len(own)), (x[:, None], own[None], draws[:, None])
+        rows = np.concatenate([np.broadcast_to(p, (*shape, p.shape[2])) for p in parts], axis=2)
+        metrics, slopes, _ = evaluate_in_bulk(
+            self.in_bulk, self.case, rows.reshape(-1, rows.shape[2]), gradient, total * len(own)
+        )
+        return metrics.reshape(*shape, -1), slopes.reshape(*shape, *slopes.shape[1:])
 
     def case(self, row: Float[Array, " row"]) -> tuple[Rig, Drive]:
         """Rig and drive of one case: variables, speeds and force, load and draw side by side."""
         ends = np.cumsum([len(self.paths), self.inputs.shape[1], self.loads.shape[1]])
         x, values, load, draw = jnp.split(row, ends)
         return self.rig(x, load, draw), self.drive(x, values)
-
-    def rows(self, x: np.ndarray, draws: np.ndarray) -> np.ndarray:
-        """Points (n, d) with their draws (n, p) as rows of `case`, (n, k, row)."""
-        values, loads = self._case_values()
-        own = np.concatenate([values, loads], axis=1)  # (k, ...)
-        shape = len(x), len(own)
-        parts = (x[:, None], own[None], draws[:, None])
-        return np.concatenate([np.broadcast_to(p, (*shape, p.shape[2])) for p in parts], axis=2)
 
     def _case_values(self) -> tuple[Array, Array]:
         """Speeds with force, and load, of every case: drives first, loads second, as in `cases`."""

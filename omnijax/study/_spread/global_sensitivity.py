@@ -14,7 +14,6 @@ from ..._errors import InputError, RunError
 from ...vibration import METRICS
 from .._batches import Order
 from .._design import RigCases
-from .._evaluation import Evaluation, evaluate_in_bulk
 from .._file import Study, study_of
 from .._sobol import sobol_points
 from .._study_folder import Folder, folder_of
@@ -137,30 +136,24 @@ def global_sensitivity(
         s = jnp.asarray(sign)
         return s * jnp.max(s * cases.every(x, jnp.zeros((1, 0)))[0][:, 0], axis=0)
 
-    how = cases.in_bulk()
-    if how is None:
+    if cases.in_bulk is None:
         batch = one_by_one(worst, box, cases.how.order)
     else:
-        batch = partial(_in_bulk, cases, how, box, sign, asked.samples * (box.size + 2))
+        batch = partial(_in_bulk, cases, box, sign, asked.samples * (box.size + 2))
     store = folder_of(out, asked.identity("global", metrics=names), resume)
     units = [METRICS[name].unit for name in names]
     return _analyse(batch, box, names, units, asked.samples, asked.seed, report, store)
 
 
-def _in_bulk(cases: RigCases, how: Evaluation, box: UncertainInputs, sign, total: int,
-             standard: np.ndarray, slopes: bool):  # fmt: skip
+def _in_bulk(cases: RigCases, box: UncertainInputs, sign, total: int, standard: np.ndarray,
+             slopes: bool):  # fmt: skip
     """Each metric's worst over the cases at standard points, and its slopes over these."""
-    moved, rate = jax.jvp(box.values, (jnp.asarray(standard),), (jnp.ones(standard.shape),))
-    rows = cases.rows(np.asarray(moved), np.zeros((len(standard), 0)))
-    count = len(rows) * rows.shape[1] if slopes else total * rows.shape[1]
-    values, by_rows, _ = evaluate_in_bulk(
-        how, cases.case, rows.reshape(-1, rows.shape[2]), slopes, count
-    )
-    values = values.reshape(*rows.shape[:2], -1)  # (n, k, m)
+    x, rate = jax.jvp(box.values, (jnp.asarray(standard),), (jnp.ones(standard.shape),))
+    no_draws = np.zeros((len(standard), 0))
+    values, by_rows = cases.many(np.asarray(x), no_draws, slopes, 0 if slopes else total)
     worst = np.argmax(sign * values, axis=1)[:, None]  # NaN counts as the worst
     figures = np.take_along_axis(values, worst, axis=1)[:, 0]
     if not slopes:
         return (figures,)
-    by_rows = by_rows.reshape(*values.shape, -1)[..., : box.size]
-    by_inputs = np.take_along_axis(by_rows, worst[..., None], axis=1)[:, 0]
+    by_inputs = np.take_along_axis(by_rows[..., : box.size], worst[..., None], axis=1)[:, 0]
     return figures, by_inputs * np.asarray(rate)[:, None]

@@ -24,7 +24,6 @@ from ...rig import Rig, parameter_info
 from ...vibration import METRICS
 from .._batches import each
 from .._design import RigCases
-from .._evaluation import evaluate_in_bulk
 from .._file import Study, study_of
 from .._parameters import checked_parameters, values_of
 from .._study_folder import Report, folder_of
@@ -127,8 +126,8 @@ def tolerances(
 
 def _worst(cases: RigCases, draws: int) -> tuple[Callable, Callable]:
     """The metric's worst over the cases: of machines (n, p), and with its slope by a part."""
-    how, size = cases.in_bulk(), len(cases.parts)
-    if how is None:
+    size = len(cases.parts)
+    if cases.in_bulk is None:
 
         def worst(deviation):
             return jnp.max(cases.every(jnp.zeros(0), deviation[None])[0])
@@ -137,23 +136,21 @@ def _worst(cases: RigCases, draws: int) -> tuple[Callable, Callable]:
         several = quick_jit(lambda rows: each(worst, [rows], cases.how.order))
         return several, lambda part: slope(np.eye(size)[part])
 
-    def figures(deviations: np.ndarray, gradient: bool = False):
-        rows = cases.rows(np.zeros((len(deviations), 0)), deviations)
-        flat, total = rows.reshape(-1, rows.shape[2]), draws * rows.shape[1]
-        values, slopes, _ = evaluate_in_bulk(
-            how, cases.case, flat, gradient, 0 if gradient else total
-        )
-        return values.reshape(rows.shape[:2]), slopes
+    def machines(deviations: np.ndarray) -> np.ndarray:
+        no_variables = np.zeros((len(deviations), 0))
+        return cases.many(no_variables, deviations, total=draws)[0].max(axis=(1, 2))
 
     @functools.cache
     def nominal() -> tuple[float, np.ndarray]:
-        values, slopes = figures(np.zeros((1, size)), gradient=True)
-        return values.max(), slopes[np.argmax(values[0]), 0, -size:]
+        values, slopes = cases.many(np.zeros((1, 0)), np.zeros((1, size)), gradient=True)
+        worst = np.argmax(values[0, :, 0])
+        return values[0, worst, 0], slopes[0, worst, 0, -size:]
 
-    return lambda rows: figures(rows)[0].max(axis=1), lambda part: (
-        nominal()[0],
-        nominal()[1][part],
-    )
+    def with_slope(part: int):
+        value, slopes = nominal()
+        return value, slopes[part]
+
+    return machines, with_slope
 
 
 def usual_parts(rig: Rig) -> tuple[str, ...]:
