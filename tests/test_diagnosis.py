@@ -9,6 +9,8 @@ from machines import RECORDINGS
 from test_plant import load_plant
 
 from omnijax.diagnosis import diagnose
+from omnijax.diagnosis._answer.learned import Unexplained, _Fitting
+from omnijax.diagnosis._answer.learned_ports import ShaftPort, SpringPort
 from omnijax.diagnosis._search.candidates import UNTRIED
 from omnijax.laws import EFFECTS
 from omnijax.recording import read_case
@@ -124,6 +126,27 @@ def test_a_few_wild_samples_are_left_out_and_name_nothing(none, wild):
     left_out = sum(int(f.split(": ")[2].split()[0]) for f in said)
     assert 0.9 * wild[1] < left_out < 1.1 * wild[1]
     assert {w.strip(":,") for f in said for w in f.split() if "_" in w} == set(WILD)
+
+
+@pytest.mark.parametrize(
+    "port", [SpringPort("contact", ("w1", "w2", "w3")), ShaftPort(("w1", "w2", "w3"))]
+)
+def test_columns_of_a_learned_term_are_its_differences(none, port):
+    """Of weights about zero, and of the baseline: what the fit of the term steps by."""
+    model, fit = none.details["model"], none.details["found"].fit
+    around = Unexplained.of(model, fit)
+    fitting = _Fitting(model, around, port)
+    now, inputs = fitting.left(fitting.term, "train")
+    table, few = fitting._columns(inputs), [0, 4, len(fitting.term.weights) - 1]
+    assert table.shape == (len(fitting.term.weights) + len(model.priors), len(now))
+    for j in few:
+        size = 1e-3 / np.linalg.norm(table[j])
+        term = fitting.term.moved(size * np.eye(len(fitting.term.weights))[j])
+        change = (now - fitting.left(term, "train")[0]) / size
+        assert np.linalg.norm(change - table[j]) < 1e-4 * np.linalg.norm(table[j])
+    shift = np.eye(len(model.priors))[1]
+    change = now - fitting.left(fitting.term, "train", shift)[0]
+    np.testing.assert_allclose(change, table[len(fitting.term.weights) + 1], atol=1e-9)
 
 
 @pytest.mark.full

@@ -9,6 +9,8 @@ from test_plant import load_plant
 
 from omnijax.diagnosis import Effect, Point, RigModel
 from omnijax.diagnosis import _threads as threads
+from omnijax.diagnosis._machine.stage_cache import StageCache
+from omnijax.diagnosis._search import tangent_rows
 from omnijax.diagnosis._threads import cores, each
 from omnijax.laws import EFFECTS
 from omnijax.rig import load_rig
@@ -77,3 +79,38 @@ def test_many_points_at_once_are_the_points_one_by_one(model, two_cores, monkeyp
     for point, found in zip(points, together, strict=True):
         (alone,) = model.residuals([point], "train")
         np.testing.assert_allclose(found, alone, rtol=0, atol=1e-9 * np.abs(alone).max())
+
+
+def test_difference_tangents_leave_nothing_kept_but_the_point_itself(model):
+    """Their rigs are asked for once; kept, each held its motion, rotation and elastic states."""
+    point = Point(
+        0.1 * np.ones(len(model.priors)), (Effect("bearing-coulomb", "w2", {"torque": 0.01}),)
+    )
+    (residual,) = model.residuals([point], "train")
+    before = {stage: dict(kept) for stage, kept in model.machine._kept._stages.items()}
+    assert {"motion", "rotated"} <= set(before)
+    tangent_rows(model, point, model.free(point), residual)
+    assert model.machine._kept._stages == before
+
+
+def test_what_is_made_aside_is_kept_to_its_end_only():
+    cache, made = StageCache(), []
+
+    def ask(*keys):
+        """Which of `keys` are made for it."""
+        made.clear()
+        for key in keys:
+            cache.get("stage", key, lambda key=key: made.append(key) or key)
+        return b"".join(made)
+
+    assert ask(b"a") == b"a"
+    with cache.aside():
+        assert ask(b"a", b"b", b"b") == b"b"
+        with cache.aside():
+            assert ask(b"a", b"b", b"c") == b"c"
+        assert ask(b"a", b"b", b"c") == b"c"
+    assert ask(b"a", b"b", b"c") == b"bc"
+    with cache.aside():
+        cache.forget()
+        assert ask(b"a") == b"a"
+    assert ask(b"a", b"b") == b"b"

@@ -58,8 +58,11 @@ class Term:
             out.append(np.zeros((len(u), len(self.port.wheels))))
             out[-1][:, i] = x
         if self.network is not None:
-            J = np.asarray(_network_tangents(self.network, u))
-            out += list(self.size * np.ascontiguousarray(np.moveaxis(J, 2, 0)))
+            J = np.array(
+                np.moveaxis(np.asarray(_network_tangents(self.network, u)), 2, 0), order="C"
+            )
+            J *= self.size
+            out += list(J)
         return out
 
     def moved(self, step: np.ndarray) -> "Term":
@@ -194,13 +197,15 @@ class _Fitting:
         before = float(self.around.before @ self.around.before)
         if start is not None:
             self.term, self.shift = _with_network(start.term, start.inputs), start.shift
+        here = self.left(self.term, "train")
         for _ in range(ROUNDS):
-            if self.improve() < ENOUGH:
+            gain, here = self.improve(*here)
+            if gain < ENOUGH:
                 break
-        self.after = {s: self.left(self.term, s)[0] for s in self.around.bases}
+        self.after = {"train": here[0], "held-out": self.left(self.term, "held-out")[0]}
         held = float(self.after["held-out"] @ self.after["held-out"])
         self.closed = (before - held) / max(before - self.model.dof("held-out"), 1.0)
-        self.inputs = np.concatenate(self.left(self.term, "train")[1])
+        self.inputs = np.concatenate(here[1])
         return self
 
     def left(self, term: Term, split: str, shift=None):
@@ -208,10 +213,10 @@ class _Fitting:
 
         def one(base: Linearisation):
             felt, force, u = None, np.zeros(0), np.zeros(0)
-            for _ in range(INNER):
+            for turn in range(INNER):
                 u = np.clip(term.port.inputs(base, felt) / term.scales, -FAR, FAR)
                 force = term.force(u)
-                felt = term.port.felt(base, force)
+                felt = term.port.felt(base, force) if turn < INNER - 1 else None
                 if felt is None:
                     break
             rows = self.model.machine.rows[base.index]
@@ -222,33 +227,46 @@ class _Fitting:
         rest, tangents = self.around.rest[split], self.around.tangents[split]
         return rest - np.concatenate(parts) + tangents @ shift, list(inputs)
 
-    def improve(self) -> float:
-        """One damped step; the share of the misfit that it takes away."""
-        now, inputs = self.left(self.term, "train")
+    def improve(self, now: np.ndarray, inputs: list[np.ndarray]):
+        """One damped step from train rows `now` and the term's `inputs` there.
 
-        def one(run: tuple[Linearisation, np.ndarray]) -> np.ndarray:
-            base, u = run
-            rows = self.model.machine.rows[base.index]
-            tables = [self.port.push(base, f) for f in self.term.tangents(u)]
-            return rows.project(np.stack([rows.vector(*t) for t in tables], axis=1))
-
-        columns = np.concatenate(each(one, zip(self.around.bases["train"], inputs, strict=True)))
-        P, scale = len(self.shift), np.linalg.norm(columns, axis=0)
+        The share of the misfit that it takes away, and rows and inputs after it.
+        """
+        table = self._columns(inputs)
+        P, extra = len(self.shift), len(table) - len(self.shift)
+        scale = np.linalg.norm(table[:extra], axis=1)
         scale[scale == 0] = 1.0
-        both = np.concatenate([columns / scale, -self.around.tangents["train"]], axis=1)
-        k, extra = len(self.term.weights), columns.shape[1] - len(self.term.weights)
-        gram, right = both.T @ both, both.T @ now
-        right[k + extra :] -= self.around.u + self.shift
-        ridge = [np.full(k, RIDGE["basis"]), np.full(extra, RIDGE["network"]), np.ones(P)]
+        table[:extra] /= scale[:, None]
+        gram, right = table @ table.T, table @ now
+        right[extra:] -= self.around.u + self.shift
+        k = len(self.term.weights)
+        ridge = np.repeat([RIDGE["basis"], RIDGE["network"]], [k, extra - k])
         for damping in (1.0, 30.0, 1e3):
-            weights = np.concatenate([ridge[0] * damping, ridge[1] * damping, ridge[2]])
+            weights = np.concatenate([ridge * damping, np.ones(P)])
             step = np.linalg.solve(gram + np.diag(weights), right)
-            term, shift = self.term.moved(step[: k + extra] / scale), self.shift + step[k + extra :]
-            new = self.left(term, "train", shift)[0]
+            term, shift = self.term.moved(step[:extra] / scale), self.shift + step[extra:]
+            new, felt = self.left(term, "train", shift)
             if new @ new <= now @ now:
                 self.term, self.shift = term, shift
-                return 1 - float(new @ new) / float(now @ now)
-        return 0.0
+                return 1 - float(new @ new) / float(now @ now), (new, felt)
+        return 0.0, (now, inputs)
+
+    def _columns(self, inputs: list[np.ndarray]) -> np.ndarray:
+        """Changes of the train rows (weights + priors, rows) with every weight and every prior."""
+        bases, machine = self.around.bases["train"], self.model.machine
+        ends = np.cumsum([0, *(machine.rows[base.index].size for base in bases)])
+        forces = len(self.term.tangents(inputs[0][:1]))
+        table = np.empty((forces + len(self.shift), ends[-1]))
+        table[forces:] = -self.around.tangents["train"].T
+
+        def fill(k: int) -> None:
+            rows, part = machine.rows[bases[k].index], table[:forces, ends[k] : ends[k + 1]]
+            for row, force in zip(part, self.term.tangents(inputs[k]), strict=True):
+                row[:] = rows.vector(*self.port.push(bases[k], force))
+            rows.take_off(part)
+
+        each(fill, range(len(bases)))
+        return table
 
 
 def _with_network(term: Term, inputs: np.ndarray) -> Term:
@@ -277,7 +295,8 @@ def _tangents(model: RigModel, point: Point, split: str) -> np.ndarray:
     (residual,) = model.residuals([point], split)
     P = len(point.u)
     points = [Point(point.u + 1e-3 * e, point.effects) for e in np.eye(P)]
-    moved = model.residuals(points, split) if P else []
+    with model.aside():
+        moved = model.residuals(points, split) if P else []
     return np.stack([(r - residual) / 1e-3 for r in moved], 1) if P else residual[:, None][:, :0]
 
 

@@ -25,12 +25,17 @@ Columns = list[tuple[int, str, np.ndarray]]  # (wheel, label, values)
 
 
 def powers(x: np.ndarray, time: np.ndarray) -> dict[str, np.ndarray]:
-    """Smooth functions of one wheel's own input, and its product with time."""
+    """Smooth functions of one wheel's own input, and its product with time.
+
+    Products: NumPy's general power takes ten times as long.
+    """
+    square = x * x
+    cube = square * x
     return {
-        "square": x**2,
-        "cube": x**3,
+        "square": square,
+        "cube": cube,
         "|x| x": np.abs(x) * x,
-        "fifth": x**5,
+        "fifth": cube * square,
         "times t": x * time,
     }
 

@@ -1,5 +1,6 @@
 """A rig and its runs as a model: residuals of every channel for any rig with any laws."""
 
+import contextlib
 import dataclasses
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -163,6 +164,10 @@ class Machine:
     def forget(self) -> None:
         """Work every stage out anew at the next question, about the same basis."""
         self._kept.forget()
+
+    def aside(self) -> contextlib.AbstractContextManager[None]:
+        """Within it nothing new is kept: rigs are asked for that nobody asks for again."""
+        return self._kept.aside()
 
     def _by_run(self, stage: str, key: bytes, make: Callable[[int], Any], which) -> dict[int, Any]:
         """`make(i)` of the runs `which` (None: all), kept under the stage."""

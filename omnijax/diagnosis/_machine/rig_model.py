@@ -121,6 +121,9 @@ class RigModel(AbstractModel):
         steps = COARSE if split == self.ranking else STEPS
         return self.machine.residuals([self.rig_at(p) for p in points], self.splits[split], steps)
 
+    def aside(self):
+        return self.machine.aside()
+
     def dof(self, split):
         return sum(self.machine.rows[i].used for i in self.splits[split])
 
@@ -327,7 +330,8 @@ class RigModel(AbstractModel):
         """Signatures of encoders' laws (laws, rows): they move the very motion behind the runs."""
         rig, which = self.rig_at(point), self.splits["train"]
         rigs = [rig.add(weak(p.law, WEAK), p.place) for p in placed]
-        before, *after = self.machine.residuals([rig, *rigs], which, COARSE)
+        with self.aside():
+            before, *after = self.machine.residuals([rig, *rigs], which, COARSE)
         return (before - np.stack(after)) / WEAK
 
 

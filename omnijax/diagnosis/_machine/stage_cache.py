@@ -1,7 +1,8 @@
 """What was computed for the last few rigs asked for, by stage."""
 
+import contextlib
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 MOST = 12  # of a stage
@@ -30,6 +31,19 @@ class StageCache:
         """What is kept of a stage under `key`, or None."""
         with self._lock:
             return self._stages.get(stage, {}).get(key)
+
+    @contextlib.contextmanager
+    def aside(self) -> Iterator[None]:
+        """What is made meanwhile is kept until the end only; what was kept before stays."""
+        with self._lock:
+            before = self._stages
+            self._stages = meanwhile = {stage: dict(kept) for stage, kept in before.items()}
+        try:
+            yield
+        finally:
+            with self._lock:
+                if self._stages is meanwhile:  # else it was told to forget
+                    self._stages = before
 
     def forget(self) -> None:
         """Keep nothing; what is being made meanwhile is not kept either."""

@@ -60,7 +60,8 @@ def tangent_rows(model: AbstractModel, point, free, residual, baseline=None, spl
         h = -step if values[k] + step > free[k].high else step
         points.append(moved(point, point.u, free, values + h * np.eye(len(free))[k]))
         steps.append(h)
-    residuals = model.residuals(points, split) if points else []
+    with model.aside():
+        residuals = model.residuals(points, split) if points else []
     columns = [(r - residual) / h for r, h in zip(residuals, steps, strict=True)]
     changed = np.stack(columns, axis=1) if columns else np.zeros((len(residual), 0))
     return changed if baseline is None else np.concatenate([baseline, changed], axis=1)

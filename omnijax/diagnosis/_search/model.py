@@ -1,6 +1,7 @@
 """What the diagnosis needs of a model: parameters with priors, residuals, tangents, candidates."""
 
 import abc
+import contextlib
 import dataclasses
 import math
 from collections.abc import Iterable, Sequence
@@ -105,6 +106,10 @@ class AbstractModel(abc.ABC):
     @abc.abstractmethod
     def residuals(self, points: Sequence[Point], split: str) -> list[np.ndarray]:
         """Measured less predicted on the runs of `split` (train, held-out), a vector a point."""
+
+    def aside(self) -> contextlib.AbstractContextManager[None]:
+        """In which points are asked for that are not asked for again: nothing need be kept."""
+        return contextlib.nullcontext()
 
     @abc.abstractmethod
     def dof(self, split: str) -> int:
