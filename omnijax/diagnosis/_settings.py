@@ -328,6 +328,8 @@ class OutliersSettings:
     # share of a channel's samples above which they are no outliers but a misfit
     most: float = 0.06
     edge: int = 3  # samples beside a gap's edge, where a mistimed prediction makes spikes too
+    # samples to each side whose usual change a spike has to exceed: a shock's ringing has decayed
+    beside: int = 20
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,6 +8,7 @@ import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from ...rig import Rig
 from .._settings import SETTINGS
@@ -17,10 +18,15 @@ from .runs import Run
 WILD = SETTINGS.outliers.wild
 MOST = SETTINGS.outliers.most
 EDGE = SETTINGS.outliers.edge
+BESIDE = SETTINGS.outliers.beside
 
 
 def spikes(values: np.ndarray, sigma: float) -> np.ndarray:
-    """Mask (n, c) of one or two samples that stand out to one side of the samples around them."""
+    """Mask (n, c) of one or two samples that stand out to one side of the samples around them.
+
+    By more than `WILD` times the noise and the usual change from one sample to the next, in all the
+    record and about them: where a misfit rings near half the sampling rate every sample stands out.
+    """
     padded = np.pad(values, ((2, 2), (0, 0)), mode="edge")
     n = len(values)
 
@@ -32,7 +38,9 @@ def spikes(values: np.ndarray, sigma: float) -> np.ndarray:
     height[[0, -1]] = 0.0
     around = np.stack([padded[k:][:n] for k in (0, 1, 3, 4)])
     height = np.minimum(height, np.abs(values - _median(around)))
-    usual = _median(np.abs(np.diff(values, axis=0))) / 0.954
+    change = np.abs(np.diff(values, axis=0))
+    about = median_filter(np.nan_to_num(change), (2 * BESIDE + 1, 1), mode="nearest")
+    usual = np.maximum(about[np.minimum(np.arange(n), n - 2)], _median(change)) / 0.954
     return np.nan_to_num(height) > WILD * np.maximum(usual, sigma)
 
 
