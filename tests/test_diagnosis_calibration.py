@@ -1,9 +1,12 @@
 """A calibration that is caught on the wrong side of a hill begins again elsewhere."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from seeds import drawn_anew
 
+from omnijax.diagnosis._answered import beside_doubt
 from omnijax.diagnosis._search import (
     Point,
     Prior,
@@ -100,7 +103,7 @@ def test_numbers_of_waves_are_scanned(place, far):
     "train, off, granted",
     [(0.01, 1.5, True),  # a mode that the fitted runs hardly excite: 1.5 of its sigmas off
      (0.01, 8.0, False),  # more than they leave open
-     (1.0, 8.0, False)],
+     (1.0, 20.0, False)],
 )  # fmt: skip
 def test_what_the_calibration_leaves_open_is_granted_to_held_out_runs(train, off, granted):
     rng, rows = drawn_anew("left open"), 800
@@ -124,3 +127,17 @@ def test_what_the_calibration_leaves_open_is_granted_to_held_out_runs(train, off
         (left,) = model.residuals([point], "held-out")
         assert left @ left < rows + 5 * np.sqrt(2 * rows)
         assert point.u[0] * 1e3 == pytest.approx(true, rel=0.1)
+
+    def locate(point):
+        (left,) = model.residuals([point], "held-out")
+        share, rms = (left @ shape) ** 2 / (left @ left) / length**2, np.sqrt(left @ left / rows)
+        return [], [{"channel": "a_y", "stands": share > 0.05, "share": share,
+                     "rms_over_noise": rms}]  # fmt: skip
+
+    evidence = SimpleNamespace(
+        model=model, columns=lambda x, split: [{"a_y": x}], locate=locate, subsystem=lambda c: c
+    )
+    shown = beside_doubt(evidence, fit)  # pyright: ignore
+    assert shown.structured == ([] if granted else ["a_y"])
+    if granted:  # or the search would be made again with noise of a colour
+        assert not shown.matters and shown.ratio("a_y") == pytest.approx(1.0, abs=0.1)

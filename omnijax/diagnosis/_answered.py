@@ -25,6 +25,7 @@ from ._answer import (
 )
 from ._search import (
     Explored,
+    Fit,
     Point,
     Search,
     SearchPath,
@@ -41,7 +42,7 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
     search = Search(evidence.model, tell, who)
     explored = search.explore(start)
     tell("looking at what is left")
-    shown = shown_noise(evidence, explored.way.fit.point)
+    shown = beside_doubt(evidence, explored.way.fit)
     outcome, limits = None, None
     if not shown.matters:
         outcome, limits, shown = _reviewed(search, evidence, explored, shown)
@@ -61,10 +62,21 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
             shown = shown.refuted()
         else:
             evidence, search, explored, earlier, outcome = other, again, anew, shown, None
-            shown = shown_noise(evidence, explored.way.fit.point)
+            shown = beside_doubt(evidence, explored.way.fit)
     if outcome is None:
         outcome, limits, shown = _reviewed(search, evidence, explored, shown)
     return _said(evidence, outcome, shown, noise_table(evidence, shown, earlier), limits, tell)
+
+
+def beside_doubt(evidence: AbstractEvidence, fit: Fit) -> Shown:
+    """The noise shown beside a fit, once what its calibration leaves open is granted.
+
+    What is left of a mode that held-out runs alone excite hangs on the machine's state and has a
+    colour: it was taken for the noise's, and the search made again.
+    """
+    shown = shown_noise(evidence, fit.point)
+    point = within_doubt(evidence.model, fit) if any(shown.structure.values()) else None
+    return shown if point is None else shown_noise(evidence, point)
 
 
 def explained(model, way: SearchPath) -> bool:
@@ -83,7 +95,7 @@ def _reviewed(search: Search, evidence: AbstractEvidence, explored: Explored, sh
     limits = _limits(evidence.model, outcome)
     names = sorted(e.name for e in explored.way.fit.point.effects)
     if sorted(e.name for e in outcome.fit.point.effects) != names:  # of several lines one may go
-        shown = shown_noise(evidence, outcome.fit.point)
+        shown = beside_doubt(evidence, outcome.fit)
     return outcome, limits, shown
 
 
