@@ -135,18 +135,22 @@ def test_no_run_is_said_to_be_held_out_where_none_was(effects):
             assert not (on == "nothing" and "runs confirm" in reason and effects)
 
 
-def held_out_verdict(columns, structure: float):
-    """The verdict where nothing is named and `columns` by held-out run are left, `a_x` whitened."""
+def held_out_verdict(columns, structure: float, before=None):
+    """The verdict where `columns` by held-out run are left, `a_x` whitened.
+
+    Of an effect that is named without which `before` was left; None where nothing is named.
+    """
     evidence = SimpleNamespace(
         model=SimpleNamespace(settings=SETTINGS.search), closing=0.99, alike=0.05,
         confirmed_on="held-out", assumed=lambda c: {"sigma": 2e-3, "unit": "m/s^2"},
         recorded=lambda: [(f"run {k}", STEP * np.arange(N)) for k in range(len(columns))],
     )  # fmt: skip
-    fit = SimpleNamespace(point=SimpleNamespace(effects=()))
+    fit = SimpleNamespace(point=SimpleNamespace(effects=() if before is None else ("x",)))
     found = SimpleNamespace(fit=fit, rivals={}, significant=False, trials=[], alone={})
     shown = Shown(tuple({c: Level(1.0, 0.01, 1.0) for c in run} for run in columns),
                   ("held-out",) * len(columns), {"a_x": structure}, ([], []))  # fmt: skip
-    return _judged(evidence, found, shown, columns, columns, ())  # pyright: ignore
+    before = columns if before is None else before
+    return _judged(evidence, found, shown, before, columns, ())  # pyright: ignore
 
 
 PEAK = np.array([5.0, 6.4, 8.9, 9.7, 7.7, 4.7, 3.9])  # sigma that a sensor at its limit leaves
@@ -174,6 +178,28 @@ def test_a_stretch_of_a_held_out_run_that_no_noise_explains_is_never_none(
     if verdict == "unknown":
         assert judged.reason.startswith("held-out runs leave a_x up to ")
         assert "off in run 1, for " in judged.reason and "from 2.002 to 2.008 s" in judged.reason
+
+
+@pytest.mark.parametrize(
+    "moves, structure, verdict",
+    [(3.0, 0.06, "unknown"),  # what is named moves hardly more than that there
+     (30.0, 0.06, "unknown"),  # a third of what it moves; a right one leaves less
+     (200.0, 0.06, "named"),  # within what the prediction of a strong effect may be off
+     (3.0, 0.0, "named")],  # a shock
+)  # fmt: skip
+def test_nothing_is_named_beside_a_stretch_that_it_does_not_explain(moves, structure, verdict):
+    """A sensor's limit that the held-out run alone reaches, beside an effect that was found."""
+    rng = np.random.default_rng(211)
+    columns = [{"a_x": rng.normal(size=N), "a_y": rng.normal(size=N)} for _ in range(2)]
+    columns[1]["a_x"][[5, 6]] = np.nan
+    columns[1]["a_x"][1000 : 1000 + len(PEAK)] = PEAK
+    before = [
+        {c: x + moves * np.cos(0.01 * np.arange(N)) for c, x in run.items()} for run in columns
+    ]
+    judged = held_out_verdict(columns, structure, before)
+    assert judged.verdict == verdict
+    told = "leave a_x up to" in judged.reason and "from 2.002 to 2.008 s" in judged.reason
+    assert told == (verdict == "unknown")
 
 
 @pytest.mark.parametrize("colour", ["white", "low-pass", "wandering", "of a fat tail", "steps"])

@@ -153,7 +153,7 @@ def _judged(
     """The verdict, by what this kind of machine is held to."""
     return judge(
         outcome, shown, first, last, evidence.model.settings.equal, evidence.closing,
-        evidence.alike, evidence.confirmed_on, changing, stretches(evidence, last),
+        evidence.alike, evidence.confirmed_on, changing, stretches(evidence, first, last),
     )  # fmt: skip
 
 

@@ -1,5 +1,6 @@
 """Stretches of a held-out run that lie farther off than any noise of their channel."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -8,6 +9,8 @@ from scipy.stats import false_discovery_control
 
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence
+
+Columns = list[dict[str, np.ndarray]]  # by held-out run and channel, in assumed sigma
 
 RATE = SETTINGS.stretches.rate
 FEWEST = SETTINGS.stretches.fewest
@@ -18,6 +21,7 @@ class Stretch(NamedTuple):
 
     `first` and `last` in s, `largest` in 1-sigma of all that is left of the channel in that run,
     `off` the same in the channel's `unit`, by the noise that was assumed in all held-out runs.
+    `closed` is the share of its power that what is named has taken away: none, where nothing is.
     """
 
     run: str
@@ -28,6 +32,7 @@ class Stretch(NamedTuple):
     largest: float
     off: float
     unit: str
+    closed: float
 
     def __str__(self) -> str:
         size = f"{self.largest:.1f} sigma (about {self.off:.2g} {self.unit})"
@@ -35,39 +40,49 @@ class Stretch(NamedTuple):
         return f"{self.channel} up to {size} off in {self.run}, for {self.samples} samples {span}"
 
 
-def stretches(evidence: AbstractEvidence, columns: list[dict[str, np.ndarray]]) -> list[Stretch]:
+def stretches(evidence: AbstractEvidence, before: Columns, after: Columns) -> list[Stretch]:
     """Of held-out residuals by run and channel, in assumed sigma: the farthest off comes first.
 
-    What noise of a channel can be is no more than the RMS of all that is left there.  A sample is
-    off where a normal law of that level has not led to it, at `RATE` of false discoveries over the
-    samples of all runs and channels, however they depend on each other: noise of any colour is
-    granted (Benjamini and Yekutieli, 2001).  One or two samples are a shock or a bad reading.
+    `before` and `after` are those without what is named and beside it.  What noise of a channel can
+    be is no more than the RMS of all that is left there.  A sample is off where a normal law of
+    that level has not led to it, at `RATE` of false discoveries over the samples of all runs and
+    channels, however they depend on each other: noise of any colour is granted (Benjamini and
+    Yekutieli, 2001).  One or two samples are a shock or a bad reading.
     Empty where the evidence does not say what its runs are called.
     """
     runs = evidence.recorded()
     left = [
-        (name, time, c, x, float(np.sqrt(np.nanmean(x**2))))
-        for (name, time), run in zip(runs, columns if runs else [], strict=True)
+        (name, time, c, x, bare[c])
+        for (name, time), run, bare in zip(runs, after[: len(runs)], before[: len(runs)],
+                                           strict=True)
         for c, x in run.items() if np.nan_to_num(x).any()
     ]  # fmt: skip
+    sigma = [float(np.sqrt(np.nanmean(x**2))) for *_, x, _ in left]
+    sides = _sides([x / rms for (*_, x, _), rms in zip(left, sigma, strict=True)])
+    out = []
+    for (name, time, c, x, bare), rms, side in zip(left, sigma, sides, strict=True):
+        assumed = evidence.assumed(c) if side.any() else {}
+        for here in np.split(np.arange(len(x)), np.flatnonzero(np.diff(side)) + 1):
+            if side[here[0]] and len(here) >= FEWEST:
+                most = float(np.abs(x[here]).max())
+                closed = 1 - float(x[here] @ x[here]) / max(float(bare[here] @ bare[here]), 1e-300)
+                out.append(
+                    Stretch(name, c, len(here), float(time[here[0]]), float(time[here[-1]]),
+                            most / rms, most * assumed["sigma"], assumed["unit"], closed)
+                )  # fmt: skip
+    return sorted(out, key=lambda s: -s.largest)
+
+
+def _sides(left: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """To which side each sample of some series is off, in sigma: -1 or 1; 0 where it is not."""
     if not left:
         return []
-    far = [(name, time, c, x / rms, rms) for name, time, c, x, rms in left]
-    known = [np.isfinite(z) for *_, z, _ in far]
-    chances = np.concatenate(
-        [erfc(np.abs(z[k]) / np.sqrt(2)) for (*_, z, _), k in zip(far, known, strict=True)]
-    )
-    stands = false_discovery_control(chances, method="by") <= RATE
-    parts = np.split(stands, np.cumsum([k.sum() for k in known])[:-1])
-    out = []
-    for (name, time, c, z, rms), k, part in zip(far, known, parts, strict=True):
-        side = np.zeros(len(z), int)
+    known = [np.isfinite(z) for z in left]
+    chances = [erfc(np.abs(z[k]) / np.sqrt(2)) for z, k in zip(left, known, strict=True)]
+    stands = false_discovery_control(np.concatenate(chances), method="by") <= RATE
+    out = [np.zeros(len(z), int) for z in left]
+    for side, z, k, part in zip(
+        out, left, known, np.split(stands, np.cumsum([len(x) for x in chances])[:-1]), strict=True
+    ):
         side[k] = part * np.sign(z[k])
-        assumed = evidence.assumed(c) if side.any() else {}
-        for here in np.split(np.arange(len(z)), np.flatnonzero(np.diff(side)) + 1):
-            if side[here[0]] and len(here) >= FEWEST:
-                most = float(np.abs(z[here]).max())
-                off = most * rms * assumed["sigma"]
-                first, last = float(time[here[0]]), float(time[here[-1]])
-                out.append(Stretch(name, c, len(here), first, last, most, off, assumed["unit"]))
-    return sorted(out, key=lambda s: -s.largest)
+    return out

@@ -61,9 +61,10 @@ def judge(
     share of the held-out gap that a named set has to close, `alike` the one by which held-out runs
     may show an effect at another size (what is more than a rig's prediction may be off is said);
     `unsteady` effects change over the runs or between them.
-    `far` are stretches of the held-out runs that no noise of their channel explains: where nothing
-    is named and one function of the machine's state is left there too, the answer is no `none`,
-    however short they are against the run.
+    `far` are stretches of the held-out runs that no noise of their channel explains.  Where a
+    function of the machine's state is left in that channel too, the answer is no `none`, however
+    short they are against the run; and nothing is named that does not close as much of them as it
+    has to of the whole.
     """
     first, last = squares(before), squares(after)
     floor = {c: shown.ratio(c, "held-out") ** 2 for c in last}
@@ -73,25 +74,30 @@ def judge(
     closed = 1 - left / above if above > 0 else 1.0
     open_ = [c for c in shown.structured if _excess(last, floor, c) > EXCESS]
     who = JUDGES[confirmed_on].name
-    if not outcome.fit.point.effects:
-        off = next((s for s in far if shown.structure.get(s.channel, 0.0) > 0), None)
+    effects = outcome.fit.point.effects
+    off = next((s for s in far if shown.structure.get(s.channel, 0.0) > 0
+                and not (effects and s.closed >= closing)), None)  # fmt: skip
+    if not effects:
         return _without_effects(outcome, open_, sum(s for s, _ in first.values()), who, off)
     equals = {
         i: [(e, margin, cosine) for e, margin, cosine in near if margin < rivals]
         for i, near in outcome.rivals.items()
     }
-    if open_ and closed < closing:
-        text = f"the best known effects close {100 * closed:.0f} % of the gap on {who}"
-        return Verdict("unknown", closed, equals, text, noise)
     other = of_another_size(outcome, alike)
-    if other:
-        text = f"{who} show {other}: a missing effect that no known law describes"
-        return Verdict("unknown", closed, equals, text, noise)
-    if unsteady:
+    against = ""
+    if open_ and closed < closing:
+        against = f"the best known effects close {100 * closed:.0f} % of the gap on {who}"
+    elif off is not None:
+        against = (f"beside the best known effects {who} leave {off}, which no noise explains: "
+                   "a missing effect that cannot be named")  # fmt: skip
+    elif other:
+        against = f"{who} show {other}: a missing effect that no known law describes"
+    elif unsteady:
         most = unsteady[0]
-        text = (f"{100 * most.share:.0f} % of {most.name} change over the runs or between them: "
-                "a missing effect that no known law describes")  # fmt: skip
-        return Verdict("unknown", closed, equals, text, noise)
+        against = (f"{100 * most.share:.0f} % of {most.name} change over the runs or between them: "
+                   "a missing effect that no known law describes")  # fmt: skip
+    if against:
+        return Verdict("unknown", closed, equals, against, noise)
     if any(equals.values()):
         text = "joint refits of rivals are equally good"
         return Verdict("ambiguous", closed, equals, text, noise)
