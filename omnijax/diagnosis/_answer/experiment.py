@@ -69,6 +69,10 @@ class _Seen:
     def tangents(self, point, free) -> None:
         """Taken as differences."""
 
+    def aside(self):
+        """Nothing new is kept of the planned run meanwhile."""
+        return self.machine.aside()
+
     def predict(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
         """Rows at a rival, and an orthonormal basis of what its own sizes change in them."""
         point = Point(point.u, tuple(_with_width(self.model, e) for e in point.effects))
