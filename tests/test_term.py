@@ -2,15 +2,26 @@
 
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import diffrax as dfx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array, Float
 
 from omnijax import simulate, torques
-from omnijax.machine import Axis, Log, free_run, machine_text, parse_machine, start_vector
+from omnijax.laws import AbstractCommand, ActuatorDelay, Parameter
+from omnijax.machine import (
+    Axis,
+    Log,
+    PlacedLaw,
+    delayed_inputs,
+    free_run,
+    machine_text,
+    parse_machine,
+    start_vector,
+)
 from omnijax.rig import InputError
 from tests.seeds import drawn_anew
 
@@ -67,6 +78,49 @@ def test_the_term_of_an_axis_moves_as_its_free_run_with_delay_and_memory(tmp_pat
     path.write_text(machine_text(file))
     end = np.asarray(shown(1, file=("machine.toml", str(path)))["found"].ys[-1])
     assert end.shape == (3,) and np.all(np.isfinite(end)) and abs(end[0]) > 1e-4
+
+
+class SwayingDelay(AbstractCommand):
+    """A command whose delay is d (1 + sin(w t))."""
+
+    d: Float[Array, ""]
+    w: Float[Array, ""]
+    id: ClassVar[str] = "swaying-delay"
+    places: ClassVar[tuple[str, ...]] = ("axis",)
+    formula: ClassVar[str] = "time of the command -= d (1 + sin w t)"
+    parameters: ClassVar[dict[str, Parameter]] = {"d": Parameter("s"), "w": Parameter("rad/s")}
+
+    def __call__(self, signal, state=None):
+        return -self.d * (1 + jnp.sin(self.w * signal))
+
+
+def test_a_delay_of_the_command_acts_as_it_is_at_each_moment():
+    """J dv/dt = u(t - d (1 + sin w t)) with u = c t; it had stood as it was at the start.
+
+    A second one adds, as at a rig's wheels, and nothing acts from before the first sample.
+    """
+    rng = drawn_anew("a delay that sways")
+    J, c, d, w = rng.uniform(0.5, 2), rng.uniform(1, 5), rng.uniform(0.005, 0.02), 9.0
+    sway = PlacedLaw(SwayingDelay(jnp.asarray(d), jnp.asarray(w)), "axis")
+    steady = PlacedLaw(ActuatorDelay(jnp.asarray(0.01)), "axis")
+    axis, time = Axis(jnp.asarray(J)), np.arange(1000) * STEP
+    placed = (sway, steady)
+    given = {"input": jnp.asarray(c * time)}
+    late = np.asarray(delayed_inputs(placed, jnp.asarray(time), given)["input"])
+    wanted = c * np.maximum(time - d * (1 + np.sin(w * time)) - 0.01, 0.0)
+    begun = 2 + np.argmax(wanted > 0)  # behind the kink at the first sample
+    np.testing.assert_allclose(late[begun:], wanted[begun:], atol=1e-9)
+    assert np.all(np.abs(late[: begun - 2]) < c * STEP)
+    inputs, first = {"input": c * time}, {"position": (0.0, 0.0)}
+    got = free_run(axis, placed, first, inputs, STEP)["velocity"]
+    after = time[begun:] - time[begun]
+    moved = c / J * (time[begun] - d - 0.01) * after + c / J * after**2 / 2
+    moved += c / J * d / w * (np.cos(w * time[begun:]) - np.cos(w * time[begun]))
+    np.testing.assert_allclose(got[begun:] - got[begun], moved, atol=2e-5 * np.ptp(got))
+    log = Log("a", "train", time, inputs, {"position": 0 * time})
+    field, start = axis.term(log, placed), start_vector(axis, first, placed)
+    for k in rng.integers(30, 1000, 5):
+        assert float(field.vf(time[k], start, None)[1]) == pytest.approx(wanted[k] / J, rel=1e-9)
 
 
 def test_inputs_that_the_machine_has_not_are_one_sentence():

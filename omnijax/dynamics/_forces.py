@@ -23,6 +23,7 @@ from ..laws import (
     RollingTorque,
     ShaftSignal,
     effective_radius,
+    in_series,
 )
 from ..rig import Acting, Placed, Rig, acting, over_wheels, total_over_wheels
 
@@ -193,12 +194,15 @@ def torques(
     The actuators' laws act one after the other on the command; everything else adds.  `apply`
     calls a port's function of one law: here for one moment, elsewhere for many.
     """
-    count, rates, parts = len(laws.actuator), [], []
-    at = at._replace(delivered=at.command)
-    for law, state in zip(laws.actuator, memory[:count], strict=True):
-        change, rate = apply(actuated, rig, law, at, state)
-        at = at._replace(delivered=at.delivered + change)
-        rates.append(rate)
+    count, parts = len(laws.actuator), []
+
+    def change(actuator, delivered):
+        law, state = actuator
+        return apply(actuated, rig, law, at._replace(delivered=delivered), state)
+
+    actuators = zip(laws.actuator, memory[:count], strict=True)
+    delivered, rates = in_series(at.command, actuators, change)
+    at, rates = at._replace(delivered=delivered), list(rates)
     for law, state in zip(laws.shaft, memory[count:], strict=True):
         torque, rate = apply(shaft_torques, rig, law, at, state)
         parts.append(torque)

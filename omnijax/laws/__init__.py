@@ -72,6 +72,7 @@ if TYPE_CHECKING:
     from ._ports import RollingTorque as RollingTorque
     from ._ports import SensorSignal as SensorSignal
     from ._ports import ShaftSignal as ShaftSignal
+    from ._ports import in_series as in_series
     from ._rolling import AirDrag as AirDrag
     from ._rolling import Creep as Creep
     from ._rolling import RollingResistance as RollingResistance

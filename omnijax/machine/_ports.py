@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..laws import AbstractLaw, ActuatorSignal, delayed
+from ..laws import AbstractLaw, ActuatorSignal, delayed, in_series
 
 
 class PlacedLaw(eqx.Module):
@@ -63,24 +63,37 @@ class Ports:
 
     def delivered(self, place: str, torque: Any, angle: Any, speed: Any) -> Any:
         """A commanded torque as the actuator's laws deliver it, one after the other."""
-        for k, (one, z) in enumerate(zip(self.placed, self.memory, strict=True)):
-            if one.port == "actuator" and one.place == place:
-                added, self.rates[k] = one.added(ActuatorSignal(torque, angle, speed), z)
-                torque = torque + added
+        mine = [k for k, p in enumerate(self.placed) if (p.port, p.place) == ("actuator", place)]
+
+        def change(k, torque):
+            return self.placed[k].added(ActuatorSignal(torque, angle, speed), self.memory[k])
+
+        torque, rates = in_series(torque, mine, change)
+        for k, rate in zip(mine, rates, strict=True):
+            self.rates[k] = rate
         return torque
 
 
+def command_delay(placed: tuple[PlacedLaw, ...], time: Float[Array, ""]) -> Any:
+    """By how many s the command that acts at `time` (s from the run's first sample) is late."""
+    return sum((-p.gate * p.law(time, None) for p in placed if p.port == "command"), 0.0)
+
+
 def delayed_inputs(
-    placed: tuple[PlacedLaw, ...], time, inputs: Mapping[str, Array], jump: Any = 0.0
-):
-    """Inputs as delays of the command let them act; before the start the first plus a `jump`."""
-    out = dict(inputs)
-    for one in placed:
-        if one.port == "command":
-            late = -one.gate * one.law(jnp.zeros(()), None)
-            acts = delayed(time, out["input"][:, None], late)[:, 0]
-            out["input"] = acts + jnp.where(time - late < time[0], jump, 0.0)
-    return out
+    placed: tuple[PlacedLaw, ...],
+    time: Float[Array, " t"],
+    inputs: Mapping[str, Array],
+    jump: Any = 0.0,
+) -> dict[str, Array]:
+    """Inputs (t,) as delays of the command let them act at each moment.
+
+    `time` counts from the run's first sample; before `time[0]` the first input plus a `jump` acts.
+    """
+    if not any(p.port == "command" for p in placed):
+        return dict(inputs)
+    late = jax.vmap(lambda t: jnp.asarray(command_delay(placed, t), float))(time)
+    acts = delayed(time, inputs["input"][:, None], late)[:, 0]
+    return dict(inputs) | {"input": acts + jnp.where(time - late < time[0], jump, 0.0)}
 
 
 def resting(placed: tuple[PlacedLaw, ...]) -> tuple[Any, ...]:

@@ -9,7 +9,7 @@ from jaxtyping import Array, ArrayLike, Float
 from .._errors import InputError, did_you_mean
 from ._field import Moving, vector_field
 from ._log import Log
-from ._ports import PlacedLaw
+from ._ports import PlacedLaw, command_delay
 
 if TYPE_CHECKING:
     import diffrax as dfx
@@ -40,14 +40,14 @@ def term(
     if first not in given:
         raise InputError(f"`inputs.{first}` ({known[first]}) is missing.")
     rate, _, _ = vector_field(machine, placed)
-    late = sum((-p.gate * p.law(jnp.zeros(()), None) for p in placed if p.port == "command"), 0.0)
 
     def at(name: str, time):
         x = given.get(name, 1.0)
         return jnp.asarray(x(time) if callable(x) else x, float)
 
     def field(time, z, args):
-        return rate(z, {k: at(k, time - late if k == "input" else time) for k in known})
+        late = time - command_delay(placed, jnp.asarray(time, float))
+        return rate(z, {k: at(k, late if k == "input" else time) for k in known})
 
     return ODETerm(field)
 

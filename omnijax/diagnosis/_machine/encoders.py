@@ -28,9 +28,8 @@ PARTS = SETTINGS.encoders.parts
 @functools.lru_cache(maxsize=16)
 def smoother_modes(samples: int, ratio: float) -> tuple[np.ndarray, np.ndarray]:
     """Orthonormal modes (samples, k) of the smoother (I + ratio D^T D)^-1, and its gains (k,)."""
-    edge = (1 / LEAST - 1) / ratio  # (2 sin(w/2))^6 of the last mode that counts
     ratio = max(ratio, (1 / LEAST - 1) * (samples / (np.pi * MOST)) ** 6)
-    edge = (1 / LEAST - 1) / ratio
+    edge = (1 / LEAST - 1) / ratio  # (2 sin(w/2))^6 of the last mode that counts
     count = min(samples, int(samples / np.pi * edge ** (1 / 6)) + 16)
     matrix = ratio * penalty(samples)
     matrix[3] += 1.0

@@ -97,7 +97,7 @@ class Balance:
         """(rows,) m/s^2 or rad/s^2; traced.  Nothing is stepped in time."""
         q, v, a, inputs, time = data
         machine, placed = self.numbers.build(theta, only, on)
-        inputs = delayed_inputs(placed, time, inputs)
+        inputs = delayed_inputs(placed, time - time[0], inputs)
         rate, _, _ = vector_field(machine, placed)
         q, v, a = before_sensors(placed, time, (q, v, a))
         memory = memories(machine, placed, time, q, v, inputs)
@@ -188,7 +188,7 @@ class FreeRun:
         x0 = self.start_states(machine, first) + moved[: self.states]
         before = Before(*moved[self.states :])
         memory = memories_at(machine, placed, x0, inputs, before)
-        fine = jnp.linspace(0.0, time[-1] - time[0], parts * (len(time) - 1) + 1)
+        fine = jnp.linspace(time[0], time[-1], parts * (len(time) - 1) + 1)
         inputs = delayed_inputs(placed, fine, inputs, before.jump)
         out = motion(machine, placed, x0, inputs, step, steps, parts, hold, memory)
         return seen(placed, time, out[self.run.measured], step, before)
