@@ -9,8 +9,9 @@ from omnijax import load_rig, set_parameter
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
 from omnijax.simulation import propagate, speeds
-from omnijax.study import Sensitivity, sensitivity
-from omnijax.vibration import evaluate, steady_metrics
+from omnijax.study import Sensitivity, sensitivity, sensitivity_over_speeds
+from omnijax.study._batches import percent_per_percent
+from omnijax.vibration import evaluate
 
 SPEED = (3.0, 5.1, 7.3)
 
@@ -79,26 +80,17 @@ def test_a_run_has_the_derivatives_of_its_own_samples():
     )
 
 
-def test_steady_metrics_are_those_of_a_long_run():
-    """RMS values and extremes of 20 s after 10 s, against the closed forms.
-
-    The slowest wheel passes N = 134 rollers in that time: its mean square over a record that is no
-    whole number of them errs by up to 1/(2 pi N), its RMS by 6e-4, which is what is found (at most
-    6.2e-4).  Extremes are met only between samples and where all phases come together: 6.1e-3.
-    """
+def test_a_metric_that_is_zero_depends_on_nothing_in_either_kind_of_sensitivity():
+    """0 at rest, as `Sensitivity` says; over speeds the slope in the metric's unit had stood."""
+    changes, figures = np.array([[3.0, -2.0], [0.5, 0.0]]), np.array([0.0, 2.0])
+    np.testing.assert_array_equal(percent_per_percent(changes, figures), [[0, 0], [0.25, 0]])
+    one = Sensitivity(("a", "b"), ("", ""), np.ones(2), ("rms", "peak"), ("m", "m"), figures,
+                      changes, "steady")  # fmt: skip
+    np.testing.assert_array_equal(one.relative, [[0, 0], [0.25, 0]])
     rig = load_rig("atlas")
-    names = ("elastic_rms", "rms_y", "sphere_acceleration_rms", "sphere_weighted_acceleration",
-             "slip_margin", "lift_off_margin", "peak_y", "peak_to_peak_z")  # fmt: skip
-    steady = jax.jit(lambda r: steady_metrics(r, jnp.array(SPEED), names))(rig)
-    ts = jnp.arange(10.0, 30.0, 1 / 250)
-    run_ = propagate(rig, speeds(SPEED), jnp.concatenate([jnp.zeros(1), ts]))
-    run_ = jax.tree.map(lambda x: x[1:] if jnp.ndim(x) else x, run_)
-    long = evaluate(run_, rig, names)
-    for name in names:
-        close = 1.5e-3 if "rms" in name or "weighted" in name else 1e-2
-        assert np.isclose(float(steady[name]), float(long[name]), rtol=close), name
-    assert float(steady["slip_margin"]) <= float(long["slip_margin"]) * (1 + 1e-9)
-    assert float(steady["peak_y"]) >= float(long["peak_y"]) * (1 - 1e-9)
+    centred = set_parameter(rig, "wheel.roundness", 0.0)  # RMS 0, its slope is not
+    over = sensitivity_over_speeds(centred, SPEED, [1.0], ("rms",), ("wheel.roundness",))
+    assert over.figures == 0 and over.relative == 0
 
 
 def test_saving(found, tmp_path):

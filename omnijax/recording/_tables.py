@@ -159,20 +159,26 @@ def _tdms(path: Path) -> CsvTable:
     return spread(leaves(columns), units)
 
 
+def _add_channel(columns: list, where: tuple[str, ...], times, values) -> None:
+    """Add a recorder's channel under its path; the times of the first are the column `t`."""
+    if not columns:
+        columns.append((("t",), np.asarray(times)))
+    columns.append((where, np.asarray(values)))
+
+
 def _uff(path: Path) -> CsvTable:
     pyuff = require("pyuff", "measured", "reading `.uff` files")
-    columns: list[tuple[str, Any]] = []
+    columns: list[tuple[tuple[str, ...], Any]] = []
     units: dict[str, str] = {}
     sets = pyuff.UFF(str(path)).read_sets()
     for one in sets if isinstance(sets, list) else [sets]:
         if one.get("type") != 58:
             continue
         name = (one.get("id1") or one.get("id2") or "").strip()
-        columns += [] if columns else [("t", np.asarray(one["x"]))]
-        columns.append((name, np.real(np.asarray(one["data"]))))
+        _add_channel(columns, (name,), one["x"], np.real(np.asarray(one["data"])))
         unit = str(one.get("ordinate_axis_units_lab", "")).strip()
         units |= {name: unit} if unit and unit.upper() not in ("NONE", "0") else {}
-    return spread(once(path.name, columns), units)
+    return spread(once(path.name, ((where[-1], x) for where, x in columns)), units)
 
 
 def _mdf(path: Path) -> CsvTable:
@@ -183,9 +189,8 @@ def _mdf(path: Path) -> CsvTable:
         groups = [(one.channel_group.cycles_nr, len(one.channels)) for one in file.groups]
         check_room(path, 8 * sum(rows * columns for rows, columns in groups))
         for signal in file.iter_channels():
-            columns += [] if columns else [(("t",), np.asarray(signal.timestamps))]
             where = (f"group {signal.group_index}", str(signal.name))
-            columns.append((where, np.asarray(signal.samples)))
+            _add_channel(columns, where, signal.timestamps, signal.samples)
             if signal.unit:
                 units |= dict.fromkeys((where[1], ".".join(where)), str(signal.unit))
     return spread(leaves(columns), units)

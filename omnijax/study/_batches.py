@@ -48,6 +48,15 @@ def each(function: Callable[..., Any], rows: Sequence[Any], order: Order) -> Any
     return jax.lax.map(lambda row: function(*row), tuple(rows))
 
 
+def percent_per_percent(changes: np.ndarray, figures: np.ndarray) -> np.ndarray:
+    """Relative sensitivities (..., m, p) of figures (..., m); 0 of a figure that is 0.
+
+    `changes` (..., m, p) are parameter x d figure / d parameter, in the figures' units.
+    """
+    size = figures[..., None]
+    return np.where(size == 0, 0.0, changes / np.where(size == 0, 1.0, size))
+
+
 def value_and_jacobian(function: Callable[[Any], Any]) -> Callable[[Any], tuple[Any, Any]]:
     """x (d,) -> f (a tree of arrays) and df/dx, each array with d as a last axis; forward mode.
 

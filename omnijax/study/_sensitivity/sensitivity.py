@@ -16,7 +16,7 @@ from ..._text import quantity_text
 from ...rig import Rig, load_rig, parameter_info
 from ...simulation import SpeedDrive, TorqueDrive
 from ...vibration import METRICS
-from .._batches import value_and_jacobian
+from .._batches import percent_per_percent, value_and_jacobian
 from .._evaluation import (
     METHODS,
     Drive,
@@ -85,8 +85,7 @@ class Sensitivity(AbstractResult):
     @property
     def relative(self) -> np.ndarray:
         """% per %; zero where the parameter or the metric is zero."""
-        size = np.where(self.figures == 0, 1.0, self.figures)[:, None]
-        return np.where(self.figures[:, None] == 0, 0.0, self.raw * self.values / size)
+        return percent_per_percent(self.raw * self.values, self.figures)
 
     def column(self, metric: str) -> dict[str, float]:
         """Relative sensitivities of one metric, largest first."""

@@ -14,13 +14,16 @@ from ..._result import AbstractResult, texts
 from ...rig import Rig, get_parameter, load_rig, put_parameter
 from ...simulation import speeds as speed_drive
 from ...vibration import METRICS
-from .._batches import each, value_and_jacobian
+from .._batches import each, percent_per_percent, value_and_jacobian
 from .._evaluation import Question, checked_metrics, evaluation_of
 
 
 @dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class SpeedSensitivity(AbstractResult):
-    """`figures[s, m]` and `relative[s, m, p]` (% per %) at the wheel speeds `scale` x `speeds`."""
+    """`figures[s, m]` and `relative[s, m, p]` (% per %) at the wheel speeds `scale` x `speeds`.
+
+    Sensitivities are zero where the parameter or the metric is zero.
+    """
 
     scale: np.ndarray
     speeds: np.ndarray  # rad/s, one a wheel
@@ -133,7 +136,7 @@ def sensitivity_over_speeds(
         return each(one, [scale], how.order)
 
     value, slope = (np.asarray(x) for x in all_of(jnp.asarray(scale, float)))
-    size = np.where(value == 0, 1.0, value)[..., None]
+    relative = percent_per_percent(slope, value)
     return SpeedSensitivity(
-        np.asarray(scale, float), np.asarray(base), paths, names, value, slope / size
+        np.asarray(scale, float), np.asarray(base), paths, names, value, relative
     )
