@@ -45,10 +45,10 @@ def compare(function, rig: Rig, paths: tuple[str, ...], values, raw, precision: 
     side = np.where(values - h < low, 1.0, np.where(values + h > high, -1.0, 0.0))
     first = np.where(side == 0, 1.0, side)  # offsets in steps: +-1, or 1 and 2 to one side
     second = np.where(side == 0, -1.0, 2 * side)
-    points = np.concatenate([values + np.diag(first * h), values + np.diag(second * h)])
-    figures = np.asarray(jax.jit(lambda x: jax.lax.map(function, x))(jnp.asarray(points)))
-    one, two = figures[: len(paths)].T, figures[len(paths) :].T
-    zero = np.asarray(function(jnp.asarray(values)))[:, None]
+    moved = [np.zeros((1, len(h))), np.diag(first * h), np.diag(second * h)]
+    points = jnp.asarray(values + np.concatenate(moved))  # the base too: alone it is no program
+    figures = np.asarray(jax.jit(lambda x: jax.lax.map(function, x))(points)).T
+    zero, one, two = np.split(figures, (1, 1 + len(h)), axis=1)
     central = (one - two) / (2 * h)
     sided = side * (4 * one - two - 3 * zero) / (2 * h)
     differences = np.where(side == 0, central, sided)
