@@ -181,3 +181,20 @@ def test_what_is_undecided_is_known_beside_tangents_of_any_size():
     np.testing.assert_allclose(np.abs(ways.T @ turns[:, -1]).max(), 1.0, rtol=1e-9)
     ways, less = undecided(train @ np.diag([1e40, 1.0, 1.0]), held)
     assert np.all(np.isfinite(ways)) and np.all(less > 0)
+
+
+def test_a_handful_of_points_goes_one_by_one_and_gives_the_same_rows(tmp_path):
+    rng = drawn_anew("handful")
+    t = np.arange(400) * 5e-3
+    u = 0.5 * np.sin(5 * t + rng.uniform(0, 6))
+    (tmp_path / "machine.toml").write_text(
+        'kind = "axis"\n[axis]\ninertia = 0.02\ndamping = 0.05\nstiffness = 0.4\n[motor]\n'
+        'input = "torque"\n[compare]\nhold = "linear"\n[uncertainty]\n"axis.inertia" = 0.1\n'
+    )
+    model = logged(tmp_path, t, u, np.sin(5 * t), rng)
+    train = model.splits["train"]
+    thetas = np.stack([model.numbers.vector(Point(u * np.ones(1))) for u in (-0.5, 0.1, 0.8)])
+    few = model.raw(thetas, train)
+    assert {lanes for _, _, lanes in model._asked} == {1}
+    many = model.raw(np.repeat(thetas, 3, axis=0), train)
+    np.testing.assert_allclose(many[::3], few, rtol=1e-10, atol=1e-13)

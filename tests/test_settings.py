@@ -18,7 +18,7 @@ ELSEWHERE = {  # numbers that change no answer: time, memory, seeds, pictures; a
     "_machine/rig_model.py": {"TOGETHER"},
     "_machine/stage_cache.py": {"MOST"},
     "_machine/stepped.py": {"BLOCK", "LANES", "FEW"},
-    "_ode/model.py": {"LANES", "OFTEN", "FEW"},
+    "_ode/model.py": {"LANES", "OFTEN", "FEW", "HANDFUL"},
     "_ode/rows.py": {"PARTS"},
     "_room.py": {"TABLES"},
     "_search/calibration.py": {"SEED"},

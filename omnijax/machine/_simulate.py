@@ -8,12 +8,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ..laws import SensorSignal
 from ._base import AbstractMachine
-from ._field import vector_field
+from ._field import field_of_numbers, vector_field
 from ._file import MachineFile
 from ._log import Log
 from ._ports import PlacedLaw, delayed_inputs, resting
@@ -41,35 +40,43 @@ def motion(
     `inputs` stand at `parts` places a sample, f = parts (t - 1) + 1, linear between them, or held
     at their first value; `steps`, which may be traced, Runge-Kutta steps lead from one to the next.
     """
-    rate, _, split = vector_field(machine, placed)
+    rate, join = field_of_numbers(machine, placed)
     h, names = step / parts / steps, tuple(inputs)
-    fine = jnp.stack([inputs[k] for k in names], axis=1)
-    left, right = fine[:-1], fine[:-1] if hold == "held" else fine[1:]
+    fine = tuple(inputs[k] for k in names)
+    left = tuple(u[:-1] for u in fine)
+    right = left if hold == "held" else tuple(u[1:] for u in fine)
 
-    def at(row):
-        return dict(zip(names, row, strict=True))
+    def at(values):
+        return dict(zip(names, values, strict=True))
+
+    def moved(z, h, slope):
+        return tuple(x + h * dx for x, dx in zip(z, slope, strict=True))
 
     def body(z, ends):
-        a, change = ends[0], ends[1] - ends[0]
+        begin, end = ends
+
+        def given(ahead):
+            return at([a + ahead / steps * (b - a) for a, b in zip(begin, end, strict=True)])
 
         def forth(k, z):
             def stage(carry, pair):  # one body for four stages: a quarter of the program
                 slope, total = carry
                 ahead, weight = pair
-                slope = rate(z + ahead * h * slope, at(a + (k + ahead) / steps * change))
-                return (slope, total + weight * slope), None
+                slope = rate(moved(z, ahead * h, slope), given(k + ahead))
+                return (slope, moved(total, weight, slope)), None
 
-            (_, total), _ = jax.lax.scan(stage, (jnp.zeros_like(z), jnp.zeros_like(z)), STAGES)
-            return z + h / 6 * total
+            zero = tuple(jnp.zeros_like(x) for x in z)
+            (_, total), _ = jax.lax.scan(stage, (zero, zero), STAGES)
+            return moved(z, h / 6, total)
 
         z = jax.lax.fori_loop(0, steps, forth, z)
-        return z, z
+        return z, z[:-1]
 
-    memory = resting(placed) if memory is None else memory
-    first = jnp.concatenate([jnp.asarray(start, float), ravel_pytree(memory)[0]])
-    _, path = jax.lax.scan(body, first, (left, right))
-    path = jnp.concatenate([first[None], path[parts - 1 :: parts]])
-    return dict(jax.vmap(lambda z, u: machine.read(split(z)[0], at(u)))(path, fine[::parts]))
+    *x0, rest = join(start, resting(placed) if memory is None else memory)
+    _, path = jax.lax.scan(body, (*x0, rest), (left, right))
+    path = [jnp.append(x, p[parts - 1 :: parts]) for x, p in zip(x0, path, strict=True)]
+    sampled = tuple(u[::parts] for u in fine)
+    return dict(jax.vmap(lambda x, u: machine.read(x, at(u)))(jnp.stack(path, 1), sampled))
 
 
 def sensed(placed: tuple[PlacedLaw, ...], time, outputs: Mapping[str, Array]) -> dict[str, Array]:

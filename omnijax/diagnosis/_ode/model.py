@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -31,6 +32,7 @@ from .undecided import undecided
 STEEP = SETTINGS.free_model.steep
 VALUE, TANGENT, START = range(3)  # programs over the rows
 LANES = 16, 8, 4  # points side by side, by program: as many as mostly come; one shape, one program
+HANDFUL = 4, 1, 1  # points, at most, that one by one take less time than filled up to `LANES`
 OFTEN = (1.5e6, 1.5e6, 5e5)  # samples stepped by these, after which a set of laws has its own
 FEW = 4  # laws of such a set, at most
 BOUND = SETTINGS.free_model.bound
@@ -123,12 +125,14 @@ class OdeModel(AbstractColoured):
         if key not in self._batches:
             self._batches[key] = batches({i: self.rows[i] for i in which}, self._widths)
         only, lanes = self._program_for(tables[0], followed, which, program)
-        by_run: dict[int, np.ndarray] = {}
+        by_run, begun = {}, []
         for batch in self._batches[key]:
             run = self._programs(self.rows[batch.members[0]], only)[program]
-            by_run |= batch.by_run([
-                _lanes(run, self.numbers, data, followed, lanes, *tables) for data in batch.parts
+            begun.append([
+                _begun(run, self.numbers, data, followed, lanes, *tables) for data in batch.parts
             ])  # fmt: skip
+        for batch, parts in zip(self._batches[key], begun, strict=True):
+            by_run |= batch.by_run([_ended(chunks) for chunks in parts])
         out = np.concatenate([by_run[i][:, self.rows[i].picked] for i in which], axis=1)
         out[steps > STEEP] = np.nan
         return out
@@ -138,9 +142,10 @@ class OdeModel(AbstractColoured):
 
         To write it takes a second, and it saves to ask for all other laws at every step, which is
         little, as none is evaluated that no point has.  Points are one or `LANES`, for every other
-        number of them would be a program more.
+        number of them would be a program more; a `HANDFUL` go one by one.
         """
-        lanes, only = 1 if len(thetas) == 1 else LANES[program], self.numbers.active(thetas)
+        lanes = 1 if len(thetas) <= HANDFUL[program] else LANES[program]
+        only = self.numbers.active(thetas)
         key = (only, program, lanes)
         stepped = float(np.sum(steps)) * max(1.0, lanes / len(thetas))
         samples = sum(self.rows[i].count for i in which) * stepped
@@ -584,19 +589,33 @@ def _slopes_along(numbers: Numbers, runs: Sequence[OdeRun], count: int = 24):
 def _lanes(
     program, numbers: Numbers, data, steps: np.ndarray, lanes: int, *tables: np.ndarray
 ) -> np.ndarray:
-    """A program over tables (points, ...) in chunks of `lanes` points.
+    """A program over tables (points, ...) in chunks of `lanes` points: (points, rows).
 
     Points that need about as many `steps` run side by side.
     """
-    count = len(tables[0])
+    return _ended(_begun(program, numbers, data, steps, lanes, *tables))
+
+
+class _Chunk(NamedTuple):
+    """Rows (lanes, rows) that may still be computed, of the points `here`."""
+
+    here: np.ndarray
+    made: jax.Array
+
+
+def _begun(program, numbers: Numbers, data, steps, lanes: int, *tables) -> list[_Chunk]:
+    """The chunks of `_lanes`, not waited for: XLA computes as many at a time as there are cores."""
     order, out = np.argsort(steps, kind="stable"), []
-    for begin in range(0, count, lanes):
+    for begin in range(0, len(order), lanes):
         here = order[begin : begin + lanes]
         padded = [t[np.resize(here, lanes)] for t in tables]
         on, most = jnp.asarray(numbers.on(padded[0])), jnp.asarray(int(steps[here].max()))
-        made = program(data, most, on, *map(jnp.asarray, padded))
-        out.append(np.asarray(made)[: len(here)])
-    rows = np.concatenate(out)
-    back = np.empty(count, int)
-    back[order] = np.arange(count)
+        out.append(_Chunk(here, program(data, most, on, *map(jnp.asarray, padded))))
+    return out
+
+
+def _ended(chunks: Sequence[_Chunk]) -> np.ndarray:
+    """Rows (points, rows) of chunks, in the order of their points."""
+    rows = np.concatenate([np.asarray(made)[: len(here)] for here, made in chunks])
+    back = np.argsort(np.concatenate([here for here, _ in chunks]))
     return rows[back]
