@@ -14,6 +14,7 @@ from seeds import drawn_anew
 
 from omnijax.diagnosis._machine.machine import Machine
 from omnijax.diagnosis._machine.runs import Run
+from omnijax.diagnosis._machine.wheels import _heights as shape_programs
 from omnijax.laws import EFFECTS
 from omnijax.rig import get_parameter, load_rig, set_parameter
 from omnijax.simulation import measured, simulate, table, torques
@@ -227,6 +228,8 @@ def test_every_pair_of_sensor_laws_is_predicted_in_its_order(turning):
         sensed = with_laws(rig, [law])
         alone[law[0]] = left(sensed, sensed)
         assert alone[law[0]] < 1.1 * bare, law
+    programs = shape_programs._cache_size()
     for pair in itertools.permutations(SENSORS, 2):
         sensed = with_laws(rig, pair)
         assert left(sensed, sensed) < 1.2 * max(alone[name] for name, _, _ in pair), pair
+    assert shape_programs._cache_size() == programs  # of shapes no sensor has a part in

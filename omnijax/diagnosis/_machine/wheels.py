@@ -10,6 +10,7 @@ from ...dynamics import wheel_shape
 from ...rig import Rig
 from .._settings import SETTINGS
 
+SHAPING = ("radius", "shape")  # ports whose laws change a wheel's shape
 POINTS = SETTINGS.prediction.table_points
 
 
@@ -87,8 +88,13 @@ def shape_table(rig: Rig, angle) -> np.ndarray:
     return np.asarray(_shape(rig, jnp.asarray(angle)))
 
 
-@jax.jit
 def _shape(rig: Rig, angle):
+    """rho (p, n) by a program that rigs share whose laws differ elsewhere."""
+    return _heights(rig.with_effects([p for p in rig.effects if p.law.port in SHAPING]), angle)
+
+
+@jax.jit
+def _heights(rig: Rig, angle):
     return jax.vmap(lambda a: wheel_shape(rig, jnp.full(rig.size, a)))(angle)
 
 
