@@ -72,12 +72,12 @@ if TYPE_CHECKING:
     from ._ports import RollingTorque as RollingTorque
     from ._ports import SensorSignal as SensorSignal
     from ._ports import ShaftSignal as ShaftSignal
-    from ._ports import in_series as in_series
     from ._rolling import AirDrag as AirDrag
     from ._rolling import Creep as Creep
     from ._rolling import RollingResistance as RollingResistance
     from ._rolling import SpinResistance as SpinResistance
     from ._rolling import Unbalance as Unbalance
+    from ._series import in_series as in_series
     from ._shape_effects import DamagedRoller as DamagedRoller
     from ._shape_effects import SphereOutOfRound as SphereOutOfRound
     from ._shape_effects import WheelRadius as WheelRadius

@@ -3,8 +3,7 @@
 A signal is what one wheel (or the sphere, or the platform) feels; `vmap` over wheels is outside.
 """
 
-from collections.abc import Callable, Iterable
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from jaxtyping import Array, Float
 
@@ -175,18 +174,3 @@ class AbstractSensor(AbstractLaw):
     port: ClassVar[str] = "sensor"
     remembers: ClassVar[bool] = False
     momentary: ClassVar[bool] = False
-
-
-def in_series(
-    value: Any, laws: Iterable[Any], change: Callable[[Any, Any], tuple[Any, Any]]
-) -> tuple[Any, tuple[Any, ...]]:
-    """`value` after `laws` that act one after the other, and the rates of their memories.
-
-    `change(law, value)`: what one law adds to what the former left, and the rate of its memory.
-    """
-    rates = []
-    for law in laws:
-        added, rate = change(law, value)
-        value = value + added
-        rates.append(rate)
-    return value, tuple(rates)
