@@ -117,9 +117,13 @@ def across(better: Callable, x):
 
 
 def rows(x, index: Sequence[int] | np.ndarray, axis: int = 0):
-    """x[index] along an axis, without a copy where that is all of x in order."""
+    """x[index] along an axis, without a copy where that is all of x in order, once or repeated."""
     x = jnp.moveaxis(x, axis, 0)
-    if tuple(index) != tuple(range(len(x))):
+    every = tuple(range(len(x)))
+    times = len(index) // max(len(x), 1)
+    if tuple(index) == times * every:
+        x = jnp.broadcast_to(x, (times, *x.shape)).reshape(-1, *x.shape[1:]) if times > 1 else x
+    else:
         x = jnp.stack([x[i] for i in index]) if len(index) else x[:0]
     return jnp.moveaxis(x, 0, axis)
 

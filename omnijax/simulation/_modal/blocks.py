@@ -4,9 +4,11 @@ Between edges a mode is a free part, which only decays, and the sinusoids' part;
 part jumps by the difference of the sinusoids' parts.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .arithmetic import (
@@ -20,13 +22,14 @@ from .arithmetic import (
     summed,
     turned,
 )
-from .edges import at_start, edges_of, jumps
+from .edges import at_piece, at_start, edges_of, jumps, of_sinusoids
 from .poles import PolePairs
 from .resonance import resonance
 from .signals import Signals
 from .system import Layout
 
 LENGTH = 32  # samples a block at most
+TERMS = 450  # multiply-adds in a loop over designs at most: longer ones are left without vectors
 
 
 class ForcedPart(NamedTuple):
@@ -79,50 +82,126 @@ class BlockTables(NamedTuple):
     sine: Float[Array, "k v c"]
 
 
+class Poles(NamedTuple):
+    """Poles of pairs that differ (q, see `Layout.poles`)."""
+
+    kind: Float[Array, "q c"]
+    l0: Float[Array, "q c"]
+    l1: Float[Array, "q c"]
+
+    def exp(self, time) -> Pair:
+        """exp(lambda time), (..., q, c); `time` (..., 1, c)."""
+        shape = (*time.shape[:-2], *self.kind.shape)
+        time, kind, l0, l1 = (jnp.broadcast_to(x, shape) for x in (time, *self))
+        return pair_exp(kind, (l0 * time, l1 * time))
+
+
+def poles_of(m: PolePairs, layout: Layout) -> Poles:
+    """The poles that differ."""
+    return Poles(*(rows(x, layout.poles) for x in (m.kind, m.l0, m.l1)))
+
+
 def pole_exp(m: PolePairs, layout: Layout, time) -> Pair:
     """exp(lambda time) of every pair, (..., p, c); `time` (..., 1, c).
 
     XLA stores it, and pairs of equal poles share theirs.
     """
-    kind, l0, l1 = (rows(x, layout.poles) for x in (m.kind, m.l0, m.l1))
-    time = jnp.broadcast_to(time, (*time.shape[:-2], *kind.shape))
-
-    def exponential(time, kind, l0, l1):
-        kind, l0, l1 = (jnp.broadcast_to(x, time.shape) for x in (kind, l0, l1))
-        return pair_exp(kind, (l0 * time, l1 * time))
-
-    E = stored(exponential, time, kind, l0, l1)
+    E = stored(lambda time, poles: poles.exp(time), time, poles_of(m, layout))
     return rows(E[0], layout.pole, -2), rows(E[1], layout.pole, -2)
 
 
-def tables(m: PolePairs, layout: Layout, rate, step) -> BlockTables:
+def tables(poles: Poles, rate, step) -> BlockTables:
     """exp and sinusoids at 0, step, ..."""
-    E = [rows(x, layout.poles) for x in pole_exp(m, layout, jnp.broadcast_to(step, (1, 1)))]
+    time = jnp.broadcast_to(step, (1, poles.kind.shape[1]))
+    E = stored(lambda time, poles: poles.exp(time), time, poles)
     s, c = stored(sincos, rate * step)
     turns = powers(jnp.ones_like(rate), (c, s), LENGTH)
-    return BlockTables(*powers(rows(m.kind, layout.poles), (E[0], E[1]), LENGTH), *turns)
+    return BlockTables(*powers(poles.kind, E, LENGTH), *turns)
 
 
-class Operands(NamedTuple):
-    """What a block's samples are made of."""
-
-    count: Float[Array, " c"]
-    w0: Float[Array, "o p c"]
-    w1: Float[Array, "o p c"]
-    f0: Float[Array, "o v c"]
-    f1: Float[Array, "o v c"]
+def parts_of(t: BlockTables, together: int) -> list[tuple[np.ndarray, BlockTables]]:
+    """A block's tables part by part, with the numbers (k, 1) of the samples of each."""
+    number = np.arange(LENGTH)[:, None]
+    parts = [slice(k, k + together) for k in range(0, LENGTH, together)]
+    return [(number[part], BlockTables(*(x[part] for x in t))) for part in parts]
 
 
-def row_signal(op: Operands, t: BlockTables, layout: Layout, like: int, o=None) -> Array:
-    """Output number `o`, traced or not, at the samples of a block, (k, c).
+class Weights(NamedTuple):
+    """What a block's samples are made of, part by part of some outputs (see `OutputParts`)."""
 
-    It shows the pairs and sinusoids that the output `like` shows; without `o` it is that one.
-    """
-    w0, w1, f0, f1 = (x[like if o is None else o] for x in (op.w0, op.w1, op.f0, op.f1))
-    x = jnp.zeros_like(t.cosine[:, 0])
-    for p in layout.live[like]:
-        q = layout.pole[p]
-        x = x + w0[p] * t.T0[:, q] + w1[p] * t.T1[:, q]
-    for v in layout.waves[like]:
-        x = x + f0[v] * t.cosine[:, v] + f1[v] * t.sine[:, v]
-    return x
+    w0: Float[Array, "a c"]  # of the tables of poles
+    w1: Float[Array, "a c"]
+    f0: Float[Array, "b c"]  # of the tables of sinusoids
+    f1: Float[Array, "b c"]
+
+
+class OutputParts(NamedTuple):
+    """What some outputs show: their parts (a) of pairs and (b) of sinusoids, output by output."""
+
+    live: tuple[tuple[int, ...], ...]  # pairs that each output shows
+    waves: tuple[tuple[int, ...], ...]  # sinusoids that each output shows
+    kind: Float[Array, "a c"]
+    c0: Float[Array, "a c"]
+    c1: Float[Array, "a c"]
+    cosine: Float[Array, "b k c"]
+    sine: Float[Array, "b k c"]
+
+    def weights(self, free: Pair, piece, turn, layout: Layout) -> Weights:
+        """Weights in the block that begins with these free parts and pieces.
+
+        `turn` (v, c): exp(i angle) of the sinusoids there.
+        """
+        pairs, waves = (_flat(x) for x in (self.live, self.waves))
+        z0, z1 = (rows(z, pairs) for z in free)
+        k = self.kind > 0
+        w0 = self.c0 * z0 + jnp.where(k, self.c1 * z1, 0.0)
+        w1 = self.c1 * jnp.where(k, z0, z1) - jnp.where(k, self.c0 * z1, 0.0)
+        here = of_sinusoids(piece, layout.signal_of[waves], jnp.zeros_like(z0[0]))
+        fa, fb = (at_piece(x, here) for x in (self.cosine, self.sine))
+        turn = rows(turn, waves)
+        return Weights(w0, w1, *turned(fa, fb, turn.real, turn.imag))
+
+    def samples(self, w: Weights, t: BlockTables, layout: Layout, like: int, i=None) -> Array:
+        """Output number `i`, traced or not, at the samples of the tables, (k, c).
+
+        It shows the pairs and sinusoids that the output `like` shows, as all between the two do;
+        without `i` it is that one.
+        """
+        away = 0 if i is None else i - like
+        parts = (
+            (self.live, (w.w0, w.w1), (t.T0, t.T1), layout.pole),
+            (self.waves, (w.f0, w.f1), (t.cosine, t.sine), range(t.cosine.shape[1])),
+        )
+        x = jnp.zeros_like(t.cosine[:, 0])
+        for shown, (a, b), (p, q), column in parts:
+            first = sum(map(len, shown[:like])) + away * len(shown[like])
+            for j, number in enumerate(shown[like]):
+                at = column[number]
+                x = x + a[first + j] * p[:, at] + b[first + j] * q[:, at]
+        return x
+
+    def together(self, outputs: Sequence[int], layout: Layout) -> int:
+        """Samples that one loop over designs works out beside each other, for these outputs."""
+        terms = 2 * sum(len(self.live[o]) + len(self.waves[o]) for o in outputs)
+        many = layout.together
+        while terms * LENGTH > TERMS * many and many < LENGTH:
+            many *= 2
+        return many
+
+
+def shown_by(outputs: range, m: PolePairs, parts: ForcedPart, layout: Layout) -> OutputParts:
+    """What these outputs show."""
+    live, waves = (tuple(x[o] for o in outputs) for x in (layout.live, layout.waves))
+    pair, wave = (
+        np.array([(o, x) for o, part in zip(outputs, shown, strict=True) for x in part], int)
+        .reshape(-1, 2).T
+        for shown in (live, waves)
+    )  # fmt: skip
+    return OutputParts(
+        live, waves, m.kind[pair[1]], m.c0[*pair], m.c1[*pair],
+        parts.cosine[*wave], parts.sine[*wave],
+    )  # fmt: skip
+
+
+def _flat(shown: tuple[tuple[int, ...], ...]) -> list[int]:
+    return [x for part in shown for x in part]

@@ -34,6 +34,8 @@ FEW = 1024  # designs up to which the slowest code costs less than the second th
 # code takes (see `PLAIN`): 0.15 s more for values, 0.8 s with gradients, at every call
 MANY = 500_000  # designs that repay the best code: a tenth faster, or a fifth with gradients, and
 # compiled in 5 or 35 s more of CPU time on one machine (three unlike wheels)
+# samples worked out beside each other, the more the shorter the program; 4 makes the fastest
+TOGETHER = {Effort.LEAST: 32, Effort.QUICK: 8, Effort.MOST: 4}
 
 
 def effort_for(designs: int) -> Effort:
@@ -155,6 +157,7 @@ def _batches(
         force, series = bool(np.any(np.asarray(points.force))), _series(points.rig)
         plain = _plain(points)
         design, layout, turn = _apart(plain, turn, (model, force, series), effort)
+        layout = layout._replace(together=TOGETHER[effort])
         values, bars = figures(design, layout, effort)
         holds = np.asarray(_held(plain.rig, model, effort=effort))
         parts.append(np.concatenate([values, holds[None]]))

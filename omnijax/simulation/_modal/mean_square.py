@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .arithmetic import Pair, materialised, plus, product, rows, sincos, summed, times
-from .blocks import LENGTH, BlockTables, Operands
+from .blocks import LENGTH, BlockTables, Weights
 from .edges import by_signal, of_sinusoids
 from .output_sums import OutputSums, by_begins, seen
 from .poles import PolePairs
@@ -63,7 +63,7 @@ def square_sums(g: Lanes, layout: Layout, step) -> Along:
         x = materialised(lambda x: jnp.concatenate([x, x * number * step]), x)  # (2 o, k, c)
         return [sum(x[:, k, None] * z[k] for k in range(LENGTH)) for z in t]
 
-    def gather(total: OutputSums, x, op: Operands, t: BlockTables, s: WalkState) -> OutputSums:
+    def gather(total: OutputSums, x, weights: Weights, t: BlockTables, s: WalkState) -> OutputSums:
         T0, T1, *turns = materialised(against, x, t)
         poles = rows(T0, layout.pole, 1), rows(T1, layout.pole, 1)
         u, du = (poles[0][:ROWS], poles[1][:ROWS]), (poles[0][ROWS:], poles[1][ROWS:])
@@ -76,9 +76,8 @@ def square_sums(g: Lanes, layout: Layout, step) -> Along:
         ago = of_sinusoids(since, of, now)
         sn, cs = sincos(ago * g.signals.rate)
         waves = w[0] * cs - w[1] * sn, w[1] * cs + w[0] * sn
-        f0, f1 = op.f0[:ROWS], op.f1[:ROWS]
-        swing = summed(f1 * w[0] - f0 * w[1])  # by the phases at the block's begin
-        moved = summed(f1 * dw[0] - f0 * dw[1]) + swing * ago
+        swing = _swing(weights, w, layout)  # by the phases at the block's begin
+        moved = _swing(weights, dw, layout) + swing * ago
         e = int(np.sum(of < edged))
         by_into = by_signal((swing * g.signals.rate)[:e], of[:e])
         begin, begin_time, first = by_begins(by_into, s.piece, s.begun, pieces)
@@ -99,3 +98,12 @@ def square_sums(g: Lanes, layout: Layout, step) -> Along:
 
     start, carried = _begin(m, edged, pieces, len(of))
     return Along(gather, start, lambda past, move: _follow(kind, past, move), carried)
+
+
+def _swing(weights: Weights, w, layout: Layout):
+    """Derivatives (v, c) by the phases of the sinusoids, from sums w (o, v, c) of dR."""
+    parts: list[list] = [[] for _ in layout.signal_of]
+    each = [(o, v) for o in range(ROWS) for v in layout.waves[o]]
+    for f0, f1, (o, v) in zip(weights.f0, weights.f1, each, strict=True):
+        parts[v].append(f1 * w[0][o, v] - f0 * w[1][o, v])
+    return jnp.stack([sum(part, jnp.zeros_like(w[0][0, 0])) for part in parts])

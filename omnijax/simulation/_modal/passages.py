@@ -25,7 +25,7 @@ from .arithmetic import (
     times,
     turned,
 )
-from .blocks import ForcedPart, pole_exp, shown
+from .blocks import ForcedPart, pole_exp, poles_of, shown
 from .edges import at_piece, edge_times, of_sinusoids
 from .poles import PolePairs
 from .signals import Signals
@@ -88,8 +88,8 @@ def outputs_at(
 ) -> tuple[Array, Array]:
     """The first outputs at a time (c,) and their rates, (o, c)."""
     p = passages(signals, layout, time)
-    poles = [rows(x, layout.poles) for x in (m.kind, m.l0, m.l1)]
-    wide = (*p.many.shape[:2], *poles[0].shape)
+    poles = poles_of(m, layout)
+    wide = (*p.many.shape[:2], *poles.kind.shape)
     edge = stored(
         lambda kind, *pole: edge_sums(kind, pole, p), *(jnp.broadcast_to(x, wide) for x in poles)
     )

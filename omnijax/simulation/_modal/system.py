@@ -51,6 +51,7 @@ class Layout(NamedTuple):
     same: tuple[int, ...] = ()  # number of the first block that each is equal to
     live: tuple[tuple[int, ...], ...] = ()  # pairs of poles that each row of the outputs shows
     waves: tuple[tuple[int, ...], ...] = ()  # sinusoids that each row of the outputs shows
+    together: int = 4  # samples that one loop over designs works out beside each other, at least
 
     @property
     def signal_of(self) -> np.ndarray:

@@ -6,10 +6,20 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import across, materialised, summed
-from .blocks import LENGTH, BlockTables, ForcedPart, Operands, row_signal, stored_forced
+from .arithmetic import across, materialised
+from .blocks import (
+    LENGTH,
+    BlockTables,
+    ForcedPart,
+    Weights,
+    parts_of,
+    shown_by,
+    stored_forced,
+)
+from .loads import Loads
 from .passages import outputs_at
 from .poles import PolePairs
 from .signals import Signals
@@ -55,67 +65,94 @@ class Samples(NamedTuple):
 class Along(NamedTuple):
     """What else is gathered on the pass over the samples."""
 
-    gather: Callable  # (totals, dR (o, k, c), operands, tables, state) -> totals
+    gather: Callable  # (totals, dR (o, k, c), weights, tables, state) -> totals
     totals: Any
     follow: Callable = lambda carried, move: carried  # see `Walk.run`
     carried: Any = ()
 
 
 class _Largest(NamedTuple):
-    """The largest square so far and the samples before the block that holds it."""
+    """The largest square so far, `numbered`, and the samples up to the end of its block."""
 
     square: Float[Array, " c"]
-    begin: Float[Array, " c"]
-    last: Float[Array, " c"]  # samples before the last block
+    end: Float[Array, " c"]
 
-    def seen(self, top):
-        """With the square `top` that the blocks so far have reached."""
-        begin = jnp.where(top > self.square, self.last, self.begin)
-        return _Largest(jnp.maximum(top, self.square), begin, self.last)
+    def seen(self, pair, done):
+        """With the largest squares of the blocks up to the sample number `done`."""
+        top = across(jnp.maximum, pair.imag)
+        end = jnp.where(top > self.square, done, self.end)
+        return _Largest(jnp.maximum(top, self.square), end)
+
+    def sample(self):
+        """Number of the sample that is the largest."""
+        return self.end - 1 - (_bits(self.square) & (LENGTH - 1))
+
+
+def _numbered(square, number):
+    """Numbers >= 0 that end with the bits of a `number` below `LENGTH`; 1e-14 of them is lost."""
+    bits = (_bits(square) & ~(LENGTH - 1)) | number
+    return jax.lax.bitcast_convert_type(bits, square.dtype)
+
+
+def _bits(x):
+    return jax.lax.bitcast_convert_type(x, jnp.int64)
 
 
 def samples_of(
     g: Lanes, layout: Layout, step, count, also: Along | None = None
 ) -> tuple[Samples, Any]:
     """One pass over all samples of a group, and the totals of what else it gathers."""
-    number = jnp.arange(LENGTH, dtype=float)[:, None]
     parts = stored_forced(g.modes, g.signals, g.direct, g.slope, layout)
-    bound = _bound(g, layout)
     walk = Walk(g.modes, g.signals, parts, layout, step, count)
+    moved = shown_by(range(ROWS), g.modes, parts, layout)
+    together = moved.together(range(ROWS), layout)
+    loads = Loads(g.modes, g.preload, g.friction, parts, layout)
 
-    def outputs(op: Operands, t: BlockTables):
-        return [row_signal(op, t, layout, o) for o in range(ROWS)]
+    def outputs(w: Weights, t: BlockTables):
+        return [moved.samples(w, t, layout, o) for o in range(ROWS)]
 
-    def kept(op: Operands, t: BlockTables):
-        return jnp.where(number < op.count, jnp.stack(outputs(op, t)), 0.0)
+    def kept(count, w: Weights, t: BlockTables):
+        number = jnp.arange(LENGTH)[:, None]
+        return jnp.where(number < count, jnp.stack(outputs(w, t)), 0.0)
 
-    def gather(totals, op: Operands, t: BlockTables, s: WalkState):
+    def gather(totals, s: WalkState, t: BlockTables, turn):
         (pair, largest, low), more = totals
-        largest = largest.seen(across(jnp.maximum, pair.imag))
-        inside = number < op.count
+        largest = largest.seen(pair, s.done)
+        w = moved.weights(s.free, s.piece, turn, layout)
         if also is None:
-            x, y, z = outputs(op, t)
-            square = jnp.where(inside, x * x + y * y + z * z, 0.0)
+            each = [(number, outputs(w, part)) for number, part in parts_of(t, together)]
         else:
-            x = materialised(kept, op, t)
-            more, square = also.gather(more, x, op, t, s), summed(x * x)
-        pair = jax.lax.complex(pair.real + square, jnp.maximum(pair.imag, square))
-        low = _lowest(low, bound(s.free, op), op, t, inside, g, layout)
-        return (pair, largest._replace(last=s.done), low), more
+            x = materialised(kept, s.count, w, t)
+            more = also.gather(more, x, w, t, s)
+            each = [(number, _of(x, number)) for number, _ in parts_of(t, together)]
+        sums, top = zip(*(_square(x, number, s.count) for number, x in each), strict=True)
+        pair = jax.lax.complex(sum(sums, pair.real), functools.reduce(jnp.maximum, top, pair.imag))
+        return (pair, largest, loads.lowest(low, s, t, turn)), more
 
     lanes = g.modes.l0.shape[-1]
-    none, zero = jnp.zeros((LENGTH, lanes)), jnp.zeros(lanes)
-    lowest = (zero + jnp.inf, zero + jnp.inf)
-    start = jax.lax.complex(none, none), _Largest(zero, zero, zero), lowest
+    none, zero = jnp.zeros((together, lanes)), jnp.zeros(lanes)
+    lowest = jax.lax.complex(zero + jnp.inf, zero + jnp.inf)
+    start = jax.lax.complex(none, none), _Largest(zero, zero), lowest
     own = start, also and also.totals
     if also is None:
         (pair, largest, low), more = walk.run(gather, own)
     else:
         (pair, largest, low), more = walk.run(gather, own, also.follow, also.carried)
-    largest = largest.seen(across(jnp.maximum, pair.imag))
-    middle = largest.begin + jnp.argmax(pair.imag, axis=0)
+    middle = largest.seen(pair, count).sample()
     near = _near(g, parts, layout, middle, step, count)
-    return Samples(jnp.sum(pair.real, axis=0), near, *low), more
+    return Samples(jnp.sum(pair.real, axis=0), near, low.real, low.imag), more
+
+
+def _of(x: Float[Array, "o k c"], number: np.ndarray):
+    """The samples of these numbers, one after the other."""
+    return jax.lax.slice_in_dim(x, number[0, 0], number[-1, 0] + 1, axis=1)
+
+
+def _square(x, number: np.ndarray, count):
+    """|dR|^2 of a block's samples of these numbers, and the same numbered from its last on."""
+    square = jnp.where(number < count, sum(y * y for y in x), 0.0)
+    left = jnp.maximum(count.astype(int) - 1 - number, 0)
+    return square, _numbered(square, left)
 
 
 def _near(g: Lanes, parts: ForcedPart, layout: Layout, middle, step, count) -> Near:
@@ -127,73 +164,6 @@ def _near(g: Lanes, parts: ForcedPart, layout: Layout, middle, step, count) -> N
     x, v = outputs_at(m, signals, parts, layout, time, ROWS)
     x, v = (jnp.stack(jnp.split(y, 3, axis=-1)) for y in (x, v))
     return Near(time.reshape(3, -1), x, v)
-
-
-def _bound(g: Lanes, layout: Layout):
-    """(free part, operands) -> bounds from below of N and mu N - |f| over a block, (n, c) each."""
-    n, m = layout.wheels, g.modes
-    loads = slice(3, 3 + n)
-    k = m.kind > 0
-    c0, c1 = m.c0[loads], m.c1[loads]
-    size = jnp.where(k, jnp.sqrt(c0 * c0 + c1 * c1), jnp.abs(c0)), jnp.where(k, 0.0, jnp.abs(c1))
-
-    def low(free, op: Operands):
-        z0 = jnp.where(k, jnp.sqrt(free[0] ** 2 + free[1] ** 2), jnp.abs(free[0]))
-        wave = jnp.sum(jnp.sqrt(op.f0[3:] ** 2 + op.f1[3:] ** 2), axis=1)
-        swing = jnp.sum(size[0] * z0 + size[1] * jnp.abs(free[1]), axis=1) + wave[:n]
-        normal = g.preload - swing
-        return normal, g.friction * normal - wave[n:]
-
-    return low
-
-
-def _lowest(low, bounds, op: Operands, t: BlockTables, inside, g: Lanes, layout: Layout):
-    """The least margins so far: by the bounds where those say enough, else sample by sample.
-
-    Nothing more is asked of a design that has lifted off, nor of the grip of one that has slipped.
-    """
-    some = op.count > 0
-    bounds = [jnp.where(some, jnp.min(b, axis=0), jnp.inf) for b in bounds]
-    open_ = (bounds[0] <= 0) | ((bounds[1] < 0) & (low[1] >= 0))
-    asked = jnp.any(open_ & (low[0] > 0))
-    margins = jax.lax.cond(
-        asked,
-        lambda op, t: _margins(op, t, inside, g, layout),
-        lambda *_: (bounds[0], bounds[1]),
-        op,
-        t,
-    )
-    return jnp.minimum(low[0], margins[0]), jnp.minimum(low[1], margins[1])
-
-
-def _margins(op: Operands, t: BlockTables, inside, g: Lanes, layout: Layout):
-    """The least N and mu N - |f| of all wheels over the samples of a block."""
-    n = layout.wheels
-    shown = [(layout.live[o], layout.waves[o]) for o in range(3, 3 + 2 * n)]
-
-    def wheel(i, like, op, t):
-        normal = row_signal(op, t, layout, 3 + like, 3 + i) + g.preload[i]
-        drive = row_signal(op, t, layout, 3 + n + like, 3 + n + i)
-        return normal, g.friction[i] * normal - jnp.abs(drive)
-
-    def pair(normal, slip):
-        normal, slip = (jnp.where(inside, x, jnp.inf) for x in (normal, slip))
-        return jax.lax.complex(normal, slip)
-
-    def lower(i, least):
-        normal, slip = wheel(i, 0, op, t)
-        return pair(jnp.minimum(least.real, normal), jnp.minimum(least.imag, slip))
-
-    def every(op, t):
-        each = zip(*(wheel(i, i, op, t) for i in range(n)), strict=True)
-        return pair(*(functools.reduce(jnp.minimum, x) for x in each))
-
-    if len(set(shown[:n])) == len(set(shown[n:])) == 1:  # one wheel's program does for all
-        none = jnp.full(inside.shape, jnp.inf)
-        least = jax.lax.fori_loop(0, n, lower, jax.lax.complex(none, none))
-    else:
-        least = materialised(every, op, t)
-    return across(jnp.minimum, least.real), across(jnp.minimum, least.imag)
 
 
 def hermite_peak(x: Float[Array, "3 o c"], v: Float[Array, "3 o c"], times, step):

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
-from .arithmetic import flushed, product, sincos, stored, turned
-from .blocks import LENGTH, ForcedPart, Operands, pole_exp, tables
+from .arithmetic import across, flushed, materialised, product, rows, sincos, summed
+from .blocks import LENGTH, ForcedPart, Poles, poles_of, tables
 from .edges import at_piece, of_sinusoids
 from .poles import PolePairs
 from .signals import Signals
@@ -24,11 +24,20 @@ class WalkState(NamedTuple):
     """Where a design is: samples done, free part, and the pieces its signals are on."""
 
     done: Float[Array, " c"]
+    count: Float[Array, " c"]  # samples of the block that begins here
     free: tuple[Array, Array]  # (p, c)
     edge: Float[Array, "g c"]  # s, end of the piece
     begun: Float[Array, "g c"]  # s, begin of the piece
     piece: Float[Array, "g c"]
     carried: Any  # what `follow` carries along
+
+
+class Moved(NamedTuple):
+    """What poles and sinusoids have moved by in a block; stored."""
+
+    over: Complex[Array, "q c"]  # exp(lambda t) of the block's time, see `Layout.poles`
+    after: Complex[Array, "q c"]  # of the time since the edge at its end
+    turn: Complex[Array, "v c"]  # exp(i angle) of the sinusoids at its begin
 
 
 class Onward(NamedTuple):
@@ -56,71 +65,86 @@ class Walk(NamedTuple):
         signals, free = self.signals, (self.parts.free0, self.parts.free1)
         edge = at_piece(signals.duration, signals.piece) - signals.since
         zero = jnp.zeros(self.modes.l0.shape[-1])
-        return WalkState(zero, free, edge, -signals.since, signals.piece, carried)
+        count = self._count(zero, edge)
+        return WalkState(zero, count, free, edge, -signals.since, signals.piece, carried)
 
-    def count(self, s: WalkState) -> Float[Array, " c"]:
-        """Samples of the block that begins here."""
-        last = jnp.min(jnp.floor(s.edge / self.step), axis=0, initial=jnp.inf)
-        return jnp.clip(jnp.minimum(last + 1, self.samples) - s.done, 0.0, LENGTH)
+    def _count(self, done, edge) -> Float[Array, " c"]:
+        """Samples of the block that begins after so many."""
+        last = jnp.floor(_first(edge) / self.step)
+        return jnp.clip(jnp.minimum(last + 1, self.samples) - done, 0.0, LENGTH)
 
-    def operands(self, s: WalkState) -> Operands:
-        """What the samples of the block that begins here are made of."""
-        m, (z0, z1) = self.modes, s.free
-        k = m.kind > 0
-        w0 = m.c0 * z0 + jnp.where(k, m.c1 * z1, 0.0)
-        w1 = m.c1 * jnp.where(k, z0, z1) - jnp.where(k, m.c0 * z1, 0.0)
-        of, none = self.layout.signal_of, jnp.zeros_like(s.done)
-        piece, begun = (of_sinusoids(x, of, none) for x in (s.piece, s.begun))
-        fa, fb = (at_piece(x, piece) for x in (self.parts.cosine, self.parts.sine))
-        phase = self.signals.rate * (s.done * self.step - begun)
-        sn, cs = stored(sincos, phase)
-        return Operands(self.count(s), w0, w1, *turned(fa, fb, cs, sn))
+    def moved(self, s: WalkState, poles: Poles) -> Moved:
+        """What moves in the block that begins here."""
+        begun = of_sinusoids(s.begun, self.layout.signal_of, jnp.zeros_like(s.done))
 
-    def onward(self, s: WalkState, count, follow=lambda carried, move: carried) -> WalkState:
-        """The begin of the next block, `count` samples later."""
+        def moved(span, since, into, poles, rate):
+            sn, cs = sincos(rate * into)
+            over = jax.lax.complex(*poles.exp(jnp.stack([span, since])[:, None]))
+            return over, jax.lax.complex(cs, sn)
+
+        span, since = s.count * self.step, self._since(s)
+        into = s.done * self.step - begun
+        over, turn = materialised(moved, span, since, into, poles, self.signals.rate)
+        return Moved(over[0], over[1], turn)
+
+    def _since(self, s: WalkState) -> Float[Array, " c"]:
+        """Time (s) since the edge at the end of the block that begins here; 0 without one."""
+        done = s.done + s.count
+        now = _first(s.edge)
+        return jnp.where(self._taken(now, done), done * self.step - now, 0.0)
+
+    def _taken(self, edge, done):
+        """Whether an edge lies before the sample after so many."""
+        return jnp.floor(edge / self.step) + 1 <= done
+
+    def onward(self, s: WalkState, moved: Moved, follow=lambda carried, move: carried) -> WalkState:
+        """The begin of the next block."""
         m, signals, edges = self.modes, self.signals, self.signals.duration.shape[0]
         pieces = np.array([kind.pieces for kind in self.layout.kinds[:edges]])[:, None]
-        done = s.done + count
-        now = jnp.min(s.edge, axis=0, initial=jnp.inf)
-        taken = jnp.floor(now / self.step) + 1 <= done
-        which = jnp.argmin(s.edge, axis=0) if edges else jnp.zeros_like(done)
-        pick = (jnp.arange(edges)[:, None] == which) & taken
+        done = s.done + s.count
+        now = _first(s.edge)
+        pick = (s.edge == now) & self._taken(now, done)
         later = jnp.where(s.piece + 1 >= pieces, 0.0, s.piece + 1)
-        since = jnp.where(taken, done * self.step - now, 0.0)
-        span = count * self.step
-        E0, E1 = pole_exp(m, self.layout, jnp.stack([span, since])[:, None])
-        over, after = (E0[0], E1[0]), (E0[1], E1[1])
+        over, after = (rows(x, self.layout.pole) for x in (moved.over, moved.after))
+        over, after = (over.real, over.imag), (after.real, after.imag)
         jump = [
-            jnp.sum(jnp.where(pick[:, None], _at_jump(j, later), 0.0), axis=0)
+            summed(jnp.where(pick[:, None], _at_jump(j, later), 0.0))
             for j in (self.parts.jump0, self.parts.jump1)
         ]
         a, b = product(m.kind, s.free, over), product(m.kind, jump, after)
+        edge = jnp.where(pick, s.edge + at_piece(signals.duration, later), s.edge)
         begins = later[:, None] == jnp.arange(signals.duration.shape[1])[:, None]
+        move = Onward(s.count * self.step, over, pick[:, None] & begins, self._since(s), after)
         return WalkState(
             done,
+            self._count(done, edge),
             (flushed(a[0] + b[0]), flushed(a[1] + b[1])),
-            jnp.where(pick, s.edge + at_piece(signals.duration, later), s.edge),
+            edge,
             jnp.where(pick, s.edge, s.begun),
             jnp.where(pick, later, s.piece),
-            follow(s.carried, Onward(span, over, pick[:, None] & begins, since, after)),
+            follow(s.carried, move),
         )
 
     def run(self, gather, totals, follow=lambda carried, move: carried, carried: Any = ()):
-        """totals = gather(totals, operands, tables, state) over all blocks of all designs.
+        """totals = gather(totals, state, tables, turn) over all blocks of all designs.
 
         carried = follow(carried, onward) goes from block to block in the state.
         """
-        t = tables(self.modes, self.layout, self.signals.rate, self.step)
+        poles = poles_of(self.modes, self.layout)
+        t = tables(poles, self.signals.rate, self.step)
 
         def body(carry):
-            totals, s, op = carry
-            totals = gather(totals, op, t, s)
-            s = self.onward(s, op.count, follow)
-            return totals, s, self.operands(s)
+            totals, s = carry
+            moved = self.moved(s, poles)
+            return gather(totals, s, t, moved.turn), self.onward(s, moved, follow)
 
-        begin = self.begin(carried)
-        start: Any = (totals, begin, self.operands(begin))
+        start: Any = (totals, self.begin(carried))
         return jax.lax.while_loop(lambda c: jnp.any(c[1].done < self.samples), body, start)[0]
+
+
+def _first(edge: Float[Array, "g c"]):
+    """The next edge of any signal."""
+    return across(jnp.minimum, edge) if len(edge) else jnp.full(edge.shape[1:], jnp.inf)
 
 
 def _at_jump(jump, piece):

@@ -1,0 +1,127 @@
+"""Least margins of contact and grip over the blocks of a run."""
+
+import functools
+from collections.abc import Iterable, Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .arithmetic import Pair, across, materialised, summed
+from .blocks import BlockTables, ForcedPart, parts_of, shown_by
+from .edges import at_piece, of_sinusoids
+from .poles import PolePairs
+from .system import Layout
+from .walk import WalkState
+
+FEWEST = 8  # samples that one loop over designs works out beside each other
+
+
+class Loads:
+    """Normal and drive forces of a group's wheels, and what they do not exceed in a block."""
+
+    def __init__(self, m: PolePairs, preload, friction, parts: ForcedPart, layout: Layout):
+        n = layout.wheels
+        self.preload, self.friction, self.layout = preload, friction, layout
+        self.shown = shown = shown_by(range(3, 3 + 2 * n), m, parts, layout)
+        self.complex = m.kind > 0
+        k, c0, c1 = shown.kind > 0, jnp.abs(shown.c0), jnp.abs(shown.c1)
+        row, self.pair = _beside(shown.live[:n])
+        sizes = jnp.where(k, jnp.sqrt(c0 * c0 + c1 * c1), c0), jnp.where(k, 0.0, c1)
+        self.pair_size = [_picked(x, row) for x in sizes]
+        row, self.wave = _beside(shown.waves)
+        self.wave_size = _picked(jnp.sqrt(shown.cosine**2 + shown.sine**2), row)
+
+    def bounds(self, s: WalkState) -> tuple[Array, Array]:
+        """Bounds from below of N and mu N - |f| of all wheels over a block, (n, c) each.
+
+        No pair of poles grows, so none shows more than at the block's begin.
+        """
+        z0, z1 = s.free
+        z0 = jnp.where(self.complex, jnp.sqrt(z0 * z0 + z1 * z1), jnp.abs(z0))
+        z0, z1 = (_picked(z, self.pair) for z in (z0, jnp.abs(z1)))
+        of = self.layout.signal_of[self.wave]
+        piece = of_sinusoids(s.piece, of.ravel(), jnp.zeros_like(s.done))
+        wave = summed(at_piece(self.wave_size, piece.reshape(*of.shape, -1)), 1)
+        n = self.layout.wheels
+        swing = summed(self.pair_size[0] * z0 + self.pair_size[1] * z1, 1) + wave[:n]
+        normal = self.preload - swing
+        return normal, self.friction * normal - wave[n:]
+
+    def lowest(self, low, s: WalkState, t: BlockTables, turn):
+        """The least margins so far: by the bounds where those say enough, else sample by sample.
+
+        Margins (N) of N and, imaginary, of mu N - |f|.  Nothing more is asked of a design that has
+        lifted off, nor of the grip of one that has slipped.
+        """
+        some = s.count > 0
+        normal, slip = (jnp.where(some, across(jnp.minimum, b), jnp.inf) for b in self.bounds(s))
+        open_ = (normal <= 0) | ((slip < 0) & (low.imag >= 0))
+        return jax.lax.cond(
+            jnp.any(open_ & (low.real > 0)),
+            lambda low, s, t, turn: _lower([_parts(low), _parts(self._sampled(s, t, turn))]),
+            lambda low, *_: _lower([_parts(low), (normal, slip)]),
+            low,
+            s._replace(carried=()),
+            t,
+            turn,
+        )
+
+    def _sampled(self, s: WalkState, t: BlockTables, turn):
+        """The least margins of all wheels over the samples of a block."""
+        n, shown, layout = self.layout.wheels, self.shown, self.layout
+        weights = shown.weights(s.free, s.piece, turn, layout)
+        together = max(FEWEST, layout.together)
+
+        def lower(i, low, w, t, count, like):
+            """With the margins of wheel i, which shows what the wheel `like` shows."""
+            each: list[Sequence[Array]] = [_parts(low)]
+            for number, part in parts_of(t, together):
+                normal = shown.samples(w, part, layout, like, i) + self.preload[i]
+                drive = shown.samples(w, part, layout, n + like, n + i)
+                margins = normal, self.friction[i] * normal - jnp.abs(drive)
+                each.append([jnp.where(number < count, x, jnp.inf) for x in margins])
+            return _lower(each)
+
+        each = list(zip(shown.live, shown.waves, strict=True))
+        low = jnp.full((together, len(s.count)), jnp.inf)
+        low = jax.lax.complex(low, low)
+        if len(set(each[:n])) == len(set(each[n:])) == 1:  # one wheel's program does for all
+            low = jax.lax.fori_loop(0, n, lambda i, low: lower(i, low, weights, t, s.count, 0), low)
+        else:
+            for i in range(n):
+                low = materialised(lambda *x, i=i: lower(i, *x, like=i), low, weights, t, s.count)
+        return jax.lax.complex(*(across(jnp.minimum, x) for x in _parts(low)))
+
+
+def _parts(x) -> Pair:
+    return x.real, x.imag
+
+
+def _lower(each: Iterable[Sequence[Array]]):
+    """The least of both margins, as a complex number."""
+    both = zip(*each, strict=True)
+    return jax.lax.complex(*(functools.reduce(jnp.minimum, x) for x in both))
+
+
+def _beside(shown: Sequence[Sequence[int]]) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the parts of each output and what they are parts of, (outputs, most parts); -1."""
+    most, first = max(1, *map(len, shown)), np.cumsum([0, *map(len, shown)])
+    part, number = np.full((2, len(shown), most), -1)
+    for o, each in enumerate(shown):
+        part[o, : len(each)] = np.arange(first[o], first[o + 1])
+        number[o, : len(each)] = each
+    return part, number
+
+
+def _picked(x: Float[Array, "r ..."], index: np.ndarray) -> Array:
+    """Rows of x, zeros for -1; without a copy where all are x or lie beside each other."""
+    if index.shape[1] == len(x) and np.all(index == np.arange(len(x))):
+        return jnp.broadcast_to(x, (len(index), *x.shape))
+    flat = index.ravel()
+    if flat[0] >= 0 and np.all(np.diff(flat) == 1):
+        return x[flat[0] : flat[-1] + 1].reshape(*index.shape, *x.shape[1:])
+    none = jnp.zeros(x.shape[1:])
+    picked = jnp.stack([x[i] if i >= 0 else none for i in flat])
+    return picked.reshape(*index.shape, *x.shape[1:])
