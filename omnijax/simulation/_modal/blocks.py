@@ -29,7 +29,7 @@ from .signals import Signals
 from .system import Layout
 
 LENGTH = 32  # samples a block at most
-TERMS = 450  # multiply-adds in a loop over designs at most: longer ones are left without vectors
+LOADS = 210  # rows that a loop over designs reads at most: those of 240 were left without vectors
 
 
 class ForcedPart(NamedTuple):
@@ -182,9 +182,13 @@ class OutputParts(NamedTuple):
 
     def together(self, outputs: Sequence[int], layout: Layout) -> int:
         """Samples that one loop over designs works out beside each other, for these outputs."""
-        terms = 2 * sum(len(self.live[o]) + len(self.waves[o]) for o in outputs)
+        shown = [(self.live[o], self.waves[o]) for o in outputs]
+        own = sum(len(pairs) + len(waves) for pairs, waves in shown)
+        poles = {layout.pole[p] for pairs, _ in shown for p in pairs}
+        sinusoids = {v for _, waves in shown for v in waves}
+        read = len(poles) + len(sinusoids)  # rows of cosines or real parts, and as many others
         many = layout.together
-        while terms * LENGTH > TERMS * many and many < LENGTH:
+        while 2 * (own + read * LENGTH // many) > LOADS and many < LENGTH:
             many *= 2
         return many
 

@@ -15,7 +15,7 @@ from .poles import PolePairs
 from .system import Layout
 from .walk import WalkState
 
-FEWEST = 8  # samples that one loop over designs works out beside each other
+FEWEST = 8  # samples that one loop over designs works out beside each other at least
 
 
 class Loads:
@@ -72,7 +72,7 @@ class Loads:
         """The least margins of all wheels over the samples of a block."""
         n, shown, layout = self.layout.wheels, self.shown, self.layout
         weights = shown.weights(s.free, s.piece, turn, layout)
-        together = max(FEWEST, layout.together)
+        together = max(FEWEST, *(shown.together((i, n + i), layout) for i in range(n)))
 
         def lower(i, low, w, t, count, like):
             """With the margins of wheel i, which shows what the wheel `like` shows."""
