@@ -18,6 +18,7 @@ from omnijax.simulation import (
     propagate,
     speeds,
 )
+from omnijax.simulation._modal.arithmetic import rows
 from omnijax.simulation._modal.bulk import effort_for
 from omnijax.vibration import evaluate
 
@@ -257,6 +258,15 @@ def _told(make, calls: list):
         return make(*args)
 
     return told
+
+
+@pytest.mark.parametrize(
+    "index", [[], [0, 1, 2], [0, 1, 2, 0, 1, 2], [1, 2], [2], [2, 0, 0], [0, 1, 2, 0]]
+)
+def test_rows_are_those_of_an_index(index):
+    """Whichever of them need no copy."""
+    x = np.random.default_rng(0).normal(size=(2, 3, 4))
+    np.testing.assert_array_equal(rows(jnp.asarray(x), index, 1), x[:, np.array(index, int)])
 
 
 def test_wheels_that_leave_a_direction_free_are_an_obstacle():

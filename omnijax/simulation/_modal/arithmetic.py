@@ -117,14 +117,17 @@ def across(better: Callable, x):
 
 
 def rows(x, index: Sequence[int] | np.ndarray, axis: int = 0):
-    """x[index] along an axis, without a copy where that is all of x in order, once or repeated."""
-    x = jnp.moveaxis(x, axis, 0)
-    every = tuple(range(len(x)))
+    """x[index] along an axis, without a copy where those lie side by side or are x, repeated."""
+    x, index = jnp.moveaxis(x, axis, 0), [int(i) for i in index]
     times = len(index) // max(len(x), 1)
-    if tuple(index) == times * every:
+    if not index:
+        x = x[:0]
+    elif index == times * list(range(len(x))):
         x = jnp.broadcast_to(x, (times, *x.shape)).reshape(-1, *x.shape[1:]) if times > 1 else x
+    elif index == list(range(index[0], index[0] + len(index))):
+        x = x[index[0] : index[-1] + 1]
     else:
-        x = jnp.stack([x[i] for i in index]) if len(index) else x[:0]
+        x = jnp.stack([x[i] for i in index])
     return jnp.moveaxis(x, 0, axis)
 
 

@@ -95,6 +95,10 @@ class Poles(NamedTuple):
         time, kind, l0, l1 = (jnp.broadcast_to(x, shape) for x in (time, *self))
         return pair_exp(kind, (l0 * time, l1 * time))
 
+    def stored_exp(self, time) -> Pair:
+        """`exp`, stored by XLA."""
+        return stored(lambda time, poles: poles.exp(time), time, self)
+
 
 def poles_of(m: PolePairs, layout: Layout) -> Poles:
     """The poles that differ."""
@@ -102,18 +106,18 @@ def poles_of(m: PolePairs, layout: Layout) -> Poles:
 
 
 def pole_exp(m: PolePairs, layout: Layout, time) -> Pair:
-    """exp(lambda time) of every pair, (..., p, c); `time` (..., 1, c).
+    """exp(lambda time) of every pair, (..., p, c), stored; `time` (..., 1, c).
 
-    XLA stores it, and pairs of equal poles share theirs.
+    Pairs of equal poles share theirs.
     """
-    E = stored(lambda time, poles: poles.exp(time), time, poles_of(m, layout))
+    E = poles_of(m, layout).stored_exp(time)
     return rows(E[0], layout.pole, -2), rows(E[1], layout.pole, -2)
 
 
 def tables(poles: Poles, rate, step) -> BlockTables:
     """exp and sinusoids at 0, step, ..."""
     time = jnp.broadcast_to(step, (1, poles.kind.shape[1]))
-    E = stored(lambda time, poles: poles.exp(time), time, poles)
+    E = poles.stored_exp(time)
     s, c = stored(sincos, rate * step)
     turns = powers(jnp.ones_like(rate), (c, s), LENGTH)
     return BlockTables(*powers(poles.kind, E, LENGTH), *turns)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, across, materialised, summed
+from .arithmetic import Pair, across, materialised, rows, summed
 from .blocks import BlockTables, ForcedPart, parts_of, shown_by
 from .edges import at_piece, of_sinusoids
 from .poles import PolePairs
@@ -116,12 +116,7 @@ def _beside(shown: Sequence[Sequence[int]]) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _picked(x: Float[Array, "r ..."], index: np.ndarray) -> Array:
-    """Rows of x, zeros for -1; without a copy where all are x or lie beside each other."""
-    if index.shape[1] == len(x) and np.all(index == np.arange(len(x))):
-        return jnp.broadcast_to(x, (len(index), *x.shape))
-    flat = index.ravel()
-    if flat[0] >= 0 and np.all(np.diff(flat) == 1):
-        return x[flat[0] : flat[-1] + 1].reshape(*index.shape, *x.shape[1:])
-    none = jnp.zeros(x.shape[1:])
-    picked = jnp.stack([x[i] if i >= 0 else none for i in flat])
-    return picked.reshape(*index.shape, *x.shape[1:])
+    """Rows of x in the shape of their numbers, zeros for -1."""
+    if np.any(index < 0):
+        x = jnp.concatenate([x, jnp.zeros((1, *x.shape[1:]))])
+    return rows(x, index.ravel() % len(x)).reshape(*index.shape, *x.shape[1:])

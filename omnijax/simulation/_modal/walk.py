@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 
 from .arithmetic import across, flushed, materialised, product, rows, sincos, summed
 from .blocks import LENGTH, ForcedPart, Poles, poles_of, tables
@@ -33,10 +33,14 @@ class WalkState(NamedTuple):
 
 
 class Moved(NamedTuple):
-    """What poles and sinusoids have moved by in a block; stored."""
+    """What poles and sinusoids move by in a block."""
 
-    over: Complex[Array, "q c"]  # exp(lambda t) of the block's time, see `Layout.poles`
-    after: Complex[Array, "q c"]  # of the time since the edge at its end
+    edge: Float[Array, " c"]  # s, of the next edge
+    past: Bool[Array, " c"]  # whether it lies before the sample after the block
+    span: Float[Array, " c"]  # s, of the block
+    since: Float[Array, " c"]  # s, from that edge to the block's end; 0 where it is not past
+    over: Complex[Array, "q c"]  # exp(lambda span), see `Layout.poles`
+    after: Complex[Array, "q c"]  # exp(lambda since)
     turn: Complex[Array, "v c"]  # exp(i angle) of the sinusoids at its begin
 
 
@@ -82,28 +86,19 @@ class Walk(NamedTuple):
             over = jax.lax.complex(*poles.exp(jnp.stack([span, since])[:, None]))
             return over, jax.lax.complex(cs, sn)
 
-        span, since = s.count * self.step, self._since(s)
-        into = s.done * self.step - begun
+        done, edge = s.done + s.count, _first(s.edge)
+        past = jnp.floor(edge / self.step) + 1 <= done
+        since = jnp.where(past, done * self.step - edge, 0.0)
+        span, into = s.count * self.step, s.done * self.step - begun
         over, turn = materialised(moved, span, since, into, poles, self.signals.rate)
-        return Moved(over[0], over[1], turn)
-
-    def _since(self, s: WalkState) -> Float[Array, " c"]:
-        """Time (s) since the edge at the end of the block that begins here; 0 without one."""
-        done = s.done + s.count
-        now = _first(s.edge)
-        return jnp.where(self._taken(now, done), done * self.step - now, 0.0)
-
-    def _taken(self, edge, done):
-        """Whether an edge lies before the sample after so many."""
-        return jnp.floor(edge / self.step) + 1 <= done
+        return Moved(edge, past, span, since, over[0], over[1], turn)
 
     def onward(self, s: WalkState, moved: Moved, follow=lambda carried, move: carried) -> WalkState:
         """The begin of the next block."""
         m, signals, edges = self.modes, self.signals, self.signals.duration.shape[0]
         pieces = np.array([kind.pieces for kind in self.layout.kinds[:edges]])[:, None]
         done = s.done + s.count
-        now = _first(s.edge)
-        pick = (s.edge == now) & self._taken(now, done)
+        pick = (s.edge == moved.edge) & moved.past
         later = jnp.where(s.piece + 1 >= pieces, 0.0, s.piece + 1)
         over, after = (rows(x, self.layout.pole) for x in (moved.over, moved.after))
         over, after = (over.real, over.imag), (after.real, after.imag)
@@ -114,7 +109,7 @@ class Walk(NamedTuple):
         a, b = product(m.kind, s.free, over), product(m.kind, jump, after)
         edge = jnp.where(pick, s.edge + at_piece(signals.duration, later), s.edge)
         begins = later[:, None] == jnp.arange(signals.duration.shape[1])[:, None]
-        move = Onward(s.count * self.step, over, pick[:, None] & begins, self._since(s), after)
+        move = Onward(moved.span, over, pick[:, None] & begins, moved.since, after)
         return WalkState(
             done,
             self._count(done, edge),
