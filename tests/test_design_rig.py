@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import omnijax
+from omnijax._compiling import Effort, compiler_options
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
 from omnijax.study import Tolerances, parse_study
@@ -54,6 +55,15 @@ def lanes_from(engine, shares, limit=None) -> Starts:
     shares = jnp.asarray(shares)
     bound = jnp.array([x.bound for x in engine.problem.limits]) if limit is None else limit
     return Starts(shares, jnp.ones_like(shares), jnp.tile(bound, (len(shares), 1)))
+
+
+def test_slopes_of_a_margin_stand_in_a_program_that_is_not_optimised(engine):
+    """There entries and minimum are rounded differently: `jnp.min` gave a slope of 0/0."""
+    share = jnp.array([0.7, 0.97])
+    program = jax.jit(engine.figures._with_slopes).lower(share)
+    plain = program.compile(compiler_options=compiler_options(Effort.LEAST, 0))(share)
+    for value, good in zip(plain, engine.figures.slopes(np.asarray(share)), strict=True):
+        assert np.allclose(value, good, rtol=1e-9, atol=1e-9)
 
 
 @pytest.fixture(scope="module")

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._arrays import largest, smallest
 from .._root import root
 
 
@@ -66,4 +67,4 @@ def smooth_peak(values: Float[Array, "t c"], sharpness: float = 64.0) -> Float[A
 
 def peak_to_peak(values: Float[Array, " t"]) -> Float[Array, ""]:
     """Largest less smallest value."""
-    return jnp.max(values) - jnp.min(values)
+    return largest(values) - smallest(values)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .._arrays import largest, smallest
 from .._errors import did_you_mean
 from .._root import root
 from ..rig import Rig
@@ -39,7 +40,7 @@ def _component(i: int, axis: str) -> dict[str, Metric]:
             "m",
             f"largest |ΔR_{axis}|",
             lambda r, _: peak(r.t, dR(r), rate(r)),
-            lambda s: jnp.max(s.extremes("dR"), axis=0)[i],
+            lambda s: largest(s.extremes("dR")[:, i]),
         ),
         f"rms_{axis}": Metric(
             "m",
@@ -126,15 +127,15 @@ METRICS: dict[str, Metric] = {
     "slip_margin": Metric(
         "N",
         "least μN − |f| of all contacts",
-        lambda r, _: jnp.min(r.slip_margin),
-        lambda s: jnp.min(s.slip_margin()),
+        lambda r, _: smallest(r.slip_margin),
+        lambda s: smallest(s.slip_margin()),
         False,
     ),
     "lift_off_margin": Metric(
         "N",
         "least normal force of all contacts",
-        lambda r, _: jnp.min(r.normal_force),
-        lambda s: jnp.min(s.least_normal_force()),
+        lambda r, _: smallest(r.normal_force),
+        lambda s: smallest(s.least_normal_force()),
         False,
     ),
 }

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..._arrays import largest
 from ..._errors import InputError
 from ...rig import Rig, get_parameter, put_parameter
 from ...simulation import SpeedDrive, TorqueDrive
@@ -272,7 +273,7 @@ def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
 
     def figures(x, draws):
         metrics, g = cases.every(x, draws)
-        return cases.spread(cases.weighted(metrics)), jnp.max(g, axis=1).reshape(-1)[held]
+        return cases.spread(cases.weighted(metrics)), largest(g, axis=1).reshape(-1)[held]
 
     name, unit = objective_text(study)
     return Problem(

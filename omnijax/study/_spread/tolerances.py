@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from scipy.special import ndtri
 
+from ..._arrays import largest
 from ..._compiling import quick_jit
 from ..._errors import InputError, RunError
 from ..._text import quantity_text
@@ -130,7 +131,7 @@ def _worst(cases: RigCases, draws: int) -> tuple[Callable, Callable]:
     if cases.in_bulk is None:
 
         def worst(deviation):
-            return jnp.max(cases.every(jnp.zeros(0), deviation[None])[0])
+            return largest(cases.every(jnp.zeros(0), deviation[None])[0])
 
         slope = quick_jit(lambda push: jax.jvp(worst, (jnp.zeros(size),), (push,)))
         several = quick_jit(lambda rows: each(worst, [rows], cases.how.order))
