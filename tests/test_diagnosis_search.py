@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 from seeds import drawn_anew
 
 from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, along
+from omnijax.diagnosis._search import refits, search
 from omnijax.diagnosis._search.fit import Fit, refit
 from omnijax.diagnosis._search.refits import Refits
 from omnijax.diagnosis._search.review import Review
@@ -128,6 +129,26 @@ def test_what_a_refit_found_before_is_tried_though_no_tangent_promises_it(monkey
     model.foretold = lambda point: [] if point.effects else [point.with_effects(weak)]
     (effect,) = Search(model).run().fit.point.effects
     assert effect.values["torque"] == pytest.approx(0.2, abs=0.02)
+
+
+def test_a_search_beside_other_noise_goes_on_from_what_was_found(monkeypatch):
+    """Effects that are known are refitted once, where the data are prepared for them."""
+    model = balance([law("bearing-coulomb", 0.2)])
+    first = Search(model).explore()
+    known, made = first.way.fit.point, []
+
+    def refitted(model, point, **more):
+        made.append(len(point.effects))
+        return refit(model, point, **more)
+
+    for where in (search, refits):
+        monkeypatch.setattr(where, "refit", refitted)
+    monkeypatch.setattr(Search, "trials", lambda *_: [])
+    again = Search(model).explore(first.baseline.point, known)
+    assert made[:2] == [0, 1]
+    assert made[2:] in ([], [1])  # with friction's width free
+    assert again.way.fit.cost == pytest.approx(first.way.fit.cost, abs=0.05)
+    assert again.baseline.cost == pytest.approx(first.baseline.cost, rel=1e-3)
 
 
 def test_two_planted_laws_are_both_named():

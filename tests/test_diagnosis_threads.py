@@ -9,6 +9,7 @@ from test_plant import load_plant
 
 from omnijax.diagnosis import Effect, Point, RigModel
 from omnijax.diagnosis import _threads as threads
+from omnijax.diagnosis._machine import machine as rig_machine
 from omnijax.diagnosis._machine.stage_cache import StageCache
 from omnijax.diagnosis._search import tangent_rows
 from omnijax.diagnosis._threads import cores, each
@@ -114,3 +115,58 @@ def test_what_is_made_aside_is_kept_to_its_end_only():
         cache.forget()
         assert ask(b"a") == b"a"
     assert ask(b"a", b"b") == b"b"
+
+
+def test_what_is_told_to_be_forgotten_is_made_anew_and_the_rest_is_kept():
+    cache, made = StageCache(), []
+    for forgotten in ((), ("one",), ()):
+        cache.forget(*forgotten) if forgotten else None
+        for stage in ("one", "other"):
+            cache.get(stage, b"k", lambda stage=stage: made.append(stage))
+    cache.forget()
+    cache.get("other", b"k", lambda: made.append("other"))
+    assert made == ["one", "other", "one", "other"]
+
+
+ARM = Effect("rolling-resistance", "all", {"arm": 1e-3})
+
+
+def counted(monkeypatch, where, name):
+    """The calls of a function from here on, as a list that grows."""
+    calls, function = [], getattr(where, name)
+
+    def called(*given, **named):
+        calls.append(given)
+        return function(*given, **named)
+
+    monkeypatch.setattr(where, name, called)
+    return calls
+
+
+def test_rigs_that_differ_in_elastic_parts_turn_once_under_the_same_normal_forces(
+    model, monkeypatch
+):
+    """What N does to Omega is asked of each; what N of the last rebase does, once."""
+    stiff = next(k for k, p in enumerate(model.priors) if "stiffness" in p.name)
+    point = Point(np.zeros(len(model.priors)), (ARM,))
+    softer = Point(-0.5 * np.eye(len(model.priors))[stiff], (ARM,))
+    calls = counted(monkeypatch, rig_machine, "run_torques")
+    model.machine.forget()
+    together, runs = model.residuals([point, softer], "train"), len(model.splits["train"])
+    assert len(calls) == 3 * runs
+    model.machine.forget()
+    (alone,) = model.residuals([softer], "train")
+    np.testing.assert_allclose(together[1], alone, rtol=0, atol=1e-9 * np.abs(alone).max())
+    assert np.abs(together[0] - together[1]).max() > 1
+
+
+def test_a_rebase_finds_no_motion_again_for_other_normal_forces(model, monkeypatch):
+    """Of every smoothing and once at its end; the rest hangs on what was smoothed alone."""
+    rig = model.rig_at(Point(np.zeros(len(model.priors))))
+    smoothed = counted(monkeypatch, rig_machine, "smooth")
+    model.machine.rebase(rig)
+    assert len(smoothed) == 2 * len(model.machine.runs)
+    kept = model.machine.residual_tables(rig, 0)
+    model.machine.forget()
+    for found, anew in zip(kept, model.machine.residual_tables(rig, 0), strict=True):
+        np.testing.assert_array_equal(found, anew)

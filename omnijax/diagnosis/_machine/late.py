@@ -53,6 +53,8 @@ def late_outputs(
 def _continued(values: np.ndarray, intervals: int, count: int) -> np.ndarray:
     """An input (points, c) over `intervals` samples led on evenly to `count`."""
     more = (len(values) - 1) // intervals * (count - intervals)
+    if not more:
+        return values
     slope = values[-1] - values[-2]
     return np.concatenate([values, values[-1] + slope * np.arange(1, more + 1)[:, None]])
 

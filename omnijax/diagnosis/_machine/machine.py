@@ -30,7 +30,14 @@ from .modes import OutputModes
 from .motion import RunMotion, contact_directions, integrate, measured_lengths, motion, tables_for
 from .noise_model import rolling_state, rows_of
 from .observer import needs_observer, observed_turning, path_along
-from .rotation import MeasuredTurning, commanded, rotation_moments, run_torques, turning
+from .rotation import (
+    MeasuredTurning,
+    attitude_matters,
+    commanded,
+    rotation_moments,
+    run_torques,
+    turning,
+)
 from .runs import FINE, SHAPE, STEPS, Run
 from .smooth import likeliest, smooth
 from .stage_cache import StageCache
@@ -128,13 +135,15 @@ class Machine:
         normal = tuple(
             r.normal for r in self.rotated(rig, turns=SETTINGS.prediction.rebase_turns).values()
         )
-        self._begin(dataclasses.replace(basis, normal=normal))
+        self.basis = dataclasses.replace(basis, normal=normal)
+        self._kept.forget("driven", "rotated", "predicted")  # motions do not hang on N
         self.rows = each(lambda i: rows_of(self, rig, i), range(len(self.runs)))
         begin = [i for i, run in enumerate(self.runs) if run.rolling_start(self.noise)]
         states = each(lambda i: rolling_state(self, rig, i), begin)
         more = {i: rolling.get(i, 0.0) + z for i, z in zip(begin, states, strict=True)}
         if begin:
-            self._begin(dataclasses.replace(self.basis, rolling=more))
+            self.basis = dataclasses.replace(self.basis, rolling=more)
+            self._kept.forget("rotated", "predicted")
 
     def _begin(self, basis: Basis) -> None:
         self.basis = basis
@@ -224,26 +233,34 @@ class Machine:
         run, m = self.runs[i], self.motions(rig, [i])[i]
         key = self._motion_key(rig) + digest(rig.wheels.inertia) + bytes([i])
         response = self._kept.get("turning", key, lambda: turning(rig, m))
-        command = commanded(rig, run)
-        longest = max(r.samples for r in self.runs)
-        path = None
+        command, path = commanded(rig, run), None
         if needs_observer(rig):
-            key += digest(rig.platform.gravity, rig.at("command"))
+            longest = max(r.samples for r in self.runs)
+            about = key + digest(rig.platform.gravity, rig.at("command"), attitude_matters(rig))
             path = self._kept.get(
-                "path", key, lambda: path_along(rig, m, response, command, longest)
+                "path", about, lambda: path_along(rig, m, response, command, longest)
             )
-        normal = self.basis.normal[i]
-        moving = m
-        for turn in range(turns):
+
+        def driven(normal: np.ndarray):
+            moving = m
             if path is not None:
                 rest = not run.rolling_start(self.noise)
                 Omega, speed = observed_turning(rig, m, path, normal, run.step, rest)
                 moving = dataclasses.replace(m, turning=Omega, speed=speed)
             moments = rotation_moments(rig, moving, command, normal)
             _, caused = run_torques(rig, moments, m.step)
-            drive, rate = response.respond(caused.shaft, caused.opposing)
-            if turn < turns - 1:
-                normal = self.normal_force(rig, i, m, drive)
+            return response.respond(caused.shaft, caused.opposing)
+
+        normal = self.basis.normal[i]
+        if turns == 1:
+            return self._integrated(rig, run, m, response, *driven(normal), normal)
+        # under the N of the last rebase all rigs turn alike that differ in their elastic parts only
+        ports = [rig.at(port) for port in ("command", *TURNING_PORTS)]
+        key += digest(rig.platform, rig.wheels.contact.friction, *ports)
+        drive, rate = self._kept.get("driven", key, lambda: driven(normal))
+        for _ in range(turns - 1):
+            normal = self.normal_force(rig, i, m, drive)
+            drive, rate = driven(normal)
         return self._integrated(rig, run, m, response, drive, rate, normal)
 
     def _integrated(

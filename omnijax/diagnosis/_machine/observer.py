@@ -17,7 +17,7 @@ from ...rig import Rig
 from .._settings import SETTINGS
 from .motion import RunMotion, rolling_radius
 from .ports import bare
-from .rotation import MeasuredTurning
+from .rotation import MeasuredTurning, attitude_matters
 from .runs import FINE, padded
 
 
@@ -72,9 +72,10 @@ def path_along(
         return np.broadcast_to(x, (len(command), *x.shape[1:]))[::half]
 
     radius = every(rolling_radius(rig, motion))
+    attitude = motion.attitude if attitude_matters(rig) else np.eye(3)[None]
     path = (
         every(response.rates), every(response.axes), radius, every(motion.theta), every(command),
-        np.zeros_like(radius), every(motion.attitude), every(motion.turning),
+        np.zeros_like(radius), every(attitude), every(motion.turning),
     )  # fmt: skip
     return Path(*(jnp.asarray(padded(x, length)) for x in path))
 

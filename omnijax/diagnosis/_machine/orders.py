@@ -148,7 +148,10 @@ def _sizes(
     base: Linearisation, rows: DataRows, taken, law: str, k: int, grid: np.ndarray, together: int
 ):
     """Of each line's cosine and sine, from `THINNED` samples: inner products (orders, 2, 2) with
-    each other and (orders, 2, k) with the directions `taken`."""
+    each other and (orders, 2, k) with the directions `taken`.
+
+    Rows are in single precision: they tell which lines are looked at closely, no more.
+    """
     h, axes, rates, factor = base.run.step, _axes(base), _rates(base, k), _factor(base, law, k)
     samples = rows.samples // THINNED * THINNED
     if len(rates) > 1:
@@ -157,13 +160,16 @@ def _sizes(
     theta, passed = (x[:samples] for x in _passing(base, k))
     keep = _kept(rows)
     weight = rows.rotation[keep] * np.sqrt(THINNED)
-    windows = _thinned_windows(rows, keep)
+    windows = [(part, q.astype(np.float32)) for part, q in _thinned_windows(rows, keep)]
+    rates, axes, weight = (x.astype(np.float32) for x in (rates, axes, weight))
+    taken = taken.astype(np.float32)
     block = np.exp(1j * np.outer(np.arange(together) * (grid[1] - grid[0]), theta))
+    block = block.astype(np.complex64)
     out, inside = np.zeros((len(grid), 2, 2)), np.zeros((len(grid), 2, taken.shape[1]))
     for first in range(0, len(grid), together):
         count = min(together, len(grid) - first)
         mean = np.sinc(grid[first + count // 2] * passed) * factor[:samples]
-        wave = block[:count] * (mean * np.exp(1j * grid[first] * theta))
+        wave = block[:count] * (mean * np.exp(1j * grid[first] * theta)).astype(np.complex64)
         wave = wave.reshape(count, -1, THINNED)
         if len(rates) == 1:
             pushed = wave.sum(axis=2)[:, :, None] * rates[0]

@@ -62,6 +62,12 @@ def isotropic(rig: Rig) -> bool:
     return bool(np.all(inertia == inertia[0, 0] * np.eye(3)))
 
 
+def attitude_matters(rig: Rig) -> bool:
+    """Whether the sphere's torques or its inertia hang on how it lies."""
+    unlike = not isotropic(rig) or np.any(np.asarray(rig.sphere.centre_of_mass))
+    return bool(unlike or rig.at("sphere"))
+
+
 def turning(rig: Rig, motion: RunMotion) -> MeasuredTurning:
     """The response along one run's motion."""
     attitude = np.eye(3)[None] if isotropic(rig) else motion.attitude
@@ -96,8 +102,7 @@ def _command_times(placed, fine, size: int):
 
 def rotation_moments(rig: Rig, m: RunMotion, command: np.ndarray, normal: np.ndarray):
     """What laws that act on the rotation feel along a motion; one entry where nothing changes."""
-    turns = not isotropic(rig) or rig.at("sphere") or np.any(np.asarray(rig.sphere.centre_of_mass))
-    attitude = m.attitude if turns else np.eye(3)[None]
+    attitude = m.attitude if attitude_matters(rig) else np.eye(3)[None]
     felt = (m.axes, attitude, m.turning, m.theta, m.speed, command, command, normal)
     return RotationMoment(*felt)  # pyright: ignore[reportArgumentType]
 

@@ -45,7 +45,8 @@ class StageCache:
                 if self._stages is meanwhile:  # else it was told to forget
                     self._stages = before
 
-    def forget(self) -> None:
-        """Keep nothing; what is being made meanwhile is not kept either."""
+    def forget(self, *stages: str) -> None:
+        """Keep nothing of `stages` (none given: of any), nor of what is being made meanwhile."""
         with self._lock:
-            self._stages = {}
+            left = {k: dict(kept) for k, kept in self._stages.items() if k not in stages}
+            self._stages = left if stages else {}

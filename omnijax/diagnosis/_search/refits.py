@@ -145,16 +145,20 @@ class Refits:
 
     def settle(self, fit: Fit) -> Fit:
         """Smooth about the new point and polish there, with tangents of its own."""
+        return self.settled(fit.point, fit.chi2)
+
+    def settled(self, point: Point, before: float) -> Fit:
+        """The fit from a point near its end; `before` is its chi2 as the data were prepared."""
         for _ in range(self.settings.settles):
-            before = fit.chi2
-            self.model.rebase(fit.point)
-            fit = refit(self.model, fit.point, rounds=10)
+            self.model.rebase(point)
+            fit = refit(self.model, point, rounds=10)
             near = (
                 fit.chi2 < self.settings.settled * self.model.dof("train")
                 or fit.chi2 > 0.98 * before
             )
             if near or not self.model.unsettled(fit.point):
                 break
+            point, before = fit.point, fit.chi2
         return self.widened(fit)
 
     def widened(self, fit: Fit, best: float = np.inf) -> Fit:

@@ -117,14 +117,19 @@ class Search:
         `known` effects of an earlier search are taken in at once and judged like the others.
         """
         model = self.model
-        fit = refit(model, start or Point(np.zeros(len(model.priors))), relative=0.01)
-        model.rebase(fit.point)
-        baseline = refit(model, fit.point, baseline=fit.jacobian, relative=0.01)
+        stated = Point(np.zeros(len(model.priors)))
+        if known is None:
+            fit = refit(model, start or stated, relative=0.01)
+            model.rebase(fit.point)
+            baseline = refit(model, fit.point, baseline=fit.jacobian, relative=0.01)
+        else:  # another noise moves the ends of its refits by little
+            model.rebase(start or stated)
+            baseline = refit(model, start or stated, relative=0.01)
         held_before = chi2_of(model, baseline.point, "held-out")
         self.begun = baseline.chi2, held_before
         if known is not None and known.effects:
-            begun = SearchPath(self.refits.settle(refit(model, known, relative=1e-3)))
-            way = self.follow(begun)
+            before = chi2_of(model, known, "train")
+            way = self.follow(SearchPath(self.refits.settled(known, before)))
         else:
             way = self.best_way(baseline, self.follow(SearchPath(baseline)))
         return Explored(baseline, held_before, way)
