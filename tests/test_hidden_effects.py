@@ -14,7 +14,7 @@ from benchmarks.hidden_effects.answers import _numbers, right
 from benchmarks.hidden_effects.cases import drawn, planted
 from benchmarks.hidden_effects.effects import KNOWN, OUTSIDE
 from benchmarks.hidden_effects.machines import drawn_machine
-from benchmarks.hidden_effects.oracle import TELLS, honest, told_apart
+from benchmarks.hidden_effects.oracle import TELLS, honest, told, told_apart
 from benchmarks.hidden_effects.report import holms, report
 from omnijax.diagnosis import Diagnosis
 from omnijax.diagnosis._answer import Named
@@ -36,6 +36,24 @@ def equal_cases(seed):
     sizes = [h.nominal for h in first.hidden]
     for a, b in zip(planted(first, sizes)[:2], planted(again, sizes)[:2], strict=True):
         assert all(np.array_equal(a[k], b[k]) for k in a)
+
+
+def test_inputs_are_linear_between_the_recordings_samples():
+    """As the format says; smooth ones had moved an angle by a fifth of a sigma at 250 Hz."""
+    found = {250.0: 0, 500.0: 0}
+    for seed in drawn_anew("inputs").integers(0, 10**6, 12).tolist():
+        case = drawn(seed)
+        every = round(cases.FINE / case.rate)
+        found |= {case.rate: found.get(case.rate, 0) + 1}
+        for values in (case.torque, case.force):
+            from_start = values[:, round(case.cut * cases.FINE) % every :]
+            bends = np.abs(np.diff(from_start, 2, axis=1))
+            at_samples = np.zeros(bends.shape[1], bool)
+            at_samples[every - 1 :: every] = True
+            size = np.abs(values).max() or 1.0
+            # at every step of 1000 Hz there is a sample
+            assert bends[:, ~at_samples].max(initial=0.0) < 1e-12 * size
+    assert found[250.0] + found[500.0]
 
 
 @pytest.mark.parametrize("id", [*KNOWN, *OUTSIDE])
@@ -104,6 +122,25 @@ def test_an_ambiguous_answer_is_right_where_the_data_cannot_tell():
             assert off < 0.2 + 10 * bool(noise) * np.sqrt(apart["expected"])
             assert honest([apart]) == right(case, silent, [apart]) == (apart["margin"] < TELLS)
     assert told_apart(ambiguous(0.01, 0.0), {("creep", "shaft"): {}}) is None
+
+
+@pytest.mark.parametrize(("size", "data_tell"), [(0.003, False), (0.02, True)])
+def test_of_a_case_drawn_as_ambiguous_the_truth_alone_is_right_where_the_data_tell(size, data_tell):
+    case = next(c for c in map(drawn, range(200)) if c.kind == "ambiguous" and c.hidden[0].id)
+    model = balance([law("bearing-coulomb", size)], {**LAWS, "soft": Soft})
+    dry = Effect("bearing-coulomb", "shaft", {"torque": size})
+    rivals = {0: [(Effect("soft", "shaft", {"strength": size}), 0.0, 1.0)]}
+    fit = refit(model, Point(np.zeros(2), (dry,)))
+    found = SimpleNamespace(fit=fit, rivals=rivals)
+    (hidden,) = case.hidden
+    says = Diagnosis("named", [Named(hidden.id, hidden.place, {}, {})], [], {}, None, [], {}, [])
+    says.details = {"model": model, "found": found}
+    apart = told_apart(says, {("bearing-coulomb", "shaft"): {"torque": size}})
+    assert apart is not None
+    assert [x["rival"] for x in apart] == ["soft@shaft"]
+    assert told(apart) == right(case, says, apart) == data_tell
+    assert not right(case, says, [])
+    assert not right(case, dataclasses.replace(says, effects=[Named("x", "w1", {}, {})]), apart)
 
 
 def test_the_report_counts_each_answer_once_with_its_exact_interval():

@@ -15,7 +15,7 @@ from omnijax.diagnosis import Diagnosis, diagnose
 from .._lines import commit
 from .cases import Drawn, drawn, recorded, sized, written
 from .effects import Hidden
-from .oracle import honest, told_apart
+from .oracle import honest, told, told_apart
 
 ANGLES = ("phase", "phases")
 DIRECTIONS = ("axis", "direction")
@@ -39,7 +39,8 @@ def answered(seed: int, kind: str | None = None) -> dict:
         seconds = time.process_time() - started
     hidden = list(zip(case.hidden, sizes, strict=True))
     true = {(h.id, h.place): h.truth(x) for h, x in hidden}
-    apart = told_apart(found, true) if case.kind in ("one", "several") else None
+    asked = "named" if case.kind == "ambiguous" else "ambiguous"
+    apart = told_apart(found, true) if found.verdict == asked else None
     return {
         "seed": seed, "kind": case.kind, "commit": commit(), "cpu": round(seconds, 1),
         "shows": _short(shows), "factors": case.factors,
@@ -61,13 +62,15 @@ def answered(seed: int, kind: str | None = None) -> dict:
 def right(case: Drawn, found, apart: list[dict] | None = None) -> bool:
     """Verdict, all ids and places, nothing extra.
 
-    `ambiguous` is right too where it holds what is hidden, and no rival is told `apart` from that.
+    `ambiguous` is right too where it holds what is hidden, and no rival is told `apart` from that;
+    of a case drawn as ambiguous `named` is, where every rival is.
     """
     wanted = {(h.id, h.place) for h in case.hidden}
     got = {(e.id, e.place) for e in found.effects}
     if case.kind == "ambiguous":
         twins = {(t["id"], t["place"]) for e in found.effects for t in e.indistinguishable_from}
-        return bool(twins) and wanted <= got | twins
+        alone = found.verdict == "named" and got == wanted and told(apart)
+        return alone or (bool(twins) and wanted <= got | twins)
     if case.kind == "unknown":
         return found.verdict == "unknown"
     verdict = "named" if wanted else "none"

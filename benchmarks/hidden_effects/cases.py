@@ -81,9 +81,22 @@ def drawn(seed: int, kind: str | None = None) -> Drawn:
     drop = str(rng.choice(GROUPS)) if rng.random() < 0.1 and chosen in ("none", "one") else ""
     if any(h.place.split("_")[0] == drop for h in hidden):
         drop = ""
-    return Drawn(seed, chosen, hidden, machine, factors, float(rng.choice([250.0, 500.0, 1000.0],
-                 p=[0.4, 0.4, 0.2])), drawn_noise(rng, machine.wheels), torque, force * forced,
-                 start, widths, cut, drop, forced)  # fmt: skip
+    rate = float(rng.choice([250.0, 500.0, 1000.0], p=[0.4, 0.4, 0.2]))
+    torque, force = (linear_between(x, cut, rate) for x in (torque, force * forced))
+    return Drawn(seed, chosen, hidden, machine, factors, rate, drawn_noise(rng, machine.wheels),
+                 torque, force, start, widths, cut, drop, forced)  # fmt: skip
+
+
+def linear_between(values: np.ndarray, cut: float, rate: float) -> np.ndarray:
+    """Inputs (runs, samples at FINE, c) that are linear between a recording's samples.
+
+    It begins `cut` s after them and has `rate` Hz.  So the format says that inputs are.
+    """
+    every, fine = round(FINE / rate), np.arange(values.shape[1])
+    at = fine[round(cut * FINE) % every :: every]
+    return np.stack([
+        np.stack([np.interp(fine, at, x[at]) for x in run.T], axis=1) for run in values
+    ])  # fmt: skip
 
 
 def _ambiguous(rng) -> str:

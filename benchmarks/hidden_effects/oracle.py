@@ -1,6 +1,7 @@
 """Could the data tell what is hidden from its rivals?  Refits that begin at the truth say so.
 
-An answer `ambiguous` that holds what is hidden is right where they could not.
+An answer `ambiguous` that holds what is hidden is right where they could not; of a case that is
+drawn as one that nothing tells, `named` is right where they could.
 """
 
 import itertools
@@ -12,6 +13,7 @@ from omnijax.diagnosis._search import AbstractModel, Effect, Point, refit
 from .._lines import TELLS
 
 Name = tuple[str, str]  # id and place
+NEAREST = 2  # rivals of a named effect that are refitted: the others are farther
 
 
 class Noiseless(AbstractModel):
@@ -44,11 +46,13 @@ class Noiseless(AbstractModel):
 def told_apart(found, true: dict[Name, dict[str, Any]]) -> list[dict] | None:
     """Of an ambiguous answer that holds the truth, how far each rival is from it; else None.
 
+    So too of a named one that is the truth, of the `NEAREST` rivals of each effect.
+
     `true` are the parameters of what is hidden, by name.  By rival: `rival`, `margin` (chi2 by
     which it explains train and held-out runs less well than the truth, both refitted from there)
     and `expected` (what that is in the mean of all noise).
     """
-    if found.verdict != "ambiguous":
+    if found.verdict not in ("ambiguous", "named"):
         return None
     sets = _sets(found)
     held = [some for some in itertools.product(*sets) if {_name(e) for e in some} == set(true)]
@@ -73,15 +77,25 @@ def told_apart(found, true: dict[Name, dict[str, Any]]) -> list[dict] | None:
     return out
 
 
+def told(apart: Iterable[dict] | None) -> bool:
+    """Whether every rival of a named answer can be told from the truth, and some were asked."""
+    margins = [x["margin"] for x in apart or ()]
+    return bool(margins) and min(margins) >= TELLS
+
+
 def honest(apart: Iterable[dict] | None) -> bool:
     """Whether no rival of an ambiguous answer could have been told from the truth."""
     return apart is not None and all(x["margin"] < TELLS for x in apart)
 
 
 def _sets(found) -> list[list[Effect]]:
-    """By effect of the answer what it may be: itself and its equals."""
-    equals, effects = found.details["judged"].equals, found.details["found"].fit.point.effects
-    return [[e, *(rival for rival, _, _ in equals.get(i, []))] for i, e in enumerate(effects)]
+    """By effect of the answer what it may be, itself and its equals; of a named one its rivals."""
+    outcome, named = found.details["found"], found.verdict == "named"
+    near = outcome.rivals if named else found.details["judged"].equals
+    return [
+        [e, *(rival for rival, _, _ in near.get(i, [])[: NEAREST if named else None])]
+        for i, e in enumerate(outcome.fit.point.effects)
+    ]
 
 
 def _name(effect: Effect) -> Name:
