@@ -7,9 +7,11 @@ is; the row is confirmed where the printed reading lies above the limit and the 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from ..dynamics import (
     TRANSLATIONS,
@@ -46,12 +48,17 @@ class Row(NamedTuple):
     unit: str = "1"
 
 
-def pitch_mismatch(study: PaperStudy, profile: str) -> float:
-    """Largest |rho(theta + pitch) - rho(theta)| over the depth, of a profile."""
-    gap = jax.tree.map(lambda x: x[0], study.rig.gaps)
+@eqx.filter_jit
+def _pitch_mismatch(rig: Rig, profile: str) -> Float[Array, ""]:
+    gap = jax.tree.map(lambda x: x[0], rig.gaps)
     angle = (jnp.arange(500) + 0.5) / 500 * gap.pitch
     rho = jax.vmap(lambda a: PROFILES[profile]()(a, gap))
-    return float(jnp.max(jnp.abs(rho(angle + gap.pitch) - rho(angle))) / gap.depth)
+    return jnp.max(jnp.abs(rho(angle + gap.pitch) - rho(angle))) / gap.depth
+
+
+def pitch_mismatch(study: PaperStudy, profile: str) -> float:
+    """Largest |rho(theta + pitch) - rho(theta)| over the depth, of a profile."""
+    return float(_pitch_mismatch(study.rig, profile))
 
 
 def momentum_residual(study: PaperStudy, form: str) -> float:
@@ -81,31 +88,38 @@ def resisting_power(study: PaperStudy, reading: tuple[str, int]) -> float:
     return -float(torque.roll * signal.roll + torque.spin * signal.spin)
 
 
+@eqx.filter_jit
+def _pointwise_matrices(rig: Rig, sign: int) -> Float[Array, "n 4 4"]:
+    return Pointwise(rig, sign).matrices()[0]
+
+
 def closure_softening(study: PaperStudy, sign: int) -> float:
     """Relative loss of the lowest natural frequency squared by the closure spring."""
 
     def squared(rig: Rig) -> float:
-        A = np.asarray(Pointwise(rig, sign).matrices()[0])[FASTEST]
+        A = np.asarray(_pointwise_matrices(rig, sign))[FASTEST]
         return float(np.min(np.abs(np.linalg.eigvals(A)) ** 2))
-
-    import equinox as eqx
 
     loose = eqx.tree_at(lambda r: r.wheels.closure.stiffness, study.rig, jnp.zeros(study.rig.size))
     return 1 - squared(study.rig) / squared(loose)
 
 
-def wheel_balance(study: PaperStudy, model: str) -> float:
-    """|K delta - k Delta - m r.R_l''| / (m |r.R_l''|) of a wheel in steady acceleration by P."""
-    translation = TRANSLATIONS[model](study.rig)
+@eqx.filter_jit
+def _wheel_balance(rig: Rig, model: str) -> Float[Array, ""]:
+    translation, wheels = TRANSLATIONS[model](rig), rig.wheels
     system = linear_system(translation)
-    inputs = PortInputs.zeros(study.rig.size)._replace(force=jnp.array([0.3, 0.0, 0.0]))
+    inputs = PortInputs.zeros(rig.size)._replace(force=jnp.array([0.3, 0.0, 0.0]))
     y = jnp.linalg.solve(system.A, -system.B @ flatten(inputs))
     state = unflatten(translation.rest(), y)
     motion = translation.motion(state, inputs.shape)
-    wheels = study.rig.wheels
     needed = wheels.mass * (wheels.normal @ translation.platform_acceleration(state, inputs))
     net = translation.tension(motion) - translation.mount_tension(motion)
-    return float(jnp.max(jnp.abs(net - needed)) / jnp.max(jnp.abs(needed)))
+    return jnp.max(jnp.abs(net - needed)) / jnp.max(jnp.abs(needed))
+
+
+def wheel_balance(study: PaperStudy, model: str) -> float:
+    """|K delta - k Delta - m r.R_l''| / (m |r.R_l''|) of a wheel in steady acceleration by P."""
+    return float(_wheel_balance(study.rig, model))
 
 
 def contact_mismatch(study: PaperStudy, how: str) -> float:
@@ -116,7 +130,8 @@ def contact_mismatch(study: PaperStudy, how: str) -> float:
     return float(np.max(np.abs(normal @ dR - wanted)) / np.max(wanted))
 
 
-def _no_slip_forces(rig: Rig):
+@eqx.filter_jit
+def _no_slip_forces(rig: Rig) -> Float[Array, " n"]:
     wheels = rig.wheels
     return drive_forces(
         wheels.spin_axis, wheels.radius, rig.sphere.radius, wheels.inertia,
@@ -124,9 +139,8 @@ def _no_slip_forces(rig: Rig):
     )  # fmt: skip
 
 
-def force_balance(study: PaperStudy, reading: str) -> float:
-    """Relative acceleration of sphere and platform that the external force of eq. 45 leaves."""
-    rig = study.rig
+@eqx.filter_jit
+def _force_balance(rig: Rig, reading: str) -> Float[Array, ""]:
     wheels, M_s, M_T = rig.wheels, rig.sphere.mass, rig.total_mass
     f, P = _no_slip_forces(rig), jnp.array([0.1, 0.2, 0.3])
     mu = wheels.contact.friction
@@ -135,7 +149,12 @@ def force_balance(study: PaperStudy, reading: str) -> float:
         F = F * M_s / M_T
     inside = wheels.normal.T @ (f / mu) + wheels.drive.T @ f
     sphere, platform = (inside + F) / M_s, (P - inside) / (M_T - M_s)
-    return float(jnp.linalg.norm(sphere - platform) / jnp.linalg.norm(platform))
+    return jnp.linalg.norm(sphere - platform) / jnp.linalg.norm(platform)
+
+
+def force_balance(study: PaperStudy, reading: str) -> float:
+    """Relative acceleration of sphere and platform that the external force of eq. 45 leaves."""
+    return float(_force_balance(study.rig, reading))
 
 
 def unit_scaling(study: PaperStudy, reading: str) -> float:
