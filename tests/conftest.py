@@ -15,8 +15,6 @@ FLAGS = "--xla_cpu_multi_thread_eigen=false"
 if version("jaxlib").startswith("0.10."):  # XLA aborts at a flag that it does not know
     # the older of XLA's two code generators for the same operations, and machine code optimised
     # less: half the time to compile, which is most of the suite's; bulk kernels run longer in it.
-    # (Not optimised at all it would be a quarter less again, but jaxlib 0.10.2 compiles that
-    # wrongly: a slope of zero in one design of a batch.)
     FLAGS += " --xla_cpu_use_fusion_emitters=false --xla_backend_optimization_level=1"
     FLAGS += " --xla_llvm_disable_expensive_passes=true"
     FLAGS += " --xla_backend_extra_options=xla_cpu_disable_loop_unrolling,"
@@ -73,6 +71,18 @@ def _programs_end_before_there_are_too_many():
     if many or resident() > _swept["size"] + GARBAGE:
         gc.collect()
         _swept["size"] = resident()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _what_runs_briefly_is_not_optimised(request):
+    """In files marked `brief`: half the time to compile, two to four times the time to run."""
+    import jax
+
+    before = jax.config.read("jax_disable_most_optimizations")
+    brief = request.node.get_closest_marker("brief") is not None
+    jax.config.update("jax_disable_most_optimizations", before or brief)
+    yield
+    jax.config.update("jax_disable_most_optimizations", before)
 
 
 @pytest.fixture(autouse=True)

@@ -11,7 +11,7 @@ from tiers import tiered
 
 from omnijax.simulation import simulate, speeds, torques
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.brief]
 
 TS = jnp.linspace(0, 0.06, 13)
 BASE = machine(ORTHOGONAL)

@@ -15,6 +15,8 @@ from omnijax.simulation._solve.exponential import FRACTIONS, Exponential, Linear
 from omnijax.simulation._solve.phi import phi_functions
 from omnijax.simulation._solve.steps import angle_to_edge, time_to_edge
 
+pytestmark = pytest.mark.brief
+
 
 def phi_by_exponential(z, count):
     """phi_1 ... phi_count as blocks of one matrix exponential."""

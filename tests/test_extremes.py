@@ -17,6 +17,8 @@ from omnijax.simulation import steady_state
 from omnijax.simulation._exact.expm import points, whole
 from omnijax.simulation._steady.long_run import LongRun
 
+pytestmark = pytest.mark.brief
+
 RIGS = 8
 BITS = 13
 

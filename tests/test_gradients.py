@@ -12,6 +12,8 @@ from machines import ORTHOGONAL, SKEW, machine
 from omnijax.simulation._exact.constant import constant_response
 from omnijax.simulation._steady.steady import steady_state
 
+pytestmark = pytest.mark.brief
+
 W = jnp.array([0.4, 5.2, -1.3])
 PLACES = lambda r: (  # noqa: E731
     r.wheels.roundness,

@@ -17,6 +17,8 @@ from omnijax.study._evaluation import Evaluation
 from omnijax.vibration import steady_metrics
 from omnijax.view._panel import Panel
 
+pytestmark = pytest.mark.brief
+
 W = np.array([0.6, 1.2, 0.9])
 SIZES = {"harmonics": 96, "grid_bits": 7}  # as the panel asks for: one program
 

@@ -20,7 +20,7 @@ from omnijax.rig import get_parameter, load_rig, set_parameter
 from omnijax.simulation import measured, simulate, table, torques
 from omnijax.study._parameters import scalar_parameters
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.brief]
 # laws at contacts and mounts whose forces are stepped in time
 STEPPED = {p.id for p in EFFECTS.values() if p.port in ("contact", "mount")}
 NOTHING = {  # numbers at which a law does nothing; zero for all others

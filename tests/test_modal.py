@@ -22,7 +22,7 @@ from omnijax.simulation._modal.arithmetic import rows
 from omnijax.simulation._modal.bulk import effort_for
 from omnijax.vibration import evaluate
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.brief]
 
 DURATION, STEP = 0.4, 0.002
 

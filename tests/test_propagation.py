@@ -14,6 +14,8 @@ from omnijax.dynamics import TRANSLATIONS, linear_system, wheel_shape
 from omnijax.simulation import propagate, ramp, simulate, speeds
 from omnijax.simulation._exact.system import exact_obstacle
 
+pytestmark = pytest.mark.brief
+
 TS = jnp.linspace(0.2, 0.7, 11)
 W = (0.4, 5.2, -1.3)
 

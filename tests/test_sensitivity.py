@@ -13,6 +13,8 @@ from omnijax.study import Sensitivity, sensitivity, sensitivity_over_speeds
 from omnijax.study._batches import percent_per_percent
 from omnijax.vibration import evaluate
 
+pytestmark = pytest.mark.brief
+
 SPEED = (3.0, 5.1, 7.3)
 
 

@@ -22,7 +22,7 @@ from omnijax.vibration import (
 )
 from omnijax.vibration._gravity import up
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.brief]
 
 
 def _harmonic(rig, w, count=6000):

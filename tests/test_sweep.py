@@ -24,7 +24,7 @@ from omnijax.study._evaluation.evaluation import without_failed
 from omnijax.study._evaluation.methods import choose
 from omnijax.vibration import evaluate
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.long, pytest.mark.brief]
 
 VARY = {"wheel.roundness": "0.2:0.6:4", "contact.stiffness": "log:5e4:1e6:5"}
 SPEEDS = (0.1, 1.2, 0.3)

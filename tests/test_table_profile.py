@@ -12,6 +12,8 @@ from rigs import tables
 from omnijax.dynamics import wheel_shape
 from omnijax.rig import InputError, parse_rig
 
+pytestmark = pytest.mark.brief
+
 ROLLERS = 14
 PLACES = 5001
 
