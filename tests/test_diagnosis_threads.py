@@ -2,18 +2,22 @@
 
 import threading
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from test_diagnosis_null import noisy
 from test_plant import load_plant
+from threadpoolctl import threadpool_limits
 
 from omnijax.diagnosis import Effect, Point, RigModel
 from omnijax.diagnosis import _threads as threads
 from omnijax.diagnosis._machine import machine as rig_machine
+from omnijax.diagnosis._machine import stepped
 from omnijax.diagnosis._machine.stage_cache import StageCache
-from omnijax.diagnosis._search import tangent_rows
+from omnijax.diagnosis._search import Candidate, Signatures, tangent_rows
 from omnijax.diagnosis._threads import cores, each
 from omnijax.laws import EFFECTS
+from omnijax.machine import PlacedLaw
 from omnijax.rig import load_rig
 
 
@@ -53,6 +57,51 @@ def test_errors_and_the_callers_context_hold_in_threads(two_cores):
         each(divide, [np.ones(1), np.zeros(1)])
     with np.errstate(divide="ignore"):
         assert np.isinf(each(divide, [np.ones(1), np.zeros(1)])[1])
+
+
+@pytest.fixture
+def on_cores(monkeypatch):
+    """Work as on a machine of so many cores."""
+
+    def chosen(count: int) -> None:
+        cores = set(range(count))
+        monkeypatch.setattr(threads.os, "sched_getaffinity", lambda pid: cores, raising=False)
+
+    return chosen
+
+
+def test_scores_are_the_same_numbers_on_any_number_of_cores(on_cores):
+    """To the last bit: a free run of stick and slip leads from one bit to another minimum."""
+    rng = np.random.default_rng(3)
+    table, taken = rng.normal(size=(90, 20_001)), np.linalg.qr(rng.normal(size=(20_003, 7)))[0]
+    residual, u = rng.normal(size=20_001), rng.normal(size=2)
+    law = PlacedLaw(EFFECTS["bearing-coulomb"](torque=jnp.asarray(0.1)), "axis")
+    candidates = [
+        Candidate("bearing-coulomb", f"w{k}", (law,) * 3, lambda c: {"torque": c[0]})
+        for k in range(30)
+    ]
+    signatures, found = Signatures(candidates, table), []
+    for count in (1, 2, 3):
+        on_cores(count)
+        with threadpool_limits(1, "blas"):  # as `diagnose` does
+            scan = signatures.scan(residual, taken, u)
+        (towards,) = scan.towards.values()
+        found.append([scan.right, towards, *scan.blocks])
+    for other in found[1:]:
+        for one, same in zip(found[0], other, strict=True):
+            np.testing.assert_array_equal(one, same)
+
+
+def test_lanes_are_parted_alike_on_any_number_of_cores(on_cores, monkeypatch):
+    parts = []
+    monkeypatch.setattr(stepped, "_side_by_side", lambda some: [parts.append(len(some))])
+    seen = []
+    for count in (1, 2, 5):
+        on_cores(count)
+        parts.clear()
+        stepped.law_changes([object()] * 21)  # pyright: ignore[reportArgumentType], only counted
+        seen.append(sorted(parts))
+    assert seen[0] == seen[1] == seen[2] == [7, 7, 7]
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ ELSEWHERE = {  # numbers that change no answer: time, memory, seeds, pictures; a
     "_machine/orders.py": {"TOGETHER"},
     "_machine/rig_model.py": {"TOGETHER"},
     "_machine/stage_cache.py": {"MOST"},
-    "_machine/stepped.py": {"BLOCK", "LANES", "FEW"},
+    "_machine/stepped.py": {"BLOCK", "LANES"},
     "_ode/model.py": {"LANES", "OFTEN", "FEW", "HANDFUL"},
     "_ode/rows.py": {"PARTS"},
     "_room.py": {"TABLES"},

@@ -94,7 +94,7 @@ def _otherwise(effects: Sequence[Effect], known: set[str]) -> list[list[Effect]]
     sets = [[e for e in effects if e.id not in LATE]] if len(late) > 1 else []
     sets += [[e for e in effects if e is not one] for one in late]
     sets.append(list(effects))
-    others = set(TIMES) & known - {e.id for e in effects}
+    others = sorted(set(TIMES) & known - {e.id for e in effects})
     for one, id in itertools.product((e for e in late if e.id in TIMES), others):
         twin = Effect(id, one.place, {TIMES[id]: one.values[TIMES[one.id]]})
         sets.append([twin if e is one else e for e in effects])

@@ -7,10 +7,9 @@ from typing import Any
 
 import numpy as np
 from scipy.stats import chi2 as chi2_law
-from threadpoolctl import threadpool_limits
 
 from .._settings import SETTINGS
-from .._threads import cores
+from .._threads import each
 
 PRICE = SETTINGS.search.price
 PIECE = 32  # columns that are worked on together
@@ -71,9 +70,10 @@ class Signatures:
     """Signature columns of all candidates, scaled to length 1.
 
     The table (columns, rows) is kept and scaled in place: it is large, and may be of single
-    precision.  All products with it are of double precision.  Its scans do not hold it, but the
-    inner products of every candidate's own columns (all with all would cost more than the
-    signatures themselves).
+    precision.  All products with it are of double precision, piece by piece: a product that BLAS
+    parts among its threads ends on other last bits with every number of cores.  Its scans do not
+    hold it, but the inner products of every candidate's own columns (all with all would cost more
+    than the signatures themselves).
     """
 
     def __init__(self, candidates: Sequence, table: np.ndarray):
@@ -90,12 +90,15 @@ class Signatures:
 
     def pieces(self) -> Iterator[np.ndarray]:
         """The columns in double precision, few at a time."""
+        return map(self.columns, self._parts())
+
+    def _parts(self) -> list[slice]:
         count = max(1, len(self.table))
-        return (self.columns(slice(a, a + PIECE)) for a in range(0, count, PIECE))
+        return [slice(a, a + PIECE) for a in range(0, count, PIECE)]
 
     def times(self, x: np.ndarray) -> np.ndarray:
         """Inner products (columns, k) with the columns of `x` (rows, k)."""
-        return np.concatenate([piece @ x for piece in self.pieces()])
+        return np.concatenate(each(lambda part: self.columns(part) @ x, self._parts()))
 
     def scan(self, residual, taken, u, scrambled=(), spread: float = 1.0,
              about: str | None = None) -> "Scan":  # fmt: skip
@@ -106,11 +109,10 @@ class Signatures:
         """
         top = taken[: len(residual)]
         rest = np.concatenate([residual, u])
-        with threadpool_limits(cores(), "blas"):
-            inner = self.times(np.column_stack([top, residual, *scrambled]))
-            inside, plain, *mixed = np.split(inner, np.arange(top.shape[1], inner.shape[1]), axis=1)
-            right = plain[:, 0] - inside @ (taken.T @ rest)
-            wrong = [m[:, 0] - inside @ (top.T @ x) for m, x in zip(mixed, scrambled, strict=True)]
+        inner = self.times(np.column_stack([top, residual, *scrambled]))
+        inside, plain, *mixed = np.split(inner, np.arange(top.shape[1], inner.shape[1]), axis=1)
+        right = plain[:, 0] - inside @ (taken.T @ rest)
+        wrong = [m[:, 0] - inside @ (top.T @ x) for m, x in zip(mixed, scrambled, strict=True)]
         own = [inside[self.layout.part(i)] for i in range(len(self.blocks))]
         blocks = [block - x @ x.T for block, x in zip(self.blocks, own, strict=True)]
         decoys = [Scan(self.layout, blocks, x) for x in wrong]
