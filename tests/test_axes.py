@@ -131,18 +131,13 @@ def test_lines_of_a_motor_are_found_beside_each_other(tmp_path):
             lines = 60 * np.sin(slots * q + a) + 30 * np.sin(2 * slots * q + b)
             return u / J - 2 * v + lines + 25 * np.sin(q + c)
 
-        t, u, q = run(moved_by, lambda t, g=g: 110 * J * g(t), 1 / step, 8)
+        t, u, q = run(moved_by, lambda t, g=g: 110 * J * g(t), 1 / step, 12)
         slow = np.mean(2 * slots * np.abs(np.gradient(q, step)) < 0.8 * np.pi / 20e-3)
     (tmp_path / "machine.toml").write_text(
         f'kind = "axis"\n[axis]\ninertia = {J}\ndamping = {2 * J}\n[motor]\ninput = "torque"\n'
         '[compare]\nhold = "linear"\ncriterion = "balance"\n'
     )
     model = logged(tmp_path, t, u, q, rng)
-    first = Effect("motor-ripple", "axis", {"order": slots, "amplitude": 60 * J, "phase": a})
-    once = Effect("motor-ripple", "axis", {"order": 1.0, "amplitude": 25 * J, "phase": c})
-    for known, n in ((), slots), ((first,), 1.0), ((first, once), 2 * slots):
-        tried = orders_tried(model, Point(np.zeros(0), known), "motor-ripple")
-        assert np.min(np.abs(tried / n - 1)) < 0.03, (n, tried)  # a refit may move it so far
     three = lines_together(model.balanced(), Point(np.zeros(0)))
     lines = sorted((e.values["order"], abs(e.values["amplitude"]) / J) for e in three.effects)
     np.testing.assert_allclose(lines, [(1, 25), (slots, 60), (2 * slots, 30)], rtol=0.02)

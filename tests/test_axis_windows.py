@@ -14,9 +14,9 @@ from omnijax.diagnosis._ode.build import cutoff_of
 from omnijax.diagnosis._ode.model import OdeModel, Programs
 from omnijax.diagnosis._ode.numbers import Numbers
 from omnijax.diagnosis._ode.rows import FreeRun, OdeRun, windows
-from omnijax.diagnosis._search import Point
-from omnijax.laws import AbstractLaw, ShaftSignal
-from omnijax.machine import Axis, Log, Ports
+from omnijax.diagnosis._search import Effect, Point
+from omnijax.laws import AXIS_EFFECTS, AbstractLaw, ShaftSignal
+from omnijax.machine import Axis, Log, PlacedLaw, Ports, free_run
 from omnijax.machine._simulate import EXACT
 from tests.seeds import drawn_anew
 
@@ -182,3 +182,29 @@ def test_a_law_that_no_point_has_is_not_evaluated(drawn):
 
     signal = ShaftSignal(*[jnp.ones(())] * len(ShaftSignal._fields))
     assert np.isnan(torque(theta, numbers.on(theta[None]), signal)) == drawn
+
+
+def test_no_window_of_stick_and_slip_stays_caught_at_a_start_that_other_laws_drew_away():
+    """One of sixteen was left at 1000 to 8000 times the noise, and led all numbers astray."""
+    rng, step, noise = drawn_anew("caught"), 1e-3, 1e-4
+    friction = {"torque": jnp.asarray(0.06)}
+    axis = Axis(2e-3, 2e-3, second_inertia=3e-3, second_stiffness=7.0, second_damping=0.01)
+    time, on = np.arange(2400) * step, np.ones(2400)
+    sines = [np.sin(2 * np.pi * f * time + 6 * rng.random()) for f in (1.7, 4.1, 7.3)]
+    u = {"input": 0.12 * sum(sines), "gain": on, "enable": on}
+    placed = (PlacedLaw(AXIS_EFFECTS["bearing-coulomb"](**friction), "axis"),)
+    q = np.asarray(free_run(axis, placed, {"position": (0.0, 0.0)}, u, step)["position"])
+    run = OdeRun("log", "train", time, u, {"position": q + noise * rng.normal(size=len(q))}, 50.0)
+    laws = {"bearing-coulomb": AXIS_EFFECTS["bearing-coulomb"]}
+    model = OdeModel(axis, [], [run], laws, [("bearing-coulomb", "axis")],
+                     lambda n, r: FreeRun(n, r, 0, 150, 1), noise)  # fmt: skip
+    without = Point(np.zeros(0))
+    true = without.with_effects(Effect("bearing-coulomb", "axis", {"torque": 0.06}))
+    model.rebase(without)
+    model.rebase(true)
+    (left,) = model.residuals([true], "train")
+    (rows,) = model.rows
+    assert isinstance(rows, FreeRun)
+    missed = rows.mean_squares(left * noise)
+    assert len(missed) == 16
+    assert np.max(missed) < 3 * noise**2

@@ -443,6 +443,8 @@ class FreeFloorSettings:
     tried: int = 2  # refits a step
     worth: float = 0.95  # of the misfit that is left at most, for a further law
     noise: float = 1.3  # chi2 a row from which a law is looked for
+    turns: int = 6  # of starts and refits, one after the other, at most
+    gained: float = 0.7  # of the misfit that is left at most, for a further turn
     alike: float = 1e-3  # of the longest direction of all tangents; a shorter one is none
 
 
@@ -474,6 +476,7 @@ class FreeModelSettings:
     enough: float = 0.01  # of the squares, that a further one must gain
     step: float = 1e-3  # prior sigmas, of a difference
     room: int = 3  # of one law with an order at one place
+    order: float = 0.03  # of itself, that a refit may move one: or half of what the travel tells
 
 
 @dataclasses.dataclass(frozen=True)
@@ -493,11 +496,27 @@ class FreeOrdersSettings:
 
 
 @dataclasses.dataclass(frozen=True)
+class FreeReopenedSettings:
+    """Windows whose free start is caught, begun anew from what was measured."""
+
+    caught: float = 10.0  # times the median window's mean square, that a caught one misses
+    openings: tuple[float, ...] = (0.125, 0.25, 0.5, 1.0)  # of a window, one after the other
+
+
+@dataclasses.dataclass(frozen=True)
 class FreeRowsSettings:
     """Measured less predicted, one run: over a free run, or in the balance of accelerations."""
 
     seen: float = 1e-6  # of the best seen part of a start, what must be seen of another one
     wide: int = 10  # taps of the thinning filter to each side, in thinned samples
+
+
+@dataclasses.dataclass(frozen=True)
+class FreeTogetherSettings:
+    """Several lines of one place at once, as the balance of accelerations has them."""
+
+    relaxed: int = 3  # times that each line is looked for anew beside the others, at most
+    moved: float = 0.99  # of the squares that are left at most, where it is found elsewhere
 
 
 @dataclasses.dataclass(frozen=True)
@@ -626,7 +645,9 @@ class Settings:
     free_learned: FreeLearnedSettings = FreeLearnedSettings()
     free_model: FreeModelSettings = FreeModelSettings()
     free_orders: FreeOrdersSettings = FreeOrdersSettings()
+    free_reopened: FreeReopenedSettings = FreeReopenedSettings()
     free_rows: FreeRowsSettings = FreeRowsSettings()
+    free_together: FreeTogetherSettings = FreeTogetherSettings()
     free_undecided: FreeUndecidedSettings = FreeUndecidedSettings()
     answer_learned: AnswerLearnedSettings = AnswerLearnedSettings()
     answer_result: AnswerResultSettings = AnswerResultSettings()

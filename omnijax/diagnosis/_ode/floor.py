@@ -23,6 +23,8 @@ STEPS = SETTINGS.free_floor.steps
 TRIED = SETTINGS.free_floor.tried
 WORTH = SETTINGS.free_floor.worth
 NOISE = SETTINGS.free_floor.noise
+TURNS = SETTINGS.free_floor.turns
+GAINED = SETTINGS.free_floor.gained
 
 
 def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None],
@@ -66,12 +68,23 @@ def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None],
 
 
 def settled(model: AbstractModel, point: Point) -> Fit:
-    """The refit from a point, once more about what `rebase` makes of the data with its laws."""
+    """The refit from a point, then about what `rebase` makes of the data with its laws."""
     fit = refit(model, point, rounds=10, relative=1e-3)
-    if not model.unsettled(fit.point):
-        return fit
-    model.rebase(fit.point)
-    return refit(model, fit.point, rounds=10, relative=1e-3)
+    return turned(model, fit) if model.unsettled(fit.point) else fit
+
+
+def turned(model: AbstractModel, fit: Fit) -> Fit:
+    """A fit refitted about what `rebase` makes of the data at its point.
+
+    Starts and numbers lead each other on from far away, so again as long as much is gained.
+    """
+    for _ in range(TURNS):
+        before = fit
+        model.rebase(fit.point)
+        fit = refit(model, fit.point, rounds=10, relative=1e-3)
+        if fit.chi2 < NOISE * model.dof("train") or not fit.cost < GAINED * before.cost:
+            break
+    return fit
 
 
 def beside(residual: np.ndarray, table: np.ndarray) -> tuple[np.ndarray, int]:

@@ -23,9 +23,10 @@ from .._settings import SETTINGS
 from .before import matters
 from .candidates import Scales, machine_candidates
 from .colour import AbstractColoured, Colour, in_colour
-from .floor import beside, best_known, inflation
+from .floor import beside, best_known, inflation, turned
 from .numbers import Numbers
 from .orders import strongest_orders
+from .reopened import reopened
 from .rows import Balance, Batch, FreeRun, OdeRun, batches, smoothed, widths
 from .undecided import undecided
 
@@ -43,6 +44,7 @@ PARTS = SETTINGS.free_model.parts
 ENOUGH = SETTINGS.free_model.enough
 STEP = SETTINGS.free_model.step
 ROOM = SETTINGS.free_model.room
+ORDER = SETTINGS.free_model.order
 
 
 @dataclasses.dataclass
@@ -228,13 +230,29 @@ class OdeModel(AbstractColoured):
     def _begin(self, point: Point, which: Sequence[int]) -> None:
         """Free starts of some runs, and their tangents."""
         theta = self.numbers.vector(point)
-        for _ in range(RESTARTS):
-            if not self._moved_starts(theta, which):
-                break
+
+        def left() -> dict[int, np.ndarray]:
+            self._batches.clear()  # their data hold the starts
+            return self._left(theta, which)
+
+        def slopes() -> dict[int, np.ndarray]:
+            self._batches.clear()
+            return self._start_slopes(theta, which)
+
+        self._settled_starts(theta, which)
+        if reopened(self._free_runs(which), left, slopes):
+            self._settled_starts(theta, which)
+        self._batches.clear()
         for i, part in self._start_slopes(theta, which).items():
             rows = self.rows[i]
             if isinstance(rows, FreeRun) and np.all(np.abs(part) < 1e100):
                 self._starts[i] = rows.bases(part)
+
+    def _settled_starts(self, theta, which: Sequence[int]) -> None:
+        """Steps of Gauss and Newton of the starts, as long as they gain."""
+        for _ in range(RESTARTS):
+            if not self._moved_starts(theta, which):
+                break
 
     def unsettled(self, point):
         return bool(self._begun_freely())
@@ -266,7 +284,7 @@ class OdeModel(AbstractColoured):
 
         A window whose squares grow by it takes a part of the step, or keeps its start.
         """
-        runs = {i: r for i in which if isinstance(r := self.rows[i], FreeRun)}
+        runs = self._free_runs(which)
         slopes, first = self._start_slopes(theta, which), self._left(theta, which)
         least = {i: r.squares(first[i]) for i, r in runs.items()}
         known = {i: r.starts for i, r in runs.items()}
@@ -289,6 +307,10 @@ class OdeModel(AbstractColoured):
             r.start_at(best[i])
         self._batches.clear()
         return sum(x.sum() for x in least.values()) < (1 - ENOUGH) * total
+
+    def _free_runs(self, which: Sequence[int]) -> dict[int, FreeRun]:
+        """Those of some runs that are simulated."""
+        return {i: r for i in which if isinstance(r := self.rows[i], FreeRun)}
 
     def _left(self, theta, which: Sequence[int]) -> dict[int, np.ndarray]:
         """By run what its rows (rows,) are at a vector of numbers."""
@@ -338,20 +360,30 @@ class OdeModel(AbstractColoured):
         train, held = in_colour(self, rival).above(in_colour(self, fit))
         return train if train * held > 0 else margin
 
+    def astray(self, fit):
+        """Free runs whose starts stand for what is missing: far from the noise, all of them."""
+        return self.steps_in_time and fit.chi2 > self.settings.nearly * self.dof("train")
+
     def on_its_own(self, fit):
-        """With its own starts: what a late sensor shows of the past is free only there."""
+        """With its own starts: what a late sensor shows of the past is free only there.
+
+        From where the floor's refit of the same laws ended too: the better of both.
+        """
         runs = [r for i in self._begun_freely() if isinstance(r := self.rows[i], FreeRun)]
         if not runs:
             return super().on_its_own(fit)
         starts = [r.starts for r in runs]
         bases, open_ = dict(self._starts), self._undecided
-        self.rebase(fit.point)
-        made = super().on_its_own(refit(self, fit.point, relative=1e-3))
-        for r, moved in zip(runs, starts, strict=True):
-            r.start_at(moved)
+        begun, made = [self.remembered(fit.point), fit.point], []
+        for point in begun[begun[0] is begun[1] :]:
+            made.append(super().on_its_own(turned(self, dataclasses.replace(fit, point=point))))
+            for r, moved in zip(runs, starts, strict=True):
+                r.start_at(moved)
+            self._batches.clear()
+            if not self.astray(made[-1][0]):
+                break
         self._starts, self._undecided = bases, open_
-        self._batches.clear()
-        return made
+        return min(made, key=lambda x: x[0].cost)
 
     @property
     def steps_in_time(self) -> bool:
@@ -447,6 +479,12 @@ class OdeModel(AbstractColoured):
         return self._balances[i]
 
     @property
+    def resolution(self) -> float:
+        """Orders that the travel of the train runs tells apart: 2 pi over it, 1/rad or 1/m."""
+        q = np.concatenate([self.runs[i].outputs["position"] for i in self.splits["train"]])
+        return 2 * np.pi / (float(np.ptp(q)) or 1.0)
+
+    @property
     def cutoff(self) -> float:
         """Hz, of the low pass that gives measured speeds."""
         return self.runs[0].cutoff
@@ -507,8 +545,9 @@ class OdeModel(AbstractColoured):
             low, high = f.low, f.high
             if f.key == "g":
                 low, high = -BOUND, BOUND
-            if f.key == "order":
-                low, high = 0.97 * float(value), 1.03 * float(value)
+            if f.key == "order":  # over few turns a line is wide
+                wide = max(ORDER * float(value), self.resolution / 2)
+                low, high = max(float(value) - wide, 0.0), float(value) + wide
             if f.key in ("width", "speed"):  # as narrow as shows, as wide as the speeds
                 low, high = 0.005 * self.scales.speed, 2.0 * self.scales.speed
             if f.key == "limit":

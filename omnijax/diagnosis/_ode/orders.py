@@ -16,6 +16,7 @@ LOOKED = SETTINGS.free_orders.looked
 MOST = SETTINGS.free_orders.most
 SLOW = SETTINGS.free_orders.slow
 SEEN = SETTINGS.free_orders.seen
+ROOM = SETTINGS.free_model.room
 
 
 def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
@@ -29,7 +30,8 @@ def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
     order is looked for in the rows whose speed keeps it within what they let through, up to where
     one in twenty of them does.  A line that is passed unevenly has many side lobes: beside the
     `HIGHEST` peaks stand those that are left once the lines before them are taken away, so that
-    a second cogging of the same motor is among them.
+    a second cogging of the same motor is among them.  The first `ROOM` lines are each looked for
+    once more beside the others, for a side lobe of several may stand above all lines.
     """
     which, theta = model.splits["train"], model.numbers.vector(point)
     angle, left, speed, torque, step = [], [], [], [], 0.0
@@ -115,9 +117,17 @@ class _Lines:
         highest = [self.closer(x, fine) for x in peaks[:HIGHEST]]
         waves, lines = self.waves(peaks), highest[:1]
         while lines and len(lines) < min(PEAKS, len(peaks)):
-            rest = self.without(lines)
-            lines.append(rest.closer(peaks[np.argmax(rest.power(peaks, waves))], fine))
+            again = [self.beside(lines, peaks, waves, fine)]
+            for _ in range(len(lines) if len(lines) < ROOM else 0):  # each one beside the others
+                again.append(self.beside([*lines[1:], *again], peaks, waves, fine))
+                lines = lines[1:]
+            lines += again
         return list(dict.fromkeys([*highest, *lines]))[:PEAKS]
+
+    def beside(self, lines, peaks, waves, fine: float) -> float:
+        """The best order of `peaks` beside some lines."""
+        rest = self.without(lines) if lines else self
+        return rest.closer(peaks[np.argmax(rest.power(peaks, waves))], fine)
 
     def closer(self, order: float, fine: float) -> float:
         """The best order within a step of the grid."""

@@ -1,6 +1,7 @@
 """Measured less predicted, one run: over a free run, or in the balance of accelerations."""
 
 import dataclasses
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 import jax
@@ -206,15 +207,19 @@ class FreeRun:
         """Begin the windows elsewhere: `moved` (windows, states + 2) from what was measured."""
         self.data = (*self.data[:4], jnp.asarray(moved))
 
-    def better_starts(self, tangents: np.ndarray, left: np.ndarray) -> np.ndarray:
+    def better_starts(
+        self, tangents: np.ndarray, left: np.ndarray, share: float = 1.0
+    ) -> np.ndarray:
         """Starts (windows, states + 2) that explain most of what is `left` (rows,) by tangents.
 
-        Those of numbers that change nothing are zero.
+        In the first `share` of every window.  Those of numbers that change nothing are zero, and a
+        window that cannot be evaluated keeps its start.
         """
         moved = self.starts.copy()
-        for w, rows in self._windows():
-            if len(rows) > len(tangents):
-                size = np.linalg.norm(tangents[:, rows], axis=1) + 1e-300
+        for w, whole in self._windows():
+            rows = whole[: math.ceil(share * len(whole))]
+            size = np.linalg.norm(tangents[:, rows], axis=1) + 1e-300
+            if len(rows) > len(tangents) and np.all(np.isfinite([*left[rows], *size])):
                 A = (tangents[:, rows] / size[:, None]).T
                 moved[w] += np.linalg.lstsq(A, left[rows], rcond=SEEN)[0] / size
         return moved
@@ -225,6 +230,10 @@ class FreeRun:
         for w, rows in self._windows():
             out[w] = left[rows] @ left[rows]
         return out
+
+    def mean_squares(self, left: np.ndarray) -> np.ndarray:
+        """Mean square (free windows,) of what is `left` (rows,)."""
+        return np.array([np.mean(left[rows] ** 2) for _, rows in self._windows() if len(rows)])
 
     def _windows(self) -> list[tuple[int, np.ndarray]]:
         """Windows of free starts with their rows."""

@@ -5,7 +5,13 @@ is calibrated without them is far off.  With the measured position q in place of
 nothing is bent: what is left of the acceleration is the sum of a_k cos(N_k q) + b_k sin(N_k q),
 linear in the lines' sizes and nearly so in the machine's own numbers, so that one line after the
 other is found, all refitted together.  The free run begins at what this equation error gives.
+
+A line that is looked for beside others which are not known yet may be found at a side lobe.  So
+each is looked for once more beside all others, until none moves: the relaxation of Li, Stoica,
+Efficient mixed-spectrum estimation with applications to target feature extraction (1996).
 """
+
+import dataclasses
 
 import numpy as np
 
@@ -14,6 +20,8 @@ from .._settings import SETTINGS
 
 ROOM = SETTINGS.free_model.room
 WORTH = SETTINGS.free_floor.worth
+RELAXED = SETTINGS.free_together.relaxed
+MOVED = SETTINGS.free_together.moved
 
 
 def lines_together(balance: AbstractModel, point: Point) -> Point | None:
@@ -30,10 +38,28 @@ def lines_together(balance: AbstractModel, point: Point) -> Point | None:
             new = _with_line(balance, fit, name)
             if new is None or not new.cost < WORTH * fit.cost:
                 break
-            fit = new
+            fit = _relaxed(balance, new, len(point.effects))
         if len(fit.point.effects) > len(point.effects) + 1:
             several.append(fit)
     return min(several, key=lambda f: f.cost).point if several else None
+
+
+def _relaxed(balance: AbstractModel, fit: Fit, known: int) -> Fit:
+    """The fit with each line after the first `known` effects looked for anew beside the others."""
+    lines = range(known, len(fit.point.effects))
+    for _ in range(RELAXED if len(lines) > 1 else 0):
+        before = fit
+        for _ in lines:  # the one that is looked for anew becomes the last
+            effects = fit.point.effects
+            name = effects[known].name
+            others = fit.point.with_effects(*effects[:known], *effects[known + 1 :])
+            new = _with_line(balance, refit(balance, others, rounds=8), name)
+            turned = (*effects[:known], *effects[known + 1 :], effects[known])
+            same = dataclasses.replace(fit, point=fit.point.with_effects(*turned))
+            fit = new if new is not None and new.cost < MOVED * fit.cost else same
+        if not fit.cost < before.cost:
+            break
+    return fit
 
 
 def _with_line(balance: AbstractModel, fit: Fit, name: str) -> Fit | None:

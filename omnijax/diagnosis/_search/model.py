@@ -156,6 +156,10 @@ class AbstractModel(abc.ABC):
         """Whether what `rebase` takes from the data hangs on the point's laws: then again."""
         return False
 
+    def astray(self, fit) -> bool:
+        """Whether a refit may have been led astray by what `rebase` took from the data."""
+        return False
+
     def frees(self, effect: Effect) -> bool:
         """Whether what `rebase` takes from the data has more free numbers with a law."""
         return False

@@ -96,13 +96,14 @@ class Refits:
         """A refit with one more effect than `fit`, as the held-out runs see it.
 
         What they refuse is judged once more as it is with its own `rebase`: with starts that stand
-        for its absence the effect shows less than it is, on both splits.  Not where the law leaves
-        more free there than there is without it, which takes up noise on the held-out runs too.
+        for its absence the effect shows less than it is, on both splits.  So is what such starts
+        have led astray.  Not where the law leaves more free there than there is without it, which
+        takes up noise on the held-out runs too.
         """
         after = residual_of(self.model, new.point, "held-out")
         tried = self._judged(fit, new, before, after)
         unsettled = self.model.unsettled(new.point) and not self.model.frees(tried.effect)
-        if tried.accepted or not unsettled:
+        if not unsettled or (tried.accepted and not self.model.astray(new)):
             return tried
         refitted, left = self.model.on_its_own(new)
         own = tried if refitted is new else self._judged(fit, refitted, before, left)
