@@ -15,6 +15,7 @@ from omnijax.diagnosis._search import (
     refit,
     within_doubt,
 )
+from omnijax.diagnosis._search.waves import scanned
 
 PRIORS = [Prior(f"p{i}", 0.0, 1.0, False) for i in range(6)]
 
@@ -69,7 +70,7 @@ def test_a_fit_that_is_not_caught_is_left_alone():
         asked.clear()
         same = calibrated(model, start)
         assert np.array_equal(same.point.u, once.point.u)
-        assert len(asked) <= count + 3 + 2 * len(PRIORS)  # looked at once for waves
+        assert len(asked) <= count + 3 + 4 * len(PRIORS)  # looked at once for waves
 
 
 @pytest.mark.parametrize(("place", "far"), [(0, 0.0), (1, 1e300), (2, np.nan)])
@@ -97,6 +98,31 @@ def test_numbers_of_waves_are_scanned(place, far):
     assert refit(model, start, relative=0.01).cost > 1e4
     best = calibrated(model, start)
     assert np.allclose(best.point.u, true, atol=0.05)
+
+
+@pytest.mark.parametrize("whole", [1, 2])
+def test_a_number_is_scanned_that_a_sigma_moves_by_whole_waves(whole):
+    """As a roller's shape by its roundness: one sigma changes next to nothing, half of one all."""
+    rng = drawn_anew(f"whole waves {whole}")
+    at, shapes = np.linspace(0, 4, 400), rng.normal(size=(5, 400))
+
+    def residual(values, _laws, _split):
+        u = np.array(list(values.values()))
+        wave = np.sin(2 * np.pi * 1.04 * whole * u[0] + 3 * at)
+        return 30 * (1 + 0.15 * u[0]) * wave + shapes.T @ u[1:] - measured
+
+    measured = 0.0
+    true = rng.choice([-1, 1]) * rng.uniform(1.5, 2.2)
+    measured = residual({str(k): x for k, x in enumerate([true, *np.zeros(5)])}, None, None)
+    model, start = SmallModel(residual, PRIORS, {}, "all"), Point(np.zeros(6))
+    once = refit(model, start, relative=0.01)
+    assert once.cost > 4 * model.dof("train")
+    for point in (start, once.point):
+        found = scanned(model, point)
+        assert found is not None
+        assert abs(found.u[0] - point.u[0]) > 0.5
+        assert np.array_equal(found.u[1:], point.u[1:])
+    assert calibrated(model, start).cost < 0.9 * once.cost
 
 
 @pytest.mark.parametrize(

@@ -107,6 +107,7 @@ class CalibrationSettings:
     """The calibration of the uncertain parameters before any effect is known."""
 
     far: float = 10.0  # times the cost of mere noise
+    misfit: float = 4.0  # the same: that of a noise twice as large as declared
 
 
 @dataclasses.dataclass(frozen=True)
@@ -210,6 +211,7 @@ class WavesSettings:
     # even over odd part of a change at +- 1 sigma: tan(phi/2) of a phase phi of 0.9 rad
     wavy: float = 0.5
     finest: float = 1 / 16  # sigma, of a scan's steps
+    beside: float = 0.57  # of a step, also asked: both are whole waves of 1/7 of it or less only
     starts: int = 32  # of the search over the scans, each drawn with a fixed seed
 
 

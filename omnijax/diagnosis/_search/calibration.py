@@ -8,23 +8,28 @@ from .model import AbstractModel, Point
 from .waves import scanned
 
 FAR = SETTINGS.calibration.far
+MISFIT = SETTINGS.calibration.misfit
 SEED = 20
 
 
 def calibrated(model: AbstractModel, start: Point) -> Fit:
     """The refit from `start`, or the best of others where that one is caught.
 
-    Far from the noise, numbers in which the prediction is wavy are scanned over their range.  A
-    resonance beside a line of the excitation makes the cost wavy too: a fit may end on the wrong
-    side of it, with many parameters at their bounds.  An effect that is missing bends a few of
-    them.  So where a share of `settings.caught` is at its bounds, up to `settings.restarts` others
-    begin where the priors' sigmas draw them (with a fixed seed); the first that lies far below ends
-    the trials.
+    Where more is left than noise, numbers in which the prediction is wavy are scanned over their
+    range, about the end of the first refit and about `start`. A resonance beside a line of the
+    excitation makes the cost wavy too: a fit may end on the wrong side of it, with many parameters
+    at their bounds. An effect that is missing bends a few of them. So where a share of
+    `settings.caught` is at its bounds, up to `settings.restarts` others begin where the priors'
+    sigmas draw them (with a fixed seed); the first that lies far below ends the trials.
     """
     best = first = refit(model, start, relative=0.01)
-    if first.cost > FAR * model.dof("train"):
-        waves = scanned(model, start)
-        other = first if waves is None else refit(model, waves, relative=0.01)
+    for about in (first.point, start):
+        if first.cost < MISFIT * model.dof("train"):
+            break
+        waves = scanned(model, about)
+        if waves is None:
+            break
+        other = refit(model, waves, relative=0.01)
         best = first = other if other.cost < first.cost else first
     if not caught(model, first):
         return first

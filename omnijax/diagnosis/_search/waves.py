@@ -19,6 +19,7 @@ from .scan import taken_up
 
 WAVY = SETTINGS.waves.wavy
 FINEST = SETTINGS.waves.finest
+BESIDE = SETTINGS.waves.beside
 FAR = 1e100  # sigma; its square is a number still
 STARTS = SETTINGS.waves.starts
 SEED = 21
@@ -51,19 +52,30 @@ def scanned(model: AbstractModel, point: Point) -> Point | None:
 
 
 def _steps(model: AbstractModel, point: Point, here: np.ndarray) -> dict[int, float]:
-    """By wavy number the step in sigma over which a tangent still tells its change."""
+    """By wavy number the step in sigma over which a tangent still tells its change.
+
+    And over `BESIDE` of it: a step of whole waves changes as little as a small one.
+    """
     wavy = {k: 1.0 for k, p in enumerate(model.priors) if not p.limited}
     out: dict[int, float] = {}
     while wavy:
         for k, step in list(wavy.items()):
-            up, down = _changes(model, point, k, point.u[k] + np.array([step, -step]), here)
-            if np.linalg.norm(up + down) < WAVY * np.linalg.norm(up - down) or step <= FINEST:
+            if step <= FINEST or (
+                _straight(model, point, k, step, here)
+                and _straight(model, point, k, BESIDE * step, here)
+            ):
                 del wavy[k]
                 if step < 1:
                     out[k] = step
             else:
                 wavy[k] = step / 2
     return out
+
+
+def _straight(model: AbstractModel, point: Point, k: int, step: float, here: np.ndarray) -> bool:
+    """Whether what number `k` changes over a step of either sign is odd, as a tangent's is."""
+    up, down = _changes(model, point, k, point.u[k] + np.array([step, -step]), here)
+    return bool(np.linalg.norm(up + down) < WAVY * np.linalg.norm(up - down))
 
 
 def _ladder(model: AbstractModel, point: Point, k: int, step: float) -> np.ndarray:
