@@ -7,7 +7,7 @@ import numpy as np
 from ..report import COLOURS, MUTED, Figure, SpeedAxis, figure, legend_above, style
 from ..vibration import norm
 from ._case import DAMPING, ROUNDNESS, SPEEDS, STIFFNESS
-from ._cycle import FASTEST
+from ._cycle import FASTEST, Metrics
 from ._study import PaperStudy
 
 SHOWN = (0.2, 0.4485, 0.7, 0.9)  # roundness of the spectra
@@ -39,25 +39,30 @@ def elastic(study: PaperStudy) -> Figure:
     return Figure(fig, "fig11", caption, data)
 
 
+def _peaks(axes: tuple[Any, Any], x: np.ndarray, scan: Metrics) -> dict[str, np.ndarray]:
+    """Peaks (above) and elastic peaks (below) over `x`, a band of the samples a damping; in m."""
+    data = {}
+    for i, damping in enumerate(DAMPING):
+        for ax, values in zip(axes, (scan.peak[i], scan.elastic_peak[i]), strict=True):
+            size = 1e6 * values
+            ax.fill_between(x, size.min(1), size.max(1), color=COLOURS[i], alpha=0.15, linewidth=0)
+            ax.plot(
+                x, size[:, 0], color=COLOURS[i], marker="o", markersize=3.5,
+                label=f"C = {damping:g} N s/m",
+            )  # fmt: skip
+        data[f"peak C={damping:g} / m"] = scan.peak[i][:, 0]
+        data[f"elastic peak C={damping:g} / m"] = scan.elastic_peak[i][:, 0]
+    return data
+
+
 def roundness(study: PaperStudy) -> Figure:
     """Fig. 12: peaks over the roundness ratio, with the band of the unknown parameters."""
-    eta, scan = np.asarray(ROUNDNESS), study.roundness["paper"]
+    eta = np.asarray(ROUNDNESS)
     data: dict[str, Any] = {"eta": eta}
     rigid = _rigid_bound(study)
     with style():
         fig, (top, bottom) = figure(2, height=5.8)
-        for i, damping in enumerate(DAMPING):
-            for ax, values in ((top, scan.peak[i]), (bottom, scan.elastic_peak[i])):
-                scaled = 1e6 * values
-                ax.fill_between(
-                    eta, scaled.min(1), scaled.max(1), color=COLOURS[i], alpha=0.15, linewidth=0
-                )
-                ax.plot(
-                    eta, scaled[:, 0], color=COLOURS[i], marker="o", markersize=3.5,
-                    label=f"C = {damping:g} N s/m",
-                )  # fmt: skip
-            data[f"peak C={damping:g} / m"] = scan.peak[i][:, 0]
-            data[f"elastic peak C={damping:g} / m"] = scan.elastic_peak[i][:, 0]
+        data |= _peaks((top, bottom), eta, study.roundness["paper"])
         top.plot(eta, 1e6 * rigid, color=MUTED, linestyle="--", label="√3 Δr_w")
         top.set(ylabel="peak |ΔR| (µm)", ylim=(0, None))
         bottom.set(ylabel="peak elastic part (µm)", xlabel="roundness ratio η", ylim=(0, None))
@@ -103,23 +108,12 @@ def spectrum(study: PaperStudy, spectra: dict[float, tuple[np.ndarray, np.ndarra
 
 def stiffness(study: PaperStudy) -> Figure:
     """Fig. 14: peaks over the contact stiffness."""
-    K, scan = np.asarray(STIFFNESS), study.stiffness["paper"]
+    K = np.asarray(STIFFNESS)
     data: dict[str, Any] = {"K / N/m": K}
     own = float(study.rig.wheels.contact.stiffness[0]) / 1e3
     with style():
         fig, (top, bottom) = figure(2, height=5.8)
-        for i, damping in enumerate(DAMPING):
-            for ax, values in ((top, scan.peak[i]), (bottom, scan.elastic_peak[i])):
-                scaled = 1e6 * values
-                ax.fill_between(
-                    K / 1e3, scaled.min(1), scaled.max(1), color=COLOURS[i], alpha=0.15, linewidth=0
-                )
-                ax.plot(
-                    K / 1e3, scaled[:, 0], color=COLOURS[i], marker="o", markersize=3.5,
-                    label=f"C = {damping:g} N s/m",
-                )  # fmt: skip
-            data[f"peak C={damping:g} / m"] = scan.peak[i][:, 0]
-            data[f"elastic peak C={damping:g} / m"] = scan.elastic_peak[i][:, 0]
+        data |= _peaks((top, bottom), K / 1e3, study.stiffness["paper"])
         for ax in (top, bottom):
             ax.axvline(own, color=MUTED, linestyle="--", linewidth=1)
         top.set(ylabel="peak |ΔR| (µm)", xscale="log", ylim=(0, None))
