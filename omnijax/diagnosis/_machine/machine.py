@@ -253,7 +253,8 @@ class Machine:
 
         normal = self.basis.normal[i]
         if turns == 1:
-            return self._integrated(rig, run, m, response, *driven(normal), normal)
+            drive, rate = driven(normal)
+            return self._integrated(rig, run, m, response, drive, rate, normal)
         # under the N of the last rebase all rigs turn alike that differ in their elastic parts only
         ports = [rig.at(port) for port in ("command", *TURNING_PORTS)]
         key += digest(rig.platform, rig.wheels.contact.friction, *ports)
