@@ -162,15 +162,27 @@ def forced_system(rig: Rig, model: str, speeds, wheel: tuple[int, ...]) -> Force
         {k: columns(v[2], 0 * v[3]) for k, v in outputs.items()},
         force_in,
         outputs["drift"][4],
-        -_solve(rig, model, A, columns(B0, 0 * floor_in).T),
+        columns(static_rest(rig, model, A, B0), 0 * floor_in).T,
     )
 
 
-def _solve(rig: Rig, model: str, A, right):
-    """A^-1 right; of least size where fewer than three wheels leave the sphere free to move."""
-    if model == "coupled" and rig.size < 3:
-        return jnp.linalg.pinv(A) @ right
-    return solve_all(A, right)
+def static_rest(rig: Rig, model: str, A, B0) -> Float[Array, "m n"]:
+    """-A^-1 B0, y at static equilibrium per unit of rho: only deflections and memory are unknown.
+
+    The momenta are those of a machine in which nothing moves (`AbstractTranslation.still`).  Of
+    least size where fewer than three wheels leave the sphere free to move.
+    """
+    translation, n = TRANSLATIONS[model](rig), rig.size
+    state = translation.rest()
+    still = jax.jacfwd(lambda rho: ravel_pytree(translation.still(*state[:2], rho))[0])
+    half = n + len(state.approach)  # deflections, then as many momenta, then memory
+    whole = jnp.pad(still(jnp.zeros(n)), ((0, len(A) - 2 * half), (0, 0)))
+    unknown = np.r_[:half, 2 * half : len(A)]
+    forces, right = A[half:], A[half:] @ whole + B0[half:]
+    loose = model == "coupled" and n < 3
+    matrix = forces[:, unknown]
+    part = jnp.linalg.pinv(matrix) @ right if loose else solve_all(matrix, right)
+    return whole.at[unknown].add(-part)
 
 
 def _floor_directions(rig: Rig) -> list[Array]:

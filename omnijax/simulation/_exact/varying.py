@@ -24,7 +24,7 @@ from .._drives import SpeedDrive
 from .._signals import Signal
 from .expm import squarings
 from .forcing import wheel_pieces
-from .system import _responses, _solve, drive_gain, state_units
+from .system import _responses, drive_gain, state_units, static_rest
 
 DEGREE = 20  # of the inputs on one interval: exact to rounding over a whole gap's sinusoid
 
@@ -57,7 +57,7 @@ def _inputs(rig: Rig, model: str) -> VaryingInputs:
         jnp.concatenate([floor, X[3], U[3]]),
         jnp.concatenate([force, X[4], U[4]]),
     ]
-    rest = jnp.pad(-_solve(rig, model, A, B0), ((0, 6), (0, 0)))
+    rest = jnp.pad(static_rest(rig, model, A, B0), ((0, 6), (0, 0)))
     unit = state_units(whole)
     low = unit[:, None]
     columns = jnp.concatenate(columns, axis=1)

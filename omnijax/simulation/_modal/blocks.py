@@ -16,6 +16,7 @@ from .arithmetic import (
     materialised,
     pair_exp,
     powers,
+    product,
     rows,
     sincos,
     stored,
@@ -24,7 +25,7 @@ from .arithmetic import (
 )
 from .edges import at_piece, at_start, edges_of, jumps, of_sinusoids
 from .poles import PolePairs
-from .resonance import resonance
+from .resonance import Resonance, by_pole, resonance
 from .signals import Signals
 from .system import Layout
 
@@ -57,6 +58,23 @@ def forced(m: PolePairs, signals: Signals, direct, slope, layout: Layout) -> For
     return ForcedPart(
         *turned(signals.cosine, signals.sine, level, turn), *jumps(r, edges, layout), *start
     )
+
+
+class FreeRates(NamedTuple):
+    """Derivatives of the free part by the poles, of what moves them unchanged."""
+
+    jump: Pair  # (g, k, p, c)
+    start: Pair  # (p, c)
+
+
+def free_rates(m: PolePairs, signals: Signals, layout: Layout) -> FreeRates:
+    """How the free part of `forced` and its jumps move with each pole."""
+    columns = [layout.kinds[i].column for i in layout.signal_of]
+    edges, b = edges_of(signals, layout), (rows(m.b0, columns), rows(m.b1, columns))
+    by = by_pole(m.kind, resonance(m, signals.rate[:, None]))
+    r = Resonance(*(product(m.kind, b, x) for x in by))
+    first, second = (summed(x) for x in at_start(r, edges))
+    return FreeRates(jumps(r, edges, layout), (first, second))
 
 
 def stored_forced(m: PolePairs, signals: Signals, direct, slope, layout: Layout) -> ForcedPart:

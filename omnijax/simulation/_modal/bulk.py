@@ -163,7 +163,7 @@ def _batches(
         parts.append(np.concatenate([values, holds[None]]))
         if gradient:
             back = _from_designs(plain, bars, model, force, series, turn, effort=effort)
-            slopes.append(np.asarray(_from_points(make, some, _back_in(points, back))))
+            slopes.append(np.asarray(_from_points(make, some, back)))
     rms, peak, normal, slip, holds = np.concatenate(parts, axis=1)[:, : len(rows)]
     values, chosen = {"rms": rms, "peak": peak}, [BULK_METRICS.index(name) for name in metrics]
     return ModalFigures(
@@ -250,27 +250,14 @@ def _from_designs(
     return jax.vmap(lambda bar: back(bar)[0])(bars)
 
 
-def _back_in(points: Operating, bars: Operating) -> Operating:
-    """Derivatives of plain points as ones of `points`: nothing by what was left out."""
-    metrics = len(bars.speeds)
-    zero = jax.tree.map(lambda x: jnp.zeros((metrics, *x.shape)), points)
-    rig, plain = zero.rig, bars.rig
-    kept = iter(plain.effects)
-    effects = tuple(
-        Placed(next(kept).law, placed.place, placed.wheels) if placed.law.port in _PORTS else placed
-        for placed in rig.effects
-    )
-    whole = Rig(
-        plain.sphere, plain.platform, plain.wheels, plain.profiles, effects, rig.names,
-        rig.uncertainty,
-    )  # fmt: skip
-    return bars._replace(rig=whole)
-
-
 @eqx.filter_jit
 def _from_points(make, rows, bars: Operating):
-    """Derivatives (metrics, B, d) by the rows."""
-    back = jax.vjp(jax.vmap(make), rows)[1]
+    """Derivatives (metrics, B, d) by the rows from those by the plain points."""
+
+    def plain(row) -> Operating:
+        return _plain(make(row))
+
+    back = jax.vjp(jax.vmap(plain), rows)[1]
     return jax.vmap(lambda bar: back(bar)[0])(bars)
 
 

@@ -9,8 +9,10 @@ with Psi_ol(z) = sum_t g_o(t) phi_l(z, t) and the divided difference
 
     Psi[x, y] = (Psi(x) - Psi(y))/(x - y),    Psi' where the poles are as good as equal,
 
-finite for any basis of a degenerate space.  Here are Psi and Psi' of every pair, and the figure's
-derivatives by what the signals are made of; `pull_back` goes on to the matrices.
+finite for any basis of a degenerate space.  As Psi is taken at the pole of c or at that of b, it is
+only asked for as outputs show it, sum_o c_o Psi_ol, and as inputs give it, sum_l b_l Psi_ol.  Here
+are both and their derivatives at every pair, and the figure's derivatives by what the signals are
+made of; `pull_back` goes on to the matrices.
 """
 
 from typing import NamedTuple
@@ -20,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, stored, summed
+from .arithmetic import Pair, product, rows, stored, summed
 from .poles import Eigen, PolePairs, unpacked, unpacked_inverse
 from .signals import Signals
 from .system import Layout, System
@@ -30,10 +32,32 @@ from .transient import ROWS, Lanes
 class Slopes(NamedTuple):
     """Derivatives of a square of a figure; batch last."""
 
-    psi: Pair  # (o, s + 1, p, c), the start last
-    rate: Pair  # the same of dPsi/dlambda
+    shown: Pair  # (s + 1, p, c): sum_o c_o Psi_os, the start last
+    shown_rate: Pair  # the same of dPsi/dlambda
+    given: Pair  # (o, p, c): sum_s b_s Psi_os
+    given_rate: Pair
     signals: Signals
     direct: Float[Array, "s o c"]
+
+
+def seen(kind, c: Pair) -> Pair:
+    """Pairs whose product with z has in its `total` the output c0 z0 + c1 z1."""
+    return c[0], jnp.where(kind > 0, -c[1], c[1])
+
+
+def of_psi(m: PolePairs, layout: Layout, psi: Pair, rate: Pair) -> tuple[Pair, Pair, Pair, Pair]:
+    """The first four of `Slopes` from Psi and its derivative of all outputs, (o, s + 1, p, c)."""
+    own = [x[:, None] for x in seen(m.kind, (m.c0[:ROWS], m.c1[:ROWS]))]
+    columns = [*(kind.column for kind in layout.kinds), -1]
+    b = rows(m.b0, columns), rows(m.b1, columns)
+
+    def summed_by(b, x: Pair, axis: int) -> Pair:
+        first, second = (summed(y, axis) for y in product(m.kind, b, x))
+        return first, second
+
+    return (
+        summed_by(own, psi, 0), summed_by(own, rate, 0), summed_by(b, psi, 1), summed_by(b, rate, 1)
+    )  # fmt: skip
 
 
 def half_root(square):
@@ -54,34 +78,36 @@ def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> S
     place = np.append(columns, total)  # the start comes last
     ones = pairs.first, pairs.second
 
-    def whole(pair: Pair) -> Pair:  # (o, s, p, c) -> (l, o, k, c) of every eigenvalue
-        first, second = (jax.ops.segment_sum(jnp.moveaxis(x, 1, 0), place, total + 1) for x in pair)
+    def whole(pair: Pair) -> Pair:  # (..., p, c) -> (..., k, c) of every eigenvalue
+        first, second = pair
         k = pairs.kind
         one = first, jnp.where(k, second, 0.0)
         two = jnp.where(k, first, second), jnp.where(k, -second, 0.0)
         real, imaginary = (
-            summed(x[:, :, :, None] * ones[0] + y[:, :, :, None] * ones[1], 2)
+            summed(x[:, :, None] * ones[0] + y[:, :, None] * ones[1], 1)
             for x, y in zip(one, two, strict=True)
         )
         return real, imaginary
+
+    def shown_by(pair: Pair) -> Pair:  # (s + 1, p, c) -> (l, k, c); an output shows a pair twice
+        share = jnp.where(pairs.kind, 0.5, 1.0)
+        first, second = (share * jax.ops.segment_sum(x, place, total + 1) for x in pair)
+        return whole((first, second))
 
     value = pairs.value.real, pairs.value.imag
     V = unpacked(pairs.vector, value[1])  # (m, k, c)
     back = _swapped(unpacked_inverse(jnp.swapaxes(pairs.inverse, 0, 1), value[1]))  # (k, m, c)
     c = unpacked(pairs.output[:ROWS], value[1])  # (o, k, c)
     b = unpacked_inverse(jnp.swapaxes(pairs.input, 0, 1), value[1])  # (l, k, c)
-    psi, rate = whole(slopes.psi), whole(slopes.rate)
+    shown, given = shown_by(slopes.shown), whole(slopes.given)
 
-    def across(psi: Pair) -> tuple[Pair, Pair, Pair, Pair]:
-        """Psi_ol(l_i) or Psi_ol(l_j) of all i, j, and the sums over o and over l they are from."""
-        of_outputs = _dot(psi, c, 1)  # (l, k, c)
-        of_inputs = _dot(psi, _with_axis(b, 1), 0)  # (o, k, c)
-        first = _dot(_with_axis(of_outputs, 2), _with_axis(b, 1), 0)
-        second = _dot(_with_axis(c, 2), _with_axis(of_inputs, 1), 0)
-        return first, second, of_outputs, of_inputs
+    def across(shown: Pair, given: Pair) -> tuple[Pair, Pair]:
+        """Sums over o and l of c_oi Psi_ol(l_i) b_jl and of c_oi Psi_ol(l_j) b_jl, all i, j."""
+        first = _dot(_with_axis(shown, 2), _with_axis(b, 1), 0)
+        return first, _dot(_with_axis(c, 2), _with_axis(given, 1), 0)
 
-    left, right, given, shown = across(psi)
-    flat = across(rate)
+    left, right = across(shown, given)
+    flat = across(shown_by(slopes.shown_rate), whole(slopes.given_rate))
     gap = value[0][:, None] - value[0], value[1][:, None] - value[1]
     size, damping = gap[0] * gap[0] + gap[1] * gap[1], jnp.abs(value[0])
     least = 1e-5 * (1 / span + jnp.maximum(damping[:, None], damping))
@@ -97,11 +123,11 @@ def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> S
         )
         return real, imaginary
 
-    M = stored(divided, left, right, *flat[:2], gap, near)
+    M = stored(divided, left, right, *flat, gap, near)
     moved = _dot(_with_axis(M, 2), _with_axis(_swapped(V), 0), 1)  # (i, b, c)
     A = _real(_with_axis(back, 2), _with_axis(moved, 1), 0)
-    inputs = _real(_with_axis(given, 2), back, 1)  # (l, m, c)
-    outputs = _real(_with_axis(shown, 2), _swapped(V), 1)
+    inputs = _real(_with_axis(shown, 2), back, 1)  # (l, m, c)
+    outputs = _real(_with_axis(given, 2), _swapped(V), 1)
     room = ((0, len(g.modes.c0) - ROWS), (0, 0), (0, 0))
     direct = jax.ops.segment_sum(slopes.direct, columns, total)  # (l, o, c)
     direct = jnp.pad(direct, ((0, 0), *room[:1], (0, 0)))

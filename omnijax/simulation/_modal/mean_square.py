@@ -1,18 +1,21 @@
 """Sums over the blocks of a run from which the derivatives of the mean square follow.
 
 A run carries what the edges that its signals have passed leave, sum_n exp(lambda (t - t_e)) and the
-same times t - t_e, from block to block and adds them up against the block's outputs.
+same times t - t_e, from block to block, beside the free part's derivative by the poles, and adds
+them up against the block's outputs.
 """
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-from .arithmetic import Pair, materialised, plus, product, rows, sincos, summed, times
-from .blocks import LENGTH, BlockTables, Weights
+from .arithmetic import Pair, flushed, materialised, plus, product, rows, summed, times, turned
+from .blocks import LENGTH, BlockTables, Weights, free_rates
 from .edges import by_signal, of_sinusoids
-from .output_sums import OutputSums, by_begins, seen
+from .gradient import seen
+from .output_sums import OutputSums, by_begins
 from .poles import PolePairs
 from .system import Layout
 from .transient import ROWS, Along, Lanes
@@ -25,57 +28,65 @@ class _Passed(NamedTuple):
     edge: Pair  # (g, k, p, c): exp(lambda (t - t_e))
     late: Pair  # the same times t - t_e
     decay: Pair  # (p, c): exp(lambda t)
+    slope: Pair  # (p, c): derivative of the free part by the poles
 
 
-def _follow(kind, carried: _Passed, move: Onward) -> _Passed:
+def _follow(kind, rates: Pair, carried: _Passed, move: Onward) -> _Passed:
+    """`rates` (g, k, p, c): derivatives of the jumps by the poles."""
     past = move.past[:, :, None]
     after = jnp.where(past, move.after[0], 0.0), jnp.where(past, move.after[1], 0.0)
     later = plus(carried.late, times(move.span, carried.edge))
     edge, late, decay = (product(kind, x, move.over) for x in (carried.edge, later, carried.decay))
-    return _Passed(plus(edge, after), plus(late, times(move.since, after)), decay)
+    jumped = [summed(summed(jnp.where(past, x, 0.0))) for x in rates]
+    jumped = plus(jumped, times(move.since, move.jump))
+    slope = plus(carried.slope, times(move.span, move.free))
+    slope = plus(product(kind, slope, move.over), product(kind, jumped, move.after))
+    return _Passed(
+        plus(edge, after),
+        plus(late, times(move.since, after)),
+        decay,
+        (flushed(slope[0]), flushed(slope[1])),
+    )
 
 
-def _begin(m: PolePairs, g: int, pieces: int, waves: int) -> tuple[OutputSums, _Passed]:
+def _begin(m: PolePairs, g: int, pieces: int, waves: int, slope: Pair):
     pairs, lanes = m.l0.shape
 
     def none(*shape):
         return jnp.zeros((*shape, pairs, lanes)), jnp.zeros((*shape, pairs, lanes))
 
-    edge, each = (g, pieces), (g, pieces, ROWS)
+    edge = (g, pieces)
     wave, flat = jnp.zeros((ROWS, waves, pieces, lanes)), jnp.zeros((*edge, lanes))
     sums = OutputSums(
-        none(*each), none(*each), none(*edge), none(ROWS), none(ROWS), (wave, wave),
+        none(*edge), none(*edge), none(*edge), none(), none(), none(ROWS), none(ROWS), (wave, wave),
         jnp.zeros((waves, lanes)), flat, flat, jnp.zeros((g, lanes)),
     )  # fmt: skip
     one = jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
-    return sums, _Passed(none(*edge), none(*edge), one)
+    return sums, _Passed(none(*edge), none(*edge), one, slope)
 
 
 def square_sums(g: Lanes, layout: Layout, step) -> Along:
     """Sums over the samples of half the derivatives of |dR|^2, dR itself; `OutputSums`."""
     m, edged, of = g.modes, len(g.signals.duration), layout.signal_of
-    number = jnp.arange(LENGTH, dtype=float)[:, None]
     kind, pieces = m.kind, g.signals.cosine.shape[1]
     own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
+    rates = free_rates(m, g.signals, layout)
 
-    def against(x, t: BlockTables):
-        """Sums (2 o, q or v, c) of the outputs, and of those times the time, times each table."""
-        x = materialised(lambda x: jnp.concatenate([x, x * number * step]), x)  # (2 o, k, c)
-        return [sum(x[:, k, None] * z[k] for k in range(LENGTH)) for z in t]
+    def shown(now, u: Pair, du: Pair) -> tuple[Pair, Pair, Pair]:
+        """As the outputs show pairs: sums u, those times the block's time, u times `now`."""
+        q0, q1 = (summed(y) for y in product(kind, own, u))
+        d0, d1 = (summed(y) for y in product(kind, own, du))
+        return (q0, q1), (d0, d1), times(now, (q0, q1))
 
-    def gather(total: OutputSums, x, weights: Weights, t: BlockTables, s: WalkState) -> OutputSums:
-        T0, T1, *turns = materialised(against, x, t)
-        poles = rows(T0, layout.pole, 1), rows(T1, layout.pole, 1)
-        u, du = (poles[0][:ROWS], poles[1][:ROWS]), (poles[0][ROWS:], poles[1][ROWS:])
-        w, dw, past = [x[:ROWS] for x in turns], [x[ROWS:] for x in turns], s.carried
-        edge, late = ([x[:, :, None] for x in y] for y in (past.edge, past.late))
+    def gather(total: OutputSums, x, weights: Weights, t: BlockTables, s: WalkState, turn):
+        sums = [(y.real, step * y.imag) for y in materialised(_against, x, t)]
+        (u0, du0), (u1, du1) = ([rows(y, layout.pole, 1) for y in x] for x in sums[:2])
+        u, du, past = (u0, u1), (du0, du1), s.carried
+        w, dw = ([x[n] for x in sums[2:]] for n in (0, 1))
         now = s.done * step
-        timed = plus(times(now, past.edge), times(-1.0, past.late))  # t_e exp(lambda (t - t_e))
-        q = [summed(x) for x in product(kind, own, u)]
-        since = now - s.begun
-        ago = of_sinusoids(since, of, now)
-        sn, cs = sincos(ago * g.signals.rate)
-        waves = w[0] * cs - w[1] * sn, w[1] * cs + w[0] * sn
+        q, dq, later = materialised(shown, now, u, du)
+        ago = of_sinusoids(now - s.begun, of, now)
+        waves = turned(*w, turn.real, -turn.imag)
         swing = _swing(weights, w, layout)  # by the phases at the block's begin
         moved = _swing(weights, dw, layout) + swing * ago
         e = int(np.sum(of < edged))
@@ -84,11 +95,16 @@ def square_sums(g: Lanes, layout: Layout, step) -> Along:
         on = s.piece[:, None] == jnp.arange(pieces)[:, None]
         here = of_sinusoids(on, of, jnp.arange(pieces)[:, None] + 0 * now == 0)
         return OutputSums(
-            plus(total.edge, product(kind, u, edge)),
-            plus(total.edge_rate, plus(product(kind, du, edge), product(kind, u, late))),
-            plus(total.edge_time, product(kind, q, timed)),
-            plus(total.start, product(kind, u, past.decay)),
-            plus(total.start_rate, product(kind, plus(du, times(now, u)), past.decay)),
+            plus(total.edge, product(kind, q, past.edge)),
+            plus(total.edge_rate, plus(product(kind, dq, past.edge), product(kind, q, past.late))),
+            plus(
+                total.edge_time,
+                plus(product(kind, later, past.edge), times(-1.0, product(kind, q, past.late))),
+            ),
+            plus(total.start, product(kind, q, past.decay)),
+            plus(total.start_rate, product(kind, plus(dq, later), past.decay)),
+            plus(total.free, product(kind, u, s.free)),
+            plus(total.free_rate, plus(product(kind, du, s.free), product(kind, u, past.slope))),
             plus(total.wave, (here * waves[0][:, :, None], here * waves[1][:, :, None])),
             total.late + moved,
             total.begin + begin,
@@ -96,8 +112,24 @@ def square_sums(g: Lanes, layout: Layout, step) -> Along:
             total.since + first,
         )
 
-    start, carried = _begin(m, edged, pieces, len(of))
-    return Along(gather, start, lambda past, move: _follow(kind, past, move), carried)
+    start, carried = _begin(m, edged, pieces, len(of), rates.start)
+    return Along(gather, start, lambda past, move: _follow(kind, rates.jump, past, move), carried)
+
+
+def _against(x, t: BlockTables):
+    """Sums (o, q or v, c) of the outputs times each table, and imaginary the same times the number.
+
+    Sums from the last sample on add up to the second: one loop reads what both are made of.
+    """
+
+    def sums(z):
+        value = moment = 0.0
+        for k in reversed(range(LENGTH)):
+            value = value + x[:, k, None] * z[k]
+            moment = moment + value if k else moment
+        return jax.lax.complex(value, moment)
+
+    return [sums(z) for z in t]
 
 
 def _swing(weights: Weights, w, layout: Layout):

@@ -16,10 +16,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, plus, product, rows, summed, times, turned
+from .arithmetic import Pair, materialised, plus, product, rows, summed, times, turned
 from .blocks import shown
 from .edges import Edges, by_signal, edge_times, edges_of
-from .gradient import ROWS, Slopes
+from .gradient import ROWS, Slopes, seen
 from .resonance import Resonance, by_pole, by_rate, resonance
 from .signals import Signals
 from .system import Layout
@@ -27,13 +27,15 @@ from .transient import Lanes
 
 
 class OutputSums(NamedTuple):
-    """Sums of the weights g_o(t) over all times t."""
+    """Sums over all times t of the weights g_o(t), or of sum_o g_o c_o as outputs show pairs."""
 
-    edge: Pair  # (g, k, o, p, c): times exp(lambda (t - t_e)) of all passages
+    edge: Pair  # (g, k, p, c): as shown, times exp(lambda (t - t_e)) of all passages
     edge_rate: Pair  # derivative of `edge` by the poles
-    edge_time: Pair  # (g, k, p, c): `edge` times t_e, as the outputs show it
-    start: Pair  # (o, p, c): times exp(lambda t)
+    edge_time: Pair  # `edge` times t_e
+    start: Pair  # (p, c): as shown, times exp(lambda t)
     start_rate: Pair
+    free: Pair  # (o, p, c): times the free part of the pairs
+    free_rate: Pair  # derivative of `free` by the poles
     wave: tuple[Array, Array]  # (o, v, k, c): times cos and sin over each piece
     late: Float[Array, "v c"]  # derivative by the rates, at fixed begins of the pieces
     begin: Float[Array, "g k c"]  # derivative by the begin of each piece
@@ -48,11 +50,6 @@ class _Known(NamedTuple):
     wave: tuple[Array, Array]  # (v, o, c): the weights times level and slope of the sinusoids
     time: Float[Array, "g k c"]  # s, first passage of each edge
     period: Float[Array, "g c"]  # s
-
-
-def seen(kind, c: Pair) -> Pair:
-    """Pairs whose product with z has in its `total` the output c0 z0 + c1 z1."""
-    return c[0], jnp.where(kind > 0, -c[1], c[1])
 
 
 def total(kind, z: Pair, axis: int = -2):
@@ -74,31 +71,46 @@ def by_begins(by_into, piece, begun, pieces: int):
 
 def slopes_of(g: Lanes, layout: Layout, sums: OutputSums) -> Slopes:
     """Derivatives by poles, signals and what goes straight to the outputs."""
-    kind, signals, of = g.modes.kind, g.signals, layout.signal_of
-    r, known = resonance(g.modes, signals.rate[:, None]), _known(signals, layout, sums)
-    own = [x[:, :, None] for x in known.wave]
-    unit = jnp.where(kind > 0, 0.0, 1.0)
-    free = [_against(known, layout, n, sums.edge, sums.start) for n in (0, 1)]
-    free = Resonance(*((x[0] - y, x[1] - unit * y) for x, y in zip(free, own, strict=True)))
-    moved = [_against(known, layout, n, sums.edge_rate, sums.start_rate) for n in (0, 1)]
+    m, signals, of = g.modes, g.signals, layout.signal_of
+    kind, columns = m.kind, [layout.kinds[i].column for i in of]
+    r, known = resonance(m, signals.rate[:, None]), _known(signals, layout, sums)
+    by = by_pole(kind, r)
+    b = rows(m.b0, columns), rows(m.b1, columns)
+    own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
 
-    def psi(r: Resonance, by: Resonance) -> Pair:  # (v, o, p, c)
-        parts = (product(kind, [y[:, None] for y in x], z) for x, z in zip(r, by, strict=True))
-        return plus(*parts)
+    def against(own: Pair, known: _Known, *sums: Pair) -> tuple[Resonance, Resonance]:
+        waves = ([summed(x * y[:, :, None], 1) for x in own] for y in known.wave)  # (v, p, c)
+        start, slope = _against(known, layout, *sums[:2]), _against(known, layout, *sums[2:])
+        each = zip(start, waves, strict=True)
+        return Resonance(*(plus(x, times(-1.0, y)) for x, y in each)), slope
 
-    value = psi(r, free)
-    slope = plus(psi(r, Resonance(*moved)), psi(by_pole(kind, r), free))
+    free, slope = materialised(
+        against, own, known, sums.edge, sums.start, sums.edge_rate, sums.start_rate
+    )
 
-    def signalled(x: Pair, start: Pair) -> Pair:  # (o, s + 1, p, c)
+    def together(r: Resonance, by: Resonance) -> Pair:  # (v, p, c)
+        return plus(*(product(kind, x, y) for x, y in zip(r, by, strict=True)))
+
+    def signalled(x: Pair, start: Pair) -> Pair:  # (s + 1, p, c)
         first, second = (
-            jnp.swapaxes(jnp.concatenate([by_signal(y, of), z[None]]), 0, 1)
-            for y, z in zip(x, start, strict=True)
+            jnp.concatenate([by_signal(y, of), z[None]]) for y, z in zip(x, start, strict=True)
+        )
+        return first, second
+
+    def less_waves(free: Pair, r: Resonance) -> Pair:  # (o, p, c)
+        """With what moves with the sinusoids."""
+        lag, (levels, slopes) = [product(kind, b, x) for x in r], known.wave
+        first, second = (
+            x - summed(y[:, None] * levels[:, :, None] + z[:, None] * slopes[:, :, None])
+            for x, y, z in zip(free, *lag, strict=True)
         )
         return first, second
 
     return Slopes(
-        signalled(value, sums.start),
-        signalled(slope, sums.start_rate),
+        signalled(together(r, free), sums.start),
+        signalled(plus(together(r, slope), together(by, free)), sums.start_rate),
+        less_waves(sums.free, r),
+        less_waves(sums.free_rate, by),
         _by_signals(g, layout, sums, r, known, free),
         by_signal(known.wave[0], of),
     )
@@ -111,17 +123,19 @@ def _known(signals: Signals, layout: Layout, sums: OutputSums) -> _Known:
     return _Known(edges_of(signals, layout), wave, *edge_times(signals))
 
 
-def _against(known: _Known, layout: Layout, n: int, edge: Pair, start: Pair) -> Pair:
-    """The sums over levels (n = 0) or slopes (1) that jump or lag at the start, (v, o, p, c)."""
-    jump, now = (x[n] for x in known.edges)
-    count = len(jump)
-    each = [now[:, None, None] * x for x in start]
-    if count:
-        signal, size = layout.signal_of[:count], jump[:, :, None, None]
-        more = [summed(size * rows(x, signal), 1) for x in edge]
-        none = ((0, len(now) - count), *((0, 0) for _ in more[0].shape[1:]))
-        each = [x + jnp.pad(y, none) for x, y in zip(each, more, strict=True)]
-    return each[0], each[1]
+def _against(known: _Known, layout: Layout, edge: Pair, start: Pair) -> Resonance:
+    """The sums over levels and slopes that jump or lag at the start, (v, p, c)."""
+
+    def over(jump, now) -> Pair:
+        each = [now[:, None] * x for x in start]
+        if count := len(jump):
+            signal, size = layout.signal_of[:count], jump[:, :, None]
+            more = [summed(size * rows(x, signal), 1) for x in edge]
+            none = ((0, len(now) - count), (0, 0), (0, 0))
+            each = [x + jnp.pad(y, none) for x, y in zip(each, more, strict=True)]
+        return each[0], each[1]
+
+    return Resonance(*(over(*x) for x in zip(*known.edges, strict=True)))
 
 
 def _by_signals(
@@ -132,12 +146,7 @@ def _by_signals(
     kind, rate, e = m.kind, signals.rate[:, None], len(known.edges.jump[0])
     columns = [layout.kinds[i].column for i in of]
     b = rows(m.b0, columns), rows(m.b1, columns)
-    own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
     given = Resonance(*(product(kind, b, x) for x in r))
-
-    def outputs(x: Pair) -> Pair:  # (..., o, p, c) -> (..., p, c)
-        first, second = (summed(y, -3) for y in product(kind, own, x))
-        return first, second
 
     def met(edge: Pair):
         """Of the passages of sinusoids with edges: all, and what their resonance gives."""
@@ -150,12 +159,10 @@ def _by_signals(
         jump, square = known.edges.jump, rate[:e] * rate[:e]
         return by_signal(jump[0] * (whole - square * slope) + jump[1] * level, of[:e])
 
-    passed = outputs(sums.edge)
     period = known.period[:, None]
-    more = plus(sums.edge_time, times(-known.time[:, :, None], passed))  # n period
-    edge, turn = met(passed), met(times(1 / period[:, :, None], more))
-    start = outputs(sums.start)
-    now = [total(kind, product(kind, x, start)) for x in given]
+    more = plus(sums.edge_time, times(-known.time[:, :, None], sums.edge))  # n period
+    edge, turn = met(sums.edge), met(times(1 / period[:, :, None], more))
+    now = [total(kind, product(kind, x, sums.start)) for x in given]
     straight = g.direct, g.slope
     wave = [
         rows(x[:, :ROWS], columns) - jnp.swapaxes(shown(m, z, ROWS), 0, 1)
@@ -170,7 +177,7 @@ def _by_signals(
     )
     (back,) = jax.vjp(lambda x: _known(x, layout, sums), signals)[1](bar)
     turned = (
-        product(kind, product(kind, b, x), outputs(y))
+        product(kind, product(kind, b, x), y)
         for x, y in zip(by_rate(kind, r, rate), free, strict=True)
     )
     return back._replace(

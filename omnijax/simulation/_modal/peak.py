@@ -1,5 +1,7 @@
 """Sums from which the derivatives of a run's refined peak follow, in closed form."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -16,9 +18,10 @@ from .arithmetic import (
     times,
     turned,
 )
-from .blocks import stored_forced
+from .blocks import free_rates, stored_forced
 from .edges import at_piece, by_signal, of_sinusoids
-from .output_sums import OutputSums, by_begins, seen
+from .gradient import seen
+from .output_sums import OutputSums, by_begins
 from .passages import PassedEdges, edge_sums, passages
 from .poles import PolePairs
 from .system import Layout
@@ -49,22 +52,39 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     kind, pole = m.kind, (m.l0, m.l1)
     passed = passages(signals, layout, time)
     edge, by_poles = _edge_sums(m, passed)
-    by_x, by_v = gx[:, None], gv[:, None]  # (o, 1, c)
+    own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
+    shown = [[summed(x * y[:, None]) for x in own] for y in (gx, gv)]  # (p, c)
 
-    def weighed(a: Pair, rate: Pair) -> tuple[Pair, Pair]:
-        """The weights times functions of the poles (..., p, c), and the derivative by the poles."""
-        a, rate = ((x[..., None, :, :], y[..., None, :, :]) for x, y in (a, rate))
-        rated = product(kind, pole, a)
-        slope = plus(a, product(kind, pole, rate))
+    def weighed(by_x, by_v, times, a: Pair, rate: Pair) -> tuple[Pair, Pair]:
+        """The weights times functions of the poles, and the derivative by the poles."""
+        rated, slope = product(kind, pole, a), plus(a, product(kind, pole, rate))
         value = plus(times(by_x, a), times(by_v, rated))
         return value, plus(times(by_x, rate), times(by_v, slope))
 
+    def as_shown(a: Pair, rate: Pair):
+        return weighed(*shown, partial(product, kind), a, rate)
+
     timed = plus(times(time, edge), times(-1.0, by_poles))  # t_e exp(lambda (t - t_e))
-    own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
-    shown = product(kind, own, weighed(timed, timed)[0])
-    edge, edge_rate = weighed(edge, by_poles)
+    edge_time, _ = as_shown(timed, timed)
     decay = pair_exp(kind, times(time, pole))
-    start, start_rate = weighed(decay, times(time, decay))
+    later = times(time, decay)
+    few = m._replace(c0=m.c0[:ROWS], c1=m.c1[:ROWS])
+    parts = stored_forced(few, signals, g.direct[:, :ROWS], g.slope[:, :ROWS], layout)
+    rates = free_rates(m, signals, layout)
+    jump, start = (parts.jump0, parts.jump1), (parts.free0, parts.free1)
+
+    def left(jump: Pair, edge: Pair, start: Pair, decay: Pair) -> Pair:
+        each, own = product(kind, jump, edge), product(kind, start, decay)
+        return own[0] + each[0].sum((0, 1)), own[1] + each[1].sum((0, 1))
+
+    def moved(edge: Pair, by_poles: Pair, decay: Pair, later: Pair) -> tuple[Pair, Pair]:
+        slope = left(jump, by_poles, start, later)
+        return left(jump, edge, start, decay), plus(
+            left(rates.jump, edge, rates.start, decay), slope
+        )
+
+    z, rate = materialised(moved, edge, by_poles, decay, later)
+    free = weighed(gx[:, None], gv[:, None], times, z, rate)  # (o, p, c)
 
     e = int(np.sum(of < len(passed.begun)))
     none = jnp.zeros_like(time)
@@ -72,17 +92,16 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     into, rate = time - begun, signals.rate
     sn, cs = sincos(rate * into)  # (v, c)
     cos, sin, rated = cs[None], sn[None], rate[None]
+    by_x, by_v = gx[:, None], gv[:, None]  # (o, 1, c)
     wave = by_x * cos - by_v * rated * sin, by_x * sin + by_v * rated * cos  # (o, v, c)
     here = piece[:, None] == jnp.arange(signals.cosine.shape[1])[:, None]  # (v, k, c)
-    few = m._replace(c0=m.c0[:ROWS], c1=m.c1[:ROWS])
-    parts = stored_forced(few, signals, g.direct[:, :ROWS], g.slope[:, :ROWS], layout)
     a, b = (at_piece(y, piece) for y in (parts.cosine, parts.sine))  # (o, v, c)
     level, slope = turned(a, b, cos, sin)
     late = summed(into * (by_x * slope - by_v * rate * level) + by_v * slope)
     by_into = summed(by_x * rate * slope - by_v * rate * rate * level)
     by_into = by_signal(by_into[:e], of[:e])
     return OutputSums(
-        edge, edge_rate, (summed(shown[0], 2), summed(shown[1], 2)), start, start_rate,
+        *as_shown(edge, by_poles), edge_time, *as_shown(decay, later), *free,
         (jnp.where(here, wave[0][:, :, None], 0.0), jnp.where(here, wave[1][:, :, None], 0.0)),
         late, *by_begins(by_into, passed.piece, passed.begun, signals.duration.shape[1]),
     )  # fmt: skip

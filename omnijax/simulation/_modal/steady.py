@@ -7,7 +7,7 @@ from jaxtyping import Array
 
 from ..._root import root
 from .arithmetic import Pair, materialised, product, quotient
-from .gradient import ROWS, Slopes, along_poles, half_root
+from .gradient import ROWS, Slopes, along_poles, half_root, of_psi
 from .phases import columns_of, cycle_of, given, ones, phases_of, response
 from .poles import PolePairs
 from .signals import CONSTANT, Signals
@@ -64,4 +64,5 @@ def _supremum_slopes(g: Lanes, layout: Layout, top: Supremum) -> Slopes:
         return value
 
     (value, direct), (rate, _) = along_poles(m, psi)
-    return Slopes(value, rate, jax.grad(figure)(g.signals), jnp.swapaxes(direct, 0, 1))
+    both = of_psi(m, layout, value, rate)
+    return Slopes(*both, jax.grad(figure)(g.signals), jnp.swapaxes(direct, 0, 1))

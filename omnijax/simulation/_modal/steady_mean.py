@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .arithmetic import Pair, materialised, stored
-from .gradient import ROWS, Slopes, along_poles
+from .gradient import ROWS, Slopes, along_poles, of_psi
 from .moments import Moments, moments_of
 from .phases import PhaseCycle, columns_of, constant, cycle_of, phases_of
 from .poles import PolePairs
@@ -157,7 +157,8 @@ def steady_slopes(g: Lanes, layout: Layout, mean: MeanSquare) -> Slopes:
             value += jnp.sum(square) + jnp.sum((kernel * _both(m, now.work)).real)
         return value
 
-    return Slopes(psi, rate, jax.grad(figure)(g.signals), jnp.swapaxes(direct, 0, 1))
+    both = of_psi(g.modes, layout, psi, rate)
+    return Slopes(*both, jax.grad(figure)(g.signals), jnp.swapaxes(direct, 0, 1))
 
 
 def _by_poles(m: PolePairs, cycle: PhaseCycle) -> Pair:

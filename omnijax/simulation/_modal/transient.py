@@ -65,7 +65,7 @@ class Samples(NamedTuple):
 class Along(NamedTuple):
     """What else is gathered on the pass over the samples."""
 
-    gather: Callable  # (totals, dR (o, k, c), weights, tables, state) -> totals
+    gather: Callable  # (totals, dR (o, k, c), weights, tables, state, turn) -> totals
     totals: Any
     follow: Callable = lambda carried, move: carried  # see `Walk.run`
     carried: Any = ()
@@ -123,7 +123,7 @@ def samples_of(
             each = [(number, outputs(w, part)) for number, part in parts_of(t, together)]
         else:
             x = materialised(kept, s.count, w, t)
-            more = also.gather(more, x, w, t, s)
+            more = also.gather(more, x, w, t, s, turn)
             each = [(number, _of(x, number)) for number, _ in parts_of(t, together)]
         sums, top = zip(*(_square(x, number, s.count) for number, x in each), strict=True)
         pair = jax.lax.complex(sum(sums, pair.real), functools.reduce(jnp.maximum, top, pair.imag))

@@ -47,9 +47,11 @@ class Moved(NamedTuple):
 class Onward(NamedTuple):
     """From one block to the next: `span` seconds, then perhaps past an edge, `since` after it."""
 
+    free: tuple[Array, Array]  # (p, c), the free part before
     span: Float[Array, " c"]
     over: tuple[Array, Array]  # (p, c), exp(lambda span)
     past: Float[Array, "g k c"]  # a one at the piece that begins
+    jump: tuple[Array, Array]  # (p, c), of the free part there
     since: Float[Array, " c"]
     after: tuple[Array, Array]  # (p, c), exp(lambda since)
 
@@ -102,14 +104,16 @@ class Walk(NamedTuple):
         later = jnp.where(s.piece + 1 >= pieces, 0.0, s.piece + 1)
         over, after = (rows(x, self.layout.pole) for x in (moved.over, moved.after))
         over, after = (over.real, over.imag), (after.real, after.imag)
-        jump = [
+        first, second = (
             summed(jnp.where(pick[:, None], _at_jump(j, later), 0.0))
             for j in (self.parts.jump0, self.parts.jump1)
-        ]
+        )
+        jump = first, second
         a, b = product(m.kind, s.free, over), product(m.kind, jump, after)
         edge = jnp.where(pick, s.edge + at_piece(signals.duration, later), s.edge)
         begins = later[:, None] == jnp.arange(signals.duration.shape[1])[:, None]
-        move = Onward(moved.span, over, pick[:, None] & begins, moved.since, after)
+        past = pick[:, None] & begins
+        move = Onward(s.free, moved.span, over, past, jump, moved.since, after)
         return WalkState(
             done,
             self._count(done, edge),
