@@ -37,8 +37,8 @@ def _follow(kind, rates: Pair, carried: _Passed, move: Onward) -> _Passed:
     after = jnp.where(past, move.after[0], 0.0), jnp.where(past, move.after[1], 0.0)
     later = plus(carried.late, times(move.span, carried.edge))
     edge, late, decay = (product(kind, x, move.over) for x in (carried.edge, later, carried.decay))
-    jumped = [summed(summed(jnp.where(past, x, 0.0))) for x in rates]
-    jumped = plus(jumped, times(move.since, move.jump))
+    first, second = (summed(summed(jnp.where(past, x, 0.0))) for x in rates)
+    jumped = plus((first, second), times(move.since, move.jump))
     slope = plus(carried.slope, times(move.span, move.free))
     slope = plus(product(kind, slope, move.over), product(kind, jumped, move.after))
     return _Passed(
@@ -86,7 +86,7 @@ def square_sums(g: Lanes, layout: Layout, step) -> Along:
         now = s.done * step
         q, dq, later = materialised(shown, now, u, du)
         ago = of_sinusoids(now - s.begun, of, now)
-        waves = turned(*w, turn.real, -turn.imag)
+        waves = turned(w[0], w[1], turn.real, -turn.imag)
         swing = _swing(weights, w, layout)  # by the phases at the block's begin
         moved = _swing(weights, dw, layout) + swing * ago
         e = int(np.sum(of < edged))

@@ -82,7 +82,7 @@ def slopes_of(g: Lanes, layout: Layout, sums: OutputSums) -> Slopes:
         waves = ([summed(x * y[:, :, None], 1) for x in own] for y in known.wave)  # (v, p, c)
         start, slope = _against(known, layout, *sums[:2]), _against(known, layout, *sums[2:])
         each = zip(start, waves, strict=True)
-        return Resonance(*(plus(x, times(-1.0, y)) for x, y in each)), slope
+        return Resonance(*(plus(x, (-y, -z)) for x, (y, z) in each)), slope
 
     free, slope = materialised(
         against, own, known, sums.edge, sums.start, sums.edge_rate, sums.start_rate

@@ -53,7 +53,7 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     passed = passages(signals, layout, time)
     edge, by_poles = _edge_sums(m, passed)
     own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
-    shown = [[summed(x * y[:, None]) for x in own] for y in (gx, gv)]  # (p, c)
+    shown = [(summed(own[0] * y[:, None]), summed(own[1] * y[:, None])) for y in (gx, gv)]  # (p, c)
 
     def weighed(by_x, by_v, times, a: Pair, rate: Pair) -> tuple[Pair, Pair]:
         """The weights times functions of the poles, and the derivative by the poles."""
@@ -62,7 +62,7 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
         return value, plus(times(by_x, rate), times(by_v, slope))
 
     def as_shown(a: Pair, rate: Pair):
-        return weighed(*shown, partial(product, kind), a, rate)
+        return weighed(shown[0], shown[1], partial(product, kind), a, rate)
 
     timed = plus(times(time, edge), times(-1.0, by_poles))  # t_e exp(lambda (t - t_e))
     edge_time, _ = as_shown(timed, timed)
@@ -78,10 +78,8 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
         return own[0] + each[0].sum((0, 1)), own[1] + each[1].sum((0, 1))
 
     def moved(edge: Pair, by_poles: Pair, decay: Pair, later: Pair) -> tuple[Pair, Pair]:
-        slope = left(jump, by_poles, start, later)
-        return left(jump, edge, start, decay), plus(
-            left(rates.jump, edge, rates.start, decay), slope
-        )
+        moving = left(rates.jump, edge, rates.start, decay)
+        return left(jump, edge, start, decay), plus(moving, left(jump, by_poles, start, later))
 
     z, rate = materialised(moved, edge, by_poles, decay, later)
     free = weighed(gx[:, None], gv[:, None], times, z, rate)  # (o, p, c)
@@ -100,11 +98,10 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     late = summed(into * (by_x * slope - by_v * rate * level) + by_v * slope)
     by_into = summed(by_x * rate * slope - by_v * rate * rate * level)
     by_into = by_signal(by_into[:e], of[:e])
-    return OutputSums(
-        *as_shown(edge, by_poles), edge_time, *as_shown(decay, later), *free,
-        (jnp.where(here, wave[0][:, :, None], 0.0), jnp.where(here, wave[1][:, :, None], 0.0)),
-        late, *by_begins(by_into, passed.piece, passed.begun, signals.duration.shape[1]),
-    )  # fmt: skip
+    first, second = (jnp.where(here, x[:, :, None], 0.0) for x in wave)
+    begins = by_begins(by_into, passed.piece, passed.begun, signals.duration.shape[1])
+    edges, starts = as_shown(edge, by_poles), as_shown(decay, later)
+    return OutputSums(*edges, edge_time, *starts, *free, (first, second), late, *begins)
 
 
 def _edge_sums(m: PolePairs, passed: PassedEdges) -> tuple[Pair, Pair]:
