@@ -135,19 +135,19 @@ class Machine:
         normal = tuple(
             r.normal for r in self.rotated(rig, turns=SETTINGS.prediction.rebase_turns).values()
         )
-        self.basis = dataclasses.replace(basis, normal=normal)
-        self._kept.forget("driven", "rotated", "predicted")  # motions do not hang on N
+        basis = dataclasses.replace(basis, normal=normal)
+        self._begin(basis, "driven", "rotated", "predicted")  # motions do not hang on N
         self.rows = each(lambda i: rows_of(self, rig, i), range(len(self.runs)))
         begin = [i for i, run in enumerate(self.runs) if run.rolling_start(self.noise)]
         states = each(lambda i: rolling_state(self, rig, i), begin)
         more = {i: rolling.get(i, 0.0) + z for i, z in zip(begin, states, strict=True)}
         if begin:
-            self.basis = dataclasses.replace(self.basis, rolling=more)
-            self._kept.forget("rotated", "predicted")
+            self._begin(dataclasses.replace(basis, rolling=more), "rotated", "predicted")
 
-    def _begin(self, basis: Basis) -> None:
+    def _begin(self, basis: Basis, *stages: str) -> None:
+        """About another basis; only `stages` hang on what is new in it (none given: all do)."""
         self.basis = basis
-        self.forget()
+        self._kept.forget(*stages)
 
     def _basis(self, rig: Rig, references, rolling) -> Basis:
         """Smoothing about `references` (None: zero) as the data ask for it, N at the preload."""

@@ -170,7 +170,8 @@ def static_rest(rig: Rig, model: str, A, B0) -> Float[Array, "m n"]:
     """-A^-1 B0, y at static equilibrium per unit of rho: only deflections and memory are unknown.
 
     The momenta are those of a machine in which nothing moves (`AbstractTranslation.still`).  Of
-    least size where fewer than three wheels leave the sphere free to move.
+    least size where fewer than three wheels leave the sphere free to move.  `static_start` solves
+    for the same unknowns from the formulas, where laws need not be linear and angles are known.
     """
     translation, n = TRANSLATIONS[model](rig), rig.size
     state = translation.rest()

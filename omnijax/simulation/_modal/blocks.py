@@ -15,6 +15,7 @@ from .arithmetic import (
     Pair,
     materialised,
     pair_exp,
+    plus,
     powers,
     product,
     rows,
@@ -23,7 +24,7 @@ from .arithmetic import (
     summed,
     turned,
 )
-from .edges import at_piece, at_start, edges_of, jumps, of_sinusoids
+from .edges import Edges, at_piece, at_start, edges_of, jumps, of_sinusoids
 from .poles import PolePairs
 from .resonance import Resonance, by_pole, resonance
 from .signals import Signals
@@ -33,48 +34,47 @@ LENGTH = 32  # samples a block at most
 LOADS = 210  # rows that a loop over designs reads at most: those of 240 were left without vectors
 
 
+class FreePart(NamedTuple):
+    """What the free part of the pairs is made of."""
+
+    jump: Pair  # (g, k, p, c), at the begin of each piece
+    start: Pair  # (p, c)
+
+
 class ForcedPart(NamedTuple):
-    """Sinusoids' parts by piece, and the jumps of the free part where pieces begin."""
+    """Sinusoids' parts by piece, and the free part with its jumps where pieces begin."""
 
     cosine: Float[Array, "o v k c"]
     sine: Float[Array, "o v k c"]
-    jump0: Float[Array, "g k p c"]
-    jump1: Float[Array, "g k p c"]
-    free0: Float[Array, "p c"]  # free part at the start
-    free1: Float[Array, "p c"]
+    free: FreePart
 
 
 def forced(m: PolePairs, signals: Signals, direct, slope, layout: Layout) -> ForcedPart:
     """What does not change during a run; `direct`, `slope` (l, o, c): outputs of rho, drho/dt."""
-    columns = [layout.kinds[i].column for i in layout.signal_of]
+    columns = layout.column_of
     edges, rate = edges_of(signals, layout), signals.rate[:, None]  # (v, 1, c)
-    r = resonance(m, rate, (rows(m.b0, columns), rows(m.b1, columns)))
+    r = resonance(m, rate, m.given(columns))
     level, turn = (
         jnp.swapaxes(rows(x, columns), 0, 1) - shown(m, z)
         for x, z in zip((direct, slope), r, strict=True)
     )
     level, turn = level[:, :, None], (rate[:, 0] * turn)[:, :, None]  # (o, v, 1, c)
-    start = [b[-1] + summed(z) for b, z in zip((m.b0, m.b1), at_start(r, edges), strict=True)]
-    return ForcedPart(
-        *turned(signals.cosine, signals.sine, level, turn), *jumps(r, edges, layout), *start
-    )
+    free = _lags(r, edges, layout)
+    free = free._replace(start=plus((m.b0[-1], m.b1[-1]), free.start))
+    return ForcedPart(*turned(signals.cosine, signals.sine, level, turn), free)
 
 
-class FreeRates(NamedTuple):
-    """Derivatives of the free part by the poles, of what moves them unchanged."""
-
-    jump: Pair  # (g, k, p, c)
-    start: Pair  # (p, c)
-
-
-def free_rates(m: PolePairs, signals: Signals, layout: Layout) -> FreeRates:
-    """How the free part of `forced` and its jumps move with each pole."""
-    columns = [layout.kinds[i].column for i in layout.signal_of]
-    edges, b = edges_of(signals, layout), (rows(m.b0, columns), rows(m.b1, columns))
-    by = by_pole(m.kind, resonance(m, signals.rate[:, None]))
-    r = Resonance(*(product(m.kind, b, x) for x in by))
+def _lags(r: Resonance, edges: Edges, layout: Layout) -> FreePart:
+    """What does not follow the sinusoids where they jump and where they start."""
     first, second = (summed(x) for x in at_start(r, edges))
-    return FreeRates(jumps(r, edges, layout), (first, second))
+    return FreePart(jumps(r, edges, layout), (first, second))
+
+
+def free_rates(m: PolePairs, signals: Signals, layout: Layout) -> FreePart:
+    """Derivatives by the poles of the free part of `forced`, of what moves them unchanged."""
+    by, b = by_pole(m.kind, resonance(m, signals.rate[:, None])), m.given(layout.column_of)
+    r = Resonance(*(product(m.kind, b, x) for x in by))
+    return _lags(r, edges_of(signals, layout), layout)
 
 
 def stored_forced(m: PolePairs, signals: Signals, direct, slope, layout: Layout) -> ForcedPart:

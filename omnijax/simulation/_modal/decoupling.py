@@ -80,12 +80,11 @@ def decoupled(system: System, layout: Layout, coupling: np.ndarray) -> Layout:
     C, column, direct, rate = (np.asarray(x) for x in present)
     shown, moved = C @ member.T, column @ member.T  # (o or l, p)
     seen = (direct | rate).T | (shown @ moved.T)
-    columns = [layout.kinds[i].column for i in layout.signal_of]
     return layout._replace(
         blocks=tuple(blocks),
         same=_equal(np.asarray(system.A), blocks),
         live=tuple(tuple(np.flatnonzero(row).tolist()) for row in shown),
-        waves=tuple(tuple(np.flatnonzero(row).tolist()) for row in seen[:, columns]),
+        waves=tuple(tuple(np.flatnonzero(row).tolist()) for row in seen[:, layout.column_of]),
     )
 
 

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, product, rows, stored, summed
+from .arithmetic import Pair, product, stored, summed
 from .poles import Eigen, PolePairs, unpacked, unpacked_inverse
 from .signals import Signals
 from .system import Layout, System
@@ -49,7 +49,7 @@ def of_psi(m: PolePairs, layout: Layout, psi: Pair, rate: Pair) -> tuple[Pair, P
     """The first four of `Slopes` from Psi and its derivative of all outputs, (o, s + 1, p, c)."""
     own = [x[:, None] for x in seen(m.kind, (m.c0[:ROWS], m.c1[:ROWS]))]
     columns = [*(kind.column for kind in layout.kinds), -1]
-    b = rows(m.b0, columns), rows(m.b1, columns)
+    b = m.given(columns)
 
     def summed_by(b, x: Pair, axis: int) -> Pair:
         first, second = (summed(y, axis) for y in product(m.kind, b, x))

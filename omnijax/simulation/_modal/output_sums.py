@@ -72,10 +72,10 @@ def by_begins(by_into, piece, begun, pieces: int):
 def slopes_of(g: Lanes, layout: Layout, sums: OutputSums) -> Slopes:
     """Derivatives by poles, signals and what goes straight to the outputs."""
     m, signals, of = g.modes, g.signals, layout.signal_of
-    kind, columns = m.kind, [layout.kinds[i].column for i in of]
+    kind, b = m.kind, m.given(layout.column_of)
     r, known = resonance(m, signals.rate[:, None]), _known(signals, layout, sums)
     by = by_pole(kind, r)
-    b = rows(m.b0, columns), rows(m.b1, columns)
+    given, given_rate = (Resonance(*(product(kind, b, y) for y in x)) for x in (r, by))
     own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
 
     def against(own: Pair, known: _Known, *sums: Pair) -> tuple[Resonance, Resonance]:
@@ -97,9 +97,9 @@ def slopes_of(g: Lanes, layout: Layout, sums: OutputSums) -> Slopes:
         )
         return first, second
 
-    def less_waves(free: Pair, r: Resonance) -> Pair:  # (o, p, c)
+    def less_waves(free: Pair, lag: Resonance) -> Pair:  # (o, p, c)
         """With what moves with the sinusoids."""
-        lag, (levels, slopes) = [product(kind, b, x) for x in r], known.wave
+        levels, slopes = known.wave
         first, second = (
             x - summed(y[:, None] * levels[:, :, None] + z[:, None] * slopes[:, :, None])
             for x, y, z in zip(free, *lag, strict=True)
@@ -109,9 +109,9 @@ def slopes_of(g: Lanes, layout: Layout, sums: OutputSums) -> Slopes:
     return Slopes(
         signalled(together(r, free), sums.start),
         signalled(plus(together(r, slope), together(by, free)), sums.start_rate),
-        less_waves(sums.free, r),
-        less_waves(sums.free_rate, by),
-        _by_signals(g, layout, sums, r, known, free),
+        less_waves(sums.free, given),
+        less_waves(sums.free_rate, given_rate),
+        _by_signals(g, layout, sums, r, given, known, free),
         by_signal(known.wave[0], of),
     )
 
@@ -139,14 +139,14 @@ def _against(known: _Known, layout: Layout, edge: Pair, start: Pair) -> Resonanc
 
 
 def _by_signals(
-    g: Lanes, layout: Layout, sums: OutputSums, r: Resonance, known: _Known, free: Resonance
-) -> Signals:
-    """Derivatives by what the signals are made of."""
+    g: Lanes, layout: Layout, sums: OutputSums, r: Resonance, given: Resonance, known: _Known,
+    free: Resonance,
+) -> Signals:  # fmt: skip
+    """Derivatives by what the signals are made of; `given`: the resonances `r` of the inputs."""
     m, signals, of = g.modes, g.signals, layout.signal_of
     kind, rate, e = m.kind, signals.rate[:, None], len(known.edges.jump[0])
-    columns = [layout.kinds[i].column for i in of]
-    b = rows(m.b0, columns), rows(m.b1, columns)
-    given = Resonance(*(product(kind, b, x) for x in r))
+    columns = layout.column_of
+    b = m.given(columns)
 
     def met(edge: Pair):
         """Of the passages of sinusoids with edges: all, and what their resonance gives."""

@@ -25,7 +25,7 @@ from .arithmetic import (
     times,
     turned,
 )
-from .blocks import ForcedPart, pole_exp, poles_of, shown
+from .blocks import ForcedPart, FreePart, pole_exp, poles_of, shown
 from .edges import at_piece, edge_times, of_sinusoids
 from .poles import PolePairs
 from .signals import Signals
@@ -66,6 +66,12 @@ def edge_sums(kind, pole: Pair, p: PassedEdges) -> Pair:
     return jnp.where(many > 0, first, 0.0), jnp.where(many > 0, second, 0.0)
 
 
+def left_of(kind, free: FreePart, edge: Pair, decay: Pair) -> Pair:
+    """The free part (p, c) at a time, from the `edge_sums` until then and the poles' decay."""
+    each, own = product(kind, free.jump, edge), product(kind, free.start, decay)
+    return own[0] + jnp.sum(each[0], axis=(0, 1)), own[1] + jnp.sum(each[1], axis=(0, 1))
+
+
 def _repeated(kind, a: Pair, count) -> Pair:
     """1 + e^a + ... + e^((count - 1) a) for a whole `count` above 0."""
     k = kind > 0
@@ -95,16 +101,12 @@ def outputs_at(
     )
     edge = rows(edge[0], layout.pole, -2), rows(edge[1], layout.pole, -2)
 
-    def moved(kind, l0, l1, *x):
-        decay, left, start, jump = (x[i : i + 2] for i in range(0, 8, 2))
-        each, own = product(kind, jump, left), product(kind, start, decay)
-        z = own[0] + jnp.sum(each[0], axis=(0, 1)), own[1] + jnp.sum(each[1], axis=(0, 1))
+    def moved(kind, l0, l1, decay, edge, free):
+        z = left_of(kind, free, edge, decay)
         return [jax.lax.complex(*y) for y in (z, product(kind, z, (l0, l1)))]
 
-    z = materialised(
-        moved, m.kind, m.l0, m.l1, *pole_exp(m, layout, time[None]), *edge,
-        parts.free0, parts.free1, parts.jump0, parts.jump1,
-    )  # fmt: skip
+    decay = pole_exp(m, layout, time[None])
+    z = materialised(moved, m.kind, m.l0, m.l1, decay, edge, parts.free)
     of, none = layout.signal_of, jnp.zeros_like(time)
     piece, begun = (of_sinusoids(x, of, none) for x in (p.piece, p.begun))
     s, c = stored(sincos, signals.rate * (time - begun))

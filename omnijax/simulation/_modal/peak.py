@@ -22,7 +22,7 @@ from .blocks import free_rates, stored_forced
 from .edges import at_piece, by_signal, of_sinusoids
 from .gradient import seen
 from .output_sums import OutputSums, by_begins
-from .passages import PassedEdges, edge_sums, passages
+from .passages import PassedEdges, edge_sums, left_of, passages
 from .poles import PolePairs
 from .system import Layout
 from .transient import ROWS, Lanes, Near, hermite_peak
@@ -55,11 +55,11 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
     shown = [(summed(own[0] * y[:, None]), summed(own[1] * y[:, None])) for y in (gx, gv)]  # (p, c)
 
-    def weighed(by_x, by_v, times, a: Pair, rate: Pair) -> tuple[Pair, Pair]:
+    def weighed(by_x, by_v, weigh, a: Pair, rate: Pair) -> tuple[Pair, Pair]:
         """The weights times functions of the poles, and the derivative by the poles."""
         rated, slope = product(kind, pole, a), plus(a, product(kind, pole, rate))
-        value = plus(times(by_x, a), times(by_v, rated))
-        return value, plus(times(by_x, rate), times(by_v, slope))
+        value = plus(weigh(by_x, a), weigh(by_v, rated))
+        return value, plus(weigh(by_x, rate), weigh(by_v, slope))
 
     def as_shown(a: Pair, rate: Pair):
         return weighed(shown[0], shown[1], partial(product, kind), a, rate)
@@ -71,15 +71,11 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     few = m._replace(c0=m.c0[:ROWS], c1=m.c1[:ROWS])
     parts = stored_forced(few, signals, g.direct[:, :ROWS], g.slope[:, :ROWS], layout)
     rates = free_rates(m, signals, layout)
-    jump, start = (parts.jump0, parts.jump1), (parts.free0, parts.free1)
-
-    def left(jump: Pair, edge: Pair, start: Pair, decay: Pair) -> Pair:
-        each, own = product(kind, jump, edge), product(kind, start, decay)
-        return own[0] + each[0].sum((0, 1)), own[1] + each[1].sum((0, 1))
 
     def moved(edge: Pair, by_poles: Pair, decay: Pair, later: Pair) -> tuple[Pair, Pair]:
-        moving = left(rates.jump, edge, rates.start, decay)
-        return left(jump, edge, start, decay), plus(moving, left(jump, by_poles, start, later))
+        moving = left_of(kind, rates, edge, decay)
+        slope = plus(moving, left_of(kind, parts.free, by_poles, later))
+        return left_of(kind, parts.free, edge, decay), slope
 
     z, rate = materialised(moved, edge, by_poles, decay, later)
     free = weighed(gx[:, None], gv[:, None], times, z, rate)  # (o, p, c)

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
-from .arithmetic import Pair
+from .arithmetic import Pair, rows
 from .system import Layout, System
 
 
@@ -27,6 +27,10 @@ class PolePairs(NamedTuple):
     c1: Float[Array, "o p c"]
     b0: Float[Array, "l p c"]
     b1: Float[Array, "l p c"]
+
+    def given(self, columns: Sequence[int]) -> Pair:
+        """What some input columns give to the pairs, (l, p, c)."""
+        return rows(self.b0, columns), rows(self.b1, columns)
 
 
 class Eigen(NamedTuple):
@@ -102,12 +106,12 @@ def _part(A, block: tuple[int, ...]):
 
 def _diagonal(parts: Sequence[Array]) -> Array:
     """Batches of matrices (c, i, j) along the diagonal of one batch."""
-    rows, total, first = [], sum(part.shape[2] for part in parts), 0
+    placed, total, first = [], sum(part.shape[2] for part in parts), 0
     for part in parts:
         after = total - first - part.shape[2]
-        rows.append(jnp.pad(part, ((0, 0), (0, 0), (first, after))))
+        placed.append(jnp.pad(part, ((0, 0), (0, 0), (first, after))))
         first += part.shape[2]
-    return jnp.concatenate(rows, axis=1)
+    return jnp.concatenate(placed, axis=1)
 
 
 def _paired(value):

@@ -59,6 +59,11 @@ class Layout(NamedTuple):
         return np.repeat(np.arange(len(self.kinds)), [kind.waves for kind in self.kinds])
 
     @property
+    def column_of(self) -> list[int]:
+        """Number of the input column that each sinusoid drives."""
+        return [self.kinds[i].column for i in self.signal_of]
+
+    @property
     def poles(self) -> tuple[int, ...]:
         """One pair of each set of pairs that have their poles in common, as equal blocks do."""
         return tuple(p for i, pairs in enumerate(self._pairs) if self.same[i] == i for p in pairs)

@@ -68,7 +68,7 @@ class Walk(NamedTuple):
 
     def begin(self, carried: Any = ()) -> WalkState:
         """The start of all runs."""
-        signals, free = self.signals, (self.parts.free0, self.parts.free1)
+        signals, free = self.signals, self.parts.free.start
         edge = at_piece(signals.duration, signals.piece) - signals.since
         zero = jnp.zeros(self.modes.l0.shape[-1])
         count = self._count(zero, edge)
@@ -105,8 +105,7 @@ class Walk(NamedTuple):
         over, after = (rows(x, self.layout.pole) for x in (moved.over, moved.after))
         over, after = (over.real, over.imag), (after.real, after.imag)
         first, second = (
-            summed(jnp.where(pick[:, None], _at_jump(j, later), 0.0))
-            for j in (self.parts.jump0, self.parts.jump1)
+            summed(jnp.where(pick[:, None], _at_jump(j, later), 0.0)) for j in self.parts.free.jump
         )
         jump = first, second
         a, b = product(m.kind, s.free, over), product(m.kind, jump, after)
