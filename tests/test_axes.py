@@ -79,7 +79,9 @@ def test_windows_of_two_masses_with_play_begin_where_they_were(tmp_path):
     true = Point(np.zeros(1)).with_effects(Effect("mount-backlash", "axis", {"gap": gap}))
     model.rebase(true)
     (left,) = model.residuals([true], "train")
-    squares = model.rows[0].squares(left)  # a window or two may be caught by the play's corners
+    squares = model.measured.rows[0].squares(
+        left
+    )  # a window or two may be caught by the play's corners
     noise = len(left) / len(squares) * (sigma / model.noise) ** 2
     assert np.quantile(squares, 0.7) < 2 * noise
 
@@ -193,9 +195,9 @@ def test_a_handful_of_points_goes_one_by_one_and_gives_the_same_rows(tmp_path):
         'input = "torque"\n[compare]\nhold = "linear"\n[uncertainty]\n"axis.inertia" = 0.1\n'
     )
     model = logged(tmp_path, t, u, np.sin(5 * t), rng)
-    train = model.splits["train"]
+    train = model.measured.splits["train"]
     thetas = np.stack([model.numbers.vector(Point(u * np.ones(1))) for u in (-0.5, 0.1, 0.8)])
-    few = model.raw(thetas, train)
-    assert {lanes for _, _, lanes in model._asked} == {1}
-    many = model.raw(np.repeat(thetas, 3, axis=0), train)
+    few = model.evaluation.values(thetas, train)
+    assert {lanes for _, _, lanes in model.evaluation.asked} == {1}
+    many = model.evaluation.values(np.repeat(thetas, 3, axis=0), train)
     np.testing.assert_allclose(many[::3], few, rtol=1e-10, atol=1e-13)

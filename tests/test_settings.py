@@ -18,8 +18,8 @@ ELSEWHERE = {  # numbers that change no answer: time, memory, seeds, pictures; a
     "_machine/rig_model.py": {"TOGETHER"},
     "_machine/stage_cache.py": {"MOST"},
     "_machine/stepped.py": {"BLOCK", "LANES"},
-    "_ode/model.py": {"LANES", "OFTEN", "FEW", "HANDFUL"},
-    "_ode/rows.py": {"PARTS"},
+    "_ode/batches.py": {"PARTS"},
+    "_ode/evaluation.py": {"LANES", "OFTEN", "FEW", "HANDFUL"},
     "_room.py": {"TABLES"},
     "_search/calibration.py": {"SEED"},
     "_search/limits.py": {"SURE", "ONE_SIDED"},  # the normal law's

@@ -54,9 +54,9 @@ def _read(reading: HoldReading, laws: dict, tell, programs: Programs) -> Diagnos
         if other is not None:
             return _read(other, laws, tell, programs)
     start = fit.point
-    table[model.rows[0].group]["sigma"] = float(model.scale[0])
-    if model.floor > 1:
-        remarks.append(model.floor_said())
+    table[model.measured.rows[0].group]["sigma"] = float(model.row_noise.sigma[0])
+    if model.row_noise.floor > 1:
+        remarks.append(model.row_noise.said())
     model.work = 0.0
     faults = [*case.faults, *case.file.assumed]
     evidence = OdeEvidence(model, case.file, table, remarks, faults, case.blocks)
@@ -87,6 +87,6 @@ def force_error(diagnosis: Diagnosis, train: Log, test: Log) -> dict[str, float]
         there = refit(model, start).point
         out[f"{word}train"] = balance_error(model, there, "train")
         out[f"{word}cross-test"] = balance_error(model, there, "held-out")
-        missed = missed_output(model, there, model.runs[model.splits["held-out"][0]])
+        missed = missed_output(model, there, model.measured.of("held-out")[0])
         out[f"{word}free run"] = float(np.sqrt(np.mean(missed[STARTED:] ** 2)))
     return out

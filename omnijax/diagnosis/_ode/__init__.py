@@ -8,8 +8,8 @@ from .hold import HoldReading as HoldReading
 from .hold import better_reading as better_reading
 from .hold import first_reading as first_reading
 from .model import OdeModel as OdeModel
-from .model import Programs as Programs
 from .numbers import Numbers as Numbers
+from .programs import Programs as Programs
 from .rows import Balance as Balance
 from .rows import FreeRun as FreeRun
 from .rows import OdeRun as OdeRun

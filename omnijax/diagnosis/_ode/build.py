@@ -20,8 +20,9 @@ from ...machine import (
 )
 from .._search import Prior
 from .._settings import SETTINGS
-from .model import OdeModel, Programs
+from .model import OdeModel
 from .numbers import Numbers
+from .programs import Programs
 from .rows import Balance, FreeRun, OdeRun, smoothed
 
 ORDERS = SETTINGS.free_build.orders
@@ -111,10 +112,11 @@ def build_model(
 
     model = OdeModel(machine, priors_of(machine, file.uncertainty), runs, used, places, criterion,
                      noise, file.placed, programs)  # fmt: skip
-    table = {model.rows[0].group: {"sigma": float(model.scale[0]), "source": source, "error": 0.05}}
+    rows, sigma = model.measured.rows[0], float(model.row_noise.sigma[0])
+    table = {rows.group: {"sigma": sigma, "source": source, "error": 0.05}}
     how = (
         f"Compared is the balance of accelerations: {measured} low-passed at {cutoff:.4g} Hz, rows "
-        f"every {1e3 * model.rows[0].thin * runs[0].step:.4g} ms."
+        f"every {1e3 * rows.thin * runs[0].step:.4g} ms."
         if chosen == "balance" else
         f"Compared is the {measured} of free runs, simulated from the inputs alone."
     )  # fmt: skip

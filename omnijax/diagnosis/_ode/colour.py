@@ -21,7 +21,8 @@ from scipy.linalg import cholesky_banded, solve_banded
 from .._search import AbstractModel, Fit, Point, refit
 from .._settings import SETTINGS
 from .floor import inflation
-from .rows import Balance, FreeRun, smoothed
+from .measured import Measured
+from .rows import Balance, smoothed
 
 SHARES = 10.0 ** np.arange(-7.0, 2.1, 0.5)  # r: of the rows' variance that is no sensor noise
 LOCAL = SETTINGS.free_colour.local
@@ -56,7 +57,7 @@ class Colour:
 class AbstractColoured(AbstractModel):
     """A model of rows by run that may be weighed by the colour of their noise."""
 
-    rows: Sequence[Balance | FreeRun]
+    measured: Measured
     colour: Colour | None
 
     @abc.abstractmethod
@@ -74,7 +75,7 @@ def of_sensor(model: AbstractColoured, fit: Fit) -> np.ndarray:
     A row is a + damping v + stiffness q, low-passed, with the typical damping (1/s) and stiffness
     (1/s^2) by which the equation answers to speed and position at a fit.
     """
-    rows, slopes = model.rows[0], model.slopes(fit.point)[:, 1]
+    rows, slopes = model.measured.rows[0], model.slopes(fit.point)[:, 1]
     assert isinstance(rows, Balance)  # free runs have rows of the sensor's own noise
     stiffness, damping = -np.median(slopes[:, :2], axis=0)
     edge, thin = rows.edge, rows.thin

@@ -10,6 +10,7 @@ from .._answer import AbstractEvidence
 from .._search import Point, discovered, number
 from .._settings import SETTINGS
 from .learned import learn_shaft
+from .measured import Rows
 from .model import OdeModel
 from .rows import Balance, OdeRun, smoothed
 
@@ -31,12 +32,12 @@ class OdeEvidence(AbstractEvidence):
     @property
     def group(self) -> str:
         """The output group that is compared."""
-        return self.model.rows[0].group
+        return self.model.measured.rows[0].group
 
     @property
     def measured(self) -> str:
         """The output that was measured: position or velocity."""
-        return self.model.runs[0].measured
+        return self.model.measured.runs[0].measured
 
     def unit_of(self, group):
         unit, rated = self.file.machine.outputs[self.measured], self.group == "acceleration"
@@ -45,24 +46,22 @@ class OdeEvidence(AbstractEvidence):
         return unit + ("/s^2" if rated else "")
 
     def columns(self, residual, split):
-        out, at = [], 0
-        for i in self.model.splits[split]:
-            count = self.model.rows[i].count
-            part = residual[at : at + count] * np.sqrt(self.model.inflation)
-            out.append({self.group: part})
-            at += count
-        return out
+        repeated = self.model.row_noise.inflation
+        return [{self.group: x * np.sqrt(repeated)} for x in self.model.by_run(residual, split)]
 
     def series(self, residual):
-        i = self.model.splits["held-out"][0]
-        rows = self.model.rows[i]
-        return self.model.runs[i].name, rows.time, self.columns(residual, "held-out")[0]
+        run, rows = self._first_held_out()
+        return run.name, rows.time, self.columns(residual, "held-out")[0]
+
+    def _first_held_out(self) -> tuple[OdeRun, Rows]:
+        data = self.model.measured
+        i = data.splits["held-out"][0]
+        return data.runs[i], data.rows[i]
 
     def locate(self, point):
         (residual,) = self.model.residuals([point], "held-out")
         _, time, columns = self.series(residual)
-        i = self.model.splits["held-out"][0]
-        run, rows = self.model.runs[i], self.model.rows[i]
+        run, rows = self._first_held_out()
         q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
 
         def here(x):
@@ -109,7 +108,7 @@ class OdeEvidence(AbstractEvidence):
     def free_runs(self, points: dict[str, Point]) -> list[dict[str, Any]]:
         """Simulation from the first sample of every run: RMS, MAE and share, by point."""
         out = []
-        for run in self.model.runs:
+        for run in self.model.measured.runs:
             unit = self.file.machine.outputs[run.measured]
             entry: dict[str, Any] = {"run": run.name, "role": run.role, "unit": unit}
             moved = float(np.std(run.shown))
@@ -128,10 +127,9 @@ class OdeEvidence(AbstractEvidence):
 
     def one_step(self, point: Point) -> float | None:
         """Per cent of the input that the balance misses on held-out runs; None without one."""
-        model = self.model
-        if not all(isinstance(r, Balance) for r in model.rows):
+        if self.model.steps_in_time:
             return None
-        return balance_error(model, point, "held-out")
+        return balance_error(self.model, point, "held-out")
 
 
 def missed_output(model: OdeModel, point: Point, run: OdeRun) -> np.ndarray:
@@ -150,13 +148,13 @@ def balance_error(model: OdeModel, point: Point, split: str) -> float:
     theta = model.numbers.vector(point)
     machine, _ = model.numbers.build(theta)
     assert isinstance(machine, Axis)
-    rest = model.raw(theta[None], model.splits[split])[0]
+    rest = model.raw([point], split)[0]
     torque = []
-    for i in model.splits[split]:
-        rows = model.rows[i]
+    for i in model.measured.splits[split]:
+        rows = model.measured.rows[i]
         assert isinstance(rows, Balance)  # asked for by those alone
         q, v = rows.filtered["position"], rows.filtered["velocity"]
-        torque.append(rows.thinned(np.asarray(machine.motor(q, v, model.runs[i].inputs))))
+        torque.append(rows.thinned(np.asarray(machine.motor(q, v, rows.run.inputs))))
     whole = np.concatenate(torque)
     inertia = float(np.asarray(machine.inertia))
     return 100 * inertia * float(np.sqrt(np.mean(rest**2) / np.mean(whole**2)))

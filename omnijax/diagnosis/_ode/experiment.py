@@ -26,9 +26,10 @@ def inputs_of(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
 
 def next_run(model: OdeModel, rivals) -> dict:
     """The input whose worst pair of rivals lies farthest apart, in sigma of what is measured."""
-    run = model.runs[model.splits["train"][0]]
+    train = model.measured.of("train")
+    run = train[0]
     time = np.arange(0.0, SECONDS, run.step)
-    top = max(float(np.max(np.abs(model.runs[i].inputs["input"]))) for i in model.splits["train"])
+    top = max(float(np.max(np.abs(r.inputs["input"]))) for r in train)
     built = [model.numbers.build(model.numbers.vector(p)) for p in rivals]
     rest = {"position": (float(run.outputs["position"][0]), 0.0)}
     others = {k: np.full(len(time), x[0]) for k, x in run.inputs.items() if k != "input"}

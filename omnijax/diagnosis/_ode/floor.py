@@ -13,6 +13,7 @@ from .._search import (
     at_finite_strength,
     by_tangent,
     refit,
+    refits_about,
     taken_up,
 )
 from .._settings import SETTINGS
@@ -78,11 +79,10 @@ def turned(model: AbstractModel, fit: Fit) -> Fit:
 
     Starts and numbers lead each other on from far away, so again as long as much is gained.
     """
-    for _ in range(TURNS):
-        before = fit
-        model.rebase(fit.point)
-        fit = refit(model, fit.point, rounds=10, relative=1e-3)
-        if fit.chi2 < NOISE * model.dof("train") or not fit.cost < GAINED * before.cost:
+    for new in refits_about(model, fit.point, TURNS, relative=1e-3):
+        gained = new.cost < GAINED * fit.cost
+        fit = new
+        if fit.chi2 < NOISE * model.dof("train") or not gained:
             break
     return fit
 

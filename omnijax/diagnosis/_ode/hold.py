@@ -9,7 +9,8 @@ from .._search import Effect, Fit, total_cost
 from .build import build_model
 from .colour import in_colour
 from .floor import settled
-from .model import OdeModel, Programs
+from .model import OdeModel
+from .programs import Programs
 
 LATE = frozenset({"actuator-delay", "actuator-lag", "sensor-delay", "sensor-lag"})
 # half a sample more on the one looks like the other, where the reading is not known
@@ -76,7 +77,7 @@ def better_reading(
     other = reading.otherwise()
     tell(f"reading the input as {other.hold} between its samples")
     twin, _, _ = build_model(other.case, laws, programs)
-    twin.scale, twin.inflation = model.scale, model.inflation
+    twin.row_noise = model.row_noise
     margin, effects = model.settings.margin, fit.point.effects
     for some in _otherwise(effects, set(model.laws)):
         point = fit.point.with_effects(*some)

@@ -7,7 +7,7 @@ import numpy as np
 
 from .._settings import SETTINGS
 from .model import OdeModel
-from .rows import Balance, smoothed
+from .rows import smoothed
 
 KNOTS = SETTINGS.free_learned.knots
 RIDGE = SETTINGS.free_learned.ridge
@@ -66,7 +66,7 @@ def learn_shaft(model: OdeModel, fit, tell) -> LearnedShaft | None:
 
     Only a balance shows it as rows: what a free run shows is its consequence.
     """
-    if not all(isinstance(r, Balance) for r in model.rows):
+    if model.steps_in_time:
         return None
     signals = {s: _signals(model, s) for s in ("train", "held-out")}
     knots = {
@@ -84,12 +84,9 @@ def learn_shaft(model: OdeModel, fit, tell) -> LearnedShaft | None:
     k = A.shape[1]
     term = dataclasses.replace(term, weights=w[:k])
     (before,) = model.residuals([fit.point], "held-out")
-    theta, slopes = model.numbers.vector(fit.point), model.numbers.slopes(fit.point)
-    ways = slopes[:, None] * np.eye(model.numbers.size)[: len(slopes)]
-    which, tangents = model.splits["held-out"], np.zeros((len(before), 0))
+    ways, tangents = model.numbers.ways(fit.point), np.zeros((len(before), 0))
     if len(ways):
-        pushed = model.pushed(np.tile(theta, (len(ways), 1)), ways, which)
-        tangents = model.whitened(pushed, "held-out").T
+        tangents = model.along(fit.point, ways, "held-out").T
     shift = term.columns(signals["held-out"]) @ w[:k] * model.weights("held-out")
     after = before - shift - tangents @ w[k:]
     above = float(before @ before) - model.dof("held-out")
@@ -104,8 +101,8 @@ def learn_shaft(model: OdeModel, fit, tell) -> LearnedShaft | None:
 
 def _signals(model: OdeModel, split: str) -> dict[str, np.ndarray]:
     out: dict[str, list[np.ndarray]] = {"speed": [], "position": [], "input": []}
-    for i in model.splits[split]:
-        run, rows = model.runs[i], model.rows[i]
+    for i in model.measured.splits[split]:
+        run, rows = model.measured.runs[i], model.measured.rows[i]
         q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
         for name, x in (("speed", v), ("position", q), ("input", run.inputs["input"])):
             out[name].append(np.interp(rows.time, run.time, x))

@@ -102,12 +102,21 @@ class Numbers:
             out.append(slot)
         return out
 
-    def slopes(self, point: Point) -> np.ndarray:
-        """d vector / d u, diagonal: (P,)."""
-        return np.array([
+    def slot_beside(self, point: Point, id: str, place: str) -> Slot:
+        """The slot that a law takes beside the point's effects; where none is left, its first."""
+        taken = self.slots_of(point.effects)
+        own = [s for s in self.slots if (s.law.id, s.place) == (id, place)]
+        if not own:
+            raise ValueError(f"{id}@{place}")
+        return next((s for s in own if s not in taken), own[0])
+
+    def ways(self, point: Point) -> np.ndarray:
+        """d vector / d u (P, numbers)."""
+        slopes = np.array([
             p.sigma * (p.value * math.exp(p.sigma * float(u)) if p.relative else 1.0)
             for p, u in zip(self.priors, point.u, strict=True)
         ])  # fmt: skip
+        return slopes[:, None] * np.eye(len(slopes), self.size)
 
     def active(self, thetas: np.ndarray) -> frozenset[int]:
         """Slots that are switched on in any of some vectors (points, numbers)."""

@@ -33,10 +33,10 @@ def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
     a second cogging of the same motor is among them.  The first `ROOM` lines are each looked for
     once more beside the others, for a side lobe of several may stand above all lines.
     """
-    which, theta = model.splits["train"], model.numbers.vector(point)
+    which, theta = model.measured.splits["train"], model.numbers.vector(point)
     angle, left, speed, torque, step = [], [], [], [], 0.0
     for i in which:
-        balance, value = model.balance(i)
+        balance, value = model.evaluation.balance(i)
         rest = value(theta)
         q, v = (balance.thinned(balance.filtered[k]) for k in ("position", "velocity"))
         angle.append(q)

@@ -16,36 +16,41 @@ from .rows import FreeRun
 CAUGHT = SETTINGS.free_reopened.caught
 OPENINGS = SETTINGS.free_reopened.openings
 
-ByRun = Callable[[], dict[int, np.ndarray]]
+ByRun = dict[int, np.ndarray]
 
 
-def caught(runs: Mapping[int, FreeRun], left: Mapping[int, np.ndarray]) -> bool:
+def caught(runs: Mapping[int, FreeRun], left: ByRun) -> bool:
     """Whether some windows miss far more a row than half of them do."""
     missed = np.concatenate([r.mean_squares(left[i]) for i, r in runs.items()])
     missed = np.sort(missed[np.isfinite(missed)])
     return bool(len(missed) and missed[-1] > CAUGHT * missed[(len(missed) - 1) // 2])
 
 
-def reopened(runs: Mapping[int, FreeRun], left: ByRun, slopes: ByRun) -> bool:
-    """Whether some windows fit better from starts fitted to their openings; they keep these.
+def reopened(
+    runs: Mapping[int, FreeRun],
+    known: ByRun,
+    left: Callable[[ByRun], ByRun],
+    tangents: Callable[[ByRun], ByRun],
+) -> ByRun | None:
+    """Starts by run, of some windows fitted to their openings as they fit better; else `known`.
 
-    `left()` gives by run what is left of its rows, `slopes()` what each number of the starts
-    changes there, both at the starts that the runs have then.
+    None where no window is caught or fits better.  `left` gives by run what is left of its rows at
+    some starts, `tangents` what each number of these changes there.
     """
-    first = left()
+    first = left(known)
     if not caught(runs, first):
-        return False
-    known = {i: r.starts for i, r in runs.items()}
-    for r in runs.values():
-        r.start_at(np.zeros_like(r.starts))
+        return None
+    starts = {i: r.as_measured() for i, r in runs.items()}
     for share in OPENINGS:
-        changes, rest = slopes(), left()
-        for i, r in runs.items():
-            r.start_at(r.better_starts(changes[i], rest[i], share))
-    last, moved = left(), False
-    for i, r in runs.items():
-        new = np.nan_to_num(r.squares(last[i]), nan=np.inf)
-        better = new < r.squares(first[i])
-        r.start_at(np.where(better[:, None], r.starts, known[i]))
-        moved |= bool(np.any(better))
-    return moved
+        changes, rest = tangents(starts), left(starts)
+        starts = {
+            i: r.better_starts(starts[i], changes[i], rest[i], share) for i, r in runs.items()
+        }
+    last = left(starts)
+    better = {
+        i: np.nan_to_num(r.squares(last[i]), nan=np.inf) < r.squares(first[i])
+        for i, r in runs.items()
+    }
+    if not any(np.any(x) for x in better.values()):
+        return None
+    return {i: np.where(better[i][:, None], starts[i], known[i]) for i in runs}

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping
 
 import jax
 import jax.numpy as jnp
@@ -25,7 +25,6 @@ from .numbers import Numbers
 
 SEEN = SETTINGS.free_rows.seen
 WIDE = SETTINGS.free_rows.wide
-PARTS = 4  # of the windows of a split, which run one after the other, at most
 
 
 @dataclasses.dataclass(frozen=True)
@@ -167,10 +166,8 @@ class FreeRun:
         clock = self.begin[:, None] + np.arange(total)
         clock = jnp.asarray(clock * run.step)
         shown = jnp.asarray(run.shown[take])
-        states = len(numbers.machine.start({"position": (0.0, 0.0)}))
-        self.states = states
-        moved = jnp.zeros((count, states + len(Before._fields)))
-        self.data = (first, inputs, clock, shown, moved)
+        self.states = len(numbers.machine.start({"position": (0.0, 0.0)}))
+        self.data = (first, inputs, clock, shown)
         self.count, self.time = where.shape[1], run.time[take[tuple(where)]]
 
     def start_states(self, machine, first):
@@ -180,7 +177,7 @@ class FreeRun:
     def simulated(self, theta, data, steps, shift=0.0, only=None, on=None):
         """What is measured (samples,) in one window of the data, its start and past moved; traced.
 
-        `data` are those of one window, `shift` (states + 2,) what its start is moved by.
+        `data` are those of one window and its start, `shift` (states + 2,) what this is moved by.
         """
         first, inputs, time, _, moved = data
         machine, placed = self.numbers.build(theta, only, on)
@@ -194,28 +191,20 @@ class FreeRun:
         out = motion(machine, placed, x0, inputs, step, steps, parts, hold, memory)
         return seen(placed, time, out[self.run.measured], step, before)
 
-    def from_starts(self, theta, data, steps, shift, only=None, on=None):
-        """What is measured (samples,) in one window, start and past moved by `shift`; traced."""
-        return self.simulated(theta, data, steps, shift, only, on)
-
-    @property
-    def starts(self) -> np.ndarray:
-        """By how much starts and pasts (windows, states + 2) are moved from what was measured."""
-        return np.asarray(self.data[4])
-
-    def start_at(self, moved: np.ndarray) -> None:
-        """Begin the windows elsewhere: `moved` (windows, states + 2) from what was measured."""
-        self.data = (*self.data[:4], jnp.asarray(moved))
+    def as_measured(self) -> np.ndarray:
+        """Starts (windows, states + 2) that are moved by nothing from what was measured."""
+        return np.zeros((len(self.begin), self.states + len(Before._fields)))
 
     def better_starts(
-        self, tangents: np.ndarray, left: np.ndarray, share: float = 1.0
+        self, starts: np.ndarray, tangents: np.ndarray, left: np.ndarray, share: float = 1.0
     ) -> np.ndarray:
         """Starts (windows, states + 2) that explain most of what is `left` (rows,) by tangents.
 
-        In the first `share` of every window.  Those of numbers that change nothing are zero, and a
-        window that cannot be evaluated keeps its start.
+        `starts` are those at which the rows were taken; the first `share` of every window counts.
+        Steps of numbers that change nothing are zero, and a window that cannot be evaluated keeps
+        its start.
         """
-        moved = self.starts.copy()
+        moved = starts.copy()
         for w, whole in self._windows():
             rows = whole[: math.ceil(share * len(whole))]
             size = np.linalg.norm(tangents[:, rows], axis=1) + 1e-300
@@ -280,62 +269,3 @@ def windows(count: int, length: int) -> np.ndarray:
     """
     some = max(1, -(-count // length))
     return np.arange(1, some + 1) * count // some
-
-
-@dataclasses.dataclass(frozen=True)
-class Batch:
-    """Runs whose rows one program gives: their data in parts of one shape, each run's values.
-
-    The last part of free runs is filled up by its last window.
-    """
-
-    members: list[int]
-    parts: list[tuple]
-    values: list[int]
-
-    def by_run(self, made: Sequence[np.ndarray]) -> dict[int, np.ndarray]:
-        """Values (points, values) by run of those of the parts."""
-        ends = np.cumsum(self.values)
-        table = np.concatenate(made, axis=1)[:, : ends[-1]]
-        return dict(zip(self.members, np.split(table, ends[:-1], axis=1), strict=True))
-
-
-def alike(rows: Balance | FreeRun) -> tuple:
-    """What free runs share whose windows may run side by side."""
-    return (*rows.kind, rows.data[2].shape[1]) if isinstance(rows, FreeRun) else ("", id(rows))
-
-
-def widths(rows: Sequence[Balance | FreeRun], splits: Iterable[Sequence[int]]) -> dict[tuple, int]:
-    """Windows that run side by side, by what free runs share: one program for all splits.
-
-    As many as the smallest split has, but no split has more than `PARTS` parts.
-    """
-    totals: dict[tuple, list[int]] = {}
-    for split in splits:
-        counts: dict[tuple, int] = {}
-        for one in (rows[i] for i in split):
-            if isinstance(one, FreeRun):
-                counts[alike(one)] = counts.get(alike(one), 0) + len(one.begin)
-        for key, count in counts.items():
-            totals.setdefault(key, []).append(count)
-    return {key: max(min(x), -(-max(x) // PARTS)) for key, x in totals.items()}
-
-
-def batches(rows: Mapping[int, Balance | FreeRun], widths: Mapping[tuple, int]) -> list[Batch]:
-    """What may run side by side, of free runs `widths` windows at a time."""
-    groups: dict[tuple, list[int]] = {}
-    for i, one in rows.items():
-        groups.setdefault(alike(one), []).append(i)
-    out = []
-    for key, members in groups.items():
-        some = [rows[i] for i in members]
-        if key not in widths:  # a balance: each run by itself
-            out.append(Batch(members, [some[0].data], [some[0].count]))
-            continue
-        counts, samples, width = [len(r.data[2]) for r in some], key[-1], widths[key]
-        data = jax.tree.map(lambda *x: np.concatenate(x), *[r.data for r in some])
-        ends = range(0, sum(counts), width)
-        takes = [np.minimum(np.arange(k, k + width), sum(counts) - 1) for k in ends]
-        parts = [jax.tree.map(lambda x, take=take: jnp.asarray(x[take]), data) for take in takes]
-        out.append(Batch(members, parts, [n * samples for n in counts]))
-    return out

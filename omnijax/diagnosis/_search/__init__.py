@@ -8,6 +8,7 @@ from .candidates import number as number
 from .doubt import within_doubt as within_doubt
 from .fit import Fit as Fit
 from .fit import refit as refit
+from .fit import refits_about as refits_about
 from .fit import steps_of as steps_of
 from .fit import tangent_rows as tangent_rows
 from .function_model import SmallModel as SmallModel

@@ -1,7 +1,7 @@
 """Joint refits: baseline parameters and effects together, Gauss-Newton with bounds."""
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -115,6 +115,20 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 20
         fresh = ended or fall < KEPT * predicted or fall > RENEW
         tangents = None if fresh else tangents
     return _finished(model, state, J)
+
+
+def refits_about(
+    model: AbstractModel, point: Point, most: int, relative: float = 0.0
+) -> Iterator[Fit]:
+    """Yield `most` refits at most, each about what `rebase` makes of the data where the last ended.
+
+    What is prepared and the numbers lead each other on; who asks says when that is over.
+    """
+    for _ in range(most):
+        model.rebase(point)
+        fit = refit(model, point, rounds=10, relative=relative)
+        yield fit
+        point = fit.point
 
 
 def _finished(model: AbstractModel, state: FitState, J: np.ndarray | None) -> Fit:

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from .fit import Fit, refit
+from .fit import Fit, refit, refits_about
 from .held_out import HeldOut, Trial
 from .model import AbstractModel, Effect, Point
 from .starts import Start
@@ -150,16 +150,14 @@ class Refits:
 
     def settled(self, point: Point, before: float) -> Fit:
         """The fit from a point near its end; `before` is its chi2 as the data were prepared."""
-        for _ in range(self.settings.settles):
-            self.model.rebase(point)
-            fit = refit(self.model, point, rounds=10)
+        for fit in refits_about(self.model, point, self.settings.settles):
             near = (
                 fit.chi2 < self.settings.settled * self.model.dof("train")
                 or fit.chi2 > 0.98 * before
             )
             if near or not self.model.unsettled(fit.point):
                 break
-            point, before = fit.point, fit.chi2
+            before = fit.chi2
         return self.widened(fit)
 
     def widened(self, fit: Fit, best: float = np.inf) -> Fit:

@@ -1,0 +1,132 @@
+"""What is compiled for a machine, its laws and its runs."""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ...machine import slopes_of
+from .numbers import Numbers
+from .rows import Balance, FreeRun, OdeRun, smoothed
+
+VALUE, TANGENT, START = range(3)  # programs over the rows
+
+
+@dataclasses.dataclass
+class Programs:
+    """What is compiled for models of one case, however their input is held.
+
+    `rows` are (values, tangents, tangents along the starts) by kind of row and laws, `slopes` those
+    of the rate.
+    """
+
+    rows: dict[tuple, tuple] = dataclasses.field(default_factory=dict)
+    slopes: Callable | None = None
+
+    def of(self, rows: Balance | FreeRun, only: frozenset[int] | None = None) -> tuple:
+        """The programs of rows like these with the laws of the slots `only`, compiled once."""
+        key = (rows.kind, only)
+        if key not in self.rows:
+            self.rows[key] = compiled(rows, only)
+        return self.rows[key]
+
+    def slopes_along(self, numbers: Numbers, runs: Sequence[OdeRun]) -> Callable:
+        """Slopes of the rate at a vector of numbers, at states that the runs pass."""
+        self.slopes = self.slopes or slopes_along(numbers, runs)
+        return self.slopes
+
+
+def compiled(rows: Balance | FreeRun, only: frozenset[int] | None):
+    """(values, tangents, those along starts) of many points of one run, laws of the slots `only`.
+
+    Without those, of all slots; the laws of those that are `on` (slots,) are evaluated.
+
+    They go with the model: `equinox.filter_jit` would keep them, and all that they hold, for good;
+    a process has room for some 65 000 memory maps, which a dozen of diagnoses fill.
+    """
+
+    def used(on):
+        return on if only is None else None
+
+    @jax.jit
+    def value(data, steps, on, thetas):
+        return rows.each(lambda d, t: rows.rows(t, d, steps, only, used(on)), data, thetas)
+
+    @jax.jit
+    def tangent(data, steps, on, thetas, ways):
+        def one(d, t, w):
+            return jax.jvp(lambda x: rows.rows(x, d, steps, only, used(on)), (t,), (w,))[1]
+
+        return rows.each(one, data, thetas, ways)
+
+    @jax.jit
+    def start(data, steps, on, thetas, ways):
+        def one(d, t, w):
+            def moved(shift):
+                assert isinstance(rows, FreeRun)  # a balance has no start
+                return rows.simulated(t, d, steps, shift, only, used(on))
+
+            return jax.jvp(moved, (jnp.zeros_like(w),), (w,))[1]
+
+        return rows.each(one, data, thetas, ways)
+
+    return value, tangent, start
+
+
+def slopes_along(numbers: Numbers, runs: Sequence[OdeRun], count: int = 24) -> Callable:
+    """Slopes (m, n, n) of the rate at a vector of numbers, where the runs pass and at rest there.
+
+    `count` instants are taken, of eight runs at most.
+    """
+    states, inputs = [], []
+    for run in runs[:8]:
+        q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
+        for i in np.linspace(0, len(q) - 1, max(2, count // len(runs[:8]))).astype(int):
+            for speed in (v[i], 0.0):
+                states.append((q[i], speed))
+                inputs.append({k: x[i] for k, x in run.inputs.items()})
+    stacked = {k: jnp.asarray([u[k] for u in inputs]) for k in inputs[0]}
+    q, v = map(jnp.asarray, np.array(states).T)
+
+    @jax.jit
+    def slopes(theta):
+        machine, placed = numbers.build(theta)
+
+        def state(q, v):
+            return jnp.stack([jnp.asarray(x, float) for x in machine.start({"position": (q, v)})])
+
+        return slopes_of(machine, placed, jax.vmap(state)(q, v), stacked)
+
+    return slopes
+
+
+class Chunk(NamedTuple):
+    """Rows (lanes, rows) that may still be computed, of the points `here`."""
+
+    here: np.ndarray
+    made: jax.Array
+
+
+def begun(program, numbers: Numbers, data, steps, lanes: int, *tables) -> list[Chunk]:
+    """A program over tables (points, ...) in chunks of `lanes` points, not waited for.
+
+    XLA computes as many at a time as there are cores.  Points that need about as many `steps` run
+    side by side.
+    """
+    order, out = np.argsort(steps, kind="stable"), []
+    for begin in range(0, len(order), lanes):
+        here = order[begin : begin + lanes]
+        padded = [t[np.resize(here, lanes)] for t in tables]
+        on, most = jnp.asarray(numbers.on(padded[0])), jnp.asarray(int(steps[here].max()))
+        out.append(Chunk(here, program(data, most, on, *map(jnp.asarray, padded))))
+    return out
+
+
+def ended(chunks: Sequence[Chunk]) -> np.ndarray:
+    """Rows (points, rows) of chunks, in the order of their points."""
+    rows = np.concatenate([np.asarray(made)[: len(here)] for here, made in chunks])
+    back = np.argsort(np.concatenate([here for here, _ in chunks]))
+    return rows[back]

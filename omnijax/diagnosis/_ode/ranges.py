@@ -1,0 +1,34 @@
+"""Bounds of the numbers that a refit of a machine's laws may change."""
+
+from .._search import AbstractModel, Free, Point, free_numbers
+from .._settings import SETTINGS
+from .candidates import Scales
+
+BOUND = SETTINGS.free_model.bound
+ORDER = SETTINGS.free_model.order
+
+
+def ranges_of(model: AbstractModel, point: Point, scales: Scales, resolution: float) -> list[Free]:
+    """Gains within half of what is stated, orders and times about where they begin.
+
+    `resolution` are the orders that the data tell apart.
+    """
+    out = []
+    for f in free_numbers(model, point):
+        value = point.effects[f.effect].values[f.key]
+        low, high = f.low, f.high
+        if f.key == "g":
+            low, high = -BOUND, BOUND
+        if f.key == "order":  # over few turns a line is wide
+            wide = max(ORDER * float(value), resolution / 2)
+            low, high = max(float(value) - wide, 0.0), float(value) + wide
+        if f.key in ("width", "speed"):  # as narrow as shows, as wide as the speeds
+            low, high = 0.005 * scales.speed, 2.0 * scales.speed
+        if f.key == "limit":
+            low, high = float(value) / 2, float(value) * 2
+            if model.laws[point.effects[f.effect].id].port == "actuator":
+                high = max(float(scales.torques[-1]), float(value))
+        if f.key in ("tau", "delay"):
+            low, high = max(low, float(value) / 30), min(high, float(value) * 30)
+        out.append(Free(f.effect, f.key, f.index, low, high))
+    return out
