@@ -1,6 +1,8 @@
 """Side by side on several cores: the same answers, errors and context as one after the other."""
 
+import gc
 import threading
+import weakref
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,7 +15,7 @@ from omnijax.diagnosis import Effect, Point, RigModel
 from omnijax.diagnosis import _threads as threads
 from omnijax.diagnosis._machine import machine as rig_machine
 from omnijax.diagnosis._machine import stepped
-from omnijax.diagnosis._machine.stage_cache import StageCache
+from omnijax.diagnosis._machine.stage_cache import ASIDE, StageCache
 from omnijax.diagnosis._search import Candidate, Signatures, tangent_rows
 from omnijax.diagnosis._threads import cores, each
 from omnijax.laws import EFFECTS
@@ -164,6 +166,22 @@ def test_what_is_made_aside_is_kept_to_its_end_only():
         cache.forget()
         assert ask(b"a") == b"a"
     assert ask(b"a", b"b") == b"b"
+
+
+def test_what_is_made_aside_neither_piles_up_nor_drives_out_what_is_kept():
+    """Motions of a run are some 10 MB: those of all rigs of a tangent were a third of the peak."""
+    cache, made = StageCache(), []
+    for k in range(5):
+        cache.get("stage", bytes([k]), object)
+    known = dict(cache._stages["stage"])
+    with cache.aside():
+        for k in range(100, 150):
+            made.append(weakref.ref(cache.get("stage", bytes([k]), lambda: np.zeros(1))))
+        gc.collect()
+        assert sum(x() is not None for x in made) <= ASIDE + 1
+        for key, value in known.items():
+            assert cache.get("stage", key, object) is value
+    assert cache._stages["stage"] == known
 
 
 def test_what_is_told_to_be_forgotten_is_made_anew_and_the_rest_is_kept():

@@ -13,7 +13,7 @@ from omnijax.diagnosis._machine import orders, to_run, with_roles
 from omnijax.diagnosis._machine.data_vector import orthonormal
 from omnijax.diagnosis._machine.orders import strongest_orders
 from omnijax.diagnosis._machine.rig_model import sums_of
-from omnijax.diagnosis._machine.tangents import signature
+from omnijax.diagnosis._machine.tangents import LANES, signature, signatures
 from omnijax.diagnosis._search import calibrated
 from omnijax.diagnosis._search.candidates import UNTRIED
 from omnijax.diagnosis._search.model import Effect
@@ -96,6 +96,24 @@ def test_a_law_at_all_wheels_has_the_sum_of_their_signatures(agreeing):
         sizes.append(np.linalg.norm(whole))
         assert np.linalg.norm(whole - sum(parts)) <= 1e-6 * sizes[-1]
     assert np.mean(np.array(sizes) > 0) > 0.9  # no contact lifts off here
+
+
+def test_laws_side_by_side_are_the_laws_one_by_one(agreeing):
+    """Of many classes and wheels, with memory and without, and more of one class than lanes."""
+    model, point, _, _ = agreeing
+    base = model.bases(point)[0]
+    ports, ripples = {"shaft", "rolling", "actuator", "sensor"}, 0
+    laws = [p for c in model.candidates(point) for p in c.columns if p.law.port in ports]
+    rng = np.random.default_rng(5)
+    lines = [p for p in laws if p.law.id == "motor-ripple"]
+    some = [laws[i] for i in rng.choice(len(laws), 12, replace=False)]
+    some += [lines[i] for i in rng.choice(len(lines), LANES + 3, replace=False)]
+    rows = model.machine.rows[base.index]
+    for law, together in zip(some, signatures(base, some), strict=True):
+        alone, found = rows.vector(*signature(base, law)), rows.vector(*together)
+        np.testing.assert_allclose(found, alone, rtol=0, atol=1e-12 * np.abs(alone).max())
+        ripples += law.law.id == "motor-ripple" and bool(alone.any())
+    assert ripples > LANES
 
 
 @pytest.mark.parametrize("id", [i for i, law in EFFECTS.items() if "width" in law.parameters])

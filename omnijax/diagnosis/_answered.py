@@ -53,6 +53,7 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
     other = evidence.renoised(shown.changes) if outcome is None and shown.matters else None
     if other is not None:
         explored = explored.without_table()  # room for the next one
+        evidence.model.rest()
         names = sorted({c for run in shown.changes for c in run})
         tell(f"the noise of {', '.join(names)} is not as assumed: searching again")
         again = Search(other.model, tell, who)
@@ -65,6 +66,7 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
             shown = beside_doubt(evidence, explored.way.fit)
     if outcome is None:
         outcome, limits, shown = _reviewed(search, evidence, explored, shown)
+    explored, outcome.signatures = explored.without_table(), None  # room for a learned term
     return _said(evidence, outcome, shown, noise_table(evidence, shown, earlier), limits, tell)
 
 

@@ -39,6 +39,7 @@ class RigEvidence(AbstractEvidence):
     ):
         self.model, self.noise, self.faults = model, noise, faults
         self.confirmed_on = confirmed_on
+        self._located: tuple[Any, ...] = ()
 
     @property
     def rows(self):
@@ -92,7 +93,11 @@ class RigEvidence(AbstractEvidence):
         return RigEvidence(model, self.noise, self.faults, self.confirmed_on)
 
     def locate(self, point):
-        return locate(self.model, point)
+        """The last answer again, where point and basis are those of it."""
+        basis, asked = self.model.machine.basis, (point.u.tobytes(), repr(point.effects))
+        if not self._located or self._located[0] is not basis or self._located[1] != asked:
+            self._located = basis, asked, locate(self.model, point)
+        return self._located[2]
 
     def learn(self, fit, tell):
         from .learned import learn

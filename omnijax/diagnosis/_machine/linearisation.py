@@ -11,11 +11,13 @@ from ...laws import ContactSignal, MountSignal
 from ...rig import Rig
 from .._settings import SETTINGS
 from .elastic import driven, rest_state
+from .laws import readings
 from .machine import Machine, Rotated
 from .modes import OutputModes
 from .motion import RunMotion, integrate, rolling_radius
+from .ports import bare
 from .rotation import MeasuredTurning, commanded, rotation_moments, run_torques
-from .runs import Run
+from .runs import FINE, Run
 from .wheels import WheelPlaces, WheelTables
 
 THIN = SETTINGS.prediction.thin
@@ -52,6 +54,29 @@ class Linearisation:
             self, slow=self.motion, response=self.rotated.turning, felt=moments,
             drive=self.rotated.drive, shaft=caused.shaft,
         )  # fmt: skip
+
+    @functools.cached_property
+    def bare(self) -> Rig:
+        """The rig without laws."""
+        return bare(self.rig)
+
+    @functools.cached_property
+    def true(self) -> dict[str, np.ndarray]:
+        """By output group the values (samples, c) before the sensors."""
+        turning, theta = self.motion.turning[::FINE], self.motion.theta[::FINE]
+        elastic = self.predicted
+        return {"dR": elastic[:, :3], "a": elastic[:, 3:], "Omega": turning, "theta": theta}
+
+    @functools.cached_property
+    def shown(self) -> dict[str, np.ndarray]:
+        """By output group what the rig's sensors show of it (samples, 3)."""
+        groups, time = ("dR", "a", "Omega"), self.run.time
+        return {g: readings(self.rig, g, time, self.true[g]) for g in groups}
+
+    @functools.cached_property
+    def rho_slope(self) -> np.ndarray:
+        """d rho/d theta (SHAPE points, n) of the wheels' shapes."""
+        return self.tables.rho_slope(self.motion.theta_shape)
 
     @functools.cached_property
     def lever(self) -> np.ndarray:

@@ -32,7 +32,7 @@ from .machine import Machine
 from .orders import strongest_orders
 from .roles import split_runs
 from .runs import COARSE, FINE, STEPS, Run, with_noise
-from .tangents import signature
+from .tangents import signatures
 from .tree_hash import digest
 from .uncertain import rig_priors, with_parameters, with_sensors
 
@@ -123,6 +123,10 @@ class RigModel(AbstractModel):
 
     def aside(self):
         return self.machine.aside()
+
+    def rest(self):
+        self.machine.forget()
+        self._bases = []
 
     def dof(self, split):
         return sum(self.machine.rows[i].used for i in self.splits[split])
@@ -315,7 +319,8 @@ class RigModel(AbstractModel):
             rows = self.machine.rows[base.index]
             for first in range(0, len(alone), TOGETHER):
                 few = alone[first : first + TOGETHER]
-                exact = np.stack([rows.vector(*signature(base, placed[j])) for j in few])
+                tables = signatures(base, [placed[j] for j in few])
+                exact = np.stack([rows.vector(*x) for x in tables])
                 rows.take_off(exact)
                 part[few] = exact
             for j, ones in sums.items():

@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -18,7 +19,7 @@ from ...dynamics import (
     rotation_response,
     torques,
 )
-from ...rig import Rig
+from ...rig import Acting, Rig
 from .elastic import refine
 from .laws import follow
 from .motion import RunMotion, rolling_radius
@@ -125,8 +126,30 @@ def each_moment(step: float, function, rig: Rig, law: Any, at: RotationMoment, m
     return jax.tree.map(np.asarray, _each(function, rig, law, moving, still, memory, step)), None
 
 
+def each_law(step: float, function, rig: Rig, laws: Sequence[Acting], at: RotationMoment):
+    """Tuples of what a port's `function` gives of each of `laws`, for all moments.
+
+    Laws of one structure, side by side: as many as a power of two, for few programs to compile.
+    """
+    full = [*laws, *[laws[0]] * (2 ** (len(laws) - 1).bit_length() - len(laws))]
+    moving, still = _parted(at)
+    some = jax.tree.map(lambda *x: np.stack(x), *[(law, law.rest(rig.size)) for law in full])
+    out = jax.tree.map(np.asarray, _side_by_side(function, rig, some, moving, still, step))
+    out = out if isinstance(out, tuple) else (out,)
+    return [tuple(x[k] for x in out) for k in range(len(laws))]
+
+
+@eqx.filter_jit
+def _side_by_side(function, rig, laws, moving, still, step):
+    return jax.vmap(lambda x: _along(function, rig, x[0], moving, still, x[1], step))(laws)
+
+
 @eqx.filter_jit
 def _each(function, rig, law, moving, still, memory, step):
+    return _along(function, rig, law, moving, still, memory, step)
+
+
+def _along(function, rig, law, moving, still, memory, step):
     def rule(now, state):
         return function(rig, law, _whole(now, still), state)
 

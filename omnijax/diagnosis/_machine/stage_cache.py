@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 MOST = 12  # of a stage
+ASIDE = 6  # of a stage, of what is made aside: for each run the motion and its wheels, of one rig
 
 
 class StageCache:
@@ -14,6 +15,7 @@ class StageCache:
     def __init__(self):
         self._lock = threading.Lock()
         self._stages: dict[str, dict[bytes, Any]] = {}
+        self._lasting: dict[str, dict[bytes, Any]] | None = None  # what was kept before an `aside`
 
     def get(self, stage: str, key: bytes, make: Callable[[], Any]) -> Any:
         """What is kept of a stage under `key`, made where there is none; the oldest one goes."""
@@ -23,8 +25,10 @@ class StageCache:
                 return kept[key]
         made = make()
         with self._lock:
-            if len(kept) > MOST:
-                kept.pop(next(iter(kept)))
+            lasting = {} if self._lasting is None else self._lasting.get(stage, {})
+            passing = [known for known in kept if known not in lasting]
+            if len(passing) > (MOST if self._lasting is None else ASIDE):
+                kept.pop(passing[0])
             return kept.setdefault(key, made)
 
     def peek(self, stage: str, key: bytes) -> Any:
@@ -34,14 +38,16 @@ class StageCache:
 
     @contextlib.contextmanager
     def aside(self) -> Iterator[None]:
-        """What is made meanwhile is kept until the end only; what was kept before stays."""
+        """What is made meanwhile is kept for a short time only; what was kept before stays."""
         with self._lock:
-            before = self._stages
+            before, outside = self._stages, self._lasting
             self._stages = meanwhile = {stage: dict(kept) for stage, kept in before.items()}
+            self._lasting = before
         try:
             yield
         finally:
             with self._lock:
+                self._lasting = outside
                 if self._stages is meanwhile:  # else it was told to forget
                     self._stages = before
 

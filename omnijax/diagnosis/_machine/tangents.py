@@ -4,6 +4,9 @@ The law is evaluated at its port along the base motion and its output is pushed 
 transfer: rho and tensions through the elastic model, torques through the rotation.
 """
 
+from collections.abc import Sequence
+from typing import Any
+
 import equinox as eqx
 import jax
 import numpy as np
@@ -15,15 +18,25 @@ from .elastic import refine
 from .laws import along, follow, readings
 from .linearisation import THIN, Linearisation, transfer, turned_by
 from .motion import contact_directions, integrate
-from .ports import bare
-from .rotation import commanded, each_moment
+from .rotation import commanded, each_law, each_moment
 from .runs import FINE, SHAPE
 from .wheels import shape_table
+
+LANES = 16  # laws at wheels that one call evaluates along a run
 
 
 def signature(base: Linearisation, placed: Placed):
     """(elastic (samples, 6) or None, rotation (samples, 3 + n) or None) of one placed law."""
-    return _PORTS[placed.law.port](base, placed)
+    return signatures(base, [placed])[0]
+
+
+def signatures(base: Linearisation, placed: Sequence[Placed]) -> list[tuple]:
+    """The `signature` of each of several placed laws; those of one class are evaluated at once."""
+    pushed = _torques(base, placed)
+    return [
+        turned_by(*pushed[j]) if j in pushed else _PORTS[p.law.port](base, p)
+        for j, p in enumerate(placed)
+    ]
 
 
 def _shape(base: Linearisation, placed: Placed):
@@ -124,28 +137,29 @@ def _separation(base: Linearisation, placed: Placed):
 RADIAN = SETTINGS.tangents.radian
 
 
-def _moments(base: Linearisation, law) -> Linearisation:
-    """The run at moments between which the law's waves over the angle are slow."""
+def _fast(base: Linearisation, law) -> bool:
+    """Whether the law's waves over the angle are fast between the thinned moments."""
     highest = max(float(np.max(getattr(law, key, 0.0))) for key in ORDERS)
-    fast = highest * np.abs(base.slow.speed).max() * base.slow.step > RADIAN
-    return base.fine if fast else base
+    return bool(highest * np.abs(base.slow.speed).max() * base.slow.step > RADIAN)
 
 
-def _port(base: Linearisation, function, placed: Placed):
-    """What the port's `function` makes of a law at wheels, along the run."""
-    (law,) = acting((placed,), base.rig.size, masked=True)
-    memory = law.rest(base.rig.size)
-    return each_moment(base.slow.step, function, bare(base.rig), law, base.felt, memory)[0]
-
-
-def _shaft(base: Linearisation, placed: Placed):
-    at = _moments(base, placed.law)
-    return turned_by(at, *_port(at, shaft_torques, placed))
-
-
-def _actuator(base: Linearisation, placed: Placed):
-    at = _moments(base, placed.law)
-    return turned_by(at, _port(at, actuated, placed))
+def _torques(base: Linearisation, placed: Sequence[Placed]) -> dict[int, tuple]:
+    """By index of the laws that push on shafts and sphere: where along the run, and the torques."""
+    alike: dict[Any, list[int]] = {}
+    laws = {j: acting((p,), base.rig.size, masked=True)[0] for j, p in enumerate(placed)
+            if p.law.port in _PUSHING}  # fmt: skip
+    for j, law in laws.items():
+        leaves, kind = jax.tree.flatten(law)
+        shapes = tuple(np.shape(x) for x in leaves)
+        alike.setdefault((kind, shapes, _fast(base, law.law)), []).append(j)
+    out: dict[int, tuple] = {}
+    for (*_, fast), every in alike.items():
+        at, function = base.fine if fast else base, _PUSHING[placed[every[0]].law.port]
+        for first in range(0, len(every), LANES):
+            some = every[first : first + LANES]
+            caused = each_law(at.slow.step, function, base.bare, [laws[j] for j in some], at.felt)
+            out |= {j: (at, *x) for j, x in zip(some, caused, strict=True)}
+    return out
 
 
 def _command(base: Linearisation, placed: Placed):
@@ -153,14 +167,9 @@ def _command(base: Linearisation, placed: Placed):
     return turned_by(base, moved[::THIN])
 
 
-def _rolling(base: Linearisation, placed: Placed):
-    return turned_by(base, *_port(base, rolling_torques, placed))
-
-
 def _body(base: Linearisation, placed: Placed):
     felt = base.felt._replace(rotation=base.slow.attitude)
-    rig = bare(base.rig)
-    caused, _ = each_moment(base.slow.step, body_torques, rig, placed.law, felt, None)
+    caused, _ = each_moment(base.slow.step, body_torques, base.bare, placed.law, felt, None)
     return turned_by(base, opposing=caused.opposing)
 
 
@@ -194,12 +203,7 @@ def _sensor(base: Linearisation, placed: Placed):
     group, time, run = placed.group, base.run.time, base.run
     if group == "theta":
         return _encoder(base, placed)
-    values = {
-        "dR": base.predicted[:, :3],
-        "a": base.predicted[:, 3:],
-        "Omega": base.motion.turning[::FINE],
-    }[group]
-    values = readings(base.rig, group, time, values)
+    values = base.shown[group]
     change = readings(_alone(base.rig, placed), group, time, values) - values
     zero = np.zeros((run.samples, 3))
     if group == "Omega":
@@ -215,18 +219,17 @@ def _alone(rig: Rig, placed: Placed) -> Rig:
 def _encoder(base: Linearisation, placed: Placed):
     """An encoder's error shifts the angle of the shape's look-up, and the rolled length."""
     m, run = base.motion, base.run
-    theta = m.theta[::FINE]
+    theta = base.true["theta"]
     change = readings(_alone(base.rig, placed), "theta", run.time, theta) - theta
     radius = (np.asarray(base.rig.wheel_radius) + m.shape[::FINE]) / float(base.rig.sphere.radius)
-    slope = base.tables.rho_slope(m.theta_shape)
-    shape = -slope * refine(change, SHAPE)
+    shape = -base.rho_slope * refine(change, SHAPE)
     rotation = np.concatenate([np.zeros((run.samples, 3)), change * radius], axis=1)
     return transfer(base, shape=shape), rotation
 
 
 _PORTS = {
-    "radius": _radius, "command": _command, "actuator": _actuator, "shape": _shape,
-    "surface": _surface, "contact": _contact, "mount": _mount, "separation": _separation,
-    "shaft": _shaft, "rolling": _rolling, "sphere": _body, "platform": _platform,
-    "kinematics": _kinematics, "sensor": _sensor,
+    "radius": _radius, "command": _command, "shape": _shape, "surface": _surface,
+    "contact": _contact, "mount": _mount, "separation": _separation, "sphere": _body,
+    "platform": _platform, "kinematics": _kinematics, "sensor": _sensor,
 }  # fmt: skip
+_PUSHING = {"actuator": actuated, "shaft": shaft_torques, "rolling": rolling_torques}

@@ -79,6 +79,12 @@ class Trial:
     settings: SearchSettings = SETTINGS.search
 
     @property
+    def light(self) -> "Trial":
+        """The same without the tangents of its fit, which nobody asks for once it is ranked."""
+        fit = dataclasses.replace(self.fit, jacobian=np.zeros((0, self.fit.jacobian.shape[1])))
+        return dataclasses.replace(self, fit=fit)
+
+    @property
     def accepted(self) -> bool:
         """Whether held-out runs confirm what the train runs gained."""
         return self.held.confirms(self.gain, self.settings)

@@ -111,6 +111,9 @@ class AbstractModel(abc.ABC):
         """In which points are asked for that are not asked for again: nothing need be kept."""
         return contextlib.nullcontext()
 
+    def rest(self) -> None:  # noqa: B027, nothing is kept by default
+        """Keep nothing that can be worked out anew: the model is not asked for a while."""
+
     @abc.abstractmethod
     def dof(self, split: str) -> int:
         """Rows that carry information."""

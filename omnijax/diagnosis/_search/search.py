@@ -180,7 +180,7 @@ class Search:
     def looked(self, way: SearchPath) -> SearchPath:
         """The way with one scan more, and with what it led to try."""
         scan, signatures = self.scan(way.fit)
-        trials = self.trials(way.fit, scan)
+        trials = [trial.light for trial in self.trials(way.fit, scan)]
         return dataclasses.replace(way, scans=(*way.scans, scan), trials=(*way.trials, trials),
                                    signatures=signatures)  # fmt: skip
 
