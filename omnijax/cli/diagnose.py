@@ -5,7 +5,7 @@ from typing import Any
 
 from .._files import claim, write_text
 from .._reading import existing
-from ._heap import keep_freed_memory
+from ._heap import give_back_freed_memory, keep_freed_memory
 from ._options import Force, Json, Whole, above_zero, command_line, emit
 
 
@@ -64,7 +64,8 @@ def diagnose(
         raise InputError(f"--window must lie in [0.01, 10000] s, but is {window:g}.")
     started = time.monotonic()
 
-    def tell(text: str) -> None:
+    def tell(text: str) -> None:  # once a stage
+        give_back_freed_memory()
         print(f"{time.monotonic() - started:6.1f} s  {text}", file=sys.stderr, flush=True)
 
     laws: dict[str, Any] = {}

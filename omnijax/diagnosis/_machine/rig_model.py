@@ -336,7 +336,8 @@ class RigModel(AbstractModel):
         rig, which = self.rig_at(point), self.splits["train"]
         rigs = [rig.add(weak(p.law, WEAK), p.place) for p in placed]
         with self.aside():
-            before, *after = self.machine.residuals([rig, *rigs], which, COARSE)
+            # one by one: each has a motion of its own, which is large
+            before, *after = (self.machine.residuals([r], which, COARSE)[0] for r in (rig, *rigs))
         return (before - np.stack(after)) / WEAK
 
 

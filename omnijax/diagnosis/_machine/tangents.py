@@ -22,7 +22,7 @@ from .rotation import commanded, each_law, each_moment
 from .runs import FINE, SHAPE
 from .wheels import shape_table
 
-LANES = 16  # laws at wheels that one call evaluates along a run
+LANES = 8  # laws at wheels that one call evaluates along a run
 
 
 def signature(base: Linearisation, placed: Placed):
