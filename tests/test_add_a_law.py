@@ -6,12 +6,16 @@ from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import omnijax
 from omnijax import laws
 from omnijax.cli import run
+from omnijax.diagnosis._search import Point, SmallModel
+from omnijax.diagnosis._search.candidates import Context, candidates
 from omnijax.dynamics import mount_signals, mount_tensions
-from omnijax.rig import acting, bundled_rigs, get_parameter, set_parameter
+from omnijax.rig import GROUPS, acting, bundled_rigs, get_parameter, set_parameter
+from omnijax.rig._places import ONE_WHEEL, WORDS, port_words
 
 PAGE = (Path(__file__).parents[1] / "docs" / "add_a_law.md").read_text(encoding="utf-8")
 (LAW,), (EFFECT,) = (re.findall(rf"```{x}\n(.*?)```", PAGE, re.S) for x in ("python", "toml"))
@@ -54,7 +58,44 @@ def test_the_table_of_ports_is_that_of_the_library():
         fields = re.findall(r"`(\w+)`", signal[2])
         assert tuple(fields) == getattr(laws, signal[1])._fields, signal[1]
     for name in re.findall(r"`([A-Z]\w+)`", PAGE):
-        assert hasattr(laws, name) or name in LAW or name in ("CASE",), name
+        assert hasattr(laws, name) or name in LAW or name in ("CASE", "Omega"), name
+
+
+def test_the_table_says_where_each_port_is(tmp_path):
+    rows = re.findall(r"^\| `(Abstract\w+)` .*\| (.*?) \|$", PAGE, re.M)
+    for name, words in rows:
+        port = getattr(laws, name).port
+        said = set(re.findall(r"`(\w+)`", words))
+        assert said - {"dR", "theta_1"} == set(WORDS.get(port, ONE_WHEEL)) - set(GROUPS), name
+    assert len(rows) == len(laws.PORTS)
+    assert {w for law in laws.EFFECTS.values() for w in law.places} <= {
+        word for port in laws.PORTS for word in port_words(port, 3)
+    }
+
+
+@pytest.mark.parametrize(("places", "said"), [
+    ('("wheels", "all")', "the law has 'wheels' in its `places`"),
+    ('("sphere",)', "the law has 'sphere' in its `places`"),
+    ("()", "the law has no `places`"),
+])  # fmt: skip
+def test_a_law_that_may_stand_nowhere_is_told(places, said, tmp_path, capsys):
+    """A sensor's law at a wheel did nothing; a mount's at the sphere ended in a traceback."""
+    (tmp_path / FILE).write_text(LAW.replace('("wheel", "all")', places), encoding="utf-8")
+    atlas = bundled_rigs()["atlas"].read_text(encoding="utf-8")
+    (tmp_path / "rig.toml").write_text(atlas + EFFECT, encoding="utf-8")
+    assert run(["check", str(tmp_path / "rig.toml")]) == 2
+    error = " ".join(capsys.readouterr().err.split())
+    assert f"`effect.mount-quadratic-damper.law`: {said}" in error
+    assert "a law of the port `mount` may have wheel, all." in error
+
+
+def test_a_law_stands_only_where_its_port_is():
+    rig, gain = omnijax.load_rig("atlas"), laws.EFFECTS["sensor-gain"](jnp.asarray(0.1))
+    with pytest.raises(omnijax.InputError, match=r"`sensor-gain` .* at 'w1': a law of the port"):
+        rig.add(gain, "w1")
+    with pytest.raises(omnijax.InputError, match=r"`mount-cubic` .* stands at w1, w2, w3, all\."):
+        rig.add(laws.MountCubic(jnp.asarray(1e12)), "sphere")
+    assert len(rig.add(gain, "dR").add(gain, "theta_2").effects) == 2
 
 
 def test_what_the_page_says_of_a_parameter_are_words_of_it():
@@ -62,3 +103,55 @@ def test_what_the_page_says_of_a_parameter_are_words_of_it():
         w for w in inspect.signature(laws.Parameter).parameters if re.search(f"`{w}[`=]", PAGE)
     ]
     assert words == ["low", "high", "linear"] and hasattr(laws, "ANY_LENGTH")
+
+
+class SpeedRipple(laws.AbstractShaft):
+    """Shaft torque += k ω sin(n θ + φ)."""
+
+    k: jnp.ndarray
+    order: jnp.ndarray
+    phase: jnp.ndarray
+
+    id, places, formula = "speed-ripple", ("wheel",), "shaft torque += k ω sin(n θ + φ)"
+    parameters = {  # noqa: RUF012
+        "k": laws.Parameter("N m s/rad", low=0, linear=True),
+        "order": laws.Parameter("", low=2, high=9),
+        "phase": laws.Parameter("rad"),
+    }
+
+    def __call__(self, signal, state=None):
+        return self.k * signal.speed * jnp.sin(self.order * signal.angle + self.phase)
+
+
+class TwoPhased(SpeedRipple):
+    """A law of a phase that is no single wave."""
+
+    id = "two-phased"
+    parameters = SpeedRipple.parameters | {"order": laws.Parameter("", linear=True)}
+
+
+def test_a_wave_of_ones_own_is_a_candidate_at_whole_orders():
+    """`diagnose --law` ended in a traceback: no `phase` was given to the law."""
+    rng, rig = np.random.default_rng(5), omnijax.load_rig("atlas")
+    context = Context(rig, ("dR",), np.ones(3), (), 100)
+    made = candidates(context, {"speed-ripple": SpeedRipple})
+    assert {c.place for c in made} == {"w1", "w2", "w3"} and len(made) == 3 * 8
+    signal = laws.ShaftSignal(*map(jnp.asarray, rng.normal(size=len(laws.ShaftSignal._fields))))
+    for one in made:
+        both = rng.normal(size=2)
+        values = one.decode(both)
+        assert values["order"] in range(2, 10) and f"order {values['order']:.3g}" == one.note
+        alone = SpeedRipple(**values)(signal)
+        together = both @ [float(placed.law(signal)) for placed in one.columns]
+        assert together == pytest.approx(float(alone), rel=1e-9)
+    (first, *_) = candidates(context, {"two-phased": TwoPhased})
+    assert len(first.columns) == 2 and first.decode([1.0, 2.0])["phase"] == 0
+
+
+def test_a_wave_of_ones_own_is_a_candidate_of_a_residual_function():
+    """Its strength had to be called `amplitude` in a function's model."""
+    made = SmallModel(
+        lambda v, placed, split: np.zeros(3), (), {"speed-ripple": SpeedRipple}, "axis"
+    )
+    for one in made.candidates(Point(np.zeros(0))):
+        assert one.decode([3.0, 4.0])["k"] == pytest.approx(5.0)

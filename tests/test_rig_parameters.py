@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from rigs import effect, tables, with_effects
 
-from omnijax.laws import BearingViscous
+from omnijax.laws import AirDrag, BearingViscous
 from omnijax.rig import (
     InputError,
     get_parameter,
@@ -123,4 +123,4 @@ def test_a_law_is_added_at_a_place_that_exists():
     assert rig.effects[-1].wheels == (0, 1, 2)
     assert RIG.add(BearingViscous(jnp.asarray(0.1)), "w2").effects[-1].wheels == (1,)
     with pytest.raises(InputError, match=r"cannot be placed at 'shere': .* Did you mean `sphere`"):
-        RIG.add(BearingViscous(jnp.asarray(0.1)), "shere")
+        RIG.add(AirDrag(jnp.asarray(0.1)), "shere")

@@ -7,17 +7,19 @@ import threading
 import time
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from machines import machine
+from machines import drawn_machine, machine
+from seeds import drawn_anew
 
 from omnijax._text import quantity_text
 from omnijax.cli.explore import start_speeds
-from omnijax.laws import ContactCubic
-from omnijax.rig import InputError, load_rig
+from omnijax.laws import ContactCubic, ContactRelaxation, Creep, WheelRadius
+from omnijax.rig import InputError, load_rig, set_parameter
 from omnijax.simulation import simulate, speeds
-from omnijax.vibration import contact_load, natural_frequencies
+from omnijax.vibration import contact_load, evaluate, natural_frequencies
 from omnijax.view import write_replay
 from omnijax.view._panel import Panel
 from omnijax.view._scene import embedded_json
@@ -86,6 +88,56 @@ def test_panel_answers_sliders():
         panel.evaluate({"wheel.rondness": 0.2})
     with pytest.raises(InputError, match="must be a number"):
         panel.evaluate({"wheel.roundness": "x"})
+
+
+@pytest.mark.parametrize("n", [3, 4])
+def test_what_the_sliders_show_is_what_simulate_gives(n):
+    """Random positions on a drawn rig with effects, against a run whose transients are over.
+
+    The run begins 3 s before with angles such that all are 0 where the page's two seconds begin.
+    The page draws 96 harmonics of a pitch.  20 s meet a supremum from below.
+    """
+    rng, begin = drawn_anew("sliders"), 3.0
+    rig = drawn_machine(rng, n, gravity=[0.0, 0.0, -9.81])
+    rig = rig.add(ContactRelaxation(jnp.asarray(4e4), jnp.asarray(90.0)), "w2")
+    rig = rig.add(Creep(jnp.asarray(0.02)), "w1").add(WheelRadius(jnp.asarray(0.01)), "w3")
+    panel = Panel("a", rig, rng.uniform(3, 9, n).tolist(), 0)
+    numbers = [k for k, s in enumerate(panel.sliders) if not s.path.startswith("speed.")]
+    still = set(rng.choice(numbers, 3, replace=False))
+    values = {s.path: position(s, rng) for k, s in enumerate(panel.sliders) if k not in still}
+    answer = panel.evaluate(values)
+    changed, turning = rig, np.array([values[f"speed.{name}"] for name in rig.names])
+    for path, value in values.items():
+        if not path.startswith("speed."):
+            changed = set_parameter(changed, path, value)
+    after = np.concatenate([answer["t"], np.arange(0.0, 20.0, 1 / 997.3)])
+    order = np.argsort(after, kind="stable")
+    ts = jnp.asarray(np.concatenate([[0.0], begin + after[order]]))
+    run = simulate(changed, speeds(turning, initial_angle=-begin * turning), ts)
+    assert run.method == "exact"
+    at = 1 + np.argsort(order)[: len(answer["t"])]
+    largest = float(jnp.max(jnp.linalg.norm(run.dR[1:], axis=1)))
+    np.testing.assert_allclose(answer["frames"]["dR"], run.dR[at], atol=5e-3 * largest)
+    np.testing.assert_allclose(answer["frames"]["theta"], run.theta[at], atol=1e-4)
+    long = jax.tree.map(lambda x: x[1:] if jnp.shape(x)[:1] == ts.shape else x, run)
+    said = {f["label"]: si(f["value"]) for f in answer["figures"]}
+    figures = evaluate(long, changed, ("peak", "rms", "elastic_rms", "sphere_acceleration_rms"))
+    for (label, value), expected in zip(said.items(), map(float, figures.values()), strict=True):
+        low, high = (0.85, 1 + 1e-3) if "peak" in label else (0.97, 1.03)
+        assert low < expected / value < high, (label, value, expected)
+
+
+def position(slider, rng):
+    """A position of a slider about where it stands."""
+    if slider.whole:
+        return int(slider.value) + int(rng.integers(-2, 3))
+    return slider.value * rng.uniform(0.6, 1.5)
+
+
+def si(text):
+    """The SI value of a text with a unit."""
+    number, unit = text.split(" ", 1)
+    return float(number) * {"mm": 1e-3, "µm": 1e-6, "nm": 1e-9, "mm/s²": 1e-3}.get(unit, 1.0)
 
 
 def test_wheels_that_pass_equally_often_share_a_line():

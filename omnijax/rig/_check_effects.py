@@ -9,8 +9,8 @@ from .._errors import did_you_mean
 from ..laws import ANY_LENGTH, EFFECTS
 from ._declaration import declared_laws
 from ._parameters import law_quantity
+from ._places import ONE_WHEEL, WORDS, places_of, port_words
 from ._quantities import Quantity
-from ._schema import GROUPS, channels
 from ._user_laws import rigs_laws
 
 
@@ -53,8 +53,11 @@ def effect_problems(
             if (block["id"], place) in seen:
                 yield f"`{key}.{place}` stands twice in the file: one block an effect and place."
             seen.add((block["id"], place))
-            allowed = law_places(law, [str(wheel.get("name")) for wheel in wheels])
-            if place not in allowed:
+            names = [str(wheel.get("name")) for wheel in wheels]
+            allowed, wrong = law_places(law, names), _place_problem(law, names)
+            if wrong is not None:
+                yield f"`{key}.law`: {wrong}"
+            elif place not in allowed:
                 hint = did_you_mean(place, allowed)
                 yield f"`{key}.place` must be one of {', '.join(allowed)}, but is {place!r}.{hint}"
         yield from _parameter_problems(law, block, wheels)
@@ -62,13 +65,18 @@ def effect_problems(
 
 def law_places(law: Any, names: Sequence[str]) -> list[str]:
     """The places that a rig with wheels `names` offers a law."""
-    kinds = {
-        "wheel": list(dict.fromkeys(names)),
-        "group": list(GROUPS),
-        "channel": list(channels(len(names))),
-        "encoder": [f"theta_{i + 1}" for i in range(len(names))],
-    }
-    return [place for kind in law.places for place in kinds.get(kind, [kind])]
+    return places_of(law.places, names)
+
+
+def _place_problem(law: Any, names: Sequence[str]) -> str | None:
+    """What is wrong with a law's own `places`."""
+    words = port_words(law.port, len(names))
+    wrong = [repr(word) for word in law.places if word not in (*words, *names)]
+    if not law.places or wrong:
+        said = f"has {', '.join(wrong)} in its `places`" if wrong else "has no `places`"
+        some = ", ".join(WORDS.get(law.port, ONE_WHEEL))
+        return f"the law {said}; a law of the port `{law.port}` may have {some}."
+    return None
 
 
 def _parameter_problems(law: Any, block: Mapping, wheels) -> Iterator[str]:

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError, did_you_mean
 from ..laws import AbstractLaw, AbstractShape, DamagedRoller, Gap
 from ._placed import Placed, over_wheels
-from ._schema import GROUPS, channels
+from ._places import port_places
 
 
 class Sphere(eqx.Module):
@@ -152,13 +152,14 @@ def place_law(
 ) -> Placed:
     """`law` at `place` of a rig with wheels `names`; a damaged roller takes its wheel's profile.
 
-    Raises `InputError` for a place that the rig has not.
+    Raises `InputError` for a place at which the rig has no port of the law's.
     """
-    places = [*names, "all", "sphere", "platform", *GROUPS, *channels(len(names))]
+    places = port_places(law.port, names)
     if place not in places:
         hint = did_you_mean(place, places)
         raise InputError(
-            f"`{law.id}` cannot be placed at {place!r}: the rig has no such place.{hint}"
+            f"`{law.id}` cannot be placed at {place!r}: a law of the port `{law.port}` stands at "
+            f"{', '.join(places)}.{hint}"
         )
     everywhere = place == "all" or (place == "sphere" and law.port == "rolling")
     wheels = tuple(i for i, name in enumerate(names) if everywhere or name == place)

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...machine import Axis, PlacedLaw
-from .._search import Candidate, number
+from .._search import Candidate, is_wave, number
 from .._settings import SETTINGS
 from .known import states
 from .rows import OdeRun, smoothed
@@ -96,13 +96,14 @@ def _of_law(law, place, scales: Scales, orders) -> list[Candidate]:
         if not p.linear and k not in ("phase", "order") and (
             k == "width" or fields[k].default is dataclasses.MISSING)
     ]  # fmt: skip
-    wave = "phase" in law.parameters
+    wave = is_wave(law)
     ladders = [scales.ladder(law.port, k, law.parameters[k]) for k in shapes]
     ladders += [list(orders)] if "order" in law.parameters else []
     keys = [*shapes, *(["order"] if "order" in law.parameters else [])]
     out = []
     for values in itertools.product(*ladders):
         fixed = dict(zip(keys, map(float, values), strict=True))
+        fixed |= {"phase": 0.0} if "phase" in law.parameters and not wave else {}
         strength = linear[0] if wave else None
         units = [{strength: 1.0, "phase": p} for p in (0.0, math.pi / 2)] if wave else [
             dict.fromkeys(linear, 0.0) | {k: 1.0} for k in linear

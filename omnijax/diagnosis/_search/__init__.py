@@ -4,6 +4,7 @@ from .calibration import calibrated as calibrated
 from .candidates import Candidate as Candidate
 from .candidates import Context as Context
 from .candidates import candidates as candidates
+from .candidates import is_wave as is_wave
 from .candidates import number as number
 from .doubt import within_doubt as within_doubt
 from .fit import Fit as Fit

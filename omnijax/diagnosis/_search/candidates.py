@@ -1,8 +1,9 @@
 """Candidates: every law of the library at every place it may have, with its shape constants."""
 
 import dataclasses
+import itertools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import jax.numpy as jnp
@@ -12,6 +13,8 @@ from ...laws import AbstractLaw
 from ...machine import PlacedLaw
 from ...rig import Placed, Rig, place_law
 from .._settings import SETTINGS
+
+WHOLE = range(1, 25)  # orders that are tried whatever stands out
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,22 +115,35 @@ def _strengths(law) -> list[str]:
 
 
 def _generic(law, place, context) -> list[Candidate]:
-    """A law by its table of parameters: a column a strength, shape constants from a ladder."""
+    """A law by its table of parameters: a column a strength, shape constants from a ladder.
+
+    One of one strength with a `phase` is a wave; with any other a `phase` begins at 0.
+    """
     linear, shapes = _strengths(law), unknown_shapes(law)
-    ladders = [strengths_to_try(law.parameters[k]) for k in shapes]
+    ladders = [values_to_try(k, law.parameters[k]) for k in shapes]
     out = []
-    for values in _product(ladders):
+    for values in itertools.product(*ladders):
         fixed = dict(zip(shapes, values, strict=True))
-        columns, names = [], []
+        note = ", ".join(f"{k} {v:.3g}" for k, v in fixed.items())
+        if is_wave(law):
+            out.append(_waves(law, place, context, note, 1, **fixed))
+            continue
+        fixed |= {"phase": 0.0} if "phase" in law.parameters else {}
+        columns = []
         for key in linear or [None]:
             size = law.parameters[key].shape if key else 0
             for unit in np.eye(size) if size else [1.0]:
                 zero = {k: np.zeros(law.parameters[k].shape or ()) for k in linear}
                 chosen = zero | ({key: unit} if key else {}) | fixed
                 columns.append(build(law, place, context, **chosen))
-                names.append((key, size))
-        out.append(Candidate(law.id, place, tuple(columns), _decoder(linear, law, fixed)))
+        out.append(Candidate(law.id, place, tuple(columns), _decoder(linear, law, fixed), note))
     return out
+
+
+def is_wave(law) -> bool:
+    """Whether a law is one strength times a wave of a `phase`: two of its phases give all."""
+    linear = _strengths(law)
+    return "phase" in law.parameters and len(linear) == 1 and not law.parameters[linear[0]].shape
 
 
 def _decoder(linear, law, fixed):
@@ -152,19 +168,14 @@ def unknown_shapes(law) -> list[str]:
     ]  # fmt: skip
 
 
-def strengths_to_try(parameter) -> list[float]:
-    """Values to try of an unknown shape constant: from its bounds, else a decade around 1."""
+def values_to_try(key: str, parameter) -> Sequence[float]:
+    """Values of an unknown shape constant: whole orders, within its bounds, or a decade about 1."""
     low, high = parameter.low, parameter.high
+    if key == "order":
+        return [float(n) for n in WHOLE if low <= n <= high]
     if math.isfinite(low) and math.isfinite(high):
         return list(np.linspace(low, high, 6)[1:-1])
     return [0.03, 0.1, 0.3, 1.0, 3.0, 10.0]
-
-
-def _product(ladders):
-    out = [()]
-    for strengths_to_try in ladders:
-        out = [(*head, v) for head in out for v in strengths_to_try]
-    return out
 
 
 def _waves(law, place, context, note: str = "", trials: int = 1, **fixed) -> Candidate:
@@ -179,9 +190,6 @@ def _waves(law, place, context, note: str = "", trials: int = 1, **fixed) -> Can
 
 def _runout(law, place, context):
     return [_waves(law, place, context)]
-
-
-WHOLE = range(1, 25)  # orders that are tried whatever stands out
 
 
 def _ripple(law, place, context):

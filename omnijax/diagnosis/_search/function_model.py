@@ -10,7 +10,7 @@ import numpy as np
 from ...laws import AbstractLaw
 from ...rig import Placed
 from .._settings import SETTINGS
-from .candidates import Candidate, number, strengths_to_try, unknown_shapes
+from .candidates import Candidate, is_wave, number, unknown_shapes, values_to_try
 from .model import AbstractModel, Point, Prior
 
 Residual = Callable[[dict[str, float], list[AbstractLaw], str], np.ndarray]
@@ -54,7 +54,7 @@ class SmallModel(AbstractModel):
         for id, law in self.laws.items():
             keys = dict.fromkeys([*unknown_shapes(law), *(k for i, k in self.constants if i == id)])
             ladders = [
-                self.constants.get((id, k), strengths_to_try(law.parameters[k])) for k in keys
+                self.constants.get((id, k), values_to_try(k, law.parameters[k])) for k in keys
             ]
             for values in itertools.product(*ladders):
                 out.append(self._candidate(law, dict(zip(keys, map(float, values), strict=True))))
@@ -62,8 +62,8 @@ class SmallModel(AbstractModel):
 
     def _candidate(self, law, fixed) -> Candidate:
         linear = [k for k, p in law.parameters.items() if p.linear]
-        wave = "phase" in law.parameters
-        units = [{"amplitude": 1.0, "phase": p} for p in (0.0, math.pi / 2)] if wave else [
+        wave = is_wave(law)
+        units = [{linear[0]: 1.0, "phase": p} for p in (0.0, math.pi / 2)] if wave else [
             dict.fromkeys(linear, 0.0) | {key: 1.0} for key in linear
         ]  # fmt: skip
         columns = [  # a threshold has no tangent at zero: its strength is finite
@@ -73,7 +73,7 @@ class SmallModel(AbstractModel):
 
         def decode(c):
             if wave:
-                return fixed | {"amplitude": math.hypot(*c), "phase": math.atan2(c[1], c[0])}
+                return fixed | {linear[0]: math.hypot(*c), "phase": math.atan2(c[1], c[0])}
             return fixed | dict(zip(linear, map(float, c), strict=False))
 
         return Candidate(law.id, self.place, tuple(columns), decode, str(fixed or ""))
