@@ -50,6 +50,8 @@ def existing(path: str | Path, kind: str = "file") -> Path:
     pieces = path if path.name.endswith(_files.PIECES) else _files.pieces_folder(path)
     if kind == "file" and pieces.is_dir() and (pieces == path or not there):
         raise InputError(_UNFINISHED.format(pieces.name), path)
+    if not there and path.is_file():
+        raise InputError(f"is a file, and not a {kind}.", path)
     if not there:
         raise InputError(f"there is no such {kind}.{did_you_mean(path.name, beside)}", path)
     return path

@@ -174,7 +174,11 @@ def test_a_measured_run_is_laid_over(capsys, tmp_path):
     [
         ("t,speed_1,speed_2\n0,1,1\n1,1,1\n", "lacks the column `speed_w3`"),
         ("t,speed_1,speed_2,speed_3\n0,1,1,1\n1,,1,1\n", "row 2 has a gap"),
-        ("t,speed_1,speed_2,speed_3\n1,1,1,1\n0,1,1,1\n", "`t` must not decrease"),
+        (
+            "t,speed_1,speed_2,speed_3\n1,1,1,1\n0,1,1,1\n",
+            "must not decrease, but row 2 has 0 after 1.",
+        ),
+        ("t,speed_1,speed_2,speed_3\n3,1,1,1\n3,2,1,1\n", "`t` must reach beyond its first"),
         ("t,speed_1 (kg),speed_2,speed_3\n0,1,1,1\n1,1,1,1\n", "'kg' is no unit of rad/s"),
     ],
 )

@@ -80,6 +80,12 @@ def _checked(path: Path, columns: dict[str, np.ndarray], wheels: list[str]) -> S
     if not good.all():
         row = int(np.argmin(good)) + 1
         raise InputError(f"row {row} has a gap: a drive needs every time and speed.", path)
-    if len(time) < 2 or np.any(np.diff(time) < 0):
-        raise InputError("`t` must not decrease, and needs two rows at least.", path)
+    back = np.flatnonzero(np.diff(time) < 0)
+    if len(back):
+        row, (before, after) = int(back[0]) + 2, time[back[0] : back[0] + 2]
+        raise InputError(
+            f"`t` must not decrease, but row {row} has {after:g} after {before:g}.", path
+        )
+    if len(time) < 2 or time[-1] == time[0]:
+        raise InputError(f"`t` must reach beyond its first value, {time[0]:g}.", path)
     return SpeedTable(time - time[0], speed, force)
