@@ -20,8 +20,6 @@ QUICK: Any = {"xla_cpu_use_fusion_emitters": False} if OLDER else {}
 WIDE: Any = {"xla_cpu_prefer_vector_width": 512}
 # A short program costs a quarter less where its code is not parted for several threads.
 SHORT = 1000  # lines of StableHLO
-
-
 # Without optimisation a program in bulk is compiled in a third of the time (values of three unlike
 # wheels: 2.3 for 7.4 s; with gradients 9 for 23) and is four to five times slower (170 us a design
 # for 38; 930 for 180).

@@ -15,6 +15,7 @@ from omnijax.diagnosis._search import Point, SmallModel
 from omnijax.diagnosis._search.candidates import Context, candidates
 from omnijax.dynamics import mount_signals, mount_tensions
 from omnijax.rig import GROUPS, acting, bundled_rigs, get_parameter, set_parameter
+from omnijax.rig._declaration import declared_laws
 from omnijax.rig._places import ONE_WHEEL, WORDS, port_words
 
 PAGE = (Path(__file__).parents[1] / "docs" / "add_a_law.md").read_text(encoding="utf-8")
@@ -87,6 +88,20 @@ def test_a_law_that_may_stand_nowhere_is_told(places, said, tmp_path, capsys):
     error = " ".join(capsys.readouterr().err.split())
     assert f"`effect.mount-quadratic-damper.law`: {said}" in error
     assert "a law of the port `mount` may have wheel, all." in error
+
+
+@pytest.mark.parametrize(("line", "said"), [
+    ("places = -'w1'", "must write its `places` out"),
+    ("places = WHEELS", "must write its `places` out"),
+    ("parameters = {'d': Parameter('m', high=float())}", "must write `d` out"),
+    ("id = -'x'", "declares no law"),
+])  # fmt: skip
+def test_a_declaration_that_is_no_plain_value_is_told(line, said, tmp_path):
+    """Some ended in a traceback of `check`, which reads a law file and runs nothing."""
+    path = tmp_path / FILE
+    path.write_text(f"class A(AbstractMount):\n    id = 'a'\n    {line}\n", encoding="utf-8")
+    with pytest.raises(omnijax.InputError, match=said):
+        declared_laws(path)
 
 
 def test_a_law_stands_only_where_its_port_is():

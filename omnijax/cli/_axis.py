@@ -55,7 +55,6 @@ def _run_of(file: Any, log: Path | None) -> Any:
 
 def refuse(given: dict[str, Any], command: str) -> None:
     """`InputError` for options that a machine's study has not."""
-
     wrong = [f"--{k} belongs to rigs: `{command}` of a machine file does not take it."
              for k, v in given.items() if v]  # fmt: skip
     if wrong:

@@ -10,6 +10,8 @@ from .._errors import InputError
 from .._reading import TEXT, read_bytes
 from ..laws import Parameter
 
+_NO_VALUE = (ValueError, TypeError, IndexError)  # of an expression: a name, -"w1", float()
+
 
 class Declared(NamedTuple):
     """A law as its class declares it."""
@@ -64,7 +66,7 @@ def _law(path: Path, name: str, node: ast.ClassDef, said: dict[str, ast.expr]) -
         if not isinstance(label, str):
             raise InputError(f"{path}: law `{name}` must name its `parameters` by texts.")
         parameters[label] = _parameter(path, name, label, value)
-    places = _literal(said.get("places"), base.places)
+    places = _literal(said["places"], None) if "places" in said else base.places
     if not isinstance(places, tuple | list) or not all(isinstance(p, str) for p in places):
         raise InputError(f"{path}: law `{name}` must write its `places` out as a tuple of texts.")
     return Declared(name, str(_literal(said.get("port"), base.port)), tuple(places), parameters)
@@ -82,7 +84,7 @@ def _parameter(path: Path, law: str, name: str, node: ast.expr) -> Parameter:
             values = [_value(a) for a in node.args]
             named = {str(k.arg): _value(k.value) for k in node.keywords}
             return Parameter(*values, **named)
-        except (TypeError, ValueError):
+        except _NO_VALUE:
             pass
     raise InputError(f"{path}: law `{law}` must write `{name}` out as Parameter(unit, ...).")
 
@@ -90,7 +92,7 @@ def _parameter(path: Path, law: str, name: str, node: ast.expr) -> Parameter:
 def _literal(node: ast.expr | None, default: Any) -> Any:
     try:
         return default if node is None else _value(node)
-    except ValueError:
+    except _NO_VALUE:
         return default
 
 

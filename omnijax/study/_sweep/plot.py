@@ -36,14 +36,11 @@ def _ticks(axis: Any, levels: np.ndarray, log: bool) -> None:
 def _slice(result: Any, metric: str, kept: tuple[int, ...]) -> tuple[np.ndarray, str]:
     """Values over the kept axes, the others at their first level, and the words that say so."""
     values, axes = result.readable(metric)[0] * result[metric], result.points.axes
-    others = [i for i in range(len(axes)) if i not in kept]
-    values = np.moveaxis(values, kept, range(len(kept)))
-    values = values[(..., *(0 for _ in others))] if others else values
     held = ", ".join(
-        f"{path_words(axes[i].path)} {quantity_text(float(axes[i].level(0)), axes[i].unit)}"
-        for i in others
-    )
-    return values, held
+        f"{path_words(axis.path)} {quantity_text(float(axis.level(0)), axis.unit)}"
+        for i, axis in enumerate(axes) if i not in kept
+    )  # fmt: skip
+    return _kept(values, kept), held
 
 
 def _index(result: Any, path: str | None, default: int, metric: str) -> int:
@@ -79,13 +76,13 @@ def heatmap(result: Any, metric: str, x: str | None = None, y: str | None = None
         _ticks(axis, levels, axes[k].log)
     ax.set(xlabel=_label(result, axes[i].path), ylabel=_label(result, axes[j].path))
     ax.set_title(f"{metric}; {held}" if held else metric)
-    loose = ~_kept(result, result.held(), (i, j))[np.ix_(*order)].T
+    loose = ~_kept(result.held(), (i, j))[np.ix_(*order)].T
     if loose.any():
         _marked(ax, edges, loose)
     return ax
 
 
-def _kept(result: Any, values: np.ndarray, kept: tuple[int, ...]) -> np.ndarray:
+def _kept(values: np.ndarray, kept: tuple[int, ...]) -> np.ndarray:
     """An array of the grid's shape over the kept axes, the others at their first level."""
     values = np.moveaxis(values, kept, range(len(kept)))
     return values[(..., *(0 for _ in range(values.ndim - len(kept))))]
@@ -145,7 +142,7 @@ def lines(result: Any, metric: str, x: str | None = None, hue: str | None = None
     values, held = _slice(result, metric, kept)
     across = factor * axes[i].levels()
     order = np.argsort(across)
-    loose = ~_kept(result, result.held(), kept)
+    loose = ~_kept(result.held(), kept)
     _ticks(ax.xaxis, across, axes[i].log)
     if values.ndim == 1:
         ax.plot(across[order], values[order], marker=".")
