@@ -16,6 +16,7 @@ from benchmarks.hidden_effects.effects import KNOWN, OUTSIDE
 from benchmarks.hidden_effects.machines import drawn_machine
 from benchmarks.hidden_effects.oracle import TELLS, honest, told, told_apart
 from benchmarks.hidden_effects.report import holms, report
+from benchmarks.hidden_effects.sensors import shifted
 from omnijax.diagnosis import Diagnosis
 from omnijax.diagnosis._answer import Named
 from omnijax.diagnosis._search import Effect, Point, refit
@@ -188,3 +189,14 @@ def test_what_is_hidden_shows_by_the_run_that_shows_it_most(monkeypatch):
     tables, shows = cases.recorded(case, [0.1])
     assert len(tables) == 2
     assert shows == pytest.approx(1 / np.sqrt(3))  # of the group's three channels one
+
+
+def test_a_late_logger_reads_a_line_late_and_a_plant_that_runs_away_as_it_is():
+    """Sizes are tried at which a plant may run away: seed 253 ended in an error there."""
+    line = np.linspace([0.0, 1.0, -2.0], [3.0, 2.0, 5.0], 2001)
+    late = shifted(line, [0, 2], 0.01)
+    slope = (line[-1] - line[0]) / (2000 / cases.FINE)
+    np.testing.assert_allclose(late[200:, [0, 2]], (line - 0.01 * slope)[200:, [0, 2]], atol=1e-9)
+    np.testing.assert_array_equal(late[:, 1], line[:, 1])
+    away = np.where(np.arange(2001)[:, None] < 900, line, np.inf)
+    np.testing.assert_array_equal(shifted(away, [0, 2], 0.01), away)

@@ -20,7 +20,12 @@ def columns_of(group: str, wheels: int) -> list[int]:
 
 
 def shifted(out: np.ndarray, columns: list[int], delay: float) -> np.ndarray:
-    """`columns` of `out` (samples at FINE, ..) read `delay` s late, before the start the first."""
+    """`columns` of `out` (samples at FINE, ..) read `delay` s late, before the start the first.
+
+    Those of a plant that runs away stay as they are.
+    """
+    if not np.all(np.isfinite(out[:, columns])):
+        return out
     t = np.arange(len(out)) / FINE
     late = out.copy()
     late[:, columns] = CubicSpline(t, out[:, columns])(np.clip(t - delay, 0, t[-1]))
