@@ -32,6 +32,32 @@ def move_up(rise, bend, step):
     return jnp.clip(move, -step, step)
 
 
+def risen(f: ModalCurves, signs, time: Float[Array, "n s c"], step, rounds: int):
+    """Times and heights of the maxima of one output times `signs` (n, 1, 1), never lower than at
+    first.
+    """
+
+    def turn(_, now):
+        time, best, move, share = now
+        tried = time + share * move
+        x, v, a = (signs * x[:, 0] for x in _at_each(f, tried, 3))
+        better = x > best
+        return (
+            jnp.where(better, tried, time),
+            jnp.where(better, x, best),
+            jnp.where(better, move_up(v, a, step), move),
+            jnp.where(better, 1.0, LESS * share),
+        )
+
+    start = time, jnp.full(time.shape, -jnp.inf), 0.0 * time, 0.0 * time + 1.0
+    return jax.lax.fori_loop(0, rounds, turn, start)[:2]
+
+
+def _at_each(f: ModalCurves, time, orders: int) -> list[Array]:
+    """`values_at` of rows of times (n, s, c), (n, r, s, c)."""
+    return jax.vmap(lambda time: values_at(f, time, orders))(time)
+
+
 class _Climb(NamedTuple):
     """The highest times so far, dR and |dR|^2 there, and the step to try next."""
 

@@ -3,24 +3,28 @@
 sup |sum_g x_g(phi_g)| = max over unit d of sum_g max_phi d . x_g(phi).  One pass over each phase
 finds its largest value in directions all around; sums of such points give further directions, in
 which a second pass looks for each phase's two best maxima.  From there Newton's method climbs |dR|
-in all phases at once.  Nothing of the search is differentiated: by the envelope theorem derivatives
-are those of the formula at the times found.
+in all phases at once.  Where every phase moves along one axis alone, as with orthogonal contacts
+that do not move each other, all of an axis are at their largest or all at their smallest, so that
+no direction is looked for.  Nothing of the search is differentiated: by the envelope theorem
+derivatives are those of the formula at the times found.
 """
 
+import functools
+import operator
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
 from .._steady import sphere
 from .arithmetic import across, materialised, summed
-from .climb import ascended, climbed, move_up, unit
-from .curves import ModalCurves, OutputRows, curves_of, towards, values_at
+from .climb import ascended, climbed, move_up, risen, unit
+from .curves import ModalCurves, curves_of, phase_by_phase, rows_shown, shown_rows, values_at
 from .gradient import ROWS
-from .pass_along import COARSE, LENGTH, Block, along, reach
-from .phases import columns_of, constant, cycle_of, phases_of
+from .pass_along import COARSE, LENGTH, Block, along
+from .phases import constant, phases_of
 from .system import Layout
 from .transient import Lanes
 
@@ -30,6 +34,7 @@ KEPT = 8  # of them gone on from
 ASCENTS = 4
 AGAIN = 4  # sums in whose directions every phase is looked at once more
 CLOSE = 0.99  # of the largest value: a maximum below is not gone on from
+ROUNDS = 6  # of a phase that moves along one axis
 ASCENDS = 3  # rounds of Newton's method of a phase alone
 NEARER, NEAREST = 3, 5  # and of all phases: in every sum, then in the longest
 LOOKED = 8  # points looked at together
@@ -48,16 +53,22 @@ class Supremum(NamedTuple):
         return jnp.sum(self.total**2, axis=0)
 
 
-def all_curves(g: Lanes, layout: Layout, rows: slice) -> list[ModalCurves]:
-    """The outputs `rows` of every phase."""
-    curves = []
-    for phases in phases_of(layout):
-        columns = columns_of(layout, phases)
-        direct, slope = (jnp.moveaxis(x[columns][:, rows], 1, 0) for x in (g.direct, g.slope))
-        cycle = cycle_of(g.signals, layout, phases)
-        shown = OutputRows(g.modes.c0[rows], g.modes.c1[rows], direct, slope)
-        curves.append(curves_of(g.modes, cycle, columns, shown))
-    return curves
+def all_curves(g: Lanes, layout: Layout) -> list[ModalCurves]:
+    """dR of every phase: all of it, or one output of each where no phase moves more."""
+    groups = phases_of(layout)
+    return [
+        curves_of(g, layout, phases, shown_rows(layout, rows))
+        for phases, rows in zip(groups, _moved_rows(layout), strict=True)
+    ]
+
+
+def _moved_rows(layout: Layout) -> list[list[list[int]]]:
+    """Outputs that the curves of all phases are of."""
+    groups = phases_of(layout)
+    each = [rows_shown(layout, phases, range(ROWS)) for phases in groups]
+    if max(len(rows) for group in each for rows in group) > 1:
+        return [[[*range(ROWS)]] * len(group) for group in each]
+    return [[rows or [0] for rows in group] for group in each]
 
 
 def _tagged(x):
@@ -68,46 +79,66 @@ def _tagged(x):
 
 
 class _Tops(NamedTuple):
-    """The largest values so far in directions (d), when they are taken, and the step there."""
+    """The largest values so far in directions (d), `_tagged` with the sample of their block."""
 
     height: Float[Array, "d s c"]
-    time: Float[Array, "d s c"]
-    step: Float[Array, "d s c"]
+    place: Complex[Array, "d s c"]  # s, of that block: its begin, and its step imaginary
+
+    @property
+    def time(self) -> Float[Array, "d s c"]:
+        """s, when they are taken."""
+        return self.place.real + _number(self.height) * self.place.imag
+
+    @property
+    def step(self) -> Float[Array, "d s c"]:
+        """s, between the samples there."""
+        return self.place.imag
 
 
 def _none(f: ModalCurves, count: int) -> _Tops:
     shape = count, *f.cycle.period.shape
-    return _Tops(jnp.full(shape, -jnp.inf), jnp.zeros(shape), jnp.zeros(shape))
+    return _Tops(jnp.full(shape, -jnp.inf), jnp.zeros(shape, complex))
 
 
-def _tops_of(tagged, begin, step) -> _Tops:
-    """What maxima of tagged samples say of a block."""
-    number = jax.lax.bitcast_convert_type(tagged, jnp.int64) & _MASK
-    return _Tops(tagged, begin + number * step, jnp.broadcast_to(step, tagged.shape))
+def _number(tagged):
+    return jax.lax.bitcast_convert_type(tagged, jnp.int64) & _MASK
 
 
-def _higher(a: _Tops, b: _Tops) -> tuple[_Tops, _Tops]:
-    """The higher one of two and the other."""
-    better = b.height > a.height
-    return _Tops(*(jnp.where(better, y, x) for x, y in zip(a, b, strict=True))), _Tops(
-        *(jnp.where(better, x, y) for x, y in zip(a, b, strict=True))
-    )
+def _marked(x, number: int):
+    """x with its last bits replaced by a number."""
+    bits = jax.lax.bitcast_convert_type(x, jnp.int64)
+    return jax.lax.bitcast_convert_type((bits & ~_MASK) | number, jnp.float64)
+
+
+def _higher(known: _Tops, height, place) -> _Tops:
+    """The higher ones of those known and of others."""
+    better = height > known.height
+    return _Tops(jnp.maximum(height, known.height), jnp.where(better, place, known.place))
 
 
 def _tops(f: ModalCurves) -> _Tops:
     """In directions all around, by the samples."""
-    d, n = jnp.asarray(DIRECTIONS), len(DIRECTIONS)
-    size = jnp.abs(d)
+    d, n = jnp.asarray(DIRECTIONS)[:, :, None, None], len(DIRECTIONS)
+    size = np.abs(DIRECTIONS)
 
-    def gather(best: _Tops, x, begin, step) -> _Tops:
-        seen = _along(d[:, :, None, None], x)
-        high, low = (across(jnp.maximum, _tagged(y)) for y in (seen, -seen))
-        return _higher(best, _tops_of(jnp.concatenate([high, low]), begin, step))[0]
+    def extremes(x):
+        """Largest and, imaginary, smallest values along the directions."""
+        seen = (_marked(_along(d, y[None])[0], k) for k, y in enumerate(x))
+        seen = list(seen)
+        return jax.lax.complex(
+            functools.reduce(jnp.maximum, seen), functools.reduce(jnp.minimum, seen)
+        )
 
-    def idle(best: _Tops, block: Block):
+    def gather(best: _Tops, x, block: Block):
+        both = materialised(extremes, x)
+        height = jnp.concatenate([both.real, -both.imag])
+        height = jnp.where(block.counts, height, -jnp.inf)
+        return _higher(best, height, jax.lax.complex(block.begin, block.step))
+
+    def idle(best: _Tops, above):  # along each axis
         known = jnp.minimum(best.height[:n], best.height[n:])
-        above = reach(f, block)  # along each axis
-        return jnp.all(sum(size[:, o, None, None] * above[o] for o in range(ROWS)) <= known, axis=0)
+        over = [sum(x * y for x, y in zip(own, above, strict=True)) for own in size]
+        return functools.reduce(operator.and_, (x <= y for x, y in zip(over, known, strict=True)))
 
     return along(f, gather, _none(f, 2 * n), idle, COARSE)
 
@@ -126,32 +157,48 @@ def _points(f: ModalCurves, top: _Tops) -> Float[Array, "d o s c"]:
     return jax.lax.map(one, (every, top.time, top.step), batch_size=LOOKED)
 
 
-def _two_tops(f: ModalCurves, d: Float[Array, "n o c"]) -> tuple[_Tops, _Tops]:
+def _two_tops(f: ModalCurves, d: Float[Array, "n r c"]) -> tuple[_Tops, _Tops]:
     """In directions of each design, by parabolas through three samples: the best two maxima."""
-    f = towards(f, d)
-    half = LENGTH // 2
+    d, half = d[:, :, None], LENGTH // 2
 
-    def gather(best, x, begin, step):
-        seen = materialised(lambda x: 1.0 * x, x)
-        rise, bend = seen[2:] - seen[:-2], 2 * seen[1:-1] - seen[:-2] - seen[2:]
-        inside = jnp.abs(rise) < 2 * bend
-        more = jnp.where(inside, rise * rise / jnp.where(inside, 8 * bend, 1.0), 0.0)
-        tagged = _tagged(seen + jnp.pad(more, ((1, 1), (0, 0), (0, 0), (0, 0))))
+    def tops(d, x):
+        """Largest of a block's first half and, imaginary, of its second."""
+        seen = [_along(d, x[k][None])[0] for k in range(LENGTH)]  # (n, s, c)
+        best = [seen[0]]
+        for before, now, after in zip(seen, seen[1:], seen[2:], strict=False):
+            rise, bend = after - before, 2 * now - before - after
+            inside = jnp.abs(rise) < 2 * bend
+            more = jnp.where(inside, rise * rise / jnp.where(inside, 8 * bend, 1.0), 0.0)
+            best.append(now + more)
+        best = [_marked(top, k) for k, top in enumerate([*best, seen[-1]])]
+        halves = (functools.reduce(jnp.maximum, part) for part in (best[:half], best[half:]))
+        return jax.lax.complex(*halves)
+
+    def gather(best, x, block: Block):
+        both = materialised(tops, d, x)
+        both = both.real, both.imag
+        place = jax.lax.complex(block.begin, block.step)
+        high = jnp.where(block.counts, jnp.maximum(*both), -jnp.inf)
+        low = jnp.where(block.counts, jnp.minimum(*both), -jnp.inf)
         first, second = best
-        for part in (tagged[:half], tagged[half:]):
-            first, left = _higher(first, _tops_of(across(jnp.maximum, part), begin, step))
-            second = _higher(second, left)[0]
-        return first, second
+        above = high > first.height
+        lost = _Tops(*(jnp.where(above, x, y) for x, y in zip(first, second, strict=True)))
+        return _higher(first, high, place), _higher(lost, jnp.where(above, low, high), place)
 
-    def idle(best, block: Block):
-        return jnp.all(reach(f, block) <= CLOSE * best[0].height, axis=0)
+    def idle(best, above):
+        return functools.reduce(operator.and_, list(above <= CLOSE * best[0].height))
 
-    return along(f, gather, (_none(f, d.shape[0]), _none(f, d.shape[0])), idle)
+    return along(f, gather, (_none(f, len(d)), _none(f, len(d))), idle, d=d)
+
+
+def _two_tops_of_each(f: ModalCurves, d: Float[Array, "n r c"]) -> tuple[_Tops, _Tops]:
+    """The same of one phase after the other."""
+    return phase_by_phase(lambda f: _two_tops(f, d), f)
 
 
 def _along(d, x):
     """d . x of directions (n, o, ...) and samples (k, o, s, c), (k, n, s, c)."""
-    return d[:, 0] * x[:, None, 0] + d[:, 1] * x[:, None, 1] + d[:, 2] * x[:, None, 2]
+    return functools.reduce(operator.add, (d[:, o] * x[:, None, o] for o in range(d.shape[1])))
 
 
 def _best_sums(tops: list[_Tops], points, held):
@@ -159,22 +206,22 @@ def _best_sums(tops: list[_Tops], points, held):
     height = sum(jnp.sum(t.height, axis=1) for t in tops)  # (d, c)
     every = jnp.concatenate([DIRECTIONS, -DIRECTIONS])
     height = height + jnp.einsum("do,oc->dc", every, held)
-    first = jax.lax.top_k(height.T, KEPT)[1].T  # (n, c)
     number = jnp.arange(len(every))[:, None, None]
 
     def sums(pick):
         """Total (o, c) of the points picked (d, s, c)."""
         return summed(across(jnp.add, jnp.where(pick[:, None], points, 0.0)), 1) + held
 
-    def follow(_, begin):
+    def follow(left, _):
+        begin = jnp.argmax(left, axis=0)
         total = sums(jnp.broadcast_to(number == begin, (*points.shape[:1], *points.shape[2:])))
         for _ in range(ASCENTS):
             d = unit(total)
             seen = _tagged(sum(d[o] * points[:, o] for o in range(ROWS)))  # (d, s, c)
             total = sums(seen == across(jnp.maximum, seen))
-        return None, total
+        return jnp.where(number[:, 0] == begin, -jnp.inf, left), total
 
-    totals = jax.lax.scan(follow, None, first)[1]  # (n, o, c)
+    totals = jax.lax.scan(follow, height, None, KEPT)[1]  # (n, o, c)
     pick = _longest(jnp.sum(totals**2, axis=1), AGAIN)
     return jax.vmap(unit)(jnp.sum(jnp.where(pick[:, :, None], totals, 0.0), axis=1))
 
@@ -190,12 +237,14 @@ def _longest(size, count: int):
 
 def supremum(g: Lanes, layout: Layout) -> Supremum:
     """Where the phases are at the largest |dR|, and dR there."""
-    every = all_curves(g, layout, slice(0, ROWS))
+    every = all_curves(g, layout)
     held = constant(g.modes, layout, slice(0, ROWS), g.direct)
-    tops = [_tops(f) for f in every]
+    if every[0].outputs == 1:
+        return _straight(every, held, _moved_rows(layout))
+    tops = [phase_by_phase(_tops, f) for f in every]
     points = [_points(f, top) for f, top in zip(every, tops, strict=True)]
     longest = _best_sums(tops, jnp.concatenate(points, axis=2), held)
-    starts = [_two_tops(f, longest) for f in every]
+    starts = [_two_tops_of_each(f, longest) for f in every]
     times, sizes = jax.vmap(lambda begin: _refined(every, held, begin))(starts)
     best = jnp.arange(AGAIN)[:, None] == jnp.argmax(sizes, axis=0)
     times, steps = (
@@ -203,6 +252,30 @@ def supremum(g: Lanes, layout: Layout) -> Supremum:
         for x in (times, [first.step for first, _ in starts])
     )
     return Supremum(*climbed(every, held, times, steps, NEAREST)[:2])
+
+
+def _straight(every: list[ModalCurves], held, rows: list[list[list[int]]]) -> Supremum:
+    """Where each phase moves along one axis: |dR|^2 is convex in all of them, so that all of an
+    axis are at their largest or all at their smallest.
+    """
+    signs = jnp.array([1.0, -1.0])[:, None, None]
+    ends, total = [], [held, held]
+    for f, axes in zip(every, rows, strict=True):
+        tops = _two_tops_of_each(f, signs)
+        times, heights = zip(
+            *(risen(f, signs, top.time, top.step, ROUNDS) for top in tops), strict=True
+        )
+        time = jnp.where(heights[0] >= heights[1], *times)
+        height = signs * jnp.maximum(*heights)
+        ends.append(time)
+        on = np.eye(ROWS)[:, [row for (row,) in axes], None]  # (o, s, 1)
+        total = [x + summed(on * y, 1) for x, y in zip(total, height, strict=True)]
+    up = jnp.abs(total[0]) >= jnp.abs(total[1])  # (o, c)
+    times = []
+    for time, axes in zip(ends, rows, strict=True):
+        own = jnp.stack([up[row] for (row,) in axes])
+        times.append(jnp.where(own, time[0], time[1]))
+    return Supremum(times, jnp.where(up, *total))
 
 
 def _refined(every: list[ModalCurves], held, starts: list[tuple[_Tops, _Tops]]):
