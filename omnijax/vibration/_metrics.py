@@ -10,7 +10,7 @@ from .._arrays import largest, smallest
 from .._errors import did_you_mean
 from .._root import root
 from ..rig import Rig
-from ..simulation import Trajectory
+from ..simulation import RunChannels, Trajectory
 from ._amplitude import norm, peak, peak_to_peak, rms, smooth_peak
 from ._comfort import weighted_acceleration
 from ._gravity import up
@@ -25,7 +25,7 @@ class Metric(NamedTuple):
 
     unit: str
     meaning: str
-    of_run: Callable[[Trajectory, Rig], Float[Array, ""]]
+    of_run: Callable[[Trajectory | RunChannels, Rig], Float[Array, ""]]
     of_steady: Callable[[SteadyRun], Float[Array, ""]] | None
     smaller_is_better: bool = True
 
@@ -170,7 +170,9 @@ def known(name: str) -> str:
     return name
 
 
-def evaluate(run: Trajectory, rig: Rig, names: str | Iterable[str]) -> dict[str, Float[Array, ""]]:
+def evaluate(
+    run: Trajectory | RunChannels, rig: Rig, names: str | Iterable[str]
+) -> dict[str, Float[Array, ""]]:
     """The named metrics of a run in SI; differentiable.
 
     `names` is a list, or text with commas between.  Raises `ValueError` with the nearest name for

@@ -42,7 +42,8 @@ class ForcedSystem(NamedTuple):
     state: dict[str, Float[Array, "o m"]]  # C
     direct: dict[str, Float[Array, "g o"]]  # C B1 + D0
     rate: dict[str, Float[Array, "g o"]]  # D1
-    force: Float[Array, "m 3"]  # into ds/dt, of a constant force on the platform
+    push: dict[str, Float[Array, "o 3"]]  # of a constant force on the platform
+    force: Float[Array, "m 3"]  # into ds/dt, of that force
     drift: Float[Array, "3 3"]  # into dU/dt, of that force
     rest: Float[Array, "m g"]  # -A^-1 B0: y at static equilibrium per unit of rho
 
@@ -123,9 +124,11 @@ def _responses(translation: AbstractTranslation, gain):
         sphere = normal.T @ (tension - closure) + rig.wheels.drive.T @ drive
         outputs = {
             "dR": motion.displacement,
+            "dR_rate": motion.velocity,
             "dR_elastic": normal.T @ (motion.deflection + motion.mount),
             "approach": motion.approach,
             "a_sphere": sphere / rig.sphere.mass,
+            "a": translation.platform_acceleration(state, ports),
             "normal_force": tension,
             "drive_force": drive,
             "platform": motion.platform,
@@ -160,6 +163,7 @@ def forced_system(rig: Rig, model: str, speeds, wheel: tuple[int, ...]) -> Force
         {k: v[0] for k, v in outputs.items()},
         {k: columns(v[0] @ B1 + v[1], v[3]) for k, v in outputs.items()},
         {k: columns(v[2], 0 * v[3]) for k, v in outputs.items()},
+        {k: v[4] for k, v in outputs.items()},
         force_in,
         outputs["drift"][4],
         columns(static_rest(rig, model, A, B0), 0 * floor_in).T,

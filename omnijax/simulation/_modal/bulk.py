@@ -1,6 +1,6 @@
 """Figures of many designs by the modal core: programs depend on kinds of input alone."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -17,16 +17,19 @@ from ...dynamics import held, hold_obstacle
 from ...laws import ContinuousSine, DamagedRoller, GatedSine, HalfSine, Rollers
 from ...rig import Placed, Rig
 from .._exact import exact_obstacle
+from .._padding import room
+from .blocks import LENGTH
 from .decoupling import blocks_of, coupled, decoupled, turned_states
 from .gradient import half_root, pull_back
-from .mean_square import square_sums
+from .mean_square import sums_along
 from .output_sums import slopes_of
 from .peak import peak_sums
 from .phases import longest_period
 from .poles import Eigen, eigen, modes_of
+from .runs import RUN_OUTPUTS, outputs_of, run_slopes
 from .signals import series_needed
 from .steady import steady_of
-from .system import Layout, LinearDesign, Operating, designs_of
+from .system import OUTPUTS, How, Layout, LinearDesign, Operating, designs_of
 from .transient import LANES, Lanes, samples_of
 
 BULK_METRICS = ("rms", "peak")
@@ -86,6 +89,7 @@ def modal_steady_obstacle(
 
 
 SIZES = (LANES, 8 * LANES)  # designs a call of the compiled programs
+FEW_SAMPLES = 2048  # of runs of which the larger batch is kept whole
 # whose laws enter the linear model and what it moves by
 _PORTS = ("radius", "shape", "contact", "platform", "kinematics")
 
@@ -138,32 +142,68 @@ def modal_steady(
     return _batches(make, rows, metrics, model, gradient, modal_steady_obstacle, figures, total)
 
 
+class _Batch(NamedTuple):
+    """Designs that are ready to be asked; the last one fills up the batch."""
+
+    make: Callable[[Array], Operating]
+    rows: Float[Array, "B d"]
+    count: int  # designs that are wanted
+    points: Operating  # without names and laws that do not enter
+    how: How
+    design: LinearDesign
+    layout: Layout
+    turn: np.ndarray | None
+    effort: Effort
+
+    def held(self) -> Float[np.ndarray, " B"]:
+        """Whether the wheels hold the sphere."""
+        return np.asarray(_held(self.points.rig, self.how.model, effort=self.effort))
+
+    def back(self, bars, rig: Rig | None = None) -> Float[np.ndarray, "m B d"]:
+        """Derivatives by the rows from those by systems and signals, and by the rigs themselves."""
+        at = _from_designs(self.points, bars, self.how, self.turn, effort=self.effort)
+        if rig is not None:
+            own = jax.tree.map(lambda x: x[None], eqx.filter(rig, eqx.is_inexact_array))
+            at = at._replace(rig=jax.tree.map(jnp.add, at.rig, own))
+        return np.asarray(_from_points(self.make, self.rows, at))
+
+
+def _ready(
+    make, rows, size: int, model: str, obstacle: Callable[[Rig, str], str | None], total: int,
+    outputs: tuple[str, ...] = OUTPUTS,
+) -> Iterator[_Batch]:  # fmt: skip
+    """The designs `make(row)`, `size` of them at a time."""
+    effort, turn = effort_for(max(len(rows), total)), None
+    rows = np.asarray(rows, float)  # slices of jax's arrays are programs
+    for i in range(0, len(rows), size):
+        some = rows[i : i + size]
+        count = len(some)
+        some = jnp.asarray(np.concatenate([some, np.repeat(some[-1:], size - count, axis=0)]))
+        points = _points(make, some)
+        if i == 0:
+            reason = obstacle(_one(points.rig), model)
+            if reason is not None:
+                raise ValueError(f"no figures from the modal form: {reason}.")
+        force, series = bool(np.any(np.asarray(points.force))), _series(points.rig)
+        plain, how = _plain(points), How(model, force, series, outputs)
+        design, layout, turn = _apart(plain, turn, how, effort)
+        layout = layout._replace(together=TOGETHER[effort])
+        yield _Batch(make, some, count, plain, how, design, layout, turn, effort)
+
+
 def _batches(
     make, rows, metrics, model: str, gradient: bool, obstacle, figures, total: int
 ) -> ModalFigures:
     """`figures(design, layout, effort)` of all designs, batch by batch."""
-    effort = effort_for(max(len(rows), total))
-    parts, slopes, turn = [], [], None
+    parts, slopes = [], []
     size = SIZES[0] if len(rows) <= SIZES[0] else SIZES[-1]
-    rows = np.asarray(rows, float)  # slices of jax's arrays are programs
-    for i in range(0, len(rows), size):
-        some = rows[i : i + size]
-        some = jnp.asarray(np.concatenate([some, np.repeat(some[-1:], size - len(some), axis=0)]))
-        points = _points(make, some)
-        if i == 0:
-            reason = obstacle(_one(points.rig), model, metrics)
-            if reason is not None:
-                raise ValueError(f"no figures from the modal form: {reason}.")
-        force, series = bool(np.any(np.asarray(points.force))), _series(points.rig)
-        plain = _plain(points)
-        design, layout, turn = _apart(plain, turn, (model, force, series), effort)
-        layout = layout._replace(together=TOGETHER[effort])
-        values, bars = figures(design, layout, effort)
-        holds = np.asarray(_held(plain.rig, model, effort=effort))
-        parts.append(np.concatenate([values, holds[None]]))
+    for batch in _ready(
+        make, rows, size, model, lambda rig, model: obstacle(rig, model, metrics), total
+    ):
+        values, bars = figures(batch.design, batch.layout, batch.effort)
+        parts.append(np.concatenate([values, batch.held()[None]]))
         if gradient:
-            back = _from_designs(plain, bars, model, force, series, turn, effort=effort)
-            slopes.append(np.asarray(_from_points(make, some, back)))
+            slopes.append(batch.back(bars))
     rms, peak, normal, slip, holds = np.concatenate(parts, axis=1)[:, : len(rows)]
     values, chosen = {"rms": rms, "peak": peak}, [BULK_METRICS.index(name) for name in metrics]
     return ModalFigures(
@@ -175,20 +215,77 @@ def _batches(
     )
 
 
-def _apart(points: Operating, turn: np.ndarray | None, how: tuple, effort: Effort):
+class ModalRuns:
+    """Outputs of some runs at t = 0, step, ..., and the way back from their derivatives."""
+
+    def __init__(self, batch: _Batch, step: Array, samples: int):
+        self._batch, self.samples, self.step = batch, samples, step
+        self._count, length = jnp.asarray(samples, float), room(samples + LENGTH)
+        self._batch = batch._replace(layout=batch.layout._replace(rows=batch.design.system.C.shape[1]))
+        self.outputs: Float[Array, "B o length"] = _outputs(
+            self._batch.design, self._batch.layout, step, self._count, length, effort=batch.effort
+        )
+
+    @property
+    def size(self) -> int:
+        """How many of the designs are wanted; what follows is filled up."""
+        return self._batch.count
+
+    @property
+    def rigs(self) -> Rig:
+        """The rigs, without names and laws that do not enter; one leading axis."""
+        return self._batch.points.rig
+
+    @property
+    def effort(self) -> Effort:
+        """What programs of all designs are worth to the compiler."""
+        return self._batch.effort
+
+    def held(self) -> Float[np.ndarray, " B"]:
+        """Whether the wheels hold the sphere."""
+        return self._batch.held()
+
+    def slopes(self, weights: Float[Array, "B o length"], rigs: Rig) -> Float[np.ndarray, "B d"]:
+        """Derivatives by the rows from those by the outputs and by the rigs themselves."""
+        b = self._batch
+        bars = _run_slopes(b.design, b.layout, self.step, self._count, weights, effort=b.effort)
+        return b.back(bars, rigs)[0]
+
+
+def modal_runs(
+    make: Callable[[Array], Operating],
+    rows: Float[Array | np.ndarray, "B d"],
+    *,
+    duration: float,
+    step: float,
+    model: str = "coupled",
+    total: int = 0,
+) -> Iterator[ModalRuns]:
+    """Samples of `RUN_OUTPUTS` of the designs `make(row)`, some designs at a time.
+
+    As `modal_figures`, for whatever is read from a run.
+    """
+    samples = round(duration / step) + 1
+    size = SIZES[-1] if len(rows) > SIZES[0] and samples <= FEW_SAMPLES else SIZES[0]
+    every = jnp.asarray(step, float)
+    for batch in _ready(make, rows, size, model, modal_obstacle, total, RUN_OUTPUTS):
+        yield ModalRuns(batch, every, samples)
+
+
+def _apart(points: Operating, turn: np.ndarray | None, how: How, effort: Effort):
     """Designs with their states along directions that decouple them, where any do, and those.
 
     `turn`: the directions of the batch before, which mostly do for this one too.
     """
-    design, layout = _designs(points, *how, turn, effort=effort)
+    design, layout = _designs(points, how, turn, effort=effort)
     coupling = coupled(design.system)
     if turn is not None and len(blocks_of(coupling)) == 1:
-        design, turn = _designs(points, *how, effort=effort)[0], None
+        design, turn = _designs(points, how, effort=effort)[0], None
         coupling = coupled(design.system)
     if turn is None and len(blocks_of(coupling)) == 1:
         turn = turned_states(points.rig, design.system)
         if turn is not None:
-            design, layout = _designs(points, *how, turn, effort=effort)
+            design, layout = _designs(points, how, turn, effort=effort)
             coupling = coupled(design.system)
     return design, decoupled(design.system, layout, coupling), turn
 
@@ -229,21 +326,17 @@ def _series(rig: Rig) -> int:
 
 
 @kept
-def _designs(
-    points: Operating, model: str, force: bool, series: int, turn: Any = None
-) -> tuple[LinearDesign, Layout]:
-    return designs_of(points, model, force, series, turn)
+def _designs(points: Operating, how: How, turn: Any = None) -> tuple[LinearDesign, Layout]:
+    return designs_of(points, how, turn)
 
 
 @kept
-def _from_designs(
-    points: Operating, bars, model: str, force: bool, series: int, turn: Any = None
-) -> Operating:
+def _from_designs(points: Operating, bars, how: How, turn: Any = None) -> Operating:
     """Derivatives by every number of the points, one entry a metric, from those by the designs."""
     moving, still = eqx.partition(points, eqx.is_inexact_array)
 
     def designs(moving):
-        design = designs_of(eqx.combine(moving, still), model, force, series, turn)[0]
+        design = designs_of(eqx.combine(moving, still), how, turn)[0]
         return design.system, design.signals
 
     back = jax.vjp(designs, moving)[1]
@@ -266,7 +359,7 @@ def _figures(design: LinearDesign, layout: Layout, step, count, gradient: bool):
     """(4, B): figures and margins; and derivatives by systems and signals, one entry a metric."""
 
     def some(g: Lanes):
-        also = square_sums(g, layout, step) if gradient else None
+        also = sums_along(g, layout, step) if gradient else None
         samples, by_square = samples_of(g, layout, step, count, also)
         if not gradient:
             squares, slopes = (samples.total / count, samples.near.peak(step)), None
@@ -290,24 +383,46 @@ def _long_run(design: LinearDesign, layout: Layout, gradient: bool):
     return _of_groups(lambda g: steady_of(g, layout, gradient), design, layout, span)
 
 
-def _of_groups(some: Callable, design: LinearDesign, layout: Layout, span):
+@kept
+def _outputs(design: LinearDesign, layout: Layout, step, count, length: int):
+    """(B, o, length): the outputs at the samples, and room for a block after them."""
+    groups = jax.tree.map(_grouped, lanes_of(design, eigen(design.system, layout)))
+    runs = jax.lax.map(lambda g: outputs_of(g, layout, step, count, length), groups)
+    return runs.reshape(-1, *runs.shape[2:])
+
+
+@kept
+def _run_slopes(design: LinearDesign, layout: Layout, step, count, weights):
+    """Derivatives by systems and signals from those by the outputs, (B, o, length)."""
+
+    def some(g: Lanes, weights):
+        slopes = run_slopes(g, layout, step, count, weights)
+        return None, jax.tree.map(lambda x: x[None], slopes)
+
+    groups = weights.reshape(-1, LANES, *weights.shape[1:])
+    return _of_groups(some, design, layout, step * count, groups)[1]
+
+
+def _of_groups(some: Callable, design: LinearDesign, layout: Layout, span, *more):
     """Figures of `some(lanes)` for all designs, and what its slopes give by systems and signals.
 
-    `span` (s): over which two poles are as good as equal or not.
+    `span` (s): over which two poles are as good as equal or not.  `some` takes `more` of each group
+    too, which leads its arrays.
     """
     pairs = eigen(design.system, layout)
     last = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), pairs)
     groups = jax.tree.map(_grouped, (lanes_of(design, pairs), last))
 
-    def one(group: tuple[Lanes, Eigen]):
-        values, slopes = some(group[0])
+    def one(group: tuple[tuple[Lanes, Eigen], Any]):
+        values, slopes = some(group[0][0], *group[1])
         if slopes is None:
             return values, None
-        system = jax.lax.map(lambda slope: pull_back(*group, slope, layout, span), slopes)
+        system = jax.lax.map(lambda slope: pull_back(*group[0], slope, layout, span), slopes)
         return values, (system, slopes.signals)
 
-    values, bars = jax.lax.map(one, groups)
-    return _flat(values), jax.tree.map(lambda x: jnp.moveaxis(_flat(x), -1, 1), bars)
+    values, bars = jax.lax.map(one, (groups, more))
+    bars = jax.tree.map(lambda x: jnp.moveaxis(_flat(x), -1, 1), bars)
+    return jax.tree.map(_flat, values), bars
 
 
 def _flat(x):

@@ -38,6 +38,7 @@ class Slopes(NamedTuple):
     given_rate: Pair
     signals: Signals
     direct: Float[Array, "s o c"]
+    rate: Float[Array, "s o c"] | None = None  # none: nothing shows a signal's rate
 
 
 def seen(kind, c: Pair) -> Pair:
@@ -97,7 +98,7 @@ def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> S
     value = pairs.value.real, pairs.value.imag
     V = unpacked(pairs.vector, value[1])  # (m, k, c)
     back = _swapped(unpacked_inverse(jnp.swapaxes(pairs.inverse, 0, 1), value[1]))  # (k, m, c)
-    c = unpacked(pairs.output[:ROWS], value[1])  # (o, k, c)
+    c = unpacked(pairs.output[: layout.rows], value[1])  # (o, k, c)
     b = unpacked_inverse(jnp.swapaxes(pairs.input, 0, 1), value[1])  # (l, k, c)
     shown, given = shown_by(slopes.shown), whole(slopes.given)
 
@@ -128,11 +129,14 @@ def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> S
     A = _real(_with_axis(back, 2), _with_axis(moved, 1), 0)
     inputs = _real(_with_axis(shown, 2), back, 1)  # (l, m, c)
     outputs = _real(_with_axis(given, 2), _swapped(V), 1)
-    room = ((0, len(g.modes.c0) - ROWS), (0, 0), (0, 0))
-    direct = jax.ops.segment_sum(slopes.direct, columns, total)  # (l, o, c)
-    direct = jnp.pad(direct, ((0, 0), *room[:1], (0, 0)))
+    room = ((0, len(g.modes.c0) - layout.rows), (0, 0), (0, 0))
+
+    def straight(x) -> Array:  # (l, o, c)
+        return jnp.pad(jax.ops.segment_sum(x, columns, total), ((0, 0), *room[:1], (0, 0)))
+
+    rate = jnp.zeros_like(g.slope) if slopes.rate is None else straight(slopes.rate)
     return System(
-        A, inputs[:total], jnp.pad(outputs, room), direct, jnp.zeros_like(g.slope), inputs[total]
+        A, inputs[:total], jnp.pad(outputs, room), straight(slopes.direct), rate, inputs[total]
     )
 
 

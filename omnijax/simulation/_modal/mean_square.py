@@ -18,7 +18,7 @@ from .gradient import seen
 from .output_sums import OutputSums, by_begins
 from .poles import PolePairs
 from .system import Layout
-from .transient import ROWS, Along, Lanes
+from .transient import Along, Lanes
 from .walk import Onward, WalkState
 
 
@@ -49,27 +49,30 @@ def _follow(kind, rates: Pair, carried: _Passed, move: Onward) -> _Passed:
     )
 
 
-def _begin(m: PolePairs, g: int, pieces: int, waves: int, slope: Pair):
+def _begin(m: PolePairs, g: int, pieces: int, layout: Layout, slope: Pair):
     pairs, lanes = m.l0.shape
 
     def none(*shape):
         return jnp.zeros((*shape, pairs, lanes)), jnp.zeros((*shape, pairs, lanes))
 
-    edge = (g, pieces)
-    wave, flat = jnp.zeros((ROWS, waves, pieces, lanes)), jnp.zeros((*edge, lanes))
+    edge, shown, waves = (g, pieces), layout.rows, len(layout.signal_of)
+    wave, flat = jnp.zeros((shown, waves, pieces, lanes)), jnp.zeros((*edge, lanes))
     sums = OutputSums(
-        none(*edge), none(*edge), none(*edge), none(), none(), none(ROWS), none(ROWS), (wave, wave),
+        none(*edge), none(*edge), none(*edge), none(), none(), none(shown), none(shown), (wave, wave),
         jnp.zeros((waves, lanes)), flat, flat, jnp.zeros((g, lanes)),
     )  # fmt: skip
     one = jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
     return sums, _Passed(none(*edge), none(*edge), one, slope)
 
 
-def square_sums(g: Lanes, layout: Layout, step) -> Along:
-    """Sums over the samples of half the derivatives of |dR|^2, dR itself; `OutputSums`."""
+def sums_along(g: Lanes, layout: Layout, step) -> Along:
+    """`OutputSums` over the samples of weights on the outputs that figures are made of.
+
+    Half the derivatives of |dR|^2 are dR itself.
+    """
     m, edged, of = g.modes, len(g.signals.duration), layout.signal_of
     kind, pieces = m.kind, g.signals.cosine.shape[1]
-    own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
+    own = seen(kind, (m.c0[: layout.rows], m.c1[: layout.rows]))
     rates = free_rates(m, g.signals, layout)
 
     def shown(now, u: Pair, du: Pair) -> tuple[Pair, Pair, Pair]:
@@ -112,7 +115,7 @@ def square_sums(g: Lanes, layout: Layout, step) -> Along:
             total.since + first,
         )
 
-    start, carried = _begin(m, edged, pieces, len(of), rates.start)
+    start, carried = _begin(m, edged, pieces, layout, rates.start)
     return Along(gather, start, lambda past, move: _follow(kind, rates.jump, past, move), carried)
 
 
@@ -135,7 +138,7 @@ def _against(x, t: BlockTables):
 def _swing(weights: Weights, w, layout: Layout):
     """Derivatives (v, c) by the phases of the sinusoids, from sums w (o, v, c) of dR."""
     parts: list[list] = [[] for _ in layout.signal_of]
-    each = [(o, v) for o in range(ROWS) for v in layout.waves[o]]
+    each = [(o, v) for o in range(layout.rows) for v in layout.waves[o]]
     for f0, f1, (o, v) in zip(weights.f0, weights.f1, each, strict=True):
         parts[v].append(f1 * w[0][o, v] - f0 * w[1][o, v])
     return jnp.stack([sum(part, jnp.zeros_like(w[0][0, 0])) for part in parts])

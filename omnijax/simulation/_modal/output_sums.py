@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from .arithmetic import Pair, materialised, plus, product, rows, summed, times, turned
 from .blocks import shown
 from .edges import Edges, by_signal, edge_times, edges_of
-from .gradient import ROWS, Slopes, seen
+from .gradient import Slopes, seen
 from .resonance import Resonance, by_pole, by_rate, resonance
 from .signals import Signals
 from .system import Layout
@@ -76,7 +76,7 @@ def slopes_of(g: Lanes, layout: Layout, sums: OutputSums) -> Slopes:
     r, known = resonance(m, signals.rate[:, None]), _known(signals, layout, sums)
     by = by_pole(kind, r)
     given, given_rate = (Resonance(*(product(kind, b, y) for y in x)) for x in (r, by))
-    own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
+    own = seen(kind, (m.c0[: layout.rows], m.c1[: layout.rows]))
 
     def against(own: Pair, known: _Known, *sums: Pair) -> tuple[Resonance, Resonance]:
         waves = ([summed(x * y[:, :, None], 1) for x in own] for y in known.wave)  # (v, p, c)
@@ -112,7 +112,7 @@ def slopes_of(g: Lanes, layout: Layout, sums: OutputSums) -> Slopes:
         less_waves(sums.free, given),
         less_waves(sums.free_rate, given_rate),
         _by_signals(g, layout, sums, r, given, known, free),
-        by_signal(known.wave[0], of),
+        *(by_signal(x, of) for x in known.wave),
     )
 
 
@@ -165,7 +165,7 @@ def _by_signals(
     now = [total(kind, product(kind, x, sums.start)) for x in given]
     straight = g.direct, g.slope
     wave = [
-        rows(x[:, :ROWS], columns) - jnp.swapaxes(shown(m, z, ROWS), 0, 1)
+        rows(x[:, : layout.rows], columns) - jnp.swapaxes(shown(m, z, layout.rows), 0, 1)
         for x, z in zip(straight, given, strict=True)
     ]
     by_turn = (sums.begin_time - known.time * sums.begin) / period - late(*turn)

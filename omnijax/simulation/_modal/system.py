@@ -49,6 +49,7 @@ class Layout(NamedTuple):
     outputs: tuple[str, ...]
     blocks: tuple[tuple[int, ...], ...] = ()  # see `decoupling`
     same: tuple[int, ...] = ()  # number of the first block that each is equal to
+    rows: int = 3  # outputs that figures are made of, the first ones
     live: tuple[tuple[int, ...], ...] = ()  # pairs of poles that each row of the outputs shows
     waves: tuple[tuple[int, ...], ...] = ()  # sinusoids that each row of the outputs shows
     together: int = 4  # samples that one loop over designs works out beside each other, at least
@@ -84,18 +85,27 @@ class Layout(NamedTuple):
 OUTPUTS = ("dR", "normal_force", "drive_force")
 
 
+class How(NamedTuple):
+    """What is static about the arrays of designs; see `signals_of` for `force` and `series`."""
+
+    model: str
+    force: bool
+    series: int
+    outputs: tuple[str, ...] = OUTPUTS
+
+
 def design_of(
-    point: Operating, model: str, force: bool, series: int, turn: Array | None = None
+    point: Operating, how: How, turn: Array | None = None
 ) -> tuple[LinearDesign, Layout]:
-    """Arrays and layout of one design; see `signals_of` for `force` and `series`.
+    """Arrays and layout of one design.
 
     `turn`: directions of the states in the columns, where those are not the model's own.
     """
     rig, speeds, push, angles = point
-    signals, kinds = signals_of(rig, speeds, angles, force, series)
+    signals, kinds = signals_of(rig, speeds, angles, how.force, how.series)
     floors = len(rig.at("platform"))
     sources = (*range(rig.size), *(-1 for _ in range(floors)))
-    forced = _turned(forced_system(rig, model, speeds, sources), turn)
+    forced = _turned(forced_system(rig, how.model, speeds, sources), turn)
     level = jnp.zeros(len(sources))  # rho at the start; a floor does not deflect a rig at rest
     first = 0
     for g, kind in enumerate(kinds):
@@ -111,12 +121,13 @@ def design_of(
     unit = _units(forced.A)
 
     def rows(parts: dict[str, Any], axis: int):
-        return jnp.concatenate([parts[name] for name in OUTPUTS], axis=axis)
+        return jnp.concatenate([parts[name] for name in how.outputs], axis=axis)
 
     column, direct, rate = forced.column, rows(forced.direct, 1), rows(forced.rate, 1)
-    if force:
+    if how.force:
         column = jnp.concatenate([column, (forced.force @ push)[None]])
-        direct, rate = (jnp.pad(x, ((0, 1), (0, 0))) for x in (direct, rate))
+        direct = jnp.concatenate([direct, (rows(forced.push, 0) @ push)[None]])
+        rate = jnp.pad(rate, ((0, 1), (0, 0)))
     system = System(
         forced.A * unit[None, :] / unit[:, None],
         column / unit,
@@ -127,7 +138,7 @@ def design_of(
     )
     wheels = rig.wheels
     design = LinearDesign(system, signals, wheels.closure.preload, wheels.contact.friction)
-    return design, Layout(rig.size, kinds, OUTPUTS)
+    return design, Layout(rig.size, kinds, how.outputs)
 
 
 def _turned(system: ForcedSystem, turn: Array | None) -> ForcedSystem:
@@ -159,13 +170,13 @@ def _units(A: Float[Array, "m m"]) -> Float[Array, " m"]:
 
 
 def designs_of(
-    points: Operating, model: str, force: bool, series: int, turn: Array | None = None
+    points: Operating, how: How, turn: Array | None = None
 ) -> tuple[LinearDesign, Layout]:
     """Designs of many operating points, batch first."""
     layout: list[Layout] = []
 
     def one(point):
-        design, kinds = design_of(point, model, force, series, turn)
+        design, kinds = design_of(point, how, turn)
         layout.append(kinds)
         return design
 

@@ -9,7 +9,8 @@ from jaxtyping import Array, Float
 
 from ..._status import Status
 from ...rig import Rig
-from ...simulation import Operating, SpeedDrive, modal_figures, modal_steady
+from ...simulation import BULK_METRICS, Operating, SpeedDrive, modal_figures, modal_steady
+from ...vibration import run_metrics
 from .drives import Drive
 from .evaluation import Evaluation, margin_status
 
@@ -38,7 +39,8 @@ def evaluate_in_bulk(
         )
     else:
         duration = float(how.times[-1])
-        result = modal_figures(
+        few = set(how.metrics) <= set(BULK_METRICS)  # gathered on the way, without any samples
+        result = (modal_figures if few else run_metrics)(
             make, rows, how.metrics, duration=duration, step=duration / (len(how.times) - 1),
             model=how.model, gradient=gradient, total=total,
         )  # fmt: skip

@@ -84,7 +84,7 @@ def _no_rows(q: Question) -> str | None:
 
 
 def _no_modal_run(q: Question) -> str | None:
-    return modal_obstacle(q.rig, q.model, q.metrics)
+    return modal_obstacle(q.rig, q.model)
 
 
 def _no_modal_steady(q: Question) -> str | None:

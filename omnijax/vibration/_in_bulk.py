@@ -1,0 +1,78 @@
+"""Metrics of many runs from samples that the modal core gives, with exact derivatives."""
+
+from collections.abc import Callable, Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .._programs import kept
+from ..rig import Rig
+from ..simulation import ModalFigures, Operating, channels_of, modal_runs
+from ._metrics import evaluate
+
+MARGINS = ("lift_off_margin", "slip_margin")  # N, which say how a run ends
+
+
+def run_metrics(
+    make: Callable[[Array], Operating],
+    rows: Float[Array | np.ndarray, "B d"],
+    names: Sequence[str],
+    *,
+    duration: float,
+    step: float,
+    model: str = "coupled",
+    gradient: bool = False,
+    total: int = 0,
+) -> ModalFigures:
+    """Any metrics of the designs `make(row)`, as `evaluate` reads them from runs.
+
+    As `simulation.modal_figures`, which is faster for what it gives; the margins are exact.
+    """
+    values, slopes, holds = [], [], []
+    for runs in modal_runs(make, rows, duration=duration, step=step, model=model, total=total):
+        given, wanted = (runs.outputs, runs.rigs, runs.step, runs.samples), slice(runs.size)
+        values.append(
+            np.asarray(_values(*given, (*names, *MARGINS), effort=runs.effort))[wanted]
+        )
+        holds.append(runs.held()[wanted])
+        if gradient:
+            each = [runs.slopes(*_weights(*given, name, effort=runs.effort)) for name in names]
+            slopes.append(np.stack(each, axis=1)[wanted])
+    *figures, normal, slip = np.concatenate(values).T
+    return ModalFigures(
+        np.stack(figures, axis=1),
+        np.concatenate(slopes) if gradient else None,
+        normal,
+        slip,
+        np.concatenate(holds) > 0,
+    )
+
+
+def _read(outputs, rig: Rig, step, samples: int, names: tuple[str, ...]) -> Float[Array, " m"]:
+    """Metrics of one run from its outputs, (o, length)."""
+    run = channels_of(outputs[:, :samples], rig, step)
+    by_name = evaluate(run, rig, names)
+    return jnp.stack([by_name[name] for name in names])
+
+
+@kept
+def _values(outputs, rigs: Rig, step, samples: int, names: tuple[str, ...]):
+    return jax.vmap(lambda x, rig: _read(x, rig, step, samples, names))(outputs, rigs)
+
+
+@kept
+def _weights(outputs, rigs: Rig, step, samples: int, name: str):
+    """Derivatives of a metric by the outputs, (B, o, length), and by the rigs."""
+
+    def one(x, rig):
+        moving, still = eqx.partition(rig, eqx.is_inexact_array)
+
+        def figure(x, moving):
+            return _read(x, eqx.combine(moving, still), step, samples, (name,))[0]
+
+        return jax.grad(figure, argnums=(0, 1))(x, moving)
+
+    return jax.vmap(one)(outputs, rigs)
