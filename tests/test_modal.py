@@ -12,6 +12,7 @@ from tiers import tiered
 
 from omnijax import _programs, laws
 from omnijax.simulation import (
+    BULK_METRICS,
     Operating,
     modal_figures,
     modal_obstacle,
@@ -20,7 +21,7 @@ from omnijax.simulation import (
 )
 from omnijax.simulation._modal.arithmetic import rows
 from omnijax.simulation._modal.bulk import effort_for
-from omnijax.vibration import evaluate
+from omnijax.vibration import METRICS, evaluate, run_metrics
 
 pytestmark = [pytest.mark.long, pytest.mark.brief]
 
@@ -106,14 +107,21 @@ def test_figures_are_those_of_propagated_runs(name):
     assert modal_obstacle(rig, model) is None
     found = modal_figures(maker(rig), rows, duration=DURATION, step=STEP, model=model)
     ts = jnp.linspace(0, DURATION, round(DURATION / STEP) + 1)
-    names = ("rms", "peak", "lift_off_margin", "slip_margin")
-    for row, values, normal, slip in zip(rows, *found[:1], found.normal, found.slip, strict=True):
+    names = tuple(METRICS)
+    every = run_metrics(maker(rig), rows, names, duration=DURATION, step=STEP, model=model)
+    for row, values, normal, slip, metrics in zip(
+        rows, found.values, found.normal, found.slip, every.values, strict=True
+    ):
         n = rig.size
         drive = speeds(row[:n], row[n : n + 3], row[n + 3 :])
         run = propagate(rig, drive, ts, model=model)
         expected = evaluate(run, rig, names)
-        np.testing.assert_allclose(values, [expected[k] for k in names[:2]], rtol=1e-9, atol=1e-15)
-        for bound, exact in ((normal, expected[names[2]]), (slip, expected[names[3]])):
+        np.testing.assert_allclose(
+            values, [expected["rms"], expected["peak"]], rtol=1e-9, atol=1e-15
+        )
+        np.testing.assert_allclose(metrics, list(expected.values()), rtol=2e-8, atol=1e-15)
+        for bound, margin in ((normal, "lift_off_margin"), (slip, "slip_margin")):
+            exact = expected[margin]
             assert np.sign(bound) == np.sign(exact)
             assert bound <= exact + 1e-6 * abs(exact)
 
@@ -192,6 +200,39 @@ def test_gradients_are_the_slopes_between_designs(name):
     expected = np.einsum("idkm,k->imd", values, weights)
     scale = np.abs(expected).max(axis=2, keepdims=True)
     np.testing.assert_allclose(found.slopes[:2] / scale, expected / scale, rtol=0, atol=1e-5)
+
+
+def test_metrics_read_from_samples():
+    """Slopes along a drawn direction are those between designs, of unlike wheels with effects.
+
+    RMS and peak are those that are gathered on the way; of more than one group.
+    """
+    rng, h, some = np.random.default_rng(), 1e-6, 4
+    rig = hidden(machine(cone(rng, 3)))
+    rows, along = rng.uniform(0.8, 1.2, (70, 6)), rng.normal(size=(some, 6))
+    rows[-2 * some :] = np.concatenate([rows[:some] + h * along, rows[:some] - h * along])
+    names = (
+        "rms",
+        "peak",
+        *rng.choice([n for n in METRICS if n not in BULK_METRICS], 3, False).tolist(),
+    )
+    settings = {"duration": DURATION, "step": STEP, "gradient": True}
+    own, every = (
+        f(varied(rig), rows, names[:count], **settings)
+        for f, count in ((modal_figures, 2), (run_metrics, None))
+    )
+    ahead, behind = np.split(every.values[-2 * some :], 2)
+    size = np.abs(every.slopes).max(axis=2)
+    assert (size > 0).all()
+    found = np.einsum("bmd,bd->bm", every.slopes[:some], along)
+    error = np.abs(found - (ahead - behind) / (2 * h)) / size[:some]
+    assert np.median(error, axis=0).max() < 1e-5, (names, error)
+
+    np.testing.assert_allclose(own.values, every.values[:, :2], rtol=1e-10)
+    difference = (own.slopes - every.slopes[:, :2]) / size[:, :2, None]
+    assert np.abs(difference).max() < 1e-8
+    np.testing.assert_array_equal(own.normal <= 0, every.normal <= 0)
+    np.testing.assert_array_equal(own.held, every.held)
 
 
 def test_obstacles_are_said():

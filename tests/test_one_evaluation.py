@@ -36,6 +36,10 @@ from omnijax.vibration import evaluate
 pytestmark = pytest.mark.long
 
 METRICS = ("rms", "peak")
+OTHERS = (  # one of each channel, read from samples
+    "elastic_rms", "peak_to_peak_y", "sphere_acceleration_peak", "platform_acceleration_rms",
+    "lift_off_margin", "slip_margin",
+)  # fmt: skip
 
 
 def around(*degrees):
@@ -233,12 +237,12 @@ def compared(hows, rig, drive, reference, rng, most, designs=False):
         np.testing.assert_allclose(again[same], expected[first][same], rtol=1e-7)
 
 
-def run_figures(ts):
+def run_figures(ts, names):
     """The figures of `simulate` at the samples `ts`."""
 
     def reference(rig, drive):
-        figures = evaluate(simulate(rig, drive, ts), rig, METRICS)
-        return jnp.stack([figures[name] for name in METRICS])
+        figures = evaluate(simulate(rig, drive, ts), rig, names)
+        return jnp.stack([figures[name] for name in names])
 
     return reference
 
@@ -295,11 +299,13 @@ def test_figures_in_every_quantity(methods, layout, profiles, effects, values):
     steady, kind = "steady" in methods, "torque" if "fixed" in methods else "speed"
     turns = effects is effects_of_a_turn
     ts = None if steady else samples_of(*((0.3, 50.0) if turns else (0.08, 500.0)))
+    names = (*METRICS, *OTHERS) if turns else METRICS
     hows = [
-        Evaluation(method, METRICS, times=ts, substeps=8 if method == "fixed" else 1)
+        Evaluation(method, names, times=ts, substeps=8 if method == "fixed" else 1)
         for method in methods
     ]
-    drive, reference = drawn_drive(rig, rng, kind), steady_figures if steady else run_figures(ts)
+    drive = drawn_drive(rig, rng, kind)
+    reference = steady_figures if steady else run_figures(ts, names)
     for moved in compared(hows, rig, drive, reference, rng, values, designs=steady):
         wanted = {
             f"{kind}.w2", f"{kind}.scale", "wheel.w1.roundness", "wheel.w2.contact.stiffness",

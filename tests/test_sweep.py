@@ -232,7 +232,11 @@ def test_method_follows_from_rig_and_drive():
     assert method(rig, constant, 2.0) == "bulk"
     assert method(rig, pushed, 2.0) == method(rig, constant, 2.0, varied=("force.x",)) == "bulk"
     assert method(rig, constant, 2.0, rows=False) == "propagation"
-    assert method(rig, constant, 2.0, ("slip_margin",)) == "propagation"
+    assert method(rig, constant, 2.0, ("slip_margin",)) == "bulk"
+    long = Question(rig, (constant,), (), ("rms",), "coupled", 20.0, True, samples=20_001)
+    assert choose(long)[0] == "bulk"
+    method_of, why = choose(long._replace(metrics=("slip_margin",)))
+    assert method_of == "propagation" and "20001 are more than 16384" in why
     assert method(load_rig("atlas-tripod"), constant, 2.0) == "bulk"
     assert method(rig, moving, 2.0) == "full"
     assert method(rig.add(LiftOff(), "all"), constant, 2.0) == "full"

@@ -15,9 +15,11 @@ EXACT_PIECE = 4096  # samples of a piece in closed form
 STEPPED_PIECE = 500  # of one in steps
 
 
-def room(length: int) -> int:
-    """The padded length: a power of two from 64."""
-    return max(64, 1 << (length - 1).bit_length())
+def room(length: int, parts: int = 1) -> int:
+    """The padded length from 64: a power of two, or that in so many equal steps from the last."""
+    whole = max(64, 1 << (length - 1).bit_length())
+    step = max(whole // (2 * parts), 1)
+    return max(64, -(-length // step) * step)
 
 
 def padded(ts, length: int) -> jax.Array:

@@ -33,14 +33,18 @@ def run_metrics(
     """
     values, slopes, holds = [], [], []
     for runs in modal_runs(make, rows, duration=duration, step=step, model=model, total=total):
-        given, wanted = (runs.outputs, runs.rigs, runs.step, runs.samples), slice(runs.size)
-        values.append(
-            np.asarray(_values(*given, (*names, *MARGINS), effort=runs.effort))[wanted]
-        )
-        holds.append(runs.held()[wanted])
+        told, parts = {"effort": runs.effort}, {name: ([], []) for name in names}
+        for group in runs:
+            given = group.outputs, group.rigs, runs.step, runs.samples
+            figures = _values(*given, (*names, *MARGINS), **told)
+            values.append(np.asarray(figures)[: group.wanted])
+            for name, (bars, rigs) in parts.items() if gradient else ():
+                weights, by_rigs = _weights(*given, name, **told)
+                bars.append(runs.bars(group, weights))
+                rigs.append(by_rigs)
+        holds.append(runs.held())
         if gradient:
-            each = [runs.slopes(*_weights(*given, name, effort=runs.effort)) for name in names]
-            slopes.append(np.stack(each, axis=1)[wanted])
+            slopes.append(np.stack([runs.slopes(*parts[name]) for name in names], axis=1))
     *figures, normal, slip = np.concatenate(values).T
     return ModalFigures(
         np.stack(figures, axis=1),

@@ -26,7 +26,7 @@ from .output_sums import slopes_of
 from .peak import peak_sums
 from .phases import longest_period
 from .poles import Eigen, eigen, modes_of
-from .runs import RUN_OUTPUTS, outputs_of, run_slopes
+from .runs import RUN_OUTPUTS, output_rows, outputs_of, run_slopes
 from .signals import series_needed
 from .steady import steady_of
 from .system import OUTPUTS, How, Layout, LinearDesign, Operating, designs_of
@@ -89,7 +89,6 @@ def modal_steady_obstacle(
 
 
 SIZES = (LANES, 8 * LANES)  # designs a call of the compiled programs
-FEW_SAMPLES = 2048  # of runs of which the larger batch is kept whole
 # whose laws enter the linear model and what it moves by
 _PORTS = ("radius", "shape", "contact", "platform", "kinematics")
 
@@ -191,15 +190,18 @@ def _ready(
         yield _Batch(make, some, count, plain, how, design, layout, turn, effort)
 
 
+def _size(rows) -> int:
+    """Designs a batch."""
+    return SIZES[0] if len(rows) <= SIZES[0] else SIZES[-1]
+
+
 def _batches(
     make, rows, metrics, model: str, gradient: bool, obstacle, figures, total: int
 ) -> ModalFigures:
     """`figures(design, layout, effort)` of all designs, batch by batch."""
     parts, slopes = [], []
-    size = SIZES[0] if len(rows) <= SIZES[0] else SIZES[-1]
-    for batch in _ready(
-        make, rows, size, model, lambda rig, model: obstacle(rig, model, metrics), total
-    ):
+    why = partial(obstacle, metrics=metrics)
+    for batch in _ready(make, rows, _size(rows), model, why, total):
         values, bars = figures(batch.design, batch.layout, batch.effort)
         parts.append(np.concatenate([values, batch.held()[None]]))
         if gradient:
@@ -215,41 +217,80 @@ def _batches(
     )
 
 
+class RunGroup(NamedTuple):
+    """Outputs of a group of runs at t = 0, step, ..., and the rigs."""
+
+    outputs: Float[Array, "c o length"]  # `RUN_OUTPUTS`; what follows the samples means nothing
+    rigs: Rig  # without names and laws that do not enter; one leading axis
+    wanted: int  # of these runs; the others fill up the group
+    design: LinearDesign
+
+
 class ModalRuns:
-    """Outputs of some runs at t = 0, step, ..., and the way back from their derivatives."""
+    """Some designs' runs, group by group, and the way back from derivatives of what they show."""
 
     def __init__(self, batch: _Batch, step: Array, samples: int):
-        self._batch, self.samples, self.step = batch, samples, step
-        self._count, length = jnp.asarray(samples, float), room(samples + LENGTH)
-        self._batch = batch._replace(layout=batch.layout._replace(rows=batch.design.system.C.shape[1]))
-        self.outputs: Float[Array, "B o length"] = _outputs(
-            self._batch.design, self._batch.layout, step, self._count, length, effort=batch.effort
-        )
+        layout = batch.layout._replace(rows=batch.design.system.C.shape[1])
+        self._batch = batch._replace(layout=layout)
+        self.step, self.samples, self.size = step, samples, batch.count
+        self.effort = batch.effort  # what programs of all designs are worth to the compiler
+        self._given = layout, step, jnp.asarray(samples, float)
 
-    @property
-    def size(self) -> int:
-        """How many of the designs are wanted; what follows is filled up."""
-        return self._batch.count
-
-    @property
-    def rigs(self) -> Rig:
-        """The rigs, without names and laws that do not enter; one leading axis."""
-        return self._batch.points.rig
-
-    @property
-    def effort(self) -> Effort:
-        """What programs of all designs are worth to the compiler."""
-        return self._batch.effort
+    def __iter__(self) -> Iterator[RunGroup]:
+        """The groups that hold wanted designs."""
+        b, length = self._batch, room(self.samples + LENGTH, 4)
+        for first in range(0, b.count, LANES):
+            part = slice(first, first + LANES)
+            design, rigs = jax.tree.map(
+                lambda x, s=part: np.asarray(x)[s], (b.design, b.points.rig)
+            )
+            outputs = _outputs(design, *self._given, length, effort=b.effort)
+            yield RunGroup(outputs, rigs, min(b.count - first, LANES), design)
 
     def held(self) -> Float[np.ndarray, " B"]:
-        """Whether the wheels hold the sphere."""
-        return self._batch.held()
+        """Whether the wheels hold the sphere, of the wanted designs."""
+        return self._batch.held()[: self.size]
 
-    def slopes(self, weights: Float[Array, "B o length"], rigs: Rig) -> Float[np.ndarray, "B d"]:
-        """Derivatives by the rows from those by the outputs and by the rigs themselves."""
-        b = self._batch
-        bars = _run_slopes(b.design, b.layout, self.step, self._count, weights, effort=b.effort)
-        return b.back(bars, rigs)[0]
+    def bars(self, group: RunGroup, weights: Float[Array, "c o length"]) -> Any:
+        """Derivatives by systems and signals from those by the outputs of a group.
+
+        Only outputs that move the figure in any run are asked.
+        """
+        layout, *samples = self._given
+        moving, every = np.asarray(_moving(weights)), np.arange(layout.rows)
+        parts = [every[rows] for rows in output_rows(layout.wheels).values()]
+        rows = np.concatenate([part for part in parts if moving[part].any()] or parts[:1])
+        few = layout._replace(
+            rows=len(rows),
+            live=tuple(layout.live[row] for row in rows),
+            waves=tuple(layout.waves[row] for row in rows),
+        )
+        s = group.design.system
+        part = s._replace(C=s.C[:, rows], direct=s.direct[:, :, rows], rate=s.rate[:, :, rows])
+        system, signals = _run_slopes(
+            group.design._replace(system=part), few, *samples, np.asarray(weights)[:, rows],
+            effort=self.effort,
+        )  # fmt: skip
+
+        def placed(x, axis: int) -> np.ndarray:
+            whole = np.zeros(np.insert(np.delete(x.shape, axis), axis, layout.rows))
+            np.moveaxis(whole, axis, 0)[rows] = np.moveaxis(np.asarray(x), axis, 0)
+            return whole
+
+        system = system._replace(
+            C=placed(system.C, 2), direct=placed(system.direct, 3), rate=placed(system.rate, 3)
+        )
+        return system, signals
+
+    def slopes(self, bars: list, rigs: list[Rig]) -> Float[np.ndarray, "B d"]:
+        """Derivatives by the wanted rows from `bars` of all groups and those by the rigs."""
+        missing = len(self._batch.rows) // LANES - len(bars)
+
+        def joined(parts: list, axis: int):
+            every = [*parts, *[parts[-1]] * missing]
+            return jax.tree.map(lambda *xs: np.concatenate(xs, axis=axis), *every)
+
+        return self._batch.back(joined(bars, 1), joined(rigs, 0))[0, : self.size]
 
 
 def modal_runs(
@@ -261,14 +302,12 @@ def modal_runs(
     model: str = "coupled",
     total: int = 0,
 ) -> Iterator[ModalRuns]:
-    """Samples of `RUN_OUTPUTS` of the designs `make(row)`, some designs at a time.
+    """Runs of the designs `make(row)`, some of them at a time, for whatever is read from a run.
 
-    As `modal_figures`, for whatever is read from a run.
+    As `modal_figures`.
     """
-    samples = round(duration / step) + 1
-    size = SIZES[-1] if len(rows) > SIZES[0] and samples <= FEW_SAMPLES else SIZES[0]
-    every = jnp.asarray(step, float)
-    for batch in _ready(make, rows, size, model, modal_obstacle, total, RUN_OUTPUTS):
+    samples, every = round(duration / step) + 1, jnp.asarray(step, float)
+    for batch in _ready(make, rows, _size(rows), model, modal_obstacle, total, RUN_OUTPUTS):
         yield ModalRuns(batch, every, samples)
 
 
@@ -381,6 +420,12 @@ def _long_run(design: LinearDesign, layout: Layout, gradient: bool):
     """The same of the long run."""
     span = longest_period(design.signals, layout) if gradient else None
     return _of_groups(lambda g: steady_of(g, layout, gradient), design, layout, span)
+
+
+@jax.jit
+def _moving(weights):
+    """Which outputs any run's figure depends on, (o,)."""
+    return jnp.any(weights != 0, axis=(0, 2))
 
 
 @kept

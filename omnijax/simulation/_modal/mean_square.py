@@ -58,8 +58,8 @@ def _begin(m: PolePairs, g: int, pieces: int, layout: Layout, slope: Pair):
     edge, shown, waves = (g, pieces), layout.rows, len(layout.signal_of)
     wave, flat = jnp.zeros((shown, waves, pieces, lanes)), jnp.zeros((*edge, lanes))
     sums = OutputSums(
-        none(*edge), none(*edge), none(*edge), none(), none(), none(shown), none(shown), (wave, wave),
-        jnp.zeros((waves, lanes)), flat, flat, jnp.zeros((g, lanes)),
+        none(*edge), none(*edge), none(*edge), none(), none(), none(shown), none(shown),
+        (wave, wave), jnp.zeros((waves, lanes)), flat, flat, jnp.zeros((g, lanes)),
     )  # fmt: skip
     one = jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
     return sums, _Passed(none(*edge), none(*edge), one, slope)

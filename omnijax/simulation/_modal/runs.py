@@ -4,11 +4,13 @@ A figure of a run has derivatives g_o(t) by the samples of its outputs; sums of 
 run is made of (`OutputSums`) give its derivatives by poles, residues and signals.
 """
 
+import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ...rig import Rig
@@ -41,14 +43,16 @@ class RunChannels(NamedTuple):
     slip_margin: Float[Array, "t n"]
 
 
+def output_rows(wheels: int) -> dict[str, slice]:
+    """The rows of each of `RUN_OUTPUTS`."""
+    sizes = [wheels if name.endswith("_force") else 3 for name in RUN_OUTPUTS]
+    ends = np.cumsum([0, *sizes]).tolist()
+    return dict(zip(RUN_OUTPUTS, itertools.starmap(slice, itertools.pairwise(ends)), strict=True))
+
+
 def channels_of(outputs: Float[Array, "o t"], rig: Rig, step) -> RunChannels:
     """The channels of one run from samples of `RUN_OUTPUTS` every `step` s from t = 0 on."""
-    n, size = rig.size, {"normal_force": rig.size, "drive_force": rig.size}
-    part, first = {}, 0
-    for name in RUN_OUTPUTS:
-        part[name] = outputs[first : first + size.get(name, 3)].T
-        first += size.get(name, 3)
-    assert first == len(outputs) == 15 + 2 * n
+    part = {name: outputs[rows].T for name, rows in output_rows(rig.size).items()}
     normal = rig.wheels.closure.preload + part.pop("normal_force")
     drive = part.pop("drive_force")
     margin = rig.wheels.contact.friction * normal - jnp.abs(drive)
@@ -69,9 +73,7 @@ def outputs_of(g: Lanes, layout: Layout, step, count, length: int) -> Float[Arra
     There has to be room for a block after the last sample.
     """
     walk, shown = _walk(g, layout, step, count)
-    groups = [
-        range(o, min(o + TOGETHER, layout.rows)) for o in range(0, layout.rows, TOGETHER)
-    ]
+    groups = [range(o, min(o + TOGETHER, layout.rows)) for o in range(0, layout.rows, TOGETHER)]
 
     def samples(some: Sequence[int], w: Weights, t: BlockTables) -> Array:
         return jnp.stack([shown.samples(w, t, layout, o) for o in some])
@@ -90,9 +92,7 @@ def _put(run: Float[Array, "o t"], block: Float[Array, "o k"], first):
     return jax.lax.dynamic_update_slice(run, block, (0, first))
 
 
-def run_slopes(
-    g: Lanes, layout: Layout, step, count, weights: Float[Array, "c o t"]
-) -> Slopes:
+def run_slopes(g: Lanes, layout: Layout, step, count, weights: Float[Array, "c o t"]) -> Slopes:
     """Derivatives of a figure of every run whose derivatives by the samples are `weights`.
 
     They have the room that `outputs_of` asks for.

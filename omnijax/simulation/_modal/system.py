@@ -94,9 +94,7 @@ class How(NamedTuple):
     outputs: tuple[str, ...] = OUTPUTS
 
 
-def design_of(
-    point: Operating, how: How, turn: Array | None = None
-) -> tuple[LinearDesign, Layout]:
+def design_of(point: Operating, how: How, turn: Array | None = None) -> tuple[LinearDesign, Layout]:
     """Arrays and layout of one design.
 
     `turn`: directions of the states in the columns, where those are not the model's own.

@@ -175,7 +175,9 @@ class RigCases:
     @functools.cached_property
     def in_bulk(self) -> Evaluation | None:
         """How `many` are evaluated; None where they cannot be."""
-        method, _ = choose(self.question._replace(rows=True))
+        times = self.how.times
+        samples = None if times is None else len(times)
+        method, _ = choose(self.question._replace(rows=True, samples=samples))
         return self.how._replace(method=method) if method in BULK else None
 
     def many(

@@ -32,12 +32,16 @@ def evaluation_of(
     the question's own rig is tried.  Raises `InputError` where no method can honour the question.
     """
     adaptive = solver != "auto" or (rtol, max_steps) != (None, None)
-    method, why = choose(question._replace(adaptive=question.adaptive or adaptive))
+    times = samples_of(question.duration, rate)
+    question = question._replace(
+        adaptive=question.adaptive or adaptive, samples=None if times is None else len(times)
+    )
+    method, why = choose(question)
     how = Evaluation(
         method=method,
         metrics=question.metrics,
         model=question.model,
-        times=samples_of(question.duration, rate),
+        times=times,
         solver=solver,
         rtol=RTOL if rtol is None else rtol,
         max_steps=MAX_STEPS if max_steps is None else max_steps,

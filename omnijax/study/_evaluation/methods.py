@@ -13,6 +13,7 @@ from ...dynamics import hold_obstacle
 from ...laws import DualRow
 from ...rig import Rig
 from ...simulation import (
+    BULK_METRICS,
     SpeedDrive,
     TorqueDrive,
     exact_obstacle,
@@ -32,6 +33,7 @@ METHODS = {
     "free-run": "free run of an axis under a log's inputs (Runge-Kutta steps)",
 }
 BULK = ("bulk", "steady-bulk")  # take rows of many designs at once
+MOST_SAMPLES = 16_384  # of runs that are kept side by side, 64 of them in 180 MB
 WHY = {
     "steady-bulk": "no duration is asked for; the model is linear, modal form",
     "steady": "no duration is asked for",
@@ -53,6 +55,7 @@ class Question(NamedTuple):
     rows: bool = False  # whether designs come as rows of numbers, for their metrics alone
     gradient: bool = False
     adaptive: bool = False  # a solver or its tolerance is given
+    samples: int | None = None  # of a run, if known
 
     @property
     def constant(self) -> bool:
@@ -84,6 +87,12 @@ def _no_rows(q: Question) -> str | None:
 
 
 def _no_modal_run(q: Question) -> str | None:
+    others = [name for name in q.metrics if name not in BULK_METRICS]
+    if others and (q.samples or 0) > MOST_SAMPLES:
+        return (
+            f"{', '.join(others)} need every sample of a run, and {q.samples} are more than "
+            f"{MOST_SAMPLES}"
+        )
     return modal_obstacle(q.rig, q.model)
 
 
