@@ -28,6 +28,7 @@ def tools(count: int, skip) -> list[Tool]:
     tools = [
         Tool("omnijax", _ours(count, rows), BATCH, against(refined), 5, "with poles and statuses"),
         Tool("omnijax effects", _ours(count, rows, True), BATCH, lambda _: None, 5, WITH),
+        Tool("omnijax others", _others(count, rows), BATCH, lambda _: None, 5, OTHERS),
     ]
     library = _c.compiled("general")
     if library is None:
@@ -48,12 +49,13 @@ def tools(count: int, skip) -> list[Tool]:
 
 
 WITH = "with runout, relaxation and a floor line"
+OTHERS = "elastic_rms, sphere_acceleration_rms and slip_margin, from samples"
 
 
-def _ours(count: int, rows, effects: bool = False):
+def _machine(count: int, effects: bool = False):
     import jax.numpy as jnp
 
-    from omnijax.simulation import Operating, modal_figures
+    from omnijax.simulation import Operating
 
     from . import _omnijax as ours
 
@@ -63,13 +65,24 @@ def _ours(count: int, rows, effects: bool = False):
         rig = ours.general_rig(count, row, effects)
         return Operating(rig, speeds, jnp.zeros(3), jnp.zeros(count))
 
-    def run():
-        metrics = ("rms", "peak")
-        return modal_figures(
-            make, rows, metrics, duration=problem.DURATION, step=problem.STEP, total=problem.MANY
-        ).values
+    return make
 
-    return run
+
+SETTINGS = {"duration": problem.DURATION, "step": problem.STEP, "total": problem.MANY}
+
+
+def _ours(count: int, rows, effects: bool = False):
+    from omnijax.simulation import modal_figures
+
+    make = _machine(count, effects)
+    return lambda: modal_figures(make, rows, ("rms", "peak"), **SETTINGS).values
+
+
+def _others(count: int, rows):
+    from omnijax.vibration import run_metrics
+
+    make, names = _machine(count), ("elastic_rms", "sphere_acceleration_rms", "slip_margin")
+    return lambda: run_metrics(make, rows, names, **SETTINGS).values
 
 
 def _scipy(count: int, row, expected, method: str) -> Tool:

@@ -21,7 +21,7 @@ def batch_size(method: str, samples: int, columns: int, devices: int = 1) -> int
     """Designs at a time: a power of two from the free memory, never above `BATCH`.
 
     Side by side a design needs about 8 bytes x samples x channels, once more for each gradient's
-    direction; in bulk no samples are kept.  Closed forms go one after the other.
+    direction; in bulk only those of 64 runs are kept.  Closed forms go one after the other.
     """
     most = BATCH[method]
     if method not in ("steady", "propagation"):
