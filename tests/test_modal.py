@@ -20,7 +20,7 @@ from omnijax.simulation import (
     speeds,
 )
 from omnijax.simulation._modal.arithmetic import rows
-from omnijax.simulation._modal.bulk import effort_for
+from omnijax.simulation._modal.batch import effort_for
 from omnijax.vibration import METRICS, evaluate, run_metrics
 
 pytestmark = [pytest.mark.long, pytest.mark.brief]

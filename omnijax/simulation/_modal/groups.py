@@ -1,0 +1,57 @@
+"""A batch of designs group by group through the kernels, and back to batch first."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from .gradient import pull_back
+from .poles import Eigen, eigen, modes_of
+from .system import Layout, LinearDesign
+from .transient import LANES, Lanes
+
+
+def of_groups(some: Callable, design: LinearDesign, layout: Layout, span, *more):
+    """Figures of `some(lanes)` for all designs, and what its slopes give by systems and signals.
+
+    `span` (s): over which two poles are as good as equal or not.  `some` takes `more` of each group
+    too, which leads its arrays.
+    """
+    pairs = eigen(design.system, layout)
+    last = jax.tree.map(lambda x: jnp.moveaxis(x, 0, -1), pairs)
+    groups = jax.tree.map(grouped, (lanes_of(design, pairs), last))
+
+    def one(group: tuple[tuple[Lanes, Eigen], Any]):
+        values, slopes = some(group[0][0], *group[1])
+        if slopes is None:
+            return values, None
+        system = jax.lax.map(lambda slope: pull_back(*group[0], slope, layout, span), slopes)
+        return values, (system, slopes.signals)
+
+    values, bars = jax.lax.map(one, (groups, more))
+    bars = jax.tree.map(lambda x: jnp.moveaxis(_flat(x), -1, 1), bars)
+    return jax.tree.map(_flat, values), bars
+
+
+def _flat(x):
+    """(groups, ..., lanes) as (..., B)."""
+    x = jnp.moveaxis(x, 0, -2)
+    return x.reshape(*x.shape[:-2], -1)
+
+
+def lanes_of(design: LinearDesign, pairs: Eigen) -> Lanes:
+    """Designs as the kernel takes them: batch last."""
+    last = partial(jax.tree.map, lambda x: jnp.moveaxis(x, 0, -1))
+    system = design.system
+    return Lanes(
+        modes_of(pairs),
+        last(design.signals),
+        *last((system.direct, system.rate, design.preload, design.friction)),
+    )
+
+
+def grouped(x):
+    """(..., B) as groups of lanes, (groups, ..., lanes)."""
+    return jnp.moveaxis(x.reshape(*x.shape[:-1], -1, LANES), -2, 0)

@@ -1,0 +1,141 @@
+"""Runs of many designs for whatever is read from their samples."""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..._programs import kept
+from ...rig import Rig
+from .._padding import room
+from .batch import Batch, ready
+from .blocks import LENGTH
+from .groups import grouped, lanes_of, of_groups
+from .obstacles import modal_obstacle
+from .poles import eigen
+from .runs import RUN_OUTPUTS, output_rows, outputs_of, run_slopes
+from .system import Layout, LinearDesign, Operating
+from .transient import LANES, Lanes
+
+
+class RunGroup(NamedTuple):
+    """Outputs of a group of runs at t = 0, step, ..., and the rigs."""
+
+    outputs: Float[Array, "c o length"]  # `RUN_OUTPUTS`; what follows the samples means nothing
+    rigs: Rig  # without names and laws that do not enter; one leading axis
+    wanted: int  # of these runs; the others fill up the group
+    design: LinearDesign
+
+
+class ModalRuns:
+    """Some designs' runs, group by group, and the way back from derivatives of what they show."""
+
+    def __init__(self, batch: Batch, step: Array, samples: int):
+        layout = batch.layout._replace(rows=batch.design.system.C.shape[1])
+        self._batch = batch._replace(layout=layout)
+        self.step, self.samples, self.size = step, samples, batch.count
+        self.effort = batch.effort  # what programs of all designs are worth to the compiler
+        self._given = layout, step, jnp.asarray(samples, float)
+
+    def __iter__(self) -> Iterator[RunGroup]:
+        """The groups that hold wanted designs."""
+        b, length = self._batch, room(self.samples + LENGTH, 4)
+        for first in range(0, b.count, LANES):
+            part = slice(first, first + LANES)
+            design, rigs = jax.tree.map(
+                lambda x, s=part: np.asarray(x)[s], (b.design, b.points.rig)
+            )
+            outputs = _outputs(design, *self._given, length, effort=b.effort)
+            yield RunGroup(outputs, rigs, min(b.count - first, LANES), design)
+
+    def held(self) -> Float[np.ndarray, " B"]:
+        """Whether the wheels hold the sphere, of the wanted designs."""
+        return self._batch.held()[: self.size]
+
+    def bars(self, group: RunGroup, weights: Float[Array, "c o length"]) -> Any:
+        """Derivatives by systems and signals from those by the outputs of a group.
+
+        Only outputs that move the figure in any run are asked.
+        """
+        layout, *samples = self._given
+        moving, every = np.asarray(_moving(weights)), np.arange(layout.rows)
+        parts = [every[rows] for rows in output_rows(layout.wheels).values()]
+        rows = np.concatenate([part for part in parts if moving[part].any()] or parts[:1])
+        few = layout._replace(
+            rows=len(rows),
+            live=tuple(layout.live[row] for row in rows),
+            waves=tuple(layout.waves[row] for row in rows),
+        )
+        s = group.design.system
+        part = s._replace(C=s.C[:, rows], direct=s.direct[:, :, rows], rate=s.rate[:, :, rows])
+        system, signals = _run_slopes(
+            group.design._replace(system=part), few, *samples, np.asarray(weights)[:, rows],
+            effort=self.effort,
+        )  # fmt: skip
+
+        def placed(x, axis: int) -> np.ndarray:
+            whole = np.zeros(np.insert(np.delete(x.shape, axis), axis, layout.rows))
+            np.moveaxis(whole, axis, 0)[rows] = np.moveaxis(np.asarray(x), axis, 0)
+            return whole
+
+        system = system._replace(
+            C=placed(system.C, 2), direct=placed(system.direct, 3), rate=placed(system.rate, 3)
+        )
+        return system, signals
+
+    def slopes(self, bars: list, rigs: list[Rig]) -> Float[np.ndarray, "B d"]:
+        """Derivatives by the wanted rows from `bars` of all groups and those by the rigs."""
+        missing = len(self._batch.rows) // LANES - len(bars)
+
+        def joined(parts: list, axis: int):
+            every = [*parts, *[parts[-1]] * missing]
+            return jax.tree.map(lambda *xs: np.concatenate(xs, axis=axis), *every)
+
+        return self._batch.back(joined(bars, 1), joined(rigs, 0))[0, : self.size]
+
+
+def modal_runs(
+    make: Callable[[Array], Operating],
+    rows: Float[Array | np.ndarray, "B d"],
+    *,
+    duration: float,
+    step: float,
+    model: str = "coupled",
+    total: int = 0,
+) -> Iterator[ModalRuns]:
+    """Runs of the designs `make(row)`, some of them at a time, for whatever is read from a run.
+
+    As `modal_figures`.
+    """
+    samples, every = round(duration / step) + 1, jnp.asarray(step, float)
+    for batch in ready(make, rows, model, modal_obstacle, total, RUN_OUTPUTS):
+        yield ModalRuns(batch, every, samples)
+
+
+@jax.jit
+def _moving(weights):
+    """Which outputs any run's figure depends on, (o,)."""
+    return jnp.any(weights != 0, axis=(0, 2))
+
+
+@kept
+def _outputs(design: LinearDesign, layout: Layout, step, count, length: int):
+    """(B, o, length): the outputs at the samples, and room for a block after them."""
+    groups = jax.tree.map(grouped, lanes_of(design, eigen(design.system, layout)))
+    runs = jax.lax.map(lambda g: outputs_of(g, layout, step, count, length), groups)
+    return runs.reshape(-1, *runs.shape[2:])
+
+
+@kept
+def _run_slopes(design: LinearDesign, layout: Layout, step, count, weights):
+    """Derivatives by systems and signals from those by the outputs, (B, o, length)."""
+
+    def some(g: Lanes, weights):
+        slopes = run_slopes(g, layout, step, count, weights)
+        return None, jax.tree.map(lambda x: x[None], slopes)
+
+    groups = weights.reshape(-1, LANES, *weights.shape[1:])
+    return of_groups(some, design, layout, step * count, groups)[1]

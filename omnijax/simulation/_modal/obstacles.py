@@ -1,0 +1,40 @@
+"""What the modal core does not take, in words."""
+
+from collections.abc import Sequence
+
+from ...dynamics import hold_obstacle
+from ...laws import ContinuousSine, DamagedRoller, GatedSine, HalfSine, Rollers
+from ...rig import Rig
+from .._exact import exact_obstacle
+
+BULK_METRICS = ("rms", "peak")  # gathered on the way; others are read from samples
+
+
+def modal_obstacle(
+    rig: Rig, model: str = "coupled", metrics: Sequence[str] = BULK_METRICS
+) -> str | None:
+    """Why the modal core does not give these figures of the rig, in words; None where it does."""
+    reason = exact_obstacle(rig, model) or hold_obstacle(rig, model)
+    if reason is not None:
+        return reason
+    others = [name for name in metrics if name not in BULK_METRICS]
+    if others:
+        return f"the modal core does not give {', '.join(others)}"
+    for name, profile in zip(rig.names, rig.profiles, strict=True):
+        if not isinstance(profile, GatedSine | HalfSine | ContinuousSine | Rollers):
+            return f"wheel {name}'s profile `{profile.id}` is no sum of sinusoids"
+    return None
+
+
+def modal_steady_obstacle(
+    rig: Rig, model: str = "coupled", metrics: Sequence[str] = BULK_METRICS
+) -> str | None:
+    """The same of steady states."""
+    reason = modal_obstacle(rig, model, metrics)
+    if reason is not None:
+        return reason
+    laws = [(placed.law, placed.wheels) for placed in rig.at("shape")]
+    for i, name in enumerate(rig.names):
+        if sum(i in wheels for law, wheels in laws if isinstance(law, DamagedRoller)) > 1:
+            return f"wheel {name} has more than one damaged roller"
+    return None
