@@ -4,7 +4,7 @@ import jax.numpy as jnp
 
 import omnijax
 from omnijax import laws
-from omnijax.study._evaluation import Rows, batching
+from omnijax.study._evaluation import Rows, batching, methods
 
 
 def damaged(rig):
@@ -25,6 +25,7 @@ def test_designs_side_by_side_fit_into_a_share_of_the_memory(monkeypatch):
 def test_a_sweep_evaluates_no_more_side_by_side(monkeypatch):
     """The rows are all evaluated, a batch after the other."""
     rig = damaged(omnijax.load_rig("atlas"))
+    monkeypatch.setattr(methods, "MOST_SAMPLES", 10)  # longer runs go one by one
     monkeypatch.setitem(batching.BATCH, "propagation", 2)
     asked = []
 

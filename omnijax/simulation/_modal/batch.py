@@ -39,7 +39,7 @@ SIZES = (LANES, 8 * LANES)  # designs a call of the compiled programs
 _PORTS = ("radius", "shape", "contact", "platform", "kinematics")
 
 
-class Batch(NamedTuple):
+class DesignBatch(NamedTuple):
     """Designs that are ready to be asked; the last one fills up the batch."""
 
     make: Callable[[Array], Operating]
@@ -68,7 +68,7 @@ class Batch(NamedTuple):
 def ready(
     make, rows, model: str, obstacle: Callable[[Rig, str], str | None], total: int,
     outputs: tuple[str, ...] = OUTPUTS,
-) -> Iterator[Batch]:  # fmt: skip
+) -> Iterator[DesignBatch]:  # fmt: skip
     """The designs `make(row)`, some of them at a time; `outputs` are what they show.
 
     Raises `ValueError` where the `obstacle` names a reason.
@@ -89,7 +89,7 @@ def ready(
         plain, how = _plain(points), How(model, force, series, outputs)
         design, layout, turn = _apart(plain, turn, how, effort)
         layout = layout._replace(together=TOGETHER[effort])
-        yield Batch(make, some, count, plain, how, design, layout, turn, effort)
+        yield DesignBatch(make, some, count, plain, how, design, layout, turn, effort)
 
 
 def _apart(points: Operating, turn: np.ndarray | None, how: How, effort: Effort):

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from ..._programs import kept
 from ...rig import Rig
 from .._padding import room
-from .batch import Batch, ready
+from .batch import DesignBatch, ready
 from .blocks import LENGTH
 from .groups import grouped, lanes_of, of_groups
 from .obstacles import modal_obstacle
@@ -33,7 +33,7 @@ class RunGroup(NamedTuple):
 class ModalRuns:
     """Some designs' runs, group by group, and the way back from derivatives of what they show."""
 
-    def __init__(self, batch: Batch, step: Array, samples: int):
+    def __init__(self, batch: DesignBatch, step: Array, samples: int):
         layout = batch.layout._replace(rows=batch.design.system.C.shape[1])
         self._batch = batch._replace(layout=layout)
         self.step, self.samples, self.size = step, samples, batch.count

@@ -236,7 +236,7 @@ def _samples(f: ModalCurves, at: GapPlace, E: Pair, turn: list[Pair]) -> Float[A
             turned(a, b, c[:, None], s[:, None])
             for (a, b), (c, s) in zip(swings, early, strict=True)
         ]
-        return onward(kind, (w0, w1), (z0[:, :], z1)), swings
+        return onward(kind, (w0, w1), (z0, z1)), swings
 
     def values(moved, swings, far, late):
         x = 0.0

@@ -81,16 +81,16 @@ def _tagged(x):
 class _Tops(NamedTuple):
     """The largest values so far in directions (d), `_tagged` with the sample of their block."""
 
-    height: Float[Array, "d s c"]
-    place: Complex[Array, "d s c"]  # s, of that block: its begin, and its step imaginary
+    height: Float[Array, "*d s c"]
+    place: Complex[Array, "*d s c"]  # s, of that block: its begin, and its step imaginary
 
     @property
-    def time(self) -> Float[Array, "d s c"]:
+    def time(self) -> Float[Array, "*d s c"]:
         """s, when they are taken."""
         return self.place.real + _number(self.height) * self.place.imag
 
     @property
-    def step(self) -> Float[Array, "d s c"]:
+    def step(self) -> Float[Array, "*d s c"]:
         """s, between the samples there."""
         return self.place.imag
 
@@ -123,8 +123,7 @@ def _tops(f: ModalCurves) -> _Tops:
 
     def extremes(x):
         """Largest and, imaginary, smallest values along the directions."""
-        seen = (_marked(_along(d, y[None])[0], k) for k, y in enumerate(x))
-        seen = list(seen)
+        seen = [_marked(_along(d, y[None])[0], k) for k, y in enumerate(x)]
         return jax.lax.complex(
             functools.reduce(jnp.maximum, seen), functools.reduce(jnp.minimum, seen)
         )

@@ -18,7 +18,6 @@ from .._sobol import sobol_points
 
 TOLERANCE = 1e-4  # change of every figure when the step is halved
 FINEST = 64  # substeps
-FAR = 10.0  # times the tolerance: steps that will not come nearer are not tried
 CORNERS, INSIDE = 8, 8  # designs that the step is tried on
 SPREAD = 8  # designs of the answer that it is tried on again, beside the extreme ones
 
@@ -45,20 +44,14 @@ def fine_enough(
 ) -> tuple[int, str] | None:
     """The least power of two of substeps that will do, and why; None where `FINEST` will not.
 
-    `figures(designs, substeps)` (t, m) are all that is asked for of every trial design, or (t, m,
-    1 + d) with what they change by where each of d parameters changes by all of itself; `step` (s)
+    `figures(designs, substeps)` (t, m) are all that is asked for of every trial design, `step` (s)
     is that of one substep.  They will do where halving changes no figure by more than `TOLERANCE`.
-    Designs whose runs fail at the finer step do not count.  No finer ones are tried where changes
-    that go on to fall as they do would be far above that at the end.
+    Designs whose runs fail at the finer step do not count.
     """
-    coarse, before = figures(designs, 1), np.inf
-    halvings = FINEST.bit_length() - 1
-    for i, substeps in enumerate(2 ** np.arange(halvings)):
+    coarse = figures(designs, 1)
+    for substeps in 2 ** np.arange(FINEST.bit_length() - 1):
         fine = figures(designs, 2 * int(substeps))
         change = largest_change(coarse, fine)
-        if before < np.inf and change * (change / before) ** (halvings - 1 - i) > FAR * TOLERANCE:
-            return None
-        before = change
         if change <= TOLERANCE:
             return int(substeps), (
                 f"fixed steps of {1e3 * step / substeps:.3g} ms: halving the step changes the "
@@ -93,15 +86,10 @@ def checked_after(figures: np.ndarray, fine: np.ndarray) -> tuple[str, bool]:
 
 
 def largest_change(coarse: np.ndarray, fine: np.ndarray) -> float:
-    """Largest relative change; figures near zero count by 1 % of the largest one.
-
-    Slopes (see `fine_enough`) count by the largest one of their figure.
-    """
-    good = np.isfinite(fine.reshape(len(fine), -1)).all(axis=1)
+    """Largest relative change; figures near zero count by 1 % of the largest one."""
+    good = np.isfinite(fine).all(axis=1)
     if not good.any() or not np.isfinite(coarse[good]).all():
         return np.inf
     coarse, fine = coarse[good], fine[good]
     size = np.abs(fine) + 0.01 * np.abs(fine).max(axis=0)
-    if fine.ndim > 2 and fine.shape[2] > 1:
-        size[..., 1:] = np.abs(fine[..., 1:]).max(axis=2, keepdims=True)
     return float((np.abs(fine - coarse) / np.where(size > 0, size, 1.0)).max())

@@ -20,7 +20,6 @@ from .._batches import percent_per_percent, value_and_jacobian
 from .._evaluation import (
     METHODS,
     Drive,
-    Evaluation,
     Question,
     checked_metrics,
     evaluation_of,
@@ -183,12 +182,9 @@ class Sensitivity(AbstractResult):
 
 
 @kept
-def _figures_and_slopes(
-    how: Any, substeps: Any, rig: Rig, drive: Drive, paths: tuple[str, ...], values: Any
-):
+def _figures_and_slopes(how: Any, rig: Rig, drive: Drive, paths: tuple[str, ...], values: Any):
     """The metrics (m,) and their derivatives (m, d) with respect to `paths`."""
-    now = how._replace(substeps=substeps)
-    return value_and_jacobian(lambda x: now.values(with_values(rig, paths, x), drive))(values)
+    return value_and_jacobian(lambda x: how.values(with_values(rig, paths, x), drive))(values)
 
 
 def sensitivity(
@@ -225,23 +221,14 @@ def sensitivity(
     paths = paths if parameters is None else checked_parameters(machine, parameters)
     names = checked_metrics(metrics)
     asked = Question(machine, (chosen,), paths, names, model, duration, gradient=True)
+    how, _ = evaluation_of(asked, rate, rtol=rtol)
     values = values_of(machine, paths)
-
-    def both(how: Evaluation) -> tuple[np.ndarray, np.ndarray]:
-        given = jnp.asarray(how.substeps), machine, chosen, paths, jnp.asarray(values, float)
-        evaluated = _figures_and_slopes(how._replace(substeps=None), *given)
-        return jax.tree.map(np.asarray, evaluated)
-
-    def tried(how: Evaluation, _) -> np.ndarray:
-        figures, slopes = both(how)
-        return np.concatenate([figures[:, None], slopes * values], axis=1)[None]
-
-    how, _ = evaluation_of(asked, rate, rtol=rtol, trial=tried)
 
     def function(x):
         return how.values(with_values(machine, paths, x), chosen)
 
-    figures, raw = both(how)
+    evaluated = _figures_and_slopes(how, machine, chosen, paths, jnp.asarray(values, float))
+    figures, raw = jax.tree.map(np.asarray, evaluated)
     if not np.all(np.isfinite(figures)):
         raise RunError("the run of this rig and drive failed, so that it has no sensitivities.")
     return Sensitivity(
