@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..._compiling import Effort
 from ..._programs import kept
@@ -52,7 +52,7 @@ class DesignBatch(NamedTuple):
     turn: np.ndarray | None
     effort: Effort
 
-    def held(self) -> Float[np.ndarray, " B"]:
+    def held(self) -> Bool[np.ndarray, " B"]:
         """Whether the wheels hold the sphere."""
         return np.asarray(_held(self.points.rig, self.how.model, effort=self.effort))
 

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Shaped
 
 from .arithmetic import Pair, rows, sincos, stored, summed, turned
 from .resonance import Resonance
@@ -76,7 +76,7 @@ def by_signal(x: Float[Array, "v ..."], of: np.ndarray):
     return jnp.stack(sums) if sums else x
 
 
-def of_sinusoids(x: Float[Array, "g ..."], of: np.ndarray, endless):
+def of_sinusoids(x: Shaped[Array, "g ..."], of: np.ndarray, endless):
     """Rows of x for the signal of each sinusoid, (v, ...); `endless` for signals without edges."""
     return jnp.stack([x[i] if i < len(x) else endless for i in of])
 

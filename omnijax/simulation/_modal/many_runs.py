@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..._programs import kept
 from ...rig import Rig
@@ -51,7 +51,7 @@ class ModalRuns:
             outputs = _outputs(design, *self._given, length, effort=b.effort)
             yield RunGroup(outputs, rigs, min(b.count - first, LANES), design)
 
-    def held(self) -> Float[np.ndarray, " B"]:
+    def held(self) -> Bool[np.ndarray, " B"]:
         """Whether the wheels hold the sphere, of the wanted designs."""
         return self._batch.held()[: self.size]
 
