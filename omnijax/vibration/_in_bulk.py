@@ -51,7 +51,7 @@ def run_metrics(
         np.concatenate(slopes) if gradient else None,
         normal,
         slip,
-        np.concatenate(holds) > 0,
+        np.concatenate(holds),
     )
 
 

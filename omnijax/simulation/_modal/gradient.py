@@ -1,4 +1,4 @@
-"""Gradients of RMS and peak by divided differences: no derivative of an eigenvector.
+"""Gradients of figures by divided differences: no derivative of an eigenvector.
 
 The response x_o = sum_l c_o^T phi_l(A) b_l is linear in functions phi_l that are analytic in the
 poles.  A figure whose derivative by x_o(t) is g_o(t) therefore changes by

@@ -1,8 +1,8 @@
-"""Sums over the blocks of a run from which the derivatives of the mean square follow.
+"""Sums over the blocks of a run from which derivatives of what its samples give follow.
 
 A run carries what the edges that its signals have passed leave, sum_n exp(lambda (t - t_e)) and the
 same times t - t_e, from block to block, beside the free part's derivative by the poles, and adds
-them up against the block's outputs.
+them up against weights on the block's outputs.
 """
 
 from typing import NamedTuple
