@@ -251,7 +251,9 @@ class PredictionSettings:
     normal_turns: int = 2  # of N and f from N at the last rebase; N changes f by some 1e-2
     rebase_turns: int = 4  # of smoothing about a prediction that hangs on the motion itself
     settled: float = 0.3  # of the noise of a rolled length: a smaller change ends those turns
-    angle_turns: int = 3  # of taking the sensors' laws off measured angles, each a factor of 1e-2
+    angle_turns: int = 20  # at most of taking the sensors' laws off measured angles
+    angle_change: float = 1e-5  # rad, a tenth of an encoder's noise: what ends them
+    opening: int = 20  # samples whose cubic tells the motion before a rolling start
     # friction near a reversal
     pull: float = 5.0  # 1/s, at which Omega is held to the measured one (see `observer`)
 

@@ -1,5 +1,6 @@
 """Laws evaluated over long arrays: one compiled call a law class."""
 
+import math
 from typing import Any
 
 import equinox as eqx
@@ -10,6 +11,7 @@ import numpy as np
 from ...dynamics import rest_memory, sensor_readings
 from ...laws import AbstractSensor, SensorSignal
 from ...rig import Rig
+from .._settings import SETTINGS
 from .clocks import LATE_LAWS, LoggerClock, read_late
 
 
@@ -56,6 +58,30 @@ def readings(rig: Rig, group: str, time: np.ndarray, values: np.ndarray, apply=_
     """What the rig's sensors of one output group show of its `values` (t, c)."""
     shown = sensor_readings(rig, group, time, values, apply)  # pyright: ignore[reportArgumentType]
     return np.asarray(shown)
+
+
+LATEST = SETTINGS.candidates.latest
+OPENING = SETTINGS.prediction.opening
+
+
+def moving_readings(
+    rig: Rig, group: str, time: np.ndarray, values: np.ndarray, rolls: bool, apply=_read
+) -> np.ndarray:
+    """`readings` of Omega or theta, in a run that `rolls` already at its first sample or does not.
+
+    If it does, the motion before is the cubic through the first samples: at rest there, a sensor
+    that remembers would jump by all that it turns within its delay.
+    """
+    laws = (p.law for p in rig.at("sensor") if p.group == group)
+    memory = any(isinstance(law, AbstractSensor) and law.remembers for law in laws)
+    if not (rolls and memory):
+        return readings(rig, group, time, values, apply)
+    opening, step = slice(0, OPENING), float(time[1] - time[0])
+    past = step * np.arange(-math.ceil(LATEST / step), 0)
+    course = np.polynomial.polynomial.polyfit(time[opening], values[opening], 3)
+    before = np.polynomial.polynomial.polyval(past, course).T
+    whole = np.concatenate([time[0] + past, time]), np.concatenate([before, values])
+    return readings(rig, group, *whole, apply)[len(past) :]
 
 
 def follow(rule, moments: Any, memory: Any, step):

@@ -11,13 +11,13 @@ from ...laws import ContactSignal, MountSignal
 from ...rig import Rig
 from .._settings import SETTINGS
 from .elastic import driven, rest_state
-from .laws import readings
+from .laws import moving_readings, readings
 from .machine import Machine, Rotated
 from .modes import OutputModes
 from .motion import RunMotion, integrate, rolling_radius
 from .ports import bare
 from .rotation import MeasuredTurning, commanded, rotation_moments, run_torques
-from .runs import FINE, Run
+from .runs import ELASTIC, FINE, Run
 from .wheels import WheelPlaces, WheelTables
 
 THIN = SETTINGS.prediction.thin
@@ -70,8 +70,13 @@ class Linearisation:
     @functools.cached_property
     def shown(self) -> dict[str, np.ndarray]:
         """By output group what the rig's sensors show of it (samples, 3)."""
-        groups, time = ("dR", "a", "Omega"), self.run.time
-        return {g: readings(self.rig, g, time, self.true[g]) for g in groups}
+        return {g: self.read(self.rig, g, self.true[g]) for g in ("dR", "a", "Omega")}
+
+    def read(self, rig: Rig, group: str, values: np.ndarray) -> np.ndarray:
+        """What the sensors of a rig show of the `values` (samples, c) of an output group."""
+        if group in ELASTIC:
+            return readings(rig, group, self.run.time, values)
+        return moving_readings(rig, group, self.run.time, values, self.motion.rolls)
 
     @functools.cached_property
     def rho_slope(self) -> np.ndarray:

@@ -25,7 +25,7 @@ from .elastic import (
     rig_modes,
 )
 from .late import finer, late_outputs
-from .laws import along, on_time, readings, remembers
+from .laws import along, moving_readings, on_time, readings, remembers
 from .modes import OutputModes
 from .motion import RunMotion, contact_directions, integrate, measured_lengths, motion, tables_for
 from .noise_model import rolling_state, rows_of
@@ -152,10 +152,20 @@ class Machine:
     def _basis(self, rig: Rig, references, rolling) -> Basis:
         """Smoothing about `references` (None: zero) as the data ask for it, N at the preload."""
         tables, sigma = self.tables_of(rig), float(np.mean(self.length_noise))
-        lengths = each(lambda run: measured_lengths(rig, tables, run), self.runs)
-        references = tuple(np.zeros_like(x) for x in lengths) if references is None else references
-        pairs = list(zip(lengths, references, strict=True))
-        ratios = each(lambda pair: likeliest(pair[0] - pair[1], sigma), pairs)
+        if references is None:
+            references = tuple(np.zeros((run.samples, rig.size)) for run in self.runs)
+
+        def ratio(i: int) -> float:
+            run, about = self.runs[i], references[i]
+
+            def smoother(length: np.ndarray) -> np.ndarray:
+                left = length - about
+                return about + smooth(left, sigma, likeliest(left, sigma))[0]
+
+            rolls = run.rolling_start(self.noise)
+            return likeliest(measured_lengths(rig, tables, run, rolls, smoother) - about, sigma)
+
+        ratios = each(ratio, range(len(self.runs)))
         preload = np.asarray(rig.wheels.closure.preload)
         normal = tuple(np.tile(preload, ((r.samples - 1) * FINE + 1, 1)) for r in self.runs)
         return Basis(references, tuple(ratios), normal, rolling)
@@ -206,11 +216,14 @@ class Machine:
 
     def _motion(self, rig: Rig, i: int) -> RunMotion:
         tables, run = self.tables_of(rig), self.runs[i]
-        length = measured_lengths(rig, tables, run)
-        about = self.basis.references[i]
+        rolls, about = run.rolling_start(self.noise), self.basis.references[i]
         sigma = float(np.mean(self.length_noise * run.level("theta")))
-        smoothed = about + smooth(length - about, sigma, self.basis.ratios[i])[0]
-        return motion(rig, tables, run, length, smoothed)
+
+        def smoother(length: np.ndarray) -> np.ndarray:
+            return about + smooth(length - about, sigma, self.basis.ratios[i])[0]
+
+        length = measured_lengths(rig, tables, run, rolls, smoother)
+        return motion(rig, tables, run, length, smoother(length), rolls)
 
     def modes(self, rig: Rig) -> OutputModes:
         """The elastic model's modes."""
@@ -434,7 +447,9 @@ class Machine:
             elastic.append(run.outputs.get(group, missing) - _read(rig, run, predicted, group))
         # Omega from the torques drifts; what sensors change is that of the measured motion
         turning = predicted.turning
-        Omega = predicted.Omega + readings(rig, "Omega", run.time, turning) - turning
+        rolls = run.rolling_start(self.noise)
+        shown = moving_readings(rig, "Omega", run.time, turning, rolls)
+        Omega = predicted.Omega + shown - turning
         rotation = [run.outputs.get("Omega", missing) - Omega, predicted.missed]
         return np.concatenate(elastic, axis=1), np.concatenate(rotation, axis=1)
 

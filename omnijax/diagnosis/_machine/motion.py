@@ -2,6 +2,8 @@
 
 import dataclasses
 import functools
+import math
+from collections.abc import Callable
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -11,7 +13,8 @@ from ...dynamics import spin_axes
 from ...laws import DualRow
 from ...rig import Rig
 from .._settings import SETTINGS
-from .laws import along, readings
+from .clocks import LATE_LAWS, late_by, offset_of
+from .laws import along, moving_readings, on_time
 from .runs import FINE, SHAPE, Run, filled
 from .smooth import smooth_by_likelihood
 from .wheels import WheelTables, wheel_tables
@@ -21,8 +24,8 @@ from .wheels import WheelTables, wheel_tables
 class RunMotion:
     """Motion of one run at `FINE` points a sample, from smoothed wheel angles.
 
-    `length` is the measured rolled length S(theta) at the samples, `theta` the angle at `SHAPE`
-    points a sample.
+    `length` is the measured rolled length S(theta) at the samples, without what sensors add,
+    `theta` the angle at `SHAPE` points a sample.
     """
 
     length: np.ndarray  # (samples, n) rad of sphere, measured
@@ -37,6 +40,7 @@ class RunMotion:
     axes: np.ndarray  # (.. or 1, n, 3)
     turning: np.ndarray  # (.., 3) rad/s, Omega from the wheels
     step: float  # s, of the FINE points
+    rolls: bool  # already at the first sample
 
     @functools.cached_property
     def attitude(self) -> np.ndarray:
@@ -44,23 +48,48 @@ class RunMotion:
         return attitude(self.turning, self.step)
 
 
-def true_angles(rig: Rig, run: Run, wheels: int) -> np.ndarray:
-    """Wheel angles behind the encoders: the sensors' laws taken off by fixed-point iteration."""
+def angles_on_time(rig: Rig, run: Run, wheels: int) -> np.ndarray:
+    """Measured wheel angles (samples, n) less the delay of their sensor: as noisy as they are.
+
+    What is not read before the run ends is not known.
+    """
     measured = run.outputs.get("theta")
     if measured is None:
         return np.full((run.samples, wheels), np.nan)
-    if not any(p.group == "theta" for p in rig.at("sensor")):
+    late = offset_of(rig, "theta") / run.step
+    if late == 0:
         return measured
-    known = filled(measured)  # a law with memory must not carry a gap on
-    angle = known
+    back = math.ceil(late)
+    known = np.isfinite(np.pad(measured, ((0, back), (0, 0)), constant_values=np.nan)[back:])
+    return np.where(known, late_by(filled(measured).T, -late).T, np.nan)
+
+
+def measured_lengths(
+    rig: Rig, tables: WheelTables, run: Run, rolls: bool, smoother: Callable[..., np.ndarray]
+) -> np.ndarray:
+    """S(theta) (samples, n) at the samples, without what the sensors add.
+
+    That hangs on the angles behind, which the `smoother` of such lengths gives: noise would grow if
+    a lag were undone in it.
+    """
+    angle, shown = angles_on_time(rig, run, rig.size), 0.0
+    length = _lengths(rig, tables, run, angle)
+    laws = (p.law for p in rig.at("sensor") if p.group == "theta")
+    if all(isinstance(law, LATE_LAWS) for law in laws):
+        return length
     for _ in range(SETTINGS.prediction.angle_turns):
-        angle = angle + known - readings(rig, "theta", run.time, angle)
-    return np.where(np.isfinite(measured), angle, np.nan)
+        behind = tables.unrolled(smoother(length))
+        added = moving_readings(rig, "theta", run.time, behind, rolls, on_time) - behind
+        length = _lengths(rig, tables, run, angle - added)
+        change, shown = float(np.max(np.abs(added - shown))), added
+        if change < SETTINGS.prediction.angle_change:
+            break
+    return length
 
 
-def measured_lengths(rig: Rig, tables: WheelTables, run: Run) -> np.ndarray:
-    """S(theta) at the samples; a wheel without encoder gets the integral of Omega."""
-    length = tables.rolled(true_angles(rig, run, rig.size))
+def _lengths(rig: Rig, tables: WheelTables, run: Run, angle) -> np.ndarray:
+    """S (samples, n) of measured angles; a wheel without encoder gets the integral of Omega."""
+    length = tables.rolled(angle)
     missing = np.isnan(length).all(axis=0)
     if missing.any():
         turning = run.outputs.get("Omega")
@@ -82,7 +111,9 @@ def _scatter(values: np.ndarray) -> float:
     return float(np.sqrt(np.nanmean(np.diff(values, 3, axis=0) ** 2) / 20)) or 1e-12
 
 
-def motion(rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray) -> RunMotion:
+def motion(
+    rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray, rolls: bool
+) -> RunMotion:
     """Everything the elastic and the rotation model need, from smoothed rolled lengths."""
     radius = float(rig.sphere.radius)
     spline = CubicSpline(run.time, smoothed)
@@ -100,7 +131,7 @@ def motion(rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray) -> 
     rim = factor * rate
     turning = np.einsum("tij,tj->ti", np.linalg.pinv(axes), rim)
     return RunMotion(
-        length=length,
+        length=_as_read(rig, run, length, smoothed, theta[::FINE], shape[::FINE], rolls),
         smoothed=smoothed,
         theta_shape=theta_shape,
         theta=theta,
@@ -112,7 +143,21 @@ def motion(rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray) -> 
         axes=axes,
         turning=turning,
         step=run.step / FINE,
+        rolls=rolls,
     )
+
+
+def _as_read(rig: Rig, run: Run, length, smoothed, theta, shape, rolls: bool) -> np.ndarray:
+    """The rolled lengths (samples, n): smoothed, and the scatter that the encoders show about them.
+
+    What they read late tells of the moment at which it is read: none is lost at the run's end.
+    """
+    measured = run.outputs.get("theta")
+    if measured is None or not any(p.group == "theta" for p in rig.at("sensor")):
+        return length
+    scatter = measured - moving_readings(rig, "theta", run.time, theta, rolls)
+    lever = (np.asarray(rig.wheel_radius) + shape) / float(rig.sphere.radius)
+    return np.where(np.isfinite(measured).any(axis=0), smoothed + lever * scatter, length)
 
 
 def _axes(rig: Rig, theta) -> np.ndarray:

@@ -15,7 +15,7 @@ from ...dynamics import actuated, body_torques, rolling_torques, shaft_torques
 from ...rig import Placed, Rig, acting, over_wheels
 from .._settings import SETTINGS
 from .elastic import refine
-from .laws import along, follow, readings
+from .laws import along, follow
 from .linearisation import THIN, Linearisation, transfer, turned_by
 from .motion import contact_directions, integrate
 from .rotation import commanded, each_law, each_moment
@@ -200,11 +200,11 @@ def _longer_lever(base: Linearisation, change: np.ndarray, **inputs: np.ndarray)
 
 
 def _sensor(base: Linearisation, placed: Placed):
-    group, time, run = placed.group, base.run.time, base.run
+    group, run = placed.group, base.run
     if group == "theta":
         return _encoder(base, placed)
     values = base.shown[group]
-    change = readings(_alone(base.rig, placed), group, time, values) - values
+    change = base.read(_alone(base.rig, placed), group, values) - values
     zero = np.zeros((run.samples, 3))
     if group == "Omega":
         return None, np.concatenate([change, np.zeros((run.samples, base.rig.size))], axis=1)
@@ -220,7 +220,7 @@ def _encoder(base: Linearisation, placed: Placed):
     """An encoder's error shifts the angle of the shape's look-up, and the rolled length."""
     m, run = base.motion, base.run
     theta = base.true["theta"]
-    change = readings(_alone(base.rig, placed), "theta", run.time, theta) - theta
+    change = base.read(_alone(base.rig, placed), "theta", theta) - theta
     radius = (np.asarray(base.rig.wheel_radius) + m.shape[::FINE]) / float(base.rig.sphere.radius)
     shape = -base.rho_slope * refine(change, SHAPE)
     rotation = np.concatenate([np.zeros((run.samples, 3)), change * radius], axis=1)
