@@ -54,22 +54,23 @@ def kept(function: Callable) -> Callable:
     Like `equinox.filter_jit`, which takes every call that has no such program: under a
     transformation, with laws from outside this package, or not on one ordinary CPU.  Results
     must be pytrees of arrays, words and Python's numbers whose classes belong to this package.
-    A call may say what `effort` its program is worth; each kind is kept by itself.
+    A call may say what `effort` its program is worth; each kind is kept by itself, and compiled
+    so where none is kept too.
     """
-    jitted = eqx.filter_jit(function)
+    jitted = _by_effort(function)
 
     @functools.wraps(function)
     def run(*args, effort: Effort = Effort.QUICK):
         leaves, tree = jax.tree.flatten(args)
         leaves = [jnp.asarray(x) if isinstance(x, _NUMPY) else x for x in leaves]
         if not _suits(leaves):
-            return jitted(*args)
+            return jitted(effort, leaves)(*args)
         shapes = tuple(_shape(x) for x in leaves)
         settings = _settings()
         known = (function, effort, tree, shapes, settings)
         if known not in _held:
             if not _package_only(args):
-                return jitted(*args)
+                return jitted(effort, leaves)(*args)
             name = f"{function.__module__}.{function.__qualname__}"
             key = "\n".join(map(str, (name, effort, tree, shapes, settings, _origin())))
             _held[known] = _load(key) or _make(function, leaves, tree, key, effort)
@@ -79,6 +80,25 @@ def kept(function: Callable) -> Callable:
         return program([x for x in leaves if isinstance(x, jax.Array)])
 
     return run
+
+
+def _by_effort(function: Callable) -> Callable[[Effort, list[Any]], Callable]:
+    """`function` by `equinox.filter_jit`: given effort and leaves, compiled as they ask for.
+
+    Options stand only at a program of its own on a CPU; inside another one jax refuses them.
+    """
+
+    @functools.cache
+    def compiled(effort: Effort | None) -> Callable:
+        options = {} if effort is None else compiler_options(effort, 0)
+        return eqx.filter_jit(function, compiler_options=options or None)  # pyright: ignore
+
+    def chosen(effort: Effort, leaves: list[Any]) -> Callable:
+        traced = any(isinstance(x, Tracer) for x in leaves)
+        own = not traced and jax.default_backend() == "cpu"
+        return compiled(effort if own else None)
+
+    return chosen
 
 
 def _suits(leaves: list[Any]) -> bool:

@@ -22,6 +22,8 @@ from omnijax.study._study_folder import Folder
 
 TEXT = """
 rig = "atlas"
+duration = 0.2
+rate = 500
 [[drive]]
 speed = [3.0, 5.1, 7.3]
 [[variable]]
@@ -45,7 +47,7 @@ TOLERANCES = (
 "wheel.w3.roundness" = 0.1
 [limit]
 metric = "rms"
-max = "0.57 mm"
+max = "0.61 mm"
 confidence = 0.9
 """
 )
@@ -122,7 +124,7 @@ def test_interrupted_tolerances_are_kept_and_a_changed_study_is_refused(
     monkeypatch.undo()
     before = parts(store)
     changes = [
-        ("0.57 mm", "0.58 mm", "limit: ['rms', 0.00057, None] -> ['rms', 0.00058, None]"),
+        ("0.61 mm", "0.62 mm", "limit: ['rms', 0.00061, None] -> ['rms', 0.00062, None]"),
         ("7.3]", "7.4]", "drives.drive 1.values: [3.0, 5.1, 7.3] -> [3.0, 5.1, 7.4]"),
     ]
     for old, new, difference in changes:
