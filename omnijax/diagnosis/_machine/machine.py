@@ -140,9 +140,9 @@ class Machine:
         self.rows = each(lambda i: rows_of(self, rig, i), range(len(self.runs)))
         begin = [i for i, run in enumerate(self.runs) if run.rolling_start(self.noise)]
         states = each(lambda i: rolling_state(self, rig, i), begin)
-        more = {i: rolling.get(i, 0.0) + z for i, z in zip(begin, states, strict=True)}
         if begin:
-            self._begin(dataclasses.replace(basis, rolling=more), "rotated", "predicted")
+            basis = dataclasses.replace(basis, rolling=dict(zip(begin, states, strict=True)))
+            self._begin(basis, "rotated", "predicted")
 
     def _begin(self, basis: Basis, *stages: str) -> None:
         """About another basis; only `stages` hang on what is new in it (none given: all do)."""

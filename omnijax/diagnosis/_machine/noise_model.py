@@ -9,6 +9,7 @@ from .._orthonormal import orthonormal
 from .._settings import SETTINGS
 from .clocks import LoggerClock, offset_of
 from .data_vector import DataRows, make_rows
+from .elastic import linear_states
 from .encoders import PARTS, response_rows, smoother_modes, walk_modes, whitener
 from .late import late_outputs
 from .laws import on_time, readings
@@ -109,14 +110,34 @@ def _as_read(machine, rig: Rig, i: int) -> Callable[[np.ndarray], np.ndarray]:
 
 
 def rolling_state(machine, rig: Rig, i: int) -> np.ndarray:
-    """What the data say of the elastic state (m,) at the first sample, beside the prediction's.
+    """What the data say of the elastic state (m,) at the first sample, beside static rest.
 
     The free start takes up what it changes linearly; laws at contacts and mounts have to feel it.
+    It is one like those that the run passes: some directions the data hardly tell, and along them
+    laws would feel deflections that no run has.
     """
-    rows = machine.rows[i]
-    rest = rows.vector(machine.residual_tables(rig, i)[0], None)[None, : rows.elastic.size]
-    rows.whiten(rest)
-    columns = _start_columns(machine, rig, i, rows)
-    size = np.linalg.norm(columns, axis=1)
-    size[size == 0] = 1.0
-    return np.linalg.lstsq((columns / size[:, None]).T, rest[0], rcond=1e-6)[0] / size
+    rows, known = machine.rows[i], machine.basis.rolling.get(i)
+    left = rows.vector(machine.residual_tables(rig, i)[0], None)[None, : rows.elastic.size]
+    rows.whiten(left)
+    (left,), columns = left, _start_columns(machine, rig, i, rows)
+    q = orthonormal(columns.T)
+    beside = left - q @ (q.T @ left)  # of no start: as large as noise, or as what is missing
+    spread = max(1.0, float(beside @ beside) / max(1, np.sum(rows.elastic > 0)))
+    usual = _usual_states(machine, rig, i)
+    columns = usual @ columns
+    whole = left if known is None else left + known @ np.linalg.pinv(usual) @ columns
+    gram = columns @ columns.T / spread + np.eye(len(columns))
+    return usual.T @ np.linalg.solve(gram, columns @ whole / spread)
+
+
+def _usual_states(machine, rig: Rig, i: int) -> np.ndarray:
+    """Directions (k, m) of the elastic states of a run beside static rest, each as long as 1 sigma.
+
+    From those of the linear model that begins at rest.
+    """
+    m, run, rotated = machine.modes(rig), machine.runs[i], machine.rotated(rig, [i])[i]
+    ports = machine.ports(rig, run, rotated.motion, rotated.drive)
+    static = ports.at("shape", 1) @ (-m.gains[:, m.inputs["shape"]] / m.rates[:, None]).T
+    states = np.real((linear_states(m, run, ports) - static) @ m.shapes.T)
+    _, sizes, directions = np.linalg.svd(states / np.sqrt(len(states)), full_matrices=False)
+    return sizes[:, None] * directions
