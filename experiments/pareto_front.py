@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from omnijax.study import load_study, pareto
-from omnijax.study._design.rig import RigCases
+from omnijax.study._design.cases import RigCases
 
 study = load_study(Path(__file__).parent / "studies" / "front.toml")
 front = pareto(study)

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from omnijax.study import design, load_study
-from omnijax.study._design.rig import RigCases
+from omnijax.study._design.cases import RigCases
 
 MACHINES = 1024
 

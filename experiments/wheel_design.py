@@ -51,8 +51,8 @@ free = np.array([[0.0 if v.whole else 1.0 for v in problem.variables]])
 limit = np.array([[limit.bound for limit in problem.limits]])
 limit[0, place] += 1.0
 lane = Starts(share[None], free, limit)
-end, spent = engine.finish(lane, 0, share)
-(relaxed,) = check_optimality(engine.figures, lane, end[None], [spent])
+end = engine.finish(lane, {0: share})[0]
+(relaxed,) = check_optimality(engine.figures, lane, end.share[None], [end.evaluations])
 gain = found.objective - relaxed.value
 print(
     f"1 N more preload: {1e6 * price:.3f} µm by the multiplier, {1e6 * gain:.3f} µm searched again"

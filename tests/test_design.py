@@ -2,7 +2,10 @@
 
 import dataclasses
 import math
+import random
 import re
+import threading
+import time
 
 import jax
 import jax.numpy as jnp
@@ -16,6 +19,7 @@ from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, par
 from omnijax.study._design.design import start_note
 from omnijax.study._design.engine import Engine
 from omnijax.study._design.evolve import Rank, evolve, far_apart
+from omnijax.study._design.in_step import in_step
 from omnijax.study._design.judge import check_optimality
 from omnijax.study._design.search import Adam
 from omnijax.study._study_folder import Folder
@@ -457,3 +461,48 @@ def test_amounts_read_well(value, unit, text):
 )
 def test_estimates_show_as_many_places_as_their_sigma(value, sigma, unit, text):
     assert estimate(value, sigma, unit) == text
+
+
+def test_searches_in_step_are_evaluated_together():
+    """Whichever thread is first: each round holds one point of every search that still goes."""
+    rounds, ends = [], []
+
+    def search(steps):
+        def run(ask):
+            for k in range(steps):
+                time.sleep(random.random() / 500)
+                assert ask(np.array([steps, k])) == steps + k
+            return steps
+
+        return run
+
+    def figures(points):
+        rounds.append(points.tolist())
+        return points.sum(axis=1)
+
+    counts = [3, 0, 1, 3]
+    assert (
+        in_step([search(n) for n in counts], figures, lambda i, end: ends.append((i, end)))
+        == counts
+    )
+    assert rounds == [[[3, 0], [1, 0], [3, 0]], [[3, 1], [3, 1]], [[3, 2], [3, 2]]]
+    assert sorted(ends) == list(enumerate(counts))
+
+
+@pytest.mark.parametrize("where", ["search", "figures", "ended"])
+def test_what_is_raised_stops_all_searches_in_step(where):
+    before = threading.active_count()
+
+    def fail(*_):
+        raise KeyboardInterrupt
+
+    def searched(ask):
+        ask(np.zeros(1))
+        if where == "search":
+            fail()
+        return ask(np.ones(1))
+
+    figures = fail if where == "figures" else np.ravel
+    with pytest.raises(KeyboardInterrupt):
+        in_step([lambda ask: ask(np.zeros(1)), searched], figures, *[fail] * (where == "ended"))
+    assert threading.active_count() == before

@@ -48,7 +48,7 @@ def engine(hertz):
 def test_slopes_through_the_adaptive_solver(engine):
     """Central differences of step h err by rtol/h and h^2."""
     at, h = 0.6, 2e-3
-    s = engine.figures.slopes(np.array([at]))
+    (s,) = engine.figures.slopes(np.array([[at]]))
     f, g = engine.figures.values(np.array([[at + h], [at - h]]))
     assert np.isclose(s.df[0, 0], (f[0, 0] - f[1, 0]) / (2 * h), rtol=5e-3)
     assert np.allclose(
@@ -112,9 +112,9 @@ def test_sensitivity_of_a_nonlinear_rig_under_torques(hertz, engine):
         hertz, torques(TORQUE), "elastic_rms", duration=0.08, rate=250,
         parameters=["contact.damping", "closure.preload"],
     )  # fmt: skip
-    assert found.method == "fixed"
+    assert found.method == "full"
     share = np.log(120 / 50) / np.log(100)
-    s = engine.figures.slopes(np.array([share]))
+    (s,) = engine.figures.slopes(np.array([[share]]))
     together = found.together("elastic_rms")
     assert np.isclose(s.f[0], found.figures[0], rtol=1e-4)
     assert np.isclose(s.df[0, 0] / np.log(100) / s.f[0], together["contact.damping"], rtol=5e-3)

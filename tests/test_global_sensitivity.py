@@ -144,7 +144,7 @@ def test_the_rig_against_salib():
     found = global_sensitivity({**STUDY, "search": {"seed": 3}})
     from SALib.sample import sobol as sampling
 
-    from omnijax.study._design.rig import RigCases
+    from omnijax.study._design.cases import RigCases
     from omnijax.study._file.file import parse_study
     from omnijax.study._spread.inputs import UncertainInputs, one_by_one, run_all
 

@@ -19,7 +19,7 @@ from omnijax import laws, set_parameter, sweep
 from omnijax.rig import get_parameter, parameter_info
 from omnijax.simulation import TorqueDrive, ramp, simulate, speeds, steady_state, torques
 from omnijax.study import Variable, parse_study
-from omnijax.study._design.rig import RigCases
+from omnijax.study._design.cases import RigCases
 from omnijax.study._evaluation import (
     Evaluation,
     Question,

@@ -12,21 +12,24 @@ from ..simulation import WIDTH, side_by_side
 Order = Literal["in turn", "side by side", "batch last"]
 
 
-def batches(rows: np.ndarray, size: int) -> Iterator[tuple[int, np.ndarray, int]]:
-    """(first, rows (size, ...), count) of each batch of `rows`.
+def batches(rows: Any, size: int) -> Iterator[tuple[int, Any, int]]:
+    """(first, rows (size, ...), count) of each batch of `rows` (a tree of arrays, by row).
 
     The last row fills up the last batch, so that every batch takes the same compiled program;
     `count` rows of a batch are wanted.
     """
-    for first in range(0, len(rows), size):
-        index = np.minimum(np.arange(first, first + size), len(rows) - 1)
-        yield first, rows[index], min(size, len(rows) - first)
+    total = len(jax.tree.leaves(rows)[0])
+    for first in range(0, total, size):
+        index = np.minimum(np.arange(first, first + size), total - 1)
+        yield first, jax.tree.map(lambda x, i=index: x[i], rows), min(size, total - first)
 
 
-def in_batches(function: Callable[[Any], Any], rows: np.ndarray, size: int) -> Any:
+def in_batches(function: Callable[[Any], Any], rows: Any, size: int) -> Any:
     """`function` of all rows, `size` at a time; its arrays (leading axis: row) joined, as NumPy."""
     parts = [
-        jax.tree.map(lambda x, count=count: np.asarray(x)[:count], function(jnp.asarray(some)))
+        jax.tree.map(
+            lambda x, count=count: np.asarray(x)[:count], function(jax.tree.map(jnp.asarray, some))
+        )
         for _, some, count in batches(rows, size)
     ]
     return jax.tree.map(lambda *xs: np.concatenate(xs), *parts)

@@ -43,10 +43,13 @@ class Constraint:
 
 
 class CaseResult(NamedTuple):
-    """What a constraint may look at: the rig, its run, and constant speeds (rad/s) if any."""
+    """What a constraint may look at: the rig, its run, and constant speeds (rad/s) if any.
+
+    Without a run where no constraint `reads_run`.
+    """
 
     rig: Rig
-    run: SteadyRun | Trajectory
+    run: SteadyRun | Trajectory | None
     speeds: Any
     model: str
 
@@ -59,6 +62,7 @@ class ConstraintKind(NamedTuple):
     of: Callable[[Constraint, CaseResult], Array]
     meaning: str
     per_case: bool = True  # whether it depends on drive and load
+    reads_run: bool = False
 
 
 def _per_wheel(label: str):
@@ -89,6 +93,7 @@ def _pressure(wanted: Constraint, point: CaseResult) -> Array:
     """Hertz' greatest pressure at the greatest normal force of each contact, Pa."""
     sphere, wheel, sphere_ratio, wheel_ratio = wanted.materials
     run, rig = point.run, point.rig
+    assert run is not None
     steady = isinstance(run, SteadyRun)
     load = run.greatest_normal_force() if steady else jnp.max(run.normal_force, axis=0)
     radius = effective_radius(rig.sphere.radius, rig.wheel_radius)
@@ -111,7 +116,11 @@ QUANTITIES: dict[str, ConstraintKind] = {
         per_case=False,
     ),
     "patch_pressure": ConstraintKind(
-        "Pa", _per_wheel("patch pressure"), _pressure, "greatest Hertz pressure of each contact"
+        "Pa",
+        _per_wheel("patch pressure"),
+        _pressure,
+        "greatest Hertz pressure of each contact",
+        reads_run=True,
     ),
     "frequency_separation": ConstraintKind(
         "1",
@@ -125,6 +134,11 @@ QUANTITIES: dict[str, ConstraintKind] = {
 def metrics_of(constraints: tuple[Constraint, ...]) -> tuple[str, ...]:
     """Metrics among the constraints."""
     return tuple(dict.fromkeys(c.quantity for c in constraints if c.quantity not in QUANTITIES))
+
+
+def reads_runs(constraints: tuple[Constraint, ...]) -> bool:
+    """Whether a constraint looks at more of a run than its metrics."""
+    return any(c.quantity in QUANTITIES and QUANTITIES[c.quantity].reads_run for c in constraints)
 
 
 def all_limits(

@@ -52,9 +52,21 @@ class Limit(NamedTuple):
         return f"{self.name} {sign} {self.sense * self.bound:.6g} {self.unit}".removesuffix(" 1")
 
 
+class FigureRows(NamedTuple):
+    """Figures of n designs, a tree of arrays (n, ...), and their slopes (n, ..., d) if asked."""
+
+    values: Any
+    slopes: Any = None
+
+
+Many = Callable[[np.ndarray, bool], FigureRows]  # of designs (n, d), with slopes or without
+
+
 class Problem(NamedTuple):
     """`figures(x, extra)` gives f (k,) and g (c,); `worst` says how the f_k combine.
 
+    `many(x, gradient)` gives the same figures of many designs x (n, d), f (n, k) and g (n, c), and
+    their slopes, where there is a faster way than `figures`.
     `extra` is data that `draw(key)` may replace (tolerances drawn anew), for stochastic searches.
     `costly`: every figure is an integrated run, so that fewer are spent and programs kept small.
     `order`: how many evaluations are made (`_batches.each`).
@@ -71,6 +83,7 @@ class Problem(NamedTuple):
     draw: Callable[[Array], Any] | None = None
     costly: bool = False
     order: Order = "in turn"
+    many: Many | None = None
 
     @property
     def epigraph(self) -> bool:

@@ -1,5 +1,6 @@
 """Design searches under constraints, and trade-off fronts."""
 
+from .cases import RigCases as RigCases
 from .design import design as design
 from .design import designed_rig as designed_rig
 from .front import Front as Front
@@ -7,4 +8,3 @@ from .generic import optimise as optimise
 from .pareto import pareto as pareto
 from .pareto import trade_off as trade_off
 from .result import Design as Design
-from .rig import RigCases as RigCases

@@ -11,10 +11,11 @@ from ...rig import Rig
 from .._file import Study, study_of
 from .._study_folder import Report, folder_of
 from .answer import make_design
+from .cases import RigCases
 from .engine import Engine
 from .notes import noted, start_note
 from .result import Design
-from .rig import RigCases, rig_problem
+from .rig import rig_problem
 from .search import Adam
 
 

@@ -1,6 +1,8 @@
 """The searches of a design: where they start, how each runs and ends, what a store keeps."""
 
-from functools import cached_property
+from collections.abc import Callable
+from functools import cached_property, partial
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,10 +11,29 @@ from .._problem import Problem, check_variables
 from .._study_folder import Folder, Report
 from .feasibility import restore_feasibility
 from .figures import ProblemFigures
+from .in_step import Ask, in_step
 from .judge import SearchEnd, check_optimality
 from .kkt import FEASIBLE
 from .search import Adam, DesignSearch, Starts
 from .starts import first_lanes, relaxed, rounded_lanes
+
+
+class SearchCost(NamedTuple):
+    """Where a search ended, and the evaluations it took."""
+
+    share: np.ndarray  # (d,)
+    evaluations: int
+
+
+Ended = Callable[[int, SearchCost], None]  # number of a search, and its end
+
+
+class _Restored(NamedTuple):
+    """Where a search ended, (violation, objective) there, and the evaluations it took."""
+
+    share: np.ndarray  # (d,)
+    merit: tuple[float, float]
+    evaluations: int
 
 
 class Engine:
@@ -39,35 +60,68 @@ class Engine:
         """Shares (l, d) near the ends of searches side by side, and their evaluations (l,).
 
         With limits or a worst case, and over integrated runs, these are the starts: there a
-        program of the whole search takes longer to compile than quadratic programs from them.
+        program of the whole search takes longer to compile than quadratic programs from them.  So
+        they are where figures go in bulk, which no program of a search does.
         """
         spent = 0
         if drawn is not None:
             lanes, spent = self.search.stochastic(lanes, self.figures.values, drawn), drawn.steps
-        if self.problem.costly or self.problem.limits or self.problem.epigraph:
+        whole = self.problem.costly or self.problem.limits or self.problem.epigraph
+        if whole or self.problem.many is not None:
             return np.asarray(lanes.share), np.full(len(lanes.share), spent)
         ends = self.search.run(lanes, self.figures.values)
         return ends.share, ends.evaluations + spent
 
-    def finish(self, lanes: Starts, i: int, near: np.ndarray) -> tuple[np.ndarray, int]:
-        """Where search `i` ends that has come to `near` (d,), and the evaluations it still took.
+    def finish(
+        self, lanes: Starts, near: dict[int, np.ndarray], ended: Ended = lambda i, end: None
+    ) -> dict[int, SearchCost]:
+        """Ends of searches that have come `near` (d,), by number, side by side.
 
-        Where that breaks a limit, once more by way of the augmented Lagrangian's end.
+        `ended(i, end)` is called as each ends.  One that breaks a limit goes once more by way of
+        the augmented Lagrangian's end.
         """
-        scaled = self.figures.scaled(np.asarray(lanes.limit[i]))
-        begin, free = np.asarray(lanes.share[i]), np.asarray(lanes.free[i]) > 0
-        end, spent = restore_feasibility(scaled, near, begin, free)
-        left = scaled.merit(scaled.at(end))
-        if self.problem.costly or left[0] <= FEASIBLE:
-            return end, spent
-        other = self.search.run(Starts(*(x[i : i + 1] for x in lanes)), self._one)
-        again, more = restore_feasibility(scaled, other.share[0], begin, free)
-        better = scaled.merit(scaled.at(again)) < left
-        return (again if better else end), spent + more + int(other.evaluations[0])
+        ends, short = {}, {}
+
+        def close(i: int, share: np.ndarray, evaluations: int) -> None:
+            ends[i] = SearchCost(share, evaluations)
+            ended(i, ends[i])
+
+        def once(i: int, end: _Restored) -> None:
+            if self.problem.costly or end.merit[0] <= FEASIBLE:
+                close(i, end.share, end.evaluations)
+            else:
+                short[i] = end
+
+        self._restored(lanes, near, once)
+        alone = {i: Starts(*(x[i : i + 1] for x in lanes)) for i in short}
+        others = {i: self.search.run(lane, self._one) for i, lane in alone.items()}
+
+        def again(i: int, end: _Restored) -> None:
+            better = min(end, short[i], key=lambda e: e.merit)
+            spent = end.evaluations + short[i].evaluations + int(others[i].evaluations[0])
+            close(i, better.share, spent)
+
+        self._restored(lanes, {i: other.share[0] for i, other in others.items()}, again)
+        return ends
+
+    def _restored(
+        self, lanes: Starts, near: dict[int, np.ndarray], ended: Callable[[int, "_Restored"], None]
+    ) -> None:
+        """`restore_feasibility` of several searches; their figures are evaluated together."""
+        limit, begin, free = (np.asarray(x) for x in (lanes.limit, lanes.share, lanes.free))
+
+        def search(i: int, ask: Ask) -> _Restored:
+            scaled = self.figures.scaled(limit[i], ask)
+            end, spent = restore_feasibility(scaled, near[i], begin[i], free[i] > 0)
+            return _Restored(end, scaled.merit(scaled.at(end)), spent)
+
+        numbers = list(near)
+        searches = [partial(search, i) for i in numbers]
+        in_step(searches, self.figures.slopes, lambda k, end: ended(numbers[k], end))
 
     def _one(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Figures f (1, k) and g (1, c) of one design, by the program of its slopes."""
-        s = self.figures.slopes(shares[0])
+        (s,) = self.figures.slopes(shares)
         return s.f[None], s.g[None]
 
     def all_ends(self, batch: int, report: Report | None, drawn: Adam | None) -> list[SearchEnd]:
@@ -84,7 +138,10 @@ class Engine:
         self, lanes: Starts, batch: int, stage: str,
         report: Report | None = None, drawn: Adam | None = None,
     ) -> list[SearchEnd]:  # fmt: skip
-        """The ends of `lanes`, `batch` of them side by side, each kept in the store as it ends."""
+        """The ends of `lanes`, each kept in the store as it ends.
+
+        `batch` of them go side by side; where figures do not go in bulk, each ends by itself.
+        """
         total, shares, spent = len(lanes.share), [], []
         if report is not None:
             report(0, total)
@@ -92,22 +149,28 @@ class Engine:
             index = np.minimum(np.arange(first, first + batch), total - 1)  # one shape: one program
             part = Starts(*(x[index] for x in lanes))
             keys = [f"{stage}-{i}" for i in range(first, min(first + batch, total))]
-            known = [self._stored(key) for key in keys]
-            near, before = (None, None) if all(known) else self.near(part, drawn)
-            for i, end in enumerate(known):
-                if end is not None:
-                    share, more = end["share"], int(end["evaluations"])
-                else:
-                    assert near is not None and before is not None
-                    share, more = self.finish(part, i, near[i])
-                    more += int(before[i])
+            ends = {i: end for i, key in enumerate(keys) if (end := self._stored(key)) is not None}
+            if report is not None and ends:
+                report(first + len(ends), total)
+            if len(ends) < len(keys):
+                near, before = self.near(part, drawn)
+
+                def ended(i, end, first=first, keys=keys, ends=ends, before=before):
+                    ends[i] = end._replace(evaluations=end.evaluations + int(before[i]))
                     if self.store is not None:
-                        self.store.write(keys[i], {"share": share, "evaluations": np.array(more)})
-                shares.append(share)
-                spent.append(more)
-                if report is not None:
-                    report(first + i + 1, total)
+                        parts = {k: np.asarray(x) for k, x in ends[i]._asdict().items()}
+                        self.store.write(keys[i], parts)
+                    if report is not None:
+                        report(first + len(ends), total)
+
+                left = {i: near[i] for i in range(len(keys)) if i not in ends}
+                together = self.problem.many is not None
+                for some in [left] if together else [{i: x} for i, x in left.items()]:
+                    self.finish(part, some, ended)
+            shares += [ends[i].share for i in range(len(keys))]
+            spent += [ends[i].evaluations for i in range(len(keys))]
         return check_optimality(self.figures, lanes, np.array(shares), spent)
 
-    def _stored(self, key: str) -> dict[str, np.ndarray] | None:
-        return None if self.store is None else self.store.read(key)
+    def _stored(self, key: str) -> SearchCost | None:
+        stored = None if self.store is None else self.store.read(key)
+        return stored and SearchCost(stored["share"], int(stored["evaluations"]))

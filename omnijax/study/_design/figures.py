@@ -1,5 +1,8 @@
 """The figures of a problem at shares of its ranges: compiled once, in one scale, checked."""
 
+from collections.abc import Callable
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -9,11 +12,22 @@ from .._batches import each, in_batches, value_and_jacobian
 from .._problem import Problem
 from .._range import Ranges
 from .evolve import Rank
+from .many import WIDTH
 from .sqp import Scaled, SqpSlopes
 from .starts import start_shares
 
 SILENT = 1e-12
-WIDTH = 16  # designs evaluated side by side
+
+
+def values_of(problem: Problem) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """Figures f (n, k) and g (n, c) of any number of designs x (n, d), by one compiled program."""
+    many = problem.many
+    if many is not None:
+        return lambda x: many(x, False).values
+    compiled = quick_jit(
+        lambda x: each(lambda one: problem.figures(one, problem.extra), [x], problem.order)
+    )
+    return lambda x: in_batches(compiled, x, WIDTH)
 
 
 class ProblemFigures:
@@ -25,8 +39,8 @@ class ProblemFigures:
         self.bound = np.array([x.bound for x in problem.limits])
         self._slopes = quick_jit(self._with_slopes)
         self._known: dict[bytes, SqpSlopes] = {}
-        self._values = quick_jit(lambda shares: each(self._parts, [shares], problem.order))
-        seen = [self.slopes(s) for s in start_shares(problem, 8, seed)]
+        self._values = values_of(problem)
+        seen = self.slopes(start_shares(problem, 8, seed))
         seen = [s for s in seen if np.isfinite(s.f).all()]
         if not seen:
             raise InputError("the objective is not finite at any start: widen or move the bounds.")
@@ -42,21 +56,31 @@ class ProblemFigures:
         (f, g), (df, dg) = value_and_jacobian(self._parts)(share)
         return f, g, df, dg
 
-    def slopes(self, share: np.ndarray) -> SqpSlopes:
-        """Figures and slopes of one design (d,), worked out once."""
-        key = share.tobytes()
-        if key not in self._known:
-            slopes = self._slopes(jnp.asarray(share))
-            self._known[key] = SqpSlopes(*(np.asarray(x) for x in slopes))
-        return self._known[key]
+    def slopes(self, shares: np.ndarray) -> list[SqpSlopes]:
+        """Figures and slopes of designs (n, d), each worked out once."""
+        new = {x.tobytes(): x for x in shares if x.tobytes() not in self._known}
+        if new:
+            self._known |= zip(new, self._worked_out(np.array(list(new.values()))), strict=True)
+        return [self._known[x.tobytes()] for x in shares]
 
-    def scaled(self, limit: np.ndarray) -> Scaled:
-        """The problem under `limit` (c,), as quadratic programs take it."""
-        return Scaled(self.slopes, limit, self.unit, self.size, self.problem.epigraph)
+    def _worked_out(self, shares: np.ndarray) -> list[SqpSlopes]:
+        if self.problem.many is None:
+            return [
+                SqpSlopes(*(np.asarray(x) for x in self._slopes(jnp.asarray(share))))
+                for share in shares
+            ]
+        x, rate = jax.jvp(self.scale.value, (jnp.asarray(shares),), (jnp.ones(shares.shape),))
+        (f, g), (df, dg) = self.problem.many(np.asarray(x), True)
+        rate = np.asarray(rate)[:, None]
+        return [SqpSlopes(*parts) for parts in zip(f, g, df * rate, dg * rate, strict=True)]
+
+    def scaled(self, limit: np.ndarray, at: Callable[[np.ndarray], SqpSlopes]) -> Scaled:
+        """The problem under `limit` (c,) for quadratic programs that ask `at` for slopes."""
+        return Scaled(at, limit, self.unit, self.size, self.problem.epigraph)
 
     def values(self, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Figures f (n, k) and g (n, c) of designs, in pieces of one compiled shape."""
-        return in_batches(self._values, shares, WIDTH)
+        """Figures f (n, k) and g (n, c) of designs."""
+        return self._values(np.asarray(self.scale.value(shares)))
 
     def combined(self, f: np.ndarray) -> np.ndarray | np.floating:
         """The objective of f (..., k)."""

@@ -37,8 +37,7 @@ def check_optimality(
     limit, free = np.asarray(lanes.limit), np.asarray(lanes.free) > 0
     better = _neighbours(figures, share, free[: len(share)], limit[: len(share)])
     ends = []
-    for i in range(len(share)):
-        s = figures.slopes(share[i])
+    for i, s in enumerate(figures.slopes(share)):
         value = float(figures.combined(s.f))
         kkt = _conditions(figures, share[i], s, limit[i], free[i])
         status, reason = verdict(kkt, (value - better[i]) / figures.size)

@@ -12,9 +12,10 @@ from ..._text import quantity_text
 from ...rig import get_parameter
 from .._file import Study
 from .answer import missed
+from .cases import RTOL, RigCases
 from .engine import Engine
 from .result import Design
-from .rig import RTOL, RigCases, rig_problem
+from .rig import rig_problem
 
 FRESH = 64  # draws of the parts that the search has not seen
 
@@ -49,16 +50,20 @@ class Exact:
     """The objective of a design in every case, with nominal parts and with `FRESH` new draws."""
 
     def __init__(self, study: Study, cases: RigCases):
-        self.study, self.parted = study, bool(cases.parts)
+        self.study, self.cases, self.parted = study, cases, bool(cases.parts)
         unit = np.random.default_rng(study.seed + 1).uniform(-1, 1, (FRESH, len(cases.parts)))
         unit = np.sign(unit) if study.spread == "worst" else unit
         draws = np.concatenate([np.zeros((1, len(cases.parts))), unit * np.asarray(cases.width)])
-        self.draws = jnp.asarray(draws if self.parted else draws[:1])
-        self.figures = quick_jit(lambda x, draws: cases.weighted(cases.every(x, draws)[0]))
+        self.draws = draws if self.parted else draws[:1]
+        one_by_one = quick_jit(lambda x, draws: cases.every(x, draws)[0])
+        self._metrics = self._in_bulk if cases.goes_in_bulk(len(self.draws)) else one_by_one
+
+    def _in_bulk(self, x: np.ndarray, draws: np.ndarray) -> np.ndarray:
+        return self.cases.with_draws(x[None], draws, False, 1).values[0]
 
     def __call__(self, x) -> np.ndarray:
         """The objective (k, 1 + draws)."""
-        return np.asarray(self.figures(jnp.asarray(x), self.draws))
+        return np.asarray(self.cases.weighted(jnp.asarray(self._metrics(x, self.draws))))
 
     def over_cases(self, values: np.ndarray) -> np.ndarray:
         """The worst case or the mean, as the study asks."""
@@ -68,7 +73,7 @@ class Exact:
 def noted(study: Study, cases: RigCases, best: Design) -> tuple[list[str], dict]:
     """The exact figures at the design in words, and `Design.was`: the rig as it was."""
     exact, unit = Exact(study, cases), best.unit
-    x = jnp.array(list(best.variables.values()))
+    x = np.array(list(best.variables.values()))
     values = exact(x)
     nominal, lines = values[:, 0], [cases.note] if cases.note else []
     lines += _by_solver(study, cases, x, best)
@@ -94,7 +99,7 @@ def noted(study: Study, cases: RigCases, best: Design) -> tuple[list[str], dict]
         "old": old,
         "new": new,
         "cases": {
-            name: (float(a), float(b)) for name, a, b in zip(best.cases, own, nominal, strict=True)
+            name: (float(a), float(b)) for name, a, b in zip(cases.cases, own, nominal, strict=True)
         },
         "variables": {}
         if start is None
@@ -109,7 +114,7 @@ def as_it_was(study: Study, exact: Exact) -> np.ndarray:
     if start is not None:
         return exact(start)[:, 0]
     plain = dataclasses.replace(study, variables=(), constraints=(), tolerances=())
-    return Exact(plain, RigCases(plain))(jnp.zeros(0))[:, 0]
+    return Exact(plain, RigCases(plain))(np.zeros(0))[:, 0]
 
 
 def _by_solver(study: Study, cases: RigCases, x, best: Design) -> list[str]:
@@ -119,7 +124,7 @@ def _by_solver(study: Study, cases: RigCases, x, best: Design) -> list[str]:
     sure = copy.copy(cases)
     sure.how = cases.how._replace(method="full", rtol=RTOL)
     problem = rig_problem(study, sure)
-    f, g = (np.asarray(y) for y in quick_jit(problem.figures)(x, problem.extra))
+    f, g = (np.asarray(y) for y in quick_jit(problem.figures)(jnp.asarray(x), problem.extra))
     value = float(f.max() if problem.worst else f.mean())
     bound = np.array([limit.bound for limit in problem.limits])
     lines = missed(problem, g - bound) or ["it meets every limit"]

@@ -11,23 +11,24 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..._errors import InputError, RunError
 from ...vibration import METRICS
-from .._batches import each
 from .._constraints import all_limits
 from .._file import Study, study_of
-from .._problem import Limit, Problem, Variable, check_variables
+from .._problem import FigureRows, Limit, Problem, Variable, check_variables
 from .._range import Ranges
 from .._study_folder import Folder, Report, folder_of
 from .answer import conflict
+from .cases import RigCases
 from .engine import Engine
+from .figures import values_of
 from .front import Front
 from .judge import SearchEnd, best_of
-from .rig import RigCases
+from .many import followed_by
+from .rig import figures_of
 from .search import Starts
 from .starts import start_shares
 
@@ -112,14 +113,9 @@ def _again(
 
 
 def _sizes(problem: Problem, seed: int) -> np.ndarray:
-    scale = Ranges.of(problem.variables)
-    shares = jnp.asarray(start_shares(problem, 4, seed))
-
-    def objectives(share):
-        return problem.figures(scale.value(share), problem.extra)[0]
-
-    f = jax.jit(lambda shares: each(objectives, [shares], problem.order))(shares)
-    sizes = np.nanmedian(np.abs(np.asarray(f)), axis=0)
+    shares = start_shares(problem, 4, seed)
+    f, _ = values_of(problem)(Ranges.of(problem.variables).value(shares))
+    sizes = np.nanmedian(np.abs(f), axis=0)
     return np.where(sizes > 0, sizes, 1.0)
 
 
@@ -128,17 +124,25 @@ def _with_weights(problem: Problem, metrics: tuple[str, ...], sizes: np.ndarray)
 
     The weights are variables that the searches hold fixed, so that every stage is one program.
     """
-    d = len(problem.variables)
+    d, many = len(problem.variables), problem.many
+
+    def weighted(x, parts):
+        f, g = parts
+        return jnp.sum(x[d:] * f / sizes)[None], jnp.concatenate([f, g])
 
     def figures(x, extra):
-        f, g = problem.figures(x[:d], extra)
-        return jnp.sum(x[d:] * f / sizes)[None], jnp.concatenate([f, g])
+        return weighted(x, problem.figures(x[:d], extra))
+
+    def of_metrics(x, gradient: bool) -> FigureRows:
+        assert many is not None
+        return many(x[:, :d], gradient)
 
     weights = tuple(Variable(f"weight of {name}", 0.0, 1.0) for name in metrics)
     own = tuple(Limit(n, FREE * s, s) for n, s in zip(metrics, sizes, strict=True))
     return problem._replace(
         variables=(*problem.variables, *weights), figures=figures, worst=False, cases=("",),
         limits=(*own, *problem.limits), name="weighted metrics", unit="1",
+        many=None if many is None else followed_by(of_metrics, weighted),
     )  # fmt: skip
 
 
@@ -221,16 +225,18 @@ def pareto(
     cases = RigCases(plain, names)
     limits, held = all_limits(plain.constraints, plain.rig, cases.cases)
 
-    def figures(x, draws):
-        values, g = cases.every(x, draws)
+    def combined(values, g):
         return jnp.mean(values[:, 0, : len(names)], axis=0), g[:, 0].reshape(-1)[held]
 
+    draws = cases.draws()
+    figures, in_bulk = figures_of(cases, combined, draws)
     problem = Problem(
         asked.variables,
         figures,
         tuple(limits),
-        extra=cases.draws(),
+        extra=draws,
         order=cases.how.order,
+        many=in_bulk,
     )
     units = tuple(METRICS[n].unit for n in names)
     store = folder_of(out, asked.identity("pareto", metrics=names), resume)

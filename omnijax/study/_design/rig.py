@@ -1,247 +1,20 @@
 """The problem that a study of a rig poses: objective and constraints over drives, loads, parts."""
 
-import functools
+from collections.abc import Callable
+from functools import partial
 
-import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..._arrays import largest
-from ..._errors import InputError
-from ...rig import Rig, get_parameter, put_parameter
-from ...simulation import SpeedDrive, TorqueDrive
 from ...vibration import METRICS
-from .._batches import each
-from .._constraints import CaseResult, all_limits, all_values, metrics_of
-from .._evaluation import (
-    BULK,
-    METHODS,
-    Drive,
-    Evaluation,
-    Question,
-    apply,
-    choose,
-    evaluate_in_bulk,
-    evaluation_of,
-    trial_designs,
-)
+from .._constraints import all_limits
 from .._file import Study
-from .._parameters import checked_parameters, values_of
-from .._problem import Problem
-from .._sobol import sobol_points
+from .._problem import Many, Problem
+from .cases import RigCases
+from .many import followed_by
 
-RTOL = 1e-6  # of the adaptive solver, unless the study says
-
-
-class RigCases:
-    """Figures of a study's rig in every case, for any values of the variables."""
-
-    def __init__(self, study: Study, metrics: tuple[str, ...] | None = None):
-        self.study = study
-        wanted = tuple(name for name, _ in study.weights) if metrics is None else metrics
-        self.objective = wanted
-        self.metrics = tuple(dict.fromkeys((*wanted, *metrics_of(study.constraints))))
-        self.start = study.drives[0].drive
-        self._check_constraints()
-        self._figures, self._tried_by = None, ""
-        self.inputs = jnp.asarray(np.array([(*d.values, *d.force) for d in study.drives]))
-        self.paths = tuple(v.name for v in study.variables)
-        self.parts, self.width = self._tolerances()
-        self.cases = self._names()
-        self.load_paths = tuple(dict.fromkeys(p for x in study.loads for p, _ in x.values))
-        self.loads = jnp.asarray(self._load_table())
-        self.how, self.note = self._evaluation()
-
-    def _evaluation(self) -> tuple[Evaluation, str]:
-        """How a case is evaluated, and a sentence on it where runs are integrated."""
-        study = self.study
-        drives = tuple(case.drive for case in study.drives)
-        varied = (*self.paths, *self.load_paths, *self.parts)
-        self.question = Question(
-            study.rig, drives, varied, self.metrics, study.model, study.duration
-        )
-        how, why = evaluation_of(
-            self.question,
-            study.rate,
-            rtol=study.rtol,
-            trial=self._tried,
-            designs=trial_designs(study.variables),
-        )
-        if study.rtol is None:
-            how = how._replace(rtol=RTOL)
-        how = how._replace(forward=True)
-        return how, f"runs by {METHODS[how.method]}: {why}." if how.integrated else ""
-
-    def _tried(self, how: Evaluation, designs: np.ndarray) -> np.ndarray:
-        """Every figure of designs in every case, (t, ...); one program for any substeps."""
-        if self._figures is None or self._tried_by != how.solver:
-            self._tried_by = how.solver
-            nominal = jnp.zeros((1, len(self.parts)))
-
-            def figures(x, substeps):
-                now = how._replace(substeps=substeps)
-                metrics, limits = self.every(x, nominal, now)
-                return jnp.concatenate([metrics.ravel(), limits.ravel()])
-
-            self._figures = jax.jit(figures)
-        return np.array([self._figures(x, how.substeps) for x in designs])
-
-    def _check_constraints(self) -> None:
-        moving = isinstance(self.start, TorqueDrive)
-        if moving and any(c.quantity == "frequency_separation" for c in self.study.constraints):
-            raise InputError(
-                "`constraint.frequency_separation` needs constant speeds: with motor torques the "
-                "rollers pass at every frequency on the way."
-            )
-
-    def _tolerances(self) -> tuple[tuple[str, ...], Array]:
-        paths, width = [], []
-        for path, half in self.study.tolerances:
-            each = checked_parameters(self.study.rig, [path])
-            paths += each
-            width += [half] * len(each)
-        values = values_of(self.study.rig, tuple(paths))
-        nothing = [p for p, v in zip(paths, values, strict=True) if v == 0]
-        if nothing:
-            raise InputError(
-                [f"`{p}` is 0, so that a relative tolerance of it means nothing." for p in nothing]
-            )
-        return tuple(paths), jnp.asarray(np.array(width))
-
-    def _load_table(self) -> np.ndarray:
-        """Values at `load_paths`, one row a load; the rig's own where a load says none."""
-        paths = checked_parameters(self.study.rig, self.load_paths)
-        self.load_paths = paths
-        own = values_of(self.study.rig, paths)
-        rows = []
-        for load in self.study.loads:
-            given = {p: v for k, v in load.values for p in checked_parameters(self.study.rig, [k])}
-            rows.append([given.get(p, o) for p, o in zip(paths, own, strict=True)])
-        return np.array(rows).reshape(len(self.study.loads), len(paths))
-
-    def _names(self) -> tuple[str, ...]:
-        many = len(self.study.drives) > 1, len(self.study.loads) > 1
-        return tuple(
-            ", ".join(n for n, m in ((drive.name, many[0]), (load.name, many[1])) if m)
-            for drive in self.study.drives
-            for load in self.study.loads
-        )
-
-    def rig(self, x, load=None, draw=None) -> Rig:
-        """The rig of variables `x` with a load's values, its parts off by the relative `draw`."""
-        rig = apply(self.study.rig, self.start, self.paths, x)[0]
-        for i, path in enumerate(self.load_paths):
-            rig = put_parameter(rig, path, self.loads[0, i] if load is None else load[i])
-        if draw is not None:
-            for i, path in enumerate(self.parts):
-                rig = put_parameter(rig, path, get_parameter(rig, path) * (1 + draw[i]))
-        return rig
-
-    def drive(self, x, values: Float[Array, " variables"]) -> Drive:
-        """The drive of speeds or torques and force, with the variables that belong to it."""
-        kind = self.study.drives[0].kind
-        moved, force = values[:-3], values[-3:]
-        start = eqx.tree_at(
-            lambda d: (getattr(d, kind).values, d.force.values),
-            self.start,
-            (moved[None], force[None]),
-        )
-        return apply(self.study.rig, start, self.paths, x)[1]
-
-    def one(self, x, values, load, draw, how: Evaluation | None = None) -> tuple[Array, Array]:
-        """(metrics, constraints) of one case; `how` if not as the study has it."""
-        rig, drive = self.rig(x, load, draw), self.drive(x, values)
-        how = self.how if how is None else how
-        run = how.run(rig, drive)
-        metrics = how.of(run, rig)
-        now = drive.speed.values[0] if isinstance(drive, SpeedDrive) else None
-        named = dict(zip(self.metrics, metrics, strict=True))
-        point = CaseResult(rig, run, now, self.study.model)
-        return metrics, all_values(self.study.constraints, point, named)
-
-    def every(
-        self, x, draws: Float[Array, "t p"], how: Evaluation | None = None
-    ) -> tuple[Array, Array]:
-        """Metrics (k, t, m) and constraints (k, t, c) of every case and every draw."""
-        order = (self.how if how is None else how).order
-
-        def case(values, load):
-            return each(lambda draw: self.one(x, values, load, draw, how), [draws], order)
-
-        return each(case, list(self._case_values()), order)
-
-    @functools.cached_property
-    def in_bulk(self) -> Evaluation | None:
-        """How `many` are evaluated; None where they cannot be."""
-        times = self.how.times
-        samples = None if times is None else len(times)
-        method, _ = choose(self.question._replace(rows=True, samples=samples))
-        return self.how._replace(method=method) if method in BULK else None
-
-    def many(
-        self, x: np.ndarray, draws: np.ndarray, gradient: bool = False, total: int = 0
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Metrics (n, k, m) of points (n, d) with their draws (n, p) in every case, in bulk.
-
-        And slopes (n, k, m, row) by rows as `case` takes them, of no columns without `gradient`.
-        `total` points are asked for in all, where more than these.
-        """
-        assert self.in_bulk is not None
-        values, loads = self._case_values()
-        own = np.concatenate([values, loads], axis=1)  # (k, ...)
-        shape, parts = (len(x), len(own)), (x[:, None], own[None], draws[:, None])
-        rows = np.concatenate([np.broadcast_to(p, (*shape, p.shape[2])) for p in parts], axis=2)
-        metrics, slopes, _ = evaluate_in_bulk(
-            self.in_bulk, self.case, rows.reshape(-1, rows.shape[2]), gradient, total * len(own)
-        )
-        return metrics.reshape(*shape, -1), slopes.reshape(*shape, *slopes.shape[1:])
-
-    def case(self, row: Float[Array, " row"]) -> tuple[Rig, Drive]:
-        """Rig and drive of one case: variables, speeds and force, load and draw side by side."""
-        ends = np.cumsum([len(self.paths), self.inputs.shape[1], self.loads.shape[1]])
-        x, values, load, draw = jnp.split(row, ends)
-        return self.rig(x, load, draw), self.drive(x, values)
-
-    def _case_values(self) -> tuple[Array, Array]:
-        """Speeds with force, and load, of every case: drives first, loads second, as in `cases`."""
-        values = jnp.repeat(self.inputs, len(self.loads), axis=0)
-        return values, jnp.tile(self.loads, (len(self.inputs), 1))
-
-    def draws(self) -> Float[Array, "t p"]:
-        """The parts' relative deviations: corners for the worst case, uniform for the spread."""
-        size, study = len(self.parts), self.study
-        if not size:
-            return jnp.zeros((1, 0))
-        unit = sobol_points(size, study.draws, study.seed)
-        if study.spread == "worst":
-            corners = np.where(unit < 0.5, -1.0, 1.0)
-            corners = np.concatenate([np.zeros((1, size)), corners])
-            return jnp.asarray(corners * np.array(self.width))
-        return jnp.asarray((2 * unit - 1) * np.array(self.width))
-
-    def draw(self, key) -> Float[Array, "t p"]:
-        """New deviations of the same kind."""
-        shape = (self.study.draws, len(self.parts))
-        unit = jax.random.uniform(key, shape, minval=-1.0, maxval=1.0)
-        return (jnp.sign(unit) if self.study.spread == "worst" else unit) * self.width
-
-    def weighted(self, metrics: Float[Array, "k t m"]) -> Float[Array, "k t"]:
-        """The objective of every case and draw."""
-        place = [self.metrics.index(name) for name, _ in self.study.weights]
-        weight = jnp.array([w for _, w in self.study.weights])
-        return metrics[..., jnp.array(place)] @ weight
-
-    def spread(self, values: Float[Array, "k t"]) -> Array:
-        """Over the draws: all of them for the worst case, else mean + sigmas x deviation."""
-        if not self.parts or self.study.spread == "worst":
-            return values.reshape(-1)
-        centre = jnp.mean(values, axis=1)
-        variance = jnp.mean((values - centre[:, None]) ** 2, axis=1)
-        positive = variance > 0
-        deviation = jnp.where(positive, jnp.sqrt(jnp.where(positive, variance, 1.0)), 0.0)
-        return centre + self.study.sigmas * deviation
+EVALUATIONS = 25  # of a search, as most take
 
 
 def objective_text(study: Study) -> tuple[str, str]:
@@ -259,6 +32,28 @@ def objective_text(study: Study) -> tuple[str, str]:
     return name, unit
 
 
+def figures_of(
+    cases: RigCases, combined: Callable[[Array, Array], tuple[Array, Array]], draws: Array
+) -> tuple[Callable, Many | None]:
+    """`Problem.figures` and `Problem.many`: f (k,) and g (c,) of metrics and constraints.
+
+    `combined(metrics, constraints)` makes them of those of every case and draw, (k, t, ...).
+    """
+
+    def figures(x, draws):
+        return combined(*cases.every(x, draws))
+
+    if not cases.goes_in_bulk(len(draws)):
+        return figures, None
+    total = EVALUATIONS * cases.study.starts
+    first = partial(cases.with_draws, draws=np.asarray(draws), total=total)
+
+    def made(x, metrics):
+        return combined(metrics, cases.constraints(x, draws, metrics))
+
+    return figures, followed_by(first, made)
+
+
 def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
     """The problem of a study."""
     cases = RigCases(study) if cases is None else cases
@@ -273,14 +68,15 @@ def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
             for t in range(len(draws))
         )
 
-    def figures(x, draws):
-        metrics, g = cases.every(x, draws)
+    def combined(metrics, g):
         return cases.spread(cases.weighted(metrics)), largest(g, axis=1).reshape(-1)[held]
 
     name, unit = objective_text(study)
+    figures, in_bulk = figures_of(cases, combined, draws)
     return Problem(
         variables=study.variables,
         figures=figures,
+        many=in_bulk,
         limits=tuple(limits),
         worst=study.over == "worst",
         cases=names,

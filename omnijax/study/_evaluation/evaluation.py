@@ -116,6 +116,11 @@ class Evaluation(NamedTuple):
         return jnp.where(run.status == Status.OK, margin, run.status)
 
     @property
+    def samples(self) -> int | None:
+        """How many samples a run has; None of the steady state."""
+        return None if self.times is None else len(self.times)
+
+    @property
     def integrated(self) -> bool:
         """Whether every figure is an integrated run."""
         return self.method in ("fixed", "full")

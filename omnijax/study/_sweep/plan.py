@@ -121,8 +121,7 @@ def _spec(
     how: Evaluation,
 ) -> SweepSpec:  # fmt: skip
     chunk, columns = sampling.chunk, len(axes) if sampling.gradient else 0
-    count = 1 if how.times is None else len(how.times)
-    batch = batch_size(how.method, count, columns, sampling.devices)
+    batch = batch_size(how.method, how.samples or 1, columns, sampling.devices)
     batch = min(batch, chunk) if chunk else batch
     full, fixed = how.method == "full", how.method == "fixed"
     return SweepSpec(
