@@ -173,4 +173,6 @@ class Engine:
 
     def _stored(self, key: str) -> SearchCost | None:
         stored = None if self.store is None else self.store.read(key)
-        return stored and SearchCost(stored["share"], int(stored["evaluations"]))
+        if stored is None:
+            return None
+        return SearchCost(stored["share"], int(stored["evaluations"]))
