@@ -11,6 +11,7 @@ from .runs import Run
 
 ELASTIC_CHANNELS = tuple(f"{g}_{axis}" for g in ("dR", "a") for axis in "xyz")
 SETTLE = SETTINGS.data_vector.settle
+LATE = max(SETTINGS.candidates.late)
 
 
 @dataclasses.dataclass
@@ -121,8 +122,8 @@ def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -
         bad = np.flatnonzero(~run.known)
         for i in bad:
             elastic[max(0, i - 1) : i + int(SETTLE / run.step)] = 0.0
-    if run.rolling_start(noise):  # before the start nobody knows what a late clock reads
-        elastic[: math.ceil(SETTINGS.prediction.clock_most / run.step)] = 0.0
+    if run.rolling_start(noise):  # nobody knows what a late sensor still reads from before
+        elastic[: math.ceil(LATE / run.step)] = 0.0
     if run.counts is not None:
         elastic[~run.counts] = 0.0
         rotation[~run.counts] = 0.0
