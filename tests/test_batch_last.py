@@ -21,13 +21,14 @@ def products(x, m):
 
 def shapes(x, m):
     """Slices, gathers, scatters, stacks, reductions and orders along an axis."""
-    at = jnp.asarray([2, 0, 2])
+    at, start = jnp.asarray([2, 0, 2]), (jnp.int32(1), jnp.int32(0))
     return (
         m[1], m[:, ::2], m[at], m.at[at].add(x[:, None]), m.at[1].set(x), jnp.stack([x, x], 1),
         jnp.concatenate([m, TABLE]), jnp.sum(m, 0), jnp.max(m, 1), jnp.argmax(m, 0),
         jnp.cumsum(m, 0), jnp.sort(m, 1), m.T.reshape(-1), jnp.where(x > 0, x, TABLE[0]),
         jnp.linalg.solve(m + 4 * jnp.eye(3), x), jnp.cross(x, m[0]), x[::-1], jnp.pad(x, 1),
         jax.lax.dynamic_slice(m, (1, 0), (2, 3)), jax.lax.dynamic_update_slice(m, m[:1], (1, 0)),
+        jax.lax.dynamic_slice(m, start, (2, 3)), jax.lax.dynamic_update_slice(m, m[:1], start),
     )  # fmt: skip
 
 

@@ -68,6 +68,7 @@ def kinds(rng):
         "four, mixed": (mixed(machine(cone(rng, 4))), "coupled"),
         "three, hidden effects": (hidden(machine(cone(rng, 3))), "coupled"),
         "two, paper": (machine(cone(rng, 2)), "paper"),
+        "two, no edges": (machine(cone(rng, 2), profile=laws.ContinuousSine()), "paper"),
         "round": (machine(cone(rng, 3), **small), "coupled"),
     }
 

@@ -58,6 +58,20 @@ def test_gradients_are_the_slopes_between_designs(name):
     assert np.all(error < [[1e-7], [1e-5]]), error
 
 
+def test_wheels_whose_profiles_have_no_edges():
+    """Figures of each design, and slopes along a drawn direction of all numbers of a row."""
+    rng = drawn_anew("wheels without edges")
+    rig, h = machine(cone(rng, 2), profile=laws.ContinuousSine()), 1e-6
+    row = points_of(rig, rng, count=1, still=False)[0]
+    along = row * rng.normal(size=len(row))
+    rows = np.stack([row, row + h * along, row - h * along])
+    found = modal_steady(maker(rig), rows, model="paper", gradient=True)
+    want = steady_state(rig, row[:2], model="paper", angles=row[5:], force=row[2:5], harmonics=1)
+    np.testing.assert_allclose(found.values[0], [want.rms, want.peak], rtol=1e-7)
+    rise = (found.values[1] - found.values[2]) / (2 * h)
+    np.testing.assert_allclose(found.slopes[0] @ along, rise, rtol=1e-5)
+
+
 def test_what_nothing_holds_has_that_word():
     rig = machine(SKEW)
     normal = jnp.asarray(rig.wheels.normal).at[1].set(-rig.wheels.normal[0])

@@ -65,20 +65,25 @@ def _indexed_alike(indices: Sequence[Value]) -> bool:
     return not any(value.batched for value in indices)
 
 
+def _with_all(starts: Sequence[Value]) -> list:
+    """Where a slice begins, of all designs; jax asks for indices of one type."""
+    arrays = [start.array for start in starts]
+    return [*arrays, jnp.zeros_like(arrays[0])]
+
+
 def _dynamic_slice(call: Call) -> list[Value] | None:
     x, *starts = call.inputs
     if not _indexed_alike(starts):
         return None
     sizes = (*call.params["slice_sizes"], call.size)
-    return [Value(lax.dynamic_slice(x.array, (*(s.array for s in starts), 0), sizes), True)]
+    return [Value(lax.dynamic_slice(x.array, _with_all(starts), sizes), True)]
 
 
 def _dynamic_update_slice(call: Call) -> list[Value] | None:
     x, update, *starts = call.inputs
     if not _indexed_alike(starts):
         return None
-    where = (*(s.array for s in starts), 0)
-    whole = lax.dynamic_update_slice(x.whole(call.size), update.whole(call.size), where)
+    whole = lax.dynamic_update_slice(x.whole(call.size), update.whole(call.size), _with_all(starts))
     return [Value(whole, True)]
 
 

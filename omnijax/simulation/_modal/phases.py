@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from .arithmetic import Pair, exp_less_one, pair_exp, product, quotient, sincos, summed, turned
 from .poles import PolePairs
 from .resonance import Resonance, resonance
-from .signals import CONSTANT, FOREVER, Kind, Signals
+from .signals import CONSTANT, FOREVER, SILENT, Kind, Signals
 from .system import Layout
 
 TURN = 2 * math.pi
@@ -42,7 +42,7 @@ def phases_of(layout: Layout) -> tuple[Phases, ...]:
     """All phases of a design; a constant force has none."""
     own: dict[int, list[int]] = {}
     for number, kind in enumerate(layout.kinds):
-        if kind.phase != CONSTANT:
+        if kind.phase not in (CONSTANT, SILENT):
             own.setdefault(kind.phase, []).append(number)
 
     def shape(numbers: list[int]):

@@ -22,7 +22,8 @@ from ...rig import Rig
 
 NODES = 64  # of the sum that gives the series of `rollers`
 FOREVER = 1e30  # s, length of a piece that no wheel leaves
-CONSTANT = -1
+CONSTANT = -1  # the phase of a constant force: none
+SILENT = -2  # of a signal that is 0
 
 
 class Kind(NamedTuple):
@@ -31,7 +32,7 @@ class Kind(NamedTuple):
     column: int
     pieces: int
     waves: int
-    phase: int  # number of the phase that it runs with; `CONSTANT` without one
+    phase: int  # number of the phase that it runs with, or one of the two above
 
 
 class Signals(NamedTuple):
@@ -133,6 +134,12 @@ def _passed(shape: SignalShape, speed, angle):
     )
 
 
+def _silent():
+    """The same of a signal that is 0 on one piece without end."""
+    none = jnp.zeros((1, 1))
+    return _passed(SignalShape(jnp.ones(1), jnp.zeros(1), none, none), jnp.zeros(()), 0.0)
+
+
 def _gapped(rig: Rig, i: int, series: int):
     """Shapes with gaps of wheel i, each with the angle at which its period begins."""
     gap, profile = jax.tree.map(lambda x: x[i], rig.gaps), rig.profiles[i]
@@ -160,7 +167,7 @@ def _endless(rig: Rig, speeds, angles, force: bool):
                 waves.append((jnp.ones(()), placed.law.amplitude, -placed.law.phase))
         alone = isinstance(profile, ContinuousSine)  # its period fits no turn
         for number, (frequency, amplitude, phase) in enumerate(waves):
-            at, own = frequency * angles[i] + phase, CONSTANT - 1 - i if alone and number else i
+            at, own = frequency * angles[i] + phase, SILENT - 1 - i if alone and number else i
             wave = amplitude * jnp.cos(at), -amplitude * jnp.sin(at)
             yield i, frequency * speeds[i], *wave, own
     column = rig.size
@@ -185,22 +192,21 @@ def signals_of(
         for i in range(rig.size)
         for shape, begin in _gapped(rig, i, series)
     ]
-    endless = list(_endless(rig, speeds, angles, force))
     kinds = [Kind(i, shape[2].shape[0], shape[2].shape[1], i) for i, shape in gapped]
-    most = max([kind.pieces for kind in kinds], default=1)
+    if not gapped:  # the kernels pass one signal with edges at least
+        gapped, kinds = [(0, _silent())], [Kind(0, 1, 1, SILENT)]
+    endless = list(_endless(rig, speeds, angles, force))
+    most = max(kind.pieces for kind in kinds)
 
     def padded(x):
         return jnp.pad(x, ((0, 0), (0, most - x.shape[1])))
 
-    def stacked(parts, shape):
-        return jnp.concatenate(parts) if parts else jnp.zeros(shape)
-
     alone = jnp.asarray([wave[1:4] for wave in endless], float).reshape(-1, 3)
     return Signals(
-        stacked([padded(shape[0][None]) for _, shape in gapped], (0, most)),
+        jnp.concatenate([padded(shape[0][None]) for _, shape in gapped]),
         jnp.asarray([shape[4] for _, shape in gapped]),
         jnp.asarray([shape[5] for _, shape in gapped]),
-        stacked([*(shape[1] for _, shape in gapped), alone[:, 0]], (0,)),
-        stacked([*(padded(shape[2].T) for _, shape in gapped), padded(alone[:, 1:2])], (0, most)),
-        stacked([*(padded(shape[3].T) for _, shape in gapped), padded(alone[:, 2:3])], (0, most)),
+        jnp.concatenate([*(shape[1] for _, shape in gapped), alone[:, 0]]),
+        jnp.concatenate([*(padded(shape[2].T) for _, shape in gapped), padded(alone[:, 1:2])]),
+        jnp.concatenate([*(padded(shape[3].T) for _, shape in gapped), padded(alone[:, 2:3])]),
     ), (*kinds, *(Kind(wave[0], 1, 1, wave[4]) for wave in endless))
