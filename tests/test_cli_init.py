@@ -1,5 +1,6 @@
 """`omnijax init`: machines from a geometry, and study files."""
 
+from pathlib import Path
 from typing import get_args
 
 import numpy as np
@@ -60,6 +61,18 @@ def test_study_files_fit_the_rig_that_they_name(kind, name, tmp_path, monkeypatc
     for v in study.variables:
         own = np.asarray(get_parameter(study.rig, v.name))
         assert v.low < own.min() and own.max() < v.high < 20 * own.max()
+
+
+@pytest.mark.parametrize("kind", get_args(Studies))
+def test_a_study_of_a_rig_without_steady_state_asks_for_runs(kind, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(["init"]) == 0
+    law = '[[effect]]\nid = "contact-cubic"\nplace = "w1"\nparameters = { K3 = 1e12 }\n'
+    with Path("rig.toml").open("a", encoding="utf-8") as file:
+        file.write(law)
+    assert run(["init", "--study", kind]) == 0
+    assert load_study("study.toml").duration == 1.0
+    assert "# law `contact-cubic` is not linear" in Path("study.toml").read_text(encoding="utf-8")
 
 
 def test_a_study_names_a_rig_that_is_there(tmp_path, monkeypatch, capsys):

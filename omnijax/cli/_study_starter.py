@@ -29,7 +29,8 @@ def study_text(kind: str, name: str, file: Path) -> str:
     path, written = _found(name, file)
     rig = _rig(kind, path)
     speeds = ", ".join(f"{speed:.6g}" for speed in usual_speeds(rig))
-    text = template(f"{kind}.toml").replace("<rig>", json.dumps(written), 1)
+    named = json.dumps(written) + _duration(rig)
+    text = template(f"{kind}.toml").replace("<rig>", named, 1)
     text = text.replace("<speeds>", f"[{speeds}]", 1)
     return _TIMES.sub(lambda m: _times(rig, m[1], float(m[2])), text)
 
@@ -63,6 +64,15 @@ def _rig(kind: str, path: str) -> Any:
             f"{also if kind in ('sweep', 'sensitivity') else ''}.", path
         )  # fmt: skip
     return load_rig(path)
+
+
+def _duration(rig: Any) -> str:
+    """The line that asks for runs, after that of the rig, where it has no steady state."""
+    from ..dynamics import hold_obstacle
+    from ..simulation import exact_obstacle
+
+    reason = exact_obstacle(rig) or hold_obstacle(rig, "coupled")
+    return "" if reason is None else f'\nduration = "1 s"  # {reason}: no steady state'
 
 
 def _times(rig: Any, path: str, factor: float) -> str:
