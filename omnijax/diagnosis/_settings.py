@@ -231,6 +231,8 @@ class StartsSettings:
 
     equals: float = 0.97  # share of the best line's gain from which others are refitted: time
     others: int = 2  # so many more: time
+    # halvings of the distance between limits or times that are tried: 3 leave a tenth of it
+    closer: int = 3
 
 
 # The rig

@@ -15,14 +15,18 @@ from .fit import Fit, tangent_rows
 from .model import AbstractModel, Point
 
 CHANCE = SETTINGS.doubt.chance
+MISFIT = SETTINGS.calibration.misfit
 
 
 def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
     """The point that the calibration of a `fit` leaves open and that foretells held-out runs best.
 
-    None where they ask for more than it leaves open, or where nothing is uncertain.
+    None where they ask for more than it leaves open, or where nothing is uncertain.  A fit that
+    misses the fitted runs by far leaves nothing open: its numbers stand for what is missing.
     """
     count = len(model.priors)
+    if fit.chi2 > MISFIT * model.dof("train"):
+        return None
     spread = max(1.0, fit.chi2 / model.dof("train"))
     values, vectors = np.linalg.eigh(fit.covariance[:count, :count] * spread)
     if not count or not np.all(np.isfinite(values)):

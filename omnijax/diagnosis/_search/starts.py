@@ -6,7 +6,8 @@ at a ladder of strengths, the baseline refitted to first order, about the stated
 """
 
 import dataclasses
-from collections.abc import Sequence
+import itertools
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -19,6 +20,7 @@ from .valley import ends_of_valleys
 LINES = {"order", "frequency"}  # numbers of a line
 EQUALS = SETTINGS.starts.equals
 OTHERS = SETTINGS.starts.others
+CLOSER = SETTINGS.starts.closer
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,26 +100,59 @@ def _about(anchor: Point, model: AbstractModel, fit: Fit, scores, ids: set[str])
     J, chi2 = J[: len(here)], float(fit.residual @ fit.residual)
     _, without = predicted(model, anchor, here, J)
     share = fit.cost / without  # estimates are compared with that of no law, made alike
-    best: dict[str, Start] = {}
     known = fit.point.effects
     scores = [s for s in scores if not model.has(known, s.candidate.id, s.candidate.place)]
-    for id in sorted(ids):  # the points of a law run side by side
+
+    def tried(effects: list[Effect]) -> list[Start]:  # the points of a law run side by side
+        points = [anchor.with_effects(*anchor.effects, e) for e in effects]
+        starts = []
+        for point, residual in zip(points, model.residuals(points, model.ranking), strict=True):
+            if np.all(np.abs(residual) < 1e100):
+                there, cost = predicted(model, anchor, residual, J)
+                full = there.with_effects(*there.effects, point.effects[-1])
+                price = PRICE * len(point.effects[-1].values)
+                starts.append(Start(full, share * cost + price))
+        return starts
+
+    made: dict[str, list[Start]] = {}
+    for id in sorted(ids):
         effects = [
             e for s in scores if s.candidate.id == id
             for e in _strengths(model, s, chi2)
         ]  # fmt: skip
-        if not effects:
+        for start in tried(effects) if effects else []:
+            made.setdefault(start.name, []).append(start)
+    _closer(model, fit.cost, made, tried)
+    return [min(starts, key=lambda s: s.cost) for starts in made.values()]
+
+
+def _closer(
+    model: AbstractModel, cost: float, made: dict[str, list[Start]], tried: Callable
+) -> None:
+    """Add to `made` starts on both sides of the best one of every law that has one number alone.
+
+    Few limits or times are tried of such a law, and between two of them all that it explains may
+    be lost.  Of those alone that promise a share of what the best one does, by name.
+    """
+    least = min((s.cost for starts in made.values() for s in starts), default=cost)
+    for starts in made.values():
+        law = starts[0].point.effects[-1]
+        best = min(s.cost for s in starts)
+        if not _one_number(model, law) or cost - best <= model.settings.worth * (cost - least):
             continue
-        points = [anchor.with_effects(*anchor.effects, e) for e in effects]
-        for point, residual in zip(points, model.residuals(points, model.ranking), strict=True):
-            if not np.all(np.abs(residual) < 1e100):
-                continue
-            there, cost = predicted(model, anchor, residual, J)
-            full = there.with_effects(*there.effects, point.effects[-1])
-            start = Start(full, share * cost + PRICE * len(point.effects[-1].values))
-            if start.name not in best or start.cost < best[start.name].cost:
-                best[start.name] = start
-    return list(best.values())
+        (key,) = law.values
+        for _ in range(CLOSER):
+            order = sorted(starts, key=lambda s: s.point.effects[-1].values[key])
+            at = int(np.argmin([s.cost for s in order]))
+            sizes = [s.point.effects[-1].values[key] for s in order[max(0, at - 1) : at + 2]]
+            between = [float(np.sqrt(x * y)) for x, y in itertools.pairwise(sizes)]
+            starts.extend(tried([Effect(law.id, law.place, {key: x}) for x in between]))
+
+
+def _one_number(model: AbstractModel, effect: Effect) -> bool:
+    """Whether an effect has one number alone, which is no strength: a limit, or a time."""
+    known = model.laws[effect.id].parameters
+    return len(effect.values) == 1 and not any(known[k].linear for k in effect.values)
 
 
 def promising(scan: Scan, ids: set[str], share: float) -> list[Score]:
