@@ -1,5 +1,6 @@
 """A page of signals over time: a run without a scene."""
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,6 +10,8 @@ from .._text import quantity_text
 from ._content import Figure, Provenance, Section
 from ._page import Page
 from ._style import figure, legend_above, raised, style
+
+LETTERS = 20  # of a label that stand beside one another along an ordinate
 
 Signal = tuple[str, str, Mapping[str, tuple[Any, Any]]]  # word, unit, curves (times, values)
 
@@ -26,7 +29,7 @@ def signals_page(title: str, signals: Sequence[Signal], made: Provenance) -> Pag
                 ax.plot(t, x, color=f"C{k}", label=name or None, lw=1.2 if k == 0 else 0.8)
                 data.setdefault("time / s", t)
                 data[f"{word} {name}".strip() + f" / {unit}"] = x
-            ax.set_ylabel(raised(f"{word} / {unit}"), fontsize="small")
+            ax.set_ylabel(raised(textwrap.fill(f"{word} / {unit}", LETTERS)), fontsize="small")
             if len(curves) > 1:
                 legend_above(ax)
         axes[-1].set_xlabel("time / s")
