@@ -29,7 +29,8 @@ def tools(skip) -> list[Tool]:
         found.append(Tool(name, run, BATCH, error, 7, note))
     import jax.numpy as jnp
 
-    from omnijax.simulation import Operating, modal_steady
+    from omnijax.simulation import Operating
+    from omnijax.vibration import long_run_metrics
 
     from . import _omnijax as ours
 
@@ -38,11 +39,15 @@ def tools(skip) -> list[Tool]:
     def make(row):
         return Operating(ours.rig(row), drive, jnp.zeros(3), jnp.zeros(3))
 
+    figures_of = functools.partial(
+        long_run_metrics, names=("rms", "peak"), model="paper", total=problem.MANY
+    )
+
     def figures():
-        return modal_steady(make, values, model="paper", total=problem.MANY).values
+        return figures_of(make, values).values
 
     def slopes():
-        return modal_steady(make, values, model="paper", gradient=True, total=problem.MANY).slopes
+        return figures_of(make, values, gradient=True).slopes
 
     found.append(Tool("omnijax", figures, BATCH, error, 7, "with poles and statuses"))
     nothing = Tool("omnijax gradient", slopes, BATCH, lambda _: None, 5, "RMS and peak")

@@ -11,7 +11,7 @@ from machines import ORTHOGONAL, SKEW, drawn_machine, machine
 from seeds import drawn_anew
 
 from omnijax import laws
-from omnijax.rig import set_parameter
+from omnijax.rig import set_parameter, up
 from omnijax.simulation import propagate, simulate, speeds, steady_state
 from omnijax.vibration import (
     STEADY_METRICS,
@@ -20,7 +20,6 @@ from omnijax.vibration import (
     steady_metrics,
     weighted_acceleration,
 )
-from omnijax.vibration._gravity import up
 
 pytestmark = [pytest.mark.long, pytest.mark.brief]
 

@@ -4,10 +4,11 @@ import sys
 from pathlib import Path
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from machines import SKEW, machine
+from machines import ORTHOGONAL, SKEW, machine
 from seeds import drawn_anew
 from test_modal import KINDS, cone, hidden, maker, points_of, varied
 
@@ -17,10 +18,17 @@ from benchmarks import _c
 from benchmarks import _omnijax as ours
 from benchmarks import _problem as problem
 from omnijax import laws
-from omnijax.simulation import Operating, modal_steady, modal_steady_obstacle, steady_state
-from omnijax.vibration import contact_load
+from omnijax.simulation import Operating, modal_steady_obstacle, steady_state
+from omnijax.vibration import (
+    BULK_STEADY_METRICS,
+    SteadyRun,
+    contact_load,
+    long_run_metrics,
+    steady_metric,
+)
 
 pytestmark = pytest.mark.long
+BOTH = ("rms", "peak")
 
 
 @pytest.mark.full
@@ -29,7 +37,7 @@ def test_figures_and_margins_are_those_of_each_design():
     rng = drawn_anew("wheels and operating points")
     rig, model = hidden(machine(cone(rng, 2))), "paper"
     n, rows = rig.size, points_of(rig, rng, count=4)
-    found = modal_steady(maker(rig), rows, model=model)
+    found = long_run_metrics(maker(rig), rows, BOTH, model=model)
     assert found.held.all()
     for i, row in enumerate(rows[:2]):
         speeds, force, angles = row[:n], row[n : n + 3], row[n + 3 :]
@@ -50,9 +58,10 @@ def test_gradients_are_the_slopes_between_designs(name):
     rig, model = KINDS[name]
     row, h = np.ones(6), 1e-3
     near = (row + h * np.array([-3, -2, -1, 1, 2, 3])[:, None] * np.eye(6)[:, None]).reshape(-1, 6)
-    values = modal_steady(varied(rig), near, model=model).values.reshape(6, 6, 2)
+    values = long_run_metrics(varied(rig), near, BOTH, model=model).values.reshape(6, 6, 2)
     expected = np.einsum("dkm,k->md", values, np.array([-1, 9, -45, 45, -9, 1]) / (60 * h))
-    found = modal_steady(varied(rig), row[None], model=model, gradient=True)
+    found = long_run_metrics(varied(rig), row[None], BOTH, model=model, gradient=True)
+    assert found.slopes is not None
     scale = np.abs(expected).max(axis=1, keepdims=True)
     error = np.abs(found.slopes[0] - expected) / scale
     assert np.all(error < [[1e-7], [1e-5]]), error
@@ -65,11 +74,58 @@ def test_wheels_whose_profiles_have_no_edges():
     row = points_of(rig, rng, count=1, still=False)[0]
     along = row * rng.normal(size=len(row))
     rows = np.stack([row, row + h * along, row - h * along])
-    found = modal_steady(maker(rig), rows, model="paper", gradient=True)
+    found = long_run_metrics(maker(rig), rows, BOTH, model="paper", gradient=True)
+    assert found.slopes is not None
     want = steady_state(rig, row[:2], model="paper", angles=row[5:], force=row[2:5], harmonics=1)
     np.testing.assert_allclose(found.values[0], [want.rms, want.peak], rtol=1e-7)
     rise = (found.values[1] - found.values[2]) / (2 * h)
     np.testing.assert_allclose(found.slopes[0] @ along, rise, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    "layout", [pytest.param(cone, id="two"), pytest.param(ORTHOGONAL, marks=pytest.mark.full)]
+)
+def test_metrics_are_those_of_each_design(layout):
+    """Values and slopes of some of the table, against those one by one."""
+    rng = drawn_anew("metrics and designs")
+    rig = machine(cone(rng, 2) if layout is cone else layout)
+    make, model = varied(rig), "paper" if rig.size == 2 else "coupled"
+    drawn = rng.permutation(BULK_STEADY_METRICS[:-2])[:1].tolist()
+    names, rows = ("slip_margin", *drawn), rng.uniform(0.8, 1.2, (3, 6))
+    found = long_run_metrics(make, rows, names, model=model, gradient=True)
+    assert found.slopes is not None
+
+    @jax.jit
+    def one(row):
+        at = make(row)
+        run = SteadyRun(at.rig, at.speeds, at.angles, model, force=at.force)
+        return jnp.stack([steady_metric(run, name) for name in names])
+
+    slopes = jax.jit(jax.jacfwd(one))
+    for row, values, by_row in zip(rows, found.values, found.slopes, strict=True):
+        np.testing.assert_allclose(values, one(row), rtol=1e-9, err_msg=str(names))
+        expected = np.asarray(slopes(row))
+        size = np.abs(expected).max(axis=1, keepdims=True)
+        np.testing.assert_allclose(
+            by_row / size, expected / size, rtol=0, atol=1e-5, err_msg=str(names)
+        )
+
+
+@pytest.mark.full
+def test_every_metric_of_a_rig_with_effects_is_that_of_each_design():
+    """A damaged roller, runout, a floor that shakes: several signals a phase."""
+    rng = drawn_anew("wheels and designs")
+    make, rows = varied(hidden(machine(cone(rng, 2)))), rng.uniform(0.8, 1.2, (3, 6))
+    found = long_run_metrics(make, rows, BULK_STEADY_METRICS, model="paper").values
+
+    @jax.jit
+    def one(row):
+        at = make(row)
+        run = SteadyRun(at.rig, at.speeds, at.angles, "paper", force=at.force)
+        return jnp.stack([steady_metric(run, name) for name in BULK_STEADY_METRICS])
+
+    for row, values in zip(rows, found, strict=True):
+        np.testing.assert_allclose(values, one(row), rtol=1e-6)
 
 
 def test_what_nothing_holds_has_that_word():
@@ -84,7 +140,7 @@ def test_what_nothing_holds_has_that_word():
         )
         return Operating(moved, row[:3], jnp.zeros(3), jnp.zeros(3))
 
-    found = modal_steady(make, np.array([[1.0, 2.0, 3.0, 0.0], [1.0, 2.0, 3.0, 1.0]]))
+    found = long_run_metrics(make, np.array([[1.0, 2.0, 3.0, 0.0], [1.0, 2.0, 3.0, 1.0]]), BOTH)
     assert found.held.tolist() == [True, False]
 
 
@@ -119,5 +175,5 @@ def test_figures_agree_with_the_closed_form_in_c():
     def make(row):
         return Operating(ours.rig(row), jnp.asarray(problem.SPEEDS), jnp.zeros(3), jnp.zeros(3))
 
-    found = modal_steady(make, rows, model="paper").values
+    found = long_run_metrics(make, rows, BOTH, model="paper").values
     assert problem.error(found, _c.steady(library, rows, 8192)) < 1e-8

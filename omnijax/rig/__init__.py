@@ -58,6 +58,8 @@ if TYPE_CHECKING:
     from ._typed import typed_number as typed_number
     from ._typed import typed_numbers as typed_numbers
     from ._units import converted as converted
+    from ._upright import up as up
+    from ._upright import upright as upright
     from ._user_laws import carried_laws as carried_laws
     from ._user_laws import load_laws as load_laws
 

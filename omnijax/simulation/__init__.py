@@ -31,10 +31,12 @@ if TYPE_CHECKING:
     from ._files import save_trajectory as save_trajectory
     from ._files import to_recording as to_recording
     from ._modal import BULK_METRICS as BULK_METRICS
+    from ._modal import FilterPoles as FilterPoles
     from ._modal import ModalFigures as ModalFigures
     from ._modal import ModalRuns as ModalRuns
     from ._modal import Operating as Operating
     from ._modal import RunChannels as RunChannels
+    from ._modal import SteadyFigures as SteadyFigures
     from ._modal import channels_of as channels_of
     from ._modal import modal_figures as modal_figures
     from ._modal import modal_obstacle as modal_obstacle

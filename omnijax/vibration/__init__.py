@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     from ._amplitude import smooth_peak as smooth_peak
     from ._comfort import weighted_acceleration as weighted_acceleration
     from ._comfort import weighting as weighting
+    from ._in_bulk import BULK_STEADY_METRICS as BULK_STEADY_METRICS
+    from ._in_bulk import long_run_metrics as long_run_metrics
     from ._in_bulk import run_metrics as run_metrics
     from ._metrics import METRICS as METRICS
     from ._metrics import STEADY_METRICS as STEADY_METRICS

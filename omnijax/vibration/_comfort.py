@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .._root import root
-from ..simulation import LinearFilter
+from ..simulation import FilterPoles, LinearFilter
 
 # corner frequencies in Hz and quality factors of ISO 2631-1:1997, table A.1
 _BAND = (0.4, 100.0)
@@ -16,6 +16,9 @@ _WEIGHTINGS = {
     "horizontal": {"transition": (2.0, 2.0, 0.63), "step": None},  # W_d
     "vertical": {"transition": (12.5, 12.5, 0.63), "step": (2.37, 0.91, 3.35, 0.91)},  # W_k
 }
+
+
+UPRIGHT_WEIGHTINGS = ("vertical", "horizontal", "horizontal")  # up, and of two directions across
 
 
 class Biquad(NamedTuple):
@@ -71,6 +74,27 @@ def weighting_filter(direction: str) -> LinearFilter:
         c[first] += b0 - b2
         c[second] += b1 - b2 / q
     return LinearFilter(jnp.asarray(F), jnp.asarray(b), jnp.asarray(c), d)
+
+
+def upright_filters() -> FilterPoles:
+    """The filters of `UPRIGHT_WEIGHTINGS` by their poles."""
+    parts = [sections(way) for way in UPRIGHT_WEIGHTINGS]
+    pole = {
+        (w, q): w * complex(-0.5 / q, math.sqrt(1 - 0.25 / q**2))
+        for own in parts
+        for w, q, _ in own
+    }
+
+    def residue(own: list[Biquad], key: tuple[float, float], z: complex) -> complex:
+        """Of H at its pole z: the other sections there, and what is left of its own."""
+        total = 1.0 + 0.0j
+        for w, q, (b0, b1, b2) in own:
+            below = z * z + w * z / q + w * w if (w, q) != key else 2j * z.imag
+            total *= (b0 * w**2 + b1 * w * z + b2 * z**2) / below
+        return total if any((w, q) == key for w, q, _ in own) else 0.0j
+
+    residues = [[residue(own, *item) for item in pole.items()] for own in parts]
+    return FilterPoles(jnp.asarray([*pole.values()]), jnp.asarray(residues))
 
 
 def weighted_acceleration(

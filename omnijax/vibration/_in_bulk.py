@@ -1,4 +1,4 @@
-"""Metrics of many runs from samples that the modal core gives, with exact derivatives."""
+"""Metrics of many runs and steady states that the modal core gives, with exact derivatives."""
 
 from collections.abc import Callable, Sequence
 
@@ -10,9 +10,19 @@ from jaxtyping import Array, Float
 
 from .._programs import kept
 from ..rig import Rig
-from ..simulation import ModalFigures, Operating, channels_of, modal_runs
-from ._metrics import evaluate
+from ..simulation import (
+    FilterPoles,
+    ModalFigures,
+    Operating,
+    SteadyFigures,
+    channels_of,
+    modal_runs,
+    modal_steady,
+)
+from ._comfort import upright_filters
+from ._metrics import METRICS, STEADY_METRICS, evaluate
 
+BULK_STEADY_METRICS = tuple(name for name in STEADY_METRICS if name != "smooth_peak")
 MARGINS = ("lift_off_margin", "slip_margin")  # N, which say how a run ends
 
 
@@ -53,6 +63,39 @@ def run_metrics(
         slip,
         np.concatenate(holds),
     )
+
+
+class SteadyTable(eqx.Module):
+    """Some of `BULK_STEADY_METRICS`, as the modal core asks for them."""
+
+    names: tuple[str, ...] = eqx.field(static=True)
+    filters: FilterPoles | None
+
+    def metric(self, name: str, run: SteadyFigures) -> Float[Array, ""]:
+        """One of them."""
+        of_steady = METRICS[name].of_steady
+        assert of_steady is not None
+        return of_steady(run)
+
+
+def long_run_metrics(
+    make: Callable[[Array], Operating],
+    rows: Float[Array | np.ndarray, "B d"],
+    names: Sequence[str],
+    *,
+    model: str = "coupled",
+    gradient: bool = False,
+    total: int = 0,
+) -> ModalFigures:
+    """Any of `BULK_STEADY_METRICS` of the designs `make(row)`, as `steady_metrics` gives them.
+
+    As `simulation.modal_steady`.  Raises `ValueError` for other metrics.
+    """
+    if others := [name for name in names if name not in BULK_STEADY_METRICS]:
+        raise ValueError(f"the modal core does not give {', '.join(others)} of the long run.")
+    filters = upright_filters() if "sphere_weighted_acceleration" in names else None
+    table = SteadyTable(tuple(names), filters)
+    return modal_steady(make, rows, table, model=model, gradient=gradient, total=total)
 
 
 def _read(outputs, rig: Rig, step, samples: int, names: tuple[str, ...]) -> Float[Array, " m"]:

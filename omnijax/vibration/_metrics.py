@@ -9,11 +9,10 @@ from jaxtyping import Array, Float
 from .._arrays import largest, smallest
 from .._errors import did_you_mean
 from .._root import root
-from ..rig import Rig
-from ..simulation import RunChannels, Trajectory
+from ..rig import Rig, up
+from ..simulation import RunChannels, SteadyFigures, Trajectory
 from ._amplitude import norm, peak, peak_to_peak, rms, smooth_peak
 from ._comfort import weighted_acceleration
-from ._gravity import up
 from ._steady import SHARPNESS, SteadyRun
 
 
@@ -26,7 +25,7 @@ class Metric(NamedTuple):
     unit: str
     meaning: str
     of_run: Callable[[Trajectory | RunChannels, Rig], Float[Array, ""]]
-    of_steady: Callable[[SteadyRun], Float[Array, ""]] | None
+    of_steady: Callable[[SteadyRun | SteadyFigures], Float[Array, ""]] | None
     smaller_is_better: bool = True
 
 

@@ -13,10 +13,9 @@ from jaxtyping import Array, Float
 
 from .._root import root
 from .._status import Status
-from ..rig import Rig
+from ..rig import Rig, upright
 from ..simulation import LongRun
-from ._comfort import weighting_filter
-from ._gravity import up
+from ._comfort import UPRIGHT_WEIGHTINGS, weighting_filter
 
 SHARPNESS = 64.0
 
@@ -81,12 +80,8 @@ class SteadyRun(LongRun):
 
     def weighted(self) -> Float[Array, ""]:
         """RMS of the sphere's acceleration behind the filters of ISO 2631-1, m/s^2."""
-        vertical = up(self.rig)
-        aside = jnp.cross(vertical, jnp.eye(3)[jnp.argmin(jnp.abs(vertical))])
-        aside = aside / jnp.sqrt(aside @ aside)
-        directions = jnp.stack([vertical, aside, jnp.cross(vertical, aside)])
-        filters = [weighting_filter(way) for way in ("vertical", "horizontal", "horizontal")]
-        return root(jnp.sum(self.filtered("a_sphere", directions, filters)))
+        filters = [weighting_filter(way) for way in UPRIGHT_WEIGHTINGS]
+        return root(jnp.sum(self.filtered("a_sphere", upright(self.rig), filters)))
 
 
 @eqx.filter_jit

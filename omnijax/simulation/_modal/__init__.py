@@ -10,4 +10,6 @@ from .obstacles import modal_obstacle as modal_obstacle
 from .obstacles import modal_steady_obstacle as modal_steady_obstacle
 from .runs import RunChannels as RunChannels
 from .runs import channels_of as channels_of
+from .steady_figures import SteadyFigures as SteadyFigures
+from .steady_filtered import FilterPoles as FilterPoles
 from .system import Operating as Operating

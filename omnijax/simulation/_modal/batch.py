@@ -56,8 +56,8 @@ class DesignBatch(NamedTuple):
         """Whether the wheels hold the sphere."""
         return np.asarray(_held(self.points.rig, self.how.model, effort=self.effort))
 
-    def back(self, bars, rig: Rig | None = None) -> Float[np.ndarray, "m B d"]:
-        """Derivatives by the rows from those by systems and signals, and by the rigs themselves."""
+    def back(self, bars: LinearDesign, rig: Rig | None = None) -> Float[np.ndarray, "m B d"]:
+        """Derivatives by the rows from those by the designs' arrays, and by the rigs themselves."""
         at = _from_designs(self.points, bars, self.how, self.turn, effort=self.effort)
         if rig is not None:
             own = jax.tree.map(lambda x: x[None], eqx.filter(rig, eqx.is_inexact_array))
@@ -156,8 +156,7 @@ def _from_designs(points: Operating, bars, how: How, turn: Any = None) -> Operat
     moving, still = eqx.partition(points, eqx.is_inexact_array)
 
     def designs(moving):
-        design = designs_of(eqx.combine(moving, still), how, turn)[0]
-        return design.system, design.signals
+        return designs_of(eqx.combine(moving, still), how, turn)[0]
 
     back = jax.vjp(designs, moving)[1]
     return jax.vmap(lambda bar: back(bar)[0])(bars)

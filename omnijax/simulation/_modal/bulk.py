@@ -20,8 +20,8 @@ from .obstacles import BULK_METRICS, modal_obstacle, modal_steady_obstacle
 from .output_sums import slopes_of
 from .peak import peak_sums
 from .phases import longest_period
-from .steady import steady_of
-from .system import Layout, LinearDesign, Operating
+from .steady_figures import LongRunTable, outputs_asked, rows_asked, steady_of
+from .system import OUTPUTS, Layout, LinearDesign, Operating
 from .transient import Lanes, samples_of
 
 
@@ -59,46 +59,51 @@ def modal_figures(
     def figures(design: LinearDesign, layout: Layout, effort: Effort):
         return _figures(design, layout, every, count, gradient, effort=effort)
 
-    return _batches(make, rows, metrics, model, gradient, modal_obstacle, figures, total)
+    why = partial(modal_obstacle, metrics=metrics)
+    both = _batches(make, rows, model, gradient, why, figures, total)
+    chosen = [BULK_METRICS.index(name) for name in metrics]
+    slopes = None if both.slopes is None else both.slopes[:, chosen]
+    return both._replace(values=both.values[:, chosen], slopes=slopes)
 
 
 def modal_steady(
     make: Callable[[Array], Operating],
     rows: Float[Array | np.ndarray, "B d"],
-    metrics: Sequence[str] = BULK_METRICS,
+    table: LongRunTable,
     *,
     model: str = "coupled",
     gradient: bool = False,
     total: int = 0,
 ) -> ModalFigures:
-    """Figures of the long run of the designs `make(row)`, as `steady_state` defines them.
+    """The table's metrics of the long run of the designs `make(row)`.
 
-    RMS in closed form, suprema refined to 1e-6 or better; else as `modal_figures`.  Raises
-    `ValueError` where `modal_steady_obstacle` names a reason.
+    RMS in closed form, suprema and margins refined to 1e-6 or better; else as `modal_figures`.
+    Raises `ValueError` where `modal_steady_obstacle` names a reason.
     """
 
     def figures(design: LinearDesign, layout: Layout, effort: Effort):
-        return _long_run(design, layout, gradient, effort=effort)
+        layout = layout._replace(rows=rows_asked(table, layout))
+        return _long_run(design, layout, table, gradient, effort=effort)
 
-    return _batches(make, rows, metrics, model, gradient, modal_steady_obstacle, figures, total)
+    outputs = outputs_asked(table)
+    return _batches(make, rows, model, gradient, modal_steady_obstacle, figures, total, outputs)
 
 
 def _batches(
-    make, rows, metrics, model: str, gradient: bool, obstacle, figures, total: int
-) -> ModalFigures:
+    make, rows, model: str, gradient: bool, obstacle, figures, total: int,
+    outputs: tuple[str, ...] = OUTPUTS,
+) -> ModalFigures:  # fmt: skip
     """`figures(design, layout, effort)` of all designs, batch by batch."""
     parts, slopes = [], []
-    why = partial(obstacle, metrics=metrics)
-    for batch in ready(make, rows, model, why, total):
+    for batch in ready(make, rows, model, obstacle, total, outputs):
         values, bars = figures(batch.design, batch.layout, batch.effort)
         parts.append(np.concatenate([values, batch.held()[None]]))
         if gradient:
             slopes.append(batch.back(bars))
-    rms, peak, normal, slip, holds = np.concatenate(parts, axis=1)[:, : len(rows)]
-    values, chosen = {"rms": rms, "peak": peak}, [BULK_METRICS.index(name) for name in metrics]
+    *values, normal, slip, holds = np.concatenate(parts, axis=1)[:, : len(rows)]
     return ModalFigures(
-        np.stack([values[name] for name in metrics], axis=1),
-        np.concatenate(slopes, axis=1)[chosen, : len(rows)].swapaxes(0, 1) if gradient else None,
+        np.stack(values, axis=1),
+        np.concatenate(slopes, axis=1)[:, : len(rows)].swapaxes(0, 1) if gradient else None,
         normal,
         slip,
         holds > 0,
@@ -128,7 +133,7 @@ def _figures(design: LinearDesign, layout: Layout, step, count, gradient: bool):
 
 
 @kept
-def _long_run(design: LinearDesign, layout: Layout, gradient: bool):
-    """The same of the long run."""
+def _long_run(design: LinearDesign, layout: Layout, table: LongRunTable, gradient: bool):
+    """(m + 2, B): the table's metrics and margins of the long run; and derivatives."""
     span = longest_period(design.signals, layout) if gradient else None
-    return of_groups(lambda g: steady_of(g, layout, gradient), design, layout, span)
+    return of_groups(lambda g: steady_of(g, layout, table, gradient), design, layout, span)

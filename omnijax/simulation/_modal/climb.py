@@ -9,10 +9,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .arithmetic import summed
-from .curves import ModalCurves, values_at
-from .gradient import ROWS
+from .curves import ModalCurves, moved, values_at
+from .phases import Spot
+from .transient import ROWS
 
 LESS = 0.25  # of a step that went too far
+SMALL = 1e-3  # of a step between samples: what Newton's method still moves at the end
 
 
 def unit(total):
@@ -20,10 +22,10 @@ def unit(total):
     return total / jnp.where(size > 0, size, 1.0)
 
 
-def ascended(f: ModalCurves, d, time, step):
+def ascended(f: ModalCurves, d, spot: Spot, step) -> Spot:
     """One step of Newton's method up d . x of each phase, d (o, 1, c)."""
-    _, rise, bend = (summed(d * x) for x in values_at(f, time, 3))
-    return time + move_up(rise, bend, step)
+    _, rise, bend = (summed(d * x) for x in values_at(f, spot, 3))
+    return moved(spot, move_up(rise, bend, step))
 
 
 def move_up(rise, bend, step):
@@ -32,72 +34,93 @@ def move_up(rise, bend, step):
     return jnp.clip(move, -step, step)
 
 
-def risen(f: ModalCurves, signs, time: Float[Array, "n s c"], step, rounds: int):
-    """Times and heights of the maxima of one output times `signs` (n, 1, 1), never lower than at
-    first.
+def risen(f: ModalCurves, signs, spot: Spot, step, rounds: int):
+    """Spots and heights of the maxima of one output times `signs` (n, 1, 1), never lower than at
+    first; spots and steps have a leading axis (n).
     """
 
     def turn(_, now):
-        time, best, move, share = now
-        tried = time + share * move
-        x, v, a = (signs * x[:, 0] for x in _at_each(f, tried, 3))
+        spot, best, move, share = now
+        tried = moved(spot, share * move)
+        each = jax.vmap(lambda spot: values_at(f, spot, 3))(tried)
+        x, v, a = (signs * x[:, 0] for x in each)
         better = x > best
         return (
-            jnp.where(better, tried, time),
+            chosen(better, tried, spot),
             jnp.where(better, x, best),
             jnp.where(better, move_up(v, a, step), move),
             jnp.where(better, 1.0, LESS * share),
         )
 
-    start = time, jnp.full(time.shape, -jnp.inf), 0.0 * time, 0.0 * time + 1.0
-    return jax.lax.fori_loop(0, rounds, turn, start)[:2]
+    still = 0.0 * spot.time
+    start = spot, jnp.full(still.shape, -jnp.inf), still, still + 1.0
+    spot, height, move, _ = jax.lax.fori_loop(0, rounds, turn, start)
+    return _settled(spot, move, step), height
 
 
-def _at_each(f: ModalCurves, time, orders: int) -> list[Array]:
-    """`values_at` of rows of times (n, s, c), (n, r, s, c)."""
-    return jax.vmap(lambda time: values_at(f, time, orders))(time)
+def _settled(spot: Spot, move, step) -> Spot:
+    """The spot by the last step of Newton's method further, where that is a small one.
+
+    A value tells a time to half its digits; where the slope is zero it is known to nearly all.
+    """
+    return moved(spot, jnp.where(jnp.abs(move) < SMALL * step, move, 0.0))
+
+
+def chosen(better, tried: Spot, spot: Spot) -> Spot:
+    """The spot tried where that is better."""
+    return jax.tree.map(lambda x, y: jnp.where(better, x, y), tried, spot)
 
 
 class _Climb(NamedTuple):
-    """The highest times so far, dR and |dR|^2 there, and the step to try next."""
+    """The highest spots so far, the sum and its square there, and the step to try next."""
 
-    times: list[Array]
+    spots: list[Spot]
     total: Float[Array, "o c"]
     square: Float[Array, " c"]
     moves: list[Array]
     share: Float[Array, " c"]  # of the moves
 
 
-def climbed(every: list[ModalCurves], held, times, steps, rounds: int):
-    """Times, dR (o, c) and |dR|^2 after `rounds` of Newton's method in all times together.
+def climbed(every: list[ModalCurves], held, spots: list[Spot], steps, rounds: int):
+    """Spots, the sum of the outputs (o, c) and its square after `rounds` of Newton's method in all
+    times together.
 
     Never lower than at first.
     """
 
     def turn(_, now: _Climb) -> _Climb:
-        tried = [t + now.share * move for t, move in zip(now.times, now.moves, strict=True)]
-        parts = [values_at(f, t, 3) for f, t in zip(every, tried, strict=True)]
+        each = zip(now.spots, now.moves, strict=True)
+        tried = [moved(spot, now.share * move) for spot, move in each]
+        parts = [values_at(f, spot, 3) for f, spot in zip(every, tried, strict=True)]
         total = held + sum(summed(part[0], 1) for part in parts)
         square = summed(total**2)
         better = square > now.square
-        moves = _newton(total, parts, steps)
+        moves = _newton(total, parts, steps, [_inwards(spot) for spot in tried])
         return _Climb(
-            [jnp.where(better, x, t) for x, t in zip(tried, now.times, strict=True)],
+            [chosen(better, x, spot) for x, spot in zip(tried, now.spots, strict=True)],
             jnp.where(better, total, now.total),
             jnp.where(better, square, now.square),
             [jnp.where(better, x, m) for x, m in zip(moves, now.moves, strict=True)],
             jnp.where(better, 1.0, LESS * now.share),
         )
 
-    still = [0.0 * t for t in times]
-    lanes = times[0].shape[-1]
-    begin = _Climb(times, jnp.zeros((ROWS, lanes)), jnp.full(lanes, -1.0), still, jnp.ones(lanes))
+    still = [0.0 * spot.time for spot in spots]
+    lanes = still[0].shape[-1]
+    begin = _Climb(spots, jnp.zeros((ROWS, lanes)), jnp.full(lanes, -1.0), still, jnp.ones(lanes))
     top = jax.lax.fori_loop(0, rounds, turn, begin)
-    return top.times, top.total, top.square
+    each = zip(top.spots, top.moves, steps, strict=True)
+    return [_settled(*x) for x in each], top.total, top.square
 
 
-def _newton(total, parts: list[list[Array]], steps):
+def _inwards(spot: Spot):
+    """The sense in which a spot at an edge may move, -1 or 1; else 0."""
+    return jnp.where(spot.time >= spot.end, -1.0, jnp.where(spot.time <= spot.begin, 1.0, 0.0))
+
+
+def _newton(total, parts: list[list[Array]], steps, inwards: list[Array]):
     """Steps of all times towards the maximum of |x|^2/2, x the sum of all phases' parts.
+
+    Those that would go beyond an edge stay.
 
     The second derivatives are diag(x . a) + V^T V of rates V and accelerations a, and are solved
     by Woodbury's identity; phase by phase where they are not those of a maximum.
@@ -106,7 +129,11 @@ def _newton(total, parts: list[list[Array]], steps):
     rise = [summed(t * v) for _, v, _ in parts]  # (s, c)
     bend = [summed(t * a) for *_, a in parts]
     alone = [move_up(r, b, h) for r, b, h in zip(rise, bend, steps, strict=True)]
-    over = [jnp.where(b < 0, 1 / jnp.where(b < 0, b, -1.0), 0.0) for b in bend]
+    free = [side * r >= 0 for side, r in zip(inwards, rise, strict=True)]
+    over = [
+        jnp.where((b < 0) & yes, 1 / jnp.where(b < 0, b, -1.0), 0.0)
+        for b, yes in zip(bend, free, strict=True)
+    ]
 
     def gathered(terms):
         return functools.reduce(operator.add, (summed(x, x.ndim - 2) for x in terms))

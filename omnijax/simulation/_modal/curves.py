@@ -25,9 +25,22 @@ from .arithmetic import (
     summed,
     turned,
 )
-from .phases import PhaseCycle, Phases, Wave, columns_of, cycle_of, follows, free_starts
+from .phases import (
+    PhaseCycle,
+    Phases,
+    Spot,
+    Wave,
+    columns_of,
+    cycle_of,
+    follows,
+    free_starts,
+    piece_of,
+    spot_on,
+)
 from .system import Layout
 from .transient import Lanes
+
+BEYOND = 1e-9  # of the period: where the next piece is on, whichever it is
 
 
 class ModalCurves(NamedTuple):
@@ -189,15 +202,15 @@ def moved_by(f: ModalCurves, time) -> Pair:
     return stored(moved, time, f.kind, *f.pole)
 
 
-def values_at(f: ModalCurves, time: Float[Array, "s c"], orders: int = 1) -> list[Array]:
-    """The outputs (r, s, c) at a time and their first `orders - 1` derivatives, stored."""
-    return materialised(lambda f, time: _values_at(f, time, orders), f, time)
+def values_at(f: ModalCurves, spot: Spot, orders: int = 1) -> list[Array]:
+    """The outputs (r, s, c) at a spot and their first `orders - 1` derivatives, stored."""
+    return materialised(lambda f, spot: _values_at(f, spot, orders), f, spot)
 
 
-def _values_at(f: ModalCurves, time, orders: int) -> list[Array]:
-    values = [jnp.zeros((f.outputs, *time.shape)) for _ in range(orders)]
+def _values_at(f: ModalCurves, spot: Spot, orders: int) -> list[Array]:
+    values = [jnp.zeros((f.outputs, *spot.time.shape)) for _ in range(orders)]
     for i, wave in enumerate(f.waves):
-        here, into = piece_at(wave, time)
+        here, into = piece_of(wave, spot)
         s, c = stored(lambda rate, into: sincos(rate * into), wave.rate, into)
         a, b = (summed(here * x[i], 2) for x in (f.cosine, f.sine))
         value, slope = turned(a, b, c, s)
@@ -219,15 +232,17 @@ def _from(kind, pole: Pair, into, *start) -> Pair:
     return product(kind, start, pair_exp(kind, (pole[0] * into, pole[1] * into)))
 
 
-def piece_at(wave: Wave, time):
-    """A one at the piece (k, s, c) that each signal is on, and the time since it began."""
-    begin = wave.begin
-    if len(begin) == 1:
-        return jnp.ones_like(begin), time
-    local = jnp.mod(time + wave.place, wave.period)
-    piece = summed(jnp.where(local >= begin[1:], 1, 0))
-    here = jnp.where(jnp.arange(len(begin))[:, None, None] == piece, 1.0, 0.0)
-    return here, local - summed(here * begin)
+def moved(spot: Spot, move) -> Spot:
+    """The spot by `move` s further, as far as its pieces go."""
+    return spot._replace(time=jnp.clip(spot.time + move, spot.begin, spot.end))
+
+
+def beyond(f: ModalCurves, spot: Spot) -> Spot:
+    """The other side of the edge that the spot is at, if it is at one."""
+    last, first = spot.end + BEYOND * f.cycle.period, spot.begin - BEYOND * f.cycle.period
+    near = jnp.where(spot.time >= spot.end, last, spot.near)
+    near = jnp.where(spot.time <= spot.begin, first, near)
+    return spot_on(f.cycle, spot.time, near)
 
 
 def free_size(kind, w: Pair):

@@ -22,11 +22,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, product, stored, summed
+from .arithmetic import Pair, stored, summed
 from .poles import Eigen, PolePairs, unpacked, unpacked_inverse
 from .signals import Signals
 from .system import Layout, System
-from .transient import ROWS, Lanes
+from .transient import Lanes
 
 
 class Slopes(NamedTuple):
@@ -39,26 +39,13 @@ class Slopes(NamedTuple):
     signals: Signals
     direct: Float[Array, "s o c"]
     rate: Float[Array, "s o c"] | None = None  # none: nothing shows a signal's rate
+    preload: Float[Array, "n c"] | None = None  # none: nothing is made of that
+    friction: Float[Array, "n c"] | None = None
 
 
 def seen(kind, c: Pair) -> Pair:
     """Pairs whose product with z has in its `total` the output c0 z0 + c1 z1."""
     return c[0], jnp.where(kind > 0, -c[1], c[1])
-
-
-def of_psi(m: PolePairs, layout: Layout, psi: Pair, rate: Pair) -> tuple[Pair, Pair, Pair, Pair]:
-    """The first four of `Slopes` from Psi and its derivative of all outputs, (o, s + 1, p, c)."""
-    own = [x[:, None] for x in seen(m.kind, (m.c0[:ROWS], m.c1[:ROWS]))]
-    columns = [*(kind.column for kind in layout.kinds), -1]
-    b = m.given(columns)
-
-    def summed_by(b, x: Pair, axis: int) -> Pair:
-        first, second = (summed(y, axis) for y in product(m.kind, b, x))
-        return first, second
-
-    return (
-        summed_by(own, psi, 0), summed_by(own, rate, 0), summed_by(b, psi, 1), summed_by(b, rate, 1)
-    )  # fmt: skip
 
 
 def half_root(square):

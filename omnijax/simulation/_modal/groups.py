@@ -14,7 +14,7 @@ from .transient import LANES, Lanes
 
 
 def of_groups(some: Callable, design: LinearDesign, layout: Layout, span, *more):
-    """Figures of `some(lanes)` for all designs, and what its slopes give by systems and signals.
+    """Figures of `some(lanes)` for all designs, and what its slopes give by what these are made of.
 
     `span` (s): over which two poles are as good as equal or not.  `some` takes `more` of each group
     too, which leads its arrays.
@@ -28,7 +28,9 @@ def of_groups(some: Callable, design: LinearDesign, layout: Layout, span, *more)
         if slopes is None:
             return values, None
         system = jax.lax.map(lambda slope: pull_back(*group[0], slope, layout, span), slopes)
-        return values, (system, slopes.signals)
+        none = jnp.zeros((len(slopes.direct), *group[0][0].preload.shape))
+        straight = (none if x is None else x for x in (slopes.preload, slopes.friction))
+        return values, LinearDesign(system, slopes.signals, *straight)
 
     values, bars = jax.lax.map(one, (groups, more))
     bars = jax.tree.map(lambda x: jnp.moveaxis(_flat(x), -1, 1), bars)

@@ -1,7 +1,7 @@
 """Runs of many designs for whatever is read from their samples."""
 
 from collections.abc import Callable, Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,8 +16,8 @@ from .blocks import LENGTH
 from .groups import grouped, lanes_of, of_groups
 from .obstacles import modal_obstacle
 from .poles import eigen
-from .runs import RUN_OUTPUTS, output_rows, outputs_of, run_slopes
-from .system import Layout, LinearDesign, Operating
+from .runs import RUN_OUTPUTS, outputs_of, run_slopes
+from .system import Layout, LinearDesign, Operating, output_rows
 from .transient import LANES, Lanes
 
 
@@ -55,14 +55,14 @@ class ModalRuns:
         """Whether the wheels hold the sphere, of the wanted designs."""
         return self._batch.held()[: self.size]
 
-    def bars(self, group: RunGroup, weights: Float[Array, "c o length"]) -> Any:
-        """Derivatives by systems and signals from those by the outputs of a group.
+    def bars(self, group: RunGroup, weights: Float[Array, "c o length"]) -> LinearDesign:
+        """Derivatives by the designs' arrays from those by the outputs of a group.
 
         Only outputs that move the figure in any run are asked.
         """
         layout, *samples = self._given
         moving, every = np.asarray(_moving(weights)), np.arange(layout.rows)
-        parts = [every[rows] for rows in output_rows(layout.wheels).values()]
+        parts = [every[rows] for rows in output_rows(RUN_OUTPUTS, layout.wheels).values()]
         rows = np.concatenate([part for part in parts if moving[part].any()] or parts[:1])
         few = layout._replace(
             rows=len(rows),
@@ -71,7 +71,7 @@ class ModalRuns:
         )
         s = group.design.system
         part = s._replace(C=s.C[:, rows], direct=s.direct[:, :, rows], rate=s.rate[:, :, rows])
-        system, signals = _run_slopes(
+        bars = _run_slopes(
             group.design._replace(system=part), few, *samples, np.asarray(weights)[:, rows],
             effort=self.effort,
         )  # fmt: skip
@@ -81,10 +81,12 @@ class ModalRuns:
             np.moveaxis(whole, axis, 0)[rows] = np.moveaxis(np.asarray(x), axis, 0)
             return whole
 
-        system = system._replace(
-            C=placed(system.C, 2), direct=placed(system.direct, 3), rate=placed(system.rate, 3)
+        system = bars.system
+        return bars._replace(
+            system=system._replace(
+                C=placed(system.C, 2), direct=placed(system.direct, 3), rate=placed(system.rate, 3)
+            )
         )
-        return system, signals
 
     def slopes(self, bars: list, rigs: list[Rig]) -> Float[np.ndarray, "B d"]:
         """Derivatives by the wanted rows from `bars` of all groups and those by the rigs."""
@@ -131,7 +133,7 @@ def _outputs(design: LinearDesign, layout: Layout, step, count, length: int):
 
 @kept
 def _run_slopes(design: LinearDesign, layout: Layout, step, count, weights):
-    """Derivatives by systems and signals from those by the outputs, (B, o, length)."""
+    """Derivatives by the designs' arrays from those by the outputs, (B, o, length)."""
 
     def some(g: Lanes, weights):
         slopes = run_slopes(g, layout, step, count, weights)

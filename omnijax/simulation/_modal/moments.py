@@ -113,7 +113,6 @@ def moments_of(m: PolePairs, cycle: PhaseCycle) -> Moments:
     m = wide(m)
     zero = jnp.zeros_like(cycle.period)
     work, level, square = (0.0 * m.l0 + zero, 0.0 * m.l0 + zero), zero, zero
-    rest = jnp.max(cycle.period) * 0.0
     for wave in cycle.edged:
         work = plus(work, _work(m, wave, wave))
         level, square = level + _mean(wave), square + _overlap(wave, wave)
@@ -126,19 +125,45 @@ def moments_of(m: PolePairs, cycle: PhaseCycle) -> Moments:
         square = square + 2 * share * _overlap(pitch, folded)
     if cycle.endless:
         rate = cycle.endless[0].rate[0]
-        cosine = sum(wave.cosine[0, 0] for wave in cycle.endless) + rest
-        sine = sum(wave.sine[0, 0] for wave in cycle.endless) + rest
-        lines = [_shared(wave, cycle.period, rate) for wave in cycle.edged]
-        own = cosine * cosine + sine * sine
-        across = sum((2 * (cosine * a + sine * b) for a, b in lines), zero)
-        still = rate == 0
-        half = jnp.where(still, cosine * cosine, own / 2)
-        level = level + jnp.where(still, cosine, 0.0)
-        across = jnp.where(still, 2 * cosine * sum((_mean(w) for w in cycle.edged), zero), across)
+        half, across = _with_endless(cycle)
+        cosine = sum(wave.cosine[0, 0] for wave in cycle.endless)
+        level = level + jnp.where(rate == 0, cosine, 0.0)
         square = square + half + across
         gain = times(-1.0, resonance(m, rate).level)
         work = plus(work, times(half + across, gain))
     return Moments(work, level, square)
+
+
+def slope_square(cycle: PhaseCycle) -> Float[Array, "s c"]:
+    """Mean of the square of drho/dt over the phases' periods; rho has no jumps."""
+    turned = [
+        wave._replace(cosine=wave.rate[:, None] * wave.sine, sine=-wave.rate[:, None] * wave.cosine)
+        for wave in cycle.edged
+    ]
+    square = sum((_overlap(wave, wave) for wave in turned), jnp.zeros_like(cycle.period))
+    if len(turned) > 1:
+        pitch, turn = turned
+        folded = turn._replace(duration=pitch.duration)
+        square = square + 2 * pitch.period / turn.period * _overlap(pitch, folded)
+    if cycle.endless:
+        half, across = _with_endless(cycle)
+        square = square + cycle.endless[0].rate[0] ** 2 * (half + across)
+    return square
+
+
+def _with_endless(cycle: PhaseCycle):
+    """Means over the phases' periods of the endless signals' square, and of twice their product
+    with the others.
+    """
+    rate, zero = cycle.endless[0].rate[0], jnp.zeros_like(cycle.period)
+    cosine = sum((wave.cosine[0, 0] for wave in cycle.endless), zero)
+    sine = sum((wave.sine[0, 0] for wave in cycle.endless), zero)
+    lines = [_shared(wave, cycle.period, rate) for wave in cycle.edged]
+    across = sum((2 * (cosine * a + sine * b) for a, b in lines), zero)
+    still = rate == 0
+    level = 2 * cosine * sum((_mean(w) for w in cycle.edged), zero)
+    own = jnp.where(still, cosine * cosine, (cosine * cosine + sine * sine) / 2)
+    return own, jnp.where(still, level, across)
 
 
 def _shared(wave: Wave, period, rate):

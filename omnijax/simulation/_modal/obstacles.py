@@ -26,11 +26,9 @@ def modal_obstacle(
     return None
 
 
-def modal_steady_obstacle(
-    rig: Rig, model: str = "coupled", metrics: Sequence[str] = BULK_METRICS
-) -> str | None:
-    """The same of steady states."""
-    reason = modal_obstacle(rig, model, metrics)
+def modal_steady_obstacle(rig: Rig, model: str = "coupled") -> str | None:
+    """Why the modal core does not give steady states of the rig, in words."""
+    reason = modal_obstacle(rig, model)
     if reason is not None:
         return reason
     laws = [(placed.law, placed.wheels) for placed in rig.at("shape")]

@@ -27,7 +27,8 @@ from .arithmetic import (
     summed,
     turned,
 )
-from .curves import ModalCurves, free_size, moved_by, onward, piece_at, size_of, weights
+from .curves import ModalCurves, free_size, moved_by, onward, size_of, weights
+from .phases import piece_at
 
 LENGTH = 32  # samples a block
 FEW = 4  # of them after each long step

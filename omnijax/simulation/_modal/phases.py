@@ -176,20 +176,73 @@ class PeriodicResponse(NamedTuple):
     slope: Float[Array, "s c"]  # drho/dt
 
 
-def response(m: PolePairs, cycle: PhaseCycle, time: Float[Array, "s c"]) -> PeriodicResponse:
-    """The response `time` s after t = 0, any time of the periodic motion; of plain modes."""
+class Spot(NamedTuple):
+    """A time of each phase, and begin and end of the pieces that its signals are taken to be on.
+
+    At an edge that says which of its sides is meant.  Signals without edges have no such end.
+    """
+
+    time: Float[Array, "s c"]  # s
+    begin: Float[Array, "s c"]  # s
+    end: Float[Array, "s c"]  # s
+
+    @property
+    def near(self) -> Float[Array, "s c"]:
+        """A time inside the pieces, s."""
+        return 0.5 * (self.begin + self.end)
+
+
+def spot_on(cycle: PhaseCycle, time, near) -> Spot:
+    """That time, on the pieces that the signals are on at the time `near`."""
+    begin, end = jnp.full_like(near, -FOREVER), jnp.full_like(near, FOREVER)
+    for wave in cycle.edged:
+        here, into = piece_at(wave, near)
+        begin = jnp.maximum(begin, near - into)
+        end = jnp.minimum(end, near - into + summed(here * wave.duration))
+    return Spot(time, begin, end)
+
+
+def piece_at(wave: Wave, time):
+    """A one at the piece (k, s, c) that each signal is on, and the time since it began."""
+    begin = wave.begin
+    if len(begin) == 1:
+        return jnp.ones_like(begin), time
+    local = jnp.mod(time + wave.place, wave.period)
+    piece = summed(jnp.where(local >= begin[1:], 1, 0))
+    here = jnp.where(jnp.arange(len(begin))[:, None, None] == piece, 1.0, 0.0)
+    return here, local - summed(here * begin)
+
+
+def piece_of(wave: Wave, spot: Spot):
+    """`piece_at` of a spot."""
+    here, into = piece_at(wave, spot.near)
+    return here, into + (spot.time - spot.near)
+
+
+def with_edges(known: PhaseCycle, spot: Spot, cycle: PhaseCycle) -> Spot:
+    """The spot for signals `cycle` that differ a little from those `known`.
+
+    What is largest at an edge moves with it; elsewhere nothing hangs on the time.
+    """
+    if not known.edged:
+        return spot
+    close = 1e-12 * known.period
+    here, into = piece_of(known.edged[0], spot)
+    first, last = into <= close, into >= summed(here * known.edged[0].duration) - close
+    here, into = piece_at(cycle.edged[0], spot.near)
+    begin = spot.near - into
+    end = begin + summed(here * cycle.edged[0].duration)
+    return spot._replace(time=jnp.where(first, begin, jnp.where(last, end, spot.time)))
+
+
+def response(m: PolePairs, cycle: PhaseCycle, spot: Spot) -> PeriodicResponse:
+    """The response at a spot, at any time of the periodic motion; of plain modes."""
     m, of_phases = wide(m), []
     for wave in (*cycle.edged, *cycle.endless):
         r = follows(m, wave)
-        if len(wave.duration) == 1:
-            into, here = time, jnp.ones((1, *time.shape))
-            free = None
-        else:
-            local = jnp.mod(time + wave.place, wave.period)
-            begin = wave.begin
-            piece = jnp.sum(local >= begin[1:], axis=0)
-            here = jnp.where(jnp.arange(len(begin))[:, None, None] == piece, 1.0, 0.0)
-            into = local - jnp.sum(here * begin, axis=0)
+        here, into = piece_of(wave, spot)
+        free = None
+        if len(wave.duration) > 1:
             start = [jnp.sum(here[:, None] * y, axis=0) for y in free_starts(m, wave, r)]
             free = product(m.kind, start, pair_exp(m.kind, (m.l0 * into, m.l1 * into)))
         levels = _levels(wave, (wave.rate * into)[:, None])
@@ -220,7 +273,7 @@ def constant_columns(layout: Layout) -> np.ndarray:
     return np.array([kind.column for kind in layout.kinds if kind.phase == CONSTANT], int)
 
 
-def constant(m: PolePairs, layout: Layout, rows: slice, direct) -> Float[Array, "o c"]:
+def constant(m: PolePairs, layout: Layout, rows: np.ndarray, direct) -> Float[Array, "o c"]:
     """The outputs `rows` that a constant force holds; `direct` (l, o, c)."""
     number = constant_columns(layout)
     z = quotient(m.kind, (m.b0[number], m.b1[number]), (-m.l0, -m.l1))

@@ -4,13 +4,11 @@ A figure of a run has derivatives g_o(t) by the samples of its outputs; sums of 
 run is made of (`OutputSums`) give its derivatives by poles, residues and signals.
 """
 
-import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from ...rig import Rig
@@ -19,7 +17,7 @@ from .blocks import LENGTH, BlockTables, OutputParts, Weights, shown_by, stored_
 from .gradient import Slopes
 from .mean_square import sums_along
 from .output_sums import slopes_of
-from .system import Layout
+from .system import Layout, output_rows
 from .transient import Lanes
 from .walk import Walk, WalkState
 
@@ -43,16 +41,9 @@ class RunChannels(NamedTuple):
     slip_margin: Float[Array, "t n"]
 
 
-def output_rows(wheels: int) -> dict[str, slice]:
-    """The rows of each of `RUN_OUTPUTS`."""
-    sizes = [wheels if name.endswith("_force") else 3 for name in RUN_OUTPUTS]
-    ends = np.cumsum([0, *sizes]).tolist()
-    return dict(zip(RUN_OUTPUTS, itertools.starmap(slice, itertools.pairwise(ends)), strict=True))
-
-
 def channels_of(outputs: Float[Array, "o t"], rig: Rig, step) -> RunChannels:
     """The channels of one run from samples of `RUN_OUTPUTS` every `step` s from t = 0 on."""
-    part = {name: outputs[rows].T for name, rows in output_rows(rig.size).items()}
+    part = {name: outputs[rows].T for name, rows in output_rows(RUN_OUTPUTS, rig.size).items()}
     normal = rig.wheels.closure.preload + part.pop("normal_force")
     drive = part.pop("drive_force")
     margin = rig.wheels.contact.friction * normal - jnp.abs(drive)

@@ -11,11 +11,10 @@ from jaxtyping import Array, Bool, Float
 
 from .arithmetic import across, materialised
 from .curves import ModalCurves, curves_of, phase_by_phase, rows_shown, shown_rows, size_of
-from .gradient import ROWS
 from .pass_along import Block, along
 from .phases import constant, phases_of
 from .system import Layout
-from .transient import Lanes
+from .transient import ROWS, Lanes
 
 
 class _Forces(NamedTuple):
@@ -81,7 +80,7 @@ def steady_margins(g: Lanes, layout: Layout) -> tuple[Float[Array, " c"], Float[
     From parabolas through samples where the bounds of a wheel say too little.
     """
     n, every = layout.wheels, _forces(g, layout)
-    held = constant(g.modes, layout, slice(ROWS, ROWS + 2 * n), g.direct)
+    held = constant(g.modes, layout, np.arange(ROWS, ROWS + 2 * n), g.direct)
     normal, drive = g.preload + held[:n], held[n:]
 
     def summed_up(each: list[Array]) -> Array:

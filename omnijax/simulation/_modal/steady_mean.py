@@ -4,9 +4,10 @@ The response phi of a pole to one unit of a phase's column obeys dphi/dt = lambd
 phi_i phi_j comes back to where it began, so
 
     mean(phi_i phi_j) = -(R_i + R_j)/(lambda_i + lambda_j),    R_i = mean(rho phi_i)
+    mean(phi_i drho/dt) = -lambda_i R_i - mean(rho^2)
 
-All that is asked of a signal is R at every pole, the mean of rho and that of its square.  Phases
-run independently: variances add up, means add up first.
+All that is asked of a signal is R at every pole, the mean of rho and those of its square and of its
+slope's.  Phases run independently: variances add up, means add up first.
 """
 
 from typing import NamedTuple
@@ -16,9 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .arithmetic import Pair, materialised, stored
-from .gradient import ROWS, Slopes, along_poles, of_psi
-from .moments import Moments, moments_of
+from .arithmetic import Pair, materialised, product, stored, summed
+from .gradient import Slopes, along_poles, seen
+from .moments import Moments, moments_of, slope_square
 from .phases import PhaseCycle, columns_of, constant, cycle_of, phases_of
 from .poles import PolePairs
 from .signals import CONSTANT, Signals
@@ -28,17 +29,19 @@ from .transient import Lanes
 LEAST_DECAY = 1e-7  # over a period: what keeps the mean square of an undamped mode finite
 
 
-class _Phase(NamedTuple):
+class PhaseMoments(NamedTuple):
     """Phases of like kinds with every eigenvalue (q) by itself, both of a pair."""
 
     moments: Moments
+    turn: Float[Array, "s c"] | None  # mean of the square of drho/dt, where that is shown
     shown: Complex[Array, "o q s c"]  # what an output shows of what the column gives
     work: Complex[Array, "q s c"]
     direct: Float[Array, "o s c"]
+    slope: Float[Array, "o s c"]
     mean: Float[Array, "o s c"]
 
 
-def _both(m: PolePairs, a: Pair) -> Complex[Array, "... q c"]:
+def both_of(m: PolePairs, a: Pair) -> Complex[Array, "... q c"]:
     """Values at all eigenvalues from those of pairs, the pairs' first ones before the second."""
     k = m.kind > 0 if a[0].ndim == m.kind.ndim else m.kind[:, None] > 0
     one = jax.lax.complex(a[0], jnp.where(k, a[1], 0.0))
@@ -53,7 +56,7 @@ def pairs_of(m: PolePairs, x: Complex[Array, "o q s c"]) -> Pair:
     return x[:, :, :count].real, jnp.where(k, x[:, :, :count].imag, x[:, :, count:].real)
 
 
-def _damped(m: PolePairs, cycles: list[PhaseCycle]) -> PolePairs:
+def damped(m: PolePairs, cycles: list[PhaseCycle]) -> PolePairs:
     """Poles that decay a little over every period."""
     longest = jnp.max(jnp.concatenate([cycle.period for cycle in cycles]), axis=0)
     least = -LEAST_DECAY / longest
@@ -61,112 +64,206 @@ def _damped(m: PolePairs, cycles: list[PhaseCycle]) -> PolePairs:
     return m._replace(l0=jnp.minimum(m.l0, least), l1=second)
 
 
-def _phase(m: PolePairs, pole, layout: Layout, cycle: PhaseCycle, columns, direct) -> _Phase:
-    """`pole` (q, c): all eigenvalues."""
+def _phase(
+    g: Lanes, m: PolePairs, pole, cycle: PhaseCycle, columns, rows: np.ndarray, turning: bool
+) -> PhaseMoments:
+    """`pole` (q, c): all eigenvalues; `turning`: whether an output shows the slope of rho."""
     moments = materialised(moments_of, m, cycle)
     k = m.kind > 0
-    c0, c1 = m.c0[:ROWS], m.c1[:ROWS]
-    c = jnp.where(k, 0.5, 1.0) * c0, jnp.where(k, -0.5, 1.0) * c1
-    c = jnp.stack([_both(m, (c[0][o], c[1][o])) for o in range(ROWS)])
-    b = jnp.swapaxes(jnp.stack([_both(m, (m.b0[i], m.b1[i])) for i in columns]), 0, 1)
-    shown, D = c[:, :, None] * b, jnp.moveaxis(direct[columns], 1, 0)
+    c = jnp.where(k, 0.5, 1.0) * m.c0[rows], jnp.where(k, -0.5, 1.0) * m.c1[rows]
+    c = jnp.stack([both_of(m, (c[0][o], c[1][o])) for o in range(len(rows))])
+    b = jnp.swapaxes(jnp.stack([both_of(m, (m.b0[i], m.b1[i])) for i in columns]), 0, 1)
+    D, slope = (jnp.moveaxis(x[columns][:, rows], 1, 0) for x in (g.direct, g.slope))
+    shown = c[:, :, None] * b
     mean = (D - jnp.sum(shown / pole[:, None], axis=1).real) * moments.level
-    return _Phase(moments, shown, _both(m, moments.work), D, mean)
+    turn = materialised(slope_square, cycle) if turning else None
+    return PhaseMoments(moments, turn, shown, both_of(m, moments.work), D, slope, mean)
 
 
-class MeanSquare(NamedTuple):
-    """The mean of |dR|^2 and what its derivatives are made of."""
+class MeanSquares(NamedTuple):
+    """Means of the squares of some outputs and what their derivatives are made of."""
 
-    value: Float[Array, " c"]
-    phases: list[_Phase]
-    kernels: list[Complex[Array, "q s c"]]  # derivatives by `_Phase.work`
-    total: Float[Array, "o c"]  # m, mean of dR
+    value: Float[Array, "o c"]
+    phases: list[PhaseMoments]
+    kernels: list[Complex[Array, "o q s c"]]  # derivatives by `PhaseMoments.work`
+    total: Float[Array, "o c"]  # mean of the outputs
+    modes: PolePairs  # that decay
     pole: Complex[Array, "q c"]
 
 
-def mean_square(g: Lanes, layout: Layout) -> MeanSquare:
-    """The long run's mean of |dR|^2."""
+def mean_squares(g: Lanes, layout: Layout, rows: np.ndarray, turning: bool) -> MeanSquares:
+    """The long run's means of the squares of the outputs `rows`.
+
+    `turning`: whether one of them shows the slope of rho.
+    """
     groups = phases_of(layout)
     cycles = [cycle_of(g.signals, layout, phases) for phases in groups]
-    m, direct = _damped(g.modes, cycles), g.direct[:, :ROWS]
-    pole = _both(m, (m.l0, m.l1))
+    m = damped(g.modes, cycles)
+    pole = both_of(m, (m.l0, m.l1))
     parts = [
-        _phase(m, pole, layout, cycle, columns_of(layout, phases), direct)
+        _phase(g, m, pole, cycle, columns_of(layout, phases), rows, turning)
         for cycle, phases in zip(cycles, groups, strict=True)
     ]
-    total = constant(m, layout, slice(0, ROWS), direct) + sum(
-        jnp.sum(part.mean, axis=1) for part in parts
-    )
-    value, kernels = jnp.sum(total * total, axis=0), []
-    between = 1 / (pole[:, None] + pole)  # (q, q, c)
+    total = constant(m, layout, rows, g.direct) + sum(jnp.sum(part.mean, axis=1) for part in parts)
+    value, kernels = total * total, []
     for part in parts:
-        w = part.shown
-        together = sum(w[o][:, None] * w[o][None] for o in range(ROWS))  # (q, q, s, c)
-        kernel = -2 * jnp.sum(together * between[:, :, None], axis=1)
-        kernel = kernel + 2 * jnp.sum(part.direct[:, None] * w, axis=0)
-        square = jnp.sum(part.direct**2, axis=0) * part.moments.square
-        square = square + jnp.sum(kernel * part.work, axis=0).real
-        value = value + jnp.sum(square - jnp.sum(part.mean**2, axis=0), axis=0)
+        kernel = kernel_of(pole, part.shown) + 2 * part.direct[:, None] * part.shown
+        own = part.direct**2
+        if part.turn is not None:
+            kernel = kernel - 2 * part.slope[:, None] * pole[:, None] * part.shown
+            own = own - 2 * part.slope * jnp.sum(part.shown, axis=1).real
+        square = own * part.moments.square + jnp.sum(kernel * part.work, axis=1).real
+        if part.turn is not None:
+            square = square + part.slope**2 * part.turn
+        value = value + jnp.sum(square - part.mean**2, axis=1)
         kernels.append(kernel)
-    return MeanSquare(jnp.maximum(value, 0.0), parts, kernels, total, pole)
+    return MeanSquares(jnp.maximum(value, 0.0), parts, kernels, total, m, pole)
 
 
-def steady_slopes(g: Lanes, layout: Layout, mean: MeanSquare) -> Slopes:
-    """Derivatives of the long run's mean of |dR|^2."""
+def kernel_of(pole: Complex[Array, "q c"], shown: Complex[Array, "o q s c"]):
+    """Derivatives (o, q, s, c) of the mean of (sum shown phi)^2 by R."""
+    between = (1 / (pole[:, None] + pole))[:, :, None]  # (q, q, 1, c)
+    return -2 * shown * jnp.stack([jnp.sum(w * between, axis=1) for w in shown])
+
+
+def against(pole, shown, work, z, at_z, slope):
+    """Twice the mean of (sum shown phi) phi_z, (o, z, s, c), and its derivative by z.
+
+    `pole` (q, c), `shown` (o, q, s, c), `work` (q, s, c): all R; `z` (z, c) other poles, `at_z`
+    (z, s, c) their R and `slope` its derivative by z.
+    """
+    between = (1 / (z[:, None] + pole))[:, :, None]  # (z, q, 1, c)
+    sums = (at_z[:, None] + work) * between  # (z, q, s, c)
+    turn = (sums - slope[:, None]) * between
+    value, by = (jnp.stack([jnp.sum(w * x, axis=1) for w in shown]) for x in (sums, turn))
+    return -2 * value, 2 * by
+
+
+def mean_slopes(
+    g: Lanes, layout: Layout, rows: np.ndarray, mean: MeanSquares, weight: Float[Array, "m o c"]
+) -> Slopes:
+    """Derivatives of sums of mean squares, times `weight`."""
     groups = phases_of(layout)
     cycles = [cycle_of(g.signals, layout, phases) for phases in groups]
-    m = _damped(g.modes, cycles)
-    pole, lanes = mean.pole, g.modes.l0.shape[-1]
-    count, pairs = len(layout.kinds), len(m.kind)
-    none = jnp.zeros((ROWS, count + 1, pairs, lanes))
-    psi, rate, direct = (none, none), (none, none), jnp.zeros((ROWS, count, lanes))
-    between = 1 / (pole[:, None] + pole)
+    m, pole = mean.modes, mean.pole
+    psi = Psi.none(g, layout, len(rows))
     for phases, cycle, part in zip(groups, cycles, mean.phases, strict=True):
-        R = part.work
-        slope = _both(m, stored(_by_poles, m, cycle))
+        R, S = part.work, part.moments.square
+        slope = slope_of_work(m, cycle)
         more = 2 * (mean.total[:, None] - part.mean)  # (o, s, c)
-        w = part.shown[:, None]  # by pole z (q), then j
-        sums = R[:, None] + R[None]  # (z, j, s, c)
-        b = between[:, :, None]
-        value = 2 * (part.direct[:, None] * R - jnp.sum(w * (sums * b), axis=2))
-        by = jnp.sum(w * ((sums * b - slope[:, None]) * b), axis=2)
-        turned = 2 * (part.direct[:, None] * slope + by)
-        level = part.moments.level / pole[:, None]  # (q, s, c)
-        value = value - more[:, None] * level
-        turned = turned + more[:, None] * level / pole[:, None]
-        number = np.array(phases.first)
-        psi = put(psi, number, pairs_of(m, value))
-        rate = put(rate, number, pairs_of(m, turned))
-        seen = jnp.sum(part.shown * R, axis=1).real + part.direct * part.moments.square
-        direct = direct.at[:, number].set(2 * seen + more * part.moments.level)
+        value, turned = against(pole, part.shown, R, pole, R, slope)
+        level = more[:, None] * (part.moments.level / pole[:, None])  # (o, q, s, c)
+        value = value + 2 * part.direct[:, None] * R - level
+        turned = turned + 2 * part.direct[:, None] * slope + level / pole[:, None]
+        direct = jnp.sum(part.shown * R, axis=1).real + part.direct * S
+        rate = None
+        if part.turn is not None:
+            D1 = part.slope[:, None]
+            value = value - 2 * D1 * (pole[:, None] * R + S)
+            turned = turned - 2 * D1 * (R + pole[:, None] * slope)
+            rate = 2 * part.slope * part.turn
+            rate = rate - 2 * jnp.sum(part.shown * (pole[:, None] * R + S), axis=1).real
+        direct = 2 * direct + more * part.moments.level
+        psi = psi.put(phases.first, m, value, turned, direct, rate)
     for i, kind in enumerate(layout.kinds):
         if kind.phase == CONSTANT:
             held = (-2 * mean.total[:, None] / pole)[:, :, None]
             moved = (2 * mean.total[:, None] / pole**2)[:, :, None]
-            psi = put(psi, np.array([i]), pairs_of(m, held))
-            rate = put(rate, np.array([i]), pairs_of(m, moved))
-            direct = direct.at[:, i].set(2 * mean.total)
+            psi = psi.put((i,), m, held, moved, 2 * mean.total[:, None])
 
-    def figure(signals: Signals):
+    def figure(signals: Signals, weight):
         value = 0.0
         for phases, part, kernel in zip(groups, mean.phases, mean.kernels, strict=True):
-            now = moments_of(m, cycle_of(signals, layout, phases))
+            cycle, w = cycle_of(signals, layout, phases), weight[:, None]
+            now = moments_of(m, cycle)
             gain = part.direct - jnp.sum(part.shown / pole[:, None], axis=1).real
-            more = 2 * jnp.sum((mean.total[:, None] - part.mean) * gain, axis=0)
-            square = jnp.sum(part.direct**2, axis=0) * now.square + more * now.level
-            value += jnp.sum(square) + jnp.sum((kernel * _both(m, now.work)).real)
+            more = 2 * (mean.total[:, None] - part.mean) * gain
+            own = part.direct**2
+            if part.turn is not None:
+                own = own - 2 * part.slope * jnp.sum(part.shown, axis=1).real
+                value += jnp.sum(w * part.slope**2 * slope_square(cycle))
+            value += jnp.sum(w * (own * now.square + more * now.level))
+            by_work = jnp.sum(w[:, None] * kernel, axis=0)
+            value += jnp.sum((by_work * both_of(m, now.work)).real)
         return value
 
-    both = of_psi(g.modes, layout, psi, rate)
-    return Slopes(*both, jax.grad(figure)(g.signals), jnp.swapaxes(direct, 0, 1))
+    signals = jax.vmap(lambda w: jax.grad(figure)(g.signals, w))(weight)
+    return psi.weighted(g, layout, rows, weight, signals)
 
 
-def _by_poles(m: PolePairs, cycle: PhaseCycle) -> Pair:
+def slope_of_work(m: PolePairs, cycle: PhaseCycle) -> Complex[Array, "q s c"]:
     """Derivative of `Moments.work` by the poles."""
-    return along_poles(m, lambda m: moments_of(m, cycle).work)[1]
+
+    def by_poles(m: PolePairs, cycle: PhaseCycle) -> Pair:
+        return along_poles(m, lambda m: moments_of(m, cycle).work)[1]
+
+    return both_of(m, stored(by_poles, m, cycle))
 
 
-def put(a: Pair, number: np.ndarray, b: Pair) -> Pair:
-    """a with the signals `number` (second axis) as in b."""
-    first, second = (x.at[:, number].set(y) for x, y in zip(a, b, strict=True))
-    return first, second
+class Psi(NamedTuple):
+    """Psi of some outputs (o) at every pair and its derivative, of every signal and the start (s),
+    and derivatives by what goes straight to the outputs.
+    """
+
+    value: Pair  # (o, s + 1, p, c)
+    turned: Pair
+    direct: Float[Array, "o s c"]
+    rate: Float[Array, "o s c"]
+
+    @classmethod
+    def none(cls, g: Lanes, layout: Layout, rows: int) -> "Psi":
+        """Of outputs that nothing is asked of."""
+        pairs, lanes = g.modes.l0.shape
+        pair, flat = (jnp.zeros((rows, len(layout.kinds) + n, *shape, lanes))
+                      for n, shape in ((1, (pairs,)), (0, ())))  # fmt: skip
+        return cls((pair, pair), (pair, pair), flat, flat)
+
+    def put(self, numbers, m: PolePairs, value, turned, direct, rate=None) -> "Psi":
+        """With these signals' own, at all eigenvalues."""
+        at = np.array(numbers)
+
+        def own(known: Pair, x) -> Pair:
+            first, second = (y.at[:, at].set(z) for y, z in zip(known, pairs_of(m, x), strict=True))
+            return first, second
+
+        return Psi(
+            own(self.value, value),
+            own(self.turned, turned),
+            self.direct.at[:, at].set(direct),
+            self.rate if rate is None else self.rate.at[:, at].set(rate),
+        )
+
+    def weighted(self, g: Lanes, layout: Layout, rows: np.ndarray, weight, signals) -> Slopes:
+        """Derivatives of sums of figures of the outputs `rows`, times `weight` (m, o, c)."""
+        m = g.modes
+        b = m.given([*(kind.column for kind in layout.kinds), -1])
+        own = [x[:, None] for x in seen(m.kind, (m.c0[rows], m.c1[rows]))]
+
+        def shown(x: Pair) -> Pair:
+            first, second = (
+                summed(weight[:, :, None, None] * y[None], 1) for y in product(m.kind, own, x)
+            )
+            return first, second
+
+        def given(x: Pair) -> Pair:
+            each = (summed(y, 1) for y in product(m.kind, b, x))  # (o, p, c)
+            first, second = (_on_rows(weight[:, :, None] * y, rows, layout) for y in each)
+            return first, second
+
+        def straight(x):
+            return jnp.moveaxis(_on_rows(weight[:, :, None] * x, rows, layout), 1, 2)
+
+        return Slopes(
+            shown(self.value),
+            shown(self.turned),
+            given(self.value),
+            given(self.turned),
+            signals,
+            straight(self.direct),
+            straight(self.rate),
+        )
+
+
+def _on_rows(x: Float[Array, "m o ..."], rows: np.ndarray, layout: Layout):
+    """Of all outputs that figures are made of."""
+    return jnp.zeros((len(x), layout.rows, *x.shape[2:])).at[:, rows].set(x)

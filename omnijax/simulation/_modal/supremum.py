@@ -1,12 +1,11 @@
-"""The long run's supremum of |dR|: phases run independently of each other.
+"""The long run's suprema of vectors of outputs: phases run independently of each other.
 
 sup |sum_g x_g(phi_g)| = max over unit d of sum_g max_phi d . x_g(phi).  One pass over each phase
 finds its largest value in directions all around; sums of such points give further directions, in
-which a second pass looks for each phase's two best maxima.  From there Newton's method climbs |dR|
-in all phases at once.  Where every phase moves along one axis alone, as with orthogonal contacts
-that do not move each other, all of an axis are at their largest or all at their smallest, so that
-no direction is looked for.  Nothing of the search is differentiated: by the envelope theorem
-derivatives are those of the formula at the times found.
+which a second pass looks for each phase's two best maxima.  From there Newton's method climbs the
+length in all phases at once.  Where every phase moves along one axis alone, as with orthogonal
+contacts that do not move each other, all of an axis are at their largest or all at their smallest
+(`steady_figures`), so that no direction is looked for.
 """
 
 import functools
@@ -20,13 +19,20 @@ from jaxtyping import Array, Complex, Float
 
 from .._steady import sphere
 from .arithmetic import across, materialised, summed
-from .climb import ascended, climbed, move_up, risen, unit
-from .curves import ModalCurves, curves_of, phase_by_phase, rows_shown, shown_rows, values_at
-from .gradient import ROWS
+from .climb import ascended, chosen, climbed, move_up, unit
+from .curves import (
+    ModalCurves,
+    beyond,
+    curves_of,
+    phase_by_phase,
+    rows_shown,
+    shown_rows,
+    values_at,
+)
 from .pass_along import COARSE, LENGTH, Block, along
-from .phases import constant, phases_of
+from .phases import Spot, constant, phases_of, spot_on
 from .system import Layout
-from .transient import Lanes
+from .transient import ROWS, Lanes
 
 AROUND = 48  # directions of the search
 DIRECTIONS = np.array([d for d in sphere(AROUND, 3) if d[2] > 0])  # and their opposites
@@ -34,7 +40,6 @@ KEPT = 8  # of them gone on from
 ASCENTS = 4
 AGAIN = 4  # sums in whose directions every phase is looked at once more
 CLOSE = 0.99  # of the largest value: a maximum below is not gone on from
-ROUNDS = 6  # of a phase that moves along one axis
 ASCENDS = 3  # rounds of Newton's method of a phase alone
 NEARER, NEAREST = 3, 5  # and of all phases: in every sum, then in the longest
 LOOKED = 8  # points looked at together
@@ -44,31 +49,22 @@ _MASK = 63  # of the bits that tell which of up to 64 values a maximum is
 class Supremum(NamedTuple):
     """The supremum: where each phase is, and what their outputs add up to."""
 
-    times: list[Float[Array, "s c"]]  # of phases of like kinds
-    total: Float[Array, "o c"]  # m
-
-    @property
-    def square(self) -> Float[Array, " c"]:
-        """m^2."""
-        return jnp.sum(self.total**2, axis=0)
+    spots: list[Spot]  # (s, c), of phases of like kinds
+    total: Float[Array, "o c"]
 
 
-def all_curves(g: Lanes, layout: Layout) -> list[ModalCurves]:
-    """dR of every phase: all of it, or one output of each where no phase moves more."""
-    groups = phases_of(layout)
+def is_straight(layout: Layout, rows: np.ndarray) -> bool:
+    """Whether every phase moves one of the outputs at most."""
+    each = (rows_shown(layout, phases, rows.tolist()) for phases in phases_of(layout))
+    return max(len(own) for group in each for own in group) <= 1
+
+
+def _curves(g: Lanes, layout: Layout, rows: np.ndarray) -> list[ModalCurves]:
+    """A vector of outputs of every phase."""
     return [
-        curves_of(g, layout, phases, shown_rows(layout, rows))
-        for phases, rows in zip(groups, _moved_rows(layout), strict=True)
+        curves_of(g, layout, phases, shown_rows(layout, [rows.tolist()] * len(phases.first)))
+        for phases in phases_of(layout)
     ]
-
-
-def _moved_rows(layout: Layout) -> list[list[list[int]]]:
-    """Outputs that the curves of all phases are of."""
-    groups = phases_of(layout)
-    each = [rows_shown(layout, phases, range(ROWS)) for phases in groups]
-    if max(len(rows) for group in each for rows in group) > 1:
-        return [[[*range(ROWS)]] * len(group) for group in each]
-    return [[rows or [0] for rows in group] for group in each]
 
 
 def _tagged(x):
@@ -88,6 +84,12 @@ class _Tops(NamedTuple):
     def time(self) -> Float[Array, "*d s c"]:
         """s, when they are taken."""
         return self.place.real + _number(self.height) * self.place.imag
+
+    def spots(self, f: ModalCurves) -> Spot:
+        """Then, on the pieces of that block."""
+        middle = self.place.real + (LENGTH - 1) / 2 * self.place.imag
+        on = functools.partial(spot_on, f.cycle)
+        return (jax.vmap(on) if middle.ndim > f.cycle.period.ndim else on)(self.time, middle)
 
     @property
     def step(self) -> Float[Array, "*d s c"]:
@@ -146,14 +148,14 @@ def _points(f: ModalCurves, top: _Tops) -> Float[Array, "d o s c"]:
     """The outputs at the maxima in directions all around, moved on by a parabola in time."""
 
     def one(at):
-        d, time, step = at[0][:, None, None], *at[1:]
-        x, v, a = values_at(f, time, 3)
+        d, spot, step = at[0][:, None, None], *at[1:]
+        x, v, a = values_at(f, spot, 3)
         on = move_up(summed(d * v), summed(d * a), step)
         further = x + on * (v + 0.5 * on * a)
         return jnp.where(summed(d * further) > summed(d * x), further, x)
 
     every = jnp.concatenate([DIRECTIONS, -DIRECTIONS])
-    return jax.lax.map(one, (every, top.time, top.step), batch_size=LOOKED)
+    return jax.lax.map(one, (every, top.spots(f), top.step), batch_size=LOOKED)
 
 
 def _two_tops(f: ModalCurves, d: Float[Array, "n r c"]) -> tuple[_Tops, _Tops]:
@@ -190,7 +192,7 @@ def _two_tops(f: ModalCurves, d: Float[Array, "n r c"]) -> tuple[_Tops, _Tops]:
     return along(f, gather, (_none(f, len(d)), _none(f, len(d))), idle, d=d)
 
 
-def _two_tops_of_each(f: ModalCurves, d: Float[Array, "n r c"]) -> tuple[_Tops, _Tops]:
+def two_tops_of_each(f: ModalCurves, d: Float[Array, "n r c"]) -> tuple[_Tops, _Tops]:
     """The same of one phase after the other."""
     return phase_by_phase(lambda f: _two_tops(f, d), f)
 
@@ -234,77 +236,80 @@ def _longest(size, count: int):
     return jnp.stack(longest)
 
 
-def supremum(g: Lanes, layout: Layout) -> Supremum:
-    """Where the phases are at the largest |dR|, and dR there."""
-    every = all_curves(g, layout)
-    held = constant(g.modes, layout, slice(0, ROWS), g.direct)
-    if every[0].outputs == 1:
-        return _straight(every, held, _moved_rows(layout))
+def suprema(g: Lanes, layout: Layout, rows: list[np.ndarray]) -> list[Supremum]:
+    """Where the phases are at the greatest length of each vector of outputs, and it there.
+
+    Vectors that show as many pairs of poles pass through one program.
+    """
+    given = [(_curves(g, layout, own), constant(g.modes, layout, own, g.direct)) for own in rows]
+    alike: dict[str, list[int]] = {}
+    for i, one in enumerate(given):
+        alike.setdefault(str(jax.tree.map(jnp.shape, one)), []).append(i)
+    tops: dict[int, Supremum] = {}
+    for numbers in alike.values():
+        some = [given[i] for i in numbers]
+        if len(some) == 1:
+            tops[numbers[0]] = _supremum(*some[0])
+            continue
+        each = jax.lax.map(
+            lambda one: _supremum(*one), jax.tree.map(lambda *x: jnp.stack(x), *some)
+        )
+        tops |= {i: jax.tree.map(lambda x, k=k: x[k], each) for k, i in enumerate(numbers)}
+    return [tops[i] for i in range(len(rows))]
+
+
+def _supremum(every: list[ModalCurves], held: Float[Array, "o c"]) -> Supremum:
     tops = [phase_by_phase(_tops, f) for f in every]
     points = [_points(f, top) for f, top in zip(every, tops, strict=True)]
     longest = _best_sums(tops, jnp.concatenate(points, axis=2), held)
-    starts = [_two_tops_of_each(f, longest) for f in every]
-    times, sizes = jax.vmap(lambda begin: _refined(every, held, begin))(starts)
-    best = jnp.arange(AGAIN)[:, None] == jnp.argmax(sizes, axis=0)
-    times, steps = (
-        [jnp.sum(jnp.where(best[:, None], t, 0.0), axis=0) for t in x]
-        for x in (times, [first.step for first, _ in starts])
+    starts = [two_tops_of_each(f, longest) for f in every]
+    spots, sizes = jax.vmap(lambda begin: _refined(every, held, begin))(starts)
+    best = (jnp.arange(AGAIN)[:, None] == jnp.argmax(sizes, axis=0))[:, None]
+    spots, steps = jax.tree.map(
+        lambda t: jnp.sum(jnp.where(best, t, 0.0), axis=0),
+        (spots, [first.step for first, _ in starts]),
     )
-    return Supremum(*climbed(every, held, times, steps, NEAREST)[:2])
-
-
-def _straight(every: list[ModalCurves], held, rows: list[list[list[int]]]) -> Supremum:
-    """Where each phase moves along one axis: |dR|^2 is convex in all of them, so that all of an
-    axis are at their largest or all at their smallest.
-    """
-    signs = jnp.array([1.0, -1.0])[:, None, None]
-    ends, total = [], [held, held]
-    for f, axes in zip(every, rows, strict=True):
-        tops = _two_tops_of_each(f, signs)
-        times, heights = zip(
-            *(risen(f, signs, top.time, top.step, ROUNDS) for top in tops), strict=True
-        )
-        time = jnp.where(heights[0] >= heights[1], *times)
-        height = signs * jnp.maximum(*heights)
-        ends.append(time)
-        on = np.eye(ROWS)[:, [row for (row,) in axes], None]  # (o, s, 1)
-        total = [x + summed(on * y, 1) for x, y in zip(total, height, strict=True)]
-    up = jnp.abs(total[0]) >= jnp.abs(total[1])  # (o, c)
-    times = []
-    for time, axes in zip(ends, rows, strict=True):
-        own = jnp.stack([up[row] for (row,) in axes])
-        times.append(jnp.where(own, time[0], time[1]))
-    return Supremum(times, jnp.where(up, *total))
+    return Supremum(*climbed(every, held, spots, steps, NEAREST)[:2])
 
 
 def _refined(every: list[ModalCurves], held, starts: list[tuple[_Tops, _Tops]]):
-    """Times of each phase and |dR|^2 there, from its best maxima in one direction.
+    """Spots of each phase and the square of the sum there, from its best maxima in one direction.
 
-    Up from the best ones; then once more, from the other of a phase's two where that is higher in
-    the direction found.
+    Up from the best ones; then once more, from the other of a phase's two, or from the other side
+    of the edge that it has come to, where that is higher in the direction found.
     """
     steps = [first.step for first, _ in starts]
 
-    def swapped(f: ModalCurves, d, now, other: _Tops):
-        """The time of the higher maximum in the direction found."""
-        time = jax.lax.fori_loop(
-            0, ASCENDS, lambda _, t: ascended(f, d[:, None], t, other.step), other.time
-        )
-        height, rival = (summed(d[:, None] * values_at(f, t)[0]) for t in (now, time))
-        return jnp.where(rival > height, time, now)
+    def swapped(f: ModalCurves, d, now: Spot, other: _Tops) -> Spot:
+        """The spot of the highest maximum in the direction found."""
+        rivals = jax.tree.map(lambda *x: jnp.stack(x), beyond(f, now), other.spots(f))
+
+        def climb(_, rivals: Spot) -> Spot:
+            return jax.vmap(lambda spot: ascended(f, d[:, None], spot, other.step))(rivals)
+
+        def height(spot: Spot):
+            return summed(d[:, None] * values_at(f, spot)[0])
+
+        rivals = jax.lax.fori_loop(0, ASCENDS, climb, rivals)
+        highest, heights = height(now), jax.vmap(height)(rivals)
+        for k in range(len(heights)):
+            rival = jax.tree.map(lambda x, k=k: x[k], rivals)
+            now = chosen(heights[k] > highest, rival, now)
+            highest = jnp.maximum(highest, heights[k])
+        return now
 
     def climb(turn, carry):
         begin, best, size = carry
-        times, total, square = climbed(every, held, begin, steps, NEARER)
-        best = [jnp.where(square > size, x, t) for x, t in zip(times, best, strict=True)]
+        spots, total, square = climbed(every, held, begin, steps, NEARER)
+        best = [chosen(square > size, x, t) for x, t in zip(spots, best, strict=True)]
 
         def others():
             d = unit(total)
-            each = zip(every, times, starts, strict=True)
+            each = zip(every, spots, starts, strict=True)
             return [swapped(f, d, t, other) for f, t, (_, other) in each]
 
-        return jax.lax.cond(turn == 0, others, lambda: times), best, jnp.maximum(size, square)
+        return jax.lax.cond(turn == 0, others, lambda: spots), best, jnp.maximum(size, square)
 
-    begin = [first.time for first, _ in starts]
-    lowest = jnp.full(begin[0].shape[-1], -1.0)
+    begin = [first.spots(f) for f, (first, _) in zip(every, starts, strict=True)]
+    lowest = jnp.full(begin[0].time.shape[-1], -1.0)
     return jax.lax.fori_loop(0, 2, climb, (begin, begin, lowest))[1:]

@@ -1,5 +1,7 @@
 """One design as arrays: the forced linear system, its outputs and what forces it."""
 
+import itertools
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -7,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...rig import Rig
+from ...rig import Rig, upright
 from .._exact import ForcedSystem, forced_system
 from .signals import Kind, Signals, signals_of
 
@@ -54,6 +56,11 @@ class Layout(NamedTuple):
     waves: tuple[tuple[int, ...], ...] = ()  # sinusoids that each row of the outputs shows
     together: int = 4  # samples that one loop over designs works out beside each other, at least
 
+    def place(self, output: str) -> np.ndarray:
+        """The rows of an output."""
+        rows = output_rows(self.outputs, self.wheels)[output]
+        return np.arange(rows.start, rows.stop)
+
     @property
     def signal_of(self) -> np.ndarray:
         """Number of the signal that each sinusoid belongs to."""
@@ -83,6 +90,14 @@ class Layout(NamedTuple):
 
 
 OUTPUTS = ("dR", "normal_force", "drive_force")
+UPRIGHT = "a_sphere_upright"  # `a_sphere` along gravity and across it
+
+
+def output_rows(outputs: Sequence[str], wheels: int) -> dict[str, slice]:
+    """The rows of each of some outputs below each other."""
+    sizes = [wheels if name.endswith("_force") else 3 for name in outputs]
+    ends = np.cumsum([0, *sizes]).tolist()
+    return dict(zip(outputs, itertools.starmap(slice, itertools.pairwise(ends)), strict=True))
 
 
 class How(NamedTuple):
@@ -118,7 +133,13 @@ def design_of(point: Operating, how: How, turn: Array | None = None) -> tuple[Li
     start = forced.rest @ level - forced.shift.T @ level
     unit = _units(forced.A)
 
+    frame = upright(rig) if UPRIGHT in how.outputs else None
+
     def rows(parts: dict[str, Any], axis: int):
+        if frame is not None:
+            sphere = jnp.moveaxis(parts["a_sphere"], axis, 0)
+            turned = jnp.moveaxis(jnp.tensordot(frame, sphere, 1), 0, axis)
+            parts = parts | {UPRIGHT: turned}
         return jnp.concatenate([parts[name] for name in how.outputs], axis=axis)
 
     column, direct, rate = forced.column, rows(forced.direct, 1), rows(forced.rate, 1)

@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 
 from ..._status import Status
 from ...rig import Rig
-from ...simulation import BULK_METRICS, Operating, SpeedDrive, modal_figures, modal_steady
-from ...vibration import run_metrics
+from ...simulation import BULK_METRICS, Operating, SpeedDrive, modal_figures
+from ...vibration import long_run_metrics, run_metrics
 from .drives import Drive
 from .evaluation import Evaluation, margin_status
 
@@ -34,7 +34,7 @@ def evaluate_in_bulk(
     """
     make = eqx.Partial(_operating, machine)
     if how.times is None:
-        result = modal_steady(
+        result = long_run_metrics(
             make, rows, how.metrics, model=how.model, gradient=gradient, total=total
         )
     else:

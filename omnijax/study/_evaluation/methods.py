@@ -20,7 +20,7 @@ from ...simulation import (
     modal_obstacle,
     modal_steady_obstacle,
 )
-from ...vibration import STEADY_METRICS
+from ...vibration import BULK_STEADY_METRICS, STEADY_METRICS
 from .drives import Drive, is_constant, turning
 
 METHODS = {
@@ -97,7 +97,10 @@ def _no_modal_run(q: Question) -> str | None:
 
 
 def _no_modal_steady(q: Question) -> str | None:
-    return modal_steady_obstacle(q.rig, q.model, q.metrics)
+    others = [name for name in q.metrics if name not in BULK_STEADY_METRICS]
+    if others:
+        return f"the modal core does not give {', '.join(others)} of the long run"
+    return modal_steady_obstacle(q.rig, q.model)
 
 
 def _no_fixed_steps(q: Question) -> str | None:

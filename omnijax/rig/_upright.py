@@ -3,7 +3,7 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..rig import Rig
+from ._machine import Rig
 
 
 def up(rig: Rig) -> Float[Array, "3"]:
@@ -11,3 +11,11 @@ def up(rig: Rig) -> Float[Array, "3"]:
     size = jnp.sqrt(jnp.sum(rig.platform.gravity**2))
     safe = jnp.where(size > 0, size, 1.0)
     return jnp.where(size > 0, -rig.platform.gravity / safe, jnp.array([0.0, 0.0, 1.0]))
+
+
+def upright(rig: Rig) -> Float[Array, "3 3"]:
+    """Orthonormal directions: up, and two across."""
+    vertical = up(rig)
+    aside = jnp.cross(vertical, jnp.eye(3)[jnp.argmin(jnp.abs(vertical))])
+    aside = aside / jnp.sqrt(aside @ aside)
+    return jnp.stack([vertical, aside, jnp.cross(vertical, aside)])
