@@ -180,6 +180,16 @@ def test_a_line_between_orders_of_the_grid_is_ranked_by_its_top():
     assert tops[0] > tops[1]
 
 
+def test_a_top_beyond_a_nearly_straight_flank_is_not_passed():
+    """A parabola through the flank alone goes two steps on, to where less is explained."""
+
+    def gains(n):
+        return np.interp(n, [4.875, 5.0, 5.125, 5.25], [0.965, 0.985, 0.9999, 0.978])
+
+    (best,), _ = orders._refined(np.array([5.0]), gains(np.array([5.0])), 0.125, gains)
+    assert best == pytest.approx(5.115, abs=0.02)
+
+
 @pytest.mark.parametrize("law", ["motor-ripple", "current-ripple"])
 def test_a_line_may_pass_half_the_sampling_rate_where_the_wheel_is_fast(agreeing, law):
     """Its torque is taken as its mean between moments, in the scan and in the signature."""

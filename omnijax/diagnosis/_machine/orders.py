@@ -79,15 +79,24 @@ def _refined(
     """The best order about each of `orders`, and its gain: of a parabola through neighbours.
 
     The right line may stand lower on a grid than a wrong one that lies on it.  A top is looked for
-    within two steps.
+    within two steps; where a neighbour is higher, between that one's own neighbours, since a
+    parabola that goes on beyond its points may miss by more than it gains.
     """
     near = np.maximum(orders[:, None] + np.array([-step, step]), LOWEST)
     left, right = gains_of(near.ravel()).reshape(near.shape).T
+    up, down = right > np.maximum(gains, left), left > np.maximum(gains, right)
+    beyond = gains_of(np.maximum(orders + np.where(down, -2, 2) * step, LOWEST))
+    middle = np.maximum(orders + (up.astype(float) - down) * step, LOWEST)
+    left, gains, right = (
+        np.where(up, gains, np.where(down, beyond, left)),
+        np.where(up, right, np.where(down, left, gains)),
+        np.where(up, beyond, np.where(down, gains, right)),
+    )
     rise, bent = (right - left) / 2, left + right - 2 * gains
     hollow = bent >= 0
     way = np.where(hollow, np.sign(rise), -rise / np.where(hollow, 1.0, bent))
-    way = np.clip(way, -2, 2)
-    return np.maximum(orders + way * step, LOWEST), gains + way * rise + way**2 * bent / 2
+    way = np.clip(way, -1, 1)
+    return np.maximum(middle + way * step, LOWEST), gains + way * rise + way**2 * bent / 2
 
 
 def _estimated(bases, rests, rows, taken, law: str, k: int, grid: np.ndarray) -> np.ndarray:
