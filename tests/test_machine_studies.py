@@ -112,3 +112,27 @@ def test_commands_answer_and_refuse(tmp_path, capsys):
         assert said in capsys.readouterr().err
     with pytest.raises(InputError, match="among rms, mae, peak"):
         sweep_machine(file, made(tmp_path, 3)[1], {"axis.inertia": [1.0]}, "noise")
+
+
+def test_a_log_of_inputs_alone_moves_an_axis_from_rest(tmp_path, capsys):
+    from omnijax.machine import machine_text
+
+    file, run, log = made(tmp_path, 4)
+    path, inputs, out = (tmp_path / name for name in ("machine.toml", "inputs.csv", "run.csv"))
+    path.write_text(machine_text(file))
+    table = np.genfromtxt(log, delimiter=",", names=True)
+    np.savetxt(inputs, np.stack([table["t"], table["input"]], 1), delimiter=",",
+               header="t,input", comments="")  # fmt: skip
+    line = ["simulate", str(path), "--drive", str(inputs), "--json", "--out", str(out)]
+    assert cli.run(line) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["rms"], summary["mae"], summary["samples"]) == (None, None, COUNT)
+    expected = free_run(file.machine, file.placed, {"position": (0.0, 0.0)}, run.inputs, STEP)
+    written = np.genfromtxt(out, delimiter=",", names=True)
+    for name in ("position", "velocity"):
+        np.testing.assert_allclose(written[name], expected[name], rtol=1e-9, atol=1e-12)
+    out.unlink()
+    assert cli.run(line[:4]) == 0
+    assert "measured no motion: the machine began at rest at 0" in capsys.readouterr().out
+    assert cli.run(["sweep", *line[1:4], "--vary", "axis.inertia=1:2:3"]) == 2
+    assert "no column `position` (rad) or `velocity` (rad/s)" in capsys.readouterr().err

@@ -2,12 +2,24 @@
 
 import re
 
+import jax.numpy as jnp
 import pytest
 from rigs import MISSING, tables, with_effects
 from rigs import effect as block
 
-from omnijax.rig import InputError, load_rig, parse_rig
+from omnijax.laws import BearingViscous
+from omnijax.rig import (
+    InputError,
+    get_parameter,
+    load_rig,
+    parameter_paths,
+    parse_rig,
+    rig_text,
+    save_rig,
+    set_parameter,
+)
 
+TWICE = r"`effect\.bearing-viscous\.w1` stands twice: a rig file has one block an effect and place"
 W1 = ("wheel", 1)
 NAN = float("nan")
 
@@ -144,9 +156,27 @@ def test_one_wrong_effect_gives_one_sentence(effect, sentence):
 
 def test_the_same_effect_twice_at_one_place_is_refused():
     twice = block("bearing-viscous", "w1", b=0.1)
-    with pytest.raises(InputError, match="stands twice in the file"):
+    with pytest.raises(InputError, match=TWICE):
         parse_rig(with_effects(twice, twice))
     parse_rig(with_effects(twice, block("bearing-viscous", "all", b=0.1)))
+
+
+def test_the_same_law_twice_at_one_place_has_no_path_and_no_file(tmp_path):
+    rig, law = parse_rig(with_effects()), BearingViscous(jnp.asarray(0.1))
+    rig = rig.add(law, "w1").add(law, "all")
+    set_parameter(rig, "effect.bearing-viscous.w1.b", 0.2)
+    doubled = rig.add(law, "w1")
+    for refused in (
+        lambda: rig_text(doubled),
+        lambda: save_rig(doubled, tmp_path / "rig.toml"),
+        lambda: set_parameter(doubled, "effect.bearing-viscous.w1.b", 0.2),
+        lambda: get_parameter(doubled, "effect.bearing-viscous.w1.b"),
+        lambda: parameter_paths(doubled),
+    ):
+        with pytest.raises(InputError, match=TWICE):
+            refused()
+    assert not list(tmp_path.iterdir())
+    set_parameter(doubled, "effect.bearing-viscous.all.b", 0.2)
 
 
 def test_hertz_contact_needs_a_preload():

@@ -44,13 +44,13 @@ def machine_lines(path: str, summary: dict[str, Any]) -> Iterator[str]:
     yield f"  {f'forgets its start in {forgets:.3g} s' if forgets < float('inf') else held}"
 
 
-def _run_of(file: Any, log: Path | None) -> Any:
-    """The log that a machine's study is made under."""
+def _run_of(file: Any, log: Path | None, compared: bool = True) -> Any:
+    """The log that a machine moves under, for a study `compared` with what it measured."""
     from ..machine import log_beside, read_log
 
     if log is None:
         raise InputError("a machine moves under the inputs of a log: --drive LOG.")
-    return read_log(log_beside(log), file.machine.inputs, file.machine.outputs)
+    return read_log(log_beside(log), file.machine.inputs, file.machine.outputs, compared)
 
 
 def refuse(given: dict[str, Any], command: str) -> None:
@@ -136,30 +136,46 @@ def signals_of(file: Any, run: Any) -> list[tuple[str, str, dict[str, Any]]]:
 
 def simulate_machine(path: str, log: Path | None, out: Path | None, json: bool) -> int:
     """A free run under the inputs of a log; CSV with t, input and outputs."""
-    import numpy as np
-
     from ..machine import free_run_of, load_machine
 
     file = load_machine(path)
     if out is not None and out.suffix != ".csv":
         raise InputError(f"--out of a machine's run must end in .csv, but is {out.name}.")
-    run = _run_of(file, log)
+    run = _run_of(file, log, compared=False)
     if out is not None:
         claim([out])
     simulated = free_run_of(file, run)
-    table = {"t": run.time, **run.inputs, **simulated}
     if out is not None:
-        rows = [",".join(table), *(",".join(f"{x:.10g}" for x in row)
-                                   for row in np.stack(list(table.values()), 1))]  # fmt: skip
-        write_text(out, "\n".join(rows) + "\n")
-    error = run.shown - simulated[run.measured]
-    summary = {
-        "samples": len(run.time), "step": run.step, "out": None if out is None else str(out),
-        "rms": float(np.sqrt(np.mean(error**2))), "mae": float(np.mean(np.abs(error))),
-        "faults": run.faults,
-    }  # fmt: skip
-    unit = file.machine.outputs[run.measured]
-    emit(json, summary, lambda: print(
-        f"{len(run.time)} samples; measured less simulated: RMS {summary['rms']:.4g}, "
-        f"MAE {summary['mae']:.4g} {unit}" + (f"; wrote {out}" if out else "")))  # fmt: skip
+        write_text(out, _csv({"t": run.time, **run.inputs, **simulated}))
+    summary = {"samples": len(run.time), "step": run.step, "out": None if out is None else str(out)}
+    summary |= _misfit(run, simulated) | {"faults": run.faults}
+    emit(json, summary, lambda: print(_sentence(file, run, summary)))
     return 0
+
+
+def _csv(table: dict[str, Any]) -> str:
+    """Columns (t,) by name as text."""
+    rows = zip(*table.values(), strict=True)
+    lines = [",".join(table), *(",".join(f"{x:.10g}" for x in row) for row in rows)]
+    return "\n".join(lines) + "\n"
+
+
+def _misfit(run: Any, simulated: dict[str, Any]) -> dict[str, float | None]:
+    """RMS and mean size of measured less simulated; None under inputs alone."""
+    import numpy as np
+
+    if not run.is_compared:
+        return {"rms": None, "mae": None}
+    error = run.shown - simulated[run.measured]
+    return {"rms": float(np.sqrt(np.mean(error**2))), "mae": float(np.mean(np.abs(error)))}
+
+
+def _sentence(file: Any, run: Any, summary: dict[str, Any]) -> str:
+    """The run for people."""
+    said = "the log measured no motion: the machine began at rest at 0"
+    if run.is_compared:
+        unit = file.machine.outputs[run.measured]
+        rms, mae = summary["rms"], summary["mae"]
+        said = f"measured less simulated: RMS {rms:.4g}, MAE {mae:.4g} {unit}"
+    wrote = f"; wrote {summary['out']}" if summary["out"] else ""
+    return f"{summary['samples']} samples; {said}{wrote}"

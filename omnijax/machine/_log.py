@@ -26,7 +26,8 @@ class Log:
     """One run: uniform time in s, inputs and outputs in SI units by name.
 
     `noise` is the declared 1-sigma by output; `faults` are sentences about what was wrong.  Where
-    `measured` is the velocity, the position is its integral from 0.
+    `measured` is the velocity, the position is its integral from 0.  A log of inputs alone has no
+    outputs.
     """
 
     name: str
@@ -44,13 +45,23 @@ class Log:
         return float(self.time[1] - self.time[0])
 
     @property
+    def is_compared(self) -> bool:
+        """Whether it shows how the machine moved, or its inputs alone."""
+        return self.measured in self.outputs
+
+    @property
     def shown(self) -> np.ndarray:
         """What was measured (t,): positions, or velocities."""
         return self.outputs[self.measured]
 
     @property
     def start(self) -> dict[str, tuple[float, float]]:
-        """Position and its rate at the first sample, by output: where a free run begins."""
+        """Position and its rate at the first sample, by output: where a free run begins.
+
+        Under inputs alone it begins at rest at 0.
+        """
+        if not self.is_compared:
+            return {"position": (0.0, 0.0)}
         q = self.outputs["position"]
         v = self.shown[0] if self.measured == "velocity" else (q[1] - q[0]) / self.step
         return {"position": (float(q[0]), float(v))}
@@ -107,8 +118,15 @@ def read_log_file(path: Path, data: Mapping[str, Any], log: Path | None = None) 
     )  # fmt: skip
 
 
-def read_log(file: LogFile, inputs: Mapping[str, str], outputs: Mapping[str, str]) -> Log:
+def read_log(
+    file: LogFile,
+    inputs: Mapping[str, str],
+    outputs: Mapping[str, str],
+    compared: bool = True,
+) -> Log:
     """The run that a `LogFile` speaks of; `inputs` and `outputs` are the machine's, with units.
+
+    Of a log that is not to be `compared` with the machine the inputs are enough.
 
     Raises `InputError` for a log that is no file, for channels that machine or log lack, and for
     what in its columns cannot be used.
@@ -140,7 +158,7 @@ def read_log(file: LogFile, inputs: Mapping[str, str], outputs: Mapping[str, str
                 f"{', '.join(list(table.columns)[:12])}."
             )
     measured = measured_of(signals)
-    if measured is None and measured_of(outputs) is not None:
+    if compared and measured is None and measured_of(outputs) is not None:
         said = " or ".join(f"`{k}` ({units[k]})" for k in MEASURED if k in outputs)
         raise InputError(
             f"{where} has no column {said}. Say which one it is: "

@@ -9,6 +9,7 @@ from .._errors import did_you_mean
 from ..laws import ANY_LENGTH, EFFECTS
 from ._declaration import declared_laws
 from ._parameters import law_quantity
+from ._placed import stands_twice
 from ._places import ONE_WHEEL, WORDS, places_of, port_words
 from ._quantities import Quantity
 from ._user_laws import rigs_laws
@@ -51,7 +52,7 @@ def effect_problems(
             continue
         if isinstance(place, str):
             if (block["id"], place) in seen:
-                yield f"`{key}.{place}` stands twice in the file: one block an effect and place."
+                yield stands_twice(block["id"], place)
             seen.add((block["id"], place))
             names = [str(wheel.get("name")) for wheel in wheels]
             allowed, wrong = law_places(law, names), _place_problem(law, names)

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError, did_you_mean
 from ..laws import ANY_LENGTH, Parameter
 from ._machine import Rig
+from ._placed import stands_twice
 from ._quantities import InertiaTensor, Quantity, Vector
 from ._schema import (
     ClosureTable,
@@ -154,9 +155,8 @@ def parameter_info(rig: Rig, path: str) -> ParameterInfo:
 def parameter_paths(rig: Rig) -> list[ParameterInfo]:
     """Every numeric parameter: bodies, all wheels at once, each wheel, effects.
 
-    One `ParameterInfo` each: `path`, SI `unit`, `low` and `high`, `shape`.
-
-    Raises nothing: what the rig has is listed.
+    One `ParameterInfo` each: `path`, SI `unit`, `low` and `high`, `shape`.  Raises `InputError`
+    where an effect stands twice at a place: one path would name two numbers.
     """
     paths = [*_BODIES, *_all_wheels(), *_each_wheel(rig.names)]
     paths += [
@@ -245,11 +245,15 @@ def _wheel_place(key: str, index: int | None) -> _Place:
 
 
 def _effect_place(rig: Rig, path: str) -> _Place | None:
+    """Where an effect's parameter is; `InputError` for one that stands twice at the place."""
     for k, placed in enumerate(rig.effects):
         for key, parameter in placed.law.parameters.items():
             if path == f"effect.{placed.law.id}.{placed.place}.{key}":
                 quantity = law_quantity(parameter, placed.place, rig.size)
                 if getattr(placed.law, key) is None:
                     return None
+                here = (placed.law.id, placed.place)
+                if here in [(x.law.id, x.place) for x in rig.effects[k + 1 :]]:
+                    raise InputError(f"`{path}` names two numbers: {stands_twice(*here)}")
                 return _Place(lambda r, k=k, a=key: getattr(r.effects[k].law, a), None, quantity)
     return None

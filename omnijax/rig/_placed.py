@@ -26,6 +26,11 @@ class Placed(eqx.Module):
         return self.place.split("_")[0]
 
 
+def stands_twice(law: str, place: str) -> str:
+    """The sentence on a law that a rig has twice at one place: no file or path tells them apart."""
+    return f"`effect.{law}.{place}` stands twice: a rig file has one block an effect and place."
+
+
 def take_wheels(values: Any, wheels: Sequence[int], size: int) -> Any:
     """Rows of `values` (leading axis the wheel) at `wheels`; all of them cost no gather."""
     if tuple(wheels) == tuple(range(size)):

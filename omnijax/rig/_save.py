@@ -14,6 +14,7 @@ from .._files import write_bytes, write_text
 from ..laws import EFFECTS, AbstractLaw, DualRow, TableShape
 from ._machine import Rig
 from ._parameters import law_quantity
+from ._placed import stands_twice
 from ._schema import (
     ClosureTable,
     ContactTable,
@@ -29,8 +30,9 @@ from ._user_laws import AS_BYTES, file_of, texts_of_laws
 def save_rig(rig: Rig, path: str | Path) -> Path:
     """Write `rig` to the TOML file `path`; measured profiles and users' laws go beside it.
 
-    Returns the path.  Raises `InputError` for a measured profile that fits no pitch of its wheel
-    and where another text lies beside, `OSError` where nothing can be written.
+    Returns the path.  Raises `InputError` for a measured profile that fits no pitch of its wheel,
+    for a law that stands twice at a place and where another text lies beside, `OSError` where
+    nothing can be written.
 
     Numbers are SI.
     """
@@ -56,7 +58,8 @@ def files_of_rig(rig: Rig, path: str | Path) -> list[Path]:
 def rig_text(rig: Rig) -> str:
     """The rig as TOML text, measured profiles included; laws of a user's file by its name alone.
 
-    Numbers are SI.  Raises `InputError` for a measured profile that fits no pitch of its wheel.
+    Numbers are SI.  Raises `InputError` for a measured profile that fits no pitch of its wheel and
+    for a law that stands twice at a place.
     """
     return _text(rig, None, "")
 
@@ -81,6 +84,7 @@ def rig_identity(rig: Rig) -> dict[str, Any]:
 
 def _text(rig: Rig, files: dict[str, bytes] | None, stem: str) -> str:
     """TOML of the rig; `files` collects what goes beside it, or everything stays in the text."""
+    _check_effects(rig)
     lines = ["[sphere]", *_keys(rig.sphere, SphereTable), ""]
     lines += ["[platform]", *_keys(rig.platform, PlatformTable)]
     for i, name in enumerate(rig.names):
@@ -101,6 +105,14 @@ def _text(rig: Rig, files: dict[str, bytes] | None, stem: str) -> str:
         lines += ["", "[uncertainty]  # relative 1-sigma"]
         lines += [f"{_toml(key)} = {_toml(value)}" for key, value in rig.uncertainty]
     return "\n".join(lines) + "\n"
+
+
+def _check_effects(rig: Rig) -> None:
+    """`InputError` for laws that stand twice at a place: such a file could not be read back."""
+    places = [(placed.law.id, placed.place) for placed in rig.effects]
+    twice = [place for place in dict.fromkeys(places) if places.count(place) > 1]
+    if twice:
+        raise InputError([stands_twice(*place) for place in twice])
 
 
 def _keys(part: Any, table: type, index: int | None = None) -> list[str]:
