@@ -463,25 +463,38 @@ def test_a_strong_effect_is_ranked_at_finite_strength():
     assert found.fit.point.effects[0].values["k3"] == pytest.approx(8.0, rel=0.02)
 
 
-def test_a_limit_is_looked_for_between_those_that_are_tried():
-    """At the nearest ones a drive at its limit costs as much as four other laws: none was it."""
-    rng = drawn_anew("a limit between")
-    true, torque = rng.uniform(0.56, 0.68), np.sin(0.05 * np.arange(500))
+def limited(true, tried):
+    """(starts, cost without) of a drive with a limit of `true`, of which some are `tried`."""
+    rng, id = drawn_anew("a limit between"), "actuator-saturation"
+    torque = np.sin(0.05 * np.arange(500))
     measured = 1.02 * np.clip(torque, -true, true) + 1e-3 * rng.normal(size=500)
 
     def residual(p, laws, _split):
         acts = torque + sum(np.asarray(x(SimpleNamespace(torque=torque))) for x in laws)
         return (measured - p["gain"] * acts) / 1e-3
 
-    id, tried = "actuator-saturation", SETTINGS.candidates.clipped
     model = SmallModel(residual, [Prior("gain", 1.0, 0.1)], {id: EFFECTS[id]}, "drive",
                        {(id, "limit"): tried})  # fmt: skip
+    answered = model.residuals
+    model.residuals = lambda points, split: answered(points, split) if points else 1 / 0
     fit = refit(model, Point(np.zeros(1)))
     scan, _ = Search(model).scan(fit)
-    (start,) = at_finite_strength(model, fit, scan.scores, {id})
+    return at_finite_strength(model, fit, scan.scores, {id}), fit.cost
+
+
+def test_a_limit_is_looked_for_between_those_that_are_tried():
+    """At the nearest ones a drive at its limit costs as much as four other laws: none was it."""
+    true, tried = drawn_anew("a limit").uniform(0.56, 0.68), SETTINGS.candidates.clipped
+    (start,), cost = limited(true, tried)
     assert min(abs(x - true) for x in tried) > 0.05
     assert start.point.effects[0].values["limit"] == pytest.approx(true, abs=0.02)
-    assert start.cost < 0.1 * fit.cost
+    assert start.cost < 0.1 * cost
+
+
+def test_beside_the_only_limit_that_is_tried_none_is_looked_for():
+    """A model that is asked for the residuals of no point at all may not answer."""
+    (start,), _ = limited(0.6, (0.75,))
+    assert start.point.effects[0].values == {"limit": 0.75}
 
 
 class Lines(SmallModel):

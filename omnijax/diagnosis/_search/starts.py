@@ -104,6 +104,8 @@ def _about(anchor: Point, model: AbstractModel, fit: Fit, scores, ids: set[str])
     scores = [s for s in scores if not model.has(known, s.candidate.id, s.candidate.place)]
 
     def tried(effects: list[Effect]) -> list[Start]:  # the points of a law run side by side
+        if not effects:
+            return []
         points = [anchor.with_effects(*anchor.effects, e) for e in effects]
         starts = []
         for point, residual in zip(points, model.residuals(points, model.ranking), strict=True):
@@ -120,7 +122,7 @@ def _about(anchor: Point, model: AbstractModel, fit: Fit, scores, ids: set[str])
             e for s in scores if s.candidate.id == id
             for e in _strengths(model, s, chi2)
         ]  # fmt: skip
-        for start in tried(effects) if effects else []:
+        for start in tried(effects):
             made.setdefault(start.name, []).append(start)
     _closer(model, fit.cost, made, tried)
     return [min(starts, key=lambda s: s.cost) for starts in made.values()]
