@@ -11,8 +11,8 @@ import pytest
 import omnijax
 from omnijax import laws
 from omnijax.cli import run
+from omnijax.diagnosis._machine import Context, candidates
 from omnijax.diagnosis._search import Point, SmallModel
-from omnijax.diagnosis._search.candidates import Context, candidates
 from omnijax.dynamics import mount_signals, mount_tensions
 from omnijax.rig import GROUPS, acting, bundled_rigs, get_parameter, set_parameter
 from omnijax.rig._declaration import declared_laws

@@ -11,7 +11,7 @@ from test_plant import load_plant
 from omnijax.diagnosis import diagnose
 from omnijax.diagnosis._answer.learned import Unexplained, _Fitting
 from omnijax.diagnosis._answer.learned_ports import ShaftPort, SpringPort
-from omnijax.diagnosis._search.candidates import UNTRIED
+from omnijax.diagnosis._machine.candidates import UNTRIED
 from omnijax.laws import EFFECTS
 from omnijax.recording import read_case
 from omnijax.rig import load_rig, save_rig

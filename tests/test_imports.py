@@ -65,6 +65,18 @@ def test_nobody_imports_past_a_face(package):
             assert not past_a_face(own, module), f"{file}:{line} imports {'.'.join(module)}"
 
 
+def test_the_search_of_the_diagnosis_knows_no_sphere():
+    """It takes laws at places and the room's numbers, neither rigs nor what predicts their runs."""
+    own, seen = ["diagnosis", "_search"], set()
+    for file in ROOT.joinpath(*own).rglob("*.py"):
+        seen |= {tuple(module) for module, _ in _imported(file) if module[:2] != own}
+    packages = {module[0] for module in seen} & {*ORDER}
+    rooms = {module for module in seen if ROOT.joinpath(*module).is_dir() and len(module) > 1}
+    assert ("laws",) in seen
+    assert packages == {"laws", "machine", "diagnosis"}
+    assert not rooms
+
+
 def test_the_faces_are_seen():
     assert past_a_face(["study"], ["rig", "_load"])
     assert past_a_face(["study", "_design"], ["study", "_sweep", "store"])

@@ -10,12 +10,12 @@ from test_plant import load_plant
 
 from omnijax.diagnosis import Point, RigModel
 from omnijax.diagnosis._machine import orders, to_run, with_roles
+from omnijax.diagnosis._machine.candidates import UNTRIED
 from omnijax.diagnosis._machine.data_vector import orthonormal
 from omnijax.diagnosis._machine.orders import strongest_orders
 from omnijax.diagnosis._machine.rig_model import sums_of
 from omnijax.diagnosis._machine.tangents import LANES, signature, signatures
 from omnijax.diagnosis._search import calibrated
-from omnijax.diagnosis._search.candidates import UNTRIED
 from omnijax.diagnosis._search.model import Effect
 from omnijax.laws import EFFECTS
 from omnijax.recording import read_case

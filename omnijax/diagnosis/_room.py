@@ -9,8 +9,7 @@ from .._errors import InputError, tell
 from .._memory import SHARE, available, in_words
 from ..recording import Case, channels
 from ..vibration import natural_frequencies
-from ._machine import LINES
-from ._search import Context, candidates
+from ._machine import LINES, Context, candidates
 from ._settings import SETTINGS
 
 PERIOD = SETTINGS.room.period

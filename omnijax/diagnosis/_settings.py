@@ -118,6 +118,9 @@ class CandidatesSettings:
     latest: float = 0.1  # s
     least_gap: float = 1e-4  # RMS deflections of a mount, the least play told
     small_gaps: tuple[float, ...] = (0.01, 0.05)  # plays far below it, by their tangent
+    relaxation: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1)  # s
+    stribeck: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)  # rad/s, two decades of a wheel's speed
+    ladder: tuple[float, ...] = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # SI, of a constant without range
 
 
 @dataclasses.dataclass(frozen=True)
@@ -133,12 +136,6 @@ class FitSettings:
     """Joint refits: baseline parameters and effects together, Gauss-Newton with bounds."""
 
     renew: float = 200.0  # a fall of chi2 after which the baseline's tangents are taken anew
-
-
-@dataclasses.dataclass(frozen=True)
-class FunctionModelSettings:
-    # strength of a tangent, relative to what changes the residual by its own size
-    tiny: float = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -617,7 +614,6 @@ class Settings:
     candidates: CandidatesSettings = CandidatesSettings()
     doubt: DoubtSettings = DoubtSettings()
     fit: FitSettings = FitSettings()
-    function_model: FunctionModelSettings = FunctionModelSettings()
     gauss_newton: GaussNewtonSettings = GaussNewtonSettings()
     held_out: HeldOutSettings = HeldOutSettings()
     levels: LevelsSettings = LevelsSettings()

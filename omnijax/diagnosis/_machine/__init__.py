@@ -1,5 +1,6 @@
 """The sphere on its wheels as a model of the diagnosis: what its runs should show."""
 
+from .candidates import candidates as candidates
 from .clocks import CLOCK as CLOCK
 from .elastic import SIGNALS as SIGNALS
 from .elastic import rest_state as rest_state
@@ -22,4 +23,5 @@ from .runs import Run as Run
 from .runs import to_run as to_run
 from .start_angles import with_start_angles as with_start_angles
 from .start_angles import without_encoder as without_encoder
+from .unit_laws import Context as Context
 from .wheels import wheel_tables as wheel_tables

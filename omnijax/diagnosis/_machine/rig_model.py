@@ -13,11 +13,9 @@ from ...rig import Placed, Rig
 from .._search import (
     AbstractModel,
     Candidate,
-    Context,
     Free,
     Level,
     Point,
-    candidates,
     free_numbers,
     number,
     wandering_gain,
@@ -25,6 +23,7 @@ from .._search import (
 )
 from .._settings import SETTINGS
 from .._threads import each
+from .candidates import candidates
 from .clocks import CLOCK, READ_LATE, clock_priors, with_clocks
 from .data_vector import ELASTIC_CHANNELS
 from .linearisation import base_of
@@ -35,6 +34,7 @@ from .runs import COARSE, FINE, STEPS, Run, with_noise
 from .tangents import signatures
 from .tree_hash import digest
 from .uncertain import rig_priors, with_parameters, with_sensors
+from .unit_laws import Context
 
 BUDGET = SETTINGS.rig_model.budget
 LINEAR = SETTINGS.rig_model.linear

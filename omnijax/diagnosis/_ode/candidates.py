@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...machine import Axis, PlacedLaw
-from .._search import Candidate, is_wave, number
+from .._search import Candidate, is_wave, number, strengths
 from .._settings import SETTINGS
 from .known import states
 from .rows import OdeRun, smoothed
@@ -89,7 +89,7 @@ def machine_candidates(
 
 
 def _of_law(law, place, scales: Scales, orders) -> list[Candidate]:
-    linear = [k for k, p in law.parameters.items() if p.linear]
+    linear = strengths(law)
     fields = law.__dataclass_fields__
     shapes = [
         k for k, p in law.parameters.items()

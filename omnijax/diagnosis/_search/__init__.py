@@ -1,11 +1,13 @@
 """The search for what a model lacks: candidates, scans, refits, held-out tests."""
 
 from .calibration import calibrated as calibrated
+from .candidates import WHOLE as WHOLE
 from .candidates import Candidate as Candidate
-from .candidates import Context as Context
-from .candidates import candidates as candidates
 from .candidates import is_wave as is_wave
 from .candidates import number as number
+from .candidates import strengths as strengths
+from .candidates import unknown_shapes as unknown_shapes
+from .candidates import values_to_try as values_to_try
 from .doubt import within_doubt as within_doubt
 from .fit import Fit as Fit
 from .fit import refit as refit

@@ -8,13 +8,11 @@ import equinox as eqx
 import numpy as np
 
 from ...laws import AbstractLaw
-from ...rig import Placed
-from .._settings import SETTINGS
-from .candidates import Candidate, is_wave, number, unknown_shapes, values_to_try
+from ...machine import PlacedLaw
+from .candidates import Candidate, is_wave, number, strengths, unknown_shapes, values_to_try
 from .model import AbstractModel, Point, Prior
 
 Residual = Callable[[dict[str, float], list[AbstractLaw], str], np.ndarray]
-TINY = SETTINGS.function_model.tiny
 
 
 class SmallModel(AbstractModel):
@@ -61,13 +59,13 @@ class SmallModel(AbstractModel):
         return out
 
     def _candidate(self, law, fixed) -> Candidate:
-        linear = [k for k, p in law.parameters.items() if p.linear]
+        linear = strengths(law)
         wave = is_wave(law)
         units = [{linear[0]: 1.0, "phase": p} for p in (0.0, math.pi / 2)] if wave else [
             dict.fromkeys(linear, 0.0) | {key: 1.0} for key in linear
         ]  # fmt: skip
         columns = [  # a threshold has no tangent at zero: its strength is finite
-            Placed(law(**{k: number(v) for k, v in (unit | fixed).items()}), self.place)
+            PlacedLaw(law(**{k: number(v) for k, v in (unit | fixed).items()}), self.place)
             for unit in units or [{}]
         ]
 
