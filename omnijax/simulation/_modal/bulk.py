@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float
 from ..._compiling import Effort
 from ..._programs import kept
 from ..._root import root
-from .batch import ready
+from .batch import FEW, FEW_STEADY, ready
 from .gradient import half_root
 from .groups import of_groups
 from .mean_square import sums_along
@@ -86,16 +86,17 @@ def modal_steady(
         return _long_run(design, layout, table, gradient, effort=effort)
 
     outputs = outputs_asked(table)
-    return _batches(make, rows, model, gradient, modal_steady_obstacle, figures, total, outputs)
+    obstacle = modal_steady_obstacle
+    return _batches(make, rows, model, gradient, obstacle, figures, total, outputs, FEW_STEADY)
 
 
 def _batches(
     make, rows, model: str, gradient: bool, obstacle, figures, total: int,
-    outputs: tuple[str, ...] = OUTPUTS,
+    outputs: tuple[str, ...] = OUTPUTS, few: int = FEW,
 ) -> ModalFigures:  # fmt: skip
     """`figures(design, layout, effort)` of all designs, batch by batch."""
     parts, slopes = [], []
-    for batch in ready(make, rows, model, obstacle, total, outputs):
+    for batch in ready(make, rows, model, obstacle, total, outputs, few):
         values, bars = figures(batch.design, batch.layout, batch.effort)
         parts.append(np.concatenate([values, batch.held()[None]]))
         if gradient:

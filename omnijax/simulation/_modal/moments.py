@@ -5,7 +5,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .arithmetic import Pair, exp_less_one, pair_exp, plus, product, sincos, summed, times, turned
+from .arithmetic import Pair, exp_less_one, plus, product, sincos, summed, times, turned
 from .phases import PhaseCycle, Wave, follows, free_starts, ones, wide
 from .poles import PolePairs
 from .resonance import resonance
@@ -19,49 +19,46 @@ class Moments(NamedTuple):
     square: Float[Array, "s c"]  # mean of rho^2
 
 
-def _sine_over(x, time):
-    """sin(x T)/x."""
-    near = jnp.abs(x * time) < 1e-4
-    safe = jnp.where(near, 1.0, x)
-    return jnp.where(near, time * (1 - (x * time) ** 2 / 6), sincos(safe * time)[0] / safe)
+def _integrals(x, time):
+    """Integrals of cos(x t) and sin(x t) over [0, T]."""
+    half = x * time / 2
+    near = jnp.abs(half) < 5e-5
+    s, c = sincos(half)
+    over = jnp.where(near, time / 2 * (1 - half * half / 6), s / jnp.where(near, 1.0, x))
+    return 2 * over * c, 2 * x * over * over
 
 
-def _versine_over(x, time):
-    """(1 - cos(x T))/x."""
-    half = _sine_over(x / 2, time) / 2
-    return 2 * x * half * half
+class _Overlap(NamedTuple):
+    """Integrals of u times every cosine and sine of v, piece by piece, (w, k, s, c)."""
 
+    cosine: Array
+    sine: Array
 
-def _gram(nu, mu, time):
-    """Integrals over [0, T]: cos cos, cos(nu) sin(mu), sin(nu) cos(mu), sin sin."""
-    less, more = _sine_over(nu - mu, time), _sine_over(nu + mu, time)
-    low, high = _versine_over(nu - mu, time), _versine_over(nu + mu, time)
-    return (less + more) / 2, (high - low) / 2, (high + low) / 2, (less - more) / 2
-
-
-def _against(u: Wave, v: Wave):
-    """Integrals of u times every cosine and sine of v piece by piece, (w, k, s, c)."""
-    time = u.duration[None, None]
-    cc, cs, sc, ss = _gram(u.rate[:, None, None], v.rate[None, :, None], time)
-    A, B = u.cosine[:, None], u.sine[:, None]
-    return jnp.sum(A * cc + B * sc, axis=0), jnp.sum(A * cs + B * ss, axis=0)
+    @classmethod
+    def of(cls, u: Wave, v: Wave) -> "_Overlap":
+        """Of sinusoids whose pieces are the same."""
+        nu, mu = u.rate[:, None, None], v.rate[None, :, None]
+        cosines, sines = _integrals(jnp.stack([nu - mu, nu + mu]), u.duration)
+        (less, more), (low, high) = cosines / 2, sines / 2
+        A, B = u.cosine[:, None], u.sine[:, None]
+        cosine = A * (less + more) + B * (high + low)
+        return cls(jnp.sum(cosine, axis=0), jnp.sum(A * (high - low) + B * (less - more), axis=0))
 
 
 def _weighted(m: PolePairs, u: Wave) -> Pair:
     """Integral of rho_u exp(lambda tau) over every piece, (k, p, s, c)."""
     pole = m.l0, m.l1
     time, rate = u.duration[:, None], u.rate[:, None, None]
-    E = [x[None] for x in pair_exp(m.kind, (pole[0] * time, pole[1] * time))]
-    less = [x[None] for x in exp_less_one(m.kind, (pole[0] * time, pole[1] * time))]
-    s, c = (x[:, :, None] for x in sincos(u.rate[:, None] * u.duration))
-    half = sincos(u.rate[:, None] * u.duration / 2)[0][:, :, None]
-    off = -2 * half * half  # cos - 1
+    less = exp_less_one(m.kind, (pole[0] * time, pole[1] * time))
+    E = [(x + y)[None] for x, y in zip(less, ones(m), strict=True)]
+    half, lead = (x[:, :, None] for x in sincos(u.rate[:, None] * u.duration / 2))
+    s, off = 2 * half * lead, -2 * half * half  # sin, and cos - 1
     unit, share = ones(m), [x[:, None] for x in follows(m, u).slope]  # (w, 1, p, s, c)
-    near = [x + off * y for x, y in zip(less, E, strict=True)]  # E cos - 1
+    near = [x[None] + off * y for x, y in zip(less, E, strict=True)]  # E cos - 1
     near = product(m.kind, near, pole)
     over = [x + rate * s * y for x, y in zip(near, E, strict=True)]
     cosine = product(m.kind, over, share)
-    lag = [rate * (y - x * c) for x, y in zip(E, unit, strict=True)]
+    lag = [rate * (y - x * (1 + off)) for x, y in zip(E, unit, strict=True)]
     lead = product(m.kind, E, pole)
     sine = product(m.kind, [x + s * y for x, y in zip(lag, lead, strict=True)], share)
     A, B = u.cosine[:, :, None], u.sine[:, :, None]
@@ -69,13 +66,12 @@ def _weighted(m: PolePairs, u: Wave) -> Pair:
     return first, second
 
 
-def _work(m: PolePairs, u: Wave, v: Wave) -> Pair:
+def _work(m: PolePairs, u: Wave, v: Wave, both: _Overlap) -> Pair:
     """Mean of rho_u phi_v over their common period; their pieces are the same."""
     r = follows(m, v)
     free = product(m.kind, free_starts(m, v, r), _weighted(m, u))
-    cosine, sine = _against(u, v)
     # rho_u times level and slope of v's sinusoids, all pieces
-    level, slope = (jnp.sum(x, axis=1)[:, None] for x in turned(v.cosine, v.sine, cosine, sine))
+    level, slope = (jnp.sum(x, axis=1)[:, None] for x in turned(v.cosine, v.sine, *both))
     slope = v.rate[:, None] * slope
     works = [
         (summed(x) - summed(y)) / u.period for x, y in zip(free, r.lag(level, slope), strict=True)
@@ -83,23 +79,21 @@ def _work(m: PolePairs, u: Wave, v: Wave) -> Pair:
     return works[0], works[1]
 
 
-def _overlap(u: Wave, v: Wave):
+def _product(v: Wave, both: _Overlap):
     """Mean of rho_u rho_v over their common period; their pieces are the same."""
-    cosine, sine = _against(u, v)
-    return jnp.sum(v.cosine * cosine + v.sine * sine, axis=(0, 1)) / u.period
+    return jnp.sum(v.cosine * both.cosine + v.sine * both.sine, axis=(0, 1)) / v.period
 
 
 def _mean(u: Wave):
     """Mean of rho over the period."""
-    time, rate = u.duration[None], u.rate[:, None]
-    one = u.cosine * _sine_over(rate, time) + u.sine * _versine_over(rate, time)
-    return jnp.sum(one, axis=(0, 1)) / u.period
+    cosine, sine = _integrals(u.rate[:, None], u.duration[None])
+    return jnp.sum(u.cosine * cosine + u.sine * sine, axis=(0, 1)) / u.period
 
 
 def _line(u: Wave, rate):
     """Mean over the period of rho cos(rate t) and of rho sin(rate t); t as in the signals."""
     still = Wave(u.duration, u.place, rate[None], u.cosine[:1], u.sine[:1])
-    cosine, sine = (x[0] for x in _against(u, still))
+    cosine, sine = (x[0] for x in _Overlap.of(u, still))
     s, c = sincos(rate * (u.begin - u.place))
     period = u.period
     return (
@@ -114,15 +108,17 @@ def moments_of(m: PolePairs, cycle: PhaseCycle) -> Moments:
     zero = jnp.zeros_like(cycle.period)
     work, level, square = (0.0 * m.l0 + zero, 0.0 * m.l0 + zero), zero, zero
     for wave in cycle.edged:
-        work = plus(work, _work(m, wave, wave))
-        level, square = level + _mean(wave), square + _overlap(wave, wave)
+        own = _Overlap.of(wave, wave)
+        work = plus(work, _work(m, wave, wave, own))
+        level, square = level + _mean(wave), square + _product(wave, own)
     if len(cycle.edged) > 1:  # a damaged roller falls on one of the profile's gaps
         pitch, turn = cycle.edged
         folded = turn._replace(duration=pitch.duration)
         share = pitch.period / turn.period
-        both = plus(_work(m, pitch, folded), _work(m, folded, pitch))
+        there, back = _Overlap.of(pitch, folded), _Overlap.of(folded, pitch)
+        both = plus(_work(m, pitch, folded, there), _work(m, folded, pitch, back))
         work = plus(work, times(share, both))
-        square = square + 2 * share * _overlap(pitch, folded)
+        square = square + 2 * share * _product(folded, there)
     if cycle.endless:
         rate = cycle.endless[0].rate[0]
         half, across = _with_endless(cycle)
@@ -140,11 +136,14 @@ def slope_square(cycle: PhaseCycle) -> Float[Array, "s c"]:
         wave._replace(cosine=wave.rate[:, None] * wave.sine, sine=-wave.rate[:, None] * wave.cosine)
         for wave in cycle.edged
     ]
-    square = sum((_overlap(wave, wave) for wave in turned), jnp.zeros_like(cycle.period))
+    square = sum(
+        (_product(wave, _Overlap.of(wave, wave)) for wave in turned), jnp.zeros_like(cycle.period)
+    )
     if len(turned) > 1:
         pitch, turn = turned
         folded = turn._replace(duration=pitch.duration)
-        square = square + 2 * pitch.period / turn.period * _overlap(pitch, folded)
+        both = _Overlap.of(pitch, folded)
+        square = square + 2 * pitch.period / turn.period * _product(folded, both)
     if cycle.endless:
         half, across = _with_endless(cycle)
         square = square + cycle.endless[0].rate[0] ** 2 * (half + across)

@@ -31,8 +31,8 @@ from .._problem import FigureRows
 from .._sobol import sobol_points
 
 # Steady states of a design from which on they go in bulk: one alone takes 5 to 12 ms, 64 in bulk 30
-# to 45, and the programs in bulk are compiled in three times the time.
-SEVERAL = 8
+# to 45, but the programs in bulk are compiled in three times the time (40 CPU s for 12).
+SEVERAL = 64
 RTOL = 1e-6  # of the adaptive solver, unless the study says
 
 
