@@ -13,7 +13,7 @@ from omnijax.diagnosis._machine import orders, to_run, with_roles
 from omnijax.diagnosis._machine.candidates import UNTRIED
 from omnijax.diagnosis._machine.data_vector import orthonormal
 from omnijax.diagnosis._machine.orders import strongest_orders
-from omnijax.diagnosis._machine.rig_model import sums_of
+from omnijax.diagnosis._machine.rig_model import TOLD, sums_of
 from omnijax.diagnosis._machine.tangents import LANES, signature, signatures
 from omnijax.diagnosis._search import calibrated
 from omnijax.diagnosis._search.model import Effect
@@ -67,6 +67,28 @@ def test_a_gap_far_below_a_mount_s_deflection_is_seen(agreeing):
             left[share] = candidate.decode(c)["gap"]
     assert min(left) < 0.1
     assert left[min(left)] == pytest.approx(gap, rel=0.1)
+
+
+def test_signatures_tell_how_far_they_are_once_those_that_need_most_room_are_made(
+    agreeing, monkeypatch
+):
+    model, point, _, _ = agreeing
+    candidates, events = model.candidates(point), []
+    differences = model._by_differences
+
+    def noted(*given):
+        events.append("differences")
+        return differences(*given)
+
+    monkeypatch.setattr(model, "tell", events.append)
+    monkeypatch.setattr(model, "_by_differences", noted)
+    table = model.columns(point, candidates)
+    first, *told = events
+    assert first == "differences"
+    counts = [tuple(int(x) for x in text.split() if x.isdigit()) for text in told]
+    assert [n - counts[0][0] for n, _ in counts] == [*range(0, TOLD * len(counts), TOLD)]
+    assert all(n < whole <= len(table) and text.endswith("signatures")
+               for (n, whole), text in zip(counts, told, strict=True))  # fmt: skip
 
 
 @pytest.mark.parametrize("id", EXACT)

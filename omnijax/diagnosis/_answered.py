@@ -50,10 +50,10 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
     if shown.coloured and unsteady(evidence.model, explored.way.fit, evidence.alike):
         tell("what looked like noise is an effect that changes over the runs: it is none")
         outcome, limits, shown = _reviewed(search, evidence, explored, shown.refuted())
-    other = evidence.renoised(shown.changes) if outcome is None and shown.matters else None
-    if other is not None:
+    if outcome is None and shown.matters and evidence.reweighs:
         explored = explored.without_table()  # room for the next one
         evidence.model.rest()
+        other = evidence.renoised(shown.changes)
         names = sorted({c for run in shown.changes for c in run})
         tell(f"the noise of {', '.join(names)} is not as assumed: searching again")
         again = Search(other.model, tell, who)
@@ -63,6 +63,7 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
             shown = shown.refuted()
         else:
             evidence, search, explored, earlier, outcome = other, again, anew, shown, None
+            tell("looking at what is left")
             shown = beside_doubt(evidence, explored.way.fit)
     if outcome is None:
         outcome, limits, shown = _reviewed(search, evidence, explored, shown)

@@ -72,8 +72,8 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     by_channel = mended(evidence, start, noise)
     if by_channel is not None:
         tell("the noise is not as assumed: weighing the runs anew")
-        evidence = evidence.renoised(by_channel)
         model.rest()
+        evidence = evidence.renoised(by_channel)
         start = calibrated(evidence.model, start).point
     evidence.model.work = 0.0
     return answered(evidence, start, tell)

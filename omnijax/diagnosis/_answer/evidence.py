@@ -24,6 +24,7 @@ class AbstractEvidence(abc.ABC):
     # closed 0.998 and more (prototype), a hard limit in place of a soft one 0.977 (own cases)
     alike: float = 0.05  # share by which held-out runs may show a named effect at another size
     confirmed_on: str = "held-out"  # held-out, blocks (parts of the runs) or nothing
+    reweighs: bool = False  # whether it may be `renoised`
 
     @abc.abstractmethod
     def locate(self, point: Point) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -82,9 +83,9 @@ class AbstractEvidence(abc.ABC):
         """What state a channel shows: an effect on it shows in all channels of the same one."""
         return channel
 
-    def renoised(self, levels: Sequence[dict[str, Level]]) -> "AbstractEvidence | None":
-        """This evidence weighed by other noise, in the order of `columns`; None: it cannot be."""
-        return None
+    def renoised(self, levels: Sequence[dict[str, Level]]) -> "AbstractEvidence":
+        """This evidence weighed by other noise, in the order of `columns`, where it `reweighs`."""
+        raise NotImplementedError(f"{type(self).__name__} is weighed by one noise alone.")
 
     def reported(self, effect: Effect) -> dict[str, Any]:
         """Further parameters of an effect that are no numbers of its law."""

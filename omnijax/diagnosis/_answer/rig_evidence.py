@@ -33,6 +33,7 @@ class RigEvidence(AbstractEvidence):
     """A `RigModel` with its held-out runs."""
 
     model: RigModel
+    reweighs = True
 
     def __init__(
         self, model: RigModel, noise: Mapping[str, Any], faults: list[str], confirmed_on="held-out"

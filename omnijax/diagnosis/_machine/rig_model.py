@@ -26,7 +26,7 @@ from .._threads import each
 from .candidates import candidates
 from .clocks import CLOCK, READ_LATE, clock_priors, with_clocks
 from .data_vector import ELASTIC_CHANNELS
-from .linearisation import base_of
+from .linearisation import Linearisation, base_of
 from .machine import Machine
 from .orders import strongest_orders
 from .roles import split_runs
@@ -40,6 +40,7 @@ BUDGET = SETTINGS.rig_model.budget
 LINEAR = SETTINGS.rig_model.linear
 WEAK = SETTINGS.rig_model.weak
 TOGETHER = 32  # signatures that are whitened together
+TOLD = 4 * TOGETHER  # after so many the progress line goes on
 LINES = SETTINGS.rig_model.lines
 
 
@@ -62,6 +63,7 @@ class RigModel(AbstractModel):
         self.priors, self._clocks = [*clocks, *stated], len(clocks)
         self.splits = split_runs(runs)
         self.splits["first train"] = self.splits["train"][:1]
+        self._bases: list[Linearisation] = []  # between a choice of candidates and their signatures
         self.machine = Machine(rig, runs, noise, window)
 
     def rig_at(self, point: Point, clocks: bool = True) -> Rig:
@@ -309,15 +311,22 @@ class RigModel(AbstractModel):
     def columns(self, point, candidates: Sequence[Candidate]):
         """In single precision, for they are many; what hangs on the start is taken off before."""
         placed = [cast(Placed, p) for c in candidates for p in c.columns]
-        cut = np.cumsum([0] + [self.machine.rows[b.index].size for b in self._bases])
-        table, sums = np.empty((len(placed), cut[-1]), np.float32), sums_of(placed)
+        # those that the candidates were chosen at; they are large, and kept no longer
+        bases, self._bases = self._bases or self.bases(point), []
+        cut = np.cumsum([0] + [self.machine.rows[b.index].size for b in bases])
+        table = np.empty((len(placed), cut[-1]), np.float32)
         shifts = [j for j, p in enumerate(placed) if p.law.places == ("encoder",)]
+        if shifts:  # first, while the table takes no room yet
+            table[shifts] = self._by_differences(point, [placed[j] for j in shifts])
+        sums = {j: ones for j, ones in sums_of(placed).items() if j not in shifts}
         alone = [j for j in range(len(placed)) if j not in sums and j not in shifts]
 
         def fill(k: int) -> None:
-            base, part = self._bases[k], table[:, cut[k] : cut[k + 1]]
+            base, part = bases[k], table[:, cut[k] : cut[k + 1]]
             rows = self.machine.rows[base.index]
             for first in range(0, len(alone), TOGETHER):
+                if k == 0 and first % TOLD == 0:
+                    self.tell(f"{len(shifts) + first} of {len(shifts) + len(alone)} signatures")
                 few = alone[first : first + TOGETHER]
                 tables = signatures(base, [placed[j] for j in few])
                 exact = np.stack([rows.vector(*x) for x in tables])
@@ -326,9 +335,7 @@ class RigModel(AbstractModel):
             for j, ones in sums.items():
                 part[j] = np.sum(part[ones], axis=0, dtype=float)
 
-        each(fill, range(len(self._bases)))
-        if shifts:
-            table[shifts] = self._by_differences(point, [placed[j] for j in shifts])
+        each(fill, range(len(bases)))
         return table
 
     def _by_differences(self, point: Point, placed: Sequence[Placed]) -> np.ndarray:

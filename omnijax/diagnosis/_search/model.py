@@ -4,7 +4,7 @@ import abc
 import contextlib
 import dataclasses
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -82,6 +82,7 @@ class AbstractModel(abc.ABC):
 
     priors: Sequence[Prior]
     laws: dict[str, type[AbstractLaw]]
+    tell: Callable[[str], None] = staticmethod(lambda text: None)  # how long work gets on
     work: float = 0.0  # evaluations so far, in those of all train runs with laws stepped in time
     ranking: str = "train"  # split whose rows, the first of train's, rank laws at finite strength
     settings: SearchSettings = SETTINGS.search

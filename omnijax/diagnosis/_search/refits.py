@@ -151,6 +151,8 @@ class Refits:
     def settled(self, point: Point, before: float) -> Fit:
         """The fit from a point near its end; `before` is its chi2 as the data were prepared."""
         for fit in refits_about(self.model, point, self.settings.settles):
+            left = fit.chi2 / self.model.dof("train")
+            self.model.tell(f"settling the joint refit: chi2 {left:.4g} a row")
             near = (
                 fit.chi2 < self.settings.settled * self.model.dof("train")
                 or fit.chi2 > 0.98 * before

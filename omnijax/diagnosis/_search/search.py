@@ -104,7 +104,7 @@ class Search:
         who: str = "held-out runs",
     ):
         self.model, self.tell, self.who, self.refits = model, tell, who, Refits(model)
-        self.settings = model.settings
+        self.settings, model.tell = model.settings, tell
         self.begun = 0.0, 0.0  # chi2 of the baseline on train and held-out runs
 
     def run(self, start: Point | None = None) -> SearchResult:
@@ -120,6 +120,7 @@ class Search:
         stated = Point(np.zeros(len(model.priors)))
         if known is None:
             fit = refit(model, start or stated, relative=0.01)
+            self.tell("smoothing the runs about the calibrated machine")
             model.rebase(fit.point)
             baseline = refit(model, fit.point, baseline=fit.jacobian, relative=0.01)
         else:  # another noise moves the ends of its refits by little
@@ -138,6 +139,7 @@ class Search:
         """All that was found out, once the effects of a way are challenged."""
         model, way, baseline = self.model, explored.way, explored.baseline
         signatures = way.signatures or self.scan(way.fit)[1]
+        self.tell("reviewing what was found")
         reviewed = Review(self.refits, self.tell).run(way.fit, signatures, baseline)
         fit = reviewed.fit
         tried = [t for trials in way.trials for t in trials]
@@ -230,6 +232,7 @@ class Search:
         model = self.model
         J, u = to_project(model, fit.jacobian, fit.point.u)
         taken = taken_up(J, len(u))
+        self.tell("choosing candidates")
         candidates = model.candidates_beside(fit.point, taken[: len(fit.residual)])
         self.tell(f"{len(candidates)} candidates")
         signatures = Signatures(candidates, model.columns(fit.point, candidates))
