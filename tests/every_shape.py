@@ -138,6 +138,69 @@ def drawn_wheels(folder):
         assert all(leaf.shape[0] == batch for leaf in jax.tree.leaves(several)), function
 
 
+def modal_designs(obstacle, outputs):
+    """Two designs that are ready for the modal core, at numbers in rows of four."""
+    from machines import ORTHOGONAL, machine
+
+    from omnijax import laws
+    from omnijax.simulation import Operating
+    from omnijax.simulation._modal.batch import ready
+
+    def of(value):
+        return jax.numpy.asarray(value, float)
+
+    rig = machine(ORTHOGONAL).add(laws.ContactRelaxation(of(5e4), of(0.03)), "w1")
+    force, angle = of([3.0, 0.0, 1.0]), of([0.1, 0.2, 0.3])
+
+    def make(row):
+        mass = rig.platform.mass * row[0]
+        heavier = eqx.tree_at(lambda r: r.platform.mass, rig, mass)
+        return Operating(heavier, row[1:], force, angle)
+
+    (batch,) = ready(make, [[1.0, 3, -2, 1], [1.1, 3, 2, 1]], "coupled", obstacle, 0, outputs)
+    return batch
+
+
+def by_rows(batch, bars):
+    """Shape of the derivatives by the rows from those by the designs' arrays."""
+    from omnijax.simulation._modal.batch import _from_designs, _from_points
+
+    points = eqx.filter_eval_shape(_from_designs, batch.points, bars, batch.how, batch.turn)
+    return eqx.filter_eval_shape(_from_points, batch.make, batch.rows, points).shape
+
+
+def run_slopes(folder):
+    """Figures of runs and their derivatives, traced alone."""
+    from omnijax.simulation._modal import bulk, many_runs
+
+    traced = eqx.filter_eval_shape
+    step, count = jax.numpy.asarray(0.002), jax.numpy.asarray(51.0)
+    batch = modal_designs(bulk.modal_obstacle, bulk.OUTPUTS)
+    figures, bars = traced(bulk._figures, batch.design, batch.layout, step, count, True)
+    size = len(batch.rows)
+    assert (figures.shape, by_rows(batch, bars)) == ((4, size), (2, size, 4))
+
+    batch = modal_designs(bulk.modal_obstacle, many_runs.RUN_OUTPUTS)
+    layout = batch.layout._replace(rows=batch.design.system.C.shape[1])
+    outputs = traced(many_runs._outputs, batch.design, layout, step, count, 64)
+    bars = traced(many_runs._run_slopes, batch.design, layout, step, count, outputs)
+    assert by_rows(batch, bars) == (1, size, 4)
+
+
+def steady_slopes(folder):
+    """Every figure of long runs and its derivatives, traced alone."""
+    from omnijax.simulation._modal import bulk
+    from omnijax.vibration._comfort import upright_filters
+    from omnijax.vibration._in_bulk import BULK_STEADY_METRICS, SteadyTable
+
+    table, metrics = SteadyTable(BULK_STEADY_METRICS, upright_filters()), len(BULK_STEADY_METRICS)
+    batch = modal_designs(bulk.modal_steady_obstacle, bulk.outputs_asked(table))
+    layout = batch.layout._replace(rows=bulk.rows_asked(table, batch.layout))
+    figures, bars = eqx.filter_eval_shape(bulk._long_run, batch.design, layout, table, True)
+    size = len(batch.rows)
+    assert (figures.shape, by_rows(batch, bars)) == ((metrics + 2, size), (metrics, size, 4))
+
+
 def sweeps(folder):
     """A sweep in a store, and slopes of a steady state."""
     path = rig_file(folder, "ballbot")
@@ -162,7 +225,9 @@ def refusals(folder):
     raise AssertionError("sample times of two axes were taken")
 
 
-EVERY = (runs, four_wheels, torques, steady, drawn_wheels, sweeps, refusals)
+EVERY = (
+    runs, four_wheels, torques, steady, drawn_wheels, run_slopes, steady_slopes, sweeps, refusals,
+)  # fmt: skip
 FLOWS = {f.__name__: f for f in EVERY}
 
 

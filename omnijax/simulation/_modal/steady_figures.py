@@ -7,7 +7,7 @@ asking it once.
 import functools
 import itertools
 from collections.abc import Callable
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -69,6 +69,7 @@ class SteadyFigures:
         return root(jnp.sum(self._figure(AskedFigure("filtered", UPRIGHT))))
 
 
+@runtime_checkable
 class LongRunTable(Protocol):
     """Metrics of a long run; a pytree, whose classes belong to this package."""
 
@@ -128,7 +129,7 @@ class _Piece(NamedTuple):
 
 def steady_of(
     g: Lanes, layout: Layout, table: LongRunTable, gradient: bool
-) -> tuple[Float[Array, "m+2 c"], Slopes | None]:
+) -> tuple[Float[Array, "figures c"], Slopes | None]:
     """The table's metrics, normal force and grip; derivatives of the metrics, stacked."""
     by_metric = asked_by(table, layout.wheels)
     pieces, margins = _pieces(g, layout, table, {one for asked in by_metric for one in asked})
