@@ -31,7 +31,6 @@ if TYPE_CHECKING:
     from ._log import LogFile as LogFile
     from ._log import measured_of as measured_of
     from ._log import read_log as read_log
-    from ._log import travelled as travelled
     from ._low_pass import NOISY as NOISY
     from ._low_pass import acceleration_noise as acceleration_noise
     from ._model_file import load_model as load_model
@@ -39,6 +38,7 @@ if TYPE_CHECKING:
     from ._ports import Ports as Ports
     from ._ports import delayed_inputs as delayed_inputs
     from ._rectified import loses_sign as loses_sign
+    from ._sample_times import travelled as travelled
     from ._schema import KEYS as KEYS
     from ._schema import axis_unit as axis_unit
     from ._schema import field_units as field_units

@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 
 from .._errors import InputError
-from .._reading import existing
+from .._reading import existing, read_toml
 from ..recording import stem_of
 from ._file import MachineFile, load_machine
-from ._log import Log, LogFile, read_log, read_log_file, tables_of, toml_of
+from ._log import Log, LogFile, read_log, read_log_file, tables_of
 
 HELD = 1 / 3  # of every log, its end, where no log has the role held-out
 
@@ -59,7 +59,7 @@ def _log_files(folder: Path) -> list[LogFile]:
     for path in sorted(folder.glob("*.toml")):
         if path.name == "machine.toml" or path.stem.endswith("-diagnosed"):
             continue
-        data = toml_of(path)
+        data = read_toml(path)
         if path.stem in tables or "log" in data:
             out.append(read_log_file(path, data, tables.pop(path.stem, None)))
     beside = [f.log.resolve() for f in out]
@@ -77,11 +77,11 @@ def log_beside(path: str | Path) -> LogFile:
     path = Path(path)
     if path.suffix == ".toml":
         table = tables_of(path.parent).get(path.stem)
-        return read_log_file(path, toml_of(path), table)
+        return read_log_file(path, read_toml(path), table)
     if not path.is_file():
         raise InputError(f"{path} is not a file.")
     side = path.with_name(stem_of(path) + ".toml")
-    return read_log_file(side, toml_of(side), path) if side.is_file() else LogFile(side, path)
+    return read_log_file(side, read_toml(side), path) if side.is_file() else LogFile(side, path)
 
 
 def _parts(log: Log) -> list[Log]:

@@ -117,12 +117,8 @@ def _from_text(path: str, text: str, unit: str) -> SweepAxis:
         raise InputError(f"`{path}` must be {FORMS}, but is {text!r}.")
     low, high = read_number(parts[0], unit), read_number(parts[1], unit)
     if not low < high:
-        kind = "empty" if low == high else "reversed"
-        raise InputError(
-            f"`{path}` has an {kind} range: {text!r} does not go from low to high.".replace(
-                "an reversed", "a reversed"
-            )
-        )
+        kind = "an empty" if low == high else "a reversed"
+        raise InputError(f"`{path}` has {kind} range: {text!r} does not go from low to high.")
     if log and low <= 0:
         raise InputError(f"`{path}` must start above 0 on a log range, but starts at {low:g}.")
     count = None if len(parts) == 2 else _count(path, parts[2])

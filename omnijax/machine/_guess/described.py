@@ -11,7 +11,8 @@ import numpy as np
 from ..._errors import InputError
 from .._first_numbers import LogSignals
 from .._hold import input_hold
-from .._log import LEAST, evenly, increasing, travelled, unbroken, unwound
+from .._log import LEAST
+from .._sample_times import evenly, increasing, travelled, unbroken, unwound
 from .._second_numbers import coupled
 from .channel_units import (
     fitting,
