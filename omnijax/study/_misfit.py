@@ -31,7 +31,7 @@ from ._axes import read_axis, split_vary
 from ._points import build_points
 from ._sensitivity import Sensitivity
 
-MISFITS = ("rms", "mae", "peak")  # of measured less simulated position
+MISFITS = ("rms", "mae", "peak")  # of measured less simulated
 LANES = 32  # designs side by side
 
 
@@ -41,8 +41,8 @@ def checked_misfits(metric: str | Sequence[str]) -> tuple[str, ...]:
     wrong = [m for m in names if m not in MISFITS]
     if wrong or not names:
         raise InputError(
-            f"`metric` of an axis must be among {', '.join(MISFITS)} (of measured less simulated "
-            f"position), but is {(wrong or ['nothing'])[0]!r}."
+            f"`metric` of an axis must be among {', '.join(MISFITS)} (of measured less "
+            f"simulated), but is {(wrong or ['nothing'])[0]!r}."
         )
     return tuple(dict.fromkeys(names))
 
@@ -256,8 +256,9 @@ def sweep_machine(
     """Misfits of an axis' free run under a log's inputs over designs, as `sweep` samples them.
 
     `vary` is `{path: range}` or texts `path=range`; paths are those of the machine file
-    (`axis.inertia`, `effect.bearing-coulomb.torque`).  Figures are in the position's unit.  Raises
-    `InputError` for an unknown path or metric and for a range that cannot be read.
+    (`axis.inertia`, `effect.bearing-coulomb.torque`).  Figures are in the unit of what the log
+    measured, a position or a speed.  Raises `InputError` for an unknown path or metric and for a
+    range that cannot be read.
     """
     numbers, given = VariedNumbers.of(file), split_vary(vary)
     paths = numbers.checked(list(given))
@@ -275,8 +276,8 @@ def sensitivity_machine(
 ) -> Sensitivity:  # fmt: skip
     """What each number of a machine file does to the misfit of its free run under a log's inputs.
 
-    Exact derivatives; `raw` is in the position's unit by the parameter's.  Raises `InputError` for
-    an unknown metric or parameter, `RunError` where the run leaves all bounds.
+    Exact derivatives; `raw` is in the unit of what was measured by the parameter's.  Raises
+    `InputError` for an unknown metric or parameter, `RunError` where the run leaves all bounds.
     """
     numbers = VariedNumbers.of(file)
     paths = list(numbers.where) if parameters is None else parameters
