@@ -21,17 +21,15 @@ from .transient import LANES
 
 FEW = 1024  # designs up to which the slowest code costs less than the second that compiling better
 # code takes (see `PLAIN`): 0.15 s more for values, 0.8 s with gradients, at every call
-# the same of steady states, whose programs take 10 to 15 s more: 0.3 and 0.5 ms more a design
-FEW_STEADY = 8192
 MANY = 500_000  # designs that repay the best code: a tenth faster, or a fifth with gradients, and
 # compiled in 5 or 35 s more of CPU time on one machine (three unlike wheels)
 # samples worked out beside each other, the more the shorter the program; 4 makes the fastest
 TOGETHER = {Effort.LEAST: 32, Effort.QUICK: 8, Effort.MOST: 4}
 
 
-def effort_for(designs: int, few: int = FEW) -> Effort:
+def effort_for(designs: int) -> Effort:
     """What programs that run on so many designs are worth to the compiler."""
-    if designs <= few:
+    if designs <= FEW:
         return Effort.LEAST
     return Effort.QUICK if designs < MANY else Effort.MOST
 
@@ -69,15 +67,14 @@ class DesignBatch(NamedTuple):
 
 def ready(
     make, rows, model: str, obstacle: Callable[[Rig, str], str | None], total: int,
-    outputs: tuple[str, ...] = OUTPUTS, few: int = FEW,
+    outputs: tuple[str, ...] = OUTPUTS, most: Effort = Effort.MOST,
 ) -> Iterator[DesignBatch]:  # fmt: skip
     """The designs `make(row)`, some of them at a time; `outputs` are what they show.
 
-    `few` designs are not worth programs that take long to compile.
-
+    Their programs are worth `most` to the compiler, however many there are.
     Raises `ValueError` where the `obstacle` names a reason.
     """
-    effort, turn = effort_for(max(len(rows), total), few), None
+    effort, turn = min(effort_for(max(len(rows), total)), most), None
     one_size = effort == Effort.LEAST  # another size is another program to compile
     size = SIZES[0] if one_size or len(rows) <= SIZES[0] else SIZES[-1]
     rows = np.asarray(rows, float)  # slices of jax's arrays are programs
