@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 from seeds import drawn_anew
-from test_plant import load_plant
+from test_plant import recorded
 
 from benchmarks.hidden_effects import cases, sensors
 from omnijax.diagnosis import Point, RigModel, diagnose
@@ -28,12 +28,8 @@ MACHINE = 3  # the benchmark's seed
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
     """Noise-free short runs of the stated machine, as a model of it."""
-    plant, rng = load_plant(), np.random.default_rng(70)
-    machine = plant.machine(rng)
-    torque = np.stack([plant.torques(machine, plant.wander(rng, 1.5)) for _ in range(2)])
-    tables = plant.record(machine, machine, {}, torque, rng, noise=0.0)
     folder = tmp_path_factory.mktemp("clocks")
-    plant.write_case(folder, machine, tables)
+    plant, _, tables = recorded(folder, 70, 1.5, noise=0.0)
     runs = []
     for k, (table, role) in enumerate(zip(tables, ("train", "held-out"), strict=True)):
         outputs = {

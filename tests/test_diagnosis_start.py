@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 from scipy.signal import lfilter
 from seeds import drawn_anew
 from test_diagnosis_null import noisy
-from test_plant import load_plant
+from test_plant import load_plant, recorded
 
 from omnijax.diagnosis import Effect, Point, RigModel
 from omnijax.diagnosis._search.fit import refit
@@ -23,13 +23,8 @@ TRUE = 6e13  # N/m^3
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
     """A machine as it is stated but for one mount that stiffens, recorded from 1 s on."""
-    plant, rng = load_plant(), np.random.default_rng(3)
-    stated = plant.machine(rng)
-    torque = np.stack([plant.torques(stated, plant.wander(rng, 3.0)) for _ in range(2)])
-    effects = {"k3": TRUE * np.array([0.0, 1.0, 0.0])}
-    tables = plant.record(stated, stated, effects, torque, rng, noise=0.0, cut=1.0)
-    folder = tmp_path_factory.mktemp("rolling")
-    plant.write_case(folder, stated, tables)
+    folder, effects = tmp_path_factory.mktemp("rolling"), {"k3": TRUE * np.array([0.0, 1.0, 0.0])}
+    plant, rng, tables = recorded(folder, 3, 3.0, effects=effects, noise=0.0, cut=1.0)
     noise = {g: s if g in ("theta", "Omega") else 0.1 * s for g, s in plant.NOISE.items()}
     found = RigModel(load_rig(folder / "rig.toml"), noisy(tables, noise, rng), noise, dict(EFFECTS))
     assert all(run.rolling_start(noise) for run in found.machine.runs)
@@ -79,12 +74,8 @@ def test_a_start_is_taken_up_as_late_as_it_is_read(model):
 @pytest.fixture(scope="module")
 def healthy(tmp_path_factory):
     """A machine as it is stated: its rig, and what it does from rest on."""
-    plant, rng = load_plant(), np.random.default_rng(4)
-    stated = plant.machine(rng)
-    torque = np.stack([plant.torques(stated, plant.wander(rng, 2.5)) for _ in range(2)])
-    tables = plant.record(stated, stated, {}, torque, rng, noise=0.0)
     folder = tmp_path_factory.mktemp("healthy")
-    plant.write_case(folder, stated, tables)
+    *_, tables = recorded(folder, 4, 2.5, noise=0.0)
     return load_rig(folder / "rig.toml"), tables
 
 
@@ -129,7 +120,7 @@ def test_what_is_read_late_is_within_the_noise_by_its_law(healthy, group, id, ro
     At rest before: RMS of 14 and 24 sigma of angles, 1.5 and 1.8 of Omega, 2 of a.  Where laws are
     undone in noise, from rest: 3 for a lag, 8 for a delay.
     """
-    noise, recorded = load_plant().NOISE, []
+    noise, shown_tables = load_plant().NOISE, []
     rng, (rig, tables) = drawn_anew(f"read late {group} {id} {rolls}"), healthy
     step, late = float(tables[0]["t"][1]), rng.uniform(3e-3, 9e-3)
     if group in ("dR", "a"):  # between the samples they ring
@@ -139,8 +130,8 @@ def test_what_is_read_late_is_within_the_noise_by_its_law(healthy, group, id, ro
         names = [c for c in table if c.startswith(f"{group}_")]
         read = read_late(np.stack([table[c] for c in names], 1), step, late, id == "sensor-lag")
         shown = table | dict(zip(names, read.T, strict=True)) | {"t": table["t"] - first * step}
-        recorded.append({c: x[first:] for c, x in shown.items()})
-    model = RigModel(rig, noisy(recorded, noise, rng), noise, dict(EFFECTS))
+        shown_tables.append({c: x[first:] for c, x in shown.items()})
+    model = RigModel(rig, noisy(shown_tables, noise, rng), noise, dict(EFFECTS))
     key = "delay" if id == "sensor-delay" else "tau"
     truth = Point(np.zeros(len(model.priors)), (Effect(id, group, {key: late}),))
     assert model.machine.rolls == rolls

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from test_diagnosis_null import noisy
-from test_plant import load_plant
+from test_plant import recorded
 from threadpoolctl import threadpool_limits
 
 from omnijax.diagnosis import Effect, Point, RigModel
@@ -109,13 +109,8 @@ def test_lanes_are_parted_alike_on_any_number_of_cores(on_cores, monkeypatch):
 @pytest.fixture(scope="module")
 def model(tmp_path_factory):
     """Two short runs of a machine with nothing added."""
-    plant, rng = load_plant(), np.random.default_rng(20)
-    stated = plant.machine(rng)
-    true = plant.perturbed(rng, stated)
-    torque = np.stack([plant.torques(true, plant.wander(rng, 1.5)) for _ in range(2)])
-    tables = plant.record(stated, true, {}, torque, rng, noise=0.0)
     folder = tmp_path_factory.mktemp("quiet")
-    plant.write_case(folder, stated, tables)
+    plant, rng, tables = recorded(folder, 20, 1.5, off=True, noise=0.0)
     runs = noisy(tables, plant.NOISE, rng)
     return RigModel(load_rig(folder / "rig.toml"), runs, plant.NOISE, dict(EFFECTS))
 

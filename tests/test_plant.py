@@ -21,6 +21,20 @@ def load_plant():
     return module
 
 
+def recorded(folder: Path, seed: int, seconds: float, *, effects=None, off=False, **how):
+    """(plant, generator, tables) of two runs of a drawn machine; its case is written to `folder`.
+
+    `effects` are planted; if it is `off`, its numbers are, from those that the rig file states.
+    """
+    plant, rng = load_plant(), np.random.default_rng(seed)
+    machine = plant.machine(rng)
+    true = plant.perturbed(rng, machine) if off else machine
+    torque = np.stack([plant.torques(true, plant.wander(rng, seconds)) for _ in range(2)])
+    tables = plant.record(machine, true, effects or {}, torque, rng, **how)
+    plant.write_case(folder, machine, tables)
+    return plant, rng, tables
+
+
 def test_the_plant_agrees_with_both_references_within_a_tenth_of_the_noise():
     plant = load_plant()
     plant.EPS = 3e-3  # rad/s, the width in the references

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from seeds import drawn_anew
-from test_plant import load_plant
+from test_plant import recorded
 
 from omnijax.diagnosis import Point, RigModel
 from omnijax.diagnosis._machine import orders, to_run, with_roles
@@ -33,12 +33,8 @@ EXACT = sorted(set(EFFECTS) - FINITE - UNTRIED)
 @pytest.fixture(scope="module")
 def agreeing(tmp_path_factory):
     """Model, point, residual, and the live candidates with their columns, of agreeing data."""
-    plant, rng = load_plant(), np.random.default_rng(4)
-    machine = plant.machine(rng)
-    drives = [plant.torques(machine, plant.wander(rng, 2.5)) for _ in range(2)]
-    tables = plant.record(machine, machine, {}, np.stack(drives), rng)
     folder = tmp_path_factory.mktemp("agreeing") / "case"
-    plant.write_case(folder, machine, tables)
+    plant, *_ = recorded(folder, 4, 2.5)
     case = read_case(folder)
     runs, *_ = with_roles([to_run(run) for run in case.runs])
     model = RigModel(case.rig, runs, plant.NOISE, dict(EFFECTS))

@@ -89,8 +89,10 @@ def modal_steady(
         layout = layout._replace(rows=rows_asked(table, layout))
         return _long_run(design, layout, table, gradient, effort=effort)
 
-    how = outputs_asked(table), STEADY_GRADIENTS if gradient else Effort.MOST
-    return _batches(make, rows, model, gradient, modal_steady_obstacle, figures, total, *how)
+    return _batches(
+        make, rows, model, gradient, modal_steady_obstacle, figures, total, outputs_asked(table),
+        STEADY_GRADIENTS if gradient else Effort.MOST,
+    )  # fmt: skip
 
 
 def _batches(

@@ -97,7 +97,7 @@ class Engine:
         others = {i: self.search.run(lane, self._one) for i, lane in alone.items()}
 
         def again(i: int, end: _Restored) -> None:
-            better = min(end, short[i], key=lambda e: e.merit)
+            better = min(short[i], end, key=lambda e: e.merit)
             spent = end.evaluations + short[i].evaluations + int(others[i].evaluations[0])
             close(i, better.share, spent)
 
@@ -105,7 +105,7 @@ class Engine:
         return ends
 
     def _restored(
-        self, lanes: Starts, near: dict[int, np.ndarray], ended: Callable[[int, "_Restored"], None]
+        self, lanes: Starts, near: dict[int, np.ndarray], ended: Callable[[int, _Restored], None]
     ) -> None:
         """`restore_feasibility` of several searches; their figures are evaluated together."""
         limit, begin, free = (np.asarray(x) for x in (lanes.limit, lanes.share, lanes.free))
