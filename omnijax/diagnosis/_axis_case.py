@@ -23,6 +23,8 @@ from ._search import Point, calibrated, refit
 from ._settings import SETTINGS
 
 STARTED = SETTINGS.axis_case.started
+ROUNDS = SETTINGS.axis_case.rounds
+RELATIVE = SETTINGS.axis_case.relative
 
 
 def machine_diagnosed(case: MachineCase, laws: dict, tell: Callable[[str], None]) -> Diagnosis:
@@ -49,7 +51,7 @@ def _read(reading: HoldReading, laws: dict, tell, programs: Programs) -> Diagnos
     model.set_floor(fit, tell)
     if reading.open and model.explained is not None:  # what is missing would hide half a sample
         model.rebase(model.explained.point)
-        known = refit(model, model.explained.point, rounds=4, relative=1e-3)
+        known = refit(model, model.explained.point, rounds=ROUNDS, relative=RELATIVE)
         other = better_reading(reading, laws, model, known, tell, programs)
         if other is not None:
             return _read(other, laws, tell, programs)

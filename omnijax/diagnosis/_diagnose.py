@@ -28,6 +28,9 @@ from ._search import Point, calibrated
 from ._settings import SETTINGS
 
 MOSTLY = SETTINGS.diagnose.mostly
+ERRORS = SETTINGS.diagnose.errors
+SLACK = SETTINGS.diagnose.slack
+ABOVE = SETTINGS.diagnose.above
 
 
 def diagnose(
@@ -91,7 +94,7 @@ def mended(evidence: AbstractEvidence, point: Point, noise: dict[str, Assumed]):
         for channel, (level, rms) in run.items():
             known = noise[channel]
             measured = known.source not in ("declared", "unknown")
-            bound = 1 + 4 * known.error + 0.05 if measured else 2
+            bound = 1 + ERRORS * known.error + SLACK if measured else ABOVE
             fits = measured or level.ratio < 1 or rms < MOSTLY * level.ratio
             if wrong(level) and level.ratio < bound and fits:
                 kept[channel], any_wrong = level, True

@@ -1,19 +1,30 @@
 """The noise that a diagnosis starts from: what is declared, held against what the data show."""
 
 import dataclasses
+import math
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from ..recording import Case, channels, noise_floor
 from ._settings import SETTINGS
 
-# relative to a group's RMS; the fit's own numerics stay a tenth below it
-NOISE_FREE = {"dR": 0.02, "a": 0.02, "Omega": 2e-4, "theta": 3e-6}
+NOISE_FREE = {
+    "dR": SETTINGS.noise.free_elastic, "a": SETTINGS.noise.free_elastic,
+    "Omega": SETTINGS.noise.free_turning, "theta": SETTINGS.noise.free_angle,
+}  # fmt: skip
 DATA_SHEET = SETTINGS.noise.data_sheet
 AGREES = SETTINGS.noise.agrees
 UNKNOWN = SETTINGS.noise.unknown
 FINEST = SETTINGS.noise.finest
+ORDER = SETTINGS.noise.order
+GUESSED = SETTINGS.noise.guessed
+FEWEST = SETTINGS.noise.fewest
+MOST = SETTINGS.noise.most
+GAP = SETTINGS.noise.gap
+OFF = SETTINGS.noise.off
+ON_GRID = SETTINGS.noise.on_grid
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,21 +91,23 @@ def _unmeasured(values, declared, least: float) -> tuple[float, float, str]:
 
 
 def _upper(values: list[np.ndarray]) -> float:
-    """An upper bound of the white noise: the quieter half of the seventh differences."""
-    squares = np.concatenate([np.diff(v, 7) ** 2 for v in values if len(v) > 8] or [np.ones(1)])
-    level = np.sqrt(np.median(squares) / 0.455 / 3432)
-    return float(level) or float(np.sqrt(np.mean(np.concatenate(values) ** 2)) * 1e-3) or 1.0
+    """An upper bound of the white noise: the quieter half of differences of a high order."""
+    squares = np.concatenate(
+        [np.diff(v, ORDER) ** 2 for v in values if len(v) > ORDER + 1] or [np.ones(1)]
+    )
+    level = np.sqrt(np.median(squares) / chi2.ppf(0.5, 1) / math.comb(2 * ORDER, ORDER))
+    return float(level) or float(np.sqrt(np.mean(np.concatenate(values) ** 2)) * GUESSED) or 1.0
 
 
 def step_of(values: list[np.ndarray]) -> float:
     """The step of a quantised channel, 0 where its values lie on no grid."""
     levels = np.unique(np.concatenate(values))
-    if len(levels) < 3 or len(levels) > 0.5 * sum(map(len, values)):
+    if len(levels) < FEWEST or len(levels) > MOST * sum(map(len, values)):
         return 0.0
     gaps = np.diff(levels)
-    step = float(np.min(gaps[gaps > 1e-3 * np.median(gaps)]))
+    step = float(np.min(gaps[gaps > GAP * np.median(gaps)]))
     off = np.abs(gaps / step - np.round(gaps / step))
-    return step if np.mean(off < 0.02) > 0.95 else 0.0
+    return step if np.mean(off < OFF) > ON_GRID else 0.0
 
 
 def by_group(assumed: dict[str, Assumed]) -> dict[str, float]:

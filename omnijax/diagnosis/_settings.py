@@ -18,6 +18,8 @@ class AxisCaseSettings:
     """`diagnose` of an axis or of a machine of the user's."""
 
     started: int = 20  # samples that the benchmark of EMPS gives to a start
+    rounds: int = 4  # steps of the refit by which a log's hold is judged once more: time
+    relative: float = 1e-3  # of the cost, below whose fall it ends: time
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,6 +27,9 @@ class DiagnoseSettings:
     """`diagnose`: a case in, a verdict with its evidence out."""
 
     mostly: float = 1.25  # RMS of a channel over its white part, below which all of it is noise
+    errors: float = 4.0  # 1-sigma of a measured level, up to which the model may show more
+    slack: float = 0.05  # of it, and so much more
+    above: float = 2.0  # times a level that nobody measured, up to which the same holds
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,6 +41,17 @@ class NoiseSettings:
     unknown: float = 1.0
     # steps of a quantised channel, in sigma, below which they are part of the noise
     finest: float = 0.3
+    order: int = 7  # of differences that leave of a motion its noise
+    guessed: float = 1e-3  # of a channel's RMS, where they leave nothing: upper bound
+    fewest: int = 3  # levels of a quantised channel
+    most: float = 0.5  # of its samples, that may be levels of their own
+    gap: float = 1e-3  # of the usual gap between levels, below which a gap is rounding
+    off: float = 0.02  # of a step, by which a gap may be off a whole number of them
+    on_grid: float = 0.95  # of the gaps, that must be such numbers
+    # 1-sigma of channels without noise over their RMS: the fit's own numerics stay a tenth below
+    free_elastic: float = 0.02  # dR and a
+    free_turning: float = 2e-4
+    free_angle: float = 3e-6
 
 
 @dataclasses.dataclass(frozen=True)
@@ -100,6 +116,26 @@ class SearchSettings:
     rivals: int = 8  # candidates looked at as rivals: time
     swaps: int = 3  # times an effect may give way to a rival: time
     far: float = 10.0  # times the cost: a rival above it after one round imitates nothing: time
+    roughly: float = 0.01  # of the cost, below whose fall a refit without effects ends: time
+    noise: float = 4.0  # standard deviations of chi2 within which what is left is noise: chosen
+    shown: int = 12  # of what stands out, in answers
+
+
+@dataclasses.dataclass(frozen=True)
+class RefitsSettings:
+    """Joint refits of a search: of a new effect, of a settled set, of friction widths."""
+
+    rounds: int = 8  # steps with a new effect: time
+    # of the cost, below whose fall they end where it is far from the noise: time
+    relative: float = 1e-3
+    opening: float = 1e-2  # the same of a run's opening: time
+    weaker: tuple[float, ...] = (1.0, 0.5, 0.2, 0.05)  # of a strength, where a refit may begin
+    wide: int = 4  # steps with friction widths set free: time
+    rival: int = 4  # steps with a rival in an effect's place: time
+    settled: float = 0.98  # of the last chi2, above which smoothing anew gains nothing
+    # times the best cost, above which friction widths stay stated: time
+    stepped_widths: float = 10.0  # with a law that is stepped in time
+    plain_widths: float = 100.0  # without
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,6 +144,8 @@ class CalibrationSettings:
 
     far: float = 10.0  # times the cost of mere noise
     misfit: float = 4.0  # the same: that of a noise twice as large as declared
+    relative: float = 0.01  # of the cost, below whose fall a refit ends: time
+    end: float = 0.999  # of a bound, from which a parameter is at it
 
 
 @dataclasses.dataclass(frozen=True)
@@ -121,6 +159,12 @@ class CandidatesSettings:
     relaxation: tuple[float, ...] = (0.003, 0.01, 0.03, 0.1)  # s
     stribeck: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)  # rad/s, two decades of a wheel's speed
     ladder: tuple[float, ...] = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)  # SI, of a constant without range
+    between: int = 4  # values tried between a shape constant's bounds
+    # of the way to a law without strength, that its tangent has to ask for at least
+    way: float = 0.05
+    orders: int = 24  # whole ones that are tried whatever stands out
+    beside: float = 0.05  # of an order, by which one that stands out is no whole one
+    earliest: float = 1e-6  # s, of a time that is fitted
 
 
 @dataclasses.dataclass(frozen=True)
@@ -136,6 +180,14 @@ class FitSettings:
     """Joint refits: baseline parameters and effects together, Gauss-Newton with bounds."""
 
     renew: float = 200.0  # a fall of chi2 after which the baseline's tangents are taken anew
+    rounds: int = 20  # steps of a refit at most: they have ended before
+    patience: int = 3  # rounds after which a refit without hope ends: time
+    about: int = 10  # steps between two preparations of the data about their end: time
+    floor: float = 1.2  # chi2 a degree of freedom, below which nothing but noise is left
+    far: float = 10.0  # times that, above which a relative fall of the cost ends a refit: time
+    step: float = 1e-4  # of an effect's number, or of a unit for waves: of a difference
+    least: float = 1e-6  # its size where it is 0
+    prior_step: float = 1e-3  # prior sigmas, of a difference by an uncertain parameter
 
 
 @dataclasses.dataclass(frozen=True)
@@ -144,6 +196,10 @@ class GaussNewtonSettings:
     kept: float = 0.8  # share of its foretold fall that a straight step has to bring
     bent: float = 1.0  # foretold fall of chi2 that is worth a look at the valley's bend
     longest: float = 1.5  # |a| over |d| above which a parabola says nothing
+    damping: float = 1e-6  # of the first step, over the columns' squared sizes
+    factor: float = 30.0  # of the damping from one step to the next
+    damped: float = 1e-3  # at least, once a step has failed
+    tried: int = 6  # dampings a step: the last shortens it by 1e8
 
 
 @dataclasses.dataclass(frozen=True)
@@ -151,6 +207,7 @@ class HeldOutSettings:
     """What held-out runs say of a refit: whether the change that it foretold is there."""
 
     blocks: int = 64  # of the rows, by which the spread is estimated
+    errors: float = 3.0  # standard errors of a multiplier that count as noise, up to `search.slack`
 
 
 @dataclasses.dataclass(frozen=True)
@@ -162,6 +219,26 @@ class LevelsSettings:
     leans: float = 1.25
     broad: float = 1.35  # of a spectrum's bin, its end over its begin
     fewest: int = 8  # lines in a bin at least
+    stretches: int = 4  # of them at least
+    scatter: float = 1.25  # of a median over that of a mean: derived (sqrt(pi/2))
+    better: float = 1.1  # times the level, by which a higher difference has to be below it
+    high: float = 0.25  # cycles a sample, from which a spectrum is its white end
+    slowest: float = 10.0  # times its first line, up to which its slope is asked
+    steep: float = -0.7  # slope of log power there, below which noise wanders: -2 of a random walk
+    free: float = 4.0  # degrees of freedom of a coloured level at least
+    wanders: tuple[float, float] = (-4.0, 5.0)  # decades of a walk's power over white noise's
+    powers: int = 37  # of them tried, four a decade
+
+
+@dataclasses.dataclass(frozen=True)
+class FunctionModelSettings:
+    """A model of the user's own: the strength at which a law's tangent is taken."""
+
+    least: float = 1e-7  # of the residual, a change that is well above rounding
+    most: float = 1e-3  # of it, a change that is still in proportion
+    weaker: float = 0.1  # times the strength, where it changes more
+    stronger: float = 30.0  # where it changes less
+    tried: int = 60  # strengths: 1e60 times as weak, or 1e88 as strong
 
 
 @dataclasses.dataclass(frozen=True)
@@ -176,6 +253,12 @@ class LimitsSettings:
 class ModelSettings:
     # prior sigmas: Gaussian priors have no force against 1e5 samples, bounds have
     hard: float = 3.5
+    at_end: float = 1e-6  # of a bound, within which a number is at it: rounding
+    blocks: int = 40  # of a residual that is shuffled
+    # times where a friction law's width begins, and its part: a decade and a half
+    width: float = 30.0
+    slower: float = 10.0  # parts of a friction law's speed, to which a refit may lower it
+    faster: float = 3.0  # times the same: far above every speed the law is Coulomb's
 
 
 @dataclasses.dataclass(frozen=True)
@@ -192,6 +275,7 @@ class SteadinessSettings:
     degree: int = 3  # of the course over a run: 2 % of what warms within a third of it is left
     # chance of a part that is not constant: five standard deviations, as of sizes
     surely: float = 5.7e-7
+    own: float = 1e-3  # of a change's length, below which a direction of its course is none
 
 
 @dataclasses.dataclass(frozen=True)
@@ -220,6 +304,14 @@ class WhereSettings:
     beside: int = 8  # bands on either side that a line is compared with
     width: float = 0.5  # Hz, of a band: a line that stays put stays in it
     least: float = 1e-4  # length that levelling must leave of a column of 1: less is rounding
+    bins: int = 12  # of a state, equally filled
+    block: int = 125  # samples of a shuffled block, or a share of a short run
+    pieces: int = 16  # of it at least
+    shortest: int = 4  # samples of such a block
+    ends: int = 50  # samples at each end, by whose means a straight line is taken off
+    end: int = 10  # of so many parts of a run, which an end is at most
+    shape: float = 1e-3  # of the beta law of shuffled shares at least
+    likeliest: int = 3  # returned where nothing stands
 
 
 @dataclasses.dataclass(frozen=True)
@@ -259,6 +351,11 @@ class PredictionSettings:
     # clocks of loggers: started together they are off by parts of a millisecond (issue 17: 0.7 ms)
     clock: float = 5e-4  # s, 1-sigma of an offset: chosen
     clock_most: float = 9.5e-4  # s; what is read later is a delay: below a sample at 1 kHz
+    course: int = 3  # degree of the polynomial through an opening, that tells the motion before
+    angle_noise: float = 1e-4  # rad, by which rolled lengths are weighed where no angle is measured
+    far: float = 1e3  # rad to each side, over which tables reach where no angle is measured
+    newton: int = 12  # steps to the static rest of laws: it is found to rounding
+    probes: int = 64  # angles, at which a shape that repeats each turn is told
 
 
 @dataclasses.dataclass(frozen=True)
@@ -272,6 +369,7 @@ class DataVectorSettings:
     """The data vector: whitened residual rows, and the directions that are left out of it."""
 
     settle: float = 0.3  # s after an unknown input in which the elastic channels are not used
+    shortest: int = 20  # samples of a window
 
 
 @dataclasses.dataclass(frozen=True)
@@ -281,6 +379,8 @@ class EncodersSettings:
     most: int = 100  # modes a wheel; a rougher smoother's are cut off
     least: float = 0.05  # gain of the smoother below which a mode does not count
     parts: int = 4  # points a sample: a covariance needs no more
+    kept: float = 0.01  # change of a row's variance, below which it is left alone
+    spare: int = 16  # modes beyond those that count, from which these are told
 
 
 @dataclasses.dataclass(frozen=True)
@@ -292,6 +392,7 @@ class LocateSettings:
     alike: float = 1e-3
     # times what is left: a number whose own size changes a channel by less is not asked
     small: float = 3.0
+    digits: int = 3  # of a speed in rad/s, of which the sign is a direction
 
 
 @dataclasses.dataclass(frozen=True)
@@ -321,6 +422,16 @@ class RigOrdersSettings:
     roughly: float = 1e-3  # the same from `thinned` samples
     nearly: float = 0.9  # share of the best one's gain from which they are refined
     many: int = 16  # of them at most: time
+    slowest: float = 1e-6  # rad/s, of a wheel's speed at least: one that stands has no lines
+    steps: int = 4  # of a grid of orders at least
+
+
+@dataclasses.dataclass(frozen=True)
+class RunsSettings:
+    """Whether a run begins in motion."""
+
+    first: int = 10  # samples, whose mean is a first value
+    rolling: float = 5.0  # times the noise of one sample, that it has to be or to change by
 
 
 @dataclasses.dataclass(frozen=True)
@@ -333,6 +444,8 @@ class OutliersSettings:
     edge: int = 3  # samples beside a gap's edge, where a mistimed prediction makes spikes too
     # samples to each side whose usual change a spike has to exceed: a shock's ringing has decayed
     beside: int = 20
+    usual: float = 0.954  # median of a difference of two samples of white noise, in sigma: derived
+    at_edges: float = 3.0  # times as many there as elsewhere, from which edges make them
 
 
 @dataclasses.dataclass(frozen=True)
@@ -345,6 +458,9 @@ class RigModelSettings:
     linear: float = 0.3
     weak: float = 1e-4  # rad, of an encoder's law whose signature is a difference
     lines: int = 12  # spectral lines of `a` that are tried as floor vibrations
+    lag: float = 0.25  # of a sample, the least time constant that is fitted
+    width: float = 1 / 3  # of the largest speed, the widest friction law: tanh is 0.995 there
+    tops: float = 0.99  # quantile of a channel's readings, at which its sensor's limit would be
 
 
 @dataclasses.dataclass(frozen=True)
@@ -363,6 +479,8 @@ class SmoothSettings:
     """Smoothing of measured rolled lengths: white jerk, its intensity by likelihood."""
 
     least: float = 1e-13  # of the ratio: weight of missing samples, which keeps long gaps solvable
+    highest: float = 11.0  # decades of the ratio above one
+    ratios: int = 23  # tried, two a decade
 
 
 @dataclasses.dataclass(frozen=True)
@@ -372,6 +490,7 @@ class StartAnglesSettings:
     phases: int = 28  # a pitch
     steps: int = 3  # of Gauss-Newton
     rounds: int = 6  # of wheel by wheel descent from the best of the coarse combinations
+    coarse: int = 4  # of these from one to the next combination that is tried
 
 
 @dataclasses.dataclass(frozen=True)
@@ -401,6 +520,11 @@ class FreeBuildSettings:
     leads: int = 4  # a window is at least so many times its lead
     # of the time that an axis is pushed away from rest, above which free runs say nothing
     away: float = 0.05
+    noise_free: float = 1e-6  # of what is measured, as noise where there is none
+    error: float = 0.05  # relative 1-sigma of the noise's level
+    lead: int = 64  # samples, from which a window is at least so many of its leads
+    windows: int = 16  # of the longest run, at most
+    together: int = 4  # leads and windows in a run that is one window: time
 
 
 @dataclasses.dataclass(frozen=True)
@@ -412,6 +536,10 @@ class FreeCandidatesSettings:
     slow: tuple[float, ...] = (4e-3, 0.016, 0.064)
     # of it, for a limit that shows: what is seen at a few peaks may be their dynamics
     rarely: float = 0.98
+    lags: tuple[float, ...] = (0.5, 2.0, 8.0)  # samples, of lags
+    delays: tuple[float, ...] = (0.25, 1.0, 4.0)  # samples, of delays
+    others: tuple[float, ...] = (0.1, 1.0, 10.0)  # of a constant without range
+    way: float = 0.05  # of a tried time, and its part, between which a tangent may move it
 
 
 @dataclasses.dataclass(frozen=True)
@@ -421,6 +549,10 @@ class FreeColourSettings:
     local: float = 1e-9  # of the autocovariance, below which rows share no noise
     rounds: int = 3  # of a refit weighed by a colour and the colour of what it leaves
     span: int = 3  # lengths of the thinning filter on either side that an impulse is followed
+    relative: float = 1e-4  # of the cost, below whose fall a refit ends
+    long: int = 200  # rows on either side, that an impulse is followed at least
+    decades: tuple[float, float] = (-7.0, 2.0)  # of the rows' variance that is no sensor noise
+    shares: int = 19  # of it tried, two a decade
 
 
 @dataclasses.dataclass(frozen=True)
@@ -429,6 +561,10 @@ class FreeEvidenceSettings:
 
     # times the noise: a run that moves less has no share of its motion to speak of
     rests: float = 5.0
+    # of the gap by a named set: real machines are never as good as their sensors
+    closing: float = 0.3
+    # of a size on held-out runs: friction of one log is not that of the next one, as grease warms
+    alike: float = 0.5
 
 
 @dataclasses.dataclass(frozen=True)
@@ -436,6 +572,9 @@ class FreeExperimentSettings:
     """The next run of a machine: the input among a few under which rivals differ most."""
 
     seconds: float = 10.0
+    slow: float = 0.2  # Hz, of a sine
+    chirp: tuple[float, float] = (0.1, 2.0)  # Hz, between which a sine gets faster
+    written: float = 0.02  # s, between the values that are written down
 
 
 @dataclasses.dataclass(frozen=True)
@@ -449,6 +588,10 @@ class FreeFloorSettings:
     turns: int = 6  # of starts and refits, one after the other, at most
     gained: float = 0.7  # of the misfit that is left at most, for a further turn
     alike: float = 1e-3  # of the longest direction of all tangents; a shorter one is none
+    rounds: int = 10  # steps of a refit between two preparations of the data: time
+    relative: float = 1e-3  # of the cost, below whose fall it ends: time
+    correlated: float = 0.05  # autocorrelation below which rows are independent
+    lags: float = 0.25  # of the longest run, up to which it is looked at
 
 
 @dataclasses.dataclass(frozen=True)
@@ -480,6 +623,17 @@ class FreeModelSettings:
     step: float = 1e-3  # prior sigmas, of a difference
     room: int = 3  # of one law with an order at one place
     order: float = 0.03  # of itself, that a refit may move one: or half of what the travel tells
+    budget: float = 4000.0  # evaluations of a search: time
+    # of the search, in place of those of `SearchSettings`
+    lead: float = 0.1
+    share: float = 2.0
+    slack: float = 0.0
+    instants: int = 24  # at which a point's slopes are taken: time
+    passed: int = 8  # runs of which they are taken: time
+    slow: float = 0.005  # of the runs' speed, the least of a friction law
+    fast: float = 2.0  # the same, the largest
+    limit: float = 2.0  # times a limit of a sensor, and its part, within which it is fitted
+    time: float = 30.0  # times a delay or lag, the same
 
 
 @dataclasses.dataclass(frozen=True)
@@ -496,6 +650,7 @@ class FreeOrdersSettings:
     most: int = 6000
     slow: float = 0.05  # share of the rows that a line must pass slowly enough to be seen in them
     seen: float = 0.8  # of half the rows' sampling rate: what their low pass lets through
+    alike: float = 1e-6  # of the strongest line, a shorter one beside it is none
 
 
 @dataclasses.dataclass(frozen=True)
@@ -512,6 +667,11 @@ class FreeRowsSettings:
 
     seen: float = 1e-6  # of the best seen part of a start, what must be seen of another one
     wide: int = 10  # taps of the thinning filter to each side, in thinned samples
+    order: int = 4  # of the low pass of measured signals, each way
+    nyquist: float = 0.99  # of half the sampling rate, its cutoff at most
+    passed: float = 0.8  # of half the rows' rate, the cutoff of the thinning filter
+    impulse: int = 2001  # samples at least, over which a low pass dies away
+    edges: int = 8  # edges of the thinning filter, the same
 
 
 @dataclasses.dataclass(frozen=True)
@@ -520,6 +680,7 @@ class FreeTogetherSettings:
 
     relaxed: int = 3  # times that each line is looked for anew beside the others, at most
     moved: float = 0.99  # of the squares that are left at most, where it is found elsewhere
+    rounds: int = 8  # steps of a refit with or without a line: time
 
 
 @dataclasses.dataclass(frozen=True)
@@ -541,6 +702,17 @@ class AnswerLearnedSettings:
     rounds: int = 5  # of a refit of the term and the machine together
     inner: int = 5  # steps of the term in each: time
     hidden: int = 6  # nodes of the network
+    dampings: tuple[float, ...] = (1.0, 30.0, 1e3)  # times the ridge, until a step fits better
+    step: float = 1e-3  # prior sigmas, of a difference
+    shown: float = 2.5  # RMS of an input, to each side of 0, over which a term is drawn
+    points: int = 101  # of a curve
+    grid: int = 41  # of a map, to each side
+    drawn: int = 4000  # rows that say on which inputs it hangs most: time
+    waves: int = 4  # harmonics of a wheel's angle in the basis
+    sharp: float = 20.0  # of the speed's RMS in one: how steeply the basis knows its sign
+    # on columns of length 1
+    ridge: float = 1e-6  # of the smooth basis
+    network: float = 1e-3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -549,6 +721,7 @@ class AnswerResultSettings:
 
     # times the noise (1 sigma beside it): above this something else is missing too
     remains: float = 1.4
+    determined: float = 0.7  # prior sigmas, below which the runs have told a parameter
 
 
 @dataclasses.dataclass(frozen=True)
@@ -566,6 +739,7 @@ class ShownSettings:
     structure: float = 0.09  # power over the noise's, by what hangs on a state: 0.3 sigma
     off: float = 0.03  # share by which a level has to be off to be mended
     surely: float = 4.0  # standard errors of the same
+    told: float = 3.0  # of them, from which a declared level is said to be another one
 
 
 @dataclasses.dataclass(frozen=True)
@@ -590,6 +764,9 @@ class VerdictSettings:
 
     excess: float = 0.3  # sigma: below this in every channel, simulation and data agree
     surely: float = 5.0  # 1-sigma, by which held-out runs may show another size: chosen
+    # share of the held-out gap that a named set has to close: right ones closed 0.998 and more
+    closing: float = 0.99  # (prototype), a hard limit in place of a soft one 0.977 (own cases)
+    alike: float = 0.05  # share by which held-out runs may show a named effect at another size
 
 
 @dataclasses.dataclass(frozen=True)
@@ -598,6 +775,11 @@ class ExperimentSettings:
 
     seconds: float = 5.0  # s, of a proposed run
     spin_up: float = 0.5  # s, of them until the wheels turn at speed
+    times: tuple[float, ...] = (0.0, 1.2, 1.5, 2.7, 3.2, 5.0)  # s, between which a turn's speed is
+    levels: tuple[float, ...] = (0.25, 0.25, 0.5, 0.5, -1.0, -1.0)  # so many times the top one
+    slowly: tuple[float, ...] = (0.2, 0.3, 0.4)  # Hz, of turns about all axes at once
+    fast: tuple[float, ...] = (0.7, 0.9, 1.2)
+    written: float = 0.02  # s, between the torques that are written down
 
 
 @dataclasses.dataclass(frozen=True)
@@ -660,6 +842,9 @@ class Settings:
     verdict: VerdictSettings = VerdictSettings()
     experiment: ExperimentSettings = ExperimentSettings()
     starts: StartsSettings = StartsSettings()
+    refits: RefitsSettings = RefitsSettings()
+    function_model: FunctionModelSettings = FunctionModelSettings()
+    runs: RunsSettings = RunsSettings()
 
 
 SETTINGS = Settings()

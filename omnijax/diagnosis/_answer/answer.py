@@ -6,6 +6,7 @@ import numpy as np
 
 from ...laws import Parameter
 from .._search import Effect, Point, SearchResult
+from .._settings import SETTINGS
 from .evidence import AbstractEvidence
 from .named_effect import Named
 from .verdict import Verdict
@@ -132,13 +133,13 @@ def baseline_table(outcome: SearchResult) -> list[dict[str, Any]]:
             "relative_sigma": float(sigma[k] * prior.sigma),
             "sigma": float(sigma[k] * prior.sigma * (abs(last) if prior.relative else 1.0)),
             "absorbed": float(np.log(first / last)) if prior.relative else 0.0,
-            "determined": bool(sigma[k] < 0.7),
-            "at_bound": bool(abs(outcome.fit.point.u[k]) > prior.hard - 1e-6),
+            "determined": bool(sigma[k] < SETTINGS.answer_result.determined),
+            "at_bound": prior.at_bound(outcome.fit.point.u[k]),
         })  # fmt: skip
     return out
 
 
-def score_table(outcome: SearchResult, most: int = 12) -> list[dict[str, Any]]:
+def score_table(outcome: SearchResult, most: int = SETTINGS.search.shown) -> list[dict[str, Any]]:
     """The score plot's numbers: the best candidates of every step."""
     out = []
     for step, scan in enumerate(outcome.scans):

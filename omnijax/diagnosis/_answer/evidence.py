@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._search import AbstractModel, Effect, Fit, Level, Point
+from .._settings import SETTINGS
 
 Tell = Callable[[str], None]
 
@@ -20,9 +21,8 @@ class AbstractEvidence(abc.ABC):
     model: AbstractModel
     noise: Mapping[str, Any]
     faults: list[str]
-    closing: float = 0.99  # share of the held-out gap that a named set has to close: right ones
-    # closed 0.998 and more (prototype), a hard limit in place of a soft one 0.977 (own cases)
-    alike: float = 0.05  # share by which held-out runs may show a named effect at another size
+    closing: float = SETTINGS.verdict.closing
+    alike: float = SETTINGS.verdict.alike
     confirmed_on: str = "held-out"  # held-out, blocks (parts of the runs) or nothing
     reweighs: bool = False  # whether it may be `renoised`
 

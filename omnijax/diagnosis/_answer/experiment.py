@@ -17,19 +17,24 @@ from .._settings import SETTINGS
 
 SECONDS = SETTINGS.experiment.seconds
 SPIN_UP = SETTINGS.experiment.spin_up
+TIMES = SETTINGS.experiment.times
+LEVELS = SETTINGS.experiment.levels
+SLOWLY = SETTINGS.experiment.slowly
+FAST = SETTINGS.experiment.fast
+WRITTEN = SETTINGS.experiment.written
 
 
 def feasible_motions(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
     """Histories of Omega (t, 3) in rad/s, from rest to rest, up to the speed `top`."""
     inside = np.clip(np.minimum(time, SECONDS - time) / SPIN_UP, 0, 1)
     inside = inside**2 * (3 - 2 * inside)
-    level = np.interp(time, [0, 1.2, 1.5, 2.7, 3.2, 5], [0.25, 0.25, 0.5, 0.5, -1.0, -1.0])
+    level = np.interp(time, TIMES, LEVELS)
     motions = {
         f"turn about {axis} at a quarter, half and, backwards, full speed": top
         * np.outer(inside * level, unit)
         for axis, unit in zip("xyz", np.eye(3), strict=True)
     }
-    for words, rates in (("slowly", (0.2, 0.3, 0.4)), ("fast", (0.7, 0.9, 1.2))):
+    for words, rates in (("slowly", SLOWLY), ("fast", FAST)):
         waves = np.sin(2 * np.pi * np.outer(time, rates) + [0.0, 1.0, 2.0])
         motions[f"turn about all axes at once, {words} reversed"] = (
             top / np.sqrt(2) * inside[:, None] * waves
@@ -47,7 +52,7 @@ def next_experiment(model: RigModel, rivals: list[Point]) -> dict:
         pairs = [_margin(a, b) for a, b in itertools.permutations(seen, 2)]
         rows.append({"drive": run.name, "separation": float(min(pairs))})
     best = int(np.argmax([r["separation"] for r in rows]))
-    thin = max(1, round(0.02 / step))
+    thin = max(1, round(WRITTEN / step))
     values = machine.runs[best].torque[::thin].tolist()
     unit = "chi-square between the closest two rivals, each refitted to the other's run"
     torque = {"unit": "N m", "step": thin * step, "values": values}

@@ -29,7 +29,13 @@ HIDDEN = SETTINGS.answer_learned.hidden
 FAR = SETTINGS.answer_learned.far
 KEPT = SETTINGS.answer_learned.kept
 ENOUGH = SETTINGS.answer_learned.enough
-RIDGE = {"basis": 1e-6, "network": 1e-3}  # on columns of length 1
+DAMPINGS = SETTINGS.answer_learned.dampings
+STEP = SETTINGS.answer_learned.step
+SHOWN = SETTINGS.answer_learned.shown
+POINTS = SETTINGS.answer_learned.points
+GRID = SETTINGS.answer_learned.grid
+DRAWN = SETTINGS.answer_learned.drawn
+RIDGE = {"basis": SETTINGS.answer_learned.ridge, "network": SETTINGS.answer_learned.network}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -241,7 +247,7 @@ class _Fitting:
         right[extra:] -= self.around.u + self.shift
         k = len(self.term.weights)
         ridge = np.repeat([RIDGE["basis"], RIDGE["network"]], [k, extra - k])
-        for damping in (1.0, 30.0, 1e3):
+        for damping in DAMPINGS:
             weights = np.concatenate([ridge * damping, np.ones(P)])
             step = np.linalg.solve(gram + np.diag(weights), right)
             term, shift = self.term.moved(step[:extra] / scale), self.shift + step[extra:]
@@ -294,15 +300,15 @@ def _tangents(model: RigModel, point: Point, split: str) -> np.ndarray:
     """d residual / du on the runs of a split."""
     (residual,) = model.residuals([point], split)
     P = len(point.u)
-    points = [Point(point.u + 1e-3 * e, point.effects) for e in np.eye(P)]
+    points = [Point(point.u + STEP * e, point.effects) for e in np.eye(P)]
     with model.aside():
         moved = model.residuals(points, split) if P else []
-    return np.stack([(r - residual) / 1e-3 for r in moved], 1) if P else residual[:, None][:, :0]
+    return np.stack([(r - residual) / STEP for r in moved], 1) if P else residual[:, None][:, :0]
 
 
 def _curves(term: Term) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Force over each wheel's own input, the others at zero, in physical units."""
-    x, curves = np.linspace(-2.5, 2.5, 101), {}
+    x, curves = np.linspace(-SHOWN, SHOWN, POINTS), {}
     for i, name in enumerate(term.port.wheels):
         u = np.zeros((len(x), len(term.scales)))
         u[:, term.port.own(i)] = x
@@ -312,13 +318,13 @@ def _curves(term: Term) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 
 def _map(fitting: _Fitting) -> dict:
     """Force of the wheel with most of it, over the two inputs that it hangs on most."""
-    term, u = fitting.term, fitting.inputs[:: max(1, len(fitting.inputs) // 4000)]
+    term, u = fitting.term, fitting.inputs[:: max(1, len(fitting.inputs) // DRAWN)]
     force = term.force(u)
     i = int(np.argmax(np.sum(force**2, axis=0)))
     without = [term.force(u * (np.arange(u.shape[1]) != k))[:, i] for k in range(u.shape[1])]
     missed = [float(np.sum((force[:, i] - f) ** 2)) for f in without]
     a, b = np.argsort(missed)[::-1][:2]
-    x = np.linspace(-2.5, 2.5, 41)
+    x = np.linspace(-SHOWN, SHOWN, GRID)
     grid = np.zeros((x.size**2, u.shape[1]))
     grid[:, a], grid[:, b] = np.repeat(x, x.size), np.tile(x, x.size)
     labels = term.port.labels()

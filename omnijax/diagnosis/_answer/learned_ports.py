@@ -20,7 +20,10 @@ from .._machine import (
     transfer,
     turned_by,
 )
+from .._settings import SETTINGS
 
+WAVES = SETTINGS.answer_learned.waves
+SHARP = SETTINGS.answer_learned.sharp
 Columns = list[tuple[int, str, np.ndarray]]  # (wheel, label, values)
 
 
@@ -121,8 +124,8 @@ class ShaftPort:
         for i, name in enumerate(self.wheels):
             w, wave = u[:, i], u[:, 3 * n + i] + 1j * u[:, 2 * n + i]
             own = {f"ω of {name}": w, f"command of {name}": u[:, n + i], "constant": one}
-            own |= powers(w, u[:, -1]) | {"sign": np.tanh(20 * w)}
-            for k in range(1, 5):
+            own |= powers(w, u[:, -1]) | {"sign": np.tanh(SHARP * w)}
+            for k in range(1, WAVES + 1):
                 own |= {f"sin {k}θ": (wave**k).imag, f"cos {k}θ": (wave**k).real}
             out += [(i, label, x) for label, x in own.items()]
         return out

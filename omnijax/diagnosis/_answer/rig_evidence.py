@@ -134,7 +134,7 @@ class RigEvidence(AbstractEvidence):
             if head != CLOCK or abs(late) < CLEARLY * sigma:
                 continue
             way = "late" if late > 0 else "early"
-            end = abs(fit.point.u[k]) > prior.hard * (1 - 1e-6)
+            end = prior.at_bound(fit.point.u[k])
             said.append(
                 f"{group} was read {1e3 * abs(late):.3g} ± {1e3 * sigma:.1g} ms {way} against "
                 f"angles and torques{', as far as clocks may be off' if end else ''}: its "

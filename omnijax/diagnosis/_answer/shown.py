@@ -14,6 +14,7 @@ MATTERS = SETTINGS.shown.matters
 STRUCTURE = SETTINGS.shown.structure
 OFF = SETTINGS.shown.off
 SURELY = SETTINGS.shown.surely
+TOLD = SETTINGS.shown.told
 
 
 @dataclasses.dataclass(frozen=True)
@@ -177,7 +178,7 @@ def noise_remarks(table: dict[str, dict[str, Any]]) -> list[str]:
     said = []
     for channel, x in table.items():
         d, s = x["declared"], x["shown"]
-        if d and abs(np.log(s / d)) > max(OFF, 3 * x["sigma"] / s):
+        if d and abs(np.log(s / d)) > max(OFF, TOLD * x["sigma"] / s):
             said.append(f"{channel}: declared {d:.3g} {x['unit']}, shown {s:.3g} {x['unit']}")
     lines = [f"The data show another noise than was declared ({'; '.join(said)})."] if said else []
     coloured = [f"{c} ({x['colour']})" for c, x in table.items() if x["colour"] != "white"]

@@ -67,7 +67,7 @@ def effect_sizes_on_held_out(diagnosis: Diagnosis) -> Sizes | None:
     points, effects = [point], []
     for i, effect in enumerate(point.effects):
         size, unit, keys = _size(evidence, effect)
-        shares = (0.0, *SHARES[:3], 1.0, *SHARES[3:]) if keys else (0.0, 1.0)
+        shares = tuple(sorted((0.0, 1.0, *(SHARES if keys else ()))))
         at = []
         for share in shares:
             at.append(0 if share == 1.0 else len(points))

@@ -11,6 +11,7 @@ from .runs import Run
 
 ELASTIC_CHANNELS = tuple(f"{g}_{axis}" for g in ("dR", "a") for axis in "xyz")
 SETTLE = SETTINGS.data_vector.settle
+SHORTEST = SETTINGS.data_vector.shortest
 LATE = max(SETTINGS.candidates.late)
 
 
@@ -128,7 +129,7 @@ def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -
         elastic[~run.counts] = 0.0
         rotation[~run.counts] = 0.0
     rows = DataRows(n, elastic, rotation, [], filters=filters)
-    length = n if window <= 0 else max(20, round(window / run.step))
+    length = n if window <= 0 else max(SHORTEST, round(window / run.step))
     starts = list(range(0, n, length))
     if len(starts) > 1 and n - starts[-1] < length // 2:
         starts.pop()

@@ -23,6 +23,8 @@ MOST = SETTINGS.encoders.most
 LEAST = SETTINGS.encoders.least
 CHUNK = 16  # modes pushed through the elastic model at once
 PARTS = SETTINGS.encoders.parts
+KEPT = SETTINGS.encoders.kept
+SPARE = SETTINGS.encoders.spare
 
 
 @functools.lru_cache(maxsize=16)
@@ -30,7 +32,7 @@ def smoother_modes(samples: int, ratio: float) -> tuple[np.ndarray, np.ndarray]:
     """Orthonormal modes (samples, k) of the smoother (I + ratio D^T D)^-1, and its gains (k,)."""
     ratio = max(ratio, (1 / LEAST - 1) * (samples / (np.pi * MOST)) ** 6)
     edge = (1 / LEAST - 1) / ratio  # (2 sin(w/2))^6 of the last mode that counts
-    count = min(samples, int(samples / np.pi * edge ** (1 / 6)) + 16)
+    count = min(samples, int(samples / np.pi * edge ** (1 / 6)) + SPARE)
     matrix = ratio * penalty(samples)
     matrix[3] += 1.0
     factor = (cholesky_banded(matrix), False)
@@ -98,6 +100,6 @@ def response_rows(modes: OutputModes, run: Run, slopes, errors, weights) -> np.n
 def whitener(across: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """(U, shrink) with (I + B B^T)^(-1/2) = I - U^T diag(shrink) U for `across` = B^T (k, rows)."""
     values, vectors = np.linalg.eigh(across @ across.T)
-    kept = values > 0.01  # a change of the variance below 1 % is left alone
+    kept = values > KEPT
     U = (vectors[:, kept] / np.sqrt(values[kept])).T @ across
     return U, 1 - 1 / np.sqrt(1 + values[kept])

@@ -62,6 +62,7 @@ def readings(rig: Rig, group: str, time: np.ndarray, values: np.ndarray, apply=_
 
 LATEST = SETTINGS.candidates.latest
 OPENING = SETTINGS.prediction.opening
+COURSE = SETTINGS.prediction.course
 
 
 def moving_readings(
@@ -69,7 +70,7 @@ def moving_readings(
 ) -> np.ndarray:
     """`readings` of Omega or theta, in a run that `rolls` already at its first sample or does not.
 
-    If it does, the motion before is the cubic through the first samples: at rest there, a sensor
+    If it does, the motion before is a polynomial through the first samples: at rest there, a sensor
     that remembers would jump by all that it turns within its delay.
     """
     laws = (p.law for p in rig.at("sensor") if p.group == group)
@@ -78,7 +79,7 @@ def moving_readings(
         return readings(rig, group, time, values, apply)
     opening, step = slice(0, OPENING), float(time[1] - time[0])
     past = step * np.arange(-math.ceil(LATEST / step), 0)
-    course = np.polynomial.polynomial.polyfit(time[opening], values[opening], 3)
+    course = np.polynomial.polynomial.polyfit(time[opening], values[opening], COURSE)
     before = np.polynomial.polynomial.polyval(past, course).T
     whole = np.concatenate([time[0] + past, time]), np.concatenate([before, values])
     return readings(rig, group, *whole, apply)[len(past) :]

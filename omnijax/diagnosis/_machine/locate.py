@@ -29,9 +29,12 @@ DRIFTS = "sensor-drift"  # a law of the time itself: noise that wanders changes 
 STEP = SETTINGS.locate.step
 ALIKE = SETTINGS.locate.alike
 SMALL = SETTINGS.locate.small
+DIGITS = SETTINGS.locate.digits
 
 
-def locate(model, point: Point, top: int = 12) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+def locate(
+    model, point: Point, top: int = SETTINGS.search.shown
+) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """`discovered` of the residual of a rig's model at `point` on a held-out run."""
     i = model.splits["held-out"][0]
     machine, rig = model.machine, model.rig_at(point)
@@ -155,7 +158,7 @@ def _signals(machine, rig, i: int) -> tuple[dict[str, np.ndarray], dict[str, np.
     for k, n in enumerate(rig.names):
         states[f"phase {n}"] = np.mod(theta[:, k], 2 * np.pi)
         states[f"speed {n}"] = np.abs(speed[:, k])
-        states[f"direction {n}"] = np.sign(np.round(speed[:, k], 3))
+        states[f"direction {n}"] = np.sign(np.round(speed[:, k], DIGITS))
         states[f"load {n}"] = rotated.drive[::fine, k]
         states[f"deflection {n}"] = felt[::fine, k]
     return angles, states

@@ -45,6 +45,8 @@ from .stepped import Change, Lane, law_changes, stepped_ports
 from .tree_hash import digest
 from .wheels import WheelTables
 
+ANGLE_NOISE = SETTINGS.prediction.angle_noise
+
 
 @dataclasses.dataclass(frozen=True)
 class Rotated:
@@ -107,7 +109,7 @@ class Machine:
     def __init__(self, rig: Rig, runs: list[Run], noise: dict[str, float], window: float = 1.0):
         self.rig, self.runs, self.noise = rig, runs, noise
         radius = np.asarray(rig.wheel_radius) / float(rig.sphere.radius)
-        self.length_noise = noise.get("theta", 1e-4) * radius
+        self.length_noise = noise.get("theta", ANGLE_NOISE) * radius
         self.basis = Basis()
         self._kept = StageCache()
         self.window = window

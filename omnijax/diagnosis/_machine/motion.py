@@ -19,6 +19,8 @@ from .runs import FINE, SHAPE, Run, filled
 from .smooth import smooth_by_likelihood
 from .wheels import WheelTables, wheel_tables
 
+FAR = SETTINGS.prediction.far
+
 
 @dataclasses.dataclass(frozen=True)
 class RunMotion:
@@ -200,8 +202,8 @@ def _product(a, b):
 def tables_for(rig: Rig, runs: list[Run]) -> WheelTables:
     """Tables that cover the runs' angles."""
     angles = [r.outputs["theta"] for r in runs if "theta" in r.outputs]
-    low = min((np.nanmin(a) for a in angles), default=-1e3)
-    high = max((np.nanmax(a) for a in angles), default=1e3)
+    low = min((np.nanmin(a) for a in angles), default=-FAR)
+    high = max((np.nanmax(a) for a in angles), default=FAR)
     return wheel_tables(rig, float(low), float(high))
 
 

@@ -38,6 +38,8 @@ ROUGHLY = SETTINGS.rig_orders.roughly
 BEST = SETTINGS.rig_orders.best
 NEARLY = SETTINGS.rig_orders.nearly
 MANY = SETTINGS.rig_orders.many
+SLOWEST = SETTINGS.rig_orders.slowest
+STEPS = SETTINGS.rig_orders.steps
 LAWS = ("motor-ripple", "current-ripple")
 
 Orders = dict[str, list[tuple[list[float], int]]]  # by law and wheel: orders, and of how many
@@ -336,11 +338,11 @@ def _grid(bases: Sequence[Linearisation], k: int) -> np.ndarray:
     theta = [b.motion.theta[:, k] for b in bases]  # a wave has one phase in all runs
     travel = float(max(map(np.max, theta)) - min(map(np.min, theta)))
     speed = np.abs(np.concatenate([b.motion.speed[:, k] for b in bases]))
-    usual, nearly_any = np.maximum(np.quantile(speed, (USUAL, NEARLY_ANY)), 1e-6)
+    usual, nearly_any = np.maximum(np.quantile(speed, (USUAL, NEARLY_ANY)), SLOWEST)
     step = 2 * np.pi / max(travel, 2 * np.pi) / GRID
     half = np.pi / bases[0].run.step
     top = min(half / usual, max(LOWEST + DENSE * step, half / nearly_any), LOWEST + MOST * step)
-    return np.arange(LOWEST, max(top, LOWEST + 4 * step), step)
+    return np.arange(LOWEST, max(top, LOWEST + STEPS * step), step)
 
 
 def _peaks(orders: np.ndarray, gains: np.ndarray, count: int, apart: float) -> list[float]:

@@ -19,6 +19,8 @@ WILD = SETTINGS.outliers.wild
 MOST = SETTINGS.outliers.most
 EDGE = SETTINGS.outliers.edge
 BESIDE = SETTINGS.outliers.beside
+USUAL = SETTINGS.outliers.usual
+AT_EDGES = SETTINGS.outliers.at_edges
 
 
 def spikes(values: np.ndarray, sigma: float) -> np.ndarray:
@@ -40,7 +42,7 @@ def spikes(values: np.ndarray, sigma: float) -> np.ndarray:
     height = np.minimum(height, np.abs(values - _median(around)))
     change = np.abs(np.diff(values, axis=0))
     about = median_filter(np.nan_to_num(change), (2 * BESIDE + 1, 1), mode="nearest")
-    usual = np.maximum(about[np.minimum(np.arange(n), n - 2)], _median(change)) / 0.954
+    usual = np.maximum(about[np.minimum(np.arange(n), n - 2)], _median(change)) / USUAL
     return np.nan_to_num(height) > WILD * np.maximum(usual, sigma)
 
 
@@ -70,7 +72,7 @@ def outliers(machine: Machine, rig: Rig, i: int, groups: Sequence[str]) -> dict[
             continue
         mask = spikes(tables[group], noise[group])
         both = edges.any() and not edges.all()  # a profile without a gate has edges everywhere
-        if group in ("dR", "a") and both and mask[edges].mean() > 3 * mask[~edges].mean():
+        if group in ("dR", "a") and both and mask[edges].mean() > AT_EDGES * mask[~edges].mean():
             mask[edges] = False
         mask[:, mask.mean(axis=0) > MOST] = False
         if mask.any():

@@ -17,6 +17,8 @@ GAPS = SETTINGS.candidates.gaps
 CLIPPED = SETTINGS.candidates.clipped
 LATE = SETTINGS.candidates.late
 LATEST = SETTINGS.candidates.latest
+BESIDE = SETTINGS.candidates.beside
+EARLIEST = SETTINGS.candidates.earliest
 
 Law = type[AbstractLaw]
 Decode = Callable[[np.ndarray], dict[str, Any]]
@@ -37,7 +39,7 @@ def _ripple(law: Law, place: str, context: Context) -> list[Candidate]:
     """Whole orders of a torque, and what stands out; of a current only what stands out."""
     lines, trials = context.orders.get(law.id, {}).get(place, ([], 1))
     whole = WHOLE if law.id == "motor-ripple" else ()
-    broken = [n for n in lines if all(abs(n - k) > 0.05 for k in whole)]
+    broken = [n for n in lines if all(abs(n - k) > BESIDE for k in whole)]
     return [as_waves(law, place, context, order=float(n)) for n in whole] + [
         as_waves(law, place, context, f"order {n:.3g}", trials, order=n) for n in broken
     ]
@@ -131,7 +133,7 @@ def _late(law: Law, place: str, context: Context) -> list[Candidate]:
     (key,) = law.parameters
     return [
         _one_column(law, place, context,
-                    lambda c, d=d: {key: max(1e-6, min(LATEST, abs(d * float(c[0]))))},
+                    lambda c, d=d: {key: max(EARLIEST, min(LATEST, abs(d * float(c[0]))))},
                     f"{1e3 * d:g} ms", **{key: d})
         for d in LATE
     ]  # fmt: skip

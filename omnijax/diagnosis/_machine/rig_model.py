@@ -42,6 +42,10 @@ WEAK = SETTINGS.rig_model.weak
 TOGETHER = 32  # signatures that are whitened together
 TOLD = 4 * TOGETHER  # after so many the progress line goes on
 LINES = SETTINGS.rig_model.lines
+BLOCKS = SETTINGS.model.blocks
+LAG = SETTINGS.rig_model.lag
+WIDTH = SETTINGS.rig_model.width
+TOPS = SETTINGS.rig_model.tops
 
 
 class RigModel(AbstractModel):
@@ -97,7 +101,7 @@ class RigModel(AbstractModel):
     def _ends(self, point: Point, free: Free) -> dict[str, float]:
         """Ends of a number's range that the runs set."""
         if free.key == "tau":
-            return {"low": self.machine.runs[0].step / 4}
+            return {"low": LAG * self.machine.runs[0].step}
         port = self.laws[point.effects[free.effect].id].port
         if free.key != "width" or port not in self._widest:
             return {}
@@ -105,12 +109,12 @@ class RigModel(AbstractModel):
 
     @functools.cached_property
     def _widest(self) -> dict[str, float]:
-        """By port a third of the largest speed that friction sees in the runs, rad/s.
+        """By port the widest friction law that the runs can tell, rad/s.
 
-        There tanh is 0.995.  The sphere rolls at the wheels' speed times the ratio of the radii.
+        The sphere rolls at the wheels' speed times the ratio of the radii.
         """
         motions = self.machine.motions(self.machine.rig).values()
-        shaft = max(float(np.abs(m.speed).max()) for m in motions) / 3
+        shaft = max(float(np.abs(m.speed).max()) for m in motions) * WIDTH
         ratio = float(np.max(self.rig.wheels.radius)) / float(self.rig.sphere.radius)
         return {"shaft": shaft, "rolling": shaft * ratio}
 
@@ -133,7 +137,7 @@ class RigModel(AbstractModel):
     def dof(self, split):
         return sum(self.machine.rows[i].used for i in self.splits[split])
 
-    def shuffled(self, residual, seed, blocks=40):
+    def shuffled(self, residual, seed, blocks=BLOCKS):
         """Shuffled in time, run by run, with all channels of a moment kept together."""
         rng, out, offset = np.random.default_rng(seed), [], 0
         for i in self.splits["train"]:
@@ -271,7 +275,7 @@ class RigModel(AbstractModel):
 
     @functools.cached_property
     def _tops(self) -> dict[str, float]:
-        """By channel the size above which one reading in a hundred lies."""
+        """By channel the size above which few of its readings lie."""
         out = {}
         for group in self.groups:
             values = np.concatenate([
@@ -280,7 +284,7 @@ class RigModel(AbstractModel):
             ] or [np.zeros((0, 0))])  # fmt: skip
             for name, column in zip(channels(group, self.rig.size), values.T, strict=False):
                 seen = np.abs(column[np.isfinite(column)])
-                out[name] = float(np.quantile(seen, 0.99)) if len(seen) else 0.0
+                out[name] = float(np.quantile(seen, TOPS)) if len(seen) else 0.0
         return out
 
     def _lines(self, point: Point) -> tuple[float, ...]:

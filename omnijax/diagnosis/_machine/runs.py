@@ -12,6 +12,8 @@ FINE = SETTINGS.prediction.force_points
 STEPS = SETTINGS.prediction.steps
 COARSE = SETTINGS.prediction.coarse_steps
 SHAPE = SETTINGS.prediction.shape_points
+FIRST = SETTINGS.runs.first
+ROLLING = SETTINGS.runs.rolling
 ELASTIC = ("dR", "a")
 
 
@@ -58,14 +60,14 @@ class Run:
 
     def rolling_start(self, noise: dict[str, float]) -> bool:
         """Whether the sphere turns already at the first samples."""
-        first = self.outputs["Omega"][:10] if "Omega" in self.outputs else None
+        first = self.outputs["Omega"][:FIRST] if "Omega" in self.outputs else None
         if first is not None and np.isfinite(first).any():
-            return bool(np.nanmax(np.abs(np.nanmean(first, axis=0))) > 5 * noise["Omega"])
+            return bool(np.nanmax(np.abs(np.nanmean(first, axis=0))) > ROLLING * noise["Omega"])
         angle = self.outputs.get("theta")
         if angle is None:
             return False
-        change = np.nanmean(angle[10:20], axis=0) - np.nanmean(angle[:10], axis=0)
-        return bool(np.nanmax(np.abs(change)) > 5 * noise["theta"])
+        change = np.nanmean(angle[FIRST : 2 * FIRST], axis=0) - np.nanmean(angle[:FIRST], axis=0)
+        return bool(np.nanmax(np.abs(change)) > ROLLING * noise["theta"])
 
 
 def with_noise(run: Run, noise: Mapping[str, Any], wheels: int) -> Run:

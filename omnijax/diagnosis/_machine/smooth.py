@@ -6,6 +6,8 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 from .._settings import SETTINGS
 
 LEAST = SETTINGS.smooth.least
+HIGHEST = SETTINGS.smooth.highest
+RATIOS = SETTINGS.smooth.ratios
 THIRD = np.array([-1.0, 3.0, -3.0, 1.0])
 
 
@@ -69,7 +71,7 @@ def _parabola(values: np.ndarray) -> np.ndarray:
 
 def likeliest(values: np.ndarray, sigma: float) -> float:
     """The most likely ratio of noise to jerk (a ladder, two a decade)."""
-    ladder, rest = 10.0 ** np.arange(0.0, 11.1, 0.5), values - _parabola(values)
+    ladder, rest = np.logspace(0.0, HIGHEST, RATIOS), values - _parabola(values)
     scores = [_smoothed(rest, sigma, ratio)[1] for ratio in ladder]
     return float(ladder[int(np.argmin(scores))])
 

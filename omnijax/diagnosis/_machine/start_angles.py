@@ -21,6 +21,7 @@ from .runs import ELASTIC, SHAPE, Run
 PHASES = SETTINGS.start_angles.phases
 STEPS = SETTINGS.start_angles.steps
 ROUNDS = SETTINGS.start_angles.rounds
+COARSE = SETTINGS.start_angles.coarse
 
 
 def without_encoder(run: Run, wheels: int) -> np.ndarray:
@@ -91,7 +92,7 @@ def _least_squares(gram: np.ndarray, right: np.ndarray, wheels: int) -> np.ndarr
         at = offset + np.asarray(phases) % PHASES
         return float(gram[np.ix_(at, at)].sum() - 2 * right[at].sum())
 
-    coarse = range(0, PHASES, 4)
+    coarse = range(0, PHASES, COARSE)
     best = np.array(min(itertools.product(coarse, repeat=wheels), key=cost))
     for _ in range(ROUNDS):
         for k in range(wheels):

@@ -12,6 +12,7 @@ from scipy.linalg import expm
 
 from ...rig import Rig
 from .._search import STEPPED
+from .._settings import SETTINGS
 from .._threads import each
 from .elastic import SIGNALS, caused, driven_states, signal_names
 from .late import late_outputs
@@ -129,7 +130,7 @@ def _static(laws: ElasticLaws, compliance, rows, signal):
         step = jnp.linalg.solve(jax.jacfwd(gap)(x), gap(x))
         return x - step, None
 
-    x, _ = jax.lax.scan(newton, flat, None, length=12)
+    x, _ = jax.lax.scan(newton, flat, None, length=SETTINGS.prediction.newton)
     return unravel(x)
 
 

@@ -101,7 +101,7 @@ def _heights(rig: Rig, angle):
 def wheel_tables(rig: Rig, lowest: float, highest: float) -> WheelTables:
     """Tables of the rig's wheels for angles in [`lowest`, `highest`] (rad)."""
     turn = 2 * np.pi
-    probe = jnp.asarray(np.random.default_rng(0).uniform(0, turn, 64))
+    probe = jnp.asarray(np.random.default_rng(0).uniform(0, turn, SETTINGS.prediction.probes))
     repeats = np.allclose(_shape(rig, probe), _shape(rig, probe + turn), atol=1e-12)
     turns = 1 if repeats else int(np.ceil((highest - lowest) / turn)) + 2
     first = 0.0 if repeats else turn * np.floor(lowest / turn) - turn

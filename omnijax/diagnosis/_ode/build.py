@@ -30,6 +30,11 @@ CUTOFFS = SETTINGS.free_build.cutoffs
 ROWS = SETTINGS.free_build.rows
 LEADS = SETTINGS.free_build.leads
 AWAY = SETTINGS.free_build.away
+NOISE_FREE = SETTINGS.free_build.noise_free
+ERROR = SETTINGS.free_build.error
+LEAD = SETTINGS.free_build.lead
+WINDOWS = SETTINGS.free_build.windows
+TOGETHER = SETTINGS.free_build.together
 KNOWN = frozenset({"bearing-viscous", "sensor-gain"})  # an axis has its own
 ABSENT = frozenset({"gravity", "stiffness"})  # what an axis may not have at all: not as a factor
 INVERTED = frozenset({"encoder-eccentricity"})  # sensors' laws of which a balance finds the input
@@ -85,7 +90,7 @@ def build_model(
     measured = _measured(case.logs)
     noise, source = sensor_noise(case.logs)
     if noise <= 0:
-        noise = 1e-6 * float(np.std(case.logs[0].shown))
+        noise = NOISE_FREE * float(np.std(case.logs[0].shown))
         source = "noise-free"
     cutoff = file.compare.cutoff or cutoff_of(case.logs, noise)
     runs = [
@@ -113,7 +118,7 @@ def build_model(
     model = OdeModel(machine, priors_of(machine, file.uncertainty), runs, used, places, criterion,
                      noise, file.placed, programs)  # fmt: skip
     rows, sigma = model.measured.rows[0], float(model.row_noise.sigma[0])
-    table = {rows.group: {"sigma": sigma, "source": source, "error": 0.05}}
+    table = {rows.group: {"sigma": sigma, "source": source, "error": ERROR}}
     how = (
         f"Compared is the balance of accelerations: {measured} low-passed at {cutoff:.4g} Hz, rows "
         f"every {1e3 * rows.thin * runs[0].step:.4g} ms."
@@ -197,10 +202,10 @@ def _free(numbers: Numbers, run: OdeRun, memory: float, longest: int) -> FreeRun
     """Free runs in windows, of one length for runs of about one length."""
     n, free = len(run.time), not np.isfinite(memory)
     lead = 0 if free else min(n, math.ceil(memory / run.step))
-    whole = not free and n <= LEADS * 4 * max(lead, 64)
+    whole = not free and n <= LEADS * TOGETHER * max(lead, LEAD)
     filled = longest
     while filled >= 2 * n:
         filled = -(-filled // 2)
-    length = filled if whole else max(LEADS * lead, longest // 16, 64)
+    length = filled if whole else max(LEADS * lead, longest // WINDOWS, LEAD)
     lead = 0 if whole else lead
     return FreeRun(numbers, run, lead, length, max(1, n // ROWS))

@@ -17,6 +17,11 @@ SHARES = SETTINGS.free_candidates.shares
 CLIPPED = SETTINGS.free_candidates.clipped
 SLOW = SETTINGS.free_candidates.slow
 RARELY = SETTINGS.free_candidates.rarely
+LAGS = SETTINGS.free_candidates.lags
+DELAYS = SETTINGS.free_candidates.delays
+OTHERS = SETTINGS.free_candidates.others
+WAY = SETTINGS.free_candidates.way
+BETWEEN = SETTINGS.candidates.between
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,13 +56,13 @@ class Scales:
         known = {
             "width": [x * self.speed for x in SHARES], "speed": [x * self.speed for x in SHARES],
             "gap": [x * self.twist for x in SHARES], "limit": limits,
-            "tau": self._times((0.5, 2, 8)), "delay": self._times((0.25, 1, 4)),
+            "tau": self._times(LAGS), "delay": self._times(DELAYS),
         }  # fmt: skip
         if key in known:
             return known[key]
         if math.isfinite(parameter.low) and math.isfinite(parameter.high):
-            return list(np.linspace(parameter.low, parameter.high, 6)[1:-1])
-        return [0.1, 1.0, 10.0]
+            return list(np.linspace(parameter.low, parameter.high, BETWEEN + 2)[1:-1])
+        return list(OTHERS)
 
     def _times(self, samples: Sequence[float]) -> list[float]:
         """Times to try, s: some samples, and longer ones of `SLOW`."""
@@ -123,7 +128,7 @@ def _of_law(law, place, scales: Scales, orders) -> list[Candidate]:
 
 def _time_of(key: str, tried: float):
     """A time from its column at the one that was tried: what it changes grows with it."""
-    return lambda c: {key: tried * min(max(float(c[0]), 0.05), 1 / 0.05)}
+    return lambda c: {key: tried * min(max(float(c[0]), WAY), 1 / WAY)}
 
 
 def _decoder(linear, strength, fixed):

@@ -24,10 +24,13 @@ from .floor import inflation
 from .measured import Measured
 from .rows import Balance, smoothed
 
-SHARES = 10.0 ** np.arange(-7.0, 2.1, 0.5)  # r: of the rows' variance that is no sensor noise
+# r: of the rows' variance that is no sensor noise
+SHARES = np.logspace(*SETTINGS.free_colour.decades, SETTINGS.free_colour.shares)
 LOCAL = SETTINGS.free_colour.local
 ROUNDS = SETTINGS.free_colour.rounds
 SPAN = SETTINGS.free_colour.span
+RELATIVE = SETTINGS.free_colour.relative
+LONG = SETTINGS.free_colour.long
 
 
 @dataclasses.dataclass(frozen=True)
@@ -79,7 +82,7 @@ def of_sensor(model: AbstractColoured, fit: Fit) -> np.ndarray:
     assert isinstance(rows, Balance)  # free runs have rows of the sensor's own noise
     stiffness, damping = -np.median(slopes[:, :2], axis=0)
     edge, thin = rows.edge, rows.thin
-    impulse = np.zeros(2 * SPAN * max(2 * edge, 200 * thin) + 1)
+    impulse = np.zeros(2 * SPAN * max(2 * edge, LONG * thin) + 1)
     impulse[len(impulse) // 2] = 1.0
     q, v, a = smoothed(impulse, rows.run.step, rows.run.cutoff)
     answer = np.convolve(a + damping * v + stiffness * q, rows.taps, "same")
@@ -120,7 +123,7 @@ def in_colour(model: AbstractColoured, fit: Fit) -> Likelihood:
     lags, twin = of_sensor(model, fit), copy.copy(model)
     for _ in range(ROUNDS):
         twin.colour, _ = likeliest(lags, model.left(fit.point, "train"))
-        fit = refit(twin, fit.point, relative=1e-4)
+        fit = refit(twin, fit.point, relative=RELATIVE)
     left, held = (model.left(fit.point, split) for split in ("train", "held-out"))
     colour, unlikely = likeliest(lags, left)
     repeated = inflation([colour.whitened(x[None])[0] for x in left])

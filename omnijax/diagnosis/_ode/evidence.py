@@ -21,8 +21,8 @@ class OdeEvidence(AbstractEvidence):
     """An `OdeModel` with its held-out runs."""
 
     model: OdeModel
-    closing = 0.3  # real machines are never as good as their sensors
-    alike = 0.5  # nor is friction of one log that of the next one: it falls as grease warms
+    closing = SETTINGS.free_evidence.closing
+    alike = SETTINGS.free_evidence.alike
 
     def __init__(self, model: OdeModel, file: MachineFile, noise: dict, remarks: list[str],
                  faults: list[str], blocks: bool):  # fmt: skip

@@ -9,17 +9,20 @@ from .._settings import SETTINGS
 from .model import OdeModel
 
 SECONDS = SETTINGS.free_experiment.seconds
+SLOW = SETTINGS.free_experiment.slow
+CHIRP = SETTINGS.free_experiment.chirp
+WRITTEN = SETTINGS.free_experiment.written
 
 
 def inputs_of(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
     """Inputs (t,) up to the size that the runs have shown."""
-    T = time[-1]
-    chirp = np.sin(2 * np.pi * (0.1 * time + (2.0 - 0.1) * time**2 / (2 * T)))
-    slow = np.sin(2 * np.pi * 0.2 * time)
+    T, (begin, end) = time[-1], CHIRP
+    chirp = np.sin(2 * np.pi * (begin * time + (end - begin) * time**2 / (2 * T)))
+    slow = np.sin(2 * np.pi * SLOW * time)
     return {
         "a slow sine at full size": top * slow,
-        "a slow sine at a fifth of the size": 0.2 * top * slow,
-        "a sine from 0.1 to 2 Hz at full size": top * chirp,
+        "a slow sine at a fifth of the size": top / 5 * slow,
+        f"a sine from {begin:g} to {end:g} Hz at full size": top * chirp,
         "steps up and down at half size": 0.5 * top * np.sign(slow),
     }
 
@@ -46,7 +49,7 @@ def next_run(model: OdeModel, rivals) -> dict:
         rows.append({"drive": words, "separation": min(finite, default=0.0)})
     best = max(rows, key=lambda r: r["separation"])
     values = tried[best["drive"]]
-    thin = max(1, round(0.02 / run.step))
+    thin = max(1, round(WRITTEN / run.step))
     unit = "chi-square between the closest two rivals"
     shown = {"unit": next(iter(model.machine.inputs.values())), "step": thin * run.step,
              "values": values[::thin, None].tolist()}  # fmt: skip

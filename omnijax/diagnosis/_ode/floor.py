@@ -26,6 +26,10 @@ WORTH = SETTINGS.free_floor.worth
 NOISE = SETTINGS.free_floor.noise
 TURNS = SETTINGS.free_floor.turns
 GAINED = SETTINGS.free_floor.gained
+ROUNDS = SETTINGS.free_floor.rounds
+RELATIVE = SETTINGS.free_floor.relative
+CORRELATED = SETTINGS.free_floor.correlated
+LAGS = SETTINGS.free_floor.lags
 
 
 def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None],
@@ -70,7 +74,7 @@ def best_known(model: AbstractModel, fit: Fit, tell: Callable[[str], None],
 
 def settled(model: AbstractModel, point: Point) -> Fit:
     """The refit from a point, then about what `rebase` makes of the data with its laws."""
-    fit = refit(model, point, rounds=10, relative=1e-3)
+    fit = refit(model, point, rounds=ROUNDS, relative=RELATIVE)
     return turned(model, fit) if model.unsettled(fit.point) else fit
 
 
@@ -79,7 +83,7 @@ def turned(model: AbstractModel, fit: Fit) -> Fit:
 
     Starts and numbers lead each other on from far away, so again as long as much is gained.
     """
-    for new in refits_about(model, fit.point, TURNS, relative=1e-3):
+    for new in refits_about(model, fit.point, TURNS, relative=RELATIVE):
         gained = new.cost < GAINED * fit.cost
         fit = new
         if fit.chi2 < NOISE * model.dof("train") or not gained:
@@ -99,13 +103,13 @@ def beside(residual: np.ndarray, table: np.ndarray) -> tuple[np.ndarray, int]:
 def inflation(parts: Sequence[np.ndarray]) -> float:
     """Rows that say as much as one independent row: 1 + 2 sum of the autocorrelation, at least 1.
 
-    The sum ends at the first correlation below 0.05.
+    The sum ends at the first small correlation.
     """
     power = sum(float(x @ x) for x in parts)
-    total, longest = 1.0, max(len(x) for x in parts) // 4
+    total, longest = 1.0, int(LAGS * max(len(x) for x in parts))
     for lag in range(1, longest):
         r = sum(float(x[lag:] @ x[:-lag]) for x in parts if len(x) > lag) / max(power, 1e-300)
-        if r < 0.05:
+        if r < CORRELATED:
             break
         total += 2 * r
     return total

@@ -41,9 +41,12 @@ class OdeModel(AbstractColoured):
     of numbers), `starts` (of free runs' windows), `row_noise` (what a row weighs).
     """
 
-    budget = 4000.0
+    budget = SETTINGS.free_model.budget
     repeats = frozenset({"motor-ripple", "current-ripple"})
-    settings = dataclasses.replace(SETTINGS.search, lead=0.1, both=True, share=2.0, slack=0.0)
+    settings = dataclasses.replace(
+        SETTINGS.search, both=True, lead=SETTINGS.free_model.lead,
+        share=SETTINGS.free_model.share, slack=SETTINGS.free_model.slack,
+    )  # fmt: skip
     frozen_keys = frozenset({"roller", "exponent", "modulus"})
     ranking = "ranking"
 

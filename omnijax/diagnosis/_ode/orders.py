@@ -17,6 +17,7 @@ MOST = SETTINGS.free_orders.most
 SLOW = SETTINGS.free_orders.slow
 SEEN = SETTINGS.free_orders.seen
 ROOM = SETTINGS.free_model.room
+ALIKE = SETTINGS.free_orders.alike
 
 
 def strongest_orders(model, point) -> dict[tuple[str, str], list[float]]:
@@ -107,7 +108,7 @@ class _Lines:
         """The same less the best lines of some orders together."""
         waves = self.waves(orders) * self.weight
         table = np.concatenate([np.real(waves), np.imag(waves)]).T
-        size = np.linalg.lstsq(table, self.left, rcond=1e-6)[0]
+        size = np.linalg.lstsq(table, self.left, rcond=ALIKE)[0]
         return dataclasses.replace(self, left=self.left - table @ size)
 
     def strongest(self, grid, fine: float) -> list[float]:

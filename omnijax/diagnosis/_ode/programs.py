@@ -9,9 +9,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from ...machine import slopes_of
+from .._settings import SETTINGS
 from .numbers import Numbers
 from .rows import Balance, FreeRun, OdeRun, smoothed
 
+INSTANTS = SETTINGS.free_model.instants
+PASSED = SETTINGS.free_model.passed
 VALUE, TANGENT, START = range(3)  # programs over the rows
 
 
@@ -76,15 +79,15 @@ def compiled(rows: Balance | FreeRun, only: frozenset[int] | None):
     return value, tangent, start
 
 
-def slopes_along(numbers: Numbers, runs: Sequence[OdeRun], count: int = 24) -> Callable:
+def slopes_along(numbers: Numbers, runs: Sequence[OdeRun]) -> Callable:
     """Slopes (m, n, n) of the rate at a vector of numbers, where the runs pass and at rest there.
 
-    `count` instants are taken, of eight runs at most.
+    A few instants are taken, of the first runs.
     """
     states, inputs = [], []
-    for run in runs[:8]:
+    for run in runs[:PASSED]:
         q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
-        for i in np.linspace(0, len(q) - 1, max(2, count // len(runs[:8]))).astype(int):
+        for i in np.linspace(0, len(q) - 1, max(2, INSTANTS // len(runs[:PASSED]))).astype(int):
             for speed in (v[i], 0.0):
                 states.append((q[i], speed))
                 inputs.append({k: x[i] for k, x in run.inputs.items()})

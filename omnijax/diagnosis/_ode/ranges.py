@@ -6,6 +6,10 @@ from .candidates import Scales
 
 BOUND = SETTINGS.free_model.bound
 ORDER = SETTINGS.free_model.order
+SLOW = SETTINGS.free_model.slow
+FAST = SETTINGS.free_model.fast
+LIMIT = SETTINGS.free_model.limit
+TIME = SETTINGS.free_model.time
 
 
 def ranges_of(model: AbstractModel, point: Point, scales: Scales, resolution: float) -> list[Free]:
@@ -23,12 +27,12 @@ def ranges_of(model: AbstractModel, point: Point, scales: Scales, resolution: fl
             wide = max(ORDER * float(value), resolution / 2)
             low, high = max(float(value) - wide, 0.0), float(value) + wide
         if f.key in ("width", "speed"):  # as narrow as shows, as wide as the speeds
-            low, high = 0.005 * scales.speed, 2.0 * scales.speed
+            low, high = SLOW * scales.speed, FAST * scales.speed
         if f.key == "limit":
-            low, high = float(value) / 2, float(value) * 2
+            low, high = float(value) / LIMIT, float(value) * LIMIT
             if model.laws[point.effects[f.effect].id].port == "actuator":
                 high = max(float(scales.torques[-1]), float(value))
         if f.key in ("tau", "delay"):
-            low, high = max(low, float(value) / 30), min(high, float(value) * 30)
+            low, high = max(low, float(value) / TIME), min(high, float(value) * TIME)
         out.append(Free(f.effect, f.key, f.index, low, high))
     return out

@@ -25,6 +25,11 @@ from .numbers import Numbers
 
 SEEN = SETTINGS.free_rows.seen
 WIDE = SETTINGS.free_rows.wide
+ORDER = SETTINGS.free_rows.order
+NYQUIST = SETTINGS.free_rows.nyquist
+IMPULSE = SETTINGS.free_rows.impulse
+EDGES = SETTINGS.free_rows.edges
+PASSED = SETTINGS.free_rows.passed
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,8 +57,8 @@ class OdeRun:
 
 
 def smoothed(x: np.ndarray, step: float, cutoff: float) -> tuple[np.ndarray, ...]:
-    """A signal, its rate and acceleration: low-passed both ways (4th order), differences."""
-    b, a = butter(4, min(0.99, 2 * cutoff * step))  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
+    """A signal, its rate and acceleration: low-passed both ways (`ORDER`), differences."""
+    b, a = butter(ORDER, min(NYQUIST, 2 * cutoff * step))  # pyright: ignore[reportAssignmentType, reportGeneralTypeIssues]
     x = filtfilt(b, a, x)
     v = np.asarray(rate_of(x, step))
     return x, v, np.asarray(rate_of(v, step))
@@ -79,7 +84,7 @@ class Balance:
         q, v, a = smoothed(run.outputs["position"], run.step, cutoff)
         self.thin = max(1, round(1 / (run.step * cutoff)))
         wide = 2 * WIDE * self.thin + 1
-        self.taps = np.asarray(firwin(wide, 0.8 / self.thin) if self.thin > 1 else np.ones(1))
+        self.taps = np.asarray(firwin(wide, PASSED / self.thin) if self.thin > 1 else np.ones(1))
         self.edge = len(self.taps) // 2
         given = {"input": acting(np.asarray(run.inputs["input"]), run.hold)}
         inputs = {k: jnp.asarray(x) for k, x in (dict(run.inputs) | given).items()}
@@ -112,7 +117,7 @@ class Balance:
 
     def gain(self) -> float:
         """1-sigma of a row for white noise of 1-sigma 1 in what is measured."""
-        n = max(2001, 8 * self.edge + 1)
+        n = max(IMPULSE, EDGES * self.edge + 1)
         impulse = np.zeros(n)
         impulse[n // 2] = 1.0
         if self.run.measured == "velocity":

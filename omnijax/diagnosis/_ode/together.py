@@ -22,6 +22,7 @@ ROOM = SETTINGS.free_model.room
 WORTH = SETTINGS.free_floor.worth
 RELAXED = SETTINGS.free_together.relaxed
 MOVED = SETTINGS.free_together.moved
+ROUNDS = SETTINGS.free_together.rounds
 
 
 def lines_together(balance: AbstractModel, point: Point) -> Point | None:
@@ -53,7 +54,7 @@ def _relaxed(balance: AbstractModel, fit: Fit, known: int) -> Fit:
             effects = fit.point.effects
             name = effects[known].name
             others = fit.point.with_effects(*effects[:known], *effects[known + 1 :])
-            new = _with_line(balance, refit(balance, others, rounds=8), name)
+            new = _with_line(balance, refit(balance, others, rounds=ROUNDS), name)
             turned = (*effects[:known], *effects[known + 1 :], effects[known])
             same = dataclasses.replace(fit, point=fit.point.with_effects(*turned))
             fit = new if new is not None and new.cost < MOVED * fit.cost else same
@@ -70,4 +71,4 @@ def _with_line(balance: AbstractModel, fit: Fit, name: str) -> Fit | None:
     table = Signatures(candidates, balance.columns(fit.point, candidates))
     scan = table.scan(fit.residual, taken_up(fit.jacobian, len(balance.priors)), fit.point.u)
     starts = by_tangent(fit, scan.best_per_name())
-    return refit(balance, starts[0].point, rounds=8) if starts else None
+    return refit(balance, starts[0].point, rounds=ROUNDS) if starts else None

@@ -9,6 +9,8 @@ from .waves import scanned
 
 FAR = SETTINGS.calibration.far
 MISFIT = SETTINGS.calibration.misfit
+RELATIVE = SETTINGS.calibration.relative
+END = SETTINGS.calibration.end
 SEED = 20
 
 
@@ -22,14 +24,14 @@ def calibrated(model: AbstractModel, start: Point) -> Fit:
     `settings.caught` is at its bounds, up to `settings.restarts` others begin where the priors'
     sigmas draw them (with a fixed seed); the first that lies far below ends the trials.
     """
-    best = first = refit(model, start, relative=0.01)
+    best = first = refit(model, start, relative=RELATIVE)
     for about in (first.point, start):
         if first.cost < MISFIT * model.dof("train"):
             break
         waves = scanned(model, about)
         if waves is None:
             break
-        other = refit(model, waves, relative=0.01)
+        other = refit(model, waves, relative=RELATIVE)
         best = first = other if other.cost < first.cost else first
     if not caught(model, first):
         return first
@@ -37,7 +39,7 @@ def calibrated(model: AbstractModel, start: Point) -> Fit:
     hard = np.array([prior.hard for prior in model.priors])
     for _ in range(model.settings.restarts):
         u = np.clip(rng.normal(size=len(hard)), -hard, hard)
-        other = refit(model, Point(u), relative=0.01)
+        other = refit(model, Point(u), relative=RELATIVE)
         best = other if other.cost < best.cost else best
         if best.cost < first.cost / FAR:
             break
@@ -49,5 +51,5 @@ def caught(model: AbstractModel, fit: Fit) -> bool:
     if fit.cost < FAR * model.dof("train"):
         return False
     hard = np.array([prior.hard for prior in model.priors])
-    ends = np.sum(np.abs(fit.point.u) > 0.999 * hard)
+    ends = np.sum(np.abs(fit.point.u) > END * hard)
     return bool(ends > 1 and ends >= model.settings.caught * len(hard))

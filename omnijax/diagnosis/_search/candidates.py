@@ -11,7 +11,9 @@ import numpy as np
 from ...laws import AbstractLaw
 from .._settings import SETTINGS
 
-WHOLE = range(1, 25)  # orders that are tried whatever stands out
+WHOLE = range(1, SETTINGS.candidates.orders + 1)
+BETWEEN = SETTINGS.candidates.between
+WAY = SETTINGS.candidates.way
 
 
 class LawAtPlace(Protocol):
@@ -53,7 +55,7 @@ class Candidate:
         law = self.columns[0].law
         known = law.parameters
         if not any(p.linear for p in known.values()):
-            return bool(coefficients[0] > 0.05)
+            return bool(coefficients[0] > WAY)
         values = self.decode(coefficients)
         if len(coefficients) == 1:
             key = next(k for k, p in known.items() if p.linear)
@@ -94,5 +96,5 @@ def values_to_try(key: str, parameter) -> Sequence[float]:
     if key == "order":
         return [float(n) for n in WHOLE if low <= n <= high]
     if math.isfinite(low) and math.isfinite(high):
-        return list(np.linspace(low, high, 6)[1:-1])
+        return list(np.linspace(low, high, BETWEEN + 2)[1:-1])
     return SETTINGS.candidates.ladder

@@ -6,10 +6,18 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from .._settings import SETTINGS
-from .gauss_newton import ENOUGH, KEPT, FitState, normal, stepped, trial
+from .gauss_newton import DAMPING, ENOUGH, KEPT, FitState, normal, stepped, trial
 from .model import AbstractModel, Free, Point, moved, value_of
 
 RENEW = SETTINGS.fit.renew
+ROUNDS = SETTINGS.fit.rounds
+PATIENCE = SETTINGS.fit.patience
+ABOUT = SETTINGS.fit.about
+FLOOR = SETTINGS.fit.floor
+FAR = SETTINGS.fit.far
+STEP = SETTINGS.fit.step
+LEAST = SETTINGS.fit.least
+PRIOR_STEP = SETTINGS.fit.prior_step
 
 
 @dataclasses.dataclass(frozen=True)
@@ -40,7 +48,7 @@ def steps_of(point: Point, free: Sequence[Free]) -> np.ndarray:
             size = float(np.linalg.norm(vector))
         if f.key in ("phase", "order", "frequency"):  # they act times an angle or a time
             size = 1.0
-        out.append(1e-4 * (size or 1e-6))
+        out.append(STEP * (size or LEAST))
     return np.array(out)
 
 
@@ -53,7 +61,7 @@ def tangent_rows(model: AbstractModel, point, free, residual, baseline=None, spl
     values = np.array([value_of(point, f) for f in free])
     if baseline is None:
         for k in range(P):
-            h = 1e-3 if point.u[k] < 0 else -1e-3
+            h = PRIOR_STEP if point.u[k] < 0 else -PRIOR_STEP
             points.append(moved(point, point.u + h * np.eye(P)[k], free, values))
             steps.append(h)
     for k, step in enumerate(steps_of(point, free)):
@@ -77,24 +85,26 @@ def predicted(model: AbstractModel, point: Point, residual, J) -> tuple[Point, f
     """Where one bounded Gauss-Newton step leads from `point` with `residual`, and its cost."""
     state = FitState(point, tuple(model.free(point)), residual, float(residual @ residual))
     gram, gradient, scale = normal(state, J)
-    x, end = trial(model, state, gram, gradient, scale, 1e-6)
+    x, end = trial(model, state, gram, gradient, scale, DAMPING)
     d, P = end - x, len(point.u)
     cost = state.cost + point.u @ point.u + 2 * gradient @ d + d @ gram @ d
     return moved(point, end[:P], state.free, end[P:]), float(cost)
 
 
-def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 20,
-          relative: float = 0.0, give_up: float = np.inf, patience: int = 3) -> Fit:  # fmt: skip
+def refit(
+    model: AbstractModel, point: Point, *, baseline=None, rounds: int = ROUNDS,
+    relative: float = 0.0, give_up: float = np.inf, patience: int = PATIENCE,
+) -> Fit:  # fmt: skip
     """Refit `point` on the train runs, with bounds: damped Gauss-Newton steps.
 
     The tangents of the uncertain parameters are those of `baseline` while they tell the fall of the
     cost well; they are taken anew where they do not, and where the steps end with a misfit.  The
-    steps end where the cost falls by less than 0.02, or, where it is far from the noise, by less
-    than the `relative` part of itself.  Above a cost of `give_up` round `patience` is the last.
+    steps end where the cost falls by less than `ENOUGH`, or, far from the noise, by less than the
+    `relative` part of itself.  Above a cost of `give_up` round `patience` is the last.
     """
     (state,) = FitState.at(model, [point], model.free(point))
-    tangents, fresh, damping = baseline, baseline is None, 1e-6
-    J, floor = None, 1.2 * model.dof("train")
+    tangents, fresh, damping = baseline, baseline is None, DAMPING
+    J, floor = None, FLOOR * model.dof("train")
     for turn in range(rounds):
         if not np.isfinite(state.cost) or (turn >= patience and state.cost > give_up):
             break
@@ -106,7 +116,7 @@ def refit(model: AbstractModel, point: Point, *, baseline=None, rounds: int = 20
         new, damping, predicted = stepped(model, state, J, damping, fresh)
         fall = 0.0 if new is None else state.cost - new.cost
         state = new or state
-        far = state.cost > 10 * floor
+        far = state.cost > FAR * floor
         ended = fall < max(ENOUGH, relative * state.cost * far)
         if fresh and ended:
             break
@@ -126,7 +136,7 @@ def refits_about(
     """
     for _ in range(most):
         model.rebase(point)
-        fit = refit(model, point, rounds=10, relative=relative)
+        fit = refit(model, point, rounds=ABOUT, relative=relative)
         yield fit
         point = fit.point
 

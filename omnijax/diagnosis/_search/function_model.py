@@ -9,9 +9,15 @@ import numpy as np
 
 from ...laws import AbstractLaw
 from ...machine import PlacedLaw
+from .._settings import SETTINGS
 from .candidates import Candidate, is_wave, number, strengths, unknown_shapes, values_to_try
 from .model import AbstractModel, Point, Prior
 
+LEAST = SETTINGS.function_model.least
+MOST = SETTINGS.function_model.most
+WEAKER = SETTINGS.function_model.weaker
+STRONGER = SETTINGS.function_model.stronger
+TRIED = SETTINGS.function_model.tried
 Residual = Callable[[dict[str, float], list[AbstractLaw], str], np.ndarray]
 
 
@@ -88,13 +94,13 @@ class SmallModel(AbstractModel):
         if not linear:
             return base - self.residual(values, [*laws, law], "train")
         strength, change = 1.0, np.zeros_like(base)
-        for _ in range(60):  # a strength that stays in the linear range
+        for _ in range(TRIED):  # a strength that stays in the linear range
             weak = eqx.tree_at(
                 lambda x: [getattr(x, k) for k in linear], law, [number(strength)] * len(linear)
             )
             change = base - self.residual(values, [*laws, weak], "train")
             size = np.linalg.norm(change) / (np.linalg.norm(base) or 1.0)
-            if np.isfinite(size) and 1e-7 < size < 1e-3:
+            if np.isfinite(size) and LEAST < size < MOST:
                 break
-            strength *= 0.1 if not np.isfinite(size) or size >= 1e-3 else 30.0
+            strength *= WEAKER if not np.isfinite(size) or size >= MOST else STRONGER
         return change / strength

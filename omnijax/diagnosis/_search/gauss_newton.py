@@ -21,6 +21,10 @@ ENOUGH = SETTINGS.gauss_newton.enough
 KEPT = SETTINGS.gauss_newton.kept
 BENT = SETTINGS.gauss_newton.bent
 LONGEST = SETTINGS.gauss_newton.longest
+DAMPING = SETTINGS.gauss_newton.damping
+FACTOR = SETTINGS.gauss_newton.factor
+DAMPED = SETTINGS.gauss_newton.damped
+TRIED = SETTINGS.gauss_newton.tried
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +64,7 @@ def stepped(
     `exact`: the tangents `J` are those at the state, so that what a step does not keep is its bend.
     """
     gram, gradient, scale = normal(state, J)
-    for _ in range(6):
+    for _ in range(TRIED):
         x, end = trial(model, state, gram, gradient, scale, damping)
         d = end - x
         predicted = float(-2 * gradient @ d - d @ gram @ d)
@@ -68,14 +72,14 @@ def stepped(
         better = new.cost <= state.cost + 1e-9
         kept = state.cost - new.cost >= KEPT * predicted or not exact
         if better and (kept or predicted < BENT):
-            return new, damping / 30, predicted
+            return new, damping / FACTOR, predicted
         if predicted < ENOUGH:
             break
         others = _bent(model, state, J, x, d, gram, scale, damping)
         best = min([new, *others], key=lambda s: s.cost)
         if best.cost <= state.cost + 1e-9:
-            return best, damping / 30 if best is new else damping, predicted
-        damping = max(damping * 30, 1e-3)
+            return best, damping / FACTOR if best is new else damping, predicted
+        damping = max(damping * FACTOR, DAMPED)
     return None, damping, 0.0
 
 

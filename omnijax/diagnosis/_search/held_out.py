@@ -9,6 +9,7 @@ from .fit import Fit
 from .model import Effect
 
 BLOCKS = SETTINGS.held_out.blocks
+ERRORS = SETTINGS.held_out.errors
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +64,7 @@ class HeldOut:
         """Whether it is the effect that gained `gain` on the train runs."""
         if not np.isfinite(self.gain):
             return False
-        slack = min(3 * self.error(gain), settings.slack)
+        slack = min(ERRORS * self.error(gain), settings.slack)
         same = 1 / settings.share - slack < self.multiplier < settings.share + slack
         return same and self.sure > settings.sure
 

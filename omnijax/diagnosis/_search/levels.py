@@ -20,6 +20,13 @@ FLAT = SETTINGS.levels.flat
 BROAD = SETTINGS.levels.broad
 FEWEST = SETTINGS.levels.fewest
 LEANS = SETTINGS.levels.leans
+STRETCHES = SETTINGS.levels.stretches
+SCATTER = SETTINGS.levels.scatter
+BETTER = SETTINGS.levels.better
+HIGH = SETTINGS.levels.high
+SLOWEST = SETTINGS.levels.slowest
+STEEP = SETTINGS.levels.steep
+FREE = SETTINGS.levels.free
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,13 +51,13 @@ def white_level(values: np.ndarray) -> tuple[float, float]:
         square = np.diff(values, order) ** 2 / math.comb(2 * order, order)
         square = square[np.isfinite(square)]
         count = len(square) // WINDOW
-        if count < 4:
+        if count < STRETCHES:
             return best
         free = WINDOW / _repetition(order)
         middle = np.median(square[: count * WINDOW].reshape(count, WINDOW).mean(axis=1))
         level = math.sqrt(middle / (chi2.ppf(0.5, free) / free))
-        if not best[0] <= 1.1 * level:  # a median scatters by 1.25 of what a mean scatters
-            best = (level, 1.25 / math.sqrt(2 * free * count))
+        if not best[0] <= BETTER * level:
+            best = (level, SCATTER / math.sqrt(2 * free * count))
     return best
 
 
@@ -89,12 +96,12 @@ def colour_of(at: np.ndarray, power: np.ndarray, count: np.ndarray) -> str:
     leans = power.max() > LEANS * power.min()
     if not leans or 2 * len(power) * tails.min() > FLAT:
         return "white"
-    high = np.average(power[at > 0.25], weights=count[at > 0.25])
+    high = np.average(power[at > HIGH], weights=count[at > HIGH])
     if power[0] < LEANS * high:  # windows take the slowest part off; no noise is feared that rises
         return "white"
-    low = at < 10 * at[0]
+    low = at < SLOWEST * at[0]
     slope = np.polyfit(np.log(at[low]), np.log(power[low]), 1)[0] if low.sum() > 2 else 0.0
-    return "wandering" if slope < -0.7 else "low-pass"
+    return "wandering" if slope < STEEP else "low-pass"
 
 
 def levels(columns: list[np.ndarray], noise_only: bool) -> list[Level]:
@@ -123,11 +130,12 @@ def levels(columns: list[np.ndarray], noise_only: bool) -> list[Level]:
         dense = over(at, power, len(x))[1:]
         own = power * np.mean(lines / dense) / ratio**2
         free = used * np.mean(dense) ** 2 / np.mean(dense**2)  # a few strong lines say less
-        out.append(Level(ratio, 1 / math.sqrt(max(free, 4)), floor, colour, (at, own)))
+        out.append(Level(ratio, 1 / math.sqrt(max(free, FREE)), floor, colour, (at, own)))
     return out
 
 
-WANDERS = 10.0 ** np.arange(-4, 5.1, 0.25)  # power at a run's slowest wave over white noise's
+# power at a run's slowest wave over white noise's
+WANDERS = np.logspace(*SETTINGS.levels.wanders, SETTINGS.levels.powers)
 
 
 def wandering_gain(columns: list[np.ndarray]) -> float:

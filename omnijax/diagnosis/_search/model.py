@@ -15,6 +15,11 @@ from .._settings import SETTINGS, SearchSettings
 STEPPED = ("contact", "mount", "separation")  # ports whose laws change a run's every tangent
 THRESHOLDS = ("gap", "delay", "tau")  # sizes of laws without a linear strength
 HARD = SETTINGS.model.hard
+AT_END = SETTINGS.model.at_end
+BLOCKS = SETTINGS.model.blocks
+WIDTH = SETTINGS.model.width
+SLOWER = SETTINGS.model.slower
+FASTER = SETTINGS.model.faster
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,6 +43,10 @@ class Prior:
         return (
             self.value * math.exp(self.sigma * u) if self.relative else self.value + self.sigma * u
         )
+
+    def at_bound(self, u: float) -> bool:
+        """Whether the unit coordinate `u` is at an end of its range."""
+        return abs(u) > self.hard * (1 - AT_END)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -211,7 +220,7 @@ class AbstractModel(abc.ABC):
     def rebase(self, point: Point) -> None:  # noqa: B027, nothing to prepare by default
         """Prepare for work around `point` (smoothing, linearisation)."""
 
-    def shuffled(self, residual: np.ndarray, seed: int, blocks: int = 40) -> np.ndarray:
+    def shuffled(self, residual: np.ndarray, seed: int, blocks: int = BLOCKS) -> np.ndarray:
         """A residual in blocks of changed order and sign: its colour, but tied to no signature."""
         rng = np.random.default_rng(seed)
         parts = np.array_split(np.roll(residual, rng.integers(len(residual))), blocks)
@@ -224,9 +233,7 @@ class AbstractModel(abc.ABC):
 
 def to_project(model: AbstractModel, J: np.ndarray, u: np.ndarray):
     """(tangents, coordinates) that are projected out of scores: all but limited ones at bounds."""
-    at_bound = [
-        k for k, p in enumerate(model.priors) if p.limited and abs(u[k]) > p.hard * (1 - 1e-6)
-    ]
+    at_bound = [k for k, p in enumerate(model.priors) if p.limited and p.at_bound(u[k])]
     return np.delete(J, at_bound, axis=1), np.delete(u, at_bound)
 
 
@@ -239,12 +246,12 @@ def free_numbers(model: AbstractModel, point: Point) -> list[Free]:
             if key in model.frozen_keys:
                 continue
             p = known[key]
-            if key == "width":  # a decade and a half around where its law begins
+            if key == "width":
                 begin = model.laws[effect.id].__dataclass_fields__["width"].default
                 begin = value if begin is dataclasses.MISSING else begin
-                out.append(Free(i, key, None, float(begin) / 30, float(begin) * 30))
-            elif key == "speed":  # far above every speed the law is another one: Coulomb's
-                out.append(Free(i, key, None, float(value) / 10, float(value) * 3))
+                out.append(Free(i, key, None, float(begin) / WIDTH, float(begin) * WIDTH))
+            elif key == "speed":
+                out.append(Free(i, key, None, float(value) / SLOWER, float(value) * FASTER))
             elif np.ndim(value):
                 out += [Free(i, key, k, p.low, p.high) for k in range(len(value))]
             else:

@@ -4,12 +4,20 @@ import dataclasses
 
 import numpy as np
 
-from .fit import Fit, refit, refits_about
+from .._settings import SETTINGS
+from .fit import PATIENCE, Fit, refit, refits_about
 from .held_out import HeldOut, Trial
 from .model import AbstractModel, Effect, Point
 from .starts import Start
 
-WIDTHS_MATTER = {True: 10.0, False: 100.0}  # times the best cost, by whether a law is stepped
+ROUNDS = SETTINGS.refits.rounds
+RELATIVE = SETTINGS.refits.relative
+OPENING = SETTINGS.refits.opening
+WEAKER = SETTINGS.refits.weaker
+WIDE = SETTINGS.refits.wide
+SETTLED = SETTINGS.refits.settled
+# times the best cost, by whether a law is stepped
+WIDTHS_MATTER = {True: SETTINGS.refits.stepped_widths, False: SETTINGS.refits.plain_widths}
 
 
 def residual_of(model: AbstractModel, point: Point, split: str) -> np.ndarray:
@@ -49,7 +57,7 @@ class Refits:
         point, enough, patience = (
             self.tamed(self.model.remembered(start.point), fit),
             self.settings.hopeless * least,
-            3,
+            PATIENCE,
         )
         if openings is not None and self.model.needs_stepping(point.effects[-1:]):
             followed = self.opened(fit.point, point, openings)
@@ -57,7 +65,7 @@ class Refits:
             patience = patience if followed else 1
             point = followed or point
         tangents = self.tangents(fit, point.effects)
-        new = refit(self.model, point, baseline=tangents, rounds=8, relative=1e-3,
+        new = refit(self.model, point, baseline=tangents, rounds=ROUNDS, relative=RELATIVE,
                     give_up=enough, patience=patience)  # fmt: skip
         return self.trial(fit, new, before)
 
@@ -80,7 +88,7 @@ class Refits:
             part.work = 0.0
             before, fit = (
                 chi2_of(part, without, "train"),
-                refit(part, point, rounds=8, relative=1e-2),
+                refit(part, point, rounds=ROUNDS, relative=OPENING),
             )
             self.model.work += share * part.work
             closed = (before - fit.cost) / max(before - part.dof("train"), 1.0)
@@ -132,7 +140,7 @@ class Refits:
         strong = [k for k in last.values if law.parameters[k].linear or k == "gap"]
         stepped = strong and self.model.needs_stepping([last])
         best, least = point, np.inf
-        for factor in (1.0, 0.5, 0.2, 0.05) if stepped else (1.0,):
+        for factor in WEAKER if stepped else (1.0,):
             values = last.values | {k: factor * last.values[k] for k in strong}
             effects = (*others, Effect(last.id, last.place, values))
             for u in (point.u, fit.point.u, 0 * point.u):
@@ -155,7 +163,7 @@ class Refits:
             self.model.tell(f"settling the joint refit: chi2 {left:.4g} a row")
             near = (
                 fit.chi2 < self.settings.settled * self.model.dof("train")
-                or fit.chi2 > 0.98 * before
+                or fit.chi2 > SETTLED * before
             )
             if near or not self.model.unsettled(fit.point):
                 break
@@ -177,7 +185,7 @@ class Refits:
         if stated or not np.isfinite(fit.cost):
             return fit
         point = fit.point.with_effects(*wide)
-        freed = refit(self.model, point, baseline=self.tangents(fit, wide), rounds=4)
+        freed = refit(self.model, point, baseline=self.tangents(fit, wide), rounds=WIDE)
         return freed if freed.cost < fit.cost - self.settings.margin else fit
 
     def _with_width(self, effect: Effect) -> Effect:

@@ -9,12 +9,14 @@ from collections.abc import Callable
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .fit import Fit, refit
 from .held_out import HeldOut
 from .model import Effect, Point, to_project
 from .refits import Refits, chi2_of
 from .scan import Scan, Score, Signatures, taken_up
 
+ROUNDS = SETTINGS.refits.rival
 # the effect, its margin (what held-out runs add counts), the cosine of the signatures
 Rival = tuple[Effect, float, float]
 
@@ -142,7 +144,7 @@ class Review:
         """The refit with a scored candidate in place of effect i."""
         # the tangents of the effect that a rival imitates, until they prove wrong
         tangents = fit.jacobian[:, : len(fit.point.u)]
-        new = refit(self.model, self._in_place(fit, i, score), baseline=tangents, rounds=4,
+        new = refit(self.model, self._in_place(fit, i, score), baseline=tangents, rounds=ROUNDS,
                     give_up=self.settings.far * fit.cost, patience=1)  # fmt: skip
         if new.cost - fit.cost < self.settings.near:  # too near to hang on another's tangents
             new = refit(self.model, new.point)

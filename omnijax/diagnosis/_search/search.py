@@ -119,13 +119,15 @@ class Search:
         model = self.model
         stated = Point(np.zeros(len(model.priors)))
         if known is None:
-            fit = refit(model, start or stated, relative=0.01)
+            fit = refit(model, start or stated, relative=self.settings.roughly)
             self.tell("smoothing the runs about the calibrated machine")
             model.rebase(fit.point)
-            baseline = refit(model, fit.point, baseline=fit.jacobian, relative=0.01)
+            baseline = refit(
+                model, fit.point, baseline=fit.jacobian, relative=self.settings.roughly
+            )
         else:  # another noise moves the ends of its refits by little
             model.rebase(start or stated)
-            baseline = refit(model, start or stated, relative=0.01)
+            baseline = refit(model, start or stated, relative=self.settings.roughly)
         held_before = chi2_of(model, baseline.point, "held-out")
         self.begun = baseline.chi2, held_before
         if known is not None and known.effects:
@@ -317,11 +319,11 @@ class Search:
     def floor_reached(self, fit: Fit, held: float) -> bool:
         """Whether what is left is noise, on all runs.
 
-        So it is where chi2 is within four standard deviations of its mean; or next to nothing of
+        So it is where chi2 is within a few standard deviations of its mean; or next to nothing of
         what there was to explain: then the noise is not quite as assumed.
         """
         sizes = self.model.dof("train"), self.model.dof("held-out")
         return all(
-            left - n < max(4 * np.sqrt(2 * n), self.settings.rest * (begun - n))
+            left - n < max(self.settings.noise * np.sqrt(2 * n), self.settings.rest * (begun - n))
             for left, begun, n in zip((fit.chi2, held), self.begun, sizes, strict=True)
         )

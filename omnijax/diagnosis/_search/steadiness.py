@@ -21,6 +21,7 @@ from .scan import chance
 DEGREE = SETTINGS.steadiness.degree
 OF_TIME = ("sensor-drift",)  # laws of the time itself, which noise that wanders makes unsteady
 SURELY = SETTINGS.steadiness.surely
+OWN = SETTINGS.steadiness.own
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,7 +68,7 @@ def unsteady(model: AbstractModel, fit: Fit, alike: float) -> list[Unsteady]:
         size = float(change @ change)
         varied = shapes * change[:, None]
         varied = varied - every @ (every.T @ varied)
-        part = orthonormal_of_many_rows(varied, 1e-3 * float(np.linalg.norm(change)))
+        part = orthonormal_of_many_rows(varied, OWN * float(np.linalg.norm(change)))
         d = part @ (part.T @ left)
         shown = HeldOut.of(left, left - d)
         gain = max(0.0, shown.gain) / shown.spread

@@ -29,6 +29,15 @@ ORDERS = SETTINGS.where.orders
 BESIDE = SETTINGS.where.beside
 WIDTH = SETTINGS.where.width
 LEAST = SETTINGS.where.least
+BINS = SETTINGS.where.bins
+BLOCK = SETTINGS.where.block
+PIECES = SETTINGS.where.pieces
+SHORTEST = SETTINGS.where.shortest
+ENDS = SETTINGS.where.ends
+END = SETTINGS.where.end
+SHAPE = SETTINGS.where.shape
+LIKELIEST = SETTINGS.where.likeliest
+SHOWN = SETTINGS.search.shown
 
 
 @dataclasses.dataclass(frozen=True)
@@ -80,7 +89,7 @@ def state(name: str, columns: np.ndarray) -> WhereQuestion:
     return WhereQuestion(domain, float("nan"), reference, columns)
 
 
-def bins(values: np.ndarray, count: int = 12) -> np.ndarray:
+def bins(values: np.ndarray, count: int = BINS) -> np.ndarray:
     """Membership of `count` equally filled bins, orthonormal."""
     edges = np.unique(np.quantile(values, np.linspace(0, 1, count + 1)[1:-1]))
     member = np.eye(len(edges) + 1)[np.searchsorted(edges, values)]
@@ -173,7 +182,7 @@ def levelled(columns: np.ndarray) -> np.ndarray:
     Noise that wanders is then periodic.  A level says nothing: random phases leave it to chance.
     """
     n = len(columns)
-    end = max(1, min(50, n // 10))
+    end = max(1, min(ENDS, n // END))
     first, last = columns[:end].mean(axis=0), columns[-end:].mean(axis=0)
     level = columns - np.linspace(first, last, n)
     return level - level.mean(axis=0)
@@ -230,14 +239,16 @@ def above_neighbours(middle: np.ndarray, power: np.ndarray, lines: np.ndarray) -
     return out
 
 
-def shuffle(residual: np.ndarray, seed: int, block: int = 125, count: int = SHUFFLES) -> np.ndarray:
+def shuffle(
+    residual: np.ndarray, seed: int, block: int = BLOCK, count: int = SHUFFLES
+) -> np.ndarray:
     """Block-shuffled copies (samples, count), every block with a random sign and a random shift."""
     rng = np.random.default_rng(seed)
     n = len(residual)
     out = np.empty((n, count))
     for c in range(count):
         rolled = np.roll(residual, rng.integers(n))
-        pieces = np.array_split(rolled, max(1, n // min(block, max(4, n // 16))))
+        pieces = np.array_split(rolled, max(1, n // min(block, max(SHORTEST, n // PIECES))))
         order = rng.permutation(len(pieces))
         signs = rng.choice([-1.0, 1.0], len(pieces))
         out[:, c] = np.concatenate([signs[k] * pieces[k] for k in order])
@@ -252,7 +263,7 @@ def p_value(share: np.ndarray | float, null: np.ndarray) -> np.ndarray:
     mean, variance = np.mean(null, axis=-1), np.var(null, axis=-1, ddof=1)
     usual = (mean > 0) & (mean < 1) & (variance > 0)
     mean, variance = np.where(usual, mean, 0.5), np.where(usual, variance, 1.0)
-    size = np.maximum(mean * (1 - mean) / variance - 1, 1e-3)
+    size = np.maximum(mean * (1 - mean) / variance - 1, SHAPE)
     tail = betaincc(mean * size, (1 - mean) * size, np.clip(share, 0.0, 1.0))
     return np.where(usual, tail, 1.0)
 
@@ -288,7 +299,7 @@ def discovered(
     columns: dict[str, np.ndarray],
     angles: dict[str, np.ndarray],
     states: dict[str, np.ndarray],
-    top: int = 12,
+    top: int = SHOWN,
     own: Mapping[str, Sequence[WhereQuestion]] | None = None,
     answers: Sequence[dict[str, Any]] = (),
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
@@ -296,7 +307,7 @@ def discovered(
 
     `own` holds by channel the questions that are asked of it alone, `answers` what was asked
     elsewhere and stands or falls with the others.
-    Every answer says whether it `stands`; where none does, the likeliest three are returned so
+    Every answer says whether it `stands`; where none does, the likeliest few are returned so
     marked.
     """
     asked, everything, step = Asked(questions(time, angles, states)), [], time[1] - time[0]
@@ -316,4 +327,4 @@ def discovered(
     for answer in stand:
         answer["stands"] = True
     stand.sort(key=lambda f: -f["share"] * max(0.0, f["rms_over_noise"] ** 2 - 1))
-    return (stand or sorted(everything, key=lambda f: f["p"])[:3])[:top], everything
+    return (stand or sorted(everything, key=lambda f: f["p"])[:LIKELIEST])[:top], everything
