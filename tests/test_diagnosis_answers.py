@@ -96,6 +96,40 @@ def test_the_next_experiment_tells_them_apart(ambiguous, turning, plant, tmp_pat
     assert effect.parameters["b"]["value"] == pytest.approx(3e-4, rel=0.02)
 
 
+@pytest.fixture(scope="module")
+def gentle(plant, tmp_path_factory):
+    """By what is hidden the diagnosis of a case whose held-out run is all but still."""
+
+    def found(effects):
+        rng, folder = np.random.default_rng(11), tmp_path_factory.mktemp("gentle")
+        stated = plant.machine(rng)
+        true = plant.perturbed(rng, stated)
+        turning = [size * plant.wander(rng, 3.0) for size in (1.0, 0.01)]
+        torque = np.stack([plant.torques(true, w) for w in turning])
+        plant.write_case(folder, stated, plant.record(stated, true, effects, torque, rng))
+        return diagnose(folder)
+
+    return found
+
+
+def test_what_held_out_runs_are_not_moved_by_is_confirmed_by_parts_of_the_fitted_ones(gentle):
+    found = gentle({"viscous": np.array([0.0, 2e-4, 0.0])})
+    assert found.verdict == "named" and found.confirmed_on == "blocks"
+    (effect,) = found.effects
+    assert (effect.id, effect.place) == ("bearing-viscous", "w2")
+    b = effect.parameters["b"]
+    assert abs(b["value"] - 2e-4) < 4 * b["sigma"]
+    assert "of which held-out runs are moved too little to tell" in found.notes[1]
+    assert any("kept out of the fit too" in fault for fault in found.faults)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("springs", [0.0, 3e8])
+def test_what_no_law_explains_in_fitted_runs_alone_is_unknown(gentle, springs):
+    found = gentle({"K2": np.array([0.0, springs, 0.0])})
+    assert (found.verdict, found.effects) == ("unknown" if springs else "none", [])
+
+
 def test_a_law_of_the_users_own_file_is_named(plant, tmp_path):
     rng, K2 = np.random.default_rng(5), 1e8
     stated = plant.machine(rng)

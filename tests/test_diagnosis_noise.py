@@ -9,12 +9,13 @@ from scipy.signal import lfilter
 
 from omnijax import InputError
 from omnijax.diagnosis._answer import JUDGES, AbstractEvidence, RigEvidence
+from omnijax.diagnosis._answer.fitted_runs import shown_by_fitted_runs_alone
 from omnijax.diagnosis._answer.shown import Shown, shown_noise
 from omnijax.diagnosis._answer.verdict import judge
 from omnijax.diagnosis._answered import _judged, explained
 from omnijax.diagnosis._machine.data_vector import DataRows, _filters
 from omnijax.diagnosis._machine.rig_model import RigModel
-from omnijax.diagnosis._machine.roles import with_roles
+from omnijax.diagnosis._machine.roles import by_parts, with_roles
 from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._noise import step_of
 from omnijax.diagnosis._ode.evidence import OdeEvidence
@@ -105,10 +106,17 @@ def answer(ratio: float, structure: float, after: float, effects=(), trials=()) 
     return judged(ratio, structure, after, effects, trials).verdict
 
 
-def judged(ratio, structure, after, effects=(), trials=(), confirmed_on="held-out"):
+def judged(ratio, structure, after, effects=(), trials=(), confirmed_on="held-out", left_out=None):
     """Judged where held-out RMS are 5 before and `after`, the noise shown `ratio`, all assumed."""
     fit = SimpleNamespace(point=SimpleNamespace(effects=effects))
-    found = SimpleNamespace(fit=fit, rivals={}, significant=True, trials=[list(trials)], alone={})
+    found = SimpleNamespace(
+        fit=fit,
+        rivals={},
+        significant=True,
+        trials=[list(trials)],
+        alone={},
+        left_out=left_out or {},
+    )
     level = Level(ratio, 0.01, ratio)
     shown = Shown(({"a_x": level},), ("held-out",), {"a_x": structure}, ([], []))
     first, last = ([{"a_x": np.full(1000, x)}] for x in (5.0 if effects else after, after))
@@ -121,6 +129,14 @@ def test_a_gap_that_hangs_on_nothing_is_noise_and_never_unknown():
     assert answer(ratio=1.4, structure=0.0, after=1.4, effects=("x",)) == "named"
     assert answer(ratio=1.0, structure=3.0, after=2.5, effects=("x",)) == "unknown"
     assert answer(ratio=1.0, structure=0.2, after=1.1, effects=("x",)) == "named"
+
+
+def test_of_an_effect_that_was_confirmed_and_left_out_nobody_says_that_none_was_confirmed():
+    left_out = {"creep@w1": "it moves no output group's RMS by 1 %"}
+    reason = judged(1.4, 0.0, 1.4, left_out=left_out).reason
+    assert "creep@w1 (it moves no output group's RMS by 1 %)" in reason
+    assert "confirm no effect" not in reason
+    assert "confirm no effect" in judged(1.4, 0.0, 1.4).reason
 
 
 @pytest.mark.parametrize("effects", [(), ("x",)])
@@ -146,7 +162,7 @@ def held_out_verdict(columns, structure: float, before=None):
         recorded=lambda: [(f"run {k}", STEP * np.arange(N)) for k in range(len(columns))],
     )  # fmt: skip
     fit = SimpleNamespace(point=SimpleNamespace(effects=() if before is None else ("x",)))
-    found = SimpleNamespace(fit=fit, rivals={}, significant=False, trials=[], alone={})
+    found = SimpleNamespace(fit=fit, rivals={}, significant=False, trials=[], alone={}, left_out={})
     shown = Shown(tuple({c: Level(1.0, 0.01, 1.0) for c in run} for run in columns),
                   ("held-out",) * len(columns), {"a_x": structure}, ([], []))  # fmt: skip
     before = columns if before is None else before
@@ -283,6 +299,7 @@ def test_a_gap_is_no_noise_in_channels_of_the_same_state(channel, noise_only):
     evidence = SimpleNamespace(
         model=SimpleNamespace(residuals=lambda points, split: [None]),
         columns=lambda residual, split: [table], locate=lambda point: ([], [stands]),
+        asks_all=False,
         subsystem=lambda c: RigEvidence.subsystem(None, c),
     )  # fmt: skip
     shown = shown_noise(evidence, None)
@@ -292,6 +309,71 @@ def test_a_gap_is_no_noise_in_channels_of_the_same_state(channel, noise_only):
     whole = np.sqrt(np.mean(table[channel] ** 2))
     assert level.ratio == pytest.approx(whole if noise_only else level.floor, rel=1e-6)
     assert (channel in shown.changes[0]) == noise_only
+
+
+@pytest.mark.parametrize("asks_all, shows", [(True, True), (True, False), (False, True)])
+def test_what_only_a_fitted_run_shows_is_no_noise_of_it(asks_all, shows):
+    """Its held-out run at rest, a gap of thirty sigma was a noise that was wrongly declared."""
+    rng = np.random.default_rng(31)
+    quiet = {c: rng.normal(size=N) for c in ("dR_x", "a_x", "Omega_x")}
+    loud = {c: x + 3 * kinds(rng)["wandering"] * (c == "dR_x") for c, x in quiet.items()}
+    stands = {"channel": "dR_x", "stands": shows, "share": 0.9, "rms_over_noise": 3.0}
+    runs = {"train": [quiet, loud], "held-out": [quiet]}
+    evidence = SimpleNamespace(
+        model=SimpleNamespace(residuals=lambda points, split: [split]),
+        columns=lambda split, _: runs[split], asks_all=asks_all,
+        locate=lambda point, split="held-out", run=0: ([], [stands] * (split == "train" and run)),
+        subsystem=lambda c: RigEvidence.subsystem(None, c),
+    )  # fmt: skip
+    shown = shown_noise(evidence, None)
+    told = asks_all and shows
+    assert shown.structured == []
+    assert shown.structured_in_fitted_runs == ["dR_x"] * told
+    assert ("dR_x" in shown.changes[1]) == (not told)
+    assert shown.levels[1]["dR_x"].colour == ("white" if told else "wandering")
+    assert shown.levels[2]["Omega_x"].ratio == pytest.approx(1.0, abs=0.05)
+
+
+def test_every_run_that_holds_more_than_white_noise_is_asked_alone():
+    rng, asked = np.random.default_rng(32), []
+    quiet = {"dR_x": rng.normal(size=N)}
+    loud = {"dR_x": kinds(rng)["wandering"]}
+    runs = {"train": [quiet, loud], "held-out": [quiet, loud]}
+
+    def locate(point, split="held-out", run=0):
+        asked.append((split, run))
+        return [], []
+
+    shown_noise(SimpleNamespace(
+        model=SimpleNamespace(residuals=lambda points, split: [split]), asks_all=True,
+        columns=lambda split, _: runs[split], locate=locate, subsystem=str), None)  # fmt: skip
+    assert asked == [("train", 1), ("held-out", 0)]
+
+
+@pytest.mark.parametrize(
+    "gain, moved, share, left, open_, said",
+    [(300.0, 3.0, 1.0, 0.9, [], "moved too little"),  # nine of chi2: three standard deviations
+     (300.0, 3.0, 1.0, 0.999, [], ""),  # it matters in no group
+     (20.0, 3.0, 1.0, 0.9, [], ""),  # no more than a rival needs
+     (300.0, 9.0, 0.0, 0.9, [], ""),  # they tell: it is not there
+     (300.0, 9.0, 1.0, 0.9, [], ""),  # they confirm it
+     (20.0, 3.0, 1.0, 0.9, ["a_x"], "gap in a_x"),
+     (300.0, 3.0, 1.0, 0.9, ["a_x"], "gap in a_x")],
+)  # fmt: skip
+def test_what_held_out_runs_are_not_moved_by_is_said_of_the_fitted_ones(
+    gain, moved, share, left, open_, said
+):
+    held = HeldOut((2 * share - 1) * moved**2, moved**2)
+    trial = Trial(Effect("drag", "w1", {}), SimpleNamespace(residual=left), gain, held)  # pyright: ignore
+    model = SimpleNamespace(settings=SETTINGS.search, group_rms=lambda x, split: {"a": x})
+    found = SimpleNamespace(trials=[[trial]], fit=SimpleNamespace(residual=1.0))
+    evidence = SimpleNamespace(model=model, confirmed_on="held-out")
+    shown = SimpleNamespace(structured_in_fitted_runs=open_)
+    alone = shown_by_fitted_runs_alone(evidence, found, shown)  # pyright: ignore
+    assert (alone is None) == (said == "")
+    if alone is not None:
+        assert said in alone.said and alone.gap == bool(open_)
+        assert ("drag@w1" in alone.said) == (gain > 25)
 
 
 def run(name: str, role: str, samples: int) -> Run:
@@ -320,6 +402,15 @@ def test_one_run_teaches_and_confirms_by_parts_or_not_at_all():
     assert np.mean(confirms.counts) == pytest.approx(1 / 3, abs=0.01)
     (only,), confirmed, (said,) = with_roles([run("a", "train", 700)])
     assert confirmed == "nothing" and only.counts is None and "nothing is kept out" in said
+
+
+def test_fitted_runs_play_both_roles_by_parts_beside_held_out_ones():
+    long, short, held = run("a", "train", N), run("b", "train", 700), run("c", "held-out", N)
+    (teaches, confirms, whole, last), (said,) = by_parts([long, short, held])
+    assert [r.role for r in (teaches, confirms)] == ["train", "held-out"]
+    assert np.all(teaches.counts ^ confirms.counts) and "a: every third part" in said
+    assert whole == short and last == held
+    assert by_parts([short, held]) == ([short, held], [])
 
 
 @pytest.mark.parametrize(

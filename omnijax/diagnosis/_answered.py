@@ -1,7 +1,9 @@
 """From a calibrated model to what is said: search, noise, judgement; of any machine."""
 
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from ._answer import (
     JUDGES,
@@ -20,6 +22,7 @@ from ._answer import (
     plain_where,
     score_table,
     separating,
+    shown_by_fitted_runs_alone,
     shown_noise,
     stretches,
 )
@@ -36,8 +39,49 @@ from ._search import (
 )
 
 
+class Searched(NamedTuple):
+    """What a search found, the evidence as it was weighed there, and the noise that it shows.
+
+    `earlier` is what was shown before runs were weighed anew, `limits` the upper limits.
+    """
+
+    evidence: AbstractEvidence
+    outcome: SearchResult
+    shown: Shown
+    earlier: Shown | None
+    limits: list[dict[str, Any]]
+
+
 def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis:
-    """Search from `start`, judge, and say what was found: of any machine."""
+    """Search from `start`, judge, and say what was found: of any machine.
+
+    Held-out runs that are moved too little to tell what fitted runs show find nothing missing.  The
+    question is then put once more to parts of the fitted runs that are kept out of the fit too.
+    """
+    searched = _searched(evidence, start, tell)
+    judged = _judged_by(searched)
+    asked, outcome, shown, *_ = searched
+    alone = shown_by_fitted_runs_alone(asked, outcome, shown)
+    if alone is None or judged.verdict == "unknown":
+        return _said(searched, judged, [], tell)
+    if judged.verdict != "none":
+        return _said(searched, judged, [f"Left beside it: {alone.said}."], tell)
+    by_parts = asked.parted()
+    if by_parts is not None:
+        tell(f"{alone.said}: parts of them are kept out of the fit too")
+        asked.model.rest()
+        again = _searched(by_parts, outcome.baseline.point, tell)
+        other = _judged_by(again)
+        if other.verdict != "none":
+            return _said(again, other, [f"Asked because there is {alone.said}."], tell)
+    if not alone.gap:
+        return _said(searched, judged, [f"Not confirmed by parts of them: {alone.said}."], tell)
+    text = f"{alone.said}, and that no known effect closes"
+    return _said(searched, dataclasses.replace(judged, verdict="unknown", reason=text), [], tell)
+
+
+def _searched(evidence: AbstractEvidence, start: Point | None, tell) -> Searched:
+    """Search from `start`; once more where the noise is shown to be another one than assumed."""
     who = JUDGES[evidence.confirmed_on].name
     search = Search(evidence.model, tell, who)
     explored = search.explore(start)
@@ -67,8 +111,8 @@ def answered(evidence: AbstractEvidence, start: Point | None, tell) -> Diagnosis
             shown = beside_doubt(evidence, explored.way.fit)
     if outcome is None:
         outcome, limits, shown = _reviewed(search, evidence, explored, shown)
-    explored, outcome.signatures = explored.without_table(), None  # room for a learned term
-    return _said(evidence, outcome, shown, noise_table(evidence, shown, earlier), limits, tell)
+    outcome.signatures = None  # room for a learned term
+    return Searched(evidence, outcome, shown, earlier, limits or [])
 
 
 def beside_doubt(evidence: AbstractEvidence, fit: Fit) -> Shown:
@@ -102,19 +146,30 @@ def _reviewed(search: Search, evidence: AbstractEvidence, explored: Explored, sh
     return outcome, limits, shown
 
 
-def _said(
-    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, noise, limits, tell
-) -> Diagnosis:
-    """The answer of a search."""
-    model = evidence.model
-    (before,) = model.residuals([outcome.baseline.point], "held-out")
-    (after,) = model.residuals([outcome.fit.point], "held-out")
-    first, last = evidence.columns(before, "held-out"), evidence.columns(after, "held-out")
-    confirmed_on = evidence.confirmed_on
-    changing = unsteady(model, outcome.fit, evidence.alike)
+def _judged_by(searched: Searched) -> Verdict:
+    """The verdict of what was searched; what the calibration leaves open is granted."""
+    evidence, outcome, shown, *_ = searched
+    (first, _), (last, _) = (_left(evidence, x.point) for x in (outcome.baseline, outcome.fit))
+    changing = unsteady(evidence.model, outcome.fit, evidence.alike)
     judged = _judged(evidence, outcome, shown, first, last, changing)
     if judged.verdict == "unknown":
         judged = _beside_doubt(evidence, outcome, first, judged, changing)
+    return judged
+
+
+def _left(evidence: AbstractEvidence, point: Point) -> tuple[list[dict[str, Any]], np.ndarray]:
+    """What a point leaves of the held-out runs: by run and channel, and as a vector."""
+    (left,) = evidence.model.residuals([point], "held-out")
+    return evidence.columns(left, "held-out"), left
+
+
+def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagnosis:
+    """The answer of a search; `beside` its reason further sentences are said."""
+    evidence, outcome, shown, earlier, limits = searched
+    model, noise = evidence.model, noise_table(evidence, shown, earlier)
+    (first, before), (last, after) = (
+        _left(evidence, x.point) for x in (outcome.baseline, outcome.fit)
+    )
     tell(f"verdict: {judged.verdict} ({judged.reason})")
     known = judged.verdict in ("named", "ambiguous")
     point = outcome.fit.point if known else outcome.baseline.point
@@ -128,6 +183,7 @@ def _said(
     if judged.verdict != "none":
         tell("looking where the gap is")
         where, everything = evidence.locate(outcome.baseline.point)
+    reason, *further = notes(evidence, outcome, judged, noise_remarks(noise))
     result = Diagnosis(
         verdict=judged.verdict,
         effects=effects,
@@ -137,10 +193,10 @@ def _said(
         baseline=baseline_table(outcome),
         noise=noise,
         scores=score_table(outcome),
-        confirmed_on=confirmed_on,
+        confirmed_on=evidence.confirmed_on,
         excluded=_excluded(limits, outcome, effects),
         learned=None if learned is None else learned.table(),
-        notes=notes(evidence, outcome, judged, noise_remarks(noise)),
+        notes=[reason, *beside, *further],
         faults=evidence.faults,
         rig=evidence.described(point),
     )

@@ -7,6 +7,7 @@ from .answer import plain_where as plain_where
 from .answer import score_table as score_table
 from .answer import separating as separating
 from .evidence import AbstractEvidence as AbstractEvidence
+from .fitted_runs import shown_by_fitted_runs_alone as shown_by_fitted_runs_alone
 from .gap import gaps as gaps
 from .judges import JUDGES as JUDGES
 from .named_effect import Named as Named

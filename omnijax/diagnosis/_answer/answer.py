@@ -8,6 +8,7 @@ from ...laws import Parameter
 from .._search import Effect, Point, SearchResult
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence
+from .judges import JUDGES
 from .named_effect import Named
 from .verdict import Verdict
 
@@ -174,7 +175,8 @@ def notes(
             "effects and some rivals have not been tried."
         )
     if outcome.refused:
-        said.append(f"Held-out runs refused: {', '.join(outcome.refused)}.")
+        who = JUDGES[evidence.confirmed_on].name
+        said.append(f"Not confirmed by {who}: {', '.join(outcome.refused)}.")
     dead = sorted({s.candidate.name for scan in outcome.scans[:1] for s in scan.scores if s.dead})
     if dead:
         said.append(

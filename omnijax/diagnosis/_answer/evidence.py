@@ -25,10 +25,14 @@ class AbstractEvidence(abc.ABC):
     alike: float = SETTINGS.verdict.alike
     confirmed_on: str = "held-out"  # held-out, blocks (parts of the runs) or nothing
     reweighs: bool = False  # whether it may be `renoised`
+    asks_all: bool = False  # whether fitted runs are asked too for what is no noise
 
     @abc.abstractmethod
-    def locate(self, point: Point) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-        """(strongest discoveries, all answers) of where the gap is at a point."""
+    def locate(
+        self, point: Point, split: str = "held-out", run: int = 0
+    ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
+        """(strongest discoveries, all answers) of where the gap is at a point, in one run of a
+        split, in the order of `columns`."""
 
     @abc.abstractmethod
     def learn(self, fit: Fit, tell: Tell) -> Any:
@@ -86,6 +90,11 @@ class AbstractEvidence(abc.ABC):
     def renoised(self, levels: Sequence[dict[str, Level]]) -> "AbstractEvidence":
         """This evidence weighed by other noise, in the order of `columns`, where it `reweighs`."""
         raise NotImplementedError(f"{type(self).__name__} is weighed by one noise alone.")
+
+    def parted(self) -> "AbstractEvidence | None":
+        """This evidence with a third of every fitted run kept out of the fit beside the held-out
+        runs; None where they are too short or play both roles already, and by default."""
+        return None
 
     def reported(self, effect: Effect) -> dict[str, Any]:
         """Further parameters of an effect that are no numbers of its law."""

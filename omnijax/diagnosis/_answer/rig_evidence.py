@@ -34,13 +34,14 @@ class RigEvidence(AbstractEvidence):
 
     model: RigModel
     reweighs = True
+    asks_all = True
 
     def __init__(
         self, model: RigModel, noise: Mapping[str, Any], faults: list[str], confirmed_on="held-out"
     ):
         self.model, self.noise, self.faults = model, noise, faults
         self.confirmed_on = confirmed_on
-        self._located: tuple[Any, ...] = ()
+        self._located: dict[int, tuple[Any, ...]] = {}  # by run
 
     @property
     def rows(self):
@@ -93,12 +94,20 @@ class RigEvidence(AbstractEvidence):
         model = self.model.renoised(levels)
         return RigEvidence(model, self.noise, self.faults, self.confirmed_on)
 
-    def locate(self, point):
-        """The last answer again, where point and basis are those of it."""
-        basis, asked = self.model.machine.basis, (point.u.tobytes(), repr(point.effects))
-        if not self._located or self._located[0] is not basis or self._located[1] != asked:
-            self._located = basis, asked, locate(self.model, point)
-        return self._located[2]
+    def parted(self):
+        by_parts = self.model.parted() if self.confirmed_on == "held-out" else None
+        if by_parts is None:
+            return None
+        model, said = by_parts
+        return RigEvidence(model, self.noise, [*self.faults, *said], "blocks")
+
+    def locate(self, point, split="held-out", run=0):
+        """A run's last answer again, where point and basis are those of it."""
+        basis, i = self.model.machine.basis, self.model.splits[split][run]
+        asked, last = (point.u.tobytes(), repr(point.effects)), self._located.get(i)
+        if last is None or last[0] is not basis or last[1] != asked:
+            self._located[i] = last = basis, asked, locate(self.model, point, i)
+        return last[2]
 
     def learn(self, fit, tell):
         from .learned import learn

@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -21,9 +21,10 @@ TOLD = SETTINGS.shown.told
 class Shown:
     """`levels` by run and channel, and by channel the power of what hangs on the machine's state.
 
-    A power is that of the largest discovery, over the noise's (channels without any: 0).  `where`
-    holds the discoveries and all answers behind it.  Of `bounded` channels, where a gap is left,
-    the level is an upper bound: fast parts of the gap count in it.
+    A power is that of the largest discovery, over the noise's (channels without any: 0), in the
+    held-out runs: `structure`, and in the `fitted` ones that were asked.  `where` holds the
+    discoveries of the former and all answers behind them.  Of `bounded` channels, where a gap is
+    left, the level is an upper bound: fast parts of the gap count in it.
     """
 
     levels: tuple[dict[str, Level], ...]
@@ -31,11 +32,17 @@ class Shown:
     structure: dict[str, float]
     where: tuple[list[dict[str, Any]], list[dict[str, Any]]]
     bounded: frozenset[str] = frozenset()
+    fitted: dict[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def structured(self) -> list[str]:
-        """Channels in which more than the noise hangs on the machine's state."""
+        """Channels in which more than the noise hangs on the machine's state in held-out runs."""
         return [c for c, power in self.structure.items() if power > STRUCTURE]
+
+    @property
+    def structured_in_fitted_runs(self) -> list[str]:
+        """The same in fitted runs."""
+        return [c for c, power in self.fitted.items() if power > STRUCTURE]
 
     def ratio(self, channel: str, split: str | None = None) -> float:
         """1-sigma of a channel over the assumed one, RMS over the runs of a split (None: all)."""
@@ -90,19 +97,30 @@ def wrong(level: Level) -> bool:
     return level.colour != "white" or far > max(OFF, SURELY * level.error)
 
 
-def _runs(evidence: AbstractEvidence, point: Point) -> list[tuple[str, dict[str, np.ndarray]]]:
-    """Every run's split and its residuals by channel."""
+class Left(NamedTuple):
+    """Residuals of one run by channel: which run of which split, in the order of `columns`."""
+
+    split: str
+    number: int
+    channels: dict[str, np.ndarray]
+
+
+def _runs(evidence: AbstractEvidence, point: Point) -> list[Left]:
+    """What a point leaves of every run."""
     return [
-        (split, run) for split in ("train", "held-out")
-        for run in evidence.columns(evidence.model.residuals([point], split)[0], split)
+        Left(split, k, channels) for split in ("train", "held-out")
+        for k, channels in enumerate(
+            evidence.columns(evidence.model.residuals([point], split)[0], split)
+        )
     ]  # fmt: skip
 
 
 def white_levels(evidence: AbstractEvidence, point: Point) -> list[dict[str, tuple[Level, float]]]:
     """By run and channel the level of the white part and the RMS: what needs no right model."""
     return [
-        {c: (levels([x], False)[0], float(np.sqrt(np.nanmean(x**2)))) for c, x in run.items()}
-        for _, run in _runs(evidence, point)
+        {c: (levels([x], False)[0], float(np.sqrt(np.nanmean(x**2))))
+         for c, x in run.channels.items()}
+        for run in _runs(evidence, point)
     ]  # fmt: skip
 
 
@@ -110,31 +128,73 @@ def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:
     """The noise at a point: all of a channel in which nothing hangs on the machine's state.
 
     Nor in a channel that moves with it: an effect that shows in one of them shows in all, and how
-    much of what is left is noise cannot be told before it is explained.
+    much of what is left is noise cannot be told before it is explained.  Asked are the first
+    held-out run and, where the evidence `asks_all`, every fitted one that holds more than white
+    noise: what it alone excites is none.
     """
-    where = evidence.locate(point)
     runs = _runs(evidence, point)
-    names = list(dict.fromkeys(c for _, run in runs for c in run))
-    structure, beside = dict.fromkeys(names, 0.0), dict.fromkeys(names, np.inf)
-    first = next((run for split, run in runs if split == "held-out"), runs[0][1])
-    for entry in where[1]:
-        channel = entry["channel"]
-        if entry["stands"] and channel in first:
-            floor = min(levels([first[channel]], False)[0].ratio, entry["rms_over_noise"])
-            power = entry["share"] * (entry["rms_over_noise"] / max(floor, 1e-12)) ** 2
-            structure[channel] = max(structure[channel], power)
-            left = entry["rms_over_noise"] * np.sqrt(max(0.0, 1 - entry["share"]))
-            beside[channel] = min(beside[channel], float(left))
-    moved = {evidence.subsystem(c) for c, power in structure.items() if power > STRUCTURE}
+    names = list(dict.fromkeys(c for run in runs for c in run.channels))
+    standing: list[Standing | None] = [None] * len(runs)
+    where: tuple[list[dict[str, Any]], list[dict[str, Any]]] = [], []
+    for k, run in enumerate(runs):
+        if run.split == "held-out" and run.number == 0:
+            where = evidence.locate(point)
+            standing[k] = Standing.of(where[1], run.channels)
+        elif run.split == "train" and evidence.asks_all and _more_than_white(run.channels):
+            answers = evidence.locate(point, run.split, run.number)[1]
+            standing[k] = Standing.of(answers, run.channels)
+    by_split = {
+        split: {c: max((x.power.get(c, 0.0) for x, run in zip(standing, runs, strict=True)
+                        if x is not None and run.split == split), default=0.0) for c in names}
+        for split in ("train", "held-out")
+    }  # fmt: skip
+    moved = {
+        evidence.subsystem(c) for structure in by_split.values()
+        for c, power in structure.items() if power > STRUCTURE
+    }  # fmt: skip
     table: list[dict[str, Level]] = [{} for _ in runs]
     for channel in names:
-        have = [k for k, (_, run) in enumerate(runs) if channel in run]
+        have = [k for k, run in enumerate(runs) if channel in run.channels]
         noise_only = evidence.subsystem(channel) not in moved
-        entry = levels([runs[k][1][channel] for k in have], noise_only)
+        least = min((x.beside.get(channel, np.inf) for x in standing if x), default=np.inf)
+        entry = levels([runs[k].channels[channel] for k in have], noise_only)
         for k, level in zip(have, entry, strict=True):
-            table[k][channel] = level if noise_only else _beside(level, beside[channel])
+            own = standing[k]
+            most = least if own is None else own.beside.get(channel, np.inf)
+            table[k][channel] = level if noise_only else _beside(level, most)
     bounded = frozenset(c for c in names if evidence.subsystem(c) in moved)
-    return Shown(tuple(table), tuple(split for split, _ in runs), structure, where, bounded)
+    return Shown(tuple(table), tuple(run.split for run in runs), by_split["held-out"], where,
+                 bounded, by_split["train"])  # fmt: skip
+
+
+class Standing(NamedTuple):
+    """What stands of where the gap of one run is, by channel: the `power` of the largest discovery
+    over the noise's, and the RMS `beside` it, in assumed sigma."""
+
+    power: dict[str, float]
+    beside: dict[str, float]
+
+    @classmethod
+    def of(cls, answers: Sequence[dict[str, Any]], channels: dict[str, np.ndarray]) -> "Standing":
+        """From all answers of a run and its residuals by channel."""
+        power, beside = {}, {}
+        for entry in answers:
+            c, rms = entry["channel"], entry["rms_over_noise"]
+            if entry["stands"] and c in channels:
+                floor = min(levels([channels[c]], False)[0].ratio, rms)
+                over = entry["share"] * (rms / max(floor, 1e-12)) ** 2
+                power[c] = max(power.get(c, 0.0), over)
+                left = rms * np.sqrt(max(0.0, 1 - entry["share"]))
+                beside[c] = min(beside.get(c, np.inf), float(left))
+        return cls(power, beside)
+
+
+def _more_than_white(channels: dict[str, np.ndarray]) -> bool:
+    """Whether some channel holds as much beside its white part as counts as structure."""
+    most = float(np.sqrt(1 + STRUCTURE))
+    return any(
+        np.sqrt(np.nanmean(x**2)) > most * levels([x], False)[0].ratio for x in channels.values()
+    )
 
 
 def _beside(level: Level, most: float) -> Level:

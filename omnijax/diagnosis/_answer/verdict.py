@@ -158,6 +158,10 @@ def _without_effects(
     if off is not None:
         text = f"{who} leave {off}, which no noise explains: a missing effect that cannot be named"
         return Verdict("unknown", 0.0, {}, text)
+    if outcome.left_out:
+        small = ", ".join(f"{name} ({why})" for name, why in outcome.left_out.items())
+        text = f"what is left hangs on no state of the machine; left out again: {small}"
+        return Verdict("none", 1.0, {}, text)
     if outcome.significant:
         text = f"what is left hangs on no state of the machine, and {who} confirm no effect"
         return Verdict("none", 1.0, {}, text)

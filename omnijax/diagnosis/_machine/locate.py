@@ -33,10 +33,9 @@ DIGITS = SETTINGS.locate.digits
 
 
 def locate(
-    model, point: Point, top: int = SETTINGS.search.shown
+    model, point: Point, i: int, top: int = SETTINGS.search.shown
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-    """`discovered` of the residual of a rig's model at `point` on a held-out run."""
-    i = model.splits["held-out"][0]
+    """`discovered` of the residual of a rig's model at `point` on run `i`."""
     machine, rig = model.machine, model.rig_at(point)
     vector, tangents = _tangents(model, point, i)
     labels = [f"dR_{c}" for c in "xyz"] + [f"a_{c}" for c in "xyz"]

@@ -29,7 +29,7 @@ from .data_vector import ELASTIC_CHANNELS
 from .linearisation import Linearisation, base_of
 from .machine import Machine
 from .orders import strongest_orders
-from .roles import split_runs
+from .roles import by_parts, split_runs
 from .runs import COARSE, FINE, STEPS, Run, with_noise
 from .tangents import signatures
 from .tree_hash import digest
@@ -185,6 +185,16 @@ class RigModel(AbstractModel):
         for i, level in zip(order, levels, strict=True):
             runs[i] = with_noise(runs[i], level, self.rig.size)
         return RigModel(self.rig, runs, self.noise, self.laws, self.window)
+
+    def parted(self) -> tuple["RigModel", list[str]] | None:
+        """The same model of fitted runs by parts, and what is to be said of these.
+
+        None where every one of them is too short.
+        """
+        runs, said = by_parts(self.machine.runs)
+        if not said:
+            return None
+        return RigModel(self.rig, runs, self.noise, self.laws, self.window), said
 
     def rebase(self, point):
         self.machine.rebase(self.rig_at(point))

@@ -1,4 +1,7 @@
-"""Which runs teach and which confirm; one run alone plays both roles by parts."""
+"""Which runs teach and which confirm; one run alone plays both roles by parts.
+
+So do fitted runs beside held-out ones, where these cannot tell what the fitted ones show.
+"""
 
 import dataclasses
 
@@ -31,29 +34,55 @@ def with_roles(runs: list[Run]) -> tuple[list[Run], str, list[str]]:
         last = runs[-1]
         said = f"{last.name}: no run has the role held-out, so the last one is kept out of the fit."
         return [*runs[:-1], dataclasses.replace(last, role="held-out")], "held-out", [said]
-    return _parted(runs[0])
-
-
-def _parted(run: Run) -> tuple[list[Run], str, list[str]]:
-    """The only run twice: in one copy two blocks of three count, in the other the third.
-
-    A block is a second; of a short run a sixth of it.
-    """
-    seconds = min(BLOCK, run.samples * run.step / FEWEST)
-    if seconds < SHORTEST:
+    (only,) = runs
+    seconds, parts = _seconds(only), _parted(only)
+    if not parts:
         said = (
-            f"{run.name}: the only run is shorter than {FEWEST * SHORTEST:g} s, so nothing is kept "
-            "out of the fit, and no run confirms what is named."
+            f"{only.name}: the only run is shorter than {FEWEST * SHORTEST:g} s, so nothing is "
+            "kept out of the fit, and no run confirms what is named."
         )
-        return [run], "nothing", [said]
-    block = np.arange(run.samples) // max(1, round(seconds / run.step))
-    teaches = block % (TEACH + 1) < TEACH
+        return runs, "nothing", [said]
     said = (
-        f"{run.name}: the only run; every third part of {seconds:.2g} s of it is kept out of the "
+        f"{only.name}: the only run; every third part of {seconds:.2g} s of it is kept out of the "
         "fit and confirms what is named."
     )
+    return parts, "blocks", [said]
+
+
+def by_parts(runs: list[Run]) -> tuple[list[Run], list[str]]:
+    """(fitted runs by parts, before the held-out runs as they are; what is to be said of it).
+
+    Those too short to be parted are fitted whole.  Where all are, nothing is said.
+    """
+    out, said = [], []
+    for run in (r for r in runs if r.role != "held-out"):
+        parts = _parted(run)
+        out += parts or [run]
+        if parts:
+            said.append(
+                f"{run.name}: every third part of {_seconds(run):.2g} s of it is kept out of the "
+                "fit too, and confirms what is named."
+            )
+    return [*out, *(r for r in runs if r.role == "held-out")], said
+
+
+def _seconds(run: Run) -> float:
+    """How long a block is: a second, of a short run a sixth of it."""
+    return min(BLOCK, run.samples * run.step / FEWEST)
+
+
+def _parted(run: Run) -> list[Run]:
+    """A run twice: in one copy two blocks of three count, in the other the third.
+
+    Empty for a run that is too short.
+    """
+    seconds = _seconds(run)
+    if seconds < SHORTEST:
+        return []
+    block = np.arange(run.samples) // max(1, round(seconds / run.step))
+    teaches = block % (TEACH + 1) < TEACH
     parts = (("train", teaches), ("held-out", ~teaches))
-    return [dataclasses.replace(run, role=r, counts=c) for r, c in parts], "blocks", [said]
+    return [dataclasses.replace(run, role=r, counts=c) for r, c in parts]
 
 
 def split_runs(runs: list[Run]) -> dict[str, list[int]]:

@@ -58,21 +58,22 @@ class OdeEvidence(AbstractEvidence):
         i = data.splits["held-out"][0]
         return data.runs[i], data.rows[i]
 
-    def locate(self, point):
-        (residual,) = self.model.residuals([point], "held-out")
-        _, time, columns = self.series(residual)
-        run, rows = self._first_held_out()
-        q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
+    def locate(self, point, split="held-out", run=0):
+        (residual,) = self.model.residuals([point], split)
+        columns, i = self.columns(residual, split)[run], self.model.measured.splits[split][run]
+        measured, rows = self.model.measured.runs[i], self.model.measured.rows[i]
+        time = rows.time
+        q, v, _ = smoothed(measured.outputs["position"], measured.step, measured.cutoff)
 
         def here(x):
-            return np.interp(time, run.time, x)
+            return np.interp(time, measured.time, x)
 
         if isinstance(rows, Balance) is False and len(np.unique(np.diff(time).round(9))) > 1:
             grid = np.linspace(time[0], time[-1], len(time))
             columns, time = {k: np.interp(grid, time, x) for k, x in columns.items()}, grid
         states = {
             "time s": time, "speed axis": np.abs(here(v)), "direction axis": np.sign(here(v)),
-            "position axis": here(q), "load axis": here(run.inputs["input"]),
+            "position axis": here(q), "load axis": here(measured.inputs["input"]),
         }  # fmt: skip
         travel = float(np.ptp(q)) or 1.0
         return discovered(time, columns, {"travel": 2 * np.pi * here(q) / travel}, states)

@@ -60,6 +60,10 @@ class HeldOut:
         """1-sigma of the multiplier, the change having gained `gain` on the train runs."""
         return float(np.sqrt(sum(self.spread / max(x, 1e-300) for x in (self.size, gain))))
 
+    def tells(self, settings: SearchSettings = SETTINGS.search) -> bool:
+        """Whether the whole change, were it there, would stand out enough to be confirmed."""
+        return bool(self.size > settings.sure**2 * self.spread)
+
     def confirms(self, gain: float, settings: SearchSettings = SETTINGS.search) -> bool:
         """Whether it is the effect that gained `gain` on the train runs."""
         if not np.isfinite(self.gain):

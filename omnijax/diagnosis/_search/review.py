@@ -13,7 +13,7 @@ from .._settings import SETTINGS
 from .fit import Fit, refit
 from .held_out import HeldOut
 from .model import Effect, Point, to_project
-from .refits import Refits, chi2_of
+from .refits import Refits, chi2_of, residual_of
 from .scan import Scan, Score, Signatures, taken_up
 
 ROUNDS = SETTINGS.refits.rival
@@ -23,11 +23,15 @@ Rival = tuple[Effect, float, float]
 
 @dataclasses.dataclass(frozen=True)
 class Reviewed:
-    """A reviewed fit; by effect the refit without it, and its near rivals, nearest first."""
+    """A reviewed fit; by effect the refit without it, and its near rivals, nearest first.
+
+    `left_out` says by name why an effect of the way is not in it.
+    """
 
     fit: Fit
     alone: dict[int, Fit]
     rivals: dict[int, list[Rival]]
+    left_out: dict[str, str]
 
 
 class Review:
@@ -36,9 +40,9 @@ class Review:
     Of two laws of which one is a limit of the other the plain one is kept, unless the wider gains.
     """
 
-    def __init__(self, refits: Refits, tell: Callable[[str], None]):
-        self.refits, self.model, self.tell = refits, refits.model, tell
-        self.settings = self.model.settings
+    def __init__(self, refits: Refits, tell: Callable[[str], None], who: str = "held-out runs"):
+        self.refits, self.model, self.tell, self.who = refits, refits.model, tell, who
+        self.settings, self.left_out = self.model.settings, {}
 
     def run(self, fit: Fit, signatures: Signatures, baseline: Fit) -> Reviewed:
         """The reviewed fit, what it is without each effect, and the near rivals of each."""
@@ -54,19 +58,15 @@ class Review:
                     fit, alone = self.prune(self.refits.settle(better), baseline)
                     break
             else:
-                return Reviewed(fit, alone, rivals)
+                return Reviewed(fit, alone, rivals, self.left_out)
         count = range(len(fit.point.effects))
         rivals = {i: self.challenge(fit, i, signatures)[1] for i in count}
-        return Reviewed(fit, alone, rivals)
+        return Reviewed(fit, alone, rivals, self.left_out)
 
     def prune(self, fit: Fit, baseline: Fit) -> tuple[Fit, dict[int, Fit]]:
         """Leave out effects without which the refit is as good; the refits without the others.
 
-        As good: chi2 within the margin of rivals, or every group's RMS within one per cent, or
-        within what a prediction may be wrong by.  Such an effect stands among the limits, however
-        significant.  So does one without which held-out runs are better foretold: what an earlier
-        search named beside other noise was confirmed beside that; and one that noise of a channel
-        explains as well.
+        What is left out stands among the limits, however significant; `left_out` says why.
         """
         k, alone = 0, {}
         while k < len(fit.point.effects):
@@ -74,18 +74,31 @@ class Review:
             without = fit.point.with_effects(*effects[:k], *effects[k + 1 :])
             start = without if without.effects else baseline.point
             less = refit(self.model, start, rounds=2)
-            if (
-                less.cost - fit.cost < self.settings.margin
-                or not self._matters(less, fit, baseline)
-                or self._refused(less, fit)
-                or self.model.as_noise(less, fit, effects[k])
-            ):
-                self.tell(f"{effects[k].name} is not needed")
+            why = self._needless(less, fit, baseline, effects[k])
+            if why:
+                self.tell(f"{effects[k].name} is not needed: {why}")
+                self.left_out[effects[k].name] = why
                 fit, k, alone = less, 0, {}
             else:
                 alone[k] = less
                 k += 1
         return fit, alone
+
+    def _needless(self, less: Fit, fit: Fit, baseline: Fit, effect: Effect) -> str:
+        """Why `less`, which lacks an effect of `fit`, is as good; nothing where it is not.
+
+        What an earlier search named beside other noise was confirmed beside that: held-out runs
+        may be better foretold without it.
+        """
+        if less.cost - fit.cost < self.settings.margin:
+            return "the fitted runs do without it"
+        if not self._matters(less, fit, baseline):
+            return f"it moves no output group's RMS by {100 * self.settings.material:g} %"
+        if self._refused(less, fit):
+            return f"{self.who} are better foretold without it"
+        if self.model.as_noise(less, fit, effect):
+            return "noise of its channel explains as much"
+        return ""
 
     def _refused(self, less: Fit, fit: Fit) -> bool:
         """Whether held-out runs are better foretold by `less`, which has an effect less."""
@@ -95,11 +108,18 @@ class Review:
     def _matters(self, less: Fit, fit: Fit, baseline: Fit) -> bool:
         """Whether leaving an effect out raises some group's RMS by more than one per cent.
 
-        And by more than the part by which the prediction of all effects' change may be wrong.
+        In the fitted runs or in the held-out ones, which may excite it more; and by more than the
+        part by which the prediction of all effects' change may be wrong.
         """
-        first, without, with_it = (
-            self.model.group_rms(f.residual, "train") for f in (baseline, less, fit)
-        )
+        fits = (baseline, less, fit)
+        if self._raises(*(self.model.group_rms(f.residual, "train") for f in fits)):
+            return True
+        held = (residual_of(self.model, f.point, "held-out") for f in fits)
+        return self._raises(*(self.model.group_rms(x, "held-out") for x in held))
+
+    def _raises(self, first: dict[str, float], without: dict[str, float],
+                with_it: dict[str, float]) -> bool:  # fmt: skip
+        """`_matters`, of the RMS by group of one split: of no effect, `without` one and with it."""
         settings = self.settings
         return any(
             without[g] > (1 + settings.material) * x

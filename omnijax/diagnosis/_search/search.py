@@ -32,7 +32,8 @@ class SearchResult:
     """All that the search found out.
 
     `alone` holds by effect the fit without it and that fit's chi2 on the held-out runs, `shows`
-    what these show of the change that the effect makes, `signatures` those of the last scan.
+    what these show of the change that the effect makes, `signatures` those of the last scan,
+    `left_out` by name why an effect that was accepted is not in the fit.
     """
 
     baseline: Fit
@@ -48,6 +49,7 @@ class SearchResult:
     alone: dict[int, tuple[Fit, float]] = dataclasses.field(default_factory=dict)
     signatures: Signatures | None = None
     shows: dict[int, HeldOut] = dataclasses.field(default_factory=dict)
+    left_out: dict[str, str] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -142,8 +144,9 @@ class Search:
         model, way, baseline = self.model, explored.way, explored.baseline
         signatures = way.signatures or self.scan(way.fit)[1]
         self.tell("reviewing what was found")
-        reviewed = Review(self.refits, self.tell).run(way.fit, signatures, baseline)
+        reviewed = Review(self.refits, self.tell, self.who).run(way.fit, signatures, baseline)
         fit = reviewed.fit
+        kept = {e.name for e in fit.point.effects}
         tried = [t for trials in way.trials for t in trials]
         after = residual_of(model, fit.point, "held-out")
         without = {
@@ -163,6 +166,7 @@ class Search:
             {i: (less, float(without[i] @ without[i])) for i, less in reviewed.alone.items()},
             signatures,
             {i: HeldOut.of(before, after) for i, before in without.items()},
+            {name: why for name, why in reviewed.left_out.items() if name not in kept},
         )
 
     def follow(self, way: SearchPath) -> SearchPath:
