@@ -14,6 +14,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from .arithmetic import Pair, rows
+from .quartics import SIZES as CLOSED
+from .quartics import BlockPoles, block_poles
 from .system import Layout, System
 
 
@@ -63,11 +65,9 @@ def eigen(system: System, layout: Layout) -> Eigen:
     first, parts = sorted(set(layout.same)), {}
     for size in sorted({len(blocks[i]) for i in first}):
         number = [i for i in first if len(blocks[i]) == size]
-        value, vector = jnp.linalg.eig(jnp.stack([_part(A, blocks[i]) for i in number], axis=1))
-        vector = jnp.where(value.imag[:, :, None] < 0, -vector.imag, vector.real)
-        inverse = jnp.linalg.inv(vector)
+        each = _decomposed(jnp.stack([_part(A, blocks[i]) for i in number], axis=1))
         for j, i in enumerate(number):
-            parts[i] = (value[:, j], vector[:, j], inverse[:, j], *_paired(value[:, j]))
+            parts[i] = tuple(x[:, j] for x in each)
     values, vectors, inverses, *pairs = zip(*(parts[i] for i in layout.same), strict=True)
     order = np.concatenate(blocks)
     place = [int(np.flatnonzero(order == i)[0]) for i in range(system.A.shape[-1])]
@@ -114,24 +114,69 @@ def _diagonal(parts: Sequence[Array]) -> Array:
     return jnp.concatenate(placed, axis=1)
 
 
+class _Blocks(NamedTuple):
+    """Eigenvalues, vectors and pairs of blocks (c, b, ...), as in `Eigen`."""
+
+    value: Array
+    vector: Array
+    inverse: Array
+    kind: Array
+    first: Array
+    second: Array
+
+
+def _decomposed(A: Float[Array, "c b m m"]) -> _Blocks:
+    """In closed form where the blocks are small and that is good for the whole batch."""
+    if A.shape[-1] not in CLOSED:
+        return _by_lapack(A)
+    states = jnp.moveaxis(A, (0, 1), (-1, -2))
+    found = block_poles(states.reshape(*states.shape[:2], -1))
+    return jax.lax.cond(
+        jnp.all(found.good), lambda A, found: _in_closed_form(found, A.shape),
+        lambda A, _: _by_lapack(A), A, found,
+    )  # fmt: skip
+
+
+def _in_closed_form(found: BlockPoles, shape) -> _Blocks:
+    """Of blocks (c, b) side by side."""
+
+    def apart(x):
+        return jnp.moveaxis(x.reshape(*x.shape[:-1], shape[1], shape[0]), (-1, -2), (0, 1))
+
+    kind, one, two = (apart(x) for x in (found.kind, found.first, found.second))
+    real = jnp.stack([one, jnp.where(kind, one, two)], axis=-1)
+    imaginary = jnp.where(kind, two, 0.0)
+    value = jax.lax.complex(real, jnp.stack([imaginary, -imaginary], axis=-1))
+    of = np.eye(shape[-1])
+    first, second = (jnp.broadcast_to(x, (*kind.shape, shape[-1])) for x in (of[0::2], of[1::2]))
+    value = value.reshape(*kind.shape[:2], -1)
+    return _Blocks(value, apart(found.vector), apart(found.inverse), kind, first, second)
+
+
+def _by_lapack(A) -> _Blocks:
+    value, vector = jnp.linalg.eig(A)
+    vector = jnp.where(value.imag[..., None, :] < 0, -vector.imag, vector.real)
+    return _Blocks(value, vector, jnp.linalg.inv(vector), *_paired(value))
+
+
 def _paired(value):
     """Complex pairs first, then the real eigenvalues two by two, in the order of `value`."""
-    pairs = value.shape[1] // 2
+    pairs = value.shape[-1] // 2
     upper, real = value.imag > 0, value.imag == 0
-    count = jnp.sum(upper, axis=1, keepdims=True)
-    place = jnp.cumsum(upper, axis=1) - 1
-    among = jnp.cumsum(real, axis=1) - 1
+    count = jnp.sum(upper, axis=-1, keepdims=True)
+    place = jnp.cumsum(upper, axis=-1) - 1
+    among = jnp.cumsum(real, axis=-1) - 1
     own = jnp.where(upper, place, jnp.where(real, count + among // 2, -1))  # pair of each
     lower = value.imag < 0
-    own = jnp.where(lower, jnp.cumsum(lower, axis=1) - 1, own)
+    own = jnp.where(lower, jnp.cumsum(lower, axis=-1) - 1, own)
     late = lower | (real & (among % 2 == 1))
-    number = jnp.arange(pairs)[None, :, None]
-    here = own[:, None, :] == number
+    number = jnp.arange(pairs)[:, None]
+    here = own[..., None, :] == number
     kind = jnp.arange(pairs) < count
     return (
         kind,
-        jnp.where(here & ~late[:, None], 1.0, 0.0),
-        jnp.where(here & late[:, None], 1.0, 0.0),
+        jnp.where(here & ~late[..., None, :], 1.0, 0.0),
+        jnp.where(here & late[..., None, :], 1.0, 0.0),
     )
 
 
