@@ -320,7 +320,7 @@ def test_what_only_a_fitted_run_shows_is_no_noise_of_it(asks_all, shows):
     stands = {"channel": "dR_x", "stands": shows, "share": 0.9, "rms_over_noise": 3.0}
     runs = {"train": [quiet, loud], "held-out": [quiet]}
     evidence = SimpleNamespace(
-        model=SimpleNamespace(residuals=lambda points, split: [split]),
+        model=SimpleNamespace(residuals=lambda points, split: [split], tell=str),
         columns=lambda split, _: runs[split], asks_all=asks_all,
         locate=lambda point, split="held-out", run=0: ([], [stands] * (split == "train" and run)),
         subsystem=lambda c: RigEvidence.subsystem(None, c),
@@ -345,7 +345,7 @@ def test_every_run_that_holds_more_than_white_noise_is_asked_alone():
         return [], []
 
     shown_noise(SimpleNamespace(
-        model=SimpleNamespace(residuals=lambda points, split: [split]), asks_all=True,
+        model=SimpleNamespace(residuals=lambda points, split: [split], tell=str), asks_all=True,
         columns=lambda split, _: runs[split], locate=locate, subsystem=str), None)  # fmt: skip
     assert asked == [("train", 1), ("held-out", 0)]
 

@@ -122,7 +122,10 @@ def beside_doubt(evidence: AbstractEvidence, fit: Fit) -> Shown:
     colour: it was taken for the noise's, and the search made again.
     """
     shown = shown_noise(evidence, fit.point)
-    point = within_doubt(evidence.model, fit) if any(shown.structure.values()) else None
+    if not any(shown.structure.values()):
+        return shown
+    evidence.model.tell("asking what the calibration leaves open of it")
+    point = within_doubt(evidence.model, fit)
     return shown if point is None else shown_noise(evidence, point)
 
 

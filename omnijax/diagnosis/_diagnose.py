@@ -69,7 +69,7 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     levels = run_levels(noise, case.rig.size)
     runs = [dataclasses.replace(run, levels=levels) for run in runs]
     tell("calibrating the uncertain parameters")
-    model, start, wild = _model(case.rig, runs, by_group(noise), library, window)
+    model, start, wild = _model(case.rig, runs, by_group(noise), library, window, tell)
     faults = [*(str(f) for f in case.all_faults), *said, *wild]
     evidence = RigEvidence(model, noise, faults, confirmed_on)
     by_channel = mended(evidence, start, noise)
@@ -102,7 +102,7 @@ def mended(evidence: AbstractEvidence, point: Point, noise: dict[str, Assumed]):
     return out if any_wrong else None
 
 
-def _model(rig, runs, noise, library, window) -> tuple[RigModel, Point, list[str]]:
+def _model(rig, runs, noise, library, window, tell) -> tuple[RigModel, Point, list[str]]:
     """The model of the runs without their outliers, calibrated, and what is to be said of these.
 
     First the encoders' outliers, then those that show already before the calibration, then those
@@ -118,6 +118,7 @@ def _model(rig, runs, noise, library, window) -> tuple[RigModel, Point, list[str
     for groups, anew in ((("theta", "Omega"), False), (("dR", "a"), False),
                                (("dR", "a"), True)):  # fmt: skip
         if anew:
+            tell("looking for outliers beside the calibrated machine")
             start = calibrated(model, start).point
             model.rebase(start)  # a rolling start hangs on the calibrated contacts
         kept, said = without_outliers(model.machine, model.rig_at(start), groups)

@@ -141,6 +141,7 @@ def shown_noise(evidence: AbstractEvidence, point: Point) -> Shown:
             where = evidence.locate(point)
             standing[k] = Standing.of(where[1], run.channels)
         elif run.split == "train" and evidence.asks_all and _more_than_white(run.channels):
+            evidence.model.tell(f"looking where the gap of fitted run {run.number + 1} is")
             answers = evidence.locate(point, run.split, run.number)[1]
             standing[k] = Standing.of(answers, run.channels)
     by_split = {

@@ -158,6 +158,7 @@ class Refits:
 
     def settled(self, point: Point, before: float) -> Fit:
         """The fit from a point near its end; `before` is its chi2 as the data were prepared."""
+        self.model.tell("smoothing the runs about it")
         for fit in refits_about(self.model, point, self.settings.settles):
             left = fit.chi2 / self.model.dof("train")
             self.model.tell(f"settling the joint refit: chi2 {left:.4g} a row")

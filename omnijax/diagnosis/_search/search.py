@@ -128,6 +128,7 @@ class Search:
                 model, fit.point, baseline=fit.jacobian, relative=self.settings.roughly
             )
         else:  # another noise moves the ends of its refits by little
+            self.tell("smoothing the runs beside the other noise")
             model.rebase(start or stated)
             baseline = refit(model, start or stated, relative=self.settings.roughly)
         held_before = chi2_of(model, baseline.point, "held-out")
@@ -242,6 +243,7 @@ class Search:
         candidates = model.candidates_beside(fit.point, taken[: len(fit.residual)])
         self.tell(f"{len(candidates)} candidates")
         signatures = Signatures(candidates, model.columns(fit.point, candidates))
+        self.tell("scoring them")
         scrambled = [model.shuffled(fit.residual, seed) for seed in range(self.settings.shuffles)]
         spread = fit.chi2 / model.dof("train")
         scan = signatures.scan(fit.residual, taken, u, scrambled, spread)
@@ -265,7 +267,10 @@ class Search:
                 break
             least = min((t.fit.cost for t in trials), default=np.inf)
             every = (start, *lines.get(start.name, ()))
-            alike = [self.refits.try_out(fit, s, before, least, openings) for s in every]
+            alike = []
+            for k, begin in enumerate(every):
+                self.tell(f"refitting with {start.name}" + (f", line {k + 1}" if k else ""))
+                alike.append(self.refits.try_out(fit, begin, before, least, openings))
             trial = min(alike, key=lambda t: t.fit.cost)
             self.tell(
                 f"{trial.effect.name}: gain {trial.gain:.0f}; {self.who} gain "
