@@ -11,7 +11,7 @@ from machines import SKEW, machine
 from rigs import tables
 
 import omnijax
-from omnijax import InputError, load_rig, load_sweep, set_parameter, sweep
+from omnijax import InputError, load_rig, load_sweep, sensitivity, set_parameter, sweep
 from omnijax._errors import DataWarning
 from omnijax._status import Status
 from omnijax.cli._frame import run
@@ -314,6 +314,11 @@ def test_number_of_wheels_is_checked():
         sweep("atlas", VARY, speeds=(1, 2))
     with pytest.raises(InputError, match="2 wheels, but the rig has 3"):
         sweep("atlas", VARY, drive=torques((1, 2)), duration=1)
+    with pytest.raises(InputError, match="2 wheels, but the rig has 3"):
+        sensitivity("atlas", torques((1, 2)), duration=1)
+    for ask in (lambda: sweep("atlas", VARY, drive="fast"), lambda: sensitivity("atlas", "fast")):
+        with pytest.raises(InputError, match="a drive is one of omnijax, or wheel speeds"):
+            ask()
 
 
 def test_command_prints_what_a_machine_reads(capsys, tmp_path):

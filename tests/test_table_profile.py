@@ -9,8 +9,20 @@ import numpy as np
 import pytest
 from rigs import tables
 
+from omnijax import (
+    evaluate,
+    laws,
+    sensitivity,
+    set_parameter,
+    simulate,
+    speeds,
+    steady_state,
+    sweep,
+)
 from omnijax.dynamics import wheel_shape
-from omnijax.rig import InputError, parse_rig
+from omnijax.rig import InputError, get_parameter, parameter_paths, parse_rig
+from omnijax.study._file.cases import quantity_of
+from omnijax.study._file.read import Reader
 
 pytestmark = pytest.mark.brief
 
@@ -67,3 +79,47 @@ def test_rows_far_closer_than_the_others_are_refused():
     theta.insert(20, theta[19] + 1e-6)
     with pytest.raises(InputError, match=r"row 22 is 1e-06 rad after the one before it.*Keep one"):
         rig_of(theta, 1e-4 * np.sin(theta))
+
+
+PITCH = 2 * math.pi / ROLLERS
+
+
+def rig_of_one_pitch(law):
+    """The Atlas rig with a measured pitch on its first wheel, and a law there."""
+    theta = np.linspace(0, PITCH, 13)
+    wave = 5e-5 * np.sin(2 * math.pi * theta / PITCH) + 2e-5 * np.cos(4 * math.pi * theta / PITCH)
+    return rig_of(theta, wave).add(law, "w1")
+
+
+@pytest.mark.parametrize(
+    "law",
+    [
+        laws.WheelRunout(jnp.asarray(5e-5), jnp.asarray(0.4)),
+        laws.DamagedRoller(jnp.asarray(2.0), jnp.asarray(1.0)),
+    ],
+)
+def test_a_measured_pitch_with_a_law_is_the_same_when_it_is_traced(law):
+    rig, speed, names = rig_of_one_pitch(law), [5.0, 3.0, 4.0], ("rms", "peak")
+    run = evaluate(simulate(rig, speeds(speed), duration=0.5, rate=400), rig, names)
+    steady, asked = steady_state(rig, speed), {"parameters": ["sphere.mass"]}
+    traced = sensitivity(rig, speed, names, duration=0.5, rate=400, **asked)
+    assert traced.figures == pytest.approx(np.array([run[name] for name in names]), rel=1e-9)
+    traced = sensitivity(rig, speed, names, **asked)
+    assert traced.figures == pytest.approx(np.array([steady.rms, steady.peak]), rel=1e-9)
+
+
+def test_rollers_of_a_measured_pitch_cannot_change():
+    rig = rig_of_one_pitch(laws.WheelRunout(jnp.asarray(5e-5), jnp.asarray(0.4)))
+    known = [info.path for info in parameter_paths(rig)]
+    assert "wheel.w2.rollers" in known
+    assert not {"wheel.rollers", "wheel.w1.rollers"} & set(known)
+    assert float(get_parameter(rig, "wheel.w1.rollers")) == ROLLERS
+    for path in ("wheel.rollers", "wheel.w1.rollers"):
+        with pytest.raises(InputError, match=f"`{path}` cannot change: the measured profile of w1"):
+            set_parameter(rig, path, 15)
+    with pytest.raises(InputError, match="cannot change"):
+        sweep(rig, {"wheel.w1.rollers": [12, 14]}, "rms", drive=[5.0, 3.0, 4.0])
+    read = Reader()
+    assert quantity_of(read, rig, "wheel.rollers", "variable.path") is None
+    (said,) = read.problems
+    assert said.startswith("`variable.path`: `wheel.rollers` cannot change")

@@ -126,11 +126,17 @@ class DualRow(AbstractShape):
         return jnp.where(from_gap < 2 * quarter, -0.5, 0.5) * self.row_spacing
 
 
+def is_turn(period: float) -> bool:
+    """Whether a period (rad) is a turn of the wheel."""
+    return math.isclose(period, 2 * math.pi, rel_tol=1e-6)
+
+
 class TableShape(AbstractShape):
     """A measured profile: periodic cubic spline through (theta, rho) over `period`."""
 
     knots: Float[Array, " k"]  # rad, first 0, last the period
     coefficients: Float[Array, "k-1 4"]  # m, in powers of (theta - knot), constant first
+    whole_turn: bool = eqx.field(static=True)  # whether the period is a turn, else it is one pitch
 
     id: ClassVar[str] = "table"
     formula: ClassVar[str] = "ρ from a periodic cubic spline through the measured table"
@@ -157,7 +163,7 @@ class TableShape(AbstractShape):
         knots = jnp.unique(jnp.concatenate([jnp.zeros(1), wrapped_theta[inner]]))
         at = jnp.where(knots < theta[0], knots + period, knots)
         c = jnp.stack([spline(at, nu) / math.factorial(nu) for nu in range(4)], axis=-1)
-        return cls(jnp.concatenate([knots, jnp.asarray([period])]), c)
+        return cls(jnp.concatenate([knots, jnp.asarray([period])]), c, is_turn(period))
 
 
 PROFILES: dict[str, type[AbstractShape]] = {

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from ._open import rig_path as rig_path
     from ._open import rig_tables as rig_tables
     from ._parameters import ParameterInfo as ParameterInfo
+    from ._parameters import UnknownParameter as UnknownParameter
     from ._parameters import get_parameter as get_parameter
     from ._parameters import law_quantity as law_quantity
     from ._parameters import parameter_info as parameter_info

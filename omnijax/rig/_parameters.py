@@ -10,7 +10,7 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from .._errors import InputError, did_you_mean
-from ..laws import ANY_LENGTH, Parameter
+from ..laws import ANY_LENGTH, Parameter, TableShape
 from ._machine import Rig
 from ._placed import stands_twice
 from ._quantities import InertiaTensor, Quantity, Vector
@@ -37,6 +37,11 @@ _PARTS = {
 }
 _WHEEL = {**quantities(WheelTable), **_PARTS}
 _SPACING = "row_spacing"  # a field of the wheel's profile, not of the wheel
+_ROLLERS = "rollers"
+
+
+class UnknownParameter(InputError):
+    """The rig has no parameter of this path."""
 
 
 class ParameterInfo(NamedTuple):
@@ -81,7 +86,7 @@ def set_parameter(rig: Rig, path: str, value: Any) -> Rig:
     Raises `InputError` for an unknown path, an unknown unit, another shape, or a value outside of
     the range of `parameter_info`.  Traced values pass as they are: their range is not known.
     """
-    return put_parameter(rig, path, _checked(_locate(rig, path).quantity, path, value))
+    return put_parameter(rig, path, _checked(_changeable(rig, path).quantity, path, value))
 
 
 def _checked(quantity: Quantity | Vector | InertiaTensor, path: str, value: Any) -> Any:
@@ -114,7 +119,7 @@ def put_parameter(rig: Rig, path: str, value: Any) -> Rig:
 
     Differentiable in `value`.  Raises `InputError` for an unknown path and for another shape.
     """
-    place = _locate(rig, path)
+    place = _changeable(rig, path)
     old, new = jnp.asarray(place.leaf(rig)), jnp.asarray(value, float)
     shape = old.shape if place.index is None else old.shape[1:]
     if isinstance(place.quantity, InertiaTensor) and new.shape == (3, 3):
@@ -132,7 +137,7 @@ def read_parameter(rig: Rig, path: str, value: Any) -> Any:
 
     Raises `InputError` for an unknown path, and for a value of another kind, unit or range.
     """
-    quantity = _locate(rig, path).quantity
+    quantity = _changeable(rig, path).quantity
     try:
         return quantity.read(value)
     except ValueError as error:
@@ -142,9 +147,10 @@ def read_parameter(rig: Rig, path: str, value: Any) -> Any:
 def parameter_info(rig: Rig, path: str) -> ParameterInfo:
     """Unit, range and shape of the parameter at `path`; `InputError` for an unknown one.
 
-    Bounds are in the SI `unit`.  Raises `InputError` with the nearest path.
+    Bounds are in the SI `unit`.  Raises `InputError` with the nearest path, and for one that cannot
+    change: the number of rollers of a wheel whose measured profile is one pitch long.
     """
-    leaf, index, quantity = _locate(rig, path)
+    leaf, index, quantity = _changeable(rig, path)
     low, whole = quantity.low, isinstance(quantity, Quantity) and quantity.whole
     if isinstance(quantity, Quantity) and quantity.above is not None:
         low = quantity.above
@@ -153,12 +159,13 @@ def parameter_info(rig: Rig, path: str) -> ParameterInfo:
 
 
 def parameter_paths(rig: Rig) -> list[ParameterInfo]:
-    """Every numeric parameter: bodies, all wheels at once, each wheel, effects.
+    """Every numeric parameter that may change: bodies, all wheels at once, each wheel, effects.
 
     One `ParameterInfo` each: `path`, SI `unit`, `low` and `high`, `shape`.  Raises `InputError`
     where an effect stands twice at a place: one path would name two numbers.
     """
     paths = [*_BODIES, *_all_wheels(), *_each_wheel(rig.names)]
+    paths = [path for path in paths if not _of_one_pitch(rig, path)]
     paths += [
         f"wheel.{name}.{_SPACING}"
         for name, profile in zip(rig.names, rig.profiles, strict=True)
@@ -231,7 +238,32 @@ def _locate(rig: Rig, path: str) -> _Place:
         if leaf:
             return leaf
     known = [info.path for info in parameter_paths(rig)]
-    raise InputError(f"the rig has no parameter `{path}`.{did_you_mean(path, known)}")
+    raise UnknownParameter(f"the rig has no parameter `{path}`.{did_you_mean(path, known)}")
+
+
+def _changeable(rig: Rig, path: str) -> _Place:
+    """The leaf that `path` names; `InputError` where there is none, or where it cannot change."""
+    place = _locate(rig, path)
+    if names := _of_one_pitch(rig, path):
+        raise InputError(
+            f"`{path}` cannot change: the measured profile of {' and '.join(names)} is one pitch "
+            "long, which is that of its number of rollers."
+        )
+    return place
+
+
+def _of_one_pitch(rig: Rig, path: str) -> list[str]:
+    """The wheels with a measured profile of one pitch whose number of rollers `path` names."""
+    head, _, key = path.partition(".")
+    if head != "wheel" or path.rpartition(".")[2] != _ROLLERS:
+        return []
+    return [
+        name
+        for name, profile in zip(rig.names, rig.profiles, strict=True)
+        if key in (_ROLLERS, f"{name}.{_ROLLERS}")
+        and isinstance(profile, TableShape)
+        and not profile.whole_turn
+    ]
 
 
 def _wheel_place(key: str, index: int | None) -> _Place:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from .._errors import InputError, did_you_mean
-from ..rig import Rig, parameter_info, parameter_paths, read_parameter
+from ..rig import Rig, UnknownParameter, parameter_info, parameter_paths, read_parameter
 from ._axes import SweepAxis, read_axis
 from ._evaluation import Drive, drive_quantities
 
@@ -30,7 +30,7 @@ def _read(rig: Rig, drive: Drive, path: str, given: Any) -> SweepAxis:
         return read_axis(path, given, quantities[path][0])
     try:
         info = parameter_info(rig, path)
-    except InputError:
+    except UnknownParameter:
         known = [info.path for info in parameter_paths(rig)]
         hint = did_you_mean(path, [*known, *quantities])
         raise InputError(f"neither the rig nor its drive has a parameter `{path}`.{hint}") from None

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .._text import path_words, scaled
-from ..rig import Rig, get_parameter, parameter_info
+from ..rig import Rig, get_parameter, parameter_info, parameter_paths
 
 RPM = 30 / math.pi  # in one rad/s
 
@@ -41,8 +41,9 @@ def sliders(rig: Rig, speeds: list[float]) -> list[Slider]:
     """Sliders for all wheels together, at the mean of unequal wheels, and one a wheel's speed."""
     out = [
         Slider("wheel.roundness", "roundness η", "", _mean(rig, "wheel.roundness"), 0.0, 1.0),
-        _rollers(rig),
     ]
+    if "wheel.rollers" in {info.path for info in parameter_paths(rig)}:
+        out.append(_rollers(rig))
     for path, label, unit in _LOG:
         value = _mean(rig, path)
         middle = value if value > 0 else 1.0

@@ -11,6 +11,8 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ...laws import (
+    AbstractShape,
+    ContinuousSine,
     DamagedRoller,
     FloorVibration,
     Gap,
@@ -123,16 +125,21 @@ def _turn(pieces: Pieces, gap: Gap, repeats: int, damage, runouts) -> Pieces:
     return turn
 
 
-def _period_kind(profile, gap: Gap) -> str:
-    """`pitch`, `turn` or `own`: what the profile's period is."""
-    if type(profile).__name__ == "ContinuousSine":
+def period_kind(profile: AbstractShape, gap: Gap) -> str:
+    """`pitch`, `turn` or `own`: what the profile's period is.
+
+    Of a table that is traced its word is taken; else one that fits neither has a period of its own.
+    """
+    if isinstance(profile, ContinuousSine):
         return "own"
     if not isinstance(profile, TableShape):
         return "pitch"
-    period, pitch = number(profile.knots[-1]), number(gap.pitch)
-    if period is None or abs(period - 2 * math.pi) < 1e-6:
+    if profile.whole_turn:
         return "turn"
-    return "pitch" if pitch is not None and abs(period - pitch) < 1e-6 * pitch else "own"
+    period, pitch = number(profile.knots[-1]), number(gap.pitch)
+    if period is None or pitch is None or math.isclose(period, pitch, rel_tol=1e-6):
+        return "pitch"
+    return "own"
 
 
 def wheel_pieces(rig: Rig, i: int) -> list[tuple[Pieces, Array]]:
@@ -145,7 +152,7 @@ def wheel_pieces(rig: Rig, i: int) -> list[tuple[Pieces, Array]]:
     laws = [placed.law for placed in rig.at("shape") if i in placed.wheels]
     damage = [law for law in laws if isinstance(law, DamagedRoller)]
     runouts = [law for law in laws if isinstance(law, WheelRunout)]
-    kind = _period_kind(profile, gap)
+    kind = period_kind(profile, gap)
     period = jnp.sum(pieces.width)
     if not laws:
         return [(pieces, 2 * math.pi / period)]

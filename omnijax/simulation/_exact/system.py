@@ -26,9 +26,16 @@ from ...dynamics import (
     pseudoinverse,
     solve_all,
 )
-from ...laws import ContactRelaxation, DamagedRoller, FloorVibration, WheelRunout, has_pieces
+from ...laws import (
+    ContactRelaxation,
+    DamagedRoller,
+    FloorVibration,
+    TableShape,
+    WheelRunout,
+    has_pieces,
+)
 from ...rig import Rig, over_wheels
-from .forcing import _period_kind, is_traced
+from .forcing import is_traced, period_kind
 
 OUTPUTS = ("dR", "dR_elastic", "approach", "a_sphere")
 
@@ -64,10 +71,11 @@ def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
         if not has_pieces(profile):
             return f"wheel {rig.names[i]}'s profile `{profile.id}` has no closed form"
         laws = [p.law for p in rig.at("shape") if i in p.wheels]
-        damaged = any(isinstance(law, DamagedRoller) for law in laws)
-        gap = jax.tree.map(lambda x, i=i: x[i], rig.gaps) if damaged else None
-        if gap is not None and _period_kind(profile, gap) != "pitch":
+        kind = period_kind(profile, jax.tree.map(lambda x, i=i: x[i], rig.gaps))
+        if kind != "pitch" and any(isinstance(law, DamagedRoller) for law in laws):
             return f"a damaged roller on wheel {rig.names[i]}, whose profile is not one pitch long"
+        if kind == "own" and laws and isinstance(profile, TableShape):
+            return f"wheel {rig.names[i]}'s table repeats after neither its pitch nor a turn"
     known = {
         "shape": (DamagedRoller, WheelRunout),
         "contact": (ContactRelaxation,),

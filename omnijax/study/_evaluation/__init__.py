@@ -11,10 +11,10 @@ if TYPE_CHECKING:
     from .drives import Drive as Drive
     from .drives import apply as apply
     from .drives import drive_from_plain as drive_from_plain
+    from .drives import drive_of as drive_of
     from .drives import drive_quantities as drive_quantities
     from .drives import drive_to_plain as drive_to_plain
     from .drives import is_constant as is_constant
-    from .drives import read_speeds as read_speeds
     from .drives import turning as turning
     from .evaluation import Evaluation as Evaluation
     from .evaluation import checked_metrics as checked_metrics

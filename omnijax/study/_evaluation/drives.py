@@ -126,9 +126,22 @@ def apply(rig: Rig, drive: Drive, paths: tuple[str, ...], values) -> tuple[Rig, 
     return rig, drive
 
 
-def read_speeds(speeds: Any, names: tuple[str, ...]) -> Drive:
-    """Constant wheel speeds (rad/s) as a drive; `InputError` for another number of wheels."""
-    values = np.atleast_1d(np.asarray(speeds, float))
+def drive_of(given: Any, names: tuple[str, ...]) -> Drive:
+    """A drive as it is, or constant wheel speeds (rad/s) as one.
+
+    Raises `InputError` for another number of wheels than `names`, and for what is neither.
+    """
+    if isinstance(given, SpeedDrive | TorqueDrive):
+        size = turning(given).size
+        if size != len(names):
+            raise InputError(f"the drive has {size} wheels, but the rig has {len(names)}.")
+        return given
+    try:
+        values = np.atleast_1d(np.asarray(given, float))
+    except (TypeError, ValueError):
+        raise InputError(
+            f"a drive is one of omnijax, or wheel speeds, but not {given!r}."
+        ) from None
     if values.shape != (len(names),):
         raise InputError(
             f"`speed` must have one value a wheel ({len(names)}), but has {values.size}."

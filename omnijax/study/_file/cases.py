@@ -4,7 +4,7 @@ from typing import Any
 
 from ..._errors import InputError, did_you_mean
 from ...dynamics import fitting_speeds
-from ...rig import Quantity, Rig, parameter_info, parameter_paths
+from ...rig import Quantity, Rig, UnknownParameter, parameter_info, parameter_paths
 from .._evaluation import drive_quantities
 from .._parameters import speaks_of_all
 from .._problem import Variable
@@ -82,10 +82,13 @@ def quantity_of(read: Reader, rig: Rig, path: str, where: str, more=()) -> Quant
     """Unit and range of a parameter of one number, or of one number a wheel."""
     try:
         info = parameter_info(rig, path)
-    except InputError:
+    except UnknownParameter:
         known = [x.path for x in parameter_paths(rig)]
         hint = did_you_mean(path, [*known, *more])
         read.say(f"`{where}`: the rig has no parameter `{path}`.{hint}")
+        return None
+    except InputError as error:
+        read.say(f"`{where}`: {error}")
         return None
     whole = speaks_of_all(rig, path) and info.shape == (rig.size,)
     if info.shape != () and not whole:

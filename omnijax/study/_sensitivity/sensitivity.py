@@ -14,7 +14,6 @@ from ..._programs import kept
 from ..._result import AbstractResult, texts
 from ..._text import quantity_text
 from ...rig import Rig, load_rig, parameter_info
-from ...simulation import SpeedDrive, TorqueDrive
 from ...vibration import METRICS
 from .._batches import percent_per_percent, value_and_jacobian
 from .._evaluation import (
@@ -22,8 +21,8 @@ from .._evaluation import (
     Drive,
     Question,
     checked_metrics,
+    drive_of,
     evaluation_of,
-    read_speeds,
 )
 from .._parameters import (
     checked_parameters,
@@ -214,9 +213,7 @@ def sensitivity(
     differences.
     """
     machine = load_rig(rig) if isinstance(rig, str | Path) else rig
-    chosen = (
-        drive if isinstance(drive, SpeedDrive | TorqueDrive) else read_speeds(drive, machine.names)
-    )
+    chosen = drive_of(drive, machine.names)
     paths = scalar_parameters(machine)
     paths = paths if parameters is None else checked_parameters(machine, parameters)
     names = checked_metrics(metrics)

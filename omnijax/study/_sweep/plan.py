@@ -8,7 +8,7 @@ import numpy as np
 from ..._errors import InputError, not_above_zero
 from ...dynamics import Model
 from ...rig import Rig, law_texts, rig_text
-from ...simulation import RATE, AbstractDrive, SpeedDrive, TorqueDrive, build_model
+from ...simulation import RATE, build_model
 from .._axes import SweepAxis, split_vary
 from .._evaluation import (
     Drive,
@@ -17,11 +17,10 @@ from .._evaluation import (
     apply,
     batch_size,
     checked_metrics,
+    drive_of,
     drive_to_plain,
     evaluation_of,
-    read_speeds,
     trial_designs,
-    turning,
 )
 from .._points import build_points
 from .._target import read_axes
@@ -147,17 +146,11 @@ def _spec(
     )
 
 
-def read_drive(rig: Rig, speeds: Any, drive: AbstractDrive | None) -> Drive:
+def read_drive(rig: Rig, speeds: Any, drive: Any) -> Drive:
     """The one drive of speeds and drive; `InputError` where it is none or does not fit the rig."""
     if (speeds is None) == (drive is None):
         raise InputError("a sweep needs either wheel speeds or another drive, and not both.")
-    if drive is None:
-        return read_speeds(speeds, rig.names)
-    assert isinstance(drive, SpeedDrive | TorqueDrive)
-    signal = turning(drive)
-    if signal.size != rig.size:
-        raise InputError(f"the drive has {signal.size} wheels, but the rig has {rig.size}.")
-    return drive
+    return drive_of(speeds if drive is None else drive, rig.names)
 
 
 def _check(sampling: Sampling, numerics: Numerics) -> None:
