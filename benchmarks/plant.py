@@ -40,6 +40,7 @@ def nothing(n: int = 3) -> dict[str, Any]:
         "stribeck": z(), "stribeck_speed": np.ones(n), "load": z(), "asymmetry": z(),
         "cog": np.zeros((n, 2)), "cog_order": np.ones((n, 2)), "cog_phase": np.zeros((n, 2)),
         "w0": W0, "v0": V0, "eps": EPS, "delay": z(), "lag": z(), "limit": np.full(n, 1e9),
+        "lies": np.eye(3),
     }  # fmt: skip
 
 
@@ -139,7 +140,7 @@ def field(y, time, torque, force, rig, e):
     x, D, p, pi, V, theta, omega, q, z, late = y
     normal, drive = rig["normal"], rig["drive"]
     axes = jnp.cross(drive, normal)
-    Q = turn_matrix(q)
+    Q = turn_matrix(q) @ e["lies"]
     roll = shape(theta, rig, e)
     rho = roll + surface(Q, rig, e)
     Vs = (p + normal.T @ (rig["C"] * rho)) / rig["M"]
@@ -183,7 +184,7 @@ def at_rest(theta, rig, e):
     """State at static rest: the linear balance, the effects' tensions by iteration."""
     normal = rig["normal"]
     q = jnp.array([1.0, 0, 0, 0])
-    rho = shape(theta, rig, e) + surface(jnp.eye(3), rig, e)
+    rho = shape(theta, rig, e) + surface(e["lies"], rig, e)
 
     def balance(v):
         x, D = v[:3], v[3:]

@@ -57,6 +57,26 @@ def test_inputs_are_linear_between_the_recordings_samples():
     assert found[250.0] + found[500.0]
 
 
+def test_the_sphere_lies_at_identity_at_a_recordings_first_sample():
+    """As the format says of every run: one that rolled before had lain ten degrees off in each."""
+    rng, case = drawn_anew("lies"), drawn(1, "none")
+    unbalance = KNOWN["unbalance"](rng, case.machine)
+    rolling = dataclasses.replace(case, hidden=[unbalance], cut=1.0)
+    rolling = dataclasses.replace(rolling, lies=cases.turned_back(rolling))
+    end, small = round(rolling.cut * cases.FINE) + 1, [1e-2 * unbalance.nominal]
+    short = dataclasses.replace(rolling, torque=case.torque[:, :end], force=case.force[:, :end])
+    runs = range(len(case.torque))
+    made = cases.outputs([(short, k, small) for k in runs])
+    where = cases.columns_of("Omega", case.machine.wheels)
+    for k, out in enumerate(made):
+        turn = cases.turned(out[:, where])
+        assert np.abs(turn - np.eye(3)).max() > 0.02
+        np.testing.assert_allclose(turn @ rolling.lies[k], np.eye(3), atol=1e-3)
+    assert cases.turned_back(dataclasses.replace(rolling, cut=0.0)) is None
+    plain = dataclasses.replace(rolling, hidden=[], lies=None)
+    assert planted(plain, [])[1]["lies"].tolist() == np.eye(3).tolist()
+
+
 @pytest.mark.parametrize("id", [*KNOWN, *OUTSIDE])
 def test_every_effect_changes_the_plant_and_tells_the_parameters_of_its_law(id):
     rng = drawn_anew("answers")

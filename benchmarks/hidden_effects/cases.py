@@ -1,11 +1,13 @@
 """A case of a seed: what is drawn, how large it is made, and the files that are diagnosed."""
 
 import dataclasses
+import functools
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from .. import plant
 from .effects import FRICTION, KNOWN, OUTSIDE, RADIUS, Hidden
@@ -40,6 +42,7 @@ class Drawn:
     cut: float = 0.0
     drop: str = ""
     forced: bool = False
+    lies: np.ndarray | None = None  # (runs, 3, 3) body -> inertial where the plant begins; None: I
 
 
 def drawn(seed: int, kind: str | None = None) -> Drawn:
@@ -83,8 +86,30 @@ def drawn(seed: int, kind: str | None = None) -> Drawn:
         drop = ""
     rate = float(rng.choice([250.0, 500.0, 1000.0], p=[0.4, 0.4, 0.2]))
     torque, force = (linear_between(x, cut, rate) for x in (torque, force * forced))
-    return Drawn(seed, chosen, hidden, machine, factors, rate, drawn_noise(rng, machine.wheels),
+    case = Drawn(seed, chosen, hidden, machine, factors, rate, drawn_noise(rng, machine.wheels),
                  torque, force, start, widths, cut, drop, forced)  # fmt: skip
+    return dataclasses.replace(case, lies=turned_back(case))
+
+
+def turned_back(case: Drawn) -> np.ndarray | None:
+    """How the sphere lies where the plant begins, for the recording to begin at identity.
+
+    As the format says of a run's first sample, also where the sphere turns already.  From the
+    motion without what is hidden, which turns it by no part of what its numbers are known to.
+    """
+    if not case.cut or all(h.place != "sphere" for h in case.hidden):
+        return None
+    end = round(case.cut * FINE) + 1
+    begun = dataclasses.replace(case, torque=case.torque[:, :end], force=case.force[:, :end])
+    bare, where = silent(begun), columns_of("Omega", case.machine.wheels)
+    made = outputs([(bare, k, [h.nominal for h in case.hidden]) for k in range(len(case.torque))])
+    return np.stack([turned(out[:, where]).T for out in made])
+
+
+def turned(Omega: np.ndarray) -> np.ndarray:
+    """Rotation (3, 3), body -> inertial, from Omega (samples at FINE, 3)."""
+    steps = Rotation.from_rotvec((Omega[1:] + Omega[:-1]) / 2 / FINE).as_matrix()
+    return functools.reduce(lambda Q, step: step @ Q, steps, np.eye(3))
 
 
 def linear_between(values: np.ndarray, cut: float, rate: float) -> np.ndarray:
@@ -126,6 +151,8 @@ def outputs(lanes: list[Lane], steps: float = plant.STEPS) -> list[np.ndarray]:
     given = []
     for case, k, sizes in lanes:
         rig, e, torque = planted(case, sizes)
+        if case.lies is not None:
+            e = e | {"lies": case.lies[k]}
         given.append((case.start[k], torque[k], case.force[k], rig, e))
     stacked = jax.tree.map(lambda *x: np.stack(x), *given)
     made = np.array(plant.side_by_side(*stacked, rate=FINE, steps=steps))
