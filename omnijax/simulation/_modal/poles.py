@@ -130,27 +130,27 @@ def _decomposed(A: Float[Array, "c b m m"]) -> _Blocks:
     if A.shape[-1] not in CLOSED:
         return _by_lapack(A)
     states = jnp.moveaxis(A, (0, 1), (-1, -2))
-    found = block_poles(states.reshape(*states.shape[:2], -1))
+    poles = block_poles(states.reshape(*states.shape[:2], -1))
     return jax.lax.cond(
-        jnp.all(found.good), lambda A, found: _in_closed_form(found, A.shape),
-        lambda A, _: _by_lapack(A), A, found,
+        jnp.all(poles.good), lambda A, poles: _in_closed_form(poles, A.shape),
+        lambda A, _: _by_lapack(A), A, poles,
     )  # fmt: skip
 
 
-def _in_closed_form(found: BlockPoles, shape) -> _Blocks:
+def _in_closed_form(poles: BlockPoles, shape) -> _Blocks:
     """Of blocks (c, b) side by side."""
 
     def apart(x):
         return jnp.moveaxis(x.reshape(*x.shape[:-1], shape[1], shape[0]), (-1, -2), (0, 1))
 
-    kind, one, two = (apart(x) for x in (found.kind, found.first, found.second))
+    kind, one, two = (apart(x) for x in (poles.kind, poles.first, poles.second))
     real = jnp.stack([one, jnp.where(kind, one, two)], axis=-1)
     imaginary = jnp.where(kind, two, 0.0)
     value = jax.lax.complex(real, jnp.stack([imaginary, -imaginary], axis=-1))
     of = np.eye(shape[-1])
     first, second = (jnp.broadcast_to(x, (*kind.shape, shape[-1])) for x in (of[0::2], of[1::2]))
     value = value.reshape(*kind.shape[:2], -1)
-    return _Blocks(value, apart(found.vector), apart(found.inverse), kind, first, second)
+    return _Blocks(value, apart(poles.vector), apart(poles.inverse), kind, first, second)
 
 
 def _by_lapack(A) -> _Blocks:
