@@ -114,6 +114,21 @@ def test_commands_answer_and_refuse(tmp_path, capsys):
         sweep_machine(file, made(tmp_path, 3)[1], {"axis.inertia": [1.0]}, "noise")
 
 
+def test_what_is_wrong_with_a_log_is_told(tmp_path, capsys):
+    from omnijax.machine import machine_text
+
+    file, _, log = made(tmp_path, 5)
+    path = tmp_path / "machine.toml"
+    path.write_text(machine_text(file))
+    table = np.genfromtxt(log, delimiter=",")[1:]
+    table[40, 2] = np.nan
+    np.savetxt(log, table, delimiter=",", header="t,input,position", comments="")
+    for words in (["simulate"], ["sensitivity"], ["sweep", "--vary", "axis.inertia=1,2"]):
+        command, *more = words
+        assert cli.run([command, str(path), "--drive", str(log), *more]) == 0
+        assert "warning: log.csv: 1 rows have no number" in capsys.readouterr().err
+
+
 def test_a_log_of_inputs_alone_moves_an_axis_from_rest(tmp_path, capsys):
     from omnijax.machine import machine_text
 

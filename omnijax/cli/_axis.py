@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from .._errors import InputError
+from .._errors import InputError, tell
 from .._files import claim, write_text
 from ._options import check_netcdf, command_line, emit
 
@@ -45,12 +45,17 @@ def machine_lines(path: str, summary: dict[str, Any]) -> Iterator[str]:
 
 
 def _run_of(file: Any, log: Path | None, compared: bool = True) -> Any:
-    """The log that a machine moves under, for a study `compared` with what it measured."""
+    """The log that a machine moves under, for a study `compared` with what it measured.
+
+    What is wrong with it is told.
+    """
     from ..machine import log_beside, read_log
 
     if log is None:
         raise InputError("a machine moves under the inputs of a log: --drive LOG.")
-    return read_log(log_beside(log), file.machine.inputs, file.machine.outputs, compared)
+    run = read_log(log_beside(log), file.machine.inputs, file.machine.outputs, compared)
+    tell(run.faults)
+    return run
 
 
 def refuse(given: dict[str, Any], command: str) -> None:

@@ -5,7 +5,7 @@ angle roll on each other (R s.Omega = r omega), torques turn the sphere, dR has 
 and the platform's mean acceleration is that of the force on the whole machine.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import special
@@ -25,6 +25,26 @@ WRONG = 50.0  # times too large or too small: beyond every effect of a real mach
 UNIT_NEAR = 5.0  # times off a thousand that torques may be, since friction is fitted beside them
 SURE = 5.0  # sigma by which a torque's factor stands out
 CLOSE = 0.1  # relative misfit of the rolling relation that a real machine stays below
+PIECE = 0.5  # s, over which what turned, moved or was pushed is compared
+
+
+class _Turned(NamedTuple):
+    """What wheels (n, w) and sphere (n, 3) turned by in pieces, m of rolled length and rad."""
+
+    wheels: np.ndarray
+    sphere: np.ndarray
+    axes: np.ndarray  # (w, 3), m of a wheel's rolled length per rad of the sphere
+
+    @property
+    def rolls(self) -> bool:
+        """Whether either turned at all."""
+        return max(_rms(self.wheels), _rms(self.sphere)) >= 1e-3
+
+    def misfit(self, theta_scale, omega_scale) -> float:
+        """The worst wheel's relative misfit with the columns scaled."""
+        left, right = (self.sphere * omega_scale) @ self.axes.T, self.wheels * theta_scale
+        size = _rms(left, 0) + _rms(right, 0) + 1e-4
+        return float(np.max(_rms(left - right, 0) / size))
 
 
 def mend_units(run: Recording, rig: Any, declared: set[str]) -> None:
@@ -70,34 +90,36 @@ def _rolling(run: Recording, rig: Any):
     Both sides are compared over half-second pieces; the single column or group is taken whose
     change of unit removes the misfit.
     """
-    if not {"theta", "Omega"} <= set(run.groups):
+    turned = _turned(run, rig)
+    if turned is None or not turned.rolls or turned.misfit(1.0, 1.0) < 2 * CLOSE:
         return
-    axes, ratio = (
-        np.asarray(rig.wheels.spin_axis),
-        np.asarray(rig.wheel_radius / rig.sphere.radius),
-    )
-    stride = max(int(0.5 / run.step), 2)
-    theta, rolled = run.group("theta")[::stride], _rolled(run)[::stride]
+    best = min(_hypotheses(run.wheels), key=lambda h: turned.misfit(h[2], h[3]))
+    if turned.misfit(best[2], best[3]) < CLOSE:
+        yield best[0], best[1]
+
+
+def _turned(run: Recording, rig: Any) -> _Turned | None:
+    """Wheels and sphere in the pieces where all angles are known; None where too few are."""
+    if not {"theta", "Omega"} <= set(run.groups):
+        return None
+    stride = _stride(run)
+    theta = run.group("theta")[::stride]
     turned = np.diff(np.where(np.isfinite(theta), theta, np.nan), axis=0)
-    rolled = np.diff(rolled, axis=0)
     good = np.isfinite(turned).all(axis=1)
     if good.sum() < 4 or not np.isfinite(run.group("Omega")).mean() > 0.9:
-        return
-    turned, rolled = turned[good] * ratio, rolled[good]
-    sphere = np.sqrt(np.mean(turned**2))
-    if max(sphere, np.sqrt(np.mean(rolled**2))) < 1e-3:
-        return  # nothing rolls, so nothing can be said
+        return None
+    ratio = np.asarray(rig.wheel_radius / rig.sphere.radius)
+    rolled = np.diff(_rolled(run)[::stride], axis=0)
+    return _Turned(turned[good] * ratio, rolled[good], np.asarray(rig.wheels.spin_axis))
 
-    def misfit(theta_scale, omega_scale):
-        left, right = (rolled * omega_scale) @ axes.T, turned * theta_scale
-        size = np.sqrt(np.mean(left**2, axis=0)) + np.sqrt(np.mean(right**2, axis=0)) + 1e-4
-        return np.max(np.sqrt(np.mean((left - right) ** 2, axis=0)) / size)
 
-    if misfit(1.0, 1.0) < 2 * CLOSE:
-        return
-    best = min(_hypotheses(run.wheels), key=lambda h: misfit(h[2], h[3]))
-    if misfit(best[2], best[3]) < CLOSE:
-        yield best[0], best[1]
+def _stride(run: Recording) -> int:
+    """Samples in a piece."""
+    return max(int(PIECE / run.step), 2)
+
+
+def _rms(values: np.ndarray, axis: int | None = None):
+    return np.sqrt(np.mean(values**2, axis=axis))
 
 
 def _hypotheses(wheels: int):
@@ -184,7 +206,7 @@ def _accelerations(run: Recording, rig: Any):
 
 def _slope(run: Recording, mass: float) -> tuple[float, float]:
     """M_T times the mean acceleration over the force, and its 1-sigma, in half-second means."""
-    stride = max(int(0.5 / run.step), 2)
+    stride = _stride(run)
     count = len(run) // stride
     if count < 4:
         return 1.0, np.inf
@@ -202,24 +224,42 @@ def _slope(run: Recording, mass: float) -> tuple[float, float]:
 
 
 def _torques(run: Recording, rig: Any):
-    """Torques against the turning of the sphere that they cause, friction and drag left free.
+    """Torques that are about a thousand times off what the sphere's turning shows.
 
     A wheel without torque says nothing.
     """
-    if "Omega" not in run.groups:
+    factors, given = _torque_factors(run, rig), np.any(run.torque != 0, axis=0)
+    if factors is None:
         return
-    stride = max(int(0.5 / run.step), 2)
+    sure = np.where(given, factors, 1.0)
+    off = np.abs(np.abs(np.log10(sure)) - 3) < np.log10(UNIT_NEAR)
+    names = channels("torque", run.wheels)
+    if given.any() and off[given].all():
+        yield names, 1e3 if sure[given][0] < 1 else 1e-3
+        return
+    for i in np.flatnonzero(off):
+        yield (names[i],), 1e3 if sure[i] < 1 else 1e-3
+
+
+def _torque_factors(run: Recording, rig: Any) -> np.ndarray | None:
+    """By wheel what its torque turns over what it should, 1 where that is not sure.
+
+    Friction and drag are left free.  None where the run does not tell the wheels apart.
+    """
+    if "Omega" not in run.groups:
+        return None
+    stride = _stride(run)
     gained = np.diff(run.group("Omega")[::stride], axis=0)
     columns = np.concatenate([_given(run, rig, stride), _resisted(run, stride)], axis=2)
     good = np.isfinite(gained).all(axis=1)
     columns, target = columns[good].reshape(-1, run.wheels + 6), gained[good].ravel()
     size = np.sqrt(np.sum(columns**2, axis=0)) + 1e-300
     if len(target) < 2 * len(size):
-        return
+        return None
     left, strength, right = np.linalg.svd(columns / size, full_matrices=False)
     rank = int(np.sum(strength > 1e-9 * strength[0]))
     if rank < run.wheels:
-        return
+        return None
     inverse = right[:rank].T / strength[:rank]
     factors = inverse @ (left[:, :rank].T @ target)
     free = len(target) - rank
@@ -227,15 +267,7 @@ def _torques(run: Recording, rig: Any):
     sigma = scatter * np.linalg.norm(inverse, axis=1)
     surely = special.stdtrit(free, special.ndtr(SURE))  # few rows tell their own scatter badly
     factors, sigma = ((x / size)[: run.wheels] for x in (factors, sigma))
-    given = np.any(run.torque != 0, axis=0)
-    sure = np.where(given & (factors > surely * sigma), factors, 1.0)
-    off = np.abs(np.abs(np.log10(sure)) - 3) < np.log10(UNIT_NEAR)
-    names = channels("torque", run.wheels)
-    if given.any() and off[given].all():
-        yield names, 1e3 if factors[given][0] < 1 else 1e-3
-        return
-    for i in np.flatnonzero(off):
-        yield (names[i],), 1e3 if factors[i] < 1 else 1e-3
+    return np.where(factors > surely * sigma, factors, 1.0)
 
 
 def _given(run: Recording, rig: Any, stride: int) -> np.ndarray:

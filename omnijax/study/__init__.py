@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from ._file import load_study as load_study
     from ._file import parse_study as parse_study
     from ._file import study_schema as study_schema
-    from ._misfit import MISFITS as MISFITS
-    from ._misfit import MachineSweep as MachineSweep
-    from ._misfit import sensitivity_machine as sensitivity_machine
-    from ._misfit import sweep_machine as sweep_machine
+    from ._machine import MISFITS as MISFITS
+    from ._machine import MachineSweep as MachineSweep
+    from ._machine import sensitivity_machine as sensitivity_machine
+    from ._machine import sweep_machine as sweep_machine
     from ._points import Grid as Grid
     from ._points import LatinHypercube as LatinHypercube
     from ._points import Sobol as Sobol

@@ -4,8 +4,8 @@ from typing import Any
 
 import numpy as np
 
-from .._plot import new_axes, styled
-from .._text import label, path_words, scaled
+from ..._plot import new_axes, styled
+from ..._text import label, path_words, scaled
 
 
 @styled
