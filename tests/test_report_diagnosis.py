@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from omnijax.diagnosis import Diagnosis, Effect, Named, OutputGap, Point, effect_sizes_on_held_out
+from omnijax.diagnosis._answer import JUDGES
 from omnijax.laws import EFFECTS
 from omnijax.report import Page, diagnosis_page, provenance
 from omnijax.report._diagnosis_numbers import closed
@@ -126,6 +127,16 @@ def test_a_fast_effect_is_drawn_sample_by_sample():
     found, plant = diagnosis(1, count=1, fast=True)
     kept = effect_sizes_on_held_out(found)
     assert np.diff(kept.traces[0].time) == pytest.approx(plant.time[1])
+
+
+@pytest.mark.parametrize("confirmed_on", JUDGES)
+def test_sliders_say_whose_residual_they_draw(confirmed_on):
+    found, _ = diagnosis()
+    found.confirmed_on = confirmed_on
+    (section,) = sizes_section(found)
+    for said in (section.text, section.tables[0].caption):
+        assert f"What {JUDGES[confirmed_on].name} " in said
+        assert ("held-out" in said) == (confirmed_on == "held-out")
 
 
 def test_without_a_name_there_is_nothing_to_size():

@@ -158,4 +158,5 @@ def _learned(diagnosis) -> list[Section]:
     if not diagnosis.details or diagnosis.details["learned"] is None:
         return []
     text = "No known law fits. This is what one would have to do, drawn, not interpreted."
-    return [Section("What is missing", text, [learned_figure(diagnosis.details["learned"])])]
+    figure = learned_figure(diagnosis.details["learned"], diagnosis.judges.name)
+    return [Section("What is missing", text, [figure])]

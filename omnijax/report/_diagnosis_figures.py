@@ -129,8 +129,11 @@ def gap_figure(diagnosis) -> Figure:
     return Figure(fig, "gap", "The residual before and after, in units of the noise.", data)
 
 
-def learned_figure(learned) -> Figure:
-    """What was learned: the force over its own input, and its map."""
+def learned_figure(learned, who: str) -> Figure:
+    """What was learned: the force over its own input, and its map.
+
+    `who` are the runs, or parts of one, whose gap it closes.
+    """
     picture = learned.map
     with style():
         fig, axes = figure(1, 2 if picture else 1, height=3.4)
@@ -155,6 +158,6 @@ def learned_figure(learned) -> Figure:
     return Figure(
         fig, "learned",
         f"What was learned at the {learned.port}: a drawing, not a law. The smooth basis closes "
-        f"{100 * learned.smooth:.0f} % of the held-out gap, " + beside,
+        f"{100 * learned.smooth:.0f} % of the gap on {who}, " + beside,
         data,
     )  # fmt: skip

@@ -44,12 +44,13 @@ def sizes_section(diagnosis: Any) -> list[Section]:
         "sliders": sliders, "groups": groups, "named": kept.as_named, "run": kept.run,
         "count": len(kept.traces[0].values), "traces": traces,
     }  # fmt: skip
+    who = diagnosis.judges.name
     text = (
         "Drag the size: at 0 the effect is not there, at 100 % it is as large as the runs say. "
-        "What the held-out runs then leave unexplained is drawn below. Calibrated "
+        f"What {who} then leave unexplained is drawn below. Calibrated "
         "parameters stay as they are."
     )
-    return [Section("How large is it", text, tables=[_table(kept, sliders, groups)],
+    return [Section("How large is it", text, tables=[_table(kept, sliders, groups, who)],
                     dial=Dial(model))]  # fmt: skip
 
 
@@ -61,8 +62,8 @@ def _few(values: Any) -> list:
     return np.round(x, int(np.clip(places + 3, 0, 300))).tolist()
 
 
-def _table(kept: Any, sliders: list, groups: list) -> Table:
-    """RMS of every group at the stored sizes."""
+def _table(kept: Any, sliders: list, groups: list, who: str) -> Table:
+    """RMS of every group at the stored sizes, on the runs or parts `who` judge."""
     rows = []
     for slider in sliders:
         for share, k in zip(slider["shares"], slider["columns"], strict=True):
@@ -70,5 +71,5 @@ def _table(kept: Any, sliders: list, groups: list) -> Table:
             rows.append([slider["label"], 100.0 * share, *left])
     columns = [Column("effect", text=True), Column("size", "%"),
                *(Column(g["name"], g["unit"]) for g in groups)]  # fmt: skip
-    note = "What the held-out runs leave at each size of an effect, RMS."
+    note = f"What {who} leave at each size of an effect, RMS."
     return Table(columns, rows, "sizes", note, folded=True)
