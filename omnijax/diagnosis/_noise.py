@@ -1,12 +1,12 @@
 """The noise that a diagnosis starts from: what is declared, held against what the data show."""
 
 import dataclasses
-import math
 from typing import Any
 
 import numpy as np
 from scipy.stats import chi2
 
+from .._white_noise import noise_squares
 from ..recording import Case, channels, noise_floor
 from ._settings import SETTINGS
 
@@ -92,10 +92,8 @@ def _unmeasured(values, declared, least: float) -> tuple[float, float, str]:
 
 def _upper(values: list[np.ndarray]) -> float:
     """An upper bound of the white noise: the quieter half of differences of a high order."""
-    squares = np.concatenate(
-        [np.diff(v, ORDER) ** 2 for v in values if len(v) > ORDER + 1] or [np.ones(1)]
-    )
-    level = np.sqrt(np.median(squares) / chi2.ppf(0.5, 1) / math.comb(2 * ORDER, ORDER))
+    squares = [noise_squares(v, ORDER) for v in values if len(v) > ORDER + 1]
+    level = np.sqrt(np.median(np.concatenate(squares)) / chi2.ppf(0.5, 1)) if squares else 0.0
     return float(level) or float(np.sqrt(np.mean(np.concatenate(values) ** 2)) * GUESSED) or 1.0
 
 

@@ -217,57 +217,98 @@ def _column(file: LogFile, table, name: str, unit: str, faults) -> np.ndarray | 
 
 def _on_a_grid(file: LogFile, signals, inputs, outputs, measured: str | None, faults) -> Log:
     """Finite rows on a uniform grid from zero; short or resting logs are refused."""
-    name = stem_of(file.log) if file.rows is None else file.path.stem
-    needed = ["t", *inputs, *([measured] if measured else [])]
-    finite = np.all([np.isfinite(signals[k]) for k in needed], axis=0)
-    if not finite.all():
-        faults.append(f"{file.log.name}: {int((~finite).sum())} rows have no number; they are left "
-                      "out.")  # fmt: skip
-    rows = np.flatnonzero(finite)
-    signals = {k: x[finite] for k, x in signals.items()}
-    t = signals["t"]
-    if len(t) < LEAST:
-        raise InputError(
-            f"{file.log.name} has {len(t)} usable rows, but at least {LEAST} are needed."
-        )
-    keep = increasing(t)
-    if not keep.all():
-        if keep.sum() < LEAST:
-            raise InputError(f"{file.log.name}, column `t`: time does not increase.")
-        faults.append(f"{file.log.name}, column `t`: {int((~keep).sum())} rows do not increase; "
-                      "they are left out.")  # fmt: skip
-        signals = {k: x[keep] for k, x in signals.items()}
-        t, rows = signals["t"], rows[keep]
-    part = unbroken(t, rows)
-    if part.stop - part.start < len(t):
-        faults.append(f"{file.log.name}: nothing can be used for some time; of {len(t)} rows the "
-                      f"longest stretch without such a gap is used: from {t[part][0]:.6g} s to "
-                      f"{t[part][-1]:.6g} s, {part.stop - part.start} rows.")  # fmt: skip
-        signals = {k: x[part] for k, x in signals.items()}
-        t = signals["t"]
-        if len(t) < LEAST:
-            raise InputError(faults[-1])
-    for angle in [k for k, unit in outputs.items() if unit == "rad" and k in signals]:
-        told = unwound(signals[angle])
-        if told is not signals[angle]:
-            faults.append(f"{file.log.name}: the {angle} is told within one turn; it is read as "
-                          "one that goes on.")  # fmt: skip
-            signals[angle] = told
+    log, needed = file.log.name, ["t", *inputs, *([measured] if measured else [])]
+    signals, rows = _finite(log, signals, needed, faults)
+    signals, rows = _increasing(log, signals, rows, faults)
+    signals = _unbroken(log, signals, rows, faults)
+    signals |= _unwound(log, {k: signals[k] for k in outputs if k in signals}, outputs, faults)
     if measured and np.ptp(signals[measured]) == 0:
-        raise InputError(f"{file.log.name}: the {measured} never changes: all at rest.")
-    step = float(np.median(np.diff(t)))
-    if jitters(t, step):
-        faults.append(f"{file.log.name}, column `t`: the steps differ by up to "
-                      f"{1e3 * np.max(np.abs(np.diff(t) - step)):.3g} ms from {1e3 * step:.4g} ms; "
-                      "all channels are laid on an even grid.")  # fmt: skip
-        signals = dict(zip(signals, evenly(t, step, *signals.values()), strict=True))
-    grid = np.arange(len(signals["t"])) * step
+        raise InputError(f"{log}: the {measured} never changes: all at rest.")
+    signals, step = _even(log, signals, faults)
     shown = {k: signals[k] for k in outputs if k in signals}
     if measured == "velocity":
         shown["position"] = travelled(shown["velocity"], step)
-    return Log(name, file.role, grid, {k: signals[k] for k in inputs}, shown,
-               {k: float(v) for k, v in file.noise.items()}, faults,
-               measured or "position")  # fmt: skip
+    return Log(
+        stem_of(file.log) if file.rows is None else file.path.stem,
+        file.role,
+        np.arange(len(signals["t"])) * step,
+        {k: signals[k] for k in inputs},
+        shown,
+        {k: float(v) for k, v in file.noise.items()},
+        faults,
+        measured or "position",
+    )
+
+
+Signals = dict[str, np.ndarray]  # channels (t,) by name, `t` among them
+
+
+def _finite(log: str, signals: Signals, needed, faults) -> tuple[Signals, np.ndarray]:
+    """The rows in which all `needed` channels have numbers, and which these are."""
+    finite = np.all([np.isfinite(signals[k]) for k in needed], axis=0)
+    count = int(finite.sum())
+    if count < len(finite):
+        faults.append(f"{log}: {len(finite) - count} rows have no number; they are left out.")
+    if count < LEAST:
+        raise InputError(f"{log} has {count} usable rows, but at least {LEAST} are needed.")
+    return {k: x[finite] for k, x in signals.items()}, np.flatnonzero(finite)
+
+
+def _increasing(log: str, signals: Signals, rows, faults) -> tuple[Signals, np.ndarray]:
+    """The rows in which time goes on."""
+    keep = increasing(signals["t"])
+    count = int(keep.sum())
+    if count == len(keep):
+        return signals, rows
+    if count < LEAST:
+        raise InputError(f"{log}, column `t`: time does not increase.")
+    faults.append(
+        f"{log}, column `t`: {len(keep) - count} rows do not increase; they are left out."
+    )
+    return {k: x[keep] for k, x in signals.items()}, rows[keep]
+
+
+def _unbroken(log: str, signals: Signals, rows, faults) -> Signals:
+    """The longest stretch without a gap."""
+    t = signals["t"]
+    part = unbroken(t, rows)
+    count = part.stop - part.start
+    if count == len(t):
+        return signals
+    faults.append(
+        f"{log}: nothing can be used for some time; of {len(t)} rows the longest stretch without "
+        f"such a gap is used: from {t[part][0]:.6g} s to {t[part][-1]:.6g} s, {count} rows."
+    )
+    if count < LEAST:
+        raise InputError(faults[-1])
+    return {k: x[part] for k, x in signals.items()}
+
+
+def _unwound(log: str, shown: Signals, units: Mapping[str, str], faults) -> Signals:
+    """Angles that are told within one turn as such that go on."""
+    out = {}
+    for name, angle in shown.items():
+        told = unwound(angle) if units[name] == "rad" else angle
+        if told is not angle:
+            faults.append(
+                f"{log}: the {name} is told within one turn; it is read as one that goes on."
+            )
+            out[name] = told
+    return out
+
+
+def _even(log: str, signals: Signals, faults) -> tuple[Signals, float]:
+    """The channels at even times, and their step in s."""
+    t = signals["t"]
+    step = float(np.median(np.diff(t)))
+    if not jitters(t, step):
+        return signals, step
+    faults.append(
+        f"{log}, column `t`: the steps differ by up to "
+        f"{1e3 * np.max(np.abs(np.diff(t) - step)):.3g} ms from {1e3 * step:.4g} ms; all channels "
+        "are laid on an even grid."
+    )
+    return dict(zip(signals, evenly(t, step, *signals.values()), strict=True)), step
 
 
 def tables_of(folder: Path) -> dict[str, Path]:

@@ -1,8 +1,6 @@
 """The noise floor of every output: declared, from repeats, from the data itself, or not known.
 
-From the data: of white noise of 1-sigma s the k-th difference has the mean square C(2k, k) s^2,
-while whatever moves slowly against the sampling drops out.  `sqrt(mean(third difference^2)/20)` is
-this for k = 3.
+From the data: differences of a high order leave of them their white noise (`_white_noise.py`).
 """
 
 import dataclasses
@@ -11,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .._white_noise import noise_squares, repetition
 from ._columns import OUTPUTS, channels
 from ._recording import Recording
 
@@ -56,8 +55,7 @@ def noise_floor(runs: Sequence[Recording], declared: bool = True) -> NoiseFloor:
 
     SI: m, rad, rad/s, m/s^2.  Raises `IndexError` where there is no run.
 
-    Source: variate differences (Anderson, The Statistical Analysis of Time Series, 1971,
-    chapter 3).
+    Source: variate differences (Anderson, 1971; see `_white_noise.py`).
     """
     sigma: dict[str, float] = {}
     source: dict[str, str] = {}
@@ -171,9 +169,9 @@ def _from_quiet(runs: Sequence[Recording], group: str) -> _Estimate | None:
 def _windows(values: np.ndarray, order: int) -> np.ndarray:
     """Mean squares of the differences in stretches of `WINDOW` samples, as variances of noise."""
     count = len(values) // WINDOW
-    square = np.diff(values[: count * WINDOW].reshape(count, WINDOW, -1), order, axis=1) ** 2
+    windows = values[: count * WINDOW].reshape(count, WINDOW, -1)
     with np.errstate(invalid="ignore"):
-        return square.mean(axis=1) / math.comb(2 * order, order)
+        return noise_squares(windows, order, axis=1).mean(axis=1)
 
 
 def _level(pieces: Sequence[np.ndarray]) -> _Estimate | None:
@@ -183,11 +181,11 @@ def _level(pieces: Sequence[np.ndarray]) -> _Estimate | None:
     """
     best = None
     for order in ORDERS:
-        squares = [np.diff(piece, order, axis=0) ** 2 for piece in pieces if len(piece) > 2 * order]
+        squares = [noise_squares(piece, order) for piece in pieces if len(piece) > 2 * order]
         if not squares:
             return None
         squared = np.concatenate(squares)
-        sigma = np.sqrt(_nanmean(squared) / math.comb(2 * order, order))
+        sigma = np.sqrt(_nanmean(squared))
         if best is None or _rms(sigma) < 0.9 * _rms(best.sigma):
             best = _Estimate(sigma, _scatter(order, int(np.isfinite(squared).sum())))
     return best if best is not None and np.isfinite(best.sigma).all() else None
@@ -198,13 +196,8 @@ def _rms(values: np.ndarray) -> float:
 
 
 def _scatter(order: int, count: int) -> float:
-    """Relative 1-sigma of the level of white noise from `count` differences of one order.
-
-    Neighbouring differences are correlated: the squares of their correlations add up to
-    C(4k, 2k)/C(2k, k)^2.
-    """
-    correlated = math.comb(4 * order, 2 * order) / math.comb(2 * order, order) ** 2
-    return float(np.sqrt(correlated / (2 * max(count, 1))))
+    """Relative 1-sigma of the level of white noise from `count` differences of one order."""
+    return float(np.sqrt(repetition(order) / (2 * max(count, 1))))
 
 
 def _nanmean(values: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ..._errors import InputError
+from ..._white_noise import noise_squares
 from ...dynamics import spin_axes
 from ...laws import DualRow
 from ...rig import Rig
@@ -110,7 +111,7 @@ def _lengths(rig: Rig, tables: WheelTables, run: Run, angle) -> np.ndarray:
 
 
 def _scatter(values: np.ndarray) -> float:
-    return float(np.sqrt(np.nanmean(np.diff(values, 3, axis=0) ** 2) / 20)) or 1e-12
+    return float(np.sqrt(np.nanmean(noise_squares(values, 3)))) or 1e-12
 
 
 def motion(

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..._errors import InputError
+from ..._white_noise import noise_squares
 from ...laws import AXIS_EFFECTS
 from ...machine import (
     NOISY,
@@ -47,8 +48,8 @@ def sensor_noise(logs: Sequence[Log]) -> tuple[float, str]:
         return float(np.sqrt(np.mean(np.array(declared) ** 2))), "declared"
     sigmas = []
     for order in ORDERS:
-        squares = [np.mean(np.diff(log.shown, order) ** 2) for log in logs]
-        sigmas.append(np.sqrt(np.mean(np.array(squares, float)) / math.comb(2 * order, order)))
+        squares = [np.mean(noise_squares(log.shown, order)) for log in logs]
+        sigmas.append(np.sqrt(np.mean(np.array(squares, float))))
     return float(min(sigmas)), "differences"
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.fft import dct
 from scipy.stats import chi2, gamma
 
+from ..._white_noise import noise_squares, repetition
 from .._settings import SETTINGS
 
 ORDERS = SETTINGS.levels.orders
@@ -48,22 +49,17 @@ def white_level(values: np.ndarray) -> tuple[float, float]:
     """Level of the white part of `values` (n,), NaN where missing, and its relative 1-sigma."""
     best = (math.nan, math.nan)
     for order in ORDERS:
-        square = np.diff(values, order) ** 2 / math.comb(2 * order, order)
+        square = noise_squares(values, order)
         square = square[np.isfinite(square)]
         count = len(square) // WINDOW
         if count < STRETCHES:
             return best
-        free = WINDOW / _repetition(order)
+        free = WINDOW / repetition(order)
         middle = np.median(square[: count * WINDOW].reshape(count, WINDOW).mean(axis=1))
         level = math.sqrt(middle / (chi2.ppf(0.5, free) / free))
         if not best[0] <= BETTER * level:
             best = (level, SCATTER / math.sqrt(2 * free * count))
     return best
-
-
-def _repetition(order: int) -> float:
-    """How many neighbouring squares of differences say the same: C(4k, 2k)/C(2k, k)^2."""
-    return math.comb(4 * order, 2 * order) / math.comb(2 * order, order) ** 2
 
 
 def spectrum(columns: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,7 +1,6 @@
 """What a log holds once its columns are known: channels in SI, sampling, noise."""
 
 import dataclasses
-import math
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -9,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..._errors import InputError
+from ..._white_noise import noise_squares
 from .._first_numbers import LogSignals
 from .._hold import input_hold
 from .._log import LEAST
@@ -219,4 +219,4 @@ def _check_columns(log: Path, table, columns: LogColumns) -> None:
 
 def _noise(q: np.ndarray) -> float:
     """1-sigma of white noise on a smooth signal: of its third to seventh differences the least."""
-    return min(float(np.sqrt(np.mean(np.diff(q, k) ** 2) / math.comb(2 * k, k))) for k in (3, 5, 7))
+    return min(float(np.sqrt(np.mean(noise_squares(q, order)))) for order in (3, 5, 7))
