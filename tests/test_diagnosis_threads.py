@@ -128,6 +128,23 @@ def test_many_points_at_once_are_the_points_one_by_one(model, two_cores, monkeyp
         np.testing.assert_allclose(found, alone, rtol=0, atol=1e-9 * np.abs(alone).max())
 
 
+def test_a_model_that_was_asked_nothing_is_prepared_about_a_point_at_once(model, monkeypatch):
+    """Runs that are weighed anew had been prepared about the stated rig first, for nothing."""
+    prepared, rebase = [], rig_machine.Machine.rebase
+    monkeypatch.setattr(rig_machine.Machine, "rebase",
+                        lambda self, rig: prepared.append(rig) or rebase(self, rig))  # fmt: skip
+    point = Point(0.3 * np.ones(len(model.priors)))
+    parts = model.rig, model.machine.runs, model.noise, model.laws
+    stated, fresh = RigModel(*parts), RigModel(*parts)
+    before = stated.residuals([point], "train")[0]
+    for other in (stated, fresh):
+        other.rebase(point)
+    assert len(prepared) == 3  # twice, and once
+    found = [x.residuals([point], "train")[0] for x in (stated, fresh)]
+    np.testing.assert_array_equal(*found)
+    assert np.abs(found[0] - before).max() > 0
+
+
 def test_difference_tangents_leave_nothing_kept_but_the_point_itself(model):
     """Their rigs are asked for once; kept, each held its motion, rotation and elastic states."""
     point = Point(

@@ -106,7 +106,9 @@ class Machine:
     Every stage is kept for the last few rigs asked for, under all that it depends on.
     """
 
-    def __init__(self, rig: Rig, runs: list[Run], noise: dict[str, float], window: float = 1.0):
+    def __init__(self, rig: Rig, runs: list[Run], noise: dict[str, float], window: float = 1.0,
+                 about: Rig | None = None):  # fmt: skip
+        """Prepared about a rig; by default the stated one."""
         self.rig, self.runs, self.noise = rig, runs, noise
         radius = np.asarray(rig.wheel_radius) / float(rig.sphere.radius)
         self.length_noise = noise.get("theta", ANGLE_NOISE) * radius
@@ -114,7 +116,7 @@ class Machine:
         self._kept = StageCache()
         self.window = window
         self.rows: list[DataRows] = []
-        self.rebase(rig)
+        self.rebase(about or rig)
 
     def rebase(self, rig: Rig) -> None:
         """Smooth the angles anew, about what `rig` predicts from the torques.

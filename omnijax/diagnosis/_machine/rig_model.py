@@ -68,7 +68,7 @@ class RigModel(AbstractModel):
         self.splits = split_runs(runs)
         self.splits["first train"] = self.splits["train"][:1]
         self._bases: list[Linearisation] = []  # between a choice of candidates and their signatures
-        self.machine = Machine(rig, runs, noise, window)
+        self._runs = runs
 
     def rig_at(self, point: Point, clocks: bool = True) -> Rig:
         """The rig with calibrated parameters and the point's effects, read by its loggers' clocks.
@@ -196,8 +196,19 @@ class RigModel(AbstractModel):
             return None
         return RigModel(self.rig, runs, self.noise, self.laws, self.window), said
 
+    @functools.cached_property
+    def machine(self) -> Machine:
+        """The machine and its runs, about the stated rig until `rebase`."""
+        return Machine(self.rig, self._runs, self.noise, self.window)
+
     def rebase(self, point):
-        self.machine.rebase(self.rig_at(point))
+        """Where nothing was asked before, at once about the point; a rolling start follows from
+        that about the stated rig."""
+        about = self.rig_at(point)
+        if "machine" in vars(self) or any(run.rolling_start(self.noise) for run in self._runs):
+            self.machine.rebase(about)
+        else:
+            self.machine = Machine(self.rig, self._runs, self.noise, self.window, about)
 
     def unsettled(self, point):
         """Laws at contacts and mounts change the elastic state in which a run begins rolling.
