@@ -118,7 +118,7 @@ def _is_concrete(x: Any) -> bool:
 
 
 def _shape(x: Any) -> tuple[Any, ...]:
-    return (x.shape, str(x.dtype), x.weak_type) if isinstance(x, jax.Array) else (type(x), x)
+    return (x.shape, x.dtype, x.weak_type) if isinstance(x, jax.Array) else (type(x), x)
 
 
 def _settings() -> tuple[Any, ...]:
@@ -227,8 +227,14 @@ def _seal(key: str, body: bytes) -> bytes:
 
 
 def _unflattened(program: Callable, static: Any) -> Callable:
-    """`static`: what of the result no array holds."""
-    return lambda arrays: eqx.combine(program(*arrays), static)
+    """`static`: what of the result no array holds, as `equinox.partition` leaves it."""
+    words, tree = jax.tree.flatten(static, is_leaf=lambda x: x is None)
+
+    def run(arrays: list[jax.Array]) -> Any:
+        moving = tree.flatten_up_to(program(*arrays))
+        return tree.unflatten([y if x is None else x for x, y in zip(words, moving, strict=True)])
+
+    return run
 
 
 def _register_lapack() -> None:

@@ -5,8 +5,10 @@ import dataclasses
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from seeds import drawn_anew
 
 from omnijax import METRICS, evaluate, load_rig, simulate, speeds
+from omnijax._cubic import cubic_peak
 from omnijax._status import Status
 from omnijax.cli._simulate_summary import summarise
 from omnijax.study import load_study
@@ -77,3 +79,20 @@ def test_a_run_and_a_sweep_call_the_same_contacts_lost(run, normal, slip):
     assert (status == Status.LIFT_OFF) == given.lift_off == ("lifts off" in kinds)
     assert given.slip == ("slips" in kinds)
     assert (status == Status.SLIP) == (given.slip and not given.lift_off)
+
+
+def test_the_inner_maximum_of_cubics():
+    """Against a fine grid; a run that starts at rest has a rate of rounding size there."""
+    rng = drawn_anew("cubics")
+    u = np.linspace(0, 1, 4001)
+    for rate in (0.0, 1e-17, -1e-17, 1e-9, None):
+        for _ in range(200):
+            y0, y1, first, d1 = rng.normal(size=4)
+            d0 = first if rate is None else rate
+            c2, c3 = 3 * (y1 - y0) - 2 * d0 - d1, 2 * (y0 - y1) + d0 + d1
+            values = y0 + u * (d0 + u * (c2 + u * c3))
+            at = int(np.argmax(values))
+            inside = 0 < at < len(u) - 1
+            ends = max(y0, y1)
+            top = max(float(cubic_peak(y0, y1, d0, d1)), ends)
+            assert top == pytest.approx(values[at] if inside else ends, rel=1e-6, abs=1e-6)

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from machines import ORTHOGONAL, machine
+from seeds import drawn_anew
 from tiers import tiered
 
 from omnijax import _programs, laws
@@ -125,6 +126,22 @@ def test_figures_are_those_of_propagated_runs(name):
             exact = expected[margin]
             assert np.sign(bound) == np.sign(exact)
             assert bound <= exact + 1e-6 * abs(exact)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_peaks_of_few_samples_are_those_of_propagated_runs(name):
+    """Several edges between two samples, and runs whose first samples are the largest."""
+    rig, model = KINDS[name]
+    n, rng = rig.size, drawn_anew(name)
+    rows = points_of(rig, rng, count=64)
+    for duration, step in ((1.0, 0.02), (1.5, 0.15)):
+        peaks = modal_figures(maker(rig), rows, duration=duration, step=step, model=model).values
+        for i in rng.choice(64, 3, replace=False):
+            ts = step * jnp.arange(round(duration / step) + 1)
+            drive = speeds(rows[i, :n], rows[i, n : n + 3], rows[i, n + 3 :])
+            run = propagate(rig, drive, ts, model=model)
+            expected = evaluate(run, rig, ("rms", "peak"))
+            np.testing.assert_allclose(peaks[i], list(expected.values()), rtol=1e-9, atol=1e-15)
 
 
 def test_statuses_are_those_of_propagated_runs():

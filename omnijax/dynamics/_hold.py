@@ -36,7 +36,7 @@ def _span(r: Any, xp: Any) -> Any:
 
 def hold_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     """Why a rig of known numbers has no steady state, in words; None where it has one."""
-    return None if bool(held(rig, model)) else NOT_HELD
+    return None if model != "coupled" or _span(np.asarray(rig.wheels.normal), np) else NOT_HELD
 
 
 def free_directions(rig: Rig) -> Float[Array, "k 3"]:

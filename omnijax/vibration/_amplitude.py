@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._arrays import largest, smallest
+from .._cubic import cubic_peak
 from .._root import root
 
 
@@ -35,25 +36,15 @@ def peak(
         return root(square[at])
     slope = 2 * jnp.sum(values * rates, axis=-1)
     last = len(t) - 1
-    sides = [_cubic_peak(t, square, slope, jnp.clip(at + k, 0, last - 1)) for k in (-1, 0)]
+    sides = [_between(t, square, slope, jnp.clip(at + k, 0, last - 1)) for k in (-1, 0)]
     return root(jnp.maximum(square[at], jnp.maximum(*sides)))
 
 
-def _cubic_peak(t, square, slope, i):
+def _between(t, square, slope, i):
     """Largest value of the Hermite cubic on [t_i, t_i+1] at its inner maximum."""
     h = t[i + 1] - t[i]
     y0, y1, d0, d1 = square[i], square[i + 1], h * slope[i], h * slope[i + 1]
-    c2, c3 = 3 * (y1 - y0) - 2 * d0 - d1, 2 * (y0 - y1) + d0 + d1
-    u = jax.lax.stop_gradient(_maximum(d0, c2, c3))
-    return y0 + u * (d0 + u * (c2 + u * c3))
-
-
-def _maximum(c1, c2, c3):
-    """Where c1 + 2 c2 u + 3 c3 u^2 crosses zero downwards in [0, 1] (0 where it does not)."""
-    discriminant = jnp.maximum(c2**2 - 3 * c1 * c3, 0.0)
-    denominator = -c2 + jnp.sqrt(discriminant)  # the root of a maximum, without cancellation
-    u = c1 / jnp.where(jnp.abs(denominator) > 0, denominator, 1.0)
-    return jnp.where((jnp.abs(denominator) > 0) & (u > 0) & (u < 1), u, 0.0)
+    return cubic_peak(y0, y1, d0, d1)
 
 
 def smooth_peak(values: Float[Array, "t c"], sharpness: float = 64.0) -> Float[Array, ""]:

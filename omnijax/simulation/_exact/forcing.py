@@ -11,7 +11,6 @@ from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ...laws import (
-    AbstractShape,
     ContinuousSine,
     DamagedRoller,
     FloorVibration,
@@ -125,17 +124,19 @@ def _turn(pieces: Pieces, gap: Gap, repeats: int, damage, runouts) -> Pieces:
     return turn
 
 
-def period_kind(profile: AbstractShape, gap: Gap) -> str:
-    """`pitch`, `turn` or `own`: what the profile's period is.
+def period_kind(rig: Rig, i: int) -> str:
+    """`pitch`, `turn` or `own`: what the period of wheel i's profile is.
 
     Of a table that is traced its word is taken; else one that fits neither has a period of its own.
     """
+    profile = rig.profiles[i]
     if isinstance(profile, ContinuousSine):
         return "own"
     if not isinstance(profile, TableShape):
         return "pitch"
     if profile.whole_turn:
         return "turn"
+    gap = jax.tree.map(lambda x: x[i], rig.gaps)
     period, pitch = number(profile.knots[-1]), number(gap.pitch)
     if period is None or pitch is None or math.isclose(period, pitch, rel_tol=1e-6):
         return "pitch"
@@ -152,7 +153,7 @@ def wheel_pieces(rig: Rig, i: int) -> list[tuple[Pieces, Array]]:
     laws = [placed.law for placed in rig.at("shape") if i in placed.wheels]
     damage = [law for law in laws if isinstance(law, DamagedRoller)]
     runouts = [law for law in laws if isinstance(law, WheelRunout)]
-    kind = period_kind(profile, gap)
+    kind = period_kind(rig, i)
     period = jnp.sum(pieces.width)
     if not laws:
         return [(pieces, 2 * math.pi / period)]

@@ -71,7 +71,7 @@ def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
         if not has_pieces(profile):
             return f"wheel {rig.names[i]}'s profile `{profile.id}` has no closed form"
         laws = [p.law for p in rig.at("shape") if i in p.wheels]
-        kind = period_kind(profile, jax.tree.map(lambda x, i=i: x[i], rig.gaps))
+        kind = period_kind(rig, i)
         if kind != "pitch" and any(isinstance(law, DamagedRoller) for law in laws):
             return f"a damaged roller on wheel {rig.names[i]}, whose profile is not one pitch long"
         if kind == "own" and laws and isinstance(profile, TableShape):

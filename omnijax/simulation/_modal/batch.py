@@ -34,7 +34,7 @@ def effort_for(designs: int) -> Effort:
     return Effort.QUICK if designs < MANY else Effort.MOST
 
 
-SIZES = (LANES, 8 * LANES)  # designs a call of the compiled programs
+SIZES = (LANES, 16 * LANES)  # designs a call of the compiled programs
 # whose laws enter the linear model and what it moves by
 _PORTS = ("radius", "shape", "contact", "platform", "kinematics")
 

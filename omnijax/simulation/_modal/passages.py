@@ -14,19 +14,15 @@ from jaxtyping import Array, Float
 from .arithmetic import (
     Pair,
     exp_less_one,
-    materialised,
     pair_exp,
     product,
     quotient,
     rows,
-    sincos,
     stored,
-    summed,
     times,
-    turned,
 )
-from .blocks import ForcedPart, FreePart, pole_exp, poles_of, shown
-from .edges import at_piece, edge_times, of_sinusoids
+from .blocks import FreePart, poles_of
+from .edges import edge_times
 from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
@@ -66,6 +62,16 @@ def edge_sums(kind, pole: Pair, p: PassedEdges) -> Pair:
     return jnp.where(many > 0, first, 0.0), jnp.where(many > 0, second, 0.0)
 
 
+def pole_edge_sums(m: PolePairs, p: PassedEdges, layout: Layout) -> Pair:
+    """`edge_sums` of every pair, stored; those of equal poles are the same."""
+    poles = poles_of(m, layout)
+    wide = (*p.many.shape[:2], *poles.kind.shape)
+    sums = stored(
+        lambda kind, *pole: edge_sums(kind, pole, p), *(jnp.broadcast_to(x, wide) for x in poles)
+    )
+    return rows(sums[0], layout.pole, -2), rows(sums[1], layout.pole, -2)
+
+
 def left_of(kind, free: FreePart, edge: Pair, decay: Pair) -> Pair:
     """The free part (p, c) at a time, from the `edge_sums` until then and the poles' decay."""
     each, own = product(kind, free.jump, edge), product(kind, free.start, decay)
@@ -87,30 +93,3 @@ def _repeated(kind, a: Pair, count) -> Pair:
     first, second = (count - 1) / 2, (count - 1) * (2 * count - 1) / 12
     series = [count * (o + first * x + second * y) for o, x, y in zip(one, a, square, strict=True)]
     return jnp.where(near[0], series[0], far[0]), jnp.where(near[1], series[1], far[1])
-
-
-def outputs_at(
-    m: PolePairs, signals: Signals, parts: ForcedPart, layout: Layout, time, outputs: int
-) -> tuple[Array, Array]:
-    """The first outputs at a time (c,) and their rates, (o, c)."""
-    p = passages(signals, layout, time)
-    poles = poles_of(m, layout)
-    wide = (*p.many.shape[:2], *poles.kind.shape)
-    edge = stored(
-        lambda kind, *pole: edge_sums(kind, pole, p), *(jnp.broadcast_to(x, wide) for x in poles)
-    )
-    edge = rows(edge[0], layout.pole, -2), rows(edge[1], layout.pole, -2)
-
-    def moved(kind, l0, l1, decay, edge, free):
-        z = left_of(kind, free, edge, decay)
-        return [jax.lax.complex(*y) for y in (z, product(kind, z, (l0, l1)))]
-
-    decay = pole_exp(m, layout, time[None])
-    z = materialised(moved, m.kind, m.l0, m.l1, decay, edge, parts.free)
-    of, none = layout.signal_of, jnp.zeros_like(time)
-    piece, begun = (of_sinusoids(x, of, none) for x in (p.piece, p.begun))
-    s, c = stored(sincos, signals.rate * (time - begun))
-    a, b = (at_piece(x[:outputs], piece) for x in (parts.cosine, parts.sine))
-    level, slope = turned(a, b, c, s)
-    value, rate = (shown(m, (x.real[None], x.imag[None]), outputs)[:, 0] for x in z)
-    return value + summed(level, 1), rate + summed(signals.rate * slope, 1)

@@ -9,18 +9,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .arithmetic import across, materialised
+from ..._cubic import cubic_peak
+from .arithmetic import across, materialised, product, rows, sincos, stored, summed, turned
 from .blocks import (
     LENGTH,
     BlockTables,
-    ForcedPart,
+    Poles,
     Weights,
     parts_of,
+    poles_of,
+    shown,
     shown_by,
     stored_forced,
 )
+from .edges import at_piece, of_sinusoids
 from .loads import Loads
-from .passages import outputs_at
 from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
@@ -138,8 +141,7 @@ def samples_of(
         (pair, largest, low), more = walk.run(gather, own)
     else:
         (pair, largest, low), more = walk.run(gather, own, also.follow, also.carried)
-    middle = largest.seen(pair, count).sample()
-    near = _near(g, parts, layout, middle, step, count)
+    near = _near(g, walk, largest.seen(pair, count).sample())
     return Samples(jnp.sum(pair.real, axis=0), near, low.real, low.imag), more
 
 
@@ -155,15 +157,27 @@ def _square(x, number: np.ndarray, count):
     return square, _numbered(square, left)
 
 
-def _near(g: Lanes, parts: ForcedPart, layout: Layout, middle, step, count) -> Near:
+def _near(g: Lanes, walk: Walk, middle) -> Near:
     """dR and its rate at a sample of each run and its neighbours."""
-    time = step * jnp.concatenate([jnp.clip(middle + i, 0, count - 1) for i in (-1, 0, 1)])
-    m, signals, parts = jax.tree.map(
-        lambda y: jnp.concatenate([y] * 3, axis=-1), (g.modes, g.signals, parts)
-    )
-    x, v = outputs_at(m, signals, parts, layout, time, ROWS)
-    x, v = (jnp.stack(jnp.split(y, 3, axis=-1)) for y in (x, v))
-    return Near(time.reshape(3, -1), x, v)
+    m, signals, step = g.modes, g.signals, walk.step
+    sample = jnp.stack([jnp.clip(middle + i, 0, walk.samples - 1) for i in (-1, 0, 1)])  # (3, c)
+    s = walk.blocks_of(sample)
+
+    def moved(into, poles: Poles, s: WalkState):
+        E = (rows(x, walk.layout.pole, -2) for x in poles.exp(into[:, None]))
+        z = product(m.kind, s.free, tuple(E))
+        return [jax.lax.complex(*y) for y in (z, product(m.kind, z, (m.l0, m.l1)))]
+
+    z = materialised(moved, step * (sample - s.done), poles_of(m, walk.layout), s)
+    value, rate = (shown(m, (x.real, x.imag), ROWS) for x in z)  # (o, 3, c)
+    of = walk.layout.signal_of
+    begun, piece = (jnp.swapaxes(x, 0, 1) for x in (s.begun, s.piece))
+    begun, piece = (of_sinusoids(x, of, jnp.zeros_like(sample)) for x in (begun, piece))
+    sin, cos = stored(sincos, signals.rate[:, None] * (step * sample - begun))  # (v, 3, c)
+    a, b = (at_piece(x[:ROWS, :, None], piece) for x in (walk.parts.cosine, walk.parts.sine))
+    level, slope = turned(a, b, cos, sin)
+    x, v = value + summed(level, 1), rate + summed(signals.rate[:, None] * slope, 1)
+    return Near(step * sample, jnp.swapaxes(x, 0, 1), jnp.swapaxes(v, 0, 1))
 
 
 def hermite_peak(x: Float[Array, "3 o c"], v: Float[Array, "3 o c"], times, step):
@@ -174,12 +188,3 @@ def hermite_peak(x: Float[Array, "3 o c"], v: Float[Array, "3 o c"], times, step
         inner = cubic_peak(squares[i], squares[i + 1], slopes[i], slopes[i + 1])
         top = jnp.where(times[i] < times[i + 1], jnp.maximum(top, inner), top)
     return top
-
-
-def cubic_peak(y0, y1, d0, d1):
-    """Largest value of the Hermite cubic on [0, 1] at its inner maximum; y0 without one."""
-    c2, c3 = 3 * (y1 - y0) - 2 * d0 - d1, 2 * (y0 - y1) + d0 + d1
-    below = -c2 + jnp.sqrt(jnp.maximum(c2 * c2 - 3 * c3 * d0, 0.0))
-    u = d0 / jnp.where(jnp.abs(below) > 0, below, 1.0)
-    u = jax.lax.stop_gradient(jnp.where((jnp.abs(below) > 0) & (u > 0) & (u < 1), u, 0.0))
-    return y0 + u * (d0 + u * (c2 + u * c3))

@@ -12,9 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
-from .arithmetic import across, flushed, materialised, product, rows, sincos, summed
-from .blocks import LENGTH, ForcedPart, Poles, poles_of, tables
+from .arithmetic import Pair, across, flushed, materialised, product, rows, sincos, summed
+from .blocks import LENGTH, ForcedPart, FreePart, Poles, pole_exp, poles_of, tables
 from .edges import at_piece, of_sinusoids
+from .passages import left_of, passages, pole_edge_sums
 from .poles import PolePairs
 from .signals import Signals
 from .system import Layout
@@ -123,6 +124,35 @@ class Walk(NamedTuple):
             follow(s.carried, move),
         )
 
+    def at(self, sample: Float[Array, " c"]) -> WalkState:
+        """The state at a sample in closed form: a block begins there."""
+        m, signals, time = self.modes, self.signals, self.step * sample
+        p = passages(signals, self.layout, time)
+        sums = pole_edge_sums(m, p, self.layout)
+
+        def left(kind, free: FreePart, sums: Pair, decay: Pair):
+            return jax.lax.complex(*left_of(kind, free, sums, decay))
+
+        decay = pole_exp(m, self.layout, time[None])
+        free = materialised(left, m.kind, self.parts.free, sums, decay)
+        edge = p.begun + at_piece(signals.duration, p.piece)
+        count = self._count(sample, edge)
+        return WalkState(sample, count, (free.real, free.imag), edge, p.begun, p.piece, ())
+
+    def blocks_of(self, sample: Float[Array, "n c"]) -> WalkState:
+        """Begins (n, ...) of blocks that hold samples, rising and beside each other."""
+        poles = poles_of(self.modes, self.layout)
+
+        def body(carry):
+            each, s = carry
+            here = (s.done <= sample) & (sample < s.done + s.count)
+            every = jax.vmap(lambda yes, old: _chosen(yes, s, old))(here, each)
+            return every, self.onward(s, self.moved(s, poles))
+
+        s = self.at(sample[0])
+        each = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(sample), *x.shape)), s)
+        return jax.lax.while_loop(lambda c: jnp.any(c[1].done <= sample[-1]), body, (each, s))[0]
+
     def run(self, gather, totals, follow=lambda carried, move: carried, carried: Any = ()):
         """totals = gather(totals, state, tables, turn) over all blocks of all designs.
 
@@ -138,6 +168,11 @@ class Walk(NamedTuple):
 
         start: Any = (totals, self.begin(carried))
         return jax.lax.while_loop(lambda c: jnp.any(c[1].done < self.samples), body, start)[0]
+
+
+def _chosen(better: Bool[Array, " c"], one: WalkState, other: WalkState) -> WalkState:
+    """The state of one where that is better, else of the other."""
+    return jax.tree.map(lambda x, y: jnp.where(better, x, y), one, other)
 
 
 def _first(edge: Float[Array, "g c"]):
