@@ -371,6 +371,8 @@ def test_what_held_out_runs_are_not_moved_by_is_said_of_the_fitted_ones(
     shown = SimpleNamespace(structured_in_fitted_runs=open_)
     alone = shown_by_fitted_runs_alone(evidence, found, shown)  # pyright: ignore
     assert (alone is None) == (said == "")
+    evidence.confirmed_on = "nothing"  # then no other run was asked
+    assert shown_by_fitted_runs_alone(evidence, found, shown) is None  # pyright: ignore
     if alone is not None:
         assert said in alone.said and alone.gap == bool(open_)
         assert ("drag@w1" in alone.said) == (gain > 25)

@@ -25,8 +25,11 @@ def shown_by_fitted_runs_alone(
     """What fitted runs show beside the fit of `outcome`, where the others show nothing, or None.
 
     A function of the machine's state, at the false-discovery rate of `where`; or a law that the
-    fitted runs need as much as one that is named, and of which the others cannot tell.
+    fitted runs need as much as one that is named, and of which the others cannot tell.  None too
+    where there are no others.
     """
+    if evidence.confirmed_on == "nothing":
+        return None
     who, open_ = JUDGES[evidence.confirmed_on].name, shown.structured_in_fitted_runs
     untold = _untold(evidence, outcome)
     names = ", ".join(dict.fromkeys(t.effect.name for t in untold))
