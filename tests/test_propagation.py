@@ -12,6 +12,7 @@ from seeds import drawn_anew
 from omnijax import laws
 from omnijax.dynamics import TRANSLATIONS, linear_system, wheel_shape
 from omnijax.simulation import propagate, ramp, simulate, speeds
+from omnijax.simulation._exact.forcing import wheel_pieces
 from omnijax.simulation._exact.system import exact_obstacle
 
 pytestmark = pytest.mark.brief
@@ -118,6 +119,26 @@ def test_obstacles_are_said():
         propagate(cubic, speeds(W), TS)
     drag = rig.add(laws.AirDrag(jnp.asarray(1e-3)), "sphere")
     assert "air-drag" in str(exact_obstacle(drag)) and exact_obstacle(drag, "paper") is None
+
+
+def test_more_rollers_than_a_traced_turn_has_room_for_are_refused():
+    """A runout on a wheel of 48 rollers: the closed form had left eight of them out of a turn."""
+    runout = laws.WheelRunout(jnp.asarray(1e-4), jnp.asarray(0.3))
+    many = machine(SKEW, rollers=48.0)
+    assert exact_obstacle(many) is None
+    assert exact_obstacle(machine(SKEW, rollers=40.0).add(runout, "w1")) is None
+    many = many.add(runout, "w2")
+    assert "wheel w2 has 48 rollers and a law on its shape" in str(exact_obstacle(many))
+    with pytest.raises(ValueError, match="has room for 40; use `simulate`"):
+        propagate(many, speeds(W), TS)
+
+    @jax.jit
+    def period(rollers):
+        rig = eqx.tree_at(lambda r: r.wheels.rollers, many, rollers)
+        return jnp.sum(wheel_pieces(rig, 1)[0][0].width)
+
+    assert float(period(jnp.full(3, 40.0))) == pytest.approx(2 * np.pi)
+    assert np.isnan(period(jnp.full(3, 48.0)))
 
 
 def test_samples_that_fall_on_the_starts_of_periods_are_like_their_neighbours():

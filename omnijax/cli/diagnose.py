@@ -133,7 +133,8 @@ def _print(diagnosis: Any) -> None:
     for fault in diagnosis.faults:
         print(f"  data: {fault}")
     for effect in diagnosis.effects:
-        print(f"  {effect.id} at {effect.place}: {in_words(effect.id, effect.place)}")
+        name, words = f"{effect.id} at {effect.place}", in_words(effect.id, effect.place)
+        print(f"  {name}" if words.replace("`", "") == name else f"  {name}: {words}")
         print(f"    {effect_sizes(effect)}")
     for group, gap in diagnosis.gap.items():
         factor, unit = scaled(gap.before, gap.unit)

@@ -91,11 +91,15 @@ def directed(pieces: Pieces, speed, angle) -> PeriodicSignal:
 
 
 def _turn(pieces: Pieces, gap: Gap, repeats: int, damage, runouts) -> Pieces:
-    """A whole turn: the profile repeated, scaled where a roller is damaged, and runout added."""
+    """A whole turn: the profile repeated, scaled where a roller is damaged, and runout added.
+
+    NaN for more rollers than there is room for, where their number is traced.
+    """
     count = number(gap.rollers) if repeats == 0 else None
     rows = repeats or (MAX_ROLLERS if count is None else round(count))
     index = jnp.arange(rows)
     present = index < jnp.round(gap.rollers) if repeats == 0 else jnp.ones(rows, bool)
+    fits = jnp.where(repeats or jnp.round(gap.rollers) <= rows, 1.0, jnp.nan)
     factor = 1 + sum(
         (jnp.where(index == jnp.round(law.roller), law.severity, 0.0) for law in damage),
         jnp.zeros(rows),
@@ -106,7 +110,7 @@ def _turn(pieces: Pieces, gap: Gap, repeats: int, damage, runouts) -> Pieces:
 
     scale = factor[:, None, None]
     turn = Pieces(
-        repeated(pieces.width) * jnp.where(present, 1.0, 0.0)[:, None],
+        repeated(pieces.width) * jnp.where(present, fits, 0.0)[:, None],
         repeated(pieces.polynomial) * scale,
         repeated(pieces.cosine) * scale,
         repeated(pieces.sine) * scale,
@@ -167,6 +171,20 @@ def wheel_pieces(rig: Rig, i: int) -> list[tuple[Pieces, Array]]:
         ]
     repeats = 1 if kind == "turn" else 0
     return [(_turn(pieces, gap, repeats, damage, runouts), jnp.ones(()))]
+
+
+def room_obstacle(rig: Rig, i: int) -> str | None:
+    """That wheel i has a law on its shape and more rollers than a traced turn has room for."""
+    count = number(rig.wheels.rollers[i])
+    shaped = any(i in placed.wheels for placed in rig.at("shape"))
+    if not shaped or count is None or count <= MAX_ROLLERS:
+        return None
+    if period_kind(rig, i) != "pitch":
+        return None
+    return (
+        f"wheel {rig.names[i]} has {count:g} rollers and a law on its shape, for which the closed "
+        f"form has room for {MAX_ROLLERS}"
+    )
 
 
 def _floor_pieces(law: FloorVibration) -> tuple[Pieces, Array, Array]:

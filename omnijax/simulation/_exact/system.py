@@ -35,7 +35,7 @@ from ...laws import (
     has_pieces,
 )
 from ...rig import Rig, over_wheels
-from .forcing import is_traced, period_kind
+from .forcing import is_traced, period_kind, room_obstacle
 
 OUTPUTS = ("dR", "dR_elastic", "approach", "a_sphere")
 
@@ -76,6 +76,8 @@ def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
             return f"a damaged roller on wheel {rig.names[i]}, whose profile is not one pitch long"
         if kind == "own" and laws and isinstance(profile, TableShape):
             return f"wheel {rig.names[i]}'s table repeats after neither its pitch nor a turn"
+        if (full := room_obstacle(rig, i)) is not None:
+            return full
     known = {
         "shape": (DamagedRoller, WheelRunout),
         "contact": (ContactRelaxation,),

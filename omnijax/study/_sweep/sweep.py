@@ -7,6 +7,7 @@ import platform
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ def sweep(
     metrics: Sequence[str] | str = ("peak", "rms"),
     *,
     speeds: Sequence[float] | None = None,
-    drive: AbstractDrive | None = None,
+    drive: AbstractDrive | Sequence[float] | None = None,
     duration: float | None = None,
     rate: float | None = None,
     model: str = "coupled",
@@ -80,22 +81,29 @@ def sweep(
     if folder is None and (resume or workers is not None or scheduler is not None):
         raise InputError("`resume`, `workers` and `scheduler` need a store: give `out`.")
     check_cluster(workers, scheduler)
-    begun = folder is not None and not folder.exists()
     about = {"method_reason": why, "command": command, "rig_file": rig_file, **environment()}
+    with _held(folder, asked, resume, chunk is not None, about) as store:
+        spread = workers is not None or scheduler is not None
+        run = over_cluster(store, workers, scheduler) if spread else _local(store, devices)
+        with saying(lambda: kept(store)):
+            _run(store, run, report)
+            _check_steps(store, devices)
+    return SweepResult(store)
+
+
+@contextmanager
+def _held(
+    folder: Path | None, asked: SweepSpec, resume: bool, fixed_chunk: bool, about: dict[str, Any]
+) -> Iterator[Store]:
+    """The store, which nobody else writes meanwhile; a new one goes again if nothing gets in."""
+    begun = folder is not None and not folder.exists()
     try:
-        store = _store(folder, asked, resume, chunk is not None, about)
+        store = _store(folder, asked, resume, fixed_chunk, about)
         held = lock(folder)
     except OSError as error:
         raise _no_space(error, folder) from None
     try:
-        run = (
-            over_cluster(store, workers, scheduler)
-            if workers is not None or scheduler is not None
-            else None
-        )
-        with saying(lambda: kept(store)):
-            _run(store, run or _local(store, devices), report)
-            _check_steps(store, devices)
+        yield store
     except InputError:  # nothing was computed: a store of nothing helps nobody
         if begun and folder is not None and not store.done().any():
             shutil.rmtree(folder, ignore_errors=True)
@@ -104,7 +112,6 @@ def sweep(
         raise _no_space(error, folder) from None
     finally:
         held.release()
-    return SweepResult(store)
 
 
 @functools.cache
