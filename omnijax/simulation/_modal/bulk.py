@@ -86,7 +86,8 @@ def modal_steady(
     """
 
     def figures(design: LinearDesign, layout: Layout, effort: Effort):
-        layout = layout._replace(rows=rows_asked(table, layout))
+        few = effort == Effort.LEAST
+        layout = layout._replace(rows=rows_asked(table, layout), short=few)
         return _long_run(design, layout, table, gradient, effort=effort)
 
     return _batches(

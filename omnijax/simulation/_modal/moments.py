@@ -2,11 +2,12 @@
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .arithmetic import Pair, exp_less_one, plus, product, sincos, summed, times, turned
-from .phases import PhaseCycle, Wave, follows, free_starts, ones, wide
+from .phases import PhaseCycle, Wave, follows, free_starts, ones
 from .poles import PolePairs
 from .resonance import resonance
 
@@ -66,22 +67,22 @@ def _weighted(m: PolePairs, u: Wave) -> Pair:
     return first, second
 
 
-def _work(m: PolePairs, u: Wave, v: Wave, both: _Overlap) -> Pair:
-    """Mean of rho_u phi_v over their common period; their pieces are the same."""
-    r = follows(m, v)
-    free = product(m.kind, free_starts(m, v, r), _weighted(m, u))
-    # rho_u times level and slope of v's sinusoids, all pieces
-    level, slope = (jnp.sum(x, axis=1)[:, None] for x in turned(v.cosine, v.sine, *both))
-    slope = v.rate[:, None] * slope
+def _work(m: PolePairs, u: Wave, both: _Overlap) -> Pair:
+    """Mean of rho phi over the period; `both`: of the signal with itself."""
+    r = follows(m, u)
+    free = product(m.kind, free_starts(m, u, r), _weighted(m, u))
+    # rho times level and slope of its sinusoids, all pieces
+    level, slope = (jnp.sum(x, axis=1)[:, None] for x in turned(u.cosine, u.sine, *both))
+    slope = u.rate[:, None] * slope
     works = [
         (summed(x) - summed(y)) / u.period for x, y in zip(free, r.lag(level, slope), strict=True)
     ]
     return works[0], works[1]
 
 
-def _product(v: Wave, both: _Overlap):
-    """Mean of rho_u rho_v over their common period; their pieces are the same."""
-    return jnp.sum(v.cosine * both.cosine + v.sine * both.sine, axis=(0, 1)) / v.period
+def _product(u: Wave, both: _Overlap):
+    """Mean of rho^2 over the period; `both`: of the signal with itself."""
+    return jnp.sum(u.cosine * both.cosine + u.sine * both.sine, axis=(0, 1)) / u.period
 
 
 def _mean(u: Wave):
@@ -102,23 +103,54 @@ def _line(u: Wave, rate):
     )
 
 
+class _Squares(NamedTuple):
+    """Signals with edges whose means of quadratic forms add up to those of the phases' own."""
+
+    wave: Wave  # of as many phases, or of three times as many
+    share: Float[Array, "s c"] | None  # how much of a turn a pitch is, where there are both
+
+    @classmethod
+    def of(cls, cycle: PhaseCycle) -> "_Squares":
+        """A damaged roller, which comes once a turn, falls on one of the profile's gaps.
+
+        Twice its means with the profile's own are those of both together, less those of each.
+        """
+        if len(cycle.edged) == 1:
+            return cls(cycle.edged[0], None)
+        pitch, turn = cycle.edged
+        share = pitch.period / turn.period
+        both = [x + share * y for x, y in zip(pitch[-2:], turn[-2:], strict=True)]
+        folded = pitch._replace(cosine=turn.cosine, sine=turn.sine)
+        return cls(_side_by_side(Wave(*pitch[:-2], *both), folded, turn), share)
+
+    def modes(self, m: PolePairs) -> PolePairs:
+        """The modes of each of the signals, from those of all phases or of each."""
+        if self.share is None or m.l0.shape[-2] == 1:
+            return m
+        l0, l1 = (jnp.concatenate([x] * 3, axis=-2) for x in (m.l0, m.l1))
+        return m._replace(l0=l0, l1=l1)
+
+    def total(self, x: Float[Array, "... s c"]) -> Float[Array, "... s c"]:
+        """Of the phases, from what each of the signals has."""
+        if self.share is None:
+            return x
+        both, folded, turn = jnp.split(x, 3, axis=-2)
+        return both - self.share * self.share * folded + turn
+
+
+def _side_by_side(*waves: Wave) -> Wave:
+    return jax.tree.map(lambda *x: jnp.concatenate(x, axis=-2), *waves)
+
+
 def moments_of(m: PolePairs, cycle: PhaseCycle) -> Moments:
-    """Closed forms over the phases' periods; of plain modes."""
-    m = wide(m)
+    """Closed forms over the phases' periods; of `wide` modes, or of modes (p, s, c) of each."""
     zero = jnp.zeros_like(cycle.period)
     work, level, square = (0.0 * m.l0 + zero, 0.0 * m.l0 + zero), zero, zero
-    for wave in cycle.edged:
-        own = _Overlap.of(wave, wave)
-        work = plus(work, _work(m, wave, wave, own))
-        level, square = level + _mean(wave), square + _product(wave, own)
-    if len(cycle.edged) > 1:  # a damaged roller falls on one of the profile's gaps
-        pitch, turn = cycle.edged
-        folded = turn._replace(duration=pitch.duration)
-        share = pitch.period / turn.period
-        there, back = _Overlap.of(pitch, folded), _Overlap.of(folded, pitch)
-        both = plus(_work(m, pitch, folded, there), _work(m, folded, pitch, back))
-        work = plus(work, times(share, both))
-        square = square + 2 * share * _product(folded, there)
+    if cycle.edged:
+        own = _Squares.of(cycle)
+        both = _Overlap.of(own.wave, own.wave)
+        first, second = (own.total(x) for x in _work(own.modes(m), own.wave, both))
+        work, level, square = (first, second), _level(cycle), own.total(_product(own.wave, both))
     if cycle.endless:
         rate = cycle.endless[0].rate[0]
         half, across = _with_endless(cycle)
@@ -132,22 +164,21 @@ def moments_of(m: PolePairs, cycle: PhaseCycle) -> Moments:
 
 def slope_square(cycle: PhaseCycle) -> Float[Array, "s c"]:
     """Mean of the square of drho/dt over the phases' periods; rho has no jumps."""
-    turned = [
-        wave._replace(cosine=wave.rate[:, None] * wave.sine, sine=-wave.rate[:, None] * wave.cosine)
-        for wave in cycle.edged
-    ]
-    square = sum(
-        (_product(wave, _Overlap.of(wave, wave)) for wave in turned), jnp.zeros_like(cycle.period)
-    )
-    if len(turned) > 1:
-        pitch, turn = turned
-        folded = turn._replace(duration=pitch.duration)
-        both = _Overlap.of(pitch, folded)
-        square = square + 2 * pitch.period / turn.period * _product(folded, both)
+    square = jnp.zeros_like(cycle.period)
+    if cycle.edged:
+        own = _Squares.of(cycle)
+        wave, rate = own.wave, own.wave.rate[:, None]
+        turned = wave._replace(cosine=rate * wave.sine, sine=-rate * wave.cosine)
+        square = own.total(_product(turned, _Overlap.of(turned, turned)))
     if cycle.endless:
         half, across = _with_endless(cycle)
         square = square + cycle.endless[0].rate[0] ** 2 * (half + across)
     return square
+
+
+def _level(cycle: PhaseCycle) -> Float[Array, "s c"]:
+    """Mean over the phases' periods of the signals with edges."""
+    return sum((_mean(wave) for wave in cycle.edged), jnp.zeros_like(cycle.period))
 
 
 def _with_endless(cycle: PhaseCycle):
@@ -157,16 +188,22 @@ def _with_endless(cycle: PhaseCycle):
     rate, zero = cycle.endless[0].rate[0], jnp.zeros_like(cycle.period)
     cosine = sum((wave.cosine[0, 0] for wave in cycle.endless), zero)
     sine = sum((wave.sine[0, 0] for wave in cycle.endless), zero)
-    lines = [_shared(wave, cycle.period, rate) for wave in cycle.edged]
-    across = sum((2 * (cosine * a + sine * b) for a, b in lines), zero)
+    across = zero
+    if cycle.edged:
+        a, b = _shared(cycle, rate)
+        across = 2 * (cosine * a + sine * b)
     still = rate == 0
-    level = 2 * cosine * sum((_mean(w) for w in cycle.edged), zero)
     own = jnp.where(still, cosine * cosine, (cosine * cosine + sine * sine) / 2)
-    return own, jnp.where(still, level, across)
+    return own, jnp.where(still, 2 * cosine * _level(cycle), across)
 
 
-def _shared(wave: Wave, period, rate):
-    """`_line` over a turn: nothing where the signal repeats more than once in it."""
-    once = wave.period > 0.6 * period
-    cosine, sine = _line(wave, rate)
-    return jnp.where(once, cosine, 0.0), jnp.where(once, sine, 0.0)
+def _shared(cycle: PhaseCycle, rate: Float[Array, "s c"]):
+    """Means of all signals with edges times cos(rate t) and sin(rate t).
+
+    Over a turn: nothing of a signal that repeats more than once in it.
+    """
+    count = len(cycle.edged)
+    every, period = _side_by_side(*cycle.edged), jnp.concatenate([cycle.period] * count)
+    once = every.period > 0.6 * period
+    lines = _line(every, jnp.concatenate([rate] * count))
+    return [summed(jnp.stack(jnp.split(jnp.where(once, x, 0.0), count))) for x in lines]

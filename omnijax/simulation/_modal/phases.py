@@ -2,40 +2,47 @@
 
 In the long run every wheel and every floor has a phase of its own.  The signals of one wheel share
 its phase: a gap profile that repeats pitch by pitch, a damaged roller and a runout turn by turn.
-Phases of like kinds stand beside each other (s) and pass through every formula together; pairs of
-poles as in `poles`, batch last.
+Phases of like kinds stand beside each other (s) and pass through every formula together.  Where a
+short program is worth more than a fast one, so do phases of unlike kinds that take about as long,
+with signals of 0 for those that one of them lacks.  Pairs of poles as in `poles`, batch last.
 """
 
 import functools
 import itertools
 import math
 import operator
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .arithmetic import Pair, exp_less_one, pair_exp, product, quotient, sincos, summed, turned
 from .poles import PolePairs
 from .resonance import Resonance, resonance
-from .signals import CONSTANT, FOREVER, SILENT, Kind, Signals
+from .signals import CONSTANT, FOREVER, SILENT, Signals
 from .system import Layout
 
 TURN = 2 * math.pi
+LACKING = -1  # number of a signal that a phase does not have
 
 
 class Phases(NamedTuple):
-    """What is static about phases of like kinds: the signals of each, with edges and without."""
+    """What is static about phases that stand beside each other: their signals by their numbers.
 
-    edged: tuple[tuple[int, ...], ...]  # [signal of the phase][phase]: number of the signal
+    [signal of the phase][phase]; a phase may be `LACKING` some that others have.
+    """
+
+    edged: tuple[tuple[int, ...], ...]
     endless: tuple[tuple[int, ...], ...]
 
     @property
     def first(self) -> tuple[int, ...]:
         """One signal of each phase."""
-        return (self.edged or self.endless)[0]
+        each = zip(*self.edged, *self.endless, strict=True)
+        return tuple(next(i for i in own if i != LACKING) for own in each)
 
 
 def phases_of(layout: Layout) -> tuple[Phases, ...]:
@@ -48,13 +55,27 @@ def phases_of(layout: Layout) -> tuple[Phases, ...]:
     def shape(numbers: list[int]):
         return tuple((layout.kinds[i].pieces, layout.kinds[i].waves) for i in numbers)
 
-    phases = []
-    ordered = sorted(own.values(), key=shape)
-    for kinds, same in itertools.groupby(ordered, key=shape):
-        across = tuple(zip(*same, strict=True))
-        count = sum(pieces > 1 for pieces, _ in kinds)
-        phases.append(Phases(across[:count], across[count:]))
-    return tuple(phases)
+    def cost(numbers: list[int]):
+        kinds = [layout.kinds[i] for i in numbers]
+        return max(kind.waves for kind in kinds), sum(kind.pieces > 1 for kind in kinds) > 1
+
+    alike = cost if layout.short else shape
+    ordered = sorted(own.values(), key=alike)
+    return tuple(_beside(same, layout) for _, same in itertools.groupby(ordered, key=alike))
+
+
+def _beside(every: Iterable[list[int]], layout: Layout) -> Phases:
+    """Phases of these signals side by side."""
+    edged, endless = [], []
+    for numbers in every:
+        with_edges = [i for i in numbers if layout.kinds[i].pieces > 1]
+        edged.append(with_edges)
+        endless.append([i for i in numbers if i not in with_edges])
+
+    def across(each: list[list[int]]):
+        return tuple(itertools.zip_longest(*each, fillvalue=LACKING))
+
+    return Phases(across(edged), across(endless))
 
 
 class Wave(NamedTuple):
@@ -78,7 +99,10 @@ class Wave(NamedTuple):
 
 
 class PhaseCycle(NamedTuple):
-    """The signals of phases of like kinds; `endless` has one piece, all of one rate."""
+    """The signals of phases beside each other; `endless` has one piece, all of one rate.
+
+    A second signal with edges comes once a turn, and has the pieces and rates of the first.
+    """
 
     edged: tuple[Wave, ...]
     endless: tuple[Wave, ...]
@@ -86,32 +110,72 @@ class PhaseCycle(NamedTuple):
 
 
 def cycle_of(signals: Signals, layout: Layout, phases: Phases) -> PhaseCycle:
-    """The phases' signals as arrays."""
-    first = np.cumsum([0, *(kind.waves for kind in layout.kinds)])
+    """The phases' signals as arrays.
 
-    def wave(numbers: tuple[int, ...]) -> Wave:
-        kind: Kind = layout.kinds[numbers[0]]
-        rows = np.array([np.arange(first[i], first[i] + kind.waves) for i in numbers]).T
-        rate, cosine, sine = signals.rate[rows], signals.cosine[rows], signals.sine[rows]
-        cosine, sine = (jnp.swapaxes(x[:, :, : kind.pieces], 1, 2) for x in (cosine, sine))
-        if kind.pieces == 1:
-            still = rate[0] == 0
-            length = jnp.where(still, 1.0, TURN / jnp.where(still, 1.0, jnp.abs(rate[0])))
-            return Wave(length[None], 0.0 * length, rate, cosine, sine)
-        number = np.array(numbers)  # signals with edges come first
-        duration = jnp.swapaxes(signals.duration[number, : kind.pieces], 0, 1)
-        duration = jnp.where(duration >= FOREVER, 1.0, duration)
-        begin = jnp.cumsum(duration, axis=0) - duration
-        here = jnp.arange(kind.pieces)[:, None, None] == signals.piece[number]
-        place = jnp.sum(jnp.where(here, begin, 0.0), axis=0) + signals.since[number]
-        return Wave(duration, place, rate, cosine, sine)
-
-    edged, endless = ([wave(x) for x in numbers] for numbers in phases)
-    longest = edged[1] if len(edged) > 1 else (endless or edged)[0]
-    period = longest.period
-    if edged and endless and len(edged) == 1:  # at rest nothing repeats
-        period = jnp.where(endless[0].rate[0] == 0, edged[0].period, period)
+    One with edges that a phase lacks has the edges of its first, or none but at its period's begin.
+    """
+    endless = [_endless(signals, layout, numbers) for numbers in phases.endless]
+    kinds = [layout.kinds[i] for numbers in phases.edged for i in numbers if i != LACKING]
+    size = max((k.waves for k in kinds), default=1), max((k.pieces for k in kinds), default=1)
+    edged: list[Wave] = []
+    for numbers in phases.edged:
+        known = (edged or endless or [None])[0]
+        edged.append(_edged(signals, layout, numbers, known, size))
+    period = (edged or endless)[0].period
+    if edged and endless:  # at rest nothing repeats
+        moves = _there(phases.endless[0]) & (endless[0].rate[0] != 0)
+        period = jnp.where(moves, endless[0].period, period)
+    for numbers, wave in zip(phases.edged[1:], edged[1:], strict=True):
+        period = jnp.where(_there(numbers), wave.period, period)
     return PhaseCycle(tuple(edged), tuple(endless), period)
+
+
+def _there(numbers: Sequence[int]) -> Bool[np.ndarray, "s 1"]:
+    """Which phases have a signal."""
+    return np.array(numbers)[:, None] != LACKING
+
+
+def _sinusoids(signals: Signals, layout: Layout, numbers: Sequence[int], size: tuple[int, int]):
+    """Rates (w, s, c) and amplitudes (w, k, s, c) of one signal of each phase; `size`: w, k."""
+    waves, pieces = size
+    first = np.cumsum([0, *(kind.waves for kind in layout.kinds)])
+    rows = np.full((waves, len(numbers)), LACKING)
+    for s, i in enumerate(numbers):
+        if i != LACKING:
+            rows[: layout.kinds[i].waves, s] = np.arange(first[i], first[i + 1])
+    parts = signals.rate, signals.cosine[:, :pieces], signals.sine[:, :pieces]
+    if LACKING in rows:
+        parts = (jnp.concatenate([x, jnp.zeros_like(x[:1])]) for x in parts)
+    rate, cosine, sine = (x[rows] for x in parts)
+    return rate, jnp.swapaxes(cosine, 1, 2), jnp.swapaxes(sine, 1, 2)
+
+
+def _endless(signals: Signals, layout: Layout, numbers: Sequence[int]) -> Wave:
+    """A signal without edges."""
+    rate, cosine, sine = _sinusoids(signals, layout, numbers, (1, 1))
+    still = rate[0] == 0
+    length = jnp.where(still, 1.0, TURN / jnp.where(still, 1.0, jnp.abs(rate[0])))
+    return Wave(length[None], 0.0 * length, rate, cosine, sine)
+
+
+def _edged(
+    signals: Signals, layout: Layout, numbers: Sequence[int], known: Wave | None,
+    size: tuple[int, int],
+) -> Wave:  # fmt: skip
+    """A signal with edges; phases that lack it have the pieces `known`."""
+    there, pieces = _there(numbers), size[1]
+    number = np.where(there[:, 0], numbers, 0)  # signals with edges come first
+    duration = jnp.swapaxes(signals.duration[number, :pieces], 0, 1)
+    duration = jnp.where(duration >= FOREVER, 1.0, duration)
+    begin = jnp.cumsum(duration, axis=0) - duration
+    here = jnp.arange(pieces)[:, None, None] == signals.piece[number]
+    place = jnp.sum(jnp.where(here, begin, 0.0), axis=0) + signals.since[number]
+    if not there.all():
+        assert known is not None
+        room = ((0, pieces - len(known.duration)), (0, 0), (0, 0))
+        duration = jnp.where(there, duration, jnp.pad(known.duration, room))
+        place = jnp.where(there, place, known.place)
+    return Wave(duration, place, *_sinusoids(signals, layout, numbers, size))
 
 
 def longest_period(signals: Signals, layout: Layout) -> Array:
@@ -124,6 +188,25 @@ def longest_period(signals: Signals, layout: Layout) -> Array:
 def wide(m: PolePairs) -> PolePairs:
     """The poles alone, (p, 1, c)."""
     return m._replace(kind=m.kind[:, None], l0=m.l0[:, None], l1=m.l1[:, None])
+
+
+def of_each(m: PolePairs, cycle: PhaseCycle) -> Pair:
+    """The poles once for every phase, (p, s, c)."""
+    m, room = wide(m), jnp.zeros_like(cycle.period)
+    return m.l0 + room, m.l1 + room
+
+
+def pulled(back: Callable, kind: Float[Array, "p c"], bars: list, units: list):
+    """Derivatives by its own pole of every R, (p, s, c), and of sums by the signals, in one pass.
+
+    `back`: the way back to the poles of each phase and to the signals; `bars`: of the sums, with an
+    axis that leads; `units`: of the sum of all R, each of which depends on its own pole alone.
+    """
+    every = jax.tree.map(lambda x, y: jnp.concatenate([x, y[None]]), bars, units)
+    poles, signals = jax.vmap(back)(every)
+    complex_ = kind[:, None] > 0
+    slopes = [(x[-1], jnp.where(complex_, -y[-1], y[-1])) for x, y in poles]
+    return slopes, jax.tree.map(lambda x: x[:-1], signals)
 
 
 def ones(m: PolePairs) -> Pair:
@@ -236,8 +319,11 @@ def with_edges(known: PhaseCycle, spot: Spot, cycle: PhaseCycle) -> Spot:
 
 
 def response(m: PolePairs, cycle: PhaseCycle, spot: Spot) -> PeriodicResponse:
-    """The response at a spot, at any time of the periodic motion; of plain modes."""
-    m, of_phases = wide(m), []
+    """The response at a spot, at any time of the periodic motion.
+
+    Of `wide` modes, or of modes (p, s, c) of each phase.
+    """
+    of_phases = []
     for wave in (*cycle.edged, *cycle.endless):
         r = follows(m, wave)
         here, into = piece_of(wave, spot)

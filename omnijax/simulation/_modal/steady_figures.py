@@ -22,7 +22,7 @@ from .phases import Phases, Spot, phases_of
 from .steady_filtered import FilterPoles, filtered_slopes, filtered_squares
 from .steady_lines import ends_of, with_grip
 from .steady_margins import steady_margins
-from .steady_mean import mean_slopes, mean_squares
+from .steady_mean import mean_slopes, mean_squares, means_of
 from .steady_spots import AtSpots, spot_slopes, together
 from .supremum import is_straight, suprema
 from .system import OUTPUTS, UPRIGHT, Layout
@@ -132,7 +132,8 @@ def steady_of(
 ) -> tuple[Float[Array, "figures c"], Slopes | None]:
     """The table's metrics, normal force and grip; derivatives of the metrics, stacked."""
     by_metric = asked_by(table, layout.wheels)
-    pieces, margins = _pieces(g, layout, table, {one for asked in by_metric for one in asked})
+    asked = {one for asked in by_metric for one in asked}
+    pieces, margins = _pieces(g, layout, table, asked, gradient)
     names = [one for piece in pieces for one in piece.figures]
     shapes = [_shape(one, layout.wheels) for one in names]
     ends = np.cumsum([0, *(int(np.prod(shape)) for shape in shapes)]).tolist()
@@ -172,7 +173,7 @@ def _added(*parts: Array | None) -> Array | None:
 
 
 def _pieces(
-    g: Lanes, layout: Layout, table: LongRunTable, asked: set[AskedFigure]
+    g: Lanes, layout: Layout, table: LongRunTable, asked: set[AskedFigure], gradient: bool
 ) -> tuple[list[_Piece], tuple[Array, Array]]:
     """All figures asked for; and the least margins, or bounds of the same signs."""
     of = {
@@ -181,9 +182,10 @@ def _pieces(
     }
     pieces = []
     if of["mean_square"]:
-        pieces.append(_mean_piece(g, layout, of["mean_square"]))
+        pieces.append(_mean_piece(g, layout, of["mean_square"], gradient))
     if of["filtered"]:
-        pieces.append(_filtered_piece(g, layout, of["filtered"], table.filters))
+        assert table.filters is not None
+        pieces.append(_filtered_piece(g, layout, of["filtered"], table.filters, gradient))
     reached = _lengths(g, layout, of["extremes"], of["supremum"])
     margins = None
     if any(of[name] for name in FORCES):
@@ -201,19 +203,23 @@ def _rows(layout: Layout, asked: list[AskedFigure]) -> np.ndarray:
     return np.concatenate([layout.place(one.output) for one in asked])
 
 
-def _mean_piece(g: Lanes, layout: Layout, asked: list[AskedFigure]) -> _Piece:
+def _mean_piece(g: Lanes, layout: Layout, asked: list[AskedFigure], gradient: bool) -> _Piece:
     rows = _rows(layout, asked)
-    mean = mean_squares(g, layout, rows, any(one.output not in SMOOTH for one in asked))
-    return _Piece(asked, mean.value, lambda by: mean_slopes(g, layout, rows, mean, by))
+    means = means_of(g, layout, any(one.output not in SMOOTH for one in asked), gradient)
+    mean = mean_squares(g, layout, rows, means)
+    return _Piece(asked, mean.value, lambda by: mean_slopes(g, layout, rows, means, mean, by))
 
 
-def _filtered_piece(g: Lanes, layout: Layout, asked: list[AskedFigure], filters) -> _Piece:
+def _filtered_piece(
+    g: Lanes, layout: Layout, asked: list[AskedFigure], filters: FilterPoles, gradient: bool
+) -> _Piece:
     rows = _rows(layout, asked)
-    mean = mean_squares(g, layout, rows, False)
-    behind = filtered_squares(g, layout, mean, filters)
+    means = means_of(g, layout, False, gradient, filters.pairs(g.modes))
+    mean = mean_squares(g, layout, rows, means)
+    behind = filtered_squares(mean, filters)
 
     def slopes(by):
-        return filtered_slopes(g, layout, rows, mean, behind, filters, by)
+        return filtered_slopes(g, layout, rows, means, mean, behind, filters, by)
 
     return _Piece(asked, behind.value, slopes)
 

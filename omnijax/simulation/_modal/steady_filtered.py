@@ -8,23 +8,23 @@ of the filter's, and nothing of rho goes straight through.  No filter lets a con
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .gradient import Slopes
-from .moments import moments_of
-from .phases import PhaseCycle, cycle_of, phases_of
+from .moments import Moments
+from .phases import phases_of
 from .poles import PolePairs
-from .signals import Signals
 from .steady_mean import (
+    LongRunMeans,
     MeanSquares,
+    PhaseMeans,
     Psi,
     against,
     both_of,
+    by_pairs,
     kernel_of,
-    slope_of_work,
 )
 from .system import Layout
 from .transient import Lanes
@@ -67,22 +67,20 @@ class FilteredSquares(NamedTuple):
     pole: Complex[Array, "q c"]
 
 
-def filtered_squares(
-    g: Lanes, layout: Layout, mean: MeanSquares, filters: FilterPoles
-) -> FilteredSquares:
-    """Of the outputs that the mean squares `mean` are of."""
+def filtered_squares(mean: MeanSquares, filters: FilterPoles) -> FilteredSquares:
+    """Of the outputs that `mean` is of, which was made of means of the filters' poles too."""
     mu, h = filters.both
     own = mean.pole
     pole = jnp.concatenate([own, jnp.broadcast_to(mu[:, None], (len(mu), own.shape[-1]))])
     between = 1 / (own - mu[:, None, None])  # (j, q, c)
     through = jnp.sum(h[:, :, None, None] * between, axis=1)[:, :, None]  # H(lambda), (o, q, 1, c)
     m, value, parts = filters.pairs(mean.modes), 0.0, []
-    for phases, part in zip(phases_of(layout), mean.phases, strict=True):
-        cycle = cycle_of(g.signals, layout, phases)
+    for part in mean.phases:
+        first, second = (x[-len(m.kind) :] for x in part.moments.work)
         seen = -jnp.sum(part.shown[:, None] * between[:, :, None], axis=2)  # (o, j, s, c)
         seen = seen + part.direct[:, None] + part.slope[:, None] * mu[:, None, None]
         shown = jnp.concatenate([part.shown * through, h[:, :, None, None] * seen], axis=1)
-        work = jnp.concatenate([part.work, both_of(m, moments_of(m, cycle).work)])
+        work = jnp.concatenate([part.work, both_of(m, (first, second))])
         kernel = kernel_of(pole, shown)
         value = value + jnp.sum(jnp.sum(kernel * work, axis=1).real, axis=1)
         parts.append(FilteredPhase(shown, work, kernel))
@@ -90,8 +88,8 @@ def filtered_squares(
 
 
 def filtered_slopes(
-    g: Lanes, layout: Layout, rows: np.ndarray, mean: MeanSquares, behind: FilteredSquares,
-    filters: FilterPoles, weight: Float[Array, "m o c"],
+    g: Lanes, layout: Layout, rows: np.ndarray, means: LongRunMeans, mean: MeanSquares,
+    behind: FilteredSquares, filters: FilterPoles, weight: Float[Array, "m o c"],
 ) -> Slopes:  # fmt: skip
     """Derivatives of sums of these, times `weight`."""
     mu, h = filters.both
@@ -101,9 +99,18 @@ def filtered_slopes(
     h_ = h[:, :, None, None]
     through = jnp.sum(h_ * between, axis=1)[:, :, None]
     bent = -jnp.sum(h_ * between**2, axis=1)[:, :, None]
-    psi, groups = Psi.none(g, layout, len(rows)), phases_of(layout)
-    for phases, part in zip(groups, behind.phases, strict=True):
-        slope = slope_of_work(m, cycle_of(g.signals, layout, phases))
+
+    def bar(part: FilteredPhase) -> PhaseMeans:
+        by = jnp.sum(weight[:, :, None, None] * part.kernel, axis=1)  # (m, q, s, c)
+        each = by_pairs(m, by[:, :count]), by_pairs(filter_pairs, by[:, count:])
+        first, second = (jnp.concatenate(x, axis=1) for x in zip(*each, strict=True))
+        none = jnp.zeros_like(first[:, 0])
+        return PhaseMeans(Moments((first, second), none, none), None)
+
+    slopes, signals = means.pulled([bar(part) for part in behind.phases])
+    psi = Psi.none(g, layout, len(rows))
+    for phases, part, known in zip(phases_of(layout), behind.phases, slopes, strict=True):
+        slope = both_of(m, (known[0][: len(m.kind)], known[1][: len(m.kind)]))
         every = jnp.concatenate([slope, 0.0 * part.work[count:]])
         whole, by = against(behind.pole, part.shown, part.work, behind.pole, part.work, every)
         at_mu = h[:, :, None, None] * whole[:, count:]  # (o, j, s, c)
@@ -113,17 +120,4 @@ def filtered_slopes(
         turned = bent * whole + through * by + jnp.sum(over * between[:, :, None], axis=1)
         direct, rate = (jnp.sum(x, axis=1).real for x in (at_mu, at_mu * mu[:, None, None]))
         psi = psi.put(phases.first, m, value, turned, direct, rate)
-
-    def work(cycle: PhaseCycle):
-        pairs = ((m, moments_of(m, cycle)), (filter_pairs, moments_of(filter_pairs, cycle)))
-        return jnp.concatenate([both_of(pair, x.work) for pair, x in pairs])
-
-    def figure(signals: Signals, weight):
-        value = 0.0
-        for phases, part in zip(groups, behind.phases, strict=True):
-            by_work = jnp.sum(weight[:, None, None] * part.kernel, axis=0)
-            value += jnp.sum((by_work * work(cycle_of(signals, layout, phases))).real)
-        return value
-
-    signals = jax.vmap(lambda w: jax.grad(figure)(g.signals, w))(weight)
     return psi.weighted(g, layout, rows, weight, signals)

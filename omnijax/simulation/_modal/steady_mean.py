@@ -10,6 +10,7 @@ All that is asked of a signal is R at every pole, the mean of rho and those of i
 slope's.  Phases run independently: variances add up, means add up first.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -17,16 +18,84 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .arithmetic import Pair, materialised, product, stored, summed
-from .gradient import Slopes, along_poles, seen
+from .arithmetic import Pair, materialised, product, summed
+from .gradient import Slopes, seen
 from .moments import Moments, moments_of, slope_square
-from .phases import PhaseCycle, columns_of, constant, cycle_of, phases_of
+from .phases import (
+    PhaseCycle,
+    columns_of,
+    constant,
+    cycle_of,
+    of_each,
+    phases_of,
+    pulled,
+    wide,
+)
 from .poles import PolePairs
 from .signals import CONSTANT, Signals
 from .system import Layout
 from .transient import Lanes
 
 LEAST_DECAY = 1e-7  # over a period: what keeps the mean square of an undamped mode finite
+
+
+class PhaseMeans(NamedTuple):
+    """What the mean squares ask of phases that stand beside each other."""
+
+    moments: Moments
+    turn: Float[Array, "s c"] | None  # mean of the square of drho/dt, where that is asked for
+
+
+class LongRunMeans(NamedTuple):
+    """Means over the periods of all phases, and the way back from their derivatives."""
+
+    modes: PolePairs  # that decay
+    kind: Float[Array, "p c"]  # of all pairs, the design's own first
+    phases: list[PhaseMeans]
+    back: Callable | None  # derivatives by the pairs (p, s, c) of each phase and by the signals
+
+    def pulled(self, bars: list[PhaseMeans]) -> tuple[list[Pair], Signals]:
+        """Derivatives of every R by its pole, (p, s, c), and of sums of all means by the signals.
+
+        `bars`: what the sums (m) are of, each with that leading axis.
+        """
+        assert self.back is not None
+
+        def unit(part: PhaseMeans) -> PhaseMeans:
+            none = jax.tree.map(jnp.zeros_like, part)
+            one = jnp.ones_like(part.moments.work[0])
+            work = one, jnp.where(self.kind[:, None] > 0, 0.0, one)
+            return none._replace(moments=none.moments._replace(work=work))
+
+        return pulled(self.back, self.kind, bars, [unit(part) for part in self.phases])
+
+
+def means_of(
+    g: Lanes, layout: Layout, turning: bool, gradient: bool, more: PolePairs | None = None
+) -> LongRunMeans:
+    """Of the designs' pairs and then `more`; `turning`: whether of the slope of rho too."""
+    groups = phases_of(layout)
+    cycles = [cycle_of(g.signals, layout, phases) for phases in groups]
+    m = own = damped(g.modes, cycles)
+    if more is not None:
+        kind, l0, l1 = (
+            jnp.concatenate(x) for x in ((m.kind, more.kind), (m.l0, more.l0), (m.l1, more.l1))
+        )
+        m = m._replace(kind=kind, l0=l0, l1=l1)
+
+    def means(m: PolePairs, cycle: PhaseCycle) -> PhaseMeans:
+        return PhaseMeans(moments_of(m, cycle), slope_square(cycle) if turning else None)
+
+    if not gradient:
+        return LongRunMeans(own, m.kind, [materialised(means, wide(m), x) for x in cycles], None)
+
+    def every(poles: list[Pair], signals: Signals):
+        now = [cycle_of(signals, layout, phases) for phases in groups]
+        pairs = [wide(m)._replace(l0=x, l1=y) for x, y in poles]
+        return [means(*x) for x in zip(pairs, now, strict=True)]
+
+    each, back = jax.vjp(every, [of_each(m, cycle) for cycle in cycles], g.signals)
+    return LongRunMeans(own, m.kind, materialised(lambda x: x, each), back)
 
 
 class PhaseMoments(NamedTuple):
@@ -49,6 +118,17 @@ def both_of(m: PolePairs, a: Pair) -> Complex[Array, "... q c"]:
     return jnp.concatenate([one, two])
 
 
+def by_pairs(m: PolePairs, by: Complex[Array, "... q s c"]) -> Pair:
+    """Derivatives by pairs of a sum's real part whose terms are `by` times values at all
+    eigenvalues.
+    """
+    k, (one, two) = m.kind[:, None] > 0, jnp.split(by, 2, axis=-3)
+    return (
+        one.real + jnp.where(k, two.real, 0.0),
+        jnp.where(k, two.imag - one.imag, two.real),
+    )
+
+
 def pairs_of(m: PolePairs, x: Complex[Array, "o q s c"]) -> Pair:
     """Values of pairs, (o, s, p, c), from those at all eigenvalues."""
     count = len(m.kind)
@@ -65,19 +145,18 @@ def damped(m: PolePairs, cycles: list[PhaseCycle]) -> PolePairs:
 
 
 def _phase(
-    g: Lanes, m: PolePairs, pole, cycle: PhaseCycle, columns, rows: np.ndarray, turning: bool
+    g: Lanes, m: PolePairs, pole, means: PhaseMeans, columns, rows: np.ndarray
 ) -> PhaseMoments:
-    """`pole` (q, c): all eigenvalues; `turning`: whether an output shows the slope of rho."""
-    moments = materialised(moments_of, m, cycle)
-    k = m.kind > 0
+    """`pole` (q, c): all eigenvalues."""
+    moments, k = means.moments, m.kind > 0
+    work = moments.work[0][: len(k)], moments.work[1][: len(k)]
     c = jnp.where(k, 0.5, 1.0) * m.c0[rows], jnp.where(k, -0.5, 1.0) * m.c1[rows]
     c = jnp.stack([both_of(m, (c[0][o], c[1][o])) for o in range(len(rows))])
     b = jnp.swapaxes(jnp.stack([both_of(m, (m.b0[i], m.b1[i])) for i in columns]), 0, 1)
     D, slope = (jnp.moveaxis(x[columns][:, rows], 1, 0) for x in (g.direct, g.slope))
     shown = c[:, :, None] * b
     mean = (D - jnp.sum(shown / pole[:, None], axis=1).real) * moments.level
-    turn = materialised(slope_square, cycle) if turning else None
-    return PhaseMoments(moments, turn, shown, both_of(m, moments.work), D, slope, mean)
+    return PhaseMoments(moments, means.turn, shown, both_of(m, work), D, slope, mean)
 
 
 class MeanSquares(NamedTuple):
@@ -91,18 +170,13 @@ class MeanSquares(NamedTuple):
     pole: Complex[Array, "q c"]
 
 
-def mean_squares(g: Lanes, layout: Layout, rows: np.ndarray, turning: bool) -> MeanSquares:
-    """The long run's means of the squares of the outputs `rows`.
-
-    `turning`: whether one of them shows the slope of rho.
-    """
-    groups = phases_of(layout)
-    cycles = [cycle_of(g.signals, layout, phases) for phases in groups]
-    m = damped(g.modes, cycles)
+def mean_squares(g: Lanes, layout: Layout, rows: np.ndarray, means: LongRunMeans) -> MeanSquares:
+    """The long run's means of the squares of the outputs `rows`."""
+    m = means.modes
     pole = both_of(m, (m.l0, m.l1))
     parts = [
-        _phase(g, m, pole, cycle, columns_of(layout, phases), rows, turning)
-        for cycle, phases in zip(cycles, groups, strict=True)
+        _phase(g, m, pole, part, columns_of(layout, phases), rows)
+        for part, phases in zip(means.phases, phases_of(layout), strict=True)
     ]
     total = constant(m, layout, rows, g.direct) + sum(jnp.sum(part.mean, axis=1) for part in parts)
     value, kernels = total * total, []
@@ -140,16 +214,17 @@ def against(pole, shown, work, z, at_z, slope):
 
 
 def mean_slopes(
-    g: Lanes, layout: Layout, rows: np.ndarray, mean: MeanSquares, weight: Float[Array, "m o c"]
-) -> Slopes:
+    g: Lanes, layout: Layout, rows: np.ndarray, means: LongRunMeans, mean: MeanSquares,
+    weight: Float[Array, "m o c"],
+) -> Slopes:  # fmt: skip
     """Derivatives of sums of mean squares, times `weight`."""
-    groups = phases_of(layout)
-    cycles = [cycle_of(g.signals, layout, phases) for phases in groups]
-    m, pole = mean.modes, mean.pole
+    m, pole, w = mean.modes, mean.pole, weight[:, :, None]
+    slopes, signals = means.pulled(
+        [_bar(m, pole, mean, *x, w) for x in zip(mean.phases, mean.kernels, strict=True)]
+    )
     psi = Psi.none(g, layout, len(rows))
-    for phases, cycle, part in zip(groups, cycles, mean.phases, strict=True):
-        R, S = part.work, part.moments.square
-        slope = slope_of_work(m, cycle)
+    for phases, part, own in zip(phases_of(layout), mean.phases, slopes, strict=True):
+        R, S, slope = part.work, part.moments.square, both_of(m, own)
         more = 2 * (mean.total[:, None] - part.mean)  # (o, s, c)
         value, turned = against(pole, part.shown, R, pole, R, slope)
         level = more[:, None] * (part.moments.level / pole[:, None])  # (o, q, s, c)
@@ -170,34 +245,19 @@ def mean_slopes(
             held = (-2 * mean.total[:, None] / pole)[:, :, None]
             moved = (2 * mean.total[:, None] / pole**2)[:, :, None]
             psi = psi.put((i,), m, held, moved, 2 * mean.total[:, None])
-
-    def figure(signals: Signals, weight):
-        value = 0.0
-        for phases, part, kernel in zip(groups, mean.phases, mean.kernels, strict=True):
-            cycle, w = cycle_of(signals, layout, phases), weight[:, None]
-            now = moments_of(m, cycle)
-            gain = part.direct - jnp.sum(part.shown / pole[:, None], axis=1).real
-            more = 2 * (mean.total[:, None] - part.mean) * gain
-            own = part.direct**2
-            if part.turn is not None:
-                own = own - 2 * part.slope * jnp.sum(part.shown, axis=1).real
-                value += jnp.sum(w * part.slope**2 * slope_square(cycle))
-            value += jnp.sum(w * (own * now.square + more * now.level))
-            by_work = jnp.sum(w[:, None] * kernel, axis=0)
-            value += jnp.sum((by_work * both_of(m, now.work)).real)
-        return value
-
-    signals = jax.vmap(lambda w: jax.grad(figure)(g.signals, w))(weight)
     return psi.weighted(g, layout, rows, weight, signals)
 
 
-def slope_of_work(m: PolePairs, cycle: PhaseCycle) -> Complex[Array, "q s c"]:
-    """Derivative of `Moments.work` by the poles."""
-
-    def by_poles(m: PolePairs, cycle: PhaseCycle) -> Pair:
-        return along_poles(m, lambda m: moments_of(m, cycle).work)[1]
-
-    return both_of(m, stored(by_poles, m, cycle))
+def _bar(m: PolePairs, pole, mean: MeanSquares, part: PhaseMoments, kernel, w) -> PhaseMeans:
+    """Derivatives of mean squares times w (m, o, 1, c) by what a phase's means are."""
+    gain = part.direct - jnp.sum(part.shown / pole[:, None], axis=1).real
+    more = 2 * (mean.total[:, None] - part.mean) * gain
+    own, turn = part.direct**2, None
+    if part.turn is not None:
+        own = own - 2 * part.slope * jnp.sum(part.shown, axis=1).real
+        turn = jnp.sum(w * part.slope**2, axis=1)
+    work = by_pairs(m, jnp.sum(w[:, :, None] * kernel, axis=1))
+    return PhaseMeans(Moments(work, jnp.sum(w * more, axis=1), jnp.sum(w * own, axis=1)), turn)
 
 
 class Psi(NamedTuple):

@@ -15,16 +15,20 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .arithmetic import Pair, product, quotient, summed
-from .gradient import Slopes, along_poles, seen
+from .gradient import Slopes, seen
 from .phases import (
+    PeriodicResponse,
     Phases,
     Spot,
     columns_of,
     cycle_of,
     given,
+    of_each,
     ones,
     phases_of,
+    pulled,
     response,
+    wide,
     with_edges,
 )
 from .poles import PolePairs
@@ -53,33 +57,6 @@ def repeated(phases: Phases, numbers: Sequence[int] | np.ndarray) -> Phases:
     ))  # fmt: skip
 
 
-class _States(NamedTuple):
-    """What pairs show at the spots of each figure (f), of every signal and the start (s)."""
-
-    pole: Pair  # (f, s + 1, p, c), of a unit of the signal's column
-    level: Float[Array, "f s c"]  # rho
-    slope: Float[Array, "f s c"]  # drho/dt
-
-
-def _states(g: Lanes, m: PolePairs, layout: Layout, spots: list[Spot]) -> _States:
-    """The pairs `m` at the spots (f, s, c)."""
-    figures, lanes = len(spots[0].time), m.l0.shape[-1]
-    count = len(layout.kinds)
-    pole = [jnp.zeros((figures, count + 1, len(m.kind), lanes)) for _ in range(2)]
-    level, slope = (jnp.zeros((figures, count, lanes)) for _ in range(2))
-    for phases, spot in zip(phases_of(layout), spots, strict=True):
-        now = response(m, cycle_of(g.signals, layout, _of_each(phases, figures)), _flat(spot))
-        at = np.array(phases.first)
-        each = zip(pole, now.pole, strict=True)
-        pole = [x.at[:, at].set(jnp.swapaxes(_apart(y, figures), 1, 2)) for x, y in each]
-        level = level.at[:, at].set(_apart(now.level, figures))
-        slope = slope.at[:, at].set(_apart(now.slope, figures))
-    still = np.array([i for i, kind in enumerate(layout.kinds) if kind.phase == CONSTANT], int)
-    held = quotient(m.kind, ones(m), (-m.l0, -m.l1))
-    first, second = (x.at[:, still].set(y) for x, y in zip(pole, held, strict=True))
-    return _States((first, second), level.at[:, still].set(1.0), slope)
-
-
 def _of_each(phases: Phases, figures: int) -> Phases:
     """The phases once more for every figure."""
     return repeated(phases, figures * [*range(len(phases.first))])
@@ -95,54 +72,110 @@ def _apart(x, figures: int):
     return jnp.moveaxis(x.reshape(*x.shape[:-2], figures, -1, x.shape[-1]), -3, 0)
 
 
+def _joined(x):
+    """(..., f, s, c) -> (..., f s, c)."""
+    return x.reshape(*x.shape[:-3], -1, x.shape[-1])
+
+
 def _over(x, by):
     """Sums over the figures (f) of x times `by` (m, f, ...)."""
     return functools.reduce(operator.add, (by[:, f] * x[f] for f in range(len(x))))
+
+
+def _responses(g: Lanes, layout: Layout, reached: AtSpots):
+    """What pairs give at the spots, of phases of like kinds (f s); and the way back.
+
+    What is largest at an edge moves with it.
+    """
+    groups = [_of_each(phases, len(reached.value)) for phases in phases_of(layout)]
+    spots, m = [_flat(spot) for spot in reached.spots], wide(g.modes)
+    known = [cycle_of(g.signals, layout, phases) for phases in groups]
+
+    def responses(poles: list[Pair], signals: Signals) -> list[PeriodicResponse]:
+        now = [cycle_of(signals, layout, phases) for phases in groups]
+        return [
+            response(m._replace(l0=pole[0], l1=pole[1]), cycle, with_edges(at, spot, cycle))
+            for pole, at, spot, cycle in zip(poles, known, spots, now, strict=True)
+        ]
+
+    return jax.vjp(responses, [of_each(g.modes, cycle) for cycle in known], g.signals)
+
+
+def _placed(layout: Layout, figures: int, each: Sequence[Array], still: Array | float) -> Array:
+    """Of every signal and the start, (f, s + 1, ..., c), from values (..., f s, c) of phases.
+
+    `still`: of a unit that is constant.
+    """
+    one = each[0]
+    whole = jnp.zeros((figures, len(layout.kinds) + 1, *one.shape[:-2], one.shape[-1]))
+    for phases, x in zip(phases_of(layout), each, strict=True):
+        own = jnp.moveaxis(_apart(x, figures), -2, 1)
+        whole = whole.at[:, np.array(phases.first)].set(own)
+    constant = [i for i, kind in enumerate(layout.kinds) if kind.phase == CONSTANT]
+    return whole.at[:, np.array(constant, int)].set(still)
+
+
+def _placed_pairs(layout: Layout, figures: int, each: list[Pair], still: Pair) -> Pair:
+    """Pairs `_placed`."""
+    parts = zip(*each, strict=True)
+    first, second = (_placed(layout, figures, *x) for x in zip(parts, still, strict=True))
+    return first, second
 
 
 def spot_slopes(
     g: Lanes, layout: Layout, reached: AtSpots, by: Float[Array, "m f c"]
 ) -> tuple[Slopes, Float[Array, "f o c"]]:
     """Derivatives of sums of the figures, times `by`; and the outputs there, summed over phases."""
-    m, weight, rows = g.modes, reached.weight, np.arange(layout.rows)
+    m, weight, rows, figures = g.modes, reached.weight, np.arange(layout.rows), len(reached.value)
     c = [jnp.sum(weight[:, :, None] * x[rows], axis=1) for x in (m.c0, m.c1)]  # (f, p, c)
-    own = [x[:, None] for x in seen(m.kind, (c[0], c[1]))]
+    own = seen(m.kind, (c[0], c[1]))
+    now, back = _responses(g, layout, reached)
+    bars = [
+        _bar(g, columns_of(layout, phases), own, weight, by[..., None, :])
+        for phases in phases_of(layout)
+    ]
+    slopes, signals = pulled(back, m.kind, bars, [_unit(m, part) for part in now])
+    held = quotient(m.kind, ones(m), (-m.l0, -m.l1))
+    pole = _placed_pairs(layout, figures, [part.pole for part in now], held)
+    turned = _placed_pairs(layout, figures, slopes, product(m.kind, held, held))
+    level = _placed(layout, figures, [part.level for part in now], 1.0)[:, :-1]
+    slope = _placed(layout, figures, [part.slope for part in now], 0.0)[:, :-1]
     b = m.given([*(kind.column for kind in layout.kinds), -1])
-    now, turned = along_poles(m, lambda m: _states(g, m, layout, reached.spots))
     on = by[:, :, None] * weight  # (m, f, o, c)
     shown, given = [], []
-    for x in (now.pole, turned.pole):
-        each = product(m.kind, own, x)  # (f, s + 1, p, c)
+    for x in (pole, turned):
+        each = product(m.kind, [y[:, None] for y in own], x)  # (f, s + 1, p, c)
         shown.append(tuple(_over(y, by[:, :, None, None]) for y in each))
         given.append([summed(y, 1)[:, None] for y in product(m.kind, b, x)])  # (f, 1, p, c)
     on_rows = [tuple(_over(y, on[:, :, :, None]) for y in x) for x in given]
-    straight = [_over(x[:, :, None], on[:, :, None]) for x in (now.level, now.slope)]
-    signals = jax.vmap(
-        lambda by: jax.grad(_figure, 3)(g, layout, reached, g.signals, (c[0], c[1]), by)
-    )(by)
+    straight = [_over(x[:, :, None], on[:, :, None]) for x in (level, slope)]
     columns = np.array([kind.column for kind in layout.kinds])
     outputs = jnp.sum(m.c0[rows] * given[0][0] + m.c1[rows] * given[0][1], axis=2)
-    for x, y in ((g.direct, now.level), (g.slope, now.slope)):
+    for x, y in ((g.direct, level), (g.slope, slope)):
         outputs = outputs + jnp.sum(x[columns][:, rows] * y[:, :, None], axis=1)
     return Slopes(shown[0], shown[1], on_rows[0], on_rows[1], signals, *straight), outputs
 
 
-def _figure(g: Lanes, layout: Layout, reached: AtSpots, signals: Signals, c: Pair, by):
-    """The sum of the figures times `by` (f, c), of other signals; `c` (f, p, c): what they show."""
-    value, m, figures = 0.0, g.modes, len(by)
-    rows = np.arange(layout.rows)
-    direct, slope = (
-        jnp.sum(reached.weight[:, None] * x[:, rows], axis=2) for x in (g.direct, g.slope)
-    )  # (f, l, c)
-    for phases, spot in zip(phases_of(layout), reached.spots, strict=True):
-        every = _of_each(phases, figures)
-        known, cycle = (cycle_of(x, layout, every) for x in (g.signals, signals))
-        now = response(m, cycle, with_edges(known, _flat(spot), cycle))
-        columns = columns_of(layout, phases)
-        b = [x[None] for x in given(m, columns)]  # (1, p, s, c)
-        z = product(m.kind[:, None], b, [_apart(x, figures) for x in now.pole])
-        shown = summed(c[0][:, :, None] * z[0] + c[1][:, :, None] * z[1], 1)  # (f, s, c)
-        shown = shown + direct[:, columns] * _apart(now.level, figures)
-        shown = shown + slope[:, columns] * _apart(now.slope, figures)
-        value += jnp.sum(by[:, None] * shown)
-    return value
+def _bar(
+    g: Lanes, columns: np.ndarray, own: Pair, weight: Float[Array, "f o c"], by
+) -> PeriodicResponse:
+    """Derivatives of sums of figures times `by` (m, f, 1, c) by the responses of some phases.
+
+    `own` (f, p, c): what the figures show of every pair.
+    """
+    m, rows = g.modes, np.arange(weight.shape[1])
+    b = [x[:, None] for x in given(m, columns)]  # (p, 1, s, c)
+    kind = m.kind[:, None, None]
+    each = product(kind, [jnp.swapaxes(x, 0, 1)[:, :, None] for x in own], b)
+    first, second = (_joined(by[:, None] * x) for x in seen(kind, (each[0], each[1])))
+    level, slope = (
+        _joined(by * jnp.sum(weight[:, None] * x[columns][:, rows], axis=2))
+        for x in (g.direct, g.slope)
+    )
+    return PeriodicResponse((first, second), level, slope)
+
+
+def _unit(m: PolePairs, part: PeriodicResponse) -> PeriodicResponse:
+    """Of the sum of what every pole gives by itself."""
+    one, none = jnp.ones_like(part.pole[0]), jnp.zeros_like(part.level)
+    return PeriodicResponse((one, jnp.where(m.kind[:, None] > 0, 0.0, one)), none, none)
