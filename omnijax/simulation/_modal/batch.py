@@ -16,7 +16,7 @@ from ...laws import Rollers
 from ...rig import Placed, Rig
 from .decoupling import blocks_of, coupled, decoupled, turned_states
 from .signals import series_needed
-from .system import OUTPUTS, How, Layout, LinearDesign, Operating, designs_of
+from .system import OUTPUTS, How, Layout, LinearDesign, Operating, design_of, designs_of
 from .transient import LANES
 
 FEW = 1024  # designs up to which the slowest code costs less than the second that compiling better
@@ -35,6 +35,7 @@ def effort_for(designs: int) -> Effort:
 
 
 SIZES = (LANES, 16 * LANES)  # designs a call of the compiled programs
+BACK = 128  # designs whose matrices' derivatives are worked out together: more leave the cache
 # whose laws enter the linear model and what it moves by
 _PORTS = ("radius", "shape", "contact", "platform", "kinematics")
 
@@ -155,13 +156,16 @@ def _designs(points: Operating, how: How, turn: Any = None) -> tuple[LinearDesig
 @kept
 def _from_designs(points: Operating, bars, how: How, turn: Any = None) -> Operating:
     """Derivatives by every number of the points, one entry a metric, from those by the designs."""
-    moving, still = eqx.partition(points, eqx.is_inexact_array)
 
-    def designs(moving):
-        return designs_of(eqx.combine(moving, still), how, turn)[0]
+    def one(point_and_bars):
+        point, bars = point_and_bars
+        moving, still = eqx.partition(point, eqx.is_inexact_array)
+        back = jax.vjp(lambda x: design_of(eqx.combine(x, still), how, turn)[0], moving)[1]
+        return jax.vmap(lambda bar: back(bar)[0])(bars)
 
-    back = jax.vjp(designs, moving)[1]
-    return jax.vmap(lambda bar: back(bar)[0])(bars)
+    bars = jax.tree.map(lambda x: jnp.moveaxis(x, 0, 1), bars)
+    each = jax.lax.map(one, (points, bars), batch_size=BACK)
+    return jax.tree.map(lambda x: jnp.moveaxis(x, 1, 0), each)
 
 
 @eqx.filter_jit
