@@ -239,9 +239,7 @@ def test_a_table_that_no_longer_fits_its_wheel_is_not_saved(tmp_path):
     theta = [i * 2 * math.pi / 14 / 8 for i in range(8)]
     columns = {"theta": theta, "rho": [1e-4 * math.cos(14 * x) for x in theta]}
     rig = parse_rig(tables((("wheel", 0, "profile"), "table"), (("wheel", 0, "table"), columns)))
-    with pytest.raises(
-        InputError, match=r"`wheel\.w1\.rollers` cannot change: the measured"
-    ):
+    with pytest.raises(InputError, match=r"`wheel\.w1\.rollers` cannot change: the measured"):
         omnijax.set_parameter(rig, "wheel.w1.rollers", 12)
     rollers = rig.wheels.rollers.at[0].set(12.0)
     changed = eqx.tree_at(lambda r: r.wheels.rollers, rig, rollers)
