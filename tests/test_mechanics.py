@@ -21,6 +21,7 @@ from omnijax.dynamics import (
     free_system,
     held,
     held_directions,
+    hold_obstacle,
     linear_system,
     minimum_normal_force,
     mobility,
@@ -30,6 +31,7 @@ from omnijax.dynamics import (
 from omnijax.dynamics._kinematics import Rolling
 from omnijax.dynamics._rotation import rotation_response
 from omnijax.dynamics._small import inverse, pseudoinverse, solve, solve_all
+from omnijax.laws._shapes import is_turn
 from omnijax.simulation import speeds, table
 
 
@@ -213,8 +215,26 @@ def check_times_from_a_start():
     near(moved.initial_angle, [0.4, -0.7])
 
 
+def check_hold_in_words():
+    parallel = with_normals([[0, 0, 1], [0, 0, 1], [0, 0, -1]])
+    across = with_normals(np.eye(3))  # their drive directions span nothing
+    for rig, holds in ((parallel, False), (across, True)):
+        assert (hold_obstacle(rig) is None) == holds == bool(held(rig))
+        assert hold_obstacle(rig, "paper") is None
+
+
+def check_periods_of_a_turn():
+    """2 pi, also written in seven digits."""
+    assert [is_turn(x) for x in (6.283185307, 6.283185, 6.2831, 3.14159265, 0.45)] == [
+        True, True, False, False, False,
+    ]  # fmt: skip
+    assert not is_turn(-6.283185307)
+
+
 CHECKS = {
     "hold": check_hold,
+    "hold in words": check_hold_in_words,
+    "periods of a turn": check_periods_of_a_turn,
     "free directions": check_free_directions,
     "mobility": check_mobility,
     "weight": check_weight,
