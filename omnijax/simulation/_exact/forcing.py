@@ -174,12 +174,9 @@ def wheel_pieces(rig: Rig, i: int) -> list[tuple[Pieces, Array]]:
 
 
 def room_obstacle(rig: Rig, i: int) -> str | None:
-    """That wheel i has a law on its shape and more rollers than a traced turn has room for."""
+    """That wheel i, one pitch long with a law on it, has more rollers than a turn has room for."""
     count = number(rig.wheels.rollers[i])
-    shaped = any(i in placed.wheels for placed in rig.at("shape"))
-    if not shaped or count is None or count <= MAX_ROLLERS:
-        return None
-    if period_kind(rig, i) != "pitch":
+    if count is None or count <= MAX_ROLLERS:
         return None
     return (
         f"wheel {rig.names[i]} has {count:g} rollers and a law on its shape, for which the closed "

@@ -76,7 +76,7 @@ def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
             return f"a damaged roller on wheel {rig.names[i]}, whose profile is not one pitch long"
         if kind == "own" and laws and isinstance(profile, TableShape):
             return f"wheel {rig.names[i]}'s table repeats after neither its pitch nor a turn"
-        if (full := room_obstacle(rig, i)) is not None:
+        if laws and kind == "pitch" and (full := room_obstacle(rig, i)) is not None:
             return full
     known = {
         "shape": (DamagedRoller, WheelRunout),

@@ -4,6 +4,7 @@ With q = exp(lambda period) the n passages of an edge add up to (1 - q^n)/(1 - q
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -14,11 +15,11 @@ from jaxtyping import Array, Float
 from .arithmetic import (
     Pair,
     exp_less_one,
+    materialised,
     pair_exp,
     product,
     quotient,
     rows,
-    stored,
     times,
 )
 from .blocks import FreePart, poles_of
@@ -62,14 +63,26 @@ def edge_sums(kind, pole: Pair, p: PassedEdges) -> Pair:
     return jnp.where(many > 0, first, 0.0), jnp.where(many > 0, second, 0.0)
 
 
-def pole_edge_sums(m: PolePairs, p: PassedEdges, layout: Layout) -> Pair:
-    """`edge_sums` of every pair, stored; those of equal poles are the same."""
+def of_edges(function: Callable, m: PolePairs, p: PassedEdges, layout: Layout) -> list[Pair]:
+    """The pairs function(kind, l0, l1) of every edge and pair of poles (g, k, p, c), stored.
+
+    Pairs of equal poles share theirs.
+    """
     poles = poles_of(m, layout)
     wide = (*p.many.shape[:2], *poles.kind.shape)
-    sums = stored(
-        lambda kind, *pole: edge_sums(kind, pole, p), *(jnp.broadcast_to(x, wide) for x in poles)
-    )
-    return rows(sums[0], layout.pole, -2), rows(sums[1], layout.pole, -2)
+
+    def stacked(*poles):
+        return [jax.lax.complex(*pair) for pair in function(*poles)]
+
+    each = materialised(stacked, *(jnp.broadcast_to(x, wide) for x in poles))
+    each = [rows(x, layout.pole, -2) for x in each]
+    return [(x.real, x.imag) for x in each]
+
+
+def pole_edge_sums(m: PolePairs, p: PassedEdges, layout: Layout) -> Pair:
+    """`edge_sums` of every pair of poles."""
+    (sums,) = of_edges(lambda kind, *pole: [edge_sums(kind, pole, p)], m, p, layout)
+    return sums
 
 
 def left_of(kind, free: FreePart, edge: Pair, decay: Pair) -> Pair:

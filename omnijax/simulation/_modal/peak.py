@@ -22,7 +22,7 @@ from .blocks import free_rates, stored_forced
 from .edges import at_piece, by_signal, of_sinusoids
 from .gradient import seen
 from .output_sums import OutputSums, by_begins
-from .passages import PassedEdges, edge_sums, left_of, passages
+from .passages import PassedEdges, edge_sums, left_of, of_edges, passages
 from .poles import PolePairs
 from .system import Layout
 from .transient import ROWS, Lanes, Near, hermite_peak
@@ -51,7 +51,7 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     m, signals, of = g.modes, g.signals, layout.signal_of
     kind, pole = m.kind, (m.l0, m.l1)
     passed = passages(signals, layout, time)
-    edge, by_poles = _edge_sums(m, passed)
+    edge, by_poles = _edge_sums(m, passed, layout)
     own = seen(kind, (m.c0[:ROWS], m.c1[:ROWS]))
     shown = [(summed(own[0] * y[:, None]), summed(own[1] * y[:, None])) for y in (gx, gv)]  # (p, c)
 
@@ -100,14 +100,11 @@ def _sums_at(g: Lanes, layout: Layout, time, gx, gv) -> OutputSums:
     return OutputSums(*edges, edge_time, *starts, *free, (first, second), late, *begins)
 
 
-def _edge_sums(m: PolePairs, passed: PassedEdges) -> tuple[Pair, Pair]:
+def _edge_sums(m: PolePairs, passed: PassedEdges, layout: Layout) -> list[Pair]:
     """`edge_sums` and their derivatives by the poles."""
 
     def both(kind, l0, l1):
         one = jnp.ones_like(l0), jnp.where(kind > 0, 0.0, 1.0)
-        value, rate = jax.jvp(lambda *pole: edge_sums(kind, pole, passed), (l0, l1), one)
-        return jax.lax.complex(*value), jax.lax.complex(*rate)
+        return jax.jvp(lambda *pole: edge_sums(kind, pole, passed), (l0, l1), one)
 
-    wide = (*passed.many.shape[:2], *m.l0.shape)
-    edge, rate = materialised(both, *(jnp.broadcast_to(x, wide) for x in (m.kind, m.l0, m.l1)))
-    return (edge.real, edge.imag), (rate.real, rate.imag)
+    return of_edges(both, m, passed, layout)
