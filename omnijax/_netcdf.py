@@ -12,7 +12,7 @@ from . import _interrupts
 from ._errors import InputError, tell
 from ._files import reserve, writing
 from ._memory import SHARE, available, in_words
-from ._reading import existing, regular
+from ._reading import existing
 
 SEAL = "words_sha256"  # attribute: digest of all the others
 _LINKS = {SEAL, "DIMENSION_LIST", "REFERENCE_LIST"}  # places in the file
@@ -109,7 +109,7 @@ def netcdf_attributes(path: str | Path, kind: str) -> dict[str, Any]:
 def _opened(path: str | Path, kind: str, decode_times: bool, work: Callable[[Any], Any]) -> Any:
     import xarray
 
-    path = regular(existing(path))
+    path = existing(path)
     with _dropping_quietly():
         try:
             _check_words(path)

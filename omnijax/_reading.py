@@ -54,7 +54,7 @@ def existing(path: str | Path, kind: str = "file") -> Path:
         raise InputError(f"is a file, and not a {kind}.", path)
     if not there:
         raise InputError(f"there is no such {kind}.{did_you_mean(path.name, beside)}", path)
-    return path
+    return regular(path) if kind == "file" else path
 
 
 def read_bytes(path: str | Path, limit: float | None = None) -> bytes:

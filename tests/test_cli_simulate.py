@@ -125,6 +125,12 @@ def test_only_the_same_run_goes_on(capsys, tmp_path, monkeypatch):
         (["--speed", "1,1,1", "--max-steps", "0"], "`max-steps` must be at least 1, but is 0."),
         (["--torque", "1,1,1", "--resume"], "`resume` needs the interrupted run"),
         (["--drive", "nowhere.csv"], "nowhere.csv: there is no such file"),
+        (["--drive", "."], ".: is a folder, not a file."),
+        (
+            ["--speed", "0..x,1,1"],
+            "`speed` must be a number in rad/s or text with such a unit, but is 'x'.",
+        ),
+        (["--speed", "1,1,1", "extra"], "not expected here: extra."),
     ],
 )
 def test_wrong_input_is_one_message_and_code_2(capsys, arguments, message):
@@ -172,8 +178,11 @@ def test_a_measured_run_is_laid_over(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("table", "sentence"),
     [
-        ("t,speed_1,speed_2\n0,1,1\n1,1,1\n", "lacks the column `speed_w3`"),
-        ("t,speed_1,speed_2,speed_3\n0,1,1,1\n1,,1,1\n", "row 2 has a gap"),
+        (
+            "t,speed_1,speed_2\n0,1,1\n1,1,1\n",
+            "lacks the column `speed_3` of a table of speeds; columns: t, speed_1, speed_2.",
+        ),
+        ("t,speed_1,speed_2,speed_3\n0,1,1,1\n1,,1,1\n", "column `speed_1`, row 2 has no number"),
         (
             "t,speed_1,speed_2,speed_3\n1,1,1,1\n0,1,1,1\n",
             "must not decrease, but row 2 has 0 after 1.",

@@ -162,7 +162,11 @@ WRONG = [
     ((("speed = [3.0, 5.1, 7.3]", "torque = [1.0, 2.0, 3.0]"),),
      "this study needs a `duration`: motor torques drive the wheels"),
     ((("speed = [3.0, 5.1, 7.3]", "torque = [1.0, 2.0]"),),
-     "`drive.drive 1.torque` must have one value a wheel (3), but has 2."),
+     "`drive.1.torque` must have one value a wheel (3), but has 2."),
+    ((('rig = "atlas"', 'rig = "atlas"\npareto = { metrics = ["rms", "rms"] }'),),
+     "`pareto.metrics` names `rms` twice."),
+    ((("[search]", '[tolerance]\n"wheel.mass" = 0.1\n"wheel.w2.mass" = 0.1\n[search]'),),
+     "`tolerance`: `wheel.mass` and `wheel.w2.mass` are of the same part."),
 ]  # fmt: skip
 
 

@@ -171,6 +171,11 @@ def test_the_command_names_the_passing_of_rollers_and_writes_a_page(capsys, tmp_
     assert [round(row["order"], 1) for row in found["orders"][:2]] == [28.0, 9.5]
     assert found["orders"][0]["meaning"] == "2 × the passing of wheel w2's rollers"
     assert found["orders"][1]["meaning"] == ""
+    alike = recording(values)
+    alike.channels["theta_1"], alike.channels["theta_3"] = ANGLE, 0 * ANGLE
+    path = write_recording(tmp_path / "alike.csv", alike)
+    found = json.loads(_orders(capsys, path, *options, "--json")[1])
+    assert found["orders"][0]["meaning"] == "2 × the passing of the rollers of wheels w1 and w2"
     page = (tmp_path / "page" / "index.html").read_text(encoding="utf-8")
     assert "Order 28 of wheel 2 is the strongest" in page
     tracks = np.genfromtxt(tmp_path / "page" / "order-tracks.csv", delimiter=",", names=True)

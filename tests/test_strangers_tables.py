@@ -112,6 +112,10 @@ def test_counts_of_an_encoder_have_a_unit_of_their_own(tmp_path, signals, capsys
     for wrong in ("position=360/4096 kg", "position=1/0 deg", "speed=rpm", "position"):
         assert cli.run(["case", "new", str(log), "--out", here, "--yes", "--unit", wrong]) == 2
         assert capsys.readouterr().err.count("\n") <= 2
+    assert cli.run(["case", "new", str(log), "--out", here, "--yes", "--rate", "-3"]) == 2
+    assert capsys.readouterr().err == "`rate` must lie in (0, inf) Hz, but is -3.\n"
+    assert cli.run(["case", "new", str(tmp_path), "--out", here, "--yes"]) == 2
+    assert capsys.readouterr().err == f"{tmp_path}: is a folder, not a file.\n"
 
 
 def test_a_goal_and_what_follows_it_have_one_unit(tmp_path):
@@ -126,6 +130,13 @@ def test_a_goal_and_what_follows_it_have_one_unit(tmp_path):
         assert {k: one.units.get(k) for k in ("input", "position")} == dict.fromkeys(
             ("input", "position"), "deg"
         ), names
+
+
+def test_a_unit_that_fits_no_position_is_none(tmp_path, signals):
+    t, u, q = signals
+    pd.DataFrame({"t (s)": t, "i (A)": u, "position (kg)": q}).to_csv(tmp_path / "a.csv")
+    shown = dict(guess(tmp_path / "a.csv").rows())["position"]
+    assert shown == "position (kg) (read as rad: no unit of it is said)"
 
 
 @pytest.mark.parametrize("name", ["enc_counts", "Inkremente", "ticks", "increments"])

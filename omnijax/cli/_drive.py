@@ -100,6 +100,7 @@ def _ends(
     first, last = [], []
     for part in text.split(","):
         begin, _, end = part.strip().rpartition("..")
+        numbers(name, end, unit, 1, what)  # before its unit is given to the other end
         shared = _UNIT.search(end)  # "0..30 rpm": the unit is that of both
         begin = begin or end
         first.append(f"{begin} {shared[0]}" if shared and not _UNIT.search(begin) else begin)

@@ -12,7 +12,7 @@ import sys
 import warnings
 
 from cyclopts import App, CycloptsError, Group
-from cyclopts.exceptions import UnknownOptionError
+from cyclopts.exceptions import UnknownOptionError, UnusedCliTokensError
 
 from .. import __version__
 from .._consent import law_files
@@ -141,6 +141,8 @@ def _told(error: Exception) -> tuple[str, int] | None:
 def _misread(error: CycloptsError) -> str:
     """The parser's sentence; what it takes for the nearest option only where it is near."""
     text = str(error).strip()
+    if isinstance(error, UnusedCliTokensError):
+        return f"not expected here: {', '.join(error.unused_tokens or ())}."
     if not isinstance(error, UnknownOptionError) or error.token is None:
         return text
     options = {

@@ -78,9 +78,10 @@ def sensitivity(
         from ..study import sensitivity as run
 
         claim([out], [report], force=overwrite)
+        metrics = "rms,peak" if asked.metrics is None else asked.metrics
         result = run(
-            asked.rig, metrics=asked.metrics or "rms,peak", parameters=list(asked.vary) or None,
-            model=asked.model, rtol=asked.rtol, check=check, **asked.motion._asdict(),
+            asked.rig, metrics=metrics, parameters=list(asked.vary) or None, model=asked.model,
+            rtol=asked.rtol, check=check, **asked.motion._asdict(),
         )  # fmt: skip
 
         def made():

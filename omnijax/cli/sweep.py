@@ -137,9 +137,10 @@ def _run(
 
     began, own = time.monotonic(), {"model": asked.model, "rtol": asked.rtol or numerics.rtol}
     numerics = dataclasses.replace(numerics.checked(), **own)
+    metrics = "peak,rms" if asked.metrics is None else asked.metrics
     with Bar() as advance:
         result = evaluate(
-            rig, asked.vary, asked.metrics or "peak,rms", **asked.motion._asdict(),
+            rig, asked.vary, metrics, **asked.motion._asdict(),
             **vars(numerics), **vars(sampling), **vars(place),
             report=advance, command=command_line(),
         )  # fmt: skip

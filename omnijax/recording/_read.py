@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
+from .._reading import regular
 from ._columns import INPUTS, channels, columns, count_wheels, group_of, unit_of
 from ._csv import CsvTable
 from ._recording import Fault, Recording, spans
@@ -32,7 +33,7 @@ def read_recording(path: str | Path, rig: Any = None) -> Recording:
     Columns are SI.  Raises `InputError` where nothing can be used.
     """
     path = Path(path)
-    if not path.is_file():
+    if not regular(path).is_file():
         near = difflib.get_close_matches(path.name, _siblings(path), n=1)
         raise InputError(f"{path} is not a file{f' (did you mean `{near[0]}`?)' if near else ''}.")
     sidecar = read_sidecar(path.with_name(stem_of(path) + ".toml"))

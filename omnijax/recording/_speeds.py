@@ -55,10 +55,13 @@ def speed_table(path: Path, names: Sequence[str]) -> SpeedTable | None:
         raise InputError(
             f"has the column `{more[0]}`, but the rig has the wheels {', '.join(names)}.", path
         )
-    missing = [f"`speed_{name}`" for name, c in zip(names, wheels, strict=True) if c is None]
+    missing = [f"`speed_{i}`" for i, c in enumerate(wheels, 1) if c is None]
     if missing or "t" not in columns:
         lacks = ", ".join([*missing, *([] if "t" in columns else ["`t`"])])
-        raise InputError(f"lacks the column {lacks} of a table of speeds.", path)
+        raise InputError(
+            f"lacks the column {lacks} of a table of speeds; columns: {', '.join(table.columns)}.",
+            path,
+        )
     return _checked(path, columns, [str(c) for c in wheels])
 
 
@@ -76,10 +79,14 @@ def _checked(path: Path, columns: dict[str, np.ndarray], wheels: list[str]) -> S
     push = [f"force_{axis}" for axis in "xyz"]
     force = np.stack([columns[c] for c in push], axis=1) if set(push) <= set(columns) else None
     speed = np.stack([columns[c] for c in wheels], axis=1)
-    good = np.isfinite(time) & np.isfinite(speed).all(axis=1)
-    if not good.all():
-        row = int(np.argmin(good)) + 1
-        raise InputError(f"row {row} has a gap: a drive needs every time and speed.", path)
+    for name in ("t", *wheels):
+        good = np.isfinite(columns[name])
+        if not good.all():
+            row = int(np.argmin(good)) + 1
+            raise InputError(
+                f"column `{name}`, row {row} has no number: a drive needs every time and speed.",
+                path,
+            )
     back = np.flatnonzero(np.diff(time) < 0)
     if len(back):
         row, (before, after) = int(back[0]) + 2, time[back[0] : back[0] + 2]

@@ -95,7 +95,7 @@ def strongest_orders(
 
 
 def _meaning(order: float, passing: Mapping[str, float], resolution: float) -> str:
-    """The lowest multiple of a wheel's roller passing that fits."""
+    """The lowest multiple of a roller passing that fits, of every wheel that has it."""
     fits = [
         (times, name)
         for name, first in passing.items()
@@ -103,8 +103,11 @@ def _meaning(order: float, passing: Mapping[str, float], resolution: float) -> s
         if 1 <= times <= MULTIPLES and abs(order - times * first) <= resolution
     ]
     if fits:
-        times, name = min(fits)
-        return f"{times} × the passing of wheel {name}'s rollers"
+        least, _ = min(fits)
+        wheels = [name for times, name in fits if times == least]
+        if len(wheels) == 1:
+            return f"{least} × the passing of wheel {wheels[0]}'s rollers"
+        return f"{least} × the passing of the rollers of wheels {' and '.join(wheels)}"
     return "once a turn" if abs(order - 1) <= resolution else ""
 
 

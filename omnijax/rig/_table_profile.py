@@ -107,7 +107,7 @@ def _csv(path: Path) -> tuple[list[float], list[float]]:
             hint = did_you_mean(name, header)
             raise ValueError(f"names {path}, which has no column `{name}` in its first row.{hint}")
     where = [header.index(name) for name in COLUMNS]
-    return tuple([_cell(path, k, row, i) for k, row in enumerate(rows[1:], 2)] for i in where)  # pyright: ignore[reportReturnType]
+    return tuple([_cell(path, k, row, i) for k, row in enumerate(rows[1:], 1)] for i in where)  # pyright: ignore[reportReturnType]
 
 
 def _cell(path: Path, number: int, row: Sequence[str], column: int) -> float:

@@ -40,6 +40,16 @@ def checked_parameters(rig: Rig, paths: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(single))
 
 
+def overlaps(rig: Rig, paths: Sequence[str]) -> list[tuple[str, str]]:
+    """Pairs of `paths` that speak of one number: `wheel.radius` and `wheel.w1.radius`."""
+    single = [set(checked_parameters(rig, [path])) for path in paths]
+    return [
+        (paths[j], paths[i])
+        for i in range(len(paths)) for j in range(i)
+        if single[i] & single[j]
+    ]  # fmt: skip
+
+
 def with_values(rig: Rig, paths: Sequence[str], values) -> Rig:
     """`rig` with `values` (p,), traced or not, at `paths`."""
     for i, path in enumerate(paths):

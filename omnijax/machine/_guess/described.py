@@ -62,7 +62,7 @@ class Guess:
     def _read_as(self, unit: str) -> str:
         """The unit of what was measured where none is said: counts are taken for it as they are."""
         if not best_of([self.position or self.velocity or ""], COUNTS):
-            return unit
+            return f"read as {unit}: no unit of it is said"
         return f'counts, read as {unit}; say what one is: --unit {self.measured}="360/4096 deg"'
 
     def turns(self) -> bool:

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..._errors import InputError, not_above_zero
 from ...recording import read_table
 from .columns import (
     INPUT,
@@ -37,8 +38,11 @@ def guess(
 
     `units` are those of `t`, `input`, `position` or `velocity` that are known: `360/4096 deg`.
     Raises `InputError` where no column looks like the input or the output, where the one that does
-    never changes, for a column that the log lacks, or one that is named twice.
+    never changes, for a column that the log lacks or one that is named twice, and for a `rate` not
+    above 0.
     """
+    if wrong := not_above_zero("Hz", rate=rate):
+        raise InputError(wrong)
     table = _with_numbers(read_table(log))
     columns, words = table.columns, with_units(table)
     changing = {k: len(np.unique(x[np.isfinite(x)])) > 1 for k, x in columns.items()}

@@ -26,7 +26,7 @@ from .._evaluation import (
     trial_designs,
 )
 from .._file import Study
-from .._parameters import checked_parameters, values_of
+from .._parameters import checked_parameters, overlaps, values_of
 from .._problem import FigureRows
 from .._sobol import sobol_points
 
@@ -98,6 +98,11 @@ class RigCases:
             )
 
     def _tolerances(self) -> tuple[tuple[str, ...], Array]:
+        given = [path for path, _ in self.study.tolerances]
+        if twice := overlaps(self.study.rig, given):
+            raise InputError(
+                [f"`tolerance`: `{a}` and `{b}` are of the same part." for a, b in twice]
+            )
         paths, width = [], []
         for path, half in self.study.tolerances:
             each = checked_parameters(self.study.rig, [path])

@@ -21,7 +21,8 @@ def cases(read: Reader, rig: Rig, top: StudyTable) -> dict[str, Any]:
     loads = []
     for i, block in enumerate(top.load):
         name, values = block.name or f"load {i + 1}", block.set.items()
-        pairs = [(p, _parameter(read, rig, p, v, f"load.{name}.set")) for p, v in values]
+        where = f"load.{block.name or i + 1}"
+        pairs = [(p, _parameter(read, rig, p, v, f"{where}.set")) for p, v in values]
         loads.append(Load(name, tuple(pairs)))
     for kind, entries in (("drive", drives), ("load", loads)):
         names = [x.name for x in entries]
@@ -37,24 +38,24 @@ def cases(read: Reader, rig: Rig, top: StudyTable) -> dict[str, Any]:
 
 def _drive(read: Reader, rig: Rig, block: DriveTable, i: int) -> LoadCase:
     name, given = block.name or f"drive {i + 1}", block.model_fields_set
+    where = f"drive.{block.name or i + 1}"
     named = [key for key in ("speed", "omega", "torque") if key in given]
     if len(named) > 1:
-        read.say(f"`drive.{name}` takes one of `speed`, `omega`, `torque`, but has {len(named)}.")
+        read.say(f"`{where}` takes one of `speed`, `omega`, `torque`, but has {len(named)}.")
     kind = "torque" if named == ["torque"] else "speed"
     unit = {"speed": "rad/s", "torque": "N m"}[kind]
     if named == ["omega"]:
-        values = _of_sphere(read, rig, block.omega, f"drive.{name}.omega")
+        values = _of_sphere(read, rig, block.omega, f"{where}.omega")
     else:
-        values = _numbers(read, getattr(block, kind), f"drive.{name}.{kind}", unit)
+        values = _numbers(read, getattr(block, kind), f"{where}.{kind}", unit)
     if len(values) != rig.size:
         read.say(
-            f"`drive.{name}.{kind}` must have one value a wheel ({rig.size}), but has "
-            f"{len(values)}."
+            f"`{where}.{kind}` must have one value a wheel ({rig.size}), but has {len(values)}."
         )
         values = (0.0,) * rig.size
-    force = _numbers(read, block.force, f"drive.{name}.force", "N")
+    force = _numbers(read, block.force, f"{where}.force", "N")
     if len(force) != 3:
-        read.say(f"`drive.{name}.force` must have 3 components, but has {len(force)}.")
+        read.say(f"`{where}.force` must have 3 components, but has {len(force)}.")
         force = (0.0,) * 3
     return LoadCase(name, kind, values, force)
 

@@ -7,7 +7,8 @@ from typing import Any
 from ..._errors import InputError
 from ..._reading import read_toml
 from ...rig import Rig, bundled_rigs, load_rig
-from .._parameters import checked_parameters
+from .._evaluation import drive_quantities
+from .._parameters import overlaps
 from .._problem import check_variables
 from .cases import cases, variables
 from .goals import constraint, objective, search, tolerances
@@ -70,19 +71,16 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
 
 
 def _overlaps(rig: Rig, fields: Mapping[str, Any]) -> list[str]:
-    """Parameters that two entries would both set: variables among each other, and loads."""
-    of_rig, problems = [], []
-    for v in fields["variables"]:
-        try:
-            of_rig.append((v.name, checked_parameters(rig, [v.name])))
-        except InputError:  # of the drive
-            continue
-    for i, (name, paths) in enumerate(of_rig):
-        for other, theirs in of_rig[:i]:
-            if name != other and set(paths) & set(theirs):
-                problems.append(f"the variables `{other}` and `{name}` set the same parameter.")
+    """Parameters that two entries would both set: variables, variables and loads, tolerances."""
+    of_drive = drive_quantities(fields["drives"][0].drive, rig.names)
+    varied = [v.name for v in fields["variables"] if v.name not in of_drive]
+    problems = [
+        f"the variables `{first}` and `{second}` set the same parameter."
+        for first, second in overlaps(rig, list(dict.fromkeys(varied)))
+    ]
+    for name in varied:
         for load in fields["loads"]:
-            if set(paths) & set(checked_parameters(rig, [p for p, _ in load.values])):
+            if any(overlaps(rig, [path, name]) for path, _ in load.values):
                 problems.append(f"`{name}` is a variable, but load `{load.name}` sets it as well.")
     return problems
 

@@ -47,6 +47,9 @@ def search(read: Reader, top: StudyTable) -> dict[str, Any]:
     if metrics and (not isinstance(metrics, list) or len(metrics) not in {2, 3}):
         read.say(f"`pareto.metrics` must be a list of 2 or 3 metrics, but is {metrics!r}.")
         metrics = []
+    twice = dict.fromkeys(str(name) for name in metrics if metrics.count(name) > 1)
+    for name in twice:
+        read.say(f"`pareto.metrics` names `{name}` twice.")
     bound = None
     if top.limit is not None:
         name = _metric(read, top.limit.metric, "limit.metric")
