@@ -6,7 +6,7 @@ from scipy.signal import lsim
 
 from omnijax.diagnosis._machine.elastic import rig_modes
 from omnijax.diagnosis._machine.modes import forced, propagate
-from omnijax.diagnosis._machine.outliers import spikes
+from omnijax.diagnosis._machine.outliers import at_limits, spikes
 from omnijax.diagnosis._machine.smooth import smooth
 from omnijax.rig import load_rig
 
@@ -78,3 +78,33 @@ def test_what_rings_near_half_the_sampling_rate_is_no_outlier(frequency):
     values[[1500, 1501], 1] -= 20.0  # two beside each other
     values[100:130] = np.nan
     assert {*zip(*np.nonzero(spikes(values, 1.0)), strict=True)} == {*wild, (1500, 1), (1501, 1)}
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_sharp_peaks_that_a_sensor_cuts_off_are_no_outliers(seed):
+    rng = np.random.default_rng([23, seed])
+    time = np.linspace(0, 3, 3000)
+    frequencies = rng.uniform(60, 90, 4)
+    runs = [
+        60 * sum(np.sin(2 * np.pi * f * time + rng.uniform(0, 7)) for f in frequencies)[:, None]
+        for _ in range(2)
+    ]
+    limit = 0.93 * max(np.abs(x).max() for x in runs)
+    kept, wild = [], []
+    for cut in (True, False):
+        noise = [rng.normal(size=x.shape) for x in runs]
+        readings = [(np.clip(x, -limit, limit) if cut else x) + e
+                    for x, e in zip(runs, noise, strict=True)]  # fmt: skip
+        glitch = int(np.argmin(np.abs(runs[0][:, 0])))
+        readings[0][glitch] += 40.0
+        readings[1][1500] = 0.0 if abs(runs[1][1500, 0]) > 30 else 60.0
+        left = [y - x for x, y in zip(runs, readings, strict=True)]
+        masks = [spikes(r, 1.0) for r in left]
+        at = at_limits(readings, left, masks, 1.0)
+        kept.append(sum(m.sum() for m in at))
+        wild.append(masks[0][glitch, 0] and not at[0][glitch, 0] and not at[1][1500, 0])
+        beyond = [np.abs(x) > limit for x in runs]
+        assert not any((m & ~b).any() for m, b in zip(at, beyond, strict=True))
+    assert all(wild)
+    assert kept[1] == 0
+    assert kept[0] > 0

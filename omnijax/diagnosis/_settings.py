@@ -439,6 +439,7 @@ class OutliersSettings:
     """Isolated samples that fit neither their neighbours nor the model: left out, and said."""
 
     wild: float = 8.0  # sigma above the samples on both sides
+    beyond: float = 4.0  # sigma below what is foretold, from which a reading was cut off
     # share of a channel's samples above which they are no outliers but a misfit
     most: float = 0.06
     edge: int = 3  # samples beside a gap's edge, where a mistimed prediction makes spikes too

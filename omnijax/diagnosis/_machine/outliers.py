@@ -17,6 +17,7 @@ from .runs import Run
 
 WILD = SETTINGS.outliers.wild
 MOST = SETTINGS.outliers.most
+BEYOND = SETTINGS.outliers.beyond
 EDGE = SETTINGS.outliers.edge
 BESIDE = SETTINGS.outliers.beside
 USUAL = SETTINGS.outliers.usual
@@ -60,24 +61,64 @@ def near_edges(machine: Machine, rig: Rig, i: int) -> np.ndarray:
     return np.convolve(changed, np.ones(2 * EDGE + 1), "same") > 0
 
 
-def outliers(machine: Machine, rig: Rig, i: int, groups: Sequence[str]) -> dict[str, np.ndarray]:
-    """Masks (n, c) of the outliers of run `i` by output group, at a rig not yet calibrated."""
-    elastic, rotation = machine.residual_tables(rig, i)
-    tables = {"dR": elastic[:, :3], "a": elastic[:, 3:]}
-    tables |= {"Omega": rotation[:, :3], "theta": rotation[:, 3:]}
+def at_limits(
+    readings: Sequence[np.ndarray], left: Sequence[np.ndarray], masks: Sequence[np.ndarray],
+    sigma: float,
+) -> list[np.ndarray]:  # fmt: skip
+    """Masks (n, c) of the outliers among `masks`, by run, that stand at their channel's limit.
+
+    A sensor that saturates cuts sharp peaks off: what is foretold, the reading less what is `left`,
+    lies beyond several readings of one size, and no reading does.
+    """
+    near = WILD * sigma
+    over = [np.sign(x) * r < -BEYOND * sigma for x, r in zip(readings, left, strict=True)]
+    sizes = [np.abs(x) for x in readings]
+
+    def largest(some: Sequence[np.ndarray]) -> np.ndarray:
+        each = (np.where(m & np.isfinite(x), x, 0.0) for x, m in zip(sizes, some, strict=True))
+        return np.max([x.max(axis=0) for x in each], axis=0)
+
+    top = largest([m & o for m, o in zip(masks, over, strict=True)])
+    same = [o & (x > top - near) for x, o in zip(sizes, over, strict=True)]
+    several = sum(m.sum(axis=0) for m in same) > 1
+    limits = several & (largest([~m for m in masks]) < top + near)
+    return [m & s & limits for m, s in zip(masks, same, strict=True)]
+
+
+def outliers(machine: Machine, rig: Rig, groups: Sequence[str]) -> list[dict[str, np.ndarray]]:
+    """By run the masks (n, c) of outliers by output group, at a rig not yet calibrated."""
+    masks: list[dict[str, np.ndarray]] = [{} for _ in machine.runs]
+    left = []
+    for i in range(len(machine.runs)):
+        elastic, rotation = machine.residual_tables(rig, i)
+        left.append({"dR": elastic[:, :3], "a": elastic[:, 3:],
+                     "Omega": rotation[:, :3], "theta": rotation[:, 3:]})  # fmt: skip
     noise = machine.noise | {"theta": float(np.mean(machine.length_noise))}
-    edges, masks = near_edges(machine, rig, i), {}
+    edges = [near_edges(machine, rig, i) for i in range(len(machine.runs))]
     for group in groups:
-        if group not in machine.runs[i].outputs:
-            continue
-        mask = spikes(tables[group], noise[group])
-        both = edges.any() and not edges.all()  # a profile without a gate has edges everywhere
-        if group in ("dR", "a") and both and mask[edges].mean() > AT_EDGES * mask[~edges].mean():
-            mask[edges] = False
-        mask[:, mask.mean(axis=0) > MOST] = False
-        if mask.any():
-            masks[group] = mask
+        have = [i for i, run in enumerate(machine.runs) if group in run.outputs]
+        tables = [left[i][group] for i in have]
+        each = [
+            _isolated(x, noise[group], edges[i], group) for i, x in zip(have, tables, strict=True)
+        ]
+        if have and group != "theta":
+            readings = [machine.runs[i].outputs[group] for i in have]
+            cut = at_limits(readings, tables, each, noise[group])
+            each = [m & ~c for m, c in zip(each, cut, strict=True)]
+        for i, mask in zip(have, each, strict=True):
+            if mask.any():
+                masks[i][group] = mask
     return masks
+
+
+def _isolated(left: np.ndarray, sigma: float, edges: np.ndarray, group: str) -> np.ndarray:
+    """Mask (n, c) of the spikes in what is `left` of a group that no mistimed edge makes."""
+    mask = spikes(left, sigma)
+    both = edges.any() and not edges.all()  # a profile without a gate has edges everywhere
+    if group in ("dR", "a") and both and mask[edges].mean() > AT_EDGES * mask[~edges].mean():
+        mask[edges] = False
+    mask[:, mask.mean(axis=0) > MOST] = False
+    return mask
 
 
 def without_outliers(
@@ -85,9 +126,9 @@ def without_outliers(
 ) -> tuple[list[Run], list[str]]:
     """The runs with the groups' outliers marked as missing, and a sentence for each run."""
     runs, said = [], []
-    for i, run in enumerate(machine.runs):
+    for run, masks in zip(machine.runs, outliers(machine, rig, groups), strict=True):
         outputs, out = dict(run.outputs), {}
-        for group, mask in outliers(machine, rig, i, groups).items():
+        for group, mask in masks.items():
             outputs[group] = np.where(mask, np.nan, outputs[group])
             for c in np.flatnonzero(mask.any(axis=0)):
                 name = f"{group}_{c + 1}" if group == "theta" else f"{group}_{'xyz'[c]}"
