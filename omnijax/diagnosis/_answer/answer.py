@@ -177,7 +177,9 @@ def notes(
     if outcome.refused:
         who = JUDGES[evidence.confirmed_on].name
         said.append(f"Not confirmed by {who}: {', '.join(outcome.refused)}.")
-    dead = sorted({s.candidate.name for scan in outcome.scans[:1] for s in scan.scores if s.dead})
+    taken = {e.name for e in outcome.fit.point.effects}  # a search may begin with effects
+    dead = {s.candidate.name for scan in outcome.scans[:1] for s in scan.scores if s.dead}
+    dead = sorted(dead - taken)
     if dead:
         said.append(
             f"These candidates change no measured channel in these runs: {', '.join(dead)}."
