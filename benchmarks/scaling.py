@@ -52,7 +52,7 @@ def _affine(sizes, seconds) -> tuple[float, float]:
 def measure_design(duration: float | None) -> dict[str, Any]:
     """Seconds a design, and how it is evaluated."""
     from omnijax import sweep
-    from omnijax.study._sweep.evaluator import Evaluator
+    from omnijax.study import Evaluator
 
     result = sweep("atlas", VARY, samples=1, duration=duration, **QUESTION)
     evaluator = Evaluator(result.spec)

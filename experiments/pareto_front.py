@@ -14,8 +14,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from omnijax import set_parameter
 from omnijax.study import load_study, pareto
-from omnijax.study._design.cases import RigCases
+from omnijax.vibration import steady_metrics
 
 study = load_study(Path(__file__).parent / "studies" / "front.toml")
 front = pareto(study)
@@ -43,9 +44,18 @@ except ModuleNotFoundError:
     print("pymoo is not installed: no comparison.")
     raise SystemExit(0) from None
 
-cases = RigCases(study, front.metrics)
 low, high = (np.log([getattr(v, side) for v in study.variables]) for side in ("low", "high"))
-evaluate = jax.jit(jax.vmap(lambda x: cases.every(jnp.exp(x), jnp.zeros((1, 0)))[0][0, 0]))
+speeds = jnp.array(study.drives[0].values)
+
+
+@jax.jit
+@jax.vmap
+def evaluate(x):
+    """The two metrics of a design at the logarithms of stiffness and damping."""
+    rig = study.rig
+    for variable, value in zip(study.variables, jnp.exp(x), strict=True):
+        rig = set_parameter(rig, variable.name, value)
+    return jnp.stack(list(steady_metrics(rig, speeds, front.metrics).values()))
 
 
 class Ride(Problem):

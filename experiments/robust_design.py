@@ -13,15 +13,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from omnijax.study import design, parse_study
-from omnijax.study._design.rig import rig_problem
+from omnijax.study import design, design_problem, parse_study
 
 text = (Path(__file__).parent / "studies" / "robust.toml").read_text(encoding="utf-8")
 study = parse_study(tomllib.loads(text))
 robust = design(study)
 print(robust)
 
-problem = rig_problem(study)
+problem = design_problem(study)
 figures = jax.jit(lambda grid: jax.lax.map(lambda x: problem.figures(x, problem.extra), grid))
 
 # a fine grid of the same two variables, every case of it

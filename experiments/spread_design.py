@@ -12,22 +12,33 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from omnijax import set_parameter
+from omnijax.rig import get_parameter
 from omnijax.study import design, load_study
-from omnijax.study._design.cases import RigCases
+from omnijax.vibration import steady_metrics
 
 MACHINES = 1024
 
 study = load_study(Path(__file__).parent / "studies" / "spread.toml")
 spread = design(study)
 print(spread)
-cases = RigCases(study)
-unit = np.random.default_rng(11).uniform(-1, 1, (MACHINES, len(cases.parts)))
-draws = jnp.asarray(unit * np.asarray(cases.width))
-figures = jax.jit(
-    lambda x, draws: jax.lax.map(
-        lambda d: cases.every(x, d[None])[0].reshape(()), draws, batch_size=64
-    )
-)
+speeds = jnp.array(study.drives[0].values)
+width = np.array([half for _, half in study.tolerances])
+unit = np.random.default_rng(11).uniform(-1, 1, (MACHINES, len(width), study.rig.size))
+draws = jnp.asarray(unit * width[:, None])  # relative, by part and wheel
+
+
+def shaken(x, off):
+    """RMS of |dR| with contacts x = (K, C) on every wheel and each wheel's parts off, m."""
+    rig = study.rig
+    for name, value in zip(("contact.stiffness", "contact.damping"), x, strict=True):
+        rig = set_parameter(rig, name, value)
+    for (path, _), share in zip(study.tolerances, off, strict=True):
+        rig = set_parameter(rig, path, get_parameter(rig, path) * (1 + share))
+    return steady_metrics(rig, speeds, ("rms",))["rms"]
+
+
+figures = jax.jit(lambda x, off: jax.lax.map(lambda d: shaken(x, d), off, batch_size=64))
 
 
 def seen(stiffness, damping):

@@ -58,6 +58,18 @@ def test_convex_with_active_bound_and_limit(bounded):
     assert "raising the upper bound of `x` by 1 % buys 0.08 of objective." in bounded.multipliers
 
 
+def test_a_design_at_its_bound_lies_within_it():
+    """By rounding of a log scale it lay beyond: no start of another search."""
+    problem = Problem(
+        tuple(Variable(f"x{i}", 3e5, high, log=True) for i, high in enumerate((3e6, 7e6, 1.1e7))),
+        lambda x, _: (-jnp.sum(jnp.log(x))[None], NO_LIMITS),
+    )
+    best = optimise(problem, starts=2, batch=2)
+    assert list(best.variables.values()) == pytest.approx([3e6, 7e6, 1.1e7], rel=1e-12)
+    begun = (v._replace(start=best.variables[v.name]) for v in problem.variables)
+    assert optimise(problem._replace(variables=tuple(begun)), starts=1).optimal
+
+
 def test_searches_are_ranked_best_first(bounded):
     """Whatever meets the limits by its objective, then the others by what they miss."""
     ends = bounded.ends | {

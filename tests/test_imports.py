@@ -184,6 +184,37 @@ def test_no_file_imports_itself_by_way_of_others():
     assert in_circles({1: {2}, 2: {3}, 3: {2, 4}, 4: set()}) == {2, 3}
 
 
+INSIDE = {  # what benchmarks take from behind a face, and why
+    "benchmarks/scaling.py": {
+        "study._sweep.evaluator": "times one step of a sweep: which arrays a design's store has",
+        "study._sweep.store": "times one step of a sweep: writing a chunk",
+    },
+    "benchmarks/hidden_effects/coverage.py": {
+        "diagnosis._search": "counts how often the limits of one step of a diagnosis hold",
+    },
+    "benchmarks/hidden_effects/thresholds.py": {
+        "diagnosis._settings": "varies the thresholds, which are no user's",
+    },
+}
+
+
+@pytest.mark.parametrize("folder", ["experiments", "benchmarks"])
+def test_studies_use_public_faces(folder):
+    """Experiments show what a user can write; a benchmark that measures an inner step says why."""
+    files = list((ROOT.parent / folder).rglob("*.py"))
+    assert len(files) > 10
+    for file in files:
+        taken = set()
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                taken |= {x.name for x in node.names if x.name.split(".")[0] == "omnijax"}
+            elif isinstance(node, ast.ImportFrom) and (node.module or "").startswith("omnijax"):
+                taken |= {f"{node.module}.{x.name}" for x in node.names}
+        private = {x.partition(".")[2] for x in taken if "._" in x}
+        known = INSIDE.get(file.relative_to(ROOT.parent).as_posix(), {})
+        assert {x.rpartition(".")[0] for x in private} == known.keys(), file
+
+
 @pytest.mark.parametrize("folder", ["experiments", "benchmarks"])
 def test_what_the_studies_call_of_a_package_is_there(folder):
     """Most of them run in the full suite alone: a name that has gone would be noticed late."""

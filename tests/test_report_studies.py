@@ -132,6 +132,20 @@ def test_a_design_says_first_what_to_build_and_what_it_brings(tmp_path):
     assert (tmp_path / "gain.csv").read_text().splitlines()[1] == ",105.3,94.47"
 
 
+def test_a_design_over_drawn_parts_does_not_call_a_nominal_figure_by_the_objectives_name(tmp_path):
+    """A figure with parts at their nominal values was told as `mean + 2 sigma of rms`."""
+    name = "worst mean + 2 sigma of rms"
+    found = designed(objective_name=name, objective=1.2e-4, cases={"a": 1e-4, "b": 1.2e-4})
+    cases = {"a": (1e-4, 9e-5), "b": (1.053e-4, 9.447e-5)}
+    found = dataclasses.replace(found, was=found.was | {"name": "worst rms", "cases": cases})
+    page = study_page(found, provenance("omnijax design study.toml"))
+    assert page.answer.endswith("10.3 % less worst rms than your rig, parts at nominal values: "
+                                "from 105.3 to 94.47 µm.")  # fmt: skip
+    assert page.facts[0].label == "worst rms"
+    page.write(tmp_path)
+    assert (tmp_path / "gain.csv").read_text().splitlines()[0].endswith("the design: rms / µm")
+
+
 def test_a_design_that_is_not_sure_says_so():
     ends = designed().ends | {"objective": [9.447e-5, 1.2e-4, 1.3e-4]}
     page = study_page(designed(status="not optimal", ends=ends), provenance("omnijax design x"))

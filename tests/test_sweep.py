@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from machines import SKEW, machine
@@ -15,7 +16,7 @@ from omnijax import InputError, load_rig, load_sweep, sensitivity, set_parameter
 from omnijax._errors import DataWarning
 from omnijax._status import Status
 from omnijax.cli._frame import run
-from omnijax.laws import EFFECTS, LiftOff
+from omnijax.laws import EFFECTS, FloorVibration, LiftOff
 from omnijax.rig import parse_rig
 from omnijax.simulation import ramp, speeds, steady_state, torques
 from omnijax.study._axes import read_axis
@@ -55,6 +56,21 @@ def test_gradient_is_the_slope_between_designs():
     assert result.unit("d_rms.contact.stiffness") == "m/(N/m)"
     assert result.unit("d_rms.speed.w2") == "m/(rad/s)"
     assert (result["d_rms.speed.w2"] != 0).all()
+
+
+def test_slopes_of_an_output_that_shows_no_pole():
+    """In the paper's model the floor alone moves the platform: in proportion to its amplitude.
+
+    Such a sweep, and a global study of any figure of that output, ended in an `IndexError`.
+    """
+    floor = FloorVibration(*map(jnp.asarray, (0.3, 12.0, 0.4, [1.0, 2.0, 3.0])))
+    rig, path = machine(SKEW).add(floor, "platform"), "effect.floor-vibration.platform.amplitude"
+    given = {"speeds": SPEEDS, "duration": 0.2, "rate": 333, "model": "paper"}
+    metric = "platform_acceleration_rms"
+    result = sweep(rig, {path: [0.3, 0.4]}, metric, gradient=True, **given)
+    assert result.spec.method == "bulk" and (result[metric] > 0.1).all()
+    slope = result[metric] / [0.3, 0.4]
+    np.testing.assert_allclose(result[f"d_{metric}.{path}"], slope, rtol=1e-9)
 
 
 def test_runs_with_a_duration_agree_with_one_run():

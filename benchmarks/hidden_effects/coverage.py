@@ -18,9 +18,8 @@ from pathlib import Path
 import numpy as np
 from scipy.stats import beta
 
-from omnijax.diagnosis import diagnose
-from omnijax.diagnosis._search import Search, refit, upper_limits
-from omnijax.diagnosis._search.model import Effect, Point
+from omnijax.diagnosis import Effect, Point, Search, diagnose, refit
+from omnijax.diagnosis._search import upper_limits
 
 from .._lines import commit
 from .cases import drawn, recorded, written

@@ -8,7 +8,7 @@ import itertools
 from collections.abc import Iterable
 from typing import Any
 
-from omnijax.diagnosis._search import AbstractModel, Effect, Point, refit
+from omnijax.diagnosis import AbstractModel, Effect, Point, refit
 
 from .._lines import TELLS
 

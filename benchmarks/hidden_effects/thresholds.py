@@ -8,8 +8,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from omnijax.diagnosis import diagnose
-from omnijax.diagnosis._search.model import AbstractModel
+from omnijax.diagnosis import AbstractModel, diagnose
 from omnijax.diagnosis._settings import SETTINGS
 
 from .._lines import commit

@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from ._design import Design as Design
     from ._design import Front as Front
     from ._design import design as design
+    from ._design import design_problem as design_problem
     from ._design import designed_rig as designed_rig
     from ._design import optimise as optimise
     from ._design import pareto as pareto

@@ -80,7 +80,7 @@ METRICS: dict[str, Metric] = {
     ),  # its least value over independent phases has no closed form
     "smooth_peak": Metric(
         "m",
-        "64-norm of |ΔR| over the samples (steady: over the phases, along the largest |ΔR|)",
+        "64-norm of |ΔR| over the samples (steady: over the phases, of exp(64 |ΔR|/S) for powers)",
         lambda r, _: smooth_peak(r.dR),
         lambda s: s.smooth_peak("dR", SHARPNESS),
     ),

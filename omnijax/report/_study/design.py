@@ -29,7 +29,7 @@ def _facts(design: Design) -> list[Fact]:
     """The objective, and what each limited quantity comes to."""
     value = design.was.get("new", design.objective)
     factor, unit = scaled(value, design.unit)
-    facts = [Fact(design.objective_name, f"{factor * value:.4g}", unit)]
+    facts = [Fact(design.nominal_name, f"{factor * value:.4g}", unit)]
     for text, (reached, own) in design.limits.items():
         factor, unit = scaled(reached, own)
         facts.append(Fact(text.replace("<=", "at most").replace(">=", "at least"),
@@ -55,7 +55,7 @@ def _gain(design: Design) -> list[Figure]:
         return []
     factor, unit = scaled(design.was["new"], design.unit)
     ends = np.array(list(design.was["cases"].values()))
-    name = f"{design.case_name} / {unit}"
+    name = f"{design.nominal_case_name} / {unit}"
     data = {"case": list(design.was["cases"]), f"your rig: {name}": factor * ends[:, 0],
             f"the design: {name}": factor * ends[:, 1]}  # fmt: skip
     with style():

@@ -178,7 +178,7 @@ class OutputParts(NamedTuple):
         k = self.kind > 0
         w0 = self.c0 * z0 + jnp.where(k, self.c1 * z1, 0.0)
         w1 = self.c1 * jnp.where(k, z0, z1) - jnp.where(k, self.c0 * z1, 0.0)
-        here = of_sinusoids(piece, layout.signal_of[waves], jnp.zeros_like(z0[0]))
+        here = of_sinusoids(piece, layout.signal_of[waves], jnp.zeros(self.kind.shape[1:]))
         fa, fb = (at_piece(x, here) for x in (self.cosine, self.sine))
         turn = rows(turn, waves)
         return Weights(w0, w1, *turned(fa, fb, turn.real, turn.imag))

@@ -38,6 +38,7 @@ from .._exact import (
 )
 from .filtered import OUTPUT, LinearFilter, with_filters
 from .peak_search import Curves, PeakPlaces, largest, places, supremum
+from .smooth_peak import PhasePlaces, smooth_peak
 
 BITS = 7  # of the even places a piece where extremes are looked for
 LEVELS = 24  # of the ladder: up to 2^22 time constants a piece
@@ -165,26 +166,18 @@ class LongRun:
         return [root(total @ total) for total in jax.vmap(one)(rows)]
 
     def smooth_peak(self, name: str, sharpness: float) -> Float[Array, ""]:
-        """size/p ln(mean over phases of exp(p x/size)), p = `sharpness`; its gradient is smooth.
-
-        x is the output along the supremum's direction, `size` the supremum.  Wheels of independent
-        phases add in x, so that their means multiply; the p-norm of a run, which has no such form,
-        is up to 2 % more.
-        """
+        """The smooth peak of an output, p = `sharpness`; see `smooth_peak.py`."""
         curves = self.curves(name)
-        total = jax.lax.stop_gradient(supremum(curves, self.places(), self.bits))
-        size = root(total @ total)
-        scale, peak = jnp.where(size > 0, size, 1.0), jnp.zeros(())
         each = jax.vmap(jax.vmap(lambda piece, z: points(piece, z, self.bits)))
-        for part, own in zip(self.parts, curves, strict=True):
+
+        def phases(part: Part, rows) -> PhasePlaces:
             Z = each(part.cycles.pieces, part.starts)
-            along = jnp.einsum("gkoN,gkNp,o->gkp", own.rows, Z, total / scale)
-            weight = jnp.broadcast_to(part.weight[..., None], along.shape) / 2**self.bits
-            g = len(along)
-            peak += jnp.sum(jax.scipy.special.logsumexp(
-                along.reshape(g, -1) * (sharpness / scale), axis=1, b=weight.reshape(g, -1)
-            ))  # fmt: skip
-        return peak * size / sharpness
+            x = jnp.einsum("gkoN,gkNp->gkpo", rows, Z)
+            share = jnp.broadcast_to(part.weight[..., None], x.shape[:3]) / 2**self.bits
+            return PhasePlaces(x.reshape(len(x), -1, x.shape[-1]), share.reshape(len(x), -1))
+
+        parts = [phases(part, own.rows) for part, own in zip(self.parts, curves, strict=True)]
+        return smooth_peak(parts, supremum(curves, self.places(), self.bits), sharpness)
 
 
 def output_rows(part: Part, name: str) -> Float[Array, "g k o N"]:

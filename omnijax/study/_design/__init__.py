@@ -2,6 +2,7 @@
 
 from .cases import RigCases as RigCases
 from .design import design as design
+from .design import design_problem as design_problem
 from .design import designed_rig as designed_rig
 from .front import Front as Front
 from .generic import optimise as optimise

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from ..._errors import InputError
 from ...rig import Rig
 from .._file import Study, study_of
+from .._problem import Problem
 from .._study_folder import Report, folder_of
 from .answer import make_design
 from .cases import RigCases
@@ -53,6 +54,16 @@ def design(
     more, was = noted(asked, cases, best)
     said = (*best.notes, *start_note(engine), *more)
     return dataclasses.replace(best, notes=said, was=was)
+
+
+def design_problem(study: str | Path | Mapping | Study) -> Problem:
+    """The problem that `design` solves for a study, for `optimise` or an optimiser of your own.
+
+    Its variables are in the study's order, SI; `figures(x, extra)` is pure and differentiable.
+
+    Raises `InputError` for a wrong study.
+    """
+    return rig_problem(study_of(study))
 
 
 def designed_rig(study: str | Path | Mapping | Study, best: Design) -> Rig:

@@ -36,12 +36,13 @@ def check_optimality(
     """The ends of searches: figures, multipliers, status."""
     limit, free = np.asarray(lanes.limit), np.asarray(lanes.free) > 0
     better = _neighbours(figures, share, free[: len(share)], limit[: len(share)])
+    low, high = np.array([(v.low, v.high) for v in figures.problem.variables]).T
     ends = []
     for i, s in enumerate(figures.slopes(share)):
         value = float(figures.combined(s.f))
         kkt = _conditions(figures, share[i], s, limit[i], free[i])
         status, reason = verdict(kkt, (value - better[i]) / figures.size)
-        x = np.asarray(figures.scale.value(jnp.asarray(share[i])))
+        x = np.clip(figures.scale.value(jnp.asarray(share[i])), low, high)  # rounding leads past
         start = np.asarray(figures.scale.value(lanes.share[i]))
         ends.append(
             SearchEnd(start, x, share[i], free[i], value, s.f, s.g - limit[i], limit[i], kkt,

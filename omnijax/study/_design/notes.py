@@ -15,7 +15,7 @@ from .answer import missed
 from .cases import RTOL, RigCases
 from .engine import Engine
 from .result import Design
-from .rig import rig_problem
+from .rig import objective_text, rig_problem
 
 FRESH = 64  # draws of the parts that the search has not seen
 
@@ -96,6 +96,7 @@ def noted(study: Study, cases: RigCases, best: Design) -> tuple[list[str], dict]
     old, new = (float(exact.over_cases(y)) for y in (own, nominal))
     start = before(study)
     was = {
+        "name": objective_text(dataclasses.replace(study, tolerances=()))[0],
         "old": old,
         "new": new,
         "cases": {

@@ -56,7 +56,7 @@ def gain(result: Any, ax: Any = None) -> Any:
     ax.set_yticks(place, [n if len(names) > 1 else "" for n in names])
     ax.grid(axis="y", visible=False)
     ax.margins(x=0.3)
-    ax.set_xlabel(label(result.case_name, unit))
+    ax.set_xlabel(label(result.nominal_case_name, unit))
     ax.set_title("What it brings")
     return ax
 

@@ -18,7 +18,7 @@ class Design(AbstractResult):
     `ends` is one row a search.  `notes` holds figures of the study that asked.  `limits` has by
     constraint what the design reaches and its unit.  `was` compares with the study's own rig, parts
     at their nominal values: `old` and `new` objective, `cases` by name as (old, new), and
-    `variables` where the rig has one value of each.
+    `variables` where the rig has one value of each, and `name` of the objective without draws.
     """
 
     status: str
@@ -72,8 +72,17 @@ class Design(AbstractResult):
     @property
     def case_name(self) -> str:
         """What each entry of `cases` is: the objective before it is combined over them."""
-        first, _, rest = self.objective_name.partition(" ")
-        return rest if len(self.cases) > 1 and first in {"worst", "mean"} else self.objective_name
+        return _of_a_case(self.objective_name, len(self.cases))
+
+    @property
+    def nominal_name(self) -> str:
+        """What `was` compares: the objective with the parts at their nominal values."""
+        return self.was.get("name", self.objective_name)
+
+    @property
+    def nominal_case_name(self) -> str:
+        """What each entry of `was["cases"]` is."""
+        return _of_a_case(self.nominal_name, len(self.was["cases"]))
 
     @property
     def ranking(self) -> np.ndarray:
@@ -118,7 +127,10 @@ class Design(AbstractResult):
         ends = f"from {factor * before:.4g} to {factor * after:.4g} {unit}".strip()
         change = 100 * (after / before - 1) if before else 0.0
         way = "less" if change < 0 else "more"
-        return f"That is {abs(change):.3g} % {way} {self.objective_name} than your rig: {ends}."
+        parts = "" if self.nominal_name == self.objective_name else ", parts at nominal values"
+        return (
+            f"That is {abs(change):.3g} % {way} {self.nominal_name} than your rig{parts}: {ends}."
+        )
 
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` of all searches, with the best design as attributes."""
@@ -166,3 +178,9 @@ class Design(AbstractResult):
         from .plot import cases
 
         return cases(self, ax=ax)
+
+
+def _of_a_case(objective: str, cases: int) -> str:
+    """The name of the objective before it is combined over so many cases."""
+    first, _, rest = objective.partition(" ")
+    return rest if cases > 1 and first in {"worst", "mean"} else objective

@@ -1,0 +1,85 @@
+"""The smooth peak of a steady state: its defining equation, its direction, its derivatives."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from machines import drawn_machine
+from scipy.optimize import brentq, minimize
+from scipy.special import ive, logsumexp
+from seeds import drawn_anew
+
+from omnijax.rig import get_parameter, set_parameter
+from omnijax.simulation._steady.smooth_peak import PhasePlaces, smooth_peak
+from omnijax.vibration import steady_metrics
+
+P = 64.0
+
+
+def even(x) -> PhasePlaces:
+    """Places of one signal, (k, 3), of equal share."""
+    return PhasePlaces(jnp.asarray(x)[None], jnp.full((1, len(x)), 1 / len(x)))
+
+
+def test_a_sine_has_the_size_that_bessels_function_gives():
+    """<exp(p a cos(t)/S)> = I0(p a/S) = exp(p), in any direction, alone or in two parts."""
+    z = brentq(lambda z: np.log(ive(0, z)) + z - P, 1.0, 2 * P)
+    angle, way = 2 * np.pi * np.arange(4096) / 4096, np.array([2.0, -1.0, 2.0]) / 3
+    for size in (1e-6, 3.0):
+        x = size * np.cos(angle)[:, None] * way
+        S = smooth_peak([even(x)], jnp.asarray(size * way), P)
+        np.testing.assert_allclose(S, P * size / z, rtol=1e-9)
+        halves = [even(x / 2), even(x / 2)]  # of independent phases: each has half of p
+        z2 = brentq(lambda z: 2 * (np.log(ive(0, z)) + z) - P, 1.0, 2 * P)
+        np.testing.assert_allclose(
+            smooth_peak(halves, jnp.asarray(size * way), P), P * size / 2 / z2, rtol=1e-9
+        )
+
+
+def test_its_direction_is_that_of_the_largest():
+    """Against SciPy's search over directions from the same start, and against 200 of them all."""
+    rng = drawn_anew("smooth peak's direction")
+    angle = 2 * np.pi * np.arange(512) / 512
+    waves = np.stack([f(k * angle) for k in (1, 2, 3) for f in (np.cos, np.sin)], axis=1)
+    signals = [waves @ (rng.normal(size=(6, 3)) * [1.0, 0.7, 0.2]) for _ in range(3)]
+
+    def size(way):
+        along = [x @ way / np.linalg.norm(way) for x in signals]
+        return P / brentq(
+            lambda t: sum(logsumexp(t * x) - np.log(512) for x in along) - P, 0.1, 1e3
+        )
+
+    ways = rng.normal(size=(200, 3))
+    sizes = [size(way) for way in ways]
+    start = ways[int(np.argmax(sizes))]
+    best = minimize(lambda way: -size(way), start, method="Nelder-Mead", tol=1e-10)
+    total = start / np.linalg.norm(start) * 1.2 * max(sizes)
+    S = float(smooth_peak([even(x) for x in signals], jnp.asarray(total), P))
+    assert max(sizes) < S
+    np.testing.assert_allclose(S, -best.fun, rtol=1e-8)
+
+
+def test_its_derivatives_are_those_of_its_value():
+    """They were those along a direction and a size that were held: up to 13 % off."""
+    rng = drawn_anew("smooth peak's derivatives")
+    paths = ("wheel.w2.mount.damping", "contact.stiffness", "platform.mass", "wheel.w1.roundness")
+    for n in (3, 4):
+        rig, turning = drawn_machine(rng, n), jnp.asarray(rng.uniform(3, 9, n))
+
+        @eqx.filter_jit
+        def peak(factors, rig=rig, turning=turning):
+            for path, factor in zip(paths, factors, strict=True):
+                rig = set_parameter(rig, path, get_parameter(rig, path) * factor)
+            return steady_metrics(rig, turning, ("smooth_peak",))["smooth_peak"]
+
+        slopes = jax.jit(jax.grad(peak))(jnp.ones(len(paths)))
+        step = 1e-5 * np.eye(len(paths))
+        expected = [(peak(1 + h) - peak(1 - h)) / 2e-5 for h in step]
+        np.testing.assert_allclose(slopes, expected, rtol=1e-4, atol=1e-6 * float(peak(np.ones(4))))
+
+
+def test_of_nothing_it_is_nothing():
+    def S(size):
+        return smooth_peak([even(size * jnp.ones((8, 3)))], jnp.zeros(3), P)
+
+    assert float(S(0.0)) == 0.0 and float(jax.grad(S)(0.0)) == 0.0
