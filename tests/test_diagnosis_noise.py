@@ -82,6 +82,20 @@ def test_coloured_noise_is_whitened_by_its_own_spectrum():
     assert np.sqrt(np.mean(white**2)) == pytest.approx(1.0, rel=0.05)
 
 
+def test_the_mean_of_a_coloured_channel_is_not_lost():
+    """What is not weighed at all a refit leaves anywhere: an offset of a drift was 2e6 m/s^2."""
+    run = Run("r", "train", STEP * np.arange(N), np.zeros((N, 3)), np.zeros((N, 3)),
+              {"a": np.zeros((N, 3))}, np.ones(N, bool))  # fmt: skip
+    at = np.geomspace(1 / N, 0.5, 20)
+    wandering = Level(1.0, 0.01, 1.0, "wandering", (at, 1 + (0.01 / at) ** 2))
+    run = with_noise(run, {"a_x": wandering}, 3)
+    rows = DataRows(N, np.ones((N, 6)), np.ones((N, 6)), [], filters=_filters(run))
+    flat = np.full((1, 6 * N), 0.3)
+    rows.bleach(flat)
+    assert 0 < np.linalg.norm(flat.reshape(N, 6)[:, 3]) < 1e-3 * np.sqrt(N)
+    assert rows.unwhitened(np.append(flat, np.zeros(6 * N)))[:, 3] == pytest.approx(0.3)
+
+
 def test_a_quantised_channel_is_known_by_its_step():
     rng = np.random.default_rng(7)
     slow = np.cumsum(rng.normal(size=N)) * 1e-4
@@ -225,6 +239,28 @@ def test_noise_of_any_colour_leaves_no_stretch(colour):
         noise = kinds(rng) | {"of a fat tail": rng.standard_t(4, size=N),
                               "steps": 0.5 * np.round(2 * rng.normal(size=N))}  # fmt: skip
         assert held_out_verdict([{"a_x": noise[colour]}], 0.06).verdict == "none"
+
+
+@pytest.mark.parametrize(
+    "elsewhere, before, after, verdict",
+    [(40.0, 4.8, 1.16, "unknown"),  # another law's like closes 98 % of that channel
+     (40.0, 4.8, 1.02, "named"),  # the law itself
+     (40.0, 1.02, 1.0, "named"),
+     (20.0, 1.2, 1.16, "unknown"),
+     (200.0, 1.2, 1.16, "named")],  # less than 1 % of what the effect moves elsewhere
+)  # fmt: skip
+def test_a_gap_is_closed_in_every_channel(elsewhere, before, after, verdict):
+    fit = SimpleNamespace(point=SimpleNamespace(effects=("x",)))
+    found = SimpleNamespace(fit=fit, rivals={}, significant=True, trials=[], alone={}, left_out={})
+    level = Level(1.0, 0.01, 1.0)
+    shown = Shown(
+        ({"theta_1": level, "dR_z": level},), ("held-out",), {"theta_1": 0.0, "dR_z": 0.3}, ([], [])
+    )
+    first = [{"theta_1": np.full(1000, elsewhere), "dR_z": np.full(1000, before)}]
+    last = [{"theta_1": np.full(1000, 1.0), "dR_z": np.full(1000, after)}]
+    said = judge(found, shown, first, last)  # pyright: ignore[reportArgumentType]
+    assert said.verdict == verdict
+    assert ("dR_z" in said.reason) == (verdict == "unknown")
 
 
 RIG, AXIS = AbstractEvidence.alike, OdeEvidence.alike
@@ -446,22 +482,36 @@ def test_noise_is_explained_by_what_held_out_runs_show_too(everywhere):
     assert explained(model, way) == everywhere  # pyright: ignore[reportArgumentType]
 
 
-def drifting(walks: bool, seed: int, runs: int, gain: float, n: int = 1500) -> list[np.ndarray]:
-    """Columns of white noise with a straight drift, the same in all runs, or with random walks."""
+def drifting(
+    walks: bool, seed: int, runs: int, gain: float, corner: float, n: int = 1500
+) -> list[np.ndarray]:
+    """Columns of noise with a straight drift, the same in all runs, or with random walks.
+
+    The noise is white, or falls above a `corner` in cycles a sample; its sigma is 1.
+    """
     rng, t = np.random.default_rng([11, seed]), np.linspace(-1, 1, n)
+    noise = rng.normal(size=(runs, n))
+    if corner:
+        kept = np.exp(-2 * np.pi * corner)
+        noise = lfilter([1 - kept], [1, -kept], rng.normal(size=(runs, 2 * n)), axis=1)[:, n:]
+        noise /= noise.std()
     if not walks:
-        return [rng.normal(size=n) + t * np.sqrt(gain / runs / (t @ t)) for _ in range(runs)]
+        return [x + t * np.sqrt(gain / runs / (t @ t)) for x in noise]
     steps = np.cumsum(rng.normal(size=(runs, n)), axis=1) * np.sqrt(6 * gain / runs) / n
-    return [*(rng.normal(size=(runs, n)) + steps - steps.mean(axis=1, keepdims=True))]
+    return [*(noise + steps - steps.mean(axis=1, keepdims=True))]
 
 
-@pytest.mark.parametrize("runs, gain", [(1, 1000.0), (3, 300.0)])
-def test_a_channel_that_wanders_is_no_drift_and_a_drift_is_one(runs, gain):
+@pytest.mark.parametrize(
+    "runs, gain, corner",
+    [(1, 1000.0, 0.0), (3, 300.0, 0.0), (1, 1e5, 0.02), (3, 1e5, 0.02), (2, 1e8, 0.005)],
+)
+def test_a_channel_that_wanders_is_no_drift_and_a_drift_is_one(runs, gain, corner):
+    """Whatever the colour of the noise beside it, which is strong at low frequencies itself."""
     kept = {}
     for walks in (False, True):
         each = []
         for seed in range(20):
-            columns = drifting(walks, seed, runs, gain)
+            columns = drifting(walks, seed, runs, gain, corner)
             t = np.linspace(-1, 1, len(columns[0]))
             b = sum(t @ x for x in columns) / (runs * t @ t)
             left = {"less": columns, "fit": columns - b * t}

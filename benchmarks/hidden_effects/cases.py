@@ -253,13 +253,13 @@ def recorded(case: Drawn, sizes: list[float]) -> tuple[list[dict[str, np.ndarray
     runs, every = len(case.torque), round(FINE / case.rate)
     bare = silent(case)
     lanes = [(one, k % runs, sizes) for one in (case, bare) for k in range(LANES // 2)]
-    both = outputs(lanes)
+    first, wheels = round(case.cut * FINE), case.machine.wheels
+    last = first + round(SECONDS * FINE) + 1
+    both = [out[:last] for out in outputs(lanes)]
     made, without = both[: LANES // 2], both[LANES // 2 :]
     if not all(np.all(np.isfinite(x)) for x in made):
         raise RuntimeError("the plant runs away: what is hidden is too strong for this machine.")
     rng, tables = np.random.default_rng([18, case.seed]), []
-    first, wheels = round(case.cut * FINE), case.machine.wheels
-    last = first + round(SECONDS * FINE) + 1
     rows = slice(first, last, every)
     for k, clean in enumerate(made[:runs]):
         out = noisy(rng, clean[rows], case.noise, wheels)

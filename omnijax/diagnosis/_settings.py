@@ -226,8 +226,12 @@ class LevelsSettings:
     slowest: float = 10.0  # times its first line, up to which its slope is asked
     steep: float = -0.7  # slope of log power there, below which noise wanders: -2 of a random walk
     free: float = 4.0  # degrees of freedom of a coloured level at least
-    wanders: tuple[float, float] = (-4.0, 5.0)  # decades of a walk's power over white noise's
-    powers: int = 37  # of them tried, four a decade
+    # decades of a walk's and of low-pass noise's power over white noise's; so many of them tried
+    wanders: tuple[float, float] = (-4.0, 9.0)
+    powers: int = 40
+    lowest: float = 3.0  # half periods a run, the slowest corner of low-pass noise
+    corners: int = 10  # tried, from there to the fastest wave
+    alike: float = 1.05  # waves within this factor are one bin
 
 
 @dataclasses.dataclass(frozen=True)
@@ -370,6 +374,7 @@ class DataVectorSettings:
 
     settle: float = 0.3  # s after an unknown input in which the elastic channels are not used
     shortest: int = 20  # samples of a window
+    mean: float = 1e-3  # weight of a coloured channel's mean, over that of its slowest wave
 
 
 @dataclasses.dataclass(frozen=True)

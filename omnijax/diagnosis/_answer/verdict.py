@@ -58,7 +58,8 @@ def judge(
 
     Nothing is unknown but what hangs on the machine's state, at `where`'s own false-discovery rate.
     `rivals` is the margin below which two effects explain the runs equally well, `closing` the
-    share of the held-out gap that a named set has to close, `alike` the one by which held-out runs
+    share of the held-out gap that a named set has to close, in whole and in each channel (but for
+    what strong effects elsewhere leave there), `alike` the one by which held-out runs
     may show an effect at another size (what is more than a rig's prediction may be off is said);
     `unsteady` effects change over the runs or between them.
     `far` are stretches of the held-out runs that no noise of their channel explains.  Where a
@@ -68,10 +69,10 @@ def judge(
     """
     first, last = squares(before), squares(after)
     floor = {c: shown.ratio(c, "held-out") ** 2 for c in last}
-    above = sum(max(0.0, s - floor[c] * n) for c, (s, n) in first.items())
-    left = sum(max(0.0, s - floor[c] * n) for c, (s, n) in last.items() if c in shown.structured)
+    above, left = _beside_noise(first, floor), _beside_noise(last, floor)
+    whole = sum(above.values())
     noise = sum(floor[c] * n for c, (_, n) in last.items())
-    closed = 1 - left / above if above > 0 else 1.0
+    closed = 1 - sum(left.get(c, 0.0) for c in shown.structured) / whole if whole > 0 else 1.0
     open_ = [c for c in shown.structured if _excess(last, floor, c) > EXCESS]
     who = JUDGES[confirmed_on].name
     effects = outcome.fit.point.effects
@@ -87,6 +88,8 @@ def judge(
     against = ""
     if open_ and closed < closing:
         against = f"the best known effects close {100 * closed:.0f} % of the gap on {who}"
+    elif apart := _left_open(open_, above, left, 1 - closing):
+        against = f"the best known effects leave a gap in {', '.join(apart)} on {who}"
     elif off is not None:
         against = (f"beside the best known effects {who} leave {off}, which no noise explains: "
                    "a missing effect that cannot be named")  # fmt: skip
@@ -106,6 +109,25 @@ def judge(
     if confirmed_on == "nothing":
         text = "the joint refit explains the runs, and none is left to confirm it"
     return Verdict("named", closed, equals, text, noise)
+
+
+def _beside_noise(
+    squares: dict[str, tuple[float, int]], floor: dict[str, float]
+) -> dict[str, float]:
+    """By channel the part of chi2 that is no noise."""
+    return {c: max(0.0, s - floor[c] * n) for c, (s, n) in squares.items()}
+
+
+def _left_open(
+    open_: Sequence[str], above: dict[str, float], left: dict[str, float], share: float
+) -> list[str]:
+    """Channels of `open_` in which more than a `share` of their own gap is left.
+
+    A prediction is off by a share of what moves it: in a channel where a strong effect hardly shows
+    it may leave as large a share of its RMS in all channels.
+    """
+    least = share**2 * sum(above.values())
+    return [c for c in open_ if left[c] > max(share * above.get(c, 0.0), least)]
 
 
 def of_another_size(outcome: SearchResult, alike: float) -> str:

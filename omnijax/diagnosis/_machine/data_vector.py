@@ -12,6 +12,7 @@ from .runs import Run
 ELASTIC_CHANNELS = tuple(f"{g}_{axis}" for g in ("dR", "a") for axis in "xyz")
 SETTLE = SETTINGS.data_vector.settle
 SHORTEST = SETTINGS.data_vector.shortest
+MEAN = SETTINGS.data_vector.mean
 LATE = max(SETTINGS.candidates.late)
 
 
@@ -164,7 +165,7 @@ def _filters(run: Run) -> np.ndarray | None:
             at, power = run.spectra[channel]
             dense = np.exp(np.interp(np.log(lines), np.log(at), np.log(power)))
             out[c] = 1 / np.sqrt(dense)
-            out[c, 0] = 0.0  # the mean of what wanders says nothing
+            out[c, 0] *= MEAN  # that of what wanders says next to nothing
     return out if run.spectra else None
 
 

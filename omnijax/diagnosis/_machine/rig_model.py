@@ -223,7 +223,10 @@ class RigModel(AbstractModel):
         return self.machine.rolls and (bent or self.needs_stepping(point.effects))
 
     def as_noise(self, less, fit, effect):
-        """A drift is straight and alike in all runs; a channel that wanders looks so in one."""
+        """A drift is straight and alike in all runs; a channel that wanders looks so in one.
+
+        Beside both stands noise of whatever colour explains most of what they leave.
+        """
         if effect.id != "sensor-drift" or effect.place not in ELASTIC_CHANNELS:
             return False
         channel = ELASTIC_CHANNELS.index(effect.place)
@@ -233,7 +236,7 @@ class RigModel(AbstractModel):
         gain = sum(
             len(x) * (np.var(x) - np.var(y)) for x, y in zip(drifting, straight, strict=True)
         )
-        return gain - wandering_gain(drifting) < self.settings.equal
+        return gain + wandering_gain(straight) - wandering_gain(drifting) < self.settings.equal
 
     def _whole(self, point: Point, channel: int) -> list[np.ndarray]:
         """What is left of an elastic channel by run, one that plays both roles put together.

@@ -130,25 +130,38 @@ def levels(columns: list[np.ndarray], noise_only: bool) -> list[Level]:
     return out
 
 
-# power at a run's slowest wave over white noise's
-WANDERS = np.logspace(*SETTINGS.levels.wanders, SETTINGS.levels.powers)
+# power over white noise's: of a walk at a run's slowest wave, of low-pass noise at its slow end
+POWERS = np.concatenate([[0.0], np.logspace(*SETTINGS.levels.wanders, SETTINGS.levels.powers)])
 
 
 def wandering_gain(columns: list[np.ndarray]) -> float:
-    """Twice the log likelihood of noise that wanders over that of white noise of level 1.
+    """Twice the log likelihood of noise of a colour over that of white noise of level 1.
 
-    `columns` by run are one channel's residual in sigma (zero where missing).  A random walk's
-    waves of half a period over k have a power that falls with k squared; their level is free, the
-    same in all runs, and the mean says nothing.
+    `columns` by run are one channel's residual in sigma (zero where missing).  Beside white noise
+    there may be a random walk, whose waves of half a period over k have a power that falls with k
+    squared, and low-pass noise, alike up to a corner; both levels and the corner are free, the same
+    in all runs, and the mean says nothing.
     """
-    total = np.zeros(len(WANDERS))
+    k, power, count = _waves(columns)
+    walk, best = POWERS[:, None] / k**2, 0.0
+    for corner in np.geomspace(SETTINGS.levels.lowest, k[-1], SETTINGS.levels.corners):
+        over = walk[:, None] + POWERS[:, None] / (1 + (k / corner) ** 2)
+        best = max(best, float(np.max(over / (1 + over) @ power - np.log1p(over) @ count)))
+    return best
+
+
+def _waves(columns: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(half periods over the longest run, power, waves) of all runs, in bins of like waves."""
     longest = max(len(x) for x in columns)
-    for x in columns:
-        power = np.asarray(dct(x, norm="ortho"))[1:] ** 2
-        k = np.arange(1, len(x)) * (longest / len(x))
-        wander = WANDERS[:, None] / k**2
-        total += np.sum(power * wander / (1 + wander) - np.log1p(wander), axis=1)
-    return max(0.0, float(total.max()))
+    k = np.concatenate([np.arange(1, len(x)) * (longest / len(x)) for x in columns])
+    power = np.concatenate([np.asarray(dct(x, norm="ortho"))[1:] ** 2 for x in columns])
+    order = np.argsort(k, kind="stable")
+    k, power = k[order], power[order]
+    bins = np.floor(np.log(k) / np.log(SETTINGS.levels.alike) + 1e-9)
+    starts = np.flatnonzero(np.diff(bins, prepend=-1))
+    count = np.diff(np.append(starts, len(k)))
+    middle = np.exp(np.add.reduceat(np.log(k), starts) / count)
+    return middle, np.add.reduceat(power, starts), count
 
 
 def over(at: np.ndarray, power: np.ndarray, samples: int) -> np.ndarray:
