@@ -20,6 +20,7 @@ from .starts import (
     Start,
     at_finite_strength,
     by_tangent,
+    likelier,
     other_lines,
     promising,
     without_strength,
@@ -306,9 +307,8 @@ class Search:
         if strong:  # a strong delay's tangents do not tell its rank, and it is tried for little
             late = without_strength(self.model)
             some = promising(scan, late, self.settings.worth / 2)
-            real = {s.name: s for s in at_finite_strength(self.model, fit, some, late)}
-            first = [s for s in first if s.name not in real]
-            first += [s for s in real.values() if not self.has(fit, s.point.effects[-1])]
+            real = at_finite_strength(self.model, fit, some, late)
+            first = likelier(first, [s for s in real if not self.has(fit, s.point.effects[-1])])
         starts = worth(first, fit.cost, self.settings.worth)
         ids = {k for k in self.model.laws if self.model.bends(k)}
         plain = starts and not any(self.stepped(s) for s in starts[: self.settings.tried])
