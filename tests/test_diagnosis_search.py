@@ -17,7 +17,13 @@ from omnijax.diagnosis._search.refits import Refits
 from omnijax.diagnosis._search.review import Review
 from omnijax.diagnosis._search.scan import Signatures, taken_up
 from omnijax.diagnosis._search.search import SearchPath
-from omnijax.diagnosis._search.starts import EQUALS, Start, at_finite_strength, by_tangent
+from omnijax.diagnosis._search.starts import (
+    EQUALS,
+    Start,
+    at_finite_strength,
+    by_tangent,
+    likelier,
+)
 from omnijax.diagnosis._settings import SETTINGS
 from omnijax.laws import (  # fmt: skip
     EFFECTS,
@@ -478,6 +484,58 @@ def test_a_strong_effect_is_ranked_at_finite_strength():
     found = search.run()
     assert [e.name for e in found.fit.point.effects] == ["mount-cubic@spring"]
     assert found.fit.point.effects[0].values["k3"] == pytest.approx(8.0, rel=0.02)
+
+
+class Shifted(SmallModel):
+    """A shift that one half of the rows shows in proportion, and the other as the phase of a wave.
+
+    The first and the second half are the parts.
+    """
+
+    def parts(self):
+        first = np.arange(self.dof("train")) < self.dof("train") // 2
+        return [first, ~first]
+
+
+def shifted(true: float) -> Shifted:
+    """A wave of unknown size whose phase is `true` rad off, beside a straight line that shows it."""
+    sets, id = {}, "square"
+    for split in ("train", "held-out"):
+        rng = drawn_anew(f"a shift, {split}")
+        t = np.linspace(0, 20, 600) + rng.uniform(0, 9)
+        sets[split] = t, 1.05 * np.sin(t + true) + 1e-3 * rng.normal(size=600), rng.normal(size=600)
+
+    def residual(p, laws, split):
+        t, wave, noise = sets[split]
+        by = sum(float(x.k2) for x in laws if x.id == id)
+        line = 50 * (true - by) * (t - t[0]) / 20 + noise
+        return np.concatenate([line, (wave - p["size"] * np.sin(t + by)) / 1e-3])
+
+    laws = {id: Square, "mount-cubic": EFFECTS["mount-cubic"]}
+    return Shifted(residual, [Prior("size", 1.0, 0.1)], laws, "spring")
+
+
+def test_what_a_part_of_the_channels_shows_leads_to_an_effect_that_bends_the_others():
+    true = float(drawn_anew("a shift").uniform(1.7, 2.6))  # more than a quarter of a wave
+    search = Search(shifted(true))
+    fit = refit(search.model, Point(np.zeros(1)))
+    scan, signatures = search.scan(fit)
+    whole = next(s for s in scan.scores if s.candidate.id == "square")
+    assert whole.gain < 0.5 * fit.chi2
+    assert whole.candidate.decode(whole.coefficients)["k2"] < 0.8 * true
+    (score,) = [s for s in search.in_a_part(fit, signatures) if s.candidate.id == "square"]
+    assert score.candidate.decode(score.coefficients)["k2"] == pytest.approx(true, rel=0.02)
+    (effect,) = search.run().fit.point.effects
+    assert effect.id == "square"
+    assert effect.values["k2"] == pytest.approx(true, rel=1e-3)
+    assert search.in_a_part(refit(search.model, Point(np.zeros(1), (effect,))), signatures) == []
+
+
+def test_of_two_starts_of_a_law_the_more_promising_one_is_kept():
+    effects = [Effect("a", "w1", {"tau": x}) for x in (1.0, 2.0)] + [Effect("b", "w1", {})]
+    starts = [Start(Point(np.zeros(1), (e,)), c) for e, c in zip(effects, (5, 3, 4), strict=True)]
+    assert likelier(starts) == starts[1:]
+    assert likelier(starts[::-1]) == [starts[2], starts[1]]
 
 
 def limited(true, tried):

@@ -161,6 +161,15 @@ class RigModel(AbstractModel):
             times += [np.repeat(time - time[0], n) for n in wide]
         return np.concatenate(runs), np.concatenate(times)
 
+    def parts(self):
+        """The elastic channels, and the rotation."""
+        sizes = [
+            (rows.elastic.size, rows.rotation.size)
+            for rows in (self.machine.rows[i] for i in self.splits["train"])
+        ]
+        elastic = np.concatenate([np.repeat([True, False], size) for size in sizes])
+        return [elastic, ~elastic]
+
     def group_rms(self, residual, split):
         squares: dict[str, list[float]] = {}
         at = 0

@@ -135,6 +135,14 @@ class AbstractModel(abc.ABC):
         """
         return None
 
+    def parts(self) -> list[np.ndarray]:
+        """Masks (train rows,) of parts that show different states of the machine; none by default.
+
+        An effect that bends all that one of them shows may be proportional to its strength in
+        another.
+        """
+        return []
+
     def group_rms(self, residual: np.ndarray, split: str) -> dict[str, float]:
         """RMS of a residual by output group, in sigma; one group by default."""
         return {"all": float(np.sqrt(residual @ residual / max(1, self.dof(split))))}

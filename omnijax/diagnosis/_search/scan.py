@@ -81,8 +81,12 @@ class Signatures:
         size = np.sqrt(np.concatenate([np.einsum("kr,kr->k", x, x) for x in self.pieces()]))
         self.layout = SignatureLayout(list(candidates), np.where(size > 0, size, 1.0))
         self.table /= self.layout.scale[:, None]
+        self.blocks = self.blocks_within(slice(None))
+
+    def blocks_within(self, rows: np.ndarray | slice) -> list[np.ndarray]:
+        """By candidate the inner products of its columns over some rows."""
         parts = map(self.layout.part, range(len(self.layout.candidates)))
-        self.blocks = [x @ x.T for x in map(self.columns, parts)]
+        return [x @ x.T for x in (self.columns(part)[:, rows] for part in parts)]
 
     def columns(self, part: slice) -> np.ndarray:
         """Some columns (k, rows) in double precision."""
@@ -100,12 +104,18 @@ class Signatures:
         """Inner products (columns, k) with the columns of `x` (rows, k)."""
         return np.concatenate(each(lambda part: self.columns(part) @ x, self._parts()))
 
+    def scan_within(self, rows: np.ndarray, residual, J, u) -> "Scan":
+        """Score every candidate by some rows alone, a mask, beside the tangents `J` there."""
+        taken = taken_up(J * rows[:, None], len(u))
+        return self.scan(residual * rows, taken, u, blocks=self.blocks_within(rows))
+
     def scan(self, residual, taken, u, scrambled=(), spread: float = 1.0,
-             about: str | None = None) -> "Scan":  # fmt: skip
+             about: str | None = None, blocks: Sequence[np.ndarray] = ()) -> "Scan":  # fmt: skip
         """Score every candidate against `residual` beside what the tangents have `taken_up`.
 
         The tangents with priors stand at `u`.  `scrambled` residuals score the decoys.  Angles are
-        known between all candidates and the best one, and the best one named `about`.
+        known between all candidates and the best one, and the best one named `about`.  `blocks` are
+        the inner products of every candidate's columns, by default over all rows.
         """
         top = taken[: len(residual)]
         rest = np.concatenate([residual, u])
@@ -114,7 +124,7 @@ class Signatures:
         right = plain[:, 0] - inside @ (taken.T @ rest)
         wrong = [m[:, 0] - inside @ (top.T @ x) for m, x in zip(mixed, scrambled, strict=True)]
         own = [inside[self.layout.part(i)] for i in range(len(self.blocks))]
-        blocks = [block - x @ x.T for block, x in zip(self.blocks, own, strict=True)]
+        blocks = [b - x @ x.T for b, x in zip(blocks or self.blocks, own, strict=True)]
         decoys = [Scan(self.layout, blocks, x) for x in wrong]
         best = max((s.merit for d in decoys for s in d.scores if s.allowed), default=0.0)
         scan = Scan(self.layout, blocks, right, best, max(1.0, spread))

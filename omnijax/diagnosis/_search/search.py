@@ -5,7 +5,7 @@ been the wrong one: the search goes on from the runners-up too and keeps the bet
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -190,7 +190,9 @@ class Search:
     def looked(self, way: SearchPath) -> SearchPath:
         """The way with one scan more, and with what it led to try."""
         scan, signatures = self.scan(way.fit)
-        trials = [trial.light for trial in self.trials(way.fit, scan)]
+        trials = [
+            trial.light for trial in self.trials(way.fit, scan, self.in_a_part(way.fit, signatures))
+        ]
         return dataclasses.replace(way, scans=(*way.scans, scan), trials=(*way.trials, trials),
                                    signatures=signatures)  # fmt: skip
 
@@ -250,11 +252,28 @@ class Search:
         scan = signatures.scan(fit.residual, taken, u, scrambled, spread)
         return scan, signatures
 
-    def trials(self, fit: Fit, scan: Scan) -> list[Trial]:
-        """Joint refits of the best significant candidates, best first."""
+    def in_a_part(self, fit: Fit, signatures: Signatures) -> list[Score]:
+        """Candidates that explain nearly all that a part of the channels shows of a strong gap.
+
+        Scored by it alone: where an effect bends what the others show, its tangent explains none.
+        """
+        if fit.chi2 <= self.settings.strong * self.model.dof("train"):
+            return []
+        J, u = to_project(self.model, fit.jacobian, fit.point.u)
+        out = []
+        for rows in self.model.parts():
+            here = fit.residual * rows
+            gap = float(here @ here) - np.count_nonzero(here)
+            if gap > (self.settings.strong - 1) * np.count_nonzero(here):
+                scan = signatures.scan_within(rows, fit.residual, J, u)
+                out += [s for s in scan.best_per_name() if s.gain > self.settings.nearly_all * gap]
+        return out
+
+    def trials(self, fit: Fit, scan: Scan, further: Sequence[Score] = ()) -> list[Trial]:
+        """Joint refits of the best significant candidates and of `further` ones, best first."""
         train, held = self.model.dof("train"), self.model.dof("held-out")
         spread = max(1.0, fit.chi2 / train)
-        scores = [s for s in significant(scan, self.settings.alpha)
+        scores = [s for s in (*significant(scan, self.settings.alpha), *further)
                   if not self.has(fit, s.candidate)]  # fmt: skip
         starts = [Start(p, 0.0) for p in self.model.foretold(fit.point)]
         names = {start.name for start in starts}
@@ -303,12 +322,13 @@ class Search:
 
     def starts(self, fit: Fit, scan: Scan, scores: list[Score], strong: bool) -> list[Start]:
         """Where the joint refits of a step begin, the most promising first."""
-        first = by_tangent(fit, scores)
+        first = likelier(by_tangent(fit, scores))
         if strong:  # a strong delay's tangents do not tell its rank, and it is tried for little
             late = without_strength(self.model)
             some = promising(scan, late, self.settings.worth / 2)
             real = at_finite_strength(self.model, fit, some, late)
-            first = likelier(first, [s for s in real if not self.has(fit, s.point.effects[-1])])
+            new = [s for s in real if not self.has(fit, s.point.effects[-1])]
+            first = likelier([*first, *new])
         starts = worth(first, fit.cost, self.settings.worth)
         ids = {k for k in self.model.laws if self.model.bends(k)}
         plain = starts and not any(self.stepped(s) for s in starts[: self.settings.tried])

@@ -201,14 +201,14 @@ def _strengths(model: AbstractModel, score: Score, chi2: float) -> list[Effect]:
     ]  # fmt: skip
 
 
-def likelier(some: Sequence[Start], others: Sequence[Start]) -> list[Start]:
-    """Of two lists of starts, the one of every (id, place) that promises more.
+def likelier(starts: Sequence[Start]) -> list[Start]:
+    """The start of every (id, place) that promises most.
 
     A tangent does not tell what a strong delay explains; a finite one beside a calibration to
     first order does not where that has to follow far.
     """
     best: dict[str, Start] = {}
-    for start in (*some, *others):
+    for start in starts:
         if start.name not in best or start.cost < best[start.name].cost:
             best[start.name] = start
     return list(best.values())
