@@ -1,5 +1,7 @@
 """Exact propagation against the integrated equations, high-accuracy solutions and itself."""
 
+import sys
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -12,6 +14,7 @@ from seeds import drawn_anew
 from omnijax import laws
 from omnijax.dynamics import TRANSLATIONS, linear_system, wheel_shape
 from omnijax.simulation import propagate, ramp, simulate, speeds
+from omnijax.simulation._exact.constant import constant_response
 from omnijax.simulation._exact.forcing import wheel_pieces
 from omnijax.simulation._exact.system import exact_obstacle
 
@@ -101,6 +104,29 @@ def test_drawn_rigs_follow_the_linear_system(model):
         assert np.abs(want).max() > 1e-6
         error = np.abs(np.asarray(run.dR) - want).max()
         assert error < 2e-5 * np.abs(want).max()  # interpolation at kinks: h^2
+
+
+def test_signals_of_unlike_sizes_take_no_room_from_each_other(monkeypatch):
+    """A runout of one wheel of four made room for a turn's pieces on all of them."""
+    rng = drawn_anew("signals of unlike sizes")
+    rig = drawn_machine(rng, 4)
+    rig = rig.add(laws.WheelRunout(jnp.asarray(5e-5), jnp.asarray(0.4)), "w2")
+    turning, angles, times = rng.uniform(2, 9, 4), rng.uniform(0, 0.4, 4), jnp.linspace(0, 0.3, 61)
+    runs = []
+    for room in (2.0, 1e9):
+        monkeypatch.setattr(sys.modules[wheel_pieces.__module__], "ROOM", room)
+
+        def run(speeds, angles):
+            return constant_response(rig, speeds, angles, jnp.ones(3), times, "coupled", None, 16)
+
+        program = jax.jit(run).lower(jnp.asarray(turning), jnp.asarray(angles)).compile()
+        response = program(jnp.asarray(turning), jnp.asarray(angles))
+        runs.append((response, program.memory_analysis().temp_size_in_bytes))
+    (grouped, small), (together, large) = runs
+    assert small < large / 2
+    for name, x in grouped._asdict().items():
+        scale = np.abs(np.asarray(x)).max()
+        np.testing.assert_allclose(x, getattr(together, name), rtol=0, atol=1e-12 * scale)
 
 
 @pytest.mark.parametrize("model", ["coupled", "paper"])

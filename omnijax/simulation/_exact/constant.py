@@ -14,12 +14,20 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...laws import piece_at, value
 from ...rig import Rig
 from .expm import advance_all, advance_pieces, points, squarings
-from .forcing import Forcing, PeriodicSignal, forcing
+from .forcing import (
+    Forcing,
+    ForcingSignal,
+    PeriodicSignal,
+    forcing_signals,
+    like_groups,
+    stacked,
+)
 from .period_map import Passages, passages, piece_maps, prefix_maps, with_terms
 from .system import ForcedSystem, balanced, forced_system, with_integrals
 
@@ -103,6 +111,33 @@ def _free(system: ForcedSystem, levels: int, start, force, elapsed, until):
     return advance_all(F, rungs, scale, _top(scale), z, elapsed / until)[:, :m]
 
 
+def _by_signal(
+    system: ForcedSystem, signals: list[ForcingSignal], elapsed: Float[Array, " t"], levels: int
+) -> tuple[Float[Array, "g t m"], Float[Array, "g t"]]:
+    """Forced response of every signal, and rho; signals of like sizes go beside each other."""
+    groups = like_groups(signals, len(system.A))
+    parts = [
+        _group(system.of_signals(index), stacked([signals[i] for i in index]), elapsed, levels)
+        for index in groups
+    ]
+    if len(parts) == 1:
+        return parts[0]
+    place = np.argsort(np.concatenate(groups))
+    s, shape = (jnp.concatenate(x)[place] for x in zip(*parts, strict=True))
+    return s, shape
+
+
+def _group(system: ForcedSystem, signals: Forcing, elapsed, levels: int) -> tuple[Array, Array]:
+    cycles, decays = (
+        passages(system, signals, GRID_BITS, levels),
+        _decays(system, levels, signals.cycle),
+    )
+    places = jax.vmap(_places, in_axes=(0, None))(signals.cycle, elapsed)
+    tops = (_top(cycles.pieces.scale), _top(decays.scale), jnp.max(places[0]))
+    one = partial(_signal, tops, len(system.A))
+    return jax.vmap(one)(signals.cycle, cycles, decays, places)
+
+
 def constant_response(
     rig: Rig, speeds, angles, force, ts, model: str, start, levels: int, origin=None
 ) -> Response:
@@ -110,33 +145,28 @@ def constant_response(
 
     `start` is the elastic state there, or None for static equilibrium.
     """
-    signals = forcing(rig, speeds, angles)
-    plain = forced_system(rig, model, speeds, signals.wheel)
+    signals = forcing_signals(rig, speeds, angles)
+    wheels = tuple(signal.wheel for signal in signals)
+    plain = forced_system(rig, model, speeds, wheels)
     system = with_integrals(plain)
     scaled, unit = balanced(system)
-    cycles = passages(scaled, signals, GRID_BITS, levels)
     elapsed = jnp.concatenate([jnp.zeros(1), ts - (ts[0] if origin is None else origin)])
-    decays = _decays(scaled, levels, signals.cycle)
-    places = jax.vmap(_places, in_axes=(0, None))(signals.cycle, elapsed)
-    tops = (_top(cycles.pieces.scale), _top(decays.scale), jnp.max(places[0]))
-    s, shape = jax.vmap(partial(_signal, tops, len(scaled.A)))(
-        signals.cycle, cycles, decays, places
-    )
+    s, shape = _by_signal(scaled, signals, elapsed, levels)
     y0 = plain.rest @ shape[:, 0] if start is None else start
     y0 = jnp.pad(y0, (0, 8)) - system.shift.T @ shape[:, 0]
     free = y0 / unit - jnp.sum(s[:, 0], axis=0)
     until = jnp.maximum(elapsed[-1], 1e-12)
     total = jnp.sum(s, axis=0) + _free(scaled, levels, free, force, elapsed, until)
     total = total * unit + jnp.einsum("gt,gm->tm", shape, system.shift)
-    return _response(total[1:], s * unit, shape, elapsed, signals, rig.size)
+    return _response(total[1:], s * unit, shape, elapsed, wheels, rig.size)
 
 
-def _response(total, s, shape, elapsed, signals: Forcing, n: int) -> Response:
+def _response(total, s, shape, elapsed, wheels: tuple[int, ...], n: int) -> Response:
     m = total.shape[1] - 8
     first = s[..., m + 6] - s[:, :1, m + 6]
     second = s[..., m + 7] - s[:, :1, m + 7] - s[:, :1, m + 6] * elapsed
-    rows = jnp.zeros((n, len(signals.wheel)))
-    for g, i in enumerate(signals.wheel):
+    rows = jnp.zeros((n, len(wheels)))
+    for g, i in enumerate(wheels):
         rows = rows if i < 0 else rows.at[i, g].set(1.0)
     per_wheel = [(rows @ x).T[1:] for x in (shape, first, second)]
     return Response(total[:, :m], total[:, m : m + 3], total[:, m + 3 : m + 6], *per_wheel)
