@@ -67,6 +67,7 @@ def _ours(count: int, play: float, rows, error) -> list[Tool]:
     import jax
     import jax.numpy as jnp
 
+    from omnijax._compiling import Effort, compiler_options
     from omnijax.simulation import simulate, simulate_many, torques
 
     from . import _omnijax as ours
@@ -74,7 +75,7 @@ def _ours(count: int, play: float, rows, error) -> list[Tool]:
     drive, ts = torques(TORQUE[:count]), problem.STEP * jnp.arange(problem.SAMPLES + 1)
     every, few = jnp.asarray(rows), jnp.asarray(rows[:: BATCH // FEW])
 
-    @jax.jit
+    @functools.partial(jax.jit, compiler_options=compiler_options(Effort.MOST, 0))  # as sweeps
     def many(rows, substeps):
         rigs = jax.vmap(lambda row: rig(count, play, row))(rows)
         run = simulate_many(rigs, drive, ts, substeps=substeps, method="runge-kutta")

@@ -10,13 +10,18 @@ from omnijax.simulation._batch_last import in_parts
 from omnijax.simulation._batch_last.transform import LANES
 
 TABLE = jnp.asarray(np.random.default_rng(0).normal(size=(5, 3)))
+WIDE = jnp.asarray(np.random.default_rng(1).normal(size=(5, 20)))
 
 
 def products(x, m):
     """Matrices by vectors and by matrices, either side, one of them alike for all designs."""
     many = jnp.einsum("tij,tj->ti", jnp.stack([m, 2 * m]), jnp.stack([x, x**2]))
     long = jnp.sin(jnp.arange(60.0)).reshape(20, 3)
-    return m @ x, x @ m, m.T @ m, TABLE @ m, m @ TABLE.T, jnp.outer(x, x), many, long @ x, x @ x
+    wide = [jnp.sin(jnp.arange(k, dtype=float))[:, None] * x for k in (8, 13, 16, 20)]
+    sums = [(WIDE[:, : len(w)] @ w, w.T @ w, w.T @ WIDE[:, : len(w)].T) for w in wide]
+    return (
+        m @ x, x @ m, m.T @ m, TABLE @ m, m @ TABLE.T, jnp.outer(x, x), many, long @ x, x @ x, sums
+    )  # fmt: skip
 
 
 def shapes(x, m):

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..laws import DualRow
-from ..rig import Rig, grouped_profiles, over_wheels, take_wheels
+from ..rig import Rig, grouped_profiles, over_wheels, put_wheels, take_wheels
 from ._attitude import rotation_matrix
 from ._small import least_squares
 
@@ -18,7 +18,7 @@ def wheel_shape(rig: Rig, angle: Float[Array, " n"]) -> Float[Array, " n"]:
     rho = jnp.zeros(rig.size)
     for shape, wheels in grouped_profiles(rig):
         heights = shape(*take_wheels((angle, gaps), wheels, rig.size))
-        rho = rho.at[jnp.asarray(wheels)].set(heights)
+        rho = put_wheels(rho, wheels, heights)
     for placed in rig.at("shape"):
         for i in placed.wheels:
             gap = jax.tree.map(lambda x, i=i: x[i], gaps)

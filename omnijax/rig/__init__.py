@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from ._placed import Placed as Placed
     from ._placed import acting as acting
     from ._placed import over_wheels as over_wheels
+    from ._placed import put_wheels as put_wheels
     from ._placed import take_wheels as take_wheels
     from ._placed import total_over_wheels as total_over_wheels
     from ._quantities import Quantity as Quantity

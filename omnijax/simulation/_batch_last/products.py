@@ -5,9 +5,13 @@ import functools
 import jax.numpy as jnp
 from jax import lax
 
+from .._materialised import materialised
 from .values import Call, Value
 
-WRITTEN_OUT = 8  # terms of a product of two matrices, up to which they are added one by one
+# terms of a product of two matrices up to which they are added one by one (XLA hands sums of more
+# to a library, which takes three times as long for some hundred designs), and up to which every
+# consumer may do so anew
+WRITTEN_OUT, FUSED = 16, 8
 
 
 def dot_general(call: Call) -> list[Value]:
@@ -31,8 +35,15 @@ def dot_general(call: Call) -> list[Value]:
     left, right = operands
     first = len(shared[0]) + (len(free[0]) + len(free[1]) if last else 0)
     axes = tuple(range(first, first + len(contracted[0])))
-    if len(axes) == 1 and all(free) and left.shape[first] <= WRITTEN_OUT:
+    terms = left.shape[first]
+    if not (len(axes) == 1 and all(free) and terms <= WRITTEN_OUT):
+        return [Value(jnp.sum(left * right, axes), True)]
+
+    def added(x, y):
         take = functools.partial(lax.index_in_dim, axis=first, keepdims=False)
-        terms = [take(left, k) * take(right, k) for k in range(left.shape[first])]
-        return [Value(functools.reduce(jnp.add, terms), True)]
-    return [Value(jnp.sum(left * right, axes), True)]
+        return functools.reduce(jnp.add, [take(x, k) * take(y, k) for k in range(terms)])
+
+    if terms <= FUSED:
+        return [Value(added(left, right), True)]
+    batch, other = (left, right) if call.inputs[0].batched else (right, left)
+    return [Value(materialised(added, batch, other), True)]

@@ -9,25 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from .._materialised import materialised as materialised
 from .._sincos import sincos as sincos
 
 Pair = tuple[Array, Array]
 TINY = 1e-75
-
-
-def materialised(f: Callable, *args):
-    """f(*args) in a branch that is always taken: XLA stores the result for all its consumers.
-
-    Without it XLA computes f anew inside every consumer.  Under `vmap` the first argument must have
-    no axis of it, or both branches are taken.
-    """
-    probe = jax.tree.leaves(args)[0].reshape(-1)[0]
-    always = jnp.isnan(probe) | ~jnp.isnan(probe)
-
-    def never(*a):
-        return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), jax.eval_shape(f, *a))
-
-    return jax.lax.cond(always, f, never, *args)
 
 
 def stored(f: Callable, *args) -> Pair:

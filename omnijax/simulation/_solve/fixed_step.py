@@ -16,6 +16,7 @@ from jax.core import Tracer
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
+from ..._compiling import Effort, compiler_options
 from ...dynamics import Model, linear_system, position_input, torque_driven
 from ...rig import Rig
 from .._batch_last import in_parts, side_by_side
@@ -69,21 +70,22 @@ def _runge_kutta(field, h, t, y):
 
 
 class Stepper(eqx.Module):
-    """Steps of one rig under one drive, all of one size; the state in natural units `scale`."""
+    """Steps of one rig under one drive, all of one size; the state in units of `scale`."""
 
     model: Model
     drive: TorqueDrive
     start: Any  # s, of the run
-    scale: Float[Array, " s"]
+    scale: Float[Array, " s"] | float
     step: Any  # s
     tables: exponential.StepTables | None  # none: by Runge-Kutta
 
     @classmethod
     def of(cls, model: Model, drive: TorqueDrive, start, step, method: str) -> "Stepper":
         """That of one of `METHODS`."""
+        if method == RUNGE_KUTTA:  # its steps are the same in all units
+            return cls(model, drive, start, 1.0, step, None)
         scale = ravel_pytree(state_scale(model))[0]
-        tables = exponential.step_tables(model, scale, step) if method == EXPONENTIAL else None
-        return cls(model, drive, start, scale, step, tables)
+        return cls(model, drive, start, scale, step, exponential.step_tables(model, scale, step))
 
     @property
     def _grid(self) -> StepGrid:
@@ -191,7 +193,10 @@ def simulate_many(
             np.inf if unknown else _fastest(_matrices(rigs, model)) * 2 * (ts[1] - ts[0]) / substeps
         )
         method = RUNGE_KUTTA if radians <= RADIANS else EXPONENTIAL
-    return _simulate_many(rigs, drive, ts, model, jnp.asarray(substeps), method)
+    arguments = rigs, drive, ts, model, jnp.asarray(substeps), method
+    if any(isinstance(x, Tracer) for x in jax.tree.leaves(arguments)):
+        return _in_parts(*arguments)
+    return _simulate_many(*arguments)
 
 
 @eqx.filter_jit
@@ -199,11 +204,15 @@ def _matrices(rigs: Rig, model: str) -> Float[Array, "b m m"]:
     return eqx.filter_vmap(lambda rig: _matrix(rig, model))(rigs)
 
 
-@eqx.filter_jit
-def _simulate_many(rigs, drive, ts, model: str, substeps, method: str) -> Trajectory:
+def _in_parts(rigs, drive, ts, model: str, substeps, method: str) -> Trajectory:
     arrays, static = eqx.partition(rigs, eqx.is_array)
 
     def one(arrays):
         return simulate_fixed(eqx.combine(arrays, static), drive, ts, model, substeps, method)
 
     return (side_by_side(one) if method == RUNGE_KUTTA else in_parts(jax.vmap(one)))(arrays)
+
+
+_simulate_many: Any = eqx.filter_jit(  # pyright: ignore
+    _in_parts, compiler_options=compiler_options(Effort.MOST, 0)
+)

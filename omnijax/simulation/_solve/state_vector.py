@@ -107,13 +107,13 @@ def _offset(model: Model, elastic: ElasticState) -> Float[Array, "3"]:
     return -(moved + rig.wheels.normal.T @ (rig.wheels.mass * elastic.mount)) / rig.total_mass
 
 
-def pack(model: Model, state: State, scale: Float[Array, " m"]) -> Float[Array, " m"]:
-    """The solver's vector, in natural units: the elastic state first."""
+def pack(model: Model, state: State, scale: Float[Array, " m"] | float) -> Float[Array, " m"]:
+    """The solver's vector in units of `scale`: the elastic state first."""
     path = state.position - _offset(model, state.elastic)
     return ravel_pytree(state._replace(position=path))[0] / scale
 
 
-def unpack(model: Model, scaled: Float[Array, " m"], scale: Float[Array, " m"]) -> State:
+def unpack(model: Model, scaled: Float[Array, " m"], scale: Float[Array, " m"] | float) -> State:
     """The state that the solver's vector stands for."""
     state = ravel_pytree(initial_state_like(model))[1](scaled * scale)
     return state._replace(position=state.position + _offset(model, state.elastic))

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, PartitionSpec
 
+from ..._compiling import Effort
 from ..._errors import InputError
 from ..._programs import kept
 from ...rig import Rig
@@ -16,6 +17,8 @@ from .bulk import evaluate_in_bulk
 from .drives import Drive, apply, with_few_knots
 from .evaluation import Evaluation
 from .methods import BULK
+
+MANY = 1000  # designs in fixed steps from which the best code repays its compiler's second
 
 
 class Rows:
@@ -50,9 +53,10 @@ class Rows:
 
     def __call__(self, rows: np.ndarray) -> tuple[Any, Any, Any]:
         """Figures (b, m), gradients (b, m, d) (or (b, m, 0)) and status (b,) of `rows` (b, d)."""
+        many = self.how.method == "fixed" and max(self.total, len(rows)) >= MANY
         return _evaluate_kept(
             self._arrays, self._operands, jnp.asarray(rows), self._static, self.how, self.paths,
-            self.gradient, self.devices,
+            self.gradient, self.devices, effort=Effort.MOST if many else Effort.QUICK,
         )  # fmt: skip
 
 
