@@ -185,6 +185,9 @@ def test_no_file_imports_itself_by_way_of_others():
 
 
 INSIDE = {  # what benchmarks take from behind a face, and why
+    "benchmarks/machine.py": {
+        "_compiling": "compiles its own program, RMS and peak alone, as sweeps of many designs do",
+    },
     "benchmarks/scaling.py": {
         "study._sweep.evaluator": "times one step of a sweep: which arrays a design's store has",
         "study._sweep.store": "times one step of a sweep: writing a chunk",
