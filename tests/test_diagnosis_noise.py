@@ -20,7 +20,7 @@ from omnijax.diagnosis._machine.runs import Run, with_noise
 from omnijax.diagnosis._noise import step_of
 from omnijax.diagnosis._ode.evidence import OdeEvidence
 from omnijax.diagnosis._ode.model import OdeModel
-from omnijax.diagnosis._search import Effect, Search
+from omnijax.diagnosis._search import Effect, Point, Search
 from omnijax.diagnosis._search.held_out import HeldOut, Trial
 from omnijax.diagnosis._search.levels import Level, levels, white_level
 from omnijax.diagnosis._search.where import questions, shares
@@ -501,6 +501,33 @@ def drifting(
     return [*(noise + steps - steps.mean(axis=1, keepdims=True))]
 
 
+def taken_for_noise(refitted: list[np.ndarray], columns: list[np.ndarray]) -> bool:
+    """`RigModel.as_noise` of a drift beside another effect, by what is left of its channel.
+
+    `refitted` without the drift, `columns` less it with the other effect's numbers as with it.
+    """
+    t = np.linspace(-1, 1, len(columns[0]))
+    b = sum(t @ x for x in columns) / (len(columns) * t @ t)
+    drift, other = Effect("sensor-drift", "a_y", {}), Effect("sensor-lag", "a", {"tau": 0.01})
+    less = Point(np.zeros(1), (dataclasses.replace(other, values={"tau": 0.02}),))
+    fit = Point(np.zeros(1), (other, drift))
+    straight = [x - b * t for x in columns]
+    left = ((less, refitted), (fit, straight), (fit.with_effects(other), columns))
+    whole = SimpleNamespace(
+        _whole=lambda p, c: next(x for q, x in left if q.effects == p.effects),
+        settings=SETTINGS.search,
+    )
+    points = (SimpleNamespace(point=p) for p in (less, fit))
+    return RigModel.as_noise(whole, *points, drift)  # pyright: ignore[reportArgumentType]
+
+
+def test_what_other_numbers_leave_is_no_sign_of_a_drift():
+    """The refit without it moved them by noise of another colour: it leaves twice as much."""
+    rng = np.random.default_rng(13)
+    noise, walks = rng.normal(size=(2, 1500)), np.cumsum(rng.normal(size=(2, 1500)), axis=1) / 20
+    assert taken_for_noise([*(noise + 2 * walks)], [*(noise + walks)])
+
+
 @pytest.mark.parametrize(
     "runs, gain, corner",
     [(1, 1000.0, 0.0), (3, 300.0, 0.0), (1, 1e5, 0.02), (3, 1e5, 0.02), (2, 1e8, 0.005)],
@@ -512,15 +539,7 @@ def test_a_channel_that_wanders_is_no_drift_and_a_drift_is_one(runs, gain, corne
         each = []
         for seed in range(20):
             columns = drifting(walks, seed, runs, gain, corner)
-            t = np.linspace(-1, 1, len(columns[0]))
-            b = sum(t @ x for x in columns) / (runs * t @ t)
-            left = {"less": columns, "fit": columns - b * t}
-            whole = SimpleNamespace(
-                _whole=lambda p, c, left=left: left[p], settings=SETTINGS.search
-            )  # fmt: skip
-            less, fit = (SimpleNamespace(point=k) for k in ("less", "fit"))
-            drift = Effect("sensor-drift", "a_y", {})
-            each.append(not RigModel.as_noise(whole, less, fit, drift))  # pyright: ignore
+            each.append(not taken_for_noise(columns, columns))
         kept[walks] = np.mean(each)
     assert kept[True] == 0.0
     assert kept[False] >= 0.9

@@ -234,18 +234,19 @@ class RigModel(AbstractModel):
     def as_noise(self, less, fit, effect):
         """A drift is straight and alike in all runs; a channel that wanders looks so in one.
 
-        Beside both stands noise of whatever colour explains most of what they leave.
+        Beside both stands noise of whatever colour explains most of what they leave.  Without the
+        drift that is the likelier of a refit and of the other numbers as they are with it: a refit
+        by noise of another colour may have moved them.
         """
         if effect.id != "sensor-drift" or effect.place not in ELASTIC_CHANNELS:
             return False
         channel = ELASTIC_CHANNELS.index(effect.place)
-        drifting, straight = (self._whole(f.point, channel) for f in (less, fit))
+        others = [e for e in fit.point.effects if e.name != effect.name]
+        points = fit.point, less.point, fit.point.with_effects(*others)
+        straight, *drifting = (self._whole(p, channel) for p in points)
         level = float(np.median([white_level(x)[0] for x in straight]))
-        drifting, straight = ([x / level for x in part] for part in (drifting, straight))
-        gain = sum(
-            len(x) * (np.var(x) - np.var(y)) for x, y in zip(drifting, straight, strict=True)
-        )
-        return gain + wandering_gain(straight) - wandering_gain(drifting) < self.settings.equal
+        left = [_unlikely([x / level for x in part]) for part in (straight, *drifting)]
+        return min(left[1:]) - left[0] < self.settings.equal
 
     def _whole(self, point: Point, channel: int) -> list[np.ndarray]:
         """What is left of an elastic channel by run, one that plays both roles put together.
@@ -383,6 +384,14 @@ class RigModel(AbstractModel):
             # one by one: each has a motion of its own, which is large
             before, *after = (self.machine.residuals([r], which, COARSE)[0] for r in (rig, *rigs))
         return (before - np.stack(after)) / WEAK
+
+
+def _unlikely(columns: list[np.ndarray]) -> float:
+    """-2 log likelihood of one channel's residuals by run, in white sigma, but for a constant.
+
+    By white noise and noise that wanders or is low-pass, whichever is likeliest; of no mean.
+    """
+    return sum(len(x) * float(np.var(x)) for x in columns) - wandering_gain(columns)
 
 
 def weak(law: AbstractLaw, factor: float) -> AbstractLaw:
