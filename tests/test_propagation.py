@@ -109,8 +109,8 @@ def test_drawn_rigs_follow_the_linear_system(model):
 def test_signals_of_unlike_sizes_take_no_room_from_each_other(monkeypatch):
     """A runout of one wheel of four made room for a turn's pieces on all of them."""
     rng = drawn_anew("signals of unlike sizes")
-    rig = drawn_machine(rng, 4)
-    rig = rig.add(laws.WheelRunout(jnp.asarray(5e-5), jnp.asarray(0.4)), "w2")
+    rig = drawn_machine(rng, 4, laws.GatedSine())  # whose turn has a piece and a rest a roller
+    rig = rig.add(laws.WheelRunout(jnp.asarray(5e-5), jnp.asarray(0.4)), "w1")
     turning, angles, times = rng.uniform(2, 9, 4), rng.uniform(0, 0.4, 4), jnp.linspace(0, 0.3, 61)
     runs = []
     for room in (2.0, 1e9):
@@ -123,7 +123,7 @@ def test_signals_of_unlike_sizes_take_no_room_from_each_other(monkeypatch):
         response = program(jnp.asarray(turning), jnp.asarray(angles))
         runs.append((response, program.memory_analysis().temp_size_in_bytes))
     (grouped, small), (together, large) = runs
-    assert small < large / 2
+    assert small < 0.7 * large
     for name, x in grouped._asdict().items():
         scale = np.abs(np.asarray(x)).max()
         np.testing.assert_allclose(x, getattr(together, name), rtol=0, atol=1e-12 * scale)
