@@ -16,9 +16,9 @@ from .._search import (
     Free,
     Level,
     Point,
+    deviance,
     free_numbers,
     number,
-    wandering_gain,
     white_level,
 )
 from .._settings import SETTINGS
@@ -245,7 +245,7 @@ class RigModel(AbstractModel):
         points = fit.point, less.point, fit.point.with_effects(*others)
         straight, *drifting = (self._whole(p, channel) for p in points)
         level = float(np.median([white_level(x)[0] for x in straight]))
-        left = [_unlikely([x / level for x in part]) for part in (straight, *drifting)]
+        left = [deviance([x / level for x in part]) for part in (straight, *drifting)]
         return min(left[1:]) - left[0] < self.settings.equal
 
     def _whole(self, point: Point, channel: int) -> list[np.ndarray]:
@@ -384,14 +384,6 @@ class RigModel(AbstractModel):
             # one by one: each has a motion of its own, which is large
             before, *after = (self.machine.residuals([r], which, COARSE)[0] for r in (rig, *rigs))
         return (before - np.stack(after)) / WEAK
-
-
-def _unlikely(columns: list[np.ndarray]) -> float:
-    """-2 log likelihood of one channel's residuals by run, in white sigma, but for a constant.
-
-    By white noise and noise that wanders or is low-pass, whichever is likeliest; of no mean.
-    """
-    return sum(len(x) * float(np.var(x)) for x in columns) - wandering_gain(columns)
 
 
 def weak(law: AbstractLaw, factor: float) -> AbstractLaw:

@@ -17,8 +17,8 @@ from .fit import tangent_rows as tangent_rows
 from .function_model import SmallModel as SmallModel
 from .held_out import Trial as Trial
 from .levels import Level as Level
+from .levels import deviance as deviance
 from .levels import levels as levels
-from .levels import wandering_gain as wandering_gain
 from .levels import white_level as white_level
 from .limits import upper_limits as upper_limits
 from .model import STEPPED as STEPPED

@@ -134,14 +134,19 @@ def levels(columns: list[np.ndarray], noise_only: bool) -> list[Level]:
 POWERS = np.concatenate([[0.0], np.logspace(*SETTINGS.levels.wanders, SETTINGS.levels.powers)])
 
 
-def wandering_gain(columns: list[np.ndarray]) -> float:
-    """Twice the log likelihood of noise of a colour over that of white noise of level 1.
+def deviance(columns: list[np.ndarray]) -> float:
+    """-2 log likelihood of noise, white of level 1 or of a colour, but for a constant.
 
     `columns` by run are one channel's residual in sigma (zero where missing).  Beside white noise
     there may be a random walk, whose waves of half a period over k have a power that falls with k
     squared, and low-pass noise, alike up to a corner; both levels and the corner are free, the same
     in all runs, and the mean says nothing.
     """
+    return sum(len(x) * float(np.var(x)) for x in columns) - _colour_gain(columns)
+
+
+def _colour_gain(columns: list[np.ndarray]) -> float:
+    """Twice the log likelihood of the likeliest colour over that of white noise."""
     k, power, count = _waves(columns)
     walk, best = POWERS[:, None] / k**2, 0.0
     for corner in np.geomspace(SETTINGS.levels.lowest, k[-1], SETTINGS.levels.corners):
