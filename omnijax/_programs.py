@@ -94,7 +94,8 @@ def _by_effort(function: Callable) -> Callable[[Effort, list[Any]], Callable]:
         return eqx.filter_jit(function, compiler_options=options or None)  # pyright: ignore
 
     def chosen(effort: Effort, leaves: list[Any]) -> Callable:
-        traced = any(isinstance(x, Tracer) for x in leaves)
+        # what a traced function works out is traced, be it of numbers known to it
+        traced = any(isinstance(x, Tracer) for x in (*leaves, jnp.zeros(()) + 1.0))
         own = not traced and jax.default_backend() == "cpu"
         return compiled(effort if own else None)
 

@@ -261,3 +261,12 @@ def test_the_end_of_one_threads_compilation_silences_no_other(monkeypatch):
     other.join()
     assert said.wait(10)
     patience.stop()
+
+
+def test_a_traced_function_takes_in_what_it_calls_with_known_numbers(monkeypatch):
+    """jax refuses a compiler's options inside another program: none of the arguments is traced."""
+    monkeypatch.setenv("OMNIJAX_KEEP_PROGRAMS", "0")
+    counted = Counted()
+    wanted = counted(MATRIX, RIGHT)
+    inside = jax.jit(lambda x: x * counted(MATRIX, RIGHT))
+    np.testing.assert_allclose(inside(2.0), 2 * wanted, rtol=1e-14)

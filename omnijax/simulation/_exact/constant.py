@@ -128,10 +128,8 @@ def _by_signal(
 
 
 def _group(system: ForcedSystem, signals: Forcing, elapsed, levels: int) -> tuple[Array, Array]:
-    cycles, decays = (
-        passages(system, signals, GRID_BITS, levels),
-        _decays(system, levels, signals.cycle),
-    )
+    cycles = passages(system, signals, GRID_BITS, levels)
+    decays = _decays(system, levels, signals.cycle)
     places = jax.vmap(_places, in_axes=(0, None))(signals.cycle, elapsed)
     tops = (_top(cycles.pieces.scale), _top(decays.scale), jnp.max(places[0]))
     one = partial(_signal, tops, len(system.A))

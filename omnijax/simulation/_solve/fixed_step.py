@@ -16,7 +16,8 @@ from jax.core import Tracer
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
-from ..._compiling import Effort, compiler_options
+from ..._compiling import Effort
+from ..._programs import kept
 from ...dynamics import Model, linear_system, position_input, torque_driven
 from ...rig import Rig
 from .._batch_last import in_parts, side_by_side
@@ -190,13 +191,12 @@ def simulate_many(
     if method == "auto":
         unknown = any(isinstance(x, Tracer) for x in (ts, substeps))
         radians = (
-            np.inf if unknown else _fastest(_matrices(rigs, model)) * 2 * (ts[1] - ts[0]) / substeps
+            np.inf
+            if unknown
+            else _fastest(_matrices(rigs, model)) * 2 * np.ptp(np.asarray(ts)[:2]) / int(substeps)
         )
         method = RUNGE_KUTTA if radians <= RADIANS else EXPONENTIAL
-    arguments = rigs, drive, ts, model, jnp.asarray(substeps), method
-    if any(isinstance(x, Tracer) for x in jax.tree.leaves(arguments)):
-        return _in_parts(*arguments)
-    return _simulate_many(*arguments)
+    return _simulate_many(rigs, drive, ts, model, jnp.asarray(substeps), method, effort=Effort.MOST)
 
 
 @eqx.filter_jit
@@ -204,15 +204,11 @@ def _matrices(rigs: Rig, model: str) -> Float[Array, "b m m"]:
     return eqx.filter_vmap(lambda rig: _matrix(rig, model))(rigs)
 
 
-def _in_parts(rigs, drive, ts, model: str, substeps, method: str) -> Trajectory:
+@kept
+def _simulate_many(rigs, drive, ts, model: str, substeps, method: str) -> Trajectory:
     arrays, static = eqx.partition(rigs, eqx.is_array)
 
     def one(arrays):
         return simulate_fixed(eqx.combine(arrays, static), drive, ts, model, substeps, method)
 
     return (side_by_side(one) if method == RUNGE_KUTTA else in_parts(jax.vmap(one)))(arrays)
-
-
-_simulate_many: Any = eqx.filter_jit(  # pyright: ignore
-    _in_parts, compiler_options=compiler_options(Effort.MOST, 0)
-)
