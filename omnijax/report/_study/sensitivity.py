@@ -14,7 +14,7 @@ def sensitivity_page(result: Sensitivity, made: Provenance) -> Page:
     first = result.metrics[0]
     bars = result.together(first)
     lead = next((path for path in bars if path not in result.whole), next(iter(bars)))
-    among = ", of what is no whole number" if next(iter(bars)) in result.whole else ""
+    among = " (whole numbers aside)" if next(iter(bars)) in result.whole else ""
     lines = [
         f"`{lead}` matters most for {first}{among}: {shown(bars[lead])} % per %.",
         f"Exact derivatives by {result.how}. Parameters of the same kind are changed on all "
