@@ -12,6 +12,8 @@ from test_diagnosis_null import noisy
 from test_plant import load_plant, recorded
 
 from omnijax.diagnosis import Effect, Point, RigModel
+from omnijax.diagnosis._machine.motion import integrate
+from omnijax.diagnosis._machine.runs import Run
 from omnijax.diagnosis._search.fit import refit
 from omnijax.diagnosis._search.refits import Refits
 from omnijax.laws import EFFECTS
@@ -140,3 +142,35 @@ def test_what_is_read_late_is_within_the_noise_by_its_law(healthy, group, id, ro
     (residual,) = model.residuals([truth], "train")
     for name, rms in model.group_rms(residual, "train").items():
         assert 0.95 < rms < 1.06, (name, late)
+
+
+@pytest.mark.parametrize("kind", ["step", "delayed", "slow"])
+def test_a_run_that_speeds_up_from_rest_does_not_begin_in_motion(kind):
+    """The mean of its first samples was far above noise, and sensors that remember saw a past.
+
+    Single wrong samples hide no motion.
+    """
+    rng = drawn_anew(f"first sample, {kind}")
+    noise, step = {"Omega": 1e-4, "theta": 1e-4}, float(rng.choice([1, 2, 4])) / 1e3
+    time, late = step * np.arange(200), step * rng.uniform(0.5, 12)
+    course = {
+        "step": time,
+        "delayed": np.maximum(0.0, time - late),
+        "slow": time - late * (1 - np.exp(-time / late)),
+    }[kind]
+    speeding = course[:, None] * rng.uniform(0.5, 8, 3) * rng.choice([-1, 1], 3)
+    rolling = speeding + rng.choice([-1, 1]) * rng.uniform(0.1, 1.0)
+
+    def begins_rolling(group, Omega, peak):
+        values = Omega if group == "Omega" else 16 * integrate(Omega, step)
+        values = values + rng.normal(size=values.shape) * noise[group]
+        values[rng.integers(20), 0] += peak
+        known = np.ones(len(time), bool)
+        run = Run("run", "train", time, 0 * values, 0 * values, {group: values}, known)
+        return run.rolling_start(noise)
+
+    assert not begins_rolling("Omega", speeding, 0.0)
+    assert begins_rolling("Omega", rolling, 3.0)
+    assert begins_rolling("theta", rolling, 3.0)
+    if kind == "step":
+        assert not begins_rolling("theta", speeding, 0.0)

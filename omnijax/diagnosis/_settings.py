@@ -436,8 +436,8 @@ class RigOrdersSettings:
 class RunsSettings:
     """Whether a run begins in motion."""
 
-    first: int = 10  # samples, whose mean is a first value
-    rolling: float = 5.0  # times the noise of one sample, that it has to be or to change by
+    first: int = 10  # samples, over which an angle has to change by more than noise
+    rolling: float = 5.0  # sigma of the first speed, and times the noise of one sample: chosen
 
 
 @dataclasses.dataclass(frozen=True)

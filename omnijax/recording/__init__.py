@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ._columns import unit_of as unit_of
     from ._noise import NoiseFloor as NoiseFloor
     from ._noise import noise_floor as noise_floor
+    from ._opening import at_first_sample as at_first_sample
     from ._read import read_recording as read_recording
     from ._read import rig_of_recording as rig_of_recording
     from ._recording import Fault as Fault

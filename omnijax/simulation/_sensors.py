@@ -6,7 +6,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..dynamics import sensor_readings
-from ..recording import Recording
+from ..recording import Recording, at_first_sample
 from ..rig import Rig
 from ._between import SENSOR_POINTS
 from ._drives import TorqueDrive
@@ -14,8 +14,8 @@ from ._run import AbstractRun
 from ._signals import table
 
 GROUPS = ("dR", "theta", "Omega", "a")  # what a recording holds of a run
-FIRST = 25  # samples that say whether a run begins already rolling
-ROLLING = 1e-3  # rad/s
+SURE = 6.0  # sigma of the sphere's velocity at the first sample, above which it rolls already
+ROLLING = 1e-3  # rad/s, that it has to be at least
 
 
 def drive_from_recording(recording: Recording) -> TorqueDrive:
@@ -46,17 +46,12 @@ def _first(values: np.ndarray) -> np.ndarray:
 
 
 def _initial_velocity(recording: Recording):
-    """Omega at the start from a parabola through the first samples; `None` for a start at rest."""
-    omega, time = recording.group("Omega")[:FIRST], recording.time[:FIRST]
-    good = np.isfinite(omega).all(axis=1)
-    if good.sum() < 8:
-        return None
-    powers = np.vander(time[good] - time[0], 3, increasing=True)
-    fit, *_ = np.linalg.lstsq(powers, omega[good], rcond=None)
-    scatter = np.std(omega[good] - powers @ fit, axis=0)
-    sigma = scatter * np.sqrt(np.linalg.pinv(powers.T @ powers)[0, 0])
-    rolls = np.abs(fit[0]) > np.maximum(6 * sigma, ROLLING)
-    return jnp.asarray(fit[0]) if rolls.any() else None
+    """Omega (3,) in rad/s at the first sample; `None` where that is rest, or unknown."""
+    velocity, sigma = at_first_sample(recording.time, recording.group("Omega"))
+    rolls = np.isfinite(velocity).all() and np.any(
+        np.abs(velocity) > np.maximum(SURE * sigma, ROLLING)
+    )
+    return jnp.asarray(velocity) if rolls else None
 
 
 def measured(trajectory: AbstractRun, rig: Rig) -> dict[str, Any]:

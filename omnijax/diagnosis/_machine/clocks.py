@@ -58,7 +58,7 @@ def with_clocks(rig: Rig, offsets: dict[str, float]) -> Rig:
 def offset_of(rig: Rig, group: str) -> float:
     """How late, in s, a group of the rig's outputs is read, by its logger's clock and its sensor.
 
-    A delay may be taken first of all sensors' laws, which do not ask for the time: but a drift's.
+    A delay may be taken first of all sensors' laws, if those before it act by so much earlier.
     """
     laws = [p.law for p in rig.at("sensor") if p.place == group]
     return sum(float(law.delay) for law in laws if isinstance(law, LATE_LAWS))

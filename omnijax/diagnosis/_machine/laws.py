@@ -1,6 +1,7 @@
 """Laws evaluated over long arrays: one compiled call a law class."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -12,7 +13,7 @@ from ...dynamics import rest_memory, sensor_readings
 from ...laws import AbstractSensor, SensorSignal
 from ...rig import Rig
 from .._settings import SETTINGS
-from .clocks import LATE_LAWS, LoggerClock, read_late
+from .clocks import LATE_LAWS, LoggerClock, offset_of, read_late
 
 
 @eqx.filter_jit
@@ -40,9 +41,24 @@ def _read(law, signal: SensorSignal):
     return read_late(law, signal) if isinstance(law, LoggerClock) else sensed(law, signal)
 
 
-def on_time(law, signal: SensorSignal):
-    """What a sensor's law adds to values of dR or a that are as late as `offset_of` says."""
-    return 0.0 if isinstance(law, LATE_LAWS) else sensed(law, signal)
+def on_time(rig: Rig, group: str) -> Callable[[Any, SensorSignal], Any]:
+    """What calls the laws of a group, once each in their order, on values that are late already.
+
+    By as much as `offset_of` says; a law before a delay, such as a drift, acted by so much earlier.
+    """
+    ahead = offset_of(rig, group)
+
+    def apply(law, signal: SensorSignal):
+        nonlocal ahead
+        if isinstance(law, LATE_LAWS):
+            ahead -= float(law.delay)
+            return 0.0
+        if ahead and not (isinstance(law, AbstractSensor) and law.remembers):
+            first = float(signal.time[0])
+            signal = signal._replace(time=np.maximum(signal.time - ahead, first))
+        return sensed(law, signal)
+
+    return apply
 
 
 def remembers(rig: Rig, group: str) -> bool:

@@ -469,4 +469,4 @@ def _read(rig: Rig, run: Run, predicted: Predicted, group: str) -> np.ndarray:
         return predicted.read(group, offset + seconds)
 
     values = finer(late, run.step, parts)
-    return readings(rig, group, run.fine(parts), values, on_time)[::parts]
+    return readings(rig, group, run.fine(parts), values, on_time(rig, group))[::parts]

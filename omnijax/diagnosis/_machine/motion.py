@@ -82,7 +82,7 @@ def measured_lengths(
         return length
     for _ in range(SETTINGS.prediction.angle_turns):
         behind = tables.unrolled(smoother(length))
-        added = moving_readings(rig, "theta", run.time, behind, rolls, on_time) - behind
+        added = moving_readings(rig, "theta", run.time, behind, rolls, on_time(rig, "theta")) - behind
         length = _lengths(rig, tables, run, angle - added)
         change, shown = float(np.max(np.abs(added - shown))), added
         if change < SETTINGS.prediction.angle_change:

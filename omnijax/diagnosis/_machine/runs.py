@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ...recording import at_first_sample
 from .._settings import SETTINGS
 
 FINE = SETTINGS.prediction.force_points
@@ -59,15 +60,19 @@ class Run:
         return dataclasses.replace(self, outputs=outputs, **parts)
 
     def rolling_start(self, noise: dict[str, float]) -> bool:
-        """Whether the sphere turns already at the first samples."""
-        first = self.outputs["Omega"][:FIRST] if "Omega" in self.outputs else None
-        if first is not None and np.isfinite(first).any():
-            return bool(np.nanmax(np.abs(np.nanmean(first, axis=0))) > ROLLING * noise["Omega"])
-        angle = self.outputs.get("theta")
-        if angle is None:
-            return False
-        change = np.nanmean(angle[FIRST : 2 * FIRST], axis=0) - np.nanmean(angle[:FIRST], axis=0)
-        return bool(np.nanmax(np.abs(change)) > ROLLING * noise["theta"])
+        """Whether the sphere turns already at the first sample.
+
+        By Omega, or by the wheels' angles where it was not measured: by more than is uncertain, and
+        than the noise of one sample (angles: over `FIRST` of them).
+        """
+        for group, order in (("Omega", 0), ("theta", 1)):
+            if group not in self.outputs:
+                continue
+            speed, sigma = at_first_sample(self.time, self.outputs[group], order)
+            if np.isfinite(speed).any():
+                least = noise[group] / (FIRST * self.step) ** order
+                return bool(np.any(np.abs(speed) > ROLLING * np.maximum(sigma, least)))
+        return False
 
 
 def with_noise(run: Run, noise: Mapping[str, Any], wheels: int) -> Run:
