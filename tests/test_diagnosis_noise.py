@@ -23,6 +23,7 @@ from omnijax.diagnosis._ode.model import OdeModel
 from omnijax.diagnosis._search import Effect, Point, Search
 from omnijax.diagnosis._search.held_out import HeldOut, Trial
 from omnijax.diagnosis._search.levels import Level, levels, white_level
+from omnijax.diagnosis._search.spectrum import Spectrum
 from omnijax.diagnosis._search.where import questions, shares
 from omnijax.diagnosis._settings import SETTINGS
 
@@ -65,35 +66,73 @@ def test_the_level_of_noise_under_slow_motion_is_that_of_the_noise():
     assert np.std(found) < 2 * white_level(moving)[1]
 
 
-def test_coloured_noise_is_whitened_by_its_own_spectrum():
-    rng = np.random.default_rng(6)
-    x = kinds(rng)["wandering"]
-    (found,) = levels([x], True)
-    run = Run("r", "train", STEP * np.arange(N), np.zeros((N, 3)), np.zeros((N, 3)),
-              {"a": np.zeros((N, 3))}, np.ones(N, bool))  # fmt: skip
-    run = with_noise(run, {"a_x": found}, 3)
-    rows = DataRows(N, np.ones((N, 6)), np.ones((N, 6)), [], filters=_filters(run))
-    table = np.zeros((1, N, 6))
-    table[0, :, 3] = x / found.ratio
-    flat = table.reshape(1, -1)
+def whitened(columns: np.ndarray, level: Level) -> tuple[DataRows, np.ndarray]:
+    """The rows of one run whose a_x has a noise of some level, and its columns (n, k) whitened."""
+    n, k = columns.shape
+    run = Run("r", "train", STEP * np.arange(n), np.zeros((n, 3)), np.zeros((n, 3)),
+              {"a": np.zeros((n, 3))}, np.ones(n, bool))  # fmt: skip
+    run = with_noise(run, {"a_x": level}, 3)
+    rows = DataRows(n, np.ones((n, 6)), np.ones((n, 6)), [], filters=_filters(run))
+    table = np.zeros((k, n, 6))
+    table[:, :, 3] = columns.T / level.ratio
+    flat = table.reshape(k, -1)
     rows.bleach(flat)
-    white = flat.reshape(N, 6)[:, 3]
+    return rows, flat.reshape(k, n, 6)[:, :, 3].T
+
+
+def test_coloured_noise_is_whitened_by_its_own_spectrum():
+    x = kinds(np.random.default_rng(6))["wandering"]
+    white = whitened(x[:, None], levels([x], True)[0])[1][:, 0]
     assert levels([white], True)[0].colour == "white"
     assert np.sqrt(np.mean(white**2)) == pytest.approx(1.0, rel=0.05)
 
 
-def test_the_mean_of_a_coloured_channel_is_not_lost():
+def test_the_mean_of_a_channel_that_wanders_is_not_lost():
     """What is not weighed at all a refit leaves anywhere: an offset of a drift was 2e6 m/s^2."""
-    run = Run("r", "train", STEP * np.arange(N), np.zeros((N, 3)), np.zeros((N, 3)),
-              {"a": np.zeros((N, 3))}, np.ones(N, bool))  # fmt: skip
-    at = np.geomspace(1 / N, 0.5, 20)
-    wandering = Level(1.0, 0.01, 1.0, "wandering", (at, 1 + (0.01 / at) ** 2))
-    run = with_noise(run, {"a_x": wandering}, 3)
-    rows = DataRows(N, np.ones((N, 6)), np.ones((N, 6)), [], filters=_filters(run))
-    flat = np.full((1, 6 * N), 0.3)
-    rows.bleach(flat)
-    assert 0 < np.linalg.norm(flat.reshape(N, 6)[:, 3]) < 1e-3 * np.sqrt(N)
-    assert rows.unwhitened(np.append(flat, np.zeros(6 * N)))[:, 3] == pytest.approx(0.3)
+    wandering = Level(1.0, 0.01, 1.0, "wandering", Spectrum(1.0, walk=1e-4))
+    rows, white = whitened(np.full((N, 1), 0.3), wandering)
+    assert 0 < np.linalg.norm(white) < 1e-3 * np.sqrt(N)
+    table = np.zeros((N, 6))
+    table[:, 3] = white[:, 0]
+    assert rows.unwhitened(np.append(table, np.zeros(6 * N)))[:, 3] == pytest.approx(0.3)
+
+
+def walking(rng, size: float) -> np.ndarray:
+    """White noise and a random walk that ends `size` sigma off, from an unknown level."""
+    return rng.normal(size=1500) + size * np.cumsum(rng.normal(size=1500)) / np.sqrt(1500)
+
+
+def low_passed(rng, size: float) -> np.ndarray:
+    """Noise that is one for about `size` samples."""
+    keep = np.exp(-1 / size)
+    return lfilter([np.sqrt(1 - keep**2)], [1, -keep], rng.normal(size=1500))
+
+
+@pytest.mark.parametrize(
+    "noise, size", [(walking, 1), (walking, 6), (low_passed, 1), (low_passed, 6)]
+)
+def test_numbers_beside_noise_of_a_colour_are_as_far_off_as_is_said(noise, size):
+    """Drawn noise and signals: a constant, a slope, and motions slow and quick.
+
+    By Fourier lines the slope beside a walk was six times as far off.
+    """
+    rng, time = np.random.default_rng([27, size]), np.linspace(0, 1, 1500)
+    off = []
+    for _ in range(80):
+        runs = [noise(rng, size) for _ in range(2)]
+        right = above = 0.0
+        for x, level in zip(runs, levels(runs, True), strict=True):
+            slow = np.cumsum(np.cumsum(rng.normal(size=1500)))
+            waves = np.sin(2 * np.pi * rng.uniform([1, 20], [4, 60]) * time[:, None])
+            signals = np.column_stack([np.ones(1500), time, slow / np.std(slow), waves])
+            both = whitened(np.column_stack([x, signals]), level)[1]
+            right = right + both[:, 0] @ both[:, 1:]
+            above = above + np.sum(both[:, 1:] ** 2, axis=0)
+        off.append(right / np.sqrt(above))
+    spread = np.sqrt(np.mean(np.square(off), axis=0))
+    assert np.all(spread < 1.4)
+    known = spread if noise is low_passed else spread[1:]  # a walk's level nobody knows
+    assert np.all(known > 0.75)
 
 
 def test_a_quantised_channel_is_known_by_its_step():

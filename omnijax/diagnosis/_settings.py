@@ -215,24 +215,29 @@ class HeldOutSettings:
 class LevelsSettings:
     orders: tuple[int, ...] = (3, 5, 7)
     window: int = 64  # samples of one stretch
-    flat: float = 1e-7  # chance, among all bins of white noise, below which a spectrum is not flat
+    flat: float = 1e-5  # chance of a colour's gain in white noise below which it is one
     # ratio of powers below which a spectrum that is not flat is weighed as white
     leans: float = 1.25
-    broad: float = 1.35  # of a spectrum's bin, its end over its begin
-    fewest: int = 8  # lines in a bin at least
     stretches: int = 4  # of them at least
     scatter: float = 1.25  # of a median over that of a mean: derived (sqrt(pi/2))
     better: float = 1.1  # times the level, by which a higher difference has to be below it
-    high: float = 0.25  # cycles a sample, from which a spectrum is its white end
-    slowest: float = 10.0  # times its first line, up to which its slope is asked
-    steep: float = -0.7  # slope of log power there, below which noise wanders: -2 of a random walk
     free: float = 4.0  # degrees of freedom of a coloured level at least
+
+
+@dataclasses.dataclass(frozen=True)
+class SpectrumSettings:
+    """The spectrum of noise by waves of half periods, and which colour the data show."""
+
+    high: float = 0.25  # cycles a sample, from which a spectrum is its white end
+    broad: float = 1.35  # of a spectrum's bin, its end over its begin
+    fewest: int = 16  # waves of each run in a bin at least
     # decades of a walk's and of low-pass noise's power over white noise's; so many of them tried
-    wanders: tuple[float, float] = (-4.0, 9.0)
+    decades: tuple[float, float] = (-4.0, 9.0)
     powers: int = 40
-    lowest: float = 3.0  # half periods a run, the slowest corner of low-pass noise
+    lowest: float = 10.0  # times the slowest wave, the slowest corner that is no walk's
     corners: int = 10  # tried, from there to the fastest wave
     alike: float = 1.05  # waves within this factor are one bin
+    earlier: float = 1e5  # run lengths for which a walk had gone on before a recording
 
 
 @dataclasses.dataclass(frozen=True)
@@ -375,7 +380,6 @@ class DataVectorSettings:
 
     settle: float = 0.3  # s after an unknown input in which the elastic channels are not used
     shortest: int = 20  # samples of a window
-    mean: float = 1e-3  # weight of a coloured channel's mean, over that of its slowest wave
 
 
 @dataclasses.dataclass(frozen=True)
@@ -806,6 +810,7 @@ class Settings:
     gauss_newton: GaussNewtonSettings = GaussNewtonSettings()
     held_out: HeldOutSettings = HeldOutSettings()
     levels: LevelsSettings = LevelsSettings()
+    spectrum: SpectrumSettings = SpectrumSettings()
     limits: LimitsSettings = LimitsSettings()
     model: ModelSettings = ModelSettings()
     readings: ReadingsSettings = ReadingsSettings()

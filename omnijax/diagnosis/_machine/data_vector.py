@@ -6,13 +6,13 @@ import math
 import numpy as np
 
 from .._orthonormal import orthonormal
+from .._search import of_waves, to_waves
 from .._settings import SETTINGS
 from .runs import Run
 
 ELASTIC_CHANNELS = tuple(f"{g}_{axis}" for g in ("dR", "a") for axis in "xyz")
 SETTLE = SETTINGS.data_vector.settle
 SHORTEST = SETTINGS.data_vector.shortest
-MEAN = SETTINGS.data_vector.mean
 LATE = max(SETTINGS.candidates.late)
 
 
@@ -22,7 +22,7 @@ class DataRows:
 
     `weight` is 1/sigma, 0 where nothing usable was measured.  `nuisance` holds (slice, orthonormal
     columns): Omega and s at the start of every window, and the elastic state of a rolling start.
-    `filters` (6, Fourier frequencies) whitens the elastic channels in time, where their noise has a
+    `filters` (6, samples: waves) whitens the elastic channels in time, where their noise has a
     colour; `coloured` whitens further, where the encoders' noise enters them: (U, shrink).
     """
 
@@ -76,11 +76,11 @@ class DataRows:
             elastic -= (elastic @ U.T * shrink) @ U
 
     def bleach(self, x: np.ndarray) -> None:
-        """Whiten elastic rows (k, elastic) in time, in place: amplitudes over Fourier lines."""
+        """Whiten elastic rows (k, elastic) in time, in place: waves over their amplitudes."""
         if self.filters is not None:
             for c in np.flatnonzero(np.any(self.filters != 1.0, axis=1)):
-                lines = np.fft.rfft(x[:, c :: len(self.filters)], axis=1) * self.filters[c]
-                x[:, c :: len(self.filters)] = np.fft.irfft(lines, self.samples, axis=1)
+                waves = to_waves(x[:, c :: len(self.filters)], 1) * self.filters[c]
+                x[:, c :: len(self.filters)] = of_waves(waves, 1)
 
     def split(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """A row vector as its (elastic, rotation) tables, whitened."""
@@ -94,9 +94,8 @@ class DataRows:
         """
         table = np.array(self.split(x)[0])
         if self.filters is not None:
-            lines = self.filters.T
-            over = np.divide(1.0, lines, where=lines > 0, out=0 * lines)
-            table = np.fft.irfft(np.fft.rfft(table, axis=0) * over, len(table), axis=0)
+            waves = to_waves(table) / self.filters.T
+            table = of_waves(waves)
         return np.where(self.elastic > 0, table, np.nan)
 
     @property
@@ -153,20 +152,17 @@ def _weights(run: Run, group: str, noise, channels: int) -> np.ndarray:
 
 
 def _filters(run: Run) -> np.ndarray | None:
-    """1/sqrt of the relative spectrum of every elastic channel's noise; None where all are white.
+    """1/sqrt of the relative spectrum of every elastic channel's noise (6, samples: waves).
 
-    A run's spectra are (cycles a sample, power), interpolated between in the logarithm of both.
+    None where all are white.
     """
-    lines = np.arange(run.samples // 2 + 1) / run.samples
-    lines[0] = lines[1]
-    out = np.ones((6, len(lines)))
+    if not run.spectra:
+        return None
+    out = np.ones((6, run.samples))
     for c, channel in enumerate(ELASTIC_CHANNELS):
         if channel in run.spectra:
-            at, power = run.spectra[channel]
-            dense = np.exp(np.interp(np.log(lines), np.log(at), np.log(power)))
-            out[c] = 1 / np.sqrt(dense)
-            out[c, 0] *= MEAN  # that of what wanders says next to nothing
-    return out if run.spectra else None
+            out[c] = 1 / np.sqrt(run.spectra[channel].power(run.samples))
+    return out
 
 
 def _start_columns(first, last, run: Run, axes, weight) -> np.ndarray:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ...recording import at_first_sample
+from .._search import Spectrum, wave_frequencies
 from .._settings import SETTINGS
 
 FINE = SETTINGS.prediction.force_points
@@ -31,7 +32,7 @@ class Run:
     known: np.ndarray  # (n,) whether the inputs were measured
     start: np.ndarray | None = None  # (wheels,) rad at the first sample, where no encoder says it
     levels: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)  # see `level`
-    spectra: dict[str, tuple[np.ndarray, np.ndarray]] = dataclasses.field(default_factory=dict)
+    spectra: dict[str, Spectrum] = dataclasses.field(default_factory=dict)
     counts: np.ndarray | None = None  # (n,) samples that are compared; None: every one
 
     def level(self, group: str) -> np.ndarray | float:
@@ -99,8 +100,10 @@ def _strength(run: Run, level: Any, group: str) -> float:
         return 1.0
     if group in ELASTIC or level.spectrum is None:
         return float(level.ratio)
-    at, power = level.spectrum
-    return float(level.ratio * np.sqrt(np.max(power[at / run.step > 1.0], initial=1.0)))
+    quick = wave_frequencies(run.samples) / run.step > 1.0
+    return float(
+        level.ratio * np.sqrt(np.max(level.spectrum.power(run.samples)[quick], initial=1.0))
+    )
 
 
 def to_run(recording) -> Run:

@@ -41,6 +41,10 @@ from .search import Explored as Explored
 from .search import Search as Search
 from .search import SearchPath as SearchPath
 from .search import SearchResult as SearchResult
+from .spectrum import Spectrum as Spectrum
+from .spectrum import of_waves as of_waves
+from .spectrum import to_waves as to_waves
+from .spectrum import wave_frequencies as wave_frequencies
 from .starts import at_finite_strength as at_finite_strength
 from .starts import by_tangent as by_tangent
 from .steadiness import Unsteady as Unsteady

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 
 from .._settings import SETTINGS
-from .levels import Level, levels, over
+from .levels import Level, levels
+from .spectrum import of_waves, to_waves
 from .where import shares, state
 
 KNOTS = SETTINGS.readings.knots
@@ -78,10 +79,10 @@ def _whitened(runs: Sequence[np.ndarray], noise: Sequence[Level]) -> np.ndarray:
     """All runs' columns one after the other, each over the spectrum of its run's noise."""
     out = []
     for columns, level in zip(runs, noise, strict=True):
-        lines = np.fft.rfft(columns, axis=0)
+        waves = to_waves(columns)
         if level.spectrum is not None:
-            lines /= np.sqrt(over(*level.spectrum, len(columns)))[:, None]
-        lines[0] = 0.0  # the mean of what wanders says nothing
+            waves /= np.sqrt(level.spectrum.power(len(columns)))[:, None]
+        waves[0] = 0.0  # the mean of what wanders says nothing
         size = level.ratio if level.ratio > 0 else np.inf
-        out.append(np.fft.irfft(lines, len(columns), axis=0) / size)
+        out.append(of_waves(waves) / size)
     return np.concatenate(out)
