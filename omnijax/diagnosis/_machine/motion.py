@@ -82,7 +82,8 @@ def measured_lengths(
         return length
     for _ in range(SETTINGS.prediction.angle_turns):
         behind = tables.unrolled(smoother(length))
-        added = moving_readings(rig, "theta", run.time, behind, rolls, on_time(rig, "theta")) - behind
+        read = moving_readings(rig, "theta", run.time, behind, rolls, on_time(rig, "theta"))
+        added = read - behind
         length = _lengths(rig, tables, run, angle - added)
         change, shown = float(np.max(np.abs(added - shown))), added
         if change < SETTINGS.prediction.angle_change:

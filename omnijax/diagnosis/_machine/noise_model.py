@@ -96,9 +96,8 @@ def _as_read(machine, rig: Rig, i: int) -> Callable[[np.ndarray], np.ndarray]:
 
     def readings_of(values: np.ndarray) -> np.ndarray:
         parts = zip(("dR", "a"), np.split(values, 2, axis=1), strict=True)
-        return np.concatenate(
-            [readings(rig, group, run.time, part, on_time(rig, group)) for group, part in parts], axis=1
-        )
+        read = [readings(rig, group, run.time, part, on_time(rig, group)) for group, part in parts]
+        return np.concatenate(read, axis=1)
 
     here = readings_of(base)
 
