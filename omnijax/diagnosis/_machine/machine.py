@@ -12,6 +12,7 @@ from ...rig import Rig
 from ...simulation import SENSOR_POINTS
 from .._settings import SETTINGS
 from .._threads import each
+from .behind import folds
 from .clocks import offset_of
 from .data_vector import DataRows
 from .elastic import (
@@ -121,11 +122,13 @@ class Machine:
     def rebase(self, rig: Rig) -> None:
         """Smooth the angles anew, about what `rig` predicts from the torques.
 
-        Friction hangs on the motion itself: then again until the prediction stays.
+        Friction hangs on the motion itself, and so does what encoders hide of it: then again until
+        the prediction stays.
         """
         rolling = self.basis.rolling
         basis = self._basis(rig, None, rolling)
-        for _ in range(SETTINGS.prediction.rebase_turns if needs_observer(rig) else 1):
+        again = needs_observer(rig) or folds(rig, "theta")
+        for _ in range(SETTINGS.prediction.rebase_turns if again else 1):
             self._begin(basis)
             lengths = tuple(r.length for r in self.rotated(rig).values())
             change = [
@@ -167,7 +170,9 @@ class Machine:
                 return about + smooth(left, sigma, likeliest(left, sigma))[0]
 
             rolls = run.rolling_start(self.noise)
-            return likeliest(measured_lengths(rig, tables, run, rolls, smoother) - about, sigma)
+            return likeliest(
+                measured_lengths(rig, tables, run, rolls, about, smoother) - about, sigma
+            )
 
         ratios = each(ratio, range(len(self.runs)))
         preload = np.asarray(rig.wheels.closure.preload)
@@ -226,7 +231,7 @@ class Machine:
         def smoother(length: np.ndarray) -> np.ndarray:
             return about + smooth(length - about, sigma, self.basis.ratios[i])[0]
 
-        length = measured_lengths(rig, tables, run, rolls, smoother)
+        length = measured_lengths(rig, tables, run, rolls, about, smoother)
         return motion(rig, tables, run, length, smoother(length), rolls)
 
     def modes(self, rig: Rig) -> OutputModes:

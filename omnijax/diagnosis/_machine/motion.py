@@ -2,7 +2,6 @@
 
 import dataclasses
 import functools
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -14,9 +13,9 @@ from ...dynamics import spin_axes
 from ...laws import DualRow
 from ...rig import Rig
 from .._settings import SETTINGS
-from .clocks import LATE_LAWS, late_by, offset_of
-from .laws import along, moving_readings, on_time
-from .runs import FINE, SHAPE, Run, filled
+from .behind import changed_beside_delays, outputs_on_time, reading_of, values_behind
+from .laws import along
+from .runs import FINE, SHAPE, Run
 from .smooth import smooth_by_likelihood
 from .wheels import WheelTables, wheel_tables
 
@@ -51,64 +50,60 @@ class RunMotion:
         return attitude(self.turning, self.step)
 
 
-def angles_on_time(rig: Rig, run: Run, wheels: int) -> np.ndarray:
-    """Measured wheel angles (samples, n) less the delay of their sensor: as noisy as they are.
-
-    What is not read before the run ends is not known.
-    """
-    measured = run.outputs.get("theta")
-    if measured is None:
-        return np.full((run.samples, wheels), np.nan)
-    late = offset_of(rig, "theta") / run.step
-    if late == 0:
-        return measured
-    back = math.ceil(late)
-    known = np.isfinite(np.pad(measured, ((0, back), (0, 0)), constant_values=np.nan)[back:])
-    return np.where(known, late_by(filled(measured).T, -late).T, np.nan)
-
-
 def measured_lengths(
-    rig: Rig, tables: WheelTables, run: Run, rolls: bool, smoother: Callable[..., np.ndarray]
-) -> np.ndarray:
-    """S(theta) (samples, n) at the samples, without what the sensors add.
+    rig: Rig, tables: WheelTables, run: Run, rolls: bool, about: np.ndarray,
+    smoother: Callable[[np.ndarray], np.ndarray],
+) -> np.ndarray:  # fmt: skip
+    """S(theta) (samples, n) at the samples, without what the sensors add; NaN where not measured.
 
-    That hangs on the angles behind, which the `smoother` of such lengths gives: noise would grow if
-    a lag were undone in it.
+    `about` are lengths near them, or zero where none are known; `smoother` smooths such lengths.
     """
-    angle, shown = angles_on_time(rig, run, rig.size), 0.0
-    length = _lengths(rig, tables, run, angle)
-    laws = (p.law for p in rig.at("sensor") if p.group == "theta")
-    if all(isinstance(law, LATE_LAWS) for law in laws):
-        return length
-    for _ in range(SETTINGS.prediction.angle_turns):
-        behind = tables.unrolled(smoother(length))
-        read = moving_readings(rig, "theta", run.time, behind, rolls, on_time(rig, "theta"))
-        added = read - behind
-        length = _lengths(rig, tables, run, angle - added)
-        change, shown = float(np.max(np.abs(added - shown))), added
-        if change < SETTINGS.prediction.angle_change:
-            break
-    return length
+    angle = outputs_on_time(rig, run, "theta", rig.size)
+    if changed_beside_delays(rig, "theta"):
+
+        def smoothed(angle: np.ndarray) -> np.ndarray:
+            return tables.unrolled(smoother(_lengths(rig, tables, run, angle, rolls)))
+
+        start = _begun_with(tables, about, angle) if about.any() else smoothed(angle)
+        angle = values_behind(rig, "theta", run, angle, start, rolls, smoothed)
+    return _lengths(rig, tables, run, angle, rolls)
 
 
-def _lengths(rig: Rig, tables: WheelTables, run: Run, angle) -> np.ndarray:
+def _begun_with(tables: WheelTables, about: np.ndarray, angle: np.ndarray) -> np.ndarray:
+    """The angles (samples, n) of the lengths `about`, led through the first ones measured."""
+    apart = tables.rolled(angle) - about
+    first = np.argmax(np.isfinite(apart), axis=0)
+    return tables.unrolled(about + np.nan_to_num(apart[first, np.arange(len(first))]))
+
+
+def _lengths(rig: Rig, tables: WheelTables, run: Run, angle, rolls: bool) -> np.ndarray:
     """S (samples, n) of measured angles; a wheel without encoder gets the integral of Omega."""
     length = tables.rolled(angle)
     missing = np.isnan(length).all(axis=0)
     if missing.any():
-        turning = run.outputs.get("Omega")
-        if turning is None:
+        if "Omega" not in run.outputs:
             raise InputError(
                 f"{run.name}: neither theta nor Omega of wheel "
                 f"{', '.join(np.array(rig.names)[missing])} was measured;"
                 " one of them is needed."
             )
-        rate = smooth_by_likelihood(turning, _scatter(turning)) @ np.asarray(rig.wheels.spin_axis).T
-        mean = (rate[1:] + rate[:-1]) / 2 * run.step
-        integral = np.concatenate([np.zeros((1, rig.size)), np.cumsum(mean, axis=0)])
+        rate = _turning(rig, run, rolls) @ np.asarray(rig.wheels.spin_axis).T
         start = np.zeros(rig.size) if run.start is None else run.start
-        length[:, missing] = (integral + tables.rolled(start[None]))[:, missing]
+        length[:, missing] = (integrate(rate, run.step) + tables.rolled(start[None]))[:, missing]
     return length
+
+
+def _turning(rig: Rig, run: Run, rolls: bool) -> np.ndarray:
+    """Omega (samples, 3), smoothed, without what its sensors add."""
+    turning = outputs_on_time(rig, run, "Omega", 3)
+
+    def smoothed(values: np.ndarray) -> np.ndarray:
+        return smooth_by_likelihood(values, _scatter(values))
+
+    if changed_beside_delays(rig, "Omega"):
+        start = smoothed(turning)
+        turning = values_behind(rig, "Omega", run, turning, start, rolls, smoothed)
+    return smoothed(turning)
 
 
 def _scatter(values: np.ndarray) -> float:
@@ -154,12 +149,15 @@ def motion(
 def _as_read(rig: Rig, run: Run, length, smoothed, theta, shape, rolls: bool) -> np.ndarray:
     """The rolled lengths (samples, n): smoothed, and the scatter that the encoders show about them.
 
-    What they read late tells of the moment at which it is read: none is lost at the run's end.
+    What they read late tells of the moment at which it is read: none is lost at the run's end.  One
+    that stands at its limit tells by how much that is not the limit of its law.
     """
     measured = run.outputs.get("theta")
     if measured is None or not any(p.group == "theta" for p in rig.at("sensor")):
         return length
-    scatter = measured - moving_readings(rig, "theta", run.time, theta, rolls)
+    reading = reading_of(rig, "theta", run, theta, rolls, late=True)
+    apart = measured - reading.shown
+    scatter = np.where(reading.tells, reading.back(apart), apart)
     lever = (np.asarray(rig.wheel_radius) + shape) / float(rig.sphere.radius)
     return np.where(np.isfinite(measured).any(axis=0), smoothed + lever * scatter, length)
 
