@@ -34,6 +34,11 @@ class Effort(enum.IntEnum):
     MOST = 2  # it runs on very many
 
 
+def on_cpu() -> bool:
+    """Whether programs run on a CPU, where none is asked for."""
+    return jax.default_backend() == "cpu"
+
+
 def compiler_options(effort: Effort, lines: int) -> Any:
     """Options of the compiler for a program of so many lines of StableHLO."""
     if effort == Effort.MOST:

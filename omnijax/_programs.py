@@ -35,7 +35,7 @@ from jax.core import Tracer
 from jax.experimental.compilation_cache import compilation_cache
 from jax.experimental.serialize_executable import deserialize_and_load, serialize
 
-from ._compiling import Effort, compiler_options
+from ._compiling import Effort, compiler_options, on_cpu
 from ._config import cache_folder
 from ._private import config_folder, private_folder
 from ._waiting import told
@@ -96,7 +96,7 @@ def _by_effort(function: Callable) -> Callable[[Effort, list[Any]], Callable]:
     def chosen(effort: Effort, leaves: list[Any]) -> Callable:
         # what a traced function works out is traced, be it of numbers known to it
         traced = any(isinstance(x, Tracer) for x in (*leaves, jnp.zeros(()) + 1.0))
-        own = not traced and jax.default_backend() == "cpu"
+        own = not traced and on_cpu()
         return compiled(effort if own else None)
 
     return chosen

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..._compiling import Effort
+from ..._compiling import Effort, on_cpu
 from ..._programs import kept
 from ...dynamics import held
 from ...laws import Rollers
@@ -35,6 +35,7 @@ def effort_for(designs: int) -> Effort:
 
 
 SIZES = (LANES, 16 * LANES)  # designs a call of the compiled programs
+WIDE = (128 * LANES, 512 * LANES)  # beside these where all go in step, as on a GPU
 BACK = 128  # designs whose matrices' derivatives are worked out together: more leave the cache
 # whose laws enter the linear model and what it moves by
 _PORTS = ("radius", "shape", "contact", "platform", "kinematics")
@@ -76,8 +77,7 @@ def ready(
     Raises `ValueError` where the `obstacle` names a reason.
     """
     effort, turn = min(effort_for(max(len(rows), total)), most), None
-    one_size = effort == Effort.LEAST  # another size is another program to compile
-    size = SIZES[0] if one_size or len(rows) <= SIZES[0] else SIZES[-1]
+    size = _size(len(rows), effort)
     rows = np.asarray(rows, float)  # slices of jax's arrays are programs
     for i in range(0, len(rows), size):
         some = rows[i : i + size]
@@ -91,8 +91,18 @@ def ready(
         force, series = bool(np.any(np.asarray(points.force))), _series(points.rig)
         plain, how = _plain(points), How(model, force, series, outputs)
         design, layout, turn = _apart(plain, turn, how, effort)
-        layout = layout._replace(together=TOGETHER[effort])
+        layout = layout._replace(
+            together=TOGETHER[effort], in_step=effort == Effort.MOST or not on_cpu()
+        )
         yield DesignBatch(make, some, count, plain, how, design, layout, turn, effort)
+
+
+def _size(designs: int, effort: Effort) -> int:
+    """Designs a call."""
+    if on_cpu() and effort == Effort.LEAST:
+        return SIZES[0]  # another size is another program to compile
+    sizes = SIZES if on_cpu() else (*SIZES, *WIDE)
+    return next((size for size in sizes if designs <= size), sizes[-1])
 
 
 def _apart(points: Operating, turn: np.ndarray | None, how: How, effort: Effort):
@@ -164,7 +174,7 @@ def _from_designs(points: Operating, bars, how: How, turn: Any = None) -> Operat
         return jax.vmap(lambda bar: back(bar)[0])(bars)
 
     bars = jax.tree.map(lambda x: jnp.moveaxis(x, 0, 1), bars)
-    each = jax.lax.map(one, (points, bars), batch_size=BACK)
+    each = jax.lax.map(one, (points, bars), batch_size=BACK if on_cpu() else len(points.speeds))
     return jax.tree.map(lambda x: jnp.moveaxis(x, 1, 0), each)
 
 

@@ -8,7 +8,7 @@ coincide; inside its block a pole is then simple, so its eigenvectors are good o
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from ...rig import Rig
 from .system import Layout, System
@@ -27,10 +27,8 @@ def turned_states(rigs: Rig, system: System) -> np.ndarray | None:
     for part in (sphere, wheels, sphere, wheels):
         turn[first : first + len(part), first : first + len(part)] = part
         first += len(part)
-    A = np.asarray(system.A)
-    A = A / np.abs(A).max(axis=(1, 2), keepdims=True)
-    for some in (A[:1], A):  # mostly the first design tells
-        if len(blocks_of(np.asarray(_coupled(turn.T @ some @ turn)))) == 1:
+    for some in (_first, lambda A: A):  # mostly the first design tells
+        if len(blocks_of(np.asarray(_coupled_along(some(system.A), turn)))) == 1:
             return None
     return turn
 
@@ -64,6 +62,17 @@ def _coupled(A):
 
 
 @jax.jit
+def _first(A):
+    return A[:1]
+
+
+@jax.jit
+def _coupled_along(A, turn):
+    """The same of states along other directions, the columns of `turn`."""
+    return _coupled(turn.T @ A @ turn)
+
+
+@jax.jit
 def _present(matrices):
     """Which entries of the rows of batches of matrices are more than rounding."""
     sizes = [jnp.abs(x) for x in matrices]
@@ -82,24 +91,24 @@ def decoupled(system: System, layout: Layout, coupling: np.ndarray) -> Layout:
     seen = (direct | rate).T | (shown @ moved.T)
     return layout._replace(
         blocks=tuple(blocks),
-        same=_equal(np.asarray(system.A), blocks),
+        same=_equal(system.A, blocks),
         live=tuple(tuple(np.flatnonzero(row).tolist()) for row in shown),
         waves=tuple(tuple(np.flatnonzero(row).tolist()) for row in seen[:, layout.column_of]),
     )
 
 
-def _equal(A: np.ndarray, blocks: list[tuple[int, ...]]) -> tuple[int, ...]:
+def _equal(A: Array, blocks: list[tuple[int, ...]]) -> tuple[int, ...]:
     """Number of the first block that each block of a batch is equal to."""
     states = [np.array([i for i in block if i >= 0]) for block in blocks]
-    parts = [A[:, own[:, None], own] for own in states] if len(blocks) > 1 else []
     firsts: list[int] = []
     for i in range(len(blocks)):
         like = (j for j in dict.fromkeys(firsts) if len(states[j]) == len(states[i]))
-        firsts.append(next((j for j in like if _alike(parts[i], parts[j])), i))
+        firsts.append(next((j for j in like if _alike(A, states[i], states[j])), i))
     return tuple(firsts)
 
 
-def _alike(a: np.ndarray, b: np.ndarray) -> bool:
-    """Whether two batches of matrices differ by rounding alone."""
-    size = np.abs(a).max(axis=(1, 2), keepdims=True)
-    return bool(np.all(np.abs(a - b) <= NOISE * size))
+@jax.jit
+def _alike(A, one, other):
+    """Whether the blocks of these states differ by rounding alone, in all matrices of a batch."""
+    a, b = (A[:, states[:, None], states] for states in (one, other))
+    return jnp.all(jnp.abs(a - b) <= NOISE * jnp.abs(a).max(axis=(1, 2), keepdims=True))

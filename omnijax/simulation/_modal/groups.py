@@ -7,6 +7,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
+from ..._compiling import on_cpu
 from .gradient import pull_back
 from .poles import Eigen, eigen, modes_of
 from .system import Layout, LinearDesign
@@ -55,5 +56,6 @@ def lanes_of(design: LinearDesign, pairs: Eigen) -> Lanes:
 
 
 def grouped(x):
-    """(..., B) as groups of lanes, (groups, ..., lanes)."""
-    return jnp.moveaxis(x.reshape(*x.shape[:-1], -1, LANES), -2, 0)
+    """(..., B) as groups of lanes, (groups, ..., lanes); away from CPUs one of all."""
+    lanes = LANES if on_cpu() else x.shape[-1]
+    return jnp.moveaxis(x.reshape(*x.shape[:-1], -1, lanes), -2, 0)

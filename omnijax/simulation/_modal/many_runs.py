@@ -139,5 +139,5 @@ def _run_slopes(design: LinearDesign, layout: Layout, step, count, weights):
         slopes = run_slopes(g, layout, step, count, weights)
         return None, jax.tree.map(lambda x: x[None], slopes)
 
-    groups = weights.reshape(-1, LANES, *weights.shape[1:])
+    groups = jnp.moveaxis(grouped(jnp.moveaxis(weights, 0, -1)), -1, 1)
     return of_groups(some, design, layout, step * count, groups)[1]

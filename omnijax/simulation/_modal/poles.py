@@ -6,6 +6,7 @@ do.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -16,6 +17,7 @@ from jaxtyping import Array, Bool, Complex, Float
 from .arithmetic import Pair, rows
 from .quartics import SIZES as CLOSED
 from .quartics import BlockPoles, block_poles
+from .shifted_qr import Decomposed, decomposed
 from .system import Layout, System
 
 
@@ -65,7 +67,8 @@ def eigen(system: System, layout: Layout) -> Eigen:
     first, parts = sorted(set(layout.same)), {}
     for size in sorted({len(blocks[i]) for i in first}):
         number = [i for i in first if len(blocks[i]) == size]
-        each = _decomposed(jnp.stack([_part(A, blocks[i]) for i in number], axis=1))
+        several = jnp.stack([_part(A, blocks[i]) for i in number], axis=1)
+        each = _decomposed(several, layout.in_step)
         for j, i in enumerate(number):
             parts[i] = tuple(x[:, j] for x in each)
     values, vectors, inverses, *pairs = zip(*(parts[i] for i in layout.same), strict=True)
@@ -125,24 +128,39 @@ class _Blocks(NamedTuple):
     second: Array
 
 
-def _decomposed(A: Float[Array, "c b m m"]) -> _Blocks:
-    """In closed form where the blocks are small and that is good for the whole batch."""
-    if A.shape[-1] not in CLOSED:
+def _decomposed(A: Float[Array, "c b m m"], in_step: bool) -> _Blocks:
+    """In closed form where the blocks are small, or `in_step`, where that is good for the batch."""
+    if A.shape[-1] in CLOSED:
+        made, way = block_poles(_batch_last(A)), _in_closed_form
+    elif in_step:
+        made, way = decomposed(_batch_last(A)), _by_iteration
+    else:
         return _by_lapack(A)
-    states = jnp.moveaxis(A, (0, 1), (-1, -2))
-    poles = block_poles(states.reshape(*states.shape[:2], -1))
     return jax.lax.cond(
-        jnp.all(poles.good), lambda A, poles: _in_closed_form(poles, A.shape),
-        lambda A, _: _by_lapack(A), A, poles,
-    )  # fmt: skip
+        jnp.all(made.good), lambda A, made: way(made, A.shape), lambda A, _: _by_lapack(A), A, made
+    )
+
+
+def _batch_last(A):
+    states = jnp.moveaxis(A, (0, 1), (-1, -2))
+    return states.reshape(*states.shape[:2], -1)
+
+
+def _apart(x, shape):
+    """(..., b c) as (c, b, ...)."""
+    return jnp.moveaxis(x.reshape(*x.shape[:-1], shape[1], shape[0]), (-1, -2), (0, 1))
+
+
+def _by_iteration(made: Decomposed, shape) -> _Blocks:
+    """Of blocks (c, b) side by side."""
+    real, imaginary, vector, inverse = (_apart(x, shape) for x in made[:4])
+    value = jax.lax.complex(real, imaginary)
+    return _Blocks(value, vector, inverse, *_paired(value))
 
 
 def _in_closed_form(poles: BlockPoles, shape) -> _Blocks:
     """Of blocks (c, b) side by side."""
-
-    def apart(x):
-        return jnp.moveaxis(x.reshape(*x.shape[:-1], shape[1], shape[0]), (-1, -2), (0, 1))
-
+    apart = partial(_apart, shape=shape)
     kind, one, two = (apart(x) for x in (poles.kind, poles.first, poles.second))
     real = jnp.stack([one, jnp.where(kind, one, two)], axis=-1)
     imaginary = jnp.where(kind, two, 0.0)

@@ -21,8 +21,7 @@ from jaxtyping import Array, Bool, Float
 from .arithmetic import Pair, across, materialised, product, quotient, summed
 
 SIZES = (2, 4)  # states of the blocks that are done in closed form
-EPS = float(np.finfo(float).eps)
-GOOD = 256 * EPS  # of the sizes it is made of: what may be left of A V - V L
+GOOD = 256  # units of rounding of the sizes it is made of: what may be left of A V - V L
 INVERSE = 1e-4  # what may be left of V X - 1: two poles as near as rounding tells leave 1e-8
 NEWTON = 3  # steps from the roots of the resolvent, which are good to half the digits
 APART = 0.1  # of the larger: two real poles that are not near each other
@@ -80,7 +79,7 @@ def _poles(A):
     middle = -p / 2
     square = middle * middle - q
     # two poles are nowhere nearer each other than the coefficients' rounding may bring them
-    least = 4 * EPS * (middle * middle + jnp.abs(q))
+    least = 4 * jnp.finfo(q.dtype).eps * (middle * middle + jnp.abs(q))
     square = jnp.where(square < 0, jnp.minimum(square, -least), jnp.maximum(square, least))
     kind, root = square < 0, jnp.sqrt(jnp.abs(square))
     far = middle + jnp.where(middle < 0, -root, root)
@@ -311,6 +310,6 @@ def _good(A, kind, first, second, V, X):
         _dot(V, X) - jnp.eye(len(V))[:, :, None],
     )
     poles, inverse = (largest(largest(jnp.abs(x))) for x in left)
-    size = GOOD * largest(summed(jnp.abs(X), 1))
+    size = GOOD * jnp.finfo(A.dtype).eps * largest(summed(jnp.abs(X), 1))
     of_A = largest(largest(jnp.abs(A)))
     return (poles <= size * of_A) & (inverse <= jnp.minimum(size, INVERSE))

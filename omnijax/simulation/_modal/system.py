@@ -55,6 +55,7 @@ class Layout(NamedTuple):
     live: tuple[tuple[int, ...], ...] = ()  # pairs of poles that each row of the outputs shows
     waves: tuple[tuple[int, ...], ...] = ()  # sinusoids that each row of the outputs shows
     together: int = 4  # samples that one loop over designs works out beside each other, at least
+    in_step: bool = False  # whether blocks without a closed form are done by `shifted_qr`
     short: bool = False  # whether unlike phases that take about as long pass through one program
 
     def place(self, output: str) -> np.ndarray:
