@@ -15,12 +15,12 @@ from ..._root import root
 from .batch import ready
 from .gradient import half_root
 from .groups import of_groups
-from .mean_square import sums_along
 from .obstacles import BULK_METRICS, modal_obstacle, modal_steady_obstacle
 from .output_sums import slopes_of
 from .peak import peak_sums
 from .phases import longest_period
 from .steady_figures import LongRunTable, outputs_asked, rows_asked, steady_of
+from .sums_along import sums_along
 from .system import OUTPUTS, Layout, LinearDesign, Operating
 from .transient import Lanes, samples_of
 

@@ -15,8 +15,8 @@ from ...rig import Rig
 from .arithmetic import materialised
 from .blocks import LENGTH, BlockTables, OutputParts, Weights, shown_by, stored_forced
 from .gradient import Slopes
-from .mean_square import sums_along
 from .output_sums import slopes_of
+from .sums_along import sums_along
 from .system import Layout, output_rows
 from .transient import Lanes
 from .walk import Walk, WalkState
