@@ -486,6 +486,31 @@ def test_a_strong_effect_is_ranked_at_finite_strength():
     assert found.fit.point.effects[0].values["k3"] == pytest.approx(8.0, rel=0.02)
 
 
+def test_a_law_that_leads_by_its_tangent_is_tried_about_the_calibrated_machine_too():
+    """The stated one may be so far off that no step from it shows what the law explains."""
+    rng, time = drawn_anew("a stated number that is far off"), np.linspace(-3, 3, 600)
+    signal, true = MountSignal(time, 0 * time, 0 * time + 1, 0 * time), rng.uniform(0.01, 0.03)
+
+    def moved(k, laws):
+        return np.sin(k * time) + sum(along(x, signal) for x in laws)
+
+    number = np.exp(0.2 * rng.uniform(2.4, 3.2))
+    measured = moved(number, [EFFECTS["mount-cubic"](jnp.asarray(true))])
+    measured = measured + 0.01 * rng.normal(size=600)
+    model = SmallModel(
+        lambda p, laws, split: (measured - moved(p["k"], laws)) / 0.01, [Prior("k", 1.0, 0.2)],
+        {"mount-cubic": EFFECTS["mount-cubic"]}, "spring",
+    )  # fmt: skip
+    fit = refit(model, Point(np.zeros(1)))
+    assert fit.point.u[0] > SETTINGS.search.ran_off
+    scan, _ = Search(model).scan(fit)
+    (far,) = at_finite_strength(model, fit, scan.scores, {"mount-cubic"})
+    (near,) = at_finite_strength(model, fit, scan.scores, {"mount-cubic"}, scan.best_per_name())
+    assert far.cost > 0.5 * fit.cost
+    assert near.cost < 0.05 * fit.cost
+    assert near.point.effects[0].values["k3"] == pytest.approx(true, rel=0.5)
+
+
 class Shifted(SmallModel):
     """A shift that one half of the rows shows in proportion, and the other as the phase of a wave.
 

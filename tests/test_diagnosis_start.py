@@ -174,3 +174,25 @@ def test_a_run_that_speeds_up_from_rest_does_not_begin_in_motion(kind):
     assert begins_rolling("theta", rolling, 3.0)
     if kind == "step":
         assert not begins_rolling("theta", speeding, 0.0)
+
+
+def test_wheels_without_encoder_stand_where_the_laws_of_a_point_say(tmp_path):
+    """As a machine without them answers a start that is off: chi2 7 to 200 a degree of freedom."""
+    rng, plant = drawn_anew("friction without encoders"), load_plant()
+    force = rng.uniform(2.0, 4.0)
+    effects = {"dry": np.full(3, force)}
+    *_, tables = recorded(tmp_path, int(rng.integers(1000)), 2.5, effects=effects, noise=0.0)
+    runs = []
+    for run in noisy(tables, plant.NOISE, rng):
+        true = run.outputs.pop("theta")[0]
+        off = rng.uniform(0.003, 0.008, 3) * rng.choice([-1, 1], 3)
+        runs.append(dataclasses.replace(run, start=true + off))
+    model = RigModel(load_rig(tmp_path / "rig.toml"), runs, plant.NOISE, dict(EFFECTS))
+    friction = Effect("mount-friction", "all", {"force": force, "width": plant.V0})
+    truth = Point(np.zeros(len(model.priors)), (friction,))
+    model.machine.rebase(model.rig_at(truth))
+    (off,) = model.residuals([truth], "train")
+    model.rebase(truth)
+    (left,) = model.residuals([truth], "train")
+    print(force, off @ off / model.dof("train"), left @ left / model.dof("train"))
+    assert left @ left < 1.15 * model.dof("train") < 3 * model.dof("train") < off @ off

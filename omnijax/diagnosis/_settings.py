@@ -502,7 +502,7 @@ class StartAnglesSettings:
     """Where a wheel without encoder stood at the first sample, from dR and a."""
 
     phases: int = 28  # a pitch
-    steps: int = 3  # of Gauss-Newton
+    steps: int = 12  # of Gauss-Newton at most
     rounds: int = 6  # of wheel by wheel descent from the best of the coarse combinations
     coarse: int = 4  # of these from one to the next combination that is tried
 

@@ -31,6 +31,7 @@ from .machine import Machine
 from .orders import strongest_orders
 from .roles import by_parts, split_runs
 from .runs import COARSE, FINE, STEPS, Run, with_noise
+from .start_angles import with_start_angles
 from .tangents import signatures
 from .tree_hash import digest
 from .uncertain import rig_priors, with_parameters, with_sensors
@@ -212,12 +213,19 @@ class RigModel(AbstractModel):
 
     def rebase(self, point):
         """Where nothing was asked before, at once about the point; a rolling start follows from
-        that about the stated rig."""
+        that about the stated rig.
+
+        Start angles of wheels without encoder are those that the point's own laws ask for: what
+        they are off counts in the rows' covariance, but as the machine without laws answers.
+        """
         about = self.rig_at(point)
         if "machine" in vars(self) or any(run.rolling_start(self.noise) for run in self._runs):
             self.machine.rebase(about)
         else:
             self.machine = Machine(self.rig, self._runs, self.noise, self.window, about)
+        runs = self.machine.runs
+        if with_start_angles(self.machine, about) is not runs:
+            self.machine.rebase(about)
 
     def unsettled(self, point):
         """Laws at contacts and mounts change the elastic state in which a run begins rolling.

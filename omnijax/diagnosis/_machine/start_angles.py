@@ -20,6 +20,7 @@ from .runs import ELASTIC, SHAPE, Run
 
 PHASES = SETTINGS.start_angles.phases
 STEPS = SETTINGS.start_angles.steps
+ENOUGH = SETTINGS.gauss_newton.enough
 ROUNDS = SETTINGS.start_angles.rounds
 COARSE = SETTINGS.start_angles.coarse
 
@@ -37,9 +38,23 @@ def with_start_angles(machine: Machine, rig: Rig) -> list[Run]:
         if len(missing) and any(g in run.outputs for g in ELASTIC):
             if run.start is None:
                 _move(machine, i, missing, _phases(machine, rig, i, missing))
-            for _ in range(STEPS):
-                _move(machine, i, missing, _step(machine, rig, i, missing))
+            _refine(machine, rig, i, missing)
     return machine.runs
+
+
+def _refine(machine: Machine, rig: Rig, i: int, missing) -> None:
+    """Gauss-Newton steps of the start angles of a run's `missing` wheels, while they leave less."""
+    left = _left(machine, rig, i)
+    for _ in range(STEPS):
+        change = _step(machine, rig, i, missing, left)
+        _move(machine, i, missing, change)
+        after = _left(machine, rig, i)
+        fall = left @ left - after @ after
+        if not fall > 0:
+            _move(machine, i, missing, -change)
+        if not fall > ENOUGH:
+            return
+        left = after
 
 
 def _move(machine: Machine, i: int, missing, change) -> None:
@@ -101,10 +116,13 @@ def _least_squares(gram: np.ndarray, right: np.ndarray, wheels: int) -> np.ndarr
     return best
 
 
-def _step(machine: Machine, rig: Rig, i: int, missing) -> np.ndarray:
-    """Gauss-Newton step of the start angles (wheels without encoder,)."""
+def _step(machine: Machine, rig: Rig, i: int, missing, left: np.ndarray) -> np.ndarray:
+    """Gauss-Newton step of the start angles (wheels without encoder,) for what is `left`.
+
+    As the machine without its laws answers; with them it takes a few steps more.
+    """
     run, m = machine.runs[i], machine.motions(rig, [i])[i]
     slopes = machine.tables_of(rig).rho_slope(m.theta_shape[:: SHAPE // PARTS])
     one = [np.full((run.samples, int(k in missing)), 1.0) for k in range(rig.size)]
     across = response_rows(machine.modes(rig), run, slopes, one, _weights(machine, i))
-    return np.linalg.lstsq(across.T, _left(machine, rig, i), rcond=1e-10)[0]
+    return np.linalg.lstsq(across.T, left, rcond=1e-10)[0]

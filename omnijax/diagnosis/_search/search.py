@@ -336,7 +336,9 @@ class Search:
         if not strong or plain or not ids:
             return starts
         self.tell("laws that bend with their strength, at finite ones")
-        finite = at_finite_strength(self.model, fit, scan.scores, ids)
+        names = [s.name for s in starts if self.stepped(s)][: self.settings.tried]
+        leading = [s for s in scores if s.candidate.name in names]
+        finite = at_finite_strength(self.model, fit, scan.scores, ids, leading)
         others = [s for s in first if not self.stepped(s)]
         new = [s for s in finite if not self.has(fit, s.point.effects[-1])]
         return worth([*new, *others], fit.cost, self.settings.worth)

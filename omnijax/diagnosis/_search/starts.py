@@ -72,11 +72,14 @@ def other_lines(
 
 
 def at_finite_strength(
-    model: AbstractModel, fit: Fit, scores: Sequence[Score], ids: set[str]
-) -> list[Start]:
+    model: AbstractModel, fit: Fit, scores: Sequence[Score], ids: set[str],
+    leading: Sequence[Score] = (),
+) -> list[Start]:  # fmt: skip
     """The best start of every (id, place) of the laws `ids`, over strengths of both signs.
 
-    Numbers of which the runs tell one combination are tried at the ends of their valley too.
+    Where the calibration ran off they are tried about the stated machine, and those `leading` by
+    their tangents about the calibrated one too.  Numbers of which the runs tell one combination are
+    tried at the ends of their valley too.
     """
     u = fit.point.u
     kept = np.max(np.abs(u), initial=0.0) < model.settings.ran_off
@@ -85,9 +88,12 @@ def at_finite_strength(
         anchors.append(fit.point)
     if model.settings.both:
         anchors += ends_of_valleys(model, fit)
+    tried = [(anchor, scores) for anchor in anchors]
+    if leading and not any(anchor is fit.point for anchor in anchors):
+        tried.append((fit.point, leading))
     best: dict[str, Start] = {}
-    for anchor in anchors:
-        for start in _about(anchor, model, fit, scores, ids):
+    for anchor, some in tried:
+        for start in _about(anchor, model, fit, some, ids):
             if start.name not in best or start.cost < best[start.name].cost:
                 best[start.name] = start
     return list(best.values())
