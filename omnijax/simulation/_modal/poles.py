@@ -17,7 +17,7 @@ from jaxtyping import Array, Bool, Complex, Float
 from .arithmetic import Pair, rows
 from .quartics import SIZES as CLOSED
 from .quartics import BlockPoles, block_poles
-from .shifted_qr import Decomposed, decomposed
+from .shifted_qr import Decomposed, decomposed, pays
 from .system import Layout, System
 
 
@@ -132,7 +132,7 @@ def _decomposed(A: Float[Array, "c b m m"], in_step: bool) -> _Blocks:
     """In closed form where the blocks are small, or `in_step`, where that is good for the batch."""
     if A.shape[-1] in CLOSED:
         made, way = block_poles(_batch_last(A)), _in_closed_form
-    elif in_step:
+    elif in_step and pays(A.shape[-1]):
         made, way = decomposed(_batch_last(A)), _by_iteration
     else:
         return _by_lapack(A)

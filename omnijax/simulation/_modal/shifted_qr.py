@@ -18,8 +18,9 @@ from jaxtyping import Array, Bool, Complex, Float
 from ..._compiling import on_cpu
 from .arithmetic import Pair, across, materialised, stored, summed
 
-CACHE = 4e5  # bytes that designs in step may take on a CPU
+CACHE = 6.5e5  # bytes that designs in step may take on a CPU
 MOST = 128  # designs in step there
+PAYS = 22  # states up to which LAPACK, design by design, takes longer there
 BALANCING = 4  # times that units are chosen anew
 SWEEPS = 10  # a row, after which a batch is given up; two or three a pair are usual
 UNUSUAL = 10  # sweeps without a pole that came off, after which shifts are chosen otherwise:
@@ -47,6 +48,11 @@ def decomposed(A: Float[Array, "m m c"]) -> Decomposed:
     parts = jnp.moveaxis(A.reshape(*A.shape[:2], groups, -1), 2, 0)
     each = jax.lax.map(_decomposed, parts)
     return jax.tree.map(lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1), each)
+
+
+def pays(states: int) -> bool:
+    """Whether this costs less than LAPACK, with many designs."""
+    return states <= PAYS or not on_cpu()
 
 
 def _together(m: int, count: int) -> int:
