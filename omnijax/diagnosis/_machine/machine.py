@@ -28,7 +28,15 @@ from .elastic import (
 from .late import finer, late_outputs
 from .laws import along, moving_readings, on_time, readings, remembers
 from .modes import OutputModes
-from .motion import RunMotion, contact_directions, integrate, measured_lengths, motion, tables_for
+from .motion import (
+    RunMotion,
+    contact_directions,
+    groups_of_motion,
+    integrate,
+    measured_lengths,
+    motion,
+    tables_for,
+)
 from .noise_model import rolling_state, rows_of
 from .observer import needs_observer, observed_turning, path_along
 from .rotation import (
@@ -220,8 +228,12 @@ class Machine:
             w.roundness,
             rig.profiles,
             *(rig.at(port) for port in ("radius", "shape", "kinematics")),
-            tuple(p for p in rig.at("sensor") if p.place.startswith("theta")),
+            tuple(p for p in rig.at("sensor") if p.group in self._groups_of_motion),
         )
+
+    @property
+    def _groups_of_motion(self) -> tuple[str, ...]:
+        return groups_of_motion(self.rig, self.runs)
 
     def _motion(self, rig: Rig, i: int) -> RunMotion:
         tables, run = self.tables_of(rig), self.runs[i]
@@ -380,7 +392,7 @@ class Machine:
         """A digest of all of a rig that its outputs hang on before they are read."""
         laws = [
             (p.law, p.wheels, p.place) for p in rig.effects
-            if p.law.port != "sensor" or p.place.startswith("theta")
+            if p.law.port != "sensor" or p.group in self._groups_of_motion
         ]  # fmt: skip
         return digest(rig.sphere, rig.platform, rig.wheels, rig.profiles, laws)
 

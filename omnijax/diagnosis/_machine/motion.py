@@ -40,7 +40,7 @@ class RunMotion:
     shape_rate: np.ndarray  # (.., n) m/s
     factor: np.ndarray  # (.., n) creep factor of the rolling radius
     axes: np.ndarray  # (.. or 1, n, 3)
-    turning: np.ndarray  # (.., 3) rad/s, Omega from the wheels
+    turning: np.ndarray  # (.., 3) rad/s, Omega from the wheels; about a free axis as measured
     step: float  # s, of the FINE points
     rolls: bool  # already at the first sample
 
@@ -106,6 +106,23 @@ def _turning(rig: Rig, run: Run, rolls: bool) -> np.ndarray:
     return smoothed(turning)
 
 
+def leaves_an_axis_free(rig: Rig) -> bool:
+    """Whether the sphere may turn about an axis that no wheel drives."""
+    return bool(np.linalg.matrix_rank(np.asarray(rig.wheels.spin_axis)) < 3)
+
+
+def groups_of_motion(rig: Rig, runs: list[Run]) -> tuple[str, ...]:
+    """Output groups that tell the motions: Omega where an axis is free or an encoder is missing."""
+    if leaves_an_axis_free(rig) or any(_lacks_an_encoder(run) for run in runs):
+        return ("theta", "Omega")
+    return ("theta",)
+
+
+def _lacks_an_encoder(run: Run) -> bool:
+    measured = run.outputs.get("theta")
+    return measured is None or bool(np.isnan(measured).all(axis=0).any())
+
+
 def _scatter(values: np.ndarray) -> float:
     return float(np.sqrt(np.nanmean(noise_squares(values, 3)))) or 1e-12
 
@@ -128,7 +145,12 @@ def motion(
             factor[:, i] += along(placed.law, speed[:, i])
     axes = _axes(rig, theta)
     rim = factor * rate
-    turning = np.einsum("tij,tj->ti", np.linalg.pinv(axes), rim)
+    inverse = np.linalg.pinv(axes)
+    turning = np.einsum("tij,tj->ti", inverse, rim)
+    if leaves_an_axis_free(rig) and "Omega" in run.outputs:
+        free = np.eye(3) - inverse @ axes
+        measured = CubicSpline(run.time, _turning(rig, run, rolls))(run.fine(FINE))
+        turning = turning + np.einsum("tij,tj->ti", free, measured)
     return RunMotion(
         length=_as_read(rig, run, length, smoothed, theta[::FINE], shape[::FINE], rolls),
         smoothed=smoothed,
