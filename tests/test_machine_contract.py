@@ -10,12 +10,13 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from drawn_rigs import any_laws, any_rig, any_sensors, torque_size, with_laws
 from seeds import drawn_anew
 
 from omnijax.diagnosis._machine.machine import Machine
 from omnijax.diagnosis._machine.runs import Run
 from omnijax.diagnosis._machine.wheels import _heights as shape_programs
-from omnijax.laws import EFFECTS
+from omnijax.laws import EFFECTS, DualRow
 from omnijax.rig import get_parameter, load_rig, set_parameter
 from omnijax.simulation import measured, simulate, table, torques
 from omnijax.study._parameters import scalar_parameters
@@ -81,14 +82,6 @@ ENCODERS = (
     ("sensor-delay", "Omega", {"delay": 0.002}),
     ("sensor-gain", "a", {"g": 0.02}),
 )
-
-
-def with_laws(rig, laws):
-    """The rig with more laws."""
-    for name, place, values in laws:
-        law = EFFECTS[name](**{k: jnp.asarray(v, float) for k, v in values.items()})
-        rig = rig.add(law, place)
-    return rig
 
 
 def simulated(laws, seed):
@@ -233,3 +226,45 @@ def test_every_pair_of_sensor_laws_is_predicted_in_its_order(turning):
         sensed = with_laws(rig, pair)
         assert left(sensed, sensed) < 1.2 * max(alone[name] for name, _, _ in pair), pair
     assert shape_programs._cache_size() == programs  # of shapes no sensor has a part in
+
+
+def drawn_run(rng, rig):
+    """Torques (samples, n) of a few slow waves, the run under them, and noise of its channels."""
+    time = TIME[: rng.integers(150, len(TIME))]
+    waves = rng.uniform(0.6, 4, (3, 1, rig.size)) * 2 * np.pi * time[:, None]
+    waves = rng.uniform(0.1, 0.5, (3, 1, rig.size)) * np.sin(waves + rng.uniform(0, 6, rig.size))
+    torque = torque_size(rig) * (waves.sum(axis=0) + rng.uniform(-0.3, 0.3, rig.size))
+    run = simulate(with_laws(rig, [SENSORS[2]]), torques(table(time, torque)), jnp.asarray(time))
+    sizes = {g: float(np.std(getattr(run, g), axis=0).max()) for g in ("dR", "theta", "Omega", "a")}
+    return torque, run, sizes
+
+
+@pytest.mark.parametrize("ports", [("turning",), ("elastic",), ("turning", "elastic")])
+def test_any_rig_with_any_laws_and_sensors_is_predicted(ports):
+    """Noise of a thousandth to a hundredth of the signals hides what the steps in time leave."""
+    rng = drawn_anew(f"rig and laws, {' and '.join(ports)}")
+    # two wheels leave a direction in which nothing holds the sphere: it goes as it is pushed
+    rig = any_rig(rng) if ports == ("turning",) else any_rig(rng, (3, 3, 4, 5, 6))
+    for port in ports:
+        rig = with_laws(rig, any_laws(rng, rig, port, int(rng.integers(1, 5))))
+    torque, run, sizes = drawn_run(rng, rig)
+    assert run.ok
+    noise = {"theta": 1e-4} | {
+        g: share * sizes[g] for g, share in (("dR", 5e-3), ("a", 1e-2), ("Omega", 1e-3))
+    }
+
+    def left(sensors):
+        sensed = with_laws(rig, sensors)
+        outputs = {g: np.asarray(values) for g, values in measured(run, sensed).items()}
+        time, known = np.asarray(run.t), np.ones(len(run.t), bool)
+        record = Run("run", "train", time, torque, np.zeros((len(time), 3)), outputs, known)
+        return in_sigmas(Machine(sensed, [record], noise), sensed)
+
+    bare = left(())
+    assert bare < 0.6
+    # Omega tells the motion about a free axis, and jumps between samples with dual rows
+    plain = rig.size > 2 and not any(isinstance(p, DualRow) for p in rig.profiles)
+    told = {g: size for g, size in sizes.items() if plain or g != "Omega"}
+    for count in rng.choice([1, 2, 2, 3], 4):
+        sensors = any_sensors(rng, rig, told, count)
+        assert left(sensors) < 1.5 * bare + 0.3, sensors

@@ -64,15 +64,19 @@ class Run:
         """Whether the sphere turns already at the first sample.
 
         By Omega, or by the wheels' angles where it was not measured: by more than is uncertain, and
-        than the noise of one sample (angles: over `FIRST` of them).
+        than the noise of one sample (angles: over `FIRST` of them).  The first sample of Omega has
+        to say so too, as friction and lags bend a start from rest.
         """
         for group, order in (("Omega", 0), ("theta", 1)):
-            if group not in self.outputs:
+            values = self.outputs.get(group)
+            if values is None:
                 continue
-            speed, sigma = at_first_sample(self.time, self.outputs[group], order)
+            speed, sigma = at_first_sample(self.time, values, order)
             if np.isfinite(speed).any():
                 least = noise[group] / (FIRST * self.step) ** order
-                return bool(np.any(np.abs(speed) > ROLLING * np.maximum(sigma, least)))
+                moves = np.abs(speed) > ROLLING * np.maximum(sigma, least)
+                rests = order == 0 and np.abs(values[0]) <= ROLLING * least
+                return bool(np.any(moves & ~np.asarray(rests)))
         return False
 
 
