@@ -132,6 +132,19 @@ def test_a_design_says_first_what_to_build_and_what_it_brings(tmp_path):
     assert (tmp_path / "gain.csv").read_text().splitlines()[1] == ",105.3,94.47"
 
 
+def test_of_many_limits_of_a_kind_a_design_shows_the_tightest_first(tmp_path):
+    reached = {f"separation of mode {m} from order {o}n of w{w} >= 0.15": (m / o + w, "")
+               for m in (1, 2, 3) for o in (1, 2) for w in (1, 2, 3)}  # fmt: skip
+    patches = {f"patch pressure of w{w} <= 3e+06 Pa": (1e6 * w, "Pa") for w in (1, 2)}
+    page = study_page(designed(limits=reached | patches), provenance("omnijax design study.toml"))
+    assert {fact.label: fact.value for fact in page.facts[1:]} == {
+        "separation of mode 1 from order 2n of w1 at least 0.15 (tightest of 18)": "1.5",
+        "patch pressure of w2 at most 3e+06 Pa (tightest of 2)": "2",
+    }
+    page.write(tmp_path)
+    assert len((tmp_path / "limits.csv").read_text().splitlines()) == 21
+
+
 def test_a_design_over_drawn_parts_does_not_call_a_nominal_figure_by_the_objectives_name(tmp_path):
     """A figure with parts at their nominal values was told as `mean + 2 sigma of rms`."""
     name = "worst mean + 2 sigma of rms"

@@ -10,6 +10,8 @@ from .._style import style
 from .._terms import meanings
 from .page import as_sentence, readable
 
+OPEN = 12  # limits that are listed without a click
+
 
 def design_page(design: Design, made: Provenance) -> Page:
     """The page of the result; `made` says what makes it again."""
@@ -26,15 +28,36 @@ def design_page(design: Design, made: Provenance) -> Page:
 
 
 def _facts(design: Design) -> list[Fact]:
-    """The objective, and what each limited quantity comes to."""
+    """The objective, and what the tightest limited quantity of each kind comes to."""
     value = design.was.get("new", design.objective)
     factor, unit = scaled(value, design.unit)
     facts = [Fact(design.nominal_name, f"{factor * value:.4g}", unit)]
-    for text, (reached, own) in design.limits.items():
+    for text, count in _tightest(design.limits):
+        reached, own = design.limits[text]
         factor, unit = scaled(reached, own)
-        facts.append(Fact(text.replace("<=", "at most").replace(">=", "at least"),
-                          f"{factor * reached:.4g}", unit))  # fmt: skip
+        label = text.replace("<=", "at most").replace(">=", "at least")
+        label += f" (tightest of {count})" if count > 1 else ""
+        facts.append(Fact(label, f"{factor * reached:.4g}", unit))
     return facts
+
+
+def _tightest(limits: dict[str, tuple[float, str]]) -> list[tuple[str, int]]:
+    """The tightest limit of each kind, and how many of its kind there are.
+
+    Of a kind are those of one quantity, whatever wheel, mode or order it is of, with one bound.
+    """
+    kinds: dict[tuple[str, ...], list[str]] = {}
+    for text in limits:
+        what, sign, bound = text.rpartition(" >= ") if " >= " in text else text.rpartition(" <= ")
+        kinds.setdefault((what.split(" of ")[0], sign, bound), []).append(text)
+
+    def reached(text: str) -> float:
+        return limits[text][0]
+
+    return [
+        ((min if sign == " >= " else max)(texts, key=reached), len(texts))
+        for (_, sign, _), texts in kinds.items()
+    ]
 
 
 def _parts(design: Design) -> Table:
@@ -68,7 +91,8 @@ def _limits(design: Design) -> list[Table]:
         return []
     rows = [[text, quantity_text(*reached)] for text, reached in design.limits.items()]
     columns = [Column("limit", text=True), Column("reached", text=True, unbroken=True)]
-    return [Table(columns, rows, "limits", "What must hold, and what the design reaches.")]
+    words = "What must hold, and what the design reaches."
+    return [Table(columns, rows, "limits", words, folded=len(rows) > OPEN)]
 
 
 def _search(design: Design) -> Section:
