@@ -99,7 +99,7 @@ def test_cases_say_what_is_left_and_keep_the_whole_runs_for_the_noise(folder):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
-        (["--thin", "0"], "one sample in 0 cannot be kept"),
+        (["--thin", "0"], "`thin` is 0, but must be 1 or more"),
         (["--thin", "1.5"], "'1.5' is no whole number"),
         (["--thin", "20"], "a run needs 100 samples"),
         (["--first", "0s"], "`first` must lie in (0, inf) s"),

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from omnijax.cli._study_starter import study_text
 from omnijax.cli.init import Studies
 from omnijax.rig import InputError
-from omnijax.study import parse_study, study_schema
+from omnijax.study import load_study, parse_study, study_schema
 
 VALIDATOR = jsonschema.Draft202012Validator(study_schema())
 KINDS = get_args(Studies)
@@ -123,3 +123,11 @@ def test_a_study_names_its_machine():
         parse_study(wrong)
     with pytest.raises(jsonschema.ValidationError, match="'rig' is a required property"):
         VALIDATOR.validate(wrong)
+
+
+def test_a_rig_that_is_not_there_is_told_of_the_study_that_names_it(tmp_path):
+    """The sentence named the rig file alone, which nobody had typed."""
+    study = tmp_path / "s.toml"
+    study.write_text('rig = "rigg.toml"\n[[drive]]\nspeed = [1, 2, 3]\n')
+    with pytest.raises(InputError, match=r'(?s)s\.toml.*rig = "rigg\.toml": there is no such file'):
+        load_study(study)

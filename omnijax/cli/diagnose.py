@@ -105,6 +105,8 @@ def _less(case: Any, thin: int, seconds: float | None) -> Any:
                 "end]` in its NAME.toml chooses a part."
             )
         return case
+    if thin < 1:
+        raise InputError(f"`thin` is {thin}, but must be 1 or more: one sample in so many is kept.")
     return (case if seconds is None else case.first(seconds)).thinned(thin)
 
 

@@ -1,6 +1,5 @@
 """A file and its NAME.toml into a `Recording`, with everything that is wrong said."""
 
-import difflib
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
-from .._reading import regular
+from .._reading import existing
 from ._columns import INPUTS, channels, columns, count_wheels, group_of, unit_of
 from ._csv import CsvTable
 from ._recording import Fault, Recording, spans
@@ -32,10 +31,7 @@ def read_recording(path: str | Path, rig: Any = None) -> Recording:
 
     Columns are SI.  Raises `InputError` where nothing can be used.
     """
-    path = Path(path)
-    if not regular(path).is_file():
-        near = difflib.get_close_matches(path.name, _siblings(path), n=1)
-        raise InputError(f"{path} is not a file{f' (did you mean `{near[0]}`?)' if near else ''}.")
+    path = existing(path)
     sidecar = read_sidecar(path.with_name(stem_of(path) + ".toml"))
     return build_recording(path, read_table(path), sidecar, rig)
 
@@ -72,10 +68,6 @@ def build_recording(path: Path, table: CsvTable, sidecar: Sidecar, rig: Any = No
             Fault(path.name, "", (), "no outputs", what, "the run serves as a drive only")
         )
     return run
-
-
-def _siblings(path: Path) -> list[str]:
-    return [x.name for x in path.parent.iterdir()] if path.parent.is_dir() else []
 
 
 def _renamed(file: str, columns: dict[str, np.ndarray], sidecar: Sidecar) -> dict[str, np.ndarray]:

@@ -87,6 +87,9 @@ def _overlaps(rig: Rig, fields: Mapping[str, Any]) -> list[str]:
 
 def _rig(name: str, path: str | Path | None) -> Rig:
     beside = Path("." if path is None else Path(path).parent) / name
+    if not beside.exists() and not Path(name).exists() and name not in bundled_rigs():
+        rigs = ", ".join(bundled_rigs())
+        raise InputError(f'rig = "{name}": there is no such file; bundled rigs: {rigs}.', path)
     return load_rig(beside if beside.exists() else name)
 
 
