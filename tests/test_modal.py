@@ -20,8 +20,9 @@ from omnijax.simulation import (
     propagate,
     speeds,
 )
+from omnijax.simulation._modal import batch as _batch
 from omnijax.simulation._modal.arithmetic import rows
-from omnijax.simulation._modal.batch import effort_for
+from omnijax.simulation._modal.batch import SIZES, _size, effort_for
 from omnijax.vibration import METRICS, evaluate, run_metrics
 
 pytestmark = [pytest.mark.long, pytest.mark.brief]
@@ -142,6 +143,30 @@ def test_peaks_of_few_samples_are_those_of_propagated_runs(name):
             run = propagate(rig, drive, ts, model=model)
             expected = evaluate(run, rig, ("rms", "peak"))
             np.testing.assert_allclose(peaks[i], list(expected.values()), rtol=1e-9, atol=1e-15)
+
+
+def test_the_way_of_accelerators_gives_the_figures_of_a_cpu(monkeypatch):
+    """Poles in step, one group of all designs, barriers in place of branches, wider batches."""
+    rng = drawn_anew("accelerator")
+    rig = machine(cone(rng, 3), contact_damping=10 ** rng.uniform(0, 4))
+    rows = points_of(rig, rng, count=SIZES[0] + 6)
+
+    def figures():
+        return modal_figures(maker(rig), rows, duration=DURATION, step=STEP, gradient=True)
+
+    expected = figures()
+    monkeypatch.setenv("OMNIJAX_KEEP_PROGRAMS", "0")
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    sizes = []
+    monkeypatch.setattr(_batch, "_size", lambda *a: sizes.append(size := _size(*a)) or size)
+    ours = figures()
+    assert sizes == [SIZES[-1]]
+    for x, y in ((ours.values, expected.values), (ours.slopes, expected.slopes)):
+        scale = np.abs(y).max(axis=0)
+        np.testing.assert_allclose(x / scale, y / scale, atol=1e-10)
+    for x, y in ((ours.normal, expected.normal), (ours.slip, expected.slip)):
+        np.testing.assert_array_equal(np.sign(x), np.sign(y))
+    assert np.all(ours.held) and np.all(expected.held)
 
 
 def test_statuses_are_those_of_propagated_runs():
