@@ -145,14 +145,15 @@ def test_peaks_of_few_samples_are_those_of_propagated_runs(name):
             np.testing.assert_allclose(peaks[i], list(expected.values()), rtol=1e-9, atol=1e-15)
 
 
-def test_the_way_of_accelerators_gives_the_figures_of_a_cpu(monkeypatch):
+@pytest.mark.parametrize("gradient", tiered([False, True], bool))
+def test_the_way_of_accelerators_gives_the_figures_of_a_cpu(gradient, monkeypatch):
     """Poles in step, one group of all designs, barriers in place of branches, wider batches."""
     rng = drawn_anew("accelerator")
     rig = machine(cone(rng, 3), contact_damping=10 ** rng.uniform(0, 4))
     rows = points_of(rig, rng, count=SIZES[0] + 6)
 
     def figures():
-        return modal_figures(maker(rig), rows, duration=DURATION, step=STEP, gradient=True)
+        return modal_figures(maker(rig), rows, duration=DURATION, step=STEP, gradient=gradient)
 
     expected = figures()
     monkeypatch.setenv("OMNIJAX_KEEP_PROGRAMS", "0")
@@ -161,7 +162,8 @@ def test_the_way_of_accelerators_gives_the_figures_of_a_cpu(monkeypatch):
     monkeypatch.setattr(_batch, "_size", lambda *a: sizes.append(size := _size(*a)) or size)
     ours = figures()
     assert sizes == [SIZES[-1]]
-    for x, y in ((ours.values, expected.values), (ours.slopes, expected.slopes)):
+    pairs = [(ours.values, expected.values), (ours.slopes, expected.slopes)]
+    for x, y in pairs[: 1 + gradient]:
         scale = np.abs(y).max(axis=0)
         np.testing.assert_allclose(x / scale, y / scale, atol=1e-10)
     for x, y in ((ours.normal, expected.normal), (ours.slip, expected.slip)):
