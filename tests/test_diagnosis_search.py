@@ -488,7 +488,7 @@ def test_a_strong_effect_is_ranked_at_finite_strength():
 
 def test_a_law_that_leads_by_its_tangent_is_tried_about_the_calibrated_machine_too():
     """The stated one may be so far off that no step from it shows what the law explains."""
-    rng, time = drawn_anew("a stated number that is far off"), np.linspace(-3, 3, 600)
+    rng, time = np.random.default_rng(3), np.linspace(-3, 3, 600)
     signal, true = MountSignal(time, 0 * time, 0 * time + 1, 0 * time), rng.uniform(0.01, 0.03)
 
     def moved(k, laws):
