@@ -187,7 +187,9 @@ def test_a_residual_does_not_hang_on_what_was_asked_before(turning):
     drawn = rng.permutation([p for p in scalar_parameters(rig) if p not in always])[:4]
     for path in (*always, *drawn):
         value = float(get_parameter(rig, path))
-        other = set_parameter(rig, path, value + 1 if path.endswith("rollers") else 0.98 * value)
+        other = set_parameter(
+            rig, path, value + 1 if path.endswith(("roller", "rollers")) else 0.98 * value
+        )
         machine.forget()
         first, after = (machine.residuals([asked], [0])[0] for asked in (rig, other))
         machine.forget()
