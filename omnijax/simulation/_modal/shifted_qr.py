@@ -248,13 +248,21 @@ def _swept(s: _Iteration):
     return jax.lax.fori_loop(from_row, to_row, step, (G, reflector(G, from_row)))[0]
 
 
-def _shifts(own, below, above, last, since) -> Pair:
-    """Real and imaginary part of the two: the last two rows' own, or the nearer real one twice."""
-    a, d, b, c = _at(own[:-1], last - 1), _at(own, last), _at(above, last - 1), _at(below, last - 1)
+def _of_two(a, b, c, d) -> tuple[Array, Array, Array, Array]:
+    """Poles of [[a, b], [c, d]] less d: half + root or half - root, or half +- i root.
+
+    The half, the root, its square (below zero: conjugate poles), and the larger of the real ones.
+    """
     half = (a - d) / 2
     square = half * half + b * c
     root = jnp.sqrt(jnp.abs(square))
-    far = half + jnp.where(half < 0, -root, root)
+    return half, root, square, half + jnp.where(half < 0, -root, root)
+
+
+def _shifts(own, below, above, last, since) -> Pair:
+    """Real and imaginary part of the two: the last two rows' own, or the nearer real one twice."""
+    a, d, b, c = _at(own[:-1], last - 1), _at(own, last), _at(above, last - 1), _at(below, last - 1)
+    half, root, square, far = _of_two(a, b, c, d)
     near = d - jnp.where(far != 0, b * c / jnp.where(far != 0, far, 1.0), 0.0)
     real, imaginary = jnp.where(square < 0, d + half, near), jnp.where(square < 0, root, 0.0)
     size = jnp.abs(c) + jnp.abs(_at(below, last - 2))
@@ -300,12 +308,9 @@ def _real_apart(T, Z) -> tuple[Array, Array]:
             jax.lax.dynamic_slice(T, (i, j, 0), (1, 1, T.shape[2]))[0, 0]
             for i, j in ((k, k), (k, k + 1), (k + 1, k), (k + 1, k + 1))
         )
-        half = (a - d) / 2
-        square = half * half + b * c
+        _, _, square, far = _of_two(a, b, c, d)
         apart = (c != 0) & (square >= 0)
-        root = jnp.sqrt(jnp.where(apart, square, 0.0))
-        far = jnp.where(apart, half + jnp.where(half < 0, -root, root), 1.0)
-        c = jnp.where(apart, c, 0.0)
+        far, c = jnp.where(apart, far, 1.0), jnp.where(apart, c, 0.0)
         size = jnp.sqrt(far * far + c * c)
         return far / size, c / size
 
@@ -320,8 +325,8 @@ def _real_apart(T, Z) -> tuple[Array, Array]:
         return jax.lax.dynamic_update_slice_in_dim(G, jnp.stack([one, two], axis=1), k, 1)
 
     own, below, above = materialised(_diagonals, T)
-    half = (own[:-1] - own[1:]) / 2
-    some = jnp.any((below != 0) & (half * half + below * above >= 0))
+    _, _, square, _ = _of_two(own[:-1], above, below, own[1:])
+    some = jnp.any((below != 0) & (square >= 0))
     G = jnp.concatenate([T, Z])
     G = jax.lax.cond(some, lambda G: jax.lax.fori_loop(0, m - 1, step, G), lambda G: G, G)
     return G[:m], G[m:]
@@ -330,10 +335,9 @@ def _real_apart(T, Z) -> tuple[Array, Array]:
 def _poles(T, below) -> tuple[Float[Array, "m c"], Float[Array, "m c"]]:
     """Real and imaginary parts; the positive one of two conjugate poles first."""
     own, _, above = _diagonals(T)
-    half = (own[:-1] - own[1:]) / 2
+    _, root, square, _ = _of_two(own[:-1], above, below, own[1:])
     pair = below != 0
-    size = jnp.sqrt(jnp.maximum(-(half * half + below * above), 0.0))
-    size = jnp.where(pair, size, 0.0)
+    size = jnp.where(pair & (square < 0), root, 0.0)
     upper, lower = jnp.pad(pair, ((0, 1), (0, 0))), jnp.pad(pair, ((1, 0), (0, 0)))
     middle = (own[:-1] + own[1:]) / 2
     after, before = jnp.pad(middle, ((0, 1), (0, 0))), jnp.pad(middle, ((1, 0), (0, 0)))
