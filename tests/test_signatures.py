@@ -235,6 +235,29 @@ def test_a_line_may_pass_half_the_sampling_rate_where_the_wheel_is_fast(agreeing
     assert gain > 0.98 * sum(np.sum(x**2) for x in left)
 
 
+def estimated(bases, rests, rows, taken, law, wheel, grid):
+    """The estimated gains of a law's lines over an even grid."""
+    return orders._estimated(bases, rests, rows, taken, wheel, grid)[orders.LAWS.index(law)]
+
+
+def test_lines_about_axes_that_turn_are_those_about_fixed_ones_where_these_stand_still():
+    """About fixed axes what is rolled follows from what is turned; else every wheel has its own."""
+    rng = drawn_anew("axes of lines")
+    n, t, m, wheels = rng.integers(2, 5, 4)
+    pushed = rng.normal(size=(n, t, m)) + 1j * rng.normal(size=(n, t, m))
+    ways, axes = rng.normal(size=(m, 3)), rng.normal(size=(1, wheels, 3))
+    weight, steps = rng.uniform(size=(t, 3 + wheels)), rng.uniform(0.1, 1, 2)
+    q = orthonormal(rng.normal(size=(3 + wheels, 2)))
+    windows = [(slice(0, 3 + wheels), q)]
+    fixed, turning = (
+        orders._rotation_rows(pushed, ways, some, steps, weight, windows)
+        for some in (axes, np.repeat(axes, t, axis=0))
+    )
+    assert fixed.shape == (2 * n, t * (3 + wheels))
+    np.testing.assert_allclose(turning, fixed, atol=1e-12)
+    np.testing.assert_allclose(fixed[:, : 3 + wheels] @ q, 0, atol=1e-12)
+
+
 @pytest.mark.parametrize("law", ["motor-ripple", "current-ripple"])
 def test_orders_are_ranked_as_by_their_full_gains(agreeing, law):
     """Inner products by one Fourier sum are those of the lines themselves, whatever is left.
@@ -248,14 +271,14 @@ def test_orders_are_ranked_as_by_their_full_gains(agreeing, law):
     wheel = int(rng.integers(3))
     grid = orders._grid(bases, wheel)[: rng.integers(70, 150)]
     common = sum(
-        orders._in_common(b, x, r, law, wheel, grid)
+        orders._in_common(b, x, r, wheel, grid)[orders.LAWS.index(law)]
         for b, x, r in zip(bases, left, rows, strict=True)
     )
     taken = [np.zeros((x.size, 0)) for x in left]
     _, right, _ = orders._products(bases, left, rows, taken, law, wheel, grid)
     scale = np.abs(right).max()
     np.testing.assert_allclose(common, right, atol=0.01 * scale)
-    first = orders._estimated(bases, left, rows, taken, law, wheel, grid)
+    first = estimated(bases, left, rows, taken, law, wheel, grid)
     full = orders._gains(bases, left, rows, taken, law, wheel, grid)
     assert first[np.argmax(full)] > np.sort(first)[-orders.BEST]
 
@@ -272,7 +295,7 @@ def test_a_line_of_which_the_model_takes_up_most_is_ranked_by_what_is_left(agree
     n = float(rng.choice(grid[(grid > 5) & (grid < 40)]))
 
     def line(order):
-        pairs = [orders._waves(b, r, law, wheel, np.array([order]))[0]
+        pairs = [orders._waves(b, r, law, wheel, np.array([order]))
                  for b, r in zip(bases, rows, strict=True)]  # fmt: skip
         return np.concatenate([np.array([np.cos(phase), np.sin(phase)]) @ x for x in pairs])
 
@@ -290,7 +313,7 @@ def test_a_line_of_which_the_model_takes_up_most_is_ranked_by_what_is_left(agree
     assert plain[own] < 0.7 * whole
     assert full[own] == pytest.approx(whole, rel=0.03)
     assert full.max() < 1.02 * full[own]  # a neighbour may win by what the gains are off
-    few = orders._estimated(bases, rests, rows, taken, law, wheel, grid)
+    few = estimated(bases, rests, rows, taken, law, wheel, grid)
     apart = orders.CLOSER * (grid[1] - grid[0])
     some = orders._peaks(grid, few, orders.BEST, apart)
     best = max(float(full[np.abs(grid - m) <= apart].max()) for m in some)
@@ -314,7 +337,7 @@ def test_a_high_order_is_found_where_few_lines_are_weighed(agreeing, law, monkey
     grid = orders._grid(turning, wheel)
     assert len(grid) > 4 * orders.TOGETHER
     order = float(rng.uniform(grid[orders.TOGETHER], grid[-1]))
-    line = [orders._waves(b, r, law, wheel, np.array([order]))[0, 0]
+    line = [orders._waves(b, r, law, wheel, np.array([order]))[0]
             for b, r in zip(turning, rows, strict=True)]  # fmt: skip
     size = np.linalg.norm(np.concatenate(line))
     left = [
@@ -322,7 +345,7 @@ def test_a_high_order_is_found_where_few_lines_are_weighed(agreeing, law, monkey
         for x, r in zip(line, rows, strict=True)
     ]
     taken = [np.zeros((x.size, 0)) for x in left]
-    gains = orders._estimated(turning, left, rows, taken, law, wheel, grid)
+    gains = estimated(turning, left, rows, taken, law, wheel, grid)
     step = grid[1] - grid[0]
     best = orders._peaks(grid, gains, 8, orders.CLOSER * step)
     assert min(abs(n - order) for n in best) < 2 * step

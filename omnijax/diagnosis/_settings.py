@@ -437,6 +437,8 @@ class RigOrdersSettings:
     many: int = 16  # of them at most: time
     slowest: float = 1e-6  # rad/s, of a wheel's speed at least: one that stands has no lines
     steps: int = 4  # of a grid of orders at least
+    # share of an acceleration along its main direction below which other directions are left out
+    alike: float = 1e-4
 
 
 @dataclasses.dataclass(frozen=True)

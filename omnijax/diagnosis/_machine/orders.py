@@ -9,15 +9,20 @@ of the wave over the angle in between: a line may pass half the sampling rate wh
 fast.  What it changes in all is computed at some of the samples, and in full for the best.  It
 counts less what the model's own numbers would take up of it: where a wheel turns little or slowly
 they take up most of many a line, and a wrong order had stood above the right one.
+
+A torque on one shaft turns the sphere about nearly the same axis all the time: the sums over time
+are of that one number a sample, and what the rows hold follows from it.
 """
 
 import functools
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from .._orthonormal import orthonormal
 from .._settings import SETTINGS
+from .._threads import each
 from .data_vector import DataRows
 from .linearisation import THIN, Linearisation
 from .runs import FINE
@@ -40,6 +45,7 @@ NEARLY = SETTINGS.rig_orders.nearly
 MANY = SETTINGS.rig_orders.many
 SLOWEST = SETTINGS.rig_orders.slowest
 STEPS = SETTINGS.rig_orders.steps
+ALIKE = SETTINGS.rig_orders.alike
 LAWS = ("motor-ripple", "current-ripple")
 
 Orders = dict[str, list[tuple[list[float], int]]]  # by law and wheel: orders, and of how many
@@ -56,22 +62,25 @@ def strongest_orders(
     numbers have taken up all they can.  Lines are compared by what they would explain of these
     rows beside that.
     """
-    out: Orders = {law: [] for law in LAWS}
     taken = [np.zeros((x.size, 0)) for x in rests] if taken is None else taken
-    given = bases, rests, rows, taken
-    for k in range(bases[0].rig.size):
-        grid = _grid(bases, k)
-        for law, lines in out.items():
-            first = _estimated(*given, law, k, grid)
-            step = grid[1] - grid[0]
-            some = np.array(_peaks(grid, first, BEST, CLOSER * step))
-            gains_of = functools.partial(_gains, *given, law, k)
-            gains = gains_of(some)
-            order = np.argsort(gains)[::-1]
-            nearly = np.count_nonzero(gains > NEARLY * gains.max())
-            picked = order[: min(max(PEAKS, nearly), MANY)]
-            fine = _refined(some[picked], gains[picked], step / CLOSER, gains_of)
-            lines.append((_peaks(*fine, PEAKS, GRID * step), max(1, len(grid) // GRID)))
+    of_wheel = functools.partial(_strongest, bases, rests, rows, taken)
+    lines = each(of_wheel, range(bases[0].rig.size))
+    return {law: [of[law] for of in lines] for law in LAWS}
+
+
+def _strongest(bases, rests, rows, taken, k: int) -> dict[str, tuple[list[float], int]]:
+    """By law the orders of wheel `k`, and of how many."""
+    given, grid = (bases, rests, rows, taken), _grid(bases, k)
+    step, out = grid[1] - grid[0], {}
+    for law, first in zip(LAWS, _estimated(*given, k, grid), strict=True):
+        some = np.array(_peaks(grid, first, BEST, CLOSER * step))
+        gains_of = functools.partial(_gains, *given, law, k)
+        gains = gains_of(some)
+        order = np.argsort(gains)[::-1]
+        nearly = np.count_nonzero(gains > NEARLY * gains.max())
+        picked = order[: min(max(PEAKS, nearly), MANY)]
+        fine = _refined(some[picked], gains[picked], step / CLOSER, gains_of)
+        out[law] = _peaks(*fine, PEAKS, GRID * step), max(1, len(grid) // GRID)
     return out
 
 
@@ -101,43 +110,47 @@ def _refined(
     return np.maximum(middle + way * step, LOWEST), gains + way * rise + way**2 * bent / 2
 
 
-def _estimated(bases, rests, rows, taken, law: str, k: int, grid: np.ndarray) -> np.ndarray:
-    """`_gains` over an even `grid`, the sizes of lines from `THINNED` samples.
+def _estimated(bases, rests, rows, taken, k: int, grid: np.ndarray) -> list[np.ndarray]:
+    """By law `_gains` over an even `grid`, the sizes of lines from `THINNED` samples.
 
     The higher an order, the less of it the model's own numbers take up: what is left of a line
     changes slowly there, and is the same of its cosine and its sine.
     """
-    right = np.zeros((len(grid), 2))
+    right = np.zeros((len(LAWS), len(grid), 2))
     for base, rest, r in zip(bases, rests, rows, strict=True):
-        right += _in_common(base, rest, r, law, k, grid)
+        right += _in_common(base, rest, r, k, grid)
     thinned = [_thinned(r, way) for r, way in zip(rows, taken, strict=True)]
     own = np.eye(taken[0].shape[1])  # of the directions with each other, all other rows as they are
     own += sum(few.T @ few - way.T @ way for few, way in zip(thinned, taken, strict=True))
-    left = functools.partial(_thinly_left, bases, rows, thinned, np.linalg.cholesky(own), law, k)
+    left = functools.partial(_thinly_left, bases, rows, thinned, np.linalg.cholesky(own), k)
     dense = DENSE if len(grid) > DENSE + SPARSE else len(grid)
-    gains = _explained(left(grid[:dense]), right[:dense])
+    gains = [_explained(*x) for x in zip(left(grid[:dense]), right[:, :dense], strict=True)]
     if dense == len(grid):
         return gains
-    some = grid[dense::SPARSE]
-    sizes = np.trace(left(some, TOGETHER // SPARSE), axis1=1, axis2=2) / 2
-    sizes = np.maximum(np.interp(grid[dense:], some, sizes), 1e-300)
-    return np.concatenate([gains, np.sum(right[dense:] ** 2, axis=1) / sizes])
+    some, out = grid[dense::SPARSE], []
+    far = left(some, TOGETHER // SPARSE)
+    for near, size, along in zip(gains, far, right[:, dense:], strict=True):
+        sizes = np.interp(grid[dense:], some, np.trace(size, axis1=1, axis2=2) / 2)
+        gain = np.sum(along**2, axis=1) / np.maximum(sizes, 1e-300)
+        out.append(np.concatenate([near, gain]))
+    return out
 
 
 def _thinly_left(
-    bases, rows, thinned, root, law: str, k: int, grid: np.ndarray, together: int = TOGETHER
-) -> np.ndarray:
-    """`_left` (orders, 2, 2) of lines over an even `grid`, from `THINNED` samples.
+    bases, rows, thinned, root, k: int, grid: np.ndarray, together: int = TOGETHER
+) -> list[np.ndarray]:
+    """By law `_left` (orders, 2, 2) of lines over an even `grid`, from `THINNED` samples.
 
     `thinned` are the directions there, `root` the Cholesky factor of their inner products.  The
     mean between samples is that of the middle of orders `together`.
     """
-    gram, inside = np.zeros((len(grid), 2, 2)), np.zeros((len(grid), 2, len(root)))
+    gram = np.zeros((len(LAWS), len(grid), 2, 2))
+    inside = np.zeros((len(LAWS), len(grid), 2, len(root)))
     for base, r, few in zip(bases, rows, thinned, strict=True):
-        size, part = _sizes(base, r, few, law, k, grid, together)
+        size, part = _sizes(base, r, few, k, grid, together)
         gram, inside = gram + size, inside + part
-    inside = np.swapaxes(np.linalg.solve(root, np.swapaxes(inside, 1, 2)), 1, 2)
-    return _left(gram, inside, ROUGHLY)
+    inside = np.swapaxes(np.linalg.solve(root, np.swapaxes(inside, -1, -2)), -1, -2)
+    return [_left(*x, ROUGHLY) for x in zip(gram, inside, strict=True)]
 
 
 def _thinned(rows: DataRows, taken: np.ndarray) -> np.ndarray:
@@ -155,86 +168,77 @@ def _kept(rows: DataRows) -> np.ndarray:
     return np.arange(THINNED - 1, rows.samples // THINNED * THINNED, THINNED)
 
 
-def _sizes(
-    base: Linearisation, rows: DataRows, taken, law: str, k: int, grid: np.ndarray, together: int
-):
-    """Of each line's cosine and sine, from `THINNED` samples: inner products (orders, 2, 2) with
-    each other and (orders, 2, k) with the directions `taken`.
+def _sizes(base: Linearisation, rows: DataRows, taken, k: int, grid: np.ndarray, together: int):
+    """Of each law's and line's cosine and sine, from `THINNED` samples: inner products (laws,
+    orders, 2, 2) with each other and (.., 2, k) with the directions `taken`.
 
     Rows are in single precision: they tell which lines are looked at closely, no more.
     """
-    h, axes, rates, factor = base.run.step, _axes(base), _rates(base, k), _factor(base, law, k)
-    samples = rows.samples // THINNED * THINNED
-    if len(rates) > 1:
-        rates = rates[:samples].reshape(-1, THINNED, 3)
+    h, samples = base.run.step, rows.samples // THINNED * THINNED
+    strength, ways = _strengths(base, k)
+    torques = np.concatenate([f[:, None] * strength for f in _factors(base, k)], axis=1)[:samples]
+    torques = torques.reshape(-1, THINNED, torques.shape[1]).astype(np.float32)
+    axes = _axes(base)
     axes = axes if len(axes) == 1 else axes[THINNED - 1 : samples : THINNED]
     theta, passed = (x[:samples] for x in _passing(base, k))
     keep = _kept(rows)
     weight = rows.rotation[keep] * np.sqrt(THINNED)
     windows = [(part, q.astype(np.float32)) for part, q in _thinned_windows(rows, keep)]
-    rates, axes, weight = (x.astype(np.float32) for x in (rates, axes, weight))
-    taken = taken.astype(np.float32)
+    ways, axes, weight, taken = (x.astype(np.float32) for x in (ways, axes, weight, taken))
     block = np.exp(1j * np.outer(np.arange(together) * (grid[1] - grid[0]), theta))
     block = block.astype(np.complex64)
-    out, inside = np.zeros((len(grid), 2, 2)), np.zeros((len(grid), 2, taken.shape[1]))
+    out = np.zeros((len(LAWS), len(grid), 2, 2))
+    inside = np.zeros((len(LAWS), len(grid), 2, taken.shape[1]))
     for first in range(0, len(grid), together):
-        count = min(together, len(grid) - first)
-        mean = np.sinc(grid[first + count // 2] * passed) * factor[:samples]
+        part = slice(first, min(first + together, len(grid)))
+        count = part.stop - first
+        mean = np.sinc(grid[first + count // 2] * passed)
         wave = block[:count] * (mean * np.exp(1j * grid[first] * theta)).astype(np.complex64)
-        wave = wave.reshape(count, -1, THINNED)
-        if len(rates) == 1:
-            pushed = wave.sum(axis=2)[:, :, None] * rates[0]
-        else:
-            pushed = np.swapaxes(np.swapaxes(wave, 0, 1) @ rates, 0, 1)
-        table = _turned(pushed, axes, h, h * THINNED) * weight
-        flat = table.reshape(count, -1)
-        flat = np.stack([np.real(flat), np.imag(flat)], axis=1)
-        for part, q in windows:
-            flat[:, :, part] -= (flat[:, :, part] @ q) @ q.T
-        out[first : first + count] = flat @ np.swapaxes(flat, 1, 2)
-        inside[first : first + count] = flat @ taken
+        wave = np.swapaxes(wave.reshape(count, -1, THINNED), 0, 1)
+        pushed = np.split(np.swapaxes(wave @ torques, 0, 1), len(LAWS), axis=2)
+        for law, one in enumerate(pushed):
+            flat = _rotation_rows(one, ways, axes, (h, h * THINNED), weight, windows)
+            inside[law, part] = (flat @ taken).reshape(count, 2, -1)
+            flat = flat.reshape(count, 2, -1)
+            out[law, part] = flat @ np.swapaxes(flat, 1, 2)
     return out, inside
 
 
 def _thinned_windows(rows: DataRows, keep: np.ndarray) -> list[tuple[slice, np.ndarray]]:
     """The nuisance directions of the rotation rows at the samples `keep` alone."""
-    width, first, out = rows.rotation.shape[1], rows.elastic.size, []
-    for part, q in rows.nuisance:
-        if part.start >= first:
-            begin, end = (part.start - first) // width, (part.stop - first) // width
-            inside = np.flatnonzero((keep >= begin) & (keep < end))
-            if len(inside):
-                some = q.reshape(end - begin, width, -1)[keep[inside] - begin]
-                where = slice(inside[0] * width, (inside[-1] + 1) * width)
-                out.append((where, orthonormal(some.reshape(len(inside) * width, -1))))
+    width, out = rows.rotation.shape[1], []
+    for part, q in _windows(rows):
+        begin, end = part.start // width, part.stop // width
+        inside = np.flatnonzero((keep >= begin) & (keep < end))
+        if len(inside):
+            some = q.reshape(end - begin, width, -1)[keep[inside] - begin]
+            where = slice(inside[0] * width, (inside[-1] + 1) * width)
+            out.append((where, orthonormal(some.reshape(len(inside) * width, -1))))
     return out
 
 
-def _in_common(
-    base: Linearisation, rest, rows: DataRows, law: str, k: int, grid: np.ndarray
-) -> np.ndarray:
-    """Inner products (orders, 2) of `rest` with lines, cosine and sine, of an even grid."""
+def _in_common(base: Linearisation, rest, rows: DataRows, k: int, grid: np.ndarray) -> np.ndarray:
+    """Inner products (laws, orders, 2) of `rest` with lines, cosine and sine, of an even grid."""
     h = base.run.step
     left = rest.ravel().copy()
-    first = rows.elastic.size
-    for part, q in rows.nuisance:
-        if part.start >= first:
-            where = slice(part.start - first, part.stop - first)
-            left[where] -= q @ (left[where] @ q)
+    for part, q in _windows(rows):
+        left[part] -= q @ (left[part] @ q)
     left = left.reshape(rest.shape) * rows.rotation
     axes = _axes(base)
     rolled = h * np.cumsum(left[::-1, 3:], axis=0)[::-1]
     every = np.broadcast_to(axes, (len(left), *axes.shape[1:]))
     turned = left[:, :3] + np.einsum("tij,ti->tj", every, rolled)
     series = h * np.cumsum(turned[::-1], axis=0)[::-1]
-    series = np.sum(series * _rates(base, k), axis=1) * _factor(base, law, k)
+    series = np.sum(series * _rates(base, k), axis=1)
     theta, passed = _passing(base, k)
     block = np.exp(1j * np.outer(np.arange(TOGETHER) * (grid[1] - grid[0]), theta))
     middle = grid[np.minimum(np.arange(0, len(grid), TOGETHER) + TOGETHER // 2, len(grid) - 1)]
-    begin = np.exp(1j * np.outer(theta, grid[::TOGETHER])) * series[:, None]
-    begin *= np.sinc(np.outer(passed, middle))
-    products = (block @ begin).T.ravel()[: len(grid)]
-    return np.stack([np.real(products), np.imag(products)], axis=1)
+    begin = np.exp(1j * np.outer(theta, grid[::TOGETHER])) * np.sinc(np.outer(passed, middle))
+    out = []
+    for factor in _factors(base, k):
+        products = (block @ (begin * (factor * series)[:, None])).T.ravel()[: len(grid)]
+        out.append(np.stack([np.real(products), np.imag(products)], axis=1))
+    return np.stack(out)
 
 
 def _gains(bases, rests, rows, taken, law: str, k: int, orders: np.ndarray) -> np.ndarray:
@@ -264,9 +268,11 @@ def _products(bases, rests, rows, taken, law: str, k: int, orders: np.ndarray):
         for first in range(0, len(orders), TOGETHER):
             part = slice(first, first + TOGETHER)
             waves = _waves(base, r, law, k, orders[part])
-            gram[part] += np.einsum("nar,nbr->nab", waves, waves)
-            right[part] += waves @ rest.ravel()
-            inside[part] += waves @ own
+            count = len(waves) // 2
+            right[part] += (waves @ rest.ravel()).reshape(count, 2)
+            inside[part] += (waves @ own).reshape(count, 2, own.shape[1])
+            waves = waves.reshape(count, 2, -1)
+            gram[part] += waves @ np.swapaxes(waves, 1, 2)
     return gram, right, inside
 
 
@@ -277,15 +283,24 @@ def _axes(base: Linearisation) -> np.ndarray:
 
 
 def _rates(base: Linearisation, k: int) -> np.ndarray:
-    """Acceleration of the sphere by a torque on shaft `k`, (samples or 1, 3) rad/s^2 a N m."""
-    rates = base.response.rates
-    return rates[:, k] if len(rates) == 1 else rates[:: FINE // THIN, k]
+    """Acceleration (samples, 3) of the sphere by a torque on shaft `k`, rad/s^2 a N m."""
+    return base.response.rates[:: FINE // THIN, k]
 
 
-def _factor(base: Linearisation, law: str, k: int) -> np.ndarray:
-    """By what a line is multiplied before every sample."""
+def _strengths(base: Linearisation, k: int) -> tuple[np.ndarray, np.ndarray]:
+    """`_rates` as strengths (samples, m) along m directions (m, 3), without what is next to none.
+
+    About fixed axes one direction holds all but some 1e-6 of them.
+    """
+    left, sizes, ways = np.linalg.svd(_rates(base, k), full_matrices=False)
+    m = np.count_nonzero(sizes > ALIKE * sizes[0])
+    return left[:, :m] * sizes[:m], ways[:m]
+
+
+def _factors(base: Linearisation, k: int) -> list[np.ndarray]:
+    """By law what a line is multiplied by before every sample."""
     torque = _before(base.torque[:, k])
-    return torque if law == "current-ripple" else np.ones_like(torque)
+    return [torque if law == "current-ripple" else np.ones_like(torque) for law in LAWS]
 
 
 def _passing(base: Linearisation, k: int) -> tuple[np.ndarray, np.ndarray]:
@@ -304,30 +319,47 @@ def _before(values: np.ndarray) -> np.ndarray:
     return np.concatenate([values[:1], values[FINE // 2 :: FINE]])
 
 
-def _turned(pushed: np.ndarray, axes: np.ndarray, h: float, step: float) -> np.ndarray:
-    """Omega and rolled lengths (orders, t, 3 + n) of accelerations summed over steps of `step` s.
+def _rotation_rows(
+    pushed: np.ndarray, ways: np.ndarray, axes: np.ndarray, steps: tuple[float, float],
+    weight: np.ndarray, windows: Sequence[tuple[slice, np.ndarray]],
+) -> np.ndarray:  # fmt: skip
+    """Whitened Omega and rolled lengths (2 orders, rows) of cosine and sine of each line.
 
-    `pushed` holds their sums over samples, `h` s apart.
+    `pushed` (orders, t, m) holds sums of accelerations along the directions `ways` over samples,
+    which lie the first of `steps` apart, and its entries the second one, s.
     """
-    turned = h * np.cumsum(pushed, axis=1)
-    fixed = len(axes) == 1
-    rolled = turned @ axes[0].T if fixed else np.einsum("tij,ntj->nti", axes, turned)
-    return np.concatenate([turned, step * np.cumsum(rolled, axis=1)], axis=2)
+    (h, step), (orders, t, m) = steps, pushed.shape
+    both = np.stack([np.real(pushed), np.imag(pushed)], axis=1).reshape(2 * orders, t, m)
+    turned = h * np.cumsum(both, axis=1)
+    rates, lever = turned, ways @ axes[0].T
+    if len(axes) > 1:
+        rates, lever = np.einsum("tij,mj,ntm->nti", axes, ways, turned), np.eye(axes.shape[1])
+    state = np.concatenate([turned, step * np.cumsum(rates, axis=1)], axis=2)
+    shown = np.asarray(block_diag(ways, lever), state.dtype)
+    table = (state.reshape(-1, len(shown)) @ shown).reshape(2 * orders, *weight.shape)
+    table *= weight
+    flat = table.reshape(2 * orders, -1)
+    for part, q in windows:
+        flat[:, part] -= (flat[:, part] @ q) @ q.T
+    return flat
 
 
 def _waves(base: Linearisation, rows: DataRows, law: str, k: int, orders: np.ndarray) -> np.ndarray:
-    """Whitened rotation rows (orders, 2, ..) of cosine and sine in the torque of wheel `k`."""
+    """Whitened rotation rows (2 orders, ..) of cosine and sine in the torque of wheel `k`."""
     h, (theta, passed) = base.run.step, _passing(base, k)
+    strength, ways = _strengths(base, k)
     wave = np.exp(1j * orders[:, None] * theta) * np.sinc(orders[:, None] * passed)
-    wave = wave * _factor(base, law, k)
-    table = _turned(wave[:, :, None] * _rates(base, k), _axes(base), h, h) * rows.rotation
-    flat = table.reshape(len(orders), -1)
-    out, first = np.stack([np.real(flat), np.imag(flat)], axis=1), rows.elastic.size
-    for part, q in rows.nuisance:
-        if part.start >= first:
-            where = slice(part.start - first, part.stop - first)
-            out[:, :, where] -= (out[:, :, where] @ q) @ q.T
-    return out
+    pushed = wave[:, :, None] * (_factors(base, k)[LAWS.index(law)][:, None] * strength)
+    return _rotation_rows(pushed, ways, _axes(base), (h, h), rows.rotation, _windows(rows))
+
+
+def _windows(rows: DataRows) -> list[tuple[slice, np.ndarray]]:
+    """The nuisance directions of the rotation rows, and where they stand among these alone."""
+    first = rows.elastic.size
+    return [
+        (slice(part.start - first, part.stop - first), q)
+        for part, q in rows.nuisance if part.start >= first
+    ]  # fmt: skip
 
 
 def _grid(bases: Sequence[Linearisation], k: int) -> np.ndarray:
