@@ -104,6 +104,19 @@ def test_a_declaration_that_is_no_plain_value_is_told(line, said, tmp_path):
         declared_laws(path)
 
 
+def test_a_list_is_declared_as_the_page_says(tmp_path, capsys):
+    """`check` asked for `Parameter(unit, ...)` where that stood, with a length that has a name."""
+    (declared,) = re.findall(r"`(Parameter\(.*shape=.*?\))`", PAGE)
+    path = tmp_path / FILE
+    path.write_text(LAW.replace('Parameter("N s^2/m^2", low=0, linear=True)', declared))
+    (law,) = declared_laws(path).values()
+    assert law.parameters["d"].shape == laws.ANY_LENGTH
+    atlas = bundled_rigs()["atlas"].read_text(encoding="utf-8")
+    effect = EFFECT.replace("4.0e5", "[1.0, 2.0]")
+    (tmp_path / "rig.toml").write_text(atlas + effect, encoding="utf-8")
+    assert run(["check", str(tmp_path / "rig.toml")]) == 0, capsys.readouterr().err
+
+
 def test_a_law_stands_only_where_its_port_is():
     rig, gain = omnijax.load_rig("atlas"), laws.EFFECTS["sensor-gain"](jnp.asarray(0.1))
     with pytest.raises(omnijax.InputError, match=r"`sensor-gain` .* at 'w1': a law of the port"):

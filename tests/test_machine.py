@@ -158,6 +158,30 @@ def test_logs_with_strange_names_and_units_come_in_si(tmp_path):
         read_log(LogFile(file.path, log, channels={"t": "ms"}), axis.inputs, axis.outputs)
 
 
+@pytest.mark.parametrize(("note", "said"), [
+    ("machine = 3", "`machine` must be the path of a file, but is 3."),
+    ("log = [1]", "`log` must be the path of a file, but is [1]."),
+    ("noise = 1", "`noise` must be a table, but is 1."),
+    ("noise.position = -1", "`noise.position` must lie in [0, inf), but is -1."),
+    ("noise.position = 'ten'", "`noise.position` must be a number in rad or text with such a unit"),
+    ("units.position = 3", "`units.position` must be a unit, but is 3."),
+    ("channels.position = []", "`channels.position` must be the name of a column, or a number"),
+])  # fmt: skip
+def test_a_wrong_note_beside_a_log_is_one_sentence(tmp_path, note, said, capsys):
+    """Most of these ended in a traceback; a negative noise was taken."""
+    recorded(tmp_path, drawn(1), (), 1, count=200)
+    (tmp_path / "log.toml").write_text(note)
+    assert cli.run(["diagnose", str(tmp_path), "--out", str(tmp_path / "out")]) == 2
+    assert said in " ".join(capsys.readouterr().err.split())
+
+
+def test_noise_beside_a_log_may_have_a_unit(tmp_path):
+    recorded(tmp_path, drawn(1), (), 1, count=200)
+    unit = read_machine_case(tmp_path).file.machine.outputs["position"]
+    (tmp_path / "log.toml").write_text(f"noise.position = '2 m{unit}'")
+    assert read_machine_case(tmp_path).logs[0].noise == {"position": pytest.approx(2e-3)}
+
+
 def law(id: str, **values):
     """An effect at the axis."""
     return PlacedLaw(EFFECTS[id](**{k: jnp.asarray(v, float) for k, v in values.items()}), "axis")

@@ -245,6 +245,7 @@ def test_what_cannot_be_used_is_refused(tmp_path, spoil, message):
         ("[noise]\ndr = 1\n", r"`noise.dr` is not a column or group \(did you mean `dR`\?\)"),
         ("[noise]\ndR = -1\n", "`noise.dR` must be a 1-sigma in m, 0 or more, but is -1"),
         ('[units]\ndR = "kg"\n', "`units.dR` must be a unit of m, but is 'kg'"),
+        ("[units]\ndR = 3\n", "`units.dR` must be a unit of m, but is 3"),
         ('[channels]\ndR_x = "Prob"\n', "names the column 'Prob', which run.csv does not have"),
         ("role = \n", "is not valid TOML"),
     ],

@@ -125,6 +125,10 @@ EFFECTS = [
     (block("damaged-roller", "w1", roller=1.5, severity=1), "must be a whole number in [0, 13]"),
     (block("unbalance", "sphere", offset=[1, 2]), "must be a list of 3 numbers, but is [1, 2]."),
     (block("sphere-out-of-round", "sphere", amplitude=1, axis=[0, 0, 0]), "must not be the zero"),
+    (
+        block("cogging", "w1", amplitudes=[0.1, 0.1], orders=[3, -2], phases=[0, 0]),
+        "`effect.cogging.w1.orders` must lie in [0, inf), but is -2.",
+    ),
     (block("creep", "w1", creepage=2), "creepage` must lie in [-1, 1], but is 2."),
     (block("sensor-gain", "dr", g=0.1), "must be one of theta, Omega, dR, a, but is 'dr'. Did you"),
     (block("sensor-drift", "dR_w", a=0, b=0), "theta_3, Omega_x, Omega_y, Omega_z, dR_x, dR_y,"),

@@ -16,6 +16,11 @@ from ._unit_of_channel import factor_of
 KEYS = ("machine", "log", "role", "rows", "rate", "channels", "units", "noise")
 ROLES = ("train", "held-out")
 LEAST = 64  # samples
+TABLES: dict[str, tuple[tuple[type, ...], str]] = {  # of a NAME.toml: what their entries are
+    "channels": ((str, int, float), "the name of a column, or a number"),
+    "units": ((str,), "a unit"),
+    "noise": ((str, int, float), "a 1-sigma"),
+}
 MEASURED = ("position", "velocity")  # what a machine is compared by, the first that a log has
 
 
@@ -77,7 +82,7 @@ class LogFile:
     rate: float | None = None  # Hz, of a log without a column of time
     channels: dict[str, Any] = dataclasses.field(default_factory=dict)
     units: dict[str, str] = dataclasses.field(default_factory=dict)
-    noise: dict[str, float] = dataclasses.field(default_factory=dict)
+    noise: dict[str, Any] = dataclasses.field(default_factory=dict)  # as it stands there
 
 
 def read_log_file(path: Path, data: Mapping[str, Any], log: Path | None = None) -> LogFile:
@@ -93,9 +98,10 @@ def read_log_file(path: Path, data: Mapping[str, Any], log: Path | None = None) 
     )  # fmt: skip
     if not good:
         wrong.append(f"`rows` must be two row numbers [first, end), but is {rows!r}.")
-    for key in ("channels", "units", "noise"):
-        if not isinstance(data.get(key, {}), dict):
-            wrong.append(f"`{key}` must be a table, but is {data[key]!r}.")
+    wrong += [x for key in TABLES for x in _wrong_entries(key, data.get(key, {}))]
+    for key in ("machine", "log"):
+        if not isinstance(data.get(key, ""), str):
+            wrong.append(f"`{key}` must be the path of a file, but is {data[key]!r}.")
     rate = None
     if "rate" in data:
         try:
@@ -114,6 +120,17 @@ def read_log_file(path: Path, data: Mapping[str, Any], log: Path | None = None) 
         None if rows is None else (rows[0], rows[1]), rate, data.get("channels", {}),
         data.get("units", {}), data.get("noise", {}),
     )  # fmt: skip
+
+
+def _wrong_entries(key: str, table: Any) -> list[str]:
+    """What is wrong with one of the `TABLES` of a NAME.toml."""
+    if not isinstance(table, dict):
+        return [f"`{key}` must be a table, but is {table!r}."]
+    kinds, words = TABLES[key]
+    return [
+        f"`{key}.{name}` must be {words}, but is {x!r}."
+        for name, x in table.items() if isinstance(x, bool) or not isinstance(x, kinds)
+    ]  # fmt: skip
 
 
 def read_log(
@@ -136,11 +153,11 @@ def read_log(
     wrong = [
         f"`{key}.{name}` is no channel of the machine.{did_you_mean(name, units)} "
         f"Channels: {', '.join(units)}."
-        for key in ("channels", "units", "noise") for name in getattr(file, key)
-        if name not in units
+        for key in TABLES for name in getattr(file, key) if name not in units
     ]  # fmt: skip
     if wrong:
         raise InputError(wrong, file.path.name)
+    noise = _declared_noise(file, units)
     faults: list[str] = []
     signals = {name: _column(file, table, name, units[name], faults) for name in units}
     signals = {k: x for k, x in signals.items() if x is not None}
@@ -169,7 +186,20 @@ def read_log(
         signals.setdefault(name, np.ones(len(signals["t"])))
     used = {str(file.channels.get(k, k)) for k in signals}
     faults[:0] = [str(x) for x in table.faults if not x.column or x.column in used]
-    return _on_a_grid(file, signals, inputs, outputs, measured, faults)
+    return _on_a_grid(file, signals, inputs, outputs, measured, noise, faults)
+
+
+def _declared_noise(file: LogFile, units: Mapping[str, str]) -> dict[str, float]:
+    """The 1-sigma in SI by channel; `InputError` for what is none."""
+    noise, wrong = {}, []
+    for name, given in file.noise.items():
+        try:
+            noise[name] = Quantity(units[name], low=0).read(given)
+        except ValueError as error:
+            wrong.append(f"`noise.{name}` {error}")
+    if wrong:
+        raise InputError(wrong, file.path.name)
+    return noise
 
 
 def _check_lengths(where: str, signals: Mapping[str, np.ndarray]) -> None:
@@ -215,7 +245,9 @@ def _column(file: LogFile, table, name: str, unit: str, faults) -> np.ndarray | 
         return values
 
 
-def _on_a_grid(file: LogFile, signals, inputs, outputs, measured: str | None, faults) -> Log:
+def _on_a_grid(
+    file: LogFile, signals, inputs, outputs, measured: str | None, noise: dict[str, float], faults
+) -> Log:
     """Finite rows on a uniform grid from zero; short or resting logs are refused."""
     log, needed = file.log.name, ["t", *inputs, *([measured] if measured else [])]
     signals, rows = _finite(log, signals, needed, faults)
@@ -234,7 +266,7 @@ def _on_a_grid(file: LogFile, signals, inputs, outputs, measured: str | None, fa
         np.arange(len(signals["t"])) * step,
         {k: signals[k] for k in inputs},
         shown,
-        {k: float(v) for k, v in file.noise.items()},
+        noise,
         faults,
         measured or "position",
     )

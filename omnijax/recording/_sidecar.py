@@ -99,7 +99,7 @@ def _text(name: str, value: Any) -> str | None:
 
 def _unit(name: str, value: Any) -> str | None:
     try:
-        to_si(name, value)
+        to_si(name, str(value))
     except ValueError:
         return f"must be a unit of {unit_of(name)}"
     return None

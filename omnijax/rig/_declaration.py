@@ -97,11 +97,13 @@ def _literal(node: ast.expr | None, default: Any) -> Any:
 
 
 def _value(node: ast.expr) -> Any:
-    """A literal, or an infinity: `math.inf`, `-jnp.inf`, `float("inf")`."""
+    """A literal, an infinity (`math.inf`, `-jnp.inf`, `float("inf")`) or `ANY_LENGTH`."""
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         return -_value(node.operand)
     if isinstance(node, ast.Attribute) and node.attr == "inf":
         return math.inf
+    if "ANY_LENGTH" in (getattr(node, "id", ""), getattr(node, "attr", "")):
+        return laws.ANY_LENGTH
     if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "float":
         return float(ast.literal_eval(node.args[0]))
     return ast.literal_eval(node)

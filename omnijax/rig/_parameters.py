@@ -152,7 +152,7 @@ def parameter_info(rig: Rig, path: str) -> ParameterInfo:
     """
     leaf, index, quantity = _changeable(rig, path)
     low, whole = quantity.low, isinstance(quantity, Quantity) and quantity.whole
-    if isinstance(quantity, Quantity) and quantity.above is not None:
+    if isinstance(quantity, Quantity | Vector) and quantity.above is not None:
         low = quantity.above
     shape = jnp.shape(leaf(rig))[0 if index is None else 1 :]
     return ParameterInfo(path, quantity.unit, low, quantity.high, shape, whole)
@@ -200,13 +200,14 @@ def law_quantity(parameter: Parameter, place: str = "", wheels: int = 0) -> Quan
     if unit.startswith("unit of the channel"):
         unit = channels(wheels).get(place, "1") + unit.removeprefix("unit of the channel")
         unit = unit.removeprefix("1/") if unit == "1/" else unit
-    if parameter.shape == ANY_LENGTH:
-        return Vector(unit, size=None)
-    if parameter.shape:
-        return Vector(unit, nonzero=unit == "1", size=parameter.shape)
+    bounds: dict[str, Any] = {"low": parameter.low, "high": parameter.high}
     if parameter.above:
-        return Quantity(unit, high=parameter.high, above=parameter.low)
-    return Quantity(unit, parameter.low, parameter.high)
+        bounds = {"above": parameter.low, "high": parameter.high}
+    if parameter.shape == ANY_LENGTH:
+        return Vector(unit, size=None, **bounds)
+    if parameter.shape:
+        return Vector(unit, nonzero=unit == "1", size=parameter.shape, **bounds)
+    return Quantity(unit, **bounds)
 
 
 def _all_wheels() -> list[str]:

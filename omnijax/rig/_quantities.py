@@ -30,9 +30,7 @@ class Quantity:
     @property
     def range(self) -> str:
         """The allowed range as text: `[0, 1]`, `(0, inf)`."""
-        left = f"[{self.low:g}" if self.above is None else f"({self.above:g}"
-        left = "(-inf" if left == "[-inf" else left
-        return f"{left}, {self.high:g}" + (")" if math.isinf(self.high) else "]")
+        return _range_text(self.low, self.high, self.above)
 
     def read(self, given: Any) -> float:
         """`given` in SI units; raises `ValueError` where it is no number in the range."""
@@ -89,17 +87,25 @@ class Spread:
 class Vector:
     """Numbers of one unit; `unit_length`: of length 1 within 1 %; `nonzero`: not all 0.
 
-    `size` of them, or any number from one on where it is None.
+    `size` of them, or any number from one on where it is None, each in the range of a `Quantity`.
     """
 
     unit: str
     unit_length: bool = False
     nonzero: bool = False
     size: int | None = 3
+    low: float = -math.inf
+    high: float = math.inf
+    above: float | None = None  # an excluded lower end
 
-    low = -math.inf
-    high = math.inf
-    range = "(-inf, inf)"
+    @property
+    def range(self) -> str:
+        """The allowed range of each number as text."""
+        return _range_text(self.low, self.high, self.above)
+
+    @property
+    def _entry(self) -> Quantity:
+        return Quantity(self.unit, self.low, self.high, self.above)
 
     def read(self, given: Any) -> tuple[float, ...]:
         """`given` in SI units; raises `ValueError` where it is no such vector."""
@@ -107,7 +113,7 @@ class Vector:
         if not fits:
             count = "" if self.size is None else f"{self.size} "
             raise ValueError(f"must be a list of {count}numbers, but is {given!r}.")
-        value = tuple(as_number(x, self.unit) for x in given)
+        value = tuple(self._entry.read(x) for x in given)
         length = math.hypot(*value)
         if self.unit_length and abs(length - 1) > UNIT_TOLERANCE:
             raise ValueError(
@@ -126,13 +132,20 @@ class Vector:
 
     def json_schema(self) -> dict:
         """A list of numbers."""
-        item = Quantity(self.unit).json_schema()
+        item = self._entry.json_schema()
         length = f"unit vector, length 1 within {100 * UNIT_TOLERANCE:g} %"
         text = length if self.unit_length else f"unit {self.unit}"
         size = {"minItems": self.size or 1}
         if self.size is not None:
             size["maxItems"] = self.size
         return {"type": "array", "items": item, **size, "description": text}
+
+
+def _range_text(low: float, high: float, above: float | None) -> str:
+    """`[0, 1]`, `(0, inf)`: the range of a number; `above` is an excluded lower end."""
+    left = f"[{low:g}" if above is None else f"({above:g}"
+    left = "(-inf" if left == "[-inf" else left
+    return f"{left}, {high:g}" + (")" if math.isinf(high) else "]")
 
 
 def _unit(vector: tuple[float, ...], length: float) -> str:
