@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import omnijax
-from omnijax import laws
+from omnijax import laws, recording
+from omnijax._errors import DataWarning
 from omnijax.cli import run
 from omnijax.diagnosis._machine import Context, candidates
 from omnijax.diagnosis._search import Point, SmallModel
@@ -130,7 +131,7 @@ def test_what_the_page_says_of_a_parameter_are_words_of_it():
     words = [
         w for w in inspect.signature(laws.Parameter).parameters if re.search(f"`{w}[`=]", PAGE)
     ]
-    assert words == ["low", "high", "linear"] and hasattr(laws, "ANY_LENGTH")
+    assert words == ["low", "high", "linear", "shape"] and hasattr(laws, "ANY_LENGTH")
 
 
 class SpeedRipple(laws.AbstractShaft):
@@ -183,3 +184,80 @@ def test_a_wave_of_ones_own_is_a_candidate_of_a_residual_function():
     )
     for one in made.candidates(Point(np.zeros(0))):
         assert one.decode([3.0, 4.0])["k"] == pytest.approx(5.0)
+
+
+class Shake(laws.AbstractPlatform):
+    """Platform acceleration a sin(20 t) along a direction."""
+
+    a: jnp.ndarray
+    direction: jnp.ndarray
+
+    id, places, formula = "shake", ("platform",), "a sin(20 t) e"
+    parameters = {  # noqa: RUF012
+        "a": laws.Parameter("m/s^2", linear=True),
+        "direction": laws.Parameter("1", shape=3),
+    }
+
+    def __call__(self, signal, state=None):
+        return self.a * jnp.sin(20 * signal) * self.direction
+
+
+class Cube(laws.AbstractSensor):
+    """Reading += g x^3, of three sensors."""
+
+    g: jnp.ndarray
+
+    id, places, formula = "cube", ("dR_z", "encoder", "theta_1", "Omega_x"), "reading += g x³"
+    parameters = {"g": laws.Parameter("1", linear=True)}  # noqa: RUF012
+
+    def __call__(self, signal, state=None):
+        return self.g * signal.values**3
+
+
+class Drag(SpeedRipple):
+    """A law of one wheel."""
+
+    id, places = "drag", ("w2",)
+
+
+class Lobes(laws.AbstractShaft):
+    """A law that holds a list."""
+
+    amplitudes: jnp.ndarray
+
+    id, places, formula = "lobes", ("wheel",), "shaft torque += sum_k a_k sin(k θ)"
+    parameters = {  # noqa: RUF012
+        "amplitudes": laws.Parameter("N m", shape=laws.ANY_LENGTH, linear=True)
+    }
+
+
+def test_a_direction_of_ones_own_is_tried_along_each_axis():
+    """`diagnose --law` ended in a traceback: no direction was given to the law."""
+    context = Context(omnijax.load_rig("atlas"), ("dR",), np.ones(3), (), 100)
+    made = candidates(context, {"shake": Shake})
+    assert [c.note for c in made] == [f"direction [{x}]" for x in ("1, 0, 0", "0, 1, 0", "0, 0, 1")]
+    for axis, one in zip(np.eye(3), made, strict=True):
+        pushed = Shake(**one.decode(np.array([2.0])))(jnp.asarray(0.1))
+        np.testing.assert_allclose(pushed, 2 * np.sin(2.0) * axis)
+
+
+@pytest.mark.parametrize(("law", "where"), [
+    (Cube, ["dR_z", "theta_1", "theta_2", "theta_3"]),  # Omega was not measured
+    (Drag, ["w2"]),
+])  # fmt: skip
+def test_a_law_of_ones_own_is_tried_wherever_it_may_stand(law, where):
+    """One for a single channel or wheel was never tried, without a word."""
+    context = Context(omnijax.load_rig("atlas"), ("dR", "theta"), np.ones(3), (), 100)
+    made = candidates(context, {law.id: law})
+    assert list(dict.fromkeys(c.place for c in made)) == where
+    assert len(made) == len(where) * (8 if law is Drag else 1)
+
+
+def test_a_law_that_holds_a_list_is_no_candidate_and_that_is_said(monkeypatch):
+    """`diagnose --law` ended in a traceback."""
+    context = Context(omnijax.load_rig("atlas"), ("dR",), np.ones(3), (), 100)
+    assert candidates(context, {"lobes": Lobes}) == []
+    case = recording.Case(Path("case"), context.rig, [], Path("rig.toml"))
+    monkeypatch.setattr("omnijax.diagnosis._diagnose._diagnosed", lambda *_: None)
+    with pytest.warns(DataWarning, match="the law `lobes` is no candidate: it holds lists"):
+        omnijax.diagnose(case, laws={"lobes": Lobes, "drag": Drag})

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from .._errors import tell as warn
 from ..laws import EFFECTS
 from ..machine import MachineCase, is_machine_case, read_machine_case
 from ..recording import Case, read_case
@@ -24,7 +25,7 @@ from ._machine import (
 )
 from ._noise import Assumed, assumed_noise, by_group, run_levels
 from ._room import check_room
-from ._search import Point, calibrated
+from ._search import Point, calibrated, holds_list
 from ._settings import SETTINGS
 
 MOSTLY = SETTINGS.diagnose.mostly
@@ -55,11 +56,20 @@ def diagnose(
     """
     if isinstance(case, str | Path):
         case = read_machine_case(case) if is_machine_case(case) else read_case(case)
+    _warn_of_lists(laws or {})
     # small matrices: threads that wait for each other take ten times the time where cores are busy
     with threadpool_limits(1, "blas"):
         if isinstance(case, MachineCase):
             return machine_diagnosed(case, laws or {}, tell)
         return _diagnosed(case, {**EFFECTS, **(laws or {})}, window, tell)
+
+
+def _warn_of_lists(laws: dict[str, Any]) -> None:
+    """Users' laws that can be no candidates are told."""
+    warn(
+        f"the law `{id}` is no candidate: it holds lists, and nothing says how long they are."
+        for id, law in laws.items() if holds_list(law)
+    )  # fmt: skip
 
 
 def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:

@@ -3,23 +3,23 @@
 import numpy as np
 
 from ...laws import AbstractLaw
-from .._search import Candidate
+from .._search import Candidate, holds_list
 from .recipes import RECIPES
 from .unit_laws import Context, by_parameters
 
-# never proposed for a rig: the twin of creep, which is said beside it, and several lines at one
-# place, which are found one by one and told as one effect
-UNTRIED = {"wheel-radius", "cogging"}
+UNTRIED = {"wheel-radius"}  # never proposed for a rig: the twin of creep, which is said beside it
 _NEEDS_GRAVITY = {"unbalance"}
 
 
 def candidates(context: Context, laws: dict[str, type[AbstractLaw]]) -> list[Candidate]:
-    """Every candidate of `laws` for a rig."""
+    """Every candidate of `laws` for a rig; a law that holds lists is none.
+
+    Several lines at one place (`cogging`) are found one by one and told as one effect.
+    """
     out: list[Candidate] = []
+    weightless = not np.any(np.asarray(context.rig.platform.gravity))
     for id, law in laws.items():
-        if id in UNTRIED or (
-            id in _NEEDS_GRAVITY and not np.any(np.asarray(context.rig.platform.gravity))
-        ):
+        if id in UNTRIED or holds_list(law) or (weightless and id in _NEEDS_GRAVITY):
             continue
         make = RECIPES.get(id, by_parameters)
         for place in places(law, context):
@@ -39,8 +39,8 @@ def places(law: type[AbstractLaw], context: Context) -> list[str]:
         "channel": channels,
         "encoder": [c for c in channels if c.startswith("theta")],
     }
-    out: list[str] = []
-    for place in law.places:
-        default = [place] if place in groups or place in ("sphere", "platform") else []
-        out += known.get(place, default)
-    return out
+    here = {*names, *groups, *channels, "sphere", "platform"}
+    every = [
+        place for word in law.places for place in known.get(word, [word] if word in here else [])
+    ]
+    return list(dict.fromkeys(every))

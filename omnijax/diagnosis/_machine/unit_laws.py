@@ -41,7 +41,7 @@ def by_parameters(law, place, context) -> list[Candidate]:
     out = []
     for values in itertools.product(*ladders):
         fixed = dict(zip(shapes, values, strict=True))
-        note = ", ".join(f"{k} {v:.3g}" for k, v in fixed.items())
+        note = ", ".join(f"{k} {_said(v)}" for k, v in fixed.items())
         if is_wave(law):
             out.append(as_waves(law, place, context, note, 1, **fixed))
             continue
@@ -55,6 +55,11 @@ def by_parameters(law, place, context) -> list[Candidate]:
                 columns.append(build(law, place, context, **chosen))
         out.append(Candidate(law.id, place, tuple(columns), _decoder(linear, law, fixed), note))
     return out
+
+
+def _said(value) -> str:
+    """A number, or a vector of numbers, as a note says it."""
+    return f"[{', '.join(f'{x:.3g}' for x in value)}]" if np.ndim(value) else f"{value:.3g}"
 
 
 def _decoder(linear, law, fixed):

@@ -3,6 +3,7 @@
 from .calibration import calibrated as calibrated
 from .candidates import WHOLE as WHOLE
 from .candidates import Candidate as Candidate
+from .candidates import holds_list as holds_list
 from .candidates import is_wave as is_wave
 from .candidates import number as number
 from .candidates import strengths as strengths

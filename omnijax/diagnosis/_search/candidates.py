@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import jax.numpy as jnp
 import numpy as np
 
-from ...laws import AbstractLaw
+from ...laws import ANY_LENGTH, AbstractLaw, Parameter
 from .._settings import SETTINGS
 
 WHOLE = range(1, SETTINGS.candidates.orders + 1)
@@ -80,21 +80,31 @@ def is_wave(law) -> bool:
     return "phase" in law.parameters and len(linear) == 1 and not law.parameters[linear[0]].shape
 
 
+def holds_list(law: type[AbstractLaw]) -> bool:
+    """Whether a law holds lists of any length, so that nothing says how long to try them."""
+    return any(p.shape == ANY_LENGTH for p in law.parameters.values())
+
+
 def unknown_shapes(law) -> list[str]:
     """Shape constants of a law that have no default; a wave's phase is no such constant."""
     fields = law.__dataclass_fields__
     return [
         k for k, p in law.parameters.items()
-        if not (p.linear or p.optional or p.shape or k == "phase")
+        if not (p.linear or p.optional or k == "phase")
         and fields[k].default is dataclasses.MISSING
     ]  # fmt: skip
 
 
-def values_to_try(key: str, parameter) -> Sequence[float]:
-    """Values of an unknown shape constant: whole orders, within its bounds, or a decade about 1."""
+def values_to_try(key: str, parameter: Parameter) -> Sequence[float] | np.ndarray:
+    """Values of an unknown shape constant: whole orders, within its bounds, or a decade about 1.
+
+    Of a vector those of length 1 along each axis.
+    """
     low, high = parameter.low, parameter.high
+    if parameter.shape:
+        return np.eye(parameter.shape)
     if key == "order":
         return [float(n) for n in WHOLE if low <= n <= high]
     if math.isfinite(low) and math.isfinite(high):
-        return list(np.linspace(low, high, BETWEEN + 2)[1:-1])
+        return np.linspace(low, high, BETWEEN + 2)[1:-1].tolist()
     return SETTINGS.candidates.ladder

@@ -61,7 +61,7 @@ class SmallModel(AbstractModel):
                 self.constants.get((id, k), values_to_try(k, law.parameters[k])) for k in keys
             ]
             for values in itertools.product(*ladders):
-                out.append(self._candidate(law, dict(zip(keys, map(float, values), strict=True))))
+                out.append(self._candidate(law, dict(zip(keys, values, strict=True))))
         return out
 
     def _candidate(self, law, fixed) -> Candidate:
