@@ -186,19 +186,24 @@ def test_evolved_starts_are_feasible_and_apart():
     """cos(6 pi x) >= 0.9 in four variables and the fifth held: none of 64 designs is feasible,
     after evolution enough are; those taken lie apart, and the held variable has not moved."""
 
-    def check_optimality(x):
+    def judged(x):
         over = np.maximum(0.9 - np.cos(6 * np.pi * x[:, :4]), 0.0).sum(axis=1)
         return Rank(over, x.sum(axis=1))
 
     drawn = np.random.default_rng(3).random((64, 5))
     drawn[:, 4] = 0.3
-    assert check_optimality(drawn).feasible == 0
-    moved, rank = evolve(drawn, np.array([1, 1, 1, 1, 0]), check_optimality, 8, 100, 0)
+    assert judged(drawn).feasible == 0
+    moved, rank = evolve(drawn, np.array([1, 1, 1, 1, 0]), judged, 8, 100, 0)
     assert rank.feasible >= 8 and np.all(moved[:, 4] == 0.3)
-    assert np.array_equal(rank.violation, check_optimality(moved).violation)
+    assert np.array_equal(rank.violation, judged(moved).violation)
     chosen = far_apart(moved, rank, 3)
     assert np.all(rank.violation[chosen] == 0) and len(set(chosen)) == 3
     assert chosen[0] == rank.order()[0]
+
+
+def test_as_many_searches_start_as_are_asked_for():
+    """Of more than 64 starts there were 64, without a word."""
+    assert len(Engine(BOUNDED, 100, 0).lanes.share) == 100
 
 
 def test_an_infeasible_start_is_said():

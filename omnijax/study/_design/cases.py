@@ -42,14 +42,13 @@ class RigCases:
     def __init__(self, study: Study, metrics: tuple[str, ...] | None = None):
         self.study = study
         wanted = tuple(name for name, _ in study.weights) if metrics is None else metrics
-        self.objective = wanted
         self.metrics = tuple(dict.fromkeys((*wanted, *metrics_of(study.constraints))))
         self.start = study.drives[0].drive
         self._check_constraints()
         self._figures, self._tried_by = None, ""
         self.inputs = jnp.asarray(np.array([(*d.values, *d.force) for d in study.drives]))
         self.paths = tuple(v.name for v in study.variables)
-        self.parts, self.width = self._tolerances()
+        self.parts, self.half_widths = self._tolerances()
         self.cases = self._names()
         self.load_paths = tuple(dict.fromkeys(p for x in study.loads for p, _ in x.values))
         self.loads = jnp.asarray(self._load_table())
@@ -98,23 +97,24 @@ class RigCases:
             )
 
     def _tolerances(self) -> tuple[tuple[str, ...], Array]:
+        """Paths of the parts that are drawn, and their relative half widths (p,)."""
         given = [path for path, _ in self.study.tolerances]
         if twice := overlaps(self.study.rig, given):
             raise InputError(
                 [f"`tolerance`: `{a}` and `{b}` are of the same part." for a, b in twice]
             )
-        paths, width = [], []
+        paths, half_widths = [], []
         for path, half in self.study.tolerances:
-            each = checked_parameters(self.study.rig, [path])
-            paths += each
-            width += [half] * len(each)
+            single = checked_parameters(self.study.rig, [path])
+            paths += single
+            half_widths += [half] * len(single)
         values = values_of(self.study.rig, tuple(paths))
         nothing = [p for p, v in zip(paths, values, strict=True) if v == 0]
         if nothing:
             raise InputError(
                 [f"`{p}` is 0, so that a relative tolerance of it means nothing." for p in nothing]
             )
-        return tuple(paths), jnp.asarray(np.array(width))
+        return tuple(paths), jnp.asarray(np.array(half_widths))
 
     def _load_table(self) -> np.ndarray:
         """Values at `load_paths`, one row a load; the rig's own where a load says none."""
@@ -260,14 +260,14 @@ class RigCases:
         if study.spread == "worst":
             corners = np.where(unit < 0.5, -1.0, 1.0)
             corners = np.concatenate([np.zeros((1, size)), corners])
-            return jnp.asarray(corners * np.array(self.width))
-        return jnp.asarray((2 * unit - 1) * np.array(self.width))
+            return jnp.asarray(corners * np.array(self.half_widths))
+        return jnp.asarray((2 * unit - 1) * np.array(self.half_widths))
 
     def draw(self, key) -> Float[Array, "t p"]:
         """New deviations of the same kind."""
         shape = (self.study.draws, len(self.parts))
         unit = jax.random.uniform(key, shape, minval=-1.0, maxval=1.0)
-        return (jnp.sign(unit) if self.study.spread == "worst" else unit) * self.width
+        return (jnp.sign(unit) if self.study.spread == "worst" else unit) * self.half_widths
 
     def weighted(self, metrics: Float[Array, "k t m"]) -> Float[Array, "k t"]:
         """The objective of every case and draw."""

@@ -53,7 +53,9 @@ class Exact:
         self.study, self.cases, self.parted = study, cases, bool(cases.parts)
         unit = np.random.default_rng(study.seed + 1).uniform(-1, 1, (FRESH, len(cases.parts)))
         unit = np.sign(unit) if study.spread == "worst" else unit
-        draws = np.concatenate([np.zeros((1, len(cases.parts))), unit * np.asarray(cases.width)])
+        draws = np.concatenate(
+            [np.zeros((1, len(cases.parts))), unit * np.asarray(cases.half_widths)]
+        )
         self.draws = draws if self.parted else draws[:1]
         one_by_one = quick_jit(lambda x, draws: cases.every(x, draws)[0])
         self._metrics = self._in_bulk if cases.goes_in_bulk(len(self.draws)) else one_by_one

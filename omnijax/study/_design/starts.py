@@ -9,6 +9,7 @@ real numbers, and both neighbours of every relaxed optimum are searched again.
 """
 
 import itertools
+from collections.abc import Iterable
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,7 +21,7 @@ from .evolve import Judge, evolve, far_apart
 from .search import Starts
 
 ENUMERATED = 12
-SCREENED = 64  # for each combination of whole numbers
+SCREENED = 64  # at least, for each combination of whole numbers
 GENERATIONS, FEW = 100, 8  # at most, and where every figure is a run
 
 
@@ -39,18 +40,18 @@ def start_shares(problem: Problem, count: int, seed: int) -> np.ndarray:
 
 
 def whole_values(problem: Problem) -> list[np.ndarray]:
-    """The allowed whole numbers of each variable; None for real ones."""
+    """The allowed whole numbers of each variable; none of a real one."""
     return [
         np.arange(np.ceil(v.low), np.floor(v.high) + 1) if v.whole else np.array([])
         for v in problem.variables
     ]
 
 
-def make_lanes(problem: Problem, starts: np.ndarray, combinations) -> Starts:
-    """Every start with every combination of fixed values {index: value}."""
+def make_lanes(problem: Problem, starts: np.ndarray, held: Iterable[dict[int, float]]) -> Starts:
+    """Every start with every combination of `held` values {index of the variable: value}."""
     scale, shares, free = Ranges.of(problem.variables), [], []
     limit = jnp.array([x.bound for x in problem.limits])
-    for fixed in combinations:
+    for fixed in held:
         for start in starts:
             share, mask = start.copy(), np.ones(len(start))
             for i, value in fixed.items():
@@ -77,10 +78,11 @@ def first_lanes(problem: Problem, count: int, seed: int, judge: Judge) -> Starts
     """The searches side by side: `count` for each combination of whole numbers."""
     values = whole_values(problem)
     index = [] if relaxed(problem) else [i for i, v in enumerate(values) if len(v)]
+    screened = start_shares(problem, max(SCREENED, 2 * count), seed)
     parts = []
     for c in itertools.product(*(values[i] for i in index)):
         fixed = dict(zip(index, c, strict=True))
-        drawn = make_lanes(problem, start_shares(problem, SCREENED, seed), [fixed])
+        drawn = make_lanes(problem, screened, [fixed])
         shares, free = np.asarray(drawn.share), np.asarray(drawn.free[0])
         generations = (FEW if problem.costly else GENERATIONS) if problem.limits else 0
         moved, rank = evolve(shares, free, judge, 2 * count, generations, seed)
@@ -92,17 +94,17 @@ def first_lanes(problem: Problem, count: int, seed: int, judge: Judge) -> Starts
     return Starts(*(jnp.concatenate(xs) for xs in zip(*parts, strict=True)))
 
 
-def rounded_lanes(problem: Problem, relaxed: np.ndarray) -> Starts:
+def rounded_lanes(problem: Problem, shares: np.ndarray) -> Starts:
     """Both neighbours of every whole variable at relaxed shares (m, d), to be searched again."""
     scale, values = Ranges.of(problem.variables), whole_values(problem)
     index = [i for i, v in enumerate(values) if len(v)]
     parts = []
-    for share in relaxed:
+    for share in shares:
         x = np.asarray(scale.value(jnp.asarray(share)))
         sides = []
         for i in index:
             near = {np.floor(x[i]), np.ceil(x[i])}
-            sides.append(sorted(np.clip(list(near), values[i][0], values[i][-1])))
+            sides.append(sorted({np.clip(n, values[i][0], values[i][-1]) for n in near}))
         every = itertools.product(*sides)
         fixed = [dict(zip(index, c, strict=True)) for c in every]
         parts.append(make_lanes(problem, share[None], fixed))
