@@ -11,7 +11,7 @@ from test_plant import load_plant
 from omnijax.diagnosis import diagnose
 from omnijax.diagnosis._answer.learned import Unexplained, _Fitting
 from omnijax.diagnosis._answer.learned_ports import ShaftPort, SpringPort
-from omnijax.diagnosis._machine.candidates import UNTRIED
+from omnijax.diagnosis._machine.candidates import untried
 from omnijax.laws import EFFECTS
 from omnijax.recording import read_case
 from omnijax.rig import load_rig, save_rig
@@ -105,7 +105,7 @@ def test_an_opening_is_the_beginning_of_every_run_by_the_way_that_is_rolled(none
 
 def test_every_candidate_has_a_signature_or_is_said_to_be_dead(none):
     scores = none.details["found"].scans[0].scores
-    assert {s.candidate.id for s in scores} == set(EFFECTS) - UNTRIED
+    assert {s.candidate.id for s in scores} == set(EFFECTS) - untried(EFFECTS)
     dead = {s.candidate.name for s in scores if s.dead}
     assert dead == {f"lift-off@{p}" for p in ("w1", "w2", "w3", "all")}
     assert any(name in note for note in none.notes for name in dead)

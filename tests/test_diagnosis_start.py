@@ -68,6 +68,7 @@ def test_a_start_is_taken_up_as_late_as_it_is_read(model):
     rig = model.rig_at(Point(u))
     machine.rebase(rig)
     once = machine.basis.rolling
+    assert once
     machine.rebase(rig)
     for i, state in machine.basis.rolling.items():
         assert np.linalg.norm(state - once[i]) < 1e-6 * np.linalg.norm(once[i])

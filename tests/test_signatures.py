@@ -10,7 +10,7 @@ from test_plant import recorded
 
 from omnijax.diagnosis import Point, RigModel
 from omnijax.diagnosis._machine import orders, to_run, with_roles
-from omnijax.diagnosis._machine.candidates import UNTRIED
+from omnijax.diagnosis._machine.candidates import untried
 from omnijax.diagnosis._machine.data_vector import orthonormal
 from omnijax.diagnosis._machine.orders import strongest_orders
 from omnijax.diagnosis._machine.rig_model import TOLD, sums_of
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.long
 FINITE = {"lift-off", "contact-hertz", "mount-backlash", "sphere-out-of-round"}
 FINITE |= {"actuator-saturation", "sensor-saturation", "sensor-rectified"}
 FINITE |= {"sensor-delay", "sensor-lag", "actuator-delay", "actuator-lag"}
-EXACT = sorted(set(EFFECTS) - FINITE - UNTRIED)
+EXACT = sorted(set(EFFECTS) - FINITE - untried(EFFECTS))
 
 
 @pytest.fixture(scope="module")

@@ -126,7 +126,9 @@ class Turning(NamedTuple):
     memory_rates: tuple[Any, ...]
 
 
-def _turning(model: Model, state: State, inputs: Inputs, geometry: Rolling, speed, normal):
+def _turning_under_torques(
+    model: Model, state: State, inputs: Inputs, geometry: Rolling, speed, normal
+):
     """The rotation under motor torques (eqs. 39, 40, 46)."""
     rig = model.rig
     rotation = rotation_matrix(state.attitude)
@@ -144,7 +146,9 @@ def _turning(model: Model, state: State, inputs: Inputs, geometry: Rolling, spee
     return Turning(*turned, caused.shaft, rates if memory else ())
 
 
-def _turned(model: Model, state: State, inputs: Inputs, geometry: Rolling, speed, normal, given):
+def _turning_as_prescribed(
+    model: Model, state: State, inputs: Inputs, geometry: Rolling, speed, normal, given
+):
     """The rotation where speeds are prescribed: `given` = (dOmega/dt, domega/dt)."""
     rig, (acceleration, spin_up) = model.rig, given
     rotation = rotation_matrix(state.attitude)
@@ -185,9 +189,9 @@ def _instant(
     motion = translation.motion(state.elastic, shape)
     contact, mount, normal, rates = port_forces(rig, motion, shape_rate, state.memory)
     if prescribed is None:
-        turning = _turning(model, state, inputs, geometry, speed, normal)
+        turning = _turning_under_torques(model, state, inputs, geometry, speed, normal)
     else:
-        turning = _turned(model, state, inputs, geometry, speed, normal, prescribed)
+        turning = _turning_as_prescribed(model, state, inputs, geometry, speed, normal, prescribed)
     ports = PortInputs(shape, contact, mount, turning.drive, inputs.force, floor(rig, inputs.time))
     closure = rig.wheels.closure.preload + rig.wheels.closure.stiffness * motion.approach
     sphere = rig.wheels.normal.T @ (normal - closure) + rig.wheels.drive.T @ turning.drive

@@ -7,19 +7,26 @@ from .._search import Candidate, holds_list
 from .recipes import RECIPES
 from .unit_laws import Context, by_parameters
 
-UNTRIED = {"wheel-radius"}  # never proposed for a rig: the twin of creep, which is said beside it
+_TWINS = {"wheel-radius"}  # of creep, said beside it
 _NEEDS_GRAVITY = {"unbalance"}
 
 
-def candidates(context: Context, laws: dict[str, type[AbstractLaw]]) -> list[Candidate]:
-    """Every candidate of `laws` for a rig; a law that holds lists is none.
+def untried(laws: dict[str, type[AbstractLaw]]) -> set[str]:
+    """Ids of laws that are never proposed for a rig: a twin of another, and those that hold lists.
 
     Several lines at one place (`cogging`) are found one by one and told as one effect.
     """
+    return {id for id, law in laws.items() if id in _TWINS or holds_list(law)}
+
+
+def candidates(context: Context, laws: dict[str, type[AbstractLaw]]) -> list[Candidate]:
+    """Every candidate of `laws` for a rig."""
     out: list[Candidate] = []
-    weightless = not np.any(np.asarray(context.rig.platform.gravity))
+    left_out = untried(laws)
+    if not np.any(np.asarray(context.rig.platform.gravity)):
+        left_out |= _NEEDS_GRAVITY
     for id, law in laws.items():
-        if id in UNTRIED or holds_list(law) or (weightless and id in _NEEDS_GRAVITY):
+        if id in left_out:
             continue
         make = RECIPES.get(id, by_parameters)
         for place in places(law, context):

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import cast
 
 import numpy as np
@@ -25,7 +25,7 @@ from .._settings import SETTINGS
 from .._threads import each
 from .candidates import candidates
 from .clocks import CLOCK, READ_LATE, clock_priors, with_clocks
-from .data_vector import ELASTIC_CHANNELS
+from .data_vector import ELASTIC_CHANNELS, DataRows
 from .linearisation import Linearisation, base_of
 from .machine import Machine
 from .orders import strongest_orders
@@ -138,13 +138,19 @@ class RigModel(AbstractModel):
     def dof(self, split):
         return sum(self.machine.rows[i].used for i in self.splits[split])
 
+    def _by_run(
+        self, vector: np.ndarray, which: Sequence[int]
+    ) -> Iterator[tuple[DataRows, np.ndarray]]:
+        """The data rows of every run of `which`, and its part of a vector (rows, ...) of all."""
+        rows = [self.machine.rows[i] for i in which]
+        ends = np.cumsum([r.size for r in rows])
+        return zip(rows, np.split(vector, ends)[:-1], strict=True)
+
     def shuffled(self, residual, seed, blocks=BLOCKS):
         """Shuffled in time, run by run, with all channels of a moment kept together."""
-        rng, out, offset = np.random.default_rng(seed), [], 0
-        for i in self.splits["train"]:
-            rows = self.machine.rows[i]
-            elastic, rotation = rows.split(residual[offset : offset + rows.size])
-            offset += rows.size
+        rng, out = np.random.default_rng(seed), []
+        for rows, own in self._by_run(residual, self.splits["train"]):
+            elastic, rotation = rows.split(own)
             pieces = np.array_split(np.roll(np.arange(rows.samples), rng.integers(rows.samples)),
                                     blocks)  # fmt: skip
             pieces = [pieces[k] for k in rng.permutation(blocks)]
@@ -173,19 +179,16 @@ class RigModel(AbstractModel):
 
     def group_rms(self, residual, split):
         squares: dict[str, list[float]] = {}
-        at = 0
-        for i in self.splits[split]:
-            rows = self.machine.rows[i]
-            elastic, rotation = rows.split(residual[at : at + rows.size])
-            at += rows.size
+        for rows, own in self._by_run(residual, self.splits[split]):
+            elastic, rotation = rows.split(own)
             parts = {"dR": (elastic, rows.elastic, slice(0, 3)),
                      "a": (elastic, rows.elastic, slice(3, 6)),
                      "Omega": (rotation, rows.rotation, slice(0, 3)),
                      "theta": (rotation, rows.rotation, slice(3, None))}  # fmt: skip
             for group, (values, weight, which) in parts.items():
-                own = squares.setdefault(group, [0.0, 0.0])
-                own[0] += float(np.sum(values[:, which] ** 2))
-                own[1] += float(np.sum(weight[:, which] > 0))
+                total = squares.setdefault(group, [0.0, 0.0])
+                total[0] += float(np.sum(values[:, which] ** 2))
+                total[1] += float(np.sum(weight[:, which] > 0))
         return {g: float(np.sqrt(s / n)) for g, (s, n) in squares.items() if n > 0}
 
     def renoised(self, levels: Sequence[dict[str, Level]]) -> "RigModel":
@@ -212,11 +215,11 @@ class RigModel(AbstractModel):
         return Machine(self.rig, self._runs, self.noise, self.window)
 
     def rebase(self, point):
-        """Where nothing was asked before, at once about the point; a rolling start follows from
-        that about the stated rig.
+        """About the point at once where nothing was asked before, unless a run begins rolling.
 
-        Start angles of wheels without encoder are those that the point's own laws ask for: what
-        they are off counts in the rows' covariance, but as the machine without laws answers.
+        How it rolls at its start is told about the stated rig first.  Start angles of wheels
+        without encoder are those that the point's own laws ask for: what they are off counts in the
+        rows' covariance, but as the machine without laws answers.
         """
         about = self.rig_at(point)
         if "machine" in vars(self) or any(run.rolling_start(self.noise) for run in self._runs):
@@ -263,11 +266,9 @@ class RigModel(AbstractModel):
         """
         out: dict[object, np.ndarray] = {}
         for split in dict.fromkeys(map(tuple, (self.splits["train"], self.splits["held-out"]))):
-            at, (residual,) = 0, self.machine.residuals([self.rig_at(point)], [*split])
-            for i in split:
-                rows, run = self.machine.rows[i], self.machine.runs[i]
-                column = rows.unwhitened(residual[at : at + rows.size])[:, channel]
-                at += rows.size
+            (residual,) = self.machine.residuals([self.rig_at(point)], [*split])
+            for i, (rows, own) in zip(split, self._by_run(residual, split), strict=True):
+                column, run = rows.unwhitened(own)[:, channel], self.machine.runs[i]
                 key = i if run.counts is None else run.name
                 out[key] = out.get(key, 0.0) + np.nan_to_num(column)
         return [*out.values()]
@@ -305,13 +306,11 @@ class RigModel(AbstractModel):
     ) -> dict[str, dict[str, tuple[list[float], int]]]:
         """By law and wheel the orders that stand out in what is left of the train runs."""
         (rest,) = self.residuals([point], "train")
-        rows = [self.machine.rows[b.index] for b in self._bases]
-        ends = np.cumsum([r.size for r in rows])[:-1]
-        left = [r.split(part)[1] for r, part in zip(rows, np.split(rest, ends), strict=True)]
+        parts = list(self._by_run(rest, self.splits["train"]))
+        rows, left = [r for r, _ in parts], [r.split(own)[1] for r, own in parts]
         beside = None
         if taken is not None:
-            parts = np.split(taken, ends)
-            beside = [part[r.elastic.size :] for r, part in zip(rows, parts, strict=True)]
+            beside = [own[r.elastic.size :] for r, own in self._by_run(taken, self.splits["train"])]
         orders = strongest_orders(self._bases, left, rows, beside)
         return {k: dict(zip(self.rig.names, v, strict=True)) for k, v in orders.items()}
 
