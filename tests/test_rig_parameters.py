@@ -103,6 +103,8 @@ def test_units_and_ranges():
     assert (info.unit, info.low, info.high, info.shape) == ("1", 0, 1, (3,))
     assert parameter_info(RIG, "effect.sensor-drift.dR_z.b").unit == "m/s"
     assert parameter_info(RIG, "wheel.rollers").whole
+    ends = {"wheel.roundness": "[0, 1]", "sphere.mass": "(0, inf)", "sphere.inertia": "(0, inf)"}
+    assert {path: parameter_info(RIG, path).range for path in ends} == ends
     assert read_parameter(RIG, "contact.stiffness", "188.2 kN/m") == pytest.approx(188200.0)
     with pytest.raises(InputError, match=r"`wheel.roundness` must lie in \[0, 1\], but is 1\.3\."):
         read_parameter(RIG, "wheel.roundness", 1.3)

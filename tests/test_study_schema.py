@@ -117,6 +117,35 @@ def test_wrong_values_are_told_by_place_and_refused_by_the_schema(path, value, m
         parse_study(wrong)
 
 
+@pytest.mark.parametrize(("key", "value", "message"), [
+    ("pareto", {"metrics": 0}, "`pareto.metrics` must be a list of 2 or 3 metrics, but is 0."),
+    ("constraint", [{"quantity": "frequency_separation", "min": 0.1, "orders": []}],
+     r"orders` must be a list of whole numbers from 1, but is \[\]\."),
+    ("constraint", [{"quantity": "frequency_separation", "min": 0.1, "orders": [True]}],
+     r"orders` must be a list of whole numbers from 1, but is \[True\]\."),
+    ("load", [{"set": {"sphere.mass": 0}}], r"`load.1.set.sphere.mass` must lie in \(0, inf\)"),
+    ("variable", [{"path": "sphere.mass", "low": 0, "high": 9}],
+     r"`variable.sphere.mass.low` must lie in \(0, inf\), but is 0\."),
+])  # fmt: skip
+def test_what_only_the_rig_tells_is_refused_too(key, value, message):
+    """The first ended in a traceback; the others were taken."""
+    with pytest.raises(InputError, match=message):
+        parse_study(FULL | {key: value})
+
+
+def test_every_key_that_blocks_lack_is_told():
+    """Of a block that lacks two keys a second one went with it; of the last: a traceback."""
+    blocks = [{"path": "sphere.mass"}, {"path": "wheel.mas", "low": 1, "high": 2}]
+    with pytest.raises(InputError) as caught:
+        parse_study(FULL | {"variable": blocks})
+    told = "\n".join(caught.value.problems)
+    for said in ("variable.sphere.mass.low` is missing", "variable.sphere.mass.high` is missing",
+                 "the rig has no parameter `wheel.mas`"):  # fmt: skip
+        assert said in told
+    with pytest.raises(InputError, match=r"a \[\[variable\]\] needs `path`"):
+        parse_study(FULL | {"variable": [{}]})
+
+
 def test_a_study_names_its_machine():
     wrong = {key: value for key, value in FULL.items() if key != "rig"}
     with pytest.raises(InputError, match=r"`rig` is missing: name a rig file .*atlas-tripod"):

@@ -45,7 +45,10 @@ class UnknownParameter(InputError):
 
 
 class ParameterInfo(NamedTuple):
-    """What is known of one parameter besides its value; `shape` is () for one number."""
+    """What is known of one parameter besides its value; `shape` is () for one number.
+
+    `above`: `low` itself is excluded.
+    """
 
     path: str
     unit: str
@@ -53,11 +56,18 @@ class ParameterInfo(NamedTuple):
     high: float
     shape: tuple[int, ...]
     whole: bool = False
+    above: bool = False
+
+    @property
+    def quantity(self) -> Quantity:
+        """Unit and range of each of its numbers."""
+        excluded = self.low if self.above else None
+        return Quantity(self.unit, self.low, self.high, excluded, self.whole)
 
     @property
     def range(self) -> str:
         """The allowed range as text."""
-        return f"[{self.low:g}, {self.high:g}]"
+        return self.quantity.range
 
 
 class _Place(NamedTuple):
@@ -151,11 +161,11 @@ def parameter_info(rig: Rig, path: str) -> ParameterInfo:
     change: the number of rollers of a wheel whose measured profile is one pitch long.
     """
     leaf, index, quantity = _changeable(rig, path)
-    low, whole = quantity.low, isinstance(quantity, Quantity) and quantity.whole
-    if isinstance(quantity, Quantity | Vector) and quantity.above is not None:
-        low = quantity.above
+    whole = isinstance(quantity, Quantity) and quantity.whole
+    above = quantity.above is not None
+    low = quantity.low if quantity.above is None else quantity.above
     shape = jnp.shape(leaf(rig))[0 if index is None else 1 :]
-    return ParameterInfo(path, quantity.unit, low, quantity.high, shape, whole)
+    return ParameterInfo(path, quantity.unit, low, quantity.high, shape, whole, above)
 
 
 def parameter_paths(rig: Rig) -> list[ParameterInfo]:

@@ -165,7 +165,7 @@ class InertiaTensor:
 
     unit: str = "kg m^2"
 
-    low = 0.0
+    low = above = 0.0
     high = math.inf
     range = "(0, inf)"
 

@@ -11,7 +11,7 @@ import numpy as np
 from .._errors import InputError
 from .._text import quantity_text
 from ..dynamics import rolling, sphere_velocity
-from ..rig import Rig, parameter_info, put_parameter
+from ..rig import Rig, put_parameter, read_parameter
 from ..simulation import steady_state
 from ..vibration import contact_load, natural_frequencies
 from ._scene import machine_scene
@@ -58,10 +58,7 @@ class Panel:
             if path.startswith("speed."):
                 speeds[rig.names.index(path.removeprefix("speed."))] = number
             elif number != known[path].value:
-                info = parameter_info(rig, path)
-                if not info.low <= number <= info.high:
-                    raise InputError(f"`{path}` must lie in {info.range}, but is {number:g}.")
-                rig = put_parameter(rig, path, number)
+                rig = put_parameter(rig, path, read_parameter(rig, path, number))
         return rig, speeds
 
     def evaluate(self, values: Mapping[str, Any]) -> dict[str, Any]:

@@ -95,7 +95,7 @@ def quantity_of(read: Reader, rig: Rig, path: str, where: str, more=()) -> Quant
     if info.shape != () and not whole:
         read.say(f"`{where}`: `{path}` is no single number.")
         return None
-    return Quantity(info.unit, info.low, info.high, whole=info.whole)
+    return info.quantity
 
 
 def variables(read: Reader, rig: Rig, drives, top: StudyTable) -> dict[str, Any]:

@@ -44,7 +44,7 @@ def tolerances(read: Reader, rig: Rig, table: ToleranceTable) -> dict[str, Any]:
 def search(read: Reader, top: StudyTable) -> dict[str, Any]:
     """Everything about how the answer is looked for."""
     metrics = top.pareto.metrics
-    if metrics and (not isinstance(metrics, list) or len(metrics) not in {2, 3}):
+    if not isinstance(metrics, list) or len(metrics) not in {0, 2, 3}:
         read.say(f"`pareto.metrics` must be a list of 2 or 3 metrics, but is {metrics!r}.")
         metrics = []
     twice = dict.fromkeys(str(name) for name in metrics if metrics.count(name) > 1)
@@ -73,6 +73,10 @@ def search(read: Reader, top: StudyTable) -> dict[str, Any]:
     }
 
 
+def _is_count(given: Any) -> bool:
+    return isinstance(given, int) and not isinstance(given, bool) and given > 0
+
+
 def constraint(read: Reader, block: ConstraintTable) -> Constraint | None:
     """One limit; None where it says of what is not known."""
     name, given = block.quantity, block.model_fields_set
@@ -92,7 +96,7 @@ def constraint(read: Reader, block: ConstraintTable) -> Constraint | None:
     if len(bounds) == 2 and None not in bounds.values() and bounds["min"] > bounds["max"]:
         read.say(f"`{where}` conflicts with itself: min {bounds['min']:g} > max {bounds['max']:g}.")
     orders = block.orders
-    if not isinstance(orders, list) or not all(isinstance(o, int) and o > 0 for o in orders):
+    if not isinstance(orders, list) or not orders or not all(map(_is_count, orders)):
         read.say(f"`{where}.orders` must be a list of whole numbers from 1, but is {orders!r}.")
         orders = [1]
     materials = []

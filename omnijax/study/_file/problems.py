@@ -23,8 +23,9 @@ def checked(data: Mapping[str, Any]) -> tuple[StudyTable, list[str]]:
         # what is taken away can leave something else incomplete: that is not the user's
         told = (x for x in wrong if not (again and x["type"] == "missing"))
         problems += [_sentence(kept, x) for x in told]
-        for x in sorted(wrong, key=lambda x: _order(x["loc"]), reverse=True):
-            _remove(kept, x)
+        places = {_wrong_place(kept, x) for x in wrong}  # a block may lack several keys
+        for place in sorted(places, key=_order, reverse=True):
+            _remove(kept, place)
         again = True
 
 
@@ -87,9 +88,14 @@ def _keys(loc: tuple) -> list[str]:
     return list(model.model_fields)
 
 
-def _remove(data: Any, error: Any) -> None:
-    """Take the wrong entry out; what misses a key goes as a whole."""
-    *way, last = _real(data, error["loc"] if error["type"] != "missing" else error["loc"][:-1])
+def _wrong_place(data: Any, error: Any) -> tuple:
+    """Where the wrong entry stands; what misses a key is wrong as a whole."""
+    return _real(data, error["loc"] if error["type"] != "missing" else error["loc"][:-1])
+
+
+def _remove(data: Any, place: tuple) -> None:
+    """Take the entry at a place out."""
+    *way, last = place
     for part in way:
         data = data[part]
     del data[last]
