@@ -179,7 +179,7 @@ def test_a_run_that_speeds_up_from_rest_does_not_begin_in_motion(kind):
 
 def test_wheels_without_encoder_stand_where_the_laws_of_a_point_say(tmp_path):
     """As a machine without them answers a start that is off: chi2 7 to 200 a degree of freedom."""
-    rng, plant = np.random.default_rng(3), load_plant()
+    rng, plant = drawn_anew("friction without encoders"), load_plant()
     force = rng.uniform(2.0, 4.0)
     effects = {"dry": np.full(3, force)}
     *_, tables = recorded(tmp_path, int(rng.integers(1000)), 2.5, effects=effects, noise=0.0)
@@ -195,5 +195,4 @@ def test_wheels_without_encoder_stand_where_the_laws_of_a_point_say(tmp_path):
     (off,) = model.residuals([truth], "train")
     model.rebase(truth)
     (left,) = model.residuals([truth], "train")
-    print(force, off @ off / model.dof("train"), left @ left / model.dof("train"))
     assert left @ left < 1.15 * model.dof("train") < 3 * model.dof("train") < off @ off

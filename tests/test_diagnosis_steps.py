@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from seeds import drawn_anew
 
 from omnijax.diagnosis._machine.elastic import OUTPUTS, rig_modes, signal_names
 from omnijax.diagnosis._machine.rotation import MeasuredTurning
@@ -92,6 +93,18 @@ def test_stepped_laws_agree_with_an_adaptive_solver_to_second_order(atlas):
         error.append(np.max(np.abs(found - expected) / scale))
     assert error[1] < 5e-4
     assert 3 < error[0] / error[1] < 5  # second order, and the coarse steps are fine for ranking
+
+
+def test_a_dry_friction_that_brakes_within_a_step_agrees_with_an_adaptive_solver(atlas):
+    """About rest it damps so strongly that a step's predictor and corrector pass each other."""
+    rng = drawn_anew("strong dry friction")
+    force, width = rng.uniform(2.5, 4.0), rng.uniform(1e-3, 2e-3)
+    rig = add(atlas, "mount-friction", "all", force=force, width=width)
+    lane, fine = lane_of(rig)
+    expected = integrated(lane, fine, lambda s: force * np.tanh(s[3:] / width))
+    (found,) = changes([lane])
+    error = np.sqrt(np.mean((found - expected) ** 2, axis=0) / np.mean(expected**2, axis=0))
+    assert error.max() < 0.003
 
 
 def test_a_port_whose_laws_do_nothing_changes_nothing(atlas):

@@ -153,8 +153,8 @@ def test_every_law_of_the_rotation_is_predicted(turning):
 
 
 def test_every_law_of_the_elastic_machine_is_predicted(ringing):
-    """The steps at the edges of the play and of the gaps leave half a sigma."""
-    check_every_law(ringing, ELASTIC, 0.6)
+    """The steps at the edges of the play and of the gaps leave a third of a sigma."""
+    check_every_law(ringing, ELASTIC, 0.4)
 
 
 @pytest.mark.parametrize(
@@ -171,7 +171,7 @@ def test_slow_sensors_see_what_nonlinear_laws_ring_between_the_samples(ringing, 
         elastic, _ = machine_of(rig, torque, run).residual_tables(rig, 0)
         return np.sqrt(np.mean(np.split(elastic, 2, axis=1)[group == "a"] ** 2))
 
-    assert left(sensed) < 1.5 * left(rig)
+    assert left(sensed) < 2 * left(rig)  # between the samples the steps leave somewhat more
 
 
 def test_a_residual_does_not_hang_on_what_was_asked_before(turning):

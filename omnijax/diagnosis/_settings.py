@@ -346,6 +346,8 @@ class PredictionSettings:
     shape_points: int = 32  # wheel shapes a sample: the gap's edges are kinks
     steps: int = 16  # steps a sample of laws at contacts and mounts, which have kinks
     coarse_steps: int = 8  # where laws are only ranked; second order: four times the error
+    # share of a step's last change of a tension that the next one is taken to keep at most
+    steady: float = 0.5
     thin: int = 4  # force points in one of a tangent's: torques are smooth
     table_points: int = 16384  # a turn of the wheel's tables: 0.38 mrad, errors below 1e-8 m
     # fixed points

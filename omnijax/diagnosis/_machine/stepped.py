@@ -21,6 +21,7 @@ from .ports import ElasticLaws
 from .runs import Run, padded
 
 BLOCK = 4096  # steps that one call of the compiled program takes
+STEADY = SETTINGS.prediction.steady
 LANES = 8  # runs stepped side by side at most, on any number of cores: 16 take 5 % less on one
 
 
@@ -188,13 +189,24 @@ def _for_all(signal, lanes: int):
     return jnp.broadcast_to(signal, (lanes, *signal.shape[1:]))
 
 
+def _led_to(before, predicted, corrected):
+    """Where tensions end that are asked for again and again at what the last ones cause.
+
+    By Aitken's rule for each: a dry friction about rest, or whatever else damps strongly, falls
+    short of the corrector about as often as it passes it, and its steps would have to be shorter.
+    """
+    change, last = corrected - predicted, predicted - before
+    rate = change / jnp.where(last == 0, 1.0, last)
+    return predicted + change / (1 - jnp.minimum(jnp.where(last == 0, 0.0, rate), STEADY))
+
+
 @jax.jit
 def step_laws(laws: ElasticLaws, matrices, rows, start, signals):
     """(state, tensions (t, lanes, n a port)) of the laws, with the deviation they cause.
 
     d = state less the linear run's; the laws feel the linear `signals` (t, lanes, 2 n a port), or
     (t, 1, ..) for all lanes, plus `rows` d.  Heun's predictor and corrector around the exact linear
-    step.
+    step, and where these two lead.
     """
 
     def one(laws, matrices, rows, carry, here):
@@ -203,10 +215,10 @@ def step_laws(laws: ElasticLaws, matrices, rows, start, signals):
         free = _times(E, d) + _pulled(F, P)
         guess = jax.tree.map(lambda z, c: z + h * c, memory, change)
         F1, change1 = _force(laws, rows, free + _pulled(F, Q), guess, here)
-        d = free + _pulled(F1, Q)
         memory = jax.tree.map(lambda z, c, c1: z + h / 2 * (c + c1), memory, change, change1)
-        F1, change1 = _force(laws, rows, d, memory, here)
-        return (d, memory, F1, change1, h), F1
+        F2, change2 = _force(laws, rows, free + _pulled(F1, Q), memory, here)
+        F = _led_to(F, F1, F2)
+        return (free + _pulled(F, Q), memory, F, change2, h), F
 
     def body(carry, here):
         return jax.vmap(one)(laws, matrices, rows, carry, _for_all(here, len(carry[0])))
