@@ -4,6 +4,7 @@ import inspect
 import re
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -14,10 +15,18 @@ from omnijax._errors import DataWarning
 from omnijax.cli import run
 from omnijax.diagnosis._machine import Context, candidates
 from omnijax.diagnosis._search import Point, SmallModel
-from omnijax.dynamics import mount_signals, mount_tensions
+from omnijax.dynamics import (
+    Inputs,
+    mount_signals,
+    mount_tensions,
+    sensor_readings,
+    torque_driven,
+)
 from omnijax.rig import GROUPS, acting, bundled_rigs, get_parameter, set_parameter
 from omnijax.rig._declaration import declared_laws
 from omnijax.rig._places import ONE_WHEEL, WORDS, port_words
+from omnijax.simulation import build_model
+from omnijax.simulation._solve.state_vector import initial_state
 
 PAGE = (Path(__file__).parents[1] / "docs" / "add_a_law.md").read_text(encoding="utf-8")
 (LAW,), (EFFECT,) = (re.findall(rf"```{x}\n(.*?)```", PAGE, re.S) for x in ("python", "toml"))
@@ -263,3 +272,39 @@ def test_a_law_that_holds_a_list_is_no_candidate_and_that_is_said(monkeypatch):
     monkeypatch.setattr("omnijax.diagnosis._diagnose._diagnosed", lambda *_: None)
     with pytest.warns(DataWarning, match="the law `lobes` is no candidate: it holds lists"):
         omnijax.diagnose(case, laws={"lobes": Lobes, "drag": Drag})
+
+
+SHAPES = {  # port of a law that is not one number a wheel -> place, what it must return
+    laws.AbstractBody: ("sphere", "three numbers"),
+    laws.AbstractPlatform: ("platform", "three numbers"),
+    laws.AbstractShape: ("w1", "one number"),
+    laws.AbstractSurface: ("sphere", "one number"),
+    laws.AbstractSensor: ("dR", r"an array of shape \(4, 3\)"),
+}
+
+
+@pytest.mark.parametrize("port", SHAPES, ids=lambda port: port.port)
+def test_a_law_that_returns_another_shape_than_its_port_s_is_told(port):
+    """One number for a torque or an acceleration (3) was taken for all three axes, and a row of a
+    sensor's channels for every sample; the others ended in a traceback."""
+    place, wanted = SHAPES[port]
+
+    class Wrong(port):
+        wide: jnp.ndarray
+
+        id, places = "wrong", ("wheel" if place == "w1" else place,)
+        parameters = {"wide": laws.Parameter("1")}  # noqa: RUF012
+
+        def __call__(self, *signal, state=None):
+            return jnp.ones(3) if wanted != "three numbers" else jnp.ones(())
+
+    rig = omnijax.load_rig("atlas").add(Wrong(jnp.ones(())), place)
+    model = build_model(rig)
+
+    def moving(time):
+        state = initial_state(model, omnijax.torques(jnp.ones(3)), time)
+        return torque_driven(model, state, Inputs(jnp.ones(3), jnp.zeros(3), time))
+
+    with pytest.raises(omnijax.InputError, match=f"`wrong` must return {wanted} at its port"):
+        jax.eval_shape(moving, 0.0)
+        sensor_readings(rig, "dR", jnp.arange(4.0), jnp.zeros((4, 3)))

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..rig import Rig, acting
+from ..rig import Rig, acting, law_output
 from ._attitude import attitude_rate, rotation_matrix
 from ._forces import (
     RotationMoment,
@@ -105,7 +105,8 @@ def port_forces(rig: Rig, motion: Motion, shape_rate, memory):
 
 def floor(rig: Rig, time) -> Float[Array, "3"]:
     """Acceleration (3) in m/s^2 that the laws at the platform add, `time` s into the run."""
-    return sum((placed.law(time) for placed in rig.at("platform")), jnp.zeros(3))
+    laws = (placed.law for placed in rig.at("platform"))
+    return sum((law_output(law, (3,), time) for law in laws), jnp.zeros(3))
 
 
 def _shape_and_rate(rig: Rig, angle, speed, attitude, omega):

@@ -25,7 +25,7 @@ from ..laws import (
     effective_radius,
     in_series,
 )
-from ..rig import Acting, Placed, Rig, acting, over_wheels, total_over_wheels
+from ..rig import Acting, Placed, Rig, acting, law_output, over_wheels, total_over_wheels
 
 ELASTIC_PORTS = ("contact", "mount")  # whose laws may have memory, in the order of the memories
 TORQUE_PORTS = ("actuator", "shaft")
@@ -143,7 +143,7 @@ def rolling_torques(rig: Rig, law: Acting, at: RotationMoment, memory: None = No
 def body_torques(rig: Rig, law: AbstractLaw, at: RotationMoment, memory: None = None):
     """`Torques` of one law at the sphere."""
     signal = BodySignal(at.omega, at.rotation, rig.sphere.mass, rig.platform.gravity)
-    return Torques(jnp.zeros(rig.size), -law(signal)), None
+    return Torques(jnp.zeros(rig.size), -law_output(law, (3,), signal)), None
 
 
 def free_torques(rig: Rig, law: None, at: RotationMoment, memory: None = None):

@@ -1,5 +1,6 @@
 """Rolling kinematics: wheel shapes, rolling radii, driven axes (eqs. 1-11, 39, 43)."""
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -7,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..laws import DualRow
-from ..rig import Rig, grouped_profiles, over_wheels, put_wheels, take_wheels
+from ..rig import Rig, grouped_profiles, law_output, over_wheels, put_wheels, take_wheels
 from ._attitude import rotation_matrix
 from ._small import least_squares
 
@@ -22,7 +23,7 @@ def wheel_shape(rig: Rig, angle: Float[Array, " n"]) -> Float[Array, " n"]:
     for placed in rig.at("shape"):
         for i in placed.wheels:
             gap = jax.tree.map(lambda x, i=i: x[i], gaps)
-            rho = rho.at[i].add(placed.law(angle[i], gap))
+            rho = rho.at[i].add(law_output(placed.law, (), angle[i], gap))
     return rho
 
 
@@ -32,7 +33,8 @@ def surface_shape(rig: Rig, attitude: Float[Array, "4"]) -> Float[Array, " n"]:
     if not placed:
         return jnp.zeros(rig.size)
     directions = -rig.wheels.normal @ rotation_matrix(attitude)  # rows: Q^T R_i, body frame
-    return sum((jax.vmap(p.law)(directions) for p in placed), jnp.zeros(rig.size))
+    heights = (jax.vmap(partial(law_output, p.law, ()))(directions) for p in placed)
+    return sum(heights, jnp.zeros(rig.size))
 
 
 def position_input(rig, angle, attitude) -> Float[Array, " n"]:

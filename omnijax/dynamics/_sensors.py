@@ -7,11 +7,11 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 from ..laws import AbstractLaw, AbstractSensor, SensorDelay, SensorSignal
-from ..rig import Placed, Rig, channels
+from ..rig import Placed, Rig, channels, law_output
 
 
 def _reading(law: AbstractLaw, signal: SensorSignal) -> Float[Any, "t c"]:
-    return law(signal)
+    return law_output(law, signal.values.shape, signal)
 
 
 def _acting(rig: Rig, group: str) -> list[Placed]:

@@ -1,12 +1,11 @@
 """NAME.toml beside a run: rig, role, declared noise, channel names and units."""
 
 import dataclasses
-import difflib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from .._errors import InputError
+from .._errors import InputError, nearest
 from .._reading import read_toml
 from ..rig import converted
 from ._columns import UNITS, group_of, unit_of
@@ -50,10 +49,8 @@ def read_sidecar(path: Path) -> Sidecar:
 
 def hint(name: str, known: Iterable[str]) -> str:
     """` (did you mean `roundness`?)`, or nothing where no known name is near."""
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
-    low = {k.lower(): k for k in known}
-    near = [low[name.lower()]] if name.lower() in low else near
-    return f" (did you mean `{near[0]}`?)" if near else ""
+    near = nearest(name, known)
+    return f" (did you mean `{near}`?)" if near else ""
 
 
 def to_si(column: str, unit: str) -> float:

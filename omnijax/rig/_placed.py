@@ -94,6 +94,19 @@ class Acting(eqx.Module):
         return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), z)
 
 
+def law_output(law: AbstractLaw, shape: tuple[int, ...], *signals: Any) -> Any:
+    """What a law gives, an array of its port's `shape`; `InputError` where it is something else."""
+    value = law(*signals)
+    given = jax.tree.map(jnp.shape, value)
+    if given != shape:
+        wanted = {(): "one number", (3,): "three numbers"}.get(shape, f"an array of shape {shape}")
+        raise InputError(
+            f"law `{law.id}` must return {wanted} at its port `{law.port}`, but returns {given} "
+            "(shapes)."
+        )
+    return value
+
+
 def _numbers(zero: Any) -> str:
     fields = getattr(zero, "_fields", None)
     return f"a {type(zero).__name__} of numbers" if fields else "one number"

@@ -17,9 +17,9 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float
 
 from ..._arrays import on_device
-from ...dynamics import TRANSLATIONS, initial_memory, pseudoinverse
+from ...dynamics import TRANSLATIONS, floor, initial_memory, pseudoinverse, rolling_radius
 from ...laws import Pieces, chebyshev_nodes, piece_at, to_powers, value
-from ...rig import Rig, over_wheels
+from ...rig import Rig
 from .._drives import SpeedDrive
 from .._signals import Signal
 from .expm import squarings
@@ -46,7 +46,7 @@ def _inputs(rig: Rig, model: str) -> VaryingInputs:
     y = ravel_pytree((translation.rest(), initial_memory(rig)))[0]
     n, m = rig.size, len(y)
     zero = (y, jnp.zeros(n), jnp.zeros(n), jnp.zeros(3), jnp.zeros(3))
-    (A, B0, B1, floor, force), out = jax.jacfwd(respond, argnums=(0, 1, 2, 3, 4))(*zero)
+    (A, B0, B1, floor_in, force_in), out = jax.jacfwd(respond, argnums=(0, 1, 2, 3, 4))(*zero)
     X, U = out["platform"], out["drift"]
     whole = jnp.zeros((m + 6, m + 6)).at[:m, :m].set(A).at[m : m + 3, :m].set(X[0])
     whole = whole.at[m : m + 3, m + 3 :].set(jnp.eye(3))
@@ -54,8 +54,8 @@ def _inputs(rig: Rig, model: str) -> VaryingInputs:
     columns = [
         jnp.concatenate([B0, X[1], jnp.zeros((3, n))]),
         whole @ shift,
-        jnp.concatenate([floor, X[3], U[3]]),
-        jnp.concatenate([force, X[4], U[4]]),
+        jnp.concatenate([floor_in, X[3], U[3]]),
+        jnp.concatenate([force_in, X[4], U[4]]),
     ]
     rest = jnp.pad(static_rest(rig, model, A, B0), ((0, 6), (0, 0)))
     unit = state_units(whole)
@@ -180,10 +180,9 @@ def _read(setting: Setting, a, b, x):
     for i, shapes in enumerate(setting.pieces):
         rho.append(sum(_shape(p, jax.lax.stop_gradient(turned[i]), angle[i]) for p in shapes))
     rho = jnp.stack(rho)
-    rim = (1 + over_wheels(rig.at("kinematics"), speed, rig.size)) * (rig.wheel_radius + rho)
-    floor = sum((p.law(t - span.origin) for p in rig.at("platform")), jnp.zeros(3))
+    radius = rolling_radius(rig, rho, speed)
     force = drive.force(middle) + drive.force.rate(middle) * (t - middle)
-    return jnp.concatenate([rho, rim * speed, floor, force])
+    return jnp.concatenate([rho, radius * speed, floor(rig, t - span.origin), force])
 
 
 def _shape(pieces: Pieces, here, angle):
