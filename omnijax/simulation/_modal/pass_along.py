@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
+from .._one_kernel import one_kernel
 from .arithmetic import (
     Pair,
     across,
@@ -291,5 +292,7 @@ def along(f: ModalCurves, gather, totals, idle, share: float = STEP, d=None):
         x = _samples(f, at, step[0], step[1:])
         return gather(totals, x, block), _onward(f, begins, at, time, far[0], far[1:])
 
-    start = totals, _start(f)
-    return jax.lax.while_loop(lambda c: jnp.any(c[1].time < f.cycle.period), body, start)[0]
+    def forward(start):
+        return jax.lax.while_loop(lambda c: jnp.any(c[1].time < f.cycle.period), body, start)[0]
+
+    return one_kernel(forward, (totals, _start(f)))

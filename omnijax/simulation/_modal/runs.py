@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
+from ..._compiling import on_cpu
 from ...rig import Rig
 from .arithmetic import materialised
 from .blocks import LENGTH, BlockTables, OutputParts, Weights, shown_by, stored_forced
@@ -73,14 +74,23 @@ def outputs_of(g: Lanes, layout: Layout, step, count, length: int) -> Float[Arra
         w = shown.weights(s.free, s.piece, turn, layout)
         each = [materialised(lambda w, t, o=o: samples(o, w, t), w, t) for o in groups]
         block = jnp.transpose(jnp.concatenate(each), (2, 0, 1))
-        return jax.vmap(_put)(runs, block, s.done.astype(int))
+        return _put(runs, block, s.done.astype(int))
 
     lanes = g.modes.l0.shape[-1]
     return walk.run(gather, jnp.zeros((lanes, layout.rows, length)))
 
 
-def _put(run: Float[Array, "o t"], block: Float[Array, "o k"], first):
-    return jax.lax.dynamic_update_slice(run, block, (0, first))
+def _put(runs: Float[Array, "c o t"], block: Float[Array, "c o k"], first: Int[Array, " c"]):
+    """The runs with their blocks; one after the other on a CPU, where that is no scatter."""
+    if not on_cpu():
+        each = jax.vmap(lambda run, x, at: jax.lax.dynamic_update_slice(run, x, (0, at)))
+        return each(runs, block, first)
+
+    def put(i, runs):
+        x = jax.lax.dynamic_slice_in_dim(block, i, 1)
+        return jax.lax.dynamic_update_slice(runs, x, (i, 0, first[i]))
+
+    return jax.lax.fori_loop(0, len(runs), put, runs)
 
 
 def run_slopes(g: Lanes, layout: Layout, step, count, weights: Float[Array, "c o t"]) -> Slopes:

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
 from ..._compiling import on_cpu
+from .._one_kernel import one_kernel
 from .arithmetic import Pair, across, materialised, stored, summed
 
 CACHE = 6.5e5  # bytes that designs in step may take on a CPU
@@ -46,7 +47,7 @@ def decomposed(A: Float[Array, "m m c"]) -> Decomposed:
     """Of real matrices; not a number where an entry is none."""
     groups = A.shape[-1] // (_together(len(A), A.shape[-1]) if on_cpu() else A.shape[-1])
     parts = jnp.moveaxis(A.reshape(*A.shape[:2], groups, -1), 2, 0)
-    each = jax.lax.map(_decomposed, parts)
+    each = one_kernel(lambda parts: jax.lax.map(_decomposed, parts), parts)
     return jax.tree.map(lambda x: jnp.moveaxis(x, 0, -2).reshape(*x.shape[1:-1], -1), each)
 
 
@@ -115,7 +116,7 @@ def _hessenberg(A) -> Float[Array, "2m m c"]:
         v = jnp.where(number > k, x, 0.0) - jnp.where(number == k + 1, to, 0.0)
         v, w = stored(lambda v, weight: (v, weight * v), v, weight)
         along = materialised(lambda v, H: summed(v[:, None] * H), v, G[:m])
-        G = G.at[:m].add(-w[:, None] * along)
+        G = jax.lax.dynamic_update_slice_in_dim(G, G[:m] - w[:, None] * along, 0, 0)
         along = materialised(lambda G, v: summed(G * v, 1), G, v)
         return G - along[:, None] * w
 

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Complex, Float
 
+from .._one_kernel import one_kernel
 from .arithmetic import Pair, across, flushed, materialised, product, rows, sincos, summed
 from .blocks import LENGTH, ForcedPart, FreePart, Poles, pole_exp, poles_of, tables
 from .edges import at_piece, of_sinusoids
@@ -151,7 +152,11 @@ class Walk(NamedTuple):
 
         s = self.at(sample[0])
         each = jax.tree.map(lambda x: jnp.broadcast_to(x, (len(sample), *x.shape)), s)
-        return jax.lax.while_loop(lambda c: jnp.any(c[1].done <= sample[-1]), body, (each, s))[0]
+
+        def forward(start):
+            return jax.lax.while_loop(lambda c: jnp.any(c[1].done <= sample[-1]), body, start)[0]
+
+        return one_kernel(forward, (each, s))
 
     def run(self, gather, totals, follow=lambda carried, move: carried, carried: Any = ()):
         """totals = gather(totals, state, tables, turn) over all blocks of all designs.
@@ -167,7 +172,11 @@ class Walk(NamedTuple):
             return gather(totals, s, t, moved.turn), self.onward(s, moved, follow)
 
         start: Any = (totals, self.begin(carried))
-        return jax.lax.while_loop(lambda c: jnp.any(c[1].done < self.samples), body, start)[0]
+
+        def forward(start):
+            return jax.lax.while_loop(lambda c: jnp.any(c[1].done < self.samples), body, start)[0]
+
+        return one_kernel(forward, start)
 
 
 def _chosen(better: Bool[Array, " c"], one: WalkState, other: WalkState) -> WalkState:
