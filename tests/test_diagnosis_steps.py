@@ -2,6 +2,7 @@
 
 import dataclasses
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,8 +15,8 @@ from omnijax.diagnosis._machine.rotation import MeasuredTurning
 from omnijax.diagnosis._machine.runs import COARSE, STEPS, Run
 from omnijax.diagnosis._machine.stepped import Lane, law_changes, stepped_ports
 from omnijax.diagnosis._machine.wheels import wheel_tables
-from omnijax.dynamics import Rolling, drive_forces, rotation_response
-from omnijax.laws import EFFECTS
+from omnijax.dynamics import Rolling, drive_forces, rotation_response, wheel_shape
+from omnijax.laws import EFFECTS, GatedSine, HalfSine, Rollers
 from omnijax.rig import load_rig
 
 STEP, SAMPLES = 0.002, 60
@@ -133,13 +134,26 @@ def test_places_in_a_wheels_table_are_those_of_a_search(atlas):
     theta[:3, 0] = 0.0, 2 * np.pi, np.nan
     turned = np.mod(theta - tables.first, tables.span)
     for k in range(3):
-        expected = np.interp(turned[:, k], tables.angle - tables.first, tables.shape[:, k])
+        expected = np.interp(turned[:, k], tables.angle[:, k] - tables.first, tables.shape[:, k])
         assert tables.rho(theta)[:, k] == pytest.approx(expected, abs=1e-12, nan_ok=True)
     rolled = tables.rolled(theta)
     assert rolled[1, 0] - rolled[0, 0] == pytest.approx(tables.length[-1, 0], rel=1e-12)
     assert np.isnan(rolled[2, 0])
     order = np.argsort(theta[3:, 1])
     assert np.all(np.diff(rolled[3:, 1][order]) >= 0)  # no jump from turn to turn
+
+
+@pytest.mark.parametrize("profile", [GatedSine(), HalfSine(), Rollers()])
+def test_a_wheels_table_keeps_the_corners_of_its_gaps(atlas, profile):
+    """Even points cut them off by 1 um: three sigma of a, where a slow wheel passed one."""
+    rig = eqx.tree_at(lambda r: r.profiles, atlas, (profile,) * 3)
+    tables, pitch = wheel_tables(rig, -1.0, 1.0), np.asarray(rig.gaps.pitch)
+    width = np.asarray(rig.gaps.width)
+    around = np.linspace(-2e-3, 2e-3, 101)[:, None]
+    for corner in (3 * pitch, 3 * pitch + width / 2, 3 * pitch + width):
+        theta = corner + around
+        exact = np.asarray(jax.vmap(lambda a: wheel_shape(rig, a))(jnp.asarray(theta)))
+        np.testing.assert_allclose(tables.rho(theta), exact, rtol=0, atol=1e-8)
 
 
 def test_responses_to_torques_are_those_of_the_whole_equations(atlas):

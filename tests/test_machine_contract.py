@@ -15,7 +15,7 @@ from seeds import drawn_anew
 from tiers import tiered
 
 from omnijax.diagnosis._machine.machine import Machine
-from omnijax.diagnosis._machine.runs import Run
+from omnijax.diagnosis._machine.runs import FINE, Run
 from omnijax.diagnosis._machine.wheels import _heights as shape_programs
 from omnijax.laws import EFFECTS, DualRow
 from omnijax.rig import get_parameter, load_rig, set_parameter
@@ -172,6 +172,42 @@ def test_slow_sensors_see_what_nonlinear_laws_ring_between_the_samples(ringing, 
         return np.sqrt(np.mean(np.split(elastic, 2, axis=1)[group == "a"] ** 2))
 
     assert left(sensed) < 2 * left(rig)  # between the samples the steps leave somewhat more
+
+
+DRIFT = {f"theta_{k}": ("sensor-drift", f"theta_{k}", {"a": a, "b": b})
+         for k, a, b in ((1, 0.5, -0.4), (2, -0.12, -0.6), (3, -0.3, 0.2))}  # fmt: skip
+LATE = ("sensor-delay", "theta", {"delay": 6e-3})
+LAG = ("sensor-lag", "theta", {"tau": 3e-3})
+
+
+@pytest.mark.parametrize(
+    "sensors",
+    [
+        (DRIFT["theta_2"], LATE),
+        (LATE, DRIFT["theta_2"]),
+        (DRIFT["theta_1"], ("sensor-rectified", "theta_1", {}), LAG),
+        (DRIFT["theta_3"], ("sensor-rectified", "theta_3", {})),
+    ],
+)  # fmt: skip
+def test_encoders_that_drift_with_another_law_are_understood(turning, sensors):
+    """The drift of a late one was taken at another moment, the start of a folded one elsewhere."""
+    truth, torque, run = turning
+    rig = with_laws(truth, sensors)
+    assert in_sigmas(machine_of(rig, torque, run), rig) < 0.3
+
+
+def test_friction_of_rolling_feels_the_normal_forces_of_laws_at_contacts():
+    """The linear model's normal forces left 11 sigma at the truth of a drawn rig."""
+    laws = (
+        ("rolling-resistance", "all", {"arm": 2e-3}),
+        ("contact-relaxation", "all", {"K1": 2e5, "tau": 0.02}),
+        ("mount-cubic", "all", {"k3": 1e13}),
+    )
+    rig, torque, run = simulated(laws, 2)
+    machine = machine_of(rig, torque, run)
+    normal = machine.rotated(rig)[0].normal[::FINE]
+    assert np.std(normal - run.normal_force) < 0.01 * np.std(run.normal_force)
+    assert in_sigmas(machine, rig) < 0.3
 
 
 def test_a_residual_does_not_hang_on_what_was_asked_before(turning):

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from rigs import tables
+from seeds import drawn_anew
 
 from omnijax import (
     evaluate,
@@ -64,6 +65,27 @@ def test_a_closing_row_of_few_digits_is_the_first_row(seed):
     shown = spline_of(rig, exact[:-1])
     assert shown == pytest.approx(wave[:-1], abs=3e-6)
     assert spline_of(rig, exact[:1] + period) == pytest.approx(shown[:1], abs=1e-9)
+
+
+def test_a_spline_has_no_jump_wherever_its_rows_begin():
+    """A first row below 0, or just above it, left the cubic of the piece before in one piece."""
+    rng = drawn_anew("where rows begin")
+    period = 2 * math.pi / ROLLERS
+    for _ in range(200):
+        rows = int(rng.integers(5, 14))
+        first = rng.choice([-0.3, -1e-4, 0.0, 1e-4, 5e-3, 0.3]) * rng.uniform(0.5, 1)
+        theta = (np.arange(rows) + np.append(first, rng.uniform(-0.3, 0.3, rows - 1))) * (
+            period / rows
+        )
+        shape = laws.TableShape.fit(theta, rng.normal(size=rows), period)
+        length, c = np.diff(shape.knots), np.asarray(shape.coefficients).T
+        for order in range(3):  # value, slope and half the curvature at the ends of the pieces
+            factors = [math.comb(k, order) for k in range(order, 4)]
+            powers = length[:, None] ** np.arange(4 - order)
+            ends = np.sum(powers * factors * c[order:].T, axis=1)
+            np.testing.assert_allclose(
+                ends, np.roll(c[order], -1), rtol=0, atol=1e-9 * np.abs(c[order]).max()
+            )
 
 
 def test_a_table_whose_ends_differ_is_refused():

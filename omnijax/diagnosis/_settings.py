@@ -357,8 +357,10 @@ class PredictionSettings:
     angle_turns: int = 20  # at most of taking the sensors' laws off measured angles
     angle_change: float = 1e-5  # rad, a tenth of an encoder's noise: what ends them
     angle_away: float = 2.0  # times the least misfit, above which such a turn runs away: chosen
-    angle_step: float = 1e-6  # rad (rad/s), over which the slope of a reading is taken: chosen
+    angle_step: float = 3e-4  # rad (rad/s) to each side, for a reading's slope: encoders' 3 sigma
     blind: float = 1e-3  # slope, below which a reading tells nothing of the value: chosen
+    begins: int = 6  # moments of a run that say where a folded angle may have begun: chosen
+    begin_turns: int = 4  # Newton steps from each; readings are straight lines by pieces: chosen
     opening: int = 20  # samples whose cubic tells the motion before a rolling start
     # friction near a reversal
     pull: float = 5.0  # 1/s, at which Omega is held to the measured one (see `observer`)

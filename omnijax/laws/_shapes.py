@@ -5,6 +5,7 @@ from typing import ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ._ports import AbstractShape
@@ -151,19 +152,22 @@ class TableShape(AbstractShape):
 
     @classmethod
     def fit(cls, theta, rho, period: float) -> "TableShape":
-        """Spline through samples `theta` (rad, increasing, within one `period`) and `rho` (m)."""
+        """Spline through samples `theta` (rad, increasing, within one `period`) and `rho` (m).
+
+        Fitted twice: the first fit tells rho at 0, the second has a knot there, and so gives the
+        same numbers again of its own knots.
+        """
         from scipy.interpolate import CubicSpline
 
-        theta, rho = jnp.asarray(theta, float), jnp.asarray(rho, float)
-        x = jnp.concatenate([theta, theta[:1] + period])
-        spline = CubicSpline(x, jnp.concatenate([rho, rho[:1]]), bc_type="periodic")
-        # re-knot to [0, period): wrap the pieces so that the first knot is 0, with no other close
-        wrapped_theta, near = jnp.mod(theta, period), 0.01 * jnp.median(jnp.diff(x))
-        inner = (wrapped_theta > near) & (wrapped_theta < period - near)
-        knots = jnp.unique(jnp.concatenate([jnp.zeros(1), wrapped_theta[inner]]))
-        at = jnp.where(knots < theta[0], knots + period, knots)
-        c = jnp.stack([spline(at, nu) / math.factorial(nu) for nu in range(4)], axis=-1)
-        return cls(jnp.concatenate([knots, jnp.asarray([period])]), c, is_turn(period))
+        theta, rho = np.asarray(theta, float), np.asarray(rho, float)
+        x = np.append(theta, theta[0] + period)
+        through = CubicSpline(x, np.append(rho, rho[0]), bc_type="periodic")
+        inside, near = np.mod(theta, period), 0.01 * np.median(np.diff(x))
+        others = np.unique(inside[(inside > near) & (inside < period - near)])
+        knots = np.concatenate([[0.0], others, [period]])
+        at = np.where(knots[:-1] < theta[0], knots[:-1] + period, knots[:-1])
+        again = CubicSpline(knots, np.append(through(at), through(at[0])), bc_type="periodic")
+        return cls(jnp.asarray(knots), jnp.asarray(again.c[::-1].T), is_turn(period))
 
 
 PROFILES: dict[str, type[AbstractShape]] = {

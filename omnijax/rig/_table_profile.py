@@ -60,14 +60,8 @@ def _closed(theta: list[float], rho: list[float], period: float) -> tuple[list[f
 
 
 def shape_of(table: str | Mapping, rollers: float, folder: Path) -> TableShape:
-    """The spline through a table.
-
-    Fitted twice: the first fit puts a knot at 0, the second goes through these knots, and so gives
-    the same numbers again when it is written out and read back.
-    """
-    theta, rho, period = read_profile(table, rollers, folder)
-    first = TableShape.fit(theta, rho, period)
-    return TableShape.fit(first.knots[:-1], first.coefficients[:, 0], period)
+    """The spline through a table."""
+    return TableShape.fit(*read_profile(table, rollers, folder))
 
 
 def _period(span: float, widest: float, usual: float, rollers: float) -> float:

@@ -18,18 +18,26 @@ CHANGE = SETTINGS.prediction.angle_change
 STEP = SETTINGS.prediction.angle_step
 AWAY = SETTINGS.prediction.angle_away
 BLIND = SETTINGS.prediction.blind
+BEGINS = SETTINGS.prediction.begins
+BEGIN_TURNS = SETTINGS.prediction.begin_turns
 
 
 class LinearReading(NamedTuple):
     """What the sensors show of values (t, c), and by how much it changes with each of them."""
 
     shown: np.ndarray
-    slope: np.ndarray
+    above: np.ndarray  # of a value that grows
+    below: np.ndarray  # of one that falls
+
+    @property
+    def slope(self) -> np.ndarray:
+        """The mean of both sides."""
+        return (self.above + self.below) / 2
 
     @property
     def tells(self) -> np.ndarray:
-        """Where (t, c) the sensors show a change of the value at all."""
-        return np.abs(self.slope) > BLIND
+        """Where (t, c) the sensors show a change of the value, be it up or down."""
+        return np.minimum(np.abs(self.above), np.abs(self.below)) > BLIND
 
     def back(self, difference: np.ndarray) -> np.ndarray:
         """A small difference of readings as one of values; NaN where the sensors tell none."""
@@ -40,13 +48,18 @@ class LinearReading(NamedTuple):
 def reading_of(
     rig: Rig, group: str, run: Run, values: np.ndarray, rolls: bool, late: bool
 ) -> LinearReading:
-    """The readings about a group's `values` (samples, c): `late` by its delays, or on time."""
+    """The readings about a group's `values` (samples, c): `late` by its delays, or on time.
+
+    What is read on time was read later by these.
+    """
+    time = run.time if late else run.time + offset_of(rig, group)
 
     def shown(moved: float) -> np.ndarray:
-        here = rig, group, run.time, values + moved, rolls
+        here = rig, group, time, values + moved, rolls
         return moving_readings(*here) if late else moving_readings(*here, on_time(rig, group))
 
-    return LinearReading(shown(0.0), (shown(STEP) - shown(-STEP)) / (2 * STEP))
+    here, above, below = shown(0.0), shown(STEP), shown(-STEP)
+    return LinearReading(here, (above - here) / STEP, (here - below) / STEP)
 
 
 def outputs_on_time(rig: Rig, run: Run, group: str, columns: int) -> np.ndarray:
@@ -78,11 +91,13 @@ def values_behind(
     """The values (samples, c) of which the group's sensors show the `measured` ones, as noisy.
 
     `measured` is on time already.  By Newton steps from `start`, that say also what a sensor shows
-    none of: the sign that it loses; NaN where one stands at its limit.  The `smoother` of values
-    gives what a step begins from, as noise would grow if a lag were undone in it.
+    none of: the sign that it loses; NaN where one stands at its limit, or the step leads there: the
+    value may lie beyond.  The `smoother` of values gives what a step begins from, as noise would
+    grow if a lag were undone in it.
     """
-    behind = values = start
-    last, nearest = 0.0, np.inf
+    behind, ambiguous = start, folds(rig, group)
+    values = start
+    last, nearest = np.inf, np.inf
     for _ in range(TURNS):
         reading = reading_of(rig, group, run, behind, rolls, late=False)
         apart = measured - reading.shown
@@ -90,12 +105,45 @@ def values_behind(
         if not far <= AWAY * nearest:  # the step ran away
             return values
         better = behind + reading.back(apart)
+        if ambiguous:
+            there = np.where(np.isfinite(better), better, behind)
+            tells = reading_of(rig, group, run, there, rolls, late=False).tells
+            better = np.where(tells, better, np.nan)
         added = measured - better
         if np.nanmax(np.abs(added - last), initial=0.0) < CHANGE:
             return better
         last = added
         values, nearest, behind = better, min(far, nearest), smoother(better)
     return values
+
+
+def begin_of(
+    rig: Rig, group: str, run: Run, measured: np.ndarray, course: np.ndarray, rolls: bool
+) -> np.ndarray:
+    """By channel the value (c,) that, added to a `course` (samples, c), shows the `measured` best.
+
+    A sensor that loses the sign or stands at its limit shows many values alike at one moment; over
+    a run few courses.  Each of some moments says where the run may have begun, with its reading's
+    sign and with the other; Newton steps lead from there.  Zero where nothing was measured.
+    """
+    moments, read = np.linspace(0, run.samples - 1, BEGINS).astype(int), filled(measured)
+    signed = np.concatenate([read[moments], -read[moments]])
+    begins = np.where(
+        np.isfinite(measured).any(axis=0), signed - np.tile(course[moments], (2, 1)), 0
+    )
+    tried, misfits = [], []
+    for _ in range(BEGIN_TURNS):
+        readings = [reading_of(rig, group, run, course + x, rolls, late=False) for x in begins]
+        apart = [np.nan_to_num(measured - one.shown) for one in readings]
+        tried.append(begins)
+        misfits.append([np.sum(x**2, axis=0) for x in apart])
+        change = [
+            np.sum(one.slope * x, axis=0) / np.maximum(np.sum(one.slope**2, axis=0), BLIND)
+            for one, x in zip(readings, apart, strict=True)
+        ]
+        begins = begins + np.stack(change)
+    best = np.concatenate(misfits).argmin(axis=0)
+    return np.concatenate(tried)[best, np.arange(len(best))]
 
 
 def folds(rig: Rig, group: str) -> bool:

@@ -54,7 +54,7 @@ def on_time(rig: Rig, group: str) -> Callable[[Any, SensorSignal], Any]:
             ahead -= float(law.delay)
             return 0.0
         if ahead and not (isinstance(law, AbstractSensor) and law.remembers):
-            first = float(signal.time[0])
+            first = min(float(signal.time[0]), 0.0)  # as at the run's first sample before it
             signal = signal._replace(time=np.maximum(signal.time - ahead, first))
         return sensed(law, signal)
 

@@ -91,7 +91,7 @@ class Linearisation:
     @functools.cached_property
     def places(self) -> list[WheelPlaces]:
         """By wheel: where its angles at SHAPE points lie in the tables."""
-        return [self.tables.places(theta) for theta in self.motion.theta_shape.T]
+        return [self.tables.places(angle, i) for i, angle in enumerate(self.motion.theta_shape.T)]
 
 
 def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Linearisation:

@@ -50,11 +50,13 @@ from .rotation import (
 from .runs import FINE, SHAPE, STEPS, Run
 from .smooth import likeliest, smooth
 from .stage_cache import StageCache
-from .stepped import Change, Lane, law_changes, stepped_ports
+from .stepped import Change, Lane, approach_changes, law_changes, law_pulls, stepped_ports
 from .tree_hash import digest
 from .wheels import WheelTables
 
 ANGLE_NOISE = SETTINGS.prediction.angle_noise
+# ports whose laws move the contacts' normal forces, beside those of the motion
+MOVING_N = ("surface", "platform", "contact", "separation", "mount")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -257,7 +259,7 @@ class Machine:
         parts = [self._motion_key(rig), rig.platform, w.inertia]
         parts += [rig.at(port) for port in ("command", *TURNING_PORTS)]
         if rig.at("rolling"):  # N enters, and with it the elastic model and all that moves it
-            parts += [w, rig.at("surface"), rig.at("platform"), turns]
+            parts += [w, turns, *(rig.at(port) for port in MOVING_N)]
         else:
             turns = 1
         key = digest(*parts)
@@ -363,12 +365,20 @@ class Machine:
         return slope * refine(m.speed, parts // FINE)
 
     def normal_force(self, rig: Rig, i: int, m: RunMotion, drive) -> np.ndarray:
-        """N (FINE points, n) of the linear elastic model."""
-        s = self.signals(rig, i, self.ports(rig, self.runs[i], m, drive))
-        deflection, rate, _, _ = np.split(s, 4, axis=1)
-        w = rig.wheels
-        pull = np.asarray(w.contact.stiffness) * deflection + np.asarray(w.contact.damping) * rate
-        return np.asarray(w.closure.preload) - pull
+        """N (FINE points, n) of the elastic model with the laws at its contacts and mounts."""
+        felt_there = self.signals(rig, i, self.ports(rig, self.runs[i], m, drive))
+        approach, of_laws = np.split(felt_there, 2, axis=1)[0], 0.0
+        if stepped := stepped_ports(rig):
+            some = [x for x, port in zip(np.split(felt_there, 2, axis=1), SIGNALS, strict=True)
+                    if port in stepped]  # fmt: skip
+            lane = Lane(rig, self.modes(rig), self.runs[i], np.concatenate(some, axis=1))
+            (pull,) = law_pulls([lane])
+            approach = approach + approach_changes(lane, pull)
+            of_laws = pull.tensions.get("contact", 0.0)
+        deflection, rate = np.split(approach, 2, axis=1)
+        contact = rig.wheels.contact
+        pressed = np.asarray(contact.stiffness) * deflection + np.asarray(contact.damping) * rate
+        return np.asarray(rig.wheels.closure.preload) - pressed - of_laws
 
     # --- predictions --------------------------------------------------------------------------
     def elastic(self, rigs: list[Rig], which: list[int]) -> list[list[np.ndarray]]:

@@ -13,7 +13,14 @@ from ...dynamics import spin_axes
 from ...laws import DualRow
 from ...rig import Rig
 from .._settings import SETTINGS
-from .behind import changed_beside_delays, outputs_on_time, reading_of, values_behind
+from .behind import (
+    begin_of,
+    changed_beside_delays,
+    folds,
+    outputs_on_time,
+    reading_of,
+    values_behind,
+)
 from .laws import along
 from .runs import FINE, SHAPE, Run
 from .smooth import smooth_by_likelihood
@@ -64,13 +71,17 @@ def measured_lengths(
         def smoothed(angle: np.ndarray) -> np.ndarray:
             return tables.unrolled(smoother(_lengths(rig, tables, run, angle, rolls)))
 
-        start = _begun_with(tables, about, angle) if about.any() else smoothed(angle)
+        start = _about(rig, tables, run, about, angle, rolls) if about.any() else smoothed(angle)
         angle = values_behind(rig, "theta", run, angle, start, rolls, smoothed)
     return _lengths(rig, tables, run, angle, rolls)
 
 
-def _begun_with(tables: WheelTables, about: np.ndarray, angle: np.ndarray) -> np.ndarray:
-    """The angles (samples, n) of the lengths `about`, led through the first ones measured."""
+def _about(rig: Rig, tables: WheelTables, run: Run, about, angle, rolls: bool) -> np.ndarray:
+    """The angles (samples, n) of the lengths `about`, begun where the measured ones say."""
+    if folds(rig, "theta"):
+        course = tables.unrolled(about)
+        begin = tables.rolled(begin_of(rig, "theta", run, angle, course, rolls)[None])
+        return tables.unrolled(about + begin)
     apart = tables.rolled(angle) - about
     first = np.argmax(np.isfinite(apart), axis=0)
     return tables.unrolled(about + np.nan_to_num(apart[first, np.arange(len(first))]))

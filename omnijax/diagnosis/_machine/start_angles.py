@@ -90,7 +90,7 @@ def _phases(machine: Machine, rig: Rig, i: int, missing) -> np.ndarray:
     for k, wide in zip(missing, pitch, strict=True):
         for phase in np.arange(PHASES) * wide / PHASES:
             shape = np.zeros_like(m.theta_shape)
-            shape[:, k] = tables.places(m.theta_shape[:, k] + phase).of(tables.shape[:, k])
+            shape[:, k] = tables.places(m.theta_shape[:, k] + phase, k).of(tables.shape[:, k])
             response = driven(modes, run, rest_state(modes, shape=shape), shape=shape)
             signals.append((response * w).ravel())
     table = np.stack(signals)

@@ -16,7 +16,7 @@ from .._settings import SETTINGS
 from .._threads import each
 from .elastic import SIGNALS, caused, driven_states, signal_names
 from .late import late_outputs
-from .modes import OutputModes
+from .modes import OutputModes, direct, forced, observe, propagate
 from .ports import ElasticLaws
 from .runs import Run, padded
 
@@ -47,16 +47,28 @@ class Change(NamedTuple):
     late: Callable[[float], np.ndarray]  # the same so many s late
 
 
+class Pull(NamedTuple):
+    """Tensions of contact and mount laws along a run, and by how much its linear start is off."""
+
+    start: np.ndarray  # modal state (k,)
+    tensions: dict[str, np.ndarray]  # by port (steps, n) N
+
+
 def law_changes(lanes: list[Lane]) -> list[Change]:
     """What contact and mount laws change in every lane."""
+    return [_change(x.modes, x.run, pull) for x, pull in zip(lanes, law_pulls(lanes), strict=True)]
+
+
+def law_pulls(lanes: list[Lane]) -> list[Pull]:
+    """How contact and mount laws pull in every lane."""
     if not lanes:
         return []
     parts = np.array_split(np.arange(len(lanes)), -(-len(lanes) // LANES))
-    changes = each(lambda some: _side_by_side([lanes[k] for k in some]), parts)
-    return [change for part in changes for change in part]
+    pulls = each(lambda some: _side_by_side([lanes[k] for k in some]), parts)
+    return [pull for part in pulls for pull in part]
 
 
-def _side_by_side(lanes: list[Lane]) -> list[Change]:
+def _side_by_side(lanes: list[Lane]) -> list[Pull]:
     laws = [ElasticLaws.of(x.rig) for x in lanes]
     ports = laws[0].ports
     starts = [
@@ -72,15 +84,25 @@ def _side_by_side(lanes: list[Lane]) -> list[Change]:
     out = []
     for k, (lane, (start, _)) in enumerate(zip(lanes, starts, strict=True)):
         force = np.split(tensions[k, : len(lane.signals)], len(ports), axis=1)
-        forces = dict(zip(ports, force, strict=True))
         begin = lane.modes.inverse @ np.asarray(start)
-        out.append(_change(lane.modes, lane.run, begin, forces))
+        out.append(Pull(begin, dict(zip(ports, force, strict=True))))
     return out
 
 
-def _change(m: OutputModes, run: Run, start: np.ndarray, forces: dict[str, np.ndarray]) -> Change:
-    z = driven_states(m, run, start, **forces)
+def _change(m: OutputModes, run: Run, pull: Pull) -> Change:
+    forces = pull.tensions
+    z = driven_states(m, run, pull.start, **forces)
     return Change(caused(m, run, z, **forces), lambda late: late_outputs(m, run, z, forces, late))
+
+
+def approach_changes(lane: Lane, pull: Pull) -> np.ndarray:
+    """What a pull changes in the contacts' deflections and their rates, (steps, 2 n)."""
+    m, names = lane.modes, SIGNALS["contact"]
+    forcing = forced(m, lane.step, len(lane.signals) - 1, **pull.tensions)
+    out = observe(m, propagate(m, lane.step, forcing, pull.start), names)
+    for port, tension in pull.tensions.items():
+        out += direct(m, names, port, lambda tension=tension: tension)
+    return out
 
 
 def _stepped(lanes: list[Lane], laws, matrices, rows, start) -> np.ndarray:

@@ -44,7 +44,7 @@ def _shape(base: Linearisation, placed: Placed):
     gaps = base.rig.gaps
     for i in placed.wheels:
         gap = jax.tree.map(lambda x, i=i: x[i], gaps)
-        change[:, i] = _over_angles(placed.law, base.tables.angle, gap)
+        change[:, i] = _over_angles(placed.law, base.tables.angle[:, i], gap)
     return _shaped(base, change, change)
 
 
@@ -67,14 +67,13 @@ def _shaped(base: Linearisation, rho: np.ndarray, radius: np.ndarray):
     shape = np.zeros_like(m.theta_shape)
     lever = np.zeros_like(m.theta)
     length = np.zeros((base.run.samples, base.rig.size))
-    step = tables.angle[1] - tables.angle[0]
-    for i in np.flatnonzero(radius.any(axis=0)):
+    for i in np.flatnonzero(radius.any(axis=0)).tolist():
         longer = base.places[i].of(radius[:, i])
         shape[:, i] = longer if rho is radius else base.places[i].of(rho[:, i])
         lever[:, i] = longer[:: SHAPE // FINE]
-        mean = (radius[1:, i] + radius[:-1, i]) / 2
-        rolled = np.concatenate([[0.0], np.cumsum(mean) * step]) / float(base.rig.sphere.radius)
-        length[:, i] = -tables.places(m.theta[::FINE, i]).summed(rolled)
+        mean = (radius[1:, i] + radius[:-1, i]) / 2 * np.diff(tables.angle[:, i])
+        rolled = np.concatenate([[0.0], np.cumsum(mean)]) / float(base.rig.sphere.radius)
+        length[:, i] = -tables.places(m.theta[::FINE, i], i).summed(rolled)
     elastic, rotation = _longer_lever(base, (lever / base.lever)[::THIN], shape=shape)
     rotation[:, 3:] += length
     return elastic, rotation

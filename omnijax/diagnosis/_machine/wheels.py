@@ -37,15 +37,22 @@ class WheelPlaces(NamedTuple):
 class WheelTables(NamedTuple):
     """rho (m) and rolled length S = integral r_w dtheta / R (rad of sphere) of every wheel.
 
-    One turn where the shape repeats, else as many turns as the runs cover.
+    One turn where the shape repeats, else as many turns as the runs cover.  Points lie evenly, but
+    the nearest to each edge and middle of a gap lies there: a corner between two points would be
+    cut off, which a slow wheel passes for so long that it is felt.
     """
 
-    angle: np.ndarray  # (p,) rad
+    angle: np.ndarray  # (p, n) rad
     shape: np.ndarray  # (p, n)
     slope: np.ndarray  # (p, n) m/rad
     length: np.ndarray  # (p, n)
     first: float  # rad, angle of the table's start
     span: float  # rad, length of the table
+
+    @property
+    def cell(self) -> float:
+        """Distance of two points that lie evenly, rad."""
+        return self.span / (len(self.angle) - 1)
 
     def rho(self, theta: np.ndarray) -> np.ndarray:
         """Shape at angles (t, n), m."""
@@ -55,23 +62,28 @@ class WheelTables(NamedTuple):
         """d rho/d theta at angles (t, n)."""
         return self._look(self.slope, theta)
 
-    def places(self, theta: np.ndarray) -> WheelPlaces:
-        """Where angles (t,) of a wheel lie in the tables; those of NaN have a share of NaN."""
-        count = len(self.angle) - 1
-        at = (theta - self.first) * (count / self.span)
-        turns = np.floor(at / count)
-        at -= count * turns
-        index = np.clip(np.nan_to_num(at), 0, count - 1).astype(np.intp)
-        return WheelPlaces(index, at - index, turns)
+    def places(self, theta: np.ndarray, wheel: int) -> WheelPlaces:
+        """Where angles (t,) of a wheel lie in its tables; those of NaN have a share of NaN."""
+        points, last = self.angle[:, wheel], len(self.angle) - 2
+        turns = np.floor((theta - self.first) / self.span)
+        here = theta - turns * self.span
+        even = np.nan_to_num((here - self.first) / self.cell)
+        index = np.clip(even, 0, last).astype(np.intp)
+        # no point lies further than half a cell from where it were if all lay evenly
+        index += (here >= points[index + 1]) & (index < last)
+        index -= here < points[index]
+        before = points[index]
+        return WheelPlaces(index, (here - before) / (points[index + 1] - before), turns)
 
     def _look(self, table, theta):
-        columns = zip(theta.T, table.T, strict=True)
-        return np.stack([self.places(angle).of(values) for angle, values in columns], axis=1)
+        places = (self.places(angle, i) for i, angle in enumerate(theta.T))
+        return np.stack([at.of(values) for at, values in zip(places, table.T, strict=True)], axis=1)
 
     def rolled(self, theta: np.ndarray) -> np.ndarray:
         """S(theta) of angles (t, n); NaN stays NaN."""
-        columns = zip(theta.T, self.length.T, strict=True)
-        return np.stack([self.places(angle).summed(values) for angle, values in columns], axis=1)
+        places = (self.places(angle, i) for i, angle in enumerate(theta.T))
+        lengths = zip(places, self.length.T, strict=True)
+        return np.stack([at.summed(values) for at, values in lengths], axis=1)
 
     def unrolled(self, length: np.ndarray) -> np.ndarray:
         """theta with S(theta) = `length` (t, n)."""
@@ -79,12 +91,12 @@ class WheelTables(NamedTuple):
         for i in range(length.shape[1]):
             turns = np.floor(length[:, i] / self.length[-1, i])
             rest = length[:, i] - turns * self.length[-1, i]
-            out[:, i] = turns * self.span + np.interp(rest, self.length[:, i], self.angle)
+            out[:, i] = turns * self.span + np.interp(rest, self.length[:, i], self.angle[:, i])
         return out
 
 
 def shape_table(rig: Rig, angle) -> np.ndarray:
-    """rho (p, n) in m of every wheel at the angles (p,) rad."""
+    """rho (p, n) in m of every wheel at its angles (p, n) in rad."""
     return np.asarray(_shape(rig, jnp.asarray(angle)))
 
 
@@ -95,22 +107,43 @@ def _shape(rig: Rig, angle):
 
 @jax.jit
 def _heights(rig: Rig, angle):
-    return jax.vmap(lambda a: wheel_shape(rig, jnp.full(rig.size, a)))(angle)
+    return jax.vmap(lambda a: wheel_shape(rig, a))(angle)
 
 
 def wheel_tables(rig: Rig, lowest: float, highest: float) -> WheelTables:
     """Tables of the rig's wheels for angles in [`lowest`, `highest`] (rad)."""
-    turn = 2 * np.pi
-    probe = jnp.asarray(np.random.default_rng(0).uniform(0, turn, SETTINGS.prediction.probes))
+    turn, n = 2 * np.pi, rig.size
+    probe = np.random.default_rng(0).uniform(0, turn, (SETTINGS.prediction.probes, 1))
+    probe = jnp.asarray(np.tile(probe, n))
     repeats = np.allclose(_shape(rig, probe), _shape(rig, probe + turn), atol=1e-12)
     turns = 1 if repeats else int(np.ceil((highest - lowest) / turn)) + 2
     first = 0.0 if repeats else turn * np.floor(lowest / turn) - turn
-    angle = first + np.linspace(0.0, turn * turns, POINTS * turns + 1)
+    even = first + np.linspace(0.0, turn * turns, POINTS * turns + 1)
+    angle = np.stack([with_corners(even, corners) for corners in _corners(rig)], axis=1)
     shape = shape_table(rig, angle)
     radius = (np.asarray(rig.wheel_radius) + shape) / float(rig.sphere.radius)
-    step = angle[1] - angle[0]
-    length = np.concatenate(
-        [np.zeros((1, rig.size)), np.cumsum((radius[1:] + radius[:-1]) / 2, axis=0) * step]
-    )
-    slope = np.gradient(shape, step, axis=0)
+    rolled = (radius[1:] + radius[:-1]) / 2 * np.diff(angle, axis=0)
+    length = np.concatenate([np.zeros((1, n)), np.cumsum(rolled, axis=0)])
+    slope = np.stack([np.gradient(shape[:, i], angle[:, i]) for i in range(n)], axis=1)
     return WheelTables(angle, shape, slope, length, first, turn * turns)
+
+
+def _corners(rig: Rig) -> list[np.ndarray]:
+    """By wheel the angles (k,) in the first turn where a gap begins, is deepest or ends, rad."""
+    pitches, widths = np.asarray(rig.gaps.pitch), np.asarray(rig.gaps.width)
+    out = []
+    for pitch, width in zip(pitches, widths, strict=True):
+        first = np.arange(np.ceil(2 * np.pi / pitch)) * pitch
+        out.append((first[:, None] + width * np.array([0.0, 0.5, 1.0])).ravel())
+    return out
+
+
+def with_corners(even: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Even points (p,), those that lie nearest to corners (k,) of every turn moved there."""
+    cell, points = even[1] - even[0], even.copy()
+    turns = np.arange(np.round((even[-1] - even[0]) / (2 * np.pi))) * 2 * np.pi + even[0]
+    at = (turns[:, None] + corners).ravel()
+    nearest = np.round((at - even[0]) / cell).astype(int)
+    inner = (nearest > 0) & (nearest < len(even) - 1)
+    points[nearest[inner]] = at[inner]
+    return points
