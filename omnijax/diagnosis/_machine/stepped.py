@@ -56,19 +56,20 @@ class Pull(NamedTuple):
 
 def law_changes(lanes: list[Lane]) -> list[Change]:
     """What contact and mount laws change in every lane."""
-    return [_change(x.modes, x.run, pull) for x, pull in zip(lanes, law_pulls(lanes), strict=True)]
-
-
-def law_pulls(lanes: list[Lane]) -> list[Pull]:
-    """How contact and mount laws pull in every lane."""
     if not lanes:
         return []
     parts = np.array_split(np.arange(len(lanes)), -(-len(lanes) // LANES))
-    pulls = each(lambda some: _side_by_side([lanes[k] for k in some]), parts)
-    return [pull for part in pulls for pull in part]
+    changes = each(lambda some: _side_by_side([lanes[k] for k in some]), parts)
+    return [change for part in changes for change in part]
 
 
-def _side_by_side(lanes: list[Lane]) -> list[Pull]:
+def _side_by_side(lanes: list[Lane]) -> list[Change]:
+    pulls = law_pulls(lanes)
+    return [_change(x.modes, x.run, pull) for x, pull in zip(lanes, pulls, strict=True)]
+
+
+def law_pulls(lanes: list[Lane]) -> list[Pull]:
+    """How contact and mount laws pull in each of a few lanes, stepped side by side."""
     laws = [ElasticLaws.of(x.rig) for x in lanes]
     ports = laws[0].ports
     starts = [
