@@ -366,19 +366,21 @@ class Machine:
 
     def normal_force(self, rig: Rig, i: int, m: RunMotion, drive) -> np.ndarray:
         """N (FINE points, n) of the elastic model with the laws at its contacts and mounts."""
-        felt_there = self.signals(rig, i, self.ports(rig, self.runs[i], m, drive))
-        approach, of_laws = np.split(felt_there, 2, axis=1)[0], 0.0
-        if stepped := stepped_ports(rig):
-            some = [x for x, port in zip(np.split(felt_there, 2, axis=1), SIGNALS, strict=True)
-                    if port in stepped]  # fmt: skip
-            lane = Lane(rig, self.modes(rig), self.runs[i], np.concatenate(some, axis=1))
+        run, contact, of_laws = self.runs[i], rig.wheels.contact, 0.0
+        stepped, modes, ports = stepped_ports(rig), self.modes(rig), self.ports(rig, run, m, drive)
+        parts = STEPS if stepped else FINE
+        z = linear_states(modes, run, ports, parts, self.basis.rolling.get(i))
+        rate = self.shape_rate(rig, m, parts)
+        approach = felt(modes, z, ports, rate, ("contact",), parts)
+        if stepped:
+            lane = Lane(rig, modes, run, felt(modes, z, ports, rate, stepped, parts))
             (pull,) = law_pulls([lane])
-            approach = approach + approach_changes(lane, pull)
-            of_laws = pull.tensions.get("contact", 0.0)
-        deflection, rate = np.split(approach, 2, axis=1)
-        contact = rig.wheels.contact
-        pressed = np.asarray(contact.stiffness) * deflection + np.asarray(contact.damping) * rate
-        return np.asarray(rig.wheels.closure.preload) - pressed - of_laws
+            approach += approach_changes(lane, pull)
+            of_laws = pull.tensions.get("contact", of_laws)
+        deflection, speed = np.split(approach, 2, axis=1)
+        tension = np.asarray(contact.stiffness) * deflection + np.asarray(contact.damping) * speed
+        pressed = np.asarray(rig.wheels.closure.preload) - tension - of_laws
+        return np.ascontiguousarray(pressed[:: parts // FINE])
 
     # --- predictions --------------------------------------------------------------------------
     def elastic(self, rigs: list[Rig], which: list[int]) -> list[list[np.ndarray]]:
