@@ -18,9 +18,11 @@ COMMAND = ["sweep", "atlas", "--speed", "0.1,1.2,0.3", "--vary", "wheel.roundnes
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
-def test_killed_worker_costs_only_its_chunk(tmp_path):
+def test_killed_worker_costs_only_its_chunk(tmp_path, monkeypatch):
     distributed = pytest.importorskip("distributed")
+    monkeypatch.setenv("OMNIJAX_KEEP_PROGRAMS", "1")  # workers load what is compiled here
     out, killed = tmp_path / "dask.zarr", []
+    alone = sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
     cluster = distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=":0", silence_logs=50
     )
@@ -36,7 +38,6 @@ def test_killed_worker_costs_only_its_chunk(tmp_path):
             "atlas", VARY, speeds=SPEEDS, chunk=2, out=out, scheduler=address, report=kill
         )
     assert len(killed) == 1 and result.counts() == {"ok": 20}
-    alone = sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
     for name in ("peak", "rms", "wheel.roundness", "contact.stiffness"):
         assert np.array_equal(load_sweep(out)[name], alone[name])
 
