@@ -100,3 +100,16 @@ def test_a_study_names_a_rig_that_is_there(tmp_path, monkeypatch, capsys):
 def test_what_is_no_geometry_is_said(tokens, sentence, tmp_path, capsys):
     assert run(["init", str(tmp_path / "x.toml"), *tokens]) == 2
     assert sentence in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "tokens", [["init", "best.doc"], ["design", "a.toml", "--rig", "best.doc"]]
+)
+def test_a_file_by_whose_suffix_no_command_would_know_it_is_refused(
+    tokens, tmp_path, monkeypatch, capsys
+):
+    """It was written: a study of another suffix was then read as a rig."""
+    monkeypatch.chdir(tmp_path)
+    assert run(tokens) == 2
+    assert "`best.doc` must end in .toml." in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())

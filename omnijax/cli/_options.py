@@ -60,6 +60,14 @@ def check_netcdf(path: Path | None) -> None:
         raise InputError(f"`{path.name}` must end in .nc.")
 
 
+def check_toml(path: Path | None) -> None:
+    """`InputError` for a rig, study or machine file of another suffix: by that commands tell it."""
+    from .._errors import InputError
+
+    if path is not None and path.suffix != ".toml":
+        raise InputError(f"`{path.name}` must end in .toml.")
+
+
 def command_line(without: tuple[str, ...] = (), valued: tuple[str, ...] = ()) -> str:
     """This command as it can be typed again, less some of its words and options with a value."""
     typed, words = ["omnijax"], iter(sys.argv[1:])

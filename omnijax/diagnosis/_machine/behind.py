@@ -36,8 +36,9 @@ class LinearReading(NamedTuple):
 
     @property
     def tells(self) -> np.ndarray:
-        """Where (t, c) the sensors show a change of the value, be it up or down."""
-        return np.minimum(np.abs(self.above), np.abs(self.below)) > BLIND
+        """Where (t, c) the sensors show a change of the value, as much up as down: no corner."""
+        size = np.abs(self.slope)
+        return (size > BLIND) & (np.abs(self.above - self.below) < size)
 
     def back(self, difference: np.ndarray) -> np.ndarray:
         """A small difference of readings as one of values; NaN where the sensors tell none."""
