@@ -1,6 +1,7 @@
 """The noise that a residual shows: level, colour, steps; what hangs on a state is no noise."""
 
 import dataclasses
+import functools
 from types import SimpleNamespace
 
 import numpy as np
@@ -596,5 +597,6 @@ def test_the_parts_of_the_only_run_make_one_column_again():
     model = SimpleNamespace(
         machine=machine, splits={"train": [0], "held-out": [1]}, rig_at=lambda point: None
     )
+    model._by_run = functools.partial(RigModel._by_run, model)  # pyright: ignore
     (whole,) = RigModel._whole(model, None, 4)  # pyright: ignore
     assert whole == pytest.approx(column[:, 4])

@@ -59,7 +59,7 @@ REFUSED = {
     "a file as a folder": ("reproduce --out rig.toml", "a folder is to be written"),
     "a page as a folder": ("reproduce --out page.html", "take page, whose page is index.html"),
     "a folder as a file": ("replay run.nc --out page", "is a folder or a device"),
-    "a device": ("init /dev/full --force", "is a folder or a device"),
+    "a device": ("init /dev/full --force", "must end in .toml"),
     "below a file": ("simulate rig.toml -S --out rig.toml/run.nc", "cannot be written"),
     "a name too long": (f"init {'x' * 300}.toml", "cannot be written"),
     "a zero byte": ("init a\0b.toml", "cannot be written"),

@@ -26,7 +26,7 @@ KNOWN = version("jaxlib").startswith("0.10.")
 TERMS = 8  # of a sum: XLA leaves one of more to a library
 _ATTRIBUTES = {"inlineable": "false", "xla_cpu_small_call": "true"}
 # what XLA writes out itself; the rest (scatter, sorting, LAPACK, ...) it may leave to libraries
-_WRITTEN_OUT = """
+_NAMES = """
     abs acos acosh add and argmax argmin asin asinh atan atan2 atanh bitcast_convert_type
     broadcast_in_dim cbrt ceil clamp complex concatenate cond conj convert_element_type copy cos
     cosh cumsum custom_jvp_call custom_vjp_call div dynamic_slice dynamic_update_slice eq exp exp2
@@ -35,6 +35,7 @@ _WRITTEN_OUT = """
     reduce_sum rem reshape rev round rsqrt scan select_n sign sin sinh slice split sqrt square
     squeeze stack stop_gradient sub tan tanh transpose while xor
 """
+_WRITTEN_OUT = frozenset(_NAMES.split())
 
 
 def one_kernel(f: Callable, *args):
@@ -73,7 +74,7 @@ def _written_out(jaxpr: Jaxpr) -> bool:
     """Whether XLA leaves nothing of a traced function to libraries."""
     for equation in jaxpr.eqns:
         name = equation.primitive.name
-        if name not in _WRITTEN_OUT.split():
+        if name not in _WRITTEN_OUT:
             return False
         if name == "reduce_sum":
             x: Any = equation.invars[0].aval
