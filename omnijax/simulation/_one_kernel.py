@@ -5,7 +5,6 @@ small kernels waits for that a good part of the time.  XLA itself makes one kern
 kilobyte or less, by an attribute of the call that it puts there; another call may have it too.
 """
 
-import math
 from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from typing import Any
@@ -23,17 +22,17 @@ from .._compiling import on_cpu
 # XLA breaks off, process and all, where it finds a call other than it makes them itself, so only
 # versions that the tests have run with are asked
 KNOWN = version("jaxlib").startswith("0.10.")
-TERMS = 8  # of a sum: XLA leaves one of more to a library
 _ATTRIBUTES = {"inlineable": "false", "xla_cpu_small_call": "true"}
-# what XLA writes out itself; the rest (scatter, sorting, LAPACK, ...) it may leave to libraries
+# what XLA writes out itself; it may leave the rest (sums, maxima of real numbers, scatter, LAPACK,
+# ...) to libraries
 _NAMES = """
-    abs acos acosh add and argmax argmin asin asinh atan atan2 atanh bitcast_convert_type
-    broadcast_in_dim cbrt ceil clamp complex concatenate cond conj convert_element_type copy cos
-    cosh cumsum custom_jvp_call custom_vjp_call div dynamic_slice dynamic_update_slice eq exp exp2
-    expm1 floor gather ge gt imag integer_pow iota is_finite jit le le_to log log1p logistic lt
-    lt_to max min mul ne neg not or pad pjit pow real reduce_and reduce_max reduce_min reduce_or
-    reduce_sum rem reshape rev round rsqrt scan select_n sign sin sinh slice split sqrt square
-    squeeze stack stop_gradient sub tan tanh transpose while xor
+    abs acos acosh add and asin asinh atan atan2 atanh bitcast_convert_type broadcast_in_dim cbrt
+    ceil clamp complex concatenate cond conj convert_element_type copy cos cosh custom_jvp_call
+    custom_vjp_call div dynamic_slice dynamic_update_slice eq exp exp2 expm1 floor gather ge gt imag
+    integer_pow iota is_finite jit le le_to log log1p logistic lt lt_to max min mul ne neg not or
+    pad pjit pow real reduce_and reduce_max reduce_min reduce_or rem reshape rev round rsqrt scan
+    select_n sign sin sinh slice split sqrt square squeeze stack stop_gradient sub tan tanh
+    transpose while xor
 """
 _WRITTEN_OUT = frozenset(_NAMES.split())
 
@@ -76,9 +75,9 @@ def _written_out(jaxpr: Jaxpr) -> bool:
         name = equation.primitive.name
         if name not in _WRITTEN_OUT:
             return False
-        if name == "reduce_sum":
+        if name in ("reduce_max", "reduce_min"):
             x: Any = equation.invars[0].aval
-            if math.prod(x.shape[axis] for axis in equation.params["axes"]) > TERMS:
+            if jnp.issubdtype(x.dtype, jnp.inexact):
                 return False
         if not all(map(_written_out, _inside(equation.params))):
             return False

@@ -1,6 +1,5 @@
 """`jax.vmap` with the batch as the last axis of every array."""
 
-from .loops import loop_of_many as loop_of_many
 from .transform import LANES as LANES
 from .transform import WIDTH as WIDTH
 from .transform import in_parts as in_parts

@@ -1,15 +1,11 @@
 """Loops and choices over arrays whose last axis is the batch."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
-import jax
 from jax import lax
 from jax.extend.core import ClosedJaxpr, Literal
 
-from .._one_kernel import one_kernel
 from .values import Call, Rule, Value
-
-_NAME = "loop_of_many"  # of calls
 
 
 def _reached(closed: ClosedJaxpr, batched: Sequence[bool]) -> list[bool]:
@@ -102,28 +98,8 @@ def _cond(call: Call) -> list[Value] | None:
     return _values(outputs, batched)
 
 
-def loop_of_many(loop: Callable, *args):
-    """loop(*args), of which `vmap_last` makes `one_kernel`."""
-
-    def named(*args):
-        return loop(*args)
-
-    named.__name__ = named.__qualname__ = _NAME
-    return jax.jit(named)(*args)
-
-
 def _called(call: Call) -> list[Value]:
-    closed = call.params["jaxpr"]
-    if call.params["name"] != _NAME:
-        return call.evaluated(closed, call.inputs, call.size)
-    flags = _flags(call.inputs)
-    batched = _reached(closed, flags)
-
-    def loop(*arrays):
-        outputs = call.evaluated(closed, _values(arrays, flags), call.size)
-        return _as(outputs, batched, call.size)
-
-    return _values(one_kernel(loop, *(value.array for value in call.inputs)), batched)
+    return call.evaluated(call.params["jaxpr"], call.inputs, call.size)
 
 
 LOOPS: dict[str, Rule] = {"scan": _scan, "while": _while, "cond": _cond, "jit": _called}

@@ -8,7 +8,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .._one_kernel import one_kernel
 from .arithmetic import summed
 from .curves import ModalCurves, moved, values_at
 from .phases import Spot
@@ -55,7 +54,7 @@ def risen(f: ModalCurves, signs, spot: Spot, step, rounds: int):
 
     still = 0.0 * spot.time
     start = spot, jnp.full(still.shape, -jnp.inf), still, still + 1.0
-    spot, height, move, _ = one_kernel(lambda x: jax.lax.fori_loop(0, rounds, turn, x), start)
+    spot, height, move, _ = jax.lax.fori_loop(0, rounds, turn, start)
     return _settled(spot, move, step), height
 
 
@@ -108,7 +107,7 @@ def climbed(every: list[ModalCurves], held, spots: list[Spot], steps, rounds: in
     still = [0.0 * spot.time for spot in spots]
     lanes = still[0].shape[-1]
     begin = _Climb(spots, jnp.zeros((ROWS, lanes)), jnp.full(lanes, -1.0), still, jnp.ones(lanes))
-    top = one_kernel(lambda begin: jax.lax.fori_loop(0, rounds, turn, begin), begin)
+    top = jax.lax.fori_loop(0, rounds, turn, begin)
     each = zip(top.spots, top.moves, steps, strict=True)
     return [_settled(*x) for x in each], top.total, top.square
 

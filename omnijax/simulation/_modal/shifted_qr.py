@@ -206,8 +206,8 @@ def _swept(s: _Iteration):
     columns = materialised(_first_columns, own, below, above, *shift)
     start, x, y, z = materialised(partial(_start, m), own, below, columns, first, last)
     begin = jnp.stack([x, y, z])
-    from_row = jnp.min(jnp.where(last > 0, start, m)).astype(int)
-    to_row = jnp.max(last).astype(int)
+    from_row = jnp.min(jnp.where(last > 0, start, m).astype(int))
+    to_row = jnp.max(last.astype(int))
 
     def three(x, row, axis: int):
         return jax.lax.dynamic_slice_in_dim(x, row, 3, axis)

@@ -20,7 +20,7 @@ from ..._compiling import Effort
 from ..._programs import kept
 from ...dynamics import Model, linear_system, position_input, torque_driven
 from ...rig import Rig
-from .._batch_last import in_parts, loop_of_many, side_by_side
+from .._batch_last import in_parts, side_by_side
 from .._channels import trajectory
 from .._commands import torque_inputs
 from .._drives import TorqueDrive
@@ -155,8 +155,7 @@ def simulate_fixed(
         carry, halfway = jax.lax.fori_loop(0, substeps, one, (carry, carry[0]))
         return carry, jnp.stack([halfway, carry[0]])
 
-    times = ts[0] + substeps * h * jnp.arange(pairs)
-    _, ys = loop_of_many(lambda *x: jax.lax.scan(pair, *x), first, times)
+    _, ys = jax.lax.scan(pair, first, ts[0] + substeps * h * jnp.arange(pairs))
     ys = jnp.concatenate([first[0][None], ys.reshape(2 * pairs, -1)])[: len(ts)]
     states = jax.vmap(lambda y: unpack(built, y, step.scale))(ys)
     status = jnp.where(jnp.all(jnp.isfinite(ys)), 0, 1)
