@@ -48,16 +48,17 @@ def one_kernel(f: Callable, *args):
     closed = eqx.filter_closure_convert(f, *args)
     moving, still = eqx.partition(jax.tree.map(_known, (closed, args)), _is_traced)
 
+    @jax.jit
     def called(moving):
         f, args = eqx.combine(moving, still)
         used = sum(jnp.real(jnp.ravel(x)[0]).astype(float) for x in jax.tree.leaves(moving))
         return f(*args), used
 
-    if not _written_out(jax.make_jaxpr(called)(moving).jaxpr):
+    if not _written_out(called.trace(moving).jaxpr.jaxpr):
         return f(*args)
     # all that a kernel is given has to be used there: XLA would put constants into it
     moving = jax.lax.optimization_barrier(moving)
-    return jax.lax.optimization_barrier(set_xla_metadata(jax.jit(called)(moving), **_ATTRIBUTES))[0]
+    return jax.lax.optimization_barrier(set_xla_metadata(called(moving), **_ATTRIBUTES))[0]
 
 
 def _is_traced(x) -> bool:

@@ -79,7 +79,7 @@ def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> S
 
     def shown_by(pair: Pair) -> Pair:  # (s + 1, p, c) -> (l, k, c); an output shows a pair twice
         share = jnp.where(pairs.kind, 0.5, 1.0)
-        first, second = (share * _by_place(x, place, total + 1) for x in pair)
+        first, second = (share * jax.ops.segment_sum(x, place, total + 1) for x in pair)
         return whole((first, second))
 
     value = pairs.value.real, pairs.value.imag
@@ -119,18 +119,12 @@ def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> S
     room = ((0, len(g.modes.c0) - layout.rows), (0, 0), (0, 0))
 
     def straight(x) -> Array:  # (l, o, c)
-        return jnp.pad(_by_place(x, columns, total), ((0, 0), *room[:1], (0, 0)))
+        return jnp.pad(jax.ops.segment_sum(x, columns, total), ((0, 0), *room[:1], (0, 0)))
 
     rate = jnp.zeros_like(g.slope) if slopes.rate is None else straight(slopes.rate)
     return System(
         A, inputs[:total], jnp.pad(outputs, room), straight(slopes.direct), rate, inputs[total]
     )
-
-
-def _by_place(x, place: np.ndarray, count: int) -> Array:
-    """Sums of the rows of x that belong to each of so many places."""
-    none = jnp.zeros_like(x[0])
-    return jnp.stack([sum((x[i] for i in np.flatnonzero(place == k)), none) for k in range(count)])
 
 
 def _with_axis(a: Pair, axis: int) -> Pair:
