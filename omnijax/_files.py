@@ -107,7 +107,7 @@ def _file_problems(path: Path, force: bool, taken: set[Path]) -> Iterator[str]:
         yield f"{path}: two results cannot be a file and a file in a folder of that name."
     elif (mode is not None or os.path.islink(path)) and not force:
         yield f"{path}: exists already: choose another name, or write over it with --force."
-    elif (reason := _obstacle(target.parent)) is not None:
+    elif (reason := obstacle_of(target.parent)) is not None:
         yield f"{path}: cannot be written: {reason}."
 
 
@@ -127,7 +127,7 @@ def _folder_problems(folder: Path, force: bool, taken: set[Path]) -> Iterator[st
                 f"{folder}: is a folder with files in it: choose another, or write over those of "
                 "the same names with --force."
             )
-        elif (reason := _obstacle(target)) is not None:
+        elif (reason := obstacle_of(target)) is not None:
             yield f"{folder}: cannot be written: {reason}."
         elif not target.exists() and folder.suffix.lower() in _OF_FILES:
             yield (
@@ -138,7 +138,7 @@ def _folder_problems(folder: Path, force: bool, taken: set[Path]) -> Iterator[st
         yield f"{str(folder)!r} cannot be written: {_reason(error)}."
 
 
-def _obstacle(folder: Path) -> str | None:
+def obstacle_of(folder: Path) -> str | None:
     """Why no file can be written into `folder` (which may be made), in words; None where it can."""
     here = next((p for p in (folder, *folder.parents) if os.path.lexists(p)), Path("."))
     if not here.is_dir():

@@ -9,7 +9,7 @@ import tomllib
 
 import pytest
 
-from omnijax import __version__
+from omnijax import __version__, cli
 from omnijax._errors import InputError, RunError, require
 from omnijax.cli import COMMANDS, _frame, build_app, run
 from omnijax.cli._tokens import understood
@@ -105,6 +105,33 @@ def test_a_rig_and_a_study_are_told_apart(tmp_path, capsys):
     call(capsys, "init", str(tmp_path / "rig.toml"))
     code, _, err = call(capsys, "design", str(tmp_path / "rig.toml"))
     assert code == 2 and "is a rig file, not a study file" in err and err.count("\n") == 1
+    call(capsys, "init", str(tmp_path / "machine.toml"), "--axis")
+    for command, kind in (("explore", "rig"), ("design", "study")):
+        code, _, err = call(capsys, command, str(tmp_path / "machine.toml"))
+        assert code == 2 and err.endswith(f"is a machine file (of an axis), not a {kind} file.\n")
+
+
+def test_an_axis_shows_its_uncertainty_as_shares_and_in_units(tmp_path, capsys):
+    call(capsys, "init", str(tmp_path / "machine.toml"), "--axis")
+    _, out, _ = call(capsys, "check", str(tmp_path / "machine.toml"))
+    shown = [line.split("  ") for line in out.splitlines()]
+    spread = {words[1]: words[-1] for words in shown if words[-1].startswith("±")}
+    assert spread["axis.inertia"] == "± 30 %"  # of 0.002 kg m²
+    assert spread["axis.offset"] == "± 0.01 N m"  # of 0
+
+
+def test_xla_keeps_its_opinions_to_itself(monkeypatch, capsys):
+    """A compilation of two minutes made XLA ask the user to file a bug."""
+    monkeypatch.delenv("TF_CPP_MIN_LOG_LEVEL", raising=False)
+    with pytest.raises(SystemExit):
+        cli.main(["--version"])
+    assert os.environ["TF_CPP_MIN_LOG_LEVEL"] == "3" and capsys.readouterr().out
+
+
+def test_no_option_is_made_of_a_list(capsys):
+    """`--empty-law` stood in the help of `diagnose`."""
+    for name in NAMES:
+        assert "--empty-" not in call(capsys, name, "--help")[1], name
 
 
 def test_exit_codes(monkeypatch, capsys):

@@ -29,6 +29,17 @@ def test_documented_command_parses(command):
     assert not unused, f"unknown: {unused}"
 
 
+DRIVES = {"--speed", "--omega", "--torque", "--drive"}
+
+
+def test_a_documented_run_of_a_rig_says_how_its_wheels_turn():
+    asked = [shlex.split(param.values[0]) for param in _commands()]
+    driven = [x for x in asked if x[0] in ("simulate", "sweep", "sensitivity")]
+    driven = [x for x in driven if x[1] != "study.toml"]  # which brings its own
+    assert len(driven) > 10
+    assert [x for x in driven if not DRIVES & {word.partition("=")[0] for word in x}] == []
+
+
 def test_the_documentation_shows_commands():
     assert len(list(_commands())) >= 10
 

@@ -32,6 +32,7 @@ def here(tmp_path, monkeypatch):
     Path("run.toml").write_text('rig = "rig.toml"\nrole = "held-out"\n')
     Path("study.toml").write_text('rig = "rig.toml"\n[[drive]]\nspeed = [1.0, 1.2, 0.3]\n')
     Path("my-rig.toml").write_text("mine")
+    Path("folder.html").mkdir()
     Path("page").mkdir()
     Path("page/index.html").write_text("an older page")
     return tmp_path
@@ -48,17 +49,25 @@ REFUSED = {
     "an older run": ("simulate rig.toml -S --out run.nc", "--force"),
     "a picture": ("simulate rig.toml -S --plot page/index.html.png", ""),
     "a page": ("sweep rig.toml --vary wheel.roundness=0.1:0.2:2 -s --report page", "--force"),
+    "a store where a file is": (
+        "sweep rig.toml --vary wheel.roundness=0.1,0.2 -s --out run.nc",
+        "a folder is to be written",
+    ),
+    "a store below a device": (
+        "sweep rig.toml --vary wheel.roundness=0.1,0.2 -s --out /dev/null/a.zarr",
+        "/dev/null/a.zarr: cannot be written: /dev/null is no folder.",
+    ),
     "a page of orders": ("orders run.nc --out page", "--force"),
     "a page of sensitivities": ("sensitivity rig.toml -s --report page", "--force"),
-    "the run by its replay": ("replay run.nc --out run.nc", "never written over"),
-    "a rig by a replay": ("replay run.nc --out rig.toml", "--force"),
+    "the run by its replay": ("replay run.nc --out run.nc", "must end in one of .html"),
+    "a rig by a replay": ("replay run.nc --out rig.toml", "must end in one of .html"),
     "the study by its design": ("design study.toml --rig study.toml", "never written over"),
     "the study's rig": ("tolerances study.toml --out rig.toml", "must end in .nc"),
     "an older front": ("pareto study.toml --out run.nc", "--force"),
     "the paper's page": ("reproduce --out page", "--force"),
     "a file as a folder": ("reproduce --out rig.toml", "a folder is to be written"),
     "a page as a folder": ("reproduce --out page.html", "take page, whose page is index.html"),
-    "a folder as a file": ("replay run.nc --out page", "is a folder or a device"),
+    "a folder as a file": ("replay run.nc --out folder.html", "is a folder or a device"),
     "a device": ("init /dev/full --force", "must end in .toml"),
     "below a file": ("simulate rig.toml -S --out rig.toml/run.nc", "cannot be written"),
     "a name too long": (f"init {'x' * 300}.toml", "cannot be written"),

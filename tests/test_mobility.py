@@ -53,6 +53,19 @@ def test_a_nearly_singular_machine_is_told(tmp_path, capsys):
     assert "The speeds do not fit each other" in warned and "hardly drive the axis" in warned
 
 
+def test_a_run_of_a_sphere_that_is_not_held_says_so(tmp_path, capsys):
+    file = tmp_path / "x.toml"
+    text = rig_text(EXAMPLES["ballbot"])
+    file.write_text(text.replace('azimuth = "120 deg"', 'azimuth = "0 deg"'), encoding="utf-8")
+    drive = ["--speed", "1,1,1", "--duration", "20ms"]
+    assert run(["simulate", str(file), *drive]) == 0
+    warned = " ".join(capsys.readouterr().err.split())
+    assert "do not hold the sphere in every direction: it drifts off" in warned
+    assert "no wheel drives the axis (" in warned
+    assert run(["simulate", str(file), *drive, "--model", "paper"]) == 0  # sums what wheels sag
+    assert "drifts off" not in capsys.readouterr().err
+
+
 def test_undriven_axes_and_weight(tmp_path):
     equator = Geometry(3, 90.0, 0.0, 0.1, 1.0, 1.0, 0.02, 0.1, 9, 100.0)
     rig = built(tmp_path, equator)

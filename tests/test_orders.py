@@ -132,6 +132,11 @@ def test_pictures_show_orders_and_units():
     found = rpm_order_map(recording(values), "dR_y", "2", turns=2, max_order=30)
     for axes in (found.plot(), found.plot(over="speed"), found.plot_waterfall()):
         assert axes.get_xlabel() == "order of wheel 2"
+    axes = found.plot_waterfall()
+    axes.figure.canvas.draw()
+    bar, length = axes.lines[-1], axes.texts[-1]
+    assert length.get_text().endswith(" µm")
+    assert length.get_window_extent().x0 > bar.get_window_extent().x1 + bar.get_linewidth()
     axes = order_track(recording(values), [14], "dR_y", "2").plot(over="speed")
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("speed (rpm)", "ΔR_y, peak (µm)")
     drawn = np.concatenate([line.get_ydata() for line in axes.lines])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rigs import MISSING, tables
 
-from omnijax.rig import InputError, parse_rig, rig_notes, rig_text
+from omnijax.rig import InputError, direction_angles, parse_rig, rig_notes, rig_text
 
 VECTORS = [(("wheel", 0, key), MISSING) for key in ("normal", "drive")]
 
@@ -36,6 +36,12 @@ def test_a_wheel_above_the_ball_presses_down_and_runs_level():
     rig = placed(zenith="45 deg", azimuth=0)
     np.testing.assert_allclose(rig.wheels.normal[0], [-(0.5**0.5), 0, -(0.5**0.5)], atol=1e-15)
     assert rig.wheels.drive[0].tolist() == [0.0, 1.0, 0.0]
+
+
+def test_the_half_turn_is_told_as_it_is_typed():
+    rig = placed(zenith="45 deg", azimuth="180 deg", skew="180 deg")
+    shown = direction_angles(rig.wheels.normal[0], rig.wheels.drive[0])
+    assert shown == pytest.approx([45, 180, 180], abs=1e-9)
 
 
 def test_vectors_of_few_digits_are_made_exact_and_said(tmp_path):

@@ -5,6 +5,7 @@ Loading the commands takes half a second, in which Ctrl-C is heard already.
 
 import atexit
 import importlib
+import os
 import signal
 import sys
 
@@ -14,12 +15,17 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from typing import Any
 
+# XLA writes into the terminal where a compilation takes two minutes, with a plea for a report of a
+# bug; what goes wrong comes as an exception.
+QUIET = "3"
+
 _LAZY: dict[str, str] = {name: "._frame" for name in ("run", "build_app", "COMMANDS")}
 _LAZY |= {name: "._options" for name in ("Json", "emit")}
 
 
 def main(tokens: list[str] | None = None) -> None:
     """Run the command line and exit with its code."""
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", QUIET)
     try:
         with listening():
             code = __getattr__("run")(tokens)

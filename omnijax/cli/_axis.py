@@ -30,10 +30,14 @@ def machine_summary(path: str) -> dict[str, Any]:
 
 def machine_lines(path: str, summary: dict[str, Any]) -> Iterator[str]:
     """The same for people."""
+    from .._text import written
+
     yield f"{path}: an axis ({summary['motion']}), driven by {summary['input']}"
     for key, x in summary["numbers"].items():
         about = summary["uncertainty"].get(key)
-        yield f"  {key:<22} {x['value']:.6g} {x['unit']}" + (f"  ± {about:g}" if about else "")
+        unit = written(x["unit"])
+        value = f"{x['value']:.6g} {unit}".rstrip()
+        yield f"  {key:<22} {value}" + (f"  ± {_spread(about, x['value'], unit)}" if about else "")
     for key in [k for k in summary["uncertainty"] if k not in summary["numbers"]]:
         yield f"  {key:<22} uncertain"
     if summary["effects"]:
@@ -42,6 +46,11 @@ def machine_lines(path: str, summary: dict[str, Any]) -> Iterator[str]:
     forgets = summary["memory"]
     held = "nothing pulls it back: it is compared by the balance of accelerations"
     yield f"  {f'forgets its start in {forgets:.3g} s' if forgets < float('inf') else held}"
+
+
+def _spread(sigma: float, value: float, unit: str) -> str:
+    """A 1-sigma as `[uncertainty]` has it: a share of `value`, or absolute where that is 0."""
+    return f"{sigma:g} {unit}".rstrip() if value == 0 else f"{100 * sigma:g} %"
 
 
 def _run_of(file: Any, log: Path | None, compared: bool = True) -> Any:

@@ -149,20 +149,35 @@ def _from_file(rig: Any, motion: MotionOptions, file: Path) -> AskedDrive:
     return AskedDrive(drive_from_recording(run), run.time, run.faults)
 
 
-def warnings(rig: Any, drive: Any, run: Any) -> list[str]:
-    """What the kinematics say against a run with prescribed speeds."""
+def warnings(rig: Any, drive: Any, run: Any, model: str) -> list[str]:
+    """What the wheels' places say against a run, and of one with prescribed speeds its kinematics.
+
+    Fewer than three wheels leave the sphere where it is; more may leave it free to drift.
+    """
+    from ..dynamics import hold_obstacle
+
+    told = []
+    if rig.size > 2 and hold_obstacle(rig, model) is not None:
+        told.append(
+            "the wheels do not hold the sphere in every direction: it drifts off, and the figures "
+            "of |ΔR| say how far; `omnijax check` says more."
+        )
+    return told + (_kinematics(rig, run) if hasattr(drive, "speed") else [])
+
+
+def _kinematics(rig: Any, run: Any) -> list[str]:
+    """What speaks against the prescribed speeds of a run."""
     import numpy as np
 
     from ..dynamics import mobility, sliding
 
-    if not hasattr(drive, "speed"):
-        return []
     told, driven = [], mobility(rig)
+    for axis in driven.undriven():
+        told.append(f"no wheel drives the axis ({_axis(axis)}): the sphere does not turn about it.")
     if len(driven.weak()):
-        axis = ", ".join(f"{x + 0.0:.3g}" for x in np.round(driven.weak()[0], 9))
         told.append(
-            f"the wheels hardly drive the axis ({axis}): condition {driven.condition:.4g}; small "
-            "errors of the speeds turn the sphere fast about it."
+            f"the wheels hardly drive the axis ({_axis(driven.weak()[0])}): condition "
+            f"{driven.condition:.4g}; small errors of the speeds turn the sphere fast about it."
         )
     speed = np.asarray(run.omega)
     speed = speed[np.isfinite(speed).all(axis=1)]
@@ -179,3 +194,8 @@ def warnings(rig: Any, drive: Any, run: Any) -> list[str]:
             "what fits, and --omega x,y,z gives fitting speeds."
         )
     return told
+
+
+def _axis(direction: Any) -> str:
+    """The components of a direction, with zeros for rounding."""
+    return ", ".join(f"{round(float(x), 9) + 0.0:.3g}" for x in direction)

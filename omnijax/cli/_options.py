@@ -46,18 +46,25 @@ PICTURES = (".png", ".svg", ".pdf")
 
 def check_picture(path: Path | None) -> None:
     """`InputError` for a picture of another kind than `PICTURES`."""
-    from .._errors import InputError
-
-    if path is not None and path.suffix.lower() not in PICTURES:
-        raise InputError(f"`{path.name}` must end in one of {', '.join(PICTURES)}.")
+    _check_ending(path, *PICTURES)
 
 
 def check_netcdf(path: Path | None) -> None:
     """`InputError` for a result that is not to be a netCDF file."""
+    _check_ending(path, ".nc")
+
+
+def check_page(path: Path | None) -> None:
+    """`InputError` for a page that a browser would not take for one."""
+    _check_ending(path, ".html", ".htm")
+
+
+def _check_ending(path: Path | None, *endings: str) -> None:
     from .._errors import InputError
 
-    if path is not None and path.suffix.lower() != ".nc":
-        raise InputError(f"`{path.name}` must end in .nc.")
+    if path is not None and path.suffix.lower() not in endings:
+        choice = f"{'one of ' * (len(endings) > 1)}{', '.join(endings)}"
+        raise InputError(f"`{path.name}` must end in {choice}.")
 
 
 def check_toml(path: Path | None) -> None:

@@ -38,8 +38,8 @@ def waiting(command: str) -> Iterator[None]:
 
     def tell() -> None:
         about = f"about {SECONDS[command]} s of CPU" if command in SECONDS else "some seconds"
-        print(f"compiling, {about}: it is kept, and the next {command} does not wait for it",
-              file=sys.stderr, flush=True)  # fmt: skip
+        print(f"compiling, {about}: it is kept, and the next {command} of this kind does not wait "
+              "for it", file=sys.stderr, flush=True)  # fmt: skip
 
     listeners.append(tell)
     try:

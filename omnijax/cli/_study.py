@@ -54,10 +54,11 @@ def _of_study(path: str, typed: dict[str, Any]) -> AskedStudy:
         raise InputError(f"takes one [[drive]] here, but has {len(study.drives)}.", path)
     if any(load.values for load in study.loads):
         raise InputError("takes no [[load]] here: put its numbers into the rig.", path)
-    if study.constraints or study.tolerances:
-        tell(["[[constraint]] and [tolerance] of the study are of `design`: left out here."])
+    tables = {"[[constraint]]": study.constraints, "[tolerance]": study.tolerances}
+    for table in (name for name, content in tables.items() if content):
+        tell([f"{table} of the study is for `design`: left out here."])
     if any(kind != "uniform" for kind in study.distributions):
-        tell(["`distribution` is of `global-sensitivity`: left out here."])
+        tell(["`distribution` is for `global-sensitivity`: left out here."])
     pairs = zip(study.variables, study.levels, strict=True)
     own = {v.name: f"{'log:' * v.log}{v.low!r}:{v.high!r}:{n}" for v, n in pairs}
     drive_of = Studied(study.drives[0].drive, study.duration, study.rate)

@@ -1,7 +1,9 @@
 """`omnijax diagnose`: find and name the effect that a simulation lacks."""
 
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
+
+from cyclopts import Parameter
 
 from .._files import claim, write_text
 from .._reading import existing
@@ -15,7 +17,7 @@ def diagnose(
     *,
     out: Path | None = None,
     rig: Path | None = None,
-    law: list[Path] | None = None,
+    law: Annotated[list[Path] | None, Parameter(negative="")] = None,
     model: Path | None = None,
     window: float = 1.0,
     thin: Whole = 1,

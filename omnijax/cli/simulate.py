@@ -72,7 +72,7 @@ def simulate(
     _claim(rig, machine, out, plot, resume, overwrite)
     run, done = _run(machine, wanted, numerics, out, resume, overwrite)
     summary = summarise(run, machine) | {"rig": rig, "faults": [str(f) for f in wanted.faults]}
-    summary["warnings"] = warnings(machine, wanted.drive, run)
+    summary["warnings"] = warnings(machine, wanted.drive, run, numerics.model)
     for warning in summary["warnings"]:
         print(paragraph(f"warning: {warning}", "  "), file=sys.stderr)
     if measured is not None:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ._facts import wheel_facts as wheel_facts
     from ._json_schema import effect_schema as effect_schema
     from ._json_schema import json_schema as json_schema
+    from ._kinds import kind_of as kind_of
     from ._load import parse_rig as parse_rig
     from ._machine import Closure as Closure
     from ._machine import Contact as Contact

@@ -12,6 +12,7 @@ from .._errors import did_you_mean
 from .._problems import sentence
 from ._check_effects import effect_problems
 from ._directions import directed
+from ._kinds import kind_of
 from ._parameters import scalar_paths
 from ._quantities import UNIT_TOLERANCE
 from ._schema import (
@@ -27,14 +28,16 @@ from ._schema import (
 from ._table_profile import read_profile
 
 RESERVED = {"all", "sphere", "platform", *WheelTable.model_fields, *GROUPS}
-_RIG = {"sphere", "platform", "wheel"}
-_STUDY = {"rig", "objective", "variable", "constraint", "search", "pareto", "limit", "drive"}
+_OTHERS = {
+    "study": "is a study file, not a rig file: its machine stands under `rig`.",
+    "machine": "is a machine file (of an axis), not a rig file.",
+}
 
 
 def problems(data: Mapping[str, Any], folder: Path) -> list[str]:
     """What is wrong with the tables of a rig file; relative files are looked for in `folder`."""
-    if _STUDY & set(data) and not _RIG & set(data):
-        return ["is a study file, not a rig file: its machine stands under `rig`."]
+    if (kind := kind_of(data)) in _OTHERS:
+        return [_OTHERS[kind]]
     data, _, sentences = directed(data)
     try:
         RigTable.model_validate(data)

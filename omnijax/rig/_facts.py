@@ -55,12 +55,16 @@ def derived(rig: Any) -> tuple[Any, Any]:
 
 
 def direction_angles(normal: Any, drive: Any) -> list[float]:
-    """Zenith, azimuth and skew of a wheel in degrees, as a rig file may give them."""
+    """Zenith, azimuth and skew of a wheel in degrees, as a rig file may give them.
+
+    The half turn is 180, never -180.
+    """
     touch, drive = -np.asarray(normal), np.asarray(drive)
     zenith, azimuth = np.arccos(np.clip(touch[2], -1, 1)), np.arctan2(touch[1], touch[0])
     level = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     skew = np.arctan2(drive @ np.cross(level, touch), drive @ level)
-    return [round(float(x), 9) + 0.0 for x in np.degrees([zenith, azimuth, skew])]
+    angles = (round(float(x), 9) + 0.0 for x in np.degrees([zenith, azimuth, skew]))
+    return [180.0 if x == -180.0 else x for x in angles]
 
 
 def rig_html(rig: Any) -> str:

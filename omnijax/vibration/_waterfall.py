@@ -85,8 +85,8 @@ def plot_waterfall(result: Any, *, ax: Any = None, count: int = 24) -> Any:
     edge = 1.02 * result.orders[-1]
     ax.plot([edge, edge], [result.time[pick[0]], result.time[pick[0]] + height * size], lw=3,
             color=PALETTE["black"], clip_on=False, solid_capstyle="butt")  # fmt: skip
-    ax.annotate(f" {size:g} {_unit(result)}", (edge, result.time[pick[0]] + height * size / 2),
-                va="center", annotation_clip=False)  # fmt: skip
+    ax.annotate(f"{size:g} {_unit(result)}", (edge, result.time[pick[0]] + height * size / 2),
+                (5, 0), textcoords="offset points", va="center", annotation_clip=False)  # fmt: skip
     return ax
 
 

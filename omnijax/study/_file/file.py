@@ -6,7 +6,7 @@ from typing import Any
 
 from ..._errors import InputError
 from ..._reading import read_toml
-from ...rig import Rig, bundled_rigs, load_rig
+from ...rig import Rig, bundled_rigs, kind_of, load_rig
 from .._evaluation import drive_quantities
 from .._parameters import overlaps
 from .._problem import check_variables
@@ -37,6 +37,8 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
 
     Its numbers are SI.  Raises `InputError` with every problem of the tables at once.
     """
+    if kind_of(data) == "machine":
+        raise InputError("is a machine file (of an axis), not a study file.", path)
     if {"sphere", "wheel"} <= set(data):
         raise InputError(
             f'is a rig file, not a study file: a study names it with rig = "{path}".', path

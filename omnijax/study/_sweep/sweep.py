@@ -15,6 +15,7 @@ import numpy as np
 
 from ... import __version__
 from ..._errors import InputError, tell
+from ..._files import obstacle_of
 from ..._interrupts import answer, end_children, interrupted, raise_lost, saying
 from ...rig import Rig, load_rig
 from ...simulation import AbstractDrive
@@ -131,7 +132,11 @@ def environment() -> dict[str, Any]:
 def _store(
     folder: Path | None, asked: SweepSpec, resume: bool, fixed_chunk: bool, about: dict[str, Any]
 ) -> Store:
+    if folder is not None and folder.exists() and not folder.is_dir():
+        raise InputError("is a file, but a folder is to be written there.", folder)
     if folder is None or not folder.exists():
+        if folder is not None and (reason := obstacle_of(folder)) is not None:
+            raise InputError(f"cannot be written: {reason}.", folder)
         created = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         return create_store(folder, asked, quantities(asked), {**about, "created": created})
     if not resume:
