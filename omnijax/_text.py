@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -67,6 +68,12 @@ def estimated(value: float, sigma: float | None, unit: str) -> tuple[str, str]:
 def label(name: str, unit: str) -> str:
     """Text of an axis."""
     return f"{name} ({unit})" if unit else name
+
+
+def listed(words: Sequence[str]) -> str:
+    """Words in a sentence: "a", "a and b", "a, b and c"."""
+    *rest, last = words
+    return f"{', '.join(rest)} and {last}" if rest else last
 
 
 _TABLES = ("contact", "mount", "closure")

@@ -66,6 +66,16 @@ def test_a_run_of_a_sphere_that_is_not_held_says_so(tmp_path, capsys):
     assert "drifts off" not in capsys.readouterr().err
 
 
+def test_profiles_that_differ_leave_the_table_its_width(tmp_path, capsys):
+    file = tmp_path / "x.toml"
+    text = rig_text(EXAMPLES["ballbot"])
+    file.write_text(text.replace('"rollers"', '"continuous-sine"', 1), encoding="utf-8")
+    assert run(["check", str(file)]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "profiles: w1 continuous-sine, w2 rollers, w3 rollers" in lines
+    assert max(map(len, lines[1:])) <= 80
+
+
 def test_undriven_axes_and_weight(tmp_path):
     equator = Geometry(3, 90.0, 0.0, 0.1, 1.0, 1.0, 0.02, 0.1, 9, 100.0)
     rig = built(tmp_path, equator)

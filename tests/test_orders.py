@@ -176,6 +176,8 @@ def test_the_command_names_the_passing_of_rollers_and_writes_a_page(capsys, tmp_
     assert [round(row["order"], 1) for row in found["orders"][:2]] == [28.0, 9.5]
     assert found["orders"][0]["meaning"] == "2 × the passing of wheel w2's rollers"
     assert found["orders"][1]["meaning"] == ""
+    named = [{"2": "w2"}.get(word, word) for word in options]  # as the rig calls it
+    assert json.loads(_orders(capsys, path, *named, "--json")[1])["orders"] == found["orders"]
     alike = recording(values)
     alike.channels["theta_1"], alike.channels["theta_3"] = ANGLE, 0 * ANGLE
     path = write_recording(tmp_path / "alike.csv", alike)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from omnijax._status import Status
-from omnijax._text import path_words, quantity_text
-from omnijax.report import provenance, study_page, sweep_page
+from omnijax._text import listed, path_words, quantity_text
+from omnijax.report import provenance, study_page, sweep_figure, sweep_page
 from omnijax.study import Design, SweepResult
 from omnijax.study._sweep.evaluator import quantities
 from omnijax.study._sweep.spec import SweepSpec
@@ -19,10 +19,10 @@ VARY = (
 )
 
 
-def swept(seed, loose=0.3, vary=VARY):
+def swept(seed, loose=0.3, vary=VARY, **points):
     """A stored sweep of random figures in which a share of the designs slips or lifts off."""
     rng = np.random.default_rng(seed)
-    spec = SweepSpec("[sphere]\n", vary, ("rms", "slip_margin"), {}, "steady")
+    spec = SweepSpec("[sphere]\n", vary, ("rms", "slip_margin"), {}, "steady", **points)
     about = {"method_reason": "a test", "versions": {}}
     store = create_store(None, spec, quantities(spec), about)
     size = spec.points.size
@@ -79,6 +79,42 @@ def test_maps_hatch_and_lines_ring_what_slips(seed):
     clean = swept(seed, loose=0.0)
     assert not clean.plot_heatmap("rms").patches
     assert clean.plot_heatmap("rms").get_legend() is None
+
+
+def test_samples_have_a_panel_for_each_parameter():
+    vary = (("contact.stiffness", "N/m", "5e4:1e6"), ("speed.w1", "rad/s", "1:2"))
+    result = swept(0, vary=vary, sampler="lhs", samples=12)
+    fig = sweep_figure(result, "rms")
+    stiffness, speed = fig.axes
+    assert stiffness.get_xlabel() == "contact stiffness (kN/m)"
+    assert speed.get_xlabel() == "speed of w1 (rad/s)"
+    for ax, path, factor in ((stiffness, "contact.stiffness", 1e-3), (speed, "speed.w1", 1.0)):
+        np.testing.assert_allclose(ax.lines[0].get_xdata(), factor * result[path])
+    page = sweep_page(result)
+    assert page.question == (
+        "How do rms and slip_margin depend on contact stiffness and speed of w1?"
+    )
+    assert page.sections[0].figures[0].axis is None  # one switch cannot serve two quantities
+
+
+def test_designs_that_failed_are_listed_in_the_units_of_their_columns():
+    result = swept(1)
+    status = result.store.read("status", 0, result.size)
+    status[3] = Status.FAILED
+    result.store.write(0, {name: result.store.read(name) for name in result.store.names[:-1]}
+                       | {"status": status})  # fmt: skip
+    failed = next(t for s in sweep_page(result).sections for t in s.tables if t.name == "failed")
+    assert [(c.name, c.unit) for c in failed.columns[:2]] == [
+        ("design", ""), ("contact.stiffness", "kN/m"),
+    ]  # fmt: skip
+    (row,) = failed.rows
+    assert row[:2] == [3, pytest.approx(1e-3 * result.design(3)["contact.stiffness"])]
+
+
+def test_words_in_a_row():
+    assert listed(["a"]) == "a"
+    assert listed(["a", "b"]) == "a and b"
+    assert listed(["a", "b", "c"]) == "a, b and c"
 
 
 @pytest.mark.parametrize(

@@ -50,14 +50,17 @@ def _bodies(summary: dict[str, Any]) -> Iterator[str]:
 
 
 def _directions(wheels: list[dict[str, Any]]) -> Iterator[str]:
-    rows = [["wheel", "profile", "zenith", "azimuth", "skew", "normal", "drive"]]
+    profiles = [wheel["profile"] for wheel in wheels]
+    if len(set(profiles)) == 1:
+        yield f"every wheel has the profile {profiles[0]}"
+    else:
+        pairs = (f"{w['name']} {w['profile']}" for w in wheels)
+        yield paragraph(f"profiles: {', '.join(pairs)}", "  ")
+    rows = [["wheel", "zenith", "azimuth", "skew", "normal", "drive"]]
     for wheel in wheels:
         angles = [f"{x:.4g}°" for x in wheel["angles"]]
         vectors = [" ".join(f"{x:6.3f}" for x in wheel[key]) for key in ("normal", "drive")]
-        rows.append([wheel["name"], wheel["profile"], *angles, *vectors])
-    if len({wheel["profile"] for wheel in wheels}) == 1:
-        rows = [row[:1] + row[2:] for row in rows]
-        yield f"every wheel has the profile {wheels[0]['profile']}"
+        rows.append([wheel["name"], *angles, *vectors])
     yield from columns(rows)
 
 

@@ -63,6 +63,7 @@ def orders(
     _in_range("turns", turns, 0.01, 1e4)
     _in_range("max-order", max_order, 0.01, 1e4)
     measured, machine = _run(run, rig)
+    reference = _known_to(measured, machine, reference)
     claim(folders=[out], force=force)
     how = {"turns": turns, "amplitude": amplitude, "window": window}
     order_map, followed = _analysed(run, measured, (channel, reference), max_order, track, how)
@@ -105,6 +106,15 @@ def _run(path: Path, rig: str | None) -> tuple[Any, Any]:
     for fault in recording.faults:
         print(f"warning: {fault}", file=sys.stderr)
     return recording, machine
+
+
+def _known_to(run: Any, rig: Any, reference: str) -> str:
+    """The reference as `run` knows it: a recording's columns have numbers, its rig has names."""
+    from ..recording import Recording
+
+    if isinstance(run, Recording) and rig is not None and reference in rig.names:
+        return str(rig.names.index(reference) + 1)
+    return reference
 
 
 def _analysed(

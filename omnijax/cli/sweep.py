@@ -148,11 +148,9 @@ def _run(
 
 
 def _plot(result: Any, file: Path) -> Path:
-    from ..report import style
+    from ..report import style, sweep_figure
 
-    metric = result.spec.metrics[0]
-    flat = len(result.shape) < 2
+    fig = sweep_figure(result, result.spec.metrics[0])
     with writing(file) as part, style():
-        ax = result.plot_lines(metric) if flat else result.plot_heatmap(metric)
-        ax.figure.savefig(part, dpi=150)
+        fig.savefig(part, dpi=150)
     return file

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from ._style import figure as figure
     from ._style import legend_above as legend_above
     from ._style import style as style
+    from ._sweep import sweep_figure as sweep_figure
     from ._sweep import sweep_page as sweep_page
 
 __getattr__, __dir__ = lazy_face(__name__)

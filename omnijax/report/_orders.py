@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .._plot import SCALES
+from .._text import listed
 from ..vibration import OrderMap, OrderTrack, name_of
 from ._axis import SpeedAxis
 from ._content import Column, Fact, Figure, Provenance, Section, Table, shown
@@ -107,7 +108,7 @@ def _meaning(order: float, passing: Mapping[str, float], resolution: float) -> s
         wheels = [name for times, name in fits if times == least]
         if len(wheels) == 1:
             return f"{least} × the passing of wheel {wheels[0]}'s rollers"
-        return f"{least} × the passing of the rollers of wheels {' and '.join(wheels)}"
+        return f"{least} × the passing of the rollers of wheels {listed(wheels)}"
     return "once a turn" if abs(order - 1) <= resolution else ""
 
 

@@ -1,10 +1,11 @@
 """The page of a sweep: the best designs first, then pictures, failures and how it was made."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
-from .._text import path_words, quantity_text
+from .._text import listed, path_words, quantity_text
 from ..study import Grid, SweepResult
 from ._axis import SpeedAxis
 from ._content import Column, Fact, Figure, Provenance, Section, Table
@@ -22,7 +23,7 @@ def sweep_page(result: SweepResult) -> Page:
     return Page(
         title="Sweep",
         question=f"How {'do' if result.spec.metrics[1:] else 'does'} "
-        f"{' and '.join(result.spec.metrics)} depend on {' and '.join(varied)}?",
+        f"{listed(result.spec.metrics)} depend on {listed(varied)}?",
         answer=_answer(result),
         facts=[
             Fact("designs", result.size),
@@ -55,7 +56,7 @@ def _answer(result: SweepResult) -> str:
         edges = [f"{path_words(path)} is the {end} tried" for path, end in result.edges(index)]
         said = f"The best {name} is {value} at {_place(result, design)}{doubt}."
         if edges:
-            said += f" It lies at the edge: {' and '.join(edges)}; look further there."
+            said += f" It lies at the edge: {listed(edges)}; look further there."
         sentences.append(said)
     loose = int(np.sum(~result.held()))
     if loose:
@@ -71,17 +72,40 @@ def _pictures(result: SweepResult) -> list[Section]:
     path, unit, _ = result.spec.vary[0]  # to the right in every picture
     axis = SpeedAxis(path_words(path)) if unit == "rad/s" else None
     for name in result.spec.metrics:
-        with style():
-            fig, (ax,) = figure(height=4.2)
-            if isinstance(result.points, Grid) and len(result.shape) > 1:
-                result.plot_heatmap(name, ax=ax)
-                words = "white cells have no figure"
-            else:
-                result.plot_lines(name, ax=ax)
-                words = "one point a design"
+        in_cells = isinstance(result.points, Grid) and len(result.shape) > 1
+        fig = sweep_figure(result, name)
+        words = "white cells have no figure" if in_cells else "one point a design"
         caption = f"{name} of the designs; {words}."
-        figures.append(Figure(fig, f"sweep-{name}", caption, _data(result, name), axis))
+        switch = axis if len(fig.axes) == 1 else None
+        figures.append(Figure(fig, f"sweep-{name}", caption, _data(result, name), switch))
     return [Section("Over the parameters", "", figures)]
+
+
+def sweep_figure(result: SweepResult, metric: str) -> Any:
+    """`metric` of every design: a heat map of a grid over several parameters, else points.
+
+    Samples over several parameters have a panel for each of them, one below the other.
+    """
+    if not isinstance(result.points, Grid):
+        return _samples(result, metric)
+    with style():
+        fig, (ax,) = figure(height=4.2)
+        if len(result.shape) > 1:
+            result.plot_heatmap(metric, ax=ax)
+        else:
+            result.plot_lines(metric, ax=ax)
+    return fig
+
+
+def _samples(result: SweepResult, metric: str) -> Any:
+    paths = [path for path, _, _ in result.spec.vary]
+    with style():
+        tall = 4.2 if len(paths) == 1 else 2.8 * len(paths)
+        fig, panels = figure(rows=len(paths), height=tall, sharex=False)
+        for path, ax in zip(paths, panels, strict=True):
+            result.plot_lines(metric, path, ax=ax)
+            ax.set_title(metric if ax is panels[0] else "")
+    return fig
 
 
 def _data(result: SweepResult, name: str) -> dict[str, Any]:
@@ -93,16 +117,13 @@ def _data(result: SweepResult, name: str) -> dict[str, Any]:
 
 def _best(result: SweepResult) -> Section:
     names = result.store.names[:-1]
-    factors = np.array([result.readable(name)[0] for name in names])
     tables = []
     left = " of those that neither slip nor lift off" if not result.held().all() else ""
     for name in result.spec.metrics:
         values = _goodness(result, name)
         order = [i for i in np.argsort(values)[:ROWS].tolist() if np.isfinite(values[i])]
         designs = [(i, result.design(i)) for i in order]
-        rows = [
-            [i, *(factors * [d[n] for n in names]).tolist(), result.status(i)] for i, d in designs
-        ]
+        rows = [[i, *_shown(result, d, names), result.status(i)] for i, d in designs]
         others = [n for n in result.spec.metrics if n != name]
         columns = [Column("design", minor=True)]
         columns += [_column(result, n, minor=n in others) for n in names]
@@ -111,6 +132,11 @@ def _best(result: SweepResult) -> Section:
             Table(columns, rows, f"best-{name}", f"The {len(rows)} designs best in {name}{left}.")
         )
     return Section("Best designs", "", tables=tables)
+
+
+def _shown(result: SweepResult, design: dict[str, float], names: Sequence[str]) -> list[float]:
+    """Values of a design in the units of their columns."""
+    return [result.readable(name)[0] * design[name] for name in names]
 
 
 def _column(result: SweepResult, name: str, minor: bool = False) -> Column:
@@ -141,7 +167,7 @@ def _failures(result: SweepResult) -> list[Section]:
     names = result.store.names[: len(result.spec.vary)]
     columns = [Column("design"), *(_column(result, n) for n in names)]
     columns.append(Column("run it again", text=True))
-    rows = [[i, *(result.design(i)[n] for n in names), result.command(i)] for i in failed]
+    rows = [[i, *_shown(result, result.design(i), names), result.command(i)] for i in failed]
     table = Table(columns, rows, "failed", f"The first {len(rows)} designs without figures.")
     return [Section("Designs that failed", "", tables=[table])]
 

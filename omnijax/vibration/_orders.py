@@ -182,7 +182,7 @@ def _reference(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, str]
         speed = np.interp(time, time[good], speed[good])
         return np.concatenate(
             [[0.0], np.cumsum(0.5 * np.diff(time) * (speed[1:] + speed[:-1]))]
-        ), name
+        ), "the sphere"
     names = () if measured else run.names
     theta = run.group("theta") if measured else np.asarray(run.theta)
     index = names.index(name) if name in names else int(name) - 1 if name.isdigit() else -1
