@@ -103,6 +103,43 @@ def test_a_large_batch_is_worked_out_in_parts_and_in_order(mapped, size):
     assert max(widths) <= LANES
 
 
+@pytest.mark.parametrize("seed", range(12))
+def test_sums_of_products_over_any_axes(seed):
+    """Drawn: kept, free and summed axes in any order, 0 to hundreds of terms, one side fixed."""
+    rng = np.random.default_rng(seed)
+    sizes = dict(zip("abcdef", rng.integers(1, 14, 6), strict=True))
+    sizes["f"] = rng.integers(0, 40)
+    left = "".join(rng.permutation(["a", "b", "d", "f"][: rng.integers(1, 5)]))
+    right = "".join(rng.permutation(["a", "c", "d", "f"][: rng.integers(1, 5)]))
+    kept = [k for k in {*left, *right} if k in "abc"]
+    rule = f"{left},{right}->{''.join(rng.permutation(kept)) if kept else ''}"
+    x, y = (jnp.asarray(rng.normal(size=[9, *(sizes[k] for k in side)])) for side in (left, right))
+
+    def both(x, y):
+        return jnp.einsum(rule, x, y), jnp.einsum(rule, x, y + 0 * x.ravel()[:1].sum()), jnp.sum(x)
+
+    def fixed(x):
+        return jnp.einsum(rule, x, y[0])
+
+    for f, given in ((both, (x, y)), (fixed, (x,))):
+        wanted, found = jax.vmap(f)(*given), side_by_side(f)(*given)
+        for a, b in zip(jax.tree.leaves(wanted), jax.tree.leaves(found), strict=True):
+            assert a.shape == b.shape
+            np.testing.assert_allclose(b, a, rtol=1e-12, atol=1e-10)
+
+
+def test_logarithms_are_those_of_libm():
+    rng = np.random.default_rng()
+    wide, near = np.exp(rng.uniform(-708, 709, 20_000)), 1 + rng.normal(size=20_000) * 1e-4
+    odd = [0.0, -0.0, -1.0, np.inf, -np.inf, np.nan, 1.0, 2.3e-308, 1.7e308, 0.5, 2.0]
+    x = jnp.asarray(np.concatenate([wide, near, rng.uniform(0.4, 3, 20_000), odd]))
+    with np.errstate(all="ignore"):
+        wanted = np.log(np.asarray(x))
+    found = np.asarray(side_by_side(jnp.log)(x))
+    np.testing.assert_array_equal(np.isfinite(found), np.isfinite(wanted))
+    np.testing.assert_allclose(found, wanted, rtol=4e-16)
+
+
 def test_several_arrays_of_one_design_and_none_of_its_own():
     """A tree of arguments; an output that no design changes; whole numbers."""
 

@@ -31,8 +31,8 @@ _NAMES = """
     custom_vjp_call div dynamic_slice dynamic_update_slice eq exp exp2 expm1 floor gather ge gt imag
     integer_pow iota is_finite jit le le_to log log1p logistic lt lt_to max min mul ne neg not or
     pad pjit pow real reduce_and reduce_max reduce_min reduce_or rem reshape rev round rsqrt scan
-    select_n sign sin sinh slice split sqrt square squeeze stack stop_gradient sub tan tanh
-    transpose while xor
+    select_n shift_right_arithmetic sign sin sinh slice split sqrt square squeeze stack
+    stop_gradient sub tan tanh transpose while xor
 """
 _WRITTEN_OUT = frozenset(_NAMES.split())
 
@@ -43,7 +43,7 @@ def one_kernel(f: Callable, *args):
     It runs on one core.  What XLA leaves to libraries cannot stand in it: where f holds that, it
     is called as it is.
     """
-    if not (KNOWN and on_cpu()):
+    if not is_asked():
         return f(*args)
     closed = eqx.filter_closure_convert(f, *args)
     moving, still = eqx.partition(jax.tree.map(_known, (closed, args)), _is_traced)
@@ -59,6 +59,11 @@ def one_kernel(f: Callable, *args):
     # all that a kernel is given has to be used there: XLA would put constants into it
     moving = jax.lax.optimization_barrier(moving)
     return jax.lax.optimization_barrier(set_xla_metadata(called(moving), **_ATTRIBUTES))[0]
+
+
+def is_asked() -> bool:
+    """Whether XLA here is asked for kernels of our own."""
+    return KNOWN and on_cpu()
 
 
 def _is_traced(x) -> bool:

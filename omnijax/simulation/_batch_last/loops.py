@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from jax import lax
 from jax.extend.core import ClosedJaxpr, Literal
 
+from .._one_kernel import one_kernel
 from .values import Call, Rule, Value
 
 
@@ -76,7 +77,10 @@ def _while(call: Call) -> list[Value] | None:
         outputs = call.evaluated(body, [*body_fixed, *_values(state, carry)], size)
         return _as(outputs, carry, size)
 
-    return _values(lax.while_loop(goes_on, step, _as(begun, carry, size)), carry)
+    def looped(begun):
+        return lax.while_loop(goes_on, step, begun)
+
+    return _values(one_kernel(looped, _as(begun, carry, size)), carry)
 
 
 def _cond(call: Call) -> list[Value] | None:

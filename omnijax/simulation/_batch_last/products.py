@@ -1,17 +1,47 @@
-"""Products of arrays whose last axis is the batch, written out."""
+"""Sums, and sums of products, over axes of arrays whose last axis is the batch.
+
+XLA hands sums to a library, which takes three times as long for some hundred designs and cannot
+stand in one kernel.
+"""
 
 import functools
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import jax.numpy as jnp
 from jax import lax
 
 from .._materialised import materialised
+from .._one_kernel import is_asked
 from .values import Call, Value
 
-# terms of a product of two matrices up to which they are added one by one (XLA hands sums of more
-# to a library, which takes three times as long for some hundred designs), and up to which every
-# consumer may do so anew
+# terms of a sum up to which they are added one by one, and of a product of two matrices up to which
+# every consumer may do so anew
 WRITTEN_OUT, FUSED = 16, 8
+
+
+def _summed(factors: Sequence[Any], axes: Sequence[int]) -> Any:
+    """Sum over axes (rising) of the product of arrays, in a loop where its terms are many."""
+    if not axes:
+        return functools.reduce(jnp.multiply, factors)
+    *others, axis = axes
+    count = factors[0].shape[axis]
+
+    def part(take: Callable, i) -> Any:
+        return _summed([take(x, i, axis, keepdims=False) for x in factors], others)
+
+    if math.prod(factors[0].shape[i] for i in axes) <= WRITTEN_OUT:
+        return functools.reduce(jnp.add, [part(lax.index_in_dim, i) for i in range(count)])
+    first = part(lax.index_in_dim, 0)
+    return lax.fori_loop(1, count, lambda i, y: y + part(lax.dynamic_index_in_dim, i), first)
+
+
+def reduce_sum(call: Call) -> list[Value]:
+    """Sums over axes."""
+    x, axes = call.inputs[0].array, sorted(call.params["axes"])
+    own = x.size and is_asked()
+    return [Value(_summed([x], axes), True)] if own else call.bound(x)
 
 
 def dot_general(call: Call) -> list[Value]:
@@ -35,15 +65,14 @@ def dot_general(call: Call) -> list[Value]:
     left, right = operands
     first = len(shared[0]) + (len(free[0]) + len(free[1]) if last else 0)
     axes = tuple(range(first, first + len(contracted[0])))
-    terms = left.shape[first]
-    if not (len(axes) == 1 and all(free) and terms <= WRITTEN_OUT):
+    terms = math.prod(left.shape[i] for i in axes)
+    if not terms or (terms > WRITTEN_OUT and not is_asked()):
         return [Value(jnp.sum(left * right, axes), True)]
 
     def added(x, y):
-        take = functools.partial(lax.index_in_dim, axis=first, keepdims=False)
-        return functools.reduce(jnp.add, [take(x, k) * take(y, k) for k in range(terms)])
+        return _summed((x, y), axes)
 
-    if terms <= FUSED:
-        return [Value(added(left, right), True)]
-    batch, other = (left, right) if call.inputs[0].batched else (right, left)
-    return [Value(materialised(added, batch, other), True)]
+    if FUSED < terms <= WRITTEN_OUT:
+        batch, other = (left, right) if call.inputs[0].batched else (right, left)
+        return [Value(materialised(added, batch, other), True)]
+    return [Value(added(left, right), True)]

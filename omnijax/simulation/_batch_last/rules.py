@@ -6,6 +6,7 @@ from typing import Any
 import jax.numpy as jnp
 from jax import lax
 
+from .._logarithm import logarithm
 from .._sincos import sincos
 from .values import Call, Rule, Value
 
@@ -30,6 +31,11 @@ def _sine(part: int) -> Rule:
         return [Value(sincos(x)[part], True)] if x.dtype == float else _elementwise(call)
 
     return rule
+
+
+def _log(call: Call) -> list[Value]:
+    x = call.inputs[0].array  # XLA's own calls libm once a number
+    return [Value(logarithm(x), True)] if x.dtype == float else _elementwise(call)
 
 
 def _one(change: Callable[[Any, dict[str, Any], int], Any]) -> Rule:
@@ -109,13 +115,13 @@ def _scatter(call: Call) -> list[Value] | None:
 
 ELEMENTWISE = """
     abs acos add and asin atan atan2 cbrt ceil clamp convert_element_type copy cosh div eq erf exp
-    exp2 expm1 floor ge gt integer_pow is_finite le log log1p logistic lt max min mul ne neg
+    exp2 expm1 floor ge gt integer_pow is_finite le log1p logistic lt max min mul ne neg
     nextafter not or pow rem round rsqrt select_n sign sinh sqrt square stop_gradient sub tan tanh
     xor
 """
 LEADING = """
     argmax argmin concatenate cummax cummin cumprod cumsum reduce_and reduce_max reduce_min
-    reduce_or reduce_prod reduce_sum rev sort split squeeze stack
+    reduce_or reduce_prod rev sort split squeeze stack
 """
 RULES: dict[str, Rule] = {
     **dict.fromkeys(ELEMENTWISE.split(), _elementwise),
@@ -123,6 +129,7 @@ RULES: dict[str, Rule] = {
     **dict.fromkeys(("scatter", "scatter-add", "scatter_add"), _scatter),
     "sin": _sine(0),
     "cos": _sine(1),
+    "log": _log,
     "broadcast_in_dim": _one(_broadcast_in_dim),
     "reshape": _one(_reshape),
     "transpose": _one(_transpose),

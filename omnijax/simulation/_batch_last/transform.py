@@ -19,13 +19,13 @@ import jax.numpy as jnp
 from jax.extend.core import ClosedJaxpr, Literal
 
 from .loops import LOOPS
-from .products import dot_general
+from .products import dot_general, reduce_sum
 from .rules import RULES
 from .values import Call, Rule, Value
 
-LANES = 128  # of a batch worked out together
+LANES = 96
 WIDTH = 8  # numbers that a processor works on at once
-ALL: dict[str, Rule] = {**RULES, **LOOPS, "dot_general": dot_general}
+ALL: dict[str, Rule] = {**RULES, **LOOPS, "dot_general": dot_general, "reduce_sum": reduce_sum}
 
 
 def vmap_last(function: Callable[..., Any]) -> Callable[..., Any]:

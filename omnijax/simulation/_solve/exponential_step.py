@@ -8,6 +8,7 @@ not linear in their difference sees it at each stage's angle; the rest sees it a
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -65,20 +66,28 @@ def exponential_step(field, shape, tables: StepTables, rho: Float[Array, "c n"],
         return rate[:m] - A @ y[:m] - into @ shape(y), rate[m:]
 
     e, z = y[:m], y[m:]
+    shaped = e + jnp.einsum("akn,kn->a", midway, rho[: len(rho) // 2])
+    passed = e + jnp.einsum("akn,kn->a", response, rho)
     d1, z1 = split(t, y, 0)
     first = A @ e + d1
-    shaped = jnp.einsum("akn,kn->a", midway, rho[: len(rho) // 2])
-    mid = e + 0.5 * h * (half1 @ first) + shaped
-    d2, z2 = split(t + h / 2, jnp.concatenate([mid, z + 0.5 * h * z1]), 1)
-    y3 = jnp.concatenate([mid + h * (half2 @ (d2 - d1)), z + 0.5 * h * z2])
-    d3, z3 = split(t + h / 2, y3, 1)
-    passed = e + jnp.einsum("akn,kn->a", response, rho)
-    whole = passed + h * (one @ first + 2 * two @ (d3 - d1))
-    d4, z4 = split(t + h, jnp.concatenate([whole, z + h * z3]), 2)
-    end = z + h / 6 * (z1 + 2 * z2 + 2 * z3 + z4)
 
+    def stage(before, row):
+        (d, rate), (share, i, base, along, apart) = before, row
+        elastic = base + h * (along @ first + apart @ (d - d1))
+        new = split(t + h * share, jnp.concatenate([elastic, z + h * share * rate]), i)
+        return new, new
+
+    rows = (
+        np.array([0.5, 0.5, 1]),
+        np.array([1, 1, 2]),
+        jnp.stack([shaped, shaped, passed]),
+        jnp.stack([half1 / 2, half1 / 2, one]),
+        jnp.stack([jnp.zeros_like(A), half2, 2 * two]),
+    )
+    (_, z4), ((d2, d3, d4), (z2, z3, _)) = jax.lax.scan(stage, (d1, z1), rows)
+    end = z + h / 6 * (z1 + 2 * z2 + 2 * z3 + z4)
     linear, square = 2 * (d2 + d3) - 3 * d1 - d4, 4 * (d1 + d4 - d2 - d3)
     new = passed + h * (one @ first + two @ linear + three @ square)
-    mid = e + shaped + h * (half1 @ first / 2 + half2 @ linear / 4 + half3 @ square / 8)
+    mid = shaped + h * (half1 @ first / 2 + half2 @ linear / 4 + half3 @ square / 8)
     halfway = (z + end) / 2 + h / 8 * (z1 - z4)
     return jnp.concatenate([mid, halfway]), jnp.concatenate([new, end]), z4
