@@ -6,6 +6,7 @@ kilobyte or less, by an attribute of the call that it puts there; another call m
 """
 
 from collections.abc import Callable, Iterator
+from contextvars import ContextVar
 from importlib.metadata import version
 from typing import Any
 
@@ -35,18 +36,17 @@ _NAMES = """
     stop_gradient sub tan tanh transpose while xor
 """
 _WRITTEN_OUT = frozenset(_NAMES.split())
+_INSIDE = ContextVar("one_kernel", default=False)
 
 
 def one_kernel(f: Callable, *args):
     """f(*args), on CPUs as one kernel: a quarter less time for loops over some 64 designs.
 
     It runs on one core.  What XLA leaves to libraries cannot stand in it: where f holds that, it
-    is called as it is.
+    is called as it is.  Kernels in it are parts of it.
     """
-    if not is_asked():
+    if _INSIDE.get() or not is_asked():
         return f(*args)
-    closed = eqx.filter_closure_convert(f, *args)
-    moving, still = eqx.partition(jax.tree.map(_known, (closed, args)), _is_traced)
 
     @jax.jit
     def called(moving):
@@ -54,7 +54,14 @@ def one_kernel(f: Callable, *args):
         used = sum(jnp.real(jnp.ravel(x)[0]).astype(float) for x in jax.tree.leaves(moving))
         return f(*args), used
 
-    if not _written_out(called.trace(moving).jaxpr.jaxpr):
+    token = _INSIDE.set(True)
+    try:
+        closed = eqx.filter_closure_convert(f, *args)
+        moving, still = eqx.partition(jax.tree.map(_known, (closed, args)), _is_traced)
+        written_out = _written_out(called.trace(moving).jaxpr.jaxpr)
+    finally:
+        _INSIDE.reset(token)
+    if not written_out:
         return f(*args)
     # all that a kernel is given has to be used there: XLA would put constants into it
     moving = jax.lax.optimization_barrier(moving)

@@ -11,6 +11,7 @@ from jax.flatten_util import ravel_pytree
 from scipy.linalg import expm
 
 from ...rig import Rig
+from ...simulation import side_by_side
 from .._search import STEPPED
 from .._settings import SETTINGS
 from .._threads import each
@@ -232,18 +233,21 @@ def step_laws(laws: ElasticLaws, matrices, rows, start, signals):
     step, and where these two lead.
     """
 
-    def one(laws, matrices, rows, carry, here):
+    def of_lane(laws, matrices, rows, start, own):
         E, P, Q = matrices
-        d, memory, F, change, h = carry
-        free = _times(E, d) + _pulled(F, P)
-        guess = jax.tree.map(lambda z, c: z + h * c, memory, change)
-        F1, change1 = _force(laws, rows, free + _pulled(F, Q), guess, here)
-        memory = jax.tree.map(lambda z, c, c1: z + h / 2 * (c + c1), memory, change, change1)
-        F2, change2 = _force(laws, rows, free + _pulled(F1, Q), memory, here)
-        F = _led_to(F, F1, F2)
-        return (free + _pulled(F, Q), memory, F, change2, h), F
 
-    def body(carry, here):
-        return jax.vmap(one)(laws, matrices, rows, carry, _for_all(here, len(carry[0])))
+        def step(carry, here):
+            d, memory, F, change, h = carry
+            free = _times(E, d) + _pulled(F, P)
+            guess = jax.tree.map(lambda z, c: z + h * c, memory, change)
+            F1, change1 = _force(laws, rows, free + _pulled(F, Q), guess, here)
+            memory = jax.tree.map(lambda z, c, c1: z + h / 2 * (c + c1), memory, change, change1)
+            F2, change2 = _force(laws, rows, free + _pulled(F1, Q), memory, here)
+            F = _led_to(F, F1, F2)
+            return (free + _pulled(F, Q), memory, F, change2, h), F
 
-    return jax.lax.scan(body, start, signals)
+        return jax.lax.scan(step, start, signals[:, 0] if own is None else own)
+
+    own = None if signals.shape[1] == 1 else jnp.swapaxes(signals, 0, 1)
+    state, tensions = side_by_side(of_lane)(laws, matrices, rows, start, own)
+    return state, jnp.swapaxes(tensions, 0, 1)

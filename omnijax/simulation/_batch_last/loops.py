@@ -53,10 +53,12 @@ def _scan(call: Call) -> list[Value]:
         outputs = call.evaluated(body, given, size)
         return _as(outputs[: len(carry)], carry, size), _as(outputs[len(carry) :], results, size)
 
-    end, ys = lax.scan(
-        step, _as(begun, carry, size), [v.array for v in rows],
-        params["length"], params["reverse"], params["unroll"],
-    )  # fmt: skip
+    def along(begun, rows):
+        return lax.scan(
+            step, begun, rows, params["length"], params["reverse"], params["unroll"]
+        )  # fmt: skip
+
+    end, ys = one_kernel(along, _as(begun, carry, size), [v.array for v in rows])
     return [*_values(end, carry), *_values(ys, results)]
 
 
