@@ -6,6 +6,7 @@ row equal the row of nothing changed, while `simulate` moves.
 """
 
 import dataclasses
+from pathlib import Path
 
 import equinox as eqx
 import jax
@@ -14,8 +15,9 @@ import numpy as np
 import pytest
 from machines import ORTHOGONAL, SKEW, drawn_machine, machine
 from seeds import drawn_anew
+from tiers import tiered
 
-from omnijax import laws, set_parameter, sweep
+from omnijax import laws, load_laws, set_parameter, sweep
 from omnijax.rig import get_parameter, parameter_info
 from omnijax.simulation import TorqueDrive, ramp, simulate, speeds, steady_state, torques
 from omnijax.study import Variable, parse_study
@@ -28,6 +30,7 @@ from omnijax.study._evaluation import (
     drive_quantities,
     samples_of,
 )
+from omnijax.study._evaluation.fixed_steps import checked_after, fine_enough, sample_to_check
 from omnijax.study._evaluation.methods import obstacle
 from omnijax.study._file.study import LoadCase
 from omnijax.study._parameters import scalar_parameters
@@ -207,7 +210,7 @@ def designed(rig, drive, paths, rows):
     return found, np.where(no_part[:, None], np.nan, again)
 
 
-def compared(hows, rig, drive, reference, rng, most, designs=False):
+def compared(hows, rig, drive, reference, rng, most, designs=False, accuracy=None):
     """The quantities that move a figure, of each way; asserts that all rows are `reference`'s.
 
     The ways take the same quantities, `most` values of each, but three of an effect's numbers.
@@ -220,12 +223,13 @@ def compared(hows, rig, drive, reference, rng, most, designs=False):
     expected = np.asarray(several(stacked))
     for how in hows:
         assert taken(how, rig, drive, paths) == taken(hows[0], rig, drive, paths)
-        tolerance = ACCURACY.get(how.method, 1e-7)
+        tolerance = accuracy or ACCURACY.get(how.method, 1e-7)
         figures, _, status = Rows(how, rig, drive, paths).all(rows, len(rows))
-        assert np.isfinite(figures).all() and (status >= 0).all()
+        ended = np.isfinite(figures).all(axis=1)
+        assert ended.all(), [(changed[i], status[i], expected[i]) for i in np.flatnonzero(~ended)]
         error = np.abs(figures - expected) / np.abs(expected)
         worst = int(error.max(axis=1).argmax())
-        assert error.max() < tolerance, (changed[worst], figures[worst], expected[worst])
+        assert error.max() < tolerance, (changed[worst], error[worst], figures[worst])
         moved = np.abs(expected / expected[0] - 1).max(axis=1) > 10 * tolerance
         yield {path for path, by in zip(changed, moved, strict=True) if by}
     if designs:
@@ -260,6 +264,42 @@ def steady_figures(rig, drive):
         rig, drive.speed.values[0], angles=drive.initial_angle, force=drive.force.values[0]
     )
     return jnp.stack([getattr(state, name) for name in METRICS])
+
+
+USERS = load_laws(Path(__file__).parent / "laws_of_a_user.py")
+CLOSED = ("radius", "command", "actuator", "shaft", "sensor", "kinematics")  # ports
+SILENT = ("command", "actuator", "shaft", "sensor")  # of them, where speeds are given
+
+
+def users_law(rng, name, rig):
+    """A user's law with numbers of its size, and a place of the rig."""
+    u, unit = rng.uniform, rng.normal(size=3)
+    values, place = {
+        "swollen-tyre": ((u(-5e-4, 5e-4), u(0.06, 0.09)), None),
+        "slow-clock": ((u(0.05, 0.3), u(0, 5e-3)), None),
+        "warm-motor": ((u(0.01, 0.1), u(0.02, 0.1)), None),
+        "loaded-seal": ((u(1e-3, 1e-2), u(1e-4, 1e-3)), None),
+        "bent-scale": ((u(0.1, 0.4),), str(rng.choice(["dR", "theta_1", "Omega", "a_z"]))),
+        "speed-slip": ((u(0.1, 0.2), u(1, 3)), None),
+        "stiff-core": ((u(1e7, 1e8), u(0.01, 0.05)), None),
+        "quadratic-mount": ((u(1e3, 1e4),), None),
+        "soft-grip": ((u(1, 10),), None),
+        "slick-patch": ((u(1e-3, 1e-2),), None if rng.random() < 0.5 else "sphere"),
+        "side-wind": ((u(0.05, 0.5), unit), "sphere"),
+        "chirp": ((u(0.1, 1), u(50, 200)), "platform"),
+        "flat-spot": ((u(2e-5, 1e-4), u(0, 6)), None),
+        "pear": ((u(2e-5, 1e-4),), "sphere"),
+    }[name]
+    anywhere = "all" if rng.random() < 0.4 else str(rng.choice(rig.names))
+    return USERS[name](*(jnp.asarray(x) for x in values)), place or anywhere
+
+
+def drawn_layout(rng):
+    """A rig of like wheels, orthogonal or as a tripod, or of 3 to 6 unlike ones."""
+    kind = rng.choice(["orthogonal", "tripod", "unlike", "unlike"])
+    return (
+        drawn_machine(rng, int(rng.integers(3, 7))) if kind == "unlike" else machine(LAYOUTS[kind])
+    )
 
 
 MIXED = (laws.Rollers(), laws.HalfSine(), laws.ContinuousSine())
@@ -315,6 +355,51 @@ def test_figures_in_every_quantity(methods, layout, profiles, effects, values):
         wanted |= {"force.x", "force.scale"}
         assert wanted <= moved
         assert all(any(placed.law.id in path for path in moved) for placed in rig.effects)
+
+
+MET = {("bulk",): 1e-7, ("steady", "steady-bulk"): 1e-6, ("fixed",): 1e-5}  # with users' laws
+
+
+@pytest.mark.parametrize("methods", tiered(MET, lambda methods: methods != ("bulk",)))
+def test_figures_in_every_quantity_with_laws_of_a_user(methods):
+    """A law file's laws, at every port that the method takes, on a rig drawn anew.
+
+    Suprema of steady states are found to 1e-6; under motor torques fixed steps and the solver that
+    controls its error meet at 1e-5.
+    """
+    rng = drawn_anew(f"a user's laws, {methods[0]}")
+    steady, torque = "steady" in methods, methods == ("fixed",)
+    rig = drawn_layout(rng)
+    rig = linear_effects(rig) if rng.random() < 0.5 else rig
+    chosen = [name for name, law in USERS.items() if torque or law.port in CLOSED]
+    for name in rng.permutation(chosen):
+        rig = rig.add(*users_law(rng, name, rig))
+    ts = None if steady else samples_of(0.08, 500.0)
+    hows = [Evaluation(m, METRICS, times=ts, substeps=32 if torque else 1) for m in methods]
+    drive = drawn_drive(rig, rng, "torque" if torque else "speed")
+    reference = steady_figures if steady else run_figures(ts, METRICS)
+    silent = ("sensor", "command") if torque else SILENT  # the times of a constant command
+    felt = {name for name in chosen if USERS[name].port not in silent}
+    for moved in compared(hows, rig, drive, reference, rng, 1, accuracy=MET[methods]):
+        assert felt <= {path.split(".")[1] for path in moved}
+
+
+def test_designs_that_fail_at_long_steps_ask_for_shorter_ones():
+    """Those that fail at the finest step do not count: others were taken for such, and a sweep said
+    `non-finite` of machines that `simulate` follows."""
+    stable_from = np.array([1, 16, 1000])
+
+    def figures(stable_from, substeps):
+        return np.where(substeps < stable_from, np.nan, 1 + 1e-6 / substeps)[:, None]
+
+    assert fine_enough(figures, stable_from, 8e-3)[0] == 16
+    assert fine_enough(figures, stable_from[::2], 8e-3)[0] == 1
+    assert fine_enough(figures, stable_from[2:], 8e-3) is None
+    answer = figures(stable_from, 8)
+    some = sample_to_check(answer)
+    assert set(some) == {0, 1, 2}
+    assert not checked_after(answer, figures(stable_from, 16))[1]
+    assert checked_after(answer[::2], figures(stable_from[::2], 16))[1]
 
 
 @pytest.mark.parametrize("method", ["bulk", "steady-bulk", "free-run", "propagated"])

@@ -9,6 +9,7 @@ at 250 Hz, in three variables a 75th of the adaptive solver at 1 substep, a tent
 its tolerance.
 """
 
+import functools
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -46,12 +47,14 @@ def fine_enough(
 
     `figures(designs, substeps)` (t, m) are all that is asked for of every trial design, `step` (s)
     is that of one substep.  They will do where halving changes no figure by more than `TOLERANCE`.
-    Designs whose runs fail at the finer step do not count.
+    Designs whose runs fail at the finest step too do not count; others fail as steps are too long.
     """
-    coarse = figures(designs, 1)
+    coarse, lost = figures(designs, 1), functools.cache(lambda: _failed(figures(designs, FINEST)))
     for substeps in 2 ** np.arange(FINEST.bit_length() - 1):
         fine = figures(designs, 2 * int(substeps))
-        change = largest_change(coarse, fine)
+        change, failed = largest_change(coarse, fine), _failed(fine)
+        if failed.any() and (failed.all() or (failed & ~lost()).any()):
+            change = np.inf
         if change <= TOLERANCE:
             return int(substeps), (
                 f"fixed steps of {1e3 * step / substeps:.3g} ms: halving the step changes the "
@@ -64,14 +67,21 @@ def fine_enough(
 def sample_to_check(figures: np.ndarray) -> np.ndarray:
     """Numbers of the designs (k,) whose step is tried again once all figures (b, m) are known.
 
-    Those with the least and the largest of every figure, and `SPREAD` evenly among the others.
+    Those with the least and the largest of every figure, and `SPREAD` evenly among the others and
+    among those that failed.
     """
-    good = np.flatnonzero(np.isfinite(figures).all(axis=1))
-    if not len(good):
-        return good
-    ends = [good[pick(figures[good], axis=0)] for pick in (np.argmin, np.argmax)]
-    even = good[np.linspace(0, len(good) - 1, min(SPREAD, len(good))).round().astype(int)]
-    return np.unique(np.concatenate([*ends, even]))
+    failed = _failed(figures)
+    good = np.flatnonzero(~failed)
+    ends = [good[pick(figures[good], axis=0)] for pick in (np.argmin, np.argmax) if len(good)]
+    return np.unique(np.concatenate([*ends, _evenly(good), _evenly(np.flatnonzero(failed))]))
+
+
+def _failed(figures: np.ndarray) -> np.ndarray:
+    return ~np.isfinite(figures).all(axis=1)
+
+
+def _evenly(index: np.ndarray) -> np.ndarray:
+    return index[np.linspace(0, len(index) - 1, min(SPREAD, len(index))).round().astype(int)]
 
 
 def checked_after(figures: np.ndarray, fine: np.ndarray) -> tuple[str, bool]:
@@ -86,10 +96,15 @@ def checked_after(figures: np.ndarray, fine: np.ndarray) -> tuple[str, bool]:
 
 
 def largest_change(coarse: np.ndarray, fine: np.ndarray) -> float:
-    """Largest relative change; figures near zero count by 1 % of the largest one."""
-    good = np.isfinite(fine).all(axis=1)
-    if not good.any() or not np.isfinite(coarse[good]).all():
+    """Largest relative change; figures near zero count by 1 % of the largest one.
+
+    Designs that fail at both steps say nothing; inf where one fails at one of them alone.
+    """
+    good = ~_failed(fine)
+    if (good == _failed(coarse)).any():
         return np.inf
+    if not good.any():
+        return 0.0
     coarse, fine = coarse[good], fine[good]
     size = np.abs(fine) + 0.01 * np.abs(fine).max(axis=0)
     return float((np.abs(fine - coarse) / np.where(size > 0, size, 1.0)).max())
