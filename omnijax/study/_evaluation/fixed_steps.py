@@ -77,7 +77,7 @@ def sample_to_check(figures: np.ndarray) -> np.ndarray:
 
 
 def _failed(figures: np.ndarray) -> np.ndarray:
-    return ~np.isfinite(figures).all(axis=1)
+    return np.logical_not(np.isfinite(figures).all(axis=1))
 
 
 def _evenly(index: np.ndarray) -> np.ndarray:
