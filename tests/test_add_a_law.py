@@ -308,3 +308,28 @@ def test_a_law_that_returns_another_shape_than_its_port_s_is_told(port):
     with pytest.raises(omnijax.InputError, match=f"`wrong` must return {wanted} at its port"):
         jax.eval_shape(moving, 0.0)
         sensor_readings(rig, "dR", jnp.arange(4.0), jnp.zeros((4, 3)))
+
+
+@pytest.mark.parametrize("port", [laws.AbstractMount, laws.AbstractPlatform], ids=lambda p: p.port)
+def test_a_law_that_returns_text_is_told(port):
+    """It ended in a TypeError of jax."""
+
+    class Says(port):
+        g: jnp.ndarray
+
+        id = "says"
+        places = (WORDS.get(port.port, ONE_WHEEL)[0],)
+        parameters = {"g": laws.Parameter("1")}  # noqa: RUF012
+
+        def __call__(self, *signal, state=None):
+            return "loud"
+
+    place = "platform" if port is laws.AbstractPlatform else "w1"
+    model = build_model(omnijax.load_rig("atlas").add(Says(jnp.ones(())), place))
+
+    def moving(time):
+        state = initial_state(model, omnijax.torques(jnp.ones(3)), time)
+        return torque_driven(model, state, Inputs(jnp.ones(3), jnp.zeros(3), time))
+
+    with pytest.raises(omnijax.InputError, match=r"`says` must return numbers .* returns 'loud'"):
+        jax.eval_shape(moving, 0.0)

@@ -190,6 +190,7 @@ LIMIT = ("sensor-saturation", "theta", {"limit": 0.4})
         (DRIFT["theta_3"], ("sensor-rectified", "theta_3", {})),
         (("sensor-rectified", "theta_1", {}), ("sensor-rectified", "theta_2", {})),
         (LIMIT, ("sensor-saturation", "theta_2", {"limit": 0.3})),
+        (LIMIT, ("sensor-lag", "theta", {"tau": 0.011})),
     ],
 )  # fmt: skip
 def test_encoders_that_drift_with_another_law_are_understood(turning, sensors):

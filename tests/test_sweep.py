@@ -319,6 +319,15 @@ def test_wrong_input_is_one_message_and_exit_code_2(words, message, capsys):
     assert message in error and "Traceback" not in error
 
 
+def test_what_cannot_be_varied_is_not_suggested():
+    """The whole list was, for one of its numbers."""
+    cogging = EFFECTS["cogging"](*jnp.ones((3, 2)))
+    rig = load_rig("atlas").add(cogging, "w1")
+    with pytest.raises(InputError) as error:
+        sweep(rig, {"effect.cogging.w1.amplitudes.0": [1, 2]}, speeds=SPEEDS)
+    assert "amplitudes.0" in str(error.value) and "Did you mean" not in str(error.value)
+
+
 def test_every_wrong_axis_is_said_at_once():
     with pytest.raises(InputError) as error:
         sweep("atlas", {"a": "1:2:3", "wheel.radius": "2:1:3"}, speeds=SPEEDS)

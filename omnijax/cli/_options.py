@@ -59,20 +59,17 @@ def check_page(path: Path | None) -> None:
     _check_ending(path, ".html", ".htm")
 
 
-def _check_ending(path: Path | None, *endings: str) -> None:
+def _check_ending(path: Path | None, *endings: str, exactly: bool = False) -> None:
     from .._errors import InputError
 
-    if path is not None and path.suffix.lower() not in endings:
+    if path is not None and (path.suffix if exactly else path.suffix.lower()) not in endings:
         choice = f"{'one of ' * (len(endings) > 1)}{', '.join(endings)}"
         raise InputError(f"`{path.name}` must end in {choice}.")
 
 
 def check_toml(path: Path | None) -> None:
     """`InputError` for a rig, study or machine file of another suffix: by that commands tell it."""
-    from .._errors import InputError
-
-    if path is not None and path.suffix != ".toml":
-        raise InputError(f"`{path.name}` must end in .toml.")
+    _check_ending(path, ".toml", exactly=True)
 
 
 def command_line(without: tuple[str, ...] = (), valued: tuple[str, ...] = ()) -> str:

@@ -1,6 +1,7 @@
 """Laws at the wheels: where each acts, and the sum of all at one port."""
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -11,6 +12,8 @@ from jaxtyping import Array, Bool
 
 from .._errors import InputError
 from ..laws import AbstractLaw
+
+NUMBERS = (jax.Array, np.ndarray, np.number, int, float)  # what a law may give
 
 
 class Placed(eqx.Module):
@@ -62,11 +65,12 @@ class Acting(eqx.Module):
         remembers = memory is not None
         if self.mask is None:
             signals = take_wheels(signals, self.wheels, size)
+        law = partial(_numbers_of, self.law)
         if remembers:
-            value = jax.vmap(self.law)(signals, memory)
+            value = jax.vmap(law)(signals, memory)
             rate = jax.vmap(self.law.rate)(signals, memory)
         else:
-            value, rate = jax.vmap(self.law)(signals), None
+            value, rate = jax.vmap(law)(signals), None
 
         self._check(value, zero)
 
@@ -96,13 +100,25 @@ class Acting(eqx.Module):
 
 def law_output(law: AbstractLaw, shape: tuple[int, ...], *signals: Any) -> Any:
     """What a law gives, an array of its port's `shape`; `InputError` where it is something else."""
-    value = law(*signals)
+    value = _numbers_of(law, *signals)
     given = jax.tree.map(jnp.shape, value)
     if given != shape:
         wanted = {(): "one number", (3,): "three numbers"}.get(shape, f"an array of shape {shape}")
         raise InputError(
             f"law `{law.id}` must return {wanted} at its port `{law.port}`, but returns {given} "
             "(shapes)."
+        )
+    return value
+
+
+def _numbers_of(law: AbstractLaw, *signals: Any) -> Any:
+    """What a law gives; `InputError` where a part of it, such as a text, is no number."""
+    value = law(*signals)
+    strange = [x for x in jax.tree.leaves(value) if not isinstance(x, NUMBERS)]
+    if strange:
+        raise InputError(
+            f"law `{law.id}` must return numbers at its port `{law.port}`, but returns "
+            f"{strange[0]!r}."
         )
     return value
 

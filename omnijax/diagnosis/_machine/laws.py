@@ -8,10 +8,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from ...dynamics import rest_memory, sensor_readings
 from ...laws import AbstractSensor, SensorSignal
 from ...rig import Rig
+from ...simulation import SENSOR_POINTS
 from .._settings import SETTINGS
 from .clocks import LATE_LAWS, LoggerClock, offset_of, read_late
 
@@ -90,15 +92,20 @@ def moving_readings(
     that remembers would jump by all that it turns within its delay.
     """
     laws = (p.law for p in rig.at("sensor") if p.group == group)
-    memory = any(isinstance(law, AbstractSensor) and law.remembers for law in laws)
-    if not (rolls and memory):
+    if not any(isinstance(law, AbstractSensor) and law.remembers for law in laws):
         return readings(rig, group, time, values, apply)
-    opening, step = slice(0, OPENING), float(time[1] - time[0])
-    past = step * np.arange(-math.ceil(LATEST / step), 0)
-    course = np.polynomial.polynomial.polyfit(time[opening], values[opening], COURSE)
-    before = np.polynomial.polynomial.polyval(past, course).T
-    whole = np.concatenate([time[0] + past, time]), np.concatenate([before, values])
-    return readings(rig, group, *whole, apply)[len(past) :]
+    past = np.zeros(0)
+    if rolls:
+        opening, step = slice(0, OPENING), float(time[1] - time[0])
+        past = step * np.arange(-math.ceil(LATEST / step), 0)
+        course = np.polynomial.polynomial.polyfit(time[opening], values[opening], COURSE)
+        before = np.polynomial.polynomial.polyval(past, course).T
+        time, values = np.concatenate([time[0] + past, time]), np.concatenate([before, values])
+    if remembers(rig, group):  # sees corners of other sensors' laws between the samples
+        fine = np.linspace(time[0], time[-1], SENSOR_POINTS * (len(time) - 1) + 1)
+        shown = readings(rig, group, fine, CubicSpline(time, values)(fine), apply)
+        return shown[::SENSOR_POINTS][len(past) :]
+    return readings(rig, group, time, values, apply)[len(past) :]
 
 
 def follow(rule, moments: Any, memory: Any, step):
