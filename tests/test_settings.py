@@ -20,6 +20,7 @@ ELSEWHERE = {  # what changes no answer: time, memory, seeds, pictures; formulas
     "_answer/sizes.py": {"POINTS"},
     "_machine/encoders.py": {"CHUNK", 16},
     "_machine/modes.py": {1e-3, 3, 24, 120},  # the series of phi functions, and where it serves
+    "_machine/machine.py": {"READINGS"},
     "_machine/orders.py": {"TOGETHER"},
     "_machine/outliers.py": {5},  # times that are printed
     "_machine/recipes.py": {1.5},  # of P2

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -57,6 +58,7 @@ from .wheels import WheelTables
 ANGLE_NOISE = SETTINGS.prediction.angle_noise
 # ports whose laws move the contacts' normal forces, beside those of the motion
 MOVING_N = ("surface", "platform", "contact", "separation", "mount")
+READINGS = 4  # late ones of a run that are kept: two groups', each also a little later
 
 
 @dataclasses.dataclass(frozen=True)
@@ -91,9 +93,8 @@ class Predicted(NamedTuple):
     def changed(self, change: Change) -> "Predicted":
         """With what stepped laws add."""
         late = self.late
-        return self._replace(
-            elastic=self.elastic + change.now, late=lambda s: late(s) + change.late(s)
-        )
+        both = kept_for_loggers(lambda s: late(s) + change.late(s))
+        return self._replace(elastic=self.elastic + change.now, late=both)
 
     def read(self, group: str, late: float) -> np.ndarray:
         """dR or a (samples, 3), `late` s after it was."""
@@ -435,9 +436,11 @@ class Machine:
         z = linear_states(m, run, ports, parts, self.basis.rolling.get(i))
         samples = np.ascontiguousarray(z[::parts])
         out = outputs_of(m, samples, ports, OUTPUTS)
+        acting = {name: values for name, values in ports.by_name().items() if values.any()}
 
+        @kept_for_loggers
         def late(seconds: float) -> np.ndarray:
-            return late_outputs(m, run, samples, ports.by_name(), seconds)
+            return late_outputs(m, run, samples, acting, seconds)
 
         if not stepped:
             return out, np.zeros((0, 0)), late
@@ -485,6 +488,11 @@ class Machine:
         Omega = predicted.Omega + shown - turning
         rotation = [run.outputs.get("Omega", missing) - Omega, predicted.missed]
         return np.concatenate(elastic, axis=1), np.concatenate(rotation, axis=1)
+
+
+def kept_for_loggers(late: Callable[[float], np.ndarray]) -> Callable[[float], np.ndarray]:
+    """`late` with its last few values kept: a group is read as late by most rigs asked for."""
+    return functools.lru_cache(READINGS)(late)
 
 
 def _read(rig: Rig, run: Run, predicted: Predicted, group: str) -> np.ndarray:

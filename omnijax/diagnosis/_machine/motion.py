@@ -124,14 +124,9 @@ def leaves_an_axis_free(rig: Rig) -> bool:
 
 def groups_of_motion(rig: Rig, runs: list[Run]) -> tuple[str, ...]:
     """Output groups that tell the motions: Omega where an axis is free or an encoder is missing."""
-    if leaves_an_axis_free(rig) or any(_lacks_an_encoder(run) for run in runs):
+    if leaves_an_axis_free(rig) or any(run.lacks_an_encoder for run in runs):
         return ("theta", "Omega")
     return ("theta",)
-
-
-def _lacks_an_encoder(run: Run) -> bool:
-    measured = run.outputs.get("theta")
-    return measured is None or bool(np.isnan(measured).all(axis=0).any())
 
 
 def _scatter(values: np.ndarray) -> float:

@@ -1,6 +1,7 @@
 """A measured run as the diagnosis uses it: plain arrays, masks, noise and the fine time grids."""
 
 import dataclasses
+import functools
 from collections.abc import Mapping
 from typing import Any
 
@@ -17,6 +18,7 @@ SHAPE = SETTINGS.prediction.shape_points
 FIRST = SETTINGS.runs.first
 ROLLING = SETTINGS.runs.rolling
 ELASTIC = ("dR", "a")
+SPEEDS = {"Omega": 0, "theta": 1}  # groups that tell speeds, and as which derivative
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,6 +51,20 @@ class Run:
         """Number of samples."""
         return len(self.time)
 
+    @functools.cached_property
+    def lacks_an_encoder(self) -> bool:
+        """Whether the angle of some wheel was measured nowhere."""
+        measured = self.outputs.get("theta")
+        return measured is None or bool(np.isnan(measured).all(axis=0).any())
+
+    @functools.cached_property
+    def _speeds_at_start(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """By group that tells them the speeds at the first sample, rad/s, and their 1-sigma."""
+        return {
+            group: at_first_sample(self.time, self.outputs[group], order)
+            for group, order in SPEEDS.items() if group in self.outputs
+        }  # fmt: skip
+
     def fine(self, parts: int) -> np.ndarray:
         """Times with `parts` points a sample, s."""
         return np.linspace(0.0, self.time[-1], (self.samples - 1) * parts + 1)
@@ -67,15 +83,12 @@ class Run:
         than the noise of one sample (angles: over `FIRST` of them).  The first sample of Omega has
         to say so too, as friction and lags bend a start from rest.
         """
-        for group, order in (("Omega", 0), ("theta", 1)):
-            values = self.outputs.get(group)
-            if values is None:
-                continue
-            speed, sigma = at_first_sample(self.time, values, order)
+        for group, (speed, sigma) in self._speeds_at_start.items():
             if np.isfinite(speed).any():
+                order = SPEEDS[group]
                 least = noise[group] / (FIRST * self.step) ** order
                 moves = np.abs(speed) > ROLLING * np.maximum(sigma, least)
-                rests = order == 0 and np.abs(values[0]) <= ROLLING * least
+                rests = order == 0 and np.abs(self.outputs[group][0]) <= ROLLING * least
                 return bool(np.any(moves & ~np.asarray(rests)))
         return False
 

@@ -75,10 +75,13 @@ def tangent_rows(model: AbstractModel, point, free, residual, baseline=None, spl
     return changed if baseline is None else np.concatenate([baseline, changed], axis=1)
 
 
-def tangents_at(model: AbstractModel, point: Point) -> np.ndarray:
-    """d residual / d (u, free numbers) on the train runs."""
-    (residual,) = model.residuals([point], "train")
-    return tangent_rows(model, point, model.free(point), residual)
+def tangents_at(model: AbstractModel, point: Point, split: str = "train") -> np.ndarray:
+    """d residual / d (u, free numbers) on the train runs, or on those of them that rank laws."""
+    (residual,), free = model.residuals([point], split), model.free(point)
+    exact = model.tangents(point, free)
+    if exact is not None:
+        return exact[: len(residual)]  # the rows that rank laws come first
+    return tangent_rows(model, point, free, residual, split=split)
 
 
 def predicted(model: AbstractModel, point: Point, residual, J) -> tuple[Point, float]:

@@ -101,8 +101,8 @@ def at_finite_strength(
 
 def _about(anchor: Point, model: AbstractModel, fit: Fit, scores, ids: set[str]) -> list[Start]:
     """The best start of every (id, place), the baseline refitted to first order about `anchor`."""
-    J = fit.jacobian if anchor is fit.point else tangents_at(model, anchor)
     (here,) = model.residuals([anchor], model.ranking)
+    J = fit.jacobian if anchor is fit.point else tangents_at(model, anchor, model.ranking)
     J, chi2 = J[: len(here)], float(fit.residual @ fit.residual)
     _, without = predicted(model, anchor, here, J)
     share = fit.cost / without  # estimates are compared with that of no law, made alike
