@@ -1,6 +1,7 @@
 """The search on a small model: names, rivals, decoys, pruning, bounds."""
 
 import dataclasses
+from pathlib import Path
 from types import SimpleNamespace
 from typing import ClassVar
 
@@ -10,9 +11,11 @@ import pytest
 from jaxtyping import Array, Float
 from seeds import drawn_anew
 
+from omnijax import load_laws
 from omnijax.diagnosis import Effect, Point, Prior, Search, SmallModel, along
 from omnijax.diagnosis._search import refits, search
 from omnijax.diagnosis._search.fit import Fit, refit
+from omnijax.diagnosis._search.model import free_numbers, friction_width, with_width
 from omnijax.diagnosis._search.refits import Refits
 from omnijax.diagnosis._search.review import Review
 from omnijax.diagnosis._search.scan import Signatures, taken_up
@@ -749,3 +752,20 @@ def test_a_law_without_a_free_number_is_at_no_wheel_twice():
     assert not has(["bearing-viscous@all"], "bearing-viscous@w3")  # more of it at one wheel
     assert has(["bearing-viscous@all"], "bearing-viscous@all")
     assert not has(["cogging@w1"], "cogging@w1")  # of another order
+
+
+def test_a_width_or_speed_of_a_user_s_law_is_a_number_like_any_other():
+    """A width without a default ended in a TypeError, a speed below 0 had its bounds exchanged."""
+    users = load_laws(Path(__file__).parent / "laws_of_a_user.py")
+
+    class Model:
+        laws = EFFECTS | users
+        frozen_keys = ()
+
+    swollen = Effect("swollen-tyre", "w1", {"speed": -1e-4, "width": 0.07})
+    assert with_width(users["swollen-tyre"], swollen) == swollen
+    dry = with_width(EFFECTS["bearing-coulomb"], Effect("bearing-coulomb", "w1", {"torque": 0.1}))
+    assert friction_width(EFFECTS["bearing-coulomb"]) == dry.values["width"]
+    speed, width, own, _ = free_numbers(Model, Point(np.zeros(0), (swollen, dry)))
+    assert (speed.low, speed.high, width.low, width.high) == (-np.inf, np.inf, 0, np.inf)
+    assert 0 < own.low < dry.values["width"] < own.high

@@ -12,7 +12,7 @@ import numpy as np
 
 from .._machine import FINE, Machine, RigModel, Run, wheel_tables
 from .._orthonormal import orthonormal
-from .._search import Effect, Point, tangent_rows
+from .._search import Point, tangent_rows, with_width
 from .._settings import SETTINGS
 
 SECONDS = SETTINGS.experiment.seconds
@@ -80,7 +80,7 @@ class _Seen:
 
     def predict(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
         """Rows at a rival, and an orthonormal basis of what its own sizes change in them."""
-        point = Point(point.u, tuple(_with_width(self.model, e) for e in point.effects))
+        point = Point(point.u, tuple(with_width(self.model.laws[e.id], e) for e in point.effects))
         (here,) = self.residuals([point], "")
         free = self.model.free(point)
         J = tangent_rows(self, point, free, here, np.zeros((len(here), 0)))  # pyright: ignore
@@ -92,14 +92,6 @@ def _margin(true, rival) -> float:
     left, basis = rival[0] - true[0], rival[1]
     left = left - basis @ (basis.T @ left)
     return float(left @ left)
-
-
-def _with_width(model: RigModel, effect: Effect) -> Effect:
-    """The effect with its friction width written out, so that a refit can free it."""
-    fields = model.laws[effect.id].__dataclass_fields__
-    if "width" not in fields or "width" in effect.values:
-        return effect
-    return dataclasses.replace(effect, values=effect.values | {"width": fields["width"].default})
 
 
 def _shown(model: RigModel, rig) -> tuple[float, np.ndarray]:

@@ -33,6 +33,7 @@ from .model import moved as moved
 from .model import size_keys as size_keys
 from .model import to_project as to_project
 from .model import value_of as value_of
+from .model import with_width as with_width
 from .readings import in_all_runs as in_all_runs
 from .readings import on_reading as on_reading
 from .refits import total_cost as total_cost

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...laws import AbstractLaw
+from ...laws import AXIS_EFFECTS, AbstractLaw
 from .._settings import SETTINGS, SearchSettings
 
 STEPPED = ("contact", "mount", "separation")  # ports whose laws change a run's every tangent
@@ -245,20 +245,33 @@ def to_project(model: AbstractModel, J: np.ndarray, u: np.ndarray):
     return np.delete(J, at_bound, axis=1), np.delete(u, at_bound)
 
 
+def friction_width(law: type[AbstractLaw]) -> float | None:
+    """The width that a friction law has where none is stated; None of a law that has no such."""
+    field = law.__dataclass_fields__.get("width")
+    return None if field is None or field.default is dataclasses.MISSING else float(field.default)
+
+
+def with_width(law: type[AbstractLaw], effect: Effect) -> Effect:
+    """The effect with its friction width written out, so that a refit can free it."""
+    width = friction_width(law)
+    stated = {} if width is None else {"width": width}
+    return dataclasses.replace(effect, values=stated | effect.values)
+
+
 def free_numbers(model: AbstractModel, point: Point) -> list[Free]:
     """Every number that the point's effects state, but counts and exponents."""
     out = []
     for i, effect in enumerate(point.effects):
-        known = model.laws[effect.id].parameters
+        law = model.laws[effect.id]
+        known, width = law.parameters, friction_width(law)
+        of_library = AXIS_EFFECTS.get(effect.id) is law  # where a speed is that of a friction
         for key, value in effect.values.items():
             if key in model.frozen_keys:
                 continue
             p = known[key]
-            if key == "width":
-                begin = model.laws[effect.id].__dataclass_fields__["width"].default
-                begin = value if begin is dataclasses.MISSING else begin
-                out.append(Free(i, key, None, float(begin) / WIDTH, float(begin) * WIDTH))
-            elif key == "speed":
+            if key == "width" and width is not None:
+                out.append(Free(i, key, None, width / WIDTH, width * WIDTH))
+            elif key == "speed" and of_library:
                 out.append(Free(i, key, None, float(value) / SLOWER, float(value) * FASTER))
             elif np.ndim(value):
                 out += [Free(i, key, k, p.low, p.high) for k in range(len(value))]

@@ -1,13 +1,11 @@
 """Joint refits of a search: of a new effect, of a settled set, of friction widths."""
 
-import dataclasses
-
 import numpy as np
 
 from .._settings import SETTINGS
 from .fit import PATIENCE, Fit, refit, refits_about
 from .held_out import HeldOut, Trial
-from .model import AbstractModel, Effect, Point
+from .model import AbstractModel, Effect, Point, with_width
 from .starts import Start
 
 ROUNDS = SETTINGS.refits.rounds
@@ -179,7 +177,7 @@ class Refits:
         """
         if fit.cost > WIDTHS_MATTER[self.model.needs_stepping(fit.point.effects)] * best:
             return fit
-        wide = [self._with_width(effect) for effect in fit.point.effects]
+        wide = [with_width(self.model.laws[e.id], e) for e in fit.point.effects]
         stated = all(
             len(w.values) == len(e.values) for w, e in zip(wide, fit.point.effects, strict=True)
         )
@@ -188,8 +186,3 @@ class Refits:
         point = fit.point.with_effects(*wide)
         freed = refit(self.model, point, baseline=self.tangents(fit, wide), rounds=WIDE)
         return freed if freed.cost < fit.cost - self.settings.margin else fit
-
-    def _with_width(self, effect: Effect) -> Effect:
-        field = self.model.laws[effect.id].__dataclass_fields__.get("width")
-        default = {} if field is None else {"width": float(field.default)}
-        return dataclasses.replace(effect, values=default | effect.values)
