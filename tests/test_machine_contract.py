@@ -287,9 +287,8 @@ def drawn_run(rng, rig):
 def test_any_rig_with_any_laws_and_sensors_is_predicted(ports, seed):
     """Noise of a thousandth to a hundredth of the signals hides what the steps in time leave.
 
-    Drawn anew with the whole suite alone: of some fifteen draws one leaves more, mostly of an
-    encoder that stands at a limit and lags, of springs so strong that 16 steps a sample are few, or
-    of a machine that hardly shakes behind a late encoder.
+    Drawn anew with the whole suite alone: of some sixty draws one leaves more, of the rotation of a
+    small sphere on a wheel of two rows.
     """
     name = f"rig and laws, {' and '.join(ports)}"
     rng = drawn_anew(name) if seed is None else np.random.default_rng(seed)
