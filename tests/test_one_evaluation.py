@@ -15,7 +15,6 @@ import numpy as np
 import pytest
 from machines import ORTHOGONAL, SKEW, drawn_machine, machine
 from seeds import drawn_anew
-from tiers import tiered
 
 from omnijax import laws, load_laws, set_parameter, sweep
 from omnijax.rig import get_parameter, parameter_info
@@ -360,7 +359,8 @@ def test_figures_in_every_quantity(methods, layout, profiles, effects, values):
 MET = {("bulk",): 1e-7, ("steady", "steady-bulk"): 1e-6, ("fixed",): 1e-5}  # with users' laws
 
 
-@pytest.mark.parametrize("methods", tiered(MET, lambda methods: methods != ("bulk",)))
+@pytest.mark.full
+@pytest.mark.parametrize("methods", list(MET))
 def test_figures_in_every_quantity_with_laws_of_a_user(methods):
     """A law file's laws, at every port that the method takes, on a rig drawn anew.
 
