@@ -20,7 +20,9 @@ def materialised(f: Callable, *args):
     probe = jax.tree.leaves(args)[0].reshape(-1)[0]
     always = jnp.isnan(probe) | ~jnp.isnan(probe)
 
-    def never(*a):
-        return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), jax.eval_shape(f, *a))
+    traced = jax.jit(f)  # once
 
-    return jax.lax.cond(always, f, never, *args)
+    def never(*a):
+        return jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), jax.eval_shape(traced, *a))
+
+    return jax.lax.cond(always, traced, never, *args)
