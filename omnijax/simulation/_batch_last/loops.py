@@ -108,4 +108,5 @@ def _called(call: Call) -> list[Value]:
     return call.evaluated(call.params["jaxpr"], call.inputs, call.size)
 
 
-LOOPS: dict[str, Rule] = {"scan": _scan, "while": _while, "cond": _cond, "jit": _called}
+LOOPS: dict[str, Rule] = {"scan": _scan, "while": _while, "cond": _cond}
+CALLS = {"jit": _called}

@@ -18,14 +18,14 @@ import jax
 import jax.numpy as jnp
 from jax.extend.core import ClosedJaxpr, Literal
 
-from .loops import LOOPS
-from .products import dot_general, reduce_sum
+from .loops import CALLS, LOOPS
+from .products import SUMS
 from .rules import RULES
 from .values import Call, Rule, Value
 
 LANES = 96
 WIDTH = 8  # numbers that a processor works on at once
-ALL: dict[str, Rule] = {**RULES, **LOOPS, "dot_general": dot_general, "reduce_sum": reduce_sum}
+ALL: dict[str, Rule] = {**RULES, **LOOPS, **CALLS, **SUMS}
 
 
 def vmap_last(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -100,8 +100,15 @@ def _evaluated(closed: ClosedJaxpr, arguments: Sequence[Value], size: int) -> li
 
 
 def _outputs(call: Call) -> list[Value]:
-    if not any(value.batched for value in call.inputs):
-        return [Value(x, False) for x in call.alone(*(v.array for v in call.inputs))]
-    rule = ALL.get(call.equation.primitive.name)
-    outputs = None if rule is None else rule(call)
-    return call.by_vmap() if outputs is None else outputs
+    name = call.equation.primitive.name
+    if any(value.batched for value in call.inputs):
+        rule = ALL.get(name)
+        outputs = None if rule is None else rule(call)
+        return call.by_vmap() if outputs is None else outputs
+    if name in CALLS:
+        return CALLS[name](call)
+    if name in SUMS:  # they stand in one kernel too
+        one = [Value(jnp.asarray(value.array)[..., None], True) for value in call.inputs]
+        sums = SUMS[name](call._replace(inputs=one, size=1))
+        return [Value(x.array[..., 0], False) for x in sums]
+    return [Value(x, False) for x in call.alone(*(v.array for v in call.inputs))]

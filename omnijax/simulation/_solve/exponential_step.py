@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...dynamics import Model, linear_system
+from .._one_kernel import is_asked
 from .passage import StepGrid
 from .phi import phi_functions
 
@@ -84,7 +85,9 @@ def exponential_step(field, shape, tables: StepTables, rho: Float[Array, "c n"],
         jnp.stack([half1 / 2, half1 / 2, one]),
         jnp.stack([jnp.zeros_like(A), half2, 2 * two]),
     )
-    (_, z4), ((d2, d3, d4), (z2, z3, _)) = jax.lax.scan(stage, (d1, z1), rows)
+    (_, z4), ((d2, d3, d4), (z2, z3, _)) = jax.lax.scan(
+        stage, (d1, z1), rows, unroll=not is_asked()
+    )
     end = z + h / 6 * (z1 + 2 * z2 + 2 * z3 + z4)
     linear, square = 2 * (d2 + d3) - 3 * d1 - d4, 4 * (d1 + d4 - d2 - d3)
     new = passed + h * (one @ first + two @ linear + three @ square)

@@ -24,6 +24,7 @@ from .._batch_last import side_by_side
 from .._channels import trajectory
 from .._commands import torque_inputs
 from .._drives import TorqueDrive
+from .._one_kernel import is_asked
 from .._trajectory import Trajectory
 from . import exponential_step as exponential
 from .passage import Passage, StepGrid, shapes_ahead
@@ -80,7 +81,7 @@ def _runge_kutta(field, h, t, y):
         return (rate, end + h * weight * rate, bend + h * bent * rate), None
 
     none = jnp.zeros_like(y)
-    (rate, end, bend), _ = jax.lax.scan(stage, (none, y, none), _STAGES)
+    (rate, end, bend), _ = jax.lax.scan(stage, (none, y, none), _STAGES, unroll=not is_asked())
     return (y + end) / 2 + bend, end, rate
 
 

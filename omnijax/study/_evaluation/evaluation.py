@@ -15,7 +15,6 @@ from ...simulation import (
     MAX_STEPS,
     RATE,
     RTOL,
-    RUNGE_KUTTA,
     SpeedDrive,
     TorqueDrive,
     Trajectory,
@@ -128,7 +127,7 @@ class Evaluation(NamedTuple):
     @property
     def order(self) -> Order:
         """How many designs are evaluated: see `each`."""
-        if self.method == "fixed" and self.solver == RUNGE_KUTTA:
+        if self.method == "fixed":
             return "batch last"
         return "side by side" if self.integrated else "in turn"
 
