@@ -56,6 +56,8 @@ def __getattr__(name: str) -> "Any":
         return getattr(importlib.import_module(f".{_WHERE[name]}", __name__), name)
     if name in _PACKAGES:
         return importlib.import_module(f".{name}", __name__)
+    if name == "__all__":
+        return sorted(_WHERE)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
 

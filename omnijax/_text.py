@@ -23,6 +23,16 @@ def scaled(value: float, unit: str) -> tuple[float, str]:
     return 10.0**-power, _PREFIX[power] + written(unit)
 
 
+def scaled_together(values: Sequence[float], unit: str) -> tuple[float, str]:
+    """(factor, unit) in which several sizes of one quantity read well.
+
+    That of the least above 0, unless the largest would have five digits there.
+    """
+    sizes = [value for value in values if value > 0] or [0.0]
+    factor, name = scaled(min(sizes), unit)
+    return (factor, name) if max(sizes) * factor < 1e4 else scaled(max(sizes), unit)
+
+
 def written(unit: str) -> str:
     """A unit as people write it: m/s² for m/s^2."""
     return "" if unit == "1" else unit.replace("^2", "²").replace("^3", "³")

@@ -1,11 +1,14 @@
 """The result of a diagnosis in a notebook: words, tables, pictures, a dataset."""
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from omnijax import InputError
 from omnijax.diagnosis import Diagnosis, Named, OutputGap
-from omnijax.diagnosis._answer.answer import _sigma, together
+from omnijax.diagnosis._answer.answer import _sigma, score_table, together
 from omnijax.laws import EFFECTS
 
 
@@ -119,3 +122,15 @@ def test_a_direction_is_as_sure_as_what_turns_it():
     assert np.linalg.norm(sigma) == pytest.approx(np.hypot(0.02, 0.03), rel=1e-6)
     offset = EFFECTS["unbalance"].parameters["offset"]  # a length, not a direction
     np.testing.assert_allclose(_sigma(offset, unit, covariance), np.sqrt(np.diag(covariance)))
+
+
+def test_scores_name_what_the_step_has_taken_up_already():
+    taken, open_ = SimpleNamespace(id="creep", place="w1"), SimpleNamespace(id="creep", place="w2")
+    score = SimpleNamespace(candidate=SimpleNamespace(id="creep", place="w2", note=""), gain=7.0,
+                            columns=1, p=0.1, index=0)  # fmt: skip
+    scan = SimpleNamespace(layout=SimpleNamespace(candidates=[open_]), cosine=lambda a, b: 1.0,
+                           best_per_name=lambda: [score])  # fmt: skip
+    fit = SimpleNamespace(point=SimpleNamespace(effects=[taken, open_]))
+    outcome: Any = SimpleNamespace(scans=[scan], fit=fit)
+    (row,) = score_table(outcome)
+    assert row["beside"] == ["creep at w1"] and row["gain"] == 7.0

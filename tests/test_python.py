@@ -52,6 +52,9 @@ def test_traced_speeds_stay_traced():
         ((RIG, "1 2 3", 1.0), "write commas between the values"),
         ((RIG, "1 m, 0, 2 kg", 1.0), "`speed` must be a number in rad/s.*(?s:.)*2 kg"),
         ((RIG, [1, 0], 1.0), "the drive has 2 wheels, but the rig has 3"),
+        ((RIG, [1, np.inf, 0], 1.0), "`speed` must be finite, but is inf"),
+        ((RIG, 1.0, 1.0), "the drive has 1 wheel, but the rig has 3"),
+        ((RIG, omnijax.torques([1, 0, 0], [0, np.nan, 0]), 1.0), "`force` must be finite"),
         ((RIG, [1, 0, 0], -1.0), r"`duration` must lie in \(0, inf\) s, but is -1"),
         ((RIG, [1, 0, 0], "2 m"), "`duration` must be a number in s"),
     ],
@@ -67,6 +70,10 @@ def test_what_cannot_be_simulated_is_said(arguments, match):
         ({}, "either sample times `ts` or a `duration`"),
         ({"ts": 1.0, "duration": 1.0}, "either sample times `ts` or a `duration`"),
         ({"ts": [0.0, 0.1], "rate": 100}, "`rate` goes with a duration"),
+        ({"ts": []}, r"`ts` must be a row of sample times, but has shape \(0,\)"),
+        ({"ts": [[0.0, 0.1]]}, r"`ts` must be a row of sample times, but has shape \(1, 2\)"),
+        ({"ts": [0.0, 0.2, 0.1]}, r"increase, but `ts\[2\]` is 0.1 after 0.2 s"),
+        ({"ts": [0.0, np.nan]}, r"finite and increase, but `ts\[1\]` is nan after 0 s"),
         ({"duration": [0.0, 0.1]}, "`duration` must be one number"),
         ({"duration": 1.0, "rate": 0}, r"`rate` must lie in \(0, inf\) Hz, but is 0"),
         ({"duration": 1.0, "rate": "3 s"}, "`rate` must be a number in Hz"),
@@ -75,6 +82,25 @@ def test_what_cannot_be_simulated_is_said(arguments, match):
 def test_what_are_no_sample_times_is_said(given, match):
     with pytest.raises(InputError, match=match):
         omnijax.simulate(RIG, [1, 0, 0], **given)
+
+
+def test_long_runs_and_modes_take_names_and_units():
+    by_name = omnijax.steady_state("atlas", "1 rpm, 1.2, 0.3")
+    same = omnijax.steady_state(RIG, [2 * np.pi / 60, 1.2, 0.3])
+    assert float(by_name.rms) == pytest.approx(float(same.rms), rel=1e-14)
+    np.testing.assert_array_equal(
+        omnijax.natural_frequencies("atlas"), omnijax.natural_frequencies(RIG)
+    )
+    np.testing.assert_array_equal(omnijax.modes("atlas").frequency, omnijax.modes(RIG).frequency)
+    with pytest.raises(InputError, match="`speeds` must be a number in rad/s"):
+        omnijax.steady_state("atlas", "1 kg, 1.2, 0.3")
+
+
+def test_a_star_brings_the_names_that_the_page_lists():
+    brought: dict = {}
+    exec("from omnijax import *", brought)
+    assert {"load_rig", "simulate", "steady_state", "diagnose"} <= set(brought)
+    assert not {"importlib", "TYPE_CHECKING"} & set(brought)
 
 
 def test_a_parameter_takes_units_as_a_file():

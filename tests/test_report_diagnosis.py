@@ -12,6 +12,7 @@ from omnijax.diagnosis import Diagnosis, Effect, Named, OutputGap, Point, effect
 from omnijax.diagnosis._answer import JUDGES
 from omnijax.laws import EFFECTS
 from omnijax.report import Page, diagnosis_page, provenance
+from omnijax.report._diagnosis_figures import score_figure
 from omnijax.report._diagnosis_numbers import closed
 from omnijax.report._diagnosis_sizes import sizes_section
 from omnijax.report._diagnosis_words import where_sentences
@@ -279,3 +280,15 @@ def test_rivals_that_are_all_alike_are_not_listed_once_more_for_each():
     assert {_rivals(e, alike) for e in alike} == {"each of the others"}
     assert _rivals(some[0], some) == "air-drag at all"
     assert _rivals(alike[0], alike[:1]) == "air-drag at all, stribeck at all"
+
+
+def test_scores_beside_what_is_named_say_so():
+    """A search that goes on from a found effect scores the others alone."""
+    row = {"id": "damaged-roller", "place": "w1", "gain": 7.0}
+    alone = score_figure([row])
+    beside = score_figure([row | {"beside": ["bearing-coulomb at w2"]}])
+    titles = [f.fig.axes[0].get_title("left") for f in (alone, beside)]
+    assert titles == [
+        "What each candidate would explain", "What each further candidate would explain",
+    ]  # fmt: skip
+    assert "beside bearing-coulomb at w2" in beside.caption and "beside" not in alone.caption

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from omnijax._status import Status
-from omnijax._text import listed, path_words, quantity_text
+from omnijax._text import listed, path_words, quantity_text, scaled_together
 from omnijax.report import provenance, study_page, sweep_figure, sweep_page
 from omnijax.study import Design, SweepResult
 from omnijax.study._sweep.evaluator import quantities
@@ -109,6 +109,14 @@ def test_designs_that_failed_are_listed_in_the_units_of_their_columns():
     ]  # fmt: skip
     (row,) = failed.rows
     assert row[:2] == [3, pytest.approx(1e-3 * result.design(3)["contact.stiffness"])]
+
+
+def test_sizes_of_one_quantity_share_a_unit():
+    assert scaled_together((0.01593, 1e-4, 1e-4), "rad") == (1e3, "mrad")  # 0.913 to 0.00573 deg
+    assert scaled_together((2.04e-6, 1.99e-6), "m") == (pytest.approx(1e6), "µm")
+    assert scaled_together((5.0, 2e-6), "m") == (1.0, "m")
+    assert scaled_together((float("nan"), 3e-3), "m") == (pytest.approx(1e3), "mm")
+    assert scaled_together((0.0, float("nan")), "m") == (1.0, "m")
 
 
 def test_words_in_a_row():

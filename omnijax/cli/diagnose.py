@@ -129,7 +129,7 @@ def _write(diagnosis: Any, folder: Path) -> str:
 
 def _print(diagnosis: Any) -> None:
     """The answer in a few lines."""
-    from .._text import scaled
+    from .._text import scaled_together
     from ..laws import in_words
     from ..report import effect_sizes
 
@@ -141,9 +141,9 @@ def _print(diagnosis: Any) -> None:
         print(f"  {name}" if words.replace("`", "") == name else f"  {name}: {words}")
         print(f"    {effect_sizes(effect)}")
     for group, gap in diagnosis.gap.items():
-        factor, unit = scaled(gap.before, gap.unit)
+        factor, unit = scaled_together((gap.before, gap.after, gap.noise_floor), gap.unit)
         print(
-            f"  {group}: RMS {factor * gap.before:.3g} -> {factor * gap.after:.3g} {unit}, "
+            f"  {group}: RMS {factor * gap.before:.4g} -> {factor * gap.after:.3g} {unit}, "
             f"noise {factor * gap.noise_floor:.3g}"
         )
     if diagnosis.remainder:

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from .._text import scaled
+from .._text import scaled_together
 from ..laws import in_words
 from ._content import Column, Fact, Provenance, Section, Table, provenance
 from ._diagnosis_figures import learned_figure, next_figure, order_figure, score_figure
@@ -67,11 +67,11 @@ def _answer(diagnosis) -> str:
         ]
         answer += " It is " + joined.join(words) + "."
     for group, gap in _worst(diagnosis):
-        factor, unit = scaled(gap.before, gap.unit)
+        factor, unit = scaled_together((gap.before, gap.after, gap.noise_floor), gap.unit)
         answer += (
             f" What the model misses of {channel_words(group)} on "
             f"{diagnosis.judges.name} falls from "
-            f"{gap.before * factor:.3g} to {gap.after * factor:.3g} {unit} RMS; the noise is "
+            f"{gap.before * factor:.4g} to {gap.after * factor:.3g} {unit} RMS; the noise is "
             f"{gap.noise_floor * factor:.3g} {unit}."
         )
     if diagnosis.remainder:

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from .._plot import PALETTE, bars_of_scores
+from .._text import listed
 from ._content import Figure
 from ._style import figure, style
 
@@ -57,11 +58,13 @@ def score_figure(first: list[dict[str, Any]]) -> Figure:
     """What each of the best candidates would explain, baseline parameters projected out."""
     names = [f"{s['id']} at {s['place']}" for s in first][::-1]
     gain = [float(s["gain"]) for s in first][::-1]
+    beside = first[0].get("beside", [])
     with style():
         fig, axes = figure(1, 1, height=3.6)
         bars_of_scores(axes[0], first, PALETTE["blue"])
-        axes[0].set_title("What each candidate would explain")
-    note = "Score of the best candidates, baseline parameters projected out."
+        axes[0].set_title(f"What each {'further ' if beside else ''}candidate would explain")
+    also = f", beside {listed(beside)}" if beside else ""
+    note = f"Score of the best candidates{also}, baseline parameters projected out."
     return Figure(fig, "scores", note, {"candidate": names, "gain / 1": gain})
 
 

@@ -149,15 +149,41 @@ def as_times(given: Any, duration: Any = None, rate: Any = None) -> Float[Array,
             raise InputError("`duration` must be one number of seconds; sample times are `ts`.")
         if rate is not None:
             raise InputError("`rate` goes with a duration; `ts` are sample times already.")
-        return jnp.asarray(times, float)
+        return _increasing(jnp.asarray(times, float))
     frequency = None if rate is None else typed_above_zero("rate", rate, "Hz")
     return jnp.asarray(sample_times(typed_above_zero("duration", times, "s"), frequency))
 
 
+def _increasing(times: Float[Array, " t"]) -> Float[Array, " t"]:
+    """Sample times as they are; `InputError` where there are none, or known ones decrease."""
+    if times.ndim != 1 or not len(times):
+        raise InputError(f"`ts` must be a row of sample times, but has shape {times.shape}.")
+    if not isinstance(times, Tracer) and (bad := _first_wrong(np.asarray(times))) is not None:
+        here = f"{times[bad]:g}"
+        behind = f"{here} after {times[bad - 1]:g}" if bad else here
+        raise InputError(f"`ts` must be finite and increase, but `ts[{bad}]` is {behind} s.")
+    return times
+
+
+def _first_wrong(times: np.ndarray) -> int | None:
+    """Where the first time stands that is not finite, or below the one before it."""
+    wrong = ~np.isfinite(times)
+    wrong[1:] |= np.diff(times) < 0
+    return int(np.argmax(wrong)) if wrong.any() else None
+
+
 def check_drive(rig: Rig, drive: AbstractDrive) -> None:
-    """`InputError` where the drive does not fit the rig."""
-    signal = drive.torque if isinstance(drive, TorqueDrive) else drive.speed  # pyright: ignore
+    """`InputError` where the drive does not fit the rig, or a known number of it is not finite."""
+    name = "torque" if isinstance(drive, TorqueDrive) else "speed"
+    signal = getattr(drive, name)
     if signal.size != rig.size:
-        raise InputError(f"the drive has {signal.size} wheels, but the rig has {rig.size}.")
+        count = f"{signal.size} wheel{'s' * (signal.size != 1)}"
+        raise InputError(f"the drive has {count}, but the rig has {rig.size}.")
     if drive.force.size != 3:
         raise InputError(f"`force` must have 3 components, but has {drive.force.size}.")
+    for given, values in ((name, signal.values), ("force", drive.force.values)):
+        if isinstance(values, Tracer):
+            continue
+        known = np.asarray(values)
+        if not np.isfinite(known).all():
+            raise InputError(f"`{given}` must be finite, but is {known[~np.isfinite(known)][0]}.")

@@ -1,6 +1,7 @@
 """Natural frequencies and damping of the elastic model."""
 
 import dataclasses
+from pathlib import Path
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -13,7 +14,7 @@ from .._plot import COLOURS, new_axes, styled
 from .._programs import kept
 from .._result import AbstractResult
 from ..dynamics import TRANSLATIONS, free_system
-from ..rig import Rig
+from ..rig import Rig, load_rig
 
 
 @dataclasses.dataclass(frozen=True, repr=False, eq=False)
@@ -75,8 +76,10 @@ class Modes(AbstractResult):
         return ax
 
 
-def modes(rig: Rig, model: str = "coupled") -> Modes:
+def modes(rig: Rig | str | Path, model: str = "coupled") -> Modes:
     """Natural frequencies (Hz), damping ratios and shapes of the linear elastic model.
+
+    `rig` may be a rig file or the name of a bundled rig.
 
     Outside of transformations (numpy); for a differentiable figure use `natural_frequencies`.
 
@@ -85,6 +88,7 @@ def modes(rig: Rig, model: str = "coupled") -> Modes:
 
     Source: eigenvalues of the paper's eqs. 32-42 without shape (`docs/theory.md`, translation).
     """
+    rig = rig if isinstance(rig, Rig) else load_rig(rig)
     A, rows = (np.asarray(x) for x in _matrices(rig, model))
     values, vectors = np.linalg.eig(A)
     keep = np.imag(values) >= -1e-9 * np.abs(values)
@@ -106,8 +110,10 @@ def _matrices(rig: Rig, model: str):
     return free_system(TRANSLATIONS[model](rig))
 
 
-def natural_frequencies(rig: Rig, model: str = "coupled") -> Float[Array, " m"]:
+def natural_frequencies(rig: Rig | str | Path, model: str = "coupled") -> Float[Array, " m"]:
     """Undamped natural frequencies in Hz, ascending, differentiable.
+
+    `rig` may be a rig file or the name of a bundled rig.
 
     Those of the conservative part: the symmetric problem stiffness v = (2 pi f)^2 mass v, whose
     eigenvalues differentiate cleanly (repeated ones: the average over the repeated group's
@@ -117,6 +123,7 @@ def natural_frequencies(rig: Rig, model: str = "coupled") -> Float[Array, " m"]:
 
     Source: as `modes`, without damping.
     """
+    rig = rig if isinstance(rig, Rig) else load_rig(rig)
     A, _ = free_system(TRANSLATIONS[model](_undamped(rig)))
     state = TRANSLATIONS[model](rig).rest()
     half = state.approach.size + state.mount.size

@@ -141,14 +141,21 @@ def baseline_table(outcome: SearchResult) -> list[dict[str, Any]]:
 
 
 def score_table(outcome: SearchResult, most: int = SETTINGS.search.shown) -> list[dict[str, Any]]:
-    """The score plot's numbers: the best candidates of every step."""
+    """The score plot's numbers: the best candidates of every step.
+
+    `beside` names the effects of the answer that a step has taken up already: no candidates of it.
+    """
     out = []
     for step, scan in enumerate(outcome.scans):
         best = scan.best_per_name()[:most]
+        tried = {(c.id, c.place) for c in scan.layout.candidates}
+        taken = [e for e in outcome.fit.point.effects if (e.id, e.place) not in tried]
+        beside = [f"{e.id} at {e.place}" for e in taken]
         for s in best:
             out.append({
                 "step": step + 1, "id": s.candidate.id, "place": s.candidate.place,
-                "note": s.candidate.note, "gain": s.gain, "columns": s.columns, "p": s.p,
+                "beside": beside, "note": s.candidate.note, "gain": s.gain,
+                "columns": s.columns, "p": s.p,
                 "cosine_to_best": scan.cosine(best[0].index, s.index),
             })  # fmt: skip
     return out

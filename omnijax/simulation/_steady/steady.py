@@ -1,5 +1,7 @@
 """`steady_state`: what a rig does in the long run at constant speeds, in closed form."""
 
+from collections.abc import Sequence
+from pathlib import Path
 from typing import ClassVar
 
 import equinox as eqx
@@ -11,7 +13,7 @@ from ..._programs import kept
 from ..._result import AbstractResult
 from ..._root import root
 from ..._status import Status
-from ...rig import Rig
+from ...rig import Rig, load_rig, typed_numbers
 from .._exact import exact_obstacle, is_traced, levels_needed, longest_passage
 from .._signals import Vector
 from .long_run import LongRun
@@ -108,8 +110,8 @@ def _text(x) -> str:
 
 
 def steady_state(
-    rig: Rig,
-    speeds: Vector,
+    rig: Rig | str | Path,
+    speeds: Vector | Sequence[float | str] | str,
     *,
     model: str = "coupled",
     angles: Vector | None = None,
@@ -119,6 +121,9 @@ def steady_state(
     force: Vector | None = None,
 ) -> SteadyState:
     """Long-run vibration of `rig` at constant wheel `speeds` (rad/s, any sign, zero too).
+
+    `rig` may be a rig file or the name of a bundled rig, `speeds` (n,) text or hold texts with
+    units, as for `simulate`: `steady_state("atlas", "30 rpm, 0, 10 rpm")`.
 
     Closed forms throughout: periodic solutions piece by piece, their second moments by doubling,
     suprema refined by Newton's method from places graded towards each edge and 2^`grid_bits` even
@@ -133,10 +138,11 @@ def steady_state(
 
     Source: the paper's eqs. 32-42, periodic (`docs/theory.md`, prescribed speeds).
     """
+    rig = rig if isinstance(rig, Rig) else load_rig(rig)
     reason = exact_obstacle(rig, model)
     if reason is not None:
         raise ValueError(f"no closed-form steady state: {reason}; use `simulate`.")
-    speeds = jnp.asarray(speeds, float)
+    speeds = jnp.asarray(typed_numbers("speeds", speeds, "rad/s"), float)
     if speeds.shape != (rig.size,):
         raise ValueError(f"`speeds` must have {rig.size} entries, but has shape {speeds.shape}.")
     angles = jnp.zeros(rig.size) if angles is None else jnp.asarray(angles, float)
