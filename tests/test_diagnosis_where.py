@@ -9,6 +9,7 @@ from seeds import drawn_anew
 from omnijax.diagnosis._answer.shown import _beside
 from omnijax.diagnosis._machine.left_motion import accelerating, rolled
 from omnijax.diagnosis._machine.locate import changing
+from omnijax.diagnosis._search import where
 from omnijax.diagnosis._search.levels import Level
 from omnijax.diagnosis._search.readings import in_all_runs, on_reading
 from omnijax.diagnosis._search.where import (
@@ -170,6 +171,18 @@ def test_what_hangs_on_a_reading_is_asked_of_its_channel_alone():
     _, answers = discovered(TIME, columns, {}, {}, own=own)
     asked = {a["channel"]: a["stands"] for a in answers if a["domain"] == "reading"}
     assert asked == {"dR_x": True, "dR_y": False}
+
+
+def test_where_nothing_stands_the_channels_that_are_missed_most_are_shown(monkeypatch):
+    """A smooth miss of 50 sigma looks like noise of its colour: that all is well was said of it."""
+    monkeypatch.setattr(where, "discoveries", lambda answers: [])
+    rng = drawn_anew("nothing stands")
+    columns = {f"a_{c}": rng.normal(size=N) for c in "xyz"}
+    columns |= {"theta_1": 50 * np.cumsum(rng.normal(size=N)) / np.sqrt(N)}
+    columns |= {"Omega_x": 1e-12 * rng.normal(size=N)}  # nobody measured it
+    shown, answers = discovered(TIME, columns, {"w1": sweep()}, {})
+    assert {a["channel"] for a in shown} == {"theta_1"} and len(shown) == 3
+    assert {a["channel"] for a in answers} == {*columns} - {"Omega_x"}
 
 
 def test_where_a_residual_begins_and_ends_says_nothing_of_what_it_hangs_on():

@@ -378,7 +378,8 @@ def test_figures_in_every_quantity_with_laws_of_a_user(methods):
     hows = [Evaluation(m, METRICS, times=ts, substeps=32 if torque else 1) for m in methods]
     drive = drawn_drive(rig, rng, "torque" if torque else "speed")
     reference = steady_figures if steady else run_figures(ts, METRICS)
-    silent = ("sensor", "command") if torque else SILENT  # the times of a constant command
+    # the times of a constant command; the sphere's turning hardly moves dR, if its mass is aside
+    silent = ("sensor", "command") if torque else (*SILENT, "kinematics")
     felt = {name for name in chosen if USERS[name].port not in silent}
     for moved in compared(hows, rig, drive, reference, rng, 1, accuracy=MET[methods]):
         assert felt <= {path.split(".")[1] for path in moved}

@@ -322,6 +322,8 @@ class WhereSettings:
     end: int = 10  # of so many parts of a run, which an end is at most
     shape: float = 1e-3  # of the beta law of shuffled shares at least
     likeliest: int = 3  # returned where nothing stands
+    mostly: float = 0.5  # of the largest miss in sigma, of the channels that these are sought in
+    rounding: float = 1e-6  # sigma: a channel that nobody measured, or that is met exactly
 
 
 @dataclasses.dataclass(frozen=True)

@@ -37,6 +37,8 @@ ENDS = SETTINGS.where.ends
 END = SETTINGS.where.end
 SHAPE = SETTINGS.where.shape
 LIKELIEST = SETTINGS.where.likeliest
+MOSTLY = SETTINGS.where.mostly
+ROUNDING = SETTINGS.where.rounding
 SHOWN = SETTINGS.search.shown
 
 
@@ -308,13 +310,14 @@ def discovered(
     `own` holds by channel the questions that are asked of it alone, `answers` what was asked
     elsewhere and stands or falls with the others.
     Every answer says whether it `stands`; where none does, the likeliest few are returned so
-    marked.
+    marked, of the channels that are missed most: what is smooth may be large and yet like noise of
+    its own colour.
     """
     asked, everything, step = Asked(questions(time, angles, states)), [], time[1] - time[0]
     for label, column in columns.items():
-        if not column.any():
-            continue
         rms = float(np.sqrt(np.mean(column**2)))
+        if rms < ROUNDING:
+            continue
         further = () if own is None else own.get(label, ())
         for answer in shares(column, asked, len(everything), further):
             mirror = 1 / step - answer["value"] if answer["domain"] == "frequency" else None
@@ -327,4 +330,11 @@ def discovered(
     for answer in stand:
         answer["stands"] = True
     stand.sort(key=lambda f: -f["share"] * max(0.0, f["rms_over_noise"] ** 2 - 1))
-    return (stand or sorted(everything, key=lambda f: f["p"])[:LIKELIEST])[:top], everything
+    return (stand or _likeliest(everything))[:top], everything
+
+
+def _likeliest(answers: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The few with the least chance, of the channels that are missed most."""
+    least = MOSTLY * max((f["rms_over_noise"] for f in answers), default=0.0)
+    mostly = [f for f in answers if f["rms_over_noise"] >= least]
+    return sorted(mostly, key=lambda f: f["p"])[:LIKELIEST]
