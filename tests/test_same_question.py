@@ -92,7 +92,7 @@ def test_the_tolerance_of_a_study_file_is_handed_on(command, tmp_path, capsys, m
     monkeypatch.setattr(f"omnijax.study.{command}", noted)
     assert run([command, str(file)]) == 2
     assert given["rtol"] == 1e-5
-    assert "`distribution` is of `global-sensitivity`" in " ".join(capsys.readouterr().err.split())
+    assert "`distribution` is for `global-sensitivity`" in " ".join(capsys.readouterr().err.split())
     if command == "sweep":
         assert run([command, str(file), "--rtol", "1e-7"]) == 2
         assert "--rtol stands in the study file" in capsys.readouterr().err
