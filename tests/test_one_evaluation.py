@@ -375,7 +375,7 @@ def test_figures_in_every_quantity_with_laws_of_a_user(methods):
     for name in rng.permutation(chosen):
         rig = rig.add(*users_law(rng, name, rig))
     ts = None if steady else samples_of(0.08, 500.0)
-    hows = [Evaluation(m, METRICS, times=ts, substeps=32 if torque else 1) for m in methods]
+    hows = [Evaluation(m, METRICS, times=ts, substeps=64 if torque else 1) for m in methods]
     drive = drawn_drive(rig, rng, "torque" if torque else "speed")
     reference = steady_figures if steady else run_figures(ts, METRICS)
     # the times of a constant command; the sphere's turning hardly moves dR, if its mass is aside
