@@ -209,9 +209,6 @@ def designed(rig, drive, paths, rows):
     return found, np.where(no_part[:, None], np.nan, again)
 
 
-FELT = 1e-6  # change of a figure that is one: well above what solvers leave
-
-
 def compared(hows, rig, drive, reference, rng, most, designs=False, accuracy=None):
     """The quantities that move a figure, of each way; asserts that all rows are `reference`'s.
 
@@ -233,7 +230,7 @@ def compared(hows, rig, drive, reference, rng, most, designs=False, accuracy=Non
         worst = int(error.max(axis=1).argmax())
         both = figures[worst], expected[worst]
         assert error.max() < tolerance, (how.method, changed[worst], error[worst], both)
-        moved = np.abs(expected / expected[0] - 1).max(axis=1) > FELT
+        moved = np.abs(expected / expected[0] - 1).max(axis=1) > 10 * ACCURACY.get(how.method, 1e-7)
         yield {path for path, by in zip(changed, moved, strict=True) if by}
     if designs:
         first = [i for i, path in enumerate(changed) if path != changed[i - 1]]

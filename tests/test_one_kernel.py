@@ -10,6 +10,7 @@ import pytest
 from seeds import drawn_anew
 
 from omnijax.simulation import _one_kernel
+from omnijax.simulation._batch_last import vmap_last
 from omnijax.simulation._one_kernel import one_kernel
 
 known = pytest.mark.skipif(not _one_kernel.KNOWN, reason="a version of XLA that is not asked")
@@ -63,6 +64,26 @@ def test_many_at_once():
     x = drawn_anew("one kernel").normal(size=(3, 5, 8))
     each = jax.jit(jax.vmap(lambda *x: one_kernel(oscillated, *x)))(*x)
     np.testing.assert_allclose(each, jax.vmap(oscillated)(*x), rtol=1e-12, atol=1e-14)
+
+
+def test_many_with_the_batch_last():
+    """Loops of `vmap_last` are kernels, with sums of few and of many terms in them."""
+    x = drawn_anew("one kernel").normal(size=(3, 5, 8))
+
+    def summed(y, *_):
+        def turn(_, y):
+            return jnp.tanh(
+                jnp.sum(jnp.outer(y, y), axis=1) + jnp.ones(25) @ jnp.concatenate([y] * 5)
+            )
+
+        return jax.lax.fori_loop(0, 4, turn, y)
+
+    for f in (oscillated, summed):
+        program = jax.jit(vmap_last(f)).lower(*x).compile()
+        assert kernels(program) > 0 or not _one_kernel.KNOWN
+        expected = jax.vmap(f, -1, -1)(*x)
+        for a, b in zip(*map(jax.tree.leaves, (program(*x), expected)), strict=True):
+            np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-13)
 
 
 def test_what_it_is_given_may_be_constant_or_empty():

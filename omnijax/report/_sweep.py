@@ -72,13 +72,17 @@ def _pictures(result: SweepResult) -> list[Section]:
     path, unit, _ = result.spec.vary[0]  # to the right in every picture
     axis = SpeedAxis(path_words(path)) if unit == "rad/s" else None
     for name in result.spec.metrics:
-        in_cells = isinstance(result.points, Grid) and len(result.shape) > 1
         fig = sweep_figure(result, name)
-        words = "white cells have no figure" if in_cells else "one point a design"
+        words = "white cells have no figure" if _in_cells(result) else "one point a design"
         caption = f"{name} of the designs; {words}."
         switch = axis if len(fig.axes) == 1 else None
         figures.append(Figure(fig, f"sweep-{name}", caption, _data(result, name), switch))
     return [Section("Over the parameters", "", figures)]
+
+
+def _in_cells(result: SweepResult) -> bool:
+    """Whether designs are cells of a heat map: of a grid over several parameters."""
+    return isinstance(result.points, Grid) and len(result.shape) > 1
 
 
 def sweep_figure(result: SweepResult, metric: str) -> Any:
@@ -86,20 +90,12 @@ def sweep_figure(result: SweepResult, metric: str) -> Any:
 
     Samples over several parameters have a panel for each of them, one below the other.
     """
-    if not isinstance(result.points, Grid):
-        return _samples(result, metric)
     with style():
-        fig, (ax,) = figure(height=4.2)
-        if len(result.shape) > 1:
+        if _in_cells(result):
+            fig, (ax,) = figure(height=4.2)
             result.plot_heatmap(metric, ax=ax)
-        else:
-            result.plot_lines(metric, ax=ax)
-    return fig
-
-
-def _samples(result: SweepResult, metric: str) -> Any:
-    paths = [path for path, _, _ in result.spec.vary]
-    with style():
+            return fig
+        paths = [path for path, _, _ in result.spec.vary]
         tall = 4.2 if len(paths) == 1 else 2.8 * len(paths)
         fig, panels = figure(rows=len(paths), height=tall, sharex=False)
         for path, ax in zip(paths, panels, strict=True):

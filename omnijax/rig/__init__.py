@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from ._machine import Wheels as Wheels
     from ._machine import grouped_profiles as grouped_profiles
     from ._machine import place_law as place_law
+    from ._open import as_rig as as_rig
     from ._open import bundled_rigs as bundled_rigs
     from ._open import load_rig as load_rig
     from ._open import rig_notes as rig_notes

@@ -41,6 +41,13 @@ def load_rig(path: str | Path) -> "Rig":
     return parse_rig(tables, rig_path(path))
 
 
+def as_rig(rig: "Rig | str | Path") -> "Rig":
+    """A rig as it is, or that of a file or of a bundled name, as `load_rig` reads it."""
+    from ._machine import Rig
+
+    return rig if isinstance(rig, Rig) else load_rig(rig)
+
+
 def rig_notes(path: str | Path) -> list[str]:
     """What reading a rig file changed: directions that were made exact."""
     tables = rig_tables(path)

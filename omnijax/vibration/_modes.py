@@ -14,7 +14,7 @@ from .._plot import COLOURS, new_axes, styled
 from .._programs import kept
 from .._result import AbstractResult
 from ..dynamics import TRANSLATIONS, free_system
-from ..rig import Rig, load_rig
+from ..rig import Rig, as_rig
 
 
 @dataclasses.dataclass(frozen=True, repr=False, eq=False)
@@ -88,7 +88,7 @@ def modes(rig: Rig | str | Path, model: str = "coupled") -> Modes:
 
     Source: eigenvalues of the paper's eqs. 32-42 without shape (`docs/theory.md`, translation).
     """
-    rig = rig if isinstance(rig, Rig) else load_rig(rig)
+    rig = as_rig(rig)
     A, rows = (np.asarray(x) for x in _matrices(rig, model))
     values, vectors = np.linalg.eig(A)
     keep = np.imag(values) >= -1e-9 * np.abs(values)
@@ -123,7 +123,7 @@ def natural_frequencies(rig: Rig | str | Path, model: str = "coupled") -> Float[
 
     Source: as `modes`, without damping.
     """
-    rig = rig if isinstance(rig, Rig) else load_rig(rig)
+    rig = as_rig(rig)
     A, _ = free_system(TRANSLATIONS[model](_undamped(rig)))
     state = TRANSLATIONS[model](rig).rest()
     half = state.approach.size + state.mount.size

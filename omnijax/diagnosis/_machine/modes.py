@@ -1,9 +1,9 @@
 """The elastic model as modes: exact propagation of inputs linear between fine samples."""
 
-import math
 from typing import NamedTuple
 
 import numpy as np
+from scipy.signal import lfilter
 
 
 class OutputModes(NamedTuple):
@@ -134,24 +134,13 @@ def real_pairs(weights: np.ndarray) -> np.ndarray:
 def propagate(
     modes: OutputModes, step: float, forcing: np.ndarray, start: np.ndarray
 ) -> np.ndarray:
-    """Modal states (n, k) after per-interval forcing (n - 1, k), from `start` (k,).
-
-    Stretches of it side by side, each from zero; what a stretch begins with is added afterwards.
-    """
-    intervals, k = forcing.shape
-    length = max(1, math.isqrt(intervals))
-    count = -(-intervals // length)
-    decay = np.exp(step * np.arange(1, length + 1)[:, None] * modes.rates)
-    z = np.zeros((1 + count * length, k), complex)
-    z[0], z[1 : 1 + intervals] = start, forcing
-    stretches = z[1:].reshape(count, length, k)
-    for j in range(1, length):
-        stretches[:, j] += decay[0] * stretches[:, j - 1]
-    begins = np.empty((count, k), complex)
-    for j in range(count):
-        begins[j] = start if j == 0 else decay[-1] * begins[j - 1] + stretches[j - 1, -1]
-    stretches += decay * begins[:, None]
-    return z[: 1 + intervals]
+    """Modal states (n, k) after per-interval forcing (n - 1, k), from `start` (k,)."""
+    z = np.empty((len(forcing) + 1, len(modes.rates)), complex)
+    z[0] = start
+    for i, rate in enumerate(modes.rates):
+        e = np.exp(rate * step)
+        z[1:, i] = lfilter([1.0], [1.0, -e], forcing[:, i], zi=np.array([e * start[i]]))[0]
+    return z
 
 
 def static_state(modes: OutputModes, inputs: np.ndarray) -> np.ndarray:

@@ -54,9 +54,9 @@ def steps_of(point: Point, free: Sequence[Free]) -> np.ndarray:
 
 def tangent_rows(model: AbstractModel, point, free, residual, baseline=None, split="train"):
     """d residual / d (u, free); the baseline's part may be given where tangents are differences."""
-    exact = model.tangents(point, free) if split == "train" else None
+    exact = model.tangents(point, free) if split in ("train", model.ranking) else None
     if exact is not None:
-        return exact
+        return exact[: len(residual)]  # the rows that rank laws come first
     P, points, steps = len(point.u), [], []
     values = np.array([value_of(point, f) for f in free])
     if baseline is None:
@@ -77,11 +77,8 @@ def tangent_rows(model: AbstractModel, point, free, residual, baseline=None, spl
 
 def tangents_at(model: AbstractModel, point: Point, split: str = "train") -> np.ndarray:
     """d residual / d (u, free numbers) on the train runs, or on those of them that rank laws."""
-    (residual,), free = model.residuals([point], split), model.free(point)
-    exact = model.tangents(point, free)
-    if exact is not None:
-        return exact[: len(residual)]  # the rows that rank laws come first
-    return tangent_rows(model, point, free, residual, split=split)
+    (residual,) = model.residuals([point], split)
+    return tangent_rows(model, point, model.free(point), residual, split=split)
 
 
 def predicted(model: AbstractModel, point: Point, residual, J) -> tuple[Point, float]:

@@ -23,7 +23,7 @@ from .products import SUMS
 from .rules import RULES
 from .values import Call, Rule, Value
 
-LANES = 96
+LANES = 96  # of a batch worked out together
 WIDTH = 8  # numbers that a processor works on at once
 ALL: dict[str, Rule] = {**RULES, **LOOPS, **CALLS, **SUMS}
 

@@ -4,7 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ..._errors import InputError
-from ...rig import Rig, load_rig
+from ...rig import Rig, as_rig
 from .._between import at_samples, to_be_seen
 from .._drives import AbstractDrive, SpeedDrive, Values, as_drive, as_times, check_drive
 from .._exact import propagate, propagation_obstacle
@@ -49,7 +49,7 @@ def simulate(
     Source: the paper's eqs. 1-11 and 32-46 with the errata of `docs/theory.md`; Hochbruck and
     Ostermann, Acta Numerica 2010 (exponential methods).
     """
-    rig = rig if isinstance(rig, Rig) else load_rig(rig)
+    rig = as_rig(rig)
     drive, ts = as_drive(drive), as_times(ts, duration, rate)
     check_drive(rig, drive)
     rig, fine, points = to_be_seen(rig, ts)

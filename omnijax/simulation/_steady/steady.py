@@ -13,7 +13,7 @@ from ..._programs import kept
 from ..._result import AbstractResult
 from ..._root import root
 from ..._status import Status
-from ...rig import Rig, load_rig, typed_numbers
+from ...rig import Rig, as_rig, typed_numbers
 from .._exact import exact_obstacle, is_traced, levels_needed, longest_passage
 from .._signals import Vector
 from .long_run import LongRun
@@ -138,7 +138,7 @@ def steady_state(
 
     Source: the paper's eqs. 32-42, periodic (`docs/theory.md`, prescribed speeds).
     """
-    rig = rig if isinstance(rig, Rig) else load_rig(rig)
+    rig = as_rig(rig)
     reason = exact_obstacle(rig, model)
     if reason is not None:
         raise ValueError(f"no closed-form steady state: {reason}; use `simulate`.")

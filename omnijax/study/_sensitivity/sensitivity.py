@@ -13,7 +13,7 @@ from ..._errors import InputError, RunError
 from ..._programs import kept
 from ..._result import AbstractResult, texts
 from ..._text import quantity_text
-from ...rig import Rig, load_rig, parameter_info
+from ...rig import Rig, as_rig, parameter_info
 from ...vibration import METRICS
 from .._batches import percent_per_percent, value_and_jacobian
 from .._evaluation import (
@@ -212,7 +212,7 @@ def sensitivity(
     Source: derivatives of `evaluate`'s and `steady_state`'s figures by JAX, checked by central
     differences.
     """
-    machine = load_rig(rig) if isinstance(rig, str | Path) else rig
+    machine = as_rig(rig)
     chosen = drive_of(drive, machine.names)
     paths = scalar_parameters(machine)
     paths = paths if parameters is None else checked_parameters(machine, parameters)

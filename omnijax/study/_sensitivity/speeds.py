@@ -11,7 +11,7 @@ import numpy as np
 
 from ..._plot import MUTED, new_axes
 from ..._result import AbstractResult, texts
-from ...rig import Rig, get_parameter, load_rig, put_parameter
+from ...rig import Rig, as_rig, get_parameter, put_parameter
 from ...simulation import speeds as speed_drive
 from ...vibration import METRICS
 from .._batches import each, percent_per_percent, value_and_jacobian
@@ -113,7 +113,7 @@ def sensitivity_over_speeds(
     model: str = "coupled",
 ) -> SpeedSensitivity:
     """Steady-state sensitivities at the wheel speeds (rad/s) times each of `scale`."""
-    machine = load_rig(rig) if isinstance(rig, str | Path) else rig
+    machine = as_rig(rig)
     names, paths = checked_metrics(metrics), tuple(parameters)
     base = jnp.asarray(speeds, float)
     drive = speed_drive(base)

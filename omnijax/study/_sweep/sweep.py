@@ -17,7 +17,7 @@ from ... import __version__
 from ..._errors import InputError, tell
 from ..._files import obstacle_of
 from ..._interrupts import answer, end_children, interrupted, raise_lost, saying
-from ...rig import Rig, load_rig
+from ...rig import Rig, as_rig
 from ...simulation import AbstractDrive
 from .._evaluation import checked_after, sample_to_check
 from .dask import check_cluster, over_cluster
@@ -72,7 +72,7 @@ def sweep(
     that exists or is of another sweep; `KeyboardInterrupt` says what is kept.
     """
     rig_file = str(rig) if isinstance(rig, str | Path) else None
-    machine = load_rig(rig) if isinstance(rig, str | Path) else rig
+    machine = as_rig(rig)
     sampling = Sampling(sampler, samples, seed, gradient, chunk, devices)
     numerics = Numerics(model, solver, duration, rate, rtol, max_steps)
     asked, why = plan(
