@@ -12,7 +12,7 @@ import numpy as np
 
 from .._machine import FINE, Machine, RigModel, Run, wheel_tables
 from .._orthonormal import orthonormal
-from .._search import Point, tangent_rows, with_width
+from .._search import Point, difference_rows, with_width
 from .._settings import SETTINGS
 
 SECONDS = SETTINGS.experiment.seconds
@@ -71,9 +71,6 @@ class _Seen:
         """Rows at `points`, whatever the split."""
         return self.machine.residuals([self.model.rig_at(p) for p in points], [self.index])
 
-    def tangents(self, point, free) -> None:
-        """Taken as differences."""
-
     def aside(self):
         """Nothing new is kept of the planned run meanwhile."""
         return self.machine.aside()
@@ -83,7 +80,7 @@ class _Seen:
         point = Point(point.u, tuple(with_width(self.model.laws[e.id], e) for e in point.effects))
         (here,) = self.residuals([point], "")
         free = self.model.free(point)
-        J = tangent_rows(self, point, free, here, np.zeros((len(here), 0)))  # pyright: ignore
+        J = difference_rows(self, point, free, here, np.zeros((len(here), 0)))
         return here, orthonormal(J)
 
 

@@ -1,7 +1,9 @@
 """Joint refits: baseline parameters and effects together, Gauss-Newton with bounds."""
 
+import contextlib
 import dataclasses
 from collections.abc import Iterator, Sequence
+from typing import Protocol
 
 import numpy as np
 
@@ -57,6 +59,21 @@ def tangent_rows(model: AbstractModel, point, free, residual, baseline=None, spl
     exact = model.tangents(point, free) if split in ("train", model.ranking) else None
     if exact is not None:
         return exact[: len(residual)]  # the rows that rank laws come first
+    return difference_rows(model, point, free, residual, baseline, split)
+
+
+class AbstractPredictions(Protocol):
+    """What differences are taken of: an `AbstractModel`, or a part of one."""
+
+    def residuals(self, points: Sequence[Point], split: str) -> list[np.ndarray]: ...
+
+    def aside(self) -> contextlib.AbstractContextManager[None]: ...
+
+
+def difference_rows(
+    model: AbstractPredictions, point, free, residual, baseline=None, split="train"
+):
+    """`tangent_rows` by differences."""
     P, points, steps = len(point.u), [], []
     values = np.array([value_of(point, f) for f in free])
     if baseline is None:
