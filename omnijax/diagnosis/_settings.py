@@ -367,6 +367,8 @@ class PredictionSettings:
     # friction near a reversal
     pull: float = 5.0  # 1/s, at which Omega is held to the measured one (see `observer`)
 
+    row_blur: float = 5.0  # of an encoder's noise, within which an angle tells no row: chosen
+
     # clocks of loggers: started together they are off by parts of a millisecond (issue 17: 0.7 ms)
     clock: float = 5e-4  # s, 1-sigma of an offset: chosen
     clock_most: float = 9.5e-4  # s; what is read later is a delay: below a sample at 1 kHz

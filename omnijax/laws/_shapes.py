@@ -126,6 +126,11 @@ class DualRow(AbstractShape):
         from_gap = wrapped(angle - gap.width / 2 + quarter, gap.pitch)
         return jnp.where(from_gap < 2 * quarter, -0.5, 0.5) * self.row_spacing
 
+    def switch(self, angle, gap):
+        """The angle next to `angle` at which the contact changes its row, rad."""
+        half, first = gap.pitch / 2, gap.width / 2 - gap.pitch / 4
+        return first + half * jnp.round((angle - first) / half)
+
 
 def is_turn(period: float) -> bool:
     """Whether a period (rad) is a turn of the wheel."""

@@ -16,6 +16,7 @@ from .._threads import each
 from .behind import folds
 from .clocks import offset_of
 from .data_vector import DataRows
+from .dual_rows import held_turning, shares_behind, two_rows
 from .elastic import (
     OUTPUTS,
     SIGNALS,
@@ -36,6 +37,7 @@ from .motion import (
     integrate,
     measured_lengths,
     motion,
+    rolling_radius,
     tables_for,
 )
 from .noise_model import rolling_state, rows_of
@@ -110,6 +112,8 @@ class Basis:
     ratios: tuple[float, ...] = ()  # noise over jerk of the smoothing
     normal: tuple[np.ndarray, ...] = ()  # (FINE points, n) N
     rolling: dict[int, np.ndarray] = dataclasses.field(default_factory=dict)  # elastic states
+    # (FINE points, n) shares behind the switches of dual-row wheels; none: the angles tell the row
+    shares: tuple[np.ndarray, ...] = ()
 
 
 class Machine:
@@ -138,15 +142,19 @@ class Machine:
         """
         rolling = self.basis.rolling
         basis = self._basis(rig, None, rolling)
-        again = needs_observer(rig) or folds(rig, "theta")
+        again = needs_observer(rig) or folds(rig, "theta") or two_rows(rig)
         for _ in range(SETTINGS.prediction.rebase_turns if again else 1):
             self._begin(basis)
-            lengths = tuple(r.length for r in self.rotated(rig).values())
+            rotated = self.rotated(rig)
+            lengths = tuple(r.length for r in rotated.values())
             change = [
                 np.std(new - old, axis=0).max()
                 for new, old in zip(lengths, basis.references, strict=True)
             ]
             basis = self._basis(rig, lengths, rolling)
+            if two_rows(rig):
+                shares = tuple(self._shares(rig, i, r) for i, r in rotated.items())
+                basis = dataclasses.replace(basis, shares=shares)
             if max(change) < SETTINGS.prediction.settled * self.length_noise.min():
                 break
         self._begin(basis)
@@ -189,6 +197,15 @@ class Machine:
         preload = np.asarray(rig.wheels.closure.preload)
         normal = tuple(np.tile(preload, ((r.samples - 1) * FINE + 1, 1)) for r in self.runs)
         return Basis(references, tuple(ratios), normal, rolling)
+
+    def _shares(self, rig: Rig, i: int, rotated: Rotated) -> np.ndarray:
+        """Shares (FINE points, n) of one run behind the switches of dual-row wheels."""
+        run, m = self.runs[i], rotated.motion
+        foretold, rest = integrate(rotated.acceleration, m.step), not run.rolling_start(self.noise)
+        Omega = held_turning(foretold, m.turning, m.step, rest)
+        sigma = self.noise.get("theta", ANGLE_NOISE) * np.broadcast_to(run.level("theta"), rig.size)
+        blur = SETTINGS.prediction.row_blur * sigma
+        return shares_behind(rig, m.theta, rolling_radius(rig, m), Omega, blur, m.step)
 
     @property
     def rolls(self) -> bool:
@@ -247,7 +264,8 @@ class Machine:
             return about + smooth(length - about, sigma, self.basis.ratios[i])[0]
 
         length = measured_lengths(rig, tables, run, rolls, about, smoother)
-        return motion(rig, tables, run, length, smoother(length), rolls)
+        shares = self.basis.shares[i] if self.basis.shares else None
+        return motion(rig, tables, run, length, smoother(length), rolls, shares)
 
     def modes(self, rig: Rig) -> OutputModes:
         """The elastic model's modes."""

@@ -9,8 +9,6 @@ from scipy.interpolate import CubicSpline
 
 from ..._errors import InputError
 from ..._white_noise import noise_squares
-from ...dynamics import spin_axes
-from ...laws import DualRow
 from ...rig import Rig
 from .._settings import SETTINGS
 from .behind import (
@@ -21,6 +19,7 @@ from .behind import (
     reading_of,
     values_behind,
 )
+from .dual_rows import driven_axes
 from .laws import along
 from .runs import FINE, SHAPE, Run
 from .smooth import smooth_by_likelihood
@@ -134,9 +133,13 @@ def _scatter(values: np.ndarray) -> float:
 
 
 def motion(
-    rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray, rolls: bool
-) -> RunMotion:
-    """Everything the elastic and the rotation model need, from smoothed rolled lengths."""
+    rig, tables: WheelTables, run: Run, length, smoothed: np.ndarray, rolls: bool,
+    shares: np.ndarray | None,
+) -> RunMotion:  # fmt: skip
+    """Everything the elastic and the rotation model need, from smoothed rolled lengths.
+
+    `shares` are those of `dual_rows`; None leaves it to the angles alone which row touches.
+    """
     radius = float(rig.sphere.radius)
     spline = CubicSpline(run.time, smoothed)
     theta_shape = tables.unrolled(spline(run.fine(SHAPE)))
@@ -149,7 +152,7 @@ def motion(
     for placed in rig.at("kinematics"):
         for i in placed.wheels:
             factor[:, i] += along(placed.law, speed[:, i])
-    axes = _axes(rig, theta)
+    axes = driven_axes(rig, theta, shares)
     rim = factor * rate
     inverse = np.linalg.pinv(axes)
     turning = np.einsum("tij,tj->ti", inverse, rim)
@@ -188,14 +191,6 @@ def _as_read(rig: Rig, run: Run, length, smoothed, theta, shape, rolls: bool) ->
     scatter = np.where(reading.tells, reading.back(apart), apart)
     lever = (np.asarray(rig.wheel_radius) + shape) / float(rig.sphere.radius)
     return np.where(np.isfinite(measured).any(axis=0), smoothed + lever * scatter, length)
-
-
-def _axes(rig: Rig, theta) -> np.ndarray:
-    if any(isinstance(p, DualRow) for p in rig.profiles):
-        import jax
-
-        return np.asarray(jax.vmap(lambda a: spin_axes(rig, a))(theta))
-    return np.asarray(rig.wheels.spin_axis)[None]
 
 
 def attitude(turning: np.ndarray, step: float) -> np.ndarray:
