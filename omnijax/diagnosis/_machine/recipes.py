@@ -9,7 +9,7 @@ import numpy as np
 from ...laws import AbstractLaw
 from .._search import WHOLE, Candidate
 from .._settings import SETTINGS
-from .unit_laws import Context, as_waves, build
+from .unit_laws import Context, build, of_units
 
 LEAST_GAP = SETTINGS.candidates.least_gap
 SMALL_GAPS = SETTINGS.candidates.small_gaps
@@ -32,7 +32,7 @@ def _one_column(
 
 
 def _runout(law: Law, place: str, context: Context) -> list[Candidate]:
-    return [as_waves(law, place, context)]
+    return [of_units(law, place, context, {})]
 
 
 def _ripple(law: Law, place: str, context: Context) -> list[Candidate]:
@@ -40,8 +40,8 @@ def _ripple(law: Law, place: str, context: Context) -> list[Candidate]:
     lines, trials = context.orders.get(law.id, {}).get(place, ([], 1))
     whole = WHOLE if law.id == "motor-ripple" else ()
     broken = [n for n in lines if all(abs(n - k) > BESIDE for k in whole)]
-    return [as_waves(law, place, context, order=float(n)) for n in whole] + [
-        as_waves(law, place, context, f"order {n:.3g}", trials, order=n) for n in broken
+    return [of_units(law, place, context, {"order": float(n)}) for n in whole] + [
+        of_units(law, place, context, {"order": n}, f"order {n:.3g}", trials) for n in broken
     ]
 
 

@@ -1,13 +1,12 @@
 """Laws of unit strength on a rig: the columns of its candidates."""
 
 import itertools
-import math
 
 import numpy as np
 
 from ...laws import AbstractLaw
 from ...rig import Placed, Rig, place_law
-from .._search import Candidate, is_wave, number, strengths, unknown_shapes, values_to_try
+from .._search import Candidate, number, unit_laws, unknown_shapes, values_to_try
 
 
 class Context:
@@ -27,58 +26,32 @@ class Context:
 
 def build(law: type[AbstractLaw], place: str, context: Context, **values) -> Placed:
     """A law with these parameters, placed."""
-    made = law(**{k: number(v) for k, v in values.items()})
-    return place_law(made, place, context.rig.names, context.rig.profiles)
+    return _placed(law(**{k: number(v) for k, v in values.items()}), place, context)
+
+
+def _placed(law: AbstractLaw, place: str, context: Context) -> Placed:
+    return place_law(law, place, context.rig.names, context.rig.profiles)
 
 
 def by_parameters(law, place, context) -> list[Candidate]:
-    """A law by its table of parameters: a column a strength, shape constants from a ladder.
-
-    One of one strength with a `phase` is a wave; with any other a `phase` begins at 0.
-    """
-    linear, shapes = strengths(law), unknown_shapes(law)
+    """A law by its table of parameters: a column a strength, shape constants from a ladder."""
+    shapes = unknown_shapes(law)
     ladders = [values_to_try(k, law.parameters[k]) for k in shapes]
     out = []
     for values in itertools.product(*ladders):
         fixed = dict(zip(shapes, values, strict=True))
         note = ", ".join(f"{k} {_said(v)}" for k, v in fixed.items())
-        if is_wave(law):
-            out.append(as_waves(law, place, context, note, 1, **fixed))
-            continue
-        fixed |= {"phase": 0.0} if "phase" in law.parameters else {}
-        columns = []
-        for key in linear or [None]:
-            size = law.parameters[key].shape if key else 0
-            for unit in np.eye(size) if size else [1.0]:
-                zero = {k: np.zeros(law.parameters[k].shape or ()) for k in linear}
-                chosen = zero | ({key: unit} if key else {}) | fixed
-                columns.append(build(law, place, context, **chosen))
-        out.append(Candidate(law.id, place, tuple(columns), _decoder(linear, law, fixed), note))
+        out.append(of_units(law, place, context, fixed, note))
     return out
+
+
+def of_units(law, place, context, fixed: dict, note: str = "", trials: int = 1) -> Candidate:
+    """A law by its laws of unit strength at shape constants `fixed`."""
+    units, decode = unit_laws(law, fixed)
+    columns = tuple(_placed(unit, place, context) for unit in units)
+    return Candidate(law.id, place, columns, decode, note, trials)
 
 
 def _said(value) -> str:
     """A number, or a vector of numbers, as a note says it."""
     return f"[{', '.join(f'{x:.3g}' for x in value)}]" if np.ndim(value) else f"{value:.3g}"
-
-
-def _decoder(linear, law, fixed):
-    def decode(c):
-        values, at = dict(fixed), 0
-        for key in linear:
-            size = law.parameters[key].shape
-            values[key] = np.array(c[at : at + size]) if size else float(c[at])
-            at += max(1, size)
-        return values
-
-    return decode
-
-
-def as_waves(law, place, context, note: str = "", trials: int = 1, **fixed) -> Candidate:
-    """A law of one strength and a phase as its cosine and sine parts."""
-    (size,) = strengths(law)
-    columns = tuple(
-        build(law, place, context, **{size: 1.0}, phase=p, **fixed) for p in (0.0, math.pi / 2)
-    )
-    return Candidate(law.id, place, columns, lambda c: fixed | {
-        size: math.hypot(*c), "phase": math.atan2(c[1], c[0])}, note, trials)  # fmt: skip

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ...machine import Axis, PlacedLaw
-from .._search import Candidate, is_wave, number, strengths
+from .._search import Candidate, strengths, unit_laws
 from .._settings import SETTINGS
 from .known import states
 from .rows import OdeRun, smoothed
@@ -94,33 +94,23 @@ def machine_candidates(
 
 
 def _of_law(law, place, scales: Scales, orders) -> list[Candidate]:
-    linear = strengths(law)
     fields = law.__dataclass_fields__
     shapes = [
         k for k, p in law.parameters.items()
         if not p.linear and k not in ("phase", "order") and (
             k == "width" or fields[k].default is dataclasses.MISSING)
     ]  # fmt: skip
-    wave = is_wave(law)
     ladders = [scales.ladder(law.port, k, law.parameters[k]) for k in shapes]
     ladders += [list(orders)] if "order" in law.parameters else []
     keys = [*shapes, *(["order"] if "order" in law.parameters else [])]
     out = []
     for values in itertools.product(*ladders):
         fixed = dict(zip(keys, map(float, values), strict=True))
-        fixed |= {"phase": 0.0} if "phase" in law.parameters and not wave else {}
-        strength = linear[0] if wave else None
-        units = [{strength: 1.0, "phase": p} for p in (0.0, math.pi / 2)] if wave else [
-            dict.fromkeys(linear, 0.0) | {k: 1.0} for k in linear
-        ]  # fmt: skip
-        columns = tuple(
-            PlacedLaw(law(**{k: number(v) for k, v in (unit | fixed).items()}), place)
-            for unit in units or [{}]
-        )
+        units, decode = unit_laws(law, fixed)
+        columns = tuple(PlacedLaw(unit, place) for unit in units)
         note = ", ".join(f"{k} {v:.3g}" for k, v in fixed.items())
         trials = len(orders) if "order" in fixed else 1
-        decode = _decoder(linear, strength, fixed)
-        if not linear and shapes in (["tau"], ["delay"]):
+        if not strengths(law) and shapes in (["tau"], ["delay"]):
             decode = _time_of(shapes[0], fixed[shapes[0]])
         out.append(Candidate(law.id, place, columns, decode, note, max(1, trials)))
     return out
@@ -129,12 +119,3 @@ def _of_law(law, place, scales: Scales, orders) -> list[Candidate]:
 def _time_of(key: str, tried: float):
     """A time from its column at the one that was tried: what it changes grows with it."""
     return lambda c: {key: tried * min(max(float(c[0]), WAY), 1 / WAY)}
-
-
-def _decoder(linear, strength, fixed):
-    def decode(c):
-        if strength is not None:
-            return fixed | {strength: math.hypot(*c), "phase": math.atan2(c[1], c[0])}
-        return fixed | dict(zip(linear, map(float, c), strict=False))
-
-    return decode

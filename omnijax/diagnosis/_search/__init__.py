@@ -7,6 +7,7 @@ from .candidates import holds_list as holds_list
 from .candidates import is_wave as is_wave
 from .candidates import number as number
 from .candidates import strengths as strengths
+from .candidates import unit_laws as unit_laws
 from .candidates import unknown_shapes as unknown_shapes
 from .candidates import values_to_try as values_to_try
 from .doubt import within_doubt as within_doubt

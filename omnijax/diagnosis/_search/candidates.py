@@ -80,6 +80,46 @@ def is_wave(law) -> bool:
     return "phase" in law.parameters and len(linear) == 1 and not law.parameters[linear[0]].shape
 
 
+def unit_laws(
+    law: type[AbstractLaw], fixed: dict[str, Any]
+) -> tuple[list[AbstractLaw], Callable[[np.ndarray], dict[str, Any]]]:
+    """A law by its table of parameters: laws of unit strength, and `decode` of a `Candidate`.
+
+    `fixed` are its shape constants.  One of one strength with a `phase` is a wave, its cosine and
+    sine parts; with any other a `phase` begins at 0.  A law without a strength is itself.
+    """
+    if is_wave(law):
+        units, decode = _wave_units(law, fixed)
+    else:
+        fixed = ({"phase": 0.0} if "phase" in law.parameters else {}) | fixed
+        units, decode = _strength_units(law, fixed)
+    made = [law(**{k: number(v) for k, v in (unit | fixed).items()}) for unit in units]
+    return made, decode
+
+
+def _wave_units(law, fixed: dict[str, Any]):
+    (size,) = strengths(law)
+
+    def decode(c):
+        return fixed | {size: math.hypot(*c), "phase": math.atan2(c[1], c[0])}
+
+    return [{size: 1.0, "phase": phase} for phase in (0.0, math.pi / 2)], decode
+
+
+def _strength_units(law, fixed: dict[str, Any]):
+    sizes = {key: law.parameters[key].shape for key in strengths(law)}
+    zero = {key: np.zeros(n or ()) for key, n in sizes.items()}
+    ends = np.cumsum([n or 1 for n in sizes.values()])
+
+    def decode(c):
+        parts = np.split(np.asarray(c, float), ends[:-1])
+        each = zip(sizes.items(), parts, strict=False)  # without a strength there is one part
+        return fixed | {key: part if n else float(part[0]) for (key, n), part in each}
+
+    units = [zero | {key: unit} for key, n in sizes.items() for unit in (np.eye(n) if n else [1.0])]
+    return units or [{}], decode
+
+
 def holds_list(law: type[AbstractLaw]) -> bool:
     """Whether a law holds lists of any length, so that nothing says how long to try them."""
     return any(p.shape == ANY_LENGTH for p in law.parameters.values())

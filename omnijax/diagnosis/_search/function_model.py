@@ -1,7 +1,6 @@
 """Small models from the same laws: give the residual of a point, the diagnosis does the rest."""
 
 import itertools
-import math
 from collections.abc import Callable, Sequence
 
 import equinox as eqx
@@ -10,7 +9,7 @@ import numpy as np
 from ...laws import AbstractLaw
 from ...machine import PlacedLaw
 from .._settings import SETTINGS
-from .candidates import Candidate, is_wave, number, strengths, unknown_shapes, values_to_try
+from .candidates import Candidate, number, unit_laws, unknown_shapes, values_to_try
 from .model import AbstractModel, Point, Prior
 
 LEAST = SETTINGS.function_model.least
@@ -65,22 +64,10 @@ class SmallModel(AbstractModel):
         return out
 
     def _candidate(self, law, fixed) -> Candidate:
-        linear = strengths(law)
-        wave = is_wave(law)
-        units = [{linear[0]: 1.0, "phase": p} for p in (0.0, math.pi / 2)] if wave else [
-            dict.fromkeys(linear, 0.0) | {key: 1.0} for key in linear
-        ]  # fmt: skip
-        columns = [  # a threshold has no tangent at zero: its strength is finite
-            PlacedLaw(law(**{k: number(v) for k, v in (unit | fixed).items()}), self.place)
-            for unit in units or [{}]
-        ]
-
-        def decode(c):
-            if wave:
-                return fixed | {linear[0]: math.hypot(*c), "phase": math.atan2(c[1], c[0])}
-            return fixed | dict(zip(linear, map(float, c), strict=False))
-
-        return Candidate(law.id, self.place, tuple(columns), decode, str(fixed or ""))
+        # a threshold has no tangent at zero: its strength is finite
+        units, decode = unit_laws(law, fixed)
+        columns = tuple(PlacedLaw(unit, self.place) for unit in units)
+        return Candidate(law.id, self.place, columns, decode, str(fixed or ""))
 
     def columns(self, point, candidates):
         values, laws = self._values(point), self._laws(point)
