@@ -1,5 +1,6 @@
 """The page of a diagnosis: a mechanic's words, readable numbers, and sliders that mix residuals."""
 
+import dataclasses
 import html
 import json
 import re
@@ -10,7 +11,7 @@ import pytest
 
 from omnijax.diagnosis import Diagnosis, Effect, Named, OutputGap, Point, effect_sizes_on_held_out
 from omnijax.diagnosis._answer import JUDGES
-from omnijax.laws import EFFECTS
+from omnijax.laws import EFFECTS, WheelRunout
 from omnijax.report import Page, diagnosis_page, provenance
 from omnijax.report._diagnosis_figures import score_figure
 from omnijax.report._diagnosis_numbers import closed
@@ -97,6 +98,20 @@ def mixed(kept, shares):
         c[effect.column[k + 1]] += nodes - k
         c[kept.as_named] -= 1.0
     return c
+
+
+class Wobble(WheelRunout):
+    id, words = "wobble", "a wheel that wobbles"
+
+
+@pytest.mark.parametrize("words", ["a wheel that wobbles", ""])
+def test_a_law_of_ones_own_is_said_in_its_words_or_by_its_id(monkeypatch, words):
+    found, plant = diagnosis()
+    monkeypatch.setattr(Wobble, "words", words)
+    monkeypatch.setattr(plant, "laws", {**EFFECTS, "wobble": Wobble}, raising=False)
+    found.effects[0] = dataclasses.replace(found.effects[0], id="wobble")
+    text = html.unescape(diagnosis_page(found, "omnijax diagnose").html())
+    assert f"It is {words or '`wobble`'} at w2" in text.replace("<code>wobble</code>", "`wobble`")
 
 
 @pytest.mark.parametrize("seed", range(3))

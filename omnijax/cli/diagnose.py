@@ -137,7 +137,8 @@ def _print(diagnosis: Any) -> None:
     for fault in diagnosis.faults:
         print(f"  data: {fault}")
     for effect in diagnosis.effects:
-        name, words = f"{effect.id} at {effect.place}", in_words(effect.id, effect.place)
+        name = f"{effect.id} at {effect.place}"
+        words = in_words(effect.id, effect.place, diagnosis.laws)
         print(f"  {name}" if words.replace("`", "") == name else f"  {name}: {words}")
         print(f"    {effect_sizes(effect)}")
     for group, gap in diagnosis.gap.items():

@@ -3,7 +3,7 @@
 import signal
 import threading
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -61,9 +61,12 @@ EFFECTS: dict[str, type[AbstractLaw]] = {
 AXIS_EFFECTS = {**EFFECTS, **GENERIC}  # that an axis, or a model of the user's own, may have
 
 
-def in_words(effect: str, place: str) -> str:
-    """An effect as a mechanic says it, "play in the mount at w2"; its id where it has no words."""
-    law = AXIS_EFFECTS.get(effect)
+def in_words(effect: str, place: str, laws: Mapping[str, type[AbstractLaw]] = AXIS_EFFECTS) -> str:
+    """An effect as a mechanic says it, "play in the mount at w2"; its id where it has no words.
+
+    `laws` by id: the library's, or a user's own beside them.
+    """
+    law = laws.get(effect)
     words = law.words if law is not None and law.words else f"`{effect}`"
     if place in ("sphere", "platform", "axis"):
         return words

@@ -43,7 +43,7 @@ def diagnosis_page(diagnosis: Any, command: str = "omnijax diagnose") -> Page:
     ]
     facts = [Fact("verdict", diagnosis.verdict)]
     rivals = diagnosis.verdict == "ambiguous"  # the sizes of some that are not there say little
-    facts += [Fact("rivals", len(diagnosis.effects))] if rivals else size_facts(diagnosis.effects)
+    facts += [Fact("rivals", len(diagnosis.effects))] if rivals else size_facts(diagnosis)
     facts += [
         Fact(f"gap of {GROUPS.get(g, g)} closed", closed(x), "%") for g, x in _worst(diagnosis)
     ]
@@ -60,7 +60,7 @@ def _answer(diagnosis) -> str:
         answer += f", {diagnosis.judges.confirm}."
     if diagnosis.effects:
         joined = " and " if diagnosis.verdict == "named" else " or "
-        words = [in_words(e.id, e.place) for e in diagnosis.effects]
+        words = [in_words(e.id, e.place, diagnosis.laws) for e in diagnosis.effects]
         words = [
             said if f"`{e.id}`" in said else f"{said} (`{e.id}`)"
             for e, said in zip(diagnosis.effects, words, strict=True)

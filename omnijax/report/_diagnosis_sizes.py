@@ -29,7 +29,7 @@ def sizes_section(diagnosis: Any) -> list[Section]:
         name, _, place = effect.name.partition("@")
         own, own_unit = (1.0, "") if effect.size is None else scaled(effect.size, effect.unit)
         sliders.append({
-            "label": in_words(name, place).replace("`", ""), "unit": own_unit,
+            "label": in_words(name, place, diagnosis.laws).replace("`", ""), "unit": own_unit,
             "size": None if effect.size is None else own * effect.size,
             "shares": effect.shares, "columns": effect.column,
         })  # fmt: skip

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from .._text import estimate, estimated
-from ..diagnosis import Named
-from ..laws import AXIS_EFFECTS
+from ..diagnosis import Diagnosis, Named
 from ._content import Fact
 
 MOST = 5  # sentences about where the gap is
@@ -30,12 +29,12 @@ def effect_sizes(effect: Named) -> str:
     return "; ".join(said) or "no free size"
 
 
-def size_facts(effects: Sequence[Named]) -> list[Fact]:
+def size_facts(diagnosis: Diagnosis) -> list[Fact]:
     """The parameters of one effect, one fact each; of several effects their sizes alone."""
-    facts = []
+    facts, effects = [], diagnosis.effects
     for effect in effects:
         of = f"{effect.id} at {effect.place}" if effect.place != "axis" else effect.id
-        law = AXIS_EFFECTS.get(effect.id)
+        law = diagnosis.laws.get(effect.id)
         strengths = [k for k, p in law.parameters.items() if p.linear] if law else []
         keep = set(strengths) if strengths and len(effects) > 1 else set(effect.parameters)
         for key, p in effect.parameters.items():

@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from ..._errors import InputError
 from ..._files import write_text
 from ..._reading import read_bytes
 from ..._result import AbstractShown
+from ...laws import AXIS_EFFECTS, AbstractLaw
 from .._settings import SETTINGS
 from .judges import JUDGES, Judges
 from .named_effect import Named, OutputGap
@@ -43,6 +45,11 @@ class Diagnosis(AbstractShown):
     one_step: dict[str, float] = dataclasses.field(default_factory=dict)  # % of the torque missed
     rig: Any = None  # the diagnosed rig or machine
     details: Any = None  # what figures are drawn from; not written
+
+    @property
+    def laws(self) -> Mapping[str, type[AbstractLaw]]:
+        """Laws by id that effects may be: of one read from its file those of the library alone."""
+        return self.details["evidence"].model.laws if self.details else AXIS_EFFECTS
 
     @property
     def judges(self) -> Judges:
