@@ -366,6 +366,9 @@ class PredictionSettings:
     opening: int = 20  # samples whose cubic tells the motion before a rolling start
     # friction near a reversal
     pull: float = 5.0  # 1/s, at which Omega is held to the measured one (see `observer`)
+    turning_error: float = 1e-5  # rad/s, a tenth of usual noise: a step that errs by more is halved
+    still: float = 1e-5  # of that, below which nothing swings
+    shortest_turn: float = 1 / 64  # of a step, at which that ends: stiffness of 2e5 / s at 1 kHz
 
     row_blur: float = 5.0  # of an encoder's noise, within which an angle tells no row: chosen
 

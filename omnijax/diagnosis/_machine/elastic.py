@@ -12,7 +12,7 @@ from .modes import OutputModes, direct, forced, modes, observe, propagate, stati
 from .runs import FINE, SHAPE, Run
 
 OUTPUTS = ("displacement", "acceleration")
-INPUTS = ("shape", "drive", "force", "floor")  # inputs beside tensions
+INPUTS = ("shape", "drive", "force", "floor", "jumps")  # inputs beside tensions
 AT_REST = ("shape", "contact", "mount")  # inputs that are there before a run begins
 SIGNALS = {"contact": ("deflection", "contact_rate"), "mount": ("mount", "mount_rate")}
 
@@ -38,6 +38,7 @@ class ElasticPorts:
     drive: np.ndarray  # (FINE points, n) N
     force: np.ndarray  # (samples, 3) N
     floor: np.ndarray  # (FINE points, 3) m/s^2
+    jumps: np.ndarray  # (FINE points, n) N, what the integral of the drive forces' points lacks
 
     def by_name(self) -> dict[str, np.ndarray]:
         """The inputs by their names."""
@@ -46,7 +47,7 @@ class ElasticPorts:
     def at(self, part: str, parts: int) -> np.ndarray:
         """One input at `parts` points a sample; taking every k-th point or linear between."""
         values = getattr(self, part)
-        own = {"shape": SHAPE, "drive": FINE, "force": 1, "floor": FINE}[part]
+        own = {"shape": SHAPE, "force": 1}.get(part, FINE)
         if own >= parts:
             return values[:: own // parts]
         return refine(values, parts // own)

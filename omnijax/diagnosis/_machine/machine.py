@@ -70,10 +70,12 @@ class Rotated:
     motion: RunMotion
     turning: MeasuredTurning
     drive: np.ndarray  # (FINE points, n) N
+    jumps: np.ndarray  # (FINE points, n) N, what the integral of these points lacks
     acceleration: np.ndarray  # (FINE points, 3) rad/s^2
     Omega: np.ndarray  # (samples, 3) rad/s, from Omega = 0 at the start
     length: np.ndarray  # (samples, n) rad, what S(theta) should be
-    normal: np.ndarray  # (FINE points, n) N under which laws at the contact patches acted
+    # (FINE points, n) N under which laws at the contact patches acted, for its integral to hold
+    normal: np.ndarray
 
 
 class Predicted(NamedTuple):
@@ -138,7 +140,7 @@ class Machine:
         """Smooth the angles anew, about what `rig` predicts from the torques.
 
         Friction hangs on the motion itself, and so does what encoders hide of it: then again until
-        the prediction stays.
+        the prediction stays, each time under the normal forces that the last one ended with.
         """
         rolling = self.basis.rolling
         basis = self._basis(rig, None, rolling)
@@ -151,7 +153,7 @@ class Machine:
                 np.std(new - old, axis=0).max()
                 for new, old in zip(lengths, basis.references, strict=True)
             ]
-            basis = self._basis(rig, lengths, rolling)
+            basis = self._basis(rig, lengths, rolling, tuple(r.normal for r in rotated.values()))
             if two_rows(rig):
                 shares = tuple(self._shares(rig, i, r) for i, r in rotated.items())
                 basis = dataclasses.replace(basis, shares=shares)
@@ -175,8 +177,8 @@ class Machine:
         self.basis = basis
         self._kept.forget(*stages)
 
-    def _basis(self, rig: Rig, references, rolling) -> Basis:
-        """Smoothing about `references` (None: zero) as the data ask for it, N at the preload."""
+    def _basis(self, rig: Rig, references, rolling, normal=None) -> Basis:
+        """Smoothing about `references` (None: zero) as the data ask for it, N (None: preload)."""
         tables, sigma = self.tables_of(rig), float(np.mean(self.length_noise))
         if references is None:
             references = tuple(np.zeros((run.samples, rig.size)) for run in self.runs)
@@ -194,8 +196,9 @@ class Machine:
             )
 
         ratios = each(ratio, range(len(self.runs)))
-        preload = np.asarray(rig.wheels.closure.preload)
-        normal = tuple(np.tile(preload, ((r.samples - 1) * FINE + 1, 1)) for r in self.runs)
+        if normal is None:
+            preload = np.asarray(rig.wheels.closure.preload)
+            normal = tuple(np.tile(preload, ((r.samples - 1) * FINE + 1, 1)) for r in self.runs)
         return Basis(references, tuple(ratios), normal, rolling)
 
     def _shares(self, rig: Rig, i: int, rotated: Rotated) -> np.ndarray:
@@ -296,15 +299,20 @@ class Machine:
                 "path", about, lambda: path_along(rig, m, response, command, longest)
             )
 
-        def driven(normal: np.ndarray):
-            moving = m
-            if path is not None:
-                rest = not run.rolling_start(self.noise)
-                Omega, speed = observed_turning(rig, m, path, normal, run.step, rest)
-                moving = dataclasses.replace(m, turning=Omega, speed=speed)
+        def moved(normal: np.ndarray) -> RunMotion:
+            if path is None:
+                return m
+            rest = not run.rolling_start(self.noise)
+            Omega, speed = observed_turning(rig, m, path, normal, run.step, rest)
+            return dataclasses.replace(m, turning=Omega, speed=speed)
+
+        def under(normal: np.ndarray, moving: RunMotion):
             moments = rotation_moments(rig, moving, command, normal)
             _, caused = run_torques(rig, moments, m.step)
             return response.respond(caused.shaft, caused.opposing)
+
+        def driven(normal: np.ndarray):
+            return under(normal, moved(normal))
 
         normal = self.basis.normal[i]
         if turns == 1:
@@ -314,13 +322,16 @@ class Machine:
         ports = [rig.at(port) for port in ("command", *TURNING_PORTS)]
         key += digest(rig.platform, rig.wheels.contact.friction, *ports)
         drive, rate = self._kept.get("driven", key, lambda: driven(normal))
+        jumps = np.asarray(rig.wheels.contact.damping) * m.missed_rate
         for _ in range(turns - 1):
-            normal = self.normal_force(rig, i, m, drive)
-            drive, rate = driven(normal)
-        return self._integrated(rig, run, m, response, drive, rate, normal)
+            normal = self.normal_force(rig, i, m, drive) + jumps
+            moving = moved(normal)
+            drive, rate = under(normal, moving)
+        now, _ = under(normal - jumps, moving)
+        return self._integrated(rig, run, m, response, now, rate, normal, drive - now)
 
     def _integrated(
-        self, rig, run, m: RunMotion, response: MeasuredTurning, drive, rate, normal
+        self, rig, run, m: RunMotion, response: MeasuredTurning, drive, rate, normal, jumps=None
     ) -> Rotated:
         h = run.step / FINE
         Omega = integrate(rate, h)
@@ -328,12 +339,14 @@ class Machine:
         creep = (m.factor - 1) * m.speed * (m.shape + np.asarray(rig.wheel_radius))
         creep = creep / float(rig.sphere.radius)
         length = integrate(rolled - creep, h)[::FINE]
-        return Rotated(m, response, drive, rate, Omega[::FINE], length, normal)
+        jumps = np.zeros_like(drive) if jumps is None else jumps
+        return Rotated(m, response, drive, jumps, rate, Omega[::FINE], length, normal)
 
-    def ports(self, rig: Rig, run: Run, m: RunMotion, drive) -> ElasticPorts:
-        """Inputs of the elastic model."""
-        shape = self.tables_shape(rig, m)
-        return ElasticPorts(shape, drive, run.force, self._floor(rig, run))
+    def ports(self, rig: Rig, run: Run, m: RunMotion, drive, jumps=None) -> ElasticPorts:
+        """Inputs of the elastic model; `jumps` are what the integral of `drive` lacks."""
+        shape, floor = self.tables_shape(rig, m), self._floor(rig, run)
+        jumps = np.zeros_like(drive) if jumps is None else jumps
+        return ElasticPorts(shape, drive, run.force, floor, jumps)
 
     def tables_shape(self, rig: Rig, m: RunMotion) -> np.ndarray:
         """rho and the sphere's surface at SHAPE points."""
@@ -449,8 +462,8 @@ class Machine:
 
         And what gives dR and a (samples, 6) so many s late.
         """
-        ports, m = self.ports(rig, self.runs[i], rotated.motion, rotated.drive), self.modes(rig)
-        run, parts = self.runs[i], steps if stepped else 1
+        run, m, parts = self.runs[i], self.modes(rig), steps if stepped else 1
+        ports = self.ports(rig, run, rotated.motion, rotated.drive, rotated.jumps)
         z = linear_states(m, run, ports, parts, self.basis.rolling.get(i))
         samples = np.ascontiguousarray(z[::parts])
         out = outputs_of(m, samples, ports, OUTPUTS)

@@ -29,7 +29,8 @@ class OutputModes(NamedTuple):
 def modes(A, B, C, D, size: int) -> OutputModes:
     """Eigenvalues and -vectors of the elastic model; a free direction gets a damping of 1e-9.
 
-    Beside the outputs of the model there is `contact_rate`, approach less mount.
+    Beside the outputs of the model there is `contact_rate`, approach less mount, and beside its
+    inputs `jumps`: drive forces that no output feels at once.
     """
     A, B, C, D = (np.asarray(x) for x in (A, B, C, D))
     if np.linalg.cond(A) > 1e14:  # a direction that no wheel holds has a defective zero
@@ -38,7 +39,10 @@ def modes(A, B, C, D, size: int) -> OutputModes:
     inverse = np.linalg.inv(shapes)
     keep = np.imag(rates) >= 0
     twice = np.where(np.imag(rates[keep]) > 0, 2.0, 1.0)
-    inputs = _slices(shape=size, contact=size, mount=size, drive=size, force=3, floor=3)
+    parts = {"shape": size, "contact": size, "mount": size, "drive": size, "force": 3, "floor": 3}
+    inputs = _slices(**parts, jumps=size)
+    pushed = B[:, inputs["drive"]]
+    B, D = np.concatenate([B, pushed], axis=1), np.pad(D, ((0, 0), (0, size)))
     outputs = _slices(
         displacement=3,
         velocity=3,

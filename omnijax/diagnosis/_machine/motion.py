@@ -51,6 +51,21 @@ class RunMotion:
     rolls: bool  # already at the first sample
 
     @functools.cached_property
+    def missed_rate(self) -> np.ndarray:
+        """What integrals of the shape's rates at the FINE points, (.., n) m/s, lack.
+
+        Trapezoids put a rate that jumps between two points, as at the edge of a gap, up to half a
+        step off.  Added to the points these make its integral and the first moment of it exact.
+        """
+        parts, rate = SHAPE // FINE, self.shape_rate
+        middle = (self.rho[1:] + self.rho[:-1]) / (2 * parts)
+        mean = np.add.reduceat(middle, np.arange(0, len(middle), parts))  # of each step
+        out = np.zeros_like(rate)
+        out[1:-1] = np.diff(mean, axis=0) / self.step
+        out[1:-1] -= (rate[:-2] + 4 * rate[1:-1] + rate[2:]) / 6
+        return out
+
+    @functools.cached_property
     def attitude(self) -> np.ndarray:
         """Rotation matrices body -> inertial, (.., 3, 3)."""
         return attitude(self.turning, self.step)

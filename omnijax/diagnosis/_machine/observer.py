@@ -20,6 +20,10 @@ from .ports import bare
 from .rotation import MeasuredTurning, attitude_matters
 from .runs import FINE, padded
 
+ERROR = SETTINGS.prediction.turning_error
+SHORTEST = SETTINGS.prediction.shortest_turn
+STILL = SETTINGS.prediction.still
+
 
 def needs_observer(rig: Rig) -> bool:
     """Whether a law with a friction width acts on the rotation."""
@@ -82,30 +86,65 @@ def path_along(
 
 @jax.jit
 def _integrate(rig: Rig, laws: TurningLaws, path: Path, step, first):
-    """Omega (samples, 3): classical Runge-Kutta, one step a sample."""
+    """Omega (samples, 3): classical Runge-Kutta, one step a sample, halved where need be.
+
+    A narrow friction switches within a part of a step, and holds the sphere stiffly at rest.
+    """
     points = tuple(jax.tree.map(lambda x, k=k: x[k : len(x) - 2 + k : 2], path) for k in range(3))
 
     def rate(state, at):
         omega, memory = state
         return _rate(rig, laws, omega, memory, at)
 
-    def ahead(state, rate, h):
-        return jax.tree.map(lambda x, r: x + h * r, state, rate)
-
     def body(state, now):
-        a, b, c = now
-        k1 = rate(state, a)
-        k2 = rate(ahead(state, k1, step / 2), b)
-        k3 = rate(ahead(state, k2, step / 2), b)
-        k4 = rate(ahead(state, k3, step), c)
-        mean = jax.tree.map(lambda p, q, r, s: (p + 2 * q + 2 * r + s) / 6, k1, k2, k3, k4)
-        state = ahead(state, mean, step)
+        def part(carry):
+            state, begin, share = carry
+            here = [_between(now, begin + k * share / 2) for k in range(3)]
+            ahead, fits = _runge_kutta(rate, state, here, share * step)
+            good = fits | (share <= SHORTEST)
+            state = jax.tree.map(lambda new, old: jnp.where(good, new, old), ahead, state)
+            return state, begin + jnp.where(good, share, 0.0), jnp.where(good, share, share / 2)
+
+        state, *_ = jax.lax.while_loop(lambda carry: carry[1] < 1, part, (state, 0.0, 1.0))
         return state, state[0]
 
     begin = jax.tree.map(lambda x: x[0], path)
-    memory = rest_memory(lambda z: _rate(rig, laws, first, z, begin)[1], laws.rest(rig.size))
+    memory = rest_memory(lambda z: rate((first, z), begin)[1], laws.rest(rig.size))
     _, out = jax.lax.scan(body, (first, memory), points)
     return jnp.concatenate([first[None], out])
+
+
+def _between(points: tuple[Path, Path, Path], share) -> Path:
+    """The path at a share of a step, straight between its begin, middle and end."""
+    early = share < 0.5
+    rest = jnp.where(early, 2 * share, 2 * share - 1)
+
+    def at(begin, middle, end):
+        return jnp.where(early, begin, middle) * (1 - rest) + jnp.where(early, middle, end) * rest
+
+    return jax.tree.map(at, *points)
+
+
+def _runge_kutta(rate, state, points, h):
+    """The state after `h` s, and whether that is short enough.
+
+    So it is where Omega is near that of the midpoint rule, and what a rate's change changes in the
+    next one is no larger: beyond that a stiff state would swing about its rest.  One that runs away
+    gains nothing from shorter steps.
+    """
+
+    def ahead(rate, h):
+        return jax.tree.map(lambda x, r: x + h * r, state, rate)
+
+    a, b, c = points
+    k1 = rate(state, a)
+    k2 = rate(ahead(k1, h / 2), b)
+    k3 = rate(ahead(k2, h / 2), b)
+    k4 = rate(ahead(k3, h), c)
+    mean = jax.tree.map(lambda p, q, r, s: (p + 2 * q + 2 * r + s) / 6, k1, k2, k3, k4)
+    error, first, second = (h * jnp.max(jnp.abs(x[0] - k2[0])) for x in (mean, k1, k3))
+    swings = second > jnp.maximum(first, ERROR * STILL)
+    return ahead(mean, h), ~((error > ERROR) | swings)
 
 
 def _rate(rig: Rig, laws: TurningLaws, omega, memory, at: Path) -> tuple[jax.Array, Any]:

@@ -39,12 +39,13 @@ class WheelTables(NamedTuple):
 
     One turn where the shape repeats, else as many turns as the runs cover.  Points lie evenly, but
     the nearest to each edge and middle of a gap lies there: a corner between two points would be
-    cut off, which a slow wheel passes for so long that it is felt.
+    cut off, which a slow wheel passes for so long that it is felt.  There the slope jumps, from the
+    end of one cell between two points to the begin of the next.
     """
 
     angle: np.ndarray  # (p, n) rad
     shape: np.ndarray  # (p, n)
-    slope: np.ndarray  # (p, n) m/rad
+    slope: np.ndarray  # (2, p - 1, n) m/rad, at the begin and at the end of every cell
     length: np.ndarray  # (p, n)
     first: float  # rad, angle of the table's start
     span: float  # rad, length of the table
@@ -56,11 +57,17 @@ class WheelTables(NamedTuple):
 
     def rho(self, theta: np.ndarray) -> np.ndarray:
         """Shape at angles (t, n), m."""
-        return self._look(self.shape, theta)
+        places = (self.places(angle, i) for i, angle in enumerate(theta.T))
+        values = zip(places, self.shape.T, strict=True)
+        return np.stack([at.of(table) for at, table in values], axis=1)
 
     def rho_slope(self, theta: np.ndarray) -> np.ndarray:
         """d rho/d theta at angles (t, n)."""
-        return self._look(self.slope, theta)
+        out = np.empty_like(theta)
+        for i, angle in enumerate(theta.T):
+            at, (begin, end) = self.places(angle, i), self.slope[:, :, i]
+            out[:, i] = begin[at.index] + at.share * (end - begin)[at.index]
+        return out
 
     def places(self, theta: np.ndarray, wheel: int) -> WheelPlaces:
         """Where angles (t,) of a wheel lie in its tables; those of NaN have a share of NaN."""
@@ -74,10 +81,6 @@ class WheelTables(NamedTuple):
         index -= here < points[index]
         before = points[index]
         return WheelPlaces(index, (here - before) / (points[index + 1] - before), turns)
-
-    def _look(self, table, theta):
-        places = (self.places(angle, i) for i, angle in enumerate(theta.T))
-        return np.stack([at.of(values) for at, values in zip(places, table.T, strict=True)], axis=1)
 
     def rolled(self, theta: np.ndarray) -> np.ndarray:
         """S(theta) of angles (t, n); NaN stays NaN."""
@@ -124,8 +127,21 @@ def wheel_tables(rig: Rig, lowest: float, highest: float) -> WheelTables:
     radius = (np.asarray(rig.wheel_radius) + shape) / float(rig.sphere.radius)
     rolled = (radius[1:] + radius[:-1]) / 2 * np.diff(angle, axis=0)
     length = np.concatenate([np.zeros((1, n)), np.cumsum(rolled, axis=0)])
-    slope = np.stack([np.gradient(shape[:, i], angle[:, i]) for i in range(n)], axis=1)
-    return WheelTables(angle, shape, slope, length, first, turn * turns)
+    return WheelTables(angle, shape, slopes(angle, shape), length, first, turn * turns)
+
+
+def slopes(angle: np.ndarray, shape: np.ndarray) -> np.ndarray:
+    """Slope (2, p - 1, n) of tables (p, n) at the begin and the end of every cell.
+
+    A cell's curvature is the lesser of those towards its neighbours: across a corner it would be
+    that of another curve.
+    """
+    width = np.diff(angle, axis=0)
+    mean = np.diff(shape, axis=0) / width
+    bend = np.diff(mean, axis=0) / ((width[1:] + width[:-1]) / 2)
+    before, after = np.concatenate([bend[:1], bend]), np.concatenate([bend, bend[-1:]])
+    half = np.where(np.abs(before) < np.abs(after), before, after) * width / 2
+    return np.stack([mean - half, mean + half])
 
 
 def _corners(rig: Rig) -> list[np.ndarray]:
