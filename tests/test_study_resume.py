@@ -10,10 +10,12 @@ import subprocess
 import sys
 import time
 import tomllib
+from pathlib import Path
 
 import pytest
 from tiers import tiered
 
+from omnijax._errors import DataWarning
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
 from omnijax.study import tolerances
@@ -141,3 +143,30 @@ def test_so_few_machines_are_refused_as_cannot_show_the_share():
     with pytest.raises(InputError, match=re.escape(message)):
         tolerances(few, draws=380)
     assert share_bounds(381, 381)[0] >= 0.99 > share_bounds(380, 380)[0]
+
+
+SHORT = ["--speed", "1,1,1", "--duration", "20ms"]
+
+
+@pytest.mark.parametrize(
+    ("line", "result", "kept"),
+    [
+        (["simulate", "atlas", *SHORT], "new.nc", "new.nc.pieces"),
+        (["simulate", "atlas", *SHORT], "new.csv", "new.csv.pieces"),
+        (["sweep", "atlas", "--vary", "wheel.roundness=0.1,0.2", *SHORT], "new.zarr", "new.zarr"),
+    ],
+)
+def test_where_nothing_is_kept_resume_begins_and_says_so(
+    tmp_path, monkeypatch, capsys, line, result, kept
+):
+    """`simulate` refused, the others began without a word, also under a mistyped name."""
+    monkeypatch.chdir(tmp_path)
+    assert run([*line, "--out", result, "--resume"]) == 0
+    said = f"{kept}: nothing is kept there yet, so it begins from the start."
+    assert said in capsys.readouterr().err and Path(result).exists()
+
+
+def test_a_study_that_is_resumed_where_nothing_is_kept_begins_and_says_so(tmp_path):
+    with pytest.warns(DataWarning, match="nothing is kept there yet, so it begins from the start"):
+        Folder(tmp_path / "new", {"seed": 0}, resume=True)
+    Folder(tmp_path / "new", {"seed": 0}, resume=True)  # and then without a word

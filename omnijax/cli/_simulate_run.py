@@ -91,7 +91,7 @@ def planned(rig: Any, drive: Any, times: Any, numerics: Any) -> Plan:
 
 
 def check_resumed(out: Path | None, asked: dict[str, Any], force: bool) -> None:
-    """`InputError` where `out` has no interrupted run, or is one that was asked for otherwise.
+    """`InputError` where `out` is whole already, or a run that was asked for otherwise.
 
     A kill may have come between the last step and the end: then the run is whole and has pieces.
     """
@@ -100,7 +100,6 @@ def check_resumed(out: Path | None, asked: dict[str, Any], force: bool) -> None:
 
     if out is None:
         raise InputError("`resume` needs the interrupted run: --out RUN.")
-    begun, folder = pieces_folder(out).is_dir(), pieces_folder(out)
     if out.exists() and not force:
         stored = asked_in(out)
         differing = (
@@ -109,10 +108,8 @@ def check_resumed(out: Path | None, asked: dict[str, Any], force: bool) -> None:
         if differing:
             keys = "\n  ".join(differing)
             raise InputError(f"is another run and is left as it is. They differ in:\n  {keys}", out)
-        if not begun:
+        if not pieces_folder(out).is_dir():
             raise InputError("is whole already: there is nothing to go on with.", out)
-    elif not begun:
-        raise InputError(f"there is no interrupted run: {folder} is not there.", out)
 
 
 class StoredPieces:

@@ -26,7 +26,7 @@ class Results:
     store: Path | None = None
     """A folder for finished parts of the work."""
     resume: Switch = False
-    """Take up the parts of that folder."""
+    """Take up the parts of that folder; with none there it begins from the start."""
     out: Path | None = None
     """A netCDF file for the result."""
     report: Path | None = None

@@ -53,7 +53,8 @@ def simulate(
     compare
         A measured run to be laid over the simulated one in --plot; its difference is printed.
     resume
-        Go on with the interrupted or killed run in --out; the other options must be the same.
+        Go on with the interrupted or killed run in --out, with none from the start; the other
+        options must be the same.
     """
     _keep_programs()
     if file_kind(rig) == "machine":

@@ -40,7 +40,7 @@ class PlaceOptions:
     out: Path | None = None
     """Folder of the zarr store; without it nothing is kept."""
     resume: Switch = False
-    """Continue the store in --out."""
+    """Continue the store in --out; with none there it begins from the start."""
     chunk: MaybeWhole = None
     """Designs stored together: what a kill can lose."""
     devices: Whole = 1

@@ -46,6 +46,8 @@ class Folder:
                 )
         else:
             claim(folders=[self.folder])
+            if resume:
+                tell_of_a_start(self.folder)
             write_text(mark, json.dumps(asked, indent=1))
         self._lock = _locked(real(mark), what)
 
@@ -72,6 +74,11 @@ class Folder:
             np.savez(part, **arrays)  # pyright: ignore[reportArgumentType]
             with zipfile.ZipFile(part, "a") as file:
                 file.comment = _digest(arrays).encode("ascii")
+
+
+def tell_of_a_start(folder: Path) -> None:
+    """Say that there is nothing to go on with: the kill came early, or another name is meant."""
+    tell([f"{folder}: nothing is kept there yet, so it begins from the start."])
 
 
 _locks: weakref.WeakValueDictionary[Path, Lock] = weakref.WeakValueDictionary()

@@ -165,7 +165,7 @@ simulate rig.toml --speed 1,1,1 --rate 1e12|simulate rig.toml --speed inf,1,1
 simulate rig.toml --speed 1,1,1 --force nan,0,0|simulate rig.toml --speed 1,1,1 --out .
 simulate rig.toml --speed 1,1,1 --out run.csv|simulate rig.toml --speed 1,1,1 --compare missing.csv
 simulate rig.toml --speed 1,1,1 --compare run.csv|simulate rig.toml --speed 1,1,1 --model theirs
-simulate rig.toml --speed 1,1,1 --out new.csv --resume|simulate rig.toml --torque 1,1,1 --rtol nan
+simulate rig.toml --torque 1,1,1 --rtol nan
 simulate rig.toml --speed 1,1,1 --out new.nc --plot new.nc|simulate rig.toml rig.toml
 simulate rig.toml --speed 1,1,1 --max-steps 1e99|simulate rig.toml --torque 1,1,1 --solver exact
 sweep rig.toml --vary contact.stiffness=1:2 --speed 1,1,1

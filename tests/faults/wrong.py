@@ -202,8 +202,7 @@ simulate rig.toml --speed 1,1,1 --compare rig.toml|simulate rig.toml --speed 1,1
 simulate rig.toml --speed 1,1,1 --compare axis.csv|simulate rig.toml --drive good.csv --rate 5
 simulate rig.toml --drive good.csv --duration 1|simulate rig.toml --drive axis.csv
 simulate rig.toml --drive good.csv --compare pipe.csv|simulate study.toml --speed 1,1,1
-simulate rig.toml --speed 1,1,1 --resume --out missing.nc|simulate rig.toml --speed 1,1,1 --solver
-simulate rig.toml --speed 1,1,1 --resume --out missing.csv|simulate atlas rig.toml --speed 1,1,1
+simulate rig.toml --speed 1,1,1 --solver|simulate atlas rig.toml --speed 1,1,1
 sweep rig.toml --vary contact.stiffness --speed 1,1,1|sweep rig.toml --vary =1:2:3 --speed 1,1,1
 sweep rig.toml --vary contact.stiffness=1:2:3:4 --speed 1,1,1
 sweep rig.toml --vary contact.stiffness=a:b:c --speed 1,1,1

@@ -20,6 +20,7 @@ from ..._interrupts import answer, end_children, interrupted, raise_lost, saying
 from ...rig import Rig, as_rig
 from ...simulation import AbstractDrive
 from .._evaluation import checked_after, sample_to_check
+from .._study_folder import tell_of_a_start
 from .dask import check_cluster, over_cluster
 from .evaluator import Evaluator, gradient_name, quantities
 from .plan import Numerics, Sampling, plan, read_drive
@@ -137,6 +138,8 @@ def _store(
     if folder is None or not folder.exists():
         if folder is not None and (reason := obstacle_of(folder)) is not None:
             raise InputError(f"cannot be written: {reason}.", folder)
+        if folder is not None and resume:
+            tell_of_a_start(folder)
         created = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
         return create_store(folder, asked, quantities(asked), {**about, "created": created})
     if not resume:
