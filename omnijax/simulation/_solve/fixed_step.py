@@ -181,7 +181,7 @@ def simulate_fixed(
 def simulate_many(
     rigs: Rig,
     drive: TorqueDrive,
-    ts: Float[Array, " t"],
+    ts: Float[Array | np.ndarray, " t"],
     *,
     model: str = "coupled",
     substeps: int | Int[Array, ""] = 1,

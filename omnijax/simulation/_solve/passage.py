@@ -12,7 +12,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ...dynamics import (
     State,
@@ -134,10 +134,10 @@ class Passage(NamedTuple):
         ends, fit = jnp.stack([rho[:, 0], rho[:, -1]]), nodes.fit @ rho.T
         return cls(fit, radius, (nodes.change @ fit + nodes.ends @ ends) / h, stages @ fit)
 
-    def at(self, i: int) -> StepAverage:
+    def at(self, i: int | Int[Array, ""]) -> StepAverage:
         """What the stage at the step's start (0), middle (1) or end (2) sees."""
         return StepAverage(self.radius[i], self.change[i], self.shape[i])
 
-    def without_shape(self, i: int) -> StepAverage:
+    def without_shape(self, i: int | Int[Array, ""]) -> StepAverage:
         """The same where the state has followed the shape itself, kinks and all."""
         return StepAverage(self.radius[i], self.change[i])
