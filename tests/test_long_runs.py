@@ -1,5 +1,7 @@
 """Long runs: made in pieces, which a kill leaves, and which are the run that goes on."""
 
+import sys
+
 import numpy as np
 import pytest
 from machines import ORTHOGONAL, SKEW, machine
@@ -52,3 +54,21 @@ def test_pieces_are_the_run_and_go_on_from_any_of_them(rng):
             np.testing.assert_array_equal(left, again[name], err_msg=name)
             size = max(np.abs(right).max(), 1e-12)
             np.testing.assert_allclose(left, right, atol=1e-6 * size, err_msg=name)
+
+
+def test_pieces_of_runs_of_any_length_are_one_program(rng, monkeypatch):
+    """Every power of two was a program of its own: `simulate` compiled 4 s for another duration."""
+    module, lengths = sys.modules[propagate.__module__], set()
+    once = module._constant
+
+    def noted(rig, drive, grid, *others):
+        lengths.add(len(grid))
+        return once(rig, drive, grid, *others)
+
+    monkeypatch.setattr(module, "_constant", noted)
+    rig = machine(SKEW)
+    drive, _ = drives(rng, rig.size)
+    for count in (1, int(rng.integers(2, PIECE)), PIECE, 2 * PIECE + 3):
+        parts = list(propagate_in_pieces(rig, drive, np.arange(count) * 2e-3, samples=PIECE))
+        assert sum(len(piece.run.t) for piece in parts) == count
+    assert lengths == {PIECE}

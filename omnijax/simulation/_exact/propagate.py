@@ -69,8 +69,8 @@ def propagate(
     if any(is_traced(x) for x in jax.tree.leaves((rig, drive, ts))):
         _covered(rig, drive, ts, model)
         return _traced(rig, drive, ts, model)
-    runs = Gathered(len(ts))
-    for piece in propagate_in_pieces(rig, drive, np.asarray(ts), model=model):
+    runs, samples = Gathered(len(ts)), min(EXACT_PIECE, room(len(ts)))
+    for piece in propagate_in_pieces(rig, drive, np.asarray(ts), model=model, samples=samples):
         runs.add(piece.run)
     return runs.whole()
 
@@ -94,14 +94,15 @@ def propagate_in_pieces(
 ) -> Iterator[RunPiece]:
     """The run of `propagate` in pieces of `samples`, each handed out as soon as it is there.
 
-    The pieces' samples together are `ts`.  A run that goes on begins with `begun` at ts[0], which
+    The pieces' samples together are `ts`; a shorter piece is padded, so that all lengths of run are
+    one program.  A run that goes on begins with `begun` at ts[0], which
     is not sampled again, and has the start time `origin`.  The memory needed does not grow with
     the length of the run.  Raises as `propagate`.
     """
     _covered(rig, drive, ts, model)
     times = np.asarray(ts, float)
     start = on_device(times[0] if origin is None else origin)
-    done, length = (0 if begun is None else 1), min(samples, room(len(times)))
+    done = 0 if begun is None else 1
     steady = is_constant(drive.speed) and is_constant(drive.force)
     if begun is None:
         attitude = on_device([1.0, 0.0, 0.0, 0.0])
@@ -113,7 +114,7 @@ def propagate_in_pieces(
     while done < len(times):
         first = max(done - 1, 0)
         part = times[first : first + samples]
-        grid = padded(part, length)
+        grid = padded(part, samples)
         if ahead is None:
             run, end = _constant(rig, drive, grid, start, reached.attitude, model)
         else:
