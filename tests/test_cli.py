@@ -258,6 +258,24 @@ def test_two_wheels_leave_an_axis_free(tmp_path, capsys):
     assert "The contacts hold the sphere in 2 of 3 directions" in out
 
 
+def test_three_wheels_of_which_two_touch_at_one_place_are_warned_of(tmp_path, capsys):
+    """Nothing but "right" stood out: that an axis is free and nothing holds the sphere was said so
+    quietly as of two wheels, where it cannot be otherwise."""
+    call(capsys, "init", str(tmp_path / "rig.toml"))
+    good = call(capsys, "check", str(tmp_path / "rig.toml"))[1]
+    assert "at one place" not in good and "of 3" not in good
+    text = (tmp_path / "rig.toml").read_text(encoding="utf-8")
+    w2, as_w1 = "normal = [0, 1, 0]\ndrive = [1, 0, 0]", "normal = [1, 0, 0]\ndrive = [0, 0, 1]"
+    same = text.replace(w2, as_w1)
+    (tmp_path / "same.toml").write_text(same, encoding="utf-8")
+    code, out, _ = call(capsys, "check", str(tmp_path / "same.toml"))
+    out = " ".join(out.split())
+    assert same != text and code == 0
+    assert "warning: w1 and w2 touch the sphere at one place" in out
+    assert "warning: the wheels drive 2 of 3 rotation axes" in out
+    assert "warning: the contacts hold the sphere in 2 of 3 directions" in out
+
+
 def test_effects_lists_every_law(capsys):
     code, out, _ = call(capsys, "effects", "--json")
     rows = {row["id"]: row for row in json.loads(out)}

@@ -101,6 +101,11 @@ def check_dual_row():
     first = [middle - reach - 1e-3, middle + reach + 1e-3]
     for angle, side in [*((a, -1) for a in second), *((a, 1) for a in first)]:
         assert float(law.lateral(jnp.asarray(angle), GAPS)) == pytest.approx(side * 0.015)
+    for turn in (-PITCH, 0.0, 3 * PITCH):  # the switch next to an angle: a quarter from the middles
+        for end in (-1, 1):
+            at = turn + middle + end * reach
+            for apart in (-0.9 * reach, 1e-3, 0.9 * reach):
+                assert float(law.switch(jnp.asarray(at + apart), GAPS)) == pytest.approx(at)
 
 
 def check_table_shape():

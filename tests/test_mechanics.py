@@ -25,6 +25,7 @@ from omnijax.dynamics import (
     linear_system,
     minimum_normal_force,
     mobility,
+    same_contacts,
     sliding,
     weight,
 )
@@ -223,6 +224,13 @@ def check_hold_in_words():
         assert hold_obstacle(rig, "paper") is None
 
 
+def check_same_contacts():
+    """Of w1 and w3 by a part in 1e7; not of opposite wheels, nor of 6e-6 rad."""
+    near_by = [1.0, 6e-6, 0.0]
+    normal = [[1, 0, 0], [-1, 0, 0], [1, 1e-7, 0], near_by, [0, 0, 1]]
+    assert same_contacts(with_normals(normal)) == [(0, 2)]
+
+
 def check_periods_of_a_turn():
     """2 pi, also written in seven digits."""
     assert [is_turn(x) for x in (6.283185307, 6.283185, 6.2831, 3.14159265, 0.45)] == [
@@ -234,6 +242,7 @@ def check_periods_of_a_turn():
 CHECKS = {
     "hold": check_hold,
     "hold in words": check_hold_in_words,
+    "same contacts": check_same_contacts,
     "periods of a turn": check_periods_of_a_turn,
     "free directions": check_free_directions,
     "mobility": check_mobility,

@@ -90,12 +90,17 @@ def _kinematics(summary: dict[str, Any]) -> Iterator[str]:
     for axis, row in zip("xyz", motion["sphere_from_wheels"], strict=True):
         terms = " ".join(f"{x:+.4g} {name}" for name, x in zip(names, row, strict=True))
         yield paragraph(terms, "        ", f"  Ω_{axis} = ")
+    for one, other in summary["same_contacts"]:
+        yield paragraph(
+            f"warning: {one} and {other} touch the sphere at one place, where no two wheels can "
+            "be: turn one of them.", "  ",
+        )  # fmt: skip
     driven = summary["driven_axes"]
     if driven < 3:
         free = 3 - driven
-        yield paragraph(
-            f"The wheels drive {driven} of 3 rotation axes; the sphere turns freely about the "
-            f"other{'s' * (free > 1)}: {_axes(motion['undriven'])}.", "  ",
+        yield _owed(
+            names, f"The wheels drive {driven} of 3 rotation axes; the sphere turns freely about "
+            f"the other{'s' * (free > 1)}: {_axes(motion['undriven'])}."
         )  # fmt: skip
     elif motion["weak"]:
         yield paragraph(
@@ -113,10 +118,16 @@ def _kinematics(summary: dict[str, Any]) -> Iterator[str]:
         )  # fmt: skip
     held = 3 - summary["held_directions"]
     if held:
-        yield paragraph(
-            f"The contacts hold the sphere in {3 - held} of 3 directions; nothing holds it along "
-            f"the other{'s' * (held > 1)}.", "  ",
+        yield _owed(
+            names, f"The contacts hold the sphere in {3 - held} of 3 directions; nothing holds it "
+            f"along the other{'s' * (held > 1)}."
         )  # fmt: skip
+
+
+def _owed(wheels: list[str], sentence: str) -> str:
+    """What one or two wheels cannot do, more should: then the sentence is a warning."""
+    warned = f"warning: {sentence[0].lower()}{sentence[1:]}" if len(wheels) > 2 else sentence
+    return paragraph(warned, "  ")
 
 
 def _axes(rows: list[list[float]]) -> str:

@@ -26,7 +26,10 @@ def bar(what: str) -> Iterator[Callable[[int, int], None]]:
         yield lambda done, total: progress.update(task, completed=done, total=total)
 
 
-SECONDS = {"simulate": 9, "sweep": 8, "sensitivity": 13, "design": 15, "pareto": 20, "explore": 15}
+SECONDS = {
+    "simulate": 9, "sweep": 8, "sensitivity": 13, "design": 15, "pareto": 20, "explore": 15,
+    "global-sensitivity": 15, "reproduce": 25,
+}  # fmt: skip
 
 
 @contextmanager

@@ -72,7 +72,7 @@ def _foreign(name: str) -> list[dict[str, str]]:
 def _summary(rig: Any) -> dict[str, Any]:
     import numpy as np
 
-    from ..dynamics import held_directions, mobility, weight
+    from ..dynamics import held_directions, mobility, same_contacts, weight
     from ..rig import derived, parameter_paths
     from ..vibration import modes
 
@@ -89,6 +89,7 @@ def _summary(rig: Any) -> dict[str, Any]:
         "wheels": _wheels(rig),
         "driven_axes": motion.driven,
         "held_directions": held_directions(rig),
+        "same_contacts": [[rig.names[i], rig.names[k]] for i, k in same_contacts(rig)],
         "kinematics": _kinematics(motion),
         "weight": None
         if pressed is None

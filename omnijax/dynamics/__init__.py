@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from ._hold import held as held
     from ._hold import held_directions as held_directions
     from ._hold import hold_obstacle as hold_obstacle
+    from ._hold import same_contacts as same_contacts
     from ._kinematics import Rolling as Rolling
     from ._kinematics import incompatibility as incompatibility
     from ._kinematics import position_input as position_input

@@ -9,6 +9,7 @@ from jaxtyping import Array, Bool, Float
 from ..rig import Rig
 
 LOOSE = 1e-6  # least singular value of the normals: a mode there settles 1e12 times slower
+SAME = 1e-6  # rad between two contacts, as files write them, which are one
 PARALLEL = 1e-24  # L1 L2 + ... below it is rounding: all normals are parallel
 
 
@@ -57,6 +58,13 @@ def held_directions(rig: Rig) -> int:
     normal = np.asarray(rig.wheels.normal)
     values = np.linalg.svd(normal, compute_uv=False)
     return 3 if _span(normal, np) else int(np.sum(values[:2] > LOOSE))
+
+
+def same_contacts(rig: Rig) -> list[tuple[int, int]]:
+    """Pairs of wheels that touch the sphere at one place, where no two wheels can be."""
+    normal = np.asarray(rig.wheels.normal)
+    apart = np.linalg.norm(normal[:, None] - normal[None], axis=2)
+    return [(i, k) for i, k in np.argwhere(apart < SAME).tolist() if i < k]
 
 
 NOT_HELD = "the wheels do not hold the sphere in every direction"

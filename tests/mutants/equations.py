@@ -50,6 +50,9 @@ SAME = {  # changes that change nothing, and why
     "_span: xp.cross(r[:, None], r[None])  ->  xp.cross(r[None], r[:, None])": "squared",
     "_span: xp.cross(r[:, None], r[None])  ->  -(...)": "squared",
     "held_directions: np.asarray(rig.wheels.normal)  ->  -(...)": "squared",
+    "DualRow.switch: gap.width / 2 - gap.pitch / 4  ->  gap.width / 2 + gap.pitch / 4":
+        "the switch after it",
+    "same_contacts: np.asarray(rig.wheels.normal)  ->  -(...)": "a distance",
     "radius_under: rig.wheel_radius + shape  ->  rig.wheel_radius - shape":
         "where Newton's method starts",
     "mobility: left[:, rank:].T * ratio  ->  -(...)": "a conflict's direction has no sign",
