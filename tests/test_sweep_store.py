@@ -54,6 +54,14 @@ def same(a, b) -> bool:
     return all(np.array_equal(a.store.read(n), b.store.read(n)) for n in b.store.names)
 
 
+def test_a_store_may_be_an_empty_folder(tmp_path):
+    """It was refused: "continue it with --resume", and with that "is not the store of a sweep"."""
+    (tmp_path / "new").mkdir()
+    words = ["--vary", "wheel.roundness=0.1,0.2", "--speed", "1,1,1", "--duration", "20ms"]
+    assert run(["sweep", "atlas", *words, "--out", str(tmp_path / "new")]) == 0
+    assert load_sweep(tmp_path / "new").store.done().all()
+
+
 def test_killed_sweep_loses_at_most_a_chunk_and_resumes_bit_identically(whole, tmp_path, capsys):
     out = tmp_path / "killed.zarr"
     process = subprocess.Popen(

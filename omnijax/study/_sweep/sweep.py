@@ -135,7 +135,7 @@ def _store(
 ) -> Store:
     if folder is not None and folder.exists() and not folder.is_dir():
         raise InputError("is a file, but a folder is to be written there.", folder)
-    if folder is None or not folder.exists():
+    if folder is None or not folder.exists() or not any(folder.iterdir()):
         if folder is not None and (reason := obstacle_of(folder)) is not None:
             raise InputError(f"cannot be written: {reason}.", folder)
         if folder is not None and resume:
