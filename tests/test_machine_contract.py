@@ -13,7 +13,7 @@ import pytest
 from drawn_rigs import any_laws, any_rig, any_sensors, torque_size, with_laws
 from seeds import drawn_anew
 
-from omnijax.diagnosis._machine.elastic import refine
+from omnijax.diagnosis._machine.elastic import refine, rig_modes
 from omnijax.diagnosis._machine.machine import Machine
 from omnijax.diagnosis._machine.runs import FINE, Run
 from omnijax.diagnosis._machine.wheels import _heights as shape_programs
@@ -314,6 +314,15 @@ def test_every_pair_of_sensor_laws_is_predicted_in_its_order(turning):
         sensed = with_laws(rig, pair)
         assert left(sensed, sensed) < 1.2 * max(alone[name] for name, _, _ in pair), pair
     assert shape_programs._cache_size() == programs  # of shapes no sensor has a part in
+
+
+def test_a_free_direction_has_a_mode_for_its_position_and_one_for_its_speed():
+    """A double zero has one vector; by luck of rounding both were one (185 sigma at a truth)."""
+    rng = drawn_anew("free directions")
+    for one in (np.random.default_rng([151019, 0, 77]), *[rng] * 20):
+        m = rig_modes(any_rig(one, (2,)))
+        np.testing.assert_allclose((m.shapes @ m.inverse).real, np.eye(len(m.A)), atol=1e-8)
+        assert np.ptp(np.sort(np.abs(m.rates))[:2]) > 0.1 * np.abs(m.rates).min()
 
 
 def drawn_run(rng, rig):

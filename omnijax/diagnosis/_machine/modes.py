@@ -27,14 +27,17 @@ class OutputModes(NamedTuple):
 
 
 def modes(A, B, C, D, size: int) -> OutputModes:
-    """Eigenvalues and -vectors of the elastic model; a free direction gets a damping of 1e-9.
+    """Eigenvalues and -vectors of the elastic model, whose states are positions, then speeds.
+
+    A free direction has a double zero with one vector: its position and its speed get dampings of
+    their own (1e-10 and twice that, of the largest rate), so that there are two.
 
     Beside the outputs of the model there is `contact_rate`, approach less mount, and beside its
     inputs `jumps`: drive forces that no output feels at once.
     """
     A, B, C, D = (np.asarray(x) for x in (A, B, C, D))
-    if np.linalg.cond(A) > 1e14:  # a direction that no wheel holds has a defective zero
-        A = A - 1e-9 * np.abs(A).max() * np.eye(len(A))
+    if np.linalg.cond(A) > 1e14:  # a direction that no wheel holds
+        A = A - 1e-10 * np.abs(A).max() * np.diag(np.repeat([1.0, 2.0], len(A) // 2))
     rates, shapes = np.linalg.eig(A)
     inverse = np.linalg.inv(shapes)
     keep = np.imag(rates) >= 0
