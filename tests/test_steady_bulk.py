@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from machines import ORTHOGONAL, SKEW, machine
+from machines import ORTHOGONAL, SKEW, drawn_machine, machine
 from seeds import drawn_anew
 from test_modal import KINDS, cone, hidden, maker, points_of, varied
 
@@ -19,6 +19,9 @@ from benchmarks import _omnijax as ours
 from benchmarks import _problem as problem
 from omnijax import laws
 from omnijax.simulation import Operating, modal_steady_obstacle, steady_state
+from omnijax.simulation._modal import supremum
+from omnijax.simulation._modal.batch import FEW
+from omnijax.simulation._steady import sphere
 from omnijax.vibration import (
     BULK_STEADY_METRICS,
     SteadyRun,
@@ -126,6 +129,24 @@ def test_every_metric_of_a_rig_with_effects_is_that_of_each_design():
 
     for row, values in zip(rows, found, strict=True):
         np.testing.assert_allclose(values, one(row), rtol=1e-6)
+
+
+@pytest.mark.full
+def test_more_starts_find_no_higher_supremum(monkeypatch):
+    """Unlike wheels, whose sums have several maxima of nearly the same length."""
+    rng = drawn_anew("wheels and speeds")
+    rig = drawn_machine(rng, int(rng.integers(4, 7)))
+    rows = rng.uniform(2, 9, (64, rig.size)) * rng.choice([-1, 1], rig.size)
+
+    def make(speeds):
+        return Operating(rig, speeds, jnp.zeros(3), jnp.zeros(rig.size))
+
+    peak = long_run_metrics(make, rows, ("peak",)).values
+    monkeypatch.setattr(supremum, "DIRECTIONS", sphere(128, 3)[:64])
+    for name, value in {"_MASK": 127, "KEPT": 16, "AGAIN": 6, "EXCHANGES": 3, "CLOSE": 0.9}.items():
+        monkeypatch.setattr(supremum, name, value)
+    more = long_run_metrics(make, rows, ("peak",), total=FEW + 1).values  # another program
+    np.testing.assert_allclose(peak, more, rtol=1e-6)
 
 
 def test_what_nothing_holds_has_that_word():

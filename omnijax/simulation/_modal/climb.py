@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from .arithmetic import summed
 from .curves import ModalCurves, moved, values_at
@@ -117,6 +117,39 @@ def _inwards(spot: Spot):
     return jnp.where(spot.time >= spot.end, -1.0, jnp.where(spot.time <= spot.begin, 1.0, 0.0))
 
 
+def following(every: list[ModalCurves], spots: list[Spot], total) -> Float[Array, "s o o c"]:
+    """Matrices F beside each phase at a maximum of the sum: how the others follow a change.
+
+    When it changes by d and all others go to their new maximum, the square of the sum u grows by
+    u . F u beyond that of u itself, to second order; F total is zero.
+    """
+    parts = [values_at(f, spot, 3) for f, spot in zip(every, spots, strict=True)]
+    *_, over = _slopes(total, parts, [_inwards(spot) for spot in spots])
+    each = [v[:, None] * v * w for (_, v, _), w in zip(parts, over, strict=True)]
+    own = jnp.moveaxis(jnp.concatenate(each, axis=2), 2, 0)
+    still = jnp.eye(ROWS)[:, :, None]
+
+    def beside(own):
+        inverse, peak = _inverted(still + whole - own)
+        return jnp.where(peak, inverse - still, 0.0)
+
+    whole = jnp.sum(own, axis=0)
+    return jax.vmap(beside)(own)
+
+
+def _slopes(total, parts: list[list[Array]], inwards: list[Array]):
+    """x . v and x . a of each phase (s, c), and 1/(x . a) of those that are free at a maximum."""
+    t = total[:, None]
+    rise = [summed(t * v) for _, v, _ in parts]
+    bend = [summed(t * a) for *_, a in parts]
+    free = [side * r >= 0 for side, r in zip(inwards, rise, strict=True)]
+    over = [
+        jnp.where((b < 0) & yes, 1 / jnp.where(b < 0, b, -1.0), 0.0)
+        for b, yes in zip(bend, free, strict=True)
+    ]
+    return rise, bend, over
+
+
 def _newton(total, parts: list[list[Array]], steps, inwards: list[Array]):
     """Steps of all times towards the maximum of |x|^2/2, x the sum of all phases' parts.
 
@@ -125,15 +158,8 @@ def _newton(total, parts: list[list[Array]], steps, inwards: list[Array]):
     The second derivatives are diag(x . a) + V^T V of rates V and accelerations a, and are solved
     by Woodbury's identity; phase by phase where they are not those of a maximum.
     """
-    t = total[:, None]
-    rise = [summed(t * v) for _, v, _ in parts]  # (s, c)
-    bend = [summed(t * a) for *_, a in parts]
+    rise, bend, over = _slopes(total, parts, inwards)
     alone = [move_up(r, b, h) for r, b, h in zip(rise, bend, steps, strict=True)]
-    free = [side * r >= 0 for side, r in zip(inwards, rise, strict=True)]
-    over = [
-        jnp.where((b < 0) & yes, 1 / jnp.where(b < 0, b, -1.0), 0.0)
-        for b, yes in zip(bend, free, strict=True)
-    ]
 
     def gathered(terms):
         return functools.reduce(operator.add, (summed(x, x.ndim - 2) for x in terms))
@@ -142,13 +168,19 @@ def _newton(total, parts: list[list[Array]], steps, inwards: list[Array]):
     S = gathered([v[:, None] * v * w for v, w in zip(rates, over, strict=True)])  # (o, o, c)
     S = S + jnp.eye(ROWS)[:, :, None]
     r = gathered([v * w * x for v, w, x in zip(rates, over, rise, strict=True)])  # (o, c)
-    cofactor = jnp.stack([jnp.cross(S[1], S[2], axis=0), jnp.cross(S[2], S[0], axis=0),
-                          jnp.cross(S[0], S[1], axis=0)])  # fmt: skip
-    det = summed(S[0] * cofactor[0])
-    peak = (S[0, 0] > 0) & (cofactor[2, 2] > 0) & (det > 0)
-    y = summed(cofactor * r, 1) / jnp.where(peak, det, 1.0)
+    inverse, peak = _inverted(S)
+    y = summed(inverse * r, 1)
     moves = []
     for v, w, x, b, h, own in zip(rates, over, rise, bend, steps, alone, strict=True):
         joint = jnp.clip(-w * (x - summed(v * y[:, None])), -h, h)
         moves.append(jnp.where(peak & (b < 0), joint, own))
     return moves
+
+
+def _inverted(S: Float[Array, "3 3 c"]) -> tuple[Float[Array, "3 3 c"], Bool[Array, " c"]]:
+    """The inverses of symmetric matrices, and which of them are positive definite."""
+    cofactor = jnp.stack([jnp.cross(S[1], S[2], axis=0), jnp.cross(S[2], S[0], axis=0),
+                          jnp.cross(S[0], S[1], axis=0)])  # fmt: skip
+    det = summed(S[0] * cofactor[0])
+    positive = (S[0, 0] > 0) & (cofactor[2, 2] > 0) & (det > 0)
+    return cofactor / jnp.where(positive, det, 1.0), positive

@@ -45,6 +45,7 @@ class GapPlace(NamedTuple):
     """Where the phases of a cycle are, and what their outputs show from there on."""
 
     time: Float[Array, "s c"]
+    edge: Bool[Array, "s c"]  # whether a piece begins there
     piece: tuple[Array, ...]  # of each signal with edges
     end: tuple[Array, ...]  # s, of that piece
     free: tuple[Pair, ...]  # (r, q, s, c), of each signal with edges
@@ -65,7 +66,7 @@ def _start(f: ModalCurves) -> GapPlace:
             ends.append(summed(here * (wave.begin + wave.duration)) - wave.place)
             z = product(f.kind, [summed(here * x, 2) for x in f.free[i]], moved_by(f, into))
             free.append(weights(f, z))
-    return GapPlace(time, tuple(pieces), tuple(ends), tuple(free), tuple(swings))
+    return GapPlace(time, time == 0, tuple(pieces), tuple(ends), tuple(free), tuple(swings))
 
 
 class Block(NamedTuple):
@@ -74,6 +75,8 @@ class Block(NamedTuple):
     begin: Float[Array, "s c"]
     step: Float[Array, "s c"]
     counts: Bool[Array, "s c"]
+    first: Bool[Array, "s c"]  # whether it begins at an edge
+    last: Bool[Array, "s c"]  # whether it goes to the next one
 
 
 class SeenParts(NamedTuple):
@@ -130,7 +133,7 @@ def _block(f: ModalCurves, at: GapPlace, fine, none) -> tuple[Block, Array, Arra
     done = none | (step * (LENGTH - 1) >= left * (1 - 1e-12))
     on = jnp.where(done, left, step * (LENGTH - OVERLAP))
     time = jnp.where(done, end, at.time + on)
-    return Block(at.time, jnp.where(none, 0.0, step), ~none), on, time
+    return Block(at.time, jnp.where(none, 0.0, step), ~none, at.edge, done), on, time
 
 
 def _at_piece(x, piece, axis: int):
@@ -175,7 +178,7 @@ def _onward(
                 _where_begun(begun, x[i], y) for x, y in zip((f.cosine, f.sine), moved, strict=True)
             )
         )
-    return GapPlace(time, tuple(pieces), tuple(ends), tuple(free), tuple(swings))
+    return GapPlace(time, time >= end, tuple(pieces), tuple(ends), tuple(free), tuple(swings))
 
 
 def _moved_on(begun, kind, w: Pair, E: Pair, begins: Pair) -> Pair:

@@ -1,25 +1,27 @@
 """The long run's suprema of vectors of outputs: phases run independently of each other.
 
 sup |sum_g x_g(phi_g)| = max over unit d of sum_g max_phi d . x_g(phi).  One pass over each phase
-finds its largest value in directions all around; sums of such points give further directions, in
-which a second pass looks for each phase's two best maxima.  From there Newton's method climbs the
-length in all phases at once.  Where every phase moves along one axis alone, as with orthogonal
+finds its largest value in directions all around.  Of such points each phase in turn takes the one
+that makes the sum longest, until none does; a second pass looks for each phase's two best maxima
+of the length beside what the others add up to.  From there Newton's method climbs the length in
+all phases at once.  Where every phase moves along one axis alone, as with orthogonal
 contacts that do not move each other, all of an axis are at their largest or all at their smallest
 (`steady_figures`), so that no direction is looked for.
 """
 
 import functools
 import operator
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Complex, Float
+from jaxtyping import Array, Bool, Complex, Float
 
 from .._steady import sphere
 from .arithmetic import across, materialised, summed
-from .climb import ascended, chosen, climbed, move_up, unit
+from .climb import ascended, chosen, climbed, following, move_up, unit
 from .curves import (
     ModalCurves,
     beyond,
@@ -32,17 +34,18 @@ from .curves import (
 from .pass_along import COARSE, LENGTH, Block, along
 from .phases import Spot, constant, phases_of, spot_on
 from .system import Layout
-from .transient import ROWS, Lanes
+from .transient import Lanes
 
 AROUND = 48  # directions of the search
-DIRECTIONS = np.array([d for d in sphere(AROUND, 3) if d[2] > 0])  # and their opposites
-KEPT = 8  # of them gone on from
-ASCENTS = 4
-AGAIN = 4  # sums in whose directions every phase is looked at once more
+DIRECTIONS = sphere(AROUND, 3)[: AROUND // 2]  # and their opposites
+KEPT = 4  # of them gone on from
+EXCHANGES = 2  # rounds in which each phase may take another point
+AGAIN = 2  # sums beside which every phase is looked at once more
 CLOSE = 0.99  # of the largest value: a maximum below is not gone on from
 ASCENDS = 3  # rounds of Newton's method of a phase alone
 NEARER, NEAREST = 3, 5  # and of all phases: in every sum, then in the longest
 LOOKED = 8  # points looked at together
+LOW = -1e300  # of no maximum; a number, as the last bits of infinities tell nothing
 _MASK = 63  # of the bits that tell which of up to 64 values a maximum is
 
 
@@ -158,25 +161,32 @@ def _points(f: ModalCurves, top: _Tops) -> Float[Array, "d o s c"]:
     return jax.lax.map(one, (every, top.spots(f), top.step), batch_size=LOOKED)
 
 
-def _two_tops(f: ModalCurves, d: Float[Array, "n r c"]) -> tuple[_Tops, _Tops]:
-    """In directions of each design, by parabolas through three samples: the best two maxima."""
-    d, half = d[:, :, None], LENGTH // 2
+def _two_tops(f: ModalCurves, heights: Callable, start, count: int, idle: Callable, d=None):
+    """By parabolas through three samples: the best two maxima of `count` heights.
 
-    def tops(d, x):
-        """Largest of a block's first half and, imaginary, of its second."""
-        seen = [_along(d, x[k][None])[0] for k in range(LENGTH)]  # (n, s, c)
-        best = [seen[0]]
+    heights(start, x (r, s, c)) (n, s, c) are those of outputs x; for `idle` and `d` see `along`.
+    """
+    half = LENGTH // 2
+
+    def tops(start, x, block: Block):
+        """Largest maximum of a block's first half and, imaginary, of its second.
+
+        Its ends are maxima where they lie at edges; else they stand inside the block beside.
+        """
+        seen = [heights(start, x[k]) for k in range(LENGTH)]
+        best = [jnp.where(block.first & (seen[0] >= seen[1]), seen[0], LOW)]
         for before, now, after in zip(seen, seen[1:], seen[2:], strict=False):
             rise, bend = after - before, 2 * now - before - after
             inside = jnp.abs(rise) < 2 * bend
-            more = jnp.where(inside, rise * rise / jnp.where(inside, 8 * bend, 1.0), 0.0)
+            more = jnp.where(inside, rise * rise / jnp.where(inside, 8 * bend, 1.0), LOW)
             best.append(now + more)
-        best = [_marked(top, k) for k, top in enumerate([*best, seen[-1]])]
+        best.append(jnp.where(block.last & (seen[-1] >= seen[-2]), seen[-1], LOW))
+        best = [_marked(top, k) for k, top in enumerate(best)]
         halves = (functools.reduce(jnp.maximum, part) for part in (best[:half], best[half:]))
         return jax.lax.complex(*halves)
 
     def gather(best, x, block: Block):
-        both = materialised(tops, d, x)
+        both = materialised(tops, start, x, block)
         both = both.real, both.imag
         place = jax.lax.complex(block.begin, block.step)
         high = jnp.where(block.counts, jnp.maximum(*both), -jnp.inf)
@@ -186,15 +196,36 @@ def _two_tops(f: ModalCurves, d: Float[Array, "n r c"]) -> tuple[_Tops, _Tops]:
         lost = _Tops(*(jnp.where(above, x, y) for x, y in zip(first, second, strict=True)))
         return _higher(first, high, place), _higher(lost, jnp.where(above, low, high), place)
 
-    def idle(best, above):
-        return functools.reduce(operator.and_, list(above <= CLOSE * best[0].height))
-
-    return along(f, gather, (_none(f, len(d)), _none(f, len(d))), idle, d=d)
+    return along(f, gather, (_none(f, count), _none(f, count)), idle, d=d)
 
 
 def two_tops_of_each(f: ModalCurves, d: Float[Array, "n r c"]) -> tuple[_Tops, _Tops]:
-    """The same of one phase after the other."""
-    return phase_by_phase(lambda f: _two_tops(f, d), f)
+    """In directions of each design, of one phase after the other."""
+    d = d[:, :, None]
+
+    def heights(d, x):
+        return _along(d, x[None])[0]
+
+    def idle(best, above):
+        return functools.reduce(operator.and_, list(above <= CLOSE * best[0].height))
+
+    return phase_by_phase(lambda f: _two_tops(f, heights, d, len(d), idle, d), f)
+
+
+def _two_longest(f: ModalCurves, others: Float[Array, "n r s c"]) -> tuple[_Tops, _Tops]:
+    """The best two maxima of each phase of the length of the sum with what the others add up to."""
+
+    def heights(others, x):
+        return summed((others + x) ** 2, 1)
+
+    def one(f: ModalCurves, others):
+        def idle(best, above):
+            most = summed((jnp.abs(others) + above) ** 2, 1)
+            return functools.reduce(operator.and_, list(most <= CLOSE**2 * best[0].height))
+
+        return _two_tops(f, heights, others, len(others), idle)
+
+    return phase_by_phase(one, f, others)
 
 
 def _along(d, x):
@@ -202,29 +233,51 @@ def _along(d, x):
     return functools.reduce(operator.add, (d[:, o] * x[:, None, o] for o in range(d.shape[1])))
 
 
-def _best_sums(tops: list[_Tops], points, held):
-    """Directions (n, o, c) of the longest sums of points of each phase; `points` (d, o, s, c)."""
-    height = sum(jnp.sum(t.height, axis=1) for t in tops)  # (d, c)
-    every = jnp.concatenate([DIRECTIONS, -DIRECTIONS])
-    height = height + jnp.einsum("do,oc->dc", every, held)
-    number = jnp.arange(len(every))[:, None, None]
+def _exchanged(held, every: Float[Array, "s d o c"], begin: Bool[Array, "d c"], follow=None):
+    """The sum (o, c) of a point of each phase (s, o, c), and which (s, d, c) of `every` they are.
 
-    def sums(pick):
-        """Total (o, c) of the points picked (d, s, c)."""
-        return summed(across(jnp.add, jnp.where(pick[:, None], points, 0.0)), 1) + held
+    Begun with the same of all, each phase in turn takes the point that makes the sum longest;
+    looking along the sum instead would keep points that are best only beside those that are there.
+    `follow` (s, o, o, c): matrices of `following`, by which the others go on then; else they stay.
+    """
+    picks = jnp.broadcast_to(begin, (len(every), *begin.shape))
+
+    def picked(x, pick):
+        return across(jnp.add, jnp.where(pick[:, None], x, 0.0))
+
+    def square(x, follow):
+        if follow is None:
+            return summed(x**2, 1)
+        return summed(x * (x + summed(follow * x[:, None], 2)), 1)
+
+    def exchange(total, phase):
+        some, now, follow = phase
+        others = total - now
+        size = _tagged(square(others + some, follow))  # (d, c)
+        pick = size == across(jnp.maximum, size)
+        now = picked(some, pick)
+        return others + now, (now, pick)
+
+    each = jax.vmap(picked)(every, picks)
+    total = held + jnp.sum(each, axis=0)
+    for _ in range(EXCHANGES):
+        total, (each, picks) = jax.lax.scan(exchange, total, (every, each, follow))
+    return total, each, picks
+
+
+def _longest_sums(points: Float[Array, "d o s c"], held) -> Float[Array, "n o s c"]:
+    """What all other phases add up to beside each, in the longest sums of points of each."""
+    number, every = jnp.arange(len(points))[:, None], jnp.moveaxis(points, 2, 0)
 
     def follow(left, _):
-        begin = jnp.argmax(left, axis=0)
-        total = sums(jnp.broadcast_to(number == begin, (*points.shape[:1], *points.shape[2:])))
-        for _ in range(ASCENTS):
-            d = unit(total)
-            seen = _tagged(sum(d[o] * points[:, o] for o in range(ROWS)))  # (d, s, c)
-            total = sums(seen == across(jnp.maximum, seen))
-        return jnp.where(number[:, 0] == begin, -jnp.inf, left), total
+        begin = number == jnp.argmax(left, axis=0)
+        return jnp.where(begin, -jnp.inf, left), _exchanged(held, every, begin)[:2]
 
-    totals = jax.lax.scan(follow, height, None, KEPT)[1]  # (n, o, c)
-    pick = _longest(jnp.sum(totals**2, axis=1), AGAIN)
-    return jax.vmap(unit)(jnp.sum(jnp.where(pick[:, :, None], totals, 0.0), axis=1))
+    farthest = jnp.sum((jnp.sum(every, axis=0) + held) ** 2, axis=1)  # (d, c)
+    total, each = jax.lax.scan(follow, farthest, None, KEPT)[1]  # (n, o, c), (n, s, o, c)
+    pick = _longest(jnp.sum(total**2, axis=1), AGAIN)
+    others = jnp.moveaxis(total[:, None] - each, 1, 2)
+    return jnp.sum(jnp.where(pick[:, :, None, None], others, 0.0), axis=1)
 
 
 def _longest(size, count: int):
@@ -261,8 +314,9 @@ def suprema(g: Lanes, layout: Layout, rows: list[np.ndarray]) -> list[Supremum]:
 def _supremum(every: list[ModalCurves], held: Float[Array, "o c"]) -> Supremum:
     tops = [phase_by_phase(_tops, f) for f in every]
     points = [_points(f, top) for f, top in zip(every, tops, strict=True)]
-    longest = _best_sums(tops, jnp.concatenate(points, axis=2), held)
-    starts = [two_tops_of_each(f, longest) for f in every]
+    others = _longest_sums(jnp.concatenate(points, axis=2), held)
+    others = jnp.split(others, _ends(every), axis=2)
+    starts = [_two_longest(f, own) for f, own in zip(every, others, strict=True)]
     spots, sizes = jax.vmap(lambda begin: _refined(every, held, begin))(starts)
     best = (jnp.arange(AGAIN)[:, None] == jnp.argmax(sizes, axis=0))[:, None]
     spots, steps = jax.tree.map(
@@ -272,43 +326,53 @@ def _supremum(every: list[ModalCurves], held: Float[Array, "o c"]) -> Supremum:
     return Supremum(*climbed(every, held, spots, steps, NEAREST)[:2])
 
 
+def _ends(every: list[ModalCurves]) -> np.ndarray:
+    """Where the phases of the next curves begin."""
+    return np.cumsum([len(f.cycle.period) for f in every])[:-1]
+
+
 def _refined(every: list[ModalCurves], held, starts: list[tuple[_Tops, _Tops]]):
-    """Spots of each phase and the square of the sum there, from its best maxima in one direction.
+    """Spots of each phase and the square of the sum there, from its best maxima beside the others.
 
     Up from the best ones; then once more, from the other of a phase's two, or from the other side
-    of the edge that it has come to, where that is higher in the direction found.
+    of the edge that it has come to, where that makes the sum longer.
     """
     steps = [first.step for first, _ in starts]
 
-    def swapped(f: ModalCurves, d, now: Spot, other: _Tops) -> Spot:
-        """The spot of the highest maximum in the direction found."""
-        rivals = jax.tree.map(lambda *x: jnp.stack(x), beyond(f, now), other.spots(f))
+    def rivals(f: ModalCurves, d, now: Spot, other: _Tops) -> Spot:
+        """The spots now, and those that each phase may go to."""
+        others = jax.tree.map(lambda *x: jnp.stack(x), beyond(f, now), other.spots(f))
 
-        def climb(_, rivals: Spot) -> Spot:
-            return jax.vmap(lambda spot: ascended(f, d[:, None], spot, other.step))(rivals)
+        def climb(_, others: Spot) -> Spot:
+            return jax.vmap(lambda spot: ascended(f, d[:, None], spot, other.step))(others)
 
-        def height(spot: Spot):
-            return summed(d[:, None] * values_at(f, spot)[0])
+        others = jax.lax.fori_loop(0, ASCENDS, climb, others)
+        return jax.tree.map(lambda x, y: jnp.concatenate([x[None], y]), now, others)
 
-        rivals = jax.lax.fori_loop(0, ASCENDS, climb, rivals)
-        highest, heights = height(now), jax.vmap(height)(rivals)
-        for k in range(len(heights)):
-            rival = jax.tree.map(lambda x, k=k: x[k], rivals)
-            now = chosen(heights[k] > highest, rival, now)
-            highest = jnp.maximum(highest, heights[k])
-        return now
+    def exchanged(total, now: list[Spot]) -> list[Spot]:
+        """With the rivals that make the sum longest."""
+        d = unit(total)
+        each = zip(every, now, starts, strict=True)
+        some = [rivals(f, d, spot, other) for f, spot, (_, other) in each]
+        points = [
+            jax.vmap(lambda spot, f=f: values_at(f, spot)[0])(spots)
+            for f, spots in zip(every, some, strict=True)
+        ]
+        points = jnp.moveaxis(jnp.concatenate(points, axis=2), 2, 0)  # (s, k, o, c)
+        first = jnp.arange(points.shape[1])[:, None] == jnp.zeros(points.shape[-1], int)
+        picks = _exchanged(held, points, first, following(every, now, total))[2]
+        picks = jnp.moveaxis(picks, 1, 0)  # (k, s, c)
+        return [
+            jax.tree.map(lambda x, pick=pick: jnp.sum(jnp.where(pick, x, 0.0), axis=0), spots)
+            for spots, pick in zip(some, jnp.split(picks, _ends(every), axis=1), strict=True)
+        ]
 
     def climb(turn, carry):
         begin, best, size = carry
         spots, total, square = climbed(every, held, begin, steps, NEARER)
         best = [chosen(square > size, x, t) for x, t in zip(spots, best, strict=True)]
-
-        def others():
-            d = unit(total)
-            each = zip(every, spots, starts, strict=True)
-            return [swapped(f, d, t, other) for f, t, (_, other) in each]
-
-        return jax.lax.cond(turn == 0, others, lambda: spots), best, jnp.maximum(size, square)
+        begin = jax.lax.cond(turn == 0, lambda: exchanged(total, spots), lambda: spots)
+        return begin, best, jnp.maximum(size, square)
 
     begin = [first.spots(f) for f, (first, _) in zip(every, starts, strict=True)]
     lowest = jnp.full(begin[0].time.shape[-1], -1.0)
