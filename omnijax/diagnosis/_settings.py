@@ -729,7 +729,9 @@ class AnswerLearnedSettings:
     rounds: int = 5  # of a refit of the term and the machine together
     inner: int = 5  # steps of the term in each: time
     hidden: int = 6  # nodes of the network
-    dampings: tuple[float, ...] = (1.0, 30.0, 1e3)  # times the ridge, until a step fits better
+    # times the ridge, until a step fits better: the tangents know nothing of what a term feels of
+    # itself, so far from its end only short steps may
+    dampings: tuple[float, ...] = (1.0, 30.0, 1e3, 3e4, 1e6)
     step: float = 1e-3  # prior sigmas, of a difference
     shown: float = 2.5  # RMS of an input, to each side of 0, over which a term is drawn
     points: int = 101  # of a curve
