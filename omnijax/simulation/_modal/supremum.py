@@ -39,7 +39,7 @@ from .transient import Lanes
 AROUND = 48  # directions of the search
 DIRECTIONS = sphere(AROUND, 3)[: AROUND // 2]  # and their opposites
 KEPT = 4  # of them gone on from
-EXCHANGES = 2  # rounds in which each phase may take another point
+EXCHANGES = 3  # rounds in which each phase may take another point
 AGAIN = 2  # sums beside which every phase is looked at once more
 CLOSE = 0.99  # of the largest value: a maximum below is not gone on from
 ASCENDS = 3  # rounds of Newton's method of a phase alone
