@@ -2,7 +2,7 @@
 
 sup |sum_g x_g(phi_g)| = max over unit d of sum_g max_phi d . x_g(phi).  One pass over each phase
 finds its largest value in directions all around.  Of such points each phase in turn takes the one
-that makes the sum longest, until none does; a second pass looks for each phase's two best maxima
+that makes the sum longest, in a few rounds; a second pass looks for each phase's two best maxima
 of the length beside what the others add up to.  From there Newton's method climbs the length in
 all phases at once.  Where every phase moves along one axis alone, as with orthogonal
 contacts that do not move each other, all of an axis are at their largest or all at their smallest
