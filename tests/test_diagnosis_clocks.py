@@ -91,7 +91,7 @@ def test_a_run_is_known_between_its_samples(model):
     """Exactly in the modes: as a run that is sampled more finely, beside both ends too."""
     machine, run = model.machine, model.machine.runs[0]
     rig = model.rig_at(Point(np.zeros(len(model.priors))))
-    ports = machine.ports(rig, run, (rotated := machine.rotated(rig, [0])[0]).motion, rotated.drive)
+    ports = machine.ports(rig, 0, machine.rotated(rig, [0])[0])
     modes, fine = machine.modes(rig), 8
     z = linear_states(modes, run, ports, fine)
     wanted = outputs_of(modes, z, ports, OUTPUTS, fine)

@@ -9,31 +9,15 @@ it is seen; Omega tells the row instead.
 
 import jax
 import numpy as np
-from scipy.signal import lfilter
 
 from ...dynamics import spin_axes
 from ...laws import DualRow
 from ...rig import Rig
-from .._settings import SETTINGS
 
 
 def two_rows(rig: Rig) -> bool:
     """Whether a wheel has two rows."""
     return any(isinstance(profile, DualRow) for profile in rig.profiles)
-
-
-def held_turning(
-    foretold: np.ndarray, measured: np.ndarray, step: float, at_rest: bool
-) -> np.ndarray:
-    """Omega (t, 3) in rad/s, `foretold` by torques alone and held gently to the `measured` one.
-
-    As `observer` does it; a run that begins at rest begins at zero.
-    """
-    drift = measured - foretold
-    keep = np.exp(-SETTINGS.prediction.pull * step)
-    first = np.zeros((1, 3)) if at_rest else drift[:1]
-    held, _ = lfilter([1 - keep], [1.0, -keep], drift, axis=0, zi=keep * first)
-    return foretold + held
 
 
 def shares_behind(

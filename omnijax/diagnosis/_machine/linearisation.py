@@ -98,8 +98,7 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Linear
     """Base run `i` of `rig`; its own contact and mount laws enter the signals only linearly."""
     run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
     m = rotated.motion
-    felt = machine.signals(rig, i, machine.ports(rig, run, m, rotated.drive, rotated.jumps))
-    deflection, rate, mount, mount_rate = np.split(felt, 4, axis=1)
+    deflection, rate, mount, mount_rate = np.split(machine.signals(rig, i), 4, axis=1)
 
     def wide(x):
         return np.broadcast_to(np.asarray(x), m.theta.shape)

@@ -152,7 +152,7 @@ def _signals(machine, rig, i: int) -> tuple[dict[str, np.ndarray], dict[str, np.
     angles = {n: theta[:, k] for k, n in enumerate(rig.names)}
     size = np.linalg.norm(turning, axis=1)
     angles["sphere"] = np.concatenate([[0.0], np.cumsum((size[1:] + size[:-1]) / 2) * run.step])
-    felt = machine.signals(rig, i, machine.ports(rig, run, m, rotated.drive, rotated.jumps))
+    felt = machine.signals(rig, i)
     states: dict[str, np.ndarray] = {"time s": run.time}
     for k, n in enumerate(rig.names):
         states[f"phase {n}"] = np.mod(theta[:, k], 2 * np.pi)

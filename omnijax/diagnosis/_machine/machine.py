@@ -16,7 +16,7 @@ from .._threads import each
 from .behind import folds
 from .clocks import offset_of
 from .data_vector import DataRows
-from .dual_rows import held_turning, shares_behind, two_rows
+from .dual_rows import shares_behind, two_rows
 from .elastic import (
     OUTPUTS,
     SIGNALS,
@@ -41,7 +41,7 @@ from .motion import (
     tables_for,
 )
 from .noise_model import rolling_state, rows_of
-from .observer import needs_observer, observed_turning, path_along
+from .observer import held_turning, needs_observer, observed_turning, path_along
 from .rotation import (
     MeasuredTurning,
     attitude_matters,
@@ -342,11 +342,16 @@ class Machine:
         jumps = np.zeros_like(drive) if jumps is None else jumps
         return Rotated(m, response, drive, jumps, rate, Omega[::FINE], length, normal)
 
-    def ports(self, rig: Rig, run: Run, m: RunMotion, drive, jumps=None) -> ElasticPorts:
-        """Inputs of the elastic model; `jumps` are what the integral of `drive` lacks."""
+    def ports(self, rig: Rig, i: int, rotated: Rotated) -> ElasticPorts:
+        """Inputs of the elastic model in run `i`."""
+        smooth = self._smooth_ports(rig, i, rotated.motion, rotated.drive)
+        return dataclasses.replace(smooth, jumps=rotated.jumps)
+
+    def _smooth_ports(self, rig: Rig, i: int, m: RunMotion, drive: np.ndarray) -> ElasticPorts:
+        """Inputs of the elastic model where the integral of `drive` (FINE points, n) lacks none."""
+        run = self.runs[i]
         shape, floor = self.tables_shape(rig, m), self._floor(rig, run)
-        jumps = np.zeros_like(drive) if jumps is None else jumps
-        return ElasticPorts(shape, drive, run.force, floor, jumps)
+        return ElasticPorts(shape, drive, run.force, floor, np.zeros_like(drive))
 
     def tables_shape(self, rig: Rig, m: RunMotion) -> np.ndarray:
         """rho and the sphere's surface at SHAPE points."""
@@ -385,11 +390,12 @@ class Machine:
             floor += along(placed.law, time)
         return floor
 
-    def signals(self, rig: Rig, i: int, ports: ElasticPorts) -> np.ndarray:
+    def signals(self, rig: Rig, i: int) -> np.ndarray:
         """Linear port signals (FINE points, 4 n): deflection and rate of contacts, of mounts."""
-        m = self.modes(rig)
+        m, rotated = self.modes(rig), self.rotated(rig, [i])[i]
+        ports = self.ports(rig, i, rotated)
         z = linear_states(m, self.runs[i], ports, FINE, self.basis.rolling.get(i))
-        return felt(m, z, ports, self.motions(rig, [i])[i].shape_rate, SIGNALS, FINE)
+        return felt(m, z, ports, rotated.motion.shape_rate, SIGNALS, FINE)
 
     def shape_rate(self, rig: Rig, m: RunMotion, parts: int) -> np.ndarray:
         """d rho/dt (t, n) of the wheels' shapes at `parts` points a sample."""
@@ -399,7 +405,8 @@ class Machine:
     def normal_force(self, rig: Rig, i: int, m: RunMotion, drive) -> np.ndarray:
         """N (FINE points, n) of the elastic model with the laws at its contacts and mounts."""
         run, contact, of_laws = self.runs[i], rig.wheels.contact, 0.0
-        stepped, modes, ports = stepped_ports(rig), self.modes(rig), self.ports(rig, run, m, drive)
+        stepped, modes = stepped_ports(rig), self.modes(rig)
+        ports = self._smooth_ports(rig, i, m, drive)
         parts = STEPS if stepped else FINE
         z = linear_states(modes, run, ports, parts, self.basis.rolling.get(i))
         rate = self.shape_rate(rig, m, parts)
@@ -463,7 +470,7 @@ class Machine:
         And what gives dR and a (samples, 6) so many s late.
         """
         run, m, parts = self.runs[i], self.modes(rig), steps if stepped else 1
-        ports = self.ports(rig, run, rotated.motion, rotated.drive, rotated.jumps)
+        ports = self.ports(rig, i, rotated)
         z = linear_states(m, run, ports, parts, self.basis.rolling.get(i))
         samples = np.ascontiguousarray(z[::parts])
         out = outputs_of(m, samples, ports, OUTPUTS)

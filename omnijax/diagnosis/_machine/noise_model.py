@@ -134,8 +134,8 @@ def _usual_states(machine, rig: Rig, i: int) -> np.ndarray:
 
     From those of the linear model that begins at rest.
     """
-    m, run, rotated = machine.modes(rig), machine.runs[i], machine.rotated(rig, [i])[i]
-    ports = machine.ports(rig, run, rotated.motion, rotated.drive, rotated.jumps)
+    m, run = machine.modes(rig), machine.runs[i]
+    ports = machine.ports(rig, i, machine.rotated(rig, [i])[i])
     static = ports.at("shape", 1) @ (-m.gains[:, m.inputs["shape"]] / m.rates[:, None]).T
     states = np.real((linear_states(m, run, ports) - static) @ m.shapes.T)
     _, sizes, directions = np.linalg.svd(states / np.sqrt(len(states)), full_matrices=False)

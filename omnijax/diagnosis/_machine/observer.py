@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import CubicSpline
+from scipy.signal import lfilter
 
 from ...dynamics import RotationMoment, TurningLaws, combined, rest_memory, torques
 from ...rig import Rig
@@ -20,6 +21,7 @@ from .ports import bare
 from .rotation import MeasuredTurning, attitude_matters
 from .runs import FINE, padded
 
+PULL = SETTINGS.prediction.pull
 ERROR = SETTINGS.prediction.turning_error
 SHORTEST = SETTINGS.prediction.shortest_turn
 STILL = SETTINGS.prediction.still
@@ -61,6 +63,20 @@ def observed_turning(rig: Rig, motion: RunMotion, path: Path, normal, step: floa
     radius = rolling_radius(rig, motion)
     speed = float(rig.sphere.radius) * np.einsum("tij,tj->ti", motion.axes, fine) / radius
     return fine, speed
+
+
+def held_turning(
+    foretold: np.ndarray, measured: np.ndarray, step: float, at_rest: bool
+) -> np.ndarray:
+    """Omega (t, 3) in rad/s under the same pull where the model's own, `foretold`, is known.
+
+    Its rates do not hang on Omega, so that what the `measured` one pulls it by adds to it.
+    """
+    drift = measured - foretold
+    keep = np.exp(-PULL * step)
+    first = np.zeros((1, 3)) if at_rest else drift[:1]
+    held, _ = lfilter([1 - keep], [1.0, -keep], drift, axis=0, zi=keep * first)
+    return foretold + held
 
 
 def path_along(
@@ -155,4 +171,4 @@ def _rate(rig: Rig, laws: TurningLaws, omega, memory, at: Path) -> tuple[jax.Arr
     )
     _, caused, rates = torques(rig, laws, moment, memory)
     turned = combined(jnp.concatenate(caused), at.response)
-    return turned + SETTINGS.prediction.pull * (at.measured - omega), rates
+    return turned + PULL * (at.measured - omega), rates
