@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError, did_you_mean
-from ..recording import may_be_run, read_table, stem_of
+from ..recording import may_be_run, ordered_rows, read_table, stem_of
 from ..rig import Quantity
-from ._sample_times import evenly, increasing, jitters, travelled, unbroken, unwound
+from ._sample_times import evenly, jitters, travelled, unbroken, unwound
 from ._unit_of_channel import factor_of
 
 KEYS = ("machine", "log", "role", "rows", "rate", "channels", "units", "noise")
@@ -249,10 +249,9 @@ def _on_a_grid(
     file: LogFile, signals, inputs, outputs, measured: str | None, noise: dict[str, float], faults
 ) -> Log:
     """Finite rows on a uniform grid from zero; short or resting logs are refused."""
-    log, needed = file.log.name, ["t", *inputs, *([measured] if measured else [])]
-    signals, rows = _finite(log, signals, needed, faults)
-    signals, rows = _increasing(log, signals, rows, faults)
-    signals = _unbroken(log, signals, rows, faults)
+    log, needed = file.log.name, [*inputs, *([measured] if measured else [])]
+    signals = _finite(log, _ordered(file, signals, faults), needed, faults)
+    signals = _unbroken(log, signals, faults)
     signals |= _unwound(log, {k: signals[k] for k in outputs if k in signals}, outputs, faults)
     if measured and np.ptp(signals[measured]) == 0:
         raise InputError(f"{log}: the {measured} never changes: all at rest.")
@@ -275,35 +274,29 @@ def _on_a_grid(
 Signals = dict[str, np.ndarray]  # channels (t,) by name, `t` among them
 
 
-def _finite(log: str, signals: Signals, needed, faults) -> tuple[Signals, np.ndarray]:
-    """The rows in which all `needed` channels have numbers, and which these are."""
+def _ordered(file: LogFile, signals: Signals, faults) -> Signals:
+    """The rows of one run in which time goes on."""
+    first = 0 if file.rows is None else file.rows[0]
+    rows, told = ordered_rows(file.log.name, signals["t"], first)
+    faults += map(str, told)
+    return {k: x[rows] for k, x in signals.items()}
+
+
+def _finite(log: str, signals: Signals, needed, faults) -> Signals:
+    """The rows in which all `needed` channels have numbers."""
     finite = np.all([np.isfinite(signals[k]) for k in needed], axis=0)
     count = int(finite.sum())
     if count < len(finite):
         faults.append(f"{log}: {len(finite) - count} rows have no number; they are left out.")
     if count < LEAST:
         raise InputError(f"{log} has {count} usable rows, but at least {LEAST} are needed.")
-    return {k: x[finite] for k, x in signals.items()}, np.flatnonzero(finite)
+    return {k: x[finite] for k, x in signals.items()}
 
 
-def _increasing(log: str, signals: Signals, rows, faults) -> tuple[Signals, np.ndarray]:
-    """The rows in which time goes on."""
-    keep = increasing(signals["t"])
-    count = int(keep.sum())
-    if count == len(keep):
-        return signals, rows
-    if count < LEAST:
-        raise InputError(f"{log}, column `t`: time does not increase.")
-    faults.append(
-        f"{log}, column `t`: {len(keep) - count} rows do not increase; they are left out."
-    )
-    return {k: x[keep] for k, x in signals.items()}, rows[keep]
-
-
-def _unbroken(log: str, signals: Signals, rows, faults) -> Signals:
+def _unbroken(log: str, signals: Signals, faults) -> Signals:
     """The longest stretch without a gap."""
     t = signals["t"]
-    part = unbroken(t, rows)
+    part = unbroken(t)
     count = part.stop - part.start
     if count == len(t):
         return signals

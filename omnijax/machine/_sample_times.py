@@ -1,6 +1,4 @@
-"""Sample times of a log: rows that increase, gaps, even grids; what hangs on them."""
-
-import bisect
+"""Sample times of a log: gaps, even grids; what hangs on them."""
 
 import numpy as np
 
@@ -11,27 +9,6 @@ def travelled(velocity: np.ndarray, step: float) -> np.ndarray:
     """Position (t,) from 0 of a sampled velocity."""
     steps = (velocity[1:] + velocity[:-1]) * step / 2
     return np.concatenate([[0.0], np.cumsum(steps)])
-
-
-def increasing(t: np.ndarray) -> np.ndarray:
-    """Which rows (t,) to keep so that times increase: as many as can be, so that one damaged time
-    stamp far ahead does not cost all rows up to it.
-
-    Source: Fredman, On computing the length of longest increasing subsequences (1975).
-    """
-    if np.all(np.diff(t) > 0):
-        return np.ones(len(t), bool)
-    ends: list[float] = []  # the least time at which k + 1 rows that increase can end
-    rows: list[int] = []  # and its row
-    before = np.full(len(t), -1)
-    for i, x in enumerate(t.tolist()):
-        k = bisect.bisect_left(ends, x)
-        before[i] = rows[k - 1] if k else -1
-        ends[k : k + 1], rows[k : k + 1] = [x], [i]
-    keep, i = np.zeros(len(t), bool), rows[-1]
-    while i >= 0:
-        keep[i], i = True, before[i]
-    return keep
 
 
 def jitters(t: np.ndarray, step: float) -> bool:
@@ -47,15 +24,13 @@ def evenly(t: np.ndarray, step: float, *channels: np.ndarray) -> list[np.ndarray
     return [np.interp(grid, t - t[0], x) for x in channels]
 
 
-def unbroken(t: np.ndarray, rows: np.ndarray) -> slice:
+def unbroken(t: np.ndarray) -> slice:
     """The longest stretch of rising times (t,) without a gap that no straight line bridges.
 
-    Of a clock that was set back times go on where the log's `rows` (t,) do not: a gap too.  In a
-    log of uneven steps a gap is three times as long as nearly all of them.
+    In a log of uneven steps a gap is three times as long as nearly all of them.
     """
-    far = np.zeros(len(t) - 1, bool)
-    for steps in (np.diff(t), np.diff(rows)):
-        far |= steps > max(BRIDGED * np.median(steps), 3 * np.quantile(steps, 0.99))
+    steps = np.diff(t)
+    far = steps > max(BRIDGED * np.median(steps), 3 * np.quantile(steps, 0.99))
     cuts = [0, *(np.flatnonzero(far) + 1).tolist(), len(t)]
     return max(map(slice, cuts[:-1], cuts[1:]), key=lambda part: part.stop - part.start)
 

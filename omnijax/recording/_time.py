@@ -1,5 +1,8 @@
 """The time column: samples out of order, repeated, missing, or unevenly spaced."""
 
+import bisect
+import itertools
+
 import numpy as np
 
 from .._errors import InputError
@@ -11,82 +14,122 @@ UNEVEN = 0.05  # of a step
 
 
 def usable_rows(file: str, time: np.ndarray) -> tuple[np.ndarray, list[Fault]]:
-    """Rows in increasing time, and what is wrong with the time column."""
-    faults: list[Fault] = []
-    missing = ~np.isfinite(time)
-    if missing.any():
-        what = f"{missing.sum()} rows have no time"
-        faults.append(Fault(file, "t", spans(missing), "missing", what, "these rows are not used"))
-    rows = np.flatnonzero(~missing)
+    """`ordered_rows` of a recording, and what is said of their spacing too."""
+    rows, faults = ordered_rows(file, time)
+    return rows, faults + _spacing_faults(file, time[rows], rows)
+
+
+def ordered_rows(file: str, time: np.ndarray, first: int = 0) -> tuple[np.ndarray, list[Fault]]:
+    """Rows (k,) of one run in increasing time, of `time` (t,) in s, and what is wrong with others.
+
+    Where a clock was set back for good, another run begins: the longest is taken, by its rows that
+    increase.  `first` is the number of the rows above in the file.  `InputError` where
+    fewer than three rows are left.
+    """
+    number, faults = np.arange(len(time)) + 1 + first, []
+
+    def say(bad: np.ndarray, kind: str, what: str, use: str) -> None:
+        at = np.isin(np.arange(len(time)), bad)
+        faults.append(Fault(file, "t", spans(at, number), kind, what, use))
+
+    rows = np.flatnonzero(np.isfinite(time))
+    if len(rows) < len(time):
+        gone = np.setdiff1d(np.arange(len(time)), rows)
+        say(gone, "missing", f"{len(gone)} rows have no time", "these rows are not used")
     if len(rows) < 3 or np.ptp(time[rows]) == 0:
         raise InputError(
             f"{file}, column `t`: three samples at increasing times are needed at least."
         )
-    keep, end = _increasing(time[rows])
-    faults += _order_faults(file, time, rows, keep, end)
-    rows = rows[keep]
-    if len(rows) < 3:
-        raise InputError(f"{file}, column `t`: time does not increase over three rows or more.")
-    faults += _spacing_faults(file, time[rows], rows)
-    return rows, faults
-
-
-def _increasing(time: np.ndarray) -> tuple[np.ndarray, int]:
-    """Which samples to keep, and where the record ends: where the clock goes back for good."""
-    if np.all(np.diff(time) > 0):
-        return np.ones(len(time), bool), len(time)
-    steps = np.diff(time)
-    step = np.median(steps[steps > 0]) if (steps > 0).any() else 0.0
-    kept: list[int] = []
-    i = 0
-    while i < len(time):
-        if not kept or time[i] > time[kept[-1]]:
-            kept.append(i)
-            i += 1
-            continue
-        ahead = next((m for m in range(1, GLITCH + 1) if _follows(time, kept[-1], i + m, step)), 0)
-        if ahead:  # rows i ... are late or repeated
-            i += ahead
-            continue
-        back = next((m for m in range(1, GLITCH + 1) if _before(time, kept, i, m, step)), 0)
-        if not back:
-            keep = np.zeros(len(time), bool)
-            keep[kept] = True
-            return keep, i
-        del kept[-back:]  # the rows before ran ahead
-    keep = np.zeros(len(time), bool)
-    keep[kept] = True
-    return keep, len(time)
-
-
-def _follows(time: np.ndarray, last: int, next_: int, step: float) -> bool:
-    if next_ >= len(time):
-        return next_ == len(time)
-    return 0 < time[next_] - time[last] <= (next_ - last + 1.5) * step
-
-
-def _before(time: np.ndarray, kept: list[int], i: int, m: int, step: float) -> bool:
-    return len(kept) > m and 0 < time[i] - time[kept[-m - 1]] <= (m + 1.5) * step
-
-
-def _order_faults(file: str, time, rows, keep, end: int) -> list[Fault]:
-    faults = []
-    bad = np.zeros(len(time), bool)
-    dropped = rows[:end][~keep[:end]]
-    bad[dropped] = True
-    if bad.any():
-        n = bad.sum()
+    runs = _runs(time[rows])
+    if len(runs) > 1:
+        run = max(runs, key=lambda part: _increasing(time[rows[part]]).sum())
+        left, before, after = np.delete(rows, run), *time[rows[runs[1].start - 1 :][:2]]
+        what = f"time goes back from {before:g} s to {after:g} s and does not recover"
+        rows = rows[run]
+        use = f"only the longest run is used, rows {number[rows[0]]} to {number[rows[-1]]}"
+        say(left, "non-increasing time", what, use)
+    keep = _increasing(time[rows])
+    if not keep.all():
+        n = len(rows) - int(keep.sum())
         what = f"time does not increase at {n} row{'s' if n > 1 else ''}"
         use = "these rows are not used" if n > 1 else "this row is not used"
-        faults.append(Fault(file, "t", spans(bad), "non-increasing time", what, use))
-    if end < len(rows):
-        first, last = rows[end], rows[-1]
-        before = time[rows[end - 1]]
-        what = f"time goes back from {before:g} s to {time[first]:g} s and does not recover"
-        use = f"only the {int(keep.sum())} rows before are used"
-        span = ((int(first) + 1, int(last) + 1),)
-        faults.append(Fault(file, "t", span, "non-increasing time", what, use))
-    return faults
+        say(rows[~keep], "non-increasing time", what, use)
+    if np.sum(keep) < 3:
+        raise InputError(f"{file}, column `t`: time does not increase over three rows or more.")
+    return rows[keep], faults
+
+
+def _runs(time: np.ndarray, begin: int = 0) -> list[slice]:
+    """The runs of a log whose clock (t,) was set back between them; `begin` is its first row."""
+    cuts = _set_back(time)
+    if not cuts:
+        return [slice(begin, begin + len(time))]
+    parts = itertools.pairwise([0, *cuts, len(time)])
+    return [run for a, b in parts for run in _runs(time[a:b], begin + a)]
+
+
+def _set_back(time: np.ndarray) -> list[int]:
+    """Rows at which a clock (t,) was set back by more than `GLITCH` rows; not all at once.
+
+    There rows are left out between two that are kept, and time does not go on as long as they took.
+    """
+    kept = np.flatnonzero(_increasing(time))
+    if len(kept) == len(time) or len(kept) < 2:
+        return []
+    step, best = np.median(np.diff(time[kept])), None
+    ends, cuts = np.concatenate([[-1], kept, [len(time)]]), []
+    for k in np.flatnonzero(np.diff(ends) > GLITCH + 1):
+        a, b = ends[k : k + 2]
+        between = time[a + 1 : b]
+        early = between < time[a] if a >= 0 else np.zeros(len(between), bool)
+        late = between > time[b] if b < len(time) else np.zeros(len(between), bool)
+        went_on = (time[b] - time[a]) / step if a >= 0 and b < len(time) else 0.0
+        if np.sum(early | late) - went_on > GLITCH:
+            best = _best_cuts(time) if best is None else best
+            cuts.append(max(int(a), 0) + 1 + int(np.argmax(best[max(int(a), 0) : b])))
+    return cuts
+
+
+def _best_cuts(time: np.ndarray) -> np.ndarray:
+    """How good it is to cut before the second row, the third ... (t - 1,).
+
+    By as many rows as can be that increase in both parts, among equal ones by how far time falls.
+    """
+    before, after = _counts(time)[:-1], _counts(-time[::-1])[-2::-1]
+    return before + after - np.clip(np.diff(time) / max(np.ptp(time), 1e-300), -0.5, 0.5)
+
+
+def _counts(time: np.ndarray) -> np.ndarray:
+    """Of how many rows that increase the times up to each one (t,) have."""
+    ends: list[float] = []
+    counts = np.empty(len(time))
+    for i, x in enumerate(time.tolist()):
+        k = bisect.bisect_left(ends, x)
+        ends[k : k + 1] = [x]
+        counts[i] = len(ends)
+    return counts
+
+
+def _increasing(time: np.ndarray) -> np.ndarray:
+    """Which rows (t,) to keep so that times increase: as many as can be, of equal ones the first.
+
+    One damaged time far ahead does not cost all rows up to it.  Source: Fredman, On computing the
+    length of longest increasing subsequences (1975).
+    """
+    if np.all(np.diff(time) > 0):
+        return np.ones(len(time), bool)
+    ends: list[float] = []  # the least time at which k + 1 rows that increase can end
+    rows: list[int] = []  # and its row
+    before = np.full(len(time), -1)
+    for i, x in enumerate(time.tolist()):
+        k = bisect.bisect_left(ends, x)
+        before[i] = rows[k - 1] if k else -1
+        if ends[k : k + 1] != [x]:
+            ends[k : k + 1], rows[k : k + 1] = [x], [i]
+    keep, i = np.zeros(len(time), bool), rows[-1]
+    while i >= 0:
+        keep[i], i = True, before[i]
+    return keep
 
 
 def _spacing_faults(file: str, time: np.ndarray, rows: np.ndarray) -> list[Fault]:

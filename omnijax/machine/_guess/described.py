@@ -9,10 +9,11 @@ import numpy as np
 
 from ..._errors import InputError
 from ..._white_noise import noise_squares
+from ...recording import ordered_rows
 from .._first_numbers import LogSignals
 from .._hold import input_hold
 from .._log import LEAST
-from .._sample_times import evenly, increasing, travelled, unbroken, unwound
+from .._sample_times import evenly, travelled, unbroken, unwound
 from .._second_numbers import coupled
 from .channel_units import (
     fitting,
@@ -184,17 +185,17 @@ def _channels(
     t = np.arange(len(q)) * how.step
     if columns.time is not None:
         t = in_si(table.columns[columns.time], how.units.get("t"), "s")
-    good = np.all([np.isfinite(x) for x in (t, q, u, *others.values())], axis=0)
-    t, q, u, others = t[good], q[good], u[good], {k: x[good] for k, x in others.items()}
-    if si == "rad":
-        q = unwound(q)
-    kept = np.flatnonzero(increasing(t))
-    kept = kept[unbroken(t[kept], np.flatnonzero(good)[kept])] if len(kept) > 1 else kept
+    good = np.all([np.isfinite(x) for x in (q, u, *others.values())], axis=0)
+    kept, _ = ordered_rows(log.name, t)
+    kept = kept[good[kept]]
+    kept = kept[unbroken(t[kept])] if len(kept) > 1 else kept
     if len(kept) < LEAST:
         raise InputError(
             f"{log.name} has {len(kept)} usable rows, but at least {LEAST} are needed."
         )
-    q, u, *rest = evenly(t[kept], how.step, *(x[kept] for x in (q, u, *others.values())))
+    q, *rest = (x[kept] for x in (q, u, *others.values()))
+    q = unwound(q) if si == "rad" else q
+    q, u, *rest = evenly(t[kept], how.step, q, *rest)
     return q, u, dict(zip(others, rest, strict=True))
 
 
