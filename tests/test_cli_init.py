@@ -113,3 +113,15 @@ def test_a_file_by_whose_suffix_no_command_would_know_it_is_refused(
     assert run(tokens) == 2
     assert "`best.doc` must end in .toml." in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_a_file_is_known_by_its_suffix_in_any_letters(tmp_path, monkeypatch, capsys):
+    """`STUDY.TOML` was read as a rig, whose tables it has not."""
+    monkeypatch.chdir(tmp_path)
+    assert run(["init", "RIG.TOML"]) == 0
+    assert run(["init", "STUDY.TOML", "--study", "design", "--rig", "RIG.TOML"]) == 0
+    assert run(["check", "STUDY.TOML"]) == 0
+    assert run(["init", "--axis", "AXIS.Toml"]) == 0
+    capsys.readouterr()
+    assert run(["check", "AXIS.Toml"]) == 0
+    assert "axis" in capsys.readouterr().out

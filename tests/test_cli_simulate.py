@@ -1,11 +1,13 @@
 """`omnijax simulate` as a user runs it: files, exit codes and messages."""
 
 import json
+from shutil import copytree
 
 import numpy as np
 import pytest
 
 from omnijax import cli, evaluate, load_rig, load_trajectory, read_recording, simulation
+from omnijax._files import pieces_folder
 from omnijax.dynamics import mobility
 from omnijax.simulation._solve import solve as _solve
 
@@ -78,12 +80,21 @@ def test_an_interrupted_run_is_kept_and_goes_on(capsys, tmp_path, monkeypatch):
     assert (code, parts.exists()) == (130, False)
     assert f"Interrupted after 0.04995 s: what was computed is in {parts}.pieces" in said
     assert f"{parts} --resume" in said
+    pieces = copytree(pieces_folder(parts), tmp_path / "pieces")
+    capsys.readouterr()
     assert cli.run([*two, "--resume"]) == 0
+    summary = capsys.readouterr().out
     left, right = load_trajectory(whole), load_trajectory(parts)
     for name in left.UNITS:
         np.testing.assert_array_equal(getattr(left, name), getattr(right, name))
-    assert cli.run([*two, "--resume"]) == 2
-    assert "parts.nc: is whole already" in capsys.readouterr().err
+    stamp = parts.stat().st_mtime_ns
+    assert cli.run([*two, "--resume"]) == 0  # whole: it is shown, as a study's result is
+    assert capsys.readouterr().out == summary
+    assert parts.stat().st_mtime_ns == stamp
+    copytree(pieces, pieces_folder(parts))  # a kill came before they were removed
+    assert cli.run([*two, "--resume"]) == 0
+    assert capsys.readouterr().out == summary
+    assert not pieces_folder(parts).exists()
 
 
 def interrupted_after(count, pieces):

@@ -6,7 +6,7 @@ from typing import Any
 
 from .._errors import InputError, tell
 from .._files import claim, write_text
-from ._options import check_netcdf, command_line, emit
+from ._options import check_ending, command_line, emit
 
 
 def machine_summary(path: str) -> dict[str, Any]:
@@ -81,7 +81,7 @@ def sweep_axis(path: str, log: Path | None, vary: list[str], metric: str, sampli
     from ..machine import load_machine
     from ..study import sweep_machine
 
-    check_netcdf(out)
+    check_ending(out, ".nc")
     file = load_machine(path)
     run = _run_of(file, log)
     claim([out], force=overwrite)
@@ -153,8 +153,7 @@ def simulate_machine(path: str, log: Path | None, out: Path | None, json: bool) 
     from ..machine import free_run_of, load_machine
 
     file = load_machine(path)
-    if out is not None and out.suffix != ".csv":
-        raise InputError(f"--out of a machine's run must end in .csv, but is {out.name}.")
+    check_ending(out, ".csv")
     run = _run_of(file, log, compared=False)
     if out is not None:
         claim([out])

@@ -13,7 +13,7 @@ def file_kind(path: str | Path) -> str:
     from ..rig import kind_of
 
     file = Path(path)
-    if file.suffix != ".toml" or not file.is_file():
+    if file.suffix.lower() != ".toml" or not file.is_file():
         return "rig"
     try:
         return kind_of(read_toml(file))

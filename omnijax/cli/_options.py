@@ -44,32 +44,13 @@ _NUMBERS = re.compile(r"\s*[+-]?\.?\d|.*,")
 PICTURES = (".png", ".svg", ".pdf")
 
 
-def check_picture(path: Path | None) -> None:
-    """`InputError` for a picture of another kind than `PICTURES`."""
-    _check_ending(path, *PICTURES)
-
-
-def check_netcdf(path: Path | None) -> None:
-    """`InputError` for a result that is not to be a netCDF file."""
-    _check_ending(path, ".nc")
-
-
-def check_page(path: Path | None) -> None:
-    """`InputError` for a page that a browser would not take for one."""
-    _check_ending(path, ".html", ".htm")
-
-
-def _check_ending(path: Path | None, *endings: str, exactly: bool = False) -> None:
+def check_ending(path: Path | None, *endings: str) -> None:
+    """`InputError` for a file whose kind, told by its ending in any letters, is another one."""
     from .._errors import InputError
 
-    if path is not None and (path.suffix if exactly else path.suffix.lower()) not in endings:
+    if path is not None and path.suffix.lower() not in endings:
         choice = f"{'one of ' * (len(endings) > 1)}{', '.join(endings)}"
         raise InputError(f"`{path.name}` must end in {choice}.")
-
-
-def check_toml(path: Path | None) -> None:
-    """`InputError` for a rig, study or machine file of another suffix: by that commands tell it."""
-    _check_ending(path, ".toml", exactly=True)
 
 
 def command_line(without: tuple[str, ...] = (), valued: tuple[str, ...] = ()) -> str:

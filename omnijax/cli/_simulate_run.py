@@ -90,26 +90,25 @@ def planned(rig: Any, drive: Any, times: Any, numerics: Any) -> Plan:
     return Plan(rig, drive, times, points, exact, how)
 
 
-def check_resumed(out: Path | None, asked: dict[str, Any], force: bool) -> None:
-    """`InputError` where `out` is whole already, or a run that was asked for otherwise.
+def whole_run(out: Path | None, asked: dict[str, Any], force: bool) -> Any:
+    """The run that a resumed command asks for where `out` holds it whole already; else None.
 
-    A kill may have come between the last step and the end: then the run is whole and has pieces.
+    A kill may have come before its pieces were removed: then they end it, and go.  `InputError`
+    where `out` is a run that was asked for otherwise.
     """
-    from ..simulation import asked_in
+    from ..simulation import Trajectory, asked_in
     from ..study import differences
 
     if out is None:
         raise InputError("`resume` needs the interrupted run: --out RUN.")
-    if out.exists() and not force:
-        stored = asked_in(out)
-        differing = (
-            differences(json.loads(stored), asked) if stored else ["it does not say what of"]
-        )
-        if differing:
-            keys = "\n  ".join(differing)
-            raise InputError(f"is another run and is left as it is. They differ in:\n  {keys}", out)
-        if not pieces_folder(out).is_dir():
-            raise InputError("is whole already: there is nothing to go on with.", out)
+    if force or not out.exists():
+        return None
+    stored = asked_in(out)
+    differing = differences(json.loads(stored), asked) if stored else ["it does not say what of"]
+    if differing:
+        keys = "\n  ".join(differing)
+        raise InputError(f"is another run and is left as it is. They differ in:\n  {keys}", out)
+    return None if pieces_folder(out).is_dir() else Trajectory.load(out)
 
 
 class StoredPieces:

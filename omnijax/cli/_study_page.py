@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from .._files import claim
 from .._interrupts import answer, saying
 from .._reading import existing
-from ._options import Force, Json, check_netcdf, command_line, emit
+from ._options import Force, Json, check_ending, command_line, emit
 from ._progress import bar
 from ._table import paragraph
 
@@ -44,7 +44,7 @@ def worked(
 ) -> tuple[Any, Any]:
     """The study of a file and its result; `files` are written beside, `parts` are counted."""
     existing(study)
-    check_netcdf(results.out)
+    check_ending(results.out, ".nc")
     from ..study import load_study
 
     asked = load_study(study)

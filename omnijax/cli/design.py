@@ -5,7 +5,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from ._options import check_toml
+from ._options import check_ending
 from ._study_page import Results, finish, worked
 
 
@@ -41,7 +41,7 @@ def design(
 
         return () if rig is None else files_of_rig(asked.rig, rig)
 
-    check_toml(rig)
+    check_ending(rig, ".toml")
     asked, result = worked(study, results, "searches", run, files)
     if result.status == "infeasible":
         from .._errors import InputError

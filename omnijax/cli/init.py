@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from .._errors import InputError
 from .._files import claim, write_bytes
-from ._options import Force, MaybeWhole, check_toml, number
+from ._options import Force, MaybeWhole, check_ending, number
 from ._starter import EXAMPLES, rig_text, starter
 from ._study_starter import study_text, template
 
@@ -94,7 +94,7 @@ def init(
         raise InputError("--rig names the machine of a study file: give --study KIND too.")
     usual = "machine.toml" if axis else "rig.toml" if study is None else "study.toml"
     file = file or Path(usual)
-    check_toml(file)
+    check_ending(file, ".toml")
     claim([file], force=force)
     if study is not None and (shape != ShapeOptions()):
         raise InputError("a study file has no geometry: write the rig file by a call of its own.")

@@ -9,7 +9,7 @@ from .._files import claim
 from .._reading import existing
 from ._axis import replay_axis
 from ._kind import file_kind
-from ._options import Force, Json, check_page, emit
+from ._options import Force, Json, check_ending, emit
 
 
 def replay(
@@ -41,7 +41,7 @@ def replay(
     from .._errors import InputError
 
     existing(run)
-    check_page(out)
+    check_ending(out, ".html", ".htm")
     if file_kind(run) == "machine":
         return replay_axis(run, drive, out or run.with_suffix(".html"), title, force, json)
     if drive is not None:

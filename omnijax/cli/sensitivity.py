@@ -9,7 +9,7 @@ from .._files import claim
 from ._axis import refuse, sensitivity_axis
 from ._kind import file_kind
 from ._motion import MotionOptions
-from ._options import Json, Overwrite, Whole, check_netcdf
+from ._options import Json, Overwrite, Whole, check_ending
 from ._study import asked_of
 from ._study_page import Switch, deliver, made_by_rig
 
@@ -67,7 +67,7 @@ def sensitivity(
 
     if top < 1:
         raise InputError(f"`top` must be at least 1, but is {top}.")
-    check_netcdf(out)
+    check_ending(out, ".nc")
     kind = file_kind(rig)
     if kind == "machine":
         refuse({"model": model != "coupled", "check": check} | vars(motion), "sensitivity")

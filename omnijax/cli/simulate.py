@@ -11,7 +11,7 @@ from ._axis import refuse, simulate_machine
 from ._drive import AskedDrive, asked, warnings
 from ._kind import file_kind
 from ._motion import MotionOptions, NumericsOptions
-from ._options import Json, Overwrite, check_picture, command_line, emit
+from ._options import PICTURES, Json, Overwrite, check_ending, command_line, emit
 from ._simulate_compare import compared, differences, lay_over
 from ._simulate_summary import show, summarise
 from ._table import paragraph
@@ -53,8 +53,8 @@ def simulate(
     compare
         A measured run to be laid over the simulated one in --plot; its difference is printed.
     resume
-        Go on with the interrupted or killed run in --out, with none from the start; the other
-        options must be the same.
+        Go on with the interrupted or killed run in --out, with none from the start, and show one
+        that is whole; the other options must be the same.
     """
     _keep_programs()
     if file_kind(rig) == "machine":
@@ -94,10 +94,11 @@ def _keep_programs() -> None:
 
 
 class Done(NamedTuple):
-    """What was asked of the run (JSON), and its pieces on the disk."""
+    """What was asked of the run (JSON), its pieces on the disk, and whether its file was there."""
 
     asked: str = ""
     pieces: Any = None
+    whole: bool = False
 
 
 def _run(
@@ -109,13 +110,13 @@ def _run(
     force: bool,
 ) -> tuple[Any, Done]:
     """The run, and what is known of it."""
-    from ._simulate_run import StoredPieces, asked_of, check_resumed, perform, planned
+    from ._simulate_run import StoredPieces, asked_of, perform, planned, whole_run
 
     plan = planned(rig, asked.drive, asked.times, numerics)
-    _warn_of_memory(rig, len(asked.times), plan.points)
     identity = asked_of(rig, asked.drive, asked.times, plan.how)
-    if resume:
-        check_resumed(out, identity, force)
+    if resume and (run := whole_run(out, identity, force)) is not None:
+        return run, Done(json_text(identity), whole=True)
+    _warn_of_memory(rig, len(asked.times), plan.points)
     keep = out is not None and (plan.is_long() or resume)
     pieces = StoredPieces(out, identity, resume, force) if keep and out is not None else None
     return perform(plan, pieces, _command()), Done(json_text(identity), pieces)
@@ -149,7 +150,9 @@ def _written(
     from ..simulation import save_trajectory
 
     files = {}
-    if out is not None:
+    if done.whole:
+        files["out"] = str(out)
+    elif out is not None:
         beside = _rig_file(name, rig, out)
         files["out"] = str(save_trajectory(run, out, rig, beside, _command(), done.asked))
         if done.pieces is not None:
@@ -184,7 +187,7 @@ def _check_files(out: Path | None, plot: Path | None) -> None:
         from ..simulation import check_suffix
 
         check_suffix(out)
-    check_picture(plot)
+    check_ending(plot, *PICTURES)
 
 
 def _claim(

@@ -11,7 +11,7 @@ from .._files import claim, writing
 from ._axis import refuse, sweep_axis
 from ._kind import file_kind
 from ._motion import MotionOptions, NumericsOptions
-from ._options import Json, MaybeWhole, Overwrite, Whole, check_picture, command_line, emit
+from ._options import PICTURES, Json, MaybeWhole, Overwrite, Whole, check_ending, command_line, emit
 from ._study import AskedStudy, asked_of
 from ._study_page import Switch
 from ._sweep_summary import show, summarise
@@ -96,7 +96,7 @@ def sweep(
     report
         Folder for a page of the sweep (index.html) with its figures and numbers.
     """
-    check_picture(plot)
+    check_ending(plot, *PICTURES)
     kind = file_kind(rig)
     if not vary and kind != "study":
         raise InputError("give what varies: --vary PATH=low:high:count, once for each parameter.")

@@ -75,7 +75,7 @@ def log_beside(path: str | Path) -> LogFile:
     Raises `InputError` where there is no such file.
     """
     path = Path(path)
-    if path.suffix == ".toml":
+    if path.suffix.lower() == ".toml":
         table = tables_of(path.parent).get(path.stem)
         return read_log_file(path, read_toml(path), table)
     if not path.is_file():

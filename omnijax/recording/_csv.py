@@ -69,7 +69,7 @@ def write_csv(path: Path, columns: dict[str, np.ndarray]) -> None:
     rows = map(",".join, zip(*texts, strict=True))
     data = ("\n".join([",".join(columns), *rows]) + "\n").encode()
     # no name and no time stamp in the gzip header: equal data give equal files
-    write_bytes(path, gzip.compress(data, 6, mtime=0) if path.suffix == ".gz" else data)
+    write_bytes(path, gzip.compress(data, 6, mtime=0) if path.suffix.lower() == ".gz" else data)
 
 
 def _text(path: Path) -> tuple[str, list[Fault]]:

@@ -52,9 +52,10 @@ def export(result: Any, file: str | Path) -> Path:
     """Write the sweep to `file`; its ending says how."""
     file = Path(file)
     writers = {".nc": _netcdf, ".csv": _csv, ".parquet": _parquet}
-    if file.suffix not in writers:
+    kind = file.suffix.lower()
+    if kind not in writers:
         raise InputError(f"the file must end in {', '.join(FORMATS)}.", file)
-    writers[file.suffix](result, file)
+    writers[kind](result, file)
     return file
 
 
