@@ -147,11 +147,11 @@ def _hermite(y, d, u) -> float:
 
 
 class Program:
-    """The C program on designs whose modes are laid out for it; the call does the propagation."""
+    """The C program on designs whose modes are laid out for it."""
 
     def __init__(self, library, count: int, rows):
-        self.run = getattr(library, f"general_{3 + count}_{count}")
-        self.size, lanes = len(rows), library.lanes()
+        self._library, self._of, self._count = library, f"{3 + count}_{count}", count
+        self.size, self._lanes = len(rows), library.lanes()
         pole, show, give = modes(count, rows)
         kind, first, second = _pairs(pole)
         take = np.take_along_axis
@@ -167,14 +167,33 @@ class Program:
             width, depth, np.full_like(width, 2 * np.pi / problem.N),
             np.broadcast_to(SPEEDS[:count], width.shape),
         )  # fmt: skip
-        self.parts = [_aligned(x, lanes) for x in parts]
-        self.out, self.groups = np.zeros((self.size, 2)), self.size // lanes
+        self.parts = [_aligned(x, self._lanes) for x in parts]
+        self.out, self.groups = np.zeros((self.size, 2)), self.size // self._lanes
 
     def __call__(self) -> np.ndarray:
-        step = ctypes.c_double(problem.STEP)
-        arrays = [_c.pointer(x) for x in self.parts]
-        self.run(self.groups, problem.SAMPLES, step, *arrays, _c.pointer(self.out))
+        """RMS and peak of |dR| over the samples of a run from rest."""
+        self._run("general", problem.SAMPLES, ctypes.c_double(problem.STEP))
         return self.out
+
+    def steady(self, points: int, starts: int) -> np.ndarray:
+        """Long-run RMS and supremum, from so many points a segment and directions."""
+        shape = (self._lanes, 6 * self._count * (points + 1))
+        room, aims = _aligned(np.zeros(shape), self._lanes), np.ravel(directions(starts))
+        self._run("steady", points, starts, _c.pointer(aims), _c.pointer(room))
+        return self.out.copy()
+
+    def _run(self, name: str, *arguments) -> None:
+        function = getattr(self._library, f"{name}_{self._of}")
+        arrays = [_c.pointer(x) for x in self.parts]
+        function(self.groups, *arguments, *arrays, _c.pointer(self.out))
+
+
+def directions(count: int) -> np.ndarray:
+    """Evenly over a sphere (count, 3): along a spiral by the golden angle."""
+    i = np.arange(count)
+    height, around = 1 - (2 * i + 1) / count, np.pi * (3 - np.sqrt(5)) * i
+    level = np.sqrt(1 - height**2)
+    return np.stack([level * np.cos(around), level * np.sin(around), height], 1)
 
 
 def _pairs(pole) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -14,7 +14,7 @@ from seeds import drawn_anew
 from tiers import tiered
 
 from benchmarks import __main__ as command
-from benchmarks import _c, _general, machine
+from benchmarks import _c, _general, machine, steady
 from benchmarks import _problem as problem
 from benchmarks._clock import Tool, loosest, measure, table
 from omnijax.simulation import simulate, torques
@@ -78,6 +78,19 @@ def test_the_general_program_agrees_with_the_modes(count):
         expected = _general.figures(count, rows[::8])
         found = _general.Program(library, count, rows)()
         assert problem.error(found[::8], expected) < 1e-10
+
+
+@needs_compiler
+@pytest.mark.parametrize("count", tiered([3, 4, 6], lambda count: count > 3))
+def test_the_general_program_and_the_package_agree_on_long_runs(count):
+    """Two ways to the suprema: a fine grid and many starts, and what `steady` is measured by."""
+    rng, library = drawn_anew("long runs"), _c.compiled("general")
+    assert library is not None
+    rows = np.tile(problem.designs(1, 120.0), (64, 1))
+    rows *= 10 ** rng.uniform([-0.3, -0.5, -0.5, -0.5], [0.3, 0.5, 0.5, 1.5], rows.shape)
+    found = _general.Program(library, count, rows).steady(2048, 96)
+    ours = steady.ours(count, rows, total=0).values
+    assert problem.error(found, np.asarray(ours)) < 1e-6
 
 
 @pytest.mark.parametrize("count", [3, 4])

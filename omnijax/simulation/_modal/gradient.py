@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .arithmetic import Pair, stored, summed
-from .poles import Eigen, PolePairs, unpacked, unpacked_inverse
+from .poles import Eigen, unpacked, unpacked_inverse
 from .signals import Signals
 from .system import Layout, System
 from .transient import Lanes
@@ -51,12 +51,6 @@ def seen(kind, c: Pair) -> Pair:
 def half_root(square):
     """d sqrt(x)/dx, zero where nothing moves."""
     return jnp.where(square > 0, 0.5 / jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
-
-
-def along_poles(m: PolePairs, function):
-    """function(m) and its derivative by every pole."""
-    one = jnp.ones_like(m.l0), jnp.where(m.kind > 0, 0.0, 1.0)
-    return jax.jvp(lambda x, y: function(m._replace(l0=x, l1=y)), (m.l0, m.l1), one)
 
 
 def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> System:

@@ -182,8 +182,8 @@ def _units(A: Float[Array, "m m"]) -> Float[Array, " m"]:
     size = size - jnp.diag(jnp.diag(size))
     unit = jnp.ones(len(size))
     for _ in range(4):  # eigenvectors are as good as after thirty
-        scaled = size * unit[None, :] / unit[:, None]
-        rows, cols = jnp.sum(scaled, axis=1), jnp.sum(scaled, axis=0)
+        rows = jnp.sum(size * unit, axis=1) / unit
+        cols = jnp.sum(size / unit[:, None], axis=0) * unit
         good = (rows > 0) & (cols > 0)
         ratio = jnp.where(good, rows, 1.0) / jnp.where(good, cols, 1.0)
         unit = unit * jnp.sqrt(jnp.sqrt(ratio))
