@@ -22,6 +22,7 @@ from ..._lock import Lock
 from ..._reading import existing
 from ..._status import Status
 from .damage import add_note, check_description, damaged_chunks, seal
+from .memory import HeldArray, HeldGroup
 from .spec import SweepSpec
 
 SCHEMA = "omnijax-sweep-1"
@@ -33,6 +34,25 @@ class StoredQuantity(NamedTuple):
     name: str
     unit: str
     meaning: str
+
+    @property
+    def dtype(self) -> str:
+        """Of its values: those of `status` are small whole numbers."""
+        return "i1" if self.name == "status" else "f8"
+
+    @property
+    def fill(self) -> float | int:
+        """Value of a design that is not done."""
+        return int(Status.NOT_DONE) if self.name == "status" else np.nan
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """What is said about the array, by the CF conventions."""
+        about: dict[str, Any] = {"units": self.unit, "long_name": self.meaning}
+        if self.name == "status":
+            flags = " ".join(_flags(member.text for member in Status))
+            about |= {"flag_values": [int(x) for x in Status], "flag_meanings": flags}
+        return about
 
 
 class Store:
@@ -156,17 +176,19 @@ def create_store(
     folder: Path | None, spec: SweepSpec, quantities: list[StoredQuantity], about: Mapping[str, Any]
 ) -> Store:
     """An empty store; the folder appears complete, by renaming."""
-    from zarr.storage import MemoryStore
-
+    order = [q.name for q in quantities]
+    attributes = {"schema": SCHEMA, "spec": spec.to_json(), "order": order, **about}
     if folder is None:
-        return Store(_empty_group(MemoryStore(), spec, quantities, about), None)
+        size = spec.points.size
+        arrays = {
+            q.name: HeldArray(np.full(size, q.fill, q.dtype), q.attributes) for q in quantities
+        }
+        return Store(HeldGroup(attributes, arrays), None)
     draft = folder.with_name(f".{folder.name}.{os.getpid()}.partial")
-    described: dict[str, Any] = {}  # zarr's threads do not touch the disk: they outlive a failure
-    _empty_group(MemoryStore(described), spec, quantities, about)
     try:
-        for name, content in described.items():
+        for name, content in _described(spec, quantities, attributes).items():
             (draft / name).parent.mkdir(parents=True, exist_ok=True)
-            (draft / name).write_bytes(content.to_bytes())
+            (draft / name).write_bytes(content)
         seal(draft)
         draft.rename(folder)
     except BaseException:
@@ -175,33 +197,29 @@ def create_store(
     return open_store(folder)
 
 
-def _empty_group(
-    where: Any, spec: SweepSpec, quantities: list[StoredQuantity], about: Mapping[str, Any]
-) -> Any:
+def _described(
+    spec: SweepSpec, quantities: list[StoredQuantity], attributes: dict[str, Any]
+) -> dict[str, bytes]:
+    """The files of an empty store; zarr's threads do not touch the disk: they outlive a failure."""
     import zarr
     from zarr.codecs import Crc32cCodec, ZstdCodec
+    from zarr.storage import MemoryStore
 
-    size, order = spec.points.size, [q.name for q in quantities]
-    attributes = {"schema": SCHEMA, "spec": spec.to_json(), "order": order, **about}
-    group = zarr.open_group(where, mode="w", zarr_format=3, attributes=attributes)
+    files: dict[str, Any] = {}
+    group = zarr.open_group(MemoryStore(files), mode="w", zarr_format=3, attributes=attributes)
     for q in quantities:
-        status = q.name == "status"
-        about_it: dict[str, Any] = {"units": q.unit, "long_name": q.meaning}
-        if status:
-            flags = " ".join(_flags(member.text for member in Status))
-            about_it |= {"flag_values": [int(x) for x in Status], "flag_meanings": flags}
         group.create_array(
             q.name,
-            shape=(size,),
+            shape=(spec.points.size,),
             chunks=(spec.chunk,),
-            dtype="i1" if status else "f8",
-            fill_value=int(Status.NOT_DONE) if status else np.nan,
+            dtype=q.dtype,
+            fill_value=q.fill,
             compressors=[ZstdCodec(level=0), Crc32cCodec()],
             config={"write_empty_chunks": True},  # a chunk without a file is a lost one
             dimension_names=["design"],
-            attributes=about_it,
+            attributes=q.attributes,
         )
-    return group
+    return {name: content.to_bytes() for name, content in files.items()}
 
 
 def _flags(names) -> list[str]:
