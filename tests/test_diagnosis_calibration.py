@@ -10,12 +10,15 @@ from omnijax.diagnosis._answered import beside_doubt
 from omnijax.diagnosis._search import (
     Point,
     Prior,
+    Search,
     SmallModel,
     calibrated,
     refit,
     within_doubt,
 )
 from omnijax.diagnosis._search.waves import scanned
+from omnijax.diagnosis._settings import SETTINGS
+from omnijax.laws import EFFECTS
 
 PRIORS = [Prior(f"p{i}", 0.0, 1.0, False) for i in range(6)]
 
@@ -123,6 +126,44 @@ def test_a_number_is_scanned_that_a_sigma_moves_by_whole_waves(whole):
         assert abs(found.u[0] - point.u[0]) > 0.5
         assert np.array_equal(found.u[1:], point.u[1:])
     assert calibrated(model, start).cost < 0.9 * once.cost
+
+
+def test_numbers_of_waves_are_scanned_beside_a_late_reading_of_them():
+    """Out of step with the angle, numbers that bring it back into step with one run are wrong.
+
+    As of rollers' shapes by their roundness: published seed 721 was `unknown`.
+    """
+    rng = drawn_anew("a late reading of waves")
+    late, id = rng.uniform(4e-3, 6e-3), "sensor-delay"
+    true = np.append(rng.choice([-1, 1], 2) * rng.uniform(1, 2.5, 2), 0.5 * rng.normal(size=4))
+    turns = {}
+    for split, count in (("train", 700), ("held-out", 600)):
+        slow = rng.uniform(0.3, 1.2, 3), rng.uniform(0, 6, 3), rng.uniform(1, 3, 3)
+        turns[split] = (4e-3 * np.arange(count), slow, rng.uniform(0, 6, 2),
+                        rng.normal(size=(4, count)), rng.normal(size=count))  # fmt: skip
+
+    def read(u, delay, split):
+        time, (f, phase, size), begin, shapes, _ = turns[split]
+        at = np.maximum(time - delay, 0.0)
+        angle = 6 * at + (np.sin(np.outer(at, f) + phase) - np.sin(phase)) @ size
+        orders = 60 + 3 * u[0], 45 + 2 * u[1]
+        waves = [np.sin(n * angle + p) for n, p in zip(orders, begin, strict=True)]
+        return 30 * (waves[0] + 0.5 * waves[1]) + shapes.T @ u[2:]
+
+    measured = {split: read(true, late, split) + turns[split][-1] for split in turns}
+
+    def residual(values, laws, split):
+        delay = sum(float(law.delay) for law in laws)
+        return measured[split] - read(np.array(list(values.values())), delay, split)
+
+    model = SmallModel(
+        residual, PRIORS, {id: EFFECTS[id]}, "a", {(id, "delay"): SETTINGS.candidates.late}
+    )
+    astray = Point(np.append(-true[:2], np.zeros(4)))  # as what brings one run back into step
+    found = Search(model).run(astray).fit
+    (effect,) = found.point.effects
+    assert effect.values["delay"] == pytest.approx(late, abs=5e-5)
+    assert np.allclose(found.point.u[:2], true[:2], atol=0.01)
 
 
 def test_a_fit_that_misses_the_fitted_runs_leaves_nothing_open():

@@ -95,6 +95,7 @@ class AbstractModel(abc.ABC):
     work: float = 0.0  # evaluations so far, in those of all train runs with laws stepped in time
     ranking: str = "train"  # split whose rows, the first of train's, rank laws at finite strength
     settings: SearchSettings = SETTINGS.search
+    wavy: bool | None = None  # whether an uncertain number is a wave's; None: nobody asked
     budget: float = math.inf  # of `work`: what a search may take before it ends
     repeats: frozenset[str] = frozenset()  # laws that may act several times at one place
     frozen_keys: frozenset[str] = frozenset({"roller", "order", "exponent", "modulus"})

@@ -19,6 +19,7 @@ from .scan import Scan, Score, Signatures, chance, taken_up
 from .starts import (
     Start,
     at_finite_strength,
+    beside_waves,
     by_tangent,
     likelier,
     other_lines,
@@ -329,6 +330,9 @@ class Search:
             real = at_finite_strength(self.model, fit, some, late)
             new = [s for s in real if not self.has(fit, s.point.effects[-1])]
             first = likelier([*first, *new])
+            enough = self.settings.strong * self.model.dof("train")
+            if all(s.cost > enough for s in first):
+                first = likelier([*first, *beside_waves(self.model, fit, some, enough)])
         starts = worth(first, fit.cost, self.settings.worth)
         ids = {k for k in self.model.laws if self.model.bends(k)}
         plain = starts and not any(self.stepped(s) for s in starts[: self.settings.tried])

@@ -16,6 +16,7 @@ from .fit import Fit, predicted, tangents_at
 from .model import STEPPED, AbstractModel, Effect, Point
 from .scan import PRICE, Scan, Score
 from .valley import ends_of_valleys
+from .waves import scanned_beside
 
 LINES = {"order", "frequency"}  # numbers of a line
 EQUALS = SETTINGS.starts.equals
@@ -161,6 +162,48 @@ def _one_number(model: AbstractModel, effect: Effect) -> bool:
     """Whether an effect has one number alone, which is no strength: a limit, or a time."""
     known = model.laws[effect.id].parameters
     return len(effect.values) == 1 and not any(known[k].linear for k in effect.values)
+
+
+def beside_waves(
+    model: AbstractModel, fit: Fit, scores: Sequence[Score], enough: float
+) -> list[Start]:
+    """The best start of sensors' laws in `scores`, waves' numbers sought beside each of its values.
+
+    A reading that is late, or slow, is out of step with the angles: waves' numbers that bring it
+    back into step are wrong, and no tangent leads from them to the right ones.  So they are scanned
+    beside the law.  By names, the most promising first, up to one that promises a cost of `enough`.
+    None where no number is a wave's.
+    """
+    laws: dict[str, list[Score]] = {}
+    for s in sorted(scores, key=lambda s: -s.gain):
+        if _reads(model, s) and not model.has(fit.point.effects, s.candidate.id, s.candidate.place):
+            laws.setdefault(s.candidate.name, []).append(s)
+    kept = np.max(np.abs(fit.point.u), initial=0.0) < model.settings.ran_off
+    anchor = fit.point if kept else Point(0 * fit.point.u, fit.point.effects)
+    starts: list[Start] = []
+    for name, alike in laws.items():
+        if model.wavy is False or model.spent or any(s.cost < enough for s in starts):
+            break
+        model.tell(f"numbers of waves beside {name}")
+        points = [
+            anchor.with_effects(*anchor.effects, Effect(c.id, c.place, c.decode(np.ones(1))))
+            for c in (s.candidate for s in alike)
+        ]  # fmt: skip
+        for point in scanned_beside(model, points, model.ranking):
+            (residual,) = model.residuals([point], model.ranking)
+            if np.all(np.abs(residual) < 1e100):
+                J, own = tangents_at(model, point, model.ranking), fit.residual[: len(residual)]
+                there, cost = predicted(model, point, residual, J)
+                starts.append(Start(there, cost * fit.chi2 / float(own @ own)))
+    return likelier(starts)
+
+
+def _reads(model: AbstractModel, score: Score) -> bool:
+    """Whether a candidate is a sensor's law of one number that is no strength, and not dead."""
+    c = score.candidate
+    if score.dead or model.laws[c.id].port != "sensor":
+        return False
+    return _one_number(model, Effect(c.id, c.place, c.decode(np.ones(1))))
 
 
 def promising(scan: Scan, ids: set[str], share: float) -> list[Score]:

@@ -8,7 +8,7 @@ together, all other numbers free to first order.
 """
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -20,38 +20,56 @@ from .scan import taken_up
 WAVY = SETTINGS.waves.wavy
 FINEST = SETTINGS.waves.finest
 BESIDE = SETTINGS.waves.beside
-FAR = 1e100  # sigma; its square is a number still
+FAR = 1e15  # sigma; sums of its squares are numbers in single precision still
 STARTS = SETTINGS.waves.starts
 SEED = 21
 
 
 def scanned(model: AbstractModel, point: Point) -> Point | None:
     """Where a refit may begin that knows the waves' numbers; None where no number is wavy."""
-    (here,) = model.residuals([point], "train")
-    ladders = {k: _ladder(model, point, k, step) for k, step in _steps(model, point, here).items()}
+    (known,) = scanned_beside(model, [point], "train") or [None]
+    return known
+
+
+def scanned_beside(model: AbstractModel, points: Sequence[Point], split: str) -> list[Point]:
+    """`scanned` of points that differ in their effects alone, at once; none where none is wavy.
+
+    Those that read what a run foretells share each of its runs.  In single precision: a point has
+    as many rows as its numbers have values.
+    """
+    first, all_here = points[0], model.residuals(points, split)
+    steps = _steps(model, first, all_here[0], split)
+    ladders = {k: _ladder(model, first, k, step) for k, step in steps.items()}
     ladders = {k: u for k, u in ladders.items() if len(u) > 1}
+    model.wavy = bool(ladders)
     if not ladders:
-        return None
-    J, P = tangents_at(model, point), len(point.u)
+        return []
+    P = len(first.u)
     others = [k for k in range(P) if k not in ladders]
-    way = taken_up(J[:, [*others, *range(P, J.shape[1])]], len(others))
+    ways = []
+    for point in points:
+        J = tangents_at(model, point, split)
+        ways.append(taken_up(J[:, [*others, *range(P, J.shape[1])]], len(others)))
 
-    def beside(rows: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Rows with the other numbers' priors at `u`, less what these take up."""
+    def beside(way: np.ndarray, rows: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """Rows with the other numbers' priors at `u`, less what these take up along `way`."""
         whole = np.concatenate([rows, u[others]])
-        return whole - way @ (way.T @ whole)
+        return (whole - way @ (way.T @ whole)).astype(np.float32)
 
-    changes = [
-        np.stack([beside(change, 0 * point.u) for change in _changes(model, point, k, u, here)])
-        for k, u in ladders.items()
-    ]
-    picked = _together(beside(here, point.u), changes, list(ladders.values()))
-    best = point.u.copy()
-    best[list(ladders)] = picked
-    return Point(best, point.effects)
+    changes: list[list[np.ndarray]] = [[] for _ in points]
+    for k, values in ladders.items():
+        for change in _changes(model, points, k, values, all_here, split):
+            for own, way, rows in zip(changes, ways, change, strict=True):
+                own.append(beside(way, rows, 0 * first.u))
+    scans = []
+    for point, here, way, own in zip(points, all_here, ways, changes, strict=True):
+        best, rest = first.u.copy(), beside(way, here, first.u)
+        best[list(ladders)] = _together(rest, np.stack(own), list(ladders.values()))
+        scans.append(Point(best, point.effects))
+    return scans
 
 
-def _steps(model: AbstractModel, point: Point, here: np.ndarray) -> dict[int, float]:
+def _steps(model: AbstractModel, point: Point, here: np.ndarray, split: str) -> dict[int, float]:
     """By wavy number the step in sigma over which a tangent still tells its change.
 
     And over `BESIDE` of it: a step of whole waves changes as little as a small one.
@@ -61,8 +79,8 @@ def _steps(model: AbstractModel, point: Point, here: np.ndarray) -> dict[int, fl
     while wavy:
         for k, step in list(wavy.items()):
             if step <= FINEST or (
-                _straight(model, point, k, step, here)
-                and _straight(model, point, k, BESIDE * step, here)
+                _straight(model, point, k, step, here, split)
+                and _straight(model, point, k, BESIDE * step, here, split)
             ):
                 del wavy[k]
                 if step < 1:
@@ -72,9 +90,12 @@ def _steps(model: AbstractModel, point: Point, here: np.ndarray) -> dict[int, fl
     return out
 
 
-def _straight(model: AbstractModel, point: Point, k: int, step: float, here: np.ndarray) -> bool:
+def _straight(
+    model: AbstractModel, point: Point, k: int, step: float, here: np.ndarray, split: str
+) -> bool:
     """Whether what number `k` changes over a step of either sign is odd, as a tangent's is."""
-    up, down = _changes(model, point, k, point.u[k] + np.array([step, -step]), here)
+    values = point.u[k] + np.array([step, -step])
+    (up,), (down,) = _changes(model, [point], k, values, [here], split)
     return bool(np.linalg.norm(up + down) < WAVY * np.linalg.norm(up - down))
 
 
@@ -85,28 +106,32 @@ def _ladder(model: AbstractModel, point: Point, k: int, step: float) -> np.ndarr
     return point.u[k] + step * np.arange(low, high + 1)
 
 
-def _changes(model: AbstractModel, point: Point, k: int, values: np.ndarray, here: np.ndarray):
-    """What other values of the point's number `k` change of its residuals `here`, at most `FAR`.
+def _changes(
+    model: AbstractModel, points: Sequence[Point], k: int, values: np.ndarray,
+    here: Sequence[np.ndarray], split: str,
+) -> Iterator[list[np.ndarray]]:  # fmt: skip
+    """Value by value of number `k`: what it changes of the points' residuals `here`, up to `FAR`.
 
     A run may run away there: it is far from every record, and no more need be known of it.
     """
-    many = np.tile(point.u, (len(values), 1))
+    many = np.tile(points[0].u, (len(values), 1))
     many[:, k] = values
-    rows = model.residuals([Point(u, point.effects) for u in many], "train")
-    with np.errstate(over="ignore", invalid="ignore"):
-        return [np.clip(np.nan_to_num(r - here, nan=FAR), -FAR, FAR) for r in rows]
+    rows = model.residuals([Point(u, p.effects) for u in many for p in points], split)
+    for first in range(0, len(rows), len(points)):
+        with np.errstate(over="ignore", invalid="ignore"):
+            yield [np.clip(np.nan_to_num(r - x, nan=FAR), -FAR, FAR)
+                   for r, x in zip(rows[first:], here, strict=False)]  # fmt: skip
 
 
-def _together(rest: np.ndarray, changes: Sequence[np.ndarray], ladders: Sequence[np.ndarray]):
+def _together(rest: np.ndarray, table: np.ndarray, ladders: Sequence[np.ndarray]):
     """The ladders' values at which |rest + sum of changes|^2 and the priors' part are least.
 
     From `STARTS` drawn ones on number after number is moved to its best until none moves.
     """
-    table = np.concatenate(changes)
-    gram, right = table @ table.T, table @ rest
-    ends = np.cumsum([0, *map(len, changes)])
+    gram, right = (x.astype(float) for x in (table @ table.T, table @ rest))
+    ends = np.cumsum([0, *map(len, ladders)])
     own = np.diag(gram) + 2 * right + np.concatenate(ladders) ** 2
-    rng, best, least = np.random.default_rng(SEED), np.zeros(len(changes), int), np.inf
+    rng, best, least = np.random.default_rng(SEED), np.zeros(len(ladders), int), np.inf
     for turn in range(STARTS):
         at = rng.integers(0, np.diff(ends)) if turn else _nearest(own, ends)
         moved = True
