@@ -23,7 +23,6 @@ from .._evaluation import (
     choose,
     evaluate_in_bulk,
     evaluation_of,
-    trial_designs,
 )
 from .._file import Study
 from .._parameters import checked_parameters, overlaps, values_of
@@ -67,7 +66,7 @@ class RigCases:
             study.rate,
             rtol=study.rtol,
             trial=self._tried,
-            designs=trial_designs(study.variables),
+            ranges=study.variables,
         )
         if study.rtol is None:
             how = how._replace(rtol=RTOL)

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from .evaluation import samples_of as samples_of
     from .fixed_steps import checked_after as checked_after
     from .fixed_steps import sample_to_check as sample_to_check
-    from .fixed_steps import trial_designs as trial_designs
     from .methods import BULK as BULK
     from .methods import METHODS as METHODS
     from .methods import Question as Question

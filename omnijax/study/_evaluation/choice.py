@@ -1,6 +1,7 @@
 """From a question to its evaluation: method, samples, and steps as fine as needed."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -9,7 +10,7 @@ import numpy as np
 from ...simulation import EXPONENTIAL, MAX_STEPS, RTOL, fixed_methods
 from .drives import apply
 from .evaluation import Evaluation, samples_of
-from .fixed_steps import fine_enough
+from .fixed_steps import fine_enough, trial_designs
 from .methods import Question, choose
 
 Trial = Callable[[Evaluation, np.ndarray], np.ndarray]
@@ -23,13 +24,14 @@ def evaluation_of(
     rtol: float | None = None,
     max_steps: int | None = None,
     trial: Trial | None = None,
-    designs: np.ndarray | None = None,
+    ranges: Sequence[Any] = (),
 ) -> tuple[Evaluation, str]:
     """How the designs of a question are evaluated, and why so.
 
     Runs have `rate` samples per s.  `solver`, `rtol` and `max_steps` are those of full simulations.
-    `trial(evaluation, designs)` gives all figures (t, m) of the trial `designs` (t, d); without it
-    the question's own rig is tried.  Raises `InputError` where no method can honour the question.
+    `trial(evaluation, designs)` gives all figures (t, m) of trial designs (t, d) of the `ranges`;
+    without it the question's own rig is tried.
+    Raises `InputError` where no method can honour the question.
     """
     adaptive = solver != "auto" or (rtol, max_steps) != (None, None)
     times = samples_of(question.duration, rate)
@@ -50,7 +52,7 @@ def evaluation_of(
     if method != "fixed":
         return how, why
     tried = _own(question) if trial is None else trial
-    designs = np.zeros((1, 0)) if designs is None else designs
+    designs = trial_designs(ranges)
     sample = float(how.times[1] - how.times[0])
     for steps in _steps(question, sample, designs):
         fixed = how._replace(solver=steps)

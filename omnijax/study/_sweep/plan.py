@@ -20,7 +20,6 @@ from .._evaluation import (
     drive_of,
     drive_to_plain,
     evaluation_of,
-    trial_designs,
 )
 from .._points import build_points
 from .._target import read_axes
@@ -89,7 +88,7 @@ def plan(
         rtol=numerics.rtol,
         max_steps=numerics.max_steps,
         trial=trial,
-        designs=trial_designs(axes),
+        ranges=axes,
     )
     return spec(how), why
 
