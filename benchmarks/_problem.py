@@ -116,8 +116,10 @@ def reference_gradient(rows) -> np.ndarray:
 
 
 def error(found, expected) -> float:
-    """Largest relative error over designs and figures."""
-    return float(np.max(np.abs(np.asarray(found) / expected - 1)))
+    """Largest relative error over designs and figures; infinite where a solver gave up."""
+    with np.errstate(invalid="ignore"):
+        reached = float(np.max(np.abs(np.asarray(found) / expected - 1)))
+    return reached if np.isfinite(reached) else np.inf
 
 
 def gradient_error(found, expected) -> float:

@@ -13,6 +13,7 @@ from . import _problem as problem
 from ._clock import Tool, loosest
 
 BATCH, FEW, DAMPING = 1024, 8, 120.0
+SUBSTEPS = (1, 2, 3, 4, 6, 8, 12)  # of the Runge-Kutta program
 DECADES = tuple(10.0**-k for k in range(2, 9))
 
 
@@ -45,7 +46,8 @@ def tools(count: int, skip) -> list[Tool]:
             Tool("c-general", whole, BATCH, against(sampled), 7, "SIMD, with LAPACK's eig"),
             Tool("c-general given", program, BATCH, against(sampled), 7, "SIMD, modes are given"),
         ]
-    return [*tools, *(_scipy(count, some[4], sampled[4], x) for x in ("RK45", "LSODA"))]
+    tools += [_scipy(count, some[4], sampled[4], x) for x in ("RK45", "LSODA")]
+    return [*tools, _plain_diffrax(count, some, sampled), *_numba(count, some, sampled, skip)]
 
 
 WITH = "with runout, relaxation and a floor line"
@@ -101,3 +103,93 @@ def _scipy(count: int, row, expected, method: str) -> Tool:
     error = functools.partial(lambda found: problem.error(found, expected))
     note = "solve_ivp, A y + B rho, one design, rtol {:g}"
     return loosest(f"scipy {method}", run, DECADES, 1, error, note=note)
+
+
+def _systems(count: int, rows) -> list[np.ndarray]:
+    """A (b, 2 m, 2 m), B (b, 2 m, n), and width and depth of the gaps (b, 2)."""
+    made = [_general.matrices(count, row) for row in rows]
+    gaps = [problem.gap(eta) for eta in rows[:, 0]]
+    return [np.array(x) for x in (*zip(*made, strict=True), gaps)]
+
+
+def _plain_diffrax(count: int, some, few) -> Tool:
+    """vmap of an adaptive solve, as the manual has it."""
+    import diffrax as dfx
+    import jax
+    import jax.numpy as jnp
+
+    speeds, pitch = jnp.asarray(_general.SPEEDS[:count]), 2 * jnp.pi / problem.N
+
+    def field(t, y, system):
+        A, B, (width, depth) = system
+        into = jnp.mod(speeds * t, pitch)
+        rho = jnp.where(into < width, -depth * jnp.sin(2 * jnp.pi * into / width), 0.0)
+        return A @ y + B @ rho
+
+    def one(system, rtol):
+        solution = dfx.diffeqsolve(
+            dfx.ODETerm(field), dfx.Tsit5(), 0.0, problem.DURATION, 1e-4,
+            jnp.zeros(len(system[0])), system,
+            saveat=dfx.SaveAt(ts=jnp.asarray(_general.TIMES)), max_steps=200_000, throw=False,
+            stepsize_controller=dfx.PIDController(rtol=rtol, atol=rtol * 1e-5),
+        )  # fmt: skip
+        square = jnp.sum(solution.ys[:, :3] ** 2, axis=-1)
+        return jnp.stack([jnp.sqrt(square.mean()), jnp.sqrt(square.max())])
+
+    solve = jax.jit(jax.vmap(one, (0, None)))
+    systems = [jnp.asarray(x) for x in _systems(count, some)]
+    return loosest(
+        "diffrax", lambda rtol: np.asarray(solve(systems, rtol)), DECADES, len(some),
+        functools.partial(problem.error, expected=few), note="vmap, Tsit5, A y + B rho, rtol {:g}",
+    )  # fmt: skip
+
+
+def _numba(count: int, some, few, skip) -> list[Tool]:
+    try:
+        import numba
+    except ImportError:
+        skip("numba (not installed)")
+        return []
+    speeds, samples, pitch = _general.SPEEDS[:count], problem.SAMPLES, 2 * np.pi / problem.N
+    step = problem.STEP
+
+    @numba.njit(fastmath=True)
+    def run(A, B, gaps, n):
+        designs, m = A.shape[:2]
+        out, h = np.zeros((designs, 2)), step / n
+        y, z, rho, slope = np.zeros(m), np.zeros(m), np.zeros((3, count)), np.zeros((4, m))
+        for b in range(designs):
+            width, depth = gaps[b]
+            total, top = 0.0, 0.0
+            y[:] = 0.0
+            for j in range(samples):
+                for s in range(n):
+                    for part in range(3):
+                        for i in range(count):
+                            angle = speeds[i] * ((j * n + s) * h + 0.5 * part * h)
+                            into = angle - pitch * np.floor(angle / pitch)
+                            wave = -depth * np.sin(2 * np.pi / width * into)
+                            rho[part, i] = wave if into < width else 0.0
+                    for stage in range(4):
+                        share = 0.0 if stage == 0 else (1.0 if stage == 3 else 0.5)
+                        for a in range(m):
+                            z[a] = y[a] + share * h * slope[stage - 1, a]
+                        for a in range(m):
+                            rate = 0.0
+                            for c in range(m):
+                                rate += A[b, a, c] * z[c]
+                            for i in range(count):
+                                rate += B[b, a, i] * rho[(stage + 1) // 2, i]
+                            slope[stage, a] = rate
+                    for a in range(m):
+                        rise = slope[0, a] + 2 * slope[1, a] + 2 * slope[2, a] + slope[3, a]
+                        y[a] += h / 6 * rise
+                square = y[0] ** 2 + y[1] ** 2 + y[2] ** 2
+                total += square
+                top = max(top, square)
+            out[b] = np.sqrt(total / (samples + 1)), np.sqrt(top)
+        return out
+
+    systems, error = _systems(count, some), functools.partial(problem.error, expected=few)
+    note = "RK4, A y + B rho, {} steps a sample"
+    return [loosest("numba", lambda n: run(*systems, n), SUBSTEPS, len(some), error, note=note)]
