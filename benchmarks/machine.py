@@ -1,6 +1,7 @@
 """Torque-driven machines of any layout, Hertz contacts, mounts with play: 2 s, 1000 samples."""
 
 import functools
+from typing import NamedTuple
 
 import numpy as np
 
@@ -9,12 +10,13 @@ from . import _problem as problem
 from ._clock import Tool, loosest
 
 BATCH, FEW, DAMPING = 256, 4, 120.0
+DECADES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
 PRELOAD = 200.0  # N, at which no contact opens: where one does, no two step sizes agree for long
 TORQUE = np.array([0.02, 0.1, 0.05, 0.04])  # N m
 
 
 def tools(count: int, play: float, skip) -> list[Tool]:
-    """Ours by fixed and by adaptive steps, C Runge-Kutta; `play` (m) is half of the mounts'."""
+    """Ours by fixed and adaptive steps, C Runge-Kutta, scipy; `play` (m) is half of the mounts'."""
     library = _c.compiled("machine")
     if library is None:
         skip("C (no compiler; it also gives the reference)")
@@ -30,21 +32,59 @@ def tools(count: int, play: float, skip) -> list[Tool]:
     return [
         loosest("c-rk4", c, steps, BATCH, error, note="scalar, {} steps a sample"),
         *_ours(count, play, rows, error),
+        _scipy(library, count, play, rows[BATCH // 2], whole[BATCH // 2]),
     ]
+
+
+class _Given(NamedTuple):
+    """What the C program is told of some designs: arrays in its order."""
+
+    values: np.ndarray  # (b, 1 + 3 n): eta; K, C and k of every wheel
+    normal: np.ndarray  # (n, 3)
+    drive: np.ndarray
+    torque: np.ndarray  # N m
+
+
+def _given(count: int, rows) -> _Given:
+    made = [(_general.stiffness(count, row), row) for row in rows]
+    values = [np.concatenate([row[:1], *wheels, np.full(count, row[2])]) for wheels, row in made]
+    arrays = values, *_general.layout(count), TORQUE[:count]
+    return _Given(*(np.ascontiguousarray(x, float) for x in arrays))
 
 
 def runge_kutta(library, count: int, rows, play: float, substeps: int, samples=problem.SAMPLES):
     """RMS and peak of |dR| of `rows` (eta, K, k, C), the wheels' own about them, by `machine.c`."""
-    made = [(_general.stiffness(count, row), row) for row in rows]
-    values = [np.concatenate([row[:1], *wheels, np.full(count, row[2])]) for wheels, row in made]
-    arrays = values, *_general.layout(count), TORQUE[:count]
-    values, normal, drive, torque = (np.ascontiguousarray(x, float) for x in arrays)
+    *rigs, torque = map(_c.pointer, _given(count, rows))
     out, number = np.zeros((len(rows), 2)), _c.number
     getattr(library, f"machine_{count}")(
-        len(rows), *(_c.pointer(x) for x in (values, normal, drive)), number(PRELOAD), number(play),
-        _c.pointer(torque), samples, number(problem.STEP), substeps, _c.pointer(out),
+        len(rows), *rigs, number(PRELOAD), number(play), torque,
+        samples, number(problem.STEP), substeps, _c.pointer(out),
     )  # fmt: skip
     return out
+
+
+def _scipy(library, count: int, play: float, row, expected) -> Tool:
+    from scipy.integrate import solve_ivp
+
+    arrays, number = _given(count, row[None]), _c.number
+    *rig, torque = map(_c.pointer, arrays)
+    out, rate = np.zeros(12 + 3 * count), getattr(library, f"rate_{count}")
+
+    def field(t, y):
+        y = np.ascontiguousarray(y)
+        rate(_c.pointer(y), _c.pointer(out), *rig, number(PRELOAD), number(play), torque)
+        return out.copy()
+
+    def run(rtol):
+        s = solve_ivp(
+            field, (0, problem.DURATION), 0 * out, "RK45", problem.TIMES, rtol=rtol,
+            atol=rtol * 1e-5,
+        )  # fmt: skip
+        return problem.figures(s.y[:3])
+
+    note = "solve_ivp RK45, right-hand side in C, one design, rtol {:g}"
+    error = functools.partial(problem.error, expected=expected)
+    return loosest("scipy", run, DECADES, 1, error, note=note)
 
 
 def rig(count: int, play: float, row):
@@ -99,6 +139,6 @@ def _ours(count: int, play: float, rows, error) -> list[Tool]:
         ),
         loosest(
             "omnijax simulate tsit5", lambda rtol: np.asarray(adaptive(rtol)(few)),
-            (1e-3, 1e-4, 1e-5, 1e-6), FEW, error, note="diffrax, adaptive, rtol {:g}",
+            DECADES[1:], FEW, error, note="diffrax, adaptive, rtol {:g}",
         ),
     ]  # fmt: skip

@@ -112,6 +112,12 @@ INLINE void run(const int n, int designs, const double *values, const double *no
   void machine_##N(int designs, const double *values, const double *normal, const double *drive, double preload,       \
                    double play, const double *torque, int samples, double step, int substeps, double *figures) {       \
     run(N, designs, values, normal, drive, preload, play, torque, samples, step, substeps, figures);                   \
+  }                                                                                                                    \
+  void rate_##N(const double *y, double *out, const double *values, const double *normal, const double *drive,         \
+                double preload, double play, const double *torque) {                                                   \
+    Layout l;                                                                                                          \
+    prepare(&l, N, normal, drive, preload, play);                                                                      \
+    rate(N, &l, y, out, values, torque);                                                                               \
   }
 PROGRAM(3)
 PROGRAM(4)
