@@ -95,14 +95,17 @@ def reference(rows) -> np.ndarray:
     return np.array([figures(response(row, TIMES)) for row in rows])
 
 
-def reference_gradient(rows) -> np.ndarray:
-    """(designs, 2, 4): sixth-order differences of the reference, the peak's at its own sample."""
+def reference_gradient(rows, dR=lambda row: response(row, TIMES)) -> np.ndarray:
+    """(designs, 2, 4): sixth-order differences of RMS and peak, this at its own sample.
+
+    `dR(row)` (3, t) are the samples.
+    """
     weights, out = {1: 0.75, 2: -0.15, 3: 1 / 60}, np.zeros((len(rows), 2, 4))
     for i, row in enumerate(rows):
-        top = int(np.argmax((response(row, TIMES) ** 2).sum(0)))
+        top = int(np.argmax((dR(row) ** 2).sum(0)))
 
         def value(d, top=top):
-            square = (response(d, TIMES) ** 2).sum(0)
+            square = (dR(d) ** 2).sum(0)
             return np.array([np.sqrt(square.mean()), np.sqrt(square[top])])
 
         for p in range(4):
