@@ -109,6 +109,17 @@ def saying(text: Callable[[], str]) -> Iterator[None]:
             heard.said = said
 
 
+@contextmanager
+def resumable(text: Callable[[], str]) -> Iterator[None]:
+    """An interruption of the work inside ends it with `text`: what is kept, and how to go on."""
+    try:
+        with saying(text):
+            yield
+    except KeyboardInterrupt:
+        answer()
+        raise KeyboardInterrupt(text()) from None
+
+
 def _raise(_: int, frame: FrameType | None) -> None:
     loading = _loading(frame)  # a library that is half loaded may crash
     for heard in _now:

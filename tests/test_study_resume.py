@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 import tomllib
+import warnings
 from pathlib import Path
 
 import pytest
@@ -170,3 +171,36 @@ def test_a_study_that_is_resumed_where_nothing_is_kept_begins_and_says_so(tmp_pa
     with pytest.warns(DataWarning, match="nothing is kept there yet, so it begins from the start"):
         Folder(tmp_path / "new", {"seed": 0}, resume=True)
     Folder(tmp_path / "new", {"seed": 0}, resume=True)  # and then without a word
+
+
+@pytest.mark.parametrize(
+    ("line", "kept"),
+    [
+        (["simulate", "atlas", "--out", "run.nc", *SHORT, "--resume"], "is in run.nc.pieces, and"),
+        (["sweep", "atlas", "--vary", "platform.mass=5,6", "--out", "store", *SHORT],
+         "2 of 2 designs are done and kept in store. Continue with the same command and --resume"),
+        (["tolerances", "study.toml", "--draws", "64", "--store", "store"],
+         "parts are kept in store. Continue with the same command and --resume"),
+    ],
+)  # fmt: skip
+def test_an_interruption_of_the_answer_says_that_its_work_is_kept(
+    tmp_path, monkeypatch, capsys, line, kept
+):
+    """It said that nothing more was written, and nothing of --resume."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.argv", ["omnijax", *line])
+    Path("study.toml").write_text(TOLERANCES)
+
+    def stop(*_, **__):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("omnijax.simulation.save_trajectory", stop)
+        patch.setattr("omnijax.report.sweep_page", stop)
+        patch.setattr("omnijax.report.study_page", stop)
+        more = [] if line[0] == "simulate" else ["--report", "page"]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DataWarning)
+            assert run([*line, *more]) == 130
+    assert kept in capsys.readouterr().err
+    assert run([*line, *([] if line[0] == "simulate" else ["--resume"])]) == 0

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from .._errors import InputError
 from .._files import pieces_folder
-from .._interrupts import NOTHING, answer, raise_lost, saying
+from .._interrupts import NOTHING, raise_lost
 from ._progress import bar
 
 
@@ -122,6 +122,7 @@ class StoredPieces:
             shutil.rmtree(self.path)
         self._folder = Folder(self.path, asked, resume, "run")
         self.count = 0
+        self._times = (0.0, 0.0)  # first and last sample that the pieces hold, s
 
     def read(self, like: Any) -> Iterator[tuple[Any, Any]]:
         """The pieces up to the first one that is missing or damaged, and what each ends with."""
@@ -135,7 +136,7 @@ class StoredPieces:
             about = json.loads(str(stored.pop("about")))
             names = tuple(about["names"])
             run = Trajectory(**stored, method=about["method"], names=names)  # pyright: ignore
-            self.count += 1
+            self._count(run)
             yield run, ravel_pytree(like)[1](jnp.asarray(flat))
 
     def add(self, run: Any, end: Any) -> None:
@@ -148,18 +149,31 @@ class StoredPieces:
         about = json.dumps({"method": run.method, "names": run.names})
         arrays |= {"end": np.asarray(ravel_pytree(end)[0]), "about": np.asarray(about)}
         self._folder.write(f"piece-{self.count:06}", arrays)
+        self._count(run)
+
+    def _count(self, run: Any) -> None:
+        first = self._times[0] if self.count else float(run.t[0])
+        self._times = first, float(run.t[-1])
         self.count += 1
 
     def remove(self) -> None:
         """The run is in its file."""
         shutil.rmtree(self.path, ignore_errors=True)
+        self.count = 0
+
+    def kept(self, command: str) -> str:
+        """What an interruption leaves, and how to go on."""
+        if not self.count:
+            return NOTHING
+        first, last = self._times
+        return (
+            f"Interrupted after {last - first:.4g} s: what was computed is in {self.path}, and "
+            f"this goes on with it: {command} --resume"
+        )
 
 
-def perform(plan: Plan, pieces: StoredPieces | None, command: str) -> Any:
-    """The run; `KeyboardInterrupt` says what of an interrupted one is kept.
-
-    `pieces` have what a process computed that was interrupted or killed, and take what is new.
-    """
+def perform(plan: Plan, pieces: StoredPieces | None) -> Any:
+    """The run; `pieces` have what an ended process computed of it, and take what is new."""
     from ..simulation import Gathered, at_samples
 
     runs, end, times = Gathered(len(plan.times)), None, plan.times
@@ -168,28 +182,15 @@ def perform(plan: Plan, pieces: StoredPieces | None, command: str) -> Any:
             runs.add(run)
             end = last
 
-    def kept() -> str:
-        if pieces is None or not pieces.count:
-            return NOTHING
-        reached = times[min(runs.count, len(times)) - 1] - times[0]
-        return (
-            f"Interrupted after {reached:.4g} s: what was computed is in {pieces.path}, and this "
-            f"goes on with it: {command} --resume"
-        )
-
-    try:
-        with bar(f"simulating {times[-1] - times[0]:g} s") as report, saying(kept):
+    with bar(f"simulating {times[-1] - times[0]:g} s") as report:
+        report(runs.count, len(times))
+        parts = plan.parts(end, max(runs.count - 1, 0)) if runs.count < len(times) else ()
+        for piece in parts:
+            raise_lost()
+            runs.add(piece.run)
+            if pieces is not None:
+                pieces.add(piece.run, piece.end)
             report(runs.count, len(times))
-            parts = plan.parts(end, max(runs.count - 1, 0)) if runs.count < len(times) else ()
-            for piece in parts:
-                raise_lost()
-                runs.add(piece.run)
-                if pieces is not None:
-                    pieces.add(piece.run, piece.end)
-                report(runs.count, len(times))
-                if not piece.run.ok:
-                    break
-    except KeyboardInterrupt:
-        answer()
-        raise KeyboardInterrupt(kept()) from None
+            if not piece.run.ok:
+                break
     return at_samples(runs.whole(), plan.points)

@@ -1,7 +1,7 @@
 """What the commands of study files share: where they keep and deliver, and the way there."""
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 
 from .._files import claim
-from .._interrupts import answer, saying
+from .._interrupts import resumable
 from .._reading import existing
 from ._options import Force, Json, check_ending, command_line, emit
 from ._progress import bar
@@ -61,20 +61,20 @@ def finish(
     plain: Any,
     text: Callable[[], None] | None = None,
 ) -> None:
-    """The file, the page and the printed answer of a study."""
-    deliver(
-        result,
-        results.out,
-        results.report,
-        lambda: _made_by(study, asked),
-        results.json,
-        plain,
-        text,
-    )
+    """The file, the page and the printed answer of a study; its parts are still there."""
+    with _kept(results.store):
+        deliver(
+            result,
+            results.out,
+            results.report,
+            lambda: _made_by(study, asked),
+            results.json,
+            plain,
+            text,
+        )
 
 
-@contextmanager
-def _kept(store: Path | None) -> Iterator[None]:
+def _kept(store: Path | None) -> AbstractContextManager[None]:
     """An interruption of the work inside says what is kept and how to go on."""
 
     def text() -> str:
@@ -86,12 +86,7 @@ def _kept(store: Path | None) -> Iterator[None]:
             f"{store}. Continue with the same command and --resume."
         )
 
-    try:
-        with saying(text):
-            yield
-    except KeyboardInterrupt:
-        answer()
-        raise KeyboardInterrupt(text()) from None
+    return resumable(text)
 
 
 def deliver(

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from .._files import claim
+from .._interrupts import NOTHING, resumable
 from .._reading import existing
 from ._axis import refuse, simulate_machine
 from ._drive import AskedDrive, asked, warnings
@@ -71,14 +72,16 @@ def simulate(
     wanted = asked(machine, motion, drive)
     measured = None if compare is None else compared(compare, machine, plot)
     _claim(rig, machine, out, plot, resume, overwrite)
-    run, done = _run(machine, wanted, numerics, out, resume, overwrite)
-    summary = summarise(run, machine) | {"rig": rig, "faults": [str(f) for f in wanted.faults]}
-    summary["warnings"] = warnings(machine, wanted.drive, run, numerics.model)
-    for warning in summary["warnings"]:
-        print(paragraph(f"warning: {warning}", "  "), file=sys.stderr)
-    if measured is not None:
-        summary["differences"] = differences(run, machine, measured)
-    summary |= _written(run, done, rig, machine, out, plot, measured)
+    begun = _begin(machine, wanted, numerics, out, resume, overwrite)
+    with resumable(begun.kept):
+        run = begun.run()
+        summary = summarise(run, machine) | {"rig": rig, "faults": [str(f) for f in wanted.faults]}
+        summary["warnings"] = warnings(machine, wanted.drive, run, numerics.model)
+        for warning in summary["warnings"]:
+            print(paragraph(f"warning: {warning}", "  "), file=sys.stderr)
+        if measured is not None:
+            summary["differences"] = differences(run, machine, measured)
+        summary |= _written(run, begun, rig, machine, out, plot, measured)
     emit(json, summary, lambda: show(summary))
     return _code(run)
 
@@ -93,33 +96,44 @@ def _keep_programs() -> None:
     os.environ.setdefault("EQX_ON_ERROR", "nan")
 
 
-class Done(NamedTuple):
-    """What was asked of the run (JSON), its pieces on the disk, and whether its file was there."""
+class Begun(NamedTuple):
+    """A run that is asked for, with its pieces on the disk, or whole in its file."""
 
-    asked: str = ""
+    plan: Any
+    asked: str  # JSON
     pieces: Any = None
-    whole: bool = False
+    whole: Any = None
+
+    def run(self) -> Any:
+        """The run, computed as far as it is not there."""
+        from ._simulate_run import perform
+
+        return perform(self.plan, self.pieces) if self.whole is None else self.whole
+
+    def kept(self) -> str:
+        """What an interruption leaves, and how to go on."""
+        return NOTHING if self.pieces is None else self.pieces.kept(_command())
 
 
-def _run(
+def _begin(
     rig: Any,
     asked: AskedDrive,
     numerics: NumericsOptions,
     out: Path | None,
     resume: bool,
     force: bool,
-) -> tuple[Any, Done]:
-    """The run, and what is known of it."""
-    from ._simulate_run import StoredPieces, asked_of, perform, planned, whole_run
+) -> Begun:
+    from ._simulate_run import StoredPieces, asked_of, planned, whole_run
 
     plan = planned(rig, asked.drive, asked.times, numerics)
     identity = asked_of(rig, asked.drive, asked.times, plan.how)
+    text = json_text(identity)
     if resume and (run := whole_run(out, identity, force)) is not None:
-        return run, Done(json_text(identity), whole=True)
+        return Begun(plan, text, whole=run)
     _warn_of_memory(rig, len(asked.times), plan.points)
     keep = out is not None and (plan.is_long() or resume)
     pieces = StoredPieces(out, identity, resume, force) if keep and out is not None else None
-    return perform(plan, pieces, _command()), Done(json_text(identity), pieces)
+    return Begun(plan, text, pieces)
 
 
 def _warn_of_memory(rig: Any, samples: int, points: int) -> None:
@@ -139,7 +153,7 @@ def _warn_of_memory(rig: Any, samples: int, points: int) -> None:
 
 def _written(
     run: Any,
-    done: Done,
+    begun: Begun,
     name: str,
     rig: Any,
     out: Path | None,
@@ -150,13 +164,13 @@ def _written(
     from ..simulation import save_trajectory
 
     files = {}
-    if done.whole:
+    if begun.whole is not None:
         files["out"] = str(out)
     elif out is not None:
         beside = _rig_file(name, rig, out)
-        files["out"] = str(save_trajectory(run, out, rig, beside, _command(), done.asked))
-        if done.pieces is not None:
-            done.pieces.remove()
+        files["out"] = str(save_trajectory(run, out, rig, beside, _command(), begun.asked))
+        if begun.pieces is not None:
+            begun.pieces.remove()
     if plot is not None:
         files["plot"] = str(_plot(run, name, rig, plot, measured))
     return files

@@ -8,6 +8,7 @@ from cyclopts import Parameter
 
 from .._errors import InputError
 from .._files import claim, writing
+from .._interrupts import resumable
 from ._axis import refuse, sweep_axis
 from ._kind import file_kind
 from ._motion import MotionOptions, NumericsOptions
@@ -110,13 +111,14 @@ def sweep(
         raise InputError("--rtol stands in the study file: give it there.", rig)
     claim([plot], [report], force=overwrite)
     result, seconds = _run(rig if kind == "rig" else asked.rig, asked, sampling, numerics, place)
-    summary = summarise(result) | {"seconds": seconds}
-    if plot is not None:
-        summary["plot"] = str(_plot(result, plot))
-    if report is not None:
-        from ..report import sweep_page
+    with resumable(result.store.kept):
+        summary = summarise(result) | {"seconds": seconds}
+        if plot is not None:
+            summary["plot"] = str(_plot(result, plot))
+        if report is not None:
+            from ..report import sweep_page
 
-        summary["report"] = str(sweep_page(result).write(report))
+            summary["report"] = str(sweep_page(result).write(report))
     emit(json, summary, lambda: show(result, summary))
     return 0
 

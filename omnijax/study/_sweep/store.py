@@ -99,6 +99,14 @@ class Store:
             self._damaged = damaged_chunks(folder, self._arrays, set(written) - self._here)
         return self._damaged
 
+    def kept(self) -> str:
+        """What an interruption leaves, and how to go on."""
+        designs = self.count(np.flatnonzero(self.done()).tolist())
+        text = f"Interrupted: {designs} of {self.size} designs are done"
+        if self.folder is None:
+            return f"{text}, but were kept in memory only; give --out to keep them."
+        return f"{text} and kept in {self.folder}. Continue with the same command and --resume."
+
     def damage(self) -> list[str]:
         """One sentence a damaged file."""
         return [

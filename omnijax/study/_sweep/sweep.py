@@ -87,7 +87,7 @@ def sweep(
     with _held(folder, asked, resume, chunk is not None, about) as store:
         spread = workers is not None or scheduler is not None
         run = over_cluster(store, workers, scheduler) if spread else _local(store, devices)
-        with saying(lambda: kept(store)):
+        with saying(store.kept):
             _run(store, run, report)
             _check_steps(store, devices)
     return SweepResult(store)
@@ -180,11 +180,11 @@ def _run(store: Store, finished: Iterator[tuple[int, np.ndarray]], report: Repor
         answer()
         if interrupted():  # workers too: what they were in is computed again
             end_children()
-            raise KeyboardInterrupt(kept(store)) from None
+            raise KeyboardInterrupt(store.kept()) from None
         close = getattr(finished, "close", None)
         if close is not None:
             close()
-        raise KeyboardInterrupt(kept(store)) from None
+        raise KeyboardInterrupt(store.kept()) from None
 
 
 def _check_steps(store: Store, devices: int) -> None:
@@ -207,16 +207,6 @@ def _check_steps(store: Store, devices: int) -> None:
     store.note("checked_after", told)
     if not good:
         tell([f"{told}: give `rtol` for runs by adaptive steps."])
-
-
-def kept(store: Store) -> str:
-    """What an interrupted sweep has, and how to go on."""
-    done = store.done()
-    designs = store.count(np.flatnonzero(done).tolist())
-    text = f"Interrupted: {designs} of {store.size} designs are done"
-    if store.folder is None:
-        return f"{text}, but were kept in memory only; give --out to keep them."
-    return f"{text} and kept in {store.folder}. Continue with the same command and --resume."
 
 
 def _no_space(error: OSError, folder: Path | None) -> Exception:
