@@ -1,6 +1,7 @@
 """The JSON Schema of study files accepts what the reader accepts, and both refuse the same."""
 
 import copy
+import re
 import tomllib
 from pathlib import Path
 from typing import get_args
@@ -12,8 +13,9 @@ from hypothesis import strategies as st
 
 from omnijax.cli._study_starter import study_text
 from omnijax.cli.init import Studies
-from omnijax.rig import InputError
+from omnijax.rig import InputError, load_rig, parameter_info
 from omnijax.study import load_study, parse_study, study_schema
+from omnijax.study._parameters import may_vary
 
 VALIDATOR = jsonschema.Draft202012Validator(study_schema())
 KINDS = get_args(Studies)
@@ -160,3 +162,14 @@ def test_a_rig_that_is_not_there_is_told_of_the_study_that_names_it(tmp_path):
     study.write_text('rig = "rigg.toml"\n[[drive]]\nspeed = [1, 2, 3]\n')
     with pytest.raises(InputError, match=r'(?s)s\.toml.*rig = "rigg\.toml": there is no such file'):
         load_study(study)
+
+
+@pytest.mark.parametrize("path", ["wheel.normals", "wheel.w1.drives", "platform.gravitys"])
+def test_no_variable_is_suggested_that_cannot_vary(path):
+    """`wheel.normal` was, which is three numbers a wheel."""
+    block = {"path": path, "low": 0, "high": 1}
+    with pytest.raises(InputError, match=f"the rig has no parameter `{path}`") as told:
+        parse_study({"rig": "atlas", "drive": [{"speed": [1, 2, 3]}], "variable": [block]})
+    suggested = re.findall(r"Did you mean `(.*?)`", str(told.value))
+    rig = load_rig("atlas")
+    assert all(may_vary(rig, parameter_info(rig, known)) for known in suggested)

@@ -5,7 +5,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._errors import InputError
-from ..rig import Rig, get_parameter, parameter_info, parameter_paths, put_parameter
+from ..rig import (
+    ParameterInfo,
+    Rig,
+    get_parameter,
+    parameter_info,
+    parameter_paths,
+    put_parameter,
+)
 
 
 def scalar_parameters(rig: Rig) -> tuple[str, ...]:
@@ -25,18 +32,20 @@ def speaks_of_all(rig: Rig, path: str) -> bool:
     return _of_all(path) or (head == "wheel" and second not in rig.names)
 
 
+def may_vary(rig: Rig, info: ParameterInfo) -> bool:
+    """Whether a parameter is one number, or one a wheel."""
+    return info.shape == () or (speaks_of_all(rig, info.path) and info.shape == (rig.size,))
+
+
 def checked_parameters(rig: Rig, paths: Sequence[str]) -> tuple[str, ...]:
     """Paths of single numbers; a path that speaks of all wheels becomes one path a wheel."""
     single: list[str] = []
     for path in map(str, paths):  # NumPy's words are arrays to jax
         info = parameter_info(rig, path)
-        if info.shape == ():
-            single.append(path)
-        elif speaks_of_all(rig, path) and info.shape == (rig.size,):
-            key = path.removeprefix("wheel.")
-            single += [f"wheel.{name}.{key}" for name in rig.names]
-        else:
+        if not may_vary(rig, info):
             raise InputError(f"`{path}` is no single number (shape {info.shape}).")
+        key = path.removeprefix("wheel.")
+        single += [path] if info.shape == () else [f"wheel.{name}.{key}" for name in rig.names]
     return tuple(dict.fromkeys(single))
 
 

@@ -5,7 +5,6 @@ from typing import Any
 
 from .._errors import InputError, did_you_mean
 from ..rig import (
-    ParameterInfo,
     Rig,
     UnknownParameter,
     parameter_info,
@@ -14,8 +13,7 @@ from ..rig import (
 )
 from ._axes import SweepAxis, read_axis
 from ._evaluation import Drive, drive_quantities
-
-_WHOLE = ("sphere.", "platform.", "effect.")  # their vectors are no lists of wheels
+from ._parameters import may_vary
 
 
 def read_axes(rig: Rig, drive: Drive, vary: Mapping[str, Any]) -> list[SweepAxis]:
@@ -31,12 +29,6 @@ def read_axes(rig: Rig, drive: Drive, vary: Mapping[str, Any]) -> list[SweepAxis
     return axes
 
 
-def _may_vary(rig: Rig, info: ParameterInfo) -> bool:
-    """Whether a parameter is one number, or one a wheel."""
-    of_wheels = not info.path.startswith(_WHOLE)
-    return info.shape == () or (of_wheels and info.shape == (rig.size,))
-
-
 def _read(rig: Rig, drive: Drive, path: str, given: Any) -> SweepAxis:
     quantities = drive_quantities(drive, rig.names)
     if path in quantities:
@@ -44,10 +36,10 @@ def _read(rig: Rig, drive: Drive, path: str, given: Any) -> SweepAxis:
     try:
         info = parameter_info(rig, path)
     except UnknownParameter:
-        known = [info.path for info in parameter_paths(rig) if _may_vary(rig, info)]
+        known = [info.path for info in parameter_paths(rig) if may_vary(rig, info)]
         hint = did_you_mean(path, [*known, *quantities])
         raise InputError(f"neither the rig nor its drive has a parameter `{path}`.{hint}") from None
-    if not _may_vary(rig, info):
+    if not may_vary(rig, info):
         raise InputError(f"`{path}` is no single number (shape {info.shape}): it cannot be varied.")
     axis = read_axis(path, given, info.unit)
     if info.whole and axis.count is None:

@@ -6,7 +6,7 @@ from ..._errors import InputError, did_you_mean
 from ...dynamics import fitting_speeds
 from ...rig import Quantity, Rig, UnknownParameter, parameter_info, parameter_paths
 from .._evaluation import drive_quantities
-from .._parameters import speaks_of_all
+from .._parameters import may_vary
 from .._problem import Variable
 from .read import Reader
 from .schema import DriveTable, StudyTable
@@ -84,15 +84,14 @@ def quantity_of(read: Reader, rig: Rig, path: str, where: str, more=()) -> Quant
     try:
         info = parameter_info(rig, path)
     except UnknownParameter:
-        known = [x.path for x in parameter_paths(rig)]
+        known = [x.path for x in parameter_paths(rig) if may_vary(rig, x)]
         hint = did_you_mean(path, [*known, *more])
         read.say(f"`{where}`: the rig has no parameter `{path}`.{hint}")
         return None
     except InputError as error:
         read.say(f"`{where}`: {error}")
         return None
-    whole = speaks_of_all(rig, path) and info.shape == (rig.size,)
-    if info.shape != () and not whole:
+    if not may_vary(rig, info):
         read.say(f"`{where}`: `{path}` is no single number.")
         return None
     return info.quantity
