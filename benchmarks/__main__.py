@@ -8,7 +8,8 @@ import platform
 import sys
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
+
+from ._page import put
 
 TASKS = {
     "transient C=120": ("transient", (120.0,), 1e-4),
@@ -26,8 +27,6 @@ TASKS = {
     "machine four, play": ("machine", (4, 2e-6), 1e-4),
     "cold": ("cold", (), 1e-4),
 }
-PAGE = Path(__file__).parent / "README.md"
-BEGIN, END = "<!-- table -->\n", "<!-- end of table -->\n"  # what `--write` replaces
 PACKAGES = ["jax", "jaxlib", "diffrax", "equinox", "numpy", "scipy", "numba", "casadi"]
 
 
@@ -78,23 +77,14 @@ def main() -> int:
         print(f"{task} …", file=sys.stderr, flush=True)
         tools = import_module(f".{module}", __package__).tools(*extra, skip)
         rows += measure(task, tools, accuracy)
-    text = f"{machine()}\n\n{table(rows)}\n"
-    print(text, end="")
+    text = f"{machine()}\n\n{table(rows)}"
+    print(text)
     if arguments.write:
-        PAGE.write_text(written(PAGE.read_text(), f"{datetime.date.today()}: {text}"))
+        put("table", f"{datetime.date.today()}: {text}")
     if arguments.json:
         with open(arguments.json, "w") as file:
             json.dump({"machine": machine(), "rows": rows}, file, indent=1)
     return 0
-
-
-def written(page: str, text: str) -> str:
-    """`page` with `text` between its two marks."""
-    head, found, rest = page.partition(BEGIN)
-    _, ended, tail = rest.partition(END)
-    if not (found and ended):
-        raise ValueError(f"{PAGE.name} lacks the lines {BEGIN.strip()} and {END.strip()}.")
-    return f"{head}{BEGIN}\n{text}\n{END}{tail}"
 
 
 def _one_core() -> None:

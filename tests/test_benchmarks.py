@@ -17,6 +17,7 @@ from benchmarks import __main__ as command
 from benchmarks import _c, _general, machine, steady
 from benchmarks import _problem as problem
 from benchmarks._clock import Tool, loosest, measure, table
+from benchmarks._page import PAGE, marks, written
 from omnijax.simulation import simulate, torques
 
 needs_compiler = pytest.mark.skipif(
@@ -144,13 +145,13 @@ def test_a_tool_gets_the_loosest_setting_that_reaches_the_bar_and_runs_warm():
 
 
 def test_the_table_of_the_page_is_replaced_whole():
-    page = f"before\n{command.BEGIN}old row\n{command.END}after\n"
-    assert command.written(page, "new rows") == (
-        f"before\n{command.BEGIN}\nnew rows\n{command.END}after\n"
-    )
-    with pytest.raises(ValueError, match="lacks the lines"):
-        command.written("no marks", "new rows")
-    assert command.BEGIN in command.PAGE.read_text() and command.END in command.PAGE.read_text()
+    for name in ("table", "hidden effects"):
+        begin, end = marks(name)
+        page = f"before\n{begin}old row\n{end}after\n"
+        assert written(page, name, "new rows") == f"before\n{begin}\nnew rows\n\n{end}after\n"
+        with pytest.raises(ValueError, match="lacks the lines"):
+            written("no marks", name, "new rows")
+        assert begin in PAGE.read_text() and end in PAGE.read_text()
 
 
 def test_part_of_a_table_is_not_written(monkeypatch, capsys):
