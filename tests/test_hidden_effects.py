@@ -167,7 +167,7 @@ def test_of_a_case_drawn_as_ambiguous_the_truth_alone_is_right_where_the_data_te
 def test_the_report_counts_each_answer_once_with_its_exact_interval():
     line = {"seed": 1, "kind": "none", "factors": [], "noise": ["right", "none"], "verdict": "none",
             "right": True, "compared": {}, "limits": [], "p": [0.3], "cpu": 8.0, "got": [],
-            "hidden": [], "shows": 0.0, "why": ""}  # fmt: skip
+            "hidden": [], "shows": 0.0, "why": "", "commit": "abc"}  # fmt: skip
     text = report([line, {**line, "seed": 2, "right": False, "verdict": "named"}])
     assert "| `none` kept | 1/2 (50 %) | 1 to 99 % |" in text
     assert rate("x", [True] * 10) == "| x | 10/10 (100 %) | 69 to 100 % |"
