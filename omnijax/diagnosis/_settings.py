@@ -351,6 +351,7 @@ class PredictionSettings:
     # share of a step's last change of a tension that the next one is taken to keep at most
     steady: float = 0.5
     thin: int = 4  # force points in one of a tangent's: torques are smooth
+    rates_apart: float = 1e-4  # of the largest rate: nearer ones are divided as if so far apart
     table_points: int = 16384  # a turn of the wheel's tables: 0.38 mrad, errors below 1e-8 m
     # fixed points
     normal_turns: int = 2  # of N and f from N at the last rebase; N changes f by some 1e-2
@@ -483,6 +484,7 @@ class RigModelSettings:
     budget: float = 400.0
     # cost of an evaluation without laws stepped in time, relative to one with them
     linear: float = 0.3
+    exact: float = 0.4  # cost of an exact tangent over that of a difference
     weak: float = 1e-4  # rad, of an encoder's law whose signature is a difference
     lines: int = 12  # spectral lines of `a` that are tried as floor vibrations
     lag: float = 0.25  # of a sample, the least time constant that is fitted

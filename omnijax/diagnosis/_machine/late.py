@@ -10,7 +10,17 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from .elastic import OUTPUTS
-from .modes import OutputModes, direct, forced, hold_weights, observe, propagate, real_pairs
+from .modes import (
+    OutputModes,
+    acts,
+    direct,
+    forced,
+    hold_weights,
+    observe,
+    propagate,
+    real_pairs,
+    weighted,
+)
 from .runs import Run
 
 
@@ -35,22 +45,20 @@ def late_outputs(
     back = math.ceil(late / run.step)
     part = back - late / run.step  # of a sample, on from the one that is `back` before
     count = run.samples - 1 + max(0, 1 - back)
-    inputs = {k: _continued(values, run.samples - 1, count) for k, values in inputs.items()}
+    inputs = {k: continued(values, run.samples - 1, count) for k, values in inputs.items()}
     z = _led_on(m, run, z, inputs, count)
     pushed, added = np.zeros((count, 2 * len(m.rates))), np.zeros(1)
     for name, values in inputs.items():
-        if values.any():
+        if acts(values):
             pushed += _pushed(m, name, values, run.step, count, part)
-        added = added + direct(
-            m, OUTPUTS, name, lambda values=values: _between(values, count, part)
-        )
+        added = added + direct(m, OUTPUTS, name, lambda values=values: between(values, count, part))
     there = np.exp(m.rates * part * run.step) * z + pushed.view(complex)
     out = observe(m, there, OUTPUTS) + added
     first = np.repeat(_first(m, z, inputs), max(0, back), axis=0)
     return np.concatenate([first, out[max(0, -back) :]])[: run.samples]
 
 
-def _continued(values: np.ndarray, intervals: int, count: int) -> np.ndarray:
+def continued(values: np.ndarray, intervals: int, count: int) -> np.ndarray:
     """An input (points, c) over `intervals` samples led on evenly to `count`."""
     more = (len(values) - 1) // intervals * (count - intervals)
     if not more:
@@ -74,21 +82,25 @@ def _pushed(m: OutputModes, name: str, values, step: float, count: int, part: fl
 
     Exact for inputs that are linear between their points, as `forced` is over whole samples.
     """
-    points, c = (len(values) - 1) // count, values.shape[1]
+    weights = part_weights(m.rates, step, (len(values) - 1) // count, part)
+    return weighted(values, count, real_pairs(weights[:, None] * m.gains[:, m.inputs[name]].T))
+
+
+def part_weights(rates: np.ndarray, step: float, points: int, part: float) -> np.ndarray:
+    """Weights (near points, k) of an input's `points` a sample over the first `part` of a sample.
+
+    As `hold_weights` are those over whole ones.
+    """
     whole, share = _place(part, points)
-    weights = np.zeros((whole + 2, len(m.rates)), complex)
+    weights = np.zeros((whole + 2, len(rates)), complex)
     rest = share * step / points  # s, of the span in which the part ends
     if whole:
-        inside = hold_weights(m.rates, whole * step / points, whole)
-        weights[: whole + 1] = np.exp(m.rates * rest) * inside
-    begin, end = hold_weights(m.rates, rest, 1)
+        inside = hold_weights(rates, whole * step / points, whole)
+        weights[: whole + 1] = np.exp(rates * rest) * inside
+    begin, end = hold_weights(rates, rest, 1)
     weights[whole] += begin + (1 - share) * end
     weights[whole + 1] += share * end
-    gains = real_pairs(weights[:, None] * m.gains[:, m.inputs[name]].T)
-    near = min(whole + 2, points)  # the last may be the next sample's first
-    inner = values[:-1].reshape(count, points * c)[:, : near * c]
-    pushed = inner @ gains[:near].reshape(near * c, -1)
-    return pushed if near == whole + 2 else pushed + values[points::points] @ gains[-1]
+    return weights
 
 
 def _place(part: float, points: int) -> tuple[int, float]:
@@ -97,7 +109,7 @@ def _place(part: float, points: int) -> tuple[int, float]:
     return whole, part * points - whole
 
 
-def _between(values: np.ndarray, count: int, part: float) -> np.ndarray:
+def between(values: np.ndarray, count: int, part: float) -> np.ndarray:
     """An input (points, c) at a part of a sample behind each of `count` samples."""
     points = (len(values) - 1) // count
     at, share = _place(part, points)

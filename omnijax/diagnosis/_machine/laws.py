@@ -16,6 +16,7 @@ from ...rig import Rig
 from ...simulation import SENSOR_POINTS
 from .._settings import SETTINGS
 from .clocks import LATE_LAWS, LoggerClock, offset_of, read_late
+from .runs import Run
 
 
 @eqx.filter_jit
@@ -23,14 +24,15 @@ def _over(law, signal):
     return jax.vmap(law)(signal)
 
 
-def along(law, signal: Any) -> Any:
-    """`law` at every entry of `signal` (leading axis), as NumPy arrays.
+def along(law, signal: Any, run: Run) -> Any:
+    """`law` at every entry of `signal` (leading axis) along a run, as NumPy arrays.
 
     A number in the signal holds for all entries.
     """
     length = max(len(x) for x in jax.tree.leaves(signal) if np.ndim(x))
     signal = jax.tree.map(lambda x: x if np.ndim(x) else np.full(length, x), signal)
-    return jax.tree.map(np.asarray, _over(law, signal))
+    out = _over(law, jax.tree.map(run.as_longest, signal))
+    return jax.tree.map(lambda x: np.asarray(x)[:length], out)
 
 
 @eqx.filter_jit
@@ -40,7 +42,9 @@ def sensed(law, signal: SensorSignal):
 
 
 def _read(law, signal: SensorSignal):
-    return read_late(law, signal) if isinstance(law, LoggerClock) else sensed(law, signal)
+    if isinstance(law, LoggerClock):
+        return read_late(law, signal)
+    return np.asarray(sensed(law, signal))
 
 
 def on_time(rig: Rig, group: str) -> Callable[[Any, SensorSignal], Any]:
@@ -58,7 +62,7 @@ def on_time(rig: Rig, group: str) -> Callable[[Any, SensorSignal], Any]:
         if ahead and not (isinstance(law, AbstractSensor) and law.remembers):
             first = min(float(signal.time[0]), 0.0)  # as at the run's first sample before it
             signal = signal._replace(time=np.maximum(signal.time - ahead, first))
-        return sensed(law, signal)
+        return np.asarray(sensed(law, signal))
 
     return apply
 

@@ -49,7 +49,7 @@ class Linearisation:
     def fine(self) -> "Linearisation":
         """The same with torques at all fine points, in place of the thinned ones."""
         moments = rotation_moments(self.rig, self.motion, self.torque, self.normal)
-        moments, caused = run_torques(self.rig, moments, self.motion.step)
+        moments, caused = run_torques(self.rig, self.run, moments)
         return dataclasses.replace(
             self, slow=self.motion, response=self.rotated.turning, felt=moments,
             drive=self.rotated.drive, shaft=caused.shaft,
@@ -107,7 +107,7 @@ def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Linear
     normal = contact.preload - contact.stiffness * deflection - contact.damping * rate
     slow, torque = thin(m), commanded(rig, run)
     moments = rotation_moments(rig, slow, torque[::THIN], normal[::THIN])
-    moments, caused = run_torques(rig, moments, slow.step)
+    moments, caused = run_torques(rig, run, moments)
     return Linearisation(
         rig=rig,
         run=run,

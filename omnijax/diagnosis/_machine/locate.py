@@ -88,7 +88,7 @@ def _table(machine, i: int, vector: np.ndarray) -> np.ndarray:
     return np.concatenate(machine.rows[i].split(vector), axis=1)
 
 
-def _tangents(model, point: Point, i: int) -> tuple[np.ndarray, dict[str, list[np.ndarray]]]:
+def _tangents(model: Any, point: Point, i: int) -> tuple[np.ndarray, dict[str, list[np.ndarray]]]:
     """The residual of run `i`, and by what is taken as constant its changes with those numbers.
 
     They are those of a number's own size, of an angle's radian where it is zero.  One quantity of
@@ -97,21 +97,26 @@ def _tangents(model, point: Point, i: int) -> tuple[np.ndarray, dict[str, list[n
     free = [f for f in model.free(point) if point.effects[f.effect].id != DRIFTS]
     values = np.array([value_of(point, f) for f in free])
     names, points, steps = [], [point], []  # steps in units of the numbers' sizes
+    known, out = model.elastic_tangents(point, [i]), {}
     for k, prior in enumerate(model.priors):
         head, *middle, last = prior.name.split(".")
         if head == CLOCK:
             continue
-        names.append(".".join([*middle[1:], last] if head == "wheel" else [head, *middle, last]))
+        name = ".".join([*middle[1:], last] if head == "wheel" else [head, *middle, last])
+        size = prior.sigma / (1.0 if prior.relative else abs(prior.value) or 1.0)
+        if k in known:
+            out.setdefault(name, []).append(known[k] / size)
+            continue
+        names.append(name)
         h = STEP if point.u[k] < 0 else -STEP
         points.append(moved(point, point.u + h * np.eye(len(point.u))[k], (), ()))
-        steps.append(h * prior.sigma / (1.0 if prior.relative else abs(prior.value) or 1.0))
+        steps.append(h * size)
     for k, (f, step) in enumerate(zip(free, steps_of(point, free), strict=True)):
         names.append(point.effects[f.effect].name)
         h = -step if values[k] + step > f.high else step
         points.append(moved(point, point.u, free, values + h * np.eye(len(free))[k]))
         steps.append(h / (abs(values[k]) or 1.0))
     here, *there = model.machine.residuals([model.rig_at(p) for p in points], [i])
-    out: dict[str, list[np.ndarray]] = {}
     for name, residual, step in zip(names, there, steps, strict=True):
         if np.all(np.isfinite(residual)):
             out.setdefault(name, []).append((residual - here) / step)

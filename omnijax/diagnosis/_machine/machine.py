@@ -14,7 +14,7 @@ from ...simulation import SENSOR_POINTS
 from .._settings import SETTINGS
 from .._threads import each
 from .behind import folds
-from .clocks import offset_of
+from .clocks import LATE_LAWS, offset_of
 from .data_vector import DataRows
 from .dual_rows import shares_behind, two_rows
 from .elastic import (
@@ -27,9 +27,10 @@ from .elastic import (
     refine,
     rig_modes,
 )
+from .elastic_tangents import ElasticTangents, mode_changes
 from .late import finer, late_outputs
 from .laws import along, moving_readings, on_time, readings, remembers
-from .modes import OutputModes
+from .modes import OutputModes, acts
 from .motion import (
     RunMotion,
     contact_directions,
@@ -50,7 +51,7 @@ from .rotation import (
     run_torques,
     turning,
 )
-from .runs import FINE, SHAPE, STEPS, Run
+from .runs import ELASTIC, FINE, SHAPE, STEPS, Run
 from .smooth import likeliest, smooth
 from .stage_cache import StageCache
 from .stepped import Change, Lane, approach_changes, law_changes, law_pulls, stepped_ports
@@ -290,7 +291,7 @@ class Machine:
     def _rotated(self, rig: Rig, i: int, turns: int) -> Rotated:
         run, m = self.runs[i], self.motions(rig, [i])[i]
         key = self._motion_key(rig) + digest(rig.wheels.inertia) + bytes([i])
-        response = self._kept.get("turning", key, lambda: turning(rig, m))
+        response = self._kept.get("turning", key, lambda: turning(rig, run, m))
         command, path = commanded(rig, run), None
         if needs_observer(rig):
             longest = max(r.samples for r in self.runs)
@@ -308,7 +309,7 @@ class Machine:
 
         def under(normal: np.ndarray, moving: RunMotion):
             moments = rotation_moments(rig, moving, command, normal)
-            _, caused = run_torques(rig, moments, m.step)
+            _, caused = run_torques(rig, run, moments)
             return response.respond(caused.shaft, caused.opposing)
 
         def driven(normal: np.ndarray):
@@ -350,14 +351,14 @@ class Machine:
     def _smooth_ports(self, rig: Rig, i: int, m: RunMotion, drive: np.ndarray) -> ElasticPorts:
         """Inputs of the elastic model where the integral of `drive` (FINE points, n) lacks none."""
         run = self.runs[i]
-        shape, floor = self.tables_shape(rig, m), self._floor(rig, run)
+        shape, floor = self.tables_shape(rig, run, m), self._floor(rig, run)
         return ElasticPorts(shape, drive, run.force, floor, np.zeros_like(drive))
 
-    def tables_shape(self, rig: Rig, m: RunMotion) -> np.ndarray:
+    def tables_shape(self, rig: Rig, run: Run, m: RunMotion) -> np.ndarray:
         """rho and the sphere's surface at SHAPE points."""
         shape = m.rho
         if rig.at("surface"):
-            shape = shape + refine(self.surface(rig, m), SHAPE // FINE)
+            shape = shape + refine(self.surface(rig, run, m), SHAPE // FINE)
         return shape
 
     def tables_of(self, rig: Rig) -> WheelTables:
@@ -374,20 +375,20 @@ class Machine:
         )
         return self._kept.get("motion", key, lambda: tables_for(rig, self.runs))
 
-    def surface(self, rig: Rig, m: RunMotion) -> np.ndarray:
+    def surface(self, rig: Rig, run: Run, m: RunMotion) -> np.ndarray:
         """What the laws at the sphere's surface add to rho, (FINE points, n) m."""
         directions = contact_directions(rig, m)
         total = np.zeros(m.theta.shape)
         for placed in rig.at("surface"):
             for i in range(rig.size):
-                total[:, i] += along(placed.law, np.ascontiguousarray(directions[:, i]))
+                total[:, i] += along(placed.law, np.ascontiguousarray(directions[:, i]), run)
         return total
 
     def _floor(self, rig: Rig, run: Run) -> np.ndarray:
         time = run.fine(FINE)
         floor = np.zeros((len(time), 3))
         for placed in rig.at("platform"):
-            floor += along(placed.law, time)
+            floor += along(placed.law, time, run)
         return floor
 
     def signals(self, rig: Rig, i: int) -> np.ndarray:
@@ -474,7 +475,7 @@ class Machine:
         z = linear_states(m, run, ports, parts, self.basis.rolling.get(i))
         samples = np.ascontiguousarray(z[::parts])
         out = outputs_of(m, samples, ports, OUTPUTS)
-        acting = {name: values for name, values in ports.by_name().items() if values.any()}
+        acting = {name: values for name, values in ports.by_name().items() if acts(values)}
 
         @kept_for_loggers
         def late(seconds: float) -> np.ndarray:
@@ -508,6 +509,36 @@ class Machine:
         table = np.stack(each(one, range(len(rigs))))
         rows.take_off(table)
         return table
+
+    def elastic_tangents(
+        self, rig: Rig, numbers: list[tuple[str, int]], which: list[int]
+    ) -> np.ndarray | None:
+        """d of the whitened rows (numbers, rows) of `which` runs by numbers of the elastic model.
+
+        As `mode_changes` names them.  None where they enter otherwise too: by laws that feel the
+        contacts, and by sensors of dR or a that do more than to read late.
+        """
+        late = {group: offset_of(rig, group) for group in ELASTIC}
+        laws = [p.law for p in rig.at("sensor") if p.group in ELASTIC]
+        plain = all(isinstance(law, LATE_LAWS) for law in laws)
+        if stepped_ports(rig) or rig.at("rolling") or not plain:
+            return None
+        if min(late.values()) <= -min(self.runs[i].step for i in which):
+            return None
+        m = self.modes(rig)
+        changes = mode_changes(m, rig, numbers)
+
+        def rows(i: int) -> np.ndarray:
+            run, r = self.runs[i], self.rotated(rig, [i])[i]
+            ports = self.ports(rig, i, r)
+            along = ElasticTangents(m, changes, run, ports, self.basis.rolling.get(i))
+            dR, a = (along.changes(late[group]) for group in ELASTIC)
+            tables = np.concatenate([dR[..., :3], a[..., 3:]], axis=2)
+            out = np.stack([self.rows[i].vector(-x, None) for x in tables])
+            self.rows[i].take_off(out)
+            return out
+
+        return np.concatenate(each(rows, which), axis=1)
 
     def residual_tables(self, rig: Rig, i: int):
         """(elastic (t, 6), rotation (t, 3 + n)): measured less predicted, not whitened."""

@@ -101,6 +101,11 @@ def hold_weights(rates: np.ndarray, step: float, parts: int) -> np.ndarray:
     return weights
 
 
+def acts(values: np.ndarray) -> bool:
+    """Whether anything of a signal (points, ..) is not zero: mostly a few points say so."""
+    return bool(values[:: max(1, len(values) // 64)].any() or values.any())
+
+
 def forced(m: OutputModes, step: float, intervals: int, **inputs: np.ndarray) -> np.ndarray:
     """Modal forcing (intervals, k) of `inputs` by name, over intervals of `step` s.
 
@@ -109,7 +114,7 @@ def forced(m: OutputModes, step: float, intervals: int, **inputs: np.ndarray) ->
     """
     total = np.zeros((intervals, len(m.rates)), complex)
     for name, values in inputs.items():
-        used = [c for c in range(values.shape[1]) if values[:, c].any()]
+        used = [c for c in range(values.shape[1]) if acts(values[:, c])]
         if used:
             gains = m.gains[:, m.inputs[name]][:, used].T
             some = np.ascontiguousarray(values[:, used] if len(used) < values.shape[1] else values)
@@ -123,14 +128,26 @@ def _pushed(rates, gains, values, step: float, intervals: int) -> np.ndarray:
     if spans >= intervals:
         parts = spans // intervals
         weights = real_pairs(hold_weights(rates, step, parts)[:, None] * gains)
-        inner = values[:-1].reshape(intervals, parts * c) @ weights[:-1].reshape(parts * c, -1)
-        return inner + values[parts::parts] @ weights[-1]
+        return weighted(values, intervals, weights)
     begin, end = hold_weights(rates, step, 1)
     at = np.linspace(0.0, 1.0, intervals // spans + 1)[:, None]
     before = begin * (1 - at[:-1]) + end * (1 - at[1:])  # of the point before every interval
     after = begin * at[:-1] + end * at[1:]
     before, after = (real_pairs(w * gains[:, None]).reshape(c, -1) for w in (before, after))
     return (values[:-1] @ before + values[1:] @ after).reshape(intervals, -1)
+
+
+def weighted(values: np.ndarray, intervals: int, weights: np.ndarray) -> np.ndarray:
+    """Sums (intervals, q) of a signal's points (points, c) in each interval by `weights`.
+
+    These are (near points, c, q), of an interval's first points; where there is one more than it
+    has, the last is the next one's first.
+    """
+    points, c = (len(values) - 1) // intervals, values.shape[1]
+    near = min(len(weights), points)
+    inner = values[:-1].reshape(intervals, points * c)[:, : near * c]
+    out = inner @ weights[:near].reshape(near * c, -1)
+    return out if near == len(weights) else out + values[points::points] @ weights[-1]
 
 
 def real_pairs(weights: np.ndarray) -> np.ndarray:

@@ -166,7 +166,7 @@ def motion(
     factor = np.ones_like(speed)
     for placed in rig.at("kinematics"):
         for i in placed.wheels:
-            factor[:, i] += along(placed.law, speed[:, i])
+            factor[:, i] += along(placed.law, np.ascontiguousarray(speed[:, i]), run)
     axes = driven_axes(rig, theta, shares)
     rim = factor * rate
     inverse = np.linalg.pinv(axes)

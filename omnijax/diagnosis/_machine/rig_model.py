@@ -26,6 +26,7 @@ from .._threads import each
 from .candidates import candidates
 from .clocks import CLOCK, READ_LATE, clock_priors, with_clocks
 from .data_vector import ELASTIC_CHANNELS, DataRows
+from .elastic_tangents import elastic_number
 from .linearisation import Linearisation, base_of
 from .machine import Machine
 from .orders import strongest_orders
@@ -43,6 +44,7 @@ WEAK = SETTINGS.rig_model.weak
 TOGETHER = 32  # signatures that are whitened together
 TOLD = 4 * TOGETHER  # after so many the progress line goes on
 LINES = SETTINGS.rig_model.lines
+EXACT = SETTINGS.rig_model.exact
 BLOCKS = SETTINGS.model.blocks
 LAG = SETTINGS.rig_model.lag
 WIDTH = SETTINGS.rig_model.width
@@ -69,7 +71,8 @@ class RigModel(AbstractModel):
         self.splits = split_runs(runs)
         self.splits["first train"] = self.splits["train"][:1]
         self._bases: list[Linearisation] = []  # between a choice of candidates and their signatures
-        self._runs = runs
+        longest = max((run.samples for run in runs), default=0)
+        self._runs = [dataclasses.replace(run, longest=longest) for run in runs]
 
     def rig_at(self, point: Point, clocks: bool = True) -> Rig:
         """The rig with calibrated parameters and the point's effects, read by its loggers' clocks.
@@ -127,6 +130,27 @@ class RigModel(AbstractModel):
         )
         steps = COARSE if split == self.ranking else STEPS
         return self.machine.residuals([self.rig_at(p) for p in points], self.splits[split], steps)
+
+    def prior_tangents(self, point, split):
+        return self.elastic_tangents(point, self.splits[split])
+
+    def elastic_tangents(self, point: Point, which: Sequence[int]) -> dict[int, np.ndarray]:
+        """By index d residual / d u on the runs `which`, by the contacts' and mounts' numbers.
+
+        Their stiffness and damping, where these enter linearly; empty where they do not.
+        """
+        u = dict(enumerate(map(float, point.u)))
+        numbers = {
+            k: number for k in u if (number := elastic_number(self.rig, self.priors[k].name))
+        }
+        if not numbers:
+            return {}
+        rows = self.machine.elastic_tangents(self.rig_at(point), [*numbers.values()], [*which])
+        if rows is None:
+            return {}
+        self.work += EXACT * LINEAR * len(rows) * len(which) / len(self.splits["train"])
+        slopes = [self.priors[k].slope(u[k]) for k in numbers]
+        return {k: slope * row for k, slope, row in zip(numbers, slopes, rows, strict=True)}
 
     def aside(self):
         return self.machine.aside()

@@ -22,6 +22,7 @@ from ...dynamics import (
 from ...rig import Acting, Rig
 from .elastic import refine
 from .laws import follow
+from .modes import acts
 from .motion import RunMotion, rolling_radius
 from .ports import bare
 from .runs import FINE, Run
@@ -52,7 +53,7 @@ class MeasuredTurning:
             if torque is None:
                 continue
             for k, response in enumerate(responses):
-                if torque[:, k].any():
+                if acts(torque[:, k]):
                     out += response * torque[:, k : k + 1]
         return out[:, :n], out[:, n:]
 
@@ -69,11 +70,14 @@ def attitude_matters(rig: Rig) -> bool:
     return bool(unlike or rig.at("sphere"))
 
 
-def turning(rig: Rig, motion: RunMotion) -> MeasuredTurning:
+def turning(rig: Rig, run: Run, motion: RunMotion) -> MeasuredTurning:
     """The response along one run's motion."""
-    attitude = np.eye(3)[None] if isotropic(rig) else motion.attitude
-    response = _responses(bare(rig), rolling_radius(rig, motion), motion.axes, attitude)
-    return MeasuredTurning(np.asarray(response), motion.axes)
+    attitude, radius = (
+        np.eye(3)[None] if isotropic(rig) else motion.attitude,
+        rolling_radius(rig, motion),
+    )
+    response = _responses(bare(rig), *map(run.as_longest, (radius, motion.axes, attitude)))
+    return MeasuredTurning(np.asarray(response)[:, : len(radius)], motion.axes)
 
 
 @jax.jit
@@ -92,7 +96,7 @@ def commanded(rig: Rig, run: Run) -> np.ndarray:
     if not placed:
         return torque
     fine = run.fine(FINE)
-    times = np.asarray(_command_times(placed, fine, rig.size))
+    times = np.asarray(_command_times(placed, run.as_longest(fine), rig.size))[: len(fine)]
     return np.stack([np.interp(times[:, k], fine, torque[:, k]) for k in range(rig.size)], axis=1)
 
 
@@ -108,33 +112,34 @@ def rotation_moments(rig: Rig, m: RunMotion, command: np.ndarray, normal: np.nda
     return RotationMoment(*felt)  # pyright: ignore[reportArgumentType]
 
 
-def run_torques(rig: Rig, at: RotationMoment, step: float) -> tuple[RotationMoment, Torques]:
-    """The moments with what is delivered, and torques (t, n), (t, 3) with all laws of the rig.
-
-    `step` is the time between two moments, s: memories are followed along them.
-    """
+def run_torques(rig: Rig, run: Run, at: RotationMoment) -> tuple[RotationMoment, Torques]:
+    """The moments with what is delivered, and torques (t, n), (t, 3) with all laws of the rig."""
     laws = TurningLaws.of(rig, masked=True)
     memory = laws.rest(rig.size)
-    apply = functools.partial(each_moment, step)
+    apply = functools.partial(each_moment, run)
     at, total, _ = torques(bare(rig), laws, at, memory, apply)
     return at, total
 
 
-def each_moment(step: float, function, rig: Rig, law: Any, at: RotationMoment, memory: Any):
-    """`function` of one law at its port, for all moments; and None, in place of memories' rates."""
-    moving, still = _parted(at)
-    return jax.tree.map(np.asarray, _each(function, rig, law, moving, still, memory, step)), None
+def each_moment(run: Run, function, rig: Rig, law: Any, at: RotationMoment, memory: Any):
+    """`function` of one law at its port, for all moments; and None, in place of memories' rates.
+
+    Memories are followed along the moments, evenly as many a sample of the run.
+    """
+    moving, still, step, count = _parted(run, at)
+    out = _each(function, rig, law, moving, still, memory, step)
+    return jax.tree.map(lambda x: np.asarray(x)[:count], out), None
 
 
-def each_law(step: float, function, rig: Rig, laws: Sequence[Acting], at: RotationMoment):
+def each_law(run: Run, function, rig: Rig, laws: Sequence[Acting], at: RotationMoment):
     """Tuples of what a port's `function` gives of each of `laws`, for all moments.
 
-    Laws of one structure, side by side: as many as a power of two, for few programs to compile.
+    Laws of one structure, side by side.
     """
-    full = [*laws, *[laws[0]] * (2 ** (len(laws) - 1).bit_length() - len(laws))]
-    moving, still = _parted(at)
-    some = jax.tree.map(lambda *x: np.stack(x), *[(law, law.rest(rig.size)) for law in full])
-    out = jax.tree.map(np.asarray, _side_by_side(function, rig, some, moving, still, step))
+    moving, still, step, count = _parted(run, at)
+    some = jax.tree.map(lambda *x: np.stack(x), *[(law, law.rest(rig.size)) for law in laws])
+    out = _side_by_side(function, rig, some, moving, still, step)
+    out = jax.tree.map(lambda x: np.asarray(x)[:, :count], out)
     out = out if isinstance(out, tuple) else (out,)
     return [tuple(x[k] for x in out) for k in range(len(laws))]
 
@@ -163,12 +168,18 @@ def _held(values):
     return (values[0], None) if len(values) == 1 else (values, 0)
 
 
-def _parted(at: RotationMoment) -> tuple[RotationMoment, RotationMoment]:
-    """What changes in time, and what holds for all times; None in its place in the other."""
-    still = [len(x) == 1 for x in at]
+def _parted(run: Run, at: RotationMoment) -> tuple[RotationMoment, RotationMoment, float, int]:
+    """What changes in time, and what holds for all times; None in its place in the other.
+
+    The first led on to the longest run's end; with s between two moments, and their number.
+    """
+    still, count = [len(x) == 1 for x in at], max(map(len, at))
+    led_on = [x if s else run.as_longest(np.asarray(x)) for x, s in zip(at, still, strict=True)]
     return (
-        RotationMoment(*(None if s else x for x, s in zip(at, still, strict=True))),  # pyright: ignore
+        RotationMoment(*(None if s else x for x, s in zip(led_on, still, strict=True))),  # pyright: ignore
         RotationMoment(*(x[0] if s else None for x, s in zip(at, still, strict=True))),  # pyright: ignore
+        run.step * (run.samples - 1) / (count - 1),
+        count,
     )
 
 

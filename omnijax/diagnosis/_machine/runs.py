@@ -36,6 +36,7 @@ class Run:
     levels: dict[str, np.ndarray] = dataclasses.field(default_factory=dict)  # see `level`
     spectra: dict[str, Spectrum] = dataclasses.field(default_factory=dict)
     counts: np.ndarray | None = None  # (n,) samples that are compared; None: every one
+    longest: int = 0  # samples of the longest run beside it, see `as_longest`
 
     def level(self, group: str) -> np.ndarray | float:
         """1-sigma (channels,) of this run's noise over that of the group."""
@@ -64,6 +65,16 @@ class Run:
             group: at_first_sample(self.time, self.outputs[group], order)
             for group, order in SPEEDS.items() if group in self.outputs
         }  # fmt: skip
+
+    def as_longest(self, values: np.ndarray) -> np.ndarray:
+        """A signal (points, ..) of evenly as many points a sample, led on to the longest run's end.
+
+        So that one compiled program serves all runs of a case.  One entry for all times stays so.
+        """
+        if len(values) == 1:
+            return values
+        parts = (len(values) - 1) // (self.samples - 1)
+        return padded(values, (max(self.longest, self.samples) - 1) * parts + 1)
 
     def fine(self, parts: int) -> np.ndarray:
         """Times with `parts` points a sample, s."""

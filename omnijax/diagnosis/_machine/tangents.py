@@ -91,7 +91,11 @@ def _shape_law(law, angle, gap):
 def _surface(base: Linearisation, placed: Placed):
     directions = contact_directions(base.rig, base.motion)
     value = np.stack(
-        [along(placed.law, np.ascontiguousarray(directions[:, i])) for i in range(base.rig.size)], 1
+        [
+            along(placed.law, np.ascontiguousarray(directions[:, i]), base.run)
+            for i in range(base.rig.size)
+        ],
+        1,
     )
     return transfer(base, shape=refine(value, SHAPE // FINE)), None
 
@@ -110,9 +114,11 @@ def _per_wheel(base: Linearisation, placed: Placed, signals) -> np.ndarray:
     for i in placed.wheels:
         here = jax.tree.map(lambda x, i=i: np.ascontiguousarray(x[:, i]), signals)
         if placed.law.initial() is None:
-            out[:, i] = along(placed.law, here)
+            out[:, i] = along(placed.law, here, base.run)
         else:
-            out[:, i] = np.asarray(_remember(placed.law, here, base.run.step / FINE))
+            here = jax.tree.map(base.run.as_longest, here)
+            followed = _remember(placed.law, here, base.run.step / FINE)
+            out[:, i] = np.asarray(followed)[: len(out)]
     return out
 
 
@@ -127,7 +133,7 @@ def _remember(law, signals, step):
 def _separation(base: Linearisation, placed: Placed):
     out = np.zeros(base.motion.theta.shape)
     for i in placed.wheels:
-        out[:, i] = -along(placed.law, np.ascontiguousarray(base.normal[:, i]))
+        out[:, i] = -along(placed.law, np.ascontiguousarray(base.normal[:, i]), base.run)
     if not out.any():
         return None, None
     return transfer(base, contact=out), None
@@ -154,10 +160,12 @@ def _torques(base: Linearisation, placed: Sequence[Placed]) -> dict[int, tuple]:
     out: dict[int, tuple] = {}
     for (*_, fast), every in alike.items():
         at, function = base.fine if fast else base, _PUSHING[placed[every[0]].law.port]
-        for first in range(0, len(every), LANES):
-            some = every[first : first + LANES]
-            caused = each_law(at.slow.step, function, base.bare, [laws[j] for j in some], at.felt)
-            out |= {j: (at, *x) for j, x in zip(some, caused, strict=True)}
+        lanes = min(LANES, 2 ** (len(every) - 1).bit_length())  # few programs to compile
+        for first in range(0, len(every), lanes):
+            some = every[first : first + lanes]
+            full = [laws[j] for j in [*some, *[some[0]] * (lanes - len(some))]]
+            caused = each_law(base.run, function, base.bare, full, at.felt)
+            out |= {j: (at, *x) for j, x in zip(some, caused, strict=False)}
     return out
 
 
@@ -168,12 +176,12 @@ def _command(base: Linearisation, placed: Placed):
 
 def _body(base: Linearisation, placed: Placed):
     felt = base.felt._replace(rotation=base.slow.attitude)
-    caused, _ = each_moment(base.slow.step, body_torques, base.bare, placed.law, felt, None)
+    caused, _ = each_moment(base.run, body_torques, base.bare, placed.law, felt, None)
     return turned_by(base, opposing=caused.opposing)
 
 
 def _platform(base: Linearisation, placed: Placed):
-    return transfer(base, floor=along(placed.law, base.run.fine(FINE))), None
+    return transfer(base, floor=along(placed.law, base.run.fine(FINE), base.run)), None
 
 
 def _kinematics(base: Linearisation, placed: Placed):
@@ -181,7 +189,7 @@ def _kinematics(base: Linearisation, placed: Placed):
     m = base.motion
     change = np.zeros(m.theta.shape)
     for i in placed.wheels:
-        change[:, i] = along(placed.law, np.ascontiguousarray(m.speed[:, i]))
+        change[:, i] = along(placed.law, np.ascontiguousarray(m.speed[:, i]), base.run)
     rate = -change * m.speed * base.lever / float(base.rig.sphere.radius)
     elastic, rotation = _longer_lever(base, change[::THIN])
     rotation[:, 3:] += integrate(rate, base.run.step / FINE)[::FINE]

@@ -2,7 +2,8 @@
 
 import contextlib
 import dataclasses
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from types import MappingProxyType
 from typing import Protocol
 
 import numpy as np
@@ -59,7 +60,8 @@ def tangent_rows(model: AbstractModel, point, free, residual, baseline=None, spl
     exact = model.tangents(point, free) if split in ("train", model.ranking) else None
     if exact is not None:
         return exact[: len(residual)]  # the rows that rank laws come first
-    return difference_rows(model, point, free, residual, baseline, split)
+    known = model.prior_tangents(point, split) if baseline is None else {}
+    return difference_rows(model, point, free, residual, baseline, split, known)
 
 
 class AbstractPredictions(Protocol):
@@ -71,16 +73,17 @@ class AbstractPredictions(Protocol):
 
 
 def difference_rows(
-    model: AbstractPredictions, point, free, residual, baseline=None, split="train"
-):
-    """`tangent_rows` by differences."""
+    model: AbstractPredictions, point, free, residual, baseline=None, split="train",
+    known: Mapping[int, np.ndarray] = MappingProxyType({}),
+):  # fmt: skip
+    """`tangent_rows` by differences, but for those `known` of the uncertain parameters."""
     P, points, steps = len(point.u), [], []
     values = np.array([value_of(point, f) for f in free])
-    if baseline is None:
-        for k in range(P):
-            h = PRIOR_STEP if point.u[k] < 0 else -PRIOR_STEP
-            points.append(moved(point, point.u + h * np.eye(P)[k], free, values))
-            steps.append(h)
+    others = [k for k in range(P) if k not in known] if baseline is None else []
+    for k in others:
+        h = PRIOR_STEP if point.u[k] < 0 else -PRIOR_STEP
+        points.append(moved(point, point.u + h * np.eye(P)[k], free, values))
+        steps.append(h)
     for k, step in enumerate(steps_of(point, free)):
         h = -step if values[k] + step > free[k].high else step
         points.append(moved(point, point.u, free, values + h * np.eye(len(free))[k]))
@@ -88,6 +91,9 @@ def difference_rows(
     with model.aside():
         residuals = model.residuals(points, split) if points else []
     columns = [(r - residual) / h for r, h in zip(residuals, steps, strict=True)]
+    if known:
+        taken = {**dict(zip(others, columns, strict=False)), **known}
+        columns = [*(taken[k] for k in range(P)), *columns[len(others) :]]
     changed = np.stack(columns, axis=1) if columns else np.zeros((len(residual), 0))
     return changed if baseline is None else np.concatenate([baseline, changed], axis=1)
 

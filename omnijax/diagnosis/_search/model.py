@@ -44,6 +44,10 @@ class Prior:
             self.value * math.exp(self.sigma * u) if self.relative else self.value + self.sigma * u
         )
 
+    def slope(self, u: float) -> float:
+        """d `at` / du."""
+        return self.sigma * (self.at(u) if self.relative else 1.0)
+
     def at_bound(self, u: float) -> bool:
         """Whether the unit coordinate `u` is at an end of its range."""
         return abs(u) > self.hard * (1 - AT_END)
@@ -173,6 +177,10 @@ class AbstractModel(abc.ABC):
     def tangents(self, point: Point, free: Sequence[Free]) -> np.ndarray | None:
         """d residual / d (u, free) on the train runs, exact; None: differences are taken."""
         return None
+
+    def prior_tangents(self, point: Point, split: str) -> dict[int, np.ndarray]:
+        """By index the d residual / d u that are known without differences; none by default."""
+        return {}
 
     def unsettled(self, point: Point) -> bool:
         """Whether what `rebase` takes from the data hangs on the point's laws: then again."""

@@ -12,6 +12,7 @@ any colour is smooth over frequencies, a line is not.
 """
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -219,25 +220,37 @@ def above_neighbours(middle: np.ndarray, power: np.ndarray, lines: np.ndarray) -
     what its neighbours lead to is an F law; of the slope's error the spread of a Student law is
     asked too where neighbours stand on one side alone.
     """
-    x, y = np.log(middle), np.log(np.maximum(power / lines, 1e-300))
+    y = np.log(np.maximum(power / lines, 1e-300))
     out = np.ones(len(power))
-    for k in range(len(power)):
-        near = [j for j in range(k - BESIDE - 1, k + BESIDE + 2) if 0 <= j < len(y)]
-        near = np.array([j for j in near if abs(j - k) > 1])
-        if len(near) < BESIDE:
-            continue
-        line = np.vander(x[near] - x[k], 2)
-        inverse = np.linalg.inv(line.T @ line)
+    for k, near, away, inverse, line in _neighbours(middle.astype(float).tobytes()):
         fit = inverse @ (line.T @ y[near])
         left = y[near] - line @ fit
         free = len(near) - 2
         spread = math.sqrt(left @ left / free * (1 + inverse[1, 1]))
         student = stdtr(free, (fit[1] - y[k]) / max(spread, 1e-12))
-        level = np.average(np.exp(y[near] - fit[0] * (x[near] - x[k])), weights=lines[near])
+        over = np.exp(y[near] - fit[0] * away)
+        level = float(over @ lines[near]) / lines[near].sum()
         ratio = math.exp(y[k]) / max(level, 1e-300)
         exact = fdtrc(2 * lines[k], 2 * lines[near].sum(), ratio)
         both = np.sum(near < k) >= BESIDE and np.sum(near > k) >= BESIDE
         out[k] = exact if both else max(exact, student)
+    return out
+
+
+@functools.lru_cache(maxsize=4)
+def _neighbours(middle: bytes) -> list[tuple[int, np.ndarray, np.ndarray, np.ndarray, np.ndarray]]:
+    """Bands that have enough neighbours: number, these, log of how far off, and lines through them.
+
+    A line is the inverse of its normal matrix, and the matrix itself.
+    """
+    x, out = np.log(np.frombuffer(middle)), []
+    for k in range(len(x)):
+        near = [j for j in range(k - BESIDE - 1, k + BESIDE + 2) if 0 <= j < len(x)]
+        near = np.array([j for j in near if abs(j - k) > 1])
+        if len(near) < BESIDE:
+            continue
+        line = np.vander(x[near] - x[k], 2)
+        out.append((k, near, x[near] - x[k], np.linalg.inv(line.T @ line), line))
     return out
 
 
@@ -248,12 +261,17 @@ def shuffle(
     rng = np.random.default_rng(seed)
     n = len(residual)
     out = np.empty((n, count))
+    pieces = max(1, n // min(block, max(SHORTEST, n // PIECES)))
+    sizes = np.full(pieces, n // pieces) + (np.arange(pieces) < n % pieces)
+    starts = np.cumsum(sizes) - sizes
     for c in range(count):
-        rolled = np.roll(residual, rng.integers(n))
-        pieces = np.array_split(rolled, max(1, n // min(block, max(SHORTEST, n // PIECES))))
-        order = rng.permutation(len(pieces))
-        signs = rng.choice([-1.0, 1.0], len(pieces))
-        out[:, c] = np.concatenate([signs[k] * pieces[k] for k in order])
+        shift = rng.integers(n)
+        order = rng.permutation(pieces)
+        signs = rng.choice([-1.0, 1.0], pieces)
+        long = sizes[order]
+        before = starts[order] - (np.cumsum(long) - long)  # each, less where it goes to
+        at = np.arange(n) + np.repeat(before - shift, long)
+        out[:, c] = np.repeat(signs[order], long) * residual[at]  # negative ones count from the end
     return out
 
 

@@ -1,0 +1,99 @@
+"""Tangents by stiffness and damping of contacts and mounts: exact, of whatever stands beside."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from seeds import drawn_anew
+from test_plant import recorded
+
+from omnijax.diagnosis import Point, RigModel
+from omnijax.diagnosis._machine.runs import Run
+from omnijax.diagnosis._search import Effect, tangent_rows
+from omnijax.laws import EFFECTS
+from omnijax.rig import load_rig
+
+GROUPS = ("dR", "theta", "Omega", "a")
+ELASTIC = 12  # numbers of contacts and mounts of three wheels
+
+
+def _cut(run: Run, first: int) -> Run:
+    """The run from a sample on, where it turns already."""
+    time = run.time[first:] - run.time[first]
+    return dataclasses.replace(
+        run, time=time, torque=run.torque[first:], force=run.force[first:], known=run.known[first:],
+        outputs={g: x[first:] for g, x in run.outputs.items()},
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module", params=(0, 100))
+def model(request, tmp_path_factory):
+    """Short runs, from rest or rolling, as a model of the stated machine."""
+    folder = tmp_path_factory.mktemp("elastic")
+    plant, _, tables = recorded(folder, 70, 1.5, noise=0.0)
+    runs = []
+    for k, (table, role) in enumerate(zip(tables, ("train", "held-out"), strict=True)):
+        outputs = {
+            g: np.stack([v for c, v in table.items() if c.startswith(f"{g}_")], 1) for g in GROUPS
+        }
+        torques = np.stack([table[f"torque_{i}"] for i in (1, 2, 3)], 1)
+        n = len(torques)
+        run = Run(
+            f"run-{k}", role, table["t"], torques, np.zeros((n, 3)), outputs, np.ones(n, bool)
+        )
+        runs.append(_cut(run, request.param))
+    return RigModel(load_rig(folder / "rig.toml"), runs, plant.NOISE, dict(EFFECTS))
+
+
+def _drawn(model: RigModel, rng: np.random.Generator) -> Point:
+    """A point with a few effects, and clocks that are off either way."""
+    effects = [
+        Effect("wheel-runout", "w1", {"amplitude": 4e-5, "phase": rng.uniform(0, 6)}),
+        Effect("floor-vibration", "platform", {"amplitude": 0.2, "frequency": rng.uniform(8, 60),
+               "phase": 0.3, "direction": rng.normal(size=3)}),
+        Effect("sensor-delay", "a", {"delay": rng.uniform(5e-4, 9e-3)}),
+        Effect("bearing-viscous", "all", {"b": 1e-4}),
+    ]  # fmt: skip
+    some = rng.permutation(len(effects))[: rng.integers(0, len(effects) + 1)]
+    u = np.clip(rng.normal(size=len(model.priors)), -2, 2)
+    return Point(u, tuple(effects[k] for k in some))
+
+
+@pytest.mark.parametrize("split", ["train", "held-out"])
+def test_they_are_those_of_differences(model, split):
+    rng = drawn_anew("elastic tangents")
+    point = _drawn(model, rng)
+    known = model.prior_tangents(point, split)
+    assert [model.priors[k].name.split(".")[2] for k in known] == ["contact"] * 6 + ["mount"] * 6
+    for k, column in known.items():
+        step = 1e-3 * np.eye(len(point.u))[k]
+        ends = [Point(point.u + sign * step, point.effects) for sign in (1, -1)]
+        after, before = model.residuals(ends, split)
+        wanted = (after - before) / 2e-3
+        assert np.linalg.norm(column - wanted) < 1e-5 * np.linalg.norm(wanted)
+
+
+def test_all_tangents_stand_in_the_order_of_the_numbers(model):
+    point = _drawn(model, drawn_anew("order of tangents"))
+    (residual,) = model.residuals([point], "train")
+    free = model.free(point)
+    J = tangent_rows(model, point, free, residual)
+    assert J.shape == (len(residual), len(model.priors) + len(free))
+    known = model.prior_tangents(point, "train")
+    assert len(known) == ELASTIC
+    for k, column in known.items():
+        assert J[:, k] == pytest.approx(column, abs=1e-9 * np.abs(column).max())
+    clock = model.priors[2].name
+    assert clock == "clock.a" and 2 not in known and np.any(J[:, 2])
+
+
+@pytest.mark.parametrize("id, place, values", [
+    ("mount-cubic", "all", {"k3": 1e15}),
+    ("spin-resistance", "all", {"lever": 1e-4}),
+    ("sensor-lag", "a", {"tau": 1e-3}),
+])  # fmt: skip
+def test_laws_that_feel_the_contacts_or_bend_the_readings_leave_them_to_differences(
+    model, id, place, values
+):
+    point = Point(np.zeros(len(model.priors)), (Effect(id, place, values),))
+    assert model.prior_tangents(point, "train") == {}
