@@ -127,7 +127,7 @@ def test_sensors_that_remember_have_seen_the_run_between_its_samples(slow, rig, 
     again = Trajectory.load(run.save(tmp_path / "run.nc", slow))
     assert eqx.tree_equal(again, run)
     numerics = SimpleNamespace(model="coupled", solver="auto", rtol=None, max_steps=None)
-    commanded = perform(planned(slow, speeds(speed), times, numerics), None, "")
+    commanded = perform(planned(slow, speeds(speed), times, numerics), None)
     for group, values in measured(commanded, slow).items():  # programs of other lengths round
         rounding = 1e-14 * np.abs(seen[group]).max()
         np.testing.assert_allclose(values, seen[group], rtol=1e-13, atol=rounding)

@@ -65,8 +65,8 @@ def _derivatives(rig: Rig):
         return w.contact.stiffness, w.contact.damping, w.mount.stiffness, w.mount.damping
 
     def system(values):
-        found = linear_system(Coupled(eqx.tree_at(numbers, rig, values)))
-        return found.A, found.B, found.C, found.D
+        linear = linear_system(Coupled(eqx.tree_at(numbers, rig, values)))
+        return linear.A, linear.B, linear.C, linear.D
 
     return jax.jacfwd(system)(numbers(rig))
 
@@ -102,7 +102,7 @@ def _divided(function: Weights, rates: np.ndarray, others: np.ndarray) -> np.nda
     return (ends[0] - ends[1]).reshape(-1, *half.shape) / (2 * half)
 
 
-class _Passed(NamedTuple):
+class _SpanChanges(NamedTuple):
     """What the modal states that begin a span, and inputs in it, make of s at its end."""
 
     of_states: np.ndarray  # (2 k, 2 P k): pairs of numbers
@@ -129,7 +129,7 @@ class _Passed(NamedTuple):
                               _divided(function, m.rates, every), optimize=True)  # fmt: skip
             table = table + np.einsum("pkc,jk->jcpk", d.gains[:, :, part], function(m.rates))
             of_inputs[name] = real_pairs(table.reshape(*table.shape[:2], -1))
-        return _Passed(of_states, of_inputs)
+        return _SpanChanges(of_states, of_inputs)
 
     def forcing(self, z: np.ndarray, inputs: Mapping[str, np.ndarray]) -> np.ndarray:
         """(spans, 2 P k) of the states (spans, k) that begin the spans, one sample each."""
@@ -155,7 +155,7 @@ class ElasticTangents:
             name: lambda r, parts=(len(x) - 1) // intervals: hold_weights(r, run.step, parts)
             for name, x in self.inputs.items()
         }
-        passed = _Passed.over(m, d, run.step, weights)
+        passed = _SpanChanges.over(m, d, run.step, weights)
         forcing = passed.forcing(self.z[:-1], self.inputs).view(complex)
         start = self._rest()
         P, k = len(d.mixed), len(m.rates)
@@ -190,7 +190,7 @@ class ElasticTangents:
             name: lambda r, points=(len(x) - 1) // count: part_weights(r, run.step, points, part)
             for name, x in inputs.items()
         }
-        passed = _Passed.over(m, self.d, part * run.step, weights)
+        passed = _SpanChanges.over(m, self.d, part * run.step, weights)
         pushed = passed.forcing(z, inputs).view(complex).reshape(s.shape)
         ahead = np.exp(m.rates * part * run.step)
         there = ahead * z

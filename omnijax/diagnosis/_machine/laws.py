@@ -24,14 +24,16 @@ def _over(law, signal):
     return jax.vmap(law)(signal)
 
 
-def along(law, signal: Any, run: Run) -> Any:
-    """`law` at every entry of `signal` (leading axis) along a run, as NumPy arrays.
+def along(law, signal: Any, run: Run | None = None) -> Any:
+    """`law` at every entry of `signal` (leading axis), as NumPy arrays.
 
-    A number in the signal holds for all entries.
+    A number in the signal holds for all entries.  Along a `run` programs are those of the longest.
     """
     length = max(len(x) for x in jax.tree.leaves(signal) if np.ndim(x))
     signal = jax.tree.map(lambda x: x if np.ndim(x) else np.full(length, x), signal)
-    out = _over(law, jax.tree.map(run.as_longest, signal))
+    if run is not None:
+        signal = jax.tree.map(run.as_longest, signal)
+    out = _over(law, signal)
     return jax.tree.map(lambda x: np.asarray(x)[:length], out)
 
 
