@@ -22,6 +22,8 @@ from omnijax.dynamics import (
     sensor_readings,
     torque_driven,
 )
+from omnijax.machine import PlacedLaw, Ports
+from omnijax.machine._ports import resting
 from omnijax.rig import GROUPS, acting, bundled_rigs, get_parameter, set_parameter
 from omnijax.rig._declaration import declared_laws
 from omnijax.rig._places import ONE_WHEEL, WORDS, port_words
@@ -333,3 +335,44 @@ def test_a_law_that_returns_text_is_told(port):
 
     with pytest.raises(omnijax.InputError, match=r"`says` must return numbers .* returns 'loud'"):
         jax.eval_shape(moving, 0.0)
+
+
+STRANGE = {  # what a law with a memory returns from (`__call__`, `initial`, `rate`) -> the sentence
+    "text from initial": ((0.0, "far", 0.0), "numbers from `initial`, but returns 'far'"),
+    "text from rate": ((0.0, 0.0, "soon"), "numbers from `rate`, but returns 'soon'"),
+    "none from rate": ((0.0, 0.0, None), r"the rate of its memory from `rate`, \(\) \(shapes\)"),
+    "three from rate": ((0.0, 0.0, np.zeros(3)), r"the rate of its memory .* returns \(3,\)"),
+    "complex from rate": ((0.0, 0.0, 1j * np.ones(())), "real numbers from `rate`"),
+    "complex": ((1j * np.ones(()), 0.0, 0.0), "real numbers at its port `contact`"),
+}
+
+
+@pytest.mark.parametrize("place", ["rig", "axis"])
+@pytest.mark.parametrize("case", STRANGE)
+def test_a_law_whose_memory_is_strange_is_told(case, place):
+    (value, first, speed), sentence = STRANGE[case]
+    base = laws.AbstractContact if place == "rig" else laws.AbstractShaft
+
+    class Forgets(base):
+        """Returns something else than numbers."""
+
+        g: jax.Array
+        id = "forgets"
+        parameters = {"g": laws.Parameter("1")}  # noqa: RUF012
+
+        def __call__(self, signal, state=None):
+            return value
+
+        def initial(self):
+            return first
+
+        def rate(self, signal, state):
+            return speed
+
+    law, sentence = Forgets(jnp.ones(())), sentence.replace("`contact`", f"`{base.port}`")
+    with pytest.raises(omnijax.InputError, match=f"law `forgets` must return {sentence}"):
+        if place == "rig":
+            omnijax.simulate(omnijax.load_rig("atlas").add(law, "w1"), jnp.ones(3), 0.01)
+        else:
+            placed = (PlacedLaw(law, "axis"),)
+            Ports(placed, resting(placed))("shaft", "axis", laws.ShaftSignal(*jnp.ones(4)))

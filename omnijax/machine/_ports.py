@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..laws import AbstractLaw, ActuatorSignal, delayed, in_series
+from ..rig import law_memory, law_output, law_rate
 
 
 class PlacedLaw(eqx.Module):
@@ -37,8 +38,8 @@ class PlacedLaw(eqx.Module):
         """What the law adds at its place, and the rate of its memory, None without one."""
 
         def made():
-            rate = None if memory is None else self.law.rate(signal, memory)
-            return jnp.asarray(self.gate * self.law(signal, memory), float), rate
+            rate = None if memory is None else law_rate(self.law, signal, memory)
+            return jnp.asarray(self.gate * law_output(self.law, (), signal, memory), float), rate
 
         return self.where_on(made, (jnp.zeros(()), jax.tree.map(jnp.zeros_like, memory)))
 
@@ -98,4 +99,4 @@ def delayed_inputs(
 
 def resting(placed: tuple[PlacedLaw, ...]) -> tuple[Any, ...]:
     """The laws' memories at rest."""
-    return tuple(one.law.initial() for one in placed)
+    return tuple(law_memory(one.law) for one in placed)

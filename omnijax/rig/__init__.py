@@ -43,7 +43,9 @@ if TYPE_CHECKING:
     from ._placed import Acting as Acting
     from ._placed import Placed as Placed
     from ._placed import acting as acting
+    from ._placed import law_memory as law_memory
     from ._placed import law_output as law_output
+    from ._placed import law_rate as law_rate
     from ._placed import over_wheels as over_wheels
     from ._placed import put_wheels as put_wheels
     from ._placed import take_wheels as take_wheels

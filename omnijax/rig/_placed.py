@@ -68,7 +68,7 @@ class Acting(eqx.Module):
         law = partial(_numbers_of, self.law)
         if remembers:
             value = jax.vmap(law)(signals, memory)
-            rate = jax.vmap(self.law.rate)(signals, memory)
+            rate = jax.vmap(partial(law_rate, self.law))(signals, memory)
         else:
             value, rate = jax.vmap(law)(signals), None
 
@@ -94,7 +94,7 @@ class Acting(eqx.Module):
     def rest(self, size: int) -> Any:
         """Rest states of the law's memory, one entry a wheel on which it is evaluated."""
         count = len(self.wheels) if self.mask is None else size
-        z = self.law.initial()
+        z = law_memory(self.law)
         return jax.tree.map(lambda x: jnp.broadcast_to(x, (count, *jnp.shape(x))), z)
 
 
@@ -111,16 +111,42 @@ def law_output(law: AbstractLaw, shape: tuple[int, ...], *signals: Any) -> Any:
     return value
 
 
-def _numbers_of(law: AbstractLaw, *signals: Any) -> Any:
-    """What a law gives; `InputError` where a part of it, such as a text, is no number."""
-    value = law(*signals)
-    strange = [x for x in jax.tree.leaves(value) if not isinstance(x, NUMBERS)]
-    if strange:
+def law_memory(law: AbstractLaw) -> Any:
+    """A law's memory at first, None without one; `InputError` where a part of it is no number."""
+    memory = law.initial()
+    _check_numbers(law, memory, "from `initial`")
+    return memory
+
+
+def law_rate(law: AbstractLaw, signal: Any, memory: Any) -> Any:
+    """The rate of a law's memory; `InputError` where it is not alike to that."""
+    rate = law.rate(signal, memory)
+    _check_numbers(law, rate, "from `rate`")
+    given, wanted = (jax.tree.map(jnp.shape, x) for x in (rate, memory))
+    if given != wanted:
         raise InputError(
-            f"law `{law.id}` must return numbers at its port `{law.port}`, but returns "
-            f"{strange[0]!r}."
+            f"law `{law.id}` must return the rate of its memory from `rate`, {wanted} (shapes), "
+            f"but returns {given}."
         )
+    return rate
+
+
+def _numbers_of(law: AbstractLaw, *signals: Any) -> Any:
+    """What a law gives; `InputError` where a part of it, such as a text, is no real number."""
+    value = law(*signals)
+    _check_numbers(law, value, f"at its port `{law.port}`")
     return value
+
+
+def _check_numbers(law: AbstractLaw, value: Any, where: str) -> None:
+    """`InputError` for what is no real number in what a law returns."""
+    for x in jax.tree.leaves(value):
+        if not isinstance(x, NUMBERS):
+            raise InputError(f"law `{law.id}` must return numbers {where}, but returns {x!r}.")
+        if jnp.iscomplexobj(x):
+            raise InputError(
+                f"law `{law.id}` must return real numbers {where}, but returns complex ones."
+            )
 
 
 def _numbers(zero: Any) -> str:
