@@ -280,6 +280,26 @@ def test_metrics_read_from_samples():
     np.testing.assert_array_equal(own.held, every.held)
 
 
+def test_a_design_that_is_no_number_leaves_the_others_of_its_batch_alone():
+    rig = KINDS["tripod, alike"][0]
+
+    def make(row):
+        stiffness = row[0] * jnp.ones(rig.size)
+        softer = eqx.tree_at(lambda r: r.wheels.contact.stiffness, rig, stiffness)
+        return Operating(softer, jnp.asarray([3.0, -1.1, 0.4]), jnp.zeros(3), jnp.zeros(rig.size))
+
+    rows = drawn_anew("no number").uniform(1e5, 1e6, (8, 1))
+    broken = rows.copy()
+    broken[3] = np.nan
+    every, some = (
+        modal_figures(make, x, duration=DURATION, step=STEP).values for x in (rows, broken)
+    )
+    others = np.arange(8) != 3
+    # one that has no poles in closed form sends its batch to LAPACK: equal to rounding
+    np.testing.assert_allclose(some[others], every[others], rtol=1e-10)
+    assert np.all(every > 0)
+
+
 def test_obstacles_are_said():
     rig = machine(ORTHOGONAL)
     assert modal_obstacle(rig, "coupled", ("rms", "weighted_acceleration")) == (

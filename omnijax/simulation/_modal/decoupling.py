@@ -76,7 +76,7 @@ def _coupled_along(A, turn):
 def _present(matrices):
     """Which entries of the rows of batches of matrices are more than rounding."""
     sizes = [jnp.abs(x) for x in matrices]
-    return [jnp.max(x - NOISE * x.max(axis=2, keepdims=True), axis=0) > 0 for x in sizes]
+    return [jnp.any(x > NOISE * x.max(axis=2, keepdims=True), axis=0) for x in sizes]
 
 
 def decoupled(system: System, layout: Layout, coupling: np.ndarray) -> Layout:
