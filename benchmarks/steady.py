@@ -28,10 +28,10 @@ def tools(count: int, skip) -> list[Tool]:
     if library is None:
         skip("C (no compiler; it also gives the reference)")
         return []
-    return (_any_layout if count else _orthogonal)(library, rows, count)
+    return _any_layout(library, rows, count) if count else _orthogonal(library, rows)
 
 
-def _orthogonal(library, rows, _) -> list[Tool]:
+def _orthogonal(library, rows) -> list[Tool]:
     expected = _c.steady(library, rows, 1 << 14)
     error = functools.partial(problem.error, expected=expected)
     found = []

@@ -124,13 +124,8 @@ def _shape(x: Any) -> tuple[Any, ...]:
 
 def _settings() -> tuple[Any, ...]:
     """jax's settings as they hold here; folders and logs make no difference to a program."""
-    names = _setting_names(len(jax.config.values))
-    return tuple((name, str(getattr(jax.config, name, None))) for name in names)
-
-
-@functools.cache
-def _setting_names(count: int) -> list[str]:
-    return [name for name in jax.config.values if not ("cache" in name or "log" in name)]
+    names = [n for n in jax.config.values if not ("cache" in n or "log" in n)]
+    return tuple((n, str(getattr(jax.config, n, None))) for n in names)
 
 
 def _package_only(args: Any) -> bool:

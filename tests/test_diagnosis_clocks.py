@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 from seeds import drawn_anew
-from test_plant import recorded
+from test_plant import GROUPS, recorded, runs_of
 
 from benchmarks.hidden_effects import cases, sensors
 from omnijax.diagnosis import Point, RigModel, diagnose
@@ -15,13 +15,11 @@ from omnijax.diagnosis._machine.clocks import LoggerClock, clock_priors, read_la
 from omnijax.diagnosis._machine.elastic import OUTPUTS, linear_states, outputs_of
 from omnijax.diagnosis._machine.late import late_outputs
 from omnijax.diagnosis._machine.machine import Predicted
-from omnijax.diagnosis._machine.runs import Run
 from omnijax.diagnosis._search import Effect, tangent_rows, to_project
 from omnijax.diagnosis._settings import SETTINGS
 from omnijax.laws import EFFECTS, SensorSignal
 from omnijax.rig import load_rig, rig_text
 
-GROUPS = ("dR", "theta", "Omega", "a")
 MACHINE = 3  # the benchmark's seed
 
 
@@ -30,16 +28,7 @@ def model(tmp_path_factory):
     """Noise-free short runs of the stated machine, as a model of it."""
     folder = tmp_path_factory.mktemp("clocks")
     plant, _, tables = recorded(folder, 70, 1.5, noise=0.0)
-    runs = []
-    for k, (table, role) in enumerate(zip(tables, ("train", "held-out"), strict=True)):
-        outputs = {
-            g: np.stack([v for c, v in table.items() if c.startswith(f"{g}_")], 1) for g in GROUPS
-        }
-        torques = np.stack([table[f"torque_{i}"] for i in (1, 2, 3)], 1)
-        n = len(torques)
-        runs.append(Run(f"run-{k}", role, table["t"], torques, np.zeros((n, 3)), outputs,
-                        np.ones(n, bool)))  # fmt: skip
-    return RigModel(load_rig(folder / "rig.toml"), runs, plant.NOISE, dict(EFFECTS))
+    return RigModel(load_rig(folder / "rig.toml"), runs_of(tables), plant.NOISE, dict(EFFECTS))
 
 
 def test_a_clock_shifts_a_motion_either_way():

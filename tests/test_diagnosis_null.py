@@ -1,11 +1,13 @@
 """Where nothing is missing: score p-values are uniform, and encoder noise is no effect."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.stats import binomtest, kstest
 from scipy.stats import t as student
 from seeds import drawn_anew
-from test_plant import load_plant
+from test_plant import load_plant, runs_of
 
 from omnijax.diagnosis import Point, RigModel
 from omnijax.diagnosis._machine.encoders import smoother_modes, whitener
@@ -46,20 +48,13 @@ def machines(tmp_path_factory):
 
 def noisy(tables, noise, rng) -> list[Run]:
     """The runs with new noise."""
-    runs = []
-    for k, table in enumerate(tables):
-        outputs = {}
-        for group, sigma in noise.items():
-            clean = np.stack([v for c, v in table.items() if c.startswith(group + "_")], axis=1)
-            outputs[group] = clean + sigma * rng.normal(size=clean.shape)
-        torque = np.stack([table[f"torque_{i}"] for i in (1, 2, 3)], axis=1)
-        n = len(torque)
-        runs.append(
-            Run(
-                f"run-{k}", "train", table["t"], torque, np.zeros((n, 3)), outputs, np.ones(n, bool)
-            )
-        )
-    return runs
+    return [
+        dataclasses.replace(run, outputs={
+            group: run.outputs[group] + sigma * rng.normal(size=run.outputs[group].shape)
+            for group, sigma in noise.items()
+        })
+        for run in runs_of(tables, ["train"] * len(tables))
+    ]  # fmt: skip
 
 
 @pytest.fixture(scope="module")

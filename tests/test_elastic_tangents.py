@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 from seeds import drawn_anew
-from test_plant import recorded
+from test_plant import recorded, runs_of
 
 from omnijax.diagnosis import Point, RigModel
 from omnijax.diagnosis._machine.runs import Run
@@ -31,17 +31,7 @@ def model(request, tmp_path_factory):
     """Short runs, from rest or rolling, as a model of the stated machine."""
     folder = tmp_path_factory.mktemp("elastic")
     plant, _, tables = recorded(folder, 70, 1.5, noise=0.0)
-    runs = []
-    for k, (table, role) in enumerate(zip(tables, ("train", "held-out"), strict=True)):
-        outputs = {
-            g: np.stack([v for c, v in table.items() if c.startswith(f"{g}_")], 1) for g in GROUPS
-        }
-        torques = np.stack([table[f"torque_{i}"] for i in (1, 2, 3)], 1)
-        n = len(torques)
-        run = Run(
-            f"run-{k}", role, table["t"], torques, np.zeros((n, 3)), outputs, np.ones(n, bool)
-        )
-        runs.append(_cut(run, request.param))
+    runs = [_cut(run, request.param) for run in runs_of(tables)]
     return RigModel(load_rig(folder / "rig.toml"), runs, plant.NOISE, dict(EFFECTS))
 
 

@@ -7,6 +7,9 @@ import jax
 import numpy as np
 from references import reference
 
+from omnijax.diagnosis._machine.runs import Run
+
+GROUPS = ("dR", "theta", "Omega", "a")
 LIMITS = {"ref-2 theta_1": 0.3, "ref-2 theta_2": 0.3}  # of a sigma; their wheels hardly turn: the
 # steep part of the rolling resistance's tanh holds them, where both programs' steps show
 
@@ -33,6 +36,20 @@ def recorded(folder: Path, seed: int, seconds: float, *, effects=None, off=False
     tables = plant.record(machine, true, effects or {}, torque, rng, **how)
     plant.write_case(folder, machine, tables)
     return plant, rng, tables
+
+
+def runs_of(tables, roles=("train", "held-out")) -> list[Run]:
+    """Recorded tables of three wheels as runs of the diagnosis."""
+    runs = []
+    for k, (table, role) in enumerate(zip(tables, roles, strict=True)):
+        outputs = {
+            g: np.stack([v for c, v in table.items() if c.startswith(f"{g}_")], 1) for g in GROUPS
+        }
+        torque = np.stack([table[f"torque_{i}"] for i in (1, 2, 3)], 1)
+        n = len(torque)
+        runs.append(Run(f"run-{k}", role, table["t"], torque, np.zeros((n, 3)), outputs,
+                        np.ones(n, bool)))  # fmt: skip
+    return runs
 
 
 def test_the_plant_agrees_with_both_references_within_a_tenth_of_the_noise():

@@ -10,7 +10,6 @@ Source: Van Loan, Computing integrals involving the matrix exponential (1978); d
 as derivatives of functions of matrices: Higham, Functions of matrices (2008), chapter 3.
 """
 
-import math
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ from ...dynamics import Coupled, linear_system
 from ...rig import Rig
 from .._settings import SETTINGS
 from .elastic import AT_REST, OUTPUTS, ElasticPorts, linear_states
-from .late import between, continued, part_weights
+from .late import behind, between, continued, part_weights, pushed_within
 from .modes import OutputModes, acts, hold_weights, propagate, real_pairs, weighted
 from .ports import bare
 from .runs import Run
@@ -181,9 +180,7 @@ class ElasticTangents:
         if late == 0:
             inputs = {n: x[:: (len(x) - 1) // (run.samples - 1)] for n, x in self.inputs.items()}
             return self._shown(self.z, self.s, inputs)
-        back = math.ceil(late / run.step)
-        part = back - late / run.step
-        count = run.samples - 1 + max(0, 1 - back)
+        back, part, count = behind(run, late)
         inputs = {n: continued(x, run.samples - 1, count) for n, x in self.inputs.items()}
         z, s = self.z[:count], self.s[:count]
         weights = {
@@ -195,9 +192,7 @@ class ElasticTangents:
         ahead = np.exp(m.rates * part * run.step)
         there = ahead * z
         for name, x in inputs.items():
-            own = weights[name](m.rates)
-            own = real_pairs(own[:, None] * m.gains[:, m.inputs[name]].T)
-            there = there + weighted(x, count, own).view(complex)
+            there = there + pushed_within(m, name, x, run.step, count, part).view(complex)
         here = {name: between(x, count, part) for name, x in inputs.items()}
         out = self._shown(there, ahead * s + pushed, here)
         begin = {name: x[:1] for name, x in inputs.items()}

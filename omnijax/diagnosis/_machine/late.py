@@ -42,20 +42,27 @@ def late_outputs(
     `inputs` by name (points, c) are linear between their points, a whole number of them a sample.
     Before the start all is as at the first sample; behind the end inputs go on evenly.
     """
-    back = math.ceil(late / run.step)
-    part = back - late / run.step  # of a sample, on from the one that is `back` before
-    count = run.samples - 1 + max(0, 1 - back)
+    back, part, count = behind(run, late)
     inputs = {k: continued(values, run.samples - 1, count) for k, values in inputs.items()}
     z = _led_on(m, run, z, inputs, count)
     pushed, added = np.zeros((count, 2 * len(m.rates))), np.zeros(1)
     for name, values in inputs.items():
         if acts(values):
-            pushed += _pushed(m, name, values, run.step, count, part)
+            pushed += pushed_within(m, name, values, run.step, count, part)
         added = added + direct(m, OUTPUTS, name, lambda values=values: between(values, count, part))
     there = np.exp(m.rates * part * run.step) * z + pushed.view(complex)
     out = observe(m, there, OUTPUTS) + added
     first = np.repeat(_first(m, z, inputs), max(0, back), axis=0)
     return np.concatenate([first, out[max(0, -back) :]])[: run.samples]
+
+
+def behind(run: Run, late: float) -> tuple[int, float, int]:
+    """Where `late` s before a sample is: so many samples back, and a part of one on from there.
+
+    And how many intervals of the run, led on behind its end where need be, hold such places.
+    """
+    back = math.ceil(late / run.step)
+    return back, back - late / run.step, run.samples - 1 + max(0, 1 - back)
 
 
 def continued(values: np.ndarray, intervals: int, count: int) -> np.ndarray:
@@ -77,7 +84,7 @@ def _led_on(m: OutputModes, run: Run, z, inputs, count: int) -> np.ndarray:
     return np.concatenate([z, propagate(m, run.step, forced(m, run.step, more, **last), z[-1])[1:]])
 
 
-def _pushed(m: OutputModes, name: str, values, step: float, count: int, part: float):
+def pushed_within(m: OutputModes, name: str, values, step: float, count: int, part: float):
     """What an input (points, c) pushes (count, 2 k) over the first `part` of every sample.
 
     Exact for inputs that are linear between their points, as `forced` is over whole samples.

@@ -72,10 +72,8 @@ def attitude_matters(rig: Rig) -> bool:
 
 def turning(rig: Rig, run: Run, motion: RunMotion) -> MeasuredTurning:
     """The response along one run's motion."""
-    attitude, radius = (
-        np.eye(3)[None] if isotropic(rig) else motion.attitude,
-        rolling_radius(rig, motion),
-    )
+    attitude = np.eye(3)[None] if isotropic(rig) else motion.attitude
+    radius = rolling_radius(rig, motion)
     response = _responses(bare(rig), *map(run.as_longest, (radius, motion.axes, attitude)))
     return MeasuredTurning(np.asarray(response)[:, : len(radius)], motion.axes)
 
