@@ -1,13 +1,21 @@
 """The machine of `_problem` as a rig."""
 
+import functools
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
+import numpy as np
 
+import omnijax
 from omnijax import laws
 from omnijax.rig import Closure, Contact, Mount, Platform, Rig, Sphere, Wheels
 
 from . import _general
 from . import _problem as problem
+from ._clock import Tool
+
+SIDE = 64  # designs along each side of a grid
 
 
 def rig(row, torque_driven: bool = False) -> Rig:
@@ -78,3 +86,24 @@ def figures(dR):
     """RMS and peak of |dR|; dR (..., t, 3) without the start."""
     square = jnp.sum(dR**2, axis=-1)
     return jnp.stack([jnp.sqrt(square.mean(-1)), jnp.sqrt(square.max(-1))], axis=-1)
+
+
+def sweep_tool(one: Rig, row, speeds, model: str, error: Callable) -> Tool:
+    """The whole `omnijax.sweep` of the rig of a row over roundness and mount stiffness, in memory.
+
+    error(rows (b, 4), RMS and peak (b, 2)) of some of its designs.
+    """
+    roundness, stiffness = np.linspace(0.2, 0.6, SIDE), np.geomspace(3e5, 3e6, SIDE)
+    vary = {"wheel.roundness": roundness, "mount.stiffness": stiffness}
+    rows = np.array([(eta, row[1], k, row[3]) for eta in roundness for k in stiffness])
+    run = functools.partial(
+        omnijax.sweep, one, vary, ("rms", "peak"), speeds=list(speeds),
+        duration=problem.DURATION, rate=1 / problem.STEP, model=model,
+    )  # fmt: skip
+
+    def missed(result) -> float:
+        figures = np.stack([result["rms"].ravel(), result["peak"].ravel()], axis=1)
+        return error(rows[::512], figures[::512])
+
+    note = f"{len(rows)} designs by `omnijax.sweep` in memory, with statuses"
+    return Tool("omnijax sweep", run, len(rows), missed, 5, note)

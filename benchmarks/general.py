@@ -30,6 +30,7 @@ def tools(count: int, skip) -> list[Tool]:
         Tool("omnijax", _ours(count, rows), BATCH, against(refined), 5, "with poles and statuses"),
         Tool("omnijax effects", _ours(count, rows, True), BATCH, lambda _: None, 5, WITH),
         Tool("omnijax others", _others(count, rows), BATCH, lambda _: None, 5, OTHERS),
+        _sweep(count, rows[0]),
     ]
     library = _c.compiled("general")
     if library is None:
@@ -78,6 +79,17 @@ def _ours(count: int, rows, effects: bool = False):
 
     make = _machine(count, effects)
     return lambda: modal_figures(make, rows, ("rms", "peak"), **SETTINGS).values
+
+
+def _sweep(count: int, row) -> Tool:
+    from . import _omnijax as ours
+
+    one = ours.general_rig(count, row)
+
+    def error(rows, figures):
+        return problem.error(figures, _general.figures(count, rows, refined=True))
+
+    return ours.sweep_tool(one, row, _general.SPEEDS[:count], "coupled", error)
 
 
 def _others(count: int, rows):

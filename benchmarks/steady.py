@@ -66,12 +66,12 @@ def _any_layout(library, rows, count: int) -> list[Tool]:
     ]
 
 
-def ours(count: int, rows, gradient: bool = False, total: int = problem.MANY):
-    """The package's figures of these designs, of `total` in all."""
+@functools.cache
+def design(count: int):
+    """The rig of a row at constant speeds; one function, as another one would be compiled anew."""
     import jax.numpy as jnp
 
     from omnijax.simulation import Operating
-    from omnijax.vibration import long_run_metrics
 
     from . import _omnijax
 
@@ -81,8 +81,17 @@ def ours(count: int, rows, gradient: bool = False, total: int = problem.MANY):
         rig = _omnijax.general_rig(count, row) if count else _omnijax.rig(row)
         return Operating(rig, drive, jnp.zeros(3), jnp.zeros(len(drive)))
 
+    return make
+
+
+def ours(count: int, rows, gradient: bool = False, total: int = problem.MANY):
+    """The package's figures of these designs, of `total` in all."""
+    import jax.numpy as jnp
+
+    from omnijax.vibration import long_run_metrics
+
     return long_run_metrics(
-        make, jnp.asarray(rows), ("rms", "peak"), model="coupled" if count else "paper",
+        design(count), jnp.asarray(rows), ("rms", "peak"), model="coupled" if count else "paper",
         gradient=gradient, total=total,
     )  # fmt: skip
 

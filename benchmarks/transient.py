@@ -74,6 +74,14 @@ def _ours(rows, some, expected, few) -> list[Tool]:
 
     note = "exact, with refined peak, poles and statuses; error of the RMS"
     found = [Tool("omnijax", bulk, len(rows), rms_error, 7, note)]
+
+    def sweep_error(rows, figures):
+        count = problem.SAMPLES
+        expected = problem.reference(rows)[:, 0]
+        return problem.error(figures[:, 0] * np.sqrt((count + 1) / count), expected)
+
+    one = ours.rig(rows[0])
+    found.append(ours.sweep_tool(one, rows[0], problem.SPEEDS, "paper", sweep_error))
     ts = problem.STEP * jnp.arange(problem.SAMPLES + 1)
 
     @jax.jit

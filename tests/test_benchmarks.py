@@ -4,6 +4,7 @@ import shutil
 import sys
 from pathlib import Path
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -92,6 +93,18 @@ def test_the_general_program_and_the_package_agree_on_long_runs(count):
     found = _general.Program(library, count, rows).steady(2048, 96)
     ours = steady.ours(count, rows, total=0).values
     assert problem.error(found, np.asarray(ours)) < 1e-6
+
+
+def test_what_is_timed_compiles_nothing_once_warm():
+    rows, compiled = problem.designs(4, 120.0), []
+    steady.ours(3, rows, total=0)
+    jax.monitoring.register_event_duration_secs_listener(
+        lambda event, *_, **__: compiled.append(event) if "backend_compile" in event else None
+    )
+    steady.ours(3, rows, total=0)
+    assert compiled == []
+    jax.jit(lambda x: x + len(compiled))(jnp.ones(13))  # what does compile is counted
+    assert compiled
 
 
 @pytest.mark.parametrize("count", [3, 4])
