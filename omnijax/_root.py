@@ -5,6 +5,9 @@ from jaxtyping import Array, Float
 
 
 def root(square: Float[Array, "*shape"]) -> Float[Array, "*shape"]:
-    """Square root whose gradient at zero is zero: a round wheel does not vibrate."""
-    positive = square > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
+    """Square root whose gradient at zero is zero: a round wheel does not vibrate.
+
+    What rounding leaves below zero counts as zero; NaN stays NaN.
+    """
+    none = square <= 0
+    return jnp.where(none, 0.0, jnp.sqrt(jnp.where(none, 1.0, square)))

@@ -70,7 +70,10 @@ SINGLE = [
     ((*W1, "name"), "", "`wheel.2.name` must be text of at least one character, but is ''."),
     ((*W1, "name"), 2, "`wheel.2.name` must be text, but is 2."),
     ((*W1, "contact"), 1, "`wheel.w2.contact` must be a table, but is 1."),
-    ((*W1, "contact", "stiffness"), 0, "`wheel.w2.contact.stiffness` must lie in (0, inf)"),
+    ((*W1, "contact", "stiffness"), 0, "`wheel.w2.contact.stiffness` must lie in (0, 1e+15]"),
+    ((*W1, "contact", "stiffness"), 1e16, "`wheel.w2.contact.stiffness` must lie in (0, 1e+15]"),
+    ((*W1, "mount", "stiffness"), "2e15 N/m", "must lie in (0, 1e+15], but is '2e15 N/m'"),
+    ((*W1, "closure", "stiffness"), 1e16, "`wheel.w2.closure.stiffness` must lie in [0, 1e+15]"),
     (
         (*W1, "contact", "damping"),
         -1,

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from omnijax import InputError, load_sweep, sweep
+from omnijax._errors import RunError
 from omnijax.cli._frame import run
 
 VARY = {"wheel.roundness": "0.2:0.6:4", "contact.stiffness": "log:5e4:1e6:5"}
@@ -40,6 +41,33 @@ def test_killed_worker_costs_only_its_chunk(tmp_path, monkeypatch):
     assert len(killed) == 1 and result.counts() == {"ok": 20}
     for name in ("peak", "rms", "wheel.roundness", "contact.stiffness"):
         assert np.array_equal(load_sweep(out)[name], alone[name])
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+@pytest.mark.filterwarnings("ignore::ResourceWarning")
+@pytest.mark.parametrize("gone", ["workers", "scheduler"])
+def test_a_cluster_that_has_gone_is_said_and_what_is_done_is_kept(tmp_path, monkeypatch, gone):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.setattr("omnijax.study._sweep.dask.PATIENCE", 1.0)
+    out, chunks = tmp_path / "gone.zarr", []
+    # threads of this process load no programs anew
+    cluster = distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=":0", silence_logs=50
+    )
+
+    def leave(store, chunk, status):
+        chunks.append(chunk)
+        if len(chunks) == 1:
+            cluster.scale(0) if gone == "workers" else cluster.close()
+
+    with cluster, pytest.raises(RunError, match=f"{gone[:-1]}.* gone. What is done is kept"):
+        sweep(
+            "atlas", VARY, speeds=SPEEDS, chunk=1, out=out, report=leave,
+            scheduler=cluster.scheduler_address,
+        )  # fmt: skip
+    kept = load_sweep(out).store.done()
+    assert len(chunks) <= kept.sum() < 20
+    assert sweep("atlas", VARY, speeds=SPEEDS, chunk=1, out=out, resume=True).counts() == {"ok": 20}
 
 
 @pytest.mark.full

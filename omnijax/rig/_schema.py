@@ -7,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 from ._quantities import InertiaTensor, Quantity, Spread, Vector
 
 MOST_WHEELS, MOST_ROLLERS = 64, 1000
+STIFFEST = 1e15  # N/m; above it rounding reaches the sixth digit of what a person-sized rig shows
 Profile = Literal["gated-sine", "continuous-sine", "half-sine", "rollers", "dual-row", "table"]
 Triple = tuple[float, float, float]
 
@@ -30,18 +31,18 @@ class PlatformTable(TomlTable):
 
 
 class ContactTable(TomlTable):
-    stiffness: Annotated[float, Quantity("N/m", above=0)]
+    stiffness: Annotated[float, Quantity("N/m", above=0, high=STIFFEST)]
     damping: Annotated[float, Quantity("N s/m", low=0)]
     friction: Annotated[float, Quantity("1", above=0)]
 
 
 class MountTable(TomlTable):
-    stiffness: Annotated[float, Quantity("N/m", above=0)]
+    stiffness: Annotated[float, Quantity("N/m", above=0, high=STIFFEST)]
     damping: Annotated[float, Quantity("N s/m", low=0)]
 
 
 class ClosureTable(TomlTable):
-    stiffness: Annotated[float, Quantity("N/m", low=0)]
+    stiffness: Annotated[float, Quantity("N/m", low=0, high=STIFFEST)]
     preload: Annotated[float, Quantity("N", low=0)]
 
 

@@ -7,7 +7,7 @@ Dask gives it to another one.
 
 import functools
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future
+from concurrent.futures import CancelledError, Future
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from .store import Store, open_store
 
 WINDOW = 4  # chunks handed out ahead, a thread of the cluster
 REACH = 10  # s to wait for a scheduler
-PATIENCE = 30.0  # s to wait for its first worker
+PATIENCE = 30.0  # s to wait for a worker, the first one or another where all are gone
 
 
 def run_chunk(folder: str, chunk: int) -> np.ndarray:
@@ -136,7 +136,6 @@ def _wait_for_worker(client: Any, scheduler: str) -> None:
 
 def _hand_out(client: Any, store: Store) -> Iterator[tuple[int, np.ndarray]]:
     """Keep a window of chunks in flight, so that a billion designs do not queue at once."""
-    from distributed import as_completed
     from distributed.scheduler import KilledWorker
 
     folder = str(Path(store.folder or ".").resolve())
@@ -144,28 +143,50 @@ def _hand_out(client: Any, store: Store) -> Iterator[tuple[int, np.ndarray]]:
     threads = sum(client.nthreads().values())
     running: dict[Any, int] = {}
     lost: list[int] = []
-    queue = as_completed(loop=client.loop)
 
     def submit() -> None:
         chunk = next(waiting, None)
         if chunk is not None:
-            future = client.submit(run_chunk, folder, chunk, pure=False)
-            running[future.key] = chunk
-            queue.add(future)
+            running[client.submit(run_chunk, folder, chunk, pure=False)] = chunk
 
     for _ in range(max(WINDOW * threads, WINDOW)):
         submit()
-    for future in queue:
-        chunk = running.pop(future.key)
-        submit()
-        try:
-            status = future.result()
-        except KilledWorker:
-            lost.append(chunk)
-            continue
-        yield chunk, status
+    while running:
+        for future in _ended(client, [*running]):
+            chunk = running.pop(future)
+            submit()
+            try:
+                status = future.result()
+            except KilledWorker:
+                lost.append(chunk)
+                continue
+            except CancelledError:
+                raise RunError(_left_alone("its scheduler has gone")) from None
+            yield chunk, status
     if lost:
         raise RunError(_lost(store, lost))
+
+
+def _ended(client: Any, running: list[Any]) -> list[Any]:
+    """Those of the running futures that have ended, once one has; `RunError` if nobody works."""
+    from distributed import wait
+
+    while True:
+        try:
+            with client.as_current():
+                return list(wait(running, timeout=PATIENCE, return_when="FIRST_COMPLETED").done)
+        except TimeoutError:  # long chunks, or no workers
+            pass
+        except CancelledError:
+            raise RunError(_left_alone("its scheduler has gone")) from None
+        try:
+            client.wait_for_workers(1, timeout=PATIENCE)
+        except TimeoutError:
+            raise RunError(_left_alone("all of its workers have gone")) from None
+
+
+def _left_alone(why: str) -> str:
+    return f"the cluster does nothing: {why}. What is done is kept; continue with --resume."
 
 
 def _lost(store: Store, chunks: list[int]) -> str:
