@@ -231,7 +231,8 @@ def test_a_line_may_pass_half_the_sampling_rate_where_the_wheel_is_fast(agreeing
     change = residual - after
     assert np.linalg.norm(change - size * np.concatenate(foretold)) < 0.05
     taken = [np.zeros((x.size, 0)) for x in left]
-    (gain,) = orders._gains(bases, left, rows, taken, law, wheel, np.array([order]))
+    seen = orders._seen(bases, left, rows, taken, wheel)
+    (gain,) = orders._gains(seen, law, np.array([order]))
     assert gain > 0.98 * sum(np.sum(x**2) for x in left)
 
 
@@ -240,22 +241,45 @@ def estimated(bases, rests, rows, taken, law, wheel, grid):
     return orders._estimated(bases, rests, rows, taken, wheel, grid)[orders.LAWS.index(law)]
 
 
+def rows_of_lines(shown, pushed):
+    """Whitened rows (2 orders, rows) of each line's cosine and sine, less their free starts."""
+    rows = np.einsum("nat,atc->ntc", shown.sums(pushed), shown.weights)
+    rows = rows.reshape(len(rows), -1)
+    for *_, part, q in shown.windows:
+        rows[:, part] -= (rows[:, part] @ q) @ q.T
+    return rows
+
+
+def waves(base, rows, law, wheel, order):
+    """The rows of one line's cosine and sine in the run of a base."""
+    nothing = np.zeros((rows.rotation.size, 0))
+    (seen,) = orders._seen([base], [np.zeros(rows.rotation.shape)], [rows], [nothing], wheel)
+    return rows_of_lines(seen.shown, seen.pushed(law, np.array([order])))
+
+
 def test_lines_about_axes_that_turn_are_those_about_fixed_ones_where_these_stand_still():
     """About fixed axes what is rolled follows from what is turned; else every wheel has its own."""
     rng = drawn_anew("axes of lines")
     n, t, m, wheels = rng.integers(2, 5, 4)
     pushed = rng.normal(size=(n, t, m)) + 1j * rng.normal(size=(n, t, m))
     ways, axes = rng.normal(size=(m, 3)), rng.normal(size=(1, wheels, 3))
-    weight, steps = rng.uniform(size=(t, 3 + wheels)), rng.uniform(0.1, 1, 2)
+    weight, steps = rng.uniform(size=(t, 3 + wheels)), (rng.uniform(0.1, 1), rng.uniform(0.1, 1))
     q = orthonormal(rng.normal(size=(3 + wheels, 2)))
     windows = [(slice(0, 3 + wheels), q)]
-    fixed, turning = (
-        orders._rotation_rows(pushed, ways, some, steps, weight, windows)
+    shown = [
+        orders._Shown.of(ways, some, steps, weight, windows)
         for some in (axes, np.repeat(axes, t, axis=0))
-    )
+    ]
+    fixed, turning = (rows_of_lines(x, pushed) for x in shown)
     assert fixed.shape == (2 * n, t * (3 + wheels))
     np.testing.assert_allclose(turning, fixed, atol=1e-12)
     np.testing.assert_allclose(fixed[:, : 3 + wheels] @ q, 0, atol=1e-12)
+    other = rng.normal(size=(t * (3 + wheels), 3))
+    for one in shown:  # inner products, for which the rows are not made
+        gram, along = one.products(pushed, one.along(other))
+        pairs = fixed.reshape(n, 2, -1)
+        np.testing.assert_allclose(gram, pairs @ np.swapaxes(pairs, 1, 2), atol=1e-10)
+        np.testing.assert_allclose(along, pairs @ other, atol=1e-10)
 
 
 @pytest.mark.parametrize("law", ["motor-ripple", "current-ripple"])
@@ -275,11 +299,12 @@ def test_orders_are_ranked_as_by_their_full_gains(agreeing, law):
         for b, x, r in zip(bases, left, rows, strict=True)
     )
     taken = [np.zeros((x.size, 0)) for x in left]
-    _, right, _ = orders._products(bases, left, rows, taken, law, wheel, grid)
+    seen = orders._seen(bases, left, rows, taken, wheel)
+    _, right, _ = orders._products(seen, law, grid)
     scale = np.abs(right).max()
     np.testing.assert_allclose(common, right, atol=0.01 * scale)
     first = estimated(bases, left, rows, taken, law, wheel, grid)
-    full = orders._gains(bases, left, rows, taken, law, wheel, grid)
+    full = orders._gains(seen, law, grid)
     assert first[np.argmax(full)] > np.sort(first)[-orders.BEST]
 
 
@@ -295,8 +320,7 @@ def test_a_line_of_which_the_model_takes_up_most_is_ranked_by_what_is_left(agree
     n = float(rng.choice(grid[(grid > 5) & (grid < 40)]))
 
     def line(order):
-        pairs = [orders._waves(b, r, law, wheel, np.array([order]))
-                 for b, r in zip(bases, rows, strict=True)]  # fmt: skip
+        pairs = [waves(b, r, law, wheel, order) for b, r in zip(bases, rows, strict=True)]
         return np.concatenate([np.array([np.cos(phase), np.sin(phase)]) @ x for x in pairs])
 
     true, far = line(n), grid[np.abs(grid - n) > 4 * np.pi / ways[wheel]]  # two resolutions off
@@ -318,7 +342,10 @@ def test_a_line_of_which_the_model_takes_up_most_is_ranked_by_what_is_left(agree
     rests = [x.reshape(r.rotation.shape) for x, r in zip(np.split(left, ends), rows, strict=True)]
     taken, nothing = np.split(beside, ends), [np.zeros((x.size, 0)) for x in rests]
     own = int(np.argmin(np.abs(grid - n)))
-    plain, full = (orders._gains(bases, rests, rows, x, law, wheel, grid) for x in (nothing, taken))
+    plain, full = (
+        orders._gains(orders._seen(bases, rests, rows, x, wheel), law, grid)
+        for x in (nothing, taken)
+    )
     assert plain[own] < 0.9 * whole
     assert full[own] == pytest.approx(whole, rel=0.03)
     assert full.max() < 1.02 * full[own]  # a neighbour may win by what the gains are off
@@ -346,8 +373,7 @@ def test_a_high_order_is_found_where_few_lines_are_weighed(agreeing, law, monkey
     grid = orders._grid(turning, wheel)
     assert len(grid) > 4 * orders.TOGETHER
     order = float(rng.uniform(grid[orders.TOGETHER], grid[-1]))
-    line = [orders._waves(b, r, law, wheel, np.array([order]))[0]
-            for b, r in zip(turning, rows, strict=True)]  # fmt: skip
+    line = [waves(b, r, law, wheel, order)[0] for b, r in zip(turning, rows, strict=True)]
     size = np.linalg.norm(np.concatenate(line))
     left = [
         (20 * x / size + rng.normal(size=x.size)).reshape(r.rotation.shape)

@@ -19,6 +19,7 @@ from .modes import (
     observe,
     propagate,
     real_pairs,
+    real_rows,
     weighted,
 )
 from .runs import Run
@@ -45,14 +46,11 @@ def late_outputs(
     back, part, count = behind(run, late)
     inputs = {k: continued(values, run.samples - 1, count) for k, values in inputs.items()}
     z = _led_on(m, run, z, inputs, count)
-    pushed, added = np.zeros((count, 2 * len(m.rates))), np.zeros(1)
+    out = observe(m, z, OUTPUTS, part * run.step)
     for name, values in inputs.items():
         if acts(values):
-            pushed += pushed_within(m, name, values, run.step, count, part)
-        added = added + direct(m, OUTPUTS, name, lambda values=values: between(values, count, part))
-    there = np.exp(m.rates * part * run.step) * z + pushed.view(complex)
-    out = observe(m, there, OUTPUTS) + added
-    first = np.repeat(_first(m, z, inputs), max(0, back), axis=0)
+            out += weighted(values, count, _shown_within(m, name, values, run.step, count, part))
+    first = np.repeat(_first(m, z, inputs), back, axis=0) if back > 0 else out[:0]
     return np.concatenate([first, out[max(0, -back) :]])[: run.samples]
 
 
@@ -84,13 +82,32 @@ def _led_on(m: OutputModes, run: Run, z, inputs, count: int) -> np.ndarray:
     return np.concatenate([z, propagate(m, run.step, forced(m, run.step, more, **last), z[-1])[1:]])
 
 
+def _shown_within(m: OutputModes, name: str, values, step: float, count: int, part: float):
+    """Weights (near points, c, 6) of an input's points: what it changes in dR and a at `part`.
+
+    By what it pushes until then, and directly.
+    """
+    points = (len(values) - 1) // count
+    at, share = _place(part, points)
+    out = _pushes(m, name, step, points, part) @ real_rows(m, OUTPUTS)
+    D = m.out(OUTPUTS)[1][:, m.inputs[name]].T
+    out[at] += (1 - share) * D
+    out[at + 1] += share * D
+    return out
+
+
 def pushed_within(m: OutputModes, name: str, values, step: float, count: int, part: float):
     """What an input (points, c) pushes (count, 2 k) over the first `part` of every sample.
 
     Exact for inputs that are linear between their points, as `forced` is over whole samples.
     """
-    weights = part_weights(m.rates, step, (len(values) - 1) // count, part)
-    return weighted(values, count, real_pairs(weights[:, None] * m.gains[:, m.inputs[name]].T))
+    return weighted(values, count, _pushes(m, name, step, (len(values) - 1) // count, part))
+
+
+def _pushes(m: OutputModes, name: str, step: float, points: int, part: float) -> np.ndarray:
+    """Weights (near points, c, 2 k) of an input's points over the first `part` of a sample."""
+    weights = part_weights(m.rates, step, points, part)
+    return real_pairs(weights[:, None] * m.gains[:, m.inputs[name]].T)
 
 
 def part_weights(rates: np.ndarray, step: float, points: int, part: float) -> np.ndarray:

@@ -1,9 +1,12 @@
 """The elastic model as modes: exact propagation of inputs linear between fine samples."""
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
+
+WEIGHTS = 64  # tables of weights that are kept
 
 
 class OutputModes(NamedTuple):
@@ -87,17 +90,24 @@ def hold_weights(rates: np.ndarray, step: float, parts: int) -> np.ndarray:
 
     u is linear between the `parts` + 1 equidistant points: phi functions of the sub-step.
     """
-    h = step / parts
-    z = rates * h
+    return _hold_weights(np.asarray(rates, complex).tobytes(), step, parts)
+
+
+@functools.lru_cache(WEIGHTS)
+def _hold_weights(rates: bytes, step: float, parts: int) -> np.ndarray:
+    """`hold_weights` of a few models, which every law of theirs asks for; not to be written to."""
+    h, every = step / parts, np.frombuffer(rates, complex)
+    z = every * h
     small = np.abs(z) < 1e-3
     safe = np.where(small, 1.0, z)
     phi1 = np.where(small, 1 + z / 2 + z**2 / 6 + z**3 / 24, np.expm1(safe) / safe)
     series = 0.5 + z / 6 + z**2 / 24 + z**3 / 120
     phi2 = np.where(small, series, (np.expm1(safe) - safe) / safe**2)
-    decay = h * np.exp(rates * (step - h * np.arange(1, parts + 1)[:, None]))
-    weights = np.zeros((parts + 1, len(rates)), complex)
+    decay = h * np.exp(every * (step - h * np.arange(1, parts + 1)[:, None]))
+    weights = np.zeros((parts + 1, len(every)), complex)
     weights[:-1] = decay * (phi1 - phi2)
     weights[1:] += decay * phi2
+    weights.flags.writeable = False
     return weights
 
 
@@ -172,14 +182,19 @@ def static_state(modes: OutputModes, inputs: np.ndarray) -> np.ndarray:
     return -(modes.gains @ inputs) / modes.rates
 
 
-def observe(modes: OutputModes, z: np.ndarray, names: tuple[str, ...]) -> np.ndarray:
-    """Outputs (n, o) of modal states, less what inputs add directly."""
-    return np.ascontiguousarray(z).view(float) @ real_rows(modes, names)
+def observe(
+    modes: OutputModes, z: np.ndarray, names: tuple[str, ...], ahead: float = 0.0
+) -> np.ndarray:
+    """Outputs (n, o) of modal states, less what inputs add directly; `ahead` s after them."""
+    return np.ascontiguousarray(z).view(float) @ real_rows(modes, names, ahead)
 
 
-def real_rows(modes: OutputModes, names: tuple[str, ...]) -> np.ndarray:
-    """(2 k, o) from a modal state's real and imaginary parts in turn: the real part only."""
-    shapes = (modes.out(names)[0] @ modes.shapes).T
+def real_rows(modes: OutputModes, names: tuple[str, ...], ahead: float = 0.0) -> np.ndarray:
+    """(2 k, o) from a modal state's real and imaginary parts in turn: the real part only.
+
+    Of a state `ahead` s before: as the modes alone lead it on.
+    """
+    shapes = (modes.out(names)[0] @ (modes.shapes * np.exp(modes.rates * ahead))).T
     return np.stack([np.real(shapes), -np.imag(shapes)], axis=1).reshape(2 * len(shapes), -1)
 
 

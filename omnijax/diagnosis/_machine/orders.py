@@ -11,11 +11,13 @@ counts less what the model's own numbers would take up of it: where a wheel turn
 they take up most of many a line, and a wrong order had stood above the right one.
 
 A torque on one shaft turns the sphere about nearly the same axis all the time: the sums over time
-are of that one number a sample, and what the rows hold follows from it.
+are of that one number a sample, and what the rows hold follows from it.  So do all inner products:
+the rows themselves, several times as many, are never made.
 """
 
 import functools
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import block_diag
@@ -70,11 +72,12 @@ def strongest_orders(
 
 def _strongest(bases, rests, rows, taken, k: int) -> dict[str, tuple[list[float], int]]:
     """By law the orders of wheel `k`, and of how many."""
-    given, grid = (bases, rests, rows, taken), _grid(bases, k)
+    grid = _grid(bases, k)
     step, out = grid[1] - grid[0], {}
-    for law, first in zip(LAWS, _estimated(*given, k, grid), strict=True):
+    seen = _seen(bases, rests, rows, taken, k)
+    for law, first in zip(LAWS, _estimated(bases, rests, rows, taken, k, grid), strict=True):
         some = np.array(_peaks(grid, first, BEST, CLOSER * step))
-        gains_of = functools.partial(_gains, *given, law, k)
+        gains_of = functools.partial(_gains, seen, law)
         gains = gains_of(some)
         order = np.argsort(gains)[::-1]
         nearly = np.count_nonzero(gains > NEARLY * gains.max())
@@ -172,7 +175,7 @@ def _sizes(base: Linearisation, rows: DataRows, taken, k: int, grid: np.ndarray,
     """Of each law's and line's cosine and sine, from `THINNED` samples: inner products (laws,
     orders, 2, 2) with each other and (.., 2, k) with the directions `taken`.
 
-    Rows are in single precision: they tell which lines are looked at closely, no more.
+    Waves are in single precision: they tell which lines are looked at closely, no more.
     """
     h, samples = base.run.step, rows.samples // THINNED * THINNED
     strength, ways = _strengths(base, k)
@@ -183,8 +186,8 @@ def _sizes(base: Linearisation, rows: DataRows, taken, k: int, grid: np.ndarray,
     theta, passed = (x[:samples] for x in _passing(base, k))
     keep = _kept(rows)
     weight = rows.rotation[keep] * np.sqrt(THINNED)
-    windows = [(part, q.astype(np.float32)) for part, q in _thinned_windows(rows, keep)]
-    ways, axes, weight, taken = (x.astype(np.float32) for x in (ways, axes, weight, taken))
+    shown = _Shown.of(ways, axes, (h, h * THINNED), weight, _thinned_windows(rows, keep))
+    own = shown.along(taken)
     block = np.exp(1j * np.outer(np.arange(together) * (grid[1] - grid[0]), theta))
     block = block.astype(np.complex64)
     out = np.zeros((len(LAWS), len(grid), 2, 2))
@@ -197,10 +200,7 @@ def _sizes(base: Linearisation, rows: DataRows, taken, k: int, grid: np.ndarray,
         wave = np.swapaxes(wave.reshape(count, -1, THINNED), 0, 1)
         pushed = np.split(np.swapaxes(wave @ torques, 0, 1), len(LAWS), axis=2)
         for law, one in enumerate(pushed):
-            flat = _rotation_rows(one, ways, axes, (h, h * THINNED), weight, windows)
-            inside[law, part] = (flat @ taken).reshape(count, 2, -1)
-            flat = flat.reshape(count, 2, -1)
-            out[law, part] = flat @ np.swapaxes(flat, 1, 2)
+            out[law, part], inside[law, part] = shown.products(one, own)
     return out, inside
 
 
@@ -241,9 +241,37 @@ def _in_common(base: Linearisation, rest, rows: DataRows, k: int, grid: np.ndarr
     return np.stack(out)
 
 
-def _gains(bases, rests, rows, taken, law: str, k: int, orders: np.ndarray) -> np.ndarray:
+class _Seen(NamedTuple):
+    """A run under torques on one shaft: how they show, and what is left and taken up of that."""
+
+    angle: np.ndarray  # (samples,) rad, and turns a sample: `_passing`
+    passed: np.ndarray
+    pushes: dict[str, np.ndarray]  # by law accelerations (samples, m) by a unit line
+    shown: "_Shown"
+    along: np.ndarray  # (sums, 1 + k) of what is left, and of the directions taken up
+
+    def pushed(self, law: str, orders: np.ndarray) -> np.ndarray:
+        """Accelerations (orders, samples, m) along the directions by lines of a law."""
+        wave = np.exp(1j * orders[:, None] * self.angle) * np.sinc(orders[:, None] * self.passed)
+        return wave[:, :, None] * self.pushes[law]
+
+
+def _seen(bases, rests, rows, taken, k: int) -> list[_Seen]:
+    """What torques on the shaft of wheel `k` show in every base's run."""
+    out = []
+    for base, rest, r, own in zip(bases, rests, rows, taken, strict=True):
+        h, (strength, ways) = base.run.step, _strengths(base, k)
+        shown = _Shown.of(ways, _axes(base), (h, h), r.rotation, _windows(r))
+        pushes = [factor[:, None] * strength for factor in _factors(base, k)]
+        along = shown.along(np.concatenate([rest.reshape(-1, 1), own], axis=1))
+        angle, passed = _passing(base, k)
+        out.append(_Seen(angle, passed, dict(zip(LAWS, pushes, strict=True)), shown, along))
+    return out
+
+
+def _gains(seen: Sequence[_Seen], law: str, orders: np.ndarray) -> np.ndarray:
     """Fall of chi-square by a line of each order, its cosine and sine free."""
-    gram, right, inside = _products(bases, rests, rows, taken, law, k, orders)
+    gram, right, inside = _products(seen, law, orders)
     return _explained(_left(gram, inside), right)
 
 
@@ -259,20 +287,18 @@ def _explained(left, right) -> np.ndarray:
     return np.einsum("na,na->n", right, np.linalg.solve(left, right[:, :, None])[:, :, 0])
 
 
-def _products(bases, rests, rows, taken, law: str, k: int, orders: np.ndarray):
+def _products(seen: Sequence[_Seen], law: str, orders: np.ndarray):
     """Inner products of every line's cosine and sine: (orders, 2, 2); with the rests (.., 2); with
     the directions taken (.., 2, k)."""
     gram, right = np.zeros((len(orders), 2, 2)), np.zeros((len(orders), 2))
-    inside = np.zeros((len(orders), 2, taken[0].shape[1]))
-    for base, rest, r, own in zip(bases, rests, rows, taken, strict=True):
+    inside = np.zeros((len(orders), 2, seen[0].along.shape[1] - 1))
+    for x in seen:
         for first in range(0, len(orders), TOGETHER):
             part = slice(first, first + TOGETHER)
-            waves = _waves(base, r, law, k, orders[part])
-            count = len(waves) // 2
-            right[part] += (waves @ rest.ravel()).reshape(count, 2)
-            inside[part] += (waves @ own).reshape(count, 2, own.shape[1])
-            waves = waves.reshape(count, 2, -1)
-            gram[part] += waves @ np.swapaxes(waves, 1, 2)
+            size, along = x.shown.products(x.pushed(law, orders[part]), x.along)
+            gram[part] += size
+            right[part] += along[..., 0]
+            inside[part] += along[..., 1:]
     return gram, right, inside
 
 
@@ -319,38 +345,75 @@ def _before(values: np.ndarray) -> np.ndarray:
     return np.concatenate([values[:1], values[FINE // 2 :: FINE]])
 
 
-def _rotation_rows(
-    pushed: np.ndarray, ways: np.ndarray, axes: np.ndarray, steps: tuple[float, float],
-    weight: np.ndarray, windows: Sequence[tuple[slice, np.ndarray]],
-) -> np.ndarray:  # fmt: skip
-    """Whitened Omega and rolled lengths (2 orders, rows) of cosine and sine of each line.
+class _Shown(NamedTuple):
+    """How torques along some directions show in the whitened Omega and rolled lengths of a run.
 
-    `pushed` (orders, t, m) holds sums of accelerations along the directions `ways` over samples,
-    which lie the first of `steps` apart, and its entries the second one, s.
+    Every entry of a row is a sum of few numbers of its sample, times weights: of the sphere's speed
+    along each direction, and of their rolled lengths (about axes that move, of the wheels').  These
+    numbers by sample are the sums of a torque.
     """
-    (h, step), (orders, t, m) = steps, pushed.shape
-    both = np.stack([np.real(pushed), np.imag(pushed)], axis=1).reshape(2 * orders, t, m)
-    turned = h * np.cumsum(both, axis=1)
-    rates, lever = turned, ways @ axes[0].T
-    if len(axes) > 1:
-        rates, lever = np.einsum("tij,mj,ntm->nti", axes, ways, turned), np.eye(axes.shape[1])
-    state = np.concatenate([turned, step * np.cumsum(rates, axis=1)], axis=2)
-    shown = np.asarray(block_diag(ways, lever), state.dtype)
-    table = (state.reshape(-1, len(shown)) @ shown).reshape(2 * orders, *weight.shape)
-    table *= weight
-    flat = table.reshape(2 * orders, -1)
-    for part, q in windows:
-        flat[:, part] -= (flat[:, part] @ q) @ q.T
-    return flat
 
+    ways: np.ndarray  # (m, 3) directions
+    axes: np.ndarray  # (1 or t, n, 3)
+    steps: tuple[float, float]  # s, between the sums of accelerations over samples, and of the rows
+    weights: np.ndarray  # (a, t, 3 + n)
+    squares: np.ndarray  # (a, a, t), sums of products of the weights
+    # nuisance directions: samples, products with the weights (a, samples, k), among the rows
+    windows: list[tuple[slice, np.ndarray, slice, np.ndarray]]
 
-def _waves(base: Linearisation, rows: DataRows, law: str, k: int, orders: np.ndarray) -> np.ndarray:
-    """Whitened rotation rows (2 orders, ..) of cosine and sine in the torque of wheel `k`."""
-    h, (theta, passed) = base.run.step, _passing(base, k)
-    strength, ways = _strengths(base, k)
-    wave = np.exp(1j * orders[:, None] * theta) * np.sinc(orders[:, None] * passed)
-    pushed = wave[:, :, None] * (_factors(base, k)[LAWS.index(law)][:, None] * strength)
-    return _rotation_rows(pushed, ways, _axes(base), (h, h), rows.rotation, _windows(rows))
+    @staticmethod
+    def of(ways, axes, steps: tuple[float, float], weight: np.ndarray,
+           windows: Sequence[tuple[slice, np.ndarray]]) -> "_Shown":  # fmt: skip
+        """From the rows' `weight` (t, 3 + n) and their nuisance directions."""
+        lever = ways @ axes[0].T if len(axes) == 1 else np.eye(axes.shape[1])
+        weights = block_diag(ways, lever)[:, None] * weight
+        squares = np.einsum("atc,btc->abt", weights, weights)
+        width, parts = weight.shape[1], []
+        for part, q in windows:
+            at = slice(part.start // width, part.stop // width)
+            of_rows = q.reshape(at.stop - at.start, width, -1)
+            parts.append((at, np.einsum("atc,tck->atk", weights[:, at], of_rows), part, q))
+        return _Shown(ways, axes, steps, weights, squares, parts)
+
+    def along(self, rows: np.ndarray) -> np.ndarray:
+        """What makes inner products with rows (t (3 + n), k) of sums: (a t, k)."""
+        rows = np.array(rows)
+        for *_, part, q in self.windows:
+            rows[part] -= q @ (q.T @ rows[part])
+        rows = rows.reshape(*self.weights.shape[1:], rows.shape[1])
+        out = np.einsum("atc,tck->atk", self.weights, rows, optimize=True)
+        return out.reshape(out.shape[0] * out.shape[1], out.shape[2])
+
+    def sums(self, pushed: np.ndarray) -> np.ndarray:
+        """Sums (2 orders, a, t) of the cosine and the sine of each line.
+
+        `pushed` (orders, t, m) holds sums of accelerations along the directions over samples.
+        """
+        h, step = self.steps
+        orders, t, m = pushed.shape
+        both = np.stack([np.real(pushed), np.imag(pushed)], axis=1).reshape(2 * orders, t, m)
+        turned = h * np.cumsum(np.swapaxes(both, 1, 2), axis=2, dtype=float)
+        rates = turned
+        if len(self.axes) > 1:
+            rates = np.einsum("tij,mj,nmt->nit", self.axes, self.ways, turned, optimize=True)
+        return np.concatenate([turned, step * np.cumsum(rates, axis=2)], axis=1)
+
+    def products(self, pushed: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Inner products of each line's cosine and sine: (orders, 2, 2), and (orders, 2, k) with
+        the rows whose `along` (a t, k) is given."""
+        sums, count = self.sums(pushed), len(pushed)
+        _, a, t = sums.shape
+        weighed = np.zeros_like(sums)
+        for i, j in zip(*np.nonzero(self.squares.any(axis=2)), strict=True):
+            weighed[:, i] += sums[:, j] * self.squares[i, j]
+        flat = sums.reshape(2 * count, a * t)
+        pairs = flat.reshape(count, 2, a * t)
+        gram = weighed.reshape(count, 2, a * t) @ np.swapaxes(pairs, 1, 2)
+        for at, q, *_ in self.windows:
+            own = sum(sums[:, i, at] @ q[i] for i in range(a))
+            own = np.reshape(own, (count, 2, q.shape[2]))
+            gram -= own @ np.swapaxes(own, 1, 2)
+        return gram, (flat @ along).reshape(count, 2, along.shape[1])
 
 
 def _windows(rows: DataRows) -> list[tuple[slice, np.ndarray]]:
