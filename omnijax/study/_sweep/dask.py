@@ -174,7 +174,8 @@ def _ended(client: Any, running: list[Any]) -> list[Any]:
     while True:
         try:
             with client.as_current():
-                return list(wait(running, timeout=PATIENCE, return_when="FIRST_COMPLETED").done)
+                ended: Any = wait(running, timeout=PATIENCE, return_when="FIRST_COMPLETED")
+            return list(ended.done)
         except TimeoutError:  # long chunks, or no workers
             pass
         except CancelledError:
