@@ -9,9 +9,10 @@ import pytest
 from scipy.signal import lfilter
 
 from omnijax import cli
-from omnijax.diagnosis import diagnose
-from omnijax.diagnosis._search.starts import promising, without_strength
-from omnijax.laws import BearingCoulomb, SensorRectified
+from omnijax.diagnosis import Point, Prior, Search, SmallModel, diagnose
+from omnijax.diagnosis._search.fit import refit
+from omnijax.diagnosis._search.starts import at_finite_strength, promising, without_strength
+from omnijax.laws import BearingCoulomb, SensorRectified, SensorSignal
 from omnijax.machine import (
     Axis,
     guess,
@@ -168,6 +169,29 @@ def test_what_has_no_strength_and_changes_nothing_where_a_fit_ends_is_tried_all_
     scores = [scored("sensor-rectified", True, 0.0), scored("bearing-coulomb", False, 9.0)]
     scan: Any = SimpleNamespace(scores=scores)
     assert promising(scan, ids, 0.5) == scores[:1]
+
+
+def test_a_calibration_that_foretells_one_sign_hides_no_sensor_that_loses_it():
+    """A small gain beside an offset fits |s| best: there losing the sign changes nothing."""
+    rng = drawn_anew("one sign")
+    t, f, p = 0.02 * np.arange(400), rng.uniform(0.1, 0.6, 4), rng.uniform(0, 6, 4)
+    s = np.sin(2 * np.pi * np.outer(t, f) + p).sum(1)
+    shown = np.abs(s) + 0.01 * rng.normal(size=len(t))
+
+    def residual(numbers, laws, split):
+        speed = numbers["gain"] * s + numbers["offset"]
+        for law in laws:
+            speed = speed + np.asarray(law(SensorSignal(t, speed[:, None])))[:, 0]
+        return (shown - speed) / 0.01
+
+    priors = [Prior("gain", 1.0, 1.0, relative=False), Prior("offset", 0.0, 1.0, relative=False)]
+    model = SmallModel(residual, priors, {"sensor-rectified": SensorRectified}, "velocity")
+    fit = refit(model, Point(np.zeros(2)))
+    assert np.max(np.abs(fit.point.u)) < model.settings.ran_off
+    scan, _ = Search(model).scan(fit)
+    assert [score.dead for score in scan.scores] == [True]
+    (start,) = at_finite_strength(model, fit, scan.scores, set(model.laws))
+    assert start.cost < 1e-2 * fit.cost
 
 
 @pytest.mark.full

@@ -79,12 +79,15 @@ def at_finite_strength(
     """The best start of every (id, place) of the laws `ids`, over strengths of both signs.
 
     Where the calibration ran off they are tried about the stated machine, and those `leading` by
-    their tangents about the calibrated one too.  Numbers of which the runs tell one combination are
-    tried at the ends of their valley too.
+    their tangents about the calibrated one too.  Laws without a strength that change nothing about
+    the calibrated machine are tried about the stated one in any case: the calibration has bent to
+    what they do.  Numbers of which the runs tell one combination are tried at the ends of their
+    valley too.
     """
     u = fit.point.u
     kept = np.max(np.abs(u), initial=0.0) < model.settings.ran_off
-    anchors = [] if kept else [Point(0 * u, fit.point.effects)]
+    stated = Point(0 * u, fit.point.effects)
+    anchors = [] if kept else [stated]
     if kept or model.settings.both:
         anchors.append(fit.point)
     if model.settings.both:
@@ -92,6 +95,10 @@ def at_finite_strength(
     tried = [(anchor, scores) for anchor in anchors]
     if leading and not any(anchor is fit.point for anchor in anchors):
         tried.append((fit.point, leading))
+    still = ids & without_strength(model)
+    hidden = [s for s in scores if s.dead and s.candidate.id in still]
+    if kept and hidden:
+        tried.append((stated, hidden))
     best: dict[str, Start] = {}
     for anchor, some in tried:
         for start in _about(anchor, model, fit, some, ids):
