@@ -126,8 +126,15 @@ def test_designs_of_a_batch_that_nothing_holds_fail_with_that_word():
     np.testing.assert_array_equal(np.isnan(values[:, 0]), expected != 0)
     np.testing.assert_array_equal(np.asarray(status) == Status.UNHELD, expected != 0)
     assert {Status(int(s)).text for s in status[1:4]} == {"unheld"}
-    found = steady_metrics(_moved(rig, normal[1], drive[1]), jnp.asarray(W), ("rms",))
-    assert np.isnan(found["rms"])
+    names = ("rms", "peak")
+    found = steady_metrics(_moved(rig, normal[1], drive[1]), jnp.asarray(W), names)
+    assert tuple(found) == names and np.isnan(found["rms"])
+    compiled = []
+    jax.monitoring.register_event_duration_secs_listener(
+        lambda event, *_, **__: compiled.append(event) if "jaxpr_trace" in event else None
+    )
+    held = steady_metrics(_moved(rig, normal[0], drive[0]), jnp.asarray(W[::-1]), names)
+    assert np.isfinite(held["rms"]) and compiled == []  # another rig by the same program
 
 
 def test_a_rig_that_no_wheel_drives_about_an_axis_ends_without_figures():

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -204,8 +205,15 @@ def steady_metrics(
         if known(name) not in STEADY_METRICS:
             raise ValueError(f"`{name}` has no steady-state form; give a `duration`.")
     angles = jnp.zeros(rig.size) if angles is None else angles
-    run = SteadyRun(rig, jnp.asarray(speeds, float), angles, model, force=force)
-    return {name: steady_metric(run, name) for name in names}
+    figures = _steady_figures(rig, jnp.asarray(speeds, float), tuple(names), model, angles, force)
+    return dict(zip(names, figures, strict=True))
+
+
+@eqx.filter_jit
+def _steady_figures(rig, speeds, names, model, angles, force) -> list[Float[Array, ""]]:
+    """The figures of `steady_metrics`, by one program."""
+    run = SteadyRun(rig, speeds, angles, model, force=force)
+    return [steady_metric(run, name) for name in names]
 
 
 def steady_metric(run: SteadyRun, name: str) -> Float[Array, ""]:
