@@ -241,7 +241,7 @@ def _in_common(base: Linearisation, rest, rows: DataRows, k: int, grid: np.ndarr
     return np.stack(out)
 
 
-class _Seen(NamedTuple):
+class _ShaftRun(NamedTuple):
     """A run under torques on one shaft: how they show, and what is left and taken up of that."""
 
     angle: np.ndarray  # (samples,) rad, and turns a sample: `_passing`
@@ -256,7 +256,7 @@ class _Seen(NamedTuple):
         return wave[:, :, None] * self.pushes[law]
 
 
-def _seen(bases, rests, rows, taken, k: int) -> list[_Seen]:
+def _seen(bases, rests, rows, taken, k: int) -> list[_ShaftRun]:
     """What torques on the shaft of wheel `k` show in every base's run."""
     out = []
     for base, rest, r, own in zip(bases, rests, rows, taken, strict=True):
@@ -265,11 +265,11 @@ def _seen(bases, rests, rows, taken, k: int) -> list[_Seen]:
         pushes = [factor[:, None] * strength for factor in _factors(base, k)]
         along = shown.along(np.concatenate([rest.reshape(-1, 1), own], axis=1))
         angle, passed = _passing(base, k)
-        out.append(_Seen(angle, passed, dict(zip(LAWS, pushes, strict=True)), shown, along))
+        out.append(_ShaftRun(angle, passed, dict(zip(LAWS, pushes, strict=True)), shown, along))
     return out
 
 
-def _gains(seen: Sequence[_Seen], law: str, orders: np.ndarray) -> np.ndarray:
+def _gains(seen: Sequence[_ShaftRun], law: str, orders: np.ndarray) -> np.ndarray:
     """Fall of chi-square by a line of each order, its cosine and sine free."""
     gram, right, inside = _products(seen, law, orders)
     return _explained(_left(gram, inside), right)
@@ -287,7 +287,7 @@ def _explained(left, right) -> np.ndarray:
     return np.einsum("na,na->n", right, np.linalg.solve(left, right[:, :, None])[:, :, 0])
 
 
-def _products(seen: Sequence[_Seen], law: str, orders: np.ndarray):
+def _products(seen: Sequence[_ShaftRun], law: str, orders: np.ndarray):
     """Inner products of every line's cosine and sine: (orders, 2, 2); with the rests (.., 2); with
     the directions taken (.., 2, k)."""
     gram, right = np.zeros((len(orders), 2, 2)), np.zeros((len(orders), 2))
