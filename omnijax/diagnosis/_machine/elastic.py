@@ -6,6 +6,7 @@ from collections.abc import Collection
 import equinox as eqx
 import numpy as np
 
+from ..._programs import kept
 from ...dynamics import Coupled, linear_system
 from ...rig import Rig
 from .modes import OutputModes, direct, forced, modes, observe, propagate, static_state
@@ -17,7 +18,7 @@ AT_REST = ("shape", "contact", "mount")  # inputs that are there before a run be
 SIGNALS = {"contact": ("deflection", "contact_rate"), "mount": ("mount", "mount_rate")}
 
 
-@eqx.filter_jit
+@kept
 def _system(rig: Rig):
     system = linear_system(Coupled(rig))
     return system.A, system.B, system.C, system.D

@@ -17,6 +17,7 @@ import equinox as eqx
 import jax
 import numpy as np
 
+from ..._programs import kept
 from ...dynamics import Coupled, linear_system
 from ...rig import Rig
 from .._settings import SETTINGS
@@ -55,7 +56,7 @@ def elastic_number(rig: Rig, name: str) -> tuple[str, int] | None:
     return key, rig.names.index(wheel)
 
 
-@eqx.filter_jit
+@kept
 def _derivatives(rig: Rig):
     """dA, dB, dC, dD (.., n) by each of the `NUMBERS`, of every wheel."""
 

@@ -161,11 +161,10 @@ class Machine:
             if max(change) < SETTINGS.prediction.settled * self.length_noise.min():
                 break
         self._begin(basis)
-        normal = tuple(
-            r.normal for r in self.rotated(rig, turns=SETTINGS.prediction.rebase_turns).values()
-        )
-        basis = dataclasses.replace(basis, normal=normal)
-        self._begin(basis, "driven", "rotated", "predicted")  # motions do not hang on N
+        if rig.at("rolling"):  # else no N enters, and what was rotated stays
+            rotated = self.rotated(rig, turns=SETTINGS.prediction.rebase_turns)
+            basis = dataclasses.replace(basis, normal=tuple(r.normal for r in rotated.values()))
+            self._begin(basis, "driven", "rotated", "predicted")  # motions do not hang on N
         self.rows = each(lambda i: rows_of(self, rig, i), range(len(self.runs)))
         begin = [i for i, run in enumerate(self.runs) if run.rolling_start(self.noise)]
         states = each(lambda i: rolling_state(self, rig, i), begin)
@@ -433,7 +432,10 @@ class Machine:
 
         Rigs that differ in what reads the outputs alone share one prediction.
         """
-        names = [self._name_before_sensors(rig) + bytes([i, steps]) for rig in rigs]
+        names = [
+            self._name_before_sensors(rig) + bytes([i, steps if stepped_ports(rig) else 1])
+            for rig in rigs
+        ]
         known = {name: self._kept.peek("predicted", name) for name in names}
         open_ = {name: rig for name, rig in zip(names, rigs, strict=True) if known[name] is None}
         for name, made in zip(open_, self._predicted([*open_.values()], i, steps), strict=True):
