@@ -17,7 +17,8 @@ SEED = 20
 def calibrated(model: AbstractModel, start: Point) -> Fit:
     """The refit from `start`, or the best of others where that one is caught.
 
-    Where more is left than noise, numbers in which the prediction is wavy are scanned over their
+    Where more is left than noise, or a parameter ends at its bound (a noise that nobody knew is what
+    a wrong calibration leaves), numbers in which the prediction is wavy are scanned over their
     range, about the end of the first refit and about `start`. A resonance beside a line of the
     excitation makes the cost wavy too: a fit may end on the wrong side of it, with many parameters
     at their bounds. An effect that is missing bends a few of them. So where a share of
@@ -26,7 +27,7 @@ def calibrated(model: AbstractModel, start: Point) -> Fit:
     """
     best = first = refit(model, start, relative=RELATIVE)
     for about in (first.point, start):
-        if first.cost < MISFIT * model.dof("train"):
+        if first.cost < MISFIT * model.dof("train") and not _at_bounds(model, first):
             break
         waves = scanned(model, about)
         if waves is None:
@@ -50,6 +51,11 @@ def caught(model: AbstractModel, fit: Fit) -> bool:
     """Whether a misfit is left while many parameters are at their bounds."""
     if fit.cost < FAR * model.dof("train"):
         return False
+    ends = _at_bounds(model, fit)
+    return ends > 1 and ends >= model.settings.caught * len(model.priors)
+
+
+def _at_bounds(model: AbstractModel, fit: Fit) -> int:
+    """How many parameters are at their bounds."""
     hard = np.array([prior.hard for prior in model.priors])
-    ends = np.sum(np.abs(fit.point.u) > END * hard)
-    return bool(ends > 1 and ends >= model.settings.caught * len(hard))
+    return int(np.sum(np.abs(fit.point.u) > END * hard))
