@@ -81,16 +81,20 @@ def _contexts_are_shared():
     """jax 0.10 makes a context of MLIR for every program, in which all dialects are loaded anew.
 
     That is 4 ms, of a small program a tenth of the time to compile it, and there are thousands.
+    Threads share none.
     """
+    import threading
+
     import jax
     from jax._src.interpreters import mlir
 
     if not jax.__version__.startswith("0.10."):
         yield
         return
-    made, left = mlir.make_ir_context, []
+    made, own = mlir.make_ir_context, threading.local()
 
     def shared():
+        left = own.__dict__.setdefault("left", [])
         if not left:
             left.extend([made()] * SHARED)
         return left.pop()

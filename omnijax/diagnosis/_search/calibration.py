@@ -17,9 +17,9 @@ SEED = 20
 def calibrated(model: AbstractModel, start: Point) -> Fit:
     """The refit from `start`, or the best of others where that one is caught.
 
-    Where more is left than noise, or a parameter ends at its bound (a noise that nobody knew is what
-    a wrong calibration leaves), numbers in which the prediction is wavy are scanned over their
-    range, about the end of the first refit and about `start`. A resonance beside a line of the
+    Where more is left than noise, or a parameter ends at its bound (where nobody knew the noise, what
+    a wrong calibration leaves passes for it), numbers in which the prediction is wavy are scanned
+    over their range, about the end of the first refit and about `start`. A resonance beside a line of the
     excitation makes the cost wavy too: a fit may end on the wrong side of it, with many parameters
     at their bounds. An effect that is missing bends a few of them. So where a share of
     `settings.caught` is at its bounds, up to `settings.restarts` others begin where the priors'
