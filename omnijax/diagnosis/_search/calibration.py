@@ -17,13 +17,13 @@ SEED = 20
 def calibrated(model: AbstractModel, start: Point) -> Fit:
     """The refit from `start`, or the best of others where that one is caught.
 
-    Where more is left than noise, or a parameter ends at its bound (where nobody knew the noise, what
-    a wrong calibration leaves passes for it), numbers in which the prediction is wavy are scanned
-    over their range, about the end of the first refit and about `start`. A resonance beside a line of the
-    excitation makes the cost wavy too: a fit may end on the wrong side of it, with many parameters
-    at their bounds. An effect that is missing bends a few of them. So where a share of
-    `settings.caught` is at its bounds, up to `settings.restarts` others begin where the priors'
-    sigmas draw them (with a fixed seed); the first that lies far below ends the trials.
+    Numbers in which the prediction is wavy are scanned over their range, about the end of the first
+    refit and about `start`, where more is left than noise, or where a parameter ends at its bound:
+    of a noise that nobody declared, what a wrong calibration leaves passes for it.  A resonance
+    beside a line of the excitation makes the cost wavy too: a fit may end on the wrong side of it,
+    with many parameters at their bounds.  An effect that is missing bends a few of them.  So where
+    a share of `settings.caught` is at its bounds, up to `settings.restarts` others begin where the
+    priors' sigmas draw them (with a fixed seed); the first that lies far below ends the trials.
     """
     best = first = refit(model, start, relative=RELATIVE)
     for about in (first.point, start):
