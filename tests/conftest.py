@@ -73,37 +73,6 @@ def _programs_end_before_there_are_too_many():
         _swept["size"] = resident()
 
 
-SHARED = 64  # programs lowered in one context, which keeps all their types and constants
-
-
-@pytest.fixture(autouse=True, scope="session")
-def _contexts_are_shared():
-    """jax 0.10 makes a context of MLIR for every program, in which all dialects are loaded anew.
-
-    That is 4 ms, of a small program a tenth of the time to compile it, and there are thousands.
-    Threads share none.
-    """
-    import threading
-
-    import jax
-    from jax._src.interpreters import mlir
-
-    if not jax.__version__.startswith("0.10."):
-        yield
-        return
-    made, own = mlir.make_ir_context, threading.local()
-
-    def shared():
-        left = own.__dict__.setdefault("left", [])
-        if not left:
-            left.extend([made()] * SHARED)
-        return left.pop()
-
-    mlir.make_ir_context = shared
-    yield
-    mlir.make_ir_context = made
-
-
 @pytest.fixture(autouse=True, scope="module")
 def _what_runs_briefly_is_not_optimised(request):
     """In files marked `brief`: half the time to compile, two to four times the time to run."""
