@@ -10,6 +10,7 @@ import numpy as np
 import omnijax
 from omnijax import laws
 from omnijax.rig import Closure, Contact, Mount, Platform, Rig, Sphere, Wheels
+from omnijax.simulation import Operating
 
 from . import _general
 from . import _problem as problem
@@ -75,6 +76,21 @@ def general_rig(count: int, row, effects: bool = False) -> Rig:
         floor = laws.FloorVibration(*map(jnp.asarray, numbers), jnp.asarray([0.36, 0.48, 0.8]))
         made = made.add(floor, "platform")
     return made
+
+
+@functools.cache
+def design(count: int, effects: bool = False):
+    """The rig of a row at constant speeds, of `count` wheels or, 0, the orthogonal one.
+
+    One function each: another one would be compiled anew.
+    """
+    speeds = jnp.asarray(_general.SPEEDS[:count] if count else problem.SPEEDS)
+
+    def make(row) -> Operating:
+        one = general_rig(count, row, effects) if count else rig(row)
+        return Operating(one, speeds, jnp.zeros(3), jnp.zeros(len(speeds)))
+
+    return make
 
 
 def rigs(rows, torque_driven: bool = False) -> Rig:

@@ -35,20 +35,13 @@ SETTINGS = {"duration": problem.DURATION, "step": problem.STEP, "total": problem
 
 def _question(rig: str, designs: int, gradient: bool):
     """A function without arguments that answers."""
-    import jax.numpy as jnp
+    from omnijax.simulation import modal_figures
 
-    from omnijax.simulation import Operating, modal_figures
-
-    from . import _omnijax, general
+    from . import _omnijax
 
     count = RIGS[rig]
-    rows = problem.designs(designs, DAMPING)
-
-    def orthogonal(row) -> Any:
-        speeds = jnp.asarray(problem.SPEEDS, float)
-        return Operating(_omnijax.rig(row), speeds, jnp.zeros(3), jnp.zeros(3))
-
-    make, model = (general._machine(count), "coupled") if count else (orthogonal, "paper")
+    make, rows = _omnijax.design(count), problem.designs(designs, DAMPING)
+    model = "coupled" if count else "paper"
     return lambda: modal_figures(
         make, rows, ("rms", "peak"), model=model, gradient=gradient, **SETTINGS
     )

@@ -53,31 +53,15 @@ def tools(count: int, skip) -> list[Tool]:
 
 WITH = "with runout, relaxation and a floor line"
 OTHERS = "elastic_rms, sphere_acceleration_rms and slip_margin, from samples"
-
-
-def _machine(count: int, effects: bool = False):
-    import jax.numpy as jnp
-
-    from omnijax.simulation import Operating
-
-    from . import _omnijax as ours
-
-    speeds = jnp.asarray(_general.SPEEDS[:count])
-
-    def make(row):
-        rig = ours.general_rig(count, row, effects)
-        return Operating(rig, speeds, jnp.zeros(3), jnp.zeros(count))
-
-    return make
-
-
 SETTINGS = {"duration": problem.DURATION, "step": problem.STEP, "total": problem.MANY}
 
 
 def _ours(count: int, rows, effects: bool = False):
     from omnijax.simulation import modal_figures
 
-    make = _machine(count, effects)
+    from . import _omnijax as ours
+
+    make = ours.design(count, effects)
     return lambda: modal_figures(make, rows, ("rms", "peak"), **SETTINGS).values
 
 
@@ -95,8 +79,10 @@ def _sweep(count: int, row) -> Tool:
 def _others(count: int, rows):
     from omnijax.vibration import run_metrics
 
-    make, names = _machine(count), ("elastic_rms", "sphere_acceleration_rms", "slip_margin")
-    return lambda: run_metrics(make, rows, names, **SETTINGS).values
+    from . import _omnijax as ours
+
+    names = ("elastic_rms", "sphere_acceleration_rms", "slip_margin")
+    return lambda: run_metrics(ours.design(count), rows, names, **SETTINGS).values
 
 
 def _scipy(count: int, row, expected, method: str) -> Tool:

@@ -86,21 +86,13 @@ def _general_runs(library, count: int, rows):
 
 
 def _ours(count: int, rows, expected) -> list[Tool]:
-    import jax.numpy as jnp
-
-    from omnijax.simulation import Operating, modal_figures
+    from omnijax.simulation import modal_figures
 
     from . import _omnijax as ours
 
-    drive = jnp.asarray(_general.SPEEDS[:count] if count else problem.SPEEDS)
-
-    def make(row):
-        rig = ours.general_rig(count, row) if count else ours.rig(row)
-        return Operating(rig, drive, jnp.zeros(3), jnp.zeros(len(drive)))
-
     def figures(gradient: bool):
         return modal_figures(
-            make, rows, duration=problem.DURATION, step=problem.STEP,
+            ours.design(count), rows, duration=problem.DURATION, step=problem.STEP,
             model="coupled" if count else "paper", gradient=gradient, total=problem.MANY,
         )  # fmt: skip
 

@@ -66,33 +66,17 @@ def _any_layout(library, rows, count: int) -> list[Tool]:
     ]
 
 
-@functools.cache
-def design(count: int):
-    """The rig of a row at constant speeds; one function, as another one would be compiled anew."""
-    import jax.numpy as jnp
-
-    from omnijax.simulation import Operating
-
-    from . import _omnijax
-
-    drive = jnp.asarray(_general.SPEEDS[:count] if count else problem.SPEEDS)
-
-    def make(row):
-        rig = _omnijax.general_rig(count, row) if count else _omnijax.rig(row)
-        return Operating(rig, drive, jnp.zeros(3), jnp.zeros(len(drive)))
-
-    return make
-
-
 def ours(count: int, rows, gradient: bool = False, total: int = problem.MANY):
     """The package's figures of these designs, of `total` in all."""
     import jax.numpy as jnp
 
     from omnijax.vibration import long_run_metrics
 
+    from . import _omnijax
+
     return long_run_metrics(
-        design(count), jnp.asarray(rows), ("rms", "peak"), model="coupled" if count else "paper",
-        gradient=gradient, total=total,
+        _omnijax.design(count), jnp.asarray(rows), ("rms", "peak"),
+        model="coupled" if count else "paper", gradient=gradient, total=total,
     )  # fmt: skip
 
 

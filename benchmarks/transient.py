@@ -53,35 +53,28 @@ def _ours(rows, some, expected, few) -> list[Tool]:
     import jax
     import jax.numpy as jnp
 
-    from omnijax.simulation import Operating, modal_figures, simulate, speeds
+    from omnijax.simulation import modal_figures, simulate, speeds
 
     from . import _omnijax as ours
 
-    drive = jnp.asarray(problem.SPEEDS)
-
-    def make(row):
-        return Operating(ours.rig(row), drive, jnp.zeros(3), jnp.zeros(3))
-
     def bulk():
         return modal_figures(
-            make, rows, duration=problem.DURATION, step=problem.STEP, model="paper",
+            ours.design(0), rows, duration=problem.DURATION, step=problem.STEP, model="paper",
             total=problem.MANY,
         ).values  # fmt: skip
 
-    def rms_error(values):  # its samples count the start, where nothing moves
+    def rms_error(values, expected):  # its samples count the start, where nothing moves
         count = problem.SAMPLES
-        return problem.error(values[::64, 0] * np.sqrt((count + 1) / count), expected[:, 0])
-
-    note = "exact, with refined peak, poles and statuses; error of the RMS"
-    found = [Tool("omnijax", bulk, len(rows), rms_error, 7, note)]
+        return problem.error(values[:, 0] * np.sqrt((count + 1) / count), expected[:, 0])
 
     def sweep_error(rows, figures):
-        count = problem.SAMPLES
-        expected = problem.reference(rows)[:, 0]
-        return problem.error(figures[:, 0] * np.sqrt((count + 1) / count), expected)
+        return rms_error(figures, problem.reference(rows))
 
-    one = ours.rig(rows[0])
-    found.append(ours.sweep_tool(one, rows[0], problem.SPEEDS, "paper", sweep_error))
+    note = "exact, with refined peak, poles and statuses; error of the RMS"
+    found = [
+        Tool("omnijax", bulk, len(rows), lambda o: rms_error(o[::64], expected), 7, note),
+        ours.sweep_tool(ours.rig(rows[0]), rows[0], problem.SPEEDS, "paper", sweep_error),
+    ]
     ts = problem.STEP * jnp.arange(problem.SAMPLES + 1)
 
     @jax.jit

@@ -231,7 +231,7 @@ def test_a_line_may_pass_half_the_sampling_rate_where_the_wheel_is_fast(agreeing
     change = residual - after
     assert np.linalg.norm(change - size * np.concatenate(foretold)) < 0.05
     taken = [np.zeros((x.size, 0)) for x in left]
-    seen = orders._seen(bases, left, rows, taken, wheel)
+    seen = orders._shaft_runs(bases, left, rows, taken, wheel)
     (gain,) = orders._gains(seen, law, np.array([order]))
     assert gain > 0.98 * sum(np.sum(x**2) for x in left)
 
@@ -253,7 +253,7 @@ def rows_of_lines(shown, pushed):
 def waves(base, rows, law, wheel, order):
     """The rows of one line's cosine and sine in the run of a base."""
     nothing = np.zeros((rows.rotation.size, 0))
-    (seen,) = orders._seen([base], [np.zeros(rows.rotation.shape)], [rows], [nothing], wheel)
+    (seen,) = orders._shaft_runs([base], [np.zeros(rows.rotation.shape)], [rows], [nothing], wheel)
     return rows_of_lines(seen.shown, seen.pushed(law, np.array([order])))
 
 
@@ -299,7 +299,7 @@ def test_orders_are_ranked_as_by_their_full_gains(agreeing, law):
         for b, x, r in zip(bases, left, rows, strict=True)
     )
     taken = [np.zeros((x.size, 0)) for x in left]
-    seen = orders._seen(bases, left, rows, taken, wheel)
+    seen = orders._shaft_runs(bases, left, rows, taken, wheel)
     _, right, _ = orders._products(seen, law, grid)
     scale = np.abs(right).max()
     np.testing.assert_allclose(common, right, atol=0.01 * scale)
@@ -343,7 +343,7 @@ def test_a_line_of_which_the_model_takes_up_most_is_ranked_by_what_is_left(agree
     taken, nothing = np.split(beside, ends), [np.zeros((x.size, 0)) for x in rests]
     own = int(np.argmin(np.abs(grid - n)))
     plain, full = (
-        orders._gains(orders._seen(bases, rests, rows, x, wheel), law, grid)
+        orders._gains(orders._shaft_runs(bases, rests, rows, x, wheel), law, grid)
         for x in (nothing, taken)
     )
     assert plain[own] < 0.9 * whole

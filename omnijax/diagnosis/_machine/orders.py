@@ -74,7 +74,7 @@ def _strongest(bases, rests, rows, taken, k: int) -> dict[str, tuple[list[float]
     """By law the orders of wheel `k`, and of how many."""
     grid = _grid(bases, k)
     step, out = grid[1] - grid[0], {}
-    seen = _seen(bases, rests, rows, taken, k)
+    seen = _shaft_runs(bases, rests, rows, taken, k)
     for law, first in zip(LAWS, _estimated(bases, rests, rows, taken, k, grid), strict=True):
         some = np.array(_peaks(grid, first, BEST, CLOSER * step))
         gains_of = functools.partial(_gains, seen, law)
@@ -256,7 +256,7 @@ class _ShaftRun(NamedTuple):
         return wave[:, :, None] * self.pushes[law]
 
 
-def _seen(bases, rests, rows, taken, k: int) -> list[_ShaftRun]:
+def _shaft_runs(bases, rests, rows, taken, k: int) -> list[_ShaftRun]:
     """What torques on the shaft of wheel `k` show in every base's run."""
     out = []
     for base, rest, r, own in zip(bases, rests, rows, taken, strict=True):

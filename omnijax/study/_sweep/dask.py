@@ -55,7 +55,10 @@ def check_cluster(workers: int | None, scheduler: str | None) -> None:
 
 def _finished(store: Store, workers: int | None, scheduler: str | None):
     with _cluster(workers, scheduler) as client:
-        yield from _hand_out(client, store)
+        try:
+            yield from _hand_out(client, store)
+        except CancelledError:
+            raise RunError(_left_alone("its scheduler has gone")) from None
 
 
 def _cluster(workers: int | None, scheduler: str | None) -> Any:
@@ -71,7 +74,9 @@ def _cluster(workers: int | None, scheduler: str | None) -> Any:
         except (OSError, ValueError, TypeError, ImportError) as error:
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
             raise InputError(f"the scheduler {scheduler} cannot be reached: {reason}") from None
-        _wait_for_worker(client, scheduler)
+        if not _has_worker(client):
+            client.close()
+            raise InputError(f"the scheduler {scheduler} has no workers.")
         return client
     config.set({"distributed.worker.multiprocessing-method": "spawn"})
     cluster = _deaf_to_interrupts(
@@ -126,16 +131,18 @@ class _Owned:
         self.cluster.close()
 
 
-def _wait_for_worker(client: Any, scheduler: str) -> None:
+def _has_worker(client: Any) -> bool:
+    """Whether there is a worker, or one comes."""
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
     except TimeoutError:
-        client.close()
-        raise InputError(f"the scheduler {scheduler} has no workers.") from None
+        return False
+    return True
 
 
 def _hand_out(client: Any, store: Store) -> Iterator[tuple[int, np.ndarray]]:
     """Keep a window of chunks in flight, so that a billion designs do not queue at once."""
+    from distributed import as_completed
     from distributed.scheduler import KilledWorker
 
     folder = str(Path(store.folder or ".").resolve())
@@ -144,46 +151,37 @@ def _hand_out(client: Any, store: Store) -> Iterator[tuple[int, np.ndarray]]:
     running: dict[Any, int] = {}
     lost: list[int] = []
 
+    def ending() -> Any:
+        return as_completed(running, loop=client.loop, timeout=PATIENCE)
+
     def submit() -> None:
         chunk = next(waiting, None)
         if chunk is not None:
-            running[client.submit(run_chunk, folder, chunk, pure=False)] = chunk
+            future = client.submit(run_chunk, folder, chunk, pure=False)
+            running[future] = chunk
+            queue.add(future)
 
+    queue = ending()
     for _ in range(max(WINDOW * threads, WINDOW)):
         submit()
     while running:
-        for future in _ended(client, [*running]):
-            chunk = running.pop(future)
-            submit()
-            try:
-                status = future.result()
-            except KilledWorker:
-                lost.append(chunk)
-                continue
-            except CancelledError:
-                raise RunError(_left_alone("its scheduler has gone")) from None
-            yield chunk, status
+        try:
+            future = next(queue)
+        except TimeoutError:  # long chunks, or nobody works
+            if not _has_worker(client):
+                raise RunError(_left_alone("all of its workers have gone")) from None
+            queue = ending()
+            continue
+        chunk = running.pop(future)
+        submit()
+        try:
+            status = future.result()
+        except KilledWorker:
+            lost.append(chunk)
+            continue
+        yield chunk, status
     if lost:
         raise RunError(_lost(store, lost))
-
-
-def _ended(client: Any, running: list[Any]) -> list[Any]:
-    """Those of the running futures that have ended, once one has; `RunError` if nobody works."""
-    from distributed import wait
-
-    while True:
-        try:
-            with client.as_current():
-                ended: Any = wait(running, timeout=PATIENCE, return_when="FIRST_COMPLETED")
-            return list(ended.done)
-        except TimeoutError:  # long chunks, or no workers
-            pass
-        except CancelledError:
-            raise RunError(_left_alone("its scheduler has gone")) from None
-        try:
-            client.wait_for_workers(1, timeout=PATIENCE)
-        except TimeoutError:
-            raise RunError(_left_alone("all of its workers have gone")) from None
 
 
 def _left_alone(why: str) -> str:
