@@ -11,6 +11,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
+from compilations import counted
 from seeds import drawn_anew
 from tiers import tiered
 
@@ -96,11 +97,9 @@ def test_the_general_program_and_the_package_agree_on_long_runs(count):
 
 
 def test_what_is_timed_compiles_nothing_once_warm():
-    rows, compiled = problem.designs(4, 120.0), []
+    rows = problem.designs(4, 120.0)
     steady.ours(3, rows, total=0)
-    jax.monitoring.register_event_duration_secs_listener(
-        lambda event, *_, **__: compiled.append(event) if "backend_compile" in event else None
-    )
+    compiled = counted()
     steady.ours(3, rows, total=0)
     assert compiled == []
     jax.jit(lambda x: x + len(compiled))(jnp.ones(13))  # what does compile is counted

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compilations import counted
 from machines import SKEW, machine
 
 from omnijax._errors import InputError
@@ -129,10 +130,7 @@ def test_designs_of_a_batch_that_nothing_holds_fail_with_that_word():
     names = ("rms", "peak")
     found = steady_metrics(_moved(rig, normal[1], drive[1]), jnp.asarray(W), names)
     assert tuple(found) == names and np.isnan(found["rms"])
-    compiled = []
-    jax.monitoring.register_event_duration_secs_listener(
-        lambda event, *_, **__: compiled.append(event) if "jaxpr_trace" in event else None
-    )
+    compiled = counted("jaxpr_trace")
     held = steady_metrics(_moved(rig, normal[0], drive[0]), jnp.asarray(W[::-1]), names)
     assert np.isfinite(held["rms"]) and compiled == []  # another rig by the same program
 

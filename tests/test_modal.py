@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compilations import counted
 from machines import ORTHOGONAL, machine
 from seeds import drawn_anew
 from tiers import tiered
@@ -316,10 +317,7 @@ def test_other_numbers_and_another_rig_of_as_many_wheels_compile_nothing():
     settings = {"duration": DURATION, "step": STEP}
     first, second = (KINDS[name][0] for name in ("round", "tripod, undamped"))
     modal_figures(maker(first), points_of(first, np.random.default_rng(1)), **settings)
-    compiled = []
-    jax.monitoring.register_event_duration_secs_listener(
-        lambda event, *_, **__: compiled.append(event) if "backend_compile" in event else None
-    )
+    compiled = counted()
     rows = points_of(second, np.random.default_rng(2), count=40)
     modal_figures(maker(second), rows, duration=0.3, step=0.003)
     assert compiled == []

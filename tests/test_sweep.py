@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from compilations import counted
 from machines import SKEW, machine
 from rigs import tables
 
@@ -270,10 +271,7 @@ def test_method_follows_from_rig_and_drive():
 
 def test_another_size_of_sweep_does_not_compile_again():
     sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
-    compiled = []
-    jax.monitoring.register_event_duration_secs_listener(
-        lambda event, *_, **__: compiled.append(event) if "backend_compile" in event else None
-    )
+    compiled = counted()
     larger = {"wheel.roundness": "0.2:0.6:3", "contact.stiffness": "log:5e4:1e6:3"}
     assert sweep("atlas", larger, speeds=SPEEDS, chunk=2).counts() == {"ok": 9}
     assert compiled == []
