@@ -7,7 +7,7 @@ import pytest
 from test_plant import load_plant
 
 from omnijax.cli import run
-from omnijax.diagnosis import diagnose
+from omnijax.diagnosis import Effect, Point, diagnose
 from omnijax.diagnosis._answer import experiment as _experiment
 
 pytestmark = pytest.mark.long
@@ -74,6 +74,30 @@ def test_what_the_runs_cannot_tell_apart_is_ambiguous_with_every_rival(ambiguous
         assert effect.evidence.get("margin", 0.0) < 25
     excluded = {(x["id"], x["place"]) for x in ambiguous.excluded}
     assert excluded and not excluded & names
+
+
+def test_a_motion_in_which_a_rival_runs_away_is_made_slower_or_not_proposed(ambiguous):
+    """A contact that softens holds the sphere only as far as the runs have pressed it."""
+    model, outcome = ambiguous.details["model"], ambiguous.details["found"]
+    rivals = [*outcome.fit.point.effects, outcome.rivals[0][0][0]]
+    every = _experiment.feasible_motions
+
+    def next_run(K3):
+        soft = Effect("contact-cubic", "w2", {"K3": -K3})
+        points = [Point(outcome.fit.point.u, (e, soft)) for e in rivals]
+        return _experiment.next_experiment(model, points)
+
+    with pytest.MonkeyPatch.context() as patch:
+        last = "turn about all axes at once, fast reversed"
+        patch.setattr(_experiment, "feasible_motions", lambda top, t: {last: every(top, t)[last]})
+        held, slower = next_run(1e12), next_run(1e14)
+        assert held["drive"] == last
+        assert "times slower" in slower["drive"]
+        for proposed in (held, slower):
+            assert 0 < proposed["separation"] < np.inf
+            assert np.all(np.isfinite(proposed["torque"]["values"]))
+        assert np.abs(slower["torque"]["values"]).max() < np.abs(held["torque"]["values"]).max()
+        assert next_run(1e18) is None
 
 
 @pytest.mark.full

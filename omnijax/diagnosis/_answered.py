@@ -187,12 +187,17 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
         tell("looking where the gap is")
         where, everything = evidence.locate(outcome.baseline.point)
     reason, *further = notes(evidence, outcome, judged, noise_remarks(noise))
+    experiment = separating(evidence, outcome, judged, tell)
+    if judged.verdict == "ambiguous" and experiment is None:
+        further.append(
+            "No next experiment is proposed: some rival runs away in every motion tried."
+        )
     result = Diagnosis(
         verdict=judged.verdict,
         effects=effects,
         where=plain_where(where),
         gap=gaps(evidence, shown, first, last),
-        next_experiment=separating(evidence, outcome, judged, tell),
+        next_experiment=experiment,
         baseline=baseline_table(outcome),
         noise=noise,
         scores=score_table(outcome),

@@ -811,6 +811,7 @@ class ExperimentSettings:
     slowly: tuple[float, ...] = (0.2, 0.3, 0.4)  # Hz, of turns about all axes at once
     fast: tuple[float, ...] = (0.7, 0.9, 1.2)
     written: float = 0.02  # s, between the torques that are written down
+    slower: int = 4  # times that a motion in which a rival runs away is made half as fast
 
 
 @dataclasses.dataclass(frozen=True)

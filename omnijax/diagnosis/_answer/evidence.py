@@ -39,8 +39,8 @@ class AbstractEvidence(abc.ABC):
         """A learned, uninterpreted term beside a fit's baseline; None where there is none."""
 
     @abc.abstractmethod
-    def experiment(self, rivals: list[Point]) -> dict[str, Any]:
-        """The run that tells rivals apart."""
+    def experiment(self, rivals: list[Point]) -> dict[str, Any] | None:
+        """The run that tells rivals apart; `None` where they can be foretold in none."""
 
     @abc.abstractmethod
     def described(self, point: Point) -> Any:

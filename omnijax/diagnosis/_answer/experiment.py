@@ -22,6 +22,7 @@ LEVELS = SETTINGS.experiment.levels
 SLOWLY = SETTINGS.experiment.slowly
 FAST = SETTINGS.experiment.fast
 WRITTEN = SETTINGS.experiment.written
+SLOWER = SETTINGS.experiment.slower
 
 
 def feasible_motions(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
@@ -42,21 +43,46 @@ def feasible_motions(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
     return motions
 
 
-def next_experiment(model: RigModel, rivals: list[Point]) -> dict:
-    """The motion whose worst pair of `rivals` lies farthest apart, with its torques."""
+def next_experiment(model: RigModel, rivals: list[Point]) -> dict | None:
+    """The motion whose worst pair of `rivals` lies farthest apart, with its torques.
+
+    `None` where some rival runs away in every motion, however slow.
+    """
     rig, step = model.rig_at(rivals[0]), model.machine.runs[0].step
-    machine = _planned(model, rig, np.arange(round(SECONDS / step) + 1) * step)
-    rows = []
-    for i, run in enumerate(machine.runs):
-        seen = [_Seen(model, machine, i).predict(p) for p in rivals]
-        pairs = [_margin(a, b) for a, b in itertools.permutations(seen, 2)]
-        rows.append({"drive": run.name, "separation": float(min(pairs))})
+    time = np.arange(round(SECONDS / step) + 1) * step
+    planned = [
+        run for words, Omega in _allowed(model, rig, time).items()
+        if (run := _followed(model, rivals, words, time, Omega)) is not None
+    ]  # fmt: skip
+    if not planned:
+        return None
+    rows = [{"drive": run.name, "separation": separation} for run, separation in planned]
     best = int(np.argmax([r["separation"] for r in rows]))
     thin = max(1, round(WRITTEN / step))
-    values = machine.runs[best].torque[::thin].tolist()
+    values = planned[best][0].torque[::thin].tolist()
     unit = "chi-square between the closest two rivals, each refitted to the other's run"
     torque = {"unit": "N m", "step": thin * step, "values": values}
     return {**rows[best], "unit": unit, "torque": torque, "compared": rows}
+
+
+def _followed(
+    model: RigModel, rivals: list[Point], words: str, time, Omega
+) -> tuple[Run, float] | None:
+    """A motion's run and what tells its closest two rivals apart; slower where one runs away.
+
+    A spring that softens holds the sphere only as far as the runs have shown.
+    """
+    rig = model.rig_at(rivals[0])
+    for k in range(SLOWER + 1):
+        said = words if k == 0 else f"{words}, all {2**k} times slower"
+        machine = _planned(model, rig, said, time, Omega / 2**k)
+        if machine is None:
+            continue
+        (run,) = machine.runs
+        seen = [_Seen(model, machine, 0).predict(p) for p in rivals]
+        if all(np.isfinite(part).all() for rows in seen for part in rows):
+            return run, min(_margin(a, b) for a, b in itertools.permutations(seen, 2))
+    return None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -76,12 +102,15 @@ class _Seen:
         return self.machine.aside()
 
     def predict(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
-        """Rows at a rival, and an orthonormal basis of what its own sizes change in them."""
+        """Rows at a rival, and an orthonormal basis of what its own sizes change in them.
+
+        Of a rival that runs away they are not finite.
+        """
         point = Point(point.u, tuple(with_width(self.model.laws[e.id], e) for e in point.effects))
         (here,) = self.residuals([point], "")
         free = self.model.free(point)
         J = difference_rows(self, point, free, here, np.zeros((len(here), 0)))
-        return here, orthonormal(J)
+        return here, orthonormal(J) if np.isfinite(J).all() else J
 
 
 def _margin(true, rival) -> float:
@@ -127,8 +156,8 @@ def _torques(machine: Machine, rig, i: int, Omega: np.ndarray) -> np.ndarray:
     return np.einsum("tij,tj->ti", np.linalg.pinv(turned), missing)
 
 
-def _planned(model: RigModel, rig, time) -> Machine:
-    """The feasible motions with their torques; what needs too much torque is made slower."""
+def _allowed(model: RigModel, rig, time) -> dict[str, np.ndarray]:
+    """The feasible motions; what needs too much torque is made slower."""
     top, most = _shown(model, rig)
     motions = feasible_motions(top, time)
     for words, Omega in motions.items():
@@ -137,11 +166,17 @@ def _planned(model: RigModel, rig, time) -> Machine:
         needed = np.abs(force @ np.linalg.pinv(axes).T * np.asarray(rig.wheel_radius))
         share = np.min(most / np.maximum(needed.max(axis=0), 1e-300))
         motions[words] = min(1.0, float(share)) * Omega
-    runs = [_run(model, rig, words, time, Omega) for words, Omega in motions.items()]
-    machine = Machine(rig, runs, model.noise, model.machine.window)
-    machine.runs = [
-        dataclasses.replace(run, torque=_torques(machine, rig, i, Omega))
-        for i, (run, Omega) in enumerate(zip(runs, motions.values(), strict=True))
-    ]
-    machine.rebase(rig)
+    return motions
+
+
+def _planned(model: RigModel, rig, words: str, time, Omega) -> Machine | None:
+    """A motion as a run with the torques that make it; `None` where `rig` runs away under them."""
+    try:
+        run = _run(model, rig, words, time, Omega)
+        machine = Machine(rig, [run], model.noise, model.machine.window)
+        torque = _torques(machine, rig, 0, Omega)
+        machine.runs = [dataclasses.replace(run, torque=torque)]
+        machine.rebase(rig)
+    except FloatingPointError:
+        return None
     return machine

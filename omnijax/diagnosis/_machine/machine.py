@@ -142,6 +142,8 @@ class Machine:
 
         Friction hangs on the motion itself, and so does what encoders hide of it: then again until
         the prediction stays, each time under the normal forces that the last one ended with.
+
+        Raises `FloatingPointError` where it runs away.
         """
         rolling = self.basis.rolling
         basis = self._basis(rig, None, rolling)
@@ -150,6 +152,9 @@ class Machine:
             self._begin(basis)
             rotated = self.rotated(rig)
             lengths = tuple(r.length for r in rotated.values())
+            for run, length in zip(self.runs, lengths, strict=True):
+                if not np.isfinite(length).all():
+                    raise FloatingPointError(f"the prediction of {run.name} runs away")
             change = [
                 np.std(new - old, axis=0).max()
                 for new, old in zip(lengths, basis.references, strict=True)
