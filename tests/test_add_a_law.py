@@ -102,6 +102,14 @@ def test_a_law_that_may_stand_nowhere_is_told(places, said, tmp_path, capsys):
     assert "a law of the port `mount` may have wheel, all." in error
 
 
+def test_a_law_without_a_formula_is_told(tmp_path):
+    """A method of another name was never called: a NotImplementedError, or no word at all."""
+    path = tmp_path / FILE
+    path.write_text(LAW.replace("__call__", "tension"), encoding="utf-8")
+    with pytest.raises(omnijax.InputError, match=r"`mount-quadratic-damper` has no formula: give"):
+        omnijax.load_laws(path)
+
+
 @pytest.mark.parametrize(("line", "said"), [
     ("places = -'w1'", "must write its `places` out"),
     ("places = WHEELS", "must write its `places` out"),

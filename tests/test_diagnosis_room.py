@@ -1,9 +1,10 @@
-"""Runs that memory has no room for, and runs that tell nothing, are refused before any work."""
+"""Runs that memory has no room for, runs that tell nothing and machines that run away: refused."""
 
 import dataclasses
 import re
 from pathlib import Path
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from recordings import columns, write
@@ -11,8 +12,30 @@ from recordings import columns, write
 from omnijax import InputError, read_case
 from omnijax._errors import DataWarning
 from omnijax.diagnosis import _room, diagnose
-from omnijax.laws import EFFECTS
+from omnijax.laws import EFFECTS, ContactCubic
+from omnijax.machine import load_model, read_machine_case
 from omnijax.rig import bundled_rigs
+
+DRIVEN = """
+from omnijax.machine import AbstractMachine
+
+class Driven(AbstractMachine):
+    J: float = 0.02
+    b: float = -1e4
+    inputs = {"input": "N m"}
+    outputs = {"position": "rad"}
+    places = {"shaft": ("motor",)}
+    uncertainty = {"J": 0.2}
+
+    def rate(self, x, u, ports):
+        return x[1], (u["input"] - self.b * x[1]) / self.J
+
+    def read(self, x, u):
+        return {"position": x[0]}
+
+    def start(self, first):
+        return first["position"]
+"""
 
 
 @pytest.fixture(scope="module")
@@ -60,3 +83,25 @@ def test_short_runs_are_refused(case):
     ]
     with pytest.raises(InputError, match=r"a run needs 100 samples: a\.csv has 20, b\.csv has 20"):
         diagnose(dataclasses.replace(case, runs=short))
+
+
+def test_a_rig_that_runs_away_is_refused(case):
+    """It ended in a traceback of a singular value decomposition."""
+    soft = case.rig.add(ContactCubic(jnp.asarray(-1e18)), "w2")
+    said = r"rig\.toml: the machine as described runs away .* the runs to learn from: .* not finite"
+    with pytest.raises(InputError, match=said):
+        diagnose(dataclasses.replace(case, rig=soft))
+
+
+def test_a_machine_of_ones_own_that_runs_away_is_refused(tmp_path):
+    """It ended in a traceback: a whole number cannot be NaN."""
+    t = 2e-3 * np.arange(400)
+    for k in range(3):
+        rows = np.stack([t, np.sin(9 * t + k), 1e-3 * np.cos(9 * t + k)], 1)
+        np.savetxt(
+            tmp_path / f"{k}.csv", rows, delimiter=",", header="t,input,position", comments=""
+        )
+    (tmp_path / "own.py").write_text(DRIVEN)
+    read = read_machine_case(tmp_path, load_model(tmp_path / "own.py"))
+    with pytest.raises(InputError, match="the machine as described runs away under the inputs of"):
+        diagnose(read)

@@ -19,7 +19,7 @@ from ._ode import (
     first_reading,
     missed_output,
 )
-from ._search import Point, calibrated, refit
+from ._search import Point, calibrated, check_foretold, refit
 from ._settings import SETTINGS
 
 STARTED = SETTINGS.axis_case.started
@@ -45,7 +45,9 @@ def _read(reading: HoldReading, laws: dict, tell, programs: Programs) -> Diagnos
     tell("calibrating the uncertain parameters")
     start = Point(np.zeros(len(model.priors)))
     model.rebase(start)
+    check_foretold(model, start, "train", case.path)
     fit = calibrated(model, start)
+    check_foretold(model, fit.point, "held-out", case.path)
     remarks += [reading.said] if reading.said else []
     tell("looking for what no law explains")
     model.set_floor(fit, tell)

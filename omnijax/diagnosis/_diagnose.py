@@ -25,7 +25,7 @@ from ._machine import (
 )
 from ._noise import Assumed, assumed_noise, by_group, run_levels
 from ._room import check_room
-from ._search import Point, calibrated, holds_list
+from ._search import Point, calibrated, check_foretold, holds_list
 from ._settings import SETTINGS
 
 MOSTLY = SETTINGS.diagnose.mostly
@@ -79,7 +79,7 @@ def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     levels = run_levels(noise, case.rig.size)
     runs = [dataclasses.replace(run, levels=levels) for run in runs]
     tell("calibrating the uncertain parameters")
-    model, start, wild = _model(case.rig, runs, by_group(noise), library, window, tell)
+    model, start, wild = _model(case, runs, by_group(noise), library, window, tell)
     faults = [*(str(f) for f in case.all_faults), *said, *wild]
     evidence = RigEvidence(model, noise, faults, confirmed_on)
     by_channel = mended(evidence, start, noise)
@@ -112,14 +112,16 @@ def mended(evidence: AbstractEvidence, point: Point, noise: dict[str, Assumed]):
     return out if any_wrong else None
 
 
-def _model(rig, runs, noise, library, window, tell) -> tuple[RigModel, Point, list[str]]:
+def _model(case: Case, runs, noise, library, window, tell) -> tuple[RigModel, Point, list[str]]:
     """The model of the runs without their outliers, calibrated, and what is to be said of these.
 
     First the encoders' outliers, then those that show already before the calibration, then those
     that its misfit had hidden.
     """
-    model, wild = RigModel(rig, runs, noise, library, window), []
+    rig, wild = case.rig, []
+    model = RigModel(rig, runs, noise, library, window)
     start = Point(np.zeros(len(model.priors)))
+    check_foretold(model, start, "train", case.rig_path)
     if any(len(without_encoder(run, rig.size)) for run in runs):
         for _ in range(2):  # at the stated machine, and at the calibrated one
             runs = with_start_angles(model.machine, model.rig_at(start))
@@ -134,4 +136,5 @@ def _model(rig, runs, noise, library, window, tell) -> tuple[RigModel, Point, li
         kept, said = without_outliers(model.machine, model.rig_at(start), groups)
         if said:
             model, wild = RigModel(rig, kept, noise, library, window), wild + said
+    check_foretold(model, start, "held-out", case.rig_path)
     return model, start, wild

@@ -147,6 +147,8 @@ def _check_declaration(path: Path, name: Any, law: type[AbstractLaw]) -> None:
         raise ValueError(f"{path}: the `id` of a law must be text, but is {name!r}.")
     if law.port not in PORTS:
         raise ValueError(f"{path}: law `{name}` has port {law.port!r}; ports are {PORTS}.")
+    if law.__call__ is AbstractLaw.__call__:
+        raise ValueError(f"{path}: law `{name}` has no formula: give it `__call__(self, signal)`.")
     if not isinstance(law.places, tuple) or not all(isinstance(p, str) for p in law.places):
         raise ValueError(f"{path}: law `{name}`: `places` must be a tuple of texts.")
     given = law.parameters

@@ -1,6 +1,7 @@
 """The search for what a model lacks: candidates, scans, refits, held-out tests."""
 
 from .calibration import calibrated as calibrated
+from .calibration import check_foretold as check_foretold
 from .candidates import WHOLE as WHOLE
 from .candidates import Candidate as Candidate
 from .candidates import holds_list as holds_list

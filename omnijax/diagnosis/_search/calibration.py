@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from ..._errors import InputError
 from .._settings import SETTINGS
 from .fit import Fit, refit
 from .model import AbstractModel, Point
@@ -12,6 +13,18 @@ MISFIT = SETTINGS.calibration.misfit
 RELATIVE = SETTINGS.calibration.relative
 END = SETTINGS.calibration.end
 SEED = 20
+
+
+def check_foretold(model: AbstractModel, point: Point, split: str, source: object) -> None:
+    """Raise `InputError` where what `point` foretells of the runs of `split` is not finite."""
+    if not np.isfinite(model.residuals([point], split)[0]).all():
+        which = "the held-out runs" if split == "held-out" else "the runs to learn from"
+        raise InputError(
+            f"the machine as described runs away under the inputs of {which}: what it foretells is "
+            "not finite. A law that drives or softens may be too strong, or a number in another "
+            "unit.",
+            source,
+        )
 
 
 def calibrated(model: AbstractModel, start: Point) -> Fit:
