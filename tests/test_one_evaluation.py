@@ -282,7 +282,7 @@ def users_law(rng, name, rig):
         "bent-scale": ((u(0.1, 0.4),), str(rng.choice(["dR", "theta_1", "Omega", "a_z"]))),
         "speed-slip": ((u(0.1, 0.2), u(1, 3)), None),
         "stiff-core": ((u(1e7, 1e8), u(0.01, 0.05)), None),
-        "quadratic-mount": ((u(1e3, 1e4),), None),
+        "quadratic-mount": ((u(1e4, 1e5),), None),
         "soft-grip": ((u(1, 10),), None),
         "slick-patch": ((u(1e-3, 1e-2),), None if rng.random() < 0.5 else "sphere"),
         "side-wind": ((u(0.05, 0.5), unit), "sphere"),

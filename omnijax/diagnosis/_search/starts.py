@@ -80,9 +80,9 @@ def at_finite_strength(
 
     Where the calibration ran off they are tried about the stated machine, and those `leading` by
     their tangents about the calibrated one too.  Laws without a strength that change nothing about
-    the calibrated machine are tried about the stated one in any case: the calibration has bent to
-    what they do.  Numbers of which the runs tell one combination are tried at the ends of their
-    valley too.
+    the calibrated machine are tried about the stated one in any case, and those without any number
+    that change less there than is missed: the calibration has bent to what they do.  Numbers of
+    which the runs tell one combination are tried at the ends of their valley too.
     """
     u = fit.point.u
     kept = np.max(np.abs(u), initial=0.0) < model.settings.ran_off
@@ -96,8 +96,8 @@ def at_finite_strength(
     if leading and not any(anchor is fit.point for anchor in anchors):
         tried.append((fit.point, leading))
     still = ids & without_strength(model)
-    hidden = [s for s in scores if s.dead and s.candidate.id in still]
-    if kept and hidden:
+    hidden = _hidden(model, fit, [s for s in scores if s.candidate.id in still]) if kept else []
+    if hidden:
         tried.append((stated, hidden))
     best: dict[str, Start] = {}
     for anchor, some in tried:
@@ -105,6 +105,19 @@ def at_finite_strength(
             if start.name not in best or start.cost < best[start.name].cost:
                 best[start.name] = start
     return list(best.values())
+
+
+def _hidden(model: AbstractModel, fit: Fit, scores: Sequence[Score]) -> list[Score]:
+    """Those of laws that change nothing about the fit, or have no number and change little there.
+
+    Less than is missed: it then says nothing of what they do about another machine.
+    """
+    whole = [s for s in scores if not s.dead and not model.laws[s.candidate.id].parameters]
+    effects = [Effect(s.candidate.id, s.candidate.place, {}) for s in whole]
+    points = [fit.point, *(fit.point.with_effects(*fit.point.effects, e) for e in effects)]
+    here, *there = model.residuals(points, model.ranking) if whole else [None]
+    little = [s for s, r in zip(whole, there, strict=True) if np.sum((r - here) ** 2) < here @ here]
+    return [*(s for s in scores if s.dead), *little]
 
 
 def _about(anchor: Point, model: AbstractModel, fit: Fit, scores, ids: set[str]) -> list[Start]:
