@@ -600,6 +600,57 @@ def test_beside_the_only_limit_that_is_tried_none_is_looked_for():
     assert start.point.effects[0].values == {"limit": 0.75}
 
 
+class TwoDrives(SmallModel):
+    """Torques of two drives; the first is at its limit, the second's torque is `other` as large."""
+
+    def __init__(self, true, other):
+        rng, id = drawn_anew("two drives"), "actuator-saturation"
+        self.torque = np.sin(0.05 * np.arange(500))[:, None] * [1.0, other]
+        shown = np.clip(self.torque, [-true, -np.inf], [true, np.inf])
+        self.shown = {s: shown + 1e-3 * rng.normal(size=(500, 2)) for s in ("train", "held-out")}
+        super().__init__(lambda p, laws, split: self.shown[split], [Prior("gain", 1.0, 0.1)],
+                         {id: EFFECTS[id]}, "")  # fmt: skip
+
+    def residuals(self, points, split):
+        return [self.left(self._values(p), p.effects, split) for p in points]
+
+    def left(self, p, effects, split):
+        acts = self.torque.copy()
+        for e in effects:
+            at = {"all": slice(None), "w1": 0, "w2": 1}[e.place]
+            acts[:, at] += self.laws[e.id](jnp.asarray(e.values["limit"]))(
+                SimpleNamespace(torque=acts[:, at])
+            )
+        return ((self.shown[split] - p["gain"] * acts) / 1e-3).ravel()
+
+    def candidates(self, point):
+        """Other limits are tried of all drives than of one, as where their torques differ."""
+        out = []
+        for place, limit in (("w1", 0.6), ("w2", 0.6), ("all", 0.95)):
+            (made,) = [self._candidate(law, {"limit": limit}) for law in self.laws.values()]
+            out.append(dataclasses.replace(made, place=place))
+        return out
+
+    def columns(self, point, candidates):
+        (base,) = self.residuals([point], "train")
+        effects = [Effect(c.id, c.place, c.decode(np.ones(1))) for c in candidates]
+        points = [point.with_effects(*point.effects, e) for e in effects]
+        return np.stack([base - x for x in self.residuals(points, "train")])
+
+
+@pytest.mark.parametrize("low", [True, False])
+def test_that_all_drives_have_a_limit_is_no_worse_where_the_others_do_not_reach_it(low):
+    """One drive was named; that its limit is one of all drives the runs cannot tell."""
+    true = drawn_anew("a limit of two").uniform(0.5, 0.7)
+    found = Search(TwoDrives(true, (0.9 if low else 1.1) * true)).run()
+    (effect,) = found.fit.point.effects
+    assert effect.values["limit"] == pytest.approx(true, abs=1e-2)
+    near = [rival.name for rival, margin, _ in found.rivals[0] if margin < SETTINGS.search.equal]
+    both = {effect.name, *near}
+    ids = {f"actuator-saturation@{place}" for place in ("w1", "all")}
+    assert both == (ids if low else {"actuator-saturation@w1"})
+
+
 class Lines(SmallModel):
     """A torque of two lines in an angle that turns by 20 rad, orders free."""
 

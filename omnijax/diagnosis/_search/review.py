@@ -196,6 +196,26 @@ class Review:
         one = a.unit == b.unit and not (a.linear or b.linear or a.shape or b.shape)
         return [{to: float(effect.values[key])}] if one else []
 
+    def _elsewhere(self, scan: Scan, fit: Fit, i: int) -> list[Score]:
+        """The law of effect i at all wheels instead of one, or at one instead of all, where it does
+        no more with the same numbers: at the others the runs do not reach its threshold.
+        """
+        effect, effects = fit.point.effects[i], fit.point.effects
+        others = (*effects[:i], *effects[i + 1 :])
+        if any(p.linear for p in self.model.laws[effect.id].parameters.values()):
+            return []
+        by_place = {s.candidate.place: s for s in scan.scores if s.candidate.id == effect.id}
+        out = []
+        for place, score in by_place.items():
+            if "all" not in (place, effect.place) or place == effect.place:
+                continue
+            moved = dataclasses.replace(effect, place=place)
+            point = fit.point.with_effects(*effects[:i], moved, *effects[i + 1 :])
+            alike = chi2_of(self.model, point, "train") < fit.chi2 + self.settings.near
+            if alike and not self.model.has(others, effect.id, place):
+                out.append(score)
+        return out
+
     @staticmethod
     def _held_margin(rival_left: np.ndarray, left: np.ndarray) -> float:
         """chi2 by which held-out runs speak against what a near rival leaves there.
@@ -218,11 +238,9 @@ class Review:
         best = [s for s in scan.best_per_name() if s.candidate.name not in names
                 and not self.model.has(others, s.candidate.id, s.candidate.place)]  # fmt: skip
         near = [s for s in best[: self.settings.rivals] if own - s.gain < self.settings.near]
-        return near + [
-            s
-            for s in best[: self.settings.few]
-            if s.gain > self.settings.like * own and all(s is not n for n in near)
-        ]
+        like = [s for s in best[: self.settings.few] if s.gain > self.settings.like * own]
+        elsewhere = self._elsewhere(scan, fit, i)
+        return list({s.candidate.name: s for s in [*near, *elsewhere, *like]}.values())
 
     def _scan_without(self, fit: Fit, i: int, signatures: Signatures) -> Scan:
         """Scores where effect i is left out, the other effects and the baseline free."""

@@ -115,9 +115,12 @@ def _hidden(model: AbstractModel, fit: Fit, scores: Sequence[Score]) -> list[Sco
     whole = [s for s in scores if not s.dead and not model.laws[s.candidate.id].parameters]
     effects = [Effect(s.candidate.id, s.candidate.place, {}) for s in whole]
     points = [fit.point, *(fit.point.with_effects(*fit.point.effects, e) for e in effects)]
-    here, *there = model.residuals(points, model.ranking) if whole else [None]
+    dead = [s for s in scores if s.dead]
+    if not whole:
+        return dead
+    here, *there = model.residuals(points, model.ranking)
     little = [s for s, r in zip(whole, there, strict=True) if np.sum((r - here) ** 2) < here @ here]
-    return [*(s for s in scores if s.dead), *little]
+    return [*dead, *little]
 
 
 def _about(anchor: Point, model: AbstractModel, fit: Fit, scores, ids: set[str]) -> list[Start]:
