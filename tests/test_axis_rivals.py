@@ -1,6 +1,10 @@
 """What tells rivals of an axis apart: the noise's colour, the input's reading, nested laws; and
 what held-out runs may say of numbers that no train run decides."""
 
+from types import SimpleNamespace
+from typing import Any
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -8,11 +12,13 @@ from scipy.signal import lfilter
 from benchmarks.axes.plants import Plant, moved, shown
 from omnijax.diagnosis._ode import HoldReading, better_reading, build_model
 from omnijax.diagnosis._ode.build import priors_of
+from omnijax.diagnosis._ode.experiment import next_run
 from omnijax.diagnosis._search import Effect, Point, Signatures, refit
 from omnijax.diagnosis._search.held_out import HeldOut
 from omnijax.diagnosis._search.refits import Refits
 from omnijax.diagnosis._search.review import Review
-from omnijax.machine import Axis, Log, MachineCase, load_machine
+from omnijax.laws import AbstractShaft, Parameter
+from omnijax.machine import Axis, Log, MachineCase, PlacedLaw, load_machine
 from tests.seeds import drawn_anew
 
 pytestmark = pytest.mark.long
@@ -192,3 +198,38 @@ def test_a_guessed_gravity_may_not_be_there():
     axis = Axis(inertia=1.0, gravity=drawn_anew("gravity").uniform(0.1, 3))
     (gravity,) = priors_of(axis, {"gravity": 1.0})
     assert gravity.at(-1.0) == pytest.approx(0.0) and gravity.at(0.5) > 0 and gravity.hard > 1
+
+
+class Whirls(AbstractShaft):
+    """A torque that grows with the cube of the speed: its axis runs away from a speed on."""
+
+    b: jnp.ndarray
+    id, formula = "whirls", "shaft torque += b ω³"
+    parameters = {"b": Parameter("N m s^3", linear=True)}  # noqa: RUF012
+
+    def __call__(self, signal, state=None):
+        return self.b * signal.speed**3
+
+
+def test_an_input_under_which_a_rival_runs_away_is_made_smaller_or_not_proposed():
+    """It counted as 0 apart, or those left were compared without a word."""
+    t = STEP * np.arange(250)
+    run = SimpleNamespace(
+        inputs={"input": 2 * np.sin(9 * t)}, outputs={"position": 0 * t}, step=STEP, hold="linear",
+        measured="position",
+    )  # fmt: skip
+    axis = Axis(0.02, damping=0.1)
+    model: Any = SimpleNamespace(
+        measured=SimpleNamespace(of=lambda role: [run]), machine=axis, noise=1e-3,
+        numbers=SimpleNamespace(
+            vector=lambda b: b, build=lambda b: (axis, (PlacedLaw(Whirls(jnp.asarray(b)), "axis"),))
+        ),
+    )  # fmt: skip
+    held, smaller = next_run(model, [-1e-6, 1e-6]), next_run(model, [0.0, 4e-4])
+    for proposed in (held, smaller):
+        assert proposed is not None
+        assert len(proposed["compared"]) == 4 and 0 < proposed["separation"] < np.inf
+    assert not any("times smaller" in row["drive"] for row in held["compared"])
+    assert all("times smaller" in row["drive"] for row in smaller["compared"][::2])
+    assert np.max(smaller["torque"]["values"]) <= 2.0
+    assert next_run(model, [0.0, 1e6]) is None

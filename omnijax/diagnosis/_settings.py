@@ -604,6 +604,7 @@ class FreeExperimentSettings:
     slow: float = 0.2  # Hz, of a sine
     chirp: tuple[float, float] = (0.1, 2.0)  # Hz, between which a sine gets faster
     written: float = 0.02  # s, between the values that are written down
+    smaller: int = 4  # times that an input under which a rival runs away is halved
 
 
 @dataclasses.dataclass(frozen=True)

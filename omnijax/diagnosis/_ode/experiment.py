@@ -12,6 +12,7 @@ SECONDS = SETTINGS.free_experiment.seconds
 SLOW = SETTINGS.free_experiment.slow
 CHIRP = SETTINGS.free_experiment.chirp
 WRITTEN = SETTINGS.free_experiment.written
+SMALLER = SETTINGS.free_experiment.smaller
 
 
 def inputs_of(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
@@ -27,8 +28,11 @@ def inputs_of(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def next_run(model: OdeModel, rivals) -> dict:
-    """The input whose worst pair of rivals lies farthest apart, in sigma of what is measured."""
+def next_run(model: OdeModel, rivals) -> dict | None:
+    """The input whose worst pair of rivals lies farthest apart, in sigma of what is measured.
+
+    An input under which some rival runs away is made smaller; `None` where none is left.
+    """
     train = model.measured.of("train")
     run = train[0]
     time = np.arange(0.0, SECONDS, run.step)
@@ -36,17 +40,29 @@ def next_run(model: OdeModel, rivals) -> dict:
     built = [model.numbers.build(model.numbers.vector(p)) for p in rivals]
     rest = {"position": (float(run.outputs["position"][0]), 0.0)}
     others = {k: np.full(len(time), x[0]) for k, x in run.inputs.items() if k != "input"}
-    rows, tried = [], inputs_of(top, time)
-    for words, values in tried.items():
+
+    def apart(values: np.ndarray) -> float:
+        """The separation of the closest two under an input; not finite where one runs away."""
         seen = [
             free_run(m, placed, rest, {"input": values, **others}, run.step, run.hold)[run.measured]
             for m, placed in built
         ]
-        apart = [
-            float(np.sum(((a - b) / model.noise) ** 2)) for a, b in itertools.combinations(seen, 2)
-        ]
-        finite = [x for x in apart if np.isfinite(x)]
-        rows.append({"drive": words, "separation": min(finite, default=0.0)})
+        if not all(np.isfinite(x).all() for x in seen):
+            return np.inf
+        pairs = itertools.combinations(seen, 2)
+        return min(float(np.sum(((a - b) / model.noise) ** 2)) for a, b in pairs)
+
+    rows, tried = [], {}
+    for words, values in inputs_of(top, time).items():
+        for k in range(SMALLER + 1):
+            separation = apart(values / 2**k)
+            if np.isfinite(separation):
+                said = words if k == 0 else f"{words}, all {2**k} times smaller"
+                rows.append({"drive": said, "separation": separation})
+                tried[said] = values / 2**k
+                break
+    if not rows:
+        return None
     best = max(rows, key=lambda r: r["separation"])
     values = tried[best["drive"]]
     thin = max(1, round(WRITTEN / run.step))
