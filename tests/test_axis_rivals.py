@@ -174,9 +174,8 @@ def test_a_window_begins_with_what_a_late_sensor_shows_of_before(tmp_path):
     assert np.mean(left**2) < 4  # the first samples alone come to hundreds
 
 
-@pytest.mark.parametrize(
-    "begin", [pytest.param(0, marks=pytest.mark.full), 215], ids=["at rest", "moving"]
-)
+@pytest.mark.full
+@pytest.mark.parametrize("begin", [0, 215], ids=["at rest", "moving"])
 def test_a_late_servo_shows_not_whether_its_sensor_or_its_goal_is_late(tmp_path, begin):
     rng = drawn_anew("late servo")
     text, (log,) = servo(rng, {"train": 0.1}, rng.uniform(0.006, 0.012))

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from seeds import drawn_anew
 
 import omnijax
 from omnijax._compiling import Effort, compiler_options
@@ -310,7 +311,7 @@ def test_rows_in_bulk_are_the_cases_one_by_one():
         }
     )
     cases = RigCases(study, ("rms",))
-    how, rng, size = cases.in_bulk, np.random.default_rng(), len(cases.parts)
+    how, rng, size = cases.in_bulk, drawn_anew("rows in bulk"), len(cases.parts)
     assert how is not None and how.method == "steady-bulk" and cases.how.method == "steady"
     x = rng.uniform([1e5, 0.4], [3e5, 0.5], (3, 2))
     draws = rng.uniform(-0.1, 0.1, (3, size))

@@ -191,6 +191,7 @@ def test_a_clock_that_is_off_is_no_effect_and_is_told(group, tmp_path):
 
 
 @pytest.mark.long
+@pytest.mark.full
 def test_a_delay_beyond_what_clocks_may_be_off_is_named_and_no_clock_is(tmp_path):
     late, off = drawn_anew("late").uniform(3e-3, 6e-3), drawn_lateness("a")
     answer = diagnosed(tmp_path, {"dR": late, "a": off})

@@ -45,6 +45,7 @@ def engine(hertz):
     return Engine(rig_problem(parse_study({**STUDY, "rig": hertz})), 1, 0)
 
 
+@pytest.mark.full
 def test_slopes_through_the_adaptive_solver(engine):
     """Central differences of step h err by rtol/h and h^2."""
     at, h = 0.6, 2e-3

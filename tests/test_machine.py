@@ -187,7 +187,8 @@ def law(id: str, **values):
     return PlacedLaw(EFFECTS[id](**{k: jnp.asarray(v, float) for k, v in values.items()}), "axis")
 
 
-@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.full)])
+@pytest.mark.full
+@pytest.mark.parametrize("seed", [1, 2])
 def test_dry_friction_and_a_line_are_named(tmp_path, seed):
     rng, data = np.random.default_rng(seed), drawn(seed)
     J = data["axis"]["inertia"]

@@ -67,10 +67,10 @@ def case(folder, seed: int, placed=(), noise: float = 2e-4) -> MachineCase:
     return MachineCase(folder, file, logs, False, [])
 
 
-QUADRATIC = pytest.param("load-friction-quadratic", "kappa", 1.0, marks=pytest.mark.full)
-
-
-@pytest.mark.parametrize(("id", "key", "power"), [("load-friction", "mu", 0.0), QUADRATIC])
+@pytest.mark.full
+@pytest.mark.parametrize(("id", "key", "power"), [
+    ("load-friction", "mu", 0.0), ("load-friction-quadratic", "kappa", 1.0),
+])  # fmt: skip
 def test_friction_that_grows_with_the_load_is_named_not_what_its_tangent_looks_like(
     tmp_path, id, key, power
 ):

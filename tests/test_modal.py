@@ -253,7 +253,7 @@ def test_metrics_read_from_samples():
 
     RMS and peak are those that are gathered on the way; of more than one group.
     """
-    rng, h, some = np.random.default_rng(), 1e-6, 4
+    rng, h, some = drawn_anew("metrics read from samples"), 1e-6, 4
     rig = hidden(machine(cone(rng, 3)))
     rows, along = rng.uniform(0.8, 1.2, (70, 6)), rng.normal(size=(some, 6))
     rows[-2 * some :] = np.concatenate([rows[:some] + h * along, rows[:some] - h * along])

@@ -70,6 +70,7 @@ def test_gradients_are_the_slopes_between_designs(name):
     assert np.all(error < [[1e-7], [1e-5]]), error
 
 
+@pytest.mark.full
 def test_wheels_whose_profiles_have_no_edges():
     """Figures of each design, and slopes along a drawn direction of all numbers of a row."""
     rng = drawn_anew("wheels without edges")

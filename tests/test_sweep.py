@@ -33,6 +33,7 @@ SPEEDS = (0.1, 1.2, 0.3)
 AXIS = read_axis("sphere.mass", "5,6", "kg")
 
 
+@pytest.mark.full
 def test_steady_sweep_is_the_steady_state_of_each_design():
     result = sweep("atlas", VARY, speeds=SPEEDS, chunk=2)
     assert result.spec.method == "steady-bulk" and result["peak"].shape == (4, 5)
@@ -59,6 +60,7 @@ def test_gradient_is_the_slope_between_designs():
     assert (result["d_rms.speed.w2"] != 0).all()
 
 
+@pytest.mark.full
 def test_slopes_of_an_output_that_shows_no_pole():
     """In the paper's model the floor alone moves the platform: in proportion to its amplitude.
 
@@ -152,6 +154,7 @@ EVERYWHERE = [
 ]  # fmt: skip
 
 
+@pytest.mark.full
 def test_torque_driven_sweeps_by_fixed_steps_agree_with_adaptive_runs(tmp_path, monkeypatch):
     """The step is taken so that halving it changes no trial figure by more than 1e-4.
 

@@ -120,6 +120,7 @@ def rig_of_one_pitch(*on_it):
     return rig
 
 
+@pytest.mark.full
 def test_a_measured_pitch_with_laws_is_the_same_when_it_is_traced():
     """With both laws at once, each of which moves the figures by more than they may differ."""
     rig, speed, names = rig_of_one_pitch(RUNOUT, DAMAGE), [5.0, 3.0, 4.0], ("rms", "peak")

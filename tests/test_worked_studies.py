@@ -11,8 +11,9 @@ pytestmark = pytest.mark.long
 FOLDER = Path(__file__).parents[1] / "experiments"
 LONG_STUDIES = (
     "wheel_design", "robust_design", "spread_design", "pareto_front", "pareto_front3",
+    "part_tolerances",
 )  # fmt: skip
-STUDIES = (*LONG_STUDIES, "part_tolerances", "stiffness_claim")
+STUDIES = (*LONG_STUDIES, "stiffness_claim")
 
 
 @pytest.mark.parametrize("name", tiered(STUDIES, LONG_STUDIES.__contains__))
