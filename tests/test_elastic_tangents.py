@@ -8,6 +8,7 @@ from seeds import drawn_anew
 from test_plant import recorded, runs_of
 
 from omnijax.diagnosis import Point, RigModel
+from omnijax.diagnosis._machine.locate import _tangents
 from omnijax.diagnosis._machine.runs import Run
 from omnijax.diagnosis._search import Effect, tangent_rows
 from omnijax.laws import EFFECTS
@@ -87,3 +88,21 @@ def test_laws_that_feel_the_contacts_or_bend_the_readings_leave_them_to_differen
 ):
     point = Point(np.zeros(len(model.priors)), (Effect(id, place, values),))
     assert model.prior_tangents(point, "train") == {}
+
+
+def test_noise_of_an_angle_is_no_part_of_what_its_radius_changes(model):
+    """A radius scales the measured angle: the noise of a healthy wheel was found in the angle."""
+    rng, named = drawn_anew("noise of an angle"), ("wheel.w2.radius", "wheel.w1.radius")
+    rig = dataclasses.replace(model.rig, uncertainty=tuple((path, 1e-3) for path in named))
+    runs = [
+        dataclasses.replace(run, outputs=run.outputs | {
+            "theta": run.outputs["theta"] + model.noise["theta"] * rng.normal(size=(run.samples, 3))
+        })
+        for run in model.machine.runs
+    ]  # fmt: skip
+    noisy = RigModel(rig, runs, model.noise, dict(EFFECTS))
+    residual, changes = _tangents(noisy, Point(np.zeros(len(noisy.priors))), 0)
+    left = np.concatenate(noisy.machine.rows[0].split(residual), axis=1)
+    for column, wheel in zip(changes["radius"], (1, 0), strict=True):
+        fast, noise = (np.diff(x[:400, wheel - 3], 6) for x in (column, left))
+        assert abs(fast @ noise) < 0.02 * noise @ noise  # the whole of it was there

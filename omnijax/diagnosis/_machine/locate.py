@@ -37,11 +37,10 @@ def locate(
 ) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
     """`discovered` of the residual of a rig's model at `point` on run `i`."""
     machine, rig = model.machine, model.rig_at(point)
-    vector, tangents = _tangents(model, point, i)
+    vector, changes = _tangents(model, point, i)
     labels = [f"dR_{c}" for c in "xyz"] + [f"a_{c}" for c in "xyz"]
     labels += [f"Omega_{c}" for c in "xyz"] + [f"theta_{k + 1}" for k in range(rig.size)]
     columns = dict(zip(labels, _table(machine, i, vector).T, strict=True))
-    changes = {k: [_table(machine, i, x) for x in own] for k, own in tangents.items()}
     own = {label: changing({k: np.stack([x[:, c] for x in tables], axis=1)
                             for k, tables in changes.items()},
                            SMALL * float(np.linalg.norm(columns[label])))
@@ -65,7 +64,7 @@ def _in_all_runs(model, rig, labels: list[str]) -> list[dict[str, Any]]:
         for c, label in enumerate(labels[:6])
     }
     turned = [_turned(machine, rig, i, x) for i, x in zip(every, vectors, strict=True)]
-    for k, label in enumerate(labels[9:]):
+    for k, label in enumerate(labels[-rig.size :]):
         lengths, shapes = zip(*((x[:, k], y[:, k : k + 1]) for x, y in turned), strict=True)
         out[label] = in_all_runs("motion Omega", lengths, shapes, k)
     return [{"channel": c, **answer} for c, answer in out.items() if answer is not None]
@@ -91,13 +90,15 @@ def _table(machine, i: int, vector: np.ndarray) -> np.ndarray:
 def _tangents(model: Any, point: Point, i: int) -> tuple[np.ndarray, dict[str, list[np.ndarray]]]:
     """The residual of run `i`, and by what is taken as constant its changes with those numbers.
 
-    They are those of a number's own size, of an angle's radian where it is zero.  One quantity of
-    all wheels is one entry, and so is every effect.
+    They are tables (samples, channels), those of a number's own size, of an angle's radian where it
+    is zero.  One quantity of all wheels is one entry, and so is every effect.  A wheel's radius
+    scales its measured angle: of that change what is left of the angle is no part, else noise of
+    its own would be found in it.
     """
     free = [f for f in model.free(point) if point.effects[f.effect].id != DRIFTS]
     values = np.array([value_of(point, f) for f in free])
     names, points, steps = [], [point], []  # steps in units of the numbers' sizes
-    known, out = model.elastic_tangents(point, [i]), {}
+    known, out, scaled = model.elastic_tangents(point, [i]), {}, {}
     for k, prior in enumerate(model.priors):
         head, *middle, last = prior.name.split(".")
         if head == CLOCK:
@@ -105,8 +106,10 @@ def _tangents(model: Any, point: Point, i: int) -> tuple[np.ndarray, dict[str, l
         name = ".".join([*middle[1:], last] if head == "wheel" else [head, *middle, last])
         size = prior.sigma / (1.0 if prior.relative else abs(prior.value) or 1.0)
         if k in known:
-            out.setdefault(name, []).append(known[k] / size)
+            out.setdefault(name, []).append(_table(model.machine, i, known[k] / size))
             continue
+        if name == "radius":
+            scaled[len(names)] = model.rig.names.index(middle[0]) - model.rig.size
         names.append(name)
         h = STEP if point.u[k] < 0 else -STEP
         points.append(moved(point, point.u + h * np.eye(len(point.u))[k], (), ()))
@@ -117,9 +120,13 @@ def _tangents(model: Any, point: Point, i: int) -> tuple[np.ndarray, dict[str, l
         points.append(moved(point, point.u, free, values + h * np.eye(len(free))[k]))
         steps.append(h / (abs(values[k]) or 1.0))
     here, *there = model.machine.residuals([model.rig_at(p) for p in points], [i])
-    for name, residual, step in zip(names, there, steps, strict=True):
+    left = _table(model.machine, i, here)
+    for k, (name, residual, step) in enumerate(zip(names, there, steps, strict=True)):
         if np.all(np.isfinite(residual)):
-            out.setdefault(name, []).append((residual - here) / step)
+            table = _table(model.machine, i, (residual - here) / step)
+            if k in scaled:
+                table[:, scaled[k]] -= left[:, scaled[k]]
+            out.setdefault(name, []).append(table)
     return here, out
 
 
