@@ -10,7 +10,7 @@ from test_diagnosis_search import LAWS, Soft, balance, law
 
 from benchmarks._lines import rate
 from benchmarks.hidden_effects import cases, thresholds
-from benchmarks.hidden_effects.answers import _numbers, right
+from benchmarks.hidden_effects.answers import _numbers, _turned_alike, right
 from benchmarks.hidden_effects.cases import drawn, planted
 from benchmarks.hidden_effects.effects import KNOWN, OUTSIDE
 from benchmarks.hidden_effects.machines import drawn_machine
@@ -103,6 +103,16 @@ def test_values_are_compared_with_sign_and_turn():
     assert v - t == pytest.approx(2 * np.pi - 6.2)
     axis = _numbers("axis", np.array([0.6, 0.0, 0.8]), {"value": [-0.6, 0, -0.8], "sigma": 0.01})
     assert max(abs(v - t) for t, v, _ in axis) < 1e-12
+
+
+def test_a_vibration_turned_about_is_the_one_half_a_turn_later():
+    truth = {"direction": np.array([0.6, 0.8, 0.0]), "phase": 1.0}
+    given = {"direction": {"value": [-0.6, -0.8, 0.0], "sigma": [0.1, 0.1, 0.1]},
+             "phase": {"value": 1.0 - np.pi, "sigma": 0.1}}  # fmt: skip
+    alike = _turned_alike("floor-vibration", truth, given)
+    for key, true in truth.items():
+        assert max(abs(v - t) for t, v, _ in _numbers(key, true, alike[key])) < 1e-12
+    assert _turned_alike("floor-vibration", truth, alike) == alike
 
 
 def test_an_extra_name_and_a_wrong_verdict_are_wrong():

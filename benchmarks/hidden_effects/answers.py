@@ -89,8 +89,10 @@ def compared(
         e = next((e for e in found.effects if (e.id, e.place) == (h.id, h.place)), None)
         if e is None or kind == "ambiguous":
             continue
-        for key, true in _recorded(h.id, h.truth(x), cut).items():
-            given = e.parameters.get(key)
+        truth = _recorded(h.id, h.truth(x), cut)
+        parameters = _turned_alike(h.id, truth, e.parameters)
+        for key, true in truth.items():
+            given = parameters.get(key)
             if given is None or None in np.ravel(given["sigma"]):
                 continue
             for k, (t, v, s) in enumerate(_numbers(key, true, given)):
@@ -106,6 +108,17 @@ def _recorded(id: str, truth: dict[str, Any], cut: float) -> dict[str, Any]:
     if id == "floor-vibration":
         return truth | {"phase": truth["phase"] + 2 * math.pi * truth["frequency"] * cut}
     return truth | {"a": truth["a"] + truth["b"] * cut} if id == "sensor-drift" else truth
+
+
+def _turned_alike(id: str, truth: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    """A vibration's direction on the truth's side: turned about, half a turn later, it is one."""
+    if id != "floor-vibration" or np.dot(given["direction"]["value"], truth["direction"]) >= 0:
+        return given
+    direction, phase = given["direction"], given["phase"]
+    return given | {
+        "direction": direction | {"value": [-x for x in direction["value"]]},
+        "phase": phase | {"value": phase["value"] + math.pi},
+    }
 
 
 def _numbers(key: str, true, given) -> list[tuple[float, float, float]]:
