@@ -79,7 +79,7 @@ def _followed(
         if machine is None:
             continue
         (run,) = machine.runs
-        seen = [_Seen(model, machine, 0).predict(p) for p in rivals]
+        seen = [_Seen(model, machine).predict(p) for p in rivals]
         if all(np.isfinite(part).all() for rows in seen for part in rows):
             return run, min(_margin(a, b) for a, b in itertools.permutations(seen, 2))
     return None
@@ -87,15 +87,14 @@ def _followed(
 
 @dataclasses.dataclass(frozen=True)
 class _Seen:
-    """One planned run as the diagnosis will see it."""
+    """The one run of a planned machine as the diagnosis will see it."""
 
     model: RigModel
     machine: Machine
-    index: int
 
     def residuals(self, points, split) -> list[np.ndarray]:
         """Rows at `points`, whatever the split."""
-        return self.machine.residuals([self.model.rig_at(p) for p in points], [self.index])
+        return self.machine.residuals([self.model.rig_at(p) for p in points], [0])
 
     def aside(self):
         """Nothing new is kept of the planned run meanwhile."""
@@ -146,9 +145,9 @@ def _run(model: RigModel, rig, words: str, time, Omega) -> Run:
     return Run(words, "held-out", time, np.zeros((n, rig.size)), zero, outputs, np.ones(n, bool))
 
 
-def _torques(machine: Machine, rig, i: int, Omega: np.ndarray) -> np.ndarray:
-    """Torques (t, n) under which `rig` makes the motion of a run that has none yet."""
-    run, rotated = machine.runs[i], machine.rotated(rig, [i])[i]
+def _torques(machine: Machine, rig, Omega: np.ndarray) -> np.ndarray:
+    """Torques (t, n) under which `rig` makes the motion of its one run, which has none yet."""
+    run, rotated = machine.runs[0], machine.rotated(rig)[0]
     r = rotated.turning.thin(FINE)
     change = np.gradient(Omega, run.step, axis=0)
     turned = np.moveaxis(r.rates[:, : rig.size], 1, 2)  # dOmega/dt of unit torques
@@ -174,7 +173,7 @@ def _planned(model: RigModel, rig, words: str, time, Omega) -> Machine | None:
     try:
         run = _run(model, rig, words, time, Omega)
         machine = Machine(rig, [run], model.noise, model.machine.window)
-        torque = _torques(machine, rig, 0, Omega)
+        torque = _torques(machine, rig, Omega)
         machine.runs = [dataclasses.replace(run, torque=torque)]
         machine.rebase(rig)
     except FloatingPointError:

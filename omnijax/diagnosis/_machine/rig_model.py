@@ -19,6 +19,7 @@ from .._search import (
     deviance,
     free_numbers,
     number,
+    strengths,
     white_level,
 )
 from .._settings import SETTINGS
@@ -260,8 +261,7 @@ class RigModel(AbstractModel):
         Sensors that bend what they read change what the readings say of it.
         """
         bent = any(
-            self.laws[e.id].port == "sensor"
-            and not any(p.linear for p in self.laws[e.id].parameters.values())
+            self.laws[e.id].port == "sensor" and not strengths(self.laws[e.id])
             for e in point.effects
         )
         return self.machine.rolls and (bent or self.needs_stepping(point.effects))

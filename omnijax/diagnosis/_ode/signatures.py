@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from .._search import Candidate, Point
+from .._search import Candidate, Point, strengths
 
 
 def signatures(model, point: Point, candidates: Sequence[Candidate]) -> np.ndarray:
@@ -24,7 +24,7 @@ def signatures(model, point: Point, candidates: Sequence[Candidate]) -> np.ndarr
                 if p.linear:
                     way[slot.part(key)] = value
                 here[slot.part(key)] = 0.0 if p.linear else value
-            finite.append(not any(p.linear for p in slot.law.parameters.values()))
+            finite.append(not strengths(slot.law))
             thetas.append(here)
             ways.append(way)
     thetas, ways, finite = np.stack(thetas), np.stack(ways), np.array(finite)

@@ -54,7 +54,7 @@ class Candidate:
         """Whether the signs are physical: bounds kept, a law without strength not turned round."""
         law = self.columns[0].law
         known = law.parameters
-        if not any(p.linear for p in known.values()):
+        if not strengths(law):
             return bool(coefficients[0] > WAY)
         values = self.decode(coefficients)
         if len(coefficients) == 1:

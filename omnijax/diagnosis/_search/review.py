@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from .._settings import SETTINGS
+from .candidates import strengths
 from .fit import Fit, refit
 from .held_out import HeldOut
 from .model import Effect, Point, to_project
@@ -202,7 +203,7 @@ class Review:
         """
         effect, effects = fit.point.effects[i], fit.point.effects
         others = (*effects[:i], *effects[i + 1 :])
-        if any(p.linear for p in self.model.laws[effect.id].parameters.values()):
+        if strengths(self.model.laws[effect.id]):
             return []
         by_place = {s.candidate.place: s for s in scan.scores if s.candidate.id == effect.id}
         out = []

@@ -12,6 +12,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from .._settings import SETTINGS
+from .candidates import strengths
 from .fit import Fit, predicted, tangents_at
 from .model import STEPPED, AbstractModel, Effect, Point
 from .scan import PRICE, Scan, Score
@@ -250,7 +251,7 @@ def without_strength(model: AbstractModel) -> set[str]:
     """Laws without a strength, which no multiple of a signature is, and quickly tried."""
     return {
         k for k, law in model.laws.items()
-        if law.port not in STEPPED and not any(p.linear for p in law.parameters.values())
+        if law.port not in STEPPED and not strengths(law)
     }  # fmt: skip
 
 
@@ -259,8 +260,8 @@ def _strengths(model: AbstractModel, score: Score, chi2: float) -> list[Effect]:
 
     Once where no strength is free.
     """
-    c, known = score.candidate, model.laws[score.candidate.id].parameters
-    if not any(p.linear for p in known.values()):
+    c, law = score.candidate, model.laws[score.candidate.id]
+    if not strengths(law):
         return [Effect(c.id, c.place, c.decode(score.coefficients))]
     if score.dead:
         return []
@@ -269,7 +270,8 @@ def _strengths(model: AbstractModel, score: Score, chi2: float) -> list[Effect]:
     effects = [Effect(c.id, c.place, c.decode(k * score.coefficients)) for k in factors]
     return [
         e for e in effects
-        if all(known[k].low <= v <= known[k].high for k, v in e.values.items() if np.ndim(v) == 0)
+        if all(law.parameters[k].low <= v <= law.parameters[k].high
+               for k, v in e.values.items() if np.ndim(v) == 0)
     ]  # fmt: skip
 
 
