@@ -12,7 +12,7 @@ from recordings import columns, write
 from omnijax import InputError, read_case
 from omnijax._errors import DataWarning
 from omnijax.diagnosis import _room, diagnose
-from omnijax.laws import EFFECTS, ContactCubic
+from omnijax.laws import EFFECTS, ContactCubic, RollingResistance
 from omnijax.machine import load_model, read_machine_case
 from omnijax.rig import bundled_rigs
 
@@ -85,9 +85,11 @@ def test_short_runs_are_refused(case):
         diagnose(dataclasses.replace(case, runs=short))
 
 
-def test_a_rig_that_runs_away_is_refused(case):
-    """It ended in a traceback of a singular value decomposition."""
+@pytest.mark.parametrize("rolling", [False, True])
+def test_a_rig_that_runs_away_is_refused(case, rolling):
+    """It ended in a traceback; friction of rolling takes the turning along with the contacts."""
     soft = case.rig.add(ContactCubic(jnp.asarray(-1e18)), "w2")
+    soft = soft.add(RollingResistance(jnp.asarray(1e-4)), "all") if rolling else soft
     said = r"rig\.toml: the machine as described runs away .* the runs to learn from: .* not finite"
     with pytest.raises(InputError, match=said):
         diagnose(dataclasses.replace(case, rig=soft))
