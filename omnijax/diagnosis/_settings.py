@@ -604,7 +604,6 @@ class FreeExperimentSettings:
     slow: float = 0.2  # Hz, of a sine
     chirp: tuple[float, float] = (0.1, 2.0)  # Hz, between which a sine gets faster
     written: float = 0.02  # s, between the values that are written down
-    smaller: int = 4  # times that an input under which a rival runs away is halved
 
 
 @dataclasses.dataclass(frozen=True)
@@ -812,7 +811,7 @@ class ExperimentSettings:
     slowly: tuple[float, ...] = (0.2, 0.3, 0.4)  # Hz, of turns about all axes at once
     fast: tuple[float, ...] = (0.7, 0.9, 1.2)
     written: float = 0.02  # s, between the torques that are written down
-    slower: int = 4  # times that a motion in which a rival runs away is made half as fast
+    halvings: int = 4  # of a run in which a rival runs away: half as fast, or half as large
 
 
 @dataclasses.dataclass(frozen=True)

@@ -26,3 +26,4 @@ from .stretches import Stretch as Stretch
 from .stretches import stretches as stretches
 from .verdict import Verdict as Verdict
 from .verdict import judge as judge
+from .weaker import weaker as weaker

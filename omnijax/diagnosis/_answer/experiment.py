@@ -14,6 +14,7 @@ from .._machine import FINE, Machine, RigModel, Run, wheel_tables
 from .._orthonormal import orthonormal
 from .._search import Point, difference_rows, with_width
 from .._settings import SETTINGS
+from .weaker import weaker
 
 SECONDS = SETTINGS.experiment.seconds
 SPIN_UP = SETTINGS.experiment.spin_up
@@ -22,7 +23,6 @@ LEVELS = SETTINGS.experiment.levels
 SLOWLY = SETTINGS.experiment.slowly
 FAST = SETTINGS.experiment.fast
 WRITTEN = SETTINGS.experiment.written
-SLOWER = SETTINGS.experiment.slower
 
 
 def feasible_motions(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
@@ -73,9 +73,8 @@ def _followed(
     A spring that softens holds the sphere only as far as the runs have shown.
     """
     rig = model.rig_at(rivals[0])
-    for k in range(SLOWER + 1):
-        said = words if k == 0 else f"{words}, all {2**k} times slower"
-        machine = _planned(model, rig, said, time, Omega / 2**k)
+    for said, share in weaker(words, "slower"):
+        machine = _planned(model, rig, said, time, share * Omega)
         if machine is None:
             continue
         (run,) = machine.runs

@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 
 from ...machine import free_run
+from .._answer import weaker
 from .._settings import SETTINGS
 from .model import OdeModel
 
@@ -12,7 +13,6 @@ SECONDS = SETTINGS.free_experiment.seconds
 SLOW = SETTINGS.free_experiment.slow
 CHIRP = SETTINGS.free_experiment.chirp
 WRITTEN = SETTINGS.free_experiment.written
-SMALLER = SETTINGS.free_experiment.smaller
 
 
 def inputs_of(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
@@ -54,12 +54,11 @@ def next_run(model: OdeModel, rivals) -> dict | None:
 
     rows, tried = [], {}
     for words, values in inputs_of(top, time).items():
-        for k in range(SMALLER + 1):
-            separation = apart(values / 2**k)
+        for said, share in weaker(words, "smaller"):
+            separation = apart(share * values)
             if np.isfinite(separation):
-                said = words if k == 0 else f"{words}, all {2**k} times smaller"
                 rows.append({"drive": said, "separation": separation})
-                tried[said] = values / 2**k
+                tried[said] = share * values
                 break
     if not rows:
         return None
