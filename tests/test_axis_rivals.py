@@ -1,9 +1,6 @@
 """What tells rivals of an axis apart: the noise's colour, the input's reading, nested laws; and
 what held-out runs may say of numbers that no train run decides."""
 
-from types import SimpleNamespace
-from typing import Any
-
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -13,12 +10,14 @@ from benchmarks.axes.plants import Plant, moved, shown
 from omnijax.diagnosis._ode import HoldReading, better_reading, build_model
 from omnijax.diagnosis._ode.build import priors_of
 from omnijax.diagnosis._ode.experiment import next_run
+from omnijax.diagnosis._ode.model import OdeModel
+from omnijax.diagnosis._ode.rows import FreeRun, OdeRun
 from omnijax.diagnosis._search import Effect, Point, Signatures, refit
 from omnijax.diagnosis._search.held_out import HeldOut
 from omnijax.diagnosis._search.refits import Refits
 from omnijax.diagnosis._search.review import Review
-from omnijax.laws import AbstractShaft, Parameter
-from omnijax.machine import Axis, Log, MachineCase, PlacedLaw, load_machine
+from omnijax.laws import AbstractShaft, BearingViscous, Parameter
+from omnijax.machine import Axis, Log, MachineCase, load_machine
 from tests.seeds import drawn_anew
 
 pytestmark = pytest.mark.long
@@ -210,25 +209,34 @@ class Whirls(AbstractShaft):
         return self.b * signal.speed**3
 
 
+def proposal(*rivals):
+    """The next run by which laws (id, value) of one axis would be told apart."""
+    t = STEP * np.arange(250)
+    axis, inputs = Axis(0.02, damping=0.1), {"input": 2 * np.sin(9 * t)}
+    run = OdeRun("run", "train", t, inputs, {"position": 0 * t}, 20.0)
+    laws = {"whirls": Whirls, "bearing-viscous": BearingViscous}
+    model = OdeModel(axis, [], [run], laws, [(i, "axis") for i in laws],
+                     lambda n, r: FreeRun(n, r, 0, 100, 1), 1e-3)  # fmt: skip
+    return next_run(model, [Point(np.zeros(0), (Effect(i, "axis", {"b": b}),)) for i, b in rivals])
+
+
 def test_an_input_under_which_a_rival_runs_away_is_made_smaller_or_not_proposed():
     """It counted as 0 apart, or those left were compared without a word."""
-    t = STEP * np.arange(250)
-    run = SimpleNamespace(
-        inputs={"input": 2 * np.sin(9 * t)}, outputs={"position": 0 * t}, step=STEP, hold="linear",
-        measured="position",
-    )  # fmt: skip
-    axis = Axis(0.02, damping=0.1)
-    model: Any = SimpleNamespace(
-        measured=SimpleNamespace(of=lambda role: [run]), machine=axis, noise=1e-3,
-        numbers=SimpleNamespace(
-            vector=lambda b: b, build=lambda b: (axis, (PlacedLaw(Whirls(jnp.asarray(b)), "axis"),))
-        ),
-    )  # fmt: skip
-    held, smaller = next_run(model, [-1e-6, 1e-6]), next_run(model, [0.0, 4e-4])
+    held = proposal(("whirls", -1e-6), ("bearing-viscous", 0.01))
+    smaller = proposal(("bearing-viscous", 0.01), ("whirls", 4e-4))
     for proposed in (held, smaller):
         assert proposed is not None
         assert len(proposed["compared"]) == 4 and 0 < proposed["separation"] < np.inf
     assert not any("times smaller" in row["drive"] for row in held["compared"])
     assert all("times smaller" in row["drive"] for row in smaller["compared"][::2])
     assert np.max(smaller["torque"]["values"]) <= 2.0
-    assert next_run(model, [0.0, 1e6]) is None
+    assert proposal(("bearing-viscous", 0.01), ("whirls", 1e6)) is None
+
+
+def test_what_another_size_of_a_rival_makes_tells_nothing():
+    """Of an axis they were compared as they stood: two sizes of one law would be told apart."""
+    b = drawn_anew("sizes").uniform(0.01, 0.1)
+    same = proposal(("bearing-viscous", b), ("bearing-viscous", 1.001 * b))
+    other = proposal(("bearing-viscous", b), ("whirls", -1e-3 * b))
+    assert same["separation"] < 1e-3 * other["separation"]
+    assert all(row["separation"] < 0.1 for row in same["compared"])

@@ -12,6 +12,9 @@ from .gap import gaps as gaps
 from .judges import JUDGES as JUDGES
 from .named_effect import Named as Named
 from .named_effect import OutputGap as OutputGap
+from .proposed import APART as APART
+from .proposed import AbstractProposed as AbstractProposed
+from .proposed import weaker as weaker
 from .result import Diagnosis as Diagnosis
 from .rig_evidence import RigEvidence as RigEvidence
 from .shown import Shown as Shown
@@ -26,4 +29,3 @@ from .stretches import Stretch as Stretch
 from .stretches import stretches as stretches
 from .verdict import Verdict as Verdict
 from .verdict import judge as judge
-from .weaker import weaker as weaker

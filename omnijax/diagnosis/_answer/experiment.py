@@ -6,15 +6,13 @@ would; what counts is the worst pair, after each rival's own sizes were fitted t
 """
 
 import dataclasses
-import itertools
 
 import numpy as np
 
 from .._machine import FINE, Machine, RigModel, Run, wheel_tables
-from .._orthonormal import orthonormal
-from .._search import Point, difference_rows, with_width
+from .._search import Point
 from .._settings import SETTINGS
-from .weaker import weaker
+from .proposed import APART, AbstractProposed, weaker
 
 SECONDS = SETTINGS.experiment.seconds
 SPIN_UP = SETTINGS.experiment.spin_up
@@ -60,9 +58,8 @@ def next_experiment(model: RigModel, rivals: list[Point]) -> dict | None:
     best = int(np.argmax([r["separation"] for r in rows]))
     thin = max(1, round(WRITTEN / step))
     values = planned[best][0].torque[::thin].tolist()
-    unit = "chi-square between the closest two rivals, each refitted to the other's run"
     torque = {"unit": "N m", "step": thin * step, "values": values}
-    return {**rows[best], "unit": unit, "torque": torque, "compared": rows}
+    return {**rows[best], "unit": APART, "torque": torque, "compared": rows}
 
 
 def _followed(
@@ -77,45 +74,24 @@ def _followed(
         machine = _planned(model, rig, said, time, share * Omega)
         if machine is None:
             continue
-        (run,) = machine.runs
-        seen = [_Seen(model, machine).predict(p) for p in rivals]
-        if all(np.isfinite(part).all() for rows in seen for part in rows):
-            return run, min(_margin(a, b) for a, b in itertools.permutations(seen, 2))
+        separation = _Planned(model, machine).separation(rivals)
+        if separation is not None:
+            return machine.runs[0], separation
     return None
 
 
 @dataclasses.dataclass(frozen=True)
-class _Seen:
-    """The one run of a planned machine as the diagnosis will see it."""
+class _Planned(AbstractProposed):
+    """The one run of a planned machine."""
 
     model: RigModel
     machine: Machine
 
-    def residuals(self, points, split) -> list[np.ndarray]:
-        """Rows at `points`, whatever the split."""
+    def rows(self, points):
         return self.machine.residuals([self.model.rig_at(p) for p in points], [0])
 
     def aside(self):
-        """Nothing new is kept of the planned run meanwhile."""
         return self.machine.aside()
-
-    def predict(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
-        """Rows at a rival, and an orthonormal basis of what its own sizes change in them.
-
-        Of a rival that runs away they are not finite.
-        """
-        point = Point(point.u, tuple(with_width(self.model.laws[e.id], e) for e in point.effects))
-        (here,) = self.residuals([point], "")
-        free = self.model.free(point)
-        J = difference_rows(self, point, free, here, np.zeros((len(here), 0)))
-        return here, orthonormal(J) if np.isfinite(J).all() else J
-
-
-def _margin(true, rival) -> float:
-    """chi2 by which `rival` misses the run of `true` after its own sizes are refitted."""
-    left, basis = rival[0] - true[0], rival[1]
-    left = left - basis @ (basis.T @ left)
-    return float(left @ left)
 
 
 def _shown(model: RigModel, rig) -> tuple[float, np.ndarray]:

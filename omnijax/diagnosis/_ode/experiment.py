@@ -1,13 +1,16 @@
 """The next run of a machine: the input among a few under which rivals differ most."""
 
-import itertools
+import dataclasses
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from ...machine import free_run
-from .._answer import weaker
+from .._answer import APART, AbstractProposed, weaker
+from .._search import Point
 from .._settings import SETTINGS
 from .model import OdeModel
+from .rows import OdeRun
 
 SECONDS = SETTINGS.free_experiment.seconds
 SLOW = SETTINGS.free_experiment.slow
@@ -28,8 +31,29 @@ def inputs_of(top: float, time: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def next_run(model: OdeModel, rivals) -> dict | None:
-    """The input whose worst pair of rivals lies farthest apart, in sigma of what is measured.
+@dataclasses.dataclass(frozen=True)
+class _Proposed(AbstractProposed):
+    """A free run from rest under inputs that were not given yet."""
+
+    model: OdeModel
+    run: OdeRun  # whose step, hold and measured output it has
+    inputs: Mapping[str, np.ndarray]
+
+    def rows(self, points):
+        thetas = np.stack([self.model.numbers.vector(p) for p in points])
+        only = self.model.numbers.active(thetas)  # no other law is worth its time
+        return [self._measured(*self.model.numbers.build(x, only)) / self.model.noise
+                for x in thetas]  # fmt: skip
+
+    def _measured(self, machine, placed) -> np.ndarray:
+        """The measured output (t,)."""
+        run = self.run
+        rest = {"position": (float(run.outputs["position"][0]), 0.0)}
+        return free_run(machine, placed, rest, self.inputs, run.step, run.hold)[run.measured]
+
+
+def next_run(model: OdeModel, rivals: Sequence[Point]) -> dict | None:
+    """The input whose worst pair of `rivals` lies farthest apart.
 
     An input under which some rival runs away is made smaller; `None` where none is left.
     """
@@ -37,26 +61,13 @@ def next_run(model: OdeModel, rivals) -> dict | None:
     run = train[0]
     time = np.arange(0.0, SECONDS, run.step)
     top = max(float(np.max(np.abs(r.inputs["input"]))) for r in train)
-    built = [model.numbers.build(model.numbers.vector(p)) for p in rivals]
-    rest = {"position": (float(run.outputs["position"][0]), 0.0)}
     others = {k: np.full(len(time), x[0]) for k, x in run.inputs.items() if k != "input"}
-
-    def apart(values: np.ndarray) -> float:
-        """The separation of the closest two under an input; not finite where one runs away."""
-        seen = [
-            free_run(m, placed, rest, {"input": values, **others}, run.step, run.hold)[run.measured]
-            for m, placed in built
-        ]
-        if not all(np.isfinite(x).all() for x in seen):
-            return np.inf
-        pairs = itertools.combinations(seen, 2)
-        return min(float(np.sum(((a - b) / model.noise) ** 2)) for a, b in pairs)
-
     rows, tried = [], {}
     for words, values in inputs_of(top, time).items():
         for said, share in weaker(words, "smaller"):
-            separation = apart(share * values)
-            if np.isfinite(separation):
+            proposed = _Proposed(model, run, {"input": share * values, **others})
+            separation = proposed.separation(rivals)
+            if separation is not None:
                 rows.append({"drive": said, "separation": separation})
                 tried[said] = share * values
                 break
@@ -65,7 +76,6 @@ def next_run(model: OdeModel, rivals) -> dict | None:
     best = max(rows, key=lambda r: r["separation"])
     values = tried[best["drive"]]
     thin = max(1, round(WRITTEN / run.step))
-    unit = "chi-square between the closest two rivals"
     shown = {"unit": next(iter(model.machine.inputs.values())), "step": thin * run.step,
              "values": values[::thin, None].tolist()}  # fmt: skip
-    return {**best, "unit": unit, "torque": shown, "compared": rows}
+    return {**best, "unit": APART, "torque": shown, "compared": rows}
