@@ -3,6 +3,7 @@
 import gc
 import os
 import shutil
+import time
 from importlib.metadata import version
 from pathlib import Path
 
@@ -25,9 +26,11 @@ os.environ.setdefault("XLA_FLAGS", FLAGS)
 os.environ.setdefault("MPLBACKEND", "Agg")
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
 os.environ.setdefault("OMNIJAX_KEEP_PROGRAMS", "0")  # hundreds of programs, of which few come again
-os.environ.setdefault(
-    "OMNIJAX_CACHE_DIR", str(Path(__file__).parents[1] / ".pytest_cache" / "compiled")
-)
+# compiled programs of the tests, one folder for every clone of this user: XLA's own cache, whose
+# keys are the program, the compiler, its flags and the processor
+COMPILED = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "omnijax" / "tests"
+KEPT = 14 * 86_400  # s
+os.environ.setdefault("OMNIJAX_CACHE_DIR", str(COMPILED))
 
 settings.register_profile("omnijax", derandomize=True, deadline=None, database=None)
 settings.load_profile("omnijax")
@@ -41,6 +44,15 @@ gc.set_threshold(100_000, 20, 50)
 MAPS = Path("/proc/self/maps")
 GARBAGE = 2**30  # bytes by which a process may grow before garbage is looked for
 _swept = {"size": 0}
+
+
+def pytest_sessionstart(session):
+    """Programs of other versions go once they are old; of a worker, its controller has done it."""
+    if hasattr(session.config, "workerinput") or not COMPILED.is_dir():
+        return
+    for file in COMPILED.rglob("*"):
+        if file.is_file() and time.time() - file.stat().st_mtime > KEPT:
+            file.unlink(missing_ok=True)
 
 
 def pytest_collection_modifyitems(items):

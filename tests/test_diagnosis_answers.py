@@ -76,6 +76,7 @@ def test_what_the_runs_cannot_tell_apart_is_ambiguous_with_every_rival(ambiguous
     assert excluded and not excluded & names
 
 
+@pytest.mark.full  # in the gate an axis's: test_axis_rivals
 def test_a_motion_in_which_a_rival_runs_away_is_made_slower_or_not_proposed(ambiguous):
     """A contact that softens holds the sphere only as far as the runs have pressed it."""
     model, outcome = ambiguous.details["model"], ambiguous.details["found"]

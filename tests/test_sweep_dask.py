@@ -18,6 +18,7 @@ SPEEDS = (0.1, 1.2, 0.3)
 COMMAND = ["sweep", "atlas", "--speed", "0.1,1.2,0.3", "--vary", "wheel.roundness=0.2,0.3"]
 
 
+@pytest.mark.full  # in the gate: a cluster that goes, and a killed process (test_sweep_store)
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
 @pytest.mark.filterwarnings("ignore::ResourceWarning")
 def test_killed_worker_costs_only_its_chunk(tmp_path, monkeypatch):

@@ -12,12 +12,12 @@ pytestmark = pytest.mark.long
 TUTORIALS = sorted((Path(__file__).parents[1] / "experiments").glob("tutorial_*.py"))
 
 
-def diagnoses(path):
-    """Whether it is the tutorial of which `test_diagnosis` asks for less of the same."""
-    return path.stem == "tutorial_5_diagnosis"
+def dear(path):
+    """Whether `test_diagnosis` and `test_design_rig` ask for less of the same."""
+    return path.stem in ("tutorial_4_design", "tutorial_5_diagnosis")
 
 
-@pytest.mark.parametrize("path", tiered(TUTORIALS, diagnoses), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", tiered(TUTORIALS, dear), ids=lambda path: path.stem)
 def test_tutorial(path, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with mpl.rc_context():
