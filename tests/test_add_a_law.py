@@ -108,6 +108,10 @@ def test_a_law_without_a_formula_is_told(tmp_path):
     path.write_text(LAW.replace("__call__", "tension"), encoding="utf-8")
     with pytest.raises(omnijax.InputError, match=r"`mount-quadratic-damper` has no formula: give"):
         omnijax.load_laws(path)
+    with pytest.raises(omnijax.InputError, match=r"`mount-quadratic-damper` has no formula: give"):
+        declared_laws(path)  # `check` said that all is right
+    path.write_text(LAW.replace("    def __call__(", "    def made(") + "\n    __call__ = made\n")
+    assert set(declared_laws(path)) == {"mount-quadratic-damper"}
 
 
 @pytest.mark.parametrize(("line", "said"), [

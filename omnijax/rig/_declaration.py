@@ -69,7 +69,17 @@ def _law(path: Path, name: str, node: ast.ClassDef, said: dict[str, ast.expr]) -
     places = _literal(said["places"], None) if "places" in said else base.places
     if not isinstance(places, tuple | list) or not all(isinstance(p, str) for p in places):
         raise InputError(f"{path}: law `{name}` must write its `places` out as a tuple of texts.")
+    if not _has_formula(node, said):
+        raise InputError(f"{path}: law `{name}` has no formula: give it `__call__(self, signal)`.")
     return Declared(name, str(_literal(said.get("port"), base.port)), tuple(places), parameters)
+
+
+def _has_formula(node: ast.ClassDef, said: dict[str, ast.expr]) -> bool:
+    """Whether the class, or one that it derives from, may have a `__call__`."""
+    bases = [_base(b) for b in node.bases]
+    inherited = any(b is None or b.__call__ is not laws.AbstractLaw.__call__ for b in bases)
+    written = (x.name for x in ast.walk(node) if isinstance(x, ast.FunctionDef))
+    return inherited or "__call__" in said or "__call__" in written
 
 
 def _base(node: ast.expr) -> type[laws.AbstractLaw] | None:
