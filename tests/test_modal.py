@@ -100,7 +100,8 @@ def maker(rig):
     return eqx.Partial(_at, rig)
 
 
-# their profiles and effects are those of test_one_evaluation, in every quantity
+# the profiles and effects of two are those of test_one_evaluation, in every quantity; the paper's
+# variant is asked for its peaks below
 DEAR = ("four, mixed", "three, hidden effects", "two, paper")
 
 
