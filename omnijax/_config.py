@@ -7,6 +7,7 @@ from pathlib import Path
 import jax
 
 from ._private import private_folder
+from ._sealed_cache import seal_entries
 from ._waiting import Patience, listeners
 
 
@@ -34,6 +35,7 @@ def configure() -> None:
         if reason is not None:  # what lies there is code, and others could have put it there
             logging.getLogger("omnijax").warning("compiled programs are not kept: %s", reason)
             return
+        seal_entries(cache_folder())
         jax.config.update("jax_compilation_cache_dir", str(cache_folder()))
         jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
