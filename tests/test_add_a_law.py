@@ -114,6 +114,66 @@ def test_a_law_without_a_formula_is_told(tmp_path):
     assert set(declared_laws(path)) == {"mount-quadratic-damper"}
 
 
+WAYS = {  # of a class's head, its lines, and what stands before it
+    "port under another name": ("from omnijax.laws import AbstractMount as Port\n", "Port", ""),
+    "port given a name": ("Port = laws.AbstractMount\n", "Port", ""),
+    "below a class of the file": ("class Head(laws.AbstractMount):\n    places = ('all',)\n"
+                                  "    def __call__(self, signal, state=None):\n"
+                                  "        return signal.rate\n", "Head", ""),
+    "with its fields": ("class Head(laws.AbstractMount):\n    a: jnp.ndarray\n"
+                        "    id, places = 'head', ('all',)\n"
+                        "    parameters = {'a': laws.Parameter('m')}\n"
+                        "    def __call__(self, signal, state=None):\n"
+                        "        return self.a\n", "Head",
+                        "parameters = Head.parameters | {'k': laws.Parameter('N')}"),
+    "below a law of the library": ("", "laws.MountCubic",
+                                   "parameters = {**laws.MountCubic.parameters, "
+                                   "'k': laws.Parameter('N')}"),
+    "constants": ("HIGH, PLACES = 2 * 3.5, ('all', 'wheel')\n", "laws.AbstractMount",
+                  "parameters, places = {'k': laws.Parameter('N', high=HIGH)}, PLACES"),
+    "a list of places": ("", "laws.AbstractMount", "places = ['wheel']"),
+    "no field": ("", "laws.AbstractMount", "parameters = {'j': laws.Parameter('N')}"),
+    "no port": ("", "laws.AbstractMount", "port = 'spring'"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_the_text_declares_what_the_run_declares(way, tmp_path):
+    """`check` refused what a run takes, a law below another class, and took what a run refuses."""
+    before, base, line = WAYS[way]
+    path = tmp_path / FILE
+    path.write_text(f"""from omnijax import laws
+import jax.numpy as jnp
+{before}
+class Mine({base}):
+    k: jnp.ndarray
+    id = "mine"
+    parameters = {{"k": laws.Parameter("N", high=jnp.inf)}}
+    {line}
+    def __call__(self, signal, state=None):
+        return self.k * signal.rate
+""")
+    answers = []
+    for read in (omnijax.load_laws, declared_laws):
+        try:
+            answers.append(
+                {name: (x.port, x.places, x.parameters) for name, x in read(path).items()}
+            )
+        except omnijax.InputError as error:
+            answers.append(str(error))
+    assert answers[0] == answers[1]
+    refused = way in ("a list of places", "no field", "no port")
+    assert isinstance(answers[0], str) == refused, answers[0]
+
+
+def test_the_text_of_many_laws_declares_what_the_run_declares():
+    path = Path(__file__).parent / "laws_of_a_user.py"
+    run_, read = omnijax.load_laws(path), declared_laws(path)
+    assert len(read) > 10 and {k: (x.port, x.places, x.parameters) for k, x in read.items()} == {
+        k: (x.port, x.places, x.parameters) for k, x in run_.items()
+    }
+
+
 @pytest.mark.parametrize(("line", "said"), [
     ("places = -'w1'", "must write its `places` out"),
     ("places = WHEELS", "must write its `places` out"),

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ._library import AXIS_EFFECTS as AXIS_EFFECTS
     from ._library import EFFECTS as EFFECTS
     from ._library import PORTS as PORTS
+    from ._library import declaration_problem as declaration_problem
     from ._library import in_words as in_words
     from ._library import laws_of as laws_of
     from ._library import load_laws as load_laws

@@ -3,7 +3,7 @@
 import signal
 import threading
 import types
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -137,29 +137,31 @@ def laws_of(text: bytes, path: Path) -> dict[str, type[AbstractLaw]]:
             "Abstract… ports and has an `id`."
         )
     for name, law in laws.items():
-        _check_declaration(path, name, law)
+        formula, fields = law.__call__ is not AbstractLaw.__call__, field_names(law)
+        wrong = declaration_problem(name, law.port, law.places, law.parameters, fields, formula)
+        if wrong is not None:
+            raise ValueError(f"{path}: {wrong}")
     return laws
 
 
-def _check_declaration(path: Path, name: Any, law: type[AbstractLaw]) -> None:
-    """`ValueError` for a class whose declarations are not what a law's are."""
+def declaration_problem(
+    name: Any, port: Any, places: Any, parameters: Any, fields: Iterable[str], formula: bool
+) -> str | None:
+    """What of a class's declarations is not as a law's are; `formula`: has it a `__call__`."""
     if not isinstance(name, str):
-        raise ValueError(f"{path}: the `id` of a law must be text, but is {name!r}.")
-    if law.port not in PORTS:
-        raise ValueError(f"{path}: law `{name}` has port {law.port!r}; ports are {PORTS}.")
-    if law.__call__ is AbstractLaw.__call__:
-        raise ValueError(f"{path}: law `{name}` has no formula: give it `__call__(self, signal)`.")
-    if not isinstance(law.places, tuple) or not all(isinstance(p, str) for p in law.places):
-        raise ValueError(f"{path}: law `{name}`: `places` must be a tuple of texts.")
-    given = law.parameters
-    if not isinstance(given, dict) or not all(
-        isinstance(k, str) and isinstance(v, Parameter) for k, v in given.items()
+        return f"the `id` of a law must be text, but is {name!r}."
+    if port not in PORTS:
+        return f"law `{name}` has port {port!r}; ports are {PORTS}."
+    if not formula:
+        return f"law `{name}` has no formula: give it `__call__(self, signal)`."
+    if not isinstance(places, tuple) or not all(isinstance(p, str) for p in places):
+        return f"law `{name}`: `places` must be a tuple of texts."
+    if not isinstance(parameters, dict) or not all(
+        isinstance(k, str) and isinstance(v, Parameter) for k, v in parameters.items()
     ):
-        raise ValueError(f"{path}: law `{name}`: `parameters` must map names to Parameter(...).")
-    fields = set(field_names(law))
-    if set(given) != fields:
-        differ = ", ".join(sorted(set(given) ^ fields))
-        raise ValueError(f"{path}: law `{name}`: its fields and `parameters` differ: {differ}.")
+        return f"law `{name}`: `parameters` must map names to Parameter(...)."
+    differ = ", ".join(sorted(set(parameters) ^ set(fields)))
+    return f"law `{name}`: its fields and `parameters` differ: {differ}." if differ else None
 
 
 @contextmanager

@@ -1,16 +1,22 @@
 """What a law file declares, read from its text: nothing of it is run."""
 
 import ast
+import itertools
 import math
+import operator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 from .. import laws
 from .._errors import InputError
 from .._reading import TEXT, read_bytes
 from ..laws import Parameter
 
-_NO_VALUE = (ValueError, TypeError, IndexError)  # of an expression: a name, -"w1", float()
+# of an expression: a name, -"w1", float(), 1 / 0, one that is nested too deeply
+_NO_VALUE = (ValueError, TypeError, LookupError, ArithmeticError, RecursionError)
+_OF_TWO = {ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul}
+_OF_TWO |= {ast.Div: operator.truediv}
+_UNREAD = object()  # an expression that is no plain value
 
 
 class Declared(NamedTuple):
@@ -31,89 +37,156 @@ def declared_laws(path: Path) -> dict[str, Declared]:
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         said = getattr(error, "msg", None) or "it is nested too deeply or holds zero bytes"
         raise InputError(f"{path} is not Python: {said}.") from None
-    laws = {}
-    for node in tree.body:
-        if isinstance(node, ast.ClassDef):
-            said = _attributes(node)
-            name = _literal(said.get("id"), None)
-            if isinstance(name, str) and name:
-                laws[name] = _law(path, name, node, said)
-    if not laws:
-        raise InputError(f"{path}: declares no law: no class of it has an `id`.")
-    return laws
+    return _File(path).laws_of(tree)
 
 
-def _attributes(node: ast.ClassDef) -> dict[str, ast.expr]:
-    attributes: dict[str, ast.expr] = {}
-    for line in node.body:
-        if isinstance(line, ast.AnnAssign) and isinstance(line.target, ast.Name) and line.value:
-            attributes[line.target.id] = line.value
-        elif isinstance(line, ast.Assign):
-            attributes |= {t.id: line.value for t in line.targets if isinstance(t, ast.Name)}
-    return attributes
+class _Class(NamedTuple):
+    """A class of the file, or the library's, with what it has from those that it derives from."""
+
+    library: type[laws.AbstractLaw] | None  # the first of the library's classes above it
+    said: dict[str, Any]  # what its lines assign
+    fields: tuple[str, ...]
+    formula: bool
+
+    def attribute(self, name: str) -> Any:
+        """What stands under `name`, the library's where the file says nothing; else `_UNREAD`."""
+        return self.said.get(name, getattr(self.library, name, _UNREAD))
 
 
-def _law(path: Path, name: str, node: ast.ClassDef, said: dict[str, ast.expr]) -> Declared:
-    base = next((b for b in map(_base, node.bases) if b is not None), None)
-    if base is None:
-        raise InputError(f"{path}: law `{name}` derives from no port of omnijax.laws.")
-    given = said.get("parameters")
-    if not isinstance(given, ast.Dict | None):
-        raise InputError(f"{path}: law `{name}` must write its `parameters` out as a dict.")
-    parameters = {}
-    for key, value in zip(given.keys, given.values, strict=True) if given else ():
-        label = _literal(key, None)
-        if not isinstance(label, str):
-            raise InputError(f"{path}: law `{name}` must name its `parameters` by texts.")
-        parameters[label] = _parameter(path, name, label, value)
-    places = _literal(said["places"], None) if "places" in said else base.places
-    if not isinstance(places, tuple | list) or not all(isinstance(p, str) for p in places):
-        raise InputError(f"{path}: law `{name}` must write its `places` out as a tuple of texts.")
-    if not _has_formula(node, said):
-        raise InputError(f"{path}: law `{name}` has no formula: give it `__call__(self, signal)`.")
-    return Declared(name, str(_literal(said.get("port"), base.port)), tuple(places), parameters)
+class _File:
+    """What the lines of a law file's text have named so far."""
 
+    def __init__(self, path: Path):
+        self.path = path
+        self.named: dict[str, Any] = {}  # classes and plain values
 
-def _has_formula(node: ast.ClassDef, said: dict[str, ast.expr]) -> bool:
-    """Whether the class, or one that it derives from, may have a `__call__`."""
-    bases = [_base(b) for b in node.bases]
-    inherited = any(b is None or b.__call__ is not laws.AbstractLaw.__call__ for b in bases)
-    written = (x.name for x in ast.walk(node) if isinstance(x, ast.FunctionDef))
-    return inherited or "__call__" in said or "__call__" in written
+    def laws_of(self, tree: ast.Module) -> dict[str, Declared]:
+        """The laws by their id; a law below another of the same id takes its place."""
+        found = {}
+        for node in tree.body:
+            if isinstance(node, ast.ImportFrom):
+                names = ((x.asname, ast.Name(x.name)) for x in node.names if x.asname)
+                self.named |= {new: self._read(name) for new, name in names}
+            elif isinstance(node, ast.Assign | ast.AnnAssign):
+                self.named |= self._assigned(node)
+            elif isinstance(node, ast.ClassDef):
+                read = self.named[node.name] = self._class(node)
+                name = read.attribute("id")
+                if isinstance(name, str) and name:
+                    found[name] = self._law(name, read)
+        if not found:
+            raise InputError(f"{self.path}: declares no law: no class of it has an `id`.")
+        return found
 
+    def _class(self, node: ast.ClassDef) -> _Class:
+        said: dict[str, Any] = {}
+        fields: list[str] = []
+        for line in node.body:
+            if isinstance(line, ast.Assign | ast.AnnAssign):
+                said |= self._assigned(line)
+            if isinstance(line, ast.AnnAssign) and "ClassVar" not in ast.unparse(line.annotation):
+                fields.append(ast.unparse(line.target))
+        methods = (x.name for x in ast.walk(node) if isinstance(x, ast.FunctionDef))
+        formula, library = "__call__" in said or "__call__" in methods, None
+        for above in node.bases:
+            base = self._read(above)
+            if not isinstance(base, _Class):  # of another module: it may have a formula
+                formula = True
+                continue
+            said = base.said | said
+            fields = [*base.fields, *(x for x in fields if x not in base.fields)]
+            formula, library = formula or base.formula, library or base.library
+        return _Class(library, said, tuple(fields), formula)
 
-def _base(node: ast.expr) -> type[laws.AbstractLaw] | None:
-    name = node.attr if isinstance(node, ast.Attribute) else getattr(node, "id", "")
-    port = getattr(laws, name, None)
-    return port if isinstance(port, type) and issubclass(port, laws.AbstractLaw) else None
+    def _law(self, name: str, read: _Class) -> Declared:
+        if read.library is None:
+            raise InputError(f"{self.path}: law `{name}` derives from no port of omnijax.laws.")
+        port, places, parameters = map(read.attribute, ("port", "places", "parameters"))
+        if places is _UNREAD:
+            self._refuse(name, "its `places` out as a tuple of texts")
+        if not isinstance(parameters, dict):
+            self._refuse(name, "its `parameters` out as a dict")
+        for label, parameter in parameters.items():
+            if not isinstance(label, str):
+                raise InputError(f"{self.path}: law `{name}` must name its `parameters` by texts.")
+            if not isinstance(parameter, Parameter):
+                self._refuse(name, f"`{label}` out as Parameter(unit, ...)")
+        wrong = laws.declaration_problem(name, port, places, parameters, read.fields, read.formula)
+        if wrong is not None:
+            raise InputError(f"{self.path}: {wrong}")
+        return Declared(name, port, places, parameters)
 
+    def _refuse(self, law: str, what: str) -> NoReturn:
+        raise InputError(f"{self.path}: law `{law}` must write {what}.")
 
-def _parameter(path: Path, law: str, name: str, node: ast.expr) -> Parameter:
-    if isinstance(node, ast.Call) and not any(isinstance(a, ast.Starred) for a in node.args):
+    def _assigned(self, node: ast.Assign | ast.AnnAssign) -> dict[str, Any]:
+        """Name -> value of `a = x`, `a: t = x` and `a, b = x, y`."""
+        if node.value is None:
+            return {}
+        value, assigned = self._read(node.value), {}
+        for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+            if isinstance(target, ast.Name):
+                assigned[target.id] = value
+            elif isinstance(target, ast.Tuple):
+                whole = isinstance(value, tuple) and len(value) == len(target.elts)
+                every = value if whole else ()
+                pairs = itertools.zip_longest(target.elts, every, fillvalue=_UNREAD)
+                assigned |= {x.id: each for x, each in pairs if isinstance(x, ast.Name)}
+        return assigned
+
+    def _read(self, node: ast.expr) -> Any:
+        """The value of an expression; `_UNREAD` where only a run can tell it."""
         try:
-            values = [_value(a) for a in node.args]
-            named = {str(k.arg): _value(k.value) for k in node.keywords}
-            return Parameter(*values, **named)
+            return self._value(node)
         except _NO_VALUE:
-            pass
-    raise InputError(f"{path}: law `{law}` must write `{name}` out as Parameter(unit, ...).")
+            return _UNREAD
+
+    def _value(self, node: ast.expr) -> Any:
+        """A literal, a class, a `Parameter`, and what is made of them; nothing else is called."""
+        match node:
+            case ast.Name(name) if name in self.named:
+                value = self.named[name]
+            case ast.Attribute(owner, "parameters"):
+                value = self._value(owner).attribute("parameters")
+            case ast.Name(name) | ast.Attribute(_, name):
+                value = _of_the_library(name)
+            case ast.Tuple(parts):
+                value = tuple(map(self._read, parts))
+            case ast.Dict(keys, values):
+                value = self._table(keys, values)
+            case ast.UnaryOp(ast.USub(), number):
+                value = -self._value(number)
+            case ast.BinOp(left, ast.BitOr(), right):
+                value = self._value(left) | self._value(right)
+            case ast.BinOp(left, of_two, right) if type(of_two) in _OF_TWO:
+                pair = (self._value(left), self._value(right))
+                if not all(isinstance(x, int | float) for x in pair):
+                    raise TypeError("no numbers")
+                value = _OF_TWO[type(of_two)](*pair)
+            case ast.Call(ast.Name("float"), [number]):
+                value = float(self._value(number))
+            case ast.Call(function, given, named) if self._value(function) is Parameter:
+                value = Parameter(
+                    *map(self._value, given), **{str(k.arg): self._value(k.value) for k in named}
+                )
+            case _:
+                value = ast.literal_eval(node)
+        return value
+
+    def _table(self, keys: list[ast.expr | None], values: list[ast.expr]) -> dict:
+        table = {}
+        for key, value in zip(keys, values, strict=True):
+            read = self._read(value)
+            table |= read if key is None else {self._value(key): read}
+        return table
 
 
-def _literal(node: ast.expr | None, default: Any) -> Any:
-    try:
-        return default if node is None else _value(node)
-    except _NO_VALUE:
-        return default
-
-
-def _value(node: ast.expr) -> Any:
-    """A literal, an infinity (`math.inf`, `-jnp.inf`, `float("inf")`) or `ANY_LENGTH`."""
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
-        return -_value(node.operand)
-    if isinstance(node, ast.Attribute) and node.attr == "inf":
-        return math.inf
-    if "ANY_LENGTH" in (getattr(node, "id", ""), getattr(node, "attr", "")):
-        return laws.ANY_LENGTH
-    if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "float":
-        return float(ast.literal_eval(node.args[0]))
-    return ast.literal_eval(node)
+def _of_the_library(name: str) -> Any:
+    """What omnijax.laws has under `name`, or an infinity; `LookupError` where it declares none."""
+    value = getattr(math if name in ("inf", "pi") else laws, name, None)
+    if isinstance(value, float) or value is Parameter or name == "ANY_LENGTH":
+        return value
+    if not (isinstance(value, type) and issubclass(value, laws.AbstractLaw)):
+        raise LookupError(name)
+    formula = value.__call__ is not laws.AbstractLaw.__call__
+    return _Class(value, {}, laws.field_names(value), formula)
