@@ -62,7 +62,7 @@ class _File:
 
     def laws_of(self, tree: ast.Module) -> dict[str, Declared]:
         """The laws by their id; a law below another of the same id takes its place."""
-        found = {}
+        declared = {}
         for node in tree.body:
             if isinstance(node, ast.ImportFrom):
                 names = ((x.asname, ast.Name(x.name)) for x in node.names if x.asname)
@@ -73,10 +73,10 @@ class _File:
                 read = self.named[node.name] = self._class(node)
                 name = read.attribute("id")
                 if isinstance(name, str) and name:
-                    found[name] = self._law(name, read)
-        if not found:
+                    declared[name] = self._law(name, read)
+        if not declared:
             raise InputError(f"{self.path}: declares no law: no class of it has an `id`.")
-        return found
+        return declared
 
     def _class(self, node: ast.ClassDef) -> _Class:
         said: dict[str, Any] = {}
