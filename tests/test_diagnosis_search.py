@@ -231,6 +231,7 @@ def test_of_nested_laws_the_plain_one_is_named_unless_the_wider_gains(fades):
     (effect,) = found.fit.point.effects
     assert effect.id == ("stribeck" if fades else "bearing-coulomb")
     assert all(margin > SETTINGS.search.equal for _, margin, _ in found.rivals[0])
+    assert found.wider == ({} if fades else {effect.name: [f"stribeck@{effect.place}"]})
     at = [f.key for f in found.fit.free].index("torque") + 2
     sigma = np.sqrt(found.fit.covariance[at, at])
     assert abs(effect.values["torque"] - size) < 4.5 * sigma

@@ -176,6 +176,11 @@ def notes(
     clocks = evidence.clocks(outcome.fit if known else outcome.baseline)
     said = [judged.reason + ".", *noise, *clocks, *evidence.remarks()]
     said += twins(outcome, judged)
+    said += [
+        f"These runs do not tell {name} from {' and '.join(wider)}, of which it is a limit: the "
+        "plainer law is named."
+        for name, wider in (outcome.wider.items() if known else ())
+    ]
     if model.spent:
         said.append(
             f"The search ended at its budget of {model.budget:g} evaluations of the model: further "

@@ -26,13 +26,15 @@ Rival = tuple[Effect, float, float]
 class Reviewed:
     """A reviewed fit; by effect the refit without it, and its near rivals, nearest first.
 
-    `left_out` says by name why an effect of the way is not in it.
+    `left_out` says by name why an effect of the way is not in it, `wider` by name which laws that
+    an effect is a limit of explain the runs as well.
     """
 
     fit: Fit
     alone: dict[int, Fit]
     rivals: dict[int, list[Rival]]
     left_out: dict[str, str]
+    wider: dict[str, list[str]]
 
 
 class Review:
@@ -44,6 +46,7 @@ class Review:
     def __init__(self, refits: Refits, tell: Callable[[str], None], who: str = "held-out runs"):
         self.refits, self.model, self.tell, self.who = refits, refits.model, tell, who
         self.settings, self.left_out = self.model.settings, {}
+        self.wider: dict[str, list[str]] = {}
 
     def run(self, fit: Fit, signatures: Signatures, baseline: Fit) -> Reviewed:
         """The reviewed fit, what it is without each effect, and the near rivals of each."""
@@ -59,10 +62,10 @@ class Review:
                     fit, alone = self.prune(self.refits.settle(better), baseline)
                     break
             else:
-                return Reviewed(fit, alone, rivals, self.left_out)
+                return Reviewed(fit, alone, rivals, self.left_out, self.wider)
         count = range(len(fit.point.effects))
         rivals = {i: self.challenge(fit, i, signatures)[1] for i in count}
-        return Reviewed(fit, alone, rivals, self.left_out)
+        return Reviewed(fit, alone, rivals, self.left_out, self.wider)
 
     def prune(self, fit: Fit, baseline: Fit) -> tuple[Fit, dict[int, Fit]]:
         """Leave out effects without which the refit is as good; the refits without the others.
@@ -135,6 +138,7 @@ class Review:
         mine = [s for s in again.order if s.candidate.name == effects[i].name]
         own = max((s.gain for s in mine), default=0.0)
         rivals, alone = [], None
+        self.wider[effects[i].name] = []
         for score in self._near(again, own, fit, i):
             if self.model.spent:
                 break
@@ -153,8 +157,10 @@ class Review:
                 least = self.settings.equal
             if margin < least:  # by train runs alone
                 return new, []
-            if self._widens(rival, effects[i]):
-                continue  # a limit that explains as much is no other explanation
+            if self._widens(rival, effects[i]):  # one that explains as much is no other explanation
+                if margin + held < self.settings.near:
+                    self.wider[effects[i].name].append(rival.name)
+                continue
             cosine = again.cosine(mine[0].index, score.index) if mine else 0.0
             if margin < self.settings.near:
                 margin += held

@@ -35,7 +35,8 @@ class SearchResult:
 
     `alone` holds by effect the fit without it and that fit's chi2 on the held-out runs, `shows`
     what these show of the change that the effect makes, `signatures` those of the last scan,
-    `left_out` by name why an effect that was accepted is not in the fit.
+    `left_out` by name why an effect that was accepted is not in the fit, `wider` by name the laws
+    that an effect is a limit of and that explain the runs as well.
     """
 
     baseline: Fit
@@ -52,6 +53,7 @@ class SearchResult:
     signatures: Signatures | None = None
     shows: dict[int, HeldOut] = dataclasses.field(default_factory=dict)
     left_out: dict[str, str] = dataclasses.field(default_factory=dict)
+    wider: dict[str, list[str]] = dataclasses.field(default_factory=dict)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,6 +172,7 @@ class Search:
             signatures,
             {i: HeldOut.of(before, after) for i, before in without.items()},
             {name: why for name, why in reviewed.left_out.items() if name not in kept},
+            {name: laws for name, laws in reviewed.wider.items() if laws and name in kept},
         )
 
     def follow(self, way: SearchPath) -> SearchPath:
