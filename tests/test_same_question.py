@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from seeds import drawn_anew
 
-from omnijax import InputError, load_rig
+from omnijax import InputError, load_rig, steady_state, sweep
 from omnijax._errors import DataWarning
 from omnijax.cli import run
 from omnijax.cli._drive import asked, studied
 from omnijax.cli._motion import MotionOptions
-from omnijax.simulation import TorqueDrive
-from omnijax.study._evaluation import samples_of
+from omnijax.simulation import TorqueDrive, speeds
+from omnijax.study._evaluation import Question, evaluation_of, samples_of
+from omnijax.study._evaluation.methods import choose, in_step
 
 STUDY = """
 rig = "atlas"
@@ -96,3 +97,46 @@ def test_the_tolerance_of_a_study_file_is_handed_on(command, tmp_path, capsys, m
     if command == "sweep":
         assert run([command, str(file), "--rtol", "1e-7"]) == 2
         assert "--rtol stands in the study file" in capsys.readouterr().err
+
+
+def question(rig, speeds_, varied=(), duration=None):
+    drives = tuple(speeds(row) for row in np.atleast_2d(speeds_))
+    return Question(rig, drives, varied, ("rms",), "coupled", duration, rows=True)
+
+
+def test_wheels_in_step_are_told():
+    rng, rig = drawn_anew("in step"), load_rig("atlas-tripod")
+    pace, other = rng.uniform(0.5, 3, 2)
+    assert in_step(question(rig, [pace, 1.1 * pace, 1.3 * pace])) is None
+    assert in_step(question(rig, [pace, 0.0, 0.0])) is None  # what rests has no pace
+    told = in_step(question(rig, [pace, other, -pace]))
+    assert told is not None and told.startswith("w1 and w3 pass")
+    assert in_step(question(rig, [pace, other, -pace], ("speed.w3",))) is None
+    assert in_step(question(rig, [[pace, other, 2 * pace], [pace, pace, pace]])) is not None
+    with pytest.warns(DataWarning, match="w1, w2 and w3 pass their gaps in step"):
+        evaluation_of(question(rig, [pace] * 3))
+    evaluation_of(question(rig, [pace] * 3, duration=1.0), 100.0)  # takes the angles
+
+
+def test_a_start_angle_that_does_not_count_is_refused(capsys):
+    """The figures of the long run stayed as they were, without a word."""
+    words = ["sweep", "atlas-tripod", "--vary", "angle.w2=0,0.1", "--speed", "1,2,3"]
+    assert run(words) == 2
+    assert "a `duration`: `angle.w2` is varied, and figures" in capsys.readouterr().err
+    rig = load_rig("atlas-tripod")
+    assert choose(question(rig, [1.0, 0.0, 2.0], ("angle.w2",)))[0] == "steady-bulk"  # it rests
+    with pytest.raises(InputError, match=r"`angle\.w2` is varied"):
+        choose(question(rig, [1.0, 0.0, 2.0], ("angle.w2", "speed.w2")))
+
+
+def test_the_long_run_of_wheels_in_step_is_the_mean_over_their_start_angles():
+    rng, rig = drawn_anew("mean over angles"), load_rig("atlas-tripod")
+    pace = rng.uniform(3.0, 12.0)
+    pitch = 2 * np.pi / np.asarray(rig.wheels.rollers)
+    angles = [list(rng.uniform(0, 1) + p * np.arange(16) / 16) for p in pitch[:2]]
+    runs = sweep(rig, {"angle.w1": angles[0], "angle.w2": angles[1]}, ("rms",),
+                 speeds=[pace] * 3, duration=40.0, rate=100.0).to_xarray()  # fmt: skip
+    steady = steady_state(rig, [pace] * 3)
+    mean = np.sqrt(np.mean(runs.rms.values**2))
+    assert mean == pytest.approx(float(steady.rms), rel=0.01)
+    assert np.ptp(runs.rms.values) > 0.1 * mean  # they do matter

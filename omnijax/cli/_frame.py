@@ -10,6 +10,7 @@ import importlib
 import os
 import sys
 import warnings
+from collections.abc import Callable
 
 from cyclopts import App, CycloptsError, Group
 from cyclopts.exceptions import UnknownOptionError, UnusedCliTokensError
@@ -88,7 +89,7 @@ def run(tokens: list[str] | None = None) -> int:
     try:
         with command(), warnings.catch_warnings():
             warnings.simplefilter("always", DataWarning)
-            warnings.showwarning = _show
+            warnings.showwarning = _show_once()
             words = understood(sys.argv[1:] if tokens is None else tokens)
             trusted = "--trust-laws" in words
             words = [word for word in words if word != "--trust-laws"]
@@ -112,9 +113,16 @@ def run(tokens: list[str] | None = None) -> int:
         return _say(*said)
 
 
-def _show(message: Warning | str, category: type[Warning], *_: object) -> None:
-    """A warning as one line, without the place in the source."""
-    print(f"warning: {message}", file=sys.stderr)
+def _show_once() -> Callable[..., None]:
+    """A warning as one line, without the place in the source; of one command each line once."""
+    shown: set[str] = set()
+
+    def show(message: Warning | str, category: type[Warning], *_: object) -> None:
+        if str(message) not in shown:
+            print(f"warning: {message}", file=sys.stderr)
+        shown.add(str(message))
+
+    return show
 
 
 def _told(error: Exception) -> tuple[str, int] | None:

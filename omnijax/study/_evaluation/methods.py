@@ -8,6 +8,8 @@ goes to the first method without one, and where none is left the question is ref
 from collections.abc import Callable
 from typing import NamedTuple
 
+import numpy as np
+
 from ..._errors import InputError
 from ...dynamics import hold_obstacle
 from ...laws import DualRow
@@ -73,6 +75,46 @@ def _no_closed_form(q: Question) -> str | None:
     return reason or (None if q.constant else "the drive changes in time")
 
 
+def _phases_that_do_not_count(q: Question) -> str | None:
+    wheels = [name for name in _turning(q) if f"angle.{name}" in q.varied]
+    if not wheels:
+        return None
+    return (
+        f"`angle.{wheels[0]}` is varied, and figures of the long run are those of all start angles "
+        "of a wheel that turns"
+    )
+
+
+def _turning(q: Question) -> dict[str, list[float]]:
+    """Names of the wheels that turn in every drive, with their speeds there."""
+    speeds = np.array([np.asarray(turning(d).values)[0] for d in q.drives])
+    return {
+        name: speeds[:, i].tolist()
+        for i, name in enumerate(q.rig.names)
+        if np.all(speeds[:, i] != 0) or f"speed.{name}" in q.varied
+    }
+
+
+def in_step(q: Question) -> str | None:
+    """Which wheels pass their gaps in step, so that their start angles matter; None where none do.
+
+    The figures of the long run take the phases of signals as independent.
+    """
+    rollers = np.broadcast_to(np.asarray(q.rig.wheels.rollers, float), q.rig.size)
+    given = {k: v for k, v in _turning(q).items() if f"speed.{k}" not in q.varied}
+    for drive in range(len(q.drives)):
+        gaps = {k: abs(v[drive]) * rollers[q.rig.names.index(k)] for k, v in given.items()}
+        for pace in gaps.values():
+            alike = [k for k, x in gaps.items() if np.isclose(x, pace, rtol=1e-9, atol=0)]
+            if len(alike) > 1:
+                return (
+                    f"{', '.join(alike[:-1])} and {alike[-1]} pass their gaps in step, and in the "
+                    "long run no start angles are taken as known: an RMS is the mean over them, a "
+                    "peak the largest of all. A duration takes the angles of the drive."
+                )
+    return None
+
+
 def _no_steady_metric(q: Question) -> str | None:
     missing = [name for name in q.metrics if name not in STEADY_METRICS]
     return f"the steady state does not give {', '.join(missing)}" if missing else None
@@ -116,7 +158,7 @@ def _no_fixed_steps(q: Question) -> str | None:
 
 
 OBSTACLES: dict[str, tuple[Obstacle, ...]] = {
-    "steady": (_no_closed_form, _no_steady_metric, _nothing_holds),
+    "steady": (_no_closed_form, _no_steady_metric, _nothing_holds, _phases_that_do_not_count),
     "steady-bulk": (_no_rows, _no_modal_steady),  # beside `steady`'s
     "propagation": (_no_closed_form,),
     "bulk": (_no_rows, _no_modal_run),  # beside `propagation`'s
@@ -141,6 +183,8 @@ def choose(question: Question) -> tuple[str, str]:
     if reason is None:
         against = obstacle(bulk, question)
         return (bulk, WHY[bulk]) if against is None else (exact, f"{WHY[exact]}; {against}")
+    if question.duration is None and reason == _phases_that_do_not_count(question):
+        raise InputError(f"this study needs a `duration`: {reason}.")
     if question.duration is None:
         raise InputError(f"this study needs a `duration`: {reason}, so there is no steady state.")
     against = obstacle("fixed", question)
