@@ -3,15 +3,19 @@
 import jax
 import jax.numpy as jnp
 
+MOST = 2.0  # a squared vibration by its largest sample, where one oscillation has four of them
+
 
 def cubic_peak(y0, y1, d0, d1):
     """Largest value of a cubic of ends y0, y1 and rates d0, d1 on [0, 1], at its inner maximum.
 
     y0 where it has none.  The derivative is that at the maximum's own place (envelope theorem).
+    y is the square of a vibration; where samples are too far apart for it, the cubic knows no
+    bounds, and the peak between them is `MOST` of the larger end.
     """
     c2, c3 = 3 * (y1 - y0) - 2 * d0 - d1, 2 * (y0 - y1) + d0 + d1
     u = jax.lax.stop_gradient(_maximum(d0, c2, c3))
-    return y0 + u * (d0 + u * (c2 + u * c3))
+    return jnp.minimum(y0 + u * (d0 + u * (c2 + u * c3)), MOST * jnp.maximum(y0, y1))
 
 
 def _maximum(c1, c2, c3):

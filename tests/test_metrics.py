@@ -13,7 +13,7 @@ from omnijax._status import Status
 from omnijax.cli._simulate_summary import summarise
 from omnijax.study import load_study
 from omnijax.study._evaluation.evaluation import margin_status
-from omnijax.vibration import STEADY_METRICS, metric_problem
+from omnijax.vibration import STEADY_METRICS, follows, metric_problem, peak
 
 
 @pytest.fixture(scope="module")
@@ -87,7 +87,7 @@ def test_the_inner_maximum_of_cubics():
     u = np.linspace(0, 1, 4001)
     for rate in (0.0, 1e-17, -1e-17, 1e-9, None):
         for _ in range(200):
-            y0, y1, first, d1 = rng.normal(size=4)
+            (y0, y1), (first, d1) = rng.normal(size=2) ** 2, rng.normal(size=2)
             d0 = first if rate is None else rate
             c2, c3 = 3 * (y1 - y0) - 2 * d0 - d1, 2 * (y0 - y1) + d0 + d1
             values = y0 + u * (d0 + u * (c2 + u * c3))
@@ -95,4 +95,27 @@ def test_the_inner_maximum_of_cubics():
             inside = 0 < at < len(u) - 1
             ends = max(y0, y1)
             top = max(float(cubic_peak(y0, y1, d0, d1)), ends)
-            assert top == pytest.approx(values[at] if inside else ends, rel=1e-6, abs=1e-6)
+            right = min(values[at], 2 * ends) if inside else ends
+            assert top == pytest.approx(right, rel=1e-6, abs=1e-6)
+
+
+def test_a_peak_between_samples_that_do_not_follow_the_vibration_is_bounded():
+    """At 5 samples a second the peak was twice the largest value that the motion reached."""
+    rng = drawn_anew("coarse samples")
+    for _ in range(20):
+        omega, phase = rng.uniform(20, 300, 4), rng.uniform(0, 2 * np.pi, (4, 3))
+        size = rng.normal(size=(4, 3)) / omega[:, None]
+
+        def vibration(t, size=size, omega=omega, phase=phase):
+            angle = omega[:, None] * t[:, None, None] + phase
+            return (size * np.cos(angle)).sum(1), -(size * omega[:, None] * np.sin(angle)).sum(1)
+
+        fine, coarse = np.linspace(0, 2, 20_001), np.linspace(0, 2, rng.integers(5, 15))
+        top = np.max(np.linalg.norm(vibration(fine)[0], axis=1))
+        t = np.linspace(0, 2, int(2 * 8 * omega.max() / (2 * np.pi)))
+        assert follows(t, *vibration(t)) and not follows(coarse, *vibration(coarse))
+        assert float(peak(jnp.asarray(t), *map(jnp.asarray, vibration(t)))) <= 1.02 * top
+        values, rates = vibration(coarse)
+        largest = np.max(np.linalg.norm(values, axis=1))
+        bounded = float(peak(jnp.asarray(coarse), jnp.asarray(values), jnp.asarray(rates)))
+        assert largest <= bounded <= np.sqrt(2) * largest * (1 + 1e-12)

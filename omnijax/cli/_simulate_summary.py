@@ -19,12 +19,20 @@ def summarise(run: Any, rig: Any) -> dict[str, Any]:
     import jax
     import numpy as np
 
+    from .._errors import tell
     from .._status import Status
+    from ..vibration import follows
 
     good = np.all(np.isfinite(np.asarray(run.dR)), axis=1)
     kept = run  # a copy of a long run is not made for nothing
     if not good.all():
         kept = jax.tree.map(lambda x: x[good] if np.ndim(x) and len(x) == len(good) else x, run)
+    if good.sum() > 1 and not follows(kept.t, kept.dR, kept.dR_rate):
+        rate = (good.sum() - 1) / float(kept.t[-1] - kept.t[0])
+        tell([
+            f"{rate:.4g} samples a second do not follow this vibration: what lies between them "
+            "is not seen, peaks least of all. Give a higher `--rate`."
+        ])  # fmt: skip
     names = [name for name, _, _ in FIGURES]
     figures = _figures(kept, rig, names) if good.any() else dict.fromkeys(names)
     return {

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from .._lazy import lazy_face
 
 if TYPE_CHECKING:
+    from ._amplitude import follows as follows
     from ._amplitude import norm as norm
     from ._amplitude import peak as peak
     from ._amplitude import peak_to_peak as peak_to_peak

@@ -4,6 +4,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from .._arrays import largest, smallest
@@ -45,6 +46,17 @@ def _between(t, square, slope, i):
     h = t[i + 1] - t[i]
     y0, y1, d0, d1 = square[i], square[i + 1], h * slope[i], h * slope[i + 1]
     return cubic_peak(y0, y1, d0, d1)
+
+
+def follows(t, values, rates) -> bool:
+    """Whether samples follow a vibration: values change as their rates say, by the trapezoid.
+
+    Half of the change is missed at 2.7 samples an oscillation.
+    """
+    t, values, rates = np.asarray(t), np.asarray(values), np.asarray(rates)
+    change = np.diff(values, axis=0)
+    missed = change - np.diff(t)[:, None] * (rates[1:] + rates[:-1]) / 2
+    return bool(np.sum(missed**2) <= np.sum((0.5 * change) ** 2))
 
 
 def smooth_peak(values: Float[Array, "t c"], sharpness: float = 64.0) -> Float[Array, ""]:
