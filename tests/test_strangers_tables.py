@@ -351,3 +351,24 @@ def test_infinite_numbers_are_none(tmp_path, signals):
     q = np.where(np.arange(COUNT) % 40 == 7, np.inf, 0.1 * q)
     as_csv(tmp_path / "a.csv", [("t", t), ("torque", u), ("angle", q)])
     assert any("3 rows have no number" in x for x in new_case(tmp_path).faults)
+
+
+def test_json_keeps_groups_as_rows_and_tells_of_a_channel_that_lost_its_end(tmp_path):
+    """Both were gone without a word."""
+    rng, path = np.random.default_rng(7), tmp_path / "r.json"
+    t, torques = np.arange(20) / 100, {f"torque_{i}": list(rng.normal(size=20)) for i in (1, 2, 3)}
+    dR = rng.normal(size=(20, 3))
+    rows = [{"t": t[k], **{n: x[k] for n, x in torques.items()}, "dR": list(dR[k])}
+            for k in range(20)]  # fmt: skip
+    together = {"t": list(t), **torques}
+    for document in ({"log": rows}, {**together, "dR": dR.tolist()},
+                     {**together, "dR": dR.T.tolist()}):  # fmt: skip
+        path.write_text(json.dumps(document))
+        run = read_recording(path)
+        assert run.groups == ("dR",) and not run.faults
+        np.testing.assert_array_equal([run.channels[f"dR_{x}"] for x in "xyz"], dR.T)
+    short = {"a_x": list(t), "a_y": list(t[:-3]), "axis": list(t[:-3])}
+    path.write_text(json.dumps({**together, **short}))
+    run = read_recording(path)
+    (fault,) = run.faults
+    assert run.groups == ("a",) and fault.column == "a_y" and "17 values, but `t` 20" in fault.what

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._errors import InputError
+from ._columns import UNITS, group_of
 from ._csv import CsvTable, unpacked
 from ._dates import is_stamp, seconds_of
 from ._names import once
@@ -18,7 +19,8 @@ def read_json(path: Path) -> CsvTable:
     """Columns of a `.json` or `.json.gz` log.
 
     Read are the longest list of samples (`[{"t": 0, "q": 1}, ...]`), or the longest lists of one
-    length by name (`{"t": [...], "q": [...]}`), and the numbers beside them as constant columns.
+    length by name (`{"t": [...], "q": [...]}`), and the numbers beside them as constant columns; a
+    channel of a recording that is shorter is there too, a group `dR` may be rows of three.
     A nested name is `motor.position`; what is no number (a word, null) is NaN in its row, and dates
     are seconds from the first.  One sample a line, columns as tables by row (`{"q": {"0": 0.1}}`)
     and `columns` beside rows of `data`, as pandas writes them, are read too.
@@ -60,9 +62,9 @@ def _tables(node: Any, beside: dict[str, float]) -> list[tuple[int, dict, dict]]
         return []
     node = _by_column(node)
     beside = beside | {k: v for k, v in node.items() if isinstance(v, int | float)}
-    columns = {k: v for k, v in _flat(node).items() if _is_column(v)}
-    longest = max(map(len, columns.values()), default=0)
-    columns = {k: _numbers(v) for k, v in columns.items() if len(v) == longest}
+    columns = {k: v for k, v in _flat(node).items() if _is_column(v) or _is_matrix(v)}
+    longest = max((max(len(v), _width(v)) for v in columns.values()), default=0)
+    columns = {k: _numbers(v) for k, v in columns.items() if _belongs(k, v, longest)}
     out = [(longest, columns, beside)] if longest > 1 else []
     return out + [x for v in node.values() if isinstance(v, dict | list)
                   for x in _tables(v, beside)]  # fmt: skip
@@ -106,6 +108,23 @@ def _is_column(value: Any) -> bool:
     return _is_stamped(value) or all(x is None or isinstance(x, int | float) for x in value)
 
 
+def _is_matrix(value: Any) -> bool:
+    """Whether a list holds lists of numbers that are as long as each other."""
+    if not (isinstance(value, list) and len(value) > 1 and isinstance(value[0], list)):
+        return False
+    return all(isinstance(x, list) and len(x) == len(value[0]) and _is_column(x) for x in value)
+
+
+def _width(value: list) -> int:
+    """Numbers in a row of a matrix, as many as samples where it holds channels below each other."""
+    return len(value[0]) if _is_matrix(value) else 0
+
+
+def _belongs(name: str, value: list, longest: int) -> bool:
+    """Whether a list is a column of the table, or one of a recording that has lost its end."""
+    return longest in (len(value), _width(value)) or (len(value) > 1 and group_of(name) in UNITS)
+
+
 def _is_stamped(values: Any) -> bool:
     """Whether a list holds dates or times of day."""
     return len(values) > 1 and all(isinstance(x, str) and is_stamp(x) for x in values)
@@ -115,6 +134,8 @@ def _numbers(values: list) -> np.ndarray | list[str]:
     """Numbers (t,), or the stamps as they stand there."""
     if _is_stamped(values):
         return values
+    if _is_matrix(values):
+        return np.array([_numbers(row) for row in values])
     return np.array([
         float(x) if isinstance(x, int | float | bool) else np.nan for x in values
     ])  # fmt: skip
