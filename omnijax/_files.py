@@ -59,6 +59,16 @@ def note_input(path: str | Path) -> None:
             here.inputs.add(_identity(path))
 
 
+@contextmanager
+def looked_at() -> Iterator[None]:
+    """Inside, what is read is no input: a command looks at what it is about to write over."""
+    token = _command.set(None)
+    try:
+        yield
+    finally:
+        _command.reset(token)
+
+
 def claim(
     files: Iterable[Path | None] = (),
     folders: Iterable[Path | None] = (),

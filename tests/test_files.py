@@ -108,6 +108,18 @@ def test_force_writes_over_results(here, capsys):
     assert run([*words, "--overwrite", "--force", "1,0,0"]) == 0  # the force on the platform
     assert run(["simulate", "atlas", *SHORT, "--out", "my.csv", "--force"]) == 0
     assert Path("my-rig.toml").read_text() != "mine"
+    log, beside = Path("log.csv"), Path("log.toml")
+    words = ["simulate", "rig.toml", *SHORT, "--out", "log.csv"]
+    assert run(words) == 0 and run(["simulate", "atlas", *SHORT, "--out", "other.csv"]) == 0
+    old = log.read_bytes()
+    assert run([*words, "--force", "1,0,0", "--overwrite"]) == 0  # the sidecar stands, too
+    assert log.read_bytes() != old and 'rig = "rig.toml"' in beside.read_text()
+    beside.write_text("[sphere]\n")
+    assert run([*words, "--overwrite"]) == 2  # before the work
+    assert "is no NAME.toml of a run" in capsys.readouterr().err
+    assert log.read_bytes() != old and beside.read_text() == "[sphere]\n"
+    drive = ["simulate", "rig.toml", "--drive", "other.csv", "--out", "other.csv", "--overwrite"]
+    assert run(drive) == 2 and "never written over" in capsys.readouterr().err
     assert not [x for x in os.listdir() if x.startswith(".omnijax")]
 
 

@@ -208,7 +208,7 @@ def _claim(
     name: str, rig: Any, out: Path | None, plot: Path | None, resume: bool, force: bool
 ) -> None:
     """Every file that this run will write, before it begins."""
-    from ..recording import files_of_recording
+    from ..recording import check_beside, files_of_recording
     from ..rig import files_of_rig
 
     files = [plot]
@@ -219,6 +219,8 @@ def _claim(
     claim(
         files, force=force, resumed=out if resume and out is not None and _is_netcdf(out) else None
     )
+    if out is not None and not _is_netcdf(out):
+        check_beside(out)
 
 
 def _rig_file(name: str, rig: Any, out: Path) -> Path | None:

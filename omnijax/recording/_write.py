@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from .._errors import InputError, require
-from .._files import write_text, writing
+from .._files import looked_at, write_text, writing
 from .._reading import read_toml
 from ._columns import columns
 from ._csv import write_csv
@@ -24,8 +24,8 @@ def write_recording(path: str | Path, recording: Recording) -> Path:
     written.
     """
     path = Path(path)
-    beside = path.with_name(stem_of(path) + ".toml")
-    _check_beside(beside)
+    _, beside = files_of_recording(path)
+    check_beside(path)
     names = [c for c in columns(recording.wheels)[1:] if c in recording.channels]
     table = {"t": recording.time, **{c: recording.channels[c] for c in names}}
     suffix = suffix_of(path)
@@ -54,12 +54,14 @@ def _write_parquet(path: Path, table: dict[str, np.ndarray]) -> None:
         parquet.write_table(arrow.table(table), part)
 
 
-def _check_beside(sidecar: Path) -> None:
-    """`InputError` where another file than a NAME.toml has that name: a rig file, say."""
+def check_beside(path: str | Path) -> None:
+    """`InputError` where another file than a NAME.toml has the sidecar's name: a rig file, say."""
+    _, sidecar = files_of_recording(path)
     if not sidecar.exists():
         return
     try:
-        keys = set(read_toml(sidecar))
+        with looked_at():
+            keys = set(read_toml(sidecar))
     except (InputError, OSError):
         keys = {""}
     if not keys <= set(KEYS):
