@@ -17,6 +17,8 @@ from omnijax.simulation import propagate, ramp, simulate, speeds
 from omnijax.simulation._exact.constant import constant_response
 from omnijax.simulation._exact.forcing import wheel_pieces
 from omnijax.simulation._exact.system import exact_obstacle
+from omnijax.study import sweep
+from omnijax.vibration import evaluate
 
 pytestmark = pytest.mark.brief
 
@@ -178,3 +180,26 @@ def test_samples_that_fall_on_the_starts_of_periods_are_like_their_neighbours():
         ts = np.sort(np.concatenate([[0.0], passing, passing + 1e-10]))
         dR = np.asarray(propagate(rig, speeds(turning), ts).dR)[1:]
         np.testing.assert_allclose(dR[::2], dR[1::2], atol=1e-6 * np.abs(dR).max())
+
+
+def test_starts_at_an_edge_with_the_slope_of_the_side_it_turns_to():
+    rng = drawn_anew("edges")
+    rig = drawn_machine(rng, 3, contact_damping=2000.0)
+    gaps, signs = rig.gaps, rng.permutation([-1.0, -1.0, 1.0])
+    edges = rng.integers(-3, 4, 3) * gaps.pitch + rng.integers(0, 2, 3) * gaps.width
+    drive = speeds(signs * rng.uniform(0.5, 3.0, 3), initial_angle=edges)
+    for how in ({"solver": "dopri8", "rtol": 1e-9}, {}):
+        run = simulate(rig, drive, jnp.asarray([0.0, 1e-8, 2e-8]), **how)
+        force = np.asarray(run.normal_force)
+        assert np.abs(force[1] - force[0]).max() < 1e-4 * force.max(), how
+
+
+def test_a_sweep_of_wheels_that_turn_backwards_sees_what_a_run_sees():
+    rng = drawn_anew("backwards")
+    rig = drawn_machine(rng, 3, contact_damping=2000.0)
+    drive = speeds(-rng.uniform(0.5, 3.0, 3))
+    names = ("sphere_acceleration_peak", "lift_off_margin")
+    swept = sweep(rig, {"sphere.mass": [5.0, 6.0]}, names, drive=drive, duration=0.1)
+    run = evaluate(simulate(rig, drive, 0.1), rig, names)
+    for name in names:
+        assert float(swept.to_xarray()[name][0]) == pytest.approx(float(run[name]), rel=1e-6)

@@ -1,5 +1,6 @@
 """The whole vector field: rotation, rolling and translation together (eqs. 39-44)."""
 
+import sys
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -109,6 +110,19 @@ def floor(rig: Rig, time) -> Float[Array, "3"]:
     return sum((law_output(law, (3,), time) for law in laws), jnp.zeros(3))
 
 
+_AHEAD = 8 * sys.float_info.epsilon  # of an angle and a radian: more than they are rounded by
+
+
+def _onward(state: State, speed) -> State:
+    """The state with each wheel's angle a rounding ahead on its way.
+
+    A shape's slope jumps at the edges of a gap: at an edge it is that of the side the wheel turns
+    to.
+    """
+    ahead = _AHEAD * jnp.sign(speed) * (1 + jnp.abs(state.angle))
+    return state._replace(angle=state.angle + jax.lax.stop_gradient(ahead))
+
+
 def _shape_and_rate(rig: Rig, angle, speed, attitude, omega):
     """rho and its rate along the motion, m and m/s."""
     return jax.jvp(
@@ -181,6 +195,7 @@ def _instant(
     `prescribed` = (dOmega/dt, domega/dt) where speeds are given.
     """
     rig, translation, omega = model.rig, model.translation, state.angular_velocity
+    state = _onward(state, speed)
     if passage is None:
         shape, shape_rate = _shape_and_rate(rig, state.angle, speed, state.attitude, omega)
     else:
@@ -250,13 +265,13 @@ def _assemble(model, state, now: Instant, rates, turning) -> State:
 
 def prescribed_instant(model: Model, state: State, inputs: Inputs, speed, acceleration):
     """What acts on the machine when the wheel speeds are given; Omega follows from them."""
-    rig = model.rig
-    geometry = rolling(rig, state.angle, speed)
+    rig, angle = model.rig, _onward(state, speed).angle
+    geometry = rolling(rig, angle, speed)
 
     def turned(angle, w):
         return sphere_velocity(rig, rolling(rig, angle, w), w)
 
-    omega, turning = jax.jvp(turned, (state.angle, speed), (speed, acceleration))
+    omega, turning = jax.jvp(turned, (angle, speed), (speed, acceleration))
     state = state._replace(angular_velocity=omega)
     now, *rates = _instant(model, state, inputs, geometry, speed, (turning, acceleration))
     return now, rates, omega
