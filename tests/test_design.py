@@ -432,7 +432,12 @@ def test_study_file_reads_units_and_defaults():
         ({"variable": [{"low": 1, "high": 2}]}, "a [[variable]] needs `path`"),
         ({"variable": [*STUDY["variable"],
                        {"path": "wheel.w1.contact.stiffness", "low": 1e5, "high": 2e5}]},
-         "the variables `contact.stiffness` and `wheel.w1.contact.stiffness` set the same"),
+         "`contact.stiffness` and `wheel.w1.contact.stiffness` set the same parameter"),
+        ({"variable": [{"path": "speed.w1", "low": 1, "high": 2},
+                       {"path": "speed.scale", "low": 1, "high": 2}]},
+         "`speed.w1` and `speed.scale` set the same parameter"),
+        ({"load": [{"name": "x", "set": {"wheel.mass": 0.2, "wheel.w2.mass": 0.3}}]},
+         "load `x`: `wheel.mass` and `wheel.w2.mass` set the same parameter"),
         ({"objective": {"weights": {"rms": -1.0}}}, "`objective.weights.rms` must lie in (0, inf)"),
     ],
 )  # fmt: skip

@@ -21,9 +21,10 @@ from omnijax.laws import EFFECTS, FloorVibration, LiftOff
 from omnijax.rig import parse_rig
 from omnijax.simulation import ramp, speeds, steady_state, torques
 from omnijax.study._axes import read_axis
-from omnijax.study._evaluation import Question
+from omnijax.study._evaluation import Question, drive_of
 from omnijax.study._evaluation.evaluation import without_failed
 from omnijax.study._evaluation.methods import choose
+from omnijax.study._target import read_axes
 from omnijax.vibration import evaluate
 
 pytestmark = [pytest.mark.long, pytest.mark.brief]
@@ -312,8 +313,14 @@ sweep("atlas", vary, speeds=(0.1, 1.2, 0.3), metrics="rms", chunk=4, devices=2, 
         (["--vary", "wheel.roundness=0.1,0.2", "--duration", "-1"], "(0, inf) s, but is -1"),
         (["--vary", "wheel.roundness=0.1,0.2", "--model", "paper", "--resume"], "give `out`"),
         (["--vary", "wheel.roundness=0.1:0.2", "--sampler", "lhs"], "needs `samples`"),
+        (["--vary", "wheel.w1.radius=0.07,0.08", "--vary", "wheel.radius=0.07,0.08"],
+         "`wheel.w1.radius` and `wheel.radius` set the same parameter"),
+        (["--vary", "speed.scale=1,2", "--vary", "speed.w2=1,2"],
+         "`speed.scale` and `speed.w2` set the same parameter"),
+        (["--vary", "force.y=1,2", "--vary", "force.scale=1,2"],
+         "`force.y` and `force.scale` set the same parameter"),
     ],
-)
+)  # fmt: skip
 def test_wrong_input_is_one_message_and_exit_code_2(words, message, capsys):
     assert run(["sweep", "atlas", "--speed", "0.1,1.2,0.3", *words]) == 2
     error = capsys.readouterr().err
@@ -361,3 +368,10 @@ def test_command_prints_what_a_machine_reads(capsys, tmp_path):
     assert "map.svg" in capsys.readouterr().err
     assert run([*words, "--overwrite"]) == 0
     assert "20 designs by steady state" in capsys.readouterr().out
+
+
+def test_axes_of_unlike_wheels_go_together():
+    vary = {"wheel.w1.radius": [0.07, 0.08], "wheel.w2.radius": [0.07, 0.08], "speed.w1": [1, 2],
+            "speed.w2": [1, 2], "force.x": [1, 2], "force.y": [1, 2]}  # fmt: skip
+    rig = load_rig("atlas")
+    assert [axis.path for axis in read_axes(rig, drive_of(SPEEDS, rig.names), vary)] == list(vary)

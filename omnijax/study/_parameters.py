@@ -1,6 +1,6 @@
 """Paths of rig parameters that are single numbers: which there are, their values, and new ones."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ..rig import (
     parameter_paths,
     put_parameter,
 )
+from ._evaluation import DriveQuantity
 
 
 def scalar_parameters(rig: Rig) -> tuple[str, ...]:
@@ -49,14 +50,33 @@ def checked_parameters(rig: Rig, paths: Sequence[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys(single))
 
 
-def overlaps(rig: Rig, paths: Sequence[str]) -> list[tuple[str, str]]:
-    """Pairs of `paths` that speak of one number: `wheel.radius` and `wheel.w1.radius`."""
-    single = [set(checked_parameters(rig, [path])) for path in paths]
+def overlaps(
+    rig: Rig, paths: Sequence[str], of_drive: Mapping[str, DriveQuantity] | None = None
+) -> list[tuple[str, str]]:
+    """Pairs of `paths` that set one number: `wheel.radius` and `wheel.w1.radius`.
+
+    `of_drive`: quantities of the drive that may stand among them.
+    """
+    moved = of_drive or {}
+    numbers = [
+        moved[path].sets if path in moved else frozenset(checked_parameters(rig, [path]))
+        for path in paths
+    ]
     return [
         (paths[j], paths[i])
         for i in range(len(paths)) for j in range(i)
-        if single[i] & single[j]
+        if numbers[i] & numbers[j]
     ]  # fmt: skip
+
+
+def overlap_problems(
+    rig: Rig, paths: Sequence[str], of_drive: Mapping[str, DriveQuantity] | None = None
+) -> list[str]:
+    """A sentence on each pair of `paths` whose values would depend on which is set last."""
+    return [
+        f"`{first}` and `{second}` set the same parameter: one of them is enough."
+        for first, second in overlaps(rig, paths, of_drive)
+    ]
 
 
 def with_values(rig: Rig, paths: Sequence[str], values) -> Rig:

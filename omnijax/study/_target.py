@@ -13,7 +13,7 @@ from ..rig import (
 )
 from ._axes import SweepAxis, read_axis
 from ._evaluation import Drive, drive_quantities
-from ._parameters import may_vary
+from ._parameters import may_vary, overlap_problems
 
 
 def read_axes(rig: Rig, drive: Drive, vary: Mapping[str, Any]) -> list[SweepAxis]:
@@ -24,6 +24,8 @@ def read_axes(rig: Rig, drive: Drive, vary: Mapping[str, Any]) -> list[SweepAxis
             axes.append(_read(rig, drive, path, given))
         except InputError as error:
             problems += error.problems
+    if not problems:
+        problems = overlap_problems(rig, tuple(vary), drive_quantities(drive, rig.names))
     if problems:
         raise InputError(problems)
     return axes
@@ -32,7 +34,7 @@ def read_axes(rig: Rig, drive: Drive, vary: Mapping[str, Any]) -> list[SweepAxis
 def _read(rig: Rig, drive: Drive, path: str, given: Any) -> SweepAxis:
     quantities = drive_quantities(drive, rig.names)
     if path in quantities:
-        return read_axis(path, given, quantities[path][0])
+        return read_axis(path, given, quantities[path].unit)
     try:
         info = parameter_info(rig, path)
     except UnknownParameter:

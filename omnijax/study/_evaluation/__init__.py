@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from .bulk import evaluate_in_bulk as evaluate_in_bulk
     from .choice import evaluation_of as evaluation_of
     from .drives import Drive as Drive
+    from .drives import DriveQuantity as DriveQuantity
     from .drives import apply as apply
     from .drives import drive_from_plain as drive_from_plain
     from .drives import drive_of as drive_of

@@ -1,7 +1,7 @@
 """Drives as plain numbers and back, and the quantities of a drive that a study may vary."""
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -71,18 +71,33 @@ def with_few_knots(drive: Drive) -> Drive:
     return drive
 
 
-def drive_quantities(drive: Drive, names: tuple[str, ...]) -> dict[str, tuple[str, Callable]]:
-    """Path -> (unit, (drive, value) -> drive): `speed.w1`, `speed.scale`, `force.x`, `angle.w1`."""
+class DriveQuantity(NamedTuple):
+    """A quantity of a drive: its unit, how a value of it is put in, and the numbers it sets."""
+
+    unit: str
+    put: Callable[[Any, Any], Any]  # (drive, value) -> drive
+    sets: frozenset[str]
+
+
+def drive_quantities(drive: Drive, names: tuple[str, ...]) -> dict[str, DriveQuantity]:
+    """Path -> quantity: `speed.w1`, `speed.scale`, `force.x`, `force.scale`, `angle.w1`."""
     kind, unit = kind_of(drive), "rad/s" if isinstance(drive, SpeedDrive) else "N m"
-    quantities: dict[str, tuple[str, Callable]] = {f"{kind}.scale": ("1", _scale(kind))}
-    for i, name in enumerate(names):
-        quantities[f"{kind}.{name}"] = (unit, _set(kind, i))
-    for i, axis in enumerate("xyz"):
-        quantities[f"force.{axis}"] = ("N", _set("force", i))
-    quantities["force.scale"] = ("1", _scale("force"))
-    for i, name in enumerate(names):
-        quantities[f"angle.{name}"] = ("rad", _set_angle(i, len(names)))
-    return quantities
+    turned, pushed = (
+        {f"{name}.{part}": (name, i) for i, part in enumerate(parts)}
+        for name, parts in ((kind, names), ("force", "xyz"))
+    )
+    angles = {f"angle.{name}": i for i, name in enumerate(names)}
+    return {
+        f"{kind}.scale": DriveQuantity("1", _scale(kind), frozenset(turned)),
+        **{path: _one(unit, _set(*place), path) for path, place in turned.items()},
+        **{path: _one("N", _set(*place), path) for path, place in pushed.items()},
+        "force.scale": DriveQuantity("1", _scale("force"), frozenset(pushed)),
+        **{path: _one("rad", _set_angle(i, len(names)), path) for path, i in angles.items()},
+    }
+
+
+def _one(unit: str, put: Callable, path: str) -> DriveQuantity:
+    return DriveQuantity(unit, put, frozenset({path}))
 
 
 def _scale(name: str) -> Callable:
@@ -120,7 +135,7 @@ def apply(rig: Rig, drive: Drive, paths: tuple[str, ...], values) -> tuple[Rig, 
     quantities = drive_quantities(drive, rig.names)
     for i, path in enumerate(paths):
         if path in quantities:
-            drive = quantities[path][1](drive, values[i])
+            drive = quantities[path].put(drive, values[i])
         else:
             rig = put_parameter(rig, path, values[i])
     return rig, drive

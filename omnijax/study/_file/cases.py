@@ -104,7 +104,7 @@ def variables(read: Reader, rig: Rig, drives, top: StudyTable) -> dict[str, Any]
         path, given = block.path, block.model_fields_set
         where = f"variable.{path}"
         moved = drive_quantities(drives[0].drive, rig.names) if drives else {}
-        quantity = Quantity(moved[path][0]) if path in moved else None
+        quantity = Quantity(moved[path].unit) if path in moved else None
         quantity = quantity or quantity_of(read, rig, path, where, moved)
         if quantity is None:
             continue

@@ -8,7 +8,7 @@ from ..._errors import InputError
 from ..._reading import read_toml
 from ...rig import Rig, bundled_rigs, kind_of, load_rig
 from .._evaluation import drive_quantities
-from .._parameters import overlaps
+from .._parameters import overlap_problems, overlaps
 from .._problem import check_variables
 from .cases import cases, variables
 from .goals import constraint, objective, search, tolerances
@@ -73,17 +73,18 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
 
 
 def _overlaps(rig: Rig, fields: Mapping[str, Any]) -> list[str]:
-    """Parameters that two entries would both set: variables, variables and loads, tolerances."""
+    """Parameters that two entries would both set: variables, loads, both."""
     of_drive = drive_quantities(fields["drives"][0].drive, rig.names)
-    varied = [v.name for v in fields["variables"] if v.name not in of_drive]
-    problems = [
-        f"the variables `{first}` and `{second}` set the same parameter."
-        for first, second in overlaps(rig, list(dict.fromkeys(varied)))
-    ]
-    for name in varied:
-        for load in fields["loads"]:
-            if any(overlaps(rig, [path, name]) for path, _ in load.values):
-                problems.append(f"`{name}` is a variable, but load `{load.name}` sets it as well.")
+    varied = list(dict.fromkeys(v.name for v in fields["variables"]))
+    problems = [f"`variable`: {told}" for told in overlap_problems(rig, varied, of_drive)]
+    for load in fields["loads"]:
+        paths = [path for path, _ in load.values]
+        problems += [f"load `{load.name}`: {told}" for told in overlap_problems(rig, paths)]
+        problems += [
+            f"`{name}` is a variable, but load `{load.name}` sets it as well."
+            for name in varied
+            if name not in of_drive and any(overlaps(rig, [path, name]) for path in paths)
+        ]
     return problems
 
 
