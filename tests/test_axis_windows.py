@@ -18,7 +18,7 @@ from omnijax.diagnosis._ode.rows import FreeRun, OdeRun, windows
 from omnijax.diagnosis._search import Effect, Point
 from omnijax.laws import AXIS_EFFECTS, AbstractLaw, ShaftSignal
 from omnijax.machine import Axis, Log, PlacedLaw, Ports, free_run
-from omnijax.machine._simulate import EXACT
+from omnijax.machine._steps import EXACT
 from tests.seeds import drawn_anew
 
 STEP, NOISE = 4e-3, 1e-3

@@ -42,15 +42,21 @@ if TYPE_CHECKING:
     from ._schema import KEYS as KEYS
     from ._schema import axis_unit as axis_unit
     from ._schema import field_units as field_units
+    from ._simulate import FreeMotion as FreeMotion
     from ._simulate import between as between
+    from ._simulate import free_motion as free_motion
+    from ._simulate import free_motion_of as free_motion_of
     from ._simulate import free_run as free_run
     from ._simulate import free_run_of as free_run_of
     from ._simulate import motion as motion
     from ._simulate import places_of as places_of
     from ._simulate import sensed as sensed
-    from ._simulate import slopes_of as slopes_of
-    from ._simulate import steps_between as steps_between
-    from ._simulate import steps_for as steps_for
+    from ._simulate import slopes_at_start as slopes_at_start
+    from ._steps import most_steps as most_steps
+    from ._steps import settled as settled
+    from ._steps import slopes_of as slopes_of
+    from ._steps import steepest_slopes as steepest_slopes
+    from ._steps import steps_for as steps_for
     from ._term import start_vector as start_vector
     from ._term import term as term
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from ..._errors import RunError
 from ...machine import Axis, MachineFile, PlacedLaw, axis_unit, free_run, machine_text
 from .._answer import AbstractEvidence
 from .._search import Point, discovered, number
@@ -134,13 +135,19 @@ class OdeEvidence(AbstractEvidence):
 
 
 def missed_output(model: OdeModel, point: Point, run: OdeRun) -> np.ndarray:
-    """Measured less simulated output (t,) of a run, from its first sample and inputs alone."""
+    """Measured less simulated output (t,) of a run, from its first sample and inputs alone.
+
+    Not finite where the machine runs away, or cannot be followed.
+    """
     q, theta = run.outputs["position"], model.numbers.vector(point)
     _, v, _ = smoothed(q, run.step, run.cutoff)
     only = model.numbers.active(theta[None])  # no other law is worth its time
     machine, placed = model.numbers.build(theta, only)
     start = {"position": (q[0], v[0])}
-    made = free_run(machine, placed, start, run.inputs, run.step, run.hold)
+    try:
+        made = free_run(machine, placed, start, run.inputs, run.step, run.hold)
+    except RunError:
+        return np.full(len(run.shown), np.nan)
     return run.shown - made[run.measured]
 
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..._errors import RunError
 from ...machine import free_run
 from .._answer import APART, AbstractProposed, weaker
 from .._search import Point
@@ -49,7 +50,11 @@ class _Proposed(AbstractProposed):
         """The measured output (t,)."""
         run = self.run
         rest = {"position": (float(run.outputs["position"][0]), 0.0)}
-        return free_run(machine, placed, rest, self.inputs, run.step, run.hold)[run.measured]
+        try:
+            made = free_run(machine, placed, rest, self.inputs, run.step, run.hold)
+        except RunError:  # as one that runs away
+            return np.full(len(next(iter(self.inputs.values()))), np.nan)
+        return made[run.measured]
 
 
 def next_run(model: OdeModel, rivals: Sequence[Point]) -> dict | None:

@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ...machine import slopes_of
+from ..._errors import RunError
+from ...machine import free_motion_of, slopes_of
 from .._settings import SETTINGS
 from .numbers import Numbers
 from .rows import Balance, FreeRun, OdeRun, smoothed
@@ -82,28 +83,54 @@ def compiled(rows: Balance | FreeRun, only: frozenset[int] | None):
 def slopes_along(numbers: Numbers, runs: Sequence[OdeRun]) -> Callable:
     """Slopes (m, n, n) of the rate at a vector of numbers, where the runs pass and at rest there.
 
-    A few instants are taken, of the first runs.
+    A few instants are taken, of the first runs.  Of a machine that has states beside a position
+    and its speed they are those of its free runs as it is stated, and its own slopes there come
+    with them: a law that frees it inside a play says nothing of the play's ends.
     """
-    states, inputs = [], []
+    states, inputs, hidden = [], [], len(numbers.machine.start({"position": (0.0, 0.0)})) > 2
     for run in runs[:PASSED]:
-        q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
-        for i in np.linspace(0, len(q) - 1, max(2, INSTANTS // len(runs[:PASSED]))).astype(int):
-            for speed in (v[i], 0.0):
-                states.append((q[i], speed))
-                inputs.append({k: x[i] for k, x in run.inputs.items()})
+        some = max(2, INSTANTS // len(runs[:PASSED]))
+        passed = _met(numbers, run, some) if hidden else _measured(numbers, run, some)
+        for i, state in passed:
+            states.append(state)
+            inputs.append({k: x[i] for k, x in run.inputs.items()})
     stacked = {k: jnp.asarray([u[k] for u in inputs]) for k in inputs[0]}
-    q, v = map(jnp.asarray, np.array(states).T)
+    met = jnp.asarray(np.array(states))
 
     @jax.jit
     def slopes(theta):
-        machine, placed = numbers.build(theta)
+        return slopes_of(*numbers.build(theta), met, stacked)
 
-        def state(q, v):
-            return jnp.stack([jnp.asarray(x, float) for x in machine.start({"position": (q, v)})])
+    if not hidden:
+        return slopes
+    rest = slopes(jnp.asarray(numbers.rest_vector()))
+    return lambda theta: jnp.concatenate([slopes(theta), rest])
 
-        return slopes_of(machine, placed, jax.vmap(state)(q, v), stacked)
 
-    return slopes
+def _measured(numbers: Numbers, run: OdeRun, some: int) -> list[tuple[int, np.ndarray]]:
+    """Samples of a run with the states measured there, moving and at rest."""
+    q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
+    return [
+        (i, np.array([float(x) for x in numbers.machine.start({"position": (q[i], speed)})]))
+        for i in np.linspace(0, len(q) - 1, some).astype(int) for speed in (v[i], 0.0)
+    ]  # fmt: skip
+
+
+def _met(numbers: Numbers, run: OdeRun, some: int) -> list[tuple[int, np.ndarray]]:
+    """Samples of a run with the states of its free run there, and those that are steepest.
+
+    Those that are measured where the free run cannot be followed.
+    """
+    q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
+    machine, placed = numbers.build(numbers.rest_vector(), ())
+    first = {"position": (q[0], v[0])}
+    try:
+        made = free_motion_of(machine, placed, first, run.inputs, run.step, run.hold)
+    except RunError:
+        return _measured(numbers, run, some)
+    states = np.asarray(made.states)
+    which = [*np.linspace(0, len(states) - 1, some).astype(int), *np.asarray(made.steep)]
+    return [(i, states[i]) for i in which if np.all(np.isfinite(states[i]))]
 
 
 class Chunk(NamedTuple):

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..._errors import RunError
-from ...machine import Log, MachineFile
+from ...machine import Log, MachineFile, free_run_of
 from .._sensitivity import Sensitivity
 from .misfit import Misfit, checked_misfits
 from .numbers import VariedNumbers
@@ -24,6 +24,7 @@ def sensitivity_machine(
     paths = list(numbers.where) if parameters is None else parameters
     misfit = Misfit(file, log, numbers.checked(paths), checked_misfits(metrics))
     values = np.array([numbers.value(p) for p in misfit.paths])
+    free_run_of(file, log)  # says why there is none where this is so
     figures, raw = misfit.slopes(values)
     if not (np.all(np.isfinite(figures)) and np.all(np.isfinite(raw))):
         raise RunError("the free run of this axis left all bounds: it has no sensitivities.")

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from ..._errors import tell
 from ..._result import AbstractResult, texts
 from ..._text import quantity_text
 from ...machine import Log, MachineFile
@@ -115,4 +116,11 @@ def sweep_machine(
     values = points.at(np.arange(points.size))
     misfit = Misfit(file, log, paths, checked_misfits(metric))
     units = tuple(numbers.unit(p) for p in paths)
-    return MachineSweep(paths, units, values, misfit.metrics, misfit.unit, misfit.at(values))
+    figures, steps = misfit.at(values)
+    stiff = int(np.sum(steps > misfit.most))
+    if stiff:
+        tell([
+            f"{stiff} of {len(values)} designs cannot be followed: they need more than "
+            f"{misfit.most} Runge-Kutta steps between two samples, and have no figures."
+        ])  # fmt: skip
+    return MachineSweep(paths, units, values, misfit.metrics, misfit.unit, figures)
