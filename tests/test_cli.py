@@ -311,3 +311,12 @@ def test_a_missing_extra_is_named_with_its_command():
     with pytest.raises(InputError, match=r"`no_such_reader`.*pip install 'omnijax\[measured\]'"):
         require("no_such_reader", "measured")
     assert require("json", "measured") is json
+
+
+def test_json_holds_no_nan(capsys):
+    from omnijax.cli._options import emit
+
+    emit(True, {"a": [float("nan"), 1.0], "b": {"c": float("inf")}, "d": (1, "x", None, True)}, str)
+    assert json.loads(capsys.readouterr().out, parse_constant=pytest.fail) == {
+        "a": [None, 1.0], "b": {"c": None}, "d": [1, "x", None, True],
+    }  # fmt: skip

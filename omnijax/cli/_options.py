@@ -10,6 +10,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter, Token
 
+from .._json import plain
+
 Json = Annotated[bool, Parameter(name="--json", negative="", help="Print JSON for machines.")]
 _FORCE = "Write over files that exist; without it nothing is, and an input never."
 Force = Annotated[bool, Parameter(name=["--force", "--overwrite"], negative="", help=_FORCE)]
@@ -65,10 +67,10 @@ def command_line(without: tuple[str, ...] = (), valued: tuple[str, ...] = ()) ->
 
 
 def emit(as_json: bool, data: Any, text: Callable[[], None]) -> None:
-    """Print `data` as JSON, or the text for people."""
+    """Print `data` as JSON, null for what is not finite, or the text for people."""
     if as_json:
-        plain = "utf" not in (getattr(sys.stdout, "encoding", None) or "utf").lower()
-        print(json.dumps(data, indent=1, ensure_ascii=plain))
+        narrow = "utf" not in (getattr(sys.stdout, "encoding", None) or "utf").lower()
+        print(json.dumps(plain(data), indent=1, ensure_ascii=narrow, allow_nan=False))
     else:
         text()
 

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ..._errors import InputError
 from ..._files import write_text
+from ..._json import plain
 from ..._reading import read_bytes
 from ..._result import AbstractShown
 from ...laws import AXIS_EFFECTS, AbstractLaw
@@ -75,7 +74,7 @@ class Diagnosis(AbstractShown):
     def to_dict(self) -> dict[str, Any]:
         """The diagnosis as plain numbers, lists and text."""
         further = {"free_runs": self.free_runs, "one_step": self.one_step}
-        return _plain(
+        return plain(
             {k: v for k, v in further.items() if v}
             | {
                 "verdict": self.verdict,
@@ -161,16 +160,3 @@ class Diagnosis(AbstractShown):
 def _numbers_again(gap: dict[str, Any]) -> dict[str, Any]:
     """Numbers that were not finite are written as null."""
     return {k: math.nan if v is None else v for k, v in gap.items()}
-
-
-def _plain(value: Any) -> Any:
-    """JSON values: arrays become lists, numbers that are not finite become null."""
-    if isinstance(value, dict):
-        return {str(k): _plain(v) for k, v in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(v) for v in value]
-    if hasattr(value, "tolist"):
-        return _plain(np.asarray(value).tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
