@@ -1,5 +1,8 @@
 """The axis: its motion against exact solutions, its files, its logs, and what it lacks."""
 
+import dataclasses
+import tomllib
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -7,6 +10,7 @@ from scipy.linalg import expm
 
 from omnijax import cli
 from omnijax.diagnosis import diagnose
+from omnijax.diagnosis._ode.build import priors_of
 from omnijax.laws import EFFECTS, GENERIC, LoadFriction, MotorRipple
 from omnijax.machine import (
     Axis,
@@ -22,7 +26,9 @@ from omnijax.machine import (
     parse_machine,
     read_log,
     read_machine_case,
+    with_numbers,
 )
+from omnijax.machine._file import field_names
 from omnijax.rig import InputError
 
 STEP = 2e-3
@@ -257,3 +263,22 @@ def test_a_machine_of_ones_own_is_read_and_moves(tmp_path):
     path.write_text("x = 1")
     with pytest.raises(InputError, match="defines 0 machines"):
         load_model(path)
+
+
+@pytest.mark.parametrize("motion", ["rotation", "translation"])
+def test_a_sigma_of_what_was_zero_means_the_same_in_the_diagnosed_file(motion):
+    """Written beside the new value it was read as a share of it, which pinned the number."""
+    rng = np.random.default_rng(7)
+    fields = ["offset", "damping", "stiffness", "coulomb", *(["gravity"] * (motion == "rotation"))]
+    sigmas = dict(zip(fields, rng.uniform(0.01, 0.1, len(fields)), strict=True))
+    file = parse_machine({"kind": "axis", "motion": motion, "motor": {}, "axis": {"inertia": 0.2}})
+    file = dataclasses.replace(file, uncertainty={"inertia": 0.3} | sigmas)
+    values = dict(zip(fields, 10 ** rng.uniform(-6, -3, len(fields)), strict=True))
+    numbers = {"inertia": 0.3} | values
+    machine = dataclasses.replace(file.machine, **{k: jnp.asarray(v) for k, v in numbers.items()})
+    made = with_numbers(dataclasses.replace(file, names=field_names()), machine)
+    again = parse_machine(tomllib.loads(machine_text(made)))
+    for prior in priors_of(again.machine, again.uncertainty):
+        assert prior.relative is (prior.name == "inertia")
+        assert prior.sigma == pytest.approx(sigmas.get(prior.name, 0.3))
+        assert prior.value == pytest.approx(values.get(prior.name, 0.3))

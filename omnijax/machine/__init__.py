@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ._file import machine_text as machine_text
     from ._file import numbers_of as numbers_of
     from ._file import parse_machine as parse_machine
+    from ._file import with_numbers as with_numbers
     from ._first_numbers import LogSignals as LogSignals
     from ._guess import Guess as Guess
     from ._guess import guess as guess
@@ -42,6 +43,7 @@ if TYPE_CHECKING:
     from ._schema import KEYS as KEYS
     from ._schema import axis_unit as axis_unit
     from ._schema import field_units as field_units
+    from ._schema import may_be_absent as may_be_absent
     from ._simulate import FreeMotion as FreeMotion
     from ._simulate import between as between
     from ._simulate import free_motion as free_motion

@@ -174,6 +174,19 @@ def _sentence(entry: Any) -> str:
     return sentence(entry, path, "a machine file", keys)
 
 
+def with_numbers(file: MachineFile, machine: AbstractMachine) -> MachineFile:
+    """The file with the numbers of another machine, and an uncertainty that means the same.
+
+    A 1-sigma of a field that was 0 is absolute, and becomes a share of what the field is now.
+    """
+    spread = dict(file.uncertainty)
+    for name, sigma in spread.items():
+        now = float(getattr(machine, name))
+        if float(getattr(file.machine, name)) == 0 and now != 0:
+            spread[name] = sigma / abs(now)
+    return dataclasses.replace(file, machine=machine, uncertainty=spread)
+
+
 def machine_text(file: MachineFile) -> str:
     """machine.toml of an axis with its numbers and effects."""
     axis = file.machine
@@ -206,5 +219,5 @@ def machine_text(file: MachineFile) -> str:
     lines += ["", "[compare]", *(f"{k} = {v!r}".replace("'", '"') for k, v in said.items())]
     if file.uncertainty:
         lines += ["", "[uncertainty]"]
-        lines += [f'"{file.names.get(k, k)}" = {v!r}' for k, v in file.uncertainty.items()]
+        lines += [f'"{file.names.get(k, k)}" = {float(v)!r}' for k, v in file.uncertainty.items()]
     return "\n".join(lines) + "\n"

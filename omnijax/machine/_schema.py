@@ -67,6 +67,11 @@ def field_units(machine: Any) -> dict[str, str]:
     return {k.field: k.quantity(motion).unit for keys in KEYS.values() for k in keys.values()}
 
 
+def may_be_absent(field: str) -> bool:
+    """Whether a field of an axis is 0 where a file does not give it."""
+    return any(k.field == field and k.default == 0.0 for x in KEYS.values() for k in x.values())
+
+
 TURNED = {  # unit of a law of mounts -> of one that turns
     "m": "rad", "m/s": "rad/s", "N": "N m", "N/m^2": "N m/rad^2", "N/m^3": "N m/rad^3",
 }  # fmt: skip

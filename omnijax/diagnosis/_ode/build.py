@@ -17,6 +17,7 @@ from ...machine import (
     acceleration_noise,
     field_units,
     loses_sign,
+    may_be_absent,
     measured_of,
 )
 from .._search import Prior
@@ -37,7 +38,8 @@ LEAD = SETTINGS.free_build.lead
 WINDOWS = SETTINGS.free_build.windows
 TOGETHER = SETTINGS.free_build.together
 KNOWN = frozenset({"bearing-viscous", "sensor-gain"})  # an axis has its own
-ABSENT = frozenset({"gravity", "stiffness"})  # what an axis may not have at all: not as a factor
+SUMS = frozenset({"gravity", "gravity_angle", "offset", "rate_gain", "stiffness"})
+# of an axis that may have none, or one of either sign: they are known to a sum, not to a factor
 INVERTED = frozenset({"encoder-eccentricity"})  # sensors' laws of which a balance finds the input
 
 
@@ -68,11 +70,15 @@ def cutoff_of(logs: Sequence[Log], noise: float) -> float:
 
 
 def priors_of(machine, uncertainty) -> list[Prior]:
-    """Priors of the uncertain fields: relative, or absolute where a field is or may be 0."""
-    out, units = [], field_units(machine)
+    """Priors of the uncertain fields: relative, or absolute where a field is or may be 0.
+
+    A field that an axis need not have is known to no factor where its 1-sigma is more than itself.
+    """
+    out, units, axis = [], field_units(machine), isinstance(machine, Axis)
     for name, sigma in uncertainty.items():
         value, unit = float(getattr(machine, name)), units.get(name, "")
-        factor = value != 0 and not (isinstance(machine, Axis) and name in ABSENT)
+        loose = sigma > 1 and may_be_absent(name)
+        factor = value != 0 and not (axis and (name in SUMS or loose))
         size = float(sigma) * (1.0 if factor or value == 0 else abs(value))
         out.append(Prior(name, value, size, relative=factor, unit=unit))
     return out

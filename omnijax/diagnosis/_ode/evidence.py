@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from ..._errors import RunError
-from ...machine import Axis, MachineFile, PlacedLaw, axis_unit, free_run, machine_text
+from ...machine import Axis, MachineFile, PlacedLaw, axis_unit, free_run, machine_text, with_numbers
 from .._answer import AbstractEvidence
 from .._search import Point, discovered, number
 from .._settings import SETTINGS
@@ -95,7 +95,8 @@ class OdeEvidence(AbstractEvidence):
             PlacedLaw(self.model.laws[e.id](**{k: number(v) for k, v in e.values.items()}), e.place)
             for e in point.effects
         ]
-        return dataclasses.replace(self.file, machine=machine, placed=(*self.file.placed, *placed))
+        file = with_numbers(self.file, machine)
+        return dataclasses.replace(file, placed=(*self.file.placed, *placed))
 
     def text(self, described):
         return machine_text(described)
