@@ -265,6 +265,26 @@ def test_a_machine_of_ones_own_is_read_and_moves(tmp_path):
         load_model(path)
 
 
+def test_a_diagnosed_machine_of_ones_own_is_written_whole(tmp_path):
+    """Its numbers were written as jax prints them, and the named effect was left out."""
+    path = tmp_path / "two.py"
+    more = "    table: tuple = (1.0, 2.0)\n    on: bool = True\n    word: str = 'a \"b\"'\n"
+    path.write_text(MODEL.replace("    k: float", f"{more}    k: float"))
+    file = load_model(path)
+    machine = dataclasses.replace(file.machine, J1=jnp.asarray(0.0221), k=np.float64(61.5))
+    cogging = EFFECTS["cogging"](jnp.array([0.02, 0.01]), jnp.array([7.0, 14.0]), jnp.zeros(2))
+    friction = EFFECTS["bearing-coulomb"](jnp.asarray(0.15), jnp.asarray(0.05))
+    placed = (PlacedLaw(friction, "motor"), PlacedLaw(cogging, "motor"))
+    made = tomllib.loads(machine_text(dataclasses.replace(file, machine=machine, placed=placed)))
+    assert made["numbers"] == {"J1": 0.0221, "J2": 0.05, "table": [1.0, 2.0], "on": True,
+                               "word": 'a "b"', "k": 61.5, "c": 0.05}  # fmt: skip
+    assert made["model"] == "two.py" and made["uncertainty"] == dict(file.uncertainty)
+    first, second = made["effect"]
+    assert first == {"id": "bearing-coulomb", "place": "motor",
+                     "parameters": {"torque": 0.15, "width": 0.05}}  # fmt: skip
+    assert second["parameters"]["amplitudes"] == [0.02, 0.01]
+
+
 @pytest.mark.parametrize("motion", ["rotation", "translation"])
 def test_a_sigma_of_what_was_zero_means_the_same_in_the_diagnosed_file(motion):
     """Written beside the new value it was read as a share of it, which pinned the number."""

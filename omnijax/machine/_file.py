@@ -1,6 +1,7 @@
 """machine.toml in and out."""
 
 import dataclasses
+import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -188,10 +189,28 @@ def with_numbers(file: MachineFile, machine: AbstractMachine) -> MachineFile:
 
 
 def machine_text(file: MachineFile) -> str:
-    """machine.toml of an axis with its numbers and effects."""
+    """machine.toml of a machine with its numbers and effects.
+
+    Of one of the user's, which no file is read for, `[numbers]` are what its class begins with.
+    """
     axis = file.machine
-    if not isinstance(axis, Axis):
-        return "".join(f"{k} = {v!r}\n" for k, v in vars(axis).items())
+    lines = _axis_lines(axis) if isinstance(axis, Axis) else _model_lines(file)
+    for one in file.placed:
+        law = one.law
+        numbers = ", ".join(f"{k} = {_value(getattr(law, k))}" for k in law.parameters)
+        lines += ["", "[[effect]]", f"id = {_value(law.id)}", f"place = {_value(one.place)}",
+                  f"parameters = {{ {numbers} }}"]  # fmt: skip
+    said = {k: v for k, v in vars(file.compare).items() if v is not None}
+    lines += ["", "[compare]", *(f"{k} = {_value(v)}" for k, v in said.items())]
+    if file.uncertainty:
+        lines += ["", "[uncertainty]"]
+        spread = {file.names.get(k, k): float(v) for k, v in file.uncertainty.items()}
+        lines += [f"{_value(k)} = {v!r}" for k, v in spread.items()]
+    return "\n".join(lines) + "\n"
+
+
+def _axis_lines(axis: Axis) -> list[str]:
+    """The tables of an axis' own numbers."""
     lines = ['kind = "axis"', f'motion = "{axis.motion}"']
     for table, keys in KEYS.items():
         own = []
@@ -210,14 +229,27 @@ def machine_text(file: MachineFile) -> str:
             own.insert(0, f'input = "{axis.drives}"')
         if own:
             lines += ["", f"[{table}]", *own]
-    for one in file.placed:
-        law = one.law
-        numbers = ", ".join(f"{k} = {float(getattr(law, k))!r}" for k in law.parameters)
-        lines += ["", "[[effect]]", f'id = "{law.id}"', f'place = "{one.place}"',
-                  f"parameters = {{ {numbers} }}"]  # fmt: skip
-    said = {k: v for k, v in vars(file.compare).items() if v is not None}
-    lines += ["", "[compare]", *(f"{k} = {v!r}".replace("'", '"') for k, v in said.items())]
-    if file.uncertainty:
-        lines += ["", "[uncertainty]"]
-        lines += [f'"{file.names.get(k, k)}" = {float(v)!r}' for k, v in file.uncertainty.items()]
-    return "\n".join(lines) + "\n"
+    return lines
+
+
+def _model_lines(file: MachineFile) -> list[str]:
+    """The fields of a machine of the user's: numbers, lists and text, anything else as text."""
+    fields = dataclasses.fields(file.machine)
+    return [
+        f"# A record: the numbers of a machine of your own are read from {Path(file.source).name},",
+        "# so put them there; its effects go into its rate.",
+        'kind = "model"', f"model = {_value(Path(file.source).name)}", "", "[numbers]",
+        *(f"{f.name} = {_value(getattr(file.machine, f.name))}" for f in fields),
+    ]  # fmt: skip
+
+
+def _value(value: Any) -> str:
+    """A value in TOML: numbers, lists of them, text; of another one its text."""
+    plain = value if isinstance(value, str) or not hasattr(value, "tolist") else value.tolist()
+    if isinstance(plain, bool):
+        return str(plain).lower()
+    if isinstance(plain, int | float):
+        return repr(plain)
+    if isinstance(plain, list | tuple):
+        return f"[{', '.join(map(_value, plain))}]"
+    return json.dumps(str(plain), ensure_ascii=False)
