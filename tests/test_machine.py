@@ -1,6 +1,7 @@
 """The axis: its motion against exact solutions, its files, its logs, and what it lacks."""
 
 import dataclasses
+import sys
 import tomllib
 
 import jax.numpy as jnp
@@ -11,7 +12,7 @@ from scipy.linalg import expm
 from omnijax import cli
 from omnijax.diagnosis import diagnose
 from omnijax.diagnosis._ode.build import priors_of
-from omnijax.laws import EFFECTS, GENERIC, LoadFriction, MotorRipple
+from omnijax.laws import EFFECTS, GENERIC, LoadFriction, MotorRipple, ShaftSignal, load_laws
 from omnijax.machine import (
     Axis,
     LogFile,
@@ -302,3 +303,44 @@ def test_a_sigma_of_what_was_zero_means_the_same_in_the_diagnosed_file(motion):
         assert prior.relative is (prior.name == "inertia")
         assert prior.sigma == pytest.approx(sigmas.get(prior.name, 0.3))
         assert prior.value == pytest.approx(values.get(prior.name, 0.3))
+
+
+@pytest.mark.parametrize("later", ["", "from __future__ import annotations\n"])
+def test_a_users_file_may_put_its_annotations_off(tmp_path, later):
+    """Its module is known by its own name while it runs, and nothing stays of it."""
+    before = set(sys.modules)
+    path, law = tmp_path / "two.py", tmp_path / "json.py"
+    path.write_text(later + MODEL.replace("    J1: float", "    word: str = 'a'\n    J1: float"))
+    law.write_text(later + LAW)
+    made, again = load_model(path).machine, load_model(path).machine
+    assert type(made).__module__ != type(again).__module__
+    assert float(made.J1) == 0.02 and "inputs" not in {f.name for f in dataclasses.fields(made)}
+    (drag,) = load_laws(law).values()
+    assert drag(jnp.asarray(2.0))(ShaftSignal(0.0, 3.0, 0.0)) == -6.0
+    assert [f.name for f in dataclasses.fields(drag)] == ["b"]
+    assert not [name for name in set(sys.modules) - before if "two" in name or "json" in name]
+
+
+LAW = """
+import dataclasses
+from typing import ClassVar
+
+from omnijax.laws import AbstractShaft, Parameter
+
+
+@dataclasses.dataclass
+class Beside:
+    x: ClassVar[int] = 1
+    y: int = 2
+
+
+class Drag(AbstractShaft):
+    b: float
+    id: ClassVar[str] = "my-drag"
+    places: ClassVar[tuple[str, ...]] = ("wheel",)
+    formula: ClassVar[str] = "shaft torque -b w"
+    parameters: ClassVar[dict[str, Parameter]] = {"b": Parameter("N m s/rad", linear=True)}
+
+    def __call__(self, signal, state=None):
+        return -self.b * signal.speed
+"""

@@ -2,14 +2,13 @@
 
 import signal
 import threading
-import types
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from .._errors import USERS_MODULE
 from .._reading import TEXT, read_bytes
+from .._users_module import run_module
 from . import _actuators, _measurement, _ports, _rolling, _shape_effects, _springs, _torques
 from ._base import AbstractLaw, Parameter, field_names
 from ._generic import GENERIC
@@ -115,11 +114,9 @@ def laws_of(text: bytes, path: Path) -> dict[str, type[AbstractLaw]]:
 
     Raises `ValueError` where the text cannot be run or declares no law as laws are declared.
     """
-    module = types.ModuleType(f"{USERS_MODULE}{path.stem}")
-    module.__file__ = str(path)
     try:
         with _limited(RUN_LIMIT):
-            exec(compile(text, str(path), "exec"), vars(module))
+            module = run_module(text, path)
     except (Exception, SystemExit) as error:  # what the user's file does wrong is the user's
         said = f"{type(error).__name__}: {error}".strip(": ")
         raise ValueError(f"{path}: cannot be run: {said}") from None

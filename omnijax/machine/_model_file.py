@@ -1,9 +1,10 @@
 """A machine of the user's: a Python file with a class that derives from `AbstractMachine`."""
 
-import importlib.util
 from pathlib import Path
 
-from .._errors import USERS_MODULE, InputError
+from .._errors import InputError
+from .._reading import TEXT, read_bytes
+from .._users_module import run_module
 from ._base import AbstractMachine
 from ._file import MachineFile
 
@@ -14,12 +15,12 @@ def load_model(path: str | Path) -> MachineFile:
     The file is run.  Raises `InputError` where it cannot be, or defines no machine.
     """
     path = Path(path)
-    spec = importlib.util.spec_from_file_location(f"{USERS_MODULE}{path.stem}", path)
-    if spec is None or spec.loader is None or not path.is_file():
-        raise InputError(f"{path}: no such Python file of a machine.")
-    module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        text = read_bytes(path, TEXT)
+    except OSError:
+        raise InputError(f"{path}: no such Python file of a machine.") from None
+    try:
+        module = run_module(text, path)
     except Exception as error:  # whatever the user's file does wrong is the user's to know
         raise InputError(f"{path}: cannot be run: {type(error).__name__}: {error}") from error
     machine = getattr(module, "machine", None)
