@@ -159,7 +159,7 @@ def _no_fixed_steps(q: Question) -> str | None:
 
 OBSTACLES: dict[str, tuple[Obstacle, ...]] = {
     "steady": (_no_closed_form, _no_steady_metric, _nothing_holds, _phases_that_do_not_count),
-    "steady-bulk": (_no_rows, _no_modal_steady),  # beside `steady`'s
+    "steady-bulk": (_no_rows, _no_modal_steady, _phases_that_do_not_count),  # beside `steady`'s
     "propagation": (_no_closed_form,),
     "bulk": (_no_rows, _no_modal_run),  # beside `propagation`'s
     "fixed": (_no_fixed_steps,),
