@@ -151,3 +151,33 @@ def test_a_log_of_inputs_alone_moves_an_axis_from_rest(tmp_path, capsys):
     assert "measured no motion: the machine began at rest at 0" in capsys.readouterr().out
     assert cli.run(["sweep", *line[1:4], "--vary", "axis.inertia=1:2:3"]) == 2
     assert "no column `position` (rad) or `velocity` (rad/s)" in capsys.readouterr().err
+
+
+def test_numbers_of_effects_are_in_the_units_of_the_motion(tmp_path):
+    _, log, _ = made(tmp_path, 6)
+    for motion, law, keys in (
+        ("translation", "bearing-coulomb", {"torque": "N", "width": "m/s"}),
+        ("rotation", "mount-cubic", {"k3": "N m/rad^3"}),
+        ("rotation", "mount-friction", {"force": "N m", "width": "rad/s"}),
+    ):
+        effect = {"id": law, "parameters": dict.fromkeys(keys, 0.1)}
+        file = parse_machine({"kind": "axis", "motion": motion, "motor": {}, "effect": [effect],
+                              "axis": {"inertia": 1.0, "stiffness": 1.0}})  # fmt: skip
+        for key, unit in keys.items():
+            path = f"effect.{law}.{key}"
+            result = sweep_machine(file, log, {path: f"50 m{unit}:80 m{unit}:2"})
+            assert result.units == (unit,) and sensitivity_machine(
+                file, log, parameters=[path]
+            ).units == (unit,)
+            np.testing.assert_allclose(result.values[:, 0], [0.05, 0.08])
+            assert result.to_xarray()["parameter_unit"].values.tolist() == [unit]
+
+
+def test_lists_of_an_effect_are_no_numbers_to_vary(tmp_path):
+    _, log, _ = made(tmp_path, 6)
+    lists = {"orders": [7, 14], "amplitudes": [0.02, 0.01], "phases": [0.1, 0.2]}
+    file = parse_machine({"kind": "axis", "motor": {}, "axis": {"inertia": 1.0, "stiffness": 1.0},
+                          "effect": [{"id": "cogging", "parameters": lists}]})  # fmt: skip
+    result = sensitivity_machine(file, log)
+    assert "axis.inertia" in result.parameters
+    assert not [p for p in result.parameters if "cogging" in p]

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..._errors import InputError, did_you_mean
-from ...machine import Axis, MachineFile, field_units, numbers_of
+from ...machine import Axis, MachineFile, axis_unit, field_units, numbers_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,14 +20,18 @@ class VariedNumbers:
 
     @staticmethod
     def of(file: MachineFile) -> "VariedNumbers":
-        """`axis.inertia`, `servo.gain`, ..., and `effect.ID.KEY` for every effect of the file."""
+        """`axis.inertia`, `servo.gain`, ..., and `effect.ID.KEY` for every effect of the file.
+
+        Lists, as the orders of a cogging are, are no numbers.
+        """
         machine = file.machine
         if not isinstance(machine, Axis):
             raise InputError(f"{file.source}: only an axis has numbers by name.")
         out: dict[str, tuple[int | None, str]] = {}
         out |= {path: (None, key.field) for path, key, _ in numbers_of(machine)}
         for k, one in enumerate(file.placed):
-            out |= {f"effect.{one.law.id}.{key}": (k, key) for key in one.law.parameters}
+            keys = [key for key, known in one.law.parameters.items() if not known.shape]
+            out |= {f"effect.{one.law.id}.{key}": (k, key) for key in keys}
         return VariedNumbers(file, out)
 
     def checked(self, paths: Sequence[str]) -> tuple[str, ...]:
@@ -45,7 +49,12 @@ class VariedNumbers:
         k, key = self.where[path]
         if k is None:
             return field_units(self.file.machine)[key]
-        return self.file.placed[k].law.parameters[key].unit
+        return axis_unit(self.file.placed[k].law.parameters[key].unit, self.motion, key)
+
+    @property
+    def motion(self) -> str:
+        """What the axis does: `rotation` or `translation`."""
+        return self.file.machine.motion  # pyright: ignore[reportAttributeAccessIssue], an axis
 
     def value(self, path: str) -> float:
         """The number as the file states it."""
