@@ -1,6 +1,7 @@
 """The axis: its motion against exact solutions, its files, its logs, and what it lacks."""
 
 import dataclasses
+import json
 import sys
 import tomllib
 
@@ -11,7 +12,7 @@ from scipy.linalg import expm
 
 from omnijax import cli
 from omnijax.diagnosis import diagnose
-from omnijax.diagnosis._ode.build import priors_of
+from omnijax.diagnosis._ode.build import build_model, priors_of
 from omnijax.laws import EFFECTS, GENERIC, LoadFriction, MotorRipple, ShaftSignal, load_laws
 from omnijax.machine import (
     Axis,
@@ -344,3 +345,28 @@ class Drag(AbstractShaft):
     def __call__(self, signal, state=None):
         return -self.b * signal.speed
 """
+
+
+@pytest.mark.parametrize("stated", ["auto", "free-run", "balance"])
+@pytest.mark.parametrize("second", [False, True])
+def test_check_says_how_a_diagnosis_compares(tmp_path, capsys, stated, second):
+    path = tmp_path / "machine.toml"
+    more = "[second]\ninertia = 0.1\nstiffness = 50.0\n" if second else ""
+    path.write_text(f'kind = "axis"\n[axis]\ninertia = 0.2\n[motor]\n{more}'
+                    f'[compare]\ncriterion = "{stated}"\n')  # fmt: skip
+    expected = {"auto": "free-run" if second else "balance"}.get(stated, stated)
+    assert cli.run(["check", str(path), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["criterion"] == expected
+    assert cli.run(["check", str(path)]) == 0
+    words = {"free-run": "by free runs", "balance": "by the balance of accelerations"}
+    assert words[expected] in capsys.readouterr().out
+    t = np.arange(200) * STEP
+    table = np.stack([t, np.sin(9 * t), 0.1 * np.sin(9 * t)], 1)
+    np.savetxt(tmp_path / "run.csv", table, delimiter=",", header="t,input,position", comments="")
+    case = read_machine_case(tmp_path)
+    if second and stated == "balance":
+        with pytest.raises(InputError, match="balance needs one inertia"):
+            build_model(case)
+        return
+    (how,) = build_model(case)[2]
+    assert ("balance" in how) is (expected == "balance")

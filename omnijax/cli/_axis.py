@@ -8,10 +8,12 @@ from .._errors import InputError, tell
 from .._files import claim, write_text
 from ._options import check_ending, command_line, emit
 
+COMPARED = {"balance": "the balance of accelerations", "free-run": "free runs"}
+
 
 def machine_summary(path: str) -> dict[str, Any]:
     """What a machine file says; `InputError` with every problem at once."""
-    from ..machine import load_machine, numbers_of
+    from ..machine import criterion_of, load_machine, numbers_of
 
     file = load_machine(path)
     axis: Any = file.machine
@@ -23,8 +25,8 @@ def machine_summary(path: str) -> dict[str, Any]:
     return {
         "kind": "axis", "motion": axis.motion, "input": axis.drives,
         "inputs": axis.inputs, "numbers": numbers, "uncertainty": uncertain,
-        "memory": axis.memory(), "effects": [x.law.id for x in file.placed],
-        "assumed": list(file.assumed),
+        "memory": axis.memory(), "criterion": criterion_of(file, axis.memory()),
+        "effects": [x.law.id for x in file.placed], "assumed": list(file.assumed),
     }  # fmt: skip
 
 
@@ -44,8 +46,9 @@ def machine_lines(path: str, summary: dict[str, Any]) -> Iterator[str]:
         yield f"  effects: {', '.join(summary['effects'])}"
     yield from (f"  {said}" for said in summary["assumed"])
     forgets = summary["memory"]
-    held = "nothing pulls it back: it is compared by the balance of accelerations"
-    yield f"  {f'forgets its start in {forgets:.3g} s' if forgets < float('inf') else held}"
+    back = f"forgets its start in {forgets:.3g} s"
+    back = back if forgets < float("inf") else "nothing pulls it back"
+    yield f"  {back}: it is compared by {COMPARED[summary['criterion']]}"
 
 
 def _spread(sigma: float, value: float, unit: str) -> str:

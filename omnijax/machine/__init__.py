@@ -11,6 +11,8 @@ if TYPE_CHECKING:
     from ._case import is_machine_case as is_machine_case
     from ._case import log_beside as log_beside
     from ._case import read_machine_case as read_machine_case
+    from ._criterion import criterion_of as criterion_of
+    from ._criterion import one_inertia as one_inertia
     from ._field import vector_field as vector_field
     from ._file import MachineFile as MachineFile
     from ._file import load_machine as load_machine

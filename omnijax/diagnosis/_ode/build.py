@@ -10,15 +10,16 @@ from ..._white_noise import noise_squares
 from ...laws import AXIS_EFFECTS
 from ...machine import (
     NOISY,
-    AbstractMachine,
     Axis,
     Log,
     MachineCase,
     acceleration_noise,
+    criterion_of,
     field_units,
     loses_sign,
     may_be_absent,
     measured_of,
+    one_inertia,
 )
 from .._search import Prior
 from .._settings import SETTINGS
@@ -105,11 +106,10 @@ def build_model(
                measured)
         for log in case.logs
     ]  # fmt: skip
-    one = _one_inertia(machine)
+    one = one_inertia(machine)
     memory = machine.speed_memory() if measured == "velocity" else machine.memory()
-    chosen = file.compare.criterion
-    if chosen == "auto":
-        chosen = _criterion(one, runs, memory)
+    chosen = criterion_of(file, memory, measured == "velocity", _lose_sign(measured, runs),
+                          one is not None and runs_away(one, runs))  # fmt: skip
     if chosen == "balance" and one is None:
         raise InputError(f"{file.source}: `compare.criterion` balance needs one inertia only; "
                          "choose free-run.")  # fmt: skip
@@ -146,20 +146,11 @@ def _measured(logs: Sequence[Log]) -> str:
     return kinds.pop()
 
 
-def _criterion(one: Axis | None, runs: Sequence[OdeRun], memory: float) -> str:
-    """How runs are compared: by the balance where a free run says nothing or needs no start."""
-    if one is None:
-        return "free-run"
-    if runs[0].measured == "velocity":  # a balance cannot undo a sensor that loses the sign
-        lost = all(loses_sign(r.shown, np.asarray(r.inputs["input"])) for r in runs)
-        return "free-run" if lost and np.isfinite(memory) else "balance"
-    free = not np.isfinite(memory) or runs_away(one, runs)
-    return "balance" if free else "free-run"
-
-
-def _one_inertia(machine: AbstractMachine) -> Axis | None:
-    """The machine where it is an axis of one inertia."""
-    return machine if isinstance(machine, Axis) and machine.second_inertia is None else None
+def _lose_sign(measured: str, runs: Sequence[OdeRun]) -> bool:
+    """Whether all runs show a speed that lost its sign."""
+    return measured == "velocity" and all(
+        loses_sign(r.shown, np.asarray(r.inputs["input"])) for r in runs
+    )
 
 
 def runs_away(axis: Axis, runs: Sequence[OdeRun]) -> bool:
@@ -199,7 +190,7 @@ def _places(machine, library, criterion: str, uncertain, measured: str) -> list[
 
 def _own_places(machine) -> dict[str, tuple[str, ...]]:
     """Ports of the machine with their places; an axis that no spring holds has no mount."""
-    own, one = dict(machine.places), _one_inertia(machine)
+    own, one = dict(machine.places), one_inertia(machine)
     if one is not None and float(one.stiffness) == 0:
         own.pop("mount")
     return own
