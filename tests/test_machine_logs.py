@@ -2,12 +2,22 @@
 
 import gzip
 import json
+import shlex
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from omnijax import cli
-from omnijax.machine import Axis, free_run, guess, numbers_of_logs, read_machine_case
+from omnijax.machine import (
+    Axis,
+    LogFile,
+    free_run,
+    guess,
+    numbers_of_logs,
+    read_log,
+    read_machine_case,
+)
 from omnijax.recording import read_table
 from omnijax.rig import InputError
 
@@ -132,3 +142,34 @@ def test_a_servo_is_guessed_with_its_gain_and_gravity(tmp_path, seed, capsys):
     assert [log.role for log in case.logs] == ["train", "held-out"]
     assert set(case.logs[0].inputs["gain"]) == {100.0}
     assert "goal_position" in capsys.readouterr().out
+
+
+def test_a_constant_channel_is_in_its_unit(tmp_path):
+    t = np.arange(100) * 1e-2
+    table = np.stack([t, np.sin(t)], 1)
+    path = tmp_path / "a.csv"
+    np.savetxt(path, table, delimiter=",", header="t,position", comments="")
+    units, inputs, outputs = {"input": "mN m"}, {"input": "N m"}, {"position": "rad"}
+    file = LogFile(tmp_path / "a.toml", path, channels={"input": 500}, units=units)
+    np.testing.assert_allclose(read_log(file, inputs, outputs).inputs["input"], 0.5)
+    file.units["input"] = "kg"
+    with pytest.raises(InputError, match=r"`units\.input` must be a unit of N m"):
+        read_log(file, inputs, outputs)
+
+
+def test_the_studies_of_the_page_run_as_they_stand(tmp_path, monkeypatch):
+    """On a log as the page's first block has one: columns of any names."""
+    text = (Path(__file__).parents[1] / "docs" / "howto" / "axis.md").read_text(encoding="utf-8")
+    begin = next(x for x in text.splitlines() if x.startswith("$ omnijax case new motor.csv"))
+    studies = text[text.index("## Studies of it") : text.index("## A machine of your own")]
+    lines = [x for x in studies.splitlines() if x.startswith("$ omnijax ")]
+    t = np.arange(1500) * 2e-3
+    u = 0.04 * np.sin(3 * t + 4 * t**2)
+    axis = Axis(2e-3, 1e-3)
+    q = free_run(axis, (), {"position": (0.0, 0.0)}, {"input": u}, 2e-3)["position"]
+    monkeypatch.chdir(tmp_path)
+    np.savetxt("motor.csv", np.stack([t, u, q], 1), delimiter=",", header="t,torque,angle",
+               comments="")  # fmt: skip
+    assert len(lines) == 4
+    for line in (begin, *lines):
+        assert cli.run(shlex.split(line.removeprefix("$ omnijax "))) == 0

@@ -217,18 +217,19 @@ def measured_of(names: Collection[str]) -> str | None:
 
 
 def _column(file: LogFile, table, name: str, unit: str, faults) -> np.ndarray | None:
-    """One channel in SI; a number in [channels] is a constant."""
+    """One channel in SI; a number in [channels] is a constant in the unit that [units] gives."""
     theirs = file.channels.get(name, name)
     if isinstance(theirs, int | float) and not isinstance(theirs, bool):
-        return np.full(len(next(iter(table.columns.values()))), float(theirs))
-    if theirs not in table.columns:
-        if name in file.channels:
-            raise InputError(
-                f"{file.path.name}: `channels.{name}` names the column {theirs!r}, which "
-                f"{file.log.name} does not have.{did_you_mean(str(theirs), table.columns)}"
-            )
+        values = np.full(len(next(iter(table.columns.values()))), float(theirs))
+    elif theirs in table.columns:
+        values = np.asarray(table.columns[theirs], float)
+    elif name in file.channels:
+        raise InputError(
+            f"{file.path.name}: `channels.{name}` names the column {theirs!r}, which "
+            f"{file.log.name} does not have.{did_you_mean(str(theirs), table.columns)}"
+        )
+    else:
         return None
-    values = np.asarray(table.columns[theirs], float)
     said = file.units.get(name) or table.units.get(theirs) or unit
     if said == unit:
         return values
