@@ -438,6 +438,16 @@ def test_study_file_reads_units_and_defaults():
          "`speed.w1` and `speed.scale` set the same parameter"),
         ({"load": [{"name": "x", "set": {"wheel.mass": 0.2, "wheel.w2.mass": 0.3}}]},
          "load `x`: `wheel.mass` and `wheel.w2.mass` set the same parameter"),
+        ({"tolerance": {"wheel.rollers": 0.1}},
+         "`tolerance.wheel.rollers` draws any numbers, but `wheel.rollers` takes whole ones only."),
+        ({"tolerance": {"wheel.roundness": 0.9},
+          "load": [{"set": {"wheel.roundness": 0.6}}]},
+         "`tolerance.wheel.roundness` draws 1.14 at its widest, but `wheel.roundness` must lie in "
+         "[0, 1]."),
+        ({"tolerance": {"wheel.w1.roundness": 0.2},
+          "variable": [{"path": "wheel.roundness", "low": 0.1, "high": 0.9}]},
+         "`tolerance.wheel.w1.roundness` draws 1.08 at its widest"),
+        ({"tolerance": {"wheel.mass": 0.1, "wheel.w2.mass": 0.1}}, "are of the same part."),
         ({"objective": {"weights": {"rms": -1.0}}}, "`objective.weights.rms` must lie in (0, inf)"),
     ],
 )  # fmt: skip

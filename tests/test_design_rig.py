@@ -257,6 +257,7 @@ def test_cases_are_every_drive_with_every_load():
 def test_allocation_uses_up_the_room():
     """z sqrt(sum (g t)^2 / 3) = room, equal parts, and a capped part leaves its share."""
     slopes = np.array([3.0, -1.0, 0.001, 0.0])
+    assert allocate(slopes, 0.1, 0.95, np.full(slopes.size, 1e-3)).max() == 1e-3
     width = allocate(slopes, 0.1, 0.95)
     assert np.isclose(1.6448536 * np.sqrt(np.sum((slopes * width) ** 2) / 3), 0.1)
     assert np.isclose(3.0 * width[0], width[1]) and width[2] == width[3] == 0.2

@@ -79,6 +79,24 @@ def overlap_problems(
     ]
 
 
+def part_problems(rig: Rig, paths: Sequence[str]) -> list[str]:
+    """What keeps parts from being off by a share of themselves, a sentence each."""
+    problems = [
+        f"`tolerance`: `{a}` and `{b}` are of the same part." for a, b in overlaps(rig, paths)
+    ]
+    problems += [
+        f"`tolerance.{path}` draws any numbers, but `{path}` takes whole ones only."
+        for path in paths
+        if parameter_info(rig, path).whole
+    ]
+    single = checked_parameters(rig, paths)
+    return problems + [
+        f"`{path}` is 0, so that a relative tolerance of it means nothing."
+        for path, value in zip(single, values_of(rig, single), strict=True)
+        if value == 0
+    ]
+
+
 def with_values(rig: Rig, paths: Sequence[str], values) -> Rig:
     """`rig` with `values` (p,), traced or not, at `paths`."""
     for i, path in enumerate(paths):

@@ -13,6 +13,7 @@ from .._problem import check_variables
 from .cases import cases, variables
 from .goals import constraint, objective, search, tolerances
 from .problems import checked
+from .reach import reach, tolerance_problems
 from .read import Reader
 from .study import Study
 
@@ -62,6 +63,8 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
     fields["constraints"] = tuple(limit for limit in limits if limit is not None)
     if not read.problems:
         read.problems += _overlaps(rig, fields)
+    if not read.problems:
+        read.problems += _out_of_reach(rig, fields)
     if not read.problems and fields["variables"]:
         try:
             check_variables(fields["variables"])
@@ -86,6 +89,13 @@ def _overlaps(rig: Rig, fields: Mapping[str, Any]) -> list[str]:
             if name not in of_drive and any(overlaps(rig, [path, name]) for path in paths)
         ]
     return problems
+
+
+def _out_of_reach(rig: Rig, fields: Mapping[str, Any]) -> list[str]:
+    """Parameters that variables, loads and tolerances together take where they cannot be."""
+    of_drive = drive_quantities(fields["drives"][0].drive, rig.names)
+    own = [v for v in fields["variables"] if v.name not in of_drive]
+    return tolerance_problems(rig, fields["tolerances"], reach(rig, own, fields["loads"]))[0]
 
 
 def _rig(name: str, path: str | Path | None) -> Rig:

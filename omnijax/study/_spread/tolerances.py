@@ -25,7 +25,7 @@ from ...rig import Rig, parameter_info
 from ...vibration import METRICS
 from .._batches import each
 from .._design import RigCases
-from .._file import Study, study_of
+from .._file import Study, reach, study_of
 from .._parameters import checked_parameters, values_of
 from .._study_folder import Report, folder_of
 from .draws import Machines
@@ -46,21 +46,24 @@ def share_bounds(good: int, total: int) -> tuple[float, float]:
     return float(interval.low), float(interval.high)
 
 
-def allocate(slopes: np.ndarray, room: float, confidence: float) -> np.ndarray:
+def allocate(
+    slopes: np.ndarray, room: float, confidence: float, widest: np.ndarray | float = WIDEST
+) -> np.ndarray:
     """Relative half widths that use up `room`, to first order, at equal shares of the variance.
 
     z sqrt(sum (g t)^2/3) = room with z the confidence's quantile; capped parts leave theirs to the
     others.
     """
     spread = np.sqrt(3.0) * room / ndtri(confidence)
-    width, open_ = np.full(len(slopes), WIDEST), np.abs(slopes) > 0
+    widest = np.broadcast_to(widest, slopes.shape)
+    width, open_ = widest.copy(), np.abs(slopes) > 0
     for _ in range(len(slopes)):
         used = np.sum((slopes[~open_] * width[~open_]) ** 2)
         if used >= spread**2 or not open_.any():
             break
         each = np.sqrt((spread**2 - used) / open_.sum())
         fair = each / np.abs(np.where(open_, slopes, np.inf))
-        over = open_ & (fair > WIDEST)
+        over = open_ & (fair > widest)
         if not over.any():
             width[open_] = fair[open_]
             break
@@ -109,7 +112,7 @@ def tolerances(
             f"no tolerance keeps {metric} below {quantity_text(limit, unit)}: with nominal parts "
             f"it is {quantity_text(nominal, unit)} already."
         )
-    linear = allocate(slopes, limit - nominal, asked.confidence)
+    linear = allocate(slopes, limit - nominal, asked.confidence, _widest(cases))
     fresh = asked.seed + 1
     width = _borne_out(machines, linear, asked, limit)
     new = machines.metric(width, fresh, "new", 1)
@@ -152,6 +155,16 @@ def _worst(cases: RigCases, draws: int) -> tuple[Callable, Callable]:
         return value, slopes[part]
 
     return machines, with_slope
+
+
+def _widest(cases: RigCases) -> np.ndarray:
+    """`WIDEST` of each part, or what keeps it within its parameter's range under every load."""
+    rig, reached = cases.study.rig, reach(cases.study.rig, (), cases.study.loads)
+    room = []
+    for part, own in zip(cases.parts, values_of(rig, cases.parts), strict=True):
+        highest, info = reached.get(part, (own, own))[1], parameter_info(rig, part)
+        room.append(info.high / highest - 1 if highest > 0 else WIDEST)
+    return np.minimum(WIDEST, np.array(room))
 
 
 def usual_parts(rig: Rig) -> tuple[str, ...]:
