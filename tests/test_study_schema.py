@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from omnijax.cli._frame import run
 from omnijax.cli._study_starter import study_text
 from omnijax.cli.init import Studies
 from omnijax.rig import InputError, load_rig, parameter_info
@@ -162,6 +163,33 @@ def test_a_rig_that_is_not_there_is_told_of_the_study_that_names_it(tmp_path):
     study.write_text('rig = "rigg.toml"\n[[drive]]\nspeed = [1, 2, 3]\n')
     with pytest.raises(InputError, match=r'(?s)s\.toml.*rig = "rigg\.toml": there is no such file'):
         load_study(study)
+
+
+SPEEDS, TORQUES = "[[drive]]\nspeed = [3.0, 5.1, 7.3]", "[[drive]]\ntorque = [1.0, 2.0, 3.0]"
+
+
+@pytest.mark.parametrize(("text", "command", "message"), [
+    (f"{SPEEDS}\n[sampling]\nsamples = 8", "global-sensitivity",
+     "`sampling.samples` must lie in [16, inf)"),
+    (f'{SPEEDS}\n[objective]\nmetric = "peak_to_peak"', "design",
+     "this study needs a `duration`"),
+    (f'{SPEEDS}\n[pareto]\nmetrics = ["rms", "peak_to_peak"]', "pareto",
+     "this study needs a `duration`"),
+    (f'{SPEEDS}\n[tolerance]\n"wheel.mass" = 0.1\n"wheel.w2.mass" = 0.1', "tolerances",
+     "`tolerance`: `wheel.mass` and `wheel.w2.mass` are of the same part."),
+    (f"rate = 100\n{SPEEDS}", "design",
+     "`rate` is that of a run, which has a `duration`: give both."),
+    (f'duration = 1\n{TORQUES}\n[[constraint]]\nquantity = "frequency_separation"\nmin = 1',
+     "design", "`constraint.frequency_separation` needs constant speeds"),
+])  # fmt: skip
+def test_check_refuses_what_the_command_refuses(text, command, message, tmp_path, capsys):
+    """It said `right`."""
+    rest = '[[variable]]\npath = "contact.stiffness"\nlow = 1e5\nhigh = 3e5\n[limit]\n'
+    file = tmp_path / "study.toml"
+    file.write_text(f'rig = "atlas"\n{text}\n{rest}metric = "rms"\nrise = 0.1\n')
+    for words in (["check", str(file)], [command, str(file)]):
+        assert run(words) == 2
+        assert message in " ".join(capsys.readouterr().err.split()), words
 
 
 @pytest.mark.parametrize("path", ["wheel.normals", "wheel.w1.drives", "platform.gravitys"])

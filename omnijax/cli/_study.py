@@ -68,9 +68,10 @@ def _of_study(path: str, typed: dict[str, Any]) -> AskedStudy:
 
 def study_summary(path: str) -> dict[str, Any]:
     """What a study file varies and judges by; `InputError` with every problem at once."""
-    from ..study import load_study
+    from ..study import check_study, load_study
 
     study = load_study(path)
+    check_study(study)
     return {
         "wheels": list(study.rig.names),
         "drives": {case.name: {case.kind: list(case.values)} for case in study.drives},

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from .._text import scaled as scaled
     from ._design import Design as Design
     from ._design import Front as Front
+    from ._design import check_study as check_study
     from ._design import design as design
     from ._design import design_problem as design_problem
     from ._design import designed_rig as designed_rig

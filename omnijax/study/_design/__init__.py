@@ -1,6 +1,7 @@
 """Design searches under constraints, and trade-off fronts."""
 
 from .cases import RigCases as RigCases
+from .cases import check_study as check_study
 from .design import design as design
 from .design import design_problem as design_problem
 from .design import designed_rig as designed_rig

@@ -23,9 +23,10 @@ from .._evaluation import (
     choose,
     evaluate_in_bulk,
     evaluation_of,
+    samples_of,
 )
 from .._file import Study
-from .._parameters import checked_parameters, overlaps, values_of
+from .._parameters import checked_parameters, part_problems, values_of
 from .._problem import FigureRows
 from .._sobol import sobol_points
 
@@ -33,6 +34,38 @@ from .._sobol import sobol_points
 # to 45, but the programs in bulk are compiled in three times the time (40 CPU s for 12).
 SEVERAL = 64
 RTOL = 1e-6  # of the adaptive solver, unless the study says
+
+
+def _question(study: Study, metrics: tuple[str, ...], varied: tuple[str, ...]) -> Question:
+    drives = tuple(case.drive for case in study.drives)
+    return Question(study.rig, drives, varied, metrics, study.model, study.duration)
+
+
+def _constraint_problems(study: Study) -> list[str]:
+    moving = isinstance(study.drives[0].drive, TorqueDrive)
+    if moving and any(c.quantity == "frequency_separation" for c in study.constraints):
+        return [
+            "`constraint.frequency_separation` needs constant speeds: with motor torques the "
+            "rollers pass at every frequency on the way."
+        ]
+    return []
+
+
+def check_study(study: Study) -> None:
+    """`InputError` with what the commands of a study refuse before they compute anything."""
+    problems = _constraint_problems(study)
+    loads = tuple(path for load in study.loads for path, _ in load.values)
+    varied = (*(v.name for v in study.variables), *checked_parameters(study.rig, loads))
+    judged = tuple(name for name, _ in study.weights), study.pareto, (study.limit or ())[:1]
+    for metrics in filter(None, judged):
+        wanted = tuple(dict.fromkeys((*metrics, *metrics_of(study.constraints))))
+        try:
+            samples_of(study.duration, study.rate)
+            choose(_question(study, wanted, varied))
+        except InputError as error:
+            problems += error.problems
+    if problems:
+        raise InputError(list(dict.fromkeys(problems)))
 
 
 class RigCases:
@@ -43,7 +76,8 @@ class RigCases:
         wanted = tuple(name for name, _ in study.weights) if metrics is None else metrics
         self.metrics = tuple(dict.fromkeys((*wanted, *metrics_of(study.constraints))))
         self.start = study.drives[0].drive
-        self._check_constraints()
+        if wrong := _constraint_problems(study):
+            raise InputError(wrong)
         self._figures, self._tried_by = None, ""
         self.inputs = jnp.asarray(np.array([(*d.values, *d.force) for d in study.drives]))
         self.paths = tuple(v.name for v in study.variables)
@@ -56,11 +90,8 @@ class RigCases:
     def _evaluation(self) -> tuple[Evaluation, str]:
         """How a case is evaluated, and a sentence on it where runs are integrated."""
         study = self.study
-        drives = tuple(case.drive for case in study.drives)
         varied = (*self.paths, *self.load_paths, *self.parts)
-        self.question = Question(
-            study.rig, drives, varied, self.metrics, study.model, study.duration
-        )
+        self.question = _question(study, self.metrics, varied)
         how, why = evaluation_of(
             self.question,
             study.rate,
@@ -87,32 +118,16 @@ class RigCases:
             self._figures = jax.jit(figures)
         return np.array([self._figures(x, how.substeps) for x in designs])
 
-    def _check_constraints(self) -> None:
-        moving = isinstance(self.start, TorqueDrive)
-        if moving and any(c.quantity == "frequency_separation" for c in self.study.constraints):
-            raise InputError(
-                "`constraint.frequency_separation` needs constant speeds: with motor torques the "
-                "rollers pass at every frequency on the way."
-            )
-
     def _tolerances(self) -> tuple[tuple[str, ...], Array]:
         """Paths of the parts that are drawn, and their relative half widths (p,)."""
         given = [path for path, _ in self.study.tolerances]
-        if twice := overlaps(self.study.rig, given):
-            raise InputError(
-                [f"`tolerance`: `{a}` and `{b}` are of the same part." for a, b in twice]
-            )
+        if wrong := part_problems(self.study.rig, given):
+            raise InputError(wrong)
         paths, half_widths = [], []
         for path, half in self.study.tolerances:
             single = checked_parameters(self.study.rig, [path])
             paths += single
             half_widths += [half] * len(single)
-        values = values_of(self.study.rig, tuple(paths))
-        nothing = [p for p, v in zip(paths, values, strict=True) if v == 0]
-        if nothing:
-            raise InputError(
-                [f"`{p}` is 0, so that a relative tolerance of it means nothing." for p in nothing]
-            )
         return tuple(paths), jnp.asarray(np.array(half_widths))
 
     def _load_table(self) -> np.ndarray:

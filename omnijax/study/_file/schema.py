@@ -56,6 +56,7 @@ class _Word:
         return {"enum": self.words}
 
 
+LEAST_SAMPLES = 16  # blocks of a global sensitivity
 _NUMBER = Quantity("1").json_schema()
 Text = Annotated[str, _Text()]
 OfPath = Annotated[Any, _Open(_NUMBER | {"description": "in the unit of what it bounds, or text"})]
@@ -153,7 +154,7 @@ class LimitTable(_Table):
 class SamplingTable(_Table):
     """How many blocks of runs a global sensitivity takes."""
 
-    samples: Annotated[int, Quantity("1", low=8, whole=True), AfterValidator(int)] = 256
+    samples: Annotated[int, Quantity("1", low=LEAST_SAMPLES, whole=True), AfterValidator(int)] = 256
 
 
 _Part = Annotated[float, Quantity("1", above=0, high=0.9)]

@@ -14,7 +14,7 @@ from ..._errors import InputError, RunError
 from ...vibration import METRICS
 from .._batches import Order
 from .._design import RigCases
-from .._file import Study, study_of
+from .._file import LEAST_SAMPLES, Study, study_of
 from .._sobol import sobol_points
 from .._study_folder import Folder, folder_of
 from .inputs import Batch, Input, UncertainInputs, one_by_one, run_all
@@ -53,8 +53,8 @@ def analyse(
 def _analyse(
     batch: Batch, box: UncertainInputs, metrics, units, samples: int, seed: int, report, store
 ) -> GlobalSensitivity:
-    if samples < 16:
-        raise InputError(f"`samples` must be at least 16, but is {samples}.")
+    if samples < LEAST_SAMPLES:
+        raise InputError(f"`samples` must be at least {LEAST_SAMPLES}, but is {samples}.")
     unit = sobol_design(box.size, samples, seed)
     paths = morris_design(box.size, max(8, samples // 16), seed + 1, box.normal)
     drawn = sobol_points(box.size, 1 << min(samples, 256).bit_length() - 1, seed + 2)
