@@ -16,6 +16,7 @@ from ._scales import mend_units
 from ._sidecar import Sidecar, hint, read_sidecar, to_si
 from ._tables import read_table, stem_of
 from ._time import usable_rows
+from ._turns import unwrap
 from ._values import clean, mend_inputs
 
 FINER = (("ms", 1e3), ("us", 1e6), ("ns", 1e9))
@@ -58,6 +59,7 @@ def build_recording(path: Path, table: CsvTable, sidecar: Sidecar, rig: Any = No
     about = (wheels, sidecar.role, noise, sidecar.rig, faults, rows + 1)
     run = Recording(stem_of(path), path, time, values, *about)
     faults += clean(path.name, values, run.rows, lambda c: run.declared_noise(c) == 0)
+    faults += unwrap(path.name, values, time, run.rows)
     _check_inputs(path.name, run)
     faults += mend_inputs(path.name, values, time, run.rows)
     if rig is not None:
