@@ -8,7 +8,13 @@ import pytest
 
 from omnijax import InputError
 from omnijax.diagnosis import Diagnosis, Named, OutputGap
-from omnijax.diagnosis._answer.answer import _sigma, score_table, together
+from omnijax.diagnosis._answer.answer import (
+    _sigma,
+    answering,
+    baseline_table,
+    score_table,
+    together,
+)
 from omnijax.laws import EFFECTS
 
 
@@ -91,6 +97,30 @@ def test_the_dataset_holds_gap_parameters_and_scores(found):
     assert float(data.gap_before.sel(group="dR")) == 1e-5
     assert float(data.parameter_with_effects[0]) == 1.05e5
     assert float(data.score_gain.sel(candidate="wheel-runout@w2")) == 1e4
+
+
+def test_calibrated_numbers_are_those_of_the_rig_that_is_the_answer():
+    """Of a fit with effects that no answer names a refit had moved them."""
+    prior = SimpleNamespace(
+        name="sphere.mass", unit="kg", value=5.0, sigma=0.1, relative=True,
+        at=lambda u: 5.0 * np.exp(0.1 * u), at_bound=lambda u: u > 3,
+    )  # fmt: skip
+
+    def fit(u, variance):
+        return SimpleNamespace(point=SimpleNamespace(u=np.array([u])),
+                               covariance=np.array([[variance]]))  # fmt: skip
+
+    outcome: Any = SimpleNamespace(priors=(prior,), baseline=fit(0.2, 0.8), fit=fit(4.0, 0.01))
+    for verdict, of in (
+        ("none", outcome.baseline), ("unknown", outcome.baseline),
+        ("named", outcome.fit), ("ambiguous", outcome.fit),
+    ):  # fmt: skip
+        judged: Any = SimpleNamespace(verdict=verdict)
+        assert answering(outcome, judged) is of
+        (row,) = baseline_table(outcome, answering(outcome, judged))
+        assert row["with_effects"] == prior.at(of.point.u[0])
+        assert row["without_effects"] == prior.at(0.2)
+        assert row["determined"] == row["at_bound"] == (of is outcome.fit)
 
 
 def test_lines_at_one_wheel_are_one_effect():

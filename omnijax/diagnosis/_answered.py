@@ -12,6 +12,7 @@ from ._answer import (
     Named,
     Shown,
     Verdict,
+    answering,
     baseline_table,
     gaps,
     judge,
@@ -174,8 +175,7 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
         _left(evidence, x.point) for x in (outcome.baseline, outcome.fit)
     )
     tell(f"verdict: {judged.verdict} ({judged.reason})")
-    known = judged.verdict in ("named", "ambiguous")
-    point = outcome.fit.point if known else outcome.baseline.point
+    answer = answering(outcome, judged)
     effects = named(evidence, outcome, judged)
     learned = None
     if judged.verdict == "unknown":
@@ -198,7 +198,7 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
         where=plain_where(where),
         gap=gaps(evidence, shown, first, last),
         next_experiment=experiment,
-        baseline=baseline_table(outcome),
+        baseline=baseline_table(outcome, answer),
         noise=noise,
         scores=score_table(outcome),
         confirmed_on=evidence.confirmed_on,
@@ -206,7 +206,7 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
         learned=None if learned is None else learned.table(),
         notes=[reason, *beside, *further],
         faults=evidence.faults,
-        rig=evidence.described(point),
+        rig=evidence.described(answer.point),
     )
     result.details = {"model": model, "found": outcome, "judged": judged, "before": before,
                       "after": after, "where": everything, "learned": learned,

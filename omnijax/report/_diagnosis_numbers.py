@@ -72,7 +72,7 @@ def parameters(diagnosis) -> list[Section]:
             quantity_text(b["without_effects"], b["unit"]),
             estimate(b["with_effects"], b["sigma"], b["unit"]),
             f"{round(100 * b['absorbed'], 2) + 0.0:.2g} %",
-            "yes" if b["determined"] else "no: it stays where it was stated",
+            "yes" if b["determined"] else "no: what was stated weighs more",
         ]
         for b in diagnosis.baseline
     ]

@@ -1,5 +1,6 @@
 """What comes back: verdict, names, learned terms, gaps, pictures."""
 
+from .answer import answering as answering
 from .answer import baseline_table as baseline_table
 from .answer import named as named
 from .answer import notes as notes

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 
 from ...laws import Parameter
-from .._search import Effect, Point, SearchResult
+from .._search import Effect, Fit, Point, SearchResult
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence
 from .judges import JUDGES
@@ -121,13 +121,18 @@ def _parameters(evidence: AbstractEvidence, effect: Effect, spread: dict) -> dic
     return out | evidence.reported(effect)
 
 
-def baseline_table(outcome: SearchResult) -> list[dict[str, Any]]:
-    """Uncertain parameters before, calibrated without and with the effects, and what is known."""
+def answering(outcome: SearchResult, judged: Verdict) -> Fit:
+    """The fit that is the answer: where no effect is named that without effects."""
+    return outcome.fit if judged.verdict in ("named", "ambiguous") else outcome.baseline
+
+
+def baseline_table(outcome: SearchResult, fit: Fit) -> list[dict[str, Any]]:
+    """Uncertain parameters before, calibrated without effects and in `fit`, and what is known."""
     out = []
     priors = outcome.priors
-    sigma = np.sqrt(np.maximum(np.diag(outcome.fit.covariance), 0.0))
+    sigma = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     for k, prior in enumerate(priors):
-        first, last = prior.at(outcome.baseline.point.u[k]), prior.at(outcome.fit.point.u[k])
+        first, last = prior.at(outcome.baseline.point.u[k]), prior.at(fit.point.u[k])
         out.append({
             "parameter": prior.name, "unit": prior.unit, "stated": prior.value,
             "without_effects": first, "with_effects": last,
@@ -135,7 +140,7 @@ def baseline_table(outcome: SearchResult) -> list[dict[str, Any]]:
             "sigma": float(sigma[k] * prior.sigma * (abs(last) if prior.relative else 1.0)),
             "absorbed": float(np.log(first / last)) if prior.relative else 0.0,
             "determined": bool(sigma[k] < SETTINGS.answer_result.determined),
-            "at_bound": prior.at_bound(outcome.fit.point.u[k]),
+            "at_bound": prior.at_bound(fit.point.u[k]),
         })  # fmt: skip
     return out
 
@@ -173,7 +178,7 @@ def notes(
     """The verdict's reason first, then what a reader should know of how it was found."""
     model = evidence.model
     known = judged.verdict in ("named", "ambiguous")
-    clocks = evidence.clocks(outcome.fit if known else outcome.baseline)
+    clocks = evidence.clocks(answering(outcome, judged))
     said = [judged.reason + ".", *noise, *clocks, *evidence.remarks()]
     said += twins(outcome, judged)
     said += [
