@@ -13,9 +13,11 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+import omnijax
 from omnijax._text import estimate, quantity_text
 from omnijax.rig import InputError
 from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, parse_study, trade_off
+from omnijax.study._constraints import CaseResult, Constraint, all_limits, all_values
 from omnijax.study._design.design import start_note
 from omnijax.study._design.engine import Engine
 from omnijax.study._design.evolve import Rank, evolve, far_apart
@@ -538,3 +540,17 @@ def test_what_is_raised_stops_all_searches_in_step(where):
     with pytest.raises(KeyboardInterrupt):
         in_step([lambda ask: ask(np.zeros(1)), searched], figures, *[fail] * (where == "ended"))
     assert threading.active_count() == before
+
+
+def test_each_bound_of_a_preload_holds_the_wheel_that_is_nearest_to_it():
+    """With both, the lower bound was held against the greatest preload of all wheels."""
+    rng, rig = np.random.default_rng(11), omnijax.load_rig("atlas")
+    preload = rng.uniform(30, 120, 3)
+    for name, value in zip(rig.names, preload, strict=True):
+        rig = omnijax.set_parameter(rig, f"wheel.{name}.closure.preload", value)
+    wanted = (Constraint("preload", low=60.0, high=100.0), Constraint("rms", 1e-6, 1e-3))
+    limits, index = all_limits(wanted, rig, ("a", "b"))
+    values = all_values(wanted, CaseResult(rig, None, None, "coupled"), {"rms": jnp.asarray(2e-4)})
+    np.testing.assert_allclose(values, [-preload.min(), preload.max(), -2e-4, 2e-4])
+    assert [x.bound for x in limits] == [-60, 100, *[-1e-6, 1e-3] * 2]
+    assert index.tolist() == [0, 1, 2, 3, 6, 7]

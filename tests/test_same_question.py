@@ -13,6 +13,7 @@ from omnijax.cli import run
 from omnijax.cli._drive import asked, studied
 from omnijax.cli._motion import MotionOptions
 from omnijax.simulation import TorqueDrive, speeds
+from omnijax.study import parse_study, refit_remarks
 from omnijax.study._evaluation import Question, evaluation_of, samples_of
 from omnijax.study._evaluation.methods import choose, in_step
 
@@ -140,3 +141,18 @@ def test_the_long_run_of_wheels_in_step_is_the_mean_over_their_start_angles():
     mean = np.sqrt(np.mean(runs.rms.values**2))
     assert mean == pytest.approx(float(steady.rms), rel=0.01)
     assert np.ptp(runs.rms.values) > 0.1 * mean  # they do matter
+
+
+def test_speeds_that_fit_the_sphere_of_another_rig_are_told(tmp_path, capsys):
+    """A sweep of the radius turned every sphere at another speed, without a word."""
+    rng, rig = drawn_anew("refit"), load_rig("atlas-tripod")
+    told = refit_remarks(rig, ["sphere.mass", "speed.w1", "wheel.w2.radius", "contact.stiffness"])
+    assert len(told) == 1 and "with `wheel.w2.radius` varied" in told[0]
+    assert refit_remarks(rig, ["sphere.mass", "wheel.roundness", "force.x"]) == []
+    omega = ",".join(f"{x:.3f}" for x in rng.uniform(0.5, 2, 3))
+    words = ["sweep", "atlas-tripod", "--omega", omega, "--vary", "sphere.radius=0.9,1.0"]
+    assert run(words) == 0 and "`sphere.radius` varied, other designs" in capsys.readouterr().err
+    study = {"rig": "atlas-tripod", "drive": [{"omega": [0.0, 1.0, 2.0]}]}
+    ranged = {"path": "wheel.radius", "low": 0.03, "high": 0.05}
+    with pytest.warns(DataWarning, match="the rig as it stands"):
+        parse_study(study | {"variable": [ranged]})

@@ -40,6 +40,10 @@ def asked_of(
     from ..rig import load_rig
 
     rig = load_rig(name)
+    if motion.omega is not None and option == "vary":
+        from ..study import refit_remarks
+
+        tell(refit_remarks(rig, [text.partition("=")[0].strip() for text in vary]))
     return AskedStudy(rig, studied(rig, motion, drive), vary, metric, model)
 
 

@@ -156,7 +156,7 @@ def _passing(run: Any, rig: Any, reference: str) -> dict[str, float]:
 def _print(order_map: Any, table: Any, page: str | None) -> None:
     unit = table.columns[1].unit
     count = len(order_map.time)
-    windows = f"{count} window{'s' * (count > 1)}"
+    windows = f"{count} window{'s' * (count > 1)} of {order_map.turns:.3g} turns"
     print(f"{order_map.channel} over the orders of {order_map.reference}, {windows}")
     rows = [["order", f"{order_map.kind} ({unit})", "frequency (Hz)", "what repeats so often"]]
     rows += [[f"{order:5.2f}", f"{level:.4g}", hz, why] for order, level, hz, why in table.rows]

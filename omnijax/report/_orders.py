@@ -43,6 +43,7 @@ def orders_page(
             Fact("slowest", float(order_map.speed.min()), "rpm"),
             Fact("fastest", float(order_map.speed.max()), "rpm"),
             Fact("windows", len(order_map.time)),
+            Fact("turns of a window", order_map.turns),
         ],
         sections=[
             Section(

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from ._machine import MachineSweep as MachineSweep
     from ._machine import sensitivity_machine as sensitivity_machine
     from ._machine import sweep_machine as sweep_machine
+    from ._parameters import refit_remarks as refit_remarks
     from ._points import Grid as Grid
     from ._points import LatinHypercube as LatinHypercube
     from ._points import Sobol as Sobol

@@ -26,20 +26,25 @@ class Constraint:
     orders: tuple[int, ...] = (1,)
     materials: tuple[float, ...] = ()  # E of sphere and wheel, Poisson's ratio of both
 
-    def limits(self, names: tuple[str, ...], unit: str, case: str) -> list[Limit]:
-        """The limits on the entries `names`, as g <= bound."""
-        suffix = f" ({case})" if case else ""
-        limits = []
-        for sense, bound in ((-1, self.low), (1, self.high)):
-            if bound is not None:
-                scale = abs(bound) if bound else 1.0
-                limits += [Limit(n + suffix, sense * bound, scale, unit, sense) for n in names]
-        return limits
+    @property
+    def sides(self) -> tuple["Constraint", ...]:
+        """The constraint with its lower bound alone, and with its upper one."""
+        low = [] if self.low is None else [dataclasses.replace(self, high=None)]
+        return (*low, *([] if self.high is None else [dataclasses.replace(self, low=None)]))
 
-    def signed(self, values: Float[Array, " e"]) -> Array:
-        """The entries as `limits` has them: negated for a lower bound."""
-        parts = [-values] if self.low is not None else []
-        return jnp.concatenate([*parts, *([values] if self.high is not None else [])])
+    @property
+    def sense(self) -> int:
+        """1 where one side holds values from above, -1 where it does from below."""
+        return 1 if self.low is None else -1
+
+    def limits(self, names: tuple[str, ...], unit: str, case: str) -> list[Limit]:
+        """The limits of one side on the entries `names`, as g <= bound; g is `sense` the entry."""
+        suffix = f" ({case})" if case else ""
+        bound = self.high if self.low is None else self.low
+        assert bound is not None
+        scale = abs(bound) if bound else 1.0
+        sense = self.sense
+        return [Limit(n + suffix, sense * bound, scale, unit, sense) for n in names]
 
 
 class CaseResult(NamedTuple):
@@ -55,7 +60,7 @@ class CaseResult(NamedTuple):
 
 
 class ConstraintKind(NamedTuple):
-    """Unit, names of the entries, and the entries of a rig in one case."""
+    """Unit, names of the entries, and the entries of a rig in one case; of one side each."""
 
     unit: str
     names: Callable[[Constraint, Rig], tuple[str, ...]]
@@ -104,7 +109,7 @@ def _pressure(wanted: Constraint, point: CaseResult) -> Array:
 def _preload(wanted: Constraint, point: CaseResult) -> Array:
     """The greatest preload where it is limited from above, else the least, N."""
     preload = point.rig.wheels.closure.preload
-    return (jnp.min(preload) if wanted.high is None else jnp.max(preload))[None]
+    return (jnp.min(preload) if wanted.sense < 0 else jnp.max(preload))[None]
 
 
 QUANTITIES: dict[str, ConstraintKind] = {
@@ -141,6 +146,10 @@ def reads_runs(constraints: tuple[Constraint, ...]) -> bool:
     return any(c.quantity in QUANTITIES and QUANTITIES[c.quantity].reads_run for c in constraints)
 
 
+def _sides(constraints: tuple[Constraint, ...]) -> list[Constraint]:
+    return [side for wanted in constraints for side in wanted.sides]
+
+
 def all_limits(
     constraints: tuple[Constraint, ...], rig: Rig, cases: tuple[str, ...]
 ) -> tuple[list[Limit], np.ndarray]:
@@ -150,7 +159,7 @@ def all_limits(
     """
     limits_of_all, place, index = [], 0, []
     for k, case in enumerate(cases):
-        for wanted in constraints:
+        for wanted in _sides(constraints):
             kind = QUANTITIES.get(wanted.quantity)
             common = kind is not None and not kind.per_case
             names = kind.names(wanted, rig) if kind else (wanted.quantity,)
@@ -168,8 +177,8 @@ def all_values(
 ) -> Float[Array, " c"]:
     """g of one case; `metrics` holds those that are metrics."""
     parts = []
-    for wanted in constraints:
+    for wanted in _sides(constraints):
         kind = QUANTITIES.get(wanted.quantity)
         values = kind.of(wanted, point) if kind else metrics[wanted.quantity][None]
-        parts.append(wanted.signed(values))
+        parts.append(wanted.sense * values)
     return jnp.concatenate(parts) if parts else jnp.zeros(0)

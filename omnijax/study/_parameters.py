@@ -5,9 +5,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from .._errors import InputError
+from ..dynamics import mobility
 from ..rig import (
     ParameterInfo,
     Rig,
+    UnknownParameter,
     get_parameter,
     parameter_info,
     parameter_paths,
@@ -94,6 +96,30 @@ def part_problems(rig: Rig, paths: Sequence[str]) -> list[str]:
         f"`{path}` is 0, so that a relative tolerance of it means nothing."
         for path, value in zip(single, values_of(rig, single), strict=True)
         if value == 0
+    ]
+
+
+def refit_remarks(rig: Rig, paths: Sequence[str]) -> list[str]:
+    """What to tell of wheel speeds that were fitted to Omega of `rig`, where `paths` vary.
+
+    A design of another radius turns its sphere at another Omega under them.  Paths that are no
+    parameters of the rig, quantities of a drive say, are left out.
+    """
+    fit, moved = mobility(rig).to_wheels, []
+    for path in paths:
+        try:
+            parameter_info(rig, path)
+        except UnknownParameter:
+            continue
+        value = np.asarray(get_parameter(rig, path), float)
+        other = put_parameter(rig, path, value * 1.01 + (value == 0) * 1e-3)
+        if not np.allclose(mobility(other).to_wheels, fit, rtol=1e-6, atol=1e-9):
+            moved.append(f"`{path}`")
+    if not moved:
+        return []
+    return [
+        "the wheel speeds that fit `omega` are those of the rig as it stands: with "
+        f"{' and '.join(moved)} varied, other designs turn the sphere at another angular velocity."
     ]
 
 

@@ -30,6 +30,11 @@ class OrderMap(AbstractResult):
     file_kind: ClassVar[str] = "omnijax order map"
     what: ClassVar[str] = "map of orders"
 
+    @property
+    def turns(self) -> float:
+        """Length of a window in turns, of the run's own at most half; 4 orders for each 1/turns."""
+        return 0.25 / float(self.orders[1] - self.orders[0])
+
     def spectrum(self) -> np.ndarray:
         """The whole run's amplitude at each order (k,): the root mean square over the windows.
 

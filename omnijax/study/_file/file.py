@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..._errors import InputError
+from ..._errors import InputError, tell
 from ..._reading import read_toml
 from ...rig import Rig, bundled_rigs, kind_of, load_rig
 from .._evaluation import drive_quantities
-from .._parameters import overlap_problems, overlaps
+from .._parameters import overlap_problems, overlaps, refit_remarks
 from .._problem import check_variables
 from .cases import cases, variables
 from .goals import constraint, objective, search, tolerances
@@ -72,6 +72,13 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
             read.problems += error.problems
     if read.problems:
         raise InputError(read.problems, path)
+    if any(block.omega for block in top.drive):
+        loads = [name for load in fields["loads"] for name, _ in load.values]
+        tell(
+            refit_remarks(
+                rig, tuple(dict.fromkeys([*(v.name for v in fields["variables"]), *loads]))
+            )
+        )
     return Study(**fields)
 
 
