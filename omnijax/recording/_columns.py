@@ -33,14 +33,6 @@ def group_of(column: str) -> str:
     return column if column in UNITS else column.rsplit("_", 1)[0]
 
 
-def is_known(name: str) -> bool:
-    """Whether `name` is a group, or a column of a rig with some number of wheels."""
-    group, end = group_of(name), name[len(group_of(name)) + 1 :]
-    if name in UNITS or group not in UNITS or group == "t":
-        return name in UNITS
-    return re.fullmatch("[1-9][0-9]?", end) is not None if group in PER_WHEEL else end in AXES
-
-
 def unit_of(column: str) -> str:
     """SI unit of a column or group."""
     return UNITS[group_of(column)]

@@ -8,7 +8,7 @@ from typing import Any
 from .._errors import InputError, nearest
 from .._reading import read_toml
 from ..rig import converted
-from ._columns import UNITS, columns, is_known, unit_of
+from ._columns import UNITS, group_of, unit_of
 
 ROLES = ("train", "held-out")
 KEYS = ("rig", "role", "noise", "channels", "units")
@@ -76,9 +76,8 @@ def _table(document: dict, key: str, problems: list[str], check) -> dict:
         return {}
     result = {}
     for name, value in entries.items():
-        if not is_known(name):
-            near = hint(name, (*UNITS, *columns(8)))
-            problems.append(f"`{key}.{name}` is not a column or group{near}.")
+        if group_of(name) not in UNITS:
+            problems.append(f"`{key}.{name}` is not a column or group{hint(name, UNITS)}.")
         elif (wrong := check(name, value)) is not None:
             problems.append(f"`{key}.{name}` {wrong}, but is {value!r}.")
         else:
