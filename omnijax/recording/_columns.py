@@ -33,6 +33,14 @@ def group_of(column: str) -> str:
     return column if column in UNITS else column.rsplit("_", 1)[0]
 
 
+def is_column(name: str) -> bool:
+    """Whether `name` is a group, or a column that the recording of some rig may have."""
+    group, _, end = name.rpartition("_")
+    if group in PER_WHEEL:
+        return re.fullmatch(r"[1-9]\d*", end) is not None
+    return name in UNITS or (group in UNITS and group != "t" and end in AXES)
+
+
 def unit_of(column: str) -> str:
     """SI unit of a column or group."""
     return UNITS[group_of(column)]

@@ -13,7 +13,7 @@ from ._columns import INPUTS, channels, columns, count_wheels, group_of, unit_of
 from ._csv import CsvTable
 from ._recording import Fault, Recording, spans
 from ._scales import mend_units
-from ._sidecar import Sidecar, hint, read_sidecar, to_si
+from ._sidecar import Sidecar, check_wheels, hint, read_sidecar, to_si
 from ._tables import read_table, stem_of
 from ._time import usable_rows
 from ._turns import unwrap
@@ -48,6 +48,7 @@ def build_recording(path: Path, table: CsvTable, sidecar: Sidecar, rig: Any = No
     faults = list(table.faults)
     named = _renamed(path.name, table.columns, sidecar)
     wheels = _wheels(path.name, named, rig)
+    check_wheels(path.name, sidecar, wheels)
     named = _known(path.name, named, wheels, faults)
     _scale_units(path.name, named, table, sidecar, faults)
     _same_length(path.name, named, faults)

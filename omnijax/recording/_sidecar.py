@@ -8,9 +8,10 @@ from typing import Any
 from .._errors import InputError, nearest
 from .._reading import read_toml
 from ..rig import converted
-from ._columns import UNITS, group_of, unit_of
+from ._columns import UNITS, columns, is_column, unit_of
 
 ROLES = ("train", "held-out")
+_MANY = 9  # wheels, whose columns a name that is none is compared with
 KEYS = ("rig", "role", "noise", "channels", "units")
 
 
@@ -53,6 +54,20 @@ def hint(name: str, known: Iterable[str]) -> str:
     return f" (did you mean `{near}`?)" if near else ""
 
 
+def check_wheels(file: str, sidecar: Sidecar, wheels: int) -> None:
+    """`InputError` where NAME.toml speaks of a wheel that the run does not have."""
+    known = {*UNITS, *columns(wheels)}
+    tables = {"noise": sidecar.noise, "channels": sidecar.channels, "units": sidecar.units}
+    problems = [
+        f"{sidecar.path.name}: `{key}.{name}` is not a column of {file}, which has {wheels} wheels."
+        for key, entries in tables.items()
+        for name in entries
+        if name not in known
+    ]
+    if problems:
+        raise InputError("\n".join(problems))
+
+
 def to_si(column: str, unit: str) -> float:
     """Factor from `unit` to the SI unit of a column; `ValueError` where it is another quantity."""
     try:
@@ -76,8 +91,9 @@ def _table(document: dict, key: str, problems: list[str], check) -> dict:
         return {}
     result = {}
     for name, value in entries.items():
-        if group_of(name) not in UNITS:
-            problems.append(f"`{key}.{name}` is not a column or group{hint(name, UNITS)}.")
+        if not is_column(name):
+            known = (*UNITS, *columns(_MANY))
+            problems.append(f"`{key}.{name}` is not a column or group{hint(name, known)}.")
         elif (wrong := check(name, value)) is not None:
             problems.append(f"`{key}.{name}` {wrong}, but is {value!r}.")
         else:
