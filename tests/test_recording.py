@@ -117,6 +117,50 @@ def test_names_and_units_of_the_sidecar(tmp_path):
     np.testing.assert_allclose(run.group("theta")[:, 0], np.deg2rad(table["theta_1"]), rtol=1e-7)
 
 
+def spelled(text, unit):
+    """A recording whose columns have the units of a row below the header."""
+    return text.replace("\n", "\n" + unit + "\n", 1)
+
+
+@pytest.mark.parametrize(("unit", "factor"), [
+    ("g", 9.80665), ("mg", 9.80665e-3), ("m s-2", None), ("mm s-2", 1e-3), ("[m/s2]", None),
+])  # fmt: skip
+def test_units_of_accelerations_as_recorders_write_them(tmp_path, unit, factor):
+    """In a row of units, in NAME.toml and in an attribute alike; `g` is said."""
+    import xarray
+
+    table = {"t": STEP * np.arange(40), "torque_1": np.ones(40), "a_x": np.arange(40.0) % 7}
+    text = write(tmp_path / "plain.csv", table).read_text()
+    (tmp_path / "row.csv").write_text(spelled(text, f"s,N.m,{unit}"))
+    bare = unit.strip("[]")
+    write(tmp_path / "said.csv", table, f'[units]\na = "{bare}"\n')
+    data = xarray.Dataset({k: ("t", table[k], {"units": bare} if k == "a_x" else {})
+                           for k in ("torque_1", "a_x")}, {"t": table["t"]})  # fmt: skip
+    data.to_netcdf(tmp_path / "attribute.nc", engine="h5netcdf")
+    for name in ("row.csv", "said.csv", "attribute.nc"):
+        run = read_recording(tmp_path / name)
+        np.testing.assert_allclose(run.channels["a_x"], table["a_x"] * (factor or 1), rtol=1e-12)
+        said = [str(f) for f in run.faults if f.column == "a_x"]
+        gravity = f"is no mass; it is read as {factor:g} m/s^2" if "g" in unit else ""
+        assert len(said) == bool(gravity) and all(gravity in x for x in said)
+
+
+def test_units_of_speeds_and_angles_as_recorders_write_them(tmp_path):
+    rows = {"rad s-1": 1.0, "degrees s-1": np.pi / 180, "dps": np.pi / 180, "1/s": 1.0, "s-1": 1.0,
+            "RPM": np.pi / 30, "Hz": 2 * np.pi, "rev/s": 2 * np.pi}  # fmt: skip
+    table = {"t": STEP * np.arange(40), "torque_1": np.ones(40), "Omega_x": np.arange(40.0) % 7}
+    text = write(tmp_path / "plain.csv", table).read_text()
+    for unit, factor in rows.items():
+        (tmp_path / "row.csv").write_text(spelled(text, f"s,N-m,{unit}"))
+        run = read_recording(tmp_path / "row.csv")
+        assert [f for f in run.faults if f.kind == "unit"] == [], unit
+        np.testing.assert_allclose(run.channels["Omega_x"], factor * table["Omega_x"], rtol=1e-9)
+    for unit in ("counts", "blub"):
+        (tmp_path / "row.csv").write_text(spelled(text, f"s,N m,{unit}/s"))
+        (fault,) = [f for f in read_recording(tmp_path / "row.csv").faults if f.kind == "unit"]
+        assert f"'{unit}/s' is not a unit of rad/s" in fault.what
+
+
 def test_semicolons_decimal_commas_text_and_ragged_rows(tmp_path):
     lines = ["# logger 7", "t;torque_1;dR_x"] + [f"0,{i:02d};0,5;{i},25" for i in range(1, 9)]
     lines[4] = "0,03;0,5;oops"
@@ -284,14 +328,21 @@ def test_what_cannot_be_used_is_refused(tmp_path, spoil, message):
         ('role = "test"\n', "`role` must be train or held-out, but is 'test'"),
         ("[noise]\ndr = 1\n", r"`noise.dr` is not a column or group \(did you mean `dR`\?\)"),
         ("[noise]\ndR = -1\n", "`noise.dR` must be a 1-sigma in m, 0 or more, but is -1"),
-        ('[units]\ndR = "kg"\n', "`units.dR` must be a unit of m, but is 'kg'"),
+        (
+            '[units]\ndR = "kg"\n',
+            "`units.dR` must be a unit of m, but is 'kg'. Units that work here",
+        ),
         ("[units]\ndR = 3\n", "`units.dR` must be a unit of m, but is 3"),
+        ('[units]\ntheta = "counts"\n', "but is 'counts'. How many make a turn is not known"),
         ('[units]\ntorque_w1 = "mN m"\n', r"`units.torque_w1` is not .* mean `torque_1`\?\)"),
         ("[noise]\ndR_X = 1\n", r"`noise.dR_X` is not a column or group \(.* `dR_x`\?\)"),
         ("[noise]\nforce_q = 1\ndR_1 = 2\n", r"`noise.force_q` is not (?s:.)*`noise.dR_1` is not"),
         ('[channels]\ndR_X = "dR_x"\n', r"`channels.dR_X` is not a column or group"),
         ("[noise]\ntheta_0 = 1\n", "`noise.theta_0` is not a column or group"),
-        ("[noise]\ntheta_4 = 1\n", "`noise.theta_4` is not a column of run.csv, which has 3 wheels"),
+        (
+            "[noise]\ntheta_4 = 1\n",
+            "`noise.theta_4` is not a column of run.csv, which has 3 wheels",
+        ),
         ('[channels]\ndR_x = "Prob"\n', "names the column 'Prob', which run.csv does not have"),
         ("role = \n", "is not valid TOML"),
     ],

@@ -12,7 +12,7 @@ def factor_of(said: str, si: str) -> float:
     """One unit `said` in the SI unit `si`; `ValueError` where it is no unit of that."""
     match = SHARE.match(said)
     number, unit = (1.0, said.strip()) if match is None else (_ratio(match), match[3])
-    return number if unit == si else number * Quantity(si).read(f"1 {_plain(unit)}")
+    return number if unit == si else number * Quantity(si).read(f"1 {unit.replace('°', 'deg')}")
 
 
 def _ratio(match: re.Match) -> float:
@@ -21,7 +21,3 @@ def _ratio(match: re.Match) -> float:
     if below == 0:
         raise ValueError("must not be divided by zero.")
     return float(match[1]) / below
-
-
-def _plain(unit: str) -> str:
-    return re.sub(r"\b(rev|revs|turns)\b", "turn", unit).replace("°", "deg")

@@ -12,7 +12,7 @@ USUAL = 0.9  # share of them that have as many cells
 BLANK = " "  # any white space separates
 QUOTED = re.compile(r'"[^"]*"')
 EXCEL = re.compile(r"\s*\"?sep=(\\t|.)\"?\s*\Z", re.IGNORECASE)
-UNIT = re.compile(r"[\[(]?\s*([A-Za-zµμ°%][\wµμ°%/^*·⋅²³ -]{0,11})\s*[\])]?\Z")
+UNIT = re.compile(r"[\[(]?\s*((?:1/)?[A-Za-zµμ°%][\wµμ°%/^*·⋅²³. -]{0,23})\s*[\])]?\Z")
 EMPTY = {"", "nan", "na", "n/a", "null", "none", "-", "#n/a", "nat"}
 
 

@@ -13,7 +13,7 @@ from ._columns import INPUTS, channels, columns, count_wheels, group_of, unit_of
 from ._csv import CsvTable
 from ._recording import Fault, Recording, spans
 from ._scales import mend_units
-from ._sidecar import Sidecar, check_wheels, hint, read_sidecar, to_si
+from ._sidecar import Sidecar, check_wheels, hint, is_gravity, read_sidecar, to_si
 from ._tables import read_table, stem_of
 from ._time import usable_rows
 from ._turns import unwrap
@@ -145,8 +145,12 @@ def _scale_units(
         try:
             named[column] = values * to_si(column, unit)
         except ValueError as error:
-            use = f"it is read as {unit_of(column)}"
-            faults.append(Fault(file, column, (), "unit", f"the file says {error}", use))
+            use, what = f"it is read as {unit_of(column)}", str(error).rstrip(".")
+            faults.append(Fault(file, column, (), "unit", f"the file says {what}", use))
+        if is_gravity(column, unit):
+            what = f"{unit!r} of an acceleration is no mass"
+            use = f"it is read as {to_si(column, unit):g} m/s^2"
+            faults.append(Fault(file, column, (), "unit", what, use))
     step = np.median(np.abs(np.diff(named["t"]))) if len(named["t"]) > 2 else 0.0
     if step > SLOW and not ({"t"} & set(sidecar.units)):
         unit, factor = next(((u, f) for u, f in FINER if step / f <= SLOW), FINER[-1])

@@ -7,8 +7,8 @@ from typing import Any
 
 from .._errors import InputError, nearest
 from .._reading import read_toml
-from ..rig import converted
-from ._columns import UNITS, columns, is_column, unit_of
+from ..rig import GRAVITIES, converted
+from ._columns import UNITS, columns, group_of, is_column, unit_of
 
 ROLES = ("train", "held-out")
 _MANY = 9  # wheels, whose columns a name that is none is compared with
@@ -69,11 +69,21 @@ def check_wheels(file: str, sidecar: Sidecar, wheels: int) -> None:
 
 
 def to_si(column: str, unit: str) -> float:
-    """Factor from `unit` to the SI unit of a column; `ValueError` where it is another quantity."""
+    """Factor from `unit` to the SI unit of a column; `ValueError` where it is another quantity.
+
+    `g` of an acceleration is no gram: see `is_gravity`.
+    """
+    if is_gravity(column, unit):
+        return GRAVITIES[unit]
     try:
         return converted(1.0, unit, unit_of(column))
     except ValueError as error:
-        raise ValueError(f"{unit!r} is not a unit of {unit_of(column)}") from error
+        raise ValueError(f"{unit!r} is not a unit of {unit_of(column)}. {error}".strip()) from error
+
+
+def is_gravity(column: str, unit: str) -> bool:
+    """Whether `unit`, of a measured acceleration, is standard gravity or a part of it."""
+    return group_of(column) == "a" and unit in GRAVITIES
 
 
 def _rig(path: Path, document: dict, problems: list[str]) -> Path | None:
@@ -95,7 +105,7 @@ def _table(document: dict, key: str, problems: list[str], check) -> dict:
             known = (*UNITS, *columns(_MANY))
             problems.append(f"`{key}.{name}` is not a column or group{hint(name, known)}.")
         elif (wrong := check(name, value)) is not None:
-            problems.append(f"`{key}.{name}` {wrong}, but is {value!r}.")
+            problems.append(f"`{key}.{name}` {wrong}.")
         else:
             result[name] = float(value) if key == "noise" else value
     return result
@@ -103,16 +113,19 @@ def _table(document: dict, key: str, problems: list[str], check) -> dict:
 
 def _noise(name: str, value: Any) -> str | None:
     good = isinstance(value, (int, float)) and not isinstance(value, bool) and 0 <= value < 1e300
-    return None if good else f"must be a 1-sigma in {unit_of(name)}, 0 or more"
+    return None if good else f"must be a 1-sigma in {unit_of(name)}, 0 or more, but is {value!r}"
 
 
 def _text(name: str, value: Any) -> str | None:
-    return None if isinstance(value, str) else "must be the name of a column in the file"
+    if isinstance(value, str):
+        return None
+    return f"must be the name of a column in the file, but is {value!r}"
 
 
 def _unit(name: str, value: Any) -> str | None:
     try:
         to_si(name, str(value))
-    except ValueError:
-        return f"must be a unit of {unit_of(name)}"
+    except ValueError as error:
+        remedy = str(error.__cause__).rstrip(".")
+        return f"must be a unit of {unit_of(name)}, but is {value!r}. {remedy}".rstrip(". ")
     return None

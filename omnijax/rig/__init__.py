@@ -64,6 +64,7 @@ if TYPE_CHECKING:
     from ._typed import typed_above_zero as typed_above_zero
     from ._typed import typed_number as typed_number
     from ._typed import typed_numbers as typed_numbers
+    from ._units import GRAVITIES as GRAVITIES
     from ._units import converted as converted
     from ._upright import up as up
     from ._upright import upright as upright

@@ -10,7 +10,19 @@ from .._strange import strange_unit
 _GLUED = re.compile(  # N or kg with what is written against it: "mNm" is mN m, "Ns/m" is N s/m
     r"(?<![^\W\d_])([kMmµμuc]?N|k?g)(mm|cm|m)?(s)?(?=[\^²³/*·⋅\s\d)]|$)"
 )
-_WORDS = {"U/min": "rpm", "rev/min": "rpm", "r/min": "rpm", "°": "deg", "°/s": "deg/s"}
+_WORDS = {"U/min": "rpm", "turn/min": "rpm", "r/min": "rpm", "°": "deg", "°/s": "deg/s"}
+_WORDS |= {"dps": "deg/s", "cps": "Hz"}
+_OTHERS = {"rev": "turn", "revs": "turn"}  # names that Pint has under another one
+_ANY_CASE = {"rpm", "rps", "deg", "degree", "degrees", "rad", "radian", "radians", "rev", "revs"}
+_ANY_CASE |= {"turn", "turns", "revolution", "revolutions", "sec", "second", "seconds"}
+_NAME = re.compile(r"[A-Za-z]{3,}")
+_JOINED = re.compile(r"(?<=[A-Za-zµμ])[-.](?=[A-Za-zµμ])")  # N-m, rad.s-1
+_RAISED = re.compile(r"(?<=[A-Za-zµμ])(-[1-4]|[2-4])(?!\w)")  # m s-2, m/s2
+_COUNTS = {"count", "bit", "byte"}
+_CYCLES = {"hertz", "minute", "hour"}
+_GRAVITY = 9.80665  # m/s^2, CGPM 1901
+GRAVITIES = {"g": _GRAVITY, "G": _GRAVITY, "mg": 1e-3 * _GRAVITY, "mG": 1e-3 * _GRAVITY}
+GRAVITIES |= {unit: 1e-6 * _GRAVITY for unit in ("µg", "μg", "ug")}  # of a measured acceleration
 
 SPELLINGS = {  # SI unit -> spellings of it that are understood, for a refusal
     "m": "m, mm, µm",
@@ -25,7 +37,7 @@ SPELLINGS = {  # SI unit -> spellings of it that are understood, for a refusal
     "rad/s": "rad/s, rpm, deg/s",
     "Hz": "Hz, kHz, rpm",
     "m/s": "m/s, mm/s, km/h",
-    "m/s^2": "m/s^2 (or m/s²), mm/s²",
+    "m/s^2": "m/s^2 (or m/s²), mm/s², g_n",
 }
 
 
@@ -38,17 +50,17 @@ def spelled(unit: str) -> str:
 def converted(number: float, given: str, unit: str) -> float:
     """`number` of the unit `given` in the SI unit `unit`; `ValueError` says what does not fit.
 
-    A turn is 2 pi rad: what has radians and what has none differ by it between rad/s and Hz.
+    A turn is 2 pi rad, and so is a cycle: Hz and 1/min differ by it from rad/s.  1/s is a rad/s.
     """
     apart = _apart(given)
     source, target = _plain(apart), _plain(unit)
     if source is None or target is None:
-        factor, turns = _by_pint(apart, unit)
+        factor, turns, cycles = _by_pint(apart, unit)
     elif source.dimension != target.dimension:
         raise ValueError(spelled(unit).strip())
     else:
-        factor, turns = source.factor / target.factor, source.turns
-    if unit == "rad/s" and not turns:
+        factor, turns, cycles = source.factor / target.factor, source.turns, source.cycles
+    if unit == "rad/s" and cycles and not turns:
         factor *= 2 * math.pi
     if unit == "Hz" and turns:
         factor /= 2 * math.pi
@@ -56,11 +68,12 @@ def converted(number: float, given: str, unit: str) -> float:
 
 
 class _Unit(NamedTuple):
-    """A unit as a factor to SI, powers of m, kg, s, and whether it counts an angle."""
+    """A unit as a factor to SI, powers of m, kg, s, and whether it counts an angle or cycles."""
 
     factor: float
     dimension: tuple[int, int, int] = (0, 0, 0)
     turns: bool = False
+    cycles: bool = False
 
 
 _PREFIX = {"": 1.0, "n": 1e-9, "µ": 1e-6, "μ": 1e-6, "u": 1e-6, "m": 1e-3, "c": 1e-2, "k": 1e3}
@@ -71,7 +84,7 @@ _BASE = {
     "s": _Unit(1.0, (0, 0, 1)),
     "N": _Unit(1.0, (1, 1, -2)),
     "Pa": _Unit(1.0, (-1, 1, -2)),
-    "Hz": _Unit(1.0, (0, 0, -1)),
+    "Hz": _Unit(1.0, (0, 0, -1), cycles=True),
     "rad": _Unit(1.0, turns=True),
 }
 _WHOLE = {
@@ -79,8 +92,8 @@ _WHOLE = {
     "%": _Unit(1e-2),
     "deg": _Unit(math.pi / 180, turns=True),
     "rpm": _Unit(2 * math.pi / 60, (0, 0, -1), True),
-    "min": _Unit(60.0, (0, 0, 1)),
-    "h": _Unit(3600.0, (0, 0, 1)),
+    "min": _Unit(60.0, (0, 0, 1), cycles=True),
+    "h": _Unit(3600.0, (0, 0, 1), cycles=True),
 }
 _POWERS = str.maketrans({"²": "^2", "³": "^3", "·": "*", "⋅": "*"})
 _ATOM = re.compile(r"([A-Za-zµμ%]+|1)(?:(?:\^|\*\*)(-?\d))?")
@@ -94,7 +107,7 @@ def _plain(unit: str) -> _Unit | None:
     above, *below = unit.translate(_POWERS).split("/")
     if len(below) > 1:
         return None
-    factor, dimension, turns = 1.0, (0, 0, 0), False
+    factor, dimension, turns, cycles = 1.0, (0, 0, 0), False, False
     for part, sign in ((above, 1), *((x, -1) for x in below)):
         for word in part.replace("**", "^").replace("*", " ").split():
             match = _ATOM.fullmatch(word)
@@ -105,8 +118,8 @@ def _plain(unit: str) -> _Unit | None:
             factor *= atom.factor**power
             (m, kg, s), own = dimension, atom.dimension
             dimension = m + power * own[0], kg + power * own[1], s + power * own[2]
-            turns = turns or atom.turns
-    return _Unit(factor, dimension, turns)
+            turns, cycles = turns or atom.turns, cycles or atom.cycles
+    return _Unit(factor, dimension, turns, cycles)
 
 
 def _atom(word: str) -> _Unit | None:
@@ -119,8 +132,8 @@ def _atom(word: str) -> _Unit | None:
     return None
 
 
-def _by_pint(given: str, unit: str) -> tuple[float, bool]:
-    """The factor from `given` to `unit`, and whether `given` counts an angle."""
+def _by_pint(given: str, unit: str) -> tuple[float, bool, bool]:
+    """The factor from `given` to `unit`, and whether `given` counts an angle, and cycles."""
     import pint
 
     if strange_unit(given):
@@ -128,18 +141,30 @@ def _by_pint(given: str, unit: str) -> tuple[float, bool]:
     registry = _registry()
     try:
         source, target = registry.parse_units(given), registry.parse_units(unit)
+        names = {name for name, _ in registry.Quantity(1, source).unit_items()}
         factor = registry.Quantity(1.0, source).to(target).magnitude
     except (pint.DimensionalityError, pint.OffsetUnitCalculusError):
         raise ValueError(spelled(unit).strip()) from None
     except Exception:  # pint's parser raises many kinds for what is not a unit
         raise ValueError(f"Its unit is not known.{spelled(unit)}") from None
-    return float(factor), "radian" in str(registry.Quantity(1, source).to_root_units().units)
+    if names & _COUNTS and unit in ("rad", "rad/s"):
+        raise ValueError(f"How many make a turn is not known: convert them.{spelled(unit)}")
+    turns = "radian" in str(registry.Quantity(1, source).to_root_units().units)
+    return float(factor), turns, bool(names & _CYCLES)
 
 
 def _apart(unit: str) -> str:
-    """The unit with a space between its parts, as Pint reads it."""
-    unit = _WORDS.get(unit, unit)
+    """The unit with a space between its parts and powers by `^`, as Pint reads it."""
+    unit = _NAME.sub(_named, _JOINED.sub(" ", unit))
+    unit = _RAISED.sub(r"^\1", _WORDS.get(unit, unit))
     return _GLUED.sub(lambda match: " ".join(part for part in match.groups() if part), unit)
+
+
+def _named(match: re.Match[str]) -> str:
+    """A name in small letters where those alone are known, and as Pint calls it."""
+    lower = match[0].lower()
+    name = lower if lower in _ANY_CASE else match[0]
+    return _OTHERS.get(name, name)
 
 
 @functools.cache
