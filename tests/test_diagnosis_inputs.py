@@ -1,9 +1,14 @@
 """What goes into the diagnosis' elastic model: inputs of any fineness, and smoothed angles."""
 
+import dataclasses
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.signal import lsim
 
+from omnijax.diagnosis._machine import outliers
 from omnijax.diagnosis._machine.elastic import rig_modes
 from omnijax.diagnosis._machine.modes import forced, propagate
 from omnijax.diagnosis._machine.outliers import at_limits, spikes
@@ -108,3 +113,29 @@ def test_sharp_peaks_that_a_sensor_cuts_off_are_no_outliers(seed):
     assert all(wild)
     assert kept[1] == 0
     assert kept[0] > 0
+
+
+def test_outliers_of_a_run_are_said_once_though_parts_of_it_judge(monkeypatch):
+    """A run's parts that are fitted and those kept out of the fit are two views of it."""
+
+    @dataclasses.dataclass
+    class View:
+        name: str
+        time: np.ndarray
+        outputs: dict[str, np.ndarray]
+
+    def mask(*rows):
+        return {"a": np.isin(np.arange(30).reshape(10, 3), rows)}
+
+    views = [View(name, np.arange(10.0), {"a": np.ones((10, 3))}) for name in "aab"]
+    wild = [mask(3, 4), mask(3, 27), mask(8)]
+    monkeypatch.setattr(outliers, "outliers", lambda *_: wild)
+    machine: Any = SimpleNamespace(runs=views)
+    kept, said = outliers.without_outliers(machine, machine, ("a",))
+    assert [np.isnan(run.outputs["a"]).sum() for run in kept] == [2, 2, 1]
+    assert said == [
+        "a: left out of a_x, a_y: 3 isolated samples more than 8 sigma from the neighbours, a "
+        "shock or a bad reading (at 1.000, 9.000 s).",
+        "b: left out of a_z: 1 isolated sample more than 8 sigma from the neighbours, a shock or a "
+        "bad reading (at 2.000 s).",
+    ]

@@ -124,27 +124,30 @@ def _isolated(left: np.ndarray, sigma: float, edges: np.ndarray, group: str) -> 
 def without_outliers(
     machine: Machine, rig: Rig, groups: Sequence[str]
 ) -> tuple[list[Run], list[str]]:
-    """The runs with the groups' outliers marked as missing, and a sentence for each run."""
-    runs, said = [], []
+    """The runs with the groups' outliers marked as missing, and a sentence for each run.
+
+    Parts of one run that are kept out of the fit are the same run once more: it is said once.
+    """
+    runs = []
+    left_out: dict[str, dict[str, set[float]]] = {}
     for run, masks in zip(machine.runs, outliers(machine, rig, groups), strict=True):
-        outputs, out = dict(run.outputs), {}
+        outputs = dict(run.outputs)
         for group, mask in masks.items():
             outputs[group] = np.where(mask, np.nan, outputs[group])
             for c in np.flatnonzero(mask.any(axis=0)):
                 name = f"{group}_{c + 1}" if group == "theta" else f"{group}_{'xyz'[c]}"
-                out[name] = run.time[mask[:, c]]
-        if out:
-            said.append(_sentence(run, out))
+                times = left_out.setdefault(run.name, {}).setdefault(name, set())
+                times.update(run.time[mask[:, c]].tolist())
         runs.append(dataclasses.replace(run, outputs=outputs))
-    return runs, said
+    return runs, [_sentence(*run) for run in left_out.items()]
 
 
-def _sentence(run: Run, out: dict[str, np.ndarray]) -> str:
+def _sentence(run: str, out: dict[str, set[float]]) -> str:
     count = sum(map(len, out.values()))
-    times = np.unique(np.concatenate(list(out.values())))
+    times = sorted(set().union(*out.values()))
     at = ", ".join(f"{t:.3f}" for t in times[:5]) + (", ..." if len(times) > 5 else "")
     return (
-        f"{run.name}: left out of {', '.join(out)}: {count} isolated "
+        f"{run}: left out of {', '.join(out)}: {count} isolated "
         f"sample{'s' if count > 1 else ''} more than {WILD:g} sigma from the neighbours, a shock "
         f"or a bad reading (at {at} s)."
     )
