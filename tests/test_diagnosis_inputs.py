@@ -139,3 +139,22 @@ def test_outliers_of_a_run_are_said_once_though_parts_of_it_judge(monkeypatch):
         "b: left out of a_z: 1 isolated sample more than 8 sigma from the neighbours, a shock or a "
         "bad reading (at 2.000 s).",
     ]
+
+
+def test_where_two_rollers_meet_is_an_edge():
+    """The contact falls from one roller onto the next, in the middle of a gap: a mistimed impact
+    was taken for a shock, eleven times in a healthy run of four seconds."""
+    theta = np.linspace(0.0, 0.4, 200)[:, None]
+
+    def slope(angle):
+        inside = np.abs(angle - 0.2) < 0.1
+        return np.where(inside, np.sign(angle - 0.2) * (1.1 - np.abs(angle - 0.2)), 0.0)
+
+    machine: Any = SimpleNamespace(
+        runs=[SimpleNamespace(samples=200)],
+        motions=lambda rig, runs: [SimpleNamespace(theta=theta)],
+        tables_of=lambda rig: SimpleNamespace(rho_slope=slope),
+    )
+    edges = outliers.near_edges(machine, machine, 0)
+    begins, meet, ends = (int(np.argmax(theta[:, 0] > x)) for x in (0.1, 0.2, 0.3))
+    assert edges[[begins, meet, ends]].all() and edges.sum() == 3 * (2 * outliers.EDGE + 1)

@@ -470,6 +470,7 @@ class OutliersSettings:
     # share of a channel's samples above which they are no outliers but a misfit
     most: float = 0.06
     edge: int = 3  # samples beside a gap's edge, where a mistimed prediction makes spikes too
+    kink: float = 1.0  # of the steepest slope: a larger change from sample to sample is an edge too
     # samples to each side whose usual change a spike has to exceed: a shock's ringing has decayed
     beside: int = 20
     usual: float = 0.954  # median of a difference of two samples of white noise, in sigma: derived

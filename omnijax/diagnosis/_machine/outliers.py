@@ -19,6 +19,7 @@ WILD = SETTINGS.outliers.wild
 MOST = SETTINGS.outliers.most
 BEYOND = SETTINGS.outliers.beyond
 EDGE = SETTINGS.outliers.edge
+KINK = SETTINGS.outliers.kink
 BESIDE = SETTINGS.outliers.beside
 USUAL = SETTINGS.outliers.usual
 AT_EDGES = SETTINGS.outliers.at_edges
@@ -53,11 +54,16 @@ def _median(values: np.ndarray) -> np.ndarray:
 
 
 def near_edges(machine: Machine, rig: Rig, i: int) -> np.ndarray:
-    """Samples (n,) of run `i` at which some wheel's slope has just changed or is about to."""
+    """Samples (n,) of run `i` at which some wheel's slope has just changed or is about to.
+
+    Where a gap begins or ends, and where two rollers meet in it.
+    """
     run, m = machine.runs[i], machine.motions(rig, [i])[i]
     fine = (len(m.theta) - 1) // (run.samples - 1)
-    on_gap = np.abs(machine.tables_of(rig).rho_slope(m.theta[::fine])) > 1e-9
-    changed = np.any(np.diff(on_gap, axis=0, prepend=on_gap[:1]), axis=1)
+    slope = machine.tables_of(rig).rho_slope(m.theta[::fine])
+    on_gap = np.abs(slope) > 1e-9
+    kinks = np.abs(np.diff(slope, axis=0, prepend=slope[:1])) > KINK * np.abs(slope).max(axis=0)
+    changed = np.any(np.diff(on_gap, axis=0, prepend=on_gap[:1]) | kinks, axis=1)
     return np.convolve(changed, np.ones(2 * EDGE + 1), "same") > 0
 
 
