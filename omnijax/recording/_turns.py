@@ -16,7 +16,12 @@ from ._time import LATE
 TURNS = {"rad": 2 * np.pi, "deg": 360.0}  # a column without a unit may be in degrees
 FAST = 1 / 3  # of the modulus; where an angle moves on faster, its way round is not known
 AROUND = 8  # samples before and after a jump, by which the angle moves on as usual
-USUAL = 3.0  # times the largest change of speed around a jump that its own may be
+USUAL = 3.0  # times the median change of speed around a jump that its own may be
+NEAR = 1 / 12  # of a turn (of a counter's range), within which the angle moves on at a jump
+OVER = 1.02  # of the modulus that the angle may take, with noise
+BACK = 3  # samples within which a bad reading is over
+OFTEN = 5  # returns within as few samples, of a wheel that rests where the angle begins anew
+SEVERAL = 3  # jumps that stay, by which a modulus of other than one turn is told
 NOISE = 8.0  # times the median change of speed, which noise alone makes at some of many jumps
 LEAST = 20  # samples; fewer do not tell how an angle moves
 BITS = range(8, 33)  # of a counter
@@ -43,7 +48,11 @@ def _unwrapped(file: str, column: str, values: np.ndarray, time, rows) -> list[F
     if not jumps.any():
         return []
     modulus = next(
-        (m for m in _moduli(known, change, jumps) if _is_wrapped(known, change, beside, jumps, m)),
+        (
+            modulus
+            for modulus, near in _moduli(known, change, jumps)
+            if _is_wrapped(known, change, beside, jumps, modulus, near)
+        ),
         None,
     )
     if modulus is None:
@@ -68,24 +77,35 @@ def _unwrapped(file: str, column: str, values: np.ndarray, time, rows) -> list[F
     return faults
 
 
-def _moduli(known: np.ndarray, change: np.ndarray, jumps: np.ndarray) -> list[float]:
-    """What the angle may be wrapped at: a turn; of one that fills its range turns, or a counter."""
-    moduli, size = list(TURNS.values()), float(np.median(np.abs(change[jumps])))
+def _moduli(known: np.ndarray, change: np.ndarray, jumps: np.ndarray) -> list[tuple[float, float]]:
+    """What the angle may be wrapped at, and how near to it jumps are then.
+
+    Bad readings, which are soon over, tell nothing.  A single turn is told from one jump that
+    stays; several turns, or a counter's range, from some of an angle that fills its range.
+    """
+    at, size = np.flatnonzero(jumps), float(np.median(np.abs(change[jumps])))
+    soon = (np.diff(at) <= BACK) & (np.sign(change[at[1:]]) != np.sign(change[at[:-1]]))
+    stays = len(at) - int((np.append(soon, False) | np.append(False, soon)).sum())
+    if not stays and soon.sum() < OFTEN:
+        return []
+    moduli = [(turn, NEAR * turn) for turn in TURNS.values()]
     values = size * np.unique(np.round(known / size, 9))
     gaps = np.diff(values)
-    if jumps.sum() < 2 or gaps.max() > FAST * size:
+    if stays < SEVERAL or gaps.max() > FAST * size:
         return moduli
-    moduli += [turn * round(np.ptp(known) / turn + 0.5) for turn in TURNS.values()]
+    moduli += [(turn * np.ceil(np.ptp(known) / turn), NEAR * turn) for turn in TURNS.values()]
     count = float(np.median(gaps[gaps < 1.5 * gaps.min()]))  # one of a counter
     count = gaps.sum() / np.rint(gaps / count).sum()
     if np.abs(gaps / count - np.rint(gaps / count)).max() < 0.05:
-        moduli += [count * 2.0**bits for bits in BITS]
-    return [m for m in moduli if m > 0]
+        moduli += [(count * 2.0**bits, NEAR * count * 2.0**bits) for bits in BITS]
+    return moduli
 
 
-def _is_wrapped(known, change, beside, jumps, modulus: float) -> bool:
+def _is_wrapped(known, change, beside, jumps, modulus: float, near: float) -> bool:
     """Whether the angle, once the modulus is added at its jumps, moves on there as around them."""
-    if len(np.unique(known)) < LEAST / 2 or np.abs(change[beside & ~jumps]).max() > FAST * modulus:
+    if len(np.unique(known)) < LEAST / 2 or np.ptp(known) > OVER * modulus:
+        return False
+    if np.abs(change[beside & ~jumps]).max() > FAST * modulus:
         return False
     on = change - np.where(jumps, np.sign(change) * modulus, 0.0)
     if np.abs(on[jumps]).max() > FAST * modulus:
@@ -100,12 +120,11 @@ def _is_wrapped(known, change, beside, jumps, modulus: float) -> bool:
     # noise about the end of the range makes many jumps, and fewer small changes between them
     median = min(np.median(bends[usable]), 2 * np.median(bends[calm]))
     slack = NOISE * float(median) + USUAL * count + 1e-7 * modulus
-    if np.ptp(known) > modulus + USUAL * float(bends[calm].max()) + slack:
-        return False
     for k in np.flatnonzero(usable & own):
-        near = slice(max(k - AROUND, 0), k + AROUND + 1)
-        around = bends[near][calm[near]]
-        if bends[k] > min(USUAL * around.max(initial=0.0) + slack, modulus / 6):
+        around = slice(max(k - AROUND, 0), k + AROUND + 1)
+        beside_it = bends[around][calm[around]]
+        usual = float(np.median(beside_it)) if len(beside_it) else 0.0
+        if bends[k] > min(USUAL * usual + slack, near):
             return False
     return True
 
