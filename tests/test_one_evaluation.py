@@ -179,13 +179,19 @@ def rows_of(how, rig, drive, rng, most):
 def designed(rig, drive, paths, rows):
     """What `design` says of rows (b, d), and `tolerances` where the same changes are deviations.
 
-    Both (b, metrics) and by one program; the second is NaN where a row changes no part, or one
-    that is 0.  The first row is the nominal design.
+    Both (b, metrics) and by one program; the second is NaN where a row changes no part, one that
+    is 0 or one that takes whole numbers.  The first row is the nominal design.
     """
     given = {kind: tuple(values) for kind, values in _values(drive).items()}
     case = LoadCase("", kind_of(drive), given[kind_of(drive)], given["force"])
+    turns = {f"angle.{n}" for n, x in zip(rig.names, given[kind_of(drive)], strict=True) if x != 0}
+    kept = [i for i, path in enumerate(paths) if path not in turns]  # without influence, refused
+    paths, rows = [paths[i] for i in kept], rows[:, kept]
     base, own = rows[0], scalar_parameters(rig)
-    parts = tuple(p for p, b in zip(paths, base, strict=True) if p in own and b != 0)
+    parts = tuple(
+        p for p, b in zip(paths, base, strict=True)
+        if p in own and b != 0 and not parameter_info(rig, p).whole
+    )  # fmt: skip
     study = dataclasses.replace(
         parse_study({"rig": "atlas", "drive": [{"speed": [1, 2, 3]}]}),
         rig=rig,
