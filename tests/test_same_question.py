@@ -15,7 +15,7 @@ from omnijax.cli._motion import MotionOptions
 from omnijax.simulation import TorqueDrive, speeds
 from omnijax.study import parse_study, refit_remarks
 from omnijax.study._evaluation import Question, evaluation_of, samples_of
-from omnijax.study._evaluation.methods import choose, in_step
+from omnijax.study._evaluation.methods import choose, wheels_in_step
 
 STUDY = """
 rig = "atlas"
@@ -108,12 +108,12 @@ def question(rig, speeds_, varied=(), duration=None):
 def test_wheels_in_step_are_told():
     rng, rig = drawn_anew("in step"), load_rig("atlas-tripod")
     pace, other = rng.uniform(0.5, 3, 2)
-    assert in_step(question(rig, [pace, 1.1 * pace, 1.3 * pace])) is None
-    assert in_step(question(rig, [pace, 0.0, 0.0])) is None  # what rests has no pace
-    told = in_step(question(rig, [pace, other, -pace]))
+    assert wheels_in_step(question(rig, [pace, 1.1 * pace, 1.3 * pace])) is None
+    assert wheels_in_step(question(rig, [pace, 0.0, 0.0])) is None  # what rests has no pace
+    told = wheels_in_step(question(rig, [pace, other, -pace]))
     assert told is not None and told.startswith("w1 and w3 pass")
-    assert in_step(question(rig, [pace, other, -pace], ("speed.w3",))) is None
-    assert in_step(question(rig, [[pace, other, 2 * pace], [pace, pace, pace]])) is not None
+    assert wheels_in_step(question(rig, [pace, other, -pace], ("speed.w3",))) is None
+    assert wheels_in_step(question(rig, [[pace, other, 2 * pace], [pace, pace, pace]])) is not None
     with pytest.warns(DataWarning, match="w1, w2 and w3 pass their gaps in step"):
         evaluation_of(question(rig, [pace] * 3))
     evaluation_of(question(rig, [pace] * 3, duration=1.0), 100.0)  # takes the angles

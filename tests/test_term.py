@@ -20,10 +20,11 @@ from omnijax.machine import (
     delayed_inputs,
     free_run,
     machine_text,
+    outputs_along,
     parse_machine,
     start_vector,
+    states_along,
 )
-from omnijax.machine._simulate import motion
 from omnijax.rig import InputError
 from tests.seeds import drawn_anew
 
@@ -139,7 +140,8 @@ def test_states_of_a_machine_are_stepped_as_numbers_of_their_own():
     u = jnp.zeros(50)
 
     def moved_by(x0):
-        return motion(axis, (), x0, {"input": u}, 1e-3, 1, 1)["position"]
+        states = states_along(axis, (), x0, {"input": u}, 1e-3, 1, 1)
+        return outputs_along(axis, states, {"input": u}, 1)["position"]
 
     text = jax.jit(jax.vmap(moved_by)).lower(jnp.zeros((8, 4))).compile().as_text() or ""
     put = [line for line in text.splitlines() if " concatenate(" in line]

@@ -41,9 +41,9 @@ def asked_of(
 
     rig = load_rig(name)
     if motion.omega is not None and option == "vary":
-        from ..study import refit_remarks
+        from ..study import refit_remarks, split_vary
 
-        tell(refit_remarks(rig, [text.partition("=")[0].strip() for text in vary]))
+        tell(refit_remarks(rig, tuple(split_vary(vary))))
     return AskedStudy(rig, studied(rig, motion, drive), vary, metric, model)
 
 

@@ -52,10 +52,11 @@ if TYPE_CHECKING:
     from ._simulate import free_motion_of as free_motion_of
     from ._simulate import free_run as free_run
     from ._simulate import free_run_of as free_run_of
-    from ._simulate import motion as motion
+    from ._simulate import outputs_along as outputs_along
     from ._simulate import places_of as places_of
     from ._simulate import sensed as sensed
     from ._simulate import slopes_at_start as slopes_at_start
+    from ._simulate import states_along as states_along
     from ._steps import most_steps as most_steps
     from ._steps import settled as settled
     from ._steps import slopes_of as slopes_of

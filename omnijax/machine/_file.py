@@ -1,7 +1,6 @@
 """machine.toml in and out."""
 
 import dataclasses
-import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from pydantic import ValidationError
 from .._errors import InputError, did_you_mean
 from .._problems import sentence
 from .._reading import read_toml
+from .._toml import toml_value
 from ..laws import AXIS_EFFECTS
 from ..rig import law_quantity
 from ._axis import Axis
@@ -197,15 +197,16 @@ def machine_text(file: MachineFile) -> str:
     lines = _axis_lines(axis) if isinstance(axis, Axis) else _model_lines(file)
     for one in file.placed:
         law = one.law
-        numbers = ", ".join(f"{k} = {_value(getattr(law, k))}" for k in law.parameters)
-        lines += ["", "[[effect]]", f"id = {_value(law.id)}", f"place = {_value(one.place)}",
-                  f"parameters = {{ {numbers} }}"]  # fmt: skip
+        numbers = ", ".join(f"{k} = {toml_value(getattr(law, k))}" for k in law.parameters)
+        id, place = toml_value(law.id), toml_value(one.place)
+        lines += ["", "[[effect]]", f"id = {id}", f"place = {place}"]
+        lines.append(f"parameters = {{ {numbers} }}")
     said = {k: v for k, v in vars(file.compare).items() if v is not None}
-    lines += ["", "[compare]", *(f"{k} = {_value(v)}" for k, v in said.items())]
+    lines += ["", "[compare]", *(f"{k} = {toml_value(v)}" for k, v in said.items())]
     if file.uncertainty:
         lines += ["", "[uncertainty]"]
         spread = {file.names.get(k, k): float(v) for k, v in file.uncertainty.items()}
-        lines += [f"{_value(k)} = {v!r}" for k, v in spread.items()]
+        lines += [f"{toml_value(k)} = {v!r}" for k, v in spread.items()]
     return "\n".join(lines) + "\n"
 
 
@@ -238,18 +239,6 @@ def _model_lines(file: MachineFile) -> list[str]:
     return [
         f"# A record: the numbers of a machine of your own are read from {Path(file.source).name},",
         "# so put them there; its effects go into its rate.",
-        'kind = "model"', f"model = {_value(Path(file.source).name)}", "", "[numbers]",
-        *(f"{f.name} = {_value(getattr(file.machine, f.name))}" for f in fields),
+        'kind = "model"', f"model = {toml_value(Path(file.source).name)}", "", "[numbers]",
+        *(f"{f.name} = {toml_value(getattr(file.machine, f.name))}" for f in fields),
     ]  # fmt: skip
-
-
-def _value(value: Any) -> str:
-    """A value in TOML: numbers, lists of them, text; of another one its text."""
-    plain = value if isinstance(value, str) or not hasattr(value, "tolist") else value.tolist()
-    if isinstance(plain, bool):
-        return str(plain).lower()
-    if isinstance(plain, int | float):
-        return repr(plain)
-    if isinstance(plain, list | tuple):
-        return f"[{', '.join(map(_value, plain))}]"
-    return json.dumps(str(plain), ensure_ascii=False)

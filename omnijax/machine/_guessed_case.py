@@ -1,11 +1,11 @@
 """The files of a case that was guessed from a stranger's logs."""
 
-import json
 from collections.abc import Collection, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from .._toml import toml_value
 from ..recording import stem_of
 from ._file import field_names
 from ._first_numbers import driven_numbers, servo_numbers
@@ -67,20 +67,19 @@ def _machine_file(guesses: Sequence[Guess]) -> str:
 
 
 def _log_file(guess: Guess, role: str) -> str:
-    side = [f"log = {_text(guess.log.resolve())}", 'machine = "machine.toml"', f'role = "{role}"']
+    side = [
+        f"log = {toml_value(guess.log.resolve())}",
+        'machine = "machine.toml"',
+        f'role = "{role}"',
+    ]
     side += [] if guess.time else [f'rate = "{guess.rate!r} Hz"']
-    side += ["", "[channels]"] + ([f"t = {_text(guess.time)}"] if guess.time else [])
+    side += ["", "[channels]"] + ([f"t = {toml_value(guess.time)}"] if guess.time else [])
     shown = guess.position or guess.velocity
-    side += [f"input = {_text(guess.input)}", f"{guess.measured} = {_text(shown)}"]
-    side += [f"{k} = {_text(c)}" for k, c in guess.beside.items()]
+    side += [f"input = {toml_value(guess.input)}", f"{guess.measured} = {toml_value(shown)}"]
+    side += [f"{k} = {toml_value(c)}" for k, c in guess.beside.items()]
     if guess.units:
-        side += ["", "[units]", *(f"{k} = {_text(v)}" for k, v in guess.units.items())]
+        side += ["", "[units]", *(f"{k} = {toml_value(v)}" for k, v in guess.units.items())]
     return "\n".join(side) + "\n"
-
-
-def _text(value: object) -> str:
-    """A text of TOML: quotes and backslashes in it as JSON writes them."""
-    return json.dumps(str(value), ensure_ascii=False)
 
 
 def _offset(guesses: Sequence[Guess]) -> float:

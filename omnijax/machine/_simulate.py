@@ -92,22 +92,6 @@ def outputs_along(
     return dict(jax.vmap(machine.read)(states, sampled))
 
 
-def motion(
-    machine: AbstractMachine,
-    placed: tuple[PlacedLaw, ...],
-    start: Float[Array, " n"],
-    inputs: Mapping[str, Float[Array, " f"]],
-    step: Any,
-    steps: Any,
-    parts: int,
-    hold: str = "linear",
-    memory: tuple[Any, ...] | None = None,
-) -> dict[str, Float[Array, " t"]]:
-    """Outputs at the samples of one window, before the sensors: see `states_along`."""
-    states = states_along(machine, placed, start, inputs, step, steps, parts, hold, memory)
-    return outputs_along(machine, states, inputs, parts)
-
-
 def sensed(placed: tuple[PlacedLaw, ...], time, outputs: Mapping[str, Array]) -> dict[str, Array]:
     """Outputs as the sensors show them."""
     out = dict(outputs)

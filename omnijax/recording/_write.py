@@ -8,6 +8,7 @@ import numpy as np
 from .._errors import InputError, require
 from .._files import looked_at, write_text, writing
 from .._reading import read_toml
+from .._toml import toml_value
 from ._columns import columns
 from ._csv import write_csv
 from ._recording import Recording
@@ -75,13 +76,8 @@ def _sidecar(path: Path, recording: Recording) -> str:
     lines = []
     if recording.rig_path is not None:
         rig = Path(os.path.relpath(recording.rig_path.resolve(), path.parent.resolve()))
-        lines.append(f"rig = {_quoted(rig.as_posix())}")
-    lines.append(f"role = {_quoted(recording.role)}")
+        lines.append(f"rig = {toml_value(rig.as_posix())}")
+    lines.append(f"role = {toml_value(recording.role)}")
     if recording.noise:
         lines += ["", "[noise]", *(f"{k} = {float(v)!r}" for k, v in recording.noise.items())]
     return "\n".join(lines) + "\n"
-
-
-def _quoted(text: str) -> str:
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'

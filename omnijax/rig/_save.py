@@ -1,7 +1,6 @@
 """Rig files out: `Rig` -> TOML, so that reading it back gives the same rig to the last bit."""
 
 import hashlib
-import json
 import math
 import tomllib
 from pathlib import Path
@@ -11,6 +10,7 @@ import numpy as np
 
 from .._errors import InputError
 from .._files import write_bytes, write_text
+from .._toml import toml_value
 from ..laws import EFFECTS, AbstractLaw, DualRow, TableShape
 from ._machine import Rig
 from ._parameters import law_quantity
@@ -183,9 +183,7 @@ def _effect(law: AbstractLaw, place: str, wheels: int, files) -> list[str]:
 def _toml(value: Any, whole: bool = False) -> str:
     """A TOML value: text, a number that reads back to the last bit, or a list of them."""
     if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    value = np.asarray(value, float)
-    if value.ndim:
-        return f"[{', '.join(_toml(x) for x in value)}]"
-    number = float(value)
-    return str(int(number)) if whole and number.is_integer() else repr(number)
+        return toml_value(value)
+    number = np.asarray(value, float).tolist()
+    whole = whole and isinstance(number, float) and number.is_integer()
+    return str(int(number)) if whole else toml_value(number)

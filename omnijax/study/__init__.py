@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from .._text import estimate as estimate
     from .._text import quantity_text as quantity_text
     from .._text import scaled as scaled
+    from ._axes import split_vary as split_vary
     from ._design import Design as Design
     from ._design import Front as Front
     from ._design import check_study as check_study

@@ -57,7 +57,7 @@ class SweepAxis:
 
 
 def split_vary(vary: Any) -> dict[str, Any]:
-    """`{path: range}` from a mapping or from texts `path=range`."""
+    """`{path: range}` from a mapping or from texts `path=range`; `InputError` for other texts."""
     if isinstance(vary, Mapping):
         return {str(path): given for path, given in vary.items()}  # of NumPy's words too
     ranges: dict[str, Any] = {}

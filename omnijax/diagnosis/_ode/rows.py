@@ -13,8 +13,9 @@ from ...machine import (
     acting,
     between,
     delayed_inputs,
-    motion,
+    outputs_along,
     places_of,
+    states_along,
     travelled,
     vector_field,
 )
@@ -193,7 +194,8 @@ class FreeRun:
         memory = memories_at(machine, placed, x0, inputs, before)
         fine = jnp.linspace(time[0], time[-1], parts * (len(time) - 1) + 1)
         inputs = delayed_inputs(placed, fine, inputs, before.jump)
-        out = motion(machine, placed, x0, inputs, step, steps, parts, hold, memory)
+        way = states_along(machine, placed, x0, inputs, step, steps, parts, hold, memory)
+        out = outputs_along(machine, way, inputs, parts)
         return seen(placed, time, out[self.run.measured], step, before)
 
     def as_measured(self) -> np.ndarray:

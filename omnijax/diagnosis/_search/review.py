@@ -157,13 +157,13 @@ class Review:
                 least = self.settings.equal
             if margin < least:  # by train runs alone
                 return new, []
+            if margin < self.settings.near:
+                margin += held
             if self._widens(rival, effects[i]):  # one that explains as much is no other explanation
-                if margin + held < self.settings.near:
+                if margin < self.settings.near:
                     self.wider[effects[i].name].append(rival.name)
                 continue
             cosine = again.cosine(mine[0].index, score.index) if mine else 0.0
-            if margin < self.settings.near:
-                margin += held
             rivals.append((rival, margin, cosine))
         return None, sorted(rivals, key=lambda f: f[1])
 

@@ -12,7 +12,7 @@ from ...simulation import EXPONENTIAL, MAX_STEPS, RTOL, fixed_methods
 from .drives import apply
 from .evaluation import Evaluation, samples_of
 from .fixed_steps import fine_enough, trial_designs
-from .methods import Question, choose, in_step
+from .methods import Question, choose, wheels_in_step
 
 Trial = Callable[[Evaluation, np.ndarray], np.ndarray]
 
@@ -40,7 +40,7 @@ def evaluation_of(
         adaptive=question.adaptive or adaptive, samples=None if times is None else len(times)
     )
     method, why = choose(question)
-    if question.duration is None and (remark := in_step(question)) is not None:
+    if question.duration is None and (remark := wheels_in_step(question)) is not None:
         tell([remark])
     how = Evaluation(
         method=method,

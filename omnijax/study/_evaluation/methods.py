@@ -9,6 +9,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 
 from ..._errors import InputError
 from ...dynamics import hold_obstacle
@@ -76,39 +77,35 @@ def _no_closed_form(q: Question) -> str | None:
 
 
 def _phases_that_do_not_count(q: Question) -> str | None:
-    wheels = [name for name in _turning(q) if f"angle.{name}" in q.varied]
-    if not wheels:
-        return None
-    return (
-        f"`angle.{wheels[0]}` is varied, and figures of the long run are those of all start angles "
-        "of a wheel that turns"
-    )
+    turn = np.all(_speeds(q) != 0, axis=0)
+    for name, turns in zip(q.rig.names, turn, strict=True):
+        if f"angle.{name}" in q.varied and (turns or f"speed.{name}" in q.varied):
+            return (
+                f"`angle.{name}` is varied, and figures of the long run are those of all start "
+                "angles of a wheel that turns"
+            )
+    return None
 
 
-def _turning(q: Question) -> dict[str, list[float]]:
-    """Names of the wheels that turn in every drive, with their speeds there."""
-    speeds = np.array([np.asarray(turning(d).values)[0] for d in q.drives])
-    return {
-        name: speeds[:, i].tolist()
-        for i, name in enumerate(q.rig.names)
-        if np.all(speeds[:, i] != 0) or f"speed.{name}" in q.varied
-    }
+def _speeds(q: Question) -> Float[np.ndarray, "d n"]:
+    """The constant speeds of the wheels in every drive, rad/s."""
+    return np.array([np.asarray(turning(d).values)[0] for d in q.drives])
 
 
-def in_step(q: Question) -> str | None:
+def wheels_in_step(q: Question) -> str | None:
     """Which wheels pass their gaps in step, so that their start angles matter; None where none do.
 
     The figures of the long run take the phases of signals as independent.
     """
-    rollers = np.broadcast_to(np.asarray(q.rig.wheels.rollers, float), q.rig.size)
-    given = {k: v for k, v in _turning(q).items() if f"speed.{k}" not in q.varied}
-    for drive in range(len(q.drives)):
-        gaps = {k: abs(v[drive]) * rollers[q.rig.names.index(k)] for k, v in given.items()}
-        for pace in gaps.values():
-            alike = [k for k, x in gaps.items() if np.isclose(x, pace, rtol=1e-9, atol=0)]
+    paces = np.abs(_speeds(q)) * np.asarray(q.rig.wheels.rollers, float)
+    paces[:, [f"speed.{name}" in q.varied for name in q.rig.names]] = 0.0
+    for row in paces:
+        for pace in row[row > 0]:
+            alike = np.flatnonzero(np.isclose(row, pace, rtol=1e-9, atol=0))
             if len(alike) > 1:
+                *names, last = (q.rig.names[i] for i in alike)
                 return (
-                    f"{', '.join(alike[:-1])} and {alike[-1]} pass their gaps in step, and in the "
+                    f"{', '.join(names)} and {last} pass their gaps in step, and in the "
                     "long run no start angles are taken as known: an RMS is the mean over them, a "
                     "peak the largest of all. A duration takes the angles of the drive."
                 )
@@ -183,9 +180,9 @@ def choose(question: Question) -> tuple[str, str]:
     if reason is None:
         against = obstacle(bulk, question)
         return (bulk, WHY[bulk]) if against is None else (exact, f"{WHY[exact]}; {against}")
-    if question.duration is None and reason == _phases_that_do_not_count(question):
-        raise InputError(f"this study needs a `duration`: {reason}.")
     if question.duration is None:
-        raise InputError(f"this study needs a `duration`: {reason}, so there is no steady state.")
+        uncounted = reason == _phases_that_do_not_count(question)
+        so = "" if uncounted else ", so there is no steady state"
+        raise InputError(f"this study needs a `duration`: {reason}{so}.")
     against = obstacle("fixed", question)
     return ("fixed", WHY["fixed"]) if against is None else ("full", f"{reason}; {against}")

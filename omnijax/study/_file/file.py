@@ -74,11 +74,8 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
         raise InputError(read.problems, path)
     if any(block.omega for block in top.drive):
         loads = [name for load in fields["loads"] for name, _ in load.values]
-        tell(
-            refit_remarks(
-                rig, tuple(dict.fromkeys([*(v.name for v in fields["variables"]), *loads]))
-            )
-        )
+        paths = dict.fromkeys([*(v.name for v in fields["variables"]), *loads])
+        tell(refit_remarks(rig, tuple(paths)))
     return Study(**fields)
 
 
@@ -102,7 +99,7 @@ def _out_of_reach(rig: Rig, fields: Mapping[str, Any]) -> list[str]:
     """Parameters that variables, loads and tolerances together take where they cannot be."""
     of_drive = drive_quantities(fields["drives"][0].drive, rig.names)
     own = [v for v in fields["variables"] if v.name not in of_drive]
-    return tolerance_problems(rig, fields["tolerances"], reach(rig, own, fields["loads"]))[0]
+    return tolerance_problems(rig, fields["tolerances"], reach(rig, own, fields["loads"]))
 
 
 def _rig(name: str, path: str | Path | None) -> Rig:

@@ -31,19 +31,17 @@ def reach(rig: Rig, variables: Sequence[Variable], loads: Sequence[Load]) -> Rea
 
 def tolerance_problems(
     rig: Rig, tolerances: Sequence[tuple[str, float]], reached: Reach
-) -> tuple[list[str], Reach]:
-    """Tolerances that mean nothing or draw what cannot be; and what the parts reach with them."""
+) -> list[str]:
+    """Tolerances that mean nothing, or draw what cannot be."""
     problems = part_problems(rig, [path for path, _ in tolerances])
     if problems:
-        return problems, reached
-    drawn = dict(reached)
+        return problems
     for given, half in tolerances:
         for path in checked_parameters(rig, [given]):
             own = float(get_parameter(rig, path))
             ends = [x * (1 + s * half) for x in reached.get(path, (own, own)) for s in (-1, 1)]
-            drawn[path] = (min(ends), max(ends))
-            problems += _outside(rig, given, path, drawn[path])
-    return list(dict.fromkeys(problems)), drawn
+            problems += _outside(rig, given, path, (min(ends), max(ends)))
+    return list(dict.fromkeys(problems))
 
 
 def _outside(rig: Rig, given: str, path: str, ends: tuple[float, float]) -> list[str]:

@@ -101,7 +101,8 @@ class Misfit:
     def slopes(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Figures (metrics,) of one design (d,) and their derivatives (metrics, d)."""
         (figures,), (steps,) = self.at(values[None])
-        steps = min(int(steps), self.most)
+        if steps > self.most:
+            return figures, np.full((len(self.metrics), len(values)), np.nan)
         return figures, np.asarray(self._derivatives(jnp.asarray(values, float), steps))
 
 

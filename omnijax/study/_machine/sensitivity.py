@@ -24,9 +24,9 @@ def sensitivity_machine(
     paths = list(numbers.where) if parameters is None else parameters
     misfit = Misfit(file, log, numbers.checked(paths), checked_misfits(metrics))
     values = np.array([numbers.value(p) for p in misfit.paths])
-    free_run_of(file, log)  # says why there is none where this is so
     figures, raw = misfit.slopes(values)
     if not (np.all(np.isfinite(figures)) and np.all(np.isfinite(raw))):
+        free_run_of(file, log)  # says why there is none where this is so
         raise RunError("the free run of this axis left all bounds: it has no sensitivities.")
     return Sensitivity(
         misfit.paths, tuple(map(numbers.unit, misfit.paths)), values, misfit.metrics,
