@@ -8,6 +8,8 @@ PYTHON ?= python3
 VENV ?= .venv
 WORKERS ?= 2
 BIN := $(VENV)/bin
+# a module is compiled when it is first imported: most of what comes with the packages never is
+INSTALL := $(BIN)/python -m pip install -q --no-compile -e
 SUITE := $(BIN)/python -m pytest -q -n $(WORKERS) --dist loadfile --no-loadscope-reorder --durations=20
 
 .PHONY: demo test test-all clean
@@ -24,12 +26,12 @@ test-all: $(VENV)/.test-installed
 
 $(VENV)/.installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install -q -e .
+	$(INSTALL) .
 	@touch $@
 
 $(VENV)/.test-installed: pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install -q -e ".[test]"
+	$(INSTALL) ".[test]"
 	@touch $@ $(VENV)/.installed
 
 clean:
