@@ -2,11 +2,13 @@
 
 from types import SimpleNamespace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from seeds import drawn_anew
 
 from omnijax.diagnosis._answered import beside_doubt
+from omnijax.diagnosis._ode.build import priors_of
 from omnijax.diagnosis._search import (
     Point,
     Prior,
@@ -14,11 +16,13 @@ from omnijax.diagnosis._search import (
     SmallModel,
     calibrated,
     refit,
+    to_project,
     within_doubt,
 )
 from omnijax.diagnosis._search.waves import scanned
 from omnijax.diagnosis._settings import SETTINGS
 from omnijax.laws import EFFECTS
+from omnijax.machine import Axis
 
 PRIORS = [Prior(f"p{i}", 0.0, 1.0, False) for i in range(6)]
 
@@ -224,3 +228,31 @@ def test_what_the_calibration_leaves_open_is_granted_to_held_out_runs(train, off
     assert shown.structured == ([] if granted else ["a_y"])
     if granted:  # or the search would be made again with noise of a colour
         assert not shown.matters and shown.ratio("a_y") == pytest.approx(1.0, abs=0.1)
+
+
+@pytest.mark.parametrize("stated, sigma", [(0.0, 0.02), (0.003, 0.02), (0.4, 0.2)])
+def test_a_number_is_not_fitted_below_the_least_that_it_can_be(stated, sigma):
+    """A damping of -0.01 was written into the diagnosed file, which the next command refused."""
+    (prior,) = priors_of(
+        Axis(jnp.array(1.0), damping=jnp.array(stated)), {"damping": sigma / (stated or 1.0)}
+    )
+    assert not prior.relative or stated == 0.4
+    shape = np.cos(0.1 * np.arange(200))
+
+    def residual(values, _laws, _split):
+        return 1e4 * (values["damping"] + 0.01) * shape
+
+    model = SmallModel(residual, [prior], {}, "all")
+    fit = calibrated(model, Point(np.zeros(1)))
+    least = prior.at(fit.point.u[0])
+    assert least == 0.0 if not prior.relative else least > 0
+    assert prior.at(-50.0) >= 0
+    # what it cannot take up is a candidate's: its tangent is projected out no more
+    projected = to_project(model, np.ones((5, 1)), fit.point.u)[0].shape[1]
+    assert projected == prior.relative
+    assert to_project(model, np.ones((5, 1)), np.ones(1))[0].shape[1] == 1
+
+
+def test_numbers_of_either_sign_keep_it():
+    for prior in priors_of(Axis(jnp.array(1.0)), {"gravity": 1.0, "offset": 1.0, "stiffness": 1.0}):
+        assert prior.at(-2.0) == (0.0 if prior.name == "stiffness" else -2.0)

@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from ._schema import KEYS as KEYS
     from ._schema import axis_unit as axis_unit
     from ._schema import field_units as field_units
+    from ._schema import least_of as least_of
     from ._schema import may_be_absent as may_be_absent
     from ._simulate import FreeMotion as FreeMotion
     from ._simulate import between as between

@@ -67,6 +67,12 @@ def field_units(machine: Any) -> dict[str, str]:
     return {k.field: k.quantity(motion).unit for keys in KEYS.values() for k in keys.values()}
 
 
+def least_of(field: str) -> float:
+    """The least that a field of an axis may be, in SI; minus infinity where it has no least."""
+    key = next(k for x in KEYS.values() for k in x.values() if k.field == field)
+    return max((x for x in (key.low, key.above) if x is not None), default=-float("inf"))
+
+
 def may_be_absent(field: str) -> bool:
     """Whether a field of an axis is 0 where a file does not give it."""
     return any(k.field == field and k.default == 0.0 for x in KEYS.values() for k in x.values())

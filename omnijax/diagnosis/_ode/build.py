@@ -16,6 +16,7 @@ from ...machine import (
     acceleration_noise,
     criterion_of,
     field_units,
+    least_of,
     loses_sign,
     may_be_absent,
     measured_of,
@@ -74,6 +75,7 @@ def priors_of(machine, uncertainty) -> list[Prior]:
     """Priors of the uncertain fields: relative, or absolute where a field is or may be 0.
 
     A field that an axis need not have is known to no factor where its 1-sigma is more than itself.
+    None is fitted below what a machine file takes.
     """
     out, units, axis = [], field_units(machine), isinstance(machine, Axis)
     for name, sigma in uncertainty.items():
@@ -81,7 +83,8 @@ def priors_of(machine, uncertainty) -> list[Prior]:
         loose = sigma > 1 and may_be_absent(name)
         factor = value != 0 and not (axis and (name in SUMS or loose))
         size = float(sigma) * (1.0 if factor or value == 0 else abs(value))
-        out.append(Prior(name, value, size, relative=factor, unit=unit))
+        low = least_of(name) if axis else -math.inf
+        out.append(Prior(name, value, size, relative=factor, unit=unit, low=low))
     return out
 
 

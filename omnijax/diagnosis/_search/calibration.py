@@ -5,7 +5,7 @@ import numpy as np
 from ..._errors import InputError
 from .._settings import SETTINGS
 from .fit import Fit, refit
-from .model import AbstractModel, Point
+from .model import AbstractModel, Point, unit_bounds
 from .waves import scanned
 
 FAR = SETTINGS.calibration.far
@@ -54,9 +54,9 @@ def calibrated(model: AbstractModel, start: Point) -> Fit:
     if not caught(model, first):
         return first
     rng = np.random.default_rng(SEED)
-    hard = np.array([prior.hard for prior in model.priors])
+    low, high = unit_bounds(model.priors)
     for _ in range(model.settings.restarts):
-        u = np.clip(rng.normal(size=len(hard)), -hard, hard)
+        u = np.clip(rng.normal(size=len(low)), low, high)
         other = refit(model, Point(u), relative=RELATIVE)
         best = other if other.cost < best.cost else best
         if best.cost < first.cost / FAR:

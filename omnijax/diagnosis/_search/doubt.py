@@ -12,7 +12,7 @@ from scipy.stats import chi2
 
 from .._settings import SETTINGS
 from .fit import Fit, tangent_rows
-from .model import AbstractModel, Point
+from .model import AbstractModel, Point, unit_bounds
 
 CHANCE = SETTINGS.doubt.chance
 MISFIT = SETTINGS.calibration.misfit
@@ -42,5 +42,4 @@ def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
     if np.sum(along**2 / (1 + s**2)) > chi2.isf(CHANCE, len(s)):
         return None
     step = -root @ (right.T @ (s / (1 + s**2) * along))
-    hard = np.array([p.hard for p in model.priors])
-    return Point(np.clip(u + step, -hard, hard), effects)
+    return Point(np.clip(u + step, *unit_bounds(model.priors)), effects)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from .._settings import SETTINGS
-from .model import AbstractModel, Free, Point, moved, value_of
+from .model import AbstractModel, Free, Point, moved, unit_bounds, value_of
 
 ENOUGH = SETTINGS.gauss_newton.enough
 KEPT = SETTINGS.gauss_newton.kept
@@ -117,9 +117,9 @@ def trial(model: AbstractModel, state: FitState, gram, gradient, scale, damping:
 
 def _bounds(model: AbstractModel, free: Sequence[Free]) -> tuple[np.ndarray, np.ndarray]:
     """Least and greatest numbers of a refit."""
-    hard = np.array([prior.hard for prior in model.priors])
-    low = np.concatenate([-hard, [f.low for f in free]])
-    return low, np.concatenate([hard, [f.high for f in free]])
+    low, high = unit_bounds(model.priors)
+    low = np.concatenate([low, [f.low for f in free]])
+    return low, np.concatenate([high, [f.high for f in free]])
 
 
 def _bounded_step(gram, gradient, scale, damping, x, low, high):

@@ -26,8 +26,8 @@ FASTER = SETTINGS.model.faster
 class Prior:
     """One uncertain parameter: value exp(sigma u) where `relative`, else value + sigma u.
 
-    The bounds of a `limited` one are no matter of doubt: what it cannot take up beyond them is left
-    to candidates.
+    An absolute one is never below `low`: a friction below 0 is none.  That bound, and both of a
+    `limited` one, are no matter of doubt: what it cannot take up beyond them is left to candidates.
     """
 
     name: str
@@ -37,12 +37,20 @@ class Prior:
     hard: float = HARD
     unit: str = ""
     limited: bool = False
+    low: float = -math.inf
 
     def at(self, u: float) -> float:
         """The parameter's value at the unit coordinate `u`."""
-        return (
-            self.value * math.exp(self.sigma * u) if self.relative else self.value + self.sigma * u
-        )
+        if self.relative:
+            return self.value * math.exp(self.sigma * u)
+        return max(self.value + self.sigma * u, self.low)
+
+    @property
+    def least(self) -> float:
+        """The unit coordinate at which its range begins."""
+        if self.relative or not math.isfinite(self.low):
+            return -self.hard
+        return max(-self.hard, min(0.0, (self.low - self.value) / self.sigma))
 
     def slope(self, u: float) -> float:
         """d `at` / du."""
@@ -50,7 +58,19 @@ class Prior:
 
     def at_bound(self, u: float) -> bool:
         """Whether the unit coordinate `u` is at an end of its range."""
-        return abs(u) > self.hard * (1 - AT_END)
+        within = self.hard * AT_END
+        return not self.least + within <= u <= self.hard - within
+
+    def cannot_yield(self, u: float) -> bool:
+        """Whether at `u` what it cannot take up is left to candidates: at a bound beyond doubt."""
+        if self.limited:
+            return self.at_bound(u)
+        return -self.hard < self.least and u - self.least < self.hard * AT_END
+
+
+def unit_bounds(priors: Sequence[Prior]) -> tuple[np.ndarray, np.ndarray]:
+    """Least and greatest unit coordinates (numbers,) of uncertain parameters."""
+    return np.array([p.least for p in priors]), np.array([p.hard for p in priors])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -249,8 +269,8 @@ class AbstractModel(abc.ABC):
 
 
 def to_project(model: AbstractModel, J: np.ndarray, u: np.ndarray):
-    """(tangents, coordinates) that are projected out of scores: all but limited ones at bounds."""
-    at_bound = [k for k, p in enumerate(model.priors) if p.limited and p.at_bound(u[k])]
+    """(tangents, coordinates) that are projected out of scores: all that can yield."""
+    at_bound = [k for k, p in enumerate(model.priors) if p.cannot_yield(u[k])]
     return np.delete(J, at_bound, axis=1), np.delete(u, at_bound)
 
 

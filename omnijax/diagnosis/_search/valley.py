@@ -14,7 +14,7 @@ import numpy as np
 
 from .._settings import SETTINGS
 from .fit import Fit, tangent_rows
-from .model import AbstractModel, Point
+from .model import AbstractModel, Point, unit_bounds
 
 FLAT = SETTINGS.valley.flat
 STEP = SETTINGS.valley.step
@@ -78,6 +78,5 @@ def _least(J: np.ndarray) -> np.ndarray:
 
 def _moved(model: AbstractModel, point: Point, step: np.ndarray) -> Point:
     """The point moved by no more than `STEP`, within the bounds."""
-    hard = np.array([p.hard for p in model.priors])
     size = max(1.0, float(np.linalg.norm(step)) / STEP)
-    return Point(np.clip(point.u + step / size, -hard, hard), point.effects)
+    return Point(np.clip(point.u + step / size, *unit_bounds(model.priors)), point.effects)

@@ -14,7 +14,7 @@ import numpy as np
 
 from .._settings import SETTINGS
 from .fit import tangents_at
-from .model import AbstractModel, Point
+from .model import AbstractModel, Point, unit_bounds
 from .scan import taken_up
 
 WAVY = SETTINGS.waves.wavy
@@ -101,8 +101,8 @@ def _straight(
 
 def _ladder(model: AbstractModel, point: Point, k: int, step: float) -> np.ndarray:
     """The values of a number over its range, the point's own among them."""
-    hard = model.priors[k].hard
-    low, high = np.ceil((-hard - point.u[k]) / step), np.floor((hard - point.u[k]) / step)
+    least, most = (float(x[0]) for x in unit_bounds([model.priors[k]]))
+    low, high = np.ceil((least - point.u[k]) / step), np.floor((most - point.u[k]) / step)
     return point.u[k] + step * np.arange(low, high + 1)
 
 
