@@ -173,3 +173,19 @@ def test_the_studies_of_the_page_run_as_they_stand(tmp_path, monkeypatch):
     assert len(lines) == 4
     for line in (begin, *lines):
         assert cli.run(shlex.split(line.removeprefix("$ omnijax "))) == 0
+
+
+@pytest.mark.parametrize("unit, si", [("g", 9.80665), ("mg", 9.80665e-3), ("0.5 G", 4.903325)])
+def test_an_acceleration_in_g_is_standard_gravity(tmp_path, unit, si):
+    """`units.a` in g was refused of a machine's log, which a sphere's recordings take."""
+    table = columns(3) | {"a": np.arange(120.0)}
+    path = tmp_path / "run.csv"
+    np.savetxt(path, np.stack(list(table.values()), 1), delimiter=",", header=",".join(table),
+               comments="")  # fmt: skip
+    file = LogFile(tmp_path / "run.toml", path, channels={"t": "stamp", "input": "torque_cmd",
+                   "position": "pos"}, units={"a": unit})  # fmt: skip
+    log = read_log(file, {"input": "N m"}, {"position": "rad", "a": "m/s^2"})
+    np.testing.assert_allclose(log.outputs["a"], si * np.arange(120.0))
+    with pytest.raises(InputError, match="must be a unit of N m"):
+        read_log(LogFile(file.path, path, channels=file.channels, units={"input": unit}),
+                 {"input": "N m"}, {"position": "rad"})  # fmt: skip

@@ -2,16 +2,21 @@
 
 import re
 
-from ..rig import Quantity
+from ..rig import GRAVITIES, Quantity
 
 NUMBER = r"(\d*\.?\d+(?:[eE][+-]?\d+)?)"
 SHARE = re.compile(rf"\s*{NUMBER}\s*(?:/\s*{NUMBER})?\s*([^\d\s/].*?)\s*\Z")
 
 
 def factor_of(said: str, si: str) -> float:
-    """One unit `said` in the SI unit `si`; `ValueError` where it is no unit of that."""
+    """One unit `said` in the SI unit `si`; `ValueError` where it is no unit of that.
+
+    `g` of an acceleration is standard gravity.
+    """
     match = SHARE.match(said)
     number, unit = (1.0, said.strip()) if match is None else (_ratio(match), match[3])
+    if si == "m/s^2" and unit in GRAVITIES:  # of mass else
+        return number * GRAVITIES[unit]
     return number if unit == si else number * Quantity(si).read(f"1 {unit.replace('°', 'deg')}")
 
 
