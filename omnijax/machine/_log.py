@@ -1,16 +1,16 @@
 """Logs of a machine: any table, any column names and units, and the NAME.toml beside it."""
 
 import dataclasses
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from .._errors import InputError, did_you_mean
-from ..recording import may_be_run, ordered_rows, read_table, stem_of
+from ..recording import may_be_run, ordered_rows, read_table, stem_of, unwound
 from ..rig import Quantity
-from ._sample_times import evenly, jitters, travelled, unbroken, unwound
+from ._sample_times import evenly, jitters, travelled, unbroken
 from ._unit_of_channel import factor_of
 
 KEYS = ("machine", "log", "role", "rows", "rate", "channels", "units", "noise")
@@ -253,7 +253,8 @@ def _on_a_grid(
     log, needed = file.log.name, [*inputs, *([measured] if measured else [])]
     signals = _finite(log, _ordered(file, signals, faults), needed, faults)
     signals = _unbroken(log, signals, faults)
-    signals |= _unwound(log, {k: signals[k] for k in outputs if k in signals}, outputs, faults)
+    angles = [k for k, unit in outputs.items() if k in signals and unit == "rad"]
+    signals = _unwound(log, signals, angles, faults)
     if measured and np.ptp(signals[measured]) == 0:
         raise InputError(f"{log}: the {measured} never changes: all at rest.")
     signals, step = _even(log, signals, faults)
@@ -289,9 +290,14 @@ def _finite(log: str, signals: Signals, needed, faults) -> Signals:
     count = int(finite.sum())
     if count < len(finite):
         faults.append(f"{log}: {len(finite) - count} rows have no number; they are left out.")
+    _check_count(log, count)
+    return {k: x[finite] for k, x in signals.items()}
+
+
+def _check_count(log: str, count: int) -> None:
+    """`InputError` for fewer than `LEAST` rows."""
     if count < LEAST:
         raise InputError(f"{log} has {count} usable rows, but at least {LEAST} are needed.")
-    return {k: x[finite] for k, x in signals.items()}
 
 
 def _unbroken(log: str, signals: Signals, faults) -> Signals:
@@ -310,17 +316,39 @@ def _unbroken(log: str, signals: Signals, faults) -> Signals:
     return {k: x[part] for k, x in signals.items()}
 
 
-def _unwound(log: str, shown: Signals, units: Mapping[str, str], faults) -> Signals:
-    """Angles that are told within one turn as such that go on."""
-    out = {}
-    for name, angle in shown.items():
-        told = unwound(angle) if units[name] == "rad" else angle
-        if told is not angle:
+def _unwound(log: str, signals: Signals, angles: Sequence[str], faults) -> Signals:
+    """The channels with the `angles` that are told within one turn as such that go on.
+
+    Rows are left out behind or before a gap in which nobody knows how often such an angle turned.
+    """
+    for name in angles:
+        told = unwound(signals[name], signals["t"])
+        if told is None:
+            faults += _unknown_turns(log, name, signals[name])
+            continue
+        faults.append(
+            f"{log}: the {name} is told within {told.words}; it is read as one that goes on."
+        )
+        signals = {k: x[~told.lost] for k, x in (signals | {name: told.angle}).items()}
+        if told.lost.any():
             faults.append(
-                f"{log}: the {name} is told within one turn; it is read as one that goes on."
+                f"{log}: how often the {name} turned in a gap is not known; {told.lost.sum()} rows "
+                "beside it are left out."
             )
-            out[name] = told
-    return out
+    _check_count(log, len(signals["t"]))
+    return signals
+
+
+def _unknown_turns(log: str, name: str, angle: np.ndarray) -> list[str]:
+    """What is said of an angle (t,) in rad that jumps as a wrapped one, but need not be one."""
+    jumps = int(np.sum(np.abs(np.diff(angle)) > np.pi))
+    if not jumps or np.ptp(angle) > 2 * np.pi * (1 + 1e-6):
+        return []
+    often = f"{jumps} time{'s' if jumps > 1 else ''}"
+    return [
+        f"{log}: the {name} jumps by more than half a turn {often}; whether it is told within one "
+        "turn cannot be told, and it is read as it stands."
+    ]
 
 
 def _even(log: str, signals: Signals, faults) -> tuple[Signals, float]:

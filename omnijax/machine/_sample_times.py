@@ -33,11 +33,3 @@ def unbroken(t: np.ndarray) -> slice:
     far = steps > max(BRIDGED * np.median(steps), 3 * np.quantile(steps, 0.99))
     cuts = [0, *(np.flatnonzero(far) + 1).tolist(), len(t)]
     return max(map(slice, cuts[:-1], cuts[1:]), key=lambda part: part.stop - part.start)
-
-
-def unwound(angle: np.ndarray) -> np.ndarray:
-    """An angle (t,) in rad that is told within one turn as one that goes on; others as they are."""
-    within = np.ptp(angle) < 2 * np.pi * (1 + 1e-6)
-    if not within or np.max(np.abs(np.diff(angle)), initial=0.0) < np.pi:
-        return angle
-    return np.unwrap(angle)

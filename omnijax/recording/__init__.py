@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from ._tables import read_table as read_table
     from ._tables import stem_of as stem_of
     from ._time import ordered_rows as ordered_rows
+    from ._turns import Unwound as Unwound
+    from ._turns import unwound as unwound
     from ._write import check_beside as check_beside
     from ._write import files_of_recording as files_of_recording
     from ._write import write_recording as write_recording

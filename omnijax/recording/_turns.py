@@ -1,4 +1,4 @@
-"""Wheel angles that begin anew after a turn: unwrapped where that can be told surely.
+"""Angles that begin anew after a turn: unwrapped where that can be told surely.
 
 A wrapped angle stays within its modulus, leaves it at one end and comes back at the other.  Once
 the modulus is added there, the angle moves on as it does around.  An angle of more than a modulus,
@@ -6,6 +6,7 @@ or with a jump of another size, is none and stays as it is.
 """
 
 import functools
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,23 @@ BITS = range(8, 33)  # of a counter
 ELSEWHERE = 4  # times a missing stretch that what turned over as long a one is asked elsewhere
 
 
+class Unwound(NamedTuple):
+    """An angle (t,) that was wrapped as one that goes on, NaN where its turns are not known.
+
+    `modulus` and angle are in the unit of the column; `jumps` are the samples (t,) that begin anew.
+    """
+
+    angle: np.ndarray
+    modulus: float
+    jumps: np.ndarray
+    lost: np.ndarray
+
+    @property
+    def words(self) -> str:
+        """The modulus: `one turn`, `3 turns`, `360`."""
+        return _said(self.modulus)
+
+
 def unwrap(file: str, channels: dict[str, np.ndarray], time, rows: np.ndarray) -> list[Fault]:
     """Unwrap in place the angles that are wrapped, and say so."""
     faults = []
@@ -38,15 +56,34 @@ def unwrap(file: str, channels: dict[str, np.ndarray], time, rows: np.ndarray) -
 
 
 def _unwrapped(file: str, column: str, values: np.ndarray, time, rows) -> list[Fault]:
+    told = unwound(values, time)
+    if told is None:
+        return []
+    values[:] = told.angle
+    n = int(told.jumps.sum())
+    what = f"the angle jumps by {told.words} {n} time{'s' if n > 1 else ''} (it is wrapped)"
+    faults = [Fault(file, column, spans(told.jumps, rows), "wrapped", what, "it is unwrapped")]
+    if told.lost.any():
+        what = "how often a wrapped angle turned in the missing stretch beside is not known"
+        use = "these samples are not used"
+        faults.append(Fault(file, column, spans(told.lost, rows), "wrapped", what, use))
+    return faults
+
+
+def unwound(values: np.ndarray, time: np.ndarray) -> Unwound | None:
+    """An angle (t,), NaN where it is missing, at times (t,) in s without its turns' beginnings.
+
+    None where it is not wrapped, or that cannot be told surely.
+    """
     at = np.flatnonzero(np.isfinite(values))
     if len(at) < LEAST:
-        return []
+        return None
     known, steps = values[at], np.diff(time[at])
     beside = steps <= LATE * np.median(steps)  # others lie across a gap
     change, width = np.diff(known), float(np.ptp(known))
     jumps = beside & (np.abs(change) > width / 2)
     if not jumps.any():
-        return []
+        return None
     modulus = next(
         (
             modulus
@@ -56,25 +93,14 @@ def _unwrapped(file: str, column: str, values: np.ndarray, time, rows) -> list[F
         None,
     )
     if modulus is None:
-        return []
+        return None
     turns = np.where(jumps, -np.sign(change), 0.0)
     across, sure = _across(change + modulus * turns, time[at], beside, modulus)
-    known += modulus * np.concatenate([[0.0], np.cumsum(np.where(beside, turns, across))])
+    known = known + modulus * np.concatenate([[0.0], np.cumsum(np.where(beside, turns, across))])
     kept = _longest(sure)
-    values[:] = np.nan
-    values[at[kept]] = known[kept]
-    bad = np.zeros(len(values), bool)
-    bad[at[1:][jumps]] = True
-    n = int(jumps.sum())
-    what = f"the angle jumps by {_said(modulus)} {n} time{'s' if n > 1 else ''} (it is wrapped)"
-    faults = [Fault(file, column, spans(bad, rows), "wrapped", what, "it is unwrapped")]
-    if not kept.all():
-        lost = np.zeros(len(values), bool)
-        lost[at[~kept]] = True
-        what = "how often a wrapped angle turned in the missing stretch beside is not known"
-        use = "these samples are not used"
-        faults.append(Fault(file, column, spans(lost, rows), "wrapped", what, use))
-    return faults
+    angle, anew, lost = np.full(len(values), np.nan), *np.zeros((2, len(values)), bool)
+    angle[at[kept]], anew[at[1:][jumps]], lost[at[~kept]] = known[kept], True, True
+    return Unwound(angle, modulus, anew, lost)
 
 
 def _moduli(known: np.ndarray, change: np.ndarray, jumps: np.ndarray) -> list[tuple[float, float]]:

@@ -9,11 +9,11 @@ import numpy as np
 
 from ..._errors import InputError
 from ..._white_noise import noise_squares
-from ...recording import ordered_rows
+from ...recording import ordered_rows, unwound
 from .._first_numbers import LogSignals
 from .._hold import input_hold
 from .._log import LEAST
-from .._sample_times import evenly, travelled, unbroken, unwound
+from .._sample_times import evenly, travelled, unbroken
 from .._second_numbers import coupled
 from .channel_units import (
     fitting,
@@ -189,12 +189,16 @@ def _channels(
     kept, _ = ordered_rows(log.name, t)
     kept = kept[good[kept]]
     kept = kept[unbroken(t[kept])] if len(kept) > 1 else kept
+    told = unwound(q[kept], t[kept]) if si == "rad" else None
+    if told is not None:
+        q = q.copy()
+        q[kept] = told.angle
+        kept = kept[~told.lost]
     if len(kept) < LEAST:
         raise InputError(
             f"{log.name} has {len(kept)} usable rows, but at least {LEAST} are needed."
         )
     q, *rest = (x[kept] for x in (q, u, *others.values()))
-    q = unwound(q) if si == "rad" else q
     q, u, *rest = evenly(t[kept], how.step, q, *rest)
     return q, u, dict(zip(others, rest, strict=True))
 
