@@ -555,6 +555,8 @@ class FreeBuildSettings:
     lead: int = 64  # samples, from which a window is at least so many of its leads
     windows: int = 16  # of the longest run, at most
     together: int = 4  # leads and windows in a run that is one window: time
+    # turns that an axis makes, from which its encoder's wave is no slope and no bend of a sensor
+    turned: float = 0.5
 
 
 @dataclasses.dataclass(frozen=True)

@@ -39,6 +39,7 @@ ERROR = SETTINGS.free_build.error
 LEAD = SETTINGS.free_build.lead
 WINDOWS = SETTINGS.free_build.windows
 TOGETHER = SETTINGS.free_build.together
+TURNED = SETTINGS.free_build.turned
 KNOWN = frozenset({"bearing-viscous", "sensor-gain"})  # an axis has its own
 SUMS = frozenset({"gravity", "gravity_angle", "offset", "rate_gain", "stiffness"})
 # of an axis that may have none, or one of either sign: they are known to a sum, not to a factor
@@ -117,7 +118,8 @@ def build_model(
         raise InputError(f"{file.source}: `compare.criterion` balance needs one inertia only; "
                          "choose free-run.")  # fmt: skip
     library = {**AXIS_EFFECTS, **(laws or {})}
-    places = _places(machine, library, chosen, file.uncertainty, measured)
+    round_ = measured == "position" and turns_round(machine, runs)
+    places = _places(machine, library, chosen, file.uncertainty, measured, round_)
     used = {i: library[i] for i, _ in places}
 
     def criterion(numbers: Numbers, run: OdeRun):
@@ -169,16 +171,25 @@ def runs_away(axis: Axis, runs: Sequence[OdeRun]) -> bool:
     return bool(np.mean(pulls < 0) > AWAY)
 
 
-def _places(machine, library, criterion: str, uncertain, measured: str) -> list[tuple[str, str]]:
-    """(id, place) of every law that may act on the machine."""
+def turns_round(machine, runs: Sequence[OdeRun]) -> bool:
+    """Whether positions are angles whose range in the train runs shows a wave of a turn."""
+    if getattr(machine, "motion", "rotation") != "rotation":
+        return False
+    shown = [r.shown for r in runs if r.role == "train"]
+    return bool(np.ptp(np.concatenate(shown)) >= TURNED * 2 * np.pi)
+
+
+def _places(
+    machine, library, criterion: str, uncertain, measured: str, turns: bool
+) -> list[tuple[str, str]]:
+    """(id, place) of every law that may act on the machine; encoders are those of what `turns`."""
     own, out = _own_places(machine), []
     for id, law in library.items():
         if any(p.shape for p in law.parameters.values()) or law.places == ("dR",):
             continue
         if law.port == "sensor":
             seen = id in INVERTED if criterion == "balance" else id not in KNOWN
-            angle = getattr(machine, "motion", "rotation") == "rotation" and measured == "position"
-            if seen and (angle or id not in INVERTED):
+            if seen and (turns or id not in INVERTED):
                 out.append((id, measured))
             continue
         out += [(id, place) for place in own.get(law.port, ())]

@@ -21,7 +21,8 @@ def ranges_of(model: AbstractModel, point: Point, scales: Scales, resolution: fl
     for f in free_numbers(model, point):
         value = point.effects[f.effect].values[f.key]
         low, high = f.low, f.high
-        if f.key == "g":
+        wave = (point.effects[f.effect].id, f.key) == ("encoder-eccentricity", "amplitude")
+        if f.key == "g" or wave:  # what an encoder's wave changes of its slope is a gain too
             low, high = -BOUND, BOUND
         if f.key == "order":  # over few turns a line is wide
             wide = max(ORDER * float(value), resolution / 2)
