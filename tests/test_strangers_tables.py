@@ -17,7 +17,7 @@ from omnijax import InputError, cli
 from omnijax.machine import guess, read_machine_case
 from omnijax.recording import read_recording, read_table
 
-COUNT, STEP = 120, 0.01
+COUNT, STEP, TURN = 120, 0.01, 2 * np.pi
 BEGIN = datetime.datetime(2024, 5, 31, 23, 59, 59, 500000)  # a month ends in the log
 
 
@@ -372,3 +372,26 @@ def test_json_keeps_groups_as_rows_and_tells_of_a_channel_that_lost_its_end(tmp_
     run = read_recording(path)
     (fault,) = run.faults
     assert run.groups == ("a",) and fault.column == "a_y" and "17 values, but `t` 20" in fault.what
+
+
+@pytest.mark.parametrize(
+    "column, si, motion",
+    [("Position (rev)", TURN, "rotation"), ("angle_turns", TURN, "rotation"),
+     ("angle [DEG]", TURN / 360, "rotation"), ("Winkel [arcsec]", TURN / 1296000, "rotation"),
+     ("position [inch]", 0.0254, "translation"), ("speed_rps", TURN, "rotation"),
+     ("speed [rev/s]", TURN, "rotation"), ("speed [deg/sec]", TURN / 360, "rotation"),
+     ("position (raw)", 1.0, "rotation"), ("position (2)", 1.0, "rotation")],
+)  # fmt: skip
+def test_any_unit_in_brackets_behind_a_name_is_read(tmp_path, signals, column, si, motion):
+    """A position in turns or inches was read as rad, and `no unit of it is said` stood beside."""
+    t, u, q = signals
+    shown = np.gradient(q, t) if "speed" in column else q
+    log = tmp_path / "m.csv"
+    table = {"Time (usec)": 1e6 * t, "Torque [N m]" if motion == "rotation" else "Force [kN]": u}
+    pd.DataFrame(table | {column: shown / si}).to_csv(log, index=False)
+    one = guess(log)
+    assert one.motion == motion and one.rate == pytest.approx(1 / STEP)
+    signal = one.signals.position if one.velocity is None else one.signals.velocity
+    np.testing.assert_allclose(np.asarray(signal), shown, atol=1e-9)
+    assert (one.measured in one.units) == (si != 1.0)
+    np.testing.assert_allclose(one.signals.input, u * (1e3 if motion == "translation" else 1))

@@ -1,5 +1,6 @@
 """Which column of a log holds what, by names, units and how it moves."""
 
+import functools
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from ..._errors import InputError
+from .channel_units import is_unit
 
 TIME = r"^(t|time|timestamp|zeit|stamp|seconds|sec|ms)\b|time"
 GOAL = r"goal|ref|set_?-?point|target|desired|_des$|soll"
@@ -16,7 +18,8 @@ INPUT = (
 )
 COUNTS = r"counts?$|ticks|incr|inkr"  # of an encoder, whose lines a turn no log tells
 POSITION = rf"^(y|q|qm|x|v2|out|th)$|pos|angle|theta|phi|encoder|deg|winkel|weg|displ|{COUNTS}"
-SPEED = r"speed|veloc|(^|_)vel|rpm|omega|drehzahl|geschw|tacho|dot$|^(w|v|n|z\d*)$|/ ?s\b"
+SPEED = r"speed|veloc|(^|_)vel|rpm|omega|drehzahl|geschw|tacho|dot$|^(w|v|n|z\d*)$"
+SPEED += r"|/ ?s(ec)?\b|(^|[_ \[(])[dr]ps\b"
 MEASURED = r"meas|act|enc|fb"
 KINDS = (  # pattern of a name -> how the motor is driven, where its unit does not say it
     (r"torque|force|moment|kraft", "torque"),
@@ -32,8 +35,11 @@ DRIVES = {  # unit of an input -> how the motor is driven
 UNIT = re.compile(
     r"(?:[\[(_ .]|,|\s*/)\s*(mm|cm|um|µm|m|deg|degrees|°|rad|radians|mrad|ns|us|µs|ms|s"
     r"|[mk]?N[ ·*]?m|N ?[cm]m|[mk]?N|[muµ]?A|[mk]?V"
-    r"|rpm|rev/min|U/min|1/min|(?:rad|mrad|deg|°|mm|cm|m)/s)\s*[\])]?$"
+    r"|revs?|turns?|rps|dps|rpm|rev/min|U/min|1/min|(?:rad|mrad|deg|°|mm|cm|m|revs?|turns?)/s)"
+    r"\s*[\])]?$"
 )
+BRACKETS = re.compile(r"[\[(]\s*([^\[\]()]*[^\W\d][^\[\]()]*?)\s*[\])]$")  # round any other unit
+KNOWN = ("s", "rad", "m", "rad/s", "m/s", "N m", "N", "A", "V")  # of what channels may be
 WORDS = {"degrees": "deg", "radians": "rad"}
 SUPPLY = 0.2  # standard deviation of a voltage over its mean, below which it is a supply's
 RISING = 0.5  # of a clock's steps: stamps of a coarse clock repeat, and their rows are left out
@@ -53,13 +59,14 @@ class NamedColumns(dict[str, str]):
 
 def with_units(table) -> NamedColumns:
     """The names of a table's columns, with units that stand apart from them."""
-    apart = {k: u for k, u in table.units.items() if not UNIT.search(k)}
+    apart = {k: u for k, u in table.units.items() if unit_in(k) is None}
     return NamedColumns((k, f"{k} [{apart[k]}]" if k in apart else k) for k in table.columns)
 
 
 def matches(name: str, pattern: str) -> bool:
     """Whether a column's name matches, as it is or without its unit: `x_mm` is as good as `x`."""
-    bare = UNIT.sub("", name).strip().lower()
+    match = _unit_match(name)
+    bare = (name if match is None else name[: match.start()]).strip().lower()
     return bool(re.search(pattern, name.lower()) or re.search(pattern, bare))
 
 
@@ -71,8 +78,17 @@ def best_of(names: list[str], pattern: str, better: str = "$^") -> str | None:
 
 def unit_in(name: str) -> str | None:
     """The unit at the end of a column's name."""
-    match = UNIT.search(name)
+    match = _unit_match(name)
     return WORDS.get(match[1], match[1]) if match else None
+
+
+@functools.cache
+def _unit_match(name: str) -> re.Match[str] | None:
+    """The unit at the end of a column's name: a usual one, or any that stands in brackets."""
+    match = BRACKETS.search(name)
+    if UNIT.search(name) or match is None:
+        return UNIT.search(name)
+    return match if any(is_unit(match[1], si) for si in KNOWN) else None
 
 
 def driven_by(name: str, unit: str | None) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from ..._errors import InputError
 from ...recording import read_table
 from .._second_numbers import coupled
-from .columns import UNIT
+from .columns import unit_in
 from .described import Guess, LogColumns, described
 
 
@@ -63,7 +63,7 @@ def of_one_machine(guesses: Sequence[Guess]) -> list[Guess]:
 def _of_column(one: Guess, table, column: str, measured: str, rate: float | None) -> Guess:
     """The guess of the same log with another column as what was measured."""
     shown = (column, None) if measured == "position" else (None, column)
-    known = one.stated if UNIT.search(column) is None else {
+    known = one.stated if unit_in(column) is None else {
         k: x for k, x in one.stated.items() if k != measured
     }  # fmt: skip
     return described(one.log, table, LogColumns(one.time, one.input, *shown), rate, known)
