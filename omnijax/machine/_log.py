@@ -10,7 +10,7 @@ import numpy as np
 from .._errors import InputError, did_you_mean
 from ..recording import may_be_run, ordered_rows, read_table, stem_of, unwound
 from ..rig import Quantity
-from ._sample_times import evenly, jitters, travelled, unbroken
+from ._sample_times import evenly, jitters, travelled, unbroken, usual_step
 from ._unit_of_channel import factor_of
 
 KEYS = ("machine", "log", "role", "rows", "rate", "channels", "units", "noise")
@@ -354,7 +354,7 @@ def _unknown_turns(log: str, name: str, angle: np.ndarray) -> list[str]:
 def _even(log: str, signals: Signals, faults) -> tuple[Signals, float]:
     """The channels at even times, and their step in s."""
     t = signals["t"]
-    step = float(np.median(np.diff(t)))
+    step = usual_step(np.diff(t))
     if not jitters(t, step):
         return signals, step
     faults.append(

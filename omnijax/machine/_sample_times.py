@@ -3,12 +3,22 @@
 import numpy as np
 
 BRIDGED = 5  # steps, of a gap that a straight line bridges; a signal bends over a longer one
+NEAR = 0.5  # of the median step, within which a step is a usual one
 
 
 def travelled(velocity: np.ndarray, step: float) -> np.ndarray:
     """Position (t,) from 0 of a sampled velocity."""
     steps = (velocity[1:] + velocity[:-1]) * step / 2
     return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def usual_step(steps: np.ndarray) -> float:
+    """The step of a log from all of its positive ones (n,): the mean of those near their median.
+
+    Stamps are rounded, seconds since 1970 to 0.24 us, and so is each step.
+    """
+    median = float(np.median(steps))
+    return float(np.mean(steps[np.abs(steps - median) < NEAR * median]))
 
 
 def jitters(t: np.ndarray, step: float) -> bool:

@@ -4,6 +4,7 @@ import numpy as np
 
 from .._axis import INPUTS
 from .._log import MEASURED
+from .._sample_times import usual_step
 from .._unit_of_channel import factor_of
 
 ALIKE = 4.0  # sizes of a goal and of what follows it, one over the other, in one unit
@@ -56,14 +57,14 @@ def with_unit_of_both(units: dict[str, str], goal, position) -> dict[str, str]:
 
 
 def step_of(column, units: dict[str, str]) -> tuple[float, dict[str, str]]:
-    """Median step of a column of times, s, and the units with that of the time.
+    """Usual step of a column of times, s, and the units with that of the time.
 
     It is milli-, micro- or nanoseconds where none is said and steps would be long.
     """
     t = np.asarray(column, float)
     t = t * (factor_of(units["t"], "s") if "t" in units else 1.0)
     steps = np.diff(t)
-    step = float(np.median(steps[steps > 0]))
+    step = usual_step(steps[steps > 0])
     for unit in SMALLER if "t" not in units else ():
         if step > LONGEST:
             step, units = step / 1000, units | {"t": unit}
