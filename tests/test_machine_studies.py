@@ -35,8 +35,7 @@ def made(folder, seed: int):
 def rms(data, log):
     """The misfit of one machine by itself."""
     file, q = data, log.outputs["position"]
-    first = {"position": (q[0], (q[1] - q[0]) / log.step)}
-    got = free_run(file.machine, file.placed, first, log.inputs, log.step)["position"]
+    got = free_run(file.machine, file.placed, log.start, log.inputs, log.step)["position"]
     return float(np.sqrt(np.mean((q - got) ** 2)))
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from .._errors import InputError, did_you_mean
 from ..recording import may_be_run, ordered_rows, read_table, stem_of, unwound
 from ..rig import Quantity
-from ._sample_times import evenly, jitters, travelled, unbroken, usual_step
+from ._sample_times import evenly, first_speed, jitters, travelled, unbroken, usual_step
 from ._unit_of_channel import factor_of
 
 KEYS = ("machine", "log", "role", "rows", "rate", "channels", "units", "noise")
@@ -66,7 +66,7 @@ class Log:
         if not self.is_compared:
             return {"position": (0.0, 0.0)}
         q = self.outputs["position"]
-        v = self.shown[0] if self.measured == "velocity" else (q[1] - q[0]) / self.step
+        v = self.shown[0] if self.measured == "velocity" else first_speed(q, self.step)
         return {"position": (float(q[0]), float(v))}
 
 

@@ -2,7 +2,11 @@
 
 import numpy as np
 
+from .._white_noise import noise_squares
+
 BRIDGED = 5  # steps, of a gap that a straight line bridges; a signal bends over a longer one
+MOST = 1000  # samples by which a first speed is told
+FOLLOWED = 1.5  # times their noise that samples may be off a parabola which they follow
 NEAR = 0.5  # of the median step, within which a step is a usual one
 
 
@@ -10,6 +14,26 @@ def travelled(velocity: np.ndarray, step: float) -> np.ndarray:
     """Position (t,) from 0 of a sampled velocity."""
     steps = (velocity[1:] + velocity[:-1]) * step / 2
     return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def first_speed(position: np.ndarray, step: float) -> float:
+    """Speed at the first of some sampled positions (t,): of a parabola through the first ones.
+
+    Through as many as it follows within their noise: quantised ones have no first difference.
+    """
+    moves = np.abs(np.diff(position))
+    count = np.min(moves[moves > 0], initial=np.inf)  # of an encoder, or next to nothing
+    squares = min(np.mean(noise_squares(position, order)) for order in (3, 5, 7))
+    noise = np.sqrt(max(squares, count**2 / 12 if np.isfinite(count) else 0.0))
+    samples = min(len(position), MOST)
+    while True:
+        t = step * np.arange(samples)
+        table = np.stack([np.ones(samples), t, t * t / t[-1]], 1)
+        told = np.linalg.lstsq(table, position[:samples])[0]
+        left = position[:samples] - table @ told
+        if samples <= 4 or np.sum(left**2) < (samples - 3) * (FOLLOWED * noise) ** 2:
+            return float(told[1])
+        samples = max(samples * 2 // 3, 3)
 
 
 def usual_step(steps: np.ndarray) -> float:
