@@ -299,6 +299,28 @@ def test_front_against_the_closed_form():
     assert np.allclose(np.sqrt(f).sum(axis=1), 2 * math.sqrt(2), rtol=2e-3)
 
 
+def test_a_metric_that_is_zero_has_nothing_to_trade():
+    """The error named a weight of the search that no study has."""
+
+    def still(x, _):
+        return jnp.stack([jnp.sum(x**2), 0 * x[0]]), NO_LIMITS
+
+    with pytest.raises(InputError, match="`f2` is 0 in every design that was tried") as error:
+        trade_off(
+            Problem((Variable("a", -2.0, 2.5),), still, floor=(1e-9, 1e-9)),
+            ("f1", "f2"),
+            ("1", "1"),
+        )
+    assert len(error.value.problems) == 1
+
+
+def test_what_rounding_leaves_of_an_objective_is_not_optimised():
+    noise = Problem((Variable("a", 1.0, 2.0),), lambda x, _: (1e-18 * x[:1], NO_LIMITS))
+    assert optimise(noise, starts=1).optimal
+    with pytest.raises(InputError, match="`objective` is 0 in every design that was tried"):
+        optimise(noise._replace(floor=1e-15), starts=1)
+
+
 def test_a_stored_front_is_taken_up(tmp_path):
     variables = (Variable("a", -2.0, 2.5), Variable("b", -2.0, 2.5))
     problem, how = Problem(variables, convex_pair), {"points": 3, "starts": 1, "batch": 3}

@@ -70,6 +70,7 @@ class Problem(NamedTuple):
     `extra` is data that `draw(key)` may replace (tolerances drawn anew), for stochastic searches.
     `costly`: every figure is an integrated run, so that fewer are spent and programs kept small.
     `order`: how many evaluations are made (`_batches.each`).
+    `floor`: what rounding leaves of an objective that is 0, or of each figure of a front.
     """
 
     variables: tuple[Variable, ...]
@@ -84,6 +85,7 @@ class Problem(NamedTuple):
     costly: bool = False
     order: Order = "in turn"
     many: Many | None = None
+    floor: float | tuple[float, ...] = 0.0
 
     @property
     def epigraph(self) -> bool:

@@ -19,6 +19,14 @@ from .starts import start_shares
 SILENT = 1e-12
 
 
+def nothing_left(name: str) -> str:
+    """That a figure is 0 in every design."""
+    return (
+        f"`{name}` is 0 in every design that was tried: under these drives nothing moves that "
+        "it measures, so that no design is better than another."
+    )
+
+
 def values_of(problem: Problem) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
     """Figures f (n, k) and g (n, c) of any number of designs x (n, d), by one compiled program."""
     many = problem.many
@@ -44,7 +52,10 @@ class ProblemFigures:
         seen = [s for s in seen if np.isfinite(s.f).all()]
         if not seen:
             raise InputError("the objective is not finite at any start: widen or move the bounds.")
-        self.size = float(np.median([abs(self.combined(s.f)) for s in seen])) or 1.0
+        sizes = [abs(self.combined(s.f)) for s in seen]
+        if problem.floor and max(sizes) <= problem.floor:
+            raise InputError(nothing_left(problem.name))
+        self.size = float(np.median(sizes)) or 1.0
         self._check_influence(seen)
 
     def _parts(self, share):

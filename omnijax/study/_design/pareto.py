@@ -24,11 +24,11 @@ from .._study_folder import Folder, Report, folder_of
 from .answer import conflict
 from .cases import RigCases
 from .engine import Engine
-from .figures import values_of
+from .figures import nothing_left, values_of
 from .front import Front
 from .judge import SearchEnd, best_of
 from .many import followed_by
-from .rig import figures_of
+from .rig import figures_of, floor_of
 from .search import Starts
 from .starts import start_shares
 
@@ -62,11 +62,12 @@ def trade_off(
     """The front of `problem`, whose figures f (m,) are the metrics; its own limits hold too.
 
     `report(done, total)` is called after each batch of searches of the stage at hand.  Raises
-    `RunError` where no search ends inside the limits, and where one design is best in all metrics.
+    `RunError` where no search ends inside the limits, and where one design is best in all metrics,
+    `InputError` where a metric is 0 whatever the design.
     """
     count = len(metrics)
     check_variables(problem.variables)
-    sizes = _sizes(problem, seed)
+    sizes = _sizes(problem, metrics, seed)
     engine = Engine(_with_weights(problem, metrics, sizes), starts, seed, store)
     most = max(count * starts, points ** (count - 1))
     trace = FrontTrace(engine, min(batch, most), report)
@@ -112,9 +113,13 @@ def _again(
     return dict(zip(short, trace.solve(part, "again"), strict=True))
 
 
-def _sizes(problem: Problem, seed: int) -> np.ndarray:
+def _sizes(problem: Problem, metrics: tuple[str, ...], seed: int) -> np.ndarray:
+    """Median of each metric over a few designs; `InputError` where one is 0 in all of them."""
     shares = start_shares(problem, 4, seed)
     f, _ = values_of(problem)(Ranges.of(problem.variables).value(shares))
+    still = np.all(np.abs(f) <= problem.floor, axis=0)
+    if still.any():
+        raise InputError([nothing_left(n) for n, s in zip(metrics, still, strict=True) if s])
     sizes = np.nanmedian(np.abs(f), axis=0)
     return np.where(sizes > 0, sizes, 1.0)
 
@@ -142,7 +147,7 @@ def _with_weights(problem: Problem, metrics: tuple[str, ...], sizes: np.ndarray)
     return problem._replace(
         variables=(*problem.variables, *weights), figures=figures, worst=False, cases=("",),
         limits=(*own, *problem.limits), name="weighted metrics", unit="1",
-        many=None if many is None else followed_by(of_metrics, weighted),
+        many=None if many is None else followed_by(of_metrics, weighted), floor=0.0,
     )  # fmt: skip
 
 
@@ -237,6 +242,7 @@ def pareto(
         extra=draws,
         order=cases.how.order,
         many=in_bulk,
+        floor=tuple(map(floor_of, names)),
     )
     units = tuple(METRICS[n].unit for n in names)
     store = folder_of(out, asked.identity("pareto", metrics=names), resume)

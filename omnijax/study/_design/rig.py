@@ -15,6 +15,8 @@ from .cases import RigCases
 from .many import followed_by
 
 EVALUATIONS = 25  # of a search, as most take
+# What rounding leaves of a metric that is 0, by unit: far below what the slowest machine has.
+FLOOR = {"m": 1e-15, "m/s^2": 1e-12}
 
 
 def objective_text(study: Study) -> tuple[str, str]:
@@ -30,6 +32,11 @@ def objective_text(study: Study) -> tuple[str, str]:
     if len(study.drives) * len(study.loads) > 1 or (study.tolerances and study.spread == "worst"):
         name = f"{'worst' if study.over == 'worst' else 'mean'} {name}"
     return name, unit
+
+
+def floor_of(metric: str) -> float:
+    """What rounding leaves of a metric that is 0, in its unit."""
+    return FLOOR.get(METRICS[metric].unit, 0.0)
 
 
 def figures_of(
@@ -86,4 +93,5 @@ def rig_problem(study: Study, cases: RigCases | None = None) -> Problem:
         draw=cases.draw if cases.parts else None,
         costly=cases.how.integrated,
         order=cases.how.order,
+        floor=sum(abs(weight) * floor_of(metric) for metric, weight in study.weights),
     )
