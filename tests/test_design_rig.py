@@ -2,6 +2,7 @@
 
 import dataclasses
 import tomllib
+from types import SimpleNamespace
 
 import jax
 import jax.numpy as jnp
@@ -13,7 +14,7 @@ import omnijax
 from omnijax._compiling import Effort, compiler_options
 from omnijax.cli._frame import run
 from omnijax.rig import InputError
-from omnijax.study import Tolerances, parse_study
+from omnijax.study import Tolerances, designed_rig, parse_study
 from omnijax.study._design import starts
 from omnijax.study._design.answer import make_design
 from omnijax.study._design.cases import RigCases
@@ -114,6 +115,16 @@ def study_file(tmp_path, *changes) -> str:
     path = tmp_path / "study.toml"
     path.write_text(text)
     return str(path)
+
+
+def test_the_rig_of_a_design_has_no_load():
+    """It took the first one: a rig file with the pilot of one case in it."""
+    tables = tomllib.loads(TEXT + '[[load]]\nset = { "sphere.mass" = 9.0 }\n[[load]]\n')
+    best = SimpleNamespace(variables={"contact.damping": 70.0, "closure.preload": 80.0})
+    made = designed_rig(parse_study(tables), best)  # pyright: ignore
+    own = float(omnijax.get_parameter(omnijax.load_rig("atlas"), "sphere.mass"))
+    assert float(omnijax.get_parameter(made, "sphere.mass")) == own
+    assert np.all(omnijax.get_parameter(made, "contact.damping") == 70.0)
 
 
 def test_an_empty_feasible_set_names_what_conflicts(engine, tmp_path, capsys, monkeypatch):

@@ -28,7 +28,8 @@ def design(
     study
         A study file.
     rig
-        A rig file for the design.
+        A rig file for the design: the study's rig with the design's values. Loads of the study
+        are not in it, nor variables of its drive.
     """
 
     def run(asked: Any, **how: Any) -> Any:

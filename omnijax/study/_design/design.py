@@ -8,6 +8,7 @@ import jax.numpy as jnp
 
 from ..._errors import InputError
 from ...rig import Rig
+from .._evaluation import apply
 from .._file import Study, study_of
 from .._problem import Problem
 from .._study_folder import Report, folder_of
@@ -67,7 +68,10 @@ def design_problem(study: str | Path | Mapping | Study) -> Problem:
 
 
 def designed_rig(study: str | Path | Mapping | Study, best: Design) -> Rig:
-    """The study's rig with the design's values (under its first load)."""
+    """The study's rig with the design's values; its loads are cases of the study, not of the rig.
+
+    Variables of a drive are no part of a rig.  Raises `InputError` for a wrong study.
+    """
     asked = study_of(study)
-    plain = dataclasses.replace(asked, loads=asked.loads[:1])
-    return RigCases(plain).rig(jnp.array(list(best.variables.values())))
+    values = jnp.array(list(best.variables.values()))
+    return apply(asked.rig, asked.drives[0].drive, tuple(best.variables), values)[0]
