@@ -58,8 +58,9 @@ def quick_jit(function: Callable) -> Callable:
             return function(*args)
         key = (tree, *((jax.numpy.shape(x), jax.numpy.result_type(x)) for x in leaves))
         if key not in programs:
+            lowered = jitted.lower(*args)  # done anew in every process: only the rest is kept
             with told():
-                programs[key] = jitted.lower(*args).compile()
+                programs[key] = lowered.compile()
         return programs[key](*args)
 
     return run

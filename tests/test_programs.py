@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from omnijax import _programs, _waiting
-from omnijax._compiling import Effort
+from omnijax._compiling import Effort, quick_jit
 from omnijax._programs import kept
 
 RIGHT = jnp.array([3.0, -1.0, 0.5])
@@ -248,6 +248,20 @@ def test_a_long_compilation_is_told_once(monkeypatch, length, told):
         with _waiting.told():
             time.sleep(length)
     assert len(said) == told
+
+
+def test_tracing_is_not_told_of(monkeypatch):
+    """It is done anew in every process: the next one waited for it, though it was said not to."""
+    said = []
+    monkeypatch.setattr(_waiting, "PATIENCE", 0.2)
+    monkeypatch.setattr(_waiting, "listeners", [lambda: said.append("compiling")])
+
+    def traced(x):
+        time.sleep(1.0)
+        return x + 1
+
+    assert quick_jit(traced)(1.0) == 2.0
+    assert not said
 
 
 def test_the_end_of_one_threads_compilation_silences_no_other(monkeypatch):
