@@ -72,6 +72,36 @@ def test_a_design_at_its_bound_lies_within_it():
     assert optimise(problem._replace(variables=tuple(begun)), starts=1).optimal
 
 
+def test_an_optimum_at_a_bound_before_which_all_is_flat():
+    """The search stopped at 1e-3 of the range, and no other start agreed with what it left."""
+    flat = Problem((Variable("x", 0.0, 2.0),), lambda x, _: (x[:1] ** 4, NO_LIMITS))
+    best = optimise(flat, starts=3)
+    assert best.variables == {"x": 0.0} and best.objective == 0.0
+    assert best.optimal and best.agreement == (3, 3)
+    assert best.active == ("`x` is at its lower bound 0.",)
+
+
+def test_starts_agree_on_an_optimum_of_zero():
+    best = optimise(
+        Problem((Variable("x", -1.0, 2.5),), lambda x, _: ((x[:1] - 1) ** 2, NO_LIMITS)), starts=4
+    )
+    assert best.objective < 1e-8 and best.agreement == (4, 4)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        (5e-4, 0.0, "That is 100 % less rms than your rig: from 0.5 to 0 mm."),
+        (0.0, 5e-6, "That is more rms than your rig: from 0 to 5 µm."),
+    ],
+)
+def test_a_gain_from_or_to_zero(bounded, old, new, told):
+    """It said 0 % more than an old 0, and the unit was that of the new 0."""
+    was = {"name": "rms", "old": old, "new": new, "cases": {}, "variables": {}}
+    best = dataclasses.replace(bounded, objective_name="rms", unit="m", was=was)
+    assert best.headline().endswith(told)
+
+
 def test_searches_are_ranked_best_first(bounded):
     """Whatever meets the limits by its objective, then the others by what they miss."""
     ends = bounded.ends | {

@@ -12,8 +12,10 @@ NAMED = 4  # limits in a sentence
 SLIGHT = 1e-3  # of a bound in the least violation
 
 
-def make_design(problem: Problem, ends: list[SearchEnd], notes: tuple[str, ...] = ()) -> Design:
-    """The result from the ends of all searches."""
+def make_design(
+    problem: Problem, ends: list[SearchEnd], notes: tuple[str, ...] = (), size: float = 0.0
+) -> Design:
+    """The result from the ends of all searches; `size` is that of the objective at starts."""
     best = best_of(ends)
     kkt, names = best.kkt, [v.name for v in problem.variables]
     columns = {
@@ -53,6 +55,7 @@ def make_design(problem: Problem, ends: list[SearchEnd], notes: tuple[str, ...] 
             for limit, g in zip(problem.limits, best.g, strict=True)
         },
         notes=(*_dead_ends(problem, ends, best), *notes),
+        size=size,
     )
 
 

@@ -24,4 +24,5 @@ def optimise(
     `stochastic` optax's Adam moves the starts on fresh draws first.
     """
     engine = Engine(problem, starts, seed, store)
-    return make_design(problem, engine.all_ends(batch, report, stochastic))
+    ends = engine.all_ends(batch, report, stochastic)
+    return make_design(problem, ends, size=engine.figures.size)

@@ -11,6 +11,7 @@ from .search import Starts
 from .sqp import SqpSlopes
 
 PROBES = (1e-3, 2e-2)  # of the range: steps to neighbours that must not be better
+NEAR = PROBES[-1]  # of the range: a search that ends so near a bound may have stopped short of it
 
 
 class SearchEnd(NamedTuple):
@@ -35,6 +36,7 @@ def check_optimality(
 ) -> list[SearchEnd]:
     """The ends of searches: figures, multipliers, status."""
     limit, free = np.asarray(lanes.limit), np.asarray(lanes.free) > 0
+    share = _on_bounds(figures, share, free[: len(share)], limit[: len(share)])
     better = _neighbours(figures, share, free[: len(share)], limit[: len(share)])
     low, high = np.array([(v.low, v.high) for v in figures.problem.variables]).T
     ends = []
@@ -49,6 +51,23 @@ def check_optimality(
                 status, reason, int(evaluations[i]))
         )  # fmt: skip
     return ends
+
+
+def _on_bounds(figures: ProblemFigures, share, free, limit) -> np.ndarray:
+    """Designs (l, d), those near bounds on them where that is better and breaks no limit more.
+
+    Where the objective is flat before a bound, a search stops short of it: that of a metric that
+    falls to 0 with a high power.
+    """
+    bound = np.where(share < NEAR, 0.0, np.where(share > 1 - NEAR, 1.0, share))
+    bound = np.where(free, bound, share)
+    if np.array_equal(bound, share):
+        return share
+    f, g = figures.values(np.concatenate([share, bound]))
+    value, at_bound = np.split(figures.combined(f), 2)
+    over = np.max((g - np.tile(limit, (2, 1))) / figures.unit, axis=1, initial=0.0)
+    before, after = np.split(over, 2)
+    return np.where(((at_bound < value) & (after <= before))[:, None], bound, share)
 
 
 def _conditions(figures: ProblemFigures, share, s: SqpSlopes, limit, free) -> Kkt:

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..._result import AbstractResult
-from ..._text import path_words, quantity_text, scaled
+from ..._text import path_words, quantity_text, scaled_together
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -19,6 +19,7 @@ class Design(AbstractResult):
     constraint what the design reaches and its unit.  `was` compares with the study's own rig, parts
     at their nominal values: `old` and `new` objective, `cases` by name as (old, new), and
     `variables` where the rig has one value of each, and `name` of the objective without draws.
+    `size` is that of the objective where the searches began.
     """
 
     status: str
@@ -40,6 +41,7 @@ class Design(AbstractResult):
     notes: tuple[str, ...] = ()
     limits: dict[str, tuple[float, str]] = dataclasses.field(default_factory=dict)
     was: dict[str, Any] = dataclasses.field(default_factory=dict)
+    size: float = 0.0
 
     file_kind: ClassVar[str] = "omnijax design"
     what: ClassVar[str] = "design"
@@ -57,13 +59,13 @@ class Design(AbstractResult):
 
     @property
     def agreement(self) -> tuple[int, int]:
-        """How many searches ended at this objective (within 0.1 %), of how many.
+        """How many searches ended at this objective (within 0.1 %, or 1e-6 of `size`), of how many.
 
         Only searches with the same whole numbers count.
         """
         values = np.array(self.ends["objective"], float)
         good = np.array([s in {"optimal", "not optimal"} for s in self.ends["status"]])
-        near = np.abs(values - self.objective) <= 1e-3 * max(abs(self.objective), 1e-300)
+        near = np.abs(values - self.objective) <= max(1e-3 * abs(self.objective), 1e-6 * self.size)
         at = [list(self.variables).index(name) for name in self.whole]
         x, best = np.array(self.ends["x"])[:, at], np.array(list(self.variables.values()))[at]
         same = np.all(np.abs(x - best) < 1e-6, axis=1)
@@ -123,14 +125,12 @@ class Design(AbstractResult):
     def _gain(self) -> str:
         """The objective against that of the rig as it was."""
         before, after = self.was["old"], self.was["new"]
-        factor, unit = scaled(after, self.unit)
+        factor, unit = scaled_together((abs(before), abs(after)), self.unit)
         ends = f"from {factor * before:.4g} to {factor * after:.4g} {unit}".strip()
-        change = 100 * (after / before - 1) if before else 0.0
-        way = "less" if change < 0 else "more"
+        share = f"{abs(100 * (after / before - 1)):.3g} % " if before else ""  # of 0 there is none
+        way = "less" if after < before else "more"
         parts = "" if self.nominal_name == self.objective_name else ", parts at nominal values"
-        return (
-            f"That is {abs(change):.3g} % {way} {self.nominal_name} than your rig{parts}: {ends}."
-        )
+        return f"That is {share}{way} {self.nominal_name} than your rig{parts}: {ends}."
 
     def to_xarray(self) -> Any:
         """An `xarray.Dataset` of all searches, with the best design as attributes."""
