@@ -1,6 +1,7 @@
 """A study asks what `simulate` asks: the same samples, drive and tolerance from the same words."""
 
 import csv
+import tomllib
 
 import jax
 import numpy as np
@@ -12,10 +13,12 @@ from omnijax._errors import DataWarning
 from omnijax.cli import run
 from omnijax.cli._drive import asked, studied
 from omnijax.cli._motion import MotionOptions
+from omnijax.rig import parse_rig, rig_text, save_rig
 from omnijax.simulation import TorqueDrive, speeds
 from omnijax.study import parse_study, refit_remarks
 from omnijax.study._evaluation import Question, evaluation_of, samples_of
 from omnijax.study._evaluation.methods import choose, wheels_in_step
+from omnijax.study._target import read_axes
 
 STUDY = """
 rig = "atlas"
@@ -103,6 +106,36 @@ def test_the_tolerance_of_a_study_file_is_handed_on(command, tmp_path, capsys, m
 def question(rig, speeds_, varied=(), duration=None):
     drives = tuple(speeds(row) for row in np.atleast_2d(speeds_))
     return Question(rig, drives, varied, ("rms",), "coupled", duration, rows=True)
+
+
+def dual_row():
+    rig_tables = tomllib.loads(rig_text(load_rig("atlas-tripod")))
+    for wheel in rig_tables["wheel"]:
+        wheel.update(profile="dual-row", row_spacing=0.01, roundness=0.4)
+    return parse_rig(rig_tables)
+
+
+def test_what_varies_obeys_the_rules_of_several_keys():
+    """A sweep gave figures of rigs whose files are refused: a sphere that falls through."""
+    for vary, told in (
+        ({"wheel.roundness": "0.1:0.6:3"}, "w1.roundness` must lie in .0, 0.5. .* but is 0.6"),
+        ({"wheel.w2.rollers": [1, 9], "sphere.radius": [0.01, 1.0]}, "w2.radius` must lie below"),
+    ):
+        with pytest.raises(InputError, match=f"a rig that cannot be: `wheel.{told}"):
+            read_axes(dual_row(), speeds([3.0, 5.1, 7.3]), vary)
+    assert read_axes(dual_row(), speeds([3.0, 5.1, 7.3]), {"wheel.roundness": "0.1:0.5:3"})
+
+
+def test_variables_and_loads_obey_the_rules_of_several_keys(tmp_path):
+    save_rig(dual_row(), tmp_path / "rig.toml")
+    study = {"rig": "rig.toml", "drive": [{"speed": [3.0, 5.1, 7.3]}]}
+    variable = {"path": "wheel.roundness", "low": 0.2, "high": 0.7}
+    with pytest.raises(InputError, match=r"`wheel\.w3\.roundness` must lie in"):
+        parse_study(study | {"variable": [variable]}, tmp_path / "study.toml")
+    with pytest.raises(InputError, match=r"`wheel\.w1\.roundness` must lie in"):
+        load = {"set": {"wheel.w1.roundness": 0.7}}
+        parse_study(study | {"load": [load]}, tmp_path / "study.toml")
+    assert parse_study(study | {"variable": [variable | {"high": 0.5}]}, tmp_path / "study.toml")
 
 
 def test_wheels_in_step_are_told():

@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from ._save import files_of_rig as files_of_rig
     from ._save import law_texts as law_texts
     from ._save import rig_identity as rig_identity
+    from ._save import rig_problems as rig_problems
     from ._save import rig_text as rig_text
     from ._save import save_rig as save_rig
     from ._schema import GROUPS as GROUPS

@@ -12,6 +12,7 @@ from .._errors import InputError
 from .._files import write_bytes, write_text
 from .._toml import toml_value
 from ..laws import EFFECTS, AbstractLaw, DualRow, TableShape
+from ._check import problems
 from ._machine import Rig
 from ._parameters import law_quantity
 from ._placed import stands_twice
@@ -62,6 +63,17 @@ def rig_text(rig: Rig) -> str:
     for a law that stands twice at a place.
     """
     return _text(rig, None, "")
+
+
+def rig_problems(rig: Rig) -> list[str]:
+    """What a rig file of `rig` would be refused for, a sentence each; laws of users are left out.
+
+    Numbers are SI.  Raises `InputError` where `rig_text` does.
+    """
+    tables = tomllib.loads(rig_text(rig))
+    tables["effect"] = [block for block in tables.get("effect", ()) if "law" not in block]
+    tables.pop("uncertainty", None)
+    return problems(tables, Path("."))
 
 
 def law_texts(rig: Rig) -> dict[str, str]:

@@ -1,5 +1,6 @@
 """Paths of rig parameters that are single numbers: which there are, their values, and new ones."""
 
+import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -14,8 +15,14 @@ from ..rig import (
     parameter_info,
     parameter_paths,
     put_parameter,
+    rig_problems,
 )
 from ._evaluation import DriveQuantity
+
+_JOINT = {
+    "wheel.roundness", "wheel.rollers", "wheel.radius", "sphere.radius", "closure.preload",
+}  # fmt: skip
+MOST_CORNERS = 64
 
 
 def scalar_parameters(rig: Rig) -> tuple[str, ...]:
@@ -97,6 +104,31 @@ def part_problems(rig: Rig, paths: Sequence[str]) -> list[str]:
         for path, value in zip(single, values_of(rig, single), strict=True)
         if value == 0
     ]
+
+
+def joint_problems(rig: Rig, reached: Mapping[str, tuple[float, float]]) -> list[str]:
+    """What a rig file would be refused for where parameters of `rig` go as far as they may.
+
+    `reached`: lowest and highest value by path.  The rules are those of several keys of a wheel
+    together, which no range of one of them shows, and go one way in each of them: so the corners
+    tell, all wheels at the same end.  The inertia that varies not with its sphere is left alone.
+    """
+    groups: dict[str, list[str]] = {}
+    for path in reached:
+        key = group_of(path)
+        if key in _JOINT or key.startswith("effect."):
+            groups.setdefault(key, []).append(path)
+    if not groups or rig_problems(rig):
+        return []
+    sentences: dict[str, None] = {}
+    for ends in itertools.islice(itertools.product((0, 1), repeat=len(groups)), MOST_CORNERS):
+        corner = rig
+        for end, paths in zip(ends, groups.values(), strict=True):
+            for path in paths:
+                corner = put_parameter(corner, path, reached[path][end])
+        told = (x for x in rig_problems(corner) if not x.startswith("`sphere."))
+        sentences |= dict.fromkeys(told)
+    return [f"what varies makes a rig that cannot be: {told}" for told in sentences]
 
 
 def refit_remarks(rig: Rig, paths: Sequence[str]) -> list[str]:

@@ -13,7 +13,7 @@ from ..rig import (
 )
 from ._axes import SweepAxis, read_axis
 from ._evaluation import Drive, drive_quantities
-from ._parameters import may_vary, overlap_problems
+from ._parameters import checked_parameters, joint_problems, may_vary, overlap_problems
 
 
 def read_axes(rig: Rig, drive: Drive, vary: Mapping[str, Any]) -> list[SweepAxis]:
@@ -26,6 +26,10 @@ def read_axes(rig: Rig, drive: Drive, vary: Mapping[str, Any]) -> list[SweepAxis
             problems += error.problems
     if not problems:
         problems = overlap_problems(rig, tuple(vary), drive_quantities(drive, rig.names))
+    if not problems:
+        own = [axis for axis in axes if axis.path not in drive_quantities(drive, rig.names)]
+        ends = {p: (a.low, a.high) for a in own for p in checked_parameters(rig, [a.path])}
+        problems = joint_problems(rig, ends)
     if problems:
         raise InputError(problems)
     return axes

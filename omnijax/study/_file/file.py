@@ -8,7 +8,7 @@ from ..._errors import InputError, tell
 from ..._reading import read_toml
 from ...rig import Rig, bundled_rigs, kind_of, load_rig
 from .._evaluation import drive_quantities
-from .._parameters import overlap_problems, overlaps, refit_remarks
+from .._parameters import joint_problems, overlap_problems, overlaps, refit_remarks
 from .._problem import check_variables
 from .cases import cases, variables
 from .goals import constraint, objective, search, tolerances
@@ -99,7 +99,8 @@ def _out_of_reach(rig: Rig, fields: Mapping[str, Any]) -> list[str]:
     """Parameters that variables, loads and tolerances together take where they cannot be."""
     of_drive = drive_quantities(fields["drives"][0].drive, rig.names)
     own = [v for v in fields["variables"] if v.name not in of_drive]
-    return tolerance_problems(rig, fields["tolerances"], reach(rig, own, fields["loads"]))
+    reached = reach(rig, own, fields["loads"])
+    return tolerance_problems(rig, fields["tolerances"], reached) or joint_problems(rig, reached)
 
 
 def _rig(name: str, path: str | Path | None) -> Rig:
