@@ -17,6 +17,7 @@ from omnijax.rig import parse_rig, rig_text, save_rig
 from omnijax.simulation import TorqueDrive, speeds
 from omnijax.study import parse_study, refit_remarks
 from omnijax.study._evaluation import Question, evaluation_of, samples_of
+from omnijax.study._evaluation.coarse import coarse_samples
 from omnijax.study._evaluation.methods import choose, wheels_in_step
 from omnijax.study._target import read_axes
 
@@ -136,6 +137,18 @@ def test_variables_and_loads_obey_the_rules_of_several_keys(tmp_path):
         load = {"set": {"wheel.w1.roundness": 0.7}}
         parse_study(study | {"load": [load]}, tmp_path / "study.toml")
     assert parse_study(study | {"variable": [variable | {"high": 0.5}]}, tmp_path / "study.toml")
+
+
+def test_samples_that_do_not_follow_the_rollers_are_told():
+    """`simulate` told of them; a sweep of the same runs did not."""
+    rig = load_rig("atlas")  # 14 rollers: 16.3 pass in a second at 7.3 rad/s
+    asked, coarse, fine = question(rig, [3.0, 5.1, 7.3]), np.arange(61) / 60, np.arange(101) / 100
+    told = coarse_samples(asked, coarse, ())
+    assert told is not None and told.startswith("60 samples a second do not follow")
+    assert coarse_samples(asked, fine, ()) is None
+    (faster,) = read_axes(rig, asked.drives[0], {"speed.scale": "1:2:2"})
+    told = coarse_samples(asked._replace(varied=("speed.scale",)), fine, [faster])
+    assert told is not None and "32.53 times a second" in told
 
 
 def test_wheels_in_step_are_told():

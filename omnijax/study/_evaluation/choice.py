@@ -9,6 +9,7 @@ import numpy as np
 
 from ..._errors import tell
 from ...simulation import EXPONENTIAL, MAX_STEPS, RTOL, fixed_methods
+from .coarse import coarse_samples
 from .drives import apply
 from .evaluation import Evaluation, samples_of
 from .fixed_steps import fine_enough, trial_designs
@@ -41,6 +42,8 @@ def evaluation_of(
     )
     method, why = choose(question)
     if question.duration is None and (remark := wheels_in_step(question)) is not None:
+        tell([remark])
+    if times is not None and (remark := coarse_samples(question, times, ranges)) is not None:
         tell([remark])
     how = Evaluation(
         method=method,
