@@ -89,6 +89,8 @@ def test_texts_that_are_no_mass(text):
         ("2,5 kg", "kg", "Write '2.5 kg', with a point."),
         ("5", "N m", "Write the number without quotes, or '5 N m'."),
         ("5 Nmm/s", "N m", "Units that work here: N m (or Nm), mN m, kN m."),
+        ("5 Grad", "rad", "`Grad` is no unit of an angle. Units that work here: rad, deg, mrad."),
+        ("5 Mrad/s", "rad/s", "`Mrad` is no unit of an angle."),
         ("5 counts", "rad", "How many make a turn is not known: convert them. Units that work"),
         ("5 bit/s", "rad/s", "How many make a turn is not known"),
         ("5 g", "m/s^2", "Units that work here: m/s^2 (or m/s²), mm/s², g_n."),

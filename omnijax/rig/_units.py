@@ -17,6 +17,9 @@ _ANY_CASE = {"rpm", "rps", "deg", "degree", "degrees", "rad", "radian", "radians
 _ANY_CASE |= {"turn", "turns", "revolution", "revolutions", "sec", "second", "seconds"}
 _NAME = re.compile(r"[A-Za-z]{3,}")
 _JOINED = re.compile(r"(?<=[A-Za-zµμ])[-.](?=[A-Za-zµμ])")  # N-m, rad.s-1
+_NO_ANGLE = re.compile(
+    r"\b[MG]rad\b"
+)  # a German degree and mrad in the wrong case: 1e9 and 1e6 rad
 _RAISED = re.compile(r"(?<=[A-Za-zµμ])(-[1-4]|[2-4])(?!\w)")  # m s-2, m/s2
 _COUNTS = {"count", "bit", "byte"}
 _CYCLES = {"hertz", "minute", "hour"}
@@ -52,6 +55,8 @@ def converted(number: float, given: str, unit: str) -> float:
 
     A turn is 2 pi rad, and so is a cycle: Hz and 1/min differ by it from rad/s.  1/s is a rad/s.
     """
+    if not_an_angle := _NO_ANGLE.search(given):
+        raise ValueError(f"`{not_an_angle[0]}` is no unit of an angle.{spelled('rad')}")
     apart = _apart(given)
     source, target = _plain(apart), _plain(unit)
     if source is None or target is None:
