@@ -10,7 +10,6 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from jaxtyping import install_import_hook
 
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 FLAGS = "--xla_cpu_multi_thread_eigen=false"
@@ -35,9 +34,6 @@ os.environ.setdefault("OMNIJAX_CACHE_DIR", str(COMPILED))
 
 settings.register_profile("omnijax", derandomize=True, deadline=None, database=None)
 settings.load_profile("omnijax")
-
-# annotated shapes are checked at every call of what holds the machine; it costs tracing time only
-install_import_hook(["omnijax.laws", "omnijax.rig"], "shapes.checked")
 
 
 # a trace makes millions of objects and drops few: by default a fifth of its time is looking

@@ -57,6 +57,7 @@ def test_forward_reverse_and_differences_agree(drive):
         np.testing.assert_allclose(forward[i], difference, rtol=2e-6, atol=1e-6)
 
 
+@pytest.mark.full
 def test_each_lane_has_its_own_first_and_second_derivatives():
     """Lanes take different numbers of steps; a lane's derivatives are those of its own solve."""
 

@@ -138,6 +138,7 @@ STUDY = {
 }
 
 
+@pytest.mark.full  # in the gate SALib has the same points: test_against_salib_on_the_same_runs
 def test_the_rig_against_salib():
     """The same metric by two samplings: indices agree within the two confidence intervals."""
     sobol = pytest.importorskip("SALib.analyze.sobol")

@@ -226,6 +226,7 @@ def turning_back(roundness: float):
     return rig, torque, simulate(rig, torques(table(TIME, torque)), jnp.asarray(TIME))
 
 
+@pytest.mark.full
 def test_a_wheel_that_turns_back_just_behind_a_switch_of_its_rows_is_understood():
     """Half the encoder's noise behind it; then the contact slides along: 0.45 sigma by angles."""
     rig, torque, run = turning_back(0.3)

@@ -326,7 +326,7 @@ def test_other_numbers_and_another_rig_of_as_many_wheels_compile_nothing():
     assert compiled
 
 
-@pytest.mark.parametrize("total", tiered([1, 2000, 1_000_000], (1_000_000).__eq__))
+@pytest.mark.parametrize("total", tiered([1, 2000, 1_000_000], (2000).__ne__))
 def test_programs_for_few_and_for_many_give_the_same_figures(total, monkeypatch, tmp_path):
     """They are other code of one formula; the least optimised one with gradients.
 

@@ -11,7 +11,7 @@ from tiers import tiered
 pytestmark = pytest.mark.long
 
 
-DEAR = ("sweeps", "torques", "four_wheels", "steady_slopes")
+DEAR = ("steady", "run_slopes", "sweeps", "torques", "four_wheels", "steady_slopes")
 
 
 def holds(flows, folder):

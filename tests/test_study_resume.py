@@ -14,7 +14,6 @@ import warnings
 from pathlib import Path
 
 import pytest
-from tiers import tiered
 
 from omnijax._errors import DataWarning
 from omnijax.cli._frame import run
@@ -80,7 +79,8 @@ def parts(folder) -> dict[str, float]:
     return {p.name: p.stat().st_mtime_ns for p in folder.glob("[!.]*.npz")}
 
 
-@pytest.mark.parametrize("command", tiered(COMMANDS, lambda command: command != "tolerances"))
+@pytest.mark.full  # in the gate an interrupt (below), killed runs and sweeps
+@pytest.mark.parametrize("command", list(COMMANDS))
 def test_a_killed_study_is_taken_up(command, tmp_path, capsys, monkeypatch):
     path, store = tmp_path / "study.toml", tmp_path / "store"
     text, more = COMMANDS[command]
