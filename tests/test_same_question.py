@@ -4,11 +4,12 @@ import csv
 import tomllib
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from seeds import drawn_anew
 
-from omnijax import InputError, load_rig, steady_state, sweep
+from omnijax import InputError, laws, load_rig, steady_state, sweep
 from omnijax._errors import DataWarning
 from omnijax.cli import run
 from omnijax.cli._drive import asked, studied
@@ -125,6 +126,16 @@ def test_what_varies_obeys_the_rules_of_several_keys():
         with pytest.raises(InputError, match=f"a rig that cannot be: `wheel.{told}"):
             read_axes(dual_row(), speeds([3.0, 5.1, 7.3]), vary)
     assert read_axes(dual_row(), speeds([3.0, 5.1, 7.3]), {"wheel.roundness": "0.1:0.5:3"})
+
+
+def test_laws_of_no_file_do_not_stand_in_the_way_of_those_rules():
+    class Steeper(laws.ContactCubic):
+        id = "contact-steeper"
+
+    rig = dual_row().add(Steeper(jnp.asarray(1e12)), "w2").add(laws.ContactHertz(), "all")
+    assert read_axes(rig, speeds([3.0, 5.1, 7.3]), {"wheel.roundness": "0.1:0.5:3"})
+    with pytest.raises(InputError, match="a rig that cannot be"):
+        read_axes(rig, speeds([3.0, 5.1, 7.3]), {"wheel.roundness": "0.1:0.6:3"})
 
 
 def test_variables_and_loads_obey_the_rules_of_several_keys(tmp_path):

@@ -68,10 +68,11 @@ def rig_text(rig: Rig) -> str:
 def rig_problems(rig: Rig) -> list[str]:
     """What a rig file of `rig` would be refused for, a sentence each; laws of users are left out.
 
-    Numbers are SI.  Raises `InputError` where `rig_text` does.
+    Numbers are SI.  Raises `InputError` for a measured profile that fits no pitch of its wheel.
     """
-    tables = tomllib.loads(rig_text(rig))
-    tables["effect"] = [block for block in tables.get("effect", ()) if "law" not in block]
+    known = [placed for placed in rig.effects if EFFECTS.get(placed.law.id) is type(placed.law)]
+    once = {(placed.law.id, placed.place): placed for placed in known}
+    tables = tomllib.loads(rig_text(rig.with_effects(tuple(once.values()))))
     tables.pop("uncertainty", None)
     return problems(tables, Path("."))
 
