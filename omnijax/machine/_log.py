@@ -290,11 +290,11 @@ def _finite(log: str, signals: Signals, needed, faults) -> Signals:
     count = int(finite.sum())
     if count < len(finite):
         faults.append(f"{log}: {len(finite) - count} rows have no number; they are left out.")
-    _check_count(log, count)
+    check_count(log, count)
     return {k: x[finite] for k, x in signals.items()}
 
 
-def _check_count(log: str, count: int) -> None:
+def check_count(log: str, count: int) -> None:
     """`InputError` for fewer than `LEAST` rows."""
     if count < LEAST:
         raise InputError(f"{log} has {count} usable rows, but at least {LEAST} are needed.")
@@ -335,7 +335,7 @@ def _unwound(log: str, signals: Signals, angles: Sequence[str], faults) -> Signa
                 f"{log}: how often the {name} turned in a gap is not known; {told.lost.sum()} rows "
                 "beside it are left out."
             )
-    _check_count(log, len(signals["t"]))
+    check_count(log, len(signals["t"]))
     return signals
 
 

@@ -1,6 +1,5 @@
 """Paths of rig parameters that are single numbers: which there are, their values, and new ones."""
 
-import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
@@ -17,7 +16,7 @@ from ..rig import (
     put_parameter,
     rig_problems,
 )
-from ._evaluation import DriveQuantity
+from ._evaluation import DriveQuantity, corners_of_box
 
 _JOINT = {
     "wheel.roundness", "wheel.rollers", "wheel.radius", "sphere.radius", "closure.preload",
@@ -111,7 +110,8 @@ def joint_problems(rig: Rig, reached: Mapping[str, tuple[float, float]]) -> list
 
     `reached`: lowest and highest value by path.  The rules are those of several keys of a wheel
     together, which no range of one of them shows, and go one way in each of them: so the corners
-    tell, all wheels at the same end.  The inertia that varies not with its sphere is left alone.
+    tell (`MOST_CORNERS` of them at most), all wheels at the same end.  The inertia that varies not
+    with its sphere is left alone.
     """
     groups: dict[str, list[str]] = {}
     for path in reached:
@@ -121,9 +121,9 @@ def joint_problems(rig: Rig, reached: Mapping[str, tuple[float, float]]) -> list
     if not groups or rig_problems(rig):
         return []
     sentences: dict[str, None] = {}
-    for ends in itertools.islice(itertools.product((0, 1), repeat=len(groups)), MOST_CORNERS):
+    for high in corners_of_box(len(groups), MOST_CORNERS):
         corner = rig
-        for end, paths in zip(ends, groups.values(), strict=True):
+        for end, paths in zip(high.astype(int), groups.values(), strict=True):
             for path in paths:
                 corner = put_parameter(corner, path, reached[path][end])
         told = (x for x in rig_problems(corner) if not x.startswith("`sphere."))

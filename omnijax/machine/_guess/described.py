@@ -12,7 +12,7 @@ from ..._white_noise import noise_squares
 from ...recording import ordered_rows, unwound
 from .._first_numbers import LogSignals
 from .._hold import input_hold
-from .._log import LEAST
+from .._log import check_count
 from .._sample_times import evenly, travelled, unbroken
 from .._second_numbers import coupled
 from .channel_units import (
@@ -194,10 +194,7 @@ def _channels(
         q = q.copy()
         q[kept] = told.angle
         kept = kept[~told.lost]
-    if len(kept) < LEAST:
-        raise InputError(
-            f"{log.name} has {len(kept)} usable rows, but at least {LEAST} are needed."
-        )
+    check_count(log.name, len(kept))
     q, *rest = (x[kept] for x in (q, u, *others.values()))
     q, u, *rest = evenly(t[kept], how.step, q, *rest)
     return q, u, dict(zip(others, rest, strict=True))

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from .evaluation import checked_metrics as checked_metrics
     from .evaluation import samples_of as samples_of
     from .fixed_steps import checked_after as checked_after
+    from .fixed_steps import corners_of_box as corners_of_box
     from .fixed_steps import sample_to_check as sample_to_check
     from .methods import BULK as BULK
     from .methods import METHODS as METHODS

@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
+from jaxtyping import Bool
 
 from .._sobol import sobol_points
 
@@ -30,14 +31,18 @@ def trial_designs(ranges: Sequence[Any], corners: int = CORNERS, inside: int = I
     """
     if not ranges:
         return np.zeros((1, 0))
-    size = len(ranges)
-    last = 2**size - 1
-    number = {round(k * last / (corners - 1)) for k in range(corners)}
-    high = np.array([[(i >> j) & 1 for j in range(size)] for i in sorted(number)], bool)
+    high = corners_of_box(len(ranges), corners)
     ends = np.where(high, [x.high for x in ranges], [x.low for x in ranges])
-    drawn = sobol_points(size, inside, 0)
+    drawn = sobol_points(len(ranges), inside, 0)
     columns = [x.quantile(drawn[:, j]) for j, x in enumerate(ranges)]
     return np.concatenate([ends, np.stack(columns, axis=-1)])
+
+
+def corners_of_box(size: int, most: int) -> Bool[np.ndarray, "c d"]:
+    """Which of `size` ranges are at their upper end, in each of `most` corners spread over all."""
+    last = 2**size - 1
+    number = {round(k * last / (most - 1)) for k in range(most)}
+    return np.array([[(i >> j) & 1 for j in range(size)] for i in sorted(number)], bool)
 
 
 def fine_enough(
