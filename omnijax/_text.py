@@ -80,10 +80,12 @@ def label(name: str, unit: str) -> str:
     return f"{name} ({unit})" if unit else name
 
 
-def listed(words: Sequence[str]) -> str:
-    """Words in a sentence: "a", "a and b", "a, b and c"."""
+def listed(words: Sequence[str], joined: str = "and") -> str:
+    """Words in a sentence: "a", "a and b", "a, b and c"; no words are ""."""
+    if not words:
+        return ""
     *rest, last = words
-    return f"{', '.join(rest)} and {last}" if rest else last
+    return f"{', '.join(rest)} {joined} {last}" if rest else last
 
 
 _TABLES = ("contact", "mount", "closure")

@@ -15,6 +15,7 @@ from omnijax.diagnosis._answer.answer import (
     score_table,
     together,
 )
+from omnijax.diagnosis._answer.named_effect import alternatives
 from omnijax.laws import EFFECTS
 
 
@@ -164,3 +165,45 @@ def test_scores_name_what_the_step_has_taken_up_already():
     outcome: Any = SimpleNamespace(scans=[scan], fit=fit)
     (row,) = score_table(outcome)
     assert row["beside"] == ["creep at w1"] and row["gain"] == 7.0
+
+
+def line(identity, rivals=(), place="axis", **evidence):
+    sizes = {k: {"value": 1.0, "sigma": 0.1, "unit": "1"} for k in ("amplitude", "order", "phase")}
+    others = [{"id": other, "place": place} for other in rivals]
+    return Named(identity, place, sizes, {"held_out_chi2": 1.0} | evidence, others)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_effects_fall_into_lists_of_which_one_each_is_there(seed):
+    rng = np.random.default_rng(seed)
+    sizes = rng.integers(1, 4, rng.integers(1, 6))
+    lists = [[f"law-{i}-{k}" for k in range(n)] for i, n in enumerate(sizes)]
+    effects = [
+        line(some[k], [*some[max(0, k - 1) : k], *some[k + 1 : k + 2]])  # a third joins two
+        for some in lists
+        for k in range(len(some))
+    ]
+    effects = [effects[k] for k in rng.permutation(len(effects))]
+    told = [[e.id for e in some] for some in alternatives(effects)]
+    assert {frozenset(some) for some in told} == {frozenset(some) for some in lists}
+    assert [len(some) > 1 for some in told] == sorted(len(some) > 1 for some in told)
+
+
+def test_lines_told_as_one_effect_keep_their_rivals_and_no_rival_of_another_joins_them():
+    effects = [
+        line("motor-ripple", ["current-ripple"]),
+        line("current-ripple", ["motor-ripple"], margin=1.0),
+        line("motor-ripple"),
+        line("shaft-spring", ["motor-ripple"]),
+        line("motor-ripple", ["shaft-spring"], margin=2.0),
+    ]
+    told = {e.id: e for e in together(effects[:3])}
+    assert set(told) == {"cogging", "current-ripple"}
+    assert told["cogging"].indistinguishable_from == [{"id": "current-ripple", "place": "axis"}]
+    assert told["current-ripple"].indistinguishable_from == [{"id": "cogging", "place": "axis"}]
+    own = together(effects[2:])
+    told = [[e.id for e in some] for some in alternatives(own)]
+    assert told == [["motor-ripple"], ["shaft-spring", "motor-ripple"]]
+    whole = together([effects[2], *effects[2:]])
+    told = [[e.id for e in some] for some in alternatives(whole)]
+    assert told == [["cogging"], ["shaft-spring", "motor-ripple"]]

@@ -316,6 +316,30 @@ def test_what_drives_a_motor_is_told_by_unit_and_name(tmp_path, names, drives):
     assert one.rate == pytest.approx(100)
 
 
+@pytest.mark.parametrize(
+    ("given", "shown", "motion", "left"),
+    [
+        ("force [kN]", "position", "translation", {}),
+        ("force [kN]", "speed", "translation", {}),
+        ("torque [Nm]", "position", "rotation", {}),
+        ("force [kN]", "angle [rad]", "rotation", {"input": "kN"}),
+        ("torque [Nm]", "position [mm]", "translation", {"input": "Nm"}),
+        ("current [A]", "position [V]", "rotation", {"position": "V"}),
+        ("u [V]", "position [mm]", "translation", {}),  # a command may be of any unit
+    ],
+)
+def test_the_motion_is_told_by_either_unit_and_a_unit_that_cannot_be_is_said(
+    tmp_path, given, shown, motion, left
+):
+    t = STEP * np.arange(400.0)
+    log = written(tmp_path / "log.csv", {"t": t, given: np.sin(20 * t), shown: np.cos(20 * t)})
+    one = guess(log)
+    assert (one.motion, one.left) == (motion, left)
+    said = " ".join(text for _, text in one.rows())
+    assert all(f"{unit!r} is no unit of a {motion}'s {k}" in said for k, unit in left.items())
+    assert ("is no unit" in said) == bool(left)
+
+
 @pytest.mark.parametrize("unit", [1e3, 1e6, 1e9])
 def test_a_clock_of_a_smaller_unit_is_known_by_its_steps(tmp_path, unit):
     t, rng = np.arange(200) * 0.004, drawn_anew("clock")

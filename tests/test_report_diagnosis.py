@@ -13,6 +13,7 @@ from omnijax.diagnosis import Diagnosis, Effect, Named, OutputGap, Point, effect
 from omnijax.diagnosis._answer import JUDGES
 from omnijax.laws import EFFECTS, WheelRunout
 from omnijax.report import Page, diagnosis_page, provenance
+from omnijax.report._diagnosis import _answer
 from omnijax.report._diagnosis_figures import score_figure
 from omnijax.report._diagnosis_numbers import closed
 from omnijax.report._diagnosis_sizes import sizes_section
@@ -112,6 +113,38 @@ def test_a_law_of_ones_own_is_said_in_its_words_or_by_its_id(monkeypatch, words)
     found.effects[0] = dataclasses.replace(found.effects[0], id="wobble")
     text = html.unescape(diagnosis_page(found, "omnijax diagnose").html())
     assert f"It is {words or '`wobble`'} at w2" in text.replace("<code>wobble</code>", "`wobble`")
+
+
+SAYS = {
+    "A": "A missing effect was found and named, and held-out runs confirm it. It is a.",
+    "A B": "A missing effect was found and named, and held-out runs confirm it. It is a and b.",
+    "AB": "Several effects explain these runs equally well: the next experiment tells. "
+    "It is a or b.",
+    "AB CDE": "Several effects explain these runs equally well: the next experiment tells of the "
+    "first which it is. It is either a or b and either c, d or e.",
+    "A BC": "One missing effect is named, and held-out runs confirm it: a. Beside it there is "
+    "b or c, which explain these runs equally well: the next experiment tells.",
+    "AB C D": "Missing effects are named, and held-out runs confirm it: c and d. Beside them "
+    "there is a or b, which explain these runs equally well: the next experiment tells.",
+}
+
+
+@pytest.mark.parametrize("lists", SAYS)
+def test_the_answer_joins_effects_by_and_and_rivals_by_or(monkeypatch, lists):
+    found, plant = diagnosis()
+    names = [name for some in lists.split() for name in some]
+    laws = {name: type(name, (Wobble,), {"words": name.lower()}) for name in names}
+    monkeypatch.setattr(plant, "laws", laws, raising=False)
+    found.effects = [
+        Named(name, "axis", {}, {}, [{"id": x, "place": "axis"} for x in some if x != name])
+        for some in lists.split() for name in some
+    ]  # fmt: skip
+    if any(len(some) > 1 for some in lists.split()):
+        found.verdict, found.next_experiment = "ambiguous", {"drive": "faster"}
+    says = re.sub(r" \(`\w`\)", "", _answer(found))
+    assert says.startswith(SAYS[lists] + " What the model misses")
+    parts = re.search(r": (.*);", repr(found))[1].replace("@axis", "").split(" and ")
+    assert {frozenset(part.split(" or ")) for part in parts} == set(map(frozenset, lists.split()))
 
 
 @pytest.mark.parametrize("seed", range(3))

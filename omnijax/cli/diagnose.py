@@ -136,11 +136,13 @@ def _print(diagnosis: Any) -> None:
     print(f"verdict: {diagnosis.verdict}")
     for fault in diagnosis.faults:
         print(f"  data: {fault}")
-    for effect in diagnosis.effects:
-        name = f"{effect.id} at {effect.place}"
-        words = in_words(effect.id, effect.place, diagnosis.laws)
-        print(f"  {name}" if words.replace("`", "") == name else f"  {name}: {words}")
-        print(f"    {effect_sizes(effect)}")
+    for some in diagnosis.alternatives:
+        for k, effect in enumerate(some):
+            name = f"{effect.id} at {effect.place}"
+            words = in_words(effect.id, effect.place, diagnosis.laws)
+            either = "or " if k else "either " if len(some) > 1 else ""
+            print(f"  {either}{name}" + ("" if words.replace("`", "") == name else f": {words}"))
+            print(f"    {effect_sizes(effect)}")
     for group, gap in diagnosis.gap.items():
         factor, unit = scaled_together((gap.before, gap.after, gap.noise_floor), gap.unit)
         print(

@@ -63,9 +63,9 @@ AXIS_EFFECTS = {**EFFECTS, **GENERIC}  # that an axis, or a model of the user's 
 def in_words(effect: str, place: str, laws: Mapping[str, type[AbstractLaw]] = AXIS_EFFECTS) -> str:
     """An effect as a mechanic says it, "play in the mount at w2"; its id where it has no words.
 
-    `laws` by id: the library's, or a user's own beside them.
+    `laws` by id: a user's own beside those of the library, whose words hold where it has none.
     """
-    law = laws.get(effect)
+    law = laws.get(effect, AXIS_EFFECTS.get(effect))
     words = law.words if law is not None and law.words else f"`{effect}`"
     if place in ("sphere", "platform", "axis"):
         return words

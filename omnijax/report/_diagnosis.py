@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from .._text import scaled_together
+from .._text import listed, scaled_together
 from ..laws import in_words
 from ._content import Column, Fact, Provenance, Section, Table, provenance
 from ._diagnosis_figures import learned_figure, next_figure, order_figure, score_figure
@@ -16,12 +16,12 @@ from ._page import Page
 ANSWERS = {
     "none": "Simulation and data agree within the noise once uncertain parameters are calibrated.",
     "named": "A missing effect was found and named",
-    "ambiguous": "Several effects explain these runs equally well: the next experiment tells.",
+    "ambiguous": "Several effects explain these runs equally well",
     "unknown": "There is a significant gap that no known effect closes.",
 }
 NAMES = {
     "none": "What was tried", "named": "The named effects", "unknown": "What was found",
-    "ambiguous": "The rivals; of each, the size that it would need",
+    "ambiguous": "The effects; of each rival, the size that it would need",
 }  # fmt: skip
 
 
@@ -42,8 +42,9 @@ def diagnosis_page(diagnosis: Any, command: str = "omnijax diagnose") -> Page:
         *excluded(diagnosis),
     ]
     facts = [Fact("verdict", diagnosis.verdict)]
-    rivals = diagnosis.verdict == "ambiguous"  # the sizes of some that are not there say little
-    facts += [Fact("rivals", len(diagnosis.effects))] if rivals else size_facts(diagnosis)
+    rivals = [e for some in diagnosis.alternatives if len(some) > 1 for e in some]
+    # the sizes of some that are not there say little
+    facts += [Fact("rivals", len(rivals))] if rivals else size_facts(diagnosis)
     facts += [
         Fact(f"gap of {GROUPS.get(g, g)} closed", closed(x), "%") for g, x in _worst(diagnosis)
     ]
@@ -55,17 +56,7 @@ def diagnosis_page(diagnosis: Any, command: str = "omnijax diagnose") -> Page:
 
 
 def _answer(diagnosis) -> str:
-    answer = ANSWERS[diagnosis.verdict]
-    if diagnosis.verdict == "named":
-        answer += f", {diagnosis.judges.confirm}."
-    if diagnosis.effects:
-        joined = " and " if diagnosis.verdict == "named" else " or "
-        words = [in_words(e.id, e.place, diagnosis.laws) for e in diagnosis.effects]
-        words = [
-            said if f"`{e.id}`" in said else f"{said} (`{e.id}`)"
-            for e, said in zip(diagnosis.effects, words, strict=True)
-        ]
-        answer += " It is " + joined.join(words) + "."
+    answer = _which_it_is(diagnosis) if diagnosis.effects else ANSWERS[diagnosis.verdict]
     for group, gap in _worst(diagnosis):
         factor, unit = scaled_together((gap.before, gap.after, gap.noise_floor), gap.unit)
         answer += (
@@ -82,6 +73,35 @@ def _answer(diagnosis) -> str:
             f"{100 * diagnosis.learned['closed']:.0f} % of it."
         )
     return answer
+
+
+def _which_it_is(diagnosis) -> str:
+    """The named effects, and beside them the ones of which the runs do not tell which it is."""
+    lists = [[_words(e, diagnosis) for e in some] for some in diagnosis.alternatives]
+    sure = listed([some[0] for some in lists if len(some) == 1])
+    rivals = [some for some in lists if len(some) > 1]
+    if not rivals:
+        return f"{ANSWERS['named']}, {diagnosis.judges.confirm}. It is {sure}."
+    which = listed([f"either {listed(some, 'or')}" for some in rivals])
+    if len(rivals) == 1:
+        which = which.removeprefix("either ")
+    tells = ": the next experiment tells" if diagnosis.next_experiment else ""
+    if tells and len(rivals) > 1:
+        tells += " of the first which it is"
+    if not sure:
+        return f"{ANSWERS['ambiguous']}{tells}. It is {which}."
+    of = "One missing effect is" if len(lists) - len(rivals) == 1 else "Missing effects are"
+    return (
+        f"{of} named, {diagnosis.judges.confirm}: {sure}. Beside "
+        f"{'it' if of.startswith('One') else 'them'} there is {which}, which explain these runs "
+        f"equally well{tells}."
+    )
+
+
+def _words(effect: Any, diagnosis: Any) -> str:
+    """An effect as a mechanic says it, with its id."""
+    said = in_words(effect.id, effect.place, diagnosis.laws)
+    return said if f"`{effect.id}`" in said else f"{said} (`{effect.id}`)"
 
 
 def _worst(diagnosis) -> list:
@@ -123,7 +143,7 @@ def _which(diagnosis) -> Section:
         [f"{e.id} at {e.place}", effect_sizes(e), e.evidence.get("delta_bic"),
          e.evidence.get("margin_to_next"),
          _rivals(e, diagnosis.effects)]
-        for e in diagnosis.effects
+        for some in diagnosis.alternatives for e in some
     ]  # fmt: skip
     columns = [Column("effect", text=True), Column("parameters", text=True),
                Column("ΔBIC", minor=True),

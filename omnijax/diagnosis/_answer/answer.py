@@ -1,5 +1,6 @@
 """What is said of a search: named effects with sizes, calibrated parameters, scores and notes."""
 
+import dataclasses
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from .._search import Effect, Fit, Point, SearchResult
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence
 from .judges import JUDGES
-from .named_effect import Named
+from .named_effect import Named, are_rivals
 from .verdict import Verdict
 
 
@@ -83,14 +84,32 @@ SAME = {"creep": "wheel-radius"}  # what acts alike to first order in every chan
 
 
 def together(effects: list[Named]) -> list[Named]:
-    """Several lines of torque at one wheel as one effect, the strongest first."""
+    """Several lines of torque at one wheel as one effect, the strongest first.
+
+    A line that would stand in another effect's place is none of them, and stays a rival.
+    """
     lines: dict[str, list[Named]] = {}
     for e in effects:
-        if e.id == "motor-ripple":
+        if e.id == "motor-ripple" and "margin" not in e.evidence:
             lines.setdefault(e.place, []).append(e)
-    joined = {place: _cogging(some) for place, some in lines.items() if len(some) > 1}
-    out = [e for e in effects if not (e.id == "motor-ripple" and e.place in joined)]
-    return [*out, *joined.values()]
+    lines = {place: some for place, some in lines.items() if len(some) > 1}
+    told = [e for some in lines.values() for e in some]
+    return [
+        *(_of_the_whole(e, lines) for e in effects if not any(e is line for line in told)),
+        *map(_cogging, lines.values()),
+    ]
+
+
+def _of_the_whole(effect: Named, lines: dict[str, list[Named]]) -> Named:
+    """A rival of one of the lines is one of the cogging that they are told as."""
+    places = [p for p, some in lines.items() if any(are_rivals(effect, e) for e in some)]
+    if not places:
+        return effect
+    rivals = [
+        r | {"id": "cogging"} if r["id"] == "motor-ripple" and r["place"] in places else r
+        for r in effect.indistinguishable_from
+    ]
+    return dataclasses.replace(effect, indistinguishable_from=rivals)
 
 
 def _cogging(lines: list[Named]) -> Named:
@@ -104,7 +123,8 @@ def _cogging(lines: list[Named]) -> Named:
         for key in ("amplitude", "order", "phase")
     }
     weakest = min(lines, key=lambda e: e.evidence["held_out_chi2"])
-    rivals = [r for e in lines for r in e.indistinguishable_from]
+    every = [r for e in lines for r in e.indistinguishable_from]
+    rivals = [r for k, r in enumerate(every) if r not in every[:k]]
     return Named("cogging", lines[0].place, parameters, weakest.evidence, rivals)
 
 

@@ -15,7 +15,7 @@ from ..._result import AbstractShown
 from ...laws import AXIS_EFFECTS, AbstractLaw
 from .._settings import SETTINGS
 from .judges import JUDGES, Judges
-from .named_effect import Named, OutputGap
+from .named_effect import Named, OutputGap, alternatives
 
 REMAINS = SETTINGS.answer_result.remains
 
@@ -49,6 +49,14 @@ class Diagnosis(AbstractShown):
     def laws(self) -> Mapping[str, type[AbstractLaw]]:
         """Laws by id that effects may be: of one read from its file those of the library alone."""
         return self.details["evidence"].model.laws if self.details else AXIS_EFFECTS
+
+    @property
+    def alternatives(self) -> list[list[Named]]:
+        """The effects as lists: one of every list is there, and which one the runs do not tell.
+
+        A list of one effect is certain; those come first.
+        """
+        return alternatives(self.effects)
 
     @property
     def judges(self) -> Judges:
@@ -146,10 +154,10 @@ class Diagnosis(AbstractShown):
 
     def sentences(self) -> list[str]:
         """The verdict with its effects, and the gap of each output over its noise."""
-        joined = " or " if self.verdict == "ambiguous" else " and "
         answer = self.verdict
         if self.effects:
-            answer += ": " + joined.join(f"{e.id}@{e.place}" for e in self.effects)
+            each = [" or ".join(f"{e.id}@{e.place}" for e in some) for some in self.alternatives]
+            answer += ": " + " and ".join(each)
         gaps = ", ".join(
             f"{k} {g.before / g.noise_floor:.3g} -> {g.after / g.noise_floor:.3g}"
             for k, g in self.gap.items()

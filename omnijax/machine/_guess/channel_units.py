@@ -31,6 +31,16 @@ def is_unit(said: str | None, si: str) -> bool:
         return False
 
 
+def motion_of(units: dict[str, str], measured: str, drives: str) -> str:
+    """The motion that units tell: of what is `measured`, or where it has none of a force."""
+    said = units.get(measured)
+    if said is None and drives == "torque":
+        known, unit = units.get("input"), input_unit("translation", drives)
+    else:
+        known, unit = said, output_unit("translation", measured)
+    return "translation" if is_unit(known, unit) else "rotation"
+
+
 def in_si(values, unit: str | None, si: str) -> np.ndarray:
     """A channel (t,) in SI, as a log of these units is read."""
     values = np.asarray(values, float)

@@ -19,7 +19,7 @@ from .channel_units import (
     fitting,
     in_si,
     input_unit,
-    is_unit,
+    motion_of,
     output_unit,
     step_of,
     with_unit_of_both,
@@ -49,6 +49,7 @@ class Guess:
     velocity: str | None = None
     second: str | None = None  # column of a load behind an elastic drive
     stated: dict[str, str] = dataclasses.field(default_factory=dict)  # units that the user says
+    left: dict[str, str] = dataclasses.field(default_factory=dict)  # that no channel can have
 
     @property
     def measured(self) -> str:
@@ -60,8 +61,16 @@ class Guess:
         told = input_hold([self.signals], self.turns())
         return told.sentence if told.sure else "held or linear: the diagnosis looks"
 
+    def _unit(self, channel: str, unsaid: str) -> str:
+        """The unit of a channel; where the log says one that it cannot have, that it is left."""
+        if channel in self.left:
+            unsaid += f": {self.left[channel]!r} is no unit of a {self.motion}'s {channel}"
+        return self.units.get(channel, unsaid)
+
     def _read_as(self, unit: str) -> str:
         """The unit of what was measured where none is said: counts are taken for it as they are."""
+        if self.measured in self.left:
+            return f"read as {unit}"
         if not best_of([self.position or self.velocity or ""], COUNTS):
             return f"read as {unit}: no unit of it is said"
         return f'counts, read as {unit}; say what one is: --unit {self.measured}="360/4096 deg"'
@@ -81,9 +90,9 @@ class Guess:
         unit, shown = output_unit(self.motion, self.measured), self.position or self.velocity
         return [
             ("time", self.time or "none: from the rate"),
-            ("input", f"{self.input} ({self.drives}, {self.units.get('input', 'as it is')})"),
+            ("input", f"{self.input} ({self.drives}, {self._unit('input', 'as it is')})"),
             *([("input is read as", self.held())] if self.drives != "goal" else []),
-            (self.measured, f"{shown} ({self.units.get(self.measured, self._read_as(unit))})"),
+            (self.measured, f"{shown} ({self._unit(self.measured, self._read_as(unit))})"),
             *([("load behind a drive", self.load())] if self.second else []),
             *self.beside.items(),
             ("motion", self.motion), ("samples", f"{self.samples} at {self.rate:.6g} Hz"),
@@ -119,6 +128,7 @@ class _Reading(NamedTuple):
     motion: str
     drives: str
     step: float  # s
+    left: dict[str, str]  # units that the log says, but that the channel cannot have
 
 
 def described(
@@ -138,7 +148,7 @@ def described(
     return Guess(
         log, columns.time, columns.input, columns.position, how.units, how.drives, how.motion,
         len(q), 1 / how.step, _noise(q), signals, beside,
-        None if columns.position else columns.velocity, stated=dict(stated),
+        None if columns.position else columns.velocity, stated=dict(stated), left=how.left,
     )  # fmt: skip
 
 
@@ -151,9 +161,8 @@ def _reading(
         ours: u for ours, theirs in channels
         if theirs and (u := table.units.get(theirs) or unit_in(theirs))
     } | dict(stated)  # fmt: skip
-    lengths = output_unit("translation", columns.measured)
-    motion = "translation" if is_unit(units.get(columns.measured), lengths) else "rotation"
     drives = driven_by(columns.input, units.get("input"))
+    motion = motion_of(units, columns.measured, drives)
     if drives == "goal" and (columns.measured == "velocity" or best_of([columns.input], SPEED)):
         raise InputError(
             f"{log.name}: the input {columns.input!r} looks like the goal of a controller, which "
@@ -163,14 +172,16 @@ def _reading(
     if drives == "goal":
         goal, position = (table.columns[k] for k in (columns.input, columns.output))
         units = with_unit_of_both(units, goal, position)
-    units = fitting(units, motion, drives)
+    every, units = units, fitting(units, motion, drives)
     for channel, unit in stated.items():
         if channel not in units:
             raise InputError(f"{log.name}: {unit!r} is no unit of the {channel}.")
+    any_unit = {"input"} if drives == "command" else set()
+    left = {k: u for k, u in every.items() if k not in {*units, *any_unit}}
     step = 1 / float(rate or 1.0)
     if columns.time is not None:
         step, units = step_of(table.columns[columns.time], units)
-    return _Reading(units, motion, drives, step)
+    return _Reading(units, motion, drives, step, left)
 
 
 def _channels(

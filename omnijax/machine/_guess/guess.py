@@ -25,7 +25,7 @@ from .load import with_load
 
 
 def guess(
-    log: Path,
+    log: str | Path,
     rate: float | None = None,
     *,
     time: str | None = None,
@@ -43,6 +43,7 @@ def guess(
     """
     if wrong := not_above_zero("Hz", rate=rate):
         raise InputError(wrong)
+    log = Path(log)
     table = _with_numbers(read_table(log))
     columns, words = table.columns, with_units(table)
     changing = {k: len(np.unique(x[np.isfinite(x)])) > 1 for k, x in columns.items()}

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from ..._result import AbstractResult
-from ..._text import path_words, quantity_text, scaled_together
+from ..._text import listed, path_words, quantity_text, scaled_together
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -117,7 +117,7 @@ class Design(AbstractResult):
             unit = self.units[name]
             now = f" (now {quantity_text(old[name], unit)})" if name in old else ""
             given.append(f"{path_words(name)} {quantity_text(value, unit)}{now}")
-        told = f"Build it with {', '.join(given[:-1])}{' and ' if given[1:] else ''}{given[-1]}."
+        told = f"Build it with {listed(given)}."
         if self.was:
             told += f" {self._gain()}"
         return told if self.optimal else f"{told} A better one may exist: {self.reason}."
