@@ -172,6 +172,7 @@ def test_study_files_fit_the_rig(type_, machine, kind):
     )
 
 
+@pytest.mark.full
 def test_a_design_brings_what_it_says(type_, machine):
     if machine[1] == 4:
         pytest.skip("one program is compiled for the ballbot, and would be for four wheels")

@@ -304,6 +304,7 @@ def test_tolerances_print_and_say_where_they_fail(tmp_path):
     assert again.to_xarray()["slope"].attrs["units"] == "m"
 
 
+@pytest.mark.full
 def test_rows_in_bulk_are_the_cases_one_by_one():
     """Global studies and tolerances take them in bulk, designs one by one: the same figures.
 

@@ -181,7 +181,7 @@ def test_fixed_steps_agree_with_adaptive_ones():
         assert int(run.status) == 0
 
 
-def test_runge_kutta_steps_of_many_rigs_agree_with_single_adaptive_runs():
+def rigs_of_many_laws():
     """Four unlike wheels, contacts that stiffen, play and a wheel out of true: drawn designs."""
     rng = np.random.default_rng(7)
     ts, drive = jnp.linspace(0, 0.1, 51), torques([0.1, 0.3, -0.2, 0.05])
@@ -198,6 +198,11 @@ def test_runge_kutta_steps_of_many_rigs_agree_with_single_adaptive_runs():
     rigs = [made(eta, K) for eta, K in rng.uniform((0.3, 1e5), (0.5, 2e5), (9, 2))]
     arrays, static = eqx.partition(rigs, eqx.is_array)
     stacked = eqx.combine(jax.tree.map(lambda *x: jnp.stack(x), *arrays), static[0])
+    return rigs, stacked, drive, ts
+
+
+def test_runge_kutta_steps_of_many_rigs_agree_with_single_adaptive_runs():
+    rigs, stacked, drive, ts = rigs_of_many_laws()
     many = simulate_many(stacked, drive, ts, substeps=32)
     assert many.method == "fixed runge-kutta"  # a quarter of a radian of the fastest mode a step
     assert fixed_methods(rigs, 2e-3) == ("runge-kutta", "exponential")
@@ -207,10 +212,16 @@ def test_runge_kutta_steps_of_many_rigs_agree_with_single_adaptive_runs():
         run = jax.tree.map(lambda x, i=i: x[i], many)
         assert max(worst(run, single, ("theta", "Omega", "dR")).values()) < 1e-4
         assert int(run.status) == 0
+    with pytest.raises(ValueError, match=r"must be one of .*runge-kutta"):
+        simulate_many(stacked, drive, ts, method="euler")
 
-    def inside(x):  # a traced function, in which the numbers are known all the same
+
+@pytest.mark.full
+def test_runge_kutta_steps_are_chosen_in_a_traced_function():
+    _, stacked, drive, ts = rigs_of_many_laws()
+    many = simulate_many(stacked, drive, ts, substeps=32)
+
+    def inside(x):  # the numbers are known all the same
         return x * simulate_many(stacked, drive, ts, substeps=32).dR
 
     assert np.abs(jax.jit(inside)(1.0) - many.dR).max() < 1e-4 * np.abs(many.dR).max()
-    with pytest.raises(ValueError, match=r"must be one of .*runge-kutta"):
-        simulate_many(stacked, drive, ts, method="euler")

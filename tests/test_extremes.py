@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from machines import ORTHOGONAL, SKEW, machine
 from seeds import drawn_anew
+from tiers import tiered
 
 from omnijax._compiling import quick_jit
 from omnijax._root import root
@@ -98,7 +99,7 @@ def test_extremes_are_those_of_a_dense_search(layout):
         assert np.all(above < 1e-5), (rig, speeds)
 
 
-@pytest.mark.parametrize("layout", [ORTHOGONAL, SKEW])
+@pytest.mark.parametrize("layout", tiered([ORTHOGONAL, SKEW], lambda x: x is ORTHOGONAL))
 def test_peaks_are_those_of_a_finer_search(layout):
     for rig, speeds in _cases(layout):
         fine = steady_state(rig, speeds, grid_bits=10)
@@ -122,6 +123,7 @@ def test_gradients_of_a_stiff_slow_rig_are_those_of_differences():
     assert np.isclose(both(1.0)[1], difference, rtol=1e-5)
 
 
+@pytest.mark.full
 def test_groups_of_like_signals_say_what_one_group_says(monkeypatch):
     """A runout gives one wheel pieces all around the turn; alone or with room for as many."""
     random = drawn_anew("groups of like signals")

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from seeds import drawn_anew
 from test_diagnosis_search import LAWS, Soft, balance, law
+from tiers import tiered
 
 from benchmarks._lines import rate
 from benchmarks.hidden_effects import cases, thresholds
@@ -25,8 +26,9 @@ from omnijax.diagnosis._settings import SETTINGS
 from omnijax.laws import EFFECTS
 
 
-def test_equal_seeds_draw_equal_cases():
-    for seed in drawn_anew("cases").integers(0, 10**6, 12).tolist():
+@pytest.mark.parametrize("count", tiered([3, 12], lambda count: count == 12))
+def test_equal_seeds_draw_equal_cases(count):
+    for seed in drawn_anew("cases").integers(0, 10**6, count).tolist():
         equal_cases(seed)
 
 

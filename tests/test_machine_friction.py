@@ -82,6 +82,7 @@ def test_friction_that_grows_with_the_load_is_named_not_what_its_tangent_looks_l
     assert found.effects[0].parameters[key]["value"] == pytest.approx(size, rel=0.05)
 
 
+@pytest.mark.full
 def test_a_run_that_begins_in_motion_is_no_evidence(tmp_path):
     found = diagnose(case(tmp_path, int(np.random.default_rng(5).integers(100, 200))))
     assert (found.verdict, found.effects) == ("none", []), found

@@ -249,7 +249,8 @@ def test_gradients_are_the_slopes_between_designs(name):
     np.testing.assert_allclose(found.slopes[:2] / scale, expected / scale, rtol=0, atol=1e-5)
 
 
-def test_metrics_read_from_samples():
+@pytest.mark.parametrize("count", tiered([1, 3], lambda count: count == 3))
+def test_metrics_read_from_samples(count):
     """Slopes along a drawn direction are those between designs, of unlike wheels with effects.
 
     RMS and peak are those that are gathered on the way; of more than one group.
@@ -261,12 +262,12 @@ def test_metrics_read_from_samples():
     names = (
         "rms",
         "peak",
-        *rng.choice([n for n in METRICS if n not in BULK_METRICS], 3, False).tolist(),
+        *rng.choice([n for n in METRICS if n not in BULK_METRICS], count, False).tolist(),
     )
     settings = {"duration": DURATION, "step": STEP, "gradient": True}
     own, every = (
-        f(varied(rig), rows, names[:count], **settings)
-        for f, count in ((modal_figures, 2), (run_metrics, None))
+        f(varied(rig), rows, names[:end], **settings)
+        for f, end in ((modal_figures, 2), (run_metrics, None))
     )
     ahead, behind = np.split(every.values[-2 * some :], 2)
     size = np.abs(every.slopes).max(axis=2)

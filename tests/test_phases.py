@@ -7,7 +7,6 @@ import pytest
 from machines import machine
 from seeds import drawn_anew
 from test_modal import cone, hidden, maker, mixed, points_of
-from tiers import tiered
 
 from omnijax.simulation._modal.moments import moments_of, slope_square
 from omnijax.simulation._modal.phases import cycle_of, phases_of, response, spot_on, wide
@@ -28,7 +27,8 @@ def pairs(rng) -> PolePairs:
     return PolePairs(kind, l0, l1, none, none, none, none)
 
 
-@pytest.mark.parametrize("kind", tiered([hidden, mixed], lambda kind: kind is mixed))
+@pytest.mark.full  # in the gate the figures that they give: test_modal
+@pytest.mark.parametrize("kind", [hidden, mixed])
 def test_phases_side_by_side_are_those_kind_by_kind(kind):
     """Means over the periods and responses at drawn times, a wheel at rest among the designs."""
     rng = drawn_anew("wheels, operating points, poles and times")

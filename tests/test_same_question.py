@@ -187,6 +187,7 @@ def test_a_start_angle_that_does_not_count_is_refused(capsys):
         choose(question(rig, [1.0, 0.0, 2.0], ("angle.w2", "speed.w2")))
 
 
+@pytest.mark.full
 def test_the_long_run_of_wheels_in_step_is_the_mean_over_their_start_angles():
     rng, rig = drawn_anew("mean over angles"), load_rig("atlas-tripod")
     pace = rng.uniform(3.0, 12.0)

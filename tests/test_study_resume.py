@@ -108,6 +108,7 @@ def test_a_killed_study_is_taken_up(command, tmp_path, capsys, monkeypatch):
     assert len(after) > 2 and {name: after[name] for name in before} == before
 
 
+@pytest.mark.full
 def test_interrupted_tolerances_are_kept_and_a_changed_study_is_refused(
     tmp_path, capsys, monkeypatch
 ):
