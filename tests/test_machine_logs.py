@@ -189,3 +189,29 @@ def test_an_acceleration_in_g_is_standard_gravity(tmp_path, unit, si):
     with pytest.raises(InputError, match="must be a unit of N m"):
         read_log(LogFile(file.path, path, channels=file.channels, units={"input": unit}),
                  {"input": "N m"}, {"position": "rad"})  # fmt: skip
+
+
+def test_a_column_of_a_strange_name_without_unit_is_said_to_be_read_in_si(tmp_path):
+    """The numbers of a diagnosis, an order a radian, hung on a unit that nobody had said."""
+    table, path = columns(3), tmp_path / "run.csv"
+    inputs, outputs = {"input": "N m"}, {"position": "rad"}
+    names = {"t": "stamp", "input": "torque_cmd", "position": "pos"}
+
+    def faults(header, channels, units, wanted=inputs):
+        np.savetxt(path, np.stack(list(table.values()), 1), delimiter=",", header=",".join(header),
+                   comments="")  # fmt: skip
+        file = LogFile(tmp_path / "run.toml", path, channels=channels, units=units)
+        said = read_log(file, wanted, outputs).faults
+        return [fault for fault in said if "no unit of it is said" in fault]
+
+    said = faults(table, names, {})
+    assert said == [
+        f"run.csv, column `{column}`: no unit of it is said; it is read as {unit} ([units] in "
+        "run.toml says another)."
+        for column, unit in (("torque_cmd", "N m"), ("pos", "rad"))
+    ]
+    assert faults(table, names, {"input": "N m"}) == said[1:]
+    assert faults(table, names, {}, {"input": "1"}) == said[1:]  # a command has any unit
+    assert faults(table, names, {"input": "N m", "position": "deg"}) == []
+    own = {"stamp": "t", "torque_cmd": "input", "pos": "position"}
+    assert faults([own.get(k, k) for k in table], {}, {}) == []  # names of the format are in SI

@@ -230,8 +230,12 @@ def _column(file: LogFile, table, name: str, unit: str, faults) -> np.ndarray | 
         )
     else:
         return None
-    said = file.units.get(name) or table.units.get(theirs) or unit
-    if said == unit:
+    said = file.units.get(name) or table.units.get(theirs)
+    own = not isinstance(theirs, str) or theirs == name
+    if said is None and not own and unit not in ("1", "s"):
+        faults.append(f"{file.log.name}, column `{theirs}`: no unit of it is said; it is read as "
+                      f"{unit} ([units] in {file.path.name} says another).")  # fmt: skip
+    if said in (None, unit):
         return values
     try:
         return values * factor_of(said, unit)
