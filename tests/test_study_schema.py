@@ -126,12 +126,22 @@ def test_wrong_values_are_told_by_place_and_refused_by_the_schema(path, value, m
      r"orders` must be a list of whole numbers from 1, but is \[\]\."),
     ("constraint", [{"quantity": "frequency_separation", "min": 0.1, "orders": [True]}],
      r"orders` must be a list of whole numbers from 1, but is \[True\]\."),
+    ("constraint", [{"quantity": "slip_margin", "min": 1, "orders": [2]}],
+     "`constraint.slip_margin` takes no `orders`, which belongs to `frequency_separation`."),
+    ("constraint", [{"quantity": "preload", "max": 1, "poisson_ratio": [0.3, 0.3]}],
+     "`constraint.preload` takes no `poisson_ratio`, which belongs to `patch_pressure`."),
+    ("constraint", [{"quantity": "patch_pressure", "max": 1, "youngs_modulus": [1e9, 1e9],
+                     "poisson_ratio": [0.3, 1.7]}],
+     r"`constraint.patch_pressure.poisson_ratio` must lie in \(-1, 0.5\], but is 1.7."),
     ("load", [{"set": {"sphere.mass": 0}}], r"`load.1.set.sphere.mass` must lie in \(0, inf\)"),
     ("variable", [{"path": "sphere.mass", "low": 0, "high": 9}],
      r"`variable.sphere.mass.low` must lie in \(0, inf\), but is 0\."),
 ])  # fmt: skip
 def test_what_only_the_rig_tells_is_refused_too(key, value, message):
-    """The first ended in a traceback; the others were taken."""
+    """The first ended in a traceback; the others were taken.
+
+    With Poisson's ratio above 1 the pressure was 0, which no limit held.
+    """
     with pytest.raises(InputError, match=message):
         parse_study(FULL | {key: value})
 

@@ -73,6 +73,18 @@ def search(read: Reader, top: StudyTable) -> dict[str, Any]:
     }
 
 
+# What a quantity takes besides its bounds; the others have no use for it.
+OWN_KEYS = {
+    "orders": "frequency_separation",
+    "youngs_modulus": "patch_pressure",
+    "poisson_ratio": "patch_pressure",
+}
+MATERIALS = {
+    "youngs_modulus": Quantity("Pa", above=0),
+    "poisson_ratio": Quantity("1", high=0.5, above=-1),  # of a stable isotropic solid
+}
+
+
 def _is_count(given: Any) -> bool:
     return isinstance(given, int) and not isinstance(given, bool) and given > 0
 
@@ -90,6 +102,9 @@ def constraint(read: Reader, block: ConstraintTable) -> Constraint | None:
         for key in ("min", "max")
         if key in given
     }
+    for key in sorted(given & OWN_KEYS.keys()):
+        if OWN_KEYS[key] != name:
+            read.say(f"`{where}` takes no `{key}`, which belongs to `{OWN_KEYS[key]}`.")
     if not bounds:
         read.say(f"`{where}` needs `min` or `max`.")
         return None
@@ -100,12 +115,11 @@ def constraint(read: Reader, block: ConstraintTable) -> Constraint | None:
         read.say(f"`{where}.orders` must be a list of whole numbers from 1, but is {orders!r}.")
         orders = [1]
     materials = []
-    for key, unit in (("youngs_modulus", "Pa"), ("poisson_ratio", "1")):
+    for key, quantity in MATERIALS.items():
         if name == "patch_pressure":
             pair = getattr(block, key)
             if not isinstance(pair, list) or len(pair) != 2:
                 read.say(f"`{where}.{key}` must be two numbers: of the sphere and of the wheel.")
                 pair = [1.0, 1.0]
-            above = Quantity(unit, above=0)
-            materials += [read.value(x, f"{where}.{key}", above, 1.0) for x in pair]
+            materials += [read.value(x, f"{where}.{key}", quantity, 1.0) for x in pair]
     return Constraint(name, bounds.get("min"), bounds.get("max"), tuple(orders), tuple(materials))
