@@ -191,6 +191,8 @@ SPEEDS, TORQUES = "[[drive]]\nspeed = [3.0, 5.1, 7.3]", "[[drive]]\ntorque = [1.
      "`rate` is that of a run, which has a `duration`: give both."),
     (f'duration = 1\n{TORQUES}\n[[constraint]]\nquantity = "frequency_separation"\nmin = 1',
      "design", "`constraint.frequency_separation` needs constant speeds"),
+    (f"{SPEEDS}\n[search]\nstochastic_steps = 9", "design",
+     "`search.stochastic_steps` needs a [tolerance] table to draw from."),
 ])  # fmt: skip
 def test_check_refuses_what_the_command_refuses(text, command, message, tmp_path, capsys):
     """It said `right`."""

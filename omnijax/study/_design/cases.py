@@ -51,9 +51,16 @@ def _constraint_problems(study: Study) -> list[str]:
     return []
 
 
+def stochastic_problems(study: Study) -> list[str]:
+    """What keeps Adam from drawing parts anew, where the study asks for it."""
+    if study.stochastic and not study.tolerances:
+        return ["`search.stochastic_steps` needs a [tolerance] table to draw from."]
+    return []
+
+
 def check_study(study: Study) -> None:
     """`InputError` with what the commands of a study refuse before they compute anything."""
-    problems = _constraint_problems(study)
+    problems = _constraint_problems(study) + stochastic_problems(study)
     loads = tuple(path for load in study.loads for path, _ in load.values)
     varied = (*(v.name for v in study.variables), *checked_parameters(study.rig, loads))
     judged = tuple(name for name, _ in study.weights), study.pareto, (study.limit or ())[:1]

@@ -13,7 +13,7 @@ from .._file import Study, study_of
 from .._problem import Problem
 from .._study_folder import Report, folder_of
 from .answer import make_design
-from .cases import RigCases
+from .cases import RigCases, stochastic_problems
 from .engine import Engine
 from .notes import noted, start_note
 from .result import Design
@@ -43,10 +43,10 @@ def design(
     asked = study_of(study)
     if not asked.variables:
         raise InputError("a design needs at least one [[variable]] with path, low and high.")
+    if wrong := stochastic_problems(asked):
+        raise InputError(wrong)
     cases = RigCases(asked)
     problem = rig_problem(asked, cases)
-    if asked.stochastic and not cases.parts:
-        raise InputError("`search.stochastic_steps` needs a [tolerance] table to draw from.")
     store = folder_of(out, asked.identity("design"), resume)
     engine = Engine(problem, asked.starts, asked.seed, store)
     drawn = Adam(asked.stochastic, seed=asked.seed) if asked.stochastic else None
