@@ -100,6 +100,26 @@ def test_tdms_uff_and_mdf_files(tmp_path):
         np.testing.assert_allclose(run.group("theta")[:, 1], table["theta_2"], rtol=1e-4)
 
 
+def test_what_is_left_of_a_cut_file_is_refused_in_words(tmp_path):
+    """Of the first there was a traceback, of the others half a sentence."""
+    for reader in ("mcap", "pyuff", "nptdms"):
+        pytest.importorskip(reader)
+    scipy.io.savemat(tmp_path / "a.mat", {k: np.array(x) for k, x in columns(80).items()})
+    whole = (tmp_path / "a.mat").read_bytes()
+    parts = {"a.mat": whole[: len(whole) // 2], "b.mcap": b"", "c.uff": b"", "d.tdms": b""}
+    said = {
+        "a.mat": "a.mat cannot be read as .mat: could not read bytes.",
+        "b.mcap": "b.mcap cannot be read as .mcap: EndOfFile.",
+        "c.uff": "c.uff holds no columns of numbers.",
+        "d.tdms": "d.tdms holds no columns of numbers.",
+    }
+    for name, content in parts.items():
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(InputError) as told:
+            read_recording(tmp_path / name)
+        assert str(told.value) == said[name]
+
+
 def test_a_missing_reader_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "nptdms", None)
     (tmp_path / "a.tdms").write_bytes(b"TDSm")

@@ -53,13 +53,19 @@ def read_table(path: Path) -> CsvTable:
     with contextlib.suppress(OSError):  # what is missing is said by the reader
         check_room(path, regular(path).stat().st_size)
     try:
-        return READERS[suffix](path)
-    except (InputError, OSError):
+        table = READERS[suffix](path)
+    except InputError:
         raise
     except MemoryError:
         raise InputError("needs more memory than there is.", path) from None
     except Exception as error:  # third-party readers raise whatever they like on a broken file
-        raise InputError(f"{path.name} cannot be read as {suffix}: {error}") from error
+        if isinstance(error, OSError) and error.errno is not None:  # of the system, not of a reader
+            raise
+        said = str(error).strip().rstrip(".") or type(error).__name__
+        raise InputError(f"{path.name} cannot be read as {suffix}: {said}.") from error
+    if not table.columns:
+        raise InputError(f"{path.name} holds no columns of numbers.")
+    return table
 
 
 def _parquet(path: Path) -> CsvTable:
