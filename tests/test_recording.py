@@ -120,6 +120,39 @@ def test_what_is_left_of_a_cut_file_is_refused_in_words(tmp_path):
         assert str(told.value) == said[name]
 
 
+def test_channels_of_a_uff_file_on_other_abscissas(tmp_path):
+    """They were taken as at the first one's times; spectra as runs over time, ms as s."""
+    pyuff = pytest.importorskip("pyuff")
+    table = columns(80)
+    nodes = dict.fromkeys(("rsp_node", "rsp_dir", "ref_dir", "ref_node"), 1)
+
+    def write_uff(name, abscissa, **more):
+        for column in list(table)[1:]:
+            how = {"x": abscissa(column), "data": table[column], "binary": 0, "func_type": 1}
+            how |= {"abscissa_spacing": 0, "ord_data_type": 4, **nodes, **more}
+            full = pyuff.prepare_58(id1=column, **how, return_full_dict=True)
+            full = {k: 0 if v is None else v for k, v in full.items()}
+            pyuff.UFF(str(tmp_path / name)).write_sets(full, "add")
+        return tmp_path / name
+
+    slow = write_uff("a.uff", lambda c: table["t"] * (2 if c == "theta_2" else 1))
+    run = read_recording(slow)
+    assert [(x.column, x.kind) for x in run.faults] == [("theta_2", "time")]
+    assert "theta_2" not in run.channels
+    np.testing.assert_allclose(run.channels["theta_1"], table["theta_1"], rtol=1e-9)
+
+    fine = write_uff("b.uff", lambda c: 10 * table["t"], abscissa_axis_units_lab="ms")
+    np.testing.assert_allclose(read_recording(fine).time, 1e-2 * table["t"], rtol=1e-9)
+
+    spectra = write_uff("c.uff", lambda c: table["t"], func_type=4, abscissa_spec_data_type=18)
+    with pytest.raises(InputError, match=r"^c\.uff holds spectra only, no course over time\.$"):
+        read_recording(spectra)
+
+    cut = tmp_path / "d.uff"
+    cut.write_bytes(fine.read_bytes()[:-300])
+    assert [x.kind for x in read_recording(cut).faults] == ["cut off"]
+
+
 def test_a_missing_reader_is_named_with_the_command_that_installs_it(tmp_path, monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "nptdms", None)
     (tmp_path / "a.tdms").write_bytes(b"TDSm")

@@ -17,6 +17,7 @@ from ._json import read_json
 from ._mat import mat_sizes
 from ._mcap import read_mcap
 from ._names import doubled, leaves, once
+from ._recording import Fault
 from ._spread import spread
 
 
@@ -165,41 +166,75 @@ def _tdms(path: Path) -> CsvTable:
     return spread(leaves(columns), units)
 
 
-def _add_channel(columns: list, where: tuple[str, ...], times, values) -> None:
-    """Add a recorder's channel under its path; the times of the first are the column `t`."""
-    if not columns:
-        columns.append((("t",), np.asarray(times)))
-    columns.append((where, np.asarray(values)))
+class _Channels:
+    """Channels of a recorder by their paths, on the times of the first one."""
+
+    def __init__(self, file: str):
+        self.file, self.faults = file, []
+        self.columns: list[tuple[tuple[str, ...], Any]] = []
+
+    def add(self, where: tuple[str, ...], times, values) -> None:
+        """Add a channel; one whose times are off by more than half a step is left out, and said.
+
+        As many values at other times would be taken for those at the first channel's.
+        """
+        times = np.asarray(times, float)
+        if not self.columns:
+            self.columns.append((("t",), times))
+        first = self.columns[0][1]
+        near = len(times) != len(first) or len(first) < 2
+        near = near or np.max(np.abs(times - first)) <= 0.5 * np.median(np.abs(np.diff(first)))
+        if not near:
+            self.leave_out(where[-1], "time", "its times are not those of the first channel")
+            return
+        self.columns.append((where, np.asarray(values)))
+
+    def leave_out(self, name: str, kind: str, what: str) -> None:
+        """Say of a channel that it is not used."""
+        self.faults.append(Fault(self.file, name, (), kind, what, "it is not used"))
+
+
+OVER_TIME, FREQUENCY = (0, 1), 18  # UFF's kinds of functions, and of an abscissa
 
 
 def _uff(path: Path) -> CsvTable:
     pyuff = require("pyuff", "measured", "reading `.uff` files")
-    columns: list[tuple[tuple[str, ...], Any]] = []
-    units: dict[str, str] = {}
+    channels, units = _Channels(path.name), {}
     sets = pyuff.UFF(str(path)).read_sets()
     for one in sets if isinstance(sets, list) else [sets]:
         if one.get("type") != 58:
             continue
         name = (one.get("id1") or one.get("id2") or "").strip()
-        _add_channel(columns, (name,), one["x"], np.real(np.asarray(one["data"])))
-        unit = str(one.get("ordinate_axis_units_lab", "")).strip()
-        units |= {name: unit} if unit and unit.upper() not in ("NONE", "0") else {}
-    return spread(once(path.name, ((where[-1], x) for where, x in columns)), units)
+        kind, over = one.get("func_type", 1), one.get("abscissa_spec_data_type")
+        if kind not in OVER_TIME or over == FREQUENCY:
+            channels.leave_out(name, "spectrum", "it is a spectrum, no course over time")
+            continue
+        channels.add((name,), one["x"], np.real(np.asarray(one["data"])))
+        for column, axis in (("t", "abscissa"), (name, "ordinate")):
+            unit = str(one.get(f"{axis}_axis_units_lab", "")).strip()
+            if unit and unit.upper() not in ("NONE", "0"):
+                units.setdefault(column, unit)
+    if not channels.columns and channels.faults:
+        raise InputError(f"{path.name} holds spectra only, no course over time.")
+    if not path.read_bytes()[-100:].rstrip().endswith(b"    -1"):
+        what, use = "the file ends within a data set", "what follows the last whole one is lost"
+        channels.faults.append(Fault(path.name, "", (), "cut off", what, use))
+    named = ((where[-1], x) for where, x in channels.columns)
+    return spread(once(path.name, named), units)._replace(faults=channels.faults)
 
 
 def _mdf(path: Path) -> CsvTable:
     asammdf = require("asammdf", "measured", "reading `.mf4` files")
-    columns: list[tuple[tuple[str, ...], Any]] = []
-    units: dict[str, str] = {}
+    channels, units = _Channels(path.name), {}
     with asammdf.MDF(path) as file:
         groups = [(one.channel_group.cycles_nr, len(one.channels)) for one in file.groups]
         check_room(path, 8 * sum(rows * columns for rows, columns in groups))
         for signal in file.iter_channels():
             where = (f"group {signal.group_index}", str(signal.name))
-            _add_channel(columns, where, signal.timestamps, signal.samples)
+            channels.add(where, signal.timestamps, signal.samples)
             if signal.unit:
                 units |= dict.fromkeys((where[1], ".".join(where)), str(signal.unit))
-    return spread(leaves(columns), units)
+    return spread(leaves(channels.columns), units)._replace(faults=channels.faults)
 
 
 ANYTHING = (".json", ".json.gz", ".txt", ".dat", ".log")
