@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from . import _interrupts
 from ._errors import InputError, tell
@@ -112,16 +112,24 @@ def _opened(path: str | Path, kind: str, decode_times: bool, work: Callable[[Any
     path = existing(path)
     with _dropping_quietly():
         try:
-            _check_words(path)
-            with xarray.open_dataset(path, engine="h5netcdf", decode_times=decode_times) as opened:
+            engine = _engine(path)
+            if engine == "h5netcdf":
+                _check_words(path)
+            with xarray.open_dataset(path, engine=engine, decode_times=decode_times) as opened:
                 return work(opened)
         except InputError as error:
             problems: Sequence[str] = error.problems
-        except Exception as error:  # h5netcdf raises whatever it likes on a broken file
+        except Exception as error:  # its readers raise whatever they like on a broken file
             said = str(error).strip().rstrip(".") or type(error).__name__
             problems = [f"is not {kind}: {said}."]
         gc.collect()  # the half-opened file, which the exception held
     raise InputError(problems, path)
+
+
+def _engine(path: Path) -> Literal["scipy", "h5netcdf"]:
+    """What reads a file: the classic format (netCDF 3) is no HDF5, as that of netCDF 4 is."""
+    with path.open("rb") as file:
+        return "scipy" if file.read(4) in (b"CDF\x01", b"CDF\x02") else "h5netcdf"
 
 
 @contextmanager

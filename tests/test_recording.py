@@ -100,6 +100,23 @@ def test_tdms_uff_and_mdf_files(tmp_path):
         np.testing.assert_allclose(run.group("theta")[:, 1], table["theta_2"], rtol=1e-4)
 
 
+def test_a_classic_netcdf_file_is_read(tmp_path):
+    """It was told to be no netCDF file, though xarray writes it where only SciPy is there."""
+    xarray = pytest.importorskip("xarray")
+    table = columns(80)
+    data = xarray.Dataset({k: ("t", np.asarray(x)) for k, x in table.items() if k != "t"})
+    data = data.assign_coords(t=np.asarray(table["t"]))
+    data["theta_1"].attrs["units"] = "deg"
+    data.to_netcdf(tmp_path / "a.nc", engine="scipy")
+    run = read_recording(tmp_path / "a.nc")
+    np.testing.assert_array_equal(run.channels["theta_2"], table["theta_2"])
+    np.testing.assert_allclose(run.channels["theta_1"], np.deg2rad(table["theta_1"]), rtol=1e-12)
+    whole = (tmp_path / "a.nc").read_bytes()
+    (tmp_path / "b.nc").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(InputError, match="is not a netCDF file"):
+        read_recording(tmp_path / "b.nc")
+
+
 def test_what_is_left_of_a_cut_file_is_refused_in_words(tmp_path):
     """Of the first there was a traceback, of the others half a sentence."""
     for reader in ("mcap", "pyuff", "nptdms"):
