@@ -1,6 +1,7 @@
 """The design engine on problems whose optimum is known in closed form."""
 
 import dataclasses
+import importlib
 import math
 import random
 import re
@@ -14,6 +15,7 @@ import pytest
 from scipy.optimize import brentq
 
 import omnijax
+from omnijax._errors import DataWarning
 from omnijax._text import estimate, quantity_text
 from omnijax.rig import InputError
 from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, parse_study, trade_off
@@ -361,6 +363,15 @@ def test_a_stored_front_is_taken_up(tmp_path):
     kept = Folder(tmp_path, {"a": 1}, True)
     again = trade_off(problem, ("f1", "f2"), ("1", "m"), store=kept, **how)
     assert np.array_equal(again.values, first.values) and np.array_equal(again.x, first.x)
+
+
+def test_a_front_says_that_tolerances_do_not_count(monkeypatch):
+    """Its parts are nominal, in limits too, without a word until now."""
+    module = importlib.import_module("omnijax.study._design.pareto")
+    monkeypatch.setattr(module, "trade_off", lambda *_, **__: "front")
+    asked = {**STUDY, "tolerance": {"wheel.roundness": 0.1}}
+    with pytest.warns(DataWarning, match=r"nominal values: \[tolerance\] counts for nothing\."):
+        assert omnijax.pareto(asked, ("rms", "sphere_acceleration_rms")) == "front"
 
 
 def test_a_front_of_three_metrics_leads_with_the_pair_that_conflicts_most():

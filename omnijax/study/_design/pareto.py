@@ -14,7 +14,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ..._errors import InputError, RunError
+from ..._errors import InputError, RunError, tell
 from ...vibration import METRICS
 from .._constraints import all_limits
 from .._file import Study, study_of
@@ -207,7 +207,8 @@ def pareto(
 ) -> Front:
     """The front of two or three metrics of a study (`[pareto]` names them, or `metrics` does).
 
-    Over several drives and loads each metric is its mean over the cases.  With `out` finished
+    Over several drives and loads each metric is its mean over the cases, with the parts at their
+    nominal values.  With `out` finished
     searches are stored there, and `resume` takes them up.
 
     Figures are SI.  Raises `InputError` for a wrong study and for one metric or more than three,
@@ -226,6 +227,8 @@ def pareto(
         )
     if not asked.variables or any(v.whole for v in asked.variables):
         raise InputError("a front needs at least one [[variable]], and only real ones.")
+    if asked.tolerances:
+        tell(["a front takes the parts at their nominal values: [tolerance] counts for nothing."])
     plain = dataclasses.replace(asked, tolerances=())
     cases = RigCases(plain, names)
     limits, held = all_limits(plain.constraints, plain.rig, cases.cases)
