@@ -521,6 +521,15 @@ def test_wrong_study_files(change, message):
         parse_study({**STUDY, **change})
 
 
+def test_a_wrong_weight_is_told_once():
+    """`objective.weights` was said to name no metric as well."""
+    for weights, said in (({"rms": 0}, "`objective.weights.rms` must lie in (0, inf), but is 0."),
+                          ({}, "`objective.weights` names no metric.")):  # fmt: skip
+        with pytest.raises(InputError) as told:
+            parse_study({**STUDY, "objective": {"weights": weights}})
+        assert list(told.value.problems) == [said]
+
+
 def test_all_problems_of_a_study_at_once():
     with pytest.raises(InputError) as caught:
         objective, search = {"metric": "rmss"}, {"starts": 0}
