@@ -331,7 +331,9 @@ class StartsSettings:
     """Where joint refits begin: by tangent, or at finite strength where effects are strong."""
 
     equals: float = 0.97  # share of the best line's gain from which others are refitted: time
-    others: int = 2  # so many more: time
+    others: int = 7  # so many more: a short travel has eight within 0.97
+    # share of the best refit's gain from which the others of a name are refitted: time
+    behind: float = 0.9
     # halvings of the distance between limits or times that are tried: 3 leave a tenth of it
     closer: int = 3
 

@@ -17,6 +17,7 @@ from .refits import Refits, chi2_of, residual_of, total_cost
 from .review import Review, Rival
 from .scan import Scan, Score, Signatures, chance, taken_up
 from .starts import (
+    BEHIND,
     Start,
     at_finite_strength,
     beside_waves,
@@ -291,8 +292,10 @@ class Search:
                 break
             least = min((t.fit.cost for t in trials), default=np.inf)
             every = (start, *lines.get(start.name, ()))
-            alike = []
+            alike: list[Trial] = []
             for k, begin in enumerate(every):
+                if alike and fit.cost - alike[0].fit.cost < BEHIND * (fit.cost - least):
+                    break  # the first, of as large a tangent as its others, is no rival of the best
                 self.tell(f"refitting with {start.name}" + (f", line {k + 1}" if k else ""))
                 alike.append(self.refits.try_out(fit, begin, before, least, openings))
             trial = min(alike, key=lambda t: t.fit.cost)

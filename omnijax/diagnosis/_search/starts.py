@@ -22,6 +22,7 @@ from .waves import scanned_beside
 LINES = {"order", "frequency"}  # numbers of a line
 EQUALS = SETTINGS.starts.equals
 OTHERS = SETTINGS.starts.others
+BEHIND = SETTINGS.starts.behind
 CLOSER = SETTINGS.starts.closer
 
 
