@@ -26,6 +26,7 @@ from omnijax.diagnosis._search.starts import (
     at_finite_strength,
     by_tangent,
     likelier,
+    other_lines,
 )
 from omnijax.diagnosis._settings import SETTINGS
 from omnijax.laws import (  # fmt: skip
@@ -158,6 +159,38 @@ def test_a_search_beside_other_noise_goes_on_from_what_was_found(monkeypatch):
     assert made[2:] in ([], [1])  # with friction's width free
     assert again.way.fit.cost == pytest.approx(first.way.fit.cost, abs=0.05)
     assert again.baseline.cost == pytest.approx(first.baseline.cost, rel=1e-3)
+
+
+def test_lines_that_explain_nearly_as_much_are_refitted_and_none_of_a_name_far_behind(monkeypatch):
+    """Of a short travel eight orders lay within 3 %; three were refitted, and the right one not."""
+    rng = drawn_anew("lines")
+    gains = [100.0, *rng.uniform(97.1, 99.9, 9), *rng.uniform(90, 96.9, 3)]
+    gains = np.sort(gains)[::-1]
+    scores = [
+        SimpleNamespace(
+            candidate=SimpleNamespace(
+                name="motor-ripple@w1", id="motor-ripple", place="w1",
+                decode=lambda c: {"order": float(c[0])},
+            ),
+            gain=gain, merit=gain, allowed=True, coefficients=np.array([gain]),
+        )
+        for gain in gains
+    ]  # fmt: skip
+    model, fit = SimpleNamespace(laws=EFFECTS), SimpleNamespace(point=Point(np.zeros(0)), cost=1e3)
+    lines = other_lines(model, fit, SimpleNamespace(order=scores), scores[:1])["motor-ripple@w1"]
+    assert [s.point.effects[-1].values["order"] for s in lines] == gains[1:8].tolist()
+
+    said: list[str] = []
+    monkeypatch.setattr(
+        search, "other_lines",
+        lambda model, fit, scan, scores: {s.candidate.name: by_tangent(fit, [s]) for s in scores},
+    )  # fmt: skip
+    truth = [law("bearing-coulomb", 0.2), law("friction-asymmetry", 0.05)]
+    Search(balance(truth), said.append).run()
+    step = said[: next(k for k, line in enumerate(said) if line.startswith("accepted"))]
+    tried = [line.removeprefix("refitting with ") for line in step if "refitting" in line]
+    assert tried[:2] == ["bearing-coulomb@shaft", "bearing-coulomb@shaft, line 2"]
+    assert len(tried) > 2 and not any("line" in name for name in tried[2:])
 
 
 def test_two_planted_laws_are_both_named():
