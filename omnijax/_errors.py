@@ -38,6 +38,11 @@ def in_users_program(error: BaseException) -> str | None:
     return f"{places[-1]}: {type(error).__name__}: {error}" if places else None
 
 
+def reason_of(error: BaseException) -> str:
+    """What a library says of its error, without a full stop; its name where it is silent."""
+    return str(error).strip().rstrip(".") or type(error).__name__
+
+
 class DataWarning(UserWarning):
     """Something of the user's is damaged or unusual, and the work goes on without it."""
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from . import _interrupts
-from ._errors import InputError, tell
+from ._errors import InputError, reason_of, tell
 from ._files import reserve, writing
 from ._memory import SHARE, available, in_words
 from ._reading import existing
@@ -120,8 +120,7 @@ def _opened(path: str | Path, kind: str, decode_times: bool, work: Callable[[Any
         except InputError as error:
             problems: Sequence[str] = error.problems
         except Exception as error:  # its readers raise whatever they like on a broken file
-            said = str(error).strip().rstrip(".") or type(error).__name__
-            problems = [f"is not {kind}: {said}."]
+            problems = [f"is not {kind}: {reason_of(error)}."]
         gc.collect()  # the half-opened file, which the exception held
     raise InputError(problems, path)
 

@@ -81,9 +81,7 @@ def label(name: str, unit: str) -> str:
 
 
 def listed(words: Sequence[str], joined: str = "and") -> str:
-    """Words in a sentence: "a", "a and b", "a, b and c"; no words are ""."""
-    if not words:
-        return ""
+    """Words in a sentence: "a", "a and b", "a, b and c"."""
     *rest, last = words
     return f"{', '.join(rest)} {joined} {last}" if rest else last
 

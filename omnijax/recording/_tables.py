@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._errors import InputError, require
+from .._errors import InputError, reason_of, require
 from .._memory import check_room
 from .._netcdf import load_netcdf
 from .._reading import regular
@@ -62,8 +62,7 @@ def read_table(path: Path) -> CsvTable:
     except Exception as error:  # third-party readers raise whatever they like on a broken file
         if isinstance(error, OSError) and error.errno is not None:  # of the system, not of a reader
             raise
-        said = str(error).strip().rstrip(".") or type(error).__name__
-        raise InputError(f"{path.name} cannot be read as {suffix}: {said}.") from error
+        raise InputError(f"{path.name} cannot be read as {suffix}: {reason_of(error)}.") from error
     if not table.columns:
         raise InputError(f"{path.name} holds no columns of numbers.")
     return table
@@ -216,7 +215,10 @@ def _uff(path: Path) -> CsvTable:
                 units.setdefault(column, unit)
     if not channels.columns and channels.faults:
         raise InputError(f"{path.name} holds spectra only, no course over time.")
-    if not path.read_bytes()[-100:].rstrip().endswith(b"    -1"):
+    with path.open("rb") as file:
+        file.seek(max(0, path.stat().st_size - 100))
+        whole = file.read().rstrip().endswith(b"    -1")
+    if not whole:
         what, use = "the file ends within a data set", "what follows the last whole one is lost"
         channels.faults.append(Fault(path.name, "", (), "cut off", what, use))
     named = ((where[-1], x) for where, x in channels.columns)

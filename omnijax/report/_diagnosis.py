@@ -78,23 +78,23 @@ def _answer(diagnosis) -> str:
 def _which_it_is(diagnosis) -> str:
     """The named effects, and beside them the ones of which the runs do not tell which it is."""
     lists = [[_words(e, diagnosis) for e in some] for some in diagnosis.alternatives]
-    sure = listed([some[0] for some in lists if len(some) == 1])
-    rivals = [some for some in lists if len(some) > 1]
+    sure = [some[0] for some in lists if len(some) == 1]
+    rivals = [listed(some, "or") for some in lists if len(some) > 1]
+    confirm, tells = diagnosis.judges.confirm, ""
     if not rivals:
-        return f"{ANSWERS['named']}, {diagnosis.judges.confirm}. It is {sure}."
-    which = listed([f"either {listed(some, 'or')}" for some in rivals])
-    if len(rivals) == 1:
-        which = which.removeprefix("either ")
-    tells = ": the next experiment tells" if diagnosis.next_experiment else ""
-    if tells and len(rivals) > 1:
-        tells += " of the first which it is"
+        return f"{ANSWERS['named']}, {confirm}. It is {listed(sure)}."
+    if diagnosis.next_experiment:
+        several = " of the first which it is" if len(rivals) > 1 else ""
+        tells = f": the next experiment tells{several}"
+    which = rivals[0] if len(rivals) == 1 else listed([f"either {some}" for some in rivals])
     if not sure:
         return f"{ANSWERS['ambiguous']}{tells}. It is {which}."
-    of = "One missing effect is" if len(lists) - len(rivals) == 1 else "Missing effects are"
+    of, beside = ("One missing effect is", "it") if len(sure) == 1 else (
+        "Missing effects are", "them"
+    )  # fmt: skip
     return (
-        f"{of} named, {diagnosis.judges.confirm}: {sure}. Beside "
-        f"{'it' if of.startswith('One') else 'them'} there is {which}, which explain these runs "
-        f"equally well{tells}."
+        f"{of} named, {confirm}: {listed(sure)}. Beside {beside} there is {which}, which explain "
+        f"these runs equally well{tells}."
     )
 
 

@@ -208,8 +208,7 @@ def pareto(
     """The front of two or three metrics of a study (`[pareto]` names them, or `metrics` does).
 
     Over several drives and loads each metric is its mean over the cases, with the parts at their
-    nominal values.  With `out` finished
-    searches are stored there, and `resume` takes them up.
+    nominal values.  With `out` finished searches are stored there, and `resume` takes them up.
 
     Figures are SI.  Raises `InputError` for a wrong study and for one metric or more than three,
     `RunError` where the metrics do not conflict or nothing is feasible.
