@@ -98,6 +98,17 @@ def test_every_effect_changes_the_plant_and_tells_the_parameters_of_its_law(id):
         assert set(hidden.truth(hidden.nominal)) <= set(EFFECTS[id].parameters)
 
 
+@pytest.mark.parametrize("id", ["encoder-eccentricity", "sensor-drift"])
+def test_a_sensor_that_counts_from_the_first_sample_does_so_from_the_recordings(id):
+    """One that begins after the plant read an encoder right a second before its first sample."""
+    rng = drawn_anew("first sample")
+    hidden = KNOWN[id](rng, drawn_machine(rng))
+    rolled = rng.normal(size=(400, 60)).cumsum(axis=0)
+    first = int(rng.integers(100, 300))
+    whole = hidden.sensor(rolled, hidden.nominal, first)[first:]
+    np.testing.assert_allclose(whole, hidden.sensor(rolled[first:], hidden.nominal, 0), atol=1e-12)
+
+
 def test_values_are_compared_with_sign_and_turn():
     ((t, v, s),) = _numbers("g", -0.02, {"value": 0.02, "sigma": 1e-3})
     assert (v - t) / s == pytest.approx(40)

@@ -171,7 +171,7 @@ def sensed(case: Drawn, out: np.ndarray, sizes: list[float], tops: np.ndarray) -
     """
     for h, x in zip(case.hidden, sizes, strict=True):
         if h.sensor is not None:
-            out = h.sensor(out, x)
+            out = h.sensor(out, x, round(case.cut * FINE))
         if h.limit is not None:
             out = h.limit(out, x, tops)
     if case.noise["fault"] == "clock":

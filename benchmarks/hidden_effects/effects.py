@@ -40,7 +40,7 @@ class Hidden:
     physics: Callable[[float], list[Change]] = _nothing
     machine: Callable[[float], dict[str, float]] | None = None  # factors of stated numbers
     command: Callable[[np.ndarray, float], np.ndarray] | None = None
-    sensor: Callable[[np.ndarray, float], np.ndarray] | None = None
+    sensor: Callable[[np.ndarray, float, int], np.ndarray] | None = None  # and the first row read
     limit: Callable[[np.ndarray, float, np.ndarray], np.ndarray] | None = None  # and tops of runs
     start: tuple[int, int] | None = None  # wheel and gap over which the runs begin
 
@@ -227,7 +227,7 @@ def _sensor_gain(rng, m):
     group, s = _group(rng), _sign(rng)
     columns = columns_of(group, m.wheels)
 
-    def gained(out, x):
+    def gained(out, x, first):
         out = out.copy()
         out[:, columns] *= 1 + s * x
         return out
@@ -240,7 +240,7 @@ def _sensor_time(id: str, key: str):
         group = _group(rng)
         columns = columns_of(group, m.wheels)
 
-        def late(out, x):
+        def late(out, x, first):
             if id == "sensor-delay":
                 return shifted(out, columns, x)
             return _some(out, columns, lagged(out, x))
@@ -260,8 +260,8 @@ def _drift(rng, m):
     (j, name), share = _channel(rng, m), rng.uniform(-1, 1)
     s, sigma = _sign(rng), plant.NOISE[name.split("_")[0]]
 
-    def drifting(out, x):
-        out, t = out.copy(), np.arange(len(out)) / FINE
+    def drifting(out, x, first):
+        out, t = out.copy(), (np.arange(len(out)) - first) / FINE
         out[:, j] += sigma * x * (share + s * t)
         return out
 
@@ -274,7 +274,7 @@ def _crosstalk(rng, m):
     a, b = rng.choice(3, 2, replace=False)
     matrix[a, b] = _sign(rng)
 
-    def crossed(out, x):
+    def crossed(out, x, first):
         out = out.copy()
         out[:, :3] += x * out[:, :3] @ matrix.T
         return out
@@ -300,7 +300,7 @@ def _clipped(rng, m):
 def _rectified(rng, m):
     j, name = _channel(rng, m)
 
-    def rectified(out, x):
+    def rectified(out, x, first):
         out = out.copy()
         out[:, j] = np.abs(out[:, j])
         return out
@@ -311,9 +311,9 @@ def _rectified(rng, m):
 def _eccentric(rng, m):
     (i, _), phase = _wheel(rng, m), rng.uniform(-np.pi, np.pi)
 
-    def eccentric(out, x):
+    def eccentric(out, x, first):
         out, theta = out.copy(), out[:, 3 + i]
-        out[:, 3 + i] = theta + x * (np.sin(theta + phase) - np.sin(theta[0] + phase))
+        out[:, 3 + i] = theta + x * (np.sin(theta + phase) - np.sin(theta[first] + phase))
         return out
 
     place = f"theta_{i + 1}"
