@@ -64,6 +64,7 @@ def ambiguous(turning):
         return diagnose(turning[0])
 
 
+@pytest.mark.full  # in the gate an axis: test_machine
 def test_what_the_runs_cannot_tell_apart_is_ambiguous_with_every_rival(ambiguous):
     assert ambiguous.verdict == "ambiguous"
     names = {(e.id, e.place) for e in ambiguous.effects}

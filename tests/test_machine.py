@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.linalg import expm
+from seeds import drawn_anew
 
 from omnijax import cli
 from omnijax.diagnosis import diagnose
@@ -218,6 +219,33 @@ def test_nothing_is_named_where_nothing_is_missing(tmp_path, sure):
         data.pop("uncertainty")
     found = diagnose(recorded(tmp_path, data, (), 5))
     assert (found.verdict, found.effects) == ("none", []), found
+
+
+def test_an_axis_at_one_speed_is_ambiguous_with_every_friction(tmp_path):
+    """It was `none`: its inertia, at the end of its range, was taken to explain all that was left;
+    a friction that was there stood behind by the colour of a noise as if the axis were at rest."""
+    rng, data = drawn_anew("one speed"), drawn(5)
+    data["uncertainty"] = {"axis.inertia": 0.1}
+    file, count, speed = parse_machine(data), 3000, float(rng.uniform(1, 4))
+    torque = float(rng.uniform(0.3, 1)) * float(file.machine.inertia)
+    laws = {"bearing-coulomb": {"torque": torque}, "bearing-viscous": {"b": torque / speed},
+            "torque-offset": {"torque": -torque}}  # fmt: skip
+    id = str(rng.choice(list(laws)))
+    u, start = np.full(count, torque), {"position": (0.0, speed)}
+    q = free_run(file.machine, (law(id, **laws[id]),), start, {"input": u}, STEP)["position"]
+    table = np.stack([np.arange(count) * STEP, u, q + 1e-5 * rng.normal(size=count)], 1)
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,input,position", comments="")
+    (tmp_path / "machine.toml").write_text(machine_text(file))
+    found = diagnose(read_machine_case(tmp_path))
+    assert found.verdict == "ambiguous" and found.next_experiment["separation"] > 25
+    names = {e.id for e in found.effects}
+    assert set(laws) <= names, (id, names)
+    for effect in found.effects:
+        assert {o["id"] for o in effect.indistinguishable_from} == names - {effect.id}
+    said = " ".join(found.notes)
+    assert "it changes too little to tell how it acts" in said
+    _, _, unseen = said.partition("change no measured channel in these runs: ")
+    assert "actuator-delay" in unseen and "stribeck" not in unseen
 
 
 MODEL = """

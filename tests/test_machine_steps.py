@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from seeds import drawn_anew
 
 from omnijax import cli
 from omnijax.diagnosis._ode.numbers import Numbers
@@ -11,6 +12,7 @@ from omnijax.diagnosis._ode.rows import OdeRun
 from omnijax.diagnosis._search import Effect, Point
 from omnijax.laws import AXIS_EFFECTS
 from omnijax.machine import (
+    Axis,
     LogFile,
     free_run,
     machine_text,
@@ -123,5 +125,20 @@ def test_free_runs_of_a_diagnosis_follow_the_ends_of_a_play():
     both = 1 / float(axis.inertia) + 1 / float(axis.second_inertia)
     for effects in ((), (effect,)):
         theta = numbers.vector(Point(np.zeros(0), effects))
-        steps = steps_for(np.asarray(slopes(theta)), STEP)
+        steps = steps_for(np.concatenate(slopes(theta)), STEP)
         assert steps > 0.9 * STEP * np.sqrt(float(axis.second_stiffness) * both) / EXACT
+
+
+def test_slopes_where_a_run_passes_are_not_those_at_rest():
+    """Of dry friction: half of its slope at rest was taken for the damping of a moving axis."""
+    rng = drawn_anew("slopes")
+    time, width = np.arange(COUNT) * STEP, float(rng.uniform(0.01, 0.05))
+    torque, speed = rng.uniform(0.1, 1), rng.uniform(2, 5)
+    law = AXIS_EFFECTS["bearing-coulomb"]
+    axis = Axis(1.0, damping=0.3)
+    run = OdeRun("log", "train", time, {"input": 0 * time}, {"position": speed * time}, 10.0)
+    numbers = Numbers(axis, [], [(law, "axis")])
+    effect = Effect("bearing-coulomb", "axis", {"torque": torque, "width": width})
+    moving, still = slopes_along(numbers, [run])(numbers.vector(Point(np.zeros(0), (effect,))))
+    np.testing.assert_allclose(moving[:, 1, 1], -0.3, rtol=1e-6)
+    np.testing.assert_allclose(still[:, 1, 1], -0.3 - torque / width, rtol=1e-6)

@@ -13,13 +13,15 @@ SURE, CLOSE = 0.12, 0.05  # half samples: error at most, and distance beside thr
 KNOTS = 7  # of the course of the acceleration over speed and over position
 SHARP = 0.02  # width of dry friction over the typical speed
 BLOCKS = 8  # parts of the rows, whose estimates scatter by the error of one
+ROUNDING = 1e-9  # of the input, below which what holding adds to it is rounding
 
 
 @dataclasses.dataclass(frozen=True)
 class InputHold:
     """How an input is to be read, `linear` or `held`, and the half samples by which it acts late.
 
-    A held input is 1 half sample late, one that is linear between samples 0; `sigma` is the error.
+    A held input is 1 half sample late, one that is linear between samples 0; `sigma` is the error,
+    infinite where the input does not change, so that nothing tells.
     """
 
     hold: str
@@ -35,6 +37,8 @@ class InputHold:
     @property
     def sentence(self) -> str:
         """The reading and what it is from."""
+        if not np.isfinite(self.sigma):
+            return f"{self.hold} between its samples (it changes too little to tell how it acts)"
         if self.late > 2:
             said = "far later than a sample"
         else:
@@ -74,6 +78,8 @@ def input_hold(logs: Sequence[LogSignals], turns: bool) -> InputHold:
         wanted.append(a)
     table, wanted = np.concatenate(tables), np.concatenate(wanted)
     late, slope, rest = _late(table, wanted)
+    if np.linalg.norm(table[:, 1]) <= ROUNDING * np.linalg.norm(table[:, 0]):
+        return InputHold("linear", 0.0, np.inf)
     size = slope @ slope
     shares = [slope[k] @ rest[k] / size for k in np.array_split(np.arange(len(rest)), BLOCKS)]
     sigma = float(np.sqrt(np.sum(np.square(shares))))

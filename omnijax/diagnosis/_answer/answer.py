@@ -214,14 +214,20 @@ def notes(
     if outcome.refused:
         who = JUDGES[evidence.confirmed_on].name
         said.append(f"Not confirmed by {who}: {', '.join(outcome.refused)}.")
-    taken = {e.name for e in outcome.fit.point.effects}  # a search may begin with effects
-    dead = {s.candidate.name for scan in outcome.scans[:1] for s in scan.scores if s.dead}
-    dead = sorted(dead - taken)
+    dead = unseen(outcome)
     if dead:
         said.append(
             f"These candidates change no measured channel in these runs: {', '.join(dead)}."
         )
     return said
+
+
+def unseen(outcome: SearchResult) -> list[str]:
+    """Names of the candidates of which no variant changes anything in the first scan."""
+    taken = {e.name for e in outcome.fit.point.effects}  # a search may begin with effects
+    scores = [s for scan in outcome.scans[:1] for s in scan.scores]
+    seen = {s.candidate.name for s in scores if not s.dead}
+    return sorted({s.candidate.name for s in scores} - seen - taken)
 
 
 TWINS = {  # effects that a part within its tolerance imitates, and what to list as uncertain

@@ -51,7 +51,7 @@ class RowEvaluation:
 
     def slopes(self, theta: np.ndarray) -> np.ndarray:
         """Slopes (m, n, n) of the rate at states that the runs pass."""
-        return np.asarray(self._slopes(jnp.asarray(theta)))
+        return np.asarray(self._slopes(jnp.asarray(theta))[0])
 
     def _table(self, program: int, which: Sequence[int], starts: Mapping | None,
                *tables: np.ndarray) -> np.ndarray:  # fmt: skip
@@ -104,7 +104,8 @@ class RowEvaluation:
         for k, theta in enumerate(thetas):
             key = theta.tobytes()
             if key not in known:
-                known[key] = steps_for(self.slopes(theta), step)
+                everywhere = self._slopes(jnp.asarray(theta))
+                known[key] = steps_for(np.concatenate(everywhere), step)
             counts[k] = known[key]
         return counts
 

@@ -38,7 +38,7 @@ class Programs:
         return self.rows[key]
 
     def slopes_along(self, numbers: Numbers, runs: Sequence[OdeRun]) -> Callable:
-        """Slopes of the rate at a vector of numbers, at states that the runs pass."""
+        """`slopes_along` of the first of these models."""
         self.slopes = self.slopes or slopes_along(numbers, runs)
         return self.slopes
 
@@ -81,39 +81,44 @@ def compiled(rows: Balance | FreeRun, only: frozenset[int] | None):
 
 
 def slopes_along(numbers: Numbers, runs: Sequence[OdeRun]) -> Callable:
-    """Slopes (m, n, n) of the rate at a vector of numbers, where the runs pass and at rest there.
+    """Slopes (m, n, n) of the rate at a vector of numbers: where the runs pass, and elsewhere.
 
-    A few instants are taken, of the first runs.  Of a machine that has states beside a position
-    and its speed they are those of its free runs as it is stated, and its own slopes there come
-    with them: a law that frees it inside a play says nothing of the play's ends.
+    A few instants are taken, of the first runs.  Elsewhere is at rest at the same places, where dry
+    friction is steep.  Of a machine that has states beside a position and its speed they are those
+    of its free runs as it is stated, and elsewhere are its own slopes there: a law that frees it
+    inside a play says nothing of the play's ends.
     """
-    states, inputs, hidden = [], [], len(numbers.machine.start({"position": (0.0, 0.0)})) > 2
+    moving, resting, hidden = [], [], len(numbers.machine.start({"position": (0.0, 0.0)})) > 2
     for run in runs[:PASSED]:
         some = max(2, INSTANTS // len(runs[:PASSED]))
         passed = _met(numbers, run, some) if hidden else _measured(numbers, run, some)
-        for i, state in passed:
-            states.append(state)
-            inputs.append({k: x[i] for k, x in run.inputs.items()})
-    stacked = {k: jnp.asarray([u[k] for u in inputs]) for k in inputs[0]}
-    met = jnp.asarray(np.array(states))
+        still = [] if hidden else _measured(numbers, run, some, still=True)
+        for here, states in ((moving, passed), (resting, still)):
+            here += [(x, {k: u[i] for k, u in run.inputs.items()}) for i, x in states]
+    met = jnp.asarray(np.array([x for x, _ in moving + resting]))
+    given = {k: jnp.asarray([u[k] for _, u in moving + resting]) for k in moving[0][1]}
 
     @jax.jit
     def slopes(theta):
-        return slopes_of(*numbers.build(theta), met, stacked)
+        made = slopes_of(*numbers.build(theta), met, given)
+        return made[: len(moving)], made[len(moving) :]
 
     if not hidden:
         return slopes
-    rest = slopes(jnp.asarray(numbers.rest_vector()))
-    return lambda theta: jnp.concatenate([slopes(theta), rest])
+    rest, _ = slopes(jnp.asarray(numbers.rest_vector()))
+    return lambda theta: (slopes(theta)[0], rest)
 
 
-def _measured(numbers: Numbers, run: OdeRun, some: int) -> list[tuple[int, np.ndarray]]:
-    """Samples of a run with the states measured there, moving and at rest."""
+def _measured(
+    numbers: Numbers, run: OdeRun, some: int, still: bool = False
+) -> list[tuple[int, np.ndarray]]:
+    """Samples of a run with the states measured there, or at rest at the same places."""
     q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
+    v = 0 * v if still else v
     return [
-        (i, np.array([float(x) for x in numbers.machine.start({"position": (q[i], speed)})]))
-        for i in np.linspace(0, len(q) - 1, some).astype(int) for speed in (v[i], 0.0)
-    ]  # fmt: skip
+        (i, np.array([float(x) for x in numbers.machine.start({"position": (q[i], v[i])})]))
+        for i in np.linspace(0, len(q) - 1, some).astype(int)
+    ]
 
 
 def _met(numbers: Numbers, run: OdeRun, some: int) -> list[tuple[int, np.ndarray]]:

@@ -152,6 +152,15 @@ def taken_up(J: np.ndarray, priors: int) -> np.ndarray:
     return left[:, values > 1e-9 * values[0]]
 
 
+def beside_taken(residual: np.ndarray, taken: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """What is left (rows,) of a residual beside all that the tangents could take up.
+
+    A fit leaves more where a number that takes it up stands at the end of its range.
+    """
+    top = taken[: len(residual)]
+    return residual - top @ (taken.T @ np.concatenate([residual, u]))
+
+
 class Scan:
     """Scores of all candidates, best first, and the angles between their projected signatures.
 

@@ -15,7 +15,7 @@ from .held_out import HeldOut, Trial
 from .model import AbstractModel, Effect, Point, to_project
 from .refits import Refits, chi2_of, residual_of, total_cost
 from .review import Review, Rival
-from .scan import Scan, Score, Signatures, chance, taken_up
+from .scan import Scan, Score, Signatures, beside_taken, chance, taken_up
 from .starts import (
     BEHIND,
     Start,
@@ -252,8 +252,9 @@ class Search:
         self.tell(f"{len(candidates)} candidates")
         signatures = Signatures(candidates, model.columns(fit.point, candidates))
         self.tell("scoring them")
-        scrambled = [model.shuffled(fit.residual, seed) for seed in range(self.settings.shuffles)]
-        spread = fit.chi2 / model.dof("train")
+        left = beside_taken(fit.residual, taken, u)
+        scrambled = [model.shuffled(left, seed) for seed in range(self.settings.shuffles)]
+        spread = float(left @ left) / model.dof("train")
         scan = signatures.scan(fit.residual, taken, u, scrambled, spread)
         return scan, signatures
 
