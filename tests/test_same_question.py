@@ -117,6 +117,20 @@ def dual_row():
     return parse_rig(rig_tables)
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [{"rate": 100.0}, {"rtol": 1e-5}, {"solver": "tsit5"}, {"max_steps": 9, "rtol": 1e-5}],
+)
+def test_settings_of_runs_are_refused_where_a_steady_state_is_asked_for(settings):
+    """All but the rate were taken, and the answer was that without them."""
+    vary = {"contact.stiffness": [1e5, 2e5]}
+    with pytest.raises(InputError) as told:
+        sweep("atlas", vary, speeds=[3.0, 5.1, 7.3], **settings)
+    assert set(told.value.problems) == {
+        f"`{name}` is that of a run, which has a `duration`: give both." for name in settings
+    }
+
+
 def test_what_varies_obeys_the_rules_of_several_keys():
     """A sweep gave figures of rigs whose files are refused: a sphere that falls through."""
     for vary, told in (

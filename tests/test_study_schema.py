@@ -39,7 +39,7 @@ def test_what_init_writes_is_valid_and_names_its_schema(kind):
 
 
 FULL = {
-    "rig": "atlas", "model": "coupled", "rtol": 1e-6,
+    "rig": "atlas", "model": "coupled", "duration": 0.5, "rate": 400, "rtol": 1e-6,
     "objective": {"weights": {"rms": 1.0, "peak": 0.5}, "over": "mean", "sigmas": 2},
     "drive": [{"name": "slow", "speed": [3.0, "30 rpm", 7.3], "force": [0, 0, "1 N"]}],
     "load": [{"name": "heavy", "set": {"sphere.mass": 300.0}}],
@@ -189,6 +189,8 @@ SPEEDS, TORQUES = "[[drive]]\nspeed = [3.0, 5.1, 7.3]", "[[drive]]\ntorque = [1.
      "`tolerance`: `wheel.mass` and `wheel.w2.mass` are of the same part."),
     (f"rate = 100\n{SPEEDS}", "design",
      "`rate` is that of a run, which has a `duration`: give both."),
+    (f"rtol = 1e-5\n{SPEEDS}", "design",
+     "study.toml: `rtol` is that of a run, which has a `duration`: give both."),
     (f'duration = 1\n{TORQUES}\n[[constraint]]\nquantity = "frequency_separation"\nmin = 1',
      "design", "`constraint.frequency_separation` needs constant speeds"),
     (f"{SPEEDS}\n[search]\nstochastic_steps = 9", "design",

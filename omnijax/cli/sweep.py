@@ -104,6 +104,9 @@ def sweep(
     if kind == "machine":
         kept = {k: getattr(place, k) for k in ("resume", "chunk", "workers", "scheduler")}
         kept |= {"plot": plot, "report": report, "gradient": sampling.gradient}
+        kept |= {"model": numerics.model != "coupled", "solver": numerics.solver != "auto"}
+        kept |= {"rtol": numerics.rtol, "max-steps": numerics.max_steps}
+        kept |= {"devices": place.devices != 1}
         refuse(kept | vars(motion), "sweep")
         return sweep_axis(rig, drive, vary, metric or "rms", sampling, place.out, overwrite, json)
     asked = asked_of(kind, rig, motion, drive, ("vary", vary), metric, numerics.model)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from .evaluation import Evaluation as Evaluation
     from .evaluation import checked_metrics as checked_metrics
     from .evaluation import samples_of as samples_of
+    from .evaluation import without_run as without_run
     from .fixed_steps import checked_after as checked_after
     from .fixed_steps import corners_of_box as corners_of_box
     from .fixed_steps import sample_to_check as sample_to_check

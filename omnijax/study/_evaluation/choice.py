@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..._errors import tell
+from ..._errors import InputError, tell
 from ...simulation import EXPONENTIAL, MAX_STEPS, RTOL, fixed_methods
 from .coarse import coarse_samples
 from .drives import apply
-from .evaluation import Evaluation, samples_of
+from .evaluation import Evaluation, samples_of, without_run
 from .fixed_steps import fine_enough, trial_designs
 from .methods import Question, choose, wheels_in_step
 
@@ -33,9 +33,15 @@ def evaluation_of(
     Runs have `rate` samples per s.  `solver`, `rtol` and `max_steps` are those of full simulations.
     `trial(evaluation, designs)` gives all figures (t, m) of trial designs (t, d) of the `ranges`;
     without it the question's own rig is tried.
-    Raises `InputError` where no method can honour the question.
+    Raises `InputError` where no method can honour the question, and for settings of runs where it
+    asks for a steady state.
     """
-    adaptive = solver != "auto" or (rtol, max_steps) != (None, None)
+    stepping = {
+        "solver": None if solver == "auto" else solver, "rtol": rtol, "max_steps": max_steps,
+    }  # fmt: skip
+    if wrong := without_run(question.duration, rate=rate, **stepping):
+        raise InputError(wrong)
+    adaptive = any(value is not None for value in stepping.values())
     times = samples_of(question.duration, rate)
     question = question._replace(
         adaptive=question.adaptive or adaptive, samples=None if times is None else len(times)

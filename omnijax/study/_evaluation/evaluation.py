@@ -155,14 +155,20 @@ def margin_status(normal_force, slip_margin):
     return xp.where(normal_force <= 0, Status.LIFT_OFF, slips)
 
 
+def without_run(duration: float | None, **settings: Any) -> list[str]:
+    """A sentence for each of `settings` (None: not given) of a run where no run is asked for."""
+    given = [name for name, value in settings.items() if value is not None and duration is None]
+    return [f"`{name}` is that of a run, which has a `duration`: give both." for name in given]
+
+
 def samples_of(duration: float | None, rate: float | None) -> np.ndarray | None:
     """Times (s) of a run's samples, those of `simulate`; None for steady states.
 
     Raises `InputError` for a duration or rate that gives less than 2 of them after the start.
     """
+    if wrong := without_run(duration, rate=rate):
+        raise InputError(wrong)
     if duration is None:
-        if rate is not None:
-            raise InputError("`rate` is that of a run, which has a `duration`: give both.")
         return None
     rate = RATE if rate is None else rate
     if wrong := not_above_zero(duration=duration, rate=rate):

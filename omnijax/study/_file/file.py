@@ -7,7 +7,7 @@ from typing import Any
 from ..._errors import InputError, tell
 from ..._reading import read_toml
 from ...rig import Rig, bundled_rigs, kind_of, load_rig
-from .._evaluation import drive_quantities
+from .._evaluation import drive_quantities, without_run
 from .._parameters import joint_problems, overlap_problems, overlaps, refit_remarks
 from .._problem import check_variables
 from .cases import cases, variables
@@ -61,6 +61,7 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
     fields |= search(read, top)
     limits = (constraint(read, block) for block in top.constraint)
     fields["constraints"] = tuple(limit for limit in limits if limit is not None)
+    read.problems += without_run(top.duration, rate=top.rate, rtol=top.rtol)
     if not read.problems:
         read.problems += _overlaps(rig, fields)
     if not read.problems:
