@@ -25,6 +25,7 @@ from omnijax.study._design.engine import Engine
 from omnijax.study._design.evolve import Rank, evolve, far_apart
 from omnijax.study._design.in_step import in_step
 from omnijax.study._design.judge import check_optimality
+from omnijax.study._design.notes import solver_note
 from omnijax.study._design.search import Adam
 from omnijax.study._study_folder import Folder
 from omnijax.vibration import peak, smooth_peak
@@ -238,6 +239,37 @@ def test_evolved_starts_are_feasible_and_apart():
 def test_as_many_searches_start_as_are_asked_for():
     """Of more than 64 starts there were 64, without a word."""
     assert len(Engine(BOUNDED, 100, 0).lanes.share) == 100
+
+
+@pytest.mark.parametrize("size", [1e-6, 1e3])
+def test_a_bound_of_zero_is_held_in_the_size_of_its_quantity(size):
+    """It was held to 1e-5 of a unit: `rms <= 0` passed at 10 um, and its price was of a metre."""
+    limits = tuple(Constraint("rms", high=0.0).limits(("rms",), "m", ""))
+    x = (Variable("x", -1.0, 1.0),)
+
+    def reached(least):
+        """x^2 under g = size (x - least): the limit is met from `least` downwards."""
+
+        def figures(x, _):
+            return ((x[0] - 1) ** 2)[None], size * (x - least)
+
+        return optimise(Problem(x, figures, limits), starts=2)
+
+    none, best = reached(-1.01), reached(0.5)
+    assert none.status == "infeasible"
+    assert f"`rms <= 0 m` is missed by {'10 nm' if size < 1 else '10 m'}" in none.reason
+    assert best.optimal and math.isclose(best.variables["x"], 0.5, rel_tol=1e-4)
+    assert math.isclose(best.prices["rms <= 0 m"], 1 / size, rel_tol=1e-3)
+
+
+def test_what_the_adaptive_solver_says_of_limits():
+    """A design without any was said to meet every one of them."""
+    best = optimise(BOUNDED, starts=1)
+    f, g = np.array([6.5]), np.array([0.0])
+    assert solver_note(BOUNDED, f, g, best).endswith(" %); it meets every limit.")
+    assert solver_note(BOUNDED, f, g + 0.25, best).endswith("`sum <= 0` is missed by 0.25.")
+    free = BOUNDED._replace(limits=())
+    assert solver_note(free, f, g[:0], best).endswith(" %).")
 
 
 def test_an_infeasible_start_is_said():

@@ -42,9 +42,8 @@ class Constraint:
         suffix = f" ({case})" if case else ""
         bound = self.high if self.low is None else self.low
         assert bound is not None
-        scale = abs(bound) if bound else 1.0
         sense = self.sense
-        return [Limit(n + suffix, sense * bound, scale, unit, sense) for n in names]
+        return [Limit(n + suffix, sense * bound, abs(bound), unit, sense) for n in names]
 
 
 class CaseResult(NamedTuple):

@@ -37,7 +37,10 @@ class Variable(NamedTuple):
 
 
 class Limit(NamedTuple):
-    """g <= bound, `scale` the size of g that matters; `sense` -1 where the user's form is >=."""
+    """g <= bound, `scale` the size of g that matters; `sense` -1 where the user's form is >=.
+
+    A scale of 0 stands for the size that g has where searches start: a bound of 0 says none.
+    """
 
     name: str
     bound: float

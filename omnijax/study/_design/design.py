@@ -51,8 +51,8 @@ def design(
     engine = Engine(problem, asked.starts, asked.seed, store)
     drawn = Adam(asked.stochastic, seed=asked.seed) if asked.stochastic else None
     ends = engine.all_ends(asked.batch, report, drawn)
-    best = make_design(problem, ends, size=engine.figures.size)
-    more, was = noted(asked, cases, best)
+    best = make_design(engine.problem, ends, size=engine.figures.size)
+    more, was = noted(asked, cases, engine.problem, best)
     said = (*best.notes, *start_note(engine), *more)
     return dataclasses.replace(best, notes=said, was=was)
 

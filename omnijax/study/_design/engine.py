@@ -41,9 +41,10 @@ class Engine:
 
     def __init__(self, problem: Problem, starts: int, seed: int, store: Folder | None = None):
         check_variables(problem.variables)
-        self.problem, self.starts, self.seed, self.store = problem, starts, seed, store
+        self.starts, self.seed, self.store = starts, seed, store
         self.figures = ProblemFigures(problem, seed)
-        self.search = DesignSearch(problem, self.figures.size)
+        self.problem = self.figures.problem
+        self.search = DesignSearch(self.problem, self.figures.size)
 
     @cached_property
     def lanes(self) -> Starts:

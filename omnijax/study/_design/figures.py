@@ -9,7 +9,7 @@ import numpy as np
 from ..._compiling import quick_jit
 from ..._errors import InputError
 from .._batches import each, in_batches, value_and_jacobian
-from .._problem import Problem
+from .._problem import Limit, Problem
 from .._range import Ranges
 from .evolve import Rank
 from .many import WIDTH
@@ -38,12 +38,24 @@ def values_of(problem: Problem) -> Callable[[np.ndarray], tuple[np.ndarray, np.n
     return lambda x: in_batches(compiled, x, WIDTH)
 
 
+def _with_scales(limits: tuple[Limit, ...], seen: list[SqpSlopes]) -> tuple[Limit, ...]:
+    """The limits, those without a scale with the median size of their g over designs seen."""
+    sizes = np.abs([s.g for s in seen]).T
+    medians = [float(np.median(x[np.isfinite(x)])) if np.isfinite(x).any() else 0.0 for x in sizes]
+    return tuple(
+        limit if limit.scale else limit._replace(scale=median or 1.0)
+        for limit, median in zip(limits, medians, strict=True)
+    )
+
+
 class ProblemFigures:
-    """f and g of a problem with their slopes; `size` is what f is measured in, `unit` the g."""
+    """f and g of a problem with their slopes; `size` is what f is measured in, `unit` the g.
+
+    Limits without a scale have in `self.problem` that of their g at the starts.
+    """
 
     def __init__(self, problem: Problem, seed: int):
         self.problem, self.scale = problem, Ranges.of(problem.variables)
-        self.unit = np.array([x.scale for x in problem.limits])
         self.bound = np.array([x.bound for x in problem.limits])
         self._slopes = quick_jit(self._with_slopes)
         self._known: dict[bytes, SqpSlopes] = {}
@@ -52,6 +64,8 @@ class ProblemFigures:
         seen = [s for s in seen if np.isfinite(s.f).all()]
         if not seen:
             raise InputError("the objective is not finite at any start: widen or move the bounds.")
+        self.problem = problem._replace(limits=_with_scales(problem.limits, seen))
+        self.unit = np.array([x.scale for x in self.problem.limits])
         sizes = [abs(self.combined(s.f)) for s in seen]
         if problem.floor and max(sizes) <= problem.floor:
             raise InputError(nothing_left(problem.name))

@@ -25,4 +25,4 @@ def optimise(
     """
     engine = Engine(problem, starts, seed, store)
     ends = engine.all_ends(batch, report, stochastic)
-    return make_design(problem, ends, size=engine.figures.size)
+    return make_design(engine.problem, ends, size=engine.figures.size)

@@ -11,6 +11,7 @@ from ..._errors import InputError
 from ..._text import quantity_text
 from ...rig import get_parameter
 from .._file import Study
+from .._problem import Problem
 from .answer import missed
 from .cases import RTOL, RigCases
 from .engine import Engine
@@ -72,13 +73,15 @@ class Exact:
         return values.max(axis=0) if self.study.over == "worst" else values.mean(axis=0)
 
 
-def noted(study: Study, cases: RigCases, best: Design) -> tuple[list[str], dict]:
+def noted(
+    study: Study, cases: RigCases, problem: Problem, best: Design
+) -> tuple[list[str], dict]:
     """The exact figures at the design in words, and `Design.was`: the rig as it was."""
     exact, unit = Exact(study, cases), best.unit
     x = np.array(list(best.variables.values()))
     values = exact(x)
     nominal, lines = values[:, 0], [cases.note] if cases.note else []
-    lines += _by_solver(study, cases, x, best)
+    lines += _by_solver(study, cases, problem, x, best)
     if len(nominal) > 1:
         worst = int(np.argmax(nominal))
         lines.append(
@@ -120,18 +123,26 @@ def as_it_was(study: Study, exact: Exact) -> np.ndarray:
     return Exact(plain, RigCases(plain))(np.zeros(0))[:, 0]
 
 
-def _by_solver(study: Study, cases: RigCases, x, best: Design) -> list[str]:
+def _by_solver(
+    study: Study, cases: RigCases, problem: Problem, x: np.ndarray, best: Design
+) -> list[str]:
     """What the adaptive solver says of a design that fixed steps found."""
     if cases.how.method != "fixed":
         return []
     sure = copy.copy(cases)
     sure.how = cases.how._replace(method="full", rtol=RTOL)
-    problem = rig_problem(study, sure)
-    f, g = (np.asarray(y) for y in quick_jit(problem.figures)(jnp.asarray(x), problem.extra))
+    figures = quick_jit(rig_problem(study, sure).figures)
+    f, g = (np.asarray(y) for y in figures(jnp.asarray(x), problem.extra))
+    return [solver_note(problem, f, g, best)]
+
+
+def solver_note(problem: Problem, f: np.ndarray, g: np.ndarray, best: Design) -> str:
+    """What figures f (k,) and g (c,) of a design by the adaptive solver say of it."""
     value = float(f.max() if problem.worst else f.mean())
-    bound = np.array([limit.bound for limit in problem.limits])
-    lines = missed(problem, g - bound) or ["it meets every limit"]
-    return [
+    held = " and ".join(missed(problem, g - np.array([x.bound for x in problem.limits])))
+    told = [
         f"the adaptive solver gives {quantity_text(value, best.unit)} for this design "
-        f"({100 * (value / best.objective - 1):+.1g} %); {' and '.join(lines)}."
+        f"({100 * (value / best.objective - 1):+.1g} %)"
     ]
+    told += [held or "it meets every limit"] if problem.limits else []
+    return f"{'; '.join(told)}."
