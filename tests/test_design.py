@@ -20,6 +20,7 @@ from omnijax._text import estimate, quantity_text
 from omnijax.rig import InputError
 from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, parse_study, trade_off
 from omnijax.study._constraints import CaseResult, Constraint, all_limits, all_values
+from omnijax.study._design.answer import make_design
 from omnijax.study._design.design import start_note
 from omnijax.study._design.engine import Engine
 from omnijax.study._design.evolve import Rank, evolve, far_apart
@@ -27,6 +28,7 @@ from omnijax.study._design.in_step import in_step
 from omnijax.study._design.judge import check_optimality
 from omnijax.study._design.notes import solver_note
 from omnijax.study._design.search import Adam
+from omnijax.study._design.sqp import SqpSlopes
 from omnijax.study._study_folder import Folder
 from omnijax.vibration import peak, smooth_peak
 
@@ -270,6 +272,44 @@ def test_what_the_adaptive_solver_says_of_limits():
     assert solver_note(BOUNDED, f, g + 0.25, best).endswith("`sum <= 0` is missed by 0.25.")
     free = BOUNDED._replace(limits=())
     assert solver_note(free, f, g[:0], best).endswith(" %).")
+
+
+def nowhere_finite(x, _):
+    """A limit whose figure is not finite, beside an objective that is."""
+    return ((x[0] - 1) ** 2)[None], jnp.array([x[0], jnp.log(-1 - x[0])])
+
+
+def test_what_is_not_finite_is_named():
+    """It was the objective, whatever it was."""
+    limits = Limit("share", 2.0, 1.0), Limit("logarithm", 3.0, 3.0)
+    problem = Problem((Variable("x", 0.0, 1.0),), nowhere_finite, limits)
+    with pytest.raises(InputError, match=r"^`logarithm <= 3` is not finite at any start: widen"):
+        optimise(problem, starts=1)
+
+    def no_objective(x, _):
+        return jnp.log(-1 - x[:1]), jnp.array([x[0], x[0]])
+
+    with pytest.raises(InputError, match=r"^the objective is not finite at any start"):
+        optimise(problem._replace(figures=no_objective), starts=1)
+    engine = Engine(problem._replace(figures=lambda x, _: (x[:1] ** 2, jnp.tile(x, 2))), 1, 0)
+    share = np.array([[0.5]])
+    for parts, said in (
+        (SqpSlopes(*map(np.array, ([1.0], [1.0, np.nan], [[1.0]], [[1.0], [np.nan]]))),
+         "`logarithm <= 3` is not finite there"),
+        (SqpSlopes(*map(np.array, ([np.nan], [1.0, 1.0], [[1.0]], [[1.0], [1.0]]))),
+         "the objective is not finite there"),
+        (SqpSlopes(*map(np.array, ([np.inf], [np.nan, 1.0], [[1.0]], [[1.0], [1.0]]))),
+         "the objective and `share <= 2` are not finite there"),
+        (SqpSlopes(*map(np.array, ([np.nan], [np.nan, np.nan], [[1.0]], [[1.0], [1.0]]))),
+         "no figure is finite there"),
+        (SqpSlopes(*map(np.array, ([1.0], [1.0, 1.0], [[1.0]], [[1.0], [np.inf]]))),
+         "the slopes of `logarithm <= 3` are not finite there"),
+    ):  # fmt: skip
+        engine.figures._known[share[0].tobytes()] = parts
+        lanes = engine.lanes._replace(share=jnp.asarray(share))
+        (end,) = check_optimality(engine.figures, lanes, share, [1])
+        assert (end.status, end.reason) == ("failed", said)
+        assert make_design(engine.problem, [end]).headline() == f"Nothing to build: {said}."
 
 
 def test_an_infeasible_start_is_said():

@@ -105,8 +105,8 @@ def test_commands_answer_and_refuse(tmp_path, capsys):
         (["sweep", str(path), "--drive", str(log), "--vary", "axis.inerta=1:2:3"], "axis.inertia"),
         (["sweep", str(path), "--drive", str(log), "--vary", "axis.inertia=1:2:3", "--speed", "1"],
          "--speed belongs to rigs"),
-        (["sweep", str(path), "--drive", str(log), "--vary", "axis.inertia=1:2:3", "--rtol", "1e-5"],
-         "--rtol belongs to rigs"),
+        (["sweep", str(path), "--drive", str(log), "--vary", "axis.inertia=1:2:3",
+          "--rtol", "1e-5"], "--rtol belongs to rigs"),
         (["sensitivity", str(path), "--drive", str(log), "--metric", "peek"], "peek"),
     ):  # fmt: skip
         assert cli.run(words) == 2

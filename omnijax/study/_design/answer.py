@@ -4,11 +4,11 @@ import math
 
 from ..._text import quantity_text
 from .._problem import Problem
+from .figures import limits_text
 from .judge import SearchEnd, best_of
 from .kkt import ACTIVE, FEASIBLE, ON_BOUND, STATIONARY
 from .result import Design
 
-NAMED = 4  # limits in a sentence
 SLIGHT = 1e-3  # of a bound in the least violation
 
 
@@ -69,11 +69,9 @@ def _dead_ends(problem: Problem, ends: list[SearchEnd], best: SearchEnd) -> list
         for i, limit in enumerate(problem.limits)
         if any(e.g[i] / limit.scale > FEASIBLE for e in short)
     ]
-    listed = ", ".join(f"`{name}`" for name in names[:NAMED])
-    listed += f" and {len(names) - NAMED} more limits" if len(names) > NAMED else ""
     return [
         f"{len(short)} of {len(ends)} searches ended short of a feasible design, held up by "
-        f"{listed}."
+        f"{limits_text(names)}."
     ]
 
 

@@ -1,6 +1,6 @@
 """The figures of a problem at shares of its ranges: compiled once, in one scale, checked."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +8,7 @@ import numpy as np
 
 from ..._compiling import quick_jit
 from ..._errors import InputError
+from ..._text import listed
 from .._batches import each, in_batches, value_and_jacobian
 from .._problem import Limit, Problem
 from .._range import Ranges
@@ -17,6 +18,7 @@ from .sqp import Scaled, SqpSlopes
 from .starts import start_shares
 
 SILENT = 1e-12
+NAMED = 4  # limits in a sentence
 
 
 def nothing_left(name: str) -> str:
@@ -25,6 +27,32 @@ def nothing_left(name: str) -> str:
         f"`{name}` is 0 in every design that was tried: under these drives nothing moves that "
         "it measures, so that no design is better than another."
     )
+
+
+def limits_text(names: Sequence[str]) -> str:
+    """Limits in a sentence, the first `NAMED` of them by name."""
+    more = [f"{len(names) - NAMED} more limits"] if len(names) > NAMED else []
+    return listed([*(f"`{name}`" for name in names[:NAMED]), *more])
+
+
+def not_finite(problem: Problem, f: np.ndarray, g: np.ndarray, what: str = "") -> str:
+    """Which figures are not finite, of f (k, ...) and g (c, ...), in words; empty where none is.
+
+    They are `what` of the objective and the limits, if not these.
+    """
+    limits = [
+        limit.text
+        for limit, of_limit in zip(problem.limits, g, strict=True)
+        if not np.isfinite(of_limit).all()
+    ]
+    objective = not np.isfinite(f).all()
+    if not objective and not limits:
+        return ""
+    if objective and limits and len(limits) == len(problem.limits) and not what:
+        return "no figure is finite"
+    told = listed(["the objective"] * objective + ([limits_text(limits)] if limits else []))
+    several = bool(what) or objective + len(limits) > 1
+    return f"{what}{told} {'are' if several else 'is'} not finite"
 
 
 def values_of(problem: Problem) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
@@ -61,9 +89,12 @@ class ProblemFigures:
         self._known: dict[bytes, SqpSlopes] = {}
         self._values = values_of(problem)
         seen = self.slopes(start_shares(problem, 8, seed))
-        seen = [s for s in seen if np.isfinite(s.f).all()]
-        if not seen:
-            raise InputError("the objective is not finite at any start: widen or move the bounds.")
+        f, g = (np.array([getattr(s, k) for s in seen]) for k in ("f", "g"))
+        usable = np.isfinite(f).all(axis=1)
+        once = np.where(np.isfinite(g).any(axis=0), 0.0, np.nan)
+        if lost := not_finite(problem, f[np.argmax(usable)], once):
+            raise InputError(f"{lost} at any start: widen or move the bounds.")
+        seen = [s for s, good in zip(seen, usable, strict=True) if good]
         self.problem = problem._replace(limits=_with_scales(problem.limits, seen))
         self.unit = np.array([x.scale for x in self.problem.limits])
         sizes = [abs(self.combined(s.f)) for s in seen]

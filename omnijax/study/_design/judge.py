@@ -5,7 +5,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from .figures import ProblemFigures
+from .._problem import Problem
+from .figures import ProblemFigures, not_finite
 from .kkt import FEASIBLE, DualPoint, Kkt, conditions, verdict
 from .search import Starts
 from .sqp import SqpSlopes
@@ -43,7 +44,10 @@ def check_optimality(
     for i, s in enumerate(figures.slopes(share)):
         value = float(figures.combined(s.f))
         kkt = _conditions(figures, share[i], s, limit[i], free[i])
-        status, reason = verdict(kkt, (value - better[i]) / figures.size)
+        if s.finite:
+            status, reason = verdict(kkt, (value - better[i]) / figures.size)
+        else:
+            status, reason = "failed", _lost(figures.problem, s)
         x = np.clip(figures.scale.value(jnp.asarray(share[i])), low, high)  # rounding leads past
         start = np.asarray(figures.scale.value(lanes.share[i]))
         ends.append(
@@ -51,6 +55,12 @@ def check_optimality(
                 status, reason, int(evaluations[i]))
         )  # fmt: skip
     return ends
+
+
+def _lost(problem: Problem, s: SqpSlopes) -> str:
+    """Which figures or slopes are not finite at a design."""
+    told = not_finite(problem, s.f, s.g) or not_finite(problem, s.df, s.dg, "the slopes of ")
+    return f"{told} there"
 
 
 def _on_bounds(figures: ProblemFigures, share, free, limit) -> np.ndarray:

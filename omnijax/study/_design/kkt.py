@@ -62,12 +62,10 @@ def conditions(point: DualPoint, free: np.ndarray, worst: bool, size: float) -> 
 
 
 def verdict(kkt: Kkt, better: float) -> tuple[str, str]:
-    """(status, reason): `optimal`, `infeasible` or `not optimal`.
+    """(status, reason) of finite figures: `optimal`, `infeasible` or `not optimal`.
 
     `better` is the relative gain of the best feasible neighbour that was tried.
     """
-    if not np.isfinite(kkt.residual):
-        return "failed", "the objective is not finite there"
     if kkt.violation > FEASIBLE:
         return "infeasible", "a constraint is violated"
     if kkt.residual > STATIONARY:

@@ -73,9 +73,7 @@ class Exact:
         return values.max(axis=0) if self.study.over == "worst" else values.mean(axis=0)
 
 
-def noted(
-    study: Study, cases: RigCases, problem: Problem, best: Design
-) -> tuple[list[str], dict]:
+def noted(study: Study, cases: RigCases, problem: Problem, best: Design) -> tuple[list[str], dict]:
     """The exact figures at the design in words, and `Design.was`: the rig as it was."""
     exact, unit = Exact(study, cases), best.unit
     x = np.array(list(best.variables.values()))

@@ -110,7 +110,7 @@ class Design(AbstractResult):
 
     def headline(self) -> str:
         """What to build, what it brings, and whether something better may exist."""
-        if self.status == "infeasible":
+        if self.status in {"infeasible", "failed"}:
             return f"Nothing to build: {self.reason}."
         given, old = [], self.was.get("variables", {})
         for name, value in self.variables.items():
