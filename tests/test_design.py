@@ -15,7 +15,7 @@ import pytest
 from scipy.optimize import brentq
 
 import omnijax
-from omnijax._errors import DataWarning
+from omnijax._errors import DataWarning, RunError
 from omnijax._text import estimate, quantity_text
 from omnijax.rig import InputError
 from omnijax.study import Design, Front, Limit, Problem, Variable, optimise, parse_study, trade_off
@@ -401,6 +401,45 @@ def test_front_against_the_closed_form():
     f = np.maximum(front.values - 1, 0.0)
     assert len(f) == 8 and set(front.status) == {"optimal"}
     assert np.allclose(np.sqrt(f).sum(axis=1), 2 * math.sqrt(2), rtol=2e-3)
+
+
+@pytest.mark.parametrize("flat", [0, 1, 2])
+def test_a_front_beside_a_metric_that_does_not_conflict(flat):
+    """Two metrics conflict over a, and the third has its least at b = 1 whatever a is: the three
+    were told not to conflict."""
+    others = tuple(m for m in range(3) if m != flat)
+
+    def figures(x, _):
+        a, b = x
+        f = jnp.array([(a - 1) ** 2, (a + 1) ** 2]) + (b - 1) ** 2 + 1
+        return jnp.insert(f, flat, (b - 1) ** 2 + 2), NO_LIMITS
+
+    variables, how = (Variable("a", -2.0, 2.5), Variable("b", -2.0, 2.5)), {"points": 5}
+    front = trade_off(Problem(variables, figures), ("f", "g", "h"), ("1",) * 3, starts=2, **how)
+    assert len(front.values) >= 7 and set(front.status) == {"optimal"}
+    off = np.sqrt(front.values[:, others] - 1).sum(axis=1) - 2
+    np.testing.assert_allclose(off, 0, atol=1e-5)
+    np.testing.assert_allclose(front.values[:, flat], 2, atol=1e-5)
+    assert str(front).count("do not compete here: one design is best in both") == 2
+
+    def alike(x, _):
+        return jnp.array([1.0, 2.0, 3.0]) * (1 + (x[0] - 1) ** 2), NO_LIMITS
+
+    with pytest.raises(RunError, match="f, g, h do not conflict: one design is best in all"):
+        trade_off(Problem(variables[:1], alike), ("f", "g", "h"), ("1",) * 3, starts=2, **how)
+
+
+def test_a_front_without_figures_is_told(monkeypatch):
+    """Its metrics were told not to conflict, or nothing was told of what is missing."""
+    module = importlib.import_module("omnijax.study._design.pareto")
+    monkeypatch.setattr(
+        module, "best_of",
+        lambda ends: ends[0]._replace(status="failed", reason="no figure is finite there"),
+    )  # fmt: skip
+    problem = Problem((Variable("a", -2.0, 2.5), Variable("b", -2.0, 2.5)), convex_pair)
+    message = r"no search for the least f or g ends in figures: no figure is finite there\."
+    with pytest.raises(RunError, match=message):
+        trade_off(problem, ("f", "g"), ("1", "1"), starts=1)
 
 
 def test_a_metric_that_is_zero_has_nothing_to_trade():

@@ -59,7 +59,7 @@ class Front(AbstractResult):
             lines.append(
                 f"from the design best in {one} to the one best in {other}, {one} rises by "
                 f"{up:.1f} % and {other} falls by {down:.1f} %"
-                if max(up, down) > ALIKE
+                if min(up, down) > ALIKE  # else one of the two designs is as good in both
                 else f"{one} and {other} do not compete here: one design is best in both, within "
                 f"{ALIKE:g} %"
             )

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._errors import InputError, RunError, tell
+from ..._text import listed
 from ...vibration import METRICS
 from .._constraints import all_limits
 from .._file import Study, study_of
@@ -75,16 +76,23 @@ def trade_off(
     alone = _pack(engine, np.tile(shares, (count, 1)), np.repeat(np.eye(count), starts, axis=0))
     ends = trace.solve(alone, "alone")
     best = [best_of(ends[m * starts : (m + 1) * starts]) for m in range(count)]
-    if all(e.status in {"infeasible", "failed"} for e in best):
+    if lost := [n for n, e in zip(metrics, best, strict=True) if e.status == "failed"]:
+        reason = next(e.reason for e in best if e.status == "failed")
+        raise RunError(f"no search for the least {listed(lost, 'or')} ends in figures: {reason}.")
+    if all(e.status == "infeasible" for e in best):
         raise RunError(conflict(engine.problem, best[0]) + ".")
     values = _metrics(best, count)
     low, high = values.min(axis=0), values.max(axis=0)
-    if np.any(high - low <= 1e-7 * np.abs(high)):
+    spanned = np.flatnonzero(high - low > 1e-7 * np.abs(high))
+    if len(spanned) < 2:  # the others are at their best wherever the searches ended
         raise RunError(f"{', '.join(metrics)} do not conflict: one design is best in all of them.")
-    mesh = _mesh(low, high, points, count)
-    lanes = _between(engine, best, mesh, low, high)
+    lead, *held = spanned
+    place = _mesh(held, points, count)
+    limits = np.full(place.shape, FREE) * np.maximum(high, 1e-300)
+    limits[:, held] = (low + place * (high - low))[:, held]
+    lanes = _between(engine, best, place, limits, int(lead))
     between = trace.solve(lanes, "between")
-    again = _again(trace, lanes, between, (mesh - low[1:]) / (high - low)[1:])
+    again = _again(trace, lanes, between, place)
     total = sum(e.evaluations for e in [*ends, *between, *again.values()])
     between = [again.get(i, e) for i, e in enumerate(between)]
     kept = [e for e in [*best, *between] if e.status in {"optimal", "not optimal"}]
@@ -167,22 +175,24 @@ def _metrics(ends: list[SearchEnd], count: int) -> np.ndarray:
     return np.array([e.g[:count] + e.limit[:count] for e in ends])
 
 
-def _mesh(low, high, points: int, count: int) -> np.ndarray:
-    """Inner limits on metrics 2 ... m, (p, m - 1)."""
-    axes = [np.linspace(low[m], high[m], points + 2)[1:-1] for m in range(1, count)]
-    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, count - 1)
+def _mesh(held: list[int], points: int, count: int) -> np.ndarray:
+    """Shares (p, m) of the metrics' spans inside of which those `held` stay; 1 of the others."""
+    inner = np.linspace(0.0, 1.0, points + 2)[1:-1]
+    axes = [inner if m in held else np.ones(1) for m in range(count)]
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, count)
 
 
-def _between(engine: Engine, best: list[SearchEnd], mesh, low, high) -> Starts:
-    """Searches between the ends of the front, from designs interpolated between them."""
+def _between(
+    engine: Engine, best: list[SearchEnd], place: np.ndarray, limits: np.ndarray, lead: int
+) -> Starts:
+    """Searches for the least of metric `lead` from designs interpolated between the ends."""
     count = len(best)
     d = len(best[0].share) - count
     ends = np.array([e.share[:d] for e in best])
-    near = 1 - (mesh - low[1:]) / (high - low)[1:]  # 1: metric m at its own best
-    mix = np.concatenate([np.clip(1 - near.sum(axis=1, keepdims=True), 0.0, None), near], axis=1)
+    mix = 1 - place  # 1: a held metric at its own best
+    mix[:, lead] = np.clip(1 - mix.sum(axis=1), 0.0, None)
     shares = (mix / mix.sum(axis=1, keepdims=True)) @ ends
-    weights = np.tile(np.eye(count)[0], (len(mesh), 1))
-    limits = np.concatenate([np.full((len(mesh), 1), FREE * max(high[0], 1e-300)), mesh], axis=1)
+    weights = np.tile(np.eye(count)[lead], (len(place), 1))
     return _pack(engine, np.clip(shares, 0.01, 0.99), weights, limits)
 
 
