@@ -1,5 +1,7 @@
 """Ctrl-C: heard at once, answered by the work, and obeyed whatever the work is doing.
 
+SIGTERM, by which a system or a scheduler asks a process to end, is the same with a code of its own.
+
 Python raises `KeyboardInterrupt` between two of its own steps.  While XLA compiles there is none,
 inside a callback of C++ the exception is dropped, and a library may break that is half loaded.  So
 a thread hears the signal as well: it asks again where the exception was held back or dropped, work
@@ -27,7 +29,7 @@ if TYPE_CHECKING:
 
 PATIENCE = 1.5  # s
 AGAIN = 0.05  # s between two tries to raise what was lost
-CODE = 130
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
 NOTHING = "Interrupted. Nothing more was written."
 
 
@@ -40,8 +42,14 @@ class _Heard:
         self.asking = threading.Lock()  # no `_insist` while the command ends
         self.said: Callable[[], str] = lambda: NOTHING
 
+    def hear(self, number: int, presses: int = 1) -> None:
+        """Note a signal, the first one by its number."""
+        _first.append(number)
+        self.count = max(self.count, presses)
+
 
 _now: list[_Heard] = []  # of the running command, if any
+_first: list[int] = []  # the signals that came while the latest command ran
 _last: list[Callable[[], None]] = []  # what has to be done before the process ends
 
 
@@ -53,17 +61,23 @@ def at_end(clean: Callable[[], None]) -> Callable[[], None]:
 
 @contextmanager
 def listening() -> Iterator[None]:
-    """Ctrl-C is heard inside; where signals cannot be had (a thread, no Unix) as Python does."""
+    """Ctrl-C is heard inside; where signals cannot be had (a thread, no Unix) as Python does.
+
+    In the background of a shell Ctrl-C is ignored, and SIGTERM is heard alone.
+    """
     main = threading.current_thread() is threading.main_thread()
-    deaf = sys.platform == "win32" or signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    if not main or deaf or _now:
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    heard_ones = [n for n, now in before.items() if now not in (signal.SIG_IGN, None)]
+    if not main or sys.platform == "win32" or not heard_ones or _now:
         yield
         return
     reading, writing = os.pipe()
     os.set_blocking(writing, False)
     heard = _Heard()
     _now.append(heard)
-    before = signal.signal(signal.SIGINT, _raise)
+    _first.clear()
+    for number in heard_ones:
+        signal.signal(number, _raise)
     wakeup = signal.set_wakeup_fd(writing, warn_on_full_buffer=False)
     hook, sys.unraisablehook = sys.unraisablehook, _dropped
     threading.Thread(target=_watch, args=(reading, heard), daemon=True).start()
@@ -74,7 +88,8 @@ def listening() -> Iterator[None]:
             heard.answered.set()
         sys.unraisablehook = hook
         signal.set_wakeup_fd(wakeup)
-        signal.signal(signal.SIGINT, before)
+        for number in heard_ones:
+            signal.signal(number, before[number])
         os.close(writing)  # the thread reads the end, and ends
         _now.clear()
 
@@ -82,6 +97,11 @@ def listening() -> Iterator[None]:
 def interrupted() -> bool:
     """Whether Ctrl-C was pressed while this command ran."""
     return any(heard.count for heard in _now)
+
+
+def exit_code() -> int:
+    """What an interrupted command ends with, as shells count: 130 of Ctrl-C, 143 of SIGTERM."""
+    return 128 + (_first[0] if _first else signal.SIGINT)
 
 
 def answer() -> None:
@@ -120,10 +140,10 @@ def resumable(text: Callable[[], str]) -> Iterator[None]:
         raise KeyboardInterrupt(text()) from None
 
 
-def _raise(_: int, frame: FrameType | None) -> None:
+def _raise(number: int, frame: FrameType | None) -> None:
     loading = _loading(frame)  # a library that is half loaded may crash
     for heard in _now:
-        heard.count = max(heard.count, 1)
+        heard.hear(number)
         heard.lost = loading
     if not loading and not any(heard.answered.is_set() for heard in _now):
         raise KeyboardInterrupt
@@ -150,9 +170,11 @@ def _watch(reading: int, heard: _Heard) -> None:
     """Hear the signals that the system writes into the pipe."""
     signals, insisting = 0, False
     while content := os.read(reading, 64):
-        signals += content.count(bytes([signal.SIGINT]))
+        ours = [number for number in content if number in SIGNALS]
+        signals += len(ours)
         presses = signals - heard.own
-        heard.count = max(heard.count, presses)
+        if ours:
+            heard.hear(ours[0], presses)
         if presses > 1:
             _end("Interrupted again: ended at once.")
         if presses and not insisting:
@@ -174,7 +196,7 @@ def _insist(heard: _Heard) -> None:
             if heard.lost and not heard.answered.is_set():
                 heard.lost = False
                 heard.own += 1
-                interrupt_main()  # `_raise` runs in the main thread, and looks where that is now
+                interrupt_main(_first[0])  # `_raise` runs in the main thread, and looks where that is now
 
 
 _hard: list[bool] = []
@@ -207,7 +229,7 @@ def _end(text: str) -> None:
     with suppress(Exception):
         os.write(2, f"{text}\n".encode())
     end_children()
-    os._exit(CODE)
+    os._exit(exit_code())
 
 
 def end_children() -> None:

@@ -161,18 +161,25 @@ def test_exit_codes(monkeypatch, capsys):
         code_of(ZeroDivisionError())
 
 
-def test_ctrl_c_in_a_real_process():
+@pytest.mark.parametrize(
+    ("number", "ending", "ignored"),
+    [(signal.SIGINT, 130, False), (signal.SIGTERM, 143, False), (signal.SIGTERM, 143, True)],
+    ids=["Ctrl-C", "SIGTERM", "SIGTERM in the background of a shell"],
+)
+def test_an_interruption_of_a_real_process(number, ending, ignored):
+    """SIGTERM ended it without a word."""
     # a test run in the background ignores Ctrl-C, and its children inherit that
-    code = "import signal, time; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    how = "SIG_IGN" if ignored else "default_int_handler"
+    code = f"import signal, time; signal.signal(signal.SIGINT, signal.{how}); "
     code += "from omnijax import cli; from omnijax.cli import _frame; _frame.build_app = lambda: "
     code += "lambda tokens: (print('up', flush=True), time.sleep(60)); cli.main()"
     with subprocess.Popen(
         [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None and process.stdout.readline() == "up\n"
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         _, err = process.communicate(timeout=120)
-    assert (process.returncode, err) == (130, "Interrupted. Nothing more was written.\n")
+    assert (process.returncode, err) == (ending, "Interrupted. Nothing more was written.\n")
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 
-from .._interrupts import CODE, NOTHING, ends_hard, leave, listening, raise_lost
+from .._interrupts import NOTHING, ends_hard, exit_code, leave, listening, raise_lost
 
 TYPE_CHECKING = False
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def main(tokens: list[str] | None = None) -> None:
                 leave(code)
     except KeyboardInterrupt:  # before the command began, or as it ended
         print(NOTHING, file=sys.stderr)
-        leave(CODE)
+        leave(exit_code())
     atexit.register(_deaf)
     sys.exit(code)
 

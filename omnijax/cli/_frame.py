@@ -19,13 +19,13 @@ from .. import __version__
 from .._consent import law_files
 from .._errors import DataWarning, InputError, RunError, brief, in_users_program, nearest
 from .._files import command
-from .._interrupts import NOTHING, answer, interrupted
+from .._interrupts import NOTHING, answer, exit_code, interrupted
 from ._options import read_force
 from ._plain import PLAIN
 from ._progress import waiting
 from ._tokens import flowing, understood
 
-OK, FAILED, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+OK, FAILED, BAD_INPUT = 0, 1, 2
 
 _DISK = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EFBIG)
 
@@ -48,7 +48,7 @@ COMMANDS: dict[str, tuple[str, ...]] = {  # section of the help -> its commands,
 }
 
 _EPILOGUE = (
-    "Exit codes: 0 done, 1 a run failed, 2 wrong input, 130 interrupted. "
+    "Exit codes: 0 done, 1 a run failed, 2 wrong input, 130 interrupted, 143 by SIGTERM. "
     "Law files that a rig names are programs: each runs only once you have allowed its content, in "
     "answer to a question or by --trust-laws with any command. "
     "Every command explains itself: omnijax COMMAND --help, or omnijax help COMMAND. "
@@ -99,14 +99,14 @@ def run(tokens: list[str] | None = None) -> int:
         return code if isinstance(code, int) else OK
     except KeyboardInterrupt as interrupt:
         answer()
-        return _say(str(interrupt) or NOTHING, INTERRUPTED)
+        return _say(str(interrupt) or NOTHING, exit_code())
     except BrokenPipeError:  # the reader, `head` say, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except Exception as error:
         if interrupted():  # a library made another error of it
             answer()
-            return _say(NOTHING, INTERRUPTED)
+            return _say(NOTHING, exit_code())
         said = _told(error)
         if said is None:  # a fault of ours is not hidden
             raise
