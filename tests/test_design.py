@@ -641,6 +641,19 @@ def test_a_wrong_weight_is_told_once():
         assert list(told.value.problems) == [said]
 
 
+def test_what_is_missing_is_told_beside_what_is_wrong():
+    """A load of the name `overdrive` that was wrong hid that the study has no drive."""
+    wrong = {"rig": "atlas", "load": [{"name": "overdrive", "set": {"sphere.mass": -1}}]}
+    with pytest.raises(InputError) as told:
+        parse_study(wrong)
+    first, second = told.value.problems
+    assert first.startswith("`load.overdrive.set.sphere.mass` must lie")
+    assert second.startswith("a study needs at least one [[drive]]")
+    with pytest.raises(InputError) as told:  # its block was there, and is told of
+        parse_study({"rig": "atlas", "drive": 5})
+    assert len(told.value.problems) == 1
+
+
 def test_all_problems_of_a_study_at_once():
     with pytest.raises(InputError) as caught:
         objective, search = {"metric": "rmss"}, {"starts": 0}

@@ -29,7 +29,7 @@ def cases(read: Reader, rig: Rig, top: StudyTable) -> dict[str, Any]:
         twice = dict.fromkeys(n for n in names if names.count(n) > 1)
         for n in twice:
             read.say(f"two [[{kind}]] tables are named `{n}`: give each a name of its own.")
-    if not drives and not any("drive" in text for text in read.problems):
+    if not drives and not read.lost("drive"):
         read.say(
             "a study needs at least one [[drive]] with `speed`, one number a wheel, or `omega`."
         )

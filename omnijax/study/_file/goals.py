@@ -25,7 +25,7 @@ def objective(read: Reader, table: Objective) -> dict[str, Any]:
     if {"metric", "weights"} <= table.model_fields_set:
         read.say("`objective` takes either `metric` or `weights`, not both.")
     weights = {table.metric: 1.0} if table.weights is None else table.weights
-    if not weights and not any("`objective.weights." in text for text in read.problems):
+    if not weights and not read.lost("objective", "weights"):
         read.say("`objective.weights` names no metric.")
     where = "objective.metric" if table.weights is None else "objective.weights"
     pairs = tuple((_metric(read, name, where), weight) for name, weight in weights.items())

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import BaseModel, ValidationError
 
@@ -11,13 +11,25 @@ from ...vibration import metric_problem
 from .schema import StudyTable
 
 
-def checked(data: Mapping[str, Any]) -> tuple[StudyTable, list[str]]:
-    """The entries of `data` that are well-formed, and one sentence for each of the others."""
-    kept, problems = copy.deepcopy(dict(data)), []
+Place = tuple[str | int, ...]  # keys and indices that lead to an entry
+
+
+class Checked(NamedTuple):
+    """The entries of a file that are well-formed; sentences on the others, and where they stood."""
+
+    table: StudyTable
+    problems: list[str]
+    dropped: list[Place]
+
+
+def checked(data: Mapping[str, Any]) -> Checked:
+    """The entries of `data` that are well-formed, and what is wrong with the others."""
+    kept, problems, dropped = copy.deepcopy(dict(data)), [], []
     again = False
     while True:
         try:
-            return StudyTable.model_validate(kept), list(dict.fromkeys(problems))
+            table = StudyTable.model_validate(kept)
+            return Checked(table, list(dict.fromkeys(problems)), dropped)
         except ValidationError as error:
             wrong = error.errors()
         # what is taken away can leave something else incomplete: that is not the user's
@@ -26,6 +38,7 @@ def checked(data: Mapping[str, Any]) -> tuple[StudyTable, list[str]]:
         places = {_wrong_place(kept, x) for x in wrong}  # a block may lack several keys
         for place in sorted(places, key=_order, reverse=True):
             _remove(kept, place)
+            dropped.append(place)
         again = True
 
 
