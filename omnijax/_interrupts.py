@@ -196,7 +196,9 @@ def _insist(heard: _Heard) -> None:
             if heard.lost and not heard.answered.is_set():
                 heard.lost = False
                 heard.own += 1
-                interrupt_main(_first[0])  # `_raise` runs in the main thread, and looks where that is now
+                interrupt_main(
+                    _first[0]
+                )  # `_raise` runs in the main thread, and looks where that is now
 
 
 _hard: list[bool] = []

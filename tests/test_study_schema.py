@@ -1,6 +1,7 @@
 """The JSON Schema of study files accepts what the reader accepts, and both refuse the same."""
 
 import copy
+import json
 import re
 import tomllib
 from pathlib import Path
@@ -215,3 +216,54 @@ def test_no_variable_is_suggested_that_cannot_vary(path):
     suggested = re.findall(r"Did you mean `(.*?)`", str(told.value))
     rig = load_rig("atlas")
     assert all(may_vary(rig, parameter_info(rig, known)) for known in suggested)
+
+
+def test_check_shows_what_a_design_would_evaluate(tmp_path, capsys):
+    """Loads, forces, the length of runs, bounds of constraints and cases were left out."""
+    file = tmp_path / "study.toml"
+    file.write_text(f"""
+rig = "atlas"
+duration = 0.2
+rtol = 1e-5
+{SPEEDS}
+force = [0, 0, 5]
+[[load]]
+[[load]]
+name = "heavy"
+set = {{"sphere.mass" = 300}}
+[[constraint]]
+quantity = "preload"
+min = 5
+max = 2000
+[tolerance]
+"wheel.roundness" = 0.1
+[limit]
+metric = "rms"
+max = "1 mm"
+""")
+    assert run(["check", str(file)]) == 0
+    first, *lines = capsys.readouterr().out.splitlines()
+    assert first.endswith("A study of a rig with 3 wheels.")
+    assert lines == [
+        "drive 1: speed 3 rad/s, 5.1 rad/s, 7.3 rad/s; force 0 N, 0 N, 5 N",
+        "load 1: the rig as it is",
+        "load heavy: sphere.mass 300 kg",
+        "of runs of 0.2 s, 500 samples a second, rtol 1e-05",
+        "judges by worst rms of 2 cases",
+        "holds preload >= 5 N, preload <= 2000 N",
+        "tolerances: wheel.roundness ± 10 %; 16 draws, worst",
+        "limit of tolerances: rms not over 1 mm",
+    ]
+    file.write_text(
+        f'rig = "atlas"\nmodel = "paper"\n{SPEEDS}\n[pareto]\nmetrics = ["rms", "peak"]'
+    )
+    assert run(["check", str(file)]) == 0
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "drive 1: speed 3 rad/s, 5.1 rad/s, 7.3 rad/s",
+        "of the steady state: no duration is given, paper model",
+        "judges by rms",
+        "front of rms, peak",
+    ]
+    assert run(["check", str(file), "--json"]) == 0
+    summary = json.loads(capsys.readouterr().out)
+    assert (summary["duration"], summary["loads"]) == (None, {"as built": {}})

@@ -71,41 +71,100 @@ def _of_study(path: str, typed: dict[str, Any]) -> AskedStudy:
 
 
 def study_summary(path: str) -> dict[str, Any]:
-    """What a study file varies and judges by; `InputError` with every problem at once."""
-    from ..study import check_study, load_study
+    """What `design` would take a study file for; `InputError` with every problem at once."""
+    from ..rig import parameter_info
+    from ..study import check_study, load_study, objective_text
+    from ..vibration import METRICS
 
     study = load_study(path)
     check_study(study)
+    limit = study.limit
     return {
         "wheels": list(study.rig.names),
+        "model": study.model,
+        "duration": study.duration,
+        "rate": study.rate,
+        "rtol": study.rtol,
         "drives": {case.name: {case.kind: list(case.values)} for case in study.drives},
-        "loads": [load.name for load in study.loads],
+        "forces": {case.name: list(case.force) for case in study.drives},
+        "loads": {load.name: dict(load.values) for load in study.loads},
         "variables": {v.name: {"low": v.low, "high": v.high, "unit": v.unit}
                       for v in study.variables},
+        "objective": objective_text(study)[0],
         "weights": dict(study.weights),
-        "constraints": [limit.quantity for limit in study.constraints],
+        "over": study.over,
+        "constraints": [side.text for wanted in study.constraints for side in wanted.sides],
         "tolerances": dict(study.tolerances),
+        "spread": study.spread,
+        "draws": study.draws,
+        "pareto": list(study.pareto),
+        "limit": None if limit is None else dict(
+            zip(("metric", "max", "rise", "unit"), (*limit, METRICS[limit[0]].unit), strict=True)
+        ),
+        "units": {p: parameter_info(study.rig, p).unit for x in study.loads for p, _ in x.values},
     }  # fmt: skip
 
 
 def study_lines(path: str, summary: dict[str, Any]) -> Iterator[str]:
     """The same for people."""
-    from .._text import quantity_text
-
     wheels = len(summary["wheels"])
     yield f"{path}: right. A study of a rig with {wheels} wheel{'s' * (wheels > 1)}."
+    for line in (*_cases(summary), *_goals(summary)):
+        yield paragraph(line, "  ")
+
+
+def _cases(summary: dict[str, Any]) -> Iterator[str]:
+    """Drives and loads, for how long, and what varies."""
+    from .._text import quantity_text
+
     for name, drive in summary["drives"].items():
         kind, values = next(iter(drive.items()))
         unit = "rad/s" if kind == "speed" else "N m"
         told = ", ".join(quantity_text(x, unit) for x in values)
-        said = name if name.startswith("drive") else f"drive {name}"
-        yield paragraph(f"{said}: {kind} {told}", "  ")
+        force = summary["forces"][name]
+        pushed = f"; force {', '.join(quantity_text(x, 'N') for x in force)}" if any(force) else ""
+        yield f"{name if name.startswith('drive') else f'drive {name}'}: {kind} {told}{pushed}"
+    for name, values in summary["loads"].items():
+        told = [f"{p} {quantity_text(x, summary['units'][p])}" for p, x in values.items()]
+        if told or len(summary["loads"]) > 1:
+            said = name if name.startswith("load") else f"load {name}"
+            yield f"{said}: {', '.join(told) or 'the rig as it is'}"
+    yield _length(summary)
     for name, v in summary["variables"].items():
         low, high = (quantity_text(v[key], v["unit"]) for key in ("low", "high"))
-        yield paragraph(f"varies {name} from {low} to {high}", "  ")
-    yield paragraph(f"judges by {', '.join(summary['weights'])}", "  ")
+        yield f"varies {name} from {low} to {high}"
+
+
+def _length(summary: dict[str, Any]) -> str:
+    """The steady state, or runs of what length."""
+    from .._text import quantity_text
+    from ..simulation import RATE
+
+    model = "" if summary["model"] == "coupled" else f", {summary['model']} model"
+    if summary["duration"] is None:
+        return f"of the steady state: no duration is given{model}"
+    rate = f"{summary['rate'] or RATE:g} samples a second"
+    rtol = "" if summary["rtol"] is None else f", rtol {summary['rtol']:g}"
+    return f"of runs of {quantity_text(summary['duration'], 's')}, {rate}{rtol}{model}"
+
+
+def _goals(summary: dict[str, Any]) -> Iterator[str]:
+    """What designs are judged by and held to."""
+    from .._text import quantity_text
+
+    cases = len(summary["drives"]) * len(summary["loads"])
+    yield f"judges by {summary['objective']}{f' of {cases} cases' if cases > 1 else ''}"
     if summary["constraints"]:
-        yield paragraph(f"holds {', '.join(summary['constraints'])}", "  ")
+        yield f"holds {', '.join(summary['constraints'])}"
     if summary["tolerances"]:
         pairs = (f"{k} ± {100 * v:g} %" for k, v in summary["tolerances"].items())
-        yield paragraph(f"tolerances: {', '.join(pairs)}", "  ")
+        yield f"tolerances: {', '.join(pairs)}; {summary['draws']} draws, {summary['spread']}"
+    if summary["pareto"]:
+        yield f"front of {', '.join(summary['pareto'])}"
+    if limit := summary["limit"]:
+        most = (
+            f"over {100 * limit['rise']:g} % above the nominal rig's"
+            if limit["max"] is None
+            else (f"over {quantity_text(limit['max'], limit['unit'])}")
+        )
+        yield f"limit of tolerances: {limit['metric']} not {most}"

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ._design import design as design
     from ._design import design_problem as design_problem
     from ._design import designed_rig as designed_rig
+    from ._design import objective_text as objective_text
     from ._design import optimise as optimise
     from ._design import pareto as pareto
     from ._design import trade_off as trade_off

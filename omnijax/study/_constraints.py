@@ -37,6 +37,13 @@ class Constraint:
         """1 where one side holds values from above, -1 where it does from below."""
         return 1 if self.low is None else -1
 
+    @property
+    def text(self) -> str:
+        """One side of it in words."""
+        kind = QUANTITIES.get(self.quantity)
+        unit = kind.unit if kind else METRICS[self.quantity].unit
+        return self.limits((self.quantity,), unit, "")[0].text
+
     def limits(self, names: tuple[str, ...], unit: str, case: str) -> list[Limit]:
         """The limits of one side on the entries `names`, as g <= bound; g is `sense` the entry."""
         suffix = f" ({case})" if case else ""

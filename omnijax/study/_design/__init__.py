@@ -10,3 +10,4 @@ from .generic import optimise as optimise
 from .pareto import pareto as pareto
 from .pareto import trade_off as trade_off
 from .result import Design as Design
+from .rig import objective_text as objective_text

@@ -10,7 +10,6 @@ from ..._problems import sentence
 from ...vibration import metric_problem
 from .schema import StudyTable
 
-
 Place = tuple[str | int, ...]  # keys and indices that lead to an entry
 
 
