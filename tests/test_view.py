@@ -3,6 +3,9 @@
 import functools
 import json
 import re
+import signal
+import subprocess
+import sys
 import threading
 import time
 
@@ -354,3 +357,23 @@ def test_the_page_answers_only_itself(kind):
     assert page.status_code == 200 and page.headers["x-frame-options"] == "DENY"
     policy = page.headers["content-security-policy"]
     assert "default-src 'none'" in policy and "frame-ancestors 'none'" in policy
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_one_signal_ends_the_page(number):
+    """The server raised it once more, which counted as a second one: "ended at once"."""
+    pytest.importorskip("uvicorn")
+    code = "import signal, time; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+    code += "from omnijax._interrupts import listening; from omnijax.view import serve\n"
+    code += "with listening():\n    try:\n        serve({}, {}, port=0, browser=False)\n"
+    code += "    finally:\n        time.sleep(0.3)\n"
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        while "Ctrl-C ends it" not in process.stdout.readline():
+            assert process.poll() is None
+        time.sleep(1.0)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=60)
+    assert "KeyboardInterrupt" in err and "again" not in err

@@ -46,7 +46,10 @@ def serve(
         webbrowser.open(address)
     hosts = LOOPBACK if host in LOOPBACK else ("*",)
     config = uvicorn.Config(explore_app(panels, hosts), log_level="warning", lifespan="off")
-    uvicorn.Server(config).run(sockets=[listener])
+    server = uvicorn.Server(config)
+    # its own handlers raise a signal once more as they end: it would count as a second Ctrl-C
+    server.capture_signals = contextlib.nullcontext  # pyright: ignore[reportAttributeAccessIssue]
+    server.run(sockets=[listener])
 
 
 def _listen(host: str, port: int) -> socket.socket:

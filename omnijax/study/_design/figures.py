@@ -90,7 +90,7 @@ class ProblemFigures:
         self._values = values_of(problem)
         seen = self.slopes(start_shares(problem, 8, seed))
         f, g = (np.array([getattr(s, k) for s in seen]) for k in ("f", "g"))
-        usable = np.isfinite(f).all(axis=1)
+        usable = np.asarray(np.isfinite(f).all(axis=1))
         once = np.where(np.isfinite(g).any(axis=0), 0.0, np.nan)
         if lost := not_finite(problem, f[np.argmax(usable)], once):
             raise InputError(f"{lost} at any start: widen or move the bounds.")

@@ -86,11 +86,11 @@ def trade_off(
     spanned = np.flatnonzero(high - low > 1e-7 * np.abs(high))
     if len(spanned) < 2:  # the others are at their best wherever the searches ended
         raise RunError(f"{', '.join(metrics)} do not conflict: one design is best in all of them.")
-    lead, *held = spanned
+    lead, *held = spanned.tolist()
     place = _mesh(held, points, count)
     limits = np.full(place.shape, FREE) * np.maximum(high, 1e-300)
     limits[:, held] = (low + place * (high - low))[:, held]
-    lanes = _between(engine, best, place, limits, int(lead))
+    lanes = _between(engine, best, place, limits, lead)
     between = trace.solve(lanes, "between")
     again = _again(trace, lanes, between, place)
     total = sum(e.evaluations for e in [*ends, *between, *again.values()])

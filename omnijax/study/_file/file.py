@@ -44,8 +44,8 @@ def parse_study(data: Mapping[str, Any], path: str | Path | None = None) -> Stud
         raise InputError(
             f'is a rig file, not a study file: a study names it with rig = "{path}".', path
         )
-    top, *wrong = checked(data)
-    read = Reader(*wrong)
+    top, problems, dropped = checked(data)
+    read = Reader(problems, dropped)
     if not top.rig:  # its numbers speak of no machine
         missing = [] if "rig" in data else [NO_RIG.format(", ".join(bundled_rigs()))]
         raise InputError(missing + read.problems, path)
