@@ -196,9 +196,8 @@ def _insist(heard: _Heard) -> None:
             if heard.lost and not heard.answered.is_set():
                 heard.lost = False
                 heard.own += 1
-                interrupt_main(
-                    _first[0]
-                )  # `_raise` runs in the main thread, and looks where that is now
+                # `_raise` runs in the main thread, and looks where that is now
+                interrupt_main(signal.Signals(_first[0]))
 
 
 _hard: list[bool] = []
