@@ -448,3 +448,40 @@ def test_a_law_whose_memory_is_strange_is_told(case, place):
         else:
             placed = (PlacedLaw(law, "axis"),)
             Ports(placed, resting(placed))("shaft", "axis", laws.ShaftSignal(*jnp.ones(4)))
+
+
+BELOW = {  # a law below one of the library's -> its place, numbers, and what it makes of the former
+    laws.ContactRelaxation: ("all", {"K1": 4e4, "tau": 0.02},
+                             lambda first, signal, _: first + 1e12 * signal.deflection**3),
+    laws.FloorVibration: ("platform", {"amplitude": 2.0, "frequency": 7.0, "phase": 0.1,
+                                       "direction": [1.0, 0.0, 0.0]},
+                          lambda first, signal, _: first * (1 + jnp.sin(9 * signal))),
+    laws.WheelRunout: ("w1", {"amplitude": 5e-5, "phase": 0.2},
+                       lambda first, signal, _: first * jnp.cos(3 * signal)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("above", BELOW)
+def test_a_law_below_one_of_the_library_is_a_law_of_its_own(above):
+    """The closed form took it for the library's: figures of another law without a word."""
+    place, numbers, formula = BELOW[above]
+
+    class Own(above):
+        """What the library's law gives, changed."""
+
+        id = "own"
+
+        def __call__(self, signal, more=None):
+            return formula(super().__call__(signal, more), signal, more)
+
+    rig = omnijax.load_rig("atlas").add(
+        Own(**{name: jnp.asarray(x) for name, x in numbers.items()}), place
+    )
+    with pytest.raises(ValueError, match=r"law `own` has no closed form here"):
+        omnijax.steady_state(rig, jnp.array([0.1, 1.2, 0.3]))
+    run, stepped = (
+        omnijax.simulate(rig, jnp.array([3.0, 4.0, 5.0]), 0.2, solver=solver)
+        for solver in ("auto", "exponential")
+    )
+    assert run.method != "exact"
+    np.testing.assert_allclose(run.dR, stepped.dR, rtol=0, atol=1e-8)

@@ -25,7 +25,7 @@ def _acting(rig: Rig, group: str) -> list[Placed]:
         if placed.group != group:
             continue
         at = len(out)
-        while isinstance(placed.law, SensorDelay) and at and _momentary(out[at - 1].law):
+        while type(placed.law) is SensorDelay and at and _momentary(out[at - 1].law):
             at -= 1
         out.insert(at, placed)
     return out

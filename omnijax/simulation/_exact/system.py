@@ -27,6 +27,7 @@ from ...dynamics import (
     solve_all,
 )
 from ...laws import (
+    EFFECTS,
     ContactRelaxation,
     DamagedRoller,
     FloorVibration,
@@ -92,8 +93,11 @@ def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     if model == "paper":  # what only turns the sphere does not enter its translation there
         known |= {"sphere": object, "rolling": object}
     for placed in rig.effects:
-        if not isinstance(placed.law, known.get(placed.law.port, ())):
-            return f"law `{placed.law.id}` is not linear in the elastic state"
+        kinds = known.get(placed.law.port, ())
+        if kinds is not object and type(placed.law) not in kinds:  # one below them is another law
+            own = EFFECTS.get(placed.law.id) is not type(placed.law)
+            linear = "is not linear in the elastic state"
+            return f"law `{placed.law.id}` {'has no closed form here' if own else linear}"
     return None if model == "paper" else _turning_obstacle(rig)
 
 
