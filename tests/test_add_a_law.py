@@ -134,6 +134,11 @@ WAYS = {  # of a class's head, its lines, and what stands before it
     "a list of places": ("", "laws.AbstractMount", "places = ['wheel']"),
     "no field": ("", "laws.AbstractMount", "parameters = {'j': laws.Parameter('N')}"),
     "no port": ("", "laws.AbstractMount", "port = 'spring'"),
+    "optional": ("", "laws.AbstractMount",
+                 "j: float = 2.0\n    parameters = {'k': laws.Parameter('N'), "
+                 "'j': laws.Parameter('N', optional=True)}"),
+    "optional of no value": ("", "laws.AbstractMount",
+                             "parameters = {'k': laws.Parameter('N', optional=True)}"),
 }  # fmt: skip
 
 
@@ -162,7 +167,7 @@ class Mine({base}):
         except omnijax.InputError as error:
             answers.append(str(error))
     assert answers[0] == answers[1]
-    refused = way in ("a list of places", "no field", "no port")
+    refused = way in ("a list of places", "no field", "no port", "optional of no value")
     assert isinstance(answers[0], str) == refused, answers[0]
 
 
@@ -186,6 +191,19 @@ def test_a_declaration_that_is_no_plain_value_is_told(line, said, tmp_path):
     path.write_text(f"class A(AbstractMount):\n    id = 'a'\n    {line}\n", encoding="utf-8")
     with pytest.raises(omnijax.InputError, match=said):
         declared_laws(path)
+
+
+def test_a_value_that_a_rig_file_must_give_is_saved(tmp_path):
+    """Where it was the class's own value it was left out: a sweep then said that it is missing."""
+    path = tmp_path / FILE
+    text = LAW.replace('d: Float[Array, ""]', 'd: Float[Array, ""] = 2.0')
+    for ending, optional in (("linear=True", False), ("linear=True, optional=True", True)):
+        path.write_text(text.replace("linear=True", ending), encoding="utf-8")
+        (law,) = omnijax.load_laws(path).values()
+        rig = omnijax.load_rig("atlas").add(law(jnp.asarray(2.0)), "w1")
+        omnijax.save_rig(rig, tmp_path / "rig.toml")
+        assert float(get_parameter(omnijax.load_rig(tmp_path / "rig.toml"), NAME)) == 2.0
+        assert ("d = 2" in (tmp_path / "rig.toml").read_text()) is not optional
 
 
 def test_a_list_is_declared_as_the_page_says(tmp_path, capsys):
@@ -214,7 +232,7 @@ def test_what_the_page_says_of_a_parameter_are_words_of_it():
     words = [
         w for w in inspect.signature(laws.Parameter).parameters if re.search(f"`{w}[`=]", PAGE)
     ]
-    assert words == ["low", "high", "linear", "shape"] and hasattr(laws, "ANY_LENGTH")
+    assert words == ["low", "high", "linear", "shape", "optional", "above"] and hasattr(laws, "ANY_LENGTH")
     of_sensors = set(re.findall(r"`(\w+) = True`", PAGE))
     assert of_sensors == vars(laws.AbstractSensor).keys() & {"remembers", "momentary"}
 

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ._base import AbstractLaw as AbstractLaw
     from ._base import Parameter as Parameter
     from ._base import Sum as Sum
+    from ._base import defaults_of as defaults_of
     from ._base import field_names as field_names
     from ._generic import GENERIC as GENERIC
     from ._generic import DragTorque as DragTorque

@@ -102,3 +102,12 @@ def _terms(law: AbstractLaw) -> tuple[AbstractLaw, ...]:
 def field_names(law: type[AbstractLaw]) -> tuple[str, ...]:
     """Names of a law's parameters in the order of its fields."""
     return tuple(field.name for field in dataclasses.fields(law))
+
+
+def defaults_of(law: type[AbstractLaw]) -> tuple[str, ...]:
+    """Names of a law's parameters that have a default."""
+    none = dataclasses.MISSING
+    return tuple(
+        field.name for field in dataclasses.fields(law)
+        if not (field.default is none and field.default_factory is none)
+    )  # fmt: skip

@@ -10,7 +10,7 @@ from typing import Any
 from .._reading import TEXT, read_bytes
 from .._users_module import run_module
 from . import _actuators, _measurement, _ports, _rolling, _shape_effects, _springs, _torques
-from ._base import AbstractLaw, Parameter, field_names
+from ._base import AbstractLaw, Parameter, defaults_of, field_names
 from ._generic import GENERIC
 
 EFFECTS: dict[str, type[AbstractLaw]] = {
@@ -134,17 +134,27 @@ def laws_of(text: bytes, path: Path) -> dict[str, type[AbstractLaw]]:
             "Abstract… ports and has an `id`."
         )
     for name, law in laws.items():
-        formula, fields = law.__call__ is not AbstractLaw.__call__, field_names(law)
-        wrong = declaration_problem(name, law.port, law.places, law.parameters, fields, formula)
+        formula = law.__call__ is not AbstractLaw.__call__
+        own = (law.port, law.places, law.parameters, field_names(law), defaults_of(law))
+        wrong = declaration_problem(name, *own, formula)
         if wrong is not None:
             raise ValueError(f"{path}: {wrong}")
     return laws
 
 
 def declaration_problem(
-    name: Any, port: Any, places: Any, parameters: Any, fields: Iterable[str], formula: bool
+    name: Any,
+    port: Any,
+    places: Any,
+    parameters: Any,
+    fields: Iterable[str],
+    defaults: Iterable[str],
+    formula: bool,
 ) -> str | None:
-    """What of a class's declarations is not as a law's are; `formula`: has it a `__call__`."""
+    """What of a class's declarations is not as a law's are.
+
+    `fields` are its fields, `defaults` those that have one; `formula`: has it a `__call__`.
+    """
     if not isinstance(name, str):
         return f"the `id` of a law must be text, but is {name!r}."
     if port not in PORTS:
@@ -157,8 +167,17 @@ def declaration_problem(
         isinstance(k, str) and isinstance(v, Parameter) for k, v in parameters.items()
     ):
         return f"law `{name}`: `parameters` must map names to Parameter(...)."
+    return _fields_problem(name, parameters, fields, defaults)
+
+
+def _fields_problem(
+    name: str, parameters: dict[str, Parameter], fields: Iterable[str], defaults: Iterable[str]
+) -> str | None:
     differ = ", ".join(sorted(set(parameters) ^ set(fields)))
-    return f"law `{name}`: its fields and `parameters` differ: {differ}." if differ else None
+    if differ:
+        return f"law `{name}`: its fields and `parameters` differ: {differ}."
+    bare = [key for key, known in parameters.items() if known.optional and key not in defaults]
+    return f"law `{name}`: optional, but its field has no default: {bare[0]}." if bare else None
 
 
 @contextmanager

@@ -46,6 +46,7 @@ class _Class(NamedTuple):
     library: type[laws.AbstractLaw] | None  # the first of the library's classes above it
     said: dict[str, Any]  # what its lines assign
     fields: tuple[str, ...]
+    defaults: frozenset[str]  # of them those that have one
     formula: bool
 
     def attribute(self, name: str) -> Any:
@@ -81,11 +82,13 @@ class _File:
     def _class(self, node: ast.ClassDef) -> _Class:
         said: dict[str, Any] = {}
         fields: list[str] = []
+        defaults: set[str] = set()
         for line in node.body:
             if isinstance(line, ast.Assign | ast.AnnAssign):
                 said |= self._assigned(line)
             if isinstance(line, ast.AnnAssign) and "ClassVar" not in ast.unparse(line.annotation):
                 fields.append(ast.unparse(line.target))
+                defaults |= set() if line.value is None else {fields[-1]}
         methods = (x.name for x in ast.walk(node) if isinstance(x, ast.FunctionDef))
         formula, library = "__call__" in said or "__call__" in methods, None
         for above in node.bases:
@@ -94,9 +97,10 @@ class _File:
                 formula = True
                 continue
             said = base.said | said
+            defaults |= base.defaults
             fields = [*base.fields, *(x for x in fields if x not in base.fields)]
             formula, library = formula or base.formula, library or base.library
-        return _Class(library, said, tuple(fields), formula)
+        return _Class(library, said, tuple(fields), frozenset(defaults), formula)
 
     def _law(self, name: str, read: _Class) -> Declared:
         if read.library is None:
@@ -111,7 +115,9 @@ class _File:
                 raise InputError(f"{self.path}: law `{name}` must name its `parameters` by texts.")
             if not isinstance(parameter, Parameter):
                 self._refuse(name, f"`{label}` out as Parameter(unit, ...)")
-        wrong = laws.declaration_problem(name, port, places, parameters, read.fields, read.formula)
+        wrong = laws.declaration_problem(
+            name, port, places, parameters, read.fields, read.defaults, read.formula
+        )
         if wrong is not None:
             raise InputError(f"{self.path}: {wrong}")
         return Declared(name, port, places, parameters)
@@ -189,4 +195,4 @@ def _of_the_library(name: str) -> Any:
     if not (isinstance(value, type) and issubclass(value, laws.AbstractLaw)):
         raise LookupError(name)
     formula = value.__call__ is not laws.AbstractLaw.__call__
-    return _Class(value, {}, laws.field_names(value), formula)
+    return _Class(value, {}, laws.field_names(value), frozenset(laws.defaults_of(value)), formula)

@@ -1,5 +1,6 @@
 """What the machine is: sphere, platform, wheels, and the laws placed on them."""
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -164,7 +165,7 @@ def place_law(
     everywhere = place == "all" or (place == "sphere" and law.port == "rolling")
     wheels = tuple(i for i, name in enumerate(names) if everywhere or name == place)
     if isinstance(law, DamagedRoller) and law.profile is None:
-        law = DamagedRoller(law.roller, law.severity, profiles[wheels[0]])
+        law = dataclasses.replace(law, profile=profiles[wheels[0]])
     return Placed(law, place, wheels)
 
 

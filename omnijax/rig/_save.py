@@ -183,7 +183,8 @@ def _effect(law: AbstractLaw, place: str, wheels: int, files) -> list[str]:
         if files is not None:
             files[name] = text
     for key, parameter in law.parameters.items():
-        value, default = getattr(law, key), getattr(type(law), key, None)
+        value = getattr(law, key)
+        default = getattr(type(law), key, None) if parameter.optional else None
         if value is None or (default is not None and np.array_equal(value, default)):
             continue
         pairs.append(f"{key} = {_toml(value)}")
