@@ -1,6 +1,7 @@
 """Measured wheel profiles as people write them: closing rows, few digits, doubled rows."""
 
 import math
+import tomllib
 
 import equinox as eqx
 import jax
@@ -21,7 +22,7 @@ from omnijax import (
     sweep,
 )
 from omnijax.dynamics import wheel_shape
-from omnijax.rig import InputError, get_parameter, parameter_paths, parse_rig
+from omnijax.rig import InputError, get_parameter, parameter_paths, parse_rig, rig_text
 from omnijax.study._file.cases import quantity_of
 from omnijax.study._file.read import Reader
 
@@ -86,6 +87,22 @@ def test_a_spline_has_no_jump_wherever_its_rows_begin():
             np.testing.assert_allclose(
                 ends, np.roll(c[order], -1), rtol=0, atol=1e-9 * np.abs(c[order]).max()
             )
+
+
+@pytest.mark.parametrize("early", [0.011, 0.05, 0.099])
+@pytest.mark.parametrize("period", [2 * math.pi, 2 * math.pi / ROLLERS])
+def test_a_row_just_before_the_first_is_kept(early, period):
+    """A spline has a knot at angle 0; of the saved rows the last was taken for the first again, and
+    a sweep gave figures of another wheel than `simulate`."""
+    step = period / 26
+    theta = np.arange(26) * step - early * step
+    rho = 4e-5 * np.sin(2 * np.pi * theta / period) + 1e-5 * np.cos(6 * np.pi * theta / period)
+    rig = rig_of(theta, rho)
+    again = parse_rig(tomllib.loads(rig_text(rig)))
+    np.testing.assert_array_equal(again.profiles[0].knots, rig.profiles[0].knots)
+    at = np.linspace(0, 2 * np.pi, PLACES)
+    shapes = [jax.vmap(lambda x, r=r: wheel_shape(r, x * jnp.ones(3))[0])(at) for r in (rig, again)]
+    np.testing.assert_allclose(*shapes, rtol=0, atol=1e-18)
 
 
 def test_a_table_whose_ends_differ_is_refused():

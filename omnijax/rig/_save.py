@@ -155,7 +155,8 @@ def _profile(rig: Rig, i: int, files: dict[str, bytes] | None, stem: str) -> lis
     if isinstance(profile, DualRow):
         lines.append(f"row_spacing = {_toml(profile.row_spacing)}  # m")
     if isinstance(profile, TableShape):
-        theta, rho = np.asarray(profile.knots)[:-1], np.asarray(profile.coefficients)[:, 0]
+        theta, rho = np.asarray(profile.knots), np.asarray(profile.coefficients)[:, 0]
+        rho = np.append(rho, rho[0])  # closed: a row just before it would be taken for this one
         _check_period(float(profile.knots[-1]), float(rig.wheels.rollers[i]), rig.names[i])
         if files is None:
             columns = f"theta = {_toml(theta)}, rho = {_toml(rho)}"
