@@ -264,9 +264,7 @@ def test_method_follows_from_rig_and_drive():
     assert method(rig, torques((1, 1, 1)), 2.0) == "fixed"
     assert method(rig, torques(ramp(0, 1, (0, 0, 0), SPEEDS)), 2.0) == "full"
     for case in ((rig, moving), (rig.add(LiftOff(), "all"), constant), (rig, torques((1, 1, 1)))):
-        with pytest.raises(
-            InputError, match=r"needs a `duration`: .*, so there is no steady state"
-        ):
+        with pytest.raises(InputError, match=r"needs a `duration`: .*, so no closed form gives"):
             method(*case, None)
     with pytest.raises(InputError, match=r"does not give peak_to_peak\.$"):  # there is one
         method(rig, constant, None, ("peak_to_peak",))
@@ -377,3 +375,11 @@ def test_axes_of_unlike_wheels_go_together():
             "speed.w2": [1, 2], "force.x": [1, 2], "force.y": [1, 2]}  # fmt: skip
     rig = load_rig("atlas")
     assert [axis.path for axis in read_axes(rig, drive_of(SPEEDS, rig.names), vary)] == list(vary)
+
+
+@pytest.mark.parametrize("made", [speeds, torques])
+@pytest.mark.parametrize("force", [None, 0.0, (1.0, 2.0)])
+def test_a_force_of_other_than_three_components_is_refused(made, force):
+    """None had become a force of NaN, and a steady sweep took a single number."""
+    with pytest.raises(InputError, match="`force` must have 3 components, but "):
+        made((1.0, 2.0, 3.0), force)

@@ -67,6 +67,16 @@ def _signal(name: str, value: Values, unit: str) -> Signal:
     return value if isinstance(value, Signal) else constant(typed_numbers(name, value, unit))
 
 
+def _force(value: Values) -> Signal:
+    """A force on the platform (3,) in N."""
+    if value is None:
+        raise InputError("`force` must have 3 components, but is None.")
+    signal = _signal("force", value, "N")
+    if signal.size != 3:
+        raise InputError(f"`force` must have 3 components, but has {signal.size}.")
+    return signal
+
+
 def torques(
     torque: Values,
     force: Values = (0.0, 0.0, 0.0),
@@ -82,7 +92,7 @@ def torques(
     """
     return TorqueDrive(
         torque=_signal("torque", torque, "N m"),
-        force=_signal("force", force, "N"),
+        force=_force(force),
         initial_angle=_array(initial_angle),
         initial_velocity=_array(initial_velocity),
     )
@@ -101,7 +111,7 @@ def speeds(
     """
     return SpeedDrive(
         speed=_signal("speed", speed, "rad/s"),
-        force=_signal("force", force, "N"),
+        force=_force(force),
         initial_angle=_array(initial_angle),
     )
 
@@ -179,8 +189,7 @@ def check_drive(rig: Rig, drive: AbstractDrive) -> None:
     if signal.size != rig.size:
         count = f"{signal.size} wheel{'s' * (signal.size != 1)}"
         raise InputError(f"the drive has {count}, but the rig has {rig.size}.")
-    if drive.force.size != 3:
-        raise InputError(f"`force` must have 3 components, but has {drive.force.size}.")
+    _force(drive.force)
     for given, values in ((name, signal.values), ("force", drive.force.values)):
         if isinstance(values, Tracer):
             continue

@@ -181,8 +181,11 @@ def choose(question: Question) -> tuple[str, str]:
         against = obstacle(bulk, question)
         return (bulk, WHY[bulk]) if against is None else (exact, f"{WHY[exact]}; {against}")
     if question.duration is None:
-        none = reason in (_no_closed_form(question), _nothing_holds(question))
-        so = ", so there is no steady state" if none else ""
+        so = ""
+        if reason == _nothing_holds(question):
+            so = ", so there is no steady state"
+        elif reason == _no_closed_form(question):
+            so = ", so no closed form gives its steady state"
         raise InputError(f"this study needs a `duration`: {reason}{so}.")
     against = obstacle("fixed", question)
     return ("fixed", WHY["fixed"]) if against is None else ("full", f"{reason}; {against}")
