@@ -10,6 +10,7 @@ from seeds import drawn_anew
 from test_plant import load_plant, runs_of
 
 from omnijax.diagnosis import Point, RigModel
+from omnijax.diagnosis._answer import RigEvidence
 from omnijax.diagnosis._machine.encoders import smoother_modes, whitener
 from omnijax.diagnosis._machine.runs import Run
 from omnijax.diagnosis._machine.smooth import smooth
@@ -144,3 +145,7 @@ def test_start_angles_of_wheels_without_encoder_are_found(machines):
     pitch = 2 * np.pi / np.asarray(rig.wheels.rollers)
     off = np.mod(run.start - true + pitch / 2, pitch) - pitch / 2
     assert np.abs(off).max() < 3e-3
+    (_, blind) = RigEvidence(model, noise, []).remarks()  # a phase there had a sigma of 0.03 rad
+    assert f"The angle of {' and '.join(rig.names)} was not measured" in blind
+    seen = RigModel(rig, noisy(tables[:1], noise, np.random.default_rng(7)), noise, dict(EFFECTS))
+    assert len(RigEvidence(seen, noise, []).remarks()) == 1

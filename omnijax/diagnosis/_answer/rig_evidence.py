@@ -9,7 +9,7 @@ import numpy as np
 from ...dynamics import contact_signals
 from ...laws import ContactHertz
 from ...rig import rig_text
-from .._machine import CLOCK, RigModel, locate
+from .._machine import CLOCK, RigModel, locate, without_encoder
 from .._settings import SETTINGS
 from .evidence import AbstractEvidence
 from .gap import UNITS
@@ -131,7 +131,24 @@ class RigEvidence(AbstractEvidence):
         return [
             "Wheel angles are the smoothed measured ones; Omega and the rolled lengths are "
             f"predicted from the torques in windows of {self.model.machine.window:g} s, each with "
-            "a free start."
+            "a free start.",
+            *self._told_by_gaps(),
+        ]
+
+    def _told_by_gaps(self) -> list[str]:
+        """What a phase counts from at wheels whose angle was not measured."""
+        model = self.model
+        blind = [without_encoder(run, model.rig.size) for run in model.machine.runs]
+        wheels = [
+            w for k, w in enumerate(model.rig.names) if any(k in missing for missing in blind)
+        ]
+        if not wheels:
+            return []
+        return [
+            f"The angle of {' and '.join(wheels)} was not measured in every run: where such a "
+            "wheel stood at the first sample is told by its gaps, to whole pitches. A phase or a "
+            "roller's number there counts from a gap of that pitch, not from a mark on the wheel, "
+            "and need not be the same in another run."
         ]
 
     def clocks(self, fit):
