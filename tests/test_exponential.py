@@ -201,19 +201,24 @@ def rigs_of_many_laws():
     return rigs, stacked, drive, ts
 
 
+def test_runge_kutta_steps_are_for_rigs_whose_fastest_mode_they_follow():
+    rigs, stacked, drive, ts = rigs_of_many_laws()
+    assert fixed_methods(rigs, 2e-3) == ("runge-kutta", "exponential")
+    assert fixed_methods([rigs[0], machine(contact_damping=9e3)], 2e-3) == ("exponential",)
+    with pytest.raises(ValueError, match=r"must be one of .*runge-kutta"):
+        simulate_many(stacked, drive, ts, method="euler")
+
+
+@pytest.mark.full  # in the gate drawn rigs, by the method that a study chooses: test_one_evaluation
 def test_runge_kutta_steps_of_many_rigs_agree_with_single_adaptive_runs():
     rigs, stacked, drive, ts = rigs_of_many_laws()
     many = simulate_many(stacked, drive, ts, substeps=32)
     assert many.method == "fixed runge-kutta"  # a quarter of a radian of the fastest mode a step
-    assert fixed_methods(rigs, 2e-3) == ("runge-kutta", "exponential")
-    assert fixed_methods([rigs[0], machine(contact_damping=9e3)], 2e-3) == ("exponential",)
     for i in (0, 4, 8):
         single = simulate(rigs[i], drive, ts)
         run = jax.tree.map(lambda x, i=i: x[i], many)
         assert max(worst(run, single, ("theta", "Omega", "dR")).values()) < 1e-4
         assert int(run.status) == 0
-    with pytest.raises(ValueError, match=r"must be one of .*runge-kutta"):
-        simulate_many(stacked, drive, ts, method="euler")
 
 
 @pytest.mark.full
