@@ -383,3 +383,15 @@ def test_a_force_of_other_than_three_components_is_refused(made, force):
     """None had become a force of NaN, and a steady sweep took a single number."""
     with pytest.raises(InputError, match="`force` must have 3 components, but "):
         made((1.0, 2.0, 3.0), force)
+
+
+def test_a_solver_that_is_asked_for_by_name_is_taken():
+    """A linear rig at constant speeds had gone by exact propagation whichever was asked for."""
+    given = {"duration": 0.2, "rate": 200}
+    ranges = {"contact.stiffness": [1e5, 2e5]}
+    exact, stepped = (
+        sweep("atlas", ranges, ("rms",), speeds=(1.0, 2.0, 3.0), solver=solver, **given)
+        for solver in ("exact", "tsit5")
+    )
+    assert exact.spec.method == "bulk" and stepped.spec.method == "full"
+    np.testing.assert_allclose(stepped["rms"], exact["rms"], rtol=1e-3)

@@ -44,7 +44,9 @@ def evaluation_of(
     adaptive = any(value is not None for value in stepping.values())
     times = samples_of(question.duration, rate)
     question = question._replace(
-        adaptive=question.adaptive or adaptive, samples=None if times is None else len(times)
+        adaptive=question.adaptive or adaptive,
+        solver=stepping["solver"],
+        samples=None if times is None else len(times),
     )
     method, why = choose(question)
     if question.duration is None and (remark := wheels_in_step(question)) is not None:

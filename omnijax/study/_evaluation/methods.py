@@ -58,6 +58,7 @@ class Question(NamedTuple):
     rows: bool = False  # whether designs come as rows of numbers, for their metrics alone
     gradient: bool = False
     adaptive: bool = False  # a solver or its tolerance is given
+    solver: str | None = None  # the one that is asked for by name
     samples: int | None = None  # of a run, if known
 
     @property
@@ -67,6 +68,10 @@ class Question(NamedTuple):
 
 
 Obstacle = Callable[[Question], str | None]
+
+
+def _asked_solver(q: Question) -> str | None:
+    return None if q.solver in (None, "exact") else f"the solver `{q.solver}` is asked for"
 
 
 def _no_closed_form(q: Question) -> str | None:
@@ -157,7 +162,7 @@ def _no_fixed_steps(q: Question) -> str | None:
 OBSTACLES: dict[str, tuple[Obstacle, ...]] = {
     "steady": (_no_closed_form, _no_steady_metric, _nothing_holds, _phases_that_do_not_count),
     "steady-bulk": (_no_rows, _no_modal_steady, _phases_that_do_not_count),  # beside `steady`'s
-    "propagation": (_no_closed_form,),
+    "propagation": (_no_closed_form, _asked_solver),
     "bulk": (_no_rows, _no_modal_run),  # beside `propagation`'s
     "fixed": (_no_fixed_steps,),
 }
