@@ -123,16 +123,20 @@ def _cases(summary: dict[str, Any]) -> Iterator[str]:
         told = ", ".join(quantity_text(x, unit) for x in values)
         force = summary["forces"][name]
         pushed = f"; force {', '.join(quantity_text(x, 'N') for x in force)}" if any(force) else ""
-        yield f"{name if name.startswith('drive') else f'drive {name}'}: {kind} {told}{pushed}"
+        yield f"{_named('drive', name)}: {kind} {told}{pushed}"
     for name, values in summary["loads"].items():
         told = [f"{p} {quantity_text(x, summary['units'][p])}" for p, x in values.items()]
         if told or len(summary["loads"]) > 1:
-            said = name if name.startswith("load") else f"load {name}"
-            yield f"{said}: {', '.join(told) or 'the rig as it is'}"
+            yield f"{_named('load', name)}: {', '.join(told) or 'the rig as it is'}"
     yield _length(summary)
     for name, v in summary["variables"].items():
         low, high = (quantity_text(v[key], v["unit"]) for key in ("low", "high"))
         yield f"varies {name} from {low} to {high}"
+
+
+def _named(kind: str, name: str) -> str:
+    """A case's name with its kind, which names given by the reader hold already."""
+    return name if name.startswith(kind) else f"{kind} {name}"
 
 
 def _length(summary: dict[str, Any]) -> str:
@@ -165,6 +169,6 @@ def _goals(summary: dict[str, Any]) -> Iterator[str]:
         most = (
             f"over {100 * limit['rise']:g} % above the nominal rig's"
             if limit["max"] is None
-            else (f"over {quantity_text(limit['max'], limit['unit'])}")
+            else f"over {quantity_text(limit['max'], limit['unit'])}"
         )
         yield f"limit of tolerances: {limit['metric']} not {most}"

@@ -77,9 +77,9 @@ def input_hold(logs: Sequence[LogSignals], turns: bool) -> InputHold:
         tables.append(np.concatenate([A, np.zeros((len(A), wide - A.shape[1])), ones], axis=1))
         wanted.append(a)
     table, wanted = np.concatenate(tables), np.concatenate(wanted)
-    late, slope, rest = _late(table, wanted)
     if np.linalg.norm(table[:, 1]) <= ROUNDING * np.linalg.norm(table[:, 0]):
         return InputHold("linear", 0.0, np.inf)
+    late, slope, rest = _late(table, wanted)
     size = slope @ slope
     shares = [slope[k] @ rest[k] / size for k in np.array_split(np.arange(len(rest)), BLOCKS)]
     sigma = float(np.sqrt(np.sum(np.square(shares))))

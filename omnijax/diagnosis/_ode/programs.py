@@ -90,9 +90,9 @@ def slopes_along(numbers: Numbers, runs: Sequence[OdeRun]) -> Callable:
     """
     moving, resting, hidden = [], [], len(numbers.machine.start({"position": (0.0, 0.0)})) > 2
     for run in runs[:PASSED]:
-        some = max(2, INSTANTS // len(runs[:PASSED]))
-        passed = _met(numbers, run, some) if hidden else _measured(numbers, run, some)
-        still = [] if hidden else _measured(numbers, run, some, still=True)
+        measured = _measured(run, max(2, INSTANTS // len(runs[:PASSED])))
+        passed = _met(numbers, run, measured) if hidden else _states(numbers, measured)
+        still = [] if hidden else _states(numbers, [(i, q, 0.0) for i, q, _ in measured])
         for here, states in ((moving, passed), (resting, still)):
             here += [(x, {k: u[i] for k, u in run.inputs.items()}) for i, x in states]
     met = jnp.asarray(np.array([x for x, _ in moving + resting]))
@@ -109,32 +109,37 @@ def slopes_along(numbers: Numbers, runs: Sequence[OdeRun]) -> Callable:
     return lambda theta: (slopes(theta)[0], rest)
 
 
-def _measured(
-    numbers: Numbers, run: OdeRun, some: int, still: bool = False
-) -> list[tuple[int, np.ndarray]]:
-    """Samples of a run with the states measured there, or at rest at the same places."""
+Instant = tuple[int, float, float]  # sample, position, speed
+
+
+def _measured(run: OdeRun, some: int) -> list[Instant]:
+    """Positions and speeds measured at some samples of a run, the first among them."""
     q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
-    v = 0 * v if still else v
-    return [
-        (i, np.array([float(x) for x in numbers.machine.start({"position": (q[i], v[i])})]))
-        for i in np.linspace(0, len(q) - 1, some).astype(int)
-    ]
+    which = np.linspace(0, len(q) - 1, some).astype(int).tolist()
+    return [(i, float(q[i]), float(v[i])) for i in which]
 
 
-def _met(numbers: Numbers, run: OdeRun, some: int) -> list[tuple[int, np.ndarray]]:
+def _states(numbers: Numbers, measured: Sequence[Instant]) -> list[tuple[int, np.ndarray]]:
+    """Samples with the states measured there."""
+    begun = [(i, numbers.machine.start({"position": (q, v)})) for i, q, v in measured]
+    return [(i, np.array([float(x) for x in state])) for i, state in begun]
+
+
+def _met(
+    numbers: Numbers, run: OdeRun, measured: Sequence[Instant]
+) -> list[tuple[int, np.ndarray]]:
     """Samples of a run with the states of its free run there, and those that are steepest.
 
     Those that are measured where the free run cannot be followed.
     """
-    q, v, _ = smoothed(run.outputs["position"], run.step, run.cutoff)
     machine, placed = numbers.build(numbers.rest_vector(), ())
-    first = {"position": (q[0], v[0])}
+    first = {"position": measured[0][1:]}
     try:
         made = free_motion_of(machine, placed, first, run.inputs, run.step, run.hold)
     except RunError:
-        return _measured(numbers, run, some)
+        return _states(numbers, measured)
     states = np.asarray(made.states)
-    which = [*np.linspace(0, len(states) - 1, some).astype(int), *np.asarray(made.steep)]
+    which = [*(i for i, *_ in measured), *np.asarray(made.steep)]
     return [(i, states[i]) for i in which if np.all(np.isfinite(states[i]))]
 
 
