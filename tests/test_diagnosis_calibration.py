@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 from seeds import drawn_anew
 
 from omnijax.diagnosis._answered import beside_doubt
@@ -19,6 +20,7 @@ from omnijax.diagnosis._search import (
     to_project,
     within_doubt,
 )
+from omnijax.diagnosis._search.doubt import _covariance
 from omnijax.diagnosis._search.waves import scanned
 from omnijax.diagnosis._settings import SETTINGS
 from omnijax.laws import EFFECTS
@@ -183,6 +185,33 @@ def test_a_fit_that_misses_the_fitted_runs_leaves_nothing_open():
 
     model = SmallModel(residual, [Prior("p", 0.0, 1e3, False)], {}, "all")
     assert within_doubt(model, refit(model, Point(np.zeros(1)))) is None
+
+
+def test_noise_of_a_colour_leaves_open_what_it_may_have_moved():
+    """Slow noise, weighed as white, moves a slow number by several of its own sigmas: seed 965."""
+    rng, rows, sigmas = drawn_anew("a colour"), 2000, []
+    shape = np.cos(0.02 * np.arange(rows))
+
+    def slow():
+        return lfilter([np.sqrt(1 - 0.9**2)], [1, -0.9], rng.normal(size=rows))
+
+    for _ in range(40):
+        noise = {k: slow() for k in ("train", "held-out")}
+        model = SmallModel(
+            lambda p, _, split, noise=noise: noise[split] - p["p"] * shape,
+            [Prior("p", 0.0, 1e3, False)], {}, "all",
+        )  # fmt: skip
+        fit = refit(model, Point(np.zeros(1)))
+        right = 1e3 * fit.point.u[0] * np.linalg.norm(shape)
+        sigmas.append(right / np.sqrt(_covariance(fit, 1.0)[0, 0] / fit.covariance[0, 0]))
+        assert within_doubt(model, fit) is not None or abs(right) > 4
+    assert np.std(sigmas) == pytest.approx(1.0, abs=0.45)
+    white = SmallModel(lambda p, *_: noise_of_one - p["p"] * shape,
+                       [Prior("p", 0.0, 1e3, False)], {}, "all")  # fmt: skip
+    noise_of_one = rng.normal(size=rows)
+    fit = refit(white, Point(np.zeros(1)))
+    assert _covariance(fit, 1.0)[0, 0] == pytest.approx(fit.covariance[0, 0], rel=1.0)
+    assert _covariance(fit, 1.0)[0, 0] >= fit.covariance[0, 0] * (1 - 1e-9)
 
 
 @pytest.mark.parametrize(

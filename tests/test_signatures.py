@@ -351,9 +351,9 @@ def test_a_line_of_which_the_model_takes_up_most_is_ranked_by_what_is_left(agree
     assert full.max() < 1.02 * full[own]  # a neighbour may win by what the gains are off
     few = estimated(bases, rests, rows, taken, law, wheel, grid)
     apart = orders.CLOSER * (grid[1] - grid[0])
-    some = orders._peaks(grid, few, orders.BEST, apart)
+    some = orders._promising(grid, few, apart)
     best = max(float(full[np.abs(grid - m) <= apart].max()) for m in some)
-    assert best > 0.99 * whole, "neither it nor one that explains as much is weighed in full"
+    assert best > 0.97 * full[own], "neither it nor one that explains as much is weighed in full"
 
 
 @pytest.mark.parametrize("law", ["motor-ripple", "current-ripple"])
@@ -384,6 +384,25 @@ def test_a_high_order_is_found_where_few_lines_are_weighed(agreeing, law, monkey
     step = grid[1] - grid[0]
     best = orders._peaks(grid, gains, 8, orders.CLOSER * step)
     assert min(abs(n - order) for n in best) < 2 * step
+
+
+def test_high_orders_crowd_out_no_low_one():
+    """Samples `THINNED` apart took all orders above 780 of a wheel for lines of next to no size,
+    and order 20 was not looked at, seed 1025."""
+    rng = drawn_anew("crowded out")
+    grid = 1 + 0.25 * np.arange(orders.DENSE + 5000)
+    right = int(rng.integers(orders.DENSE))
+    gains = rng.uniform(0, 1, len(grid))
+    gains[orders.DENSE :] += 10.0
+    gains[right] = 2.0
+    some = orders._promising(grid, gains, 0.5)
+    assert len(some) == orders.BEST
+    assert grid[right] in some
+    assert grid[np.argmax(gains)] in some
+    few = slice(None, orders.DENSE)
+    assert orders._promising(grid[few], gains[few], 0.5) == orders._peaks(
+        grid[few], gains[few], orders.BEST, 0.5
+    )
 
 
 STRENGTH = {"motor-ripple": "amplitude", "current-ripple": "g"}

@@ -103,6 +103,7 @@ class SearchSettings:
     worth: float = 0.2  # share of the best promise below which nothing is refitted: time
     little: float = 0.02  # share of a strong gap that a law must close: own cases
     nearly_all: float = 0.9  # share of what a part of the channels shows of it: own cases
+    trusted: float = 0.5  # share of it that a law closes which is confirmed later: own cases
     openings: tuple[float, ...] = (0.1, 0.2, 0.35, 0.6)  # shares of the motion: own cases
     promise: float = 0.2  # share of an opening's gap to be followed further: own cases
     # calibration
@@ -127,6 +128,7 @@ class RefitsSettings:
     """Joint refits of a search: of a new effect, of a settled set, of friction widths."""
 
     rounds: int = 8  # steps with a new effect: time
+    without: int = 2  # steps of a refit with one effect less: time
     # of the cost, below whose fall they end where it is far from the noise: time
     relative: float = 1e-3
     opening: float = 1e-2  # the same of a run's opening: time

@@ -76,7 +76,7 @@ def _strongest(bases, rests, rows, taken, k: int) -> dict[str, tuple[list[float]
     step, out = grid[1] - grid[0], {}
     seen = _shaft_runs(bases, rests, rows, taken, k)
     for law, first in zip(LAWS, _estimated(bases, rests, rows, taken, k, grid), strict=True):
-        some = np.array(_peaks(grid, first, BEST, CLOSER * step))
+        some = np.array(_promising(grid, first, CLOSER * step))
         gains_of = functools.partial(_gains, seen, law)
         gains = gains_of(some)
         order = np.argsort(gains)[::-1]
@@ -126,7 +126,7 @@ def _estimated(bases, rests, rows, taken, k: int, grid: np.ndarray) -> list[np.n
     own = np.eye(taken[0].shape[1])  # of the directions with each other, all other rows as they are
     own += sum(few.T @ few - way.T @ way for few, way in zip(thinned, taken, strict=True))
     left = functools.partial(_thinly_left, bases, rows, thinned, np.linalg.cholesky(own), k)
-    dense = DENSE if len(grid) > DENSE + SPARSE else len(grid)
+    dense = _dense(grid)
     gains = [_explained(*x) for x in zip(left(grid[:dense]), right[:, :dense], strict=True)]
     if dense == len(grid):
         return gains
@@ -438,6 +438,24 @@ def _grid(bases: Sequence[Linearisation], k: int) -> np.ndarray:
     half = np.pi / bases[0].run.step
     top = min(half / usual, max(LOWEST + DENSE * step, half / nearly_any), LOWEST + MOST * step)
     return np.arange(LOWEST, max(top, LOWEST + STEPS * step), step)
+
+
+def _dense(grid: np.ndarray) -> int:
+    """How many orders of a grid, the lowest ones, are weighed each."""
+    return DENSE if len(grid) > DENSE + SPARSE else len(grid)
+
+
+def _promising(grid: np.ndarray, gains: np.ndarray, apart: float) -> list[float]:
+    """`BEST` orders by estimated gains: half of them of those that are weighed sparsely, if any.
+
+    Estimates of these are less sure: samples `THINNED` apart may take a high line for a slow one,
+    of next to no size, and all of them would stand above the right line of a low order.
+    """
+    dense = _dense(grid)
+    if dense == len(grid):
+        return _peaks(grid, gains, BEST, apart)
+    parts = slice(None, dense), slice(dense, None)
+    return [x for part in parts for x in _peaks(grid[part], gains[part], BEST // 2, apart)]
 
 
 def _peaks(orders: np.ndarray, gains: np.ndarray, count: int, apart: float) -> list[float]:

@@ -16,6 +16,7 @@ from .model import AbstractModel, Point, unit_bounds
 
 CHANCE = SETTINGS.doubt.chance
 MISFIT = SETTINGS.calibration.misfit
+BLOCKS = SETTINGS.held_out.blocks
 
 
 def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
@@ -27,9 +28,12 @@ def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
     count = len(model.priors)
     if fit.chi2 > MISFIT * model.dof("train"):
         return None
-    spread = max(1.0, fit.chi2 / model.dof("train"))
-    values, vectors = np.linalg.eigh(fit.covariance[:count, :count] * spread)
-    if not count or not np.all(np.isfinite(values)):
+    if not count:
+        return None
+    values, vectors = np.linalg.eigh(
+        _covariance(fit, fit.chi2 / model.dof("train"))[:count, :count]
+    )
+    if not np.all(np.isfinite(values)):
         return None
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     u, effects = fit.point.u, fit.point.effects
@@ -43,3 +47,21 @@ def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
         return None
     step = -root @ (right.T @ (s / (1 + s**2) * along))
     return Point(np.clip(u + step, *unit_bounds(model.priors)), effects)
+
+
+def _covariance(fit: Fit, spread: float) -> np.ndarray:
+    """The covariance (numbers, numbers) of a fit's numbers, as sure as what it leaves allows.
+
+    Noise that is stronger than assumed in some channel, or has a colour, moves the numbers that are
+    told by it by more than the fit's own covariance says.  How far is told by the sums of tangents
+    times residual over blocks of rows; never less than white noise of the mean `spread` would.
+
+    Source: White, A heteroskedasticity-consistent covariance matrix estimator (1980); over blocks,
+    Liang, Zeger (1986).
+    """
+    values, vectors = np.linalg.eigh(fit.covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    starts = np.linspace(0, len(fit.residual), BLOCKS, endpoint=False).astype(int)
+    sums = np.add.reduceat(fit.jacobian * fit.residual[:, None], np.unique(starts), axis=0) @ root
+    more, ways = np.linalg.eigh(sums.T @ sums)
+    return (root @ ways * np.maximum(more, max(1.0, spread))) @ (root @ ways).T

@@ -96,7 +96,7 @@ def _bent(
     a = -np.linalg.lstsq(damped, J.T @ second / scale, rcond=1e-13)[0] / scale
     if np.linalg.norm(scale * a) > LONGEST * np.linalg.norm(scale * d):
         return straight
-    low, high = _bounds(model, state.free)
+    low, high = bounds(model, state.free)
     ends = [np.clip(x + s * d + s * s * a / 2, low, high) for s in (1.0, 0.5)]
     return [*straight, *_states(model, state, ends)]
 
@@ -110,19 +110,23 @@ def _states(model: AbstractModel, state: FitState, ends: Sequence[np.ndarray]) -
 
 def trial(model: AbstractModel, state: FitState, gram, gradient, scale, damping: float):
     """(the state's numbers, those after one damped step within the bounds)."""
-    x = np.concatenate([state.point.u, [value_of(state.point, f) for f in state.free]])
-    low, high = _bounds(model, state.free)
-    return x, _bounded_step(gram, gradient, scale, damping, x, low, high)
+    x, (low, high) = numbers(state), bounds(model, state.free)
+    return x, bounded_step(gram, gradient, scale, damping, x, low, high)
 
 
-def _bounds(model: AbstractModel, free: Sequence[Free]) -> tuple[np.ndarray, np.ndarray]:
+def numbers(state: FitState) -> np.ndarray:
+    """A state's unit coordinates and its effects' free numbers."""
+    return np.concatenate([state.point.u, [value_of(state.point, f) for f in state.free]])
+
+
+def bounds(model: AbstractModel, free: Sequence[Free]) -> tuple[np.ndarray, np.ndarray]:
     """Least and greatest numbers of a refit."""
     low, high = unit_bounds(model.priors)
     low = np.concatenate([low, [f.low for f in free]])
     return low, np.concatenate([high, [f.high for f in free]])
 
 
-def _bounded_step(gram, gradient, scale, damping, x, low, high):
+def bounded_step(gram, gradient, scale, damping, x, low, high):
     """x plus the damped step: the quadratic's least value within the bounds."""
     if len(x) == 0:
         return x

@@ -18,6 +18,7 @@ from .refits import Refits, chi2_of, residual_of
 from .scan import Scan, Score, Signatures, taken_up
 
 ROUNDS = SETTINGS.refits.rival
+WITHOUT = SETTINGS.refits.without
 # the effect, its margin (what held-out runs add counts), the cosine of the signatures
 Rival = tuple[Effect, float, float]
 
@@ -77,7 +78,7 @@ class Review:
             effects = fit.point.effects
             without = fit.point.with_effects(*effects[:k], *effects[k + 1 :])
             start = without if without.effects else baseline.point
-            less = refit(self.model, start, rounds=2)
+            less = refit(self.model, start, rounds=WITHOUT)
             why = self._needless(less, fit, baseline, effects[k])
             if why:
                 self.tell(f"{effects[k].name} is not needed: {why}")

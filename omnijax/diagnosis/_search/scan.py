@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -110,12 +110,14 @@ class Signatures:
         return self.scan(residual * rows, taken, u, blocks=self.blocks_within(rows))
 
     def scan(self, residual, taken, u, scrambled=(), spread: float = 1.0,
-             about: str | None = None, blocks: Sequence[np.ndarray] = ()) -> "Scan":  # fmt: skip
+             about: str | None = None, blocks: Sequence[np.ndarray] = (),
+             again: Callable[["Scan"], Sequence[Score]] | None = None) -> "Scan":  # fmt: skip
         """Score every candidate against `residual` beside what the tangents have `taken_up`.
 
         The tangents with priors stand at `u`.  `scrambled` residuals score the decoys.  Angles are
         known between all candidates and the best one, and the best one named `about`.  `blocks` are
-        the inner products of every candidate's columns, by default over all rows.
+        the inner products of every candidate's columns, by default over all rows.  What is scored
+        `again` gives the scan its scores.
         """
         top = taken[: len(residual)]
         rest = np.concatenate([residual, u])
@@ -128,6 +130,8 @@ class Signatures:
         decoys = [Scan(self.layout, blocks, x) for x in wrong]
         best = max((s.merit for d in decoys for s in d.scores if s.allowed), default=0.0)
         scan = Scan(self.layout, blocks, right, best, max(1.0, spread))
+        if again is not None:
+            scan.scores = list(again(scan))
         named = [s for s in scan.order if s.candidate.name == about]
         for score in (*scan.best_per_name()[:1], *named[:1]):
             part = self.layout.part(score.index)
@@ -175,7 +179,11 @@ class Scan:
         self.spread = spread
         self.towards: dict[int, np.ndarray] = {}
         self.scores = [self._score(i) for i in range(len(layout.candidates))]
-        self.order = sorted(self.scores, key=lambda s: -s.merit)
+
+    @property
+    def order(self) -> list[Score]:
+        """The scores, best first."""
+        return sorted(self.scores, key=lambda s: -s.merit)
 
     def _whitener(self, i: int) -> np.ndarray:
         values, vectors = np.linalg.eigh(self.blocks[i])

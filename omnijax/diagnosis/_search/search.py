@@ -5,13 +5,16 @@ been the wrong one: the search goes on from the runners-up too and keeps the bet
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from .._settings import SETTINGS
 from .candidates import Candidate
 from .fit import Fit, refit
 from .held_out import HeldOut, Trial
+from .in_ranges import at_ends, scored_in_ranges
 from .model import AbstractModel, Effect, Point, to_project
 from .refits import Refits, chi2_of, residual_of, total_cost
 from .review import Review, Rival
@@ -28,6 +31,8 @@ from .starts import (
     without_strength,
     worth,
 )
+
+WITHOUT = SETTINGS.refits.without
 
 
 @dataclasses.dataclass
@@ -70,6 +75,10 @@ class SearchPath:
     noise_only: bool = False
     signatures: Signatures | None = None
 
+    def without_table(self) -> "SearchPath":
+        """The same less the large table of signatures, which a review makes again."""
+        return dataclasses.replace(self, signatures=None)
+
 
 @dataclasses.dataclass(frozen=True)
 class Explored:
@@ -81,7 +90,7 @@ class Explored:
 
     def without_table(self) -> "Explored":
         """The same less the large table of signatures, which a review makes again."""
-        return dataclasses.replace(self, way=dataclasses.replace(self.way, signatures=None))
+        return dataclasses.replace(self, way=self.way.without_table())
 
 
 def significant(scan: Scan, alpha: float) -> list[Score]:
@@ -166,7 +175,7 @@ class Search:
             list(way.scans),
             list(way.trials),
             reviewed.rivals,
-            [t.effect.name for t in tried if not t.accepted],
+            [t.effect.name for t in tried if not (t.accepted or t.effect.name in kept)],
             bool(tried),
             tuple(model.priors),
             {i: (less, float(without[i] @ without[i])) for i, less in reviewed.alone.items()},
@@ -181,16 +190,54 @@ class Search:
 
         Also where chi2 is that of noise: a scan sees an effect that chi2 of all rows does not.
         """
+        sure = None  # the way up to its first step on trust
         while len(way.fit.point.effects) < self.settings.most:
             if way.signatures is not None and self.model.spent:
                 break
-            way = dataclasses.replace(way, signatures=None)  # room for the next table
+            way = way.without_table()  # room for the next one
             way = self.looked(way)
             promising = self.promising(way.fit, way.trials[-1])
             if not promising:
+                promising = self.on_trust(way)
+                sure = sure or (way.without_table() if promising else None)
+            if not promising:
                 break
             way = self.with_effect(way, promising[0])
-        return way
+        if sure is None or self.confirmed(way, sure):
+            return way
+        self.tell(f"{self.who} do not confirm what was taken in on trust")
+        self.model.rebase(sure.fit.point)
+        return sure
+
+    def on_trust(self, way: SearchPath) -> list[Trial]:
+        """The best trial of the last step, where it closes most of a strong gap; or none.
+
+        Where several strong effects are missing, what the others do on held-out runs hides or bends
+        what the first one does there.  Whether each is there is asked once all are in.
+        """
+        (held,) = self.model.residuals([way.fit.point], "held-out")
+        left = max(way.fit.chi2 / self.model.dof("train"),
+                   float(held @ held) / self.model.dof("held-out"))  # fmt: skip
+        gap = way.fit.chi2 - self.model.dof("train")
+        return [
+            t for t in way.trials[-1][:1]
+            if left > self.settings.strong and t.gain > self.settings.trusted * gap
+            and np.isfinite(t.held.gain) and not self.has(way.fit, t.effect)
+        ]  # fmt: skip
+
+    def confirmed(self, way: SearchPath, sure: SearchPath) -> bool:
+        """Whether held-out runs confirm every effect of a way beside its others.
+
+        And all those together that it has more than the way up to its first step on trust, `sure`.
+        """
+        after, effects = residual_of(self.model, way.fit.point, "held-out"), way.fit.point.effects
+        kept = [(*effects[:i], *effects[i + 1 :]) for i in range(len(effects))]
+        for others in (sure.fit.point.effects, *kept):
+            less = refit(self.model, way.fit.point.with_effects(*others), rounds=WITHOUT)
+            held = HeldOut.of(residual_of(self.model, less.point, "held-out"), after)
+            if not held.confirms(less.cost - way.fit.cost, self.settings):
+                return False
+        return True
 
     def looked(self, way: SearchPath) -> SearchPath:
         """The way with one scan more, and with what it led to try."""
@@ -208,19 +255,19 @@ class Search:
     def little(self, fit: Fit, trial: Trial) -> bool:
         """Whether a trial closes next to nothing of a strong gap: an unknown effect's shadow."""
         dof = self.model.dof("train")
-        return fit.chi2 > self.settings.strong * dof and trial.gain < self.settings.little * (
-            fit.chi2 - dof
-        )
+        return self.strong(fit) and trial.gain < self.settings.little * (fit.chi2 - dof)
 
     def with_effect(self, way: SearchPath, trial: Trial) -> SearchPath:
         """The way with an accepted effect."""
-        self.tell(
-            f"accepted {trial.effect.name}: {self.who} show "
-            f"{trial.held.multiplier:.2f} ± {1 / np.sqrt(trial.held.size):.2g} of the change"
-        )
+        name, held = trial.effect.name, trial.held
+        if trial.accepted:
+            share = f"{held.multiplier:.2f} ± {1 / np.sqrt(held.size):.2g}"
+            self.tell(f"accepted {name}: {self.who} show {share} of the change")
+        else:
+            self.tell(f"taken in on trust: {name}, which {self.who} may confirm beside others")
         fit = self.refits.settle(trial.fit)
-        held = chi2_of(self.model, fit.point, "held-out")
-        return dataclasses.replace(way, fit=fit, noise_only=self.floor_reached(fit, held))
+        left = chi2_of(self.model, fit.point, "held-out")
+        return dataclasses.replace(way, fit=fit, noise_only=self.floor_reached(fit, left))
 
     def best_way(self, baseline: Fit, way: SearchPath) -> SearchPath:
         """The way itself, or a better one from a runner-up of its first step."""
@@ -255,15 +302,21 @@ class Search:
         left = beside_taken(fit.residual, taken, u)
         scrambled = [model.shuffled(left, seed) for seed in range(self.settings.shuffles)]
         spread = float(left @ left) / model.dof("train")
-        scan = signatures.scan(fit.residual, taken, u, scrambled, spread)
+        again = functools.partial(scored_in_ranges, model, fit, signatures)
+        scan = signatures.scan(fit.residual, taken, u, scrambled, spread,
+                               again=again if at_ends(model, fit) else None)  # fmt: skip
         return scan, signatures
+
+    def strong(self, fit: Fit) -> bool:
+        """Whether so much is left that tangents do not rank what explains it."""
+        return fit.chi2 > self.settings.strong * self.model.dof("train")
 
     def in_a_part(self, fit: Fit, signatures: Signatures) -> list[Score]:
         """Candidates that explain nearly all that a part of the channels shows of a strong gap.
 
         Scored by it alone: where an effect bends what the others show, its tangent explains none.
         """
-        if fit.chi2 <= self.settings.strong * self.model.dof("train"):
+        if not self.strong(fit):
             return []
         J, u = to_project(self.model, fit.jacobian, fit.point.u)
         out = []
@@ -278,16 +331,15 @@ class Search:
     def trials(self, fit: Fit, scan: Scan, further: Sequence[Score] = ()) -> list[Trial]:
         """Joint refits of the best significant candidates and of `further` ones, best first."""
         train, held = self.model.dof("train"), self.model.dof("held-out")
-        spread = max(1.0, fit.chi2 / train)
         scores = [s for s in (*significant(scan, self.settings.alpha), *further)
                   if not self.has(fit, s.candidate)]  # fmt: skip
         starts = [Start(p, 0.0) for p in self.model.foretold(fit.point)]
         names = {start.name for start in starts}
-        others = self.starts(fit, scan, scores, spread > self.settings.strong)
+        others = self.starts(fit, scan, scores, self.strong(fit))
         starts += [start for start in others if start.name not in names]
         before = residual_of(self.model, fit.point, "held-out")
         lines = other_lines(self.model, fit, scan, scores)
-        trials, openings = [], {} if spread > self.settings.strong else None
+        trials, openings = [], {} if self.strong(fit) else None
         for start in starts[: self.settings.tried]:
             if trials and self.model.spent:
                 break

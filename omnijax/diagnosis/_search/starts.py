@@ -67,7 +67,7 @@ def other_lines(
             continue
         near = [
             s for s in scan.order
-            if s.candidate.name == c.name and s is not best and s.allowed
+            if s.candidate.name == c.name and s.index != best.index and s.allowed
             and s.gain > EQUALS * best.gain
         ]  # fmt: skip
         out[c.name] = by_tangent(fit, near[:OTHERS])
