@@ -9,7 +9,7 @@ import numpy as np
 from ...laws import AbstractSensor
 from ...rig import Rig
 from .._settings import SETTINGS
-from .clocks import LATE_LAWS, late_by, offset_of
+from .clocks import late_by, offset_of, only_delays
 from .laws import moving_readings, on_time
 from .runs import Run, filled
 
@@ -82,7 +82,7 @@ def outputs_on_time(rig: Rig, run: Run, group: str, columns: int) -> np.ndarray:
 def changed_beside_delays(rig: Rig, group: str) -> bool:
     """Whether a law of the group's sensors does more than to delay."""
     laws = (p.law for p in rig.at("sensor") if p.group == group)
-    return not all(isinstance(law, LATE_LAWS) for law in laws)
+    return not all(only_delays(law) for law in laws)
 
 
 def values_behind(

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from scipy.interpolate import BSpline
 from scipy.ndimage import spline_filter1d
 
-from ...laws import AbstractSensor, SensorDelay, SensorSignal
+from ...laws import AbstractLaw, AbstractSensor, SensorDelay, SensorSignal
 from ...rig import Rig, place_law
 from .._search import Prior, number
 from .._settings import SETTINGS
@@ -34,6 +34,11 @@ class LoggerClock(AbstractSensor):
 
 
 LATE_LAWS = (LoggerClock, SensorDelay)  # by which dR and a are read as late as they say
+
+
+def only_delays(law: AbstractLaw) -> bool:
+    """Whether a sensor's law is one of `LATE_LAWS`; a class below them has a formula of its own."""
+    return type(law) in LATE_LAWS
 
 
 def clock_priors(groups, stated: set[str]) -> list[Prior]:
@@ -61,7 +66,7 @@ def offset_of(rig: Rig, group: str) -> float:
     A delay may be taken first of all sensors' laws, if those before it act by so much earlier.
     """
     laws = [p.law for p in rig.at("sensor") if p.place == group]
-    return sum(float(law.delay) for law in laws if isinstance(law, LATE_LAWS))
+    return sum(float(law.delay) for law in laws if only_delays(law))
 
 
 def read_late(law: LoggerClock, signal: SensorSignal) -> np.ndarray:

@@ -15,7 +15,7 @@ from ...laws import AbstractSensor, SensorSignal
 from ...rig import Rig
 from ...simulation import SENSOR_POINTS
 from .._settings import SETTINGS
-from .clocks import LATE_LAWS, LoggerClock, offset_of, read_late
+from .clocks import LoggerClock, offset_of, only_delays, read_late
 from .runs import Run
 
 
@@ -44,7 +44,7 @@ def sensed(law, signal: SensorSignal):
 
 
 def _read(law, signal: SensorSignal):
-    if isinstance(law, LoggerClock):
+    if type(law) is LoggerClock:
         return read_late(law, signal)
     return np.asarray(sensed(law, signal))
 
@@ -58,7 +58,7 @@ def on_time(rig: Rig, group: str) -> Callable[[Any, SensorSignal], Any]:
 
     def apply(law, signal: SensorSignal):
         nonlocal ahead
-        if isinstance(law, LATE_LAWS):
+        if only_delays(law):
             ahead -= float(law.delay)
             return 0.0
         if ahead and not (isinstance(law, AbstractSensor) and law.remembers):
@@ -73,7 +73,7 @@ def remembers(rig: Rig, group: str) -> bool:
     """Whether a sensor of the group shows what was before, other than by `offset_of`."""
     own = [p.law for p in rig.at("sensor") if p.group == group]
     return any(
-        isinstance(law, AbstractSensor) and law.remembers and not isinstance(law, LATE_LAWS)
+        isinstance(law, AbstractSensor) and law.remembers and not only_delays(law)
         for law in own
     )
 

@@ -14,7 +14,7 @@ from ...simulation import SENSOR_POINTS
 from .._settings import SETTINGS
 from .._threads import each
 from .behind import folds
-from .clocks import LATE_LAWS, offset_of
+from .clocks import offset_of, only_delays
 from .data_vector import DataRows
 from .dual_rows import shares_behind, two_rows
 from .elastic import (
@@ -527,7 +527,7 @@ class Machine:
         """
         late = {group: offset_of(rig, group) for group in ELASTIC}
         laws = [p.law for p in rig.at("sensor") if p.group in ELASTIC]
-        plain = all(isinstance(law, LATE_LAWS) for law in laws)
+        plain = all(only_delays(law) for law in laws)
         if stepped_ports(rig) or rig.at("rolling") or not plain:
             return None
         if min(late.values()) <= -min(self.runs[i].step for i in which):
