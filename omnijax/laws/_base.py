@@ -62,6 +62,11 @@ class AbstractLaw(eqx.Module):
         """Time derivative of the law's memory; `None` for a law without memory."""
         return None
 
+    @classmethod
+    def has_memory(cls) -> bool:
+        """Whether the law has a state of its own, which `initial` and `rate` tell."""
+        return cls.initial is not AbstractLaw.initial
+
     def __add__(self, other: "AbstractLaw") -> "Sum":
         if not isinstance(other, AbstractLaw):
             return NotImplemented

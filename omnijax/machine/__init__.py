@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from ._case import read_machine_case as read_machine_case
     from ._criterion import criterion_of as criterion_of
     from ._criterion import one_inertia as one_inertia
+    from ._field import field_of_numbers as field_of_numbers
+    from ._field import settled_memory as settled_memory
     from ._field import vector_field as vector_field
     from ._file import MachineFile as MachineFile
     from ._file import load_machine as load_machine

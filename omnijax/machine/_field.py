@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, Float
 
+from ..dynamics import rest_memory
 from ._ports import PlacedLaw, Ports, resting
 
 
@@ -59,3 +60,18 @@ def field_of_numbers(machine: Moving, placed: tuple[PlacedLaw, ...]):
         return (*(jnp.asarray(v, float) for v in x), jnp.asarray(memory, float))
 
     return rate, join
+
+
+def settled_memory(
+    machine: Moving, placed: tuple[PlacedLaw, ...], x: Float[Array, " n"], u: Mapping[str, Array]
+) -> tuple[Any, ...]:
+    """The laws' memories that do not change in the state `x` under the inputs `u`, as of `placed`.
+
+    With these a motion begins there: a slow drive delivers what is commanded.
+    """
+    memory = resting(placed)
+    if all(z is None for z in memory):
+        return memory
+    rate, _ = field_of_numbers(machine, placed)
+    flat, unravel = ravel_pytree(memory)
+    return unravel(rest_memory(lambda z: rate((*x, z), u)[-1], flat))

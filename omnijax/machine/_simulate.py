@@ -12,10 +12,10 @@ from jaxtyping import Array, Float
 from .._errors import RunError
 from ..laws import SensorSignal
 from ._base import AbstractMachine
-from ._field import field_of_numbers
+from ._field import field_of_numbers, settled_memory
 from ._file import MachineFile
 from ._log import Log
-from ._ports import PlacedLaw, delayed_inputs, resting
+from ._ports import PlacedLaw, delayed_inputs
 from ._steps import (
     SURELY,
     Tried,
@@ -41,7 +41,7 @@ def states_along(
     hold: str = "linear",
     memory: tuple[Any, ...] | None = None,
 ) -> Float[Array, "t n"]:
-    """States at the samples of one window; the laws' memories begin at rest.
+    """States at the samples of one window; the laws' memories begin settled, or at `memory`.
 
     `inputs` stand at `parts` places a sample, f = parts (t - 1) + 1, linear between them, or held
     at their first value; `steps`, which may be traced, Runge-Kutta steps lead from one to the next.
@@ -78,7 +78,9 @@ def states_along(
         z = jax.lax.fori_loop(0, steps, forth, z)
         return z, z[:-1]
 
-    *x0, rest = join(start, resting(placed) if memory is None else memory)
+    if memory is None:
+        memory = settled_memory(machine, placed, start, {k: x[0] for k, x in inputs.items()})
+    *x0, rest = join(start, memory)
     _, path = jax.lax.scan(body, (*x0, rest), (left, right))
     path = [jnp.append(x, p[parts - 1 :: parts]) for x, p in zip(x0, path, strict=True)]
     return jnp.stack(path, 1)

@@ -11,8 +11,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...laws import ActuatorLag, SensorSignal
-from ...machine import AbstractMachine, Axis, PlacedLaw
+from ...laws import SensorSignal
+from ...machine import AbstractMachine, PlacedLaw, settled_memory
 from .._settings import SETTINGS
 
 SECONDS = SETTINGS.free_before.seconds
@@ -29,7 +29,7 @@ def matters(laws: Sequence) -> tuple[bool, bool]:
     """Whether some `laws` show the position of before, and whether some obey the input of then."""
     return (
         any(getattr(law, "remembers", False) for law in laws),
-        any(law.port == "command" or law.id == ActuatorLag.id for law in laws),
+        any(law.port == "command" or law.has_memory() for law in laws),
     )
 
 
@@ -56,11 +56,7 @@ def memories_at(
     machine: AbstractMachine, placed: Sequence[PlacedLaw], start: Float[Array, " n"],
     inputs: Mapping[str, Array], before: Before,
 ) -> tuple:  # fmt: skip
-    """The laws' memories at a window's start: of a slow drive the torque of the input before."""
+    """The laws' memories at a window's start: settled under the input of before."""
     then = {k: x[0] for k, x in inputs.items()}
     then["input"] = then["input"] + before.jump
-    return tuple(
-        machine.motor(start[0], start[1], then)
-        if isinstance(one.law, ActuatorLag) and isinstance(machine, Axis) else one.law.initial()
-        for one in placed
-    )  # fmt: skip
+    return settled_memory(machine, tuple(placed), start, then)

@@ -1,5 +1,6 @@
 """What a balance knows of states that nobody measures: behind a sensor or a drive, in it."""
 
+import math
 from collections.abc import Mapping, Sequence
 
 import jax
@@ -8,11 +9,20 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...laws import ActuatorLag, ActuatorSignal, low_passed
-from ...machine import AbstractMachine, Axis, PlacedLaw, Ports, sensed
+from ...machine import (
+    AbstractMachine,
+    Axis,
+    PlacedLaw,
+    Ports,
+    field_of_numbers,
+    sensed,
+    settled_memory,
+)
 from .._settings import SETTINGS
 
 FINE = SETTINGS.free_known.fine
 ROUNDS = SETTINGS.free_known.rounds
+GAMMA = 1 - 1 / math.sqrt(2)  # of Rosenbrock's method: stable for rates of any size
 
 
 def before_sensors(
@@ -73,23 +83,67 @@ def _dragged(axis: Axis, q, v, step) -> Float[Array, "t 2"]:
 
 
 def memories(
-    machine: AbstractMachine, placed: Sequence[PlacedLaw], time: Float[Array, " t"], q, v,
-    inputs: Mapping[str, Array],
+    machine: AbstractMachine, placed: Sequence[PlacedLaw], time: Float[Array, " t"],
+    x: Float[Array, "t n"], inputs: Mapping[str, Array],
 ) -> Float[Array, "t m"]:  # fmt: skip
-    """The laws' memories at every sample: a slow drive's torque from the commanded one, else rest.
+    """The laws' memories at every sample, along the states `x` (t, n) and inputs (t,) by name.
 
-    Actuators follow one after the other, each on what the former delivers.
+    In closed form where slow drives are all that remember.
     """
-    torque = machine.motor(q, v, inputs) if isinstance(machine, Axis) else jnp.zeros_like(q)
-    out = []
+    remembering = [one.law for one in placed if one.law.has_memory()]
+    if not remembering:
+        return jnp.zeros((len(x), 0))
+    if isinstance(machine, Axis) and all(type(law) is ActuatorLag for law in remembering):
+        return _lagging(machine, placed, time, x, inputs)
+    return _followed(machine, tuple(placed), time, x, inputs)
+
+
+def _lagging(axis: Axis, placed, time, x, inputs) -> Float[Array, "t m"]:
+    """Torques (t, lags) that slow drives deliver, each of what the actuators before it do."""
+    q, v = x[:, 0], x[:, 1]
+    torque, out = axis.motor(q, v, inputs), []
     for one in placed:
-        state, rest = None, one.law.initial()
-        if rest is not None:
-            state = jnp.broadcast_to(rest, (len(q), *jnp.shape(rest)))
-        if isinstance(one.law, ActuatorLag):
+        if one.port != "actuator":
+            continue
+        state = None
+        if one.law.has_memory():
             state = low_passed(time, torque[:, None], one.law.tau)[:, 0]
-        if one.port == "actuator":
-            torque = torque + one.gate * one.law(ActuatorSignal(torque, q, v), state)
-        if state is not None:
-            out.append(state.reshape(len(q), -1))
-    return jnp.concatenate(out, axis=1) if out else jnp.zeros((len(q), 0))
+            out.append(state)
+        torque = torque + one.gate * one.law(ActuatorSignal(torque, q, v), state)
+    return jnp.stack(out, axis=1)
+
+
+def _followed(machine, placed, time, x, inputs) -> Float[Array, "t m"]:
+    """Memories (t, m) of any laws: `FINE` steps of Rosenbrock's second-order method a sample.
+
+    It is stable however fast a law forgets (Verwer's coefficient).
+    """
+    names, (field, join) = tuple(inputs), field_of_numbers(machine, placed)
+    h = (time[1] - time[0]) / FINE
+
+    def rate(z, at):
+        state, given = at
+        return field((*state, z), dict(zip(names, given, strict=True)))[-1]
+
+    def after(z, ends):
+        begin, end = ends
+        change = jax.tree.map(lambda a, b: (b - a) / FINE, begin, end)
+        for k in range(FINE):
+            here, then = (
+                jax.tree.map(lambda a, d, k=j: a + k * d, begin, change) for j in (k, k + 1)
+            )
+            slope = jax.jacfwd(rate)(z, here)
+            drift = jax.jvp(lambda at, z=z: rate(z, at), (here,), (change,))[1]
+            stage = jnp.eye(len(z)) - GAMMA * h * slope
+            first = jnp.linalg.solve(stage, rate(z, here) + GAMMA * drift)
+            left = rate(z + h * first, then) - 2 * first - GAMMA * drift
+            z = z + h / 2 * (3 * first + jnp.linalg.solve(stage, left))
+        return z, z
+
+    along = x, tuple(inputs[k] for k in names)
+    begin = jax.tree.map(lambda a: a[0], along)
+    memory = settled_memory(machine, placed, begin[0], dict(zip(names, begin[1], strict=True)))
+    first = join(begin[0], memory)[-1]
+    pairs = jax.tree.map(lambda a: a[:-1], along), jax.tree.map(lambda a: a[1:], along)
+    _, path = jax.lax.scan(after, first, pairs)
+    return jnp.concatenate([first[None], path])

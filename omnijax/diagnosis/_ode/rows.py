@@ -106,9 +106,8 @@ class Balance:
         inputs = delayed_inputs(placed, time - time[0], inputs)
         rate, _, _ = vector_field(machine, placed)
         q, v, a = before_sensors(placed, time, (q, v, a))
-        memory = memories(machine, placed, time, q, v, inputs)
-
-        whole = jnp.concatenate([states(machine, q, v, time[1] - time[0]), memory], axis=1)
+        x = states(machine, q, v, time[1] - time[0])
+        whole = jnp.concatenate([x, memories(machine, placed, time, x, inputs)], axis=1)
         raw = a - jax.vmap(rate)(whole, inputs)[:, 1]
         return jnp.convolve(raw, jnp.asarray(self.taps), "valid")[:: self.thin]
 

@@ -1,0 +1,118 @@
+"""Laws of a user's in the diagnosis: known of the machine, also as classes below the library's.
+
+What a law below one of the library's makes is its own formula, nowhere that of the law above it.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from omnijax import laws, load_rig
+from omnijax.diagnosis._machine.behind import changed_beside_delays
+from omnijax.diagnosis._machine.clocks import late_by, offset_of
+from omnijax.diagnosis._machine.laws import on_time, readings, remembers
+from omnijax.diagnosis._ode.before import Before, matters, memories_at
+from omnijax.diagnosis._ode.known import memories
+from omnijax.dynamics import sensor_readings
+from omnijax.laws import EFFECTS, ActuatorLag, low_passed
+from omnijax.machine import Axis, PlacedLaw, free_run
+
+STEP = 2e-3  # s
+TIME = STEP * np.arange(500)
+
+
+class HalfLate(laws.SensorDelay):
+    """Half of what is read is late."""
+
+    id = "half-late"
+
+    def __call__(self, signal, state=None):
+        return super().__call__(signal, state) / 2
+
+
+class TwiceAsSlow(ActuatorLag):
+    """A lag of twice the time that it states."""
+
+    id = "twice-as-slow"
+
+    def rate(self, signal, state):
+        return super().rate(signal, state) / 2
+
+
+class SlowSeal(laws.AbstractShaft):
+    """A drag that follows the speed late."""
+
+    tau: jnp.ndarray
+
+    id, places = "slow-seal", ("wheel", "all")
+    parameters = {"tau": laws.Parameter("s", low=0, above=True)}  # noqa: RUF012
+
+    def __call__(self, signal, state=None):
+        return -0.01 * state[0]
+
+    def initial(self):
+        return jnp.zeros(1)
+
+    def rate(self, signal, state):
+        return (jnp.stack([signal.speed]) - state) / self.tau
+
+
+def number(x: float):
+    return jnp.asarray(x)
+
+
+@pytest.mark.parametrize("law", [laws.SensorDelay, HalfLate])
+@pytest.mark.parametrize("group", ["dR", "Omega"])
+def test_what_is_read_on_time_is_read_as_simulated(law, group):
+    """A law below the delay was taken for the delay: 43 sigma at the truth, 0.02 now."""
+    rig = load_rig("atlas").add(law(number(0.004)), group)
+    values = np.sin(2 * np.pi * TIME[:, None] * [2.0, 3.0, 5.0]) * np.minimum(1, 20 * TIME)[:, None]
+    late = late_by(values.T, offset_of(rig, group) / STEP).T
+    read = readings(rig, group, TIME, late, on_time(rig, group))
+    shown = sensor_readings(rig, group, jnp.asarray(TIME), jnp.asarray(values))
+    np.testing.assert_allclose(read, shown, atol=2e-4)
+    own = law is HalfLate
+    assert changed_beside_delays(rig, group) == remembers(rig, group) == own
+
+
+def test_a_slow_drive_of_an_axis_begins_with_the_torque_that_is_commanded():
+    """It began with none, whatever was commanded at first: in `simulate`, sweeps and diagnoses."""
+    law, inputs = ActuatorLag(number(0.05)), {"input": np.full(len(TIME), 0.3)}
+    axis, first = Axis(0.01, 0.05), {"position": (0.1, 0.2)}
+    held, bare = (
+        free_run(axis, placed, first, inputs, STEP)["position"]
+        for placed in ((PlacedLaw(law, "axis"),), ())
+    )
+    np.testing.assert_allclose(held, bare, rtol=0, atol=1e-9)
+
+
+MEMORIES = {  # a law, and the one that it is, or None: of the speed
+    "lag": (ActuatorLag(number(0.06)), 0.06),
+    "below a lag": (TwiceAsSlow(number(0.03)), 0.06),
+    "as fast as nothing": (TwiceAsSlow(number(1e-7)), 2e-7),
+    "at the shaft": (SlowSeal(number(0.06)), 0.06),
+}
+
+
+@pytest.mark.parametrize("case", MEMORIES)
+def test_what_a_law_of_an_axis_remembers_is_followed(case):
+    """One below a lag was taken for it, any other stayed at rest: what it does was left out."""
+    law, tau = MEMORIES[case]
+    rng = np.random.default_rng(2)
+    u, v = (np.sin(TIME[:, None] * rng.uniform(3, 20, 4)).sum(axis=1) + 1 for _ in range(2))
+    q = np.cumsum(v) * STEP
+    axis, placed = Axis(0.01, 0.05), (PlacedLaw(law, "axis"),)
+    gained = EFFECTS["motor-gain"](number(0.2))
+    if law.port == "actuator":  # it is given what the former delivers
+        placed = (PlacedLaw(gained, "axis"), *placed)
+    felt = v if law.port == "shaft" else 1.2 * u
+    inputs = {"input": jnp.asarray(u)}
+    x = jnp.stack([jnp.asarray(q), jnp.asarray(v)], axis=1)
+    found = memories(axis, placed, jnp.asarray(TIME), x, inputs)
+    wanted = low_passed(jnp.asarray(TIME), jnp.asarray(felt)[:, None], tau)
+    np.testing.assert_allclose(found, wanted, atol=1e-3)
+    jump = Before(number(0.0), number(0.1))
+    begun = memories_at(axis, placed, x[0], inputs, jump)[-1]
+    before = v[0] if law.port == "shaft" else 1.2 * (u[0] + 0.1)
+    np.testing.assert_allclose(np.ravel(begun), [before], rtol=1e-9)
+    assert matters([law]) == matters([type(law)]) == (False, True)
