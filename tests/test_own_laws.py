@@ -7,14 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from omnijax import laws, load_rig
+from omnijax import InputError, cli, diagnose, laws, load_laws, load_rig
 from omnijax.diagnosis._machine.behind import changed_beside_delays
 from omnijax.diagnosis._machine.clocks import late_by, offset_of
 from omnijax.diagnosis._machine.laws import on_time, readings, remembers
 from omnijax.diagnosis._ode.before import Before, matters, memories_at
 from omnijax.diagnosis._ode.known import memories
 from omnijax.dynamics import sensor_readings
-from omnijax.laws import EFFECTS, ActuatorLag, low_passed
+from omnijax.laws import EFFECTS, GENERIC, ActuatorLag, low_passed
 from omnijax.machine import Axis, PlacedLaw, free_run
 
 STEP = 2e-3  # s
@@ -116,3 +116,39 @@ def test_what_a_law_of_an_axis_remembers_is_followed(case):
     before = v[0] if law.port == "shaft" else 1.2 * (u[0] + 0.1)
     np.testing.assert_allclose(np.ravel(begun), [before], rtol=1e-9)
     assert matters([law]) == matters([type(law)]) == (False, True)
+
+
+LAW = """
+import jax.numpy as jnp
+from omnijax.laws import AbstractShaft, Parameter
+
+class Own(AbstractShaft):
+    \"\"\"Shaft torque -k angle.\"\"\"
+
+    k: jnp.ndarray
+    id, places, formula = "{}", ("wheel", "all"), "shaft torque -k θ"
+    parameters = {{"k": Parameter("N m", low=0, linear=True)}}
+
+    def __call__(self, signal, state=None):
+        return -{} * self.k * signal.angle
+"""
+
+
+def test_a_law_of_one_s_own_takes_no_other_s_id(tmp_path, capsys):
+    """It replaced that of an axis' own, and the law of the former --law, without a word."""
+    (generic, *_) = GENERIC
+    (tmp_path / "taken.py").write_text(LAW.format(generic, 1), encoding="utf-8")
+    with pytest.raises(InputError, match=f"the id `{generic}` is one of omnijax's own"):
+        load_laws(tmp_path / "taken.py")
+    for k in (1, 2):
+        (tmp_path / f"{k}.py").write_text(LAW.format("own", k), encoding="utf-8")
+    files = [part for k in (1, 2) for part in ("--law", str(tmp_path / f"{k}.py"))]
+    assert cli.run(["diagnose", str(tmp_path), *files, "--out", str(tmp_path / "out")]) == 2
+    assert "another --law has a law of the id `own` already" in capsys.readouterr().err
+    for key, said in (("own", "'own' is `half-late`"), ("bearing-viscous", "omnijax's own")):
+        with pytest.raises(InputError, match=said):
+            diagnose(tmp_path, laws={key: Named if key != "own" else HalfLate})
+
+
+class Named(laws.BearingViscous):
+    """A law below one of the library's that keeps its id."""

@@ -72,7 +72,11 @@ def diagnose(
 
     laws: dict[str, Any] = {}
     for file in law or []:
-        laws |= load_laws(file)
+        own = load_laws(file)
+        twice = [id for id in own if laws.get(id, own[id]) is not own[id]]
+        if twice:
+            raise InputError(f"{file}: another --law has a law of the id `{twice[0]}` already.")
+        laws |= own
     folder = out or Path(f"diagnosis-{case.resolve().name}")
     asked = _less(_case(case, rig, model), thin, above_zero("first", first, "s"))
     claim(folders=[folder], force=force)

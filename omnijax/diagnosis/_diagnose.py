@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from .._errors import InputError
 from .._errors import tell as warn
-from ..laws import EFFECTS
+from ..laws import AXIS_EFFECTS, EFFECTS
 from ..machine import MachineCase, is_machine_case, read_machine_case
 from ..recording import Case, read_case
 from ._answer import AbstractEvidence, Diagnosis, RigEvidence, white_levels, wrong
@@ -49,11 +50,12 @@ def diagnose(
     anew, so that small torque errors cannot add up.  Seeds are fixed: equal input, equal answer.
 
     Figures are SI.  Raises `InputError` for a case that cannot be read, for one without a run
-    to learn from, and for more samples than memory holds.
+    to learn from, for more samples than memory holds, and for laws under ids that are not theirs.
 
     Source: score tests and refits on whitened residuals, effects of `docs/formats.md`
     (`docs/limits.md`).
     """
+    _check_ids(laws or {})
     if isinstance(case, str | Path):
         case = read_machine_case(case) if is_machine_case(case) else read_case(case)
     _warn_of_lists(laws or {})
@@ -62,6 +64,20 @@ def diagnose(
         if isinstance(case, MachineCase):
             return machine_diagnosed(case, laws or {}, tell)
         return _diagnosed(case, {**EFFECTS, **(laws or {})}, window, tell)
+
+
+def _check_ids(laws: dict[str, Any]) -> None:
+    """`InputError` for a user's law under another's id: effects are named by theirs."""
+    wrong = [
+        f"`laws` must map the `id` of each law to it, but {key!r} is `{law.id}`."
+        for key, law in laws.items() if key != law.id
+    ]  # fmt: skip
+    wrong += [
+        f"`laws`: the id `{key}` is one of omnijax's own; choose another."
+        for key, law in laws.items() if AXIS_EFFECTS.get(key, law) is not law
+    ]  # fmt: skip
+    if wrong:
+        raise InputError(wrong)
 
 
 def _warn_of_lists(laws: dict[str, Any]) -> None:

@@ -10,7 +10,7 @@ from .. import laws
 from .._consent import consent, trust
 from .._errors import InputError
 from .._reading import TEXT, read_bytes
-from ..laws import EFFECTS, AbstractLaw
+from ..laws import AXIS_EFFECTS, EFFECTS, AbstractLaw
 
 _LOADED: dict[str, dict[str, type[AbstractLaw]]] = {}  # digest of the file -> its laws
 _FILES: dict[type[AbstractLaw], tuple[str, bytes]] = {}  # law -> name and text of its file
@@ -80,7 +80,7 @@ def _run(path: Path, text: bytes) -> dict[str, type[AbstractLaw]]:
             defined = laws.laws_of(text, path)
         except ValueError as error:
             raise InputError(str(error)) from None
-        taken = sorted(set(defined) & set(EFFECTS))
+        taken = sorted(set(defined) & set(AXIS_EFFECTS))
         if taken:
             raise InputError(
                 f"{path}: the id `{taken[0]}` is one of omnijax's own; choose another."
