@@ -3,7 +3,10 @@
 What a law below one of the library's makes is its own formula, nowhere that of the law above it.
 """
 
+import tomllib
+
 import jax.numpy as jnp
+import jsonschema
 import numpy as np
 import pytest
 
@@ -15,7 +18,16 @@ from omnijax.diagnosis._ode.before import Before, matters, memories_at
 from omnijax.diagnosis._ode.known import memories
 from omnijax.dynamics import sensor_readings
 from omnijax.laws import EFFECTS, GENERIC, ActuatorLag, low_passed
-from omnijax.machine import Axis, PlacedLaw, free_run
+from omnijax.machine import (
+    Axis,
+    MachineFile,
+    PlacedLaw,
+    free_run,
+    load_machine,
+    machine_schema,
+    machine_text,
+    parse_machine,
+)
 
 STEP = 2e-3  # s
 TIME = STEP * np.arange(500)
@@ -119,7 +131,10 @@ def test_what_a_law_of_an_axis_remembers_is_followed(case):
 
 
 LAW = """
+import tomllib
+
 import jax.numpy as jnp
+import jsonschema
 from omnijax.laws import AbstractShaft, Parameter
 
 class Own(AbstractShaft):
@@ -152,3 +167,38 @@ def test_a_law_of_one_s_own_takes_no_other_s_id(tmp_path, capsys):
 
 class Named(laws.BearingViscous):
     """A law below one of the library's that keeps its id."""
+
+
+def test_a_machine_file_names_the_file_of_a_law_of_one_s_own(tmp_path):
+    """`diagnose` of an axis wrote a machine-diagnosed.toml that every command refused."""
+    (tmp_path / "own.py").write_text(LAW.format("own", 3), encoding="utf-8")
+    (law,) = load_laws(tmp_path / "own.py").values()
+    placed = (PlacedLaw(law(number(0.3)), "axis"),)
+    text = machine_text(MachineFile(Axis(0.01, 0.05), placed))
+    (tmp_path / "machine.toml").write_text(text, encoding="utf-8")
+    file = load_machine(tmp_path / "machine.toml")
+    assert type(file.placed[0].law) is law and float(file.placed[0].law.k) == 0.3
+    assert machine_text(file) == text and 'law = "own.py"' in text
+    jsonschema.validate(tomllib.loads(text), machine_schema())
+    (tmp_path / "machine.toml").write_text(text.replace("own.py", "no.py"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"`effect.own.law`: .*no.py: no such Python file of laws"):
+        load_machine(tmp_path / "machine.toml")
+    with pytest.raises(InputError, match="the law `half-late` cannot be saved: put its class"):
+        machine_text(MachineFile(Axis(0.01), (PlacedLaw(HalfLate(number(0.1)), "position"),)))
+
+
+@pytest.mark.parametrize(("id", "place", "parameters", "said"), [
+    ("sensor-delay", "position", {"delay": 0.01}, None),
+    ("bearing-viscous", "position", {"b": 0.01}, "`effect.bearing-viscous.place` must be axis"),
+    ("contact-cubic", "axis", {"K3": 1.0}, "`effect.contact-cubic` acts at the port `contact`"),
+])  # fmt: skip
+def test_an_effect_of_a_machine_file_stands_where_its_port_is(id, place, parameters, said):
+    """A diagnosed sensor's effect could not be read again; a contact's did nothing."""
+    effect = {"id": id, "place": place, "parameters": parameters}
+    data = {"kind": "axis", "motor": {}, "axis": {"inertia": 1.0}, "effect": [effect]}
+    if said is None:
+        file = parse_machine(data)
+        assert machine_text(parse_machine(tomllib.loads(machine_text(file)))) == machine_text(file)
+        return
+    with pytest.raises(InputError, match=said):
+        parse_machine(data)

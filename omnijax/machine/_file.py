@@ -13,7 +13,7 @@ from .._problems import sentence
 from .._reading import read_toml
 from .._toml import toml_value
 from ..laws import AXIS_EFFECTS
-from ..rig import law_quantity
+from ..rig import file_of, law_quantity, rigs_laws
 from ._axis import Axis
 from ._base import AbstractMachine
 from ._ports import PlacedLaw
@@ -92,7 +92,7 @@ def parse_machine(data: Mapping[str, Any], source: str = "machine.toml") -> Mach
             )
         elif inverse[key] not in values:
             problems.append(f"`uncertainty.{key}`: the file gives no such number.")
-    placed, wrong = _effects(file.effect, known)
+    placed, wrong = _effects(file.effect, known, Path(source).parent)
     if problems or wrong:
         raise InputError(problems + wrong, source)
     machine = Axis(**{k: jnp.asarray(v, float) for k, v in values.items()},
@@ -132,13 +132,25 @@ def _lacking(file, motion: str) -> list[str]:
     return problems
 
 
-def _effects(blocks, motion: str) -> tuple[tuple[PlacedLaw, ...], list[str]]:
+def _effects(blocks, motion: str, folder: Path) -> tuple[tuple[PlacedLaw, ...], list[str]]:
     placed, problems = [], []
     for block in blocks:
-        law = AXIS_EFFECTS.get(block.id)
+        try:
+            known = AXIS_EFFECTS if block.law is None else rigs_laws(folder / block.law)
+        except InputError as error:
+            problems += [f"`effect.{block.id}.law`: {told}" for told in error.problems]
+            continue
+        law = known.get(block.id)
         if law is None:
             problems.append(f"`effect.id` must be one of the effects, but is {block.id!r}."
-                            f"{did_you_mean(block.id, AXIS_EFFECTS)}")  # fmt: skip
+                            f"{did_you_mean(block.id, known)}")  # fmt: skip
+            continue
+        if law.port not in (*Axis.places, "sensor"):
+            problems.append(f"`effect.{block.id}` acts at the port `{law.port}`, but an axis has "
+                            f"{', '.join(Axis.places)} and sensor.")  # fmt: skip
+            continue
+        if law.port != "sensor" and block.place != "axis":
+            problems.append(f"`effect.{block.id}.place` must be axis, but is {block.place!r}.")
             continue
         needed = {k for k, p in law.parameters.items() if not p.optional}
         wrong = sorted(set(block.parameters) - set(law.parameters))
@@ -152,9 +164,9 @@ def _effects(blocks, motion: str) -> tuple[tuple[PlacedLaw, ...], list[str]]:
         values = {}
         for name, given in block.parameters.items():
             try:
-                known = law.parameters[name]
-                unit = axis_unit(known.unit, motion, name)
-                quantity = law_quantity(known._replace(unit=unit), block.place, 1)
+                parameter = law.parameters[name]
+                unit = axis_unit(parameter.unit, motion, name)
+                quantity = law_quantity(parameter._replace(unit=unit), block.place, 1)
                 values[name] = jnp.asarray(quantity.read(given), float)
             except ValueError as error:
                 problems.append(f"`effect.{block.id}.{name}` {error}")
@@ -192,6 +204,7 @@ def machine_text(file: MachineFile) -> str:
     """machine.toml of a machine with its numbers and effects.
 
     Of one of the user's, which no file is read for, `[numbers]` are what its class begins with.
+    Laws of a user's file are named by it (`texts_of_laws`); raises `InputError` for those of none.
     """
     axis = file.machine
     lines = _axis_lines(axis) if isinstance(axis, Axis) else _model_lines(file)
@@ -200,6 +213,8 @@ def machine_text(file: MachineFile) -> str:
         numbers = ", ".join(f"{k} = {toml_value(getattr(law, k))}" for k in law.parameters)
         id, place = toml_value(law.id), toml_value(one.place)
         lines += ["", "[[effect]]", f"id = {id}", f"place = {place}"]
+        if AXIS_EFFECTS.get(law.id) is not type(law):
+            lines.append(f"law = {toml_value(file_of(type(law))[0])}")
         lines.append(f"parameters = {{ {numbers} }}")
     said = {k: v for k, v in vars(file.compare).items() if v is not None}
     lines += ["", "[compare]", *(f"{k} = {toml_value(v)}" for k, v in said.items())]

@@ -21,7 +21,8 @@ def machine_schema() -> dict[str, Any]:
     paths = [f"{table}.{name}" for table, keys in KEYS.items() for name in keys]
     schema["properties"]["uncertainty"]["propertyNames"] = {"enum": paths}
     effect = schema["$defs"][MachineEffectTable.__name__]
-    effect["properties"]["id"] = {"enum": list(AXIS_EFFECTS)}
+    effect["if"] = {"not": {"required": ["law"]}}
+    effect["then"] = {"properties": {"id": {"enum": list(AXIS_EFFECTS)}}}
     effect["allOf"] = [effect_schema(law) for law in AXIS_EFFECTS.values()]
     wired = {"properties": {"motor": {"required": ["resistance"]}}}
     known = {"properties": {"motor": {"required": ["resistance", "torque_constant"]}}}

@@ -122,10 +122,14 @@ class Compare(MachineTable):
 
 
 class MachineEffectTable(MachineTable):
-    """An effect that the model has already."""
+    """An effect that the model has already; `law` is the Python file of a law of one's own.
+
+    Laws of sensors stand at what they read, or at `axis`: at both.
+    """
 
     id: str
-    place: Literal["axis"] = "axis"
+    law: str | None = None
+    place: Literal["axis", "position", "velocity"] = "axis"
     parameters: dict[str, Any] = {}
 
 
