@@ -92,7 +92,10 @@ def _run(path: Path, text: bytes) -> dict[str, type[AbstractLaw]]:
 
 
 def file_of(law: type[AbstractLaw]) -> tuple[str, bytes]:
-    """Name and text of the file that a user's law came from."""
+    """Name and text of the file that a user's law came from.
+
+    Raises `InputError` for a law that came from none.
+    """
     if law not in _FILES:
         raise InputError(
             f"the law `{law.id or law.__name__}` cannot be saved: put its class into a Python file "
