@@ -73,8 +73,7 @@ def remembers(rig: Rig, group: str) -> bool:
     """Whether a sensor of the group shows what was before, other than by `offset_of`."""
     own = [p.law for p in rig.at("sensor") if p.group == group]
     return any(
-        isinstance(law, AbstractSensor) and law.remembers and not only_delays(law)
-        for law in own
+        isinstance(law, AbstractSensor) and law.remembers and not only_delays(law) for law in own
     )
 
 
