@@ -179,6 +179,17 @@ def test_the_text_of_many_laws_declares_what_the_run_declares():
     }
 
 
+def test_a_law_below_one_of_the_effects_by_its_id_is_declared_as_it_is_run(tmp_path):
+    """`check` refused such a file, and the run took it."""
+    path = tmp_path / FILE
+    path.write_text(
+        "from omnijax import laws\n\n"
+        "class Mine(laws.EFFECTS['bearing-coulomb']):\n    id = 'mine'\n"
+    )
+    (run_,), (read,) = omnijax.load_laws(path).values(), declared_laws(path).values()
+    assert (run_.port, run_.places, run_.parameters) == (read.port, read.places, read.parameters)
+
+
 @pytest.mark.parametrize(("line", "said"), [
     ("places = -'w1'", "must write its `places` out"),
     ("places = WHEELS", "must write its `places` out"),
@@ -221,11 +232,11 @@ def test_a_list_is_declared_as_the_page_says(tmp_path, capsys):
 
 def test_a_law_stands_only_where_its_port_is():
     rig, gain = omnijax.load_rig("atlas"), laws.EFFECTS["sensor-gain"](jnp.asarray(0.1))
-    with pytest.raises(omnijax.InputError, match=r"`sensor-gain` .* at 'w1': a law of the port"):
+    with pytest.raises(omnijax.InputError, match=r"`sensor-gain` .* at 'w1': it stands at theta"):
         rig.add(gain, "w1")
     with pytest.raises(omnijax.InputError, match=r"`mount-cubic` .* stands at w1, w2, w3, all\."):
         rig.add(laws.MountCubic(jnp.asarray(1e12)), "sphere")
-    assert len(rig.add(gain, "dR").add(gain, "theta_2").effects) == 2
+    assert len(rig.add(gain, "dR").add(gain, "theta").effects) == 2
 
 
 def test_what_the_page_says_of_a_parameter_are_words_of_it():

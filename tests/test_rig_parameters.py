@@ -1,5 +1,7 @@
 """Parameter paths: every one reads, sets, differentiates and batches."""
 
+import contextlib
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -7,7 +9,7 @@ import numpy as np
 import pytest
 from rigs import effect, tables, with_effects
 
-from omnijax.laws import AirDrag, BearingViscous
+from omnijax.laws import EFFECTS, AirDrag, BearingViscous, Creep
 from omnijax.rig import (
     InputError,
     get_parameter,
@@ -18,6 +20,7 @@ from omnijax.rig import (
     read_parameter,
     set_parameter,
 )
+from omnijax.rig._places import places_of, port_places
 
 
 def full_rig():
@@ -126,3 +129,19 @@ def test_a_law_is_added_at_a_place_that_exists():
     assert RIG.add(BearingViscous(jnp.asarray(0.1)), "w2").effects[-1].wheels == (1,)
     with pytest.raises(InputError, match=r"cannot be placed at 'shere': .* Did you mean `sphere`"):
         RIG.add(AirDrag(jnp.asarray(0.1)), "shere")
+    with pytest.raises(InputError, match="`creep` cannot be placed at 'all': it stands at w1, w2"):
+        RIG.add(Creep(jnp.asarray(0.01)), "all")  # its rig file could not be read again
+
+
+@pytest.mark.parametrize("id", EFFECTS)
+def test_a_law_stands_in_memory_where_it_may_stand_in_a_file(id):
+    """`rig.add` took every place of a law's port: some rigs so made were saved and not read."""
+    law = EFFECTS[id]
+    numbers = (
+        jnp.ones(abs(p.shape)) if p.shape else jnp.asarray(1.0) for p in law.parameters.values()
+    )
+    made, stood = law(*numbers), []
+    for place in port_places(law.port, RIG.names):
+        with contextlib.suppress(InputError):
+            stood.append(RIG.add(made, place).effects[-1].place)
+    assert sorted(stood) == sorted(places_of(law.places, RIG.names))

@@ -152,6 +152,8 @@ class _File:
         match node:
             case ast.Name(name) if name in self.named:
                 value = self.named[name]
+            case ast.Subscript(ast.Name("EFFECTS") | ast.Attribute(_, "EFFECTS"), key):
+                value = _library_class(laws.EFFECTS[self._value(key)])
             case ast.Attribute(owner, "parameters"):
                 value = self._value(owner).attribute("parameters")
             case ast.Name(name) | ast.Attribute(_, name):
@@ -169,15 +171,23 @@ class _File:
                 if not all(isinstance(x, int | float) for x in pair):
                     raise TypeError("no numbers")
                 value = _OF_TWO[type(of_two)](*pair)
-            case ast.Call(ast.Name("float"), [number]):
-                value = float(self._value(number))
-            case ast.Call(function, given, named) if self._value(function) is Parameter:
-                value = Parameter(
-                    *map(self._value, given), **{str(k.arg): self._value(k.value) for k in named}
-                )
+            case ast.Call():
+                value = self._called(node)
             case _:
                 value = ast.literal_eval(node)
         return value
+
+    def _called(self, node: ast.Call) -> Any:
+        """The value of float(..) or Parameter(..)."""
+        given = map(self._value, node.args)
+        match node.func:
+            case ast.Name("float") if len(node.args) == 1 and not node.keywords:
+                return float(*given)
+            case function if self._value(function) is Parameter:
+                return Parameter(
+                    *given, **{str(k.arg): self._value(k.value) for k in node.keywords}
+                )
+        return ast.literal_eval(node)
 
     def _table(self, keys: list[ast.expr | None], values: list[ast.expr]) -> dict:
         table = {}
@@ -194,5 +204,10 @@ def _of_the_library(name: str) -> Any:
         return value
     if not (isinstance(value, type) and issubclass(value, laws.AbstractLaw)):
         raise LookupError(name)
+    return _library_class(value)
+
+
+def _library_class(value: type[laws.AbstractLaw]) -> _Class:
+    """A class of the library as the lines of a file see it."""
     formula = value.__call__ is not laws.AbstractLaw.__call__
     return _Class(value, {}, laws.field_names(value), frozenset(laws.defaults_of(value)), formula)

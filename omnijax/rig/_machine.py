@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError, did_you_mean
 from ..laws import AbstractLaw, AbstractShape, DamagedRoller, Gap
 from ._placed import Placed, over_wheels
-from ._places import port_places
+from ._places import places_of, port_places
 
 
 class Sphere(eqx.Module):
@@ -153,13 +153,15 @@ def place_law(
 ) -> Placed:
     """`law` at `place` of a rig with wheels `names`; a damaged roller takes its wheel's profile.
 
-    Raises `InputError` for a place at which the rig has no port of the law's.
+    Raises `InputError` for a place that is none of the law's own, or of its port where it names
+    none.
     """
-    places = port_places(law.port, names)
+    places = places_of(law.places, names) if law.places else port_places(law.port, names)
     if place not in places:
         hint = did_you_mean(place, places)
+        which = "it" if law.places else f"a law of the port `{law.port}`"
         raise InputError(
-            f"`{law.id}` cannot be placed at {place!r}: a law of the port `{law.port}` stands at "
+            f"`{law.id}` cannot be placed at {place!r}: {which} stands at "
             f"{', '.join(places)}.{hint}"
         )
     everywhere = place == "all" or (place == "sphere" and law.port == "rolling")
