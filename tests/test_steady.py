@@ -185,8 +185,8 @@ def test_every_steady_metric_is_that_of_a_long_run():
     mean squares over the record err by up to 1/(2 pi N), N periods of two lines' difference.  Its
     40 000 samples meet places where all phases come together to a few per cent, from below.  A
     record that is no whole number of periods leaks into the weighted band, which of 40 drawn rigs
-    made 5 %, and 14 % of one later (one whole turn of one wheel: see above).  `smooth_peak` of a steady state takes
-    exponentials for powers: up to 3 % more.
+    made 5 %, and 14 % of one later (one whole turn of one wheel: see above).  `smooth_peak` of a
+    steady state takes exponentials for powers: up to 3 % more.
     """
     rng, n = drawn_anew("every steady metric"), 3
     ts = jnp.concatenate([jnp.zeros(1), jnp.arange(3.0, 23.0, 1 / 1999.7)])
