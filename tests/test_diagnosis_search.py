@@ -172,9 +172,9 @@ def test_lines_that_explain_nearly_as_much_are_refitted_and_none_of_a_name_far_b
                 name="motor-ripple@w1", id="motor-ripple", place="w1",
                 decode=lambda c: {"order": float(c[0])},
             ),
-            gain=gain, merit=gain, allowed=True, coefficients=np.array([gain]),
+            index=k, gain=gain, merit=gain, allowed=True, coefficients=np.array([gain]),
         )
-        for gain in gains
+        for k, gain in enumerate(gains)
     ]  # fmt: skip
     model, fit = SimpleNamespace(laws=EFFECTS), SimpleNamespace(point=Point(np.zeros(0)), cost=1e3)
     lines = other_lines(model, fit, SimpleNamespace(order=scores), scores[:1])["motor-ripple@w1"]

@@ -6,7 +6,7 @@ they allow is a sensor's delay.  It reads what a run foretells, and so costs no 
 """
 
 import math
-from typing import ClassVar
+from typing import ClassVar, TypeGuard
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -36,7 +36,7 @@ class LoggerClock(AbstractSensor):
 LATE_LAWS = (LoggerClock, SensorDelay)  # by which dR and a are read as late as they say
 
 
-def only_delays(law: AbstractLaw) -> bool:
+def only_delays(law: AbstractLaw) -> TypeGuard[LoggerClock | SensorDelay]:
     """Whether a sensor's law is one of `LATE_LAWS`; a class below them has a formula of its own."""
     return type(law) in LATE_LAWS
 
