@@ -8,9 +8,12 @@ import pytest
 from scipy.signal import lfilter
 from seeds import drawn_anew
 
+from omnijax.diagnosis._answer.answer import _only_there
+from omnijax.diagnosis._answer.verdict import Verdict
 from omnijax.diagnosis._answered import beside_doubt
 from omnijax.diagnosis._ode.build import priors_of
 from omnijax.diagnosis._search import (
+    Effect,
     Point,
     Prior,
     Search,
@@ -212,6 +215,58 @@ def test_noise_of_a_colour_leaves_open_what_it_may_have_moved():
     fit = refit(white, Point(np.zeros(1)))
     assert _covariance(fit, 1.0)[0, 0] == pytest.approx(fit.covariance[0, 0], rel=1.0)
     assert _covariance(fit, 1.0)[0, 0] >= fit.covariance[0, 0] * (1 - 1e-9)
+
+
+def test_numbers_of_effects_are_left_open_too():
+    """An order that a short run tells to 0.08 is 0.11 off, and a longer one shows it: seed 1086.
+
+    By as much as a wave bends: along the tangents at the fit its phase would be 1 rad off.
+    """
+    rng, true, granted = drawn_anew("an order left open"), 7.0, []
+    laws = {"motor-ripple": EFFECTS["motor-ripple"]}
+    time = {"train": np.linspace(0, 3, 600), "held-out": np.linspace(0, 16, 1500)}
+    for _ in range(20):
+        phase = rng.uniform(0, 6)
+        measured = {
+            k: np.sin(true * t + phase) + 1.2 * rng.normal(size=len(t)) for k, t in time.items()
+        }
+
+        def residual(p, laws, split, measured=measured):
+            t, wave = time[split], p["c"]
+            for x in laws:
+                wave = wave + np.asarray(x.amplitude) * np.sin(
+                    np.asarray(x.order) * t + np.asarray(x.phase)
+                )
+            return (measured[split] - wave) / 1.2
+
+        model = SmallModel(residual, [Prior("c", 0.0, 0.1, False)], laws, "shaft")
+        model.frozen_keys = frozenset()
+        numbers = {"amplitude": 1.0, "order": true, "phase": phase}
+        fit = refit(model, Point(np.zeros(1), (Effect("motor-ripple", "shaft", numbers),)))
+        point = within_doubt(model, fit)
+        granted.append(point is not None)
+        if point is not None:
+            before, after = (float(x @ x) for x in model.residuals([fit.point, point], "held-out"))
+            assert after < before + 1e-6
+            sigma = np.sqrt(fit.covariance[2, 2])
+            off = abs(point.effects[0].values["order"] - true)
+            assert off < max(4 * sigma, abs(fit.point.effects[0].values["order"] - true))
+            assert off < 0.05  # as well as the longer run tells it
+    assert np.mean(granted) > 0.8
+
+
+@pytest.mark.parametrize("fitted, open_, said", [(1.0, ("a_x",), True), (1.0, (), False),
+                                                 (2.0, ("a_x",), False)])  # fmt: skip
+def test_a_gap_of_held_out_runs_alone_is_said_with_its_remedy(fitted, open_, said):
+    """A damaged roller that only the held-out run passes was `unknown` and no more: seed 1087."""
+    model = SimpleNamespace(dof=lambda split: 5000, settings=SETTINGS.search)
+    for role, there in (("held-out", said), ("blocks", False)):
+        evidence = SimpleNamespace(model=model, confirmed_on=role)
+        outcome = SimpleNamespace(fit=SimpleNamespace(chi2=fitted * 5000))
+        judged = Verdict("unknown", 0.0, {}, "a gap", open=open_)
+        told = _only_there(evidence, outcome, judged)  # pyright: ignore
+        assert bool(told) == there
+        assert not told or '`role = "train"`' in told[0]
 
 
 @pytest.mark.parametrize(

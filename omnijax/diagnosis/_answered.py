@@ -34,6 +34,8 @@ from ._search import (
     Search,
     SearchPath,
     SearchResult,
+    Unsteady,
+    seen_from,
     unsteady,
     upper_limits,
     within_doubt,
@@ -92,7 +94,7 @@ def _searched(evidence: AbstractEvidence, start: Point | None, tell) -> Searched
     if not shown.matters:
         outcome, limits, shown = _reviewed(search, evidence, explored, shown)
     earlier = None
-    if shown.coloured and unsteady(evidence.model, explored.way.fit, evidence.alike):
+    if shown.coloured and _surely_unsteady(evidence, explored.way.fit):
         tell("what looked like noise is an effect that changes over the runs: it is none")
         outcome, limits, shown = _reviewed(search, evidence, explored, shown.refuted())
     if outcome is None and shown.matters and evidence.reweighs:
@@ -114,6 +116,15 @@ def _searched(evidence: AbstractEvidence, start: Point | None, tell) -> Searched
         outcome, limits, shown = _reviewed(search, evidence, explored, shown)
     outcome.signatures = None  # room for a learned term
     return Searched(evidence, outcome, shown, earlier, limits or [])
+
+
+def _surely_unsteady(evidence: AbstractEvidence, fit: Fit) -> list[Unsteady]:
+    """`unsteady` effects that are so beside all that their numbers leave open too."""
+    changing = unsteady(evidence.model, fit, evidence.alike)
+    point = within_doubt(evidence.model, fit) if changing else None
+    if point is None:
+        return changing
+    return unsteady(evidence.model, seen_from(evidence.model, fit, point), evidence.alike)
 
 
 def beside_doubt(evidence: AbstractEvidence, fit: Fit) -> Shown:
@@ -157,7 +168,7 @@ def _judged_by(searched: Searched) -> Verdict:
     changing = unsteady(evidence.model, outcome.fit, evidence.alike)
     judged = _judged(evidence, outcome, shown, first, last, changing)
     if judged.verdict == "unknown":
-        judged = _beside_doubt(evidence, outcome, first, judged, changing)
+        judged = _beside_doubt(evidence, outcome, first, judged)
     return judged
 
 
@@ -225,19 +236,20 @@ def _judged(
 
 
 def _beside_doubt(
-    evidence: AbstractEvidence, outcome: SearchResult, first, judged: Verdict, changing
+    evidence: AbstractEvidence, outcome: SearchResult, first, judged: Verdict
 ) -> Verdict:
-    """The verdict once what the calibration leaves open is granted to the held-out runs."""
+    """The verdict once what the numbers leave open is granted to the held-out runs."""
     model = evidence.model
     point = within_doubt(model, outcome.fit)
     if point is None:
         return judged
     (left,) = model.residuals([point], "held-out")
     last = evidence.columns(left, "held-out")
+    changing = unsteady(model, seen_from(model, outcome.fit, point), evidence.alike)
     again = _judged(evidence, outcome, shown_noise(evidence, point), first, last, changing)
     if again.verdict == "unknown":
         return judged
-    text = f"{again.reason}, where that which the calibration leaves open is granted"
+    text = f"{again.reason}, where that which the fitted runs leave open is granted"
     return dataclasses.replace(again, reason=text)
 
 

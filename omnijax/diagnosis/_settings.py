@@ -172,10 +172,12 @@ class CandidatesSettings:
 
 @dataclasses.dataclass(frozen=True)
 class DoubtSettings:
-    """What held-out runs may show of a calibration that the fitted runs left open."""
+    """What held-out runs may show of numbers that the fitted runs left open."""
 
-    # of as much along its tangents, below which it does not leave it open: chosen
+    # of as much along their tangents, below which they do not leave it open: chosen
     chance: float = 1e-3
+    rounds: int = 4  # of tangents anew about where the last ones led: time
+    near: float = 0.1  # of their sigmas, a step that is not worth another round
 
 
 @dataclasses.dataclass(frozen=True)

@@ -199,7 +199,8 @@ def notes(
     model = evidence.model
     known = judged.verdict in ("named", "ambiguous")
     clocks = evidence.clocks(answering(outcome, judged))
-    said = [judged.reason + ".", *noise, *clocks, *evidence.remarks()]
+    said = [judged.reason + ".", *_only_there(evidence, outcome, judged), *noise, *clocks]
+    said += evidence.remarks()
     said += twins(outcome, judged)
     said += [
         f"These runs do not tell {name} from {' and '.join(wider)}, of which it is a limit: the "
@@ -220,6 +221,19 @@ def notes(
             f"These candidates change no measured channel in these runs: {', '.join(dead)}."
         )
     return said
+
+
+def _only_there(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) -> list[str]:
+    """What to do about a gap in held-out runs of which the fitted runs, which teach, show none."""
+    model, n = evidence.model, evidence.model.dof("train")
+    explained = outcome.fit.chi2 < n + model.settings.noise * np.sqrt(2 * n)
+    if not (judged.open and explained and evidence.confirmed_on == "held-out"):
+        return []
+    return [
+        "The fitted runs are explained to their noise: what is missing acts in the held-out runs "
+        "alone, of which nothing is learned. With such a run among the fitted ones "
+        '(`role = "train"`) it may be named.'
+    ]
 
 
 def unseen(outcome: SearchResult) -> list[str]:

@@ -28,6 +28,7 @@ class Verdict:
     equals: dict[int, list]
     reason: str
     floor: float = 0.0  # chi2 of the held-out runs' noise
+    open: tuple[str, ...] = ()  # channels whose gap on held-out runs is why it is unknown
 
 
 def squares(runs: Columns) -> dict[str, tuple[float, int]]:
@@ -85,11 +86,14 @@ def judge(
         for i, near in outcome.rivals.items()
     }
     other = of_another_size(outcome, alike)
-    against = ""
+    against, gap = "", ()
     if open_ and closed < closing:
-        against = f"the best known effects close {100 * closed:.0f} % of the gap on {who}"
+        against, gap = (
+            f"the best known effects close {100 * closed:.0f} % of the gap on {who}",
+            open_,
+        )
     elif apart := _left_open(open_, above, left, 1 - closing):
-        against = f"the best known effects leave a gap in {', '.join(apart)} on {who}"
+        against, gap = f"the best known effects leave a gap in {', '.join(apart)} on {who}", apart
     elif off is not None:
         against = (f"beside the best known effects {who} leave {off}, which no noise explains: "
                    "a missing effect that cannot be named")  # fmt: skip
@@ -100,7 +104,7 @@ def judge(
         against = (f"{100 * most.share:.0f} % of {most.name} change over the runs or between them: "
                    "a missing effect that no known law describes")  # fmt: skip
     if against:
-        return Verdict("unknown", closed, equals, against, noise)
+        return Verdict("unknown", closed, equals, against, noise, tuple(gap))
     if any(equals.values()):
         text = "joint refits of rivals are equally good"
         return Verdict("ambiguous", closed, equals, text, noise)
@@ -169,7 +173,7 @@ def _without_effects(
     """
     if open_:
         text = f"a gap in {', '.join(open_)} that no known effect closes on {who}"
-        return Verdict("unknown", 0.0, {}, text)
+        return Verdict("unknown", 0.0, {}, text, open=tuple(open_))
     tried = [t for trials in outcome.trials for t in trials]
     like = max((t for t in tried if _shows(t, total)), key=lambda t: t.held.there, default=None)
     if like is not None:

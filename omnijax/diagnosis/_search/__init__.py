@@ -16,6 +16,7 @@ from .fit import Fit as Fit
 from .fit import difference_rows as difference_rows
 from .fit import refit as refit
 from .fit import refits_about as refits_about
+from .fit import seen_from as seen_from
 from .fit import steps_of as steps_of
 from .fit import tangent_rows as tangent_rows
 from .function_model import SmallModel as SmallModel

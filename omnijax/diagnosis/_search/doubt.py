@@ -1,8 +1,8 @@
-"""What held-out runs may show of a calibration that the fitted runs left open.
+"""What held-out runs may show of numbers that the fitted runs left open.
 
 Runs that hardly excite a mode tell its numbers badly, and a run that excites it shows that: the
 covariance of what is left there is I + J C J', not I.  chi2 with that covariance is the least of
-|r + J s|^2 + s' C^-1 s over all steps s of the calibration.
+|r + J s|^2 + s' C^-1 s over all steps s of the numbers.
 
 Source: the normal law's predictive distribution (Gelman and others, Bayesian Data Analysis, 14.3).
 """
@@ -12,41 +12,53 @@ from scipy.stats import chi2
 
 from .._settings import SETTINGS
 from .fit import Fit, tangent_rows
-from .model import AbstractModel, Point, unit_bounds
+from .gauss_newton import FitState, bounds, numbers
+from .model import AbstractModel, Point, moved
 
 CHANCE = SETTINGS.doubt.chance
 MISFIT = SETTINGS.calibration.misfit
 BLOCKS = SETTINGS.held_out.blocks
+ROUNDS = SETTINGS.doubt.rounds
+NEAR = SETTINGS.doubt.near
 
 
 def within_doubt(model: AbstractModel, fit: Fit) -> Point | None:
-    """The point that the calibration of a `fit` leaves open and that foretells held-out runs best.
+    """The point within what a `fit` leaves open that foretells held-out runs best.
 
     None where they ask for more than it leaves open, or where nothing is uncertain.  A fit that
-    misses the fitted runs by far leaves nothing open: its numbers stand for what is missing.
+    misses the fitted runs by far leaves nothing open: its numbers stand for what is missing.  The
+    numbers of effects are open too: of an order, which a short run tells badly, a longer one shows
+    it.  Where a number bends what is foretold, its tangents are taken anew about the point.
     """
-    count = len(model.priors)
-    if fit.chi2 > MISFIT * model.dof("train"):
+    if fit.chi2 > MISFIT * model.dof("train") or fit.covariance.size == 0:
         return None
-    if not count:
+    root = _root(_covariance(fit, fit.chi2 / model.dof("train")))
+    if not np.all(np.isfinite(root)):
         return None
-    values, vectors = np.linalg.eigh(
-        _covariance(fit, fit.chi2 / model.dof("train"))[:count, :count]
-    )
-    if not np.all(np.isfinite(values)):
-        return None
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    u, effects = fit.point.u, fit.point.effects
-    (here,) = model.residuals([fit.point], "held-out")
-    J = tangent_rows(model, fit.point, (), here, split="held-out") @ root
-    if not np.all(np.isfinite(J)):
-        return None
-    left, s, right = np.linalg.svd(J, full_matrices=False)
-    along = left.T @ here  # of the variance 1 + s^2
-    if np.sum(along**2 / (1 + s**2)) > chi2.isf(CHANCE, len(s)):
-        return None
-    step = -root @ (right.T @ (s / (1 + s**2) * along))
-    return Point(np.clip(u + step, *unit_bounds(model.priors)), effects)
+    state = FitState(fit.point, fit.free, fit.residual, fit.cost)
+    x, (low, high), count = numbers(state), bounds(model, fit.free), len(fit.point.u)
+    point, step, asked = fit.point, np.zeros(root.shape[1]), np.inf
+    for _ in range(ROUNDS):
+        (here,) = model.residuals([point], "held-out")
+        J = tangent_rows(model, point, fit.free, here, split="held-out") @ root
+        if not np.all(np.isfinite(J)):
+            return None
+        left, s, right = np.linalg.svd(J, full_matrices=False)
+        along = left.T @ (here - J @ step)  # of the variance 1 + s^2
+        asked, last = float(np.sum(along**2 / (1 + s**2))), step
+        step = -right.T @ (s / (1 + s**2) * along)
+        there = np.clip(x + root @ step, low, high)
+        point = moved(fit.point, there[:count], fit.free, there[count:])
+        if np.linalg.norm(step - last) < NEAR:
+            break
+    return point if asked < chi2.isf(CHANCE, len(step)) else None
+
+
+def _root(covariance: np.ndarray) -> np.ndarray:
+    """A root (numbers, k) of a covariance, whatever the units of its numbers."""
+    scale = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    return scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
 
 
 def _covariance(fit: Fit, spread: float) -> np.ndarray:
@@ -59,8 +71,7 @@ def _covariance(fit: Fit, spread: float) -> np.ndarray:
     Source: White, A heteroskedasticity-consistent covariance matrix estimator (1980); over blocks,
     Liang, Zeger (1986).
     """
-    values, vectors = np.linalg.eigh(fit.covariance)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    root = _root(fit.covariance)
     starts = np.linspace(0, len(fit.residual), BLOCKS, endpoint=False).astype(int)
     sums = np.add.reduceat(fit.jacobian * fit.residual[:, None], np.unique(starts), axis=0) @ root
     more, ways = np.linalg.eigh(sums.T @ sums)

@@ -164,6 +164,15 @@ def refits_about(
         point = fit.point
 
 
+def seen_from(model: AbstractModel, fit: Fit, point: Point) -> Fit:
+    """A fit as it is at another point: residual and tangents there, the covariance as it was."""
+    (residual,) = model.residuals([point], "train")
+    jacobian = tangent_rows(model, point, fit.free, residual)
+    prior = float(point.u @ point.u)
+    return dataclasses.replace(fit, point=point, chi2=float(residual @ residual), penalty=prior,
+                               jacobian=jacobian, residual=residual)  # fmt: skip
+
+
 def _finished(model: AbstractModel, state: FitState, J: np.ndarray | None) -> Fit:
     """The fit of a state with its covariance; one that cannot be evaluated costs infinity."""
     P, free = len(state.point.u), state.free
