@@ -613,35 +613,29 @@ def test_a_law_is_scored_beside_numbers_that_stay_within_their_ranges():
     assert effect.id == "shaft-drag"
 
 
-@dataclasses.dataclass
-class TwoShapes:
+def two_shapes(rng: np.random.Generator, there: bool) -> SmallModel:
     """Two laws: the first is stronger in the fitted runs, and the other one in held-out runs, where
-    it hides what the first one does."""
+    it hides what the first one does; `there`: whether held-out runs show the first one."""
+    t = np.arange(1200)
+    fast, slow = np.sin(0.9 * t), np.cos(t / 70)
+    noise = {k: rng.normal(size=len(t)) for k in ("train", "held-out")}
+    shapes = {
+        "train": {"bearing-coulomb": 6 * fast, "shaft-drag": 2.4 * slow},
+        "held-out": {"bearing-coulomb": 6 * fast, "shaft-drag": 40 * slow + 12 * fast},
+    }
+    true = {"train": 1.0, "held-out": float(there)}
 
-    rng: np.random.Generator
-    there: bool  # whether held-out runs show the first law
+    def residual(p, laws, split):
+        left = noise[split] - p["c"] * np.sin(0.3 * t)
+        for id, shape in shapes[split].items():
+            strength = sum(float(x.torque if id == "bearing-coulomb" else x.D)
+                           for x in laws if x.id == id)  # fmt: skip
+            size = true[split] if id == "bearing-coulomb" else 1.0
+            left = left + (size - strength) * shape
+        return left
 
-    def model(self) -> SmallModel:
-        t = np.arange(1200)
-        fast, slow = np.sin(0.9 * t), np.cos(t / 70)
-        noise = {k: self.rng.normal(size=len(t)) for k in ("train", "held-out")}
-        shapes = {
-            "train": {"bearing-coulomb": 6 * fast, "shaft-drag": 2.4 * slow},
-            "held-out": {"bearing-coulomb": 6 * fast, "shaft-drag": 40 * slow + 12 * fast},
-        }
-        true = {"train": 1.0, "held-out": float(self.there)}
-
-        def residual(p, laws, split):
-            left = noise[split] - p["c"] * np.sin(0.3 * t)
-            for id, shape in shapes[split].items():
-                strength = sum(float(x.torque if id == "bearing-coulomb" else x.D)
-                               for x in laws if x.id == id)  # fmt: skip
-                size = true[split] if id == "bearing-coulomb" else 1.0
-                left = left + (size - strength) * shape
-            return left
-
-        laws = {k: LAWS[k] for k in shapes["train"]}
-        return SmallModel(residual, [Prior("c", 1e-3, 0.1)], laws, "shaft")
+    laws = {k: LAWS[k] for k in shapes["train"]}
+    return SmallModel(residual, [Prior("c", 1e-3, 0.1)], laws, "shaft")
 
 
 @pytest.mark.parametrize("there", [True, False])
@@ -651,7 +645,7 @@ def test_what_others_hide_on_held_out_runs_is_confirmed_once_they_are_in(there):
     What is taken in on trust and not confirmed beside the others goes again, with all after it.
     """
     rng, said = drawn_anew("on trust"), []
-    found = Search(TwoShapes(rng, there).model(), said.append).run()
+    found = Search(two_shapes(rng, there), said.append).run()
     assert any(line.startswith("taken in on trust: bearing-coulomb") for line in said)
     kept = {e.id for e in found.fit.point.effects}
     assert kept == ({"bearing-coulomb", "shaft-drag"} if there else set())

@@ -28,6 +28,7 @@ from omnijax.machine import (
     machine_text,
     parse_machine,
 )
+from omnijax.rig import save_laws
 
 STEP = 2e-3  # s
 TIME = STEP * np.arange(500)
@@ -202,3 +203,20 @@ def test_an_effect_of_a_machine_file_stands_where_its_port_is(id, place, paramet
         return
     with pytest.raises(InputError, match=said):
         parse_machine(data)
+
+
+def test_a_law_file_beside_a_machine_file_is_not_overwritten(tmp_path):
+    """`diagnose --force` of an axis wrote over a file of the law's name, whatever stood in it."""
+    source = tmp_path / "source"
+    source.mkdir()
+    (source / "mine.py").write_text(
+        "from omnijax import laws\n\n"
+        "class Mine(laws.EFFECTS['bearing-coulomb']):\n    id = 'mine-beside'\n"
+    )
+    (law,) = load_laws(source / "mine.py").values()
+    save_laws([law(number(0.1))], tmp_path, "machine")
+    assert (tmp_path / "mine.py").read_text() == (source / "mine.py").read_text()
+    (tmp_path / "mine.py").write_text("# another\n")
+    with pytest.raises(InputError, match=r"mine\.py exists with another text: save the machine"):
+        save_laws([law(number(0.1))], tmp_path, "machine")
+    assert (tmp_path / "mine.py").read_text() == "# another\n"

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 
-from .._files import claim, write_bytes, write_text
+from .._files import claim, write_text
 from .._reading import existing
 from ._heap import give_back_freed_memory, keep_freed_memory
 from ._options import Force, Json, Whole, above_zero, command_line, emit
@@ -119,16 +119,15 @@ def _less(case: Any, thin: int, seconds: float | None) -> Any:
 def _write(diagnosis: Any, folder: Path) -> str:
     """The answer's files; the name of the machine's with the effects added."""
     from ..report import diagnosis_page
-    from ..rig import AS_BYTES, Rig, save_rig, texts_of_laws
+    from ..rig import Rig, save_laws, save_rig
 
     diagnosis.save(folder / "diagnosis.json")
     made = "rig-diagnosed.toml" if isinstance(diagnosis.rig, Rig) else "machine-diagnosed.toml"
     if isinstance(diagnosis.rig, Rig):
         save_rig(diagnosis.rig, folder / made)
     else:
+        save_laws((one.law for one in diagnosis.rig.placed), folder, "machine")
         write_text(folder / made, diagnosis.details["evidence"].text(diagnosis.rig))
-        for name, text in texts_of_laws(one.law for one in diagnosis.rig.placed).items():
-            write_bytes(folder / name, text.encode("utf-8", AS_BYTES))
     diagnosis_page(diagnosis, command_line()).write(folder)
     return made
 

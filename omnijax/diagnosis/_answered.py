@@ -122,13 +122,16 @@ def _surely_unsteady(evidence: AbstractEvidence, fit: Fit) -> list[Unsteady]:
     """`unsteady` effects that are so beside all that their numbers leave open too."""
     changing = unsteady(evidence.model, fit, evidence.alike)
     point = within_doubt(evidence.model, fit) if changing else None
-    if point is None:
-        return changing
+    return changing if point is None else _unsteady_at(evidence, fit, point)
+
+
+def _unsteady_at(evidence: AbstractEvidence, fit: Fit, point: Point) -> list[Unsteady]:
+    """The `unsteady` effects of a fit as it is at another point."""
     return unsteady(evidence.model, seen_from(evidence.model, fit, point), evidence.alike)
 
 
 def beside_doubt(evidence: AbstractEvidence, fit: Fit) -> Shown:
-    """The noise shown beside a fit, once what its calibration leaves open is granted.
+    """The noise shown beside a fit, once what its numbers leave open is granted.
 
     What is left of a mode that held-out runs alone excite hangs on the machine's state and has a
     colour: it was taken for the noise's, and the search made again.
@@ -245,7 +248,7 @@ def _beside_doubt(
         return judged
     (left,) = model.residuals([point], "held-out")
     last = evidence.columns(left, "held-out")
-    changing = unsteady(model, seen_from(model, outcome.fit, point), evidence.alike)
+    changing = _unsteady_at(evidence, outcome.fit, point)
     again = _judged(evidence, outcome, shown_noise(evidence, point), first, last, changing)
     if again.verdict == "unknown":
         return judged

@@ -204,7 +204,7 @@ def machine_text(file: MachineFile) -> str:
     """machine.toml of a machine with its numbers and effects.
 
     Of one of the user's, which no file is read for, `[numbers]` are what its class begins with.
-    Laws of a user's file are named by it (`texts_of_laws`); raises `InputError` for those of none.
+    Laws of a user's file are named by it (`save_laws`); raises `InputError` for those of none.
     """
     axis = file.machine
     lines = _axis_lines(axis) if isinstance(axis, Axis) else _model_lines(file)

@@ -57,6 +57,7 @@ if TYPE_CHECKING:
     from ._save import rig_identity as rig_identity
     from ._save import rig_problems as rig_problems
     from ._save import rig_text as rig_text
+    from ._save import save_laws as save_laws
     from ._save import save_rig as save_rig
     from ._schema import GROUPS as GROUPS
     from ._schema import MOST_ROLLERS as MOST_ROLLERS
@@ -69,11 +70,9 @@ if TYPE_CHECKING:
     from ._units import converted as converted
     from ._upright import up as up
     from ._upright import upright as upright
-    from ._user_laws import AS_BYTES as AS_BYTES
     from ._user_laws import carried_laws as carried_laws
     from ._user_laws import file_of as file_of
     from ._user_laws import load_laws as load_laws
     from ._user_laws import rigs_laws as rigs_laws
-    from ._user_laws import texts_of_laws as texts_of_laws
 
 __getattr__, __dir__ = lazy_face(__name__)

@@ -3,6 +3,7 @@
 import hashlib
 import math
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +42,26 @@ def save_rig(rig: Rig, path: str | Path) -> Path:
     files: dict[str, bytes] = {}
     text = _text(rig, files, path.stem)
     for name, content in files.items():
-        beside = path.parent / name
-        if beside.suffix == ".py" and beside.exists() and beside.read_bytes() != content:
-            raise InputError(f"{beside} exists with another text: save the rig to another folder.")
-        if not (beside.suffix == ".py" and beside.exists()):
-            write_bytes(beside, content)
+        _write_beside(path.parent / name, content, "rig")
     return write_text(path, text)
+
+
+def save_laws(laws: Iterable[AbstractLaw], folder: str | Path, what: str) -> None:
+    """Write the files of users' laws into the `folder` where `what` that names them is saved.
+
+    Raises `InputError` for a law that came from no file and where another text lies there.
+    """
+    for name, text in texts_of_laws(laws).items():
+        _write_beside(Path(folder) / name, text.encode("utf-8", AS_BYTES), what)
+
+
+def _write_beside(path: Path, content: bytes, what: str) -> None:
+    """Write a file beside what is saved; a law's own file stays, and no other one gives way."""
+    kept = path.suffix == ".py" and path.exists()
+    if kept and path.read_bytes() != content:
+        raise InputError(f"{path} exists with another text: save the {what} to another folder.")
+    if not kept:
+        write_bytes(path, content)
 
 
 def files_of_rig(rig: Rig, path: str | Path) -> list[Path]:

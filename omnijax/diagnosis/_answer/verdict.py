@@ -86,14 +86,11 @@ def judge(
         for i, near in outcome.rivals.items()
     }
     other = of_another_size(outcome, alike)
-    against, gap = "", ()
-    if open_ and closed < closing:
-        against, gap = (
-            f"the best known effects close {100 * closed:.0f} % of the gap on {who}",
-            open_,
-        )
-    elif apart := _left_open(open_, above, left, 1 - closing):
-        against, gap = f"the best known effects leave a gap in {', '.join(apart)} on {who}", apart
+    gap, against = open_ if closed < closing else _left_open(open_, above, left, 1 - closing), ""
+    if gap and closed < closing:
+        against = f"the best known effects close {100 * closed:.0f} % of the gap on {who}"
+    elif gap:
+        against = f"the best known effects leave a gap in {', '.join(gap)} on {who}"
     elif off is not None:
         against = (f"beside the best known effects {who} leave {off}, which no noise explains: "
                    "a missing effect that cannot be named")  # fmt: skip

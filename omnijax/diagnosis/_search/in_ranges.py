@@ -8,13 +8,14 @@ what stands at a bound may come back.
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
 from .fit import Fit
 from .gauss_newton import DAMPING, FitState, bounded_step, bounds, normal, numbers
 from .model import AbstractModel
-from .scan import Scan, Score, Signatures
+from .scan import Score, Signatures
 
 
 def at_ends(model: AbstractModel, fit: Fit) -> bool:
@@ -23,9 +24,9 @@ def at_ends(model: AbstractModel, fit: Fit) -> bool:
 
 
 def scored_in_ranges(
-    model: AbstractModel, fit: Fit, signatures: Signatures, scan: Scan
+    model: AbstractModel, fit: Fit, signatures: Signatures, scores: Sequence[Score]
 ) -> list[Score]:
-    """The scores of a scan anew, beside uncertain parameters that stay within their ranges."""
+    """The `scores` of a scan anew, beside uncertain parameters that stay within their ranges."""
     J = fit.jacobian
     state = FitState(fit.point, tuple(fit.free), fit.residual, fit.cost)
     gram, gradient, _ = normal(state, J)
@@ -33,8 +34,8 @@ def scored_in_ranges(
     inner = signatures.times(np.column_stack([J, fit.residual]))
     across, right = -inner[:, :-1], -inner[:, -1]
     without, _ = _fall(gram, gradient, x, low, high)
-    scores = []
-    for score in scan.scores:
+    out = []
+    for score in scores:
         part = signatures.layout.part(score.index)
         k = part.stop - part.start
         own = np.block([[gram, across[part].T], [across[part], signatures.blocks[score.index]]])
@@ -42,8 +43,8 @@ def scored_in_ranges(
         free = np.full(k, np.inf)
         fall, d = _fall(own, slope, np.concatenate([x, np.zeros(k)]),
                         np.concatenate([low, -free]), np.concatenate([high, free]))  # fmt: skip
-        scores.append(_rescored(score, fall - without, d[len(x) :] / signatures.layout.scale[part]))
-    return scores
+        out.append(_rescored(score, fall - without, d[len(x) :] / signatures.layout.scale[part]))
+    return out
 
 
 def _fall(gram, gradient, x, low, high) -> tuple[float, np.ndarray]:

@@ -111,13 +111,13 @@ class Signatures:
 
     def scan(self, residual, taken, u, scrambled=(), spread: float = 1.0,
              about: str | None = None, blocks: Sequence[np.ndarray] = (),
-             again: Callable[["Scan"], Sequence[Score]] | None = None) -> "Scan":  # fmt: skip
+             again: Callable[[list[Score]], list[Score]] | None = None) -> "Scan":  # fmt: skip
         """Score every candidate against `residual` beside what the tangents have `taken_up`.
 
         The tangents with priors stand at `u`.  `scrambled` residuals score the decoys.  Angles are
         known between all candidates and the best one, and the best one named `about`.  `blocks` are
-        the inner products of every candidate's columns, by default over all rows.  What is scored
-        `again` gives the scan its scores.
+        the inner products of every candidate's columns, by default over all rows.  `again` makes
+        the scan's scores of those.
         """
         top = taken[: len(residual)]
         rest = np.concatenate([residual, u])
@@ -129,9 +129,7 @@ class Signatures:
         blocks = [b - x @ x.T for b, x in zip(blocks or self.blocks, own, strict=True)]
         decoys = [Scan(self.layout, blocks, x) for x in wrong]
         best = max((s.merit for d in decoys for s in d.scores if s.allowed), default=0.0)
-        scan = Scan(self.layout, blocks, right, best, max(1.0, spread))
-        if again is not None:
-            scan.scores = list(again(scan))
+        scan = Scan(self.layout, blocks, right, best, max(1.0, spread), again)
         named = [s for s in scan.order if s.candidate.name == about]
         for score in (*scan.best_per_name()[:1], *named[:1]):
             part = self.layout.part(score.index)
@@ -173,17 +171,15 @@ class Scan:
     """
 
     def __init__(
-        self, layout: SignatureLayout, blocks, right, decoy: float = 0.0, spread: float = 1.0
-    ):
+        self, layout: SignatureLayout, blocks, right, decoy: float = 0.0, spread: float = 1.0,
+        again: Callable[[list[Score]], list[Score]] | None = None,
+    ):  # fmt: skip
         self.layout, self.blocks, self.right, self.decoy = layout, blocks, right, decoy
         self.spread = spread
         self.towards: dict[int, np.ndarray] = {}
-        self.scores = [self._score(i) for i in range(len(layout.candidates))]
-
-    @property
-    def order(self) -> list[Score]:
-        """The scores, best first."""
-        return sorted(self.scores, key=lambda s: -s.merit)
+        scores = [self._score(i) for i in range(len(layout.candidates))]
+        self.scores = scores if again is None else again(scores)
+        self.order = sorted(self.scores, key=lambda s: -s.merit)
 
     def _whitener(self, i: int) -> np.ndarray:
         values, vectors = np.linalg.eigh(self.blocks[i])

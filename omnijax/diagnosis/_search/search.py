@@ -215,13 +215,12 @@ class Search:
         Where several strong effects are missing, what the others do on held-out runs hides or bends
         what the first one does there.  Whether each is there is asked once all are in.
         """
-        (held,) = self.model.residuals([way.fit.point], "held-out")
-        left = max(way.fit.chi2 / self.model.dof("train"),
-                   float(held @ held) / self.model.dof("held-out"))  # fmt: skip
+        held = chi2_of(self.model, way.fit.point, "held-out")
+        strong = held > self.settings.strong * self.model.dof("held-out")
         gap = way.fit.chi2 - self.model.dof("train")
         return [
             t for t in way.trials[-1][:1]
-            if left > self.settings.strong and t.gain > self.settings.trusted * gap
+            if (strong or self.strong(way.fit)) and t.gain > self.settings.trusted * gap
             and np.isfinite(t.held.gain) and not self.has(way.fit, t.effect)
         ]  # fmt: skip
 
@@ -230,7 +229,8 @@ class Search:
 
         And all those together that it has more than the way up to its first step on trust, `sure`.
         """
-        after, effects = residual_of(self.model, way.fit.point, "held-out"), way.fit.point.effects
+        after = residual_of(self.model, way.fit.point, "held-out")
+        effects = way.fit.point.effects
         kept = [(*effects[:i], *effects[i + 1 :]) for i in range(len(effects))]
         for others in (sure.fit.point.effects, *kept):
             less = refit(self.model, way.fit.point.with_effects(*others), rounds=WITHOUT)
