@@ -112,7 +112,30 @@ def check_kept_radius_rate():
     near(left, R * axes @ found.angular_acceleration, 1e-6)
 
 
+def check_edges(n=4, moments=5):
+    """At an edge of a gap the slope is that of the side the wheel turns to; at rest it is none."""
+    rig, now, _, _, remembered = prepared(n, False)
+    rng, model, rest = np.random.default_rng(2), Model(Coupled(rig)), jnp.zeros(n)
+    gaps = rig.gaps
+    pitch, width = np.asarray(gaps.pitch), np.asarray(gaps.width)
+    slope_inside = -np.asarray(gaps.depth) * 2 * np.pi / width  # of a gated sine at both its ends
+    for far in 10 ** np.linspace(0, 5, moments):
+        ends = rng.integers(0, 2, n)
+        speed = rng.permutation([0.0, *rng.uniform(0.5, 3.0, n - 1)]) * rng.choice([-1, 1], n)
+        part = np.where(speed == 0, 0.3, ends)  # the wheel at rest stands inside a gap
+        angle = np.floor(rng.uniform(-far, far, n)) * pitch + part * width
+        state = to_state(rig, now._replace(angle=angle), np.zeros(n), remembered, np.zeros(3))
+        inputs = Inputs(rest, jnp.zeros(3), jnp.asarray(TIME))
+        found, *_ = prescribed_instant(model, state, inputs, jnp.asarray(speed), rest)
+        depth = -np.asarray(gaps.depth) * np.sin(2 * np.pi * part)
+        np.testing.assert_allclose(found.shape, depth, rtol=1e-6, atol=1e-12)
+        inward = np.where(ends, speed < 0, speed > 0)
+        closing = np.asarray(found.motion.approach_rate - found.motion.mount_rate)
+        near(found.deflection_rate, closing - np.where(inward, slope_inside * speed, 0.0), 1e-6)
+
+
 CHECKS = {
+    "edges of gaps": check_edges,
     "torques, three wheels": lambda: check_torque_driven(3, False),
     "torques, four unlike wheels": lambda: check_torque_driven(4, False),
     "torques, effects": lambda: check_torque_driven(3, True),

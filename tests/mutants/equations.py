@@ -58,6 +58,8 @@ SAME = {  # changes that change nothing, and why
     "mobility: left[:, rank:].T * ratio  ->  -(...)": "a conflict's direction has no sign",
     "step: min(time, 0.0) - 1.0  ->  min(time, 0.0) - 2.0":
         "a time from which on the signal is the same as before it",
+    "_onward: 1 + jnp.abs(state.angle)  ->  2 + jnp.abs(state.angle)":
+        "more than the angle is rounded by, either way",
 }  # fmt: skip
 PASSED = {  # no equation of the machine
     "__repr__", "jumps", "kinks", "_slices", "flatten", "unflatten", "zeros", "place_law", "add",
