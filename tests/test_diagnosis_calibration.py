@@ -308,7 +308,7 @@ def test_what_the_calibration_leaves_open_is_granted_to_held_out_runs(train, off
         model=model, columns=lambda x, split: [{"a_y": x}], locate=locate, subsystem=lambda c: c,
         asks_all=False,
     )  # fmt: skip
-    shown = beside_doubt(evidence, fit)  # pyright: ignore
+    shown = beside_doubt(evidence, fit, fit)  # pyright: ignore
     assert shown.structured == ([] if granted else ["a_y"])
     if granted:  # or the search would be made again with noise of a colour
         assert not shown.matters and shown.ratio("a_y") == pytest.approx(1.0, abs=0.1)

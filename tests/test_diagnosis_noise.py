@@ -216,7 +216,8 @@ def held_out_verdict(columns, structure: float, before=None):
         recorded=lambda: [(f"run {k}", STEP * np.arange(N)) for k in range(len(columns))],
     )  # fmt: skip
     fit = SimpleNamespace(point=SimpleNamespace(effects=() if before is None else ("x",)))
-    found = SimpleNamespace(fit=fit, rivals={}, significant=False, trials=[], alone={}, left_out={})
+    found = SimpleNamespace(fit=fit, rivals={}, significant=False, trials=[], alone={}, left_out={},
+                            baseline=fit)  # fmt: skip
     shown = Shown(tuple({c: Level(1.0, 0.01, 1.0) for c in run} for run in columns),
                   ("held-out",) * len(columns), {"a_x": structure}, ([], []))  # fmt: skip
     before = columns if before is None else before
@@ -301,6 +302,40 @@ def test_a_gap_is_closed_in_every_channel(elsewhere, before, after, verdict):
     said = judge(found, shown, first, last)  # pyright: ignore[reportArgumentType]
     assert said.verdict == verdict
     assert ("dR_z" in said.reason) == (verdict == "unknown")
+
+
+@pytest.mark.parametrize(
+    "left, structure, verdict",
+    [(2.5, 5.0, "unknown"),  # a quarter of the gap, though held-out runs are explained
+     (2.5, 0.0, "named"),  # it hangs on nothing that was asked
+     (1.0, 0.0, "named"),
+     (1.02, 0.04, "named")],  # 0.2 % of the gap
+)  # fmt: skip
+def test_nothing_is_named_beside_a_gap_of_the_fitted_runs(left, structure, verdict):
+    """Parts of a run are too short to show on what a gap hangs, which the fitted ones show."""
+    fit = SimpleNamespace(point=SimpleNamespace(effects=("x",)))
+    baseline = SimpleNamespace(point=SimpleNamespace(effects=()))
+
+    def columns(point, split):
+        size = 5.0 if point is baseline.point else left if split == "train" else 1.0
+        return [{"a_x": np.full(1000, size)}]
+
+    model = SimpleNamespace(settings=SETTINGS.search, residuals=lambda points, _: points)
+    evidence = SimpleNamespace(
+        model=model, closing=0.99, alike=0.05, confirmed_on="blocks", columns=columns,
+        assumed=lambda c: {"sigma": 2e-3, "unit": "m/s^2"},
+        recorded=lambda: [("run", STEP * np.arange(1000))],
+    )  # fmt: skip
+    found = SimpleNamespace(fit=fit, rivals={}, significant=True, trials=[], alone={}, left_out={},
+                            baseline=baseline)  # fmt: skip
+    level = Level(1.0, 0.01, 1.0)
+    shown = Shown(({"a_x": level},) * 2, ("train", "held-out"), {"a_x": 0.0}, ([], []),
+                  fitted={"a_x": structure})  # fmt: skip
+    first, last = (evidence.columns(x.point, "held-out") for x in (baseline, fit))
+    said = _judged(evidence, found, shown, first, last, ())  # pyright: ignore
+    assert said.verdict == verdict
+    if verdict == "unknown":
+        assert said.reason == "the best known effects close 78 % of the gap of the fitted runs"
 
 
 RIG, AXIS = AbstractEvidence.alike, OdeEvidence.alike

@@ -1,15 +1,18 @@
 """Signatures against differences of the whole prediction, law by law."""
 
 import dataclasses
+import operator
 from types import SimpleNamespace
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from seeds import drawn_anew
 from test_plant import recorded
 
 from omnijax.diagnosis import Point, RigModel
-from omnijax.diagnosis._machine import orders, to_run, with_roles
+from omnijax.diagnosis._machine import orders, tangents, to_run, with_roles
 from omnijax.diagnosis._machine.candidates import untried
 from omnijax.diagnosis._machine.data_vector import orthonormal
 from omnijax.diagnosis._machine.orders import strongest_orders
@@ -17,8 +20,9 @@ from omnijax.diagnosis._machine.rig_model import TOLD, sums_of
 from omnijax.diagnosis._machine.tangents import LANES, signature, signatures
 from omnijax.diagnosis._search import calibrated
 from omnijax.diagnosis._search.model import Effect
-from omnijax.laws import EFFECTS
+from omnijax.laws import EFFECTS, ContinuousSine, WheelRunout
 from omnijax.recording import read_case
+from omnijax.rig import Placed
 
 pytestmark = pytest.mark.long
 
@@ -114,6 +118,36 @@ def test_a_law_at_all_wheels_has_the_sum_of_their_signatures(agreeing):
         sizes.append(np.linalg.norm(whole))
         assert np.linalg.norm(whole - sum(parts)) <= 1e-6 * sizes[-1]
     assert np.mean(np.array(sizes) > 0) > 0.9  # no contact lifts off here
+
+
+class EverySecondTurn(WheelRunout):
+    """A shape that comes again after two turns."""
+
+    def __call__(self, angle, gap):
+        return super().__call__(angle / 2, gap)
+
+
+def test_what_is_the_same_in_each_turn_is_looked_up_in_tables_of_one(agreeing, monkeypatch):
+    """Wheels with waves that do not close have tables of all turns, which took most of a scan."""
+    model, point, _, known = agreeing
+    rng, unclosed = drawn_anew("turns"), (ContinuousSine(),) * model.rig.size
+    rig = dataclasses.replace(model.rig, profiles=unclosed)
+    base, *_ = RigModel(rig, model.machine.runs, model.noise, dict(EFFECTS)).bases(point)
+    assert base.tables.span > 2 * np.pi
+    columns = [p for id in ("wheel-runout", "damaged-roller") for p in known[id][0].columns]
+    other = EverySecondTurn(jnp.asarray(1e-4), jnp.asarray(rng.uniform(0, 6)))
+    for law in [*(p.law for p in columns), other]:
+        wheel = int(rng.integers(rig.size))
+        placed, gap = (
+            Placed(law, rig.names[wheel], (wheel,)),
+            jax.tree.map(lambda x: x[wheel], rig.gaps),
+        )
+        assert tangents._repeats(law, base.tables, gap) == (law is not other)
+        short = signature(base, placed)
+        with monkeypatch.context() as patch:
+            patch.setattr(tangents, "_repeats", lambda *_: False)
+            for a, b in zip(short, signature(base, placed), strict=True):
+                np.testing.assert_allclose(a, b, atol=1e-6 * np.abs(b).max())
 
 
 def test_laws_side_by_side_are_the_laws_one_by_one(agreeing):

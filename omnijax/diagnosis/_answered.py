@@ -14,6 +14,7 @@ from ._answer import (
     Verdict,
     answering,
     baseline_table,
+    closed_in_fitted_runs,
     gaps,
     judge,
     named,
@@ -89,12 +90,12 @@ def _searched(evidence: AbstractEvidence, start: Point | None, tell) -> Searched
     search = Search(evidence.model, tell, who)
     explored = search.explore(start)
     tell("looking at what is left")
-    shown = beside_doubt(evidence, explored.way.fit)
+    shown = beside_doubt(evidence, explored.baseline, explored.way.fit)
     outcome, limits = None, None
     if not shown.matters:
         outcome, limits, shown = _reviewed(search, evidence, explored, shown)
     earlier = None
-    if shown.coloured and _surely_unsteady(evidence, explored.way.fit):
+    if shown.coloured and _surely_unsteady(evidence, explored, shown):
         tell("what looked like noise is an effect that changes over the runs: it is none")
         outcome, limits, shown = _reviewed(search, evidence, explored, shown.refuted())
     if outcome is None and shown.matters and evidence.reweighs:
@@ -111,17 +112,20 @@ def _searched(evidence: AbstractEvidence, start: Point | None, tell) -> Searched
         else:
             evidence, search, explored, earlier, outcome = other, again, anew, shown, None
             tell("looking at what is left")
-            shown = beside_doubt(evidence, explored.way.fit)
+            shown = beside_doubt(evidence, explored.baseline, explored.way.fit)
     if outcome is None:
         outcome, limits, shown = _reviewed(search, evidence, explored, shown)
     outcome.signatures = None  # room for a learned term
     return Searched(evidence, outcome, shown, earlier, limits or [])
 
 
-def _surely_unsteady(evidence: AbstractEvidence, fit: Fit) -> list[Unsteady]:
+def _surely_unsteady(
+    evidence: AbstractEvidence, explored: Explored, shown: Shown
+) -> list[Unsteady]:
     """`unsteady` effects that are so beside all that their numbers leave open too."""
+    fit = explored.way.fit
     changing = unsteady(evidence.model, fit, evidence.alike)
-    point = within_doubt(evidence.model, fit) if changing else None
+    point = _granted(evidence, explored.baseline, fit, shown) if changing else None
     return changing if point is None else _unsteady_at(evidence, fit, point)
 
 
@@ -130,7 +134,26 @@ def _unsteady_at(evidence: AbstractEvidence, fit: Fit, point: Point) -> list[Uns
     return unsteady(evidence.model, seen_from(evidence.model, fit, point), evidence.alike)
 
 
-def beside_doubt(evidence: AbstractEvidence, fit: Fit) -> Shown:
+def _granted(evidence: AbstractEvidence, baseline: Fit, fit: Fit, shown: Shown) -> Point | None:
+    """Where held-out runs are foretold best within what a fit's numbers leave open, or None.
+
+    Granted to a set that explains the fitted runs: where much is missing in them, its numbers stand
+    for it.
+    """
+    if _fitted_gap_closed(evidence, baseline, fit, shown) < evidence.closing:
+        return None
+    return within_doubt(evidence.model, fit)
+
+
+def _fitted_gap_closed(evidence: AbstractEvidence, baseline: Fit, fit: Fit, shown: Shown) -> float:
+    """Share of the fitted runs' gap that a fit closes; 1 where none of it is left."""
+    if not shown.structured_in_fitted_runs:
+        return 1.0
+    left = (_left(evidence, x.point, "train")[0] for x in (baseline, fit))
+    return closed_in_fitted_runs(shown, *left)
+
+
+def beside_doubt(evidence: AbstractEvidence, baseline: Fit, fit: Fit) -> Shown:
     """The noise shown beside a fit, once what its numbers leave open is granted.
 
     What is left of a mode that held-out runs alone excite hangs on the machine's state and has a
@@ -140,7 +163,7 @@ def beside_doubt(evidence: AbstractEvidence, fit: Fit) -> Shown:
     if not any(shown.structure.values()):
         return shown
     evidence.model.tell("asking what the calibration leaves open of it")
-    point = within_doubt(evidence.model, fit)
+    point = _granted(evidence, baseline, fit, shown)
     return shown if point is None else shown_noise(evidence, point)
 
 
@@ -160,7 +183,7 @@ def _reviewed(search: Search, evidence: AbstractEvidence, explored: Explored, sh
     limits = _limits(evidence.model, outcome)
     names = sorted(e.name for e in explored.way.fit.point.effects)
     if sorted(e.name for e in outcome.fit.point.effects) != names:  # of several lines one may go
-        shown = beside_doubt(evidence, outcome.fit)
+        shown = beside_doubt(evidence, outcome.baseline, outcome.fit)
     return outcome, limits, shown
 
 
@@ -171,14 +194,16 @@ def _judged_by(searched: Searched) -> Verdict:
     changing = unsteady(evidence.model, outcome.fit, evidence.alike)
     judged = _judged(evidence, outcome, shown, first, last, changing)
     if judged.verdict == "unknown":
-        judged = _beside_doubt(evidence, outcome, first, judged)
+        judged = _beside_doubt(evidence, outcome, shown, first, judged)
     return judged
 
 
-def _left(evidence: AbstractEvidence, point: Point) -> tuple[list[dict[str, Any]], np.ndarray]:
-    """What a point leaves of the held-out runs: by run and channel, and as a vector."""
-    (left,) = evidence.model.residuals([point], "held-out")
-    return evidence.columns(left, "held-out"), left
+def _left(
+    evidence: AbstractEvidence, point: Point, split: str = "held-out"
+) -> tuple[list[dict[str, Any]], np.ndarray]:
+    """What a point leaves of the runs of a split: by run and channel, and as a vector."""
+    (left,) = evidence.model.residuals([point], split)
+    return evidence.columns(left, split), left
 
 
 def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagnosis:
@@ -235,15 +260,16 @@ def _judged(
     return judge(
         outcome, shown, first, last, evidence.model.settings.equal, evidence.closing,
         evidence.alike, evidence.confirmed_on, changing, stretches(evidence, first, last),
+        _fitted_gap_closed(evidence, outcome.baseline, outcome.fit, shown),
     )  # fmt: skip
 
 
 def _beside_doubt(
-    evidence: AbstractEvidence, outcome: SearchResult, first, judged: Verdict
+    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, first, judged: Verdict
 ) -> Verdict:
     """The verdict once what the numbers leave open is granted to the held-out runs."""
     model = evidence.model
-    point = within_doubt(model, outcome.fit)
+    point = _granted(evidence, outcome.baseline, outcome.fit, shown)
     if point is None:
         return judged
     (left,) = model.residuals([point], "held-out")

@@ -29,4 +29,5 @@ from .sizes import effect_sizes_on_held_out as effect_sizes_on_held_out
 from .stretches import Stretch as Stretch
 from .stretches import stretches as stretches
 from .verdict import Verdict as Verdict
+from .verdict import closed_in_fitted_runs as closed_in_fitted_runs
 from .verdict import judge as judge

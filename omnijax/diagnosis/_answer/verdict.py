@@ -52,6 +52,7 @@ def judge(
     confirmed_on: str = "held-out",
     unsteady: Sequence[Unsteady] = (),
     far: Sequence[Stretch] = (),
+    fitted: float = 1.0,
 ) -> Verdict:
     """The verdict, from held-out residuals before and after and the noise that the data show.
 
@@ -66,14 +67,14 @@ def judge(
     `far` are stretches of the held-out runs that no noise of their channel explains.  Where a
     function of the machine's state is left in that channel too, the answer is no `none`, however
     short they are against the run; and nothing is named that does not close as much of them as it
-    has to of the whole.
+    has to of the whole.  `fitted` is the share that a set closes of the fitted runs' gap, where
+    nothing is named that closes less than that either.
     """
     first, last = squares(before), squares(after)
-    floor = {c: shown.ratio(c, "held-out") ** 2 for c in last}
+    floor = _floor(shown, "held-out", last)
     above, left = _beside_noise(first, floor), _beside_noise(last, floor)
-    whole = sum(above.values())
     noise = sum(floor[c] * n for c, (_, n) in last.items())
-    closed = 1 - sum(left.get(c, 0.0) for c in shown.structured) / whole if whole > 0 else 1.0
+    closed = _closed(above, left, shown.structured)
     open_ = [c for c in shown.structured if _excess(last, floor, c) > EXCESS]
     who = JUDGES[confirmed_on].name
     effects = outcome.fit.point.effects
@@ -91,6 +92,8 @@ def judge(
         against = f"the best known effects close {100 * closed:.0f} % of the gap on {who}"
     elif gap:
         against = f"the best known effects leave a gap in {', '.join(gap)} on {who}"
+    elif fitted < closing:
+        against = f"the best known effects close {100 * fitted:.0f} % of the gap of the fitted runs"
     elif off is not None:
         against = (f"beside the best known effects {who} leave {off}, which no noise explains: "
                    "a missing effect that cannot be named")  # fmt: skip
@@ -110,6 +113,25 @@ def judge(
     if confirmed_on == "nothing":
         text = "the joint refit explains the runs, and none is left to confirm it"
     return Verdict("named", closed, equals, text, noise)
+
+
+def closed_in_fitted_runs(shown: Shown, before: Columns, after: Columns) -> float:
+    """Share of the fitted runs' gap that is not left there and hangs on the machine's state."""
+    first, last = squares(before), squares(after)
+    floor = _floor(shown, "train", last)
+    above, left = _beside_noise(first, floor), _beside_noise(last, floor)
+    return _closed(above, left, shown.structured_in_fitted_runs)
+
+
+def _floor(shown: Shown, split: str, squares: dict[str, tuple[float, int]]) -> dict[str, float]:
+    """By channel the noise's share of chi2 a sample in the runs of a split."""
+    return {c: shown.ratio(c, split) ** 2 for c in squares}
+
+
+def _closed(above: dict[str, float], left: dict[str, float], channels: Sequence[str]) -> float:
+    """Share of a gap (chi2 beside the noise, by channel) that is not left in `channels`."""
+    whole = sum(above.values())
+    return 1 - sum(left.get(c, 0.0) for c in channels) / whole if whole > 0 else 1.0
 
 
 def _beside_noise(

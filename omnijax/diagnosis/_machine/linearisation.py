@@ -93,6 +93,11 @@ class Linearisation:
         """By wheel: where its angles at SHAPE points lie in the tables."""
         return [self.tables.places(angle, i) for i, angle in enumerate(self.motion.theta_shape.T)]
 
+    @functools.cached_property
+    def one_turn(self) -> "Linearisation":
+        """The same with tables of one turn, for what is the same in each."""
+        return dataclasses.replace(self, tables=self.tables.first_turn())
+
 
 def base_of(machine: Machine, rig: Rig, i: int, predicted: np.ndarray) -> Linearisation:
     """Base run `i` of `rig`; its own contact and mount laws enter the signals only linearly."""

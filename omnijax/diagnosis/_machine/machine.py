@@ -33,13 +33,13 @@ from .laws import along, moving_readings, on_time, readings, remembers
 from .modes import OutputModes, acts
 from .motion import (
     RunMotion,
+    angles_of,
     contact_directions,
     groups_of_motion,
     integrate,
     measured_lengths,
     motion,
     rolling_radius,
-    tables_for,
 )
 from .noise_model import rolling_state, rows_of
 from .observer import held_turning, needs_observer, observed_turning, path_along
@@ -56,11 +56,13 @@ from .smooth import likeliest, smooth
 from .stage_cache import StageCache
 from .stepped import Change, Lane, approach_changes, law_changes, law_pulls, stepped_ports
 from .tree_hash import digest
-from .wheels import WheelTables
+from .wheels import WheelTables, wheel_tables
 
 ANGLE_NOISE = SETTINGS.prediction.angle_noise
 # ports whose laws move the contacts' normal forces, beside those of the motion
 MOVING_N = ("surface", "platform", "contact", "separation", "mount")
+OF_THE_RIG = ("tables", "modes")  # stages that hang on a rig, and on no run's start or basis
+TABLES = 3  # of wheels that are kept: they are large where a shape differs from turn to turn
 READINGS = 4  # late ones of a run that are kept: two groups', each also a little later
 
 
@@ -132,6 +134,7 @@ class Machine:
         radius = np.asarray(rig.wheel_radius) / float(rig.sphere.radius)
         self.length_noise = noise.get("theta", ANGLE_NOISE) * radius
         self.basis = Basis()
+        self._angles = angles_of(runs)
         self._kept = StageCache()
         self.window = window
         self.rows: list[DataRows] = []
@@ -178,9 +181,9 @@ class Machine:
             self._begin(basis, "rotated", "predicted")
 
     def _begin(self, basis: Basis, *stages: str) -> None:
-        """About another basis; only `stages` hang on what is new in it (none given: all do)."""
+        """About another basis; `stages` hang on what is new in it (none given: all of runs do)."""
         self.basis = basis
-        self._kept.forget(*stages)
+        self._kept.forget(*stages, but=() if stages else OF_THE_RIG)
 
     def _basis(self, rig: Rig, references, rolling, normal=None) -> Basis:
         """Smoothing about `references` (None: zero) as the data ask for it, N (None: preload)."""
@@ -223,7 +226,8 @@ class Machine:
     def replace(self, i: int, run: Run) -> None:
         """Put another record in the place of run `i`, its angles about the same reference."""
         self.runs = [*self.runs[:i], run, *self.runs[i + 1 :]]
-        self.forget()
+        self._angles = angles_of(self.runs)
+        self._kept.forget(but=OF_THE_RIG)
 
     def forget(self) -> None:
         """Work every stage out anew at the next question, about the same basis."""
@@ -366,9 +370,9 @@ class Machine:
         return shape
 
     def tables_of(self, rig: Rig) -> WheelTables:
-        """Wheel tables of a rig (kept with its motions)."""
-        w = rig.wheels
-        key = b"t" + digest(
+        """Wheel tables of a rig, for the angles of all runs."""
+        w, angles = rig.wheels, self._angles
+        key = digest(
             rig.sphere.radius,
             w.radius,
             w.rollers,
@@ -376,8 +380,9 @@ class Machine:
             rig.profiles,
             rig.at("shape"),
             rig.at("radius"),
+            angles,
         )
-        return self._kept.get("motion", key, lambda: tables_for(rig, self.runs))
+        return self._kept.get("tables", key, lambda: wheel_tables(rig, *angles), TABLES)
 
     def surface(self, rig: Rig, run: Run, m: RunMotion) -> np.ndarray:
         """What the laws at the sphere's surface add to rho, (FINE points, n) m."""

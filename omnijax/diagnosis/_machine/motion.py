@@ -23,7 +23,7 @@ from .dual_rows import driven_axes
 from .laws import along
 from .runs import FINE, SHAPE, Run
 from .smooth import smooth_by_likelihood
-from .wheels import WheelTables, wheel_tables
+from .wheels import WheelTables
 
 FAR = SETTINGS.prediction.far
 
@@ -237,12 +237,12 @@ def _product(a, b):
     return np.concatenate([scalar, w * r + u * v + np.cross(v, r)], axis=1)
 
 
-def tables_for(rig: Rig, runs: list[Run]) -> WheelTables:
-    """Tables that cover the runs' angles."""
+def angles_of(runs: list[Run]) -> tuple[float, float]:
+    """The lowest and the highest of the runs' measured angles, rad."""
     angles = [r.outputs["theta"] for r in runs if "theta" in r.outputs]
     low = min((np.nanmin(a) for a in angles), default=-FAR)
     high = max((np.nanmax(a) for a in angles), default=FAR)
-    return wheel_tables(rig, float(low), float(high))
+    return float(low), float(high)
 
 
 def rolling_radius(rig: Rig, m: RunMotion) -> np.ndarray:

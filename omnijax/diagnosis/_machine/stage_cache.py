@@ -2,7 +2,7 @@
 
 import contextlib
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from typing import Any
 
 MOST = 12  # of a stage
@@ -17,8 +17,11 @@ class StageCache:
         self._stages: dict[str, dict[bytes, Any]] = {}
         self._lasting: dict[str, dict[bytes, Any]] | None = None  # what was kept before an `aside`
 
-    def get(self, stage: str, key: bytes, make: Callable[[], Any]) -> Any:
-        """What is kept of a stage under `key`, made where there is none; the oldest one goes."""
+    def get(self, stage: str, key: bytes, make: Callable[[], Any], most: int = MOST) -> Any:
+        """What is kept of a stage under `key`, made where there is none.
+
+        Where more than `most` are kept the oldest one goes.
+        """
         with self._lock:
             kept = self._stages.setdefault(stage, {})
             if key in kept:
@@ -27,7 +30,7 @@ class StageCache:
         with self._lock:
             lasting = {} if self._lasting is None else self._lasting.get(stage, {})
             passing = [known for known in kept if known not in lasting]
-            if len(passing) > (MOST if self._lasting is None else ASIDE):
+            if len(passing) > (most if self._lasting is None else min(most, ASIDE)):
                 kept.pop(passing[0])
             return kept.setdefault(key, made)
 
@@ -51,8 +54,10 @@ class StageCache:
                 if self._stages is meanwhile:  # else it was told to forget
                     self._stages = before
 
-    def forget(self, *stages: str) -> None:
-        """Keep nothing of `stages` (none given: of any), nor of what is being made meanwhile."""
+    def forget(self, *stages: str, but: Collection[str] = ()) -> None:
+        """Keep nothing of `stages` (none given: of any `but` some), nor of what is being made."""
         with self._lock:
-            left = {k: dict(kept) for k, kept in self._stages.items() if k not in stages}
-            self._stages = left if stages else {}
+            self._stages = {
+                stage: dict(kept) for stage, kept in self._stages.items()
+                if stage in but or (stages and stage not in stages)
+            }  # fmt: skip

@@ -20,7 +20,7 @@ from .linearisation import THIN, Linearisation, transfer, turned_by
 from .motion import contact_directions, integrate
 from .rotation import commanded, each_law, each_moment
 from .runs import FINE, SHAPE
-from .wheels import shape_table
+from .wheels import WheelTables, shape_table
 
 LANES = 8  # laws at wheels that one call evaluates along a run
 
@@ -40,16 +40,25 @@ def signatures(base: Linearisation, placed: Sequence[Placed]) -> list[tuple]:
 
 
 def _shape(base: Linearisation, placed: Placed):
+    gaps = [jax.tree.map(lambda x, i=i: x[i], base.rig.gaps) for i in placed.wheels]
+    if all(_repeats(placed.law, base.tables, gap) for gap in gaps):
+        base = base.one_turn
     change = np.zeros((len(base.tables.angle), base.rig.size))
-    gaps = base.rig.gaps
-    for i in placed.wheels:
-        gap = jax.tree.map(lambda x, i=i: x[i], gaps)
+    for i, gap in zip(placed.wheels, gaps, strict=True):
         change[:, i] = _over_angles(placed.law, base.tables.angle[:, i], gap)
     return _shaped(base, change, change)
 
 
+def _repeats(law, tables: WheelTables, gap) -> bool:
+    """Whether a law is the same in each turn that the tables cover."""
+    angles = np.random.default_rng(0).uniform(tables.first, tables.first + tables.span, PROBES)
+    here, later = (_over_angles(law, x, gap) for x in (angles, angles + 2 * np.pi))
+    return np.allclose(here, later, rtol=0.0, atol=1e-9 * np.abs(here).max())
+
+
 ORDERS = ("order", "orders")  # parameters that count waves a turn
 SMALL = SETTINGS.tangents.small
+PROBES = SETTINGS.prediction.probes
 
 
 def _radius(base: Linearisation, placed: Placed):

@@ -55,6 +55,14 @@ class WheelTables(NamedTuple):
         """Distance of two points that lie evenly, rad."""
         return self.span / (len(self.angle) - 1)
 
+    def first_turn(self) -> "WheelTables":
+        """The first turn alone: enough for what is the same in each."""
+        last = POINTS + 1
+        return self._replace(
+            angle=self.angle[:last], shape=self.shape[:last], slope=self.slope[:, :POINTS],
+            length=self.length[:last], span=2 * np.pi,
+        )  # fmt: skip
+
     def rho(self, theta: np.ndarray) -> np.ndarray:
         """Shape at angles (t, n), m."""
         places = (self.places(angle, i) for i, angle in enumerate(theta.T))
