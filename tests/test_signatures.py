@@ -138,10 +138,8 @@ def test_what_is_the_same_in_each_turn_is_looked_up_in_tables_of_one(agreeing, m
     other = EverySecondTurn(jnp.asarray(1e-4), jnp.asarray(rng.uniform(0, 6)))
     for law in [*(p.law for p in columns), other]:
         wheel = int(rng.integers(rig.size))
-        placed, gap = (
-            Placed(law, rig.names[wheel], (wheel,)),
-            jax.tree.map(lambda x: x[wheel], rig.gaps),
-        )
+        placed = Placed(law, rig.names[wheel], (wheel,))
+        gap = jax.tree.map(operator.itemgetter(wheel), rig.gaps)
         assert tangents._repeats(law, base.tables, gap) == (law is not other)
         short = signature(base, placed)
         with monkeypatch.context() as patch:
