@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from ._sensors import measured as measured
     from ._signals import Signal as Signal
     from ._signals import constant as constant
+    from ._signals import is_constant as is_constant
     from ._signals import ramp as ramp
     from ._signals import step as step
     from ._signals import table as table

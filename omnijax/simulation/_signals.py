@@ -136,5 +136,15 @@ def ramp(start: float, end: float, before: ArrayLike, after: ArrayLike) -> Signa
     return table([start, end], np.stack(_vectors(before, after)))
 
 
+def is_constant(signal: Signal) -> bool:
+    """Whether a signal is known to hold one value for all times."""
+    if len(signal.knots) == 1:
+        return True
+    if any(isinstance(x, Tracer) for x in jax.tree.leaves(signal)):
+        return False
+    values, slopes = np.asarray(signal.values), np.asarray(signal.slopes)
+    return bool(np.all(values == values[0]) and np.all(slopes == 0))
+
+
 def _vectors(*values: ArrayLike) -> list[np.ndarray]:
     return [np.atleast_1d(np.asarray(value, float)) for value in values]

@@ -23,7 +23,7 @@ from ...rig import Rig
 from .._channels import trajectory
 from .._drives import SpeedDrive
 from .._padding import EXACT_PIECE, Gathered, RunPiece, padded, room, samples_of
-from .._signals import Signal
+from .._signals import is_constant
 from .._trajectory import Trajectory
 from .attitude import attitudes, compose
 from .constant import constant_response
@@ -32,16 +32,6 @@ from .forcing import is_traced, wheel_pieces
 from .period_map import longest_passage
 from .system import exact_obstacle
 from .varying import Span, knots_within, rest_motion, varying_response, windowed
-
-
-def is_constant(signal: Signal) -> bool:
-    """Whether a signal is known to hold one value for all times."""
-    if len(signal.knots) == 1:
-        return True
-    if any(is_traced(x) for x in jax.tree.leaves(signal)):
-        return False
-    values, slopes = np.asarray(signal.values), np.asarray(signal.slopes)
-    return bool(np.all(values == values[0]) and np.all(slopes == 0))
 
 
 def propagation_obstacle(rig: Rig, drive: SpeedDrive, ts, model: str = "coupled") -> str | None:

@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from .drives import drive_of as drive_of
     from .drives import drive_quantities as drive_quantities
     from .drives import drive_to_plain as drive_to_plain
-    from .drives import is_constant as is_constant
     from .drives import turning as turning
     from .evaluation import Evaluation as Evaluation
     from .evaluation import checked_metrics as checked_metrics

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..._errors import InputError
 from ...rig import Rig, put_parameter
-from ...simulation import Signal, SpeedDrive, TorqueDrive
+from ...simulation import Signal, SpeedDrive, TorqueDrive, is_constant
 from ...simulation import speeds as speed_drive
 
 Drive = SpeedDrive | TorqueDrive
@@ -50,12 +50,6 @@ def kind_of(drive: Drive) -> str:
 def turning(drive: Drive) -> Signal:
     """The signal of the wheels: speeds or torques."""
     return drive.speed if isinstance(drive, SpeedDrive) else drive.torque
-
-
-def is_constant(signal: Signal) -> bool:
-    """Whether the signal has one value at all times."""
-    values, slopes = np.asarray(signal.values), np.asarray(signal.slopes)
-    return bool(np.all(slopes == 0) and np.all(values == values[0]))
 
 
 def with_few_knots(drive: Drive) -> Drive:
