@@ -3,12 +3,13 @@
 from collections.abc import Mapping
 from typing import NamedTuple
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 from scipy.stats import qmc
 
-from ..rig import Rig, load_rig, put_parameter
+from ..rig import Rig, get_parameter, load_rig, put_parameter
 
 SPEEDS = (0.1, 1.2, 0.3)  # rad/s, the elastic cases
 MULTIPLES = (1, 12, 3)  # of their common 0.1 rad/s
@@ -61,7 +62,15 @@ def samples(rig: Rig, count: int, seed: int) -> dict[str, Float[Array, " s"]]:
     return {r.path: jnp.asarray(points[:, i]) for i, r in enumerate(RANGES)}
 
 
-def _own(rig: Rig, path: str):
-    from ..rig import get_parameter
+def gap_depths(rig: Rig) -> Float[np.ndarray, " eta"]:
+    """Depth (m) of the first wheel's gaps at every ratio of `ROUNDNESS`."""
 
+    def depth(eta: float) -> float:
+        gaps = eqx.tree_at(lambda g: g.roundness, rig.gaps, np.full(rig.size, eta))
+        return float(np.asarray(gaps.depth)[0])
+
+    return np.array([depth(eta) for eta in ROUNDNESS])
+
+
+def _own(rig: Rig, path: str):
     return np.asarray(get_parameter(rig, path))

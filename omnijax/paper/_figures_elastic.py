@@ -6,7 +6,7 @@ import numpy as np
 
 from ..report import COLOURS, MUTED, Figure, SpeedAxis, figure, legend_above, style
 from ..vibration import norm
-from ._case import DAMPING, ROUNDNESS, SPEEDS, STIFFNESS
+from ._case import DAMPING, ROUNDNESS, SPEEDS, STIFFNESS, gap_depths
 from ._cycle import FASTEST, Metrics
 from ._study import PaperStudy
 
@@ -59,7 +59,7 @@ def roundness(study: PaperStudy) -> Figure:
     """Fig. 12: peaks over the roundness ratio, with the band of the unknown parameters."""
     eta = np.asarray(ROUNDNESS)
     data: dict[str, Any] = {"eta": eta}
-    rigid = _rigid_bound(study)
+    rigid = np.sqrt(3) * gap_depths(study.rig)
     with style():
         fig, (top, bottom) = figure(2, height=5.8)
         data |= _peaks((top, bottom), eta, study.roundness["paper"])
@@ -74,12 +74,6 @@ def roundness(study: PaperStudy) -> Figure:
         "throughout where the contact is damped; the undamped elastic part peaks at resonances."
     )
     return Figure(fig, "fig12", caption, data)
-
-
-def _rigid_bound(study: PaperStudy) -> np.ndarray:
-    from ._judge_elastic import _depth
-
-    return np.sqrt(3) * np.array([_depth(study, eta) for eta in ROUNDNESS])
 
 
 def spectrum(study: PaperStudy, spectra: dict[float, tuple[np.ndarray, np.ndarray]]) -> Figure:

@@ -3,7 +3,7 @@
 import numpy as np
 
 from ..vibration import norm
-from ._case import DAMPING, RANGES, ROUNDNESS, SENSITIVITY_DAMPING, STIFFNESS
+from ._case import DAMPING, RANGES, ROUNDNESS, SENSITIVITY_DAMPING, STIFFNESS, gap_depths
 from ._claim import Claim, Reading, at_least, at_most
 from ._cycle import FACTORS
 from ._study import PaperStudy
@@ -47,7 +47,7 @@ def _steps(values: np.ndarray) -> np.ndarray:
 
 def _grows(study: PaperStudy, ranges: str) -> Claim:
     damped, free = slice(1, None), slice(0, 1)
-    depth = np.array([_depth(study, eta) for eta in ROUNDNESS])
+    depth = gap_depths(study.rig)
     growth = "growth of the peak a step of η"
     return Claim(
         "peak-grows",
@@ -69,13 +69,6 @@ def _grows(study: PaperStudy, ranges: str) -> Claim:
         ],
         f"η from {ROUNDNESS[0]} to {ROUNDNESS[-1]}; {ranges}",
     )
-
-
-def _depth(study: PaperStudy, eta: float) -> float:
-    import equinox as eqx
-
-    gaps = eqx.tree_at(lambda g: g.roundness, study.rig.gaps, np.full(study.rig.size, eta))
-    return float(np.asarray(gaps.depth)[0])
 
 
 def _frequency(study: PaperStudy, ranges: str) -> Claim:
