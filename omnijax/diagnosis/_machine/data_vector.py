@@ -119,10 +119,8 @@ def make_rows(run: Run, noise, length_noise, axes, window: float, wheels: int) -
     theta = _weights(run, "theta", {"theta": 1.0}, wheels)
     filters = _filters(run)
     rotation = np.concatenate([_weights(run, "Omega", noise, 3), theta / length_noise], axis=1)
-    if not run.known.all():
-        bad = np.flatnonzero(~run.known)
-        for i in bad:
-            elastic[max(0, i - 1) : i + int(SETTLE / run.step)] = 0.0
+    for i in np.flatnonzero(~run.known):
+        elastic[max(0, i - 1) : i + int(SETTLE / run.step)] = 0.0
     if run.rolling_start(noise):  # nobody knows what a late sensor still reads from before
         elastic[: math.ceil(LATE / run.step)] = 0.0
     if run.counts is not None:

@@ -115,7 +115,7 @@ class AbstractModel(abc.ABC):
 
     priors: Sequence[Prior]
     laws: dict[str, type[AbstractLaw]]
-    tell: Callable[[str], None] = staticmethod(lambda text: None)  # how long work gets on
+    tell: Callable[[str], None] = staticmethod(lambda text: None)  # of how far the work is
     work: float = 0.0  # evaluations so far, in those of all train runs with laws stepped in time
     ranking: str = "train"  # split whose rows, the first of train's, rank laws at finite strength
     settings: SearchSettings = SETTINGS.search

@@ -149,7 +149,7 @@ class Tolerances(AbstractResult):
         capped, place = self.capped[order], np.arange(len(order))
         colours = np.where(capped, PALETTE["sky"], PALETTE["blue"]).tolist()
         ax.barh(place, 100 * self.widths[order], color=colours, height=0.7)
-        ax.set_yticks(np.arange(len(order)), [self.parts[i] for i in order])
+        ax.set_yticks(place, [self.parts[i] for i in order])
         ax.grid(axis="y", visible=False)
         ax.set_xlabel("tolerance (± %)")
         ax.set_title(f"{self.metric} below {quantity_text(self.limit, self.unit)}")
