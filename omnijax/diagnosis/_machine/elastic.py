@@ -9,7 +9,9 @@ import numpy as np
 from ..._programs import kept
 from ...dynamics import Coupled, linear_system
 from ...rig import Rig
+from .laws import along
 from .modes import OutputModes, direct, forced, modes, observe, propagate, static_state
+from .motion import RunMotion, contact_directions
 from .runs import FINE, SHAPE, Run
 
 OUTPUTS = ("displacement", "acceleration")
@@ -59,6 +61,35 @@ def refine(values: np.ndarray, parts: int) -> np.ndarray:
     at = np.arange((len(values) - 1) * parts + 1) / parts
     known = np.arange(len(values))
     return np.stack([np.interp(at, known, values[:, c]) for c in range(values.shape[1])], axis=1)
+
+
+def elastic_ports(
+    rig: Rig, run: Run, m: RunMotion, drive: np.ndarray, jumps: np.ndarray
+) -> ElasticPorts:
+    """The inputs along a motion; `drive` and `jumps` (FINE points, n) as in `ElasticPorts`."""
+    shape = m.rho
+    if rig.at("surface"):
+        shape = shape + refine(_surface(rig, run, m), SHAPE // FINE)
+    return ElasticPorts(shape, drive, run.force, _floor(rig, run), jumps)
+
+
+def _surface(rig: Rig, run: Run, m: RunMotion) -> np.ndarray:
+    """What the laws at the sphere's surface add to rho, (FINE points, n) m."""
+    directions = contact_directions(rig, m)
+    total = np.zeros(m.theta.shape)
+    for placed in rig.at("surface"):
+        for i in range(rig.size):
+            total[:, i] += along(placed.law, np.ascontiguousarray(directions[:, i]), run)
+    return total
+
+
+def _floor(rig: Rig, run: Run) -> np.ndarray:
+    """Acceleration of the platform by its laws, (FINE points, 3) m/s^2."""
+    time = run.fine(FINE)
+    floor = np.zeros((len(time), 3))
+    for placed in rig.at("platform"):
+        floor += along(placed.law, time, run)
+    return floor
 
 
 def rest_state(m: OutputModes, **inputs: np.ndarray) -> np.ndarray:

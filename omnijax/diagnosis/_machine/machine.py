@@ -21,6 +21,7 @@ from .elastic import (
     OUTPUTS,
     SIGNALS,
     ElasticPorts,
+    elastic_ports,
     felt,
     linear_states,
     outputs_of,
@@ -29,12 +30,11 @@ from .elastic import (
 )
 from .elastic_tangents import ElasticTangents, mode_changes
 from .late import finer, late_outputs
-from .laws import along, moving_readings, on_time, readings, remembers
+from .laws import moving_readings, on_time, readings, remembers
 from .modes import OutputModes, acts
 from .motion import (
     RunMotion,
     angles_of,
-    contact_directions,
     groups_of_motion,
     integrate,
     measured_lengths,
@@ -353,21 +353,7 @@ class Machine:
 
     def ports(self, rig: Rig, i: int, rotated: Rotated) -> ElasticPorts:
         """Inputs of the elastic model in run `i`."""
-        smooth = self._smooth_ports(rig, i, rotated.motion, rotated.drive)
-        return dataclasses.replace(smooth, jumps=rotated.jumps)
-
-    def _smooth_ports(self, rig: Rig, i: int, m: RunMotion, drive: np.ndarray) -> ElasticPorts:
-        """Inputs of the elastic model where the integral of `drive` (FINE points, n) lacks none."""
-        run = self.runs[i]
-        shape, floor = self.tables_shape(rig, run, m), self._floor(rig, run)
-        return ElasticPorts(shape, drive, run.force, floor, np.zeros_like(drive))
-
-    def tables_shape(self, rig: Rig, run: Run, m: RunMotion) -> np.ndarray:
-        """rho and the sphere's surface at SHAPE points."""
-        shape = m.rho
-        if rig.at("surface"):
-            shape = shape + refine(self.surface(rig, run, m), SHAPE // FINE)
-        return shape
+        return elastic_ports(rig, self.runs[i], rotated.motion, rotated.drive, rotated.jumps)
 
     def tables_of(self, rig: Rig) -> WheelTables:
         """Wheel tables of a rig, for the angles of all runs."""
@@ -383,22 +369,6 @@ class Machine:
             angles,
         )
         return self._kept.get("tables", key, lambda: wheel_tables(rig, *angles), TABLES)
-
-    def surface(self, rig: Rig, run: Run, m: RunMotion) -> np.ndarray:
-        """What the laws at the sphere's surface add to rho, (FINE points, n) m."""
-        directions = contact_directions(rig, m)
-        total = np.zeros(m.theta.shape)
-        for placed in rig.at("surface"):
-            for i in range(rig.size):
-                total[:, i] += along(placed.law, np.ascontiguousarray(directions[:, i]), run)
-        return total
-
-    def _floor(self, rig: Rig, run: Run) -> np.ndarray:
-        time = run.fine(FINE)
-        floor = np.zeros((len(time), 3))
-        for placed in rig.at("platform"):
-            floor += along(placed.law, time, run)
-        return floor
 
     def signals(self, rig: Rig, i: int) -> np.ndarray:
         """Linear port signals (FINE points, 4 n): deflection and rate of contacts, of mounts."""
@@ -416,7 +386,7 @@ class Machine:
         """N (FINE points, n) of the elastic model with the laws at its contacts and mounts."""
         run, contact, of_laws = self.runs[i], rig.wheels.contact, 0.0
         stepped, modes = stepped_ports(rig), self.modes(rig)
-        ports = self._smooth_ports(rig, i, m, drive)
+        ports = elastic_ports(rig, run, m, drive, np.zeros_like(drive))
         parts = STEPS if stepped else FINE
         z = linear_states(modes, run, ports, parts, self.basis.rolling.get(i))
         rate = self.shape_rate(rig, m, parts)
@@ -505,11 +475,8 @@ class Machine:
         finite, and so is its cost.
         """
         with np.errstate(over="ignore", invalid="ignore"):
-            return self._residuals(rigs, which, steps)
-
-    def _residuals(self, rigs, which, steps):
-        parts = each(lambda i: self._run_residuals(rigs, i, steps), which)
-        return list(np.concatenate(parts, axis=1))
+            parts = each(lambda i: self._run_residuals(rigs, i, steps), which)
+            return list(np.concatenate(parts, axis=1))
 
     def _run_residuals(self, rigs: list[Rig], i: int, steps: int) -> np.ndarray:
         """Whitened rows (rigs, rows) of one run."""
