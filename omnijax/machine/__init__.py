@@ -59,6 +59,7 @@ if TYPE_CHECKING:
     from ._simulate import places_of as places_of
     from ._simulate import sensed as sensed
     from ._simulate import slopes_at_start as slopes_at_start
+    from ._simulate import start_state as start_state
     from ._simulate import states_along as states_along
     from ._steps import most_steps as most_steps
     from ._steps import settled as settled

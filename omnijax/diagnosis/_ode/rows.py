@@ -15,6 +15,7 @@ from ...machine import (
     delayed_inputs,
     outputs_along,
     places_of,
+    start_state,
     states_along,
     travelled,
     vector_field,
@@ -175,10 +176,6 @@ class FreeRun:
         self.data = (first, inputs, clock, shown)
         self.count, self.time = where.shape[1], run.time[take[tuple(where)]]
 
-    def start_states(self, machine, first):
-        """State (n,) at a window's first sample."""
-        return jnp.stack([jnp.asarray(v, float) for v in machine.start(first)])
-
     def simulated(self, theta, data, steps, shift=0.0, only=None, on=None):
         """What is measured (samples,) in one window of the data, its start and past moved; traced.
 
@@ -188,7 +185,7 @@ class FreeRun:
         machine, placed = self.numbers.build(theta, only, on)
         parts, hold, step = self.places, self.run.hold, self.run.step
         moved = moved + shift
-        x0 = self.start_states(machine, first) + moved[: self.states]
+        x0 = start_state(machine, first) + moved[: self.states]
         before = Before(*moved[self.states :])
         memory = memories_at(machine, placed, x0, inputs, before)
         fine = jnp.linspace(time[0], time[-1], parts * (len(time) - 1) + 1)
