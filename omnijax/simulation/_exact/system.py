@@ -121,7 +121,7 @@ def drive_gain(rig: Rig, speeds: Float[Array, " n"], creep: bool = True):
     return inertia * back.T @ back * (speeds * factor)
 
 
-def _responses(translation: AbstractTranslation, gain):
+def responses(translation: AbstractTranslation, gain):
     """(y, rho, drho/dt, floor, force) -> (dy/dt, outputs); linear in all of them."""
     rig = translation.rig
     _, unravel = ravel_pytree((translation.rest(), initial_memory(rig)))
@@ -156,7 +156,7 @@ def _responses(translation: AbstractTranslation, gain):
 def forced_system(rig: Rig, model: str, speeds, wheel: tuple[int, ...]) -> ForcedSystem:
     """The system behind the signals of `wheel` (-1: the floor), at constant `speeds` (rad/s)."""
     translation = TRANSLATIONS[model](rig)
-    respond = _responses(translation, drive_gain(rig, speeds))
+    respond = responses(translation, drive_gain(rig, speeds))
     n = rig.size
     y = ravel_pytree((translation.rest(), initial_memory(rig)))[0]
     zero = (y, jnp.zeros(n), jnp.zeros(n), jnp.zeros(3), jnp.zeros(3))

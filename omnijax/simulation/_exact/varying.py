@@ -24,7 +24,7 @@ from .._drives import SpeedDrive
 from .._signals import Signal
 from .expm import squarings
 from .forcing import wheel_pieces
-from .system import _responses, drive_gain, state_units, static_rest
+from .system import drive_gain, responses, state_units, static_rest
 
 DEGREE = 20  # of the inputs on one interval: exact to rounding over a whole gap's sinusoid
 
@@ -42,7 +42,7 @@ class VaryingInputs(NamedTuple):
 def _inputs(rig: Rig, model: str) -> VaryingInputs:
     """The elastic model with the platform's place X and drift U as six more states."""
     translation = TRANSLATIONS[model](rig)
-    respond = _responses(translation, drive_gain(rig, jnp.ones(rig.size), creep=False))
+    respond = responses(translation, drive_gain(rig, jnp.ones(rig.size), creep=False))
     y = ravel_pytree((translation.rest(), initial_memory(rig)))[0]
     n, m = rig.size, len(y)
     zero = (y, jnp.zeros(n), jnp.zeros(n), jnp.zeros(3), jnp.zeros(3))

@@ -261,8 +261,9 @@ def _bar(m: PolePairs, pole, mean: MeanSquares, part: PhaseMoments, kernel, w) -
 
 
 class Psi(NamedTuple):
-    """Psi of some outputs (o) at every pair and its derivative, of every signal and the start (s),
-    and derivatives by what goes straight to the outputs.
+    """Psi of `gradient` for some outputs (o), at every pair, of every signal and the start (s).
+
+    With its derivative by the poles, and derivatives by what goes straight to the outputs.
     """
 
     value: Pair  # (o, s + 1, p, c)
