@@ -87,22 +87,13 @@ def judge(
         for i, near in outcome.rivals.items()
     }
     other = of_another_size(outcome, alike)
-    gap, against = open_ if closed < closing else _left_open(open_, above, left, 1 - closing), ""
+    gap = open_ if closed < closing else _left_open(open_, above, left, 1 - closing)
     if gap and closed < closing:
         against = f"the best known effects close {100 * closed:.0f} % of the gap on {who}"
-    elif gap:
-        against = f"the best known effects leave a gap in {', '.join(gap)} on {who}"
-    elif fitted < closing:
+    elif fitted < closing and not gap:
         against = f"the best known effects close {100 * fitted:.0f} % of the gap of the fitted runs"
-    elif off is not None:
-        against = (f"beside the best known effects {who} leave {off}, which no noise explains: "
-                   "a missing effect that cannot be named")  # fmt: skip
-    elif other:
-        against = f"{who} show {other}: a missing effect that no known law describes"
-    elif unsteady:
-        most = unsteady[0]
-        against = (f"{100 * most.share:.0f} % of {most.name} change over the runs or between them: "
-                   "a missing effect that no known law describes")  # fmt: skip
+    else:
+        against = _against_naming(gap, off, other, unsteady, who)
     if against:
         return Verdict("unknown", closed, equals, against, noise, tuple(gap))
     if any(equals.values()):
@@ -132,6 +123,24 @@ def _closed(above: dict[str, float], left: dict[str, float], channels: Sequence[
     """Share of a gap (chi2 beside the noise, by channel) that is not left in `channels`."""
     whole = sum(above.values())
     return 1 - sum(left.get(c, 0.0) for c in channels) / whole if whole > 0 else 1.0
+
+
+def _against_naming(
+    gap: Sequence[str], off: Stretch | None, other: str, unsteady: Sequence[Unsteady], who: str
+) -> str:
+    """Why effects that close enough of the whole gap are not named all the same; else empty."""
+    if gap:
+        return f"the best known effects leave a gap in {', '.join(gap)} on {who}"
+    if off is not None:
+        return (f"beside the best known effects {who} leave {off}, which no noise explains: "
+                "a missing effect that cannot be named")  # fmt: skip
+    if other:
+        return f"{who} show {other}: a missing effect that no known law describes"
+    if unsteady:
+        most = unsteady[0]
+        return (f"{100 * most.share:.0f} % of {most.name} change over the runs or between them: "
+                "a missing effect that no known law describes")  # fmt: skip
+    return ""
 
 
 def _beside_noise(
