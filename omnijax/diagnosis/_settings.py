@@ -384,7 +384,7 @@ class PredictionSettings:
     clock_most: float = 9.5e-4  # s; what is read later is a delay: below a sample at 1 kHz
     course: int = 3  # degree of the polynomial through an opening, that tells the motion before
     angle_noise: float = 1e-4  # rad, by which rolled lengths are weighed where no angle is measured
-    far: float = 1e3  # rad to each side, over which tables reach where no angle is measured
+    wider: float = 1.2  # times the angles that Omega tells, over which tables reach
     newton: int = 12  # steps to the static rest of laws: it is found to rounding
     probes: int = 64  # angles, at which a shape that repeats each turn is told
 

@@ -134,7 +134,7 @@ class Machine:
         radius = np.asarray(rig.wheel_radius) / float(rig.sphere.radius)
         self.length_noise = noise.get("theta", ANGLE_NOISE) * radius
         self.basis = Basis()
-        self._angles = angles_of(runs)
+        self._angles = angles_of(rig, runs)
         self._kept = StageCache()
         self.window = window
         self.rows: list[DataRows] = []
@@ -226,7 +226,7 @@ class Machine:
     def replace(self, i: int, run: Run) -> None:
         """Put another record in the place of run `i`, its angles about the same reference."""
         self.runs = [*self.runs[:i], run, *self.runs[i + 1 :]]
-        self._angles = angles_of(self.runs)
+        self._angles = angles_of(self.rig, self.runs)
         self._kept.forget(but=OF_THE_RIG)
 
     def forget(self) -> None:

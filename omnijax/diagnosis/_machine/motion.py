@@ -25,7 +25,7 @@ from .runs import FINE, SHAPE, Run
 from .smooth import smooth_by_likelihood
 from .wheels import WheelTables
 
-FAR = SETTINGS.prediction.far
+WIDER = SETTINGS.prediction.wider
 
 
 @dataclasses.dataclass(frozen=True)
@@ -237,12 +237,24 @@ def _product(a, b):
     return np.concatenate([scalar, w * r + u * v + np.cross(v, r)], axis=1)
 
 
-def angles_of(runs: list[Run]) -> tuple[float, float]:
-    """The lowest and the highest of the runs' measured angles, rad."""
-    angles = [r.outputs["theta"] for r in runs if "theta" in r.outputs]
-    low = min((np.nanmin(a) for a in angles), default=-FAR)
-    high = max((np.nanmax(a) for a in angles), default=FAR)
-    return float(low), float(high)
+def angles_of(rig: Rig, runs: list[Run]) -> tuple[float, float]:
+    """The lowest and the highest angle of any wheel in the runs, rad, as measured.
+
+    Of a wheel without encoder by the integral of Omega, and so much more as parts may be off.
+    """
+    ratio = float(rig.sphere.radius) / np.asarray(rig.wheel_radius)
+    ends = [0.0]
+    for run in runs:
+        missing = np.full(rig.size, True)
+        if "theta" in run.outputs:
+            angle = run.outputs["theta"]
+            missing = np.isnan(angle).all(axis=0)
+            ends += [f(angle[:, ~missing]) for f in (np.nanmin, np.nanmax) if not missing.all()]
+        if missing.any() and "Omega" in run.outputs:
+            turning = np.nan_to_num(run.outputs["Omega"]) @ np.asarray(rig.wheels.spin_axis).T
+            angle = WIDER * (integrate(turning, run.step) * ratio)[:, missing]
+            ends += [angle.min(), angle.max()]
+    return float(min(ends)), float(max(ends))
 
 
 def rolling_radius(rig: Rig, m: RunMotion) -> np.ndarray:

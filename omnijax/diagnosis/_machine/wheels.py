@@ -40,7 +40,8 @@ class WheelTables(NamedTuple):
     One turn where the shape repeats, else as many turns as the runs cover.  Points lie evenly, but
     the nearest to each edge and middle of a gap lies there: a corner between two points would be
     cut off, which a slow wheel passes for so long that it is felt.  There the slope jumps, from the
-    end of one cell between two points to the begin of the next.
+    end of one cell between two points to the begin of the next.  A wheel's own numbers lie side by
+    side in memory: of many turns they are millions, of which an angle asks for two.
     """
 
     angle: np.ndarray  # (p, n) rad
@@ -74,7 +75,8 @@ class WheelTables(NamedTuple):
         out = np.empty_like(theta)
         for i, angle in enumerate(theta.T):
             at, (begin, end) = self.places(angle, i), self.slope[:, :, i]
-            out[:, i] = begin[at.index] + at.share * (end - begin)[at.index]
+            here = begin[at.index]
+            out[:, i] = here + at.share * (end[at.index] - here)
         return out
 
     def places(self, theta: np.ndarray, wheel: int) -> WheelPlaces:
@@ -130,11 +132,12 @@ def wheel_tables(rig: Rig, lowest: float, highest: float) -> WheelTables:
     turns = 1 if repeats else int(np.ceil((highest - lowest) / turn)) + 2
     first = 0.0 if repeats else turn * np.floor(lowest / turn) - turn
     even = first + np.linspace(0.0, turn * turns, POINTS * turns + 1)
-    angle = np.stack([with_corners(even, corners) for corners in _corners(rig)], axis=1)
-    shape = shape_table(rig, angle)
+    angle = np.array([with_corners(even, corners) for corners in _corners(rig)]).T
+    shape = np.asfortranarray(shape_table(rig, angle))
     radius = (np.asarray(rig.wheel_radius) + shape) / float(rig.sphere.radius)
     rolled = (radius[1:] + radius[:-1]) / 2 * np.diff(angle, axis=0)
-    length = np.concatenate([np.zeros((1, n)), np.cumsum(rolled, axis=0)])
+    length = np.zeros_like(angle)
+    np.cumsum(rolled, axis=0, out=length[1:])
     return WheelTables(angle, shape, slopes(angle, shape), length, first, turn * turns)
 
 
@@ -149,7 +152,7 @@ def slopes(angle: np.ndarray, shape: np.ndarray) -> np.ndarray:
     bend = np.diff(mean, axis=0) / ((width[1:] + width[:-1]) / 2)
     before, after = np.concatenate([bend[:1], bend]), np.concatenate([bend, bend[-1:]])
     half = np.where(np.abs(before) < np.abs(after), before, after) * width / 2
-    return np.stack([mean - half, mean + half])
+    return np.array([(mean - half).T, (mean + half).T]).transpose(0, 2, 1)
 
 
 def _corners(rig: Rig) -> list[np.ndarray]:
