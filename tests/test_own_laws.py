@@ -166,6 +166,16 @@ def test_a_law_of_one_s_own_takes_no_other_s_id(tmp_path, capsys):
             diagnose(tmp_path, laws={key: Named if key != "own" else HalfLate})
 
 
+def test_a_law_is_of_the_library_where_its_class_stands_there_itself():
+    """Six comparisons by id stood for this one."""
+    (generic, *_) = GENERIC.values()
+    for law in (laws.SensorDelay, laws.SensorDelay(number(0.1)), generic):
+        assert laws.of_library(law)
+    for law in (HalfLate, HalfLate(number(0.1)), Named, Named(number(0.1))):
+        assert not laws.of_library(law)
+    assert laws.of_library(ActuatorLag, EFFECTS) and not laws.of_library(generic, EFFECTS)
+
+
 class Named(laws.BearingViscous):
     """A law below one of the library's that keeps its id."""
 

@@ -60,6 +60,14 @@ EFFECTS: dict[str, type[AbstractLaw]] = {
 AXIS_EFFECTS = {**EFFECTS, **GENERIC}  # that an axis, or a model of the user's own, may have
 
 
+def of_library(
+    law: AbstractLaw | type[AbstractLaw], known: Mapping[str, type[AbstractLaw]] = AXIS_EFFECTS
+) -> bool:
+    """Whether a law, or a class of laws, is one of `known` itself; a user's below one is not."""
+    kind = law if isinstance(law, type) else type(law)
+    return known.get(kind.id) is kind
+
+
 def in_words(effect: str, place: str, laws: Mapping[str, type[AbstractLaw]] = AXIS_EFFECTS) -> str:
     """An effect as a mechanic says it, "play in the mount at w2"; its id where it has no words.
 

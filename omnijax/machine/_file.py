@@ -12,7 +12,7 @@ from .._errors import InputError, did_you_mean
 from .._problems import sentence
 from .._reading import read_toml
 from .._toml import toml_value
-from ..laws import AXIS_EFFECTS
+from ..laws import AXIS_EFFECTS, of_library
 from ..rig import file_of, law_quantity, rigs_laws
 from ._axis import Axis
 from ._base import AbstractMachine
@@ -213,7 +213,7 @@ def machine_text(file: MachineFile) -> str:
         numbers = ", ".join(f"{k} = {toml_value(getattr(law, k))}" for k in law.parameters)
         id, place = toml_value(law.id), toml_value(one.place)
         lines += ["", "[[effect]]", f"id = {id}", f"place = {place}"]
-        if AXIS_EFFECTS.get(law.id) is not type(law):
+        if not of_library(law):
             lines.append(f"law = {toml_value(file_of(type(law))[0])}")
         lines.append(f"parameters = {{ {numbers} }}")
     said = {k: v for k, v in vars(file.compare).items() if v is not None}

@@ -12,7 +12,7 @@ import numpy as np
 from .._errors import InputError
 from .._files import write_bytes, write_text
 from .._toml import toml_value
-from ..laws import EFFECTS, AbstractLaw, DualRow, TableShape
+from ..laws import EFFECTS, AbstractLaw, DualRow, TableShape, of_library
 from ._check import problems
 from ._machine import Rig
 from ._parameters import law_quantity
@@ -85,7 +85,7 @@ def rig_problems(rig: Rig) -> list[str]:
 
     Numbers are SI.  Raises `InputError` for a measured profile that fits no pitch of its wheel.
     """
-    known = [placed for placed in rig.effects if EFFECTS.get(placed.law.id) is type(placed.law)]
+    known = [placed for placed in rig.effects if of_library(placed.law, EFFECTS)]
     once = {(placed.law.id, placed.place): placed for placed in known}
     tables = tomllib.loads(rig_text(rig.with_effects(tuple(once.values()))))
     tables.pop("uncertainty", None)
@@ -193,7 +193,7 @@ def _check_period(period: float, rollers: float, name: str) -> None:
 
 def _effect(law: AbstractLaw, place: str, wheels: int, files) -> list[str]:
     lines, pairs, units = [], [], []
-    if EFFECTS.get(law.id) is not type(law):
+    if not of_library(law, EFFECTS):
         name, text = file_of(type(law))
         lines.append(f"law = {_toml(name)}")
         if files is not None:

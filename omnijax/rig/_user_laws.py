@@ -10,7 +10,7 @@ from .. import laws
 from .._consent import consent, trust
 from .._errors import InputError
 from .._reading import TEXT, read_bytes
-from ..laws import AXIS_EFFECTS, AbstractLaw
+from ..laws import AXIS_EFFECTS, AbstractLaw, of_library
 
 _LOADED: dict[str, dict[str, type[AbstractLaw]]] = {}  # digest of the file -> its laws
 _FILES: dict[type[AbstractLaw], tuple[str, bytes]] = {}  # law -> name and text of its file
@@ -57,7 +57,7 @@ def texts_of_laws(used: Iterable[AbstractLaw]) -> dict[str, str]:
     """
     texts: dict[str, str] = {}
     for law in used:
-        if AXIS_EFFECTS.get(law.id) is type(law):
+        if of_library(law):
             continue
         name, content = file_of(type(law))
         text = content.decode("utf-8", AS_BYTES)

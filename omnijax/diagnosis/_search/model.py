@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...laws import AXIS_EFFECTS, AbstractLaw
+from ...laws import AbstractLaw, of_library
 from .._settings import SETTINGS, SearchSettings
 
 STEPPED = ("contact", "mount", "separation")  # ports whose laws change a run's every tangent
@@ -293,14 +293,13 @@ def free_numbers(model: AbstractModel, point: Point) -> list[Free]:
     for i, effect in enumerate(point.effects):
         law = model.laws[effect.id]
         known, width = law.parameters, friction_width(law)
-        of_library = AXIS_EFFECTS.get(effect.id) is law  # where a speed is that of a friction
         for key, value in effect.values.items():
             if key in model.frozen_keys:
                 continue
             p = known[key]
             if key == "width" and width is not None:
                 out.append(Free(i, key, None, width / WIDTH, width * WIDTH))
-            elif key == "speed" and of_library:
+            elif key == "speed" and of_library(law):  # that of a friction
                 out.append(Free(i, key, None, float(value) / SLOWER, float(value) * FASTER))
             elif np.ndim(value):
                 out += [Free(i, key, k, p.low, p.high) for k in range(len(value))]

@@ -34,6 +34,7 @@ from ...laws import (
     TableShape,
     WheelRunout,
     has_pieces,
+    of_library,
 )
 from ...rig import Rig, over_wheels
 from .forcing import is_traced, period_kind, room_obstacle
@@ -95,9 +96,9 @@ def exact_obstacle(rig: Rig, model: str = "coupled") -> str | None:
     for placed in rig.effects:
         kinds = known.get(placed.law.port, ())
         if kinds is not object and type(placed.law) not in kinds:  # one below them is another law
-            own = EFFECTS.get(placed.law.id) is not type(placed.law)
             linear = "is not linear in the elastic state"
-            return f"law `{placed.law.id}` {'has no closed form here' if own else linear}"
+            why = linear if of_library(placed.law, EFFECTS) else "has no closed form here"
+            return f"law `{placed.law.id}` {why}"
     return None if model == "paper" else _turning_obstacle(rig)
 
 
