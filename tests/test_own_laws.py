@@ -10,7 +10,7 @@ import jsonschema
 import numpy as np
 import pytest
 
-from omnijax import InputError, cli, diagnose, laws, load_laws, load_rig
+from omnijax import InputError, cli, diagnose, laws, load_laws, load_rig, save_rig, simulate, speeds
 from omnijax.diagnosis._machine.behind import changed_beside_delays
 from omnijax.diagnosis._machine.clocks import late_by, offset_of
 from omnijax.diagnosis._machine.laws import on_time, readings, remembers
@@ -28,7 +28,7 @@ from omnijax.machine import (
     machine_text,
     parse_machine,
 )
-from omnijax.rig import save_laws
+from omnijax.rig import law_texts, rig_text, save_laws
 
 STEP = 2e-3  # s
 TIME = STEP * np.arange(500)
@@ -213,6 +213,49 @@ def test_an_effect_of_a_machine_file_stands_where_its_port_is(id, place, paramet
         return
     with pytest.raises(InputError, match=said):
         parse_machine(data)
+
+
+CHIPPED = """
+from omnijax.laws import DamagedRoller, Parameter
+
+class Chipped(DamagedRoller):
+    \"\"\"Twice what a damaged roller of its severity does.\"\"\"
+
+    id = "chipped"
+
+    def __call__(self, angle, gap):
+        return 2 * super().__call__(angle, gap)
+"""
+
+
+def test_a_law_below_the_damaged_roller_is_read_from_a_file(tmp_path):
+    """The wheel's profile, which the rig fills in, was taken for a parameter that is missing."""
+    (tmp_path / "chip.py").write_text(CHIPPED, encoding="utf-8")
+    (law,) = load_laws(tmp_path / "chip.py").values()
+    atlas = load_rig("atlas")
+    rig = atlas.add(law(number(1.0), number(0.2)), "w2")
+    path = save_rig(rig, tmp_path / "rig.toml")
+    assert cli.run(["check", str(path)]) == 0
+    again = load_rig(path)
+    assert type(again.effects[0].law) is law and rig_text(again) == rig_text(rig)
+    library = atlas.add(laws.DamagedRoller(number(1.0), number(0.4)), "w2")
+    drive, times = speeds([0.1, 1.2, 0.3]), np.linspace(0, 0.5, 101)
+    own, known = (simulate(x, drive, times, solver="exponential").dR for x in (again, library))
+    np.testing.assert_allclose(own, known, rtol=0, atol=1e-12)
+    assert np.abs(own - simulate(atlas, drive, times, solver="exponential").dR).max() > 1e-6
+
+
+def test_law_files_of_one_text_keep_their_names(tmp_path):
+    """A rig whose law came from the second file was saved with the name of the first one."""
+    for name in ("first", "second"):
+        (tmp_path / f"{name}.py").write_text(LAW.format("twin", 7), encoding="utf-8")
+    rigs = {
+        name: load_rig("atlas").add(load_laws(tmp_path / f"{name}.py")["twin"](number(0.1)), "w1")
+        for name in ("first", "second", "first")
+    }
+    for name, rig in rigs.items():
+        assert f'law = "{name}.py"' in rig_text(rig) and list(law_texts(rig)) == [f"{name}.py"]
+    assert load_laws(tmp_path / "first.py") == load_laws(tmp_path / "first.py")
 
 
 def test_a_law_file_beside_a_machine_file_is_not_overwritten(tmp_path):

@@ -8,6 +8,7 @@ import jax
 
 from .. import _config as _config
 
+FILLED_IN = {"filled_in": True}  # metadata of a field that the rig fills in: no parameter
 ANY_LENGTH = -1  # `shape` of lists that are as long as the user makes them, all of a law alike
 
 
@@ -105,8 +106,9 @@ def _terms(law: AbstractLaw) -> tuple[AbstractLaw, ...]:
 
 
 def field_names(law: type[AbstractLaw]) -> tuple[str, ...]:
-    """Names of a law's parameters in the order of its fields."""
-    return tuple(field.name for field in dataclasses.fields(law))
+    """Names of a law's parameters in the order of its fields, without what the rig fills in."""
+    fields = dataclasses.fields(law)
+    return tuple(field.name for field in fields if not field.metadata.get("filled_in"))
 
 
 def defaults_of(law: type[AbstractLaw]) -> tuple[str, ...]:

@@ -3,10 +3,11 @@
 import math
 from typing import ClassVar
 
+import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._base import Parameter
+from ._base import FILLED_IN, Parameter
 from ._ports import AbstractRadius, AbstractShape, AbstractSurface
 from ._shapes import Gap
 
@@ -55,7 +56,7 @@ class DamagedRoller(AbstractShape):
 
     roller: Float[Array, ""]
     severity: Float[Array, ""]
-    profile: AbstractShape | None = None
+    profile: AbstractShape | None = eqx.field(default=None, metadata=FILLED_IN)
 
     id: ClassVar[str] = "damaged-roller"
     words: ClassVar[str] = "a damaged roller"

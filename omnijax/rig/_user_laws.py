@@ -12,16 +12,19 @@ from .._errors import InputError
 from .._reading import TEXT, read_bytes
 from ..laws import AXIS_EFFECTS, AbstractLaw, of_library
 
-_LOADED: dict[str, dict[str, type[AbstractLaw]]] = {}  # digest of the file -> its laws
+_Laws = dict[str, type[AbstractLaw]]
+
+_LOADED: dict[str, dict[str, _Laws]] = {}  # digest of a text -> name of its file -> its laws
 _FILES: dict[type[AbstractLaw], tuple[str, bytes]] = {}  # law -> name and text of its file
 _CARRIED: ContextVar[Mapping[str, str]] = ContextVar("carried_laws")
 AS_BYTES = "surrogateescape"  # a text of any bytes, which gives them back
 
 
-def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
-    """The laws of a Python file, which is run; the same text gives the same classes.
+def load_laws(path: str | Path) -> _Laws:
+    """The laws of a Python file, which is run; the same text and name give the same classes.
 
     Two rigs are equal only if their laws are of one class, so a second load must not make new ones.
+    A text under another name has classes of its own, which are saved under that name.
     Whoever calls this has chosen the file: rigs that name it may then use it in this process.
 
     Raises `InputError` where the file cannot be read or run, or a law in it is not whole.
@@ -30,7 +33,7 @@ def load_laws(path: str | Path) -> dict[str, type[AbstractLaw]]:
     return _run(path, _text(path))
 
 
-def rigs_laws(path: Path) -> dict[str, type[AbstractLaw]]:
+def rigs_laws(path: Path) -> _Laws:
     """The laws of a file that a rig names: it runs only where the user has allowed its content."""
     carried = _CARRIED.get({})
     text = carried[path.name].encode("utf-8", AS_BYTES) if path.name in carried else _text(path)
@@ -73,9 +76,9 @@ def _text(path: Path) -> bytes:
         raise InputError(f"{path}: no such Python file of laws ({error.strerror}).") from None
 
 
-def _run(path: Path, text: bytes) -> dict[str, type[AbstractLaw]]:
+def _run(path: Path, text: bytes) -> _Laws:
     digest = hashlib.sha256(text).hexdigest()
-    if digest not in _LOADED:
+    if path.name not in _LOADED.get(digest, {}):
         try:
             defined = laws.laws_of(text, path)
         except ValueError as error:
@@ -85,10 +88,10 @@ def _run(path: Path, text: bytes) -> dict[str, type[AbstractLaw]]:
             raise InputError(
                 f"{path}: the id `{taken[0]}` is one of omnijax's own; choose another."
             )
-        _LOADED[digest] = defined
+        _LOADED.setdefault(digest, {})[path.name] = defined
         _FILES.update({law: (path.name, text) for law in defined.values()})
         trust(digest)
-    return _LOADED[digest]
+    return _LOADED[digest][path.name]
 
 
 def file_of(law: type[AbstractLaw]) -> tuple[str, bytes]:
