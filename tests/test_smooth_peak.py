@@ -11,9 +11,11 @@ from scipy.special import ive, logsumexp
 from seeds import drawn_anew
 from tiers import tiered
 
+from omnijax import load_rig
 from omnijax.rig import get_parameter, set_parameter
 from omnijax.simulation._steady.smooth_peak import PhasePlaces, smooth_peak
 from omnijax.vibration import steady_metrics
+from omnijax.vibration._amplitude import smooth_peak as of_samples
 
 P = 64.0
 
@@ -78,6 +80,16 @@ def test_its_derivatives_are_those_of_its_value(n):
     step = 1e-5 * np.eye(len(paths))
     expected = [(peak(1 + h) - peak(1 - h)) / 2e-5 for h in step]
     np.testing.assert_allclose(slopes, expected, rtol=1e-4, atol=1e-6 * float(peak(np.ones(4))))
+
+
+def test_of_what_is_not_finite_it_is_not_finite():
+    """It was 0, and a design without figures the best one of a sweep, with the status ok."""
+    broken = jnp.full((8, 3), jnp.nan)
+    assert jnp.isnan(smooth_peak([even(broken)], broken[0], P))
+    assert jnp.isnan(of_samples(broken))
+    too_stiff = set_parameter(load_rig("atlas"), "contact.stiffness", 1e15)
+    found = steady_metrics(too_stiff, jnp.array([0.1, 1.2, 0.3]), ("smooth_peak", "rms"))
+    assert np.isnan(found["rms"]) and np.isnan(found["smooth_peak"])
 
 
 def test_of_nothing_it_is_nothing():

@@ -63,9 +63,10 @@ def smooth_peak(values: Float[Array, "t c"], sharpness: float = 64.0) -> Float[A
     """p-norm of the lengths with p = `sharpness`: above the mean, below or at the peak, smooth."""
     square = jnp.sum(values**2, axis=-1)
     top = jax.lax.stop_gradient(jnp.max(square))
-    scale = jnp.where(top > 0, top, 1.0)
+    moves = top != 0  # also where it is not finite, and the norm is not either
+    scale = jnp.where(moves, top, 1.0)
     mean = jnp.mean((square / scale) ** (sharpness / 2))
-    return jnp.where(top > 0, jnp.sqrt(scale) * mean ** (1 / sharpness), 0.0)
+    return jnp.where(moves, jnp.sqrt(scale) * mean ** (1 / sharpness), 0.0)
 
 
 def peak_to_peak(values: Float[Array, " t"]) -> Float[Array, ""]:

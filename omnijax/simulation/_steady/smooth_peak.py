@@ -48,17 +48,18 @@ def smooth_peak(
     """
     total = jax.lax.stop_gradient(total)
     size = root(total @ total)
-    scale = jnp.where(size > 0, size, 1.0)
+    moves = size != 0  # also where it is not finite, and S is not either
+    scale = jnp.where(moves, size, 1.0)
     phases = [PhasePlaces(part.x / scale, part.share) for part in phases]
     still = jax.lax.stop_gradient(phases)
     u = jax.lax.fori_loop(
         0, STEPS, lambda _, u: _newton(still, u, sharpness), sharpness * total / scale
     )
     held = _tilted(still, u)
-    slope = jnp.where(size > 0, held.mean @ u, 1.0)
-    length = jnp.where(size > 0, root(u @ u), 1.0)
+    slope = jnp.where(moves, held.mean @ u, 1.0)
+    length = jnp.where(moves, root(u @ u), 1.0)
     peak = scale * sharpness / length * (1 + (_sum_of_logs(phases, u) - sharpness) / slope)
-    return jnp.where(size > 0, peak, 0.0)
+    return jnp.where(moves, peak, 0.0)
 
 
 def _newton(phases: Sequence[PhasePlaces], u: Float[Array, "3"], p: float) -> Float[Array, "3"]:
