@@ -44,10 +44,11 @@ def evaluate_in_bulk(
             make, rows, how.metrics, duration=duration, step=duration / (len(how.times) - 1),
             model=how.model, gradient=gradient, total=total,
         )  # fmt: skip
-    bad = ~np.all(np.isfinite(result.values), axis=1)
-    status = np.where(bad, Status.NON_FINITE, margin_status(result.normal, result.slip))
+    bad = ~np.isfinite(result.values)
+    margin = margin_status(result.normal, result.slip)
+    status = np.where(bad.any(axis=1), Status.NON_FINITE, margin)
     if how.times is None:  # nothing settles where the sphere drifts off
-        bad, status = bad | ~result.held, np.where(result.held, status, Status.UNHELD)
-    values = np.where(bad[:, None], np.nan, result.values)
+        bad, status = bad | ~result.held[:, None], np.where(result.held, status, Status.UNHELD)
+    values = np.where(bad, np.nan, result.values)
     slopes = np.zeros((*values.shape, 0)) if result.slopes is None else result.slopes
     return values, slopes, status

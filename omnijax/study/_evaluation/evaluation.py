@@ -30,7 +30,7 @@ from .drives import Drive
 
 
 class Figures(NamedTuple):
-    """Metrics of one design, NaN where it failed, and its `Status`."""
+    """Metrics of one design, NaN where it or one of them failed, and its `Status`."""
 
     values: Float[Array, " m"]
     status: Int[Array, ""]
@@ -138,10 +138,10 @@ class Evaluation(NamedTuple):
 
 
 def without_failed(values: Float[Array, " m"], status):
-    """Figures of a failed design are NaN; figures that are not finite make a design failed."""
-    bad = jnp.any(~jnp.isfinite(values))
+    """Figures of a failed run are NaN; one that is not finite is said, and the others stay."""
+    bad = ~jnp.isfinite(values)
     failed = jnp.any(status == jnp.asarray(FAILED))
-    status = jnp.where(bad & ~failed, Status.NON_FINITE, status)
+    status = jnp.where(jnp.any(bad) & ~failed, Status.NON_FINITE, status)
     return jnp.where(failed | bad, jnp.nan, values), status
 
 
