@@ -25,7 +25,7 @@ from omnijax.study._design.design import start_note
 from omnijax.study._design.engine import Engine
 from omnijax.study._design.evolve import Rank, evolve, far_apart
 from omnijax.study._design.in_step import in_step
-from omnijax.study._design.judge import check_optimality
+from omnijax.study._design.judge import best_of, check_optimality
 from omnijax.study._design.notes import solver_note
 from omnijax.study._design.search import Adam
 from omnijax.study._design.sqp import SqpSlopes
@@ -427,6 +427,34 @@ def test_a_front_beside_a_metric_that_does_not_conflict(flat):
 
     with pytest.raises(RunError, match="f, g, h do not conflict: one design is best in all"):
         trade_off(Problem(variables[:1], alike), ("f", "g", "h"), ("1",) * 3, starts=2, **how)
+
+
+def outside_once(short: bool):
+    """`best_of`: at first the second end breaks a limit, and the next is the first if `short`."""
+    given = []
+
+    def chosen(ends):
+        given.append(best_of(ends))
+        if len(given) == 2:
+            return given[1]._replace(status="infeasible", g=given[1].g - np.array([0.0, 50.0]))
+        return given[0]._replace(status="not optimal") if short and given[2:] else given[-1]
+
+    return chosen
+
+
+def test_a_front_s_ends_lie_inside_the_limits(monkeypatch):
+    """The least of g outside of the limits counted for the span: two designs were left of eight."""
+    module = importlib.import_module("omnijax.study._design.pareto")
+    variables = (Variable("a", -2.0, 2.5), Variable("b", -2.0, 2.5))
+    problem = Problem(variables, convex_pair)
+    monkeypatch.setattr(module, "best_of", outside_once(False))
+    front = trade_off(problem, ("f1", "f2"), ("1", "1"), points=6, starts=2)
+    np.testing.assert_allclose(front.values[[0, -1]], [[1, 9], [9, 1]], rtol=1e-4)
+    assert len(front.values) == 8 and set(front.status) == {"optimal"}
+    monkeypatch.setattr(module, "best_of", outside_once(True))
+    message = "the search for the least f2 ended short of an optimum"
+    with pytest.raises(RunError, match=f"f1, f2 span no front that was found: {message}"):
+        trade_off(problem, ("f1", "f2"), ("1", "1"), points=6, starts=2)
 
 
 def test_a_front_without_figures_is_told(monkeypatch):

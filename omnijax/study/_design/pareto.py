@@ -81,11 +81,14 @@ def trade_off(
         raise RunError(f"no search for the least {listed(lost, 'or')} ends in figures: {reason}.")
     if all(e.status == "infeasible" for e in best):
         raise RunError(conflict(engine.problem, best[0]) + ".")
+    inside = _inside(trace, best)
+    total = sum(e.evaluations for e in [*ends, *inside.values()])
+    best = [inside.get(m, e) for m, e in enumerate(best)]
     values = _metrics(best, count)
     low, high = values.min(axis=0), values.max(axis=0)
     spanned = np.flatnonzero(high - low > 1e-7 * np.abs(high))
     if len(spanned) < 2:  # the others are at their best wherever the searches ended
-        raise RunError(f"{', '.join(metrics)} do not conflict: one design is best in all of them.")
+        raise RunError(_no_front(metrics, best))
     lead, *held = spanned.tolist()
     place = _mesh(held, points, count)
     limits = np.full(place.shape, FREE) * np.maximum(high, 1e-300)
@@ -93,7 +96,7 @@ def trade_off(
     lanes = _between(engine, best, place, limits, lead)
     between = trace.solve(lanes, "between")
     again = _again(trace, lanes, between, place)
-    total = sum(e.evaluations for e in [*ends, *between, *again.values()])
+    total += sum(e.evaluations for e in [*between, *again.values()])
     between = [again.get(i, e) for i, e in enumerate(between)]
     kept = [e for e in [*best, *between] if e.status in {"optimal", "not optimal"}]
     values = _metrics(kept, count)
@@ -104,6 +107,37 @@ def trade_off(
         np.array([kept[i].x[: len(names)] for i in front]), tuple(kept[i].status for i in front),
         total,
     )  # fmt: skip
+
+
+def _no_front(metrics: tuple[str, ...], best: list[SearchEnd]) -> str:
+    """Why the best designs of all metrics are one."""
+    short = [n for n, e in zip(metrics, best, strict=True) if e.status != "optimal"]
+    names = ", ".join(metrics)
+    if not short:
+        return f"{names} do not conflict: one design is best in all of them."
+    which = f"the search for the least {listed(short, 'or')} ended short of an optimum"
+    return f"{names} span no front that was found: {which}."
+
+
+def _inside(trace: FrontTrace, best: list[SearchEnd]) -> dict[int, SearchEnd]:
+    """Ends of the front that broke a limit, searched anew from those that meet every one.
+
+    What lies outside of the limits says nothing of how far the front goes.
+    """
+    count = len(best)
+    out = [m for m, e in enumerate(best) if e.status == "infeasible"]
+    if not out:
+        return {}
+    begin = [e.share[:-count] for e in best if e.status != "infeasible"]
+    shares = np.tile(np.array(begin), (len(out), 1))
+    lanes = _pack(trace.engine, shares, np.repeat(np.eye(count)[out], len(begin), axis=0))
+    ends = trace.solve(lanes, "inside")
+    found = {m: best_of(ends[k * len(begin) :][: len(begin)]) for k, m in enumerate(out)}
+    for m, end in found.items():
+        if end.status not in {"optimal", "not optimal"}:
+            name = trace.engine.problem.limits[m].name
+            raise RunError(f"no search for the least {name} ends inside the limits.")
+    return found
 
 
 def _again(
