@@ -12,7 +12,7 @@ from machines import RECORDINGS, machine
 from recordings import STEP, columns, write
 from seeds import drawn_anew
 
-from omnijax import InputError, Recording, read_case, read_recording, write_recording
+from omnijax import InputError, Recording, diagnose, read_case, read_recording, write_recording
 from omnijax.recording import ordered_rows
 from omnijax.recording._csv import read_csv
 from omnijax.recording._time import GLITCH
@@ -457,6 +457,21 @@ def test_faults_between_runs_and_of_the_folder(tmp_path):
         ("run-2.csv", "different sampling"), ("run-2.csv", "missing output"),
         ("run-4.csv", "unusable"), ("wheel.csv", "not a run"), ("run-9.toml", "no run"),
     }  # fmt: skip
+
+
+def test_a_diagnosis_without_a_train_run_says_which_cannot_be_used(tmp_path):
+    """It asked for a run with the role train, and that this one was left out stood nowhere."""
+    table, held_out = columns(), 'rig = "rig.toml"\nrole = "held-out"\n'
+    write(tmp_path / "run-1.csv", table | {"torque_1": np.full(len(table["t"]), np.nan)})
+    write(tmp_path / "run-2.csv", table, held_out)
+    with pytest.raises(InputError) as error:
+        diagnose(read_case(tmp_path, rig=machine()))
+    told, why = error.value.problems
+    assert told.startswith("run-2: every run that can be used has the role `held-out`")
+    assert why == (
+        "run-1.csv: column `torque_1`: 600 of 600 values are missing, and inputs must be known; "
+        "the run is not used."
+    )
 
 
 def test_a_folder_without_runs_or_rig_is_refused(tmp_path):

@@ -90,7 +90,8 @@ def _warn_of_lists(laws: dict[str, Any]) -> None:
 
 def _diagnosed(case: Case, library, window: float, tell) -> Diagnosis:
     check_room(case, library)
-    runs, confirmed_on, said = with_roles([to_run(r) for r in case.runs])
+    unusable = [str(f) for f in case.all_faults if f.kind == "unusable"]
+    runs, confirmed_on, said = with_roles([to_run(r) for r in case.runs], unusable)
     noise = assumed_noise(case)
     levels = run_levels(noise, case.rig.size)
     runs = [dataclasses.replace(run, levels=levels) for run in runs]

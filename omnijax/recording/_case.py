@@ -93,7 +93,8 @@ def read_case(folder: str | Path, rig: Any = None) -> Case:
         try:
             runs.append(read_recording(path, rig))
         except InputError as error:
-            faults.append(Fault(path.name, "", (), "unusable", str(error), "the run is not used"))
+            what = str(error).removeprefix(path.name).lstrip(":, ").removesuffix(".")
+            faults.append(Fault(path.name, "", (), "unusable", what, "the run is not used"))
     if not runs:
         said = [x.what if x.file in x.what else f"{x.file}: {x.what}" for x in faults]
         raise InputError("\n- ".join([f"{folder}: no run can be used.", *said]))

@@ -4,6 +4,7 @@ So do fitted runs beside held-out ones, where these cannot tell what the fitted 
 """
 
 import dataclasses
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -17,17 +18,20 @@ TEACH = SETTINGS.roles.teach
 FEWEST = SETTINGS.roles.fewest
 
 
-def with_roles(runs: list[Run]) -> tuple[list[Run], str, list[str]]:
+def with_roles(runs: list[Run], unusable: Sequence[str] = ()) -> tuple[list[Run], str, list[str]]:
     """(the runs, each of one role; on what an effect is confirmed; what is to be said of it).
 
-    Raises `InputError` where every run is held out: a held-out run is never fitted.
+    Raises `InputError` where every run is held out, for a held-out run is never fitted; it says as
+    well which runs are `unusable`, and why.
     """
     held = [r for r in runs if r.role == "held-out"]
     if len(held) == len(runs):
-        raise InputError(
-            f"{', '.join(r.name for r in runs)}: every run has the role `held-out`, which is never "
+        which = "every run that can be used" if unusable else "every run"
+        told = (
+            f"{', '.join(r.name for r in runs)}: {which} has the role `held-out`, which is never "
             'fitted; give one run at least `role = "train"`.'
         )
+        raise InputError([told, *unusable])
     if held:
         return runs, "held-out", []
     if len(runs) > 1:
