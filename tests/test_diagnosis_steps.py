@@ -11,13 +11,13 @@ from scipy.integrate import solve_ivp
 from seeds import drawn_anew
 
 from omnijax.diagnosis._machine.elastic import OUTPUTS, rig_modes, signal_names
-from omnijax.diagnosis._machine.motion import RunMotion
+from omnijax.diagnosis._machine.motion import RunMotion, angles_of
 from omnijax.diagnosis._machine.rotation import MeasuredTurning
 from omnijax.diagnosis._machine.runs import COARSE, STEPS, Run
 from omnijax.diagnosis._machine.stepped import Lane, law_changes, stepped_ports
 from omnijax.diagnosis._machine.wheels import wheel_tables
-from omnijax.dynamics import Rolling, drive_forces, rotation_response, wheel_shape
-from omnijax.laws import EFFECTS, GatedSine, HalfSine, Rollers
+from omnijax.dynamics import Rolling, drive_forces, rotation_response, sphere_velocity, wheel_shape
+from omnijax.laws import EFFECTS, ContinuousSine, GatedSine, HalfSine, Rollers
 from omnijax.rig import load_rig
 
 STEP, SAMPLES = 0.002, 60
@@ -142,6 +142,28 @@ def test_places_in_a_wheels_table_are_those_of_a_search(atlas):
     assert np.isnan(rolled[2, 0])
     order = np.argsort(theta[3:, 1])
     assert np.all(np.diff(rolled[3:, 1][order]) >= 0)  # no jump from turn to turn
+
+
+@pytest.mark.parametrize("encoders", [(), (0,), (0, 2)])
+def test_a_wheels_table_reaches_as_far_as_wheels_turn_that_have_no_encoder(atlas, encoders):
+    """Waves that do not close were looked up turns away, as far as the encoders' range is long."""
+    rig, rng = eqx.tree_at(lambda r: r.profiles, atlas, (ContinuousSine(),) * 3), drawn_anew("far")
+    time = 2e-3 * np.arange(2000)
+    speed = rng.uniform(20.0, 40.0, 3) * np.array([1.0, -1.0, -1.0])  # rad/s
+    theta = np.full((len(time), 3), np.nan)
+    theta[:, encoders] = (speed * time[:, None])[:, encoders]
+    geometry = Rolling(rig.wheel_radius, rig.wheels.spin_axis)
+    Omega = np.asarray(sphere_velocity(rig, geometry, jnp.asarray(speed)))
+    outputs = {"theta": theta, "Omega": np.tile(Omega, (len(time), 1))}
+    zero = np.zeros((len(time), 3))
+    run = Run("run", "train", time, zero, zero, outputs, np.ones(len(time), bool))
+    low, high = angles_of(rig, [run])
+    further = np.where(
+        np.isin(range(3), encoders), 1.0, 1.05
+    )  # gaps and tolerances move the others
+    reached = further * speed * time[-1]
+    assert low <= reached.min() and reached.max() <= high
+    assert high - low < 1.5 * np.ptp(reached)
 
 
 @pytest.mark.parametrize("profile", [GatedSine(), HalfSine(), Rollers()])
