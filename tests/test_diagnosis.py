@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from machines import RECORDINGS
 from test_plant import load_plant
 
 from omnijax.diagnosis import diagnose
+from omnijax.diagnosis._answer import learned
 from omnijax.diagnosis._answer.learned import Unexplained, _Fitting
 from omnijax.diagnosis._answer.learned_ports import ShaftPort, SpringPort
 from omnijax.diagnosis._machine.candidates import untried
@@ -189,6 +191,28 @@ def test_a_planted_runout_is_named_with_place_and_size(cases, tmp_path):
     assert written["effects"][0]["indistinguishable_from"] == []
     rig = load_rig(save_rig(found.rig, tmp_path / "rig-diagnosed.toml"))
     assert [p.law.id for p in rig.effects] == ["wheel-runout"]
+
+
+@pytest.mark.parametrize("closes", [-0.4, 0.4])
+def test_a_term_that_leaves_more_of_the_gap_is_not_learned(monkeypatch, closes):
+    """One that made the gap of `a` forty times as large stood in answer and page."""
+
+    class Fitting:
+        closed, after, term = closes, {"held-out": None}, SimpleNamespace(port=None)
+
+        def __init__(self, *_):
+            pass
+
+        def run(self, *_):
+            return self
+
+    monkeypatch.setattr(learned, "_Fitting", Fitting)
+    monkeypatch.setattr(Unexplained, "of", lambda *_: None)
+    monkeypatch.setattr(learned, "_curves", lambda _: {})
+    monkeypatch.setattr(learned, "_map", lambda _: None)
+    model, told = SimpleNamespace(rig=SimpleNamespace(names=("w1", "w2", "w3"))), []
+    term = learned.learn(model, None, told.append)  # pyright: ignore
+    assert (term is None) == (closes < 0) and told
 
 
 def test_a_coupling_of_two_contacts_is_unknown_and_learned_at_the_contacts(cases):

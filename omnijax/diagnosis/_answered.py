@@ -219,7 +219,10 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
     learned = None
     if judged.verdict == "unknown":
         learned = evidence.learn(outcome.baseline, tell)
-        after = after if learned is None else learned.residual
+        if learned is None:
+            beside = [*beside, *evidence.without_term]
+        else:
+            after = learned.residual
         last = evidence.columns(after, "held-out")
     where, everything = [], []
     if judged.verdict != "none":

@@ -26,6 +26,7 @@ class AbstractEvidence(abc.ABC):
     confirmed_on: str = "held-out"  # held-out, blocks (parts of the runs) or nothing
     reweighs: bool = False  # whether it may be `renoised`
     asks_all: bool = False  # whether fitted runs are asked too for what is no noise
+    without_term: Sequence[str] = ()  # what is said where nothing is learned
 
     @abc.abstractmethod
     def locate(
@@ -36,7 +37,10 @@ class AbstractEvidence(abc.ABC):
 
     @abc.abstractmethod
     def learn(self, fit: Fit, tell: Tell) -> Any:
-        """A learned, uninterpreted term beside a fit's baseline; None where there is none."""
+        """A learned, uninterpreted term beside a fit's baseline; None where there is none.
+
+        A term that leaves more of the held-out gap than the baseline does is none.
+        """
 
     @abc.abstractmethod
     def experiment(self, rivals: list[Point]) -> dict[str, Any] | None:

@@ -137,8 +137,11 @@ class Learned:
                 "terms": terms, "map": self.map}  # fmt: skip
 
 
-def learn(model: RigModel, fit: Fit, tell: Callable[[str], None]) -> Learned:
-    """The port and the term that close most of the held-out gap beside `fit`'s baseline."""
+def learn(model: RigModel, fit: Fit, tell: Callable[[str], None]) -> Learned | None:
+    """The port and the term that close most of the held-out gap beside `fit`'s baseline.
+
+    None where every term leaves more of it than the baseline does.
+    """
     names = model.rig.names
     ports = [SpringPort("contact", names), SpringPort("mount", names), ShaftPort(names)]
     around, fittings = Unexplained.of(model, fit), []
@@ -151,6 +154,8 @@ def learn(model: RigModel, fit: Fit, tell: Callable[[str], None]) -> Learned:
         wide = _Fitting(model, around, best.term.port).run(best)
         tell(f"with a network beside it: {100 * wide.closed:.0f} %")
         kept = wide if wide.closed > best.closed + KEPT else best
+    if not kept.closed > 0:
+        return None
     curves, picture = _curves(kept.term), _map(kept)
     network = None if wide is None else wide.closed
     return Learned(

@@ -35,6 +35,10 @@ class RigEvidence(AbstractEvidence):
     model: RigModel
     reweighs = True
     asks_all = True
+    without_term = (
+        "No learned term at contacts, mounts or shafts foretells what was not fitted better than "
+        "none does.",
+    )
 
     def __init__(
         self, model: RigModel, noise: Mapping[str, Any], faults: list[str], confirmed_on="held-out"

@@ -62,9 +62,9 @@ def hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
 
 
 def learn_shaft(model: OdeModel, fit, tell) -> LearnedShaft | None:
-    """The term fitted to the train runs' rows beside the baseline; None in a free run.
+    """The term fitted to the train runs' rows beside the baseline; None where it closes nothing.
 
-    Only a balance shows it as rows: what a free run shows is its consequence.
+    And in a free run: only a balance shows it as rows, what a free run shows is its consequence.
     """
     if model.steps_in_time:
         return None
@@ -92,6 +92,8 @@ def learn_shaft(model: OdeModel, fit, tell) -> LearnedShaft | None:
     above = float(before @ before) - model.dof("held-out")
     closed = (float(before @ before) - float(after @ after)) / max(above, 1.0)
     tell(f"learned term at the shaft: closes {100 * closed:.0f} % of the gap")
+    if not closed > 0:
+        return None
     curves, at = {}, 0
     for name, x in knots.items():
         curves[name] = (x, w[at : at + len(x)])

@@ -132,12 +132,12 @@ def _inside(trace: FrontTrace, best: list[SearchEnd]) -> dict[int, SearchEnd]:
     shares = np.tile(np.array(begin), (len(out), 1))
     lanes = _pack(trace.engine, shares, np.repeat(np.eye(count)[out], len(begin), axis=0))
     ends = trace.solve(lanes, "inside")
-    found = {m: best_of(ends[k * len(begin) :][: len(begin)]) for k, m in enumerate(out)}
-    for m, end in found.items():
+    anew = {m: best_of(ends[k * len(begin) :][: len(begin)]) for k, m in enumerate(out)}
+    for m, end in anew.items():
         if end.status not in {"optimal", "not optimal"}:
             name = trace.engine.problem.limits[m].name
             raise RunError(f"no search for the least {name} ends inside the limits.")
-    return found
+    return anew
 
 
 def _again(
