@@ -33,7 +33,7 @@ from omnijax.dynamics._kinematics import Rolling
 from omnijax.dynamics._rotation import rotation_response
 from omnijax.dynamics._small import inverse, pseudoinverse, solve, solve_all
 from omnijax.laws._shapes import is_turn
-from omnijax.simulation import speeds, table
+from omnijax.simulation import Signal, is_constant, speeds, table
 
 
 def with_normals(normal):
@@ -239,7 +239,20 @@ def check_periods_of_a_turn():
     assert not is_turn(-6.283185307)
 
 
+def check_constant_signals():
+    """A signal of several knots is constant where neither its values nor its slopes say else."""
+    for values, slopes, constant in (
+        ([[2.0], [2.0]], [[0.0], [0.0]], True),
+        ([[0.0], [0.0]], [[3.0], [0.0]], False),
+        ([[2.0], [5.0]], [[0.0], [0.0]], False),
+        ([[2.0], [2.0]], [[1.0], [1.0]], False),
+    ):
+        signal = Signal(jnp.array([0.0, 1.0]), jnp.array(values), jnp.array(slopes))
+        assert is_constant(signal) == constant
+
+
 CHECKS = {
+    "constant signals": check_constant_signals,
     "hold": check_hold,
     "hold in words": check_hold_in_words,
     "same contacts": check_same_contacts,
