@@ -1,10 +1,13 @@
 """Upper limits hold as often as they say."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.stats import binomtest, norm
 from test_diagnosis_search import balance, law
 
+from omnijax.diagnosis._answered import _excluded, _unexplained
 from omnijax.diagnosis._search.fit import refit
 from omnijax.diagnosis._search.limits import both_signs, one_sign, upper_limits
 from omnijax.diagnosis._search.model import Point
@@ -39,3 +42,33 @@ def test_a_planted_effect_lies_below_its_limit_as_often_as_said():
         held.append(true < limits["bearing-coulomb"]["limit_95"])
         assert limits["bearing-coulomb"]["unit"] == "N m"
     assert binomtest(sum(held), len(held), 0.95).pvalue > 0.01
+
+
+@pytest.mark.parametrize("verdict, wider", [("unknown", 3.0), ("named", 1.0), ("none", 1.0)])
+def test_beside_a_gap_that_nothing_explains_limits_are_wider(verdict, wider):
+    """A delay of 1 ms lay above its limit of 0.34 ms where 40 a held-out row were left."""
+
+    def at_w1(id):
+        return SimpleNamespace(id=id, place="w1", indistinguishable_from=[])
+
+    evidence = SimpleNamespace(model=SimpleNamespace(dof=lambda _: 1000))
+    outcome = SimpleNamespace(
+        held_after=9000.0, rivals={0: [(at_w1("actuator-lag"), 5.0, 1.0)]},
+        fit=SimpleNamespace(point=SimpleNamespace(effects=(at_w1("actuator-delay"),))),
+    )  # fmt: skip
+    limits = [
+        {"id": id, "place": "w1", "limit_95": x}
+        for id, x in (
+            ("actuator-delay", 1e-5),
+            ("actuator-lag", 1e-5),
+            ("creep", 2e-4),
+            ("gap", None),
+        )
+    ]
+    named = [at_w1("actuator-delay")] if verdict == "named" else []
+    judged = SimpleNamespace(verdict=verdict)
+    times = _unexplained(evidence, outcome, judged)  # pyright: ignore
+    told = {x["id"]: x["limit_95"] for x in _excluded(limits, outcome, named, times)}  # pyright: ignore
+    assert times == wider and told["creep"] == pytest.approx(wider * 2e-4)
+    assert told["gap"] is None and "actuator-delay" not in told
+    assert ("actuator-lag" in told) == (verdict == "named")

@@ -229,6 +229,12 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
         tell("looking where the gap is")
         where, everything = evidence.locate(outcome.baseline.point)
     reason, *further = notes(evidence, outcome, judged, noise_remarks(noise))
+    wider = _unexplained(evidence, outcome, judged)
+    if limits and wider > 1:
+        further.append(
+            f"A missing effect may hide others: the limits are {wider:.2g} times what they would "
+            "be without the gap."
+        )
     experiment = separating(evidence, outcome, judged, tell)
     if judged.verdict == "ambiguous" and experiment is None:
         further.append(
@@ -244,7 +250,7 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
         noise=noise,
         scores=score_table(outcome),
         confirmed_on=evidence.confirmed_on,
-        excluded=_excluded(limits, outcome, effects),
+        excluded=_excluded(limits, outcome, effects, wider),
         learned=None if learned is None else learned.table(),
         notes=[reason, *beside, *further],
         faults=evidence.faults,
@@ -293,12 +299,30 @@ def _limits(model, outcome: SearchResult) -> list[dict[str, Any]]:
 
 
 def _excluded(
-    limits: list[dict[str, Any]], outcome: SearchResult, effects: list[Named]
+    limits: list[dict[str, Any]],
+    outcome: SearchResult,
+    effects: list[Named],
+    unexplained: float,
 ) -> list[dict[str, Any]]:
     """The limits of what may be missing: of none that stands in the fit, nor of a rival of one.
 
     Beside one of them a second one is small, which says nothing of how large it is in its place.
+    Where a gap is left that nothing explains a law may hide in it: limits are `unexplained` times
+    as large, and none is told of what was near to an effect of the fit, of which none is named.
     """
     standing = {(e.id, e.place) for e in (*outcome.fit.point.effects, *effects)}
     standing |= {(x["id"], x["place"]) for e in effects for x in e.indistinguishable_from}
-    return [x for x in limits if (x["id"], x["place"]) not in standing]
+    if not effects:
+        standing |= {(e.id, e.place) for near in outcome.rivals.values() for e, *_ in near}
+    return [
+        x if x["limit_95"] is None else x | {"limit_95": unexplained * x["limit_95"]}
+        for x in limits if (x["id"], x["place"]) not in standing
+    ]  # fmt: skip
+
+
+def _unexplained(evidence: AbstractEvidence, outcome: SearchResult, judged: Verdict) -> float:
+    """RMS in sigma that an unknown answer leaves of the held-out runs; 1 of other answers."""
+    rows = evidence.model.dof("held-out")
+    if judged.verdict != "unknown" or not rows:
+        return 1.0
+    return float(np.sqrt(max(1.0, outcome.held_after / rows)))
