@@ -229,11 +229,11 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
         tell("looking where the gap is")
         where, everything = evidence.locate(outcome.baseline.point)
     reason, *further = notes(evidence, outcome, judged, noise_remarks(noise))
-    wider = _unexplained(evidence, outcome, judged)
-    if limits and wider > 1:
+    unexplained = _unexplained(evidence, outcome, judged)
+    if limits and unexplained > 1:
         further.append(
-            f"A missing effect may hide others: the limits are {wider:.2g} times what they would "
-            "be without the gap."
+            f"A missing effect may hide others: the limits are {unexplained:.2g} times what they "
+            "would be without the gap."
         )
     experiment = separating(evidence, outcome, judged, tell)
     if judged.verdict == "ambiguous" and experiment is None:
@@ -250,7 +250,7 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
         noise=noise,
         scores=score_table(outcome),
         confirmed_on=evidence.confirmed_on,
-        excluded=_excluded(limits, outcome, effects, wider),
+        excluded=_excluded(limits, outcome, effects, unexplained),
         learned=None if learned is None else learned.table(),
         notes=[reason, *beside, *further],
         faults=evidence.faults,

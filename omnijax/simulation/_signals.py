@@ -1,6 +1,7 @@
 """Signals in time: piecewise linear with jumps, with their integral in closed form."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -92,7 +93,7 @@ class Signal(eqx.Module):
 
 def constant(value: Vector) -> Signal:
     """The same `value` at all times."""
-    if any(isinstance(x, Tracer) for x in jax.tree.leaves(value)):
+    if is_traced(value):
         values = jnp.atleast_1d(jnp.asarray(value, float))[None, :]
         return Signal(jnp.zeros(1), values, jnp.zeros_like(values))
     known = np.atleast_1d(np.asarray(value, float))[None, :]
@@ -136,11 +137,16 @@ def ramp(start: float, end: float, before: ArrayLike, after: ArrayLike) -> Signa
     return table([start, end], np.stack(_vectors(before, after)))
 
 
+def is_traced(tree: Any) -> bool:
+    """Whether some value of a tree is not known while this runs."""
+    return any(isinstance(x, Tracer) for x in jax.tree.leaves(tree))
+
+
 def is_constant(signal: Signal) -> bool:
     """Whether a signal is known to hold one value for all times."""
     if len(signal.knots) == 1:
         return True
-    if any(isinstance(x, Tracer) for x in jax.tree.leaves(signal)):
+    if is_traced(signal):
         return False
     values, slopes = np.asarray(signal.values), np.asarray(signal.slopes)
     return bool(np.all(values == values[0]) and np.all(slopes == 0))

@@ -183,7 +183,7 @@ class Machine:
     def _begin(self, basis: Basis, *stages: str) -> None:
         """About another basis; `stages` hang on what is new in it (none given: all of runs do)."""
         self.basis = basis
-        self._kept.forget(*stages, but=() if stages else OF_THE_RIG)
+        self._kept.forget(*stages, but=OF_THE_RIG)
 
     def _basis(self, rig: Rig, references, rolling, normal=None) -> Basis:
         """Smoothing about `references` (None: zero) as the data ask for it, N (None: preload)."""

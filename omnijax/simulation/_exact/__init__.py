@@ -11,7 +11,6 @@ from .forcing import Forcing as Forcing
 from .forcing import directed as directed
 from .forcing import forcing as forcing
 from .forcing import forcing_signals as forcing_signals
-from .forcing import is_traced as is_traced
 from .forcing import like_groups as like_groups
 from .forcing import stacked as stacked
 from .period_map import Passages as Passages

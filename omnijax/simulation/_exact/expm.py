@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...laws import Pieces
-from .forcing import is_traced
+from .._signals import is_traced
 
 LEVELS = 40  # of a ladder whose rates are not known ahead: up to 2^38 time constants
 TERMS = 14  # of the exponential's series below norm 1/2

@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from ...laws import (
@@ -25,6 +24,7 @@ from ...laws import (
     value,
 )
 from ...rig import Rig
+from .._signals import is_traced
 
 ROOM = 2.0  # times the work, where signals of unlike sizes go together
 MAX_ROLLERS = 40  # room for the rollers of a turn where their number is not known ahead
@@ -58,11 +58,6 @@ class Forcing(NamedTuple):
     cycle: PeriodicSignal
     wheel: tuple[int, ...]
     base: Float[Array, " g"]  # order of the first harmonic, in multiples of the wheel's rotation
-
-
-def is_traced(x) -> bool:
-    """Whether the value of `x` is not known while this runs."""
-    return isinstance(x, Tracer)
 
 
 def number(x) -> float | None:

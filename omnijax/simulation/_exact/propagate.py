@@ -23,12 +23,12 @@ from ...rig import Rig
 from .._channels import trajectory
 from .._drives import SpeedDrive
 from .._padding import EXACT_PIECE, Gathered, RunPiece, padded, room, samples_of
-from .._signals import is_constant
+from .._signals import is_constant, is_traced
 from .._trajectory import Trajectory
 from .attitude import attitudes, compose
 from .constant import constant_response
 from .expm import LEVELS, levels_needed
-from .forcing import is_traced, wheel_pieces
+from .forcing import wheel_pieces
 from .period_map import longest_passage
 from .system import exact_obstacle
 from .varying import Span, knots_within, rest_motion, varying_response, windowed
@@ -36,8 +36,8 @@ from .varying import Span, knots_within, rest_motion, varying_response, windowed
 
 def propagation_obstacle(rig: Rig, drive: SpeedDrive, ts, model: str = "coupled") -> str | None:
     """Why `propagate` does not take this run, in words; None where it does."""
-    if not (is_constant(drive.speed) and is_constant(drive.force)) and any(
-        is_traced(x) for x in (*jax.tree.leaves((drive.speed, rig.wheels.rollers)), ts)
+    if not (is_constant(drive.speed) and is_constant(drive.force)) and is_traced(
+        (drive.speed, rig.wheels.rollers, ts)
     ):
         return "changing speeds are not known while tracing"
     return exact_obstacle(rig, model)

@@ -37,7 +37,8 @@ from ...laws import (
     of_library,
 )
 from ...rig import Rig, over_wheels
-from .forcing import is_traced, period_kind, room_obstacle
+from .._signals import is_traced
+from .forcing import period_kind, room_obstacle
 
 OUTPUTS = ("dR", "dR_elastic", "approach", "a_sphere")
 

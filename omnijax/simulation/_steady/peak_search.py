@@ -16,7 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .._exact import Passages, Piece, advance, is_traced, points
+from .._exact import Passages, Piece, advance, points
+from .._signals import is_traced
 
 FEWEST, MOST = 9, 13  # bits of the even places a piece
 PER_OSCILLATION = 4

@@ -14,8 +14,8 @@ from ..._result import AbstractResult
 from ..._root import root
 from ..._status import Status
 from ...rig import Rig, as_rig, typed_numbers
-from .._exact import exact_obstacle, is_traced, levels_needed, longest_passage
-from .._signals import Vector
+from .._exact import exact_obstacle, levels_needed, longest_passage
+from .._signals import Vector, is_traced
 from .long_run import LongRun
 from .peak_search import bits_needed
 from .show import HEADER, from_xarray, plot_orders, summary_rows, to_xarray
