@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Float
 
 from ..laws import AbstractLaw, AbstractSensor, SensorDelay, SensorSignal
@@ -57,5 +58,7 @@ def sensor_readings(
         k = names.index(place) - first
         own = values[:, k : k + 1]
         own = own + apply(placed.law, SensorSignal(time, own))
-        values = jnp.concatenate([values[:, :k], own, values[:, k + 1 :]], axis=1)
+        known = isinstance(values, np.ndarray) and isinstance(own, np.ndarray)
+        xp = np if known else jnp  # no dispatch where nothing is traced
+        values = xp.concatenate([values[:, :k], own, values[:, k + 1 :]], axis=1)
     return values

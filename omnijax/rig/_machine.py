@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import equinox as eqx
@@ -127,9 +128,13 @@ class Rig(eqx.Module):
         """M_T = M_s + M_l + sum of m_i, kg."""
         return self.sphere.mass + self.platform.mass + jnp.sum(self.wheels.mass)
 
-    def at(self, port: str) -> tuple[Placed, ...]:
-        """The laws placed at `port`."""
-        return tuple(placed for placed in self.effects if placed.law.port == port)
+    @property
+    def at(self) -> Callable[[str], tuple[Placed, ...]]:
+        """`rig.at(port)`: the laws placed at that port.
+
+        No method: equinox makes a module of each method that is looked up, and this is asked often.
+        """
+        return partial(_at, self.effects)
 
     def add(self, law: AbstractLaw, place: str) -> "Rig":
         """This rig with one more law: a wheel's name, `all`, `sphere`, `platform`, or a channel."""
@@ -146,6 +151,10 @@ class Rig(eqx.Module):
         import omnijax  # drives stand above this package: on use only
 
         return omnijax.simulation.term(self, drive, start=start, model=model)
+
+
+def _at(effects: Sequence[Placed], port: str) -> tuple[Placed, ...]:
+    return tuple(placed for placed in effects if placed.law.port == port)
 
 
 def place_law(

@@ -58,7 +58,7 @@ class Acting(eqx.Module):
 
     law: AbstractLaw
     wheels: tuple[int, ...] = eqx.field(static=True, default=())
-    mask: Bool[Array, " n"] | None = None
+    mask: Bool[Array | np.ndarray, " n"] | None = None
 
     def total(self, signals: Any, memory: Any, zero: Any, size: int) -> tuple[Any, Any]:
         """The law's outputs on per-wheel `signals`, one entry a wheel, and its memory's rate."""
@@ -159,7 +159,7 @@ def acting(placed: Sequence[Placed], size: int, masked: bool = False) -> tuple[A
     if not masked:
         return tuple(Acting(p.law, p.wheels) for p in placed)
     wheels = np.arange(size)
-    return tuple(Acting(p.law, (), jnp.asarray(np.isin(wheels, p.wheels))) for p in placed)
+    return tuple(Acting(p.law, (), np.isin(wheels, p.wheels)) for p in placed)
 
 
 def total_over_wheels(

@@ -4,6 +4,7 @@ Wheels ring on their mounts faster than half of many sampling rates, so no splin
 knows their course in between.  The modes' states at the samples and the finer inputs do.
 """
 
+import functools
 import math
 from collections.abc import Callable, Mapping
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from .elastic import OUTPUTS
 from .modes import (
+    TABLES,
     OutputModes,
     acts,
     direct,
@@ -49,7 +51,8 @@ def late_outputs(
     out = observe(m, z, OUTPUTS, part * run.step)
     for name, values in inputs.items():
         if acts(values):
-            out += weighted(values, count, _shown_within(m, name, values, run.step, count, part))
+            points = (len(values) - 1) // count
+            out += weighted(values, count, _shown_within(m, name, run.step, points, part))
     first = np.repeat(_first(m, z, inputs), back, axis=0) if back > 0 else out[:0]
     return np.concatenate([first, out[max(0, -back) :]])[: run.samples]
 
@@ -82,12 +85,12 @@ def _led_on(m: OutputModes, run: Run, z, inputs, count: int) -> np.ndarray:
     return np.concatenate([z, propagate(m, run.step, forced(m, run.step, more, **last), z[-1])[1:]])
 
 
-def _shown_within(m: OutputModes, name: str, values, step: float, count: int, part: float):
+@functools.lru_cache(TABLES)
+def _shown_within(m: OutputModes, name: str, step: float, points: int, part: float) -> np.ndarray:
     """Weights (near points, c, 6) of an input's points: what it changes in dR and a at `part`.
 
-    By what it pushes until then, and directly.
+    By what it pushes until then, and directly.  Not to be written to.
     """
-    points = (len(values) - 1) // count
     at, share = _place(part, points)
     out = _pushes(m, name, step, points, part) @ real_rows(m, OUTPUTS)
     D = m.out(OUTPUTS)[1][:, m.inputs[name]].T

@@ -134,7 +134,7 @@ class Machine:
         radius = np.asarray(rig.wheel_radius) / float(rig.sphere.radius)
         self.length_noise = noise.get("theta", ANGLE_NOISE) * radius
         self.basis = Basis()
-        self._angles = angles_of(rig, runs)
+        self._read_off_runs()
         self._kept = StageCache()
         self.window = window
         self.rows: list[DataRows] = []
@@ -226,8 +226,12 @@ class Machine:
     def replace(self, i: int, run: Run) -> None:
         """Put another record in the place of run `i`, its angles about the same reference."""
         self.runs = [*self.runs[:i], run, *self.runs[i + 1 :]]
-        self._angles = angles_of(self.rig, self.runs)
+        self._read_off_runs()
         self._kept.forget(but=OF_THE_RIG)
+
+    def _read_off_runs(self) -> None:
+        self._angles = angles_of(self.rig, self.runs)
+        self._groups_of_motion = groups_of_motion(self.rig, self.runs)
 
     def forget(self) -> None:
         """Work every stage out anew at the next question, about the same basis."""
@@ -262,10 +266,6 @@ class Machine:
             *(rig.at(port) for port in ("radius", "shape", "kinematics")),
             tuple(p for p in rig.at("sensor") if p.group in self._groups_of_motion),
         )
-
-    @property
-    def _groups_of_motion(self) -> tuple[str, ...]:
-        return groups_of_motion(self.rig, self.runs)
 
     def _motion(self, rig: Rig, i: int) -> RunMotion:
         tables, run = self.tables_of(rig), self.runs[i]

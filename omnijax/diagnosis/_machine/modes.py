@@ -1,16 +1,20 @@
 """The elastic model as modes: exact propagation of inputs linear between fine samples."""
 
+import dataclasses
 import functools
-from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
 
-WEIGHTS = 64  # tables of weights that are kept
+TABLES = 256  # of weights and of rows that are kept, each of its kind, the last used
 
 
-class OutputModes(NamedTuple):
-    """dz/dt = rates z + gains u, y = Re(shapes z): one of each complex pair is kept."""
+@dataclasses.dataclass(frozen=True, eq=False)
+class OutputModes:
+    """dz/dt = rates z + gains u, y = Re(shapes z): one of each complex pair is kept.
+
+    Equal to itself alone: tables of it, which every law asks for anew, are kept by that.
+    """
 
     rates: np.ndarray  # (k,) 1/s
     gains: np.ndarray  # (k, u)
@@ -25,8 +29,19 @@ class OutputModes(NamedTuple):
 
     def out(self, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
         """Rows of (C, D) of several outputs, one below the other."""
-        rows = np.concatenate([np.arange(self.C.shape[0])[self.outputs[n]] for n in names])
-        return self.C[rows], self.D[rows]
+        return _output_rows(self, names)
+
+
+@functools.lru_cache(TABLES)
+def _output_rows(m: OutputModes, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
+    rows = np.concatenate([np.arange(m.C.shape[0])[m.outputs[n]] for n in names])
+    return _constant(m.C[rows]), _constant(m.D[rows])
+
+
+def _constant(table: np.ndarray) -> np.ndarray:
+    """A table that is kept, not to be written to."""
+    table.flags.writeable = False
+    return table
 
 
 def modes(A, B, C, D, size: int) -> OutputModes:
@@ -93,7 +108,7 @@ def hold_weights(rates: np.ndarray, step: float, parts: int) -> np.ndarray:
     return _hold_weights(np.asarray(rates, complex).tobytes(), step, parts)
 
 
-@functools.lru_cache(WEIGHTS)
+@functools.lru_cache(TABLES)
 def _hold_weights(rates: bytes, step: float, parts: int) -> np.ndarray:
     """`hold_weights` of a few models, which every law of theirs asks for; not to be written to."""
     h, every = step / parts, np.frombuffer(rates, complex)
@@ -107,8 +122,7 @@ def _hold_weights(rates: bytes, step: float, parts: int) -> np.ndarray:
     weights = np.zeros((parts + 1, len(every)), complex)
     weights[:-1] = decay * (phi1 - phi2)
     weights[1:] += decay * phi2
-    weights.flags.writeable = False
-    return weights
+    return _constant(weights)
 
 
 def acts(values: np.ndarray) -> bool:
@@ -124,27 +138,34 @@ def forced(m: OutputModes, step: float, intervals: int, **inputs: np.ndarray) ->
     """
     total = np.zeros((intervals, len(m.rates)), complex)
     for name, values in inputs.items():
-        used = [c for c in range(values.shape[1]) if acts(values[:, c])]
+        used = tuple(c for c in range(values.shape[1]) if acts(values[:, c]))
         if used:
-            gains = m.gains[:, m.inputs[name]][:, used].T
             some = np.ascontiguousarray(values[:, used] if len(used) < values.shape[1] else values)
-            total += _pushed(m.rates, gains, some, step, intervals).view(complex)
+            total += _pushed(m, name, used, some, step, intervals).view(complex)
     return total
 
 
-def _pushed(rates, gains, values, step: float, intervals: int) -> np.ndarray:
-    """Forcing (intervals, 2 k), real and imaginary parts in turn, of one input with its `gains`."""
-    spans, c = len(values) - 1, len(gains)
+def _pushed(
+    m: OutputModes, name: str, used: tuple[int, ...], values, step: float, intervals: int
+) -> np.ndarray:
+    """Forcing (intervals, 2 k), real and imaginary parts in turn, of an input's `used` columns."""
+    spans = len(values) - 1
     if spans >= intervals:
-        parts = spans // intervals
-        weights = real_pairs(hold_weights(rates, step, parts)[:, None] * gains)
+        weights = _push_weights(m, name, used, step, spans // intervals)
         return weighted(values, intervals, weights)
-    begin, end = hold_weights(rates, step, 1)
-    at = np.linspace(0.0, 1.0, intervals // spans + 1)[:, None]
+    begin, end = _push_weights(m, name, used, step, 1)
+    at = np.linspace(0.0, 1.0, intervals // spans + 1)[:, None, None]
     before = begin * (1 - at[:-1]) + end * (1 - at[1:])  # of the point before every interval
     after = begin * at[:-1] + end * at[1:]
-    before, after = (real_pairs(w * gains[:, None]).reshape(c, -1) for w in (before, after))
+    before, after = (np.moveaxis(w, 1, 0).reshape(len(used), -1) for w in (before, after))
     return (values[:-1] @ before + values[1:] @ after).reshape(intervals, -1)
+
+
+@functools.lru_cache(TABLES)
+def _push_weights(m: OutputModes, name: str, used: tuple[int, ...], step: float, parts: int):
+    """`hold_weights` (parts + 1, c, 2 k) of an input's `used` columns, times their gains."""
+    gains = m.gains[:, m.inputs[name]][:, used].T
+    return _constant(real_pairs(hold_weights(m.rates, step, parts)[:, None] * gains))
 
 
 def weighted(values: np.ndarray, intervals: int, weights: np.ndarray) -> np.ndarray:
@@ -189,16 +210,25 @@ def observe(
     return np.ascontiguousarray(z).view(float) @ real_rows(modes, names, ahead)
 
 
-def real_rows(modes: OutputModes, names: tuple[str, ...], ahead: float = 0.0) -> np.ndarray:
+@functools.lru_cache(TABLES)
+def real_rows(m: OutputModes, names: tuple[str, ...], ahead: float = 0.0) -> np.ndarray:
     """(2 k, o) from a modal state's real and imaginary parts in turn: the real part only.
 
     Of a state `ahead` s before: as the modes alone lead it on.
     """
-    shapes = (modes.out(names)[0] @ (modes.shapes * np.exp(modes.rates * ahead))).T
-    return np.stack([np.real(shapes), -np.imag(shapes)], axis=1).reshape(2 * len(shapes), -1)
+    shapes = (m.out(names)[0] @ (m.shapes * np.exp(m.rates * ahead))).T
+    rows = np.stack([np.real(shapes), -np.imag(shapes)], axis=1)
+    return _constant(rows.reshape(2 * len(shapes), -1))
 
 
-def direct(modes: OutputModes, names: tuple[str, ...], part: str, values) -> np.ndarray | float:
+def direct(m: OutputModes, names: tuple[str, ...], part: str, values) -> np.ndarray | float:
     """What the input `part` adds directly to outputs (n, o); `values()` (n, c) where it does."""
-    D = modes.out(names)[1][:, modes.inputs[part]]
-    return values() @ D.T if D.any() else 0.0
+    rows = _direct_rows(m, names, part)
+    return 0.0 if rows is None else values() @ rows
+
+
+@functools.lru_cache(TABLES)
+def _direct_rows(m: OutputModes, names: tuple[str, ...], part: str) -> np.ndarray | None:
+    """(c, o) of an input that adds to these outputs directly."""
+    D = m.out(names)[1][:, m.inputs[part]]
+    return _constant(D.T) if D.any() else None

@@ -7,6 +7,7 @@ from typing import Any, Protocol
 
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 from ...laws import ANY_LENGTH, AbstractLaw, Parameter
 from .._settings import SETTINGS
@@ -65,8 +66,8 @@ class Candidate:
 
 
 def number(x) -> Any:
-    """A parameter as a float64 array."""
-    return jnp.asarray(x, float)
+    """A parameter as a float64 array: of NumPy, which reads and hashes fast, where it is known."""
+    return jnp.asarray(x, float) if isinstance(x, Tracer) else np.asarray(x, float)
 
 
 def strengths(law) -> list[str]:
