@@ -142,9 +142,7 @@ class Rig(eqx.Module):
 
     def with_effects(self, effects: Sequence[Placed]) -> "Rig":
         """This rig with these laws, each where it acts, in place of its own."""
-        return eqx.tree_at(
-            lambda rig: rig.effects, self, tuple(effects), is_leaf=lambda x: x is self.effects
-        )
+        return dataclasses.replace(self, effects=tuple(effects))
 
     def term(self, drive: Any, *, start: float = 0.0, model: str = "coupled") -> Any:
         """The vector field under a drive as a `diffrax.ODETerm`: see `omnijax.simulation.term`."""

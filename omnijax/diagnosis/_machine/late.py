@@ -12,7 +12,7 @@ import numpy as np
 
 from .elastic import OUTPUTS
 from .modes import (
-    TABLES,
+    KEPT,
     OutputModes,
     acts,
     direct,
@@ -85,7 +85,7 @@ def _led_on(m: OutputModes, run: Run, z, inputs, count: int) -> np.ndarray:
     return np.concatenate([z, propagate(m, run.step, forced(m, run.step, more, **last), z[-1])[1:]])
 
 
-@functools.lru_cache(TABLES)
+@functools.lru_cache(KEPT)
 def _shown_within(m: OutputModes, name: str, step: float, points: int, part: float) -> np.ndarray:
     """Weights (near points, c, 6) of an input's points: what it changes in dR and a at `part`.
 

@@ -6,7 +6,7 @@ import functools
 import numpy as np
 from scipy.signal import lfilter
 
-TABLES = 256  # of weights and of rows that are kept, each of its kind, the last used
+KEPT = 256  # of weights and of rows that are kept, each of its kind, the last used
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class OutputModes:
         return _output_rows(self, names)
 
 
-@functools.lru_cache(TABLES)
+@functools.lru_cache(KEPT)
 def _output_rows(m: OutputModes, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
     rows = np.concatenate([np.arange(m.C.shape[0])[m.outputs[n]] for n in names])
     return _constant(m.C[rows]), _constant(m.D[rows])
@@ -108,7 +108,7 @@ def hold_weights(rates: np.ndarray, step: float, parts: int) -> np.ndarray:
     return _hold_weights(np.asarray(rates, complex).tobytes(), step, parts)
 
 
-@functools.lru_cache(TABLES)
+@functools.lru_cache(KEPT)
 def _hold_weights(rates: bytes, step: float, parts: int) -> np.ndarray:
     """`hold_weights` of a few models, which every law of theirs asks for; not to be written to."""
     h, every = step / parts, np.frombuffer(rates, complex)
@@ -161,7 +161,7 @@ def _pushed(
     return (values[:-1] @ before + values[1:] @ after).reshape(intervals, -1)
 
 
-@functools.lru_cache(TABLES)
+@functools.lru_cache(KEPT)
 def _push_weights(m: OutputModes, name: str, used: tuple[int, ...], step: float, parts: int):
     """`hold_weights` (parts + 1, c, 2 k) of an input's `used` columns, times their gains."""
     gains = m.gains[:, m.inputs[name]][:, used].T
@@ -210,7 +210,7 @@ def observe(
     return np.ascontiguousarray(z).view(float) @ real_rows(modes, names, ahead)
 
 
-@functools.lru_cache(TABLES)
+@functools.lru_cache(KEPT)
 def real_rows(m: OutputModes, names: tuple[str, ...], ahead: float = 0.0) -> np.ndarray:
     """(2 k, o) from a modal state's real and imaginary parts in turn: the real part only.
 
@@ -227,7 +227,7 @@ def direct(m: OutputModes, names: tuple[str, ...], part: str, values) -> np.ndar
     return 0.0 if rows is None else values() @ rows
 
 
-@functools.lru_cache(TABLES)
+@functools.lru_cache(KEPT)
 def _direct_rows(m: OutputModes, names: tuple[str, ...], part: str) -> np.ndarray | None:
     """(c, o) of an input that adds to these outputs directly."""
     D = m.out(names)[1][:, m.inputs[part]]
