@@ -249,12 +249,14 @@ def test_numbers_of_effects_are_left_open_too():
         point = within_doubt(model, fit)
         granted.append(point is not None)
         if point is not None:
-            before, after = (float(x @ x) for x in model.residuals([fit.point, point], "held-out"))
-            assert after < before + 1e-6
+            cost, after = (float(x @ x) for x in model.residuals([fit.point, point], "held-out"))
+            assert after < cost + 1e-6
             sigma = np.sqrt(fit.covariance[2, 2])
             off = abs(point.effects[0].values["order"] - true)
-            assert off < max(4 * sigma, abs(fit.point.effects[0].values["order"] - true))
-            close.append(off < 0.05)  # as well as the longer run tells it
+            before = abs(fit.point.effects[0].values["order"] - true)
+            assert off < max(4 * sigma, before)
+            assert off < 0.05 or before > 2 * sigma  # as well as the longer run tells it
+            close.append(off < 0.05)
     assert np.mean(granted) > 0.8 and np.mean(close) > 0.8
 
 
