@@ -787,7 +787,14 @@ def test_a_search_ends_at_its_budget():
     model = balance([law("bearing-coulomb", 0.2), law("shaft-drag", 0.03)])
     assert len(Search(model).run().fit.point.effects) == 2
     model.budget, model.work = 1.0, 2.0
+    model.settings = dataclasses.replace(model.settings, trusted=np.inf)
     assert len(Search(model).run().fit.point.effects) == 1
+
+
+def test_an_effect_that_closes_most_of_the_gap_earns_a_new_budget():
+    model = balance([law("bearing-coulomb", 0.2), law("shaft-drag", 0.003)])
+    model.budget, model.work = 1.0, 2.0
+    assert len(Search(model).run().fit.point.effects) == 2
 
 
 class Clock(SmallModel):

@@ -103,7 +103,8 @@ class SearchSettings:
     worth: float = 0.2  # share of the best promise below which nothing is refitted: time
     little: float = 0.02  # share of a strong gap that a law must close: own cases
     nearly_all: float = 0.9  # share of what a part of the channels shows of it: own cases
-    trusted: float = 0.5  # share of it that a law closes which is confirmed later: own cases
+    # share of it that a law closes which is confirmed later, or which earns a new budget: own cases
+    trusted: float = 0.5
     openings: tuple[float, ...] = (0.1, 0.2, 0.35, 0.6)  # shares of the motion: own cases
     promise: float = 0.2  # share of an opening's gap to be followed further: own cases
     # calibration
@@ -487,7 +488,8 @@ class OutliersSettings:
 class RigModelSettings:
     """The sphere on wheels as a model of the diagnosis."""
 
-    # evaluations of a search: some 60 s of CPU for two train runs of 10 s at 500 Hz
+    # evaluations of a search, anew once an effect closes most of a gap: some 60 s of CPU for two
+    # train runs of 10 s at 500 Hz
     budget: float = 400.0
     # cost of an evaluation without laws stepped in time, relative to one with them
     linear: float = 0.3
@@ -661,7 +663,7 @@ class FreeModelSettings:
     step: float = 1e-3  # prior sigmas, of a difference
     room: int = 3  # of one law with an order at one place
     order: float = 0.03  # of itself, that a refit may move one: or half of what the travel tells
-    budget: float = 4000.0  # evaluations of a search: time
+    budget: float = 4000.0  # evaluations of a search, anew as those of a rig's: time
     # of the search, in place of those of `SearchSettings`
     lead: float = 0.1
     share: float = 2.0

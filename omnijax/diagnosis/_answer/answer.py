@@ -209,8 +209,9 @@ def notes(
     ]
     if model.spent:
         said.append(
-            f"The search ended at its budget of {model.budget:g} evaluations of the model: further "
-            "effects and some rivals have not been tried."
+            f"The search ended at its budget of {model.budget:g} evaluations of the model since it "
+            "began or since an effect closed most of the gap: further effects and some rivals have "
+            "not been tried."
         )
     if outcome.refused:
         who = JUDGES[evidence.confirmed_on].name

@@ -116,7 +116,8 @@ class AbstractModel(abc.ABC):
     priors: Sequence[Prior]
     laws: dict[str, type[AbstractLaw]]
     tell: Callable[[str], None] = staticmethod(lambda text: None)  # of how far the work is
-    work: float = 0.0  # evaluations so far, in those of all train runs with laws stepped in time
+    # evaluations since the budget began, in those of all train runs with laws stepped in time
+    work: float = 0.0
     ranking: str = "train"  # split whose rows, the first of train's, rank laws at finite strength
     settings: SearchSettings = SETTINGS.search
     wavy: bool | None = None  # whether an uncertain number is a wave's; None: nobody asked

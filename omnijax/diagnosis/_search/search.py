@@ -258,8 +258,10 @@ class Search:
         return self.strong(fit) and trial.gain < self.settings.little * (fit.chi2 - dof)
 
     def with_effect(self, way: SearchPath, trial: Trial) -> SearchPath:
-        """The way with an accepted effect."""
+        """The way with an accepted effect; one that closes most of the gap earns a new budget."""
         name, held = trial.effect.name, trial.held
+        if trial.gain > self.settings.trusted * (way.fit.chi2 - self.model.dof("train")):
+            self.model.work = 0.0
         if trial.accepted:
             share = f"{held.multiplier:.2f} ± {1 / np.sqrt(held.size):.2g}"
             self.tell(f"accepted {name}: {self.who} show {share} of the change")
