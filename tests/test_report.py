@@ -131,10 +131,10 @@ def test_axis_is_offered_in_four_units(hostile):
     ("unit", "last"), [("rpm", 600), ("rad/s", 60), ("Hz", 10), ("orders", 50)]
 )
 def test_ticks_are_round_in_the_chosen_unit(unit, last):
-    from omnijax.report._svg import drawings
+    from omnijax.report._svg import rendered
 
     axis = SpeedAxis("frequency", reference=1.2)
-    by_unit = {d.unit: d.wide for d in drawings(drawn(axis=axis).fig, "f", axis)}
+    by_unit = {d.unit: d.wide for d in rendered(drawn(axis=axis).fig, "f", axis).drawings}
     ticks = {
         float(t.replace("−", "-"))
         for t in re.findall(r">(−?[\d.]+)</text>", by_unit[unit].split("axes_2")[1])
@@ -166,9 +166,9 @@ def test_style_leaves_the_process_alone(tmp_path):
 
 
 def test_text_of_figures_is_text():
-    from omnijax.report._svg import drawings
+    from omnijax.report._svg import rendered
 
-    (drawing,) = drawings(drawn("cost in $US$ per m²").fig, "f")
+    (drawing,) = rendered(drawn("cost in $US$ per m²").fig, "f").drawings
     assert "cost in $US$ per m²" in drawing.wide
     assert "10⁻⁴" in drawing.wide  # a logarithmic axis without TeX
 

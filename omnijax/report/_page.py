@@ -16,7 +16,7 @@ from .._files import write_bytes, write_text
 from ._content import Badge, Column, Fact, Figure, Provenance, Section, Table, shown
 from ._csv import figure_csv, table_csv
 from ._style import raised
-from ._svg import drawings, png
+from ._svg import Renderings, rendered
 
 TEMPLATES = Path(__file__).parent / "templates"
 
@@ -39,11 +39,11 @@ class Page:
     def write(self, folder: str | Path, name: str = "index.html") -> Path:
         """Page, PNGs and CSVs in `folder`; the page also holds the others, so it travels alone."""
         folder = Path(folder)
-        pictures = {}
+        renderings = self._rendered()
         for part in self.sections:
             for figure in part.figures:
-                pictures[figure.name] = png(figure.fig)
-                write_bytes(folder / f"{file_name(figure.name)}.png", pictures[figure.name])
+                picture = renderings[figure.name].png
+                write_bytes(folder / f"{file_name(figure.name)}.png", picture)
                 if figure.data:
                     csv = figure_csv(figure.data)
                     write_text(folder / f"{file_name(figure.name)}.csv", csv)
@@ -51,10 +51,17 @@ class Page:
                 if table.name:
                     csv = table_csv(table)
                     write_text(folder / f"{file_name(table.name)}.csv", csv)
-        return write_text(folder / name, self.html(pictures))
+        return write_text(folder / name, self._html(renderings))
 
-    def html(self, pictures: Mapping[str, bytes] | None = None) -> str:
-        """The whole page as text; `pictures` holds PNGs that are already drawn, by figure name."""
+    def html(self) -> str:
+        """The whole page as text."""
+        return self._html(self._rendered())
+
+    def _rendered(self) -> dict[str, Renderings]:
+        figures = [figure for part in self.sections for figure in part.figures]
+        return {f.name: rendered(f.fig, file_name(f.name), f.axis) for f in figures}
+
+    def _html(self, renderings: Mapping[str, Renderings]) -> str:
         script = "".join(
             (TEMPLATES / name).read_text(encoding="utf-8") for name in ("page.js", "dial.js")
         )
@@ -64,7 +71,7 @@ class Page:
             .get_template("page.html.j2")
             .render(
                 page=self,
-                pictures=pictures or {},
+                renderings=renderings,
                 css=Markup((TEMPLATES / "page.css").read_text(encoding="utf-8")),
                 script=Markup(script),
                 digest=digest,
@@ -96,11 +103,8 @@ def _data_link(text: str | bytes, kind: str) -> str:
     return f"data:{kind};charset=utf-8,{quote(text)}"
 
 
-def _svgs(figure: Figure):
-    return [
-        (d.unit, Markup(d.wide), Markup(d.narrow))
-        for d in drawings(figure.fig, file_name(figure.name), figure.axis)
-    ]
+def _svgs(renderings: Renderings) -> list[tuple[str, Markup, Markup]]:
+    return [(d.unit, Markup(d.wide), Markup(d.narrow)) for d in renderings.drawings]
 
 
 def _environment() -> jinja2.Environment:
@@ -138,9 +142,8 @@ def _texts(values: tuple) -> bool:
     return all(isinstance(value, str) for value in values)
 
 
-def _png_link(figure: Figure, pictures: Mapping[str, bytes]) -> str:
-    picture = pictures.get(figure.name)
-    return _data_link(png(figure.fig) if picture is None else picture, "image/png")
+def _png_link(renderings: Renderings) -> str:
+    return _data_link(renderings.png, "image/png")
 
 
 def _csv_link(part: Figure | Table) -> str:

@@ -57,17 +57,32 @@ def raised(text: str) -> str:
 
 
 @contextmanager
+def laid_out(fig: Figure) -> Iterator[None]:
+    """`fig` laid out once for the block: a layout takes longer than a rendering."""
+    engine = fig.get_layout_engine()
+    if engine is None:
+        yield
+        return
+    engine.execute(fig)
+    fig.set_layout_engine("none")  # else each rendering does it again
+    try:
+        yield
+    finally:
+        fig.set_layout_engine(engine)
+
+
+@contextmanager
 def wrapped(fig: Figure) -> Iterator[None]:
-    """Titles and labels in lines that fit on a telephone, inside the figure, for the block."""
+    """Laid out with titles and labels in lines that fit on a telephone, inside the figure."""
     texts = [(ax, t) for ax in fig.axes for t in (ax.title, ax._left_title, ax.xaxis.label)]  # pyright: ignore[reportAttributeAccessIssue]
     before = [(text.get_text(), text.get_position()) for _, text in texts]
     for (_, text), (words, _) in zip(texts, before, strict=True):
         text.set_text(textwrap.fill(words, NARROW_LETTERS))
-    fig.draw_without_rendering()
-    for ax, text in texts:
-        _pulled_in(fig, ax, text)
     try:
-        yield
+        with laid_out(fig):
+            for ax, text in texts:
+                _pulled_in(fig, ax, text)
+            yield
     finally:
         for (_, text), (words, place) in zip(texts, before, strict=True):
             text.set_text(words)

@@ -8,7 +8,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from ._axis import SpeedAxis, plain_labels, shown_in
-from ._style import NARROW, fold_legends, style, wrapped
+from ._style import NARROW, fold_legends, laid_out, style, wrapped
 
 PNG_DPI = 150
 
@@ -22,40 +22,47 @@ class Drawing:
     narrow: str
 
 
-def png(fig: Figure) -> bytes:
-    """The figure as PNG."""
-    buffer = io.BytesIO()
-    with style():
-        plain_labels(fig)
-        fig.savefig(buffer, format="png", dpi=PNG_DPI, metadata={"Software": "omnijax"})
-    return buffer.getvalue()
+@dataclass(frozen=True)
+class Renderings:
+    """All renderings of a figure: as PNG, and a drawing by unit of its axis."""
+
+    png: bytes
+    drawings: list[Drawing]
 
 
-def drawings(fig: Figure, name: str, axis: SpeedAxis | None = None) -> list[Drawing]:
-    """Every rendering of `fig` that a page holds; ids in it begin with `name`."""
+def rendered(fig: Figure, name: str, axis: SpeedAxis | None = None) -> Renderings:
+    """Every rendering of `fig`; ids in the drawings begin with `name`."""
     with style():
         plain_labels(fig)
+        with laid_out(fig):
+            picture = _png(fig)
+            wide = "" if axis else _svg(fig, f"{name}-w")
         if axis is None:
-            return [_both(fig, name, "")]
-        renderings = []
+            return Renderings(picture, [Drawing("", wide, _narrow(fig, f"{name}-n"))])
+        drawings = []
         for i, unit in enumerate(axis.units):
             with shown_in(fig, axis, unit):
-                renderings.append(_both(fig, f"{name}-{i}", unit))
-        return renderings
+                wide, narrow = _svg(fig, f"{name}-{i}-w"), _narrow(fig, f"{name}-{i}-n")
+                drawings.append(Drawing(unit, wide, narrow))
+        return Renderings(picture, drawings)
 
 
-def _both(fig: Figure, name: str, unit: str) -> Drawing:
-    wide = _svg(fig, f"{name}-w")
+def _narrow(fig: Figure, prefix: str) -> str:
     width, height = fig.get_size_inches()
     fig.set_size_inches(NARROW * width / max(width, NARROW), height)
     fold_legends(fig, 2)
     try:
         with wrapped(fig):
-            narrow = _svg(fig, f"{name}-n")
+            return _svg(fig, prefix)
     finally:
         fig.set_size_inches(width, height)
         fold_legends(fig, 4)
-    return Drawing(unit, wide, narrow)
+
+
+def _png(fig: Figure) -> bytes:
+    buffer = io.BytesIO()
+    fig.savefig(buffer, format="png", dpi=PNG_DPI, metadata={"Software": "omnijax"})
+    return buffer.getvalue()
 
 
 def _svg(fig: Figure, prefix: str) -> str:
