@@ -58,30 +58,12 @@ def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> S
     total = len(g.direct)
     columns = np.array([kind.column for kind in layout.kinds])
     place = np.append(columns, total)  # the start comes last
-    ones = pairs.first, pairs.second
-
-    def whole(pair: Pair) -> Pair:  # (..., p, c) -> (..., k, c) of every eigenvalue
-        first, second = pair
-        k = pairs.kind
-        one = first, jnp.where(k, second, 0.0)
-        two = jnp.where(k, first, second), jnp.where(k, -second, 0.0)
-        real, imaginary = (
-            summed(x[:, :, None] * ones[0] + y[:, :, None] * ones[1], 1)
-            for x, y in zip(one, two, strict=True)
-        )
-        return real, imaginary
-
-    def shown_by(pair: Pair) -> Pair:  # (s + 1, p, c) -> (l, k, c); an output shows a pair twice
-        share = jnp.where(pairs.kind, 0.5, 1.0)
-        first, second = (share * jax.ops.segment_sum(x, place, total + 1) for x in pair)
-        return whole((first, second))
-
     value = pairs.value.real, pairs.value.imag
     V = unpacked(pairs.vector, value[1])  # (m, k, c)
     back = _swapped(unpacked_inverse(jnp.swapaxes(pairs.inverse, 0, 1), value[1]))  # (k, m, c)
     c = unpacked(pairs.output[: layout.rows], value[1])  # (o, k, c)
     b = unpacked_inverse(jnp.swapaxes(pairs.input, 0, 1), value[1])  # (l, k, c)
-    shown, given = shown_by(slopes.shown), whole(slopes.given)
+    shown, given = _by_column(pairs, slopes.shown, place), _of_each(pairs, slopes.given)
 
     def across(shown: Pair, given: Pair) -> tuple[Pair, Pair]:
         """Sums over o and l of c_oi Psi_ol(l_i) b_jl and of c_oi Psi_ol(l_j) b_jl, all i, j."""
@@ -89,23 +71,13 @@ def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> S
         return first, _dot(_with_axis(c, 2), _with_axis(given, 1), 0)
 
     left, right = across(shown, given)
-    flat = across(shown_by(slopes.shown_rate), whole(slopes.given_rate))
+    flat = across(_by_column(pairs, slopes.shown_rate, place), _of_each(pairs, slopes.given_rate))
     gap = value[0][:, None] - value[0], value[1][:, None] - value[1]
     size, damping = gap[0] * gap[0] + gap[1] * gap[1], jnp.abs(value[0])
     least = 1e-5 * (1 / span + jnp.maximum(damping[:, None], damping))
     near = size < least * least
 
-    def divided(left, right, first, second, gap, near) -> Pair:
-        difference = left[0] - right[0], left[1] - right[1]
-        turned = _times(difference, (gap[0], -gap[1]))
-        square = jnp.where(near, 1.0, gap[0] * gap[0] + gap[1] * gap[1])
-        real, imaginary = (
-            jnp.where(near, 0.5 * (x + y), z / square)
-            for x, y, z in zip(first, second, turned, strict=True)
-        )
-        return real, imaginary
-
-    M = stored(divided, left, right, *flat, gap, near)
+    M = stored(_divided, left, right, *flat, gap, near)
     moved = _dot(_with_axis(M, 2), _with_axis(_swapped(V), 0), 1)  # (i, b, c)
     A = _real(_with_axis(back, 2), _with_axis(moved, 1), 0)
     inputs = _real(_with_axis(shown, 2), back, 1)  # (l, m, c)
@@ -119,6 +91,42 @@ def pull_back(g: Lanes, pairs: Eigen, slopes: Slopes, layout: Layout, span) -> S
     return System(
         A, inputs[:total], jnp.pad(outputs, room), straight(slopes.direct), rate, inputs[total]
     )
+
+
+def _of_each(pairs: Eigen, pair: Pair) -> Pair:
+    """Products (..., p, c) with pairs of eigenvalues as those (..., k, c) with each of them."""
+    first, second = pair
+    kind, ones = pairs.kind, (pairs.first, pairs.second)
+    one = first, jnp.where(kind, second, 0.0)
+    two = jnp.where(kind, first, second), jnp.where(kind, -second, 0.0)
+    real, imaginary = (
+        summed(x[:, :, None] * ones[0] + y[:, :, None] * ones[1], 1)
+        for x, y in zip(one, two, strict=True)
+    )
+    return real, imaginary
+
+
+def _by_column(pairs: Eigen, pair: Pair, place: np.ndarray) -> Pair:
+    """(l, k, c) of what signals (s, p, c) show, by their columns `place`.
+
+    An output shows a pair twice.
+    """
+    share = jnp.where(pairs.kind, 0.5, 1.0)
+    count = int(place[-1]) + 1
+    first, second = (share * jax.ops.segment_sum(x, place, count) for x in pair)
+    return _of_each(pairs, (first, second))
+
+
+def _divided(left: Pair, right: Pair, first: Pair, second: Pair, gap: Pair, near) -> Pair:
+    """Divided differences (left - right)/gap; where poles are `near`, the mean of the slopes."""
+    difference = left[0] - right[0], left[1] - right[1]
+    turned = _times(difference, (gap[0], -gap[1]))
+    square = jnp.where(near, 1.0, gap[0] * gap[0] + gap[1] * gap[1])
+    real, imaginary = (
+        jnp.where(near, 0.5 * (x + y), z / square)
+        for x, y, z in zip(first, second, turned, strict=True)
+    )
+    return real, imaginary
 
 
 def _with_axis(a: Pair, axis: int) -> Pair:
