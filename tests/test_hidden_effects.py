@@ -14,10 +14,10 @@ from benchmarks.hidden_effects import cases, thresholds
 from benchmarks.hidden_effects.answers import _numbers, _turned_alike, right
 from benchmarks.hidden_effects.cases import drawn, planted
 from benchmarks.hidden_effects.effects import KNOWN, OUTSIDE
-from benchmarks.hidden_effects.machines import drawn_machine
+from benchmarks.hidden_effects.machines import FINE, drawn_machine
 from benchmarks.hidden_effects.oracle import TELLS, honest, told, told_apart
 from benchmarks.hidden_effects.report import holms, report
-from benchmarks.hidden_effects.sensors import shifted
+from benchmarks.hidden_effects.sensors import shifted, smoothly_lagged
 from omnijax.diagnosis import Diagnosis
 from omnijax.diagnosis._answer import Named
 from omnijax.diagnosis._search import Effect, Point, refit
@@ -243,3 +243,13 @@ def test_a_late_logger_reads_a_line_late_and_a_plant_that_runs_away_as_it_is():
     np.testing.assert_array_equal(late[:, 1], line[:, 1])
     away = np.where(np.arange(2001)[:, None] < 900, line, np.inf)
     np.testing.assert_array_equal(shifted(away, [0, 2], 0.01), away)
+
+
+def test_a_slow_sensor_shows_a_tone_as_the_closed_form_does():
+    rng = drawn_anew("slow sensors")
+    for tau, frequency in zip(rng.uniform(3e-4, 2e-2, 20), rng.uniform(2.0, 80.0, 20), strict=True):
+        t, w = np.arange(0.0, 12 * tau + 0.5, 1 / FINE), 2 * np.pi * frequency
+        shown = smoothly_lagged(np.sin(w * t)[:, None], tau)[:, 0]
+        exact = np.sin(w * t - np.arctan(w * tau)) / np.hypot(1, w * tau)
+        settled = t > 12 * tau
+        assert np.abs(shown - exact)[settled].max() < 2e-4, (tau, frequency)

@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import plant
 from .machines import FINE, Machine
-from .sensors import columns_of, lagged, shifted
+from .sensors import columns_of, lagged, shifted, smoothly_lagged
 
 ROTATION = {
     "bearing-coulomb", "bearing-viscous", "motor-ripple", "motor-gain", "rolling-resistance",
@@ -243,7 +243,7 @@ def _sensor_time(id: str, key: str):
         def late(out, x, first):
             if id == "sensor-delay":
                 return shifted(out, columns, x)
-            return _some(out, columns, lagged(out, x))
+            return _some(out, columns, smoothly_lagged(out, x))
 
         return Hidden(id, group, lambda x: {key: x}, 4e-3, 0.05, 2e-3, sensor=late)
 

@@ -10,6 +10,7 @@ from .. import plant
 from .machines import FINE
 
 GROUPS = ("dR", "theta", "Omega", "a")
+BETWEEN = 8  # points between two samples at FINE, where a smooth reading is lagged
 FAULTS = ("low-pass", "quantised", "wander", "clock")
 
 
@@ -34,12 +35,28 @@ def shifted(out: np.ndarray, columns: list[int], delay: float) -> np.ndarray:
 
 def lagged(values: np.ndarray, tau: float) -> np.ndarray:
     """First-order low pass of `values` (samples at FINE, ..), linear between samples."""
-    keep = np.exp(-1 / FINE / tau)
-    share = (1 - keep) * FINE * tau
-    out = values.copy()
-    for k in range(1, len(values)):
-        out[k] = keep * out[k - 1] + (share - keep) * values[k - 1] + (1 - share) * values[k]
-    return out
+    return _low_passed(values, 1 / (FINE * tau))
+
+
+def smoothly_lagged(values: np.ndarray, tau: float) -> np.ndarray:
+    """The same of what is smooth between samples.
+
+    As if linear, a lag of 2 ms would lose 0.2 % of what it changes in an acceleration of 30 Hz.
+    """
+    if not np.all(np.isfinite(values)):
+        return values
+    t = np.arange(len(values)) / FINE
+    between = np.arange((len(values) - 1) * BETWEEN + 1) / (FINE * BETWEEN)
+    fine = CubicSpline(t, values)(between)
+    return _low_passed(fine, 1 / (FINE * BETWEEN * tau))[::BETWEEN]
+
+
+def _low_passed(values: np.ndarray, step: float) -> np.ndarray:
+    """Response from rest to what is linear between samples, `step` time constants apart."""
+    keep = np.exp(-step)
+    share = (1 - keep) / step
+    weights = [1 - share, share - keep], [1.0, -keep]
+    return lfilter(*weights, values, axis=0, zi=share * values[:1])[0]
 
 
 def drawn_noise(rng: np.random.Generator, wheels: int) -> dict[str, Any]:
