@@ -343,6 +343,14 @@ class StartsSettings:
     closer: int = 3
 
 
+@dataclasses.dataclass(frozen=True)
+class ThroughLawsSettings:
+    """Signatures beside laws that are stepped in time, by differences."""
+
+    columns: int = 32  # at most: time
+    alike: int = 4  # variants of one law at one place: time
+
+
 # The rig
 
 
@@ -847,6 +855,7 @@ class Settings:
     model: ModelSettings = ModelSettings()
     readings: ReadingsSettings = ReadingsSettings()
     steadiness: SteadinessSettings = SteadinessSettings()
+    through_laws: ThroughLawsSettings = ThroughLawsSettings()
     valley: ValleySettings = ValleySettings()
     waves: WavesSettings = WavesSettings()
     where: WhereSettings = WhereSettings()

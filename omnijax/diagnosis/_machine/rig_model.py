@@ -11,6 +11,7 @@ from ...laws import AbstractLaw
 from ...recording import channels
 from ...rig import Placed, Rig
 from .._search import (
+    STEPPED,
     AbstractModel,
     Candidate,
     Free,
@@ -34,6 +35,7 @@ from .orders import strongest_orders
 from .roles import by_parts, split_runs
 from .runs import COARSE, FINE, STEPS, Run, with_noise
 from .start_angles import with_start_angles
+from .stepped import LANES
 from .tangents import signatures
 from .tree_hash import digest
 from .uncertain import rig_priors, with_parameters, with_sensors
@@ -409,12 +411,37 @@ class RigModel(AbstractModel):
 
     def _by_differences(self, point: Point, placed: Sequence[Placed]) -> np.ndarray:
         """Signatures of encoders' laws (laws, rows): they move the very motion behind the runs."""
-        rig, which = self.rig_at(point), self.splits["train"]
-        rigs = [rig.add(weak(p.law, WEAK), p.place) for p in placed]
-        with self.aside():
-            # one by one: each has a motion of its own, which is large
-            before, *after = (self.machine.residuals([r], which, COARSE)[0] for r in (rig, *rigs))
-        return (before - np.stack(after)) / WEAK
+        rig = self.rig_at(point)
+        # one by one: each has a motion of its own, which is large
+        return np.stack([self._differences(rig, [p], [WEAK])[0] for p in placed])
+
+    def through_laws(self, point, candidates, steps):
+        """As COARSE as laws are ranked: what steps miss is nearly the same with and without."""
+        placed = [cast(Placed, p) for c in candidates for p in c.columns]
+        sizes, rig = np.concatenate(steps), self.rig_at(point)
+        self.work += len(placed)
+        alike: dict[type | None, list[int]] = {}  # laws of one class are stepped side by side
+        for j, p in enumerate(placed):
+            alike.setdefault(type(p.law) if p.law.port in STEPPED else None, []).append(j)
+        out: dict[int, np.ndarray] = {}
+        for every in alike.values():
+            for some in (every[k : k + LANES] for k in range(0, len(every), LANES)):
+                table = self._differences(rig, [placed[j] for j in some], sizes[some])
+                out |= dict(zip(some, table, strict=True))
+        columns = np.stack([out[j] for j in range(len(placed))])
+        return np.split(columns, np.cumsum([len(c.columns) for c in candidates])[:-1])
+
+    def _differences(self, rig: Rig, placed: Sequence[Placed], steps) -> np.ndarray:
+        """What laws of so many times their strengths change of the rows (laws, rows), over that.
+
+        They are evaluated at once.
+        """
+        which = self.splits["train"]
+        rigs = [rig.add(weak(p.law, k), p.place) for p, k in zip(placed, steps, strict=True)]
+        (before,) = self.machine.residuals([rig], which, COARSE)
+        with self.machine.aside():
+            after = self.machine.residuals(rigs, which, COARSE)
+        return (before - np.stack(after)) / np.asarray(steps)[:, None]
 
 
 def weak(law: AbstractLaw, factor: float) -> AbstractLaw:

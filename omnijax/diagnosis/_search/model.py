@@ -191,6 +191,15 @@ class AbstractModel(abc.ABC):
         In double precision, or, where there are many, in single.
         """
 
+    def through_laws(
+        self, point: Point, candidates: Sequence, steps: Sequence[np.ndarray]
+    ) -> list[np.ndarray]:
+        """By candidate its signatures (k, rows) beside laws of `point` that are stepped in time.
+
+        Differences, at the strengths `steps` (k,).  Empty where `columns` are those already.
+        """
+        return []
+
     def plainness(self, effect: Effect) -> float:
         """Factor of an effect's gain where trials are ranked: below 1 for laws of many numbers."""
         return 1.0

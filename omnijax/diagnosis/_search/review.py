@@ -16,6 +16,7 @@ from .held_out import HeldOut
 from .model import Effect, Point, to_project
 from .refits import Refits, chi2_of, residual_of
 from .scan import Scan, Score, Signatures, taken_up
+from .through_laws import through_laws
 
 ROUNDS = SETTINGS.refits.rival
 WITHOUT = SETTINGS.refits.without
@@ -258,4 +259,11 @@ class Review:
         P, columns = len(self.model.priors), range(fit.jacobian.shape[1])
         keep = [k for k in columns if k < P or fit.free[k - P].effect != i]
         J, u = to_project(self.model, fit.jacobian[:, np.array(keep, int)], without.u)
-        return signatures.scan(residual, taken_up(J, len(u)), u, about=effects[i].name)
+        taken, name = taken_up(J, len(u)), effects[i].name
+        scan = signatures.scan(residual, taken, u, about=name)
+        best = [s.candidate.name for s in scan.best_per_name()[: self.settings.rivals]]
+        tables = through_laws(self.model, without, scan, dict.fromkeys((name, *best)))
+        if tables:
+            with signatures.replaced(tables):
+                scan = signatures.scan(residual, taken, u, about=name)
+        return scan

@@ -1,8 +1,9 @@
 """Tangent scores: what each candidate would explain once the baseline has its share."""
 
+import contextlib
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -87,6 +88,26 @@ class Signatures:
         """By candidate the inner products of its columns over some rows."""
         parts = map(self.layout.part, range(len(self.layout.candidates)))
         return [x @ x.T for x in (self.columns(part)[:, rows] for part in parts)]
+
+    @contextlib.contextmanager
+    def replaced(self, tables: Mapping[int, np.ndarray]) -> Iterator[None]:
+        """Other columns (k, rows) in place of candidates' own, for the scans of a block."""
+        layout, blocks = self.layout, self.blocks
+        own = {i: self.table[layout.part(i)].copy() for i in tables}
+        self.layout = SignatureLayout(layout.candidates, layout.scale.copy())
+        self.blocks = list(blocks)
+        for i, columns in tables.items():
+            part, size = layout.part(i), np.linalg.norm(columns, axis=1)
+            self.layout.scale[part] = np.where(size > 0, size, 1.0)
+            self.table[part] = columns / self.layout.scale[part][:, None]
+            x = self.columns(part)
+            self.blocks[i] = x @ x.T
+        try:
+            yield
+        finally:
+            self.layout, self.blocks = layout, blocks
+            for i, columns in own.items():
+                self.table[layout.part(i)] = columns
 
     def columns(self, part: slice) -> np.ndarray:
         """Some columns (k, rows) in double precision."""

@@ -31,6 +31,7 @@ from .starts import (
     without_strength,
     worth,
 )
+from .through_laws import through_laws
 
 WITHOUT = SETTINGS.refits.without
 
@@ -260,7 +261,8 @@ class Search:
     def with_effect(self, way: SearchPath, trial: Trial) -> SearchPath:
         """The way with an accepted effect; one that closes most of the gap earns a new budget."""
         name, held = trial.effect.name, trial.held
-        if trial.gain > self.settings.trusted * (way.fit.chi2 - self.model.dof("train")):
+        gap = way.fit.chi2 - self.model.dof("train")
+        if self.strong(way.fit) and trial.gain > self.settings.trusted * gap:
             self.model.work = 0.0
         if trial.accepted:
             share = f"{held.multiplier:.2f} ± {1 / np.sqrt(held.size):.2g}"
@@ -305,8 +307,17 @@ class Search:
         scrambled = [model.shuffled(left, seed) for seed in range(self.settings.shuffles)]
         spread = float(left @ left) / model.dof("train")
         again = functools.partial(scored_in_ranges, model, fit, signatures)
-        scan = signatures.scan(fit.residual, taken, u, scrambled, spread,
-                               again=again if at_ends(model, fit) else None)  # fmt: skip
+        ends = again if at_ends(model, fit) else None
+
+        def scored() -> Scan:
+            return signatures.scan(fit.residual, taken, u, scrambled, spread, again=ends)
+
+        scan = scored()
+        names = [s.candidate.name for s in significant(scan, self.settings.alpha)]
+        tables = through_laws(model, fit.point, scan, names)
+        if tables:
+            with signatures.replaced(tables):
+                scan = scored()
         return scan, signatures
 
     def strong(self, fit: Fit) -> bool:

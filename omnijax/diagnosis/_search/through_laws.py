@@ -1,0 +1,58 @@
+"""Signatures beside laws that bend what others change.
+
+A signature is what a law changes in the machine without laws at contacts and mounts; beside a play
+that rattles the same law changes something else (a relaxation beside a backlash: cosine 0.81, a
+twelfth of the gain), and a weaker law that explains less stands before it.  What stands out there,
+and what an effect is compared with, is scored again by differences through the laws of the fit.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from .._settings import SETTINGS
+from .candidates import strengths
+from .model import AbstractModel, Point
+from .scan import Scan, Score
+
+COLUMNS = SETTINGS.through_laws.columns
+ALIKE = SETTINGS.through_laws.alike
+
+
+def through_laws(
+    model: AbstractModel, point: Point, scan: Scan, names: Iterable[str]
+) -> dict[int, np.ndarray]:
+    """By candidate of the `names` its signatures (k, rows) through the laws of `point`.
+
+    Nothing where these are not stepped in time.  Differences are taken at strengths that change as
+    much as the scan's gain says, of a name's best variants and of so many columns at most.
+    """
+    if not model.needs_stepping(point.effects):
+        return {}
+    some = _variants(model, point, scan, names)
+    if not some:
+        return {}
+    steps = [np.sqrt(max(1.0, s.gain)) / scan.layout.scale[scan.layout.part(s.index)] for s in some]
+    tables = model.through_laws(point, [s.candidate for s in some], steps)
+    return {
+        s.index: table for s, table in zip(some, tables, strict=True) if np.all(np.isfinite(table))
+    }
+
+
+def _variants(model: AbstractModel, point: Point, scan: Scan, names: Iterable[str]) -> list[Score]:
+    """The best variants of the `names` whose laws have strengths and change what laws bend."""
+    by_name: dict[str, list[Score]] = {name: [] for name in names}
+    for score in scan.order:
+        c = score.candidate
+        law = model.laws[c.id]
+        if c.name not in by_name or score.dead or law.port == "sensor" or not strengths(law):
+            continue
+        if not model.has(point.effects, c.id, c.place) and len(by_name[c.name]) < ALIKE:
+            by_name[c.name].append(score)
+    some, columns = [], 0
+    for score in (s for alike in by_name.values() for s in alike):
+        columns += len(score.coefficients)
+        if columns > COLUMNS:
+            break
+        some.append(score)
+    return some
