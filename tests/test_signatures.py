@@ -103,6 +103,24 @@ def test_a_signature_is_what_a_weak_law_changes(agreeing, id):
     assert np.linalg.norm(change - foretold) < 0.03 * np.linalg.norm(foretold)
 
 
+def test_signatures_through_a_play_are_what_weak_laws_change_beside_it(agreeing):
+    """Those of the machine without it are others: seed 1151, a relaxation beside a play."""
+    model, point, _, live = agreeing
+    gap = np.sqrt(np.mean([b.mount.deflection**2 for b in model.bases(point)], axis=(0, 1)))[1]
+    beside = point.with_effects(Effect("mount-backlash", "w2", {"gap": gap}))
+    some = [live[id] for id in ("contact-relaxation", "wheel-runout", "bearing-viscous")]
+    sizes = [1 / np.linalg.norm(columns, axis=0) for _, columns in some]
+    through = model.through_laws(beside, [c for c, _ in some], [10 * x for x in sizes])
+    (before,) = model.residuals([beside], "train")
+    off = []
+    for (c, plain), table, x in zip(some, through, sizes, strict=True):
+        weak = beside.with_effects(*beside.effects, Effect(c.id, c.place, c.decode(x)))
+        change = before - model.residuals([weak], "train")[0]
+        assert np.linalg.norm(change - x @ table) < 0.03 * np.linalg.norm(change), c.id
+        off.append(np.linalg.norm(change - plain @ x) / np.linalg.norm(change))
+    assert off[0] > 0.1
+
+
 def test_a_law_at_all_wheels_has_the_sum_of_their_signatures(agreeing):
     model, point, _, _ = agreeing
     placed = {c.id: c.columns[-1] for c in model.candidates(point) if c.place == "all"}
