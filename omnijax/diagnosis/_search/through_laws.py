@@ -25,27 +25,34 @@ def through_laws(
     """By candidate of the `names` its signatures (k, rows) through the laws of `point`.
 
     Nothing where these are not stepped in time.  Differences are taken at strengths that change as
-    much as the scan's gain says, of a name's best variants and of so many columns at most.
+    much as the scan's gain says, and of a whole law that has none; of a name's best variants and
+    of so many columns at most.
     """
     if not model.needs_stepping(point.effects):
         return {}
     some = _variants(model, point, scan, names)
     if not some:
         return {}
-    steps = [np.sqrt(max(1.0, s.gain)) / scan.layout.scale[scan.layout.part(s.index)] for s in some]
+    steps = [_steps(model, scan, score) for score in some]
     tables = model.through_laws(point, [s.candidate for s in some], steps)
     return {
         s.index: table for s, table in zip(some, tables, strict=True) if np.all(np.isfinite(table))
     }
 
 
+def _steps(model: AbstractModel, scan: Scan, score: Score) -> np.ndarray:
+    """By column of a candidate the strength at which its difference is taken."""
+    if not strengths(model.laws[score.candidate.id]):
+        return np.ones(len(score.coefficients))
+    return np.sqrt(max(1.0, score.gain)) / scan.layout.scale[scan.layout.part(score.index)]
+
+
 def _variants(model: AbstractModel, point: Point, scan: Scan, names: Iterable[str]) -> list[Score]:
-    """The best variants of the `names` whose laws have strengths and change what laws bend."""
+    """The best variants of the `names` whose laws change what the point's laws bend."""
     by_name: dict[str, list[Score]] = {name: [] for name in names}
     for score in scan.order:
         c = score.candidate
-        law = model.laws[c.id]
-        if c.name not in by_name or score.dead or law.port == "sensor" or not strengths(law):
+        if c.name not in by_name or score.dead or model.laws[c.id].port == "sensor":
             continue
         if not model.has(point.effects, c.id, c.place) and len(by_name[c.name]) < ALIKE:
             by_name[c.name].append(score)
