@@ -23,6 +23,7 @@ BESIDE = SETTINGS.waves.beside
 FAR = 1e15  # sigma; sums of its squares are numbers in single precision still
 STARTS = SETTINGS.waves.starts
 SEED = 21
+TOGETHER = 8  # points that are evaluated at once: what a run foretells takes room
 
 
 def scanned(model: AbstractModel, point: Point) -> Point | None:
@@ -56,15 +57,21 @@ def scanned_beside(model: AbstractModel, points: Sequence[Point], split: str) ->
         whole = np.concatenate([rows, u[others]])
         return (whole - way @ (way.T @ whole)).astype(np.float32)
 
-    changes: list[list[np.ndarray]] = [[] for _ in points]
-    for k, values in ladders.items():
-        for change in _changes(model, points, k, values, all_here, split):
-            for own, way, rows in zip(changes, ways, change, strict=True):
-                own.append(beside(way, rows, 0 * first.u))
+    rests = [beside(way, here, first.u) for here, way in zip(all_here, ways, strict=True)]
+    count = sum(map(len, ladders.values()))
+    tables = [np.empty((count, len(rest)), np.float32) for rest in rests]
+    changes = (
+        change
+        for k, values in ladders.items()
+        for change in _changes(model, points, k, values, all_here, split)
+    )
+    for j, change in enumerate(changes):
+        for table, way, rows in zip(tables, ways, change, strict=True):
+            table[j] = beside(way, rows, 0 * first.u)
     scans = []
-    for point, here, way, own in zip(points, all_here, ways, changes, strict=True):
-        best, rest = first.u.copy(), beside(way, here, first.u)
-        best[list(ladders)] = _together(rest, np.stack(own), list(ladders.values()))
+    for point, rest, table in zip(points, rests, tables, strict=True):
+        best = first.u.copy()
+        best[list(ladders)] = _together(rest, table, list(ladders.values()))
         scans.append(Point(best, point.effects))
     return scans
 
@@ -114,13 +121,15 @@ def _changes(
 
     A run may run away there: it is far from every record, and no more need be known of it.
     """
-    many = np.tile(points[0].u, (len(values), 1))
-    many[:, k] = values
-    rows = model.residuals([Point(u, p.effects) for u in many for p in points], split)
-    for first in range(0, len(rows), len(points)):
-        with np.errstate(over="ignore", invalid="ignore"):
-            yield [np.clip(np.nan_to_num(r - x, nan=FAR), -FAR, FAR)
-                   for r, x in zip(rows[first:], here, strict=False)]  # fmt: skip
+    together = max(1, TOGETHER // len(points))
+    for first in range(0, len(values), together):
+        some = np.tile(points[0].u, (len(values[first : first + together]), 1))
+        some[:, k] = values[first : first + together]
+        rows = model.residuals([Point(u, p.effects) for u in some for p in points], split)
+        for j in range(0, len(rows), len(points)):
+            with np.errstate(over="ignore", invalid="ignore"):
+                yield [np.clip(np.nan_to_num(r - x, nan=FAR), -FAR, FAR)
+                       for r, x in zip(rows[j:], here, strict=False)]  # fmt: skip
 
 
 def _together(rest: np.ndarray, table: np.ndarray, ladders: Sequence[np.ndarray]):
