@@ -24,7 +24,7 @@ from omnijax.diagnosis._search import (
     within_doubt,
 )
 from omnijax.diagnosis._search.doubt import _covariance
-from omnijax.diagnosis._search.waves import scanned
+from omnijax.diagnosis._search.waves import TOGETHER, TOLD, scanned
 from omnijax.diagnosis._settings import SETTINGS
 from omnijax.laws import EFFECTS
 from omnijax.machine import Axis
@@ -129,11 +129,16 @@ def test_a_number_is_scanned_that_a_sigma_moves_by_whole_waves(whole):
     model, start = SmallModel(residual, PRIORS, {}, "all"), Point(np.zeros(6))
     once = refit(model, start, relative=0.01)
     assert once.cost > 4 * model.dof("train")
+    evaluate, together, said = model.residuals, [], []
+    model.residuals = lambda points, split: together.append(len(points)) or evaluate(points, split)
+    model.tell = said.append
     for point in (start, once.point):
         found = scanned(model, point)
         assert found is not None
         assert abs(found.u[0] - point.u[0]) > 0.5
         assert np.array_equal(found.u[1:], point.u[1:])
+    assert max(together) <= TOGETHER  # all values at once take gigabytes of a rig's runs
+    assert len(said) >= 4 and said[1].startswith(f"{TOLD} of ")
     assert calibrated(model, start).cost < 0.9 * once.cost
 
 

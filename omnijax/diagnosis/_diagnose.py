@@ -136,13 +136,19 @@ def _model(case: Case, runs, noise, library, window, tell) -> tuple[RigModel, Po
     that its misfit had hidden.
     """
     rig, wild = case.rig, []
-    model = RigModel(rig, runs, noise, library, window)
+
+    def model_of(runs) -> RigModel:
+        model = RigModel(rig, runs, noise, library, window)
+        model.tell = tell
+        return model
+
+    model = model_of(runs)
     start = Point(np.zeros(len(model.priors)))
     check_foretold(model, start, "train", case.rig_path)
     if any(len(without_encoder(run, rig.size)) for run in runs):
         for _ in range(2):  # at the stated machine, and at the calibrated one
             runs = with_start_angles(model.machine, model.rig_at(start))
-            model = RigModel(rig, runs, noise, library, window)
+            model = model_of(runs)
             start = calibrated(model, start).point
     for groups, anew in ((("theta", "Omega"), False), (("dR", "a"), False),
                                (("dR", "a"), True)):  # fmt: skip
@@ -152,6 +158,6 @@ def _model(case: Case, runs, noise, library, window, tell) -> tuple[RigModel, Po
             model.rebase(start)  # a rolling start hangs on the calibrated contacts
         kept, said = without_outliers(model.machine, model.rig_at(start), groups)
         if said:
-            model, wild = RigModel(rig, kept, noise, library, window), wild + said
+            model, wild = model_of(kept), wild + said
     check_foretold(model, start, "held-out", case.rig_path)
     return model, start, wild

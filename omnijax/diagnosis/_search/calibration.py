@@ -55,7 +55,8 @@ def calibrated(model: AbstractModel, start: Point) -> Fit:
         return first
     rng = np.random.default_rng(SEED)
     low, high = unit_bounds(model.priors)
-    for _ in range(model.settings.restarts):
+    for k in range(model.settings.restarts):
+        model.tell(f"calibrating from other numbers, start {k + 1}")
         u = np.clip(rng.normal(size=len(low)), low, high)
         other = refit(model, Point(u), relative=RELATIVE)
         best = other if other.cost < best.cost else best

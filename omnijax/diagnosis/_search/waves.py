@@ -23,6 +23,7 @@ BESIDE = SETTINGS.waves.beside
 FAR = 1e15  # sigma; sums of its squares are numbers in single precision still
 STARTS = SETTINGS.waves.starts
 SEED = 21
+TOLD = 16  # values after which the progress line goes on
 TOGETHER = 8  # points that are evaluated at once: what a run foretells takes room
 
 
@@ -66,6 +67,8 @@ def scanned_beside(model: AbstractModel, points: Sequence[Point], split: str) ->
         for change in _changes(model, points, k, values, all_here, split)
     )
     for j, change in enumerate(changes):
+        if j % TOLD == 0:
+            model.tell(f"{j} of {count} values of numbers that waves hang on")
         for table, way, rows in zip(tables, ways, change, strict=True):
             table[j] = beside(way, rows, 0 * first.u)
     scans = []
