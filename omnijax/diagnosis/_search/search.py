@@ -211,18 +211,19 @@ class Search:
         return sure
 
     def on_trust(self, way: SearchPath) -> list[Trial]:
-        """The best trial of the last step, where it closes most of a strong gap; or none.
+        """The best trial of the last step, where it closes most of a gap above noise; or none.
 
         Where several strong effects are missing, what the others do on held-out runs hides or bends
         what the first one does there.  Whether each is there is asked once all are in.
         """
         held = chi2_of(self.model, way.fit.point, "held-out")
-        strong = held > self.settings.strong * self.model.dof("held-out")
+        if self.floor_reached(way.fit, held):
+            return []
         gap = way.fit.chi2 - self.model.dof("train")
         return [
             t for t in way.trials[-1][:1]
-            if (strong or self.strong(way.fit)) and t.gain > self.settings.trusted * gap
-            and np.isfinite(t.held.gain) and not self.has(way.fit, t.effect)
+            if t.gain > self.settings.trusted * gap and np.isfinite(t.held.gain)
+            and not self.has(way.fit, t.effect)
         ]  # fmt: skip
 
     def confirmed(self, way: SearchPath, sure: SearchPath) -> bool:
