@@ -797,6 +797,41 @@ def test_an_effect_that_closes_most_of_the_gap_earns_a_new_budget():
     assert len(Search(model).run().fit.point.effects) == 2
 
 
+def overlapping(rng):
+    """Two laws that do much the same in the fitted run, and contrary things in the held-out one.
+
+    Either alone takes up most of a gap of half the noise, and makes what is held out worse.
+    """
+    rows = 3000
+    first, second = np.linalg.qr(rng.normal(size=(rows, 2)))[0].T
+    noise = {split: rng.normal(size=rows) for split in ("train", "held-out")}
+    shapes = {
+        "train": {"bearing-coulomb": first, "shaft-drag": 0.8 * first + 0.6 * second},
+        "held-out": {"bearing-coulomb": first, "shaft-drag": -0.8 * first + 0.6 * second},
+    }
+
+    def residual(values, laws, split):
+        x = {"bearing-coulomb": 25.0, "shaft-drag": 15.0}
+        for given in laws:
+            (key,) = (k for k, p in given.parameters.items() if p.linear)
+            x[given.id] -= float(getattr(given, key))
+        return noise[split] + sum(c * shapes[split][id] for id, c in x.items())
+
+    return SmallModel(residual, [], {id: LAWS[id] for id in shapes["train"]}, "shaft")
+
+
+def test_overlapping_laws_are_taken_in_on_trust_beside_a_gap_that_is_not_strong():
+    """Seed 1161, resistance and friction of all wheels: each alone was refused."""
+    model = overlapping(drawn_anew("overlapping laws"))
+    outcome = Search(model).run()
+    sizes = {e.id: float(next(iter(e.values.values()))) for e in outcome.fit.point.effects}
+    assert sizes == {
+        "bearing-coulomb": pytest.approx(25, abs=7),
+        "shaft-drag": pytest.approx(15, abs=7),
+    }
+    assert not outcome.trials[0][0].accepted
+
+
 class Clock(SmallModel):
     """A tone of an uncertain pitch: what comes late hangs on it by many turns."""
 
