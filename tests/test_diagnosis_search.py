@@ -832,6 +832,17 @@ def test_overlapping_laws_are_taken_in_on_trust_beside_a_gap_that_is_not_strong(
     assert not outcome.trials[0][0].accepted
 
 
+def test_what_is_left_of_a_strong_gap_is_strong_however_much_was_explained():
+    """A 200th of what there was to explain counts as noise only where it is not strong itself."""
+    model = overlapping(drawn_anew("left of a strong gap"))
+    search = Search(model)
+    way = search.looked(SearchPath(refit(model, Point(np.zeros(0)))))
+    search.begun = 1e7, 1e7
+    assert search.on_trust(way) == []
+    search.settings = dataclasses.replace(search.settings, strong=1.2)
+    assert len(search.on_trust(way)) == 1
+
+
 class Clock(SmallModel):
     """A tone of an uncertain pitch: what comes late hangs on it by many turns."""
 

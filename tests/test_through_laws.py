@@ -91,3 +91,16 @@ def test_replaced_columns_count_within_the_block_alone():
         assert first == before[0]
         assert second == pytest.approx((other[0] @ residual) ** 2 / (other[0] @ other[0]))
     assert gains() == before
+
+
+def test_a_model_whose_columns_are_through_the_laws_already_is_scanned_once():
+    class Exact(Beside):
+        columns = SmallModel.columns
+
+        def through_laws(self, point, candidates, steps):
+            return SmallModel.through_laws(self, point, candidates, steps)
+
+    model = Exact(drawn_anew("columns through the laws"))
+    fit = refit(model, Point(np.zeros(0), (Effect("mount-cubic", "all", {"k3": 900.0}),)))
+    scan, _ = Search(model).scan(fit)
+    assert scan.best_per_name()[0].candidate.id == "bearing-viscous"

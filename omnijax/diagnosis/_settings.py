@@ -103,7 +103,8 @@ class SearchSettings:
     worth: float = 0.2  # share of the best promise below which nothing is refitted: time
     little: float = 0.02  # share of a strong gap that a law must close: own cases
     nearly_all: float = 0.9  # share of what a part of the channels shows of it: own cases
-    # share of it that a law closes which is confirmed later, or which earns a new budget: own cases
+    # share of a gap that a law closes which is confirmed later, or, where the gap is strong, earns
+    # a new budget: own cases
     trusted: float = 0.5
     openings: tuple[float, ...] = (0.1, 0.2, 0.35, 0.6)  # shares of the motion: own cases
     promise: float = 0.2  # share of an opening's gap to be followed further: own cases

@@ -34,12 +34,11 @@ def rendered(fig: Figure, name: str, axis: SpeedAxis | None = None) -> Rendering
     """Every rendering of `fig`; ids in the drawings begin with `name`."""
     with style():
         plain_labels(fig)
-        with laid_out(fig):
-            picture = _png(fig)
-            wide = "" if axis else _svg(fig, f"{name}-w")
         if axis is None:
+            with laid_out(fig):
+                picture, wide = _png(fig), _svg(fig, f"{name}-w")
             return Renderings(picture, [Drawing("", wide, _narrow(fig, f"{name}-n"))])
-        drawings = []
+        picture, drawings = _png(fig), []
         for i, unit in enumerate(axis.units):
             with shown_in(fig, axis, unit):
                 wide, narrow = _svg(fig, f"{name}-{i}-w"), _narrow(fig, f"{name}-{i}-n")

@@ -412,8 +412,9 @@ class RigModel(AbstractModel):
     def _by_differences(self, point: Point, placed: Sequence[Placed]) -> np.ndarray:
         """Signatures of encoders' laws (laws, rows): they move the very motion behind the runs."""
         rig = self.rig_at(point)
+        before = self._coarse([rig])
         # one by one: each has a motion of its own, which is large
-        return np.stack([self._differences(rig, [p], [WEAK])[0] for p in placed])
+        return np.concatenate([self._differences(rig, before, [p], [WEAK]) for p in placed])
 
     def through_laws(self, point, candidates, steps):
         """As COARSE as laws are ranked: what steps miss is nearly the same with and without."""
@@ -423,25 +424,26 @@ class RigModel(AbstractModel):
         alike: dict[type | None, list[int]] = {}  # laws of one class are stepped side by side
         for j, p in enumerate(placed):
             alike.setdefault(type(p.law) if p.law.port in STEPPED else None, []).append(j)
-        out: dict[int, np.ndarray] = {}
+        before = self._coarse([rig])
+        columns = np.empty((len(placed), before.shape[1]))
         for every in alike.values():
             for some in (every[k : k + LANES] for k in range(0, len(every), LANES)):
-                table = self._differences(rig, [placed[j] for j in some], sizes[some])
-                out |= dict(zip(some, table, strict=True))
-        columns = np.stack([out[j] for j in range(len(placed))])
+                laws = [placed[j] for j in some]
+                columns[some] = self._differences(rig, before, laws, sizes[some])
         return np.split(columns, np.cumsum([len(c.columns) for c in candidates])[:-1])
 
-    def _differences(self, rig: Rig, placed: Sequence[Placed], steps) -> np.ndarray:
+    def _differences(self, rig: Rig, before: np.ndarray, placed: Sequence[Placed], steps):
         """What laws of so many times their strengths change of the rows (laws, rows), over that.
 
-        They are evaluated at once.
+        `before` (1, rows) is of the rig without them; they are evaluated at once.
         """
-        which = self.splits["train"]
         rigs = [rig.add(weak(p.law, k), p.place) for p, k in zip(placed, steps, strict=True)]
-        (before,) = self.machine.residuals([rig], which, COARSE)
+        return (before - self._coarse(rigs)) / np.asarray(steps)[:, None]
+
+    def _coarse(self, rigs: list[Rig]) -> np.ndarray:
+        """Residuals (rigs, rows) on the train runs of rigs that nobody asks for again."""
         with self.machine.aside():
-            after = self.machine.residuals(rigs, which, COARSE)
-        return (before - np.stack(after)) / np.asarray(steps)[:, None]
+            return np.stack(self.machine.residuals(rigs, self.splits["train"], COARSE))
 
 
 def weak(law: AbstractLaw, factor: float) -> AbstractLaw:

@@ -16,7 +16,7 @@ from .held_out import HeldOut
 from .model import Effect, Point, to_project
 from .refits import Refits, chi2_of, residual_of
 from .scan import Scan, Score, Signatures, taken_up
-from .through_laws import through_laws
+from .through_laws import scored_through_laws
 
 ROUNDS = SETTINGS.refits.rival
 WITHOUT = SETTINGS.refits.without
@@ -260,10 +260,12 @@ class Review:
         keep = [k for k in columns if k < P or fit.free[k - P].effect != i]
         J, u = to_project(self.model, fit.jacobian[:, np.array(keep, int)], without.u)
         taken, name = taken_up(J, len(u)), effects[i].name
-        scan = signatures.scan(residual, taken, u, about=name)
-        best = [s.candidate.name for s in scan.best_per_name()[: self.settings.rivals]]
-        tables = through_laws(self.model, without, scan, dict.fromkeys((name, *best)))
-        if tables:
-            with signatures.replaced(tables):
-                scan = signatures.scan(residual, taken, u, about=name)
-        return scan
+
+        def near(scan: Scan) -> list[str]:
+            best = scan.best_per_name()[: self.settings.rivals]
+            return [*dict.fromkeys((name, *(s.candidate.name for s in best)))]
+
+        return scored_through_laws(
+            self.model, without, signatures,
+            lambda: signatures.scan(residual, taken, u, about=name), near,
+        )  # fmt: skip

@@ -31,7 +31,7 @@ from .starts import (
     without_strength,
     worth,
 )
-from .through_laws import through_laws
+from .through_laws import scored_through_laws
 
 WITHOUT = SETTINGS.refits.without
 
@@ -213,11 +213,12 @@ class Search:
     def on_trust(self, way: SearchPath) -> list[Trial]:
         """The best trial of the last step, where it closes most of a gap above noise; or none.
 
-        Where several strong effects are missing, what the others do on held-out runs hides or bends
+        Where several effects are missing, what the others do on held-out runs hides or bends
         what the first one does there.  Whether each is there is asked once all are in.
         """
         held = chi2_of(self.model, way.fit.point, "held-out")
-        if self.floor_reached(way.fit, held):
+        strong = self.strong(way.fit) or held > self.settings.strong * self.model.dof("held-out")
+        if not strong and self.floor_reached(way.fit, held):
             return []
         gap = way.fit.chi2 - self.model.dof("train")
         return [
@@ -313,12 +314,10 @@ class Search:
         def scored() -> Scan:
             return signatures.scan(fit.residual, taken, u, scrambled, spread, again=ends)
 
-        scan = scored()
-        names = [s.candidate.name for s in significant(scan, self.settings.alpha)]
-        tables = through_laws(model, fit.point, scan, names)
-        if tables:
-            with signatures.replaced(tables):
-                scan = scored()
+        def standing_out(scan: Scan) -> list[str]:
+            return [s.candidate.name for s in significant(scan, self.settings.alpha)]
+
+        scan = scored_through_laws(model, fit.point, signatures, scored, standing_out)
         return scan, signatures
 
     def strong(self, fit: Fit) -> bool:

@@ -6,14 +6,14 @@ twelfth of the gain), and a weaker law that explains less stands before it.  Wha
 and what an effect is compared with, is scored again by differences through the laws of the fit.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 
 from .._settings import SETTINGS
 from .candidates import strengths
 from .model import AbstractModel, Point
-from .scan import Scan, Score
+from .scan import Scan, Score, Signatures
 
 COLUMNS = SETTINGS.through_laws.columns
 ALIKE = SETTINGS.through_laws.alike
@@ -35,9 +35,24 @@ def through_laws(
         return {}
     steps = [_steps(model, scan, score) for score in some]
     tables = model.through_laws(point, [s.candidate for s in some], steps)
+    if not tables:  # the scan's are those already
+        return {}
     return {
         s.index: table for s, table in zip(some, tables, strict=True) if np.all(np.isfinite(table))
     }
+
+
+def scored_through_laws(
+    model: AbstractModel, point: Point, signatures: Signatures, scored: Callable[[], Scan],
+    names: Callable[[Scan], Iterable[str]],
+) -> Scan:  # fmt: skip
+    """The scan that `scored` makes, once more with what its `names` change through the laws."""
+    scan = scored()
+    tables = through_laws(model, point, scan, names(scan))
+    if not tables:
+        return scan
+    with signatures.replaced(tables):
+        return scored()
 
 
 def _steps(model: AbstractModel, scan: Scan, score: Score) -> np.ndarray:
