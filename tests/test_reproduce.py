@@ -16,7 +16,6 @@ from omnijax.paper._cycle import cycle, from_rest, metrics
 from omnijax.paper._errata import ROWS, judge, recovered_radius
 from omnijax.paper._study import make_study
 from omnijax.report import _svg
-from omnijax.report._svg import Drawing
 from omnijax.simulation import simulate, speeds
 from omnijax.vibration import norm
 
@@ -42,11 +41,6 @@ def study():
     return make_study(count=1, harmonics=48)
 
 
-def one_width(fig, name, unit):
-    """A drawing for wide screens alone."""
-    return Drawing(unit, _svg._svg(fig, name), "")
-
-
 @pytest.fixture(scope="module")
 def written(study, tmp_path_factory):
     """The reduced page, through the same parts as the command, figures in one width."""
@@ -55,9 +49,7 @@ def written(study, tmp_path_factory):
     folder = tmp_path_factory.mktemp("paper") / HOSTILE
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_reproduce, "make_study", lambda *_: study)
-        patch.setattr(
-            _svg, "_both", lambda fig, name, unit: Drawing(unit, _svg._svg(fig, name), "")
-        )
+        patch.setattr(_svg, "_narrow", lambda fig, prefix: "")  # figures in one width
         before = len(COMPILED)
         found = _reproduce.reproduce(folder, samples=1)
     COMPILED[:] = COMPILED[before:]
