@@ -1,7 +1,9 @@
 """Results of one kind: arrays with units, a file and back, words, a table, a picture."""
 
 import dataclasses
+from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -12,6 +14,7 @@ import omnijax.diagnosis
 from omnijax import InputError, laws
 from omnijax.simulation import propagate, speeds, steady_state
 from omnijax.vibration import modes, order_track, rpm_order_map
+from omnijax.view import write_replay
 
 RESULTS = [
     "Trajectory", "SteadyState", "Modes", "OrderMap", "OrderTrack", "SweepResult", "Sensitivity",
@@ -65,3 +68,47 @@ def test_a_steady_state_that_is_none_says_so_from_its_file(tmp_path):
     none = steady_state(rig, [0.4, 0.0, 1.3], harmonics=8, grid_bits=7)
     again = type(none).load(none.save(tmp_path / "none.nc"))
     assert repr(again) == repr(none) and "unheld" in repr(again) and np.isnan(again.rms)
+
+
+@pytest.fixture(scope="module")
+def batches():
+    """Two runs and two steady states side by side, as `jax.vmap` makes them, and their rig."""
+    rig, t = machine(), np.arange(301) / 300
+    turns = jnp.asarray([[3.0, -5.0, 7.0], [0.4, 0.0, 1.3]])
+    runs = jax.vmap(lambda x: propagate(rig, speeds(x), t))(turns)
+    states = jax.vmap(lambda x: steady_state(rig, x, harmonics=8, grid_bits=7))(turns)
+    return rig, runs, states
+
+
+def test_batches_and_traced_results_say_what_they_are(batches):
+    _, runs, states = batches
+    assert repr(runs) == "Trajectory(301 samples, 3 wheels; a batch of 2: 2 ok)"
+    assert repr(states) == "SteadyState(a batch of 2: 2 ok)"
+    assert "a batch of 2" in runs._repr_html_()
+    failed = dataclasses.replace(runs, status=jnp.asarray([[0, 1], [1, 6]]))
+    assert failed.message() == "a batch of 2x2: 1 ok, 2 non-finite, 1 interrupted"
+    said = []
+    jax.eval_shape(lambda run: said.append(repr(run)), jax.tree.map(lambda x: x[0], runs))
+    assert said == ["Trajectory(301 samples, 3 wheels; traced)"]
+
+
+def test_figures_of_a_batch_are_asked_for_one_by_one(batches):
+    """They were those of samples and runs in each other's place, without a word."""
+    rig, runs, states = batches
+    turning: Any = {"reference": "w2", "channel": "dR_x"}
+    for ask in (
+        lambda: runs.ok, lambda: runs.lift_off, lambda: runs.slip, lambda: runs.time_reached,
+        runs.contact_losses, runs.summary, runs.to_xarray, runs.to_dataframe, runs.plot,
+        runs.plot_displacement, lambda: runs.plot_channel("dR"), lambda: runs.save("run.nc"),
+        lambda: omnijax.measured(runs, rig), lambda: omnijax.evaluate(runs, rig, "peak"),
+        lambda: rpm_order_map(runs, **turning), lambda: order_track(runs, [1], **turning),
+        lambda: write_replay(runs, rig, "replay.html"),
+        lambda: states.ok, states._repr_html_, states.to_xarray, states.plot_orders,
+    ):  # fmt: skip
+        with pytest.raises(ValueError, match=r"a batch of 2 made by `jax\.vmap`"):
+            ask()
+    peaks = jax.vmap(lambda run: omnijax.evaluate(run, rig, "peak")["peak"])(runs)
+    for i in range(2):
+        run = jax.tree.map(lambda x, i=i: x[i], runs)
+        assert run.ok and float(peaks[i]) == float(omnijax.evaluate(run, rig, "peak")["peak"])
+        np.testing.assert_array_equal(runs["dR_x"][i], run["dR_x"])

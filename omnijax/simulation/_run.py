@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from .._batch import batch_words, check_single, single_status
 from .._errors import did_you_mean
 from .._root import root
-from .._status import Status
 
 PER_WHEEL = {  # channels with one column a wheel
     "theta", "omega", "shape", "deflection", "deflection_rate", "mount_deflection", "mount_rate",
@@ -109,7 +109,7 @@ class AbstractRun(eqx.Module):
         if channel in self.UNITS and channel != "t":
             for ends in (self.ends(channel), self.names if channel in PER_WHEEL else ()):
                 if end in ends:
-                    return getattr(self, channel)[:, ends.index(end)]
+                    return getattr(self, channel)[..., ends.index(end)]
         raise KeyError(f"a run has no channel {name!r}.{did_you_mean(str(name), self.UNITS)}")
 
     def __iter__(self):
@@ -134,12 +134,13 @@ class AbstractRun(eqx.Module):
 
     @property
     def ok(self) -> bool:
-        """Whether the run reached its end."""
-        return int(self.status) == 0
+        """Whether the run reached its end; `ValueError` for a batch of `jax.vmap`."""
+        return single_status(self.status) == 0
 
     @property
     def time_reached(self) -> float:
         """Last time with finite channels, s."""
+        check_single(self.status.shape)
         good = np.isfinite(np.asarray(self.dR)).all(axis=-1)
         t = np.asarray(self.t)
         return float(t[good][-1]) if good.any() else float("nan")
@@ -150,15 +151,18 @@ class AbstractRun(eqx.Module):
 
         With the law `lift-off` a contact that parts has none.
         """
+        check_single(self.status.shape)
         return bool(jnp.any(self.normal_force <= 0))
 
     @property
     def slip(self) -> bool:
         """Whether a drive force went above friction times normal force at a sample."""
+        check_single(self.status.shape)
         return bool(jnp.any(self.slip_margin < 0))
 
     def contact_losses(self) -> list[ContactLoss]:
         """Where each wheel first lifts off and first slips, earliest first."""
+        check_single(self.status.shape)
         time, losses = np.asarray(self.t), []
         off, slips = np.asarray(self.normal_force) <= 0, np.asarray(self.slip_margin) < 0
         for kind, lost in {"lifts off": off, "slips": slips}.items():
@@ -169,14 +173,16 @@ class AbstractRun(eqx.Module):
         return sorted(losses, key=lambda loss: loss.time)
 
     def message(self) -> str:
-        """One sentence on how the run ended, with what to change if it failed."""
+        """One sentence on how the run ended, what to change if it failed; a batch is counted."""
+        if words := batch_words(self.status):
+            return words
         if self.ok:
             lost = "".join(f", but {loss}" for loss in self.contact_losses()[:1])
             more = len(self.contact_losses()) - 1
             lost += f" ({more} more of slip or lift-off)" if more > 0 else ""
             end = f"{len(self.t)} samples to {float(self.t[-1]):g} s ({self.method})."
             return f"ok{lost}: {end}"
-        ended = Status(int(self.status))
+        ended = single_status(self.status)
         return f"{ended.text} after {self.time_reached:g} s: {ended.remedy}"
 
     @abc.abstractmethod

@@ -5,6 +5,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from .._batch import check_single
 from ..dynamics import sensor_readings
 from ..recording import Recording, at_first_sample
 from ..rig import Rig
@@ -64,10 +65,11 @@ def measured(trajectory: AbstractRun, rig: Rig) -> dict[str, Any]:
 
     SI: m, rad, rad/s, m/s^2.
 
-    Raises nothing: a sensor law that a rig cannot have is refused where it is read.
+    Raises `ValueError` for a batch of runs.
 
     Source: the sensors of `docs/formats.md`, recordings.
     """
+    check_single(trajectory.status.shape)
     seen = trajectory if trajectory.between is None else trajectory.between
     points = 1 if trajectory.between is None else SENSOR_POINTS
     time = seen.t - seen.t[0]

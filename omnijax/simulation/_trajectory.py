@@ -5,6 +5,7 @@ from typing import Any
 
 import jax.numpy as jnp
 
+from .._batch import batch_words, check_single
 from .._html import html_table
 from ._run import AbstractRun
 
@@ -25,6 +26,7 @@ class Trajectory(AbstractRun):
         """
         from ._files import save_trajectory
 
+        check_single(self.status.shape)
         return save_trajectory(self, path, rig, rig_path, command)
 
     @staticmethod
@@ -38,12 +40,14 @@ class Trajectory(AbstractRun):
         """The run as an `xarray.Dataset` with units."""
         from ._files import to_xarray
 
+        check_single(self.status.shape)
         return to_xarray(self, rig)
 
     def to_dataframe(self) -> Any:
         """The run as a `pandas.DataFrame`: t in s as index, columns dR_x, theta_1 and so on, SI."""
         from ._show import to_dataframe
 
+        check_single(self.status.shape)
         return to_dataframe(self)
 
     def summary(self) -> Any:
@@ -53,6 +57,7 @@ class Trajectory(AbstractRun):
         """
         from ._show import summary
 
+        check_single(self.status.shape)
         return summary(self)
 
     def plot(self, channel: str | None = None, *, ax=None) -> Any:
@@ -63,6 +68,7 @@ class Trajectory(AbstractRun):
         """
         from ._plots import figure_of_run
 
+        check_single(self.status.shape)
         if channel is None and ax is None:
             return figure_of_run(self)
         return self.plot_channel(channel or "dR", ax=ax)
@@ -71,25 +77,28 @@ class Trajectory(AbstractRun):
         """ΔR in µm over time; returns the axes."""
         from ._plots import plot_displacement
 
+        check_single(self.status.shape)
         return plot_displacement(self, ax=ax)
 
     def plot_channel(self, name: str, *, ax=None) -> Any:
         """One channel over time; returns the axes."""
         from ._plots import plot_channel
 
+        check_single(self.status.shape)
         return plot_channel(self, name, ax=ax)
 
     def _repr_html_(self) -> str:
-        rows = [("status", self.message()), ("steps", str(int(self.steps)))]
-        rows.append(("wheels", ", ".join(self.names)))
-        largest = 1e6 * float(jnp.max(self.distance))
-        rows.append(("largest |ΔR| of the samples", f"{largest:.4g} µm"))
+        rows = [("status", self.message()), ("wheels", ", ".join(self.names))]
+        if not batch_words(self.status):
+            rows.append(("steps", str(int(self.steps))))
+            largest = 1e6 * float(jnp.max(self.distance))
+            rows.append(("largest |ΔR| of the samples", f"{largest:.4g} µm"))
         rows += [(key, f"{unit}, {getattr(self, key).shape}") for key, unit in self.UNITS.items()]
         return html_table("Trajectory", rows, ("channel", "unit and shape"))
 
     def __repr__(self) -> str:
         n = self.theta.shape[-1]
-        return f"Trajectory({len(self.t)} samples, {n} wheels; {self.message()})"
+        return f"Trajectory({self.t.shape[-1]} samples, {n} wheels; {self.message()})"
 
 
 def load_run(path: str | Path) -> Trajectory:

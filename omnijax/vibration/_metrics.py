@@ -8,6 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .._arrays import largest, smallest
+from .._batch import check_single
 from .._errors import did_you_mean
 from .._root import root
 from ..rig import Rig, up
@@ -176,12 +177,13 @@ def evaluate(
     """The named metrics of a run in SI; differentiable.
 
     `names` is a list, or text with commas between.  Raises `ValueError` with the nearest name for
-    an unknown one.
+    an unknown one, and for a batch of runs: ask inside `jax.vmap`.
 
     A dict of scalars by name, in the unit that `METRICS` gives.
 
     Source: the definitions in `METRICS`; ISO 2631-1:1997 for the weighted ones.
     """
+    check_single(jnp.shape(run.t)[:-1])
     listed = names.split(",") if isinstance(names, str) else names
     return {name: METRICS[known(name)].of_run(run, rig) for name in map(str.strip, listed)}
 

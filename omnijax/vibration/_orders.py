@@ -13,6 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .._batch import check_single
 from .._errors import not_above_zero
 from ..recording import Recording, unit_of
 from ..simulation import Trajectory
@@ -158,6 +159,7 @@ def _channel(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, np.nda
             known = ", ".join(run.channels)
             raise ValueError(f"`channel` must be distance or one of {known}, but is {name!r}.")
         return run.time, np.asarray(run.channels[name]), unit_of(name)
+    check_single(run.status.shape)
     if name == "distance":
         return np.asarray(run.t), np.asarray(run.distance), "m"
     group, _, end = name.rpartition("_")
@@ -172,6 +174,8 @@ def _channel(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, np.nda
 def _reference(run: Trajectory | Recording, name: str) -> tuple[np.ndarray, str]:
     """Angle of the reference at every sample, rad, and its name; gaps are bridged."""
     measured = isinstance(run, Recording)
+    if not measured:
+        check_single(run.status.shape)
     time = run.time if measured else np.asarray(run.t)
     if name == "sphere":
         omega = run.group("Omega") if measured else np.asarray(run.Omega)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from .._batch import check_single
 from .._files import write_text
 from .._text import quantity_text
 from ..rig import Rig
@@ -18,8 +19,9 @@ def write_replay(run: Trajectory, rig: Rig, path: str | Path, title: str = "Repl
     """Write the offline replay of `run` to `path` and return it.
 
     Samples after a run's failure are left out; longer runs are thinned to `MOST_SAMPLES`.
-    Raises `ValueError` for a run without two finite samples.
+    Raises `ValueError` for a run without two finite samples, and for a batch of runs.
     """
+    check_single(run.status.shape)
     kept = _kept(run)
     channels = {
         "t": run.t,

@@ -9,13 +9,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float, Int
 
+from ..._batch import batch_words, check_single, single_status
 from ..._programs import kept
 from ..._result import AbstractResult
 from ..._root import root
 from ..._status import Status
 from ...rig import Rig, as_rig, typed_numbers
 from .._exact import exact_obstacle, levels_needed, longest_passage
-from .._signals import Vector, is_traced
+from .._signals import Vector
 from .long_run import LongRun
 from .peak_search import bits_needed
 from .show import HEADER, from_xarray, plot_orders, summary_rows, to_xarray
@@ -64,12 +65,14 @@ class SteadyState(eqx.Module, AbstractResult):
 
     @property
     def ok(self) -> bool:
-        """Whether the rig has a steady state."""
-        return int(self.status) == Status.OK
+        """Whether the rig has a steady state; `ValueError` for a batch of `jax.vmap`."""
+        return single_status(self.status) == Status.OK
 
     def message(self) -> str:
-        """One sentence: `ok`, or why there is no steady state."""
-        ended = Status(int(self.status))
+        """One sentence: `ok`, or why there is no steady state; a batch is counted."""
+        if words := batch_words(self.status):
+            return words
+        ended = single_status(self.status)
         return "ok" if self.ok else f"{ended.text}: {ended.remedy}"
 
     file_kind: ClassVar[str] = "omnijax steady state"
@@ -77,10 +80,10 @@ class SteadyState(eqx.Module, AbstractResult):
 
     def sentences(self) -> list[str]:
         """RMS and peak, or why there is no steady state."""
-        if not is_traced(self.status) and not self.ok:
+        if batch_words(self.status) or not self.ok:
             return [f"SteadyState({self.message()})"]
         return [
-            f"SteadyState(rms={_text(self.rms)} m, peak={_text(self.peak)} m, "
+            f"SteadyState(rms={float(self.rms):.6g} m, peak={float(self.peak):.6g} m, "
             f"{len(self.wheel)} signals, {self.order.shape[1] - 1} harmonics)"
         ]
 
@@ -89,24 +92,23 @@ class SteadyState(eqx.Module, AbstractResult):
 
     def table(self):
         """The scalar figures and those of each component."""
+        check_single(self.status.shape)
         return "Steady state", summary_rows(self), HEADER
 
     def plot_orders(self, *, ax=None):
         """Order spectrum of |dR| in micrometres; draws on `ax` or on a figure of its own."""
+        check_single(self.status.shape)
         return plot_orders(self, ax=ax)
 
     def to_xarray(self):
         """Every figure with its unit as an `xarray.Dataset`."""
+        check_single(self.status.shape)
         return to_xarray(self)
 
     @classmethod
     def from_xarray(cls, data):
         """The steady state of which `to_xarray` made `data`."""
         return from_xarray(cls, data)
-
-
-def _text(x) -> str:
-    return "traced" if is_traced(x) else f"{float(x):.6g}"
 
 
 def steady_state(

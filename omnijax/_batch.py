@@ -1,0 +1,34 @@
+"""Results that `jax.vmap` made: what they say, and what is asked of one alone."""
+
+from typing import Any
+
+import numpy as np
+from jax.core import Tracer
+
+from ._status import Status
+
+
+def check_single(shape: tuple[int, ...]) -> None:
+    """Raise `ValueError` for the `shape` of a batch of results, as `jax.vmap` makes it."""
+    if shape:
+        raise ValueError(
+            f"this is a batch of {'x'.join(map(str, shape))} made by `jax.vmap`, where one is "
+            "needed: ask inside `jax.vmap`, or take one by `jax.tree.map(lambda x: x[0], batch)`."
+        )
+
+
+def single_status(status: Any) -> Status:
+    """How one run or steady state ended; `ValueError` for a batch."""
+    check_single(np.shape(status))
+    return Status(int(status))
+
+
+def batch_words(status: Any) -> str:
+    """How a batch ended, counted, or that its numbers are not known yet; "" of a single status."""
+    if isinstance(status, Tracer):
+        return "traced"
+    if not np.ndim(status):
+        return ""
+    codes, counts = np.unique(np.asarray(status), return_counts=True)
+    ends = (f"{n} {Status(int(c)).text}" for c, n in zip(codes, counts, strict=True))
+    return f"a batch of {'x'.join(map(str, np.shape(status)))}: {', '.join(ends)}"
