@@ -12,8 +12,9 @@ def check_single(shape: tuple[int, ...]) -> None:
     """Raise `ValueError` for the `shape` of a batch of results, as `jax.vmap` makes it."""
     if shape:
         raise ValueError(
-            f"this is a batch of {'x'.join(map(str, shape))} made by `jax.vmap`, where one is "
-            "needed: ask inside `jax.vmap`, or take one by `jax.tree.map(lambda x: x[0], batch)`."
+            f"this is a batch of {'x'.join(map(str, shape))}, from `jax.vmap` or `simulate_many`, "
+            "where one is needed: ask inside `jax.vmap`, or take one by "
+            "`jax.tree.map(lambda x: x[0], batch)`."
         )
 
 

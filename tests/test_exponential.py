@@ -8,7 +8,7 @@ import pytest
 from machines import ORTHOGONAL, machine
 from scipy.linalg import expm
 
-from omnijax import laws
+from omnijax import InputError, laws
 from omnijax.laws import Gap
 from omnijax.simulation import fixed_methods, simulate, simulate_many, speeds, torques
 from omnijax.simulation._solve.exponential import FRACTIONS, Exponential, LinearPart
@@ -207,6 +207,25 @@ def test_runge_kutta_steps_are_for_rigs_whose_fastest_mode_they_follow():
     assert fixed_methods([rigs[0], machine(contact_damping=9e3)], 2e-3) == ("exponential",)
     with pytest.raises(ValueError, match=r"must be one of .*runge-kutta"):
         simulate_many(stacked, drive, ts, method="euler")
+
+
+def test_many_runs_refuse_what_does_not_fit():
+    """Uneven or falling times and no step at all went through without a word."""
+    rigs, stacked, drive, ts = rigs_of_many_laws()
+    n, needs = rigs[0].size, "`rigs` must be a `Rig` of which every number has one more axis"
+    for change, says in (
+        ({"rigs": rigs[0]}, needs),
+        ({"rigs": rigs}, needs),
+        ({"drive": speeds(np.ones(n))}, "`drive` must be motor torques, as `torques` makes them"),
+        ({"drive": torques(np.ones(n + 1))}, f"the drive has {n + 1} wheels, but the rig has {n}"),
+        ({"ts": ts**2}, "`ts` must be two times or more at even steps"),
+        ({"ts": ts[:1]}, "`ts` must be two times or more at even steps"),
+        ({"ts": ts[::-1]}, "`ts` must be finite and increase"),
+        ({"substeps": 0}, "`substeps` must be a whole number of 1 and above, but is 0"),
+        ({"substeps": 1.5}, "`substeps` must be a whole number of 1 and above, but is 1.5"),
+    ):
+        with pytest.raises(InputError, match=says):
+            simulate_many(**({"rigs": stacked, "drive": drive, "ts": ts} | change))
 
 
 @pytest.mark.full  # in the gate drawn rigs, by the method that a study chooses: test_one_evaluation

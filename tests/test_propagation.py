@@ -11,9 +11,9 @@ from machines import SKEW, drawn_machine, machine
 from scipy.linalg import expm
 from seeds import drawn_anew
 
-from omnijax import laws
+from omnijax import InputError, laws
 from omnijax.dynamics import TRANSLATIONS, linear_system, wheel_shape
-from omnijax.simulation import propagate, ramp, simulate, speeds
+from omnijax.simulation import propagate, ramp, simulate, speeds, torques
 from omnijax.simulation._exact.constant import constant_response
 from omnijax.simulation._exact.forcing import wheel_pieces
 from omnijax.simulation._exact.system import exact_obstacle
@@ -138,6 +138,20 @@ def test_round_or_resting_wheels_shake_nothing(model):
         assert np.abs(np.asarray(propagate(rig, drive, TS, model=model).dR)).max() < 1e-15
 
 
+def test_input_is_read_as_simulate_reads_it():
+    """Falling times went through without a word, and plain speeds ended in an AttributeError."""
+    rig, run = machine(SKEW), propagate(machine(SKEW), speeds(W), TS)
+    np.testing.assert_array_equal(propagate(rig, list(W), list(TS)).dR, run.dR)
+    np.testing.assert_array_equal(
+        propagate("atlas", "1 rad/s, 2 rad/s, 0", "20 ms").dR,
+        simulate("atlas", (1.0, 2.0, 0.0), 0.02).dR,
+    )
+    with pytest.raises(InputError, match="`ts` must be finite and increase"):
+        propagate(rig, speeds(W), TS[::-1])
+    with pytest.raises(InputError, match="the drive has 2 wheels, but the rig has 3"):
+        propagate(rig, W[:2], TS)
+
+
 def test_obstacles_are_said():
     rig = machine(SKEW)
     cubic = rig.add(laws.ContactCubic(jnp.asarray(1e9)), "all")
@@ -145,6 +159,8 @@ def test_obstacles_are_said():
     assert "contact-cubic" in str(exact_obstacle(cubic))
     with pytest.raises(ValueError, match=r"contact-cubic.*not linear"):
         propagate(cubic, speeds(W), TS)
+    with pytest.raises(ValueError, match=r"no exact propagation: motor torques drive the wheels"):
+        propagate(rig, torques(W), TS)
     drag = rig.add(laws.AirDrag(jnp.asarray(1e-3)), "sphere")
     assert "air-drag" in str(exact_obstacle(drag)) and exact_obstacle(drag, "paper") is None
 

@@ -10,7 +10,7 @@ import pytest
 from machines import ORTHOGONAL, SKEW, drawn_machine, machine
 from seeds import drawn_anew
 
-from omnijax import laws
+from omnijax import InputError, laws
 from omnijax.rig import set_parameter, up
 from omnijax.simulation import propagate, simulate, speeds, steady_state
 from omnijax.vibration import (
@@ -226,3 +226,13 @@ def test_refusal_says_why():
         steady_state(rig, (0.1, 0.2, 0.3))
     with pytest.raises(ValueError, match="`speeds` must have 3 entries"):
         steady_state(machine(SKEW), (0.1, 0.2))
+    speeds = (0.1, 0.2, 0.3)
+    for wrong, says in (  # two angles of three wheels went through without a word
+        ({"speeds": (0.1, 0.2, np.inf)}, "`speeds` must be finite, but is inf"),
+        ({"angles": (0.1, 0.2)}, "`angles` must have 3 entries"),
+        ({"angles": (0.1, 0.2, np.nan)}, "`angles` must be finite"),
+        ({"force": (1.0, 2.0)}, "`force` must have 3 entries"),
+        ({"force": (1.0, 2.0, np.inf)}, "`force` must be finite"),
+    ):
+        with pytest.raises(InputError, match=says):
+            steady_state(machine(SKEW), **({"speeds": speeds} | wrong))

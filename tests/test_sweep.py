@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -19,7 +20,7 @@ from omnijax._status import Status
 from omnijax.cli._frame import run
 from omnijax.laws import EFFECTS, FloorVibration, LiftOff
 from omnijax.rig import parse_rig
-from omnijax.simulation import ramp, speeds, steady_state, torques
+from omnijax.simulation import propagate, ramp, simulate, speeds, steady_state, torques
 from omnijax.study._axes import read_axis
 from omnijax.study._evaluation import Question, drive_of
 from omnijax.study._evaluation.evaluation import without_failed
@@ -345,15 +346,44 @@ def test_every_wrong_axis_is_said_at_once():
 
 
 def test_number_of_wheels_is_checked():
-    with pytest.raises(InputError, match=r"one value a wheel \(3\), but has 2"):
+    with pytest.raises(InputError, match="2 wheels, but the rig has 3"):
         sweep("atlas", VARY, speeds=(1, 2))
     with pytest.raises(InputError, match="2 wheels, but the rig has 3"):
         sweep("atlas", VARY, drive=torques((1, 2)), duration=1)
     with pytest.raises(InputError, match="2 wheels, but the rig has 3"):
         sensitivity("atlas", torques((1, 2)), duration=1)
-    for ask in (lambda: sweep("atlas", VARY, drive="fast"), lambda: sensitivity("atlas", "fast")):
-        with pytest.raises(InputError, match="a drive is one of omnijax, or wheel speeds"):
-            ask()
+
+
+def test_a_drive_is_read_as_simulate_reads_it():
+    """Sweeps and sensitivities took no text, and numbers that are not finite."""
+    asked = (
+        lambda drive: simulate("atlas", drive, "0.1 s"),
+        lambda drive: propagate("atlas", drive, "0.1 s"),
+        lambda drive: sweep("atlas", VARY, drive=drive, duration="0.1 s", rate="100 Hz"),
+        lambda drive: sensitivity("atlas", drive, duration="0.1 s", rate="0.1 kHz"),
+    )
+    wrong: list[tuple[Any, str]] = [
+        ("fast", "`speed` must be a number in rad/s"),
+        ((1, 2, np.nan), "`speed` must be finite, but is nan"),
+        (frozenset("a"), "a drive is one of omnijax, or wheel speeds, but not"),
+        (speeds((1, 2, 3), force=(np.inf, 0, 0)), "`force` must be finite, but is inf"),
+        (speeds((1, 2, 3), initial_angle=(1, 2)), "`initial_angle` must have 3 entries, but"),
+        (speeds((1, 2, 3), initial_angle=(1, 2, np.nan)), "`initial_angle` must be finite"),
+    ]
+    for drive, says in wrong:
+        for ask in asked:
+            with pytest.raises(InputError, match=says):
+                ask(drive)
+    for wanted in ((1, 2), (1, np.inf, 3)):
+        with pytest.raises(InputError, match="`initial_velocity` must"):
+            simulate("atlas", torques((1, 2, 3), initial_velocity=wanted), "0.1 s")
+    turns, text = (1.2 * np.pi, 0.5, 0.1), "36 rpm, 0.5, 0.1"
+    for ask in (
+        lambda drive: sweep("atlas", VARY, speeds=drive)["rms"],
+        lambda drive: sweep("atlas", VARY, drive=drive, duration="0.1 s", rate="100 Hz")["rms"],
+        lambda drive: sensitivity("atlas", drive, parameters="sphere.mass, wheel.radius").raw,
+    ):
+        np.testing.assert_allclose(ask(text), ask(turns), rtol=1e-12)
 
 
 def test_command_prints_what_a_machine_reads(capsys, tmp_path):
@@ -376,7 +406,7 @@ def test_axes_of_unlike_wheels_go_together():
     vary = {"wheel.w1.radius": [0.07, 0.08], "wheel.w2.radius": [0.07, 0.08], "speed.w1": [1, 2],
             "speed.w2": [1, 2], "force.x": [1, 2], "force.y": [1, 2]}  # fmt: skip
     rig = load_rig("atlas")
-    assert [axis.path for axis in read_axes(rig, drive_of(SPEEDS, rig.names), vary)] == list(vary)
+    assert [axis.path for axis in read_axes(rig, drive_of(SPEEDS, rig), vary)] == list(vary)
 
 
 @pytest.mark.parametrize("made", [speeds, torques])

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .._errors import InputError
 from .._white_noise import noise_squares, repetition
 from ._columns import OUTPUTS, channels
 from ._recording import Recording
@@ -53,10 +54,12 @@ def noise_floor(runs: Sequence[Recording], declared: bool = True) -> NoiseFloor:
 
     With `declared` what the runs declare comes first; else only what the data show counts.
 
-    SI: m, rad, rad/s, m/s^2.  Raises `IndexError` where there is no run.
+    SI: m, rad, rad/s, m/s^2.  Raises `InputError` where there is no run.
 
     Source: variate differences (Anderson, 1971; see `_white_noise.py`).
     """
+    if not runs:
+        raise InputError("the noise is that of one run or more, but there is none.")
     sigma: dict[str, float] = {}
     source: dict[str, str] = {}
     error: dict[str, float] = {}

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ._drives import AbstractDrive as AbstractDrive
     from ._drives import SpeedDrive as SpeedDrive
     from ._drives import TorqueDrive as TorqueDrive
+    from ._drives import drive_for as drive_for
     from ._drives import sample_times as sample_times
     from ._drives import speeds as speeds
     from ._drives import torques as torques

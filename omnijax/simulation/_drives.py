@@ -120,9 +120,23 @@ def _array(value):
     return None if value is None else jnp.asarray(value, float)
 
 
-def as_drive(given: Any) -> AbstractDrive:
-    """A drive as it is; wheel speeds (rad/s, or text with units) as the drive by them."""
-    return given if isinstance(given, AbstractDrive) else speeds(given)
+def drive_for(rig: Rig, given: Any) -> AbstractDrive:
+    """A drive as it is; wheel speeds (rad/s, or text with units) as the drive by them.
+
+    Raises `InputError` for what is neither, and for a drive that does not fit the rig.
+    """
+    drive = given
+    if not isinstance(given, AbstractDrive):
+        try:
+            drive = speeds(given)
+        except (TypeError, ValueError) as error:
+            if isinstance(error, InputError):
+                raise
+            raise InputError(
+                f"a drive is one of omnijax, or wheel speeds, but not {given!r}."
+            ) from None
+    check_drive(rig, drive)
+    return drive
 
 
 LONGEST = 5_000_000  # samples; more is a misread unit
@@ -182,6 +196,21 @@ def _first_wrong(times: np.ndarray) -> int | None:
     return int(np.argmax(wrong)) if wrong.any() else None
 
 
+def check_vector(name: str, values: Any, size: int) -> None:
+    """`InputError` where `values` are not (`size`,), or a known one of them is not finite."""
+    if np.shape(values) != (size,):
+        raise InputError(f"`{name}` must have {size} entries, but has shape {np.shape(values)}.")
+    _check_finite(name, values)
+
+
+def _check_finite(name: str, values: Any) -> None:
+    if isinstance(values, Tracer):
+        return
+    known = np.asarray(values)
+    if not np.isfinite(known).all():
+        raise InputError(f"`{name}` must be finite, but is {known[~np.isfinite(known)][0]}.")
+
+
 def check_drive(rig: Rig, drive: AbstractDrive) -> None:
     """`InputError` where the drive does not fit the rig, or a known number of it is not finite."""
     name = "torque" if isinstance(drive, TorqueDrive) else "speed"
@@ -190,9 +219,9 @@ def check_drive(rig: Rig, drive: AbstractDrive) -> None:
         count = f"{signal.size} wheel{'s' * (signal.size != 1)}"
         raise InputError(f"the drive has {count}, but the rig has {rig.size}.")
     _force(drive.force)
-    for given, values in ((name, signal.values), ("force", drive.force.values)):
-        if isinstance(values, Tracer):
-            continue
-        known = np.asarray(values)
-        if not np.isfinite(known).all():
-            raise InputError(f"`{given}` must be finite, but is {known[~np.isfinite(known)][0]}.")
+    _check_finite(name, signal.values)
+    _check_finite("force", drive.force.values)
+    if drive.initial_angle is not None:
+        check_vector("initial_angle", drive.initial_angle, rig.size)
+    if isinstance(drive, TorqueDrive) and drive.initial_velocity is not None:
+        check_vector("initial_velocity", drive.initial_velocity, 3)

@@ -6,6 +6,7 @@ formulas need does not grow with the run.
 
 import itertools
 from collections.abc import Iterator
+from pathlib import Path
 from typing import NamedTuple
 
 import jax
@@ -19,11 +20,11 @@ from ..._errors import InputError
 from ..._memory import SHARE, available, in_words
 from ..._programs import kept
 from ...dynamics import TRANSLATIONS, Model, State, initial_memory
-from ...rig import Rig
+from ...rig import Rig, as_rig
 from .._channels import trajectory
-from .._drives import SpeedDrive
+from .._drives import AbstractDrive, SpeedDrive, Values, as_times, drive_for
 from .._padding import EXACT_PIECE, Gathered, RunPiece, padded, room, samples_of
-from .._signals import is_constant, is_traced
+from .._signals import Vector, is_constant, is_traced
 from .._trajectory import Trajectory
 from .attitude import attitudes, compose
 from .constant import constant_response
@@ -34,8 +35,10 @@ from .system import exact_obstacle
 from .varying import Span, knots_within, rest_motion, varying_response, windowed
 
 
-def propagation_obstacle(rig: Rig, drive: SpeedDrive, ts, model: str = "coupled") -> str | None:
+def propagation_obstacle(rig: Rig, drive: AbstractDrive, ts, model: str = "coupled") -> str | None:
     """Why `propagate` does not take this run, in words; None where it does."""
+    if not isinstance(drive, SpeedDrive):
+        return "motor torques drive the wheels"
     if not (is_constant(drive.speed) and is_constant(drive.force)) and is_traced(
         (drive.speed, rig.wheels.rollers, ts)
     ):
@@ -44,23 +47,31 @@ def propagation_obstacle(rig: Rig, drive: SpeedDrive, ts, model: str = "coupled"
 
 
 def propagate(
-    rig: Rig, drive: SpeedDrive, ts: Float[Array | np.ndarray, " t"], *, model: str = "coupled"
+    rig: Rig | str | Path,
+    drive: SpeedDrive | Values,
+    ts: Vector | float | str,
+    *,
+    model: str = "coupled",
 ) -> Trajectory:
     """Trajectory of `rig` at prescribed wheel speeds, in closed form; samples at `ts` (s).
 
-    Starts at ts[0] in static equilibrium, as `simulate` does, with the same channels.  The cost
-    does not depend on the contact's damping or stiffness.  Raises `ValueError` for a rig that the
-    closed form does not cover (`exact_obstacle` says why).
+    Rig, wheel speeds and sample times (or a duration) as `simulate` takes them.  Starts at ts[0]
+    in static equilibrium, as `simulate` does, with the same channels.  The cost
+    does not depend on the contact's damping or stiffness.  Raises `InputError` for input that does
+    not fit, and `ValueError` for a rig that the closed form does not cover (`exact_obstacle` says
+    why).
 
     Source: the paper's eqs. 32-42 at known speeds (`docs/theory.md`, prescribed speeds); Van
     Loan, IEEE Trans. Autom. Control 23 (1978).
     """
-    ts = jnp.asarray(ts, float)
-    if any(is_traced(x) for x in jax.tree.leaves((rig, drive, ts))):
-        _covered(rig, drive, ts, model)
-        return _traced(rig, drive, ts, model)
+    rig, ts = as_rig(rig), as_times(ts)
+    turned = drive_for(rig, drive)
+    _check_covered(rig, turned, ts, model)
+    assert isinstance(turned, SpeedDrive)  # other drives are an obstacle
+    if any(is_traced(x) for x in jax.tree.leaves((rig, turned, ts))):
+        return _traced(rig, turned, ts, model)
     runs, samples = Gathered(len(ts)), min(EXACT_PIECE, room(len(ts)))
-    for piece in propagate_in_pieces(rig, drive, np.asarray(ts), model=model, samples=samples):
+    for piece in propagate_in_pieces(rig, turned, np.asarray(ts), model=model, samples=samples):
         runs.add(piece.run)
     return runs.whole()
 
@@ -89,7 +100,7 @@ def propagate_in_pieces(
     is not sampled again, and has the start time `origin`.  The memory needed does not grow with
     the length of the run.  Raises as `propagate`.
     """
-    _covered(rig, drive, ts, model)
+    _check_covered(rig, drive, ts, model)
     times = np.asarray(ts, float)
     start = on_device(times[0] if origin is None else origin)
     done = 0 if begun is None else 1
@@ -124,7 +135,7 @@ def reached_like(rig: Rig, drive: SpeedDrive, model: str = "coupled") -> Reached
     return Reached(on_device(np.zeros(size)), on_device(np.zeros(4)))
 
 
-def _covered(rig: Rig, drive: SpeedDrive, ts, model: str) -> None:
+def _check_covered(rig: Rig, drive: AbstractDrive, ts, model: str) -> None:
     reason = propagation_obstacle(rig, drive, ts, model)
     if reason is not None:
         raise ValueError(f"no exact propagation: {reason}; use `simulate`.")

@@ -6,7 +6,7 @@ from jaxtyping import Array, Float
 
 from ...dynamics import Model, State
 from ...rig import Rig
-from .._drives import AbstractDrive, Values, as_drive, check_drive
+from .._drives import AbstractDrive, Values, drive_for
 from .state_vector import build_model, initial_state, pack, scaled_field, state_scale, unpack
 
 
@@ -19,8 +19,7 @@ def term(
     tolerance serves all of it: `start_vector` begins it, `state_of` reads it.  `start` is the time
     in s at which the run begins.  Raises `InputError` for a drive that does not fit.
     """
-    drive = as_drive(drive)
-    check_drive(rig, drive)
+    drive = drive_for(rig, drive)
     built = build_model(rig, model)
     args = built, drive, start, _scale(built)
     return dfx.ODETerm(lambda time, vector, _: scaled_field(time, vector, args))
@@ -33,8 +32,7 @@ def start_vector(
 
     Raises `InputError` for a drive that does not fit.
     """
-    drive = as_drive(drive)
-    check_drive(rig, drive)
+    drive = drive_for(rig, drive)
     built = build_model(rig, model)
     return pack(built, initial_state(built, drive, start), _scale(built))
 

@@ -17,13 +17,14 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, Int
 
 from ..._compiling import Effort
+from ..._errors import InputError
 from ..._programs import kept
 from ...dynamics import Model, linear_system, position_input, torque_driven
 from ...rig import Rig
 from .._batch_last import side_by_side
 from .._channels import trajectory
 from .._commands import torque_inputs
-from .._drives import TorqueDrive
+from .._drives import TorqueDrive, as_times, check_drive
 from .._one_kernel import is_asked
 from .._trajectory import Trajectory
 from . import exponential_step as exponential
@@ -189,20 +190,23 @@ def simulate_many(
 ) -> Trajectory:
     """Trajectories of `rigs` (every leaf with a leading axis) under one torque drive.
 
-    `ts` are evenly spaced; `substeps` steps pass two samples.  Errors are not controlled: compare
-    with twice the substeps, or with `simulate` on one rig.  Under `jax.jit` only those channels
-    cost anything that are used.  `method` is `exponential`, `runge-kutta` (a third of the time a
-    step and less, for steps of a radian of the fastest mode at most), or `auto`: the latter where
-    the steps are as short, as far as the rigs' numbers are known (they are not under `jax.jit`).
+    Rigs are such as `jax.vmap` makes them.  `ts` are evenly spaced; `substeps` steps pass two
+    samples.  Errors are not controlled: compare with twice the substeps, or with `simulate` on one
+    rig.  Under `jax.jit` only those channels cost anything that are used.
 
-    Arrays (rigs, samples, ...) in SI.  Raises `ValueError` for an unknown method, nothing for a run
-    that diverges: its status is non-finite.
+    `method` is `exponential`, `runge-kutta` (a third of the time a step and less, for steps of a
+    radian of the fastest mode at most), or `auto`: the latter where the steps are as short, as far
+    as the rigs' numbers are known (they are not under `jax.jit`).
+
+    Arrays (rigs, samples, ...) in SI: `evaluate` takes them inside `jax.vmap`.  Raises `InputError`
+    for input that does not fit; nothing for a run that diverges: its status is non-finite.
 
     Source: as `simulate`; Krogstad, J. Comput. Phys. 203 (2005).
     """
     if method not in ("auto", *METHODS):
-        raise ValueError(f"`method` must be one of {['auto', *METHODS]}, but is {method!r}.")
-    ts = jnp.asarray(ts, float)
+        raise InputError(f"`method` must be one of {['auto', *METHODS]}, but is {method!r}.")
+    ts = as_times(ts)
+    _check_batch(rigs, drive, ts, substeps)
     if method == "auto":
         unknown = any(isinstance(x, Tracer) for x in (ts, substeps))
         radians = (
@@ -212,6 +216,30 @@ def simulate_many(
         )
         method = RUNGE_KUTTA if radians <= RADIANS else EXPONENTIAL
     return _simulate_many(rigs, drive, ts, model, jnp.asarray(substeps), method, effort=Effort.MOST)
+
+
+def _check_batch(rigs: Any, drive: Any, ts: Float[Array, " t"], substeps: Any) -> None:
+    """`InputError` for what `simulate_many` cannot take."""
+    sizes = {jnp.shape(x)[:1] for x in jax.tree.leaves(eqx.filter(rigs, eqx.is_array))}
+    if not isinstance(rigs, Rig) or len(sizes) != 1 or sizes == {()}:
+        raise InputError(
+            "`rigs` must be a `Rig` of which every number has one more axis in front, as "
+            "`jax.vmap` makes it of many values; `simulate` takes one rig."
+        )
+    if not isinstance(drive, TorqueDrive):
+        raise InputError(
+            "`drive` must be motor torques, as `torques` makes them, but is a "
+            f"{type(drive).__name__}."
+        )
+    check_drive(rigs, drive)
+    if not isinstance(ts, Tracer):
+        steps = np.diff(np.asarray(ts))
+        if len(steps) < 1 or np.ptp(steps) > 1e-6 * steps.mean():
+            raise InputError("`ts` must be two times or more at even steps.")
+    if not isinstance(substeps, Tracer) and (
+        not np.issubdtype(np.asarray(substeps).dtype, np.integer) or np.any(np.less(substeps, 1))
+    ):
+        raise InputError(f"`substeps` must be a whole number of 1 and above, but is {substeps}.")
 
 
 @eqx.filter_jit

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from ..._errors import InputError
 from ...rig import Rig, as_rig
 from .._between import at_samples, to_be_seen
-from .._drives import AbstractDrive, SpeedDrive, Values, as_drive, as_times, check_drive
+from .._drives import AbstractDrive, SpeedDrive, Values, as_times, drive_for
 from .._exact import propagate, propagation_obstacle
 from .._signals import Vector
 from .._trajectory import Trajectory
@@ -50,8 +50,7 @@ def simulate(
     Ostermann, Acta Numerica 2010 (exponential methods).
     """
     rig = as_rig(rig)
-    drive, ts = as_drive(drive), as_times(ts, duration, rate)
-    check_drive(rig, drive)
+    drive, ts = drive_for(rig, drive), as_times(ts, duration, rate)
     rig, fine, points = to_be_seen(rig, ts)
     built = build_model(rig, model, keep_radius_rate)
     exact = goes_exactly(rig, drive, fine, model, solver, keep_radius_rate)
@@ -82,8 +81,6 @@ def exact_run_obstacle(
     rig: Rig, drive: AbstractDrive, ts, model: str = "coupled", keep_radius_rate: bool = False
 ) -> str | None:
     """Why this run has no closed form, in words; None where it has one."""
-    if not isinstance(drive, SpeedDrive):
-        return "motor torques drive the wheels"
     if keep_radius_rate:
         return "the rate of the rolling radius is kept"
     return propagation_obstacle(rig, drive, ts, model)

@@ -15,6 +15,7 @@ from ..._result import AbstractResult
 from ..._root import root
 from ..._status import Status
 from ...rig import Rig, as_rig, typed_numbers
+from .._drives import check_vector
 from .._exact import exact_obstacle, levels_needed, longest_passage
 from .._signals import Vector
 from .long_run import LongRun
@@ -135,8 +136,9 @@ def steady_state(
     `force` on the platform (N) accelerates the machine as a whole and adds a constant deflection;
     accelerations are those of the inertial frame, so the common one is part of them.  Where the
     wheels do not hold the sphere in every direction, or figures are not finite, `status` says so
-    and all figures are NaN, inside transformations too.  Raises `ValueError` for a rig with laws
-    that are not linear in the elastic state.
+    and all figures are NaN, inside transformations too.  Raises `InputError` for numbers that do
+    not fit or are not finite, `ValueError` for a rig with laws that are not linear in the elastic
+    state.
 
     Source: the paper's eqs. 32-42, periodic (`docs/theory.md`, prescribed speeds).
     """
@@ -145,13 +147,15 @@ def steady_state(
     if reason is not None:
         raise ValueError(f"no closed-form steady state: {reason}; use `simulate`.")
     speeds = jnp.asarray(typed_numbers("speeds", speeds, "rad/s"), float)
-    if speeds.shape != (rig.size,):
-        raise ValueError(f"`speeds` must have {rig.size} entries, but has shape {speeds.shape}.")
     angles = jnp.zeros(rig.size) if angles is None else jnp.asarray(angles, float)
+    force = None if force is None else jnp.asarray(force, float)
+    check_vector("speeds", speeds, rig.size)
+    check_vector("angles", angles, rig.size)
+    if force is not None:
+        check_vector("force", force, 3)
     passage = longest_passage(rig, speeds, angles, model)
     bits = bits_needed(passage) if grid_bits is None else grid_bits
     levels = levels_needed(passage, bits)
-    force = None if force is None else jnp.asarray(force, float)
     return _steady(rig, speeds, angles, model, harmonics, bits, sharpness, levels, force)
 
 

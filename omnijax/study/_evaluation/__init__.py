@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from .drives import turning as turning
     from .evaluation import Evaluation as Evaluation
     from .evaluation import checked_metrics as checked_metrics
+    from .evaluation import read_run as read_run
     from .evaluation import samples_of as samples_of
     from .evaluation import without_run as without_run
     from .fixed_steps import checked_after as checked_after

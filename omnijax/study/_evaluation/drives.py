@@ -9,8 +9,7 @@ import numpy as np
 
 from ..._errors import InputError
 from ...rig import Rig, put_parameter
-from ...simulation import Signal, SpeedDrive, TorqueDrive, is_constant
-from ...simulation import speeds as speed_drive
+from ...simulation import Signal, SpeedDrive, TorqueDrive, drive_for, is_constant
 
 Drive = SpeedDrive | TorqueDrive
 _OPTIONAL = ("initial_angle", "initial_velocity")
@@ -135,24 +134,14 @@ def apply(rig: Rig, drive: Drive, paths: tuple[str, ...], values) -> tuple[Rig, 
     return rig, drive
 
 
-def drive_of(given: Any, names: tuple[str, ...]) -> Drive:
-    """A drive as it is, or constant wheel speeds (rad/s) as one.
+def drive_of(given: Any, rig: Rig) -> Drive:
+    """A drive, or constant wheel speeds as one, as `simulate` takes them.
 
-    Raises `InputError` for another number of wheels than `names`, and for what is neither.
+    Raises `InputError` for what is neither or does not fit the rig.
     """
-    if isinstance(given, SpeedDrive | TorqueDrive):
-        size = turning(given).size
-        if size != len(names):
-            raise InputError(f"the drive has {size} wheels, but the rig has {len(names)}.")
-        return given
-    try:
-        values = np.atleast_1d(np.asarray(given, float))
-    except (TypeError, ValueError):
+    drive = drive_for(rig, given)
+    if not isinstance(drive, Drive):
         raise InputError(
-            f"a drive is one of omnijax, or wheel speeds, but not {given!r}."
-        ) from None
-    if values.shape != (len(names),):
-        raise InputError(
-            f"`speed` must have one value a wheel ({len(names)}), but has {values.size}."
+            f"studies take the drives of omnijax alone, but not a {type(drive).__name__}."
         )
-    return speed_drive(values.tolist())
+    return drive

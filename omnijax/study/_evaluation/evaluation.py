@@ -9,7 +9,7 @@ from jaxtyping import Array, Float, Int
 
 from ..._errors import InputError, not_above_zero
 from ..._status import FAILED, Status
-from ...rig import Rig
+from ...rig import Rig, typed_above_zero
 from ...simulation import (
     EXPONENTIAL,
     MAX_STEPS,
@@ -159,6 +159,16 @@ def without_run(duration: float | None, **settings: Any) -> list[str]:
     """A sentence for each of `settings` (None: not given) of a run where no run is asked for."""
     given = [name for name, value in settings.items() if value is not None and duration is None]
     return [f"`{name}` is that of a run, which has a `duration`: give both." for name in given]
+
+
+def read_run(
+    duration: float | str | None, rate: float | str | None
+) -> tuple[float | None, float | None]:
+    """Duration (s) and rate (1/s) of a run as numbers, of text with units too; None: not given."""
+    return (
+        None if duration is None else typed_above_zero("duration", duration, "s"),
+        None if rate is None else typed_above_zero("rate", rate, "Hz"),
+    )
 
 
 def samples_of(duration: float | None, rate: float | None) -> np.ndarray | None:

@@ -23,6 +23,7 @@ from .._evaluation import (
     checked_metrics,
     drive_of,
     evaluation_of,
+    read_run,
 )
 from .._parameters import (
     checked_parameters,
@@ -188,20 +189,21 @@ def _figures_and_slopes(how: Any, rig: Rig, drive: Drive, paths: tuple[str, ...]
 
 def sensitivity(
     rig: Rig | str | Path,
-    drive: Drive | Sequence[float],
+    drive: Drive | Sequence[float | str] | str,
     metrics: Sequence[str] | str = ("rms", "peak"),
     *,
-    parameters: Sequence[str] | None = None,
-    duration: float | None = None,
-    rate: float | None = None,
+    parameters: Sequence[str] | str | None = None,
+    duration: float | str | None = None,
+    rate: float | str | None = None,
     model: str = "coupled",
     rtol: float | None = None,
     check: bool = False,
 ) -> Sensitivity:
     """Exact derivatives of `metrics` with respect to every parameter of `rig` that is one number.
 
-    `drive` is a drive or constant wheel speeds (rad/s).  Without `duration` (s) the metrics are
-    those of the steady state, else of a run sampled at `rate` (1/s).  Forward mode over the vector
+    `drive` is a drive or constant wheel speeds (rad/s, or text with units).  Without
+    `duration` (s) the metrics are those of the steady state, else of a run sampled at `rate` (1/s).
+    Forward mode over the vector
     of parameters, one compiled function.  `check` adds finite differences.  Directions (normal,
     drive, gravity) and inertia tensors are not numbers and stay out.  An `rtol` asks for runs by
     the adaptive solver where there is no closed form.
@@ -213,10 +215,13 @@ def sensitivity(
     differences.
     """
     machine = as_rig(rig)
-    chosen = drive_of(drive, machine.names)
+    chosen = drive_of(drive, machine)
     paths = scalar_parameters(machine)
+    if isinstance(parameters, str):
+        parameters = [path.strip() for path in parameters.split(",")]
     paths = paths if parameters is None else checked_parameters(machine, parameters)
     names = checked_metrics(metrics)
+    duration, rate = read_run(duration, rate)
     asked = Question(machine, (chosen,), paths, names, model, duration, gradient=True)
     how, _ = evaluation_of(asked, rate, rtol=rtol)
     values = values_of(machine, paths)

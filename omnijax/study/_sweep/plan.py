@@ -149,7 +149,7 @@ def read_drive(rig: Rig, speeds: Any, drive: Any) -> Drive:
     """The one drive of speeds and drive; `InputError` where it is none or does not fit the rig."""
     if (speeds is None) == (drive is None):
         raise InputError("a sweep needs either wheel speeds or another drive, and not both.")
-    return drive_of(speeds if drive is None else drive, rig.names)
+    return drive_of(speeds if drive is None else drive, rig)
 
 
 def _check(sampling: Sampling, numerics: Numerics) -> None:

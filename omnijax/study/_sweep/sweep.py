@@ -19,7 +19,7 @@ from ..._files import obstacle_of
 from ..._interrupts import answer, end_children, interrupted, raise_lost, saying
 from ...rig import Rig, as_rig
 from ...simulation import AbstractDrive
-from .._evaluation import checked_after, sample_to_check
+from .._evaluation import checked_after, read_run, sample_to_check
 from .._study_folder import tell_of_a_start
 from .dask import check_cluster, over_cluster
 from .evaluator import Evaluator, gradient_name, quantities
@@ -36,10 +36,10 @@ def sweep(
     vary: Mapping[str, Any] | Sequence[str] | str,
     metrics: Sequence[str] | str = ("peak", "rms"),
     *,
-    speeds: Sequence[float] | None = None,
-    drive: AbstractDrive | Sequence[float] | None = None,
-    duration: float | None = None,
-    rate: float | None = None,
+    speeds: Sequence[float | str] | str | None = None,
+    drive: AbstractDrive | Sequence[float | str] | str | None = None,
+    duration: float | str | None = None,
+    rate: float | str | None = None,
     model: str = "coupled",
     solver: str = "auto",
     rtol: float | None = None,
@@ -62,7 +62,7 @@ def sweep(
     `vary` maps parameter paths, or quantities of the drive (`speed.w1`, `speed.scale`, `force.x`),
     to ranges: "0.1:0.6:50", "log:5e4:1e6:40", a list, or "low:high" for the samplers `lhs` and
     `sobol`.  `speeds` (rad/s, one a wheel) or `drive` say how the wheels turn; without `duration`
-    (s) the figures are those of the steady state.  `rate` is in samples per s.
+    (s, or "2 s") the figures are those of the steady state.  `rate` is in samples per s ("1 kHz").
 
     The method of evaluation is chosen from rig and drive and is part of the result.  With `out` the
     results go to a zarr store, which `resume` continues; `devices` spreads a batch over local
@@ -75,7 +75,7 @@ def sweep(
     rig_file = str(rig) if isinstance(rig, str | Path) else None
     machine = as_rig(rig)
     sampling = Sampling(sampler, samples, seed, gradient, chunk, devices)
-    numerics = Numerics(model, solver, duration, rate, rtol, max_steps)
+    numerics = Numerics(model, solver, *read_run(duration, rate), rtol, max_steps)
     asked, why = plan(
         machine, vary, metrics, read_drive(machine, speeds, drive), sampling, numerics
     )
