@@ -16,7 +16,7 @@ from benchmarks.hidden_effects.cases import drawn, planted
 from benchmarks.hidden_effects.effects import KNOWN, OUTSIDE
 from benchmarks.hidden_effects.machines import FINE, drawn_machine
 from benchmarks.hidden_effects.oracle import TELLS, honest, told, told_apart
-from benchmarks.hidden_effects.report import holms, report
+from benchmarks.hidden_effects.report import _sizes, holms, report
 from benchmarks.hidden_effects.sensors import shifted, smoothly_lagged
 from omnijax.diagnosis import Diagnosis
 from omnijax.diagnosis._answer import Named
@@ -253,3 +253,15 @@ def test_a_slow_sensor_shows_a_tone_as_the_closed_form_does():
         exact = np.sin(w * t - np.arctan(w * tau)) / np.hypot(1, w * tau)
         settled = t > 12 * tau
         assert np.abs(shown - exact)[settled].max() < 2e-4, (tau, frequency)
+
+
+def test_an_effect_that_the_first_run_cannot_show_is_of_no_size():
+    """A roller that never passes there; seed 851's sensor reached its limit in another run."""
+    passed = cases.taught(drawn(1087), [1.5])
+    assert passed == [0.0]
+    case = drawn(851)
+    clipped, offset = cases.taught(case, cases.sized(case))
+    assert 2.0 < clipped < 8.0 and 2.0 < offset < 8.0  # four times the visible size, of 3 s
+    line = {"factors": [4.0, 1.0, 0.5], "shows": 5.0}
+    assert _sizes(line) == [4.0, 1.0, 0.5]
+    assert _sizes({**line, "taught": [2.9, 0.0, 0.2]}) == [4.0, 0.0, 0.25]

@@ -13,7 +13,7 @@ from scipy.stats import norm
 from omnijax.diagnosis import Diagnosis, diagnose
 
 from .._lines import commit
-from .cases import Drawn, drawn, recorded, sized, written
+from .cases import Drawn, drawn, recorded, sized, taught, written
 from .effects import Hidden
 from .oracle import honest, told, told_apart
 
@@ -27,6 +27,7 @@ def answered(seed: int, kind: str | None = None) -> dict:
     case = drawn(seed, kind)
     sizes = sized(case)
     tables, shows = recorded(case, sizes)
+    first = taught(case, sizes)
     with tempfile.TemporaryDirectory() as folder:
         written(Path(folder), case, sizes, tables)
         started = time.process_time()
@@ -43,7 +44,7 @@ def answered(seed: int, kind: str | None = None) -> dict:
     apart = told_apart(found, true) if found.verdict == asked else None
     return {
         "seed": seed, "kind": case.kind, "commit": commit(), "cpu": round(seconds, 1),
-        "shows": _short(shows), "factors": case.factors,
+        "shows": _short(shows), "factors": case.factors, "taught": [_short(x) for x in first],
         "hidden": [{"id": h.id, "place": h.place, "parameters": _plain(h.truth(x))}
                    for h, x in hidden],
         "noise": [case.noise["how"], case.noise["fault"]],

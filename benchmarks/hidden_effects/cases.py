@@ -156,10 +156,10 @@ def outputs(lanes: list[Lane], steps: float = plant.STEPS) -> list[np.ndarray]:
         given.append((case.start[k], torque[k], case.force[k], rig, e))
     stacked = jax.tree.map(lambda *x: np.stack(x), *given)
     made = np.array(plant.side_by_side(*stacked, rate=FINE, steps=steps))
-    tops: dict[tuple, np.ndarray] = {}  # by case and sizes: a sensor's range is one in all runs
-    for out, (case, _, sizes) in zip(made, lanes, strict=True):
-        key, peak = (id(case), *sizes), np.abs(out).max(axis=0)
-        tops[key] = np.maximum(tops.get(key, peak), peak)
+    tops = {  # a sensor's range is one in all runs, and the first one reaches it
+        (id(case), *sizes): np.abs(out).max(axis=0)
+        for out, (case, k, sizes) in zip(made, lanes, strict=True) if k == 0
+    }  # fmt: skip
     return [sensed(case, out, sizes, tops[id(case), *sizes])
             for out, (case, _, sizes) in zip(made, lanes, strict=True)]  # fmt: skip
 
@@ -167,7 +167,7 @@ def outputs(lanes: list[Lane], steps: float = plant.STEPS) -> list[np.ndarray]:
 def sensed(case: Drawn, out: np.ndarray, sizes: list[float], tops: np.ndarray) -> np.ndarray:
     """The readings: hidden effects of sensors, then a logger's clock.
 
-    `tops` (columns,) are the largest outputs of all runs.
+    `tops` (columns,) are the largest outputs of the first run.
     """
     for h, x in zip(case.hidden, sizes, strict=True):
         if h.sensor is not None:
@@ -227,6 +227,20 @@ def sized(case: Drawn) -> list[float]:
             x = _interpolated(one, h, np.clip(x * ladder, h.least, h.most), factor)
         found.append(float(np.clip(x, h.least, h.most)))
     return found
+
+
+def taught(case: Drawn, sizes: list[float]) -> list[float]:
+    """By effect how far it alone shows in the first run, in sigma: what cannot show there (a
+    roller that never passes the contact) no fit can find."""
+    first = dataclasses.replace(case, torque=case.torque[:1], force=case.force[:1])
+    lanes: list[Lane] = []
+    for h, x in zip(case.hidden, sizes, strict=True):
+        one = dataclasses.replace(first, hidden=[h])
+        lanes += [(one, 0, [x]), (silent(one), 0, [x])]
+    if not lanes:
+        return []
+    made = outputs(lanes + lanes[:1] * (-len(lanes) % LANES))
+    return [shown(first, made[2 * i], made[2 * i + 1], h.seen) for i, h in enumerate(case.hidden)]
 
 
 def _interpolated(case: Drawn, h: Hidden, tried: np.ndarray, factor: float) -> float:

@@ -286,7 +286,7 @@ def _crosstalk(rng, m):
 
 
 def _clipped(rng, m):
-    """A channel at its limit: size x cuts what is above the share 1 - x of its peak in all runs."""
+    """A channel at its limit: size x cuts what is above 1 - x of the first run's peak."""
     j, name = _channel(rng, m, ("dR",))
 
     def clipped(out, x, tops):

@@ -8,6 +8,7 @@ from scipy.stats import kstest
 
 from .._lines import rate
 from .answers import rank
+from .cases import SIZES
 
 SINCE = 227  # seed from which plants and answers are drawn and judged as they are now
 BINS = (0.0, 0.18, 0.35, 0.7, 1.4, 2.8, np.inf)  # of what shows, in sigma, about the sizes drawn
@@ -24,12 +25,22 @@ def report(lines: list[dict]) -> str:
     return "\n\n".join("\n".join(part) for part in parts)
 
 
+def _sizes(line: dict) -> list[float]:
+    """Visible sizes by effect: less than was drawn where a size was cut off at what is sensible, or
+    where the first run does not show it."""
+    factors = line["factors"]
+    return [
+        f if shown >= 0.7 * f else max((s for s in SIZES if s <= 1.3 * shown), default=0.0)
+        for f, shown in zip(factors, line.get("taught", factors), strict=True)
+    ]
+
+
 def _rates(lines: list[dict]) -> list[str]:
     def of(*kinds, test=lambda x: True):
         return [x for x in lines if x["kind"] in kinds and test(x)]
 
-    def least(x):  # a size that was cut off at what is sensible shows less than was drawn
-        return min([*x["factors"], 1.05 * x["shows"]])
+    def least(x):
+        return min([*_sizes(x), 1.05 * x["shows"]])
 
     def alone(x):
         return x["right"] and x["verdict"] == "named"
