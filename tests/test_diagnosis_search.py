@@ -832,6 +832,36 @@ def test_overlapping_laws_are_taken_in_on_trust_beside_a_gap_that_is_not_strong(
     assert not outcome.trials[0][0].accepted
 
 
+def test_a_law_that_held_out_runs_refuse_hides_none_that_they_accept():
+    """Near the noise only the best law was refitted, whatever held-out runs said of it; and what
+    leads by the fitted runs alone took another's place before they refused it too."""
+    rng, rows = drawn_anew("a refused law"), 3000
+    true, by_chance = np.linalg.qr(rng.normal(size=(rows, 2)))[0].T
+    noise = {split: rng.normal(size=rows) for split in ("train", "held-out")}
+    noise["train"] += (4 - by_chance @ noise["train"]) * by_chance
+    best = 25 * true + 4 * by_chance
+    shapes = {
+        "train": {"bearing-coulomb": best / np.linalg.norm(best), "shaft-drag": true},
+        "held-out": {"bearing-coulomb": -true, "shaft-drag": true},
+    }
+
+    def residual(values, laws, split):
+        out = noise[split] + 25.0 * shapes[split]["shaft-drag"]
+        for given in laws:
+            (key,) = (k for k, p in given.parameters.items() if p.linear)
+            out = out - float(getattr(given, key)) * shapes[split][given.id]
+        return out
+
+    model = SmallModel(residual, [], {id: LAWS[id] for id in shapes["train"]}, "shaft")
+    outcome = Search(model).run()
+    first, second = outcome.trials[0]
+    assert [e.id for e in outcome.fit.point.effects] == ["shaft-drag"]
+    assert {first.effect.id: first.accepted, second.effect.id: second.accepted} == {
+        "bearing-coulomb": False,
+        "shaft-drag": True,
+    }
+
+
 def test_what_is_left_of_a_strong_gap_is_strong_however_much_was_explained():
     """A 200th of what there was to explain counts as noise only where it is not strong itself."""
     model = overlapping(drawn_anew("left of a strong gap"))

@@ -157,8 +157,10 @@ class Review:
                 least = -self.settings.equal
             elif self._widens(effects[i], rival):  # what it is more than the rival has to show
                 least = self.settings.equal
-            if margin < least:  # by train runs alone
-                return new, []
+            if margin < least:  # by train runs alone, unless held-out runs refuse it
+                if self._foretells(new, fit, i):
+                    return new, []
+                continue
             if margin < self.settings.near:
                 margin += held
             if self._widens(rival, effects[i]):  # one that explains as much is no other explanation
@@ -168,6 +170,12 @@ class Review:
             cosine = again.cosine(mine[0].index, score.index) if mine else 0.0
             rivals.append((rival, margin, cosine))
         return None, sorted(rivals, key=lambda f: f[1])
+
+    def _foretells(self, new: Fit, fit: Fit, i: int) -> bool:
+        """Whether held-out runs are no better foretold without the rival in place of effect i."""
+        effects = fit.point.effects
+        without = fit.point.with_effects(*effects[:i], *effects[i + 1 :])
+        return not self._refused(refit(self.model, without, rounds=WITHOUT), new)
 
     def _refitted(self, fit: Fit, i: int, score: Score) -> Fit:
         """The refit with a scored candidate in place of effect i."""

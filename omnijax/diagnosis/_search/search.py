@@ -373,7 +373,8 @@ class Search:
             if all(self.little(fit, t) for t in trials) and len(trials) > 1:
                 break  # those after them promise less
             left = float(before @ before) - trial.held.gain
-            if trial.fit.chi2 < self.settings.nearly * train and left < self.settings.nearly * held:
+            near = trial.fit.chi2 < self.settings.nearly * train
+            if trial.accepted and near and left < self.settings.nearly * held:
                 return self.ranked(fit, trials)  # rivals: in the review
         if not all(self.little(fit, t) for t in trials):
             trials = self.refits.with_widths(fit, trials, before)
