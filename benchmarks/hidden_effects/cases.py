@@ -157,7 +157,7 @@ def outputs(lanes: list[Lane], steps: float = plant.STEPS) -> list[np.ndarray]:
     stacked = jax.tree.map(lambda *x: np.stack(x), *given)
     made = np.array(plant.side_by_side(*stacked, rate=FINE, steps=steps))
     tops = {  # a sensor's range is one in all runs, and the first one reaches it
-        (id(case), *sizes): np.abs(out).max(axis=0)
+        (id(case), *sizes): np.abs(out[: _size_end(case)]).max(axis=0)
         for out, (case, k, sizes) in zip(made, lanes, strict=True) if k == 0
     }  # fmt: skip
     return [sensed(case, out, sizes, tops[id(case), *sizes])
@@ -167,7 +167,7 @@ def outputs(lanes: list[Lane], steps: float = plant.STEPS) -> list[np.ndarray]:
 def sensed(case: Drawn, out: np.ndarray, sizes: list[float], tops: np.ndarray) -> np.ndarray:
     """The readings: hidden effects of sensors, then a logger's clock.
 
-    `tops` (columns,) are the largest outputs of the first run.
+    `tops` (columns,) are the largest outputs of what the sizes are found by.
     """
     for h, x in zip(case.hidden, sizes, strict=True):
         if h.sensor is not None:
@@ -207,6 +207,16 @@ def _detrended(part: np.ndarray, window: int) -> np.ndarray:
     return np.concatenate(out)
 
 
+def _size_end(case: Drawn) -> int:
+    """Samples of the first run by which sizes are found."""
+    return round((case.cut + 2.5) * FINE)
+
+
+def _recorded_end(case: Drawn) -> int:
+    """Samples of a run up to the end of its recording."""
+    return round(case.cut * FINE) + round(SECONDS * FINE) + 1
+
+
 def silent(case: Drawn) -> Drawn:
     """The case with the machine of its effects, without the effects themselves."""
     bare = [dataclasses.replace(h, physics=lambda x: [], command=None, sensor=None, limit=None)
@@ -219,7 +229,7 @@ def sized(case: Drawn) -> list[float]:
 
     From short runs with steps that are five times as long.
     """
-    found, end = [], round((case.cut + 2.5) * FINE)
+    found, end = [], _size_end(case)
     short = dataclasses.replace(case, torque=case.torque[:1, :end], force=case.force[:1, :end])
     for h, factor in zip(case.hidden, case.factors, strict=True):
         one, x = dataclasses.replace(short, hidden=[h], factors=[factor]), h.nominal
@@ -239,7 +249,8 @@ def taught(case: Drawn, sizes: list[float]) -> list[float]:
         lanes += [(one, 0, [x]), (silent(one), 0, [x])]
     if not lanes:
         return []
-    made = outputs(lanes + lanes[:1] * (-len(lanes) % LANES))
+    last = _recorded_end(case)
+    made = [out[:last] for out in outputs(lanes + lanes[:1] * (-len(lanes) % LANES))]
     return [shown(first, made[2 * i], made[2 * i + 1], h.seen) for i, h in enumerate(case.hidden)]
 
 
@@ -268,7 +279,7 @@ def recorded(case: Drawn, sizes: list[float]) -> tuple[list[dict[str, np.ndarray
     bare = silent(case)
     lanes = [(one, k % runs, sizes) for one in (case, bare) for k in range(LANES // 2)]
     first, wheels = round(case.cut * FINE), case.machine.wheels
-    last = first + round(SECONDS * FINE) + 1
+    last = _recorded_end(case)
     both = [out[:last] for out in outputs(lanes)]
     made, without = both[: LANES // 2], both[LANES // 2 :]
     if not all(np.all(np.isfinite(x)) for x in made):
