@@ -112,3 +112,24 @@ def test_figures_of_a_batch_are_asked_for_one_by_one(batches):
         run = jax.tree.map(lambda x, i=i: x[i], runs)
         assert run.ok and float(peaks[i]) == float(omnijax.evaluate(run, rig, "peak")["peak"])
         np.testing.assert_array_equal(runs["dR_x"][i], run["dR_x"])
+
+
+def test_a_batch_of_rigs_is_no_rig(batches):
+    """Its file was written, and could not be read; as many rigs as wheels were simulated as one."""
+    rig, runs, _ = batches
+    rigs = jax.vmap(lambda x: omnijax.set_parameter(rig, "wheel.roundness", x))(
+        jnp.linspace(0.1, 0.3, rig.size)
+    )
+    run, turns = jax.tree.map(lambda x: x[0], runs), [1.0] * rig.size
+    for ask in (
+        lambda: omnijax.simulate(rigs, turns, "0.1 s"), lambda: propagate(rigs, turns, "0.1 s"),
+        lambda: steady_state(rigs, turns), lambda: modes(rigs), lambda: omnijax.rig_text(rigs),
+        lambda: omnijax.sensitivity(rigs, turns), lambda: omnijax.natural_frequencies(rigs),
+        lambda: omnijax.sweep(rigs, {"sphere.mass": [1, 2]}, speeds=turns),
+        lambda: omnijax.evaluate(run, rigs, "peak"), lambda: omnijax.measured(run, rigs),
+        lambda: omnijax.save_rig(rigs, "rigs.toml"),
+        lambda: omnijax.get_parameter(rigs, "wheel.w1.roundness"),
+        lambda: omnijax.set_parameter(rigs, "wheel.w1.roundness", 0.2),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=f"this is a batch of {rig.size} rigs where one"):
+            ask()

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from ._machine import place_law as place_law
     from ._open import as_rig as as_rig
     from ._open import bundled_rigs as bundled_rigs
+    from ._open import check_one_rig as check_one_rig
     from ._open import load_rig as load_rig
     from ._open import rig_notes as rig_notes
     from ._open import rig_path as rig_path

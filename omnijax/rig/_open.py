@@ -42,10 +42,25 @@ def load_rig(path: str | Path) -> "Rig":
 
 
 def as_rig(rig: "Rig | str | Path") -> "Rig":
-    """A rig as it is, or that of a file or of a bundled name, as `load_rig` reads it."""
+    """A rig as it is, or that of a file or of a bundled name, as `load_rig` reads it.
+
+    Raises `InputError` for a batch of rigs, and as `load_rig`.
+    """
     from ._machine import Rig
 
-    return rig if isinstance(rig, Rig) else load_rig(rig)
+    if not isinstance(rig, Rig):
+        return load_rig(rig)
+    check_one_rig(rig)
+    return rig
+
+
+def check_one_rig(rig: "Rig") -> None:
+    """`InputError` for a batch of rigs, as `jax.vmap` makes it."""
+    if shape := getattr(rig.sphere.radius, "shape", ()):
+        raise InputError(
+            f"this is a batch of {'x'.join(map(str, shape))} rigs where one is needed: ask inside "
+            "`jax.vmap`, or take one by `jax.tree.map(lambda x: x[0], rigs)`."
+        )
 
 
 def rig_notes(path: str | Path) -> list[str]:

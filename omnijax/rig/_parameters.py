@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from .._errors import InputError, did_you_mean
 from ..laws import ANY_LENGTH, Parameter, TableShape
 from ._machine import Rig
+from ._open import check_one_rig
 from ._placed import stands_twice
 from ._quantities import InertiaTensor, Quantity, Vector
 from ._schema import (
@@ -81,8 +82,10 @@ class _Place(NamedTuple):
 def get_parameter(rig: Rig, path: str) -> Float[Array, "..."]:
     """Value at `path` in SI; a path that speaks of all wheels gives one entry a wheel.
 
-    Raises `InputError` with the nearest path for one that the rig does not have.
+    Raises `InputError` with the nearest path for one that the rig does not have, and for a batch
+    of rigs.
     """
+    check_one_rig(rig)
     place = _locate(rig, path)
     leaf = jnp.asarray(place.leaf(rig))
     return leaf if place.index is None else leaf[place.index]
@@ -93,9 +96,11 @@ def set_parameter(rig: Rig, path: str, value: Any) -> Rig:
 
     `value` is a number or an array in SI, text with a unit as in a rig file (`"200 kN/m"`), or a
     list of such, of the shape that `parameter_info` says; one value is given to every wheel.
-    Raises `InputError` for an unknown path, an unknown unit, another shape, or a value outside of
-    the range of `parameter_info`.  Traced values pass as they are: their range is not known.
+    Raises `InputError` for an unknown path, an unknown unit, another shape, a value outside of the
+    range of `parameter_info`, and a batch of rigs.  Traced values pass as they are: their range is
+    not known.
     """
+    check_one_rig(rig)
     return put_parameter(rig, path, _checked(_changeable(rig, path).quantity, path, value))
 
 

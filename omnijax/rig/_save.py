@@ -15,6 +15,7 @@ from .._toml import toml_value
 from ..laws import EFFECTS, AbstractLaw, DualRow, TableShape, of_library
 from ._check import problems
 from ._machine import Rig
+from ._open import check_one_rig
 from ._parameters import law_quantity
 from ._placed import stands_twice
 from ._schema import (
@@ -112,6 +113,7 @@ def rig_identity(rig: Rig) -> dict[str, Any]:
 
 def _text(rig: Rig, files: dict[str, bytes] | None, stem: str) -> str:
     """TOML of the rig; `files` collects what goes beside it, or everything stays in the text."""
+    check_one_rig(rig)
     _check_effects(rig)
     lines = ["[sphere]", *_keys(rig.sphere, SphereTable), ""]
     lines += ["[platform]", *_keys(rig.platform, PlatformTable)]

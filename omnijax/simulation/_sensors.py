@@ -8,7 +8,7 @@ import numpy as np
 from .._batch import check_single
 from ..dynamics import sensor_readings
 from ..recording import Recording, at_first_sample
-from ..rig import Rig
+from ..rig import Rig, check_one_rig
 from ._between import SENSOR_POINTS
 from ._drives import TorqueDrive
 from ._run import AbstractRun
@@ -65,11 +65,12 @@ def measured(trajectory: AbstractRun, rig: Rig) -> dict[str, Any]:
 
     SI: m, rad, rad/s, m/s^2.
 
-    Raises `ValueError` for a batch of runs.
+    Raises `ValueError` for a batch of runs or rigs.
 
     Source: the sensors of `docs/formats.md`, recordings.
     """
     check_single(trajectory.status.shape)
+    check_one_rig(rig)
     seen = trajectory if trajectory.between is None else trajectory.between
     points = 1 if trajectory.between is None else SENSOR_POINTS
     time = seen.t - seen.t[0]

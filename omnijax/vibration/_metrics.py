@@ -11,7 +11,7 @@ from .._arrays import largest, smallest
 from .._batch import check_single
 from .._errors import did_you_mean
 from .._root import root
-from ..rig import Rig, up
+from ..rig import Rig, check_one_rig, up
 from ..simulation import RunChannels, SteadyFigures, Trajectory
 from ._amplitude import norm, peak, peak_to_peak, rms, smooth_peak
 from ._comfort import weighted_acceleration
@@ -177,13 +177,14 @@ def evaluate(
     """The named metrics of a run in SI; differentiable.
 
     `names` is a list, or text with commas between.  Raises `ValueError` with the nearest name for
-    an unknown one, and for a batch of runs: ask inside `jax.vmap`.
+    an unknown one, and for a batch of runs or rigs: ask inside `jax.vmap`.
 
     A dict of scalars by name, in the unit that `METRICS` gives.
 
     Source: the definitions in `METRICS`; ISO 2631-1:1997 for the weighted ones.
     """
     check_single(jnp.shape(run.t)[:-1])
+    check_one_rig(rig)
     listed = names.split(",") if isinstance(names, str) else names
     return {name: METRICS[known(name)].of_run(run, rig) for name in map(str.strip, listed)}
 
