@@ -7,6 +7,7 @@ from .._lazy import lazy_face
 if TYPE_CHECKING:
     from .._errors import InputError as InputError
     from .._errors import did_you_mean as did_you_mean
+    from ._batch import check_one_rig as check_one_rig
     from ._check_effects import law_places as law_places
     from ._facts import FACTS as FACTS
     from ._facts import derived as derived
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from ._machine import place_law as place_law
     from ._open import as_rig as as_rig
     from ._open import bundled_rigs as bundled_rigs
-    from ._open import check_one_rig as check_one_rig
     from ._open import load_rig as load_rig
     from ._open import rig_notes as rig_notes
     from ._open import rig_path as rig_path

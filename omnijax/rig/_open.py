@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from .._errors import InputError, did_you_mean
 from .._reading import read_toml
+from ._batch import check_one_rig
 
 if TYPE_CHECKING:
     from ._machine import Rig
@@ -52,15 +53,6 @@ def as_rig(rig: "Rig | str | Path") -> "Rig":
         return load_rig(rig)
     check_one_rig(rig)
     return rig
-
-
-def check_one_rig(rig: "Rig") -> None:
-    """`InputError` for a batch of rigs, as `jax.vmap` makes it."""
-    if shape := getattr(rig.sphere.radius, "shape", ()):
-        raise InputError(
-            f"this is a batch of {'x'.join(map(str, shape))} rigs where one is needed: ask inside "
-            "`jax.vmap`, or take one by `jax.tree.map(lambda x: x[0], rigs)`."
-        )
 
 
 def rig_notes(path: str | Path) -> list[str]:

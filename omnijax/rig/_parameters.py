@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 
 from .._errors import InputError, did_you_mean
 from ..laws import ANY_LENGTH, Parameter, TableShape
+from ._batch import check_one_rig
 from ._machine import Rig
-from ._open import check_one_rig
 from ._placed import stands_twice
 from ._quantities import InertiaTensor, Quantity, Vector
 from ._schema import (

@@ -13,9 +13,9 @@ from .._errors import InputError
 from .._files import write_bytes, write_text
 from .._toml import toml_value
 from ..laws import EFFECTS, AbstractLaw, DualRow, TableShape, of_library
+from ._batch import check_one_rig
 from ._check import problems
 from ._machine import Rig
-from ._open import check_one_rig
 from ._parameters import law_quantity
 from ._placed import stands_twice
 from ._schema import (
