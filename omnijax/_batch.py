@@ -5,21 +5,17 @@ from typing import Any
 import numpy as np
 from jax.core import Tracer
 
+from ._errors import refuse_batch, size_words
 from ._status import Status
 
 
 def check_single(shape: tuple[int, ...]) -> None:
-    """Raise `ValueError` for the `shape` of a batch of results, as `jax.vmap` makes it."""
-    if shape:
-        raise ValueError(
-            f"this is a batch of {'x'.join(map(str, shape))}, from `jax.vmap` or `simulate_many`, "
-            "where one is needed: ask inside `jax.vmap`, or take one by "
-            "`jax.tree.map(lambda x: x[0], batch)`."
-        )
+    """`InputError` for the `shape` of a batch of results, as `jax.vmap` makes it."""
+    refuse_batch(shape, ", from `jax.vmap` or `simulate_many`,")
 
 
 def single_status(status: Any) -> Status:
-    """How one run or steady state ended; `ValueError` for a batch."""
+    """How one run or steady state ended; `InputError` for a batch."""
     check_single(np.shape(status))
     return Status(int(status))
 
@@ -32,4 +28,4 @@ def batch_words(status: Any) -> str:
         return ""
     codes, counts = np.unique(np.asarray(status), return_counts=True)
     ends = (f"{n} {Status(int(c)).text}" for c, n in zip(codes, counts, strict=True))
-    return f"a batch of {'x'.join(map(str, np.shape(status)))}: {', '.join(ends)}"
+    return f"a batch of {size_words(np.shape(status))}: {', '.join(ends)}"

@@ -85,6 +85,20 @@ def not_above_zero(unit: str = "", /, **numbers: float | None) -> list[str]:
     ]
 
 
+def refuse_batch(shape: Sequence[int], what: str) -> None:
+    """`InputError` for the shape of a batch, as `jax.vmap` makes it; `what` follows its size."""
+    if shape:
+        raise InputError(
+            f"this is a batch of {size_words(shape)}{what} where one is needed: ask inside "
+            "`jax.vmap`, or take one by `jax.tree.map(lambda x: x[0], batch)`."
+        )
+
+
+def size_words(shape: Sequence[int]) -> str:
+    """A shape as people write it: 2x3."""
+    return "x".join(map(str, shape))
+
+
 class RunError(RuntimeError):
     """The input was right but the work failed; the command line exits with code 1."""
 

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -88,6 +88,11 @@ def listed(words: Sequence[str], joined: str = "and") -> str:
 
 _TABLES = ("contact", "mount", "closure")
 _GIVEN = {"speed": "speed of ", "torque": "torque of ", "angle": "angle of ", "force": "force in "}
+
+
+def split_names(given: str | Iterable[str]) -> list[str]:
+    """Names in a list, or in text with commas between, without blanks about them."""
+    return [name.strip() for name in (given.split(",") if isinstance(given, str) else given)]
 
 
 def path_words(path: str) -> str:

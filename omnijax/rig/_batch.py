@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from .._errors import InputError
+from .._errors import refuse_batch
 
 if TYPE_CHECKING:
     from ._machine import Rig
@@ -10,8 +10,4 @@ if TYPE_CHECKING:
 
 def check_one_rig(rig: "Rig") -> None:
     """`InputError` for a batch of rigs, as `jax.vmap` makes it."""
-    if shape := getattr(rig.sphere.radius, "shape", ()):
-        raise InputError(
-            f"this is a batch of {'x'.join(map(str, shape))} rigs where one is needed: ask inside "
-            "`jax.vmap`, or take one by `jax.tree.map(lambda x: x[0], rigs)`."
-        )
+    refuse_batch(getattr(rig.sphere.radius, "shape", ()), " rigs")

@@ -129,9 +129,9 @@ def drive_for(rig: Rig, given: Any) -> AbstractDrive:
     if not isinstance(given, AbstractDrive):
         try:
             drive = speeds(given)
-        except (TypeError, ValueError) as error:
-            if isinstance(error, InputError):
-                raise
+        except InputError:
+            raise
+        except (TypeError, ValueError):
             raise InputError(
                 f"a drive is one of omnijax, or wheel speeds, but not {given!r}."
             ) from None

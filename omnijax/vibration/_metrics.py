@@ -11,6 +11,7 @@ from .._arrays import largest, smallest
 from .._batch import check_single
 from .._errors import did_you_mean
 from .._root import root
+from .._text import split_names
 from ..rig import Rig, check_one_rig, up
 from ..simulation import RunChannels, SteadyFigures, Trajectory
 from ._amplitude import norm, peak, peak_to_peak, rms, smooth_peak
@@ -185,8 +186,7 @@ def evaluate(
     """
     check_single(jnp.shape(run.t)[:-1])
     check_one_rig(rig)
-    listed = names.split(",") if isinstance(names, str) else names
-    return {name: METRICS[known(name)].of_run(run, rig) for name in map(str.strip, listed)}
+    return {name: METRICS[known(name)].of_run(run, rig) for name in split_names(names)}
 
 
 def steady_metrics(

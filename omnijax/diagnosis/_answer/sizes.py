@@ -99,7 +99,7 @@ def _resized(point: Point, i: int, keys: Sequence[str], share: float) -> Point:
     """`point` with effect `i` at a share of its size; without it at 0."""
     effects = list(point.effects)
     if share == 0:
-        return point.with_effects(*effects[:i], *effects[i + 1 :])
+        return point.without(i)
     values = effects[i].values
     scaled = {k: share * np.asarray(values[k]) for k in keys}
     plain = {k: float(v) if v.ndim == 0 else v for k, v in scaled.items()}

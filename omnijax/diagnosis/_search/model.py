@@ -98,6 +98,10 @@ class Point:
         """This point with other effects."""
         return Point(self.u, tuple(effects))
 
+    def without(self, i: int) -> "Point":
+        """This point without effect `i`."""
+        return Point(self.u, (*self.effects[:i], *self.effects[i + 1 :]))
+
 
 @dataclasses.dataclass(frozen=True)
 class Free:

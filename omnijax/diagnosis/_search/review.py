@@ -76,8 +76,7 @@ class Review:
         """
         k, alone = 0, {}
         while k < len(fit.point.effects):
-            effects = fit.point.effects
-            without = fit.point.with_effects(*effects[:k], *effects[k + 1 :])
+            effects, without = fit.point.effects, fit.point.without(k)
             start = without if without.effects else baseline.point
             less = refit(self.model, start, rounds=WITHOUT)
             why = self._needless(less, fit, baseline, effects[k])
@@ -173,9 +172,7 @@ class Review:
 
     def _foretells(self, new: Fit, fit: Fit, i: int) -> bool:
         """Whether held-out runs are no better foretold without the rival in place of effect i."""
-        effects = fit.point.effects
-        without = fit.point.with_effects(*effects[:i], *effects[i + 1 :])
-        return not self._refused(refit(self.model, without, rounds=WITHOUT), new)
+        return not self._refused(refit(self.model, fit.point.without(i), rounds=WITHOUT), new)
 
     def _refitted(self, fit: Fit, i: int, score: Score) -> Fit:
         """The refit with a scored candidate in place of effect i."""
@@ -218,7 +215,7 @@ class Review:
         no more with the same numbers: at the others the runs do not reach its threshold.
         """
         effect, effects = fit.point.effects[i], fit.point.effects
-        others = (*effects[:i], *effects[i + 1 :])
+        others = fit.point.without(i).effects
         if strengths(self.model.laws[effect.id]):
             return []
         by_place = {s.candidate.place: s for s in scan.scores if s.candidate.id == effect.id}
@@ -251,7 +248,7 @@ class Review:
     def _near(self, scan: Scan, own: float, fit: Fit, i: int):
         """Candidates worth a refit in place of effect i, which gains `own`."""
         effects = fit.point.effects
-        names, others = {e.name for e in effects}, (*effects[:i], *effects[i + 1 :])
+        names, others = {e.name for e in effects}, fit.point.without(i).effects
         best = [s for s in scan.best_per_name() if s.candidate.name not in names
                 and not self.model.has(others, s.candidate.id, s.candidate.place)]  # fmt: skip
         near = [s for s in best[: self.settings.rivals] if own - s.gain < self.settings.near]
@@ -261,8 +258,7 @@ class Review:
 
     def _scan_without(self, fit: Fit, i: int, signatures: Signatures) -> Scan:
         """Scores where effect i is left out, the other effects and the baseline free."""
-        effects = fit.point.effects
-        without = fit.point.with_effects(*effects[:i], *effects[i + 1 :])
+        effects, without = fit.point.effects, fit.point.without(i)
         (residual,) = self.model.residuals([without], "train")
         P, columns = len(self.model.priors), range(fit.jacobian.shape[1])
         keep = [k for k in columns if k < P or fit.free[k - P].effect != i]

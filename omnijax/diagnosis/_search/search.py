@@ -233,10 +233,10 @@ class Search:
         And all those together that it has more than the way up to its first step on trust, `sure`.
         """
         after = residual_of(self.model, way.fit.point, "held-out")
-        effects = way.fit.point.effects
-        kept = [(*effects[:i], *effects[i + 1 :]) for i in range(len(effects))]
-        for others in (sure.fit.point.effects, *kept):
-            less = refit(self.model, way.fit.point.with_effects(*others), rounds=WITHOUT)
+        point = way.fit.point
+        kept = [point.without(i) for i in range(len(point.effects))]
+        for others in (point.with_effects(*sure.fit.point.effects), *kept):
+            less = refit(self.model, others, rounds=WITHOUT)
             held = HeldOut.of(residual_of(self.model, less.point, "held-out"), after)
             if not held.confirms(less.cost - way.fit.cost, self.settings):
                 return False

@@ -56,22 +56,19 @@ def propagate(
     """Trajectory of `rig` at prescribed wheel speeds, in closed form; samples at `ts` (s).
 
     Rig, wheel speeds and sample times (or a duration) as `simulate` takes them.  Starts at ts[0]
-    in static equilibrium, as `simulate` does, with the same channels.  The cost
-    does not depend on the contact's damping or stiffness.  Raises `InputError` for input that does
-    not fit, and `ValueError` for a rig that the closed form does not cover (`exact_obstacle` says
-    why).
+    in static equilibrium, as `simulate` does, with the same channels.  The cost does not depend on
+    the contact's damping or stiffness.  Raises `InputError` for input that does not fit, and
+    `ValueError` for a run that the closed form does not cover (`exact_obstacle` says why).
 
     Source: the paper's eqs. 32-42 at known speeds (`docs/theory.md`, prescribed speeds); Van
     Loan, IEEE Trans. Autom. Control 23 (1978).
     """
     rig, ts = as_rig(rig), as_times(ts)
-    turned = drive_for(rig, drive)
-    _check_covered(rig, turned, ts, model)
-    assert isinstance(turned, SpeedDrive)  # other drives are an obstacle
-    if any(is_traced(x) for x in jax.tree.leaves((rig, turned, ts))):
-        return _traced(rig, turned, ts, model)
+    asked = drive_for(rig, drive)
+    if any(is_traced(x) for x in jax.tree.leaves((rig, asked, ts))):
+        return _traced(rig, _covered(rig, asked, ts, model), ts, model)
     runs, samples = Gathered(len(ts)), min(EXACT_PIECE, room(len(ts)))
-    for piece in propagate_in_pieces(rig, turned, np.asarray(ts), model=model, samples=samples):
+    for piece in propagate_in_pieces(rig, asked, np.asarray(ts), model=model, samples=samples):
         runs.add(piece.run)
     return runs.whole()
 
@@ -85,7 +82,7 @@ class Reached(NamedTuple):
 
 def propagate_in_pieces(
     rig: Rig,
-    drive: SpeedDrive,
+    drive: AbstractDrive,
     ts: Float[np.ndarray, " t"],
     *,
     model: str = "coupled",
@@ -100,7 +97,7 @@ def propagate_in_pieces(
     is not sampled again, and has the start time `origin`.  The memory needed does not grow with
     the length of the run.  Raises as `propagate`.
     """
-    _check_covered(rig, drive, ts, model)
+    drive = _covered(rig, drive, ts, model)
     times = np.asarray(ts, float)
     start = on_device(times[0] if origin is None else origin)
     done = 0 if begun is None else 1
@@ -135,10 +132,13 @@ def reached_like(rig: Rig, drive: SpeedDrive, model: str = "coupled") -> Reached
     return Reached(on_device(np.zeros(size)), on_device(np.zeros(4)))
 
 
-def _check_covered(rig: Rig, drive: AbstractDrive, ts, model: str) -> None:
+def _covered(rig: Rig, drive: AbstractDrive, ts, model: str) -> SpeedDrive:
+    """The drive of a run that the closed form covers; `ValueError` for another."""
     reason = propagation_obstacle(rig, drive, ts, model)
     if reason is not None:
         raise ValueError(f"no exact propagation: {reason}; use `simulate`.")
+    assert isinstance(drive, SpeedDrive)  # other drives are an obstacle
+    return drive
 
 
 def _traced(rig: Rig, drive: SpeedDrive, ts, model: str) -> Trajectory:

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, Int
 
 from ..._errors import InputError, not_above_zero
 from ..._status import FAILED, Status
+from ..._text import split_names
 from ...rig import Rig, typed_above_zero
 from ...simulation import (
     EXPONENTIAL,
@@ -193,8 +194,7 @@ def checked_metrics(metrics: Sequence[str] | str) -> tuple[str, ...]:
 
     Raises `InputError` with the nearest names for unknown ones, and for none or one named twice.
     """
-    listed = metrics.split(",") if isinstance(metrics, str) else metrics
-    names = tuple(name.strip() for name in listed)
+    names = tuple(split_names(metrics))
     problems = [problem for name in names if (problem := metric_problem(name))]
     problems += [] if names else ["at least one metric is needed, as in peak,rms."]
     twice = dict.fromkeys(name for name in names if names.count(name) > 1)

@@ -9,6 +9,7 @@ from jaxtyping import Array
 
 from ..._arrays import largest
 from ..._errors import InputError
+from ..._text import split_names
 from ...machine import (
     FreeMotion,
     Log,
@@ -29,7 +30,7 @@ LANES = 32  # designs side by side
 
 def checked_misfits(metric: str | Sequence[str]) -> tuple[str, ...]:
     """Names of `MISFITS`, with commas between; `InputError` for another one."""
-    names = [m.strip() for m in metric.split(",")] if isinstance(metric, str) else list(metric)
+    names = split_names(metric)
     wrong = [m for m in names if m not in MISFITS]
     if wrong or not names:
         raise InputError(

@@ -12,7 +12,7 @@ import numpy as np
 from ..._errors import InputError, RunError
 from ..._programs import kept
 from ..._result import AbstractResult, texts
-from ..._text import quantity_text
+from ..._text import quantity_text, split_names
 from ...rig import Rig, as_rig, parameter_info
 from ...vibration import METRICS
 from .._batches import percent_per_percent, value_and_jacobian
@@ -201,12 +201,11 @@ def sensitivity(
 ) -> Sensitivity:
     """Exact derivatives of `metrics` with respect to every parameter of `rig` that is one number.
 
-    `drive` is a drive or constant wheel speeds (rad/s, or text with units).  Without
-    `duration` (s) the metrics are those of the steady state, else of a run sampled at `rate` (1/s).
-    Forward mode over the vector
-    of parameters, one compiled function.  `check` adds finite differences.  Directions (normal,
-    drive, gravity) and inertia tensors are not numbers and stay out.  An `rtol` asks for runs by
-    the adaptive solver where there is no closed form.
+    `drive` is a drive or constant wheel speeds (rad/s, or text with units).  Without `duration`
+    (s) the metrics are those of the steady state, else of a run sampled at `rate` (1/s).  Forward
+    mode over the vector of parameters, one compiled function.  `check` adds finite differences.
+    Directions (normal, drive, gravity) and inertia tensors are not numbers and stay out.  An `rtol`
+    asks for runs by the adaptive solver where there is no closed form.
 
     `raw` (metrics, parameters) is in the metric's unit by the parameter's, `relative` in % per %.
     Raises `InputError` for an unknown metric or parameter, `RunError` where the run fails.
@@ -217,9 +216,7 @@ def sensitivity(
     machine = as_rig(rig)
     chosen = drive_of(drive, machine)
     paths = scalar_parameters(machine)
-    if isinstance(parameters, str):
-        parameters = [path.strip() for path in parameters.split(",")]
-    paths = paths if parameters is None else checked_parameters(machine, parameters)
+    paths = paths if parameters is None else checked_parameters(machine, split_names(parameters))
     names = checked_metrics(metrics)
     duration, rate = read_run(duration, rate)
     asked = Question(machine, (chosen,), paths, names, model, duration, gradient=True)
