@@ -2,9 +2,13 @@
 
 import io
 import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import matplotlib as mpl
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
 from ._axis import SpeedAxis, plain_labels, shown_in
@@ -60,15 +64,28 @@ def _narrow(fig: Figure, prefix: str) -> str:
 
 def _png(fig: Figure) -> bytes:
     buffer = io.BytesIO()
-    fig.savefig(buffer, format="png", dpi=PNG_DPI, metadata={"Software": "omnijax"})
+    with _drawn_once(fig):
+        fig.set_dpi(PNG_DPI)
+        FigureCanvasAgg(fig).print_png(buffer, metadata={"Software": "omnijax"})
     return buffer.getvalue()
 
 
 def _svg(fig: Figure, prefix: str) -> str:
     buffer = io.StringIO()
-    with mpl.rc_context({"svg.hashsalt": prefix}):
-        fig.savefig(buffer, format="svg", metadata={"Date": None})
+    with _drawn_once(fig), mpl.rc_context({"svg.hashsalt": prefix}):
+        FigureCanvasSVG(fig).print_svg(buffer, metadata={"Date": None})
     return inline(buffer.getvalue(), prefix)
+
+
+@contextmanager
+def _drawn_once(fig: Figure) -> Iterator[None]:
+    """`fig` for another canvas; `savefig` draws a figure that ever had a layout twice."""
+    canvas, dpi = fig.canvas, fig.dpi
+    try:
+        yield
+    finally:
+        fig.set_dpi(dpi)
+        fig.set_canvas(canvas)
 
 
 def inline(document: str, prefix: str) -> str:
