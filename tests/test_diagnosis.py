@@ -1,5 +1,6 @@
 """The diagnosis end to end on short runs of an independent plant: one of each answer."""
 
+import dataclasses
 import json
 import shutil
 from types import SimpleNamespace
@@ -11,9 +12,11 @@ from test_plant import load_plant
 
 from omnijax.diagnosis import diagnose
 from omnijax.diagnosis._answer import learned
-from omnijax.diagnosis._answer.learned import Unexplained, _Fitting
-from omnijax.diagnosis._answer.learned_ports import ShaftPort, SpringPort
+from omnijax.diagnosis._answer.learned import Unexplained, _Fitting, ports_of
+from omnijax.diagnosis._answer.misshapen import _left, _own_functions
+from omnijax.diagnosis._answer.near_laws import near_laws
 from omnijax.diagnosis._machine.candidates import untried
+from omnijax.diagnosis._search import tangent_rows
 from omnijax.laws import EFFECTS
 from omnijax.recording import read_case
 from omnijax.rig import load_rig, save_rig
@@ -130,25 +133,98 @@ def test_a_few_wild_samples_are_left_out_and_name_nothing(none, wild):
     assert {w.strip(":,") for f in said for w in f.split() if "_" in w} == set(WILD)
 
 
-@pytest.mark.parametrize(
-    "port", [SpringPort("contact", ("w1", "w2", "w3")), ShaftPort(("w1", "w2", "w3"))]
-)
-def test_columns_of_a_learned_term_are_its_differences(none, port):
-    """Of weights about zero, and of the baseline: what the fit of the term steps by."""
+PORTS = ("contact", "mount", "shaft", "shape", "sphere", "surface", "sensor")
+
+
+@pytest.fixture(scope="module")
+def around(none):
+    """(model, what a term is fitted around, the ports by name) where nothing is missing."""
     model, fit = none.details["model"], none.details["found"].fit
-    around = Unexplained.of(model, fit)
-    fitting = _Fitting(model, around, port)
+    ports = {port.port: port for port in ports_of(model)}
+    assert tuple(ports) == PORTS
+    return model, Unexplained.of(model, fit), ports
+
+
+@pytest.mark.parametrize("port", PORTS)
+def test_columns_of_a_learned_term_are_its_differences(around, port):
+    """Of weights about zero, and of the baseline: what the fit of the term steps by."""
+    model, unexplained, ports = around
+    fitting = _Fitting(model, unexplained, ports[port])
     now, inputs = fitting.left(fitting.term, "train")
-    table, few = fitting._columns(inputs), [0, 4, len(fitting.term.weights) - 1]
-    assert table.shape == (len(fitting.term.weights) + len(model.priors), len(now))
+    count = len(fitting.term.weights)
+    table, few = fitting._columns(inputs), {0, 4, count // 2, count - 1}
+    assert table.shape == (count + len(model.priors), len(now))
     for j in few:
         size = 1e-3 / np.linalg.norm(table[j])
-        term = fitting.term.moved(size * np.eye(len(fitting.term.weights))[j])
+        term = fitting.term.moved(size * np.eye(count)[j])
         change = (now - fitting.left(term, "train")[0]) / size
         assert np.linalg.norm(change - table[j]) < 1e-4 * np.linalg.norm(table[j])
     shift = np.eye(len(model.priors))[1]
     change = now - fitting.left(fitting.term, "train", shift)[0]
-    np.testing.assert_allclose(change, table[len(fitting.term.weights) + 1], atol=1e-9)
+    np.testing.assert_allclose(change, table[count + 1], atol=1e-9)
+
+
+@pytest.mark.parametrize("port", PORTS)
+def test_a_term_that_is_planted_is_learned_with_its_band(around, port):
+    """Two drawn coefficients of a port, strong enough to stand out, in the rows of all runs."""
+    model, unexplained, ports = around
+    rng = np.random.default_rng(list(PORTS).index(port))
+    one = _Fitting(model, unexplained, ports[port])
+    table = one._columns(one.left(one.term, "train")[1])
+    live = np.flatnonzero(np.linalg.norm(table[: len(one.term.weights)], axis=1) > 0)
+    chosen = rng.choice(live, 2, replace=False)
+    true = np.zeros(len(one.term.weights))
+    true[chosen] = rng.choice([-1, 1], 2) * 60 / np.linalg.norm(table[chosen], axis=1)
+    planted = {}
+    for split, rest in unexplained.rest.items():
+        planted[split] = 2 * rest - one.left(one.term.moved(true), split)[0]
+    moved = dataclasses.replace(unexplained, rest=planted, before=planted["held-out"])
+    fitting = _Fitting(model, moved, ports[port]).run()
+    assert fitting.closed > 0.8
+    for j in chosen:
+        others = np.delete(table, j, 0).T
+        like = others @ np.linalg.lstsq(others, table[j], rcond=None)[0]
+        if np.linalg.norm(table[j] - like) < 0.5 * np.linalg.norm(table[j]):
+            continue  # others do nearly the same
+        assert fitting.active[j]
+        assert abs(fitting.term.weights[j] - true[j]) < 5 * fitting.sigma[j]
+    curve = fitting.curve(fitting.grid(fitting.strongest()[0]))
+    assert np.all(np.isfinite(curve.y)) and np.all(curve.sigma >= 0)
+
+
+def test_the_nearest_law_of_a_change_is_the_one_that_makes_it(none):
+    model, search = none.details["model"], none.details["found"]
+    scores = [s for s in search.scans[0].best_per_name() if not s.dead]
+    own = next(s for s in scores if s.candidate.id == "bearing-coulomb" and s.gain > 0)
+    (column,) = np.asarray(model.columns(search.fit.point, [own.candidate]), float)
+    J = search.fit.jacobian[:, : len(model.priors)]
+    loud = dataclasses.replace(own, gain=1e9)
+    near = near_laws(model, search.fit.point, J, 0.01 * column, [loud, *scores])
+    assert (near[0].id, near[0].place) == (own.candidate.id, own.candidate.place)
+    assert near[0].cosine == pytest.approx(1.0, abs=1e-4)
+    strength = next(k for k, p in EFFECTS["bearing-coulomb"].parameters.items() if p.linear)
+    assert near[0].values[strength] == pytest.approx(0.01, rel=1e-3)
+
+
+@pytest.mark.parametrize("size, there, left", [(60, 1, True), (60, -1, False), (2, 1, False)])
+@pytest.mark.parametrize("place, port", [("w2", "shaft"), ("dR_z", "sensor"), ("all", "contact")])
+def test_what_a_law_leaves_of_its_own_input_is_seen(around, none, place, port, size, there, left):
+    """A planted function of it, where held-out runs show it too; none where they show another."""
+    model, _, ports = around
+    fit = none.details["found"].fit
+    bases = {split: model.bases(fit.point, split) for split in ("train", "held-out")}
+    labels, columns = _own_functions(model, ports[port], place, bases)
+    j = next(k for k, label in enumerate(labels) if label.startswith("cube"))
+    weight = size / np.linalg.norm(columns["train"][:, j])
+    (held,) = model.residuals([fit.point], "held-out")
+    tangents = tangent_rows(model, fit.point, fit.free, held, split="held-out")
+    bent = dataclasses.replace(fit, residual=fit.residual + weight * columns["train"][:, j])
+    shown = held + there * weight * columns["held-out"][:, j]
+    length, most = _left(model, bent, columns, shown, tangents)
+    assert (length > 0) == left
+    if left:
+        assert labels[most].split(" of ")[1] == labels[j].split(" of ")[1]
+        assert 0.2 * size < length < 1.2 * size
 
 
 @pytest.mark.full
@@ -198,7 +274,9 @@ def test_a_term_that_leaves_more_of_the_gap_is_not_learned(monkeypatch, closes):
     """One that made the gap of `a` forty times as large stood in answer and page."""
 
     class Fitting:
-        closed, after, term = closes, {"held-out": None}, SimpleNamespace(port=None)
+        closed, after, cost, sigma = closes, {"held-out": None}, 0.0, np.zeros(0)
+        port = SimpleNamespace(networked=False, port="sensor")
+        term = SimpleNamespace(port=port)
 
         def __init__(self, *_):
             pass
@@ -206,13 +284,44 @@ def test_a_term_that_leaves_more_of_the_gap_is_not_learned(monkeypatch, closes):
         def run(self, *_):
             return self
 
+        def strongest(self):
+            return []
+
     monkeypatch.setattr(learned, "_Fitting", Fitting)
     monkeypatch.setattr(Unexplained, "of", lambda *_: None)
-    monkeypatch.setattr(learned, "_curves", lambda _: {})
-    monkeypatch.setattr(learned, "_map", lambda _: None)
-    model, told = SimpleNamespace(rig=SimpleNamespace(names=("w1", "w2", "w3"))), []
-    term = learned.learn(model, None, told.append)  # pyright: ignore
+    monkeypatch.setattr(learned, "ports_of", lambda _: [Fitting.port])
+    monkeypatch.setattr(learned, "_nearest", lambda *_: [])
+    told = []
+    term = learned.learn(None, None, [], told.append)  # pyright: ignore
     assert (term is None) == (closes < 0) and told
+
+
+def test_the_port_that_explains_the_fitted_runs_best_is_learned_at(monkeypatch):
+    """Held-out runs may refuse a term, but of those that they allow they choose none."""
+
+    class Fitting:
+        after, sigma = {"held-out": None}, np.zeros(0)
+
+        def __init__(self, _, __, port):
+            self.port, self.cost, self.closed = port, port.cost, port.closed
+            self.term = SimpleNamespace(port=port)
+
+        def run(self, *_):
+            return self
+
+        def strongest(self):
+            return []
+
+    ports = [
+        SimpleNamespace(port=name, cost=cost, closed=closed, networked=False)
+        for name, cost, closed in (("a", 5.0, 0.9), ("b", 3.0, 0.8), ("c", 1.0, -0.1))
+    ]
+    monkeypatch.setattr(learned, "_Fitting", Fitting)
+    monkeypatch.setattr(Unexplained, "of", lambda *_: None)
+    monkeypatch.setattr(learned, "ports_of", lambda _: ports)
+    monkeypatch.setattr(learned, "_nearest", lambda *_: [])
+    term = learned.learn(None, None, [], lambda _: None)  # pyright: ignore
+    assert term is not None and term.port == "b" and term.closed == 0.8
 
 
 def test_a_coupling_of_two_contacts_is_unknown_and_learned_at_the_contacts(cases):

@@ -192,9 +192,10 @@ def _judged_by(searched: Searched) -> Verdict:
     evidence, outcome, shown, *_ = searched
     (first, _), (last, _) = (_left(evidence, x.point) for x in (outcome.baseline, outcome.fit))
     changing = unsteady(evidence.model, outcome.fit, evidence.alike)
-    judged = _judged(evidence, outcome, shown, first, last, changing)
+    bent = evidence.misshapen(outcome.fit)
+    judged = _judged(evidence, outcome, shown, first, last, changing, bent)
     if judged.verdict == "unknown":
-        judged = _beside_doubt(evidence, outcome, shown, first, judged)
+        judged = _beside_doubt(evidence, outcome, shown, first, judged, bent)
     return judged
 
 
@@ -218,7 +219,8 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
     effects = named(evidence, outcome, judged)
     learned = None
     if judged.verdict == "unknown":
-        learned = evidence.learn(outcome.baseline, tell)
+        scores = outcome.scans[0].best_per_name() if outcome.scans else []
+        learned = evidence.learn(outcome.baseline, scores, tell)
         if learned is None:
             beside = [*beside, *evidence.without_term]
         else:
@@ -263,18 +265,18 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
 
 
 def _judged(
-    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, first, last, changing
+    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, first, last, changing, bent
 ) -> Verdict:
     """The verdict, by what this kind of machine is held to."""
     return judge(
         outcome, shown, first, last, evidence.model.settings.equal, evidence.closing,
         evidence.alike, evidence.confirmed_on, changing, stretches(evidence, first, last),
-        _fitted_gap_closed(evidence, outcome.baseline, outcome.fit, shown),
+        _fitted_gap_closed(evidence, outcome.baseline, outcome.fit, shown), bent,
     )  # fmt: skip
 
 
 def _beside_doubt(
-    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, first, judged: Verdict
+    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, first, judged: Verdict, bent
 ) -> Verdict:
     """The verdict once what the numbers leave open is granted to the held-out runs."""
     model = evidence.model
@@ -284,7 +286,7 @@ def _beside_doubt(
     (left,) = model.residuals([point], "held-out")
     last = evidence.columns(left, "held-out")
     changing = _unsteady_at(evidence, outcome.fit, point)
-    again = _judged(evidence, outcome, shown_noise(evidence, point), first, last, changing)
+    again = _judged(evidence, outcome, shown_noise(evidence, point), first, last, changing, bent)
     if again.verdict == "unknown":
         return judged
     text = f"{again.reason}, where that which the fitted runs leave open is granted"

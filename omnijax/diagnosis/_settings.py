@@ -759,7 +759,14 @@ class AnswerLearnedSettings:
     points: int = 101  # of a curve
     grid: int = 41  # of a map, to each side
     drawn: int = 4000  # rows that say on which inputs it hangs most: time
+    others: int = 50  # of them over which a curve is a mean: time
     waves: int = 4  # harmonics of a wheel's angle in the basis
+    shapes: int = 8  # of them in a wheel's shape, beside those of its pitch
+    laws: int = 12  # of the library's that act there, asked how near they come: time
+    nearest: int = 2  # of them drawn
+    alike: float = 0.5  # cosine with what the term does, below which a law is not near
+    matters: float = 0.1  # of the strongest part's change, below which a part is not drawn
+    apart: float = 1e-6  # of a function's square beside those that are in: less tells nothing
     sharp: float = 20.0  # of the speed's RMS in one: how steeply the basis knows its sign
     # on columns of length 1
     ridge: float = 1e-6  # of the smooth basis

@@ -177,6 +177,19 @@ def _rivals(effect: Any, effects: Any) -> str:
 def _learned(diagnosis) -> list[Section]:
     if not diagnosis.details or diagnosis.details["learned"] is None:
         return []
+    learned = diagnosis.details["learned"]
     text = "No known law fits. This is what one would have to do, drawn, not interpreted."
-    figure = learned_figure(diagnosis.details["learned"], diagnosis.judges.name)
-    return [Section("What is missing", text, [figure])]
+    near = [f"`{x.id}` at {x.place} (cosine {x.cosine:.2f})" for x in learned.nearest]
+    if near:
+        come = "come" if len(near) > 1 else "comes"
+        text += f" Of the library's laws {listed(near)} {come} nearest to it."
+    figure = learned_figure(learned, diagnosis.judges.name)
+    rows = [
+        [x["place"], x["input"], x["coefficient"], x["sigma"], x["unit"]]
+        for x in sorted(learned.terms, key=lambda x: -abs(x["coefficient"]) / x["sigma"])
+    ]
+    columns = [Column("at", text=True), Column("of", text=True), Column("coefficient"),
+               Column("1-sigma"), Column("unit", text=True)]  # fmt: skip
+    note = "What the smooth basis took up, its coefficients of inputs of RMS 1, the surest first"
+    return [Section("What is missing", text, [figure],
+                    [Table(columns, rows, "learned-terms", note, folded=True)])]  # fmt: skip

@@ -133,18 +133,26 @@ def gap_figure(diagnosis) -> Figure:
 
 
 def learned_figure(learned, who: str) -> Figure:
-    """What was learned: the force over its own input, and its map.
+    """What was learned: the term over its own input with its band, and its map.
 
-    `who` are the runs, or parts of one, whose gap it closes.
+    Beside it the nearest laws of the library.  `who` are the runs, or parts of one, whose gap it
+    closes.
     """
     picture = learned.map
     with style():
         fig, axes = figure(1, 2 if picture else 1, height=3.4)
         data = {}
-        for name, (x, y) in learned.curves.items():
-            axes[0].plot(x, y, label=name)
+        for name, (x, y, sigma) in learned.curves.items():
+            (line,) = axes[0].plot(x, y, label=name)
+            axes[0].fill_between(x, y - 2 * sigma, y + 2 * sigma, color=line.get_color(), alpha=0.2)
             data[f"{name}: input / {learned.units[0]}"] = x
             data[f"{name} / {learned.units[1]}"] = y
+            data[f"{name}, 1-sigma / {learned.units[1]}"] = sigma
+        for law, style_ in zip(learned.nearest, ("--", ":"), strict=False):
+            if law.curve is not None:
+                label = f"{law.id} at {law.place}"
+                axes[0].plot(*law.curve, color="black", linestyle=style_, label=label)
+                data[f"{label} / {learned.units[1]}"] = law.curve[1]
         axes[0].set(xlabel=learned.units[0], ylabel=learned.units[1])
         axes[0].set_title("Learned, over the own input")
         axes[0].legend()
@@ -153,14 +161,14 @@ def learned_figure(learned, who: str) -> Figure:
             drawn = axes[1].pcolormesh(picture["x"], picture["y"], picture["force"].T, cmap="PuOr",
                                        vmin=-most, vmax=most, rasterized=True)  # fmt: skip
             axes[1].set(xlabel=picture["x label"], ylabel=picture["y label"])
-            axes[1].set_title(f"Of {picture['wheel']}, {picture['unit']}")
+            axes[1].set_title(f"Of {picture['place']}, {picture['unit']}")
             fig.colorbar(drawn, ax=axes[1])
-    beside = "which leaves a network beside it too little to close."
+    beside = ""
     if learned.network is not None:
-        beside = f"with a small network beside it {100 * learned.network:.0f} %."
+        beside = f", with a small network beside it {100 * learned.network:.0f} %"
     return Figure(
         fig, "learned",
-        f"What was learned at the {learned.port}: a drawing, not a law. The smooth basis closes "
-        f"{100 * learned.smooth:.0f} % of the gap on {who}, " + beside,
+        f"What was learned at the {learned.port}, with two sigma to each side: a drawing, not a "
+        f"law. The smooth basis closes {100 * learned.smooth:.0f} % of the gap on {who}{beside}.",
         data,
     )  # fmt: skip

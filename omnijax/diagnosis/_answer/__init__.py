@@ -13,6 +13,8 @@ from .gap import gaps as gaps
 from .judges import JUDGES as JUDGES
 from .named_effect import Named as Named
 from .named_effect import OutputGap as OutputGap
+from .near_laws import NearLaw as NearLaw
+from .near_laws import near_laws as near_laws
 from .proposed import APART as APART
 from .proposed import AbstractProposed as AbstractProposed
 from .proposed import weaker as weaker

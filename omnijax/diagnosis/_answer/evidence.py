@@ -1,15 +1,28 @@
 """What an answer needs to know of a model beside the search: groups, places, words."""
 
 import abc
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
-from .._search import AbstractModel, Effect, Fit, Level, Point
+from .._search import AbstractModel, Effect, Fit, Level, Point, Score
 from .._settings import SETTINGS
 
 Tell = Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Misshapen:
+    """An effect beside which a function of its own input is left, the `share` (RMS) of its change.
+
+    `label` names the function that says most.
+    """
+
+    name: str
+    label: str
+    share: float
 
 
 class AbstractEvidence(abc.ABC):
@@ -36,11 +49,16 @@ class AbstractEvidence(abc.ABC):
         split, in the order of `columns`."""
 
     @abc.abstractmethod
-    def learn(self, fit: Fit, tell: Tell) -> Any:
+    def learn(self, fit: Fit, scores: Sequence[Score], tell: Tell) -> Any:
         """A learned, uninterpreted term beside a fit's baseline; None where there is none.
 
+        `scores` are those of the library's laws there, of which the nearest are told.
         A term that leaves more of the held-out gap than the baseline does is none.
         """
+
+    def misshapen(self, fit: Fit) -> Sequence[Misshapen]:
+        """Effects of a fit beside which another function of their input is left, the most first."""
+        return []
 
     @abc.abstractmethod
     def experiment(self, rivals: list[Point]) -> dict[str, Any] | None:

@@ -1,13 +1,12 @@
-"""Where a learned term may act: what it feels there, and what its output changes.
-
-A term's output is one force (or torque) a wheel.  Its inputs are scaled to RMS 1 over the train
-runs; `own(i)` is the input that is wheel i's own.
-"""
+"""Learned terms that push: at contacts and mounts, at the shafts, on the sphere."""
 
 import dataclasses
+from typing import ClassVar
 
+import jax
 import numpy as np
 
+from ...laws import BodySignal, ShaftSignal
 from .._machine import (
     FINE,
     SIGNALS,
@@ -21,68 +20,64 @@ from .._machine import (
     turned_by,
 )
 from .._settings import SETTINGS
+from .term_port import AXES, BENDS, AbstractPort, Columns, over, powers, waves
 
 WAVES = SETTINGS.answer_learned.waves
 SHARP = SETTINGS.answer_learned.sharp
-Columns = list[tuple[int, str, np.ndarray]]  # (wheel, label, values)
-
-
-def powers(x: np.ndarray, time: np.ndarray) -> dict[str, np.ndarray]:
-    """Smooth functions of one wheel's own input, and its product with time.
-
-    Products: NumPy's general power takes ten times as long.
-    """
-    square = x * x
-    cube = square * x
-    return {
-        "square": square,
-        "cube": cube,
-        "|x| x": np.abs(x) * x,
-        "fifth": cube * square,
-        "times t": x * time,
-    }
 
 
 @dataclasses.dataclass(frozen=True)
-class SpringPort:
+class SpringPort(AbstractPort):
     """Contact or mount: every wheel's deflection and rate, and time in; tensions out."""
 
     port: str
     wheels: tuple[str, ...]
-    unit: str = "N"
-    own_unit: str = "m"
 
-    def own(self, i: int) -> int:
-        """Index of wheel i's deflection."""
-        return i
+    def hosts(self, port):
+        return port == self.port or (self.port, port) == ("contact", "separation")
 
-    def labels(self) -> list[str]:
-        """Names of the inputs."""
+    @property
+    def parts(self):
+        return self.wheels
+
+    def units(self, part):
+        return "m", "N"
+
+    def own(self, part):
+        return part
+
+    def labels(self):
         letter = "δ" if self.port == "contact" else "Δ"
         deflections = [f"{letter} of {w}" for w in self.wheels]
         return [*deflections, *(f"rate of {x}" for x in deflections), "time"]
 
-    def inputs(self, base: Linearisation, felt=None) -> np.ndarray:
-        """Inputs (FINE points, 2 n + 1), not scaled; `felt` is what the term itself adds."""
-        signals = base.contact if self.port == "contact" else base.mount
+    def inputs(self, base, felt=None):
+        signals = self._signals(base)
         pair = (signals.deflection, signals.rate)
         if felt is not None:
             pair = (pair[0] + felt[0], pair[1] + felt[1])
         return np.column_stack([*pair, base.run.fine(FINE)])
 
-    def columns(self, u: np.ndarray) -> Columns:
-        """The smooth basis: every input, and powers of a wheel's own."""
+    def _signals(self, base: Linearisation):
+        return base.contact if self.port == "contact" else base.mount
+
+    def columns(self, u):
         out: Columns = []
         for i in range(len(self.wheels)):
             out += [(i, label, u[:, k]) for k, label in enumerate(self.labels()[:-1])]
             out += [(i, label, x) for label, x in powers(u[:, i], u[:, -1]).items()]
         return out
 
-    def push(self, base: Linearisation, force: np.ndarray):
-        """dR and a (samples, 6) of tensions (FINE points, n), from their static rest."""
+    def like_own(self, part):
+        return list(range(len(self.wheels)))
+
+    def own_functions(self, part):
+        return (self.labels()[part], *BENDS)
+
+    def push(self, base, force):
         return transfer(base, **{self.port: force}), None
 
-    def felt(self, base: Linearisation, force: np.ndarray):
+    def felt(self, base, force):
         """What tensions change in the deflections and rates here, (FINE points, n) each."""
         m, step = base.modes, base.run.step / FINE
         pushed = {self.port: force}
@@ -90,49 +85,120 @@ class SpringPort:
         z = propagate(m, step, total, rest_state(m, **pushed))
         return tuple(np.split(observe(m, z, SIGNALS[self.port]), 2, axis=1))
 
+    def of_law(self, base, placed, grid):
+        if placed.law.port != self.port or grid.part not in placed.wheels:
+            return None
+        here = jax.tree.map(lambda x: float(np.mean(x[:, grid.part])), self._signals(base))
+        return over(placed.law, here._replace(deflection=grid.x, rate=0.0))
+
 
 @dataclasses.dataclass(frozen=True)
-class ShaftPort:
+class ShaftPort(AbstractPort):
     """Shafts: every wheel's speed, command, sine and cosine of its angle, and time in; torques."""
 
     wheels: tuple[str, ...]
     port: str = "shaft"
-    unit: str = "N m"
-    own_unit: str = "rad/s"
+    laws: ClassVar[tuple[str, ...]] = ("shaft", "actuator", "command", "rolling", "kinematics")
 
-    def own(self, i: int) -> int:
-        """Index of wheel i's speed."""
-        return i
+    @property
+    def parts(self):
+        return self.wheels
 
-    def labels(self) -> list[str]:
-        """Names of the inputs."""
+    def units(self, part):
+        return "rad/s", "N m"
+
+    def own(self, part):
+        return part
+
+    def labels(self):
         kinds = ("ω", "command", "sin θ", "cos θ")
         return [*(f"{k} of {w}" for k in kinds for w in self.wheels), "time"]
 
-    def inputs(self, base: Linearisation, felt=None) -> np.ndarray:
-        """Inputs (thinned points, 4 n + 1), not scaled; the motion is the measured one."""
-        s = base.slow
-        assert s is not None
-        time = base.run.fine(FINE)[::THIN]
+    def inputs(self, base, felt=None):
+        s, time = base.slow, base.run.fine(FINE)[::THIN]
         return np.column_stack(
             [s.speed, base.torque[::THIN], np.sin(s.theta), np.cos(s.theta), time]
         )
 
-    def columns(self, u: np.ndarray) -> Columns:
-        """The smooth basis: speed with powers and sign, command, harmonics of the angle."""
+    def columns(self, u):
         n, one, out = len(self.wheels), np.ones(len(u)), []
         for i, name in enumerate(self.wheels):
-            w, wave = u[:, i], u[:, 3 * n + i] + 1j * u[:, 2 * n + i]
-            own = {f"ω of {name}": w, f"command of {name}": u[:, n + i], "constant": one}
-            own |= powers(w, u[:, -1]) | {"sign": np.tanh(SHARP * w)}
-            for k in range(1, WAVES + 1):
-                own |= {f"sin {k}θ": (wave**k).imag, f"cos {k}θ": (wave**k).real}
+            w = u[:, i]
+            own = {f"ω of {name}": w, f"command of {name}": u[:, n + i]}
+            own |= {"sign": np.tanh(SHARP * w), **powers(w, u[:, -1]), "constant": one}
+            own |= waves(u[:, 3 * n + i], u[:, 2 * n + i], range(1, WAVES + 1))
             out += [(i, label, x) for label, x in own.items()]
         return out
 
-    def push(self, base: Linearisation, force: np.ndarray):
-        """Both tables of shaft torques at thinned points."""
+    def like_own(self, part):
+        return list(range(len(self.wheels)))
+
+    def own_functions(self, part):
+        return (self.labels()[part], "sign", *BENDS)
+
+    def push(self, base, force):
         return turned_by(base, shaft=force)
 
-    def felt(self, base: Linearisation, force: np.ndarray) -> None:
-        """Nothing: shafts feel the measured motion."""
+    def of_law(self, base, placed, grid):
+        if placed.law.port != "shaft" or grid.part not in placed.wheels:
+            return None
+        return over(placed.law, ShaftSignal(0.0, grid.x, 0.0, 0.0))  # pyright: ignore[reportArgumentType]
+
+
+@dataclasses.dataclass(frozen=True)
+class SpherePort(AbstractPort):
+    """The sphere as a body: its angular velocity, its attitude and time in; a torque out."""
+
+    port: str = "sphere"
+    laws: ClassVar[tuple[str, ...]] = ("sphere",)
+
+    @property
+    def parts(self):
+        return tuple(f"about {a}" for a in AXES)
+
+    def units(self, part):
+        return "rad/s", "N m"
+
+    def own(self, part):
+        return part
+
+    def labels(self):
+        turned = [f"R_{a}{b}" for a in AXES for b in AXES]  # body frame -> inertial frame
+        return [*(f"Ω_{a}" for a in AXES), *turned, "time"]
+
+    def inputs(self, base, felt=None):
+        s, time = base.slow, base.run.fine(FINE)[::THIN]
+        return np.column_stack([s.turning, s.attitude.reshape(len(time), 9), time])
+
+    def scales(self, raw):
+        scales = super().scales(raw)
+        scales[3:12] = 1.0
+        return scales
+
+    def columns(self, u):
+        speed, out = np.linalg.norm(u[:, :3], axis=1), []
+        for i, axis in enumerate(AXES):
+            w = u[:, i]
+            own = {f"Ω_{axis}": w, "sign": np.tanh(SHARP * w), f"|Ω| Ω_{axis}": speed * w}
+            own |= powers(w, u[:, -1]) | {f"Ω_{a}": u[:, k] for k, a in enumerate(AXES)}
+            own |= {label: u[:, 3 + k] for k, label in enumerate(self.labels()[3:12])}
+            out += [(i, label, x) for label, x in own.items()]
+        return out
+
+    def like_own(self, part):
+        return [0, 1, 2]
+
+    def own_functions(self, part):
+        return (self.labels()[part], "sign", f"|Ω| {self.labels()[part]}", *BENDS)
+
+    def push(self, base, force):
+        return turned_by(base, opposing=-force)
+
+    def of_law(self, base, placed, grid):
+        if placed.law.port != "sphere":
+            return None
+        turning = grid.x[:, None] * np.eye(3)[grid.part]
+        still = np.broadcast_to(np.eye(3), (len(turning), 3, 3))
+        signal = BodySignal(turning, still, float(base.rig.sphere.mass), 0 * turning)  # pyright: ignore[reportArgumentType]
+        torque = over(placed.law, signal)
+        return None if torque is None else torque[:, grid.part]

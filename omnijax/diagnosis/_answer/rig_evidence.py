@@ -11,22 +11,11 @@ from ...laws import ContactHertz
 from ...rig import rig_text
 from .._machine import CLOCK, RigModel, locate, without_encoder
 from .._settings import SETTINGS
+from .channels import channel_index, channel_names
 from .evidence import AbstractEvidence
 from .gap import UNITS
 
 CLEARLY = SETTINGS.rig_evidence.clearly
-
-
-def channel_names(wheels: int) -> list[str]:
-    """The columns of the elastic and the rotation table."""
-    names = [f"{g}_{c}" for g in ("dR", "a", "Omega") for c in "xyz"]
-    return [*names, *(f"theta_{k + 1}" for k in range(wheels))]
-
-
-def channel_index(channel: str) -> int:
-    """Which of its group's channels it is."""
-    _, _, which = channel.partition("_")
-    return "xyz".index(which) if which in "xyz" else int(which) - 1
 
 
 class RigEvidence(AbstractEvidence):
@@ -36,8 +25,8 @@ class RigEvidence(AbstractEvidence):
     reweighs = True
     asks_all = True
     without_term = (
-        "No learned term at contacts, mounts or shafts foretells what was not fitted better than "
-        "none does.",
+        "No learned term at contacts, mounts, shafts, wheels, sphere or sensors foretells what was "
+        "not fitted better than none does.",
     )
 
     def __init__(
@@ -113,12 +102,17 @@ class RigEvidence(AbstractEvidence):
             self._located[i] = last = basis, asked, locate(self.model, point, i)
         return last[2]
 
-    def learn(self, fit, tell):
+    def learn(self, fit, scores, tell):
         from .learned import learn
 
-        learned = learn(self.model, fit, tell)
+        learned = learn(self.model, fit, scores, tell)
         self.model.rebase(fit.point)
         return learned
+
+    def misshapen(self, fit):
+        from .misshapen import misshapen
+
+        return misshapen(self.model, fit, self.alike)
 
     def experiment(self, rivals):
         from .experiment import next_experiment

@@ -8,7 +8,7 @@ import numpy as np
 
 from .._search import SearchResult, Trial, Unsteady
 from .._settings import SETTINGS
-from .evidence import AbstractEvidence
+from .evidence import AbstractEvidence, Misshapen
 from .judges import JUDGES
 from .shown import Shown
 from .stretches import Stretch
@@ -53,6 +53,7 @@ def judge(
     unsteady: Sequence[Unsteady] = (),
     far: Sequence[Stretch] = (),
     fitted: float = 1.0,
+    bent: Sequence[Misshapen] = (),
 ) -> Verdict:
     """The verdict, from held-out residuals before and after and the noise that the data show.
 
@@ -68,7 +69,8 @@ def judge(
     function of the machine's state is left in that channel too, the answer is no `none`, however
     short they are against the run; and nothing is named that does not close as much of them as it
     has to of the whole.  `fitted` is the share that a set closes of the fitted runs' gap, where
-    nothing is named that closes less than that either.
+    nothing is named that closes less than that either.  Beside `bent` effects another function of
+    their input is left.
     """
     first, last = squares(before), squares(after)
     floor = _floor(shown, "held-out", last)
@@ -93,7 +95,7 @@ def judge(
     elif fitted < closing and not gap:
         against = f"the best known effects close {100 * fitted:.0f} % of the gap of the fitted runs"
     else:
-        against = _against_naming(gap, off, other, unsteady, who)
+        against = _against_naming(gap, off, other, unsteady, bent, who)
     if against:
         return Verdict("unknown", closed, equals, against, noise, tuple(gap))
     if any(equals.values()):
@@ -126,8 +128,9 @@ def _closed(above: dict[str, float], left: dict[str, float], channels: Sequence[
 
 
 def _against_naming(
-    gap: Sequence[str], off: Stretch | None, other: str, unsteady: Sequence[Unsteady], who: str
-) -> str:
+    gap: Sequence[str], off: Stretch | None, other: str, unsteady: Sequence[Unsteady],
+    bent: Sequence[Misshapen], who: str,
+) -> str:  # fmt: skip
     """Why effects that close enough of the whole gap are not named all the same; else empty."""
     if gap:
         return f"the best known effects leave a gap in {', '.join(gap)} on {who}"
@@ -140,6 +143,11 @@ def _against_naming(
         most = unsteady[0]
         return (f"{100 * most.share:.0f} % of {most.name} change over the runs or between them: "
                 "a missing effect that no known law describes")  # fmt: skip
+    if bent:
+        most = bent[0]
+        return (f"beside {most.name} {who} show a function of {most.label}, "
+                f"{100 * most.share:.0f} % of what it explains: a missing effect that no known law "
+                "describes")  # fmt: skip
     return ""
 
 

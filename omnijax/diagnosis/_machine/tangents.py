@@ -45,14 +45,14 @@ def _shape(base: Linearisation, placed: Placed):
         base = base.one_turn
     change = np.zeros((len(base.tables.angle), base.rig.size))
     for i, gap in zip(placed.wheels, gaps, strict=True):
-        change[:, i] = _over_angles(placed.law, base.tables.angle[:, i], gap)
-    return _shaped(base, change, change)
+        change[:, i] = shape_along(placed.law, base.tables.angle[:, i], gap)
+    return reshaped(base, change, change)
 
 
 def _repeats(law, tables: WheelTables, gap) -> bool:
     """Whether a law is the same in each turn that the tables cover."""
     angles = np.random.default_rng(0).uniform(tables.first, tables.first + tables.span, PROBES)
-    here, later = (_over_angles(law, x, gap) for x in (angles, angles + 2 * np.pi))
+    here, later = (shape_along(law, x, gap) for x in (angles, angles + 2 * np.pi))
     return np.allclose(here, later, rtol=0.0, atol=1e-9 * np.abs(here).max())
 
 
@@ -67,10 +67,10 @@ def _radius(base: Linearisation, placed: Placed):
     change = np.asarray(over_wheels((placed,), rig.wheel_radius, rig.size))
     longer = eqx.tree_at(lambda r: r.wheels.radius, rig, rig.wheels.radius + SMALL * change)
     shape = (shape_table(longer, angle) - base.tables.shape) / SMALL
-    return _shaped(base, shape, shape + change)
+    return reshaped(base, shape, shape + change)
 
 
-def _shaped(base: Linearisation, rho: np.ndarray, radius: np.ndarray):
+def reshaped(base: Linearisation, rho: np.ndarray, radius: np.ndarray):
     """Both tables of changes of the wheels' shapes and rolling radii, over the tables' angles."""
     tables, m = base.tables, base.motion
     shape = np.zeros_like(m.theta_shape)
@@ -88,7 +88,8 @@ def _shaped(base: Linearisation, rho: np.ndarray, radius: np.ndarray):
     return elastic, rotation
 
 
-def _over_angles(law, angle, gap):
+def shape_along(law, angle, gap) -> np.ndarray:
+    """What a law of a wheel's shape adds to its radius (t,), m, at angles (t,) of the wheel."""
     return np.asarray(_shape_law(law, angle, gap))
 
 
@@ -233,10 +234,16 @@ def _alone(rig: Rig, placed: Placed) -> Rig:
 
 
 def _encoder(base: Linearisation, placed: Placed):
-    """An encoder's error shifts the angle of the shape's look-up, and the rolled length."""
-    m, run = base.motion, base.run
     theta = base.true["theta"]
-    change = base.read(_alone(base.rig, placed), "theta", theta) - theta
+    return encoder_shifted(base, base.read(_alone(base.rig, placed), "theta", theta) - theta)
+
+
+def encoder_shifted(base: Linearisation, change: np.ndarray):
+    """Both tables of errors (samples, n) of the encoders, rad.
+
+    They shift the angle of the shape's look-up, and the rolled length.
+    """
+    m, run = base.motion, base.run
     radius = (np.asarray(base.rig.wheel_radius) + m.shape[::FINE]) / float(base.rig.sphere.radius)
     shape = -base.rho_slope * refine(change, SHAPE)
     rotation = np.concatenate([np.zeros((run.samples, 3)), change * radius], axis=1)

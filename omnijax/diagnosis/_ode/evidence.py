@@ -79,8 +79,8 @@ class OdeEvidence(AbstractEvidence):
         travel = float(np.ptp(q)) or 1.0
         return discovered(time, columns, {"travel": 2 * np.pi * here(q) / travel}, states)
 
-    def learn(self, fit, tell):
-        return learn_shaft(self.model, fit, tell)
+    def learn(self, fit, scores, tell):
+        return learn_shaft(self.model, fit, scores, tell)
 
     def experiment(self, rivals):
         from .experiment import next_run

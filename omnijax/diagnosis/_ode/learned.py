@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from .._answer import NearLaw, near_laws
 from .._settings import SETTINGS
 from .model import OdeModel
 from .rows import smoothed
@@ -29,13 +30,14 @@ class ShaftTerm:
 class LearnedShaft:
     """A learned term of a machine: how much of the held-out gap it closes, and its curves.
 
-    `curves` are by input: (values, the term in the unit of an acceleration).
+    `curves` are by input: values, the term in the unit of an acceleration, and 1-sigma of it.
     """
 
     term: ShaftTerm
     closed: float
     residual: np.ndarray
-    curves: dict[str, tuple[np.ndarray, np.ndarray]]
+    curves: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
+    nearest: list[NearLaw]
     port: str = "shaft"
     smooth: float = 0.0
     network: float | None = None
@@ -51,7 +53,8 @@ class LearnedShaft:
         return {
             "port": self.port, "closed": self.closed, "uninterpreted": True,
             "kind": "sum of piecewise-linear functions of speed, position and input",
-            "curves": {k: {"x": x, "y": y} for k, (x, y) in self.curves.items()},
+            "curves": {k: {"x": x, "y": y, "sigma": s} for k, (x, y, s) in self.curves.items()},
+            "nearest": [x.table() for x in self.nearest],
         }  # fmt: skip
 
 
@@ -61,7 +64,7 @@ def hats(x: np.ndarray, knots: np.ndarray) -> np.ndarray:
     return out - out.mean(axis=0)
 
 
-def learn_shaft(model: OdeModel, fit, tell) -> LearnedShaft | None:
+def learn_shaft(model: OdeModel, fit, scores, tell) -> LearnedShaft | None:
     """The term fitted to the train runs' rows beside the baseline; None where it closes nothing.
 
     And in a free run: only a balance shows it as rows, what a free run shows is its consequence.
@@ -80,7 +83,8 @@ def learn_shaft(model: OdeModel, fit, tell) -> LearnedShaft | None:
     size = np.linalg.norm(both, axis=0)
     size[size == 0] = 1.0
     both = both / size
-    w = np.linalg.solve(both.T @ both + RIDGE * np.eye(both.shape[1]), both.T @ rest) / size
+    gram = both.T @ both + RIDGE * np.eye(both.shape[1])
+    w = np.linalg.solve(gram, both.T @ rest) / size
     k = A.shape[1]
     term = dataclasses.replace(term, weights=w[:k])
     (before,) = model.residuals([fit.point], "held-out")
@@ -94,11 +98,15 @@ def learn_shaft(model: OdeModel, fit, tell) -> LearnedShaft | None:
     tell(f"learned term at the shaft: closes {100 * closed:.0f} % of the gap")
     if not closed > 0:
         return None
+    left = rest - (both * size) @ w
+    spread = max(1.0, float(left @ left) / model.dof("train"))
+    sigma = np.sqrt(spread * np.diag(np.linalg.inv(gram))) / size
     curves, at = {}, 0
     for name, x in knots.items():
-        curves[name] = (x, w[at : at + len(x)])
+        curves[name] = (x, w[at : at + len(x)], sigma[at : at + len(x)])
         at += len(x)
-    return LearnedShaft(term, closed, after, curves, smooth=closed)
+    nearest = near_laws(model, fit.point, J, A @ w[:k], scores)
+    return LearnedShaft(term, closed, after, curves, nearest, smooth=closed)
 
 
 def _signals(model: OdeModel, split: str) -> dict[str, np.ndarray]:

@@ -20,6 +20,7 @@ from .fit import seen_from as seen_from
 from .fit import steps_of as steps_of
 from .fit import tangent_rows as tangent_rows
 from .function_model import SmallModel as SmallModel
+from .held_out import HeldOut as HeldOut
 from .held_out import Trial as Trial
 from .levels import Level as Level
 from .levels import deviance as deviance
@@ -41,7 +42,10 @@ from .model import with_width as with_width
 from .readings import in_all_runs as in_all_runs
 from .readings import on_reading as on_reading
 from .refits import total_cost as total_cost
+from .scan import Score as Score
 from .scan import Signatures as Signatures
+from .scan import beside_taken as beside_taken
+from .scan import chance as chance
 from .scan import taken_up as taken_up
 from .search import Explored as Explored
 from .search import Search as Search
