@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from .._plot import PALETTE, bars_of_scores
-from .._text import listed
+from .._text import listed, scaled
 from ._content import Figure
-from ._style import figure, style
+from ._style import figure, legend_above, style
 
 
 def order_figure(diagnosis) -> Figure:
@@ -132,35 +132,49 @@ def gap_figure(diagnosis) -> Figure:
     return Figure(fig, "gap", "The residual before and after, in units of the noise.", data)
 
 
+def _scaled(values: np.ndarray, unit: str) -> tuple[float, str]:
+    """(factor, unit) in which the largest of some values reads well."""
+    return scaled(float(np.abs(values).max()), unit)
+
+
 def learned_figure(learned, who: str) -> Figure:
     """What was learned: the term over its own input with its band, and its map.
 
     Beside it the nearest laws of the library.  `who` are the runs, or parts of one, whose gap it
     closes.
     """
-    picture = learned.map
+    picture, ((own, unit_x), (term, unit_y)) = learned.map, learned.axes
+    curves = learned.curves.values()
     with style():
-        fig, axes = figure(1, 2 if picture else 1, height=3.4)
-        data = {}
+        fig, axes = figure(2 if picture else 1, 1, height=6.6 if picture else 3.6, sharex=False)
+        data: dict[str, Any] = {}
+        p, shown_x = _scaled(np.concatenate([curve[0] for curve in curves]), unit_x)
+        q, shown_y = _scaled(np.concatenate([curve[1] for curve in curves]), unit_y)
         for name, (x, y, sigma) in learned.curves.items():
-            (line,) = axes[0].plot(x, y, label=name)
-            axes[0].fill_between(x, y - 2 * sigma, y + 2 * sigma, color=line.get_color(), alpha=0.2)
-            data[f"{name}: input / {learned.units[0]}"] = x
-            data[f"{name} / {learned.units[1]}"] = y
-            data[f"{name}, 1-sigma / {learned.units[1]}"] = sigma
-        for law, style_ in zip(learned.nearest, ("--", ":"), strict=False):
+            (line,) = axes[0].plot(p * x, q * y, label=name)
+            axes[0].fill_between(p * x, q * (y - 2 * sigma), q * (y + 2 * sigma),
+                                 color=line.get_color(), alpha=0.2)  # fmt: skip
+            data[f"{name}: input / {unit_x}"] = x
+            data[f"{name} / {unit_y}"] = y
+            data[f"{name}, 1-sigma / {unit_y}"] = sigma
+        for law, dashes in zip(learned.nearest, ("--", ":"), strict=False):
             if law.curve is not None:
-                label = f"{law.id} at {law.place}"
-                axes[0].plot(*law.curve, color="black", linestyle=style_, label=label)
-                data[f"{label} / {learned.units[1]}"] = law.curve[1]
-        axes[0].set(xlabel=learned.units[0], ylabel=learned.units[1])
-        axes[0].set_title("Learned, over the own input")
-        axes[0].legend()
+                (x, y), name = law.curve, f"{law.id} at {law.place}"
+                axes[0].plot(p * x, q * y, color=PALETTE["black"], linestyle=dashes, label=name)
+                data[f"{name}: input / {unit_x}"] = x
+                data[f"{name} / {unit_y}"] = y
+        axes[0].set(xlabel=f"{own} ({shown_x})", ylabel=f"{term} ({shown_y})")
+        legend_above(axes[0], 3)
         if picture:
+            p, shown_x = _scaled(picture["x"], picture["x unit"])
+            q, shown_y = _scaled(picture["y"], picture["y unit"])
             most = np.abs(picture["force"]).max() or 1.0
-            drawn = axes[1].pcolormesh(picture["x"], picture["y"], picture["force"].T, cmap="PuOr",
-                                       vmin=-most, vmax=most, rasterized=True)  # fmt: skip
-            axes[1].set(xlabel=picture["x label"], ylabel=picture["y label"])
+            drawn = axes[1].pcolormesh(
+                p * picture["x"], q * picture["y"], picture["force"].T, cmap="PuOr", vmin=-most,
+                vmax=most, rasterized=True,
+            )  # fmt: skip
+            axes[1].set_xlabel(f"{picture['x label']} ({shown_x})")
+            axes[1].set_ylabel(f"{picture['y label']} ({shown_y})")
             axes[1].set_title(f"Of {picture['place']}, {picture['unit']}")
             fig.colorbar(drawn, ax=axes[1])
     beside = ""

@@ -138,13 +138,13 @@ class Learned:
         return self.term.port.port
 
     @property
-    def units(self) -> tuple[str, str]:
-        """Of the curves' axes."""
+    def axes(self) -> tuple[tuple[str, str], tuple[str, str]]:
+        """Names and units of the curves' axes."""
         port = self.term.port
         starts = [name.split(" over ")[0] for name in self.curves]
         part = port.parts.index(starts[0]) if starts else 0
         own, unit = port.units(part)
-        return f"{_own_label(port, part)}, {own}", f"term, {unit}"
+        return (_own_label(port, part), own), ("term", unit)
 
     @property
     def terms(self) -> list[dict[str, Any]]:
@@ -495,16 +495,23 @@ def _drawn(
     return None
 
 
-def _map(fitting: _Fitting) -> dict:
-    """Output of the part with most of it, over the two inputs that it hangs on most."""
+def _map(fitting: _Fitting) -> dict | None:
+    """Output of the part with most of it, over the two inputs that it hangs on most.
+
+    None where it hangs on one alone.
+    """
     term, u = fitting.term, fitting.inputs[:: max(1, len(fitting.inputs) // DRAWN)]
     force = term.force(u)
     i = int(np.argmax(np.sum(force**2, axis=0)))
-    a, b = np.argsort(fitting.missed(u, i, range(u.shape[1])))[::-1][:2]
+    missed = fitting.missed(u, i, range(u.shape[1]))
+    a, b = np.argsort(missed)[::-1][:2]
+    if not missed[b] > MATTERS**2 * missed[a]:
+        return None
     x = np.linspace(-SHOWN, SHOWN, GRID)
     grid = np.zeros((x.size**2, u.shape[1]))
     grid[:, a], grid[:, b] = np.repeat(x, x.size), np.tile(x, x.size)
-    labels = term.port.labels()
+    labels, units = term.port.labels(), term.port.input_units()
     return {"place": term.port.parts[i], "x": x * term.scales[a], "y": x * term.scales[b],
+            "x unit": units[a], "y unit": units[b],
             "x label": labels[a], "y label": labels[b], "unit": term.port.units(i)[1],
             "force": term.force(grid)[:, i].reshape(x.size, x.size)}  # fmt: skip

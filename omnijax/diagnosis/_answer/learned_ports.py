@@ -51,6 +51,10 @@ class SpringPort(AbstractPort):
         deflections = [f"{letter} of {w}" for w in self.wheels]
         return [*deflections, *(f"rate of {x}" for x in deflections), "time"]
 
+    def input_units(self):
+        n = len(self.wheels)
+        return [*n * ["m"], *n * ["m/s"], "s"]
+
     def inputs(self, base, felt=None):
         signals = self._signals(base)
         pair = (signals.deflection, signals.rate)
@@ -67,9 +71,6 @@ class SpringPort(AbstractPort):
             out += [(i, label, u[:, k]) for k, label in enumerate(self.labels()[:-1])]
             out += [(i, label, x) for label, x in powers(u[:, i], u[:, -1]).items()]
         return out
-
-    def like_own(self, part):
-        return list(range(len(self.wheels)))
 
     def own_functions(self, part):
         return (self.labels()[part], *BENDS)
@@ -114,6 +115,9 @@ class ShaftPort(AbstractPort):
         kinds = ("ω", "command", "sin θ", "cos θ")
         return [*(f"{k} of {w}" for k in kinds for w in self.wheels), "time"]
 
+    def input_units(self):
+        return [*(u for u in ("rad/s", "N m", "1", "1") for _ in self.wheels), "s"]
+
     def inputs(self, base, felt=None):
         s, time = base.slow, base.run.fine(FINE)[::THIN]
         return np.column_stack(
@@ -129,9 +133,6 @@ class ShaftPort(AbstractPort):
             own |= waves(u[:, 3 * n + i], u[:, 2 * n + i], range(1, WAVES + 1))
             out += [(i, label, x) for label, x in own.items()]
         return out
-
-    def like_own(self, part):
-        return list(range(len(self.wheels)))
 
     def own_functions(self, part):
         return (self.labels()[part], "sign", *BENDS)
@@ -166,6 +167,9 @@ class SpherePort(AbstractPort):
         turned = [f"R_{a}{b}" for a in AXES for b in AXES]  # body frame -> inertial frame
         return [*(f"Ω_{a}" for a in AXES), *turned, "time"]
 
+    def input_units(self):
+        return [*3 * ["rad/s"], *9 * ["1"], "s"]
+
     def inputs(self, base, felt=None):
         s, time = base.slow, base.run.fine(FINE)[::THIN]
         return np.column_stack([s.turning, s.attitude.reshape(len(time), 9), time])
@@ -184,9 +188,6 @@ class SpherePort(AbstractPort):
             own |= {label: u[:, 3 + k] for k, label in enumerate(self.labels()[3:12])}
             out += [(i, label, x) for label, x in own.items()]
         return out
-
-    def like_own(self, part):
-        return [0, 1, 2]
 
     def own_functions(self, part):
         return (self.labels()[part], "sign", f"|Ω| {self.labels()[part]}", *BENDS)

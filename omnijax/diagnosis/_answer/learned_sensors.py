@@ -48,6 +48,10 @@ class SensorPort(AbstractPort):
         angles = [f"{k} θ_{i + 1}" for k in ("sin", "cos") for i in range(self.size)]
         return [*shown, *(f"rate of {x}" for x in shown), *angles, "time"]
 
+    def input_units(self):
+        shown = [UNITS[g] for g in MOVING for _ in AXES]
+        return [*shown, *(f"{u}/s" for u in shown), *2 * self.size * ["1"], "s"]
+
     def inputs(self, base, felt=None):
         shown = np.concatenate([base.shown[g] for g in MOVING], axis=1)
         rates, theta = np.gradient(shown, base.run.step, axis=0), base.true["theta"]
@@ -88,10 +92,6 @@ class SensorPort(AbstractPort):
             shifted, longer = encoder_shifted(base, change["theta"])
             elastic, rotation = elastic + shifted, rotation + longer
         return elastic, rotation
-
-    def like_own(self, part):
-        k = self.own(part)
-        return [k] if k >= 18 else [3 * (k // 3) + j for j in range(3)]
 
     def grid(self, part, scales, over=None):
         if not self.channels[part].startswith("theta"):

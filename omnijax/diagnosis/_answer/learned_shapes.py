@@ -40,6 +40,9 @@ class ShapePort(AbstractPort):
     def labels(self):
         return [f"{k} of {w}" for k in ("sin θ", "cos θ") for w in self.wheels]
 
+    def input_units(self):
+        return 2 * len(self.wheels) * ["1"]
+
     def inputs(self, base, felt=None):
         angle = base.one_turn.tables.angle
         return np.column_stack([np.sin(angle), np.cos(angle)])
@@ -105,6 +108,9 @@ class SurfacePort(AbstractPort):
 
     def labels(self):
         return list(AXES)
+
+    def input_units(self):
+        return 3 * ["1"]
 
     def inputs(self, base, felt=None):
         return contact_directions(base.rig, base.motion).reshape(-1, 3)

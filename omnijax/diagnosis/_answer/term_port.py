@@ -60,6 +60,10 @@ class AbstractPort(abc.ABC):
         """Names of the inputs; those that are drawn are the parts' own."""
 
     @abc.abstractmethod
+    def input_units(self) -> list[str]:
+        """Of the inputs."""
+
+    @abc.abstractmethod
     def inputs(self, base: Linearisation, felt=None) -> np.ndarray:
         """Inputs (points, k), not scaled; `felt` is what the term itself adds."""
 
@@ -101,7 +105,8 @@ class AbstractPort(abc.ABC):
 
     def like_own(self, part: int) -> list[int]:
         """Inputs of the unit of a part's own, over which it may be drawn too."""
-        return [self.own(part)]
+        units = self.input_units()
+        return [k for k, unit in enumerate(units) if unit == units[self.own(part)]]
 
     def grid(self, part: int, scales: np.ndarray, over: int | None = None) -> Grid:
         """The part's own input about 0, or another one."""

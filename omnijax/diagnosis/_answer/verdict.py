@@ -97,6 +97,8 @@ def judge(
     else:
         against = _against_naming(gap, off, other, unsteady, bent, who)
     if against:
+        hint = _left_beside(bent[0], who) if bent else ""
+        against += f"; {hint}" if hint not in against else ""
         return Verdict("unknown", closed, equals, against, noise, tuple(gap))
     if any(equals.values()):
         text = "joint refits of rivals are equally good"
@@ -144,11 +146,13 @@ def _against_naming(
         return (f"{100 * most.share:.0f} % of {most.name} change over the runs or between them: "
                 "a missing effect that no known law describes")  # fmt: skip
     if bent:
-        most = bent[0]
-        return (f"beside {most.name} {who} show a function of {most.label}, "
-                f"{100 * most.share:.0f} % of what it explains: a missing effect that no known law "
-                "describes")  # fmt: skip
+        return f"{_left_beside(bent[0], who)}: a missing effect that no known law describes"
     return ""
+
+
+def _left_beside(bent: Misshapen, who: str) -> str:
+    share = f"{100 * bent.share:.0f} % of what it explains"
+    return f"beside {bent.name} {who} show a function of {bent.label}, {share}"
 
 
 def _beside_noise(

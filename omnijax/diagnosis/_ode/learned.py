@@ -41,7 +41,7 @@ class LearnedShaft:
     port: str = "shaft"
     smooth: float = 0.0
     network: float | None = None
-    units: tuple[str, str] = ("input, SI", "acceleration, SI")
+    axes: tuple[tuple[str, str], tuple[str, str]] = (("input", "SI"), ("acceleration", "SI"))
 
     @property
     def map(self) -> dict[str, Any] | None:
