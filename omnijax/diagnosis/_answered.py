@@ -265,7 +265,7 @@ def _said(searched: Searched, judged: Verdict, beside: list[str], tell) -> Diagn
 
 
 def _judged(
-    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, first, last, changing, bent
+    evidence: AbstractEvidence, outcome: SearchResult, shown: Shown, first, last, changing, bent=()
 ) -> Verdict:
     """The verdict, by what this kind of machine is held to."""
     return judge(

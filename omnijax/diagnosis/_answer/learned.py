@@ -29,7 +29,7 @@ from .learned_ports import ShaftPort, SpherePort, SpringPort
 from .learned_sensors import SensorPort
 from .learned_shapes import ShapePort, SurfacePort
 from .near_laws import NearLaw, near_laws
-from .term_port import AbstractPort, Grid
+from .term_port import AbstractPort, TermGrid
 
 ROUNDS = SETTINGS.answer_learned.rounds
 INNER = SETTINGS.answer_learned.inner
@@ -167,7 +167,7 @@ class Learned:
                 "terms": self.terms, "nearest": nearest, "map": self.map}  # fmt: skip
 
 
-def _drawn_as(port: AbstractPort, grid: Grid) -> str:
+def _drawn_as(port: AbstractPort, grid: TermGrid) -> str:
     """The name of a curve."""
     return port.parts[grid.part] + (f" over {grid.input}" if grid.input else "")
 
@@ -289,7 +289,7 @@ class _Fitting:
         """1-sigma (weights,) of the basis' coefficients."""
         return np.sqrt(np.diag(self.spread)[: len(self.term.weights)])
 
-    def curve(self, grid: Grid) -> Curve:
+    def curve(self, grid: TermGrid) -> Curve:
         """A part of the term along a grid, with its band: the mean over what else varies.
 
         Source: partial dependence (Friedman, Greedy function approximation, 2001).
@@ -307,7 +307,7 @@ class _Fitting:
         band = np.sqrt(np.maximum(np.einsum("kt,kl,lt->t", J, self.spread, J), 0.0))
         return Curve(grid.x, mean(self.term.force(flat)), band)
 
-    def grid(self, part: int) -> Grid:
+    def grid(self, part: int) -> TermGrid:
         """The grid of the input that a part hangs on most, of those like its own."""
         port, some = self.port, self.inputs[:: max(1, len(self.inputs) // DRAWN)]
         inputs = port.like_own(part)
@@ -473,7 +473,9 @@ def _tangents(model: RigModel, point: Point, split: str) -> np.ndarray:
     return np.stack([(r - residual) / STEP for r in moved], 1) if P else residual[:, None][:, :0]
 
 
-def _nearest(fitting: _Fitting, scores: Sequence[Score], grids: Sequence[Grid]) -> list[NearLaw]:
+def _nearest(
+    fitting: _Fitting, scores: Sequence[Score], grids: Sequence[TermGrid]
+) -> list[NearLaw]:
     """The library's laws at the port that come nearest to what the term does, nearest first."""
     model, around = fitting.model, fitting.around
     here = [s for s in scores if fitting.port.hosts(model.laws[s.candidate.id].port)]
@@ -483,7 +485,7 @@ def _nearest(fitting: _Fitting, scores: Sequence[Score], grids: Sequence[Grid]) 
 
 
 def _drawn(
-    fitting: _Fitting, law: NearLaw, grids: Sequence[Grid]
+    fitting: _Fitting, law: NearLaw, grids: Sequence[TermGrid]
 ) -> tuple[np.ndarray, np.ndarray] | None:
     """A law along the first of the grids on which it acts; None where it is no function of it."""
     base, u = fitting.around.bases["train"][0], fitting.around.u

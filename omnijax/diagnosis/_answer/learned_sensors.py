@@ -11,10 +11,11 @@ from .._machine import encoder_shifted
 from .._settings import SETTINGS
 from .channels import channel_index
 from .gap import UNITS
-from .term_port import AXES, BENDS, POINTS, AbstractPort, Grid, powers, waves
+from .term_port import AXES, BENDS, POINTS, AbstractPort, TermGrid, powers, waves
 
 WAVES = SETTINGS.answer_learned.waves
 MOVING = ("dR", "a", "Omega")  # groups of three axes
+ANGLES = 2 * len(MOVING) * len(AXES)  # inputs before those of the wheels' angles
 
 
 @dataclasses.dataclass(frozen=True)
@@ -41,7 +42,7 @@ class SensorPort(AbstractPort):
 
     def own(self, part):
         group, at = self.channels[part].partition("_")[0], channel_index(self.channels[part])
-        return 18 + at if group == "theta" else 3 * MOVING.index(group) + at
+        return ANGLES + at if group == "theta" else 3 * MOVING.index(group) + at
 
     def labels(self):
         shown = [f"{g}_{a}" for g in MOVING for a in AXES]
@@ -59,7 +60,7 @@ class SensorPort(AbstractPort):
 
     def scales(self, raw):
         scales = super().scales(raw)
-        scales[18:-1] = 1.0
+        scales[ANGLES:-1] = 1.0
         return scales
 
     def columns(self, u):
@@ -97,7 +98,7 @@ class SensorPort(AbstractPort):
         if not self.channels[part].startswith("theta"):
             return super().grid(part, scales, over)
         angle, k = np.linspace(0, 2 * np.pi, POINTS), self.own(part)
-        return Grid(part, angle, {k: np.sin(angle), k + self.size: np.cos(angle)})
+        return TermGrid(part, angle, {k: np.sin(angle), k + self.size: np.cos(angle)})
 
     def of_law(self, base, placed, grid):
         channel, law = self.channels[grid.part], placed.law

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._machine import FINE, SHAPE, contact_directions, refine, reshaped, shape_along, transfer
 from .._settings import SETTINGS
-from .term_port import AXES, POINTS, AbstractPort, Grid, over, waves
+from .term_port import AXES, POINTS, AbstractPort, TermGrid, over, waves
 
 SHAPES = SETTINGS.answer_learned.shapes
 
@@ -63,7 +63,7 @@ class ShapePort(AbstractPort):
 
     def grid(self, part, scales, over=None):
         angle = np.linspace(0, 2 * np.pi, 4 * POINTS)
-        return Grid(part, angle, {part: np.sin(angle), len(self.wheels) + part: np.cos(angle)})
+        return TermGrid(part, angle, {part: np.sin(angle), len(self.wheels) + part: np.cos(angle)})
 
     def of_law(self, base, placed, grid):
         if placed.law.port != "shape" or grid.part not in placed.wheels:
@@ -127,7 +127,7 @@ class SurfacePort(AbstractPort):
 
     def grid(self, part, scales, over=None):
         angle = np.linspace(0, 2 * np.pi, 4 * POINTS)
-        return Grid(0, angle, {0: np.cos(angle), 1: np.sin(angle), 2: 0 * angle})
+        return TermGrid(0, angle, {0: np.cos(angle), 1: np.sin(angle), 2: 0 * angle})
 
     def of_law(self, base, placed, grid):
         directions = np.column_stack([grid.varied[k] for k in range(3)])

@@ -23,7 +23,7 @@ AXES = "xyz"
 BENDS = ("|x| x", "cube", "fifth", "square")  # of `powers`
 
 
-class Grid(NamedTuple):
+class TermGrid(NamedTuple):
     """Where a part of a term is drawn: values of an input, by index those of what varies, scaled.
 
     `input` is the input's name where it is not the part's own.
@@ -82,7 +82,7 @@ class AbstractPort(abc.ABC):
         """Index of a part's own input."""
 
     @abc.abstractmethod
-    def of_law(self, base: Linearisation, placed: Placed, grid: Grid) -> np.ndarray | None:
+    def of_law(self, base: Linearisation, placed: Placed, grid: TermGrid) -> np.ndarray | None:
         """What a law of the library puts out along a grid; None where that is no function of it."""
 
     def own_functions(self, part: int) -> tuple[str, ...]:
@@ -108,11 +108,11 @@ class AbstractPort(abc.ABC):
         units = self.input_units()
         return [k for k, unit in enumerate(units) if unit == units[self.own(part)]]
 
-    def grid(self, part: int, scales: np.ndarray, over: int | None = None) -> Grid:
+    def grid(self, part: int, scales: np.ndarray, over: int | None = None) -> TermGrid:
         """The part's own input about 0, or another one."""
         k = self.own(part) if over is None else over
         x, other = np.linspace(-SHOWN, SHOWN, POINTS), k != self.own(part)
-        return Grid(part, x * scales[k], {k: x}, self.labels()[k] if other else "")
+        return TermGrid(part, x * scales[k], {k: x}, self.labels()[k] if other else "")
 
 
 def powers(x: np.ndarray, time: np.ndarray) -> dict[str, np.ndarray]:
